@@ -1,0 +1,130 @@
+//! The WGS-84 Earth: ellipsoid, gravity, rotation, and the rates they give a local frame.
+//!
+//! Frame: East-North-Up (ENU) at the vehicle. Source of the constants: NGA.STND.0036 (WGS 84,
+//! 2014), tables 3.1 and 3.4 to 3.6; derived ones are derived below.
+
+use nalgebra::Vector3;
+
+use crate::math;
+
+/// Semi-major axis, m.
+pub const SEMI_MAJOR_AXIS_M: f64 = 6_378_137.0;
+/// Flattening.
+pub const FLATTENING: f64 = 1.0 / 298.257_223_563;
+/// First eccentricity squared, `f (2 - f)`.
+pub const ECCENTRICITY_SQUARED: f64 = FLATTENING * (2.0 - FLATTENING);
+/// Rotation rate, rad/s.
+pub const ROTATION_RATE_RADPS: f64 = 7.292_115e-5;
+/// Gravitational constant times mass, m^3/s^2.
+pub const GM_M3PS2: f64 = 3.986_004_418e14;
+/// Normal gravity at the equator, m/s^2.
+pub const GRAVITY_EQUATOR_MPS2: f64 = 9.780_325_335_9;
+/// Normal gravity at the poles, m/s^2.
+pub const GRAVITY_POLE_MPS2: f64 = 9.832_184_937_8;
+/// Ratio `m = omega^2 a^2 b / GM` of centrifugal to gravitational acceleration at the equator.
+pub const CENTRIFUGAL_RATIO: f64 =
+    ROTATION_RATE_RADPS * ROTATION_RATE_RADPS * SEMI_MAJOR_AXIS_M * SEMI_MAJOR_AXIS_M
+        * SEMI_MAJOR_AXIS_M
+        * (1.0 - FLATTENING)
+        / GM_M3PS2;
+
+/// A point by geodetic latitude, longitude and height above the ellipsoid.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Geodetic {
+    /// Geodetic latitude, rad, north positive.
+    pub latitude_rad: f64,
+    /// Longitude, rad, east positive, in [-pi, pi].
+    pub longitude_rad: f64,
+    /// Height above the ellipsoid, m.
+    pub height_m: f64,
+}
+
+impl Geodetic {
+    /// East, north and up metres from `origin` to `self`, for points some kilometres apart.
+    ///
+    /// Metres along the curved frame at the mean latitude: relative error below `d / R`.
+    pub fn enu_from(&self, origin: &Self) -> Vector3<f64> {
+        let mean = 0.5 * (self.latitude_rad + origin.latitude_rad);
+        let local = LocalEarth::at(mean, origin.height_m);
+        Vector3::new(
+            wrap_pi(self.longitude_rad - origin.longitude_rad)
+                * local.east_radius_m
+                * local.cos_latitude,
+            (self.latitude_rad - origin.latitude_rad) * local.north_radius_m,
+            self.height_m - origin.height_m,
+        )
+    }
+}
+
+/// The Earth as seen from one latitude and height.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct LocalEarth {
+    /// Sine of the latitude.
+    pub sin_latitude: f64,
+    /// Cosine of the latitude.
+    pub cos_latitude: f64,
+    /// Meridian radius of curvature plus height, m: `dlat/dt = V_N / north_radius_m`.
+    pub north_radius_m: f64,
+    /// Prime-vertical radius of curvature plus height, m.
+    pub east_radius_m: f64,
+    /// Normal gravity, m/s^2, down positive.
+    pub gravity_mps2: f64,
+}
+
+impl LocalEarth {
+    /// Evaluates the ellipsoid at a latitude (rad) and height (m).
+    pub fn at(latitude_rad: f64, height_m: f64) -> Self {
+        let (s, c) = math::sin_cos(latitude_rad);
+        let s2 = s * s;
+        let w2 = 1.0 - ECCENTRICITY_SQUARED * s2;
+        let w = math::sqrt(w2);
+        let prime_vertical = SEMI_MAJOR_AXIS_M / w;
+        let meridian = prime_vertical * (1.0 - ECCENTRICITY_SQUARED) / w2;
+        Self {
+            sin_latitude: s,
+            cos_latitude: c,
+            north_radius_m: meridian + height_m,
+            east_radius_m: prime_vertical + height_m,
+            gravity_mps2: normal_gravity(s2, w, height_m),
+        }
+    }
+
+    /// Earth rotation in ENU, rad/s.
+    pub fn earth_rate(&self) -> Vector3<f64> {
+        Vector3::new(
+            0.0,
+            ROTATION_RATE_RADPS * self.cos_latitude,
+            ROTATION_RATE_RADPS * self.sin_latitude,
+        )
+    }
+
+    /// Rotation of the ENU frame against the Earth for a velocity in ENU (m/s), rad/s.
+    ///
+    /// Singular at the poles, where the east direction is: keep `|latitude|` below 89.9 degrees.
+    pub fn transport_rate(&self, velocity_enu_mps: &Vector3<f64>) -> Vector3<f64> {
+        let east = velocity_enu_mps.x / self.east_radius_m;
+        Vector3::new(
+            -velocity_enu_mps.y / self.north_radius_m,
+            east,
+            east * self.sin_latitude / self.cos_latitude,
+        )
+    }
+}
+
+/// Somigliana's normal gravity with the second-order height term (NGA.STND.0036 (4-1), (4-3)).
+fn normal_gravity(sin2_latitude: f64, w: f64, height_m: f64) -> f64 {
+    const K: f64 = (1.0 - FLATTENING) * GRAVITY_POLE_MPS2 / GRAVITY_EQUATOR_MPS2 - 1.0;
+    let surface = GRAVITY_EQUATOR_MPS2 * (1.0 + K * sin2_latitude) / w;
+    let x = height_m / SEMI_MAJOR_AXIS_M;
+    let linear = 1.0 + FLATTENING + CENTRIFUGAL_RATIO - 2.0 * FLATTENING * sin2_latitude;
+    surface * (1.0 - 2.0 * linear * x + 3.0 * x * x)
+}
+
+/// The same angle in [-pi, pi], for angles within a few turns of zero.
+pub fn wrap_pi(angle_rad: f64) -> f64 {
+    angle_rad - core::f64::consts::TAU * math::round(angle_rad / core::f64::consts::TAU)
+}

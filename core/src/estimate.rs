@@ -1,0 +1,66 @@
+//! What comes out of the estimators: a value, its spread, and whether it means anything yet.
+
+/// Whether an estimate can be used, and if not, what the vehicle has to do for it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Observability {
+    /// The value stands on data.
+    Observable,
+    /// Only more running time with GNSS velocity helps.
+    #[default]
+    NeedsTime,
+    /// A straight start or braking shows it.
+    NeedsAcceleration,
+    /// A turn of 90 degrees or more shows it.
+    NeedsTurn,
+    /// The quantity has no source in this log (no vertical velocity, say).
+    NeedsVerticalVelocity,
+}
+
+impl Observability {
+    /// One plain sentence for a person.
+    pub const fn why(self) -> &'static str {
+        match self {
+            Self::Observable => "observable",
+            Self::NeedsTime => "needs more time with GNSS velocity",
+            Self::NeedsAcceleration => "needs starts and brakings, or turns at speed",
+            Self::NeedsTurn => "needs a turn",
+            Self::NeedsVerticalVelocity => "needs GNSS vertical velocity",
+        }
+    }
+}
+
+/// One estimated quantity.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Estimate {
+    /// Best value now; SI units.
+    pub value: f64,
+    /// One standard deviation of `value`, same unit.
+    pub sigma: f64,
+    /// Whether `value` stands on data.
+    pub observability: Observability,
+}
+
+/// All that the estimators say of the sensors, body axes right-forward-up, SI units.
+///
+/// Biases are measured minus true: subtract them from readings.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Estimates {
+    /// Computed minus true heading, rad, of an INS that had kept its starting heading: what has
+    /// been corrected so far plus what is left.
+    pub azimuth_error_rad: Estimate,
+    /// Accelerometer biases x, y, z, m/s^2.
+    pub accel_bias_mps2: [Estimate; 3],
+    /// Gyro biases x, y, z, rad/s.
+    pub gyro_bias_radps: [Estimate; 3],
+    /// GNSS latency, s: a fix stamped t shows the motion at t minus this. Negative if the
+    /// inertial stamps are the late ones.
+    pub gnss_latency_s: Estimate,
+    /// Antenna position right and forward of the inertial sensors, m.
+    pub lever_arm_m: [Estimate; 2],
+}

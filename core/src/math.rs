@@ -1,0 +1,28 @@
+//! Transcendental functions, from `libm` on every platform.
+//!
+//! `f64::sin` and friends call the platform's mathematics library, whose last bits differ; these
+//! do not. `core/clippy.toml` forbids the methods.
+
+use nalgebra::Vector3;
+
+pub(crate) use libm::{atan2, exp, round, sqrt};
+
+/// Sine and cosine of an angle in radians.
+pub(crate) fn sin_cos(angle_rad: f64) -> (f64, f64) {
+    libm::sincos(angle_rad)
+}
+
+/// The larger of two numbers; `b` if they do not compare (`f64::max` differs on signed zeros).
+pub(crate) fn max(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+/// The smaller of two numbers; `b` if they do not compare.
+pub(crate) fn min(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
+/// Whether every component is finite.
+pub(crate) fn all_finite(v: &Vector3<f64>) -> bool {
+    v.x.is_finite() && v.y.is_finite() && v.z.is_finite()
+}

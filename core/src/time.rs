@@ -1,0 +1,47 @@
+//! Time stamps. The core has no clock: every sample brings its own.
+
+/// An instant on the log's or the receiver's own time scale, in whole microseconds.
+///
+/// Integer, so that differences of two stamps are exact however long the run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Time {
+    micros: i64,
+}
+
+impl Time {
+    /// The instant `micros` microseconds after the origin of the scale.
+    pub const fn from_micros(micros: i64) -> Self {
+        Self { micros }
+    }
+
+    /// The nearest microsecond to `seconds`; `None` if not finite or beyond +-10^12 s.
+    pub fn from_seconds(seconds: f64) -> Option<Self> {
+        // The bound keeps every later sum and difference of stamps far from overflow.
+        (seconds.is_finite() && seconds.abs() <= 1e12)
+            .then(|| Self::from_micros(libm::round(seconds * 1e6) as i64))
+    }
+
+    /// Microseconds since the origin of the scale.
+    pub const fn as_micros(self) -> i64 {
+        self.micros
+    }
+
+    /// Seconds since the origin of the scale (rounded to f64).
+    pub fn as_seconds(self) -> f64 {
+        self.micros as f64 * 1e-6
+    }
+
+    /// Seconds from `earlier` to `self`, negative if `self` comes first.
+    pub fn seconds_since(self, earlier: Self) -> f64 {
+        self.micros.saturating_sub(earlier.micros) as f64 * 1e-6
+    }
+
+    /// The instant `seconds` later, to the microsecond; saturates, and a NaN adds nothing.
+    #[must_use]
+    pub fn plus_seconds(self, seconds: f64) -> Self {
+        // Float-to-integer casts saturate and map NaN to zero.
+        Self::from_micros(self.micros.saturating_add(libm::round(seconds * 1e6) as i64))
+    }
+}

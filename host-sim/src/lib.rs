@@ -1,0 +1,1 @@
+//! Host side of the inertial-navigation core: simulation, logs, identification, reports.
