@@ -2,9 +2,20 @@
 #![no_std]
 
 pub mod attitude;
+pub mod config;
 pub mod earth;
 pub mod estimate;
 mod math;
+pub mod navigator;
+pub mod outcome;
 pub mod samples;
 pub mod solution;
 pub mod time;
+
+pub use config::Config;
+pub use estimate::{Estimate, Estimates, Observability};
+pub use navigator::Navigator;
+pub use outcome::{GnssOutcome, ImuOutcome};
+pub use samples::{GnssFix, ImuOutput, ImuSample};
+pub use solution::{Phase, Solution};
+pub use time::Time;

@@ -1,0 +1,190 @@
+//! Everything the user sets. Plain data; the navigator checks it once, in [`Navigator::new`].
+//!
+//! [`Navigator::new`]: crate::Navigator::new
+
+use crate::samples::ImuOutput;
+
+/// Bandwidth and damping ratio of a second-order loop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct SecondOrder {
+    /// Undamped natural frequency w0, rad/s.
+    pub bandwidth_radps: f64,
+    /// Damping ratio zeta.
+    pub damping_ratio: f64,
+}
+
+/// The damping loops: how strongly GNSS holds the INS.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct DampingConfig {
+    /// Horizontal velocity and tilt: K1, K2.
+    pub horizontal: SecondOrder,
+    /// Height and vertical velocity: C1, C2.
+    pub vertical: SecondOrder,
+    /// Horizontal position, rad/s, the way C1 holds height.
+    pub position_radps: f64,
+    /// Azimuth, rad/s: K3, the rate at which a found azimuth error is taken out.
+    pub azimuth_radps: f64,
+}
+
+/// What the inertial sensors are, one sigma, the same for each axis of a kind.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct SensorConfig {
+    /// Run-to-run gyro bias, rad/s.
+    pub gyro_bias_radps: f64,
+    /// Angular random walk, rad/sqrt(s).
+    pub gyro_noise: f64,
+    /// Drift of a gyro bias, rad/s/sqrt(s).
+    pub gyro_bias_walk: f64,
+    /// Scale-factor error of the gyros, 1.
+    pub gyro_scale: f64,
+    /// Run-to-run accelerometer bias, m/s^2.
+    pub accel_bias_mps2: f64,
+    /// Velocity random walk, m/s/sqrt(s).
+    pub accel_noise: f64,
+    /// Drift of an accelerometer bias, m/s^2/sqrt(s).
+    pub accel_bias_walk: f64,
+    /// Scale-factor error of the accelerometers, 1.
+    pub accel_scale: f64,
+    /// Largest credible angular rate on one axis, rad/s.
+    pub gyro_range_radps: f64,
+    /// Largest credible specific force on one axis, m/s^2.
+    pub accel_range_mps2: f64,
+}
+
+/// What the GNSS receiver is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct GnssConfig {
+    /// Noise of one velocity component, m/s, until innovations have measured it.
+    pub velocity_sigma_mps: f64,
+    /// Spread of the unknown latency, s.
+    pub latency_sigma_s: f64,
+    /// Whether to find where the antenna is, and its credible distance per axis, m; zero: it
+    /// stands at the sensors.
+    pub lever_arm_sigma_m: f64,
+}
+
+/// Where the first heading comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum HeadingSource {
+    /// Gyrocompassing at rest if the gyros resolve Earth rate, else from motion.
+    #[default]
+    Auto,
+    /// Known heading, rad, true to some degrees.
+    Given(f64),
+    /// From GNSS velocity in motion, whatever the gyros can do.
+    Motion,
+}
+
+/// Which form of the compensation estimators runs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Form {
+    /// Every control undone, all parameters jointly.
+    #[default]
+    Exact,
+    /// The thesis's (7) to (11) as printed, each on its own manoeuvres.
+    Literal,
+}
+
+/// What is done with the estimates.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Feedback {
+    /// Applied to the INS as they become observable.
+    #[default]
+    Closed,
+    /// Reported only.
+    Open,
+}
+
+/// Configuration of a [`Navigator`](crate::Navigator).
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Config {
+    /// What an inertial sample holds.
+    pub imu_output: ImuOutput,
+    /// First heading.
+    pub heading: HeadingSource,
+    /// Loops.
+    pub damping: DampingConfig,
+    /// Inertial sensors.
+    pub sensors: SensorConfig,
+    /// GNSS receiver.
+    pub gnss: GnssConfig,
+    /// Estimator form.
+    pub form: Form,
+    /// Use of the estimates.
+    pub feedback: Feedback,
+    /// Longest hole between inertial samples that is bridged, s.
+    pub max_gap_s: f64,
+}
+
+impl Config {
+    /// Ring-laser class of the HG1700: 1 deg/h, 0.01 m/s^2, 0.125 deg/sqrt(h).
+    pub fn hg1700() -> Self {
+        Self {
+            imu_output: ImuOutput::Rates,
+            heading: HeadingSource::Auto,
+            damping: DampingConfig {
+                horizontal: SecondOrder { bandwidth_radps: 0.5, damping_ratio: 0.7 },
+                vertical: SecondOrder { bandwidth_radps: 0.5, damping_ratio: 0.7 },
+                position_radps: 0.1,
+                azimuth_radps: 0.5,
+            },
+            sensors: SensorConfig {
+                gyro_bias_radps: 4.848e-6,
+                gyro_noise: 3.636e-5,
+                gyro_bias_walk: 0.0,
+                gyro_scale: 1e-5,
+                accel_bias_mps2: 0.01,
+                accel_noise: 5e-4,
+                accel_bias_walk: 0.0,
+                accel_scale: 1e-4,
+                gyro_range_radps: 18.0,
+                accel_range_mps2: 370.0,
+            },
+            gnss: GnssConfig {
+                velocity_sigma_mps: 0.1,
+                latency_sigma_s: 0.2,
+                lever_arm_sigma_m: 0.0,
+            },
+            form: Form::Exact,
+            feedback: Feedback::Closed,
+            max_gap_s: 0.5,
+        }
+    }
+
+    /// Consumer MEMS: 0.3 deg/s, 0.3 m/s^2, 1.5 % accelerometer scale.
+    pub fn mems() -> Self {
+        let base = Self::hg1700();
+        Self {
+            sensors: SensorConfig {
+                gyro_bias_radps: 5.2e-3,
+                gyro_noise: 1.5e-4,
+                gyro_bias_walk: 2e-6,
+                gyro_scale: 0.01,
+                accel_bias_mps2: 0.3,
+                accel_noise: 2e-3,
+                accel_bias_walk: 2e-5,
+                accel_scale: 0.015,
+                gyro_range_radps: 35.0,
+                accel_range_mps2: 160.0,
+            },
+            gnss: GnssConfig { lever_arm_sigma_m: 3.0, ..base.gnss },
+            ..base
+        }
+    }
+}

@@ -1,0 +1,51 @@
+//! The typed answer to every call.
+
+/// What became of an inertial sample. Unless it says `Accepted` or `Bridged`, the solution is as
+/// it was.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[must_use]
+pub enum ImuOutcome {
+    /// Integrated.
+    Accepted,
+    /// Integrated, and a short hole before it was filled with the mean of its two ends.
+    Bridged,
+    /// The hole before it is too long to bridge. The stamp is remembered and nothing else; a
+    /// second sample in step with it restarts the integration there.
+    Gap,
+    /// A component is NaN or infinite.
+    NotFinite,
+    /// The stamp is not later than the last one.
+    TimeNotIncreasing,
+    /// A component is beyond the sensor's range.
+    OutOfRange,
+}
+
+/// What became of a GNSS fix. Unless it says `Accepted` or `Queued`, the state is as it was.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[must_use]
+pub enum GnssOutcome {
+    /// Compared with the INS of its own moment.
+    Accepted,
+    /// Kept until the inertial samples reach its moment.
+    Queued,
+    /// No inertial sample yet.
+    NoInertialData,
+    /// A component is NaN or infinite.
+    NotFinite,
+    /// Neither position nor velocity.
+    Empty,
+    /// The stamp is not later than the last one.
+    TimeNotIncreasing,
+    /// Older than the ring of past states.
+    TooOld,
+    /// Further ahead of the inertial samples than any latency explains.
+    TooFarAhead,
+    /// Latitude, height or speed no vehicle on Earth has.
+    OutOfRange,
+    /// Velocity too far from the INS to be true.
+    Outlier,
+}
