@@ -22,6 +22,9 @@ pub fn cargo(directory: &str, build_name: &str) -> Command {
 }
 
 /// Where [`cargo`] puts the build called `build_name`.
+///
+/// # Panics
+/// Outside cargo's target folder.
 pub fn build_folder(build_name: &str) -> PathBuf {
     // Beside the tests' own output, wherever that is: <target>/<profile>/deps/<this executable>.
     let executable = std::env::current_exe().expect("the path of the running test is known");
