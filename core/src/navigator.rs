@@ -44,6 +44,8 @@ const WAIT_S: f64 = 20.0;
 const WAIT_MOVING_S: f64 = 3.0;
 /// Largest spread of a heading that is good enough to navigate on, rad.
 const HEADING_SIGMA_RAD: f64 = 0.3;
+/// Largest spread of an azimuth error that is taken out, rad.
+const AZIMUTH_KNOWN_RAD: f64 = 0.035;
 /// Longest window for the heading from motion, s.
 const WINDOW_S: f64 = 40.0;
 /// Rate of a vehicle standing with people in it, rad/s in the mean of a second.
@@ -646,7 +648,7 @@ impl State {
         let mut differences = *differences;
         let parameters = &self.observer.parameters;
         if config.feedback == Feedback::Closed
-            && parameters.sigma(index::AZIMUTH) < HEADING_SIGMA_RAD
+            && parameters.sigma(index::AZIMUTH) < AZIMUTH_KNOWN_RAD
         {
             differences.azimuth_rad = Some(parameters.value(index::AZIMUTH));
         }
