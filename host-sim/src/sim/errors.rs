@@ -45,8 +45,8 @@ pub struct ImuModel {
 pub struct SensorModel {
     /// The bias.
     pub bias: BiasModel,
-    /// White noise, square root of the one-sided density's half (the P of (3), (4)), U/sqrt(Hz):
-    /// its integral over t has a standard deviation of this times sqrt(t).
+    /// White noise, root of its spectral density P in (3), (4), U/sqrt(Hz): its integral over t
+    /// has a standard deviation of this times sqrt(t).
     #[serde(default)]
     pub white_noise: f64,
     /// Run-to-run spread of the scale-factor error, 1.
@@ -234,16 +234,15 @@ impl ErrorModel {
 
     /// A good consumer MEMS unit, uncalibrated.
     ///
-    /// Noise and offsets of the class of ST's LSM6DSO (data sheet DS12140, table 2: 3.8 mdps and
-    /// 70 ug per root hertz, 20 mg offset), 0.3 deg/s offset of the gyros. In-run drift is a
-    /// correlated part of 10 deg/h and 2 mm/s^2 over 1000 s: some degrees Celsius of warming
-    /// after the coarse trend is compensated. Scale errors of a part soldered to a board.
+    /// Noise of ST's LSM6DSO (data sheet DS12140: 3.8 mdps and, at 16 g full scale, 110 ug per
+    /// root hertz). Ours: offsets of 0.3 deg/s and 0.2 m/s^2, in-run drift of 10 deg/h and
+    /// 2 mm/s^2 correlated over 1000 s, scale errors of a part soldered to a board.
     pub fn mems() -> Self {
         Self {
             imu: ImuModel {
                 output: ImuOutput::Rates,
                 gyro_range_deg_s: 500.0,
-                accel_range_mps2: 39.0,
+                accel_range_mps2: 157.0,
                 dropped_fraction: 0.0,
             },
             gyro_deg_h: SensorModel {
@@ -253,7 +252,7 @@ impl ErrorModel {
             },
             accel_mps2: SensorModel {
                 bias: drifting(0.2, 0.002),
-                white_noise: 70e-6 * 9.8,
+                white_noise: 110e-6 * 9.8,
                 scale_sigma: 0.015,
             },
             gnss: receiver(),
