@@ -122,10 +122,12 @@ struct State {
     rest: RestDetector,
     alignment: Alignment,
     last_solve: Time,
+    navigating_since: Time,
     /// Azimuth taken out since the start, rad.
     azimuth_removed_rad: f64,
     azimuth_settled: bool,
-    latency_linearized_s: f64,
+    /// By how much data, not drift, have moved the latency since the equations were linearized.
+    latency_corrected_s: f64,
     manoeuvre: Manoeuvre,
     signals: DampingSignals,
 }
@@ -165,9 +167,10 @@ impl Navigator {
             rest: RestDetector::default(),
             alignment: Alignment::default(),
             last_solve: Time::default(),
+            navigating_since: Time::default(),
             azimuth_removed_rad: 0.0,
             azimuth_settled: false,
-            latency_linearized_s: 0.0,
+            latency_corrected_s: 0.0,
             manoeuvre: Manoeuvre::default(),
             signals: DampingSignals::default(),
         };
@@ -211,7 +214,13 @@ impl Navigator {
         let mut parameters = s.observer.parameters;
         let azimuth = s.azimuth_removed_rad + s.azimuth_left_rad();
         parameters.set(index::AZIMUTH, azimuth, parameters.sigma(index::AZIMUTH));
-        Estimates::from_parameters(&parameters, &self.config, s.phase)
+        let mut estimates = Estimates::from_parameters(&parameters, &self.config, s.phase);
+        let run_s = s.now.time.seconds_since(s.navigating_since);
+        if let Some((value, sigma)) = s.observer.latency_before(0.5 * run_s) {
+            estimates.gnss_latency_s.value = value;
+            estimates.gnss_latency_s.sigma = sigma;
+        }
+        estimates
     }
 
     /// Azimuth error that is still in the solution, rad.
@@ -479,6 +488,7 @@ impl State {
         self.azimuth_settled = false;
         self.last_used = time;
         self.last_solve = time;
+        self.navigating_since = time;
         self.refused = 0;
     }
 
@@ -685,10 +695,13 @@ impl State {
     }
 
     fn solve(&mut self, config: &Config) {
+        let latency_before_s = self.observer.parameters.value(index::LATENCY);
         self.observer.solve();
         if config.feedback == Feedback::Open {
             return;
         }
+        self.latency_corrected_s +=
+            self.observer.parameters.value(index::LATENCY) - latency_before_s;
         let parameters = self.observer.parameters;
         let prior = config.prior();
         let known = |i: usize, part: f64| parameters.sigma(i) < part * prior.sigma(i);
@@ -711,8 +724,7 @@ impl State {
     /// once for the azimuth of a new start, and whenever a well-known latency has moved.
     fn relinearize(&mut self, prior: &Parameters) {
         let parameters = &self.observer.parameters;
-        let latency_moved = self.compensation.latency_s - self.latency_linearized_s;
-        let latency = math::abs(latency_moved) > LATENCY_LINEAR_S
+        let latency = math::abs(self.latency_corrected_s) > LATENCY_LINEAR_S
             && parameters.sigma(index::LATENCY) < 0.3 * LATENCY_LINEAR_S;
         let azimuth = !self.azimuth_settled
             && parameters.sigma(index::AZIMUTH) < 0.3 * AZIMUTH_LINEAR_RAD
@@ -725,7 +737,7 @@ impl State {
                 math::min(3.0 * now, before)
             });
             self.observer.relinearize(&sigma);
-            self.latency_linearized_s = self.compensation.latency_s;
+            self.latency_corrected_s = 0.0;
         }
     }
 }
