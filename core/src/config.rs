@@ -234,12 +234,12 @@ impl Config {
         }
     }
 
-    /// Consumer MEMS: 0.3 deg/s, 0.3 m/s^2, 1.5 % accelerometer scale.
+    /// Consumer MEMS, uncalibrated: gyro biases up to some deg/s, 0.3 m/s^2, 1.5 % scale.
     pub fn mems() -> Self {
         let base = Self::hg1700();
         Self {
             sensors: SensorConfig {
-                gyro_bias_radps: 5.2e-3,
+                gyro_bias_radps: 1.75e-2,
                 gyro_noise: 1.5e-4,
                 gyro_bias_walk: 2.2e-6,
                 gyro_scale: 0.01,

@@ -662,10 +662,11 @@ impl State {
     ) {
         let mut differences = *differences;
         let parameters = &self.observer.parameters;
-        if config.feedback == Feedback::Closed
-            && parameters.sigma(index::AZIMUTH) < AZIMUTH_KNOWN_RAD
-        {
-            differences.azimuth_rad = Some(parameters.value(index::AZIMUTH));
+        let (azimuth, sigma) =
+            (parameters.value(index::AZIMUTH), parameters.sigma(index::AZIMUTH));
+        let significant = sigma < AZIMUTH_KNOWN_RAD || math::abs(azimuth) > 3.0 * sigma;
+        if config.feedback == Feedback::Closed && significant {
+            differences.azimuth_rad = Some(azimuth);
         }
         let interval_s = math::min(interval_s, HOLD_S);
         self.controls = damping::controls(&differences, interval_s, &config.damping);
