@@ -1,5 +1,7 @@
 //! Whether a log can be meant as it stands: units, axes, time scales.
 
+use std::f64::consts::{FRAC_PI_2, PI};
+
 use ins_core::{GnssFix, ImuOutput};
 use nalgebra::{Matrix2, Vector2, Vector3};
 
@@ -253,8 +255,8 @@ fn gravity_cause(own: Vector3<f64>, declared: BodyAxes) -> String {
         );
     }
     format!(
-        "wrong axes or sign: body_axes = {} would fit; or else the accelerometer is logged as \
-         acceleration minus gravity turned round: change the sign of all three",
+        "wrong axes or sign: body_axes = {} would fit; or else gravity is logged instead of \
+         specific force: change the sign of all three accelerometers",
         fits.join(" or ")
     )
 }
@@ -279,7 +281,7 @@ fn check_position_unit(
             .map(|s| s.moved_m.norm() / s.integrated_m.norm()),
     );
     if !within(ratio, 1.0, 1.25) {
-        return unequal_paths(ratio, files, warnings);
+        return unequal_paths(ratio, within_radians(log), files, warnings);
     }
     let apart = |turn: &Matrix2<f64>| {
         let degrees = |s: &Step| s.moved_m.angle(&(turn * s.integrated_m)).to_degrees();
@@ -336,9 +338,20 @@ fn step(from: &GnssFix, to: &GnssFix) -> Option<Step> {
     })
 }
 
-fn unequal_paths(ratio: f64, files: &Files, warnings: &mut Vec<LogError>) -> Result<(), LogError> {
+/// Whether the columns of degrees hold nothing that could not be radians.
+fn within_radians(log: &Log) -> bool {
+    let bounds = (FRAC_PI_2.to_radians(), PI.to_radians());
+    let mut positions = log.gnss.iter().filter_map(|fix| fix.position);
+    positions.all(|p| p.latitude_rad.abs() <= bounds.0 && p.longitude_rad.abs() <= bounds.1)
+}
+
+fn unequal_paths(
+    ratio: f64,
+    within_radians: bool,
+    files: &Files,
+    warnings: &mut Vec<LogError>,
+) -> Result<(), LogError> {
     let guesses = [
-        (1.0 / 57.296, "radians for degrees in lat_deg and lon_deg"),
         (1.0 / 3.6, "km/h for m/s in ve and vn"),
         (0.5144, "knots for m/s in ve and vn"),
         (0.01, "cm/s for m/s in ve and vn"),

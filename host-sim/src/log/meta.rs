@@ -193,7 +193,7 @@ fn not_utf8(path: &Path) -> LogError {
 }
 
 fn bad(path: &Path, text: &str, error: &toml::de::Error) -> LogError {
-    let expected = "a [log] table as described in the help below";
+    let expected = "a valid entry";
     let message = error
         .message()
         .lines()

@@ -133,7 +133,7 @@ impl Table {
     fn wrong_width(&self) -> LogError {
         let (cells, columns) = (self.record.len(), self.header.len());
         let cause = if cells < columns {
-            "the logger was cut off in mid-line, or a separator is missing"
+            "the logger was cut off in mid-line, a separator is missing, or the file is damaged"
         } else {
             "a decimal comma (1,5 for 1.5), or one separator too many"
         };

@@ -149,11 +149,9 @@ fn check_scale(
             "rates for increments in the gyro columns only",
         ),
     ];
-    // 1.2 keeps degrees and a 50 Hz interval apart where a gyro is some percent off.
-    match guesses
-        .iter()
-        .find(|(value, _)| within(fit.slope, *value, 1.2))
-    {
+    let off = |value: f64| (fit.slope / value).ln().abs();
+    let nearest = guesses.iter().min_by(|a, b| off(a.0).total_cmp(&off(b.0)));
+    match nearest.filter(|(value, _)| within(fit.slope, *value, 1.3)) {
         Some((_, cause)) => Err(defect(cause)),
         None if within(fit.slope, 1.0, 1.5) => Ok(()),
         None => {
