@@ -44,12 +44,18 @@ const WAIT_S: f64 = 20.0;
 const WAIT_MOVING_S: f64 = 3.0;
 /// Largest spread of a heading that is good enough to navigate on, rad.
 const HEADING_SIGMA_RAD: f64 = 0.3;
+/// Largest spread of an azimuth error that is taken out, rad.
+const AZIMUTH_KNOWN_RAD: f64 = 0.035;
 /// Longest window for the heading from motion, s.
 const WINDOW_S: f64 = 40.0;
 /// Rate of a vehicle standing with people in it, rad/s in the mean of a second.
 const SWAY_RADPS: f64 = 3e-4;
 /// Fixes refused in a row after which the INS, not GNSS, is taken to be wrong.
 const LOST_FIXES: u8 = 10;
+
+/// Range over which the equations are linear enough: azimuth, rad, and latency, s.
+const AZIMUTH_LINEAR_RAD: f64 = 0.02;
+const LATENCY_LINEAR_S: f64 = 0.02;
 
 /// What the last accepted fix did to the INS.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -116,9 +122,9 @@ struct State {
     rest: RestDetector,
     alignment: Alignment,
     last_solve: Time,
-    /// Azimuth taken out since the start, and since the equations were last linearized, rad.
+    /// Azimuth taken out since the start, rad.
     azimuth_removed_rad: f64,
-    azimuth_moved_rad: f64,
+    azimuth_settled: bool,
     latency_linearized_s: f64,
     manoeuvre: Manoeuvre,
     signals: DampingSignals,
@@ -160,7 +166,7 @@ impl Navigator {
             alignment: Alignment::default(),
             last_solve: Time::default(),
             azimuth_removed_rad: 0.0,
-            azimuth_moved_rad: 0.0,
+            azimuth_settled: false,
             latency_linearized_s: 0.0,
             manoeuvre: Manoeuvre::default(),
             signals: DampingSignals::default(),
@@ -465,6 +471,7 @@ impl State {
         self.observer.restart(self.now, config.start_tilt_sigma());
         self.observer.set_azimuth(0.0, heading_sigma_rad);
         self.azimuth_removed_rad = 0.0;
+        self.azimuth_settled = false;
         self.last_used = time;
         self.last_solve = time;
         self.refused = 0;
@@ -496,7 +503,6 @@ impl State {
             + dt * (self.controls.accel_mps2 - step.attitude * self.compensation.accel_mps2);
         now.control_tilt_rad += tilt;
         self.azimuth_removed_rad -= dt * self.controls.rate_radps.z;
-        self.azimuth_moved_rad += dt * self.controls.rate_radps.z;
         if let Some(RestVerdict::Rest(block)) = verdict {
             self.measure_rest(&block, config);
         }
@@ -642,7 +648,7 @@ impl State {
         let mut differences = *differences;
         let parameters = &self.observer.parameters;
         if config.feedback == Feedback::Closed
-            && parameters.sigma(index::AZIMUTH) < HEADING_SIGMA_RAD
+            && parameters.sigma(index::AZIMUTH) < AZIMUTH_KNOWN_RAD
         {
             differences.azimuth_rad = Some(parameters.value(index::AZIMUTH));
         }
@@ -696,18 +702,25 @@ impl State {
         self.relinearize(&prior);
     }
 
-    /// Equations gathered about values that turned out far off are replaced by their solution.
+    /// Equations gathered about values that turned out far off are replaced by their solution:
+    /// once for the azimuth of a new start, and whenever a well-known latency has moved.
     fn relinearize(&mut self, prior: &Parameters) {
+        let parameters = &self.observer.parameters;
         let latency_moved = self.compensation.latency_s - self.latency_linearized_s;
-        let azimuth_left = self.observer.parameters.value(index::AZIMUTH);
-        let far = math::abs(latency_moved) > 0.02 || math::abs(self.azimuth_moved_rad) > 0.02;
-        if far && math::abs(azimuth_left) < 0.005 {
+        let latency = math::abs(latency_moved) > LATENCY_LINEAR_S
+            && parameters.sigma(index::LATENCY) < 0.3 * LATENCY_LINEAR_S;
+        let azimuth = !self.azimuth_settled
+            && parameters.sigma(index::AZIMUTH) < 0.3 * AZIMUTH_LINEAR_RAD
+            && math::abs(parameters.value(index::AZIMUTH)) < 0.3 * AZIMUTH_LINEAR_RAD;
+        if azimuth {
+            self.azimuth_settled = true;
+        }
+        if latency || (azimuth && math::abs(self.azimuth_removed_rad) > AZIMUTH_LINEAR_RAD) {
             let sigma = self.observer.parameters.sigma.zip_map(&prior.sigma, |now, before| {
                 math::min(3.0 * now, before)
             });
             self.observer.relinearize(&sigma);
             self.latency_linearized_s = self.compensation.latency_s;
-            self.azimuth_moved_rad = 0.0;
         }
     }
 }
