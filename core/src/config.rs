@@ -235,11 +235,11 @@ impl Config {
             sensors: SensorConfig {
                 gyro_bias_radps: 5.2e-3,
                 gyro_noise: 1.5e-4,
-                gyro_bias_walk: 2e-6,
+                gyro_bias_walk: 2.2e-6,
                 gyro_scale: 0.01,
                 accel_bias_mps2: 0.3,
                 accel_noise: 2e-3,
-                accel_bias_walk: 2e-5,
+                accel_bias_walk: 9e-5,
                 accel_scale: 0.015,
                 gyro_range_radps: 35.0,
                 accel_range_mps2: 160.0,

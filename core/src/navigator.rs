@@ -209,13 +209,14 @@ impl Navigator {
     pub fn estimates(&self) -> Estimates {
         let s = &self.state;
         let mut parameters = s.observer.parameters;
-        parameters.shift(index::AZIMUTH, s.azimuth_removed_rad);
+        let azimuth = s.azimuth_removed_rad + s.azimuth_left_rad();
+        parameters.set(index::AZIMUTH, azimuth, parameters.sigma(index::AZIMUTH));
         Estimates::from_parameters(&parameters, &self.config, s.phase)
     }
 
     /// Azimuth error that is still in the solution, rad.
     pub fn azimuth_left_rad(&self) -> f64 {
-        self.state.observer.parameters.value(index::AZIMUTH)
+        self.state.azimuth_left_rad()
     }
 
     /// The manoeuvre going on.
@@ -230,6 +231,10 @@ impl Navigator {
 }
 
 impl State {
+    fn azimuth_left_rad(&self) -> f64 {
+        self.observer.azimuth_at(&self.now, &self.compensation.gyro_radps)
+    }
+
     fn on_imu(&mut self, sample: &ImuSample, config: &Config) -> ImuOutcome {
         if !(math::all_finite(&sample.gyro) && math::all_finite(&sample.accel)) {
             return ImuOutcome::NotFinite;

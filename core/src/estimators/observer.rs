@@ -181,9 +181,12 @@ impl Observer {
         self.information.replace(index::AZIMUTH, value_rad, sigma_rad * sigma_rad);
     }
 
-    /// The horizon.
-    pub fn horizon(&self) -> &Moment {
-        &self.last
+    /// Azimuth error `Phi_UP` at a moment after the horizon, rad, with gyros compensated by
+    /// `gyro_radps` since.
+    pub fn azimuth_at(&self, moment: &Moment, gyro_radps: &Vector3<f64>) -> f64 {
+        let turned = moment.control_tilt_rad - self.last.control_tilt_rad;
+        let compensated = (moment.attitude_s - self.last.attitude_s) * gyro_radps;
+        self.parameters.value(index::AZIMUTH) + turned.z - compensated.z
     }
 
     /// Compares the INS at a past moment with a fix.
@@ -218,6 +221,9 @@ impl Observer {
 
         // Growth of Phi: known part, and by each parameter.
         let mut grown = tilt_control;
+        // Rotations do not commute: levelling controls on a tilted platform turn it in azimuth.
+        let whole_tilt = self.tilt + self.tilt_by * self.parameters.value;
+        grown.z += 0.5 * whole_tilt.perp(&tilt_control.xy());
         grown.x += dt * w.z * self.tilt.y;
         grown.y -= dt * w.z * self.tilt.x;
         grown.z += dt * (w.y * self.tilt.x - w.x * self.tilt.y);
@@ -239,6 +245,8 @@ impl Observer {
         // dV over the interval: f x Phi with Phi of its middle, C df, scale errors.
         let tilt = Vector3::new(self.tilt.x, self.tilt.y, 0.0);
         self.velocity += force.cross(&tilt) + velocity_control;
+        // Second order, felt on the up axis alone; plus, for the force is in the tilted frame.
+        self.velocity.z += 0.5 * force.z * whole_tilt.norm_squared();
         let mut phi_by = 0.5 * grown_by;
         let mut level = phi_by.fixed_rows_mut::<2>(0);
         level += self.tilt_by;
