@@ -1,4 +1,5 @@
 //! Host side of the inertial-navigation core: simulation, logs, identification, reports.
 
-pub mod sim;
 pub mod accuracy;
+pub mod hil;
+pub mod sim;
