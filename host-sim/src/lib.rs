@@ -1,4 +1,6 @@
 //! Host side of the inertial-navigation core: simulation, logs, identification, reports.
 
-pub mod sim;
 pub mod accuracy;
+pub mod hil;
+pub mod log;
+pub mod sim;
