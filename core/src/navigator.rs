@@ -10,10 +10,11 @@ use crate::alignment::heading_from_motion::{Fit, MotionSums};
 use crate::alignment::levelling::{self, RestMean};
 use crate::alignment::rest::{RestBlock, RestDetector, Verdict as RestVerdict};
 use crate::attitude::matrix;
-use crate::config::{Config, Feedback, HeadingSource};
+use crate::config::{Config, Feedback, Form, HeadingSource};
 use crate::damping::{self, Differences};
 use crate::earth::{Geodetic, LocalEarth};
 use crate::estimate::Estimates;
+use crate::estimators::literal::{Comparison, Literal};
 use crate::estimators::observer::{Difference, Observer, Verdict};
 use crate::estimators::parameters::{Parameters, index};
 use crate::history::{History, Missing, Moment, Past};
@@ -112,6 +113,7 @@ struct State {
     now: Moment,
     history: History,
     observer: Observer,
+    literal: Literal,
     controls: Controls,
     controls_until: Time,
     compensation: Compensation,
@@ -157,6 +159,7 @@ impl Navigator {
             now: start,
             history: History::default(),
             observer: Observer::new(start, &config, &config.prior(), 0.0),
+            literal: Literal::new(config.sensors.accel_bias_mps2),
             controls: Controls::default(),
             controls_until: Time::default(),
             compensation: Compensation::default(),
@@ -211,12 +214,13 @@ impl Navigator {
     /// Errors of the sensors as known now.
     pub fn estimates(&self) -> Estimates {
         let s = &self.state;
-        let mut parameters = s.observer.parameters;
-        let azimuth = s.azimuth_removed_rad + s.azimuth_left_rad();
+        let mut parameters = s.parameters(&self.config);
+        let azimuth = s.azimuth_removed_rad + s.azimuth_left_rad(&self.config);
         parameters.set(index::AZIMUTH, azimuth, parameters.sigma(index::AZIMUTH));
         let mut estimates = Estimates::from_parameters(&parameters, &self.config, s.phase);
         let run_s = s.now.time.seconds_since(s.navigating_since);
-        if let Some((value, sigma)) = s.observer.latency_before(0.5 * run_s) {
+        let latency = s.observer.latency_before(0.5 * run_s);
+        if let (Some((value, sigma)), Form::Exact) = (latency, self.config.form) {
             estimates.gnss_latency_s.value = value;
             estimates.gnss_latency_s.sigma = sigma;
         }
@@ -225,7 +229,7 @@ impl Navigator {
 
     /// Azimuth error that is still in the solution, rad.
     pub fn azimuth_left_rad(&self) -> f64 {
-        self.state.azimuth_left_rad()
+        self.state.azimuth_left_rad(&self.config)
     }
 
     /// The manoeuvre going on.
@@ -240,8 +244,23 @@ impl Navigator {
 }
 
 impl State {
-    fn azimuth_left_rad(&self) -> f64 {
-        self.observer.azimuth_at(&self.now, &self.compensation.gyro_radps)
+    /// What the chosen form has found; azimuth and latency are those of the last fix.
+    fn parameters(&self, config: &Config) -> Parameters {
+        match config.form {
+            Form::Exact => self.observer.parameters,
+            Form::Literal => self
+                .literal
+                .parameters(&config.prior(), self.azimuth_removed_rad),
+        }
+    }
+
+    fn azimuth_left_rad(&self, config: &Config) -> f64 {
+        match config.form {
+            Form::Exact => self
+                .observer
+                .azimuth_at(&self.now, &self.compensation.gyro_radps),
+            Form::Literal => self.parameters(config).value(index::AZIMUTH),
+        }
     }
 
     fn on_imu(&mut self, sample: &ImuSample, config: &Config) -> ImuOutcome {
@@ -274,7 +293,11 @@ impl State {
             self.observer.on_hole(seconds);
         }
         self.advance(sample.time, &interval, config);
-        if bridged { ImuOutcome::Bridged } else { ImuOutcome::Accepted }
+        if bridged {
+            ImuOutcome::Bridged
+        } else {
+            ImuOutcome::Accepted
+        }
     }
 
     /// A hole too long to bridge: one stray stamp must not stop the clock, two in step restart.
@@ -351,10 +374,16 @@ impl State {
         if let RestVerdict::Rest(block) = verdict {
             self.alignment.rest.add(&block);
         }
-        let Some((position, fix)) = self.last_position() else { return };
+        let Some((position, fix)) = self.last_position() else {
+            return;
+        };
         let rest_s = self.alignment.rest.seconds;
         let moving = verdict == RestVerdict::Motion;
-        let wanted = if gyrocompass_possible(config, &position) { GYROCOMPASS_S } else { LEVEL_S };
+        let wanted = if gyrocompass_possible(config, &position) {
+            GYROCOMPASS_S
+        } else {
+            LEVEL_S
+        };
         let waited = time.seconds_since(self.start);
         if rest_s >= wanted || (moving && rest_s >= 2.0) {
             self.level_from_rest(time, &position, config);
@@ -375,8 +404,13 @@ impl State {
         let earth = LocalEarth::at(position.latitude_rad, position.height_m);
         self.learn_gyro_rest(&rest, &matrix(&attitude), &earth, config);
         let sigma = levelling::gyrocompass_sigma(&config.sensors, &earth, rest.seconds);
-        let heading = (config.heading == HeadingSource::Auto && sigma < HEADING_SIGMA_RAD)
-            .then(|| (levelling::gyrocompass(&matrix(&attitude), &rest.rate_radps), sigma));
+        let heading =
+            (config.heading == HeadingSource::Auto && sigma < HEADING_SIGMA_RAD).then(|| {
+                (
+                    levelling::gyrocompass(&matrix(&attitude), &rest.rate_radps),
+                    sigma,
+                )
+            });
         self.start_from_level(time, position, attitude, heading, config);
     }
 
@@ -395,7 +429,8 @@ impl State {
         let noise = config.sensors.gyro_noise * config.sensors.gyro_noise;
         let variance = (noise + SWAY_RADPS * SWAY_RADPS) / rest.seconds + level * level;
         for axis in 0..3 {
-            self.observer.measure(index::GYRO + axis, component(&bias, axis), variance);
+            self.observer
+                .measure(index::GYRO + axis, component(&bias, axis), variance);
         }
         self.observer.solve();
         if config.feedback == Feedback::Closed {
@@ -433,7 +468,9 @@ impl State {
 
     /// At rest the tilt of the wandering INS is taken out again and again.
     fn rest_while_finding(&mut self, verdict: Option<RestVerdict>, config: &Config) {
-        let Some(RestVerdict::Rest(block)) = verdict else { return };
+        let Some(RestVerdict::Rest(block)) = verdict else {
+            return;
+        };
         let earth = self.mechanization.local_earth();
         let mut rest = RestMean::default();
         rest.add(&block);
@@ -444,7 +481,9 @@ impl State {
     }
 
     fn find_heading_with(&mut self, fix: &GnssFix, config: &Config) {
-        let (Some(velocity), Some(position)) = (fix.velocity_en_mps, fix.position) else { return };
+        let (Some(velocity), Some(position)) = (fix.velocity_en_mps, fix.position) else {
+            return;
+        };
         let seconds = self.now.time.seconds_since(self.alignment.window_start);
         let ins = self.mechanization.velocity_enu_mps.xy();
         self.alignment.motion.add(seconds, &ins, &velocity);
@@ -455,7 +494,8 @@ impl State {
             let slope = self.alignment.motion.ins_slope();
             let steady = self.alignment.motion.gnss_spread() < MOTION_MPS;
             if let (Some(slope), true) = (slope, steady) {
-                self.mechanization.turn_platform(&-tilt_of_slope(&slope, config));
+                self.mechanization
+                    .turn_platform(&-tilt_of_slope(&slope, config));
             }
             self.find_heading(self.now.time);
         }
@@ -463,7 +503,8 @@ impl State {
 
     fn take_heading(&mut self, fit: &Fit, config: &Config) {
         self.mechanization.turn_heading(-fit.rotation_rad);
-        self.mechanization.turn_platform(&-tilt_of_slope(&fit.slope_mps2, config));
+        self.mechanization
+            .turn_platform(&-tilt_of_slope(&fit.slope_mps2, config));
         self.start_navigating(self.now.time, 3.0 * fit.sigma_rad + 0.05, config);
     }
 
@@ -514,7 +555,9 @@ impl State {
         now.attitude_s += step.attitude * dt;
         now.turn_rad += interval.angle_rad.z;
         let tilt = dt * (self.controls.rate_radps + step.attitude * self.compensation.gyro_radps);
-        now.control_velocity_mps += step.force_enu_mps.cross(&(now.control_tilt_rad + 0.5 * tilt))
+        now.control_velocity_mps += step
+            .force_enu_mps
+            .cross(&(now.control_tilt_rad + 0.5 * tilt))
             + dt * (self.controls.accel_mps2 - step.attitude * self.compensation.accel_mps2);
         now.control_tilt_rad += tilt;
         self.azimuth_removed_rad -= dt * self.controls.rate_radps.z;
@@ -535,7 +578,8 @@ impl State {
         let noise = config.sensors.gyro_noise * config.sensors.gyro_noise;
         let variance = (noise + SWAY_RADPS * SWAY_RADPS) / block.seconds;
         for axis in 0..3 {
-            self.observer.measure(index::GYRO + axis, component(&bias, axis), variance);
+            self.observer
+                .measure(index::GYRO + axis, component(&bias, axis), variance);
         }
     }
 
@@ -635,6 +679,18 @@ impl State {
             differences.velocity_en_mps = Some(m.xy());
             differences.velocity_up_mps = fix.velocity_up_mps.map(|_| m.z);
             self.manoeuvre = Manoeuvre::of(&past);
+            if config.form == Form::Literal {
+                self.literal.take(&Comparison {
+                    past: &past,
+                    manoeuvre: self.manoeuvre,
+                    difference_mps: m.xy(),
+                    accel_up_mps2: self.controls.accel_mps2.z,
+                    azimuth_removed_rad: self.azimuth_removed_rad,
+                    latency_applied_s: self.compensation.latency_s,
+                    accel_compensation_mps2: self.compensation.accel_mps2,
+                    bandwidth_radps: config.damping.horizontal.bandwidth_radps,
+                });
+            }
         }
         self.damp(fix, &differences, interval_s, config);
         self.last_used = moment;
@@ -653,17 +709,13 @@ impl State {
         self.mechanization.position.enu_from(gnss) - moved
     }
 
-    fn damp(
-        &mut self,
-        fix: &GnssFix,
-        differences: &Differences,
-        interval_s: f64,
-        config: &Config,
-    ) {
+    fn damp(&mut self, fix: &GnssFix, differences: &Differences, interval_s: f64, config: &Config) {
         let mut differences = *differences;
-        let parameters = &self.observer.parameters;
-        let (azimuth, sigma) =
-            (parameters.value(index::AZIMUTH), parameters.sigma(index::AZIMUTH));
+        let parameters = self.parameters(config);
+        let (azimuth, sigma) = (
+            parameters.value(index::AZIMUTH),
+            parameters.sigma(index::AZIMUTH),
+        );
         let significant = sigma < AZIMUTH_KNOWN_RAD || math::abs(azimuth) > 3.0 * sigma;
         if config.feedback == Feedback::Closed && significant {
             differences.azimuth_rad = Some(azimuth);
@@ -703,15 +755,25 @@ impl State {
         }
         self.latency_corrected_s +=
             self.observer.parameters.value(index::LATENCY) - latency_before_s;
-        let parameters = self.observer.parameters;
+        let parameters = self.parameters(config);
         let prior = config.prior();
         let known = |i: usize, part: f64| parameters.sigma(i) < part * prior.sigma(i);
         for axis in 0..3 {
-            if known(index::GYRO + axis, 0.5) {
-                set(&mut self.compensation.gyro_radps, axis, parameters.value(index::GYRO + axis));
+            // (9) reads gyro biases from controls that a compensation would empty.
+            let readable = config.form == Form::Exact;
+            if readable && known(index::GYRO + axis, 0.5) {
+                set(
+                    &mut self.compensation.gyro_radps,
+                    axis,
+                    parameters.value(index::GYRO + axis),
+                );
             }
             if known(index::ACCEL + axis, 0.5) {
-                set(&mut self.compensation.accel_mps2, axis, parameters.value(index::ACCEL + axis));
+                set(
+                    &mut self.compensation.accel_mps2,
+                    axis,
+                    parameters.value(index::ACCEL + axis),
+                );
             }
         }
         if known(index::LATENCY, 0.2) {
@@ -734,9 +796,11 @@ impl State {
             self.azimuth_settled = true;
         }
         if latency || (azimuth && math::abs(self.azimuth_removed_rad) > AZIMUTH_LINEAR_RAD) {
-            let sigma = self.observer.parameters.sigma.zip_map(&prior.sigma, |now, before| {
-                math::min(3.0 * now, before)
-            });
+            let sigma = self
+                .observer
+                .parameters
+                .sigma
+                .zip_map(&prior.sigma, |now, before| math::min(3.0 * now, before));
             self.observer.relinearize(&sigma);
             self.latency_corrected_s = 0.0;
         }
@@ -791,7 +855,11 @@ fn is_moving(fix: &GnssFix, config: &Config) -> bool {
 fn check_fix(fix: &GnssFix) -> Result<(), GnssOutcome> {
     let velocity = velocity_enu(fix);
     let position = fix.position.unwrap_or_default();
-    let place = Vector3::new(position.latitude_rad, position.longitude_rad, position.height_m);
+    let place = Vector3::new(
+        position.latitude_rad,
+        position.longitude_rad,
+        position.height_m,
+    );
     let sigma = fix.velocity_sigma_mps.unwrap_or_default();
     if !(math::all_finite(&velocity) && math::all_finite(&place) && sigma.is_finite()) {
         return Err(GnssOutcome::NotFinite);
@@ -804,5 +872,9 @@ fn check_fix(fix: &GnssFix) -> Result<(), GnssOutcome> {
         && place.z > -12_000.0
         && place.z < 100_000.0
         && velocity.norm() < 3_000.0;
-    if possible { Ok(()) } else { Err(GnssOutcome::OutOfRange) }
+    if possible {
+        Ok(())
+    } else {
+        Err(GnssOutcome::OutOfRange)
+    }
 }

@@ -36,6 +36,11 @@ impl<const N: usize> Information<N> {
         }
     }
 
+    /// Right-hand side.
+    pub fn vector(&self) -> &SVector<f64, N> {
+        &self.vector
+    }
+
     /// Adds `weight` times the row `coefficients . parameters = measured`.
     pub fn add(&mut self, coefficients: &SVector<f64, N>, measured: f64, weight: f64) {
         let weighted = coefficients * weight;
@@ -112,7 +117,10 @@ impl<const N: usize> Information<N> {
             }
             value[i] /= l[(i, i)];
         }
-        Some(Solved { value, variance: inverse_diagonal(&l) })
+        Some(Solved {
+            value,
+            variance: inverse_diagonal(&l),
+        })
     }
 
     /// Value and variance of the sum `coefficients . parameters`.
