@@ -151,11 +151,27 @@ impl Config {
         let (lever, scale) = (some(g.lever_arm_sigma_m, 1e-4), some(s.accel_scale, 1e-7));
         let mut sigma = SVector::<f64, COUNT>::zeros();
         sigma.copy_from_slice(&[
-            1.0, df, df, df, dw, dw, dw, some(g.latency_sigma_s, 1e-6), lever, lever, scale, scale,
-            some(s.gyro_scale, 1e-7), some(s.gyro_scale, 1e-7), some(s.gyro_scale, 1e-7),
+            1.0,
+            df,
+            df,
+            df,
+            dw,
+            dw,
+            dw,
+            some(g.latency_sigma_s, 1e-6),
+            lever,
+            lever,
+            scale,
+            scale,
+            some(s.gyro_scale, 1e-7),
+            some(s.gyro_scale, 1e-7),
+            some(s.gyro_scale, 1e-7),
             some(g.clock_drift_sigma, 1e-12),
         ]);
-        Parameters { value: SVector::zeros(), sigma }
+        Parameters {
+            value: SVector::zeros(),
+            sigma,
+        }
     }
 
     /// Tilt that a levelling leaves, rad: that of the accelerometer biases, and some.
@@ -170,33 +186,90 @@ impl Config {
         let positive = |v: f64| v.is_finite() && v > 0.0;
         let not_negative = |v: f64| v.is_finite() && v >= 0.0;
         let checks = [
-            (positive(d.horizontal.bandwidth_radps), "damping.horizontal: bandwidth must be > 0"),
-            (positive(d.horizontal.damping_ratio), "damping.horizontal: ratio must be > 0"),
-            (positive(d.vertical.bandwidth_radps), "damping.vertical: bandwidth must be > 0"),
-            (positive(d.vertical.damping_ratio), "damping.vertical: ratio must be > 0"),
-            (not_negative(d.position_radps), "damping.position_radps must be >= 0"),
-            (not_negative(d.azimuth_radps), "damping.azimuth_radps must be >= 0"),
-            (positive(s.gyro_bias_radps), "sensors.gyro_bias_radps must be > 0"),
+            (
+                positive(d.horizontal.bandwidth_radps),
+                "damping.horizontal: bandwidth must be > 0",
+            ),
+            (
+                positive(d.horizontal.damping_ratio),
+                "damping.horizontal: ratio must be > 0",
+            ),
+            (
+                positive(d.vertical.bandwidth_radps),
+                "damping.vertical: bandwidth must be > 0",
+            ),
+            (
+                positive(d.vertical.damping_ratio),
+                "damping.vertical: ratio must be > 0",
+            ),
+            (
+                not_negative(d.position_radps),
+                "damping.position_radps must be >= 0",
+            ),
+            (
+                not_negative(d.azimuth_radps),
+                "damping.azimuth_radps must be >= 0",
+            ),
+            (
+                positive(s.gyro_bias_radps),
+                "sensors.gyro_bias_radps must be > 0",
+            ),
             (positive(s.gyro_noise), "sensors.gyro_noise must be > 0"),
-            (not_negative(s.gyro_bias_walk), "sensors.gyro_bias_walk must be >= 0"),
-            (not_negative(s.gyro_scale), "sensors.gyro_scale must be >= 0"),
-            (positive(s.accel_bias_mps2), "sensors.accel_bias_mps2 must be > 0"),
+            (
+                not_negative(s.gyro_bias_walk),
+                "sensors.gyro_bias_walk must be >= 0",
+            ),
+            (
+                not_negative(s.gyro_scale),
+                "sensors.gyro_scale must be >= 0",
+            ),
+            (
+                positive(s.accel_bias_mps2),
+                "sensors.accel_bias_mps2 must be > 0",
+            ),
             (positive(s.accel_noise), "sensors.accel_noise must be > 0"),
-            (not_negative(s.accel_bias_walk), "sensors.accel_bias_walk must be >= 0"),
-            (not_negative(s.accel_scale), "sensors.accel_scale must be >= 0"),
-            (positive(s.gyro_range_radps), "sensors.gyro_range_radps must be > 0"),
-            (positive(s.accel_range_mps2), "sensors.accel_range_mps2 must be > 0"),
-            (positive(self.gnss.velocity_sigma_mps), "gnss.velocity_sigma_mps must be > 0"),
-            (not_negative(self.gnss.latency_sigma_s), "gnss.latency_sigma_s must be >= 0"),
-            (not_negative(self.gnss.clock_drift_sigma), "gnss.clock_drift_sigma must be >= 0"),
-            (not_negative(self.gnss.lever_arm_sigma_m), "gnss.lever_arm_sigma_m must be >= 0"),
+            (
+                not_negative(s.accel_bias_walk),
+                "sensors.accel_bias_walk must be >= 0",
+            ),
+            (
+                not_negative(s.accel_scale),
+                "sensors.accel_scale must be >= 0",
+            ),
+            (
+                positive(s.gyro_range_radps),
+                "sensors.gyro_range_radps must be > 0",
+            ),
+            (
+                positive(s.accel_range_mps2),
+                "sensors.accel_range_mps2 must be > 0",
+            ),
+            (
+                positive(self.gnss.velocity_sigma_mps),
+                "gnss.velocity_sigma_mps must be > 0",
+            ),
+            (
+                not_negative(self.gnss.latency_sigma_s),
+                "gnss.latency_sigma_s must be >= 0",
+            ),
+            (
+                not_negative(self.gnss.clock_drift_sigma),
+                "gnss.clock_drift_sigma must be >= 0",
+            ),
+            (
+                not_negative(self.gnss.lever_arm_sigma_m),
+                "gnss.lever_arm_sigma_m must be >= 0",
+            ),
             (positive(self.max_gap_s), "max_gap_s must be > 0"),
             (
                 !matches!(self.heading, HeadingSource::Given(h) if !h.is_finite()),
                 "heading must be finite",
             ),
         ];
-        checks.iter().find(|(good, _)| !good).map_or(Ok(()), |(_, why)| Err(*why))
+        checks
+            .iter()
+            .find(|(good, _)| !good)
+            .map_or(Ok(()), |(_, why)| Err(*why))
     }
 
     /// Ring-laser class of the HG1700: 1 deg/h, 0.01 m/s^2, 0.125 deg/sqrt(h).
@@ -205,8 +278,14 @@ impl Config {
             imu_output: ImuOutput::Rates,
             heading: HeadingSource::Auto,
             damping: DampingConfig {
-                horizontal: SecondOrder { bandwidth_radps: 0.5, damping_ratio: 0.7 },
-                vertical: SecondOrder { bandwidth_radps: 0.5, damping_ratio: 0.7 },
+                horizontal: SecondOrder {
+                    bandwidth_radps: 0.5,
+                    damping_ratio: 0.7,
+                },
+                vertical: SecondOrder {
+                    bandwidth_radps: 0.5,
+                    damping_ratio: 0.7,
+                },
                 position_radps: 0.1,
                 azimuth_radps: 0.5,
             },
@@ -250,7 +329,11 @@ impl Config {
                 gyro_range_radps: 35.0,
                 accel_range_mps2: 160.0,
             },
-            gnss: GnssConfig { lever_arm_sigma_m: 3.0, clock_drift_sigma: 1e-4, ..base.gnss },
+            gnss: GnssConfig {
+                lever_arm_sigma_m: 3.0,
+                clock_drift_sigma: 1e-4,
+                ..base.gnss
+            },
             ..base
         }
     }

@@ -22,11 +22,13 @@ pub const GRAVITY_EQUATOR_MPS2: f64 = 9.780_325_335_9;
 /// Normal gravity at the poles, m/s^2.
 pub const GRAVITY_POLE_MPS2: f64 = 9.832_184_937_8;
 /// Ratio `m = omega^2 a^2 b / GM` of centrifugal to gravitational acceleration at the equator.
-pub const CENTRIFUGAL_RATIO: f64 =
-    ROTATION_RATE_RADPS * ROTATION_RATE_RADPS * SEMI_MAJOR_AXIS_M * SEMI_MAJOR_AXIS_M
-        * SEMI_MAJOR_AXIS_M
-        * (1.0 - FLATTENING)
-        / GM_M3PS2;
+pub const CENTRIFUGAL_RATIO: f64 = ROTATION_RATE_RADPS
+    * ROTATION_RATE_RADPS
+    * SEMI_MAJOR_AXIS_M
+    * SEMI_MAJOR_AXIS_M
+    * SEMI_MAJOR_AXIS_M
+    * (1.0 - FLATTENING)
+    / GM_M3PS2;
 
 /// A point by geodetic latitude, longitude and height above the ellipsoid.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -139,7 +141,11 @@ impl LatitudeTrig {
     /// Remembers `latitude_rad`.
     pub(crate) fn at(latitude_rad: f64) -> Self {
         let (sin, cos) = math::sin_cos(latitude_rad);
-        Self { latitude_rad, sin, cos }
+        Self {
+            latitude_rad,
+            sin,
+            cos,
+        }
     }
 
     /// Remembers a new latitude once the series would lose digits: beyond 1e-3 rad, 6 km, its

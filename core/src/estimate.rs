@@ -87,10 +87,18 @@ impl Estimates {
         let estimate = |i: usize, good: bool, missing: Observability| Estimate {
             value: p.value(i),
             sigma: p.sigma(i),
-            observability: if good { Observability::Observable } else { missing },
+            observability: if good {
+                Observability::Observable
+            } else {
+                missing
+            },
         };
         let known = |i: usize, missing: Observability| {
-            estimate(i, navigating && p.sigma(i) < KNOWN * prior.sigma(i), missing)
+            estimate(
+                i,
+                navigating && p.sigma(i) < KNOWN * prior.sigma(i),
+                missing,
+            )
         };
         let azimuth = navigating && p.sigma(index::AZIMUTH) < AZIMUTH_SIGMA_RAD;
         Self {

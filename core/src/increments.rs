@@ -111,7 +111,11 @@ impl Increments {
             }
             ImuOutput::Increments => {
                 // A first reading is taken to span an interval like this one.
-                let before = if self.previous_s > 0.0 { self.previous_s } else { seconds };
+                let before = if self.previous_s > 0.0 {
+                    self.previous_s
+                } else {
+                    seconds
+                };
                 let scale = seconds * seconds / (6.0 * before * (before + seconds));
                 (sample.gyro, sample.accel, scale)
             }
@@ -122,14 +126,24 @@ impl Increments {
         self.accel = sample.accel;
         self.previous_s = if hole { self.usual_s } else { seconds };
         self.learn_usual(seconds);
-        Interval { seconds, angle_rad: angle, force_mps: force, coning_rad: coning, sculling_mps: sculling }
+        Interval {
+            seconds,
+            angle_rad: angle,
+            force_mps: force,
+            coning_rad: coning,
+            sculling_mps: sculling,
+        }
     }
 
     /// Follows the usual interval slowly, so that one hole does not move it far.
     fn learn_usual(&mut self, seconds: f64) {
         self.usual_s = if self.usual_s > 0.0 {
             let step = seconds - self.usual_s;
-            let bounded = if step > self.usual_s { self.usual_s } else { step };
+            let bounded = if step > self.usual_s {
+                self.usual_s
+            } else {
+                step
+            };
             self.usual_s + bounded / 16.0
         } else {
             seconds

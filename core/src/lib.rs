@@ -21,8 +21,8 @@ pub mod time;
 
 pub use config::Config;
 pub use estimate::{Estimate, Estimates, Observability};
-pub use navigator::Navigator;
 pub use manoeuvre::Manoeuvre;
+pub use navigator::Navigator;
 pub use outcome::{GnssOutcome, ImuOutcome};
 pub use samples::{GnssFix, ImuOutput, ImuSample};
 pub use solution::{Phase, Solution};

@@ -80,8 +80,7 @@ impl Mechanization {
         let force_enu_mps = force - 0.5 * dt * frame_rate.cross(&force);
         let gravity = Vector3::new(0.0, 0.0, -earth.gravity_mps2);
         let push = force_enu_mps + dt * (gravity + controls.accel_mps2);
-        let coriolis =
-            (frame_rate + earth_rate).cross(&(self.velocity_enu_mps + 0.5 * push));
+        let coriolis = (frame_rate + earth_rate).cross(&(self.velocity_enu_mps + 0.5 * push));
         let old_velocity = self.velocity_enu_mps;
         self.velocity_enu_mps += push - dt * coriolis;
 
@@ -91,16 +90,22 @@ impl Mechanization {
         // `Phi` turns the platform itself: a control turns it with the sign of the frame rate.
         let turn = dt * (frame_rate_mid(&earth, &earth_rate, &mean_velocity) + controls.rate_radps);
         self.attitude = renormalized(
-            small_rotation(&-turn) * self.attitude.as_ref() * small_rotation(&interval.rotation_rad()),
+            small_rotation(&-turn)
+                * self.attitude.as_ref()
+                * small_rotation(&interval.rotation_rad()),
         );
-        Step { attitude, force_enu_mps }
+        Step {
+            attitude,
+            force_enu_mps,
+        }
     }
 
     /// Moves the position by metres east, north and up.
     pub fn move_by(&mut self, earth: &LocalEarth, metres: &Vector3<f64>) {
         self.position.latitude_rad += metres.y / earth.north_radius_m;
         self.position.longitude_rad = wrap_pi(
-            self.position.longitude_rad + metres.x / (earth.east_radius_m * earth.safe_cos_latitude()),
+            self.position.longitude_rad
+                + metres.x / (earth.east_radius_m * earth.safe_cos_latitude()),
         );
         self.position.height_m += metres.z;
         self.latitude_trig.follow(self.position.latitude_rad);
@@ -113,7 +118,10 @@ impl Mechanization {
 
     /// Adds to the heading an angle of any size, rad.
     pub fn turn_heading(&mut self, by_rad: f64) {
-        let turn = from_euler(&Euler { heading_rad: by_rad, ..Euler::default() });
+        let turn = from_euler(&Euler {
+            heading_rad: by_rad,
+            ..Euler::default()
+        });
         self.attitude = renormalized(turn.as_ref() * self.attitude.as_ref());
     }
 

@@ -241,7 +241,8 @@ impl Navigator {
 
 impl State {
     fn azimuth_left_rad(&self) -> f64 {
-        self.observer.azimuth_at(&self.now, &self.compensation.gyro_radps)
+        self.observer
+            .azimuth_at(&self.now, &self.compensation.gyro_radps)
     }
 
     fn on_imu(&mut self, sample: &ImuSample, config: &Config) -> ImuOutcome {
@@ -274,7 +275,11 @@ impl State {
             self.observer.on_hole(seconds);
         }
         self.advance(sample.time, &interval, config);
-        if bridged { ImuOutcome::Bridged } else { ImuOutcome::Accepted }
+        if bridged {
+            ImuOutcome::Bridged
+        } else {
+            ImuOutcome::Accepted
+        }
     }
 
     /// A hole too long to bridge: one stray stamp must not stop the clock, two in step restart.
@@ -351,10 +356,16 @@ impl State {
         if let RestVerdict::Rest(block) = verdict {
             self.alignment.rest.add(&block);
         }
-        let Some((position, fix)) = self.last_position() else { return };
+        let Some((position, fix)) = self.last_position() else {
+            return;
+        };
         let rest_s = self.alignment.rest.seconds;
         let moving = verdict == RestVerdict::Motion;
-        let wanted = if gyrocompass_possible(config, &position) { GYROCOMPASS_S } else { LEVEL_S };
+        let wanted = if gyrocompass_possible(config, &position) {
+            GYROCOMPASS_S
+        } else {
+            LEVEL_S
+        };
         let waited = time.seconds_since(self.start);
         if rest_s >= wanted || (moving && rest_s >= 2.0) {
             self.level_from_rest(time, &position, config);
@@ -375,8 +386,13 @@ impl State {
         let earth = LocalEarth::at(position.latitude_rad, position.height_m);
         self.learn_gyro_rest(&rest, &matrix(&attitude), &earth, config);
         let sigma = levelling::gyrocompass_sigma(&config.sensors, &earth, rest.seconds);
-        let heading = (config.heading == HeadingSource::Auto && sigma < HEADING_SIGMA_RAD)
-            .then(|| (levelling::gyrocompass(&matrix(&attitude), &rest.rate_radps), sigma));
+        let heading =
+            (config.heading == HeadingSource::Auto && sigma < HEADING_SIGMA_RAD).then(|| {
+                (
+                    levelling::gyrocompass(&matrix(&attitude), &rest.rate_radps),
+                    sigma,
+                )
+            });
         self.start_from_level(time, position, attitude, heading, config);
     }
 
@@ -395,7 +411,8 @@ impl State {
         let noise = config.sensors.gyro_noise * config.sensors.gyro_noise;
         let variance = (noise + SWAY_RADPS * SWAY_RADPS) / rest.seconds + level * level;
         for axis in 0..3 {
-            self.observer.measure(index::GYRO + axis, component(&bias, axis), variance);
+            self.observer
+                .measure(index::GYRO + axis, component(&bias, axis), variance);
         }
         self.observer.solve();
         if config.feedback == Feedback::Closed {
@@ -433,7 +450,9 @@ impl State {
 
     /// At rest the tilt of the wandering INS is taken out again and again.
     fn rest_while_finding(&mut self, verdict: Option<RestVerdict>, config: &Config) {
-        let Some(RestVerdict::Rest(block)) = verdict else { return };
+        let Some(RestVerdict::Rest(block)) = verdict else {
+            return;
+        };
         let earth = self.mechanization.local_earth();
         let mut rest = RestMean::default();
         rest.add(&block);
@@ -444,7 +463,9 @@ impl State {
     }
 
     fn find_heading_with(&mut self, fix: &GnssFix, config: &Config) {
-        let (Some(velocity), Some(position)) = (fix.velocity_en_mps, fix.position) else { return };
+        let (Some(velocity), Some(position)) = (fix.velocity_en_mps, fix.position) else {
+            return;
+        };
         let seconds = self.now.time.seconds_since(self.alignment.window_start);
         let ins = self.mechanization.velocity_enu_mps.xy();
         self.alignment.motion.add(seconds, &ins, &velocity);
@@ -455,7 +476,8 @@ impl State {
             let slope = self.alignment.motion.ins_slope();
             let steady = self.alignment.motion.gnss_spread() < MOTION_MPS;
             if let (Some(slope), true) = (slope, steady) {
-                self.mechanization.turn_platform(&-tilt_of_slope(&slope, config));
+                self.mechanization
+                    .turn_platform(&-tilt_of_slope(&slope, config));
             }
             self.find_heading(self.now.time);
         }
@@ -463,7 +485,8 @@ impl State {
 
     fn take_heading(&mut self, fit: &Fit, config: &Config) {
         self.mechanization.turn_heading(-fit.rotation_rad);
-        self.mechanization.turn_platform(&-tilt_of_slope(&fit.slope_mps2, config));
+        self.mechanization
+            .turn_platform(&-tilt_of_slope(&fit.slope_mps2, config));
         self.start_navigating(self.now.time, 3.0 * fit.sigma_rad + 0.05, config);
     }
 
@@ -514,7 +537,9 @@ impl State {
         now.attitude_s += step.attitude * dt;
         now.turn_rad += interval.angle_rad.z;
         let tilt = dt * (self.controls.rate_radps + step.attitude * self.compensation.gyro_radps);
-        now.control_velocity_mps += step.force_enu_mps.cross(&(now.control_tilt_rad + 0.5 * tilt))
+        now.control_velocity_mps += step
+            .force_enu_mps
+            .cross(&(now.control_tilt_rad + 0.5 * tilt))
             + dt * (self.controls.accel_mps2 - step.attitude * self.compensation.accel_mps2);
         now.control_tilt_rad += tilt;
         self.azimuth_removed_rad -= dt * self.controls.rate_radps.z;
@@ -535,7 +560,8 @@ impl State {
         let noise = config.sensors.gyro_noise * config.sensors.gyro_noise;
         let variance = (noise + SWAY_RADPS * SWAY_RADPS) / block.seconds;
         for axis in 0..3 {
-            self.observer.measure(index::GYRO + axis, component(&bias, axis), variance);
+            self.observer
+                .measure(index::GYRO + axis, component(&bias, axis), variance);
         }
     }
 
@@ -653,17 +679,13 @@ impl State {
         self.mechanization.position.enu_from(gnss) - moved
     }
 
-    fn damp(
-        &mut self,
-        fix: &GnssFix,
-        differences: &Differences,
-        interval_s: f64,
-        config: &Config,
-    ) {
+    fn damp(&mut self, fix: &GnssFix, differences: &Differences, interval_s: f64, config: &Config) {
         let mut differences = *differences;
         let parameters = &self.observer.parameters;
-        let (azimuth, sigma) =
-            (parameters.value(index::AZIMUTH), parameters.sigma(index::AZIMUTH));
+        let (azimuth, sigma) = (
+            parameters.value(index::AZIMUTH),
+            parameters.sigma(index::AZIMUTH),
+        );
         let significant = sigma < AZIMUTH_KNOWN_RAD || math::abs(azimuth) > 3.0 * sigma;
         if config.feedback == Feedback::Closed && significant {
             differences.azimuth_rad = Some(azimuth);
@@ -708,10 +730,18 @@ impl State {
         let known = |i: usize, part: f64| parameters.sigma(i) < part * prior.sigma(i);
         for axis in 0..3 {
             if known(index::GYRO + axis, 0.5) {
-                set(&mut self.compensation.gyro_radps, axis, parameters.value(index::GYRO + axis));
+                set(
+                    &mut self.compensation.gyro_radps,
+                    axis,
+                    parameters.value(index::GYRO + axis),
+                );
             }
             if known(index::ACCEL + axis, 0.5) {
-                set(&mut self.compensation.accel_mps2, axis, parameters.value(index::ACCEL + axis));
+                set(
+                    &mut self.compensation.accel_mps2,
+                    axis,
+                    parameters.value(index::ACCEL + axis),
+                );
             }
         }
         if known(index::LATENCY, 0.2) {
@@ -734,9 +764,11 @@ impl State {
             self.azimuth_settled = true;
         }
         if latency || (azimuth && math::abs(self.azimuth_removed_rad) > AZIMUTH_LINEAR_RAD) {
-            let sigma = self.observer.parameters.sigma.zip_map(&prior.sigma, |now, before| {
-                math::min(3.0 * now, before)
-            });
+            let sigma = self
+                .observer
+                .parameters
+                .sigma
+                .zip_map(&prior.sigma, |now, before| math::min(3.0 * now, before));
             self.observer.relinearize(&sigma);
             self.latency_corrected_s = 0.0;
         }
@@ -791,7 +823,11 @@ fn is_moving(fix: &GnssFix, config: &Config) -> bool {
 fn check_fix(fix: &GnssFix) -> Result<(), GnssOutcome> {
     let velocity = velocity_enu(fix);
     let position = fix.position.unwrap_or_default();
-    let place = Vector3::new(position.latitude_rad, position.longitude_rad, position.height_m);
+    let place = Vector3::new(
+        position.latitude_rad,
+        position.longitude_rad,
+        position.height_m,
+    );
     let sigma = fix.velocity_sigma_mps.unwrap_or_default();
     if !(math::all_finite(&velocity) && math::all_finite(&place) && sigma.is_finite()) {
         return Err(GnssOutcome::NotFinite);
@@ -804,5 +840,9 @@ fn check_fix(fix: &GnssFix) -> Result<(), GnssOutcome> {
         && place.z > -12_000.0
         && place.z < 100_000.0
         && velocity.norm() < 3_000.0;
-    if possible { Ok(()) } else { Err(GnssOutcome::OutOfRange) }
+    if possible {
+        Ok(())
+    } else {
+        Err(GnssOutcome::OutOfRange)
+    }
 }

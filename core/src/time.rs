@@ -42,6 +42,9 @@ impl Time {
     #[must_use]
     pub fn plus_seconds(self, seconds: f64) -> Self {
         // Float-to-integer casts saturate and map NaN to zero.
-        Self::from_micros(self.micros.saturating_add(libm::round(seconds * 1e6) as i64))
+        Self::from_micros(
+            self.micros
+                .saturating_add(libm::round(seconds * 1e6) as i64),
+        )
     }
 }

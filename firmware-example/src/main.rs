@@ -20,13 +20,19 @@ impl Timer for Clock {
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    let Some(mut board) = Board::take() else { unreachable!() };
+    let Some(mut board) = Board::take() else {
+        unreachable!()
+    };
     let mut navigation = Navigation::new();
     let mut decoder = Decoder::new();
     let mut bytes_lost = 0_u32;
     loop {
-        let Some(byte) = board.uart.receive() else { continue };
-        let Some((sequence, request)) = decoder.push(byte) else { continue };
+        let Some(byte) = board.uart.receive() else {
+            continue;
+        };
+        let Some((sequence, request)) = decoder.push(byte) else {
+            continue;
+        };
         bytes_lost = bytes_lost.saturating_add(board.uart.take_lost());
         let reply = match request {
             Request::Hello { session } => {
@@ -37,9 +43,10 @@ fn main() -> ! {
                     clocks_per_tick: board::CLOCKS_PER_TICK,
                 })
             }
-            Request::Start { config, estimates_every } => {
-                Reply::Start(navigation.start(config, estimates_every))
-            }
+            Request::Start {
+                config,
+                estimates_every,
+            } => Reply::Start(navigation.start(config, estimates_every)),
             Request::Imu(sample) => Reply::Imu(navigation.on_imu(&sample, &board.clock)),
             Request::Gnss(fix) => Reply::Gnss(navigation.on_gnss(&fix, &board.clock)),
             Request::Status => Reply::Status(Status {

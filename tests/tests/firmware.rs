@@ -1,8 +1,5 @@
 //! The firmware on emulated processors computes what the host computes, bit for bit.
 
-use std::net::TcpStream;
-use std::time::Duration;
-
 use host_sim::hil::emulator::Pace;
 use host_sim::hil::twin::same_bits;
 use host_sim::hil::{Board, Emulator, HilError, Session, Twin};
@@ -16,8 +13,7 @@ type Failure = Box<dyn std::error::Error>;
 
 /// A board in the emulator with a fresh image.
 struct Bench {
-    session: Session<TcpStream>,
-    _emulator: Emulator,
+    session: Session<Emulator>,
     _log: tempfile::TempDir,
 }
 
@@ -26,19 +22,19 @@ impl Bench {
         let image = image(board, "ins-firmware")?;
         let log = tempfile::tempdir()?;
         let emulator = Emulator::boot(board, &image, Pace::Fast, &log.path().join("defmt.bin"))?;
-        let uart = emulator.uart.try_clone()?;
-        uart.set_read_timeout(Some(Duration::from_secs(20)))?;
         Ok(Self {
-            session: Session::open(uart, 1)?,
-            _emulator: emulator,
+            session: Session::open(emulator, 1)?,
             _log: log,
         })
     }
 }
 
-/// Four minutes of driving: rest, gyrocompassing, navigation with its estimators running.
+/// A drive: a minute of rest for the gyrocompass, then starts and turns with everything running.
 fn every_bit(board: Board) -> Result<(), Failure> {
-    let drive = DriveConfig::new(3, Grade::Hg1700, 4.0);
+    let drive = DriveConfig {
+        initial_rest_s: Some([62.0, 63.0]),
+        ..DriveConfig::new(3, Grade::Hg1700, 2.5)
+    };
     let config = Config {
         imu_output: drive.recording.errors.imu.output,
         ..Config::hg1700()

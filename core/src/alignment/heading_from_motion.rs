@@ -83,7 +83,9 @@ impl MotionSums {
         let correlation = common / math::sqrt(ins_power * gnss_power);
         let rotation_rad = math::atan2(cross, dot);
         let (sin, cos) = math::sin_cos(rotation_rad);
-        let runaway = |k: &Matrix3x2<f64>| Vector2::new(k.m21, k.m22) + 2.0 * self.seconds * Vector2::new(k.m31, k.m32);
+        let runaway = |k: &Matrix3x2<f64>| {
+            Vector2::new(k.m21, k.m22) + 2.0 * self.seconds * Vector2::new(k.m31, k.m32)
+        };
         let u = runaway(&ins);
         let turned = Vector2::new(cos * u.x - sin * u.y, sin * u.x + cos * u.y);
         // Written so that NaN fails.
@@ -98,7 +100,10 @@ impl MotionSums {
     pub fn gnss_spread(&self) -> f64 {
         let count = math::max(self.gram.m11, 1.0);
         let mean = Vector2::new(self.gnss.m11, self.gnss.m12) / count;
-        math::sqrt(math::max(self.gnss_power / count - mean.norm_squared(), 0.0))
+        math::sqrt(math::max(
+            self.gnss_power / count - mean.norm_squared(),
+            0.0,
+        ))
     }
 
     /// Slope of the INS velocity at the window's end, for a vehicle without acceleration, m/s^2.

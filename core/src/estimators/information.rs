@@ -112,7 +112,10 @@ impl<const N: usize> Information<N> {
             }
             value[i] /= l[(i, i)];
         }
-        Some(Solved { value, variance: inverse_diagonal(&l) })
+        Some(Solved {
+            value,
+            variance: inverse_diagonal(&l),
+        })
     }
 
     /// Value and variance of the sum `coefficients . parameters`.

@@ -81,7 +81,12 @@ struct Noise {
 
 impl Noise {
     fn new(sigma: f64) -> Self {
-        Self { variance: sigma * sigma, correlation: 0.0, count: 30.0, last: Vector2::zeros() }
+        Self {
+            variance: sigma * sigma,
+            correlation: 0.0,
+            count: 30.0,
+            last: Vector2::zeros(),
+        }
     }
 
     /// Takes one innovation of `components` (1 or 2) components.
@@ -147,8 +152,16 @@ impl Observer {
             tilt: Vector2::zeros(),
             velocity_by: SMatrix::zeros(),
             tilt_by: SMatrix::zeros(),
-            level: Channel { velocity: 0.0, cross: 0.0, tilt: 0.0 },
-            vertical: Channel { velocity: 0.0, cross: 0.0, tilt: 0.0 },
+            level: Channel {
+                velocity: 0.0,
+                cross: 0.0,
+                tilt: 0.0,
+            },
+            vertical: Channel {
+                velocity: 0.0,
+                cross: 0.0,
+                tilt: 0.0,
+            },
             level_noise: Noise::new(sigma),
             vertical_noise: Noise::new(sigma),
             information: Information::from_prior(&prior.value, &prior.sigma),
@@ -168,8 +181,16 @@ impl Observer {
         self.tilt_by = SMatrix::zeros();
         let tilt = tilt_sigma_rad * tilt_sigma_rad;
         // A metre per second: what a first fix may be wrong by, latency included.
-        self.level = Channel { velocity: 1.0, cross: 0.0, tilt };
-        self.vertical = Channel { velocity: 1.0, cross: 0.0, tilt: 0.0 };
+        self.level = Channel {
+            velocity: 1.0,
+            cross: 0.0,
+            tilt,
+        };
+        self.vertical = Channel {
+            velocity: 1.0,
+            cross: 0.0,
+            tilt: 0.0,
+        };
         self.last = start;
     }
 
@@ -186,7 +207,8 @@ impl Observer {
     /// Takes the azimuth error as known anew.
     pub fn set_azimuth(&mut self, value_rad: f64, sigma_rad: f64) {
         self.parameters.set(index::AZIMUTH, value_rad, sigma_rad);
-        self.information.replace(index::AZIMUTH, value_rad, sigma_rad * sigma_rad);
+        self.information
+            .replace(index::AZIMUTH, value_rad, sigma_rad * sigma_rad);
     }
 
     /// Azimuth error `Phi_UP` at a moment after the horizon, rad, with gyros compensated by
@@ -236,10 +258,16 @@ impl Observer {
         grown.y -= dt * w.z * self.tilt.x;
         grown.z += dt * (w.y * self.tilt.x - w.x * self.tilt.y);
         let mut grown_by = SMatrix::<f64, 3, COUNT>::zeros();
-        grown_by.fixed_view_mut::<3, 3>(0, index::GYRO).copy_from(&-attitude_s);
-        grown_by.fixed_view_mut::<3, 3>(0, index::GYRO_TURN).copy_from(&(-turn * attitude));
-        let (east, north): (RowSVector<f64, COUNT>, RowSVector<f64, COUNT>) =
-            (self.tilt_by.row(0).into_owned(), self.tilt_by.row(1).into_owned());
+        grown_by
+            .fixed_view_mut::<3, 3>(0, index::GYRO)
+            .copy_from(&-attitude_s);
+        grown_by
+            .fixed_view_mut::<3, 3>(0, index::GYRO_TURN)
+            .copy_from(&(-turn * attitude));
+        let (east, north): (RowSVector<f64, COUNT>, RowSVector<f64, COUNT>) = (
+            self.tilt_by.row(0).into_owned(),
+            self.tilt_by.row(1).into_owned(),
+        );
         let mut row = grown_by.row_mut(0);
         row += dt * w.z * north;
         let mut row = grown_by.row_mut(1);
@@ -322,8 +350,7 @@ impl Observer {
     }
 
     fn update(&mut self, past: &Past, difference: &Difference, config: &Config) -> Verdict {
-        let innovation = difference.velocity_mps
-            + difference.latency_applied_s * past.accel_mps2
+        let innovation = difference.velocity_mps + difference.latency_applied_s * past.accel_mps2
             - self.velocity;
         let mut by = self.velocity_by;
         let mut latency = by.column_mut(index::LATENCY);
@@ -357,12 +384,19 @@ impl Observer {
     ) {
         let floor = 0.01 * config.gnss.velocity_sigma_mps * config.gnss.velocity_sigma_mps;
         let predicted = self.level.velocity;
-        let noise = math::max(self.level_noise.variance - predicted, 0.5 * self.level_noise.variance);
+        let noise = math::max(
+            self.level_noise.variance - predicted,
+            0.5 * self.level_noise.variance,
+        );
         let noise = math::max(noise, floor) / weight;
         let row_weight = 1.0 / (predicted + noise);
         for axis in 0..2 {
             let row = by.row(axis).transpose();
-            self.information.add(&row, innovation.get(axis).copied().unwrap_or(0.0), row_weight);
+            self.information.add(
+                &row,
+                innovation.get(axis).copied().unwrap_or(0.0),
+                row_weight,
+            );
         }
         let (gain, tilt_gain) = self.level.update(noise);
         let level = by.fixed_rows::<2>(0);
@@ -393,16 +427,21 @@ impl Observer {
         let weight = math::min(1.0, ROBUST_SIGMAS * sigma / math::max(residual, -residual));
         let floor = 0.01 * config.gnss.velocity_sigma_mps * config.gnss.velocity_sigma_mps;
         let predicted = self.vertical.velocity;
-        let noise =
-            math::max(self.vertical_noise.variance - predicted, 0.5 * self.vertical_noise.variance);
+        let noise = math::max(
+            self.vertical_noise.variance - predicted,
+            0.5 * self.vertical_noise.variance,
+        );
         let noise = math::max(noise, floor) / weight;
         let row = by.row(2).transpose();
-        self.information.add(&row, innovation.z, 1.0 / (predicted + noise));
+        self.information
+            .add(&row, innovation.z, 1.0 / (predicted + noise));
         let (gain, _) = self.vertical.update(noise);
         self.velocity.z += gain * innovation.z;
         let mut rows = self.velocity_by.row_mut(2);
         rows -= gain * by.row(2);
-        let _ = self.vertical_noise.measure(&Vector2::new(residual, 0.0), 1.0);
+        let _ = self
+            .vertical_noise
+            .measure(&Vector2::new(residual, 0.0), 1.0);
     }
 
     /// Solves for the parameters; keeps the last solution if the equations are singular.

@@ -51,12 +51,19 @@ impl Parameters {
 
     /// Three values from `first` on.
     pub fn vector(&self, first: usize) -> Vector3<f64> {
-        Vector3::new(self.value(first), self.value(first + 1), self.value(first + 2))
+        Vector3::new(
+            self.value(first),
+            self.value(first + 1),
+            self.value(first + 2),
+        )
     }
 
     /// Lever arm, right and forward, m.
     pub fn lever_arm(&self) -> Vector2<f64> {
-        Vector2::new(self.value(index::LEVER_ARM), self.value(index::LEVER_ARM + 1))
+        Vector2::new(
+            self.value(index::LEVER_ARM),
+            self.value(index::LEVER_ARM + 1),
+        )
     }
 
     /// Moves one value.

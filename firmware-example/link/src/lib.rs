@@ -10,5 +10,5 @@ mod message;
 
 pub use frame::{Counters, Decoder, EncodeError, MAX_FRAME, Message, VERSION, encode};
 pub use message::{
-    FixReply, Hello, NotStarted, Reply, Request, SampleReply, StartError, Started, Status,
+    Changes, FixReply, Hello, NotStarted, Reply, Request, SampleReply, StartError, Started, Status,
 };

@@ -53,7 +53,10 @@ impl Uart {
         let (producer, received) = queue.split();
         critical_section::with(|cs| RECEIVED.replace(cs, Some(producer)));
         write(BAUD_DIVIDER, DIVIDER);
-        write(CONTROL, CONTROL_TRANSMIT | CONTROL_RECEIVE | CONTROL_RECEIVE_INTERRUPT);
+        write(
+            CONTROL,
+            CONTROL_TRANSMIT | CONTROL_RECEIVE | CONTROL_RECEIVE_INTERRUPT,
+        );
         // SAFETY: what the interrupt uses is in place.
         unsafe {
             nvic.set_priority(ReceiveInterrupt, 0);
@@ -99,7 +102,9 @@ unsafe fn DefaultHandler(_number: i16) {
         write(INTERRUPT_CLEAR, INTERRUPT_RECEIVE);
         if state & STATE_RECEIVE_FULL != 0 {
             let byte = (read(DATA) & 0xff) as u8;
-            let kept = received.as_mut().is_some_and(|queue| queue.enqueue(byte).is_ok());
+            let kept = received
+                .as_mut()
+                .is_some_and(|queue| queue.enqueue(byte).is_ok());
             LOST.fetch_add(u32::from(!kept), Ordering::Relaxed);
         }
     });
