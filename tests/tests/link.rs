@@ -2,7 +2,7 @@
 
 use ins_core::earth::Geodetic;
 use ins_core::{Config, Estimates, GnssFix, ImuSample, Solution, Time};
-use ins_link::{Decoder, MAX_FRAME, Reply, Request, VERSION, encode};
+use ins_link::{Decoder, MAX_FRAME, Receiver, Reply, Request, VERSION, encode};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use proptest::prelude::*;
 
@@ -212,4 +212,35 @@ fn a_new_session_begins_anew_and_an_old_greeting_does_not() {
     assert_eq!(feed(&mut decoder, &frame(1, &Request::Status)).len(), 1);
     assert_eq!(decoder.counters.accepted, 2);
     assert_eq!(decoder.counters.skipped, 0);
+}
+
+#[test]
+fn a_full_queue_counts_what_it_loses_and_the_stream_recovers() {
+    let mut queue = heapless::spsc::Queue::<u8, 257>::new();
+    let (sender, mut consumer) = queue.split();
+    let mut receiver = Receiver::new(sender);
+    let sent = frames(&vec![Request::Status; 100]);
+    let bytes: Vec<u8> = sent.iter().flatten().copied().collect();
+    for byte in &bytes {
+        receiver.on_byte(*byte);
+    }
+    let mut decoder = Decoder::new();
+    let got = std::iter::from_fn(|| consumer.dequeue())
+        .filter_map(|byte| decoder.push::<Request>(byte))
+        .count();
+    assert_eq!(receiver.take_lost() as usize, bytes.len() - 256);
+    assert_eq!(receiver.take_lost(), 0);
+    // The frame that the full queue cut spoils one more.
+    for (sequence, expected) in [(100, 0), (101, 1)] {
+        for byte in encode(sequence, &Request::Status).unwrap() {
+            receiver.on_byte(byte);
+        }
+        let out = std::iter::from_fn(|| consumer.dequeue())
+            .filter_map(|byte| decoder.push::<Request>(byte));
+        assert_eq!(out.count(), expected);
+    }
+    let counters = decoder.counters;
+    assert_eq!(counters.accepted as usize, got + 1);
+    assert_eq!(counters.accepted + counters.skipped, 102);
+    assert_eq!(counters.corrupt, 1);
 }

@@ -192,8 +192,8 @@ pub struct Status {
     pub link: Counters,
     /// Bytes that found the receive queue full or overran the UART.
     pub bytes_lost: u32,
-    /// Deepest stack since reset, bytes.
+    /// Deepest stack since the last status, bytes.
     pub stack_bytes: u32,
-    /// Stack in use when the core is called, bytes.
+    /// Stack in use when the core was called last, bytes.
     pub stack_at_call_bytes: u32,
 }
