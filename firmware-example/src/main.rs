@@ -8,26 +8,46 @@
 mod board;
 mod navigation;
 
+use core::cell::Cell;
+
 use board::{Board, Clock, Uart};
 use ins_link::{Decoder, Hello, Reply, Request, Status};
 use navigation::{Navigation, Timer};
 
-impl Timer for Clock {
+/// Looks at a call from outside: what time it takes, and how much stack is in use at its beginning.
+struct Gauge {
+    clock: Clock,
+    stack_bytes: Cell<u32>,
+}
+
+impl Timer for Gauge {
     fn time<T>(&self, work: impl FnOnce() -> T) -> (T, u32) {
-        Self::time(self, work)
+        self.stack_bytes.set(board::stack_bytes());
+        self.clock.time(work)
     }
 }
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    let Some(mut board) = Board::take() else { unreachable!() };
-    let mut navigation = Navigation::new();
-    let mut decoder = Decoder::new();
+    // In static memory, so that the stack holds calls only.
+    let (Some(Board { mut uart, clock }), Some(navigation), Some(decoder)) = (
+        Board::take(),
+        cortex_m::singleton!(: Navigation = Navigation::new()),
+        cortex_m::singleton!(: Decoder = Decoder::new()),
+    ) else {
+        unreachable!("this is the only caller")
+    };
+    let gauge = Gauge {
+        clock,
+        stack_bytes: Cell::new(0),
+    };
     let mut bytes_lost = 0_u32;
     loop {
-        let Some(byte) = board.uart.receive() else { continue };
-        let Some((sequence, request)) = decoder.push(byte) else { continue };
-        bytes_lost = bytes_lost.saturating_add(board.uart.take_lost());
+        let Some(byte) = uart.receive() else { continue };
+        let Some((sequence, request)) = decoder.push(byte) else {
+            continue;
+        };
+        bytes_lost = bytes_lost.saturating_add(uart.take_lost());
         let reply = match request {
             Request::Hello { session } => {
                 bytes_lost = 0;
@@ -37,19 +57,20 @@ fn main() -> ! {
                     clocks_per_tick: board::CLOCKS_PER_TICK,
                 })
             }
-            Request::Start { config, estimates_every } => {
-                Reply::Start(navigation.start(config, estimates_every))
-            }
-            Request::Imu(sample) => Reply::Imu(navigation.on_imu(&sample, &board.clock)),
-            Request::Gnss(fix) => Reply::Gnss(navigation.on_gnss(&fix, &board.clock)),
+            Request::Start {
+                config,
+                estimates_every,
+            } => Reply::Start(navigation.start(config, estimates_every)),
+            Request::Imu(sample) => Reply::Imu(navigation.on_imu(&sample, &gauge)),
+            Request::Gnss(fix) => Reply::Gnss(navigation.on_gnss(&fix, &gauge)),
             Request::Status => Reply::Status(Status {
                 link: decoder.counters,
                 bytes_lost,
-                stack_bytes: board::deepest_stack_bytes(),
-                stack_at_call_bytes: board::stack_bytes(),
+                stack_bytes: board::take_deepest_stack_bytes(),
+                stack_at_call_bytes: gauge.stack_bytes.get(),
             }),
         };
-        send(&mut board.uart, sequence, &reply);
+        send(&mut uart, sequence, &reply);
     }
 }
 

@@ -4,7 +4,7 @@ use core::fmt::Write as _;
 
 use ins_core::manoeuvre::Manoeuvre;
 use ins_core::{Estimates, GnssOutcome, Navigator, Observability, Phase};
-use ins_link::{FixReply, NotStarted, SampleReply, StartError, Started};
+use ins_link::{Changes, FixReply, NotStarted, SampleReply, StartError, Started};
 
 /// Measures how long its argument takes.
 pub trait Timer {
@@ -18,8 +18,7 @@ pub struct Navigation {
 
 struct Running {
     navigator: Navigator,
-    estimates_every: u32,
-    samples: u32,
+    changes: Changes,
     log: Log,
 }
 
@@ -40,9 +39,14 @@ impl Navigation {
             let _ = text.write_str(error.0);
             StartError(text)
         })?;
-        self.running =
-            Some(Running { navigator, estimates_every, samples: 0, log: Log::default() });
-        Ok(Started { state_bytes: size_of::<Navigator>() as u32 })
+        self.running = Some(Running {
+            navigator,
+            changes: Changes::new(estimates_every),
+            log: Log::default(),
+        });
+        Ok(Started {
+            state_bytes: size_of::<Navigator>() as u32,
+        })
     }
 
     /// An inertial sample.
@@ -54,9 +58,7 @@ impl Navigation {
         let running = self.running.as_mut().ok_or(NotStarted)?;
         let navigator = &mut running.navigator;
         let (outcome, ticks) = timer.time(|| navigator.on_imu(sample));
-        running.samples = running.samples.wrapping_add(1);
-        let wanted = running.samples.checked_rem(running.estimates_every) == Some(0);
-        let reply = SampleReply::of(navigator, outcome, wanted, ticks);
+        let reply = SampleReply::of(navigator, outcome, &mut running.changes, ticks);
         running.log.on_sample(&reply);
         Ok(reply)
     }
@@ -122,7 +124,12 @@ impl Log {
             let now = u16::from(estimate.observability == Observability::Observable) << bit;
             observable |= now;
             if now & !self.observable != 0 {
-                defmt::info!("observable: {=str} {} +- {}", name, estimate.value, estimate.sigma);
+                defmt::info!(
+                    "observable: {=str} {} +- {}",
+                    name,
+                    estimate.value,
+                    estimate.sigma
+                );
             }
         }
         self.observable = observable;

@@ -38,7 +38,12 @@ pub struct EncodeError;
 /// If it does not fit into [`MAX_FRAME`]; no message of this crate is so long.
 pub fn encode<M: Message>(sequence: u32, message: &M) -> Result<Vec<u8, MAX_FRAME>, EncodeError> {
     let mut content = [0; MAX_CONTENT];
-    let content = Content { version: VERSION, sequence, message }.write(&mut content)?;
+    let content = Content {
+        version: VERSION,
+        sequence,
+        message,
+    }
+    .write(&mut content)?;
     let mut frame = Vec::new();
     frame.resize_default(MAX_FRAME).map_err(|_| EncodeError)?;
     let length = cobs::try_encode(content, &mut frame).map_err(|_| EncodeError)?;
@@ -49,7 +54,9 @@ pub fn encode<M: Message>(sequence: u32, message: &M) -> Result<Vec<u8, MAX_FRAM
 
 impl<M: Message> Content<&M> {
     fn write<'b>(&self, buffer: &'b mut [u8]) -> Result<&'b [u8], EncodeError> {
-        let length = postcard::to_slice(self, buffer).map_err(|_| EncodeError)?.len();
+        let length = postcard::to_slice(self, buffer)
+            .map_err(|_| EncodeError)?
+            .len();
         let (written, rest) = buffer.split_at_mut_checked(length).ok_or(EncodeError)?;
         let room = rest.get_mut(..CRC_BYTES).ok_or(EncodeError)?;
         room.copy_from_slice(&CRC.checksum(written).to_le_bytes());
@@ -134,8 +141,12 @@ impl Decoder {
             count(&mut self.counters.other_version);
             return None;
         }
-        let Ok((Content { sequence, message, .. }, [])) =
-            postcard::take_from_bytes::<Content<M>>(content)
+        let Ok((
+            Content {
+                sequence, message, ..
+            },
+            [],
+        )) = postcard::take_from_bytes::<Content<M>>(content)
         else {
             count(&mut self.counters.malformed);
             return None;

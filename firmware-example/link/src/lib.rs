@@ -7,8 +7,10 @@
 
 mod frame;
 mod message;
+mod receive;
 
 pub use frame::{Counters, Decoder, EncodeError, MAX_FRAME, Message, VERSION, encode};
 pub use message::{
-    FixReply, Hello, NotStarted, Reply, Request, SampleReply, StartError, Started, Status,
+    Changes, FixReply, Hello, NotStarted, Reply, Request, SampleReply, StartError, Started, Status,
 };
+pub use receive::Receiver;

@@ -22,7 +22,7 @@ pub enum Request {
     Start {
         /// Its configuration.
         config: Config,
-        /// Estimates are sent with every so many inertial samples; 0: never.
+        /// After every so many inertial samples, estimates are sent if they have changed; 0: never.
         estimates_every: u32,
     },
     /// An inertial sample.
@@ -35,7 +35,11 @@ pub enum Request {
 
 impl Message for Request {
     fn session(&self) -> Option<u32> {
-        if let Self::Hello { session } = self { Some(*session) } else { None }
+        if let Self::Hello { session } = self {
+            Some(*session)
+        } else {
+            None
+        }
     }
 }
 
@@ -57,7 +61,11 @@ pub enum Reply {
 
 impl Message for Reply {
     fn session(&self) -> Option<u32> {
-        if let Self::Hello(hello) = self { Some(hello.session) } else { None }
+        if let Self::Hello(hello) = self {
+            Some(hello.session)
+        } else {
+            None
+        }
     }
 }
 
@@ -98,7 +106,7 @@ pub struct SampleReply {
     pub manoeuvre: Manoeuvre,
     /// The solution, once there is one.
     pub solution: Option<Solution>,
-    /// The estimates, as often as asked for.
+    /// The estimates, if they have changed.
     pub estimates: Option<Estimates>,
     /// Time that the core took.
     pub ticks: u32,
@@ -106,15 +114,52 @@ pub struct SampleReply {
 
 impl SampleReply {
     /// What `navigator` has to say after a sample.
-    pub fn of(navigator: &Navigator, outcome: ImuOutcome, estimates: bool, ticks: u32) -> Self {
+    pub fn of(
+        navigator: &Navigator,
+        outcome: ImuOutcome,
+        changes: &mut Changes,
+        ticks: u32,
+    ) -> Self {
         Self {
             outcome,
             phase: navigator.phase(),
             manoeuvre: navigator.manoeuvre(),
             solution: navigator.solution(),
-            estimates: estimates.then(|| navigator.estimates()),
+            estimates: changes.after_sample(navigator),
             ticks,
         }
+    }
+}
+
+/// Sees when the estimates have changed: that is once or so a second, and they are long.
+#[derive(Clone, Debug)]
+pub struct Changes {
+    every: u32,
+    samples: u32,
+    last: Option<Estimates>,
+}
+
+impl Changes {
+    /// Looks after every so many samples; 0: never.
+    pub const fn new(every: u32) -> Self {
+        Self {
+            every,
+            samples: 0,
+            last: None,
+        }
+    }
+
+    fn after_sample(&mut self, navigator: &Navigator) -> Option<Estimates> {
+        self.samples = self.samples.wrapping_add(1);
+        if self.samples.checked_rem(self.every) != Some(0) {
+            return None;
+        }
+        let now = Some(navigator.estimates());
+        if now == self.last {
+            return None;
+        }
+        self.last = now;
+        now
     }
 }
 
@@ -132,7 +177,11 @@ pub struct FixReply {
 impl FixReply {
     /// What `navigator` has to say after a fix.
     pub fn of(navigator: &Navigator, outcome: GnssOutcome, ticks: u32) -> Self {
-        Self { outcome, signals: navigator.damping_signals(), ticks }
+        Self {
+            outcome,
+            signals: navigator.damping_signals(),
+            ticks,
+        }
     }
 }
 
@@ -143,8 +192,8 @@ pub struct Status {
     pub link: Counters,
     /// Bytes that found the receive queue full or overran the UART.
     pub bytes_lost: u32,
-    /// Deepest stack since reset, bytes.
+    /// Deepest stack since the last status, bytes.
     pub stack_bytes: u32,
-    /// Stack in use when the core is called, bytes.
+    /// Stack in use when the core was called last, bytes.
     pub stack_at_call_bytes: u32,
 }

@@ -5,7 +5,11 @@ use cortex_m::peripheral::{DCB, DWT, SYST};
 
 /// The emulator has no cycle counter. With `-icount shift=3`, an instruction takes 8 ns of its time
 /// and the system tick counts 40 ns: a tick is 5 instructions.
-pub const CLOCKS_PER_TICK: u32 = if cfg!(feature = "cycle-counter") { 1 } else { 5 };
+pub const CLOCKS_PER_TICK: u32 = if cfg!(feature = "cycle-counter") {
+    1
+} else {
+    5
+};
 
 const SYST_BITS: u32 = 0x00ff_ffff;
 

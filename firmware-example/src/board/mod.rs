@@ -8,7 +8,7 @@ mod stack;
 mod uart;
 
 pub use clock::{CLOCKS_PER_TICK, Clock};
-pub use stack::{deepest_bytes as deepest_stack_bytes, now_bytes as stack_bytes};
+pub use stack::{take_deepest_bytes as take_deepest_stack_bytes, used_bytes as stack_bytes};
 pub use uart::{QUEUE_BYTES, Uart};
 
 /// What the board offers.

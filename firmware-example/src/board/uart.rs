@@ -2,13 +2,13 @@
 #![allow(unsafe_code, reason = "device registers and the interrupt")]
 
 use core::cell::RefCell;
-use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m::interrupt::InterruptNumber;
 use cortex_m::peripheral::NVIC;
 use cortex_m_rt::exception;
 use critical_section::Mutex;
-use heapless::spsc::{Consumer, Producer, Queue};
+use heapless::spsc::{Consumer, Queue};
+use ins_link::Receiver;
 
 /// Bytes that can wait for the main loop.
 pub const QUEUE_BYTES: usize = 2048;
@@ -30,8 +30,7 @@ const INTERRUPT_RECEIVE: u32 = 1 << 1;
 /// samples a second need half of it.
 const DIVIDER: u32 = 27;
 
-static LOST: AtomicU32 = AtomicU32::new(0);
-static RECEIVED: Mutex<RefCell<Option<Producer<'static, u8>>>> = Mutex::new(RefCell::new(None));
+static RECEIVER: Mutex<RefCell<Option<Receiver<'static>>>> = Mutex::new(RefCell::new(None));
 
 #[derive(Clone, Copy)]
 struct ReceiveInterrupt;
@@ -51,9 +50,12 @@ impl Uart {
     pub fn new(nvic: &mut NVIC) -> Option<Self> {
         let queue = cortex_m::singleton!(: Queue<u8, { QUEUE_BYTES + 1 }> = Queue::new())?;
         let (producer, received) = queue.split();
-        critical_section::with(|cs| RECEIVED.replace(cs, Some(producer)));
+        critical_section::with(|cs| RECEIVER.replace(cs, Some(Receiver::new(producer))));
         write(BAUD_DIVIDER, DIVIDER);
-        write(CONTROL, CONTROL_TRANSMIT | CONTROL_RECEIVE | CONTROL_RECEIVE_INTERRUPT);
+        write(
+            CONTROL,
+            CONTROL_TRANSMIT | CONTROL_RECEIVE | CONTROL_RECEIVE_INTERRUPT,
+        );
         // SAFETY: what the interrupt uses is in place.
         unsafe {
             nvic.set_priority(ReceiveInterrupt, 0);
@@ -82,7 +84,12 @@ impl Uart {
 
     /// Bytes that came and found no room, since the last call.
     pub fn take_lost(&mut self) -> u32 {
-        LOST.swap(0, Ordering::Relaxed)
+        critical_section::with(|cs| {
+            RECEIVER
+                .borrow_ref_mut(cs)
+                .as_mut()
+                .map_or(0, Receiver::take_lost)
+        })
     }
 }
 
@@ -90,17 +97,18 @@ impl Uart {
 #[exception]
 unsafe fn DefaultHandler(_number: i16) {
     critical_section::with(|cs| {
-        let mut received = RECEIVED.borrow_ref_mut(cs);
+        let mut receiver = RECEIVER.borrow_ref_mut(cs);
+        let Some(receiver) = receiver.as_mut() else {
+            return;
+        };
         let state = read(STATE);
         if state & STATE_RECEIVE_OVERRUN != 0 {
             write(STATE, STATE_RECEIVE_OVERRUN);
-            LOST.fetch_add(1, Ordering::Relaxed);
+            receiver.on_overrun();
         }
         write(INTERRUPT_CLEAR, INTERRUPT_RECEIVE);
         if state & STATE_RECEIVE_FULL != 0 {
-            let byte = (read(DATA) & 0xff) as u8;
-            let kept = received.as_mut().is_some_and(|queue| queue.enqueue(byte).is_ok());
-            LOST.fetch_add(u32::from(!kept), Ordering::Relaxed);
+            receiver.on_byte((read(DATA) & 0xff) as u8);
         }
     });
 }

@@ -1,6 +1,6 @@
 //! A board emulated by QEMU, its UART on a loopback socket.
 
-use std::io;
+use std::io::{self, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -42,12 +42,14 @@ pub enum Pace {
     Counting,
 }
 
+/// Longest that an answer may take, on a busy computer.
+const SILENCE: Duration = Duration::from_secs(20);
+
 /// A running QEMU; it ends with this value.
 #[derive(Debug)]
 pub struct Emulator {
     process: Child,
-    /// The board's UART.
-    pub uart: TcpStream,
+    uart: TcpStream,
 }
 
 impl Emulator {
@@ -66,7 +68,7 @@ impl Emulator {
                 "none",
             ])
             .arg("-serial")
-            .arg(format!("tcp:127.0.0.1:{port},nodelay=on"))
+            .arg(format!("tcp:127.0.0.1:{port}"))
             .arg("-chardev")
             // A comma in a file name is written twice.
             .arg(format!(
@@ -103,12 +105,13 @@ impl Emulator {
 /// Waits for QEMU's call, but not if it has died.
 fn accept(listener: &TcpListener, process: &mut Child) -> io::Result<TcpStream> {
     listener.set_nonblocking(true)?;
-    let deadline = Instant::now() + Duration::from_secs(20);
+    let deadline = Instant::now() + SILENCE;
     loop {
         match listener.accept() {
             Ok((uart, _)) => {
                 uart.set_nonblocking(false)?;
                 uart.set_nodelay(true)?;
+                uart.set_read_timeout(Some(SILENCE))?;
                 return Ok(uart);
             }
             Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
@@ -126,6 +129,26 @@ fn accept(listener: &TcpListener, process: &mut Child) -> io::Result<TcpStream> 
             ));
         }
         std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// The board's UART.
+impl Read for Emulator {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        // QEMU hands over byte by byte; some are let gather, or every byte costs two switches
+        // between processes.
+        std::thread::sleep(Duration::from_micros(300));
+        self.uart.read(buffer)
+    }
+}
+
+impl Write for Emulator {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.uart.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.uart.flush()
     }
 }
 

@@ -2,14 +2,13 @@
 
 use ins_core::Navigator;
 use ins_core::navigator::ConfigError;
-use ins_link::{FixReply, Reply, Request, SampleReply};
+use ins_link::{Changes, FixReply, Reply, Request, SampleReply};
 
 /// A navigator on the host that answers as the firmware does.
 #[derive(Clone, Debug)]
 pub struct Twin {
     navigator: Navigator,
-    estimates_every: u32,
-    samples: u32,
+    changes: Changes,
 }
 
 impl Twin {
@@ -17,8 +16,7 @@ impl Twin {
     pub fn start(config: ins_core::Config, estimates_every: u32) -> Result<Self, ConfigError> {
         Ok(Self {
             navigator: Navigator::new(config)?,
-            estimates_every,
-            samples: 0,
+            changes: Changes::new(estimates_every),
         })
     }
 
@@ -28,12 +26,10 @@ impl Twin {
         match request {
             Request::Imu(sample) => {
                 let outcome = self.navigator.on_imu(sample);
-                self.samples = self.samples.wrapping_add(1);
-                let wanted = self.samples.checked_rem(self.estimates_every) == Some(0);
                 Some(Reply::Imu(Ok(SampleReply::of(
                     &self.navigator,
                     outcome,
-                    wanted,
+                    &mut self.changes,
                     0,
                 ))))
             }
