@@ -3,6 +3,7 @@
 use heapless::Deque;
 use nalgebra::{Matrix3, Vector3};
 
+use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::time::Time;
 
 /// Least time between two moments in the ring, s.
@@ -66,7 +67,7 @@ impl Moment {
 pub struct Past {
     /// The moment itself.
     pub moment: Moment,
-    /// Acceleration of the INS, ENU, m/s^2.
+    /// Acceleration of the vehicle as the accelerometers feel it, ENU, m/s^2.
     pub accel_mps2: Vector3<f64>,
     /// Rate of change of `C_B^L`, 1/s.
     pub attitude_rate: Matrix3<f64>,
@@ -134,8 +135,10 @@ fn past(earlier: &Moment, later: &Moment, last: &Moment, time: Time) -> Past {
     let span = later.time.seconds_since(earlier.time);
     let next_span = last.time.seconds_since(later.time);
     let part = time.seconds_since(earlier.time) / span;
-    let slope = (later.velocity_mps - earlier.velocity_mps) / span;
-    let next_slope = (last.velocity_mps - later.velocity_mps) / next_span;
+    // From specific force: the velocity itself also follows the noise of GNSS, by its controls.
+    let gravity = Vector3::new(0.0, 0.0, GRAVITY_EQUATOR_MPS2);
+    let slope = (later.force_mps - earlier.force_mps) / span - gravity;
+    let next_slope = (last.force_mps - later.force_mps) / next_span - gravity;
     let attitude = (later.attitude_s - earlier.attitude_s) / span;
     let next_attitude = (last.attitude_s - later.attitude_s) / next_span;
     let curvature = (next_slope - slope) / (0.5 * (span + next_span));
