@@ -124,8 +124,8 @@ pub fn run(cli: &Cli) -> Result<()> {
                 GradeChoice::Hg1700 => Some(Grade::Hg1700),
                 GradeChoice::Mems => Some(Grade::Mems),
             };
-            let summary = identify_log(&options.log, &options.out, grade, cli.force)?;
-            print_summary(&summary, None, &options.out, cli.json)
+            let (summary, truth) = identify_log(&options.log, &options.out, grade, cli.force)?;
+            print_summary(&summary, truth.as_ref(), &options.out, cli.json)
         }
         Command::Demo { out, drive } => demo(out, *drive, cli),
     }
@@ -136,9 +136,9 @@ fn demo(out: &Path, drive: DriveOptions, cli: &Cli) -> Result<()> {
     // Both before either, so that nothing is simulated in vain.
     output::check_free(&log, truth::FILE, cli.force)?;
     output::check_free(&results, SUMMARY, cli.force)?;
-    let truth = write_drive(&log, drive, cli.force)?;
-    let summary = identify_log(&log, &results, None, cli.force)?;
-    print_summary(&summary, Some(&truth), &results, cli.json)
+    write_drive(&log, drive, cli.force)?;
+    let (summary, truth) = identify_log(&log, &results, None, cli.force)?;
+    print_summary(&summary, truth.as_ref(), &results, cli.json)
 }
 
 // --- drive ---
@@ -204,7 +204,12 @@ fn print_drive(out: &Path, truth: &Truth, json: bool) -> Result<()> {
 
 // --- identify ---
 
-fn identify_log(folder: &Path, out: &Path, grade: Option<Grade>, force: bool) -> Result<Summary> {
+fn identify_log(
+    folder: &Path,
+    out: &Path,
+    grade: Option<Grade>,
+    force: bool,
+) -> Result<(Summary, Option<Truth>)> {
     output::check_free(out, SUMMARY, force)?;
     refuse_same(folder, out)?;
     let progress = bar();
@@ -226,7 +231,7 @@ fn identify_log(folder: &Path, out: &Path, grade: Option<Grade>, force: bool) ->
         truth: truth.as_ref(),
     };
     output::build(out, SUMMARY, force, |folder| results.write(folder))?;
-    Ok(summary)
+    Ok((summary, truth))
 }
 
 /// The log's folder must not become the results' one.
@@ -308,14 +313,19 @@ fn print_summary(summary: &Summary, truth: Option<&Truth>, out: &Path, json: boo
         let estimate = if quantity.observable() {
             report::with_sigma(&quantity)
         } else {
-            quantity.observability.why().to_owned()
+            "not observable".to_owned()
+        };
+        let why = if quantity.observable() {
+            ""
+        } else {
+            quantity.observability.why()
         };
         let number = |value: Option<f64>| value.map_or(String::new(), |v| format!("{v:.3}"));
         let error = truth
             .filter(|_| quantity.observable())
             .map(|truth| quantity.value - truth);
         println!(
-            "{name:<20}{estimate:>24}{:>12}{:>12}",
+            "{name:<20}{estimate:>24}{:>12}{:>12}  {why}",
             number(truth),
             number(error)
         );

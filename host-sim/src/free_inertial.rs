@@ -78,7 +78,12 @@ pub fn corrected(log: &Log, found: &Estimates) -> Log {
 }
 
 /// Loops slow enough that the noise of GNSS does not tilt the platform at a window's start.
+///
+/// Only for gyros that keep their bias: a drift tilts the platform the more, the slower the loops.
 pub fn slow(config: Config) -> Config {
+    if config.sensors.gyro_bias_walk > 0.0 {
+        return config;
+    }
     Config {
         damping: DampingConfig {
             horizontal: SecondOrder {
@@ -108,7 +113,7 @@ fn vector(v: &[Estimate; 3]) -> Vector3<f64> {
 /// Runs every window twice; `None` if the log has no minute of navigation.
 ///
 /// A window starts from the navigator's solution of its moment, in a run over the [`corrected`]
-/// log with [`slow`] loops, whose once-a-second history is `starts`.
+/// log with loops as [`slow`] has them, whose once-a-second history is `starts`.
 pub fn check(log: &Log, starts: &[Row], found: &Estimates) -> Option<VelocityError> {
     let estimated = Correction {
         gyro_radps: vector(&found.gyro_bias_radps),

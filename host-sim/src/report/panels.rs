@@ -155,9 +155,9 @@ pub(super) fn damping(found: &Identification) -> Vec<Panel> {
         ),
     ];
     vec![
-        signal("Into the velocity block, f^C", "m/s\u{b2}", found, force),
-        signal("Into the attitude block, \u{3c9}^C", "deg/h", found, rates),
-        signal("Velocity, INS minus GNSS", "m/s", found, difference),
+        signal("Into the velocity block, f^C", "m/s\u{b2}", found, &force),
+        signal("Into the attitude block, \u{3c9}^C", "deg/h", found, &rates),
+        signal("Velocity, INS minus GNSS", "m/s", found, &difference),
     ]
 }
 
@@ -165,7 +165,7 @@ fn signal<const N: usize>(
     title: &str,
     unit: &str,
     found: &Identification,
-    series: [Series; N],
+    series: &[Series; N],
 ) -> Panel {
     let keys = series
         .iter()
