@@ -1,1 +1,3 @@
 //! Host side of the inertial-navigation core: simulation, logs, identification, reports.
+
+pub mod aircraft;
