@@ -1,3 +1,4 @@
 //! Host side of the inertial-navigation core: simulation, logs, identification, reports.
 
 pub mod aircraft;
+pub mod sim;

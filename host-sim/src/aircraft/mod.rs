@@ -3,12 +3,18 @@
 
 pub mod aerodynamics;
 pub mod atmosphere;
+pub mod autopilot;
 pub mod dynamics;
+pub mod flight;
 pub mod modes;
 pub mod parameters;
 pub mod performance;
+pub mod plan;
 pub mod propulsion;
+pub mod trajectory;
 pub mod trim;
+pub mod vibration;
+pub mod wind;
 
 use parameters::Parameters;
 
