@@ -1,0 +1,292 @@
+//! A car and its driver.
+//!
+//! Speed and heading are smooth functions of time, grade of the distance travelled, so that every
+//! derivative is exact. A standing car stands still.
+
+use ins_core::attitude::{Euler, from_euler};
+use nalgebra::Vector3;
+
+use super::motion::{Kinematics, Motion};
+use super::noise::Random;
+use super::profile::Profile;
+
+/// How the car leans: nose up while it gains speed, outwards in a turn. Typical of a family car
+/// (1.5 and 4 degrees per g).
+const PITCH_RAD_PER_MPS2: f64 = 0.0027;
+const ROLL_RAD_PER_MPS2: f64 = 0.007;
+
+/// Bounds between which the driver chooses.
+mod habits {
+    pub const ACCELERATION_MPS2: [f64; 2] = [1.5, 2.5];
+    pub const PEDAL_S: [f64; 2] = [0.8, 1.4];
+    pub const CRUISE_MPS: [f64; 2] = [9.0, 20.0];
+    pub const FAST_MPS: [f64; 2] = [20.0, 25.0];
+    pub const CRUISE_S: [f64; 2] = [6.0, 25.0];
+    pub const STOP_S: [f64; 2] = [5.0, 25.0];
+    pub const CORNER_MPS: [f64; 2] = [5.0, 9.0];
+    pub const U_TURN_MPS: [f64; 2] = [4.0, 6.0];
+    pub const CORNER_MPS2: [f64; 2] = [1.5, 3.0];
+    pub const BEND_MPS2: [f64; 2] = [0.4, 1.5];
+    pub const BEND_RAD: [f64; 2] = [0.05, 0.5];
+    pub const STEERING_S: [f64; 2] = [1.0, 1.6];
+    /// How long before the end of one manoeuvre the next begins.
+    pub const OVERLAP_S: f64 = 0.4;
+    pub const GRADE_RAD: [f64; 2] = [-0.04, 0.04];
+    pub const GRADE_PER_M: f64 = 8e-4;
+    pub const GRADE_ROUNDING_M: [f64; 2] = [40.0, 100.0];
+    pub const SLOPE_LENGTH_M: [f64; 2] = [100.0, 500.0];
+}
+
+/// A car on its way.
+#[derive(Clone, Debug)]
+pub struct Car {
+    speed: Profile,
+    heading: Profile,
+    grade: Profile,
+}
+
+impl Car {
+    /// A drive of at least `duration_s`, chosen by `seed`; it begins at rest for a time within
+    /// the bounds given, or in motion.
+    pub fn new(seed: u64, duration_s: f64, initial_rest_s: Option<[f64; 2]>) -> Self {
+        let mut driver = Driver::new(seed, initial_rest_s);
+        while driver.now_s < duration_s {
+            driver.leg();
+        }
+        let mut car = Self {
+            speed: driver.speed,
+            heading: driver.heading,
+            grade: Profile::new(0.0),
+        };
+        let length_m = car.speed.at(duration_s).integral;
+        car.grade = road(seed, length_m);
+        car
+    }
+}
+
+impl Motion for Car {
+    fn kinematics(&mut self, time_s: f64) -> Kinematics {
+        let along = self.speed.at(time_s);
+        let heading = self.heading.at(time_s);
+        let grade = self.grade.at(along.integral);
+
+        let (speed, acceleration, jerk) = (along.value, along.slope, along.curvature);
+        let grade_rate = grade.slope * speed;
+        let (sin_h, cos_h) = libm::sincos(heading.value);
+        let (sin_g, cos_g) = libm::sincos(grade.value);
+        let forward = Vector3::new(cos_g * sin_h, cos_g * cos_h, sin_g);
+        let forward_rate = Vector3::new(
+            cos_g * cos_h * heading.slope - sin_g * sin_h * grade_rate,
+            -cos_g * sin_h * heading.slope - sin_g * cos_h * grade_rate,
+            cos_g * grade_rate,
+        );
+
+        let lateral = speed * heading.slope;
+        let lateral_rate = acceleration * heading.slope + speed * heading.curvature;
+        let angles = Euler {
+            roll_rad: -ROLL_RAD_PER_MPS2 * lateral,
+            pitch_rad: grade.value + PITCH_RAD_PER_MPS2 * acceleration,
+            heading_rad: heading.value,
+        };
+        let rates = Euler {
+            roll_rad: -ROLL_RAD_PER_MPS2 * lateral_rate,
+            pitch_rad: grade_rate + PITCH_RAD_PER_MPS2 * jerk,
+            heading_rad: heading.slope,
+        };
+        Kinematics {
+            velocity_enu_mps: speed * forward,
+            acceleration_enu_mps2: acceleration * forward + speed * forward_rate,
+            attitude: from_euler(&angles),
+            angular_rate_lb_b_radps: body_rate(&angles, &rates),
+        }
+    }
+}
+
+/// Angular rate in body axes from the rates of roll, pitch and heading.
+fn body_rate(angles: &Euler, rates: &Euler) -> Vector3<f64> {
+    let (sin_p, cos_p) = libm::sincos(angles.pitch_rad);
+    let (sin_r, cos_r) = libm::sincos(angles.roll_rad);
+    let turn = rates.heading_rad * cos_p;
+    Vector3::new(
+        cos_r * rates.pitch_rad + sin_r * turn,
+        rates.roll_rad - rates.heading_rad * sin_p,
+        sin_r * rates.pitch_rad - cos_r * turn,
+    )
+}
+
+/// Grade along a road of some length.
+fn road(seed: u64, length_m: f64) -> Profile {
+    let mut random = Random::stream(seed, "road");
+    let mut profile = Profile::new(random.uniform(habits::GRADE_RAD));
+    let mut at_m = 0.0;
+    while at_m < length_m {
+        at_m += random.uniform(habits::SLOPE_LENGTH_M);
+        let grade = random.uniform(habits::GRADE_RAD);
+        let rounding_m = random.uniform(habits::GRADE_ROUNDING_M);
+        at_m = profile.step_to(grade, at_m, habits::GRADE_PER_M, rounding_m);
+    }
+    profile
+}
+
+/// Plans the drive, manoeuvre after manoeuvre.
+struct Driver {
+    random: Random,
+    speed: Profile,
+    heading: Profile,
+    now_s: f64,
+}
+
+impl Driver {
+    fn new(seed: u64, initial_rest_s: Option<[f64; 2]>) -> Self {
+        let mut random = Random::stream(seed, "driver");
+        let heading = Profile::new(core::f64::consts::PI * random.uniform([-1.0, 1.0]));
+        let speed_mps = if initial_rest_s.is_some() {
+            0.0
+        } else {
+            random.uniform(habits::CRUISE_MPS)
+        };
+        let now_s = random.uniform(initial_rest_s.unwrap_or(habits::CRUISE_S));
+        Self {
+            random,
+            speed: Profile::new(speed_mps),
+            heading,
+            now_s,
+        }
+    }
+
+    /// Gain speed, cruise, then stop, turn, or change speed.
+    fn leg(&mut self) {
+        let fast = self.random.chance(0.1);
+        let cruise = self.random.uniform(if fast {
+            habits::FAST_MPS
+        } else {
+            habits::CRUISE_MPS
+        });
+        self.change_speed(cruise);
+        self.cruise();
+        let choice = self.random.unit();
+        if choice < 0.4 {
+            self.change_speed(0.0);
+            self.now_s += self.random.uniform(habits::STOP_S);
+        } else if choice < 0.9 {
+            let u_turn = choice < 0.55;
+            let (speeds, degrees) = if u_turn {
+                (habits::U_TURN_MPS, 180.0_f64)
+            } else {
+                (habits::CORNER_MPS, 90.0)
+            };
+            let corner = self.random.uniform(speeds);
+            self.change_speed(corner);
+            self.now_s -= habits::OVERLAP_S;
+            let angle = degrees.to_radians() * self.random.sign();
+            self.turn(angle, habits::CORNER_MPS2);
+            self.now_s -= habits::OVERLAP_S;
+        }
+    }
+
+    fn cruise(&mut self) {
+        self.now_s += self.random.uniform(habits::CRUISE_S);
+        if self.random.chance(0.5) {
+            let angle = self.random.uniform(habits::BEND_RAD) * self.random.sign();
+            self.turn(angle, habits::BEND_MPS2);
+            self.now_s += self.random.uniform(habits::CRUISE_S);
+        }
+    }
+
+    fn change_speed(&mut self, to_mps: f64) {
+        let acceleration = self.random.uniform(habits::ACCELERATION_MPS2);
+        let pedal_s = self.random.uniform(habits::PEDAL_S);
+        self.now_s = self
+            .speed
+            .step_to(to_mps, self.now_s, acceleration, pedal_s);
+    }
+
+    fn turn(&mut self, angle_rad: f64, lateral_mps2: [f64; 2]) {
+        let rate = self.random.uniform(lateral_mps2) / self.speed.last_value();
+        let steering_s = self.random.uniform(habits::STEERING_S);
+        let heading = self.heading.last_value() + angle_rad;
+        self.now_s = self.heading.step_to(heading, self.now_s, rate, steering_s);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HOUR_S: f64 = 3600.0;
+
+    fn times(step_s: f64) -> impl Iterator<Item = f64> {
+        (1..)
+            .map(move |k| f64::from(k) * step_s)
+            .take_while(|t| *t < HOUR_S)
+    }
+
+    #[test]
+    fn rates_are_the_derivatives_of_velocity_and_attitude() {
+        // Central differences over 2 ms: the error is h^2/6 of the third derivative, below 1e-5
+        // for a jerk rate of 10 m/s^4; the rounding of a quaternion over 2 ms is 1e-13.
+        const H: f64 = 1e-3;
+        let mut car = Car::new(7, HOUR_S, Some([30.0, 120.0]));
+        for t in times(0.37) {
+            let [before, now, after] = [t - H, t, t + H].map(|t| car.kinematics(t));
+            let acceleration = (after.velocity_enu_mps - before.velocity_enu_mps) / (2.0 * H);
+            let rate = (before.attitude.inverse() * after.attitude).scaled_axis() / (2.0 * H);
+            let off = (acceleration - now.acceleration_enu_mps2).norm();
+            assert!(off < 2e-5, "acceleration off by {off} at {t} s");
+            let off = (rate - now.angular_rate_lb_b_radps).norm();
+            assert!(off < 2e-5, "angular rate off by {off} at {t} s");
+        }
+    }
+
+    #[test]
+    fn angular_rate_has_no_kinks() {
+        // 1 ms apart: an angular acceleration of 1 rad/s^2 at most.
+        let mut car = Car::new(3, HOUR_S, None);
+        let mut last = car.kinematics(0.0).angular_rate_lb_b_radps;
+        for t in times(1e-3).take_while(|t| *t < 600.0) {
+            let rate = car.kinematics(t).angular_rate_lb_b_radps;
+            assert!((rate - last).norm() < 1e-3, "jump at {t} s");
+            last = rate;
+        }
+    }
+
+    #[test]
+    fn drives_like_a_person() {
+        for seed in 0..20 {
+            let mut car = Car::new(seed, HOUR_S, Some([30.0, 120.0]));
+            assert!(times(0.1).take_while(|t| *t < 30.0).all(|t| {
+                let k = car.kinematics(t);
+                k.velocity_enu_mps.norm() == 0.0 && k.angular_rate_lb_b_radps.norm() == 0.0
+            }));
+            let (mut stops, mut turned_rad, mut fastest) = (0, 0.0, 0.0_f64);
+            let mut was_moving = false;
+            for t in times(0.1) {
+                let k = car.kinematics(t);
+                let speed = k.velocity_enu_mps.norm();
+                let up = Vector3::z();
+                let forward = k.attitude * Vector3::y();
+                let along = k.acceleration_enu_mps2.dot(&forward);
+                let across = k.acceleration_enu_mps2.cross(&forward).dot(&up);
+                assert!(
+                    along.abs() < 2.8,
+                    "seed {seed}: {along} m/s^2 along at {t} s"
+                );
+                assert!(
+                    across.abs() < 4.0,
+                    "seed {seed}: {across} m/s^2 across at {t} s"
+                );
+                assert!(k.velocity_enu_mps.z.abs() <= 0.05 * speed);
+                stops += u32::from(was_moving && speed == 0.0);
+                was_moving = speed > 0.0;
+                turned_rad += k.angular_rate_lb_b_radps.z.abs() * 0.1;
+                fastest = fastest.max(speed);
+            }
+            assert!((15..80).contains(&stops), "seed {seed}: {stops} stops");
+            assert!(turned_rad > 50.0, "seed {seed}: {turned_rad} rad");
+            assert!(
+                (15.0..25.5).contains(&fastest),
+                "seed {seed}: {fastest} m/s"
+            );
+        }
+    }
+}

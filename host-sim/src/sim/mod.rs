@@ -1,0 +1,19 @@
+//! Simulated vehicles and sensors.
+//!
+//! A [`Motion`] over a local East-North-Up frame is placed on the rotating ellipsoid by
+//! [`ideal::IdealSensors`], its readings are spoilt by an [`errors::ErrorModel`], and
+//! [`drive::record`] puts the two together into what a logger would have written.
+
+pub mod car;
+pub mod drive;
+pub mod errors;
+pub mod gnss;
+pub mod ideal;
+pub mod imu;
+pub mod motion;
+pub mod noise;
+pub mod profile;
+
+pub use drive::{DriveConfig, Grade, SensorErrors, SimulatedDrive, record, simulate};
+pub use errors::ErrorModel;
+pub use motion::{Kinematics, Motion};
