@@ -2,6 +2,11 @@
 //!
 //! [`Navigator::new`]: crate::Navigator::new
 
+use nalgebra::SVector;
+
+use crate::earth::GRAVITY_EQUATOR_MPS2;
+use crate::estimators::parameters::{COUNT, Parameters};
+use crate::math;
 use crate::samples::ImuOutput;
 
 /// Bandwidth and damping ratio of a second-order loop.
@@ -133,6 +138,62 @@ pub struct Config {
 }
 
 impl Config {
+    /// What is believed of the parameters before any data.
+    pub(crate) fn prior(&self) -> Parameters {
+        let s = &self.sensors;
+        let g = &self.gnss;
+        // Nothing is known exactly: a spread of zero would make the equations infinite.
+        let some = |sigma: f64, least: f64| math::max(sigma, least);
+        let (df, dw) = (some(s.accel_bias_mps2, 1e-6), some(s.gyro_bias_radps, 1e-9));
+        let (lever, scale) = (some(g.lever_arm_sigma_m, 1e-4), some(s.accel_scale, 1e-7));
+        let mut sigma = SVector::<f64, COUNT>::zeros();
+        sigma.copy_from_slice(&[
+            1.0, df, df, df, dw, dw, dw, some(g.latency_sigma_s, 1e-6), lever, lever, scale, scale,
+            some(s.gyro_scale, 1e-7),
+        ]);
+        Parameters { value: SVector::zeros(), sigma }
+    }
+
+    /// Tilt that a levelling leaves, rad: that of the accelerometer biases, and some.
+    pub(crate) fn start_tilt_sigma(&self) -> f64 {
+        2.0 * self.sensors.accel_bias_mps2 / GRAVITY_EQUATOR_MPS2 + 0.005
+    }
+
+    /// Says which value cannot be used.
+    pub(crate) fn check(&self) -> Result<(), &'static str> {
+        let d = &self.damping;
+        let s = &self.sensors;
+        let positive = |v: f64| v.is_finite() && v > 0.0;
+        let not_negative = |v: f64| v.is_finite() && v >= 0.0;
+        let checks = [
+            (positive(d.horizontal.bandwidth_radps), "damping.horizontal: bandwidth must be > 0"),
+            (positive(d.horizontal.damping_ratio), "damping.horizontal: ratio must be > 0"),
+            (positive(d.vertical.bandwidth_radps), "damping.vertical: bandwidth must be > 0"),
+            (positive(d.vertical.damping_ratio), "damping.vertical: ratio must be > 0"),
+            (not_negative(d.position_radps), "damping.position_radps must be >= 0"),
+            (not_negative(d.azimuth_radps), "damping.azimuth_radps must be >= 0"),
+            (positive(s.gyro_bias_radps), "sensors.gyro_bias_radps must be > 0"),
+            (positive(s.gyro_noise), "sensors.gyro_noise must be > 0"),
+            (not_negative(s.gyro_bias_walk), "sensors.gyro_bias_walk must be >= 0"),
+            (not_negative(s.gyro_scale), "sensors.gyro_scale must be >= 0"),
+            (positive(s.accel_bias_mps2), "sensors.accel_bias_mps2 must be > 0"),
+            (positive(s.accel_noise), "sensors.accel_noise must be > 0"),
+            (not_negative(s.accel_bias_walk), "sensors.accel_bias_walk must be >= 0"),
+            (not_negative(s.accel_scale), "sensors.accel_scale must be >= 0"),
+            (positive(s.gyro_range_radps), "sensors.gyro_range_radps must be > 0"),
+            (positive(s.accel_range_mps2), "sensors.accel_range_mps2 must be > 0"),
+            (positive(self.gnss.velocity_sigma_mps), "gnss.velocity_sigma_mps must be > 0"),
+            (not_negative(self.gnss.latency_sigma_s), "gnss.latency_sigma_s must be >= 0"),
+            (not_negative(self.gnss.lever_arm_sigma_m), "gnss.lever_arm_sigma_m must be >= 0"),
+            (positive(self.max_gap_s), "max_gap_s must be > 0"),
+            (
+                !matches!(self.heading, HeadingSource::Given(h) if !h.is_finite()),
+                "heading must be finite",
+            ),
+        ];
+        checks.iter().find(|(good, _)| !good).map_or(Ok(()), |(_, why)| Err(*why))
+    }
+
     /// Ring-laser class of the HG1700: 1 deg/h, 0.01 m/s^2, 0.125 deg/sqrt(h).
     pub fn hg1700() -> Self {
         Self {

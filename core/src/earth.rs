@@ -79,14 +79,19 @@ impl LocalEarth {
     /// Evaluates the ellipsoid at a latitude (rad) and height (m).
     pub fn at(latitude_rad: f64, height_m: f64) -> Self {
         let (s, c) = math::sin_cos(latitude_rad);
-        let s2 = s * s;
+        Self::from_sin_cos(s, c, height_m)
+    }
+
+    /// The same from the sine and cosine of the latitude.
+    pub fn from_sin_cos(sin_latitude: f64, cos_latitude: f64, height_m: f64) -> Self {
+        let s2 = sin_latitude * sin_latitude;
         let w2 = 1.0 - ECCENTRICITY_SQUARED * s2;
         let w = math::sqrt(w2);
         let prime_vertical = SEMI_MAJOR_AXIS_M / w;
         let meridian = prime_vertical * (1.0 - ECCENTRICITY_SQUARED) / w2;
         Self {
-            sin_latitude: s,
-            cos_latitude: c,
+            sin_latitude,
+            cos_latitude,
             north_radius_m: meridian + height_m,
             east_radius_m: prime_vertical + height_m,
             gravity_mps2: normal_gravity(s2, w, height_m),
@@ -104,14 +109,54 @@ impl LocalEarth {
 
     /// Rotation of the ENU frame against the Earth for a velocity in ENU (m/s), rad/s.
     ///
-    /// Singular at the poles, where the east direction is: keep `|latitude|` below 89.9 degrees.
+    /// Singular at the poles, where the east direction is: right below 89.9 degrees.
     pub fn transport_rate(&self, velocity_enu_mps: &Vector3<f64>) -> Vector3<f64> {
         let east = velocity_enu_mps.x / self.east_radius_m;
         Vector3::new(
             -velocity_enu_mps.y / self.north_radius_m,
             east,
-            east * self.sin_latitude / self.cos_latitude,
+            east * self.sin_latitude / self.safe_cos_latitude(),
         )
+    }
+
+    /// Cosine of the latitude, kept from zero at the poles so that nothing becomes infinite.
+    pub fn safe_cos_latitude(&self) -> f64 {
+        math::max(self.cos_latitude, 1e-3)
+    }
+}
+
+/// Sine and cosine of a slowly changing latitude, by series about a remembered one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub(crate) struct LatitudeTrig {
+    latitude_rad: f64,
+    sin: f64,
+    cos: f64,
+}
+
+impl LatitudeTrig {
+    /// Remembers `latitude_rad`.
+    pub(crate) fn at(latitude_rad: f64) -> Self {
+        let (sin, cos) = math::sin_cos(latitude_rad);
+        Self { latitude_rad, sin, cos }
+    }
+
+    /// Remembers a new latitude once the series would lose digits: beyond 1e-3 rad, 6 km, its
+    /// first dropped term reaches 1e-14.
+    pub(crate) fn follow(&mut self, latitude_rad: f64) {
+        let moved = latitude_rad - self.latitude_rad;
+        if !(-1e-3..=1e-3).contains(&moved) {
+            *self = Self::at(latitude_rad);
+        }
+    }
+
+    /// Sine and cosine of a latitude near the remembered one.
+    pub(crate) fn sin_cos(&self, latitude_rad: f64) -> (f64, f64) {
+        let d = latitude_rad - self.latitude_rad;
+        let d2 = d * d;
+        let (s, c) = (d * (1.0 - d2 / 6.0), 1.0 - d2 * (0.5 - d2 / 24.0));
+        (self.sin * c + self.cos * s, self.cos * c - self.sin * s)
     }
 }
 

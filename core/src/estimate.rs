@@ -1,5 +1,9 @@
 //! What comes out of the estimators: a value, its spread, and whether it means anything yet.
 
+use crate::config::Config;
+use crate::estimators::parameters::{Parameters, index};
+use crate::solution::Phase;
+
 /// Whether an estimate can be used, and if not, what the vehicle has to do for it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -63,4 +67,43 @@ pub struct Estimates {
     pub gnss_latency_s: Estimate,
     /// Antenna position right and forward of the inertial sensors, m.
     pub lever_arm_m: [Estimate; 2],
+}
+
+/// Azimuth is worth something below this, rad.
+const AZIMUTH_SIGMA_RAD: f64 = 0.035;
+/// An estimate stands on data once its spread is below this part of what was believed before.
+const KNOWN: f64 = 0.33;
+
+impl Estimates {
+    pub(crate) fn from_parameters(p: &Parameters, config: &Config, phase: Phase) -> Self {
+        let prior = config.prior();
+        let navigating = phase == Phase::Navigating;
+        let estimate = |i: usize, good: bool, missing: Observability| Estimate {
+            value: p.value(i),
+            sigma: p.sigma(i),
+            observability: if good { Observability::Observable } else { missing },
+        };
+        let known = |i: usize, missing: Observability| {
+            estimate(i, navigating && p.sigma(i) < KNOWN * prior.sigma(i), missing)
+        };
+        let azimuth = navigating && p.sigma(index::AZIMUTH) < AZIMUTH_SIGMA_RAD;
+        Self {
+            azimuth_error_rad: estimate(index::AZIMUTH, azimuth, Observability::NeedsAcceleration),
+            accel_bias_mps2: [
+                known(index::ACCEL, Observability::NeedsTurn),
+                known(index::ACCEL + 1, Observability::NeedsTurn),
+                known(index::ACCEL + 2, Observability::NeedsVerticalVelocity),
+            ],
+            gyro_bias_radps: [
+                known(index::GYRO, Observability::NeedsTime),
+                known(index::GYRO + 1, Observability::NeedsTime),
+                known(index::GYRO + 2, Observability::NeedsAcceleration),
+            ],
+            gnss_latency_s: known(index::LATENCY, Observability::NeedsAcceleration),
+            lever_arm_m: [
+                known(index::LEVER_ARM, Observability::NeedsTurn),
+                known(index::LEVER_ARM + 1, Observability::NeedsTurn),
+            ],
+        }
+    }
 }

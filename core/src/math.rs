@@ -5,7 +5,7 @@
 
 use nalgebra::Vector3;
 
-pub(crate) use libm::{atan2, exp, round, sqrt};
+pub(crate) use libm::{atan2, round, sqrt};
 
 /// Sine and cosine of an angle in radians.
 pub(crate) fn sin_cos(angle_rad: f64) -> (f64, f64) {
@@ -20,6 +20,11 @@ pub(crate) fn max(a: f64, b: f64) -> f64 {
 /// The smaller of two numbers; `b` if they do not compare.
 pub(crate) fn min(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
+}
+
+/// Magnitude.
+pub(crate) fn abs(a: f64) -> f64 {
+    libm::fabs(a)
 }
 
 /// Whether every component is finite.

@@ -2,3 +2,4 @@
 
 pub mod aircraft;
 pub mod sim;
+pub mod accuracy;

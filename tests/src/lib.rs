@@ -1,1 +1,3 @@
-//! Tests that cross crates live in `tests/tests/`.
+//! Helpers of the tests that cross crates; the tests are in `tests/tests/`.
+
+pub mod cargo;

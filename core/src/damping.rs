@@ -1,0 +1,69 @@
+//! Damping loops: how GNSS differences act on the INS.
+
+use nalgebra::Vector3;
+
+use crate::config::{DampingConfig, SecondOrder};
+use crate::earth::GRAVITY_EQUATOR_MPS2;
+use crate::math;
+use crate::mechanization::Controls;
+
+/// Largest product of a loop's bandwidth and the interval between fixes: the controls are held
+/// from fix to fix, and beyond this the hold itself eats the damping.
+const HELD_BANDWIDTH: f64 = 0.5;
+
+/// INS minus GNSS at one moment, ENU.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Differences {
+    /// dV, m/s; None where the fix has no such component.
+    pub velocity_en_mps: Option<nalgebra::Vector2<f64>>,
+    /// dV_UP, m/s.
+    pub velocity_up_mps: Option<f64>,
+    /// East, north and dh, m.
+    pub position_m: Option<Vector3<f64>>,
+    /// `Phi_UP` as estimated, rad, if it is to be taken out.
+    pub azimuth_rad: Option<f64>,
+}
+
+/// Coefficients of `s^2 + 2 zeta w0 s + w0^2`, slowed down where fixes are rare.
+fn second_order(loop_config: &SecondOrder, interval_s: f64) -> (f64, f64) {
+    let w0 = math::min(loop_config.bandwidth_radps, HELD_BANDWIDTH / interval_s);
+    (2.0 * loop_config.damping_ratio * w0, w0 * w0)
+}
+
+/// The controls that hold until the next fix, `interval_s` away.
+///
+/// Horizontal: `f^C = -K1 dV`, `w_E^C = -K2 dV_N`, `w_N^C = K2 dV_E`, with `K1 = 2 zeta w0` and
+/// `K2 = w0^2 / g`. Vertical: `V_UP^C = -C1 dh`, `f_UP^C = -C2 dh`; where vertical velocity is
+/// measured it takes the damping over from C1. Azimuth: `w_UP^C = -K3 Phi_UP`.
+pub fn controls(differences: &Differences, interval_s: f64, config: &DampingConfig) -> Controls {
+    let mut controls = Controls::default();
+    let slow = |rate: f64| math::min(rate, HELD_BANDWIDTH / interval_s);
+    if let Some(dv) = differences.velocity_en_mps {
+        let (k1, w2) = second_order(&config.horizontal, interval_s);
+        let k2 = w2 / GRAVITY_EQUATOR_MPS2;
+        controls.accel_mps2.x = -k1 * dv.x;
+        controls.accel_mps2.y = -k1 * dv.y;
+        controls.rate_radps.x = -k2 * dv.y;
+        controls.rate_radps.y = k2 * dv.x;
+    }
+    let (c1, c2) = second_order(&config.vertical, interval_s);
+    let position = slow(config.position_radps);
+    if let Some(dv_up) = differences.velocity_up_mps {
+        controls.accel_mps2.z = -c1 * dv_up;
+    }
+    if let Some(dp) = differences.position_m {
+        controls.velocity_mps.x = -position * dp.x;
+        controls.velocity_mps.y = -position * dp.y;
+        if differences.velocity_up_mps.is_some() {
+            controls.velocity_mps.z = -position * dp.z;
+            controls.accel_mps2.z -= position * position * dp.z;
+        } else {
+            controls.velocity_mps.z = -c1 * dp.z;
+            controls.accel_mps2.z = -c2 * dp.z;
+        }
+    }
+    if let Some(azimuth) = differences.azimuth_rad {
+        controls.rate_radps.z = -slow(config.azimuth_radps) * azimuth;
+    }
+    controls
+}

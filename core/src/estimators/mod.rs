@@ -1,0 +1,5 @@
+//! The estimators: from what GNSS says of the INS to the errors of the sensors.
+
+pub mod information;
+pub mod observer;
+pub mod parameters;

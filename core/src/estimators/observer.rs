@@ -1,0 +1,393 @@
+//! The exact form of the compensation estimators: every control undone, all parameters jointly.
+//!
+//! Equation (6) of the thesis drops `K1 dV` and `dV'`, so (7) and (8) depend on the loop. Nothing
+//! need be dropped, since every control is known. An observer follows the error `[dV, Phi]` of
+//! the damped INS by the exact (1)-(2), `dV' = f x Phi + C df`, `Phi' = -w_in x Phi - C dw`, with
+//! the controls as known inputs: its innovations do not depend on the loops. They are linear in
+//! the unknown parameters, through sensitivities that the observer propagates beside its state.
+//! With gains at the noise optimum the innovations are white, so plain least squares over them
+//! is what a Kalman filter with all parameters in its state would find (Friedland's separate-bias
+//! estimation, IEEE TAC 14, 1969).
+
+use nalgebra::{RowSVector, SMatrix, SVector, Vector2, Vector3};
+
+use super::information::{Information, Solved};
+use super::parameters::{COUNT, Parameters, index};
+use crate::config::Config;
+use crate::history::{Moment, Past};
+use crate::math;
+
+/// Longest memory of the measured noise, in fixes.
+const NOISE_MEMORY: f64 = 400.0;
+/// Innovations beyond this many sigma weigh less (Huber).
+const ROBUST_SIGMAS: f64 = 3.0;
+/// Innovations beyond this many sigma, plus `GATE_MPS`, are refused.
+const GATE_SIGMAS: f64 = 8.0;
+const GATE_MPS: f64 = 3.0;
+
+/// The measured difference at one fix.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Difference {
+    /// Velocity of the INS minus that of the fix, ENU, m/s.
+    pub velocity_mps: Vector3<f64>,
+    /// Whether the up component was measured.
+    pub has_up: bool,
+    /// Latency already taken out by the choice of the moment, s.
+    pub latency_applied_s: f64,
+}
+
+/// Variances of one channel `dV' = g phi`, `phi' = white`: its Riccati recursion gives the gains.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Channel {
+    velocity: f64,
+    cross: f64,
+    tilt: f64,
+}
+
+impl Channel {
+    fn propagate(&mut self, force_up: f64, dt: f64, velocity_noise: f64, tilt_noise: f64) {
+        self.velocity += force_up * (2.0 * self.cross + force_up * self.tilt)
+            + velocity_noise * dt
+            + tilt_noise * dt * force_up * force_up / 3.0;
+        self.cross += force_up * (self.tilt + 0.5 * tilt_noise * dt);
+        self.tilt += tilt_noise * dt;
+    }
+
+    /// Takes in one fix; returns the gains on velocity and tilt.
+    fn update(&mut self, noise: f64) -> (f64, f64) {
+        let total = self.velocity + noise;
+        let (gain_velocity, gain_tilt) = (self.velocity / total, self.cross / total);
+        self.tilt -= gain_tilt * self.cross;
+        self.velocity *= 1.0 - gain_velocity;
+        self.cross *= 1.0 - gain_velocity;
+        (gain_velocity, gain_tilt)
+    }
+}
+
+/// Running measurement of the innovations of one kind: variance and likeness of neighbours.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Noise {
+    variance: f64,
+    /// Correlation of neighbouring innovations.
+    correlation: f64,
+    count: f64,
+    last: Vector2<f64>,
+}
+
+impl Noise {
+    fn new(sigma: f64) -> Self {
+        Self { variance: sigma * sigma, correlation: 0.0, count: 30.0, last: Vector2::zeros() }
+    }
+
+    /// Takes one innovation of `components` (1 or 2) components.
+    fn measure(&mut self, innovation: &Vector2<f64>, components: f64) {
+        self.count = math::min(self.count + 1.0, NOISE_MEMORY);
+        let power = innovation.norm_squared() / components;
+        // A single wild innovation must not open the gate for the next.
+        let bounded = math::min(power, 9.0 * self.variance);
+        self.variance += (bounded - self.variance) / self.count;
+        let likeness = innovation.dot(&self.last) / (components * self.variance);
+        let likeness = math::max(math::min(likeness, 3.0), -3.0);
+        self.correlation += (likeness - self.correlation) / self.count;
+        self.last = *innovation;
+    }
+
+    /// Factor by which colour makes rows less informative than white ones.
+    fn inflation(&self) -> f64 {
+        let rho = math::max(math::min(self.correlation, 0.9), 0.0);
+        (1.0 + rho) / (1.0 - rho)
+    }
+}
+
+/// Observer of the INS error and running least squares of the parameters behind it.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Observer {
+    /// Known part of dV, m/s, and of the level components of Phi, rad.
+    velocity: Vector3<f64>,
+    tilt: Vector2<f64>,
+    /// What a unit of each parameter adds to them.
+    velocity_by: SMatrix<f64, 3, COUNT>,
+    tilt_by: SMatrix<f64, 2, COUNT>,
+    level: Channel,
+    vertical: Channel,
+    level_noise: Noise,
+    vertical_noise: Noise,
+    information: Information<COUNT>,
+    /// Last solution.
+    pub parameters: Parameters,
+    /// The horizon: the moment of the last fix taken.
+    last: Moment,
+}
+
+/// What became of a difference.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Taken in.
+    Used,
+    /// Not credible.
+    Outlier,
+}
+
+impl Observer {
+    /// Starts at a moment, with what is believed of the parameters and of the level tilt.
+    pub fn new(start: Moment, config: &Config, prior: &Parameters, tilt_sigma_rad: f64) -> Self {
+        let sigma = config.gnss.velocity_sigma_mps;
+        let mut observer = Self {
+            velocity: Vector3::zeros(),
+            tilt: Vector2::zeros(),
+            velocity_by: SMatrix::zeros(),
+            tilt_by: SMatrix::zeros(),
+            level: Channel { velocity: 0.0, cross: 0.0, tilt: 0.0 },
+            vertical: Channel { velocity: 0.0, cross: 0.0, tilt: 0.0 },
+            level_noise: Noise::new(sigma),
+            vertical_noise: Noise::new(sigma),
+            information: Information::from_prior(&prior.value, &prior.sigma),
+            parameters: *prior,
+            last: start,
+        };
+        observer.restart(start, tilt_sigma_rad);
+        observer
+    }
+
+    /// Forgets the state of the INS error, not the parameters: after its velocity was set anew.
+    pub fn restart(&mut self, start: Moment, tilt_sigma_rad: f64) {
+        self.velocity = Vector3::zeros();
+        self.tilt = Vector2::zeros();
+        self.velocity_by = SMatrix::zeros();
+        self.tilt_by = SMatrix::zeros();
+        let tilt = tilt_sigma_rad * tilt_sigma_rad;
+        // A metre per second: what a first fix may be wrong by, latency included.
+        self.level = Channel { velocity: 1.0, cross: 0.0, tilt };
+        self.vertical = Channel { velocity: 1.0, cross: 0.0, tilt: 0.0 };
+        self.last = start;
+    }
+
+    /// Inertial samples were missing for `seconds`: what was filled in may be wrong by the rate
+    /// and acceleration of an ordinary manoeuvre.
+    pub fn on_hole(&mut self, seconds: f64) {
+        let (rate, accel) = (0.1 * seconds, 1.0 * seconds);
+        self.level.velocity += accel * accel;
+        self.level.tilt += 0.01 * rate * rate;
+        self.vertical.velocity += accel * accel;
+        self.information.diffuse(index::AZIMUTH, rate * rate);
+    }
+
+    /// Takes the azimuth error as known anew.
+    pub fn set_azimuth(&mut self, value_rad: f64, sigma_rad: f64) {
+        self.parameters.set(index::AZIMUTH, value_rad, sigma_rad);
+        self.information.replace(index::AZIMUTH, value_rad, sigma_rad * sigma_rad);
+    }
+
+    /// The horizon.
+    pub fn horizon(&self) -> &Moment {
+        &self.last
+    }
+
+    /// Compares the INS at a past moment with a fix.
+    pub fn take(
+        &mut self,
+        past: &Past,
+        frame_rate_radps: &Vector3<f64>,
+        difference: &Difference,
+        config: &Config,
+    ) -> Verdict {
+        let mut next = self.clone();
+        next.propagate(&past.moment, frame_rate_radps, config);
+        let verdict = next.update(past, difference, config);
+        if verdict == Verdict::Used {
+            *self = next;
+        }
+        verdict
+    }
+
+    fn propagate(&mut self, to: &Moment, w: &Vector3<f64>, config: &Config) {
+        let dt = to.time.seconds_since(self.last.time);
+        let attitude_s = to.attitude_s - self.last.attitude_s;
+        let attitude = attitude_s / dt;
+        let force = to.force_mps - self.last.force_mps;
+        let force_body = attitude.tr_mul(&force);
+        let turn = to.turn_rad - self.last.turn_rad;
+        let tilt_control = to.control_tilt_rad - self.last.control_tilt_rad;
+        // Of the velocity that controls caused, the part through tilts of this interval alone.
+        let velocity_control = to.control_velocity_mps
+            - self.last.control_velocity_mps
+            - force.cross(&self.last.control_tilt_rad);
+
+        // Growth of Phi: known part, and by each parameter.
+        let mut grown = tilt_control;
+        grown.x += dt * w.z * self.tilt.y;
+        grown.y -= dt * w.z * self.tilt.x;
+        grown.z += dt * (w.y * self.tilt.x - w.x * self.tilt.y);
+        let mut grown_by = SMatrix::<f64, 3, COUNT>::zeros();
+        grown_by.fixed_view_mut::<3, 3>(0, index::GYRO).copy_from(&-attitude_s);
+        grown_by.set_column(index::GYRO_SCALE, &(-turn * attitude.column(2)));
+        let (east, north): (RowSVector<f64, COUNT>, RowSVector<f64, COUNT>) =
+            (self.tilt_by.row(0).into_owned(), self.tilt_by.row(1).into_owned());
+        let mut row = grown_by.row_mut(0);
+        row += dt * w.z * north;
+        let mut row = grown_by.row_mut(1);
+        row -= dt * w.z * east;
+        let mut row = grown_by.row_mut(2);
+        row += dt * (w.y * east - w.x * north);
+        let azimuth = Vector3::new(-dt * w.y, dt * w.x, 0.0);
+        let mut column = grown_by.column_mut(index::AZIMUTH);
+        column += azimuth;
+
+        // dV over the interval: f x Phi with Phi of its middle, C df, scale errors.
+        let tilt = Vector3::new(self.tilt.x, self.tilt.y, 0.0);
+        self.velocity += force.cross(&tilt) + velocity_control;
+        let mut phi_by = 0.5 * grown_by;
+        let mut level = phi_by.fixed_rows_mut::<2>(0);
+        level += self.tilt_by;
+        let mut column = phi_by.column_mut(index::AZIMUTH);
+        column.z += 1.0;
+        self.velocity_by += force.cross_matrix() * phi_by;
+        let mut accel = self.velocity_by.fixed_columns_mut::<3>(index::ACCEL);
+        accel += attitude_s;
+        let mut scale = self.velocity_by.column_mut(index::ACCEL_SCALE_X);
+        scale += attitude.column(0) * force_body.x;
+        let mut scale = self.velocity_by.column_mut(index::ACCEL_SCALE_Y);
+        scale += attitude.column(1) * force_body.y;
+
+        self.tilt += grown.xy();
+        self.tilt_by += grown_by.fixed_rows::<2>(0);
+        self.rename_azimuth(&grown_by.row(2).transpose(), grown.z);
+
+        let s = &config.sensors;
+        let gyro = s.gyro_noise * s.gyro_noise;
+        let accel = s.accel_noise * s.accel_noise;
+        self.level.propagate(force.z, dt, accel, gyro);
+        self.vertical.propagate(0.0, dt, accel, 0.0);
+        self.information.diffuse(index::AZIMUTH, gyro * dt);
+        let walk = s.gyro_bias_walk * s.gyro_bias_walk * dt;
+        let accel_walk = s.accel_bias_walk * s.accel_bias_walk * dt;
+        for axis in 0..3 {
+            self.information.diffuse(index::GYRO + axis, walk);
+            self.information.diffuse(index::ACCEL + axis, accel_walk);
+        }
+        self.last = *to;
+    }
+
+    /// Makes the azimuth parameter that of the new horizon.
+    fn rename_azimuth(&mut self, by: &SVector<f64, COUNT>, known: f64) {
+        let mut by = *by;
+        if let Some(own) = by.get_mut(index::AZIMUTH) {
+            *own = 0.0;
+        }
+        self.information.redefine(index::AZIMUTH, &by, known);
+        let change = by.dot(&self.parameters.value) + known;
+        self.parameters.shift(index::AZIMUTH, change);
+        let through: Vector3<f64> = self.velocity_by.column(index::AZIMUTH).into_owned();
+        let through_tilt: Vector2<f64> = self.tilt_by.column(index::AZIMUTH).into_owned();
+        self.velocity -= known * through;
+        self.tilt -= known * through_tilt;
+        self.velocity_by -= through * by.transpose();
+        self.tilt_by -= through_tilt * by.transpose();
+    }
+
+    fn update(&mut self, past: &Past, difference: &Difference, config: &Config) -> Verdict {
+        let innovation = difference.velocity_mps
+            + difference.latency_applied_s * past.accel_mps2
+            - self.velocity;
+        let mut by = self.velocity_by;
+        let mut latency = by.column_mut(index::LATENCY);
+        latency += past.accel_mps2;
+        // INS minus GNSS: the antenna moves by C' l more than the sensors.
+        let mut lever = by.fixed_columns_mut::<2>(index::LEVER_ARM);
+        lever -= past.attitude_rate.fixed_columns::<2>(0);
+
+        let residual = innovation - by * self.parameters.value;
+        let sigma = math::sqrt(self.level_noise.variance + self.level.velocity);
+        let level_residual = residual.xy().norm();
+        if level_residual > GATE_SIGMAS * sigma + GATE_MPS {
+            return Verdict::Outlier;
+        }
+        let weight = math::min(1.0, ROBUST_SIGMAS * sigma / level_residual);
+        self.correct_level(&innovation, &by, weight, config);
+        self.level_noise.measure(&residual.xy(), 2.0);
+        if difference.has_up {
+            self.correct_vertical(&innovation, &by, residual.z, config);
+        }
+        Verdict::Used
+    }
+
+    fn correct_level(
+        &mut self,
+        innovation: &Vector3<f64>,
+        by: &SMatrix<f64, 3, COUNT>,
+        weight: f64,
+        config: &Config,
+    ) {
+        let floor = 0.01 * config.gnss.velocity_sigma_mps * config.gnss.velocity_sigma_mps;
+        let predicted = self.level.velocity;
+        let noise = math::max(self.level_noise.variance - predicted, 0.5 * self.level_noise.variance);
+        let noise = math::max(noise, floor) / weight;
+        let row_weight = 1.0 / (predicted + noise);
+        for axis in 0..2 {
+            let row = by.row(axis).transpose();
+            self.information.add(&row, innovation.get(axis).copied().unwrap_or(0.0), row_weight);
+        }
+        let (gain, tilt_gain) = self.level.update(noise);
+        let level = by.fixed_rows::<2>(0);
+        self.velocity.x += gain * innovation.x;
+        self.velocity.y += gain * innovation.y;
+        let mut rows = self.velocity_by.fixed_rows_mut::<2>(0);
+        rows -= gain * level;
+        // dV_N' = g Phi_E and dV_E' = -g Phi_N.
+        self.tilt.x += tilt_gain * innovation.y;
+        self.tilt.y -= tilt_gain * innovation.x;
+        let mut row = self.tilt_by.row_mut(0);
+        row -= tilt_gain * level.row(1);
+        let mut row = self.tilt_by.row_mut(1);
+        row += tilt_gain * level.row(0);
+    }
+
+    fn correct_vertical(
+        &mut self,
+        innovation: &Vector3<f64>,
+        by: &SMatrix<f64, 3, COUNT>,
+        residual: f64,
+        config: &Config,
+    ) {
+        let sigma = math::sqrt(self.vertical_noise.variance + self.vertical.velocity);
+        if math::max(residual, -residual) > GATE_SIGMAS * sigma + GATE_MPS {
+            return;
+        }
+        let weight = math::min(1.0, ROBUST_SIGMAS * sigma / math::max(residual, -residual));
+        let floor = 0.01 * config.gnss.velocity_sigma_mps * config.gnss.velocity_sigma_mps;
+        let predicted = self.vertical.velocity;
+        let noise =
+            math::max(self.vertical_noise.variance - predicted, 0.5 * self.vertical_noise.variance);
+        let noise = math::max(noise, floor) / weight;
+        let row = by.row(2).transpose();
+        self.information.add(&row, innovation.z, 1.0 / (predicted + noise));
+        let (gain, _) = self.vertical.update(noise);
+        self.velocity.z += gain * innovation.z;
+        let mut rows = self.velocity_by.row_mut(2);
+        rows -= gain * by.row(2);
+        self.vertical_noise.measure(&Vector2::new(residual, 0.0), 1.0);
+    }
+
+    /// Solves for the parameters; keeps the last solution if the equations are singular.
+    pub fn solve(&mut self) {
+        if let Some(Solved { value, variance }) = self.information.solve() {
+            let inflation = self.level_noise.inflation();
+            self.parameters.value = value;
+            self.parameters.sigma = variance.map(|v| math::sqrt(v * inflation));
+        }
+    }
+
+    /// Adds a direct measurement of one parameter.
+    pub fn measure(&mut self, parameter: usize, value: f64, variance: f64) {
+        self.information.add_direct(parameter, value, variance);
+    }
+
+    /// Makes the present solution, with `sigma`, all that is known: the equations were linear
+    /// about values that have since moved far.
+    pub fn relinearize(&mut self, sigma: &SVector<f64, COUNT>) {
+        self.information = Information::from_prior(&self.parameters.value, sigma);
+    }
+}

@@ -1,0 +1,72 @@
+//! The parameters that are estimated jointly.
+
+use nalgebra::{SVector, Vector2, Vector3};
+
+/// How many there are.
+pub const COUNT: usize = 13;
+
+/// Where each stands in a parameter vector.
+pub mod index {
+    /// Azimuth error `Phi_UP` of the platform now, rad.
+    pub const AZIMUTH: usize = 0;
+    /// First of three accelerometer biases, m/s^2.
+    pub const ACCEL: usize = 1;
+    /// First of three gyro biases, rad/s.
+    pub const GYRO: usize = 4;
+    /// GNSS latency, s.
+    pub const LATENCY: usize = 7;
+    /// First of two lever-arm components (right, forward), m.
+    pub const LEVER_ARM: usize = 8;
+    /// Scale error of the right accelerometer.
+    pub const ACCEL_SCALE_X: usize = 10;
+    /// Scale error of the forward accelerometer.
+    pub const ACCEL_SCALE_Y: usize = 11;
+    /// Scale error of the up gyro.
+    pub const GYRO_SCALE: usize = 12;
+}
+
+/// Values and standard deviations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Parameters {
+    /// SI units, see [`index`].
+    pub value: SVector<f64, COUNT>,
+    /// One standard deviation of each.
+    pub sigma: SVector<f64, COUNT>,
+}
+
+impl Parameters {
+    /// Value of one parameter.
+    pub fn value(&self, parameter: usize) -> f64 {
+        self.value.get(parameter).copied().unwrap_or(0.0)
+    }
+
+    /// Standard deviation of one parameter.
+    pub fn sigma(&self, parameter: usize) -> f64 {
+        self.sigma.get(parameter).copied().unwrap_or(0.0)
+    }
+
+    /// Three values from `first` on.
+    pub fn vector(&self, first: usize) -> Vector3<f64> {
+        Vector3::new(self.value(first), self.value(first + 1), self.value(first + 2))
+    }
+
+    /// Lever arm, right and forward, m.
+    pub fn lever_arm(&self) -> Vector2<f64> {
+        Vector2::new(self.value(index::LEVER_ARM), self.value(index::LEVER_ARM + 1))
+    }
+
+    /// Moves one value.
+    pub fn shift(&mut self, parameter: usize, by: f64) {
+        if let Some(value) = self.value.get_mut(parameter) {
+            *value += by;
+        }
+    }
+
+    /// Sets value and spread of one parameter.
+    pub fn set(&mut self, parameter: usize, value: f64, sigma: f64) {
+        if let (Some(v), Some(s)) = (self.value.get_mut(parameter), self.sigma.get_mut(parameter)) {
+            (*v, *s) = (value, sigma);
+        }
+    }
+}

@@ -1,0 +1,66 @@
+//! Runs cargo for another target or another set of features than the tests themselves have.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Top of the repository.
+pub fn repository() -> &'static Path {
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
+}
+
+/// A cargo command in `directory` of the repository, building into a folder of its own so that it
+/// never waits for the cargo that runs the tests.
+pub fn cargo(directory: &str, build_name: &str) -> Command {
+    let mut command = Command::new(env!("CARGO"));
+    command
+        .current_dir(repository().join(directory))
+        // Flags of the tests' own build must not reach these.
+        .env_remove("RUSTFLAGS")
+        .env_remove("CARGO_ENCODED_RUSTFLAGS")
+        .env("CARGO_TARGET_DIR", build_folder(build_name));
+    command
+}
+
+/// Where [`cargo`] puts the build called `build_name`.
+///
+/// # Panics
+/// Outside cargo's target folder.
+pub fn build_folder(build_name: &str) -> PathBuf {
+    // Beside the tests' own output, wherever that is: <target>/<profile>/deps/<this executable>.
+    let executable = std::env::current_exe().expect("the path of the running test is known");
+    let target = executable
+        .ancestors()
+        .find(|folder| folder.join("CACHEDIR.TAG").exists())
+        .expect("tests run from cargo's target folder");
+    target.join("other").join(build_name)
+}
+
+/// Runs `command`; the error is a sentence with what it printed.
+pub fn succeed(command: &mut Command) -> Result<(), String> {
+    let output = command
+        .output()
+        .map_err(|error| format!("{command:?} did not start: {error}"))?;
+    if output.status.success() {
+        return Ok(());
+    }
+    Err(format!(
+        "{command:?} failed:\n{}",
+        String::from_utf8_lossy(&output.stderr)
+    ))
+}
+
+/// Says what to do if the compiler lacks `target`.
+pub fn require_target(target: &str) -> Result<(), String> {
+    let output = Command::new("rustc")
+        .current_dir(repository())
+        .args(["--print", "target-libdir", "--target", target])
+        .output()
+        .map_err(|error| format!("rustc did not start: {error}"))?;
+    let folder = PathBuf::from(String::from_utf8_lossy(&output.stdout).trim());
+    if folder.is_dir() {
+        return Ok(());
+    }
+    Err(format!(
+        "the Rust target {target} is missing: run .ci/install (or rustup target add {target})"
+    ))
+}
