@@ -50,6 +50,8 @@ impl Track {
 const COURSE_RATE: f64 = 0.12;
 /// Track error is aimed at this far ahead, s.
 const TRACK_TIME_S: f64 = 18.0;
+/// Airspeed asked for changes no faster than engine and drag can follow, m/s^2.
+const AIRSPEED_RATE_MPS2: f64 = 0.5;
 /// Height error taken out per second, 1/s.
 const HEIGHT_RATE: f64 = 0.12;
 
@@ -61,6 +63,7 @@ pub struct Autopilot {
     climb_limit_mps: f64,
     step_s: f64,
     bank_wanted_rad: f64,
+    airspeed_reference_mps: f64,
     roll_reference_rad: f64,
     pitch_integral_rad: f64,
     throttle_integral: f64,
@@ -77,6 +80,7 @@ impl Autopilot {
             climb_limit_mps,
             step_s,
             bank_wanted_rad: 0.0,
+            airspeed_reference_mps: trim.state.velocity_enu_mps.norm(),
             roll_reference_rad: trim.euler.roll_rad,
             pitch_integral_rad: trim.euler.pitch_rad,
             throttle_integral: trim.inputs.controls.throttle,
@@ -111,7 +115,10 @@ impl Autopilot {
         let gains = &self.parameters.autopilot;
         let travel = &self.parameters.travel;
         let dt = self.step_s;
-        let slow_mps = target.airspeed_mps - air.airspeed_mps;
+        let most = AIRSPEED_RATE_MPS2 * dt;
+        self.airspeed_reference_mps +=
+            (target.airspeed_mps - self.airspeed_reference_mps).clamp(-most, most);
+        let slow_mps = self.airspeed_reference_mps - air.airspeed_mps;
 
         // Speed by throttle; the integral stops at the ends of the travel.
         let throttle = self.throttle_integral + gains.throttle_per_speed * slow_mps;

@@ -19,7 +19,7 @@ use crate::sim::{Kinematics, Motion};
 pub const STEP_S: f64 = 0.02;
 /// Guidance runs once in so many steps.
 const GUIDE_EVERY: u64 = 10;
-/// A flight that lasts longer than its plan by this factor does not get there.
+/// A leg that takes longer than in still air by this factor, and ten minutes, is not to be reached.
 const PATIENCE: f64 = 3.0;
 
 /// Why a flight could not be flown to its end.
@@ -53,6 +53,7 @@ pub struct Flight {
     crank: [Crank; 2],
     leg: usize,
     leg_start_s: f64,
+    leg_patience_s: f64,
     target: Target,
     over: bool,
 }
@@ -110,6 +111,7 @@ impl Flight {
             crank: [crank; 2],
             leg: 0,
             leg_start_s: 0.0,
+            leg_patience_s: 0.0,
             target: Target { height_m: 0.0, airspeed_mps: 0.0, lateral: Lateral::Heading(0.0) },
             over: false,
         };
@@ -168,13 +170,8 @@ impl Flight {
             return Err(FlightError::Ground { time_s, leg });
         }
         let on_leg_s = time_s - self.leg_start_s;
-        if let Lateral::Track(track) = &self.target.lateral {
-            let far_m = self.node.state.velocity_enu_mps.norm() * 3600.0 * 24.0;
-            let (to_go_m, _) = track.place(&self.position);
-            let expected_s = (to_go_m.abs() + 20_000.0).min(far_m) / self.target.airspeed_mps;
-            if on_leg_s > PATIENCE * (expected_s + on_leg_s / 2.0) {
-                return Err(FlightError::NeverThere { time_s: on_leg_s, leg });
-            }
+        if on_leg_s > self.leg_patience_s {
+            return Err(FlightError::NeverThere { time_s: on_leg_s, leg });
         }
         Ok(())
     }
@@ -193,6 +190,13 @@ impl Flight {
                 };
                 Lateral::Track(Track::between(&from, &to))
             }
+        };
+        self.leg_patience_s = match &lateral {
+            Lateral::Track(track) => {
+                let (to_go_m, _) = track.place(&self.position);
+                600.0 + PATIENCE * to_go_m.abs() / airspeed_mps
+            }
+            _ => f64::INFINITY,
         };
         self.leg = leg;
         self.leg_start_s = self.node.time_s;
