@@ -1,5 +1,6 @@
 //! Host side of the inertial-navigation core: simulation, logs, identification, reports.
 
-pub mod aircraft;
-pub mod sim;
 pub mod accuracy;
+pub mod aircraft;
+pub mod log;
+pub mod sim;

@@ -1,0 +1,92 @@
+//! Body axes a log may be written in.
+
+use std::fmt;
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+/// Directions of the x, y and z columns of a log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum BodyAxes {
+    /// x forward, y right, z down.
+    #[serde(rename = "FRD")]
+    Frd,
+    /// x right, y forward, z up.
+    #[serde(rename = "RFU")]
+    Rfu,
+    /// x forward, y left, z up.
+    #[serde(rename = "FLU")]
+    Flu,
+}
+
+impl BodyAxes {
+    /// Every one of them.
+    pub const ALL: [Self; 3] = [Self::Frd, Self::Rfu, Self::Flu];
+
+    /// A vector in these axes, turned to right-forward-up.
+    pub fn to_rfu(self, v: Vector3<f64>) -> Vector3<f64> {
+        match self {
+            Self::Frd => Vector3::new(v.y, v.x, -v.z),
+            Self::Rfu => v,
+            Self::Flu => Vector3::new(-v.y, v.x, v.z),
+        }
+    }
+
+    /// A right-forward-up vector, turned to these axes.
+    pub fn from_rfu(self, v: Vector3<f64>) -> Vector3<f64> {
+        match self {
+            Self::Frd => Vector3::new(v.y, v.x, -v.z),
+            Self::Rfu => v,
+            Self::Flu => Vector3::new(v.y, -v.x, v.z),
+        }
+    }
+
+    /// Which way an axis (0, 1, 2) points on the vehicle, and which way against it.
+    pub fn directions(self, axis: usize) -> (&'static str, &'static str) {
+        let along = self.to_rfu(Vector3::ith(axis, 1.0));
+        let names = [("right", "left"), ("forward", "back"), ("up", "down")];
+        let (plus, minus) = names[along.iamax()];
+        if along.sum() > 0.0 {
+            (plus, minus)
+        } else {
+            (minus, plus)
+        }
+    }
+}
+
+impl fmt::Display for BodyAxes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Frd => "FRD",
+            Self::Rfu => "RFU",
+            Self::Flu => "FLU",
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_axis_points_where_its_letter_says() {
+        let rfu = |axes: BodyAxes, axis| axes.to_rfu(Vector3::ith(axis, 1.0));
+        assert_eq!(rfu(BodyAxes::Frd, 0), Vector3::new(0.0, 1.0, 0.0));
+        assert_eq!(rfu(BodyAxes::Frd, 1), Vector3::new(1.0, 0.0, 0.0));
+        assert_eq!(rfu(BodyAxes::Frd, 2), Vector3::new(0.0, 0.0, -1.0));
+        assert_eq!(rfu(BodyAxes::Flu, 0), Vector3::new(0.0, 1.0, 0.0));
+        assert_eq!(rfu(BodyAxes::Flu, 1), Vector3::new(-1.0, 0.0, 0.0));
+        assert_eq!(rfu(BodyAxes::Flu, 2), Vector3::new(0.0, 0.0, 1.0));
+        assert_eq!(BodyAxes::Frd.directions(2), ("down", "up"));
+        assert_eq!(BodyAxes::Flu.directions(1), ("left", "right"));
+    }
+
+    #[test]
+    fn there_and_back_changes_nothing() {
+        let v = Vector3::new(1.0, -2.0, 3.0);
+        for axes in BodyAxes::ALL {
+            assert_eq!(axes.from_rfu(axes.to_rfu(v)), v);
+            assert_eq!(axes.to_rfu(axes.from_rfu(v)), v);
+        }
+    }
+}

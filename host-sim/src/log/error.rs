@@ -1,0 +1,88 @@
+//! What is wrong with a log, and where.
+
+use std::fmt;
+use std::path::Path;
+
+use miette::Diagnostic;
+use thiserror::Error;
+
+/// A place inside a file, counted from one.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Cell {
+    /// Line.
+    pub line: Option<u64>,
+    /// Character in the line.
+    pub character: Option<u64>,
+    /// Name of the column or key.
+    pub name: Option<Box<str>>,
+}
+
+/// A defect of a log: where it is, what was expected, what was found, and the likely cause.
+///
+/// The same type carries a warning, where a log only looks suspicious.
+#[derive(Clone, Debug, PartialEq, Eq, Error, Diagnostic)]
+#[error("{}{cell}: expected {expected}, found {found}", path.display())]
+pub struct LogError {
+    /// File or folder.
+    pub path: Box<Path>,
+    /// Place inside it.
+    pub cell: Cell,
+    /// What should be there.
+    pub expected: Box<str>,
+    /// What is there.
+    pub found: Box<str>,
+    /// Why it most likely came about, and what to do.
+    #[help]
+    pub cause: Box<str>,
+}
+
+impl LogError {
+    /// A defect of a whole file.
+    pub(super) fn file(
+        path: &Path,
+        expected: impl Into<Box<str>>,
+        found: impl Into<Box<str>>,
+        cause: impl Into<Box<str>>,
+    ) -> Self {
+        Self {
+            path: path.into(),
+            cell: Cell::default(),
+            expected: expected.into(),
+            found: found.into(),
+            cause: cause.into(),
+        }
+    }
+
+    /// The same defect, at a line.
+    pub(super) fn at_line(mut self, line: u64) -> Self {
+        self.cell.line = Some(line);
+        self
+    }
+
+    /// The same defect, in a named column or key.
+    pub(super) fn in_column(mut self, name: &str) -> Self {
+        self.cell.name = Some(name.into());
+        self
+    }
+
+    /// The same defect, at a character of its line.
+    pub(super) fn at_character(mut self, character: u64) -> Self {
+        self.cell.character = Some(character);
+        self
+    }
+}
+
+impl fmt::Display for Cell {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(line) = self.line {
+            write!(f, ":{line}")?;
+        }
+        if let Some(character) = self.character {
+            write!(f, ":{character}")?;
+        }
+        match &self.name {
+            Some(name) => write!(f, " ({name})"),
+            None => Ok(()),
+        }
+    }
+}
