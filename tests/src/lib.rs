@@ -1,3 +1,4 @@
 //! Helpers of the tests that cross crates; the tests are in `tests/tests/`.
 
 pub mod cargo;
+pub mod jsbsim;

@@ -2,14 +2,14 @@
 
 use ins_core::attitude::{self, Euler};
 use nalgebra::{Complex, SMatrix, SVector, Unit, Vector3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::atmosphere::Density;
 use super::dynamics::{Dynamics, State};
 use super::trim::Trim;
 
 /// A damped oscillation.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Oscillation {
     pub natural_frequency_radps: f64,
     pub damping_ratio: f64,
@@ -18,7 +18,7 @@ pub struct Oscillation {
 }
 
 /// The five classical modes.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Modes {
     pub phugoid: Oscillation,
     pub short_period: Oscillation,

@@ -31,13 +31,14 @@ pub struct Performance {
     pub trims: Vec<TrimRow>,
 }
 
-/// One line of the trim table, at sea level.
+/// Steady level flight at one speed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TrimRow {
     pub airspeed_mps: f64,
     pub alpha_deg: f64,
     pub elevator_deg: f64,
     pub throttle: f64,
+    pub thrust_n: f64,
     pub shaft_power_kw: f64,
     pub engine_rpm: f64,
     pub modes: Option<Modes>,
@@ -101,17 +102,21 @@ pub fn ceiling_m(dynamics: &Dynamics, climb_mps: f64) -> f64 {
     low
 }
 
-/// One line of the trim table; `None` where level flight is impossible.
-pub fn trim_row(dynamics: &Dynamics, airspeed_mps: f64) -> Option<TrimRow> {
-    let trim = Condition::level(airspeed_mps, 0.0).trim(dynamics)?;
+/// Steady level flight; `None` where it is impossible.
+pub fn trim_row(dynamics: &Dynamics, airspeed_mps: f64, height_m: f64) -> Option<TrimRow> {
+    let trim = Condition::level(airspeed_mps, height_m).trim(dynamics)?;
+    let controls = &trim.inputs.controls;
     let engine_rps = trim.state.engine_rps;
-    let torque_nm = dynamics.parameters.engine.torque_nm(trim.inputs.controls.throttle, atmosphere::density(0.0));
+    let density = atmosphere::density(height_m);
+    let forward_mps = airspeed_mps * libm::cos(trim.alpha_rad);
+    let propeller = dynamics.parameters.propeller.thrust(forward_mps, engine_rps, density);
     Some(TrimRow {
         airspeed_mps,
         alpha_deg: trim.alpha_rad.to_degrees(),
-        elevator_deg: trim.inputs.controls.surfaces.elevator_rad.to_degrees(),
-        throttle: trim.inputs.controls.throttle,
-        shaft_power_kw: 1e-3 * std::f64::consts::TAU * engine_rps * torque_nm,
+        elevator_deg: controls.surfaces.elevator_rad.to_degrees(),
+        throttle: controls.throttle,
+        thrust_n: propeller.thrust_n,
+        shaft_power_kw: 1e-3 * std::f64::consts::TAU * engine_rps * propeller.torque_nm,
         engine_rpm: 60.0 * engine_rps,
         modes: modes(dynamics, &trim),
     })
@@ -141,6 +146,6 @@ pub fn performance(dynamics: &Dynamics) -> Option<Performance> {
         engine_rpm_in_climb: 60.0 * climb.state.engine_rps,
         propeller_efficiency_at_max_speed: propeller
             .efficiency(max_speed_mps / (fastest.state.engine_rps * propeller.diameter_m)),
-        trims: speeds.filter_map(|speed| trim_row(dynamics, speed)).collect(),
+        trims: speeds.filter_map(|speed| trim_row(dynamics, speed, 0.0)).collect(),
     })
 }
