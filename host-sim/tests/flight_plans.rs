@@ -80,7 +80,7 @@ fn every_impossible_plan_is_refused_with_place_and_cause() {
         ("bank_deg = 15\n", "bank_deg = 15\nheading_deg = 3\n", 26, &["ambiguous"]),
         ("wind_speed_mps = 5", "wind_speed_mps = 60", 10, &["half the airspeed", "knots"]),
         ("turbulence = \"light\"", "turbulence = \"wild\"", 11, &["unknown variant", "light"]),
-        ("[start]", "[start", 1, &["plans/"]),
+        ("[start]", "[start", 1, &["complete example"]),
         ("latitude_deg = 56.0", "latitude_deg = nan", 2, &["expected"]),
         ("height_m = 600", "height_m = nan", 4, &["expected"]),
         ("airspeed_mps = 50", "airspeed_mps = nan", 6, &["expected"]),

@@ -68,19 +68,29 @@ fn python() -> Result<PathBuf, String> {
     installed.map(|()| python)
 }
 
-/// Runs JSBSim.
-pub fn reference() -> Result<Reference, String> {
+/// What a script of `tests/jsbsim/` prints.
+fn script<T: serde::de::DeserializeOwned>(name: &str, arguments: &[f64]) -> Result<T, String> {
     let mut command = Command::new(python()?);
     command
-        .arg(repository().join("tests/jsbsim/reference.py"))
-        .args([HEIGHT_M, cessna172().mass.mass_kg].map(|x| x.to_string()))
-        .args(SPEEDS_MPS.map(|x| x.to_string()));
+        .arg(repository().join("tests/jsbsim").join(name))
+        .args(arguments.iter().map(f64::to_string));
     let output = command.output().map_err(|error| format!("{command:?} did not start: {error}"))?;
     if !output.status.success() {
         return Err(format!("{command:?} failed:\n{}", String::from_utf8_lossy(&output.stderr)));
     }
     serde_json::from_slice(&output.stdout)
         .map_err(|error| format!("{command:?} printed something else than expected: {error}"))
+}
+
+/// Trim and modes of JSBSim's aircraft.
+pub fn reference() -> Result<Reference, String> {
+    let [slow, cruise, fast] = SPEEDS_MPS;
+    script("reference.py", &[HEIGHT_M, cessna172().mass.mass_kg, slow, cruise, fast])
+}
+
+/// What a 100 Hz step of JSBSim's c172x takes, s.
+pub fn jsbsim_step_s() -> Result<f64, String> {
+    script("cost.py", &[])
 }
 
 /// Our aircraft at the same speeds.
@@ -91,7 +101,11 @@ pub fn ours() -> Vec<TrimRow> {
 
 /// Our equations with JSBSim's moments of inertia, pitch stiffness and pitch moment at zero angle
 /// of attack: what then remains is not a matter of these parameters.
-pub fn ours_with_its_numbers(row: &ReferenceRow) -> Option<TrimRow> {
+pub fn ours_with_its_numbers(reference: &Reference) -> Vec<TrimRow> {
+    reference.rows.iter().filter_map(with_its_numbers).collect()
+}
+
+fn with_its_numbers(row: &ReferenceRow) -> Option<TrimRow> {
     let mut parameters = cessna172();
     parameters.mass.roll_inertia_kgm2 = row.roll_inertia_kgm2;
     parameters.mass.pitch_inertia_kgm2 = row.pitch_inertia_kgm2;
@@ -103,13 +117,15 @@ pub fn ours_with_its_numbers(row: &ReferenceRow) -> Option<TrimRow> {
 }
 
 /// The comparison as a Markdown table.
-pub fn table(reference: &Reference) -> String {
+///
+/// # Panics
+/// If one of our rows lacks a mode.
+pub fn table(ours: &[TrimRow], reference: &Reference) -> String {
     let mut text = format!(
         "| {HEIGHT_M:.0} m | {} |\n|---|{}\n",
         SPEEDS_MPS.map(|speed| format!("{speed:.0} m/s, ours | {} {}", reference.model, reference.version)).join(" | "),
         "---|".repeat(2 * SPEEDS_MPS.len()),
     );
-    let ours = ours();
     let mut line = |name: &str, digits: usize, mine: &dyn Fn(&TrimRow) -> f64, its: &dyn Fn(&ReferenceRow) -> f64| {
         let cells = ours.iter().zip(&reference.rows).map(|(a, b)| format!("{:.digits$} | {:.digits$}", mine(a), its(b)));
         let _ = writeln!(text, "| {name} | {} |", cells.collect::<Vec<_>>().join(" | "));

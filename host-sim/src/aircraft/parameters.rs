@@ -41,6 +41,30 @@ pub struct Parameters {
     pub specification: Specification,
 }
 
+impl Parameters {
+    /// Keys without which nothing flies.
+    pub fn must_be_positive(&self) -> [(&'static str, f64); 16] {
+        [
+            ("mass_kg", self.mass.mass_kg),
+            ("roll_inertia_kgm2", self.mass.roll_inertia_kgm2),
+            ("pitch_inertia_kgm2", self.mass.pitch_inertia_kgm2),
+            ("yaw_inertia_kgm2", self.mass.yaw_inertia_kgm2),
+            ("wing_area_m2", self.geometry.wing_area_m2),
+            ("wing_span_m", self.geometry.wing_span_m),
+            ("mean_chord_m", self.geometry.mean_chord_m),
+            ("maximum", self.lift.maximum),
+            ("stall_width_rad", self.lift.stall_width_rad),
+            ("rated_power_w", self.engine.rated_power_w),
+            ("rated_speed_rps", self.engine.rated_speed_rps),
+            ("rotating_inertia_kgm2", self.engine.rotating_inertia_kgm2),
+            ("diameter_m", self.propeller.diameter_m),
+            ("stall_margin", self.autopilot.stall_margin),
+            ("maximum_bank_rad", self.autopilot.maximum_bank_rad),
+            ("maximum_descent_mps", self.autopilot.maximum_descent_mps),
+        ]
+    }
+}
+
 /// Mass and moments of inertia about the centre of mass.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]

@@ -58,12 +58,15 @@ fn full_throttle(dynamics: &Dynamics, airspeed_mps: f64, height_m: f64) -> Optio
         .trim(dynamics)
 }
 
+/// Steady rate of climb with the throttle open.
+pub fn climb_rate_mps(dynamics: &Dynamics, airspeed_mps: f64, height_m: f64) -> Option<f64> {
+    full_throttle(dynamics, airspeed_mps, height_m).map(|trim| trim.climb_rate_mps)
+}
+
 /// Best steady climb with the throttle open at a height.
 pub fn best_climb(dynamics: &Dynamics, height_m: f64) -> Option<Trim> {
     let stall = stall_speed_mps(dynamics, height_m, 0.0);
-    let rate = |speed: f64| {
-        full_throttle(dynamics, speed, height_m).map_or(f64::NEG_INFINITY, |t| t.climb_rate_mps)
-    };
+    let rate = |speed: f64| climb_rate_mps(dynamics, speed, height_m).unwrap_or(f64::NEG_INFINITY);
     let (mut low, mut high) = (1.1 * stall, 2.5 * stall);
     // One maximum: trisection.
     for _ in 0..40 {

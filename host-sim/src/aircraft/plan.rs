@@ -1,6 +1,6 @@
 //! Flight plans: a TOML file, checked against what the aircraft can do before it takes off.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use ins_core::earth::Geodetic;
 use nalgebra::{Vector2, Vector3};
@@ -9,19 +9,10 @@ use toml::Spanned;
 
 use super::atmosphere::GRAVITY_MPS2;
 use super::dynamics::Dynamics;
+use super::input::{InputError, Source, read_text};
 use super::performance::{best_climb, max_speed, stall_speed_mps};
 use super::trim::{Condition, Power};
 use super::wind::Turbulence;
-
-/// A plan that cannot be flown or read.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{}{}: {message}", file.display(), line.map_or(String::new(), |line| format!(", line {line}")))]
-pub struct PlanError {
-    pub file: PathBuf,
-    pub line: Option<usize>,
-    /// What is wrong, what was expected, and the likely cause.
-    pub message: String,
-}
 
 /// A flight plan in SI units.
 #[derive(Clone, Debug, PartialEq)]
@@ -120,19 +111,7 @@ struct LegTable {
     airspeed_mps: Option<Spanned<f64>>,
 }
 
-/// Text with its name, to point into.
-struct Source<'a> {
-    file: &'a Path,
-    text: &'a str,
-}
-
 impl Source<'_> {
-    fn error(&self, offset: usize, message: String) -> PlanError {
-        let before = &self.text.as_bytes()[..offset.min(self.text.len())];
-        let line = 1 + before.iter().filter(|&&byte| byte == b'\n').count();
-        PlanError { file: self.file.to_owned(), line: Some(line), message }
-    }
-
     /// A number within bounds.
     fn within(
         &self,
@@ -140,7 +119,7 @@ impl Source<'_> {
         value: &Spanned<f64>,
         [low, high]: [f64; 2],
         cause: &str,
-    ) -> Result<f64, PlanError> {
+    ) -> Result<f64, InputError> {
         let number = *value.get_ref();
         if (low..=high).contains(&number) {
             return Ok(number);
@@ -154,22 +133,15 @@ impl Source<'_> {
 
 impl Plan {
     /// Reads and checks a plan.
-    pub fn read(file: &Path, dynamics: &Dynamics) -> Result<Self, PlanError> {
-        let text = std::fs::read_to_string(file).map_err(|error| PlanError {
-            file: file.to_owned(),
-            line: None,
-            message: format!("cannot be read ({error}); expected a flight plan in TOML"),
-        })?;
+    pub fn read(file: &Path, dynamics: &Dynamics) -> Result<Self, InputError> {
+        let text = read_text(file, "a flight plan")?;
         Self::parse(file, &text, dynamics)
     }
 
     /// Checks the text of a plan; `file` is for messages.
-    pub fn parse(file: &Path, text: &str, dynamics: &Dynamics) -> Result<Self, PlanError> {
+    pub fn parse(file: &Path, text: &str, dynamics: &Dynamics) -> Result<Self, InputError> {
         let source = Source { file, text };
-        let table: File = toml::from_str(text).map_err(|error| {
-            let offset = error.span().map_or(0, |span| span.start);
-            source.error(offset, format!("{}; see plans/ for a complete example", error.message()))
-        })?;
+        let table: File = source.parse("host-sim/plans/route_one_hour.toml")?;
         let bank_rad = table.flight.bank_deg.to_radians();
         let checker = Checker { source, dynamics, bank_rad };
         checker.plan(&table)
@@ -187,7 +159,7 @@ const DEGREES: &str = "is it in radians, or latitude and longitude swapped?";
 const LONGEST_LEG_S: f64 = 86_400.0;
 
 impl Checker<'_> {
-    fn plan(&self, table: &File) -> Result<Plan, PlanError> {
+    fn plan(&self, table: &File) -> Result<Plan, InputError> {
         let ground_height_m = table.air.ground_height_m;
         let limits = &self.dynamics.parameters.autopilot;
         if !(0.05..=limits.maximum_bank_rad).contains(&self.bank_rad) {
@@ -239,7 +211,7 @@ impl Checker<'_> {
         Ok(plan)
     }
 
-    fn start(&self, table: &StartTable, ground_height_m: f64) -> Result<Start, PlanError> {
+    fn start(&self, table: &StartTable, ground_height_m: f64) -> Result<Start, InputError> {
         let s = &self.source;
         let position = Geodetic {
             latitude_rad: s.within("latitude_deg", &table.latitude_deg, [-80.0, 80.0], DEGREES)?.to_radians(),
@@ -257,7 +229,7 @@ impl Checker<'_> {
         height_m: &mut f64,
         airspeed_mps: &mut f64,
         ground_height_m: f64,
-    ) -> Result<Leg, PlanError> {
+    ) -> Result<Leg, InputError> {
         let s = &self.source;
         let leg = spanned.get_ref();
         if let Some(height) = &leg.height_m {
@@ -307,7 +279,7 @@ impl Checker<'_> {
         Ok(Leg { path, height_m: *height_m, airspeed_mps: *airspeed_mps })
     }
 
-    fn height(&self, height: &Spanned<f64>, ground_height_m: f64) -> Result<f64, PlanError> {
+    fn height(&self, height: &Spanned<f64>, ground_height_m: f64) -> Result<f64, InputError> {
         let value = *height.get_ref();
         let lowest = ground_height_m + 50.0;
         if value.is_nan() || value < lowest {
@@ -327,7 +299,7 @@ impl Checker<'_> {
         Ok(value)
     }
 
-    fn airspeed(&self, airspeed: &Spanned<f64>, height_m: f64) -> Result<f64, PlanError> {
+    fn airspeed(&self, airspeed: &Spanned<f64>, height_m: f64) -> Result<f64, InputError> {
         let value = *airspeed.get_ref();
         let p = &self.dynamics.parameters;
         // In a turn the stall speed grows with the root of the load factor.
@@ -353,7 +325,7 @@ impl Checker<'_> {
     }
 
     /// Waypoints must leave room for turns and for climbs.
-    fn route(&self, plan: &Plan, offsets: &[usize]) -> Result<(), PlanError> {
+    fn route(&self, plan: &Plan, offsets: &[usize]) -> Result<(), InputError> {
         let mut from = plan.start.position;
         let mut course = Some(Vector2::new(libm::sin(plan.start.heading_rad), libm::cos(plan.start.heading_rad)));
         let mut turn_before_m = 0.0;
@@ -408,7 +380,7 @@ impl Checker<'_> {
         lead_m(airspeed_mps + plan.wind_enu_mps.norm(), plan.bank_rad, angle)
     }
 
-    fn climb(&self, plan: &Plan, leg: &Leg, from_m: f64, length_m: f64, offset: usize) -> Result<(), PlanError> {
+    fn climb(&self, plan: &Plan, leg: &Leg, from_m: f64, length_m: f64, offset: usize) -> Result<(), InputError> {
         let rise_m = leg.height_m - from_m;
         let time_s = length_m / (leg.airspeed_mps + plan.wind_enu_mps.norm());
         let needed_mps = rise_m / time_s;
