@@ -2,5 +2,15 @@
 
 pub mod accuracy;
 pub mod aircraft;
+pub mod cli;
+pub mod configure;
+pub mod free_inertial;
+pub mod identify;
 pub mod log;
+pub mod output;
+pub mod quantities;
+pub mod report;
 pub mod sim;
+pub mod summary;
+pub mod tables;
+pub mod truth;

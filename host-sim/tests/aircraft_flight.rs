@@ -25,7 +25,9 @@ fn route() -> (Dynamics, Plan) {
 fn flies_the_route() {
     let (dynamics, plan) = route();
     let mut flight = Flight::new(&dynamics, &plan, 1).unwrap();
-    let duration_s = flight.duration_s().unwrap_or_else(|error| panic!("{error}"));
+    let duration_s = flight
+        .duration_s()
+        .unwrap_or_else(|error| panic!("{error}"));
     assert!((3400.0..4000.0).contains(&duration_s), "{duration_s}");
 
     let mut nearest_m = vec![f64::INFINITY; plan.legs.len()];
@@ -33,12 +35,20 @@ fn flies_the_route() {
         (0.0, 0.0, 0.0, 0.0, 0.0);
     let mut steady_since_s = f64::INFINITY;
     let mut target = *flight.target();
-    for i in 0..(10.0 * duration_s) as u32 {
-        let time_s = 0.1 * f64::from(i);
+    let times = (0..).map(|i| 0.1 * f64::from(i));
+    for time_s in times.take_while(|time_s| *time_s < duration_s) {
         let _ = flight.kinematics(time_s);
         for (near, leg) in nearest_m.iter_mut().zip(&plan.legs) {
-            if let Path2d::To { latitude_rad, longitude_rad } = leg.path {
-                let to = ins_core::earth::Geodetic { latitude_rad, longitude_rad, height_m: 0.0 };
+            if let Path2d::To {
+                latitude_rad,
+                longitude_rad,
+            } = leg.path
+            {
+                let to = ins_core::earth::Geodetic {
+                    latitude_rad,
+                    longitude_rad,
+                    height_m: 0.0,
+                };
                 *near = flight.position().enu_from(&to).xy().norm().min(*near);
             }
         }
@@ -67,11 +77,18 @@ fn flies_the_route() {
         assert!(!near.is_finite() || *near < 900.0, "{near} m past {leg:?}");
     }
     let speed_error = f64::sqrt(speed_square / held);
-    println!("height {height_error:.1} m, speed {speed_error:.1} m/s, slip {:.2} deg", f64::sqrt(sideslip / count).to_degrees());
+    println!(
+        "height {height_error:.1} m, speed {speed_error:.1} m/s, slip {:.2} deg",
+        f64::sqrt(sideslip / count).to_degrees()
+    );
     // Gusts of 1.5 m/s in three axes; a sinking air mass of 3 m/s takes all the power there is.
     assert!(height_error < 40.0, "{height_error} m");
     assert!(speed_error < 3.0, "{speed_error} m/s RMS");
-    assert!((sideslip / count).sqrt() < 0.02, "turns are coordinated: {}", (sideslip / count).sqrt());
+    assert!(
+        (sideslip / count).sqrt() < 0.02,
+        "turns are coordinated: {}",
+        (sideslip / count).sqrt()
+    );
     let end = euler(&flight.node().state);
     assert!(end.roll_rad.abs() < 0.6);
 }
@@ -88,7 +105,11 @@ fn strapdown_errors(dynamics: &Dynamics, plan: &Plan, rate_hz: u32, duration_s: 
     for i in 1..=rate_hz * duration_s {
         let time = Time::default().plus_seconds(f64::from(i) * seconds);
         let gained = sensors.advance(time);
-        let sample = ImuSample { time, gyro: gained.angle_b_rad, accel: gained.velocity_b_mps };
+        let sample = ImuSample {
+            time,
+            gyro: gained.angle_b_rad,
+            accel: gained.velocity_b_mps,
+        };
         let increments =
             increments.get_or_insert_with(|| Increments::new(ImuOutput::Increments, &sample));
         ins.step(&increments.interval(&sample, seconds), &Controls::default());
@@ -112,21 +133,34 @@ fn error_free_strapdown_reproduces_an_hour_of_flight() {
     let (dynamics, mut plan) = route();
     plan.turbulence = Turbulence::Light;
     let [position_m, velocity_mps, attitude_rad] = strapdown_errors(&dynamics, &plan, 100, 3400);
-    println!("{position_m} m, {velocity_mps} m/s, {} arc seconds", attitude_rad / ARC_SECOND);
+    println!(
+        "{position_m} m, {velocity_mps} m/s, {} arc seconds",
+        attitude_rad / ARC_SECOND
+    );
     assert!(position_m < 1.0, "{position_m} m");
     assert!(velocity_mps < 1e-3, "{velocity_mps} m/s");
-    assert!(attitude_rad < ARC_SECOND, "{} arc seconds", attitude_rad / ARC_SECOND);
+    assert!(
+        attitude_rad < ARC_SECOND,
+        "{} arc seconds",
+        attitude_rad / ARC_SECOND
+    );
 }
 
 #[test]
 fn strapdown_error_falls_with_the_sampling_rate() {
     let (dynamics, plan) = route();
     // Severe: turbulence is what the two-sample coning and sculling cannot follow.
-    let plan = Plan { turbulence: Turbulence::Severe, ..plan };
+    let plan = Plan {
+        turbulence: Turbulence::Severe,
+        ..plan
+    };
     let at = |rate_hz| strapdown_errors(&dynamics, &plan, rate_hz, 300);
     let (slow, usual, fast) = (at(50), at(100), at(200));
     for i in 0..3 {
-        assert!(usual[i] < 0.5 * slow[i] && fast[i] < 0.5 * usual[i], "{slow:?} {usual:?} {fast:?}");
+        assert!(
+            usual[i] < 0.5 * slow[i] && fast[i] < 0.5 * usual[i],
+            "{slow:?} {usual:?} {fast:?}"
+        );
     }
 }
 
@@ -147,7 +181,10 @@ fn the_seed_fixes_the_flight() {
 fn kinematics_are_consistent() {
     let (dynamics, plan) = route();
     for vibration in [false, true] {
-        let plan = Plan { vibration, ..plan.clone() };
+        let plan = Plan {
+            vibration,
+            ..plan.clone()
+        };
         let mut flight = Flight::new(&dynamics, &plan, 3).unwrap();
         let step_s = 1e-6;
         for i in 0..2000 {
@@ -161,10 +198,16 @@ fn kinematics_are_consistent() {
             let gained = (to.velocity_enu_mps - from.velocity_enu_mps) / step_s;
             let mean = 0.5 * (to.acceleration_enu_mps2 + from.acceleration_enu_mps2);
             // Rounding of 50 m/s over a microsecond: 1e-8.
-            assert!((gained - mean).norm() < 1e-6, "{time_s} s, vibration {vibration}: {gained} {mean}");
+            assert!(
+                (gained - mean).norm() < 1e-6,
+                "{time_s} s, vibration {vibration}: {gained} {mean}"
+            );
             let turned = (from.attitude.inverse() * to.attitude).scaled_axis() / step_s;
             let rate = 0.5 * (to.angular_rate_lb_b_radps + from.angular_rate_lb_b_radps);
-            assert!((turned - rate).norm() < 1e-8, "{time_s} s, vibration {vibration}: {turned} {rate}");
+            assert!(
+                (turned - rate).norm() < 1e-8,
+                "{time_s} s, vibration {vibration}: {turned} {rate}"
+            );
         }
     }
 }
@@ -174,9 +217,18 @@ fn kinematics_are_consistent() {
 #[test]
 fn vibration_aliases_and_is_resolved_by_sampling() {
     let (dynamics, plan) = route();
-    let plan = Plan { vibration: true, turbulence: Turbulence::None, ..plan };
+    let plan = Plan {
+        vibration: true,
+        turbulence: Turbulence::None,
+        ..plan
+    };
     let [_, _, aliased] = strapdown_errors(&dynamics, &plan, 100, 60);
     let [_, _, resolved] = strapdown_errors(&dynamics, &plan, 1000, 60);
     assert!(aliased > 0.3 * ARC_SECOND, "{}", aliased / ARC_SECOND);
-    assert!(resolved < 0.05 * aliased, "{} {}", aliased / ARC_SECOND, resolved / ARC_SECOND);
+    assert!(
+        resolved < 0.05 * aliased,
+        "{} {}",
+        aliased / ARC_SECOND,
+        resolved / ARC_SECOND
+    );
 }

@@ -48,7 +48,10 @@ pub struct Aerodynamics {
 impl Aerodynamics {
     /// Places the stall so that the lift curve peaks at the given maxima.
     pub fn new(parameters: &Parameters) -> Self {
-        let mut model = Self { parameters: parameters.clone(), stall_alpha_rad: [0.0; 2] };
+        let mut model = Self {
+            parameters: parameters.clone(),
+            stall_alpha_rad: [0.0; 2],
+        };
         let (lift, flaps) = (&parameters.lift, &parameters.flaps);
         model.stall_alpha_rad = [
             model.stall_for(lift.zero, lift.maximum),
@@ -65,10 +68,15 @@ impl Aerodynamics {
             let peak = (0..1000)
                 .map(|i| {
                     let alpha = 0.001 * f64::from(i);
-                    self.lift_curve(zero, middle, alpha, libm::sin(alpha), libm::cos(alpha)).0
+                    self.lift_curve(zero, middle, alpha, libm::sin(alpha), libm::cos(alpha))
+                        .0
                 })
                 .fold(0.0, f64::max);
-            if peak > maximum { high = middle } else { low = middle }
+            if peak > maximum {
+                high = middle;
+            } else {
+                low = middle;
+            }
         }
         low
     }
@@ -94,7 +102,8 @@ impl Aerodynamics {
     /// Elevator that balances the pitching moment in steady flight at an angle of attack.
     pub fn balancing_elevator(&self, alpha_rad: f64, flaps: f64) -> f64 {
         let pitch = &self.parameters.pitch;
-        -(pitch.zero + flaps * self.parameters.flaps.pitch + pitch.alpha * alpha_rad) / pitch.elevator
+        -(pitch.zero + flaps * self.parameters.flaps.pitch + pitch.alpha * alpha_rad)
+            / pitch.elevator
     }
 
     /// Largest lift coefficient in balance: what the stall speed goes by.
@@ -149,7 +158,11 @@ impl Aerodynamics {
                 pressure_area * lateral(&p.side),
                 -pressure_area * (lift * cos + drag * sin),
             ],
-            moment: [span * lateral(&p.roll), chord * pitch, span * lateral(&p.yaw)],
+            moment: [
+                span * lateral(&p.roll),
+                chord * pitch,
+                span * lateral(&p.yaw),
+            ],
             lift_per_alpha_rate: pressure_area * chord_time * p.lift.alpha_rate,
             pitch_per_alpha_rate: chord * chord_time * p.pitch.alpha_rate,
         }

@@ -56,8 +56,16 @@ mod tests {
     /// ICAO Doc 7488 table values; the geopotential-geometric difference is within 1e-3 here.
     #[test]
     fn agrees_with_the_published_table() {
-        for (height_m, published) in [(0.0, 1.225), (1000.0, 1.1117), (3000.0, 0.9093), (5000.0, 0.7364)] {
-            assert!((density(height_m) / published - 1.0).abs() < 1.5e-3, "{height_m} m");
+        for (height_m, published) in [
+            (0.0, 1.225),
+            (1000.0, 1.1117),
+            (3000.0, 0.9093),
+            (5000.0, 0.7364),
+        ] {
+            assert!(
+                (density(height_m) / published - 1.0).abs() < 1.5e-3,
+                "{height_m} m"
+            );
         }
     }
 

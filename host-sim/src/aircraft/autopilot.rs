@@ -36,13 +36,19 @@ pub struct Track {
 impl Track {
     /// From one point to another.
     pub fn between(from: &Geodetic, to: &Geodetic) -> Self {
-        Self { to: *to, direction: to.enu_from(from).xy().normalize() }
+        Self {
+            to: *to,
+            direction: to.enu_from(from).xy().normalize(),
+        }
     }
 
     /// Distance still to go and distance right of the track.
     pub fn place(&self, position: &Geodetic) -> (f64, f64) {
         let from_end = position.enu_from(&self.to).xy();
-        (-from_end.dot(&self.direction), -self.direction.perp(&from_end))
+        (
+            -from_end.dot(&self.direction),
+            -self.direction.perp(&from_end),
+        )
     }
 }
 
@@ -73,7 +79,13 @@ pub struct Autopilot {
 
 impl Autopilot {
     /// Takes over a steady flight; `climb_limit_mps` is the most it asks for.
-    pub fn new(parameters: &Parameters, trim: &Trim, bank_limit_rad: f64, climb_limit_mps: f64, step_s: f64) -> Self {
+    pub fn new(
+        parameters: &Parameters,
+        trim: &Trim,
+        bank_limit_rad: f64,
+        climb_limit_mps: f64,
+        step_s: f64,
+    ) -> Self {
         Self {
             parameters: parameters.clone(),
             bank_limit_rad,
@@ -90,7 +102,13 @@ impl Autopilot {
     }
 
     /// The bank that the target asks for; slow compared with the rest.
-    pub fn guide(&mut self, target: &Target, position: &Geodetic, velocity_enu_mps: &Vector3<f64>, heading_rad: f64) {
+    pub fn guide(
+        &mut self,
+        target: &Target,
+        position: &Geodetic,
+        velocity_enu_mps: &Vector3<f64>,
+        heading_rad: f64,
+    ) {
         let ground_mps = velocity_enu_mps.xy().norm();
         let error_rad = match target.lateral {
             Lateral::Bank(bank_rad) => {
@@ -111,7 +129,13 @@ impl Autopilot {
     }
 
     /// Controls for the next moment.
-    pub fn control(&mut self, target: &Target, state: &State, euler: &Euler, air: &AirData) -> Controls {
+    pub fn control(
+        &mut self,
+        target: &Target,
+        state: &State,
+        euler: &Euler,
+        air: &AirData,
+    ) -> Controls {
         let gains = &self.parameters.autopilot;
         let travel = &self.parameters.travel;
         let dt = self.step_s;
@@ -129,19 +153,25 @@ impl Autopilot {
 
         // Height by pitch, but speed comes first: an aircraft that slows down climbs less.
         let climb_limit = self.climb_limit_mps - (0.6 * (slow_mps - 1.0)).max(0.0);
-        let climb_wanted = (HEIGHT_RATE * (target.height_m - state.height_m))
-            .clamp(-gains.maximum_descent_mps, climb_limit.max(-gains.maximum_descent_mps));
+        let climb_wanted = (HEIGHT_RATE * (target.height_m - state.height_m)).clamp(
+            -gains.maximum_descent_mps,
+            climb_limit.max(-gains.maximum_descent_mps),
+        );
         let climb_error = climb_wanted - state.velocity_enu_mps.z;
-        self.pitch_integral_rad =
-            (self.pitch_integral_rad + gains.pitch_per_climb_integral * climb_error * dt).clamp(-0.25, 0.25);
-        let pitch_wanted = (self.pitch_integral_rad + gains.pitch_per_climb * climb_error).clamp(-0.3, 0.3);
+        self.pitch_integral_rad = (self.pitch_integral_rad
+            + gains.pitch_per_climb_integral * climb_error * dt)
+            .clamp(-0.25, 0.25);
+        let pitch_wanted =
+            (self.pitch_integral_rad + gains.pitch_per_climb * climb_error).clamp(-0.3, 0.3);
 
         // Bank, approached no faster than the roll-rate limit.
         let most = gains.maximum_roll_rate_radps * dt;
-        self.roll_reference_rad += (self.bank_wanted_rad - self.roll_reference_rad).clamp(-most, most);
+        self.roll_reference_rad +=
+            (self.bank_wanted_rad - self.roll_reference_rad).clamp(-most, most);
         let (sin_roll, cos_roll) = libm::sincos(euler.roll_rad);
         let turn_rate = GRAVITY_MPS2 * sin_roll / (cos_roll.max(0.5) * air.airspeed_mps);
-        let (pitch_rate, roll_rate, yaw_rate) = (state.rate_radps.x, state.rate_radps.y, -state.rate_radps.z);
+        let (pitch_rate, roll_rate, yaw_rate) =
+            (state.rate_radps.x, state.rate_radps.y, -state.rate_radps.z);
 
         // Coordination: no sideslip, and the yaw rate of the turn.
         self.rudder_integral_rad = (self.rudder_integral_rad

@@ -15,6 +15,7 @@ use super::input::{read_aircraft, read_toml};
 use super::performance::{Performance, performance};
 use super::pictures;
 use super::plan::Plan;
+use crate::cli::spinner;
 use crate::log::{self, BodyAxes, Compression, Log, Meta};
 use crate::output::{self, OutputError};
 use crate::sim::drive::{Grade, Recording};
@@ -67,7 +68,11 @@ fn error_model(name: &str) -> Result<ErrorModel> {
         "ideal" => Ok(Grade::Ideal.errors()),
         "hg1700" => Ok(Grade::Hg1700.errors()),
         "mems" => Ok(Grade::Mems.errors()),
-        file => Ok(read_toml(Path::new(file), "ideal, hg1700, mems or an error model", "the README")?),
+        file => Ok(read_toml(
+            Path::new(file),
+            "ideal, hg1700, mems or an error model",
+            "the README",
+        )?),
     }
 }
 
@@ -90,6 +95,7 @@ pub fn fly(options: &Fly, json: bool, force: bool) -> Result<()> {
     let dynamics = aircraft(options.aircraft.as_deref())?;
     let errors = error_model(&options.errors)?;
     let plan = Plan::read(&options.plan, &dynamics)?;
+    let progress = spinner("flying");
     let in_plan = |error| miette!("{}: {error}", options.plan.display());
     let flight = Flight::new(&dynamics, &plan, options.seed).map_err(in_plan)?;
     let recording = Recording {
@@ -101,9 +107,11 @@ pub fn fly(options: &Fly, json: bool, force: bool) -> Result<()> {
         errors,
     };
     let run = record(flight, &recording);
+    progress.set_message("writing the log");
     let truth = Truth::new(&run.errors, azimuth_error_rad(&run), BodyAxes::Frd);
     let distance_km = 1e-3 * distance_m(&run);
     write(options, &recording, run, truth, force)?;
+    progress.finish_and_clear();
 
     let summary = FlySummary {
         log: &options.out,
@@ -114,11 +122,16 @@ pub fn fly(options: &Fly, json: bool, force: bool) -> Result<()> {
         errors: &truth,
     };
     if json {
-        println!("{}", serde_json::to_string_pretty(&summary).into_diagnostic()?);
+        println!(
+            "{}",
+            serde_json::to_string_pretty(&summary).into_diagnostic()?
+        );
     } else {
         println!(
             "{}: {:.0} s, {distance_km:.1} km. Log and pictures written to {}",
-            summary.aircraft, summary.duration_s, options.out.display()
+            summary.aircraft,
+            summary.duration_s,
+            options.out.display()
         );
     }
     Ok(())
@@ -126,21 +139,37 @@ pub fn fly(options: &Fly, json: bool, force: bool) -> Result<()> {
 
 fn azimuth_error_rad(run: &SimulatedDrive) -> Option<f64> {
     let start = run.truth.first()?;
-    run.given_heading_rad.map(|given| wrap_pi(given - start.euler().heading_rad))
+    run.given_heading_rad
+        .map(|given| wrap_pi(given - start.euler().heading_rad))
 }
 
 fn distance_m(run: &SimulatedDrive) -> f64 {
-    run.truth.windows(2).map(|w| w[1].position.enu_from(&w[0].position).xy().norm()).sum()
+    run.truth
+        .windows(2)
+        .map(|w| w[1].position.enu_from(&w[0].position).xy().norm())
+        .sum()
 }
 
-fn write(options: &Fly, recording: &Recording, run: SimulatedDrive, truth: Truth, force: bool) -> Result<()> {
+fn write(
+    options: &Fly,
+    recording: &Recording,
+    run: SimulatedDrive,
+    truth: Truth,
+    force: bool,
+) -> Result<()> {
     let drawn = pictures::of_flight(&run, recording.errors.imu.output);
     let name = format!("simulated flight, seed {}", options.seed);
-    let entries = [("name", toml::Value::from(name)), ("real_data", toml::Value::from(false))];
+    let entries = [
+        ("name", toml::Value::from(name)),
+        ("real_data", toml::Value::from(false)),
+    ];
     let log = Log {
         meta: Meta {
             initial_heading_deg: run.given_heading_rad.map(f64::to_degrees),
-            document: entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect(),
+            document: entries
+                .into_iter()
+                .map(|(key, value)| (key.to_owned(), value))
+                .collect(),
             ..Meta::new(BodyAxes::Frd, recording.errors.imu.output)
         },
         imu: run.imu,
@@ -169,8 +198,12 @@ const TABLE: &str = "performance.json";
 pub fn table(options: &Table, json: bool, force: bool) -> Result<()> {
     let dynamics = aircraft(options.aircraft.as_deref())?;
     let name = &dynamics.parameters.name;
-    let table = performance(&dynamics)
-        .ok_or_else(|| miette!(help = "check mass, lift and power of its file", "the {name} cannot fly level at sea level"))?;
+    let table = performance(&dynamics).ok_or_else(|| {
+        miette!(
+            help = "check mass, lift and power of its file",
+            "the {name} cannot fly level at sea level"
+        )
+    })?;
     let text = serde_json::to_string_pretty(&table).into_diagnostic()?;
     if let Some(out) = &options.out {
         let slowest_mps = 1.05 * table.clean_stall_speed_kmh / 3.6;
@@ -182,22 +215,49 @@ pub fn table(options: &Table, json: bool, force: bool) -> Result<()> {
             Ok(())
         })?;
     }
-    if json { println!("{text}") } else { print!("{}", readable(&dynamics, &table)) }
+    if json {
+        println!("{text}");
+    } else {
+        print!("{}", readable(&dynamics, &table));
+    }
     Ok(())
 }
 
 fn readable(dynamics: &Dynamics, table: &Performance) -> String {
     let specification = &dynamics.parameters.specification;
-    let mut text = format!("{}\n\n{:<34}{:>10}{:>15}\n", table.name, "", "model", "specification");
+    let mut text = format!(
+        "{}\n\n{:<34}{:>10}{:>15}\n",
+        table.name, "", "model", "specification"
+    );
     let rows = [
-        ("maximum level speed, km/h", table.max_speed_kmh, Some(specification.max_speed_kmh)),
-        ("stall speed, flaps down, km/h", table.stall_speed_kmh, Some(specification.stall_speed_kmh)),
-        ("rate of climb, m/s", table.climb_rate_mps, Some(specification.climb_rate_mps)),
-        ("stall speed, flaps up, km/h", table.clean_stall_speed_kmh, None),
+        (
+            "maximum level speed, km/h",
+            table.max_speed_kmh,
+            Some(specification.max_speed_kmh),
+        ),
+        (
+            "stall speed, flaps down, km/h",
+            table.stall_speed_kmh,
+            Some(specification.stall_speed_kmh),
+        ),
+        (
+            "rate of climb, m/s",
+            table.climb_rate_mps,
+            Some(specification.climb_rate_mps),
+        ),
+        (
+            "stall speed, flaps up, km/h",
+            table.clean_stall_speed_kmh,
+            None,
+        ),
         ("speed of best climb, km/h", table.climb_speed_kmh, None),
         ("service ceiling, m", table.service_ceiling_m, None),
         ("ceiling, m", table.ceiling_m, None),
-        ("engine at full speed, rpm", table.engine_rpm_at_max_speed, None),
+        (
+            "engine at full speed, rpm",
+            table.engine_rpm_at_max_speed,
+            None,
+        ),
         ("engine in the climb, rpm", table.engine_rpm_in_climb, None),
     ];
     for (name, value, published) in rows {
@@ -207,7 +267,16 @@ fn readable(dynamics: &Dynamics, table: &Performance) -> String {
     let _ = writeln!(
         text,
         "\nSteady level flight at sea level: trim and natural motions\n{:>8}{:>8}{:>9}{:>9}{:>9}{:>14}{:>14}{:>14}{:>8}{:>8}",
-        "m/s", "alpha", "elevator", "throttle", "power", "phugoid", "short period", "Dutch roll", "roll", "spiral"
+        "m/s",
+        "alpha",
+        "elevator",
+        "throttle",
+        "power",
+        "phugoid",
+        "short period",
+        "Dutch roll",
+        "roll",
+        "spiral"
     );
     let _ = writeln!(
         text,
@@ -224,7 +293,11 @@ fn readable(dynamics: &Dynamics, table: &Performance) -> String {
             for mode in [&modes.phugoid, &modes.short_period, &modes.dutch_roll] {
                 let _ = write!(text, "{:>8.2} {:>5.2}", mode.period_s, mode.damping_ratio);
             }
-            let _ = write!(text, "{:>8.2}{:>8.0}", modes.roll_time_constant_s, modes.spiral_time_constant_s);
+            let _ = write!(
+                text,
+                "{:>8.2}{:>8.0}",
+                modes.roll_time_constant_s, modes.spiral_time_constant_s
+            );
         }
         text.push('\n');
     }

@@ -171,8 +171,12 @@ impl Dynamics {
             density_kgpm3,
         };
         let loads = self.aerodynamics.loads(&flow, &inputs.controls.surfaces);
-        let propeller = parameters.propeller.thrust(u, state.engine_rps, density_kgpm3);
-        let engine_nm = parameters.engine.torque_nm(inputs.controls.throttle, density_kgpm3);
+        let propeller = parameters
+            .propeller
+            .thrust(u, state.engine_rps, density_kgpm3);
+        let engine_nm = parameters
+            .engine
+            .torque_nm(inputs.controls.throttle, density_kgpm3);
 
         // Specific force, and gravity in body axes from the third row of C.
         let mass_kg = parameters.mass.mass_kg;
@@ -190,9 +194,8 @@ impl Dynamics {
         fx += rate_lift * flow.sin_alpha;
         fz -= rate_lift * flow.cos_alpha;
 
-        let momentum = std::f64::consts::TAU
-            * parameters.engine.rotating_inertia_kgm2
-            * state.engine_rps;
+        let momentum =
+            std::f64::consts::TAU * parameters.engine.rotating_inertia_kgm2 * state.engine_rps;
         let m = &parameters.mass;
         let (ixx, iyy, izz, ixz) = (
             m.roll_inertia_kgm2,
@@ -201,8 +204,7 @@ impl Dynamics {
             m.product_of_inertia_kgm2,
         );
         let roll_nm = loads.moment[0] - engine_nm + (iyy - izz) * q * r + ixz * p * q;
-        let pitch_nm = loads.moment[1] + loads.pitch_per_alpha_rate * alpha_rate
-            - r * momentum
+        let pitch_nm = loads.moment[1] + loads.pitch_per_alpha_rate * alpha_rate - r * momentum
             + (izz - ixx) * p * r
             + ixz * (r * r - p * p);
         let yaw_nm = loads.moment[2] + q * momentum + (ixx - iyy) * p * q - ixz * q * r;
@@ -243,10 +245,15 @@ impl Dynamics {
                 + k4.acceleration_enu_mps2)
                 / 6.0,
             attitude: (k1.attitude + (k2.attitude + k3.attitude) * 2.0 + k4.attitude) / 6.0,
-            rate_radps2: (k1.rate_radps2 + 2.0 * (k2.rate_radps2 + k3.rate_radps2) + k4.rate_radps2)
+            rate_radps2: (k1.rate_radps2
+                + 2.0 * (k2.rate_radps2 + k3.rate_radps2)
+                + k4.rate_radps2)
                 / 6.0,
-            height_mps: (k1.height_mps + 2.0 * (k2.height_mps + k3.height_mps) + k4.height_mps) / 6.0,
-            engine_rps2: (k1.engine_rps2 + 2.0 * (k2.engine_rps2 + k3.engine_rps2) + k4.engine_rps2)
+            height_mps: (k1.height_mps + 2.0 * (k2.height_mps + k3.height_mps) + k4.height_mps)
+                / 6.0,
+            engine_rps2: (k1.engine_rps2
+                + 2.0 * (k2.engine_rps2 + k3.engine_rps2)
+                + k4.engine_rps2)
                 / 6.0,
         };
         let mut end = state.advanced(&mean, dt);

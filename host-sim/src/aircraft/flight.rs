@@ -65,14 +65,25 @@ impl Flight {
     }
 
     /// The same with another step of the integrator.
-    pub fn with_step(dynamics: &Dynamics, plan: &Plan, seed: u64, step_s: f64) -> Result<Self, FlightError> {
+    pub fn with_step(
+        dynamics: &Dynamics,
+        plan: &Plan,
+        seed: u64,
+        step_s: f64,
+    ) -> Result<Self, FlightError> {
         let start = &plan.start;
         let position = start.position;
         let trim = Condition::level(start.airspeed_mps, position.height_m)
             .trim(dynamics)
-            .ok_or(FlightError::NoTrim { airspeed_mps: start.airspeed_mps, height_m: position.height_m })?;
+            .ok_or(FlightError::NoTrim {
+                airspeed_mps: start.airspeed_mps,
+                height_m: position.height_m,
+            })?;
         let mut state = trim.state;
-        let heading = attitude::from_euler(&Euler { heading_rad: start.heading_rad, ..trim.euler });
+        let heading = attitude::from_euler(&Euler {
+            heading_rad: start.heading_rad,
+            ..trim.euler
+        });
         state.attitude = *heading;
         let (sin, cos) = libm::sincos(start.heading_rad);
         let speed = trim.state.velocity_enu_mps;
@@ -89,12 +100,23 @@ impl Flight {
             seed,
         );
         let wind = air.step(start.airspeed_mps, position.height_m - plan.ground_height_m);
-        let inputs = Inputs { controls: trim.inputs.controls, wind };
+        let inputs = Inputs {
+            controls: trim.inputs.controls,
+            wind,
+        };
         let derivative = dynamics.derivative(&state, &inputs, &Density::around(position.height_m));
-        let node = Node { time_s: 0.0, state, acceleration_enu_mps2: derivative.acceleration_enu_mps2 };
+        let node = Node {
+            time_s: 0.0,
+            state,
+            acceleration_enu_mps2: derivative.acceleration_enu_mps2,
+        };
         let climb = best_climb(dynamics, position.height_m).map_or(0.0, |trim| trim.climb_rate_mps);
         let autopilot = Autopilot::new(&dynamics.parameters, &trim, plan.bank_rad, climb, step_s);
-        let crank = Crank { angle_rad: 0.0, rate_radps: 0.0, rate_radps2: 0.0 };
+        let crank = Crank {
+            angle_rad: 0.0,
+            rate_radps: 0.0,
+            rate_radps2: 0.0,
+        };
         let mut flight = Self {
             dynamics: dynamics.clone(),
             plan: plan.clone(),
@@ -107,12 +129,22 @@ impl Flight {
             derivative,
             inputs,
             position,
-            segment: Segment::between(&node, &Node { time_s: step_s, ..node }),
+            segment: Segment::between(
+                &node,
+                &Node {
+                    time_s: step_s,
+                    ..node
+                },
+            ),
             crank: [crank; 2],
             leg: 0,
             leg_start_s: 0.0,
             leg_patience_s: 0.0,
-            target: Target { height_m: 0.0, airspeed_mps: 0.0, lateral: Lateral::Heading(0.0) },
+            target: Target {
+                height_m: 0.0,
+                airspeed_mps: 0.0,
+                lateral: Lateral::Heading(0.0),
+            },
             over: false,
         };
         flight.crank[1] = flight.crank_now(0.0);
@@ -171,18 +203,32 @@ impl Flight {
         }
         let on_leg_s = time_s - self.leg_start_s;
         if on_leg_s > self.leg_patience_s {
-            return Err(FlightError::NeverThere { time_s: on_leg_s, leg });
+            return Err(FlightError::NeverThere {
+                time_s: on_leg_s,
+                leg,
+            });
         }
         Ok(())
     }
 
     fn begin_leg(&mut self, leg: usize) {
-        let Leg { path, height_m, airspeed_mps } = self.plan.legs[leg];
+        let Leg {
+            path,
+            height_m,
+            airspeed_mps,
+        } = self.plan.legs[leg];
         let lateral = match path {
             Path2d::Heading { heading_rad, .. } => Lateral::Heading(heading_rad),
             Path2d::Bank { bank_rad, .. } => Lateral::Bank(bank_rad),
-            Path2d::To { latitude_rad, longitude_rad } => {
-                let to = Geodetic { latitude_rad, longitude_rad, height_m };
+            Path2d::To {
+                latitude_rad,
+                longitude_rad,
+            } => {
+                let to = Geodetic {
+                    latitude_rad,
+                    longitude_rad,
+                    height_m,
+                };
                 // From the last waypoint if there was one; else from here.
                 let from = match self.target.lateral {
                     Lateral::Track(track) => track.to,
@@ -200,7 +246,11 @@ impl Flight {
         };
         self.leg = leg;
         self.leg_start_s = self.node.time_s;
-        self.target = Target { height_m, airspeed_mps, lateral };
+        self.target = Target {
+            height_m,
+            airspeed_mps,
+            lateral,
+        };
     }
 
     /// The leg after this one; with a duration in the plan the first follows the last.
@@ -228,12 +278,31 @@ impl Flight {
 
     /// How far before the end of this track the turn onto the next begins.
     fn turn_lead_m(&self, track: &Track) -> f64 {
-        let Some(next) = self.next_leg() else { return 0.0 };
-        let Path2d::To { latitude_rad, longitude_rad } = self.plan.legs[next].path else { return 0.0 };
-        let to = Geodetic { latitude_rad, longitude_rad, height_m: track.to.height_m };
+        let Some(next) = self.next_leg() else {
+            return 0.0;
+        };
+        let Path2d::To {
+            latitude_rad,
+            longitude_rad,
+        } = self.plan.legs[next].path
+        else {
+            return 0.0;
+        };
+        let to = Geodetic {
+            latitude_rad,
+            longitude_rad,
+            height_m: track.to.height_m,
+        };
         let onward = Track::between(&track.to, &to).direction;
-        let angle = libm::atan2(track.direction.perp(&onward).abs(), track.direction.dot(&onward));
-        lead_m(self.node.state.velocity_enu_mps.xy().norm(), self.plan.bank_rad, angle)
+        let angle = libm::atan2(
+            track.direction.perp(&onward).abs(),
+            track.direction.dot(&onward),
+        );
+        lead_m(
+            self.node.state.velocity_enu_mps.xy().norm(),
+            self.plan.bank_rad,
+            angle,
+        )
     }
 
     fn guide(&mut self, heading_rad: f64) {
@@ -244,7 +313,8 @@ impl Flight {
             }
         }
         let velocity = self.node.state.velocity_enu_mps;
-        self.autopilot.guide(&self.target, &self.position, &velocity, heading_rad);
+        self.autopilot
+            .guide(&self.target, &self.position, &velocity, heading_rad);
     }
 
     /// One step of everything.
@@ -256,11 +326,20 @@ impl Flight {
         }
         let air = state.air_data(&self.inputs.wind);
         let controls = self.autopilot.control(&self.target, &state, &angles, &air);
-        let wind = self.air.step(air.airspeed_mps, state.height_m - self.plan.ground_height_m);
+        let wind = self
+            .air
+            .step(air.airspeed_mps, state.height_m - self.plan.ground_height_m);
         let next_inputs = Inputs { controls, wind };
 
         let density = Density::around(state.height_m);
-        let next = self.dynamics.step(&state, &self.derivative, &self.inputs, &next_inputs, &density, self.step_s);
+        let next = self.dynamics.step(
+            &state,
+            &self.derivative,
+            &self.inputs,
+            &next_inputs,
+            &density,
+            self.step_s,
+        );
         self.derivative = self.dynamics.derivative(&next, &next_inputs, &density);
         self.inputs = next_inputs;
         self.steps += 1;
@@ -312,7 +391,9 @@ impl Motion for Flight {
             self.step();
         }
         let kinematics = self.segment.kinematics(time_s);
-        let Some(vibration) = &self.vibration else { return kinematics };
+        let Some(vibration) = &self.vibration else {
+            return kinematics;
+        };
         let [from, to] = &self.crank;
         let since_s = time_s - (self.segment.end_s() - self.step_s);
         let rate_radps2 = (to.rate_radps - from.rate_radps) / self.step_s;

@@ -25,9 +25,13 @@ pub(super) struct Source<'a> {
 impl Source<'_> {
     /// An error at a byte of the text.
     pub fn error(&self, offset: usize, message: String) -> InputError {
-        let before = &self.text.as_bytes()[..offset.min(self.text.len())];
-        let line = 1 + before.iter().filter(|&&byte| byte == b'\n').count();
-        InputError { file: self.file.to_owned(), line: Some(line), message }
+        let before = self.text.get(..offset).unwrap_or(self.text);
+        let line = 1 + before.matches('\n').count();
+        InputError {
+            file: self.file.to_owned(),
+            line: Some(line),
+            message,
+        }
     }
 
     /// The text as TOML; `example` says where a complete one is found.
@@ -35,7 +39,10 @@ impl Source<'_> {
         toml::from_str(self.text).map_err(|error| {
             let offset = error.span().map_or(0, |span| span.start);
             let message = error.message().trim_end();
-            self.error(offset, format!("{message}; {example} is a complete example"))
+            self.error(
+                offset,
+                format!("{message}; {example} is a complete example"),
+            )
         })
     }
 }
@@ -50,7 +57,11 @@ pub fn read_text(file: &Path, what: &str) -> Result<String, InputError> {
 }
 
 /// A file as TOML.
-pub fn read_toml<T: DeserializeOwned>(file: &Path, what: &str, example: &str) -> Result<T, InputError> {
+pub fn read_toml<T: DeserializeOwned>(
+    file: &Path,
+    what: &str,
+    example: &str,
+) -> Result<T, InputError> {
     let text = read_text(file, what)?;
     Source { file, text: &text }.parse(example)
 }
@@ -63,7 +74,10 @@ pub fn read_aircraft(file: &Path) -> Result<Dynamics, InputError> {
     for (key, value) in parameters.must_be_positive() {
         if value.is_nan() || value <= 0.0 || value.is_infinite() {
             let offset = text.find(key).unwrap_or(0);
-            return Err(source.error(offset, format!("`{key} = {value}`: expected a positive number")));
+            return Err(source.error(
+                offset,
+                format!("`{key} = {value}`: expected a positive number"),
+            ));
         }
     }
     Ok(Dynamics::new(&parameters))

@@ -54,7 +54,11 @@ fn coordinates(state: &State) -> Coordinates {
 }
 
 fn state_at(x: &Coordinates, height_m: f64) -> State {
-    let euler = Euler { roll_rad: x[8], pitch_rad: x[3], heading_rad: 0.0 };
+    let euler = Euler {
+        roll_rad: x[8],
+        pitch_rad: x[3],
+        heading_rad: 0.0,
+    };
     let attitude = attitude::from_euler(&euler);
     State {
         velocity_enu_mps: attitude * Vector3::new(x[5], x[0], -x[1]),
@@ -65,7 +69,12 @@ fn state_at(x: &Coordinates, height_m: f64) -> State {
     }
 }
 
-fn rate_of_change(dynamics: &Dynamics, trim: &Trim, density: &Density, x: &Coordinates) -> Coordinates {
+fn rate_of_change(
+    dynamics: &Dynamics,
+    trim: &Trim,
+    density: &Density,
+    x: &Coordinates,
+) -> Coordinates {
     let state = state_at(x, trim.state.height_m);
     let d = dynamics.derivative(&state, &trim.inputs, density);
     let body_to_enu = state.body_to_enu();
@@ -103,7 +112,10 @@ pub fn linearised(dynamics: &Dynamics, trim: &Trim) -> (Longitudinal, Lateral) {
         };
         full.set_column(i, &((at(1.0) - at(-1.0)) / (2.0 * STEP)));
     }
-    (full.fixed_view::<5, 5>(0, 0).into(), full.fixed_view::<4, 4>(5, 5).into())
+    (
+        full.fixed_view::<5, 5>(0, 0).into(),
+        full.fixed_view::<4, 4>(5, 5).into(),
+    )
 }
 
 /// The modes of a straight steady flight; `None` if one of the classical ones has degenerated
@@ -113,11 +125,17 @@ pub fn modes(dynamics: &Dynamics, trim: &Trim) -> Option<Modes> {
     let longitudinal = longitudinal.complex_eigenvalues();
     let lateral = lateral.complex_eigenvalues();
     let mut pairs = oscillations(longitudinal.as_slice());
-    pairs.sort_by(|a, b| a.natural_frequency_radps.total_cmp(&b.natural_frequency_radps));
+    pairs.sort_by(|a, b| {
+        a.natural_frequency_radps
+            .total_cmp(&b.natural_frequency_radps)
+    });
     let [phugoid, short_period] = pairs.try_into().ok()?;
     let [dutch_roll] = oscillations(lateral.as_slice()).try_into().ok()?;
-    let mut real: Vec<f64> =
-        lateral.iter().filter(|root| is_real(root)).map(|root| root.re).collect();
+    let mut real: Vec<f64> = lateral
+        .iter()
+        .filter(|root| is_real(root))
+        .map(|root| root.re)
+        .collect();
     real.sort_by(f64::total_cmp);
     let [roll, spiral] = real.try_into().ok()?;
     Some(Modes {

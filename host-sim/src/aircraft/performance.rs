@@ -54,8 +54,11 @@ pub fn stall_speed_mps(dynamics: &Dynamics, height_m: f64, flaps: f64) -> f64 {
 
 /// Steady flight with the throttle open.
 fn full_throttle(dynamics: &Dynamics, airspeed_mps: f64, height_m: f64) -> Option<Trim> {
-    Condition { power: Power::Throttle(1.0), ..Condition::level(airspeed_mps, height_m) }
-        .trim(dynamics)
+    Condition {
+        power: Power::Throttle(1.0),
+        ..Condition::level(airspeed_mps, height_m)
+    }
+    .trim(dynamics)
 }
 
 /// Steady rate of climb with the throttle open.
@@ -100,7 +103,11 @@ pub fn ceiling_m(dynamics: &Dynamics, climb_mps: f64) -> f64 {
     for _ in 0..20 {
         let middle = 0.5 * (low + high);
         let climb = best_climb(dynamics, middle).map_or(f64::NEG_INFINITY, |t| t.climb_rate_mps);
-        if climb > climb_mps { low = middle } else { high = middle }
+        if climb > climb_mps {
+            low = middle;
+        } else {
+            high = middle;
+        }
     }
     low
 }
@@ -112,7 +119,10 @@ pub fn trim_row(dynamics: &Dynamics, airspeed_mps: f64, height_m: f64) -> Option
     let engine_rps = trim.state.engine_rps;
     let density = atmosphere::density(height_m);
     let forward_mps = airspeed_mps * libm::cos(trim.alpha_rad);
-    let propeller = dynamics.parameters.propeller.thrust(forward_mps, engine_rps, density);
+    let propeller = dynamics
+        .parameters
+        .propeller
+        .thrust(forward_mps, engine_rps, density);
     Some(TrimRow {
         airspeed_mps,
         alpha_deg: trim.alpha_rad.to_degrees(),
@@ -149,6 +159,8 @@ pub fn performance(dynamics: &Dynamics) -> Option<Performance> {
         engine_rpm_in_climb: 60.0 * climb.state.engine_rps,
         propeller_efficiency_at_max_speed: propeller
             .efficiency(max_speed_mps / (fastest.state.engine_rps * propeller.diameter_m)),
-        trims: speeds.filter_map(|speed| trim_row(dynamics, speed, 0.0)).collect(),
+        trims: speeds
+            .filter_map(|speed| trim_row(dynamics, speed, 0.0))
+            .collect(),
     })
 }

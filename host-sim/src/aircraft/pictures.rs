@@ -32,7 +32,10 @@ pub fn write(pictures: &[Picture], folder: &Path) -> Result<(), OutputError> {
 pub fn of_flight(run: &SimulatedDrive, output: ImuOutput) -> Vec<Picture> {
     let truth: Vec<&Solution> = thinned(&run.truth);
     let over_time = |value: &dyn Fn(&Solution) -> f64| -> Vec<(f64, f64)> {
-        truth.iter().map(|s| (s.time.as_seconds() / 60.0, value(s))).collect()
+        truth
+            .iter()
+            .map(|s| (s.time.as_seconds() / 60.0, value(s)))
+            .collect()
     };
     let height = over_time(&|s| s.position.height_m);
     let speed = over_time(&|s| s.velocity_enu_mps.norm());
@@ -49,41 +52,107 @@ pub fn of_flight(run: &SimulatedDrive, output: ImuOutput) -> Vec<Picture> {
         _ => 1.0,
     };
     let signal = |value: &dyn Fn(&ImuSample) -> f64| -> Vec<(f64, f64)> {
-        imu.iter().map(|s| (s.time.as_seconds() / 60.0, value(s) / step_s)).collect()
+        imu.iter()
+            .map(|s| (s.time.as_seconds() / 60.0, value(s) / step_s))
+            .collect()
     };
     let gyro = [0, 1, 2].map(|axis| signal(&|s| s.gyro[axis].to_degrees()));
     let accel = [0, 1, 2].map(|axis| signal(&|s| s.accel[axis]));
     vec![
-        ("profile_height.svg", lines("time, min", "height, m", [(height, BLUE)])),
-        ("profile_speed.svg", lines("time, min", "ground speed (blue), climb (orange), m/s", [(speed, BLUE), (climb, ORANGE)])),
+        (
+            "profile_height.svg",
+            lines("time, min", "height, m", [(height, BLUE)]),
+        ),
+        (
+            "profile_speed.svg",
+            lines(
+                "time, min",
+                "ground speed (blue), climb (orange), m/s",
+                [(speed, BLUE), (climb, ORANGE)],
+            ),
+        ),
         ("track.svg", track(&truth)),
-        ("attitude.svg", lines("time, min", "roll (blue), pitch (orange), deg", [(roll, BLUE), (pitch, ORANGE)])),
-        ("heading.svg", lines("time, min", "heading, deg", [(heading, BLUE)])),
-        ("gyros.svg", lines("time, min", "right (blue), forward (orange), up (green), deg/s", in_colours(gyro))),
-        ("accelerometers.svg", lines("time, min", "right (blue), forward (orange), up (green), m/s\u{b2}", in_colours(accel))),
+        (
+            "attitude.svg",
+            lines(
+                "time, min",
+                "roll (blue), pitch (orange), deg",
+                [(roll, BLUE), (pitch, ORANGE)],
+            ),
+        ),
+        (
+            "heading.svg",
+            lines("time, min", "heading, deg", [(heading, BLUE)]),
+        ),
+        (
+            "gyros.svg",
+            lines(
+                "time, min",
+                "right (blue), forward (orange), up (green), deg/s",
+                in_colours(gyro),
+            ),
+        ),
+        (
+            "accelerometers.svg",
+            lines(
+                "time, min",
+                "right (blue), forward (orange), up (green), m/s\u{b2}",
+                in_colours(accel),
+            ),
+        ),
     ]
 }
 
 /// What the aircraft does over its range of speeds at sea level.
 pub fn of_aircraft(dynamics: &Dynamics, slowest_mps: f64, fastest_mps: f64) -> Vec<Picture> {
-    let speeds: Vec<f64> =
-        (0..=60).map(|i| slowest_mps + (fastest_mps - slowest_mps) * f64::from(i) / 60.0).collect();
+    let speeds: Vec<f64> = (0..=60)
+        .map(|i| slowest_mps + (fastest_mps - slowest_mps) * f64::from(i) / 60.0)
+        .collect();
     let over_speed = |value: &dyn Fn(f64) -> Option<f64>| -> Vec<(f64, f64)> {
-        speeds.iter().filter_map(|&speed| Some((3.6 * speed, value(speed)?))).collect()
+        speeds
+            .iter()
+            .filter_map(|&speed| Some((3.6 * speed, value(speed)?)))
+            .collect()
     };
     let row = |value: fn(&super::performance::TrimRow) -> f64| {
         over_speed(&|speed| trim_row(dynamics, speed, 0.0).map(|row| value(&row)))
     };
     let climb = over_speed(&|speed| climb_rate_mps(dynamics, speed, 0.0));
-    let angles = [(row(|r| r.alpha_deg), BLUE), (row(|r| r.elevator_deg), ORANGE)];
+    let angles = [
+        (row(|r| r.alpha_deg), BLUE),
+        (row(|r| r.elevator_deg), ORANGE),
+    ];
     vec![
-        ("climb.svg", lines("airspeed, km/h", "rate of climb, open throttle, m/s", [(climb, BLUE)])),
-        ("power.svg", lines("airspeed, km/h", "shaft power in level flight, kW", [(row(|r| r.shaft_power_kw), BLUE)])),
-        ("trim.svg", lines("airspeed, km/h", "angle of attack (blue), elevator (orange), deg", angles)),
+        (
+            "climb.svg",
+            lines(
+                "airspeed, km/h",
+                "rate of climb, open throttle, m/s",
+                [(climb, BLUE)],
+            ),
+        ),
+        (
+            "power.svg",
+            lines(
+                "airspeed, km/h",
+                "shaft power in level flight, kW",
+                [(row(|r| r.shaft_power_kw), BLUE)],
+            ),
+        ),
+        (
+            "trim.svg",
+            lines(
+                "airspeed, km/h",
+                "angle of attack (blue), elevator (orange), deg",
+                angles,
+            ),
+        ),
     ]
 }
 
-fn in_colours([a, b, c]: [Vec<(f64, f64)>; 3]) -> [(Vec<(f64, f64)>, plotters::style::RGBColor); 3] {
+fn in_colours(
+    [a, b, c]: [Vec<(f64, f64)>; 3],
+) -> [(Vec<(f64, f64)>, plotters::style::RGBColor); 3] {
     [(a, BLUE), (b, ORANGE), (c, GREEN)]
 }
 
@@ -93,14 +162,20 @@ fn lines<const N: usize>(
     series: [(Vec<(f64, f64)>, plotters::style::RGBColor); N],
 ) -> String {
     let all = || series.iter().flat_map(|(points, _)| points);
-    let (x, y) = (padded(all().map(|p| p.0), 1e-3), padded(all().map(|p| p.1), 1e-3));
+    let (x, y) = (
+        padded(all().map(|p| p.0), 1e-3),
+        padded(all().map(|p| p.1), 1e-3),
+    );
     Plot {
         size: (900, 300),
         x_label: x_label.to_owned(),
         y_label: y_label.to_owned(),
         x,
         y,
-        marks: series.into_iter().map(|(points, colour)| Mark::Line(points, colour)).collect(),
+        marks: series
+            .into_iter()
+            .map(|(points, colour)| Mark::Line(points, colour))
+            .collect(),
     }
     .svg()
 }
@@ -113,7 +188,10 @@ fn track(truth: &[&Solution]) -> String {
         .map(|s| s.position.enu_from(&origin))
         .map(|p| (1e-3 * p.x, 1e-3 * p.y))
         .collect();
-    let (x, y) = (padded(points.iter().map(|p| p.0), 1.0), padded(points.iter().map(|p| p.1), 1.0));
+    let (x, y) = (
+        padded(points.iter().map(|p| p.0), 1.0),
+        padded(points.iter().map(|p| p.1), 1.0),
+    );
     let half = 0.5 * (x.1 - x.0).max(y.1 - y.0);
     let around = |(low, high): (f64, f64)| (0.5 * (low + high) - half, 0.5 * (low + high) + half);
     let start = vec![(-0.02 * half, 0.0), (0.02 * half, 0.0)];
@@ -130,5 +208,7 @@ fn track(truth: &[&Solution]) -> String {
 
 /// Every so many-th, so that [`POINTS`] or fewer are left.
 fn thinned<T>(all: &[T]) -> Vec<&T> {
-    all.iter().step_by(all.len().div_ceil(POINTS).max(1)).collect()
+    all.iter()
+        .step_by(all.len().div_ceil(POINTS).max(1))
+        .collect()
 }

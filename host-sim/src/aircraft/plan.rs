@@ -48,7 +48,10 @@ pub struct Leg {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Path2d {
     /// Along the line from the last waypoint to this one.
-    To { latitude_rad: f64, longitude_rad: f64 },
+    To {
+        latitude_rad: f64,
+        longitude_rad: f64,
+    },
     /// A heading, for a time.
     Heading { heading_rad: f64, duration_s: f64 },
     /// A turn with a bank, right positive, for a time.
@@ -95,7 +98,11 @@ struct FlightTable {
 
 impl Default for FlightTable {
     fn default() -> Self {
-        Self { bank_deg: 20.0, vibration: false, duration_s: None }
+        Self {
+            bank_deg: 20.0,
+            vibration: false,
+            duration_s: None,
+        }
     }
 }
 
@@ -143,7 +150,11 @@ impl Plan {
         let source = Source { file, text };
         let table: File = source.parse("host-sim/plans/route_one_hour.toml")?;
         let bank_rad = table.flight.bank_deg.to_radians();
-        let checker = Checker { source, dynamics, bank_rad };
+        let checker = Checker {
+            source,
+            dynamics,
+            bank_rad,
+        };
         checker.plan(&table)
     }
 }
@@ -185,7 +196,10 @@ impl Checker<'_> {
             .flight
             .duration_s
             .as_ref()
-            .map(|d| self.source.within("duration_s", d, [1.0, LONGEST_LEG_S], "it is in seconds"))
+            .map(|d| {
+                self.source
+                    .within("duration_s", d, [1.0, LONGEST_LEG_S], "it is in seconds")
+            })
             .transpose()?;
         let mut plan = Plan {
             start,
@@ -197,14 +211,15 @@ impl Checker<'_> {
             duration_s,
             legs: Vec::new(),
         };
-        let (mut height_m, mut airspeed_mps) =
-            (start.position.height_m, start.airspeed_mps);
+        let (mut height_m, mut airspeed_mps) = (start.position.height_m, start.airspeed_mps);
         for leg in &table.leg {
             let leg = self.leg(leg, &mut height_m, &mut airspeed_mps, ground_height_m)?;
             plan.legs.push(leg);
         }
         if plan.legs.is_empty() {
-            return Err(self.source.error(0, "no legs; expected at least one [[leg]]".into()));
+            return Err(self
+                .source
+                .error(0, "no legs; expected at least one [[leg]]".into()));
         }
         let offsets: Vec<usize> = table.leg.iter().map(|leg| leg.span().start).collect();
         self.route(&plan, &offsets)?;
@@ -214,13 +229,31 @@ impl Checker<'_> {
     fn start(&self, table: &StartTable, ground_height_m: f64) -> Result<Start, InputError> {
         let s = &self.source;
         let position = Geodetic {
-            latitude_rad: s.within("latitude_deg", &table.latitude_deg, [-80.0, 80.0], DEGREES)?.to_radians(),
-            longitude_rad: s.within("longitude_deg", &table.longitude_deg, [-180.0, 180.0], DEGREES)?.to_radians(),
+            latitude_rad: s
+                .within("latitude_deg", &table.latitude_deg, [-80.0, 80.0], DEGREES)?
+                .to_radians(),
+            longitude_rad: s
+                .within(
+                    "longitude_deg",
+                    &table.longitude_deg,
+                    [-180.0, 180.0],
+                    DEGREES,
+                )?
+                .to_radians(),
             height_m: self.height(&table.height_m, ground_height_m)?,
         };
-        let heading_deg = s.within("heading_deg", &table.heading_deg, [-360.0, 360.0], "clockwise from north")?;
+        let heading_deg = s.within(
+            "heading_deg",
+            &table.heading_deg,
+            [-360.0, 360.0],
+            "clockwise from north",
+        )?;
         let airspeed_mps = self.airspeed(&table.airspeed_mps, position.height_m)?;
-        Ok(Start { position, heading_rad: heading_deg.to_radians(), airspeed_mps })
+        Ok(Start {
+            position,
+            heading_rad: heading_deg.to_radians(),
+            airspeed_mps,
+        })
     }
 
     fn leg(
@@ -242,27 +275,57 @@ impl Checker<'_> {
             let carried = Spanned::new(height.span(), *airspeed_mps);
             self.airspeed(&carried, *height_m)?;
         }
-        let duration = || match &leg.duration_s {
+        let duration = || {
+            match &leg.duration_s {
             Some(d) => s.within("duration_s", d, [1.0, LONGEST_LEG_S], "it is in seconds"),
             None => Err(s.error(
                 spanned.span().start,
                 "leg without `duration_s`: expected one, since a heading or a bank has no end of its own".into(),
             )),
+        }
         };
-        let path = match (&leg.latitude_deg, &leg.longitude_deg, &leg.heading_deg, &leg.bank_deg) {
-            (Some(latitude), Some(longitude), None, None) if leg.duration_s.is_none() => Path2d::To {
-                latitude_rad: s.within("latitude_deg", latitude, [-80.0, 80.0], DEGREES)?.to_radians(),
-                longitude_rad: s.within("longitude_deg", longitude, [-180.0, 180.0], DEGREES)?.to_radians(),
-            },
+        let path = match (
+            &leg.latitude_deg,
+            &leg.longitude_deg,
+            &leg.heading_deg,
+            &leg.bank_deg,
+        ) {
+            (Some(latitude), Some(longitude), None, None) if leg.duration_s.is_none() => {
+                Path2d::To {
+                    latitude_rad: s
+                        .within("latitude_deg", latitude, [-80.0, 80.0], DEGREES)?
+                        .to_radians(),
+                    longitude_rad: s
+                        .within("longitude_deg", longitude, [-180.0, 180.0], DEGREES)?
+                        .to_radians(),
+                }
+            }
             (None, None, Some(heading), None) => Path2d::Heading {
-                heading_rad: s.within("heading_deg", heading, [-360.0, 360.0], "clockwise from north")?.to_radians(),
+                heading_rad: s
+                    .within(
+                        "heading_deg",
+                        heading,
+                        [-360.0, 360.0],
+                        "clockwise from north",
+                    )?
+                    .to_radians(),
                 duration_s: duration()?,
             },
             (None, None, None, Some(bank)) => {
-                let most = self.dynamics.parameters.autopilot.maximum_bank_rad.to_degrees();
+                let most = self
+                    .dynamics
+                    .parameters
+                    .autopilot
+                    .maximum_bank_rad
+                    .to_degrees();
                 Path2d::Bank {
                     bank_rad: s
-                        .within("bank_deg", bank, [-most, most], "the most that the autopilot may ask for")?
+                        .within(
+                            "bank_deg",
+                            bank,
+                            [-most, most],
+                            "the most that the autopilot may ask for",
+                        )?
                         .to_radians(),
                     duration_s: duration()?,
                 }
@@ -276,7 +339,11 @@ impl Checker<'_> {
                 ));
             }
         };
-        Ok(Leg { path, height_m: *height_m, airspeed_mps: *airspeed_mps })
+        Ok(Leg {
+            path,
+            height_m: *height_m,
+            airspeed_mps: *airspeed_mps,
+        })
     }
 
     fn height(&self, height: &Spanned<f64>, ground_height_m: f64) -> Result<f64, InputError> {
@@ -303,7 +370,8 @@ impl Checker<'_> {
         let value = *airspeed.get_ref();
         let p = &self.dynamics.parameters;
         // In a turn the stall speed grows with the root of the load factor.
-        let stall = stall_speed_mps(self.dynamics, height_m, 0.0) / libm::sqrt(libm::cos(self.bank_rad));
+        let stall =
+            stall_speed_mps(self.dynamics, height_m, 0.0) / libm::sqrt(libm::cos(self.bank_rad));
         let lowest = p.autopilot.stall_margin * stall;
         if value.is_nan() || value < lowest {
             return Err(self.source.error(
@@ -314,7 +382,8 @@ impl Checker<'_> {
                 ),
             ));
         }
-        let most = max_speed(self.dynamics, height_m).map_or(0.0, |t| t.state.velocity_enu_mps.norm());
+        let most =
+            max_speed(self.dynamics, height_m).map_or(0.0, |t| t.state.velocity_enu_mps.norm());
         if value > 0.99 * most {
             return Err(self.source.error(
                 airspeed.span().start,
@@ -327,32 +396,56 @@ impl Checker<'_> {
     /// Waypoints must leave room for turns and for climbs.
     fn route(&self, plan: &Plan, offsets: &[usize]) -> Result<(), InputError> {
         let mut from = plan.start.position;
-        let mut course = Some(Vector2::new(libm::sin(plan.start.heading_rad), libm::cos(plan.start.heading_rad)));
+        let mut course = Some(Vector2::new(
+            libm::sin(plan.start.heading_rad),
+            libm::cos(plan.start.heading_rad),
+        ));
         let mut turn_before_m = 0.0;
         let mut last_speed = plan.start.airspeed_mps;
         for (i, (leg, &offset)) in plan.legs.iter().zip(offsets).enumerate() {
-            let Path2d::To { latitude_rad, longitude_rad } = leg.path else {
+            let Path2d::To {
+                latitude_rad,
+                longitude_rad,
+            } = leg.path
+            else {
                 // Where it ends depends on the wind: nothing to check until the next waypoint.
                 course = None;
                 turn_before_m = 0.0;
                 continue;
             };
-            let to = Geodetic { latitude_rad, longitude_rad, height_m: leg.height_m };
+            let to = Geodetic {
+                latitude_rad,
+                longitude_rad,
+                height_m: leg.height_m,
+            };
             let track = to.enu_from(&from).xy();
             let length_m = track.norm();
             let direction = track / length_m;
             if course.is_some() {
                 if i == 0 {
-                    turn_before_m = self.turn_m(plan, last_speed, course, direction);
+                    turn_before_m = turn_m(plan, last_speed, course, direction);
                 }
                 let next = match plan.legs.get(i + 1) {
-                    Some(Leg { path: Path2d::To { latitude_rad, longitude_rad }, .. }) => {
-                        let next = Geodetic { latitude_rad: *latitude_rad, longitude_rad: *longitude_rad, height_m: leg.height_m };
+                    Some(Leg {
+                        path:
+                            Path2d::To {
+                                latitude_rad,
+                                longitude_rad,
+                            },
+                        ..
+                    }) => {
+                        let next = Geodetic {
+                            latitude_rad: *latitude_rad,
+                            longitude_rad: *longitude_rad,
+                            height_m: leg.height_m,
+                        };
                         Some(next.enu_from(&to).xy().normalize())
                     }
                     _ => None,
                 };
-                let turn_after_m = next.map_or(0.0, |next| self.turn_m(plan, leg.airspeed_mps, Some(direction), next));
+                let turn_after_m = next.map_or(0.0, |next| {
+                    turn_m(plan, leg.airspeed_mps, Some(direction), next)
+                });
                 let needed_m = turn_before_m + turn_after_m;
                 if length_m.is_nan() || length_m < needed_m.max(1.0) {
                     return Err(self.source.error(
@@ -373,20 +466,25 @@ impl Checker<'_> {
         Ok(())
     }
 
-    /// Length of a leg that a turn at its end takes: a fly-by turn and the roll into it.
-    fn turn_m(&self, plan: &Plan, airspeed_mps: f64, from: Option<Vector2<f64>>, to: Vector2<f64>) -> f64 {
-        let Some(from) = from else { return 0.0 };
-        let angle = libm::atan2(from.perp(&to).abs(), from.dot(&to));
-        lead_m(airspeed_mps + plan.wind_enu_mps.norm(), plan.bank_rad, angle)
-    }
-
-    fn climb(&self, plan: &Plan, leg: &Leg, from_m: f64, length_m: f64, offset: usize) -> Result<(), InputError> {
+    fn climb(
+        &self,
+        plan: &Plan,
+        leg: &Leg,
+        from_m: f64,
+        length_m: f64,
+        offset: usize,
+    ) -> Result<(), InputError> {
         let rise_m = leg.height_m - from_m;
         let time_s = length_m / (leg.airspeed_mps + plan.wind_enu_mps.norm());
         let needed_mps = rise_m / time_s;
         let highest = from_m.max(leg.height_m);
-        let open = Condition { power: Power::Throttle(1.0), ..Condition::level(leg.airspeed_mps, highest) };
-        let climb_mps = open.trim(self.dynamics).map_or(0.0, |trim| trim.climb_rate_mps);
+        let open = Condition {
+            power: Power::Throttle(1.0),
+            ..Condition::level(leg.airspeed_mps, highest)
+        };
+        let climb_mps = open
+            .trim(self.dynamics)
+            .map_or(0.0, |trim| trim.climb_rate_mps);
         let sink_mps = self.dynamics.parameters.autopilot.maximum_descent_mps;
         if needed_mps > 0.9 * climb_mps || -needed_mps > sink_mps {
             return Err(self.source.error(
@@ -399,6 +497,17 @@ impl Checker<'_> {
         }
         Ok(())
     }
+}
+
+/// Length of a leg that a turn at its end takes: a fly-by turn and the roll into it.
+fn turn_m(plan: &Plan, airspeed_mps: f64, from: Option<Vector2<f64>>, to: Vector2<f64>) -> f64 {
+    let Some(from) = from else { return 0.0 };
+    let angle = libm::atan2(from.perp(&to).abs(), from.dot(&to));
+    lead_m(
+        airspeed_mps + plan.wind_enu_mps.norm(),
+        plan.bank_rad,
+        angle,
+    )
 }
 
 /// Distance before a waypoint at which the turn onto the next leg begins.

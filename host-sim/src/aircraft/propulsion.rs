@@ -37,7 +37,10 @@ impl Propeller {
         let power_n2 = p0 * n * n + p1 * jn * n + p2 * jn * jn;
         let thrust_n2 = self.polar_slope * power_n2 + self.polar_intercept * jn * jn;
         let d4 = density_kgpm3 * d * d * d * d;
-        Thrust { thrust_n: d4 * thrust_n2, torque_nm: d4 * d * power_n2 / TAU }
+        Thrust {
+            thrust_n: d4 * thrust_n2,
+            torque_nm: d4 * d * power_n2 / TAU,
+        }
     }
 
     /// Efficiency at an advance ratio.

@@ -38,13 +38,19 @@ impl Segment {
             start_s: from.time_s,
             step_s,
             velocity: Cubic::between(
-                [from.state.velocity_enu_mps, from.acceleration_enu_mps2 * step_s],
+                [
+                    from.state.velocity_enu_mps,
+                    from.acceleration_enu_mps2 * step_s,
+                ],
                 [to.state.velocity_enu_mps, to.acceleration_enu_mps2 * step_s],
             ),
             attitude: from.state.attitude,
             rotation: Cubic::between(
                 [Vector3::zeros(), from.state.rate_radps * step_s],
-                [turned, rotation_rate(&turned, &to.state.rate_radps) * step_s],
+                [
+                    turned,
+                    rotation_rate(&turned, &to.state.rate_radps) * step_s,
+                ],
             ),
         }
     }
@@ -80,13 +86,21 @@ struct Cubic([Vector3<f64>; 4]);
 impl Cubic {
     /// Through value and derivative at both ends.
     fn between([v0, d0]: [Vector3<f64>; 2], [v1, d1]: [Vector3<f64>; 2]) -> Self {
-        Self([v0, d0, 3.0 * (v1 - v0) - 2.0 * d0 - d1, 2.0 * (v0 - v1) + d0 + d1])
+        Self([
+            v0,
+            d0,
+            3.0 * (v1 - v0) - 2.0 * d0 - d1,
+            2.0 * (v0 - v1) + d0 + d1,
+        ])
     }
 
     /// Value and derivative.
     fn at(&self, u: f64) -> (Vector3<f64>, Vector3<f64>) {
         let [c0, c1, c2, c3] = &self.0;
-        (c0 + u * (c1 + u * (c2 + u * c3)), c1 + u * (2.0 * c2 + 3.0 * u * c3))
+        (
+            c0 + u * (c1 + u * (c2 + u * c3)),
+            c1 + u * (2.0 * c2 + 3.0 * u * c3),
+        )
     }
 
     fn integral(&self) -> Vector3<f64> {

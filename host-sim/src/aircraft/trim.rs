@@ -57,12 +57,20 @@ impl Condition {
     /// The flight that a set of unknowns describes, without sideslip, heading north.
     fn flight(&self, x: &Unknowns) -> Trim {
         let turning = self.bank_rad != 0.0;
-        let (roll_rad, turn_rate_radps) = if turning { (self.bank_rad, x[7]) } else { (x[7], 0.0) };
+        let (roll_rad, turn_rate_radps) = if turning {
+            (self.bank_rad, x[7])
+        } else {
+            (x[7], 0.0)
+        };
         let (climb_rate_mps, throttle) = match self.power {
             Power::ClimbRate(rate) => (rate, x[6]),
             Power::Throttle(throttle) => (x[6], throttle),
         };
-        let euler = Euler { roll_rad, pitch_rad: x[1], heading_rad: 0.0 };
+        let euler = Euler {
+            roll_rad,
+            pitch_rad: x[1],
+            heading_rad: 0.0,
+        };
         let attitude = attitude::from_euler(&euler);
         let air = self.airspeed_mps * Vector3::new(0.0, libm::cos(x[0]), -libm::sin(x[0]));
         // A turn to the right is a rotation about down.
@@ -100,8 +108,7 @@ impl Condition {
         let d = dynamics.derivative(&flight.state, &flight.inputs, density);
         // In a steady turn the velocity turns with the aircraft.
         let turn = Vector3::new(0.0, 0.0, -flight.turn_rate_radps);
-        let acceleration =
-            d.acceleration_enu_mps2 - turn.cross(&flight.state.velocity_enu_mps);
+        let acceleration = d.acceleration_enu_mps2 - turn.cross(&flight.state.velocity_enu_mps);
         Unknowns::from([
             acceleration.x,
             acceleration.y,
@@ -149,13 +156,12 @@ impl Condition {
 
     fn first_guess(&self, dynamics: &Dynamics, turn_rate: f64) -> Unknowns {
         let p = &dynamics.parameters;
-        let pressure = 0.5
-            * super::atmosphere::density(self.height_m)
-            * self.airspeed_mps
-            * self.airspeed_mps;
+        let pressure =
+            0.5 * super::atmosphere::density(self.height_m) * self.airspeed_mps * self.airspeed_mps;
         let load = 1.0 / libm::cos(self.bank_rad);
         let lift = p.mass.mass_kg * GRAVITY_MPS2 * load / (pressure * p.geometry.wing_area_m2);
-        let alpha = ((lift - p.lift.zero - self.flaps * p.flaps.lift) / p.lift.alpha).clamp(-0.1, 0.25);
+        let alpha =
+            ((lift - p.lift.zero - self.flaps * p.flaps.lift) / p.lift.alpha).clamp(-0.1, 0.25);
         let elevator = dynamics.aerodynamics.balancing_elevator(alpha, self.flaps);
         let (climb, power) = match self.power {
             Power::ClimbRate(climb) => (climb, 0.6),

@@ -40,7 +40,9 @@ impl Vibration {
                 rotation_rad: Vector3::from(line.rate_radps) / omega,
             }
         });
-        Self { lines: lines.collect() }
+        Self {
+            lines: lines.collect(),
+        }
     }
 
     /// Motion of the shaken unit.
@@ -50,12 +52,14 @@ impl Vibration {
         for line in &self.lines {
             // A quarter turn between the axes: the unit describes ellipses, not lines.
             for axis in 0..3 {
-                let phase = line.order * crank.angle_rad + std::f64::consts::FRAC_PI_2 * axis as f64;
+                let phase =
+                    line.order * crank.angle_rad + std::f64::consts::FRAC_PI_2 * axis as f64;
                 let (sin, cos) = libm::sincos(phase);
                 let omega = line.order * crank.rate_radps;
                 let x = line.displacement_m[axis];
                 velocity[axis] += x * omega * cos;
-                acceleration[axis] += x * (line.order * crank.rate_radps2 * cos - omega * omega * sin);
+                acceleration[axis] +=
+                    x * (line.order * crank.rate_radps2 * cos - omega * omega * sin);
                 rotation[axis] += line.rotation_rad[axis] * sin;
                 rate[axis] += line.rotation_rad[axis] * omega * cos;
             }
@@ -64,7 +68,8 @@ impl Vibration {
         let turned = UnitQuaternion::from_quaternion(Quaternion::from_parts(1.0, 0.5 * rotation));
         // The quaternion (1, r/2) normalised is the rotation by Rodrigues' vector r: its body rate
         // is (r' - r x r' / 2) / (1 + r^2/4).
-        let own_rate = (rate - 0.5 * rotation.cross(&rate)) / (1.0 + 0.25 * rotation.norm_squared());
+        let own_rate =
+            (rate - 0.5 * rotation.cross(&rate)) / (1.0 + 0.25 * rotation.norm_squared());
         Kinematics {
             // Displacements in airframe axes, which turn with the aircraft.
             velocity_enu_mps: k.velocity_enu_mps + k.attitude * velocity,

@@ -62,7 +62,10 @@ impl Spectrum {
                 sigma_mps: [horizontal_mps, horizontal_mps, vertical_mps],
             }
         };
-        let free = Self { length_m: [533.4; 3], sigma_mps: [turbulence.free_air_mps(); 3] };
+        let free = Self {
+            length_m: [533.4; 3],
+            sigma_mps: [turbulence.free_air_mps(); 3],
+        };
         let part = ((height_m - LOW_M) / (FREE_M - LOW_M)).clamp(0.0, 1.0);
         let below = low(height_m);
         let mix = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|i| a[i] + part * (b[i] - a[i]));
@@ -226,7 +229,10 @@ impl AirMass {
     /// The air one step later, for an aircraft at this airspeed and height.
     pub fn step(&mut self, airspeed_mps: f64, height_m: f64) -> Wind {
         if self.turbulence == Turbulence::None {
-            return Wind { steady_enu_mps: self.steady_enu_mps, ..Wind::default() };
+            return Wind {
+                steady_enu_mps: self.steady_enu_mps,
+                ..Wind::default()
+            };
         }
         if self.steps_to_tune == 0 {
             self.tune(airspeed_mps.max(1.0), height_m);
@@ -322,7 +328,9 @@ mod tests {
         let sigma = Turbulence::Moderate.free_air_mps();
         let segment = 16_384;
         let bins = [3, 10, 30, 100, 300];
-        let all: Vec<Wind> = (100..110).flat_map(|seed| gusts(seed, 20 * segment)).collect();
+        let all: Vec<Wind> = (100..110)
+            .flat_map(|seed| gusts(seed, 20 * segment))
+            .collect();
         let spectrum = |axis: usize| {
             let x: Vec<f64> = all.iter().map(|w| w.gust_mps[axis]).collect();
             periodogram(&x, segment, &bins)
@@ -340,7 +348,11 @@ mod tests {
                 ("upward", measured[2][i], across),
             ] {
                 // Mean of 200 exponentials: 7 %; bound 4 sigma.
-                assert!((value / expected - 1.0).abs() < 0.28, "{name} at {omega} rad/s: {}", value / expected);
+                assert!(
+                    (value / expected - 1.0).abs() < 0.28,
+                    "{name} at {omega} rad/s: {}",
+                    value / expected
+                );
             }
         }
     }

@@ -1,4 +1,4 @@
-//! Cost per 100 Hz step beside JSBSim's c172x alone, in one run:
+//! Cost per 100 Hz step beside `JSBSim`'s c172x alone, in one run:
 //! `cargo run --release -p ins-tests --bin jsbsim-cost`.
 
 use std::path::Path;
@@ -40,7 +40,8 @@ fn navigate(run: &SimulatedDrive, config: Config) {
 fn main() -> Result<(), String> {
     let dynamics = Dynamics::new(&cessna172());
     let path = Path::new("host-sim/plans/route_one_hour.toml");
-    let plan = Plan::read(&repository().join(path), &dynamics).map_err(|error| error.to_string())?;
+    let plan =
+        Plan::read(&repository().join(path), &dynamics).map_err(|error| error.to_string())?;
     let flight = Flight::new(&dynamics, &plan, 1).map_err(|error| error.to_string())?;
 
     let mut alone = flight.clone();
@@ -52,7 +53,9 @@ fn main() -> Result<(), String> {
     let mut sensors = IdealSensors::new(flight.clone(), plan.start.position, Time::default());
     let ideal_s = per_step(|| {
         for i in 1..=STEPS {
-            std::hint::black_box(sensors.advance(Time::default().plus_seconds(STEP_S * f64::from(i))));
+            std::hint::black_box(
+                sensors.advance(Time::default().plus_seconds(STEP_S * f64::from(i))),
+            );
         }
     });
     let recording = Recording {
@@ -82,6 +85,10 @@ fn main() -> Result<(), String> {
     ] {
         println!("{name:<36}{:>8.3} us per 100 Hz step", 1e6 * seconds);
     }
-    println!("{:.1} times cheaper; an hour takes {:.2} s", jsbsim_s / chain_s, f64::from(STEPS) * chain_s);
+    println!(
+        "{:.1} times cheaper; an hour takes {:.2} s",
+        jsbsim_s / chain_s,
+        f64::from(STEPS) * chain_s
+    );
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Prints the comparison with JSBSim: `cargo run -p ins-tests --bin jsbsim-table`.
+//! Prints the comparison with `JSBSim`: `cargo run -p ins-tests --bin jsbsim-table`.
 
 use ins_tests::jsbsim::{ours, ours_with_its_numbers, reference, table};
 
