@@ -71,6 +71,9 @@ pub struct GnssConfig {
     pub velocity_sigma_mps: f64,
     /// Spread of the unknown latency, s.
     pub latency_sigma_s: f64,
+    /// Spread of the rate of the inertial clock against GNSS time, s/s; zero where both are
+    /// stamped by one clock.
+    pub clock_drift_sigma: f64,
     /// Whether to find where the antenna is, and its credible distance per axis, m; zero: it
     /// stands at the sensors.
     pub lever_arm_sigma_m: f64,
@@ -149,7 +152,8 @@ impl Config {
         let mut sigma = SVector::<f64, COUNT>::zeros();
         sigma.copy_from_slice(&[
             1.0, df, df, df, dw, dw, dw, some(g.latency_sigma_s, 1e-6), lever, lever, scale, scale,
-            some(s.gyro_scale, 1e-7),
+            some(s.gyro_scale, 1e-7), some(s.gyro_scale, 1e-7), some(s.gyro_scale, 1e-7),
+            some(g.clock_drift_sigma, 1e-12),
         ]);
         Parameters { value: SVector::zeros(), sigma }
     }
@@ -184,6 +188,7 @@ impl Config {
             (positive(s.accel_range_mps2), "sensors.accel_range_mps2 must be > 0"),
             (positive(self.gnss.velocity_sigma_mps), "gnss.velocity_sigma_mps must be > 0"),
             (not_negative(self.gnss.latency_sigma_s), "gnss.latency_sigma_s must be >= 0"),
+            (not_negative(self.gnss.clock_drift_sigma), "gnss.clock_drift_sigma must be >= 0"),
             (not_negative(self.gnss.lever_arm_sigma_m), "gnss.lever_arm_sigma_m must be >= 0"),
             (positive(self.max_gap_s), "max_gap_s must be > 0"),
             (
@@ -220,6 +225,7 @@ impl Config {
             gnss: GnssConfig {
                 velocity_sigma_mps: 0.1,
                 latency_sigma_s: 0.2,
+                clock_drift_sigma: 0.0,
                 lever_arm_sigma_m: 0.0,
             },
             form: Form::Exact,
@@ -228,23 +234,23 @@ impl Config {
         }
     }
 
-    /// Consumer MEMS: 0.3 deg/s, 0.3 m/s^2, 1.5 % accelerometer scale.
+    /// Consumer MEMS, uncalibrated: gyro biases up to some deg/s, 0.3 m/s^2, 1.5 % scale.
     pub fn mems() -> Self {
         let base = Self::hg1700();
         Self {
             sensors: SensorConfig {
-                gyro_bias_radps: 5.2e-3,
+                gyro_bias_radps: 1.75e-2,
                 gyro_noise: 1.5e-4,
-                gyro_bias_walk: 2e-6,
+                gyro_bias_walk: 2.2e-6,
                 gyro_scale: 0.01,
                 accel_bias_mps2: 0.3,
                 accel_noise: 2e-3,
-                accel_bias_walk: 2e-5,
+                accel_bias_walk: 9e-5,
                 accel_scale: 0.015,
                 gyro_range_radps: 35.0,
                 accel_range_mps2: 160.0,
             },
-            gnss: GnssConfig { lever_arm_sigma_m: 3.0, ..base.gnss },
+            gnss: GnssConfig { lever_arm_sigma_m: 3.0, clock_drift_sigma: 1e-4, ..base.gnss },
             ..base
         }
     }

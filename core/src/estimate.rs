@@ -64,7 +64,13 @@ pub struct Estimates {
     pub gyro_bias_radps: [Estimate; 3],
     /// GNSS latency, s: a fix stamped t shows the motion at t minus this. Negative if the
     /// inertial stamps are the late ones.
+    ///
+    /// Mean of the run: where the two clocks drift apart, see `clock_drift`.
     pub gnss_latency_s: Estimate,
+    /// The latency at the last fix, s.
+    pub gnss_latency_now_s: Estimate,
+    /// Growth of the latency, s/s: the inertial clock loses this on GNSS time.
+    pub clock_drift: Estimate,
     /// Antenna position right and forward of the inertial sensors, m.
     pub lever_arm_m: [Estimate; 2],
 }
@@ -100,6 +106,8 @@ impl Estimates {
                 known(index::GYRO + 2, Observability::NeedsAcceleration),
             ],
             gnss_latency_s: known(index::LATENCY, Observability::NeedsAcceleration),
+            gnss_latency_now_s: known(index::LATENCY, Observability::NeedsAcceleration),
+            clock_drift: known(index::CLOCK_DRIFT, Observability::NeedsTime),
             lever_arm_m: [
                 known(index::LEVER_ARM, Observability::NeedsTurn),
                 known(index::LEVER_ARM + 1, Observability::NeedsTurn),

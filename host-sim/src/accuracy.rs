@@ -28,14 +28,46 @@ const DEG: f64 = core::f64::consts::PI / 180.0;
 
 /// What is looked at, in this order everywhere.
 pub const QUANTITIES: [Quantity; 8] = [
-    Quantity { name: "azimuth_error_deg", unit: "deg", si: DEG },
-    Quantity { name: "accel_bias_mg.x", unit: "mg", si: MG },
-    Quantity { name: "accel_bias_mg.y", unit: "mg", si: MG },
-    Quantity { name: "accel_bias_mg.z", unit: "mg", si: MG },
-    Quantity { name: "gyro_bias_deg_h.x", unit: "deg/h", si: DEG_H },
-    Quantity { name: "gyro_bias_deg_h.y", unit: "deg/h", si: DEG_H },
-    Quantity { name: "gyro_bias_deg_h.z", unit: "deg/h", si: DEG_H },
-    Quantity { name: "gnss_latency_ms", unit: "ms", si: 1e-3 },
+    Quantity {
+        name: "azimuth_error_deg",
+        unit: "deg",
+        si: DEG,
+    },
+    Quantity {
+        name: "accel_bias_mg.x",
+        unit: "mg",
+        si: MG,
+    },
+    Quantity {
+        name: "accel_bias_mg.y",
+        unit: "mg",
+        si: MG,
+    },
+    Quantity {
+        name: "accel_bias_mg.z",
+        unit: "mg",
+        si: MG,
+    },
+    Quantity {
+        name: "gyro_bias_deg_h.x",
+        unit: "deg/h",
+        si: DEG_H,
+    },
+    Quantity {
+        name: "gyro_bias_deg_h.y",
+        unit: "deg/h",
+        si: DEG_H,
+    },
+    Quantity {
+        name: "gyro_bias_deg_h.z",
+        unit: "deg/h",
+        si: DEG_H,
+    },
+    Quantity {
+        name: "gnss_latency_ms",
+        unit: "ms",
+        si: 1e-3,
+    },
 ];
 
 /// Error and stated spread of each quantity at one time, in its unit.
@@ -110,7 +142,11 @@ pub fn run(seed: u64, grade: Grade, minutes: f64, tune: &(dyn Fn(&mut Config) + 
     let converged = navigator.phase() == Phase::Navigating
         && azimuth_good == ins_core::Observability::Observable
         && history.last().is_some_and(|last| last[0].error.abs() < 5.0);
-    Run { seed, converged, history }
+    Run {
+        seed,
+        converged,
+        history,
+    }
 }
 
 fn check(navigator: &Navigator, drive: &SimulatedDrive, heading_rad: f64) -> [Check; 8] {
@@ -118,7 +154,10 @@ fn check(navigator: &Navigator, drive: &SimulatedDrive, heading_rad: f64) -> [Ch
     let truth = &drive.errors;
     let heading = navigator.solution().map_or(0.0, |s| s.euler().heading_rad);
     let azimuth_left = wrap_pi(heading - heading_rad);
-    let azimuth = Estimate { value: navigator.azimuth_left_rad(), ..estimates.azimuth_error_rad };
+    let azimuth = Estimate {
+        value: navigator.azimuth_left_rad(),
+        ..estimates.azimuth_error_rad
+    };
     // The z accelerometer feels g: its scale error is a bias.
     let up_bias = truth.accel_bias_mps2[2] + truth.accel_scale[2] * 9.81;
     let pairs = [
@@ -146,19 +185,27 @@ pub fn runs(
     minutes: f64,
     tune: &(dyn Fn(&mut Config) + Sync),
 ) -> Vec<Run> {
-    seeds.into_par_iter().map(|seed| run(seed, grade, minutes, tune)).collect()
+    seeds
+        .into_par_iter()
+        .map(|seed| run(seed, grade, minutes, tune))
+        .collect()
 }
 
 /// Sums up many runs.
 pub fn table(runs: &[Run]) -> Vec<Row> {
     let steps = runs.iter().map(|run| run.history.len()).min().unwrap_or(0);
-    (0..QUANTITIES.len()).map(|which| row(runs, which, steps)).collect()
+    (0..QUANTITIES.len())
+        .map(|which| row(runs, which, steps))
+        .collect()
 }
 
 fn row(runs: &[Run], which: usize, steps: usize) -> Row {
     let count = runs.len() as f64;
     let rms_at = |step: usize, value: fn(&Check) -> f64| {
-        let sum: f64 = runs.iter().map(|run| value(&run.history[step][which]).powi(2)).sum();
+        let sum: f64 = runs
+            .iter()
+            .map(|run| value(&run.history[step][which]).powi(2))
+            .sum();
         (sum / count).sqrt()
     };
     let end = steps.saturating_sub(1);
@@ -167,7 +214,9 @@ fn row(runs: &[Run], which: usize, steps: usize) -> Row {
         .iter()
         .filter(|run| run.history[end][which].error.abs() < run.history[end][which].sigma)
         .count();
-    let unsettled = (0..steps).rev().find(|step| rms_at(*step, |check| check.error) > 2.0 * rms);
+    let unsettled = (0..steps)
+        .rev()
+        .find(|step| rms_at(*step, |check| check.error) > 2.0 * rms);
     Row {
         quantity: QUANTITIES[which],
         rms,

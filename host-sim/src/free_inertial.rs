@@ -1,8 +1,9 @@
 //! What the estimates are worth: velocity error of a free INS, without and with them.
 
+use ins_core::config::{DampingConfig, SecondOrder};
 use ins_core::increments::Increments;
 use ins_core::mechanization::{Controls, Mechanization};
-use ins_core::{Estimate, Estimates, GnssFix, Observability, Solution, Time};
+use ins_core::{Config, Estimate, Estimates, GnssFix, ImuOutput, Observability, Solution, Time};
 use nalgebra::{Vector2, Vector3};
 
 use crate::identify::Row;
@@ -11,6 +12,8 @@ use crate::log::Log;
 /// Length of a window, and from start to start, s.
 pub const WINDOW_S: f64 = 60.0;
 const STRIDE_S: f64 = 30.0;
+/// Bandwidth of the run that windows start from, rad/s: of 0.05 to 0.5 the best or near it.
+const SLOW_RADPS: f64 = 0.1;
 /// A hole between samples that spoils a window, s.
 const HOLE_S: f64 = 0.5;
 
@@ -49,37 +52,87 @@ struct Correction {
 /// Velocity difference at a time since the window's start, s and m/s.
 type Error = (f64, Vector2<f64>);
 
+/// The log without the errors that were found.
+pub fn corrected(log: &Log, found: &Estimates) -> Log {
+    let (gyro_radps, accel_mps2) = (
+        vector(&found.gyro_bias_radps),
+        vector(&found.accel_bias_mps2),
+    );
+    let mut log = log.clone();
+    let mut last = None;
+    for sample in &mut log.imu {
+        let interval_s = last
+            .replace(sample.time)
+            .map_or(0.0, |last| sample.time.seconds_since(last));
+        let scale = match log.meta.imu {
+            ImuOutput::Rates => 1.0,
+            ImuOutput::Increments => interval_s,
+        };
+        sample.gyro -= scale * gyro_radps;
+        sample.accel -= scale * accel_mps2;
+    }
+    for fix in &mut log.gnss {
+        fix.time = fix.time.plus_seconds(-value(&found.gnss_latency_s));
+    }
+    log
+}
+
+/// Loops slow enough that the noise of GNSS does not tilt the platform at a window's start.
+pub fn slow(config: Config) -> Config {
+    Config {
+        damping: DampingConfig {
+            horizontal: SecondOrder {
+                bandwidth_radps: SLOW_RADPS,
+                ..config.damping.horizontal
+            },
+            position_radps: 0.2 * SLOW_RADPS,
+            ..config.damping
+        },
+        ..config
+    }
+}
+
+fn known(estimate: &Estimate) -> bool {
+    estimate.observability == Observability::Observable
+}
+
+/// An estimate as far as it stands on data.
+fn value(estimate: &Estimate) -> f64 {
+    if known(estimate) { estimate.value } else { 0.0 }
+}
+
+fn vector(v: &[Estimate; 3]) -> Vector3<f64> {
+    Vector3::from_iterator(v.iter().map(value))
+}
+
 /// Runs every window twice; `None` if the log has no minute of navigation.
 ///
-/// A window starts from the navigator's solution of its moment.
-pub fn check(log: &Log, history: &[Row], end: &Estimates) -> Option<VelocityError> {
-    let known = |estimate: &Estimate| estimate.observability == Observability::Observable;
-    let value = |estimate: &Estimate| if known(estimate) { estimate.value } else { 0.0 };
-    let vector = |v: &[Estimate; 3]| Vector3::from_iterator(v.iter().map(value));
+/// A window starts from the navigator's solution of its moment, in a run over the [`corrected`]
+/// log with [`slow`] loops, whose once-a-second history is `starts`.
+pub fn check(log: &Log, starts: &[Row], found: &Estimates) -> Option<VelocityError> {
     let estimated = Correction {
-        gyro_radps: vector(&end.gyro_bias_radps),
-        accel_mps2: vector(&end.accel_bias_mps2),
+        gyro_radps: vector(&found.gyro_bias_radps),
+        accel_mps2: vector(&found.accel_bias_mps2),
         heading_rad: 0.0,
     };
-    let latency_s = value(&end.gnss_latency_s);
-    let azimuth_rad = value(&end.azimuth_error_rad);
     let (mut before, mut after, mut windows) = (Vec::new(), Vec::new(), 0);
-    for row in starts(history, known(&end.azimuth_error_rad)) {
+    for row in window_starts(starts, known(&found.azimuth_error_rad)) {
         let Some(start) = row.solution else { continue };
         let left = if known(&row.estimates.azimuth_error_rad) {
             row.azimuth_left_rad
         } else {
             0.0
         };
+        let heading_rad = value(&found.azimuth_error_rad) - left;
         let as_logged = Correction {
-            heading_rad: azimuth_rad - left,
+            heading_rad,
             ..Correction::default()
         };
         let corrected = Correction {
             heading_rad: -left,
             ..estimated
         };
-        let window = |correction| fly(log, &start, correction, latency_s);
+        let window = |correction| fly(log, &start, correction, value(&found.gnss_latency_s));
         if let (Some(logged), Some(with)) = (window(as_logged), window(corrected)) {
             before.extend(logged);
             after.extend(with);
@@ -95,10 +148,9 @@ pub fn check(log: &Log, history: &[Row], end: &Estimates) -> Option<VelocityErro
 }
 
 /// Rows that a window starts at: from where the azimuth is known, if it ever is.
-fn starts(history: &[Row], azimuth_known: bool) -> Vec<&Row> {
+fn window_starts(history: &[Row], azimuth_known: bool) -> Vec<&Row> {
     let ready = |row: &&Row| {
-        let azimuth = row.estimates.azimuth_error_rad.observability == Observability::Observable;
-        row.solution.is_some() && (azimuth || !azimuth_known)
+        row.solution.is_some() && (known(&row.estimates.azimuth_error_rad) || !azimuth_known)
     };
     let mut starts: Vec<&Row> = Vec::new();
     for row in history.iter().filter(ready) {

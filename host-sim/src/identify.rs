@@ -13,6 +13,8 @@ use crate::log::Log;
 /// Interval between rows of the history, and between solutions kept, s.
 const HISTORY_S: f64 = 1.0;
 const SOLUTION_S: f64 = 0.1;
+/// Events from one step of the progress bar to the next.
+const PROGRESS_EVERY: u64 = 4096;
 
 /// The navigator at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,24 +70,11 @@ pub fn identify(
     config: Config,
     progress: &ProgressBar,
 ) -> Result<Identification, ConfigError> {
-    let mut navigator = Navigator::new(config)?;
-    let mut run = Recorder::default();
-    progress.set_length(log.imu.len() as u64);
-    for (count, event) in in_order_of_time(log).enumerate() {
-        match event {
-            Event::Imu(sample) => {
-                add(&mut run.imu_outcomes, navigator.on_imu(sample));
-                run.record(sample.time, &navigator);
-            }
-            Event::Gnss(fix) => add(&mut run.gnss_outcomes, navigator.on_gnss(fix)),
-        }
-        if count % 4096 == 0 {
-            progress.set_position(count as u64);
-        }
-    }
-    let last = log.imu.last().map_or(Time::default(), |sample| sample.time);
-    let end = row(last, &navigator);
-    let velocity_error = free_inertial::check(log, &run.history, &end.estimates);
+    progress.set_length(2 * log.imu.len() as u64);
+    let (run, end) = navigate(log, config, progress)?;
+    let corrected = free_inertial::corrected(log, &end.estimates);
+    let (starts, _) = navigate(&corrected, free_inertial::slow(config), progress)?;
+    let velocity_error = free_inertial::check(log, &starts.history, &end.estimates);
     progress.finish_and_clear();
     Ok(Identification {
         config,
@@ -96,6 +85,31 @@ pub fn identify(
         gnss_outcomes: run.gnss_outcomes,
         velocity_error,
     })
+}
+
+/// One run over a log, and how the navigator stood at its end.
+fn navigate(
+    log: &Log,
+    config: Config,
+    progress: &ProgressBar,
+) -> Result<(Recorder, Row), ConfigError> {
+    let mut navigator = Navigator::new(config)?;
+    let mut run = Recorder::default();
+    for (count, event) in (1_u64..).zip(in_order_of_time(log)) {
+        match event {
+            Event::Imu(sample) => {
+                add(&mut run.imu_outcomes, navigator.on_imu(sample));
+                run.record(sample.time, &navigator);
+            }
+            Event::Gnss(fix) => add(&mut run.gnss_outcomes, navigator.on_gnss(fix)),
+        }
+        if count % PROGRESS_EVERY == 0 {
+            progress.inc(PROGRESS_EVERY);
+        }
+    }
+    let last = log.imu.last().map_or(Time::default(), |sample| sample.time);
+    let end = row(last, &navigator);
+    Ok((run, end))
 }
 
 #[derive(Default)]

@@ -5,6 +5,7 @@ pub mod aircraft;
 pub mod cli;
 pub mod configure;
 pub mod free_inertial;
+pub mod hil;
 pub mod identify;
 pub mod log;
 pub mod output;

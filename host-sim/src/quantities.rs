@@ -150,7 +150,10 @@ mod tests {
             a.named().map(|(_, quantity)| quantity.value)
         };
         let near = |axes, expected: [f64; 3]| {
-            values(axes).iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-12)
+            values(axes)
+                .iter()
+                .zip(&expected)
+                .all(|(a, b)| (a - b).abs() < 1e-12)
         };
         assert!(near(BodyAxes::Rfu, [1.0, 2.0, 3.0]));
         assert!(near(BodyAxes::Frd, [2.0, 1.0, -3.0]));

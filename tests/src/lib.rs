@@ -1,4 +1,6 @@
 //! Helpers of the tests that cross crates; the tests are in `tests/tests/`.
 
 pub mod cargo;
+pub mod firmware;
 pub mod jsbsim;
+pub mod requests;

@@ -115,6 +115,20 @@ impl<const N: usize> Information<N> {
         Some(Solved { value, variance: inverse_diagonal(&l) })
     }
 
+    /// Value and variance of the sum `coefficients . parameters`.
+    pub fn combination(&self, coefficients: &SVector<f64, N>) -> Option<(f64, f64)> {
+        let value = coefficients.dot(&self.solve()?.value);
+        let l = self.cholesky()?;
+        let mut half = *coefficients;
+        for i in 0..N {
+            for k in 0..i {
+                half[i] -= l[(i, k)] * half[k];
+            }
+            half[i] /= l[(i, i)];
+        }
+        Some((value, half.norm_squared()))
+    }
+
     fn cholesky(&self) -> Option<SMatrix<f64, N, N>> {
         let mut l = SMatrix::<f64, N, N>::zeros();
         for i in 0..N {

@@ -19,6 +19,9 @@ use crate::math;
 
 /// Longest memory of the measured noise, in fixes.
 const NOISE_MEMORY: f64 = 400.0;
+/// Step of the logarithm of the roughness per fix, for innovations wholly alike.
+const ROUGHNESS_GAIN: f64 = 0.03;
+const MAX_ROUGHNESS: f64 = 1e4;
 /// Innovations beyond this many sigma weigh less (Huber).
 const ROBUST_SIGMAS: f64 = 3.0;
 /// Innovations beyond this many sigma, plus `GATE_MPS`, are refused.
@@ -82,7 +85,8 @@ impl Noise {
     }
 
     /// Takes one innovation of `components` (1 or 2) components.
-    fn measure(&mut self, innovation: &Vector2<f64>, components: f64) {
+    /// Returns how alike it and the one before are: on average 0 for white ones.
+    fn measure(&mut self, innovation: &Vector2<f64>, components: f64) -> f64 {
         self.count = math::min(self.count + 1.0, NOISE_MEMORY);
         let power = innovation.norm_squared() / components;
         // A single wild innovation must not open the gate for the next.
@@ -92,6 +96,7 @@ impl Noise {
         let likeness = math::max(math::min(likeness, 3.0), -3.0);
         self.correlation += (likeness - self.correlation) / self.count;
         self.last = *innovation;
+        likeness
     }
 
     /// Factor by which colour makes rows less informative than white ones.
@@ -116,6 +121,8 @@ pub struct Observer {
     level_noise: Noise,
     vertical_noise: Noise,
     information: Information<COUNT>,
+    /// Factor by which the tilt walks more than the noise of the gyros makes it, in variance.
+    roughness: f64,
     /// Last solution.
     pub parameters: Parameters,
     /// The horizon: the moment of the last fix taken.
@@ -145,6 +152,7 @@ impl Observer {
             level_noise: Noise::new(sigma),
             vertical_noise: Noise::new(sigma),
             information: Information::from_prior(&prior.value, &prior.sigma),
+            roughness: 1.0,
             parameters: *prior,
             last: start,
         };
@@ -181,9 +189,12 @@ impl Observer {
         self.information.replace(index::AZIMUTH, value_rad, sigma_rad * sigma_rad);
     }
 
-    /// The horizon.
-    pub fn horizon(&self) -> &Moment {
-        &self.last
+    /// Azimuth error `Phi_UP` at a moment after the horizon, rad, with gyros compensated by
+    /// `gyro_radps` since.
+    pub fn azimuth_at(&self, moment: &Moment, gyro_radps: &Vector3<f64>) -> f64 {
+        let turned = moment.control_tilt_rad - self.last.control_tilt_rad;
+        let compensated = (moment.attitude_s - self.last.attitude_s) * gyro_radps;
+        self.parameters.value(index::AZIMUTH) + turned.z - compensated.z
     }
 
     /// Compares the INS at a past moment with a fix.
@@ -218,12 +229,15 @@ impl Observer {
 
         // Growth of Phi: known part, and by each parameter.
         let mut grown = tilt_control;
+        // Rotations do not commute: levelling controls on a tilted platform turn it in azimuth.
+        let whole_tilt = self.tilt + self.tilt_by * self.parameters.value;
+        grown.z += 0.5 * whole_tilt.perp(&tilt_control.xy());
         grown.x += dt * w.z * self.tilt.y;
         grown.y -= dt * w.z * self.tilt.x;
         grown.z += dt * (w.y * self.tilt.x - w.x * self.tilt.y);
         let mut grown_by = SMatrix::<f64, 3, COUNT>::zeros();
         grown_by.fixed_view_mut::<3, 3>(0, index::GYRO).copy_from(&-attitude_s);
-        grown_by.set_column(index::GYRO_SCALE, &(-turn * attitude.column(2)));
+        grown_by.fixed_view_mut::<3, 3>(0, index::GYRO_TURN).copy_from(&(-turn * attitude));
         let (east, north): (RowSVector<f64, COUNT>, RowSVector<f64, COUNT>) =
             (self.tilt_by.row(0).into_owned(), self.tilt_by.row(1).into_owned());
         let mut row = grown_by.row_mut(0);
@@ -239,6 +253,8 @@ impl Observer {
         // dV over the interval: f x Phi with Phi of its middle, C df, scale errors.
         let tilt = Vector3::new(self.tilt.x, self.tilt.y, 0.0);
         self.velocity += force.cross(&tilt) + velocity_control;
+        // Second order, felt on the up axis alone; plus, for the force is in the tilted frame.
+        self.velocity.z += 0.5 * force.z * whole_tilt.norm_squared();
         let mut phi_by = 0.5 * grown_by;
         let mut level = phi_by.fixed_rows_mut::<2>(0);
         level += self.tilt_by;
@@ -254,12 +270,40 @@ impl Observer {
 
         self.tilt += grown.xy();
         self.tilt_by += grown_by.fixed_rows::<2>(0);
-        self.rename_azimuth(&grown_by.row(2).transpose(), grown.z);
+        self.carry_forward(index::AZIMUTH, &grown_by.row(2).transpose(), grown.z);
+        let mut drift = SVector::<f64, COUNT>::zeros();
+        if let Some(by_drift) = drift.get_mut(index::CLOCK_DRIFT) {
+            *by_drift = dt;
+        }
+        self.carry_forward(index::LATENCY, &drift, 0.0);
+        self.diffuse(force.z, dt, config);
+        self.last = *to;
+    }
 
+    /// Makes parameter `which` that of the new horizon, where it is greater by `by` times the
+    /// parameters and by `known`.
+    fn carry_forward(&mut self, which: usize, by: &SVector<f64, COUNT>, known: f64) {
+        let mut by = *by;
+        if let Some(own) = by.get_mut(which) {
+            *own = 0.0;
+        }
+        self.information.redefine(which, &by, known);
+        let change = by.dot(&self.parameters.value) + known;
+        self.parameters.shift(which, change);
+        let through: Vector3<f64> = self.velocity_by.column(which).into_owned();
+        let through_tilt: Vector2<f64> = self.tilt_by.column(which).into_owned();
+        self.velocity -= known * through;
+        self.tilt -= known * through_tilt;
+        self.velocity_by -= through * by.transpose();
+        self.tilt_by -= through_tilt * by.transpose();
+    }
+
+    /// Lets everything random have walked for `dt`.
+    fn diffuse(&mut self, force_up: f64, dt: f64, config: &Config) {
         let s = &config.sensors;
-        let gyro = s.gyro_noise * s.gyro_noise;
+        let gyro = self.roughness * s.gyro_noise * s.gyro_noise;
         let accel = s.accel_noise * s.accel_noise;
-        self.level.propagate(force.z, dt, accel, gyro);
+        self.level.propagate(force_up, dt, accel, gyro);
         self.vertical.propagate(0.0, dt, accel, 0.0);
         self.information.diffuse(index::AZIMUTH, gyro * dt);
         let walk = s.gyro_bias_walk * s.gyro_bias_walk * dt;
@@ -268,24 +312,13 @@ impl Observer {
             self.information.diffuse(index::GYRO + axis, walk);
             self.information.diffuse(index::ACCEL + axis, accel_walk);
         }
-        self.last = *to;
     }
 
-    /// Makes the azimuth parameter that of the new horizon.
-    fn rename_azimuth(&mut self, by: &SVector<f64, COUNT>, known: f64) {
-        let mut by = *by;
-        if let Some(own) = by.get_mut(index::AZIMUTH) {
-            *own = 0.0;
-        }
-        self.information.redefine(index::AZIMUTH, &by, known);
-        let change = by.dot(&self.parameters.value) + known;
-        self.parameters.shift(index::AZIMUTH, change);
-        let through: Vector3<f64> = self.velocity_by.column(index::AZIMUTH).into_owned();
-        let through_tilt: Vector2<f64> = self.tilt_by.column(index::AZIMUTH).into_owned();
-        self.velocity -= known * through;
-        self.tilt -= known * through_tilt;
-        self.velocity_by -= through * by.transpose();
-        self.tilt_by -= through_tilt * by.transpose();
+    /// Likeness of neighbouring innovations means that the INS errs by more than the noise of
+    /// its gyros (vibration, misalignment, sensitivity to g): the observer has to follow faster.
+    fn learn_roughness(&mut self, likeness: f64) {
+        let step = 1.0 + ROUGHNESS_GAIN * likeness;
+        self.roughness = math::max(math::min(self.roughness * step, MAX_ROUGHNESS), 1.0);
     }
 
     fn update(&mut self, past: &Past, difference: &Difference, config: &Config) -> Verdict {
@@ -307,7 +340,8 @@ impl Observer {
         }
         let weight = math::min(1.0, ROBUST_SIGMAS * sigma / level_residual);
         self.correct_level(&innovation, &by, weight, config);
-        self.level_noise.measure(&residual.xy(), 2.0);
+        let likeness = self.level_noise.measure(&residual.xy(), 2.0);
+        self.learn_roughness(likeness);
         if difference.has_up {
             self.correct_vertical(&innovation, &by, residual.z, config);
         }
@@ -368,7 +402,7 @@ impl Observer {
         self.velocity.z += gain * innovation.z;
         let mut rows = self.velocity_by.row_mut(2);
         rows -= gain * by.row(2);
-        self.vertical_noise.measure(&Vector2::new(residual, 0.0), 1.0);
+        let _ = self.vertical_noise.measure(&Vector2::new(residual, 0.0), 1.0);
     }
 
     /// Solves for the parameters; keeps the last solution if the equations are singular.
@@ -378,6 +412,19 @@ impl Observer {
             self.parameters.value = value;
             self.parameters.sigma = variance.map(|v| math::sqrt(v * inflation));
         }
+    }
+
+    /// Latency `seconds` before the horizon, s.
+    pub fn latency_before(&self, seconds: f64) -> Option<(f64, f64)> {
+        let mut coefficients = SVector::<f64, COUNT>::zeros();
+        if let Some(now) = coefficients.get_mut(index::LATENCY) {
+            *now = 1.0;
+        }
+        if let Some(drift) = coefficients.get_mut(index::CLOCK_DRIFT) {
+            *drift = -seconds;
+        }
+        let (value, variance) = self.information.combination(&coefficients)?;
+        Some((value, math::sqrt(variance * self.level_noise.inflation())))
     }
 
     /// Adds a direct measurement of one parameter.

@@ -3,7 +3,7 @@
 use nalgebra::{SVector, Vector2, Vector3};
 
 /// How many there are.
-pub const COUNT: usize = 13;
+pub const COUNT: usize = 16;
 
 /// Where each stands in a parameter vector.
 pub mod index {
@@ -13,7 +13,7 @@ pub mod index {
     pub const ACCEL: usize = 1;
     /// First of three gyro biases, rad/s.
     pub const GYRO: usize = 4;
-    /// GNSS latency, s.
+    /// GNSS latency now, s.
     pub const LATENCY: usize = 7;
     /// First of two lever-arm components (right, forward), m.
     pub const LEVER_ARM: usize = 8;
@@ -21,8 +21,11 @@ pub mod index {
     pub const ACCEL_SCALE_X: usize = 10;
     /// Scale error of the forward accelerometer.
     pub const ACCEL_SCALE_Y: usize = 11;
-    /// Scale error of the up gyro.
-    pub const GYRO_SCALE: usize = 12;
+    /// First of three: what the x, y and z gyros feel of a turn about the up axis. The third is
+    /// the scale error of the up gyro, the others are misalignments, rad.
+    pub const GYRO_TURN: usize = 12;
+    /// Rate at which the latency grows: what the inertial clock loses on that of GNSS, s/s.
+    pub const CLOCK_DRIFT: usize = 15;
 }
 
 /// Values and standard deviations.

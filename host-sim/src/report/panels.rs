@@ -179,15 +179,33 @@ fn signal<const N: usize>(
     // The transient of the start would flatten all the rest.
     let part = values.len() / 100;
     let y = padded(values[part..values.len() - part].iter().copied(), 1e-3);
-    let marks = series
-        .into_iter()
-        .map(|(points, colour, _)| Mark::Reference(points, colour))
-        .collect();
+    let pale = series
+        .iter()
+        .map(|(points, colour, _)| Mark::Pale(points.clone(), *colour));
+    let means = series
+        .iter()
+        .map(|(points, colour, _)| Mark::Line(means(points), *colour));
+    let marks = pale.chain(means).collect();
     Panel {
         title: title.to_owned(),
         svg: small(duration(found), y, unit, marks),
         keys,
     }
+}
+
+/// Means over a hundredth of the points each: what lasts among the noise.
+fn means(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let mean = |chunk: &[(f64, f64)]| {
+        let count = chunk.len() as f64;
+        let sum = chunk
+            .iter()
+            .fold((0.0, 0.0), |sum, p| (sum.0 + p.0, sum.1 + p.1));
+        (sum.0 / count, sum.1 / count)
+    };
+    points
+        .chunks((points.len() / 100).max(1))
+        .map(mean)
+        .collect()
 }
 
 /// Growth of the free-inertial velocity error within a window.
@@ -302,7 +320,7 @@ fn equal_scale(marks: &[Mark], size: (u32, u32)) -> ((f64, f64), (f64, f64)) {
         .iter()
         .flat_map(|mark| match mark {
             Mark::Line(points, _) | Mark::Reference(points, _) => points.as_slice(),
-            Mark::Band(..) => &[],
+            Mark::Pale(..) | Mark::Band(..) => &[],
         })
         .copied()
         .collect();

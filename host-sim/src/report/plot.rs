@@ -16,6 +16,8 @@ pub(crate) enum Mark {
     Line(Vec<(f64, f64)>, RGBColor),
     /// A thin line for reference.
     Reference(Vec<(f64, f64)>, RGBColor),
+    /// A line that stays in the background.
+    Pale(Vec<(f64, f64)>, RGBColor),
     /// The area between a lower and an upper line: x, lower, upper.
     Band(Vec<(f64, f64, f64)>, RGBColor),
 }
@@ -79,6 +81,9 @@ impl Plot {
                 Mark::Reference(points, colour) => {
                     let line = LineSeries::new(self.inside(points), colour.mix(0.8));
                     chart.draw_series(line)?;
+                }
+                Mark::Pale(points, colour) => {
+                    chart.draw_series(LineSeries::new(self.inside(points), colour.mix(0.25)))?;
                 }
                 Mark::Band(points, colour) => {
                     let outline = self.inside(&outline(points));

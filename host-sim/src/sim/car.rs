@@ -21,7 +21,7 @@ mod habits {
     pub const PEDAL_S: [f64; 2] = [0.8, 1.4];
     pub const CRUISE_MPS: [f64; 2] = [9.0, 20.0];
     pub const FAST_MPS: [f64; 2] = [20.0, 25.0];
-    pub const CRUISE_S: [f64; 2] = [6.0, 25.0];
+    pub const CRUISE_S: [f64; 2] = [3.0, 16.0];
     pub const STOP_S: [f64; 2] = [5.0, 25.0];
     pub const CORNER_MPS: [f64; 2] = [5.0, 9.0];
     pub const U_TURN_MPS: [f64; 2] = [4.0, 6.0];

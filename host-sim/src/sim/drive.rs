@@ -184,6 +184,8 @@ fn sensor_errors(imu: &Imu, gnss: &Gnss) -> SensorErrors {
 
 #[cfg(test)]
 mod tests {
+    use super::super::errors::Outage;
+    use super::super::noise::statistics::{assert_correlation, assert_mean, assert_sigma};
     use super::*;
 
     #[test]
@@ -203,5 +205,103 @@ mod tests {
         assert!((0.0..0.1).contains(&(first - run.errors.gnss_latency_s)));
         let fixes = 1.0 + (300.0 - first) * 10.0;
         assert!((run.gnss.len() as f64 - fixes).abs() < 1e-6);
+    }
+
+    #[test]
+    fn fixes_show_the_motion_of_the_latency_ago() {
+        for latency_s in [0.1374, -0.0713] {
+            let mut config = DriveConfig::new(8, Grade::Ideal, 5.0);
+            config.recording.errors.gnss.latency_s = [latency_s; 2];
+            let run = simulate(&config);
+            let mut car = Car::new(8, 300.0, config.initial_rest_s);
+            for fix in &run.gnss {
+                let velocity = car
+                    .kinematics(fix.time.as_seconds() - latency_s)
+                    .velocity_enu_mps;
+                let off = fix.velocity_en_mps.unwrap() - velocity.xy();
+                // The cubic between two samples leaves 3e-9.
+                assert!(off.norm() < 1e-8, "{off} at {:?}", fix.time);
+                assert!((fix.velocity_up_mps.unwrap() - velocity.z).abs() < 1e-8);
+            }
+        }
+    }
+
+    #[test]
+    fn receiver_noise_is_white_and_as_large_as_told() {
+        let noisy = simulate(&DriveConfig::new(8, Grade::Hg1700, 20.0));
+        let mut config = DriveConfig::new(8, Grade::Hg1700, 20.0);
+        config.recording.errors.gnss.velocity_sigma_mps = 0.0;
+        config.recording.errors.gnss.horizontal_sigma_m = 0.0;
+        config.recording.errors.gnss.vertical_sigma_m = 0.0;
+        let exact = simulate(&config);
+        // One source of error changed, the others did not.
+        assert_eq!(noisy.imu, exact.imu);
+        assert_eq!(noisy.errors, exact.errors);
+        let differences = |part: fn(&GnssFix) -> f64| -> Vec<f64> {
+            noisy
+                .gnss
+                .iter()
+                .zip(&exact.gnss)
+                .map(|(n, e)| part(n) - part(e))
+                .collect()
+        };
+        let east = differences(|f| f.velocity_en_mps.unwrap().x);
+        let north = differences(|f| f.velocity_en_mps.unwrap().y);
+        let up = differences(|f| f.velocity_up_mps.unwrap());
+        for x in [&east, &north, &up] {
+            assert_mean(x, 0.0, 0.1);
+            assert_sigma(x, 0.1);
+            assert_correlation(x, &x[1..], 0.0);
+        }
+        assert_correlation(&east, &north, 0.0);
+        assert_correlation(&north, &up, 0.0);
+        let height = differences(|f| f.position.unwrap().height_m);
+        assert_sigma(&height, 1.5);
+        let [mut right, mut ahead] = [Vec::new(), Vec::new()];
+        for (n, e) in noisy.gnss.iter().zip(&exact.gnss) {
+            let off = n.position.unwrap().enu_from(&e.position.unwrap());
+            right.push(off.x);
+            ahead.push(off.y);
+        }
+        assert_sigma(&right, 1.0);
+        assert_sigma(&ahead, 1.0);
+    }
+
+    #[test]
+    fn latencies_fill_their_range() {
+        let gnss = ErrorModel::hg1700().gnss;
+        let all: Vec<f64> = (0..2000)
+            .map(|seed| Gnss::new(&gnss, seed).latency_s())
+            .collect();
+        assert!(all.iter().all(|tau| (0.05..0.3).contains(tau)));
+        assert_mean(&all, 0.175, 0.25 / 12.0_f64.sqrt());
+    }
+
+    #[test]
+    fn outages_and_losses_take_samples_and_change_none() {
+        let whole = simulate(&DriveConfig::new(2, Grade::Mems, 10.0));
+        let mut config = DriveConfig::new(2, Grade::Mems, 10.0);
+        let errors = &mut config.recording.errors;
+        errors.gnss.outages = vec![Outage {
+            start_s: 100.0,
+            duration_s: 30.0,
+        }];
+        errors.imu.dropped_fraction = 0.02;
+        let holed = simulate(&config);
+        assert_eq!(whole.gnss.len() - holed.gnss.len(), 300);
+        assert!(holed.gnss.iter().all(|fix| whole.gnss.contains(fix)));
+        let lost: Vec<f64> = whole
+            .imu
+            .iter()
+            .map(|s| f64::from(holed.imu.binary_search_by_key(&s.time, |h| h.time).is_err()))
+            .collect();
+        assert_mean(&lost, 0.02, (0.02 * 0.98_f64).sqrt());
+        for sample in &holed.imu {
+            let at = whole
+                .imu
+                .binary_search_by_key(&sample.time, |w| w.time)
+                .unwrap();
+            assert_eq!(sample, &whole.imu[at]);
+        }
     }
 }

@@ -5,6 +5,7 @@
 
 use ins_core::ImuOutput;
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
 /// Everything that lies between the ideal sensors and a log.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,8 +45,8 @@ pub struct ImuModel {
 pub struct SensorModel {
     /// The bias.
     pub bias: BiasModel,
-    /// White noise, square root of the one-sided density's half (the P of (3), (4)), U/sqrt(Hz):
-    /// its integral over t has a standard deviation of this times sqrt(t).
+    /// White noise, root of its spectral density P in (3), (4), U/sqrt(Hz): its integral over t
+    /// has a standard deviation of this times sqrt(t).
     #[serde(default)]
     pub white_noise: f64,
     /// Run-to-run spread of the scale-factor error, 1.
@@ -131,7 +132,51 @@ pub struct Outage {
     pub duration_s: f64,
 }
 
+/// Why an error model cannot be used.
+#[derive(Debug, Error)]
+pub enum ErrorModelError {
+    /// Not TOML, or not these keys; the message shows the place.
+    #[error("{0}")]
+    Syntax(#[from] toml::de::Error),
+    /// A value that no sensor has.
+    #[error("{key} = {value}: expected {expected}")]
+    Value {
+        /// Dotted path of the key.
+        key: String,
+        /// What it is set to.
+        value: f64,
+        /// What it may be.
+        expected: &'static str,
+    },
+}
+
 impl ErrorModel {
+    /// Reads an error-model file.
+    pub fn from_toml(text: &str) -> Result<Self, ErrorModelError> {
+        let model: Self = toml::from_str(text)?;
+        model.check()?;
+        Ok(model)
+    }
+
+    fn check(&self) -> Result<(), ErrorModelError> {
+        positive("imu.gyro_range_deg_s", self.imu.gyro_range_deg_s)?;
+        positive("imu.accel_range_mps2", self.imu.accel_range_mps2)?;
+        let dropped = self.imu.dropped_fraction;
+        ensure(
+            (0.0..1.0).contains(&dropped),
+            "imu.dropped_fraction",
+            dropped,
+            "0 to below 1",
+        )?;
+        self.gyro_deg_h.check("gyro_deg_h")?;
+        self.accel_mps2.check("accel_mps2")?;
+        self.gnss.check()?;
+        spread(
+            "given_heading_sigma_deg",
+            self.given_heading_sigma_deg.unwrap_or(0.0),
+        )
+    }
+
     /// Ideal sensors and receiver.
     pub fn ideal() -> Self {
         let none = SensorModel {
@@ -189,16 +234,15 @@ impl ErrorModel {
 
     /// A good consumer MEMS unit, uncalibrated.
     ///
-    /// Noise and offsets of the class of ST's LSM6DSO (data sheet DS12140, table 2: 3.8 mdps and
-    /// 70 ug per root hertz, 20 mg offset), 0.3 deg/s offset of the gyros. In-run drift is a
-    /// correlated part of 10 deg/h and 2 mm/s^2 over 1000 s: some degrees Celsius of warming
-    /// after the coarse trend is compensated. Scale errors of a part soldered to a board.
+    /// Noise of ST's LSM6DSO (data sheet DS12140: 3.8 mdps and, at 16 g full scale, 110 ug per
+    /// root hertz). Ours: offsets of 0.3 deg/s and 0.2 m/s^2, in-run drift of 10 deg/h and
+    /// 2 mm/s^2 correlated over 1000 s, scale errors of a part soldered to a board.
     pub fn mems() -> Self {
         Self {
             imu: ImuModel {
                 output: ImuOutput::Rates,
                 gyro_range_deg_s: 500.0,
-                accel_range_mps2: 39.0,
+                accel_range_mps2: 157.0,
                 dropped_fraction: 0.0,
             },
             gyro_deg_h: SensorModel {
@@ -208,13 +252,118 @@ impl ErrorModel {
             },
             accel_mps2: SensorModel {
                 bias: drifting(0.2, 0.002),
-                white_noise: 70e-6 * 9.8,
+                white_noise: 110e-6 * 9.8,
                 scale_sigma: 0.015,
             },
             gnss: receiver(),
             given_heading_sigma_deg: None,
         }
     }
+}
+
+impl SensorModel {
+    fn check(&self, table: &str) -> Result<(), ErrorModelError> {
+        let key = |name: &str| format!("{table}.{name}");
+        spread(&key("white_noise"), self.white_noise)?;
+        spread(&key("scale_sigma"), self.scale_sigma)?;
+        match self.bias {
+            BiasModel::Wave {
+                initial_sigma,
+                interval_s,
+                jump_mean,
+                jump_sigma,
+            } => {
+                spread(&key("bias.initial_sigma"), initial_sigma)?;
+                positive(&key("bias.interval_s"), interval_s)?;
+                ensure(
+                    jump_mean.is_finite(),
+                    &key("bias.jump_mean"),
+                    jump_mean,
+                    "a number",
+                )?;
+                spread(&key("bias.jump_sigma"), jump_sigma)
+            }
+            BiasModel::Continuous {
+                initial_sigma,
+                slope_sigma_per_s,
+                correlated_sigma,
+                correlation_time_s,
+            } => {
+                spread(&key("bias.initial_sigma"), initial_sigma)?;
+                spread(&key("bias.slope_sigma_per_s"), slope_sigma_per_s)?;
+                spread(&key("bias.correlated_sigma"), correlated_sigma)?;
+                positive(&key("bias.correlation_time_s"), correlation_time_s)
+            }
+        }
+    }
+}
+
+impl GnssModel {
+    fn check(&self) -> Result<(), ErrorModelError> {
+        positive("gnss.rate_hz", self.rate_hz)?;
+        spread("gnss.velocity_sigma_mps", self.velocity_sigma_mps)?;
+        spread("gnss.horizontal_sigma_m", self.horizontal_sigma_m)?;
+        spread("gnss.vertical_sigma_m", self.vertical_sigma_m)?;
+        let [least, most] = self.latency_s;
+        ensure(
+            least.abs() <= 10.0,
+            "gnss.latency_s[0]",
+            least,
+            "10 s at most",
+        )?;
+        ensure(
+            most.abs() <= 10.0,
+            "gnss.latency_s[1]",
+            most,
+            "10 s at most",
+        )?;
+        ensure(
+            least <= most,
+            "gnss.latency_s[1]",
+            most,
+            "no less than the first bound",
+        )?;
+        for outage in &self.outages {
+            spread("gnss.outages.start_s", outage.start_s)?;
+            spread("gnss.outages.duration_s", outage.duration_s)?;
+        }
+        Ok(())
+    }
+}
+
+fn ensure(
+    holds: bool,
+    key: &str,
+    value: f64,
+    expected: &'static str,
+) -> Result<(), ErrorModelError> {
+    if holds {
+        Ok(())
+    } else {
+        Err(ErrorModelError::Value {
+            key: key.to_owned(),
+            value,
+            expected,
+        })
+    }
+}
+
+fn spread(key: &str, value: f64) -> Result<(), ErrorModelError> {
+    ensure(
+        value >= 0.0 && value.is_finite(),
+        key,
+        value,
+        "zero or more",
+    )
+}
+
+fn positive(key: &str, value: f64) -> Result<(), ErrorModelError> {
+    ensure(
+        value > 0.0 && value.is_finite(),
+        key,
+        value,
+        "more than zero",
+    )
 }
 
 fn drifting(initial_sigma: f64, correlated_sigma: f64) -> BiasModel {
@@ -234,5 +383,93 @@ fn receiver() -> GnssModel {
         vertical_sigma_m: 1.5,
         latency_s: [0.05, 0.3],
         outages: Vec::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WAVE: &str = r#"
+        [imu]
+        output = "Increments"
+        gyro_range_deg_s = 1000.0
+        accel_range_mps2 = 370.0
+        [gyro_deg_h]
+        bias = { model = "wave", initial_sigma = 1.0, interval_s = 60.0, jump_sigma = 0.1 }
+        white_noise = 7.5
+        [accel_mps2]
+        bias = { model = "continuous", initial_sigma = 0.01 }
+        [gnss]
+        rate_hz = 10.0
+        velocity_sigma_mps = 0.1
+        horizontal_sigma_m = 1.0
+        vertical_sigma_m = 1.5
+        latency_s = [0.05, 0.3]
+        outages = [{ start_s = 60.0, duration_s = 10.0 }]
+    "#;
+
+    #[test]
+    fn presets_survive_a_file() {
+        for model in [
+            ErrorModel::ideal(),
+            ErrorModel::hg1700(),
+            ErrorModel::mems(),
+        ] {
+            let text = toml::to_string(&model).unwrap();
+            assert_eq!(ErrorModel::from_toml(&text).unwrap(), model);
+        }
+    }
+
+    #[test]
+    fn a_file_may_leave_out_what_is_zero() {
+        let model = ErrorModel::from_toml(WAVE).unwrap();
+        assert_eq!(model.accel_mps2.bias, BiasModel::constant(0.01));
+        assert_eq!(model.given_heading_sigma_deg, None);
+    }
+
+    #[test]
+    fn bad_files_say_what_is_wrong() {
+        for (good, bad, message) in [
+            (
+                "rate_hz = 10.0",
+                "rate_hz = 0.0",
+                "gnss.rate_hz = 0: expected more than zero",
+            ),
+            ("rate_hz = 10.0", "rate_hz = nan", "gnss.rate_hz = NaN"),
+            (
+                "interval_s = 60.0",
+                "interval_s = -1.0",
+                "gyro_deg_h.bias.interval_s = -1",
+            ),
+            (
+                "[0.05, 0.3]",
+                "[0.3, 0.05]",
+                "gnss.latency_s[1] = 0.05: expected no less",
+            ),
+            (
+                "[0.05, 0.3]",
+                "[50, 300]",
+                "gnss.latency_s[0] = 50: expected 10 s at most",
+            ),
+            (
+                "white_noise = 7.5",
+                "white_noise = -7.5",
+                "gyro_deg_h.white_noise = -7.5",
+            ),
+            (
+                "white_noise = 7.5",
+                "whit_noise = 7.5",
+                "unknown field `whit_noise`",
+            ),
+            ("\"wave\"", "\"waves\"", "unknown variant `waves`"),
+            ("= 7.5", "= ", "line 8"),
+        ] {
+            assert!(WAVE.contains(good));
+            let error = ErrorModel::from_toml(&WAVE.replace(good, bad))
+                .unwrap_err()
+                .to_string();
+            assert!(error.contains(message), "{bad}: {error}");
+        }
     }
 }

@@ -113,40 +113,28 @@ impl Triad {
 
 /// The bias of one sensor.
 #[derive(Clone, Debug)]
-pub enum Bias {
-    /// (3)
+enum Bias {
     Wave {
-        /// Bias now.
         value: f64,
-        /// Time left to the next jump, s.
-        left_s: f64,
-        /// Time between jumps, s.
+        to_next_jump_s: f64,
         interval_s: f64,
-        /// Mean and standard deviation of a jump.
-        jump: [f64; 2],
-        /// Source of the jumps.
+        jump_mean: f64,
+        jump_sigma: f64,
         random: Random,
     },
-    /// (4)
     Continuous {
-        /// Constant and trend now.
         trend: f64,
-        /// Slope of the trend, 1/s.
         slope_per_s: f64,
-        /// Correlated part now.
         correlated: f64,
-        /// Its standard deviation.
         sigma: f64,
-        /// Its correlation time, s.
         correlation_time_s: f64,
-        /// Source of the correlated part.
         random: Random,
     },
 }
 
 impl Bias {
     /// Draws the start of a bias; `unit` is the SI value of the model's unit.
-    pub fn new(model: &BiasModel, unit: f64, mut random: Random) -> Self {
+    fn new(model: &BiasModel, unit: f64, mut random: Random) -> Self {
         match *model {
             BiasModel::Wave {
                 initial_sigma,
@@ -155,9 +143,10 @@ impl Bias {
                 jump_sigma,
             } => Self::Wave {
                 value: unit * initial_sigma * random.normal(),
-                left_s: interval_s,
+                to_next_jump_s: interval_s,
                 interval_s,
-                jump: [unit * jump_mean, unit * jump_sigma],
+                jump_mean: unit * jump_mean,
+                jump_sigma: unit * jump_sigma,
                 random,
             },
             BiasModel::Continuous {
@@ -176,8 +165,7 @@ impl Bias {
         }
     }
 
-    /// The bias now.
-    pub fn value(&self) -> f64 {
+    fn value(&self) -> f64 {
         match self {
             Self::Wave { value, .. } => *value,
             Self::Continuous {
@@ -186,21 +174,21 @@ impl Bias {
         }
     }
 
-    /// Moves on in time.
-    pub fn advance(&mut self, step_s: f64) {
+    fn advance(&mut self, step_s: f64) {
         match self {
             Self::Wave {
                 value,
-                left_s,
+                to_next_jump_s,
                 interval_s,
-                jump: [mean, sigma],
+                jump_mean,
+                jump_sigma,
                 random,
             } => {
-                *left_s -= step_s;
+                *to_next_jump_s -= step_s;
                 // Half a step of tolerance keeps rounding from delaying a jump by one sample.
-                while *left_s < 0.5 * step_s {
-                    *value += *mean + *sigma * random.normal();
-                    *left_s += *interval_s;
+                while *to_next_jump_s < 0.5 * step_s {
+                    *value += *jump_mean + *jump_sigma * random.normal();
+                    *to_next_jump_s += *interval_s;
                 }
             }
             Self::Continuous {
@@ -219,5 +207,183 @@ impl Bias {
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::noise::statistics::{assert_correlation, assert_mean, assert_sigma};
+    use super::*;
+
+    const RUNS: u64 = 5000;
+
+    fn runs(model: &BiasModel) -> Vec<Bias> {
+        (0..RUNS)
+            .map(|seed| Bias::new(model, 1.0, Random::stream(seed, "test")))
+            .collect()
+    }
+
+    fn advance(runs: &mut [Bias], step_s: f64) {
+        for bias in runs {
+            bias.advance(step_s);
+        }
+    }
+
+    fn values(runs: &[Bias]) -> Vec<f64> {
+        runs.iter().map(Bias::value).collect()
+    }
+
+    fn noisy(white_noise: f64, scale_sigma: f64) -> SensorModel {
+        SensorModel {
+            bias: BiasModel::constant(0.0),
+            white_noise,
+            scale_sigma,
+        }
+    }
+
+    #[test]
+    fn the_wave_model_jumps_when_and_as_far_as_it_says() {
+        let model = BiasModel::Wave {
+            initial_sigma: 2.0,
+            interval_s: 7.0,
+            jump_mean: 0.3,
+            jump_sigma: 0.5,
+        };
+        let mut runs = runs(&model);
+        let start = values(&runs);
+        assert_sigma(&start, 2.0);
+        // 0.01 is no binary fraction: the sum of 700 steps is not 7 exactly.
+        let mut last = start.clone();
+        for step in 1..=2100 {
+            advance(&mut runs, 0.01);
+            let now = values(&runs);
+            if step % 700 == 0 {
+                let jumps: Vec<f64> = now.iter().zip(&last).map(|(n, l)| n - l - 0.3).collect();
+                assert_mean(&jumps, 0.0, 0.5);
+                assert_sigma(&jumps, 0.5);
+                assert_correlation(&jumps, &start, 0.0);
+            } else {
+                assert_eq!(now, last, "jumped at step {step}");
+            }
+            last = now;
+        }
+    }
+
+    #[test]
+    fn the_continuous_model_has_the_spread_and_the_memory_it_says() {
+        let model = BiasModel::Continuous {
+            initial_sigma: 0.0,
+            slope_sigma_per_s: 0.0,
+            correlated_sigma: 3.0,
+            correlation_time_s: 20.0,
+        };
+        let mut runs = runs(&model);
+        let start = values(&runs);
+        assert_sigma(&start, 3.0);
+        for _ in 0..200 {
+            advance(&mut runs, 0.1);
+        }
+        let later = values(&runs);
+        assert_sigma(&later, 3.0);
+        assert_correlation(&start, &later, (-1.0_f64).exp());
+        // Steps of any length: two thousand seconds on, nothing is remembered.
+        advance(&mut runs, 2000.0);
+        assert_sigma(&values(&runs), 3.0);
+        assert_correlation(&start, &values(&runs), 0.0);
+    }
+
+    #[test]
+    fn the_continuous_model_starts_and_trends_as_it_says() {
+        let model = BiasModel::Continuous {
+            initial_sigma: 2.0,
+            slope_sigma_per_s: 0.01,
+            correlated_sigma: 0.0,
+            correlation_time_s: 1.0,
+        };
+        let mut runs = runs(&model);
+        let start = values(&runs);
+        assert_sigma(&start, 2.0);
+        for _ in 0..100 {
+            advance(&mut runs, 1.0);
+        }
+        let gained: Vec<f64> = values(&runs)
+            .iter()
+            .zip(&start)
+            .map(|(n, s)| n - s)
+            .collect();
+        assert_sigma(&gained, 1.0);
+        assert_correlation(&gained, &start, 0.0);
+    }
+
+    /// Allan deviation of readings at clusters of `size`, without overlap.
+    fn allan_differences(readings: &[f64], size: usize) -> Vec<f64> {
+        let means: Vec<f64> = readings
+            .chunks_exact(size)
+            .map(|c| c.iter().sum::<f64>() / size as f64)
+            .collect();
+        means
+            .chunks_exact(2)
+            .map(|pair| (pair[1] - pair[0]) / 2.0_f64.sqrt())
+            .collect()
+    }
+
+    #[test]
+    fn white_noise_has_the_allan_deviation_of_its_random_walk() {
+        // N deg/sqrt(h) gives N / sqrt(tau): a slope of -1/2 at every cluster time.
+        let (density, step_s) = (3.6e-5, 0.01);
+        let mut triad = Triad::new(&noisy(density, 0.0), 1.0, 1.0, 9, "gyro");
+        let readings: Vec<Vector3<f64>> = (0..400_000)
+            .map(|_| triad.read(&Vector3::zeros(), step_s))
+            .collect();
+        for axis in 0..3 {
+            let x: Vec<f64> = readings.iter().map(|r| r[axis]).collect();
+            for size in [1, 10, 100, 400] {
+                let tau_s = size as f64 * step_s;
+                assert_sigma(&allan_differences(&x, size), density / tau_s.sqrt());
+            }
+            assert_correlation(&x, &x[1..], 0.0);
+            let next: Vec<f64> = readings.iter().map(|r| r[(axis + 1) % 3]).collect();
+            assert_correlation(&x, &next, 0.0);
+        }
+    }
+
+    #[test]
+    fn increments_and_rates_carry_the_same_errors() {
+        let measure = |output| {
+            let mut model = ErrorModel::hg1700();
+            model.imu.output = output;
+            let rates = Rates {
+                angular_rate_ib_b_radps: Vector3::new(0.1, -0.2, 0.3),
+                specific_force_b_mps2: Vector3::new(1.0, 2.0, 9.8),
+            };
+            let gained = Increments {
+                angle_b_rad: 0.01 * rates.angular_rate_ib_b_radps,
+                velocity_b_mps: 0.01 * rates.specific_force_b_mps2,
+            };
+            Imu::new(&model, 3).measure(&gained, &rates, 0.01)
+        };
+        let (angle, velocity) = measure(ImuOutput::Increments);
+        let (rate, force) = measure(ImuOutput::Rates);
+        assert!((angle - 0.01 * rate).norm() < 1e-15);
+        assert!((velocity - 0.01 * force).norm() < 1e-15);
+    }
+
+    #[test]
+    fn scale_errors_spread_as_told_and_multiply() {
+        let triads = (0..RUNS).map(|seed| Triad::new(&noisy(0.0, 0.015), 1.0, 1e3, seed, "accel"));
+        let (mut all, truth) = (Vec::new(), Vector3::new(1.0, -2.0, 9.8));
+        for mut triad in triads {
+            let error = triad.read(&truth, 0.01) - truth;
+            assert!((error - triad.scale().component_mul(&truth)).norm() < 1e-14);
+            all.extend(triad.scale().iter());
+        }
+        assert_sigma(&all, 0.015);
+    }
+
+    #[test]
+    fn readings_saturate() {
+        let mut triad = Triad::new(&noisy(0.0, 0.0), 1.0, 39.0, 0, "accel");
+        let reading = triad.read(&Vector3::new(50.0, -50.0, 9.8), 0.01);
+        assert_eq!(reading, Vector3::new(39.0, -39.0, 9.8));
     }
 }

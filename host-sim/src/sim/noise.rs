@@ -77,3 +77,124 @@ fn mix(seed: u64) -> u64 {
     let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)
 }
+
+/// Bounds that a seeded sample must keep, for the tests of every generator.
+#[cfg(test)]
+pub(super) mod statistics {
+    /// Chance of a false alarm 6e-5 for one check; the seeds are fixed, so it either is one or not.
+    const SIGMAS: f64 = 4.0;
+
+    pub fn mean(samples: &[f64]) -> f64 {
+        samples.iter().sum::<f64>() / samples.len() as f64
+    }
+
+    /// Mean product of two zero-mean samples.
+    pub fn covariance(a: &[f64], b: &[f64]) -> f64 {
+        a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>() / a.len().min(b.len()) as f64
+    }
+
+    /// The mean of independent samples of standard deviation `sigma`.
+    pub fn assert_mean(samples: &[f64], expected: f64, sigma: f64) {
+        let bound = SIGMAS * sigma / (samples.len() as f64).sqrt();
+        let off = mean(samples) - expected;
+        assert!(off.abs() < bound, "mean off by {off:e}, bound {bound:e}");
+    }
+
+    /// The variance of independent zero-mean normal samples: chi-square, near normal for 500 and
+    /// more, with a relative standard deviation of sqrt(2/n).
+    pub fn assert_sigma(samples: &[f64], expected: f64) {
+        assert!(samples.len() >= 500);
+        let ratio = covariance(samples, samples) / (expected * expected);
+        let bound = SIGMAS * (2.0 / samples.len() as f64).sqrt();
+        assert!(
+            (ratio - 1.0).abs() < bound,
+            "variance {ratio} of {expected}^2, bound {bound}"
+        );
+    }
+
+    /// The correlation of two normal samples; its standard deviation is (1 - r^2)/sqrt(n).
+    pub fn assert_correlation(a: &[f64], b: &[f64], expected: f64) {
+        let r = covariance(a, b) / (covariance(a, a) * covariance(b, b)).sqrt();
+        let bound = SIGMAS * (1.0 - expected * expected) / (a.len().min(b.len()) as f64).sqrt();
+        assert!(
+            (r - expected).abs() < bound,
+            "correlation {r} for {expected}, bound {bound}"
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::statistics::{assert_correlation, assert_mean, assert_sigma};
+    use super::*;
+
+    const COUNT: usize = 100_000;
+
+    fn normals(seed: u64, name: &str) -> Vec<f64> {
+        let mut random = Random::stream(seed, name);
+        (0..COUNT).map(|_| random.normal()).collect()
+    }
+
+    #[test]
+    fn normals_have_the_moments_and_tails_of_a_normal() {
+        let x = normals(1, "a");
+        assert_mean(&x, 0.0, 1.0);
+        assert_sigma(&x, 1.0);
+        // Third and fourth powers: means 0 and 3, variances 15 and 105 - 9.
+        let cubes: Vec<f64> = x.iter().map(|x| x * x * x).collect();
+        let fourths: Vec<f64> = x.iter().map(|x| x * x * x * x).collect();
+        assert_mean(&cubes, 0.0, 15.0_f64.sqrt());
+        assert_mean(&fourths, 3.0, 96.0_f64.sqrt());
+        let beyond: Vec<f64> = x.iter().map(|x| f64::from(x.abs() > 3.0)).collect();
+        assert_mean(&beyond, 0.002_699_8, 0.002_699_8_f64.sqrt());
+    }
+
+    #[test]
+    fn uniforms_fill_their_range_evenly() {
+        let mut random = Random::stream(1, "uniform");
+        let x: Vec<f64> = (0..COUNT).map(|_| random.uniform([-3.0, 2.0])).collect();
+        let expected = COUNT as f64 / 100.0;
+        let chi2: f64 = (0..100)
+            .map(|bin| {
+                let low = -3.0 + 0.05 * f64::from(bin);
+                let count = x.iter().filter(|x| (low..low + 0.05).contains(*x)).count() as f64;
+                (count - expected) * (count - expected) / expected
+            })
+            .sum();
+        // 99 degrees of freedom: mean 99, standard deviation 14.
+        assert!((43.0..155.0).contains(&chi2), "chi-square {chi2}");
+    }
+
+    #[test]
+    fn streams_and_seeds_are_independent() {
+        let a = normals(1, "a");
+        assert_correlation(&a, &a[1..], 0.0);
+        assert_correlation(&a, &normals(1, "b"), 0.0);
+        assert_correlation(&a, &normals(2, "a"), 0.0);
+        // The first draws of runs numbered one after another: what campaigns live on.
+        let first = |name| -> Vec<f64> {
+            (0..COUNT as u64)
+                .map(|seed| Random::stream(seed, name).normal())
+                .collect()
+        };
+        let (x, y) = (first("bias x"), first("bias y"));
+        assert_sigma(&x, 1.0);
+        assert_correlation(&x, &x[1..], 0.0);
+        assert_correlation(&x, &y, 0.0);
+    }
+
+    #[test]
+    fn the_sequence_is_the_same_everywhere() {
+        // A change of these bits changes every simulated figure ever stated.
+        let mut random = Random::stream(42, "golden");
+        let bits: [u64; 3] = core::array::from_fn(|_| random.normal().to_bits());
+        assert_eq!(
+            bits,
+            [
+                0xbffb_9f65_5259_2a0a,
+                0x3f89_dc14_2a0b_d1e5,
+                0x3fe4_3cb1_fc61_cc66
+            ]
+        );
+    }
+}

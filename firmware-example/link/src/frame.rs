@@ -1,0 +1,178 @@
+//! Framing: what makes a message out of bytes that may be wrong in any way.
+
+use crc::{CRC_32_ISCSI, Crc, NoTable};
+use heapless::Vec;
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+
+/// Version of messages and framing; frames of another are counted and dropped.
+pub const VERSION: u8 = 1;
+/// Longest frame on the wire, with its closing zero, bytes.
+pub const MAX_FRAME: usize = 512;
+
+/// Bit by bit: slower than by table, and without the table's flash.
+const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISCSI);
+const CRC_BYTES: usize = 4;
+/// COBS adds a byte for every 254, and one.
+const MAX_CONTENT: usize = MAX_FRAME - MAX_FRAME.div_ceil(254) - 1;
+
+/// What can be sent.
+pub trait Message: Serialize + DeserializeOwned {
+    /// The session that the message opens, if it opens one.
+    fn session(&self) -> Option<u32>;
+}
+
+#[derive(Serialize, Deserialize)]
+struct Content<M> {
+    version: u8,
+    sequence: u32,
+    message: M,
+}
+
+/// The message is longer than any of this crate's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EncodeError;
+
+/// Writes the frame of a message, closing zero included.
+///
+/// # Errors
+/// If it does not fit into [`MAX_FRAME`]; no message of this crate is so long.
+pub fn encode<M: Message>(sequence: u32, message: &M) -> Result<Vec<u8, MAX_FRAME>, EncodeError> {
+    let mut content = [0; MAX_CONTENT];
+    let content = Content { version: VERSION, sequence, message }.write(&mut content)?;
+    let mut frame = Vec::new();
+    frame.resize_default(MAX_FRAME).map_err(|_| EncodeError)?;
+    let length = cobs::try_encode(content, &mut frame).map_err(|_| EncodeError)?;
+    frame.truncate(length);
+    frame.push(0).map_err(|_| EncodeError)?;
+    Ok(frame)
+}
+
+impl<M: Message> Content<&M> {
+    fn write<'b>(&self, buffer: &'b mut [u8]) -> Result<&'b [u8], EncodeError> {
+        let length = postcard::to_slice(self, buffer).map_err(|_| EncodeError)?.len();
+        let (written, rest) = buffer.split_at_mut_checked(length).ok_or(EncodeError)?;
+        let room = rest.get_mut(..CRC_BYTES).ok_or(EncodeError)?;
+        room.copy_from_slice(&CRC.checksum(written).to_le_bytes());
+        buffer.get(..length + CRC_BYTES).ok_or(EncodeError)
+    }
+}
+
+/// What came in since the session began.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Counters {
+    /// Messages handed on.
+    pub accepted: u32,
+    /// Frames whose coding or checksum is wrong.
+    pub corrupt: u32,
+    /// Frames of another [`VERSION`].
+    pub other_version: u32,
+    /// Whole frames that hold no message.
+    pub malformed: u32,
+    /// Frames that came twice or after a later one.
+    pub out_of_order: u32,
+    /// Sequence numbers skipped: frames lost on the way, or dropped as corrupt.
+    pub skipped: u32,
+}
+
+/// Makes messages out of bytes. Nothing wrong gets through, and everything wrong is counted.
+#[derive(Clone, Debug, Default)]
+pub struct Decoder {
+    frame: Vec<u8, MAX_FRAME>,
+    too_long: bool,
+    session: Option<u32>,
+    last: Option<u32>,
+    /// What came in.
+    pub counters: Counters,
+}
+
+impl Decoder {
+    /// A decoder between two frames.
+    pub const fn new() -> Self {
+        Self {
+            frame: Vec::new(),
+            too_long: false,
+            session: None,
+            last: None,
+            counters: Counters {
+                accepted: 0,
+                corrupt: 0,
+                other_version: 0,
+                malformed: 0,
+                out_of_order: 0,
+                skipped: 0,
+            },
+        }
+    }
+
+    /// Takes the next byte; with the last one of a good frame, gives its sequence number and
+    /// message.
+    pub fn push<M: Message>(&mut self, byte: u8) -> Option<(u32, M)> {
+        if byte != 0 {
+            self.too_long |= self.frame.push(byte).is_err();
+            return None;
+        }
+        let too_long = core::mem::take(&mut self.too_long);
+        let message = if too_long {
+            count(&mut self.counters.corrupt);
+            None
+        } else if self.frame.is_empty() {
+            // Zeros between frames are harmless, and a sender may use them to flush a wreck.
+            None
+        } else {
+            self.decode()
+        };
+        self.frame.clear();
+        message
+    }
+
+    fn decode<M: Message>(&mut self) -> Option<(u32, M)> {
+        let Some(content) = checked(&mut self.frame) else {
+            count(&mut self.counters.corrupt);
+            return None;
+        };
+        if content.first() != Some(&VERSION) {
+            count(&mut self.counters.other_version);
+            return None;
+        }
+        let Ok((Content { sequence, message, .. }, [])) =
+            postcard::take_from_bytes::<Content<M>>(content)
+        else {
+            count(&mut self.counters.malformed);
+            return None;
+        };
+        if !self.in_order(sequence, message.session()) {
+            count(&mut self.counters.out_of_order);
+            return None;
+        }
+        count(&mut self.counters.accepted);
+        Some((sequence, message))
+    }
+
+    /// Whether the frame is later than the last one, or opens another session.
+    fn in_order(&mut self, sequence: u32, session: Option<u32>) -> bool {
+        if session.is_some() && session != self.session {
+            self.session = session;
+            self.counters = Counters::default();
+        } else if let Some(last) = self.last {
+            let ahead = sequence.wrapping_sub(last);
+            // Half of the circle is ahead, half behind.
+            if ahead == 0 || ahead > u32::MAX / 2 {
+                return false;
+            }
+            self.counters.skipped = self.counters.skipped.saturating_add(ahead - 1);
+        }
+        self.last = Some(sequence);
+        true
+    }
+}
+
+fn count(counter: &mut u32) {
+    *counter = counter.saturating_add(1);
+}
+
+/// The content of a frame without its checksum, if that is right.
+fn checked(frame: &mut [u8]) -> Option<&[u8]> {
+    let length = cobs::decode_in_place(frame).ok()?;
+    let (content, checksum) = frame.get(..length)?.split_last_chunk::<CRC_BYTES>()?;
+    (CRC.checksum(content) == u32::from_le_bytes(*checksum)).then_some(content)
+}

@@ -1,0 +1,29 @@
+//! All that knows the board: ARM's MPS2 with image AN500 (Cortex-M7) or AN386 (Cortex-M4F), as
+//! QEMU emulates it. For another board, replace these files and keep the functions.
+
+mod clock;
+mod log;
+mod panic;
+mod stack;
+mod uart;
+
+pub use clock::{CLOCKS_PER_TICK, Clock};
+pub use stack::{deepest_bytes as deepest_stack_bytes, now_bytes as stack_bytes};
+pub use uart::{QUEUE_BYTES, Uart};
+
+/// What the board offers.
+pub struct Board {
+    pub uart: Uart,
+    pub clock: Clock,
+}
+
+impl Board {
+    /// Sets the board up; `None` the second time.
+    pub fn take() -> Option<Self> {
+        let mut core = cortex_m::Peripherals::take()?;
+        Some(Self {
+            clock: Clock::new(core.SYST, &mut core.DCB, core.DWT),
+            uart: Uart::new(&mut core.NVIC)?,
+        })
+    }
+}
