@@ -19,8 +19,14 @@ use crate::math;
 
 /// Longest memory of the measured noise, in fixes.
 const NOISE_MEMORY: f64 = 400.0;
-/// Step of the logarithm of the roughness per fix, for innovations wholly alike.
-const ROUGHNESS_GAIN: f64 = 0.03;
+/// Fixes over which the likeness of neighbouring innovations is averaged: white ones then show
+/// 0 +- 0.07.
+const LIKENESS_MEMORY: f64 = 100.0;
+/// Average likeness that is put up with.
+const LIKENESS_TOLERATED: f64 = 0.1;
+/// Steps of the logarithm of the roughness per fix and unit of likeness: fast up, slowly down.
+const ROUGHNESS_RISE: f64 = 0.03;
+const ROUGHNESS_FALL: f64 = 0.005;
 const MAX_ROUGHNESS: f64 = 1e4;
 /// Innovations beyond this many sigma weigh less (Huber).
 const ROBUST_SIGMAS: f64 = 3.0;
@@ -123,6 +129,8 @@ pub struct Observer {
     information: Information<COUNT>,
     /// Factor by which the tilt walks more than the noise of the gyros makes it, in variance.
     roughness: f64,
+    /// Average likeness of neighbouring innovations.
+    likeness: f64,
     /// Last solution.
     pub parameters: Parameters,
     /// The horizon: the moment of the last fix taken.
@@ -153,6 +161,7 @@ impl Observer {
             vertical_noise: Noise::new(sigma),
             information: Information::from_prior(&prior.value, &prior.sigma),
             roughness: 1.0,
+            likeness: 0.0,
             parameters: *prior,
             last: start,
         };
@@ -317,8 +326,11 @@ impl Observer {
     /// Likeness of neighbouring innovations means that the INS errs by more than the noise of
     /// its gyros (vibration, misalignment, sensitivity to g): the observer has to follow faster.
     fn learn_roughness(&mut self, likeness: f64) {
-        let step = 1.0 + ROUGHNESS_GAIN * likeness;
-        self.roughness = math::max(math::min(self.roughness * step, MAX_ROUGHNESS), 1.0);
+        self.likeness += (likeness - self.likeness) / LIKENESS_MEMORY;
+        let excess = self.likeness - LIKENESS_TOLERATED;
+        let gain = if excess > 0.0 { ROUGHNESS_RISE } else { ROUGHNESS_FALL };
+        let roughness = self.roughness * (1.0 + gain * excess);
+        self.roughness = math::max(math::min(roughness, MAX_ROUGHNESS), 1.0);
     }
 
     fn update(&mut self, past: &Past, difference: &Difference, config: &Config) -> Verdict {
