@@ -10,6 +10,7 @@ use ins_core::earth::wrap_pi;
 use miette::{IntoDiagnostic, Result, bail, miette};
 use serde::Serialize;
 
+use crate::aircraft;
 use crate::configure;
 use crate::identify::{Identification, identify};
 use crate::log::{self, BodyAxes, Compression, Grade, Log, Meta};
@@ -42,6 +43,10 @@ enum Command {
     Drive(Drive),
     /// Find the sensor errors of a log and write summary, tables and report.
     Identify(Identify),
+    /// Fly a plan in a simulated aircraft and write its log.
+    Fly(aircraft::cli::Fly),
+    /// Print the performance and the natural motions of an aircraft.
+    Aircraft(aircraft::cli::Table),
     /// Simulate a drive, identify it, and compare with the truth.
     Demo {
         /// Folder for log and report.
@@ -127,6 +132,8 @@ pub fn run(cli: &Cli) -> Result<()> {
             let (summary, truth) = identify_log(&options.log, &options.out, grade, cli.force)?;
             print_summary(&summary, truth.as_ref(), &options.out, cli.json)
         }
+        Command::Fly(options) => aircraft::cli::fly(options, cli.json, cli.force),
+        Command::Aircraft(options) => aircraft::cli::table(options, cli.json, cli.force),
         Command::Demo { out, drive } => demo(out, *drive, cli),
     }
 }
@@ -351,7 +358,7 @@ fn bar() -> ProgressBar {
     bar
 }
 
-fn spinner(message: &'static str) -> ProgressBar {
+pub(crate) fn spinner(message: &'static str) -> ProgressBar {
     let spinner = ProgressBar::new_spinner().with_message(message);
     spinner.enable_steady_tick(std::time::Duration::from_millis(120));
     spinner

@@ -1,6 +1,7 @@
 //! Host side of the inertial-navigation core: simulation, logs, identification, reports.
 
 pub mod accuracy;
+pub mod aircraft;
 pub mod cli;
 pub mod configure;
 pub mod free_inertial;

@@ -2,7 +2,7 @@
 
 mod number;
 mod panels;
-mod plot;
+pub(crate) mod plot;
 mod sentences;
 
 use minijinja::value::Serde;

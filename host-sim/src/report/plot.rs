@@ -4,14 +4,14 @@ use plotters::prelude::*;
 
 use super::number::to_second_digit_of;
 
-pub(super) const BLUE: RGBColor = RGBColor(0x3b, 0x82, 0xc4);
-pub(super) const ORANGE: RGBColor = RGBColor(0xd9, 0x82, 0x2b);
-pub(super) const GREEN: RGBColor = RGBColor(0x2e, 0x9e, 0x6b);
-pub(super) const RED: RGBColor = RGBColor(0xd0, 0x4a, 0x4a);
-pub(super) const GREY: RGBColor = RGBColor(0x88, 0x88, 0x88);
+pub(crate) const BLUE: RGBColor = RGBColor(0x3b, 0x82, 0xc4);
+pub(crate) const ORANGE: RGBColor = RGBColor(0xd9, 0x82, 0x2b);
+pub(crate) const GREEN: RGBColor = RGBColor(0x2e, 0x9e, 0x6b);
+pub(crate) const RED: RGBColor = RGBColor(0xd0, 0x4a, 0x4a);
+pub(crate) const GREY: RGBColor = RGBColor(0x88, 0x88, 0x88);
 
 /// Something drawn in the coordinates of the axes.
-pub(super) enum Mark {
+pub(crate) enum Mark {
     /// A line through points.
     Line(Vec<(f64, f64)>, RGBColor),
     /// A thin line for reference.
@@ -23,24 +23,24 @@ pub(super) enum Mark {
 }
 
 /// Axes and what is drawn in them.
-pub(super) struct Plot {
+pub(crate) struct Plot {
     /// Width and height, px.
-    pub(super) size: (u32, u32),
+    pub(crate) size: (u32, u32),
     /// Quantity and unit along x.
-    pub(super) x_label: String,
+    pub(crate) x_label: String,
     /// Quantity and unit along y.
-    pub(super) y_label: String,
+    pub(crate) y_label: String,
     /// Ends of the x axis.
-    pub(super) x: (f64, f64),
+    pub(crate) x: (f64, f64),
     /// Ends of the y axis; what lies beyond is drawn at the edge.
-    pub(super) y: (f64, f64),
+    pub(crate) y: (f64, f64),
     /// From back to front.
-    pub(super) marks: Vec<Mark>,
+    pub(crate) marks: Vec<Mark>,
 }
 
 impl Plot {
     /// The drawing as an SVG element; an empty string if it cannot be drawn.
-    pub(super) fn svg(&self) -> String {
+    pub(crate) fn svg(&self) -> String {
         let mut text = String::new();
         // Drawing into a string fails only on axes without extent, which `padded` prevents.
         match self.draw(&mut text) {
@@ -112,7 +112,7 @@ fn outline(points: &[(f64, f64, f64)]) -> Vec<(f64, f64)> {
 }
 
 /// Ends of an axis that holds all values with some room, and always has an extent.
-pub(super) fn padded(values: impl Iterator<Item = f64>, least: f64) -> (f64, f64) {
+pub(crate) fn padded(values: impl Iterator<Item = f64>, least: f64) -> (f64, f64) {
     let (low, high) = values
         .filter(|v| v.is_finite())
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
