@@ -90,11 +90,6 @@ pub struct History {
 }
 
 impl History {
-    /// Forgets everything.
-    pub fn clear(&mut self) {
-        self.moments.clear();
-    }
-
     /// Whether enough time has passed since the newest moment for the next.
     pub fn wants(&self, time: Time) -> bool {
         self.moments

@@ -1,6 +1,7 @@
 //! Strapdown inertial navigation damped by GNSS velocity, which finds its own sensor errors.
 #![no_std]
 
+mod aided;
 pub mod alignment;
 pub mod attitude;
 pub mod config;

@@ -68,21 +68,6 @@ impl<const N: usize> Information<N> {
         self.vector -= column * shift;
     }
 
-    /// Forgets all about parameter `index` and what hung together with it, then knows it anew.
-    pub fn replace(&mut self, index: usize, value: f64, variance: f64) {
-        if index >= N {
-            return;
-        }
-        // Schur complement: the other parameters keep what they know by themselves.
-        let column: SVector<f64, N> = self.matrix.column(index).into_owned();
-        let gain = 1.0 / column[index];
-        let shift = self.vector[index] * gain;
-        self.matrix -= column * gain * column.transpose();
-        self.vector -= column * shift;
-        self.matrix[(index, index)] = 1.0 / variance;
-        self.vector[index] = value / variance;
-    }
-
     /// Renames parameter `index`: new = old + `coefficients . parameters` + `offset`.
     ///
     /// The coefficient of the parameter itself is taken as zero.

@@ -222,13 +222,6 @@ impl Observer {
         self.information.diffuse(index::AZIMUTH, rate * rate);
     }
 
-    /// Takes the azimuth error as known anew.
-    pub fn set_azimuth(&mut self, value_rad: f64, sigma_rad: f64) {
-        self.parameters.set(index::AZIMUTH, value_rad, sigma_rad);
-        self.information
-            .replace(index::AZIMUTH, value_rad, sigma_rad * sigma_rad);
-    }
-
     /// The error `[dV, Phi]` of the INS at a moment after the horizon, as estimated.
     pub fn error_at(&self, moment: &Moment) -> InsError {
         let p = &self.parameters;
@@ -250,7 +243,7 @@ impl Observer {
         }
     }
 
-    /// Compares the INS at a past moment with a fix.
+    /// Compares the INS at a past moment with a fix. An outlier moves the horizon alone.
     pub fn take(
         &mut self,
         past: &Past,
@@ -258,13 +251,8 @@ impl Observer {
         difference: &Difference,
         config: &Config,
     ) -> Verdict {
-        let mut next = self.clone();
-        next.propagate(&past.moment, frame_rate_radps, config);
-        let verdict = next.update(past, difference, config);
-        if verdict == Verdict::Used {
-            *self = next;
-        }
-        verdict
+        self.propagate(&past.moment, frame_rate_radps, config);
+        self.update(past, difference, config)
     }
 
     fn propagate(&mut self, to: &Moment, w: &Vector3<f64>, config: &Config) {

@@ -1,5 +1,6 @@
 //! The parameters that are estimated jointly.
 
+use crate::math;
 use nalgebra::{SVector, Vector2, Vector3};
 
 /// How many there are.
@@ -71,6 +72,17 @@ impl Parameters {
         if let Some(value) = self.value.get_mut(parameter) {
             *value += by;
         }
+    }
+
+    /// Takes in an independent measurement of one parameter.
+    pub fn learn(&mut self, parameter: usize, measured: f64, variance: f64) {
+        let (value, sigma) = (self.value(parameter), self.sigma(parameter));
+        let gain = sigma * sigma / (sigma * sigma + variance);
+        self.set(
+            parameter,
+            value + gain * (measured - value),
+            sigma * math::sqrt(1.0 - gain),
+        );
     }
 
     /// Sets value and spread of one parameter.
