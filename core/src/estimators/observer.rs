@@ -356,7 +356,11 @@ impl Observer {
     fn learn_roughness(&mut self, likeness: f64) {
         self.likeness += (likeness - self.likeness) / LIKENESS_MEMORY;
         let excess = self.likeness - LIKENESS_TOLERATED;
-        let gain = if excess > 0.0 { ROUGHNESS_RISE } else { ROUGHNESS_FALL };
+        let gain = if excess > 0.0 {
+            ROUGHNESS_RISE
+        } else {
+            ROUGHNESS_FALL
+        };
         let roughness = self.roughness * (1.0 + gain * excess);
         self.roughness = math::max(math::min(roughness, MAX_ROUGHNESS), 1.0);
     }
