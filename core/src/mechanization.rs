@@ -78,7 +78,11 @@ impl Mechanization {
         // The frame turns by half of its step until the middle of the interval.
         let force = attitude * interval.velocity_mps();
         let force_enu_mps = force - 0.5 * dt * frame_rate.cross(&force);
-        let gravity = Vector3::new(0.0, 0.0, -earth.gravity_mps2);
+        // Gravity of the middle of the interval, `dg/dh = -2 g / R`: at its start the error would be
+        // of first order, and the vertical channel multiplies it.
+        let rise_m = 0.5 * dt * self.velocity_enu_mps.z;
+        let fall = 1.0 - 2.0 * rise_m / earth.north_radius_m;
+        let gravity = Vector3::new(0.0, 0.0, -earth.gravity_mps2 * fall);
         let push = force_enu_mps + dt * (gravity + controls.accel_mps2);
         let coriolis = (frame_rate + earth_rate).cross(&(self.velocity_enu_mps + 0.5 * push));
         let old_velocity = self.velocity_enu_mps;

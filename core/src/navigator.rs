@@ -10,10 +10,11 @@ use crate::alignment::heading_from_motion::{Fit, MotionSums};
 use crate::alignment::levelling::{self, RestMean};
 use crate::alignment::rest::{RestBlock, RestDetector, Verdict as RestVerdict};
 use crate::attitude::matrix;
-use crate::config::{Config, Feedback, HeadingSource};
+use crate::config::{Config, Feedback, Form, HeadingSource};
 use crate::damping::{self, Differences};
 use crate::earth::{Geodetic, LocalEarth};
 use crate::estimate::Estimates;
+use crate::estimators::literal::{Comparison, Literal};
 use crate::estimators::observer::{Difference, Observer, Verdict};
 use crate::estimators::parameters::{Parameters, index};
 use crate::history::{History, Missing, Moment, Past};
@@ -112,6 +113,7 @@ struct State {
     now: Moment,
     history: History,
     observer: Observer,
+    literal: Literal,
     controls: Controls,
     controls_until: Time,
     compensation: Compensation,
@@ -157,6 +159,7 @@ impl Navigator {
             now: start,
             history: History::default(),
             observer: Observer::new(start, &config, &config.prior(), 0.0),
+            literal: Literal::new(config.sensors.accel_bias_mps2),
             controls: Controls::default(),
             controls_until: Time::default(),
             compensation: Compensation::default(),
@@ -211,12 +214,13 @@ impl Navigator {
     /// Errors of the sensors as known now.
     pub fn estimates(&self) -> Estimates {
         let s = &self.state;
-        let mut parameters = s.observer.parameters;
-        let azimuth = s.azimuth_removed_rad + s.azimuth_left_rad();
+        let mut parameters = s.parameters(&self.config);
+        let azimuth = s.azimuth_removed_rad + s.azimuth_left_rad(&self.config);
         parameters.set(index::AZIMUTH, azimuth, parameters.sigma(index::AZIMUTH));
         let mut estimates = Estimates::from_parameters(&parameters, &self.config, s.phase);
         let run_s = s.now.time.seconds_since(s.navigating_since);
-        if let Some((value, sigma)) = s.observer.latency_before(0.5 * run_s) {
+        let latency = s.observer.latency_before(0.5 * run_s);
+        if let (Some((value, sigma)), Form::Exact) = (latency, self.config.form) {
             estimates.gnss_latency_s.value = value;
             estimates.gnss_latency_s.sigma = sigma;
         }
@@ -225,7 +229,7 @@ impl Navigator {
 
     /// Azimuth error that is still in the solution, rad.
     pub fn azimuth_left_rad(&self) -> f64 {
-        self.state.azimuth_left_rad()
+        self.state.azimuth_left_rad(&self.config)
     }
 
     /// The manoeuvre going on.
@@ -240,9 +244,23 @@ impl Navigator {
 }
 
 impl State {
-    fn azimuth_left_rad(&self) -> f64 {
-        self.observer
-            .azimuth_at(&self.now, &self.compensation.gyro_radps)
+    /// What the chosen form has found; azimuth and latency are those of the last fix.
+    fn parameters(&self, config: &Config) -> Parameters {
+        match config.form {
+            Form::Exact => self.observer.parameters,
+            Form::Literal => self
+                .literal
+                .parameters(&config.prior(), self.azimuth_removed_rad),
+        }
+    }
+
+    fn azimuth_left_rad(&self, config: &Config) -> f64 {
+        match config.form {
+            Form::Exact => self
+                .observer
+                .azimuth_at(&self.now, &self.compensation.gyro_radps),
+            Form::Literal => self.parameters(config).value(index::AZIMUTH),
+        }
     }
 
     fn on_imu(&mut self, sample: &ImuSample, config: &Config) -> ImuOutcome {
@@ -661,6 +679,18 @@ impl State {
             differences.velocity_en_mps = Some(m.xy());
             differences.velocity_up_mps = fix.velocity_up_mps.map(|_| m.z);
             self.manoeuvre = Manoeuvre::of(&past);
+            if config.form == Form::Literal {
+                self.literal.take(&Comparison {
+                    past: &past,
+                    manoeuvre: self.manoeuvre,
+                    difference_mps: m.xy(),
+                    accel_up_mps2: self.controls.accel_mps2.z,
+                    azimuth_removed_rad: self.azimuth_removed_rad,
+                    latency_applied_s: self.compensation.latency_s,
+                    accel_compensation_mps2: self.compensation.accel_mps2,
+                    bandwidth_radps: config.damping.horizontal.bandwidth_radps,
+                });
+            }
         }
         self.damp(fix, &differences, interval_s, config);
         self.last_used = moment;
@@ -681,7 +711,7 @@ impl State {
 
     fn damp(&mut self, fix: &GnssFix, differences: &Differences, interval_s: f64, config: &Config) {
         let mut differences = *differences;
-        let parameters = &self.observer.parameters;
+        let parameters = self.parameters(config);
         let (azimuth, sigma) = (
             parameters.value(index::AZIMUTH),
             parameters.sigma(index::AZIMUTH),
@@ -725,11 +755,13 @@ impl State {
         }
         self.latency_corrected_s +=
             self.observer.parameters.value(index::LATENCY) - latency_before_s;
-        let parameters = self.observer.parameters;
+        let parameters = self.parameters(config);
         let prior = config.prior();
         let known = |i: usize, part: f64| parameters.sigma(i) < part * prior.sigma(i);
         for axis in 0..3 {
-            if known(index::GYRO + axis, 0.5) {
+            // (9) reads gyro biases from controls that a compensation would empty.
+            let readable = config.form == Form::Exact;
+            if readable && known(index::GYRO + axis, 0.5) {
                 set(
                     &mut self.compensation.gyro_radps,
                     axis,

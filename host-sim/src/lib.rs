@@ -1,6 +1,17 @@
 //! Host side of the inertial-navigation core: simulation, logs, identification, reports.
 
 pub mod accuracy;
+pub mod aircraft;
+pub mod cli;
+pub mod configure;
+pub mod free_inertial;
 pub mod hil;
+pub mod identify;
 pub mod log;
+pub mod output;
+pub mod quantities;
+pub mod report;
 pub mod sim;
+pub mod summary;
+pub mod tables;
+pub mod truth;

@@ -180,19 +180,19 @@ fn file_cases() -> Vec<Case> {
             ..text("a file for a folder", |_| {})
         },
         folder("no imu.csv", |f| {
-            fs::remove_file(f.join("imu.csv")).unwrap()
+            fs::remove_file(f.join("imu.csv")).unwrap();
         }),
         folder("imu.csv twice", |f| {
-            fs::write(f.join("imu.csv.gz"), "").unwrap()
+            fs::write(f.join("imu.csv.gz"), "").unwrap();
         }),
         folder("empty imu.csv", |f| {
-            fs::write(f.join("imu.csv"), "").unwrap()
+            fs::write(f.join("imu.csv"), "").unwrap();
         }),
         text("header alone", |f| {
-            f.gnss.truncate(f.gnss.find('\n').unwrap() + 1)
+            f.gnss.truncate(f.gnss.find('\n').unwrap() + 1);
         }),
         folder("gzip cut short", |f| {
-            pack_imu(f, |bytes| bytes.truncate(bytes.len() / 2))
+            pack_imu(f, |bytes| bytes.truncate(bytes.len() / 2));
         }),
         folder("gzip damaged", |f| {
             pack_imu(f, |bytes| {
@@ -215,7 +215,7 @@ fn file_cases() -> Vec<Case> {
             fs::write(f.join("gnss.csv"), bytes).unwrap();
         }),
         text("absurdly long line", |f| {
-            set_line(&mut f.imu, 100, &"1".repeat(50_000_000))
+            set_line(&mut f.imu, 100, &"1".repeat(50_000_000));
         }),
         text("line ends lost", |f| f.imu = f.imu.replace('\n', " ")),
     ]
@@ -224,33 +224,33 @@ fn file_cases() -> Vec<Case> {
 fn meta_cases() -> Vec<Case> {
     vec![
         folder("no meta.toml", |f| {
-            fs::remove_file(f.join("meta.toml")).unwrap()
+            fs::remove_file(f.join("meta.toml")).unwrap();
         }),
         text("meta.toml that is no TOML", |f| {
-            f.meta = META.replace("\"FRD\"", "FRD")
+            f.meta = META.replace("\"FRD\"", "FRD");
         }),
         text("no [log]", |f| {
-            f.meta = META.replace("[log]", "[recording]")
+            f.meta = META.replace("[log]", "[recording]");
         }),
         text("no body_axes", |f| {
-            f.meta = META.replace("body_axes = \"FRD\"\n", "")
+            f.meta = META.replace("body_axes = \"FRD\"\n", "");
         }),
         text("unknown axes", |f| f.meta = META.replace("FRD", "NED")),
         text("unknown output", |f| f.meta = META.replace("rates", "rate")),
         text("unknown grade", |f| {
-            f.meta.push_str("grade = \"navigation\"\n")
+            f.meta.push_str("grade = \"navigation\"\n");
         }),
         text("heading as text", |f| {
-            f.meta.push_str("initial_heading_deg = \"north\"\n")
+            f.meta.push_str("initial_heading_deg = \"north\"\n");
         }),
         text("heading out of range", |f| {
-            f.meta.push_str("initial_heading_deg = 900\n")
+            f.meta.push_str("initial_heading_deg = 900\n");
         }),
         text("lever arm in millimetres", |f| {
-            f.meta.push_str("lever_arm_m = [0, 1200, 800]\n")
+            f.meta.push_str("lever_arm_m = [0, 1200, 800]\n");
         }),
         text("a key that is not read", |f| {
-            f.meta.push_str("heading_deg = 12.0\n")
+            f.meta.push_str("heading_deg = 12.0\n");
         }),
     ]
 }
@@ -258,41 +258,41 @@ fn meta_cases() -> Vec<Case> {
 fn row_cases() -> Vec<Case> {
     vec![
         text("not a number", |f| {
-            set_line(&mut f.imu, 5, "0.06,0,0,abc,0,0,-9.8")
+            set_line(&mut f.imu, 5, "0.06,0,0,abc,0,0,-9.8");
         }),
         text("NaN", |f| set_line(&mut f.imu, 5, "0.06,0,0,0,nan,0,-9.8")),
         text("infinite", |f| {
-            set_line(&mut f.gnss, 5, "0.6,45,9,200,-inf,0,0,9")
+            set_line(&mut f.gnss, 5, "0.6,45,9,200,-inf,0,0,9");
         }),
         text("empty cell", |f| {
-            set_line(&mut f.imu, 5, "0.06,0,0,0,0,,-9.8")
+            set_line(&mut f.imu, 5, "0.06,0,0,0,0,,-9.8");
         }),
         text("half a position", |f| {
-            set_line(&mut f.gnss, 5, "0.6,45,9,,10,0,0,9")
+            set_line(&mut f.gnss, 5, "0.6,45,9,,10,0,0,9");
         }),
         text("half a velocity", |f| {
-            set_line(&mut f.gnss, 5, "0.6,45,9,200,10,,0,9")
+            set_line(&mut f.gnss, 5, "0.6,45,9,200,10,,0,9");
         }),
         text("missing column", |f| f.imu = f.imu.replace("gyro_z", "wz")),
         text("no header", |f| {
-            f.imu = f.imu.split_once('\n').unwrap().1.to_owned()
+            f.imu = f.imu.split_once('\n').unwrap().1.to_owned();
         }),
         text("semicolons", |f| f.gnss = f.gnss.replace(',', ";")),
         text("line cut off", |f| f.imu.truncate(f.imu.len() - 20)),
         text("decimal comma", |f| {
-            set_line(&mut f.imu, 5, "0,06,0,0,0,0,0,-9.8")
+            set_line(&mut f.imu, 5, "0,06,0,0,0,0,0,-9.8");
         }),
         text("stray quote", |f| {
-            set_line(&mut f.imu, 5, "0.06,0,0,\"0,0,0,-9.8")
+            set_line(&mut f.imu, 5, "0.06,0,0,\"0,0,0,-9.8");
         }),
         text("time repeated", |f| {
-            set_line(&mut f.imu, 5, "0.04,0,0,0,0,0,-9.8")
+            set_line(&mut f.imu, 5, "0.04,0,0,0,0,0,-9.8");
         }),
         text("time reversed", |f| {
-            set_line(&mut f.gnss, 5, "0.2,45,9,200,10,0,0,9")
+            set_line(&mut f.gnss, 5, "0.2,45,9,200,10,0,0,9");
         }),
         text("time beyond all scales", |f| {
-            set_line(&mut f.gnss, 5, "1.7e18,45,9,200,10,0,0,9")
+            set_line(&mut f.gnss, 5, "1.7e18,45,9,200,10,0,0,9");
         }),
         text("latitude and longitude swapped", |f| {
             convert(&mut f.gnss, "lon_deg", |x| x - 114.0);
@@ -302,7 +302,7 @@ fn row_cases() -> Vec<Case> {
             convert_all(&mut f.gnss, &["lat_deg", "lon_deg"], |x| x * 1e7);
         }),
         text("height in millimetres", |f| {
-            convert(&mut f.gnss, "h_m", |x| x * 1e3)
+            convert(&mut f.gnss, "h_m", |x| x * 1e3);
         }),
     ]
 }
@@ -311,7 +311,7 @@ fn unit_cases() -> Vec<Case> {
     const TO_DEG: f64 = 57.295_779_513;
     vec![
         text("gyros in degrees", |f| {
-            convert_all(&mut f.imu, &GYRO, |x| x * TO_DEG)
+            convert_all(&mut f.imu, &GYRO, |x| x * TO_DEG);
         }),
         text("gyros in degrees, at rest", |f| {
             convert(&mut f.imu, "gyro_z", |_| 0.006 * TO_DEG);
@@ -319,47 +319,47 @@ fn unit_cases() -> Vec<Case> {
             convert_all(&mut f.gnss, &["ve", "vn"], |_| 0.0);
         }),
         text("gyros converted twice", |f| {
-            convert_all(&mut f.imu, &GYRO, |x| x / TO_DEG)
+            convert_all(&mut f.imu, &GYRO, |x| x / TO_DEG);
         }),
         text("position in radians", |f| {
             convert_all(&mut f.gnss, &["lat_deg", "lon_deg"], |x| x / TO_DEG);
         }),
         text("accelerometers in g", |f| {
-            convert_all(&mut f.imu, &ACCEL, |x| x / 9.80665)
+            convert_all(&mut f.imu, &ACCEL, |x| x / 9.80665);
         }),
         text("accelerometers in mg", |f| {
-            convert_all(&mut f.imu, &ACCEL, |x| x / 0.009_806_65)
+            convert_all(&mut f.imu, &ACCEL, |x| x / 0.009_806_65);
         }),
         text("accelerometers in unknown units", |f| {
-            convert_all(&mut f.imu, &ACCEL, |x| x * 40.0)
+            convert_all(&mut f.imu, &ACCEL, |x| x * 40.0);
         }),
         text("accelerometers 7 % off", |f| {
-            convert_all(&mut f.imu, &ACCEL, |x| x * 1.07)
+            convert_all(&mut f.imu, &ACCEL, |x| x * 1.07);
         }),
         text("increments called rates", |f| {
             convert_all(&mut f.imu, &ACCEL, |x| x * IMU_STEP_S);
             convert_all(&mut f.imu, &GYRO, |x| x * IMU_STEP_S);
         }),
         text("rates called increments", |f| {
-            f.meta = META.replace("rates", "increments")
+            f.meta = META.replace("rates", "increments");
         }),
         text("increments of the gyros only", |f| {
             convert_all(&mut f.imu, &GYRO, |x| x * IMU_STEP_S);
         }),
         text("inertial time in milliseconds", |f| {
-            convert(&mut f.imu, "t_s", |x| x * 1e3)
+            convert(&mut f.imu, "t_s", |x| x * 1e3);
         }),
         text("GNSS time in milliseconds", |f| {
-            convert(&mut f.gnss, "t_s", |x| x * 1e3)
+            convert(&mut f.gnss, "t_s", |x| x * 1e3);
         }),
         text("inertial time in microseconds", |f| {
-            convert(&mut f.imu, "t_s", |x| x * 1e6)
+            convert(&mut f.imu, "t_s", |x| x * 1e6);
         }),
         text("velocity in km/h", |f| {
-            convert_all(&mut f.gnss, &["ve", "vn"], |x| x * 3.6)
+            convert_all(&mut f.gnss, &["ve", "vn"], |x| x * 3.6);
         }),
         text("velocity in knots", |f| {
-            convert_all(&mut f.gnss, &["ve", "vn"], |x| x / 0.514_444)
+            convert_all(&mut f.gnss, &["ve", "vn"], |x| x / 0.514_444);
         }),
     ]
 }
@@ -376,26 +376,26 @@ fn axis_cases() -> Vec<Case> {
             );
         }),
         text("accelerometer signs turned", |f| {
-            convert_all(&mut f.imu, &ACCEL, |x| -x)
+            convert_all(&mut f.imu, &ACCEL, |x| -x);
         }),
         text("gyro signs turned", |f| {
-            convert_all(&mut f.imu, &GYRO, |x| -x)
+            convert_all(&mut f.imu, &GYRO, |x| -x);
         }),
         text("vertical axis in x", |f| {
             swap_columns(&mut f.imu, 1, 3);
             swap_columns(&mut f.imu, 4, 6);
         }),
         text("mounted 40 degrees nose-down", |f| {
-            pitch_sensors(&mut f.imu, 40.0)
+            pitch_sensors(&mut f.imu, 40.0);
         }),
         text("mounted 25 degrees nose-down", |f| {
-            pitch_sensors(&mut f.imu, 25.0)
+            pitch_sensors(&mut f.imu, 25.0);
         }),
         text("east and north swapped", |f| {
-            swap_columns(&mut f.gnss, 4, 5)
+            swap_columns(&mut f.gnss, 4, 5);
         }),
         text("east positive to the west", |f| {
-            convert(&mut f.gnss, "ve", |x| -x)
+            convert(&mut f.gnss, "ve", |x| -x);
         }),
     ]
 }
@@ -403,13 +403,13 @@ fn axis_cases() -> Vec<Case> {
 fn clock_cases() -> Vec<Case> {
     vec![
         text("leap seconds", |f| {
-            convert(&mut f.gnss, "t_s", |x| x + 18.0)
+            convert(&mut f.gnss, "t_s", |x| x + 18.0);
         }),
         text("leap seconds the other way", |f| {
-            convert(&mut f.gnss, "t_s", |x| x - 18.0)
+            convert(&mut f.gnss, "t_s", |x| x - 18.0);
         }),
         text("clocks 5 s apart", |f| {
-            convert(&mut f.gnss, "t_s", |x| x + 5.0)
+            convert(&mut f.gnss, "t_s", |x| x + 5.0);
         }),
         text("short log, leap seconds", |f| {
             f.imu = f.imu.lines().take(500).collect::<Vec<_>>().join("\n");
@@ -417,10 +417,10 @@ fn clock_cases() -> Vec<Case> {
             convert(&mut f.gnss, "t_s", |x| x + 18.0);
         }),
         text("different origins", |f| {
-            convert(&mut f.gnss, "t_s", |x| x + 1.752e9)
+            convert(&mut f.gnss, "t_s", |x| x + 1.752e9);
         }),
         text("latency of 0.3 s", |f| {
-            convert(&mut f.gnss, "t_s", |x| x + 0.3)
+            convert(&mut f.gnss, "t_s", |x| x + 0.3);
         }),
     ]
 }

@@ -2,4 +2,5 @@
 
 pub mod cargo;
 pub mod firmware;
+pub mod jsbsim;
 pub mod requests;

@@ -36,6 +36,11 @@ impl<const N: usize> Information<N> {
         }
     }
 
+    /// Right-hand side.
+    pub fn vector(&self) -> &SVector<f64, N> {
+        &self.vector
+    }
+
     /// Adds `weight` times the row `coefficients . parameters = measured`.
     pub fn add(&mut self, coefficients: &SVector<f64, N>, measured: f64, weight: f64) {
         let weighted = coefficients * weight;

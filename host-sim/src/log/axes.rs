@@ -41,15 +41,20 @@ impl BodyAxes {
         }
     }
 
-    /// Which way an axis (0, 1, 2) points on the vehicle, and which way against it.
-    pub fn directions(self, axis: usize) -> (&'static str, &'static str) {
+    /// Component of a right-forward-up vector that an axis (0, 1, 2) shows, and its sign there.
+    pub fn rfu_component(self, axis: usize) -> (usize, f64) {
         let along = self.to_rfu(Vector3::ith(axis, 1.0));
-        let names = [("right", "left"), ("forward", "back"), ("up", "down")];
-        let (plus, minus) = names[along.iamax()];
-        if along.sum() > 0.0 {
-            (plus, minus)
-        } else {
-            (minus, plus)
+        (along.iamax(), along.sum())
+    }
+
+    /// Which way an axis (0, 1, 2) points on the vehicle.
+    pub fn direction(self, axis: usize) -> &'static str {
+        match self.rfu_component(axis) {
+            (0, 1.0) => "right",
+            (0, _) => "left",
+            (1, _) => "forward",
+            (_, 1.0) => "up",
+            _ => "down",
         }
     }
 }
@@ -77,8 +82,8 @@ mod tests {
         assert_eq!(rfu(BodyAxes::Flu, 0), Vector3::new(0.0, 1.0, 0.0));
         assert_eq!(rfu(BodyAxes::Flu, 1), Vector3::new(-1.0, 0.0, 0.0));
         assert_eq!(rfu(BodyAxes::Flu, 2), Vector3::new(0.0, 0.0, 1.0));
-        assert_eq!(BodyAxes::Frd.directions(2), ("down", "up"));
-        assert_eq!(BodyAxes::Flu.directions(1), ("left", "right"));
+        assert_eq!(BodyAxes::Frd.direction(2), "down");
+        assert_eq!(BodyAxes::Flu.direction(1), "left");
     }
 
     #[test]

@@ -225,7 +225,7 @@ fn check_gravity_axis(
         own.y,
         own.z
     );
-    let z = axes.directions(2).0;
+    let z = axes.direction(2);
     let reaction = if z == "up" { '+' } else { '-' };
     let expected = format!("gravity's reaction, {reaction}9.81 m/s^2, on z ({z} in {axes})");
     let defect =
@@ -266,13 +266,9 @@ fn check_position_unit(
     files: &Files,
     warnings: &mut Vec<LogError>,
 ) -> Result<(), LogError> {
-    let steps: Vec<Step> = log
-        .gnss
-        .windows(2)
-        .filter_map(|pair| step(&pair[0], &pair[1]))
-        .collect();
-    // Thirty moving pairs make the median firm against multipath.
-    if steps.len() < 30 {
+    let steps = steps(&log.gnss);
+    // So many make the median firm against multipath.
+    if steps.len() < 10 {
         return Ok(());
     }
     let ratio = median(
@@ -327,15 +323,39 @@ struct Step {
     integrated_m: Vector2<f64>,
 }
 
-fn step(from: &GnssFix, to: &GnssFix) -> Option<Step> {
-    let interval = to.time.seconds_since(from.time);
-    let moved = to.position?.enu_from(&from.position?);
-    let integrated_m = (from.velocity_en_mps? + to.velocity_en_mps?) * (0.5 * interval);
-    // Half a metre rises over the noise of positions; in a hole the trapezoid is no path.
-    (interval < 3.0 && moved.norm() > 0.02 && integrated_m.norm() > 0.5).then(|| Step {
-        moved_m: moved.xy(),
-        integrated_m,
-    })
+/// Length of a step, m: ten times the noise of a plain receiver's positions.
+const STEP_M: f64 = 20.0;
+
+/// Cuts the way into steps; holes of three seconds are left out.
+fn steps(fixes: &[GnssFix]) -> Vec<Step> {
+    let mut steps = Vec::new();
+    let mut start = fixes[0];
+    let mut integrated_m = Vector2::zeros();
+    for pair in fixes.windows(2) {
+        let interval_s = pair[1].time.seconds_since(pair[0].time);
+        let mean = pair[0]
+            .velocity_en_mps
+            .zip(pair[1].velocity_en_mps)
+            .map(|(a, b)| 0.5 * (a + b));
+        let moved = start
+            .position
+            .zip(pair[1].position)
+            .map(|(from, to)| to.enu_from(&from).xy());
+        let (Some(mean), Some(moved_m), true) = (mean, moved, interval_s < 3.0) else {
+            (start, integrated_m) = (pair[1], Vector2::zeros());
+            continue;
+        };
+        integrated_m += mean * interval_s;
+        if integrated_m.norm() > STEP_M {
+            steps.push(Step {
+                moved_m,
+                integrated_m,
+            });
+            (start, integrated_m) = (pair[1], Vector2::zeros());
+        }
+    }
+    steps.retain(|step| step.moved_m.norm() > 0.0);
+    steps
 }
 
 /// Whether the columns of degrees hold nothing that could not be radians.
@@ -359,11 +379,16 @@ fn unequal_paths(
     ];
     let expected = "the way between positions to equal the integral of velocity";
     let found = format!("{ratio:.4} of it (median)");
-    let likely = guesses.iter().find(|(value, _)| within(ratio, *value, 1.1));
-    let cause = likely.map_or(
-        "another unit, or positions that do not follow the motion",
-        |g| g.1,
-    );
+    // Radians make the way east too long besides, by the cosine of the true latitude.
+    let likely = if within_radians && (0.016..0.1).contains(&ratio) {
+        Some("radians for degrees in lat_deg and lon_deg")
+    } else {
+        guesses
+            .iter()
+            .find(|(value, _)| within(ratio, *value, 1.1))
+            .map(|guess| guess.1)
+    };
+    let cause = likely.unwrap_or("another unit, or positions that do not follow the motion");
     let defect = LogError::file(&files.gnss, expected, found, cause);
     if likely.is_some() {
         return Err(defect.in_column("lat_deg, lon_deg, ve, vn"));

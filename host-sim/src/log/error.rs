@@ -38,7 +38,7 @@ pub struct LogError {
 
 impl LogError {
     /// A defect of a whole file.
-    pub(super) fn file(
+    pub(crate) fn file(
         path: &Path,
         expected: impl Into<Box<str>>,
         found: impl Into<Box<str>>,
@@ -51,6 +51,18 @@ impl LogError {
             found: found.into(),
             cause: cause.into(),
         }
+    }
+
+    /// What a TOML parser found, at its place.
+    pub(crate) fn toml(path: &Path, text: &str, error: &toml::de::Error, cause: &str) -> Self {
+        let message = error.message().lines().next().unwrap_or_default();
+        let defect = Self::file(path, "a valid entry", message, cause);
+        let Some(before) = error.span().and_then(|span| text.get(..span.start)) else {
+            return defect;
+        };
+        let line = before.matches('\n').count() + 1;
+        let character = before.chars().rev().take_while(|&c| c != '\n').count() + 1;
+        defect.at_line(line as u64).at_character(character as u64)
     }
 
     /// The same defect, at a line.

@@ -193,28 +193,12 @@ fn not_utf8(path: &Path) -> LogError {
 }
 
 fn bad(path: &Path, text: &str, error: &toml::de::Error) -> LogError {
-    let expected = "a valid entry";
-    let message = error
-        .message()
-        .lines()
-        .next()
-        .unwrap_or_default()
-        .to_owned();
     let cause = format!(
         "[log] needs body_axes = \"FRD\", \"RFU\" or \"FLU\" and imu = \"rates\" or \
          \"increments\"; known keys: {}",
         KNOWN_KEYS.join(", ")
     );
-    let found = LogError::file(path, expected, message, cause);
-    match error.span() {
-        Some(span) => {
-            let before = text.get(..span.start).unwrap_or(text);
-            let line = before.matches('\n').count() + 1;
-            let character = before.chars().rev().take_while(|&c| c != '\n').count() + 1;
-            found.at_line(line as u64).at_character(character as u64)
-        }
-        None => found,
-    }
+    LogError::toml(path, text, error, &cause)
 }
 
 fn unread_keys(path: &Path, document: &toml::Table) -> Vec<LogError> {

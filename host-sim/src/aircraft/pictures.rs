@@ -1,0 +1,214 @@
+//! Pictures of a flight and of an aircraft, as SVG.
+
+use std::fs;
+use std::path::Path;
+
+use ins_core::earth::{Geodetic, wrap_pi};
+use ins_core::{ImuOutput, ImuSample, Solution};
+
+use super::dynamics::Dynamics;
+use super::performance::{climb_rate_mps, trim_row};
+use crate::output::OutputError;
+use crate::report::plot::{BLUE, GREEN, GREY, Mark, ORANGE, Plot, padded};
+use crate::sim::SimulatedDrive;
+
+/// A line has at most so many points: more than there are pixels to see.
+const POINTS: usize = 2000;
+
+/// File name and drawing.
+type Picture = (&'static str, String);
+
+/// Writes pictures into a new folder.
+pub fn write(pictures: &[Picture], folder: &Path) -> Result<(), OutputError> {
+    fs::create_dir_all(folder).map_err(|e| OutputError::io(folder, e))?;
+    for (name, svg) in pictures {
+        let path = folder.join(name);
+        fs::write(&path, svg).map_err(|e| OutputError::io(&path, e))?;
+    }
+    Ok(())
+}
+
+/// Profile, track, attitude and sensor signals of a flight.
+pub fn of_flight(run: &SimulatedDrive, output: ImuOutput) -> Vec<Picture> {
+    let truth: Vec<&Solution> = thinned(&run.truth);
+    let over_time = |value: &dyn Fn(&Solution) -> f64| -> Vec<(f64, f64)> {
+        truth
+            .iter()
+            .map(|s| (s.time.as_seconds() / 60.0, value(s)))
+            .collect()
+    };
+    let height = over_time(&|s| s.position.height_m);
+    let speed = over_time(&|s| s.velocity_enu_mps.norm());
+    let climb = over_time(&|s| s.velocity_enu_mps.z);
+    let [roll, pitch, heading] = [
+        over_time(&|s| s.euler().roll_rad.to_degrees()),
+        over_time(&|s| s.euler().pitch_rad.to_degrees()),
+        over_time(&|s| wrap_pi(s.euler().heading_rad).to_degrees()),
+    ];
+    // What increments are made of: rates, from the step between two stamps.
+    let imu = thinned(&run.imu);
+    let step_s = match (run.imu.first(), run.imu.get(1)) {
+        (Some(a), Some(b)) if output == ImuOutput::Increments => b.time.seconds_since(a.time),
+        _ => 1.0,
+    };
+    let signal = |value: &dyn Fn(&ImuSample) -> f64| -> Vec<(f64, f64)> {
+        imu.iter()
+            .map(|s| (s.time.as_seconds() / 60.0, value(s) / step_s))
+            .collect()
+    };
+    let gyro = [0, 1, 2].map(|axis| signal(&|s| s.gyro[axis].to_degrees()));
+    let accel = [0, 1, 2].map(|axis| signal(&|s| s.accel[axis]));
+    vec![
+        (
+            "profile_height.svg",
+            lines("time, min", "height, m", [(height, BLUE)]),
+        ),
+        (
+            "profile_speed.svg",
+            lines(
+                "time, min",
+                "ground speed (blue), climb (orange), m/s",
+                [(speed, BLUE), (climb, ORANGE)],
+            ),
+        ),
+        ("track.svg", track(&truth)),
+        (
+            "attitude.svg",
+            lines(
+                "time, min",
+                "roll (blue), pitch (orange), deg",
+                [(roll, BLUE), (pitch, ORANGE)],
+            ),
+        ),
+        (
+            "heading.svg",
+            lines("time, min", "heading, deg", [(heading, BLUE)]),
+        ),
+        (
+            "gyros.svg",
+            lines(
+                "time, min",
+                "right (blue), forward (orange), up (green), deg/s",
+                in_colours(gyro),
+            ),
+        ),
+        (
+            "accelerometers.svg",
+            lines(
+                "time, min",
+                "right (blue), forward (orange), up (green), m/s\u{b2}",
+                in_colours(accel),
+            ),
+        ),
+    ]
+}
+
+/// What the aircraft does over its range of speeds at sea level.
+pub fn of_aircraft(dynamics: &Dynamics, slowest_mps: f64, fastest_mps: f64) -> Vec<Picture> {
+    let speeds: Vec<f64> = (0..=60)
+        .map(|i| slowest_mps + (fastest_mps - slowest_mps) * f64::from(i) / 60.0)
+        .collect();
+    let over_speed = |value: &dyn Fn(f64) -> Option<f64>| -> Vec<(f64, f64)> {
+        speeds
+            .iter()
+            .filter_map(|&speed| Some((3.6 * speed, value(speed)?)))
+            .collect()
+    };
+    let row = |value: fn(&super::performance::TrimRow) -> f64| {
+        over_speed(&|speed| trim_row(dynamics, speed, 0.0).map(|row| value(&row)))
+    };
+    let climb = over_speed(&|speed| climb_rate_mps(dynamics, speed, 0.0));
+    let angles = [
+        (row(|r| r.alpha_deg), BLUE),
+        (row(|r| r.elevator_deg), ORANGE),
+    ];
+    vec![
+        (
+            "climb.svg",
+            lines(
+                "airspeed, km/h",
+                "rate of climb, open throttle, m/s",
+                [(climb, BLUE)],
+            ),
+        ),
+        (
+            "power.svg",
+            lines(
+                "airspeed, km/h",
+                "shaft power in level flight, kW",
+                [(row(|r| r.shaft_power_kw), BLUE)],
+            ),
+        ),
+        (
+            "trim.svg",
+            lines(
+                "airspeed, km/h",
+                "angle of attack (blue), elevator (orange), deg",
+                angles,
+            ),
+        ),
+    ]
+}
+
+fn in_colours(
+    [a, b, c]: [Vec<(f64, f64)>; 3],
+) -> [(Vec<(f64, f64)>, plotters::style::RGBColor); 3] {
+    [(a, BLUE), (b, ORANGE), (c, GREEN)]
+}
+
+fn lines<const N: usize>(
+    x_label: &str,
+    y_label: &str,
+    series: [(Vec<(f64, f64)>, plotters::style::RGBColor); N],
+) -> String {
+    let all = || series.iter().flat_map(|(points, _)| points);
+    let (x, y) = (
+        padded(all().map(|p| p.0), 1e-3),
+        padded(all().map(|p| p.1), 1e-3),
+    );
+    Plot {
+        size: (900, 300),
+        x_label: x_label.to_owned(),
+        y_label: y_label.to_owned(),
+        x,
+        y,
+        marks: series
+            .into_iter()
+            .map(|(points, colour)| Mark::Line(points, colour))
+            .collect(),
+    }
+    .svg()
+}
+
+/// Ground track, the same scale both ways.
+fn track(truth: &[&Solution]) -> String {
+    let origin = truth.first().map_or(Geodetic::default(), |s| s.position);
+    let points: Vec<(f64, f64)> = truth
+        .iter()
+        .map(|s| s.position.enu_from(&origin))
+        .map(|p| (1e-3 * p.x, 1e-3 * p.y))
+        .collect();
+    let (x, y) = (
+        padded(points.iter().map(|p| p.0), 1.0),
+        padded(points.iter().map(|p| p.1), 1.0),
+    );
+    let half = 0.5 * (x.1 - x.0).max(y.1 - y.0);
+    let around = |(low, high): (f64, f64)| (0.5 * (low + high) - half, 0.5 * (low + high) + half);
+    let start = vec![(-0.02 * half, 0.0), (0.02 * half, 0.0)];
+    Plot {
+        size: (640, 620),
+        x_label: "east of the start, km".to_owned(),
+        y_label: "north of the start, km".to_owned(),
+        x: around(x),
+        y: around(y),
+        marks: vec![Mark::Line(points, BLUE), Mark::Reference(start, GREY)],
+    }
+    .svg()
+}
+
+/// Every so many-th, so that [`POINTS`] or fewer are left.
+fn thinned<T>(all: &[T]) -> Vec<&T> {
+    all.iter()
+        .step_by(all.len().div_ceil(POINTS).max(1))
+        .collect()
+}

@@ -1,0 +1,520 @@
+//! Flight plans: a TOML file, checked against what the aircraft can do before it takes off.
+
+use std::path::Path;
+
+use ins_core::earth::Geodetic;
+use nalgebra::{Vector2, Vector3};
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::atmosphere::GRAVITY_MPS2;
+use super::dynamics::Dynamics;
+use super::input::{InputError, Source, read_text};
+use super::performance::{best_climb, max_speed, stall_speed_mps};
+use super::trim::{Condition, Power};
+use super::wind::Turbulence;
+
+/// A flight plan in SI units.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    pub start: Start,
+    pub wind_enu_mps: Vector3<f64>,
+    pub turbulence: Turbulence,
+    pub ground_height_m: f64,
+    pub bank_rad: f64,
+    pub vibration: bool,
+    /// With a duration the legs are flown again and again until it is over.
+    pub duration_s: Option<f64>,
+    pub legs: Vec<Leg>,
+}
+
+/// Where the flight begins, in steady level flight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Start {
+    pub position: Geodetic,
+    pub heading_rad: f64,
+    pub airspeed_mps: f64,
+}
+
+/// One leg of the flight; height and airspeed are held, and reached as fast as the autopilot may.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Leg {
+    pub path: Path2d,
+    pub height_m: f64,
+    pub airspeed_mps: f64,
+}
+
+/// What a leg does over the ground.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Path2d {
+    /// Along the line from the last waypoint to this one.
+    To {
+        latitude_rad: f64,
+        longitude_rad: f64,
+    },
+    /// A heading, for a time.
+    Heading { heading_rad: f64, duration_s: f64 },
+    /// A turn with a bank, right positive, for a time.
+    Bank { bank_rad: f64, duration_s: f64 },
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    start: StartTable,
+    #[serde(default)]
+    air: AirTable,
+    #[serde(default)]
+    flight: FlightTable,
+    leg: Vec<Spanned<LegTable>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StartTable {
+    latitude_deg: Spanned<f64>,
+    longitude_deg: Spanned<f64>,
+    height_m: Spanned<f64>,
+    heading_deg: Spanned<f64>,
+    airspeed_mps: Spanned<f64>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct AirTable {
+    wind_from_deg: f64,
+    wind_speed_mps: Option<Spanned<f64>>,
+    turbulence: Turbulence,
+    ground_height_m: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct FlightTable {
+    bank_deg: f64,
+    vibration: bool,
+    duration_s: Option<Spanned<f64>>,
+}
+
+impl Default for FlightTable {
+    fn default() -> Self {
+        Self {
+            bank_deg: 20.0,
+            vibration: false,
+            duration_s: None,
+        }
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LegTable {
+    latitude_deg: Option<Spanned<f64>>,
+    longitude_deg: Option<Spanned<f64>>,
+    heading_deg: Option<Spanned<f64>>,
+    bank_deg: Option<Spanned<f64>>,
+    duration_s: Option<Spanned<f64>>,
+    height_m: Option<Spanned<f64>>,
+    airspeed_mps: Option<Spanned<f64>>,
+}
+
+impl Source<'_> {
+    /// A number within bounds.
+    fn within(
+        &self,
+        key: &str,
+        value: &Spanned<f64>,
+        [low, high]: [f64; 2],
+        cause: &str,
+    ) -> Result<f64, InputError> {
+        let number = *value.get_ref();
+        if (low..=high).contains(&number) {
+            return Ok(number);
+        }
+        Err(self.error(
+            value.span().start,
+            format!("`{key} = {number}`: expected {low} to {high}; {cause}"),
+        ))
+    }
+}
+
+impl Plan {
+    /// Reads and checks a plan.
+    pub fn read(file: &Path, dynamics: &Dynamics) -> Result<Self, InputError> {
+        let text = read_text(file, "a flight plan")?;
+        Self::parse(file, &text, dynamics)
+    }
+
+    /// Checks the text of a plan; `file` is for messages.
+    pub fn parse(file: &Path, text: &str, dynamics: &Dynamics) -> Result<Self, InputError> {
+        let source = Source { file, text };
+        let table: File = source.parse("host-sim/plans/route_one_hour.toml")?;
+        let bank_rad = table.flight.bank_deg.to_radians();
+        let checker = Checker {
+            source,
+            dynamics,
+            bank_rad,
+        };
+        checker.plan(&table)
+    }
+}
+
+struct Checker<'a> {
+    source: Source<'a>,
+    dynamics: &'a Dynamics,
+    bank_rad: f64,
+}
+
+const DEGREES: &str = "is it in radians, or latitude and longitude swapped?";
+/// Legs at a fixed heading or bank.
+const LONGEST_LEG_S: f64 = 86_400.0;
+
+impl Checker<'_> {
+    fn plan(&self, table: &File) -> Result<Plan, InputError> {
+        let ground_height_m = table.air.ground_height_m;
+        let limits = &self.dynamics.parameters.autopilot;
+        if !(0.05..=limits.maximum_bank_rad).contains(&self.bank_rad) {
+            let most = limits.maximum_bank_rad.to_degrees();
+            let offset = self.source.text.find("bank_deg").unwrap_or(0);
+            return Err(self.source.error(
+                offset,
+                format!("`bank_deg = {}`: expected 3 to {most:.0}, the most that the autopilot may ask for", table.flight.bank_deg),
+            ));
+        }
+        let start = self.start(&table.start, ground_height_m)?;
+        let wind_speed_mps = match &table.air.wind_speed_mps {
+            Some(speed) => self.source.within(
+                "wind_speed_mps",
+                speed,
+                [0.0, 0.5 * start.airspeed_mps],
+                "in more wind than half the airspeed turns and legs are not kept; is it in km/h or knots?",
+            )?,
+            None => 0.0,
+        };
+        let (sin, cos) = libm::sincos(table.air.wind_from_deg.to_radians());
+        let duration_s = table
+            .flight
+            .duration_s
+            .as_ref()
+            .map(|d| {
+                self.source
+                    .within("duration_s", d, [1.0, LONGEST_LEG_S], "it is in seconds")
+            })
+            .transpose()?;
+        let mut plan = Plan {
+            start,
+            wind_enu_mps: -wind_speed_mps * Vector3::new(sin, cos, 0.0),
+            turbulence: table.air.turbulence,
+            ground_height_m,
+            bank_rad: self.bank_rad,
+            vibration: table.flight.vibration,
+            duration_s,
+            legs: Vec::new(),
+        };
+        let (mut height_m, mut airspeed_mps) = (start.position.height_m, start.airspeed_mps);
+        for leg in &table.leg {
+            let leg = self.leg(leg, &mut height_m, &mut airspeed_mps, ground_height_m)?;
+            plan.legs.push(leg);
+        }
+        if plan.legs.is_empty() {
+            return Err(self
+                .source
+                .error(0, "no legs; expected at least one [[leg]]".into()));
+        }
+        let offsets: Vec<usize> = table.leg.iter().map(|leg| leg.span().start).collect();
+        self.route(&plan, &offsets)?;
+        Ok(plan)
+    }
+
+    fn start(&self, table: &StartTable, ground_height_m: f64) -> Result<Start, InputError> {
+        let s = &self.source;
+        let position = Geodetic {
+            latitude_rad: s
+                .within("latitude_deg", &table.latitude_deg, [-80.0, 80.0], DEGREES)?
+                .to_radians(),
+            longitude_rad: s
+                .within(
+                    "longitude_deg",
+                    &table.longitude_deg,
+                    [-180.0, 180.0],
+                    DEGREES,
+                )?
+                .to_radians(),
+            height_m: self.height(&table.height_m, ground_height_m)?,
+        };
+        let heading_deg = s.within(
+            "heading_deg",
+            &table.heading_deg,
+            [-360.0, 360.0],
+            "clockwise from north",
+        )?;
+        let airspeed_mps = self.airspeed(&table.airspeed_mps, position.height_m)?;
+        Ok(Start {
+            position,
+            heading_rad: heading_deg.to_radians(),
+            airspeed_mps,
+        })
+    }
+
+    fn leg(
+        &self,
+        spanned: &Spanned<LegTable>,
+        height_m: &mut f64,
+        airspeed_mps: &mut f64,
+        ground_height_m: f64,
+    ) -> Result<Leg, InputError> {
+        let s = &self.source;
+        let leg = spanned.get_ref();
+        if let Some(height) = &leg.height_m {
+            *height_m = self.height(height, ground_height_m)?;
+        }
+        if let Some(airspeed) = &leg.airspeed_mps {
+            *airspeed_mps = self.airspeed(airspeed, *height_m)?;
+        } else if let Some(height) = &leg.height_m {
+            // The speed carried over must do at the new height too.
+            let carried = Spanned::new(height.span(), *airspeed_mps);
+            self.airspeed(&carried, *height_m)?;
+        }
+        let duration = || {
+            match &leg.duration_s {
+            Some(d) => s.within("duration_s", d, [1.0, LONGEST_LEG_S], "it is in seconds"),
+            None => Err(s.error(
+                spanned.span().start,
+                "leg without `duration_s`: expected one, since a heading or a bank has no end of its own".into(),
+            )),
+        }
+        };
+        let path = match (
+            &leg.latitude_deg,
+            &leg.longitude_deg,
+            &leg.heading_deg,
+            &leg.bank_deg,
+        ) {
+            (Some(latitude), Some(longitude), None, None) if leg.duration_s.is_none() => {
+                Path2d::To {
+                    latitude_rad: s
+                        .within("latitude_deg", latitude, [-80.0, 80.0], DEGREES)?
+                        .to_radians(),
+                    longitude_rad: s
+                        .within("longitude_deg", longitude, [-180.0, 180.0], DEGREES)?
+                        .to_radians(),
+                }
+            }
+            (None, None, Some(heading), None) => Path2d::Heading {
+                heading_rad: s
+                    .within(
+                        "heading_deg",
+                        heading,
+                        [-360.0, 360.0],
+                        "clockwise from north",
+                    )?
+                    .to_radians(),
+                duration_s: duration()?,
+            },
+            (None, None, None, Some(bank)) => {
+                let most = self
+                    .dynamics
+                    .parameters
+                    .autopilot
+                    .maximum_bank_rad
+                    .to_degrees();
+                Path2d::Bank {
+                    bank_rad: s
+                        .within(
+                            "bank_deg",
+                            bank,
+                            [-most, most],
+                            "the most that the autopilot may ask for",
+                        )?
+                        .to_radians(),
+                    duration_s: duration()?,
+                }
+            }
+            _ => {
+                return Err(s.error(
+                    spanned.span().start,
+                    "leg is ambiguous: expected `latitude_deg` and `longitude_deg`, or `heading_deg` \
+                     and `duration_s`, or `bank_deg` and `duration_s`"
+                        .into(),
+                ));
+            }
+        };
+        Ok(Leg {
+            path,
+            height_m: *height_m,
+            airspeed_mps: *airspeed_mps,
+        })
+    }
+
+    fn height(&self, height: &Spanned<f64>, ground_height_m: f64) -> Result<f64, InputError> {
+        let value = *height.get_ref();
+        let lowest = ground_height_m + 50.0;
+        if value.is_nan() || value < lowest {
+            return Err(self.source.error(
+                height.span().start,
+                format!("`height_m = {value}`: expected at least {lowest:.0}, 50 m above `ground_height_m`; heights are above the ellipsoid"),
+            ));
+        }
+        let climb = best_climb(self.dynamics, value).map_or(-1.0, |trim| trim.climb_rate_mps);
+        if climb < 0.3 {
+            let ceiling = super::performance::ceiling_m(self.dynamics, 0.3);
+            return Err(self.source.error(
+                height.span().start,
+                format!("`height_m = {value}`: beyond the ceiling of the {}, {ceiling:.0} m; is it in feet?", self.dynamics.parameters.name),
+            ));
+        }
+        Ok(value)
+    }
+
+    fn airspeed(&self, airspeed: &Spanned<f64>, height_m: f64) -> Result<f64, InputError> {
+        let value = *airspeed.get_ref();
+        let p = &self.dynamics.parameters;
+        // In a turn the stall speed grows with the root of the load factor.
+        let stall =
+            stall_speed_mps(self.dynamics, height_m, 0.0) / libm::sqrt(libm::cos(self.bank_rad));
+        let lowest = p.autopilot.stall_margin * stall;
+        if value.is_nan() || value < lowest {
+            return Err(self.source.error(
+                airspeed.span().start,
+                format!(
+                    "`airspeed_mps = {value}`: too slow at {height_m:.0} m: the {} stalls at {stall:.1} m/s in its turns; expected at least {lowest:.1} (true airspeed, margin {})",
+                    p.name, p.autopilot.stall_margin
+                ),
+            ));
+        }
+        let most =
+            max_speed(self.dynamics, height_m).map_or(0.0, |t| t.state.velocity_enu_mps.norm());
+        if value > 0.99 * most {
+            return Err(self.source.error(
+                airspeed.span().start,
+                format!("`airspeed_mps = {value}`: too fast at {height_m:.0} m: the {} reaches {most:.1} m/s in level flight; is it in km/h or knots?", p.name),
+            ));
+        }
+        Ok(value)
+    }
+
+    /// Waypoints must leave room for turns and for climbs.
+    fn route(&self, plan: &Plan, offsets: &[usize]) -> Result<(), InputError> {
+        let mut from = plan.start.position;
+        let mut course = Some(Vector2::new(
+            libm::sin(plan.start.heading_rad),
+            libm::cos(plan.start.heading_rad),
+        ));
+        let mut turn_before_m = 0.0;
+        let mut last_speed = plan.start.airspeed_mps;
+        for (i, (leg, &offset)) in plan.legs.iter().zip(offsets).enumerate() {
+            let Path2d::To {
+                latitude_rad,
+                longitude_rad,
+            } = leg.path
+            else {
+                // Where it ends depends on the wind: nothing to check until the next waypoint.
+                course = None;
+                turn_before_m = 0.0;
+                continue;
+            };
+            let to = Geodetic {
+                latitude_rad,
+                longitude_rad,
+                height_m: leg.height_m,
+            };
+            let track = to.enu_from(&from).xy();
+            let length_m = track.norm();
+            let direction = track / length_m;
+            if course.is_some() {
+                if i == 0 {
+                    turn_before_m = turn_m(plan, last_speed, course, direction);
+                }
+                let next = match plan.legs.get(i + 1) {
+                    Some(Leg {
+                        path:
+                            Path2d::To {
+                                latitude_rad,
+                                longitude_rad,
+                            },
+                        ..
+                    }) => {
+                        let next = Geodetic {
+                            latitude_rad: *latitude_rad,
+                            longitude_rad: *longitude_rad,
+                            height_m: leg.height_m,
+                        };
+                        Some(next.enu_from(&to).xy().normalize())
+                    }
+                    _ => None,
+                };
+                let turn_after_m = next.map_or(0.0, |next| {
+                    turn_m(plan, leg.airspeed_mps, Some(direction), next)
+                });
+                let needed_m = turn_before_m + turn_after_m;
+                if length_m.is_nan() || length_m < needed_m.max(1.0) {
+                    return Err(self.source.error(
+                        offset,
+                        format!(
+                            "leg of {length_m:.0} m is too short: the turns at its ends take {needed_m:.0} m at {:.0} m/s and {:.0} deg of bank; move the waypoints apart, fly slower or bank more",
+                            leg.airspeed_mps, plan.bank_rad.to_degrees()
+                        ),
+                    ));
+                }
+                self.climb(plan, leg, from.height_m, length_m, offset)?;
+                turn_before_m = turn_after_m;
+            }
+            course = Some(direction);
+            last_speed = leg.airspeed_mps;
+            from = to;
+        }
+        Ok(())
+    }
+
+    fn climb(
+        &self,
+        plan: &Plan,
+        leg: &Leg,
+        from_m: f64,
+        length_m: f64,
+        offset: usize,
+    ) -> Result<(), InputError> {
+        let rise_m = leg.height_m - from_m;
+        let time_s = length_m / (leg.airspeed_mps + plan.wind_enu_mps.norm());
+        let needed_mps = rise_m / time_s;
+        let highest = from_m.max(leg.height_m);
+        let open = Condition {
+            power: Power::Throttle(1.0),
+            ..Condition::level(leg.airspeed_mps, highest)
+        };
+        let climb_mps = open
+            .trim(self.dynamics)
+            .map_or(0.0, |trim| trim.climb_rate_mps);
+        let sink_mps = self.dynamics.parameters.autopilot.maximum_descent_mps;
+        if needed_mps > 0.9 * climb_mps || -needed_mps > sink_mps {
+            return Err(self.source.error(
+                offset,
+                format!(
+                    "{rise_m:+.0} m within a leg of {length_m:.0} m takes {needed_mps:+.1} m/s: expected at most +{:.1} (open throttle at {:.0} m/s) and {:.1} down; make the leg longer or slower",
+                    0.9 * climb_mps, leg.airspeed_mps, sink_mps
+                ),
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// Length of a leg that a turn at its end takes: a fly-by turn and the roll into it.
+fn turn_m(plan: &Plan, airspeed_mps: f64, from: Option<Vector2<f64>>, to: Vector2<f64>) -> f64 {
+    let Some(from) = from else { return 0.0 };
+    let angle = libm::atan2(from.perp(&to).abs(), from.dot(&to));
+    lead_m(
+        airspeed_mps + plan.wind_enu_mps.norm(),
+        plan.bank_rad,
+        angle,
+    )
+}
+
+/// Distance before a waypoint at which the turn onto the next leg begins.
+pub fn lead_m(ground_speed_mps: f64, bank_rad: f64, angle_rad: f64) -> f64 {
+    const ROLL_IN_S: f64 = 3.0;
+    // Sharper than 127 deg the aircraft overshoots the next leg and comes back to it.
+    let radius_m = ground_speed_mps * ground_speed_mps / (GRAVITY_MPS2 * libm::tan(bank_rad));
+    let half = 0.5 * angle_rad;
+    radius_m * libm::tan(half.min(1.107)) + 0.5 * ROLL_IN_S * ground_speed_mps * half.min(1.0)
+}

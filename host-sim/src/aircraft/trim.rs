@@ -1,0 +1,175 @@
+//! Steady flight: the state and the controls at which nothing accelerates.
+
+use ins_core::attitude::{self, Euler};
+use nalgebra::{SMatrix, SVector, Vector3};
+
+use super::aerodynamics::Surfaces;
+use super::atmosphere::{Density, GRAVITY_MPS2};
+use super::dynamics::{Controls, Dynamics, Inputs, State, Wind};
+
+/// What kind of steady flight is wanted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Condition {
+    pub airspeed_mps: f64,
+    pub height_m: f64,
+    /// 0 for straight flight; else a coordinated turn.
+    pub bank_rad: f64,
+    pub flaps: f64,
+    pub power: Power,
+}
+
+/// What fixes the climb.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Power {
+    /// The throttle that gives this rate of climb.
+    ClimbRate(f64),
+    /// The rate of climb that this throttle gives.
+    Throttle(f64),
+}
+
+/// A steady flight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Trim {
+    pub state: State,
+    pub inputs: Inputs,
+    pub euler: Euler,
+    pub alpha_rad: f64,
+    pub climb_rate_mps: f64,
+    pub turn_rate_radps: f64,
+}
+
+/// Unknowns: angle of attack, pitch, elevator, aileron, rudder, engine speed, throttle or climb
+/// rate, bank (straight) or turn rate.
+type Unknowns = SVector<f64, 8>;
+
+impl Condition {
+    /// Straight and level.
+    pub fn level(airspeed_mps: f64, height_m: f64) -> Self {
+        Self {
+            airspeed_mps,
+            height_m,
+            bank_rad: 0.0,
+            flaps: 0.0,
+            power: Power::ClimbRate(0.0),
+        }
+    }
+
+    /// The flight that a set of unknowns describes, without sideslip, heading north.
+    fn flight(&self, x: &Unknowns) -> Trim {
+        let turning = self.bank_rad != 0.0;
+        let (roll_rad, turn_rate_radps) = if turning {
+            (self.bank_rad, x[7])
+        } else {
+            (x[7], 0.0)
+        };
+        let (climb_rate_mps, throttle) = match self.power {
+            Power::ClimbRate(rate) => (rate, x[6]),
+            Power::Throttle(throttle) => (x[6], throttle),
+        };
+        let euler = Euler {
+            roll_rad,
+            pitch_rad: x[1],
+            heading_rad: 0.0,
+        };
+        let attitude = attitude::from_euler(&euler);
+        let air = self.airspeed_mps * Vector3::new(0.0, libm::cos(x[0]), -libm::sin(x[0]));
+        // A turn to the right is a rotation about down.
+        let turn = attitude.inverse() * Vector3::new(0.0, 0.0, -turn_rate_radps);
+        Trim {
+            state: State {
+                velocity_enu_mps: attitude * air,
+                attitude: *attitude,
+                rate_radps: turn,
+                height_m: self.height_m,
+                engine_rps: x[5],
+            },
+            inputs: Inputs {
+                controls: Controls {
+                    surfaces: Surfaces {
+                        elevator_rad: x[2],
+                        aileron_rad: x[3],
+                        rudder_rad: x[4],
+                        flaps: self.flaps,
+                    },
+                    throttle,
+                },
+                wind: Wind::default(),
+            },
+            euler,
+            alpha_rad: x[0],
+            climb_rate_mps,
+            turn_rate_radps,
+        }
+    }
+
+    /// What is left unbalanced, in like units.
+    fn unbalanced(&self, dynamics: &Dynamics, density: &Density, x: &Unknowns) -> Unknowns {
+        let flight = self.flight(x);
+        let d = dynamics.derivative(&flight.state, &flight.inputs, density);
+        // In a steady turn the velocity turns with the aircraft.
+        let turn = Vector3::new(0.0, 0.0, -flight.turn_rate_radps);
+        let acceleration = d.acceleration_enu_mps2 - turn.cross(&flight.state.velocity_enu_mps);
+        Unknowns::from([
+            acceleration.x,
+            acceleration.y,
+            acceleration.z,
+            d.rate_radps2.x,
+            d.rate_radps2.y,
+            d.rate_radps2.z,
+            d.engine_rps2,
+            flight.state.velocity_enu_mps.z - flight.climb_rate_mps,
+        ])
+    }
+
+    /// Solves for the steady flight by Newton's method; `None` if there is none nearby (below the
+    /// stall, say).
+    pub fn trim(&self, dynamics: &Dynamics) -> Option<Trim> {
+        const STEP: f64 = 1e-6;
+        let density = Density::around(self.height_m);
+        let turn_rate = GRAVITY_MPS2 * libm::tan(self.bank_rad) / self.airspeed_mps;
+        let mut x = self.first_guess(dynamics, turn_rate);
+        for _ in 0..60 {
+            let left = self.unbalanced(dynamics, &density, &x);
+            if left.norm() < 1e-10 {
+                let flight = self.flight(&x);
+                // Newton may also land on a flight that is past the stall or upside down.
+                return (flight.alpha_rad.abs() < 0.5 && flight.euler.pitch_rad.abs() < 1.0)
+                    .then_some(flight);
+            }
+            let mut jacobian = SMatrix::<f64, 8, 8>::zeros();
+            for i in 0..8 {
+                let mut moved = x;
+                moved[i] += STEP;
+                let column = (self.unbalanced(dynamics, &density, &moved) - left) / STEP;
+                jacobian.set_column(i, &column);
+            }
+            let step = jacobian.lu().solve(&left)?;
+            // Damped: the stalled part of the lift curve would throw a full step far away.
+            let scale = (0.1 / step.rows(0, 5).amax()).min(1.0);
+            x -= scale * step;
+            if !x.iter().all(|v| v.is_finite()) {
+                return None;
+            }
+        }
+        None
+    }
+
+    fn first_guess(&self, dynamics: &Dynamics, turn_rate: f64) -> Unknowns {
+        let p = &dynamics.parameters;
+        let pressure =
+            0.5 * super::atmosphere::density(self.height_m) * self.airspeed_mps * self.airspeed_mps;
+        let load = 1.0 / libm::cos(self.bank_rad);
+        let lift = p.mass.mass_kg * GRAVITY_MPS2 * load / (pressure * p.geometry.wing_area_m2);
+        let alpha =
+            ((lift - p.lift.zero - self.flaps * p.flaps.lift) / p.lift.alpha).clamp(-0.1, 0.25);
+        let elevator = dynamics.aerodynamics.balancing_elevator(alpha, self.flaps);
+        let (climb, power) = match self.power {
+            Power::ClimbRate(climb) => (climb, 0.6),
+            Power::Throttle(_) => (0.0, 0.0),
+        };
+        let pitch = alpha + climb / self.airspeed_mps;
+        let last = if self.bank_rad == 0.0 { 0.0 } else { turn_rate };
+        let engine = 0.8 * p.engine.rated_speed_rps;
+        Unknowns::from([alpha, pitch, elevator, 0.0, 0.0, engine, power, last])
+    }
+}

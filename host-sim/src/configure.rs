@@ -1,0 +1,98 @@
+//! The navigator's configuration for a log: what its metadata and its own samples say.
+
+use ins_core::config::HeadingSource;
+use ins_core::earth::ROTATION_RATE_RADPS;
+use ins_core::{Config, ImuOutput, Time};
+use nalgebra::Vector3;
+
+use crate::log::{Grade, Log};
+
+/// Shortest rest that tells the class of the gyros, s.
+const REST_S: f64 = 10.0;
+const REST_SPEED_MPS: f64 = 0.3;
+/// Gyros of a class that feels Earth rate: mean at rest above Earth's, and spread of one-second
+/// means, rad/s. Ring lasers stay below by five times, consumer gyros above by as much.
+const BIAS_RADPS: f64 = 1e-4;
+const SPREAD_RADPS: f64 = 2e-4;
+
+/// The class of the sensors: as told, as the log's metadata has it, or as the gyros show at rest.
+pub fn grade(log: &Log, told: Option<Grade>) -> Grade {
+    told.or(log.meta.grade)
+        .unwrap_or_else(|| grade_at_rest(log))
+}
+
+/// Configuration for a log of a class of sensors.
+pub fn config(log: &Log, grade: Grade) -> Config {
+    let class = match grade {
+        Grade::Hg1700 => Config::hg1700(),
+        Grade::Mems => Config::mems(),
+    };
+    Config {
+        imu_output: log.meta.imu,
+        heading: match log.meta.initial_heading_deg {
+            Some(heading) => HeadingSource::Given(heading.to_radians()),
+            None => class.heading,
+        },
+        ..class
+    }
+}
+
+fn grade_at_rest(log: &Log) -> Grade {
+    let Some(means) = longest_rest(log).map(|rest| second_means(log, rest)) else {
+        return Grade::Mems;
+    };
+    let count = means.len() as f64;
+    let mean = means.iter().sum::<Vector3<f64>>() / count;
+    let spread = (means.iter().map(|m| (m - mean).norm_squared()).sum::<f64>() / count).sqrt();
+    if mean.norm() < ROTATION_RATE_RADPS + BIAS_RADPS && spread < SPREAD_RADPS {
+        Grade::Hg1700
+    } else {
+        Grade::Mems
+    }
+}
+
+/// The longest stretch of fixes that stand still, if long enough.
+fn longest_rest(log: &Log) -> Option<(Time, Time)> {
+    let mut longest: Option<(Time, Time)> = None;
+    let mut start = None;
+    for fix in &log.gnss {
+        let rests = fix
+            .velocity_en_mps
+            .is_some_and(|v| v.norm() < REST_SPEED_MPS);
+        start = if rests {
+            start.or(Some(fix.time))
+        } else {
+            None
+        };
+        let span = |(from, to): (Time, Time)| to.seconds_since(from);
+        if let Some(now) = start.map(|start| (start, fix.time)) {
+            longest = longest
+                .filter(|best| span(*best) >= span(now))
+                .or(Some(now));
+        }
+    }
+    longest.filter(|(from, to)| to.seconds_since(*from) >= REST_S)
+}
+
+/// Means of the angular rate over whole seconds, a second away from both ends, rad/s.
+fn second_means(log: &Log, (from, to): (Time, Time)) -> Vec<Vector3<f64>> {
+    let (mut start, end) = (from.plus_seconds(1.0), to.plus_seconds(-1.0));
+    let mut means = Vec::new();
+    let (mut sum, mut weight) = (Vector3::zeros(), 0.0);
+    for pair in log.imu.windows(2) {
+        let time = pair[1].time;
+        if time < start || time > end {
+            continue;
+        }
+        sum += pair[1].gyro;
+        weight += match log.meta.imu {
+            ImuOutput::Rates => 1.0,
+            ImuOutput::Increments => time.seconds_since(pair[0].time),
+        };
+        if time.seconds_since(start) >= 1.0 {
+            means.push(sum / weight);
+            (sum, weight, start) = (Vector3::zeros(), 0.0, time);
+        }
+    }
+    means
+}

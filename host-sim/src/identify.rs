@@ -1,0 +1,209 @@
+//! The core run over a log, sample by sample, as firmware would run it.
+
+use indicatif::ProgressBar;
+use ins_core::navigator::{ConfigError, DampingSignals};
+use ins_core::{
+    Config, Estimates, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Manoeuvre, Navigator, Phase,
+    Solution, Time,
+};
+
+use crate::free_inertial::{self, VelocityError};
+use crate::log::Log;
+
+/// Interval between rows of the history, and between solutions kept, s.
+const HISTORY_S: f64 = 1.0;
+const SOLUTION_S: f64 = 0.1;
+/// Events from one step of the progress bar to the next.
+const PROGRESS_EVERY: u64 = 4096;
+
+/// The navigator at one moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// Stamp of the inertial sample.
+    pub time: Time,
+    /// How far the alignment had come.
+    pub phase: Phase,
+    /// What the vehicle did.
+    pub manoeuvre: Manoeuvre,
+    /// Errors of the sensors as known.
+    pub estimates: Estimates,
+    /// Azimuth error still in the solution as known, rad.
+    pub azimuth_left_rad: f64,
+    /// Damping signals of the last fix.
+    pub signals: DampingSignals,
+    /// Position, velocity and attitude.
+    pub solution: Option<Solution>,
+}
+
+/// How often each answer was given.
+pub type Counts<T> = Vec<(T, u64)>;
+
+fn add<T: PartialEq>(counts: &mut Counts<T>, outcome: T) {
+    match counts.iter_mut().find(|(known, _)| *known == outcome) {
+        Some((_, count)) => *count += 1,
+        None => counts.push((outcome, 1)),
+    }
+}
+
+/// What came out of a log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Identification {
+    /// What the navigator was told.
+    pub config: Config,
+    /// The navigator once a second.
+    pub history: Vec<Row>,
+    /// The navigator after the last sample.
+    pub end: Row,
+    /// Solutions ten times a second.
+    pub solutions: Vec<Solution>,
+    /// Answers to inertial samples.
+    pub imu_outcomes: Counts<ImuOutcome>,
+    /// Answers to fixes.
+    pub gnss_outcomes: Counts<GnssOutcome>,
+    /// Free-inertial velocity error without and with the estimates; none where no window fits.
+    pub velocity_error: Option<VelocityError>,
+}
+
+/// Runs the navigator over a log, then checks its estimates on free-inertial windows.
+pub fn identify(
+    log: &Log,
+    config: Config,
+    progress: &ProgressBar,
+) -> Result<Identification, ConfigError> {
+    progress.set_length(2 * log.imu.len() as u64);
+    let (run, end) = navigate(log, config, progress)?;
+    let corrected = free_inertial::corrected(log, &end.estimates);
+    let (starts, _) = navigate(&corrected, free_inertial::slow(config), progress)?;
+    let velocity_error = free_inertial::check(log, &starts.history, &end.estimates);
+    progress.finish_and_clear();
+    Ok(Identification {
+        config,
+        history: run.history,
+        end,
+        solutions: run.solutions,
+        imu_outcomes: run.imu_outcomes,
+        gnss_outcomes: run.gnss_outcomes,
+        velocity_error,
+    })
+}
+
+/// One run over a log, and how the navigator stood at its end.
+fn navigate(
+    log: &Log,
+    config: Config,
+    progress: &ProgressBar,
+) -> Result<(Recorder, Row), ConfigError> {
+    let mut navigator = Navigator::new(config)?;
+    let mut run = Recorder::default();
+    for (count, event) in (1_u64..).zip(in_order_of_time(log)) {
+        match event {
+            Event::Imu(sample) => {
+                add(&mut run.imu_outcomes, navigator.on_imu(sample));
+                run.record(sample.time, &navigator);
+            }
+            Event::Gnss(fix) => add(&mut run.gnss_outcomes, navigator.on_gnss(fix)),
+        }
+        if count % PROGRESS_EVERY == 0 {
+            progress.inc(PROGRESS_EVERY);
+        }
+    }
+    let last = log.imu.last().map_or(Time::default(), |sample| sample.time);
+    let end = row(last, &navigator);
+    Ok((run, end))
+}
+
+#[derive(Default)]
+struct Recorder {
+    history: Vec<Row>,
+    solutions: Vec<Solution>,
+    imu_outcomes: Counts<ImuOutcome>,
+    gnss_outcomes: Counts<GnssOutcome>,
+}
+
+impl Recorder {
+    fn record(&mut self, time: Time, navigator: &Navigator) {
+        if due(self.history.last().map(|row| row.time), time, HISTORY_S) {
+            self.history.push(row(time, navigator));
+        }
+        if due(
+            self.solutions.last().map(|solution| solution.time),
+            time,
+            SOLUTION_S,
+        ) {
+            self.solutions.extend(navigator.solution());
+        }
+    }
+}
+
+/// Whether an interval has passed, to within half a millisecond of jitter.
+fn due(last: Option<Time>, now: Time, interval_s: f64) -> bool {
+    last.is_none_or(|last| now.seconds_since(last) > interval_s - 5e-4)
+}
+
+fn row(time: Time, navigator: &Navigator) -> Row {
+    Row {
+        time,
+        phase: navigator.phase(),
+        manoeuvre: navigator.manoeuvre(),
+        estimates: navigator.estimates(),
+        azimuth_left_rad: navigator.azimuth_left_rad(),
+        signals: navigator.damping_signals(),
+        solution: navigator.solution(),
+    }
+}
+
+enum Event<'a> {
+    Imu(&'a ImuSample),
+    Gnss(&'a GnssFix),
+}
+
+/// Samples and fixes by stamp; on equal stamps the sample comes first.
+fn in_order_of_time(log: &Log) -> impl Iterator<Item = Event<'_>> {
+    let mut imu = log.imu.iter().peekable();
+    let mut gnss = log.gnss.iter().peekable();
+    std::iter::from_fn(move || match (imu.peek(), gnss.peek()) {
+        (Some(sample), Some(fix)) if fix.time < sample.time => gnss.next().map(Event::Gnss),
+        (Some(_), _) => imu.next().map(Event::Imu),
+        (None, _) => gnss.next().map(Event::Gnss),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::log::{BodyAxes, Meta};
+    use ins_core::ImuOutput;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn samples_come_before_fixes_of_the_same_stamp() {
+        let sample = |micros| ImuSample {
+            time: Time::from_micros(micros),
+            gyro: Vector3::zeros(),
+            accel: Vector3::zeros(),
+        };
+        let fix = |micros| GnssFix {
+            time: Time::from_micros(micros),
+            position: None,
+            velocity_en_mps: None,
+            velocity_up_mps: None,
+            velocity_sigma_mps: None,
+        };
+        let log = Log {
+            meta: Meta::new(BodyAxes::Rfu, ImuOutput::Rates),
+            imu: vec![sample(10), sample(20)],
+            gnss: vec![fix(5), fix(20), fix(30)],
+            truth: Vec::new(),
+        };
+        let order: Vec<_> = in_order_of_time(&log)
+            .map(|event| match event {
+                Event::Imu(sample) => ('i', sample.time.as_micros()),
+                Event::Gnss(fix) => ('g', fix.time.as_micros()),
+            })
+            .collect();
+        assert_eq!(
+            order,
+            [('g', 5), ('i', 10), ('i', 20), ('g', 20), ('g', 30)]
+        );
+    }
+}

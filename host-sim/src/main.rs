@@ -1,0 +1,8 @@
+//! `host-sim`: simulates drives and finds the errors of their sensors.
+
+use clap::Parser;
+use host_sim::cli::{Cli, run};
+
+fn main() -> miette::Result<()> {
+    run(&Cli::parse())
+}

@@ -1,0 +1,142 @@
+//! Output folders that are either whole or not there.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use miette::Diagnostic;
+use thiserror::Error;
+
+/// An output folder cannot be made.
+#[derive(Debug, Error, Diagnostic)]
+pub enum OutputError {
+    /// It is there, and nobody said that it may go.
+    #[error("{} exists already", .0.display())]
+    #[diagnostic(help("choose another --out, or replace it with --force"))]
+    Exists(PathBuf),
+    /// It is something else than a folder this program has written.
+    #[error("{} is not a folder that this program has written", .0.display())]
+    #[diagnostic(help(
+        "--force replaces only simulated logs by logs and reports by reports: choose another --out"
+    ))]
+    Foreign(PathBuf),
+    /// The system refuses.
+    #[error("cannot write {}: {source}", .path.display())]
+    #[diagnostic(help("permissions, a missing parent folder or a full disk"))]
+    Io {
+        /// File or folder.
+        path: PathBuf,
+        /// What it says.
+        source: io::Error,
+    },
+}
+
+impl OutputError {
+    /// A refusal of the system at a path.
+    pub fn io(path: &Path, source: io::Error) -> Self {
+        Self::Io {
+            path: path.to_owned(),
+            source,
+        }
+    }
+}
+
+/// Refuses an existing folder early, before any work is done for it.
+///
+/// By force it may go if it holds the file `mark`, which only this program writes.
+pub fn check_free(folder: &Path, mark: &str, force: bool) -> Result<(), OutputError> {
+    let exists = folder.symlink_metadata().is_ok();
+    if !exists || is_empty(folder) {
+        return Ok(());
+    }
+    match (force, folder.join(mark).is_file()) {
+        (false, _) => Err(OutputError::Exists(folder.to_owned())),
+        (true, false) => Err(OutputError::Foreign(folder.to_owned())),
+        (true, true) => Ok(()),
+    }
+}
+
+/// Fills a hidden folder beside the wanted one, and gives it the name only when it is whole.
+pub fn build<E: From<OutputError>>(
+    folder: &Path,
+    mark: &str,
+    force: bool,
+    fill: impl FnOnce(&Path) -> Result<(), E>,
+) -> Result<(), E> {
+    check_free(folder, mark, force)?;
+    let parent = match folder.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    fs::create_dir_all(parent).map_err(|e| OutputError::io(parent, e))?;
+    let building = tempfile::Builder::new()
+        .prefix(".building-")
+        .tempdir_in(parent)
+        .map_err(|e| OutputError::io(parent, e))?;
+    fill(building.path())?;
+    share(building.path()).map_err(|e| OutputError::io(building.path(), e))?;
+    if folder.is_dir() {
+        fs::remove_dir_all(folder).map_err(|e| OutputError::io(folder, e))?;
+    }
+    let whole = building.keep();
+    fs::rename(&whole, folder).map_err(|e| OutputError::io(folder, e))?;
+    Ok(())
+}
+
+/// Temporary folders are private; results are as open as any new folder.
+#[cfg(unix)]
+fn share(folder: &Path) -> io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    fs::set_permissions(folder, fs::Permissions::from_mode(0o755))
+}
+
+#[cfg(not(unix))]
+fn share(_: &Path) -> io::Result<()> {
+    Ok(())
+}
+
+fn is_empty(folder: &Path) -> bool {
+    fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_none())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MARK: &str = "summary.json";
+
+    fn write(text: &'static str) -> impl FnOnce(&Path) -> Result<(), OutputError> {
+        move |folder| fs::write(folder.join(MARK), text).map_err(|e| OutputError::io(folder, e))
+    }
+
+    #[test]
+    fn a_folder_is_replaced_only_by_force_and_only_if_ours() {
+        let home = tempfile::tempdir().unwrap();
+        let out = home.path().join("out");
+        build(&out, MARK, false, write("1")).unwrap();
+        assert!(matches!(
+            build(&out, MARK, false, write("2")),
+            Err(OutputError::Exists(_))
+        ));
+        assert_eq!(fs::read_to_string(out.join(MARK)).unwrap(), "1");
+        build(&out, MARK, true, write("2")).unwrap();
+        assert_eq!(fs::read_to_string(out.join(MARK)).unwrap(), "2");
+        fs::rename(out.join(MARK), out.join("thesis.tex")).unwrap();
+        assert!(matches!(
+            build(&out, MARK, true, write("3")),
+            Err(OutputError::Foreign(_))
+        ));
+    }
+
+    #[test]
+    fn nothing_is_left_of_a_failure() {
+        let home = tempfile::tempdir().unwrap();
+        let out = home.path().join("out");
+        let fail = |folder: &Path| {
+            fs::write(folder.join(MARK), "half").unwrap();
+            Err(OutputError::io(folder, io::Error::other("disk full")))
+        };
+        assert!(build(&out, MARK, false, fail).is_err());
+        assert!(is_empty(home.path()));
+    }
+}

@@ -1,0 +1,57 @@
+//! `report.html`: one self-contained page that works without a network.
+
+mod number;
+mod panels;
+pub(crate) mod plot;
+mod sentences;
+
+use minijinja::value::Serde;
+use minijinja::{AutoEscape, Environment};
+use serde::Serialize;
+
+pub use sentences::sentences;
+pub(crate) use sentences::with_sigma;
+
+use self::panels::Panel;
+use crate::identify::Identification;
+use crate::log::Log;
+use crate::summary::Summary;
+use crate::truth::Truth;
+
+const TEMPLATE: &str = include_str!("report.html");
+
+/// What the template shows.
+#[derive(Serialize)]
+struct Page<'a> {
+    summary: &'a Summary,
+    minutes: String,
+    sentences: Vec<String>,
+    verdict: String,
+    estimates: Vec<Panel>,
+    velocity: Option<Panel>,
+    track: Option<Panel>,
+    damping: Vec<Panel>,
+}
+
+/// The page, as text.
+pub fn html(
+    log: &Log,
+    found: &Identification,
+    summary: &Summary,
+    truth: Option<&Truth>,
+) -> Result<String, minijinja::Error> {
+    let mut environment = Environment::new();
+    environment.set_auto_escape_callback(|_| AutoEscape::Html);
+    environment.add_template("report", TEMPLATE)?;
+    let page = Page {
+        summary,
+        minutes: format!("{:.1}", summary.duration_s / 60.0),
+        sentences: sentences(summary, found),
+        verdict: sentences::verdict(summary),
+        estimates: panels::estimates(log, found, truth),
+        velocity: panels::velocity_error(found),
+        track: panels::track(log, found),
+        damping: panels::damping(found),
+    };
+    environment.get_template("report")?.render(Serde(&page))
+}

@@ -1,0 +1,152 @@
+//! One plot as SVG text: thin lines over a light grid, colours that stand on light and dark.
+
+use plotters::prelude::*;
+
+use super::number::to_second_digit_of;
+
+pub(crate) const BLUE: RGBColor = RGBColor(0x3b, 0x82, 0xc4);
+pub(crate) const ORANGE: RGBColor = RGBColor(0xd9, 0x82, 0x2b);
+pub(crate) const GREEN: RGBColor = RGBColor(0x2e, 0x9e, 0x6b);
+pub(crate) const RED: RGBColor = RGBColor(0xd0, 0x4a, 0x4a);
+pub(crate) const GREY: RGBColor = RGBColor(0x88, 0x88, 0x88);
+
+/// Something drawn in the coordinates of the axes.
+pub(crate) enum Mark {
+    /// A line through points.
+    Line(Vec<(f64, f64)>, RGBColor),
+    /// A thin line for reference.
+    Reference(Vec<(f64, f64)>, RGBColor),
+    /// A line that stays in the background.
+    Pale(Vec<(f64, f64)>, RGBColor),
+    /// The area between a lower and an upper line: x, lower, upper.
+    Band(Vec<(f64, f64, f64)>, RGBColor),
+}
+
+/// Axes and what is drawn in them.
+pub(crate) struct Plot {
+    /// Width and height, px.
+    pub(crate) size: (u32, u32),
+    /// Quantity and unit along x.
+    pub(crate) x_label: String,
+    /// Quantity and unit along y.
+    pub(crate) y_label: String,
+    /// Ends of the x axis.
+    pub(crate) x: (f64, f64),
+    /// Ends of the y axis; what lies beyond is drawn at the edge.
+    pub(crate) y: (f64, f64),
+    /// From back to front.
+    pub(crate) marks: Vec<Mark>,
+}
+
+impl Plot {
+    /// The drawing as an SVG element; an empty string if it cannot be drawn.
+    pub(crate) fn svg(&self) -> String {
+        let mut text = String::new();
+        // Drawing into a string fails only on axes without extent, which `padded` prevents.
+        match self.draw(&mut text) {
+            Ok(()) => scalable(&text),
+            Err(_) => String::new(),
+        }
+    }
+
+    fn draw(&self, text: &mut String) -> Result<(), Box<dyn std::error::Error>> {
+        let root = SVGBackend::with_string(text, self.size).into_drawing_area();
+        let mut chart = ChartBuilder::on(&root)
+            .margin(8)
+            .margin_right(14)
+            .x_label_area_size(34)
+            .y_label_area_size(58)
+            .build_cartesian_2d(self.x.0..self.x.1, self.y.0..self.y.1)?;
+        let label = ("sans-serif", 12).into_font().color(&GREY);
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(GREY.mix(0.22))
+            .axis_style(GREY.mix(0.6))
+            .x_labels(6)
+            .y_labels(5)
+            .x_desc(&self.x_label)
+            .y_desc(&self.y_label)
+            .x_label_formatter(&|x| tick(*x, self.x))
+            .y_label_formatter(&|y| tick(*y, self.y))
+            .label_style(label.clone())
+            .axis_desc_style(label)
+            .draw()?;
+        for mark in &self.marks {
+            match mark {
+                Mark::Line(points, colour) => {
+                    let line = LineSeries::new(self.inside(points), colour.stroke_width(2));
+                    chart.draw_series(line)?;
+                }
+                Mark::Reference(points, colour) => {
+                    let line = LineSeries::new(self.inside(points), colour.mix(0.8));
+                    chart.draw_series(line)?;
+                }
+                Mark::Pale(points, colour) => {
+                    chart.draw_series(LineSeries::new(self.inside(points), colour.mix(0.25)))?;
+                }
+                Mark::Band(points, colour) => {
+                    let outline = self.inside(&outline(points));
+                    chart.draw_series([Polygon::new(outline, colour.mix(0.18))])?;
+                }
+            }
+        }
+        root.present()?;
+        Ok(())
+    }
+
+    fn inside(&self, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+        let keep = |v: f64, (low, high): (f64, f64)| v.clamp(low, high);
+        points
+            .iter()
+            .map(|&(x, y)| (keep(x, self.x), keep(y, self.y)))
+            .collect()
+    }
+}
+
+/// Both edges of a band as one closed line.
+fn outline(points: &[(f64, f64, f64)]) -> Vec<(f64, f64)> {
+    let lower = points.iter().map(|&(x, low, _)| (x, low));
+    let upper = points.iter().rev().map(|&(x, _, high)| (x, high));
+    lower.chain(upper).collect()
+}
+
+/// Ends of an axis that holds all values with some room, and always has an extent.
+pub(crate) fn padded(values: impl Iterator<Item = f64>, least: f64) -> (f64, f64) {
+    let (low, high) = values
+        .filter(|v| v.is_finite())
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
+            (low.min(v), high.max(v))
+        });
+    if low > high {
+        return (-least, least);
+    }
+    let room = (0.06 * (high - low))
+        .max(0.5 * least - 0.5 * (high - low))
+        .max(1e-9);
+    (low - room, high + room)
+}
+
+/// A number with as many decimals as the axis needs.
+fn tick(value: f64, (low, high): (f64, f64)) -> String {
+    let span = (high - low).max(f64::MIN_POSITIVE);
+    let text = to_second_digit_of(span, value);
+    let trimmed = if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.')
+    } else {
+        &text
+    };
+    if trimmed == "-0" {
+        "0".to_owned()
+    } else {
+        trimmed.replace('-', "\u{2212}")
+    }
+}
+
+/// Lets the page decide on the size: only the view box is kept.
+fn scalable(svg: &str) -> String {
+    match svg.find("viewBox") {
+        Some(view) => format!("<svg {}", &svg[view..]),
+        None => svg.to_owned(),
+    }
+}

@@ -1,0 +1,128 @@
+//! `summary.json`: what came out, for programs.
+
+use std::collections::BTreeMap;
+use std::fmt::Debug;
+
+use ins_core::{GnssOutcome, ImuOutcome, Phase};
+use serde::Serialize;
+
+use crate::identify::{Counts, Identification};
+use crate::log::{Grade, Log, LogError};
+use crate::quantities::{Quantities, Quantity};
+
+/// The summary of a log.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// Name of the log.
+    pub log: String,
+    /// Span of its inertial samples.
+    pub duration_s: f64,
+    /// Axes of the biases.
+    pub body_axes: crate::log::BodyAxes,
+    /// What was identified.
+    #[serde(flatten)]
+    pub quantities: Quantities,
+    /// Heading of the solution at the last sample, clockwise from north.
+    pub heading_end_deg: Quantity,
+    /// Free-inertial check; empty where no window fits.
+    pub velocity_error_mps: VelocityErrors,
+    /// Version of this program.
+    pub version: &'static str,
+    /// Class of sensors that the navigator was told.
+    pub grade: Grade,
+    /// How far the navigator came.
+    pub phase: Phase,
+    /// What became of the inertial samples.
+    pub imu: Answers,
+    /// What became of the fixes.
+    pub gnss: Answers,
+    /// What looked suspicious in the log.
+    pub warnings: Vec<String>,
+}
+
+/// Root mean square of the free-inertial velocity error, m/s.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct VelocityErrors {
+    /// Sensors as logged.
+    pub before: Option<f64>,
+    /// Estimates applied.
+    pub after: Option<f64>,
+    /// Windows of a minute that it was measured on.
+    pub windows: usize,
+}
+
+/// How many samples were taken, and how many not, by reason.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Answers {
+    /// Used.
+    pub accepted: u64,
+    /// Not used, or only to begin again.
+    pub rejected: BTreeMap<String, u64>,
+}
+
+impl Summary {
+    /// Puts together what is known of a log.
+    pub fn new(
+        name: String,
+        log: &Log,
+        found: &Identification,
+        grade: Grade,
+        warnings: &[LogError],
+    ) -> Self {
+        let quantities = Quantities::new(&found.end.estimates, log.meta.body_axes);
+        Self {
+            log: name,
+            duration_s: log.duration_s(),
+            body_axes: log.meta.body_axes,
+            quantities,
+            heading_end_deg: heading(found, &quantities.azimuth_error_deg),
+            velocity_error_mps: VelocityErrors {
+                before: found.velocity_error.as_ref().map(|error| error.before_mps),
+                after: found.velocity_error.as_ref().map(|error| error.after_mps),
+                windows: found
+                    .velocity_error
+                    .as_ref()
+                    .map_or(0, |error| error.windows),
+            },
+            version: env!("CARGO_PKG_VERSION"),
+            grade,
+            phase: found.end.phase,
+            imu: answers(&found.imu_outcomes, |outcome| {
+                matches!(outcome, ImuOutcome::Accepted | ImuOutcome::Bridged)
+            }),
+            gnss: answers(&found.gnss_outcomes, |outcome| {
+                matches!(outcome, GnssOutcome::Accepted | GnssOutcome::Queued)
+            }),
+            warnings: warnings
+                .iter()
+                .map(|w| format!("{w} ({})", w.cause))
+                .collect(),
+        }
+    }
+}
+
+/// The last heading, as well known as the azimuth.
+fn heading(found: &Identification, azimuth: &Quantity) -> Quantity {
+    let heading_rad = found
+        .end
+        .solution
+        .map_or(f64::NAN, |s| s.euler().heading_rad);
+    Quantity {
+        value: heading_rad.to_degrees().rem_euclid(360.0),
+        ..*azimuth
+    }
+}
+
+fn answers<T: Copy + Debug>(counts: &Counts<T>, accepted: impl Fn(T) -> bool) -> Answers {
+    let (taken, refused): (Vec<_>, Vec<_>) = counts
+        .iter()
+        .copied()
+        .partition(|(outcome, _)| accepted(*outcome));
+    Answers {
+        accepted: taken.iter().map(|(_, count)| count).sum(),
+        rejected: refused
+            .iter()
+            .map(|(outcome, count)| (format!("{outcome:?}"), *count))
+            .collect(),
+    }
+}

@@ -1,0 +1,94 @@
+//! Cost per 100 Hz step beside `JSBSim`'s c172x alone, in one run:
+//! `cargo run --release -p ins-tests --bin jsbsim-cost`.
+
+use std::path::Path;
+use std::time::Instant;
+
+use host_sim::aircraft::cessna172;
+use host_sim::aircraft::dynamics::Dynamics;
+use host_sim::aircraft::flight::Flight;
+use host_sim::aircraft::plan::Plan;
+use host_sim::sim::drive::{Grade, Recording, SimulatedDrive};
+use host_sim::sim::ideal::IdealSensors;
+use host_sim::sim::{Motion, record};
+use ins_core::{Config, Navigator, Time};
+use ins_tests::cargo::repository;
+use ins_tests::jsbsim::jsbsim_step_s;
+
+const STEPS: u32 = 360_000;
+const STEP_S: f64 = 0.01;
+
+fn per_step(run: impl FnOnce()) -> f64 {
+    let start = Instant::now();
+    run();
+    start.elapsed().as_secs_f64() / f64::from(STEPS)
+}
+
+/// The core over a flight as firmware would run it.
+fn navigate(run: &SimulatedDrive, config: Config) {
+    let mut navigator = Navigator::new(config).expect("the preset is valid");
+    let mut fixes = run.gnss.iter().peekable();
+    for sample in &run.imu {
+        let _ = navigator.on_imu(sample);
+        while let Some(fix) = fixes.next_if(|fix| fix.time <= sample.time) {
+            let _ = navigator.on_gnss(fix);
+        }
+    }
+    std::hint::black_box(navigator.solution());
+}
+
+fn main() -> Result<(), String> {
+    let dynamics = Dynamics::new(&cessna172());
+    let path = Path::new("host-sim/plans/route_one_hour.toml");
+    let plan =
+        Plan::read(&repository().join(path), &dynamics).map_err(|error| error.to_string())?;
+    let flight = Flight::new(&dynamics, &plan, 1).map_err(|error| error.to_string())?;
+
+    let mut alone = flight.clone();
+    let dynamics_s = per_step(|| {
+        for i in 0..STEPS {
+            std::hint::black_box(alone.kinematics(STEP_S * f64::from(i)));
+        }
+    });
+    let mut sensors = IdealSensors::new(flight.clone(), plan.start.position, Time::default());
+    let ideal_s = per_step(|| {
+        for i in 1..=STEPS {
+            std::hint::black_box(
+                sensors.advance(Time::default().plus_seconds(STEP_S * f64::from(i))),
+            );
+        }
+    });
+    let recording = Recording {
+        seed: 1,
+        duration_s: f64::from(STEPS) * STEP_S,
+        imu_hz: 100.0,
+        truth_every: 10,
+        origin: plan.start.position,
+        errors: Grade::Hg1700.errors(),
+    };
+    let mut run = None;
+    let errors_s = per_step(|| run = Some(record(flight, &recording)));
+    let run = run.ok_or("nothing recorded")?;
+    let mut config = Config::hg1700();
+    config.imu_output = recording.errors.imu.output;
+    let core_s = per_step(|| navigate(&run, config));
+    let jsbsim_s = jsbsim_step_s()?;
+
+    let chain_s = errors_s + core_s;
+    for (name, seconds) in [
+        ("aircraft: dynamics, autopilot, air", dynamics_s),
+        ("  and ideal sensors", ideal_s),
+        ("  and errors, GNSS, truth", errors_s),
+        ("core", core_s),
+        ("whole chain", chain_s),
+        ("JSBSim c172x alone", jsbsim_s),
+    ] {
+        println!("{name:<36}{:>8.3} us per 100 Hz step", 1e6 * seconds);
+    }
+    println!(
+        "{:.1} times cheaper; an hour takes {:.2} s",
+        jsbsim_s / chain_s,
+        f64::from(STEPS) * chain_s
+    );
+    Ok(())
+}
