@@ -2,7 +2,7 @@
 
 use core::cell::Cell;
 
-use ins_link::{Decoder, EncodeError, Hello, MAX_FRAME, Reply, Request, Status};
+use ins_link::{Decoder, Hello, MAX_FRAME, Reply, Request, Status};
 
 use crate::board::{self, Clock};
 use crate::navigation::{Navigation, Timer};
@@ -31,14 +31,12 @@ impl Service {
     /// Takes the next byte; with the last one of a request gives the frame of the reply.
     pub fn on_byte(&mut self, byte: u8) -> Option<heapless::Vec<u8, MAX_FRAME>> {
         let (sequence, request) = self.decoder.push(byte)?;
-        let reply = self.answer(request);
-        match ins_link::encode(sequence, &reply) {
-            Ok(frame) => Some(frame),
-            Err(EncodeError) => {
-                defmt::error!("a reply is longer than a frame");
-                None
-            }
+        let reply = self.answer(&request);
+        let frame = ins_link::encode(sequence, &reply);
+        if frame.is_err() {
+            defmt::error!("a reply is longer than a frame");
         }
+        frame.ok()
     }
 
     /// Bytes have come and found no room.
@@ -46,8 +44,8 @@ impl Service {
         self.bytes_lost = self.bytes_lost.saturating_add(bytes);
     }
 
-    fn answer(&mut self, request: Request) -> Reply {
-        match request {
+    fn answer(&mut self, request: &Request) -> Reply {
+        match *request {
             Request::Hello { session } => {
                 self.bytes_lost = 0;
                 Reply::Hello(Hello {
@@ -60,8 +58,8 @@ impl Service {
                 config,
                 estimates_every,
             } => Reply::Start(self.navigation.start(config, estimates_every)),
-            Request::Imu(sample) => Reply::Imu(self.navigation.on_imu(&sample, &self.gauge)),
-            Request::Gnss(fix) => Reply::Gnss(self.navigation.on_gnss(&fix, &self.gauge)),
+            Request::Imu(ref sample) => Reply::Imu(self.navigation.on_imu(sample, &self.gauge)),
+            Request::Gnss(ref fix) => Reply::Gnss(self.navigation.on_gnss(fix, &self.gauge)),
             Request::Status => Reply::Status(Status {
                 link: self.decoder.counters,
                 bytes_lost: self.bytes_lost,
