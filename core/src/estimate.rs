@@ -55,8 +55,8 @@ pub struct Estimate {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Estimates {
-    /// Computed minus true heading, rad, of an INS that had kept its starting heading: what has
-    /// been corrected so far plus what is left.
+    /// Computed minus true heading, rad, that an INS would have now had it kept its starting
+    /// heading and had its gyros been compensated from the start.
     pub azimuth_error_rad: Estimate,
     /// Accelerometer biases x, y, z, m/s^2.
     pub accel_bias_mps2: [Estimate; 3],
@@ -71,6 +71,11 @@ pub struct Estimates {
     pub gnss_latency_now_s: Estimate,
     /// Growth of the latency, s/s: the inertial clock loses this on GNSS time.
     pub clock_drift: Estimate,
+    /// Scale errors of the right and forward accelerometers, 1.
+    pub accel_scale: [Estimate; 2],
+    /// What the x, y and z gyros feel of a turn about the up axis, beyond the turn itself: two
+    /// misalignments, rad, and the scale error of the up gyro, 1.
+    pub gyro_turn: [Estimate; 3],
     /// Antenna position right and forward of the inertial sensors, m.
     pub lever_arm_m: [Estimate; 2],
 }
@@ -116,6 +121,12 @@ impl Estimates {
             gnss_latency_s: known(index::LATENCY, Observability::NeedsAcceleration),
             gnss_latency_now_s: known(index::LATENCY, Observability::NeedsAcceleration),
             clock_drift: known(index::CLOCK_DRIFT, Observability::NeedsTime),
+            accel_scale: [
+                known(index::ACCEL_SCALE_X, Observability::NeedsTurn),
+                known(index::ACCEL_SCALE_Y, Observability::NeedsAcceleration),
+            ],
+            gyro_turn: [0, 1, 2]
+                .map(|axis| known(index::GYRO_TURN + axis, Observability::NeedsTurn)),
             lever_arm_m: [
                 known(index::LEVER_ARM, Observability::NeedsTurn),
                 known(index::LEVER_ARM + 1, Observability::NeedsTurn),

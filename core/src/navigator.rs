@@ -201,33 +201,39 @@ impl Navigator {
     }
 
     /// Position, velocity and attitude at the last inertial sample, once navigating.
+    ///
+    /// With closed feedback the errors that the estimators still see in the damped INS are taken
+    /// out here; with open feedback it is the damped INS itself.
     pub fn solution(&self) -> Option<Solution> {
         let s = &self.state;
-        (s.phase == Phase::Navigating).then(|| Solution {
-            time: s.now.time,
-            position: s.mechanization.position,
-            velocity_enu_mps: s.mechanization.velocity_enu_mps,
-            attitude: s.mechanization.attitude,
+        (s.phase == Phase::Navigating).then(|| {
+            let mut ins = s.mechanization;
+            if self.config.feedback == Feedback::Closed && self.config.form == Form::Exact {
+                let error = s.observer.error_at(&s.now);
+                ins.velocity_enu_mps -= error.velocity_mps;
+                ins.turn_platform(&-error.tilt_rad);
+            }
+            Solution {
+                time: s.now.time,
+                position: ins.position,
+                velocity_enu_mps: ins.velocity_enu_mps,
+                attitude: ins.attitude,
+            }
         })
+    }
+
+    /// The damped INS as it stands, before the errors still in it are taken out; its azimuth is
+    /// off by [`Self::azimuth_left_rad`].
+    pub fn mechanization(&self) -> &Mechanization {
+        &self.state.mechanization
     }
 
     /// Errors of the sensors as known now.
     pub fn estimates(&self) -> Estimates {
-        let s = &self.state;
-        let mut parameters = s.parameters(&self.config);
-        let azimuth = s.azimuth_removed_rad + s.azimuth_left_rad(&self.config);
-        parameters.set(index::AZIMUTH, azimuth, parameters.sigma(index::AZIMUTH));
-        let mut estimates = Estimates::from_parameters(&parameters, &self.config, s.phase);
-        let run_s = s.now.time.seconds_since(s.navigating_since);
-        let latency = s.observer.latency_before(0.5 * run_s);
-        if let (Some((value, sigma)), Form::Exact) = (latency, self.config.form) {
-            estimates.gnss_latency_s.value = value;
-            estimates.gnss_latency_s.sigma = sigma;
-        }
-        estimates
+        self.state.estimates(&self.config)
     }
 
-    /// Azimuth error that is still in the solution, rad.
+    /// Azimuth error that is still in the damped INS, rad.
     pub fn azimuth_left_rad(&self) -> f64 {
         self.state.azimuth_left_rad(&self.config)
     }
@@ -256,11 +262,33 @@ impl State {
 
     fn azimuth_left_rad(&self, config: &Config) -> f64 {
         match config.form {
-            Form::Exact => self
-                .observer
-                .azimuth_at(&self.now, &self.compensation.gyro_radps),
+            Form::Exact => self.observer.error_at(&self.now).tilt_rad.z,
             Form::Literal => self.parameters(config).value(index::AZIMUTH),
         }
+    }
+
+    /// What the azimuth error would be now if the starting heading had been kept and the gyros
+    /// compensated from the start: left over, less what controls and compensations have turned,
+    /// plus what the found errors of the gyros did.
+    fn azimuth_error_rad(&self, config: &Config) -> f64 {
+        let parameters = self.parameters(config);
+        let drift = self.now.attitude_s * parameters.vector(index::GYRO);
+        let scale = self.now.turn_rad * parameters.value(index::GYRO_TURN + 2);
+        self.azimuth_left_rad(config) - self.now.control_tilt_rad.z + drift.z + scale
+    }
+
+    fn estimates(&self, config: &Config) -> Estimates {
+        let mut parameters = self.parameters(config);
+        let azimuth = self.azimuth_error_rad(config);
+        parameters.set(index::AZIMUTH, azimuth, parameters.sigma(index::AZIMUTH));
+        let mut estimates = Estimates::from_parameters(&parameters, config, self.phase);
+        let run_s = self.now.time.seconds_since(self.navigating_since);
+        let latency = self.observer.latency_before(0.5 * run_s);
+        if let (Some((value, sigma)), Form::Exact) = (latency, config.form) {
+            estimates.gnss_latency_s.value = value;
+            estimates.gnss_latency_s.sigma = sigma;
+        }
+        estimates
     }
 
     fn on_imu(&mut self, sample: &ImuSample, config: &Config) -> ImuOutcome {

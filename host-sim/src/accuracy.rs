@@ -152,7 +152,7 @@ pub fn run(seed: u64, grade: Grade, minutes: f64, tune: &(dyn Fn(&mut Config) + 
 fn check(navigator: &Navigator, drive: &SimulatedDrive, heading_rad: f64) -> [Check; 8] {
     let estimates = navigator.estimates();
     let truth = &drive.errors;
-    let heading = navigator.solution().map_or(0.0, |s| s.euler().heading_rad);
+    let heading = navigator.mechanization().heading_rad();
     let azimuth_left = wrap_pi(heading - heading_rad);
     let azimuth = Estimate {
         value: navigator.azimuth_left_rad(),

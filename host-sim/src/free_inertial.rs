@@ -1,9 +1,8 @@
 //! What the estimates are worth: velocity error of a free INS, without and with them.
 
-use ins_core::config::{DampingConfig, SecondOrder};
-use ins_core::increments::Increments;
+use ins_core::increments::{Increments, Interval};
 use ins_core::mechanization::{Controls, Mechanization};
-use ins_core::{Config, Estimate, Estimates, GnssFix, ImuOutput, Observability, Solution, Time};
+use ins_core::{Estimate, Estimates, GnssFix, Observability, Solution, Time};
 use nalgebra::{Vector2, Vector3};
 
 use crate::identify::Row;
@@ -12,8 +11,6 @@ use crate::log::Log;
 /// Length of a window, and from start to start, s.
 pub const WINDOW_S: f64 = 60.0;
 const STRIDE_S: f64 = 30.0;
-/// Bandwidth of the run that windows start from, rad/s: of 0.05 to 0.5 the best or near it.
-const SLOW_RADPS: f64 = 0.1;
 /// A hole between samples that spoils a window, s.
 const HOLE_S: f64 = 0.5;
 
@@ -41,61 +38,8 @@ pub struct Growth {
     pub after_mps: f64,
 }
 
-/// What is taken out of the readings, and added to the heading that a window starts with.
-#[derive(Clone, Copy, Default)]
-struct Correction {
-    gyro_radps: Vector3<f64>,
-    accel_mps2: Vector3<f64>,
-    heading_rad: f64,
-}
-
 /// Velocity difference at a time since the window's start, s and m/s.
 type Error = (f64, Vector2<f64>);
-
-/// The log without the errors that were found.
-pub fn corrected(log: &Log, found: &Estimates) -> Log {
-    let (gyro_radps, accel_mps2) = (
-        vector(&found.gyro_bias_radps),
-        vector(&found.accel_bias_mps2),
-    );
-    let mut log = log.clone();
-    let mut last = None;
-    for sample in &mut log.imu {
-        let interval_s = last
-            .replace(sample.time)
-            .map_or(0.0, |last| sample.time.seconds_since(last));
-        let scale = match log.meta.imu {
-            ImuOutput::Rates => 1.0,
-            ImuOutput::Increments => interval_s,
-        };
-        sample.gyro -= scale * gyro_radps;
-        sample.accel -= scale * accel_mps2;
-    }
-    for fix in &mut log.gnss {
-        fix.time = fix.time.plus_seconds(-value(&found.gnss_latency_s));
-    }
-    log
-}
-
-/// Loops slow enough that the noise of GNSS does not tilt the platform at a window's start.
-///
-/// Only for gyros that keep their bias: a drift tilts the platform the more, the slower the loops.
-pub fn slow(config: Config) -> Config {
-    if config.sensors.gyro_bias_walk > 0.0 {
-        return config;
-    }
-    Config {
-        damping: DampingConfig {
-            horizontal: SecondOrder {
-                bandwidth_radps: SLOW_RADPS,
-                ..config.damping.horizontal
-            },
-            position_radps: 0.2 * SLOW_RADPS,
-            ..config.damping
-        },
-        ..config
-    }
-}
 
 fn known(estimate: &Estimate) -> bool {
     estimate.observability == Observability::Observable
@@ -112,33 +56,21 @@ fn vector(v: &[Estimate; 3]) -> Vector3<f64> {
 
 /// Runs every window twice; `None` if the log has no minute of navigation.
 ///
-/// A window starts from the navigator's solution of its moment, in a run over the [`corrected`]
-/// log with loops as [`slow`] has them, whose once-a-second history is `starts`.
-pub fn check(log: &Log, starts: &[Row], found: &Estimates) -> Option<VelocityError> {
-    let estimated = Correction {
-        gyro_radps: vector(&found.gyro_bias_radps),
-        accel_mps2: vector(&found.accel_bias_mps2),
-        heading_rad: 0.0,
+/// A window starts from the navigator's solution of its moment. The sensors are taken as logged,
+/// with the azimuth error that was found put back; and with the history of the estimates taken
+/// out, each reading less the biases that the navigator knew at its stamp.
+pub fn check(log: &Log, history: &[Row], found: &Estimates) -> Option<VelocityError> {
+    let azimuth_rad = value(&found.azimuth_error_rad);
+    let latency_s = value(&found.gnss_latency_now_s) - value(&found.clock_drift) * end_s(log);
+    let clock = Clock {
+        latency_s,
+        drift: value(&found.clock_drift),
     };
     let (mut before, mut after, mut windows) = (Vec::new(), Vec::new(), 0);
-    for row in window_starts(starts, known(&found.azimuth_error_rad)) {
+    for row in window_starts(history, known(&found.azimuth_error_rad)) {
         let Some(start) = row.solution else { continue };
-        let left = if known(&row.estimates.azimuth_error_rad) {
-            row.azimuth_left_rad
-        } else {
-            0.0
-        };
-        let heading_rad = value(&found.azimuth_error_rad) - left;
-        let as_logged = Correction {
-            heading_rad,
-            ..Correction::default()
-        };
-        let corrected = Correction {
-            heading_rad: -left,
-            ..estimated
-        };
-        let window = |correction| fly(log, &start, correction, value(&found.gnss_latency_s));
-        if let (Some(logged), Some(with)) = (window(as_logged), window(corrected)) {
+        let logged = fly(log, &start, azimuth_rad, &[], clock);
+        if let (Some(logged), Some(with)) = (logged, fly(log, &start, 0.0, history, clock)) {
             before.extend(logged);
             after.extend(with);
             windows += 1;
@@ -150,6 +82,35 @@ pub fn check(log: &Log, starts: &[Row], found: &Estimates) -> Option<VelocityErr
         windows,
         growth: growth(&before, &after),
     })
+}
+
+/// Time of the last fix, s.
+fn end_s(log: &Log) -> f64 {
+    log.gnss.last().map_or(0.0, |fix| fix.time.as_seconds())
+}
+
+/// Latency of GNSS as the estimates have it: at the origin of the stamps, and its growth.
+#[derive(Clone, Copy)]
+struct Clock {
+    latency_s: f64,
+    drift: f64,
+}
+
+/// An interval less the errors that the navigator knew at a time; as it is before the history.
+fn corrected(interval: &Interval, history: &[Row], time: Time) -> Interval {
+    let after = history.partition_point(|row| row.time <= time);
+    let Some(row) = history[..after].last() else {
+        return *interval;
+    };
+    let known = &row.estimates;
+    let mut interval = interval.without_bias(
+        &vector(&known.gyro_bias_radps),
+        &vector(&known.accel_bias_mps2),
+    );
+    interval.angle_rad -= vector(&known.gyro_turn) * interval.angle_rad.z;
+    interval.force_mps.x *= 1.0 - value(&known.accel_scale[0]);
+    interval.force_mps.y *= 1.0 - value(&known.accel_scale[1]);
+    interval
 }
 
 /// Rows that a window starts at: from where the azimuth is known, if it ever is.
@@ -170,14 +131,20 @@ fn window_starts(history: &[Row], azimuth_known: bool) -> Vec<&Row> {
 }
 
 /// A free INS over one window; `None` if samples or fixes do not last.
-fn fly(log: &Log, start: &Solution, correction: Correction, latency_s: f64) -> Option<Vec<Error>> {
+fn fly(
+    log: &Log,
+    start: &Solution,
+    heading_rad: f64,
+    history: &[Row],
+    clock: Clock,
+) -> Option<Vec<Error>> {
     let first = log.imu.partition_point(|sample| sample.time < start.time);
     let mut samples = log.imu[first..].iter();
     let mut last = samples.next()?;
     let mut ins = Mechanization::new(start.position, start.velocity_enu_mps, start.attitude);
-    ins.turn_heading(correction.heading_rad);
+    ins.turn_heading(heading_rad);
     let mut increments = Increments::new(log.meta.imu, last);
-    let mut fixes = moments(log, start.time, latency_s).peekable();
+    let mut fixes = moments(log, start.time, clock).peekable();
     let mut errors = Vec::new();
     while last.time.seconds_since(start.time) < WINDOW_S {
         let sample = samples.next()?;
@@ -186,9 +153,7 @@ fn fly(log: &Log, start: &Solution, correction: Correction, latency_s: f64) -> O
             return None;
         }
         let before = ins.velocity_enu_mps.xy();
-        let interval = increments
-            .interval(sample, seconds)
-            .without_bias(&correction.gyro_radps, &correction.accel_mps2);
+        let interval = corrected(&increments.interval(sample, seconds), history, sample.time);
         ins.step(&interval, &Controls::default());
         while let Some((moment, fix)) = fixes.next_if(|(moment, _)| *moment <= sample.time) {
             let share = moment.seconds_since(last.time) / seconds;
@@ -208,9 +173,12 @@ fn fly(log: &Log, start: &Solution, correction: Correction, latency_s: f64) -> O
 fn moments(
     log: &Log,
     start: Time,
-    latency_s: f64,
+    clock: Clock,
 ) -> impl Iterator<Item = (Time, Vector2<f64>)> + '_ {
-    let moment = move |fix: &GnssFix| fix.time.plus_seconds(-latency_s);
+    let moment = move |fix: &GnssFix| {
+        fix.time
+            .plus_seconds(-clock.latency_s - clock.drift * fix.time.as_seconds())
+    };
     let first = log.gnss.partition_point(|fix| moment(fix) <= start);
     log.gnss[first..]
         .iter()

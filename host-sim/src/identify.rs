@@ -70,11 +70,9 @@ pub fn identify(
     config: Config,
     progress: &ProgressBar,
 ) -> Result<Identification, ConfigError> {
-    progress.set_length(2 * log.imu.len() as u64);
+    progress.set_length(log.imu.len() as u64);
     let (run, end) = navigate(log, config, progress)?;
-    let corrected = free_inertial::corrected(log, &end.estimates);
-    let (starts, _) = navigate(&corrected, free_inertial::slow(config), progress)?;
-    let velocity_error = free_inertial::check(log, &starts.history, &end.estimates);
+    let velocity_error = free_inertial::check(log, &run.history, &end.estimates);
     progress.finish_and_clear();
     Ok(Identification {
         config,

@@ -34,6 +34,15 @@ const ROBUST_SIGMAS: f64 = 3.0;
 const GATE_SIGMAS: f64 = 8.0;
 const GATE_MPS: f64 = 3.0;
 
+/// Error of the INS, ENU.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InsError {
+    /// dV, m/s.
+    pub velocity_mps: Vector3<f64>,
+    /// Phi, rad.
+    pub tilt_rad: Vector3<f64>,
+}
+
 /// The measured difference at one fix.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Difference {
@@ -220,12 +229,25 @@ impl Observer {
             .replace(index::AZIMUTH, value_rad, sigma_rad * sigma_rad);
     }
 
-    /// Azimuth error `Phi_UP` at a moment after the horizon, rad, with gyros compensated by
-    /// `gyro_radps` since.
-    pub fn azimuth_at(&self, moment: &Moment, gyro_radps: &Vector3<f64>) -> f64 {
-        let turned = moment.control_tilt_rad - self.last.control_tilt_rad;
-        let compensated = (moment.attitude_s - self.last.attitude_s) * gyro_radps;
-        self.parameters.value(index::AZIMUTH) + turned.z - compensated.z
+    /// The error `[dV, Phi]` of the INS at a moment after the horizon, as estimated.
+    pub fn error_at(&self, moment: &Moment) -> InsError {
+        let p = &self.parameters;
+        let attitude_s = moment.attitude_s - self.last.attitude_s;
+        let force = moment.force_mps - self.last.force_mps;
+        let level = self.tilt + self.tilt_by * p.value;
+        let tilt = Vector3::new(level.x, level.y, p.value(index::AZIMUTH));
+        let drift = attitude_s * p.vector(index::GYRO);
+        let controls = moment.control_velocity_mps
+            - self.last.control_velocity_mps
+            - force.cross(&self.last.control_tilt_rad);
+        InsError {
+            velocity_mps: self.velocity
+                + self.velocity_by * p.value
+                + controls
+                + force.cross(&(tilt - 0.5 * drift))
+                + attitude_s * p.vector(index::ACCEL),
+            tilt_rad: tilt + moment.control_tilt_rad - self.last.control_tilt_rad - drift,
+        }
     }
 
     /// Compares the INS at a past moment with a fix.
@@ -343,7 +365,7 @@ impl Observer {
         self.level.propagate(force_up, dt, accel, gyro);
         self.vertical.propagate(0.0, dt, accel, 0.0);
         self.information.diffuse(index::AZIMUTH, gyro * dt);
-        let walk = s.gyro_bias_walk * s.gyro_bias_walk * dt;
+        let walk = self.roughness * s.gyro_bias_walk * s.gyro_bias_walk * dt;
         let accel_walk = s.accel_bias_walk * s.accel_bias_walk * dt;
         for axis in 0..3 {
             self.information.diffuse(index::GYRO + axis, walk);
