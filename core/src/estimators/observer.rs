@@ -12,7 +12,7 @@
 use nalgebra::{RowSVector, SMatrix, SVector, Vector2, Vector3};
 
 use super::information::{Information, Solved};
-use super::parameters::{COUNT, Parameters, index};
+use super::parameters::{COUNT, PAIRS, Parameters, index};
 use crate::config::Config;
 use crate::history::{Moment, Past};
 use crate::math;
@@ -140,7 +140,7 @@ pub struct Observer {
     vertical: Channel,
     level_noise: Noise,
     vertical_noise: Noise,
-    information: Information<COUNT>,
+    information: Information<COUNT, PAIRS>,
     /// Factor by which the tilt walks more than the noise of the gyros makes it, in variance.
     roughness: f64,
     /// Average likeness of neighbouring innovations.
