@@ -337,8 +337,8 @@ impl Observer {
         self.information.redefine(which, &by, known);
         let change = by.dot(&self.parameters.value) + known;
         self.parameters.shift(which, change);
-        let through: Vector3<f64> = self.velocity_by.column(which).into_owned();
-        let through_tilt: Vector2<f64> = self.tilt_by.column(which).into_owned();
+        let through = column(&self.velocity_by, which);
+        let through_tilt = column(&self.tilt_by, which);
         self.velocity -= known * through;
         self.tilt -= known * through_tilt;
         self.velocity_by -= through * by.transpose();
@@ -502,4 +502,12 @@ impl Observer {
     pub fn relinearize(&mut self, sigma: &SVector<f64, COUNT>) {
         self.information = Information::from_prior(&self.parameters.value, sigma);
     }
+}
+
+/// One column; zeros if there is none.
+fn column<const R: usize, const C: usize>(
+    matrix: &SMatrix<f64, R, C>,
+    which: usize,
+) -> SVector<f64, R> {
+    SVector::from_fn(|row, _| matrix.get((row, which)).copied().unwrap_or(0.0))
 }
