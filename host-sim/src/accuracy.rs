@@ -2,6 +2,7 @@
 
 use ins_core::config::HeadingSource;
 use ins_core::earth::wrap_pi;
+use ins_core::mechanization::Mechanization;
 use ins_core::{Config, Estimate, Navigator, Phase};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -152,7 +153,9 @@ pub fn run(seed: u64, grade: Grade, minutes: f64, tune: &(dyn Fn(&mut Config) + 
 fn check(navigator: &Navigator, drive: &SimulatedDrive, heading_rad: f64) -> [Check; 8] {
     let estimates = navigator.estimates();
     let truth = &drive.errors;
-    let heading = navigator.mechanization().heading_rad();
+    let heading = navigator
+        .mechanization()
+        .map_or(0.0, Mechanization::heading_rad);
     let azimuth_left = wrap_pi(heading - heading_rad);
     let azimuth = Estimate {
         value: navigator.azimuth_left_rad(),
