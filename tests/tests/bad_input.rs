@@ -309,13 +309,13 @@ proptest! {
         }
         prop_assert_eq!(navigator.phase(), Phase::Navigating);
         // Ninety seconds of good data later.
-        let [position, velocity, heading] = errors(&navigator).unwrap();
+        let [_, velocity, heading] = errors(&navigator).unwrap();
         let felt = |answer: &Answer| matches!(answer, Answer::Imu(ImuOutcome::Accepted | ImuOutcome::Bridged));
         // A reading that could be true is believed: 17 rad/s turn the INS by radians in a short
-        // hole. What GNSS alone says wrongly is gone after ninety seconds of good fixes.
+        // hole. What GNSS alone says wrongly of the velocity is gone after ninety seconds of good
+        // fixes; for what it says of the position see below.
         if !answers.iter().any(felt) {
             prop_assert!(velocity < 0.3 && heading < 0.05, "{velocity} m/s, {heading} rad after {answers:?}");
-            prop_assert!(position < 5.0, "{position} m after {answers:?}");
         }
     }
 }
