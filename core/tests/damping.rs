@@ -104,10 +104,10 @@ fn follows(
     let rate = w0.max(-a.trace());
     let from = observed(&standing.navigator);
     let (mut largest, mut worst, mut last) = (0.0_f64, 0.0_f64, 0.0_f64);
-    let steps = (12.0 / w0 / IMU_S) as u32;
-    for k in 1..=steps {
+    let times = (1..).map(|k| f64::from(k) * IMU_S);
+    for t in times.take_while(|t| *t < 12.0 / w0) {
         standing.step(Vector3::zeros());
-        let model = (flow(a, f64::from(k) * IMU_S) * start).x;
+        let model = (flow(a, t) * start).x;
         let off = observed(&standing.navigator) - from - (model - start.x);
         (largest, worst) = (largest.max(model.abs()), worst.max(off.abs()));
         last = off;

@@ -201,11 +201,10 @@ impl Loop {
         }
     }
 
-    /// `tilt` is (Phi_E, Phi_N); (1) without 1/R, which (6) neglects too.
-    fn run(&mut self, seconds: f64, accel: &Vector2<f64>, azimuth_rad: f64, drift: &Vector2<f64>) {
+    /// `tilt` is `(Phi_E, Phi_N)`; (1) without 1/R, which (6) neglects too.
+    fn run(&mut self, seconds: u32, accel: &Vector2<f64>, azimuth_rad: f64, drift: &Vector2<f64>) {
         let dt = 1e-3;
-        let steps = (seconds / dt) as usize;
-        for _ in 0..steps {
+        for _ in 0..1000 * seconds {
             let dv = self.velocity;
             let control = Vector2::new(-K2 * dv.y, K2 * dv.x);
             let felt = Vector2::new(
@@ -224,7 +223,7 @@ fn a_long_acceleration_shows_the_azimuth() {
     // 30 s are 15 / w0: the loop has settled to exp(-0.7 * 15), 3e-5.
     let (phi, accel) = (0.02, Vector2::new(1.2, -0.8));
     let mut loops = Loop::new();
-    loops.run(30.0, &accel, phi, &Vector2::zeros());
+    loops.run(30, &accel, phi, &Vector2::zeros());
     let (top, bottom) = azimuth(&accel, &loops.turned);
     assert!((top / bottom - phi).abs() < 1e-4 * phi, "{}", top / bottom);
     assert!((bottom - accel.norm_squared()).abs() < 1e-12);
@@ -236,9 +235,9 @@ fn settled_controls_show_the_gyros_at_any_heading() {
         let bias = Vector3::new(3e-6, -5e-6, 0.0);
         let c = level(heading_rad);
         let mut loops = Loop::new();
-        loops.run(40.0, &Vector2::zeros(), 0.0, &(c * bias).xy());
+        loops.run(40, &Vector2::zeros(), 0.0, &(c * bias).xy());
         let before = loops.turned;
-        loops.run(20.0, &Vector2::zeros(), 0.0, &(c * bias).xy());
+        loops.run(20, &Vector2::zeros(), 0.0, &(c * bias).xy());
         let mean = (loops.turned - before) / 20.0;
         let found = level_gyros(&c, &mean.push(0.0));
         // (9) as printed.
