@@ -43,6 +43,8 @@ const LATENCY_KNOWN: f64 = 0.2;
 const LATENCY_LIMIT_S: f64 = 0.4;
 /// Fixes refused in a row after which the INS, not GNSS, is taken to be wrong.
 const LOST_FIXES: u8 = 10;
+/// Distance from the INS beyond which a position is not believed, m.
+const POSITION_GATE_M: f64 = 100.0;
 /// Range over which the equations are linear enough: azimuth, rad, and latency, s; a parameter
 /// is well known below this part of it.
 const AZIMUTH_LINEAR_RAD: f64 = 0.02;
@@ -76,6 +78,7 @@ pub struct AidedIns {
     /// Moment of the last fix that was compared.
     last_compared: Time,
     refused: u8,
+    positions_refused: u8,
     rest: RestDetector,
     last_solve: Time,
     since: Time,
@@ -111,6 +114,7 @@ impl AidedIns {
             pending: Ring::default(),
             last_compared: time,
             refused: 0,
+            positions_refused: 0,
             rest: RestDetector::default(),
             last_solve: time,
             since: time,
@@ -305,20 +309,22 @@ impl AidedIns {
             return Some(GnssOutcome::TimeNotIncreasing);
         }
         let mut differences = Differences {
-            position_m: fix.position.map(|p| self.position_difference(&past, &p)),
+            position_m: self.position_difference(&past, fix),
             ..Differences::default()
         };
         if fix.velocity_en_mps.is_some() {
             let velocity_mps = past.moment.velocity_mps - fix.velocity_enu_mps();
-            if self.observe(&past, fix, velocity_mps, config) == Verdict::Outlier {
+            let verdict = self.observe(&past, fix, velocity_mps, config);
+            if verdict == Verdict::Outlier {
                 self.last_compared = moment;
                 self.refuse(fix, config);
                 return Some(GnssOutcome::Outlier);
             }
+            self.refused = 0;
             let antenna = past.attitude_rate.fixed_columns::<2>(0) * self.known().lever_arm();
             let at_antenna = velocity_mps + antenna;
             differences.velocity_en_mps = Some(at_antenna.xy());
-            differences.velocity_up_mps = fix.velocity_up_mps.map(|_| at_antenna.z);
+            differences.velocity_up_mps = (verdict == Verdict::Used).then_some(at_antenna.z);
             self.manoeuvre = Manoeuvre::of(&past);
             if config.form == Form::Literal {
                 self.take_literally(&past, &at_antenna, config);
@@ -359,11 +365,28 @@ impl AidedIns {
         });
     }
 
-    /// INS minus GNSS, m.
-    fn position_difference(&self, past: &Past, gnss: &Geodetic) -> Vector3<f64> {
+    /// INS minus GNSS, m; none for a position too far off to be true, unless many in a row say
+    /// so, which moves the INS there.
+    fn position_difference(&mut self, past: &Past, fix: &GnssFix) -> Option<Vector3<f64>> {
+        let gnss = fix.position?;
         let since_s = self.now.time.seconds_since(past.moment.time);
         let moved = 0.5 * since_s * (past.moment.velocity_mps + self.now.velocity_mps);
-        self.mechanization.position.enu_from(gnss) - moved
+        let difference = self.mechanization.position.enu_from(&gnss) - moved;
+        if difference.norm() < POSITION_GATE_M {
+            self.positions_refused = 0;
+            return Some(difference);
+        }
+        self.positions_refused = self.positions_refused.saturating_add(1);
+        if self.positions_refused >= LOST_FIXES {
+            let Mechanization {
+                velocity_enu_mps,
+                attitude,
+                ..
+            } = self.mechanization;
+            self.mechanization = Mechanization::new(gnss, velocity_enu_mps, attitude);
+            self.positions_refused = 0;
+        }
+        None
     }
 
     /// Sets the controls that hold until the next fix.

@@ -55,6 +55,9 @@ pub struct Increments {
     output: ImuOutput,
     gyro: Vector3<f64>,
     accel: Vector3<f64>,
+    /// Change from the reading before that one.
+    gyro_change: Vector3<f64>,
+    accel_change: Vector3<f64>,
     /// Interval of the remembered reading, s; zero if it is the first.
     previous_s: f64,
     /// Usual interval, s; zero until known.
@@ -68,6 +71,8 @@ impl Increments {
             output,
             gyro: first.gyro,
             accel: first.accel,
+            gyro_change: Vector3::zeros(),
+            accel_change: Vector3::zeros(),
             previous_s: 0.0,
             usual_s: 0.0,
         }
@@ -85,20 +90,44 @@ impl Increments {
         self.usual_s > 0.0 && seconds > MISSING_RATIO * self.usual_s
     }
 
+    /// The time that a reading spans which comes `seconds` after the last, s: shorter if samples
+    /// are missing before it.
+    pub fn reading_seconds(&self, seconds: f64) -> f64 {
+        if self.has_hole(seconds) {
+            self.usual_s
+        } else {
+            seconds
+        }
+    }
+
     /// The interval of `seconds` (positive) that ends at `sample`.
     ///
-    /// Rates are taken as linear between their stamps, increments as those of a rate linear over
-    /// the last two intervals (Savage 1998, two-sample coning and sculling); both give the same
-    /// second-order terms, with `scale` as their only difference. A hole between increments is
-    /// filled with the mean rate of its two ends.
+    /// Rates are integrated by the parabola through the last three readings, increments as they
+    /// are. Coning and sculling are those of rates linear over the interval, or over the last two
+    /// intervals (Savage 1998, two-sample algorithm); both give the same second-order terms, with
+    /// `scale` as their only difference. A hole between increments is filled with the mean rate
+    /// of its two ends.
     pub fn interval(&mut self, sample: &ImuSample, seconds: f64) -> Interval {
         let hole = self.has_hole(seconds);
+        let (gyro_change, accel_change) = (sample.gyro - self.gyro, sample.accel - self.accel);
+        // A first reading is taken to span an interval like this one.
+        let before = if self.previous_s > 0.0 {
+            self.previous_s
+        } else {
+            seconds
+        };
         let (angle, force, scale) = match self.output {
-            ImuOutput::Rates => (
-                0.5 * seconds * (self.gyro + sample.gyro),
-                0.5 * seconds * (self.accel + sample.accel),
-                seconds * seconds / 12.0,
-            ),
+            ImuOutput::Rates => {
+                let bend = self.bend(seconds, hole);
+                let integral = |last: &Vector3<f64>, change: &Vector3<f64>, old: &Vector3<f64>| {
+                    seconds * (last + 0.5 * change) - bend * (change / seconds - old / before)
+                };
+                (
+                    integral(&self.gyro, &gyro_change, &self.gyro_change),
+                    integral(&self.accel, &accel_change, &self.accel_change),
+                    seconds * seconds / 12.0,
+                )
+            }
             ImuOutput::Increments if hole => {
                 let ends = if self.previous_s > 0.0 { 2.0 } else { 1.0 };
                 let previous = ends - 1.0;
@@ -110,12 +139,6 @@ impl Increments {
                 )
             }
             ImuOutput::Increments => {
-                // A first reading is taken to span an interval like this one.
-                let before = if self.previous_s > 0.0 {
-                    self.previous_s
-                } else {
-                    seconds
-                };
                 let scale = seconds * seconds / (6.0 * before * (before + seconds));
                 (sample.gyro, sample.accel, scale)
             }
@@ -124,7 +147,12 @@ impl Increments {
         let sculling = scale * (self.gyro.cross(&sample.accel) + self.accel.cross(&sample.gyro));
         self.gyro = sample.gyro;
         self.accel = sample.accel;
-        self.previous_s = if hole { self.usual_s } else { seconds };
+        self.gyro_change = gyro_change;
+        self.accel_change = accel_change;
+        self.previous_s = match self.output {
+            ImuOutput::Increments if hole => self.usual_s,
+            ImuOutput::Rates | ImuOutput::Increments => seconds,
+        };
         self.learn_usual(seconds);
         Interval {
             seconds,
@@ -133,6 +161,16 @@ impl Increments {
             coning_rad: coning,
             sculling_mps: sculling,
         }
+    }
+
+    /// What a difference of slopes takes from the trapezoid: the parabola through readings at
+    /// `-T1`, 0 and `T2` integrates to that less `T2^3 / (6 (T1 + T2))` times the difference of
+    /// its two slopes. None across a hole or without a reading before.
+    fn bend(&self, seconds: f64, hole: bool) -> f64 {
+        if hole || self.previous_s <= 0.0 {
+            return 0.0;
+        }
+        seconds * seconds * seconds / (6.0 * (self.previous_s + seconds))
     }
 
     /// Follows the usual interval slowly, so that one hole does not move it far.

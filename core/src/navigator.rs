@@ -163,7 +163,7 @@ impl State {
         if seconds <= 0.0 {
             return ImuOutcome::TimeNotIncreasing;
         }
-        if out_of_range(sample, seconds, config) {
+        if out_of_range(sample, increments.reading_seconds(seconds), config) {
             return ImuOutcome::OutOfRange;
         }
         if seconds > config.max_gap_s {

@@ -119,26 +119,28 @@ fn coning_leaves_what_the_two_sample_algorithm_must_leave() {
 }
 
 #[test]
-fn coning_of_rates_leaves_what_a_trapezoid_must_leave() {
+fn coning_of_rates_leaves_what_a_parabola_must_leave() {
     let cone = Cone {
         angle_rad: 0.01,
         rate_radps: TAU * 5.0,
     };
     let (h, a2) = (0.01, cone.angle_rad * cone.angle_rad);
     let motion = intervals(ImuOutput::Rates, h, 20_000, |_, b| cone.rate(b));
-    // The trapezoid makes the cone narrower by (l/2) cot(l/2): a polygon of that radius, the
-    // coning term of the readings, and the axial rate.
+    // The parabola through three readings makes the cone narrower by the gain of its weights,
+    // h (-1, 8, 5) / 12, on a turning phase: a polygon of that radius, the coning term of the
+    // readings, and the axial rate.
     let l = cone.rate_radps * h;
-    let narrow = 0.5 * l / (0.5 * l).tan();
+    let weights = (8.0 + 4.0 * l.cos()).hypot(6.0 * l.sin()) / 12.0;
+    let narrow = weights * l / (2.0 * (0.5 * l).sin());
     let expected = a2 * (0.5 * narrow * narrow * l.sin() + l * l * l.sin() / 12.0 - 0.5 * l);
     let drift = cone.drift(&motion, Interval::rotation_rad);
     assert!(
         (drift - expected).abs() < 1e-4 * a2 * l.powi(3),
         "{drift} {expected}"
     );
-    // Half of what no coning term would leave.
+    // No coning term would leave over thirty times as much.
     let without = cone.drift(&motion, |i| i.angle_rad);
-    assert!((without / drift - 2.0).abs() < 0.1, "{without} {drift}");
+    assert!(without / drift > 30.0, "{without} {drift}");
 }
 
 /// Oscillation about x and, in phase, along y: `x = A sin wt`, `f_y = B sin wt`. In the axes of

@@ -363,7 +363,6 @@ fn assert_near_truth([position, velocity, heading]: [f64; 3]) {
 
 /// What a receiver without a fix is fond of.
 #[test]
-#[ignore = "positions are not gated: the INS is off by 7 km at once and by 17 m a minute later"]
 fn one_fix_on_null_island_is_forgotten() {
     let position = Some(Geodetic::default());
     let alone = GnssFix {
@@ -383,7 +382,6 @@ fn one_fix_on_null_island_is_forgotten() {
 }
 
 #[test]
-#[ignore = "vertical velocity is gated in the observer only: 22 m of height error from one fix"]
 fn one_wild_vertical_velocity_is_forgotten() {
     let fix = GnssFix {
         velocity_up_mps: Some(2_900.0),
@@ -596,10 +594,9 @@ fn a_snapshot_goes_on_bit_by_bit() {
     assert!(navigator == *CLEAN);
 }
 
-/// Readings within the range that turn by radians in bridged holes: more than the series of a
-/// small rotation bears.
+/// Readings within the range that turn by radians in bridged holes: more than a series of a
+/// small rotation would bear.
 #[test]
-#[ignore = "the quaternion grows without bound: norm 5e14 after two samples, then NaN for good"]
 fn turns_of_radians_across_holes_poison_nothing() {
     for output in [ImuOutput::Rates, ImuOutput::Increments] {
         let mut navigator = Navigator::new(Config {
@@ -635,16 +632,11 @@ fn turns_of_radians_across_holes_poison_nothing() {
         };
         let now = go(&mut navigator, 30.0);
         assert_eq!(navigator.phase(), Phase::Navigating);
-        // In increments a reading of as much as the whole hole holds passes, and fills the hole.
-        let part = match output {
-            ImuOutput::Rates => 1.0,
-            ImuOutput::Increments => 0.45,
-        };
         for k in [1.0, 2.0] {
             let lie = ImuSample {
                 time: now.plus_seconds(0.45 * k),
-                gyro: part * Vector3::repeat(17.9),
-                accel: part * Vector3::repeat(360.0),
+                gyro: unit(Vector3::repeat(17.9)),
+                accel: unit(Vector3::repeat(360.0)),
             };
             assert_eq!(navigator.on_imu(&lie), ImuOutcome::Bridged);
         }

@@ -157,8 +157,10 @@ pub struct Observer {
 /// What became of a difference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// Taken in.
+    /// Taken in, all of it.
     Used,
+    /// Taken in but for the vertical velocity, which is missing or not credible.
+    LevelUsed,
     /// Not credible.
     Outlier,
 }
@@ -393,10 +395,11 @@ impl Observer {
         self.correct_level(&innovation, &by, weight, config);
         let likeness = self.level_noise.measure(&residual.xy(), 2.0);
         self.learn_roughness(likeness);
-        if difference.has_up {
-            self.correct_vertical(&innovation, &by, residual.z, config);
+        if difference.has_up && self.correct_vertical(&innovation, &by, residual.z, config) {
+            Verdict::Used
+        } else {
+            Verdict::LevelUsed
         }
-        Verdict::Used
     }
 
     fn correct_level(
@@ -435,16 +438,19 @@ impl Observer {
         add_row(&mut self.tilt_by.row_mut(1), &level.row(0), tilt_gain);
     }
 
+    /// Returns whether the vertical velocity was credible.
     fn correct_vertical(
         &mut self,
         innovation: &Vector3<f64>,
         by: &ByParameter<3>,
         residual: f64,
         config: &Config,
-    ) {
+    ) -> bool {
         let sigma = math::sqrt(self.vertical_noise.variance + self.vertical.velocity);
         if math::max(residual, -residual) > GATE_SIGMAS * sigma + GATE_MPS {
-            return;
+            // Refused again and again, it is the INS that errs: the gate opens.
+            self.vertical.velocity *= 2.0;
+            return false;
         }
         let weight = math::min(1.0, ROBUST_SIGMAS * sigma / math::max(residual, -residual));
         let floor = 0.01 * config.gnss.velocity_sigma_mps * config.gnss.velocity_sigma_mps;
@@ -463,6 +469,7 @@ impl Observer {
         let _ = self
             .vertical_noise
             .measure(&Vector2::new(residual, 0.0), 1.0);
+        true
     }
 
     /// Solves for the parameters; keeps the last solution if the equations are singular.
