@@ -1,7 +1,6 @@
 //! The aided INS: mechanization under the damping controls, compared with GNSS at the moments of
 //! the fixes, with the estimators on top and their results taken out of the readings.
 
-use heapless::Deque;
 use nalgebra::Vector3;
 
 use crate::alignment::rest::{self, RestBlock, RestDetector, Verdict as RestVerdict};
@@ -20,6 +19,7 @@ use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::mechanization::{Controls, Mechanization, Step};
 use crate::outcome::GnssOutcome;
+use crate::ring::Ring;
 use crate::samples::GnssFix;
 use crate::solution::{Phase, Solution};
 use crate::time::Time;
@@ -72,7 +72,7 @@ pub struct AidedIns {
     compensation: Compensation,
     controls: Controls,
     controls_until: Time,
-    pending: Deque<GnssFix, PENDING>,
+    pending: Ring<GnssFix, PENDING>,
     /// Moment of the last fix that was used.
     last_used: Time,
     refused: u8,
@@ -108,7 +108,7 @@ impl AidedIns {
             },
             controls: Controls::default(),
             controls_until: time,
-            pending: Deque::new(),
+            pending: Ring::default(),
             last_used: time,
             refused: 0,
             rest: RestDetector::default(),
@@ -261,14 +261,14 @@ impl AidedIns {
 
     /// Takes a fix: at once if its moment has passed, else later.
     pub fn on_fix(&mut self, fix: &GnssFix, config: &Config) -> GnssOutcome {
-        let at_once = if self.pending.is_empty() {
+        let at_once = if self.pending.oldest().is_none() {
             self.process(fix, config)
         } else {
             None
         };
         let outcome = match at_once {
             Some(outcome) => outcome,
-            None if self.pending.push_back(*fix).is_ok() => GnssOutcome::Queued,
+            None if self.pending.push(*fix).is_ok() => GnssOutcome::Queued,
             None => GnssOutcome::TooFarAhead,
         };
         let taken = matches!(outcome, GnssOutcome::Accepted | GnssOutcome::Queued);
@@ -279,11 +279,11 @@ impl AidedIns {
     }
 
     fn process_pending(&mut self, config: &Config) {
-        while let Some(fix) = self.pending.front().copied() {
+        while let Some(fix) = self.pending.oldest().copied() {
             if self.process(&fix, config).is_none() {
                 return;
             }
-            self.pending.pop_front();
+            self.pending.pop();
         }
         // Not in the call that took a fix, to keep the longest call short.
         if self.now.time.seconds_since(self.last_solve) >= SOLVE_S {
@@ -395,7 +395,7 @@ impl AidedIns {
         self.history = History::default();
         self.history.push(self.now);
         self.observer.restart(self.now, config.start_tilt_sigma());
-        self.pending.clear();
+        self.pending = Ring::default();
         self.controls = Controls::default();
         self.since = self.now.time;
         self.last_used = self.now.time;

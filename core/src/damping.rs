@@ -45,7 +45,7 @@ impl DampingSignals {
 pub struct Differences {
     /// dV, m/s; None where the fix has no such component.
     pub velocity_en_mps: Option<Vector2<f64>>,
-    /// dV_UP, m/s.
+    /// `dV_UP`, m/s.
     pub velocity_up_mps: Option<f64>,
     /// East, north and dh, m.
     pub position_m: Option<Vector3<f64>>,

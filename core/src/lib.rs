@@ -16,6 +16,7 @@ mod math;
 pub mod mechanization;
 pub mod navigator;
 pub mod outcome;
+mod ring;
 pub mod samples;
 pub mod solution;
 pub mod time;

@@ -63,6 +63,9 @@ enum Mode {
 
 impl Navigator {
     /// A navigator that knows nothing yet.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the first value that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         config.check().map_err(ConfigError)?;
         let mode = Mode::Aligning(Alignment::new(Time::default(), config.prior()));
@@ -180,7 +183,7 @@ impl State {
                 None
             }
         };
-        self.navigate_from(sample.time, aligned, config);
+        self.navigate_from(sample.time, aligned.as_ref(), config);
         if bridged {
             ImuOutcome::Bridged
         } else {
@@ -233,9 +236,9 @@ impl State {
         }
     }
 
-    fn navigate_from(&mut self, time: Time, aligned: Option<Aligned>, config: &Config) {
+    fn navigate_from(&mut self, time: Time, aligned: Option<&Aligned>, config: &Config) {
         if let Some(aligned) = aligned {
-            self.mode = Mode::Navigating(AidedIns::new(time, &aligned, config));
+            self.mode = Mode::Navigating(AidedIns::new(time, aligned, config));
         }
     }
 
@@ -260,7 +263,7 @@ impl State {
             Mode::Navigating(ins) => ins.on_fix(fix, config),
             Mode::Aligning(alignment) => {
                 let aligned = alignment.on_fix(now, fix, config);
-                self.navigate_from(now, aligned, config);
+                self.navigate_from(now, aligned.as_ref(), config);
                 GnssOutcome::Accepted
             }
         };

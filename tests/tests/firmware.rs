@@ -202,7 +202,6 @@ fn a_flood_is_survived_and_accounted_for() -> Result<(), Failure> {
 }
 
 #[test]
-#[ignore = "core still indexes matrices at run time"]
 fn the_core_cannot_panic() -> Result<(), Failure> {
     for board in [Board::CortexM7, Board::CortexM4] {
         image_with(board, "core_only", "panic-never")?;

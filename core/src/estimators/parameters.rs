@@ -5,6 +5,8 @@ use nalgebra::{SVector, Vector2, Vector3};
 
 /// How many there are.
 pub const COUNT: usize = 16;
+/// Elements of a symmetric matrix over them.
+pub const PAIRS: usize = COUNT * (COUNT + 1) / 2;
 
 /// Where each stands in a parameter vector.
 pub mod index {
