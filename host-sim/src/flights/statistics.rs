@@ -23,6 +23,8 @@ impl Figure {
     pub fn of(values: &[f64]) -> Self {
         let mut random = Random::stream(0, "bootstrap");
         let count = values.len();
+        // Below the count, which is small: nothing is cut off but the fraction.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let mut draw = || values[(random.unit() * count as f64) as usize];
         let mut resampled: Vec<f64> = (0..RESAMPLES)
             .map(|_| rms((0..count).map(|_| draw())))
