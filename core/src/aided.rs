@@ -285,7 +285,8 @@ impl AidedIns {
     fn process_pending(&mut self, config: &Config) {
         while let Some(fix) = self.pending.oldest().copied() {
             if self.process(&fix, config).is_none() {
-                return;
+                // With a negative latency some fix may always wait: the equations must not.
+                break;
             }
             self.pending.pop();
         }

@@ -12,6 +12,7 @@ use serde::Serialize;
 
 use crate::aircraft;
 use crate::configure;
+use crate::flights;
 use crate::identify::{Identification, identify};
 use crate::log::{self, BodyAxes, Compression, Grade, Log, Meta};
 use crate::output::{self, OutputError};
@@ -47,6 +48,8 @@ enum Command {
     Fly(aircraft::cli::Fly),
     /// Print the performance and the natural motions of an aircraft.
     Aircraft(aircraft::cli::Table),
+    /// Fly many flights, damped and then free, and report what the estimates are worth.
+    Flights(flights::cli::Flights),
     /// Simulate a drive, identify it, and compare with the truth.
     Demo {
         /// Folder for log and report.
@@ -134,6 +137,7 @@ pub fn run(cli: &Cli) -> Result<()> {
         }
         Command::Fly(options) => aircraft::cli::fly(options, cli.json, cli.force),
         Command::Aircraft(options) => aircraft::cli::table(options, cli.json, cli.force),
+        Command::Flights(options) => flights::cli::flights(options, cli.json, cli.force),
         Command::Demo { out, drive } => demo(out, *drive, cli),
     }
 }

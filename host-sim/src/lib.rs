@@ -4,6 +4,7 @@ pub mod accuracy;
 pub mod aircraft;
 pub mod cli;
 pub mod configure;
+pub mod flights;
 pub mod free_inertial;
 pub mod hil;
 pub mod identify;

@@ -80,7 +80,7 @@ pub fn between(from: &TrueState, to: &TrueState, time_s: f64) -> (Geodetic, Vect
 }
 
 /// The point some metres from another.
-pub(super) fn displaced(from: &Geodetic, moved_enu_m: &Vector3<f64>) -> Geodetic {
+pub(crate) fn displaced(from: &Geodetic, moved_enu_m: &Vector3<f64>) -> Geodetic {
     displaced_on(
         &LocalEarth::at(from.latitude_rad, from.height_m),
         from,

@@ -1,0 +1,92 @@
+//! Root mean square with its confidence interval, and median.
+
+use serde::Serialize;
+
+use crate::sim::noise::Random;
+
+const RESAMPLES: usize = 4000;
+
+/// What many runs say of one error.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Figure {
+    /// Root mean square.
+    pub rms: f64,
+    /// 95 % confidence interval of it: bootstrap, percentiles.
+    pub rms_95: [f64; 2],
+    /// Median.
+    pub median: f64,
+}
+
+impl Figure {
+    /// Of at least one value. Squares of position errors are far from normal, and how far depends
+    /// on what causes them: hence no chi-square.
+    pub fn of(values: &[f64]) -> Self {
+        let mut random = Random::stream(0, "bootstrap");
+        let count = values.len();
+        // Below the count, which is small: nothing is cut off but the fraction.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let mut draw = || values[(random.unit() * count as f64) as usize];
+        let mut resampled: Vec<f64> = (0..RESAMPLES)
+            .map(|_| rms((0..count).map(|_| draw())))
+            .collect();
+        resampled.sort_by(f64::total_cmp);
+        let tail = RESAMPLES / 40;
+        Self {
+            rms: rms(values.iter().copied()),
+            rms_95: [resampled[tail], resampled[RESAMPLES - 1 - tail]],
+            median: median(values),
+        }
+    }
+
+    /// In another unit.
+    #[must_use]
+    pub fn scaled(&self, by: f64) -> Self {
+        Self {
+            rms: by * self.rms,
+            rms_95: self.rms_95.map(|bound| by * bound),
+            median: by * self.median,
+        }
+    }
+}
+
+/// Root mean square of at least one value.
+pub fn rms(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = values.len() as f64;
+    f64::sqrt(values.map(|v| v * v).sum::<f64>() / count)
+}
+
+fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let (low, high) = ((sorted.len() - 1) / 2, sorted.len() / 2);
+    0.5 * (sorted[low] + sorted[high])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_of_a_few_values() {
+        let figure = Figure::of(&[3.0, 4.0, 5.0, 4.0]);
+        assert!((figure.rms - 16.5_f64.sqrt()).abs() < 1e-12);
+        assert!((figure.median - 4.0).abs() < 1e-12);
+        assert!(figure.rms_95[0] >= 3.0 && figure.rms_95[1] <= 5.0);
+    }
+
+    /// The interval holds the true RMS of normal errors about as often as it says.
+    #[test]
+    fn the_interval_covers_what_it_says() {
+        let mut random = Random::stream(7, "coverage");
+        let trials = 300;
+        let covered = (0..trials)
+            .filter(|_| {
+                let values: Vec<f64> = (0..100).map(|_| random.normal()).collect();
+                let [low, high] = Figure::of(&values).rms_95;
+                (low..high).contains(&1.0)
+            })
+            .count();
+        // 95 % of 300 is 285 +- 3.8; percentile intervals of 100 values cover some 93 %.
+        assert!((264..=297).contains(&covered), "{covered}");
+    }
+}
