@@ -10,6 +10,7 @@ use ins_core::earth::wrap_pi;
 use miette::{IntoDiagnostic, Result, bail, miette};
 use serde::Serialize;
 
+use crate::accuracy;
 use crate::aircraft;
 use crate::configure;
 use crate::identify::{Identification, identify};
@@ -47,6 +48,8 @@ enum Command {
     Fly(aircraft::cli::Fly),
     /// Print the performance and the natural motions of an aircraft.
     Aircraft(aircraft::cli::Table),
+    /// Run many simulated drives and say how good the estimates are.
+    Accuracy(accuracy::cli::Accuracy),
     /// Simulate a drive, identify it, and compare with the truth.
     Demo {
         /// Folder for log and report.
@@ -92,11 +95,20 @@ struct Identify {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum SimulatedGrade {
+pub(crate) enum SimulatedGrade {
     /// Ring lasers of 1 deg/h.
     Hg1700,
     /// Consumer MEMS.
     Mems,
+}
+
+impl From<SimulatedGrade> for sim::Grade {
+    fn from(grade: SimulatedGrade) -> Self {
+        match grade {
+            SimulatedGrade::Hg1700 => Self::Hg1700,
+            SimulatedGrade::Mems => Self::Mems,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -109,7 +121,7 @@ enum GradeChoice {
     Mems,
 }
 
-fn minutes(text: &str) -> Result<f64, String> {
+pub(crate) fn minutes(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(minutes) if (1.0..=1440.0).contains(&minutes) => Ok(minutes),
         _ => Err("minutes from 1 to 1440".to_owned()),
@@ -134,6 +146,7 @@ pub fn run(cli: &Cli) -> Result<()> {
         }
         Command::Fly(options) => aircraft::cli::fly(options, cli.json, cli.force),
         Command::Aircraft(options) => aircraft::cli::table(options, cli.json, cli.force),
+        Command::Accuracy(options) => accuracy::cli::accuracy(options, cli.json, cli.force),
         Command::Demo { out, drive } => demo(out, *drive, cli),
     }
 }
@@ -349,7 +362,7 @@ fn print_summary(summary: &Summary, truth: Option<&Truth>, out: &Path, json: boo
     Ok(())
 }
 
-fn bar() -> ProgressBar {
+pub(crate) fn bar() -> ProgressBar {
     let style = ProgressStyle::with_template("{msg:<14} {bar:40} {percent:>3} % {eta}");
     let bar = ProgressBar::new(0);
     if let Ok(style) = style {

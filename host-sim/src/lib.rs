@@ -13,5 +13,6 @@ pub mod quantities;
 pub mod report;
 pub mod sim;
 pub mod summary;
+pub mod table;
 pub mod tables;
 pub mod truth;
