@@ -63,6 +63,15 @@ pub fn from_matrix(c: Matrix3<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(c))
 }
 
+/// The same attitude with `by_rad` added to its heading, an angle of any size.
+pub fn turned(attitude: &UnitQuaternion<f64>, by_rad: f64) -> UnitQuaternion<f64> {
+    let turn = from_euler(&Euler {
+        heading_rad: by_rad,
+        ..Euler::default()
+    });
+    renormalized(turn.as_ref() * attitude.as_ref())
+}
+
 /// The rotation by a vector of some tenths of a radian at most, as a quaternion.
 ///
 /// Taylor series to the sixth power: error below 1e-13 for 0.1 rad, 3e-8 for 0.5 rad.

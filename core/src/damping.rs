@@ -1,22 +1,51 @@
 //! Damping loops: how GNSS differences act on the INS.
 
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
 use crate::config::{DampingConfig, SecondOrder};
 use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::math;
 use crate::mechanization::Controls;
+use crate::time::Time;
 
 /// Largest product of a loop's bandwidth and the interval between fixes: the controls are held
 /// from fix to fix, and beyond this the hold itself eats the damping.
 const HELD_BANDWIDTH: f64 = 0.5;
 
+/// What the last accepted fix did to the INS.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct DampingSignals {
+    /// Stamp of the fix.
+    pub time: Time,
+    /// Velocity of the INS minus that of the fix, ENU, m/s.
+    pub difference_enu_mps: Vector3<f64>,
+    /// f^C: correction into the velocity block, ENU, m/s^2.
+    pub accel_enu_mps2: Vector3<f64>,
+    /// omega^C: correction into the attitude block, ENU, rad/s.
+    pub rate_enu_radps: Vector3<f64>,
+}
+
+impl DampingSignals {
+    pub(crate) fn of(time: Time, differences: &Differences, controls: &Controls) -> Self {
+        let level = differences.velocity_en_mps.unwrap_or_default();
+        let up = differences.velocity_up_mps.unwrap_or_default();
+        Self {
+            time,
+            difference_enu_mps: Vector3::new(level.x, level.y, up),
+            accel_enu_mps2: controls.accel_mps2,
+            rate_enu_radps: controls.rate_radps,
+        }
+    }
+}
+
 /// INS minus GNSS at one moment, ENU.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Differences {
     /// dV, m/s; None where the fix has no such component.
-    pub velocity_en_mps: Option<nalgebra::Vector2<f64>>,
-    /// dV_UP, m/s.
+    pub velocity_en_mps: Option<Vector2<f64>>,
+    /// `dV_UP`, m/s.
     pub velocity_up_mps: Option<f64>,
     /// East, north and dh, m.
     pub position_m: Option<Vector3<f64>>,

@@ -1,9 +1,9 @@
 //! The recent past of the INS, for data that arrives late: a fixed-size ring.
 
-use heapless::Deque;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::earth::GRAVITY_EQUATOR_MPS2;
+use crate::ring::Ring;
 use crate::time::Time;
 
 /// Least time between two moments in the ring, s.
@@ -86,32 +86,26 @@ pub enum Missing {
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct History {
-    moments: Deque<Moment, CAPACITY>,
+    moments: Ring<Moment, CAPACITY>,
 }
 
 impl History {
-    /// Forgets everything.
-    pub fn clear(&mut self) {
-        self.moments.clear();
-    }
-
     /// Whether enough time has passed since the newest moment for the next.
     pub fn wants(&self, time: Time) -> bool {
         self.moments
-            .back()
+            .newest()
             .is_none_or(|newest| time.seconds_since(newest.time) >= SPACING_S)
     }
 
     /// Adds the newest moment, dropping the oldest if full.
     pub fn push(&mut self, moment: Moment) {
-        if self.moments.is_full() {
-            self.moments.pop_front();
-        }
-        // Cannot fail: there is room now.
-        let _ = self.moments.push_back(moment);
+        self.moments.push_over(moment);
     }
 
     /// The INS at `time`, which needs a moment of the ring after the interval that holds it.
+    ///
+    /// # Errors
+    /// [`Missing`] if it does not lie in the ring.
     pub fn at(&self, time: Time) -> Result<Past, Missing> {
         let mut newer = self.moments.iter().rev();
         let (Some(mut last), Some(mut later)) = (newer.next(), newer.next()) else {

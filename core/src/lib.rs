@@ -1,6 +1,7 @@
 //! Strapdown inertial navigation damped by GNSS velocity, which finds its own sensor errors.
 #![no_std]
 
+mod aided;
 pub mod alignment;
 pub mod attitude;
 pub mod config;
@@ -15,6 +16,7 @@ mod math;
 pub mod mechanization;
 pub mod navigator;
 pub mod outcome;
+mod ring;
 pub mod samples;
 pub mod solution;
 pub mod time;

@@ -5,7 +5,7 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-use crate::attitude::{Euler, euler, from_euler, matrix, renormalized, small_rotation};
+use crate::attitude::{euler, matrix, renormalized, small_rotation, turned};
 use crate::earth::{Geodetic, LatitudeTrig, LocalEarth, wrap_pi};
 use crate::increments::Interval;
 
@@ -122,11 +122,7 @@ impl Mechanization {
 
     /// Adds to the heading an angle of any size, rad.
     pub fn turn_heading(&mut self, by_rad: f64) {
-        let turn = from_euler(&Euler {
-            heading_rad: by_rad,
-            ..Euler::default()
-        });
-        self.attitude = renormalized(turn.as_ref() * self.attitude.as_ref());
+        self.attitude = turned(&self.attitude, by_rad);
     }
 
     /// Turns the platform by a small `Phi`: afterwards `C' = (I - [Phi x]) C` of before.

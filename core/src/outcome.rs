@@ -22,7 +22,8 @@ pub enum ImuOutcome {
     OutOfRange,
 }
 
-/// What became of a GNSS fix. Unless it says `Accepted` or `Queued`, the state is as it was.
+/// What became of a GNSS fix. Unless it says `Accepted` or `Queued`, the solution and the
+/// estimates are as they were.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -46,6 +47,6 @@ pub enum GnssOutcome {
     TooFarAhead,
     /// Latitude, height or speed no vehicle on Earth has.
     OutOfRange,
-    /// Velocity too far from the INS to be true.
+    /// Velocity too far from the INS to be true; after ten in a row the INS starts again from one.
     Outlier,
 }

@@ -2,6 +2,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
+use crate::config::Config;
 use crate::earth::Geodetic;
 use crate::time::Time;
 
@@ -47,4 +48,26 @@ pub struct GnssFix {
     pub velocity_up_mps: Option<f64>,
     /// One-sigma noise of a velocity component as the receiver states it, m/s.
     pub velocity_sigma_mps: Option<f64>,
+}
+
+/// Speed above which GNSS says that the vehicle moves, m/s, and sigmas of its noise on top.
+const MOTION_MPS: f64 = 0.2;
+const MOTION_SIGMAS: f64 = 4.0;
+
+impl GnssFix {
+    /// Velocity ENU, m/s; zero where a component is missing.
+    pub fn velocity_enu_mps(&self) -> Vector3<f64> {
+        let level = self.velocity_en_mps.unwrap_or_default();
+        Vector3::new(level.x, level.y, self.velocity_up_mps.unwrap_or_default())
+    }
+
+    /// Horizontal speed, m/s.
+    pub fn speed_mps(&self) -> f64 {
+        self.velocity_en_mps.unwrap_or_default().norm()
+    }
+
+    /// Whether the speed is above its noise.
+    pub(crate) fn is_moving(&self, config: &Config) -> bool {
+        self.speed_mps() > MOTION_MPS + MOTION_SIGMAS * config.gnss.velocity_sigma_mps
+    }
 }

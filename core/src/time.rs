@@ -10,6 +10,8 @@ pub struct Time {
     micros: i64,
 }
 
+// Stamps within the bound of `from_seconds` are exact in f64 to a microsecond over 285 years.
+#[allow(clippy::cast_possible_truncation, clippy::cast_precision_loss)]
 impl Time {
     /// The instant `micros` microseconds after the origin of the scale.
     pub const fn from_micros(micros: i64) -> Self {

@@ -1,8 +1,9 @@
 //! The firmware's images, built as its README says.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use host_sim::hil::Board;
+use object::{Object as _, ObjectSection as _};
 
 use crate::cargo::{build_folder, cargo, require_target, succeed};
 
@@ -10,19 +11,31 @@ const TARGET: &str = "thumbv7em-none-eabihf";
 
 /// Builds a program of the firmware for a board.
 pub fn image(board: Board, program: &str) -> Result<PathBuf, String> {
+    image_with(board, program, "")
+}
+
+/// Builds a program of the firmware with some of its features.
+pub fn image_with(board: Board, program: &str, features: &str) -> Result<PathBuf, String> {
     require_target(TARGET)?;
     let config = board.cargo_config();
-    succeed(cargo("firmware-example", config).args([
-        "build",
-        "--release",
-        "--locked",
-        "--config",
-        config,
-        "--bin",
-        program,
-    ]))?;
+    let mut command = cargo("firmware-example", config);
+    command.args(["build", "--release", "--locked", "--config", config]);
+    succeed(command.args(["--bin", program, "--features", features]))?;
     Ok(build_folder(config)
         .join(TARGET)
         .join("release")
         .join(program))
+}
+
+/// Bytes of code and constants in an image.
+pub fn flash_bytes(image: &Path) -> Result<u64, String> {
+    let explain = |error: &dyn std::fmt::Display| format!("{}: {error}", image.display());
+    let bytes = std::fs::read(image).map_err(|error| explain(&error))?;
+    let file = object::File::parse(&*bytes).map_err(|error| explain(&error))?;
+    let flash = |section: &object::Section| matches!(section.name(), Ok(".text" | ".rodata"));
+    Ok(file
+        .sections()
+        .filter(flash)
+        .map(|section| section.size())
+        .sum())
 }

@@ -3,92 +3,147 @@
 use std::io::{Read, Write};
 use std::time::Duration;
 
-use host_sim::hil::emulator::Pace;
+use host_sim::hil::emulator::{Pace, replay};
 use host_sim::hil::twin::same_bits;
 use host_sim::hil::{Board, Emulator, HilError, Session, Twin};
 use host_sim::sim::{DriveConfig, Grade, simulate};
 use ins_core::{Config, Phase};
-use ins_link::{Decoder, Reply, Request, encode};
-use ins_tests::firmware::image;
-use ins_tests::requests::requests;
+use ins_link::{Decoder, Reply, Request, SampleReply, encode};
+use ins_tests::firmware::{image, image_with};
+use ins_tests::requests::{decode, encode_all, requests};
 
 type Failure = Box<dyn std::error::Error>;
 
-/// A board in the emulator with a fresh image.
-struct Bench {
-    session: Session<Emulator>,
-    _log: tempfile::TempDir,
-}
-
-impl Bench {
-    fn new(board: Board) -> Result<Self, Failure> {
-        let image = image(board, "ins-firmware")?;
-        let log = tempfile::tempdir()?;
-        let emulator = Emulator::boot(board, &image, Pace::Fast, &log.path().join("defmt.bin"))?;
-        Ok(Self {
-            session: Session::open(emulator, 1)?,
-            _log: log,
-        })
-    }
-}
-
-/// A drive: a minute of rest for the gyrocompass, then starts and turns with everything running.
-fn every_bit(board: Board) -> Result<(), Failure> {
+/// A drive: rest, a minute where a gyrocompass wants it, then starts and turns with everything
+/// running.
+fn drive(grade: Grade, minutes: f64) -> (Config, Vec<Request>) {
+    let (config, rest_s) = match grade {
+        Grade::Mems => (Config::mems(), 12.0),
+        Grade::Hg1700 | Grade::Ideal => (Config::hg1700(), 62.0),
+    };
     let drive = DriveConfig {
-        initial_rest_s: Some([62.0, 63.0]),
-        ..DriveConfig::new(3, Grade::Hg1700, 2.5)
+        initial_rest_s: Some([rest_s, rest_s + 1.0]),
+        ..DriveConfig::new(3, grade, minutes)
     };
-    let config = Config {
-        imu_output: drive.recording.errors.imu.output,
-        ..Config::hg1700()
-    };
-    let requests = requests(&simulate(&drive));
-    let mut bench = Bench::new(board)?;
-    bench.session.start(config, 1)?;
+    let imu_output = drive.recording.errors.imu.output;
+    (
+        Config {
+            imu_output,
+            ..config
+        },
+        requests(&simulate(&drive)),
+    )
+}
 
+/// The host's answers; the drive must have had enough of everything to show something.
+fn expected(config: Config, requests: &[Request]) -> Result<Vec<Reply>, Failure> {
     let mut twin = Twin::start(config, 1).map_err(|error| error.0)?;
-    let expected: Vec<Reply> = requests
+    let replies: Vec<Reply> = requests
         .iter()
         .filter_map(|request| twin.answer(request))
         .collect();
-    let mut answered = expected.iter();
-    let mut navigating = 0;
-    let mut check = |reply: Reply| {
-        let expected = answered.next().expect("one answer for a request");
-        if !same_bits(&reply, expected) {
-            let text = format!("the board says {reply:?}\nthe host says {expected:?}");
+    let navigated = |reply: &&Reply| {
+        matches!(
+            reply,
+            Reply::Imu(Ok(SampleReply {
+                phase: Phase::Navigating,
+                ..
+            }))
+        )
+    };
+    let estimated = |reply: &&Reply| {
+        matches!(
+            reply,
+            Reply::Imu(Ok(SampleReply {
+                estimates: Some(_),
+                ..
+            }))
+        )
+    };
+    let navigated = replies.iter().filter(navigated).count();
+    let estimated = replies.iter().filter(estimated).count();
+    assert!(
+        navigated > requests.len() / 4,
+        "only {navigated} samples were navigated"
+    );
+    assert!(
+        estimated > 20,
+        "the estimates changed only {estimated} times"
+    );
+    Ok(replies)
+}
+
+fn compare(replies: &[Reply], expected: &[Reply]) -> Result<(), HilError> {
+    for (index, (reply, expected)) in replies.iter().zip(expected).enumerate() {
+        if !same_bits(reply, expected) {
+            let text = format!("{index}: the board says {reply:?}\nthe host says {expected:?}");
             return Err(HilError::Confused(text));
         }
-        if let Reply::Imu(Ok(sample)) = reply {
-            navigating += u32::from(sample.phase == Phase::Navigating);
-        }
-        Ok(())
-    };
-    for request in &requests {
-        bench.session.send(request, &mut check)?;
     }
-    bench.session.finish(&mut check)?;
+    assert_eq!(replies.len(), expected.len(), "one answer for a request");
+    Ok(())
+}
 
-    assert_eq!(answered.len(), 0);
-    assert!(
-        navigating > 6000,
-        "only {navigating} samples were navigated: the test shows little"
-    );
-    let status = bench.session.status()?;
-    assert_eq!(status.bytes_lost, 0);
-    assert_eq!(status.link.accepted as usize, requests.len() + 3);
-    assert_eq!(bench.session.counters().skipped, 0);
+/// Every solution after every sample, every estimate whenever it changes, every damping signal.
+fn every_bit(board: Board, grade: Grade, minutes: f64) -> Result<(), Failure> {
+    let (config, samples) = drive(grade, minutes);
+    let expected = expected(config, &samples)?;
+    let mut all = vec![
+        Request::Hello { session: 1 },
+        Request::Start {
+            config,
+            estimates_every: 1,
+        },
+    ];
+    all.extend(samples);
+    let image = image(board, "replay")?;
+    let replies = decode(&replay(board, &image, Pace::Fast, &encode_all(&all))?);
+    compare(&replies[2..], &expected)?;
     Ok(())
 }
 
 #[test]
 fn every_bit_on_cortex_m7() -> Result<(), Failure> {
-    every_bit(Board::CortexM7)
+    every_bit(Board::CortexM7, Grade::Hg1700, 10.0)
+}
+
+#[test]
+fn every_bit_on_cortex_m7_with_poor_sensors() -> Result<(), Failure> {
+    every_bit(Board::CortexM7, Grade::Mems, 10.0)
 }
 
 #[test]
 fn every_bit_on_cortex_m4() -> Result<(), Failure> {
-    every_bit(Board::CortexM4)
+    every_bit(Board::CortexM4, Grade::Hg1700, 4.0)
+}
+
+/// The same through the real way in and out: interrupt, queue, UART.
+#[test]
+fn every_bit_over_the_uart() -> Result<(), Failure> {
+    let (config, requests) = drive(Grade::Mems, 1.0);
+    let expected = expected(config, &requests)?;
+    let image = image(Board::CortexM7, "ins-firmware")?;
+    let log = tempfile::tempdir()?;
+    let log = log.path().join("defmt.bin");
+    let emulator = Emulator::boot(Board::CortexM7, &image, Pace::Fast, &log)?;
+    let mut session = Session::open(emulator, 1)?;
+    session.start(config, 1)?;
+    let mut replies = Vec::new();
+    let mut keep = |reply| {
+        replies.push(reply);
+        Ok(())
+    };
+    for request in &requests {
+        session.send(request, &mut keep)?;
+    }
+    session.finish(&mut keep)?;
+    compare(&replies, &expected)?;
+
+    let status = session.status()?;
+    assert_eq!(status.bytes_lost, 0);
+    assert_eq!(status.link.accepted as usize, requests.len() + 3);
+    assert_eq!(session.counters().skipped, 0);
+    Ok(())
 }
 
 /// Far more requests at once than the board's queue holds, the last one broken off.
@@ -143,5 +198,13 @@ fn a_flood_is_survived_and_accounted_for() -> Result<(), Failure> {
         decoder.counters.accepted, status.link.accepted,
         "the board answers what it takes"
     );
+    Ok(())
+}
+
+#[test]
+fn the_core_cannot_panic() -> Result<(), Failure> {
+    for board in [Board::CortexM7, Board::CortexM4] {
+        image_with(board, "core_only", "panic-never")?;
+    }
     Ok(())
 }

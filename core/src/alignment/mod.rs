@@ -1,6 +1,319 @@
 //! Alignment: roll and pitch from rest or from a coarse mean, heading from the gyros or from
 //! motion.
+//!
+//! Levelling ends with a heading that is given or gyrocompassed, or else with an INS that is
+//! level but points anywhere: it runs free until motion shows where it points.
 
 pub mod heading_from_motion;
 pub mod levelling;
 pub mod rest;
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
+
+use self::heading_from_motion::MotionSums;
+use self::levelling::RestMean;
+use self::rest::{RestDetector, Verdict};
+use crate::attitude::{matrix, turned};
+use crate::config::{Config, Feedback, HeadingSource};
+use crate::earth::{GRAVITY_EQUATOR_MPS2, Geodetic, LocalEarth};
+use crate::estimators::parameters::{Parameters, index};
+use crate::increments::Interval;
+use crate::math;
+use crate::mechanization::{Controls, Mechanization};
+use crate::samples::GnssFix;
+use crate::solution::Phase;
+use crate::time::Time;
+
+/// Rest wanted for levelling, and for gyrocompassing, s.
+const LEVEL_S: f64 = 8.0;
+const GYROCOMPASS_S: f64 = 60.0;
+/// Rest that is enough if motion ends it, s.
+const LEAST_REST_S: f64 = 2.0;
+/// Longest wait for rest, s; shorter when GNSS shows motion.
+const WAIT_S: f64 = 20.0;
+const WAIT_MOVING_S: f64 = 3.0;
+/// Speed that shows motion beyond doubt, m/s.
+const MOVING_MPS: f64 = 1.0;
+/// Time constant of the mean that levels a start in motion, s.
+const COARSE_S: f64 = 2.0;
+/// Largest spread of a heading that is good enough to navigate on, rad.
+const HEADING_SIGMA_RAD: f64 = 0.3;
+/// Spread of a heading from motion beyond what its fit says, rad: latency in turns.
+const MOTION_SIGMA_RAD: f64 = 0.05;
+/// Longest window for the heading from motion, s.
+const WINDOW_S: f64 = 40.0;
+/// Spread of GNSS velocity over a window without motion to speak of, m/s.
+const STEADY_MPS: f64 = 0.2;
+
+/// Where navigation can start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Aligned {
+    /// Body to ENU.
+    pub attitude: UnitQuaternion<f64>,
+    /// Spread of its heading, rad.
+    pub heading_sigma_rad: f64,
+    /// The fix to start from; it has a position.
+    pub fix: GnssFix,
+    /// What is known of the sensors.
+    pub known: Parameters,
+}
+
+/// Alignment going on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Alignment {
+    start: Time,
+    known: Parameters,
+    detector: RestDetector,
+    rest: RestMean,
+    /// Mean of the last seconds, at rest or not.
+    coarse_force_mps2: Option<Vector3<f64>>,
+    last_fix: Option<GnssFix>,
+    finding: Option<Finding>,
+}
+
+/// A level INS that points anywhere, and what it has seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Finding {
+    ins: Mechanization,
+    motion: MotionSums,
+    since: Time,
+}
+
+impl Finding {
+    fn start(time: Time, position: Geodetic, attitude: UnitQuaternion<f64>) -> Self {
+        Self {
+            ins: Mechanization::new(position, Vector3::zeros(), attitude),
+            motion: MotionSums::default(),
+            since: time,
+        }
+    }
+}
+
+impl Alignment {
+    /// Begins with levelling.
+    pub fn new(start: Time, known: Parameters) -> Self {
+        Self {
+            start,
+            known,
+            detector: RestDetector::default(),
+            rest: RestMean::default(),
+            coarse_force_mps2: None,
+            last_fix: None,
+            finding: None,
+        }
+    }
+
+    /// Begins again after a hole: roll and pitch are kept as a start, heading has to be found.
+    pub fn resume(
+        time: Time,
+        position: Geodetic,
+        attitude: UnitQuaternion<f64>,
+        known: Parameters,
+    ) -> Self {
+        Self {
+            finding: Some(Finding::start(time, position, attitude)),
+            ..Self::new(time, known)
+        }
+    }
+
+    /// How far it has come.
+    pub fn phase(&self) -> Phase {
+        if self.finding.is_some() {
+            Phase::FindingHeading
+        } else {
+            Phase::Levelling
+        }
+    }
+
+    /// What is known of the sensors.
+    pub fn known(&self) -> &Parameters {
+        &self.known
+    }
+
+    /// Inertial samples are missing before `time`.
+    pub fn on_hole(&mut self, time: Time) {
+        let finding = self
+            .finding
+            .map(|f| Finding::start(time, f.ins.position, f.ins.attitude));
+        *self = Self {
+            finding,
+            last_fix: self.last_fix,
+            ..Self::new(time, self.known)
+        };
+    }
+
+    /// Takes the interval that ends at `time`.
+    pub fn on_interval(
+        &mut self,
+        time: Time,
+        interval: &Interval,
+        config: &Config,
+    ) -> Option<Aligned> {
+        let verdict = self.detector.on_interval(interval);
+        let Some(finding) = &mut self.finding else {
+            self.level_coarsely(interval);
+            return self.level(time, verdict?, config);
+        };
+        let gyro_radps = compensation(&self.known, config);
+        let interval = interval.without_bias(&gyro_radps, &self.known.vector(index::ACCEL));
+        finding.ins.step(&interval, &Controls::default());
+        if let Some(Verdict::Rest(block)) = verdict {
+            let mut rest = RestMean::default();
+            rest.add(&block);
+            self.level_again(time, &rest, config);
+        }
+        None
+    }
+
+    /// Takes a fix; `now` is the last inertial stamp.
+    pub fn on_fix(&mut self, now: Time, fix: &GnssFix, config: &Config) -> Option<Aligned> {
+        self.last_fix = Some(*fix);
+        if fix.is_moving(config) {
+            self.detector.on_motion();
+        }
+        let (velocity, position) = (fix.velocity_en_mps?, fix.position?);
+        let finding = self.finding.as_mut()?;
+        let seconds = now.seconds_since(finding.since);
+        let ins = &mut finding.ins;
+        finding
+            .motion
+            .add(seconds, &ins.velocity_enu_mps.xy(), &velocity);
+        if let Some(fit) = finding.motion.fit() {
+            ins.turn_heading(-fit.rotation_rad);
+            ins.turn_platform(&-tilt_of_slope(&fit.slope_mps2));
+            return Some(Aligned {
+                attitude: ins.attitude,
+                heading_sigma_rad: 3.0 * fit.sigma_rad + MOTION_SIGMA_RAD,
+                fix: *fix,
+                known: self.known,
+            });
+        }
+        if seconds > WINDOW_S {
+            let steady = finding.motion.gnss_spread() < STEADY_MPS;
+            if let (Some(slope), true) = (finding.motion.ins_slope(), steady) {
+                ins.turn_platform(&-tilt_of_slope(&slope));
+            }
+            *finding = Finding::start(now, position, ins.attitude);
+        }
+        None
+    }
+
+    fn level_coarsely(&mut self, interval: &Interval) {
+        let force = interval.force_mps / interval.seconds;
+        let mean = self.coarse_force_mps2.get_or_insert(force);
+        *mean += math::min(interval.seconds / COARSE_S, 1.0) * (force - *mean);
+    }
+
+    fn level(&mut self, time: Time, verdict: Verdict, config: &Config) -> Option<Aligned> {
+        if let Verdict::Rest(block) = verdict {
+            self.rest.add(&block);
+        }
+        let fix = self.last_fix?;
+        let position = fix.position?;
+        let earth = LocalEarth::at(position.latitude_rad, position.height_m);
+        let moving = verdict == Verdict::Motion;
+        let waited = time.seconds_since(self.start);
+        let compass = config.heading == HeadingSource::Auto
+            && levelling::gyrocompass_sigma(&config.sensors, &earth, GYROCOMPASS_S)
+                < HEADING_SIGMA_RAD;
+        let wanted = if compass { GYROCOMPASS_S } else { LEVEL_S };
+        if self.rest.seconds >= wanted || (moving && self.rest.seconds >= LEAST_REST_S) {
+            self.level_from_rest(time, &fix, position, &earth, config)
+        } else if waited > WAIT_S
+            || (waited > WAIT_MOVING_S && moving && fix.speed_mps() > MOVING_MPS)
+        {
+            let level = levelling::level(&self.coarse_force_mps2?, 0.0);
+            self.levelled(time, &fix, position, level, None, config)
+        } else {
+            None
+        }
+    }
+
+    fn level_from_rest(
+        &mut self,
+        time: Time,
+        fix: &GnssFix,
+        position: Geodetic,
+        earth: &LocalEarth,
+        config: &Config,
+    ) -> Option<Aligned> {
+        let rest = self.rest;
+        let level = levelling::level(&rest.force_mps2, 0.0);
+        let attitude = matrix(&level);
+        self.learn_gyros(&rest, &attitude, earth, config);
+        let sigma = levelling::gyrocompass_sigma(&config.sensors, earth, rest.seconds);
+        let compass = (config.heading == HeadingSource::Auto && sigma < HEADING_SIGMA_RAD)
+            .then(|| (levelling::gyrocompass(&attitude, &rest.rate_radps), sigma));
+        self.levelled(time, fix, position, level, compass, config)
+    }
+
+    /// Ends levelling: with a heading, or else by looking for one.
+    fn levelled(
+        &mut self,
+        time: Time,
+        fix: &GnssFix,
+        position: Geodetic,
+        level: UnitQuaternion<f64>,
+        compass: Option<(f64, f64)>,
+        config: &Config,
+    ) -> Option<Aligned> {
+        let heading = match config.heading {
+            HeadingSource::Given(heading) => Some((heading, HEADING_SIGMA_RAD)),
+            HeadingSource::Auto | HeadingSource::Motion => compass,
+        };
+        let Some((heading_rad, heading_sigma_rad)) = heading else {
+            self.finding = Some(Finding::start(time, position, level));
+            return None;
+        };
+        let attitude = turned(&level, heading_rad);
+        Some(Aligned {
+            attitude,
+            heading_sigma_rad,
+            fix: *fix,
+            known: self.known,
+        })
+    }
+
+    /// At rest the wandering INS is levelled again and again.
+    fn level_again(&mut self, time: Time, rest: &RestMean, config: &Config) {
+        let Some(Finding { ins, .. }) = self.finding else {
+            return;
+        };
+        self.learn_gyros(rest, &matrix(&ins.attitude), &ins.local_earth(), config);
+        let force = rest.force_mps2 - self.known.vector(index::ACCEL);
+        let attitude = levelling::level(&force, ins.heading_rad());
+        self.finding = Some(Finding::start(time, ins.position, attitude));
+    }
+
+    /// What gyros read at rest beyond the Earth rate is bias; the level Earth rate is unknown
+    /// until heading is.
+    fn learn_gyros(
+        &mut self,
+        rest: &RestMean,
+        attitude: &Matrix3<f64>,
+        earth: &LocalEarth,
+        config: &Config,
+    ) {
+        let rate = earth.earth_rate();
+        let bias = rest.rate_radps - attitude.tr_mul(&Vector3::new(0.0, 0.0, rate.z));
+        let variance = rest::gyro_variance(&config.sensors, rest.seconds) + rate.y * rate.y;
+        for (axis, bias) in bias.iter().enumerate() {
+            self.known.learn(index::GYRO + axis, *bias, variance);
+        }
+    }
+}
+
+/// Gyro biases that are taken out of readings.
+pub(crate) fn compensation(known: &Parameters, config: &Config) -> Vector3<f64> {
+    match config.feedback {
+        Feedback::Closed => known.vector(index::GYRO),
+        Feedback::Open => Vector3::zeros(),
+    }
+}
+
+/// Level tilt that makes the INS velocity run away at a slope: `dV_E' = -g Phi_N`.
+fn tilt_of_slope(slope_mps2: &Vector2<f64>) -> Vector3<f64> {
+    Vector3::new(slope_mps2.y, -slope_mps2.x, 0.0) / GRAVITY_EQUATOR_MPS2
+}

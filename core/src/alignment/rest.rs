@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use crate::config::SensorConfig;
 use crate::increments::Interval;
 
 /// Length of a block, s.
@@ -14,6 +15,14 @@ const GYRO_SPREAD_RADPS: f64 = 0.02;
 const ACCEL_STEP_MPS2: f64 = 0.15;
 /// Largest change of the mean angular rate from block to block, rad/s.
 const GYRO_STEP_RADPS: f64 = 0.003;
+
+/// Rate of a vehicle standing with people in it, rad/s in the mean of a second.
+const SWAY_RADPS: f64 = 3e-4;
+
+/// Variance of a gyro bias read at rest for some time, (rad/s)^2.
+pub(crate) fn gyro_variance(sensors: &SensorConfig, seconds: f64) -> f64 {
+    (sensors.gyro_noise * sensors.gyro_noise + SWAY_RADPS * SWAY_RADPS) / seconds
+}
 
 /// Means over one block of a second at rest, body axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -2,18 +2,17 @@
 //!
 //! `matrix * parameters = vector`; the matrix is the information, the observability in physical
 //! units. Nothing is inverted until an answer is asked for.
-// Every index runs over 0..N of arrays of N.
-#![allow(clippy::indexing_slicing, clippy::needless_range_loop)]
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SVector;
 
+use super::triangle::Triangle;
 use crate::math;
 
-/// Normal equations of `N` parameters.
+/// Normal equations of `N` parameters; `T` is `N (N + 1) / 2`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Information<const N: usize> {
-    matrix: SMatrix<f64, N, N>,
+pub struct Information<const N: usize, const T: usize> {
+    matrix: Triangle<N, T>,
     vector: SVector<f64, N>,
 }
 
@@ -26,12 +25,12 @@ pub struct Solved<const N: usize> {
     pub variance: SVector<f64, N>,
 }
 
-impl<const N: usize> Information<N> {
+impl<const N: usize, const T: usize> Information<N, T> {
     /// Independent prior knowledge: mean and standard deviation of each parameter (positive).
     pub fn from_prior(mean: &SVector<f64, N>, sigma: &SVector<f64, N>) -> Self {
         let weight = sigma.map(|s| 1.0 / (s * s));
         Self {
-            matrix: SMatrix::from_diagonal(&weight),
+            matrix: Triangle::from_diagonal(&weight),
             vector: weight.component_mul(mean),
         }
     }
@@ -43,137 +42,74 @@ impl<const N: usize> Information<N> {
 
     /// Adds `weight` times the row `coefficients . parameters = measured`.
     pub fn add(&mut self, coefficients: &SVector<f64, N>, measured: f64, weight: f64) {
-        let weighted = coefficients * weight;
-        self.matrix += weighted * coefficients.transpose();
-        self.vector += weighted * measured;
+        self.matrix.add_square(coefficients, weight);
+        self.vector += coefficients * (weight * measured);
     }
 
     /// Adds a direct measurement of parameter `index`.
     pub fn add_direct(&mut self, index: usize, measured: f64, variance: f64) {
-        if index < N {
-            self.matrix[(index, index)] += 1.0 / variance;
-            self.vector[index] += measured / variance;
+        self.matrix.add_diagonal(index, 1.0 / variance);
+        if let Some(sum) = self.vector.get_mut(index) {
+            *sum += measured / variance;
         }
     }
 
     /// Lets parameter `index` have walked: adds `variance` to its spread.
     pub fn diffuse(&mut self, index: usize, variance: f64) {
-        if index >= N || variance <= 0.0 {
+        if variance <= 0.0 {
             return;
         }
-        let column: SVector<f64, N> = self.matrix.column(index).into_owned();
-        let gain = 1.0 / (1.0 / variance + column[index]);
-        let shift = self.vector[index] * gain;
-        self.matrix -= column * gain * column.transpose();
-        self.vector -= column * shift;
-    }
-
-    /// Forgets all about parameter `index` and what hung together with it, then knows it anew.
-    pub fn replace(&mut self, index: usize, value: f64, variance: f64) {
-        if index >= N {
-            return;
-        }
-        // Schur complement: the other parameters keep what they know by themselves.
-        let column: SVector<f64, N> = self.matrix.column(index).into_owned();
-        let gain = 1.0 / column[index];
-        let shift = self.vector[index] * gain;
-        self.matrix -= column * gain * column.transpose();
-        self.vector -= column * shift;
-        self.matrix[(index, index)] = 1.0 / variance;
-        self.vector[index] = value / variance;
+        let column = self.matrix.column(index);
+        let gain = 1.0 / (1.0 / variance + at(&column, index));
+        self.matrix.add_square(&column, -gain);
+        self.vector -= column * (at(&self.vector, index) * gain);
     }
 
     /// Renames parameter `index`: new = old + `coefficients . parameters` + `offset`.
     ///
-    /// The coefficient of the parameter itself is taken as zero.
+    /// The coefficient of the parameter itself must be zero.
     pub fn redefine(&mut self, index: usize, coefficients: &SVector<f64, N>, offset: f64) {
-        if index >= N {
-            return;
-        }
-        let mut others = *coefficients;
-        others[index] = 0.0;
-        let column: SVector<f64, N> = self.matrix.column(index).into_owned();
-        let diagonal = column[index];
+        let column = self.matrix.column(index);
         self.vector += column * offset;
-        let pivot = self.vector[index];
-        self.vector -= others * pivot;
-        self.matrix -= column * others.transpose() + others * column.transpose();
-        self.matrix += others * diagonal * others.transpose();
+        self.vector -= coefficients * at(&self.vector, index);
+        // -s c^T - c s^T + c_i s s^T, with half of the last in each of the first two.
+        let half = coefficients * (0.5 * at(&column, index)) - column;
+        self.matrix.add_product(coefficients, &half);
     }
 
     /// Solves by Cholesky; `None` if the matrix is not positive definite.
     pub fn solve(&self) -> Option<Solved<N>> {
-        let l = self.cholesky()?;
-        let mut value = self.vector;
-        for i in 0..N {
-            for k in 0..i {
-                value[i] -= l[(i, k)] * value[k];
+        let root = self.matrix.cholesky()?;
+        let half = root.solve_lower(&self.vector, 0);
+        let mut variance = SVector::<f64, N>::zeros();
+        for (column, variance) in variance.iter_mut().enumerate() {
+            let mut unit = SVector::<f64, N>::zeros();
+            if let Some(one) = unit.get_mut(column) {
+                *one = 1.0;
             }
-            value[i] /= l[(i, i)];
-        }
-        for i in (0..N).rev() {
-            for k in i + 1..N {
-                value[i] -= l[(k, i)] * value[k];
-            }
-            value[i] /= l[(i, i)];
+            *variance = root.solve_lower(&unit, column).norm_squared();
         }
         Some(Solved {
-            value,
-            variance: inverse_diagonal(&l),
+            value: root.solve_upper(&half),
+            variance,
         })
     }
 
     /// Value and variance of the sum `coefficients . parameters`.
     pub fn combination(&self, coefficients: &SVector<f64, N>) -> Option<(f64, f64)> {
-        let value = coefficients.dot(&self.solve()?.value);
-        let l = self.cholesky()?;
-        let mut half = *coefficients;
-        for i in 0..N {
-            for k in 0..i {
-                half[i] -= l[(i, k)] * half[k];
-            }
-            half[i] /= l[(i, i)];
-        }
-        Some((value, half.norm_squared()))
-    }
-
-    fn cholesky(&self) -> Option<SMatrix<f64, N, N>> {
-        let mut l = SMatrix::<f64, N, N>::zeros();
-        for i in 0..N {
-            for j in 0..=i {
-                let mut sum = self.matrix[(i, j)];
-                for k in 0..j {
-                    sum -= l[(i, k)] * l[(j, k)];
-                }
-                if i == j {
-                    // Negated so that NaN fails too.
-                    if !(sum > 0.0) {
-                        return None;
-                    }
-                    l[(i, i)] = math::sqrt(sum);
-                } else {
-                    l[(i, j)] = sum / l[(j, j)];
-                }
-            }
-        }
-        Some(l)
+        let root = self.matrix.cholesky()?;
+        let row = root.solve_lower(coefficients, 0);
+        let half = root.solve_lower(&self.vector, 0);
+        Some((row.dot(&half), row.norm_squared()))
     }
 }
 
-/// Diagonal of `(L L^T)^-1`: squared columns of `L^-1` summed.
-fn inverse_diagonal<const N: usize>(l: &SMatrix<f64, N, N>) -> SVector<f64, N> {
-    let mut diagonal = SVector::<f64, N>::zeros();
-    for j in 0..N {
-        let mut column = SVector::<f64, N>::zeros();
-        column[j] = 1.0 / l[(j, j)];
-        for i in j + 1..N {
-            let mut sum = 0.0;
-            for k in j..i {
-                sum -= l[(i, k)] * column[k];
-            }
-            column[i] = sum / l[(i, i)];
-        }
-        diagonal[j] = column.norm_squared();
-    }
-    diagonal
+/// One component; zero if there is none.
+fn at<const N: usize>(vector: &SVector<f64, N>, index: usize) -> f64 {
+    vector.get(index).copied().unwrap_or(0.0)
+}
+
+/// Square root, `None` unless the number is positive.
+pub(super) fn positive_root(square: f64) -> Option<f64> {
+    (square > 0.0).then(|| math::sqrt(square))
 }

@@ -38,7 +38,7 @@ pub fn azimuth(change: &Vector2<f64>, turned: &Vector2<f64>) -> (f64, f64) {
 /// equations. Observability is `2 - 2 cos DH`: best at half a turn.
 /// `known` is what is compensated already.
 pub fn level_accels(
-    rows: &mut Information<2>,
+    rows: &mut Information<2, 3>,
     change: &Matrix2<f64>,
     turned: &Vector2<f64>,
     known: &Vector2<f64>,
@@ -61,7 +61,7 @@ pub fn vertical(accel_up: f64, rate_up: f64) -> (f64, f64) {
 }
 
 /// Latency (11): `tau = (a_E DdV_E + a_N DdV_N) / (a_E^2 + a_N^2)`, returned as numerator and
-/// denominator. `gained` is DdV of the free INS since the start of the acceleration, m/s.
+/// denominator. `gained` is `DdV` of the free INS since the start of the acceleration, m/s.
 pub fn latency(accel: &Vector2<f64>, gained: &Vector2<f64>) -> (f64, f64) {
     (accel.dot(gained), accel.norm_squared())
 }
@@ -145,7 +145,7 @@ pub struct Literal {
     latency: Mean,
     gyros: [Mean; 3],
     accel_up: Mean,
-    level_accels: Information<2>,
+    level_accels: Information<2, 3>,
     level_power: f64,
     turns: f64,
     block: Block,
@@ -160,7 +160,7 @@ pub struct Comparison<'a> {
     pub manoeuvre: Manoeuvre,
     /// INS minus GNSS velocity E, N, m/s.
     pub difference_mps: Vector2<f64>,
-    /// f_UP^C since the last fix, m/s^2.
+    /// `f_UP^C` since the last fix, m/s^2.
     pub accel_up_mps2: f64,
     /// Azimuth taken out since the start, rad.
     pub azimuth_removed_rad: f64,
@@ -367,7 +367,7 @@ impl Literal {
         }
         self.accel_up.store(&mut parameters, index::ACCEL + 2);
         if let (Some(solved), true) = (self.level_accels.solve(), self.turns >= LEAST_COUNT) {
-            let power = self.level_power - solved.value.dot(&self.level_accels.vector());
+            let power = self.level_power - solved.value.dot(self.level_accels.vector());
             let residual = math::max(power, 0.0) / (2.0 * self.turns - 2.0);
             let sigma = solved.variance.map(|v| math::sqrt(v * residual));
             parameters.set(index::ACCEL, solved.value.x, sigma.x);

@@ -4,3 +4,4 @@ pub mod information;
 pub mod literal;
 pub mod observer;
 pub mod parameters;
+pub mod triangle;

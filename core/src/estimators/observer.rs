@@ -9,10 +9,10 @@
 //! is what a Kalman filter with all parameters in its state would find (Friedland's separate-bias
 //! estimation, IEEE TAC 14, 1969).
 
-use nalgebra::{RowSVector, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Const, Matrix, RawStorage, RawStorageMut, SMatrix, SVector, U1, Vector2, Vector3};
 
 use super::information::{Information, Solved};
-use super::parameters::{COUNT, Parameters, index};
+use super::parameters::{COUNT, PAIRS, Parameters, index};
 use crate::config::Config;
 use crate::history::{Moment, Past};
 use crate::math;
@@ -140,7 +140,7 @@ pub struct Observer {
     vertical: Channel,
     level_noise: Noise,
     vertical_noise: Noise,
-    information: Information<COUNT>,
+    information: Information<COUNT, PAIRS>,
     /// Factor by which the tilt walks more than the noise of the gyros makes it, in variance.
     roughness: f64,
     /// Average likeness of neighbouring innovations.
@@ -222,13 +222,6 @@ impl Observer {
         self.information.diffuse(index::AZIMUTH, rate * rate);
     }
 
-    /// Takes the azimuth error as known anew.
-    pub fn set_azimuth(&mut self, value_rad: f64, sigma_rad: f64) {
-        self.parameters.set(index::AZIMUTH, value_rad, sigma_rad);
-        self.information
-            .replace(index::AZIMUTH, value_rad, sigma_rad * sigma_rad);
-    }
-
     /// The error `[dV, Phi]` of the INS at a moment after the horizon, as estimated.
     pub fn error_at(&self, moment: &Moment) -> InsError {
         let p = &self.parameters;
@@ -250,7 +243,7 @@ impl Observer {
         }
     }
 
-    /// Compares the INS at a past moment with a fix.
+    /// Compares the INS at a past moment with a fix. An outlier moves the horizon alone.
     pub fn take(
         &mut self,
         past: &Past,
@@ -258,13 +251,8 @@ impl Observer {
         difference: &Difference,
         config: &Config,
     ) -> Verdict {
-        let mut next = self.clone();
-        next.propagate(&past.moment, frame_rate_radps, config);
-        let verdict = next.update(past, difference, config);
-        if verdict == Verdict::Used {
-            *self = next;
-        }
-        verdict
+        self.propagate(&past.moment, frame_rate_radps, config);
+        self.update(past, difference, config)
     }
 
     fn propagate(&mut self, to: &Moment, w: &Vector3<f64>, config: &Config) {
@@ -295,16 +283,11 @@ impl Observer {
         grown_by
             .fixed_view_mut::<3, 3>(0, index::GYRO_TURN)
             .copy_from(&(-turn * attitude));
-        let (east, north): (RowSVector<f64, COUNT>, RowSVector<f64, COUNT>) = (
-            self.tilt_by.row(0).into_owned(),
-            self.tilt_by.row(1).into_owned(),
-        );
-        let mut row = grown_by.row_mut(0);
-        row += dt * w.z * north;
-        let mut row = grown_by.row_mut(1);
-        row -= dt * w.z * east;
-        let mut row = grown_by.row_mut(2);
-        row += dt * (w.y * east - w.x * north);
+        let (east, north) = (self.tilt_by.row(0), self.tilt_by.row(1));
+        add_row(&mut grown_by.row_mut(0), &north, dt * w.z);
+        add_row(&mut grown_by.row_mut(1), &east, -dt * w.z);
+        add_row(&mut grown_by.row_mut(2), &east, dt * w.y);
+        add_row(&mut grown_by.row_mut(2), &north, -dt * w.x);
         let azimuth = Vector3::new(-dt * w.y, dt * w.x, 0.0);
         let mut column = grown_by.column_mut(index::AZIMUTH);
         column += azimuth;
@@ -314,7 +297,7 @@ impl Observer {
         self.velocity += force.cross(&tilt) + velocity_control;
         // Second order, felt on the up axis alone; plus, for the force is in the tilted frame.
         self.velocity.z += 0.5 * force.z * whole_tilt.norm_squared();
-        let mut phi_by = 0.5 * grown_by;
+        let mut phi_by = grown_by * 0.5;
         let mut level = phi_by.fixed_rows_mut::<2>(0);
         level += self.tilt_by;
         let mut column = phi_by.column_mut(index::AZIMUTH);
@@ -349,8 +332,8 @@ impl Observer {
         self.information.redefine(which, &by, known);
         let change = by.dot(&self.parameters.value) + known;
         self.parameters.shift(which, change);
-        let through: Vector3<f64> = self.velocity_by.column(which).into_owned();
-        let through_tilt: Vector2<f64> = self.tilt_by.column(which).into_owned();
+        let through = column(&self.velocity_by, which);
+        let through_tilt = column(&self.tilt_by, which);
         self.velocity -= known * through;
         self.tilt -= known * through_tilt;
         self.velocity_by -= through * by.transpose();
@@ -440,15 +423,13 @@ impl Observer {
         let level = by.fixed_rows::<2>(0);
         self.velocity.x += gain * innovation.x;
         self.velocity.y += gain * innovation.y;
-        let mut rows = self.velocity_by.fixed_rows_mut::<2>(0);
-        rows -= gain * level;
+        add_row(&mut self.velocity_by.row_mut(0), &level.row(0), -gain);
+        add_row(&mut self.velocity_by.row_mut(1), &level.row(1), -gain);
         // dV_N' = g Phi_E and dV_E' = -g Phi_N.
         self.tilt.x += tilt_gain * innovation.y;
         self.tilt.y -= tilt_gain * innovation.x;
-        let mut row = self.tilt_by.row_mut(0);
-        row -= tilt_gain * level.row(1);
-        let mut row = self.tilt_by.row_mut(1);
-        row += tilt_gain * level.row(0);
+        add_row(&mut self.tilt_by.row_mut(0), &level.row(1), -tilt_gain);
+        add_row(&mut self.tilt_by.row_mut(1), &level.row(0), tilt_gain);
     }
 
     fn correct_vertical(
@@ -475,8 +456,7 @@ impl Observer {
             .add(&row, innovation.z, 1.0 / (predicted + noise));
         let (gain, _) = self.vertical.update(noise);
         self.velocity.z += gain * innovation.z;
-        let mut rows = self.velocity_by.row_mut(2);
-        rows -= gain * by.row(2);
+        add_row(&mut self.velocity_by.row_mut(2), &by.row(2), -gain);
         let _ = self
             .vertical_noise
             .measure(&Vector2::new(residual, 0.0), 1.0);
@@ -514,4 +494,26 @@ impl Observer {
     pub fn relinearize(&mut self, sigma: &SVector<f64, COUNT>) {
         self.information = Information::from_prior(&self.parameters.value, sigma);
     }
+}
+
+/// Adds `factor` times one row to another.
+fn add_row<A, B>(
+    to: &mut Matrix<f64, U1, Const<COUNT>, A>,
+    from: &Matrix<f64, U1, Const<COUNT>, B>,
+    factor: f64,
+) where
+    A: RawStorageMut<f64, U1, Const<COUNT>>,
+    B: RawStorage<f64, U1, Const<COUNT>>,
+{
+    for (to, from) in to.iter_mut().zip(from.iter()) {
+        *to += factor * from;
+    }
+}
+
+/// One column; zeros if there is none.
+fn column<const R: usize, const C: usize>(
+    matrix: &SMatrix<f64, R, C>,
+    which: usize,
+) -> SVector<f64, R> {
+    SVector::from_fn(|row, _| matrix.get((row, which)).copied().unwrap_or(0.0))
 }

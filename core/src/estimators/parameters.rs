@@ -1,9 +1,12 @@
 //! The parameters that are estimated jointly.
 
+use crate::math;
 use nalgebra::{SVector, Vector2, Vector3};
 
 /// How many there are.
 pub const COUNT: usize = 16;
+/// Elements of a symmetric matrix over them.
+pub const PAIRS: usize = COUNT * (COUNT + 1) / 2;
 
 /// Where each stands in a parameter vector.
 pub mod index {
@@ -71,6 +74,17 @@ impl Parameters {
         if let Some(value) = self.value.get_mut(parameter) {
             *value += by;
         }
+    }
+
+    /// Takes in an independent measurement of one parameter.
+    pub fn learn(&mut self, parameter: usize, measured: f64, variance: f64) {
+        let (value, sigma) = (self.value(parameter), self.sigma(parameter));
+        let gain = sigma * sigma / (sigma * sigma + variance);
+        self.set(
+            parameter,
+            value + gain * (measured - value),
+            sigma * math::sqrt(1.0 - gain),
+        );
     }
 
     /// Sets value and spread of one parameter.

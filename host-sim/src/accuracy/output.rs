@@ -5,7 +5,7 @@ use std::path::Path;
 
 use miette::{IntoDiagnostic, Result};
 
-use super::{QUANTITIES, Results, Row};
+use super::{Check, QUANTITIES, Results, Row, Spread};
 use crate::output::OutputError;
 use crate::report::number::to_second_digit_of;
 use crate::report::panels::{Panel, key};
@@ -41,9 +41,15 @@ fn write_runs(results: &Results, file: File) -> csv::Result<()> {
     table.write_record(header)?;
     for run in &results.runs {
         let mut cells = vec![run.seed.to_string(), u8::from(run.converged).to_string()];
-        for check in run.history.last().into_iter().flatten() {
-            cells.extend([format!("{:.6}", check.error), format!("{:.6}", check.sigma)]);
-        }
+        let end = run.history.last().copied().flatten();
+        cells.extend(QUANTITIES.iter().enumerate().flat_map(|(which, _)| {
+            let cell = |value: fn(&Check) -> f64| {
+                end.map_or(String::new(), |checks| {
+                    format!("{:.6}", value(&checks[which]))
+                })
+            };
+            [cell(|check| check.error), cell(|check| check.sigma)]
+        }));
         table.write_record(cells)?;
     }
     Ok(table.flush()?)
@@ -58,8 +64,8 @@ pub fn picture(results: &Results) -> String {
 }
 
 fn panel(results: &Results, which: usize) -> Panel {
-    let minutes = |series: fn(&super::Spread) -> &[f64; 8]| -> Vec<(f64, f64)> {
-        let point = |spread: &super::Spread| (spread.time_s / 60.0, series(spread)[which]);
+    let minutes = |series: fn(&Spread) -> &[f64; 8]| -> Vec<(f64, f64)> {
+        let point = |spread: &Spread| (spread.time_s / 60.0, series(spread)[which]);
         results.history.iter().map(point).collect()
     };
     let error = minutes(|spread| &spread.rms_error);

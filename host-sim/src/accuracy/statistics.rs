@@ -45,6 +45,8 @@ pub struct Row {
 pub struct Spread {
     /// Since the first sample, s.
     pub time_s: f64,
+    /// Runs that navigate; those before are left out.
+    pub navigating: usize,
     /// Root mean square of the errors over the runs.
     pub rms_error: [f64; 8],
     /// Root mean square of the stated sigmas.
@@ -55,7 +57,9 @@ impl Results {
     /// Sums up runs of equal length.
     pub fn new(study: Study, runs: Vec<Run>) -> Self {
         let checks = runs.iter().map(|run| run.history.len()).min().unwrap_or(0);
-        let history: Vec<Spread> = (0..checks).map(|check| spread(&runs, check)).collect();
+        let history: Vec<Spread> = (0..checks)
+            .filter_map(|check| spread(&runs, check))
+            .collect();
         let quantities = match history.last() {
             Some(end) => (0..QUANTITIES.len())
                 .map(|which| row(&runs, &history, end, which))
@@ -78,41 +82,43 @@ impl Results {
     }
 }
 
-fn spread(runs: &[Run], check: usize) -> Spread {
+/// `None` if no run navigates yet.
+fn spread(runs: &[Run], check: usize) -> Option<Spread> {
+    let checks: Vec<&[Check; 8]> = runs
+        .iter()
+        .filter_map(|run| run.history[check].as_ref())
+        .collect();
     let rms = |value: fn(&Check) -> f64| {
         core::array::from_fn(|which| {
-            let squares = runs
-                .iter()
-                .map(|run| value(&run.history[check][which]).powi(2));
-            (squares.sum::<f64>() / runs.len() as f64).sqrt()
+            let squares = checks.iter().map(|checks| value(&checks[which]).powi(2));
+            (squares.sum::<f64>() / checks.len() as f64).sqrt()
         })
     };
-    Spread {
+    (!checks.is_empty()).then(|| Spread {
         time_s: EVERY_S * (check + 1) as f64,
+        navigating: checks.len(),
         rms_error: rms(|check| check.error),
         rms_sigma: rms(|check| check.sigma),
-    }
+    })
 }
 
 fn row(runs: &[Run], history: &[Spread], end: &Spread, which: usize) -> Row {
     let rms_error = end.rms_error[which];
     let within = runs
         .iter()
-        .filter_map(|run| run.history.get(history.len() - 1))
+        .filter_map(|run| run.history.last()?.as_ref())
         .filter(|checks| checks[which].error.abs() < checks[which].sigma)
         .count();
-    let settled = history
-        .iter()
-        .rev()
-        .take_while(|spread| spread.rms_error[which] < 2.0 * rms_error)
-        .last()
-        .unwrap_or(end);
+    let settled = |spread: &&Spread| {
+        spread.navigating == runs.len() && spread.rms_error[which] < 2.0 * rms_error
+    };
+    let since = history.iter().rev().take_while(settled).last();
     Row {
         quantity: QUANTITIES[which],
         rms_error,
         rms_sigma: end.rms_sigma[which],
         within_sigma_percent: 100.0 * within as f64 / runs.len() as f64,
-        settled_s: settled.time_s,
+        settled_s: since.unwrap_or(end).time_s,
     }
 }
 
@@ -124,10 +130,11 @@ mod tests {
     /// Runs whose errors are the given ones, for every quantity alike; sigma is 1.
     fn runs(errors: &[&[f64]]) -> Vec<Run> {
         let checks = |error: &f64| {
-            [Check {
+            let check = Check {
                 error: *error,
                 sigma: 1.0,
-            }; 8]
+            };
+            Some([check; 8])
         };
         (0..)
             .zip(errors)
@@ -151,6 +158,16 @@ mod tests {
         assert!((row.rms_sigma - 1.0).abs() < 1e-12);
         assert!((row.within_sigma_percent - 50.0).abs() < 1e-9);
         assert!((row.settled_s - 50.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn runs_count_from_when_they_navigate() {
+        let mut all = runs(&[&[4.0, 1.0, 1.0], &[0.0, 1.0, 1.0]]);
+        all[1].history[0] = None;
+        let results = Results::new(Study::new(Grade::Hg1700, 2), all);
+        assert_eq!(results.history[0].navigating, 1);
+        assert!((results.history[0].rms_error[0] - 4.0).abs() < 1e-12);
+        assert!((results.quantities[0].settled_s - 20.0).abs() < 1e-9);
     }
 
     #[test]

@@ -52,45 +52,66 @@ pub struct Emulator {
     uart: TcpStream,
 }
 
+/// QEMU with `image` on a board. What the firmware logs by defmt goes, encoded, to the file `log`.
+fn qemu(board: Board, image: &Path, pace: Pace, log: &Path) -> Command {
+    let mut command = Command::new("qemu-system-arm");
+    command
+        .args([
+            "-machine",
+            board.machine(),
+            "-display",
+            "none",
+            "-monitor",
+            "none",
+        ])
+        .arg("-chardev")
+        // A comma in a file name is written twice.
+        .arg(format!(
+            "file,id=log,path={}",
+            log.display().to_string().replace(',', ",,")
+        ))
+        .args(["-semihosting-config", "enable=on,target=native,chardev=log"])
+        .arg("-kernel")
+        .arg(image)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null());
+    if pace == Pace::Counting {
+        // An instruction takes 2^3 ns of the emulated time.
+        command.args(["-icount", "shift=3"]);
+    }
+    command
+}
+
+fn spawn(command: &mut Command) -> io::Result<Child> {
+    command.spawn().map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound => io::Error::new(
+            io::ErrorKind::NotFound,
+            "qemu-system-arm is missing: run .ci/install or install QEMU 7.2 or later",
+        ),
+        _ => error,
+    })
+}
+
+/// Runs the firmware's program `replay` (in `image`) over the frames of requests and returns those
+/// of replies: the whole firmware but its UART, much faster.
+pub fn replay(board: Board, image: &Path, pace: Pace, requests: &[u8]) -> io::Result<Vec<u8>> {
+    let folder = tempfile::tempdir()?;
+    std::fs::write(folder.path().join("requests.bin"), requests)?;
+    let mut command = qemu(board, image, pace, &folder.path().join("defmt.bin"));
+    let status = spawn(command.current_dir(folder.path()).args(["-serial", "none"]))?.wait()?;
+    if !status.success() {
+        return Err(io::Error::other(format!("the firmware gave up: {status}")));
+    }
+    std::fs::read(folder.path().join("replies.bin"))
+}
+
 impl Emulator {
     /// Boots `image`. What the firmware logs by defmt goes, encoded, to the file `log`.
     pub fn boot(board: Board, image: &Path, pace: Pace, log: &Path) -> io::Result<Self> {
         let listener = TcpListener::bind("127.0.0.1:0")?;
         let port = listener.local_addr()?.port();
-        let mut command = Command::new("qemu-system-arm");
-        command
-            .args([
-                "-machine",
-                board.machine(),
-                "-display",
-                "none",
-                "-monitor",
-                "none",
-            ])
-            .arg("-serial")
-            .arg(format!("tcp:127.0.0.1:{port}"))
-            .arg("-chardev")
-            // A comma in a file name is written twice.
-            .arg(format!(
-                "file,id=log,path={}",
-                log.display().to_string().replace(',', ",,")
-            ))
-            .args(["-semihosting-config", "enable=on,target=native,chardev=log"])
-            .arg("-kernel")
-            .arg(image)
-            .stdin(Stdio::null())
-            .stdout(Stdio::null());
-        if pace == Pace::Counting {
-            // An instruction takes 2^3 ns of the emulated time.
-            command.args(["-icount", "shift=3"]);
-        }
-        let mut process = command.spawn().map_err(|error| match error.kind() {
-            io::ErrorKind::NotFound => io::Error::new(
-                io::ErrorKind::NotFound,
-                "qemu-system-arm is missing: run .ci/install or install QEMU 7.2 or later",
-            ),
-            _ => error,
-        })?;
+        let mut command = qemu(board, image, pace, log);
+        let mut process = spawn(command.arg("-serial").arg(format!("tcp:127.0.0.1:{port}")))?;
         match accept(&listener, &mut process) {
             Ok(uart) => Ok(Self { process, uart }),
             Err(error) => {

@@ -1,0 +1,79 @@
+//! The core's whole public interface and nothing else: its size is the core's. With the feature
+//! `panic-never` it links only if no panic can be reached.
+#![no_std]
+#![no_main]
+
+use core::hint::black_box;
+
+use ins_core::{Config, GnssFix, ImuSample, Navigator, Time, attitude, earth};
+#[cfg(feature = "panic-never")]
+use panic_never as _;
+
+#[cfg(not(feature = "panic-never"))]
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo) -> ! {
+    loop {
+        cortex_m::asm::bkpt();
+    }
+}
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    let configs = [Config::hg1700(), Config::mems()];
+    for config in configs {
+        if let Ok(mut navigator) = Navigator::new(black_box(config)) {
+            run(&mut navigator);
+        }
+    }
+    helpers();
+    loop {
+        cortex_m::asm::wfi();
+    }
+}
+
+fn run(navigator: &mut Navigator) {
+    let vector = nalgebra::Vector3::zeros();
+    let sample = ImuSample {
+        time: Time::from_micros(1),
+        gyro: vector,
+        accel: vector,
+    };
+    let fix = GnssFix {
+        time: Time::from_micros(1),
+        position: Some(earth::Geodetic::default()),
+        velocity_en_mps: Some(nalgebra::Vector2::zeros()),
+        velocity_up_mps: Some(0.0),
+        velocity_sigma_mps: Some(0.1),
+    };
+    let _ = black_box(navigator.on_imu(&black_box(sample)));
+    let _ = black_box(navigator.on_gnss(&black_box(fix)));
+    black_box(navigator.config());
+    black_box(navigator.phase());
+    black_box(navigator.estimates());
+    black_box(navigator.azimuth_left_rad());
+    black_box(navigator.manoeuvre());
+    black_box(navigator.damping_signals());
+    if let Some(solution) = navigator.solution() {
+        black_box(solution.euler());
+    }
+    let snapshot = navigator.clone();
+    black_box(snapshot == *black_box(navigator));
+}
+
+fn helpers() {
+    let time = Time::from_seconds(black_box(1.0)).unwrap_or_default();
+    black_box(time.plus_seconds(black_box(0.5)).seconds_since(time));
+    black_box((time.as_micros(), time.as_seconds()));
+    let euler: attitude::Euler = black_box(attitude::Euler::default());
+    let rotation = attitude::from_euler(&euler);
+    let matrix = black_box(attitude::matrix(&rotation));
+    black_box(attitude::from_matrix(matrix));
+    let here: earth::Geodetic = black_box(earth::Geodetic::default());
+    black_box(here.enu_from(&here));
+    let local = earth::LocalEarth::at(here.latitude_rad, here.height_m);
+    black_box((
+        local.earth_rate(),
+        local.transport_rate(&nalgebra::Vector3::zeros()),
+    ));
+    black_box(earth::wrap_pi(black_box(4.0)));
+}

@@ -1,0 +1,6 @@
+//! Parts of the firmware: the board, and what runs on any.
+#![no_std]
+
+pub mod board;
+pub mod navigation;
+pub mod service;
