@@ -2,8 +2,11 @@
 
 pub mod accuracy;
 pub mod aircraft;
+pub mod analysis;
 pub mod cli;
 pub mod configure;
+pub mod error_free;
+pub mod figures;
 pub mod free_inertial;
 pub mod hil;
 pub mod identify;

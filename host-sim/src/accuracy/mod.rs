@@ -4,7 +4,7 @@ pub mod cli;
 mod output;
 mod statistics;
 
-pub use output::{CSV, JSON, PICTURE, header, write};
+pub use output::{CSV, JSON, PICTURE, header, picture, write};
 pub use statistics::{Results, Row, Spread};
 
 use core::f64::consts::PI;
