@@ -43,7 +43,12 @@ pub(super) fn estimates(
     size: (u32, u32),
 ) -> Vec<Panel> {
     let axes = log.meta.body_axes;
+    // A point for each pixel, and the last one.
+    let count = navigating(found).count();
+    let every = (count / size.0 as usize).max(1);
     let rows: Vec<(f64, [(&str, Quantity); 8])> = navigating(found)
+        .skip((count + every - 1) % every)
+        .step_by(every)
         .map(|row| {
             (
                 since(found, row.time),
@@ -106,7 +111,7 @@ fn estimate(title: String, axes: Plot, series: &[(f64, Quantity)], truth: Option
     }
 }
 
-/// Axis for where the estimate settles: the first guesses may run out of it.
+/// Axis for where the estimate settles, several sigmas wide; the first guesses may run out of it.
 fn settled_range(series: &[(f64, Quantity)], truth: Option<f64>) -> (f64, f64) {
     let settled = &series[series.len() / 4..];
     let mut edges: Vec<f64> = settled
@@ -118,7 +123,7 @@ fn settled_range(series: &[(f64, Quantity)], truth: Option<f64>) -> (f64, f64) {
     let middle = edges.get(part..edges.len() - part).unwrap_or_default();
     let end = series
         .last()
-        .map(|(_, q)| [q.value - 3.0 * q.sigma, q.value + 3.0 * q.sigma]);
+        .map(|(_, q)| [q.value - 6.0 * q.sigma, q.value + 6.0 * q.sigma]);
     padded(
         middle
             .iter()
