@@ -73,8 +73,8 @@ pub struct AidedIns {
     controls: Controls,
     controls_until: Time,
     pending: Ring<GnssFix, PENDING>,
-    /// Moment of the last fix that was used.
-    last_used: Time,
+    /// Moment of the last fix that was compared.
+    last_compared: Time,
     refused: u8,
     rest: RestDetector,
     last_solve: Time,
@@ -109,7 +109,7 @@ impl AidedIns {
             controls: Controls::default(),
             controls_until: time,
             pending: Ring::default(),
-            last_used: time,
+            last_compared: time,
             refused: 0,
             rest: RestDetector::default(),
             last_solve: time,
@@ -300,7 +300,7 @@ impl AidedIns {
             Err(Missing::Future) => return None,
             Err(Missing::TooOld) => return Some(GnssOutcome::TooOld),
         };
-        let interval_s = moment.seconds_since(self.last_used);
+        let interval_s = moment.seconds_since(self.last_compared);
         if interval_s < LEAST_INTERVAL_S {
             return Some(GnssOutcome::TimeNotIncreasing);
         }
@@ -311,6 +311,7 @@ impl AidedIns {
         if fix.velocity_en_mps.is_some() {
             let velocity_mps = past.moment.velocity_mps - fix.velocity_enu_mps();
             if self.observe(&past, fix, velocity_mps, config) == Verdict::Outlier {
+                self.last_compared = moment;
                 self.refuse(fix, config);
                 return Some(GnssOutcome::Outlier);
             }
@@ -324,7 +325,7 @@ impl AidedIns {
             }
         }
         self.damp(fix, &differences, interval_s, config);
-        self.last_used = moment;
+        self.last_compared = moment;
         Some(GnssOutcome::Accepted)
     }
 
@@ -398,7 +399,7 @@ impl AidedIns {
         self.pending = Ring::default();
         self.controls = Controls::default();
         self.since = self.now.time;
-        self.last_used = self.now.time;
+        self.last_compared = self.now.time;
         self.refused = 0;
     }
 

@@ -272,7 +272,8 @@ impl Config {
             .map_or(Ok(()), |(_, why)| Err(*why))
     }
 
-    /// Ring-laser class of the HG1700: 1 deg/h, 0.01 m/s^2, 0.125 deg/sqrt(h).
+    /// Ring-laser class of the HG1700: 1 deg/h, 0.01 m/s^2, 0.125 deg/sqrt(h); scale factors
+    /// calibrated.
     pub fn hg1700() -> Self {
         Self {
             imu_output: ImuOutput::Rates,
@@ -293,11 +294,11 @@ impl Config {
                 gyro_bias_radps: 4.848e-6,
                 gyro_noise: 3.636e-5,
                 gyro_bias_walk: 0.0,
-                gyro_scale: 1e-5,
+                gyro_scale: 1e-6,
                 accel_bias_mps2: 0.01,
                 accel_noise: 5e-4,
                 accel_bias_walk: 0.0,
-                accel_scale: 1e-4,
+                accel_scale: 1e-6,
                 gyro_range_radps: 18.0,
                 accel_range_mps2: 370.0,
             },

@@ -62,6 +62,40 @@ impl Moment {
     }
 }
 
+/// What happened between two moments.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Span {
+    /// Duration, s.
+    pub seconds: f64,
+    /// Integral of specific force, ENU, m/s.
+    pub force_mps: Vector3<f64>,
+    /// Integral of `C_B^L`, s.
+    pub attitude_s: Matrix3<f64>,
+    /// Angle sensed about the body's up axis, rad.
+    pub turn_rad: f64,
+    /// `Phi` that controls and compensations have put into the platform, rad.
+    pub control_tilt_rad: Vector3<f64>,
+    /// Velocity error that they have caused, with no tilt but that of this span, m/s.
+    pub control_velocity_mps: Vector3<f64>,
+}
+
+impl Span {
+    /// From one moment to a later one.
+    pub fn between(earlier: &Moment, later: &Moment) -> Self {
+        let force_mps = later.force_mps - earlier.force_mps;
+        Self {
+            seconds: later.time.seconds_since(earlier.time),
+            force_mps,
+            attitude_s: later.attitude_s - earlier.attitude_s,
+            turn_rad: later.turn_rad - earlier.turn_rad,
+            control_tilt_rad: later.control_tilt_rad - earlier.control_tilt_rad,
+            control_velocity_mps: later.control_velocity_mps
+                - earlier.control_velocity_mps
+                - force_mps.cross(&earlier.control_tilt_rad),
+        }
+    }
+}
+
 /// A moment between two of the ring, and how the INS was changing there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Past {

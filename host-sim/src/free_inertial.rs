@@ -2,7 +2,7 @@
 
 use ins_core::increments::{Increments, Interval};
 use ins_core::mechanization::{Controls, Mechanization};
-use ins_core::{Estimate, Estimates, GnssFix, Observability, Solution, Time};
+use ins_core::{Estimate, Estimates, Observability, Solution, Time};
 use nalgebra::{Vector2, Vector3};
 
 use crate::identify::Row;
@@ -14,7 +14,7 @@ const STRIDE_S: f64 = 30.0;
 /// A hole between samples that spoils a window, s.
 const HOLE_S: f64 = 0.5;
 
-/// Horizontal velocity error against GNSS over free-inertial windows.
+/// Horizontal velocity error of a free INS against the aided one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VelocityError {
     /// Root mean square, sensors as logged and the first heading's error left in, m/s.
@@ -56,21 +56,23 @@ fn vector(v: &[Estimate; 3]) -> Vector3<f64> {
 
 /// Runs every window twice; `None` if the log has no minute of navigation.
 ///
-/// A window starts from the navigator's solution of its moment. The sensors are taken as logged,
-/// with the azimuth error that was found put back; and with the history of the estimates taken
-/// out, each reading less the biases that the navigator knew at its stamp.
-pub fn check(log: &Log, history: &[Row], found: &Estimates) -> Option<VelocityError> {
+/// A window starts from the navigator's solution of its moment, and is compared with the
+/// solutions that follow: GNSS itself has more noise than there is error to see. The sensors are
+/// taken as logged, with the azimuth error that was found put back; and with the history of the
+/// estimates taken out, each reading less the errors that the navigator knew at its stamp.
+pub fn check(
+    log: &Log,
+    solutions: &[Solution],
+    history: &[Row],
+    found: &Estimates,
+) -> Option<VelocityError> {
     let azimuth_rad = value(&found.azimuth_error_rad);
-    let latency_s = value(&found.gnss_latency_now_s) - value(&found.clock_drift) * end_s(log);
-    let clock = Clock {
-        latency_s,
-        drift: value(&found.clock_drift),
-    };
     let (mut before, mut after, mut windows) = (Vec::new(), Vec::new(), 0);
     for row in window_starts(history, known(&found.azimuth_error_rad)) {
-        let Some(start) = row.solution else { continue };
-        let logged = fly(log, &start, azimuth_rad, &[], clock);
-        if let (Some(logged), Some(with)) = (logged, fly(log, &start, 0.0, history, clock)) {
+        let first = solutions.partition_point(|solution| solution.time < row.time);
+        let solutions = &solutions[first..];
+        let logged = fly(log, solutions, azimuth_rad, &[]);
+        if let (Some(logged), Some(with)) = (logged, fly(log, solutions, 0.0, history)) {
             before.extend(logged);
             after.extend(with);
             windows += 1;
@@ -82,18 +84,6 @@ pub fn check(log: &Log, history: &[Row], found: &Estimates) -> Option<VelocityEr
         windows,
         growth: growth(&before, &after),
     })
-}
-
-/// Time of the last fix, s.
-fn end_s(log: &Log) -> f64 {
-    log.gnss.last().map_or(0.0, |fix| fix.time.as_seconds())
-}
-
-/// Latency of GNSS as the estimates have it: at the origin of the stamps, and its growth.
-#[derive(Clone, Copy)]
-struct Clock {
-    latency_s: f64,
-    drift: f64,
 }
 
 /// An interval less the errors that the navigator knew at a time; as it is before the history.
@@ -130,21 +120,16 @@ fn window_starts(history: &[Row], azimuth_known: bool) -> Vec<&Row> {
     starts
 }
 
-/// A free INS over one window; `None` if samples or fixes do not last.
-fn fly(
-    log: &Log,
-    start: &Solution,
-    heading_rad: f64,
-    history: &[Row],
-    clock: Clock,
-) -> Option<Vec<Error>> {
+/// A free INS over one window, from the first solution on; `None` if samples do not last.
+fn fly(log: &Log, solutions: &[Solution], heading_rad: f64, history: &[Row]) -> Option<Vec<Error>> {
+    let (start, solutions) = solutions.split_first()?;
     let first = log.imu.partition_point(|sample| sample.time < start.time);
     let mut samples = log.imu[first..].iter();
     let mut last = samples.next()?;
     let mut ins = Mechanization::new(start.position, start.velocity_enu_mps, start.attitude);
     ins.turn_heading(heading_rad);
     let mut increments = Increments::new(log.meta.imu, last);
-    let mut fixes = moments(log, start.time, clock).peekable();
+    let mut solutions = solutions.iter().peekable();
     let mut errors = Vec::new();
     while last.time.seconds_since(start.time) < WINDOW_S {
         let sample = samples.next()?;
@@ -152,37 +137,15 @@ fn fly(
         if seconds > HOLE_S {
             return None;
         }
-        let before = ins.velocity_enu_mps.xy();
         let interval = corrected(&increments.interval(sample, seconds), history, sample.time);
         ins.step(&interval, &Controls::default());
-        while let Some((moment, fix)) = fixes.next_if(|(moment, _)| *moment <= sample.time) {
-            let share = moment.seconds_since(last.time) / seconds;
-            let velocity = before.lerp(&ins.velocity_enu_mps.xy(), share);
-            errors.push((moment.seconds_since(start.time), velocity - fix));
+        if let Some(truth) = solutions.next_if(|solution| solution.time <= sample.time) {
+            let error = (ins.velocity_enu_mps - truth.velocity_enu_mps).xy();
+            errors.push((sample.time.seconds_since(start.time), error));
         }
         last = sample;
     }
-    // Half a window without fixes judges nothing.
-    errors
-        .last()
-        .is_some_and(|(since, _)| *since > 0.5 * WINDOW_S)
-        .then_some(errors)
-}
-
-/// GNSS velocities and the moments they belong to, from a start on.
-fn moments(
-    log: &Log,
-    start: Time,
-    clock: Clock,
-) -> impl Iterator<Item = (Time, Vector2<f64>)> + '_ {
-    let moment = move |fix: &GnssFix| {
-        fix.time
-            .plus_seconds(-clock.latency_s - clock.drift * fix.time.as_seconds())
-    };
-    let first = log.gnss.partition_point(|fix| moment(fix) <= start);
-    log.gnss[first..]
-        .iter()
-        .filter_map(move |fix| Some((moment(fix), fix.velocity_en_mps?)))
+    Some(errors)
 }
 
 fn rms<'a>(errors: impl Iterator<Item = &'a Error>) -> f64 {

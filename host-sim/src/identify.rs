@@ -73,7 +73,7 @@ pub fn identify(
 ) -> Result<Identification, ConfigError> {
     progress.set_length(log.imu.len() as u64);
     let (run, end) = navigate(log, config, progress)?;
-    let velocity_error = free_inertial::check(log, &run.history, &end.estimates);
+    let velocity_error = free_inertial::check(log, &run.solutions, &run.history, &end.estimates);
     progress.finish_and_clear();
     Ok(Identification {
         config,

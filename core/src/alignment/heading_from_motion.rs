@@ -15,6 +15,8 @@ const LEAST_FIXES: f64 = 10.0;
 const LEAST_SECONDS: f64 = 5.0;
 /// Largest standard deviation of a heading that is taken, rad.
 const HEADING_SIGMA_RAD: f64 = 0.03;
+/// Acceleration below which a vehicle moves steadily, m/s^2.
+const STEADY_MPS2: f64 = 0.3;
 /// Least correlation of the two velocities.
 const CORRELATION: f64 = 0.95;
 
@@ -83,32 +85,38 @@ impl MotionSums {
         let correlation = common / math::sqrt(ins_power * gnss_power);
         let rotation_rad = math::atan2(cross, dot);
         let (sin, cos) = math::sin_cos(rotation_rad);
-        let runaway = |k: &Matrix3x2<f64>| {
-            Vector2::new(k.m21, k.m22) + 2.0 * self.seconds * Vector2::new(k.m31, k.m32)
-        };
-        let u = runaway(&ins);
+        let u = slope(&ins, self.seconds);
         let turned = Vector2::new(cos * u.x - sin * u.y, sin * u.x + cos * u.y);
         // Written so that NaN fails.
         (sigma_rad < HEADING_SIGMA_RAD && correlation > CORRELATION).then(|| Fit {
             rotation_rad,
             sigma_rad,
-            slope_mps2: turned - runaway(&gnss),
+            slope_mps2: turned - slope(&gnss, self.seconds),
         })
     }
 
-    /// Spread of the GNSS velocity over the window, m/s.
-    pub fn gnss_spread(&self) -> f64 {
-        let count = math::max(self.gram.m11, 1.0);
-        let mean = Vector2::new(self.gnss.m11, self.gnss.m12) / count;
-        math::sqrt(math::max(
-            self.gnss_power / count - mean.norm_squared(),
-            0.0,
-        ))
+    /// How the INS ran away from a vehicle that hardly accelerated; `None` if it did.
+    pub fn runaway(&self) -> Option<Runaway> {
+        let inverse = self.gram.try_inverse()?;
+        let (ins, gnss) = (inverse * self.ins, inverse * self.gnss);
+        let accel_mps2 = slope(&gnss, self.seconds).norm();
+        (accel_mps2 < STEADY_MPS2).then(|| Runaway {
+            slope_mps2: slope(&ins, self.seconds),
+            curvature_mps3: 2.0 * ins.row(2).transpose(),
+        })
     }
+}
 
-    /// Slope of the INS velocity at the window's end, for a vehicle without acceleration, m/s^2.
-    pub fn ins_slope(&self) -> Option<Vector2<f64>> {
-        let k = self.gram.try_inverse()? * (self.ins);
-        Some(Vector2::new(k.m21, k.m22) + 2.0 * self.seconds * Vector2::new(k.m31, k.m32))
-    }
+/// Growth of the INS velocity at a window's end, E and N, of a vehicle in steady motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Runaway {
+    /// By tilt, m/s^2.
+    pub slope_mps2: Vector2<f64>,
+    /// By gyro biases, m/s^3.
+    pub curvature_mps3: Vector2<f64>,
+}
+
+/// Slope of fitted velocities at the end of a window.
+fn slope(fitted: &Matrix3x2<f64>, seconds: f64) -> Vector2<f64> {
+    Vector2::new(fitted.m21, fitted.m22) + 2.0 * seconds * Vector2::new(fitted.m31, fitted.m32)
 }

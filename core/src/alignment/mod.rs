@@ -41,9 +41,11 @@ const HEADING_SIGMA_RAD: f64 = 0.3;
 /// Spread of a heading from motion beyond what its fit says, rad: latency in turns.
 const MOTION_SIGMA_RAD: f64 = 0.05;
 /// Longest window for the heading from motion, s.
-const WINDOW_S: f64 = 40.0;
-/// Spread of GNSS velocity over a window without motion to speak of, m/s.
-const STEADY_MPS: f64 = 0.2;
+const WINDOW_S: f64 = 20.0;
+/// Tilt beyond which a heading found is not believed, rad.
+const LARGEST_TILT_RAD: f64 = 0.5;
+/// Spread of a gyro bias from the runaway of a window in steady motion, rad/s.
+const RUNAWAY_SIGMA_RADPS: f64 = 1e-3;
 
 /// Where navigation can start.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -181,23 +183,45 @@ impl Alignment {
             .motion
             .add(seconds, &ins.velocity_enu_mps.xy(), &velocity);
         if let Some(fit) = finding.motion.fit() {
-            ins.turn_heading(-fit.rotation_rad);
-            ins.turn_platform(&-tilt_of_slope(&fit.slope_mps2));
-            return Some(Aligned {
-                attitude: ins.attitude,
-                heading_sigma_rad: 3.0 * fit.sigma_rad + MOTION_SIGMA_RAD,
-                fix: *fix,
-                known: self.known,
-            });
+            let tilt = tilt_of_slope(&fit.slope_mps2);
+            if tilt.norm() < LARGEST_TILT_RAD {
+                ins.turn_heading(-fit.rotation_rad);
+                ins.turn_platform(&-tilt);
+                return Some(Aligned {
+                    attitude: ins.attitude,
+                    heading_sigma_rad: 3.0 * fit.sigma_rad + MOTION_SIGMA_RAD,
+                    fix: *fix,
+                    known: self.known,
+                });
+            }
         }
         if seconds > WINDOW_S {
-            let steady = finding.motion.gnss_spread() < STEADY_MPS;
-            if let (Some(slope), true) = (finding.motion.ins_slope(), steady) {
-                ins.turn_platform(&-tilt_of_slope(&slope));
-            }
-            *finding = Finding::start(now, position, ins.attitude);
+            self.begin_window(now, position);
         }
         None
+    }
+
+    /// Begins a new window; in steady motion the one before shows tilt and level gyro biases.
+    fn begin_window(&mut self, now: Time, position: Geodetic) {
+        let Some(Finding {
+            mut ins, motion, ..
+        }) = self.finding
+        else {
+            return;
+        };
+        if let Some(runaway) = motion.runaway() {
+            // dV' = g x Phi, Phi' = -dw.
+            let drift = -tilt_of_slope(&runaway.curvature_mps3);
+            let drift = matrix(&ins.attitude).tr_mul(&drift);
+            let variance = RUNAWAY_SIGMA_RADPS * RUNAWAY_SIGMA_RADPS;
+            for axis in 0..2 {
+                let found = drift.get(axis).copied().unwrap_or(0.0);
+                let bias = self.known.value(index::GYRO + axis) + found;
+                self.known.learn(index::GYRO + axis, bias, variance);
+            }
+            ins.turn_platform(&-tilt_of_slope(&runaway.slope_mps2));
+        }
+        self.finding = Some(Finding::start(now, position, ins.attitude));
     }
 
     fn level_coarsely(&mut self, interval: &Interval) {

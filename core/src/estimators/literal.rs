@@ -10,7 +10,7 @@ use nalgebra::{Matrix2, Matrix3, SVector, Vector2, Vector3};
 use super::information::Information;
 use super::parameters::{Parameters, index};
 use crate::earth::GRAVITY_EQUATOR_MPS2 as G;
-use crate::history::{Moment, Past};
+use crate::history::{Moment, Past, Span};
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::time::Time;
@@ -319,14 +319,10 @@ impl Literal {
 
     /// Growth of the velocity error that a free INS with drift-free gyros would have had.
     fn free_gain(&self, going: &Going, now: &Comparison) -> Vector2<f64> {
-        let (start, moment) = (&going.start, &now.past.moment);
-        let force = moment.force_mps - start.force_mps;
-        let controls = moment.control_velocity_mps
-            - start.control_velocity_mps
-            - force.cross(&start.control_tilt_rad);
-        let drift = (moment.attitude_s - start.attitude_s) * self.gyro_drift();
-        let drifted = -0.5 * force.cross(&drift);
-        now.difference_mps - going.start_difference - controls.xy() - drifted.xy()
+        let span = Span::between(&going.start, &now.past.moment);
+        let drifted = -0.5 * span.force_mps.cross(&(span.attitude_s * self.gyro_drift()));
+        let gained = now.difference_mps - going.start_difference;
+        gained - span.control_velocity_mps.xy() - drifted.xy()
     }
 
     fn end_acceleration(&mut self, going: &Going, now: &Comparison) {

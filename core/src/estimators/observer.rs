@@ -14,7 +14,7 @@ use nalgebra::{Const, Matrix, RawStorage, RawStorageMut, SMatrix, SVector, U1, V
 use super::information::{Information, Solved};
 use super::parameters::{COUNT, PAIRS, Parameters, index};
 use crate::config::Config;
-use crate::history::{Moment, Past};
+use crate::history::{Moment, Past, Span};
 use crate::math;
 
 /// Longest memory of the measured noise, in fixes.
@@ -126,6 +126,9 @@ impl Noise {
     }
 }
 
+/// What a unit of each parameter adds to `R` quantities.
+type ByParameter<const R: usize> = SMatrix<f64, R, COUNT>;
+
 /// Observer of the INS error and running least squares of the parameters behind it.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -134,8 +137,8 @@ pub struct Observer {
     velocity: Vector3<f64>,
     tilt: Vector2<f64>,
     /// What a unit of each parameter adds to them.
-    velocity_by: SMatrix<f64, 3, COUNT>,
-    tilt_by: SMatrix<f64, 2, COUNT>,
+    velocity_by: ByParameter<3>,
+    tilt_by: ByParameter<2>,
     level: Channel,
     vertical: Channel,
     level_noise: Noise,
@@ -225,22 +228,23 @@ impl Observer {
     /// The error `[dV, Phi]` of the INS at a moment after the horizon, as estimated.
     pub fn error_at(&self, moment: &Moment) -> InsError {
         let p = &self.parameters;
-        let attitude_s = moment.attitude_s - self.last.attitude_s;
-        let force = moment.force_mps - self.last.force_mps;
-        let level = self.tilt + self.tilt_by * p.value;
+        let span = Span::between(&self.last, moment);
+        let level = self.whole_tilt();
         let tilt = Vector3::new(level.x, level.y, p.value(index::AZIMUTH));
-        let drift = attitude_s * p.vector(index::GYRO);
-        let controls = moment.control_velocity_mps
-            - self.last.control_velocity_mps
-            - force.cross(&self.last.control_tilt_rad);
+        let drift = span.attitude_s * p.vector(index::GYRO);
         InsError {
             velocity_mps: self.velocity
                 + self.velocity_by * p.value
-                + controls
-                + force.cross(&(tilt - 0.5 * drift))
-                + attitude_s * p.vector(index::ACCEL),
-            tilt_rad: tilt + moment.control_tilt_rad - self.last.control_tilt_rad - drift,
+                + span.control_velocity_mps
+                + span.force_mps.cross(&(tilt - 0.5 * drift))
+                + span.attitude_s * p.vector(index::ACCEL),
+            tilt_rad: tilt + span.control_tilt_rad - drift,
         }
+    }
+
+    /// Level tilt at the horizon, known part and estimated, rad.
+    fn whole_tilt(&self) -> Vector2<f64> {
+        self.tilt + self.tilt_by * self.parameters.value
     }
 
     /// Compares the INS at a past moment with a fix. An outlier moves the horizon alone.
@@ -255,71 +259,70 @@ impl Observer {
         self.update(past, difference, config)
     }
 
-    fn propagate(&mut self, to: &Moment, w: &Vector3<f64>, config: &Config) {
-        let dt = to.time.seconds_since(self.last.time);
-        let attitude_s = to.attitude_s - self.last.attitude_s;
-        let attitude = attitude_s / dt;
-        let force = to.force_mps - self.last.force_mps;
-        let force_body = attitude.tr_mul(&force);
-        let turn = to.turn_rad - self.last.turn_rad;
-        let tilt_control = to.control_tilt_rad - self.last.control_tilt_rad;
-        // Of the velocity that controls caused, the part through tilts of this interval alone.
-        let velocity_control = to.control_velocity_mps
-            - self.last.control_velocity_mps
-            - force.cross(&self.last.control_tilt_rad);
-
-        // Growth of Phi: known part, and by each parameter.
-        let mut grown = tilt_control;
-        // Rotations do not commute: levelling controls on a tilted platform turn it in azimuth.
-        let whole_tilt = self.tilt + self.tilt_by * self.parameters.value;
-        grown.z += 0.5 * whole_tilt.perp(&tilt_control.xy());
-        grown.x += dt * w.z * self.tilt.y;
-        grown.y -= dt * w.z * self.tilt.x;
-        grown.z += dt * (w.y * self.tilt.x - w.x * self.tilt.y);
-        let mut grown_by = SMatrix::<f64, 3, COUNT>::zeros();
-        grown_by
-            .fixed_view_mut::<3, 3>(0, index::GYRO)
-            .copy_from(&-attitude_s);
-        grown_by
-            .fixed_view_mut::<3, 3>(0, index::GYRO_TURN)
-            .copy_from(&(-turn * attitude));
-        let (east, north) = (self.tilt_by.row(0), self.tilt_by.row(1));
-        add_row(&mut grown_by.row_mut(0), &north, dt * w.z);
-        add_row(&mut grown_by.row_mut(1), &east, -dt * w.z);
-        add_row(&mut grown_by.row_mut(2), &east, dt * w.y);
-        add_row(&mut grown_by.row_mut(2), &north, -dt * w.x);
-        let azimuth = Vector3::new(-dt * w.y, dt * w.x, 0.0);
-        let mut column = grown_by.column_mut(index::AZIMUTH);
-        column += azimuth;
-
-        // dV over the interval: f x Phi with Phi of its middle, C df, scale errors.
-        let tilt = Vector3::new(self.tilt.x, self.tilt.y, 0.0);
-        self.velocity += force.cross(&tilt) + velocity_control;
-        // Second order, felt on the up axis alone; plus, for the force is in the tilted frame.
-        self.velocity.z += 0.5 * force.z * whole_tilt.norm_squared();
-        let mut phi_by = grown_by * 0.5;
-        let mut level = phi_by.fixed_rows_mut::<2>(0);
-        level += self.tilt_by;
-        let mut column = phi_by.column_mut(index::AZIMUTH);
-        column.z += 1.0;
-        self.velocity_by += force.cross_matrix() * phi_by;
-        let mut accel = self.velocity_by.fixed_columns_mut::<3>(index::ACCEL);
-        accel += attitude_s;
-        let mut scale = self.velocity_by.column_mut(index::ACCEL_SCALE_X);
-        scale += attitude.column(0) * force_body.x;
-        let mut scale = self.velocity_by.column_mut(index::ACCEL_SCALE_Y);
-        scale += attitude.column(1) * force_body.y;
-
+    /// Carries the observer to a later moment in a frame that turns at `frame_rate`.
+    fn propagate(&mut self, to: &Moment, frame_rate: &Vector3<f64>, config: &Config) {
+        let span = Span::between(&self.last, to);
+        let (grown, grown_by) = self.tilt_growth(&span, frame_rate);
+        self.propagate_velocity(&span, &grown_by);
         self.tilt += grown.xy();
         self.tilt_by += grown_by.fixed_rows::<2>(0);
         self.carry_forward(index::AZIMUTH, &grown_by.row(2).transpose(), grown.z);
         let mut drift = SVector::<f64, COUNT>::zeros();
         if let Some(by_drift) = drift.get_mut(index::CLOCK_DRIFT) {
-            *by_drift = dt;
+            *by_drift = span.seconds;
         }
         self.carry_forward(index::LATENCY, &drift, 0.0);
-        self.diffuse(force.z, dt, config);
+        self.diffuse(span.force_mps.z, span.seconds, config);
         self.last = *to;
+    }
+
+    /// Growth of `Phi` over a span, `Phi' = -w_in x Phi - C dw` and the controls: known part, and
+    /// by each parameter.
+    fn tilt_growth(&self, span: &Span, w: &Vector3<f64>) -> (Vector3<f64>, ByParameter<3>) {
+        let dt = span.seconds;
+        let mut grown = span.control_tilt_rad;
+        // Rotations do not commute: levelling controls on a tilted platform turn it in azimuth.
+        grown.z += 0.5 * self.whole_tilt().perp(&grown.xy());
+        grown.x += dt * w.z * self.tilt.y;
+        grown.y -= dt * w.z * self.tilt.x;
+        grown.z += dt * (w.y * self.tilt.x - w.x * self.tilt.y);
+
+        let mut by = ByParameter::<3>::zeros();
+        let (drift, turn) = (-span.attitude_s, span.attitude_s * (-span.turn_rad / dt));
+        by.fixed_columns_mut::<3>(index::GYRO).copy_from(&drift);
+        by.fixed_columns_mut::<3>(index::GYRO_TURN).copy_from(&turn);
+        let (east, north) = (self.tilt_by.row(0), self.tilt_by.row(1));
+        add_row(&mut by.row_mut(0), &north, dt * w.z);
+        add_row(&mut by.row_mut(1), &east, -dt * w.z);
+        add_row(&mut by.row_mut(2), &east, dt * w.y);
+        add_row(&mut by.row_mut(2), &north, -dt * w.x);
+        let mut azimuth = by.column_mut(index::AZIMUTH);
+        azimuth += Vector3::new(-dt * w.y, dt * w.x, 0.0);
+        (grown, by)
+    }
+
+    /// Growth of dV over a span, `dV' = f x Phi + C df` with `Phi` of its middle.
+    fn propagate_velocity(&mut self, span: &Span, grown_by: &ByParameter<3>) {
+        let force = span.force_mps;
+        let tilt = Vector3::new(self.tilt.x, self.tilt.y, 0.0);
+        self.velocity += force.cross(&tilt) + span.control_velocity_mps;
+        // Second order, felt on the up axis alone; plus, for the force is in the tilted frame.
+        self.velocity.z += 0.5 * force.z * self.whole_tilt().norm_squared();
+
+        let mut phi_by = grown_by * 0.5;
+        let mut level = phi_by.fixed_rows_mut::<2>(0);
+        level += self.tilt_by;
+        let mut azimuth = phi_by.column_mut(index::AZIMUTH);
+        azimuth.z += 1.0;
+        self.velocity_by += force.cross_matrix() * phi_by;
+        let mut bias = self.velocity_by.fixed_columns_mut::<3>(index::ACCEL);
+        bias += span.attitude_s;
+        let attitude = span.attitude_s / span.seconds;
+        let force_body = attitude.tr_mul(&force);
+        let mut scale = self.velocity_by.column_mut(index::ACCEL_SCALE_X);
+        scale += attitude.column(0) * force_body.x;
+        let mut scale = self.velocity_by.column_mut(index::ACCEL_SCALE_Y);
+        scale += attitude.column(1) * force_body.y;
     }
 
     /// Makes parameter `which` that of the new horizon, where it is greater by `by` times the
@@ -399,7 +402,7 @@ impl Observer {
     fn correct_level(
         &mut self,
         innovation: &Vector3<f64>,
-        by: &SMatrix<f64, 3, COUNT>,
+        by: &ByParameter<3>,
         weight: f64,
         config: &Config,
     ) {
@@ -435,7 +438,7 @@ impl Observer {
     fn correct_vertical(
         &mut self,
         innovation: &Vector3<f64>,
-        by: &SMatrix<f64, 3, COUNT>,
+        by: &ByParameter<3>,
         residual: f64,
         config: &Config,
     ) {

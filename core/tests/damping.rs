@@ -1,0 +1,196 @@
+//! The damping loops have the poles that their bandwidth and damping ratio promise.
+#![allow(clippy::disallowed_methods, clippy::unwrap_used, clippy::expect_used)]
+
+use ins_core::config::{Feedback, HeadingSource, SecondOrder};
+use ins_core::earth::{GRAVITY_EQUATOR_MPS2, Geodetic, LocalEarth};
+use ins_core::{
+    Config, GnssFix, GnssOutcome, ImuOutcome, ImuOutput, ImuSample, Navigator, Phase, Time,
+};
+use nalgebra::{Matrix2, Vector2, Vector3};
+
+const PLACE: Geodetic = Geodetic {
+    latitude_rad: 0.9,
+    longitude_rad: 0.5,
+    height_m: 120.0,
+};
+const IMU_S: f64 = 0.01;
+/// Ten fixes a second.
+const FIX_EVERY: u32 = 10;
+/// A fix waits for the ring to pass its moment, and its control is held to the next one: on the
+/// average 0.15 s of delay, 0.2 s at most.
+const DELAY_S: f64 = 0.2;
+
+/// A navigator that stands, levelled, heading north, with noise-free sensors.
+struct Standing {
+    navigator: Navigator,
+    count: u32,
+    with_up: bool,
+    height_m: f64,
+}
+
+impl Standing {
+    fn new(config: &Config, with_up: bool) -> Self {
+        let config = Config {
+            imu_output: ImuOutput::Increments,
+            heading: HeadingSource::Given(0.0),
+            feedback: Feedback::Open,
+            ..*config
+        };
+        let mut standing = Self {
+            navigator: Navigator::new(config).unwrap(),
+            count: 0,
+            with_up,
+            height_m: PLACE.height_m,
+        };
+        while standing.navigator.phase() != Phase::Navigating {
+            standing.step(Vector3::zeros());
+        }
+        // Whatever the start has stirred has died out.
+        for _ in 0..10_000 {
+            standing.step(Vector3::zeros());
+        }
+        standing
+    }
+
+    /// One sample, turned by `turn_rad` beyond what is true.
+    fn step(&mut self, turn_rad: Vector3<f64>) {
+        let earth = LocalEarth::at(PLACE.latitude_rad, PLACE.height_m);
+        self.count += 1;
+        let time = Time::default().plus_seconds(f64::from(self.count) * IMU_S);
+        let outcome = self.navigator.on_imu(&ImuSample {
+            time,
+            gyro: IMU_S * earth.earth_rate() + turn_rad,
+            accel: IMU_S * earth.gravity_mps2 * Vector3::z(),
+        });
+        assert_eq!(outcome, ImuOutcome::Accepted);
+        if self.count.is_multiple_of(FIX_EVERY) {
+            let outcome = self.navigator.on_gnss(&GnssFix {
+                time,
+                position: Some(Geodetic {
+                    height_m: self.height_m,
+                    ..PLACE
+                }),
+                velocity_en_mps: Some(Vector2::zeros()),
+                velocity_up_mps: self.with_up.then_some(0.0),
+                velocity_sigma_mps: None,
+            });
+            assert!(
+                matches!(outcome, GnssOutcome::Accepted | GnssOutcome::Queued),
+                "{outcome:?}"
+            );
+        }
+    }
+}
+
+/// `exp(a t)`, by squaring a short step.
+fn flow(a: &Matrix2<f64>, t: f64) -> Matrix2<f64> {
+    let short = a * (t / f64::from(1 << 20));
+    let mut power = Matrix2::identity() + short + 0.5 * short * short;
+    for _ in 0..20 {
+        power *= power;
+    }
+    power
+}
+
+/// Follows one component for `seconds`, against the first of two states that start at `start` and
+/// grow by `a`. What grows at a rate is late by as much as that times the delay.
+fn follows(
+    mut standing: Standing,
+    observed: impl Fn(&Navigator) -> f64,
+    a: &Matrix2<f64>,
+    start: &Vector2<f64>,
+    w0: f64,
+) {
+    let rate = w0.max(-a.trace());
+    let from = observed(&standing.navigator);
+    let (mut largest, mut worst, mut last) = (0.0_f64, 0.0_f64, 0.0_f64);
+    let times = (1..).map(|k| f64::from(k) * IMU_S);
+    for t in times.take_while(|t| *t < 12.0 / w0) {
+        standing.step(Vector3::zeros());
+        let model = (flow(a, t) * start).x;
+        let off = observed(&standing.navigator) - from - (model - start.x);
+        (largest, worst) = (largest.max(model.abs()), worst.max(off.abs()));
+        last = off;
+    }
+    assert!(
+        worst < rate * DELAY_S * largest,
+        "{worst} of {largest}, w0 {w0}"
+    );
+    assert!(
+        last.abs() < 0.01 * largest,
+        "{last} of {largest} is left, w0 {w0}"
+    );
+}
+
+fn with(horizontal: SecondOrder, vertical: SecondOrder) -> Config {
+    let mut config = Config::hg1700();
+    config.damping.horizontal = horizontal;
+    config.damping.vertical = vertical;
+    config
+}
+
+const LOOPS: [SecondOrder; 3] = [
+    SecondOrder {
+        bandwidth_radps: 0.1,
+        damping_ratio: 0.7,
+    },
+    SecondOrder {
+        bandwidth_radps: 0.3,
+        damping_ratio: 0.4,
+    },
+    SecondOrder {
+        bandwidth_radps: 0.5,
+        damping_ratio: 1.2,
+    },
+];
+
+#[test]
+fn a_tilt_dies_out_with_the_horizontal_poles() {
+    for (east, design) in [(true, LOOPS[0]), (false, LOOPS[1]), (true, LOOPS[2])] {
+        let mut standing = Standing::new(&with(design, LOOPS[2]), true);
+        // A turn of the gyros that did not happen: `Phi` of the platform the other way.
+        let phi = 1e-3;
+        let axis = if east { Vector3::y() } else { Vector3::x() };
+        standing.step(-phi * axis);
+        let (w0, zeta, g) = (
+            design.bandwidth_radps,
+            design.damping_ratio,
+            GRAVITY_EQUATOR_MPS2,
+        );
+        // States dV and Phi; dV_E' = -g Phi_N, dV_N' = +g Phi_E.
+        let sign = if east { -1.0 } else { 1.0 };
+        let a = Matrix2::new(-2.0 * zeta * w0, sign * g, -sign * w0 * w0 / g, 0.0);
+        let velocity = move |navigator: &Navigator| {
+            let v = navigator.mechanization().unwrap().velocity_enu_mps;
+            if east { v.x } else { v.y }
+        };
+        follows(standing, velocity, &a, &Vector2::new(0.0, phi), w0);
+    }
+}
+
+#[test]
+fn a_height_dies_out_with_the_vertical_poles() {
+    for design in LOOPS {
+        let mut standing = Standing::new(&with(LOOPS[0], design), false);
+        // The receiver moves down by 10 m: the INS is as much too high.
+        standing.height_m -= 10.0;
+        let (w0, zeta) = (design.bandwidth_radps, design.damping_ratio);
+        // States dh and dV: dh' = dV - C1 dh, dV' = -C2 dh.
+        let a = Matrix2::new(-2.0 * zeta * w0, 1.0, -w0 * w0, 0.0);
+        let height = |navigator: &Navigator| navigator.mechanization().unwrap().position.height_m;
+        follows(standing, height, &a, &Vector2::new(10.0, 0.0), w0);
+    }
+}
+
+#[test]
+fn with_vertical_velocity_height_follows_the_position_loop() {
+    let design = LOOPS[1];
+    let mut standing = Standing::new(&with(LOOPS[0], design), true);
+    standing.height_m -= 10.0;
+    let c1 = 2.0 * design.damping_ratio * design.bandwidth_radps;
+    let p = Config::hg1700().damping.position_radps;
+    // dh' = dV - p dh, dV' = -C1 dV - p^2 dh.
+    let a = Matrix2::new(-p, 1.0, -p * p, -c1);
+    let height = |navigator: &Navigator| navigator.mechanization().unwrap().position.height_m;
+    follows(standing, height, &a, &Vector2::new(10.0, 0.0), p);
+}

@@ -1,0 +1,581 @@
+//! Classical motions with known answers: coning, sculling, Schuler, Foucault, growth of errors.
+#![allow(clippy::disallowed_methods, clippy::cast_precision_loss)]
+
+use core::f64::consts::TAU;
+
+use ins_core::attitude::{Euler, from_euler};
+use ins_core::earth::{Geodetic, LocalEarth, ROTATION_RATE_RADPS};
+use ins_core::increments::{Increments, Interval};
+use ins_core::mechanization::{Controls, Mechanization};
+use ins_core::{ImuOutput, ImuSample, Time};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
+/// What increments sensed over an interval, or rates at its end; x, y, z.
+type Reading = (Vector3<f64>, Vector3<f64>);
+
+fn sample((gyro, accel): Reading) -> ImuSample {
+    ImuSample {
+        time: Time::default(),
+        gyro,
+        accel,
+    }
+}
+
+/// `count` intervals of `h` through [`Increments`].
+fn intervals(
+    output: ImuOutput,
+    h: f64,
+    count: u32,
+    read: impl Fn(f64, f64) -> Reading,
+) -> Vec<Interval> {
+    let mut increments = Increments::new(output, &sample(read(-h, 0.0)));
+    (0..count)
+        .map(|k| {
+            let t = f64::from(k) * h;
+            increments.interval(&sample(read(t, t + h)), h)
+        })
+        .collect()
+}
+
+/// What a two-sample algorithm leaves of the product of two oscillations 90 degrees apart, of
+/// unit amplitude, in one interval of phase `l`: exact `(l - sin l)/2` less the algorithm's
+/// `|x_k-1 x x_k|/12`. For small phases `l^5/60`; without the term it would be `l^3/12`.
+fn two_sample_residual(l: f64) -> f64 {
+    0.5 * (l - l.sin()) - (l.sin() - 0.5 * (2.0 * l).sin()) / 6.0
+}
+
+/// Attitude `[cos a/2, 0, sin a/2 cos wt, sin a/2 sin wt]`: no axis comes back with the sum of
+/// its increments. Body rate `[-2 w sin^2 a/2, -w sin a sin wt, w sin a cos wt]`.
+#[derive(Clone, Copy)]
+struct Cone {
+    angle_rad: f64,
+    rate_radps: f64,
+}
+
+impl Cone {
+    fn attitude(&self, t: f64) -> UnitQuaternion<f64> {
+        let (s, c) = (0.5 * self.angle_rad).sin_cos();
+        let (sp, cp) = (self.rate_radps * t).sin_cos();
+        UnitQuaternion::new_unchecked(Quaternion::new(c, 0.0, s * cp, s * sp))
+    }
+
+    fn axial_radps(&self) -> f64 {
+        -2.0 * self.rate_radps * (0.5 * self.angle_rad).sin().powi(2)
+    }
+
+    fn increment(&self, from: f64, to: f64) -> Reading {
+        let side = self.angle_rad.sin();
+        let (s0, c0) = (self.rate_radps * from).sin_cos();
+        let (s1, c1) = (self.rate_radps * to).sin_cos();
+        let axial = self.axial_radps() * (to - from);
+        let angle = Vector3::new(axial, side * (c1 - c0), side * (s1 - s0));
+        (angle, Vector3::zeros())
+    }
+
+    fn rate(&self, at: f64) -> Reading {
+        let side = self.rate_radps * self.angle_rad.sin();
+        let (s, c) = (self.rate_radps * at).sin_cos();
+        let rate = Vector3::new(self.axial_radps(), -side * s, side * c);
+        (rate, Vector3::zeros())
+    }
+
+    /// Drift about the cone's axis, rad per interval, after whole periods.
+    fn drift(&self, intervals: &[Interval], turn: fn(&Interval) -> Vector3<f64>) -> f64 {
+        let end: f64 = intervals.iter().map(|i| i.seconds).sum();
+        let computed = intervals.iter().fold(self.attitude(0.0), |q, i| {
+            q * UnitQuaternion::from_scaled_axis(turn(i))
+        });
+        let error = (self.attitude(end).inverse() * computed).scaled_axis();
+        error.x / intervals.len() as f64
+    }
+}
+
+#[test]
+fn coning_leaves_what_the_two_sample_algorithm_must_leave() {
+    // 5 and 10 Hz, sampled at 100 Hz; 200 s are whole periods.
+    for hz in [5.0, 10.0] {
+        let cone = Cone {
+            angle_rad: 0.01,
+            rate_radps: TAU * hz,
+        };
+        let (h, a2) = (0.01, cone.angle_rad * cone.angle_rad);
+        let motion = intervals(ImuOutput::Increments, h, 20_000, |a, b| {
+            cone.increment(a, b)
+        });
+        let phase = cone.rate_radps * h;
+        let expected = -a2 * two_sample_residual(phase);
+        let drift = cone.drift(&motion, Interval::rotation_rad);
+        // Terms of fourth order in the angle: 1e-4 of the second ones before compensation.
+        let rest = 1e-4 * a2 * phase.powi(3);
+        assert!(
+            (drift - expected).abs() < rest,
+            "{hz} Hz: {drift} {expected}"
+        );
+        // Without the term it is 50 and 13 times as much.
+        let without = cone.drift(&motion, |i| i.angle_rad);
+        let expected = -0.5 * a2 * (phase - phase.sin());
+        assert!((without - expected).abs() < rest, "{without} {expected}");
+    }
+}
+
+#[test]
+fn coning_of_rates_leaves_what_a_trapezoid_must_leave() {
+    let cone = Cone {
+        angle_rad: 0.01,
+        rate_radps: TAU * 5.0,
+    };
+    let (h, a2) = (0.01, cone.angle_rad * cone.angle_rad);
+    let motion = intervals(ImuOutput::Rates, h, 20_000, |_, b| cone.rate(b));
+    // The trapezoid makes the cone narrower by (l/2) cot(l/2): a polygon of that radius, the
+    // coning term of the readings, and the axial rate.
+    let l = cone.rate_radps * h;
+    let narrow = 0.5 * l / (0.5 * l).tan();
+    let expected = a2 * (0.5 * narrow * narrow * l.sin() + l * l * l.sin() / 12.0 - 0.5 * l);
+    let drift = cone.drift(&motion, Interval::rotation_rad);
+    assert!(
+        (drift - expected).abs() < 1e-4 * a2 * l.powi(3),
+        "{drift} {expected}"
+    );
+    // Half of what no coning term would leave.
+    let without = cone.drift(&motion, |i| i.angle_rad);
+    assert!((without / drift - 2.0).abs() < 0.1, "{without} {drift}");
+}
+
+/// Oscillation about x and, in phase, along y: `x = A sin wt`, `f_y = B sin wt`. In the axes of
+/// the start the mean force along z is `B J1(A)`, along y nothing.
+struct Scull {
+    angle_rad: f64,
+    force_mps2: f64,
+    rate_radps: f64,
+}
+
+impl Scull {
+    fn angle(&self, t: f64) -> f64 {
+        self.angle_rad * (self.rate_radps * t).sin()
+    }
+
+    fn increment(&self, from: f64, to: f64) -> Reading {
+        let w = self.rate_radps;
+        let gained = self.force_mps2 / w * ((w * from).cos() - (w * to).cos());
+        (
+            Vector3::new(self.angle(to) - self.angle(from), 0.0, 0.0),
+            Vector3::new(0.0, gained, 0.0),
+        )
+    }
+}
+
+#[test]
+fn sculling_gains_the_velocity_of_the_closed_form() {
+    let scull = Scull {
+        angle_rad: 0.02,
+        force_mps2: 20.0,
+        rate_radps: TAU * 5.0,
+    };
+    let (h, count) = (0.01, 20_000);
+    let motion = intervals(ImuOutput::Increments, h, count, |a, b| {
+        scull.increment(a, b)
+    });
+    let gained = |velocity: fn(&Interval) -> Vector3<f64>| {
+        let (mut sum, mut t) = (Vector3::zeros(), 0.0);
+        for interval in &motion {
+            let attitude = UnitQuaternion::from_scaled_axis(Vector3::x() * scull.angle(t));
+            sum += attitude * velocity(interval);
+            t += h;
+        }
+        sum / f64::from(count)
+    };
+    let a = scull.angle_rad;
+    let bessel = a / 2.0 - a.powi(3) / 16.0;
+    let truth = Vector3::new(0.0, 0.0, scull.force_mps2 * bessel * h);
+    let phase = scull.rate_radps * h;
+    let scale = a * scull.force_mps2 / scull.rate_radps;
+    let expected = truth - Vector3::z() * scale * two_sample_residual(phase);
+    // Terms of fourth order: the square of the angle, 4e-4, times what the term corrects.
+    let rest = 4e-4 * scale * phase.powi(3);
+    let off = gained(Interval::velocity_mps) - expected;
+    assert!(off.norm() < rest, "{off} of {rest}");
+    // Without the sculling term the error is a hundred times that.
+    let bare = gained(|i| i.velocity_mps() - i.sculling_mps) - truth;
+    assert!(bare.norm() > 100.0 * rest, "{bare}");
+}
+
+/// Rate and force that grow steadily: `p + q t`, `u + v t`.
+struct Ramp {
+    rate: [Vector3<f64>; 2],
+    force: [Vector3<f64>; 2],
+}
+
+const RAMP: Ramp = Ramp {
+    rate: [Vector3::new(0.3, -0.2, 0.1), Vector3::new(-2.0, 1.0, 3.0)],
+    force: [Vector3::new(1.0, 2.0, 9.0), Vector3::new(40.0, -30.0, 20.0)],
+};
+
+impl Ramp {
+    fn rate(&self, t: f64) -> Reading {
+        let at = |[constant, slope]: [Vector3<f64>; 2]| constant + t * slope;
+        (at(self.rate), at(self.force))
+    }
+
+    fn increment(&self, from: f64, to: f64) -> Reading {
+        let (rate, force) = self.rate(0.5 * (from + to));
+        ((to - from) * rate, (to - from) * force)
+    }
+
+    /// For steady growth the terms of second order have closed forms, `h^3/12 p x q` and
+    /// `h^3/12 (p x v + u x q)`, with p and u at the interval's start.
+    fn assert_exact(&self, interval: &Interval, from: f64, to: f64) {
+        let h = to - from;
+        let (angle, force) = self.increment(from, to);
+        let (p, u) = self.rate(from);
+        let ([_, q], [_, v]) = (self.rate, self.force);
+        let coning = h.powi(3) / 12.0 * p.cross(&q);
+        let sculling = h.powi(3) / 12.0 * (p.cross(&v) + u.cross(&q));
+        let near = |got: &Vector3<f64>, expected: &Vector3<f64>| {
+            // Rounding alone.
+            let off = (got - expected).norm();
+            assert!(off < 1e-15, "{got} is not {expected} in [{from}, {to}]");
+        };
+        assert!((interval.seconds - h).abs() < 1e-15);
+        near(&interval.angle_rad, &angle);
+        near(&interval.force_mps, &force);
+        near(&interval.coning_rad, &coning);
+        near(&interval.sculling_mps, &sculling);
+    }
+}
+
+#[test]
+fn steady_growth_is_exact_from_the_first_interval_on_and_at_any_length() {
+    for output in [ImuOutput::Rates, ImuOutput::Increments] {
+        let read = |from: f64, to: f64| match output {
+            ImuOutput::Rates => RAMP.rate(to),
+            ImuOutput::Increments => RAMP.increment(from, to),
+        };
+        let mut increments = Increments::new(output, &sample(read(-0.01, 0.0)));
+        let mut from = 0.0;
+        for h in [0.01, 0.01, 0.012, 0.007, 0.013, 0.01, 0.009] {
+            let to = from + h;
+            let interval = increments.interval(&sample(read(from, to)), h);
+            RAMP.assert_exact(&interval, from, to);
+            from = to;
+        }
+        // Again after a break.
+        increments.restart(&sample(read(0.29, 0.3)));
+        let usual = increments.interval(&sample(read(0.3, 0.31)), 0.01);
+        RAMP.assert_exact(&usual, 0.3, 0.31);
+    }
+}
+
+#[test]
+fn a_hole_is_filled_by_its_ends() {
+    for output in [ImuOutput::Rates, ImuOutput::Increments] {
+        let read = |to: f64| match output {
+            ImuOutput::Rates => RAMP.rate(to),
+            ImuOutput::Increments => RAMP.increment(to - 0.01, to),
+        };
+        let mut increments = Increments::new(output, &sample(read(0.0)));
+        for k in 1..=3 {
+            let _ = increments.interval(&sample(read(0.01 * f64::from(k))), 0.01);
+        }
+        assert!(!increments.has_hole(0.0149));
+        assert!(increments.has_hole(0.04));
+        let filled = increments.interval(&sample(read(0.07)), 0.04);
+        let (angle, force) = RAMP.increment(0.03, 0.07);
+        assert!((filled.angle_rad - angle).norm() < 1e-15, "{output:?}");
+        assert!((filled.force_mps - force).norm() < 1e-15, "{output:?}");
+        // What was filled in is not taken for the reading of one interval afterwards.
+        let after = increments.interval(&sample(read(0.08)), 0.01);
+        RAMP.assert_exact(&after, 0.07, 0.08);
+    }
+}
+
+#[test]
+fn a_steady_pirouette_gains_the_velocity_of_the_closed_form() {
+    let (angle, force) = (
+        Vector3::new(0.06, -0.05, 0.06),
+        Vector3::new(0.3, 0.4, -0.2),
+    );
+    let interval = Interval {
+        seconds: 0.01,
+        angle_rad: angle,
+        force_mps: force,
+        ..Interval::default()
+    };
+    let theta = angle.norm();
+    let once = angle.cross(&force);
+    let exact = force
+        + (1.0 - theta.cos()) / (theta * theta) * once
+        + (theta - theta.sin()) / theta.powi(3) * angle.cross(&once);
+    // Third order is kept, fourth dropped: theta^3/24 of the force.
+    let off = (interval.velocity_mps() - exact).norm();
+    assert!(off < theta.powi(3) / 24.0 * force.norm(), "{off}");
+}
+
+const EQUATOR: f64 = 0.0;
+const STEP_S: f64 = 1.0;
+/// Schuler period, in steps.
+const PERIOD: u32 = 5066;
+
+/// A free INS beside a vehicle that stands, axes east, north, up; height held by hand, for the
+/// vertical channel has its own test.
+struct Standing {
+    ins: Mechanization,
+    start: Geodetic,
+    interval: Interval,
+    hold_height: bool,
+}
+
+impl Standing {
+    fn new(latitude_rad: f64) -> Self {
+        let start = Geodetic {
+            latitude_rad,
+            longitude_rad: 1.0,
+            height_m: 0.0,
+        };
+        let earth = LocalEarth::at(latitude_rad, 0.0);
+        Self {
+            ins: Mechanization::new(start, Vector3::zeros(), UnitQuaternion::identity()),
+            start,
+            interval: Interval {
+                seconds: STEP_S,
+                angle_rad: STEP_S * earth.earth_rate(),
+                force_mps: STEP_S * earth.gravity_mps2 * Vector3::z(),
+                ..Interval::default()
+            },
+            hold_height: true,
+        }
+    }
+
+    fn biased(mut self, gyro_radps: [f64; 3], accel_mps2: [f64; 3]) -> Self {
+        self.interval = self
+            .interval
+            .without_bias(&-Vector3::from(gyro_radps), &-Vector3::from(accel_mps2));
+        self
+    }
+
+    fn step(&mut self) {
+        self.ins.step(&self.interval, &Controls::default());
+        if self.hold_height {
+            self.ins.position.height_m = self.start.height_m;
+            self.ins.velocity_enu_mps.z = 0.0;
+        }
+    }
+
+    fn position_error(&self) -> Vector3<f64> {
+        self.ins.position.enu_from(&self.start)
+    }
+}
+
+/// Schuler frequencies along east and north.
+fn schuler(latitude_rad: f64) -> [f64; 2] {
+    let earth = LocalEarth::at(latitude_rad, 0.0);
+    [earth.east_radius_m, earth.north_radius_m].map(|r| (earth.gravity_mps2 / r).sqrt())
+}
+
+/// Compares a quantity with its model, `model(t)`, at every step.
+fn follows(
+    steps: u32,
+    mut standing: Standing,
+    observed: impl Fn(&Standing) -> f64,
+    model: impl Fn(f64) -> f64,
+    tolerance: f64,
+) {
+    let (mut largest, mut worst) = (0.0_f64, 0.0_f64);
+    for k in 1..=steps {
+        standing.step();
+        let t = f64::from(k) * STEP_S;
+        largest = largest.max(model(t).abs());
+        worst = worst.max((observed(&standing) - model(t)).abs());
+    }
+    assert!(
+        worst < tolerance * largest,
+        "off by {worst} of {largest}, allowed {tolerance}"
+    );
+}
+
+/// (1)-(2) leave out what the rotation of the Earth couples. At the equator, where the level axes
+/// do not precess, a swing of the Schuler period feels `(Omega/ws)^2 = 0.35 %` of it, and what
+/// grows with time, the swing of 24 hours, `(Omega t)^2/2`: 1.7 % after half a Schuler period.
+const COUPLED: f64 = 0.01;
+const COUPLED_GROWING: f64 = 0.02;
+
+#[test]
+fn accelerometer_biases_swing() {
+    let [we, wn] = schuler(EQUATOR);
+    let df = 0.01;
+    follows(
+        PERIOD,
+        Standing::new(EQUATOR).biased([0.0; 3], [df, 0.0, 0.0]),
+        |s| s.ins.velocity_enu_mps.x,
+        |t| df / we * (we * t).sin(),
+        COUPLED,
+    );
+    follows(
+        PERIOD,
+        Standing::new(EQUATOR).biased([0.0; 3], [0.0, df, 0.0]),
+        |s| s.position_error().y,
+        |t| df / (wn * wn) * (1.0 - (wn * t).cos()),
+        COUPLED,
+    );
+}
+
+#[test]
+fn level_gyro_biases_run_away() {
+    let earth = LocalEarth::at(EQUATOR, 0.0);
+    let [we, wn] = schuler(EQUATOR);
+    let dw = 4.848e-6;
+    // Phi_N' = -dw_N, dV_E' = -g Phi_N: eastwards; Phi_E' = -dw_E, dV_N' = g Phi_E: southwards.
+    follows(
+        PERIOD / 2,
+        Standing::new(EQUATOR).biased([0.0, dw, 0.0], [0.0; 3]),
+        |s| s.position_error().x,
+        |t| dw * earth.east_radius_m * (t - (we * t).sin() / we),
+        COUPLED_GROWING,
+    );
+    follows(
+        PERIOD / 2,
+        Standing::new(EQUATOR).biased([dw, 0.0, 0.0], [0.0; 3]),
+        |s| s.ins.velocity_enu_mps.y,
+        |t| -dw * earth.north_radius_m * (1.0 - (wn * t).cos()),
+        COUPLED_GROWING,
+    );
+}
+
+#[test]
+fn the_up_gyro_bias_turns_and_then_tilts() {
+    let earth = LocalEarth::at(EQUATOR, 0.0);
+    let [_, wn] = schuler(EQUATOR);
+    let dw = 4.848e-6;
+    let standing = || Standing::new(EQUATOR).biased([0.0, 0.0, dw], [0.0; 3]);
+    // Phi_UP' = -dw_UP, and by C' = (I - [Phi x]) C the computed heading grows with Phi_UP.
+    follows(
+        PERIOD / 2,
+        standing(),
+        |s| s.ins.heading_rad(),
+        |t| -dw * t,
+        COUPLED_GROWING,
+    );
+    // A platform turned by Phi_UP takes Omega_N for a rate about east: -Omega Phi_UP.
+    let tilting = dw * ROTATION_RATE_RADPS;
+    follows(
+        PERIOD / 2,
+        standing(),
+        |s| s.ins.velocity_enu_mps.y,
+        |t| tilting * earth.north_radius_m * (t - (wn * t).sin() / wn),
+        COUPLED_GROWING,
+    );
+}
+
+#[test]
+fn a_vertical_error_grows_by_the_hyperbolic_cosine() {
+    let earth = LocalEarth::at(EQUATOR, 0.0);
+    let df = 1e-4;
+    // dV_UP' = df + 2g/R dh, R the mean of the two radii, half the difference of which is 0.34 %;
+    // with an exponent of 9 in a Schuler period that is 9 * 0.17 % off.
+    let mean_radius = 0.5 * (earth.east_radius_m + earth.north_radius_m);
+    let k = (2.0 * earth.gravity_mps2 / mean_radius).sqrt();
+    let mut standing = Standing::new(EQUATOR).biased([0.0; 3], [0.0, 0.0, df]);
+    standing.hold_height = false;
+    follows(
+        PERIOD,
+        standing,
+        |s| s.position_error().z,
+        |t| df / (k * k) * ((k * t).cosh() - 1.0),
+        0.02,
+    );
+}
+
+#[test]
+fn a_tilt_swings_with_the_schuler_period() {
+    let [we, _] = schuler(EQUATOR);
+    assert!((TAU / we / 60.0 - 84.4).abs() < 0.2, "{we}");
+    let phi = 1e-3;
+    let mut tilted = Standing::new(EQUATOR);
+    tilted.ins.turn_platform(&Vector3::new(0.0, phi, 0.0));
+    follows(
+        PERIOD,
+        tilted,
+        |s| s.ins.velocity_enu_mps.x,
+        |t| -phi * LocalEarth::at(EQUATOR, 0.0).gravity_mps2 / we * (we * t).sin(),
+        COUPLED,
+    );
+}
+
+#[test]
+fn the_swing_precesses_as_foucault_s_pendulum_does() {
+    for latitude_rad in [1.0_f64, -1.2] {
+        let [we, wn] = schuler(latitude_rad);
+        let period_s = TAU / (0.5 * (we + wn));
+        let mut swinging = Standing::new(latitude_rad);
+        swinging.ins.velocity_enu_mps.x = 1.0;
+        let mut t = 0.0;
+        for period in [1.0, 2.0, 3.0] {
+            while t < period * period_s {
+                swinging.step();
+                t += STEP_S;
+            }
+            let v = swinging.ins.velocity_enu_mps;
+            // The local frame turns counter-clockwise by Omega sin(lat).
+            let expected = -ROTATION_RATE_RADPS * latitude_rad.sin() * t;
+            // Unequal radii bend the line by e^2 cos^2(lat)/4 of the phase, 0.01 after three
+            // periods; the coupling of COUPLED adds as much.
+            let off = (v.y.atan2(v.x) - expected).abs();
+            assert!(off < 0.02, "{off} of {expected}");
+            assert!((v.xy().norm() - 1.0).abs() < 0.02, "{v}");
+        }
+    }
+}
+
+#[test]
+fn what_stands_is_left_standing() {
+    // Any latitude and heading.
+    for (latitude_rad, heading_rad) in [(0.0, 0.0), (0.9, 2.0), (-1.3, -1.0), (1.55, 0.5)] {
+        let mut standing = Standing::new(latitude_rad);
+        let attitude = from_euler(&Euler {
+            heading_rad,
+            pitch_rad: 0.2,
+            roll_rad: -0.3,
+        });
+        standing.ins.attitude = attitude;
+        let inverse = attitude.inverse();
+        standing.interval = Interval {
+            seconds: 0.1,
+            angle_rad: inverse * standing.interval.angle_rad * 0.1,
+            force_mps: inverse * standing.interval.force_mps * 0.1,
+            ..Interval::default()
+        };
+        standing.hold_height = false;
+        for _ in 0..36_000 {
+            standing.step();
+        }
+        // The frame's turn in a step, 7e-6 rad, squared times g, 5e-10 m/s^2 at worst, multiplied
+        // by the vertical channel as in the test above.
+        let off = standing.position_error().norm();
+        assert!(off < 0.02, "{off} m at {latitude_rad}");
+        // The platform turns with the place: 0.02 m / R.
+        let turned = standing.ins.attitude.angle_to(&attitude);
+        assert!(turned < 3e-9, "{turned} at {latitude_rad}");
+    }
+}
+
+#[test]
+fn a_rise_feels_the_gravity_of_its_middle() {
+    // Near the pole, where a vertical velocity has no Coriolis acceleration to speak of.
+    let (latitude_rad, rise_mps, dt) = (1.55, 100.0, 10.0);
+    let start = Geodetic {
+        latitude_rad,
+        ..Geodetic::default()
+    };
+    let up = rise_mps * Vector3::z();
+    let mut ins = Mechanization::new(start, up, UnitQuaternion::identity());
+    let middle = LocalEarth::at(latitude_rad, 0.5 * rise_mps * dt);
+    let interval = Interval {
+        seconds: dt,
+        angle_rad: dt * middle.earth_rate(),
+        force_mps: dt * middle.gravity_mps2 * Vector3::z(),
+        ..Interval::default()
+    };
+    ins.step(&interval, &Controls::default());
+    // Gravity of the start would leave 15 mm/s; the linear fall with height, 1 % of it.
+    let off = ins.velocity_enu_mps.z - rise_mps;
+    assert!(off.abs() < 2e-4, "{off}");
+}

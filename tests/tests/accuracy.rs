@@ -1,0 +1,89 @@
+//! What the running estimators reach on a few seeded drives: enough to see a broken one at once.
+
+use host_sim::accuracy::{Check, QUANTITIES, Run, runs};
+use host_sim::sim::Grade;
+use ins_core::config::HeadingSource;
+
+/// Checks are ten seconds apart.
+fn at_minute(run: &Run, minute: usize) -> &[Check; 8] {
+    &run.history[6 * minute - 1]
+}
+
+/// Squares of the errors in stated sigmas, summed over the runs, for each quantity.
+fn chi_squares(runs: &[Run], minute: usize) -> [f64; 8] {
+    let mut sums = [0.0; 8];
+    for run in runs {
+        for (sum, check) in sums.iter_mut().zip(at_minute(run, minute)) {
+            *sum += (check.error / check.sigma).powi(2);
+        }
+    }
+    sums
+}
+
+fn rms(runs: &[Run], minute: usize, which: usize) -> f64 {
+    let sum: f64 = runs
+        .iter()
+        .map(|run| at_minute(run, minute)[which].error.powi(2))
+        .sum();
+    (sum / runs.len() as f64).sqrt()
+}
+
+/// `all` are the bounds of the chi-square distribution of all errors together, of probability
+/// 0.1 % below and above; `each` the upper one of a single quantity, 0.02 %, for there are eight.
+fn assert_honest(runs: &[Run], minute: usize, all: [f64; 2], each: f64) {
+    assert!(runs.iter().all(|run| run.converged));
+    let sums = chi_squares(runs, minute);
+    for (sum, quantity) in sums.iter().zip(QUANTITIES) {
+        println!("{}: {sum:.1} of {}", quantity.name, runs.len());
+        assert!(*sum < each, "{}: {sum}", quantity.name);
+    }
+    let sum: f64 = sums.iter().sum();
+    assert!((all[0]..all[1]).contains(&sum), "{sum}");
+}
+
+/// 8 runs: 64 degrees of freedom in all, 8 in each quantity.
+const EIGHT: ([f64; 2], f64) = ([34.0, 105.0], 30.0);
+/// 4 runs: 32 and 4.
+const FOUR: ([f64; 2], f64) = ([11.5, 63.0], 22.0);
+
+#[test]
+fn ring_laser_drives_are_honest_and_do_not_get_worse() {
+    let runs = runs(0..8, Grade::Hg1700, 40.0, &|_| {});
+    assert_honest(&runs, 20, EIGHT.0, EIGHT.1);
+    assert_honest(&runs, 40, EIGHT.0, EIGHT.1);
+    let ratios: Vec<f64> = (0..8)
+        .map(|which| rms(&runs, 40, which) / rms(&runs, 20, which))
+        .collect();
+    // An RMS of eight errors is known to a quarter: the ratio of two, half dependent, to 0.3.
+    assert!(ratios.iter().all(|ratio| *ratio < 1.5), "{ratios:?}");
+    // A constant known by white noise: 0.7. The azimuth walks with its gyro.
+    let mean = ratios.iter().map(|ratio| ratio.ln()).sum::<f64>() / 8.0;
+    assert!(mean.exp() < 0.9, "{ratios:?}");
+    // Twice what is promised of 100 drives: 0.03 deg, 0.04 mg, 0.2 and 0.25 deg/h, 1 ms.
+    let limits = [0.06, 0.08, 0.08, 0.01, 0.4, 0.4, 0.5, 2.0];
+    for (which, limit) in limits.iter().enumerate() {
+        let rms = rms(&runs, 40, which);
+        println!(
+            "{}: {rms:.4} {}",
+            QUANTITIES[which].name, QUANTITIES[which].unit
+        );
+        assert!(rms < *limit, "{}: {rms}", QUANTITIES[which].name);
+    }
+}
+
+#[test]
+fn an_unknown_heading_is_found_from_motion() {
+    let unknown = &|config: &mut ins_core::Config| config.heading = HeadingSource::Motion;
+    let runs = runs(0..4, Grade::Hg1700, 20.0, unknown);
+    assert_honest(&runs, 20, FOUR.0, FOUR.1);
+}
+
+/// Biases of 0.3 deg/s, scale errors of 1.5 %, no heading given.
+#[test]
+fn consumer_sensors_converge_from_any_heading() {
+    let runs = runs(0..4, Grade::Mems, 20.0, &|_| {});
+    assert_honest(&runs, 20, FOUR.0, FOUR.1);
+    // A three-hundredth of the biases that were there.
+    assert!(rms(&runs, 20, 4) < 4.0 && rms(&runs, 20, 5) < 4.0 && rms(&runs, 20, 6) < 12.0);
+    assert!(rms(&runs, 20, 0) < 0.3);
+}

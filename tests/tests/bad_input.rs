@@ -1,0 +1,655 @@
+//! Garbage of every kind between good samples: nothing panics, nothing is poisoned.
+
+use std::sync::LazyLock;
+
+use host_sim::accuracy::config_of;
+use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
+use ins_core::config::HeadingSource;
+use ins_core::earth::Geodetic;
+use ins_core::{
+    Config, Estimate, Estimates, GnssFix, GnssOutcome, ImuOutcome, ImuOutput, ImuSample, Navigator,
+    Phase, Solution, Time,
+};
+use nalgebra::{Vector2, Vector3};
+use proptest::prelude::*;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Event {
+    Imu(ImuSample),
+    Gnss(GnssFix),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Answer {
+    Imu(ImuOutcome),
+    Gnss(GnssOutcome),
+}
+
+impl Answer {
+    /// Whether the documentation promises that nothing at all has changed.
+    fn promises_no_change(self) -> bool {
+        !matches!(
+            self,
+            Self::Imu(ImuOutcome::Accepted | ImuOutcome::Bridged | ImuOutcome::Gap)
+                | Self::Gnss(GnssOutcome::Accepted | GnssOutcome::Queued | GnssOutcome::Outlier)
+        )
+    }
+}
+
+fn feed(navigator: &mut Navigator, event: &Event) -> Answer {
+    match event {
+        Event::Imu(sample) => Answer::Imu(navigator.on_imu(sample)),
+        Event::Gnss(fix) => Answer::Gnss(navigator.on_gnss(fix)),
+    }
+}
+
+/// Samples and fixes in the order of their stamps.
+fn merged(drive: &SimulatedDrive) -> Vec<Event> {
+    let mut fixes = drive.gnss.iter().copied().peekable();
+    let mut events = Vec::new();
+    for sample in &drive.imu {
+        while let Some(fix) = fixes.next_if(|fix| fix.time < sample.time) {
+            events.push(Event::Gnss(fix));
+        }
+        events.push(Event::Imu(*sample));
+    }
+    events
+}
+
+/// Five minutes of a car, one of them at rest.
+static DRIVE: LazyLock<SimulatedDrive> = LazyLock::new(|| {
+    let mut config = DriveConfig::new(3, Grade::Hg1700, 5.0);
+    config.initial_rest_s = Some([20.0, 20.0]);
+    // Any reading within the range of the sensors passes for a rate; few do for an increment.
+    config.recording.errors.imu.output = ImuOutput::Rates;
+    config.recording.truth_every = 1;
+    simulate(&config)
+});
+static EVENTS: LazyLock<Vec<Event>> = LazyLock::new(|| merged(&DRIVE));
+
+fn config() -> Config {
+    let mut config = config_of(Grade::Hg1700);
+    config.imu_output = ImuOutput::Rates;
+    config.heading = HeadingSource::Given(DRIVE.truth[0].euler().heading_rad + 0.05);
+    config
+}
+
+fn navigator() -> Navigator {
+    Navigator::new(config()).unwrap()
+}
+
+fn all(e: &Estimates) -> Vec<Estimate> {
+    let mut list = vec![
+        e.azimuth_error_rad,
+        e.gnss_latency_s,
+        e.gnss_latency_now_s,
+        e.clock_drift,
+    ];
+    list.extend(e.accel_bias_mps2);
+    list.extend(e.gyro_bias_radps);
+    list.extend(e.accel_scale);
+    list.extend(e.gyro_turn);
+    list.extend(e.lever_arm_m);
+    list
+}
+
+/// Finite everywhere: a state with a NaN anywhere is not equal to itself.
+#[allow(clippy::eq_op)]
+fn assert_sound(navigator: &Navigator) {
+    assert!(navigator == navigator, "a NaN in the state");
+    for estimate in all(&navigator.estimates()) {
+        assert!(estimate.value.is_finite(), "{estimate:?}");
+        assert!(
+            estimate.sigma.is_finite() && estimate.sigma > 0.0,
+            "{estimate:?}"
+        );
+    }
+    let Some(solution) = navigator.solution() else {
+        return;
+    };
+    let Geodetic {
+        latitude_rad,
+        longitude_rad,
+        height_m,
+    } = solution.position;
+    assert!(
+        latitude_rad.abs() <= core::f64::consts::FRAC_PI_2,
+        "{solution:?}"
+    );
+    assert!(
+        longitude_rad.abs() <= 3.15 && height_m.is_finite(),
+        "{solution:?}"
+    );
+    assert!(solution.velocity_enu_mps.iter().all(|v| v.is_finite()));
+    assert!(
+        (solution.attitude.norm() - 1.0).abs() < 1e-9,
+        "{solution:?}"
+    );
+}
+
+fn truth_at(time: Time) -> &'static Solution {
+    let after = DRIVE.truth.partition_point(|truth| truth.time <= time);
+    &DRIVE.truth[after - 1]
+}
+
+/// Errors in position, velocity and heading against the truth of the moment.
+fn errors(navigator: &Navigator) -> Option<[f64; 3]> {
+    let solution = navigator.solution()?;
+    let truth = truth_at(solution.time);
+    Some([
+        solution.position.enu_from(&truth.position).norm(),
+        (solution.velocity_enu_mps - truth.velocity_enu_mps).norm(),
+        ins_core::earth::wrap_pi(solution.euler().heading_rad - truth.euler().heading_rad).abs(),
+    ])
+}
+
+/// Numbers that could be true, or numbers of every kind.
+fn number(absurd: bool, credible: f64) -> BoxedStrategy<f64> {
+    if !absurd {
+        return (-credible..credible).boxed();
+    }
+    prop_oneof![
+        4 => any::<u64>().prop_map(f64::from_bits),
+        1 => Just(f64::NAN),
+        1 => Just(f64::INFINITY),
+        1 => Just(f64::MAX),
+        1 => Just(-f64::MIN_POSITIVE),
+        1 => Just(f64::from_bits(1)),
+        1 => Just(-0.0),
+        6 => -credible..credible,
+    ]
+    .boxed()
+}
+
+fn three(absurd: bool, credible: f64) -> impl Strategy<Value = Vector3<f64>> {
+    let number = || number(absurd, credible);
+    [number(), number(), number()].prop_map(Vector3::from)
+}
+
+/// Any stamp at all, or microseconds about the present.
+#[derive(Clone, Copy, Debug)]
+enum Stamp {
+    Any(i64),
+    About(i64),
+}
+
+fn stamp() -> impl Strategy<Value = Stamp> {
+    prop_oneof![
+        1 => any::<i64>().prop_map(Stamp::Any),
+        1 => prop_oneof![Just(i64::MAX), Just(i64::MIN), Just(0)].prop_map(Stamp::Any),
+        2 => (-2_000_000_i64..2_000_000).prop_map(Stamp::About),
+        2 => (-12_000_i64..12_000).prop_map(Stamp::About),
+    ]
+}
+
+fn garbage() -> impl Strategy<Value = (Stamp, Event)> {
+    (
+        stamp(),
+        any::<bool>().prop_flat_map(|absurd| prop_oneof![bad_sample(absurd), bad_fix(absurd)]),
+    )
+}
+
+/// Larger ones are for `turns_of_radians_across_holes_poison_nothing`.
+const BELIEVED_RADPS: f64 = 1.0;
+
+/// Stamped later.
+fn bad_sample(absurd: bool) -> impl Strategy<Value = Event> {
+    (three(absurd, BELIEVED_RADPS), three(absurd, 300.0)).prop_map(|(gyro, accel)| {
+        Event::Imu(ImuSample {
+            time: Time::default(),
+            gyro,
+            accel,
+        })
+    })
+}
+
+/// Stamped later.
+fn bad_fix(absurd: bool) -> impl Strategy<Value = Event> {
+    let number = |credible| number(absurd, credible);
+    let position =
+        (number(1.5), number(3.1), number(9e3)).prop_map(|(lat, lon, height)| Geodetic {
+            latitude_rad: lat,
+            longitude_rad: lon,
+            height_m: height,
+        });
+    let velocity = (number(100.0), number(100.0)).prop_map(|(e, n)| Vector2::new(e, n));
+    (
+        prop::option::of(position),
+        prop::option::of(velocity),
+        prop::option::of(number(100.0)),
+        prop::option::of(number(1.0)),
+    )
+        .prop_map(|(position, velocity_en_mps, up, sigma)| {
+            Event::Gnss(GnssFix {
+                time: Time::default(),
+                position,
+                velocity_en_mps,
+                velocity_up_mps: up,
+                velocity_sigma_mps: sigma,
+            })
+        })
+}
+
+fn stamped(stamp: Stamp, event: &Event, now: Time) -> Event {
+    let time = match stamp {
+        Stamp::Any(micros) => Time::from_micros(micros),
+        Stamp::About(micros) => Time::from_micros(now.as_micros().saturating_add(micros)),
+    };
+    match *event {
+        Event::Imu(sample) => Event::Imu(ImuSample { time, ..sample }),
+        Event::Gnss(fix) => Event::Gnss(GnssFix { time, ..fix }),
+    }
+}
+
+fn time_of(event: &Event) -> Time {
+    match event {
+        Event::Imu(sample) => sample.time,
+        Event::Gnss(fix) => fix.time,
+    }
+}
+
+/// Feeds the drive with garbage put in at places of it, parts of 10 000; returns the answers to the
+/// garbage. Every answer is checked against what it promises.
+fn drive_with(navigator: &mut Navigator, garbage: &[(usize, Stamp, Event)]) -> Vec<Answer> {
+    let mut places: Vec<(usize, Stamp, Event)> = garbage
+        .iter()
+        .map(|(part, stamp, event)| (part * EVENTS.len() / 10_000, *stamp, *event))
+        .collect();
+    places.sort_by_key(|(place, ..)| *place);
+    let mut waiting = places.iter().peekable();
+    let mut answers = Vec::new();
+    for (k, event) in EVENTS.iter().enumerate() {
+        while let Some((_, stamp, bad)) = waiting.next_if(|(place, ..)| *place <= k) {
+            let bad = stamped(*stamp, bad, time_of(event));
+            let before = navigator.clone();
+            let answer = feed(navigator, &bad);
+            if answer.promises_no_change() {
+                assert!(*navigator == before, "{answer:?} changed the state");
+            }
+            if answer == Answer::Imu(ImuOutcome::Gap) && navigator.phase() == before.phase() {
+                assert_eq!(navigator.solution(), before.solution());
+                assert_eq!(navigator.estimates(), before.estimates());
+            }
+            assert_sound(navigator);
+            answers.push(answer);
+        }
+        let _ = feed(navigator, event);
+    }
+    assert_sound(navigator);
+    answers
+}
+
+static CLEAN: LazyLock<Navigator> = LazyLock::new(|| {
+    let mut navigator = navigator();
+    drive_with(&mut navigator, &[]);
+    navigator
+});
+
+#[test]
+fn the_drive_without_garbage_is_navigated_well() {
+    let [position, velocity, heading] = errors(&CLEAN).unwrap();
+    println!("{position} m, {velocity} m/s, {heading} rad");
+    assert!(position < 3.0 && velocity < 0.2 && heading < 0.01);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    /// What is refused leaves no trace at all, whatever else happens between.
+    #[test]
+    fn garbage_is_answered_and_leaves_a_sound_state(
+        bad in prop::collection::vec((0..7_000_usize, garbage()), 1..40),
+    ) {
+        let bad: Vec<_> = bad.into_iter().map(|(part, (stamp, event))| (part, stamp, event)).collect();
+        let mut navigator = navigator();
+        // The very first stamp sets the clock; that is another test's business.
+        let answers = drive_with(&mut navigator, &bad);
+        if answers.iter().all(|answer| answer.promises_no_change()) {
+            prop_assert!(navigator == *CLEAN, "a refusal left a trace");
+        }
+        prop_assert_eq!(navigator.phase(), Phase::Navigating);
+        // Ninety seconds of good data later.
+        let [_, velocity, heading] = errors(&navigator).unwrap();
+        let felt = |answer: &Answer| matches!(answer, Answer::Imu(ImuOutcome::Accepted | ImuOutcome::Bridged));
+        // A reading that could be true is believed: 17 rad/s turn the INS by radians in a short
+        // hole. What GNSS alone says wrongly of the velocity is gone after ninety seconds of good
+        // fixes; for what it says of the position see below.
+        if !answers.iter().any(felt) {
+            prop_assert!(velocity < 0.3 && heading < 0.05, "{velocity} m/s, {heading} rad after {answers:?}");
+        }
+    }
+}
+
+/// Feeds the drive with `bad` put in at `at_s`; the errors `later_s` after that.
+fn after(bad: &[Event], at_s: f64, later_s: f64) -> (Vec<Answer>, [f64; 3]) {
+    let mut navigator = navigator();
+    let mut answers = Vec::new();
+    for event in EVENTS.iter() {
+        let since_s = time_of(event).as_seconds() - at_s;
+        if since_s >= 0.0 && answers.is_empty() {
+            answers.extend(bad.iter().map(|bad| feed(&mut navigator, bad)));
+        }
+        if since_s >= later_s {
+            break;
+        }
+        let _ = feed(&mut navigator, event);
+        assert_sound(&navigator);
+    }
+    (answers, errors(&navigator).unwrap())
+}
+
+/// Well before the end, in motion.
+const PLACE_S: f64 = 100.0;
+
+/// A good fix halfway between two of the drive's, so that both are taken too.
+fn good_fix() -> GnssFix {
+    let after = DRIVE
+        .gnss
+        .partition_point(|fix| fix.time.as_seconds() < PLACE_S);
+    let fix = DRIVE.gnss[after];
+    GnssFix {
+        time: fix.time.plus_seconds(-0.05),
+        ..fix
+    }
+}
+
+/// As without anything bad: 0.4 m, 0.1 m/s and 0.01 rad are reached at any time of the drive.
+fn assert_near_truth([position, velocity, heading]: [f64; 3]) {
+    assert!(
+        position < 1.0 && velocity < 0.2 && heading < 0.02,
+        "{position} m, {velocity} m/s, {heading} rad"
+    );
+}
+
+/// What a receiver without a fix is fond of.
+#[test]
+#[ignore = "positions are not gated: the INS is off by 7 km at once and by 17 m a minute later"]
+fn one_fix_on_null_island_is_forgotten() {
+    let position = Some(Geodetic::default());
+    let alone = GnssFix {
+        position,
+        velocity_en_mps: None,
+        velocity_up_mps: None,
+        ..good_fix()
+    };
+    let with_velocity = GnssFix {
+        position,
+        ..good_fix()
+    };
+    for fix in [alone, with_velocity] {
+        let (_, errors) = after(&[Event::Gnss(fix)], PLACE_S, 5.0);
+        assert_near_truth(errors);
+    }
+}
+
+#[test]
+#[ignore = "vertical velocity is gated in the observer only: 22 m of height error from one fix"]
+fn one_wild_vertical_velocity_is_forgotten() {
+    let fix = GnssFix {
+        velocity_up_mps: Some(2_900.0),
+        ..good_fix()
+    };
+    let (_, errors) = after(&[Event::Gnss(fix)], PLACE_S, 5.0);
+    assert_near_truth(errors);
+}
+
+#[test]
+fn one_wild_horizontal_velocity_is_refused() {
+    let good = good_fix();
+    let fix = GnssFix {
+        velocity_en_mps: good.velocity_en_mps.map(|v| v + Vector2::new(60.0, -40.0)),
+        ..good
+    };
+    let (answers, errors) = after(&[Event::Gnss(fix)], PLACE_S, 1.0);
+    // Latency is known by then, so the moment has to be waited for no longer than a fix.
+    assert!(
+        matches!(
+            answers[0],
+            Answer::Gnss(GnssOutcome::Outlier | GnssOutcome::Queued)
+        ),
+        "{answers:?}"
+    );
+    assert_near_truth(errors);
+}
+
+#[test]
+fn fixes_of_the_future_fill_the_queue_and_no_more() {
+    let ahead: Vec<Event> = (0..20)
+        .map(|k| {
+            let good = good_fix();
+            Event::Gnss(GnssFix {
+                time: good.time.plus_seconds(0.3 + 0.03 * f64::from(k)),
+                ..good
+            })
+        })
+        .collect();
+    let (answers, errors) = after(&ahead, PLACE_S, 10.0);
+    let queued = Answer::Gnss(GnssOutcome::Queued);
+    let full = Answer::Gnss(GnssOutcome::TooFarAhead);
+    assert_eq!(answers[..4], [queued; 4]);
+    assert!(
+        answers[4..].iter().all(|answer| *answer == full),
+        "{answers:?}"
+    );
+    assert_near_truth(errors);
+}
+
+/// A reading within the range, 20 g upwards for one sample.
+#[test]
+#[ignore = "the observer's vertical error follows with a minute's lag: 1.4 m/s off after 10 s, where the damped INS itself has recovered"]
+fn one_knock_is_forgotten() {
+    let knock = Event::Imu(ImuSample {
+        time: Time::default().plus_seconds(PLACE_S - 0.005),
+        gyro: Vector3::zeros(),
+        accel: Vector3::new(0.0, 0.0, 200.0),
+    });
+    let (answers, errors) = after(&[knock], PLACE_S, 20.0);
+    assert_eq!(answers, [Answer::Imu(ImuOutcome::Accepted)]);
+    assert_near_truth(errors);
+}
+
+/// A reading within the range at the end of a hole that is bridged with it: radians of heading.
+#[test]
+#[ignore = "stays off by 2.7 rad for good, with a stated spread of 0.06 rad"]
+fn a_heading_lost_is_found_again() {
+    let lie = Event::Imu(ImuSample {
+        time: Time::default().plus_seconds(PLACE_S + 0.4),
+        gyro: Vector3::new(5.0, -3.0, 17.0),
+        accel: Vector3::new(0.0, 0.0, 9.8),
+    });
+    let (answers, errors) = after(&[lie], PLACE_S, 150.0);
+    assert_eq!(answers, [Answer::Imu(ImuOutcome::Bridged)]);
+    assert_near_truth(errors);
+}
+
+/// The drive with all stamps from [`PLACE_S`] on moved.
+fn with_clock_moved(by_s: f64) -> Navigator {
+    let mut navigator = navigator();
+    for event in EVENTS.iter() {
+        let time = time_of(event);
+        let moved = if time.as_seconds() < PLACE_S {
+            time
+        } else {
+            time.plus_seconds(by_s)
+        };
+        let _ = feed(
+            &mut navigator,
+            &stamped(Stamp::Any(moved.as_micros()), event, moved),
+        );
+    }
+    assert_sound(&navigator);
+    navigator
+}
+
+fn assert_arrived(navigator: &Navigator) {
+    let truth = DRIVE.truth.last().unwrap();
+    let solution = navigator.solution().expect("navigating");
+    let velocity = (solution.velocity_enu_mps - truth.velocity_enu_mps).norm();
+    let position = solution.position.enu_from(&truth.position).norm();
+    let attitude = solution.attitude.angle_to(&truth.attitude);
+    assert!(
+        position < 1.0 && velocity < 0.2 && attitude < 0.02,
+        "{position} m, {velocity} m/s, {attitude} rad"
+    );
+}
+
+#[test]
+fn a_clock_set_forward_is_followed() {
+    for by_s in [0.7, 3.0, 3_600.0, 1e9] {
+        assert_arrived(&with_clock_moved(by_s));
+    }
+}
+
+#[test]
+#[ignore = "samples are refused until the old time comes again: for ever, with an hour"]
+fn a_clock_set_back_is_followed() {
+    for by_s in [-3.0, -3_600.0, -1e9] {
+        assert_arrived(&with_clock_moved(by_s));
+    }
+}
+
+#[test]
+#[ignore = "one stray stamp before all others is believed: nothing is accepted any more"]
+fn a_stray_first_stamp_does_not_stop_the_clock() {
+    for micros in [i64::MAX, 3_600_000_000] {
+        let mut navigator = navigator();
+        let stray = ImuSample {
+            time: Time::from_micros(micros),
+            gyro: Vector3::zeros(),
+            accel: Vector3::new(0.0, 0.0, 9.8),
+        };
+        let _ = navigator.on_imu(&stray);
+        drive_with(&mut navigator, &[]);
+        assert_arrived(&navigator);
+    }
+}
+
+#[test]
+#[ignore = "two stray stamps in step with each other stop the clock until their time comes"]
+fn two_stray_stamps_in_step_do_not_stop_the_clock() {
+    let stray = |ahead_s: f64| {
+        Event::Imu(ImuSample {
+            time: Time::default().plus_seconds(PLACE_S + ahead_s),
+            gyro: Vector3::zeros(),
+            accel: Vector3::new(0.0, 0.0, 9.8),
+        })
+    };
+    let bad = [stray(1_000.0), stray(1_000.01)];
+    let (_, errors) = after(&bad, PLACE_S, 150.0);
+    assert_near_truth(errors);
+}
+
+#[test]
+fn one_stray_stamp_does_not_stop_the_clock() {
+    for ahead_s in [0.7, 1_000.0, 9e12] {
+        let stray = Event::Imu(ImuSample {
+            time: Time::default().plus_seconds(PLACE_S + ahead_s),
+            gyro: Vector3::zeros(),
+            accel: Vector3::new(0.0, 0.0, 9.8),
+        });
+        let (answers, errors) = after(&[stray], PLACE_S, 1.0);
+        assert_eq!(answers, [Answer::Imu(ImuOutcome::Gap)]);
+        assert_near_truth(errors);
+    }
+}
+
+#[test]
+fn a_long_hole_is_a_new_start_that_keeps_what_was_learnt() {
+    let mut navigator = navigator();
+    let mut learnt = None;
+    for event in EVENTS.iter() {
+        let time_s = time_of(event).as_seconds();
+        if (150.0..158.0).contains(&time_s) {
+            let known = learnt.get_or_insert_with(|| navigator.estimates());
+            assert_eq!(known.gyro_bias_radps, navigator.estimates().gyro_bias_radps);
+            continue;
+        }
+        let _ = feed(&mut navigator, event);
+        if (158.1..158.2).contains(&time_s) {
+            assert_eq!(navigator.phase(), Phase::FindingHeading);
+            assert_eq!(navigator.solution(), None);
+            let now = navigator.estimates().gyro_bias_radps;
+            let kept = learnt
+                .iter()
+                .flat_map(|known| known.gyro_bias_radps.iter().zip(&now));
+            for (before, after) in kept {
+                assert!((before.value - after.value).abs() < 1e-15);
+            }
+        }
+    }
+    assert!(learnt.is_some());
+    assert_arrived(&navigator);
+}
+
+#[test]
+fn a_snapshot_goes_on_bit_by_bit() {
+    let half = EVENTS.len() / 2;
+    let mut navigator = navigator();
+    for event in &EVENTS[..half] {
+        let _ = feed(&mut navigator, event);
+    }
+    let mut snapshot = navigator.clone();
+    for event in &EVENTS[half..] {
+        assert_eq!(feed(&mut navigator, event), feed(&mut snapshot, event));
+    }
+    assert!(navigator == snapshot);
+    assert!(navigator == *CLEAN);
+}
+
+/// Readings within the range that turn by radians in bridged holes: more than the series of a
+/// small rotation bears.
+#[test]
+#[ignore = "the quaternion grows without bound: norm 5e14 after two samples, then NaN for good"]
+fn turns_of_radians_across_holes_poison_nothing() {
+    for output in [ImuOutput::Rates, ImuOutput::Increments] {
+        let mut navigator = Navigator::new(Config {
+            imu_output: output,
+            ..config()
+        })
+        .unwrap();
+        let unit = |rate: Vector3<f64>| match output {
+            ImuOutput::Rates => rate,
+            ImuOutput::Increments => 0.01 * rate,
+        };
+        let at_rest = |time: Time| ImuSample {
+            time,
+            gyro: unit(Vector3::zeros()),
+            accel: unit(Vector3::new(0.0, 0.0, 9.8)),
+        };
+        let start = *DRIVE.gnss.first().unwrap();
+        let mut time = start.time;
+        let mut go = |navigator: &mut Navigator, seconds: f64| {
+            let end = time.plus_seconds(seconds);
+            while time < end {
+                time = time.plus_seconds(0.01);
+                let _ = navigator.on_imu(&at_rest(time));
+                if time.as_micros() % 100_000 == 0 {
+                    let _ = navigator.on_gnss(&GnssFix {
+                        time,
+                        velocity_en_mps: Some(Vector2::zeros()),
+                        ..start
+                    });
+                }
+            }
+            time
+        };
+        let now = go(&mut navigator, 30.0);
+        assert_eq!(navigator.phase(), Phase::Navigating);
+        // In increments a reading of as much as the whole hole holds passes, and fills the hole.
+        let part = match output {
+            ImuOutput::Rates => 1.0,
+            ImuOutput::Increments => 0.45,
+        };
+        for k in [1.0, 2.0] {
+            let lie = ImuSample {
+                time: now.plus_seconds(0.45 * k),
+                gyro: part * Vector3::repeat(17.9),
+                accel: part * Vector3::repeat(360.0),
+            };
+            assert_eq!(navigator.on_imu(&lie), ImuOutcome::Bridged);
+        }
+        assert_sound(&navigator);
+        go(&mut navigator, 60.0);
+        assert_sound(&navigator);
+    }
+}
