@@ -1,28 +1,23 @@
 //! The command line.
 
-use std::fs::{self, File};
-use std::io::BufWriter;
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use ins_core::earth::wrap_pi;
-use miette::{IntoDiagnostic, Result, bail, miette};
-use serde::Serialize;
+use miette::{IntoDiagnostic, Result, bail};
 
+use crate::accuracy;
 use crate::aircraft;
-use crate::configure;
+use crate::analysis::{Analysis, SUMMARY};
+use crate::figures;
 use crate::flights;
-use crate::identify::{Identification, identify};
 use crate::log::{self, BodyAxes, Compression, Grade, Log, Meta};
 use crate::output::{self, OutputError};
-use crate::report;
 use crate::sim::{self, DriveConfig};
-use crate::summary::Summary;
-use crate::tables;
+use crate::table;
 use crate::truth::{self, Truth};
-
-const SUMMARY: &str = "summary.json";
 
 /// Finds the errors of inertial sensors and GNSS from a recorded or simulated drive.
 #[derive(Debug, Parser)]
@@ -50,6 +45,10 @@ enum Command {
     Aircraft(aircraft::cli::Table),
     /// Fly many flights, damped and then free, and report what the estimates are worth.
     Flights(flights::cli::Flights),
+    /// Run many simulated drives and say how good the estimates are.
+    Accuracy(accuracy::cli::Accuracy),
+    /// Measure the figures of the README anew and write them into it.
+    Figures(figures::Figures),
     /// Simulate a drive, identify it, and compare with the truth.
     Demo {
         /// Folder for log and report.
@@ -70,16 +69,16 @@ struct Drive {
 }
 
 #[derive(Clone, Copy, Debug, Args)]
-struct DriveOptions {
+pub(crate) struct DriveOptions {
     /// Fixes the route and every random number.
     #[arg(long, default_value_t = 1)]
-    seed: u64,
+    pub(crate) seed: u64,
     /// Class of the sensors.
     #[arg(long, value_enum, default_value_t = SimulatedGrade::Hg1700)]
-    grade: SimulatedGrade,
+    pub(crate) grade: SimulatedGrade,
     /// Length of the drive.
     #[arg(long, default_value_t = 40.0, value_parser = minutes)]
-    minutes: f64,
+    pub(crate) minutes: f64,
 }
 
 #[derive(Debug, Args)]
@@ -95,11 +94,20 @@ struct Identify {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum SimulatedGrade {
+pub(crate) enum SimulatedGrade {
     /// Ring lasers of 1 deg/h.
     Hg1700,
     /// Consumer MEMS.
     Mems,
+}
+
+impl From<SimulatedGrade> for sim::Grade {
+    fn from(grade: SimulatedGrade) -> Self {
+        match grade {
+            SimulatedGrade::Hg1700 => Self::Hg1700,
+            SimulatedGrade::Mems => Self::Mems,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -112,7 +120,7 @@ enum GradeChoice {
     Mems,
 }
 
-fn minutes(text: &str) -> Result<f64, String> {
+pub(crate) fn minutes(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(minutes) if (1.0..=1440.0).contains(&minutes) => Ok(minutes),
         _ => Err("minutes from 1 to 1440".to_owned()),
@@ -132,12 +140,14 @@ pub fn run(cli: &Cli) -> Result<()> {
                 GradeChoice::Hg1700 => Some(Grade::Hg1700),
                 GradeChoice::Mems => Some(Grade::Mems),
             };
-            let (summary, truth) = identify_log(&options.log, &options.out, grade, cli.force)?;
-            print_summary(&summary, truth.as_ref(), &options.out, cli.json)
+            let analysis = identify_log(&options.log, &options.out, grade, cli.force)?;
+            print_analysis(&analysis, &options.out, cli.json)
         }
         Command::Fly(options) => aircraft::cli::fly(options, cli.json, cli.force),
         Command::Aircraft(options) => aircraft::cli::table(options, cli.json, cli.force),
         Command::Flights(options) => flights::cli::flights(options, cli.json, cli.force),
+        Command::Accuracy(options) => accuracy::cli::accuracy(options, cli.json, cli.force),
+        Command::Figures(options) => figures::write(options),
         Command::Demo { out, drive } => demo(out, *drive, cli),
     }
 }
@@ -148,13 +158,13 @@ fn demo(out: &Path, drive: DriveOptions, cli: &Cli) -> Result<()> {
     output::check_free(&log, truth::FILE, cli.force)?;
     output::check_free(&results, SUMMARY, cli.force)?;
     write_drive(&log, drive, cli.force)?;
-    let (summary, truth) = identify_log(&log, &results, None, cli.force)?;
-    print_summary(&summary, truth.as_ref(), &results, cli.json)
+    let analysis = identify_log(&log, &results, None, cli.force)?;
+    print_analysis(&analysis, &results, cli.json)
 }
 
 // --- drive ---
 
-fn write_drive(out: &Path, options: DriveOptions, force: bool) -> Result<Truth> {
+pub(crate) fn write_drive(out: &Path, options: DriveOptions, force: bool) -> Result<Truth> {
     output::check_free(out, truth::FILE, force)?;
     let (grade, class) = match options.grade {
         SimulatedGrade::Hg1700 => (sim::Grade::Hg1700, Grade::Hg1700),
@@ -215,34 +225,13 @@ fn print_drive(out: &Path, truth: &Truth, json: bool) -> Result<()> {
 
 // --- identify ---
 
-fn identify_log(
-    folder: &Path,
-    out: &Path,
-    grade: Option<Grade>,
-    force: bool,
-) -> Result<(Summary, Option<Truth>)> {
+fn identify_log(folder: &Path, out: &Path, grade: Option<Grade>, force: bool) -> Result<Analysis> {
     output::check_free(out, SUMMARY, force)?;
     refuse_same(folder, out)?;
     let progress = bar();
-    progress.set_message("reading");
-    let (log, warnings) = log::read(folder)?;
-    for warning in &warnings {
-        progress.suspend(|| eprintln!("warning: {warning}\n  {}", warning.cause));
-    }
-    let truth = Truth::read(folder)?;
-    let grade = configure::grade(&log, grade);
-    progress.set_message("identifying");
-    let found = identify(&log, configure::config(&log, grade), &progress)
-        .map_err(|error| miette!("the configuration cannot be used: {}", error.0))?;
-    let summary = Summary::new(name(folder, &log), &log, &found, grade, &warnings);
-    let results = Results {
-        log: &log,
-        found: &found,
-        summary: &summary,
-        truth: truth.as_ref(),
-    };
-    output::build(out, SUMMARY, force, |folder| results.write(folder))?;
-    Ok((summary, truth))
+    let analysis = Analysis::of_log(folder, grade, &progress)?;
+    output::build(out, SUMMARY, force, |folder| analysis.write(folder))?;
+    Ok(analysis)
 }
 
 /// The log's folder must not become the results' one.
@@ -261,86 +250,19 @@ fn refuse_same(log: &Path, out: &Path) -> Result<()> {
     Ok(())
 }
 
-fn name(folder: &Path, log: &Log) -> String {
-    let folder_name = || {
-        folder
-            .canonicalize()
-            .ok()?
-            .file_name()?
-            .to_str()
-            .map(str::to_owned)
-    };
-    log.meta
-        .name()
-        .map(str::to_owned)
-        .or_else(folder_name)
-        .unwrap_or_else(|| "log".to_owned())
-}
-
-struct Results<'a> {
-    log: &'a Log,
-    found: &'a Identification,
-    summary: &'a Summary,
-    truth: Option<&'a Truth>,
-}
-
-impl Results<'_> {
-    fn write(&self, folder: &Path) -> Result<()> {
-        let axes = self.log.meta.body_axes;
-        tables::write_estimates(create(folder, "estimates.csv")?, self.found, axes)
-            .into_diagnostic()?;
-        tables::write_solution(create(folder, "solution.csv")?, &self.found.solutions)
-            .into_diagnostic()?;
-        let page =
-            report::html(self.log, self.found, self.summary, self.truth).into_diagnostic()?;
-        let path = folder.join("report.html");
-        fs::write(&path, page).map_err(|e| OutputError::io(&path, e))?;
-        let path = folder.join(SUMMARY);
-        fs::write(&path, pretty(self.summary)? + "\n").map_err(|e| OutputError::io(&path, e))?;
-        Ok(())
-    }
-}
-
-fn create(folder: &Path, name: &str) -> Result<BufWriter<File>> {
-    let path = folder.join(name);
-    let file = File::create(&path).map_err(|e| OutputError::io(&path, e))?;
-    Ok(BufWriter::new(file))
-}
-
-fn pretty(value: &impl Serialize) -> Result<String> {
-    serde_json::to_string_pretty(value).into_diagnostic()
-}
-
 // --- what is printed ---
 
-fn print_summary(summary: &Summary, truth: Option<&Truth>, out: &Path, json: bool) -> Result<()> {
+fn print_analysis(analysis: &Analysis, out: &Path, json: bool) -> Result<()> {
+    let summary = &analysis.summary;
     if json {
-        println!("{}", pretty(summary)?);
+        println!(
+            "{}",
+            serde_json::to_string_pretty(summary).into_diagnostic()?
+        );
         return Ok(());
     }
-    println!("{:<20}{:>24}{:>12}{:>12}", "", "estimate", "truth", "error");
-    let truths = truth.map(Truth::columns).unwrap_or_default();
-    for ((name, quantity), truth) in summary.quantities.columns().into_iter().zip(truths) {
-        let estimate = if quantity.observable() {
-            report::with_sigma(&quantity)
-        } else {
-            "not observable".to_owned()
-        };
-        let why = if quantity.observable() {
-            ""
-        } else {
-            quantity.observability.why()
-        };
-        let number = |value: Option<f64>| value.map_or(String::new(), |v| format!("{v:.3}"));
-        let error = truth
-            .filter(|_| quantity.observable())
-            .map(|truth| quantity.value - truth);
-        println!(
-            "{name:<20}{estimate:>24}{:>12}{:>12}  {why}",
-            number(truth),
-            number(error)
-        );
-    }
+    let (header, rows) = analysis.table();
+    print!("{}", table::plain(&header, &rows));
     if let (Some(before), Some(after)) = (
         summary.velocity_error_mps.before,
         summary.velocity_error_mps.after,
@@ -353,7 +275,7 @@ fn print_summary(summary: &Summary, truth: Option<&Truth>, out: &Path, json: boo
     Ok(())
 }
 
-fn bar() -> ProgressBar {
+pub(crate) fn bar() -> ProgressBar {
     let style = ProgressStyle::with_template("{msg:<14} {bar:40} {percent:>3} % {eta}");
     let bar = ProgressBar::new(0);
     if let Ok(style) = style {

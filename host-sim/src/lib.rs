@@ -2,8 +2,11 @@
 
 pub mod accuracy;
 pub mod aircraft;
+pub mod analysis;
 pub mod cli;
 pub mod configure;
+pub mod error_free;
+pub mod figures;
 pub mod flights;
 pub mod free_inertial;
 pub mod hil;
@@ -14,5 +17,6 @@ pub mod quantities;
 pub mod report;
 pub mod sim;
 pub mod summary;
+pub mod table;
 pub mod tables;
 pub mod truth;

@@ -83,6 +83,15 @@ pub fn build<E: From<OutputError>>(
     Ok(())
 }
 
+/// Replaces a file by another text; a reader sees the old one or the new one, never half.
+pub fn replace(file: &Path, text: &str) -> Result<(), OutputError> {
+    let io = |source| OutputError::io(file, source);
+    let mut name = file.as_os_str().to_owned();
+    name.push(".new");
+    fs::write(&name, text).map_err(io)?;
+    fs::rename(&name, file).map_err(io)
+}
+
 /// Temporary folders are private; results are as open as any new folder.
 #[cfg(unix)]
 fn share(folder: &Path) -> io::Result<()> {

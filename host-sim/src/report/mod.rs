@@ -1,16 +1,18 @@
 //! `report.html`: one self-contained page that works without a network.
 
-mod number;
-mod panels;
+pub(crate) mod number;
+pub(crate) mod panels;
 pub(crate) mod plot;
 mod sentences;
+pub(crate) mod sheet;
 
 use minijinja::value::Serde;
 use minijinja::{AutoEscape, Environment};
 use serde::Serialize;
 
+pub(crate) use number::to_second_digit_of as digits;
 pub use sentences::sentences;
-pub(crate) use sentences::with_sigma;
+pub(crate) use sentences::{in_words, with_sigma};
 
 use self::panels::Panel;
 use crate::identify::Identification;
@@ -48,10 +50,15 @@ pub fn html(
         minutes: format!("{:.1}", summary.duration_s / 60.0),
         sentences: sentences(summary, found),
         verdict: sentences::verdict(summary),
-        estimates: panels::estimates(log, found, truth),
+        estimates: panels::estimates(log, found, truth, panels::SMALL),
         velocity: panels::velocity_error(found),
         track: panels::track(log, found),
         damping: panels::damping(found),
     };
     environment.get_template("report")?.render(Serde(&page))
+}
+
+/// The estimates converging, as one drawing.
+pub fn estimates_svg(log: &Log, found: &Identification, truth: Option<&Truth>) -> String {
+    sheet::svg(&panels::estimates(log, found, truth, sheet::CELL))
 }

@@ -10,24 +10,25 @@ use crate::log::Log;
 use crate::quantities::{DEG_H_RADPS, Quantities, Quantity};
 use crate::truth::Truth;
 
-const SMALL: (u32, u32) = (460, 210);
+pub(super) const SMALL: (u32, u32) = (460, 210);
 const WIDE: (u32, u32) = (940, 230);
 
 /// A plot with its heading and the meaning of its colours.
 #[derive(Serialize)]
-pub(super) struct Panel {
-    title: String,
-    svg: String,
-    keys: Vec<Key>,
+pub(crate) struct Panel {
+    pub(crate) title: String,
+    pub(crate) svg: String,
+    pub(crate) keys: Vec<Key>,
 }
 
+/// What a colour means.
 #[derive(Serialize)]
-struct Key {
-    colour: String,
-    text: &'static str,
+pub(crate) struct Key {
+    pub(crate) colour: String,
+    pub(crate) text: &'static str,
 }
 
-fn key(colour: RGBColor, text: &'static str) -> Key {
+pub(crate) fn key(colour: RGBColor, text: &'static str) -> Key {
     Key {
         colour: format!("#{:02x}{:02x}{:02x}", colour.0, colour.1, colour.2),
         text,
@@ -35,9 +36,19 @@ fn key(colour: RGBColor, text: &'static str) -> Key {
 }
 
 /// Each estimate as it converges, in a band of one sigma.
-pub(super) fn estimates(log: &Log, found: &Identification, truth: Option<&Truth>) -> Vec<Panel> {
+pub(super) fn estimates(
+    log: &Log,
+    found: &Identification,
+    truth: Option<&Truth>,
+    size: (u32, u32),
+) -> Vec<Panel> {
     let axes = log.meta.body_axes;
+    // A point for each pixel, and the last one.
+    let count = navigating(found).count();
+    let every = (count / size.0 as usize).max(1);
     let rows: Vec<(f64, [(&str, Quantity); 8])> = navigating(found)
+        .skip((count + every - 1) % every)
+        .step_by(every)
         .map(|row| {
             (
                 since(found, row.time),
@@ -67,20 +78,21 @@ pub(super) fn estimates(log: &Log, found: &Identification, truth: Option<&Truth>
             if (1..=6).contains(&index) {
                 title = format!("{title} ({})", axes.direction((index - 1) % 3));
             }
-            estimate(title, units[index], &series, truths[index], found)
+            let plot = Plot {
+                size,
+                x_label: "time, s".to_owned(),
+                y_label: units[index].to_owned(),
+                x: duration(found),
+                y: settled_range(&series, truths[index]),
+                marks: Vec::new(),
+            };
+            estimate(title, plot, &series, truths[index])
         })
         .collect()
 }
 
-fn estimate(
-    title: String,
-    unit: &str,
-    series: &[(f64, Quantity)],
-    truth: Option<f64>,
-    found: &Identification,
-) -> Panel {
-    let x = duration(found);
-    let y = settled_range(series, truth);
+fn estimate(title: String, axes: Plot, series: &[(f64, Quantity)], truth: Option<f64>) -> Panel {
+    let x = axes.x;
     let band = series
         .iter()
         .map(|(t, q)| (*t, q.value - q.sigma, q.value + q.sigma))
@@ -93,13 +105,13 @@ fn estimate(
         keys.push(key(RED, "truth"));
     }
     Panel {
-        svg: small(x, y, unit, marks),
+        svg: Plot { marks, ..axes }.svg(),
         title,
         keys,
     }
 }
 
-/// Axis for where the estimate settles: the first guesses may run out of it.
+/// Axis for where the estimate settles, several sigmas wide; the first guesses may run out of it.
 fn settled_range(series: &[(f64, Quantity)], truth: Option<f64>) -> (f64, f64) {
     let settled = &series[series.len() / 4..];
     let mut edges: Vec<f64> = settled
@@ -111,7 +123,7 @@ fn settled_range(series: &[(f64, Quantity)], truth: Option<f64>) -> (f64, f64) {
     let middle = edges.get(part..edges.len() - part).unwrap_or_default();
     let end = series
         .last()
-        .map(|(_, q)| [q.value - 3.0 * q.sigma, q.value + 3.0 * q.sigma]);
+        .map(|(_, q)| [q.value - 6.0 * q.sigma, q.value + 6.0 * q.sigma]);
     padded(
         middle
             .iter()

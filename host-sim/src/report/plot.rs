@@ -1,5 +1,6 @@
 //! One plot as SVG text: thin lines over a light grid, colours that stand on light and dark.
 
+use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 
 use super::number::to_second_digit_of;
@@ -41,22 +42,45 @@ pub(crate) struct Plot {
 impl Plot {
     /// The drawing as an SVG element; an empty string if it cannot be drawn.
     pub(crate) fn svg(&self) -> String {
+        self.svg_on(self.y.0..self.y.1, |y| tick(y, self.y))
+    }
+
+    /// The same over a logarithmic y axis; both of its ends must be positive.
+    pub(crate) fn svg_log_y(&self) -> String {
+        let axis = (self.y.0..self.y.1).log_scale();
+        self.svg_on(axis.with_key_points(decades(self.y)), |y| y.to_string())
+    }
+
+    fn svg_on<Y>(&self, y_axis: Y, y_tick: impl Fn(f64) -> String) -> String
+    where
+        Y: AsRangedCoord<Value = f64>,
+        Y::CoordDescType: Ranged<ValueType = f64> + ValueFormatter<f64>,
+    {
         let mut text = String::new();
         // Drawing into a string fails only on axes without extent, which `padded` prevents.
-        match self.draw(&mut text) {
+        match self.draw(&mut text, y_axis, &y_tick) {
             Ok(()) => scalable(&text),
             Err(_) => String::new(),
         }
     }
 
-    fn draw(&self, text: &mut String) -> Result<(), Box<dyn std::error::Error>> {
+    fn draw<Y>(
+        &self,
+        text: &mut String,
+        y_axis: Y,
+        y_tick: &dyn Fn(f64) -> String,
+    ) -> Result<(), Box<dyn std::error::Error>>
+    where
+        Y: AsRangedCoord<Value = f64>,
+        Y::CoordDescType: Ranged<ValueType = f64> + ValueFormatter<f64>,
+    {
         let root = SVGBackend::with_string(text, self.size).into_drawing_area();
         let mut chart = ChartBuilder::on(&root)
             .margin(8)
             .margin_right(14)
             .x_label_area_size(34)
             .y_label_area_size(58)
-            .build_cartesian_2d(self.x.0..self.x.1, self.y.0..self.y.1)?;
+            .build_cartesian_2d(self.x.0..self.x.1, y_axis)?;
         let label = ("sans-serif", 12).into_font().color(&GREY);
         chart
             .configure_mesh()
@@ -68,7 +92,7 @@ impl Plot {
             .x_desc(&self.x_label)
             .y_desc(&self.y_label)
             .x_label_formatter(&|x| tick(*x, self.x))
-            .y_label_formatter(&|y| tick(*y, self.y))
+            .y_label_formatter(&|y| y_tick(*y))
             .label_style(label.clone())
             .axis_desc_style(label)
             .draw()?;
@@ -125,6 +149,25 @@ pub(crate) fn padded(values: impl Iterator<Item = f64>, least: f64) -> (f64, f64
         .max(0.5 * least - 0.5 * (high - low))
         .max(1e-9);
     (low - room, high + room)
+}
+
+/// Round numbers between the ends of a logarithmic axis, few enough to be read.
+fn decades((low, high): (f64, f64)) -> Vec<f64> {
+    let digits: &[u32] = match (high / low).log10() {
+        span if span < 1.5 => &[1, 2, 5],
+        span if span < 3.0 => &[1, 3],
+        _ => &[1],
+    };
+    (-9..=9)
+        .flat_map(|exponent| {
+            digits
+                .iter()
+                .map(move |digit| format!("{digit}e{exponent}"))
+        })
+        // Parsed, not multiplied: they are printed as they are.
+        .filter_map(|number| number.parse().ok())
+        .filter(|number| (low..=high).contains(number))
+        .collect()
 }
 
 /// A number with as many decimals as the axis needs.

@@ -130,6 +130,15 @@ fn size(q: &Quantity) -> String {
     })
 }
 
+/// Value and spread, or why there is none.
+pub(crate) fn in_words(q: &Quantity) -> String {
+    if q.observable() {
+        with_sigma(q)
+    } else {
+        q.observability.why().to_owned()
+    }
+}
+
 /// Both to the second digit of the spread.
 pub(crate) fn with_sigma(q: &Quantity) -> String {
     format!(

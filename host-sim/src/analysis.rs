@@ -1,0 +1,119 @@
+//! A log from its folder to its results.
+
+use std::fs::{self, File};
+use std::io::BufWriter;
+use std::path::Path;
+
+use indicatif::ProgressBar;
+use miette::{IntoDiagnostic, Result, miette};
+
+use crate::configure;
+use crate::identify::{Identification, identify};
+use crate::log::{self, Grade, Log};
+use crate::output::OutputError;
+use crate::report;
+use crate::summary::Summary;
+use crate::tables;
+use crate::truth::Truth;
+
+/// File name of the summary; marks a folder of results as ours.
+pub const SUMMARY: &str = "summary.json";
+
+/// A log and what came out of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Analysis {
+    /// As read.
+    pub log: Log,
+    /// The core's run over it.
+    pub found: Identification,
+    /// What is written for programs.
+    pub summary: Summary,
+    /// The true errors, if the log is simulated.
+    pub truth: Option<Truth>,
+}
+
+impl Analysis {
+    /// Reads a log and runs the core over it; warnings go to the standard error.
+    pub fn of_log(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Self> {
+        progress.set_message("reading");
+        let (log, warnings) = log::read(folder)?;
+        for warning in &warnings {
+            progress.suspend(|| eprintln!("warning: {warning}\n  {}", warning.cause));
+        }
+        let truth = Truth::read(folder)?;
+        let grade = configure::grade(&log, grade);
+        progress.set_message("identifying");
+        let found = identify(&log, configure::config(&log, grade), progress)
+            .map_err(|error| miette!("the configuration cannot be used: {}", error.0))?;
+        let summary = Summary::new(name(folder, &log), &log, &found, grade, &warnings);
+        Ok(Self {
+            log,
+            found,
+            summary,
+            truth,
+        })
+    }
+
+    /// Writes summary, tables and report into a folder.
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        let axes = self.log.meta.body_axes;
+        tables::write_estimates(create(folder, "estimates.csv")?, &self.found, axes)
+            .into_diagnostic()?;
+        tables::write_solution(create(folder, "solution.csv")?, &self.found.solutions)
+            .into_diagnostic()?;
+        let page = report::html(&self.log, &self.found, &self.summary, self.truth.as_ref())
+            .into_diagnostic()?;
+        let summary = serde_json::to_string_pretty(&self.summary).into_diagnostic()?;
+        for (name, text) in [("report.html", page), (SUMMARY, summary + "\n")] {
+            let path = folder.join(name);
+            fs::write(&path, text).map_err(|e| OutputError::io(&path, e))?;
+        }
+        Ok(())
+    }
+
+    /// Estimates, beside the truth where it is known: column heads and cells.
+    pub fn table(&self) -> (Vec<String>, Vec<Vec<String>>) {
+        let mut header = vec![String::new(), "estimate".to_owned()];
+        if self.truth.is_some() {
+            header.extend(["truth".to_owned(), "error".to_owned()]);
+        }
+        let truths = self.truth.as_ref().map(Truth::columns);
+        let columns = self.summary.quantities.columns();
+        let row = |(index, (name, quantity)): (usize, (&'static str, _))| {
+            let mut cells = vec![name.to_owned(), report::in_words(&quantity)];
+            if let Some(truths) = truths {
+                let truth = truths[index];
+                let error = truth
+                    .filter(|_| quantity.observable())
+                    .map(|truth| quantity.value - truth);
+                cells.extend([truth, error].map(|value| {
+                    value.map_or(String::new(), |v| report::digits(quantity.sigma, v))
+                }));
+            }
+            cells
+        };
+        (header, columns.into_iter().enumerate().map(row).collect())
+    }
+}
+
+fn create(folder: &Path, name: &str) -> Result<BufWriter<File>> {
+    let path = folder.join(name);
+    let file = File::create(&path).map_err(|e| OutputError::io(&path, e))?;
+    Ok(BufWriter::new(file))
+}
+
+fn name(folder: &Path, log: &Log) -> String {
+    let folder_name = || {
+        folder
+            .canonicalize()
+            .ok()?
+            .file_name()?
+            .to_str()
+            .map(str::to_owned)
+    };
+    log.meta
+        .name()
+        .map(str::to_owned)
+        .or_else(folder_name)
+        .unwrap_or_else(|| "log".to_owned())
+}

@@ -1,0 +1,122 @@
+//! The figures of the README: every table and picture measured anew, nothing typed by hand.
+
+mod accuracy;
+mod aircraft;
+mod demo;
+mod logs;
+mod readme;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use miette::{Result, miette};
+
+use crate::output::{self, OutputError};
+use readme::Readme;
+
+/// Options of `figures`.
+#[derive(Debug, Args)]
+pub struct Figures {
+    /// Top folder of the repository.
+    #[arg(long, default_value = ".")]
+    repository: PathBuf,
+    /// Only these parts.
+    #[arg(long, value_enum, value_delimiter = ',')]
+    only: Vec<Part>,
+    /// Drives behind the accuracy tables; the comparison of forms takes 100 at most.
+    #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    runs: u64,
+    /// Folder of recorded logs; `INS_LOGS` or ../shared/data beside the repository unless given.
+    #[arg(long)]
+    logs: Option<PathBuf>,
+    /// Table printed by another program, taken over into a part of the README.
+    #[arg(long, value_name = "PART=FILE", value_parser = insertion)]
+    insert: Vec<(String, PathBuf)>,
+}
+
+/// A part of the README that is generated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Part {
+    /// The demo drive: table and picture.
+    Demo,
+    /// Accuracy with ring-laser gyros: table and picture.
+    AccuracyHg1700,
+    /// Accuracy with consumer MEMS.
+    AccuracyMems,
+    /// Exact and literal forms over the bandwidth of the loop.
+    Forms,
+    /// Recorded logs.
+    Logs,
+    /// Performance of the aircraft.
+    Aircraft,
+    /// Mechanization on ideal sensors.
+    ErrorFree,
+    /// The example of the core's documentation.
+    Example,
+}
+
+fn insertion(text: &str) -> Result<(String, PathBuf), String> {
+    let (part, file) = text.split_once('=').ok_or("PART=FILE, say cost=cost.txt")?;
+    Ok((part.to_owned(), file.into()))
+}
+
+/// Measures the parts that are asked for and rewrites the README, all at once.
+pub fn write(options: &Figures) -> Result<()> {
+    let root = &options.repository;
+    let mut readme = Readme::read(&root.join("README.md"))?;
+    let parts = match options.only.as_slice() {
+        // With tables to take over and nothing else named, nothing is measured.
+        [] if !options.insert.is_empty() => &[],
+        [] => Part::value_variants(),
+        only => only,
+    };
+    for part in parts {
+        let name = part.name();
+        // A missing marker must show before the work, not after it.
+        readme.check(&name)?;
+        eprintln!("measuring: {name}");
+        if let Some(text) = part.measure(options)? {
+            readme.replace(&name, &text)?;
+        }
+    }
+    for (part, file) in &options.insert {
+        let text = fs::read_to_string(file).map_err(|e| miette!("{}: {e}", file.display()))?;
+        readme.replace(part, &readme::tables_of(&text, file)?)?;
+    }
+    Ok(readme.write()?)
+}
+
+impl Part {
+    fn name(self) -> String {
+        self.to_possible_value()
+            .map_or(String::new(), |value| value.get_name().to_owned())
+    }
+
+    /// The text of the part; `None` leaves it as it is.
+    fn measure(self, options: &Figures) -> Result<Option<String>> {
+        let root = &options.repository;
+        match self {
+            Self::Demo => demo::part(root),
+            Self::AccuracyHg1700 => accuracy::hg1700(root, options.runs),
+            Self::AccuracyMems => accuracy::mems(options.runs),
+            Self::Forms => accuracy::forms(options.runs.min(100)),
+            Self::Logs => return logs::part(root, options.logs.as_deref()),
+            Self::Aircraft => aircraft::performance_table(),
+            Self::ErrorFree => aircraft::error_free(root),
+            Self::Example => readme::example(&root.join("core/src/lib.rs")),
+        }
+        .map(Some)
+    }
+}
+
+/// Writes a picture into docs/.
+fn picture(root: &Path, name: &str, svg: &str) -> Result<(), OutputError> {
+    let folder = root.join("docs");
+    fs::create_dir_all(&folder).map_err(|e| OutputError::io(&folder, e))?;
+    output::replace(&folder.join(name), svg)
+}
+
+fn cells<const N: usize>(texts: [&str; N]) -> Vec<String> {
+    texts.map(str::to_owned).to_vec()
+}

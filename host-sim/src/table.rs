@@ -1,0 +1,54 @@
+//! Tables as text: aligned for a terminal, or in Markdown.
+
+use std::fmt::Write as _;
+
+/// Aligned with spaces: the first column to the left, the others to the right.
+pub fn plain(header: &[String], rows: &[Vec<String>]) -> String {
+    let all = || std::iter::once(header).chain(rows.iter().map(Vec::as_slice));
+    let width = |column: usize| {
+        all()
+            .filter_map(|row| row.get(column))
+            .map(|cell| cell.chars().count())
+            .max()
+            .unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..header.len()).map(width).collect();
+    let mut text = String::new();
+    for row in all() {
+        let mut line = String::new();
+        for (column, (cell, width)) in row.iter().zip(&widths).enumerate() {
+            // Writing into a string cannot fail.
+            let _ = match column {
+                0 => write!(line, "{cell:<width$}"),
+                _ => write!(line, "  {cell:>width$}"),
+            };
+        }
+        text.push_str(line.trim_end());
+        text.push('\n');
+    }
+    text
+}
+
+/// In Markdown.
+pub fn markdown(header: &[String], rows: &[Vec<String>]) -> String {
+    let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
+    let rule = format!("|{}\n", "---|".repeat(header.len()));
+    let rows: String = rows.iter().map(|row| line(row)).collect();
+    line(header) + &rule + &rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_are_as_wide_as_their_widest_cell() {
+        let cells = |row: [&str; 2]| row.map(str::to_owned).to_vec();
+        let (header, rows) = (cells(["", "ms"]), [cells(["tau", "121.8"])]);
+        assert_eq!(plain(&header, &rows), "        ms\ntau  121.8\n");
+        assert_eq!(
+            markdown(&header, &rows),
+            "|  | ms |\n|---|---|\n| tau | 121.8 |\n"
+        );
+    }
+}
