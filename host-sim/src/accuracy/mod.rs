@@ -132,20 +132,30 @@ impl Study {
         }
     }
 
-    /// Runs all drives, several at a time; the results do not depend on how many.
+    /// Runs all drives and sums up.
     pub fn results(self, progress: &ProgressBar) -> Result<Results, ConfigError> {
         progress.set_length(self.runs);
+        let runs = self.drive(&|_| {}, &|| progress.inc(1))?;
+        progress.finish_and_clear();
+        Ok(Results::new(self, runs))
+    }
+
+    /// Runs all drives, several at a time; what comes out does not depend on how many. `tune` has
+    /// the last word on the configuration, `done` is told of every drive.
+    pub fn drive(
+        &self,
+        tune: &(dyn Fn(&mut Config) + Sync),
+        done: &(dyn Fn() + Sync),
+    ) -> Result<Vec<Run>, ConfigError> {
         let seeds = self.first_seed..self.first_seed.saturating_add(self.runs);
-        let runs: Result<Vec<Run>, ConfigError> = seeds
+        seeds
             .into_par_iter()
             .map(|seed| {
-                let run = self.run(seed);
-                progress.inc(1);
+                let run = self.run(seed, tune);
+                done();
                 run
             })
-            .collect();
-        progress.finish_and_clear();
-        Ok(Results::new(self, runs?))
+            .collect()
     }
 
     /// Whether limits and goals hold for these drives.
@@ -154,11 +164,7 @@ impl Study {
     }
 
     fn config(&self, drive: &SimulatedDrive) -> Config {
-        let mut config = match self.grade {
-            Grade::Mems => Config::mems(),
-            Grade::Ideal | Grade::Hg1700 => Config::hg1700(),
-        };
-        config.imu_output = self.grade.errors().imu.output;
+        let mut config = config_of(self.grade);
         config.form = self.form;
         if let Some(heading) = drive.given_heading_rad {
             config.heading = HeadingSource::Given(heading);
@@ -169,9 +175,11 @@ impl Study {
         config
     }
 
-    fn run(&self, seed: u64) -> Result<Run, ConfigError> {
+    fn run(&self, seed: u64, tune: &dyn Fn(&mut Config)) -> Result<Run, ConfigError> {
         let drive = simulate(&DriveConfig::new(seed, self.grade, self.minutes));
-        let mut navigator = Navigator::new(self.config(&drive))?;
+        let mut config = self.config(&drive);
+        tune(&mut config);
+        let mut navigator = Navigator::new(config)?;
         let mut history = Vec::new();
         let mut fixes = drive.gnss.iter().peekable();
         let mut truths = drive.truth.iter().peekable();
@@ -195,6 +203,18 @@ impl Study {
                 && azimuth_is_right(&history),
             history,
         })
+    }
+}
+
+/// The configuration that fits a class of simulated sensors.
+pub fn config_of(grade: Grade) -> Config {
+    let preset = match grade {
+        Grade::Mems => Config::mems(),
+        Grade::Ideal | Grade::Hg1700 => Config::hg1700(),
+    };
+    Config {
+        imu_output: grade.errors().imu.output,
+        ..preset
     }
 }
 
