@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::Command;
+use std::sync::OnceLock;
 
 use host_sim::aircraft::cessna172;
 use host_sim::aircraft::dynamics::Dynamics;
@@ -10,7 +11,7 @@ use host_sim::aircraft::modes::Modes;
 use host_sim::aircraft::performance::{TrimRow, trim_row};
 use serde::Deserialize;
 
-use crate::cargo::{build_folder, repository};
+use crate::cargo::{build_folder, repository, succeed};
 
 /// Slow, cruise, fast; true airspeed.
 pub const SPEEDS_MPS: [f64; 3] = [40.0, 50.0, 58.0];
@@ -46,33 +47,33 @@ pub struct ReferenceRow {
 
 /// The Python that has `JSBSim`: `$JSBSIM_PYTHON`, or else one made here once with `pip`.
 fn python() -> Result<PathBuf, String> {
+    // Tests run side by side: one makes it, the others wait.
+    static PYTHON: OnceLock<Result<PathBuf, String>> = OnceLock::new();
     if let Some(python) = std::env::var_os("JSBSIM_PYTHON") {
         return Ok(python.into());
     }
+    PYTHON.get_or_init(environment).clone()
+}
+
+fn environment() -> Result<PathBuf, String> {
     let folder = build_folder("jsbsim");
     let python = folder.join("bin/python");
-    if python.exists() {
+    // An interrupted installation must not be taken for a whole one.
+    let complete = folder.join("complete");
+    if complete.exists() {
         return Ok(python);
     }
-    let run = |command: &mut Command| {
-        crate::cargo::succeed(command).map_err(|error| {
-            format!("JSBSim is missing and could not be installed; run `pip install jsbsim numpy` and name that Python in JSBSIM_PYTHON.\n{error}")
-        })
+    let make = || {
+        let venv = ["-m", "venv", "--clear"];
+        succeed(Command::new("python3").args(venv).arg(&folder))?;
+        let pip = ["-m", "pip", "install", "--quiet", "jsbsim==1.3.3", "numpy"];
+        succeed(Command::new(&python).args(pip))?;
+        std::fs::write(&complete, "").map_err(|error| format!("{}: {error}", complete.display()))
     };
-    run(Command::new("python3").args(["-m", "venv"]).arg(&folder))?;
-    let installed = run(Command::new(&python).args([
-        "-m",
-        "pip",
-        "install",
-        "--quiet",
-        "jsbsim==1.3.3",
-        "numpy",
-    ]));
-    if installed.is_err() {
-        // Half an environment would be taken for a whole one next time.
-        let _ = std::fs::remove_dir_all(&folder);
-    }
-    installed.map(|()| python)
+    make().map_err(|error| {
+        format!("JSBSim is missing and could not be installed; run `pip install jsbsim numpy` and name that Python in JSBSIM_PYTHON.\n{error}")
+    })?;
+    Ok(python)
 }
 
 /// What a script of `tests/jsbsim/` prints.
