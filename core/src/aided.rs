@@ -6,13 +6,14 @@ use nalgebra::Vector3;
 use crate::alignment::rest::{self, RestBlock, RestDetector, Verdict as RestVerdict};
 use crate::alignment::{Aligned, compensation};
 use crate::attitude::matrix;
-use crate::config::{Config, Feedback, Form};
+use crate::config::{Config, Feedback};
 use crate::damping::{self, DampingSignals, Differences};
 use crate::earth::Geodetic;
 use crate::estimate::Estimates;
-use crate::estimators::literal::{Comparison, Literal};
-use crate::estimators::observer::{Difference, Observer, Verdict};
+use crate::estimators::literal::Comparison;
+use crate::estimators::observer::Difference;
 use crate::estimators::parameters::{Parameters, index};
+use crate::estimators::{Estimator, Verdict};
 use crate::history::{History, Missing, Moment, Past};
 use crate::increments::Interval;
 use crate::manoeuvre::Manoeuvre;
@@ -45,14 +46,6 @@ const LATENCY_LIMIT_S: f64 = 0.4;
 const LOST_FIXES: u8 = 10;
 /// Distance from the INS beyond which a position is not believed, m.
 const POSITION_GATE_M: f64 = 100.0;
-/// Range over which the equations are linear enough: azimuth, rad, and latency, s; a parameter
-/// is well known below this part of it.
-const AZIMUTH_LINEAR_RAD: f64 = 0.02;
-const LATENCY_LINEAR_S: f64 = 0.02;
-const WELL_KNOWN: f64 = 0.3;
-/// Growth of the spreads when the equations are replaced by their solution.
-const RELINEARIZED: f64 = 3.0;
-
 /// Errors taken out of readings and stamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -69,8 +62,7 @@ pub struct AidedIns {
     mechanization: Mechanization,
     now: Moment,
     history: History,
-    observer: Observer,
-    literal: Literal,
+    estimator: Estimator,
     compensation: Compensation,
     controls: Controls,
     controls_until: Time,
@@ -84,9 +76,6 @@ pub struct AidedIns {
     since: Time,
     /// Azimuth taken out since the start, rad.
     azimuth_removed_rad: f64,
-    azimuth_settled: bool,
-    /// By how much data, not drift, have moved the latency since the equations were linearized.
-    latency_corrected_s: f64,
     manoeuvre: Manoeuvre,
     signals: DampingSignals,
 }
@@ -103,8 +92,7 @@ impl AidedIns {
             mechanization,
             now,
             history: History::default(),
-            observer: Observer::new(now, config, &known, config.start_tilt_sigma()),
-            literal: Literal::new(config.sensors.accel_bias_mps2),
+            estimator: Estimator::new(now, &known, config),
             compensation: Compensation {
                 gyro_radps,
                 ..Compensation::default()
@@ -119,8 +107,6 @@ impl AidedIns {
             last_solve: time,
             since: time,
             azimuth_removed_rad: 0.0,
-            azimuth_settled: false,
-            latency_corrected_s: 0.0,
             manoeuvre: Manoeuvre::default(),
             signals: DampingSignals::default(),
         };
@@ -135,7 +121,7 @@ impl AidedIns {
 
     /// What has been found of the sensors.
     pub fn known(&self) -> &Parameters {
-        &self.observer.parameters
+        self.estimator.parameters()
     }
 
     /// The manoeuvre going on.
@@ -148,11 +134,11 @@ impl AidedIns {
         self.signals
     }
 
-    /// The damped INS, with closed feedback less the errors that the observer still sees in it.
+    /// The damped INS, with closed feedback less the errors that the estimators still see in it.
     pub fn solution(&self, config: &Config) -> Solution {
         let mut ins = self.mechanization;
-        if config.feedback == Feedback::Closed && config.form == Form::Exact {
-            let error = self.observer.error_at(&self.now);
+        if config.feedback == Feedback::Closed {
+            let error = self.estimator.error_at(&self.now);
             ins.velocity_enu_mps -= error.velocity_mps;
             ins.turn_platform(&-error.tilt_rad);
         }
@@ -166,50 +152,38 @@ impl AidedIns {
 
     /// Errors of the sensors.
     pub fn estimates(&self, config: &Config) -> Estimates {
-        let mut parameters = self.parameters(config);
-        let azimuth = self.azimuth_error_rad(config);
+        let mut parameters = *self.known();
+        let azimuth = self.azimuth_error_rad();
         parameters.set(index::AZIMUTH, azimuth, parameters.sigma(index::AZIMUTH));
         let mut estimates = Estimates::from_parameters(&parameters, config, Phase::Navigating);
-        let run_s = self.now.time.seconds_since(self.since);
-        let latency = self.observer.latency_before(0.5 * run_s);
-        if let (Some((value, sigma)), Form::Exact) = (latency, config.form) {
-            estimates.gnss_latency_s.value = value;
-            estimates.gnss_latency_s.sigma = sigma;
+        if let Estimator::Exact(observer) = &self.estimator {
+            let run_s = self.now.time.seconds_since(self.since);
+            let latency = &mut estimates.gnss_latency_s;
+            (latency.value, latency.sigma) = observer.latency_before(0.5 * run_s);
         }
         estimates
     }
 
-    /// What the chosen form has found; azimuth and latency are those of the last fix.
-    fn parameters(&self, config: &Config) -> Parameters {
-        match config.form {
-            Form::Exact => self.observer.parameters,
-            Form::Literal => self
-                .literal
-                .parameters(&config.prior(), self.azimuth_removed_rad),
-        }
-    }
-
     /// Azimuth error that is still in the damped INS, rad.
-    pub fn azimuth_left_rad(&self, config: &Config) -> f64 {
-        match config.form {
-            Form::Exact => self.observer.error_at(&self.now).tilt_rad.z,
-            Form::Literal => self.parameters(config).value(index::AZIMUTH),
-        }
+    pub fn azimuth_left_rad(&self) -> f64 {
+        self.estimator.error_at(&self.now).tilt_rad.z
     }
 
     /// What the azimuth error would be now if the starting heading had been kept and the gyros
     /// compensated from the start: left over, less what controls and compensations have turned,
     /// plus what the found errors of the gyros did.
-    fn azimuth_error_rad(&self, config: &Config) -> f64 {
-        let parameters = self.parameters(config);
+    fn azimuth_error_rad(&self) -> f64 {
+        let parameters = self.known();
         let drift = self.now.attitude_s * parameters.vector(index::GYRO);
         let scale = self.now.turn_rad * parameters.value(index::GYRO_TURN + 2);
-        self.azimuth_left_rad(config) - self.now.control_tilt_rad.z + drift.z + scale
+        self.azimuth_left_rad() - self.now.control_tilt_rad.z + drift.z + scale
     }
 
     /// Inertial samples were missing for `seconds`, and were filled in.
     pub fn on_hole(&mut self, seconds: f64) {
-        self.observer.on_hole(seconds);
+        if let Estimator::Exact(observer) = &mut self.estimator {
+            observer.on_hole(seconds);
+        }
     }
 
     /// Advances over the interval that ends at `time`.
@@ -255,11 +229,14 @@ impl AidedIns {
 
     /// A vehicle at rest turns with the Earth: its gyros read their biases.
     fn measure_rest(&mut self, block: &RestBlock, config: &Config) {
+        let Estimator::Exact(observer) = &mut self.estimator else {
+            return;
+        };
         let earth_rate = self.mechanization.local_earth().earth_rate();
         let bias = block.rate_radps - matrix(&self.mechanization.attitude).tr_mul(&earth_rate);
         let variance = rest::gyro_variance(&config.sensors, block.seconds);
         for (axis, bias) in bias.iter().enumerate() {
-            self.observer.measure(index::GYRO + axis, *bias, variance);
+            observer.measure(index::GYRO + axis, *bias, variance);
         }
     }
 
@@ -315,6 +292,7 @@ impl AidedIns {
         };
         if fix.velocity_en_mps.is_some() {
             let velocity_mps = past.moment.velocity_mps - fix.velocity_enu_mps();
+            self.manoeuvre = Manoeuvre::of(&past);
             let verdict = self.observe(&past, fix, velocity_mps, config);
             if verdict == Verdict::Outlier {
                 self.last_compared = moment;
@@ -326,10 +304,6 @@ impl AidedIns {
             let at_antenna = velocity_mps + antenna;
             differences.velocity_en_mps = Some(at_antenna.xy());
             differences.velocity_up_mps = (verdict == Verdict::Used).then_some(at_antenna.z);
-            self.manoeuvre = Manoeuvre::of(&past);
-            if config.form == Form::Literal {
-                self.take_literally(&past, &at_antenna, config);
-            }
         }
         self.damp(fix, &differences, interval_s, config);
         self.last_compared = moment;
@@ -343,27 +317,32 @@ impl AidedIns {
         velocity_mps: Vector3<f64>,
         config: &Config,
     ) -> Verdict {
-        let difference = Difference {
-            velocity_mps,
-            has_up: fix.velocity_up_mps.is_some(),
-            latency_applied_s: self.compensation.latency_s,
-        };
-        let earth = self.mechanization.local_earth();
-        let frame_rate = earth.earth_rate() + earth.transport_rate(&past.moment.velocity_mps);
-        self.observer.take(past, &frame_rate, &difference, config)
-    }
-
-    fn take_literally(&mut self, past: &Past, difference: &Vector3<f64>, config: &Config) {
-        self.literal.take(&Comparison {
-            past,
-            manoeuvre: self.manoeuvre,
-            difference_mps: difference.xy(),
-            accel_up_mps2: self.controls.accel_mps2.z,
-            azimuth_removed_rad: self.azimuth_removed_rad,
-            latency_applied_s: self.compensation.latency_s,
-            accel_compensation_mps2: self.compensation.accel_mps2,
-            bandwidth_radps: config.damping.horizontal.bandwidth_radps,
-        });
+        let has_up = fix.velocity_up_mps.is_some();
+        let latency_applied_s = self.compensation.latency_s;
+        match &mut self.estimator {
+            Estimator::Exact(observer) => {
+                let difference = Difference {
+                    velocity_mps,
+                    has_up,
+                    latency_applied_s,
+                };
+                let earth = self.mechanization.local_earth();
+                let frame_rate =
+                    earth.earth_rate() + earth.transport_rate(&past.moment.velocity_mps);
+                observer.take(past, &frame_rate, &difference, config)
+            }
+            Estimator::Literal(literal) => literal.take(&Comparison {
+                past,
+                manoeuvre: self.manoeuvre,
+                difference_mps: velocity_mps,
+                has_up,
+                accel_up_mps2: self.controls.accel_mps2.z,
+                azimuth_removed_rad: self.azimuth_removed_rad,
+                latency_applied_s,
+                accel_compensation_mps2: self.compensation.accel_mps2,
+                bandwidth_radps: config.damping.horizontal.bandwidth_radps,
+            }),
+        }
     }
 
     /// INS minus GNSS, m; none for a position too far off to be true, unless many in a row say
@@ -392,7 +371,7 @@ impl AidedIns {
 
     /// Sets the controls that hold until the next fix.
     fn damp(&mut self, fix: &GnssFix, differences: &Differences, interval_s: f64, config: &Config) {
-        let parameters = self.parameters(config);
+        let parameters = self.known();
         let azimuth = parameters.value(index::AZIMUTH);
         let sigma = parameters.sigma(index::AZIMUTH);
         let significant = sigma < AZIMUTH_KNOWN_RAD || math::abs(azimuth) > AZIMUTH_SIGMAS * sigma;
@@ -419,7 +398,10 @@ impl AidedIns {
         self.now = Moment::start(self.now.time, self.mechanization.velocity_enu_mps);
         self.history = History::default();
         self.history.push(self.now);
-        self.observer.restart(self.now, config.start_tilt_sigma());
+        match &mut self.estimator {
+            Estimator::Exact(observer) => observer.restart(self.now, config),
+            Estimator::Literal(literal) => literal.restart(),
+        }
         self.pending = Ring::default();
         self.controls = Controls::default();
         self.since = self.now.time;
@@ -429,16 +411,17 @@ impl AidedIns {
 
     /// Solves for the parameters and takes out those that are known.
     fn solve(&mut self, config: &Config) {
-        let latency_s = self.known().value(index::LATENCY);
-        self.observer.solve();
+        match &mut self.estimator {
+            Estimator::Exact(observer) => observer.solve(config),
+            Estimator::Literal(literal) => literal.solve(),
+        }
         if config.feedback == Feedback::Open {
             return;
         }
-        self.latency_corrected_s += self.known().value(index::LATENCY) - latency_s;
-        let (parameters, prior) = (self.parameters(config), config.prior());
+        let (parameters, prior) = (self.estimator.parameters(), config.prior());
         let known = |i: usize, part: f64| parameters.sigma(i) < part * prior.sigma(i);
         // (9) reads gyro biases from controls that a compensation would empty.
-        if config.form == Form::Exact {
+        if let Estimator::Exact(_) = self.estimator {
             let gyros = &mut self.compensation.gyro_radps;
             for (axis, gyro) in gyros.iter_mut().enumerate() {
                 if known(index::GYRO + axis, BIAS_KNOWN) {
@@ -455,26 +438,6 @@ impl AidedIns {
             let latency_s = parameters.value(index::LATENCY);
             self.compensation.latency_s =
                 math::max(math::min(latency_s, LATENCY_LIMIT_S), -LATENCY_LIMIT_S);
-        }
-        self.relinearize(&prior);
-    }
-
-    /// Equations gathered about values that turned out far off are replaced by their solution:
-    /// once for the azimuth of a new start, and whenever a well-known latency has moved.
-    fn relinearize(&mut self, prior: &Parameters) {
-        let known = self.known();
-        let latency = math::abs(self.latency_corrected_s) > LATENCY_LINEAR_S
-            && known.sigma(index::LATENCY) < WELL_KNOWN * LATENCY_LINEAR_S;
-        let azimuth = !self.azimuth_settled
-            && known.sigma(index::AZIMUTH) < WELL_KNOWN * AZIMUTH_LINEAR_RAD
-            && math::abs(known.value(index::AZIMUTH)) < WELL_KNOWN * AZIMUTH_LINEAR_RAD;
-        self.azimuth_settled |= azimuth;
-        if latency || (azimuth && math::abs(self.azimuth_removed_rad) > AZIMUTH_LINEAR_RAD) {
-            let sigma = self.known().sigma.zip_map(&prior.sigma, |now, before| {
-                math::min(RELINEARIZED * now, before)
-            });
-            self.observer.relinearize(&sigma);
-            self.latency_corrected_s = 0.0;
         }
     }
 }

@@ -150,23 +150,24 @@ impl Config {
         let (df, dw) = (some(s.accel_bias_mps2, 1e-6), some(s.gyro_bias_radps, 1e-9));
         let (lever, scale) = (some(g.lever_arm_sigma_m, 1e-4), some(s.accel_scale, 1e-7));
         let mut sigma = SVector::<f64, COUNT>::zeros();
+        let turn = some(s.gyro_scale, 1e-7);
         sigma.copy_from_slice(&[
             1.0,
-            df,
-            df,
-            df,
-            dw,
-            dw,
-            dw,
             some(g.latency_sigma_s, 1e-6),
-            lever,
-            lever,
-            scale,
-            scale,
-            some(s.gyro_scale, 1e-7),
-            some(s.gyro_scale, 1e-7),
-            some(s.gyro_scale, 1e-7),
+            dw,
+            dw,
+            dw,
+            df,
+            df,
+            df,
             some(g.clock_drift_sigma, 1e-12),
+            lever,
+            lever,
+            scale,
+            scale,
+            turn,
+            turn,
+            turn,
         ]);
         Parameters {
             value: SVector::zeros(),

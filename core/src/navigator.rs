@@ -118,7 +118,7 @@ impl Navigator {
     /// Azimuth error that is still in the damped INS, rad.
     pub fn azimuth_left_rad(&self) -> f64 {
         self.aided()
-            .map_or(0.0, |ins| ins.azimuth_left_rad(&self.config))
+            .map_or(0.0, |ins| ins.azimuth_left_rad())
     }
 
     /// Errors of the sensors as known now.
