@@ -271,6 +271,8 @@ impl AidedIns {
         if self.now.time.seconds_since(self.last_solve) >= SOLVE_S {
             self.last_solve = self.now.time;
             self.solve(config);
+        } else if let Estimator::Exact(observer) = &mut self.estimator {
+            observer.spread_next();
         }
     }
 

@@ -7,9 +7,9 @@ use crate::ring::Ring;
 use crate::time::Time;
 
 /// Least time between two moments in the ring, s.
-const SPACING_S: f64 = 0.045;
+const SPACING_S: f64 = 0.095;
 /// Moments held: 0.6 s or more.
-const CAPACITY: usize = 14;
+const CAPACITY: usize = 8;
 
 /// The INS at one moment. All but the velocity are totals since the start, so that the
 /// difference of any two moments is the exact integral between them.

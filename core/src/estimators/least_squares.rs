@@ -29,34 +29,46 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
         }
     }
 
-    /// Adds the row `coefficients . x = measured`. Returns by how much that raises the weighted
+    /// Adds `R` rows `coefficients . x = measured`, each with its weight; `coefficients` holds
+    /// those of one parameter after those of another. Returns by how much they raise the weighted
     /// sum of squared residuals.
-    pub fn add(&mut self, coefficients: &SVector<f32, N>, measured: f32, weight: f32) -> f32 {
-        let (mut measured, mut weight) = (measured, weight);
-        let mut coefficients = *coefficients;
+    pub fn add<const R: usize>(
+        &mut self,
+        mut coefficients: [[f32; R]; N],
+        mut measured: [f32; R],
+        mut weight: [f32; R],
+    ) -> f32 {
         let mut left = coefficients.as_mut_slice();
         let mut rows = self.rows.as_mut_slice();
         for own in &mut self.weight {
-            let Some((pivot, later)) = left.split_first_mut() else {
+            let Some((pivots, later)) = left.split_first_mut() else {
                 break;
             };
             let Some((row, below)) = rows.split_at_mut_checked(later.len() + 1) else {
                 break;
             };
-            if let (true, Some((z, row))) = (*pivot != 0.0, row.split_last_mut()) {
-                let x = *pivot;
-                let (keep, take) = rotate(own, weight, x);
-                weight *= keep;
-                for (new, old) in later.iter_mut().zip(row) {
-                    *new -= x * *old;
-                    *old += take * *new;
+            if let (true, Some((z, row))) = (*pivots != [0.0; R], row.split_last_mut()) {
+                let mut takes = [0.0; R];
+                for ((x, weight), take) in pivots.iter().zip(&mut weight).zip(&mut takes) {
+                    let keep;
+                    (keep, *take) = rotate(own, *weight, *x);
+                    *weight *= keep;
                 }
-                measured -= x * *z;
-                *z += take * measured;
+                for (old, new) in row.iter_mut().zip(later.iter_mut()) {
+                    meet(old, new, pivots, &takes);
+                }
+                meet(z, &mut measured, pivots, &takes);
             }
             (left, rows) = (later, below);
         }
-        weight * measured * measured
+        let square = |sum, (left, weight): (&f32, &f32)| sum + weight * left * left;
+        measured.iter().zip(&weight).fold(0.0, square)
+    }
+
+    /// Adds a direct measurement of parameter `index`.
+    pub fn add_direct(&mut self, index: usize, measured: f32, variance: f32) {
+        let row = unit(index).map(|coefficient| [coefficient]);
+        self.add(row, [measured], [1.0 / variance]);
     }
 
     /// Lets parameter `index` have walked: adds `variance` to its spread.
@@ -150,35 +162,14 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
         }
     }
 
-    /// Variance of each parameter for rows of unit weight: the columns of the inverse.
-    pub fn variances(&self) -> SVector<f32, N> {
-        let mut variances = SVector::<f32, N>::zeros();
-        for (last, weight) in self.weight.iter().enumerate() {
-            let mut column = SVector::<f32, N>::zeros();
-            if let Some(one) = column.get_mut(last) {
-                *one = 1.0;
-            }
-            for i in (0..last).rev() {
-                let row = self.rows.as_slice().get(start::<N>(i)..start::<N>(i) + last - i);
-                let column = column.as_mut_slice().get_mut(i..=last);
-                if let (Some(row), Some((own, later))) =
-                    (row, column.and_then(<[f32]>::split_first_mut))
-                {
-                    *own = -dot(row, later);
-                }
-            }
-            let scale = 1.0 / weight;
-            for (variance, element) in variances.iter_mut().zip(&column).take(last + 1) {
-                *variance += scale * element * element;
-            }
-        }
-        variances
+    /// Variance of parameter `index`.
+    pub fn variance(&self, index: usize) -> f32 {
+        self.variance_of(unit(index))
     }
 
     /// Variance of the sum `coefficients . x`.
-    pub fn variance_of(&self, coefficients: &SVector<f32, N>) -> f32 {
-        let mut left = *coefficients;
-        let mut left = left.as_mut_slice();
+    pub fn variance_of(&self, mut coefficients: [f32; N]) -> f32 {
+        let mut left = coefficients.as_mut_slice();
         let mut rows = self.rows.as_slice();
         let mut variance = 0.0;
         for weight in &self.weight {
@@ -188,13 +179,23 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
             let Some((row, below)) = rows.split_at_checked(later.len() + 1) else {
                 return variance;
             };
-            variance += *own * *own / weight;
-            for (later, element) in later.iter_mut().zip(row) {
-                *later -= *own * element;
+            if *own != 0.0 {
+                variance += *own * *own / weight;
+                for (later, element) in later.iter_mut().zip(row) {
+                    *later -= *own * element;
+                }
             }
             (left, rows) = (later, below);
         }
         variance
+    }
+}
+
+/// One element of a row meets those of the rows that are rotated into it.
+fn meet<const R: usize>(old: &mut f32, new: &mut [f32; R], pivots: &[f32; R], takes: &[f32; R]) {
+    for ((new, x), take) in new.iter_mut().zip(pivots).zip(takes) {
+        *new -= x * *old;
+        *old += take * *new;
     }
 }
 
@@ -211,6 +212,11 @@ fn rotate(own: &mut f32, weight: f32, x: f32) -> (f32, f32) {
 /// First element of row `i`.
 const fn start<const N: usize>(i: usize) -> usize {
     i * N - i * (i.saturating_sub(1)) / 2
+}
+
+/// The row that is one parameter alone.
+fn unit<const N: usize>(index: usize) -> [f32; N] {
+    core::array::from_fn(|i| if i == index { 1.0 } else { 0.0 })
 }
 
 fn dot(a: &[f32], b: &[f32]) -> f32 {

@@ -47,10 +47,7 @@ pub fn level_accels(
     known: &Vector2<f64>,
 ) -> f64 {
     let felt = (G * Vector2::new(turned.y, -turned.x) + change * known).cast::<f32>();
-    let change = change.cast::<f32>();
-    let east = rows.add(&change.row(0).transpose(), felt.x, 1.0);
-    let north = rows.add(&change.row(1).transpose(), felt.y, 1.0);
-    f64::from(east + north)
+    f64::from(rows.add(change.cast().into(), felt.into(), [1.0; 2]))
 }
 
 /// Level gyros (9): `dw_x = w_E^C cos H - w_N^C sin H`, `dw_y = w_E^C sin H + w_N^C cos H`, with
@@ -411,9 +408,8 @@ impl Literal {
         self.accel_up.store(parameters, index::ACCEL + 2);
         if self.turns >= LEAST_COUNT {
             let residual = self.level_misfit / (2.0 * self.turns - 2.0);
-            let (solved, variances) = (self.level_accels.solve(), self.level_accels.variances());
-            for (axis, (value, variance)) in solved.iter().zip(&variances).enumerate() {
-                let sigma = math::sqrt(f64::from(*variance) * residual);
+            for (axis, value) in self.level_accels.solve().iter().enumerate() {
+                let sigma = math::sqrt(f64::from(self.level_accels.variance(axis)) * residual);
                 parameters.set(index::ACCEL + axis, f64::from(*value), sigma);
             }
         }

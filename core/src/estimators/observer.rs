@@ -22,11 +22,13 @@ use crate::config::{Config, Feedback};
 use crate::history::{Moment, Past, Span};
 use crate::math;
 
-/// Range over which the equations are linear enough: azimuth, rad, and latency, s; a parameter
-/// is well known below this part of it.
+/// Range over which the equations are linear enough: azimuth, rad, and latency, s; and below which
+/// spread each is well known. That of the latency, grown, lies well within the range: another
+/// relinearization must not follow.
 const AZIMUTH_LINEAR_RAD: f64 = 0.02;
-const LATENCY_LINEAR_S: f64 = 0.02;
-const WELL_KNOWN: f64 = 0.3;
+const AZIMUTH_KNOWN_RAD: f64 = 0.006;
+const LATENCY_LINEAR_S: f64 = 0.06;
+const LATENCY_KNOWN_S: f64 = 0.006;
 /// Growth of the spreads when the equations are replaced by their solution.
 const RELINEARIZED: f64 = 3.0;
 
@@ -60,8 +62,10 @@ pub struct Observer {
     roughness: Roughness,
     /// Corrections to the parameters.
     corrections: LeastSquares<COUNT, PAIRS>,
-    /// Last solution; latency and spreads are those of its moment.
+    /// Last solution; the latency is that of its moment.
     parameters: Parameters,
+    /// Whose spread is due next.
+    next_spread: u8,
     /// Since the last solution, s.
     unsolved_s: f64,
     /// By how much data have moved azimuth, rad, and latency, s, since the equations were
@@ -73,12 +77,8 @@ pub struct Observer {
     last: Moment,
 }
 
-/// The three equations that a fix gives.
-struct Rows {
-    east: Row,
-    north: Row,
-    up: Row,
-}
+/// What a unit of each parameter adds to a velocity, ENU.
+type VelocityBy = [[f32; 3]; COUNT];
 
 impl Observer {
     /// Starts at a moment with what is believed of the parameters.
@@ -94,6 +94,7 @@ impl Observer {
             roughness: Roughness::default(),
             corrections: LeastSquares::from_prior(&prior.sigma),
             parameters: *prior,
+            next_spread: 0,
             unsolved_s: 0.0,
             azimuth_moved_rad: 0.0,
             latency_moved_s: 0.0,
@@ -158,19 +159,42 @@ impl Observer {
     ) -> Verdict {
         self.propagate(&past.moment, frame_rate_radps, config);
         let residual = difference.velocity_mps - self.predicted(past, difference);
-        let level_noise = self
-            .level_innovations
-            .noise(residual.xy().norm(), self.level.velocity);
-        let Some(noise) = level_noise else {
+        let level_size = residual.xy().norm();
+        let Some(level_noise) = self.level_innovations.noise(level_size, self.level.velocity)
+        else {
             return Verdict::Outlier;
         };
-        let rows = self.rows(past);
-        self.correct_level(&rows, &residual.xy(), noise);
-        if difference.has_up && self.correct_vertical(&rows.up, residual.z) {
+        let up_noise = difference
+            .has_up
+            .then(|| self.credible_up(math::abs(residual.z)))
+            .flatten();
+        let weight = |predicted: f64, noise: f64| (1.0 / (predicted + noise)) as f32;
+        let level_weight = weight(self.level.velocity, level_noise);
+        let up_weight = up_noise.map_or(0.0, |noise| weight(self.vertical.velocity, noise));
+        let by = self.velocity_by(past);
+        self.corrections.add(
+            by,
+            single(&residual).into(),
+            [level_weight, level_weight, up_weight],
+        );
+        self.correct_level(&by, &residual.xy(), level_noise);
+        if let Some(noise) = up_noise {
+            self.correct_vertical(&by, residual.z, noise);
             Verdict::Used
         } else {
             Verdict::LevelUsed
         }
+    }
+
+    /// Noise of a vertical velocity that is credible.
+    fn credible_up(&mut self, residual_mps: f64) -> Option<f64> {
+        let predicted = self.vertical.velocity;
+        let noise = self.vertical_innovations.noise(residual_mps, predicted);
+        if noise.is_none() {
+            // Refused again and again, it is the INS that errs: the gate opens.
+            self.vertical.doubt(predicted, 0.0);
+        }
+        noise
     }
 
     /// Carries the observer to a later moment in a frame that turns at `frame_rate`.
@@ -209,43 +233,30 @@ impl Observer {
     }
 
     /// What a unit of each parameter more would add to that.
-    fn rows(&self, past: &Past) -> Rows {
-        let by = |pick: fn(&InsError<f32>) -> f32| {
-            let mut row = Row::zeros();
-            for (element, response) in row.iter_mut().zip(&self.responses) {
-                *element = pick(response);
+    fn velocity_by(&self, past: &Past) -> VelocityBy {
+        let mut by = self.responses.map(|response| response.velocity_mps);
+        let mut add = |which: usize, velocity: Vector3<f32>| {
+            if let Some(by) = by.get_mut(which) {
+                *by += velocity;
             }
-            row
-        };
-        let mut rows = Rows {
-            east: by(|r| r.velocity_mps.x),
-            north: by(|r| r.velocity_mps.y),
-            up: by(|r| r.velocity_mps.z),
         };
         let accel = single(&past.accel_mps2);
-        rows.add(index::LATENCY, &accel);
-        rows.add(index::CLOCK_DRIFT, &(accel * self.unsolved_s as f32));
+        add(index::LATENCY, accel);
+        add(index::CLOCK_DRIFT, accel * self.unsolved_s as f32);
         for axis in 0..2 {
             let moved = past.attitude_rate.column(axis).into_owned();
-            rows.add(index::LEVER_ARM + axis, &-single(&moved));
+            add(index::LEVER_ARM + axis, -single(&moved));
         }
-        rows
+        by.map(Into::into)
     }
 
-    fn correct_level(&mut self, rows: &Rows, residual: &Vector2<f64>, noise: f64) {
-        let weight = (1.0 / (self.level.velocity + noise)) as f32;
-        self.corrections.add(&rows.east, residual.x as f32, weight);
-        self.corrections.add(&rows.north, residual.y as f32, weight);
+    fn correct_level(&mut self, by: &VelocityBy, residual: &Vector2<f64>, noise: f64) {
         let (gain, tilt_gain) = self.level.update(noise);
         // dV_N' = g Phi_E and dV_E' = -g Phi_N.
         self.error.velocity_mps += gain * residual.push(0.0);
         self.error.tilt_rad += tilt_gain * Vector3::new(residual.y, -residual.x, 0.0);
         let (gain, tilt_gain) = (gain as f32, tilt_gain as f32);
-        for (response, (east, north)) in self
-            .responses
-            .iter_mut()
-            .zip(rows.east.iter().zip(&rows.north))
-        {
+        for (response, [east, north, _]) in self.responses.iter_mut().zip(by) {
             response.velocity_mps.x -= gain * east;
             response.velocity_mps.y -= gain * north;
             response.tilt_rad.x -= tilt_gain * north;
@@ -255,28 +266,14 @@ impl Observer {
         self.roughness.learn(likeness);
     }
 
-    /// Returns whether the vertical velocity was credible.
-    fn correct_vertical(&mut self, row: &Row, residual: f64) -> bool {
-        let predicted = self.vertical.velocity;
-        let Some(noise) = self
-            .vertical_innovations
-            .noise(math::abs(residual), predicted)
-        else {
-            // Refused again and again, it is the INS that errs: the gate opens.
-            self.vertical.doubt(predicted, 0.0);
-            return false;
-        };
-        self.corrections
-            .add(row, residual as f32, (1.0 / (predicted + noise)) as f32);
+    fn correct_vertical(&mut self, by: &VelocityBy, residual: f64, noise: f64) {
         let (gain, _) = self.vertical.update(noise);
         self.error.velocity_mps.z += gain * residual;
-        for (response, up) in self.responses.iter_mut().zip(row) {
+        for (response, [_, _, up]) in self.responses.iter_mut().zip(by) {
             response.velocity_mps.z -= gain as f32 * up;
         }
-        let _ = self
-            .vertical_innovations
-            .measure(&Vector2::new(residual, 0.0), 1.0);
-        true
+        let innovation = Vector2::new(residual, 0.0);
+        let _ = self.vertical_innovations.measure(&innovation, 1.0);
     }
 
     /// Solves for the parameters at the horizon.
@@ -293,14 +290,24 @@ impl Observer {
         }
         let corrections = corrections.map(f64::from);
         self.parameters.value += corrections;
+        let moved = |which: usize| corrections.get(which).copied().unwrap_or(0.0);
+        self.azimuth_moved_rad += moved(index::AZIMUTH);
+        self.latency_moved_s += moved(index::LATENCY);
         self.azimuth_moved_rad += corrections.get(index::AZIMUTH).copied().unwrap_or(0.0);
         self.latency_moved_s += corrections.get(index::LATENCY).copied().unwrap_or(0.0);
-        let inflation = self.level_innovations.inflation();
-        let variances = self.corrections.variances();
-        self.parameters.sigma = variances.map(|v| math::sqrt(f64::from(v) * inflation));
         if config.feedback == Feedback::Closed {
             self.relinearize(&config.prior());
         }
+    }
+
+    /// Brings the spread of one parameter up to date, each in its turn.
+    pub fn spread_next(&mut self) {
+        let which = usize::from(self.next_spread);
+        self.next_spread = (self.next_spread + 1) % COUNT as u8;
+        let variance = f64::from(self.corrections.variance(which));
+        let sigma = math::sqrt(variance * self.level_innovations.inflation());
+        let value = self.parameters.value(which);
+        self.parameters.set(which, value, sigma);
     }
 
     /// Makes azimuth and latency those of the horizon, where the other parameters have moved them.
@@ -360,7 +367,7 @@ impl Observer {
         }
         let p = &self.parameters;
         let value = p.value(index::LATENCY) - seconds * p.value(index::CLOCK_DRIFT);
-        let variance = f64::from(self.corrections.variance_of(&coefficients));
+        let variance = f64::from(self.corrections.variance_of(coefficients.into()));
         (
             value,
             math::sqrt(variance * self.level_innovations.inflation()),
@@ -369,13 +376,9 @@ impl Observer {
 
     /// Adds a direct measurement of one parameter other than the azimuth.
     pub fn measure(&mut self, parameter: usize, value: f64, variance: f64) {
-        let mut row = Row::zeros();
-        if let Some(one) = row.get_mut(parameter) {
-            *one = 1.0;
-        }
         let correction = value - self.parameters.value(parameter);
         self.corrections
-            .add(&row, correction as f32, (1.0 / variance) as f32);
+            .add_direct(parameter, correction as f32, variance as f32);
     }
 
     /// Equations gathered about values that turned out far off are replaced by their solution:
@@ -383,10 +386,10 @@ impl Observer {
     fn relinearize(&mut self, prior: &Parameters) {
         let known = &self.parameters;
         let latency = math::abs(self.latency_moved_s) > LATENCY_LINEAR_S
-            && known.sigma(index::LATENCY) < WELL_KNOWN * LATENCY_LINEAR_S;
+            && known.sigma(index::LATENCY) < LATENCY_KNOWN_S;
         let azimuth = !self.azimuth_settled
-            && known.sigma(index::AZIMUTH) < WELL_KNOWN * AZIMUTH_LINEAR_RAD
-            && math::abs(known.value(index::AZIMUTH)) < WELL_KNOWN * AZIMUTH_LINEAR_RAD;
+            && known.sigma(index::AZIMUTH) < AZIMUTH_KNOWN_RAD
+            && math::abs(known.value(index::AZIMUTH)) < AZIMUTH_KNOWN_RAD;
         self.azimuth_settled |= azimuth;
         if latency || (azimuth && math::abs(self.azimuth_moved_rad) > AZIMUTH_LINEAR_RAD) {
             let sigma = known.sigma.zip_map(&prior.sigma, |now, before| {
@@ -394,18 +397,6 @@ impl Observer {
             });
             self.corrections = LeastSquares::from_prior(&sigma);
             self.latency_moved_s = 0.0;
-        }
-    }
-}
-
-impl Rows {
-    /// Adds a velocity to the column of one parameter.
-    fn add(&mut self, which: usize, velocity: &Vector3<f32>) {
-        let Self { east, north, up } = self;
-        for (row, by) in [east, north, up].into_iter().zip(velocity) {
-            if let Some(element) = row.get_mut(which) {
-                *element += by;
-            }
         }
     }
 }
