@@ -77,14 +77,15 @@ pub struct AidedIns {
     /// Azimuth taken out since the start, rad.
     azimuth_removed_rad: f64,
     manoeuvre: Manoeuvre,
-    signals: DampingSignals,
+    /// Stamp and velocity difference of the last fix that was compared, ENU, m/s.
+    compared: (Time, Vector3<f64>),
 }
 
 impl AidedIns {
     /// Starts where alignment ended.
     pub fn new(time: Time, aligned: &Aligned, config: &Config) -> Self {
         let mechanization = start_at(&aligned.fix, Geodetic::default(), aligned.attitude);
-        let now = Moment::start(time, mechanization.velocity_enu_mps);
+        let now = Moment::start(time);
         let mut known = aligned.known;
         known.set(index::AZIMUTH, 0.0, aligned.heading_sigma_rad);
         let gyro_radps = compensation(&known, config);
@@ -108,9 +109,9 @@ impl AidedIns {
             since: time,
             azimuth_removed_rad: 0.0,
             manoeuvre: Manoeuvre::default(),
-            signals: DampingSignals::default(),
+            compared: (time, Vector3::zeros()),
         };
-        ins.history.push(now);
+        ins.history.push(now, mechanization.velocity_enu_mps);
         ins
     }
 
@@ -129,9 +130,15 @@ impl AidedIns {
         self.manoeuvre
     }
 
-    /// What the last fix did.
+    /// The last comparison with GNSS and what acts on the INS.
     pub fn signals(&self) -> DampingSignals {
-        self.signals
+        let (time, difference_enu_mps) = self.compared;
+        DampingSignals {
+            time,
+            difference_enu_mps,
+            accel_enu_mps2: self.controls.accel_mps2,
+            rate_enu_radps: self.controls.rate_radps,
+        }
     }
 
     /// The damped INS, with closed feedback less the errors that the estimators still see in it.
@@ -203,7 +210,7 @@ impl AidedIns {
             self.measure_rest(&block, config);
         }
         if self.history.wants(time) {
-            self.history.push(self.now);
+            self.history.push(self.now, self.mechanization.velocity_enu_mps);
             self.process_pending(config);
         }
     }
@@ -215,7 +222,6 @@ impl AidedIns {
         let push = dt * (controls.accel_mps2 - step.attitude * self.compensation.accel_mps2);
         let now = &mut self.now;
         now.time = time;
-        now.velocity_mps = self.mechanization.velocity_enu_mps;
         now.force_mps += step.force_enu_mps;
         now.attitude_s += step.attitude * dt;
         now.turn_rad += interval.angle_rad.z;
@@ -293,7 +299,7 @@ impl AidedIns {
             ..Differences::default()
         };
         if fix.velocity_en_mps.is_some() {
-            let velocity_mps = past.moment.velocity_mps - fix.velocity_enu_mps();
+            let velocity_mps = past.velocity_mps - fix.velocity_enu_mps();
             self.manoeuvre = Manoeuvre::of(&past);
             let verdict = self.observe(&past, fix, velocity_mps, config);
             if verdict == Verdict::Outlier {
@@ -330,7 +336,7 @@ impl AidedIns {
                 };
                 let earth = self.mechanization.local_earth();
                 let frame_rate =
-                    earth.earth_rate() + earth.transport_rate(&past.moment.velocity_mps);
+                    earth.earth_rate() + earth.transport_rate(&past.velocity_mps);
                 observer.take(past, &frame_rate, &difference, config)
             }
             Estimator::Literal(literal) => literal.take(&Comparison {
@@ -352,7 +358,7 @@ impl AidedIns {
     fn position_difference(&mut self, past: &Past, fix: &GnssFix) -> Option<Vector3<f64>> {
         let gnss = fix.position?;
         let since_s = self.now.time.seconds_since(past.moment.time);
-        let moved = 0.5 * since_s * (past.moment.velocity_mps + self.now.velocity_mps);
+        let moved = 0.5 * since_s * (past.velocity_mps + self.mechanization.velocity_enu_mps);
         let difference = self.mechanization.position.enu_from(&gnss) - moved;
         if difference.norm() < POSITION_GATE_M {
             self.positions_refused = 0;
@@ -384,7 +390,9 @@ impl AidedIns {
         let interval_s = math::min(interval_s, HOLD_S);
         self.controls = damping::controls(&differences, interval_s, &config.damping);
         self.controls_until = self.now.time.plus_seconds(HOLD_S);
-        self.signals = DampingSignals::of(fix.time, &differences, &self.controls);
+        let level = differences.velocity_en_mps.unwrap_or_default();
+        let up = differences.velocity_up_mps.unwrap_or_default();
+        self.compared = (fix.time, level.push(up));
     }
 
     /// One bad fix is GNSS's fault; many in a row are the INS's, which then starts again from one.
@@ -397,9 +405,9 @@ impl AidedIns {
             position, attitude, ..
         } = self.mechanization;
         self.mechanization = start_at(fix, position, attitude);
-        self.now = Moment::start(self.now.time, self.mechanization.velocity_enu_mps);
+        self.now = Moment::start(self.now.time);
         self.history = History::default();
-        self.history.push(self.now);
+        self.history.push(self.now, self.mechanization.velocity_enu_mps);
         match &mut self.estimator {
             Estimator::Exact(observer) => observer.restart(self.now, config),
             Estimator::Literal(literal) => literal.restart(),

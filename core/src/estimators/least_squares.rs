@@ -21,10 +21,10 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
     const SIZES_MATCH: () = assert!(T == N * (N + 1) / 2, "T must be N (N + 1) / 2");
 
     /// Independent prior knowledge: each parameter is zero with a standard deviation (positive).
-    pub fn from_prior(sigma: &SVector<f64, N>) -> Self {
+    pub fn from_prior(sigma: &SVector<f32, N>) -> Self {
         let () = Self::SIZES_MATCH;
         Self {
-            weight: sigma.map(|s| (1.0 / (s * s)) as f32),
+            weight: sigma.map(|s| 1.0 / (s * s)),
             rows: SVector::zeros(),
         }
     }

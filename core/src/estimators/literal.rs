@@ -182,7 +182,7 @@ impl Literal {
     /// Nothing known; the weak prior keeps the equations of (8) solvable.
     pub fn new(config: &Config) -> Self {
         // A weight that counts for nothing beside one turn.
-        let weak = Vector2::repeat(1e3 * config.sensors.accel_bias_mps2);
+        let weak = Vector2::repeat(1e3 * config.sensors.accel_bias_mps2 as f32);
         let innovations = Innovations::new(config.gnss.velocity_sigma_mps);
         Self {
             last: None,

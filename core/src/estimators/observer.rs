@@ -30,7 +30,7 @@ const AZIMUTH_KNOWN_RAD: f64 = 0.006;
 const LATENCY_LINEAR_S: f64 = 0.06;
 const LATENCY_KNOWN_S: f64 = 0.006;
 /// Growth of the spreads when the equations are replaced by their solution.
-const RELINEARIZED: f64 = 3.0;
+const RELINEARIZED: f32 = 3.0;
 
 /// One number for each parameter.
 type Row = SVector<f32, COUNT>;
@@ -393,7 +393,8 @@ impl Observer {
         self.azimuth_settled |= azimuth;
         if latency || (azimuth && math::abs(self.azimuth_moved_rad) > AZIMUTH_LINEAR_RAD) {
             let sigma = known.sigma.zip_map(&prior.sigma, |now, before| {
-                math::min(RELINEARIZED * now, before)
+                let grown = RELINEARIZED * now;
+                if grown < before { grown } else { before }
             });
             self.corrections = LeastSquares::from_prior(&sigma);
             self.latency_moved_s = 0.0;

@@ -36,7 +36,7 @@ pub struct Parameters {
     /// SI units, see [`index`].
     pub value: SVector<f64, COUNT>,
     /// One standard deviation of each.
-    pub sigma: SVector<f64, COUNT>,
+    pub sigma: SVector<f32, COUNT>,
 }
 
 impl Parameters {
@@ -47,7 +47,9 @@ impl Parameters {
 
     /// Standard deviation of one parameter.
     pub fn sigma(&self, parameter: usize) -> f64 {
-        self.sigma.get(parameter).copied().unwrap_or(0.0)
+        self.sigma
+            .get(parameter)
+            .map_or(0.0, |sigma| f64::from(*sigma))
     }
 
     /// Three values from `first` on.
@@ -88,7 +90,7 @@ impl Parameters {
     /// Sets value and spread of one parameter.
     pub fn set(&mut self, parameter: usize, value: f64, sigma: f64) {
         if let (Some(v), Some(s)) = (self.value.get_mut(parameter), self.sigma.get_mut(parameter)) {
-            (*v, *s) = (value, sigma);
+            (*v, *s) = (value, sigma as f32);
         }
     }
 }
