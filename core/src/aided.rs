@@ -29,6 +29,8 @@ use crate::time::Time;
 const PENDING: usize = 4;
 /// Longest time that controls are held without a new fix, s.
 const HOLD_S: f64 = 1.5;
+/// Interval at which an INS without fixes is corrected, s.
+const COAST_S: f64 = 0.5;
 /// Least time between two fixes that are used, s.
 const LEAST_INTERVAL_S: f64 = 0.01;
 /// Interval at which the normal equations are solved, s.
@@ -195,8 +197,9 @@ impl AidedIns {
 
     /// Advances over the interval that ends at `time`.
     pub fn on_interval(&mut self, time: Time, raw: &Interval, config: &Config) {
-        if time > self.controls_until {
-            self.controls = Controls::default();
+        let coasts = time > self.controls_until;
+        if coasts {
+            self.coast(config);
         }
         let Compensation {
             gyro_radps,
@@ -206,13 +209,45 @@ impl AidedIns {
         let interval = raw.without_bias(&gyro_radps, &accel_mps2);
         let step = self.mechanization.step(&interval, &self.controls);
         self.total(time, &interval, &step);
-        if let Some(RestVerdict::Rest(block)) = self.rest.on_interval(raw) {
-            self.measure_rest(&block, config);
+        // Only GNSS tells rest from steady motion.
+        match self.rest.on_interval(raw) {
+            Some(RestVerdict::Rest(block)) if !coasts => self.measure_rest(&block, config),
+            _ => {}
         }
         if self.history.wants(time) {
             self.history.push(self.now, self.mechanization.velocity_enu_mps);
             self.process_pending(config);
         }
+    }
+
+    /// Without GNSS the loops are open: what the observer still sees in the INS is taken out at
+    /// once, again and again, for the position to follow it. Over longer steps than this the
+    /// observer would not be exact.
+    fn coast(&mut self, config: &Config) {
+        self.controls = Controls::default();
+        let since_s = self.now.time.seconds_since(self.last_compared);
+        if config.feedback == Feedback::Open || since_s < COAST_S {
+            return;
+        }
+        let frame_rate = self.frame_rate(&self.mechanization.velocity_enu_mps);
+        let Estimator::Exact(observer) = &mut self.estimator else {
+            return;
+        };
+        observer.propagate(&self.now, &frame_rate, config);
+        let error = observer.error_at(&self.now);
+        self.mechanization.velocity_enu_mps -= error.velocity_mps;
+        self.mechanization.turn_platform(&-error.tilt_rad);
+        self.now.control_velocity_mps -= error.velocity_mps;
+        self.now.control_tilt_rad -= error.tilt_rad;
+        self.azimuth_removed_rad += error.tilt_rad.z;
+        // The observer does not go back.
+        self.last_compared = self.now.time;
+    }
+
+    /// Rate at which the navigation frame turns, rad/s.
+    fn frame_rate(&self, velocity_mps: &Vector3<f64>) -> Vector3<f64> {
+        let earth = self.mechanization.local_earth();
+        earth.earth_rate() + earth.transport_rate(velocity_mps)
     }
 
     /// Adds a step to the totals of the present moment.
@@ -234,6 +269,7 @@ impl AidedIns {
     }
 
     /// A vehicle at rest turns with the Earth: its gyros read their biases.
+    #[inline(never)]
     fn measure_rest(&mut self, block: &RestBlock, config: &Config) {
         let Estimator::Exact(observer) = &mut self.estimator else {
             return;
@@ -283,6 +319,7 @@ impl AidedIns {
     }
 
     /// Compares a fix with the INS of its own moment; `None` while that lies ahead.
+    #[inline(never)]
     fn process(&mut self, fix: &GnssFix, config: &Config) -> Option<GnssOutcome> {
         let moment = fix.time.plus_seconds(-self.compensation.latency_s);
         let past = match self.history.at(moment) {
@@ -327,6 +364,7 @@ impl AidedIns {
     ) -> Verdict {
         let has_up = fix.velocity_up_mps.is_some();
         let latency_applied_s = self.compensation.latency_s;
+        let frame_rate = self.frame_rate(&past.velocity_mps);
         match &mut self.estimator {
             Estimator::Exact(observer) => {
                 let difference = Difference {
@@ -334,9 +372,6 @@ impl AidedIns {
                     has_up,
                     latency_applied_s,
                 };
-                let earth = self.mechanization.local_earth();
-                let frame_rate =
-                    earth.earth_rate() + earth.transport_rate(&past.velocity_mps);
                 observer.take(past, &frame_rate, &difference, config)
             }
             Estimator::Literal(literal) => literal.take(&Comparison {
@@ -359,8 +394,9 @@ impl AidedIns {
         let gnss = fix.position?;
         let since_s = self.now.time.seconds_since(past.moment.time);
         let moved = 0.5 * since_s * (past.velocity_mps + self.mechanization.velocity_enu_mps);
-        let difference = self.mechanization.position.enu_from(&gnss) - moved;
-        if difference.norm() < POSITION_GATE_M {
+        let ins = &self.mechanization;
+        let difference = ins.local_earth().enu_between(&gnss, &ins.position) - moved;
+        if difference.norm_squared() < POSITION_GATE_M * POSITION_GATE_M {
             self.positions_refused = 0;
             return Some(difference);
         }
@@ -420,6 +456,9 @@ impl AidedIns {
     }
 
     /// Solves for the parameters and takes out those that are known.
+    ///
+    /// Its temporaries must not lie on the stack of every sample.
+    #[inline(never)]
     fn solve(&mut self, config: &Config) {
         match &mut self.estimator {
             Estimator::Exact(observer) => observer.solve(config),

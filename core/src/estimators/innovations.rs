@@ -48,17 +48,19 @@ impl Innovations {
         }
     }
 
-    /// Variance of the measurement noise for an innovation of this size where the INS itself
-    /// makes `predicted` of the variance: larger where it counts for less. `None` if the
+    /// Variance of the measurement noise for an innovation of this square, (m/s)^2, where the INS
+    /// itself makes `predicted` of the variance: larger where it counts for less. `None` if the
     /// innovation is not credible.
-    pub fn noise(&self, size_mps: f64, predicted: f64) -> Option<f64> {
-        let sigma = math::sqrt(self.variance + predicted);
-        if size_mps > GATE_SIGMAS * sigma + GATE_MPS {
-            return None;
-        }
+    pub fn noise(&self, power: f64, predicted: f64) -> Option<f64> {
+        let total = self.variance + predicted;
         let noise = math::max(self.variance - predicted, 0.5 * self.variance);
-        let doubt = math::max(1.0, size_mps / (ROBUST_SIGMAS * sigma));
-        Some(doubt * math::max(noise, self.least_variance))
+        let noise = math::max(noise, self.least_variance);
+        if power <= ROBUST_SIGMAS * ROBUST_SIGMAS * total {
+            return Some(noise);
+        }
+        let (size, sigma) = (math::sqrt(power), math::sqrt(total));
+        let credible = size <= GATE_SIGMAS * sigma + GATE_MPS;
+        credible.then_some(noise * size / (ROBUST_SIGMAS * sigma))
     }
 
     /// Takes one innovation of `components` (1 or 2) components.

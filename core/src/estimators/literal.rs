@@ -213,7 +213,7 @@ impl Literal {
     /// Takes one comparison.
     pub fn take(&mut self, now: &Comparison) -> Verdict {
         let (level, up) = (now.difference_mps.xy(), now.difference_mps.z);
-        if self.level_innovations.noise(level.norm(), 0.0).is_none() {
+        if self.level_innovations.noise(level.norm_squared(), 0.0).is_none() {
             return Verdict::Outlier;
         }
         let _ = self.level_innovations.measure(&level, 2.0);
@@ -223,7 +223,7 @@ impl Literal {
         self.last = Some(now.past.moment);
         self.follow(now);
         self.store_azimuth(now.azimuth_removed_rad);
-        if now.has_up && self.up_innovations.noise(math::abs(up), 0.0).is_some() {
+        if now.has_up && self.up_innovations.noise(up * up, 0.0).is_some() {
             let _ = self.up_innovations.measure(&Vector2::new(up, 0.0), 1.0);
             Verdict::Used
         } else {

@@ -159,14 +159,16 @@ impl Observer {
     ) -> Verdict {
         self.propagate(&past.moment, frame_rate_radps, config);
         let residual = difference.velocity_mps - self.predicted(past, difference);
-        let level_size = residual.xy().norm();
-        let Some(level_noise) = self.level_innovations.noise(level_size, self.level.velocity)
+        let level_power = residual.xy().norm_squared();
+        let Some(level_noise) = self
+            .level_innovations
+            .noise(level_power, self.level.velocity)
         else {
             return Verdict::Outlier;
         };
         let up_noise = difference
             .has_up
-            .then(|| self.credible_up(math::abs(residual.z)))
+            .then(|| self.credible_up(residual.z))
             .flatten();
         let weight = |predicted: f64, noise: f64| (1.0 / (predicted + noise)) as f32;
         let level_weight = weight(self.level.velocity, level_noise);
@@ -189,7 +191,7 @@ impl Observer {
     /// Noise of a vertical velocity that is credible.
     fn credible_up(&mut self, residual_mps: f64) -> Option<f64> {
         let predicted = self.vertical.velocity;
-        let noise = self.vertical_innovations.noise(residual_mps, predicted);
+        let noise = self.vertical_innovations.noise(residual_mps * residual_mps, predicted);
         if noise.is_none() {
             // Refused again and again, it is the INS that errs: the gate opens.
             self.vertical.doubt(predicted, 0.0);
@@ -198,7 +200,7 @@ impl Observer {
     }
 
     /// Carries the observer to a later moment in a frame that turns at `frame_rate`.
-    fn propagate(&mut self, to: &Moment, frame_rate: &Vector3<f64>, config: &Config) {
+    pub fn propagate(&mut self, to: &Moment, frame_rate: &Vector3<f64>, config: &Config) {
         let span = Span::between(&self.last, to);
         self.error = self.error.after(&span, frame_rate, &self.parameters);
         let azimuth_sigma = self.parameters.sigma(index::AZIMUTH);
