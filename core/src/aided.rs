@@ -75,6 +75,7 @@ pub struct AidedIns {
     positions_refused: u8,
     rest: RestDetector,
     last_solve: Time,
+    work_left: bool,
     since: Time,
     /// Azimuth taken out since the start, rad.
     azimuth_removed_rad: f64,
@@ -91,10 +92,10 @@ impl AidedIns {
         let mut known = aligned.known;
         known.set(index::AZIMUTH, 0.0, aligned.heading_sigma_rad);
         let gyro_radps = compensation(&known, config);
-        let mut ins = Self {
+        Self {
             mechanization,
             now,
-            history: History::default(),
+            history: History::starting(now, mechanization.velocity_enu_mps),
             estimator: Estimator::new(now, &known, config),
             compensation: Compensation {
                 gyro_radps,
@@ -108,13 +109,12 @@ impl AidedIns {
             positions_refused: 0,
             rest: RestDetector::default(),
             last_solve: time,
+            work_left: false,
             since: time,
             azimuth_removed_rad: 0.0,
             manoeuvre: Manoeuvre::default(),
             compared: (time, Vector3::zeros()),
-        };
-        ins.history.push(now, mechanization.velocity_enu_mps);
-        ins
+        }
     }
 
     /// The damped INS.
@@ -196,6 +196,7 @@ impl AidedIns {
     }
 
     /// Advances over the interval that ends at `time`.
+    #[inline(never)]
     pub fn on_interval(&mut self, time: Time, raw: &Interval, config: &Config) {
         let coasts = time > self.controls_until;
         if coasts {
@@ -214,15 +215,29 @@ impl AidedIns {
             Some(RestVerdict::Rest(block)) if !coasts => self.measure_rest(&block, config),
             _ => {}
         }
-        if self.history.wants(time) {
-            self.history.push(self.now, self.mechanization.velocity_enu_mps);
-            self.process_pending(config);
+    }
+
+    /// What is left to do after an interval: at most one fix or one piece of the estimators' work
+    /// a call, to keep the longest call short, unless samples are rare.
+    pub fn follow_up(&mut self, config: &Config) {
+        let due = self.work_left;
+        let remembers = self.history.wants(self.now.time);
+        if remembers {
+            self.history
+                .push(self.now, self.mechanization.velocity_enu_mps);
+            self.work_left = true;
+        }
+        let took = self.take_waiting(config);
+        if due && (remembers || !took) {
+            self.work_left = remembers;
+            self.work(config);
         }
     }
 
     /// Without GNSS the loops are open: what the observer still sees in the INS is taken out at
     /// once, again and again, for the position to follow it. Over longer steps than this the
     /// observer would not be exact.
+    #[inline(never)]
     fn coast(&mut self, config: &Config) {
         self.controls = Controls::default();
         let since_s = self.now.time.seconds_since(self.last_compared);
@@ -284,10 +299,9 @@ impl AidedIns {
 
     /// Takes a fix: at once if its moment has passed, else later.
     pub fn on_fix(&mut self, fix: &GnssFix, config: &Config) -> GnssOutcome {
-        let at_once = if self.pending.oldest().is_none() {
-            self.process(fix, config)
-        } else {
-            None
+        let at_once = match self.pending.oldest() {
+            None => self.compare(fix, config),
+            Some(_) => None,
         };
         let outcome = match at_once {
             Some(outcome) => outcome,
@@ -301,15 +315,29 @@ impl AidedIns {
         outcome
     }
 
-    fn process_pending(&mut self, config: &Config) {
-        while let Some(fix) = self.pending.oldest().copied() {
-            if self.process(&fix, config).is_none() {
-                // With a negative latency some fix may always wait: the equations must not.
-                break;
-            }
+    /// Takes the oldest fix that waits, if its moment has passed.
+    fn take_waiting(&mut self, config: &Config) -> bool {
+        let Some(fix) = self.pending.oldest().copied() else {
+            return false;
+        };
+        let took = self.compare(&fix, config).is_some();
+        if took {
             self.pending.pop();
         }
-        // Not in the call that took a fix, to keep the longest call short.
+        took
+    }
+
+    /// Compares a fix with the INS of its own moment; `None` while that lies ahead.
+    fn compare(&mut self, fix: &GnssFix, config: &Config) -> Option<GnssOutcome> {
+        let outcome = self.process(fix, config);
+        if outcome == Some(GnssOutcome::Outlier) {
+            self.refuse(fix, config);
+        }
+        outcome
+    }
+
+    /// What the estimators do besides taking fixes, a piece at a time.
+    fn work(&mut self, config: &Config) {
         if self.now.time.seconds_since(self.last_solve) >= SOLVE_S {
             self.last_solve = self.now.time;
             self.solve(config);
@@ -318,7 +346,7 @@ impl AidedIns {
         }
     }
 
-    /// Compares a fix with the INS of its own moment; `None` while that lies ahead.
+    /// The comparison itself; its temporaries must not lie on the stack of every sample.
     #[inline(never)]
     fn process(&mut self, fix: &GnssFix, config: &Config) -> Option<GnssOutcome> {
         let moment = fix.time.plus_seconds(-self.compensation.latency_s);
@@ -341,7 +369,6 @@ impl AidedIns {
             let verdict = self.observe(&past, fix, velocity_mps, config);
             if verdict == Verdict::Outlier {
                 self.last_compared = moment;
-                self.refuse(fix, config);
                 return Some(GnssOutcome::Outlier);
             }
             self.refused = 0;
@@ -402,15 +429,20 @@ impl AidedIns {
         }
         self.positions_refused = self.positions_refused.saturating_add(1);
         if self.positions_refused >= LOST_FIXES {
-            let Mechanization {
-                velocity_enu_mps,
-                attitude,
-                ..
-            } = self.mechanization;
-            self.mechanization = Mechanization::new(gnss, velocity_enu_mps, attitude);
-            self.positions_refused = 0;
+            self.move_to(gnss);
         }
         None
+    }
+
+    #[inline(never)]
+    fn move_to(&mut self, position: Geodetic) {
+        let Mechanization {
+            velocity_enu_mps,
+            attitude,
+            ..
+        } = self.mechanization;
+        self.mechanization = Mechanization::new(position, velocity_enu_mps, attitude);
+        self.positions_refused = 0;
     }
 
     /// Sets the controls that hold until the next fix.
@@ -432,6 +464,7 @@ impl AidedIns {
     }
 
     /// One bad fix is GNSS's fault; many in a row are the INS's, which then starts again from one.
+    #[inline(never)]
     fn refuse(&mut self, fix: &GnssFix, config: &Config) {
         self.refused = self.refused.saturating_add(1);
         if self.refused < LOST_FIXES {
@@ -442,8 +475,7 @@ impl AidedIns {
         } = self.mechanization;
         self.mechanization = start_at(fix, position, attitude);
         self.now = Moment::start(self.now.time);
-        self.history = History::default();
-        self.history.push(self.now, self.mechanization.velocity_enu_mps);
+        self.history = History::starting(self.now, self.mechanization.velocity_enu_mps);
         match &mut self.estimator {
             Estimator::Exact(observer) => observer.restart(self.now, config),
             Estimator::Literal(literal) => literal.restart(),

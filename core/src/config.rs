@@ -171,7 +171,7 @@ impl Config {
         ]);
         Parameters {
             value: SVector::zeros(),
-            sigma: sigma.map(|s| s as f32),
+            sigma: sigma.map(math::single),
         }
     }
 

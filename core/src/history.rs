@@ -130,6 +130,13 @@ pub struct History {
 }
 
 impl History {
+    /// Holds one moment.
+    pub fn starting(moment: Moment, velocity_mps: Vector3<f64>) -> Self {
+        let mut history = Self::default();
+        history.push(moment, velocity_mps);
+        history
+    }
+
     /// Whether enough time has passed since the newest moment for the next.
     pub fn wants(&self, time: Time) -> bool {
         self.moments

@@ -117,8 +117,7 @@ impl Navigator {
 
     /// Azimuth error that is still in the damped INS, rad.
     pub fn azimuth_left_rad(&self) -> f64 {
-        self.aided()
-            .map_or(0.0, |ins| ins.azimuth_left_rad())
+        self.aided().map_or(0.0, AidedIns::azimuth_left_rad)
     }
 
     /// Errors of the sensors as known now.
@@ -184,6 +183,7 @@ impl State {
                     ins.on_hole(seconds);
                 }
                 ins.on_interval(sample.time, &interval, config);
+                ins.follow_up(config);
             }
         }
         if bridged {

@@ -98,6 +98,7 @@ impl<T: RealField + Copy> InsError<T> {
 
 impl InsError {
     /// The error at the end of a span, with `parameters` behind it and controls under way.
+    #[must_use]
     pub fn after(&self, span: &Span, frame_rate: &Vector3<f64>, parameters: &Parameters) -> Self {
         let passage = Passage::over(span, frame_rate);
         let mut error = *self;
@@ -141,5 +142,5 @@ pub fn for_each_input(span: &Span, mut visit: impl FnMut(usize, Input)) {
 
 /// In single precision.
 pub fn single(v: &Vector3<f64>) -> Vector3<f32> {
-    v.map(|x| x as f32)
+    v.map(math::single)
 }

@@ -30,11 +30,11 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
     }
 
     /// Adds `R` rows `coefficients . x = measured`, each with its weight; `coefficients` holds
-    /// those of one parameter after those of another. Returns by how much they raise the weighted
-    /// sum of squared residuals.
+    /// those of one parameter after those of another, and is used up. Returns by how much they
+    /// raise the weighted sum of squared residuals.
     pub fn add<const R: usize>(
         &mut self,
-        mut coefficients: [[f32; R]; N],
+        coefficients: &mut [[f32; R]; N],
         mut measured: [f32; R],
         mut weight: [f32; R],
     ) -> f32 {
@@ -47,7 +47,8 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
             let Some((row, below)) = rows.split_at_mut_checked(later.len() + 1) else {
                 break;
             };
-            if let (true, Some((z, row))) = (*pivots != [0.0; R], row.split_last_mut()) {
+            let matters = pivots.iter().any(|x| *x != 0.0);
+            if let (true, Some((z, row))) = (matters, row.split_last_mut()) {
                 let mut takes = [0.0; R];
                 for ((x, weight), take) in pivots.iter().zip(&mut weight).zip(&mut takes) {
                     let keep;
@@ -67,8 +68,8 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
 
     /// Adds a direct measurement of parameter `index`.
     pub fn add_direct(&mut self, index: usize, measured: f32, variance: f32) {
-        let row = unit(index).map(|coefficient| [coefficient]);
-        self.add(row, [measured], [1.0 / variance]);
+        let mut row = unit(index).map(|coefficient| [coefficient]);
+        self.add(&mut row, [measured], [1.0 / variance]);
     }
 
     /// Lets parameter `index` have walked: adds `variance` to its spread.
@@ -84,13 +85,16 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
         let mut step_z = 0.0;
         for i in (0..=index).rev() {
             let (Some(row), Some(later), Some(weight)) = (
-                self.rows.as_mut_slice().get_mut(start::<N>(i)..start::<N>(i + 1)),
+                self.rows
+                    .as_mut_slice()
+                    .get_mut(start::<N>(i)..start::<N>(i + 1)),
                 step.as_mut_slice().get_mut(i..),
                 self.weight.get_mut(i),
             ) else {
                 return;
             };
-            let (Some((z, row)), Some((own, later))) = (row.split_last_mut(), later.split_first_mut())
+            let (Some((z, row)), Some((own, later))) =
+                (row.split_last_mut(), later.split_first_mut())
             else {
                 return;
             };
@@ -115,7 +119,9 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
     pub fn redefine(&mut self, index: usize, by: &SVector<f32, N>) {
         for i in 0..=index {
             let (Some(row), Some(by)) = (
-                self.rows.as_mut_slice().get_mut(start::<N>(i)..start::<N>(i + 1)),
+                self.rows
+                    .as_mut_slice()
+                    .get_mut(start::<N>(i)..start::<N>(i + 1)),
                 by.as_slice().get(i + 1..),
             ) else {
                 return;

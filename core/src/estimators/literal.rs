@@ -47,7 +47,8 @@ pub fn level_accels(
     known: &Vector2<f64>,
 ) -> f64 {
     let felt = (G * Vector2::new(turned.y, -turned.x) + change * known).cast::<f32>();
-    f64::from(rows.add(change.cast().into(), felt.into(), [1.0; 2]))
+    let mut change: [[f32; 2]; 2] = change.cast().into();
+    f64::from(rows.add(&mut change, felt.into(), [1.0; 2]))
 }
 
 /// Level gyros (9): `dw_x = w_E^C cos H - w_N^C sin H`, `dw_y = w_E^C sin H + w_N^C cos H`, with
@@ -182,7 +183,7 @@ impl Literal {
     /// Nothing known; the weak prior keeps the equations of (8) solvable.
     pub fn new(config: &Config) -> Self {
         // A weight that counts for nothing beside one turn.
-        let weak = Vector2::repeat(1e3 * config.sensors.accel_bias_mps2 as f32);
+        let weak = Vector2::repeat(1e3 * math::single(config.sensors.accel_bias_mps2));
         let innovations = Innovations::new(config.gnss.velocity_sigma_mps);
         Self {
             last: None,
@@ -213,7 +214,11 @@ impl Literal {
     /// Takes one comparison.
     pub fn take(&mut self, now: &Comparison) -> Verdict {
         let (level, up) = (now.difference_mps.xy(), now.difference_mps.z);
-        if self.level_innovations.noise(level.norm_squared(), 0.0).is_none() {
+        if self
+            .level_innovations
+            .noise(level.norm_squared(), 0.0)
+            .is_none()
+        {
             return Verdict::Outlier;
         }
         let _ = self.level_innovations.measure(&level, 2.0);

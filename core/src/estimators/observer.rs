@@ -12,11 +12,11 @@
 
 use nalgebra::{SVector, Vector2, Vector3};
 
+use super::Verdict;
 use super::gains::Channel;
 use super::innovations::{Innovations, Roughness};
 use super::ins_error::{InsError, Passage, for_each_input, single};
 use super::least_squares::LeastSquares;
-use super::Verdict;
 use super::parameters::{COUNT, PAIRS, Parameters, index};
 use crate::config::{Config, Feedback};
 use crate::history::{Moment, Past, Span};
@@ -84,10 +84,12 @@ impl Observer {
     /// Starts at a moment with what is believed of the parameters.
     pub fn new(start: Moment, config: &Config, prior: &Parameters) -> Self {
         let sigma = config.gnss.velocity_sigma_mps;
-        let mut observer = Self {
-            error: InsError::zero(),
-            responses: [InsError::zero(); COUNT],
-            level: Channel::new(0.0),
+        let mut error = InsError::zero();
+        error.tilt_rad.z = prior.value(index::AZIMUTH);
+        Self {
+            error,
+            responses: unit_azimuth(),
+            level: start_of_level(config),
             vertical: Channel::new(0.0),
             level_innovations: Innovations::new(sigma),
             vertical_innovations: Innovations::new(sigma),
@@ -100,31 +102,17 @@ impl Observer {
             latency_moved_s: 0.0,
             azimuth_settled: false,
             last: start,
-        };
-        observer.restart(start, config);
-        observer
+        }
     }
 
     /// Forgets the state of the INS error, not the parameters: after its velocity was set anew.
     pub fn restart(&mut self, start: Moment, config: &Config) {
-        let tilt_sigma_rad = config.start_tilt_sigma();
         self.error = InsError::zero();
         self.error.tilt_rad.z = self.parameters.value(index::AZIMUTH);
-        self.responses = [InsError::zero(); COUNT];
-        self.azimuth_is_now();
-        self.level = Channel::new(tilt_sigma_rad * tilt_sigma_rad);
+        self.responses = unit_azimuth();
+        self.level = start_of_level(config);
         self.vertical = Channel::new(0.0);
         self.last = start;
-    }
-
-    /// Makes the azimuth parameter the azimuth error of the horizon.
-    fn azimuth_is_now(&mut self) {
-        for response in &mut self.responses {
-            response.tilt_rad.z = 0.0;
-        }
-        if let Some(azimuth) = self.responses.get_mut(index::AZIMUTH) {
-            azimuth.tilt_rad.z = 1.0;
-        }
     }
 
     /// What is known of the parameters.
@@ -139,7 +127,7 @@ impl Observer {
         self.level.doubt(accel * accel, 0.01 * rate * rate);
         self.vertical.doubt(accel * accel, 0.0);
         self.corrections
-            .diffuse(index::AZIMUTH, (rate * rate) as f32);
+            .diffuse(index::AZIMUTH, math::single(rate * rate));
     }
 
     /// The error of the INS at a moment after the horizon, as estimated.
@@ -170,28 +158,29 @@ impl Observer {
             .has_up
             .then(|| self.credible_up(residual.z))
             .flatten();
-        let weight = |predicted: f64, noise: f64| (1.0 / (predicted + noise)) as f32;
+        let weight = |predicted: f64, noise: f64| math::single(1.0 / (predicted + noise));
         let level_weight = weight(self.level.velocity, level_noise);
         let up_weight = up_noise.map_or(0.0, |noise| weight(self.vertical.velocity, noise));
-        let by = self.velocity_by(past);
-        self.corrections.add(
-            by,
-            single(&residual).into(),
-            [level_weight, level_weight, up_weight],
-        );
+        let mut by = self.velocity_by(past);
         self.correct_level(&by, &residual.xy(), level_noise);
         if let Some(noise) = up_noise {
             self.correct_vertical(&by, residual.z, noise);
-            Verdict::Used
-        } else {
-            Verdict::LevelUsed
+        }
+        let weights = [level_weight, level_weight, up_weight];
+        self.corrections
+            .add(&mut by, single(&residual).into(), weights);
+        match up_noise {
+            Some(_) => Verdict::Used,
+            None => Verdict::LevelUsed,
         }
     }
 
     /// Noise of a vertical velocity that is credible.
     fn credible_up(&mut self, residual_mps: f64) -> Option<f64> {
         let predicted = self.vertical.velocity;
-        let noise = self.vertical_innovations.noise(residual_mps * residual_mps, predicted);
+        let noise = self
+            .vertical_innovations
+            .noise(residual_mps * residual_mps, predicted);
         if noise.is_none() {
             // Refused again and again, it is the INS that errs: the gate opens.
             self.vertical.doubt(predicted, 0.0);
@@ -236,20 +225,23 @@ impl Observer {
 
     /// What a unit of each parameter more would add to that.
     fn velocity_by(&self, past: &Past) -> VelocityBy {
-        let mut by = self.responses.map(|response| response.velocity_mps);
+        let mut by = [[0.0; 3]; COUNT];
+        for (by, response) in by.iter_mut().zip(&self.responses) {
+            *by = response.velocity_mps.into();
+        }
         let mut add = |which: usize, velocity: Vector3<f32>| {
-            if let Some(by) = by.get_mut(which) {
-                *by += velocity;
+            for (by, component) in by.get_mut(which).into_iter().flatten().zip(&velocity) {
+                *by += component;
             }
         };
         let accel = single(&past.accel_mps2);
         add(index::LATENCY, accel);
-        add(index::CLOCK_DRIFT, accel * self.unsolved_s as f32);
+        add(index::CLOCK_DRIFT, accel * math::single(self.unsolved_s));
         for axis in 0..2 {
             let moved = past.attitude_rate.column(axis).into_owned();
             add(index::LEVER_ARM + axis, -single(&moved));
         }
-        by.map(Into::into)
+        by
     }
 
     fn correct_level(&mut self, by: &VelocityBy, residual: &Vector2<f64>, noise: f64) {
@@ -257,7 +249,7 @@ impl Observer {
         // dV_N' = g Phi_E and dV_E' = -g Phi_N.
         self.error.velocity_mps += gain * residual.push(0.0);
         self.error.tilt_rad += tilt_gain * Vector3::new(residual.y, -residual.x, 0.0);
-        let (gain, tilt_gain) = (gain as f32, tilt_gain as f32);
+        let (gain, tilt_gain) = (math::single(gain), math::single(tilt_gain));
         for (response, [east, north, _]) in self.responses.iter_mut().zip(by) {
             response.velocity_mps.x -= gain * east;
             response.velocity_mps.y -= gain * north;
@@ -272,7 +264,7 @@ impl Observer {
         let (gain, _) = self.vertical.update(noise);
         self.error.velocity_mps.z += gain * residual;
         for (response, [_, _, up]) in self.responses.iter_mut().zip(by) {
-            response.velocity_mps.z -= gain as f32 * up;
+            response.velocity_mps.z -= math::single(gain) * up;
         }
         let innovation = Vector2::new(residual, 0.0);
         let _ = self.vertical_innovations.measure(&innovation, 1.0);
@@ -305,7 +297,11 @@ impl Observer {
     /// Brings the spread of one parameter up to date, each in its turn.
     pub fn spread_next(&mut self) {
         let which = usize::from(self.next_spread);
-        self.next_spread = (self.next_spread + 1) % COUNT as u8;
+        self.next_spread = if which + 1 < COUNT {
+            self.next_spread + 1
+        } else {
+            0
+        };
         let variance = f64::from(self.corrections.variance(which));
         let sigma = math::sqrt(variance * self.level_innovations.inflation());
         let value = self.parameters.value(which);
@@ -319,10 +315,12 @@ impl Observer {
             _ => 0.0,
         });
         self.carry_forward(index::AZIMUTH, &azimuth);
-        self.azimuth_is_now();
+        for (response, start) in self.responses.iter_mut().zip(&unit_azimuth()) {
+            response.tilt_rad.z = start.tilt_rad.z;
+        }
         let mut latency = Row::zeros();
         if let Some(drift) = latency.get_mut(index::CLOCK_DRIFT) {
-            *drift = self.unsolved_s as f32;
+            *drift = math::single(self.unsolved_s);
         }
         self.carry_forward(index::LATENCY, &latency);
         let p = &mut self.parameters;
@@ -353,7 +351,7 @@ impl Observer {
         ];
         for (first, count, rate) in walks {
             for which in first..first + count {
-                self.corrections.diffuse(which, (rate * dt) as f32);
+                self.corrections.diffuse(which, math::single(rate * dt));
             }
         }
     }
@@ -365,7 +363,7 @@ impl Observer {
             *now = 1.0;
         }
         if let Some(drift) = coefficients.get_mut(index::CLOCK_DRIFT) {
-            *drift = -seconds as f32;
+            *drift = -math::single(seconds);
         }
         let p = &self.parameters;
         let value = p.value(index::LATENCY) - seconds * p.value(index::CLOCK_DRIFT);
@@ -380,7 +378,7 @@ impl Observer {
     pub fn measure(&mut self, parameter: usize, value: f64, variance: f64) {
         let correction = value - self.parameters.value(parameter);
         self.corrections
-            .add_direct(parameter, correction as f32, variance as f32);
+            .add_direct(parameter, math::single(correction), math::single(variance));
     }
 
     /// Equations gathered about values that turned out far off are replaced by their solution:
@@ -402,4 +400,19 @@ impl Observer {
             self.latency_moved_s = 0.0;
         }
     }
+}
+
+/// Responses before anything has happened: the azimuth parameter is the azimuth error.
+fn unit_azimuth() -> [InsError<f32>; COUNT] {
+    core::array::from_fn(|which| {
+        let mut response = InsError::zero();
+        response.tilt_rad.z = if which == index::AZIMUTH { 1.0 } else { 0.0 };
+        response
+    })
+}
+
+/// The level channel before a first fix.
+fn start_of_level(config: &Config) -> Channel {
+    let tilt_rad = config.start_tilt_sigma();
+    Channel::new(tilt_rad * tilt_rad)
 }

@@ -90,7 +90,7 @@ impl Parameters {
     /// Sets value and spread of one parameter.
     pub fn set(&mut self, parameter: usize, value: f64, sigma: f64) {
         if let (Some(v), Some(s)) = (self.value.get_mut(parameter), self.sigma.get_mut(parameter)) {
-            (*v, *s) = (value, sigma as f32);
+            (*v, *s) = (value, math::single(sigma));
         }
     }
 }
