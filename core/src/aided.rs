@@ -234,29 +234,31 @@ impl AidedIns {
         }
     }
 
-    /// Without GNSS the loops are open: what the observer still sees in the INS is taken out at
-    /// once, again and again, for the position to follow it. Over longer steps than this the
-    /// observer would not be exact.
+    /// Without GNSS the loops are open: what the observer sees in the INS is taken out at once,
+    /// again and again, for the position to follow it. The observer stays where a late fix still
+    /// finds it, and takes short steps: over long ones it is not exact.
     #[inline(never)]
     fn coast(&mut self, config: &Config) {
         self.controls = Controls::default();
-        let since_s = self.now.time.seconds_since(self.last_compared);
+        let Some((horizon, velocity_mps)) = self.history.oldest() else {
+            return;
+        };
+        let since_s = horizon.time.seconds_since(self.last_compared);
         if config.feedback == Feedback::Open || since_s < COAST_S {
             return;
         }
-        let frame_rate = self.frame_rate(&self.mechanization.velocity_enu_mps);
+        let frame_rate = self.frame_rate(&velocity_mps);
         let Estimator::Exact(observer) = &mut self.estimator else {
             return;
         };
-        observer.propagate(&self.now, &frame_rate, config);
+        observer.propagate(&horizon, &frame_rate, config);
+        self.last_compared = horizon.time;
         let error = observer.error_at(&self.now);
         self.mechanization.velocity_enu_mps -= error.velocity_mps;
         self.mechanization.turn_platform(&-error.tilt_rad);
         self.now.control_velocity_mps -= error.velocity_mps;
         self.now.control_tilt_rad -= error.tilt_rad;
         self.azimuth_removed_rad += error.tilt_rad.z;
-        // The observer does not go back.
-        self.last_compared = self.now.time;
     }
 
     /// Rate at which the navigation frame turns, rad/s.

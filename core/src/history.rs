@@ -144,6 +144,12 @@ impl History {
             .is_none_or(|newest| time.seconds_since(newest.moment.time) >= SPACING_S)
     }
 
+    /// The oldest moment and the velocity then, ENU, m/s.
+    pub fn oldest(&self) -> Option<(Moment, Vector3<f64>)> {
+        let oldest = self.moments.oldest()?;
+        Some((oldest.moment, oldest.velocity_mps))
+    }
+
     /// Adds the newest moment, dropping the oldest if full.
     pub fn push(&mut self, moment: Moment, velocity_mps: Vector3<f64>) {
         self.moments.push_over(Recorded {
