@@ -241,7 +241,7 @@ pub fn table(options: &Table, json: bool, force: bool) -> Result<()> {
 }
 
 fn readable(dynamics: &Dynamics, table: &Performance) -> String {
-    let specification = &dynamics.parameters.specification;
+    let published = dynamics.parameters.specification.as_ref();
     let mut text = format!(
         "{}\n\n{:<34}{:>10}{:>15}\n",
         table.name, "", "model", "specification"
@@ -250,17 +250,17 @@ fn readable(dynamics: &Dynamics, table: &Performance) -> String {
         (
             "maximum level speed, km/h",
             table.max_speed_kmh,
-            Some(specification.max_speed_kmh),
+            published.map(|p| p.max_speed_kmh),
         ),
         (
             "stall speed, flaps down, km/h",
             table.stall_speed_kmh,
-            Some(specification.stall_speed_kmh),
+            published.map(|p| p.stall_speed_kmh),
         ),
         (
             "rate of climb, m/s",
             table.climb_rate_mps,
-            Some(specification.climb_rate_mps),
+            published.map(|p| p.climb_rate_mps),
         ),
         (
             "stall speed, flaps up, km/h",
