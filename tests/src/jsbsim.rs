@@ -11,27 +11,13 @@ use host_sim::aircraft::performance::{TrimRow, trim_row};
 use serde::Deserialize;
 
 use crate::cargo::{build_folder, repository, succeed};
-use crate::published::MODE_ROWS;
+use crate::published::{CESSNA_172, MODE_ROWS};
 
-/// Slow, cruise, fast; true airspeed. The latter two are those of [`PUBLISHED`] values. At 40 m/s a
-/// kink of `JSBSim`'s lift table would lie at the trim.
+/// Slow, cruise, fast; true airspeed. The latter two are those of what is published
+/// ([`CESSNA_172`]). At 40 m/s a kink of `JSBSim`'s lift table would lie at the trim.
 pub const SPEEDS_MPS: [f64; 3] = [42.0, 50.9, 58.0];
 /// Where they are compared: 4000 ft.
 pub const HEIGHT_M: f64 = 1219.2;
-
-/// Row, which of the speeds, and what is published.
-///
-/// At 99 kt the cruise table of the 172N's handbook has 51 % of 160 hp and 2200 rpm (as
-/// github.com/abu-infidel/Python-based-BEMT-visualizer-calculator quotes it). At 110 kt
-/// indicated, 58 m/s, a flight trial on a 172S saw a phugoid of 35 to 40 s, controls free; the
-/// decay of its plotted airspeed gives the damping (AAIB Bulletin 12/2020, G-CBXJ, as quoted in
-/// the reference data of a public flight simulator).
-const PUBLISHED: [(&str, usize, &str); 4] = [
-    ("shaft power, kW", 1, "60.8"),
-    ("engine, rpm", 1, "2200"),
-    ("phugoid period, s", 2, "35 to 40"),
-    ("phugoid damping ratio", 2, "0.13"),
-];
 
 /// What `tests/jsbsim/reference.py` prints.
 #[derive(Debug, Deserialize)]
@@ -159,7 +145,7 @@ pub fn table(
     reference: &Reference,
     published: bool,
 ) -> (Vec<String>, Vec<Vec<String>>) {
-    let published = |speed: usize| published && PUBLISHED.iter().any(|known| known.1 == speed);
+    let published = |speed: usize| published && CESSNA_172.iter().any(|known| known.1 == speed);
     let mut header = vec![format!("at {HEIGHT_M:.0} m")];
     for (speed, airspeed) in SPEEDS_MPS.iter().enumerate() {
         header.push(format!("{airspeed:.0} m/s, this model"));
@@ -173,7 +159,7 @@ pub fn table(
         for speed in 0..SPEEDS_MPS.len() {
             cells.extend(values(speed).map(|value| format!("{value:.digits$}")));
             if published(speed) {
-                let known = PUBLISHED
+                let known = CESSNA_172
                     .iter()
                     .find(|known| (known.0, known.1) == (name, speed));
                 cells.push(known.map_or(String::new(), |known| known.2.to_owned()));

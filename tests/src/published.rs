@@ -7,14 +7,28 @@ use host_sim::aircraft::performance::{TrimRow, trim_row};
 
 use crate::cargo::repository;
 
+/// What is published of the Cessna 172: row of the table, which of its speeds, value.
+///
+/// At 99 kt the cruise table of the 172N's handbook has 51 % of 160 hp and 2200 rpm (as
+/// github.com/abu-infidel/Python-based-BEMT-visualizer-calculator quotes it). At 110 kt
+/// indicated, 58 m/s, a flight trial on a 172S saw a phugoid of 35 to 40 s, controls free; the
+/// decay of its plotted airspeed gives the damping (AAIB Bulletin 12/2020, G-CBXJ, as quoted in
+/// the reference data of a public flight simulator).
+pub const CESSNA_172: [(&str, usize, &str); 4] = [
+    ("shaft power, kW", 1, "60.8"),
+    ("engine, rpm", 1, "2200"),
+    ("phugoid period, s", 2, "35 to 40"),
+    ("phugoid damping ratio", 2, "0.13"),
+];
+
 /// Cruise of Roskam's Cessna 182: 220.1 ft/s at 5000 ft.
 const CESSNA_182_MPS: f64 = 67.09;
 const CESSNA_182_M: f64 = 1524.0;
 
 /// Modes of the Cessna 182 by Roskam's coefficients (`host-sim/aircraft/cessna182.toml`).
 ///
-/// Longitudinal ones as programs built on the book state them. Lateral ones are the eigenvalues
-/// of its four lateral equations.
+/// Longitudinal ones as public programs built on the book state them; lateral ones are the
+/// eigenvalues of the textbook's four lateral equations with these coefficients.
 pub const CESSNA_182_MODES: Modes = Modes {
     phugoid: oscillation(0.1712, 0.129, 37.0),
     short_period: oscillation(5.271, 0.844, 2.224),

@@ -25,6 +25,11 @@ fn cessna_182_table() -> Result<String, String> {
         cells.extend([&modes, &CESSNA_182_MODES].map(|m| format!("{:.digits$}", value(m))));
         cells
     };
-    let header = ["Cessna 182, cruise", "this model", "published"].map(str::to_owned);
+    let header = [
+        "Cessna 182, 67 m/s at 1524 m",
+        "this model",
+        "textbook equations",
+    ]
+    .map(str::to_owned);
     Ok(markdown(&header, &MODE_ROWS.map(row)))
 }
