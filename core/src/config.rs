@@ -87,7 +87,7 @@ pub enum HeadingSource {
     /// Gyrocompassing at rest if the gyros resolve Earth rate, else from motion.
     #[default]
     Auto,
-    /// Known heading, rad, true to some degrees.
+    /// Known heading at the first sample, rad, true to some degrees.
     Given(f64),
     /// From GNSS velocity in motion, whatever the gyros can do.
     Motion,

@@ -8,6 +8,7 @@ use ins_core::{
     Solution, Time,
 };
 
+use crate::against_truth::{self, AgainstTruth};
 use crate::free_inertial::{self, VelocityError};
 use crate::log::Log;
 
@@ -63,6 +64,8 @@ pub struct Identification {
     pub gnss_outcomes: Counts<GnssOutcome>,
     /// Free-inertial velocity error without and with the estimates; none where no window fits.
     pub velocity_error: Option<VelocityError>,
+    /// Errors of the solution, damped and free; none without a reference motion.
+    pub against_truth: Option<AgainstTruth>,
 }
 
 /// Runs the navigator over a log, then checks its estimates on free-inertial windows.
@@ -74,6 +77,7 @@ pub fn identify(
     progress.set_length(log.imu.len() as u64);
     let (run, end) = navigate(log, config, progress)?;
     let velocity_error = free_inertial::check(log, &run.solutions, &run.history, &end.estimates);
+    let against_truth = against_truth::check(log, &run.solutions, &run.history, &config.damping);
     progress.finish_and_clear();
     Ok(Identification {
         config,
@@ -83,6 +87,7 @@ pub fn identify(
         imu_outcomes: run.imu_outcomes,
         gnss_outcomes: run.gnss_outcomes,
         velocity_error,
+        against_truth,
     })
 }
 

@@ -1,6 +1,7 @@
 //! Host side of the inertial-navigation core: simulation, logs, identification, reports.
 
 pub mod accuracy;
+pub mod against_truth;
 pub mod aircraft;
 pub mod analysis;
 pub mod cli;
@@ -9,6 +10,7 @@ pub mod error_free;
 pub mod figures;
 pub mod flights;
 pub mod free_inertial;
+pub mod held_ins;
 pub mod hil;
 pub mod identify;
 pub mod log;

@@ -3,4 +3,5 @@
 pub mod cargo;
 pub mod firmware;
 pub mod jsbsim;
+pub mod published;
 pub mod requests;

@@ -12,7 +12,9 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use miette::{Result, miette};
 
+use crate::flights;
 use crate::output::{self, OutputError};
+use crate::table::cells;
 use readme::Readme;
 
 /// Options of `figures`.
@@ -24,7 +26,8 @@ pub struct Figures {
     /// Only these parts.
     #[arg(long, value_enum, value_delimiter = ',')]
     only: Vec<Part>,
-    /// Drives behind the accuracy tables; the comparison of forms takes 100 at most.
+    /// Drives behind the accuracy tables; the comparison of forms takes 100 at most, the flights
+    /// are 200 at most.
     #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     runs: u64,
     /// Folder of recorded logs; `INS_LOGS` or ../shared/data beside the repository unless given.
@@ -50,6 +53,8 @@ enum Part {
     Logs,
     /// Performance of the aircraft.
     Aircraft,
+    /// Flights without GNSS; some minutes.
+    Flights,
     /// Mechanization on ideal sensors.
     ErrorFree,
     /// The example of the core's documentation.
@@ -103,6 +108,7 @@ impl Part {
             Self::Forms => accuracy::forms(options.runs.min(100)),
             Self::Logs => return logs::part(root, options.logs.as_deref()),
             Self::Aircraft => aircraft::performance_table(),
+            Self::Flights => flights::cli::page(options.runs.min(200)),
             Self::ErrorFree => aircraft::error_free(root),
             Self::Example => readme::example(&root.join("core/src/lib.rs")),
         }
@@ -115,8 +121,4 @@ fn picture(root: &Path, name: &str, svg: &str) -> Result<(), OutputError> {
     let folder = root.join("docs");
     fs::create_dir_all(&folder).map_err(|e| OutputError::io(&folder, e))?;
     output::replace(&folder.join(name), svg)
-}
-
-fn cells<const N: usize>(texts: [&str; N]) -> Vec<String> {
-    texts.map(str::to_owned).to_vec()
 }

@@ -31,6 +31,8 @@ struct Page<'a> {
     verdict: String,
     estimates: Vec<Panel>,
     velocity: Option<Panel>,
+    against_truth: Vec<Panel>,
+    truth_verdict: Option<String>,
     track: Option<Panel>,
     damping: Vec<Panel>,
 }
@@ -52,6 +54,8 @@ pub fn html(
         verdict: sentences::verdict(summary),
         estimates: panels::estimates(log, found, truth, panels::SMALL),
         velocity: panels::velocity_error(found),
+        against_truth: panels::against_truth(found),
+        truth_verdict: summary.against_truth.as_ref().map(sentences::against_truth),
         track: panels::track(log, found),
         damping: panels::damping(found),
     };
