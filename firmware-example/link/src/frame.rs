@@ -5,9 +5,9 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 /// Version of messages and framing; frames of another are counted and dropped.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 /// Longest frame on the wire, with its closing zero, bytes.
-pub const MAX_FRAME: usize = 512;
+pub const MAX_FRAME: usize = 640;
 
 /// Bit by bit: slower than by table, and without the table's flash.
 const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISCSI);
