@@ -73,7 +73,7 @@ impl Navigation {
         set_now(sample.time);
         let (outcome, ticks) = timer.time(|| navigator.on_imu(sample));
         let report = running.reporter.after_sample(navigator);
-        running.log.on_sample(outcome);
+        running.log.on_sample(sample.time, outcome);
         running.log.on_report(&report);
         Ok(SampleReply {
             outcome,
@@ -103,8 +103,12 @@ impl Navigation {
 }
 
 fn set_now(time: Time) {
-    let micros = time.as_micros().max(0).cast_unsigned();
-    critical_section::with(|cs| NOW.borrow(cs).set(micros));
+    critical_section::with(|cs| NOW.borrow(cs).set(micros(time)));
+}
+
+/// For the log, which knows no time before the origin of the scale.
+fn micros(time: Time) -> u64 {
+    time.as_micros().max(0).cast_unsigned()
 }
 
 /// Says what changed.
@@ -113,31 +117,32 @@ struct Log {
     phase: Phase,
     manoeuvre: Manoeuvre,
     refused_sample: Option<ImuOutcome>,
+    refused_fix: Option<GnssOutcome>,
     /// One bit for each estimate that is observable.
     observable: u16,
 }
 
 impl Log {
-    /// One line for samples that are refused in a row for the same reason.
-    fn on_sample(&mut self, outcome: ImuOutcome) {
-        match outcome {
-            ImuOutcome::Accepted => self.refused_sample = None,
-            ImuOutcome::Bridged => {
-                defmt::debug!("missing samples bridged");
-                self.refused_sample = None;
-            }
-            refused if self.refused_sample == Some(refused) => {}
-            refused => {
-                defmt::warn!("sample refused: {}", refused);
-                self.refused_sample = Some(refused);
-            }
+    /// Those that are refused in a row for one reason get one line.
+    fn on_sample(&mut self, time: Time, outcome: ImuOutcome) {
+        if outcome == ImuOutcome::Bridged {
+            defmt::debug!("missing samples bridged");
         }
+        let taken = matches!(outcome, ImuOutcome::Accepted | ImuOutcome::Bridged);
+        let refused = (!taken).then_some(outcome);
+        if refused != self.refused_sample && !taken {
+            defmt::warn!("sample of {=u64:us} s refused: {}", micros(time), outcome);
+        }
+        self.refused_sample = refused;
     }
 
     fn on_fix(&mut self, time: Time, outcome: GnssOutcome) {
-        if !matches!(outcome, GnssOutcome::Accepted | GnssOutcome::Queued) {
-            defmt::warn!("fix of {} us refused: {}", time.as_micros(), outcome);
+        let taken = matches!(outcome, GnssOutcome::Accepted | GnssOutcome::Queued);
+        let refused = (!taken).then_some(outcome);
+        if refused != self.refused_fix && !taken {
+            defmt::warn!("fix of {=u64:us} s refused: {}", micros(time), outcome);
         }
+        self.refused_fix = refused;
     }
 
     fn on_report(&mut self, report: &Report) {

@@ -3,4 +3,4 @@
 pub mod cargo;
 pub mod firmware;
 pub mod jsbsim;
-pub mod requests;
+pub mod recorded;

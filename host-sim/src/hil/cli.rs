@@ -8,6 +8,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use clap::{Args, ValueEnum};
 use ins_core::Time;
 use miette::{IntoDiagnostic, Result, bail, miette};
+use serde::Serialize;
 
 use super::bench::{Bench, ESTIMATES_EVERY, requests};
 use super::board_log::{self, BoardLog};
@@ -19,6 +20,7 @@ use super::view::View;
 use crate::analysis::{Analysis, Input, SUMMARY};
 use crate::cli::{GradeChoice, bar, print_analysis, refuse_same};
 use crate::output::{self, OutputError};
+use crate::summary::Summary;
 
 /// Options of `hil`.
 #[derive(Debug, Args)]
@@ -115,6 +117,13 @@ impl Hil {
     }
 }
 
+/// What `hil --json` prints.
+#[derive(Serialize)]
+struct Printed<'a> {
+    summary: &'a Summary,
+    hardware: &'a Hardware,
+}
+
 /// Runs a log through a board, writes what the board has found, and fails unless every answer is
 /// the host's.
 pub fn hil(options: &Hil, json: bool, force: bool) -> Result<()> {
@@ -145,8 +154,14 @@ pub fn hil(options: &Hil, json: bool, force: bool) -> Result<()> {
         log.map_or(Ok(()), |log| write(&folder.join("log.txt"), &log.text))
     })?;
     if json {
-        let both = serde_json::json!({ "summary": analysis.summary, "hardware": hardware });
-        println!("{}", serde_json::to_string_pretty(&both).into_diagnostic()?);
+        let printed = Printed {
+            summary: &analysis.summary,
+            hardware: &hardware,
+        };
+        println!(
+            "{}",
+            serde_json::to_string_pretty(&printed).into_diagnostic()?
+        );
     } else {
         print_analysis(&analysis, &options.out, false)?;
         print!("\n{hardware}");
@@ -220,5 +235,5 @@ fn run(
 /// Any number that the last session did not have.
 fn session_number() -> u32 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH);
-    since.map_or(0, |since| since.subsec_nanos() ^ since.as_secs() as u32)
+    since.map_or(0, |since| since.subsec_nanos())
 }

@@ -53,6 +53,10 @@ pub enum Rate {
 
 /// What comes from the board.
 #[derive(Clone, Debug)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "few at a time, and nearly all of them answers"
+)]
 pub enum Event {
     /// What became of a request.
     Answer {
