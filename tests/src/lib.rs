@@ -4,3 +4,4 @@ pub mod cargo;
 pub mod firmware;
 pub mod jsbsim;
 pub mod recorded;
+pub mod simulated;
