@@ -21,8 +21,6 @@ fn main() -> ! {
     loop {
         let Some(byte) = uart.receive() else { continue };
         service.on_lost(uart.take_lost());
-        if let Some(frame) = service.on_byte(byte) {
-            uart.send(&frame);
-        }
+        service.on_byte(byte, |frame| uart.send(frame));
     }
 }

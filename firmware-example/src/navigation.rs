@@ -1,10 +1,22 @@
 //! The navigator behind the link. Nothing here knows the board.
 
+use core::cell::Cell;
 use core::fmt::Write as _;
 
+use critical_section::Mutex;
 use ins_core::manoeuvre::Manoeuvre;
-use ins_core::{Estimates, GnssOutcome, Navigator, Observability, Phase};
-use ins_link::{Changes, FixReply, NotStarted, SampleReply, StartError, Started};
+use ins_core::{
+    Estimate, Estimates, GnssOutcome, ImuOutcome, Navigator, Observability, Phase, Solution, Time,
+};
+use ins_link::{FixReply, NotStarted, Report, Reporter, SampleReply, StartError, Started};
+
+/// Stamp of the last inertial sample, us: the time in the log is the time in the data.
+static NOW: Mutex<Cell<u64>> = Mutex::new(Cell::new(0));
+
+defmt::timestamp!(
+    "{=u64:us}",
+    critical_section::with(|cs| NOW.borrow(cs).get())
+);
 
 /// Measures how long its argument takes.
 pub trait Timer {
@@ -18,7 +30,7 @@ pub struct Navigation {
 
 struct Running {
     navigator: Navigator,
-    changes: Changes,
+    reporter: Reporter,
     log: Log,
 }
 
@@ -41,9 +53,10 @@ impl Navigation {
         })?;
         self.running = Some(Running {
             navigator,
-            changes: Changes::new(estimates_every),
+            reporter: Reporter::new(estimates_every),
             log: Log::default(),
         });
+        defmt::info!("navigator of {} bytes started", size_of::<Navigator>());
         Ok(Started {
             state_bytes: size_of::<Navigator>() as u32,
         })
@@ -57,10 +70,16 @@ impl Navigation {
     ) -> Result<SampleReply, NotStarted> {
         let running = self.running.as_mut().ok_or(NotStarted)?;
         let navigator = &mut running.navigator;
+        set_now(sample.time);
         let (outcome, ticks) = timer.time(|| navigator.on_imu(sample));
-        let reply = SampleReply::of(navigator, outcome, &mut running.changes, ticks);
-        running.log.on_sample(&reply);
-        Ok(reply)
+        let report = running.reporter.after_sample(navigator);
+        running.log.on_sample(sample.time, outcome);
+        running.log.on_report(&report);
+        Ok(SampleReply {
+            outcome,
+            report,
+            ticks,
+        })
     }
 
     /// A GNSS fix.
@@ -72,11 +91,24 @@ impl Navigation {
         let running = self.running.as_mut().ok_or(NotStarted)?;
         let navigator = &mut running.navigator;
         let (outcome, ticks) = timer.time(|| navigator.on_gnss(fix));
-        if !matches!(outcome, GnssOutcome::Accepted | GnssOutcome::Queued) {
-            defmt::warn!("fix at {} us: {}", fix.time.as_micros(), outcome);
-        }
-        Ok(FixReply::of(navigator, outcome, ticks))
+        let report = running.reporter.after_fix(navigator);
+        running.log.on_fix(fix.time, outcome);
+        running.log.on_report(&report);
+        Ok(FixReply {
+            outcome,
+            report,
+            ticks,
+        })
     }
+}
+
+fn set_now(time: Time) {
+    critical_section::with(|cs| NOW.borrow(cs).set(micros(time)));
+}
+
+/// For the log, which knows no time before the origin of the scale.
+fn micros(time: Time) -> u64 {
+    time.as_micros().max(0).cast_unsigned()
 }
 
 /// Says what changed.
@@ -84,54 +116,102 @@ impl Navigation {
 struct Log {
     phase: Phase,
     manoeuvre: Manoeuvre,
+    refused_sample: Option<ImuOutcome>,
+    refused_fix: Option<GnssOutcome>,
     /// One bit for each estimate that is observable.
     observable: u16,
 }
 
 impl Log {
-    fn on_sample(&mut self, reply: &SampleReply) {
-        if reply.phase != self.phase {
-            defmt::info!("alignment: {}", reply.phase);
-            self.phase = reply.phase;
+    /// Those that are refused in a row for one reason get one line.
+    fn on_sample(&mut self, time: Time, outcome: ImuOutcome) {
+        if outcome == ImuOutcome::Bridged {
+            defmt::debug!("missing samples bridged");
         }
-        if reply.manoeuvre != self.manoeuvre {
-            defmt::debug!("manoeuvre: {}", reply.manoeuvre);
-            self.manoeuvre = reply.manoeuvre;
+        let taken = matches!(outcome, ImuOutcome::Accepted | ImuOutcome::Bridged);
+        let refused = (!taken).then_some(outcome);
+        if refused != self.refused_sample && !taken {
+            defmt::warn!("sample of {=u64:us} s refused: {}", micros(time), outcome);
         }
-        if let Some(estimates) = &reply.estimates {
+        self.refused_sample = refused;
+    }
+
+    fn on_fix(&mut self, time: Time, outcome: GnssOutcome) {
+        let taken = matches!(outcome, GnssOutcome::Accepted | GnssOutcome::Queued);
+        let refused = (!taken).then_some(outcome);
+        if refused != self.refused_fix && !taken {
+            defmt::warn!("fix of {=u64:us} s refused: {}", micros(time), outcome);
+        }
+        self.refused_fix = refused;
+    }
+
+    fn on_report(&mut self, report: &Report) {
+        if report.phase != self.phase {
+            on_phase(report.phase, report.solution.as_ref());
+            self.phase = report.phase;
+        }
+        if report.manoeuvre != self.manoeuvre {
+            defmt::debug!("manoeuvre: {}", report.manoeuvre);
+            self.manoeuvre = report.manoeuvre;
+        }
+        if let Some(estimates) = &report.estimates {
             self.on_estimates(estimates);
         }
     }
 
-    fn on_estimates(&mut self, e: &Estimates) {
-        let [ax, ay, az] = e.accel_bias_mps2;
-        let [gx, gy, gz] = e.gyro_bias_radps;
-        let [right, forward] = e.lever_arm_m;
-        let named = [
-            ("azimuth error", e.azimuth_error_rad),
-            ("accelerometer bias x", ax),
-            ("accelerometer bias y", ay),
-            ("accelerometer bias z", az),
-            ("gyro bias x", gx),
-            ("gyro bias y", gy),
-            ("gyro bias z", gz),
-            ("GNSS latency", e.gnss_latency_s),
-            ("antenna right", right),
-            ("antenna forward", forward),
-        ];
+    fn on_estimates(&mut self, estimates: &Estimates) {
         let mut observable = 0;
-        for (bit, (name, estimate)) in named.iter().enumerate() {
+        for (bit, (name, unit, estimate)) in named(estimates).iter().enumerate() {
             let now = u16::from(estimate.observability == Observability::Observable) << bit;
             observable |= now;
-            if now & !self.observable != 0 {
-                defmt::info!(
-                    "observable: {=str} {} +- {}",
+            match (now, self.observable & 1 << bit) {
+                (1.., 0) => defmt::info!(
+                    "observable: {=str} {} +- {} {=str}",
                     name,
-                    estimate.value,
-                    estimate.sigma
-                );
+                    estimate.value as f32,
+                    estimate.sigma as f32,
+                    unit
+                ),
+                (0, 1..) => defmt::info!("no longer observable: {=str}", name),
+                _ => {}
             }
         }
         self.observable = observable;
     }
+}
+
+fn on_phase(phase: Phase, solution: Option<&Solution>) {
+    match (phase, solution) {
+        (Phase::Levelling, _) => defmt::warn!("aligning again"),
+        (Phase::FindingHeading, _) => defmt::info!("levelled, heading to be found from motion"),
+        (Phase::Navigating, None) => defmt::info!("aligned"),
+        (Phase::Navigating, Some(solution)) => {
+            let angles = solution.euler();
+            defmt::info!(
+                "aligned: roll {}, pitch {}, heading {} deg",
+                angles.roll_rad.to_degrees() as f32,
+                angles.pitch_rad.to_degrees() as f32,
+                angles.heading_rad.to_degrees() as f32
+            );
+        }
+    }
+}
+
+/// Names, units, estimates.
+fn named(e: &Estimates) -> [(&'static str, &'static str, Estimate); 10] {
+    let [ax, ay, az] = e.accel_bias_mps2;
+    let [gx, gy, gz] = e.gyro_bias_radps;
+    let [right, forward] = e.lever_arm_m;
+    [
+        ("azimuth error", "rad", e.azimuth_error_rad),
+        ("accelerometer bias x", "m/s^2", ax),
+        ("accelerometer bias y", "m/s^2", ay),
+        ("accelerometer bias z", "m/s^2", az),
+        ("gyro bias x", "rad/s", gx),
+        ("gyro bias y", "rad/s", gy),
+        ("gyro bias z", "rad/s", gz),
+        ("GNSS latency", "s", e.gnss_latency_s),
+        ("antenna right", "m", right),
+        ("antenna forward", "m", forward),
+    ]
 }

@@ -2,7 +2,7 @@
 
 use core::cell::Cell;
 
-use ins_link::{Decoder, Hello, MAX_FRAME, Reply, Request, Status};
+use ins_link::{Decoder, FromBoard, Hello, Reply, Request, Status};
 
 use crate::board::{self, Clock};
 use crate::navigation::{Navigation, Timer};
@@ -13,6 +13,10 @@ pub struct Service {
     navigation: Navigation,
     gauge: Gauge,
     bytes_lost: u32,
+    /// Requests and bytes lost as last logged.
+    losses_logged: (u32, u32),
+    /// Number of the next frame to the host.
+    sequence: u32,
 }
 
 impl Service {
@@ -25,18 +29,27 @@ impl Service {
                 stack_bytes: Cell::new(0),
             },
             bytes_lost: 0,
+            losses_logged: (0, 0),
+            sequence: 0,
         }
     }
 
-    /// Takes the next byte; with the last one of a request gives the frame of the reply.
-    pub fn on_byte(&mut self, byte: u8) -> Option<heapless::Vec<u8, MAX_FRAME>> {
-        let (sequence, request) = self.decoder.push(byte)?;
+    /// Takes the next byte; with the last one of a request sends the frame of the reply, and those
+    /// of what has been logged meanwhile.
+    pub fn on_byte(&mut self, byte: u8, mut send: impl FnMut(&[u8])) {
+        let Some((to, request)) = self.decoder.push(byte) else {
+            return;
+        };
         let reply = self.answer(&request);
-        let frame = ins_link::encode(sequence, &reply);
-        if frame.is_err() {
-            defmt::error!("a reply is longer than a frame");
+        self.log_losses();
+        self.send(&FromBoard::Reply { to, reply }, &mut send);
+        loop {
+            let piece = board::take_log();
+            if piece.is_empty() {
+                return;
+            }
+            self.send(&FromBoard::Log(piece), &mut send);
         }
-        frame.ok()
     }
 
     /// Bytes have come and found no room.
@@ -44,10 +57,19 @@ impl Service {
         self.bytes_lost = self.bytes_lost.saturating_add(bytes);
     }
 
+    fn send(&mut self, message: &FromBoard, send: &mut impl FnMut(&[u8])) {
+        match ins_link::encode(self.sequence, message) {
+            Ok(frame) => send(&frame),
+            Err(_) => defmt::error!("a message is longer than a frame"),
+        }
+        self.sequence = self.sequence.wrapping_add(1);
+    }
+
     fn answer(&mut self, request: &Request) -> Reply {
         match *request {
             Request::Hello { session } => {
                 self.bytes_lost = 0;
+                self.losses_logged = (0, 0);
                 Reply::Hello(Hello {
                     session,
                     window_bytes: board::QUEUE_BYTES as u32,
@@ -63,9 +85,22 @@ impl Service {
             Request::Status => Reply::Status(Status {
                 link: self.decoder.counters,
                 bytes_lost: self.bytes_lost,
+                log_lines_lost: board::log_lines_lost(),
                 stack_bytes: board::take_deepest_stack_bytes(),
                 stack_at_call_bytes: self.gauge.stack_bytes.get(),
             }),
+        }
+    }
+
+    fn log_losses(&mut self) {
+        let losses = (self.decoder.counters.skipped, self.bytes_lost);
+        if losses != self.losses_logged {
+            defmt::warn!(
+                "lost on the way here: {} requests, {} bytes",
+                losses.0,
+                losses.1
+            );
+            self.losses_logged = losses;
         }
     }
 }

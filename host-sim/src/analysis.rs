@@ -5,11 +5,12 @@ use std::io::BufWriter;
 use std::path::Path;
 
 use indicatif::ProgressBar;
+use ins_core::Config;
 use miette::{IntoDiagnostic, Result, miette};
 
 use crate::configure;
 use crate::identify::{Identification, identify};
-use crate::log::{self, Grade, Log};
+use crate::log::{self, Grade, Log, LogError};
 use crate::output::OutputError;
 use crate::report;
 use crate::summary::Summary;
@@ -18,6 +19,51 @@ use crate::truth::Truth;
 
 /// File name of the summary; marks a folder of results as ours.
 pub const SUMMARY: &str = "summary.json";
+
+/// A log, and how it is going to be run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Input {
+    /// As read.
+    pub log: Log,
+    /// What the navigator is told.
+    pub config: Config,
+    name: String,
+    grade: Grade,
+    warnings: Vec<LogError>,
+    truth: Option<Truth>,
+}
+
+impl Input {
+    /// Reads a log; warnings go to the standard error.
+    pub fn read(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Self> {
+        progress.set_message("reading");
+        let (log, warnings) = log::read(folder)?;
+        for warning in &warnings {
+            progress.suspend(|| eprintln!("warning: {warning}\n  {}", warning.cause));
+        }
+        let truth = Truth::read(folder)?;
+        let grade = configure::grade(&log, grade);
+        Ok(Self {
+            config: configure::config(&log, grade),
+            name: name(folder, &log),
+            log,
+            grade,
+            warnings,
+            truth,
+        })
+    }
+
+    /// Puts it together with what came out.
+    pub fn with(self, found: Identification) -> Analysis {
+        let Self { log, grade, .. } = self;
+        Analysis {
+            summary: Summary::new(self.name, &log, &found, grade, &self.warnings),
+            log,
+            found,
+            truth: self.truth,
+        }
+    }
+}
 
 /// A log and what came out of it.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,23 +81,11 @@ pub struct Analysis {
 impl Analysis {
     /// Reads a log and runs the core over it; warnings go to the standard error.
     pub fn of_log(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Self> {
-        progress.set_message("reading");
-        let (log, warnings) = log::read(folder)?;
-        for warning in &warnings {
-            progress.suspend(|| eprintln!("warning: {warning}\n  {}", warning.cause));
-        }
-        let truth = Truth::read(folder)?;
-        let grade = configure::grade(&log, grade);
+        let input = Input::read(folder, grade, progress)?;
         progress.set_message("identifying");
-        let found = identify(&log, configure::config(&log, grade), progress)
+        let found = identify(&input.log, input.config, progress)
             .map_err(|error| miette!("the configuration cannot be used: {}", error.0))?;
-        let summary = Summary::new(name(folder, &log), &log, &found, grade, &warnings);
-        Ok(Self {
-            log,
-            found,
-            summary,
-            truth,
-        })
+        Ok(input.with(found))
     }
 
     /// Writes summary, tables and report into a folder.

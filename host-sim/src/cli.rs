@@ -13,6 +13,7 @@ use crate::aircraft;
 use crate::analysis::{Analysis, SUMMARY};
 use crate::figures;
 use crate::flights;
+use crate::hil;
 use crate::log::{self, BodyAxes, Compression, Grade, Log, Meta};
 use crate::output::{self, OutputError};
 use crate::sim::{self, DriveConfig};
@@ -39,6 +40,8 @@ enum Command {
     Drive(Drive),
     /// Find the sensor errors of a log and write summary, tables and report.
     Identify(Identify),
+    /// Run a log through firmware on a board, and compare with the host bit for bit.
+    Hil(hil::cli::Hil),
     /// Fly a plan in a simulated aircraft and write its log.
     Fly(aircraft::cli::Fly),
     /// Print the performance and the natural motions of an aircraft.
@@ -111,13 +114,24 @@ impl From<SimulatedGrade> for sim::Grade {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum GradeChoice {
+pub(crate) enum GradeChoice {
     /// What meta.toml says, or else what the gyros show at rest.
     Auto,
     /// Ring lasers of 1 deg/h.
     Hg1700,
     /// Consumer MEMS.
     Mems,
+}
+
+impl GradeChoice {
+    /// The class, if one is chosen.
+    pub(crate) fn told(self) -> Option<Grade> {
+        match self {
+            Self::Auto => None,
+            Self::Hg1700 => Some(Grade::Hg1700),
+            Self::Mems => Some(Grade::Mems),
+        }
+    }
 }
 
 pub(crate) fn minutes(text: &str) -> Result<f64, String> {
@@ -135,14 +149,11 @@ pub fn run(cli: &Cli) -> Result<()> {
             print_drive(&drive.out, &truth, cli.json)
         }
         Command::Identify(options) => {
-            let grade = match options.grade {
-                GradeChoice::Auto => None,
-                GradeChoice::Hg1700 => Some(Grade::Hg1700),
-                GradeChoice::Mems => Some(Grade::Mems),
-            };
+            let grade = options.grade.told();
             let analysis = identify_log(&options.log, &options.out, grade, cli.force)?;
             print_analysis(&analysis, &options.out, cli.json)
         }
+        Command::Hil(options) => hil::cli::hil(options, cli.json, cli.force),
         Command::Fly(options) => aircraft::cli::fly(options, cli.json, cli.force),
         Command::Aircraft(options) => aircraft::cli::table(options, cli.json, cli.force),
         Command::Flights(options) => flights::cli::flights(options, cli.json, cli.force),
@@ -235,7 +246,7 @@ fn identify_log(folder: &Path, out: &Path, grade: Option<Grade>, force: bool) ->
 }
 
 /// The log's folder must not become the results' one.
-fn refuse_same(log: &Path, out: &Path) -> Result<()> {
+pub(crate) fn refuse_same(log: &Path, out: &Path) -> Result<()> {
     let same = match (log.canonicalize(), out.canonicalize()) {
         (Ok(log), Ok(out)) => log.starts_with(out),
         _ => false,
@@ -252,7 +263,7 @@ fn refuse_same(log: &Path, out: &Path) -> Result<()> {
 
 // --- what is printed ---
 
-fn print_analysis(analysis: &Analysis, out: &Path, json: bool) -> Result<()> {
+pub(crate) fn print_analysis(analysis: &Analysis, out: &Path, json: bool) -> Result<()> {
     let summary = &analysis.summary;
     if json {
         println!(

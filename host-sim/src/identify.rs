@@ -29,8 +29,6 @@ pub struct Row {
     pub manoeuvre: Manoeuvre,
     /// Errors of the sensors as known.
     pub estimates: Estimates,
-    /// Azimuth error still in the solution as known, rad.
-    pub azimuth_left_rad: f64,
     /// Damping signals of the last fix.
     pub signals: DampingSignals,
     /// Position, velocity and attitude.
@@ -75,49 +73,29 @@ pub fn identify(
     progress: &ProgressBar,
 ) -> Result<Identification, ConfigError> {
     progress.set_length(log.imu.len() as u64);
-    let (run, end) = navigate(log, config, progress)?;
-    let velocity_error = free_inertial::check(log, &run.solutions, &run.history, &end.estimates);
-    let against_truth = against_truth::check(log, &run.solutions, &run.history, &config.damping);
-    progress.finish_and_clear();
-    Ok(Identification {
-        config,
-        history: run.history,
-        end,
-        solutions: run.solutions,
-        imu_outcomes: run.imu_outcomes,
-        gnss_outcomes: run.gnss_outcomes,
-        velocity_error,
-        against_truth,
-    })
-}
-
-/// One run over a log, and how the navigator stood at its end.
-fn navigate(
-    log: &Log,
-    config: Config,
-    progress: &ProgressBar,
-) -> Result<(Recorder, Row), ConfigError> {
     let mut navigator = Navigator::new(config)?;
     let mut run = Recorder::default();
-    for (count, event) in (1_u64..).zip(in_order_of_time(log)) {
+    for (count, event) in (1_u64..).zip(in_order_of_time(&log.imu, &log.gnss)) {
         match event {
             Event::Imu(sample) => {
-                add(&mut run.imu_outcomes, navigator.on_imu(sample));
-                run.record(sample.time, &navigator);
+                let outcome = navigator.on_imu(sample);
+                run.on_sample(sample.time, outcome, || row(sample.time, &navigator));
             }
-            Event::Gnss(fix) => add(&mut run.gnss_outcomes, navigator.on_gnss(fix)),
+            Event::Gnss(fix) => run.on_fix(navigator.on_gnss(fix)),
         }
         if count % PROGRESS_EVERY == 0 {
             progress.inc(PROGRESS_EVERY);
         }
     }
     let last = log.imu.last().map_or(Time::default(), |sample| sample.time);
-    let end = row(last, &navigator);
-    Ok((run, end))
+    let found = run.finish(log, config, row(last, &navigator));
+    progress.finish_and_clear();
+    Ok(found)
 }
 
-#[derive(Default)]
-struct Recorder {
+/// Keeps what a navigator says, wherever it runs.
+#[derive(Clone, Debug, Default)]
+pub struct Recorder {
     history: Vec<Row>,
     solutions: Vec<Solution>,
     imu_outcomes: Counts<ImuOutcome>,
@@ -125,16 +103,38 @@ struct Recorder {
 }
 
 impl Recorder {
-    fn record(&mut self, time: Time, navigator: &Navigator) {
+    /// After an inertial sample; `row` is asked only when one is due.
+    pub fn on_sample(&mut self, time: Time, outcome: ImuOutcome, row: impl Fn() -> Row) {
+        add(&mut self.imu_outcomes, outcome);
         if due(self.history.last().map(|row| row.time), time, HISTORY_S) {
-            self.history.push(row(time, navigator));
+            self.history.push(row());
         }
-        if due(
-            self.solutions.last().map(|solution| solution.time),
-            time,
-            SOLUTION_S,
-        ) {
-            self.solutions.extend(navigator.solution());
+        let last = self.solutions.last().map(|solution| solution.time);
+        if due(last, time, SOLUTION_S) {
+            self.solutions.extend(row().solution);
+        }
+    }
+
+    /// After a fix.
+    pub fn on_fix(&mut self, outcome: GnssOutcome) {
+        add(&mut self.gnss_outcomes, outcome);
+    }
+
+    /// After the log, with the navigator's last words.
+    pub fn finish(self, log: &Log, config: Config, end: Row) -> Identification {
+        let velocity_error =
+            free_inertial::check(log, &self.solutions, &self.history, &end.estimates);
+        let against_truth =
+            against_truth::check(log, &self.solutions, &self.history, &config.damping);
+        Identification {
+            config,
+            history: self.history,
+            end,
+            solutions: self.solutions,
+            imu_outcomes: self.imu_outcomes,
+            gnss_outcomes: self.gnss_outcomes,
+            velocity_error,
+            against_truth,
         }
     }
 }
@@ -150,21 +150,26 @@ fn row(time: Time, navigator: &Navigator) -> Row {
         phase: navigator.phase(),
         manoeuvre: navigator.manoeuvre(),
         estimates: navigator.estimates(),
-        azimuth_left_rad: navigator.azimuth_left_rad(),
         signals: navigator.damping_signals(),
         solution: navigator.solution(),
     }
 }
 
-enum Event<'a> {
+/// A sample or a fix.
+#[derive(Clone, Copy, Debug)]
+#[allow(missing_docs)]
+pub enum Event<'a> {
     Imu(&'a ImuSample),
     Gnss(&'a GnssFix),
 }
 
 /// Samples and fixes by stamp; on equal stamps the sample comes first.
-fn in_order_of_time(log: &Log) -> impl Iterator<Item = Event<'_>> {
-    let mut imu = log.imu.iter().peekable();
-    let mut gnss = log.gnss.iter().peekable();
+pub fn in_order_of_time<'a>(
+    imu: &'a [ImuSample],
+    gnss: &'a [GnssFix],
+) -> impl Iterator<Item = Event<'a>> {
+    let mut imu = imu.iter().peekable();
+    let mut gnss = gnss.iter().peekable();
     std::iter::from_fn(move || match (imu.peek(), gnss.peek()) {
         (Some(sample), Some(fix)) if fix.time < sample.time => gnss.next().map(Event::Gnss),
         (Some(_), _) => imu.next().map(Event::Imu),
@@ -175,8 +180,6 @@ fn in_order_of_time(log: &Log) -> impl Iterator<Item = Event<'_>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::log::{BodyAxes, Meta};
-    use ins_core::ImuOutput;
     use nalgebra::Vector3;
 
     #[test]
@@ -193,13 +196,8 @@ mod tests {
             velocity_up_mps: None,
             velocity_sigma_mps: None,
         };
-        let log = Log {
-            meta: Meta::new(BodyAxes::Rfu, ImuOutput::Rates),
-            imu: vec![sample(10), sample(20)],
-            gnss: vec![fix(5), fix(20), fix(30)],
-            truth: Vec::new(),
-        };
-        let order: Vec<_> = in_order_of_time(&log)
+        let (imu, gnss) = ([sample(10), sample(20)], [fix(5), fix(20), fix(30)]);
+        let order: Vec<_> = in_order_of_time(&imu, &gnss)
             .map(|event| match event {
                 Event::Imu(sample) => ('i', sample.time.as_micros()),
                 Event::Gnss(fix) => ('g', fix.time.as_micros()),

@@ -1,8 +1,9 @@
-//! The firmware's images, built as its README says.
+//! The firmware's images, built as its README says, and run.
 
 use std::path::{Path, PathBuf};
 
-use host_sim::hil::Board;
+use host_sim::hil::emulator::{Pace, Way};
+use host_sim::hil::{Board, Emulator, Session};
 use object::{Object as _, ObjectSection as _};
 
 use crate::cargo::{build_folder, cargo, require_target, succeed};
@@ -25,6 +26,14 @@ pub fn image_with(board: Board, program: &str, features: &str) -> Result<PathBuf
         .join(TARGET)
         .join("release")
         .join(program))
+}
+
+/// The firmware on an emulated board, behind the debugger's console.
+pub fn session(board: Board, pace: Pace) -> Result<Session<Emulator>, String> {
+    let image = image(board, "console")?;
+    let emulator = Emulator::boot(board, &image, Way::Console, pace);
+    Session::open(emulator.map_err(|error| error.to_string())?, 1)
+        .map_err(|error| error.to_string())
 }
 
 /// Bytes of code and constants in an image.

@@ -4,4 +4,5 @@ pub mod cargo;
 pub mod firmware;
 pub mod jsbsim;
 pub mod published;
-pub mod requests;
+pub mod recorded;
+pub mod simulated;

@@ -1,8 +1,12 @@
 //! The link's decoder: everything good gets through, nothing else does, and all of it is counted.
 
+use ins_core::damping::DampingSignals;
 use ins_core::earth::Geodetic;
 use ins_core::{Config, Estimates, GnssFix, ImuSample, Solution, Time};
-use ins_link::{Decoder, MAX_FRAME, Receiver, Reply, Request, VERSION, encode};
+use ins_link::{
+    Decoder, FromBoard, LOG_BYTES, MAX_FRAME, Receiver, Reply, Report, Request, SampleReply,
+    VERSION, encode,
+};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use proptest::prelude::*;
 
@@ -158,20 +162,33 @@ fn the_longest_messages_fit() {
         velocity_enu_mps: Vector3::zeros(),
         attitude: UnitQuaternion::identity(),
     };
-    let reply = Reply::Imu(Ok(ins_link::SampleReply {
+    let signals = DampingSignals {
+        time: Time::from_micros(i64::MIN),
+        ..DampingSignals::default()
+    };
+    let reply = Reply::Imu(Ok(SampleReply {
         outcome: ins_core::ImuOutcome::OutOfRange,
-        phase: ins_core::Phase::Navigating,
-        manoeuvre: ins_core::manoeuvre::Manoeuvre::Turning,
-        solution: Some(solution),
-        estimates: Some(Estimates::default()),
+        report: Report {
+            phase: ins_core::Phase::Navigating,
+            manoeuvre: ins_core::manoeuvre::Manoeuvre::Turning,
+            solution: Some(solution),
+            estimates: Some(Estimates::default()),
+            signals: Some(signals),
+        },
         ticks: u32::MAX,
     }));
+    let reply = FromBoard::Reply {
+        to: u32::MAX,
+        reply,
+    };
+    let log = FromBoard::Log([0xff; LOG_BYTES].iter().copied().collect());
     let start = Request::Start {
         config: Config::mems(),
         estimates_every: u32::MAX,
     };
     for length in [
         encode(u32::MAX, &reply).unwrap().len(),
+        encode(u32::MAX, &log).unwrap().len(),
         encode(u32::MAX, &start).unwrap().len(),
     ] {
         // What is added later has room.

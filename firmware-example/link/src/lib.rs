@@ -1,8 +1,9 @@
 //! What a host and firmware that runs `ins-core` say to each other, over any byte stream.
 //!
 //! A frame is COBS(version, sequence number, message, CRC-32) and a zero byte, so a receiver is in
-//! step again after the next zero. Numbers cross bit for bit. The firmware answers every request
-//! with one reply of the same sequence number.
+//! step again after the next zero. Numbers cross bit for bit. Each side numbers its frames; the
+//! firmware answers every request with one reply that names the request's number, and sends its log
+//! in between.
 #![no_std]
 
 mod frame;
@@ -11,6 +12,7 @@ mod receive;
 
 pub use frame::{Counters, Decoder, EncodeError, MAX_FRAME, Message, VERSION, encode};
 pub use message::{
-    Changes, FixReply, Hello, NotStarted, Reply, Request, SampleReply, StartError, Started, Status,
+    FixReply, FromBoard, Hello, LOG_BYTES, NotStarted, Reply, Report, Reporter, Request,
+    SampleReply, StartError, Started, Status,
 };
 pub use receive::Receiver;

@@ -9,6 +9,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::frame::{Counters, Message};
 
+/// Longest piece of the log in one message, bytes.
+pub const LOG_BYTES: usize = 128;
+
 /// Host to firmware.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant)] // No heap to box the large one in.
@@ -22,7 +25,8 @@ pub enum Request {
     Start {
         /// Its configuration.
         config: Config,
-        /// After every so many inertial samples, estimates are sent if they have changed; 0: never.
+        /// After every so many inertial samples, and fixes that follow them at once, estimates are
+        /// sent if they have changed; 0: never.
         estimates_every: u32,
     },
     /// An inertial sample.
@@ -43,7 +47,36 @@ impl Message for Request {
     }
 }
 
-/// Firmware to host: one for each request.
+/// Firmware to host.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[allow(clippy::large_enum_variant)]
+pub enum FromBoard {
+    /// One for each request.
+    Reply {
+        /// Sequence number of the request.
+        to: u32,
+        /// The answer.
+        reply: Reply,
+    },
+    /// The next piece of the log as defmt encodes it, cut anywhere.
+    Log(heapless::Vec<u8, LOG_BYTES>),
+}
+
+impl Message for FromBoard {
+    fn session(&self) -> Option<u32> {
+        if let Self::Reply {
+            reply: Reply::Hello(hello),
+            ..
+        } = self
+        {
+            Some(hello.session)
+        } else {
+            None
+        }
+    }
+}
+
+/// Answer to a request.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant)]
 pub enum Reply {
@@ -57,16 +90,6 @@ pub enum Reply {
     Gnss(Result<FixReply, NotStarted>),
     /// To [`Request::Status`].
     Status(Status),
-}
-
-impl Message for Reply {
-    fn session(&self) -> Option<u32> {
-        if let Self::Hello(hello) = self {
-            Some(hello.session)
-        } else {
-            None
-        }
-    }
 }
 
 /// Who is there.
@@ -100,6 +123,26 @@ pub struct NotStarted;
 pub struct SampleReply {
     /// What became of the sample.
     pub outcome: ImuOutcome,
+    /// The navigator now.
+    pub report: Report,
+    /// Time that the core took.
+    pub ticks: u32,
+}
+
+/// After a GNSS fix.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FixReply {
+    /// What became of the fix.
+    pub outcome: GnssOutcome,
+    /// The navigator now.
+    pub report: Report,
+    /// Time that the core took.
+    pub ticks: u32,
+}
+
+/// What the navigator has to say.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Report {
     /// How far the alignment has come.
     pub phase: Phase,
     /// The manoeuvre going on.
@@ -108,81 +151,53 @@ pub struct SampleReply {
     pub solution: Option<Solution>,
     /// The estimates, if they have changed.
     pub estimates: Option<Estimates>,
-    /// Time that the core took.
-    pub ticks: u32,
+    /// The damping signals of the last fix used, if they have changed.
+    pub signals: Option<DampingSignals>,
 }
 
-impl SampleReply {
-    /// What `navigator` has to say after a sample.
-    pub fn of(
-        navigator: &Navigator,
-        outcome: ImuOutcome,
-        changes: &mut Changes,
-        ticks: u32,
-    ) -> Self {
+/// Makes reports of one navigator, and knows what the last ones have said already.
+#[derive(Clone, Debug)]
+pub struct Reporter {
+    estimates_every: u32,
+    samples: u32,
+    estimates: Option<Estimates>,
+    signals: Option<DampingSignals>,
+}
+
+impl Reporter {
+    /// With estimates after every so many samples; 0: never.
+    pub const fn new(estimates_every: u32) -> Self {
         Self {
-            outcome,
+            estimates_every,
+            samples: 0,
+            estimates: None,
+            signals: None,
+        }
+    }
+
+    /// After an inertial sample.
+    pub fn after_sample(&mut self, navigator: &Navigator) -> Report {
+        self.samples = self.samples.wrapping_add(1);
+        self.after_fix(navigator)
+    }
+
+    /// After a GNSS fix.
+    pub fn after_fix(&mut self, navigator: &Navigator) -> Report {
+        let due = self.samples.checked_rem(self.estimates_every) == Some(0);
+        Report {
             phase: navigator.phase(),
             manoeuvre: navigator.manoeuvre(),
             solution: navigator.solution(),
-            estimates: changes.after_sample(navigator),
-            ticks,
+            estimates: due
+                .then(|| changed(&mut self.estimates, navigator.estimates()))
+                .flatten(),
+            signals: changed(&mut self.signals, navigator.damping_signals()),
         }
     }
 }
 
-/// Sees when the estimates have changed: that is once or so a second, and they are long.
-#[derive(Clone, Debug)]
-pub struct Changes {
-    every: u32,
-    samples: u32,
-    last: Option<Estimates>,
-}
-
-impl Changes {
-    /// Looks after every so many samples; 0: never.
-    pub const fn new(every: u32) -> Self {
-        Self {
-            every,
-            samples: 0,
-            last: None,
-        }
-    }
-
-    fn after_sample(&mut self, navigator: &Navigator) -> Option<Estimates> {
-        self.samples = self.samples.wrapping_add(1);
-        if self.samples.checked_rem(self.every) != Some(0) {
-            return None;
-        }
-        let now = Some(navigator.estimates());
-        if now == self.last {
-            return None;
-        }
-        self.last = now;
-        now
-    }
-}
-
-/// After a GNSS fix.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FixReply {
-    /// What became of the fix.
-    pub outcome: GnssOutcome,
-    /// The damping signals of the last fix used.
-    pub signals: DampingSignals,
-    /// Time that the core took.
-    pub ticks: u32,
-}
-
-impl FixReply {
-    /// What `navigator` has to say after a fix.
-    pub fn of(navigator: &Navigator, outcome: GnssOutcome, ticks: u32) -> Self {
-        Self {
-            outcome,
-            signals: navigator.damping_signals(),
-            ticks,
-        }
-    }
+fn changed<T: Copy + PartialEq>(last: &mut Option<T>, now: T) -> Option<T> {
+    (*last != Some(now)).then(|| *last.insert(now))
 }
 
 /// Health of the firmware since the session began.
@@ -192,6 +207,8 @@ pub struct Status {
     pub link: Counters,
     /// Bytes that found the receive queue full or overran the UART.
     pub bytes_lost: u32,
+    /// Lines that the log had no room for.
+    pub log_lines_lost: u32,
     /// Deepest stack since the last status, bytes.
     pub stack_bytes: u32,
     /// Stack in use when the core was called last, bytes.

@@ -8,6 +8,7 @@ mod stack;
 mod uart;
 
 pub use clock::{CLOCKS_PER_TICK, Clock};
+pub use log::{lines_lost as log_lines_lost, take as take_log};
 pub use stack::{take_deepest_bytes as take_deepest_stack_bytes, used_bytes as stack_bytes};
 pub use uart::{QUEUE_BYTES, Uart};
 

@@ -1,11 +1,10 @@
-//! What happens when the program has a bug: it says so and stops, so that a watchdog bites.
+//! What happens when the program has a bug: the debugger is told, and the program ends. On a
+//! vehicle, reset the board instead; the host then sees that it has restarted.
 
 use core::panic::PanicInfo;
 
 #[panic_handler]
 fn panic(info: &PanicInfo) -> ! {
-    defmt::error!("panic: {}", defmt::Display2Format(info));
-    loop {
-        cortex_m::asm::bkpt();
-    }
+    semihosting::eprintln!("{info}");
+    semihosting::process::abort()
 }

@@ -1,10 +1,12 @@
-//! A board emulated by QEMU, its UART on a loopback socket.
+//! A board emulated by QEMU.
 
 use std::io::{self, Read, Write};
-use std::net::{TcpListener, TcpStream};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::thread;
+
+use super::session::POLL;
 
 /// The boards that the firmware is built for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,6 +23,14 @@ impl Board {
         match self {
             Self::CortexM7 => "mps2-an500",
             Self::CortexM4 => "mps2-an386",
+        }
+    }
+
+    /// Short name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::CortexM7 => "m7",
+            Self::CortexM4 => "m4f",
         }
     }
 
@@ -42,39 +52,58 @@ pub enum Pace {
     Counting,
 }
 
-/// Longest that an answer may take, on a busy computer.
-const SILENCE: Duration = Duration::from_secs(20);
+/// The way into the board and out of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    /// Its UART, for the program `ins-firmware`. QEMU emulates that byte by byte: some 200 samples
+    /// a second.
+    Uart,
+    /// The debugger's console, for the program `console`: many times faster.
+    Console,
+}
 
 /// A running QEMU; it ends with this value.
 #[derive(Debug)]
 pub struct Emulator {
     process: Child,
-    uart: TcpStream,
+    to_board: ChildStdin,
+    from_board: Receiver<Vec<u8>>,
+    received: Vec<u8>,
 }
 
-/// QEMU with `image` on a board. What the firmware logs by defmt goes, encoded, to the file `log`.
-fn qemu(board: Board, image: &Path, pace: Pace, log: &Path) -> Command {
+impl Emulator {
+    /// Boots `image`.
+    pub fn boot(board: Board, image: &Path, way: Way, pace: Pace) -> io::Result<Self> {
+        let mut process = qemu(board, image, way, pace).spawn().map_err(explain)?;
+        let (Some(to_board), Some(stdout)) = (process.stdin.take(), process.stdout.take()) else {
+            unreachable!("both are piped")
+        };
+        let (sender, from_board) = sync_channel(1024);
+        thread::spawn(move || forward(stdout, &sender));
+        Ok(Self {
+            process,
+            to_board,
+            from_board,
+            received: Vec::new(),
+        })
+    }
+}
+
+fn qemu(board: Board, image: &Path, way: Way, pace: Pace) -> Command {
     let mut command = Command::new("qemu-system-arm");
     command
-        .args([
-            "-machine",
-            board.machine(),
-            "-display",
-            "none",
-            "-monitor",
-            "none",
-        ])
-        .arg("-chardev")
-        // A comma in a file name is written twice.
-        .arg(format!(
-            "file,id=log,path={}",
-            log.display().to_string().replace(',', ",,")
-        ))
-        .args(["-semihosting-config", "enable=on,target=native,chardev=log"])
+        .args(["-machine", board.machine()])
+        .args(["-display", "none", "-monitor", "none"])
+        .args(["-semihosting-config", "enable=on,target=native"])
         .arg("-kernel")
         .arg(image)
-        .stdin(Stdio::null())
-        .stdout(Stdio::null());
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped());
+    let uart = match way {
+        Way::Uart => "stdio",
+        Way::Console => "none",
+    };
+    command.args(["-serial", uart]);
     if pace == Pace::Counting {
         // An instruction takes 2^3 ns of the emulated time.
         command.args(["-icount", "shift=3"]);
@@ -82,94 +111,51 @@ fn qemu(board: Board, image: &Path, pace: Pace, log: &Path) -> Command {
     command
 }
 
-fn spawn(command: &mut Command) -> io::Result<Child> {
-    command.spawn().map_err(|error| match error.kind() {
+fn explain(error: io::Error) -> io::Error {
+    match error.kind() {
         io::ErrorKind::NotFound => io::Error::new(
             io::ErrorKind::NotFound,
             "qemu-system-arm is missing: run .ci/install or install QEMU 7.2 or later",
         ),
         _ => error,
-    })
-}
-
-/// Runs the firmware's program `replay` (in `image`) over the frames of requests and returns those
-/// of replies: the whole firmware but its UART, much faster.
-pub fn replay(board: Board, image: &Path, pace: Pace, requests: &[u8]) -> io::Result<Vec<u8>> {
-    let folder = tempfile::tempdir()?;
-    std::fs::write(folder.path().join("requests.bin"), requests)?;
-    let mut command = qemu(board, image, pace, &folder.path().join("defmt.bin"));
-    let status = spawn(command.current_dir(folder.path()).args(["-serial", "none"]))?.wait()?;
-    if !status.success() {
-        return Err(io::Error::other(format!("the firmware gave up: {status}")));
     }
-    std::fs::read(folder.path().join("replies.bin"))
 }
 
-impl Emulator {
-    /// Boots `image`. What the firmware logs by defmt goes, encoded, to the file `log`.
-    pub fn boot(board: Board, image: &Path, pace: Pace, log: &Path) -> io::Result<Self> {
-        let listener = TcpListener::bind("127.0.0.1:0")?;
-        let port = listener.local_addr()?.port();
-        let mut command = qemu(board, image, pace, log);
-        let mut process = spawn(command.arg("-serial").arg(format!("tcp:127.0.0.1:{port}")))?;
-        match accept(&listener, &mut process) {
-            Ok(uart) => Ok(Self { process, uart }),
-            Err(error) => {
-                let _ = process.kill();
-                let _ = process.wait();
-                Err(error)
-            }
+/// A pipe has no timeout, a channel has.
+fn forward(mut stdout: ChildStdout, sender: &SyncSender<Vec<u8>>) {
+    let mut buffer = vec![0; 65_536];
+    while let Ok(length @ 1..) = stdout.read(&mut buffer) {
+        if sender.send(buffer[..length].to_vec()).is_err() {
+            return;
         }
     }
 }
 
-/// Waits for QEMU's call, but not if it has died.
-fn accept(listener: &TcpListener, process: &mut Child) -> io::Result<TcpStream> {
-    listener.set_nonblocking(true)?;
-    let deadline = Instant::now() + SILENCE;
-    loop {
-        match listener.accept() {
-            Ok((uart, _)) => {
-                uart.set_nonblocking(false)?;
-                uart.set_nodelay(true)?;
-                uart.set_read_timeout(Some(SILENCE))?;
-                return Ok(uart);
-            }
-            Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
-            Err(error) => return Err(error),
-        }
-        if let Some(status) = process.try_wait()? {
-            return Err(io::Error::other(format!(
-                "qemu-system-arm ended at once: {status}"
-            )));
-        }
-        if Instant::now() > deadline {
-            return Err(io::Error::new(
-                io::ErrorKind::TimedOut,
-                "qemu-system-arm opens no UART",
-            ));
-        }
-        std::thread::sleep(Duration::from_millis(5));
-    }
-}
-
-/// The board's UART.
+/// Times out as a serial port does.
 impl Read for Emulator {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        // QEMU hands over byte by byte; some are let gather, or every byte costs two switches
-        // between processes.
-        std::thread::sleep(Duration::from_micros(300));
-        self.uart.read(buffer)
+        if self.received.is_empty() {
+            match self.from_board.recv_timeout(POLL) {
+                Ok(bytes) => self.received = bytes,
+                Err(RecvTimeoutError::Timeout) => return Err(io::ErrorKind::TimedOut.into()),
+                // QEMU has ended.
+                Err(RecvTimeoutError::Disconnected) => return Ok(0),
+            }
+        }
+        let length = buffer.len().min(self.received.len());
+        buffer[..length].copy_from_slice(&self.received[..length]);
+        self.received.drain(..length);
+        Ok(length)
     }
 }
 
 impl Write for Emulator {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.uart.write(bytes)
+        self.to_board.write(bytes)
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.uart.flush()
+        self.to_board.flush()
     }
 }
 

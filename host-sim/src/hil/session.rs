@@ -2,29 +2,80 @@
 
 use std::collections::VecDeque;
 use std::io::{self, Read, Write};
+use std::time::{Duration, Instant};
 
-use ins_link::{Counters, Decoder, Hello, Reply, Request, Started, Status};
+use ins_core::{Config, Time};
+use ins_link::{Counters, Decoder, FromBoard, Hello, Reply, Request, Started, Status};
+use miette::Diagnostic;
 use thiserror::Error;
 
+/// How long a read of a port waits for bytes before it times out.
+pub const POLL: Duration = Duration::from_millis(1);
+/// How long a question waits for its answer, and how often it is asked.
+const PATIENCE: Duration = Duration::from_secs(2);
+const TRIES: usize = 6;
+/// Longest that a stream may go without an answer, on a busy computer.
+const SILENCE: Duration = Duration::from_secs(10);
+
 /// What can go wrong with a board.
-#[derive(Debug, Error)]
+#[derive(Debug, Error, Diagnostic)]
 pub enum HilError {
-    /// The stream broke, or nothing came within its timeout.
-    #[error("no answer from the board (is it powered, and does it run this version?): {0}")]
+    /// The port refuses, or is gone.
+    #[error("the board cannot be reached: {0}")]
+    #[diagnostic(help("the port's name, its permissions, the cable; for --qemu, the image"))]
     Port(#[from] io::Error),
-    /// An answer that belongs to no request, or to another one.
-    #[error("the board answered something else than was asked: {0}")]
-    Confused(String),
+    /// Nothing comes, or nothing that can be understood.
+    #[error(
+        "the board does not answer (frames from it: {} corrupt, {} of another version, {} out of order)",
+        .0.corrupt, .0.other_version, .0.out_of_order
+    )]
+    #[diagnostic(help(
+        "is it powered, does it run this version of the firmware, is the baud rate right? \
+         With --qemu the image must be the program `console`, built for that board"
+    ))]
+    Silent(Counters),
     /// The firmware refused the configuration.
     #[error("the board refuses the configuration: {0}")]
     Refused(String),
+    /// A message too long for the link.
+    #[error("a request is longer than a frame")]
+    TooLong,
 }
 
-/// A request on its way, or its answer.
-#[derive(Clone, Copy, Debug)]
+/// When requests of a stream are sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rate {
+    /// By their stamps, whether the board keeps up or not.
+    Realtime,
+    /// As fast as the board answers.
+    Max,
+}
+
+/// What comes from the board.
+#[derive(Clone, Debug)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "few at a time, and nearly all of them answers"
+)]
+pub enum Event {
+    /// What became of a request.
+    Answer {
+        /// As it was sent.
+        request: Request,
+        /// None if the request or its reply was lost.
+        reply: Option<Reply>,
+        /// Requests that are still on their way.
+        waiting: usize,
+    },
+    /// A piece of the log, encoded by defmt.
+    Log(Vec<u8>),
+}
+
+#[derive(Debug)]
 struct Waiting {
     sequence: u32,
     bytes: usize,
+    request: Request,
 }
 
 /// Sends requests, as many at once as the board can hold, and receives the answers in order.
@@ -32,22 +83,25 @@ struct Waiting {
 pub struct Session<P> {
     port: P,
     decoder: Decoder,
-    received: VecDeque<u8>,
+    events: VecDeque<Event>,
     waiting: VecDeque<Waiting>,
     sequence: u32,
+    heard: Instant,
     /// What the board said of itself.
     pub hello: Hello,
 }
 
 impl<P: Read + Write> Session<P> {
-    /// Opens a session. Reads of `port` must time out.
+    /// Opens a session. Reads of `port` must time out, after [`POLL`] or so; `session` may be any
+    /// number that the last session did not have.
     pub fn open(port: P, session: u32) -> Result<Self, HilError> {
         let mut this = Self {
             port,
             decoder: Decoder::new(),
-            received: VecDeque::new(),
+            events: VecDeque::new(),
             waiting: VecDeque::new(),
             sequence: 0,
+            heard: Instant::now(),
             hello: Hello {
                 session,
                 window_bytes: 0,
@@ -56,116 +110,214 @@ impl<P: Read + Write> Session<P> {
         };
         // Ends whatever half a frame the board may have.
         this.port.write_all(&[0])?;
-        match this.ask(&Request::Hello { session })? {
-            Reply::Hello(hello) if hello.session == session => this.hello = hello,
-            other => return Err(HilError::Confused(format!("{other:?}"))),
-        }
+        // Replies to an earlier session may still be on their way.
+        this.hello = this.ask(&Request::Hello { session }, |reply| match reply {
+            Reply::Hello(hello) if hello.session == session => Some(hello),
+            _ => None,
+        })?;
         Ok(this)
     }
 
     /// Sets up a new navigator.
-    pub fn start(
-        &mut self,
-        config: ins_core::Config,
-        estimates_every: u32,
-    ) -> Result<Started, HilError> {
-        match self.ask(&Request::Start {
+    pub fn start(&mut self, config: Config, estimates_every: u32) -> Result<Started, HilError> {
+        let start = Request::Start {
             config,
             estimates_every,
-        })? {
-            Reply::Start(Ok(started)) => Ok(started),
-            Reply::Start(Err(refusal)) => Err(HilError::Refused(refusal.0.as_str().into())),
-            other => Err(HilError::Confused(format!("{other:?}"))),
-        }
+        };
+        let started = self.ask(&start, |reply| match reply {
+            Reply::Start(started) => Some(started),
+            _ => None,
+        })?;
+        started.map_err(|refusal| HilError::Refused(refusal.0.as_str().into()))
     }
 
     /// Health of the board.
     pub fn status(&mut self) -> Result<Status, HilError> {
-        match self.ask(&Request::Status)? {
-            Reply::Status(status) => Ok(status),
-            other => Err(HilError::Confused(format!("{other:?}"))),
-        }
+        self.ask(&Request::Status, |reply| match reply {
+            Reply::Status(status) => Some(status),
+            _ => None,
+        })
     }
 
-    /// One request and its answer; no other may be waiting.
-    pub fn ask(&mut self, request: &Request) -> Result<Reply, HilError> {
-        self.transmit(request)?;
-        let reply = self.receive()?;
-        if self.waiting.is_empty() {
-            return Ok(reply);
-        }
-        Err(HilError::Confused(format!(
-            "{reply:?} to an earlier request"
-        )))
-    }
-
-    /// Sends a request; hands over the answers that have to come first to make room for it.
-    pub fn send(
-        &mut self,
-        request: &Request,
-        mut on_reply: impl FnMut(Reply) -> Result<(), HilError>,
-    ) -> Result<(), HilError> {
-        self.transmit(request)?;
-        while self.bytes_waiting() > self.hello.window_bytes as usize / 2 {
-            on_reply(self.receive()?)?;
-        }
-        Ok(())
-    }
-
-    /// Hands over the answers still missing.
-    pub fn finish(
-        &mut self,
-        mut on_reply: impl FnMut(Reply) -> Result<(), HilError>,
-    ) -> Result<(), HilError> {
-        while !self.waiting.is_empty() {
-            on_reply(self.receive()?)?;
-        }
-        Ok(())
-    }
-
-    /// The board's answers as they came in.
+    /// Frames of the board as they came in.
     pub fn counters(&self) -> Counters {
         self.decoder.counters
     }
 
-    fn bytes_waiting(&self) -> usize {
-        self.waiting.iter().map(|waiting| waiting.bytes).sum()
+    /// Streams requests and hands over what comes back, until every request has its answer or is
+    /// known to be lost; then asks how the board is.
+    pub fn stream(
+        &mut self,
+        requests: impl IntoIterator<Item = Request>,
+        rate: Rate,
+        mut on_event: impl FnMut(Event),
+    ) -> Result<Status, HilError> {
+        let mut clock = None;
+        for request in requests {
+            match rate {
+                Rate::Realtime => self.wait_for(due(&mut clock, &request), &mut on_event)?,
+                Rate::Max => self.wait_while(Self::is_full, &mut on_event)?,
+            }
+            self.send(&request)?;
+        }
+        self.wait_while(|this| !this.waiting.is_empty(), &mut on_event)?;
+        // What was logged about the last request comes after its answer, and before this one.
+        let status = self.status()?;
+        self.events.drain(..).for_each(&mut on_event);
+        Ok(status)
     }
 
-    fn transmit(&mut self, request: &Request) -> Result<(), HilError> {
+    /// Whether the board's queue may have no room for another request.
+    fn is_full(&self) -> bool {
+        let bytes: usize = self.waiting.iter().map(|waiting| waiting.bytes).sum();
+        bytes > self.hello.window_bytes as usize / 2
+    }
+
+    fn wait_for(&mut self, due: Instant, on_event: &mut impl FnMut(Event)) -> Result<(), HilError> {
+        while let Some(event) = self.receive(due)? {
+            on_event(event);
+        }
+        if !self.waiting.is_empty() && self.heard.elapsed() > SILENCE {
+            self.give_up_waiting()?;
+        }
+        Ok(())
+    }
+
+    fn wait_while(
+        &mut self,
+        condition: impl Fn(&Self) -> bool,
+        on_event: &mut impl FnMut(Event),
+    ) -> Result<(), HilError> {
+        while condition(self) || !self.events.is_empty() {
+            match self.receive(Instant::now() + SILENCE)? {
+                Some(event) => on_event(event),
+                None => self.give_up_waiting()?,
+            }
+        }
+        Ok(())
+    }
+
+    /// Nothing comes: the requests are lost, if the board is still there.
+    fn give_up_waiting(&mut self) -> Result<(), HilError> {
+        let lost = self.waiting.len();
+        self.lose(lost);
+        self.status().map(|_| ())
+    }
+
+    /// The first so many requests will have no reply.
+    fn lose(&mut self, count: usize) {
+        for _ in 0..count {
+            self.answer(None);
+        }
+    }
+
+    /// What became of the first request that waits.
+    fn answer(&mut self, reply: Option<Reply>) {
+        if let Some(Waiting { request, .. }) = self.waiting.pop_front() {
+            self.events.push_back(Event::Answer {
+                request,
+                reply,
+                waiting: self.waiting.len(),
+            });
+        }
+    }
+
+    /// One question and its answer, as `pick` knows it; nothing else may be waiting.
+    fn ask<T>(
+        &mut self,
+        question: &Request,
+        pick: impl Fn(Reply) -> Option<T>,
+    ) -> Result<T, HilError> {
+        let mut others = std::mem::take(&mut self.events);
+        for _ in 0..TRIES {
+            self.send(question)?;
+            while let Some(event) = self.receive(Instant::now() + PATIENCE)? {
+                match event {
+                    Event::Answer { reply, .. } => {
+                        if let Some(answer) = reply.and_then(&pick) {
+                            self.waiting.clear();
+                            others.append(&mut self.events);
+                            self.events = others;
+                            return Ok(answer);
+                        }
+                    }
+                    log @ Event::Log(_) => others.push_back(log),
+                }
+            }
+        }
+        Err(HilError::Silent(self.decoder.counters))
+    }
+
+    fn send(&mut self, request: &Request) -> Result<(), HilError> {
         let sequence = self.sequence;
         self.sequence = sequence.wrapping_add(1);
-        let frame = ins_link::encode(sequence, request)
-            .map_err(|_| HilError::Confused("a request is longer than a frame".into()))?;
+        let frame = ins_link::encode(sequence, request).map_err(|_| HilError::TooLong)?;
         self.port.write_all(&frame)?;
+        if self.waiting.is_empty() {
+            self.heard = Instant::now();
+        }
         self.waiting.push_back(Waiting {
             sequence,
             bytes: frame.len(),
+            request: request.clone(),
         });
         Ok(())
     }
 
-    fn receive(&mut self) -> Result<Reply, HilError> {
+    /// The next event; none if there is none until then.
+    fn receive(&mut self, until: Instant) -> Result<Option<Event>, HilError> {
+        let mut buffer = [0; 4096];
         loop {
-            while let Some(byte) = self.received.pop_front() {
-                let Some((sequence, reply)) = self.decoder.push(byte) else {
-                    continue;
-                };
-                let Some(waiting) = self.waiting.pop_front() else {
-                    return Err(HilError::Confused(format!("{reply:?} to nothing")));
-                };
-                if waiting.sequence != sequence {
-                    let text = format!("request {} got no answer", waiting.sequence);
-                    return Err(HilError::Confused(text));
+            if let Some(event) = self.events.pop_front() {
+                return Ok(Some(event));
+            }
+            match self.port.read(&mut buffer) {
+                Ok(0) => return Err(io::Error::other("it has closed the connection").into()),
+                Ok(length) => buffer[..length].iter().for_each(|byte| self.take(*byte)),
+                Err(error) if is_timeout(&error) => {
+                    if Instant::now() >= until {
+                        return Ok(None);
+                    }
                 }
-                return Ok(reply);
+                Err(error) => return Err(error.into()),
             }
-            let mut buffer = [0; 4096];
-            let length = self.port.read(&mut buffer)?;
-            if length == 0 {
-                return Err(io::Error::from(io::ErrorKind::UnexpectedEof).into());
-            }
-            self.received.extend(&buffer[..length]);
         }
     }
+
+    fn take(&mut self, byte: u8) {
+        let Some((_, message)) = self.decoder.push(byte) else {
+            return;
+        };
+        self.heard = Instant::now();
+        match message {
+            FromBoard::Log(piece) => self.events.push_back(Event::Log(piece.to_vec())),
+            FromBoard::Reply { to, reply } => {
+                let index = self.waiting.iter().position(|w| w.sequence == to);
+                // Replies come in order: what one overtakes is lost. What was given up is ignored.
+                if let Some(index) = index {
+                    self.lose(index);
+                    self.answer(Some(reply));
+                }
+            }
+        }
+    }
+}
+
+/// When to send a request by its stamp; `clock` holds the first stamp and its moment.
+fn due(clock: &mut Option<(Time, Instant)>, request: &Request) -> Instant {
+    let now = Instant::now();
+    let stamp = match request {
+        Request::Imu(sample) => sample.time,
+        Request::Gnss(fix) => fix.time,
+        Request::Hello { .. } | Request::Start { .. } | Request::Status => return now,
+    };
+    let (first, start) = *clock.get_or_insert((stamp, now));
+    start + Duration::from_secs_f64(stamp.seconds_since(first).max(0.0))
+}
+
+fn is_timeout(error: &io::Error) -> bool {
+    matches!(
+        error.kind(),
+        io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted
+    )
 }

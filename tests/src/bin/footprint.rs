@@ -3,12 +3,13 @@
 //! `cargo run --release -p ins-tests --bin footprint`
 
 use host_sim::hil::Board;
-use host_sim::hil::emulator::{Pace, replay};
+use host_sim::hil::bench::requests;
+use host_sim::hil::emulator::Pace;
+use host_sim::hil::session::{Event, Rate};
 use host_sim::sim::{DriveConfig, Grade, simulate};
 use ins_core::{Config, Phase};
 use ins_link::{Reply, Request};
-use ins_tests::firmware::{flash_bytes, image};
-use ins_tests::requests::{decode, encode_all, requests};
+use ins_tests::firmware::{flash_bytes, image, session};
 
 type Failure = Box<dyn std::error::Error>;
 
@@ -71,51 +72,41 @@ fn measure(board: Board) -> Result<Footprint, Failure> {
         imu_output: drive.recording.errors.imu.output,
         ..Config::hg1700()
     };
-    let mut all = vec![
-        Request::Hello { session: 1 },
-        Request::Start {
-            config,
-            estimates_every: 0,
-        },
-        // Paints the stack anew: what starting took is not asked.
-        Request::Status,
-    ];
-    all.extend(requests(&simulate(&drive)));
-    all.push(Request::Status);
-
-    let image_path = image(board, "replay")?;
-    let replies = decode(&replay(
-        board,
-        &image_path,
-        Pace::Counting,
-        &encode_all(&all),
-    )?);
-    if replies.len() != all.len() {
-        return Err(format!("{} replies to {} requests", replies.len(), all.len()).into());
-    }
+    let drive = simulate(&drive);
+    let mut session = session(board, Pace::Counting)?;
+    let started = session.start(config, 0)?;
+    // Paints the stack anew: what starting took is not asked.
+    session.status()?;
     let mut footprint = Footprint {
+        instructions_per_tick: session.hello.clocks_per_tick.into(),
+        state_bytes: started.state_bytes,
         flash_bytes: flash_bytes(&image(board, "core_only")?)?,
         ..Footprint::default()
     };
-    for (request, reply) in all.iter().zip(&replies) {
-        footprint.take(request, reply)?;
-    }
+    let mut failure = Ok(());
+    let status = session.stream(
+        requests(&drive.imu, &drive.gnss),
+        Rate::Max,
+        |event| match event {
+            Event::Answer { request, reply, .. } if failure.is_ok() => {
+                failure = footprint.take(&request, reply.as_ref());
+            }
+            _ => {}
+        },
+    )?;
+    failure?;
+    footprint.stack_bytes = status.stack_bytes - status.stack_at_call_bytes;
     Ok(footprint)
 }
 
 impl Footprint {
-    fn take(&mut self, request: &Request, reply: &Reply) -> Result<(), Failure> {
+    fn take(&mut self, request: &Request, reply: Option<&Reply>) -> Result<(), Failure> {
         match (request, reply) {
-            (_, Reply::Hello(hello)) => self.instructions_per_tick = hello.clocks_per_tick.into(),
-            (_, Reply::Start(Ok(started))) => self.state_bytes = started.state_bytes,
-            (_, Reply::Status(status)) => {
-                self.stack_bytes = status.stack_bytes - status.stack_at_call_bytes;
-            }
-            (Request::Imu(sample), Reply::Imu(Ok(reply))) => {
+            (Request::Imu(sample), Some(Reply::Imu(Ok(reply)))) => {
                 if sample.time.as_seconds() < COUNTED_FROM_S {
                     return Ok(());
                 }
-                if reply.phase != Phase::Navigating {
+                if reply.report.phase != Phase::Navigating {
                     return Err("the navigator is not up when counting begins".into());
                 }
                 let instructions = u64::from(reply.ticks) * self.instructions_per_tick;
@@ -123,7 +114,7 @@ impl Footprint {
                 self.sample_instructions += instructions;
                 self.worst_sample = self.worst_sample.max(instructions);
             }
-            (Request::Gnss(fix), Reply::Gnss(Ok(reply))) => {
+            (Request::Gnss(fix), Some(Reply::Gnss(Ok(reply)))) => {
                 if fix.time.as_seconds() < COUNTED_FROM_S {
                     return Ok(());
                 }

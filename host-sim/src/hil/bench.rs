@@ -1,0 +1,177 @@
+//! The board's answers to a log, kept as `identify` keeps the host's, and compared with those.
+
+use ins_core::damping::DampingSignals;
+use ins_core::navigator::ConfigError;
+use ins_core::{Config, Estimates, GnssFix, ImuSample, Manoeuvre, Phase, Time};
+use ins_link::{Reply, Report, Request};
+use serde::Serialize;
+
+use super::twin::{Twin, difference, same_bits};
+use crate::identify::{Event, Identification, Recorder, Row, in_order_of_time};
+use crate::log::Log;
+
+/// Estimates are wanted after every sample.
+pub const ESTIMATES_EVERY: u32 = 1;
+
+/// Samples and fixes as requests, by stamp.
+pub fn requests<'a>(
+    imu: &'a [ImuSample],
+    gnss: &'a [GnssFix],
+) -> impl Iterator<Item = Request> + 'a {
+    in_order_of_time(imu, gnss).map(|event| match event {
+        Event::Imu(sample) => Request::Imu(*sample),
+        Event::Gnss(fix) => Request::Gnss(*fix),
+    })
+}
+
+/// How the board's answers compare with the host's.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Comparison {
+    /// Answers compared.
+    pub answers: u64,
+    /// Of these, not the same in every bit.
+    pub different: u64,
+    /// Samples and fixes without an answer.
+    pub missing: u64,
+    /// The first of those that are not as they should be.
+    pub first: Option<String>,
+}
+
+impl Comparison {
+    /// Whether every answer has come, the same in every bit.
+    pub fn is_exact(&self) -> bool {
+        self.answers > 0 && self.different == 0 && self.missing == 0
+    }
+
+    fn add(&mut self, request: &Request, reply: Option<&Reply>, expected: &Reply) {
+        let wrong = match reply {
+            None => {
+                self.missing += 1;
+                "no answer"
+            }
+            Some(reply) => {
+                self.answers += 1;
+                if same_bits(reply, expected) {
+                    return;
+                }
+                self.different += 1;
+                difference(reply, expected)
+            }
+        };
+        self.first
+            .get_or_insert_with(|| format!("{}: {wrong}", name(request)));
+    }
+}
+
+fn name(request: &Request) -> String {
+    match request {
+        Request::Imu(sample) => format!("sample of {:.6} s", sample.time.as_seconds()),
+        Request::Gnss(fix) => format!("fix of {:.6} s", fix.time.as_seconds()),
+        other => format!("{other:?}"),
+    }
+}
+
+/// Time that calls of the core took, in ticks of the board.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Ticks {
+    count: u64,
+    sum: u64,
+    worst: u32,
+}
+
+/// The same in short.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Duration {
+    /// On average.
+    pub mean: u64,
+    /// At most.
+    pub worst: u32,
+}
+
+impl Ticks {
+    fn add(&mut self, ticks: u32) {
+        self.count += 1;
+        self.sum += u64::from(ticks);
+        self.worst = self.worst.max(ticks);
+    }
+
+    /// None if nothing was called.
+    pub fn summary(&self) -> Option<Duration> {
+        Some(Duration {
+            mean: self.sum.checked_div(self.count)?,
+            worst: self.worst,
+        })
+    }
+}
+
+/// What the board has answered so far.
+#[derive(Clone, Debug)]
+pub struct Bench {
+    twin: Twin,
+    recorder: Recorder,
+    /// Beside the host's answers.
+    pub comparison: Comparison,
+    /// The navigator on the board, as it has last said.
+    pub latest: Row,
+    /// Calls with inertial samples.
+    pub sample_ticks: Ticks,
+    /// Calls with fixes.
+    pub fix_ticks: Ticks,
+}
+
+impl Bench {
+    /// Beside a board that was started with the same configuration.
+    pub fn new(config: Config) -> Result<Self, ConfigError> {
+        Ok(Self {
+            twin: Twin::start(config, ESTIMATES_EVERY)?,
+            recorder: Recorder::default(),
+            comparison: Comparison::default(),
+            latest: Row {
+                time: Time::default(),
+                phase: Phase::default(),
+                manoeuvre: Manoeuvre::default(),
+                estimates: Estimates::default(),
+                signals: DampingSignals::default(),
+                solution: None,
+            },
+            sample_ticks: Ticks::default(),
+            fix_ticks: Ticks::default(),
+        })
+    }
+
+    /// Takes what became of a request.
+    pub fn take(&mut self, request: &Request, reply: Option<&Reply>) {
+        if let Some(expected) = self.twin.answer(request) {
+            self.comparison.add(request, reply, &expected);
+        }
+        match (request, reply) {
+            (Request::Imu(sample), Some(Reply::Imu(Ok(reply)))) => {
+                self.latest.time = sample.time;
+                self.keep(&reply.report);
+                self.recorder
+                    .on_sample(sample.time, reply.outcome, || self.latest);
+                self.sample_ticks.add(reply.ticks);
+            }
+            (Request::Gnss(_), Some(Reply::Gnss(Ok(reply)))) => {
+                self.keep(&reply.report);
+                self.recorder.on_fix(reply.outcome);
+                self.fix_ticks.add(reply.ticks);
+            }
+            _ => {}
+        }
+    }
+
+    fn keep(&mut self, report: &Report) {
+        let latest = &mut self.latest;
+        latest.phase = report.phase;
+        latest.manoeuvre = report.manoeuvre;
+        latest.solution = report.solution;
+        latest.estimates = report.estimates.unwrap_or(latest.estimates);
+        latest.signals = report.signals.unwrap_or(latest.signals);
+    }
+
+    /// What the board has identified, after the log.
+    pub fn finish(self, log: &Log, config: Config) -> Identification {
+        self.recorder.finish(log, config, self.latest)
+    }
+}
