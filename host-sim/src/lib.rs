@@ -11,6 +11,7 @@ pub mod flights;
 pub mod free_inertial;
 pub mod hil;
 pub mod identify;
+pub mod kalman;
 pub mod log;
 pub mod output;
 pub mod quantities;
