@@ -176,7 +176,8 @@ fn a_bias_at_rest_is_the_slope_of_a_straight_line() {
         accel_bias_walk: 0.0,
         accel_bias_mps2: 1.0,
         velocity_sigma_mps: SIGMA,
-        position_sigma_m: Vector3::repeat(1e6),
+        // Gravity falls with height: a metre is 3e-6 m/s^2.
+        position_sigma_m: Vector3::repeat(1.0),
         latency_sigma_s: 1e-6,
         heading_sigma_rad: 1e-6,
     };
