@@ -151,13 +151,14 @@ fn row(time: Time, navigator: &Navigator) -> Row {
     }
 }
 
-enum Event<'a> {
+/// What a log holds.
+pub(crate) enum Event<'a> {
     Imu(&'a ImuSample),
     Gnss(&'a GnssFix),
 }
 
 /// Samples and fixes by stamp; on equal stamps the sample comes first.
-fn in_order_of_time(log: &Log) -> impl Iterator<Item = Event<'_>> {
+pub(crate) fn in_order_of_time(log: &Log) -> impl Iterator<Item = Event<'_>> {
     let mut imu = log.imu.iter().peekable();
     let mut gnss = log.gnss.iter().peekable();
     std::iter::from_fn(move || match (imu.peek(), gnss.peek()) {

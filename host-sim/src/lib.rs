@@ -13,6 +13,7 @@ pub mod hil;
 pub mod identify;
 pub mod kalman;
 pub mod log;
+pub mod outage;
 pub mod output;
 pub mod quantities;
 pub mod report;

@@ -1,8 +1,9 @@
 //! The filter itself: predicts over intervals, corrects by fixes.
 
+use ins_core::config::HeadingSource;
 use ins_core::increments::Interval;
 use ins_core::mechanization::{Controls, Mechanization};
-use ins_core::{GnssFix, Solution, Time};
+use ins_core::{GnssFix, Navigator, Solution, Time};
 use nalgebra::{SVector, Vector3};
 
 use super::dynamics::Span;
@@ -73,6 +74,28 @@ pub struct Start {
     pub gyro_bias_radps: Vector3<f64>,
     /// Their spreads, rad/s.
     pub gyro_bias_sigma_radps: [f64; 3],
+}
+
+impl Start {
+    /// Where the core's alignment has ended; `None` before. The error of a heading that is given
+    /// nobody but the user knows.
+    pub fn of(navigator: &Navigator, time: Time, noise: &Noise) -> Option<Self> {
+        let ins = *navigator.mechanization()?;
+        let estimates = navigator.estimates();
+        let [x, y, z] = estimates.gyro_bias_radps;
+        let given = matches!(navigator.config().heading, HeadingSource::Given(_));
+        Some(Self {
+            time,
+            ins,
+            heading_sigma_rad: if given {
+                noise.heading_sigma_rad
+            } else {
+                estimates.azimuth_error_rad.sigma
+            },
+            gyro_bias_radps: [x.value, y.value, z.value].into(),
+            gyro_bias_sigma_radps: [x.sigma, y.sigma, z.sigma],
+        })
+    }
 }
 
 impl Filter {

@@ -42,7 +42,7 @@ pub struct Noise {
     pub position_sigma_m: Vector3<f64>,
     /// Latency at the start, s.
     pub latency_sigma_s: f64,
-    /// Least spread of the heading at the start, rad.
+    /// Spread of a heading that is given at the start, rad.
     pub heading_sigma_rad: f64,
 }
 

@@ -100,25 +100,8 @@ impl<'a> Run<'a> {
         }
         let _ = navigator.on_imu(sample);
         remember(&mut self.last, sample, &self.config);
-        let Some(ins) = navigator.mechanization().copied() else {
+        let Some(start) = Start::of(navigator, sample.time, &self.noise) else {
             return;
-        };
-        let estimates = navigator.estimates();
-        let [x, y, z] = estimates.gyro_bias_radps;
-        let given = matches!(
-            self.config.heading,
-            ins_core::config::HeadingSource::Given(_)
-        );
-        let start = Start {
-            time: sample.time,
-            ins,
-            heading_sigma_rad: if given {
-                self.noise.heading_sigma_rad
-            } else {
-                estimates.azimuth_error_rad.sigma
-            },
-            gyro_bias_radps: [x.value, y.value, z.value].into(),
-            gyro_bias_sigma_radps: [x.sigma, y.sigma, z.sigma],
         };
         let filter = Filter::new(&start, &self.noise);
         self.state = State::Filtering(Box::new(if self.covariance_at_every_sample {
