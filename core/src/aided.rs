@@ -28,6 +28,8 @@ use crate::time::Time;
 const PENDING: usize = 4;
 /// Longest time that controls are held without a new fix, s.
 const HOLD_S: f64 = 1.5;
+/// Interval at which an INS without fixes is corrected, s.
+const COAST_S: f64 = 0.5;
 /// Least time between two fixes that are used, s.
 const LEAST_INTERVAL_S: f64 = 0.01;
 /// Interval at which the normal equations are solved, s.
@@ -215,7 +217,7 @@ impl AidedIns {
     /// Advances over the interval that ends at `time`.
     pub fn on_interval(&mut self, time: Time, raw: &Interval, config: &Config) {
         if time > self.controls_until {
-            self.controls = Controls::default();
+            self.coast(config);
         }
         let Compensation {
             gyro_radps,
@@ -232,6 +234,36 @@ impl AidedIns {
             self.history.push(self.now);
             self.process_pending(config);
         }
+    }
+
+    /// Without GNSS the loops are open: what the observer still sees in the INS is taken out at
+    /// once, again and again, for the position to follow it. Over longer steps than this the
+    /// observer would not be exact.
+    fn coast(&mut self, config: &Config) {
+        self.controls = Controls::default();
+        self.controls_until = self.now.time.plus_seconds(COAST_S);
+        let since_s = self.now.time.seconds_since(self.last_compared);
+        let corrects = config.feedback == Feedback::Closed && config.form == Form::Exact;
+        if !corrects || since_s < COAST_S {
+            return;
+        }
+        let frame_rate = self.frame_rate(&self.now.velocity_mps);
+        self.observer.propagate(&self.now, &frame_rate, config);
+        let error = self.observer.error_at(&self.now);
+        self.mechanization.velocity_enu_mps -= error.velocity_mps;
+        self.mechanization.turn_platform(&-error.tilt_rad);
+        self.now.velocity_mps = self.mechanization.velocity_enu_mps;
+        self.now.control_velocity_mps -= error.velocity_mps;
+        self.now.control_tilt_rad -= error.tilt_rad;
+        self.azimuth_removed_rad += error.tilt_rad.z;
+        // The observer does not go back.
+        self.last_compared = self.now.time;
+    }
+
+    /// Rate at which the navigation frame turns, rad/s.
+    fn frame_rate(&self, velocity_mps: &Vector3<f64>) -> Vector3<f64> {
+        let earth = self.mechanization.local_earth();
+        earth.earth_rate() + earth.transport_rate(velocity_mps)
     }
 
     /// Adds a step to the totals of the present moment.
@@ -348,8 +380,7 @@ impl AidedIns {
             has_up: fix.velocity_up_mps.is_some(),
             latency_applied_s: self.compensation.latency_s,
         };
-        let earth = self.mechanization.local_earth();
-        let frame_rate = earth.earth_rate() + earth.transport_rate(&past.moment.velocity_mps);
+        let frame_rate = self.frame_rate(&past.moment.velocity_mps);
         self.observer.take(past, &frame_rate, &difference, config)
     }
 

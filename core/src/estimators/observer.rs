@@ -262,7 +262,7 @@ impl Observer {
     }
 
     /// Carries the observer to a later moment in a frame that turns at `frame_rate`.
-    fn propagate(&mut self, to: &Moment, frame_rate: &Vector3<f64>, config: &Config) {
+    pub fn propagate(&mut self, to: &Moment, frame_rate: &Vector3<f64>, config: &Config) {
         let span = Span::between(&self.last, to);
         let (grown, grown_by) = self.tilt_growth(&span, frame_rate);
         self.propagate_velocity(&span, &grown_by);

@@ -24,6 +24,8 @@ use crate::log::Log;
 
 /// Stamps of fusion-nav cannot be negative: this much later, us.
 const LATER_US: i64 = 1_000_000_000;
+/// Its covariance takes no smaller spread of a gyro bias, rad/s.
+const LEAST_GYRO_RADPS: f32 = 1e-4;
 
 /// Right-forward-up to forward-right-down and east-north-up to north-east-down, and back.
 fn swapped(v: &Vector3<f64>) -> [f32; 3] {
@@ -181,7 +183,9 @@ impl Filtering {
         };
         let heading = start.heading_sigma_rad as f32;
         let accel = noise.accel_bias_mps2 as f32;
-        let [gx, gy, gz] = start.gyro_bias_sigma_radps.map(|sigma| sigma as f32);
+        let [gx, gy, gz] = start
+            .gyro_bias_sigma_radps
+            .map(|sigma| (sigma as f32).max(LEAST_GYRO_RADPS));
         let sigmas = [
             5.0, 5.0, 5.0, 1.0, 1.0, 1.0, 0.05, 0.05, heading, accel, accel, accel, gy, gx, gz,
         ];
