@@ -164,42 +164,76 @@ impl History {
     /// [`Missing`] if it does not.
     pub fn at(&self, time: Time) -> Result<Past, Missing> {
         let mut older = self.moments.iter().rev();
-        let (Some(mut later), Some(mut earlier)) = (older.next(), older.next()) else {
+        let (Some(mut end), Some(mut start)) = (older.next(), older.next()) else {
             return Err(Missing::Future);
         };
-        if time > later.moment.time {
+        if time > end.moment.time {
             return Err(Missing::Future);
         }
+        let mut after = None;
         for before in older {
-            if earlier.moment.time <= time {
-                return Ok(past(before, earlier, later, time));
+            if start.moment.time <= time {
+                return Ok(past(before, [start, end], after, time));
             }
-            (later, earlier) = (earlier, before);
+            (after, end, start) = (Some(end), start, before);
         }
         Err(Missing::TooOld)
     }
 }
 
-/// Interpolates between `start` and `end`; what went `before` gives the second differences.
-fn past(before: &Recorded, start: &Recorded, end: &Recorded, time: Time) -> Past {
-    let (before, earlier, later) = (&before.moment, &start.moment, &end.moment);
-    let span = later.time.seconds_since(earlier.time);
-    let last_span = earlier.time.seconds_since(before.time);
-    let between = 0.5 * (last_span + span);
-    let part = time.seconds_since(earlier.time) / span;
-    // From specific force: the velocity itself also follows the noise of GNSS, by its controls.
-    let gravity = Vector3::new(0.0, 0.0, GRAVITY_EQUATOR_MPS2);
-    let slope = (later.force_mps - earlier.force_mps) / span - gravity;
-    let last_slope = (earlier.force_mps - before.force_mps) / last_span - gravity;
-    let attitude = (later.attitude_s - earlier.attitude_s) / span;
-    let last_attitude = (earlier.attitude_s - before.attitude_s) / last_span;
-    let curvature = (slope - last_slope) / between;
-    // The parabola through three moments.
+/// Interpolates between two moments; those `before` and `after` give the second differences.
+fn past(
+    before: &Recorded,
+    [start, end]: [&Recorded; 2],
+    after: Option<&Recorded>,
+    time: Time,
+) -> Past {
+    let here = Means::of(&start.moment, &end.moment);
+    let mut bend = here.slope_from(&Means::of(&before.moment, &start.moment));
+    if let Some(after) = after {
+        // The mean of both sides lags behind neither.
+        let later = Means::of(&end.moment, &after.moment).slope_from(&here);
+        bend.force_mps2 = 0.5 * (bend.force_mps2 + later.force_mps2);
+        bend.attitude = 0.5 * (bend.attitude + later.attitude);
+    }
+    let part = time.seconds_since(start.moment.time) / here.seconds;
+    // The parabola. From specific force: the velocity itself also follows the noise of GNSS, by
+    // its controls.
     let chord = start.velocity_mps + part * (end.velocity_mps - start.velocity_mps);
+    let sag = 0.5 * part * (1.0 - part) * here.seconds * here.seconds;
+    let gravity = Vector3::new(0.0, 0.0, GRAVITY_EQUATOR_MPS2);
     Past {
-        moment: earlier.towards(later, part, time),
-        velocity_mps: chord - 0.5 * part * (1.0 - part) * span * span * curvature,
-        accel_mps2: slope + (part - 0.5) * span * curvature,
-        attitude_rate: (attitude - last_attitude) / between,
+        moment: start.moment.towards(&end.moment, part, time),
+        velocity_mps: chord - sag * bend.force_mps2,
+        accel_mps2: here.force_mps2 - gravity + (part - 0.5) * here.seconds * bend.force_mps2,
+        attitude_rate: bend.attitude,
+    }
+}
+
+/// Means between two moments of the ring, or how fast they change.
+struct Means {
+    seconds: f64,
+    force_mps2: Vector3<f64>,
+    attitude: Matrix3<f64>,
+}
+
+impl Means {
+    fn of(start: &Moment, end: &Moment) -> Self {
+        let seconds = end.time.seconds_since(start.time);
+        Self {
+            seconds,
+            force_mps2: (end.force_mps - start.force_mps) / seconds,
+            attitude: (end.attitude_s - start.attitude_s) / seconds,
+        }
+    }
+
+    /// Change per second from an earlier mean to this.
+    fn slope_from(&self, earlier: &Self) -> Self {
+        let seconds = 0.5 * (earlier.seconds + self.seconds);
+        Self {
+            seconds,
+            force_mps2: (self.force_mps2 - earlier.force_mps2) / seconds,
+            attitude: (self.attitude - earlier.attitude) / seconds,
+        }
     }
 }

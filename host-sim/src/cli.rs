@@ -11,6 +11,7 @@ use miette::{IntoDiagnostic, Result, bail};
 use crate::accuracy;
 use crate::aircraft;
 use crate::analysis::{Analysis, SUMMARY};
+use crate::compare;
 use crate::figures;
 use crate::flights;
 use crate::hil;
@@ -42,6 +43,8 @@ enum Command {
     Identify(Identify),
     /// Run a log through firmware on a board, and compare with the host bit for bit.
     Hil(hil::cli::Hil),
+    /// Compare compensation with a Kalman filter on a log, in navigation and through outages.
+    Compare(compare::cli::Compare),
     /// Fly a plan in a simulated aircraft and write its log.
     Fly(aircraft::cli::Fly),
     /// Print the performance and the natural motions of an aircraft.
@@ -154,6 +157,7 @@ pub fn run(cli: &Cli) -> Result<()> {
             print_analysis(&analysis, &options.out, cli.json)
         }
         Command::Hil(options) => hil::cli::hil(options, cli.json, cli.force),
+        Command::Compare(options) => compare::cli::compare(options, cli.json, cli.force),
         Command::Fly(options) => aircraft::cli::fly(options, cli.json, cli.force),
         Command::Aircraft(options) => aircraft::cli::table(options, cli.json, cli.force),
         Command::Flights(options) => flights::cli::flights(options, cli.json, cli.force),
