@@ -6,6 +6,7 @@ pub mod analysis;
 pub mod cli;
 pub mod configure;
 pub mod error_free;
+pub mod error_model;
 pub mod figures;
 pub mod flights;
 pub mod free_inertial;
