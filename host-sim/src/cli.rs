@@ -11,6 +11,7 @@ use miette::{IntoDiagnostic, Result, bail};
 use crate::accuracy;
 use crate::aircraft;
 use crate::analysis::{Analysis, SUMMARY};
+use crate::campaign;
 use crate::error_model::fit::Kind;
 use crate::error_model::{self, Identified, Record};
 use crate::figures;
@@ -51,6 +52,10 @@ enum Command {
     Flights(flights::cli::Flights),
     /// Run many simulated drives and say how good the estimates are.
     Accuracy(accuracy::cli::Accuracy),
+    /// Identify many units from drives, fly them, and compare with the accuracy foretold.
+    Campaign(campaign::cli::Campaign),
+    /// Add up the shards of a campaign.
+    Merge(campaign::cli::Merge),
     /// Measure the figures of the README anew and write them into it.
     Figures(figures::Figures),
     /// Simulate a drive, identify it, and compare with the truth.
@@ -188,6 +193,8 @@ pub fn run(cli: &Cli) -> Result<()> {
         Command::Aircraft(options) => aircraft::cli::table(options, cli.json, cli.force),
         Command::Flights(options) => flights::cli::flights(options, cli.json, cli.force),
         Command::Accuracy(options) => accuracy::cli::accuracy(options, cli.json, cli.force),
+        Command::Campaign(options) => campaign::cli::campaign(options, cli.json, cli.force),
+        Command::Merge(options) => campaign::cli::merge(options, cli.json),
         Command::Figures(options) => figures::write(options),
         Command::Demo { out, drive } => demo(out, *drive, cli),
     }
@@ -378,12 +385,7 @@ fn print_model(model: &Identified, out: &Path, json: bool) -> Result<()> {
     Ok(())
 }
 
-fn print_analysis(
-    analysis: &Analysis,
-    model: &Identified,
-    out: &Path,
-    json: bool,
-) -> Result<()> {
+fn print_analysis(analysis: &Analysis, model: &Identified, out: &Path, json: bool) -> Result<()> {
     let summary = &analysis.summary;
     if json {
         println!(

@@ -3,6 +3,7 @@
 pub mod accuracy;
 pub mod aircraft;
 pub mod analysis;
+pub mod campaign;
 pub mod cli;
 pub mod configure;
 pub mod error_free;

@@ -34,7 +34,8 @@ pub fn allan(series: &[Vec<Vector3<f64>>], step_s: f64) -> Vec<Point> {
             let (mut squares, mut count) = (Vector3::zeros(), 0.0);
             for readings in pairs() {
                 for pair in readings.windows(2 * size) {
-                    let mean = |part: &[Vector3<f64>]| part.iter().sum::<Vector3<f64>>() / size as f64;
+                    let mean =
+                        |part: &[Vector3<f64>]| part.iter().sum::<Vector3<f64>>() / size as f64;
                     let change = mean(&pair[size..]) - mean(&pair[..size]);
                     squares += change.component_mul(&change);
                     count += 1.0;
@@ -44,8 +45,9 @@ pub fn allan(series: &[Vec<Vector3<f64>>], step_s: f64) -> Vec<Point> {
                 let freedom = clusters as f64;
                 Point {
                     tau_s: size as f64 * step_s,
-                    deviation: [0, 1, 2]
-                        .map(|axis| sigma_of_squares(0.5 * squares[axis] / count * freedom, freedom)),
+                    deviation: [0, 1, 2].map(|axis| {
+                        sigma_of_squares(0.5 * squares[axis] / count * freedom, freedom)
+                    }),
                 }
             })
         })
@@ -68,8 +70,9 @@ impl AtRest {
         let seconds: f64 = spans().flatten().map(|block| block.seconds).sum();
         let step_s = seconds / spans().map(Vec::len).sum::<usize>().max(1) as f64;
         let of = |value: fn(&RestBlock) -> Vector3<f64>| {
-            let series: Vec<Vec<Vector3<f64>>> =
-                spans().map(|span| span.iter().map(value).collect()).collect();
+            let series: Vec<Vec<Vector3<f64>>> = spans()
+                .map(|span| span.iter().map(value).collect())
+                .collect();
             allan(&series, step_s)
         };
         Self {
@@ -102,7 +105,12 @@ impl AtRest {
     pub fn picture(&self, gyro_noise: Option<f64>, accel_noise: Option<f64>) -> String {
         sheet::svg(&[
             panel("Gyros at rest", "deg/h", &self.gyro_deg_h, gyro_noise),
-            panel("Accelerometers at rest", "m/s^2", &self.accel_mps2, accel_noise),
+            panel(
+                "Accelerometers at rest",
+                "m/s^2",
+                &self.accel_mps2,
+                accel_noise,
+            ),
         ])
     }
 }
@@ -119,8 +127,16 @@ fn panel(title: &str, unit: &str, points: &[Point], noise: Option<f64>) -> Panel
     if let Some(noise) = noise {
         marks.push(Mark::Reference(line(&|p| noise / p.tau_s.sqrt()), RED));
     }
-    let values = || points.iter().flat_map(|p| p.deviation).map(|sigma| sigma.value);
-    let least = values().filter(|v| *v > 0.0).fold(f64::MAX, f64::min).min(1e6);
+    let values = || {
+        points
+            .iter()
+            .flat_map(|p| p.deviation)
+            .map(|sigma| sigma.value)
+    };
+    let least = values()
+        .filter(|v| *v > 0.0)
+        .fold(f64::MAX, f64::min)
+        .min(1e6);
     let most = values().fold(least, f64::max);
     let ends = |p: Option<&Point>| p.map_or(0.0, |p| p.tau_s.log10());
     let plot = Plot {
@@ -152,7 +168,11 @@ mod tests {
     fn white_noise_falls_with_the_root_of_the_cluster_time() {
         let mut random = Random::stream(5, "allan");
         let series: Vec<Vec<Vector3<f64>>> = [600, 3, 1200]
-            .map(|length| (0..length).map(|_| Vector3::from(random.normal3())).collect())
+            .map(|length| {
+                (0..length)
+                    .map(|_| Vector3::from(random.normal3()))
+                    .collect()
+            })
             .to_vec();
         let points = allan(&series, 0.5);
         assert_eq!(points[3].tau_s, 4.0);

@@ -8,7 +8,7 @@ use super::record::Record;
 /// Twice the log-likelihood falls by chi-square of one degree of freedom, 95 %: 3.84.
 const DROP: f64 = 1.92;
 /// Log-likelihoods closer than this are equal.
-const TOLERANCE: f64 = 0.01;
+const TOLERANCE: f64 = 0.02;
 /// Step of the numerical curvature in the logarithm of a parameter.
 const CURVATURE_STEP: f64 = 0.03;
 /// A bound further away than this factor is none.
@@ -16,7 +16,7 @@ const BOUNDLESS: f64 = 1e3;
 /// Weight, of the greatest, below which an interval between jumps is out of the question.
 const NEGLIGIBLE: f64 = 1e-3;
 /// Most points at which the likelihood of the interval is looked at again.
-const REFINEMENTS: usize = 160;
+const REFINEMENTS: usize = 60;
 /// A walk of the bias is tried as jumps so many seconds apart.
 const WALK_S: f64 = 10.0;
 /// Upper over lower bound beyond which an interval between jumps is not known.
@@ -126,11 +126,7 @@ pub fn fit(records: &[Record], accel_noise: f64, kind: Option<Kind>) -> Option<G
 
 /// Log-likelihood, its curvature in the logarithms of (noise, GNSS noise, size and time of the
 /// random part) at given values: the information behind the bound of Cramer and Rao.
-pub fn information(
-    records: &[Record],
-    accel_noise: f64,
-    at: &Candidate,
-) -> nalgebra::Matrix4<f64> {
+pub fn information(records: &[Record], accel_noise: f64, at: &Candidate) -> nalgebra::Matrix4<f64> {
     let fitter = Fitter {
         drives: records.iter().collect(),
         accel_noise,
@@ -189,7 +185,11 @@ impl Fitter<'_> {
             .map(|record| filter(record, &candidate).log_likelihood)
             .sum();
         // Variances beyond all sense overflow.
-        if sum.is_finite() { sum } else { f64::NEG_INFINITY }
+        if sum.is_finite() {
+            sum
+        } else {
+            f64::NEG_INFINITY
+        }
     }
 
     /// Biases that do not move: a start for everything else.
@@ -237,7 +237,14 @@ impl Fitter<'_> {
             correlated_sigma: sigma,
             correlation_time_s: time,
         };
-        self.assemble(Kind::Continuous, &top, &answers, bias, 0.0, slope_sigma.value)
+        self.assemble(
+            Kind::Continuous,
+            &top,
+            &answers,
+            bias,
+            0.0,
+            slope_sigma.value,
+        )
     }
 
     fn continuous_top(&self, still: &Top) -> Top {
@@ -251,7 +258,12 @@ impl Fitter<'_> {
             for time in times.into_iter().filter(|time| *time < longest) {
                 let value = self.at(still.noise, still.gnss, Kind::Continuous, size, time);
                 if value > best.value || best.size < unit - 10.0 {
-                    best = Top { size, time, value, ..*still };
+                    best = Top {
+                        size,
+                        time,
+                        value,
+                        ..*still
+                    };
                 }
             }
         }
@@ -477,7 +489,7 @@ impl<'a> Scan<'a> {
             // A jump is seen to within the time that noise needs to hide it; the last one moves
             // by as many intervals as went before.
             let seen_s = libm::exp(2.0 * (top.noise - scan.size(time)));
-            time += (0.5 * seen_s / longest_s).clamp(0.005, 0.1);
+            time += (0.7 * seen_s / longest_s).clamp(0.005, 0.1);
         }
         scan
     }
@@ -505,12 +517,18 @@ impl<'a> Scan<'a> {
             let top = self.best().1;
             let mass = |pair: &[(f64, f64)]| {
                 let weight = libm::exp(pair[0].1 - top) + libm::exp(pair[1].1 - top);
-                if weight > NEGLIGIBLE { weight * (pair[1].0 - pair[0].0) } else { 0.0 }
+                if weight > NEGLIGIBLE {
+                    weight * (pair[1].0 - pair[0].0)
+                } else {
+                    0.0
+                }
             };
             let widest = (self.points.windows(2).enumerate())
                 .max_by(|a, b| mass(a.1).total_cmp(&mass(b.1)))
                 .map(|(at, pair)| (at, 0.5 * (pair[0].0 + pair[1].0), mass(pair)));
-            let Some((at, time, mass)) = widest else { return };
+            let Some((at, time, mass)) = widest else {
+                return;
+            };
             if mass <= 0.0 {
                 return;
             }

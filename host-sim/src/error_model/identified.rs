@@ -7,8 +7,8 @@ use super::interval::{self, Interval, Measured, sigma_of_squares};
 use super::record::Record;
 use crate::log::Grade;
 use crate::quantities::DEG_H_RADPS;
-use crate::sim::{self, ErrorModel};
 use crate::sim::errors::BiasModel;
+use crate::sim::{self, ErrorModel};
 use ins_core::alignment::rest::RestBlock;
 use ins_core::{Estimate, Observability};
 use nalgebra::Vector3;
@@ -51,7 +51,11 @@ impl Identified {
         let accel_noise = noise_at_rest(records, |block| block.force_mps2);
         let known_noise = accel_noise.map_or(class.accel_mps2.white_noise, |noise| noise.value);
         // A scale error of the up axis is felt as a bias of it.
-        let axes = if class.accel_mps2.scale_sigma > 0.0 { 2 } else { 3 };
+        let axes = if class.accel_mps2.scale_sigma > 0.0 {
+            2
+        } else {
+            3
+        };
         let accels: Vec<Measured> = (records.iter())
             .flat_map(|record| &record.accel_bias_mps2[..axes])
             .filter_map(measured)
@@ -81,8 +85,18 @@ impl Identified {
     pub fn parameters(&self) -> Vec<Parameter> {
         let mut all = self.gyro_parameters();
         all.extend([
-            known("accel_mps2.white_noise", "m/s^2/sqrt(Hz)", self.accel_noise, NO_REST),
-            spread("accel_mps2.bias.initial_sigma", "m/s^2", self.accel_sigma, NO_TURN),
+            known(
+                "accel_mps2.white_noise",
+                "m/s^2/sqrt(Hz)",
+                self.accel_noise,
+                NO_REST,
+            ),
+            spread(
+                "accel_mps2.bias.initial_sigma",
+                "m/s^2",
+                self.accel_sigma,
+                NO_TURN,
+            ),
             known(
                 "gnss.velocity_sigma_mps",
                 "m/s",
@@ -104,7 +118,12 @@ impl Identified {
         };
         let deg_h = 1.0 / DEG_H_RADPS;
         let mut all = vec![
-            known("gyro_deg_h.white_noise", NOISE_UNIT, Some(gyro.noise.scaled(deg_h)), ""),
+            known(
+                "gyro_deg_h.white_noise",
+                NOISE_UNIT,
+                Some(gyro.noise.scaled(deg_h)),
+                "",
+            ),
             spread(
                 "gyro_deg_h.bias.initial_sigma",
                 "deg/h",
@@ -117,7 +136,11 @@ impl Identified {
             unit: "s",
             found: Some(found),
             observable: gyro.has_time_scale(),
-            why: if gyro.has_time_scale() { "" } else { NO_TIME_SCALE },
+            why: if gyro.has_time_scale() {
+                ""
+            } else {
+                NO_TIME_SCALE
+            },
         };
         match &gyro.bias {
             BiasFit::Wave {

@@ -37,7 +37,11 @@ pub fn maximum<const N: usize>(
         let reflected = along(-1.0);
         let moved = if reflected.1 > best {
             let expanded = along(-2.0);
-            if expanded.1 > reflected.1 { expanded } else { reflected }
+            if expanded.1 > reflected.1 {
+                expanded
+            } else {
+                reflected
+            }
         } else if reflected.1 > simplex[N - 1].1 {
             reflected
         } else {

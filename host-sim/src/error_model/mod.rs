@@ -27,7 +27,6 @@ mod output;
 pub mod record;
 pub mod recovery;
 
-
 pub use identified::{Identified, Parameter};
 pub use output::{MODEL, write};
 pub use record::Record;

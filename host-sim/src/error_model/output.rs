@@ -75,14 +75,32 @@ impl Identified {
         let row = |parameter: Parameter| {
             let cells = parameter.found.map_or_else(Default::default, |found| {
                 let width = 0.3 * (found.high - found.low);
-                let scale = if width.is_finite() { width } else { 0.1 * found.value };
+                let scale = if width.is_finite() {
+                    width
+                } else {
+                    0.1 * found.value
+                };
                 [found.value, found.low, found.high].map(|v| to_second_digit_of(scale, v))
             });
             let [value, low, high] = cells;
-            let value = if parameter.observable { value } else { "-".to_owned() };
+            let value = if parameter.observable {
+                value
+            } else {
+                "-".to_owned()
+            };
             let name = parameter.name.to_owned();
-            vec![name, value, low, high, parameter.unit.to_owned(), parameter.why.to_owned()]
+            vec![
+                name,
+                value,
+                low,
+                high,
+                parameter.unit.to_owned(),
+                parameter.why.to_owned(),
+            ]
         };
-        (header.to_vec(), self.parameters().into_iter().map(row).collect())
+        (
+            header.to_vec(),
+            self.parameters().into_iter().map(row).collect(),
+        )
     }
 }

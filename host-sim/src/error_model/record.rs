@@ -201,10 +201,8 @@ struct Correction {
 impl Correction {
     fn of(&self, interval: &Interval) -> Interval {
         let e = &self.estimates;
-        let mut free = interval.without_bias(
-            &values(&e.gyro_bias_radps),
-            &values(&e.accel_bias_mps2),
-        );
+        let mut free =
+            interval.without_bias(&values(&e.gyro_bias_radps), &values(&e.accel_bias_mps2));
         free.angle_rad -= values(&e.gyro_turn) * interval.angle_rad.z;
         free.force_mps.x -= e.accel_scale[0].value * interval.force_mps.x;
         free.force_mps.y -= e.accel_scale[1].value * interval.force_mps.y;
@@ -255,7 +253,10 @@ impl<'a> Reducer<'a> {
             None => &[],
         };
         Self {
-            first: log.imu.first().map_or(Time::default(), |sample| sample.time),
+            first: log
+                .imu
+                .first()
+                .map_or(Time::default(), |sample| sample.time),
             rest,
             correction,
             references,
@@ -372,8 +373,8 @@ impl Going {
         };
         // `C' = (I - [Phi x]) C`: turning the platform by Phi is a rotation by -Phi.
         let turned = -(reference.attitude * before.inverse()).scaled_axis();
-        let rest_rate = self.angle_rad / self.seconds
-            - self.attitude_s.tr_mul(&frame_rate) / self.seconds;
+        let rest_rate =
+            self.angle_rad / self.seconds - self.attitude_s.tr_mul(&frame_rate) / self.seconds;
         let velocity_control = reference.velocity_enu_mps - self.ins.velocity_enu_mps;
         Epoch {
             start_s: self.start.time.seconds_since(reducer.first),

@@ -128,7 +128,11 @@ struct Bounds<'a> {
 impl<'a> Bounds<'a> {
     fn new(study: &Study, model: &'a ErrorModel, units: &[Unit]) -> Self {
         let count = units.len() as f64;
-        let mut mean = units.iter().map(|unit| unit.information).sum::<Matrix4<f64>>() / count;
+        let mut mean = units
+            .iter()
+            .map(|unit| unit.information)
+            .sum::<Matrix4<f64>>()
+            / count;
         let draws = 3.0 * study.drives as f64;
         let mut jumps = 0.0;
         if let BiasModel::Wave { interval_s, .. } = model.gyro_deg_h.bias {
@@ -205,7 +209,9 @@ impl Row {
             format!("{:.0} %", self.coverage_percent),
             digits(self.scatter),
             self.bound.map_or("none".to_owned(), digits),
-            (self.bound).map_or(String::new(), |bound| format!("{:.2}", self.scatter / bound)),
+            (self.bound).map_or(String::new(), |bound| {
+                format!("{:.2}", self.scatter / bound)
+            }),
         ]
     }
 }
