@@ -18,13 +18,17 @@ const PLAN: &str = "
 
 fn host_sim(threads: &str) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_host-sim"));
-    command.env("RAYON_NUM_THREADS", threads).stdout(Stdio::null());
+    command
+        .env("RAYON_NUM_THREADS", threads)
+        .stdout(Stdio::null());
     command
 }
 
 fn campaign(threads: &str, home: &Path, out: &str) -> Command {
     let mut command = host_sim(threads);
-    command.current_dir(home).args(["campaign", "plan.toml", "--out", out]);
+    command
+        .current_dir(home)
+        .args(["campaign", "plan.toml", "--out", out]);
     command
 }
 
@@ -55,7 +59,10 @@ fn threads_kills_and_shards_leave_no_trace() {
     let start = Instant::now();
     let done = || fs::read(&runs).map_or(0, |text| text.iter().filter(|b| **b == b'\n').count());
     while done() < 4 {
-        assert!(start.elapsed() < Duration::from_secs(120), "nothing gets done");
+        assert!(
+            start.elapsed() < Duration::from_secs(120),
+            "nothing gets done"
+        );
         std::thread::sleep(Duration::from_millis(5));
     }
     killed.kill().unwrap();
@@ -72,14 +79,22 @@ fn threads_kills_and_shards_leave_no_trace() {
     let other = PLAN.replace("seed = 3", "seed = 4");
     fs::write(home.join("other.toml"), other).unwrap();
     let mut command = host_sim("1");
-    command.current_dir(home).args(["campaign", "other.toml", "--out", "killed"]);
+    command
+        .current_dir(home)
+        .args(["campaign", "other.toml", "--out", "killed"]);
     assert!(!command.stderr(Stdio::null()).status().unwrap().success());
 
     // The script for Slurm, under plain processes.
     let mut command = campaign("1", home, "array");
     assert!(command.args(["--slurm", "2"]).status().unwrap().success());
     for task in ["1", "2"] {
-        let merge = || host_sim("1").current_dir(home).args(["merge", "array"]).output().unwrap();
+        let merge = || {
+            host_sim("1")
+                .current_dir(home)
+                .args(["merge", "array"])
+                .output()
+                .unwrap()
+        };
         assert!(!merge().status.success(), "merged before shard {task}");
         let mut job = Command::new("bash");
         job.arg(home.join("array/campaign.sbatch"))
@@ -89,6 +104,13 @@ fn threads_kills_and_shards_leave_no_trace() {
         assert!(job.status().unwrap().success());
     }
     let mut merge = host_sim("1");
-    assert!(merge.current_dir(home).args(["merge", "array"]).status().unwrap().success());
+    assert!(
+        merge
+            .current_dir(home)
+            .args(["merge", "array"])
+            .status()
+            .unwrap()
+            .success()
+    );
     assert_eq!(text(&home.join("array/campaign.json")), summary);
 }

@@ -266,7 +266,10 @@ impl State {
     }
 
     fn measure(&mut self, row: &Vector, measured: f64, noise: f64) {
-        let gain = self.covariance * row;
+        let mut gain = Vector::zeros();
+        for (column, factor) in row.iter().enumerate().filter(|(_, factor)| **factor != 0.0) {
+            gain.axpy(*factor, &self.covariance.column(column), 1.0);
+        }
         let variance = row.dot(&gain) + noise;
         let innovation = measured - row.dot(&self.mean);
         self.mean += gain * (innovation / variance);
@@ -276,26 +279,31 @@ impl State {
 
     /// `dV' = f x Phi`, `Phi' = -w x Phi - C dw`, and the known controls.
     fn propagate(&mut self, epoch: &Epoch, trend: f64) {
-        let by_bias = match epoch.rest_rate_radps {
-            Some(_) => nalgebra::Matrix3::zeros(),
-            None => -epoch.attitude_s,
-        };
+        let at_rest = epoch.rest_rate_radps.is_some();
         let turn = -epoch.seconds * epoch.frame_rate_radps.cross_matrix();
         let apply = |columns: &Matrix| {
             let mut out = *columns;
             for axis in 0..2 {
-                let by = force_by_tilt(&epoch.force_mps, axis);
-                for (tilt, by) in by.iter().enumerate().filter(|(_, by)| **by != 0.0) {
-                    add_column(&mut out, VELOCITY + axis, columns, TILT + tilt, *by);
-                }
+                add_columns(
+                    &mut out,
+                    VELOCITY + axis,
+                    columns,
+                    &force_by_tilt(&epoch.force_mps, axis),
+                );
             }
             for axis in 0..3 {
+                let by_tilt = turn.row(axis).transpose();
+                add_columns(&mut out, TILT + axis, columns, &by_tilt);
+            }
+            if !at_rest {
                 for other in 0..3 {
-                    let (bias, frame) = (by_bias[(axis, other)], turn[(axis, other)]);
-                    add_column(&mut out, TILT + axis, columns, CONSTANT + other, bias);
-                    add_column(&mut out, TILT + axis, columns, TREND + other, bias * trend);
-                    add_column(&mut out, TILT + axis, columns, RANDOM + other, bias);
-                    add_column(&mut out, TILT + axis, columns, TILT + other, frame);
+                    let bias = columns.column(CONSTANT + other)
+                        + trend * columns.column(TREND + other)
+                        + columns.column(RANDOM + other);
+                    for axis in 0..3 {
+                        let by_bias = -epoch.attitude_s[(axis, other)];
+                        out.column_mut(TILT + axis).axpy(by_bias, &bias, 1.0);
+                    }
                 }
             }
             out
@@ -307,7 +315,10 @@ impl State {
         let part = |first: usize| -> Vector3<f64> { self.mean.fixed_rows::<3>(first).into() };
         let bias = part(CONSTANT) + trend * part(TREND) + part(RANDOM);
         let gained = epoch.force_mps.cross(&tilt).xy() + epoch.velocity_control_mps;
-        let turned = turn * tilt + by_bias * bias + epoch.tilt_control_rad;
+        let mut turned = turn * tilt + epoch.tilt_control_rad;
+        if !at_rest {
+            turned -= epoch.attitude_s * bias;
+        }
         let mut velocity = self.mean.fixed_rows_mut::<2>(VELOCITY);
         velocity += gained;
         let mut tilt = self.mean.fixed_rows_mut::<3>(TILT);
@@ -323,6 +334,10 @@ fn force_by_tilt(force: &Vector3<f64>, axis: usize) -> Vector3<f64> {
     }
 }
 
-fn add_column(out: &mut Matrix, to: usize, columns: &Matrix, from: usize, factor: f64) {
-    out.column_mut(to).axpy(factor, &columns.column(from), 1.0);
+/// Adds to a column what the tilt columns make it gain.
+fn add_columns(out: &mut Matrix, to: usize, columns: &Matrix, by_tilt: &Vector3<f64>) {
+    for (tilt, by) in by_tilt.iter().enumerate().filter(|(_, by)| **by != 0.0) {
+        out.column_mut(to)
+            .axpy(*by, &columns.column(TILT + tilt), 1.0);
+    }
 }

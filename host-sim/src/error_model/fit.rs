@@ -15,6 +15,8 @@ const CURVATURE_STEP: f64 = 0.03;
 const BOUNDLESS: f64 = 1e3;
 /// Weight, of the greatest, below which an interval between jumps is out of the question.
 const NEGLIGIBLE: f64 = 1e-3;
+/// Log-likelihood below the greatest at which an interval is not looked at again.
+const UNLIKELY: f64 = 12.0;
 /// Most points at which the likelihood of the interval is looked at again.
 const REFINEMENTS: usize = 60;
 /// A walk of the bias is tried as jumps so many seconds apart.
@@ -223,7 +225,7 @@ impl Fitter<'_> {
 
     fn continuous(&self, still: &Top) -> GyroFit {
         let top = self.continuous_top(still);
-        let sigma = self.size_interval(Kind::Continuous, &top, still.value, true);
+        let sigma = self.size_interval(Kind::Continuous, &top, still.value);
         let time = self.time_interval(&top);
         let answers = self.answers(&self.candidate(
             top.noise,
@@ -279,16 +281,18 @@ impl Fitter<'_> {
         }
     }
 
-    /// Profile over the size of the random part; what else moves with it is maximised over.
-    fn size_interval(&self, kind: Kind, top: &Top, still: f64, free_time: bool) -> Interval {
+    /// Profile over the size of the random part. The noises are left where they are: they hardly
+    /// move with it.
+    fn size_interval(&self, kind: Kind, top: &Top, still: f64) -> Interval {
         let longest = libm::log(self.longest_s());
         let profile = |size: f64| {
-            let value = if free_time {
-                let f = |x: &[f64; 2]| self.at(x[0], top.gnss, kind, size, bounded(x[1], longest));
-                maximum(f, [top.noise, top.time], [0.05, 0.3], TOLERANCE).1
-            } else {
-                let f = |x: &[f64; 1]| self.at(x[0], top.gnss, kind, size, top.time);
-                maximum(f, [top.noise], [0.05], TOLERANCE).1
+            let at = |time: f64| self.at(top.noise, top.gnss, kind, size, time);
+            let value = match kind {
+                Kind::Wave => at(top.time),
+                Kind::Continuous => {
+                    let f = |x: &[f64; 1]| at(bounded(x[0], longest));
+                    maximum(f, [top.time], [0.3], TOLERANCE).1
+                }
             };
             value - top.value + DROP
         };
@@ -306,9 +310,8 @@ impl Fitter<'_> {
 
     fn time_interval(&self, top: &Top) -> Interval {
         let profile = |time: f64| {
-            let f = |x: &[f64; 2]| self.at(x[0], top.gnss, Kind::Continuous, x[1], time);
-            let start = [top.noise, top.size];
-            maximum(f, start, [0.05, 0.2], TOLERANCE).1 - top.value + DROP
+            let f = |x: &[f64; 1]| self.at(top.noise, top.gnss, Kind::Continuous, x[0], time);
+            maximum(f, [top.size], [0.2], TOLERANCE).1 - top.value + DROP
         };
         Interval {
             value: libm::exp(top.time),
@@ -321,7 +324,7 @@ impl Fitter<'_> {
 
     fn wave(&self, still: &Top) -> GyroFit {
         let (top, interval_s) = self.wave_top(still);
-        let jump_sigma = self.size_interval(Kind::Wave, &top, still.value, false);
+        let jump_sigma = self.size_interval(Kind::Wave, &top, still.value);
         let answers = self.answers(&self.candidate(
             top.noise,
             top.gnss,
@@ -352,7 +355,7 @@ impl Fitter<'_> {
             time,
             value,
         };
-        let mut scan = Scan::new(self, &near);
+        let mut scan = scan.again(&near);
         scan.refine();
         let (time, value) = scan.best();
         let top = Top {
@@ -457,7 +460,7 @@ fn bound(profile: impl Fn(f64) -> f64, top: f64, step: f64) -> f64 {
     loop {
         let next = inside + step;
         if profile(next) < 0.0 {
-            return crossing(profile, inside, next, 5);
+            return crossing(profile, inside, next, 4);
         }
         inside = next;
         step *= 1.6;
@@ -489,8 +492,28 @@ impl<'a> Scan<'a> {
             // A jump is seen to within the time that noise needs to hide it; the last one moves
             // by as many intervals as went before.
             let seen_s = libm::exp(2.0 * (top.noise - scan.size(time)));
-            time += (0.7 * seen_s / longest_s).clamp(0.005, 0.1);
+            time += (seen_s / longest_s).clamp(0.008, 0.1);
         }
+        scan
+    }
+
+    /// The likely points anew, about another top.
+    fn again(&self, top: &Top) -> Self {
+        let least = self.best().1 - UNLIKELY;
+        let mut scan = Self {
+            fitter: self.fitter,
+            top: *top,
+            points: Vec::new(),
+        };
+        // With their neighbours, so that the likely ones lie inside.
+        let likely = |at: usize| {
+            let near = self.points[at.saturating_sub(1)..].iter().take(3);
+            near.into_iter().any(|point| point.1 > least)
+        };
+        scan.points = (0..self.points.len())
+            .filter(|at| likely(*at))
+            .map(|at| (self.points[at].0, scan.value(self.points[at].0)))
+            .collect();
         scan
     }
 

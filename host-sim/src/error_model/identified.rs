@@ -114,7 +114,10 @@ impl Identified {
     fn gyro_parameters(&self) -> Vec<Parameter> {
         let Some(gyro) = &self.gyro else {
             let rest = self.gyro_noise_at_rest;
-            return vec![known("gyro_deg_h.white_noise", NOISE_UNIT, rest, NO_REST)];
+            return vec![
+                known("gyro_deg_h.white_noise", NOISE_UNIT, rest, NO_REST),
+                known("gyro_deg_h.bias.initial_sigma", "deg/h", None, NO_AZIMUTH),
+            ];
         };
         let deg_h = 1.0 / DEG_H_RADPS;
         let mut all = vec![
