@@ -63,7 +63,8 @@ fn aircraft(file: Option<&Path>) -> Result<Dynamics> {
     }
 }
 
-fn error_model(name: &str) -> Result<ErrorModel> {
+/// A preset by its name, or a file.
+pub(crate) fn error_model(name: &str) -> Result<ErrorModel> {
     match name {
         "ideal" => Ok(Grade::Ideal.errors()),
         "hg1700" => Ok(Grade::Hg1700.errors()),

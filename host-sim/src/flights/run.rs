@@ -107,6 +107,48 @@ pub struct Run {
 
 /// Flies one seed.
 pub fn run(seed: u64, route: &Route, settings: &Settings) -> Result<Run, RunError> {
+    let (mut sensors, navigator, start) = aided(seed, route, settings)?;
+    let estimates = navigator.estimates();
+    let mut free = Free::new(seed, &sensors, &start, &estimates, navigator.config());
+    let left = left(&sensors, &start, &estimates);
+    for count in 1..=settings.minutes_free * MINUTE {
+        let step = sensors.step();
+        free.step(&step, sensors.truth(), count);
+    }
+    Ok(free.into_run(seed, left, sensors.truth()))
+}
+
+/// Flies one seed with nothing beside the INS that has its estimates applied: what is left when
+/// GNSS goes, and the errors at every minute after that.
+pub fn run_alone(
+    seed: u64,
+    route: &Route,
+    settings: &Settings,
+) -> Result<(Left, Vec<Error>), RunError> {
+    let (mut sensors, navigator, start) = aided(seed, route, settings)?;
+    let estimates = navigator.estimates();
+    let ([gyro, accel], mut ins) = (biases(&estimates), HeldIns::new(&start));
+    let mut measured = Intervals::default();
+    let left = left(&sensors, &start, &estimates);
+    let minutes = (0..settings.minutes_free).map(|_| {
+        for _ in 0..MINUTE {
+            let step = sensors.step();
+            let interval = measured.of(&step.sample).without_bias(&gyro, &accel);
+            let height_m = step.before.solution.position.height_m;
+            ins.step(&interval, height_m, &navigator.config().damping);
+        }
+        ins.error(sensors.truth())
+    });
+    let errors = minutes.collect();
+    Ok((left, errors))
+}
+
+/// A flight up to where GNSS goes.
+fn aided(
+    seed: u64,
+    route: &Route,
+    settings: &Settings,
+) -> Result<(Sensors, Navigator, Solution), RunError> {
     let duration_s = 60.0 * f64::from(settings.minutes_aided + settings.minutes_free);
     let in_flight = |error| RunError::Flight { seed, error };
     let flight = route.flight(seed, duration_s).map_err(in_flight)?;
@@ -119,14 +161,7 @@ pub fn run(seed: u64, route: &Route, settings: &Settings) -> Result<Run, RunErro
         seed,
         minutes: settings.minutes_aided,
     })?;
-    let estimates = navigator.estimates();
-    let mut free = Free::new(seed, &sensors, &start, &estimates, navigator.config());
-    let left = left(&sensors, &start, &estimates);
-    for count in 1..=settings.minutes_free * MINUTE {
-        let step = sensors.step();
-        free.step(&step, sensors.truth(), count);
-    }
-    Ok(free.into_run(seed, left, sensors.truth()))
+    Ok((sensors, navigator, start))
 }
 
 /// The damped part of a flight.
