@@ -227,7 +227,7 @@ impl AidedIns {
                 .push(self.now, self.mechanization.velocity_enu_mps);
             self.work_left = true;
         }
-        let took = self.take_waiting(config);
+        let took = self.take_waiting(true, config);
         if due && (remembers || !took) {
             self.work_left = remembers;
             self.work(config);
@@ -302,14 +302,10 @@ impl AidedIns {
     /// Takes a fix: at once if its moment has passed, else later.
     pub fn on_fix(&mut self, fix: &GnssFix, config: &Config) -> GnssOutcome {
         let at_once = match self.pending.oldest() {
-            None => self.compare(fix, config),
+            None => self.compare(fix, true, config),
             Some(_) => None,
         };
-        let outcome = match at_once {
-            Some(outcome) => outcome,
-            None if self.pending.push(*fix).is_ok() => GnssOutcome::Queued,
-            None => GnssOutcome::TooFarAhead,
-        };
+        let outcome = at_once.unwrap_or_else(|| self.queue(fix, config));
         let taken = matches!(outcome, GnssOutcome::Accepted | GnssOutcome::Queued);
         if taken && fix.is_moving(config) {
             self.rest.on_motion();
@@ -317,12 +313,23 @@ impl AidedIns {
         outcome
     }
 
+    /// Lets a fix wait; one that has waited longest makes room.
+    fn queue(&mut self, fix: &GnssFix, config: &Config) -> GnssOutcome {
+        let room = self.pending.push(*fix).is_ok()
+            || (self.take_waiting(false, config) && self.pending.push(*fix).is_ok());
+        if room {
+            GnssOutcome::Queued
+        } else {
+            GnssOutcome::TooFarAhead
+        }
+    }
+
     /// Takes the oldest fix that waits, if its moment has passed.
-    fn take_waiting(&mut self, config: &Config) -> bool {
+    fn take_waiting(&mut self, wait: bool, config: &Config) -> bool {
         let Some(fix) = self.pending.oldest().copied() else {
             return false;
         };
-        let took = self.compare(&fix, config).is_some();
+        let took = self.compare(&fix, wait, config).is_some();
         if took {
             self.pending.pop();
         }
@@ -330,8 +337,8 @@ impl AidedIns {
     }
 
     /// Compares a fix with the INS of its own moment; `None` while that lies ahead.
-    fn compare(&mut self, fix: &GnssFix, config: &Config) -> Option<GnssOutcome> {
-        let outcome = self.process(fix, config);
+    fn compare(&mut self, fix: &GnssFix, wait: bool, config: &Config) -> Option<GnssOutcome> {
+        let outcome = self.process(fix, wait, config);
         if outcome == Some(GnssOutcome::Outlier) {
             self.refuse(fix, config);
         }
@@ -350,9 +357,9 @@ impl AidedIns {
 
     /// The comparison itself; its temporaries must not lie on the stack of every sample.
     #[inline(never)]
-    fn process(&mut self, fix: &GnssFix, config: &Config) -> Option<GnssOutcome> {
+    fn process(&mut self, fix: &GnssFix, wait: bool, config: &Config) -> Option<GnssOutcome> {
         let moment = fix.time.plus_seconds(-self.compensation.latency_s);
-        let past = match self.history.at(moment) {
+        let past = match self.history.at(moment, wait) {
             Ok(past) => past,
             Err(Missing::Future) => return None,
             Err(Missing::TooOld) => return Some(GnssOutcome::TooOld),

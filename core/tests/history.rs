@@ -38,7 +38,7 @@ fn a_past_moment_is_exact_for_a_steady_jerk() {
     let times = [0.0, 0.12, 0.25, 0.37, 0.5, 0.62];
     let history = filled(&times);
     for t in [0.12, 0.133, 0.25, 0.31, 0.449, 0.5, 0.62] {
-        let past = history.at(Time::default().plus_seconds(t)).unwrap();
+        let past = history.at(Time::default().plus_seconds(t), false).unwrap();
         assert!((past.velocity_mps - velocity(t)).norm() < 1e-12, "{t}");
         assert!((past.accel_mps2 - (ACCEL + t * JERK)).norm() < 1e-10, "{t}");
         let rate = past.attitude_rate.diagonal() - Vector3::new(1.0, 2.0, 3.0);
@@ -50,13 +50,17 @@ fn a_past_moment_is_exact_for_a_steady_jerk() {
 
 #[test]
 fn what_lies_outside_is_not_invented() {
-    let at = |history: &History, t: f64| history.at(Time::default().plus_seconds(t));
+    let at = |history: &History, t: f64| history.at(Time::default().plus_seconds(t), false);
     assert_eq!(at(&History::default(), 0.0), Err(Missing::Future));
     // The first interval has none before it.
     assert_eq!(at(&filled(&[0.0, 0.12]), 0.05), Err(Missing::TooOld));
     let times: Vec<f64> = (0..100).map(|k| f64::from(k) * 0.12).collect();
     let history = filled(&times);
     assert_eq!(at(&history, 11.89), Err(Missing::Future));
+    // Nothing follows the last interval yet.
+    let waiting = |t: f64| history.at(Time::default().plus_seconds(t), true);
+    assert_eq!(waiting(11.87), Err(Missing::Future));
+    assert!(waiting(11.75).is_ok());
     assert!(at(&history, 11.87).is_ok());
     // Some half a second is kept.
     assert!(at(&history, 11.41).is_ok());
