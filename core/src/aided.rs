@@ -216,7 +216,8 @@ impl AidedIns {
 
     /// Advances over the interval that ends at `time`.
     pub fn on_interval(&mut self, time: Time, raw: &Interval, config: &Config) {
-        if time > self.controls_until {
+        let coasts = time > self.controls_until;
+        if coasts {
             self.coast(config);
         }
         let Compensation {
@@ -227,8 +228,10 @@ impl AidedIns {
         let interval = raw.without_bias(&gyro_radps, &accel_mps2);
         let step = self.mechanization.step(&interval, &self.controls);
         self.total(time, &interval, &step);
-        if let Some(RestVerdict::Rest(block)) = self.rest.on_interval(raw) {
-            self.measure_rest(&block, config);
+        // Only GNSS tells rest from steady motion.
+        match self.rest.on_interval(raw) {
+            Some(RestVerdict::Rest(block)) if !coasts => self.measure_rest(&block, config),
+            _ => {}
         }
         if self.history.wants(time) {
             self.history.push(self.now);
@@ -241,7 +244,6 @@ impl AidedIns {
     /// observer would not be exact.
     fn coast(&mut self, config: &Config) {
         self.controls = Controls::default();
-        self.controls_until = self.now.time.plus_seconds(COAST_S);
         let since_s = self.now.time.seconds_since(self.last_compared);
         let corrects = config.feedback == Feedback::Closed && config.form == Form::Exact;
         if !corrects || since_s < COAST_S {
