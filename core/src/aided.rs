@@ -239,18 +239,21 @@ impl AidedIns {
         }
     }
 
-    /// Without GNSS the loops are open: what the observer still sees in the INS is taken out at
-    /// once, again and again, for the position to follow it. Over longer steps than this the
-    /// observer would not be exact.
+    /// Without GNSS the loops are open: what the observer sees in the INS is taken out at once,
+    /// again and again, for the position to follow it. The observer stays where a late fix still
+    /// finds it, and takes short steps: over long ones it is not exact.
     fn coast(&mut self, config: &Config) {
         self.controls = Controls::default();
-        let since_s = self.now.time.seconds_since(self.last_compared);
         let corrects = config.feedback == Feedback::Closed && config.form == Form::Exact;
-        if !corrects || since_s < COAST_S {
+        let Some(horizon) = self.history.oldest().copied().filter(|_| corrects) else {
+            return;
+        };
+        if horizon.time.seconds_since(self.last_compared) < COAST_S {
             return;
         }
-        let frame_rate = self.frame_rate(&self.now.velocity_mps);
-        self.observer.propagate(&self.now, &frame_rate, config);
+        let frame_rate = self.frame_rate(&horizon.velocity_mps);
+        self.observer.propagate(&horizon, &frame_rate, config);
+        self.last_compared = horizon.time;
         let error = self.observer.error_at(&self.now);
         self.mechanization.velocity_enu_mps -= error.velocity_mps;
         self.mechanization.turn_platform(&-error.tilt_rad);
@@ -258,8 +261,6 @@ impl AidedIns {
         self.now.control_velocity_mps -= error.velocity_mps;
         self.now.control_tilt_rad -= error.tilt_rad;
         self.azimuth_removed_rad += error.tilt_rad.z;
-        // The observer does not go back.
-        self.last_compared = self.now.time;
     }
 
     /// Rate at which the navigation frame turns, rad/s.

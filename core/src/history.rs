@@ -136,6 +136,11 @@ impl History {
         self.moments.push_over(moment);
     }
 
+    /// The oldest moment held.
+    pub fn oldest(&self) -> Option<&Moment> {
+        self.moments.oldest()
+    }
+
     /// The INS at `time`, which needs a moment of the ring after the interval that holds it.
     ///
     /// # Errors

@@ -16,8 +16,8 @@ use reference::Reference;
 /// Length of an outage, and from start to start, s.
 pub const OUTAGE_S: f64 = 30.0;
 const STRIDE_S: f64 = 10.0;
-/// Navigation before the first outage where the azimuth is never observed, s.
-const SETTLE_S: f64 = 60.0;
+/// Navigation before the first outage, s: as much GNSS as is then taken away.
+const SETTLE_S: f64 = OUTAGE_S;
 /// Age of the last fix at which an outage may begin, s; older, there already is one.
 const FRESH_S: f64 = 1.5;
 
@@ -94,7 +94,8 @@ pub struct OutageTest {
     pub navigators: Vec<Drifts>,
 }
 
-/// Places outages all along a log, from where the core has converged; `None` where none fits.
+/// Places outages all along a log, from where the core has settled and, if it ever does, observes
+/// the azimuth; `None` where none fits.
 ///
 /// Recorded logs have no truth to trust: there the fixes that are kept from the navigators are
 /// what they are compared with, at the moments that the latency found by the core gives them.
@@ -138,7 +139,7 @@ pub fn test(
 
 /// Beginnings of outages at whole strides, with GNSS before and a reference to the end.
 fn starts(log: &Log, survey: &runs::Survey, reference: &Reference) -> Vec<Time> {
-    let Some(first) = survey.converged.or(survey.settled) else {
+    let Some(first) = survey.first else {
         return Vec::new();
     };
     let fresh = |start: Time| {

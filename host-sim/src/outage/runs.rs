@@ -13,10 +13,8 @@ use crate::log::Log;
 /// What the core finds in a whole log.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Survey {
-    /// First sample with an observable azimuth.
-    pub converged: Option<Time>,
-    /// First sample some time after navigation began.
-    pub settled: Option<Time>,
+    /// Where outages may begin.
+    pub first: Option<Time>,
     /// Latency at the end, if observable, s.
     pub latency_s: f64,
 }
@@ -45,27 +43,29 @@ impl Ins for Navigator {
 pub fn survey(log: &Log, config: Config) -> Result<Survey, ConfigError> {
     let mut navigator = Navigator::new(config)?;
     let mut survey = Survey::default();
-    let mut since = None;
+    let (mut since, mut settled, mut observed) = (None, None, None);
     for event in in_order_of_time(log) {
-        match event {
+        let sample = match event {
+            Event::Imu(sample) => sample,
             Event::Gnss(fix) => {
                 let _ = navigator.on_gnss(fix);
+                continue;
             }
-            Event::Imu(sample) => {
-                let _ = navigator.on_imu(sample);
-                if navigator.phase() != Phase::Navigating {
-                    continue;
-                }
-                let since = *since.get_or_insert(sample.time);
-                if sample.time.seconds_since(since) >= SETTLE_S {
-                    survey.settled.get_or_insert(sample.time);
-                }
-                if survey.converged.is_none() && observes_azimuth(&navigator) {
-                    survey.converged = Some(sample.time);
-                }
-            }
+        };
+        let _ = navigator.on_imu(sample);
+        if navigator.phase() != Phase::Navigating {
+            continue;
+        }
+        let since = *since.get_or_insert(sample.time);
+        if sample.time.seconds_since(since) >= SETTLE_S {
+            settled.get_or_insert(sample.time);
+        }
+        if observed.is_none() && observes_azimuth(&navigator) {
+            observed = Some(sample.time);
         }
     }
+    // Never observed, it is not waited for.
+    survey.first = settled.map(|settled| settled.max(observed.unwrap_or(settled)));
     let latency = navigator.estimates().gnss_latency_s;
     if latency.observability == Observability::Observable {
         survey.latency_s = latency.value;
