@@ -45,7 +45,7 @@ impl Analysis {
         progress.set_message("identifying");
         let found = identify(&log, configure::config(&log, grade), progress)
             .map_err(|error| miette!("the configuration cannot be used: {}", error.0))?;
-        let summary = Summary::new(name(folder, &log), &log, &found, grade, &warnings);
+        let summary = Summary::new(log_name(folder, &log), &log, &found, grade, &warnings);
         Ok(Self {
             log,
             found,
@@ -102,7 +102,8 @@ fn create(folder: &Path, name: &str) -> Result<BufWriter<File>> {
     Ok(BufWriter::new(file))
 }
 
-fn name(folder: &Path, log: &Log) -> String {
+/// Name of a log: its own, or that of its folder.
+pub(crate) fn log_name(folder: &Path, log: &Log) -> String {
     let folder_name = || {
         folder
             .canonicalize()

@@ -11,6 +11,7 @@ use miette::{IntoDiagnostic, Result, bail};
 use crate::accuracy;
 use crate::aircraft;
 use crate::analysis::{Analysis, SUMMARY};
+use crate::compare;
 use crate::figures;
 use crate::flights;
 use crate::log::{self, BodyAxes, Compression, Grade, Log, Meta};
@@ -39,6 +40,8 @@ enum Command {
     Drive(Drive),
     /// Find the sensor errors of a log and write summary, tables and report.
     Identify(Identify),
+    /// Compare compensation with a Kalman filter on a log, in navigation and through outages.
+    Compare(compare::cli::Compare),
     /// Fly a plan in a simulated aircraft and write its log.
     Fly(aircraft::cli::Fly),
     /// Print the performance and the natural motions of an aircraft.
@@ -111,13 +114,24 @@ impl From<SimulatedGrade> for sim::Grade {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum GradeChoice {
+pub(crate) enum GradeChoice {
     /// What meta.toml says, or else what the gyros show at rest.
     Auto,
     /// Ring lasers of 1 deg/h.
     Hg1700,
     /// Consumer MEMS.
     Mems,
+}
+
+impl GradeChoice {
+    /// The class, if one was told.
+    pub(crate) fn told(self) -> Option<Grade> {
+        match self {
+            Self::Auto => None,
+            Self::Hg1700 => Some(Grade::Hg1700),
+            Self::Mems => Some(Grade::Mems),
+        }
+    }
 }
 
 pub(crate) fn minutes(text: &str) -> Result<f64, String> {
@@ -135,14 +149,11 @@ pub fn run(cli: &Cli) -> Result<()> {
             print_drive(&drive.out, &truth, cli.json)
         }
         Command::Identify(options) => {
-            let grade = match options.grade {
-                GradeChoice::Auto => None,
-                GradeChoice::Hg1700 => Some(Grade::Hg1700),
-                GradeChoice::Mems => Some(Grade::Mems),
-            };
+            let grade = options.grade.told();
             let analysis = identify_log(&options.log, &options.out, grade, cli.force)?;
             print_analysis(&analysis, &options.out, cli.json)
         }
+        Command::Compare(options) => compare::cli::compare(options, cli.json, cli.force),
         Command::Fly(options) => aircraft::cli::fly(options, cli.json, cli.force),
         Command::Aircraft(options) => aircraft::cli::table(options, cli.json, cli.force),
         Command::Flights(options) => flights::cli::flights(options, cli.json, cli.force),
@@ -235,7 +246,7 @@ fn identify_log(folder: &Path, out: &Path, grade: Option<Grade>, force: bool) ->
 }
 
 /// The log's folder must not become the results' one.
-fn refuse_same(log: &Path, out: &Path) -> Result<()> {
+pub(crate) fn refuse_same(log: &Path, out: &Path) -> Result<()> {
     let same = match (log.canonicalize(), out.canonicalize()) {
         (Ok(log), Ok(out)) => log.starts_with(out),
         _ => false,

@@ -4,6 +4,7 @@ pub mod accuracy;
 pub mod aircraft;
 pub mod analysis;
 pub mod cli;
+pub mod compare;
 pub mod configure;
 pub mod error_free;
 pub mod figures;

@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use crate::kalman::Noise;
 use crate::log::Log;
+use crate::report::digits;
 use reference::Reference;
 
 /// Length of an outage, and from start to start, s.
@@ -135,6 +136,49 @@ pub fn test(
         },
         navigators,
     }))
+}
+
+impl OutageTest {
+    /// What the table shows.
+    pub fn title(&self) -> String {
+        let against = match self.against {
+            Against::Truth => "the truth",
+            Against::Gnss => "the fixes kept from the navigators",
+        };
+        format!(
+            "Horizontal drift over {OUTAGE_S:.0} s without GNSS, against {against}; one outage \
+             every {STRIDE_S:.0} s"
+        )
+    }
+
+    /// Column heads of [`Self::rows`].
+    pub fn header(&self) -> Vec<String> {
+        let heads = [
+            "",
+            "outages",
+            "RMS, m",
+            "largest, m",
+            "RMS, m/s",
+            "largest, m/s",
+        ];
+        heads.map(str::to_owned).to_vec()
+    }
+
+    /// A row for each navigator.
+    pub fn rows(&self) -> Vec<Vec<String>> {
+        let row = |drifts: &Drifts| {
+            let numbers = [
+                drifts.position_rms_m,
+                drifts.position_max_m,
+                drifts.velocity_rms_mps,
+                drifts.velocity_max_mps,
+            ];
+            let mut cells = vec![drifts.navigator.to_owned(), drifts.count.to_string()];
+            cells.extend(numbers.map(|number| digits(number, number)));
+            cells
+        };
+        self.navigators.iter().map(row).collect()
+    }
 }
 
 /// Beginnings of outages at whole strides, with GNSS before and a reference to the end.

@@ -21,6 +21,9 @@ use crate::summary::Summary;
 use crate::truth::Truth;
 
 const TEMPLATE: &str = include_str!("report.html");
+/// Parts that pages share.
+pub(crate) const STYLE: &str = include_str!("style.css");
+pub(crate) const PANEL: &str = include_str!("panel.html");
 
 /// What the template shows.
 #[derive(Serialize)]
@@ -44,6 +47,8 @@ pub fn html(
 ) -> Result<String, minijinja::Error> {
     let mut environment = Environment::new();
     environment.set_auto_escape_callback(|_| AutoEscape::Html);
+    environment.add_template("style", STYLE)?;
+    environment.add_template("panel", PANEL)?;
     environment.add_template("report", TEMPLATE)?;
     let page = Page {
         summary,
