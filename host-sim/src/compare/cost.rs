@@ -14,7 +14,7 @@ use crate::identify::{Event, in_order_of_time};
 use crate::kalman::{Record, Run, smooth};
 
 /// Passes of each; the fastest counts.
-const PASSES: usize = 3;
+const PASSES: usize = 5;
 
 /// Cost of a method.
 #[derive(Clone, Debug, PartialEq, Serialize)]

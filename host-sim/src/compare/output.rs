@@ -14,7 +14,7 @@ use super::{Comparison, MethodResult, QuantityResult};
 use crate::output::OutputError;
 use crate::report::panels::{Panel, key};
 use crate::report::plot::{BLUE, GREEN, GREY, Mark, ORANGE, Plot, RED, padded};
-use crate::report::{digits, in_words};
+use crate::report::{digits, with_sigma};
 use crate::table;
 
 /// Name of the file that marks the folder as ours.
@@ -224,7 +224,13 @@ fn tables(comparison: &Comparison) -> Vec<Table> {
     let mut tables = vec![by_method(
         "At the end of the log, one sigma",
         comparison,
-        &|result| in_words(&result.quantity),
+        &|result| {
+            if result.quantity.observable() {
+                with_sigma(&result.quantity)
+            } else {
+                "not observed".to_owned()
+            }
+        },
     )];
     if comparison.simulated {
         tables.push(by_method("Error", comparison, &|result| {

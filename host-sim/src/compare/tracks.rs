@@ -3,16 +3,14 @@
 use indicatif::ProgressBar;
 use ins_core::config::Form;
 use ins_core::navigator::ConfigError;
-use ins_core::{Config, Estimate, Estimates, Observability, Solution, Time};
+use ins_core::{Config, Estimates, Solution, Time};
 
 use super::Input;
 use crate::identify::identify;
-use crate::kalman::{Filter, Known, Noise, Record, Run, States, index, smooth};
+use crate::kalman::{Filter, Known, Noise, Record, Run, States, smooth};
 
 /// Interval between looks, s.
 const EVERY_S: f64 = 1.0;
-/// A parameter counts as observed below this part of its spread at the start, as in the core.
-const KNOWN: f64 = 0.33;
 
 /// One method at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -127,37 +125,13 @@ fn due(points: &[Point], time: Time) -> bool {
 }
 
 fn filtered(filter: &Filter, noise: &Noise) -> Point {
-    let sigma = States::from_fn(|state, _| filter.sigma(state));
-    point(filter.time, &filter.known, &sigma, noise)
+    point(filter.time, &filter.known, &filter.sigmas(), noise)
 }
 
-fn point(time: Time, known: &Known, sigma: &States, noise: &Noise) -> Point {
-    let estimate = |value: f64, state: usize, start: f64| Estimate {
-        value,
-        sigma: sigma[state],
-        observability: if sigma[state] < KNOWN * start {
-            Observability::Observable
-        } else {
-            Observability::NeedsTime
-        },
-    };
-    let three = |values: nalgebra::Vector3<f64>, at: usize, start: f64| {
-        [0, 1, 2].map(|axis| estimate(values[axis], at + axis, start))
-    };
-    let up = index::ATTITUDE + 2;
+fn point(time: Time, known: &Known, sigmas: &States, noise: &Noise) -> Point {
     Point {
         time,
-        estimates: Estimates {
-            azimuth_error_rad: Estimate {
-                sigma: sigma[up],
-                observability: Observability::Observable,
-                ..Estimate::default()
-            },
-            accel_bias_mps2: three(known.accel_bias_mps2, index::ACCEL, noise.accel_bias_mps2),
-            gyro_bias_radps: three(known.gyro_bias_radps, index::GYRO, noise.gyro_bias_radps),
-            gnss_latency_s: estimate(known.latency_s, index::LATENCY, noise.latency_sigma_s),
-            ..Estimates::default()
-        },
+        estimates: known.estimates(sigmas, noise),
         solution: known.solution(time),
     }
 }

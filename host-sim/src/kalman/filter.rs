@@ -3,7 +3,7 @@
 use ins_core::config::HeadingSource;
 use ins_core::increments::Interval;
 use ins_core::mechanization::{Controls, Mechanization};
-use ins_core::{GnssFix, Navigator, Solution, Time};
+use ins_core::{Estimate, Estimates, GnssFix, Navigator, Observability, Solution, Time};
 use nalgebra::{SVector, Vector3};
 
 use super::dynamics::Span;
@@ -17,6 +17,10 @@ const ACCEL_S: f64 = 0.03;
 /// An innovation this many sigmas away is an outlier, unless so many fixes in a row have one.
 const GATE_SIGMAS: f64 = 5.0;
 const LOST_FIXES: u32 = 10;
+/// As in the core, a parameter counts as observed below this part of its spread at the start; the
+/// azimuth of that of a heading known to 0.1 rad.
+const OBSERVED: f64 = 0.33;
+const AZIMUTH_RAD: f64 = 0.1;
 
 /// An INS and the covariance of its errors.
 #[derive(Clone, Debug, PartialEq)]
@@ -135,9 +139,9 @@ impl Filter {
         }
     }
 
-    /// One sigma of an error.
-    pub fn sigma(&self, state: usize) -> f64 {
-        self.covariance[(state, state)].max(0.0).sqrt()
+    /// One sigma of each error.
+    pub fn sigmas(&self) -> States {
+        self.covariance.diagonal().map(|v| v.max(0.0).sqrt())
     }
 
     /// Advances over the interval that ends at `time`.
@@ -253,6 +257,30 @@ impl Known {
         self.gyro_bias_radps += three(index::GYRO);
         self.latency_s += errors[index::LATENCY];
         self
+    }
+
+    /// In the core's terms, with the spreads of all errors. The azimuth error is what is left: the
+    /// filter takes out all that it finds.
+    pub fn estimates(&self, sigmas: &States, noise: &Noise) -> Estimates {
+        let estimate = |value: f64, state: usize, start: f64| Estimate {
+            value,
+            sigma: sigmas[state],
+            observability: if sigmas[state] < OBSERVED * start {
+                Observability::Observable
+            } else {
+                Observability::NeedsTime
+            },
+        };
+        let three = |values: Vector3<f64>, at: usize, start: f64| {
+            [0, 1, 2].map(|axis| estimate(values[axis], at + axis, start))
+        };
+        Estimates {
+            azimuth_error_rad: estimate(0.0, index::ATTITUDE + 2, AZIMUTH_RAD),
+            accel_bias_mps2: three(self.accel_bias_mps2, index::ACCEL, noise.accel_bias_mps2),
+            gyro_bias_radps: three(self.gyro_bias_radps, index::GYRO, noise.gyro_bias_radps),
+            gnss_latency_s: estimate(self.latency_s, index::LATENCY, noise.latency_sigma_s),
+            ..Estimates::default()
+        }
     }
 
     /// Position, velocity and attitude.

@@ -194,12 +194,10 @@ fn starts(log: &Log, survey: &runs::Survey, reference: &Reference) -> Vec<Time> 
             .find(|f| f.velocity_en_mps.is_some());
         last.is_some_and(|fix| start.seconds_since(fix.time) < FRESH_S)
     };
-    (0_u32..)
-        .map(|count| first.plus_seconds(STRIDE_S * f64::from(count)))
-        .take_while(|start| {
-            let end = start.plus_seconds(OUTAGE_S);
-            log.imu.last().is_some_and(|sample| sample.time >= end)
-        })
+    let last = log.imu.last().map_or(first, |sample| sample.time);
+    let next = |start: &Time| Some(start.plus_seconds(STRIDE_S));
+    std::iter::successors(Some(first), next)
+        .take_while(|start| start.plus_seconds(OUTAGE_S) <= last)
         .filter(|start| fresh(*start) && reference.reaches(start.plus_seconds(OUTAGE_S)))
         .collect()
 }

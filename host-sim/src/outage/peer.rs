@@ -12,7 +12,7 @@ use fusion_nav::prelude::{
 use ins_core::earth::Geodetic;
 use ins_core::increments::Increments;
 use ins_core::navigator::ConfigError;
-use ins_core::{Config, GnssFix, ImuSample, Navigator, Solution, Time};
+use ins_core::{Config, GnssFix, ImuOutput, ImuSample, Navigator, Solution, Time};
 use nalgebra::{Quaternion as Algebraic, Unit, UnitQuaternion, Vector3};
 
 use super::Drift;
@@ -47,6 +47,7 @@ fn timestamp(time: Time) -> Timestamp {
 struct Peer {
     noise: Noise,
     latency_s: f64,
+    output: ImuOutput,
     state: Mode,
     last: Option<(Time, Increments)>,
 }
@@ -77,6 +78,7 @@ pub fn drifts(
     let peer = Peer {
         noise,
         latency_s: survey.latency_s,
+        output: config.imu_output,
         state: Mode::Aligning(Box::new(Navigator::new(config)?)),
         last: None,
     };
@@ -85,24 +87,13 @@ pub fn drifts(
 
 impl Ins for Peer {
     fn on_imu(&mut self, sample: &ImuSample) {
-        let (last, increments) = match &mut self.last {
-            Some(last) => (Some(last.0), &mut last.1),
-            None => {
-                let output = match &self.state {
-                    Mode::Aligning(navigator) => navigator.config().imu_output,
-                    Mode::Filtering(_) => return,
-                };
-                let increments = Increments::new(output, sample);
-                (None, &mut self.last.insert((sample.time, increments)).1)
-            }
-        };
-        let interval = last
-            .map(|last| sample.time.seconds_since(last))
-            .filter(|seconds| *seconds > 0.0)
-            .map(|seconds| increments.interval(sample, seconds));
-        if let Some(last) = &mut self.last {
-            last.0 = sample.time;
-        }
+        let output = self.output;
+        let (last, increments) = self
+            .last
+            .get_or_insert_with(|| (sample.time, Increments::new(output, sample)));
+        let seconds = sample.time.seconds_since(*last);
+        let interval = (seconds > 0.0).then(|| increments.interval(sample, seconds));
+        *last = sample.time;
         match &mut self.state {
             Mode::Aligning(navigator) => {
                 let _ = navigator.on_imu(sample);
