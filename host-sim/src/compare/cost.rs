@@ -9,9 +9,9 @@ use ins_core::navigator::ConfigError;
 use ins_core::{Config, Navigator};
 use serde::Serialize;
 
-use super::Input;
 use crate::identify::{Event, in_order_of_time};
-use crate::kalman::{Record, Run, smooth};
+use crate::kalman::{Noise, Record, Run, smooth};
+use crate::log::Log;
 
 /// Passes of each; the fastest counts.
 const PASSES: usize = 5;
@@ -29,16 +29,17 @@ pub struct Cost {
 
 type Pass<'a> = (&'static str, Box<dyn Fn() -> Result<(), ConfigError> + 'a>);
 
-pub fn measure(input: &Input) -> Result<Vec<Cost>, ConfigError> {
-    let run = || Run::new(&input.log.imu, &input.log.gnss, input.config, input.noise);
+/// Every method in turn, several times.
+pub(crate) fn measure(log: &Log, config: Config, noise: Noise) -> Result<Vec<Cost>, ConfigError> {
+    let run = || Run::new(&log.imu, &log.gnss, config, noise);
     let passes: [Pass; 5] = [
         (
             "compensation, exact",
-            Box::new(|| navigate(input, Form::Exact)),
+            Box::new(|| navigate(log, config, Form::Exact)),
         ),
         (
             "compensation, literal",
-            Box::new(|| navigate(input, Form::Literal)),
+            Box::new(|| navigate(log, config, Form::Literal)),
         ),
         (
             "Kalman, covariance ten times a second",
@@ -83,18 +84,15 @@ pub fn measure(input: &Input) -> Result<Vec<Cost>, ConfigError> {
     let ours = fastest[0].as_secs_f64();
     let costs = passes.iter().zip(fastest).map(|((method, _), took)| Cost {
         method,
-        sample_ns: 1e9 * took.as_secs_f64() / input.log.imu.len() as f64,
+        sample_ns: 1e9 * took.as_secs_f64() / log.imu.len() as f64,
         ratio: took.as_secs_f64() / ours,
     });
     Ok(costs.collect())
 }
 
-fn navigate(input: &Input, form: Form) -> Result<(), ConfigError> {
-    let mut navigator = Navigator::new(Config {
-        form,
-        ..input.config
-    })?;
-    for event in in_order_of_time(input.log) {
+fn navigate(log: &Log, config: Config, form: Form) -> Result<(), ConfigError> {
+    let mut navigator = Navigator::new(Config { form, ..config })?;
+    for event in in_order_of_time(log) {
         match event {
             Event::Imu(sample) => {
                 let _ = black_box(navigator.on_imu(sample));

@@ -1,7 +1,7 @@
 //! Compensation against Kalman on one log: what they find, how soon, how well, at what cost.
 
 pub mod cli;
-mod cost;
+pub(crate) mod cost;
 mod measure;
 mod output;
 mod tracks;
@@ -81,7 +81,7 @@ impl Comparison {
         progress.set_message("outages");
         let outages = outage::test(&log, truth.is_some(), config, input.noise).map_err(unusable)?;
         progress.set_message("cost");
-        let costs = cost::measure(&input).map_err(unusable)?;
+        let costs = cost::measure(&log, config, input.noise).map_err(unusable)?;
         progress.finish_and_clear();
         Ok(Self {
             log: log_name(folder, &log),

@@ -3,6 +3,7 @@
 mod accuracy;
 mod aircraft;
 mod demo;
+mod kalman;
 mod logs;
 mod readme;
 
@@ -46,6 +47,10 @@ enum Part {
     AccuracyMems,
     /// Exact and literal forms over the bandwidth of the loop.
     Forms,
+    /// Compensation beside a Kalman filter, over many drives.
+    Kalman,
+    /// Outages of recorded logs, through the core, the Kalman filter and a peer.
+    Outages,
     /// Recorded logs.
     Logs,
     /// Performance of the aircraft.
@@ -101,6 +106,8 @@ impl Part {
             Self::AccuracyHg1700 => accuracy::hg1700(root, options.runs),
             Self::AccuracyMems => accuracy::mems(options.runs),
             Self::Forms => accuracy::forms(options.runs.min(100)),
+            Self::Kalman => kalman::part(options.runs.min(100)),
+            Self::Outages => return kalman::outages(root, options.logs.as_deref()),
             Self::Logs => return logs::part(root, options.logs.as_deref()),
             Self::Aircraft => aircraft::performance_table(),
             Self::ErrorFree => aircraft::error_free(root),
