@@ -3,6 +3,7 @@
 mod accuracy;
 mod aircraft;
 mod demo;
+mod identification;
 mod logs;
 mod readme;
 
@@ -48,6 +49,10 @@ enum Part {
     Forms,
     /// Recorded logs.
     Logs,
+    /// Error models found from drives: units behind it are --runs, 100 at most.
+    Recovery,
+    /// Accuracy of flights foretold from drives.
+    Campaign,
     /// Performance of the aircraft.
     Aircraft,
     /// Mechanization on ideal sensors.
@@ -102,6 +107,8 @@ impl Part {
             Self::AccuracyMems => accuracy::mems(options.runs),
             Self::Forms => accuracy::forms(options.runs.min(100)),
             Self::Logs => return logs::part(root, options.logs.as_deref()),
+            Self::Recovery => Ok(identification::recovery(options.runs.clamp(2, 100))),
+            Self::Campaign => identification::campaign(root),
             Self::Aircraft => aircraft::performance_table(),
             Self::ErrorFree => aircraft::error_free(root),
             Self::Example => readme::example(&root.join("core/src/lib.rs")),
