@@ -88,7 +88,7 @@ fn check_parts(plan: &Plan, parts: u32) -> Result<()> {
 }
 
 /// Makes the folder with a copy of the plan, or finds that it belongs to this very plan.
-fn settle(plan: &Plan, out: &Path, force: bool) -> Result<()> {
+pub(crate) fn settle(plan: &Plan, out: &Path, force: bool) -> Result<()> {
     let copy = out.join(PLAN);
     if copy.is_file() && !force {
         if Plan::read(&copy)? == *plan {
@@ -110,15 +110,7 @@ fn settle(plan: &Plan, out: &Path, force: bool) -> Result<()> {
 }
 
 fn add_up(folders: &[&PathBuf], json: bool) -> Result<()> {
-    let (plan, tally) = tally(folders)?;
-    let missing = tally.missing(&plan);
-    if missing > 0 {
-        bail!(
-            help = "run the same command again, or the shards that were stopped",
-            "{missing} flights are missing"
-        );
-    }
-    let summary = Summary::new(&plan, &tally);
+    let summary = summary(folders)?;
     let text = serde_json::to_string_pretty(&summary).into_diagnostic()? + "\n";
     replace(&folders[0].join(SUMMARY), &text)?;
     if json {
@@ -128,10 +120,23 @@ fn add_up(folders: &[&PathBuf], json: bool) -> Result<()> {
     let (header, rows) = summary.table();
     println!("{}", table::plain(&header, &rows));
     println!(
-        "{} units, {} flights with each model; {} flights could not be flown.",
-        plan.units, plan.flights, summary.failed
+        "{} units, {} flights of each with each model; {} flights could not be flown.",
+        summary.plan.units, summary.plan.flights, summary.failed
     );
     Ok(())
+}
+
+/// What the runs in some folders of one plan say.
+pub(crate) fn summary(folders: &[&PathBuf]) -> Result<Summary> {
+    let (plan, tally) = tally(folders)?;
+    let missing = tally.missing(&plan);
+    if missing > 0 {
+        bail!(
+            help = "run the same command again, or the shards that were stopped",
+            "{missing} flights are missing"
+        );
+    }
+    Ok(Summary::new(&plan, &tally))
 }
 
 /// Sums over all files of runs in some folders of one plan.

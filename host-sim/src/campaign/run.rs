@@ -148,17 +148,15 @@ fn identify(
     (units.par_iter())
         .map(|&unit| {
             let truth = plan.unit(unit);
-            let text = match &known[unit as usize] {
-                Some(text) => text.clone(),
-                None => {
-                    let model = toml::to_string(&identified(plan, unit, &truth));
-                    let model = model.into_diagnostic()?;
-                    ledger.add(&Line::Model {
-                        unit,
-                        model: model.clone(),
-                    })?;
-                    model
-                }
+            let text = if let Some(text) = &known[unit as usize] {
+                text.clone()
+            } else {
+                let model = toml::to_string(&identified(plan, unit, &truth)).into_diagnostic()?;
+                ledger.add(&Line::Model {
+                    unit,
+                    model: model.clone(),
+                })?;
+                model
             };
             progress.inc(1);
             // Fresh or known, the model goes through its text: the same bits either way.

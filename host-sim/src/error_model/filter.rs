@@ -198,15 +198,31 @@ impl State {
             self.measure_biases(rate, trend, noise / epoch.seconds);
         }
         self.propagate(epoch, trend);
-        // At rest the turning of the platform is known, noise and all.
-        if epoch.rest_rate_radps.is_none() {
-            for axis in TILT..TILT + 3 {
-                self.covariance[(axis, axis)] += noise * epoch.seconds;
-            }
-        }
+        self.diffuse(epoch, noise * epoch.seconds, candidate.accel_noise);
+    }
+
+    /// Noise of the sensors over an epoch: what the tilt has walked, and velocity with it. At rest
+    /// the turning of the platform is known, noise and all.
+    fn diffuse(&mut self, epoch: &Epoch, walked: f64, accel_noise: f64) {
         for axis in VELOCITY..VELOCITY + 2 {
-            self.covariance[(axis, axis)] +=
-                candidate.accel_noise * candidate.accel_noise * epoch.seconds;
+            self.covariance[(axis, axis)] += accel_noise * accel_noise * epoch.seconds;
+        }
+        if epoch.rest_rate_radps.is_some() {
+            return;
+        }
+        let by_tilt = [0, 1].map(|axis| force_by_tilt(&epoch.force_mps, axis));
+        for axis in 0..3 {
+            self.covariance[(TILT + axis, TILT + axis)] += walked;
+        }
+        for (axis, by) in by_tilt.iter().enumerate() {
+            for tilt in 0..3 {
+                self.covariance[(VELOCITY + axis, TILT + tilt)] += 0.5 * walked * by[tilt];
+                self.covariance[(TILT + tilt, VELOCITY + axis)] += 0.5 * walked * by[tilt];
+            }
+            for (other, by_other) in by_tilt.iter().enumerate() {
+                self.covariance[(VELOCITY + axis, VELOCITY + other)] +=
+                    walked / 3.0 * by.dot(by_other);
+            }
         }
     }
 
@@ -304,6 +320,12 @@ impl State {
                         let by_bias = -epoch.attitude_s[(axis, other)];
                         out.column_mut(TILT + axis).axpy(by_bias, &bias, 1.0);
                     }
+                    // Half of the tilt that the epoch adds is felt in it.
+                    let grown = -0.5 * epoch.attitude_s.column(other);
+                    for axis in 0..2 {
+                        let by_bias = force_by_tilt(&epoch.force_mps, axis).dot(&grown);
+                        out.column_mut(VELOCITY + axis).axpy(by_bias, &bias, 1.0);
+                    }
                 }
             }
             out
@@ -314,10 +336,13 @@ impl State {
         let tilt: Vector3<f64> = self.mean.fixed_rows::<3>(TILT).into();
         let part = |first: usize| -> Vector3<f64> { self.mean.fixed_rows::<3>(first).into() };
         let bias = part(CONSTANT) + trend * part(TREND) + part(RANDOM);
-        let gained = epoch.force_mps.cross(&tilt).xy() + epoch.velocity_control_mps;
+        // What the gyros read at rest is what turns the platform until it is set back.
+        let grown = -epoch.attitude_s * epoch.rest_rate_radps.unwrap_or(bias);
+        let gained =
+            (epoch.force_mps.cross(&(tilt + 0.5 * grown))).xy() + epoch.velocity_control_mps;
         let mut turned = turn * tilt + epoch.tilt_control_rad;
         if !at_rest {
-            turned -= epoch.attitude_s * bias;
+            turned += grown;
         }
         let mut velocity = self.mean.fixed_rows_mut::<2>(VELOCITY);
         velocity += gained;

@@ -7,8 +7,9 @@ use super::record::Record;
 
 /// Twice the log-likelihood falls by chi-square of one degree of freedom, 95 %: 3.84.
 const DROP: f64 = 1.92;
-/// Log-likelihoods closer than this are equal.
+/// Log-likelihoods closer than this are equal: on the way, and at the top itself.
 const TOLERANCE: f64 = 0.02;
+const TOP_TOLERANCE: f64 = 0.001;
 /// Step of the numerical curvature in the logarithm of a parameter.
 const CURVATURE_STEP: f64 = 0.03;
 /// A bound further away than this factor is none.
@@ -271,7 +272,7 @@ impl Fitter<'_> {
         }
         let f = |x: &[f64; 4]| self.at(x[0], x[1], Kind::Continuous, x[2], bounded(x[3], longest));
         let start = [best.noise, best.gnss, best.size, best.time];
-        let (x, value) = maximum(f, start, [-0.1, 0.02, 0.4, 0.6], TOLERANCE);
+        let (x, value) = maximum(f, start, [-0.1, 0.02, 0.4, 0.6], TOP_TOLERANCE);
         Top {
             noise: x[0],
             gnss: x[1],
@@ -347,7 +348,7 @@ impl Fitter<'_> {
         // Size at that interval, then the interval anew with it.
         let f = |x: &[f64; 3]| self.at(x[0], x[1], Kind::Wave, x[2], time);
         let start = [walk.noise, walk.gnss, scan.size(time)];
-        let (x, value) = maximum(f, start, [-0.1, 0.02, 0.3], TOLERANCE);
+        let (x, value) = maximum(f, start, [-0.1, 0.02, 0.3], TOP_TOLERANCE);
         let near = Top {
             noise: x[0],
             gnss: x[1],

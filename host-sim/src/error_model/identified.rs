@@ -301,7 +301,7 @@ fn gyro_bias(gyro: &GyroFit) -> BiasModel {
 }
 
 fn measured(estimate: &Estimate) -> Option<Measured> {
-    (estimate.observability == Observability::Observable).then(|| Measured {
+    (estimate.observability == Observability::Observable).then_some(Measured {
         value: estimate.value,
         variance: estimate.sigma * estimate.sigma,
     })
@@ -331,4 +331,77 @@ fn noise_at_rest(records: &[Record], value: fn(&RestBlock) -> Vector3<f64>) -> O
         freedom += 3.0 * (count - 1.0);
     }
     (freedom > 0.0).then(|| sigma_of_squares(sum, freedom))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error_model::recovery::{drive_record, truth};
+
+    fn identified(model: &ErrorModel, kind: Option<Kind>) -> Identified {
+        let records = [1, 2].map(|seed| drive_record(seed, model, Grade::Hg1700, 25.0));
+        Identified::new(&records, Grade::Hg1700, kind)
+    }
+
+    /// Whether a value lies in the interval, widened from two standard deviations to three: one of
+    /// twenty honest intervals misses.
+    fn is_near(found: &Identified, name: &str, value: f64) -> bool {
+        let all = found.parameters();
+        let parameter = all.iter().find(|parameter| parameter.name == name);
+        let Interval {
+            value: best,
+            low,
+            high,
+        } = parameter.unwrap().found.unwrap();
+        (best - 1.5 * (best - low)..best + 1.5 * (high - best)).contains(&value)
+    }
+
+    #[test]
+    fn noises_are_told_from_constants_and_nothing_is_invented() {
+        let found = identified(&ErrorModel::hg1700(), None);
+        for (name, value) in [
+            ("gyro_deg_h.white_noise", 7.5),
+            ("gyro_deg_h.bias.initial_sigma", 1.0),
+            ("accel_mps2.white_noise", 0.0005),
+            ("accel_mps2.bias.initial_sigma", 0.01),
+            ("gnss.velocity_sigma_mps", 0.1),
+        ] {
+            assert!(is_near(&found, name, value), "{name}: {:?}", found.table());
+        }
+        // The biases were made constant.
+        let BiasModel::Continuous {
+            correlated_sigma,
+            slope_sigma_per_s,
+            ..
+        } = found.model().gyro_deg_h.bias
+        else {
+            panic!("jumps were seen: {:?}", found.table());
+        };
+        assert!(correlated_sigma == 0.0 && slope_sigma_per_s == 0.0);
+    }
+
+    #[test]
+    fn large_jumps_are_counted_and_preferred() {
+        let mut model = truth(Kind::Wave);
+        model.gyro_deg_h.white_noise = 1.0;
+        let found = identified(&model, None);
+        let BiasModel::Wave { interval_s, .. } = found.model().gyro_deg_h.bias else {
+            panic!("no jumps were seen: {:?}", found.table());
+        };
+        // Jumps of 2 deg/h are seen to within some seconds, the fourth of them to a quarter.
+        assert!((interval_s - 300.0).abs() < 2.0, "{interval_s}");
+        assert!(
+            is_near(&found, "gyro_deg_h.bias.jump_sigma", 2.0),
+            "{:?}",
+            found.table()
+        );
+    }
+
+    #[test]
+    fn the_file_is_what_flights_take() {
+        let found = identified(&ErrorModel::hg1700(), Some(Kind::Continuous));
+        let text = crate::error_model::toml(&found).unwrap();
+        assert_eq!(ErrorModel::from_toml(&text).unwrap(), found.model());
+        assert!(text.contains("# gyro_deg_h.white_noise"), "{text}");
+    }
 }

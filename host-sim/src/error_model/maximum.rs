@@ -1,7 +1,7 @@
 //! Maxima of functions that are only known by their values.
 
 /// Moves of the simplex after which it is small enough, or never will be.
-const MOST_MOVES: u32 = 200;
+const MOST_MOVES: u32 = 400;
 
 /// The point with the greatest value, from a start and a first step per coordinate
 /// (Nelder and Mead, 1965).

@@ -28,5 +28,5 @@ pub mod record;
 pub mod recovery;
 
 pub use identified::{Identified, Parameter};
-pub use output::{MODEL, write};
+pub use output::{MODEL, toml, write};
 pub use record::Record;

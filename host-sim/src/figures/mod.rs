@@ -4,6 +4,7 @@ mod accuracy;
 mod aircraft;
 mod demo;
 mod kalman;
+mod identification;
 mod logs;
 mod readme;
 
@@ -56,6 +57,10 @@ enum Part {
     Outages,
     /// Recorded logs.
     Logs,
+    /// Error models found from drives: units behind it are --runs, 100 at most.
+    Recovery,
+    /// Accuracy of flights foretold from drives.
+    Campaign,
     /// Performance of the aircraft.
     Aircraft,
     /// Flights without GNSS; some minutes.
@@ -114,6 +119,8 @@ impl Part {
             Self::Kalman => kalman::part(options.runs.min(100)),
             Self::Outages => return kalman::outages(root, options.logs.as_deref()),
             Self::Logs => return logs::part(root, options.logs.as_deref()),
+            Self::Recovery => Ok(identification::recovery(options.runs.clamp(2, 100))),
+            Self::Campaign => identification::campaign(root),
             Self::Aircraft => aircraft::performance_table(),
             Self::Flights => flights::cli::page(options.runs.min(200)),
             Self::ErrorFree => aircraft::error_free(root),

@@ -119,7 +119,7 @@ impl Study {
 }
 
 /// Drives once with sensors of a model, and keeps what identification needs.
-pub fn drive_record(seed: u64, model: &ErrorModel, grade: Grade, minutes: f64) -> Record {
+pub(crate) fn drive_record(seed: u64, model: &ErrorModel, grade: Grade, minutes: f64) -> Record {
     let mut config = DriveConfig::new(seed, sim::Grade::default(), minutes);
     config.recording.errors = model.clone();
     let log = log_of(simulate(&config), model, grade);
