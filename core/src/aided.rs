@@ -6,13 +6,14 @@ use nalgebra::Vector3;
 use crate::alignment::rest::{self, RestBlock, RestDetector, Verdict as RestVerdict};
 use crate::alignment::{Aligned, compensation};
 use crate::attitude::matrix;
-use crate::config::{Config, Feedback, Form};
+use crate::config::{Config, Feedback};
 use crate::damping::{self, DampingSignals, Differences};
 use crate::earth::Geodetic;
 use crate::estimate::Estimates;
-use crate::estimators::literal::{Comparison, Literal};
-use crate::estimators::observer::{Difference, Observer, Verdict};
+use crate::estimators::literal::Comparison;
+use crate::estimators::observer::Difference;
 use crate::estimators::parameters::{Parameters, index};
+use crate::estimators::{Estimator, Verdict};
 use crate::history::{History, Missing, Moment, Past};
 use crate::increments::Interval;
 use crate::manoeuvre::Manoeuvre;
@@ -28,6 +29,8 @@ use crate::time::Time;
 const PENDING: usize = 4;
 /// Longest time that controls are held without a new fix, s.
 const HOLD_S: f64 = 1.5;
+/// Interval at which an INS without fixes is corrected, s.
+const COAST_S: f64 = 0.5;
 /// Least time between two fixes that are used, s.
 const LEAST_INTERVAL_S: f64 = 0.01;
 /// Interval at which the normal equations are solved, s.
@@ -45,14 +48,6 @@ const LATENCY_LIMIT_S: f64 = 0.4;
 const LOST_FIXES: u8 = 10;
 /// Distance from the INS beyond which a position is not believed, m.
 const POSITION_GATE_M: f64 = 100.0;
-/// Range over which the equations are linear enough: azimuth, rad, and latency, s; a parameter
-/// is well known below this part of it.
-const AZIMUTH_LINEAR_RAD: f64 = 0.02;
-const LATENCY_LINEAR_S: f64 = 0.02;
-const WELL_KNOWN: f64 = 0.3;
-/// Growth of the spreads when the equations are replaced by their solution.
-const RELINEARIZED: f64 = 3.0;
-
 /// Errors taken out of readings and stamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -69,8 +64,7 @@ pub struct AidedIns {
     mechanization: Mechanization,
     now: Moment,
     history: History,
-    observer: Observer,
-    literal: Literal,
+    estimator: Estimator,
     compensation: Compensation,
     controls: Controls,
     controls_until: Time,
@@ -81,30 +75,28 @@ pub struct AidedIns {
     positions_refused: u8,
     rest: RestDetector,
     last_solve: Time,
+    work_left: bool,
     since: Time,
     /// Azimuth taken out since the start, rad.
     azimuth_removed_rad: f64,
-    azimuth_settled: bool,
-    /// By how much data, not drift, have moved the latency since the equations were linearized.
-    latency_corrected_s: f64,
     manoeuvre: Manoeuvre,
-    signals: DampingSignals,
+    /// Stamp and velocity difference of the last fix that was compared, ENU, m/s.
+    compared: (Time, Vector3<f64>),
 }
 
 impl AidedIns {
     /// Starts where alignment ended.
     pub fn new(time: Time, aligned: &Aligned, config: &Config) -> Self {
         let mechanization = start_at(&aligned.fix, Geodetic::default(), aligned.attitude);
-        let now = Moment::start(time, mechanization.velocity_enu_mps);
+        let now = Moment::start(time);
         let mut known = aligned.known;
         known.set(index::AZIMUTH, 0.0, aligned.heading_sigma_rad);
         let gyro_radps = compensation(&known, config);
-        let mut ins = Self {
+        Self {
             mechanization,
             now,
-            history: History::default(),
-            observer: Observer::new(now, config, &known, config.start_tilt_sigma()),
-            literal: Literal::new(config.sensors.accel_bias_mps2),
+            history: History::starting(now, mechanization.velocity_enu_mps),
+            estimator: Estimator::new(now, &known, config),
             compensation: Compensation {
                 gyro_radps,
                 ..Compensation::default()
@@ -117,15 +109,12 @@ impl AidedIns {
             positions_refused: 0,
             rest: RestDetector::default(),
             last_solve: time,
+            work_left: false,
             since: time,
             azimuth_removed_rad: 0.0,
-            azimuth_settled: false,
-            latency_corrected_s: 0.0,
             manoeuvre: Manoeuvre::default(),
-            signals: DampingSignals::default(),
-        };
-        ins.history.push(now);
-        ins
+            compared: (time, Vector3::zeros()),
+        }
     }
 
     /// The damped INS.
@@ -135,7 +124,7 @@ impl AidedIns {
 
     /// What has been found of the sensors.
     pub fn known(&self) -> &Parameters {
-        &self.observer.parameters
+        self.estimator.parameters()
     }
 
     /// The manoeuvre going on.
@@ -143,16 +132,22 @@ impl AidedIns {
         self.manoeuvre
     }
 
-    /// What the last fix did.
+    /// The last comparison with GNSS and what acts on the INS.
     pub fn signals(&self) -> DampingSignals {
-        self.signals
+        let (time, difference_enu_mps) = self.compared;
+        DampingSignals {
+            time,
+            difference_enu_mps,
+            accel_enu_mps2: self.controls.accel_mps2,
+            rate_enu_radps: self.controls.rate_radps,
+        }
     }
 
-    /// The damped INS, with closed feedback less the errors that the observer still sees in it.
+    /// The damped INS, with closed feedback less the errors that the estimators still see in it.
     pub fn solution(&self, config: &Config) -> Solution {
         let mut ins = self.mechanization;
-        if config.feedback == Feedback::Closed && config.form == Form::Exact {
-            let error = self.observer.error_at(&self.now);
+        if config.feedback == Feedback::Closed {
+            let error = self.estimator.error_at(&self.now);
             ins.velocity_enu_mps -= error.velocity_mps;
             ins.turn_platform(&-error.tilt_rad);
         }
@@ -166,56 +161,46 @@ impl AidedIns {
 
     /// Errors of the sensors.
     pub fn estimates(&self, config: &Config) -> Estimates {
-        let mut parameters = self.parameters(config);
-        let azimuth = self.azimuth_error_rad(config);
+        let mut parameters = *self.known();
+        let azimuth = self.azimuth_error_rad();
         parameters.set(index::AZIMUTH, azimuth, parameters.sigma(index::AZIMUTH));
         let mut estimates = Estimates::from_parameters(&parameters, config, Phase::Navigating);
-        let run_s = self.now.time.seconds_since(self.since);
-        let latency = self.observer.latency_before(0.5 * run_s);
-        if let (Some((value, sigma)), Form::Exact) = (latency, config.form) {
-            estimates.gnss_latency_s.value = value;
-            estimates.gnss_latency_s.sigma = sigma;
+        if let Estimator::Exact(observer) = &self.estimator {
+            let run_s = self.now.time.seconds_since(self.since);
+            let latency = &mut estimates.gnss_latency_s;
+            (latency.value, latency.sigma) = observer.latency_before(0.5 * run_s);
         }
         estimates
     }
 
-    /// What the chosen form has found; azimuth and latency are those of the last fix.
-    fn parameters(&self, config: &Config) -> Parameters {
-        match config.form {
-            Form::Exact => self.observer.parameters,
-            Form::Literal => self
-                .literal
-                .parameters(&config.prior(), self.azimuth_removed_rad),
-        }
-    }
-
     /// Azimuth error that is still in the damped INS, rad.
-    pub fn azimuth_left_rad(&self, config: &Config) -> f64 {
-        match config.form {
-            Form::Exact => self.observer.error_at(&self.now).tilt_rad.z,
-            Form::Literal => self.parameters(config).value(index::AZIMUTH),
-        }
+    pub fn azimuth_left_rad(&self) -> f64 {
+        self.estimator.error_at(&self.now).tilt_rad.z
     }
 
     /// What the azimuth error would be now if the starting heading had been kept and the gyros
     /// compensated from the start: left over, less what controls and compensations have turned,
     /// plus what the found errors of the gyros did.
-    fn azimuth_error_rad(&self, config: &Config) -> f64 {
-        let parameters = self.parameters(config);
+    fn azimuth_error_rad(&self) -> f64 {
+        let parameters = self.known();
         let drift = self.now.attitude_s * parameters.vector(index::GYRO);
         let scale = self.now.turn_rad * parameters.value(index::GYRO_TURN + 2);
-        self.azimuth_left_rad(config) - self.now.control_tilt_rad.z + drift.z + scale
+        self.azimuth_left_rad() - self.now.control_tilt_rad.z + drift.z + scale
     }
 
     /// Inertial samples were missing for `seconds`, and were filled in.
     pub fn on_hole(&mut self, seconds: f64) {
-        self.observer.on_hole(seconds);
+        if let Estimator::Exact(observer) = &mut self.estimator {
+            observer.on_hole(seconds);
+        }
     }
 
     /// Advances over the interval that ends at `time`.
+    #[inline(never)]
     pub fn on_interval(&mut self, time: Time, raw: &Interval, config: &Config) {
-        if time > self.controls_until {
-            self.controls = Controls::default();
+        let coasts = time > self.controls_until;
+        if coasts {
+            self.coast(config);
         }
         let Compensation {
             gyro_radps,
@@ -225,13 +210,61 @@ impl AidedIns {
         let interval = raw.without_bias(&gyro_radps, &accel_mps2);
         let step = self.mechanization.step(&interval, &self.controls);
         self.total(time, &interval, &step);
-        if let Some(RestVerdict::Rest(block)) = self.rest.on_interval(raw) {
-            self.measure_rest(&block, config);
+        // Only GNSS tells rest from steady motion.
+        match self.rest.on_interval(raw) {
+            Some(RestVerdict::Rest(block)) if !coasts => self.measure_rest(&block, config),
+            _ => {}
         }
-        if self.history.wants(time) {
-            self.history.push(self.now);
-            self.process_pending(config);
+    }
+
+    /// What is left to do after an interval: at most one fix or one piece of the estimators' work
+    /// a call, to keep the longest call short, unless samples are rare.
+    pub fn follow_up(&mut self, config: &Config) {
+        let due = self.work_left;
+        let remembers = self.history.wants(self.now.time);
+        if remembers {
+            self.history
+                .push(self.now, self.mechanization.velocity_enu_mps);
+            self.work_left = true;
         }
+        let took = self.take_waiting(config);
+        if due && (remembers || !took) {
+            self.work_left = remembers;
+            self.work(config);
+        }
+    }
+
+    /// Without GNSS the loops are open: what the observer sees in the INS is taken out at once,
+    /// again and again, for the position to follow it. The observer stays where a late fix still
+    /// finds it, and takes short steps: over long ones it is not exact.
+    #[inline(never)]
+    fn coast(&mut self, config: &Config) {
+        self.controls = Controls::default();
+        let Some((horizon, velocity_mps)) = self.history.oldest() else {
+            return;
+        };
+        let since_s = horizon.time.seconds_since(self.last_compared);
+        if config.feedback == Feedback::Open || since_s < COAST_S {
+            return;
+        }
+        let frame_rate = self.frame_rate(&velocity_mps);
+        let Estimator::Exact(observer) = &mut self.estimator else {
+            return;
+        };
+        observer.propagate(&horizon, &frame_rate, config);
+        self.last_compared = horizon.time;
+        let error = observer.error_at(&self.now);
+        self.mechanization.velocity_enu_mps -= error.velocity_mps;
+        self.mechanization.turn_platform(&-error.tilt_rad);
+        self.now.control_velocity_mps -= error.velocity_mps;
+        self.now.control_tilt_rad -= error.tilt_rad;
+        self.azimuth_removed_rad += error.tilt_rad.z;
+    }
+
+    /// Rate at which the navigation frame turns, rad/s.
+    fn frame_rate(&self, velocity_mps: &Vector3<f64>) -> Vector3<f64> {
+        let earth = self.mechanization.local_earth();
+        earth.earth_rate() + earth.transport_rate(velocity_mps)
     }
 
     /// Adds a step to the totals of the present moment.
@@ -241,7 +274,6 @@ impl AidedIns {
         let push = dt * (controls.accel_mps2 - step.attitude * self.compensation.accel_mps2);
         let now = &mut self.now;
         now.time = time;
-        now.velocity_mps = self.mechanization.velocity_enu_mps;
         now.force_mps += step.force_enu_mps;
         now.attitude_s += step.attitude * dt;
         now.turn_rad += interval.angle_rad.z;
@@ -254,21 +286,24 @@ impl AidedIns {
     }
 
     /// A vehicle at rest turns with the Earth: its gyros read their biases.
+    #[inline(never)]
     fn measure_rest(&mut self, block: &RestBlock, config: &Config) {
+        let Estimator::Exact(observer) = &mut self.estimator else {
+            return;
+        };
         let earth_rate = self.mechanization.local_earth().earth_rate();
         let bias = block.rate_radps - matrix(&self.mechanization.attitude).tr_mul(&earth_rate);
         let variance = rest::gyro_variance(&config.sensors, block.seconds);
         for (axis, bias) in bias.iter().enumerate() {
-            self.observer.measure(index::GYRO + axis, *bias, variance);
+            observer.measure(index::GYRO + axis, *bias, variance);
         }
     }
 
     /// Takes a fix: at once if its moment has passed, else later.
     pub fn on_fix(&mut self, fix: &GnssFix, config: &Config) -> GnssOutcome {
-        let at_once = if self.pending.oldest().is_none() {
-            self.process(fix, config)
-        } else {
-            None
+        let at_once = match self.pending.oldest() {
+            None => self.compare(fix, config),
+            Some(_) => None,
         };
         let outcome = match at_once {
             Some(outcome) => outcome,
@@ -282,22 +317,39 @@ impl AidedIns {
         outcome
     }
 
-    fn process_pending(&mut self, config: &Config) {
-        while let Some(fix) = self.pending.oldest().copied() {
-            if self.process(&fix, config).is_none() {
-                // With a negative latency some fix may always wait: the equations must not.
-                break;
-            }
+    /// Takes the oldest fix that waits, if its moment has passed.
+    fn take_waiting(&mut self, config: &Config) -> bool {
+        let Some(fix) = self.pending.oldest().copied() else {
+            return false;
+        };
+        let took = self.compare(&fix, config).is_some();
+        if took {
             self.pending.pop();
         }
-        // Not in the call that took a fix, to keep the longest call short.
-        if self.now.time.seconds_since(self.last_solve) >= SOLVE_S {
-            self.last_solve = self.now.time;
-            self.solve(config);
-        }
+        took
     }
 
     /// Compares a fix with the INS of its own moment; `None` while that lies ahead.
+    fn compare(&mut self, fix: &GnssFix, config: &Config) -> Option<GnssOutcome> {
+        let outcome = self.process(fix, config);
+        if outcome == Some(GnssOutcome::Outlier) {
+            self.refuse(fix, config);
+        }
+        outcome
+    }
+
+    /// What the estimators do besides taking fixes, a piece at a time.
+    fn work(&mut self, config: &Config) {
+        if self.now.time.seconds_since(self.last_solve) >= SOLVE_S {
+            self.last_solve = self.now.time;
+            self.solve(config);
+        } else if let Estimator::Exact(observer) = &mut self.estimator {
+            observer.spread_next();
+        }
+    }
+
+    /// The comparison itself; its temporaries must not lie on the stack of every sample.
+    #[inline(never)]
     fn process(&mut self, fix: &GnssFix, config: &Config) -> Option<GnssOutcome> {
         let moment = fix.time.plus_seconds(-self.compensation.latency_s);
         let past = match self.history.at(moment) {
@@ -314,11 +366,11 @@ impl AidedIns {
             ..Differences::default()
         };
         if fix.velocity_en_mps.is_some() {
-            let velocity_mps = past.moment.velocity_mps - fix.velocity_enu_mps();
+            let velocity_mps = past.velocity_mps - fix.velocity_enu_mps();
+            self.manoeuvre = Manoeuvre::of(&past);
             let verdict = self.observe(&past, fix, velocity_mps, config);
             if verdict == Verdict::Outlier {
                 self.last_compared = moment;
-                self.refuse(fix, config);
                 return Some(GnssOutcome::Outlier);
             }
             self.refused = 0;
@@ -326,10 +378,6 @@ impl AidedIns {
             let at_antenna = velocity_mps + antenna;
             differences.velocity_en_mps = Some(at_antenna.xy());
             differences.velocity_up_mps = (verdict == Verdict::Used).then_some(at_antenna.z);
-            self.manoeuvre = Manoeuvre::of(&past);
-            if config.form == Form::Literal {
-                self.take_literally(&past, &at_antenna, config);
-            }
         }
         self.damp(fix, &differences, interval_s, config);
         self.last_compared = moment;
@@ -343,27 +391,30 @@ impl AidedIns {
         velocity_mps: Vector3<f64>,
         config: &Config,
     ) -> Verdict {
-        let difference = Difference {
-            velocity_mps,
-            has_up: fix.velocity_up_mps.is_some(),
-            latency_applied_s: self.compensation.latency_s,
-        };
-        let earth = self.mechanization.local_earth();
-        let frame_rate = earth.earth_rate() + earth.transport_rate(&past.moment.velocity_mps);
-        self.observer.take(past, &frame_rate, &difference, config)
-    }
-
-    fn take_literally(&mut self, past: &Past, difference: &Vector3<f64>, config: &Config) {
-        self.literal.take(&Comparison {
-            past,
-            manoeuvre: self.manoeuvre,
-            difference_mps: difference.xy(),
-            accel_up_mps2: self.controls.accel_mps2.z,
-            azimuth_removed_rad: self.azimuth_removed_rad,
-            latency_applied_s: self.compensation.latency_s,
-            accel_compensation_mps2: self.compensation.accel_mps2,
-            bandwidth_radps: config.damping.horizontal.bandwidth_radps,
-        });
+        let has_up = fix.velocity_up_mps.is_some();
+        let latency_applied_s = self.compensation.latency_s;
+        let frame_rate = self.frame_rate(&past.velocity_mps);
+        match &mut self.estimator {
+            Estimator::Exact(observer) => {
+                let difference = Difference {
+                    velocity_mps,
+                    has_up,
+                    latency_applied_s,
+                };
+                observer.take(past, &frame_rate, &difference, config)
+            }
+            Estimator::Literal(literal) => literal.take(&Comparison {
+                past,
+                manoeuvre: self.manoeuvre,
+                difference_mps: velocity_mps,
+                has_up,
+                accel_up_mps2: self.controls.accel_mps2.z,
+                azimuth_removed_rad: self.azimuth_removed_rad,
+                latency_applied_s,
+                accel_compensation_mps2: self.compensation.accel_mps2,
+                bandwidth_radps: config.damping.horizontal.bandwidth_radps,
+            }),
+        }
     }
 
     /// INS minus GNSS, m; none for a position too far off to be true, unless many in a row say
@@ -371,28 +422,34 @@ impl AidedIns {
     fn position_difference(&mut self, past: &Past, fix: &GnssFix) -> Option<Vector3<f64>> {
         let gnss = fix.position?;
         let since_s = self.now.time.seconds_since(past.moment.time);
-        let moved = 0.5 * since_s * (past.moment.velocity_mps + self.now.velocity_mps);
-        let difference = self.mechanization.position.enu_from(&gnss) - moved;
-        if difference.norm() < POSITION_GATE_M {
+        let moved = 0.5 * since_s * (past.velocity_mps + self.mechanization.velocity_enu_mps);
+        let ins = &self.mechanization;
+        let difference = ins.local_earth().enu_between(&gnss, &ins.position) - moved;
+        if difference.norm_squared() < POSITION_GATE_M * POSITION_GATE_M {
             self.positions_refused = 0;
             return Some(difference);
         }
         self.positions_refused = self.positions_refused.saturating_add(1);
         if self.positions_refused >= LOST_FIXES {
-            let Mechanization {
-                velocity_enu_mps,
-                attitude,
-                ..
-            } = self.mechanization;
-            self.mechanization = Mechanization::new(gnss, velocity_enu_mps, attitude);
-            self.positions_refused = 0;
+            self.move_to(gnss);
         }
         None
     }
 
+    #[inline(never)]
+    fn move_to(&mut self, position: Geodetic) {
+        let Mechanization {
+            velocity_enu_mps,
+            attitude,
+            ..
+        } = self.mechanization;
+        self.mechanization = Mechanization::new(position, velocity_enu_mps, attitude);
+        self.positions_refused = 0;
+    }
+
     /// Sets the controls that hold until the next fix.
     fn damp(&mut self, fix: &GnssFix, differences: &Differences, interval_s: f64, config: &Config) {
-        let parameters = self.parameters(config);
+        let parameters = self.known();
         let azimuth = parameters.value(index::AZIMUTH);
         let sigma = parameters.sigma(index::AZIMUTH);
         let significant = sigma < AZIMUTH_KNOWN_RAD || math::abs(azimuth) > AZIMUTH_SIGMAS * sigma;
@@ -403,10 +460,13 @@ impl AidedIns {
         let interval_s = math::min(interval_s, HOLD_S);
         self.controls = damping::controls(&differences, interval_s, &config.damping);
         self.controls_until = self.now.time.plus_seconds(HOLD_S);
-        self.signals = DampingSignals::of(fix.time, &differences, &self.controls);
+        let level = differences.velocity_en_mps.unwrap_or_default();
+        let up = differences.velocity_up_mps.unwrap_or_default();
+        self.compared = (fix.time, level.push(up));
     }
 
     /// One bad fix is GNSS's fault; many in a row are the INS's, which then starts again from one.
+    #[inline(never)]
     fn refuse(&mut self, fix: &GnssFix, config: &Config) {
         self.refused = self.refused.saturating_add(1);
         if self.refused < LOST_FIXES {
@@ -416,10 +476,12 @@ impl AidedIns {
             position, attitude, ..
         } = self.mechanization;
         self.mechanization = start_at(fix, position, attitude);
-        self.now = Moment::start(self.now.time, self.mechanization.velocity_enu_mps);
-        self.history = History::default();
-        self.history.push(self.now);
-        self.observer.restart(self.now, config.start_tilt_sigma());
+        self.now = Moment::start(self.now.time);
+        self.history = History::starting(self.now, self.mechanization.velocity_enu_mps);
+        match &mut self.estimator {
+            Estimator::Exact(observer) => observer.restart(self.now, config),
+            Estimator::Literal(literal) => literal.restart(),
+        }
         self.pending = Ring::default();
         self.controls = Controls::default();
         self.since = self.now.time;
@@ -428,17 +490,21 @@ impl AidedIns {
     }
 
     /// Solves for the parameters and takes out those that are known.
+    ///
+    /// Its temporaries must not lie on the stack of every sample.
+    #[inline(never)]
     fn solve(&mut self, config: &Config) {
-        let latency_s = self.known().value(index::LATENCY);
-        self.observer.solve();
+        match &mut self.estimator {
+            Estimator::Exact(observer) => observer.solve(config),
+            Estimator::Literal(literal) => literal.solve(),
+        }
         if config.feedback == Feedback::Open {
             return;
         }
-        self.latency_corrected_s += self.known().value(index::LATENCY) - latency_s;
-        let (parameters, prior) = (self.parameters(config), config.prior());
+        let (parameters, prior) = (self.estimator.parameters(), config.prior());
         let known = |i: usize, part: f64| parameters.sigma(i) < part * prior.sigma(i);
         // (9) reads gyro biases from controls that a compensation would empty.
-        if config.form == Form::Exact {
+        if let Estimator::Exact(_) = self.estimator {
             let gyros = &mut self.compensation.gyro_radps;
             for (axis, gyro) in gyros.iter_mut().enumerate() {
                 if known(index::GYRO + axis, BIAS_KNOWN) {
@@ -455,26 +521,6 @@ impl AidedIns {
             let latency_s = parameters.value(index::LATENCY);
             self.compensation.latency_s =
                 math::max(math::min(latency_s, LATENCY_LIMIT_S), -LATENCY_LIMIT_S);
-        }
-        self.relinearize(&prior);
-    }
-
-    /// Equations gathered about values that turned out far off are replaced by their solution:
-    /// once for the azimuth of a new start, and whenever a well-known latency has moved.
-    fn relinearize(&mut self, prior: &Parameters) {
-        let known = self.known();
-        let latency = math::abs(self.latency_corrected_s) > LATENCY_LINEAR_S
-            && known.sigma(index::LATENCY) < WELL_KNOWN * LATENCY_LINEAR_S;
-        let azimuth = !self.azimuth_settled
-            && known.sigma(index::AZIMUTH) < WELL_KNOWN * AZIMUTH_LINEAR_RAD
-            && math::abs(known.value(index::AZIMUTH)) < WELL_KNOWN * AZIMUTH_LINEAR_RAD;
-        self.azimuth_settled |= azimuth;
-        if latency || (azimuth && math::abs(self.azimuth_removed_rad) > AZIMUTH_LINEAR_RAD) {
-            let sigma = self.known().sigma.zip_map(&prior.sigma, |now, before| {
-                math::min(RELINEARIZED * now, before)
-            });
-            self.observer.relinearize(&sigma);
-            self.latency_corrected_s = 0.0;
         }
     }
 }

@@ -87,7 +87,7 @@ pub enum HeadingSource {
     /// Gyrocompassing at rest if the gyros resolve Earth rate, else from motion.
     #[default]
     Auto,
-    /// Known heading, rad, true to some degrees.
+    /// Known heading at the first sample, rad, true to some degrees.
     Given(f64),
     /// From GNSS velocity in motion, whatever the gyros can do.
     Motion,
@@ -150,27 +150,28 @@ impl Config {
         let (df, dw) = (some(s.accel_bias_mps2, 1e-6), some(s.gyro_bias_radps, 1e-9));
         let (lever, scale) = (some(g.lever_arm_sigma_m, 1e-4), some(s.accel_scale, 1e-7));
         let mut sigma = SVector::<f64, COUNT>::zeros();
+        let turn = some(s.gyro_scale, 1e-7);
         sigma.copy_from_slice(&[
             1.0,
-            df,
-            df,
-            df,
-            dw,
-            dw,
-            dw,
             some(g.latency_sigma_s, 1e-6),
-            lever,
-            lever,
-            scale,
-            scale,
-            some(s.gyro_scale, 1e-7),
-            some(s.gyro_scale, 1e-7),
-            some(s.gyro_scale, 1e-7),
+            dw,
+            dw,
+            dw,
+            df,
+            df,
+            df,
             some(g.clock_drift_sigma, 1e-12),
+            lever,
+            lever,
+            scale,
+            scale,
+            turn,
+            turn,
+            turn,
         ]);
         Parameters {
             value: SVector::zeros(),
-            sigma,
+            sigma: sigma.map(math::single),
         }
     }
 

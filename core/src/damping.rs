@@ -12,7 +12,7 @@ use crate::time::Time;
 /// from fix to fix, and beyond this the hold itself eats the damping.
 const HELD_BANDWIDTH: f64 = 0.5;
 
-/// What the last accepted fix did to the INS.
+/// The last fix that was compared, and what acts on the INS now.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -25,19 +25,6 @@ pub struct DampingSignals {
     pub accel_enu_mps2: Vector3<f64>,
     /// omega^C: correction into the attitude block, ENU, rad/s.
     pub rate_enu_radps: Vector3<f64>,
-}
-
-impl DampingSignals {
-    pub(crate) fn of(time: Time, differences: &Differences, controls: &Controls) -> Self {
-        let level = differences.velocity_en_mps.unwrap_or_default();
-        let up = differences.velocity_up_mps.unwrap_or_default();
-        Self {
-            time,
-            difference_enu_mps: Vector3::new(level.x, level.y, up),
-            accel_enu_mps2: controls.accel_mps2,
-            rate_enu_radps: controls.rate_radps,
-        }
-    }
 }
 
 /// INS minus GNSS at one moment, ENU.

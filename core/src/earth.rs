@@ -49,14 +49,7 @@ impl Geodetic {
     /// Metres along the curved frame at the mean latitude: relative error below `d / R`.
     pub fn enu_from(&self, origin: &Self) -> Vector3<f64> {
         let mean = 0.5 * (self.latitude_rad + origin.latitude_rad);
-        let local = LocalEarth::at(mean, origin.height_m);
-        Vector3::new(
-            wrap_pi(self.longitude_rad - origin.longitude_rad)
-                * local.east_radius_m
-                * local.cos_latitude,
-            (self.latitude_rad - origin.latitude_rad) * local.north_radius_m,
-            self.height_m - origin.height_m,
-        )
+        LocalEarth::at(mean, origin.height_m).enu_between(origin, self)
     }
 }
 
@@ -87,16 +80,15 @@ impl LocalEarth {
     /// The same from the sine and cosine of the latitude.
     pub fn from_sin_cos(sin_latitude: f64, cos_latitude: f64, height_m: f64) -> Self {
         let s2 = sin_latitude * sin_latitude;
-        let w2 = 1.0 - ECCENTRICITY_SQUARED * s2;
-        let w = math::sqrt(w2);
-        let prime_vertical = SEMI_MAJOR_AXIS_M / w;
-        let meridian = prime_vertical * (1.0 - ECCENTRICITY_SQUARED) / w2;
+        let inverse_w = inverse_root(ECCENTRICITY_SQUARED * s2);
+        let prime_vertical = SEMI_MAJOR_AXIS_M * inverse_w;
+        let meridian = prime_vertical * (1.0 - ECCENTRICITY_SQUARED) * inverse_w * inverse_w;
         Self {
             sin_latitude,
             cos_latitude,
             north_radius_m: meridian + height_m,
             east_radius_m: prime_vertical + height_m,
-            gravity_mps2: normal_gravity(s2, w, height_m),
+            gravity_mps2: normal_gravity(s2, inverse_w, height_m),
         }
     }
 
@@ -118,6 +110,16 @@ impl LocalEarth {
             -velocity_enu_mps.y / self.north_radius_m,
             east,
             east * self.sin_latitude / self.safe_cos_latitude(),
+        )
+    }
+
+    /// East, north and up metres between points some kilometres around here.
+    pub fn enu_between(&self, from: &Geodetic, to: &Geodetic) -> Vector3<f64> {
+        let east_rad = wrap_pi(to.longitude_rad - from.longitude_rad);
+        Vector3::new(
+            east_rad * self.east_radius_m * self.cos_latitude,
+            (to.latitude_rad - from.latitude_rad) * self.north_radius_m,
+            to.height_m - from.height_m,
         )
     }
 
@@ -166,10 +168,17 @@ impl LatitudeTrig {
     }
 }
 
+/// `1 / sqrt(1 - x)` for `x` up to the squared eccentricity: the first dropped term is 2e-14.
+/// Many processors have no square root of doubles, or the language does not let it be used.
+fn inverse_root(x: f64) -> f64 {
+    let tail = x * (5.0 / 16.0 + x * (35.0 / 128.0 + x * (63.0 / 256.0)));
+    1.0 + x * (0.5 + x * (3.0 / 8.0 + tail))
+}
+
 /// Somigliana's normal gravity with the second-order height term (NGA.STND.0036 (4-1), (4-3)).
-fn normal_gravity(sin2_latitude: f64, w: f64, height_m: f64) -> f64 {
+fn normal_gravity(sin2_latitude: f64, inverse_w: f64, height_m: f64) -> f64 {
     const K: f64 = (1.0 - FLATTENING) * GRAVITY_POLE_MPS2 / GRAVITY_EQUATOR_MPS2 - 1.0;
-    let surface = GRAVITY_EQUATOR_MPS2 * (1.0 + K * sin2_latitude) / w;
+    let surface = GRAVITY_EQUATOR_MPS2 * (1.0 + K * sin2_latitude) * inverse_w;
     let x = height_m / SEMI_MAJOR_AXIS_M;
     let linear = 1.0 + FLATTENING + CENTRIFUGAL_RATIO - 2.0 * FLATTENING * sin2_latitude;
     surface * (1.0 - 2.0 * linear * x + 3.0 * x * x)

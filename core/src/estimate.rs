@@ -122,8 +122,8 @@ impl Estimates {
             gnss_latency_now_s: known(index::LATENCY, Observability::NeedsAcceleration),
             clock_drift: known(index::CLOCK_DRIFT, Observability::NeedsTime),
             accel_scale: [
-                known(index::ACCEL_SCALE_X, Observability::NeedsTurn),
-                known(index::ACCEL_SCALE_Y, Observability::NeedsAcceleration),
+                known(index::ACCEL_SCALE, Observability::NeedsTurn),
+                known(index::ACCEL_SCALE + 1, Observability::NeedsAcceleration),
             ],
             gyro_turn: [0, 1, 2]
                 .map(|axis| known(index::GYRO_TURN + axis, Observability::NeedsTurn)),

@@ -7,19 +7,17 @@ use crate::ring::Ring;
 use crate::time::Time;
 
 /// Least time between two moments in the ring, s.
-const SPACING_S: f64 = 0.045;
-/// Moments held: 0.6 s or more.
-const CAPACITY: usize = 14;
+const SPACING_S: f64 = 0.115;
+/// Moments held: of the last 0.46 s or more any moment can be given.
+const CAPACITY: usize = 6;
 
-/// The INS at one moment. All but the velocity are totals since the start, so that the
-/// difference of any two moments is the exact integral between them.
+/// What the INS has gone through up to one moment: totals since the start, so that the difference
+/// of any two moments is the exact integral between them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Moment {
     /// When.
     pub time: Time,
-    /// Velocity, ENU, m/s.
-    pub velocity_mps: Vector3<f64>,
     /// Integral of specific force, ENU, m/s.
     pub force_mps: Vector3<f64>,
     /// Integral of `C_B^L`, s.
@@ -34,10 +32,9 @@ pub struct Moment {
 
 impl Moment {
     /// All totals zero.
-    pub fn start(time: Time, velocity_mps: Vector3<f64>) -> Self {
+    pub fn start(time: Time) -> Self {
         Self {
             time,
-            velocity_mps,
             force_mps: Vector3::zeros(),
             attitude_s: Matrix3::zeros(),
             turn_rad: 0.0,
@@ -50,7 +47,6 @@ impl Moment {
     fn towards(&self, later: &Self, part: f64, time: Time) -> Self {
         Self {
             time,
-            velocity_mps: self.velocity_mps + part * (later.velocity_mps - self.velocity_mps),
             force_mps: self.force_mps + part * (later.force_mps - self.force_mps),
             attitude_s: self.attitude_s + part * (later.attitude_s - self.attitude_s),
             turn_rad: self.turn_rad + part * (later.turn_rad - self.turn_rad),
@@ -101,6 +97,8 @@ impl Span {
 pub struct Past {
     /// The moment itself.
     pub moment: Moment,
+    /// Velocity, ENU, m/s.
+    pub velocity_mps: Vector3<f64>,
     /// Acceleration of the vehicle as the accelerometers feel it, ENU, m/s^2.
     pub accel_mps2: Vector3<f64>,
     /// Rate of change of `C_B^L`, 1/s.
@@ -116,66 +114,126 @@ pub enum Missing {
     Future,
 }
 
+/// A moment of the ring and the velocity then, ENU, m/s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Recorded {
+    moment: Moment,
+    velocity_mps: Vector3<f64>,
+}
+
 /// Ring of past moments.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct History {
-    moments: Ring<Moment, CAPACITY>,
+    moments: Ring<Recorded, CAPACITY>,
 }
 
 impl History {
+    /// Holds one moment.
+    pub fn starting(moment: Moment, velocity_mps: Vector3<f64>) -> Self {
+        let mut history = Self::default();
+        history.push(moment, velocity_mps);
+        history
+    }
+
     /// Whether enough time has passed since the newest moment for the next.
     pub fn wants(&self, time: Time) -> bool {
         self.moments
             .newest()
-            .is_none_or(|newest| time.seconds_since(newest.time) >= SPACING_S)
+            .is_none_or(|newest| time.seconds_since(newest.moment.time) >= SPACING_S)
+    }
+
+    /// The oldest moment and the velocity then, ENU, m/s.
+    pub fn oldest(&self) -> Option<(Moment, Vector3<f64>)> {
+        let oldest = self.moments.oldest()?;
+        Some((oldest.moment, oldest.velocity_mps))
     }
 
     /// Adds the newest moment, dropping the oldest if full.
-    pub fn push(&mut self, moment: Moment) {
-        self.moments.push_over(moment);
+    pub fn push(&mut self, moment: Moment, velocity_mps: Vector3<f64>) {
+        self.moments.push_over(Recorded {
+            moment,
+            velocity_mps,
+        });
     }
 
-    /// The INS at `time`, which needs a moment of the ring after the interval that holds it.
+    /// The INS at `time`, which must lie after the second moment of the ring.
     ///
     /// # Errors
-    /// [`Missing`] if it does not lie in the ring.
+    /// [`Missing`] if it does not.
     pub fn at(&self, time: Time) -> Result<Past, Missing> {
-        let mut newer = self.moments.iter().rev();
-        let (Some(mut last), Some(mut later)) = (newer.next(), newer.next()) else {
+        let mut older = self.moments.iter().rev();
+        let (Some(mut end), Some(mut start)) = (older.next(), older.next()) else {
             return Err(Missing::Future);
         };
-        if time > later.time {
+        if time > end.moment.time {
             return Err(Missing::Future);
         }
-        for earlier in newer {
-            if earlier.time <= time {
-                return Ok(past(earlier, later, last, time));
+        let mut after = None;
+        for before in older {
+            if start.moment.time <= time {
+                return Ok(past(before, [start, end], after, time));
             }
-            (last, later) = (later, earlier);
+            (after, end, start) = (Some(end), start, before);
         }
         Err(Missing::TooOld)
     }
 }
 
-/// Interpolates in [`earlier`, `later`]; `last` follows and gives the second differences.
-fn past(earlier: &Moment, later: &Moment, last: &Moment, time: Time) -> Past {
-    let span = later.time.seconds_since(earlier.time);
-    let next_span = last.time.seconds_since(later.time);
-    let part = time.seconds_since(earlier.time) / span;
-    // From specific force: the velocity itself also follows the noise of GNSS, by its controls.
+/// Interpolates between two moments; those `before` and `after` give the second differences.
+fn past(
+    before: &Recorded,
+    [start, end]: [&Recorded; 2],
+    after: Option<&Recorded>,
+    time: Time,
+) -> Past {
+    let here = Means::of(&start.moment, &end.moment);
+    let mut bend = here.slope_from(&Means::of(&before.moment, &start.moment));
+    if let Some(after) = after {
+        // The mean of both sides lags behind neither.
+        let later = Means::of(&end.moment, &after.moment).slope_from(&here);
+        bend.force_mps2 = 0.5 * (bend.force_mps2 + later.force_mps2);
+        bend.attitude = 0.5 * (bend.attitude + later.attitude);
+    }
+    let part = time.seconds_since(start.moment.time) / here.seconds;
+    // The parabola. From specific force: the velocity itself also follows the noise of GNSS, by
+    // its controls.
+    let chord = start.velocity_mps + part * (end.velocity_mps - start.velocity_mps);
+    let sag = 0.5 * part * (1.0 - part) * here.seconds * here.seconds;
     let gravity = Vector3::new(0.0, 0.0, GRAVITY_EQUATOR_MPS2);
-    let slope = (later.force_mps - earlier.force_mps) / span - gravity;
-    let next_slope = (last.force_mps - later.force_mps) / next_span - gravity;
-    let attitude = (later.attitude_s - earlier.attitude_s) / span;
-    let next_attitude = (last.attitude_s - later.attitude_s) / next_span;
-    let curvature = (next_slope - slope) / (0.5 * (span + next_span));
-    let mut moment = earlier.towards(later, part, time);
-    // The parabola through three moments.
-    moment.velocity_mps -= 0.5 * part * (1.0 - part) * span * span * curvature;
     Past {
-        moment,
-        accel_mps2: slope + (part - 0.5) * span * curvature,
-        attitude_rate: (next_attitude - attitude) / (0.5 * (span + next_span)),
+        moment: start.moment.towards(&end.moment, part, time),
+        velocity_mps: chord - sag * bend.force_mps2,
+        accel_mps2: here.force_mps2 - gravity + (part - 0.5) * here.seconds * bend.force_mps2,
+        attitude_rate: bend.attitude,
+    }
+}
+
+/// Means between two moments of the ring, or how fast they change.
+struct Means {
+    seconds: f64,
+    force_mps2: Vector3<f64>,
+    attitude: Matrix3<f64>,
+}
+
+impl Means {
+    fn of(start: &Moment, end: &Moment) -> Self {
+        let seconds = end.time.seconds_since(start.time);
+        Self {
+            seconds,
+            force_mps2: (end.force_mps - start.force_mps) / seconds,
+            attitude: (end.attitude_s - start.attitude_s) / seconds,
+        }
+    }
+
+    /// Change per second from an earlier mean to this.
+    fn slope_from(&self, earlier: &Self) -> Self {
+        let seconds = 0.5 * (earlier.seconds + self.seconds);
+        Self {
+            seconds,
+            force_mps2: (self.force_mps2 - earlier.force_mps2) / seconds,
+            attitude: (self.attitude - earlier.attitude) / seconds,
+        }
     }
 }

@@ -119,8 +119,9 @@ impl Increments {
         let (angle, force, scale) = match self.output {
             ImuOutput::Rates => {
                 let bend = self.bend(seconds, hole);
+                let (bend_new, bend_old) = (bend / seconds, bend / before);
                 let integral = |last: &Vector3<f64>, change: &Vector3<f64>, old: &Vector3<f64>| {
-                    seconds * (last + 0.5 * change) - bend * (change / seconds - old / before)
+                    seconds * last + (0.5 * seconds - bend_new) * change + bend_old * old
                 };
                 (
                     integral(&self.gyro, &gyro_change, &self.gyro_change),

@@ -31,7 +31,7 @@ pub enum Manoeuvre {
 impl Manoeuvre {
     /// The manoeuvre at one moment of the INS.
     pub(crate) fn of(past: &Past) -> Self {
-        let velocity = past.moment.velocity_mps.xy();
+        let velocity = past.velocity_mps.xy();
         let accel = past.accel_mps2.xy();
         let speed = velocity.norm();
         if speed < REST_MPS && accel.norm() < ACCEL_MPS2 {

@@ -31,3 +31,9 @@ pub(crate) fn abs(a: f64) -> f64 {
 pub(crate) fn all_finite(v: &Vector3<f64>) -> bool {
     v.x.is_finite() && v.y.is_finite() && v.z.is_finite()
 }
+
+/// In single precision.
+#[allow(clippy::cast_possible_truncation)]
+pub(crate) fn single(x: f64) -> f32 {
+    x as f32
+}

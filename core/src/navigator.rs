@@ -117,8 +117,7 @@ impl Navigator {
 
     /// Azimuth error that is still in the damped INS, rad.
     pub fn azimuth_left_rad(&self) -> f64 {
-        self.aided()
-            .map_or(0.0, |ins| ins.azimuth_left_rad(&self.config))
+        self.aided().map_or(0.0, AidedIns::azimuth_left_rad)
     }
 
     /// Errors of the sensors as known now.
@@ -156,10 +155,10 @@ impl State {
         if !(math::all_finite(&sample.gyro) && math::all_finite(&sample.accel)) {
             return ImuOutcome::NotFinite;
         }
-        let Some((last, mut increments)) = self.inertial else {
+        let Some((last, increments)) = &mut self.inertial else {
             return self.on_first(sample, config);
         };
-        let seconds = sample.time.seconds_since(last);
+        let seconds = sample.time.seconds_since(*last);
         if seconds <= 0.0 {
             return ImuOutcome::TimeNotIncreasing;
         }
@@ -167,23 +166,26 @@ impl State {
             return ImuOutcome::OutOfRange;
         }
         if seconds > config.max_gap_s {
-            return self.on_gap(sample, increments, config);
+            return self.on_gap(sample, config);
         }
         self.after_gap = None;
         let bridged = increments.has_hole(seconds);
         let interval = increments.interval(sample, seconds);
-        self.inertial = Some((sample.time, increments));
-        let aligned = match &mut self.mode {
-            Mode::Aligning(alignment) => alignment.on_interval(sample.time, &interval, config),
+        *last = sample.time;
+        match &mut self.mode {
+            Mode::Aligning(alignment) => {
+                if let Some(aligned) = alignment.on_interval(sample.time, &interval, config) {
+                    self.navigate_from(sample.time, &aligned, config);
+                }
+            }
             Mode::Navigating(ins) => {
                 if bridged {
                     ins.on_hole(seconds);
                 }
                 ins.on_interval(sample.time, &interval, config);
-                None
+                ins.follow_up(config);
             }
-        };
-        self.navigate_from(sample.time, aligned.as_ref(), config);
+        }
         if bridged {
             ImuOutcome::Bridged
         } else {
@@ -202,23 +204,16 @@ impl State {
     }
 
     /// A hole too long to bridge: one stray stamp must not stop the clock, two in step restart.
-    fn on_gap(
-        &mut self,
-        sample: &ImuSample,
-        mut increments: Increments,
-        config: &Config,
-    ) -> ImuOutcome {
+    fn on_gap(&mut self, sample: &ImuSample, config: &Config) -> ImuOutcome {
         let confirmed = self.after_gap.is_some_and(|first| {
             let seconds = sample.time.seconds_since(first);
             seconds > 0.0 && seconds <= config.max_gap_s
         });
-        if confirmed {
-            self.after_gap = None;
+        self.after_gap = (!confirmed).then_some(sample.time);
+        if let (true, Some((last, increments))) = (confirmed, &mut self.inertial) {
+            *last = sample.time;
             increments.restart(sample);
-            self.inertial = Some((sample.time, increments));
             self.align_again(sample.time);
-        } else {
-            self.after_gap = Some(sample.time);
         }
         ImuOutcome::Gap
     }
@@ -236,22 +231,23 @@ impl State {
         }
     }
 
-    fn navigate_from(&mut self, time: Time, aligned: Option<&Aligned>, config: &Config) {
-        if let Some(aligned) = aligned {
-            self.mode = Mode::Navigating(AidedIns::new(time, aligned, config));
-        }
+    /// Rare and large: its temporaries must not lie on the stack of every sample.
+    #[inline(never)]
+    fn navigate_from(&mut self, time: Time, aligned: &Aligned, config: &Config) {
+        self.mode = Mode::Navigating(AidedIns::new(time, aligned, config));
     }
 
     fn on_gnss(&mut self, fix: &GnssFix, config: &Config) -> GnssOutcome {
         if let Err(outcome) = check(fix) {
             return outcome;
         }
-        let Some((now, _)) = self.inertial else {
+        let Some((now, _)) = &self.inertial else {
             return GnssOutcome::NoInertialData;
         };
         if self.last_fix.is_some_and(|last| fix.time <= last) {
             return GnssOutcome::TimeNotIncreasing;
         }
+        let now = *now;
         let ahead_s = fix.time.seconds_since(now);
         if ahead_s > AWAY_S {
             return GnssOutcome::TooFarAhead;
@@ -262,8 +258,9 @@ impl State {
         let outcome = match &mut self.mode {
             Mode::Navigating(ins) => ins.on_fix(fix, config),
             Mode::Aligning(alignment) => {
-                let aligned = alignment.on_fix(now, fix, config);
-                self.navigate_from(now, aligned.as_ref(), config);
+                if let Some(aligned) = alignment.on_fix(now, fix, config) {
+                    self.navigate_from(now, &aligned, config);
+                }
                 GnssOutcome::Accepted
             }
         };
@@ -303,7 +300,7 @@ fn check(fix: &GnssFix) -> Result<(), GnssOutcome> {
         && math::abs(place.y) <= core::f64::consts::TAU
         && place.z > LOWEST_M
         && place.z < HIGHEST_M
-        && velocity.norm() < FASTEST_MPS;
+        && velocity.norm_squared() < FASTEST_MPS * FASTEST_MPS;
     if possible {
         Ok(())
     } else {

@@ -68,6 +68,8 @@ impl GnssFix {
 
     /// Whether the speed is above its noise.
     pub(crate) fn is_moving(&self, config: &Config) -> bool {
-        self.speed_mps() > MOTION_MPS + MOTION_SIGMAS * config.gnss.velocity_sigma_mps
+        let velocity = self.velocity_en_mps.unwrap_or_default();
+        let least = MOTION_MPS + MOTION_SIGMAS * config.gnss.velocity_sigma_mps;
+        velocity.norm_squared() > least * least
     }
 }

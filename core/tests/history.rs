@@ -15,7 +15,7 @@ fn velocity(t: f64) -> Vector3<f64> {
 
 /// A vehicle whose acceleration grows steadily; its totals are those of `t`.
 fn moment(t: f64) -> Moment {
-    let mut moment = Moment::start(Time::default().plus_seconds(t), velocity(t));
+    let mut moment = Moment::start(Time::default().plus_seconds(t));
     moment.force_mps = velocity(t) + Vector3::z() * (t * GRAVITY_EQUATOR_MPS2);
     // `C` grows by this a second.
     moment.attitude_s = 0.5 * t * t * Matrix3::from_diagonal(&Vector3::new(1.0, 2.0, 3.0));
@@ -27,7 +27,7 @@ fn filled(times: &[f64]) -> History {
     let mut history = History::default();
     for t in times {
         assert!(history.wants(Time::default().plus_seconds(*t)));
-        history.push(moment(*t));
+        history.push(moment(*t), velocity(*t));
     }
     history
 }
@@ -35,14 +35,11 @@ fn filled(times: &[f64]) -> History {
 #[test]
 fn a_past_moment_is_exact_for_a_steady_jerk() {
     // Unequal steps, as samples come.
-    let times = [0.0, 0.05, 0.11, 0.16, 0.23, 0.28, 0.33];
+    let times = [0.0, 0.12, 0.25, 0.37, 0.5, 0.62];
     let history = filled(&times);
-    for t in [0.0, 0.013, 0.05, 0.12, 0.199, 0.25, 0.28] {
+    for t in [0.12, 0.133, 0.25, 0.31, 0.449, 0.5, 0.62] {
         let past = history.at(Time::default().plus_seconds(t)).unwrap();
-        assert!(
-            (past.moment.velocity_mps - velocity(t)).norm() < 1e-12,
-            "{t}"
-        );
+        assert!((past.velocity_mps - velocity(t)).norm() < 1e-12, "{t}");
         assert!((past.accel_mps2 - (ACCEL + t * JERK)).norm() < 1e-10, "{t}");
         let rate = past.attitude_rate.diagonal() - Vector3::new(1.0, 2.0, 3.0);
         assert!(rate.norm() < 1e-10, "{t}");
@@ -55,14 +52,14 @@ fn a_past_moment_is_exact_for_a_steady_jerk() {
 fn what_lies_outside_is_not_invented() {
     let at = |history: &History, t: f64| history.at(Time::default().plus_seconds(t));
     assert_eq!(at(&History::default(), 0.0), Err(Missing::Future));
-    assert_eq!(at(&filled(&[0.0, 0.05]), 0.02), Err(Missing::Future));
-    let times: Vec<f64> = (0..100).map(|k| f64::from(k) * 0.05).collect();
+    // The first interval has none before it.
+    assert_eq!(at(&filled(&[0.0, 0.12]), 0.05), Err(Missing::TooOld));
+    let times: Vec<f64> = (0..100).map(|k| f64::from(k) * 0.12).collect();
     let history = filled(&times);
-    // The last interval waits for the moment after it.
-    assert_eq!(at(&history, 4.93), Err(Missing::Future));
-    assert!(at(&history, 4.9).is_ok());
-    assert!(at(&history, 4.4).is_ok());
-    // Half a second and some is kept, a second is not.
-    assert_eq!(at(&history, 3.9), Err(Missing::TooOld));
-    assert!(!history.wants(Time::default().plus_seconds(4.98)));
+    assert_eq!(at(&history, 11.89), Err(Missing::Future));
+    assert!(at(&history, 11.87).is_ok());
+    // Some half a second is kept.
+    assert!(at(&history, 11.41).is_ok());
+    assert_eq!(at(&history, 11.39), Err(Missing::TooOld));
+    assert!(!history.wants(Time::default().plus_seconds(11.98)));
 }

@@ -45,7 +45,7 @@ impl Input {
         let grade = configure::grade(&log, grade);
         Ok(Self {
             config: configure::config(&log, grade),
-            name: name(folder, &log),
+            name: log_name(folder, &log),
             log,
             grade,
             warnings,
@@ -136,7 +136,8 @@ fn create(folder: &Path, name: &str) -> Result<BufWriter<File>> {
     Ok(BufWriter::new(file))
 }
 
-fn name(folder: &Path, log: &Log) -> String {
+/// Name of a log: its own, or that of its folder.
+pub(crate) fn log_name(folder: &Path, log: &Log) -> String {
     let folder_name = || {
         folder
             .canonicalize()

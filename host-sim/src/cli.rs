@@ -11,12 +11,16 @@ use miette::{IntoDiagnostic, Result, bail};
 use crate::accuracy;
 use crate::aircraft;
 use crate::analysis::{Analysis, SUMMARY};
+use crate::campaign;
+use crate::compare;
+use crate::error_model::fit::Kind;
+use crate::error_model::{self, Identified, Record};
 use crate::figures;
 use crate::flights;
 use crate::hil;
 use crate::log::{self, BodyAxes, Compression, Grade, Log, Meta};
 use crate::output::{self, OutputError};
-use crate::sim::{self, DriveConfig};
+use crate::sim::{self, DriveConfig, ErrorModel};
 use crate::table;
 use crate::truth::{self, Truth};
 
@@ -38,10 +42,14 @@ pub struct Cli {
 enum Command {
     /// Simulate a car drive and write its log.
     Drive(Drive),
-    /// Find the sensor errors of a log and write summary, tables and report.
+    /// Find the sensor errors of logs and their error model; write summaries, tables and reports.
     Identify(Identify),
     /// Run a log through firmware on a board, and compare with the host bit for bit.
     Hil(hil::cli::Hil),
+    /// Compare compensation with a Kalman filter on a log, in navigation and through outages.
+    Compare(compare::cli::Compare),
+    /// Identify many simulated units and say how well their error models are found.
+    Recovery(error_model::recovery::cli::Recovery),
     /// Fly a plan in a simulated aircraft and write its log.
     Fly(aircraft::cli::Fly),
     /// Print the performance and the natural motions of an aircraft.
@@ -50,6 +58,10 @@ enum Command {
     Flights(flights::cli::Flights),
     /// Run many simulated drives and say how good the estimates are.
     Accuracy(accuracy::cli::Accuracy),
+    /// Identify many units from drives, fly them, and compare with the accuracy foretold.
+    Campaign(campaign::cli::Campaign),
+    /// Add up the shards of a campaign.
+    Merge(campaign::cli::Merge),
     /// Measure the figures of the README anew and write them into it.
     Figures(figures::Figures),
     /// Simulate a drive, identify it, and compare with the truth.
@@ -69,6 +81,10 @@ struct Drive {
     out: PathBuf,
     #[command(flatten)]
     options: DriveOptions,
+    /// Errors of the sensors if not those of their class: ideal, hg1700, mems or an error-model
+    /// file.
+    #[arg(long, value_name = "MODEL")]
+    errors: Option<String>,
 }
 
 #[derive(Clone, Copy, Debug, Args)]
@@ -86,14 +102,38 @@ pub(crate) struct DriveOptions {
 
 #[derive(Debug, Args)]
 struct Identify {
-    /// Folder of the log.
-    log: PathBuf,
+    /// Folder of a log. Several: drives of one kind of unit, for one error model of all.
+    #[arg(required = true)]
+    log: Vec<PathBuf>,
     /// Folder for the results.
     #[arg(long)]
     out: PathBuf,
     /// Class of the sensors.
     #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
     grade: GradeChoice,
+    /// How gyro biases move.
+    #[arg(long, value_enum, default_value_t = BiasChoice::Auto)]
+    bias_model: BiasChoice,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum BiasChoice {
+    /// The likelier of the two.
+    Auto,
+    /// Jumps at regular intervals, thesis equation (3).
+    Wave,
+    /// Constant, trend and correlated noise, thesis equation (4).
+    Continuous,
+}
+
+impl From<BiasChoice> for Option<Kind> {
+    fn from(choice: BiasChoice) -> Self {
+        match choice {
+            BiasChoice::Auto => None,
+            BiasChoice::Wave => Some(Kind::Wave),
+            BiasChoice::Continuous => Some(Kind::Continuous),
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -145,19 +185,31 @@ pub(crate) fn minutes(text: &str) -> Result<f64, String> {
 pub fn run(cli: &Cli) -> Result<()> {
     match &cli.command {
         Command::Drive(drive) => {
-            let truth = write_drive(&drive.out, drive.options, cli.force)?;
+            let errors = drive.errors.as_deref().map(aircraft::cli::error_model);
+            let truth = write_drive(&drive.out, drive.options, errors.transpose()?, cli.force)?;
             print_drive(&drive.out, &truth, cli.json)
         }
         Command::Identify(options) => {
             let grade = options.grade.told();
-            let analysis = identify_log(&options.log, &options.out, grade, cli.force)?;
-            print_analysis(&analysis, &options.out, cli.json)
+            let kind = options.bias_model.into();
+            if let [log] = options.log.as_slice() {
+                let (analysis, model) = identify_log(log, &options.out, grade, kind, cli.force)?;
+                print_analysis(&analysis, Some(&model), &options.out, cli.json)
+            } else {
+                identify_logs(options, grade, kind, cli)
+            }
+        }
+        Command::Recovery(options) => {
+            error_model::recovery::cli::recovery(options, cli.json, cli.force)
         }
         Command::Hil(options) => hil::cli::hil(options, cli.json, cli.force),
+        Command::Compare(options) => compare::cli::compare(options, cli.json, cli.force),
         Command::Fly(options) => aircraft::cli::fly(options, cli.json, cli.force),
         Command::Aircraft(options) => aircraft::cli::table(options, cli.json, cli.force),
         Command::Flights(options) => flights::cli::flights(options, cli.json, cli.force),
         Command::Accuracy(options) => accuracy::cli::accuracy(options, cli.json, cli.force),
+        Command::Campaign(options) => campaign::cli::campaign(options, cli.json, cli.force),
+        Command::Merge(options) => campaign::cli::merge(options, cli.json),
         Command::Figures(options) => figures::write(options),
         Command::Demo { out, drive } => demo(out, *drive, cli),
     }
@@ -168,21 +220,29 @@ fn demo(out: &Path, drive: DriveOptions, cli: &Cli) -> Result<()> {
     // Both before either, so that nothing is simulated in vain.
     output::check_free(&log, truth::FILE, cli.force)?;
     output::check_free(&results, SUMMARY, cli.force)?;
-    write_drive(&log, drive, cli.force)?;
-    let analysis = identify_log(&log, &results, None, cli.force)?;
-    print_analysis(&analysis, &results, cli.json)
+    write_drive(&log, drive, None, cli.force)?;
+    let (analysis, model) = identify_log(&log, &results, None, None, cli.force)?;
+    print_analysis(&analysis, Some(&model), &results, cli.json)
 }
 
 // --- drive ---
 
-pub(crate) fn write_drive(out: &Path, options: DriveOptions, force: bool) -> Result<Truth> {
+pub(crate) fn write_drive(
+    out: &Path,
+    options: DriveOptions,
+    errors: Option<ErrorModel>,
+    force: bool,
+) -> Result<Truth> {
     output::check_free(out, truth::FILE, force)?;
     let (grade, class) = match options.grade {
         SimulatedGrade::Hg1700 => (sim::Grade::Hg1700, Grade::Hg1700),
         SimulatedGrade::Mems => (sim::Grade::Mems, Grade::Mems),
     };
     let progress = spinner("simulating the drive");
-    let config = DriveConfig::new(options.seed, grade, options.minutes);
+    let mut config = DriveConfig::new(options.seed, grade, options.minutes);
+    if let Some(errors) = errors {
+        config.recording.errors = errors;
+    }
     let drive = sim::simulate(&config);
     progress.set_message("writing the log");
     let azimuth_error_rad = drive
@@ -236,13 +296,78 @@ fn print_drive(out: &Path, truth: &Truth, json: bool) -> Result<()> {
 
 // --- identify ---
 
-fn identify_log(folder: &Path, out: &Path, grade: Option<Grade>, force: bool) -> Result<Analysis> {
+fn identify_log(
+    folder: &Path,
+    out: &Path,
+    grade: Option<Grade>,
+    kind: Option<Kind>,
+    force: bool,
+) -> Result<(Analysis, Identified)> {
     output::check_free(out, SUMMARY, force)?;
     refuse_same(folder, out)?;
     let progress = bar();
     let analysis = Analysis::of_log(folder, grade, &progress)?;
-    output::build(out, SUMMARY, force, |folder| analysis.write(folder))?;
-    Ok(analysis)
+    let records = [Record::new(&analysis.log, &analysis.found)];
+    let model = error_model_of(&records, analysis.summary.grade, kind);
+    output::build(out, SUMMARY, force, |folder| {
+        analysis.write(folder)?;
+        error_model::write(&model, &records, folder)
+    })?;
+    Ok((analysis, model))
+}
+
+fn error_model_of(records: &[Record], grade: Grade, kind: Option<Kind>) -> Identified {
+    let progress = spinner("fitting the error model");
+    let model = Identified::new(records, grade, kind);
+    progress.finish_and_clear();
+    model
+}
+
+/// A folder for each log, and the error model of all beside them.
+fn identify_logs(
+    options: &Identify,
+    grade: Option<Grade>,
+    kind: Option<Kind>,
+    cli: &Cli,
+) -> Result<()> {
+    let out = &options.out;
+    output::check_free(out, error_model::MODEL, cli.force)?;
+    for log in &options.log {
+        refuse_same(log, out)?;
+    }
+    let mut model = None;
+    output::build(out, error_model::MODEL, cli.force, |folder| -> Result<()> {
+        let (mut records, mut class) = (Vec::new(), grade);
+        for (number, log) in (1..).zip(&options.log) {
+            let progress = bar();
+            // One log at a time: only what the error model needs of it is kept.
+            let analysis = Analysis::of_log(log, grade, &progress)?;
+            let this = analysis.summary.grade;
+            if *class.get_or_insert(this) != this {
+                bail!(
+                    help = "identify them apart, or say --grade",
+                    "{}: another class of sensors than the logs before",
+                    log.display()
+                );
+            }
+            let record = Record::new(&analysis.log, &analysis.found);
+            let name = analysis.summary.log.replace(['/', '\\'], "-");
+            let beside = folder.join(format!("{number}-{name}"));
+            fs::create_dir(&beside).map_err(|e| OutputError::io(&beside, e))?;
+            analysis.write(&beside)?;
+            let own = [record];
+            error_model::write(&error_model_of(&own, this, kind), &own, &beside)?;
+            records.extend(own);
+        }
+        let found = error_model_of(&records, class.unwrap_or(Grade::Mems), kind);
+        error_model::write(&found, &records, folder)?;
+        model = Some(found);
+        Ok(())
+    })?;
+    if let Some(model) = model {
+        print_model(&model, out, cli.json)?;
+    }
+    Ok(())
 }
 
 /// The log's folder must not become the results' one.
@@ -263,7 +388,24 @@ pub(crate) fn refuse_same(log: &Path, out: &Path) -> Result<()> {
 
 // --- what is printed ---
 
-pub(crate) fn print_analysis(analysis: &Analysis, out: &Path, json: bool) -> Result<()> {
+fn print_model(model: &Identified, out: &Path, json: bool) -> Result<()> {
+    if json {
+        let parameters = serde_json::to_string_pretty(&model.parameters()).into_diagnostic()?;
+        println!("{parameters}");
+        return Ok(());
+    }
+    let (header, rows) = model.table();
+    print!("{}", table::plain(&header, &rows));
+    println!("\nError model: {}", out.join(error_model::MODEL).display());
+    Ok(())
+}
+
+pub(crate) fn print_analysis(
+    analysis: &Analysis,
+    model: Option<&Identified>,
+    out: &Path,
+    json: bool,
+) -> Result<()> {
     let summary = &analysis.summary;
     if json {
         println!(
@@ -282,7 +424,11 @@ pub(crate) fn print_analysis(analysis: &Analysis, out: &Path, json: bool) -> Res
             "\nFree-inertial velocity error over a minute: {before:.3} m/s before, {after:.3} m/s after"
         );
     }
-    println!("\nReport: {}", out.join("report.html").display());
+    if let Some(model) = model {
+        println!();
+        print_model(model, out, false)?;
+    }
+    println!("Report: {}", out.join("report.html").display());
     Ok(())
 }
 

@@ -123,29 +123,46 @@ fn window_starts(history: &[Row], azimuth_known: bool) -> Vec<&Row> {
 /// A free INS over one window, from the first solution on; `None` if samples do not last.
 fn fly(log: &Log, solutions: &[Solution], heading_rad: f64, history: &[Row]) -> Option<Vec<Error>> {
     let (start, solutions) = solutions.split_first()?;
-    let first = log.imu.partition_point(|sample| sample.time < start.time);
-    let mut samples = log.imu[first..].iter();
-    let mut last = samples.next()?;
     let mut ins = Mechanization::new(start.position, start.velocity_enu_mps, start.attitude);
     ins.turn_heading(heading_rad);
-    let mut increments = Increments::new(log.meta.imu, last);
     let mut solutions = solutions.iter().peekable();
     let mut errors = Vec::new();
-    while last.time.seconds_since(start.time) < WINDOW_S {
+    feed(log, start.time, history, |interval, time| {
+        let since_s = time.seconds_since(start.time);
+        ins.step(interval, &Controls::default());
+        if let Some(truth) = solutions.next_if(|solution| solution.time <= time) {
+            let error = (ins.velocity_enu_mps - truth.velocity_enu_mps).xy();
+            errors.push((since_s, error));
+        }
+        since_s < WINDOW_S
+    })?;
+    Some(errors)
+}
+
+/// Gives the intervals after a start, less what the history knows of their errors, each with the
+/// time of its end, until `wants_more` says no; `None` if samples do not last.
+pub(crate) fn feed(
+    log: &Log,
+    start: Time,
+    history: &[Row],
+    mut wants_more: impl FnMut(&Interval, Time) -> bool,
+) -> Option<()> {
+    let first = log.imu.partition_point(|sample| sample.time < start);
+    let mut samples = log.imu[first..].iter();
+    let mut last = samples.next()?;
+    let mut increments = Increments::new(log.meta.imu, last);
+    loop {
         let sample = samples.next()?;
         let seconds = sample.time.seconds_since(last.time);
         if seconds > HOLE_S {
             return None;
         }
         let interval = corrected(&increments.interval(sample, seconds), history, sample.time);
-        ins.step(&interval, &Controls::default());
-        if let Some(truth) = solutions.next_if(|solution| solution.time <= sample.time) {
-            let error = (ins.velocity_enu_mps - truth.velocity_enu_mps).xy();
-            errors.push((sample.time.seconds_since(start.time), error));
+        if !wants_more(&interval, sample.time) {
+            return Some(());
         }
         last = sample;
     }
-    Some(errors)
 }
 
 fn rms<'a>(errors: impl Iterator<Item = &'a Error>) -> f64 {

@@ -8,6 +8,7 @@ use ins_core::{
     Solution, Time,
 };
 
+use crate::against_truth::{self, AgainstTruth};
 use crate::free_inertial::{self, VelocityError};
 use crate::log::Log;
 
@@ -61,6 +62,8 @@ pub struct Identification {
     pub gnss_outcomes: Counts<GnssOutcome>,
     /// Free-inertial velocity error without and with the estimates; none where no window fits.
     pub velocity_error: Option<VelocityError>,
+    /// Errors of the solution, damped and free; none without a reference motion.
+    pub against_truth: Option<AgainstTruth>,
 }
 
 /// Runs the navigator over a log, then checks its estimates on free-inertial windows.
@@ -121,6 +124,8 @@ impl Recorder {
     pub fn finish(self, log: &Log, config: Config, end: Row) -> Identification {
         let velocity_error =
             free_inertial::check(log, &self.solutions, &self.history, &end.estimates);
+        let against_truth =
+            against_truth::check(log, &self.solutions, &self.history, &config.damping);
         Identification {
             config,
             history: self.history,
@@ -129,6 +134,7 @@ impl Recorder {
             imu_outcomes: self.imu_outcomes,
             gnss_outcomes: self.gnss_outcomes,
             velocity_error,
+            against_truth,
         }
     }
 }

@@ -1,17 +1,24 @@
 //! Host side of the inertial-navigation core: simulation, logs, identification, reports.
 
 pub mod accuracy;
+pub mod against_truth;
 pub mod aircraft;
 pub mod analysis;
+pub mod campaign;
 pub mod cli;
+pub mod compare;
 pub mod configure;
 pub mod error_free;
+pub mod error_model;
 pub mod figures;
 pub mod flights;
 pub mod free_inertial;
+pub mod held_ins;
 pub mod hil;
 pub mod identify;
+pub mod kalman;
 pub mod log;
+pub mod outage;
 pub mod output;
 pub mod quantities;
 pub mod report;

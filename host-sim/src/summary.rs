@@ -6,6 +6,7 @@ use std::fmt::Debug;
 use ins_core::{GnssOutcome, ImuOutcome, Phase};
 use serde::Serialize;
 
+use crate::against_truth::{AgainstTruth, TruthErrors};
 use crate::identify::{Counts, Identification};
 use crate::log::{Grade, Log, LogError};
 use crate::quantities::{Quantities, Quantity};
@@ -26,6 +27,9 @@ pub struct Summary {
     pub heading_end_deg: Quantity,
     /// Free-inertial check; empty where no window fits.
     pub velocity_error_mps: VelocityErrors,
+    /// Errors of the solution, damped and free, where the log has a reference motion.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub against_truth: Option<TruthErrors>,
     /// Version of this program.
     pub version: &'static str,
     /// Class of sensors that the navigator was told.
@@ -84,6 +88,7 @@ impl Summary {
                     .as_ref()
                     .map_or(0, |error| error.windows),
             },
+            against_truth: found.against_truth.as_ref().map(AgainstTruth::errors),
             version: env!("CARGO_PKG_VERSION"),
             grade,
             phase: found.end.phase,

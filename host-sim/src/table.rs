@@ -29,6 +29,11 @@ pub fn plain(header: &[String], rows: &[Vec<String>]) -> String {
     text
 }
 
+/// Column heads, or a row.
+pub fn cells<const N: usize>(texts: [&str; N]) -> Vec<String> {
+    texts.map(str::to_owned).to_vec()
+}
+
 /// In Markdown.
 pub fn markdown(header: &[String], rows: &[Vec<String>]) -> String {
     let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));

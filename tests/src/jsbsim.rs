@@ -1,6 +1,5 @@
 //! `JSBSim`'s Cessna 172 beside ours: an independent model of the same aircraft.
 
-use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::Command;
 use std::sync::OnceLock;
@@ -12,11 +11,13 @@ use host_sim::aircraft::performance::{TrimRow, trim_row};
 use serde::Deserialize;
 
 use crate::cargo::{build_folder, repository, succeed};
+use crate::published::{CESSNA_172, MODE_ROWS};
 
-/// Slow, cruise, fast; true airspeed.
-pub const SPEEDS_MPS: [f64; 3] = [40.0, 50.0, 58.0];
-/// Where they are compared.
-pub const HEIGHT_M: f64 = 1000.0;
+/// Slow, cruise, fast; true airspeed. The latter two are those of what is published
+/// ([`CESSNA_172`]). At 40 m/s a kink of `JSBSim`'s lift table would lie at the trim.
+pub const SPEEDS_MPS: [f64; 3] = [42.0, 50.9, 58.0];
+/// Where they are compared: 4000 ft.
+pub const HEIGHT_M: f64 = 1219.2;
 
 /// What `tests/jsbsim/reference.py` prints.
 #[derive(Debug, Deserialize)]
@@ -135,92 +136,70 @@ fn with_its_numbers(row: &ReferenceRow) -> Option<TrimRow> {
     trim_row(&Dynamics::new(&parameters), row.airspeed_mps, HEIGHT_M)
 }
 
-/// The comparison as a Markdown table.
+/// The comparison, with what is published of the same flights if wanted: column heads and cells.
 ///
 /// # Panics
 /// If one of our rows lacks a mode.
-pub fn table(ours: &[TrimRow], reference: &Reference) -> String {
-    let mut text = format!(
-        "| {HEIGHT_M:.0} m | {} |\n|---|{}\n",
-        SPEEDS_MPS
-            .map(|speed| format!(
-                "{speed:.0} m/s, ours | {} {}",
-                reference.model, reference.version
-            ))
-            .join(" | "),
-        "---|".repeat(2 * SPEEDS_MPS.len()),
-    );
-    let mut line = |name: &str,
-                    digits: usize,
-                    mine: &dyn Fn(&TrimRow) -> f64,
-                    its: &dyn Fn(&ReferenceRow) -> f64| {
-        let cells = ours
-            .iter()
-            .zip(&reference.rows)
-            .map(|(a, b)| format!("{:.digits$} | {:.digits$}", mine(a), its(b)));
-        let _ = writeln!(
-            text,
-            "| {name} | {} |",
-            cells.collect::<Vec<_>>().join(" | ")
-        );
+pub fn table(
+    ours: &[TrimRow],
+    reference: &Reference,
+    published: bool,
+) -> (Vec<String>, Vec<Vec<String>>) {
+    let published = |speed: usize| published && CESSNA_172.iter().any(|known| known.1 == speed);
+    let mut header = vec![format!("at {HEIGHT_M:.0} m")];
+    for (speed, airspeed) in SPEEDS_MPS.iter().enumerate() {
+        header.push(format!("{airspeed:.0} m/s, this model"));
+        header.push(format!("JSBSim {}", reference.model));
+        if published(speed) {
+            header.push("published".to_owned());
+        }
+    }
+    let row = |name: &'static str, digits: usize, values: &dyn Fn(usize) -> [f64; 2]| {
+        let mut cells = vec![name.to_owned()];
+        for speed in 0..SPEEDS_MPS.len() {
+            cells.extend(values(speed).map(|value| format!("{value:.digits$}")));
+            if published(speed) {
+                let known = CESSNA_172
+                    .iter()
+                    .find(|known| (known.0, known.1) == (name, speed));
+                cells.push(known.map_or(String::new(), |known| known.2.to_owned()));
+            }
+        }
+        cells
     };
     let modes = |row: &TrimRow| row.modes.expect("all modes exist at these speeds");
-    line("angle of attack, deg", 2, &|r| r.alpha_deg, &|r| {
-        r.alpha_deg
+    let trims = TRIM_ROWS.iter().map(|(name, digits, mine, its)| {
+        row(name, *digits, &|speed| {
+            [mine(&ours[speed]), its(&reference.rows[speed])]
+        })
     });
-    line("elevator, deg", 2, &|r| r.elevator_deg, &|r| r.elevator_deg);
-    line("thrust, N", 0, &|r| r.thrust_n, &|r| r.thrust_n);
-    line("shaft power, kW", 1, &|r| r.shaft_power_kw, &|r| {
-        r.shaft_power_kw
+    let motions = MODE_ROWS.iter().map(|(name, digits, value)| {
+        row(name, *digits, &|speed| {
+            [
+                value(&modes(&ours[speed])),
+                value(&reference.rows[speed].modes),
+            ]
+        })
     });
-    line("engine, rpm", 0, &|r| r.engine_rpm, &|r| r.engine_rpm);
-    line(
-        "phugoid period, s",
-        1,
-        &|r| modes(r).phugoid.period_s,
-        &|r| r.modes.phugoid.period_s,
-    );
-    line(
-        "phugoid damping ratio",
-        3,
-        &|r| modes(r).phugoid.damping_ratio,
-        &|r| r.modes.phugoid.damping_ratio,
-    );
-    line(
-        "short period, rad/s",
-        2,
-        &|r| modes(r).short_period.natural_frequency_radps,
-        &|r| r.modes.short_period.natural_frequency_radps,
-    );
-    line(
-        "short period damping ratio",
-        2,
-        &|r| modes(r).short_period.damping_ratio,
-        &|r| r.modes.short_period.damping_ratio,
-    );
-    line(
-        "Dutch roll, rad/s",
-        2,
-        &|r| modes(r).dutch_roll.natural_frequency_radps,
-        &|r| r.modes.dutch_roll.natural_frequency_radps,
-    );
-    line(
-        "Dutch roll damping ratio",
-        2,
-        &|r| modes(r).dutch_roll.damping_ratio,
-        &|r| r.modes.dutch_roll.damping_ratio,
-    );
-    line(
-        "roll time constant, s",
-        3,
-        &|r| modes(r).roll_time_constant_s,
-        &|r| r.modes.roll_time_constant_s,
-    );
-    line(
-        "spiral time constant, s",
-        0,
-        &|r| modes(r).spiral_time_constant_s,
-        &|r| r.modes.spiral_time_constant_s,
-    );
-    text
+    (header, trims.chain(motions).collect())
 }
+
+type TrimValue = (
+    &'static str,
+    usize,
+    fn(&TrimRow) -> f64,
+    fn(&ReferenceRow) -> f64,
+);
+
+const TRIM_ROWS: [TrimValue; 5] = [
+    ("angle of attack, deg", 2, |r| r.alpha_deg, |r| r.alpha_deg),
+    ("elevator, deg", 2, |r| r.elevator_deg, |r| r.elevator_deg),
+    ("thrust, N", 0, |r| r.thrust_n, |r| r.thrust_n),
+    (
+        "shaft power, kW",
+        1,
+        |r| r.shaft_power_kw,
+        |r| r.shaft_power_kw,
+    ),
+    ("engine, rpm", 0, |r| r.engine_rpm, |r| r.engine_rpm),
+];

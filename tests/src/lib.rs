@@ -3,5 +3,6 @@
 pub mod cargo;
 pub mod firmware;
 pub mod jsbsim;
+pub mod published;
 pub mod recorded;
 pub mod simulated;

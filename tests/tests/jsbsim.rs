@@ -1,4 +1,4 @@
-//! Our Cessna 172 against `JSBSim`'s: `tests/jsbsim/README.md` explains what differs.
+//! Our Cessna 172 against `JSBSim`'s; the README says what differs.
 
 use host_sim::aircraft::performance::TrimRow;
 use ins_tests::jsbsim::{

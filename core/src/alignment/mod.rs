@@ -70,6 +70,8 @@ pub struct Alignment {
     rest: RestMean,
     /// Mean of the last seconds, at rest or not.
     coarse_force_mps2: Option<Vector3<f64>>,
+    /// Turn to the right since the beginning.
+    coarse_turn_rad: f64,
     last_fix: Option<GnssFix>,
     finding: Option<Finding>,
 }
@@ -102,6 +104,7 @@ impl Alignment {
             detector: RestDetector::default(),
             rest: RestMean::default(),
             coarse_force_mps2: None,
+            coarse_turn_rad: 0.0,
             last_fix: None,
             finding: None,
         }
@@ -228,6 +231,9 @@ impl Alignment {
         let force = interval.force_mps / interval.seconds;
         let mean = self.coarse_force_mps2.get_or_insert(force);
         *mean += math::min(interval.seconds / COARSE_S, 1.0) * (force - *mean);
+        if let Some(up) = mean.try_normalize(GRAVITY_EQUATOR_MPS2 / 2.0) {
+            self.coarse_turn_rad -= up.dot(&interval.angle_rad);
+        }
     }
 
     fn level(&mut self, time: Time, verdict: Verdict, config: &Config) -> Option<Aligned> {
@@ -249,7 +255,8 @@ impl Alignment {
             || (waited > WAIT_MOVING_S && moving && fix.speed_mps() > MOVING_MPS)
         {
             let level = levelling::level(&self.coarse_force_mps2?, 0.0);
-            self.levelled(time, &fix, position, level, None, config)
+            let heading = given(config, self.coarse_turn_rad);
+            self.levelled(time, &fix, position, level, heading)
         } else {
             None
         }
@@ -270,7 +277,7 @@ impl Alignment {
         let sigma = levelling::gyrocompass_sigma(&config.sensors, earth, rest.seconds);
         let compass = (config.heading == HeadingSource::Auto && sigma < HEADING_SIGMA_RAD)
             .then(|| (levelling::gyrocompass(&attitude, &rest.rate_radps), sigma));
-        self.levelled(time, fix, position, level, compass, config)
+        self.levelled(time, fix, position, level, given(config, 0.0).or(compass))
     }
 
     /// Ends levelling: with a heading, or else by looking for one.
@@ -280,13 +287,8 @@ impl Alignment {
         fix: &GnssFix,
         position: Geodetic,
         level: UnitQuaternion<f64>,
-        compass: Option<(f64, f64)>,
-        config: &Config,
+        heading: Option<(f64, f64)>,
     ) -> Option<Aligned> {
-        let heading = match config.heading {
-            HeadingSource::Given(heading) => Some((heading, HEADING_SIGMA_RAD)),
-            HeadingSource::Auto | HeadingSource::Motion => compass,
-        };
         let Some((heading_rad, heading_sigma_rad)) = heading else {
             self.finding = Some(Finding::start(time, position, level));
             return None;
@@ -326,6 +328,14 @@ impl Alignment {
         for (axis, bias) in bias.iter().enumerate() {
             self.known.learn(index::GYRO + axis, *bias, variance);
         }
+    }
+}
+
+/// The heading given for the beginning, a turn later, with its spread.
+fn given(config: &Config, turn_rad: f64) -> Option<(f64, f64)> {
+    match config.heading {
+        HeadingSource::Given(heading_rad) => Some((heading_rad + turn_rad, HEADING_SIGMA_RAD)),
+        HeadingSource::Auto | HeadingSource::Motion => None,
     }
 }
 

@@ -5,10 +5,13 @@
 //! first, as the thesis does from stage to stage. Several manoeuvres are averaged by summing
 //! numerators and denominators, never quotients; their scatter gives the spread.
 
-use nalgebra::{Matrix2, Matrix3, SVector, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
-use super::information::Information;
+use super::Verdict;
+use super::innovations::Innovations;
+use super::least_squares::LeastSquares;
 use super::parameters::{Parameters, index};
+use crate::config::Config;
 use crate::earth::GRAVITY_EQUATOR_MPS2 as G;
 use crate::history::{Moment, Past, Span};
 use crate::manoeuvre::Manoeuvre;
@@ -34,19 +37,18 @@ pub fn azimuth(change: &Vector2<f64>, turned: &Vector2<f64>) -> (f64, f64) {
     (G * change.dot(turned), change.norm_squared())
 }
 
-/// Level accelerometers (8): adds `DC [df_x; df_y] = g [INT w_N^C; -INT w_E^C]` to the normal
-/// equations. Observability is `2 - 2 cos DH`: best at half a turn.
-/// `known` is what is compensated already.
+/// Level accelerometers (8): adds `DC [df_x; df_y] = g [INT w_N^C; -INT w_E^C]` to the equations.
+/// Observability is `2 - 2 cos DH`: best at half a turn. `known` is what is compensated already.
+/// Returns the growth of the sum of squared residuals.
 pub fn level_accels(
-    rows: &mut Information<2, 3>,
+    rows: &mut LeastSquares<2, 3>,
     change: &Matrix2<f64>,
     turned: &Vector2<f64>,
     known: &Vector2<f64>,
-) -> Vector2<f64> {
-    let felt = G * Vector2::new(turned.y, -turned.x) + change * known;
-    rows.add(&change.row(0).transpose(), felt.x, 1.0);
-    rows.add(&change.row(1).transpose(), felt.y, 1.0);
-    felt
+) -> f64 {
+    let felt = (G * Vector2::new(turned.y, -turned.x) + change * known).cast::<f32>();
+    let mut change: [[f32; 2]; 2] = change.cast().into();
+    f64::from(rows.add(&mut change, felt.into(), [1.0; 2]))
 }
 
 /// Level gyros (9): `dw_x = w_E^C cos H - w_N^C sin H`, `dw_y = w_E^C sin H + w_N^C cos H`, with
@@ -145,10 +147,13 @@ pub struct Literal {
     latency: Mean,
     gyros: [Mean; 3],
     accel_up: Mean,
-    level_accels: Information<2, 3>,
-    level_power: f64,
+    level_accels: LeastSquares<2, 3>,
+    level_misfit: f64,
     turns: f64,
     block: Block,
+    level_innovations: Innovations,
+    up_innovations: Innovations,
+    parameters: Parameters,
 }
 
 /// One comparison with GNSS, as the literal estimators need it.
@@ -158,8 +163,10 @@ pub struct Comparison<'a> {
     pub past: &'a Past,
     /// What the vehicle is doing.
     pub manoeuvre: Manoeuvre,
-    /// INS minus GNSS velocity E, N, m/s.
-    pub difference_mps: Vector2<f64>,
+    /// INS minus GNSS velocity, ENU, m/s.
+    pub difference_mps: Vector3<f64>,
+    /// Whether the up component was measured.
+    pub has_up: bool,
     /// `f_UP^C` since the last fix, m/s^2.
     pub accel_up_mps2: f64,
     /// Azimuth taken out since the start, rad.
@@ -174,9 +181,10 @@ pub struct Comparison<'a> {
 
 impl Literal {
     /// Nothing known; the weak prior keeps the equations of (8) solvable.
-    pub fn new(accel_sigma_mps2: f64) -> Self {
+    pub fn new(config: &Config) -> Self {
         // A weight that counts for nothing beside one turn.
-        let weak = Vector2::repeat(1e3 * accel_sigma_mps2);
+        let weak = Vector2::repeat(1e3 * math::single(config.sensors.accel_bias_mps2));
+        let innovations = Innovations::new(config.gnss.velocity_sigma_mps);
         Self {
             last: None,
             attitude: Matrix3::zeros(),
@@ -186,20 +194,46 @@ impl Literal {
             latency: Mean::default(),
             gyros: [Mean::default(); 3],
             accel_up: Mean::default(),
-            level_accels: Information::from_prior(&SVector::zeros(), &weak),
-            level_power: 0.0,
+            level_accels: LeastSquares::from_prior(&weak),
+            level_misfit: 0.0,
             turns: 0.0,
             block: Block::default(),
+            level_innovations: innovations,
+            up_innovations: innovations,
+            parameters: config.prior(),
         }
     }
 
+    /// Breaks off what was going on: the totals begin anew.
+    pub fn restart(&mut self) {
+        self.last = None;
+        self.steady_since = None;
+        self.going = None;
+    }
+
     /// Takes one comparison.
-    pub fn take(&mut self, now: &Comparison) {
+    pub fn take(&mut self, now: &Comparison) -> Verdict {
+        let (level, up) = (now.difference_mps.xy(), now.difference_mps.z);
+        if self
+            .level_innovations
+            .noise(level.norm_squared(), 0.0)
+            .is_none()
+        {
+            return Verdict::Outlier;
+        }
+        let _ = self.level_innovations.measure(&level, 2.0);
         if let Some(last) = self.last {
             self.average(&last, now);
         }
         self.last = Some(now.past.moment);
         self.follow(now);
+        self.store_azimuth(now.azimuth_removed_rad);
+        if now.has_up && self.up_innovations.noise(up * up, 0.0).is_some() {
+            let _ = self.up_innovations.measure(&Vector2::new(up, 0.0), 1.0);
+            Verdict::Used
+        } else {
+            Verdict::LevelUsed
+        }
     }
 
     /// (9) and (10) at every fix.
@@ -280,7 +314,7 @@ impl Literal {
         Going {
             start: now.past.moment,
             start_attitude: self.attitude,
-            start_difference: now.difference_mps,
+            start_difference: now.difference_mps.xy(),
             start_accel: now.past.accel_mps2.xy(),
             kind: None,
             bent: false,
@@ -321,7 +355,7 @@ impl Literal {
     fn free_gain(&self, going: &Going, now: &Comparison) -> Vector2<f64> {
         let span = Span::between(&going.start, &now.past.moment);
         let drifted = -0.5 * span.force_mps.cross(&(span.attitude_s * self.gyro_drift()));
-        let gained = now.difference_mps - going.start_difference;
+        let gained = now.difference_mps.xy() - going.start_difference;
         gained - span.control_velocity_mps.xy() - drifted.xy()
     }
 
@@ -345,30 +379,44 @@ impl Literal {
             .fixed_view::<2, 2>(0, 0)
             .into_owned();
         let known = now.accel_compensation_mps2.xy();
-        let felt = level_accels(&mut self.level_accels, &change, &turned, &known);
-        self.level_power += felt.norm_squared();
+        self.level_misfit += level_accels(&mut self.level_accels, &change, &turned, &known);
         self.turns += 1.0;
     }
 
-    /// The estimates over `prior`, with the azimuth that is left.
-    pub fn parameters(&self, prior: &Parameters, azimuth_removed_rad: f64) -> Parameters {
-        let mut parameters = *prior;
-        self.azimuth.store(&mut parameters, index::AZIMUTH);
+    /// What is known of the parameters; the azimuth is that left at the last fix.
+    pub fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    /// Azimuth error left in the INS at a moment after the last fix, rad.
+    pub fn azimuth_left_rad(&self, moment: &Moment) -> f64 {
+        let since = self.last.map_or(0.0, |last| {
+            moment.control_tilt_rad.z - last.control_tilt_rad.z
+        });
+        self.parameters.value(index::AZIMUTH) + since
+    }
+
+    fn store_azimuth(&mut self, removed_rad: f64) {
+        self.azimuth.store(&mut self.parameters, index::AZIMUTH);
         if self.azimuth.count >= LEAST_COUNT {
-            parameters.shift(index::AZIMUTH, -azimuth_removed_rad);
+            self.parameters.shift(index::AZIMUTH, -removed_rad);
         }
-        self.latency.store(&mut parameters, index::LATENCY);
+    }
+
+    /// Brings the parameters up to date.
+    pub fn solve(&mut self) {
+        let parameters = &mut self.parameters;
+        self.latency.store(parameters, index::LATENCY);
         for (axis, gyro) in self.gyros.iter().enumerate() {
-            gyro.store(&mut parameters, index::GYRO + axis);
+            gyro.store(parameters, index::GYRO + axis);
         }
-        self.accel_up.store(&mut parameters, index::ACCEL + 2);
-        if let (Some(solved), true) = (self.level_accels.solve(), self.turns >= LEAST_COUNT) {
-            let power = self.level_power - solved.value.dot(self.level_accels.vector());
-            let residual = math::max(power, 0.0) / (2.0 * self.turns - 2.0);
-            let sigma = solved.variance.map(|v| math::sqrt(v * residual));
-            parameters.set(index::ACCEL, solved.value.x, sigma.x);
-            parameters.set(index::ACCEL + 1, solved.value.y, sigma.y);
+        self.accel_up.store(parameters, index::ACCEL + 2);
+        if self.turns >= LEAST_COUNT {
+            let residual = self.level_misfit / (2.0 * self.turns - 2.0);
+            for (axis, value) in self.level_accels.solve().iter().enumerate() {
+                let sigma = math::sqrt(f64::from(self.level_accels.variance(axis)) * residual);
+                parameters.set(index::ACCEL + axis, f64::from(*value), sigma);
+            }
         }
-        parameters
     }
 }

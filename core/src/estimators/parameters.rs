@@ -5,32 +5,30 @@ use nalgebra::{SVector, Vector2, Vector3};
 
 /// How many there are.
 pub const COUNT: usize = 16;
-/// Elements of a symmetric matrix over them.
+/// Elements of a triangular matrix over them.
 pub const PAIRS: usize = COUNT * (COUNT + 1) / 2;
 
-/// Where each stands in a parameter vector.
+/// Where each stands in a parameter vector. Those that change from fix to fix come first, for
+/// there the least squares lets them change at least cost.
 pub mod index {
     /// Azimuth error `Phi_UP` of the platform now, rad.
     pub const AZIMUTH: usize = 0;
-    /// First of three accelerometer biases, m/s^2.
-    pub const ACCEL: usize = 1;
-    /// First of three gyro biases, rad/s.
-    pub const GYRO: usize = 4;
     /// GNSS latency now, s.
-    pub const LATENCY: usize = 7;
+    pub const LATENCY: usize = 1;
+    /// First of three gyro biases, rad/s.
+    pub const GYRO: usize = 2;
+    /// First of three accelerometer biases, m/s^2.
+    pub const ACCEL: usize = 5;
+    /// Rate at which the latency grows: what the inertial clock loses on that of GNSS, s/s.
+    pub const CLOCK_DRIFT: usize = 8;
     /// First of two lever-arm components (right, forward), m.
-    pub const LEVER_ARM: usize = 8;
-    /// Scale error of the right accelerometer.
-    pub const ACCEL_SCALE_X: usize = 10;
-    /// Scale error of the forward accelerometer.
-    pub const ACCEL_SCALE_Y: usize = 11;
+    pub const LEVER_ARM: usize = 9;
+    /// Scale errors of the right and forward accelerometers.
+    pub const ACCEL_SCALE: usize = 11;
     /// First of three: what the x, y and z gyros feel of a turn about the up axis. The third is
     /// the scale error of the up gyro, the others are misalignments, rad.
-    pub const GYRO_TURN: usize = 12;
-    /// Rate at which the latency grows: what the inertial clock loses on that of GNSS, s/s.
-    pub const CLOCK_DRIFT: usize = 15;
+    pub const GYRO_TURN: usize = 13;
 }
-
 /// Values and standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -38,7 +36,7 @@ pub struct Parameters {
     /// SI units, see [`index`].
     pub value: SVector<f64, COUNT>,
     /// One standard deviation of each.
-    pub sigma: SVector<f64, COUNT>,
+    pub sigma: SVector<f32, COUNT>,
 }
 
 impl Parameters {
@@ -49,7 +47,9 @@ impl Parameters {
 
     /// Standard deviation of one parameter.
     pub fn sigma(&self, parameter: usize) -> f64 {
-        self.sigma.get(parameter).copied().unwrap_or(0.0)
+        self.sigma
+            .get(parameter)
+            .map_or(0.0, |sigma| f64::from(*sigma))
     }
 
     /// Three values from `first` on.
@@ -90,7 +90,7 @@ impl Parameters {
     /// Sets value and spread of one parameter.
     pub fn set(&mut self, parameter: usize, value: f64, sigma: f64) {
         if let (Some(v), Some(s)) = (self.value.get_mut(parameter), self.sigma.get_mut(parameter)) {
-            (*v, *s) = (value, sigma);
+            (*v, *s) = (value, math::single(sigma));
         }
     }
 }

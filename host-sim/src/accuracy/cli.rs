@@ -32,6 +32,10 @@ pub struct Accuracy {
     /// Form of the estimators.
     #[arg(long, value_enum, default_value_t = FormChoice::Exact)]
     form: FormChoice,
+    /// Run a Kalman filter in place of the core, which takes the noise of the inertial sensors for
+    /// FACTOR times what it is.
+    #[arg(long, value_name = "FACTOR", value_parser = factor)]
+    kalman: Option<f64>,
     /// Folder for accuracy.json, accuracy.csv and accuracy.svg.
     #[arg(long)]
     out: Option<PathBuf>,
@@ -43,6 +47,13 @@ enum FormChoice {
     Exact,
     /// The thesis's (7) to (11) as printed.
     Literal,
+}
+
+fn factor(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(factor) if (0.01..=100.0).contains(&factor) => Ok(factor),
+        _ => Err("a factor from 0.01 to 100".to_owned()),
+    }
 }
 
 /// Runs many drives and says how good the estimates were.
@@ -60,6 +71,7 @@ pub fn accuracy(options: &Accuracy, json: bool, force: bool) -> Result<()> {
             FormChoice::Literal => Form::Literal,
         },
         bandwidth_radps: options.bandwidth,
+        kalman_noise: options.kalman,
     };
     let progress = bar();
     progress.set_message("driving");

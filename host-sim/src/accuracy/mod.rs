@@ -13,10 +13,11 @@ use indicatif::ProgressBar;
 use ins_core::config::{Form, HeadingSource};
 use ins_core::earth::wrap_pi;
 use ins_core::navigator::ConfigError;
-use ins_core::{Config, Estimate, Navigator, Observability, Phase, Solution};
+use ins_core::{Config, Estimates, Navigator, Observability, Phase, Solution};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::kalman::{self, Noise};
 use crate::quantities::{DEG_H_RADPS, MG_MPS2};
 use crate::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
 
@@ -96,6 +97,9 @@ pub struct Study {
     pub form: Form,
     /// Bandwidth of the horizontal loop, rad/s; the preset's unless given.
     pub bandwidth_radps: Option<f64>,
+    /// A Kalman filter in place of the core, which takes the noise of the inertial sensors for
+    /// this many times what it is.
+    pub kalman_noise: Option<f64>,
 }
 
 /// Error and stated spread of a quantity at one time, in its unit.
@@ -129,6 +133,7 @@ impl Study {
             runs,
             form: Form::Exact,
             bandwidth_radps: None,
+            kalman_noise: None,
         }
     }
 
@@ -179,6 +184,9 @@ impl Study {
         let drive = simulate(&DriveConfig::new(seed, self.grade, self.minutes));
         let mut config = self.config(&drive);
         tune(&mut config);
+        if let Some(factor) = self.kalman_noise {
+            return self.run_kalman(seed, &drive, config, factor);
+        }
         let mut navigator = Navigator::new(config)?;
         let mut history = Vec::new();
         let mut fixes = drive.gnss.iter().peekable();
@@ -191,7 +199,7 @@ impl Study {
             while let Some(truth) = truths.next_if(|truth| truth.time <= sample.time) {
                 let due_s = EVERY_S * (history.len() + 1) as f64;
                 if truth.time == sample.time && sample.time.as_seconds() >= due_s {
-                    history.push(checks(&navigator, &drive, truth));
+                    history.push(core_checks(&navigator, &drive, truth));
                 }
             }
         }
@@ -201,6 +209,37 @@ impl Study {
             converged: navigator.phase() == Phase::Navigating
                 && observability == Observability::Observable
                 && azimuth_is_right(&history),
+            history,
+        })
+    }
+}
+
+impl Study {
+    fn run_kalman(
+        &self,
+        seed: u64,
+        drive: &SimulatedDrive,
+        config: Config,
+        factor: f64,
+    ) -> Result<Run, ConfigError> {
+        let noise = Noise::of_model(&self.grade.errors()).guessed(factor);
+        let mut run = kalman::Run::new(&drive.imu, &drive.gnss, config, noise)?;
+        let mut history = Vec::new();
+        let mut truths = drive.truth.iter().peekable();
+        while let Some(time) = run.step(&mut |_, _| {}) {
+            while let Some(truth) = truths.next_if(|truth| truth.time <= time) {
+                let due_s = EVERY_S * (history.len() + 1) as f64;
+                if truth.time == time && time.as_seconds() >= due_s {
+                    history.push(run.filter().map(|filter| {
+                        let estimates = filter.known.estimates(&filter.sigmas(), &noise);
+                        checks(&estimates, filter.known.ins.heading_rad(), drive, truth)
+                    }));
+                }
+            }
+        }
+        Ok(Run {
+            seed,
+            converged: azimuth_is_right(&history),
             history,
         })
     }
@@ -223,23 +262,34 @@ fn azimuth_is_right(history: &[Option<[Check; 8]>]) -> bool {
     end.is_some_and(|[azimuth, ..]| azimuth.error.abs() < LOST_DEG)
 }
 
-/// Every estimate against its truth, once navigating. The azimuth is that of the damped INS: what is still in it
-/// against what the estimator says is still in it.
-fn checks(navigator: &Navigator, drive: &SimulatedDrive, truth: &Solution) -> Option<[Check; 8]> {
+/// The azimuth is that of the damped INS: what is still in it against what the estimator says is
+/// still in it.
+fn core_checks(
+    navigator: &Navigator,
+    drive: &SimulatedDrive,
+    truth: &Solution,
+) -> Option<[Check; 8]> {
     let heading_rad = navigator.mechanization()?.heading_rad();
-    let estimates = navigator.estimates();
+    let mut estimates = navigator.estimates();
+    estimates.azimuth_error_rad.value = navigator.azimuth_left_rad();
+    Some(checks(&estimates, heading_rad, drive, truth))
+}
+
+/// Every estimate against its truth; the azimuth is what is left in a heading.
+fn checks(
+    estimates: &Estimates,
+    heading_rad: f64,
+    drive: &SimulatedDrive,
+    truth: &Solution,
+) -> [Check; 8] {
     let errors = &drive.errors;
     let [ax, ay, az] = estimates.accel_bias_mps2;
     let [gx, gy, gz] = estimates.gyro_bias_radps;
-    let azimuth = Estimate {
-        value: navigator.azimuth_left_rad(),
-        ..estimates.azimuth_error_rad
-    };
     let azimuth_left = wrap_pi(heading_rad - truth.euler().heading_rad);
     // The up accelerometer feels g: its scale error is a bias.
     let up_bias = errors.accel_bias_mps2[2] + errors.accel_scale[2] * 9.81;
     let pairs = [
-        (azimuth, azimuth_left),
+        (estimates.azimuth_error_rad, azimuth_left),
         (ax, errors.accel_bias_mps2[0]),
         (ay, errors.accel_bias_mps2[1]),
         (az, up_bias),
@@ -253,7 +303,7 @@ fn checks(navigator: &Navigator, drive: &SimulatedDrive, truth: &Solution) -> Op
         check.error = (estimate.value - truth) / quantity.si;
         check.sigma = estimate.sigma / quantity.si;
     }
-    Some(checks)
+    checks
 }
 
 #[cfg(test)]

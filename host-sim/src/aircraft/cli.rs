@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use super::dynamics::Dynamics;
 use super::flight::Flight;
-use super::input::{read_aircraft, read_toml};
+use super::input::{read_aircraft, read_text};
 use super::performance::{Performance, performance};
 use super::pictures;
 use super::plan::Plan;
@@ -63,16 +63,22 @@ fn aircraft(file: Option<&Path>) -> Result<Dynamics> {
     }
 }
 
-fn error_model(name: &str) -> Result<ErrorModel> {
+/// A preset by its name, or a file.
+pub(crate) fn error_model(name: &str) -> Result<ErrorModel> {
     match name {
         "ideal" => Ok(Grade::Ideal.errors()),
         "hg1700" => Ok(Grade::Hg1700.errors()),
         "mems" => Ok(Grade::Mems.errors()),
-        file => Ok(read_toml(
-            Path::new(file),
-            "ideal, hg1700, mems or an error model",
-            "the README",
-        )?),
+        file => {
+            let path = Path::new(file);
+            let text = read_text(path, "ideal, hg1700, mems or an error model")?;
+            ErrorModel::from_toml(&text).map_err(|error| {
+                miette!(
+                    help = "host-sim/errors/wave.toml is a complete example",
+                    "{file}: {error}"
+                )
+            })
+        }
     }
 }
 
@@ -137,6 +143,16 @@ pub fn fly(options: &Fly, json: bool, force: bool) -> Result<()> {
     Ok(())
 }
 
+/// What a navigator has to be told of sensors: whether its gyros feel the Earth's rate.
+fn class(errors: &ErrorModel) -> log::Grade {
+    const EARTH_RATE_DEG_H: f64 = 15.0;
+    if errors.gyro_deg_h.bias.initial_sigma() < EARTH_RATE_DEG_H {
+        log::Grade::Hg1700
+    } else {
+        log::Grade::Mems
+    }
+}
+
 fn azimuth_error_rad(run: &SimulatedDrive) -> Option<f64> {
     let start = run.truth.first()?;
     run.given_heading_rad
@@ -166,6 +182,8 @@ fn write(
     let log = Log {
         meta: Meta {
             initial_heading_deg: run.given_heading_rad.map(f64::to_degrees),
+            // A flight has no rest that would tell.
+            grade: Some(class(&recording.errors)),
             document: entries
                 .into_iter()
                 .map(|(key, value)| (key.to_owned(), value))
@@ -224,7 +242,7 @@ pub fn table(options: &Table, json: bool, force: bool) -> Result<()> {
 }
 
 fn readable(dynamics: &Dynamics, table: &Performance) -> String {
-    let specification = &dynamics.parameters.specification;
+    let published = dynamics.parameters.specification.as_ref();
     let mut text = format!(
         "{}\n\n{:<34}{:>10}{:>15}\n",
         table.name, "", "model", "specification"
@@ -233,17 +251,17 @@ fn readable(dynamics: &Dynamics, table: &Performance) -> String {
         (
             "maximum level speed, km/h",
             table.max_speed_kmh,
-            Some(specification.max_speed_kmh),
+            published.map(|p| p.max_speed_kmh),
         ),
         (
             "stall speed, flaps down, km/h",
             table.stall_speed_kmh,
-            Some(specification.stall_speed_kmh),
+            published.map(|p| p.stall_speed_kmh),
         ),
         (
             "rate of climb, m/s",
             table.climb_rate_mps,
-            Some(specification.climb_rate_mps),
+            published.map(|p| p.climb_rate_mps),
         ),
         (
             "stall speed, flaps up, km/h",

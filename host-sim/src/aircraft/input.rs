@@ -56,16 +56,6 @@ pub fn read_text(file: &Path, what: &str) -> Result<String, InputError> {
     })
 }
 
-/// A file as TOML.
-pub fn read_toml<T: DeserializeOwned>(
-    file: &Path,
-    what: &str,
-    example: &str,
-) -> Result<T, InputError> {
-    let text = read_text(file, what)?;
-    Source { file, text: &text }.parse(example)
-}
-
 /// The aircraft of a file, ready to fly.
 pub fn read_aircraft(file: &Path) -> Result<Dynamics, InputError> {
     let text = read_text(file, "an aircraft")?;

@@ -37,8 +37,8 @@ pub struct Parameters {
     pub autopilot: Autopilot,
     /// Shaking at the inertial unit.
     pub vibration: Vibration,
-    /// Published performance, to compare with.
-    pub specification: Specification,
+    /// Published performance to compare with, if there is any.
+    pub specification: Option<Specification>,
 }
 
 impl Parameters {

@@ -22,7 +22,8 @@ const HOUR_S: u32 = 3600;
 pub(super) fn performance_table() -> Result<String> {
     let dynamics = Dynamics::new(&cessna172());
     let ours = performance(&dynamics).ok_or_else(|| miette!("the aircraft cannot fly level"))?;
-    let published = &dynamics.parameters.specification;
+    let published = (dynamics.parameters.specification.as_ref())
+        .ok_or_else(|| miette!("the aircraft has no published performance"))?;
     let row = |name: &str, published: f64, thesis: f64, ours: f64| {
         vec![
             name.to_owned(),

@@ -18,7 +18,7 @@ pub(super) fn part(root: &Path) -> Result<String> {
         grade: SimulatedGrade::Hg1700,
         minutes: 40.0,
     };
-    write_drive(&log, options, false)?;
+    write_drive(&log, options, None, false)?;
     let analysis = Analysis::of_log(&log, None, &bar())?;
     let Analysis {
         log, found, truth, ..

@@ -14,14 +14,8 @@ use crate::table;
 
 /// What every recorded log gives; `None` if there are none.
 pub(super) fn part(root: &Path, folder: Option<&Path>) -> Result<Option<String>> {
-    let default = || env::var_os("INS_LOGS").map_or(root.join("../shared/data"), PathBuf::from);
-    let folder = folder.map_or_else(default, Path::to_owned);
-    let logs = logs(&folder);
+    let logs = found(root, folder);
     if logs.is_empty() {
-        eprintln!(
-            "no recorded logs in {}: their table stays as it was (--logs, INS_LOGS)",
-            folder.display()
-        );
         return Ok(None);
     }
     let rows: Result<Vec<Vec<String>>> = logs
@@ -43,16 +37,22 @@ pub(super) fn part(root: &Path, folder: Option<&Path>) -> Result<Option<String>>
     Ok(Some(table::markdown(&header, &rows?)))
 }
 
-fn logs(folder: &Path) -> Vec<PathBuf> {
-    let Ok(entries) = folder.read_dir() else {
-        return Vec::new();
-    };
+/// The recorded logs, in order of their names; says so if there are none.
+pub(super) fn found(root: &Path, folder: Option<&Path>) -> Vec<PathBuf> {
+    let default = || env::var_os("INS_LOGS").map_or(root.join("../shared/data"), PathBuf::from);
+    let folder = folder.map_or_else(default, Path::to_owned);
+    let entries = folder.read_dir().into_iter().flatten().flatten();
     let mut logs: Vec<PathBuf> = entries
-        .flatten()
         .map(|entry| entry.path())
         .filter(|path| path.join("meta.toml").is_file())
         .collect();
     logs.sort();
+    if logs.is_empty() {
+        eprintln!(
+            "no recorded logs in {}: their table stays as it was (--logs, INS_LOGS)",
+            folder.display()
+        );
+    }
     logs
 }
 

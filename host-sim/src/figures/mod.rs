@@ -3,6 +3,7 @@
 mod accuracy;
 mod aircraft;
 mod demo;
+mod kalman;
 mod logs;
 mod readme;
 
@@ -12,7 +13,9 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use miette::{Result, miette};
 
+use crate::flights;
 use crate::output::{self, OutputError};
+use crate::table::cells;
 use readme::Readme;
 
 /// Options of `figures`.
@@ -24,7 +27,8 @@ pub struct Figures {
     /// Only these parts.
     #[arg(long, value_enum, value_delimiter = ',')]
     only: Vec<Part>,
-    /// Drives behind the accuracy tables; the comparison of forms takes 100 at most.
+    /// Drives behind the accuracy tables; the comparison of forms takes 100 at most, the flights
+    /// are 200 at most.
     #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     runs: u64,
     /// Folder of recorded logs; `INS_LOGS` or ../shared/data beside the repository unless given.
@@ -46,10 +50,16 @@ enum Part {
     AccuracyMems,
     /// Exact and literal forms over the bandwidth of the loop.
     Forms,
+    /// Compensation beside a Kalman filter, over many drives.
+    Kalman,
+    /// Outages of recorded logs, through the core, the Kalman filter and a peer.
+    Outages,
     /// Recorded logs.
     Logs,
     /// Performance of the aircraft.
     Aircraft,
+    /// Flights without GNSS; some minutes.
+    Flights,
     /// Mechanization on ideal sensors.
     ErrorFree,
     /// The example of the core's documentation.
@@ -101,8 +111,11 @@ impl Part {
             Self::AccuracyHg1700 => accuracy::hg1700(root, options.runs),
             Self::AccuracyMems => accuracy::mems(options.runs),
             Self::Forms => accuracy::forms(options.runs.min(100)),
+            Self::Kalman => kalman::part(options.runs.min(100)),
+            Self::Outages => return kalman::outages(root, options.logs.as_deref()),
             Self::Logs => return logs::part(root, options.logs.as_deref()),
             Self::Aircraft => aircraft::performance_table(),
+            Self::Flights => flights::cli::page(options.runs.min(200)),
             Self::ErrorFree => aircraft::error_free(root),
             Self::Example => readme::example(&root.join("core/src/lib.rs")),
         }
@@ -115,8 +128,4 @@ fn picture(root: &Path, name: &str, svg: &str) -> Result<(), OutputError> {
     let folder = root.join("docs");
     fs::create_dir_all(&folder).map_err(|e| OutputError::io(&folder, e))?;
     output::replace(&folder.join(name), svg)
-}
-
-fn cells<const N: usize>(texts: [&str; N]) -> Vec<String> {
-    texts.map(str::to_owned).to_vec()
 }

@@ -40,18 +40,7 @@ pub fn flights(options: &Flights, json: bool, force: bool) -> Result<()> {
     if let Some(out) = &options.out {
         check_free(out, SUMMARY, force)?;
     }
-    let settings = Settings {
-        minutes_aided: options.minutes_aided,
-        minutes_free: options.minutes_free,
-        errors: ErrorModel::hg1700(),
-    };
-    let route = Route::cessna172()?;
-    let seeds = options.seed_from..options.seed_from + u64::from(options.runs);
-    let progress = bar(options.runs);
-    let runs = all(seeds, &route, &settings, &progress).into_diagnostic()?;
-    let schuler = schuler(options.seed_from, &route, &settings.errors).into_diagnostic()?;
-    progress.finish_and_clear();
-    let summary = Summary::new(&runs, &route, &settings, schuler);
+    let (runs, summary) = measure(options)?;
     if let Some(out) = &options.out {
         output::write(out, force, &runs, &summary)?;
     }
@@ -64,6 +53,34 @@ pub fn flights(options: &Flights, json: bool, force: bool) -> Result<()> {
         print!("{}", output::readable(&summary));
     }
     Ok(())
+}
+
+/// The figures of so many flights, from the first seed on, as the README has them.
+pub fn page(runs: u64) -> Result<String> {
+    let options = Flights {
+        runs: u32::try_from(runs).into_diagnostic()?,
+        minutes_aided: 40,
+        minutes_free: 60,
+        seed_from: 0,
+        out: None,
+    };
+    measure(&options).map(|(_, summary)| output::markdown(&summary))
+}
+
+fn measure(options: &Flights) -> Result<(Vec<Run>, Summary)> {
+    let settings = Settings {
+        minutes_aided: options.minutes_aided,
+        minutes_free: options.minutes_free,
+        errors: ErrorModel::hg1700(),
+    };
+    let route = Route::cessna172()?;
+    let seeds = options.seed_from..options.seed_from + u64::from(options.runs);
+    let progress = bar(options.runs);
+    let runs = all(seeds, &route, &settings, &progress).into_diagnostic()?;
+    let schuler = schuler(options.seed_from, &route, &settings.errors).into_diagnostic()?;
+    progress.finish_and_clear();
+    let summary = Summary::new(&runs, &route, &settings, schuler);
+    Ok((runs, summary))
 }
 
 /// All flights, on all cores; the order of the result does not depend on them.

@@ -8,9 +8,10 @@ use miette::{IntoDiagnostic, Result};
 
 use super::run::{BIASES_DEG_H, Run, WALKS_DEG_SQRT_H};
 use super::schuler::{Oscillation, Point};
-use super::summary::{End, NAMES, Summary, THESIS_KM};
+use super::summary::{End, NAMES, Summary, THESIS_KM, Walk};
 use crate::output::{self, OutputError};
 use crate::report::plot::{BLUE, GREEN, GREY, Mark, ORANGE, Plot, padded};
+use crate::table::{self, cells};
 
 /// File name of the summary; marks the folder as ours.
 pub const SUMMARY: &str = "flights.json";
@@ -124,149 +125,178 @@ fn growth(summary: &Summary) -> String {
     .svg()
 }
 
-// --- text ---
+// --- tables ---
+
+/// A table with its title.
+struct Table {
+    title: String,
+    header: Vec<String>,
+    rows: Vec<Vec<String>>,
+}
 
 /// The figures for a person.
 pub fn readable(summary: &Summary) -> String {
-    let mut text = format!(
-        "{} flights of the Cessna 172, ring-laser class (1 deg/h, 0.125 deg/sqrt(h)): {} min damped\n\
-         by GNSS, then {} min free, at a height held by a barometer.\n\n",
-        summary.runs, summary.minutes_aided, summary.minutes_free
-    );
-    ends(&mut text, summary);
-    grid(&mut text, summary);
-    oscillations(&mut text, summary);
-    text
+    in_words(summary, table::plain)
 }
 
-fn ends(text: &mut String, summary: &Summary) {
+/// The figures for a page.
+pub fn markdown(summary: &Summary) -> String {
+    in_words(summary, table::markdown)
+}
+
+fn in_words(summary: &Summary, table: fn(&[String], &[Vec<String>]) -> String) -> String {
     let left = &summary.left;
     let [gx, gy, gz] = left.gyro_deg_h;
     let [ax, ay, az] = left.accel_mg;
-    let _ = writeln!(
-        text,
-        "RMS errors left in the estimates: gyros {gx:.3} {gy:.3} {gz:.3} deg/h, accelerometers \
-         {ax:.3} {ay:.3} {az:.3} mg,\nazimuth {:.3} deg, latency {:.2} ms\n",
-        left.azimuth_deg, left.latency_ms
+    let mut text = format!(
+        "{} flights of the Cessna 172, ring-laser class (1 deg/h, 0.125 deg/sqrt(h)): {} min damped\n\
+         by GNSS, then {} min free, at a height held by a barometer. RMS errors left in the\n\
+         estimates: gyros {gx:.2}, {gy:.2}, {gz:.2} deg/h, accelerometers {ax:.3}, {ay:.3}, {az:.3} mg,\n\
+         azimuth {:.3} deg, latency {:.1} ms.\n",
+        summary.runs,
+        summary.minutes_aided,
+        summary.minutes_free,
+        left.azimuth_deg,
+        left.latency_ms
     );
-    let _ = writeln!(
-        text,
-        "{:<44}{:>10}{:>18}{:>9}{:>12}",
-        "horizontal error at the end", "RMS, km", "95 %", "median", "RMS, m/s"
-    );
-    let rows: [(&str, &End); 3] = [
-        ("estimates applied", &summary.with_estimates),
-        ("the same without noise when free", &summary.without_noise),
-        ("readings as they are", &summary.raw),
-    ];
-    for (name, end) in rows {
-        let [low, high] = end.position_km.rms_95;
-        let interval = format!("{low:.2} to {high:.2}");
-        let _ = writeln!(
-            text,
-            "{name:<44}{:>10.2}{interval:>18}{:>9.2}{:>12.2}",
-            end.position_km.rms, end.position_km.median, end.velocity_mps.rms
-        );
-    }
-    let _ = writeln!(
-        text,
-        "{:<44}{THESIS_KM:>10.2}\n{:<44}{:>10.2}\n",
-        "thesis, after 1 h", "R * 1 deg/h * t", summary.one_deg_h_km
-    );
-}
-
-fn grid(text: &mut String, summary: &Summary) {
-    let _ = writeln!(
-        text,
-        "RMS position error, km, of gyro errors alone; * reaches {THESIS_KM} km\n{:<28}{}",
-        "residual bias, deg/h",
-        BIASES_DEG_H.map(|bias| format!("{bias:>9}")).concat()
-    );
-    for (row, walk) in summary.walks.iter().enumerate() {
-        let _ = write!(
-            text,
-            "{:<28}",
-            format!("walk {} deg/sqrt(h)", walk.random_walk_deg_sqrt_h)
-        );
-        for cell in summary
-            .grid
-            .iter()
-            .skip(row)
-            .step_by(WALKS_DEG_SQRT_H.len())
-        {
-            let mark = if cell.reached { "*" } else { " " };
-            let _ = write!(text, "{:>8.2}{mark}", cell.position_km);
-        }
-        text.push('\n');
-    }
-    let _ = writeln!(
-        text,
-        "\n{:<28}{:>10}{:>16}{:>24}",
-        "random walk alone", "flown, km", "linear, km", "room for bias, deg/h"
-    );
-    for walk in &summary.walks {
-        let room = walk
-            .largest_bias_deg_h
-            .map_or("none".to_owned(), |bias| format!("{bias:.4}"));
-        let _ = writeln!(
-            text,
-            "{:<28}{:>10.2}{:>16.2}{room:>24}",
-            format!("{} deg/sqrt(h)", walk.random_walk_deg_sqrt_h),
-            walk.position_km,
-            walk.linear_model_km
-        );
-    }
-}
-
-fn oscillations(text: &mut String, summary: &Summary) {
-    let (model, schuler) = (&summary.linear_model, &summary.schuler);
-    let _ = writeln!(
-        text,
-        "\nVelocity error against the linear model, RMS difference over RMS error, percent\n\
-         {:<44}{:>12}{:>22}",
-        "", "(1)-(2)", "with frame rotation"
-    );
-    let straight = format!("straight flight of {} min, biases only", schuler.minutes);
-    for (name, printed, rotating) in [
-        (
-            "free parts, estimates applied",
-            model.with_estimates,
-            model.with_estimates_rotating,
-        ),
-        (
-            "free parts, readings as they are",
-            model.raw,
-            model.raw_rotating,
-        ),
-        (
-            straight.as_str(),
-            schuler.model_difference,
-            schuler.rotating_model_difference,
-        ),
+    for Table {
+        title,
+        header,
+        rows,
+    } in [
+        ends(summary),
+        grid(summary),
+        walks(summary),
+        models(summary),
     ] {
-        let _ = writeln!(
-            text,
-            "{name:<44}{:>12.2}{:>22.3}",
-            100.0 * printed,
-            100.0 * rotating
-        );
+        let _ = write!(text, "\n{title}\n\n{}", table(&header, &rows));
     }
-    let _ = writeln!(
-        text,
-        "\nSchuler oscillation of the straight flight ({:.2} min by 2 pi sqrt(R/g))\n\
-         {:<44}{:>12}{:>14}{:>14}",
-        schuler.period_min, "", "period, min", "east, m/s", "north, m/s"
-    );
-    let rows: [(&str, &Oscillation); 3] = [
-        ("INS", &schuler.ins),
-        ("(1)-(2)", &schuler.model),
-        ("with frame rotation", &schuler.rotating_model),
-    ];
-    for (name, found) in rows {
-        let _ = writeln!(
-            text,
-            "{name:<44}{:>12.2}{:>14.3}{:>14.3}",
-            found.period_min, found.east_mps, found.north_mps
-        );
+    text
+}
+
+fn ends(summary: &Summary) -> Table {
+    let row = |name: &str, end: &End| {
+        let [low, high] = end.position_km.rms_95;
+        vec![
+            name.to_owned(),
+            format!("{:.2}", end.position_km.rms),
+            format!("{low:.2} to {high:.2}"),
+            format!("{:.2}", end.position_km.median),
+            format!("{:.2}", end.velocity_mps.rms),
+        ]
+    };
+    let alone = |name: &str, position_km: f64| {
+        let mut cells = vec![name.to_owned(), format!("{position_km:.2}")];
+        cells.extend([const { String::new() }; 3]);
+        cells
+    };
+    Table {
+        title: "Horizontal error at the end:".to_owned(),
+        header: cells(["", "RMS, km", "95 %", "median, km", "RMS, m/s"]),
+        rows: vec![
+            row("estimates applied", &summary.with_estimates),
+            row(
+                "the same, sensors without noise from then on",
+                &summary.without_noise,
+            ),
+            row("readings as they are", &summary.raw),
+            alone("R * 1 deg/h * t", summary.one_deg_h_km),
+            alone("thesis, after 1 h", THESIS_KM),
+        ],
+    }
+}
+
+fn grid(summary: &Summary) -> Table {
+    let mut header = cells(["random walk, deg/sqrt(h)"]);
+    header.extend(BIASES_DEG_H.map(|bias| format!("bias {bias} deg/h")));
+    let row = |(row, walk): (usize, &Walk)| {
+        let of_walk = (summary.grid.iter().skip(row)).step_by(WALKS_DEG_SQRT_H.len());
+        let mut cells = vec![walk.random_walk_deg_sqrt_h.to_string()];
+        cells.extend(of_walk.map(|cell| {
+            let mark = if cell.reached { " *" } else { "" };
+            format!("{:.2}{mark}", cell.position_km)
+        }));
+        cells
+    };
+    Table {
+        title: format!(
+            "RMS position error, km, of residual gyro errors alone; * reaches the {THESIS_KM} km of the thesis:"
+        ),
+        header,
+        rows: summary.walks.iter().enumerate().map(row).collect(),
+    }
+}
+
+fn walks(summary: &Summary) -> Table {
+    let row = |walk: &Walk| {
+        let room = walk.largest_bias_deg_h;
+        vec![
+            walk.random_walk_deg_sqrt_h.to_string(),
+            format!("{:.2}", walk.position_km),
+            format!("{:.2}", walk.linear_model_km),
+            room.map_or("none".to_owned(), |bias| format!("{bias:.3}")),
+        ]
+    };
+    Table {
+        title: format!(
+            "The random walk alone, and the bias that it leaves room for within {THESIS_KM} km:"
+        ),
+        header: cells([
+            "random walk, deg/sqrt(h)",
+            "flown, km",
+            "linear model, km",
+            "bias, deg/h",
+        ]),
+        rows: summary.walks.iter().map(row).collect(),
+    }
+}
+
+/// Velocity errors against the linear model: differences, and the oscillation.
+fn models(summary: &Summary) -> Table {
+    let (model, schuler) = (&summary.linear_model, &summary.schuler);
+    let row = |name: String, of: [&dyn std::fmt::Display; 3]| {
+        let mut cells = vec![name];
+        cells.extend(of.map(|value| format!("{value:.2}")));
+        cells
+    };
+    let percent = |name: &str, printed: f64, rotating: f64| {
+        row(
+            format!("{name}, %"),
+            [&"", &(100.0 * printed), &(100.0 * rotating)],
+        )
+    };
+    let both = [&schuler.ins, &schuler.model, &schuler.rotating_model];
+    let straight = format!("straight flight of {} min, biases only", schuler.minutes);
+    let oscillation = |name: &str, value: fn(&Oscillation) -> f64| {
+        let [ins, printed, rotating] = both.map(value);
+        row(format!("{straight}: {name}"), [&ins, &printed, &rotating])
+    };
+    Table {
+        title: format!(
+            "Velocity errors against the linear model: RMS difference over RMS error, and the\n\
+             oscillation ({:.2} min by 2 pi sqrt(R/g)):",
+            schuler.period_min
+        ),
+        header: cells(["", "INS", "(1)-(2)", "with the frame's rotation"]),
+        rows: vec![
+            percent(
+                "free parts, estimates applied",
+                model.with_estimates,
+                model.with_estimates_rotating,
+            ),
+            percent(
+                "free parts, readings as they are",
+                model.raw,
+                model.raw_rotating,
+            ),
+            percent(
+                &straight,
+                schuler.model_difference,
+                schuler.rotating_model_difference,
+            ),
+            oscillation("period, min", |o| o.period_min),
+            oscillation("amplitude east, m/s", |o| o.east_mps),
+            oscillation("amplitude north, m/s", |o| o.north_mps),
+        ],
     }
 }

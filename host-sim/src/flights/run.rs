@@ -3,18 +3,17 @@
 use core::array;
 
 use ins_core::config::{DampingConfig, HeadingSource};
-use ins_core::damping::{self, Differences};
 use ins_core::earth::wrap_pi;
 use ins_core::increments::Interval;
-use ins_core::mechanization::Mechanization;
 use ins_core::{Config, Estimate, Estimates, ImuOutput, Navigator, Observability, Solution};
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector3;
 use serde::Serialize;
 
 use super::linear::{Agreement, LinearModel, Terms};
 use super::route::Route;
 use super::sensors::{Intervals, RATE_HZ, STEP_S, Sensors, Step};
 use crate::aircraft::flight::FlightError;
+use crate::held_ins::{Error, HeldIns};
 use crate::sim::ErrorModel;
 use crate::sim::noise::Random;
 
@@ -64,15 +63,6 @@ pub enum RunError {
     },
 }
 
-/// Horizontal error of an INS.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Error {
-    /// Position, m.
-    pub position_m: f64,
-    /// Velocity, m/s.
-    pub velocity_mps: f64,
-}
-
 /// Errors left when GNSS goes: estimate minus truth.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Left {
@@ -117,6 +107,48 @@ pub struct Run {
 
 /// Flies one seed.
 pub fn run(seed: u64, route: &Route, settings: &Settings) -> Result<Run, RunError> {
+    let (mut sensors, navigator, start) = aided(seed, route, settings)?;
+    let estimates = navigator.estimates();
+    let mut free = Free::new(seed, &sensors, &start, &estimates, navigator.config());
+    let left = left(&sensors, &start, &estimates);
+    for count in 1..=settings.minutes_free * MINUTE {
+        let step = sensors.step();
+        free.step(&step, sensors.truth(), count);
+    }
+    Ok(free.into_run(seed, left, sensors.truth()))
+}
+
+/// Flies one seed with nothing beside the INS that has its estimates applied: what is left when
+/// GNSS goes, and the errors at every minute after that.
+pub fn run_alone(
+    seed: u64,
+    route: &Route,
+    settings: &Settings,
+) -> Result<(Left, Vec<Error>), RunError> {
+    let (mut sensors, navigator, start) = aided(seed, route, settings)?;
+    let estimates = navigator.estimates();
+    let ([gyro, accel], mut ins) = (biases(&estimates), HeldIns::new(&start));
+    let mut measured = Intervals::default();
+    let left = left(&sensors, &start, &estimates);
+    let minutes = (0..settings.minutes_free).map(|_| {
+        for _ in 0..MINUTE {
+            let step = sensors.step();
+            let interval = measured.of(&step.sample).without_bias(&gyro, &accel);
+            let height_m = step.before.solution.position.height_m;
+            ins.step(&interval, height_m, &navigator.config().damping);
+        }
+        ins.error(sensors.truth())
+    });
+    let errors = minutes.collect();
+    Ok((left, errors))
+}
+
+/// A flight up to where GNSS goes.
+fn aided(
+    seed: u64,
+    route: &Route,
+    settings: &Settings,
+) -> Result<(Sensors, Navigator, Solution), RunError> {
     let duration_s = 60.0 * f64::from(settings.minutes_aided + settings.minutes_free);
     let in_flight = |error| RunError::Flight { seed, error };
     let flight = route.flight(seed, duration_s).map_err(in_flight)?;
@@ -129,14 +161,7 @@ pub fn run(seed: u64, route: &Route, settings: &Settings) -> Result<Run, RunErro
         seed,
         minutes: settings.minutes_aided,
     })?;
-    let estimates = navigator.estimates();
-    let mut free = Free::new(seed, &sensors, &start, &estimates, navigator.config());
-    let left = left(&sensors, &start, &estimates);
-    for count in 1..=settings.minutes_free * MINUTE {
-        let step = sensors.step();
-        free.step(&step, sensors.truth(), count);
-    }
-    Ok(free.into_run(seed, left, sensors.truth()))
+    Ok((sensors, navigator, start))
 }
 
 /// The damped part of a flight.
@@ -183,43 +208,6 @@ fn left(sensors: &Sensors, start: &Solution, estimates: &Estimates) -> Left {
         accel_mg: ((accel - true_accel) / MG).into(),
         azimuth_deg: wrap_pi(heading_rad).to_degrees(),
         latency_ms: 1e3 * (value(&estimates.gnss_latency_s) - sensors.latency_s()),
-    }
-}
-
-/// A free INS whose height is held by an error-free barometer.
-#[derive(Clone, Copy)]
-pub(super) struct HeldIns(Mechanization);
-
-impl HeldIns {
-    pub(super) fn new(start: &Solution) -> Self {
-        Self(Mechanization::new(
-            start.position,
-            start.velocity_enu_mps,
-            start.attitude,
-        ))
-    }
-
-    /// Advances over an interval that begins at the true height `height_m`.
-    pub(super) fn step(&mut self, interval: &Interval, height_m: f64, config: &DampingConfig) {
-        let above_m = self.0.position.height_m - height_m;
-        let barometer = Differences {
-            position_m: Some(Vector3::new(0.0, 0.0, above_m)),
-            ..Differences::default()
-        };
-        let controls = damping::controls(&barometer, interval.seconds, config);
-        self.0.step(interval, &controls);
-    }
-
-    /// Velocity east and north, less the true one.
-    pub(super) fn velocity_error_mps(&self, truth: &Solution) -> Vector2<f64> {
-        (self.0.velocity_enu_mps - truth.velocity_enu_mps).xy()
-    }
-
-    fn error(&self, truth: &Solution) -> Error {
-        Error {
-            position_m: self.0.position.enu_from(&truth.position).xy().norm(),
-            velocity_mps: self.velocity_error_mps(truth).norm(),
-        }
     }
 }
 

@@ -5,8 +5,9 @@ use serde::Serialize;
 
 use super::linear::{Agreement, LinearModel, Terms};
 use super::route::Route;
-use super::run::{HeldIns, RunError};
+use super::run::RunError;
 use super::sensors::{Intervals, RATE_HZ, STEP_S, Sensors};
+use crate::held_ins::HeldIns;
 use crate::sim::ErrorModel;
 use ins_core::config::Config;
 use ins_core::earth::LocalEarth;

@@ -6,10 +6,11 @@ use serde::Serialize;
 use super::linear::{Agreement, random_walk_position_m};
 use super::route::Route;
 use super::run::{
-    BIASES_DEG_H, DEG_SQRT_H, Error, Left, Run, Settings, VARIANTS, WALKS_DEG_SQRT_H, cell_errors,
+    BIASES_DEG_H, DEG_SQRT_H, Left, Run, Settings, VARIANTS, WALKS_DEG_SQRT_H, cell_errors,
 };
 use super::schuler::Schuler;
 use super::statistics::{Figure, rms};
+use crate::held_ins::Error;
 
 /// RMS position error after 1 h of free flight in the thesis, km.
 pub const THESIS_KM: f64 = 3.7;

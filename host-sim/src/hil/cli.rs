@@ -163,7 +163,7 @@ pub fn hil(options: &Hil, json: bool, force: bool) -> Result<()> {
             serde_json::to_string_pretty(&printed).into_diagnostic()?
         );
     } else {
-        print_analysis(&analysis, &options.out, false)?;
+        print_analysis(&analysis, None, &options.out, false)?;
         print!("\n{hardware}");
     }
     hardware.verdict()

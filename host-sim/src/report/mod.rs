@@ -21,6 +21,9 @@ use crate::summary::Summary;
 use crate::truth::Truth;
 
 const TEMPLATE: &str = include_str!("report.html");
+/// Parts that pages share.
+pub(crate) const STYLE: &str = include_str!("style.css");
+pub(crate) const PANEL: &str = include_str!("panel.html");
 
 /// What the template shows.
 #[derive(Serialize)]
@@ -31,6 +34,8 @@ struct Page<'a> {
     verdict: String,
     estimates: Vec<Panel>,
     velocity: Option<Panel>,
+    against_truth: Vec<Panel>,
+    truth_verdict: Option<String>,
     track: Option<Panel>,
     damping: Vec<Panel>,
 }
@@ -44,6 +49,8 @@ pub fn html(
 ) -> Result<String, minijinja::Error> {
     let mut environment = Environment::new();
     environment.set_auto_escape_callback(|_| AutoEscape::Html);
+    environment.add_template("style", STYLE)?;
+    environment.add_template("panel", PANEL)?;
     environment.add_template("report", TEMPLATE)?;
     let page = Page {
         summary,
@@ -52,6 +59,8 @@ pub fn html(
         verdict: sentences::verdict(summary),
         estimates: panels::estimates(log, found, truth, panels::SMALL),
         velocity: panels::velocity_error(found),
+        against_truth: panels::against_truth(found),
+        truth_verdict: summary.against_truth.as_ref().map(sentences::against_truth),
         track: panels::track(log, found),
         damping: panels::damping(found),
     };

@@ -5,6 +5,8 @@ use plotters::style::RGBColor;
 use serde::Serialize;
 
 use super::plot::{BLUE, GREEN, GREY, Mark, ORANGE, Plot, RED, padded};
+use crate::against_truth::Point;
+use crate::held_ins::Error;
 use crate::identify::{Identification, Row};
 use crate::log::Log;
 use crate::quantities::{DEG_H_RADPS, Quantities, Quantity};
@@ -12,6 +14,8 @@ use crate::truth::Truth;
 
 pub(super) const SMALL: (u32, u32) = (460, 210);
 const WIDE: (u32, u32) = (940, 230);
+/// Errors below are drawn here, m and m/s.
+const LEAST_ERROR: f64 = 1e-3;
 
 /// A plot with its heading and the meaning of its colours.
 #[derive(Serialize)]
@@ -250,6 +254,61 @@ pub(super) fn velocity_error(found: &Identification) -> Option<Panel> {
             key(GREEN, "estimates applied"),
         ],
     })
+}
+
+/// Horizontal errors of the solution: damped, and free from the middle on.
+pub(super) fn against_truth(found: &Identification) -> Vec<Panel> {
+    let Some(errors) = &found.against_truth else {
+        return Vec::new();
+    };
+    let panel = |title: &str, unit: &str, value: fn(&Error) -> f64| {
+        let line = |points: &[Point]| -> Vec<(f64, f64)> {
+            // A point for each pixel; and nothing at zero, which no logarithm shows.
+            let every = (points.len() / WIDE.0 as usize).max(1);
+            let shown = points.iter().step_by(every);
+            shown
+                .map(|(time, error)| (since(found, *time), value(error).max(LEAST_ERROR)))
+                .collect()
+        };
+        let lines = [
+            (line(&errors.logged), RED),
+            (line(&errors.free), GREEN),
+            (line(&errors.damped), BLUE),
+        ];
+        let values = || {
+            lines
+                .iter()
+                .flat_map(|(points, _)| points.iter().map(|p| p.1))
+        };
+        let plot = Plot {
+            size: WIDE,
+            x_label: "time, s".to_owned(),
+            y_label: unit.to_owned(),
+            x: duration(found),
+            y: (
+                0.8 * values().fold(f64::MAX, f64::min),
+                1.25 * values().fold(LEAST_ERROR, f64::max),
+            ),
+            marks: lines
+                .map(|(points, colour)| Mark::Line(points, colour))
+                .into(),
+        };
+        Panel {
+            title: title.to_owned(),
+            svg: plot.svg_log_y(),
+            keys: vec![
+                key(BLUE, "damped"),
+                key(GREEN, "free, estimates applied"),
+                key(RED, "free, as logged"),
+            ],
+        }
+    };
+    vec![
+        panel("Horizontal position error", "m", |error| error.position_m),
+        panel("Horizontal velocity error", "m/s", |error| {
+            error.velocity_mps
+        }),
+    ]
 }
 
 /// The way of the vehicle, coloured by manoeuvre.

@@ -3,6 +3,8 @@
 use ins_core::Phase;
 
 use super::number::to_second_digit_of;
+use crate::against_truth::TruthErrors;
+use crate::held_ins::Error;
 use crate::identify::Identification;
 use crate::log::BodyAxes;
 use crate::quantities::Quantity;
@@ -48,6 +50,24 @@ pub(super) fn verdict(summary: &Summary) -> String {
         ),
         _ => "No minute of navigation in this log to try the estimates on.".to_owned(),
     }
+}
+
+/// How far off the solution is, damped and free.
+pub(super) fn against_truth(errors: &TruthErrors) -> String {
+    let off = |error: &Error| {
+        format!(
+            "{} m and {} m/s",
+            to_second_digit_of(error.position_m, error.position_m),
+            to_second_digit_of(error.velocity_mps, error.velocity_mps)
+        )
+    };
+    format!(
+        "Horizontal errors over the second half (RMS): {} damped by GNSS; {} free, on readings less \
+         the biases known by then; {} free, on readings as logged. Height is held in all of them.",
+        off(&errors.damped),
+        off(&errors.free),
+        off(&errors.as_logged)
+    )
 }
 
 fn told(subject: &str, quantity: &Quantity, sentence: impl Fn(&Quantity) -> String) -> String {

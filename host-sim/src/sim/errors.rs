@@ -100,6 +100,15 @@ impl BiasModel {
             correlation_time_s: a_second(),
         }
     }
+
+    /// Run-to-run spread at the start, U.
+    pub fn initial_sigma(&self) -> f64 {
+        match self {
+            Self::Wave { initial_sigma, .. } | Self::Continuous { initial_sigma, .. } => {
+                *initial_sigma
+            }
+        }
+    }
 }
 
 /// (5): the receiver.
@@ -419,6 +428,17 @@ mod tests {
             let text = toml::to_string(&model).unwrap();
             assert_eq!(ErrorModel::from_toml(&text).unwrap(), model);
         }
+    }
+
+    #[test]
+    fn the_shipped_model_is_good() {
+        let mut model = ErrorModel::from_toml(include_str!("../../errors/wave.toml")).unwrap();
+        assert!(matches!(model.gyro_deg_h.bias, BiasModel::Wave { .. }));
+        // But for its wandering biases and its outage it is the preset.
+        model.gyro_deg_h.bias = BiasModel::constant(1.0);
+        model.accel_mps2.bias = BiasModel::constant(0.01);
+        model.gnss.outages.clear();
+        assert_eq!(model, ErrorModel::hg1700());
     }
 
     #[test]

@@ -315,6 +315,66 @@ mod tests {
         assert_correlation(&gained, &start, 0.0);
     }
 
+    /// The first two cluster means of each run against the Allan deviation that the model has.
+    fn assert_allan(model: &BiasModel, cluster_s: u32, expected: f64) {
+        const PER_S: u32 = 10;
+        let mut runs = runs(model);
+        let mut mean = || {
+            let mut sums = vec![0.0; runs.len()];
+            for _ in 0..PER_S * cluster_s {
+                for (sum, bias) in sums.iter_mut().zip(&mut runs) {
+                    *sum += bias.value();
+                    bias.advance(1.0 / f64::from(PER_S));
+                }
+            }
+            sums.into_iter()
+                .map(|sum| sum / f64::from(PER_S * cluster_s))
+                .collect::<Vec<f64>>()
+        };
+        let (first, second) = (mean(), mean());
+        let differences = second.iter().zip(&first).map(|(b, a)| b - a);
+        assert_sigma(
+            &differences.map(|d| d / 2.0_f64.sqrt()).collect::<Vec<_>>(),
+            expected,
+        );
+    }
+
+    #[test]
+    fn biases_have_the_allan_deviations_of_their_models() {
+        // Weights of a triangle on the jumps: sigma^2 (2 k^2 + 1) / (6 k) over k intervals.
+        let wave = BiasModel::Wave {
+            initial_sigma: 2.0,
+            interval_s: 5.0,
+            jump_mean: 0.0,
+            jump_sigma: 0.5,
+        };
+        for k in [1_u32, 4, 10] {
+            let n = f64::from(k);
+            let variance = 0.25 * (2.0 * n * n + 1.0) / (6.0 * n);
+            assert_allan(&wave, 5 * k, variance.sqrt());
+        }
+        // Exponentially correlated: rises to about the correlation time, then falls.
+        let memory_s = 20.0;
+        let correlated = BiasModel::Continuous {
+            initial_sigma: 2.0,
+            slope_sigma_per_s: 0.0,
+            correlated_sigma: 3.0,
+            correlation_time_s: memory_s,
+        };
+        for cluster_s in [2_u32, 40, 200] {
+            let x = f64::from(cluster_s) / memory_s;
+            let bracket = 1.0 - (3.0 - 4.0 * (-x).exp() + (-2.0 * x).exp()) / (2.0 * x);
+            assert_allan(&correlated, cluster_s, (2.0 * 9.0 / x * bracket).sqrt());
+        }
+        let trend = BiasModel::Continuous {
+            initial_sigma: 2.0,
+            slope_sigma_per_s: 0.01,
+            correlated_sigma: 0.0,
+            correlation_time_s: 1.0,
+        };
+        assert_allan(&trend, 50, 0.01 * 50.0 / 2.0_f64.sqrt());
+    }
+
     /// Allan deviation of readings at clusters of `size`, without overlap.
     fn allan_differences(readings: &[f64], size: usize) -> Vec<f64> {
         let means: Vec<f64> = readings

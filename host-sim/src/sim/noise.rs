@@ -26,6 +26,11 @@ impl Random {
         }
     }
 
+    /// All 64 bits.
+    pub fn whole(&mut self) -> u64 {
+        self.generator.next_u64()
+    }
+
     /// Uniform in [0, 1), 53 bits.
     pub fn unit(&mut self) -> f64 {
         (self.generator.next_u64() >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0)

@@ -11,6 +11,7 @@ use host_sim::aircraft::plan::Plan;
 use host_sim::sim::drive::{Grade, Recording, SimulatedDrive};
 use host_sim::sim::ideal::IdealSensors;
 use host_sim::sim::{Motion, record};
+use host_sim::table::markdown;
 use ins_core::{Config, Navigator, Time};
 use ins_tests::cargo::repository;
 use ins_tests::jsbsim::jsbsim_step_s;
@@ -75,20 +76,28 @@ fn main() -> Result<(), String> {
     let jsbsim_s = jsbsim_step_s()?;
 
     let chain_s = errors_s + core_s;
-    for (name, seconds) in [
-        ("aircraft: dynamics, autopilot, air", dynamics_s),
-        ("  and ideal sensors", ideal_s),
-        ("  and errors, GNSS, truth", errors_s),
+    let row = |(name, seconds): (&str, f64)| {
+        vec![
+            name.to_owned(),
+            format!("{:.2}", 1e6 * seconds),
+            format!("{:.2}", f64::from(STEPS) * seconds),
+            format!("{:.1}", jsbsim_s / seconds),
+        ]
+    };
+    let header = [
+        "",
+        "step of 10 ms, us",
+        "hour of flight, s",
+        "JSBSim takes, times",
+    ];
+    let rows = [
+        ("aircraft, autopilot, air", dynamics_s),
+        ("and ideal sensors", ideal_s),
+        ("and sensor errors, GNSS, truth", errors_s),
         ("core", core_s),
-        ("whole chain", chain_s),
+        ("whole chain: with errors, core", chain_s),
         ("JSBSim c172x alone", jsbsim_s),
-    ] {
-        println!("{name:<36}{:>8.3} us per 100 Hz step", 1e6 * seconds);
-    }
-    println!(
-        "{:.1} times cheaper; an hour takes {:.2} s",
-        jsbsim_s / chain_s,
-        f64::from(STEPS) * chain_s
-    );
+    ];
+    print!("{}", markdown(&header.map(str::to_owned), &rows.map(row)));
     Ok(())
 }

@@ -1,0 +1,230 @@
+//! Running least squares of any number of rows in fixed memory.
+//!
+//! What is kept is triangular: row `i` says `x_i + sum r_ij x_j = z_i` over the later `j`, with a
+//! weight. New rows are rotated in without square roots (Gentleman, J. Inst. Maths Applics 12,
+//! 1973; Bierman, Factorization Methods for Discrete Sequential Estimation, 1977): the condition
+//! is that of the rows, not its square as in normal equations, so single precision is enough for
+//! corrections to a solution, and an answer costs one substitution.
+
+use nalgebra::SVector;
+
+/// Least squares of `N` parameters; `T` is `N (N + 1) / 2`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct LeastSquares<const N: usize, const T: usize> {
+    weight: SVector<f32, N>,
+    /// Row by row the later coefficients and, last, `z`.
+    rows: SVector<f32, T>,
+}
+
+impl<const N: usize, const T: usize> LeastSquares<N, T> {
+    const SIZES_MATCH: () = assert!(T == N * (N + 1) / 2, "T must be N (N + 1) / 2");
+
+    /// Independent prior knowledge: each parameter is zero with a standard deviation (positive).
+    pub fn from_prior(sigma: &SVector<f32, N>) -> Self {
+        let () = Self::SIZES_MATCH;
+        Self {
+            weight: sigma.map(|s| 1.0 / (s * s)),
+            rows: SVector::zeros(),
+        }
+    }
+
+    /// Adds `R` rows `coefficients . x = measured`, each with its weight; `coefficients` holds
+    /// those of one parameter after those of another, and is used up. Returns by how much they
+    /// raise the weighted sum of squared residuals.
+    pub fn add<const R: usize>(
+        &mut self,
+        coefficients: &mut [[f32; R]; N],
+        mut measured: [f32; R],
+        mut weight: [f32; R],
+    ) -> f32 {
+        let mut left = coefficients.as_mut_slice();
+        let mut rows = self.rows.as_mut_slice();
+        for own in &mut self.weight {
+            let Some((pivots, later)) = left.split_first_mut() else {
+                break;
+            };
+            let Some((row, below)) = rows.split_at_mut_checked(later.len() + 1) else {
+                break;
+            };
+            let matters = pivots.iter().any(|x| *x != 0.0);
+            if let (true, Some((z, row))) = (matters, row.split_last_mut()) {
+                let mut takes = [0.0; R];
+                for ((x, weight), take) in pivots.iter().zip(&mut weight).zip(&mut takes) {
+                    let keep;
+                    (keep, *take) = rotate(own, *weight, *x);
+                    *weight *= keep;
+                }
+                for (old, new) in row.iter_mut().zip(later.iter_mut()) {
+                    meet(old, new, pivots, &takes);
+                }
+                meet(z, &mut measured, pivots, &takes);
+            }
+            (left, rows) = (later, below);
+        }
+        let square = |sum, (left, weight): (&f32, &f32)| sum + weight * left * left;
+        measured.iter().zip(&weight).fold(0.0, square)
+    }
+
+    /// Adds a direct measurement of parameter `index`.
+    pub fn add_direct(&mut self, index: usize, measured: f32, variance: f32) {
+        let mut row = unit(index).map(|coefficient| [coefficient]);
+        self.add(&mut row, [measured], [1.0 / variance]);
+    }
+
+    /// Lets parameter `index` have walked: adds `variance` to its spread.
+    ///
+    /// The step of the walk is one more unknown, known to be zero with `variance`; it is rotated
+    /// out of all rows that hold it, from the last up, and its own row is dropped.
+    pub fn diffuse(&mut self, index: usize, variance: f32) {
+        if variance <= 0.0 {
+            return;
+        }
+        let mut step_weight = 1.0 / variance;
+        let mut step = SVector::<f32, N>::zeros();
+        let mut step_z = 0.0;
+        for i in (0..=index).rev() {
+            let (Some(row), Some(later), Some(weight)) = (
+                self.rows
+                    .as_mut_slice()
+                    .get_mut(start::<N>(i)..start::<N>(i + 1)),
+                step.as_mut_slice().get_mut(i..),
+                self.weight.get_mut(i),
+            ) else {
+                return;
+            };
+            let (Some((z, row)), Some((own, later))) =
+                (row.split_last_mut(), later.split_first_mut())
+            else {
+                return;
+            };
+            let x = if i == index {
+                -1.0
+            } else {
+                -row.get(index - i - 1).copied().unwrap_or(0.0)
+            };
+            let (keep, take) = rotate(&mut step_weight, *weight, x);
+            *weight *= keep;
+            *own += take;
+            for (row, step) in row.iter_mut().zip(later) {
+                *row -= x * *step;
+                *step += take * *row;
+            }
+            *z -= x * step_z;
+            step_z += take * *z;
+        }
+    }
+
+    /// Renames parameter `index`: new = old + `by . x`, where `by` holds later parameters alone.
+    pub fn redefine(&mut self, index: usize, by: &SVector<f32, N>) {
+        for i in 0..=index {
+            let (Some(row), Some(by)) = (
+                self.rows
+                    .as_mut_slice()
+                    .get_mut(start::<N>(i)..start::<N>(i + 1)),
+                by.as_slice().get(i + 1..),
+            ) else {
+                return;
+            };
+            let own = if i == index {
+                1.0
+            } else {
+                row.get(index - i - 1).copied().unwrap_or(0.0)
+            };
+            for (element, by) in row.iter_mut().zip(by) {
+                *element -= own * by;
+            }
+        }
+    }
+
+    /// The least-squares value of each parameter.
+    pub fn solve(&self) -> SVector<f32, N> {
+        let mut x = SVector::zeros();
+        let mut rows = self.rows.as_slice();
+        for i in (0..N).rev() {
+            let Some((above, row)) = rows.split_at_checked(start::<N>(i)) else {
+                return x;
+            };
+            let (Some((z, row)), Some((own, later))) = (
+                row.split_last(),
+                x.as_mut_slice()
+                    .get_mut(i..)
+                    .and_then(<[f32]>::split_first_mut),
+            ) else {
+                return x;
+            };
+            *own = z - dot(row, later);
+            rows = above;
+        }
+        x
+    }
+
+    /// From here on parameters are counted from the solution: each solves to zero.
+    pub fn count_from_solution(&mut self) {
+        for i in 1..=N {
+            if let Some(z) = self.rows.as_mut_slice().get_mut(start::<N>(i) - 1) {
+                *z = 0.0;
+            }
+        }
+    }
+
+    /// Variance of parameter `index`.
+    pub fn variance(&self, index: usize) -> f32 {
+        self.variance_of(unit(index))
+    }
+
+    /// Variance of the sum `coefficients . x`.
+    pub fn variance_of(&self, mut coefficients: [f32; N]) -> f32 {
+        let mut left = coefficients.as_mut_slice();
+        let mut rows = self.rows.as_slice();
+        let mut variance = 0.0;
+        for weight in &self.weight {
+            let Some((own, later)) = left.split_first_mut() else {
+                return variance;
+            };
+            let Some((row, below)) = rows.split_at_checked(later.len() + 1) else {
+                return variance;
+            };
+            if *own != 0.0 {
+                variance += *own * *own / weight;
+                for (later, element) in later.iter_mut().zip(row) {
+                    *later -= *own * element;
+                }
+            }
+            (left, rows) = (later, below);
+        }
+        variance
+    }
+}
+
+/// One element of a row meets those of the rows that are rotated into it.
+fn meet<const R: usize>(old: &mut f32, new: &mut [f32; R], pivots: &[f32; R], takes: &[f32; R]) {
+    for ((new, x), take) in new.iter_mut().zip(pivots).zip(takes) {
+        *new -= x * *old;
+        *old += take * *new;
+    }
+}
+
+/// Takes the weight of a row whose pivot is `x` into that of the row it meets: what the one keeps
+/// of its weight, and what the other takes of its coefficients.
+fn rotate(own: &mut f32, weight: f32, x: f32) -> (f32, f32) {
+    let total = *own + weight * x * x;
+    let inverse = 1.0 / total;
+    let keep = *own * inverse;
+    *own = total;
+    (keep, weight * x * inverse)
+}
+
+/// First element of row `i`.
+const fn start<const N: usize>(i: usize) -> usize {
+    i * N - i * (i.saturating_sub(1)) / 2
+}
+
+/// The row that is one parameter alone.
+fn unit<const N: usize>(index: usize) -> [f32; N] {
+    core::array::from_fn(|i| if i == index { 1.0 } else { 0.0 })
+}
+
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).fold(0.0, |sum, (a, b)| sum + a * b)
+}

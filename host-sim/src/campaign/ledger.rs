@@ -1,0 +1,218 @@
+//! Finished runs: a line each, in a file that only grows.
+
+use std::fs::{File, OpenOptions};
+use std::io::{BufRead, BufReader, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use miette::Diagnostic;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::summary::Flown;
+
+/// One finished run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "run", rename_all = "lowercase")]
+pub enum Line {
+    /// A unit was identified.
+    Model {
+        /// Which.
+        unit: u32,
+        /// The model as TOML: its numbers come back bit for bit.
+        model: String,
+    },
+    /// A flight was flown.
+    Flight {
+        /// Whose.
+        unit: u32,
+        /// With which of its models.
+        with: With,
+        /// Which.
+        flight: u32,
+        /// What came out; none if it could not be flown.
+        flown: Option<Flown>,
+        /// Why not.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        why: Option<String>,
+    },
+}
+
+/// Model of the sensors on a flight.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum With {
+    /// That the drives were made with.
+    True,
+    /// That was identified from them.
+    Identified,
+}
+
+/// Runs cannot be kept or read.
+#[derive(Debug, Error, Diagnostic)]
+pub enum LedgerError {
+    /// The system refuses.
+    #[error("{}: {source}", .file.display())]
+    #[diagnostic(help("permissions, or a full disk: nothing that is finished is lost"))]
+    Io {
+        /// The file.
+        file: PathBuf,
+        /// What it says.
+        source: std::io::Error,
+    },
+    /// Somebody else writes to it.
+    #[error("{} is in use", .0.display())]
+    #[diagnostic(help("the same campaign, or the same shard of it, is running already"))]
+    Busy(PathBuf),
+    /// Not a line of a campaign.
+    #[error("{}, line {line}: {message}", .file.display())]
+    #[diagnostic(help("written by another version, or changed by hand: remove the line"))]
+    Line {
+        /// The file.
+        file: PathBuf,
+        /// Counted from 1.
+        line: usize,
+        /// What is wrong.
+        message: String,
+    },
+}
+
+/// The file of a campaign, or of a shard of it, held by one process.
+#[derive(Debug)]
+pub struct Ledger {
+    path: PathBuf,
+    file: Mutex<File>,
+}
+
+impl Ledger {
+    /// Opens or makes the file, and tells of every line that is in it. A last line without its
+    /// end is what a kill in the middle of writing leaves: it is cut off.
+    pub fn open(path: &Path, mut known: impl FnMut(Line)) -> Result<Self, LedgerError> {
+        let io = |source| LedgerError::Io {
+            file: path.to_owned(),
+            source,
+        };
+        let mut options = OpenOptions::new();
+        let mut file = (options.read(true).write(true).create(true).truncate(false))
+            .open(path)
+            .map_err(io)?;
+        file.try_lock().map_err(|error| match error {
+            std::fs::TryLockError::WouldBlock => LedgerError::Busy(path.to_owned()),
+            std::fs::TryLockError::Error(source) => io(source),
+        })?;
+        let whole = read(path, &file, &mut known)?;
+        file.set_len(whole).map_err(io)?;
+        file.seek(SeekFrom::End(0)).map_err(io)?;
+        Ok(Self {
+            path: path.to_owned(),
+            file: Mutex::new(file),
+        })
+    }
+
+    /// Adds a run: on disk when this returns.
+    pub fn add(&self, line: &Line) -> Result<(), LedgerError> {
+        let io = |source: std::io::Error| LedgerError::Io {
+            file: self.path.clone(),
+            source,
+        };
+        let text = serde_json::to_string(line).map_err(|error| io(error.into()))? + "\n";
+        let mut file = self
+            .file
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner);
+        file.write_all(text.as_bytes()).map_err(io)?;
+        file.sync_data().map_err(io)
+    }
+}
+
+/// Tells of every whole line of a file that nobody need hold.
+pub fn read_file(path: &Path, known: &mut impl FnMut(Line)) -> Result<(), LedgerError> {
+    let file = File::open(path).map_err(|source| LedgerError::Io {
+        file: path.to_owned(),
+        source,
+    })?;
+    read(path, &file, known).map(drop)
+}
+
+/// Returns the length of all whole lines.
+fn read(path: &Path, file: &File, known: &mut impl FnMut(Line)) -> Result<u64, LedgerError> {
+    let mut reader = BufReader::new(file);
+    let (mut whole, mut text) = (0, Vec::new());
+    for line in 1.. {
+        text.clear();
+        let length = reader.read_until(b'\n', &mut text);
+        let length = length.map_err(|source| LedgerError::Io {
+            file: path.to_owned(),
+            source,
+        })?;
+        if text.last() != Some(&b'\n') {
+            break;
+        }
+        known(
+            serde_json::from_slice(&text).map_err(|error| LedgerError::Line {
+                file: path.to_owned(),
+                line,
+                message: error.to_string(),
+            })?,
+        );
+        whole += length as u64;
+    }
+    Ok(whole)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(flight: u32) -> Line {
+        Line::Flight {
+            unit: 1,
+            with: With::True,
+            flight,
+            flown: None,
+            why: Some("a reason".to_owned()),
+        }
+    }
+
+    fn lines(path: &Path) -> Result<Vec<Line>, LedgerError> {
+        let mut all = Vec::new();
+        read_file(path, &mut |line| all.push(line))?;
+        Ok(all)
+    }
+
+    #[test]
+    fn a_torn_line_is_cut_off_and_the_rest_stays() {
+        let home = tempfile::tempdir().unwrap();
+        let path = home.path().join("runs.jsonl");
+        let ledger = Ledger::open(&path, |_| panic!("there is none")).unwrap();
+        for flight in 0..3 {
+            ledger.add(&line(flight)).unwrap();
+        }
+        assert!(matches!(
+            Ledger::open(&path, |_| {}),
+            Err(LedgerError::Busy(_))
+        ));
+        drop(ledger);
+        let whole = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &whole[..whole.len() - 7]).unwrap();
+        let mut seen = 0;
+        let ledger = Ledger::open(&path, |_| seen += 1).unwrap();
+        assert_eq!(seen, 2);
+        ledger.add(&line(2)).unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), whole);
+        assert_eq!(lines(&path).unwrap(), [line(0), line(1), line(2)]);
+    }
+
+    #[test]
+    fn a_damaged_line_is_named() {
+        let home = tempfile::tempdir().unwrap();
+        let path = home.path().join("runs.jsonl");
+        let ledger = Ledger::open(&path, |_| {}).unwrap();
+        ledger.add(&line(0)).unwrap();
+        drop(ledger);
+        let text = std::fs::read_to_string(&path).unwrap() + "{\"run\":\"flight\"}\n";
+        std::fs::write(&path, text).unwrap();
+        let error = lines(&path).unwrap_err().to_string();
+        assert!(error.contains("line 2: missing field"), "{error}");
+    }
+}

@@ -1,0 +1,209 @@
+//! The plan of a campaign.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::aircraft::input::{InputError, read_text};
+use crate::sim::errors::BiasModel;
+use crate::sim::noise::Random;
+use crate::sim::{ErrorModel, Grade};
+use ins_core::ImuOutput;
+
+/// What a campaign does. All random numbers follow from the seed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plan {
+    /// Fixes every random number.
+    #[serde(default)]
+    pub seed: u64,
+    /// Number of units.
+    pub units: u32,
+    /// Drives from which a unit is identified.
+    pub drives: u32,
+    /// Length of a drive, min.
+    pub drive_minutes: f64,
+    /// Flights of a unit with its true model, and as many with the identified one.
+    pub flights: u32,
+    /// Damped part of a flight, min.
+    pub minutes_aided: u32,
+    /// Free part after that, min.
+    pub minutes_free: u32,
+    /// Spread of the logarithm of each noise and sigma from unit to unit.
+    #[serde(default)]
+    pub unit_spread: f64,
+    /// The model that the units are made of: `hg1700`, or the tables of an error model.
+    #[serde(default)]
+    pub errors: Errors,
+}
+
+/// A model by name or in full.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Errors {
+    /// A class.
+    Class(Grade),
+    /// In full.
+    Model(Box<ErrorModel>),
+}
+
+impl Default for Errors {
+    fn default() -> Self {
+        Self::Class(Grade::Hg1700)
+    }
+}
+
+impl Plan {
+    /// Reads and checks a plan.
+    pub fn read(file: &Path) -> Result<Self, InputError> {
+        let text = read_text(file, "a campaign plan")?;
+        Self::parse(&text).map_err(|(line, message)| InputError {
+            file: file.to_owned(),
+            line,
+            message,
+        })
+    }
+
+    fn parse(text: &str) -> Result<Self, (Option<usize>, String)> {
+        let plan: Self = toml::from_str(text).map_err(|error| {
+            let at = error.span().map_or(0, |span| span.start);
+            let line = 1 + text[..at].matches('\n').count();
+            let example = "host-sim/plans/campaign.toml is a complete example";
+            (
+                Some(line),
+                format!("{}; {example}", error.message().trim_end()),
+            )
+        })?;
+        plan.check().map_err(|message| (None, message))?;
+        Ok(plan)
+    }
+
+    fn check(&self) -> Result<(), String> {
+        for (key, value) in [
+            ("units", self.units),
+            ("drives", self.drives),
+            ("flights", self.flights),
+            ("minutes_aided", self.minutes_aided),
+            ("minutes_free", self.minutes_free),
+        ] {
+            if !(1..=100_000).contains(&value) {
+                return Err(format!("`{key} = {value}`: expected 1 to 100000"));
+            }
+        }
+        if !(1.0..=1440.0).contains(&self.drive_minutes) {
+            let value = self.drive_minutes;
+            return Err(format!("`drive_minutes = {value}`: expected 1 to 1440"));
+        }
+        if !(0.0..=2.0).contains(&self.unit_spread) {
+            let value = self.unit_spread;
+            return Err(format!("`unit_spread = {value}`: expected 0 to 2"));
+        }
+        let model = self.model();
+        let text = toml::to_string(&model).map_err(|error| error.to_string())?;
+        ErrorModel::from_toml(&text).map_err(|error| format!("errors: {error}"))?;
+        if model.imu.output != ImuOutput::Increments {
+            return Err(
+                "`errors.imu.output`: expected \"Increments\" of sensors fit for an \
+                        hour without GNSS"
+                    .to_owned(),
+            );
+        }
+        Ok(())
+    }
+
+    fn model(&self) -> ErrorModel {
+        match &self.errors {
+            Errors::Class(grade) => grade.errors(),
+            Errors::Model(model) => (**model).clone(),
+        }
+    }
+
+    /// The true model of a unit.
+    pub fn unit(&self, unit: u32) -> ErrorModel {
+        let mut model = self.model();
+        let scale = |sigma: &mut f64, name: &str| {
+            let deviate = self.stream(unit, name).normal();
+            *sigma *= libm::exp(self.unit_spread * deviate);
+        };
+        for (sensor, name) in [
+            (&mut model.gyro_deg_h, "gyro"),
+            (&mut model.accel_mps2, "accel"),
+        ] {
+            let of = |part: &str| format!("{name} {part}");
+            scale(&mut sensor.white_noise, &of("noise"));
+            match &mut sensor.bias {
+                BiasModel::Wave {
+                    initial_sigma,
+                    jump_sigma,
+                    ..
+                } => {
+                    scale(initial_sigma, &of("initial"));
+                    scale(jump_sigma, &of("jump"));
+                }
+                BiasModel::Continuous {
+                    initial_sigma,
+                    slope_sigma_per_s,
+                    correlated_sigma,
+                    ..
+                } => {
+                    scale(initial_sigma, &of("initial"));
+                    scale(slope_sigma_per_s, &of("slope"));
+                    scale(correlated_sigma, &of("correlated"));
+                }
+            }
+        }
+        scale(&mut model.gnss.velocity_sigma_mps, "gnss velocity");
+        model
+    }
+
+    /// Seed of a drive of a unit.
+    pub fn drive_seed(&self, unit: u32, drive: u32) -> u64 {
+        self.stream(unit, &format!("drive {drive}")).whole()
+    }
+
+    /// Seed of a flight of a unit: the same for both models, so that chance touches both alike.
+    pub fn flight_seed(&self, unit: u32, flight: u32) -> u64 {
+        self.stream(unit, &format!("flight {flight}")).whole()
+    }
+
+    fn stream(&self, unit: u32, name: &str) -> Random {
+        Random::stream(self.seed, &format!("unit {unit} {name}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const EXAMPLE: &str = include_str!("../../plans/campaign.toml");
+
+    #[test]
+    fn units_differ_and_the_seed_fixes_them() {
+        let plan = Plan::parse(EXAMPLE).unwrap();
+        assert_eq!(plan.unit(3), plan.unit(3));
+        assert_ne!(plan.unit(3), plan.unit(4));
+        assert_ne!(plan.flight_seed(0, 1), plan.flight_seed(1, 0));
+        let alike = Plan {
+            unit_spread: 0.0,
+            ..plan
+        };
+        assert_eq!(alike.unit(3), alike.unit(4));
+    }
+
+    #[test]
+    fn bad_plans_say_what_is_wrong() {
+        for (good, bad, message) in [
+            ("units = ", "units = 0 #", "`units = 0`: expected 1 to"),
+            ("units = ", "unit = 1 #", "unknown field `unit`"),
+            (
+                "errors = \"hg1700\"",
+                "errors = \"mems\"",
+                "errors.imu.output",
+            ),
+        ] {
+            assert!(EXAMPLE.contains(good), "{good}");
+            let (_, error) = Plan::parse(&EXAMPLE.replacen(good, bad, 1)).unwrap_err();
+            assert!(error.contains(message), "{bad}: {error}");
+        }
+    }
+}

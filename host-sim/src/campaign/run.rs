@@ -1,0 +1,218 @@
+//! All runs of a campaign, or of a shard of it, that are not done yet.
+
+use std::path::Path;
+use std::str::FromStr;
+
+use indicatif::ProgressBar;
+use miette::{IntoDiagnostic, Result, miette};
+use rayon::prelude::*;
+
+use super::ledger::{Ledger, LedgerError, Line, With};
+use super::plan::Plan;
+use super::summary::Flown;
+use crate::error_model::recovery::drive_record;
+use crate::error_model::{Identified, Record};
+use crate::flights::route::Route;
+use crate::flights::run::{Settings, run_alone};
+use crate::log::Grade;
+use crate::sim::ErrorModel;
+
+/// A part of a campaign: every `of`th unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard {
+    /// Counted from 1.
+    pub part: u32,
+    /// How many there are.
+    pub of: u32,
+}
+
+impl Shard {
+    /// Everything.
+    pub const ALL: Self = Self { part: 1, of: 1 };
+
+    /// Whether a unit belongs to it.
+    pub fn has(&self, unit: u32) -> bool {
+        unit % self.of == self.part - 1
+    }
+
+    /// Name of its file.
+    pub fn file(&self) -> String {
+        match *self {
+            Self::ALL => "runs.jsonl".to_owned(),
+            Self { part, of } => format!("runs-{part}-of-{of}.jsonl"),
+        }
+    }
+}
+
+impl FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers = text.split_once('/').and_then(|(part, of)| {
+            Some(Self {
+                part: part.parse().ok()?,
+                of: of.parse().ok()?,
+            })
+        });
+        numbers
+            .filter(|shard| (1..=shard.of).contains(&shard.part))
+            .ok_or_else(|| "K/N, the K-th of N, say 1/4".to_owned())
+    }
+}
+
+/// What is done already.
+struct Done {
+    models: Vec<Option<String>>,
+    /// By unit, model and flight.
+    flights: Vec<bool>,
+}
+
+impl Done {
+    fn new(plan: &Plan) -> Self {
+        Self {
+            models: vec![None; plan.units as usize],
+            flights: vec![false; (2 * plan.units * plan.flights) as usize],
+        }
+    }
+
+    fn note(&mut self, line: Line, plan: &Plan) {
+        match line {
+            Line::Model { unit, model } => {
+                if let Some(known) = self.models.get_mut(unit as usize) {
+                    *known = Some(model);
+                }
+            }
+            Line::Flight {
+                unit, with, flight, ..
+            } => {
+                if let Some(done) = self.flights.get_mut(place(plan, unit, with, flight)) {
+                    *done = true;
+                }
+            }
+        }
+    }
+}
+
+fn place(plan: &Plan, unit: u32, with: With, flight: u32) -> usize {
+    let second = u32::from(with == With::Identified);
+    ((2 * unit + second) * plan.flights + flight) as usize
+}
+
+/// Runs all that is missing. Which thread does what leaves no trace in the results.
+pub fn run(plan: &Plan, shard: Shard, folder: &Path, progress: &ProgressBar) -> Result<()> {
+    let mut done = Done::new(plan);
+    let ledger = Ledger::open(&folder.join(shard.file()), |line| done.note(line, plan))?;
+    let units: Vec<u32> = (0..plan.units).filter(|unit| shard.has(*unit)).collect();
+    let flights = units.len() as u64 * 2 * u64::from(plan.flights);
+    let finished = done.flights.iter().filter(|done| **done).count() as u64;
+
+    progress.set_message("identifying");
+    progress.set_length(units.len() as u64);
+    let models = identify(plan, &units, &done.models, &ledger, progress)?;
+    progress.set_message("flying");
+    progress.set_length(flights);
+    progress.set_position(finished);
+    let route = Route::cessna172()?;
+    (0..flights)
+        .into_par_iter()
+        .try_for_each(|run| -> Result<(), LedgerError> {
+            let (at, flight) = (run / u64::from(plan.flights), run % u64::from(plan.flights));
+            // Both are below the numbers of the plan, which are 32 bits long.
+            #[allow(clippy::cast_possible_truncation)]
+            let (at, flight) = (at as usize, flight as u32);
+            let (unit, with) = (units[at / 2], [With::True, With::Identified][at % 2]);
+            if done.flights[place(plan, unit, with, flight)] {
+                return Ok(());
+            }
+            let settings = Settings {
+                minutes_aided: plan.minutes_aided,
+                minutes_free: plan.minutes_free,
+                errors: models[at / 2][at % 2].clone(),
+            };
+            let line = fly(plan, unit, with, flight, &route, &settings);
+            progress.inc(1);
+            ledger.add(&line)
+        })?;
+    progress.finish_and_clear();
+    Ok(())
+}
+
+/// True and identified model of each unit.
+fn identify(
+    plan: &Plan,
+    units: &[u32],
+    known: &[Option<String>],
+    ledger: &Ledger,
+    progress: &ProgressBar,
+) -> Result<Vec<[ErrorModel; 2]>> {
+    (units.par_iter())
+        .map(|&unit| {
+            let truth = plan.unit(unit);
+            let text = match &known[unit as usize] {
+                Some(text) => text.clone(),
+                None => {
+                    let model = toml::to_string(&identified(plan, unit, &truth));
+                    let model = model.into_diagnostic()?;
+                    ledger.add(&Line::Model {
+                        unit,
+                        model: model.clone(),
+                    })?;
+                    model
+                }
+            };
+            progress.inc(1);
+            // Fresh or known, the model goes through its text: the same bits either way.
+            let found = ErrorModel::from_toml(&text)
+                .map_err(|error| miette!("model of unit {unit}: {error}"))?;
+            Ok([truth, found])
+        })
+        .collect()
+}
+
+fn identified(plan: &Plan, unit: u32, truth: &ErrorModel) -> ErrorModel {
+    let records: Vec<Record> = (0..plan.drives)
+        .map(|drive| {
+            let seed = plan.drive_seed(unit, drive);
+            drive_record(seed, truth, Grade::Hg1700, plan.drive_minutes)
+        })
+        .collect();
+    Identified::new(&records, Grade::Hg1700, None).model()
+}
+
+fn fly(
+    plan: &Plan,
+    unit: u32,
+    with: With,
+    flight: u32,
+    route: &Route,
+    settings: &Settings,
+) -> Line {
+    let (flown, why) = match run_alone(plan.flight_seed(unit, flight), route, settings) {
+        Ok((left, errors)) => (Some(Flown::new(&left, &errors)), None),
+        Err(error) => (None, Some(error.to_string())),
+    };
+    Line::Flight {
+        unit,
+        with,
+        flight,
+        flown,
+        why,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_unit_belongs_to_one_shard() {
+        for unit in 0..20 {
+            let held = (1..=3).filter(|part| Shard { part: *part, of: 3 }.has(unit));
+            assert_eq!(held.count(), 1);
+        }
+        assert_eq!("2/3".parse(), Ok(Shard { part: 2, of: 3 }));
+        for wrong in ["0/3", "4/3", "2", "a/b"] {
+            assert!(wrong.parse::<Shard>().is_err());
+        }
+    }
+}

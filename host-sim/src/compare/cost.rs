@@ -1,0 +1,107 @@
+//! Time of whole passes over the log, all in one run, in turn, so that ratios mean something on
+//! any machine.
+
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use ins_core::config::Form;
+use ins_core::navigator::ConfigError;
+use ins_core::{Config, Navigator};
+use serde::Serialize;
+
+use crate::identify::{Event, in_order_of_time};
+use crate::kalman::{Noise, Record, Run, smooth};
+use crate::log::Log;
+
+/// Passes of each; the fastest counts.
+const PASSES: usize = 5;
+
+/// Cost of a method.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Cost {
+    /// Which.
+    pub method: &'static str,
+    /// Per inertial sample with its share of the fixes, ns.
+    pub sample_ns: f64,
+    /// In units of the compensation in its exact form.
+    pub ratio: f64,
+}
+
+type Pass<'a> = (&'static str, Box<dyn Fn() -> Result<(), ConfigError> + 'a>);
+
+/// Every method in turn, several times.
+pub(crate) fn measure(log: &Log, config: Config, noise: Noise) -> Result<Vec<Cost>, ConfigError> {
+    let run = || Run::new(&log.imu, &log.gnss, config, noise);
+    let passes: [Pass; 5] = [
+        (
+            "compensation, exact",
+            Box::new(|| navigate(log, config, Form::Exact)),
+        ),
+        (
+            "compensation, literal",
+            Box::new(|| navigate(log, config, Form::Literal)),
+        ),
+        (
+            "Kalman, covariance ten times a second",
+            Box::new(move || {
+                let mut run = run()?;
+                run.finish();
+                black_box(run.filter());
+                Ok(())
+            }),
+        ),
+        (
+            "Kalman, covariance at every sample",
+            Box::new(move || {
+                let mut run = run()?.with_covariance_at_every_sample();
+                run.finish();
+                black_box(run.filter());
+                Ok(())
+            }),
+        ),
+        (
+            "Kalman and smoother",
+            Box::new(move || {
+                let mut run = run()?;
+                let mut records = Vec::new();
+                let record = &mut |filter: &_, correction| {
+                    records.push(Record::new(filter, correction));
+                };
+                while run.step(record).is_some() {}
+                black_box(smooth(&records));
+                Ok(())
+            }),
+        ),
+    ];
+    let mut fastest = [Duration::MAX; 5];
+    for _ in 0..PASSES {
+        for ((_, pass), fastest) in passes.iter().zip(&mut fastest) {
+            let start = Instant::now();
+            pass()?;
+            *fastest = start.elapsed().min(*fastest);
+        }
+    }
+    let ours = fastest[0].as_secs_f64();
+    let costs = passes.iter().zip(fastest).map(|((method, _), took)| Cost {
+        method,
+        sample_ns: 1e9 * took.as_secs_f64() / log.imu.len() as f64,
+        ratio: took.as_secs_f64() / ours,
+    });
+    Ok(costs.collect())
+}
+
+fn navigate(log: &Log, config: Config, form: Form) -> Result<(), ConfigError> {
+    let mut navigator = Navigator::new(Config { form, ..config })?;
+    for event in in_order_of_time(&log.imu, &log.gnss) {
+        match event {
+            Event::Imu(sample) => {
+                let _ = black_box(navigator.on_imu(sample));
+            }
+            Event::Gnss(fix) => {
+                let _ = black_box(navigator.on_gnss(fix));
+            }
+        }
+    }
+    black_box(navigator.estimates());
+    Ok(())
+}

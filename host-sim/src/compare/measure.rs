@@ -1,0 +1,189 @@
+//! What a method's track is worth.
+
+use ins_core::earth::wrap_pi;
+use ins_core::{Solution, Time};
+use serde::Serialize;
+
+use super::Input;
+use super::tracks::{Point, Track};
+use crate::log::{Grade, Log};
+use crate::quantities::{Quantities, Quantity};
+
+/// Names of what is compared: the heading, and all estimates but that of the azimuth.
+pub const NAMES: [&str; 8] = [
+    "heading_deg",
+    "accel_bias_x_mg",
+    "accel_bias_y_mg",
+    "accel_bias_z_mg",
+    "gyro_bias_x_deg_h",
+    "gyro_bias_y_deg_h",
+    "gyro_bias_z_deg_h",
+    "gnss_latency_ms",
+];
+/// Errors below which a quantity counts as found, in its unit: twice to three times what is
+/// promised of ring lasers, and what a good calibration leaves of consumer sensors.
+const FOUND_HG1700: [f64; 8] = [0.06, 0.08, 0.08, 0.08, 0.5, 0.5, 0.5, 2.0];
+const FOUND_MEMS: [f64; 8] = [0.5, 2.0, 2.0, 2.0, 30.0, 30.0, 30.0, 10.0];
+/// Longest distance between points of the truth that is bridged, s.
+const TRUTH_GAP_S: f64 = 0.6;
+
+/// A method on the log.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MethodResult {
+    /// Which.
+    pub method: String,
+    /// What it found.
+    pub quantities: Vec<QuantityResult>,
+    /// Its navigation against the reference of the log, over the second half.
+    pub trajectory: Option<TrajectoryError>,
+}
+
+/// One quantity at the end of the log.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct QuantityResult {
+    /// Which, with its unit.
+    pub name: &'static str,
+    /// Value and stated spread; empty where it was not observed.
+    #[serde(flatten)]
+    pub quantity: Quantity,
+    /// Value minus truth, where that is known.
+    pub error: Option<f64>,
+    /// Since the first sample, until it stays found: near the truth, or, unknown, near its last
+    /// value.
+    pub settled_s: Option<f64>,
+}
+
+/// Root mean squares.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct TrajectoryError {
+    /// Horizontal position, m.
+    pub position_m: f64,
+    /// Velocity, m/s.
+    pub velocity_mps: f64,
+    /// Heading, deg.
+    pub heading_deg: f64,
+}
+
+/// Every track in the same way.
+pub fn results(input: &Input, grade: Grade, tracks: &[Track]) -> Vec<MethodResult> {
+    tracks
+        .iter()
+        .map(|track| MethodResult {
+            method: track.method.clone(),
+            quantities: quantities(input, grade, track),
+            trajectory: trajectory(input.log, track),
+        })
+        .collect()
+}
+
+/// Values in the log's axes and in engineering units, heading first.
+pub fn columns(input_axes: crate::log::BodyAxes, point: &Point) -> [Quantity; 8] {
+    let mut columns = Quantities::new(&point.estimates, input_axes)
+        .columns()
+        .map(|(_, quantity)| quantity);
+    let heading_deg = point.solution.euler().heading_rad.to_degrees();
+    columns[0].value = heading_deg.rem_euclid(360.0);
+    columns
+}
+
+fn quantities(input: &Input, grade: Grade, track: &Track) -> Vec<QuantityResult> {
+    let Some(end) = track.points.last() else {
+        return Vec::new();
+    };
+    let found = match grade {
+        Grade::Hg1700 => FOUND_HG1700,
+        Grade::Mems => FOUND_MEMS,
+    };
+    let ends = columns(input.log.meta.body_axes, end);
+    (0..NAMES.len())
+        .map(|which| {
+            let error = |point: &Point| error(input, point, which);
+            QuantityResult {
+                name: NAMES[which],
+                quantity: ends[which],
+                error: error(end).filter(|_| ends[which].observable()),
+                settled_s: settled(input, track, which, found[which]),
+            }
+        })
+        .collect()
+}
+
+/// Value minus truth in the unit of the quantity.
+fn error(input: &Input, point: &Point, which: usize) -> Option<f64> {
+    let truth = input.truth?;
+    if which == 0 {
+        let truth = truth_at(input.log, point.time)?;
+        return Some(heading_error_deg(&point.solution, &truth));
+    }
+    let value = columns(input.log.meta.body_axes, point)[which].value;
+    Some(value - truth.columns()[which]?)
+}
+
+fn settled(input: &Input, track: &Track, which: usize, found: f64) -> Option<f64> {
+    let axes = input.log.meta.body_axes;
+    let end = columns(axes, track.points.last()?)[which];
+    // The heading moves all the time: without truth it cannot settle.
+    if !end.observable() || (which == 0 && input.truth.is_none()) {
+        return None;
+    }
+    let off = |point: &Point| match input.truth {
+        Some(_) => error(input, point, which),
+        None => Some(columns(axes, point)[which].value - end.value),
+    };
+    let stays = |point: &&Point| off(point).is_none_or(|off| off.abs() < found);
+    let since = track.points.iter().rev().take_while(stays).last()?;
+    let first = input.log.imu.first()?;
+    Some(since.time.seconds_since(first.time))
+}
+
+fn trajectory(log: &Log, track: &Track) -> Option<TrajectoryError> {
+    let first = log.imu.first()?;
+    let half = first.time.plus_seconds(0.5 * log.duration_s());
+    let (mut sums, mut count) = ([0.0; 3], 0.0);
+    for point in track.points.iter().filter(|point| point.time >= half) {
+        let Some(truth) = truth_at(log, point.time) else {
+            continue;
+        };
+        let solution = &point.solution;
+        let position = solution.position.enu_from(&truth.position).xy();
+        let velocity = solution.velocity_enu_mps - truth.velocity_enu_mps;
+        sums[0] += position.norm_squared();
+        sums[1] += velocity.norm_squared();
+        sums[2] += heading_error_deg(solution, &truth).powi(2);
+        count += 1.0;
+    }
+    let [position_m, velocity_mps, heading_deg] = sums.map(|sum| (sum / count).sqrt());
+    (count > 0.0).then_some(TrajectoryError {
+        position_m,
+        velocity_mps,
+        heading_deg,
+    })
+}
+
+fn heading_error_deg(solution: &Solution, truth: &Solution) -> f64 {
+    wrap_pi(solution.euler().heading_rad - truth.euler().heading_rad).to_degrees()
+}
+
+/// The reference between two of its points.
+pub fn truth_at(log: &Log, time: Time) -> Option<Solution> {
+    let next = log.truth.partition_point(|truth| truth.time < time);
+    let later = log.truth.get(next)?;
+    if later.time == time {
+        return Some(*later);
+    }
+    let earlier = log.truth.get(next.checked_sub(1)?)?;
+    let span_s = later.time.seconds_since(earlier.time);
+    let part = time.seconds_since(earlier.time) / span_s;
+    let mid = |from: f64, to: f64| from + part * (to - from);
+    let mut position = earlier.position;
+    position.latitude_rad = mid(position.latitude_rad, later.position.latitude_rad);
+    position.longitude_rad = mid(position.longitude_rad, later.position.longitude_rad);
+    position.height_m = mid(position.height_m, later.position.height_m);
+    let velocity = earlier.velocity_enu_mps.lerp(&later.velocity_enu_mps, part);
+    (span_s < TRUTH_GAP_S).then(|| Solution {
+        time,
+        position,
+        velocity_enu_mps: velocity,
+        attitude: earlier.attitude.nlerp(&later.attitude, part),
+    })
+}

@@ -1,0 +1,112 @@
+//! Compensation against Kalman on one log: what they find, how soon, how well, at what cost.
+
+pub mod cli;
+pub(crate) mod cost;
+mod measure;
+mod output;
+mod tracks;
+
+use std::path::Path;
+
+use indicatif::ProgressBar;
+use ins_core::Config;
+use miette::{Result, miette};
+use serde::Serialize;
+
+use crate::analysis::log_name;
+use crate::configure;
+use crate::kalman::Noise;
+use crate::log::{self, BodyAxes, Grade, Log};
+use crate::outage::{self, OutageTest};
+use crate::sim;
+use crate::truth::Truth;
+pub use cost::Cost;
+pub use measure::{MethodResult, QuantityResult, TrajectoryError};
+pub use output::{JSON, plain};
+use tracks::Track;
+
+/// All methods on one log.
+#[derive(Clone, Debug, Serialize)]
+pub struct Comparison {
+    /// Name of the log.
+    pub log: String,
+    /// Span of its inertial samples.
+    pub duration_s: f64,
+    /// Axes of the biases.
+    pub body_axes: BodyAxes,
+    /// Class of sensors that the core was told.
+    pub grade: Grade,
+    /// Whether the true errors are known.
+    pub simulated: bool,
+    /// What each method finds.
+    pub methods: Vec<MethodResult>,
+    /// Time of whole passes over the log, in one run.
+    pub costs: Vec<Cost>,
+    /// Drift without GNSS; none where no outage fits.
+    pub outages: Option<OutageTest>,
+    #[serde(skip)]
+    tracks: Vec<Track>,
+    #[serde(skip)]
+    truth: Option<Truth>,
+}
+
+/// What all methods get.
+struct Input<'a> {
+    log: &'a Log,
+    config: Config,
+    noise: Noise,
+    truth: Option<&'a Truth>,
+}
+
+impl Comparison {
+    /// Reads a log and runs every method over it.
+    pub fn of_log(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Self> {
+        let (log, warnings) = log::read(folder)?;
+        for warning in &warnings {
+            progress.suspend(|| eprintln!("warning: {warning}\n  {}", warning.cause));
+        }
+        let truth = Truth::read(folder)?;
+        let grade = configure::grade(&log, grade);
+        let config = configure::config(&log, grade);
+        let input = Input {
+            log: &log,
+            config,
+            noise: noise(grade, &config, truth.is_some()),
+            truth: truth.as_ref(),
+        };
+        let unusable =
+            |error: ins_core::navigator::ConfigError| miette!("cannot be used: {}", error.0);
+        progress.set_message("all methods");
+        let tracks = tracks::all(&input).map_err(unusable)?;
+        progress.set_message("outages");
+        let outages = outage::test(&log, truth.is_some(), config, input.noise).map_err(unusable)?;
+        progress.set_message("cost");
+        let costs = cost::measure(&log, config, input.noise).map_err(unusable)?;
+        progress.finish_and_clear();
+        Ok(Self {
+            log: log_name(folder, &log),
+            duration_s: log.duration_s(),
+            body_axes: log.meta.body_axes,
+            grade,
+            simulated: truth.is_some(),
+            methods: measure::results(&input, grade, &tracks),
+            costs,
+            outages,
+            tracks,
+            truth,
+        })
+    }
+}
+
+/// What the filter is told: the truth where it is known, that is for a simulated class of sensors.
+fn noise(grade: Grade, config: &Config, simulated: bool) -> Noise {
+    let simulation = match grade {
+        Grade::Hg1700 => sim::Grade::Hg1700,
+        Grade::Mems => sim::Grade::Mems,
+    };
+    if simulated {
+        Noise::of_model(&simulation.errors())
+    } else {
+        Noise::of_config(config)
+    }
+}

@@ -1,0 +1,335 @@
+//! `compare.json`, `compare.csv`, `outages.csv`, `report.html`, and the tables for people.
+
+use std::fs::{self, File};
+use std::path::Path;
+
+use miette::{IntoDiagnostic, Result};
+use minijinja::value::Serde;
+use minijinja::{AutoEscape, Environment};
+use plotters::style::RGBColor;
+use serde::Serialize;
+
+use super::measure::{NAMES, columns};
+use super::{Comparison, MethodResult, QuantityResult};
+use crate::output::OutputError;
+use crate::report::panels::{Panel, key};
+use crate::report::plot::{BLUE, GREEN, GREY, Mark, ORANGE, Plot, RED, padded};
+use crate::report::{digits, with_sigma};
+use crate::table;
+
+/// Name of the file that marks the folder as ours.
+pub const JSON: &str = "compare.json";
+const TITLES: [&str; 8] = [
+    "Heading, deg",
+    "Accelerometer x, mg",
+    "Accelerometer y, mg",
+    "Accelerometer z, mg",
+    "Gyro x, deg/h",
+    "Gyro y, deg/h",
+    "Gyro z, deg/h",
+    "GNSS latency, ms",
+];
+const COLOURS: [RGBColor; 6] = [
+    BLUE,
+    GREY,
+    ORANGE,
+    GREEN,
+    RGBColor(150, 90, 180),
+    RGBColor(160, 120, 80),
+];
+
+/// A table with its heading.
+#[derive(Debug, Serialize)]
+struct Table {
+    title: String,
+    header: Vec<String>,
+    rows: Vec<Vec<String>>,
+}
+
+impl Comparison {
+    /// Writes all files into a folder.
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        let json = serde_json::to_string_pretty(self).into_diagnostic()?;
+        let page = self.html().into_diagnostic()?;
+        for (name, text) in [(JSON, json + "\n"), ("report.html", page)] {
+            let path = folder.join(name);
+            fs::write(&path, text).map_err(|e| OutputError::io(&path, e))?;
+        }
+        let create = |name: &str| -> Result<csv::Writer<File>> {
+            let path = folder.join(name);
+            let file = File::create(&path).map_err(|e| OutputError::io(&path, e))?;
+            Ok(csv::Writer::from_writer(file))
+        };
+        self.write_quantities(create("compare.csv")?)
+            .into_diagnostic()?;
+        self.write_outages(create("outages.csv")?).into_diagnostic()
+    }
+
+    fn write_quantities(&self, mut to: csv::Writer<File>) -> csv::Result<()> {
+        to.write_record([
+            "method",
+            "quantity",
+            "value",
+            "sigma",
+            "observable",
+            "error",
+            "settled_s",
+        ])?;
+        let number = |value: Option<f64>| value.map_or(String::new(), |v| format!("{v:.6}"));
+        for method in &self.methods {
+            for result in &method.quantities {
+                let quantity = &result.quantity;
+                to.write_record([
+                    method.method.as_str(),
+                    result.name,
+                    &format!("{:.6}", quantity.value),
+                    &format!("{:.6}", quantity.sigma),
+                    if quantity.observable() { "1" } else { "0" },
+                    &number(result.error),
+                    &number(result.settled_s),
+                ])?;
+            }
+        }
+        Ok(to.flush()?)
+    }
+
+    fn write_outages(&self, mut to: csv::Writer<File>) -> csv::Result<()> {
+        to.write_record([
+            "navigator",
+            "start_s",
+            "position_end_m",
+            "velocity_end_mps",
+            "position_max_m",
+            "velocity_max_mps",
+        ])?;
+        for drifts in self.outages.iter().flat_map(|test| &test.navigators) {
+            for drift in &drifts.outages {
+                let numbers = [
+                    drift.start_s,
+                    drift.position_end_m,
+                    drift.velocity_end_mps,
+                    drift.position_max_m,
+                    drift.velocity_max_mps,
+                ];
+                let mut cells = vec![drifts.navigator.to_owned()];
+                cells.extend(numbers.map(|number| format!("{number:.4}")));
+                to.write_record(cells)?;
+            }
+        }
+        Ok(to.flush()?)
+    }
+
+    fn html(&self) -> Result<String, minijinja::Error> {
+        #[derive(Serialize)]
+        struct Page<'a> {
+            comparison: &'a Comparison,
+            minutes: String,
+            tables: Vec<Table>,
+            panels: Vec<Panel>,
+        }
+        let mut environment = Environment::new();
+        environment.set_auto_escape_callback(|_| AutoEscape::Html);
+        environment.add_template("style", crate::report::STYLE)?;
+        environment.add_template("panel", crate::report::PANEL)?;
+        environment.add_template("compare", include_str!("report.html"))?;
+        environment.get_template("compare")?.render(Serde(&Page {
+            comparison: self,
+            minutes: format!("{:.1}", self.duration_s / 60.0),
+            tables: tables(self),
+            panels: (1..NAMES.len()).map(|which| self.panel(which)).collect(),
+        }))
+    }
+
+    /// One estimate by every method, as it converges.
+    fn panel(&self, which: usize) -> Panel {
+        let Some(first) = self
+            .tracks
+            .iter()
+            .filter_map(|track| track.points.first())
+            .map(|p| p.time)
+            .min()
+        else {
+            return Panel {
+                title: TITLES[which].to_owned(),
+                svg: String::new(),
+                keys: Vec::new(),
+            };
+        };
+        let mut marks = Vec::new();
+        let mut settled = Vec::new();
+        for (track, colour) in self.tracks.iter().zip(COLOURS) {
+            let line: Vec<(f64, f64)> = track
+                .points
+                .iter()
+                .map(|p| {
+                    (
+                        p.time.seconds_since(first),
+                        columns(self.body_axes, p)[which].value,
+                    )
+                })
+                .collect();
+            settled.extend(line.iter().skip(line.len() / 4).map(|point| point.1));
+            marks.push(Mark::Line(line, colour));
+        }
+        let truth = self.truth.and_then(|truth| truth.columns()[which]);
+        if let Some(truth) = truth {
+            settled.push(truth);
+            marks.push(Mark::Reference(
+                vec![(0.0, truth), (self.duration_s, truth)],
+                RED,
+            ));
+        }
+        let plot = Plot {
+            size: (460, 210),
+            x_label: "time since navigation began, s".to_owned(),
+            y_label: String::new(),
+            x: (0.0, self.duration_s),
+            y: padded(settled.into_iter(), 1e-3),
+            marks,
+        };
+        let names = [
+            "exact",
+            "literal",
+            "Kalman",
+            "smoother",
+            "noise / 3",
+            "noise x 3",
+        ];
+        let mut keys: Vec<_> = COLOURS
+            .into_iter()
+            .zip(names)
+            .map(|(c, name)| key(c, name))
+            .collect();
+        if truth.is_some() {
+            keys.push(key(RED, "truth"));
+        }
+        Panel {
+            title: TITLES[which].to_owned(),
+            svg: plot.svg(),
+            keys,
+        }
+    }
+}
+
+/// All tables, for a terminal.
+pub fn plain(comparison: &Comparison) -> String {
+    let texts: Vec<String> = tables(comparison)
+        .iter()
+        .map(|t| format!("{}\n\n{}", t.title, table::plain(&t.header, &t.rows)))
+        .collect();
+    texts.join("\n")
+}
+
+fn tables(comparison: &Comparison) -> Vec<Table> {
+    let mut tables = vec![by_method(
+        "At the end of the log, one sigma",
+        comparison,
+        &|result| {
+            if result.quantity.observable() {
+                with_sigma(&result.quantity)
+            } else {
+                "not observed".to_owned()
+            }
+        },
+    )];
+    if comparison.simulated {
+        tables.push(by_method("Error", comparison, &|result| {
+            result
+                .error
+                .map_or("-".to_owned(), |error| digits(result.quantity.sigma, error))
+        }));
+    }
+    let against = if comparison.simulated {
+        "the truth"
+    } else {
+        "its last value"
+    };
+    tables.push(by_method(
+        &format!("Stays close to {against} from, s"),
+        comparison,
+        &|result| {
+            result
+                .settled_s
+                .map_or("-".to_owned(), |s| format!("{s:.0}"))
+        },
+    ));
+    tables.extend(trajectories(comparison));
+    tables.push(costs(comparison));
+    tables.extend(outages(comparison));
+    tables
+}
+
+fn texts<const N: usize>(cells: [&str; N]) -> Vec<String> {
+    cells.map(str::to_owned).to_vec()
+}
+
+/// A row for each quantity, a column for each method.
+fn by_method(
+    title: &str,
+    comparison: &Comparison,
+    cell: &dyn Fn(&QuantityResult) -> String,
+) -> Table {
+    let mut header = vec![String::new()];
+    header.extend(
+        comparison
+            .methods
+            .iter()
+            .map(|method| method.method.clone()),
+    );
+    let row = |which: usize| {
+        let mut row = vec![NAMES[which].to_owned()];
+        row.extend(comparison.methods.iter().map(|method: &MethodResult| {
+            method.quantities.get(which).map_or("-".to_owned(), cell)
+        }));
+        row
+    };
+    Table {
+        title: title.to_owned(),
+        header,
+        rows: (0..NAMES.len()).map(row).collect(),
+    }
+}
+
+fn trajectories(comparison: &Comparison) -> Option<Table> {
+    let rows: Vec<Vec<String>> = comparison
+        .methods
+        .iter()
+        .filter_map(|method| {
+            let error = method.trajectory?;
+            let mut row = vec![method.method.clone()];
+            row.extend(
+                [error.position_m, error.velocity_mps, error.heading_deg].map(|v| digits(v, v)),
+            );
+            Some(row)
+        })
+        .collect();
+    (!rows.is_empty()).then(|| Table {
+        title: "RMS difference from truth.csv, second half of the log".to_owned(),
+        header: texts(["", "position, m", "velocity, m/s", "heading, deg"]),
+        rows,
+    })
+}
+
+fn costs(comparison: &Comparison) -> Table {
+    let row = |cost: &super::Cost| {
+        vec![
+            cost.method.to_owned(),
+            format!("{:.0}", cost.sample_ns),
+            format!("{:.1}", cost.ratio),
+        ]
+    };
+    Table {
+        title: "Cost of an inertial sample with its share of the fixes, on this machine".to_owned(),
+        header: texts(["", "ns", "ratio"]),
+        rows: comparison.costs.iter().map(row).collect(),
+    }
+}
+
+fn outages(comparison: &Comparison) -> Option<Table> {
+    let test = comparison.outages.as_ref()?;
+    Some(Table {
+        title: test.title(),
+        header: test.header(),
+        rows: test.rows(),
+    })
+}

@@ -1,0 +1,137 @@
+//! Every method over the log, looked at once a second.
+
+use indicatif::ProgressBar;
+use ins_core::config::Form;
+use ins_core::navigator::ConfigError;
+use ins_core::{Config, Estimates, Solution, Time};
+
+use super::Input;
+use crate::identify::identify;
+use crate::kalman::{Filter, Known, Noise, Record, Run, States, smooth};
+
+/// Interval between looks, s.
+const EVERY_S: f64 = 1.0;
+
+/// One method at one time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    pub time: Time,
+    /// Biases and latency; of the azimuth the spread alone, which is that of the heading.
+    pub estimates: Estimates,
+    pub solution: Solution,
+}
+
+/// One method over the log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Track {
+    pub method: String,
+    pub points: Vec<Point>,
+}
+
+/// The methods in the order of the tables.
+pub fn all(input: &Input) -> Result<Vec<Track>, ConfigError> {
+    let exact = input.noise;
+    let told = if input.truth.is_some() {
+        "exact noise"
+    } else {
+        "noise as configured"
+    };
+    let mut tracks = vec![
+        compensation("compensation, exact", Form::Exact, input)?,
+        compensation("compensation, literal", Form::Literal, input)?,
+        // The five-stage post-processing belongs here.
+    ];
+    tracks.extend(kalman_and_smoother(told, input)?);
+    tracks.push(kalman(
+        "Kalman, noise / 3",
+        exact.guessed(1.0 / 3.0),
+        input,
+    )?);
+    tracks.push(kalman("Kalman, noise x 3", exact.guessed(3.0), input)?);
+    Ok(tracks)
+}
+
+fn compensation(method: &str, form: Form, input: &Input) -> Result<Track, ConfigError> {
+    let config = Config {
+        form,
+        ..input.config
+    };
+    let found = identify(input.log, config, &ProgressBar::hidden())?;
+    let points = found.history.iter().filter_map(|row| {
+        Some(Point {
+            time: row.time,
+            estimates: row.estimates,
+            solution: row.solution?,
+        })
+    });
+    Ok(Track {
+        method: method.to_owned(),
+        points: points.collect(),
+    })
+}
+
+fn kalman(method: &str, noise: Noise, input: &Input) -> Result<Track, ConfigError> {
+    let mut run = Run::new(&input.log.imu, &input.log.gnss, input.config, noise)?;
+    let mut points = Vec::new();
+    while let Some(time) = run.step(&mut |_, _| {}) {
+        if let Some(filter) = run.filter().filter(|_| due(&points, time)) {
+            points.push(filtered(filter, &noise));
+        }
+    }
+    Ok(Track {
+        method: method.to_owned(),
+        points,
+    })
+}
+
+/// Both from one run; the smoother follows the last alignment.
+fn kalman_and_smoother(told: &str, input: &Input) -> Result<[Track; 2], ConfigError> {
+    let noise = input.noise;
+    let mut run = Run::new(&input.log.imu, &input.log.gnss, input.config, noise)?;
+    let (mut points, mut records) = (Vec::new(), Vec::new());
+    loop {
+        let aligned = run.filter().is_some();
+        let step = run.step(&mut |filter, correction| {
+            records.push(Record::new(filter, correction));
+        });
+        let Some(time) = step else { break };
+        match run.filter() {
+            Some(filter) if due(&points, time) => points.push(filtered(filter, &noise)),
+            None if aligned => records.clear(),
+            _ => {}
+        }
+    }
+    let mut smoothed: Vec<Point> = Vec::new();
+    for at in smooth(&records) {
+        if due(&smoothed, at.time) {
+            smoothed.push(point(at.time, &at.known, &at.sigma, &noise));
+        }
+    }
+    Ok([
+        Track {
+            method: format!("Kalman, {told}"),
+            points,
+        },
+        Track {
+            method: "its smoother".to_owned(),
+            points: smoothed,
+        },
+    ])
+}
+
+fn due(points: &[Point], time: Time) -> bool {
+    let last = points.last();
+    last.is_none_or(|last| time.seconds_since(last.time) > EVERY_S - 5e-4)
+}
+
+fn filtered(filter: &Filter, noise: &Noise) -> Point {
+    point(filter.time, &filter.known, &filter.sigmas(), noise)
+}
+
+fn point(time: Time, known: &Known, sigmas: &States, noise: &Noise) -> Point {
+    Point {
+        time,
+        estimates: known.estimates(sigmas, noise),
+        solution: known.solution(time),
+    }
+}

@@ -1,0 +1,334 @@
+//! All parameters of an error model as found, each with its interval.
+
+use serde::Serialize;
+
+use super::fit::{self, BiasFit, GyroFit, Kind};
+use super::interval::{self, Interval, Measured, sigma_of_squares};
+use super::record::Record;
+use crate::log::Grade;
+use crate::quantities::DEG_H_RADPS;
+use crate::sim::errors::BiasModel;
+use crate::sim::{self, ErrorModel};
+use ins_core::alignment::rest::RestBlock;
+use ins_core::{Estimate, Observability};
+use nalgebra::Vector3;
+
+/// One parameter of the file, in its unit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Parameter {
+    /// Path in the file.
+    pub name: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// Value and 95 % interval; none without any data.
+    #[serde(flatten)]
+    pub found: Option<Interval>,
+    /// Whether the value stands on data.
+    pub observable: bool,
+    /// What is missing if not, or what the value stands on.
+    pub why: &'static str,
+}
+
+/// What drives say of their sensors.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Identified {
+    /// Number of drives.
+    pub drives: usize,
+    grade: Grade,
+    gyro: Option<GyroFit>,
+    /// Gyro noise at rest alone, deg/h/sqrt(Hz): more in motion means vibration.
+    pub gyro_noise_at_rest: Option<Interval>,
+    accel_noise: Option<Interval>,
+    accel_sigma: Option<Interval>,
+    latency_s: Option<[Interval; 2]>,
+    fix_rate_hz: f64,
+}
+
+impl Identified {
+    /// Of at least one drive; `kind` is the model of the gyro biases, or the likelier.
+    pub fn new(records: &[Record], grade: Grade, kind: Option<Kind>) -> Self {
+        let class = class(grade);
+        let accel_noise = noise_at_rest(records, |block| block.force_mps2);
+        let known_noise = accel_noise.map_or(class.accel_mps2.white_noise, |noise| noise.value);
+        // A scale error of the up axis is felt as a bias of it.
+        let axes = if class.accel_mps2.scale_sigma > 0.0 {
+            2
+        } else {
+            3
+        };
+        let accels: Vec<Measured> = (records.iter())
+            .flat_map(|record| &record.accel_bias_mps2[..axes])
+            .filter_map(measured)
+            .collect();
+        let latencies: Vec<Measured> = (records.iter())
+            .filter_map(|record| measured(&record.latency_s))
+            .collect();
+        let rates: f64 = records.iter().map(|record| record.fix_rate_hz).sum();
+        Self {
+            drives: records.len(),
+            grade,
+            gyro: fit::fit(records, known_noise, kind),
+            gyro_noise_at_rest: noise_at_rest(records, |block| block.rate_radps / DEG_H_RADPS),
+            accel_noise,
+            accel_sigma: (!accels.is_empty()).then(|| interval::sigma_behind(&accels)),
+            latency_s: latency_bounds(&latencies),
+            fix_rate_hz: rates / records.len() as f64,
+        }
+    }
+
+    /// The gyros and GNSS velocity; none if the azimuth never became observable.
+    pub fn gyro(&self) -> Option<&GyroFit> {
+        self.gyro.as_ref()
+    }
+
+    /// All parameters in the order of the file.
+    pub fn parameters(&self) -> Vec<Parameter> {
+        let mut all = self.gyro_parameters();
+        all.extend([
+            known(
+                "accel_mps2.white_noise",
+                "m/s^2/sqrt(Hz)",
+                self.accel_noise,
+                NO_REST,
+            ),
+            spread(
+                "accel_mps2.bias.initial_sigma",
+                "m/s^2",
+                self.accel_sigma,
+                NO_TURN,
+            ),
+            known(
+                "gnss.velocity_sigma_mps",
+                "m/s",
+                self.gyro.as_ref().map(|gyro| gyro.gnss_sigma_mps),
+                NO_AZIMUTH,
+            ),
+        ]);
+        for (name, which) in [("gnss.latency_s[0]", 0), ("gnss.latency_s[1]", 1)] {
+            let bound = self.latency_s.map(|bounds| bounds[which]);
+            all.push(known(name, "s", bound, NO_LATENCY));
+        }
+        all
+    }
+
+    fn gyro_parameters(&self) -> Vec<Parameter> {
+        let Some(gyro) = &self.gyro else {
+            let rest = self.gyro_noise_at_rest;
+            return vec![
+                known("gyro_deg_h.white_noise", NOISE_UNIT, rest, NO_REST),
+                known("gyro_deg_h.bias.initial_sigma", "deg/h", None, NO_AZIMUTH),
+            ];
+        };
+        let deg_h = 1.0 / DEG_H_RADPS;
+        let mut all = vec![
+            known(
+                "gyro_deg_h.white_noise",
+                NOISE_UNIT,
+                Some(gyro.noise.scaled(deg_h)),
+                "",
+            ),
+            spread(
+                "gyro_deg_h.bias.initial_sigma",
+                "deg/h",
+                Some(gyro.initial_sigma.scaled(deg_h)),
+                NOT_ABOVE_NOISE,
+            ),
+        ];
+        let timed = |name, found| Parameter {
+            name,
+            unit: "s",
+            found: Some(found),
+            observable: gyro.has_time_scale(),
+            why: if gyro.has_time_scale() {
+                ""
+            } else {
+                NO_TIME_SCALE
+            },
+        };
+        match &gyro.bias {
+            BiasFit::Wave {
+                interval_s,
+                jump_mean,
+                jump_sigma,
+            } => all.extend([
+                timed("gyro_deg_h.bias.interval_s", *interval_s),
+                Parameter {
+                    observable: gyro.moves(),
+                    ..known(
+                        "gyro_deg_h.bias.jump_mean",
+                        "deg/h",
+                        Some(jump_mean.scaled(deg_h)),
+                        "",
+                    )
+                },
+                spread(
+                    "gyro_deg_h.bias.jump_sigma",
+                    "deg/h",
+                    Some(jump_sigma.scaled(deg_h)),
+                    NOT_ABOVE_NOISE,
+                ),
+            ]),
+            BiasFit::Continuous {
+                slope_sigma,
+                correlated_sigma,
+                correlation_time_s,
+            } => all.extend([
+                spread(
+                    "gyro_deg_h.bias.slope_sigma_per_s",
+                    "deg/h/s",
+                    Some(slope_sigma.scaled(deg_h)),
+                    NOT_ABOVE_NOISE,
+                ),
+                spread(
+                    "gyro_deg_h.bias.correlated_sigma",
+                    "deg/h",
+                    Some(correlated_sigma.scaled(deg_h)),
+                    NOT_ABOVE_NOISE,
+                ),
+                timed("gyro_deg_h.bias.correlation_time_s", *correlation_time_s),
+            ]),
+        }
+        all
+    }
+
+    /// The model that flights and drives take; what was not found is that of the class.
+    pub fn model(&self) -> ErrorModel {
+        let mut model = class(self.grade);
+        if let Some(noise) = self.gyro_noise_at_rest {
+            model.gyro_deg_h.white_noise = noise.value;
+        }
+        if let Some(gyro) = &self.gyro {
+            model.gyro_deg_h.white_noise = gyro.noise.value / DEG_H_RADPS;
+            model.gyro_deg_h.bias = gyro_bias(gyro);
+            model.gnss.velocity_sigma_mps = gyro.gnss_sigma_mps.value;
+        }
+        if let Some(noise) = self.accel_noise {
+            model.accel_mps2.white_noise = noise.value;
+        }
+        if let Some(sigma) = self.accel_sigma {
+            match &mut model.accel_mps2.bias {
+                BiasModel::Continuous { initial_sigma, .. }
+                | BiasModel::Wave { initial_sigma, .. } => *initial_sigma = sigma.value,
+            }
+        }
+        if let Some(bounds) = self.latency_s {
+            model.gnss.latency_s = bounds.map(|bound| bound.value);
+        }
+        if self.fix_rate_hz > 0.0 {
+            model.gnss.rate_hz = (100.0 * self.fix_rate_hz).round() / 100.0;
+        }
+        model
+    }
+}
+
+const NOISE_UNIT: &str = "deg/h/sqrt(Hz)";
+const NO_REST: &str = "needs some seconds at rest";
+const NO_TURN: &str = "needs turns and stops, or is below the error of its estimates";
+const NO_AZIMUTH: &str = "needs an observable azimuth";
+const NO_LATENCY: &str = "needs starts and brakings";
+const NOT_ABOVE_NOISE: &str = "not above what the noise hides: no more than the upper bound";
+const NO_TIME_SCALE: &str = "needs a larger random part, or more and longer drives";
+
+fn known(
+    name: &'static str,
+    unit: &'static str,
+    found: Option<Interval>,
+    missing: &'static str,
+) -> Parameter {
+    Parameter {
+        name,
+        unit,
+        found,
+        observable: found.is_some(),
+        why: if found.is_some() { "" } else { missing },
+    }
+}
+
+/// A spread is observable if it is known to be above zero.
+fn spread(
+    name: &'static str,
+    unit: &'static str,
+    found: Option<Interval>,
+    missing: &'static str,
+) -> Parameter {
+    let observable = found.is_some_and(|found| found.is_spread());
+    Parameter {
+        name,
+        unit,
+        found,
+        observable,
+        why: if observable { "" } else { missing },
+    }
+}
+
+/// The preset of a class.
+pub fn class(grade: Grade) -> ErrorModel {
+    match grade {
+        Grade::Hg1700 => sim::Grade::Hg1700.errors(),
+        Grade::Mems => sim::Grade::Mems.errors(),
+    }
+}
+
+fn gyro_bias(gyro: &GyroFit) -> BiasModel {
+    let deg_h = 1.0 / DEG_H_RADPS;
+    let initial_sigma = deg_h * gyro.initial_sigma.value;
+    match &gyro.bias {
+        BiasFit::Wave {
+            interval_s,
+            jump_mean,
+            jump_sigma,
+        } if gyro.moves() => BiasModel::Wave {
+            initial_sigma,
+            interval_s: interval_s.value,
+            jump_mean: deg_h * jump_mean.value,
+            jump_sigma: deg_h * jump_sigma.value,
+        },
+        BiasFit::Wave { .. } => BiasModel::constant(initial_sigma),
+        BiasFit::Continuous {
+            slope_sigma,
+            correlated_sigma,
+            correlation_time_s,
+        } => {
+            let above_noise = |sigma: &Interval| if sigma.is_spread() { sigma.value } else { 0.0 };
+            BiasModel::Continuous {
+                initial_sigma,
+                slope_sigma_per_s: deg_h * above_noise(slope_sigma),
+                correlated_sigma: deg_h * above_noise(correlated_sigma),
+                correlation_time_s: correlation_time_s.value,
+            }
+        }
+    }
+}
+
+fn measured(estimate: &Estimate) -> Option<Measured> {
+    (estimate.observability == Observability::Observable).then(|| Measured {
+        value: estimate.value,
+        variance: estimate.sigma * estimate.sigma,
+    })
+}
+
+/// One value if all drives agree on it, else bounds of what they scatter over.
+fn latency_bounds(latencies: &[Measured]) -> Option<[Interval; 2]> {
+    if latencies.is_empty() {
+        return None;
+    }
+    if interval::are_one(latencies) {
+        return Some([interval::common_value(latencies); 2]);
+    }
+    let values: Vec<f64> = latencies.iter().map(|latency| latency.value).collect();
+    Some(interval::uniform_bounds(&values))
+}
+
+/// Root of the density that block means at rest scatter with, about the mean of each rest.
+fn noise_at_rest(records: &[Record], value: fn(&RestBlock) -> Vector3<f64>) -> Option<Interval> {
+    let (mut sum, mut freedom) = (0.0, 0.0);
+    for blocks in records.iter().flat_map(|record| &record.rest) {
+        let count = blocks.len() as f64;
+        let mean = blocks.iter().map(value).sum::<Vector3<f64>>() / count;
+        sum += (blocks.iter())
+            .map(|block| block.seconds * (value(block) - mean).norm_squared())
+            .sum::<f64>();
+        freedom += 3.0 * (count - 1.0);
+    }
+    (freedom > 0.0).then(|| sigma_of_squares(sum, freedom))
+}

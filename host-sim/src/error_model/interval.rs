@@ -1,0 +1,236 @@
+//! Values with 95 % confidence intervals.
+
+use serde::Serialize;
+use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
+
+/// Chance of each tail.
+const TAIL: f64 = 0.025;
+/// Normal deviate of 95 %.
+pub const NORMAL_95: f64 = 1.959_964;
+
+/// An estimate and its 95 % confidence interval.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Interval {
+    /// Best value.
+    pub value: f64,
+    /// Lower bound.
+    pub low: f64,
+    /// Upper bound; infinite if the data set none.
+    pub high: f64,
+}
+
+impl Interval {
+    /// In another unit.
+    #[must_use]
+    pub fn scaled(&self, by: f64) -> Self {
+        Self {
+            value: by * self.value,
+            low: by * self.low,
+            high: by * self.high,
+        }
+    }
+
+    /// Whether it holds a value.
+    pub fn holds(&self, value: f64) -> bool {
+        (self.low..=self.high).contains(&value)
+    }
+
+    /// Whether a spread is known to be there at all, and not to be without bound.
+    pub fn is_spread(&self) -> bool {
+        self.low > 0.0 && self.high.is_finite()
+    }
+}
+
+/// Quantiles of chi-square at both ends of 95 %.
+fn chi_square(freedom: f64) -> [f64; 2] {
+    match ChiSquared::new(freedom) {
+        Ok(chi) => [TAIL, 1.0 - TAIL].map(|p| chi.inverse_cdf(p)),
+        Err(_) => [0.0, f64::INFINITY],
+    }
+}
+
+/// Two-sided 95 % deviate of Student's t.
+fn student(freedom: f64) -> f64 {
+    StudentsT::new(0.0, 1.0, freedom).map_or(f64::INFINITY, |t| t.inverse_cdf(1.0 - TAIL))
+}
+
+/// Standard deviation from a sum of squares of `freedom` independent normals.
+pub fn sigma_of_squares(sum: f64, freedom: f64) -> Interval {
+    let [few, many] = chi_square(freedom);
+    Interval {
+        value: (sum / freedom).sqrt(),
+        low: (sum / many).sqrt(),
+        high: (sum / few).sqrt(),
+    }
+}
+
+/// A value and the variance of its error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measured {
+    /// Value.
+    pub value: f64,
+    /// Variance of its error.
+    pub variance: f64,
+}
+
+/// Standard deviation about zero of what was measured, the errors of measurement taken out.
+///
+/// Exact: `sum x^2 / (sigma^2 + s^2)` is chi-square at the true sigma, and falls with it.
+pub fn sigma_behind(measured: &[Measured]) -> Interval {
+    let count = measured.len() as f64;
+    let [few, many] = chi_square(count);
+    Interval {
+        value: sigma_at(measured, count),
+        low: sigma_at(measured, many),
+        high: sigma_at(measured, few),
+    }
+}
+
+/// The sigma at which the weighted sum of squares has a value; zero if it is below even there.
+fn sigma_at(measured: &[Measured], wanted: f64) -> f64 {
+    let sum = |sigma: f64| -> f64 {
+        (measured.iter())
+            .map(|m| m.value * m.value / (sigma * sigma + m.variance))
+            .sum()
+    };
+    if sum(0.0) <= wanted {
+        return 0.0;
+    }
+    let squares: f64 = measured.iter().map(|m| m.value * m.value).sum();
+    let (mut low, mut high) = (0.0, (squares / wanted).sqrt());
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if sum(middle) > wanted {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    0.5 * (low + high)
+}
+
+/// Weighted mean by the scatter of what was measured: Student's t.
+pub fn mean(measured: &[Measured]) -> Option<Interval> {
+    let weight: f64 = measured.iter().map(|m| 1.0 / m.variance).sum();
+    let mean = measured.iter().map(|m| m.value / m.variance).sum::<f64>() / weight;
+    let scatter: f64 = (measured.iter())
+        .map(|m| (m.value - mean) * (m.value - mean) / m.variance)
+        .sum();
+    let freedom = measured.len() as f64 - 1.0;
+    (freedom >= 1.0).then(|| {
+        let half = student(freedom) * (scatter / freedom / weight).sqrt();
+        Interval {
+            value: mean,
+            low: mean - half,
+            high: mean + half,
+        }
+    })
+}
+
+/// Weighted mean of equal quantities by the errors stated with them.
+pub fn common_value(measured: &[Measured]) -> Interval {
+    let weight: f64 = measured.iter().map(|m| 1.0 / m.variance).sum();
+    let mean = measured.iter().map(|m| m.value / m.variance).sum::<f64>() / weight;
+    let half = NORMAL_95 / weight.sqrt();
+    Interval {
+        value: mean,
+        low: mean - half,
+        high: mean + half,
+    }
+}
+
+/// Whether all may be one and the same quantity, with errors as stated.
+pub fn are_one(measured: &[Measured]) -> bool {
+    let mean = common_value(measured).value;
+    let scatter: f64 = (measured.iter())
+        .map(|m| (m.value - mean) * (m.value - mean) / m.variance)
+        .sum();
+    measured.len() < 2 || scatter < chi_square(measured.len() as f64 - 1.0)[1]
+}
+
+/// Bounds of a uniform distribution from at least two draws, unbiased.
+///
+/// How far a bound lies beyond the outermost of n draws, over their range, exceeds t with the
+/// chance `(1 + t)^(1 - n)`: exact.
+pub fn uniform_bounds(values: &[f64]) -> [Interval; 2] {
+    let (least, most) = values
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
+            (low.min(*v), high.max(*v))
+        });
+    let (range, freedom) = (most - least, values.len() as f64 - 1.0);
+    let beyond = |chance: f64| range * (chance.powf(-1.0 / freedom) - 1.0);
+    let (near, best, far) = (beyond(1.0 - TAIL), range / freedom, beyond(TAIL));
+    [
+        Interval {
+            value: least - best,
+            low: least - far,
+            high: least - near,
+        },
+        Interval {
+            value: most + best,
+            low: most + near,
+            high: most + far,
+        },
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::noise::Random;
+
+    const TRIALS: u32 = 2000;
+
+    /// Of 2000 honest intervals 1900 +- 9.7 hold the truth; four standard deviations.
+    fn assert_covers(name: &str, mut trial: impl FnMut(&mut Random) -> bool) {
+        let mut random = Random::stream(11, name);
+        let held = (0..TRIALS).filter(|_| trial(&mut random)).count();
+        assert!((1861..=1939).contains(&held), "{name}: {held}");
+    }
+
+    #[test]
+    fn intervals_hold_the_truth_as_often_as_they_say() {
+        assert_covers("variance", |random| {
+            let sum: f64 = (0..3).map(|_| (2.0 * random.normal()).powi(2)).sum();
+            sigma_of_squares(sum, 3.0).holds(2.0)
+        });
+        assert_covers("spread behind errors", |random| {
+            let measured: Vec<Measured> = (1..=6)
+                .map(|n| {
+                    let variance = 0.3 * f64::from(n);
+                    let value = 2.0 * random.normal() + variance.sqrt() * random.normal();
+                    Measured { value, variance }
+                })
+                .collect();
+            sigma_behind(&measured).holds(2.0)
+        });
+        assert_covers("mean", |random| {
+            let measured: Vec<Measured> = (1..=5)
+                .map(|n| {
+                    let variance = f64::from(n);
+                    let value = 7.0 + 3.0 * variance.sqrt() * random.normal();
+                    Measured { value, variance }
+                })
+                .collect();
+            mean(&measured).unwrap().holds(7.0)
+        });
+        for bound in [0, 1] {
+            assert_covers("uniform", |random| {
+                let values: Vec<f64> = (0..4).map(|_| random.uniform([0.05, 0.3])).collect();
+                uniform_bounds(&values)[bound].holds([0.05, 0.3][bound])
+            });
+        }
+    }
+
+    #[test]
+    fn no_spread_is_found_where_errors_explain_all() {
+        let measured = [0.5, -0.8, 0.3].map(|value| Measured {
+            value,
+            variance: 1.0,
+        });
+        let sigma = sigma_behind(&measured);
+        assert!(sigma.value == 0.0 && sigma.low == 0.0 && sigma.high > 0.0);
+        assert!(are_one(&measured) && !sigma.is_spread());
+    }
+}

@@ -1,0 +1,120 @@
+//! Maxima of functions that are only known by their values.
+
+/// Moves of the simplex after which it is small enough, or never will be.
+const MOST_MOVES: u32 = 200;
+
+/// The point with the greatest value, from a start and a first step per coordinate
+/// (Nelder and Mead, 1965).
+pub fn maximum<const N: usize>(
+    f: impl Fn(&[f64; N]) -> f64,
+    start: [f64; N],
+    step: [f64; N],
+    tolerance: f64,
+) -> ([f64; N], f64) {
+    let mut simplex: Vec<([f64; N], f64)> = (0..=N)
+        .map(|corner| {
+            let mut point = start;
+            if corner > 0 {
+                point[corner - 1] += step[corner - 1];
+            }
+            (point, f(&point))
+        })
+        .collect();
+    for _ in 0..MOST_MOVES {
+        simplex.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let (best, worst) = (simplex[0].1, simplex[N].1);
+        if best - worst < tolerance {
+            break;
+        }
+        let last = simplex[N].0;
+        let centre: [f64; N] = core::array::from_fn(|i| {
+            simplex[..N].iter().map(|corner| corner.0[i]).sum::<f64>() / N as f64
+        });
+        let along = |factor: f64| {
+            let point = core::array::from_fn(|i| centre[i] + factor * (last[i] - centre[i]));
+            (point, f(&point))
+        };
+        let reflected = along(-1.0);
+        let moved = if reflected.1 > best {
+            let expanded = along(-2.0);
+            if expanded.1 > reflected.1 {
+                expanded
+            } else {
+                reflected
+            }
+        } else if reflected.1 > simplex[N - 1].1 {
+            reflected
+        } else {
+            along(if reflected.1 > worst { -0.5 } else { 0.5 })
+        };
+        if moved.1 > worst {
+            simplex[N] = moved;
+        } else {
+            let first = simplex[0].0;
+            for corner in &mut simplex[1..] {
+                corner.0 = core::array::from_fn(|i| 0.5 * (first[i] + corner.0[i]));
+                corner.1 = f(&corner.0);
+            }
+        }
+    }
+    simplex.sort_by(|a, b| b.1.total_cmp(&a.1));
+    simplex[0]
+}
+
+/// Second derivatives of a function at a point, by central differences.
+pub fn curvature<const N: usize>(
+    f: impl Fn(&[f64; N]) -> f64,
+    at: [f64; N],
+    step: f64,
+) -> nalgebra::SMatrix<f64, N, N> {
+    let shifted = |moves: &[(usize, f64)]| {
+        let mut point = at;
+        for (coordinate, by) in moves {
+            point[*coordinate] += by * step;
+        }
+        f(&point)
+    };
+    let centre = f(&at);
+    nalgebra::SMatrix::from_fn(|i, j| {
+        let second = if i == j {
+            shifted(&[(i, 1.0)]) - 2.0 * centre + shifted(&[(i, -1.0)])
+        } else {
+            let cross = |a: f64, b: f64| shifted(&[(i, a), (j, b)]);
+            0.25 * (cross(1.0, 1.0) - cross(1.0, -1.0) - cross(-1.0, 1.0) + cross(-1.0, -1.0))
+        };
+        second / (step * step)
+    })
+}
+
+/// Where a falling function crosses zero between two points.
+pub fn crossing(f: impl Fn(f64) -> f64, mut above: f64, mut below: f64, steps: u32) -> f64 {
+    for _ in 0..steps {
+        let middle = 0.5 * (above + below);
+        if f(middle) > 0.0 {
+            above = middle;
+        } else {
+            below = middle;
+        }
+    }
+    0.5 * (above + below)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn finds_the_top_of_a_curved_ridge() {
+        // Rosenbrock's valley upside down: the top is 0 at (1, 1).
+        let f = |x: &[f64; 2]| -(1.0 - x[0]).powi(2) - 100.0 * (x[1] - x[0] * x[0]).powi(2);
+        let (at, value) = maximum(f, [-1.2, 1.0], [0.5, 0.5], 1e-12);
+        assert!(value > -1e-9 && (at[0] - 1.0).abs() < 1e-3, "{at:?}");
+        let second = curvature(f, [1.0, 1.0], 1e-3);
+        let expected = [[-802.0, 400.0], [400.0, -200.0]];
+        for (i, row) in expected.iter().enumerate() {
+            for (j, value) in row.iter().enumerate() {
+                assert!((second[(i, j)] - value).abs() < 0.01, "{second}");
+            }
+        }
+    }
+}

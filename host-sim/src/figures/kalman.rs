@@ -1,0 +1,177 @@
+//! Compensation beside a Kalman filter: accuracy over many drives, cost, and outages of recorded
+//! logs.
+
+use std::path::Path;
+
+use ins_core::Config;
+use miette::{Result, miette};
+
+use super::{cells, logs};
+use crate::accuracy::{Results, Study, config_of};
+use crate::cli::bar;
+use crate::compare::cost;
+use crate::configure;
+use crate::kalman::Noise;
+use crate::log::{self, BodyAxes, Log, Meta};
+use crate::outage;
+use crate::report::digits;
+use crate::sim::{DriveConfig, Grade, simulate};
+use crate::table;
+
+/// How wrong a user is taken to be.
+const WRONG: f64 = 3.0;
+
+/// RMS errors with noise known and guessed, and the time of each in one run.
+pub(super) fn part(runs: u64) -> Result<String> {
+    let studies = [
+        compensation(runs, 1.0)?,
+        kalman(runs, 1.0)?,
+        kalman(runs, 1.0 / WRONG)?,
+        kalman(runs, WRONG)?,
+        compensation(runs, 1.0 / WRONG)?,
+        compensation(runs, WRONG)?,
+    ];
+    let header = cells([
+        "RMS error",
+        "compensation",
+        "Kalman",
+        "ratio",
+        "Kalman, noise / 3",
+        "Kalman, noise x 3",
+        "compensation, noise / 3",
+        "compensation, noise x 3",
+        "compensation settled",
+        "Kalman settled",
+    ]);
+    let rows: Vec<Vec<String>> = (0..studies[0].quantities.len())
+        .map(|which| row(&studies, which))
+        .collect();
+    let [ours, theirs, ..] = &studies;
+    Ok(format!(
+        "{}\n{} drives of {} min; {} and {} converged.\n\n{}",
+        table::markdown(&header, &rows),
+        runs,
+        ours.study.minutes,
+        ours.converged,
+        theirs.converged,
+        costs()?
+    ))
+}
+
+fn row(studies: &[Results; 6], which: usize) -> Vec<String> {
+    let rows = studies.each_ref().map(|study| study.quantities[which]);
+    let [ours, exact, small, large, our_small, our_large] =
+        rows.map(|row| digits(row.rms_error, row.rms_error));
+    let minutes = |seconds: f64| format!("{:.1} min", seconds / 60.0);
+    vec![
+        format!("{}, {}", rows[0].quantity.title, rows[0].quantity.unit),
+        ours,
+        exact,
+        format!("{:.2}", rows[0].rms_error / rows[1].rms_error),
+        small,
+        large,
+        our_small,
+        our_large,
+        minutes(rows[0].settled_s),
+        minutes(rows[1].settled_s),
+    ]
+}
+
+fn compensation(runs: u64, factor: f64) -> Result<Results> {
+    let study = Study::new(Grade::Hg1700, runs);
+    let guess = |config: &mut Config| {
+        config.sensors.gyro_noise *= factor;
+        config.sensors.accel_noise *= factor;
+    };
+    driven(study, &guess)
+}
+
+fn kalman(runs: u64, factor: f64) -> Result<Results> {
+    let study = Study {
+        kalman_noise: Some(factor),
+        ..Study::new(Grade::Hg1700, runs)
+    };
+    driven(study, &|_| {})
+}
+
+fn driven(study: Study, tune: &(dyn Fn(&mut Config) + Sync)) -> Result<Results> {
+    let progress = bar();
+    progress.set_message("driving");
+    progress.set_length(study.runs);
+    let runs = study
+        .drive(tune, &|| progress.inc(1))
+        .map_err(|error| miette!("the study cannot be run: {}", error.0))?;
+    progress.finish_and_clear();
+    Ok(Results::new(study, runs))
+}
+
+fn costs() -> Result<String> {
+    let drive = simulate(&DriveConfig::new(0, Grade::Hg1700, 10.0));
+    let config = Config {
+        heading: drive
+            .given_heading_rad
+            .map_or(ins_core::config::HeadingSource::Auto, |heading| {
+                ins_core::config::HeadingSource::Given(heading)
+            }),
+        ..config_of(Grade::Hg1700)
+    };
+    let log = Log {
+        meta: Meta::new(BodyAxes::Rfu, config.imu_output),
+        imu: drive.imu,
+        gnss: drive.gnss,
+        truth: Vec::new(),
+    };
+    let noise = Noise::of_model(&Grade::Hg1700.errors());
+    let costs = cost::measure(&log, config, noise)
+        .map_err(|error| miette!("cannot be run: {}", error.0))?;
+    let header = cells(["sample with its share of fixes", "ratio"]);
+    let rows: Vec<Vec<String>> = costs
+        .iter()
+        .map(|cost| vec![cost.method.to_owned(), format!("{:.1}", cost.ratio)])
+        .collect();
+    Ok(table::markdown(&header, &rows))
+}
+
+/// Drifts of every navigator in every recorded log; `None` if there are no logs, or no peer.
+pub(super) fn outages(root: &Path, folder: Option<&Path>) -> Result<Option<String>> {
+    if cfg!(not(feature = "peers")) {
+        eprintln!("outages: the table stays as it was (build with --features peers)");
+        return Ok(None);
+    }
+    let mut rows = Vec::new();
+    for path in logs::found(root, folder) {
+        let (log, _) = log::read(&path)?;
+        let config = configure::config(&log, configure::grade(&log, None));
+        let test = outage::test(&log, false, config, Noise::of_config(&config))
+            .map_err(|error| miette!("cannot be run: {}", error.0))?;
+        let Some(test) = test else { continue };
+        let name = path
+            .file_name()
+            .map(|name| name.to_string_lossy().into_owned());
+        let mut row = vec![
+            log.meta
+                .name()
+                .map(str::to_owned)
+                .or(name)
+                .unwrap_or_default(),
+            test.navigators[0].count.to_string(),
+        ];
+        for drifts in &test.navigators {
+            let (rms, most) = (drifts.position_rms_m, drifts.position_max_m);
+            row.push(format!("{} / {}", digits(rms, rms), digits(most, most)));
+            row.push(digits(drifts.velocity_rms_mps, drifts.velocity_rms_mps));
+        }
+        rows.push(row);
+    }
+    let header = cells([
+        "log",
+        "outages",
+        "compensation, m",
+        "m/s",
+        "Kalman, m",
+        "m/s",
+        "fusion-nav, m",
+        "m/s",
+    ]);
+    Ok((!rows.is_empty()).then(|| table::markdown(&header, &rows)))
+}

@@ -1,0 +1,68 @@
+//! A free INS at a height that a barometer holds: alone the vertical channel runs away.
+
+use ins_core::Solution;
+use ins_core::config::DampingConfig;
+use ins_core::damping::{self, Differences};
+use ins_core::increments::Interval;
+use ins_core::mechanization::Mechanization;
+use nalgebra::{Vector2, Vector3};
+use serde::Serialize;
+
+/// Horizontal error of an INS.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Error {
+    /// Position, m.
+    pub position_m: f64,
+    /// Velocity, m/s.
+    pub velocity_mps: f64,
+}
+
+impl Error {
+    /// What a solution is off by.
+    pub fn of(solution: &Solution, truth: &Solution) -> Self {
+        let velocity = solution.velocity_enu_mps - truth.velocity_enu_mps;
+        Self {
+            position_m: solution.position.enu_from(&truth.position).xy().norm(),
+            velocity_mps: velocity.xy().norm(),
+        }
+    }
+}
+
+/// The INS; its barometer has no errors.
+#[derive(Clone, Copy, Debug)]
+pub struct HeldIns(Mechanization);
+
+impl HeldIns {
+    /// Free from a solution on.
+    pub fn new(start: &Solution) -> Self {
+        Self(Mechanization::new(
+            start.position,
+            start.velocity_enu_mps,
+            start.attitude,
+        ))
+    }
+
+    /// Advances over an interval that begins at the true height `height_m`.
+    pub fn step(&mut self, interval: &Interval, height_m: f64, config: &DampingConfig) {
+        let above_m = self.0.position.height_m - height_m;
+        let barometer = Differences {
+            position_m: Some(Vector3::new(0.0, 0.0, above_m)),
+            ..Differences::default()
+        };
+        let controls = damping::controls(&barometer, interval.seconds, config);
+        self.0.step(interval, &controls);
+    }
+
+    /// Velocity east and north, less the true one.
+    pub fn velocity_error_mps(&self, truth: &Solution) -> Vector2<f64> {
+        (self.0.velocity_enu_mps - truth.velocity_enu_mps).xy()
+    }
+
+    /// What it is off by.
+    pub fn error(&self, truth: &Solution) -> Error {
+        Error {
+            position_m: self.0.position.enu_from(&truth.position).xy().norm(),
+            velocity_mps: self.velocity_error_mps(truth).norm(),
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! How the errors grow from one covariance step to the next.
+
+use ins_core::earth::{LocalEarth, ROTATION_RATE_RADPS};
+use ins_core::increments::Interval;
+use ins_core::mechanization::Step;
+use nalgebra::{Matrix3, Vector3};
+
+use super::{StateMatrix, index};
+
+/// What the INS did since the last covariance step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Span {
+    /// Duration, s.
+    pub seconds: f64,
+    /// Integral of specific force, ENU, m/s.
+    force_mps: Vector3<f64>,
+    /// Integral of `C_B^L`, s.
+    attitude_s: Matrix3<f64>,
+}
+
+impl Span {
+    /// Adds a step of the INS.
+    pub fn add(&mut self, interval: &Interval, step: &Step) {
+        self.seconds += interval.seconds;
+        self.force_mps += step.force_enu_mps;
+        self.attitude_s += step.attitude * interval.seconds;
+    }
+
+    /// Transition of the errors over the span, `I + F t + (F t)^2 / 2`.
+    pub fn transition(&self, earth: &LocalEarth, velocity_mps: &Vector3<f64>) -> StateMatrix {
+        let growth = self.growth(earth, velocity_mps);
+        StateMatrix::identity() + growth + 0.5 * (growth * growth)
+    }
+
+    /// `F t`.
+    ///
+    /// Equations (1), (2) with all that they leave out, but for the curvature of the Earth in the
+    /// position itself and the growth of radii with height, both below 1e-6.
+    fn growth(&self, earth: &LocalEarth, velocity_mps: &Vector3<f64>) -> StateMatrix {
+        let t = self.seconds;
+        let (sin, cos) = (earth.sin_latitude, earth.safe_cos_latitude());
+        let (north, east) = (earth.north_radius_m, earth.east_radius_m);
+        let earth_rate = earth.earth_rate();
+        let transport_rate = earth.transport_rate(velocity_mps);
+        // Errors of the two rates: by latitude, that is north position, and by velocity.
+        let earth_rate_by_north =
+            Vector3::new(0.0, -ROTATION_RATE_RADPS * sin, ROTATION_RATE_RADPS * cos) / north;
+        let transport_by_north =
+            Vector3::new(0.0, 0.0, velocity_mps.x / (east * cos * cos) / north);
+        #[rustfmt::skip]
+        let transport_by_velocity = Matrix3::new(
+            0.0, -1.0 / north, 0.0,
+            1.0 / east, 0.0, 0.0,
+            sin / cos / east, 0.0, 0.0,
+        );
+        let coriolis = (2.0 * earth_rate + transport_rate).cross_matrix();
+        let velocity_cross = velocity_mps.cross_matrix();
+
+        let mut growth = StateMatrix::zeros();
+        let mut set = |row: usize, column: usize, block: Matrix3<f64>| {
+            growth.fixed_view_mut::<3, 3>(row, column).copy_from(&block);
+        };
+        set(index::POSITION, index::VELOCITY, t * Matrix3::identity());
+        set(
+            index::VELOCITY,
+            index::VELOCITY,
+            t * (velocity_cross * transport_by_velocity - coriolis),
+        );
+        set(
+            index::VELOCITY,
+            index::ATTITUDE,
+            self.force_mps.cross_matrix(),
+        );
+        set(index::VELOCITY, index::ACCEL, self.attitude_s);
+        set(index::ATTITUDE, index::VELOCITY, t * transport_by_velocity);
+        set(
+            index::ATTITUDE,
+            index::ATTITUDE,
+            -t * (earth_rate + transport_rate).cross_matrix(),
+        );
+        set(index::ATTITUDE, index::GYRO, -self.attitude_s);
+        let mut by_north = |row: usize, value: Vector3<f64>| {
+            growth
+                .fixed_view_mut::<3, 1>(row, index::POSITION + 1)
+                .copy_from(&(t * value));
+        };
+        by_north(
+            index::VELOCITY,
+            velocity_mps.cross(&(2.0 * earth_rate_by_north + transport_by_north)),
+        );
+        by_north(index::ATTITUDE, earth_rate_by_north + transport_by_north);
+        growth[(index::VELOCITY + 2, index::POSITION + 2)] += t * 2.0 * earth.gravity_mps2 / north;
+        growth
+    }
+}

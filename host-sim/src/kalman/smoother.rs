@@ -1,0 +1,84 @@
+//! Fixed-interval smoother of Rauch, Tung and Striebel over a filtered log.
+//!
+//! The filter takes out what it finds, so it is errors of its solution that are smoothed: `s` of
+//! the corrected and `s + found` of the predicted one at the same fix.
+
+use ins_core::Time;
+
+use super::filter::{Correction, Filter, Known};
+use super::{StateMatrix, States};
+
+/// The filter just after a fix, kept for the way back.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Record {
+    /// Stamp.
+    pub time: Time,
+    known: Known,
+    correction: Correction,
+}
+
+/// What all data say of one time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Smoothed {
+    /// Stamp.
+    pub time: Time,
+    /// The INS and its sensors.
+    pub known: Known,
+    /// One sigma of each error.
+    pub sigma: States,
+}
+
+impl Record {
+    /// Of a filter that has just been corrected.
+    pub fn new(filter: &Filter, correction: Correction) -> Self {
+        Self {
+            time: filter.time,
+            known: filter.known,
+            correction,
+        }
+    }
+
+    fn less(&self, errors: &States, covariance: &StateMatrix) -> Smoothed {
+        Smoothed {
+            time: self.time,
+            known: self.known.less(errors),
+            sigma: covariance.diagonal().map(|v| v.max(0.0).sqrt()),
+        }
+    }
+}
+
+/// Goes back over the records, which must follow one another without a new alignment between.
+pub fn smooth(records: &[Record]) -> Vec<Smoothed> {
+    let Some(last) = records.last() else {
+        return Vec::new();
+    };
+    let mut errors = States::zeros();
+    let mut covariance = last.correction.corrected;
+    let mut smoothed = vec![last.less(&errors, &covariance)];
+    for pair in records.windows(2).rev() {
+        let (record, next) = (&pair[0], &pair[1].correction);
+        let Some(gain) = gain(&record.correction.corrected, next) else {
+            break;
+        };
+        errors = gain * (errors + next.errors);
+        covariance =
+            record.correction.corrected + gain * (covariance - next.predicted) * gain.transpose();
+        smoothed.push(record.less(&errors, &covariance));
+    }
+    smoothed.reverse();
+    smoothed
+}
+
+/// `P F^T P'^-1`; `None` if the prediction is singular.
+fn gain(corrected: &StateMatrix, next: &Correction) -> Option<StateMatrix> {
+    // Scaled to correlations first: variances of radians and metres are decades apart.
+    let scale = next
+        .predicted
+        .diagonal()
+        .map(|v| 1.0 / v.max(1e-300).sqrt());
+    let scaled = |matrix: &StateMatrix| {
+        StateMatrix::from_fn(|row, column| matrix[(row, column)] * scale[row] * scale[column])
+    };
+    let inverse = scaled(&next.predicted).cholesky()?.inverse();
+    Some(corrected * next.transition.transpose() * scaled(&inverse))
+}

@@ -1,0 +1,66 @@
+//! From a plan to a log to a report, as a user goes; with an aircraft that stands in a file alone.
+
+use std::path::Path;
+use std::process::Command;
+
+use serde_json::Value;
+
+fn host_sim(arguments: &[&str]) -> Value {
+    let output = Command::new(env!("CARGO_BIN_EXE_host-sim"))
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .args(arguments)
+        .arg("--json")
+        .output()
+        .unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{arguments:?}: {errors}");
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+#[test]
+fn a_flight_is_identified() {
+    let folder = tempfile::tempdir().unwrap();
+    let [plan, log, report] = ["plan.toml", "log", "report"].map(|name| folder.path().join(name));
+    let route = std::fs::read_to_string("plans/route_one_hour.toml").unwrap();
+    let short = route.replacen("[flight]\n", "[flight]\nduration_s = 1500\n", 1);
+    std::fs::write(&plan, short).unwrap();
+
+    let aircraft = ["--aircraft", "aircraft/cessna182.toml"];
+    let files = ["fly", "--plan", text(&plan), "--out", text(&log)];
+    let flown = host_sim(&[files.as_slice(), &aircraft].concat());
+    assert_eq!(flown["aircraft"], "Cessna 182");
+
+    let found = host_sim(&["identify", text(&log), "--out", text(&report)]);
+    // Nothing rests in a flight: the log itself has to say what its gyros are.
+    assert_eq!(found["grade"], "hg1700");
+    let truth = &flown["errors"];
+    for (name, truth) in [
+        ("azimuth_error_deg", &truth["azimuth_error_deg"]),
+        ("gnss_latency_ms", &truth["gnss_latency_ms"]),
+    ] {
+        let number = |value: &Value| value.as_f64().unwrap();
+        let off = number(&found[name]["value"]) - number(truth);
+        // The heading is given for the first sample; until the INS runs it turns by some degrees,
+        // known to a few per cent: 0.2 deg.
+        let bound = 4.0 * number(&found[name]["sigma"]) + 0.2;
+        assert!(off.abs() < bound, "{name}: off by {off}, bound {bound}");
+    }
+
+    let errors = &found["against_truth"];
+    let of = |which: &str, what: &str| errors[which][what].as_f64().unwrap();
+    // GNSS has 1 m and 0.1 m/s of white noise ten times a second: the loops average.
+    assert!(of("damped", "position_m") < 0.5, "{errors}");
+    assert!(of("damped", "velocity_mps") < 0.05, "{errors}");
+    // 12 min free: kilometres on raw readings, far less on corrected ones.
+    assert!(of("as_logged", "position_m") > 1000.0, "{errors}");
+    assert!(
+        of("free", "position_m") < 0.5 * of("as_logged", "position_m"),
+        "{errors}"
+    );
+    let page = std::fs::read_to_string(report.join("report.html")).unwrap();
+    assert!(page.contains("Against the truth of the log"));
+}
