@@ -58,9 +58,10 @@ impl Service {
     }
 
     fn send(&mut self, message: &FromBoard, send: &mut impl FnMut(&[u8])) {
-        match ins_link::encode(self.sequence, message) {
-            Ok(frame) => send(&frame),
-            Err(_) => defmt::error!("a message is longer than a frame"),
+        if let Ok(frame) = ins_link::encode(self.sequence, message) {
+            send(&frame);
+        } else {
+            defmt::error!("a message is longer than a frame");
         }
         self.sequence = self.sequence.wrapping_add(1);
     }

@@ -34,7 +34,10 @@ const FILES: [&str; 4] = [
 fn host_sim(arguments: &[&str]) -> Result<(), String> {
     let all = ["host-sim"].iter().chain(arguments);
     let cli = Cli::try_parse_from(all).map_err(|error| error.to_string())?;
-    run(&cli).map_err(|error| format!("{error:?}"))
+    run(&cli).map_err(|error| {
+        let help = error.help().map(|help| help.to_string());
+        format!("{error}\n{}", help.unwrap_or_default())
+    })
 }
 
 /// A folder with the log of a drive that starts soon.

@@ -100,7 +100,7 @@ impl Hil {
         }
         Err(miette!(
             help = format!(
-                "in the folder firmware-example: \
+                "in the folder firmware-example:\n\
                  cargo build --release --config {config} --target-dir target/{name}\n\
                  or say where it is with --image"
             ),
