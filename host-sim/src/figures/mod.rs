@@ -3,8 +3,8 @@
 mod accuracy;
 mod aircraft;
 mod demo;
-mod kalman;
 mod identification;
+mod kalman;
 mod logs;
 mod readme;
 
