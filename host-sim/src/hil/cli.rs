@@ -5,7 +5,7 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use ins_core::Time;
 use miette::{IntoDiagnostic, Result, bail, miette};
 use serde::Serialize;
@@ -37,14 +37,14 @@ pub struct Hil {
     #[arg(long, conflicts_with = "port")]
     qemu: bool,
     /// The emulated board.
-    #[arg(long, value_enum, default_value_t = BoardName::M7)]
-    board: BoardName,
+    #[arg(long, value_enum, default_value_t = Board::CortexM7)]
+    board: Board,
     /// ELF file that the board runs; needed with --port only to read the board's log.
     #[arg(long)]
     image: Option<PathBuf>,
     /// When samples are sent.
-    #[arg(long, value_enum, default_value_t = RateName::Max)]
-    rate: RateName,
+    #[arg(long, value_enum, default_value_t = Rate::Max)]
+    rate: Rate,
     /// Class of the sensors.
     #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
     grade: GradeChoice,
@@ -53,46 +53,13 @@ pub struct Hil {
     out: PathBuf,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum BoardName {
-    /// Cortex-M7, f64 in hardware.
-    M7,
-    /// Cortex-M4F, f64 in software.
-    M4f,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum RateName {
-    /// By their stamps, whether the board keeps up or not.
-    Realtime,
-    /// As fast as the board answers.
-    Max,
-}
-
-impl BoardName {
-    fn board(self) -> Board {
-        match self {
-            Self::M7 => Board::CortexM7,
-            Self::M4f => Board::CortexM4,
-        }
-    }
-}
-
 impl Hil {
-    fn rate(&self) -> Rate {
-        match self.rate {
-            RateName::Realtime => Rate::Realtime,
-            RateName::Max => Rate::Max,
-        }
-    }
-
     /// The image to emulate, or to read the log with.
     fn image(&self) -> Result<Option<PathBuf>> {
         if self.image.is_some() || !self.qemu {
             return Ok(self.image.clone());
         }
-        let board = self.board.board();
-        let (name, config) = (board.name(), board.cargo_config());
+        let (name, config) = (self.board.name(), self.board.cargo_config());
         let folder = Path::new("firmware-example/target").join(name);
         let image = folder.join("thumbv7em-none-eabihf/release/console");
         if image.is_file() {
@@ -112,7 +79,7 @@ impl Hil {
     fn board_in_words(&self) -> String {
         match &self.port {
             Some(port) => format!("{port}, {} baud", self.baud),
-            None => format!("{} in QEMU", self.board.board().machine()),
+            None => format!("{} in QEMU", self.board.machine()),
         }
     }
 }
@@ -140,8 +107,8 @@ pub fn hil(options: &Hil, json: bool, force: bool) -> Result<()> {
             run(port, input, options, log.as_mut())?
         }
         (None, Some(image)) => {
-            let board = options.board.board();
-            let port = Emulator::boot(board, image, Way::Console, Pace::Fast).into_diagnostic()?;
+            let port =
+                Emulator::boot(options.board, image, Way::Console, Pace::Fast).into_diagnostic()?;
             run(port, input, options, log.as_mut())?
         }
         (None, None) => bail!("neither --port nor --qemu"),
@@ -188,7 +155,7 @@ fn run(
     let mut view = View::new(bar(), length, first, axes);
     let status = session.stream(
         requests(&input.log.imu, &input.log.gnss),
-        options.rate(),
+        options.rate,
         |event| match event {
             Event::Answer {
                 request,

@@ -6,14 +6,18 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread;
 
+use clap::ValueEnum;
+
 use super::session::POLL;
 
 /// The boards that the firmware is built for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Board {
     /// Cortex-M7 with f64 in hardware: MPS2 with image AN500.
+    #[value(name = "m7")]
     CortexM7,
     /// Cortex-M4F, f64 in software: MPS2 with image AN386.
+    #[value(name = "m4f")]
     CortexM4,
 }
 

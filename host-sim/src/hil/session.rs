@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::io::{self, Read, Write};
 use std::time::{Duration, Instant};
 
+use clap::ValueEnum;
 use ins_core::{Config, Time};
 use ins_link::{Counters, Decoder, FromBoard, Hello, Reply, Request, Started, Status};
 use miette::Diagnostic;
@@ -43,7 +44,7 @@ pub enum HilError {
 }
 
 /// When requests of a stream are sent.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Rate {
     /// By their stamps, whether the board keeps up or not.
     Realtime,
