@@ -1,7 +1,7 @@
 //! The aided INS: mechanization under the damping controls, compared with GNSS at the moments of
 //! the fixes, with the estimators on top and their results taken out of the readings.
 
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
 use crate::alignment::rest::{self, RestBlock, RestDetector, Verdict as RestVerdict};
 use crate::alignment::{Aligned, compensation};
@@ -381,7 +381,11 @@ impl AidedIns {
                 return Some(GnssOutcome::Outlier);
             }
             self.refused = 0;
-            let antenna = past.attitude_rate.fixed_columns::<2>(0) * self.known().lever_arm();
+            let lever_arm = match config.feedback {
+                Feedback::Closed => self.known().lever_arm(),
+                Feedback::Open => Vector2::zeros(),
+            };
+            let antenna = past.attitude_rate.fixed_columns::<2>(0) * lever_arm;
             let at_antenna = velocity_mps + antenna;
             differences.velocity_en_mps = Some(at_antenna.xy());
             differences.velocity_up_mps = (verdict == Verdict::Used).then_some(at_antenna.z);

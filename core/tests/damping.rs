@@ -16,9 +16,9 @@ const PLACE: Geodetic = Geodetic {
 const IMU_S: f64 = 0.01;
 /// Ten fixes a second.
 const FIX_EVERY: u32 = 10;
-/// A fix waits for the ring to pass its moment, and its control is held to the next one: on the
-/// average 0.15 s of delay, 0.2 s at most.
-const DELAY_S: f64 = 0.2;
+/// A fix waits until two moments of the ring lie after it, and its control is held to the next one:
+/// on the average 0.25 s of delay, 0.35 s at most.
+const DELAY_S: f64 = 0.35;
 
 /// A navigator that stands, levelled, heading north, with noise-free sensors.
 struct Standing {

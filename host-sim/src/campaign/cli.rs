@@ -23,7 +23,7 @@ const SCRIPT: &str = "campaign.sbatch";
 /// Options of `campaign`.
 #[derive(Debug, Args)]
 pub struct Campaign {
-    /// What to do; host-sim/plans/campaign.toml is an example.
+    /// What to do; host-sim/campaigns/hg1700.toml is an example.
     plan: PathBuf,
     /// Folder of the results. A campaign that was stopped goes on there.
     #[arg(long)]

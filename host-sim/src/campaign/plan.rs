@@ -68,7 +68,7 @@ impl Plan {
         let plan: Self = toml::from_str(text).map_err(|error| {
             let at = error.span().map_or(0, |span| span.start);
             let line = 1 + text[..at].matches('\n').count();
-            let example = "host-sim/plans/campaign.toml is a complete example";
+            let example = "host-sim/campaigns/hg1700.toml is a complete example";
             (
                 Some(line),
                 format!("{}; {example}", error.message().trim_end()),
@@ -175,7 +175,7 @@ impl Plan {
 mod tests {
     use super::*;
 
-    const EXAMPLE: &str = include_str!("../../plans/campaign.toml");
+    const EXAMPLE: &str = include_str!("../../campaigns/hg1700.toml");
 
     #[test]
     fn units_differ_and_the_seed_fixes_them() {

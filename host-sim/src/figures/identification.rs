@@ -30,7 +30,7 @@ pub(super) fn recovery(units: u64) -> String {
 
 /// The campaign of the example plan. What an earlier measurement has finished is not run again.
 pub(super) fn campaign(root: &Path) -> Result<String> {
-    let plan = Plan::read(&root.join("host-sim/plans/campaign.toml"))?;
+    let plan = Plan::read(&root.join("host-sim/campaigns/hg1700.toml"))?;
     let out = root.join("out/campaign");
     campaign::cli::settle(&plan, &out, false)?;
     campaign::run(&plan, Shard::ALL, &out, &ProgressBar::hidden())?;
