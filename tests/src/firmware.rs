@@ -17,11 +17,21 @@ pub fn image(board: Board, program: &str) -> Result<PathBuf, String> {
 
 /// Builds a program of the firmware with some of its features.
 pub fn image_with(board: Board, program: &str, features: &str) -> Result<PathBuf, String> {
+    build(board, program, &["--features", features])
+}
+
+/// Builds a program of `peers/` for the Cortex-M7.
+pub fn peer_image(program: &str) -> Result<PathBuf, String> {
+    let manifest = "../tests/peers/Cargo.toml";
+    build(Board::CortexM7, program, &["--manifest-path", manifest])
+}
+
+fn build(board: Board, program: &str, arguments: &[&str]) -> Result<PathBuf, String> {
     require_target(TARGET)?;
     let config = board.cargo_config();
     let mut command = cargo("firmware-example", config);
     command.args(["build", "--release", "--locked", "--config", config]);
-    succeed(command.args(["--bin", program, "--features", features]))?;
+    succeed(command.args(["--bin", program]).args(arguments))?;
     Ok(build_folder(config)
         .join(TARGET)
         .join("release")

@@ -2,6 +2,7 @@
 
 pub mod cargo;
 pub mod firmware;
+pub mod footprint;
 pub mod jsbsim;
 pub mod published;
 pub mod recorded;

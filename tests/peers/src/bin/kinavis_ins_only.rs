@@ -1,0 +1,8 @@
+//! The filter alone, for its size.
+#![no_std]
+#![no_main]
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    ins_peers::only::<ins_peers::KinavisIns>()
+}

@@ -1,0 +1,35 @@
+//! A filter's start, prediction and velocity update and nothing else, as the firmware's program
+//! `core_only` is of the core.
+
+use core::hint::black_box;
+
+use ins_core::earth::Geodetic;
+use ins_core::{GnssFix, ImuSample, Time};
+use nalgebra::{Vector2, Vector3};
+
+use crate::{AtRest, Peer};
+
+/// Calls everything once.
+pub fn only<P: Peer>() -> ! {
+    let sample = black_box(ImuSample {
+        time: Time::from_micros(1),
+        gyro: Vector3::zeros(),
+        accel: Vector3::zeros(),
+    });
+    let fix = black_box(GnssFix {
+        time: Time::from_micros(1),
+        position: Some(Geodetic::default()),
+        velocity_en_mps: Some(Vector2::zeros()),
+        velocity_up_mps: Some(0.0),
+        velocity_sigma_mps: Some(0.1),
+    });
+    let peer = AtRest::new(&sample, &fix, black_box(0.0)).and_then(|start| P::new(&start));
+    if let (Some(mut peer), Some(sample), Some(fix)) = (peer, P::sample(&sample), P::fix(&fix)) {
+        black_box(peer.on_imu(black_box(sample)));
+        black_box(peer.on_gnss(black_box(fix)));
+        black_box(&peer);
+    }
+    loop {
+        cortex_m::asm::wfi();
+    }
+}

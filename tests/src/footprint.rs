@@ -1,0 +1,184 @@
+//! What a navigator costs on a microcontroller, counted in the emulator.
+
+use host_sim::hil::bench::requests;
+use host_sim::hil::emulator::{Pace, Way};
+use host_sim::hil::session::{Event, Rate};
+use host_sim::hil::{Board, Emulator, Session};
+use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
+use ins_core::config::HeadingSource;
+use ins_core::{Config, GnssOutcome, ImuOutcome, Phase, Time};
+use ins_link::{Reply, Request};
+
+use crate::firmware::{flash_bytes, image, peer_image, session};
+
+type Failure = Box<dyn std::error::Error>;
+
+/// A minute of rest for the gyrocompass and three minutes of driving, of which the last two count.
+const REST_S: f64 = 62.0;
+const MINUTES: f64 = 4.0;
+const COUNTED_FROM_S: f64 = 120.0;
+
+/// Instructions of calls of one kind.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Calls {
+    count: u64,
+    sum: u64,
+    refused: u64,
+    /// Of the longest call.
+    pub worst: u64,
+}
+
+impl Calls {
+    fn add(&mut self, instructions: u64, accepted: bool) {
+        self.count += 1;
+        self.sum += instructions;
+        self.refused += u64::from(!accepted);
+        self.worst = self.worst.max(instructions);
+    }
+
+    /// Of a call on average.
+    pub fn mean(&self) -> u64 {
+        self.sum / self.count
+    }
+}
+
+/// Inertial samples at 100 Hz and GNSS fixes at 10 Hz, on a drive with starts, turns and stops.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Footprint {
+    /// Calls with an inertial sample.
+    pub samples: Calls,
+    /// Calls with a fix.
+    pub fixes: Calls,
+    /// RAM of the navigator.
+    pub state_bytes: u32,
+    /// Deepest stack below the point where it is called.
+    pub stack_bytes: u32,
+    /// Code and constants of a program that calls it and does nothing else.
+    pub flash_bytes: u64,
+}
+
+impl Footprint {
+    /// Instructions per inertial sample with its share of fixes.
+    pub fn amortised(&self) -> u64 {
+        (self.samples.sum + self.fixes.sum) / self.samples.count
+    }
+
+    /// Instructions of the longest call of any kind.
+    pub fn worst(&self) -> u64 {
+        self.samples.worst.max(self.fixes.worst)
+    }
+}
+
+/// Of `ins-core` with everything running.
+pub fn ours(board: Board) -> Result<Footprint, Failure> {
+    let (drive, config) = drive();
+    let flash_bytes = flash_bytes(&image(board, "core_only")?)?;
+    let requests = requests(&drive.imu, &drive.gnss);
+    let footprint = measure(session(board, Pace::Counting)?, config, requests)?;
+    Ok(Footprint {
+        flash_bytes,
+        ..footprint
+    })
+}
+
+/// Of a program of `tests/peers` on the Cortex-M7. The peers are told what the core finds: the
+/// heading at the start, and by the stamps of the fixes the latency.
+pub fn peer(program: &str) -> Result<Footprint, Failure> {
+    let (drive, config) = drive();
+    let config = Config {
+        heading: HeadingSource::Given(drive.truth[0].euler().heading_rad),
+        ..config
+    };
+    let latency_s = drive.errors.gnss_latency_s;
+    let requests = requests(&drive.imu, &drive.gnss).map(|mut request| {
+        if let Request::Gnss(fix) = &mut request {
+            fix.time = fix.time.plus_seconds(-latency_s);
+        }
+        request
+    });
+    let flash_bytes = flash_bytes(&peer_image(&format!("{program}_only"))?)?;
+    let image = peer_image(program)?;
+    let emulator = Emulator::boot(Board::CortexM7, &image, Way::Console, Pace::Counting)?;
+    let footprint = measure(Session::open(emulator, 1)?, config, requests)?;
+    Ok(Footprint {
+        flash_bytes,
+        ..footprint
+    })
+}
+
+fn drive() -> (SimulatedDrive, Config) {
+    let drive = DriveConfig {
+        initial_rest_s: Some([REST_S, REST_S + 1.0]),
+        ..DriveConfig::new(3, Grade::Hg1700, MINUTES)
+    };
+    let config = Config {
+        imu_output: drive.recording.errors.imu.output,
+        ..Config::hg1700()
+    };
+    (simulate(&drive), config)
+}
+
+fn measure(
+    mut session: Session<Emulator>,
+    config: Config,
+    requests: impl Iterator<Item = Request>,
+) -> Result<Footprint, Failure> {
+    let started = session.start(config, 0)?;
+    // Paints the stack anew: what starting took is not asked.
+    session.status()?;
+    let instructions_per_tick = session.hello.clocks_per_tick.into();
+    let mut footprint = Footprint {
+        state_bytes: started.state_bytes,
+        ..Footprint::default()
+    };
+    let mut failure = Ok(());
+    let status = session.stream(requests, Rate::Max, |event| match event {
+        Event::Answer { request, reply, .. } if failure.is_ok() => {
+            failure = footprint.take(&request, reply.as_ref(), instructions_per_tick);
+        }
+        _ => {}
+    })?;
+    failure?;
+    // A filter may find a fix in a hundred improbable.
+    let Footprint { samples, fixes, .. } = &footprint;
+    if samples.refused > 0 || fixes.refused * 100 > fixes.count {
+        return Err(format!("refused too much: {footprint:?}").into());
+    }
+    footprint.stack_bytes = status.stack_bytes - status.stack_at_call_bytes;
+    Ok(footprint)
+}
+
+impl Footprint {
+    fn take(
+        &mut self,
+        request: &Request,
+        reply: Option<&Reply>,
+        instructions_per_tick: u64,
+    ) -> Result<(), Failure> {
+        let (calls, time, ticks, accepted, phase) = match (request, reply) {
+            (Request::Imu(sample), Some(Reply::Imu(Ok(reply)))) => (
+                &mut self.samples,
+                sample.time,
+                reply.ticks,
+                reply.outcome == ImuOutcome::Accepted,
+                reply.report.phase,
+            ),
+            (Request::Gnss(fix), Some(Reply::Gnss(Ok(reply)))) => (
+                &mut self.fixes,
+                fix.time,
+                reply.ticks,
+                matches!(reply.outcome, GnssOutcome::Accepted | GnssOutcome::Queued),
+                reply.report.phase,
+            ),
+            _ => return Err(format!("{reply:?} to {request:?}").into()),
+        };
+        if time < Time::default().plus_seconds(COUNTED_FROM_S) {
+            return Ok(());
+        }
+        if phase != Phase::Navigating {
+            return Err("the navigator is not up when counting begins".into());
+        }
+        calls.add(u64::from(ticks) * instructions_per_tick, accepted);
+        Ok(())
+    }
+}
