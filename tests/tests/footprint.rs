@@ -1,0 +1,35 @@
+//! What the core costs on a microcontroller does not grow unseen.
+
+use host_sim::hil::Board;
+use ins_tests::footprint::{goal, ours};
+
+/// Not at their goals yet: as measured, and some hundredths for a change of the compiler's mind.
+const STACK_BYTES: u64 = 2450;
+const FLASH_BYTES: u64 = 82_000;
+
+#[test]
+fn the_core_on_cortex_m7_is_within_its_budgets() -> Result<(), Box<dyn std::error::Error>> {
+    let footprint = ours(Board::CortexM7)?;
+    let budgets = [
+        (
+            "instructions per sample",
+            footprint.amortised(),
+            goal::AMORTISED,
+        ),
+        (
+            "instructions of the worst call",
+            footprint.worst(),
+            goal::WORST,
+        ),
+        ("bytes of state", footprint.state_bytes, goal::STATE_BYTES),
+        ("bytes of stack", footprint.stack_bytes, STACK_BYTES),
+        ("bytes of flash", footprint.flash_bytes, FLASH_BYTES),
+    ];
+    for (what, measured, budget) in budgets {
+        assert!(
+            (1..=budget).contains(&measured),
+            "{measured} {what}, budget {budget}"
+        );
+    }
+    Ok(())
+}
