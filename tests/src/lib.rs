@@ -1,5 +1,6 @@
 //! Helpers of the tests that cross crates; the tests are in `tests/tests/`.
 
+pub mod altered;
 pub mod cargo;
 pub mod firmware;
 pub mod footprint;

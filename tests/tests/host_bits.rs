@@ -1,0 +1,127 @@
+//! The core on a host answers with the same bits however it is built: every solution, estimate and
+//! damping signal after every sample and fix.
+
+use std::io::Write;
+use std::process::{Command, Stdio};
+use std::sync::Mutex;
+
+use host_sim::hil::Twin;
+use host_sim::hil::bench::{ESTIMATES_EVERY, requests};
+use host_sim::log::Log;
+use host_sim::sim::Grade;
+use ins_core::Config;
+use ins_link::{FromBoard, Request, encode};
+use ins_tests::altered::with_altered_core;
+use ins_tests::cargo::{build_folder, cargo, succeed};
+use ins_tests::simulated::{drive, flight};
+
+type Failure = Box<dyn std::error::Error>;
+
+/// One run: what is asked in frames, and what is answered here, with this build, in frames.
+struct Run {
+    requests: Vec<u8>,
+    replies: Vec<u8>,
+}
+
+impl Run {
+    fn new((config, log): &(Config, Log)) -> Result<Self, Failure> {
+        let start = Request::Start {
+            config: *config,
+            estimates_every: ESTIMATES_EVERY,
+        };
+        let mut twin = Twin::start(*config, ESTIMATES_EVERY).map_err(|error| error.0)?;
+        let mut run = Self {
+            requests: encode(0, &start).expect("short").to_vec(),
+            replies: Vec::new(),
+        };
+        for (to, request) in (1..).zip(requests(&log.imu, &log.gnss)) {
+            run.requests.extend(encode(to, &request).expect("short"));
+            let reply = twin.answer(&request).ok_or("no answer")?;
+            let message = FromBoard::Reply { to, reply };
+            run.replies.extend(encode(to, &message).expect("short"));
+        }
+        Ok(run)
+    }
+}
+
+fn runs() -> Result<[Run; 3], Failure> {
+    Ok([
+        Run::new(&drive(Grade::Hg1700, 10.0))?,
+        Run::new(&drive(Grade::Mems, 10.0))?,
+        Run::new(&flight(10.0)?)?,
+    ])
+}
+
+/// How many frames differ.
+fn difference(one: &[u8], other: &[u8]) -> usize {
+    let frames = |bytes: &[u8]| bytes.split(|byte| *byte == 0).count();
+    let pairs = one
+        .split(|byte| *byte == 0)
+        .zip(other.split(|byte| *byte == 0));
+    pairs.filter(|(one, other)| one != other).count() + frames(one).abs_diff(frames(other))
+}
+
+/// Builds that differ in features have one name.
+static PROGRAM: Mutex<()> = Mutex::new(());
+
+/// How many frames of each run another build answers otherwise.
+fn differences(
+    runs: &[Run],
+    profile: &str,
+    alter: impl FnOnce(&mut Command) -> Result<(), String>,
+) -> Result<Vec<usize>, Failure> {
+    let _program = PROGRAM.lock();
+    let mut build = cargo(".", "replay");
+    build
+        .args(["build", "--package=ins-replay", "--locked"])
+        .args(["--profile", profile])
+        .env("CARGO_PROFILE_DEV_OPT_LEVEL", "0");
+    alter(&mut build)?;
+    succeed(&mut build)?;
+    let folder = if profile == "dev" { "debug" } else { profile };
+    let program = build_folder("replay").join(folder).join("ins-replay");
+    runs.iter()
+        .map(|run| {
+            let mut replay = Command::new(&program)
+                .stdin(Stdio::piped())
+                .stdout(Stdio::piped())
+                .spawn()?;
+            let mut stdin = replay.stdin.take().ok_or("piped")?;
+            stdin.write_all(&run.requests)?;
+            drop(stdin);
+            let output = replay.wait_with_output()?;
+            assert!(output.status.success());
+            Ok(difference(&output.stdout, &run.replies))
+        })
+        .collect()
+}
+
+#[test]
+fn whatever_the_optimization_and_the_features() -> Result<(), Failure> {
+    let runs = runs()?;
+    let plain = differences(&runs, "dev", |_| Ok(()))?;
+    assert_eq!(plain, [0, 0, 0], "not optimized");
+    let with_std = differences(&runs, "release", |build| {
+        build.args(["--features", "std"]);
+        Ok(())
+    })?;
+    assert_eq!(with_std, [0, 0, 0], "optimized, std");
+    Ok(())
+}
+
+/// The C library of GNU rounds some sines otherwise than `libm`.
+#[cfg(target_env = "gnu")]
+#[test]
+fn but_not_with_a_sine_of_std() -> Result<(), Failure> {
+    let exchange = (
+        "src/math.rs",
+        "libm::sincos(angle_rad)",
+        "{ extern crate std; angle_rad.sin_cos() }",
+    );
+    let different = differences(&runs()?, "release", |build| {
+        build.args(["--features", "std"]);
+        with_altered_core(build, "std_sine", exchange)
+    })?;
+    assert!(different.iter().all(|frames| *frames > 0), "{different:?}");
+    Ok(())
+}
