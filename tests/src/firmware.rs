@@ -1,10 +1,11 @@
 //! The firmware's images, built as its README says, and run.
 
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use host_sim::hil::emulator::{Pace, Way};
 use host_sim::hil::{Board, Emulator, Session};
-use object::{Object as _, ObjectSection as _};
+use object::{Object as _, ObjectSection as _, ObjectSymbol as _};
 
 use crate::cargo::{build_folder, cargo, require_target, succeed};
 
@@ -12,30 +13,32 @@ const TARGET: &str = "thumbv7em-none-eabihf";
 
 /// Builds a program of the firmware for a board.
 pub fn image(board: Board, program: &str) -> Result<PathBuf, String> {
-    image_with(board, program, "")
-}
-
-/// Builds a program of the firmware with some of its features.
-pub fn image_with(board: Board, program: &str, features: &str) -> Result<PathBuf, String> {
-    build(board, program, &["--features", features])
+    image_with(board, program, &[])
 }
 
 /// Builds a program of `peers/` for the Cortex-M7.
 pub fn peer_image(program: &str) -> Result<PathBuf, String> {
-    let manifest = "../tests/peers/Cargo.toml";
-    build(Board::CortexM7, program, &["--manifest-path", manifest])
+    let manifest = ["--manifest-path", "../tests/peers/Cargo.toml"];
+    image_with(Board::CortexM7, program, &manifest)
 }
 
-fn build(board: Board, program: &str, arguments: &[&str]) -> Result<PathBuf, String> {
+/// Builds a program of the firmware with more arguments to cargo.
+pub fn image_with(board: Board, program: &str, arguments: &[&str]) -> Result<PathBuf, String> {
+    succeed(build(board, program)?.args(arguments))?;
+    Ok(build_folder(board.cargo_config())
+        .join(TARGET)
+        .join("release")
+        .join(program))
+}
+
+/// The command that builds a program of the firmware.
+pub fn build(board: Board, program: &str) -> Result<Command, String> {
     require_target(TARGET)?;
     let config = board.cargo_config();
     let mut command = cargo("firmware-example", config);
     command.args(["build", "--release", "--locked", "--config", config]);
-    succeed(command.args(["--bin", program]).args(arguments))?;
-    Ok(build_folder(config)
-        .join(TARGET)
-        .join("release")
-        .join(program))
+    command.args(["--bin", program]);
+    Ok(command)
 }
 
 /// The firmware on an emulated board, behind the debugger's console.
@@ -48,13 +51,30 @@ pub fn session(board: Board, pace: Pace) -> Result<Session<Emulator>, String> {
 
 /// Bytes of code and constants in an image.
 pub fn flash_bytes(image: &Path) -> Result<u64, String> {
-    let explain = |error: &dyn std::fmt::Display| format!("{}: {error}", image.display());
-    let bytes = std::fs::read(image).map_err(|error| explain(&error))?;
-    let file = object::File::parse(&*bytes).map_err(|error| explain(&error))?;
     let flash = |section: &object::Section| matches!(section.name(), Ok(".text" | ".rodata"));
-    Ok(file
-        .sections()
-        .filter(flash)
-        .map(|section| section.size())
-        .sum())
+    inspect(image, |file| {
+        let sections = file.sections().filter(flash);
+        Ok(sections.map(|section| section.size()).sum())
+    })
+}
+
+/// Names of all symbols of a program.
+pub fn symbols(program: &Path) -> Result<Vec<String>, String> {
+    inspect(program, |file| {
+        let symbols = file.symbols().chain(file.dynamic_symbols());
+        symbols
+            .map(|symbol| symbol.name().map(str::to_owned))
+            .collect()
+    })
+}
+
+fn inspect<T>(
+    program: &Path,
+    look: impl FnOnce(&object::File) -> object::Result<T>,
+) -> Result<T, String> {
+    let explain = |error: &dyn std::fmt::Display| format!("{}: {error}", program.display());
+    let bytes = std::fs::read(program).map_err(|error| explain(&error))?;
+    object::File::parse(&*bytes)
+        .and_then(|file| look(&file))
+        .map_err(|error| explain(&error))
 }

@@ -13,7 +13,7 @@ use host_sim::sim::Grade;
 use indicatif::ProgressBar;
 use ins_core::{Config, Phase};
 use ins_link::{Decoder, FromBoard, Reply, Report, Request, encode};
-use ins_tests::firmware::{image, image_with, session};
+use ins_tests::firmware::{image, session};
 use ins_tests::recorded::recorded_log;
 use ins_tests::simulated::{drive, flight};
 
@@ -142,13 +142,5 @@ fn a_flood_is_survived_and_accounted_for() -> Result<(), Failure> {
         "the board answers what it takes"
     );
     assert!(log > 0, "and says that something was lost");
-    Ok(())
-}
-
-#[test]
-fn the_core_cannot_panic() -> Result<(), Failure> {
-    for board in [Board::CortexM7, Board::CortexM4] {
-        image_with(board, "core_only", "panic-never")?;
-    }
     Ok(())
 }
