@@ -1,6 +1,6 @@
 //! Host and firmware are resolved apart, and yet compute with the same code.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs;
 
 use ins_tests::cargo::repository;
@@ -15,56 +15,75 @@ struct Lock {
 struct Package {
     name: String,
     version: String,
+    /// "name", or "name version" where there are several.
     #[serde(default)]
     dependencies: Vec<String>,
 }
 
-/// Packages that a package of a lock file leads to, and their versions.
-fn closure(lock: &str, root: &str) -> Result<BTreeMap<String, BTreeSet<String>>, String> {
-    let path = repository().join(lock);
-    let explain = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
-    let text = fs::read_to_string(&path).map_err(|error| explain(&error))?;
-    let lock: Lock = toml::from_str(&text).map_err(|error| explain(&error))?;
-    let mut versions = BTreeMap::<String, BTreeSet<String>>::new();
-    let mut open = vec![root.to_owned()];
-    while let Some(reference) = open.pop() {
-        // "name", or "name version" where there are several.
-        let (name, version) = match reference.split_once(' ') {
-            Some((name, version)) => (name, Some(version)),
-            None => (reference.as_str(), None),
-        };
-        let package = lock
-            .package
-            .iter()
-            .find(|p| p.name == name && version.is_none_or(|version| p.version == version))
-            .ok_or_else(|| explain(&format!("no package {reference}")))?;
-        let known = versions.entry(package.name.clone()).or_default();
-        if known.insert(package.version.clone()) {
-            open.extend(package.dependencies.iter().cloned());
-        }
+impl Lock {
+    fn read(name: &str) -> Result<Self, String> {
+        let explain = |error: &dyn std::fmt::Display| format!("{name}: {error}");
+        let text = fs::read_to_string(repository().join(name)).map_err(|error| explain(&error))?;
+        toml::from_str(&text).map_err(|error| explain(&error))
     }
-    Ok(versions)
+
+    fn package(&self, reference: &str) -> Option<&Package> {
+        self.package.iter().find(|package| {
+            reference == package.name
+                || reference == format!("{} {}", package.name, package.version)
+        })
+    }
+
+    /// What a package depends on, by name.
+    fn dependencies(&self, package: &Package) -> BTreeMap<&str, &Package> {
+        let packages = package.dependencies.iter();
+        packages
+            .filter_map(|reference| self.package(reference))
+            .map(|package| (package.name.as_str(), package))
+            .collect()
+    }
 }
 
-/// Of what the core computes with, and the link.
-#[test]
-fn firmware_and_host_have_the_same_versions() -> Result<(), String> {
-    for root in ["ins-core", "ins-link"] {
-        let host = closure("Cargo.lock", root)?;
-        for lock in ["firmware-example/Cargo.lock", "tests/peers/Cargo.lock"] {
-            let mut common = 0;
-            for (name, versions) in closure(lock, root)? {
-                // What only one side switches on is not in the other's.
-                let Some(host) = host.get(&name) else {
-                    continue;
-                };
-                assert_eq!(&versions, host, "{name} in {lock} and in Cargo.lock");
-                common += 1;
-            }
-            assert!(common > 10, "{common} packages in common");
+/// Packages that a package uses by both locks, and their versions there. What only one side has
+/// (features, tests) is left out.
+fn in_common<'a>(
+    one: &'a Lock,
+    other: &'a Lock,
+    root: &str,
+) -> Option<BTreeMap<&'a str, [&'a str; 2]>> {
+    let mut open = vec![(one.package(root)?, other.package(root)?)];
+    let mut versions = BTreeMap::new();
+    while let Some((a, b)) = open.pop() {
+        if versions
+            .insert(a.name.as_str(), [a.version.as_str(), b.version.as_str()])
+            .is_none()
+        {
+            let others = other.dependencies(b);
+            let dependencies = one.dependencies(a).into_iter();
+            open.extend(dependencies.filter_map(|(name, a)| Some((a, *others.get(name)?))));
         }
-        for name in ["nalgebra", "simba", "num-traits", "libm", "heapless"] {
-            assert!(host.contains_key(name), "{name}");
+    }
+    Some(versions)
+}
+
+#[test]
+fn host_and_targets_have_the_same_versions() -> Result<(), String> {
+    let host = Lock::read("Cargo.lock")?;
+    for name in ["firmware-example/Cargo.lock", "tests/peers/Cargo.lock"] {
+        let target = Lock::read(name)?;
+        let versions = in_common(&host, &target, "ins-link").ok_or("no ins-link")?;
+        for needed in [
+            "ins-core",
+            "nalgebra",
+            "simba",
+            "num-traits",
+            "libm",
+            "heapless",
+        ] {
+            assert!(versions.contains_key(needed), "{needed}: {versions:?}");
+        }
+        for (package, [on_host, on_target]) in versions {
+            assert_eq!(on_host, on_target, "{package}, in Cargo.lock and in {name}");
         }
     }
     Ok(())
