@@ -32,7 +32,7 @@ const HOLD_S: f64 = 1.5;
 const COAST_S: f64 = 0.5;
 /// Least time between two fixes that are used, s.
 const LEAST_INTERVAL_S: f64 = 0.01;
-/// Interval at which the normal equations are solved, s.
+/// Interval at which the parameters are solved for, s.
 const SOLVE_S: f64 = 1.0;
 /// Largest spread of an azimuth error that is taken out whatever its size, rad, and sigmas that
 /// a larger one must have.
@@ -47,6 +47,7 @@ const LATENCY_LIMIT_S: f64 = 0.4;
 const LOST_FIXES: u8 = 10;
 /// Distance from the INS beyond which a position is not believed, m.
 const POSITION_GATE_M: f64 = 100.0;
+
 /// Errors taken out of readings and stamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
