@@ -3,12 +3,11 @@
 
 use nalgebra::{Vector2, Vector3};
 
+use crate::alignment::compensation;
 use crate::alignment::rest::{self, RestBlock, RestDetector, Verdict as RestVerdict};
-use crate::alignment::{Aligned, compensation};
 use crate::attitude::matrix;
 use crate::config::{Config, Feedback};
 use crate::damping::{self, DampingSignals, Differences};
-use crate::earth::Geodetic;
 use crate::estimate::Estimates;
 use crate::estimators::literal::Comparison;
 use crate::estimators::observer::Difference;
@@ -33,7 +32,7 @@ const HOLD_S: f64 = 1.5;
 const COAST_S: f64 = 0.5;
 /// Least time between two fixes that are used, s.
 const LEAST_INTERVAL_S: f64 = 0.01;
-/// Interval at which the normal equations are solved, s.
+/// Interval at which the parameters are solved for, s.
 const SOLVE_S: f64 = 1.0;
 /// Largest spread of an azimuth error that is taken out whatever its size, rad, and sigmas that
 /// a larger one must have.
@@ -48,6 +47,7 @@ const LATENCY_LIMIT_S: f64 = 0.4;
 const LOST_FIXES: u8 = 10;
 /// Distance from the INS beyond which a position is not believed, m.
 const POSITION_GATE_M: f64 = 100.0;
+
 /// Errors taken out of readings and stamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -85,18 +85,15 @@ pub struct AidedIns {
 }
 
 impl AidedIns {
-    /// Starts where alignment ended.
-    pub fn new(time: Time, aligned: &Aligned, config: &Config) -> Self {
-        let mechanization = start_at(&aligned.fix, Geodetic::default(), aligned.attitude);
+    /// Starts where alignment ended, with what it knows of the sensors and of the azimuth.
+    pub fn new(time: Time, aligned: &Mechanization, known: &Parameters, config: &Config) -> Self {
         let now = Moment::start(time);
-        let mut known = aligned.known;
-        known.set(index::AZIMUTH, 0.0, aligned.heading_sigma_rad);
-        let gyro_radps = compensation(&known, config);
+        let gyro_radps = compensation(known, config);
         Self {
-            mechanization,
+            mechanization: *aligned,
             now,
-            history: History::starting(now, mechanization.velocity_enu_mps),
-            estimator: Estimator::new(now, &known, config),
+            history: History::default(),
+            estimator: Estimator::new(now, known, config),
             compensation: Compensation {
                 gyro_radps,
                 ..Compensation::default()
@@ -223,15 +220,20 @@ impl AidedIns {
         let due = self.work_left;
         let remembers = self.history.wants(self.now.time);
         if remembers {
-            self.history
-                .push(self.now, self.mechanization.velocity_enu_mps);
-            self.work_left = true;
+            self.remember();
         }
         let took = self.take_waiting(true, config);
         if due && (remembers || !took) {
             self.work_left = remembers;
             self.work(config);
         }
+    }
+
+    #[inline(never)]
+    fn remember(&mut self) {
+        self.history
+            .push(self.now, self.mechanization.velocity_enu_mps);
+        self.work_left = true;
     }
 
     /// Without GNSS the loops are open: what the observer sees in the INS is taken out at once,
@@ -341,6 +343,8 @@ impl AidedIns {
         let outcome = self.process(fix, wait, config);
         if outcome == Some(GnssOutcome::Outlier) {
             self.refuse(fix, config);
+        } else if self.positions_refused >= LOST_FIXES {
+            self.move_to(fix);
         }
         outcome
     }
@@ -410,6 +414,7 @@ impl AidedIns {
                 let difference = Difference {
                     velocity_mps,
                     has_up,
+                    stated_sigma_mps: fix.velocity_sigma_mps,
                     latency_applied_s,
                 };
                 observer.take(past, &frame_rate, &difference, config)
@@ -428,8 +433,7 @@ impl AidedIns {
         }
     }
 
-    /// INS minus GNSS, m; none for a position too far off to be true, unless many in a row say
-    /// so, which moves the INS there.
+    /// INS minus GNSS, m; none for a position too far off to be true.
     fn position_difference(&mut self, past: &Past, fix: &GnssFix) -> Option<Vector3<f64>> {
         let gnss = fix.position?;
         let since_s = self.now.time.seconds_since(past.moment.time);
@@ -441,19 +445,19 @@ impl AidedIns {
             return Some(difference);
         }
         self.positions_refused = self.positions_refused.saturating_add(1);
-        if self.positions_refused >= LOST_FIXES {
-            self.move_to(gnss);
-        }
         None
     }
 
+    /// Many positions in a row say where the INS really is.
     #[inline(never)]
-    fn move_to(&mut self, position: Geodetic) {
+    fn move_to(&mut self, fix: &GnssFix) {
         let Mechanization {
+            position,
             velocity_enu_mps,
             attitude,
             ..
         } = self.mechanization;
+        let position = fix.position.unwrap_or(position);
         self.mechanization = Mechanization::new(position, velocity_enu_mps, attitude);
         self.positions_refused = 0;
     }
@@ -486,9 +490,10 @@ impl AidedIns {
         let Mechanization {
             position, attitude, ..
         } = self.mechanization;
-        self.mechanization = start_at(fix, position, attitude);
+        let position = fix.position.unwrap_or(position);
+        self.mechanization = Mechanization::new(position, fix.velocity_enu_mps(), attitude);
         self.now = Moment::start(self.now.time);
-        self.history = History::starting(self.now, self.mechanization.velocity_enu_mps);
+        self.history.forget();
         match &mut self.estimator {
             Estimator::Exact(observer) => observer.restart(self.now, config),
             Estimator::Literal(literal) => literal.restart(),
@@ -534,17 +539,4 @@ impl AidedIns {
                 math::max(math::min(latency_s, LATENCY_LIMIT_S), -LATENCY_LIMIT_S);
         }
     }
-}
-
-/// An INS that moves as a fix says; at `position` if the fix has none.
-fn start_at(
-    fix: &GnssFix,
-    position: Geodetic,
-    attitude: nalgebra::UnitQuaternion<f64>,
-) -> Mechanization {
-    Mechanization::new(
-        fix.position.unwrap_or(position),
-        fix.velocity_enu_mps(),
-        attitude,
-    )
 }

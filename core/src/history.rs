@@ -130,11 +130,9 @@ pub struct History {
 }
 
 impl History {
-    /// Holds one moment.
-    pub fn starting(moment: Moment, velocity_mps: Vector3<f64>) -> Self {
-        let mut history = Self::default();
-        history.push(moment, velocity_mps);
-        history
+    /// Empties the ring.
+    pub fn forget(&mut self) {
+        while self.moments.pop().is_some() {}
     }
 
     /// Whether enough time has passed since the newest moment for the next.
@@ -163,6 +161,7 @@ impl History {
     ///
     /// # Errors
     /// [`Missing`] if it does not.
+    #[inline(never)]
     pub fn at(&self, time: Time, wait: bool) -> Result<Past, Missing> {
         let mut older = self.moments.iter().rev();
         let (Some(mut end), Some(mut start)) = (older.next(), older.next()) else {

@@ -7,6 +7,10 @@ use crate::samples::{ImuOutput, ImuSample};
 /// Longest interval, as a multiple of the usual one, that still counts as no sample missing.
 const MISSING_RATIO: f64 = 1.5;
 
+/// Half the turn by which the two ends of a hole may disagree, rad: beyond it the heading inside
+/// would have to be found anew anyway.
+const BRIDGEABLE_RAD: f64 = 0.3;
+
 /// Motion over one interval, body axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -88,6 +92,16 @@ impl Increments {
     /// Whether an interval of `seconds` has samples missing in it.
     pub fn has_hole(&self, seconds: f64) -> bool {
         self.usual_s > 0.0 && seconds > MISSING_RATIO * self.usual_s
+    }
+
+    /// Whether what happened in a hole before `sample` can be told from its two ends.
+    pub fn can_bridge(&self, sample: &ImuSample, seconds: f64) -> bool {
+        let spanned_s = match self.output {
+            ImuOutput::Rates => 1.0,
+            ImuOutput::Increments => self.usual_s,
+        };
+        let disagreement_rad = 0.5 * seconds * (sample.gyro - self.gyro).amax();
+        !self.has_hole(seconds) || disagreement_rad <= BRIDGEABLE_RAD * spanned_s
     }
 
     /// The time that a reading spans which comes `seconds` after the last, s: shorter if samples

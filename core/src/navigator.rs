@@ -6,7 +6,7 @@
 use nalgebra::Vector3;
 
 use crate::aided::AidedIns;
-use crate::alignment::{Aligned, Alignment};
+use crate::alignment::Alignment;
 use crate::config::Config;
 use crate::damping::DampingSignals;
 use crate::estimate::Estimates;
@@ -21,6 +21,10 @@ use crate::time::Time;
 
 /// Furthest a fix may lie before or after the inertial samples, s.
 const AWAY_S: f64 = 1.0;
+/// How long stamps must go on in step to be believed after a hole, and before the last one, s. A
+/// few stray ones must not move the clock, nor a buffer of old samples that is sent again.
+const AFTER_HOLE_S: f64 = 0.05;
+const SET_BACK_S: f64 = 1.0;
 /// Heights and speed that no vehicle this is for exceeds, m and m/s.
 const LOWEST_M: f64 = -12_000.0;
 const HIGHEST_M: f64 = 100_000.0;
@@ -40,14 +44,22 @@ pub struct Navigator {
     state: State,
 }
 
+/// Stamps that do not follow the last one, but each other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Astray {
+    first: Time,
+    last: Time,
+}
+
 /// All that changes.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct State {
     /// Last inertial stamp and the reading there; none before the first sample.
     inertial: Option<(Time, Increments)>,
-    /// Stamp of a sample after too long a hole, waiting for a second to confirm it.
-    after_gap: Option<Time>,
+    /// Samples whose stamps do not follow the last one.
+    astray: Option<Astray>,
     last_fix: Option<Time>,
     mode: Mode,
 }
@@ -71,7 +83,7 @@ impl Navigator {
         let mode = Mode::Aligning(Alignment::new(Time::default(), config.prior()));
         let state = State {
             inertial: None,
-            after_gap: None,
+            astray: None,
             last_fix: None,
             mode,
         };
@@ -79,11 +91,14 @@ impl Navigator {
     }
 
     /// Takes one inertial sample, in order of time.
+    // Never inlined, nor is the next: what they cost, on the stack too, is then not the caller's.
+    #[inline(never)]
     pub fn on_imu(&mut self, sample: &ImuSample) -> ImuOutcome {
         self.state.on_imu(sample, &self.config)
     }
 
     /// Takes one GNSS fix, in order of time.
+    #[inline(never)]
     pub fn on_gnss(&mut self, fix: &GnssFix) -> GnssOutcome {
         self.state.on_gnss(fix, &self.config)
     }
@@ -160,15 +175,15 @@ impl State {
         };
         let seconds = sample.time.seconds_since(*last);
         if seconds <= 0.0 {
-            return ImuOutcome::TimeNotIncreasing;
+            return self.on_astray(sample, SET_BACK_S, ImuOutcome::TimeNotIncreasing, config);
         }
         if out_of_range(sample, increments.reading_seconds(seconds), config) {
             return ImuOutcome::OutOfRange;
         }
-        if seconds > config.max_gap_s {
-            return self.on_gap(sample, config);
+        if seconds > config.max_gap_s || !increments.can_bridge(sample, seconds) {
+            return self.on_astray(sample, AFTER_HOLE_S, ImuOutcome::Gap, config);
         }
-        self.after_gap = None;
+        self.astray = None;
         let bridged = increments.has_hole(seconds);
         let interval = increments.interval(sample, seconds);
         *last = sample.time;
@@ -203,19 +218,37 @@ impl State {
         ImuOutcome::Accepted
     }
 
-    /// A hole too long to bridge: one stray stamp must not stop the clock, two in step restart.
-    fn on_gap(&mut self, sample: &ImuSample, config: &Config) -> ImuOutcome {
-        let confirmed = self.after_gap.is_some_and(|first| {
-            let seconds = sample.time.seconds_since(first);
+    /// A stamp that does not follow the last one: ignored, unless others go on from there for
+    /// `believed_s`. Then the clock was set, or the hole is over, and alignment begins again.
+    fn on_astray(
+        &mut self,
+        sample: &ImuSample,
+        believed_s: f64,
+        outcome: ImuOutcome,
+        config: &Config,
+    ) -> ImuOutcome {
+        let time = sample.time;
+        let in_step = self.astray.filter(|astray| {
+            let seconds = time.seconds_since(astray.last);
             seconds > 0.0 && seconds <= config.max_gap_s
         });
-        self.after_gap = (!confirmed).then_some(sample.time);
-        if let (true, Some((last, increments))) = (confirmed, &mut self.inertial) {
+        let first = in_step.map_or(time, |astray| astray.first);
+        self.astray = Some(Astray { first, last: time });
+        if time.seconds_since(first) >= believed_s {
+            self.restart_at(sample);
+        }
+        outcome
+    }
+
+    #[inline(never)]
+    fn restart_at(&mut self, sample: &ImuSample) {
+        self.astray = None;
+        self.last_fix = None;
+        if let Some((last, increments)) = &mut self.inertial {
             *last = sample.time;
             increments.restart(sample);
-            self.align_again(sample.time);
         }
-        ImuOutcome::Gap
+        self.align_again(sample.time);
     }
 
     fn align_again(&mut self, time: Time) {
@@ -233,8 +266,11 @@ impl State {
 
     /// Rare and large: its temporaries must not lie on the stack of every sample.
     #[inline(never)]
-    fn navigate_from(&mut self, time: Time, aligned: &Aligned, config: &Config) {
-        self.mode = Mode::Navigating(AidedIns::new(time, aligned, config));
+    fn navigate_from(&mut self, time: Time, aligned: &Mechanization, config: &Config) {
+        if let Mode::Aligning(alignment) = &self.mode {
+            let ins = AidedIns::new(time, aligned, alignment.known(), config);
+            self.mode = Mode::Navigating(ins);
+        }
     }
 
     fn on_gnss(&mut self, fix: &GnssFix, config: &Config) -> GnssOutcome {

@@ -11,12 +11,14 @@ pub enum ImuOutcome {
     Accepted,
     /// Integrated, and a short hole before it was filled with the mean of its two ends.
     Bridged,
-    /// The hole before it is too long to bridge. The stamp is remembered and nothing else; a
-    /// second sample in step with it restarts the integration there.
+    /// The hole before it is too long to bridge, or its two ends disagree too far. The stamp is
+    /// remembered and nothing else; once samples in step with it have come for 0.05 s, integration
+    /// restarts there.
     Gap,
     /// A component is NaN or infinite.
     NotFinite,
-    /// The stamp is not later than the last one.
+    /// The stamp is not later than the last one. Once samples in step with it have come for 1 s,
+    /// the clock was set back, and integration restarts there.
     TimeNotIncreasing,
     /// A component is beyond the sensor's range.
     OutOfRange,

@@ -1,9 +1,14 @@
 //! What the running estimators reach on a few seeded drives: enough to see a broken one at once.
 
 use host_sim::accuracy::{Check, QUANTITIES, Run, Study};
+use host_sim::identify::{Identification, identify};
 use host_sim::sim::Grade;
+use host_sim::sim::noise::Random;
+use indicatif::ProgressBar;
 use ins_core::Config;
 use ins_core::config::HeadingSource;
+use ins_tests::simulated::drive;
+use nalgebra::Vector2;
 
 fn runs(grade: Grade, runs: u64, minutes: f64, tune: &(dyn Fn(&mut Config) + Sync)) -> Vec<Run> {
     let study = Study {
@@ -95,4 +100,32 @@ fn consumer_sensors_converge_from_any_heading() {
     // A three-hundredth of the biases that were there.
     assert!(rms(&runs, 20, 4) < 4.0 && rms(&runs, 20, 5) < 4.0 && rms(&runs, 20, 6) < 12.0);
     assert!(rms(&runs, 20, 0) < 0.3);
+}
+
+/// A receiver that knows when it is noisy, though not by how much: what it says is used.
+#[test]
+fn fixes_that_are_said_to_be_noisy_count_for_less() {
+    // Two fixes of three have 0.5 m/s of noise instead of 0.1; three times as much is stated.
+    const STATED: [f64; 3] = [0.3, 1.5, 1.5];
+    let (config, mut log) = drive(Grade::Hg1700, 15.0);
+    let mut noise = Random::stream(3, "noisy fixes");
+    for (fix, sigma) in log.gnss.iter_mut().zip(STATED.into_iter().cycle()) {
+        if sigma > STATED[0]
+            && let Some(velocity) = &mut fix.velocity_en_mps
+        {
+            *velocity += 0.49 * Vector2::new(noise.normal(), noise.normal());
+        }
+        fix.velocity_sigma_mps = Some(sigma);
+    }
+    let stated = identify(&log, config, &ProgressBar::hidden()).unwrap();
+    for fix in &mut log.gnss {
+        fix.velocity_sigma_mps = None;
+    }
+    let silent = identify(&log, config, &ProgressBar::hidden()).unwrap();
+    let latency = |found: &Identification| found.end.estimates.gnss_latency_s;
+    let (known, guessed) = (latency(&stated), latency(&silent));
+    println!("{known:?} {guessed:?}");
+    // Weights by variance against equal ones: sqrt((1 + 2 / 25) (1 + 2 * 25)) / 3 = 2.5 times
+    // less; that wild innovations count for less anyway takes some of it.
+    assert!(known.sigma < 0.6 * guessed.sigma, "{known:?} {guessed:?}");
 }

@@ -30,8 +30,12 @@ impl Answer {
     fn promises_no_change(self) -> bool {
         !matches!(
             self,
-            Self::Imu(ImuOutcome::Accepted | ImuOutcome::Bridged | ImuOutcome::Gap)
-                | Self::Gnss(GnssOutcome::Accepted | GnssOutcome::Queued | GnssOutcome::Outlier)
+            Self::Imu(
+                ImuOutcome::Accepted
+                    | ImuOutcome::Bridged
+                    | ImuOutcome::Gap
+                    | ImuOutcome::TimeNotIncreasing
+            ) | Self::Gnss(GnssOutcome::Accepted | GnssOutcome::Queued | GnssOutcome::Outlier)
         )
     }
 }
@@ -266,7 +270,11 @@ fn drive_with(navigator: &mut Navigator, garbage: &[(usize, Stamp, Event)]) -> V
             if answer.promises_no_change() {
                 assert!(*navigator == before, "{answer:?} changed the state");
             }
-            if answer == Answer::Imu(ImuOutcome::Gap) && navigator.phase() == before.phase() {
+            let astray = matches!(
+                answer,
+                Answer::Imu(ImuOutcome::Gap | ImuOutcome::TimeNotIncreasing)
+            );
+            if astray && navigator.phase() == before.phase() {
                 assert_eq!(navigator.solution(), before.solution());
                 assert_eq!(navigator.estimates(), before.estimates());
             }
@@ -311,8 +319,8 @@ proptest! {
         // Ninety seconds of good data later.
         let [_, velocity, heading] = errors(&navigator).unwrap();
         let felt = |answer: &Answer| matches!(answer, Answer::Imu(ImuOutcome::Accepted | ImuOutcome::Bridged));
-        // A reading that could be true is believed: 17 rad/s turn the INS by radians in a short
-        // hole. What GNSS alone says wrongly of the velocity is gone after ninety seconds of good
+        // A reading that could be true is believed: 17 rad/s turn the INS by a radian in a hole of
+        // three samples. What GNSS alone says wrongly of the velocity is gone after ninety seconds of good
         // fixes; for what it says of the position see below.
         if !answers.iter().any(felt) {
             prop_assert!(velocity < 0.3 && heading < 0.05, "{velocity} m/s, {heading} rad after {answers:?}");
@@ -434,7 +442,6 @@ fn fixes_of_the_future_fill_the_queue_and_no_more() {
 
 /// A reading within the range, 20 g upwards for one sample.
 #[test]
-#[ignore = "the observer's vertical error follows with a minute's lag: 1.4 m/s off after 10 s, where the damped INS itself has recovered"]
 fn one_knock_is_forgotten() {
     let knock = Event::Imu(ImuSample {
         time: Time::default().plus_seconds(PLACE_S - 0.005),
@@ -446,17 +453,16 @@ fn one_knock_is_forgotten() {
     assert_near_truth(errors);
 }
 
-/// A reading within the range at the end of a hole that is bridged with it: radians of heading.
+/// A reading within the range at the end of a hole: bridged with it, it would be radians of heading.
 #[test]
-#[ignore = "stays off by 2.7 rad for good, with a stated spread of 0.06 rad"]
-fn a_heading_lost_is_found_again() {
+fn a_hole_is_not_bridged_with_a_wild_reading() {
     let lie = Event::Imu(ImuSample {
         time: Time::default().plus_seconds(PLACE_S + 0.4),
         gyro: Vector3::new(5.0, -3.0, 17.0),
         accel: Vector3::new(0.0, 0.0, 9.8),
     });
     let (answers, errors) = after(&[lie], PLACE_S, 150.0);
-    assert_eq!(answers, [Answer::Imu(ImuOutcome::Bridged)]);
+    assert_eq!(answers, [Answer::Imu(ImuOutcome::Gap)]);
     assert_near_truth(errors);
 }
 
@@ -499,7 +505,6 @@ fn a_clock_set_forward_is_followed() {
 }
 
 #[test]
-#[ignore = "samples are refused until the old time comes again: for ever, with an hour"]
 fn a_clock_set_back_is_followed() {
     for by_s in [-3.0, -3_600.0, -1e9] {
         assert_arrived(&with_clock_moved(by_s));
@@ -507,7 +512,6 @@ fn a_clock_set_back_is_followed() {
 }
 
 #[test]
-#[ignore = "one stray stamp before all others is believed: nothing is accepted any more"]
 fn a_stray_first_stamp_does_not_stop_the_clock() {
     for micros in [i64::MAX, 3_600_000_000] {
         let mut navigator = navigator();
@@ -523,7 +527,6 @@ fn a_stray_first_stamp_does_not_stop_the_clock() {
 }
 
 #[test]
-#[ignore = "two stray stamps in step with each other stop the clock until their time comes"]
 fn two_stray_stamps_in_step_do_not_stop_the_clock() {
     let stray = |ahead_s: f64| {
         Event::Imu(ImuSample {
@@ -594,8 +597,8 @@ fn a_snapshot_goes_on_bit_by_bit() {
     assert!(navigator == *CLEAN);
 }
 
-/// Readings within the range that turn by radians in bridged holes: more than a series of a
-/// small rotation would bear.
+/// Readings within the range that would turn by radians if holes were bridged with them: more than
+/// a series of a small rotation would bear.
 #[test]
 fn turns_of_radians_across_holes_poison_nothing() {
     for output in [ImuOutput::Rates, ImuOutput::Increments] {
@@ -638,7 +641,7 @@ fn turns_of_radians_across_holes_poison_nothing() {
                 gyro: unit(Vector3::repeat(17.9)),
                 accel: unit(Vector3::repeat(360.0)),
             };
-            assert_eq!(navigator.on_imu(&lie), ImuOutcome::Bridged);
+            assert_eq!(navigator.on_imu(&lie), ImuOutcome::Gap);
         }
         assert_sound(&navigator);
         go(&mut navigator, 60.0);

@@ -47,17 +47,10 @@ const LARGEST_TILT_RAD: f64 = 0.5;
 /// Spread of a gyro bias from the runaway of a window in steady motion, rad/s.
 const RUNAWAY_SIGMA_RADPS: f64 = 1e-3;
 
-/// Where navigation can start.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Aligned {
-    /// Body to ENU.
-    pub attitude: UnitQuaternion<f64>,
-    /// Spread of its heading, rad.
-    pub heading_sigma_rad: f64,
-    /// The fix to start from; it has a position.
-    pub fix: GnssFix,
-    /// What is known of the sensors.
-    pub known: Parameters,
+/// Roll and pitch found, and the heading with its spread, rad, if it is known too.
+struct Levelled {
+    attitude: UnitQuaternion<f64>,
+    heading: Option<(f64, f64)>,
 }
 
 /// Alignment going on.
@@ -149,17 +142,19 @@ impl Alignment {
         };
     }
 
-    /// Takes the interval that ends at `time`.
+    /// Takes the interval that ends at `time`. Returns the INS to start from, once it is aligned;
+    /// the spread of its azimuth is then [`Self::known`].
     pub fn on_interval(
         &mut self,
         time: Time,
         interval: &Interval,
         config: &Config,
-    ) -> Option<Aligned> {
+    ) -> Option<Mechanization> {
         let verdict = self.detector.on_interval(interval);
         let Some(finding) = &mut self.finding else {
             self.level_coarsely(interval);
-            return self.level(time, verdict?, config);
+            let level = self.level(time, verdict?, config)?;
+            return self.end_levelling(time, &level);
         };
         let gyro_radps = compensation(&self.known, config);
         let interval = interval.without_bias(&gyro_radps, &self.known.vector(index::ACCEL));
@@ -172,8 +167,8 @@ impl Alignment {
         None
     }
 
-    /// Takes a fix; `now` is the last inertial stamp.
-    pub fn on_fix(&mut self, now: Time, fix: &GnssFix, config: &Config) -> Option<Aligned> {
+    /// Takes a fix; `now` is the last inertial stamp. Returns the INS as above.
+    pub fn on_fix(&mut self, now: Time, fix: &GnssFix, config: &Config) -> Option<Mechanization> {
         self.last_fix = Some(*fix);
         if fix.is_moving(config) {
             self.detector.on_motion();
@@ -181,21 +176,18 @@ impl Alignment {
         let (velocity, position) = (fix.velocity_en_mps?, fix.position?);
         let finding = self.finding.as_mut()?;
         let seconds = now.seconds_since(finding.since);
-        let ins = &mut finding.ins;
-        finding
-            .motion
-            .add(seconds, &ins.velocity_enu_mps.xy(), &velocity);
+        let ins_velocity = finding.ins.velocity_enu_mps.xy();
+        finding.motion.add(seconds, &ins_velocity, &velocity);
         if let Some(fit) = finding.motion.fit() {
             let tilt = tilt_of_slope(&fit.slope_mps2);
             if tilt.norm() < LARGEST_TILT_RAD {
+                let mut ins =
+                    Mechanization::new(position, fix.velocity_enu_mps(), finding.ins.attitude);
                 ins.turn_heading(-fit.rotation_rad);
                 ins.turn_platform(&-tilt);
-                return Some(Aligned {
-                    attitude: ins.attitude,
-                    heading_sigma_rad: 3.0 * fit.sigma_rad + MOTION_SIGMA_RAD,
-                    fix: *fix,
-                    known: self.known,
-                });
+                let sigma_rad = 3.0 * fit.sigma_rad + MOTION_SIGMA_RAD;
+                self.known.set(index::AZIMUTH, 0.0, sigma_rad);
+                return Some(ins);
             }
         }
         if seconds > WINDOW_S {
@@ -236,7 +228,9 @@ impl Alignment {
         }
     }
 
-    fn level(&mut self, time: Time, verdict: Verdict, config: &Config) -> Option<Aligned> {
+    /// Levels once there was rest enough, or waiting for it is in vain.
+    #[inline(never)]
+    fn level(&mut self, time: Time, verdict: Verdict, config: &Config) -> Option<Levelled> {
         if let Verdict::Rest(block) = verdict {
             self.rest.add(&block);
         }
@@ -250,26 +244,20 @@ impl Alignment {
                 < HEADING_SIGMA_RAD;
         let wanted = if compass { GYROCOMPASS_S } else { LEVEL_S };
         if self.rest.seconds >= wanted || (moving && self.rest.seconds >= LEAST_REST_S) {
-            self.level_from_rest(time, &fix, position, &earth, config)
+            Some(self.level_from_rest(&earth, config))
         } else if waited > WAIT_S
             || (waited > WAIT_MOVING_S && moving && fix.speed_mps() > MOVING_MPS)
         {
-            let level = levelling::level(&self.coarse_force_mps2?, 0.0);
-            let heading = given(config, self.coarse_turn_rad);
-            self.levelled(time, &fix, position, level, heading)
+            Some(Levelled {
+                attitude: levelling::level(&self.coarse_force_mps2?, 0.0),
+                heading: given(config, self.coarse_turn_rad),
+            })
         } else {
             None
         }
     }
 
-    fn level_from_rest(
-        &mut self,
-        time: Time,
-        fix: &GnssFix,
-        position: Geodetic,
-        earth: &LocalEarth,
-        config: &Config,
-    ) -> Option<Aligned> {
+    fn level_from_rest(&mut self, earth: &LocalEarth, config: &Config) -> Levelled {
         let rest = self.rest;
         let level = levelling::level(&rest.force_mps2, 0.0);
         let attitude = matrix(&level);
@@ -277,32 +265,28 @@ impl Alignment {
         let sigma = levelling::gyrocompass_sigma(&config.sensors, earth, rest.seconds);
         let compass = (config.heading == HeadingSource::Auto && sigma < HEADING_SIGMA_RAD)
             .then(|| (levelling::gyrocompass(&attitude, &rest.rate_radps), sigma));
-        self.levelled(time, fix, position, level, given(config, 0.0).or(compass))
+        Levelled {
+            attitude: level,
+            heading: given(config, 0.0).or(compass),
+        }
     }
 
     /// Ends levelling: with a heading, or else by looking for one.
-    fn levelled(
-        &mut self,
-        time: Time,
-        fix: &GnssFix,
-        position: Geodetic,
-        level: UnitQuaternion<f64>,
-        heading: Option<(f64, f64)>,
-    ) -> Option<Aligned> {
-        let Some((heading_rad, heading_sigma_rad)) = heading else {
-            self.finding = Some(Finding::start(time, position, level));
+    fn end_levelling(&mut self, time: Time, level: &Levelled) -> Option<Mechanization> {
+        let fix = self.last_fix?;
+        let position = fix.position?;
+        let Some((heading_rad, sigma_rad)) = level.heading else {
+            self.finding = Some(Finding::start(time, position, level.attitude));
             return None;
         };
-        let attitude = turned(&level, heading_rad);
-        Some(Aligned {
-            attitude,
-            heading_sigma_rad,
-            fix: *fix,
-            known: self.known,
-        })
+        self.known.set(index::AZIMUTH, 0.0, sigma_rad);
+        let attitude = turned(&level.attitude, heading_rad);
+        let velocity = fix.velocity_enu_mps();
+        Some(Mechanization::new(position, velocity, attitude))
     }
 
     /// At rest the wandering INS is levelled again and again.
+    #[inline(never)]
     fn level_again(&mut self, time: Time, rest: &RestMean, config: &Config) {
         let Some(Finding { ins, .. }) = self.finding else {
             return;

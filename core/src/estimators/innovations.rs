@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 use crate::math;
 
 /// Longest memory of the measured noise, in fixes.
-const NOISE_MEMORY: f64 = 400.0;
+const NOISE_MEMORY: f32 = 400.0;
 /// Fixes over which the likeness of neighbouring innovations is averaged: white ones then show
 /// 0 +- 0.07.
 const LIKENESS_MEMORY: f64 = 100.0;
@@ -15,8 +15,14 @@ const LIKENESS_TOLERATED: f64 = 0.1;
 const ROUGHNESS_RISE: f64 = 0.03;
 const ROUGHNESS_FALL: f64 = 0.005;
 const MAX_ROUGHNESS: f64 = 1e4;
+/// Fixes over which the noise that receivers state is averaged, and range of its ratio to the
+/// average, in variance.
+const STATED_MEMORY: f64 = 100.0;
+const STATED_RANGE: [f64; 2] = [0.1, 100.0];
 /// Innovations beyond this many sigma weigh less (Huber).
 const ROBUST_SIGMAS: f64 = 3.0;
+/// So many of these in a row are a step of the INS, not noise of GNSS.
+const STEP_FIXES: u32 = 5;
 /// Innovations beyond this many sigma, plus `GATE_MPS`, are refused.
 const GATE_SIGMAS: f64 = 8.0;
 const GATE_MPS: f64 = 3.0;
@@ -31,7 +37,9 @@ pub struct Innovations {
     least_variance: f64,
     /// Correlation of neighbours.
     correlation: f64,
-    count: f64,
+    count: f32,
+    /// Innovations in a row beyond `ROBUST_SIGMAS`.
+    beyond: u32,
     last: Vector2<f64>,
 }
 
@@ -44,17 +52,18 @@ impl Innovations {
             least_variance: least * least,
             correlation: 0.0,
             count: 30.0,
+            beyond: 0,
             last: Vector2::zeros(),
         }
     }
 
     /// Variance of the measurement noise for an innovation of this square, (m/s)^2, where the INS
-    /// itself makes `predicted` of the variance: larger where it counts for less. `None` if the
-    /// innovation is not credible.
-    pub fn noise(&self, power: f64, predicted: f64) -> Option<f64> {
-        let total = self.variance + predicted;
+    /// itself makes `predicted` of the variance and the fix is `relative` times as noisy as others:
+    /// larger where it counts for less. `None` if the innovation is not credible.
+    pub fn noise(&self, power: f64, predicted: f64, relative: f64) -> Option<f64> {
+        let total = relative * self.variance + predicted;
         let noise = math::max(self.variance - predicted, 0.5 * self.variance);
-        let noise = math::max(noise, self.least_variance);
+        let noise = relative * math::max(noise, self.least_variance);
         if power <= ROBUST_SIGMAS * ROBUST_SIGMAS * total {
             return Some(noise);
         }
@@ -63,17 +72,36 @@ impl Innovations {
         credible.then_some(noise * size / (ROBUST_SIGMAS * sigma))
     }
 
+    /// Variance of a step that the INS has made, (m/s)^2, if this innovation is one more of many
+    /// that neither the noise nor what the INS makes of it explains; arguments as above.
+    pub fn step(&mut self, power: f64, predicted: f64, relative: f64) -> f64 {
+        let total = relative * self.variance + predicted;
+        self.beyond = if power > ROBUST_SIGMAS * ROBUST_SIGMAS * total {
+            self.beyond + 1
+        } else {
+            0
+        };
+        if self.beyond < STEP_FIXES {
+            return 0.0;
+        }
+        self.beyond = 0;
+        power
+    }
+
     /// Takes one innovation of `components` (1 or 2) components.
     /// Returns how alike it and the one before are: on average 0 for white ones.
     pub fn measure(&mut self, innovation: &Vector2<f64>, components: f64) -> f64 {
-        self.count = math::min(self.count + 1.0, NOISE_MEMORY);
+        if self.count < NOISE_MEMORY {
+            self.count += 1.0;
+        }
+        let count = f64::from(self.count);
         let power = innovation.norm_squared() / components;
         // A single wild innovation must not open the gate for the next.
         let bounded = math::min(power, 9.0 * self.variance);
-        self.variance += (bounded - self.variance) / self.count;
+        self.variance += (bounded - self.variance) / count;
         let likeness = innovation.dot(&self.last) / (components * self.variance);
         let likeness = math::max(math::min(likeness, 3.0), -3.0);
-        self.correlation += (likeness - self.correlation) / self.count;
+        self.correlation += (likeness - self.correlation) / count;
         self.last = *innovation;
         likeness
     }
@@ -82,6 +110,30 @@ impl Innovations {
     pub fn inflation(&self) -> f64 {
         let rho = math::max(math::min(self.correlation, 0.9), 0.0);
         (1.0 + rho) / (1.0 - rho)
+    }
+}
+
+/// The noise that the receiver states, on average. Its scale is not believed, its changes are.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct StatedNoise {
+    variance: f64,
+}
+
+impl StatedNoise {
+    /// How many times noisier a fix of this stated sigma, m/s, is than others, in variance.
+    pub fn relative(&mut self, sigma_mps: Option<f64>) -> f64 {
+        let Some(sigma) = sigma_mps.filter(|sigma| *sigma > 0.0) else {
+            return 1.0;
+        };
+        let variance = sigma * sigma;
+        if self.variance <= 0.0 {
+            self.variance = variance;
+        }
+        let [least, most] = STATED_RANGE;
+        let relative = math::max(math::min(variance / self.variance, most), least);
+        self.variance += (relative - 1.0) * self.variance / STATED_MEMORY;
+        relative
     }
 }
 

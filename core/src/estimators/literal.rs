@@ -212,11 +212,12 @@ impl Literal {
     }
 
     /// Takes one comparison.
+    #[inline(never)]
     pub fn take(&mut self, now: &Comparison) -> Verdict {
         let (level, up) = (now.difference_mps.xy(), now.difference_mps.z);
         if self
             .level_innovations
-            .noise(level.norm_squared(), 0.0)
+            .noise(level.norm_squared(), 0.0, 1.0)
             .is_none()
         {
             return Verdict::Outlier;
@@ -228,7 +229,7 @@ impl Literal {
         self.last = Some(now.past.moment);
         self.follow(now);
         self.store_azimuth(now.azimuth_removed_rad);
-        if now.has_up && self.up_innovations.noise(up * up, 0.0).is_some() {
+        if now.has_up && self.up_innovations.noise(up * up, 0.0, 1.0).is_some() {
             let _ = self.up_innovations.measure(&Vector2::new(up, 0.0), 1.0);
             Verdict::Used
         } else {

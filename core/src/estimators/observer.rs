@@ -14,7 +14,7 @@ use nalgebra::{SVector, Vector2, Vector3};
 
 use super::Verdict;
 use super::gains::Channel;
-use super::innovations::{Innovations, Roughness};
+use super::innovations::{Innovations, Roughness, StatedNoise};
 use super::ins_error::{InsError, Passage, for_each_input, single};
 use super::least_squares::LeastSquares;
 use super::parameters::{COUNT, PAIRS, Parameters, index};
@@ -42,6 +42,8 @@ pub struct Difference {
     pub velocity_mps: Vector3<f64>,
     /// Whether the up component was measured.
     pub has_up: bool,
+    /// Noise of a component as the receiver states it, m/s.
+    pub stated_sigma_mps: Option<f64>,
     /// Latency already taken out by the choice of the moment, s.
     pub latency_applied_s: f64,
 }
@@ -59,6 +61,7 @@ pub struct Observer {
     vertical: Channel,
     level_innovations: Innovations,
     vertical_innovations: Innovations,
+    stated_noise: StatedNoise,
     roughness: Roughness,
     /// Corrections to the parameters.
     corrections: LeastSquares<COUNT, PAIRS>,
@@ -93,6 +96,7 @@ impl Observer {
             vertical: Channel::new(0.0),
             level_innovations: Innovations::new(sigma),
             vertical_innovations: Innovations::new(sigma),
+            stated_noise: StatedNoise::default(),
             roughness: Roughness::default(),
             corrections: LeastSquares::from_prior(&prior.sigma),
             parameters: *prior,
@@ -147,16 +151,21 @@ impl Observer {
     ) -> Verdict {
         self.propagate(&past.moment, frame_rate_radps, config);
         let residual = difference.velocity_mps - self.predicted(past, difference);
+        let relative = self.stated_noise.relative(difference.stated_sigma_mps);
         let level_power = residual.xy().norm_squared();
-        let Some(level_noise) = self
-            .level_innovations
-            .noise(level_power, self.level.velocity)
+        let Some(level_noise) =
+            self.level_innovations
+                .noise(level_power, self.level.velocity, relative)
         else {
             return Verdict::Outlier;
         };
+        let step = self
+            .level_innovations
+            .step(level_power, self.level.velocity, relative);
+        self.level.doubt(step, 0.0);
         let up_noise = difference
             .has_up
-            .then(|| self.credible_up(residual.z))
+            .then(|| self.credible_up(residual.z, relative))
             .flatten();
         let weight = |predicted: f64, noise: f64| math::single(1.0 / (predicted + noise));
         let level_weight = weight(self.level.velocity, level_noise);
@@ -166,6 +175,7 @@ impl Observer {
         if let Some(noise) = up_noise {
             self.correct_vertical(&by, residual.z, noise);
         }
+        self.learn_noise(&(residual / math::sqrt(relative)), up_noise.is_some());
         let weights = [level_weight, level_weight, up_weight];
         self.corrections
             .add(&mut by, single(&residual).into(), weights);
@@ -176,15 +186,13 @@ impl Observer {
     }
 
     /// Noise of a vertical velocity that is credible.
-    fn credible_up(&mut self, residual_mps: f64) -> Option<f64> {
-        let predicted = self.vertical.velocity;
-        let noise = self
-            .vertical_innovations
-            .noise(residual_mps * residual_mps, predicted);
-        if noise.is_none() {
-            // Refused again and again, it is the INS that errs: the gate opens.
-            self.vertical.doubt(predicted, 0.0);
-        }
+    fn credible_up(&mut self, residual_mps: f64, relative: f64) -> Option<f64> {
+        let (predicted, power) = (self.vertical.velocity, residual_mps * residual_mps);
+        let noise = self.vertical_innovations.noise(power, predicted, relative);
+        let step = self.vertical_innovations.step(power, predicted, relative);
+        // Refused again and again, it is the INS that errs: the gate opens.
+        let doubt = if noise.is_some() { step } else { predicted };
+        self.vertical.doubt(doubt, 0.0);
         noise
     }
 
@@ -256,8 +264,6 @@ impl Observer {
             response.tilt_rad.x -= tilt_gain * north;
             response.tilt_rad.y += tilt_gain * east;
         }
-        let likeness = self.level_innovations.measure(residual, 2.0);
-        self.roughness.learn(likeness);
     }
 
     fn correct_vertical(&mut self, by: &VelocityBy, residual: f64, noise: f64) {
@@ -266,8 +272,16 @@ impl Observer {
         for (response, [_, _, up]) in self.responses.iter_mut().zip(by) {
             response.velocity_mps.z -= math::single(gain) * up;
         }
-        let innovation = Vector2::new(residual, 0.0);
-        let _ = self.vertical_innovations.measure(&innovation, 1.0);
+    }
+
+    /// Takes what a fix of ordinary noise would have shown.
+    fn learn_noise(&mut self, residual: &Vector3<f64>, has_up: bool) {
+        let likeness = self.level_innovations.measure(&residual.xy(), 2.0);
+        self.roughness.learn(likeness);
+        if has_up {
+            let up = Vector2::new(residual.z, 0.0);
+            let _ = self.vertical_innovations.measure(&up, 1.0);
+        }
     }
 
     /// Solves for the parameters at the horizon.
@@ -287,8 +301,6 @@ impl Observer {
         let moved = |which: usize| corrections.get(which).copied().unwrap_or(0.0);
         self.azimuth_moved_rad += moved(index::AZIMUTH);
         self.latency_moved_s += moved(index::LATENCY);
-        self.azimuth_moved_rad += corrections.get(index::AZIMUTH).copied().unwrap_or(0.0);
-        self.latency_moved_s += corrections.get(index::LATENCY).copied().unwrap_or(0.0);
         if config.feedback == Feedback::Closed {
             self.relinearize(&config.prior());
         }
@@ -404,11 +416,11 @@ impl Observer {
 
 /// Responses before anything has happened: the azimuth parameter is the azimuth error.
 fn unit_azimuth() -> [InsError<f32>; COUNT] {
-    core::array::from_fn(|which| {
-        let mut response = InsError::zero();
-        response.tilt_rad.z = if which == index::AZIMUTH { 1.0 } else { 0.0 };
-        response
-    })
+    let mut responses = [InsError::zero(); COUNT];
+    if let Some(azimuth) = responses.get_mut(index::AZIMUTH) {
+        azimuth.tilt_rad.z = 1.0;
+    }
+    responses
 }
 
 /// The level channel before a first fix.

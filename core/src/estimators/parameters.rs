@@ -29,6 +29,7 @@ pub mod index {
     /// the scale error of the up gyro, the others are misalignments, rad.
     pub const GYRO_TURN: usize = 13;
 }
+
 /// Values and standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
