@@ -3,6 +3,8 @@
 //!
 //! `cargo run --release -p ins-tests --bin footprint`
 
+use std::process::ExitCode;
+
 use host_sim::hil::Board;
 use host_sim::table::markdown;
 use ins_tests::footprint::{Footprint, goal, ours, peer};
@@ -33,7 +35,23 @@ const ROWS: [Row; 8] = [
     ("flash, bytes", |f| f.flash_bytes, Some(goal::FLASH_BYTES)),
 ];
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+const REMARKS: &str = "\
+Ours with position and velocity, and flash with the whole interface. The peers with velocity, flash
+with only the calls that this takes; they are told the heading at the start and the latency.
+Instructions are not cycles: those need a board (firmware-example/README.md).";
+
+fn main() -> ExitCode {
+    match table() {
+        Ok(table) => println!("{table}\n{REMARKS}"),
+        Err(error) => {
+            eprintln!("footprint: {error}");
+            return ExitCode::FAILURE;
+        }
+    }
+    ExitCode::SUCCESS
+}
+
+fn table() -> Result<String, Box<dyn std::error::Error>> {
     let footprints = [
         ours(Board::CortexM7)?,
         ours(Board::CortexM4)?,
@@ -53,12 +71,5 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let goal = goal.map_or(String::new(), |goal| goal.to_string());
         vec![name.to_owned(), m7, goal, m4, fusion_nav, kinavis_ins]
     });
-    println!("{}", markdown(&header.map(str::to_owned), &rows));
-    println!(
-        "Ours with position and velocity, and flash with the whole interface; the peers with \
-         velocity, and flash with only the calls that this takes, told the heading at the start \
-         and the latency.\n\
-         Instructions are not cycles: those need a board (firmware-example/README.md)."
-    );
-    Ok(())
+    Ok(markdown(&header.map(str::to_owned), &rows))
 }
