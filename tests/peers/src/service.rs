@@ -125,6 +125,8 @@ impl<P: Peer> Service<P> {
             }
             (peer, Some(first)) => {
                 *peer = AtRest::new(first, fix, self.heading_rad).and_then(|start| P::new(&start));
+                // Paints the stack anew: what starting took is not asked.
+                board::take_deepest_stack_bytes();
             }
             (None, None) => {}
         }
