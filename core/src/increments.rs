@@ -94,24 +94,19 @@ impl Increments {
         self.usual_s > 0.0 && seconds > MISSING_RATIO * self.usual_s
     }
 
-    /// Whether what happened in a hole before `sample` can be told from its two ends.
-    pub fn can_bridge(&self, sample: &ImuSample, seconds: f64) -> bool {
-        let spanned_s = match self.output {
+    /// Whether the two ends of a hole of `seconds` before `sample` agree on what happened in it.
+    pub fn ends_agree(&self, sample: &ImuSample, seconds: f64) -> bool {
+        let reading_s = match self.output {
             ImuOutput::Rates => 1.0,
             ImuOutput::Increments => self.usual_s,
         };
-        let disagreement_rad = 0.5 * seconds * (sample.gyro - self.gyro).amax();
-        !self.has_hole(seconds) || disagreement_rad <= BRIDGEABLE_RAD * spanned_s
+        0.5 * seconds * (sample.gyro - self.gyro).amax() <= BRIDGEABLE_RAD * reading_s
     }
 
     /// The time that a reading spans which comes `seconds` after the last, s: shorter if samples
     /// are missing before it.
-    pub fn reading_seconds(&self, seconds: f64) -> f64 {
-        if self.has_hole(seconds) {
-            self.usual_s
-        } else {
-            seconds
-        }
+    pub fn reading_seconds(&self, seconds: f64, hole: bool) -> f64 {
+        if hole { self.usual_s } else { seconds }
     }
 
     /// The interval of `seconds` (positive) that ends at `sample`.

@@ -177,14 +177,14 @@ impl State {
         if seconds <= 0.0 {
             return self.on_astray(sample, SET_BACK_S, ImuOutcome::TimeNotIncreasing, config);
         }
-        if out_of_range(sample, increments.reading_seconds(seconds), config) {
+        let hole = increments.has_hole(seconds);
+        if out_of_range(sample, increments.reading_seconds(seconds, hole), config) {
             return ImuOutcome::OutOfRange;
         }
-        if seconds > config.max_gap_s || !increments.can_bridge(sample, seconds) {
+        if seconds > config.max_gap_s || (hole && !increments.ends_agree(sample, seconds)) {
             return self.on_astray(sample, AFTER_HOLE_S, ImuOutcome::Gap, config);
         }
         self.astray = None;
-        let bridged = increments.has_hole(seconds);
         let interval = increments.interval(sample, seconds);
         *last = sample.time;
         match &mut self.mode {
@@ -194,14 +194,14 @@ impl State {
                 }
             }
             Mode::Navigating(ins) => {
-                if bridged {
+                if hole {
                     ins.on_hole(seconds);
                 }
                 ins.on_interval(sample.time, &interval, config);
                 ins.follow_up(config);
             }
         }
-        if bridged {
+        if hole {
             ImuOutcome::Bridged
         } else {
             ImuOutcome::Accepted

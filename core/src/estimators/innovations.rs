@@ -88,9 +88,10 @@ impl Innovations {
         power
     }
 
-    /// Takes one innovation of `components` (1 or 2) components.
-    /// Returns how alike it and the one before are: on average 0 for white ones.
-    pub fn measure(&mut self, innovation: &Vector2<f64>, components: f64) -> f64 {
+    /// Takes one innovation of `components` (1 or 2) components from a fix `relative` times as
+    /// noisy as others. Returns how alike it and the one before are: on average 0 for white ones.
+    pub fn measure(&mut self, innovation: &Vector2<f64>, components: f64, relative: f64) -> f64 {
+        let components = components * relative;
         if self.count < NOISE_MEMORY {
             self.count += 1.0;
         }

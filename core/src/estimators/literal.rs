@@ -222,7 +222,7 @@ impl Literal {
         {
             return Verdict::Outlier;
         }
-        let _ = self.level_innovations.measure(&level, 2.0);
+        let _ = self.level_innovations.measure(&level, 2.0, 1.0);
         if let Some(last) = self.last {
             self.average(&last, now);
         }
@@ -230,7 +230,9 @@ impl Literal {
         self.follow(now);
         self.store_azimuth(now.azimuth_removed_rad);
         if now.has_up && self.up_innovations.noise(up * up, 0.0, 1.0).is_some() {
-            let _ = self.up_innovations.measure(&Vector2::new(up, 0.0), 1.0);
+            let _ = self
+                .up_innovations
+                .measure(&Vector2::new(up, 0.0), 1.0, 1.0);
             Verdict::Used
         } else {
             Verdict::LevelUsed

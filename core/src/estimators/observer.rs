@@ -172,10 +172,15 @@ impl Observer {
         let up_weight = up_noise.map_or(0.0, |noise| weight(self.vertical.velocity, noise));
         let mut by = self.velocity_by(past);
         self.correct_level(&by, &residual.xy(), level_noise);
+        let likeness = self
+            .level_innovations
+            .measure(&residual.xy(), 2.0, relative);
+        self.roughness.learn(likeness);
         if let Some(noise) = up_noise {
             self.correct_vertical(&by, residual.z, noise);
+            let up = Vector2::new(residual.z, 0.0);
+            let _ = self.vertical_innovations.measure(&up, 1.0, relative);
         }
-        self.learn_noise(&(residual / math::sqrt(relative)), up_noise.is_some());
         let weights = [level_weight, level_weight, up_weight];
         self.corrections
             .add(&mut by, single(&residual).into(), weights);
@@ -271,16 +276,6 @@ impl Observer {
         self.error.velocity_mps.z += gain * residual;
         for (response, [_, _, up]) in self.responses.iter_mut().zip(by) {
             response.velocity_mps.z -= math::single(gain) * up;
-        }
-    }
-
-    /// Takes what a fix of ordinary noise would have shown.
-    fn learn_noise(&mut self, residual: &Vector3<f64>, has_up: bool) {
-        let likeness = self.level_innovations.measure(&residual.xy(), 2.0);
-        self.roughness.learn(likeness);
-        if has_up {
-            let up = Vector2::new(residual.z, 0.0);
-            let _ = self.vertical_innovations.measure(&up, 1.0);
         }
     }
 
