@@ -11,6 +11,7 @@ pub mod configure;
 pub mod error_free;
 pub mod error_model;
 pub mod figures;
+pub mod five_stage;
 pub mod flights;
 pub mod free_inertial;
 pub mod held_ins;
