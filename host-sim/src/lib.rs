@@ -23,6 +23,7 @@ pub mod outage;
 pub mod output;
 pub mod quantities;
 pub mod report;
+pub mod reproduce;
 pub mod sim;
 pub mod summary;
 pub mod table;

@@ -140,11 +140,10 @@ fn take(
     }
 }
 
-/// The whole error, of which a part was taken out before; and takes out the rest.
+/// The whole error, of which a part was taken out before; and takes out the rest, which is zero
+/// where nothing was seen.
 fn add(left: &Estimate, taken_out: &mut f64) -> Estimate {
-    if left.observability == Observability::Observable {
-        *taken_out += left.value;
-    }
+    *taken_out += left.value;
     Estimate {
         value: *taken_out,
         ..*left
