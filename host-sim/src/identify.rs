@@ -78,13 +78,13 @@ pub fn identify(
     Ok(found)
 }
 
-/// Runs the navigator over a log: what it says on the way, and its last words. `after_fix` sees it
-/// with each fix just taken.
+/// Runs the navigator over a log: what it says on the way, and its last words. `after_sample` sees
+/// it after each.
 pub(crate) fn record(
     log: &Log,
     config: Config,
     progress: &ProgressBar,
-    mut after_fix: impl FnMut(&Navigator, &GnssFix),
+    mut after_sample: impl FnMut(&Navigator, Time),
 ) -> Result<(Recorder, Row), ConfigError> {
     progress.set_length(log.imu.len() as u64);
     let mut navigator = Navigator::new(config)?;
@@ -94,11 +94,9 @@ pub(crate) fn record(
             Event::Imu(sample) => {
                 let outcome = navigator.on_imu(sample);
                 run.on_sample(sample.time, outcome, || row(sample.time, &navigator));
+                after_sample(&navigator, sample.time);
             }
-            Event::Gnss(fix) => {
-                run.on_fix(navigator.on_gnss(fix));
-                after_fix(&navigator, fix);
-            }
+            Event::Gnss(fix) => run.on_fix(navigator.on_gnss(fix)),
         }
         if count % PROGRESS_EVERY == 0 {
             progress.inc(PROGRESS_EVERY);

@@ -15,8 +15,8 @@ use clap::{Args, ValueEnum};
 use miette::{Result, miette};
 
 use crate::flights;
-use crate::reproduce;
 use crate::output::{self, OutputError};
+use crate::reproduce;
 use crate::table::cells;
 pub(crate) use aircraft::performance;
 use readme::Readme;

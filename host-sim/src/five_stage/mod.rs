@@ -32,6 +32,10 @@ pub const PUBLISHED: usize = 1;
 /// Until the next time would change no more than the spreads, for latencies of up to 0.3 s.
 pub const REPEATED: usize = 3;
 
+/// Bandwidth of the last run, rad/s: little is left to be damped, so it may pass less of the noise
+/// of GNSS than a loop that has to settle between manoeuvres.
+const SLOW_RADPS: f64 = 0.2;
+
 /// What the stages found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FiveStage {
@@ -41,7 +45,7 @@ pub struct FiveStage {
     pub intervals: [Vec<(Time, Time)>; 5],
     /// The level gyros over time, as the run with everything taken out shows them.
     pub gyros: GyroHistory,
-    /// That run: an INS whose azimuth is damped.
+    /// That run: an INS damped slowly, its azimuth too.
     pub history: Vec<Row>,
 }
 
@@ -77,14 +81,16 @@ pub fn run(log: &Log, config: Config, rounds: usize) -> Result<FiveStage, Config
         }
     }
     let mut gyros = GyroHistory::new(correction.gyro_radps);
+    let mut slow = Config {
+        feedback: Feedback::Closed,
+        ..correction.config(config)
+    };
+    slow.damping.horizontal.bandwidth_radps = SLOW_RADPS;
     let (run, _) = record(
         &correction.log(log),
-        Config {
-            feedback: Feedback::Closed,
-            ..correction.config(config)
-        },
+        slow,
         &ProgressBar::hidden(),
-        |navigator, fix| gyros.on_fix(navigator, fix),
+        |navigator, time| gyros.on_sample(navigator, time),
     )?;
     Ok(FiveStage {
         estimates,

@@ -32,7 +32,9 @@ pub fn reproduce(options: &Reproduce, json: bool, force: bool) -> Result<()> {
     let progress = spinner("simulating drives and flights");
     let reproduction = measure(Settings::new(options.seed))?;
     progress.finish_and_clear();
-    output::build(&options.out, JSON, force, |folder| reproduction.write(folder))?;
+    output::build(&options.out, JSON, force, |folder| {
+        reproduction.write(folder)
+    })?;
     if json {
         let text = serde_json::to_string_pretty(&reproduction).into_diagnostic()?;
         println!("{text}");

@@ -45,7 +45,12 @@ pub(super) fn figure_5(drives: &[Drive]) -> Part {
         ],
         svg: Some(picture(first)),
         csv: csv(
-            &["time_s", "given_mps", "compensated_mps", "true_attitude_mps"],
+            &[
+                "time_s",
+                "given_mps",
+                "compensated_mps",
+                "true_attitude_mps",
+            ],
             first.iter().map(|gain| {
                 let [given, compensated, exact] = gain.across_mps;
                 vec![gain.end_s, given, compensated, exact]
@@ -72,7 +77,7 @@ fn gains(drive: &Drive) -> Vec<Gain> {
                 false => [Vector3::zeros(); 2],
             };
             let begin = (start.velocity_enu_mps - before.velocity_enu_mps).xy();
-            let errors = drive.free(&drive.log, start, known, |time| time < to);
+            let errors = drive.free(&drive.log, start, known, to);
             errors.last().map(|(_, end)| along.perp(&(end - begin)))
         };
         Some(Gain {
@@ -91,7 +96,9 @@ fn gains(drive: &Drive) -> Vec<Gain> {
 fn picture(gains: &[Gain]) -> String {
     let line = |which: usize| -> Vec<(f64, f64)> {
         let points = gains.iter();
-        points.map(|gain| (gain.end_s, gain.across_mps[which])).collect()
+        points
+            .map(|gain| (gain.end_s, gain.across_mps[which]))
+            .collect()
     };
     let lines = [line(0), line(2), line(1)];
     let end_s = gains.last().map_or(1.0, |gain| gain.end_s);

@@ -3,7 +3,7 @@
 use ins_core::config::{Feedback, Form, HeadingSource};
 use ins_core::increments::Interval;
 use ins_core::navigator::ConfigError;
-use ins_core::{Config, Phase, Solution, Time};
+use ins_core::{Config, Solution, Time};
 use nalgebra::{Vector2, Vector3};
 
 use indicatif::ProgressBar;
@@ -17,8 +17,8 @@ use crate::identify::{Row, record};
 use crate::log::{BodyAxes, Log, Meta};
 use crate::sim::{DriveConfig, SensorErrors, simulate};
 
-/// Navigation after which the loop has forgotten the alignment, s.
-const SETTLED_S: f64 = 60.0;
+/// Interval between errors kept, s.
+const EVERY_S: f64 = 1.0;
 
 /// The drive.
 pub(super) struct Drive {
@@ -38,6 +38,7 @@ pub(super) struct Drive {
 impl Drive {
     pub(super) fn new(seed: u64, minutes: f64) -> Result<Self, ConfigError> {
         let mut plan = DriveConfig::new(seed, GRADE, minutes);
+        plan.recording.truth_every = 1;
         let drive = simulate(&plan);
         let config = Config {
             heading: drive
@@ -84,35 +85,24 @@ impl Drive {
         first.map_or(0.0, |first| time.seconds_since(first.time))
     }
 
-    /// What really happened at one of the truth's own stamps.
+    /// What really happened at the stamp of an inertial sample.
     pub(super) fn truth(&self, time: Time) -> Option<&Solution> {
         let at = self.log.truth.binary_search_by_key(&time, |row| row.time);
         at.ok().map(|at| &self.log.truth[at])
     }
 
-    /// An INS with all that the stages found, once it has settled.
-    pub(super) fn start(&self, after_s: f64) -> Option<Solution> {
-        let history = &self.stages.history;
-        let navigating = |row: &&Row| row.phase == Phase::Navigating;
-        let begin = history.iter().find(navigating)?.time;
-        let wanted = |row: &&Row| {
-            row.time.seconds_since(begin) >= SETTLED_S && self.since(row.time) >= after_s
-        };
-        history.iter().find(wanted)?.solution
-    }
-
     /// Velocity error, east and north, of an INS let go at `start` on the readings of `log` less
-    /// `known`, at every stamp of the truth while `lasts` says so. Its height is held.
+    /// `known`, once a second until `end`, and then. Its height is held.
     pub(super) fn free(
         &self,
         log: &Log,
         start: &Solution,
         known: impl Fn(Time) -> [Vector3<f64>; 2],
-        lasts: impl Fn(Time) -> bool,
+        end: Time,
     ) -> Vec<(Time, Vector2<f64>)> {
         let mut ins = HeldIns::new(start);
         let mut height_m = start.position.height_m;
-        let mut errors = Vec::new();
+        let mut errors: Vec<(Time, Vector2<f64>)> = Vec::new();
         // Samples may end: so do the errors.
         let _ = feed(log, start.time, &[], |interval: &Interval, time| {
             let [gyro, accel] = known(time);
@@ -123,9 +113,12 @@ impl Drive {
             );
             if let Some(truth) = self.truth(time) {
                 height_m = truth.position.height_m;
-                errors.push((time, ins.velocity_error_mps(truth)));
+                let since = errors.last().map_or(start.time, |last| last.0);
+                if time.seconds_since(since) > EVERY_S - 5e-4 || time >= end {
+                    errors.push((time, ins.velocity_error_mps(truth)));
+                }
             }
-            lasts(time)
+            time < end
         });
         errors
     }

@@ -24,9 +24,15 @@ pub(super) fn table_2() -> Result<Part> {
     let mut csv = "quantity,specification,thesis,ours\n".to_owned();
     for row in &rows {
         let name = row.name.replace(',', "");
-        csv += &format!("{name},{},{},{:.3}\n", row.specification, row.thesis, row.ours);
+        csv += &format!(
+            "{name},{},{},{:.3}\n",
+            row.specification, row.thesis, row.ours
+        );
     }
-    let specification: Vec<String> = rows.iter().map(|row| row.specification.to_string()).collect();
+    let specification: Vec<String> = rows
+        .iter()
+        .map(|row| row.specification.to_string())
+        .collect();
     Ok(Part {
         name: "table-2",
         title: "Table 2: performance of the simulated Cessna 172",
@@ -48,7 +54,10 @@ pub(super) fn hour(settings: &Settings, route: &Route, class: &ErrorModel) -> Re
     let mut good = class.clone();
     // deg/sqrt(h) is deg/h/sqrt(Hz) / 60.
     good.gyro_deg_h.white_noise = 60.0 * GOOD_WALK_DEG_SQRT_H;
-    let growths = [growth(settings, route, class)?, growth(settings, route, &good)?];
+    let growths = [
+        growth(settings, route, class)?,
+        growth(settings, route, &good)?,
+    ];
     let end = |which: usize| growths[which].last().copied().unwrap_or(f64::NAN);
     let walk = class.gyro_deg_h.white_noise / 60.0;
     let number = |walk: f64, which: usize| {
@@ -69,9 +78,9 @@ pub(super) fn hour(settings: &Settings, route: &Route, class: &ErrorModel) -> Re
         svg: Some(picture(&growths, walk)),
         csv: csv(
             &["minute", "rms_km", "rms_small_walk_km"],
-            (1..).zip(growths[0].iter().zip(&growths[1])).map(|(minute, (a, b))| {
-                vec![f64::from(minute), *a, *b]
-            }),
+            (1..)
+                .zip(growths[0].iter().zip(&growths[1]))
+                .map(|(minute, (a, b))| vec![f64::from(minute), *a, *b]),
         ),
     })
 }
@@ -89,7 +98,11 @@ fn growth(settings: &Settings, route: &Route, errors: &ErrorModel) -> Result<Vec
         .map(|seed| run_alone(seed, route, &flown).map(|(_, errors)| errors))
         .collect::<Result<Vec<_>, _>>()
         .into_diagnostic()?;
-    let at = |minute: usize| rms(flights.iter().map(|errors| 1e-3 * errors[minute].position_m));
+    let at = |minute: usize| {
+        rms(flights
+            .iter()
+            .map(|errors| 1e-3 * errors[minute].position_m))
+    };
     Ok((0..FREE_MIN as usize).map(at).collect())
 }
 

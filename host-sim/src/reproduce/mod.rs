@@ -157,7 +157,11 @@ pub fn reproduce(settings: Settings) -> Result<Reproduction> {
 /// Root mean square.
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0.0), |(sum, count), v| (sum + v * v, count + 1.0));
-    if count > 0.0 { (sum / count).sqrt() } else { 0.0 }
+    if count > 0.0 {
+        (sum / count).sqrt()
+    } else {
+        0.0
+    }
 }
 
 /// Comma-separated text: names, then rows of numbers.

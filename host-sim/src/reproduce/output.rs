@@ -48,7 +48,11 @@ impl Reproduction {
         ];
         for part in &self.parts {
             files.push((format!("{}.csv", part.name), part.csv.clone()));
-            files.extend(part.svg.clone().map(|svg| (format!("{}.svg", part.name), svg)));
+            files.extend(
+                part.svg
+                    .clone()
+                    .map(|svg| (format!("{}.svg", part.name), svg)),
+            );
         }
         for (name, text) in files {
             let path = folder.join(name);
@@ -94,7 +98,9 @@ fn row(number: &Number) -> [String; 4] {
     let shown = |value: Option<f64>| value.map_or(String::new(), |value| digits(value, value));
     [
         number.what.clone(),
-        number.thesis.map_or(String::new(), |value| value.to_string()),
+        number
+            .thesis
+            .map_or(String::new(), |value| value.to_string()),
         shown(Some(number.ours)),
         shown(number.ratio),
     ]

@@ -141,11 +141,15 @@ fn picture(unit: &[Errors; 3]) -> String {
 
 fn data(unit: &[Errors; 3]) -> String {
     let [rest, car, aircraft] = unit;
-    let rows = rest.iter().zip(car).zip(aircraft).map(|((rest, car), aircraft)| {
-        let mut row = vec![rest.0];
-        row.extend([rest.1, car.1, aircraft.1].iter().flat_map(|v| [v.x, v.y]));
-        row
-    });
+    let rows = rest
+        .iter()
+        .zip(car)
+        .zip(aircraft)
+        .map(|((rest, car), aircraft)| {
+            let mut row = vec![rest.0];
+            row.extend([rest.1, car.1, aircraft.1].iter().flat_map(|v| [v.x, v.y]));
+            row
+        });
     csv(
         &[
             "time_s",
