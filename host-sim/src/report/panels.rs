@@ -18,16 +18,16 @@ const WIDE: (u32, u32) = (940, 230);
 /// Errors below are drawn here, m and m/s.
 const LEAST_ERROR: f64 = 1e-3;
 
-/// The stage that finds each estimate, in their order.
-const STAGES: [Stage; 8] = [
-    Stage::Azimuth,
-    Stage::LevelAccels,
-    Stage::LevelAccels,
-    Stage::Vertical,
-    Stage::LevelGyros,
-    Stage::LevelGyros,
-    Stage::Vertical,
-    Stage::Latency,
+/// The stage that shows each estimate in manoeuvres of its own; the others show all the time.
+const STAGES: [Option<Stage>; 8] = [
+    Some(Stage::Azimuth),
+    Some(Stage::LevelAccels),
+    Some(Stage::LevelAccels),
+    None,
+    None,
+    None,
+    None,
+    Some(Stage::Latency),
 ];
 
 /// A plot with its heading and the meaning of its colours.
@@ -91,7 +91,7 @@ pub(super) fn estimates(
                 .iter()
                 .map(|(time, columns)| (*time, columns[index].1))
                 .collect();
-            let shown = observable(found, STAGES[index]);
+            let shown = STAGES[index].map_or_else(Vec::new, |stage| observable(found, stage));
             let mut title = titles[index].to_owned();
             if (1..=6).contains(&index) {
                 title = format!("{title} ({})", axes.direction((index - 1) % 3));
@@ -136,7 +136,7 @@ fn estimate(
     ];
     let mut keys = vec![
         key(BLUE, "estimate, band: one sigma"),
-        key(GREY, "shaded: the vehicle does what shows it"),
+        key(GREY, "grey: manoeuvres that show it"),
     ];
     if let Some(truth) = truth {
         marks.insert(2, Mark::Reference(vec![(x.0, truth), (x.1, truth)], RED));

@@ -15,7 +15,7 @@ use crate::free_inertial::feed;
 use crate::held_ins::HeldIns;
 use crate::identify::{Row, record};
 use crate::log::{BodyAxes, Log, Meta};
-use crate::sim::{DriveConfig, SensorErrors, simulate};
+use crate::sim::{DriveConfig, simulate};
 
 /// Interval between errors kept, s.
 const EVERY_S: f64 = 1.0;
@@ -27,7 +27,6 @@ pub(super) struct Drive {
     /// The same without the noise of the gyros.
     pub(super) without_walk: Log,
     pub(super) config: Config,
-    pub(super) errors: SensorErrors,
     /// The damped INS, nothing found fed back: literal form.
     pub(super) open: Vec<Row>,
     /// The running estimates in the exact form.
@@ -73,7 +72,6 @@ impl Drive {
             running: history(config)?,
             stages: five_stage::run(&log, config, five_stage::REPEATED)?,
             config,
-            errors: drive.errors,
             without_walk,
             log,
         })

@@ -139,7 +139,7 @@ pub fn reproduce(settings: Settings) -> Result<Reproduction> {
     };
     let route = Route::cessna172()?;
     let parts = vec![
-        observable::figure_1(first).map_err(unusable)?,
+        observable::figure_1(first),
         cross_channel::figure_5(&drives),
         free_velocity::figure_8(&drives),
         spans::table_1(&settings, &route)?,

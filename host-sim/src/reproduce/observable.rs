@@ -1,19 +1,17 @@
 //! Figure 1: when each error shows itself.
 
-use indicatif::ProgressBar;
-use ins_core::navigator::ConfigError;
-
 use super::drive::Drive;
 use super::{Number, Part};
 use crate::five_stage::Stage;
-use crate::identify::identify;
-use crate::report::estimates_svg;
-use crate::truth::Truth;
+use crate::quantities::DEG_H_RADPS;
+use crate::report::panels::{Panel, key};
+use crate::report::plot::{BLUE, GREY, Mark, ORANGE, Plot, padded};
+use crate::report::sheet;
 
-pub(super) fn figure_1(drive: &Drive) -> Result<Part, ConfigError> {
-    let log = &drive.log;
-    let found = identify(log, drive.config, &ProgressBar::hidden())?;
-    let truth = Truth::new(&drive.errors, None, log.meta.body_axes);
+/// Part of the drive in the picture, s.
+const SHOWN_S: (f64, f64) = (600.0, 900.0);
+
+pub(super) fn figure_1(drive: &Drive) -> Part {
     let mut csv = "quantity,from_s,to_s\n".to_owned();
     let mut numbers = Vec::new();
     for (stage, intervals) in Stage::ALL.into_iter().zip(&drive.stages.intervals) {
@@ -23,21 +21,61 @@ pub(super) fn figure_1(drive: &Drive) -> Result<Part, ConfigError> {
             let (from, to) = (drive.since(*from), drive.since(*to));
             csv += &format!("{},{from:.2},{to:.2}\n", stage.title());
         }
-        let part = 100.0 * seconds / log.duration_s();
+        let part = 100.0 * seconds / drive.log.duration_s();
         let what = format!("{} observable, % of the drive", stage.title());
         numbers.push(Number::new(what, None, part));
     }
-    Ok(Part {
+    Part {
         name: "figure-1",
         title: "Figure 1: intervals in which each error is observable",
-        how: format!(
-            "A drive of {:.0} min, running estimates. Shaded: straight starts and brakings for \
-             azimuth and latency, turns for level accelerometers; gyros and vertical channel show \
-             all the time.",
-            log.duration_s() / 60.0
-        ),
+        how: "Controls of the attitude block over five minutes of a drive. Grey: straight starts \
+              and brakings, which show azimuth and latency, and turns, which show level \
+              accelerometers. Gyros and vertical channel show all the time."
+            .to_owned(),
         numbers,
-        svg: Some(estimates_svg(log, &found, Some(&truth))),
+        svg: Some(sheet::svg(&[
+            panel(drive, "Azimuth and latency", Stage::Azimuth),
+            panel(drive, "Level accelerometers", Stage::LevelAccels),
+        ])),
         csv,
-    })
+    }
+}
+
+fn panel(drive: &Drive, title: &str, stage: Stage) -> Panel {
+    let inside = |time: f64| (SHOWN_S.0..=SHOWN_S.1).contains(&time);
+    let line = |axis: usize| -> Vec<(f64, f64)> {
+        let points = drive.open.iter().map(|row| {
+            let rate = row.signals.rate_enu_radps[axis] / DEG_H_RADPS;
+            (drive.since(row.time), rate)
+        });
+        points.filter(|point| inside(point.0)).collect()
+    };
+    let intervals = stage.intervals(&drive.open).into_iter();
+    let shown = intervals
+        .map(|(from, to)| (drive.since(from), drive.since(to)))
+        .filter(|(from, to)| inside(*from) && inside(*to));
+    let lines = [line(0), line(1)];
+    let y = padded(lines.iter().flatten().map(|point| point.1), 1.0);
+    let [east, north] = lines;
+    Panel {
+        title: title.to_owned(),
+        svg: Plot {
+            size: sheet::CELL,
+            x_label: "time, s".to_owned(),
+            y_label: "\u{3c9}^C, deg/h".to_owned(),
+            x: SHOWN_S,
+            y,
+            marks: vec![
+                Mark::Shade(shown.collect(), GREY),
+                Mark::Line(east, BLUE),
+                Mark::Line(north, ORANGE),
+            ],
+        }
+        .svg(),
+        keys: vec![
+            key(BLUE, "east"),
+            key(ORANGE, "north"),
+            key(GREY, "shown by the vehicle"),
+        ],
+    }
 }
