@@ -72,9 +72,12 @@ fn gains(drive: &Drive) -> Vec<Gain> {
         }
         let along = gained.normalize();
         let across = |start: &Solution, compensated: bool| {
-            let known = |time| match compensated {
-                true => drive.found(time),
-                false => [Vector3::zeros(); 2],
+            let known = |time| {
+                if compensated {
+                    drive.found(time)
+                } else {
+                    [Vector3::zeros(); 2]
+                }
             };
             let begin = (start.velocity_enu_mps - before.velocity_enu_mps).xy();
             let errors = drive.free(&drive.log, start, known, to);

@@ -22,13 +22,13 @@ const GOOD_WALK_DEG_SQRT_H: f64 = 0.01;
 pub(super) fn table_2() -> Result<Part> {
     let rows = performance()?;
     let mut csv = "quantity,specification,thesis,ours\n".to_owned();
-    for row in &rows {
+    csv.extend(rows.iter().map(|row| {
         let name = row.name.replace(',', "");
-        csv += &format!(
+        format!(
             "{name},{},{},{:.3}\n",
             row.specification, row.thesis, row.ours
-        );
-    }
+        )
+    }));
     let specification: Vec<String> = rows
         .iter()
         .map(|row| row.specification.to_string())

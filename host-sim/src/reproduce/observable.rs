@@ -15,13 +15,12 @@ pub(super) fn figure_1(drive: &Drive) -> Part {
     let mut csv = "quantity,from_s,to_s\n".to_owned();
     let mut numbers = Vec::new();
     for (stage, intervals) in Stage::ALL.into_iter().zip(&drive.stages.intervals) {
-        let mut seconds = 0.0;
-        for (from, to) in intervals {
-            seconds += to.seconds_since(*from);
+        csv.extend(intervals.iter().map(|(from, to)| {
             let (from, to) = (drive.since(*from), drive.since(*to));
-            csv += &format!("{},{from:.2},{to:.2}\n", stage.title());
-        }
-        let part = 100.0 * seconds / drive.log.duration_s();
+            format!("{},{from:.2},{to:.2}\n", stage.title())
+        }));
+        let seconds = intervals.iter().map(|(from, to)| to.seconds_since(*from));
+        let part = 100.0 * seconds.sum::<f64>() / drive.log.duration_s();
         let what = format!("{} observable, % of the drive", stage.title());
         numbers.push(Number::new(what, None, part));
     }
@@ -75,7 +74,7 @@ fn panel(drive: &Drive, title: &str, stage: Stage) -> Panel {
         keys: vec![
             key(BLUE, "east"),
             key(ORANGE, "north"),
-            key(GREY, "shown by the vehicle"),
+            key(GREY, "grey: manoeuvres that show it"),
         ],
     }
 }

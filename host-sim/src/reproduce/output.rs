@@ -116,8 +116,9 @@ pub fn markdown(reproduction: &Reproduction) -> String {
 pub(super) fn plain(reproduction: &Reproduction) -> String {
     let (header, rows) = reproduction.table();
     let mut text = table::plain(&header, &rows);
-    for missing in &reproduction.not_reproduced {
-        text += &format!("\nNot reproduced: {}: {}.\n", missing.what, missing.why);
-    }
+    text.extend(
+        (reproduction.not_reproduced.iter())
+            .map(|missing| format!("\nNot reproduced: {}: {}.\n", missing.what, missing.why)),
+    );
     text
 }
