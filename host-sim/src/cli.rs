@@ -20,6 +20,7 @@ use crate::flights;
 use crate::hil;
 use crate::log::{self, BodyAxes, Compression, Grade, Log, Meta};
 use crate::output::{self, OutputError};
+use crate::reproduce;
 use crate::sim::{self, DriveConfig, ErrorModel};
 use crate::table;
 use crate::truth::{self, Truth};
@@ -62,6 +63,8 @@ enum Command {
     Campaign(campaign::cli::Campaign),
     /// Add up the shards of a campaign.
     Merge(campaign::cli::Merge),
+    /// Regenerate the thesis's figures and tables from simulation, its numbers beside ours.
+    Reproduce(reproduce::cli::Reproduce),
     /// Measure the figures of the README anew and write them into it.
     Figures(figures::Figures),
     /// Simulate a drive, identify it, and compare with the truth.
@@ -210,6 +213,7 @@ pub fn run(cli: &Cli) -> Result<()> {
         Command::Accuracy(options) => accuracy::cli::accuracy(options, cli.json, cli.force),
         Command::Campaign(options) => campaign::cli::campaign(options, cli.json, cli.force),
         Command::Merge(options) => campaign::cli::merge(options, cli.json),
+        Command::Reproduce(options) => reproduce::cli::reproduce(options, cli.json, cli.force),
         Command::Figures(options) => figures::write(options),
         Command::Demo { out, drive } => demo(out, *drive, cli),
     }

@@ -72,6 +72,20 @@ pub fn identify(
     config: Config,
     progress: &ProgressBar,
 ) -> Result<Identification, ConfigError> {
+    let (run, end) = record(log, config, progress, |_, _| {})?;
+    let found = run.finish(log, config, end);
+    progress.finish_and_clear();
+    Ok(found)
+}
+
+/// Runs the navigator over a log: what it says on the way, and its last words. `after_sample` sees
+/// it after each.
+pub(crate) fn record(
+    log: &Log,
+    config: Config,
+    progress: &ProgressBar,
+    mut after_sample: impl FnMut(&Navigator, Time),
+) -> Result<(Recorder, Row), ConfigError> {
     progress.set_length(log.imu.len() as u64);
     let mut navigator = Navigator::new(config)?;
     let mut run = Recorder::default();
@@ -80,6 +94,7 @@ pub fn identify(
             Event::Imu(sample) => {
                 let outcome = navigator.on_imu(sample);
                 run.on_sample(sample.time, outcome, || row(sample.time, &navigator));
+                after_sample(&navigator, sample.time);
             }
             Event::Gnss(fix) => run.on_fix(navigator.on_gnss(fix)),
         }
@@ -88,15 +103,13 @@ pub fn identify(
         }
     }
     let last = log.imu.last().map_or(Time::default(), |sample| sample.time);
-    let found = run.finish(log, config, row(last, &navigator));
-    progress.finish_and_clear();
-    Ok(found)
+    Ok((run, row(last, &navigator)))
 }
 
 /// Keeps what a navigator says, wherever it runs.
 #[derive(Clone, Debug, Default)]
 pub struct Recorder {
-    history: Vec<Row>,
+    pub(crate) history: Vec<Row>,
     solutions: Vec<Solution>,
     imu_outcomes: Counts<ImuOutcome>,
     gnss_outcomes: Counts<GnssOutcome>,

@@ -49,7 +49,7 @@ pub struct QuantityResult {
     /// Value minus truth, where that is known.
     pub error: Option<f64>,
     /// Since the first sample, until it stays found: near the truth, or, unknown, near its last
-    /// value.
+    /// value. None for what is known only at the end of the log.
     pub settled_s: Option<f64>,
 }
 
@@ -123,7 +123,7 @@ fn settled(input: &Input, track: &Track, which: usize, found: f64) -> Option<f64
     let axes = input.log.meta.body_axes;
     let end = columns(axes, track.points.last()?)[which];
     // The heading moves all the time: without truth it cannot settle.
-    if !end.observable() || (which == 0 && input.truth.is_none()) {
+    if !track.online || !end.observable() || (which == 0 && input.truth.is_none()) {
         return None;
     }
     let off = |point: &Point| match input.truth {

@@ -29,9 +29,11 @@ const TITLES: [&str; 8] = [
     "Gyro z, deg/h",
     "GNSS latency, ms",
 ];
-const COLOURS: [RGBColor; 6] = [
+const COLOURS: [RGBColor; 8] = [
     BLUE,
     GREY,
+    RGBColor(190, 170, 60),
+    RGBColor(70, 170, 180),
     ORANGE,
     GREEN,
     RGBColor(150, 90, 180),
@@ -190,6 +192,8 @@ impl Comparison {
         let names = [
             "exact",
             "literal",
+            "five stages",
+            "repeated",
             "Kalman",
             "smoother",
             "noise / 3",

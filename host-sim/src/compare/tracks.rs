@@ -6,6 +6,7 @@ use ins_core::navigator::ConfigError;
 use ins_core::{Config, Estimates, Solution, Time};
 
 use super::Input;
+use crate::five_stage;
 use crate::identify::identify;
 use crate::kalman::{Filter, Known, Noise, Record, Run, States, smooth};
 
@@ -25,6 +26,8 @@ pub struct Point {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Track {
     pub method: String,
+    /// Whether the estimates are known as the log goes on, not only at its end.
+    pub online: bool,
     pub points: Vec<Point>,
 }
 
@@ -39,7 +42,8 @@ pub fn all(input: &Input) -> Result<Vec<Track>, ConfigError> {
     let mut tracks = vec![
         compensation("compensation, exact", Form::Exact, input)?,
         compensation("compensation, literal", Form::Literal, input)?,
-        // The five-stage post-processing belongs here.
+        five_stage("five stages", five_stage::PUBLISHED, input)?,
+        five_stage("five stages, repeated", five_stage::REPEATED, input)?,
     ];
     tracks.extend(kalman_and_smoother(told, input)?);
     tracks.push(kalman(
@@ -66,6 +70,27 @@ fn compensation(method: &str, form: Form, input: &Input) -> Result<Track, Config
     });
     Ok(Track {
         method: method.to_owned(),
+        online: true,
+        points: points.collect(),
+    })
+}
+
+/// Navigation with all that the stages have found taken out.
+fn five_stage(method: &str, rounds: usize, input: &Input) -> Result<Track, ConfigError> {
+    let found = five_stage::run(input.log, input.config, rounds)?;
+    let points = found.history.iter().filter_map(|row| {
+        Some(Point {
+            time: row.time,
+            estimates: Estimates {
+                azimuth_error_rad: row.estimates.azimuth_error_rad,
+                ..found.estimates
+            },
+            solution: row.solution?,
+        })
+    });
+    Ok(Track {
+        method: method.to_owned(),
+        online: false,
         points: points.collect(),
     })
 }
@@ -80,6 +105,7 @@ fn kalman(method: &str, noise: Noise, input: &Input) -> Result<Track, ConfigErro
     }
     Ok(Track {
         method: method.to_owned(),
+        online: true,
         points,
     })
 }
@@ -110,10 +136,12 @@ fn kalman_and_smoother(told: &str, input: &Input) -> Result<[Track; 2], ConfigEr
     Ok([
         Track {
             method: format!("Kalman, {told}"),
+            online: true,
             points,
         },
         Track {
             method: "its smoother".to_owned(),
+            online: false,
             points: smoothed,
         },
     ])

@@ -9,7 +9,7 @@ use super::cells;
 use crate::aircraft::cessna172;
 use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::flight::Flight;
-use crate::aircraft::performance::performance;
+use crate::aircraft::performance::performance as of_aircraft;
 use crate::aircraft::plan::Plan;
 use crate::error_free::{Worst, strapdown};
 use crate::sim::car::Car;
@@ -18,22 +18,28 @@ use crate::table;
 
 const HOUR_S: u32 = 3600;
 
-/// Specification, the thesis's model (its Table 2), ours.
-pub(super) fn performance_table() -> Result<String> {
+/// A line of the thesis's Table 2.
+pub(crate) struct PerformanceRow {
+    pub(crate) name: &'static str,
+    pub(crate) specification: f64,
+    /// The thesis's model.
+    pub(crate) thesis: f64,
+    pub(crate) ours: f64,
+}
+
+/// The thesis's Table 2.
+pub(crate) fn performance() -> Result<[PerformanceRow; 3]> {
     let dynamics = Dynamics::new(&cessna172());
-    let ours = performance(&dynamics).ok_or_else(|| miette!("the aircraft cannot fly level"))?;
+    let ours = of_aircraft(&dynamics).ok_or_else(|| miette!("the aircraft cannot fly level"))?;
     let published = (dynamics.parameters.specification.as_ref())
         .ok_or_else(|| miette!("the aircraft has no published performance"))?;
-    let row = |name: &str, published: f64, thesis: f64, ours: f64| {
-        vec![
-            name.to_owned(),
-            format!("{published:.1}"),
-            format!("{thesis:.1}"),
-            format!("{ours:.1}"),
-            format!("{:+.1} %", 100.0 * (ours / published - 1.0)),
-        ]
+    let row = |name, specification, thesis, ours| PerformanceRow {
+        name,
+        specification,
+        thesis,
+        ours,
     };
-    let rows = [
+    Ok([
         row(
             "maximum level speed, km/h",
             published.max_speed_kmh,
@@ -52,7 +58,20 @@ pub(super) fn performance_table() -> Result<String> {
             5.0,
             ours.climb_rate_mps,
         ),
-    ];
+    ])
+}
+
+/// Specification, the thesis's model, ours.
+pub(super) fn performance_table() -> Result<String> {
+    let rows = performance()?.map(|row| {
+        vec![
+            row.name.to_owned(),
+            format!("{:.1}", row.specification),
+            format!("{:.1}", row.thesis),
+            format!("{:.1}", row.ours),
+            format!("{:+.1} %", 100.0 * (row.ours / row.specification - 1.0)),
+        ]
+    });
     let header = cells([
         "",
         "specification",

@@ -16,7 +16,9 @@ use miette::{Result, miette};
 
 use crate::flights;
 use crate::output::{self, OutputError};
+use crate::reproduce;
 use crate::table::cells;
+pub(crate) use aircraft::performance;
 use readme::Readme;
 
 /// Options of `figures`.
@@ -65,6 +67,8 @@ enum Part {
     Aircraft,
     /// Flights without GNSS; some minutes.
     Flights,
+    /// The thesis's figures and tables beside ours.
+    Reproduce,
     /// Mechanization on ideal sensors.
     ErrorFree,
     /// The example of the core's documentation.
@@ -123,6 +127,7 @@ impl Part {
             Self::Campaign => identification::campaign(root),
             Self::Aircraft => aircraft::performance_table(),
             Self::Flights => flights::cli::page(options.runs.min(200)),
+            Self::Reproduce => reproduce::cli::page(),
             Self::ErrorFree => aircraft::error_free(root),
             Self::Example => readme::example(&root.join("core/src/lib.rs")),
         }

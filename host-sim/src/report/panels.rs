@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::plot::{BLUE, GREEN, GREY, Mark, ORANGE, Plot, RED, padded};
 use crate::against_truth::Point;
+use crate::five_stage::Stage;
 use crate::held_ins::Error;
 use crate::identify::{Identification, Row};
 use crate::log::Log;
@@ -16,6 +17,18 @@ pub(super) const SMALL: (u32, u32) = (460, 210);
 const WIDE: (u32, u32) = (940, 230);
 /// Errors below are drawn here, m and m/s.
 const LEAST_ERROR: f64 = 1e-3;
+
+/// The stage that shows each estimate in manoeuvres of its own; the others show all the time.
+const STAGES: [Option<Stage>; 8] = [
+    Some(Stage::Azimuth),
+    Some(Stage::LevelAccels),
+    Some(Stage::LevelAccels),
+    None,
+    None,
+    None,
+    None,
+    Some(Stage::Latency),
+];
 
 /// A plot with its heading and the meaning of its colours.
 #[derive(Serialize)]
@@ -78,6 +91,7 @@ pub(super) fn estimates(
                 .iter()
                 .map(|(time, columns)| (*time, columns[index].1))
                 .collect();
+            let shown = STAGES[index].map_or_else(Vec::new, |stage| observable(found, stage));
             let mut title = titles[index].to_owned();
             if (1..=6).contains(&index) {
                 title = format!("{title} ({})", axes.direction((index - 1) % 3));
@@ -90,22 +104,42 @@ pub(super) fn estimates(
                 y: settled_range(&series, truths[index]),
                 marks: Vec::new(),
             };
-            estimate(title, plot, &series, truths[index])
+            estimate(title, plot, &series, truths[index], shown)
         })
         .collect()
 }
 
-fn estimate(title: String, axes: Plot, series: &[(f64, Quantity)], truth: Option<f64>) -> Panel {
+/// When the quantity of a stage was observable, s since the first sample.
+fn observable(found: &Identification, stage: Stage) -> Vec<(f64, f64)> {
+    let seconds = |(from, to)| (since(found, from), since(found, to));
+    let intervals = stage.intervals(&found.history);
+    intervals.into_iter().map(seconds).collect()
+}
+
+fn estimate(
+    title: String,
+    axes: Plot,
+    series: &[(f64, Quantity)],
+    truth: Option<f64>,
+    shown: Vec<(f64, f64)>,
+) -> Panel {
     let x = axes.x;
     let band = series
         .iter()
         .map(|(t, q)| (*t, q.value - q.sigma, q.value + q.sigma))
         .collect();
     let line = series.iter().map(|(t, q)| (*t, q.value)).collect();
-    let mut marks = vec![Mark::Band(band, BLUE), Mark::Line(line, BLUE)];
-    let mut keys = vec![key(BLUE, "estimate, band: one sigma")];
+    let mut marks = vec![
+        Mark::Shade(shown, GREY),
+        Mark::Band(band, BLUE),
+        Mark::Line(line, BLUE),
+    ];
+    let mut keys = vec![
+        key(BLUE, "estimate, band: one sigma"),
+        key(GREY, "grey: manoeuvres that show it"),
+    ];
     if let Some(truth) = truth {
-        marks.insert(1, Mark::Reference(vec![(x.0, truth), (x.1, truth)], RED));
+        marks.insert(2, Mark::Reference(vec![(x.0, truth), (x.1, truth)], RED));
         keys.push(key(RED, "truth"));
     }
     Panel {
@@ -391,7 +425,7 @@ fn equal_scale(marks: &[Mark], size: (u32, u32)) -> ((f64, f64), (f64, f64)) {
         .iter()
         .flat_map(|mark| match mark {
             Mark::Line(points, _) | Mark::Reference(points, _) => points.as_slice(),
-            Mark::Pale(..) | Mark::Band(..) => &[],
+            Mark::Pale(..) | Mark::Band(..) | Mark::Shade(..) => &[],
         })
         .copied()
         .collect();

@@ -21,6 +21,8 @@ pub(crate) enum Mark {
     Pale(Vec<(f64, f64)>, RGBColor),
     /// The area between a lower and an upper line: x, lower, upper.
     Band(Vec<(f64, f64, f64)>, RGBColor),
+    /// Intervals of x, over the whole height.
+    Shade(Vec<(f64, f64)>, RGBColor),
 }
 
 /// Axes and what is drawn in them.
@@ -108,6 +110,13 @@ impl Plot {
                 }
                 Mark::Pale(points, colour) => {
                     chart.draw_series(LineSeries::new(self.inside(points), colour.mix(0.25)))?;
+                }
+                Mark::Shade(intervals, colour) => {
+                    let (low, high) = self.y;
+                    let bar = |&(from, to): &(f64, f64)| {
+                        Rectangle::new([(from, low), (to, high)], colour.mix(0.2).filled())
+                    };
+                    chart.draw_series(intervals.iter().map(bar))?;
                 }
                 Mark::Band(points, colour) => {
                     let outline = self.inside(&outline(points));

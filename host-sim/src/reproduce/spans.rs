@@ -1,0 +1,165 @@
+//! Table 1: how far the velocity error of a free INS swings at rest, in a car and in an aircraft.
+
+use ins_core::Solution;
+use ins_core::increments::{Increments, Interval};
+use miette::{IntoDiagnostic, Result};
+use nalgebra::Vector2;
+use rayon::prelude::*;
+
+use super::{GRADE, Number, Part, Settings, csv};
+use crate::accuracy::config_of;
+use crate::flights::route::Route;
+use crate::held_ins::HeldIns;
+use crate::report::panels::{Panel, key};
+use crate::report::plot::{BLUE, Mark, ORANGE, Plot, padded};
+use crate::report::sheet;
+use crate::sim::car::Car;
+use crate::sim::{DriveConfig, Motion, SimulatedDrive, record};
+
+/// The thesis's spans, east and north, m/s.
+const VEHICLES: [(&str, [f64; 2]); 3] = [
+    ("at rest", [13.0, 9.0]),
+    ("car", [134.0, 70.0]),
+    ("light aircraft", [72.0, 94.0]),
+];
+
+/// Velocity errors, east and north, once a second.
+type Errors = Vec<(f64, Vector2<f64>)>;
+
+pub(super) fn table_1(settings: &Settings, route: &Route) -> Result<Part> {
+    let seeds = settings.seed..settings.seed.saturating_add(settings.units);
+    let units = seeds
+        .into_par_iter()
+        .map(|seed| unit(seed, settings.unit_minutes, route))
+        .collect::<Result<Vec<[Errors; 3]>>>()?;
+    let mut numbers = Vec::new();
+    for (which, (vehicle, thesis)) in VEHICLES.into_iter().enumerate() {
+        for (axis, direction) in ["east", "north"].into_iter().enumerate() {
+            let mut spans: Vec<f64> = units.iter().map(|unit| span(&unit[which], axis)).collect();
+            spans.sort_by(f64::total_cmp);
+            let what = format!("span {vehicle}, {direction}, m/s");
+            numbers.push(Number::new(what, Some(thesis[axis]), median(&spans)));
+        }
+    }
+    let first = units.first();
+    Ok(Part {
+        name: "table-1",
+        title: "Table 1: span of the velocity error of a free INS",
+        how: format!(
+            "Largest less smallest error over {:.0} min from an error-free start, readings as they \
+             are, height held by a barometer: median of {} units. The thesis has one unit and one \
+             interval of each, of a length not known here: an illustration, not a target.",
+            settings.unit_minutes,
+            units.len()
+        ),
+        numbers,
+        svg: first.map(picture),
+        csv: first.map_or(String::new(), data),
+    })
+}
+
+fn median(sorted: &[f64]) -> f64 {
+    match sorted.len() {
+        0 => f64::NAN,
+        n => 0.5 * (sorted[(n - 1) / 2] + sorted[n / 2]),
+    }
+}
+
+fn span(errors: &Errors, axis: usize) -> f64 {
+    let values = errors.iter().map(|(_, error)| error[axis]);
+    let (low, high) = values.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
+    high - low
+}
+
+/// The same unit at rest, in a car and in an aircraft.
+fn unit(seed: u64, minutes: f64, route: &Route) -> Result<[Errors; 3]> {
+    let mut config = DriveConfig::new(seed, GRADE, minutes);
+    let recording = &mut config.recording;
+    recording.truth_every = 1;
+    let duration_s = recording.duration_s;
+    let rest = Car::new(seed, duration_s, Some([duration_s + 1.0, duration_s + 2.0]));
+    let car = Car::new(seed, duration_s, None);
+    let grounded = [run(rest, &config), run(car, &config)];
+    config.recording.origin = route.plan().start.position;
+    let flight = route.flight(seed, duration_s).into_diagnostic()?;
+    flight.duration_s().into_diagnostic()?;
+    let [rest, car] = grounded;
+    Ok([rest, car, run(flight, &config)])
+}
+
+fn run(motion: impl Motion, config: &DriveConfig) -> Errors {
+    let SimulatedDrive { imu, truth, .. } = record(motion, &config.recording);
+    let damping = config_of(GRADE).damping;
+    let step_s = 1.0 / config.recording.imu_hz;
+    let Some((first, start)) = imu.first().zip(truth.first()) else {
+        return Errors::new();
+    };
+    let mut ins = HeldIns::new(start);
+    let mut increments = Increments::new(config.recording.errors.imu.output, first);
+    let mut errors = Errors::new();
+    // The truth begins one interval before the samples.
+    for (count, (sample, pair)) in (1_u32..).zip(imu.iter().zip(truth.windows(2))) {
+        let interval: Interval = increments.interval(sample, step_s);
+        let [before, now]: &[Solution; 2] = pair.try_into().expect("windows of two");
+        ins.step(&interval, before.position.height_m, &damping);
+        if count.is_multiple_of(100) {
+            errors.push((now.time.as_seconds(), ins.velocity_error_mps(now)));
+        }
+    }
+    errors
+}
+
+fn picture(unit: &[Errors; 3]) -> String {
+    let panel = |(errors, (vehicle, _)): (&Errors, (&str, _))| {
+        let line = |axis: usize| -> Vec<(f64, f64)> {
+            let thinned = errors.iter().step_by(10);
+            thinned.map(|(t, error)| (*t, error[axis])).collect()
+        };
+        let lines = [line(0), line(1)];
+        let end_s = errors.last().map_or(1.0, |point| point.0);
+        Panel {
+            title: format!("Free velocity error, {vehicle}"),
+            svg: Plot {
+                size: sheet::CELL,
+                x_label: "time, s".to_owned(),
+                y_label: "m/s".to_owned(),
+                x: (0.0, end_s),
+                y: padded(lines.iter().flatten().map(|point| point.1), 1e-2),
+                marks: lines
+                    .into_iter()
+                    .zip([BLUE, ORANGE])
+                    .map(|(points, colour)| Mark::Line(points, colour))
+                    .collect(),
+            }
+            .svg(),
+            keys: vec![key(BLUE, "east"), key(ORANGE, "north")],
+        }
+    };
+    let panels: Vec<Panel> = unit.iter().zip(VEHICLES).map(panel).collect();
+    sheet::svg(&panels)
+}
+
+fn data(unit: &[Errors; 3]) -> String {
+    let [rest, car, aircraft] = unit;
+    let rows = rest
+        .iter()
+        .zip(car)
+        .zip(aircraft)
+        .map(|((rest, car), aircraft)| {
+            let mut row = vec![rest.0];
+            row.extend([rest.1, car.1, aircraft.1].iter().flat_map(|v| [v.x, v.y]));
+            row
+        });
+    csv(
+        &[
+            "time_s",
+            "rest_east_mps",
+            "rest_north_mps",
+            "car_east_mps",
+            "car_north_mps",
+            "aircraft_east_mps",
+            "aircraft_north_mps",
+        ],
+        rows,
+    )
+}
