@@ -161,7 +161,6 @@ impl History {
     ///
     /// # Errors
     /// [`Missing`] if it does not.
-    #[inline(never)]
     pub fn at(&self, time: Time, wait: bool) -> Result<Past, Missing> {
         let mut older = self.moments.iter().rev();
         let (Some(mut end), Some(mut start)) = (older.next(), older.next()) else {

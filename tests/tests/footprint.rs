@@ -4,15 +4,18 @@ use host_sim::hil::Board;
 use ins_tests::footprint::{goal, ours};
 
 /// Not at their goals yet: as measured, and some hundredths for a change of the compiler's mind.
-const AMORTISED: u64 = 2600;
 const STACK_BYTES: u64 = 2450;
-const FLASH_BYTES: u64 = 82_000;
+const FLASH_BYTES: u64 = 62_000;
 
 #[test]
 fn the_core_on_cortex_m7_is_within_its_budgets() -> Result<(), Box<dyn std::error::Error>> {
     let footprint = ours(Board::CortexM7)?;
     let budgets = [
-        ("instructions per sample", footprint.amortised(), AMORTISED),
+        (
+            "instructions per sample",
+            footprint.amortised(),
+            goal::AMORTISED,
+        ),
         (
             "instructions of the worst call",
             footprint.worst(),

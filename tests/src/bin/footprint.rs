@@ -36,8 +36,8 @@ const ROWS: [Row; 8] = [
 ];
 
 const REMARKS: &str = "\
-Ours with position and velocity, and flash with the whole interface. The peers with velocity, flash
-with only the calls that this takes; they are told the heading at the start and the latency.
+Flash is that of the calls this takes. Ours takes position and velocity, and finds its heading; the
+peers take velocity, and are told the heading at the start and the latency.
 Instructions are not cycles: those need a board (firmware-example/README.md).";
 
 fn main() -> ExitCode {
