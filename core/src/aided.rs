@@ -216,6 +216,7 @@ impl AidedIns {
 
     /// What is left to do after an interval: at most one fix or one piece of the estimators' work
     /// a call, to keep the longest call short, unless samples are rare.
+    #[inline(never)]
     pub fn follow_up(&mut self, config: &Config) {
         let due = self.work_left;
         let remembers = self.history.wants(self.now.time);

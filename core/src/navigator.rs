@@ -94,13 +94,19 @@ impl Navigator {
     // Never inlined, nor is the next: what they cost, on the stack too, is then not the caller's.
     #[inline(never)]
     pub fn on_imu(&mut self, sample: &ImuSample) -> ImuOutcome {
-        self.state.on_imu(sample, &self.config)
+        let outcome = self.state.on_imu(sample, &self.config);
+        if matches!(outcome, ImuOutcome::Accepted | ImuOutcome::Bridged) {
+            self.state.follow_up(&self.config);
+        }
+        outcome
     }
 
     /// Takes one GNSS fix, in order of time.
     #[inline(never)]
     pub fn on_gnss(&mut self, fix: &GnssFix) -> GnssOutcome {
-        self.state.on_gnss(fix, &self.config)
+        let outcome = self.state.on_gnss(fix, &self.config);
+        self.state.navigate_once_aligned(&self.config);
+        outcome
     }
 
     /// The configuration it runs with.
@@ -166,6 +172,7 @@ impl Navigator {
 }
 
 impl State {
+    #[inline(never)]
     fn on_imu(&mut self, sample: &ImuSample, config: &Config) -> ImuOutcome {
         if !(math::all_finite(&sample.gyro) && math::all_finite(&sample.accel)) {
             return ImuOutcome::NotFinite;
@@ -188,17 +195,12 @@ impl State {
         let interval = increments.interval(sample, seconds);
         *last = sample.time;
         match &mut self.mode {
-            Mode::Aligning(alignment) => {
-                if let Some(aligned) = alignment.on_interval(sample.time, &interval, config) {
-                    self.navigate_from(sample.time, &aligned, config);
-                }
-            }
+            Mode::Aligning(alignment) => alignment.on_interval(sample.time, &interval, config),
             Mode::Navigating(ins) => {
                 if hole {
                     ins.on_hole(seconds);
                 }
                 ins.on_interval(sample.time, &interval, config);
-                ins.follow_up(config);
             }
         }
         if hole {
@@ -264,15 +266,34 @@ impl State {
         }
     }
 
+    /// What is left to do once a sample is integrated. Not within [`Self::on_imu`]: stacks add up.
+    fn follow_up(&mut self, config: &Config) {
+        match &mut self.mode {
+            Mode::Aligning(_) => self.navigate_once_aligned(config),
+            Mode::Navigating(ins) => ins.follow_up(config),
+        }
+    }
+
+    fn navigate_once_aligned(&mut self, config: &Config) {
+        if let Mode::Aligning(alignment) = &self.mode
+            && alignment.aligned().is_some()
+        {
+            self.navigate(config);
+        }
+    }
+
     /// Rare and large: its temporaries must not lie on the stack of every sample.
     #[inline(never)]
-    fn navigate_from(&mut self, time: Time, aligned: &Mechanization, config: &Config) {
-        if let Mode::Aligning(alignment) = &self.mode {
-            let ins = AidedIns::new(time, aligned, alignment.known(), config);
+    fn navigate(&mut self, config: &Config) {
+        if let (Mode::Aligning(alignment), Some((now, _))) = (&self.mode, &self.inertial)
+            && let Some(aligned) = alignment.aligned()
+        {
+            let ins = AidedIns::new(*now, aligned, alignment.known(), config);
             self.mode = Mode::Navigating(ins);
         }
     }
 
+    #[inline(never)]
     fn on_gnss(&mut self, fix: &GnssFix, config: &Config) -> GnssOutcome {
         if let Err(outcome) = check(fix) {
             return outcome;
@@ -294,9 +315,7 @@ impl State {
         let outcome = match &mut self.mode {
             Mode::Navigating(ins) => ins.on_fix(fix, config),
             Mode::Aligning(alignment) => {
-                if let Some(aligned) = alignment.on_fix(now, fix, config) {
-                    self.navigate_from(now, &aligned, config);
-                }
+                alignment.on_fix(now, fix, config);
                 GnssOutcome::Accepted
             }
         };

@@ -67,6 +67,7 @@ pub struct Alignment {
     coarse_turn_rad: f64,
     last_fix: Option<GnssFix>,
     finding: Option<Finding>,
+    aligned: Option<Mechanization>,
 }
 
 /// A level INS that points anywhere, and what it has seen.
@@ -100,6 +101,7 @@ impl Alignment {
             coarse_turn_rad: 0.0,
             last_fix: None,
             finding: None,
+            aligned: None,
         }
     }
 
@@ -142,19 +144,21 @@ impl Alignment {
         };
     }
 
-    /// Takes the interval that ends at `time`. Returns the INS to start from, once it is aligned;
-    /// the spread of its azimuth is then [`Self::known`].
-    pub fn on_interval(
-        &mut self,
-        time: Time,
-        interval: &Interval,
-        config: &Config,
-    ) -> Option<Mechanization> {
+    /// The INS to start from, once it is aligned; the spread of its azimuth is then
+    /// [`Self::known`].
+    pub fn aligned(&self) -> Option<&Mechanization> {
+        self.aligned.as_ref()
+    }
+
+    /// Takes the interval that ends at `time`.
+    pub fn on_interval(&mut self, time: Time, interval: &Interval, config: &Config) {
         let verdict = self.detector.on_interval(interval);
         let Some(finding) = &mut self.finding else {
             self.level_coarsely(interval);
-            let level = self.level(time, verdict?, config)?;
-            return self.end_levelling(time, &level);
+            if let Some(level) = verdict.and_then(|verdict| self.level(time, verdict, config)) {
+                self.aligned = self.end_levelling(time, &level);
+            }
+            return;
         };
         let gyro_radps = compensation(&self.known, config);
         let interval = interval.without_bias(&gyro_radps, &self.known.vector(index::ACCEL));
@@ -164,15 +168,18 @@ impl Alignment {
             rest.add(&block);
             self.level_again(time, &rest, config);
         }
-        None
     }
 
-    /// Takes a fix; `now` is the last inertial stamp. Returns the INS as above.
-    pub fn on_fix(&mut self, now: Time, fix: &GnssFix, config: &Config) -> Option<Mechanization> {
+    /// Takes a fix; `now` is the last inertial stamp.
+    pub fn on_fix(&mut self, now: Time, fix: &GnssFix, config: &Config) {
         self.last_fix = Some(*fix);
         if fix.is_moving(config) {
             self.detector.on_motion();
         }
+        self.aligned = self.find_heading(now, fix);
+    }
+
+    fn find_heading(&mut self, now: Time, fix: &GnssFix) -> Option<Mechanization> {
         let (velocity, position) = (fix.velocity_en_mps?, fix.position?);
         let finding = self.finding.as_mut()?;
         let seconds = now.seconds_since(finding.since);
