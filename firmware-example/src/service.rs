@@ -88,7 +88,7 @@ impl Service {
                 bytes_lost: self.bytes_lost,
                 log_lines_lost: board::log_lines_lost(),
                 stack_bytes: board::take_deepest_stack_bytes(),
-                stack_at_call_bytes: self.gauge.stack_bytes.get(),
+                call_stack_bytes: self.gauge.stack_bytes.get(),
             }),
         }
     }
@@ -106,7 +106,7 @@ impl Service {
     }
 }
 
-/// Looks at calls from outside: their time, and how much stack is in use when they begin.
+/// Looks at calls from outside: their time, and with the feature `call-stack` the deepest stack.
 struct Gauge {
     clock: Clock,
     stack_bytes: Cell<u32>,
@@ -114,7 +114,11 @@ struct Gauge {
 
 impl Timer for Gauge {
     fn time<T>(&self, work: impl FnOnce() -> T) -> (T, u32) {
-        self.stack_bytes.set(board::stack_bytes());
-        self.clock.time(work)
+        if !cfg!(feature = "call-stack") {
+            return self.clock.time(work);
+        }
+        let (timed, bytes) = board::stack_of_call(|| self.clock.time(work));
+        self.stack_bytes.set(bytes.max(self.stack_bytes.get()));
+        timed
     }
 }

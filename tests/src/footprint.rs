@@ -1,5 +1,7 @@
 //! What a navigator costs on a microcontroller, counted in the emulator.
 
+use std::path::Path;
+
 use host_sim::hil::bench::requests;
 use host_sim::hil::emulator::{Pace, Way};
 use host_sim::hil::session::{Event, Rate};
@@ -9,7 +11,7 @@ use ins_core::config::HeadingSource;
 use ins_core::{Config, GnssOutcome, ImuOutcome, Phase, Time};
 use ins_link::{Reply, Request};
 
-use crate::firmware::{flash_bytes, image, peer_image, session};
+use crate::firmware::{flash_bytes, image, image_with, peer_image};
 
 type Failure = Box<dyn std::error::Error>;
 
@@ -65,8 +67,7 @@ pub struct Footprint {
     pub fixes: Calls,
     /// RAM of the navigator.
     pub state_bytes: u64,
-    /// Deepest stack below the point where it is called: no less than some 2 KiB, which the link
-    /// takes there.
+    /// Deepest stack of a call.
     pub stack_bytes: u64,
     /// Code and constants of a program that calls it and does nothing else.
     pub flash_bytes: u64,
@@ -89,7 +90,8 @@ pub fn ours(board: Board) -> Result<Footprint, Failure> {
     let (drive, config) = drive();
     let flash_bytes = flash_bytes(&image(board, "core_only")?)?;
     let requests = requests(&drive.imu, &drive.gnss);
-    let footprint = measure(session(board, Pace::Counting)?, config, requests)?;
+    let image = image_with(board, "console", &["--features", "call-stack"])?;
+    let footprint = measure(board, &image, config, requests)?;
     Ok(Footprint {
         flash_bytes,
         ..footprint
@@ -113,8 +115,7 @@ pub fn peer(program: &str) -> Result<Footprint, Failure> {
     });
     let flash_bytes = flash_bytes(&peer_image(&format!("{program}_only"))?)?;
     let image = peer_image(program)?;
-    let emulator = Emulator::boot(Board::CortexM7, &image, Way::Console, Pace::Counting)?;
-    let footprint = measure(Session::open(emulator, 1)?, config, requests)?;
+    let footprint = measure(Board::CortexM7, &image, config, requests)?;
     Ok(Footprint {
         flash_bytes,
         ..footprint
@@ -134,13 +135,14 @@ fn drive() -> (SimulatedDrive, Config) {
 }
 
 fn measure(
-    mut session: Session<Emulator>,
+    board: Board,
+    image: &Path,
     config: Config,
     requests: impl Iterator<Item = Request>,
 ) -> Result<Footprint, Failure> {
+    let emulator = Emulator::boot(board, image, Way::Console, Pace::Counting)?;
+    let mut session = Session::open(emulator, 1)?;
     let started = session.start(config, 0)?;
-    // Paints the stack anew: what starting took is not asked.
-    session.status()?;
     let instructions_per_tick = session.hello.clocks_per_tick.into();
     let mut footprint = Footprint {
         state_bytes: started.state_bytes.into(),
@@ -159,7 +161,7 @@ fn measure(
     if samples.refused > 0 || fixes.refused * 100 > fixes.count {
         return Err(format!("refused too much: {footprint:?}").into());
     }
-    footprint.stack_bytes = u64::from(status.stack_bytes - status.stack_at_call_bytes);
+    footprint.stack_bytes = status.call_stack_bytes.into();
     Ok(footprint)
 }
 

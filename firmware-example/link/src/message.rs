@@ -211,6 +211,6 @@ pub struct Status {
     pub log_lines_lost: u32,
     /// Deepest stack since the last status, bytes.
     pub stack_bytes: u32,
-    /// Stack in use when the core was called last, bytes.
-    pub stack_at_call_bytes: u32,
+    /// Deepest stack of a call of the core, bytes; zero unless the firmware measures it.
+    pub call_stack_bytes: u32,
 }

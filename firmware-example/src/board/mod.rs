@@ -9,7 +9,7 @@ mod uart;
 
 pub use clock::{CLOCKS_PER_TICK, Clock};
 pub use log::{lines_lost as log_lines_lost, take as take_log};
-pub use stack::{take_deepest_bytes as take_deepest_stack_bytes, used_bytes as stack_bytes};
+pub use stack::{of_call as stack_of_call, take_deepest_bytes as take_deepest_stack_bytes};
 pub use uart::{QUEUE_BYTES, Uart};
 
 /// What the board offers.

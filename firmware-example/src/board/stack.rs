@@ -28,12 +28,31 @@ pub fn take_deepest_bytes() -> u32 {
     deepest
 }
 
-/// Bytes in use by the caller.
-pub fn used_bytes() -> u32 {
-    depth(cortex_m::register::msp::read() as usize)
+/// Calls `work` and says how many bytes of stack it took, as far as [`WINDOW_BYTES`]. Paints them
+/// first, which takes thousands of cycles.
+#[inline(never)]
+pub fn of_call<T>(work: impl FnOnce() -> T) -> (T, u32) {
+    let here = cortex_m::register::msp::read() as usize;
+    let end = (&raw const _stack_end).addr();
+    let bottom = end.max(here.saturating_sub(WINDOW_BYTES)) as *mut u32;
+    let mut word = bottom;
+    while word.addr() < here - OWN_FRAME_BYTES {
+        // SAFETY: RAM of the stack, below the stack pointer, where nothing lives.
+        unsafe { word.write_volatile(STACK_PAINT_VALUE) };
+        word = word.wrapping_add(1);
+    }
+    let result = work();
+    let mut word = bottom;
+    // SAFETY: RAM of the stack, and reading has no effect.
+    while word.addr() < here && unsafe { word.read_volatile() } == STACK_PAINT_VALUE {
+        word = word.wrapping_add(1);
+    }
+    (result, (here - word.addr()) as u32)
 }
 
-/// More than [`take_deepest_bytes`] itself may have below the stack pointer it reads.
+/// Deepest call that [`of_call`] can measure.
+const WINDOW_BYTES: usize = 16 * 1024;
+/// More than a function here may have below the stack pointer it reads.
 const OWN_FRAME_BYTES: usize = 64;
 
 fn depth(address: usize) -> u32 {

@@ -25,7 +25,7 @@ pub fn serve<P: Peer>() -> ! {
         heading_rad: 0.0,
         first: None,
         peer: None,
-        stack_at_call_bytes: 0,
+        call_stack_bytes: 0,
     };
     match service.run() {
         Ok(()) => process::exit(0),
@@ -42,7 +42,7 @@ struct Service<P> {
     first: Option<ImuSample>,
     /// None until the first fix.
     peer: Option<P>,
-    stack_at_call_bytes: u32,
+    call_stack_bytes: u32,
 }
 
 impl<P: Peer> Service<P> {
@@ -88,7 +88,7 @@ impl<P: Peer> Service<P> {
             Request::Gnss(fix) => self.on_gnss(fix),
             Request::Status => Reply::Status(Status {
                 stack_bytes: board::take_deepest_stack_bytes(),
-                stack_at_call_bytes: self.stack_at_call_bytes,
+                call_stack_bytes: self.call_stack_bytes,
                 ..Status::default()
             }),
         }
@@ -98,9 +98,11 @@ impl<P: Peer> Service<P> {
         self.first.get_or_insert(*sample);
         let (mut taken, mut ticks) = (true, 0);
         if let Some(peer) = &mut self.peer {
-            self.stack_at_call_bytes = board::stack_bytes();
             if let Some(sample) = black_box(P::sample(sample)) {
-                (taken, ticks) = self.clock.time(|| black_box(P::on_imu)(peer, sample));
+                let call = || self.clock.time(|| black_box(P::on_imu)(peer, sample));
+                let timed = board::stack_of_call(call);
+                (taken, ticks) = timed.0;
+                self.call_stack_bytes = self.call_stack_bytes.max(timed.1);
             }
         }
         Reply::Imu(Ok(SampleReply {
@@ -118,15 +120,15 @@ impl<P: Peer> Service<P> {
         let (mut taken, mut ticks) = (true, 0);
         match (&mut self.peer, &self.first) {
             (Some(peer), _) => {
-                self.stack_at_call_bytes = board::stack_bytes();
                 if let Some(fix) = black_box(P::fix(fix)) {
-                    (taken, ticks) = self.clock.time(|| black_box(P::on_gnss)(peer, fix));
+                    let call = || self.clock.time(|| black_box(P::on_gnss)(peer, fix));
+                    let timed = board::stack_of_call(call);
+                    (taken, ticks) = timed.0;
+                    self.call_stack_bytes = self.call_stack_bytes.max(timed.1);
                 }
             }
             (peer, Some(first)) => {
                 *peer = AtRest::new(first, fix, self.heading_rad).and_then(|start| P::new(&start));
-                // Paints the stack anew: what starting took is not asked.
-                board::take_deepest_stack_bytes();
             }
             (None, None) => {}
         }
