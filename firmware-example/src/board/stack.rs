@@ -28,10 +28,10 @@ pub fn take_deepest_bytes() -> u32 {
     deepest
 }
 
-/// Calls `work` and says how many bytes of stack it took, as far as [`WINDOW_BYTES`]. Paints them
+/// Makes a call and says how many bytes of stack it took, as far as [`WINDOW_BYTES`]. Paints them
 /// first, which takes thousands of cycles.
 #[inline(never)]
-pub fn of_call<T>(work: impl FnOnce() -> T) -> (T, u32) {
+pub fn of_call<T>(call: impl FnOnce() -> T) -> (T, u32) {
     let here = cortex_m::register::msp::read() as usize;
     let end = (&raw const _stack_end).addr();
     let bottom = end.max(here.saturating_sub(WINDOW_BYTES)) as *mut u32;
@@ -41,7 +41,7 @@ pub fn of_call<T>(work: impl FnOnce() -> T) -> (T, u32) {
         unsafe { word.write_volatile(STACK_PAINT_VALUE) };
         word = word.wrapping_add(1);
     }
-    let result = work();
+    let result = call();
     let mut word = bottom;
     // SAFETY: RAM of the stack, and reading has no effect.
     while word.addr() < here && unsafe { word.read_volatile() } == STACK_PAINT_VALUE {

@@ -97,13 +97,13 @@ impl<P: Peer> Service<P> {
     fn on_imu(&mut self, sample: &ImuSample) -> Reply {
         self.first.get_or_insert(*sample);
         let (mut taken, mut ticks) = (true, 0);
-        if let Some(peer) = &mut self.peer {
-            if let Some(sample) = black_box(P::sample(sample)) {
-                let call = || self.clock.time(|| black_box(P::on_imu)(peer, sample));
-                let timed = board::stack_of_call(call);
-                (taken, ticks) = timed.0;
-                self.call_stack_bytes = self.call_stack_bytes.max(timed.1);
-            }
+        if let Some(peer) = &mut self.peer
+            && let Some(sample) = black_box(P::sample(sample))
+        {
+            let call = || self.clock.time(|| black_box(P::on_imu)(peer, sample));
+            let timed = board::stack_of_call(call);
+            (taken, ticks) = timed.0;
+            self.call_stack_bytes = self.call_stack_bytes.max(timed.1);
         }
         Reply::Imu(Ok(SampleReply {
             outcome: if taken {
