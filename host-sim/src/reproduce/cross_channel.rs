@@ -4,11 +4,11 @@ use ins_core::Solution;
 use nalgebra::Vector3;
 
 use super::drive::Drive;
+use super::velocity_plot::{Line, panel};
 use super::{Number, Part, csv, rms};
 use crate::five_stage::Stage;
 use crate::identify::Row;
-use crate::report::panels::{Panel, key};
-use crate::report::plot::{GREEN, GREY, Mark, Plot, RED, padded};
+use crate::report::plot::{GREEN, GREY, RED};
 use crate::report::sheet;
 
 /// Gain of speed worth a look, m/s.
@@ -97,33 +97,18 @@ fn gains(drive: &Drive) -> Vec<Gain> {
 }
 
 fn picture(gains: &[Gain]) -> String {
-    let line = |which: usize| -> Vec<(f64, f64)> {
-        let points = gains.iter();
-        points
+    let line = |name, colour, which: usize| Line {
+        name,
+        colour,
+        points: gains
+            .iter()
             .map(|gain| (gain.end_s, gain.across_mps[which]))
-            .collect()
-    };
-    let lines = [line(0), line(2), line(1)];
-    let end_s = gains.last().map_or(1.0, |gain| gain.end_s);
-    let plot = Plot {
-        size: sheet::CELL,
-        x_label: "time, s".to_owned(),
-        y_label: "m/s".to_owned(),
-        x: (0.0, end_s),
-        y: padded(lines.iter().flatten().map(|point| point.1), 1e-2),
-        marks: lines
-            .into_iter()
-            .zip([RED, GREY, GREEN])
-            .map(|(points, colour)| Mark::Line(points, colour))
             .collect(),
     };
-    sheet::svg(&[Panel {
-        title: "Velocity error across".to_owned(),
-        svg: plot.svg(),
-        keys: vec![
-            key(RED, "heading as given"),
-            key(GREEN, "azimuth compensated"),
-            key(GREY, "true attitude"),
-        ],
-    }])
+    let lines = vec![
+        line("heading as given", RED, 0),
+        line("true attitude", GREY, 2),
+        line("azimuth compensated", GREEN, 1),
+    ];
+    sheet::svg(&[panel("Velocity error across".to_owned(), lines)])
 }

@@ -5,11 +5,11 @@ use nalgebra::{Vector2, Vector3};
 use rayon::prelude::*;
 
 use super::drive::Drive;
+use super::velocity_plot::{Line, panel};
 use super::{Number, Part, csv, rms};
 use crate::identify::Row;
 use crate::log::Log;
-use crate::report::panels::{Panel, key};
-use crate::report::plot::{GREEN, Mark, Plot, RED, padded};
+use crate::report::plot::{GREEN, RED};
 use crate::report::sheet;
 
 /// When the running estimates are good enough to let an INS go on them, s.
@@ -127,37 +127,23 @@ fn thinned<'a>(
 }
 
 fn picture(drive: &Drive, velocities: &Velocities) -> String {
-    let panel = |title: &str, axis: usize| {
-        let line = |errors: &Errors| -> Vec<(f64, f64)> {
-            thinned(drive, errors)
+    let axis = |title: &str, axis: usize| {
+        let line = |name, colour, errors: &Errors| Line {
+            name,
+            colour,
+            points: thinned(drive, errors)
                 .map(|(t, error)| (t, error[axis]))
-                .collect()
+                .collect(),
         };
-        let lines = [line(&velocities.as_read), line(&velocities.history)];
-        Panel {
-            title: title.to_owned(),
-            svg: Plot {
-                size: sheet::CELL,
-                x_label: "time, s".to_owned(),
-                y_label: "m/s".to_owned(),
-                x: (0.0, drive.log.duration_s()),
-                y: padded(lines.iter().flatten().map(|point| point.1), 1e-2),
-                marks: lines
-                    .into_iter()
-                    .zip([RED, GREEN])
-                    .map(|(points, colour)| Mark::Line(points, colour))
-                    .collect(),
-            }
-            .svg(),
-            keys: vec![
-                key(RED, "gyros as read"),
-                key(GREEN, "gyro histories taken out"),
-            ],
-        }
+        let lines = vec![
+            line("gyros as read", RED, &velocities.as_read),
+            line("gyro histories taken out", GREEN, &velocities.history),
+        ];
+        panel(title.to_owned(), lines)
     };
     sheet::svg(&[
-        panel("Velocity error east", 0),
-        panel("Velocity error north", 1),
+        axis("Velocity error east", 0),
+        axis("Velocity error north", 1),
     ])
 }
 

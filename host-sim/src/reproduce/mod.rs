@@ -8,6 +8,7 @@ mod free_velocity;
 mod observable;
 mod output;
 mod spans;
+mod velocity_plot;
 
 use miette::{Result, miette};
 use rayon::prelude::*;

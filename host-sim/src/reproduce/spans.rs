@@ -6,12 +6,12 @@ use miette::{IntoDiagnostic, Result};
 use nalgebra::Vector2;
 use rayon::prelude::*;
 
+use super::velocity_plot::{Line, panel};
 use super::{GRADE, Number, Part, Settings, csv};
 use crate::accuracy::config_of;
 use crate::flights::route::Route;
 use crate::held_ins::HeldIns;
-use crate::report::panels::{Panel, key};
-use crate::report::plot::{BLUE, Mark, ORANGE, Plot, padded};
+use crate::report::plot::{BLUE, ORANGE};
 use crate::report::sheet;
 use crate::sim::car::Car;
 use crate::sim::{DriveConfig, Motion, SimulatedDrive, record};
@@ -110,33 +110,19 @@ fn run(motion: impl Motion, config: &DriveConfig) -> Errors {
 }
 
 fn picture(unit: &[Errors; 3]) -> String {
-    let panel = |(errors, (vehicle, _)): (&Errors, (&str, _))| {
-        let line = |axis: usize| -> Vec<(f64, f64)> {
+    let panels = unit.iter().zip(VEHICLES).map(|(errors, (vehicle, _))| {
+        let line = |name, colour, axis: usize| {
             let thinned = errors.iter().step_by(10);
-            thinned.map(|(t, error)| (*t, error[axis])).collect()
-        };
-        let lines = [line(0), line(1)];
-        let end_s = errors.last().map_or(1.0, |point| point.0);
-        Panel {
-            title: format!("Free velocity error, {vehicle}"),
-            svg: Plot {
-                size: sheet::CELL,
-                x_label: "time, s".to_owned(),
-                y_label: "m/s".to_owned(),
-                x: (0.0, end_s),
-                y: padded(lines.iter().flatten().map(|point| point.1), 1e-2),
-                marks: lines
-                    .into_iter()
-                    .zip([BLUE, ORANGE])
-                    .map(|(points, colour)| Mark::Line(points, colour))
-                    .collect(),
+            Line {
+                name,
+                colour,
+                points: thinned.map(|(t, error)| (*t, error[axis])).collect(),
             }
-            .svg(),
-            keys: vec![key(BLUE, "east"), key(ORANGE, "north")],
-        }
-    };
-    let panels: Vec<Panel> = unit.iter().zip(VEHICLES).map(panel).collect();
-    sheet::svg(&panels)
+        };
+        let lines = vec![line("east", BLUE, 0), line("north", ORANGE, 1)];
+        panel(format!("Free velocity error, {vehicle}"), lines)
+    });
+    sheet::svg(&panels.collect::<Vec<_>>())
 }
 
 fn data(unit: &[Errors; 3]) -> String {
