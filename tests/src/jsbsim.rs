@@ -1,17 +1,13 @@
 //! `JSBSim`'s Cessna 172 beside ours: an independent model of the same aircraft.
 
-use std::path::PathBuf;
-use std::process::Command;
-use std::sync::OnceLock;
-
 use host_sim::aircraft::cessna172;
 use host_sim::aircraft::dynamics::Dynamics;
 use host_sim::aircraft::modes::Modes;
 use host_sim::aircraft::performance::{TrimRow, trim_row};
 use serde::Deserialize;
 
-use crate::cargo::{build_folder, repository, succeed};
 use crate::published::{CESSNA_172, MODE_ROWS};
+use crate::python::Environment;
 
 /// Slow, cruise, fast; true airspeed. The latter two are those of what is published
 /// ([`CESSNA_172`]). At 40 m/s a kink of `JSBSim`'s lift table would lie at the trim.
@@ -46,68 +42,19 @@ pub struct ReferenceRow {
     pub modes: Modes,
 }
 
-/// The Python that has `JSBSim`: `$JSBSIM_PYTHON`, or else one made here once with `pip`.
-fn python() -> Result<PathBuf, String> {
-    // Tests run side by side: one makes it, the others wait.
-    static PYTHON: OnceLock<Result<PathBuf, String>> = OnceLock::new();
-    if let Some(python) = std::env::var_os("JSBSIM_PYTHON") {
-        return Ok(python.into());
-    }
-    PYTHON.get_or_init(environment).clone()
-}
-
-fn environment() -> Result<PathBuf, String> {
-    let folder = build_folder("jsbsim");
-    let python = folder.join("bin/python");
-    // An interrupted installation must not be taken for a whole one.
-    let complete = folder.join("complete");
-    if complete.exists() {
-        return Ok(python);
-    }
-    let make = || {
-        let venv = ["-m", "venv", "--clear"];
-        succeed(Command::new("python3").args(venv).arg(&folder))?;
-        let pip = ["-m", "pip", "install", "--quiet", "jsbsim==1.3.3", "numpy"];
-        succeed(Command::new(&python).args(pip))?;
-        std::fs::write(&complete, "").map_err(|error| format!("{}: {error}", complete.display()))
-    };
-    make().map_err(|error| {
-        format!("JSBSim is missing and could not be installed; run `pip install jsbsim numpy` and name that Python in JSBSIM_PYTHON.\n{error}")
-    })?;
-    Ok(python)
-}
-
-/// What a script of `tests/jsbsim/` prints.
-fn script<T: serde::de::DeserializeOwned>(name: &str, arguments: &[f64]) -> Result<T, String> {
-    let mut command = Command::new(python()?);
-    command
-        .arg(repository().join("tests/jsbsim").join(name))
-        .args(arguments.iter().map(f64::to_string));
-    let output = command
-        .output()
-        .map_err(|error| format!("{command:?} did not start: {error}"))?;
-    if !output.status.success() {
-        return Err(format!(
-            "{command:?} failed:\n{}",
-            String::from_utf8_lossy(&output.stderr)
-        ));
-    }
-    serde_json::from_slice(&output.stdout)
-        .map_err(|error| format!("{command:?} printed something else than expected: {error}"))
-}
+static PYTHON: Environment =
+    Environment::new("jsbsim", &["jsbsim==1.3.3", "numpy"], "JSBSIM_PYTHON");
 
 /// Trim and modes of `JSBSim`'s aircraft.
 pub fn reference() -> Result<Reference, String> {
     let [slow, cruise, fast] = SPEEDS_MPS;
-    script(
-        "reference.py",
-        &[HEIGHT_M, cessna172().mass.mass_kg, slow, cruise, fast],
-    )
+    let arguments = [HEIGHT_M, cessna172().mass.mass_kg, slow, cruise, fast];
+    PYTHON.run("reference.py", &arguments.map(|value| value.to_string()))
 }
 
 /// What a 100 Hz step of `JSBSim`'s c172x takes, s.
 pub fn jsbsim_step_s() -> Result<f64, String> {
-    script("cost.py", &[])
+    PYTHON.run("cost.py", &[""; 0])
 }
 
 /// Our aircraft at the same speeds.

@@ -6,5 +6,7 @@ pub mod firmware;
 pub mod footprint;
 pub mod jsbsim;
 pub mod published;
+pub mod pyins;
+pub mod python;
 pub mod recorded;
 pub mod simulated;

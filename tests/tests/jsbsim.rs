@@ -1,21 +1,8 @@
 //! Our Cessna 172 against `JSBSim`'s; the README says what differs.
 
 use host_sim::aircraft::performance::TrimRow;
-use ins_tests::jsbsim::{
-    Reference, ReferenceRow, SPEEDS_MPS, ours, ours_with_its_numbers, reference,
-};
-
-/// `JSBSim`'s answer; where it cannot be had, a failure in CI and a plain word elsewhere.
-fn jsbsim() -> Option<Reference> {
-    match reference() {
-        Ok(reference) => Some(reference),
-        Err(error) if std::env::var_os("CI").is_some() => panic!("{error}"),
-        Err(error) => {
-            eprintln!("NOT TESTED against JSBSim: {error}");
-            None
-        }
-    }
-}
+use ins_tests::jsbsim::{ReferenceRow, SPEEDS_MPS, ours, ours_with_its_numbers, reference};
+use ins_tests::python::answer;
 
 /// Name, ours, theirs, tolerance of the ratio.
 type Line = (&'static str, f64, f64, f64);
@@ -32,7 +19,9 @@ fn check(airspeed_mps: f64, lines: &[Line]) {
 
 #[test]
 fn trim_and_modes_are_those_of_jsbsim() {
-    let Some(reference) = jsbsim() else { return };
+    let Some(reference) = answer("JSBSim", reference()) else {
+        return;
+    };
     assert_eq!(reference.rows.len(), SPEEDS_MPS.len());
     for (mine, its) in ours().iter().zip(&reference.rows) {
         assert!((its.airspeed_mps - mine.airspeed_mps).abs() < 0.01);
@@ -59,7 +48,9 @@ fn trim_and_modes_are_those_of_jsbsim() {
 /// With the same inertia and pitch stiffness the equations of motion must give the same modes.
 #[test]
 fn with_the_same_inertia_and_stiffness_the_modes_agree() {
-    let Some(reference) = jsbsim() else { return };
+    let Some(reference) = answer("JSBSim", reference()) else {
+        return;
+    };
     let ours = ours_with_its_numbers(&reference);
     assert_eq!(ours.len(), SPEEDS_MPS.len());
     for (mine, its) in ours.iter().zip(&reference.rows) {

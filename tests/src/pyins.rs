@@ -1,0 +1,269 @@
+//! `python-ins`' extended Kalman filter beside ours: an independent filter on the same log.
+
+use host_sim::configure;
+use host_sim::kalman::{self, Filter, Noise, index};
+use host_sim::log::{self, BodyAxes, Compression, Log, Meta};
+use host_sim::sim::errors::BiasModel;
+use host_sim::sim::{DriveConfig, ErrorModel, Grade, simulate};
+use ins_core::earth::{Geodetic, wrap_pi};
+use nalgebra::{SVector, Vector3};
+use serde::{Deserialize, Serialize};
+
+use crate::python::Environment;
+
+static PYTHON: Environment = Environment::new("pyins", &["python-ins==1.0.1"], "PYINS_PYTHON");
+
+/// Length of the drive; its first minute is at rest.
+const MINUTES: u32 = 10;
+
+/// Names of what is compared, in the order of [`Row::sigma`].
+pub const NAMES: [&str; 15] = [
+    "position east, m",
+    "position north, m",
+    "position up, m",
+    "velocity east, m/s",
+    "velocity north, m/s",
+    "velocity up, m/s",
+    "roll, rad",
+    "pitch, rad",
+    "heading, rad",
+    "accelerometer right, m/s^2",
+    "accelerometer forward, m/s^2",
+    "accelerometer up, m/s^2",
+    "gyro right, rad/s",
+    "gyro forward, rad/s",
+    "gyro up, rad/s",
+];
+
+/// One value for each of [`NAMES`].
+pub type Values = SVector<f64, 15>;
+
+/// Where a filter stands just after a fix.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct Row {
+    /// Stamp of the fix, s.
+    pub time_s: f64,
+    /// What it has found.
+    pub state: State,
+    /// One sigma of its errors, in the order of [`NAMES`].
+    pub sigma: Values,
+}
+
+/// What both filters estimate; body axes right-forward-up.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct State {
+    /// Latitude and longitude, rad, and height, m.
+    position: [f64; 3],
+    velocity_enu_mps: Vector3<f64>,
+    roll_pitch_heading_rad: Vector3<f64>,
+    accel_bias_mps2: Vector3<f64>,
+    gyro_bias_radps: Vector3<f64>,
+}
+
+/// Where `python-ins` begins, and what it is told.
+#[derive(Serialize)]
+struct Start {
+    time_s: f64,
+    state: State,
+    sigma: StartSigma,
+    noise: StartNoise,
+    /// When to tell where it stands.
+    times_s: Vec<f64>,
+}
+
+/// It has one sigma for all axes of most errors.
+#[derive(Serialize)]
+struct StartSigma {
+    position_m: f64,
+    velocity_mps: f64,
+    level_rad: f64,
+    heading_rad: f64,
+    accel_bias_mps2: f64,
+    gyro_bias_radps: [f64; 3],
+}
+
+/// Densities and spreads as in [`Noise`].
+#[derive(Serialize)]
+struct StartNoise {
+    gyro_noise: f64,
+    gyro_bias_walk: f64,
+    accel_noise: f64,
+    accel_bias_walk: f64,
+    velocity_sigma_mps: f64,
+    position_sigma_m: f64,
+}
+
+/// Both filters at every full minute from the second on: ours, theirs.
+///
+/// # Errors
+/// If `python-ins` cannot be had.
+///
+/// # Panics
+/// If our filter does not run, or theirs does not tell of every time.
+pub fn both() -> Result<Vec<(Row, Row)>, String> {
+    let (log, noise) = log();
+    let times_s: Vec<f64> = (2..MINUTES).map(|minute| f64::from(60 * minute)).collect();
+    let (start, ours) = ours(&log, &noise, &times_s);
+    let theirs = theirs(&log, &Start::new(&start, &noise, times_s))?;
+    assert_eq!(ours.len(), theirs.len());
+    Ok(ours.into_iter().zip(theirs).collect())
+}
+
+/// A drive with everything that both filters know of: no latency, which `python-ins` does not
+/// model, the same position noise in all axes, biases that drift; few fixes, for it is slow.
+fn log() -> (Log, Noise) {
+    let mut errors = ErrorModel::hg1700();
+    errors.gnss.latency_s = [0.0; 2];
+    errors.gnss.rate_hz = 1.0;
+    errors.gnss.vertical_sigma_m = errors.gnss.horizontal_sigma_m;
+    errors.gyro_deg_h.bias = drifting(1.0, 0.5);
+    errors.accel_mps2.bias = drifting(0.01, 0.001);
+    let mut drive = DriveConfig::new(3, Grade::Hg1700, f64::from(MINUTES));
+    drive.initial_rest_s = Some([62.0, 63.0]);
+    drive.recording.errors = errors;
+    let errors = &drive.recording.errors;
+    let run = simulate(&drive);
+    let log = Log {
+        meta: Meta {
+            initial_heading_deg: run.given_heading_rad.map(f64::to_degrees),
+            ..Meta::new(BodyAxes::Frd, errors.imu.output)
+        },
+        imu: run.imu,
+        gnss: run.gnss,
+        truth: Vec::new(),
+    };
+    let noise = Noise {
+        latency_sigma_s: 0.0,
+        ..Noise::of_model(errors)
+    };
+    (log, noise)
+}
+
+fn drifting(initial_sigma: f64, correlated_sigma: f64) -> BiasModel {
+    BiasModel::Continuous {
+        initial_sigma,
+        slope_sigma_per_s: 0.0,
+        correlated_sigma,
+        correlation_time_s: 1000.0,
+    }
+}
+
+/// Our filter as it begins, and after the fixes of `times_s`.
+fn ours(log: &Log, noise: &Noise, times_s: &[f64]) -> (Filter, Vec<Row>) {
+    let config = configure::config(log, log::Grade::Hg1700);
+    let mut run = kalman::Run::new(&log.imu, &log.gnss, config, *noise)
+        .expect("the configuration is a preset");
+    let start = loop {
+        run.step(&mut |_, _| {}).expect("alignment ends in the log");
+        if let Some(filter) = run.filter() {
+            break filter.clone();
+        }
+    };
+    let mut rows = Vec::new();
+    let mut keep = |filter: &Filter, _| {
+        if times_s.contains(&filter.time.as_seconds()) {
+            rows.push(Row::of(filter));
+        }
+    };
+    while run.step(&mut keep).is_some() {}
+    assert_eq!(rows.len(), times_s.len());
+    (start, rows)
+}
+
+fn theirs(log: &Log, start: &Start) -> Result<Vec<Row>, String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    log::write(log, folder.path(), Compression::Plain).map_err(|error| error.to_string())?;
+    let start = serde_json::to_string(start).map_err(|error| error.to_string())?;
+    PYTHON.run("reference.py", &[folder.path().as_os_str(), start.as_ref()])
+}
+
+impl Start {
+    fn new(filter: &Filter, noise: &Noise, times_s: Vec<f64>) -> Self {
+        let sigmas = filter.sigmas();
+        Self {
+            time_s: filter.time.as_seconds(),
+            state: State::of(filter),
+            sigma: StartSigma {
+                position_m: sigmas[index::POSITION],
+                velocity_mps: sigmas[index::VELOCITY],
+                level_rad: sigmas[index::ATTITUDE],
+                heading_rad: sigmas[index::ATTITUDE + 2],
+                accel_bias_mps2: sigmas[index::ACCEL],
+                gyro_bias_radps: [0, 1, 2].map(|axis| sigmas[index::GYRO + axis]),
+            },
+            noise: StartNoise {
+                gyro_noise: noise.gyro_noise,
+                gyro_bias_walk: noise.gyro_bias_walk,
+                accel_noise: noise.accel_noise,
+                accel_bias_walk: noise.accel_bias_walk,
+                velocity_sigma_mps: noise.velocity_sigma_mps,
+                position_sigma_m: noise.position_sigma_m.x,
+            },
+            times_s,
+        }
+    }
+}
+
+impl State {
+    fn of(filter: &Filter) -> Self {
+        let known = &filter.known;
+        let solution = known.solution(filter.time);
+        let (position, angles) = (solution.position, solution.euler());
+        Self {
+            position: [
+                position.latitude_rad,
+                position.longitude_rad,
+                position.height_m,
+            ],
+            velocity_enu_mps: solution.velocity_enu_mps,
+            roll_pitch_heading_rad: [angles.roll_rad, angles.pitch_rad, angles.heading_rad].into(),
+            accel_bias_mps2: known.accel_bias_mps2,
+            gyro_bias_radps: known.gyro_bias_radps,
+        }
+    }
+
+    fn geodetic(&self) -> Geodetic {
+        let [latitude_rad, longitude_rad, height_m] = self.position;
+        Geodetic {
+            latitude_rad,
+            longitude_rad,
+            height_m,
+        }
+    }
+}
+
+impl Row {
+    fn of(filter: &Filter) -> Self {
+        let state = State::of(filter);
+        let mut sigma = Values::zeros();
+        sigma.copy_from(&filter.sigmas().fixed_rows::<15>(0));
+        // Phi is in ENU: what of it is roll and pitch, on a road that is nearly level.
+        let (sin, cos) = state.roll_pitch_heading_rad.z.sin_cos();
+        let phi = filter
+            .covariance
+            .fixed_view::<3, 3>(index::ATTITUDE, index::ATTITUDE);
+        let about = |axis: Vector3<f64>| axis.dot(&(phi * axis)).sqrt();
+        sigma[6] = about(Vector3::new(sin, cos, 0.0));
+        sigma[7] = about(Vector3::new(cos, -sin, 0.0));
+        Self {
+            time_s: filter.time.as_seconds(),
+            state,
+            sigma,
+        }
+    }
+
+    /// What this filter finds minus what the other does.
+    pub fn minus(&self, other: &Self) -> Values {
+        let (mine, its) = (&self.state, &other.state);
+        let mut angles = mine.roll_pitch_heading_rad - its.roll_pitch_heading_rad;
+        angles.z = wrap_pi(angles.z);
+        let parts = [
+            mine.geodetic().enu_from(&its.geodetic()),
+            mine.velocity_enu_mps - its.velocity_enu_mps,
+            angles,
+            mine.accel_bias_mps2 - its.accel_bias_mps2,
+            mine.gyro_bias_radps - its.gyro_bias_radps,
+        ];
+        Values::from_iterator(parts.iter().flatten().copied())
+    }
+}
