@@ -70,7 +70,7 @@ fn a_comparison_says_what_each_method_found() {
     std::fs::write(home.path().join("errors.toml"), truth.to_toml().unwrap()).unwrap();
     let comparison = Comparison::of_log(home.path(), None, &ProgressBar::hidden()).unwrap();
     assert!(comparison.simulated);
-    assert_eq!(comparison.methods.len(), 6);
+    assert_eq!(comparison.methods.len(), 8);
     for method in &comparison.methods {
         for result in &method.quantities {
             // The heading has no column in errors.toml.
@@ -79,7 +79,8 @@ fn a_comparison_says_what_each_method_found() {
                 let truth = truth.columns()[index.unwrap()].unwrap();
                 assert!((result.quantity.value - truth - error).abs() < 1e-9);
                 // Literal sigmas are not promised; the noise / 3 one is too small by that.
-                let sigmas = if method.method.contains("literal") {
+                let literal = ["literal", "five stages"];
+                let sigmas = if literal.iter().any(|form| method.method.contains(form)) {
                     20.0
                 } else {
                     12.0
@@ -88,10 +89,14 @@ fn a_comparison_says_what_each_method_found() {
             }
         }
     }
-    let error = |which: usize| comparison.methods[which].trajectory.unwrap();
-    // The smoother follows the filter it comes from.
-    assert!(error(3).velocity_mps < 0.7 * error(2).velocity_mps);
-    assert!(error(0).heading_deg < 0.5 && error(2).heading_deg < 0.5);
+    let error = |name: &str| {
+        let mut methods = comparison.methods.iter();
+        let method = methods.find(|method| method.method == name).unwrap();
+        method.trajectory.unwrap()
+    };
+    let (exact, kalman) = (error("compensation, exact"), error("Kalman, exact noise"));
+    assert!(error("its smoother").velocity_mps < 0.7 * kalman.velocity_mps);
+    assert!(exact.heading_deg < 0.5 && kalman.heading_deg < 0.5);
     assert_eq!(comparison.costs.len(), 5);
     let out = tempfile::tempdir().unwrap();
     comparison.write(out.path()).unwrap();
