@@ -36,36 +36,29 @@ fn run(log: &Log, heading_rad: f64, off_deg: f64, rounds: usize) -> FiveStage {
 }
 
 /// Azimuth, accelerometers, gyros, latency, in the units of the tolerances.
+fn row(azimuth_deg: f64, accel_mps2: [f64; 3], gyro_radps: [f64; 3], latency_s: f64) -> [f64; 8] {
+    let [ax, ay, az] = accel_mps2.map(|bias| bias / MG_MPS2);
+    let [gx, gy, gz] = gyro_radps.map(|bias| bias / DEG_H_RADPS);
+    [azimuth_deg, ax, ay, az, gx, gy, gz, 1e3 * latency_s]
+}
+
 fn values(found: &FiveStage) -> [f64; 8] {
     let e = &found.estimates;
-    let [ax, ay, az] = e.accel_bias_mps2.map(|bias| bias.value / MG_MPS2);
-    let [gx, gy, gz] = e.gyro_bias_radps.map(|bias| bias.value / DEG_H_RADPS);
-    let azimuth = e.azimuth_error_rad.value / DEG;
-    [
-        azimuth,
-        ax,
-        ay,
-        az,
-        gx,
-        gy,
-        gz,
-        1e3 * e.gnss_latency_s.value,
-    ]
+    row(
+        e.azimuth_error_rad.value / DEG,
+        e.accel_bias_mps2.map(|bias| bias.value),
+        e.gyro_bias_radps.map(|bias| bias.value),
+        e.gnss_latency_s.value,
+    )
 }
 
 fn truths(azimuth_deg: f64, errors: &SensorErrors) -> [f64; 8] {
-    let [ax, ay, az] = errors.accel_bias_mps2.map(|bias| bias / MG_MPS2);
-    let [gx, gy, gz] = errors.gyro_bias_radps.map(|bias| bias / DEG_H_RADPS);
-    [
+    row(
         azimuth_deg,
-        ax,
-        ay,
-        az,
-        gx,
-        gy,
-        gz,
-        1e3 * errors.gnss_latency_s,
-    ]
+        errors.accel_bias_mps2,
+        errors.gyro_bias_radps,
+        errors.gnss_latency_s,
+    )
 }
 
 #[test]

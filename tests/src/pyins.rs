@@ -116,8 +116,8 @@ fn log() -> (Log, Noise) {
     errors.gnss.latency_s = [0.0; 2];
     errors.gnss.rate_hz = 1.0;
     errors.gnss.vertical_sigma_m = errors.gnss.horizontal_sigma_m;
-    errors.gyro_deg_h.bias = drifting(1.0, 0.5);
-    errors.accel_mps2.bias = drifting(0.01, 0.001);
+    errors.gyro_deg_h.bias = BiasModel::drifting(1.0, 0.5);
+    errors.accel_mps2.bias = BiasModel::drifting(0.01, 0.001);
     let mut drive = DriveConfig::new(3, Grade::Hg1700, f64::from(MINUTES));
     drive.initial_rest_s = Some([62.0, 63.0]);
     drive.recording.errors = errors;
@@ -137,15 +137,6 @@ fn log() -> (Log, Noise) {
         ..Noise::of_model(errors)
     };
     (log, noise)
-}
-
-fn drifting(initial_sigma: f64, correlated_sigma: f64) -> BiasModel {
-    BiasModel::Continuous {
-        initial_sigma,
-        slope_sigma_per_s: 0.0,
-        correlated_sigma,
-        correlation_time_s: 1000.0,
-    }
 }
 
 /// Our filter as it begins, and after the fixes of `times_s`.

@@ -64,7 +64,7 @@ impl Innovations {
         let total = relative * self.variance + predicted;
         let noise = math::max(self.variance - predicted, 0.5 * self.variance);
         let noise = relative * math::max(noise, self.least_variance);
-        if power <= ROBUST_SIGMAS * ROBUST_SIGMAS * total {
+        if !is_wild(power, total) {
             return Some(noise);
         }
         let (size, sigma) = (math::sqrt(power), math::sqrt(total));
@@ -76,7 +76,7 @@ impl Innovations {
     /// that neither the noise nor what the INS makes of it explains; arguments as above.
     pub fn step(&mut self, power: f64, predicted: f64, relative: f64) -> f64 {
         let total = relative * self.variance + predicted;
-        self.beyond = if power > ROBUST_SIGMAS * ROBUST_SIGMAS * total {
+        self.beyond = if is_wild(power, total) {
             self.beyond + 1
         } else {
             0
@@ -112,6 +112,11 @@ impl Innovations {
         let rho = math::max(math::min(self.correlation, 0.9), 0.0);
         (1.0 + rho) / (1.0 - rho)
     }
+}
+
+/// Whether an innovation of this square lies beyond what its whole variance explains.
+fn is_wild(power: f64, total: f64) -> bool {
+    power > ROBUST_SIGMAS * ROBUST_SIGMAS * total
 }
 
 /// The noise that the receiver states, on average. Its scale is not believed, its changes are.

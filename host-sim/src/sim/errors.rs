@@ -91,6 +91,16 @@ fn a_second() -> f64 {
 }
 
 impl BiasModel {
+    /// A bias that wanders about what it was at the start, with a correlation time of 1000 s.
+    pub fn drifting(initial_sigma: f64, correlated_sigma: f64) -> Self {
+        Self::Continuous {
+            initial_sigma,
+            slope_sigma_per_s: 0.0,
+            correlated_sigma,
+            correlation_time_s: 1000.0,
+        }
+    }
+
     /// A bias that stays as it was at the start.
     pub fn constant(initial_sigma: f64) -> Self {
         Self::Continuous {
@@ -255,12 +265,12 @@ impl ErrorModel {
                 dropped_fraction: 0.0,
             },
             gyro_deg_h: SensorModel {
-                bias: drifting(0.3 * 3600.0, 10.0),
+                bias: BiasModel::drifting(0.3 * 3600.0, 10.0),
                 white_noise: 0.0038 * 3600.0,
                 scale_sigma: 0.005,
             },
             accel_mps2: SensorModel {
-                bias: drifting(0.2, 0.002),
+                bias: BiasModel::drifting(0.2, 0.002),
                 white_noise: 110e-6 * 9.8,
                 scale_sigma: 0.015,
             },
@@ -373,15 +383,6 @@ fn positive(key: &str, value: f64) -> Result<(), ErrorModelError> {
         value,
         "more than zero",
     )
-}
-
-fn drifting(initial_sigma: f64, correlated_sigma: f64) -> BiasModel {
-    BiasModel::Continuous {
-        initial_sigma,
-        slope_sigma_per_s: 0.0,
-        correlated_sigma,
-        correlation_time_s: 1000.0,
-    }
 }
 
 fn receiver() -> GnssModel {
