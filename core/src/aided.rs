@@ -297,6 +297,13 @@ impl AidedIns {
         let earth_rate = self.mechanization.local_earth().earth_rate();
         let bias = block.rate_radps - matrix(&self.mechanization.attitude).tr_mul(&earth_rate);
         let variance = rest::gyro_variance(&config.sensors, block.seconds);
+        // Quiet sensors may also be those of a slow turn: of a vehicle that is pushed, or afloat.
+        let known = observer.parameters();
+        let agrees =
+            |(axis, bias): (usize, &f64)| known.agrees(index::GYRO + axis, *bias, variance);
+        if !bias.iter().enumerate().all(agrees) {
+            return;
+        }
         for (axis, bias) in bias.iter().enumerate() {
             observer.measure(index::GYRO + axis, *bias, variance);
         }

@@ -322,7 +322,7 @@ impl Config {
             sensors: SensorConfig {
                 gyro_bias_radps: 1.75e-2,
                 gyro_noise: 1.5e-4,
-                gyro_bias_walk: 3e-6,
+                gyro_bias_walk: 1e-5,
                 gyro_scale: 0.01,
                 accel_bias_mps2: 0.3,
                 accel_noise: 2e-3,

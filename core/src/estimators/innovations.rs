@@ -40,6 +40,7 @@ pub struct Innovations {
     count: f32,
     /// Innovations in a row beyond `ROBUST_SIGMAS`.
     beyond: u32,
+    /// The one before, per component of a fix as noisy as others.
     last: Vector2<f64>,
 }
 
@@ -90,20 +91,23 @@ impl Innovations {
 
     /// Takes one innovation of `components` (1 or 2) components from a fix `relative` times as
     /// noisy as others. Returns how alike it and the one before are: on average 0 for white ones.
+    ///
+    /// The noise is measured from the difference of the two: what they share is not noise of GNSS
+    /// but an error of the INS, which must not make the fixes that show it count for less.
     pub fn measure(&mut self, innovation: &Vector2<f64>, components: f64, relative: f64) -> f64 {
-        let components = components * relative;
+        let innovation = innovation / math::sqrt(components * relative);
         if self.count < NOISE_MEMORY {
             self.count += 1.0;
         }
         let count = f64::from(self.count);
-        let power = innovation.norm_squared() / components;
+        let change = 0.5 * (innovation - self.last).norm_squared();
         // A single wild innovation must not open the gate for the next.
-        let bounded = math::min(power, 9.0 * self.variance);
+        let bounded = math::min(change, 9.0 * self.variance);
         self.variance += (bounded - self.variance) / count;
-        let likeness = innovation.dot(&self.last) / (components * self.variance);
+        let likeness = innovation.dot(&self.last) / self.variance;
         let likeness = math::max(math::min(likeness, 3.0), -3.0);
         self.correlation += (likeness - self.correlation) / count;
-        self.last = *innovation;
+        self.last = innovation;
         likeness
     }
 

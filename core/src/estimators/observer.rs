@@ -73,9 +73,11 @@ pub struct Observer {
     unsolved_s: f64,
     /// By how much data have moved azimuth, rad, and latency, s, since the equations were
     /// linearized.
-    azimuth_moved_rad: f64,
-    latency_moved_s: f64,
+    azimuth_moved_rad: f32,
+    latency_moved_s: f32,
     azimuth_settled: bool,
+    /// Mean of the body's up axis over the last span, ENU.
+    up: Vector3<f32>,
     /// The horizon: the moment of the last fix taken.
     last: Moment,
 }
@@ -105,6 +107,7 @@ impl Observer {
             azimuth_moved_rad: 0.0,
             latency_moved_s: 0.0,
             azimuth_settled: false,
+            up: Vector3::z(),
             last: start,
         }
     }
@@ -223,8 +226,21 @@ impl Observer {
         self.level
             .propagate(span.force_mps.z, span.seconds, accel, gyro);
         self.vertical.propagate(0.0, span.seconds, accel, 0.0);
+        self.doubt_tipping(&span, s.gyro_scale);
         self.unsolved_s += span.seconds;
         self.last = *to;
+    }
+
+    /// Scale errors of gyros turn the platform as the vehicle turns. About its up axis that is a
+    /// parameter; tipping that axis over, as aircraft do, is noise.
+    fn doubt_tipping(&mut self, span: &Span, gyro_scale: f64) {
+        let up = single(&(span.attitude_s.column(2) / math::max(span.seconds, 1e-9)));
+        let tipped = f64::from((up - self.up).norm_squared());
+        self.up = up;
+        let variance = gyro_scale * gyro_scale * tipped;
+        self.level.doubt(0.0, variance);
+        self.corrections
+            .diffuse(index::AZIMUTH, math::single(variance));
     }
 
     /// INS minus GNSS velocity as the parameters would have it.
@@ -294,8 +310,8 @@ impl Observer {
         let corrections = corrections.map(f64::from);
         self.parameters.value += corrections;
         let moved = |which: usize| corrections.get(which).copied().unwrap_or(0.0);
-        self.azimuth_moved_rad += moved(index::AZIMUTH);
-        self.latency_moved_s += moved(index::LATENCY);
+        self.azimuth_moved_rad += math::single(moved(index::AZIMUTH));
+        self.latency_moved_s += math::single(moved(index::LATENCY));
         if config.feedback == Feedback::Closed {
             self.relinearize(&config.prior());
         }
@@ -353,7 +369,7 @@ impl Observer {
         let (s, dt, rough) = (&config.sensors, self.unsolved_s, self.roughness.factor());
         let walks = [
             (index::AZIMUTH, 1, rough * s.gyro_noise * s.gyro_noise),
-            (index::GYRO, 3, rough * s.gyro_bias_walk * s.gyro_bias_walk),
+            (index::GYRO, 3, s.gyro_bias_walk * s.gyro_bias_walk),
             (index::ACCEL, 3, s.accel_bias_walk * s.accel_bias_walk),
         ];
         for (first, count, rate) in walks {
@@ -392,13 +408,14 @@ impl Observer {
     /// once for the azimuth of a new start, and whenever a well-known latency has moved.
     fn relinearize(&mut self, prior: &Parameters) {
         let known = &self.parameters;
-        let latency = math::abs(self.latency_moved_s) > LATENCY_LINEAR_S
+        let latency = math::abs(f64::from(self.latency_moved_s)) > LATENCY_LINEAR_S
             && known.sigma(index::LATENCY) < LATENCY_KNOWN_S;
         let azimuth = !self.azimuth_settled
             && known.sigma(index::AZIMUTH) < AZIMUTH_KNOWN_RAD
             && math::abs(known.value(index::AZIMUTH)) < AZIMUTH_KNOWN_RAD;
         self.azimuth_settled |= azimuth;
-        if latency || (azimuth && math::abs(self.azimuth_moved_rad) > AZIMUTH_LINEAR_RAD) {
+        let turned = math::abs(f64::from(self.azimuth_moved_rad)) > AZIMUTH_LINEAR_RAD;
+        if latency || (azimuth && turned) {
             let sigma = known.sigma.zip_map(&prior.sigma, |now, before| {
                 let grown = RELINEARIZED * now;
                 if grown < before { grown } else { before }

@@ -8,6 +8,9 @@ pub const COUNT: usize = 16;
 /// Elements of a triangular matrix over them.
 pub const PAIRS: usize = COUNT * (COUNT + 1) / 2;
 
+/// A measurement agrees with what was believed within this many sigma of the difference.
+const AGREES_SIGMAS: f64 = 4.0;
+
 /// Where each stands in a parameter vector. Those that change from fix to fix come first, for
 /// there the least squares lets them change at least cost.
 pub mod index {
@@ -77,15 +80,28 @@ impl Parameters {
         }
     }
 
-    /// Takes in an independent measurement of one parameter.
+    /// Takes in an independent measurement of one parameter. One far off what is believed shows
+    /// that the parameter has moved: gyros do while they warm up.
     pub fn learn(&mut self, parameter: usize, measured: f64, variance: f64) {
-        let (value, sigma) = (self.value(parameter), self.sigma(parameter));
-        let gain = sigma * sigma / (sigma * sigma + variance);
+        let value = self.value(parameter);
+        let off = measured - value;
+        let believed = if self.agrees(parameter, measured, variance) {
+            self.sigma(parameter)
+        } else {
+            math::abs(off)
+        };
+        let gain = believed * believed / (believed * believed + variance);
         self.set(
             parameter,
-            value + gain * (measured - value),
-            sigma * math::sqrt(1.0 - gain),
+            value + gain * off,
+            believed * math::sqrt(1.0 - gain),
         );
+    }
+
+    /// Whether an independent measurement of one parameter agrees with what is believed of it.
+    pub fn agrees(&self, parameter: usize, measured: f64, variance: f64) -> bool {
+        let (off, sigma) = (measured - self.value(parameter), self.sigma(parameter));
+        off * off < AGREES_SIGMAS * AGREES_SIGMAS * (sigma * sigma + variance)
     }
 
     /// Sets value and spread of one parameter.

@@ -265,7 +265,7 @@ impl ErrorModel {
                 dropped_fraction: 0.0,
             },
             gyro_deg_h: SensorModel {
-                bias: BiasModel::drifting(0.3 * 3600.0, 10.0),
+                bias: BiasModel::drifting(0.3 * 3600.0, 40.0),
                 white_noise: 0.0038 * 3600.0,
                 scale_sigma: 0.005,
             },
