@@ -4,5 +4,7 @@ use clap::Parser;
 use host_sim::cli::{Cli, run};
 
 fn main() -> miette::Result<()> {
+    // Into `head` and the like, without a panic.
+    sigpipe::reset();
     run(&Cli::parse())
 }

@@ -92,13 +92,13 @@ fn an_unknown_heading_is_found_from_motion() {
     assert_honest(&runs, 20, FOUR.0, FOUR.1);
 }
 
-/// Biases of 0.3 deg/s, scale errors of 1.5 %, no heading given.
+/// Biases of 1080 deg/h that wander by 40, scale errors of 1.5 %, no heading given.
 #[test]
 fn consumer_sensors_converge_from_any_heading() {
     let runs = runs(Grade::Mems, 4, 20.0, &|_| {});
     assert_honest(&runs, 20, FOUR.0, FOUR.1);
-    // A three-hundredth of the biases that were there.
-    assert!(rms(&runs, 20, 4) < 4.0 && rms(&runs, 20, 5) < 4.0 && rms(&runs, 20, 6) < 12.0);
+    // Over many drives 0.16 deg and 8, 8 and 14 deg/h; four tell an RMS to 1.7 times.
+    assert!(rms(&runs, 20, 4) < 14.0 && rms(&runs, 20, 5) < 14.0 && rms(&runs, 20, 6) < 24.0);
     assert!(rms(&runs, 20, 0) < 0.3);
 }
 

@@ -75,6 +75,11 @@ impl Results {
         }
     }
 
+    /// From when on the RMS error of a quantity stays below a level, s; `None` if it does not.
+    pub fn settled_s(&self, which: usize, level: f64) -> Option<f64> {
+        settled_s(&self.history, self.runs.len(), which, level)
+    }
+
     /// Two standard deviations of the part of honest errors within one sigma, percent.
     pub fn coverage_spread_percent(&self) -> f64 {
         let variance = WITHIN_SIGMA * (1.0 - WITHIN_SIGMA) / self.runs.len() as f64;
@@ -109,17 +114,20 @@ fn row(runs: &[Run], history: &[Spread], end: &Spread, which: usize) -> Row {
         .filter_map(|run| run.history.last()?.as_ref())
         .filter(|checks| checks[which].error.abs() < checks[which].sigma)
         .count();
-    let settled = |spread: &&Spread| {
-        spread.navigating == runs.len() && spread.rms_error[which] < 2.0 * rms_error
-    };
-    let since = history.iter().rev().take_while(settled).last();
     Row {
         quantity: QUANTITIES[which],
         rms_error,
         rms_sigma: end.rms_sigma[which],
         within_sigma_percent: 100.0 * within as f64 / runs.len() as f64,
-        settled_s: since.unwrap_or(end).time_s,
+        settled_s: settled_s(history, runs.len(), which, 2.0 * rms_error).unwrap_or(end.time_s),
     }
+}
+
+/// From when on the RMS error of all runs stays below a level, s.
+fn settled_s(history: &[Spread], runs: usize, which: usize, level: f64) -> Option<f64> {
+    let settled = |spread: &&Spread| spread.navigating == runs && spread.rms_error[which] < level;
+    let since = history.iter().rev().take_while(settled).last();
+    since.map(|spread| spread.time_s)
 }
 
 #[cfg(test)]

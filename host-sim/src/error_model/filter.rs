@@ -55,6 +55,16 @@ impl Dynamics {
         }
     }
 
+    /// Part of an epoch that lies before a jump; none without one.
+    fn jump_in(&self, epoch: &Epoch) -> Option<f64> {
+        let Self::Wave { interval_s, .. } = self else {
+            return None;
+        };
+        let jump_s = interval_s * self.trend_at(epoch.start_s + epoch.seconds);
+        let part = (jump_s - epoch.start_s) / epoch.seconds;
+        (part > 0.0 && epoch.rest_rate_radps.is_none()).then_some(part)
+    }
+
     /// Variance at the time 0.
     fn initial_variance(&self) -> f64 {
         match self {
@@ -132,7 +142,14 @@ impl Answer {
 pub fn filter(record: &Record, candidate: &Candidate) -> Answer {
     let mut state = State::new(record, candidate);
     for epoch in &record.epochs {
-        state.take(epoch, candidate);
+        match candidate.dynamics.jump_in(epoch) {
+            Some(part) => {
+                let (before, after) = epoch.split(part);
+                state.take(&before, candidate);
+                state.take(&after, candidate);
+            }
+            None => state.take(epoch, candidate),
+        }
     }
     let measured = |first: usize, offset: Vector3<f64>| {
         [0, 1, 2].map(|axis| Measured {

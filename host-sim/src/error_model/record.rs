@@ -50,6 +50,30 @@ pub struct Epoch {
     pub broken: bool,
 }
 
+impl Epoch {
+    /// The epoch as two, the first of which is this part of it; the fixes are of the first, the
+    /// controls of the second.
+    pub fn split(&self, part: f64) -> (Self, Self) {
+        let of = |part: f64| Self {
+            seconds: part * self.seconds,
+            force_mps: part * self.force_mps,
+            attitude_s: part * self.attitude_s,
+            ..self.clone()
+        };
+        let before = Self {
+            velocity_control_mps: Vector2::zeros(),
+            tilt_control_rad: Vector3::zeros(),
+            ..of(part)
+        };
+        let after = Self {
+            start_s: self.start_s + before.seconds,
+            difference: None,
+            ..of(1.0 - part)
+        };
+        (before, after)
+    }
+}
+
 /// Mean over the fixes of an epoch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {

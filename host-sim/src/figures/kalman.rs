@@ -21,7 +21,12 @@ use crate::table;
 /// How wrong a user is taken to be.
 const WRONG: f64 = 3.0;
 
-/// RMS errors with noise known and guessed, and the time of each in one run.
+/// A quantity has converged below so many times the error that a Kalman filter with known noise
+/// ends with.
+const CONVERGED: f64 = 2.0;
+
+/// RMS errors with noise known and guessed, how soon they are reached, and the time of each in
+/// one run.
 pub(super) fn part(runs: u64) -> Result<String> {
     let studies = [
         compensation(runs, 1.0)?,
@@ -31,50 +36,58 @@ pub(super) fn part(runs: u64) -> Result<String> {
         compensation(runs, 1.0 / WRONG)?,
         compensation(runs, WRONG)?,
     ];
-    let header = cells([
-        "RMS error",
+    let columns = [
         "compensation",
         "Kalman",
-        "ratio",
         "Kalman, noise / 3",
         "Kalman, noise x 3",
         "compensation, noise / 3",
         "compensation, noise x 3",
-        "compensation settled",
-        "Kalman settled",
-    ]);
-    let rows: Vec<Vec<String>> = (0..studies[0].quantities.len())
-        .map(|which| row(&studies, which))
-        .collect();
+    ];
+    let table = |head: &str, row: fn(&[Results; 6], usize) -> Vec<String>| {
+        let mut header = cells([head]);
+        header.extend(cells(columns));
+        header.extend(cells(["compensation / Kalman"]));
+        let rows = 0..studies[0].quantities.len();
+        let rows: Vec<_> = rows.map(|which| row(&studies, which)).collect();
+        table::markdown(&header, &rows)
+    };
     let [ours, theirs, ..] = &studies;
     Ok(format!(
-        "{}\n{} drives of {} min; {} and {} converged.\n\n{}",
-        table::markdown(&header, &rows),
+        "{}\n{} drives of {} min; {} and {} converged.\n\n{}\n{}",
+        table("RMS error", errors),
         runs,
         ours.study.minutes,
         ours.converged,
         theirs.converged,
+        table("converged after, min", times),
         costs()?
     ))
 }
 
-fn row(studies: &[Results; 6], which: usize) -> Vec<String> {
+fn errors(studies: &[Results; 6], which: usize) -> Vec<String> {
     let rows = studies.each_ref().map(|study| study.quantities[which]);
-    let [ours, exact, small, large, our_small, our_large] =
-        rows.map(|row| digits(row.rms_error, row.rms_error));
-    let minutes = |seconds: f64| format!("{:.1} min", seconds / 60.0);
-    vec![
-        format!("{}, {}", rows[0].quantity.title, rows[0].quantity.unit),
-        ours,
-        exact,
-        format!("{:.2}", rows[0].rms_error / rows[1].rms_error),
-        small,
-        large,
-        our_small,
-        our_large,
-        minutes(rows[0].settled_s),
-        minutes(rows[1].settled_s),
-    ]
+    let quantity = rows[0].quantity;
+    let mut row = vec![format!("{}, {}", quantity.title, quantity.unit)];
+    row.extend(rows.map(|row| digits(row.rms_error, row.rms_error)));
+    row.push(format!("{:.2}", rows[0].rms_error / rows[1].rms_error));
+    row
+}
+
+/// Until errors are, and stay, as small as those of the best filter, or nearly so.
+fn times(studies: &[Results; 6], which: usize) -> Vec<String> {
+    let [_, limit, ..] = studies;
+    let level = CONVERGED * limit.quantities[which].rms_error;
+    let times = studies
+        .each_ref()
+        .map(|study| study.settled_s(which, level));
+    let cell = |value: Option<f64>| value.map_or("never".to_owned(), |value| format!("{value:.1}"));
+    let mut row = vec![limit.quantities[which].quantity.title.to_owned()];
+    row.extend(times.map(|time| cell(time.map(|seconds| seconds / 60.0))));
+    row.push(cell(
+        times[0].zip(times[1]).map(|(ours, theirs)| ours / theirs),
+    ));
+    row
 }
 
 fn compensation(runs: u64, factor: f64) -> Result<Results> {
