@@ -3,7 +3,10 @@
 use std::env;
 use std::path::{Path, PathBuf};
 
+use host_sim::configure;
+use host_sim::kalman::Noise;
 use host_sim::log::read;
+use host_sim::outage;
 
 fn logs() -> Vec<PathBuf> {
     let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
@@ -39,4 +42,26 @@ fn every_recorded_log_reads() {
         );
         assert!(log.duration_s() > 10.0 && log.gnss.len() > 10);
     }
+}
+
+/// Told the same of the sensors. On one log either may be luckier; on most, and on average, the
+/// core must drift less.
+#[test]
+fn without_gnss_the_core_drifts_less_than_a_kalman_filter() {
+    let mut ratios = Vec::new();
+    for path in logs() {
+        let (log, _) = read(&path).unwrap();
+        let config = configure::config(&log, configure::grade(&log, None));
+        let test = outage::test(&log, false, config, Noise::of_config(&config)).unwrap();
+        let Some(test) = test else { continue };
+        let [core, kalman] = &test.navigators[..2] else {
+            panic!("two navigators at least");
+        };
+        let ratio = core.position_rms_m / kalman.position_rms_m;
+        println!("{}: {ratio:.2}", path.display());
+        assert!(ratio < 1.5, "{}: {ratio}", path.display());
+        ratios.push(ratio);
+    }
+    let mean = ratios.iter().map(|ratio| ratio.ln()).sum::<f64>() / ratios.len().max(1) as f64;
+    assert!(ratios.is_empty() || mean.exp() < 0.9, "{ratios:?}");
 }

@@ -1,0 +1,81 @@
+//! What the gyros of a standing vehicle tell, and what they do not.
+
+use ins_core::config::HeadingSource;
+use ins_core::earth::Geodetic;
+use ins_core::mechanization::Mechanization;
+use ins_core::{Config, GnssFix, ImuSample, Navigator, Phase, Time};
+use nalgebra::{UnitQuaternion, Vector2, Vector3};
+
+const PLACE: Geodetic = Geodetic {
+    latitude_rad: 0.97,
+    longitude_rad: 0.66,
+    height_m: 150.0,
+};
+const RATE_HZ: i64 = 100;
+
+/// A level vehicle that stands with perfect sensors, but for what its up gyro reads besides.
+fn stand(navigator: &mut Navigator, from_s: i64, to_s: i64, up_gyro_radps: f64) {
+    let ins = Mechanization::new(PLACE, Vector3::zeros(), UnitQuaternion::identity());
+    let earth = ins.local_earth();
+    for tick in RATE_HZ * from_s + 1..=RATE_HZ * to_s {
+        let time = Time::from_micros(tick * 1_000_000 / RATE_HZ);
+        if tick % RATE_HZ == 0 {
+            let _ = navigator.on_gnss(&GnssFix {
+                time,
+                position: Some(PLACE),
+                velocity_en_mps: Some(Vector2::zeros()),
+                velocity_up_mps: Some(0.0),
+                velocity_sigma_mps: None,
+            });
+        }
+        let _ = navigator.on_imu(&ImuSample {
+            time,
+            gyro: earth.earth_rate() + Vector3::new(0.0, 0.0, up_gyro_radps),
+            accel: Vector3::new(0.0, 0.0, earth.gravity_mps2),
+        });
+    }
+}
+
+fn up_gyro_deg_s(navigator: &Navigator) -> f64 {
+    navigator.estimates().gyro_bias_radps[2].value.to_degrees()
+}
+
+/// On a turntable, say: slow and even, it looks like rest.
+#[test]
+fn a_slow_turn_is_not_a_gyro_bias() {
+    let config = Config {
+        heading: HeadingSource::Given(0.0),
+        ..Config::mems()
+    };
+    let mut navigator = Navigator::new(config).unwrap();
+    stand(&mut navigator, 0, 60, 0.0);
+    assert_eq!(navigator.phase(), Phase::Navigating);
+    stand(&mut navigator, 60, 70, 0.5_f64.to_radians());
+    stand(&mut navigator, 70, 80, 0.0);
+    // Of a rate of 0.5 deg/s, a hundredth at most; the heading has turned to the left by 5 deg.
+    let gyro = up_gyro_deg_s(&navigator);
+    assert!(gyro.abs() < 0.005, "{gyro}");
+    let turned = -navigator
+        .solution()
+        .unwrap()
+        .euler()
+        .heading_rad
+        .to_degrees();
+    assert!((turned - 5.0).abs() < 0.1, "{turned}");
+}
+
+/// While a gyro warms up its bias moves by more than a minute's mean is uncertain: the old mean
+/// must not hold the new one back.
+#[test]
+fn a_bias_that_moves_before_the_start_is_followed() {
+    let config = Config {
+        heading: HeadingSource::Motion,
+        ..Config::mems()
+    };
+    let mut navigator = Navigator::new(config).unwrap();
+    stand(&mut navigator, 0, 60, 0.0);
+    stand(&mut navigator, 60, 70, 0.5_f64.to_radians());
+    assert_eq!(navigator.phase(), Phase::FindingHeading);
+    let gyro = up_gyro_deg_s(&navigator);
+    assert!((gyro - 0.5).abs() < 0.005, "{gyro}");
+}
