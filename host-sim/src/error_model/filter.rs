@@ -166,8 +166,13 @@ pub fn filter(record: &Record, candidate: &Candidate) -> Answer {
     }
 }
 
+/// Not by whole jumps: one more at the very end must not make the model likelier.
 fn trend_sigma(record: &Record, dynamics: &Dynamics) -> f64 {
-    BIAS_SIGMA / dynamics.trend_at(record.duration_s).max(1.0)
+    let unit_s = match dynamics {
+        Dynamics::Wave { interval_s, .. } => *interval_s,
+        Dynamics::Continuous { .. } => 1.0,
+    };
+    BIAS_SIGMA * unit_s / record.duration_s.max(1.0)
 }
 
 struct State {

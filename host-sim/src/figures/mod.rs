@@ -59,7 +59,7 @@ enum Part {
     Outages,
     /// Recorded logs.
     Logs,
-    /// Error models found from drives: units behind it are --runs, 100 at most.
+    /// Error models found from drives: units behind it are --runs, 200 at most.
     Recovery,
     /// Accuracy of flights foretold from drives.
     Campaign,
@@ -123,7 +123,7 @@ impl Part {
             Self::Kalman => kalman::part(options.runs.min(100)),
             Self::Outages => return kalman::outages(root, options.logs.as_deref()),
             Self::Logs => return logs::part(root, options.logs.as_deref()),
-            Self::Recovery => Ok(identification::recovery(options.runs.clamp(2, 100))),
+            Self::Recovery => Ok(identification::recovery(options.runs.clamp(2, 200))),
             Self::Campaign => identification::campaign(root),
             Self::Aircraft => aircraft::performance_table(),
             Self::Flights => flights::cli::page(options.runs.min(200)),
