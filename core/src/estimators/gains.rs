@@ -7,7 +7,8 @@ pub struct Channel {
     /// Of dV, (m/s)^2.
     pub velocity: f64,
     cross: f64,
-    tilt: f64,
+    /// Of phi, rad^2.
+    pub tilt: f64,
 }
 
 impl Channel {

@@ -104,11 +104,11 @@ impl InsError {
         let mut error = *self;
         error.carry(&passage);
         // Second order. Rotations do not commute: levelling controls on a tilted platform turn it
-        // in azimuth. And gravity on a tilted platform is felt less; plus, for the force is in the
+        // in azimuth. And force is longer than its projection: plus, for it is the one of the
         // tilted frame.
-        let level = self.tilt_rad.xy();
-        error.tilt_rad.z += 0.5 * level.perp(&span.control_tilt_rad.xy());
-        error.velocity_mps.z += 0.5 * span.force_mps.z * level.norm_squared();
+        let phi = &self.tilt_rad;
+        error.tilt_rad.z += 0.5 * phi.xy().perp(&span.control_tilt_rad.xy());
+        error.velocity_mps += 0.5 * phi.cross(&span.force_mps.cross(phi));
         let (mut tilt, mut velocity) = (Vector3::zeros(), span.control_velocity_mps);
         for_each_input(span, |which, input| match input {
             Input::Tilt(by) => tilt += by * parameters.value(which),

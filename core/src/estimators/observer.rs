@@ -226,6 +226,9 @@ impl Observer {
         self.level
             .propagate(span.force_mps.z, span.seconds, accel, gyro);
         self.vertical.propagate(0.0, span.seconds, accel, 0.0);
+        // Level force on a tilted platform, as in a steep bank: the channels are otherwise apart.
+        let level_force = span.force_mps.xy().norm_squared();
+        self.vertical.doubt(level_force * self.level.tilt, 0.0);
         self.doubt_tipping(&span, s.gyro_scale);
         self.unsolved_s += span.seconds;
         self.last = *to;
