@@ -6,6 +6,9 @@ use super::parameters::{Parameters, index};
 use crate::history::Span;
 use crate::math;
 
+/// Spread above which an azimuth is too much of a guess to be squared, rad.
+const AZIMUTH_GUESSED_RAD: f64 = 0.2;
+
 /// Error of the INS, ENU.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -106,9 +109,12 @@ impl InsError {
         // Second order. Rotations do not commute: levelling controls on a tilted platform turn it
         // in azimuth. And force is longer than its projection: plus, for it is the one of the
         // tilted frame.
-        let phi = &self.tilt_rad;
-        error.tilt_rad.z += 0.5 * phi.xy().perp(&span.control_tilt_rad.xy());
-        error.velocity_mps += 0.5 * phi.cross(&span.force_mps.cross(phi));
+        error.tilt_rad.z += 0.5 * self.tilt_rad.xy().perp(&span.control_tilt_rad.xy());
+        let mut phi = self.tilt_rad;
+        if parameters.sigma(index::AZIMUTH) > AZIMUTH_GUESSED_RAD {
+            phi.z = 0.0;
+        }
+        error.velocity_mps += 0.5 * phi.cross(&span.force_mps.cross(&phi));
         let (mut tilt, mut velocity) = (Vector3::zeros(), span.control_velocity_mps);
         for_each_input(span, |which, input| match input {
             Input::Tilt(by) => tilt += by * parameters.value(which),
