@@ -1,10 +1,9 @@
 //! What the gyros of a standing vehicle tell, and what they do not.
 
 use ins_core::config::HeadingSource;
-use ins_core::earth::Geodetic;
-use ins_core::mechanization::Mechanization;
+use ins_core::earth::{Geodetic, LocalEarth};
 use ins_core::{Config, GnssFix, ImuSample, Navigator, Phase, Time};
-use nalgebra::{UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Vector2, Vector3};
 
 const PLACE: Geodetic = Geodetic {
     latitude_rad: 0.97,
@@ -15,8 +14,7 @@ const RATE_HZ: i64 = 100;
 
 /// A level vehicle that stands with perfect sensors, but for what its up gyro reads besides.
 fn stand(navigator: &mut Navigator, from_s: i64, to_s: i64, up_gyro_radps: f64) {
-    let ins = Mechanization::new(PLACE, Vector3::zeros(), UnitQuaternion::identity());
-    let earth = ins.local_earth();
+    let earth = LocalEarth::at(PLACE.latitude_rad, PLACE.height_m);
     for tick in RATE_HZ * from_s + 1..=RATE_HZ * to_s {
         let time = Time::from_micros(tick * 1_000_000 / RATE_HZ);
         if tick % RATE_HZ == 0 {
