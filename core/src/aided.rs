@@ -86,14 +86,18 @@ pub struct AidedIns {
 
 impl AidedIns {
     /// Starts where alignment ended, with what it knows of the sensors and of the azimuth.
+    #[expect(
+        clippy::inline_always,
+        reason = "made where it stays: otherwise 2 kB are copied over the stack"
+    )]
+    #[inline(always)]
     pub fn new(time: Time, aligned: &Mechanization, known: &Parameters, config: &Config) -> Self {
-        let now = Moment::start(time);
         let gyro_radps = compensation(known, config);
         Self {
             mechanization: *aligned,
-            now,
+            now: Moment::start(time),
             history: History::default(),
-            estimator: Estimator::new(now, known, config),
+            estimator: Estimator::new(time, known, config),
             compensation: Compensation {
                 gyro_radps,
                 ..Compensation::default()
@@ -503,7 +507,7 @@ impl AidedIns {
         self.now = Moment::start(self.now.time);
         self.history.forget();
         match &mut self.estimator {
-            Estimator::Exact(observer) => observer.restart(self.now, config),
+            Estimator::Exact(observer) => observer.restart(self.now.time, config),
             Estimator::Literal(literal) => literal.restart(),
         }
         self.pending = Ring::default();

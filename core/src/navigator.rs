@@ -288,8 +288,7 @@ impl State {
         if let (Mode::Aligning(alignment), Some((now, _))) = (&self.mode, &self.inertial)
             && let Some(aligned) = alignment.aligned()
         {
-            let ins = AidedIns::new(*now, aligned, alignment.known(), config);
-            self.mode = Mode::Navigating(ins);
+            self.mode = Mode::Navigating(AidedIns::new(*now, aligned, alignment.known(), config));
         }
     }
 

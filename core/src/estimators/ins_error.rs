@@ -6,9 +6,6 @@ use super::parameters::{Parameters, index};
 use crate::history::Span;
 use crate::math;
 
-/// Spread above which an azimuth is too much of a guess to be squared, rad.
-const AZIMUTH_GUESSED_RAD: f64 = 0.2;
-
 /// Error of the INS, ENU.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -24,16 +21,45 @@ pub struct InsError<T: Scalar = f64> {
 pub struct Passage<T: Scalar = f64> {
     /// Integral of specific force, m/s.
     pub force_mps: Vector3<T>,
-    /// Turn of the frame against inertial space, rad.
-    pub frame_turn_rad: Vector3<T>,
+    /// Turn of the frame against inertial space, and half of what the platform turns against the
+    /// frame: rotations do not commute, and Phi is the vector of one (Bortz, IEEE TAES 7, 1971).
+    pub turn_rad: Vector3<T>,
+}
+
+/// What comes into the error of the INS over a span.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Forcing {
+    /// Turn of the platform by the parameters, rad.
+    drift_rad: Vector3<f64>,
+    /// Turn of the platform by the controls, rad.
+    control_tilt_rad: Vector3<f64>,
+    /// By both, with what that turn did to the velocity, m/s.
+    velocity_mps: Vector3<f64>,
+}
+
+impl Forcing {
+    /// By the controls of a span and by `parameters`.
+    pub fn over(span: &Span, parameters: &Parameters) -> Self {
+        let mut forcing = Self {
+            drift_rad: Vector3::zeros(),
+            control_tilt_rad: span.control_tilt_rad,
+            velocity_mps: span.control_velocity_mps,
+        };
+        for_each_input(span, |which, input| match input {
+            Input::Tilt(by) => forcing.drift_rad += by * parameters.value(which),
+            Input::Velocity(by) => forcing.velocity_mps += by * parameters.value(which),
+        });
+        forcing
+    }
 }
 
 impl Passage {
     /// Over a span in a frame that turns at `frame_rate`.
-    pub fn over(span: &Span, frame_rate_radps: &Vector3<f64>) -> Self {
+    pub fn over(span: &Span, frame_rate_radps: &Vector3<f64>, forcing: &Forcing) -> Self {
+        let platform_rad = forcing.control_tilt_rad + forcing.drift_rad;
         Self {
             force_mps: span.force_mps,
-            frame_turn_rad: frame_rate_radps * span.seconds,
+            turn_rad: frame_rate_radps * span.seconds + 0.5 * platform_rad,
         }
     }
 
@@ -41,7 +67,7 @@ impl Passage {
     pub fn single(&self) -> Passage<f32> {
         Passage {
             force_mps: single(&self.force_mps),
-            frame_turn_rad: single(&self.frame_turn_rad),
+            turn_rad: single(&self.turn_rad),
         }
     }
 }
@@ -77,7 +103,7 @@ impl<T: RealField + Copy> InsError<T> {
     /// `dV' = f x Phi`, `Phi' = -w_in x Phi`.
     pub fn carry(&mut self, passage: &Passage<T>) {
         self.velocity_mps += passage.force_mps.cross(&self.tilt_rad);
-        self.tilt_rad += self.tilt_rad.cross(&passage.frame_turn_rad);
+        self.tilt_rad += self.tilt_rad.cross(&passage.turn_rad);
     }
 
     /// What came in evenly over a span that has been carried over.
@@ -100,30 +126,18 @@ impl<T: RealField + Copy> InsError<T> {
 }
 
 impl InsError {
-    /// The error at the end of a span, with `parameters` behind it and controls under way.
+    /// The error at the end of a passage.
     #[must_use]
-    pub fn after(&self, span: &Span, frame_rate: &Vector3<f64>, parameters: &Parameters) -> Self {
-        let passage = Passage::over(span, frame_rate);
+    pub fn after(&self, passage: &Passage, forcing: &Forcing) -> Self {
         let mut error = *self;
-        error.carry(&passage);
-        // Second order. Rotations do not commute: levelling controls on a tilted platform turn it
-        // in azimuth. And force is longer than its projection: plus, for it is the one of the
+        error.carry(passage);
+        // Second order: force is longer than its projection. Plus, for it is the one of the
         // tilted frame.
-        error.tilt_rad.z += 0.5 * self.tilt_rad.xy().perp(&span.control_tilt_rad.xy());
-        let mut phi = self.tilt_rad;
-        if parameters.sigma(index::AZIMUTH) > AZIMUTH_GUESSED_RAD {
-            phi.z = 0.0;
-        }
-        error.velocity_mps += 0.5 * phi.cross(&span.force_mps.cross(&phi));
-        let (mut tilt, mut velocity) = (Vector3::zeros(), span.control_velocity_mps);
-        for_each_input(span, |which, input| match input {
-            Input::Tilt(by) => tilt += by * parameters.value(which),
-            Input::Velocity(by) => velocity += by * parameters.value(which),
-        });
-        error.feed(&passage, &Input::Tilt(tilt));
-        error.feed(&passage, &Input::Velocity(velocity));
-        // What it did to the velocity is in that of the controls.
-        error.tilt_rad += span.control_tilt_rad;
+        let phi = &self.tilt_rad;
+        error.velocity_mps += 0.5 * phi.cross(&passage.force_mps.cross(phi));
+        error.feed(passage, &Input::Tilt(forcing.drift_rad));
+        error.velocity_mps += forcing.velocity_mps;
+        error.tilt_rad += forcing.control_tilt_rad;
         error
     }
 }

@@ -16,6 +16,7 @@ use self::observer::Observer;
 use self::parameters::Parameters;
 use crate::config::{Config, Form};
 use crate::history::Moment;
+use crate::time::Time;
 
 /// The chosen form of the estimators. Both live in place: there is nowhere else.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,11 +42,13 @@ pub enum Verdict {
 
 impl Estimator {
     /// Starts at a moment with what is believed of the parameters.
-    pub fn new(start: Moment, known: &Parameters, config: &Config) -> Self {
-        match config.form {
-            Form::Exact => Self::Exact(Observer::new(start, config, known)),
-            Form::Literal => Self::Literal(Literal::new(config)),
+    pub fn new(start: Time, known: &Parameters, config: &Config) -> Self {
+        // Of two values of a `match`, one would be copied over the stack.
+        let mut estimator = Self::Exact(Observer::new(start, config, known));
+        if config.form == Form::Literal {
+            estimator = Self::Literal(Literal::new(config));
         }
+        estimator
     }
 
     /// What is known of the parameters.

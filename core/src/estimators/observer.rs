@@ -15,22 +15,13 @@ use nalgebra::{SVector, Vector2, Vector3};
 use super::Verdict;
 use super::gains::Channel;
 use super::innovations::{Innovations, Roughness, StatedNoise};
-use super::ins_error::{InsError, Passage, for_each_input, single};
+use super::ins_error::{Forcing, InsError, Passage, for_each_input, single};
 use super::least_squares::LeastSquares;
 use super::parameters::{COUNT, PAIRS, Parameters, index};
-use crate::config::{Config, Feedback};
+use crate::config::Config;
 use crate::history::{Moment, Past, Span};
 use crate::math;
-
-/// Range over which the equations are linear enough: azimuth, rad, and latency, s; and below which
-/// spread each is well known. That of the latency, grown, lies well within the range: another
-/// relinearization must not follow.
-const AZIMUTH_LINEAR_RAD: f64 = 0.02;
-const AZIMUTH_KNOWN_RAD: f64 = 0.006;
-const LATENCY_LINEAR_S: f64 = 0.06;
-const LATENCY_KNOWN_S: f64 = 0.006;
-/// Growth of the spreads when the equations are replaced by their solution.
-const RELINEARIZED: f32 = 3.0;
+use crate::time::Time;
 
 /// One number for each parameter.
 type Row = SVector<f32, COUNT>;
@@ -71,11 +62,6 @@ pub struct Observer {
     next_spread: u8,
     /// Since the last solution, s.
     unsolved_s: f64,
-    /// By how much data have moved azimuth, rad, and latency, s, since the equations were
-    /// linearized.
-    azimuth_moved_rad: f32,
-    latency_moved_s: f32,
-    azimuth_settled: bool,
     /// Mean of the body's up axis over the last span, ENU.
     up: Vector3<f32>,
     /// The horizon: the moment of the last fix taken.
@@ -87,13 +73,13 @@ type VelocityBy = [[f32; 3]; COUNT];
 
 impl Observer {
     /// Starts at a moment with what is believed of the parameters.
-    pub fn new(start: Moment, config: &Config, prior: &Parameters) -> Self {
+    pub fn new(start: Time, config: &Config, prior: &Parameters) -> Self {
         let sigma = config.gnss.velocity_sigma_mps;
         let mut error = InsError::zero();
         error.tilt_rad.z = prior.value(index::AZIMUTH);
         Self {
             error,
-            responses: unit_azimuth(),
+            responses: core::array::from_fn(unit_response),
             level: start_of_level(config),
             vertical: Channel::new(0.0),
             level_innovations: Innovations::new(sigma),
@@ -104,22 +90,19 @@ impl Observer {
             parameters: *prior,
             next_spread: 0,
             unsolved_s: 0.0,
-            azimuth_moved_rad: 0.0,
-            latency_moved_s: 0.0,
-            azimuth_settled: false,
             up: Vector3::z(),
-            last: start,
+            last: Moment::start(start),
         }
     }
 
     /// Forgets the state of the INS error, not the parameters: after its velocity was set anew.
-    pub fn restart(&mut self, start: Moment, config: &Config) {
+    pub fn restart(&mut self, start: Time, config: &Config) {
         self.error = InsError::zero();
         self.error.tilt_rad.z = self.parameters.value(index::AZIMUTH);
-        self.responses = unit_azimuth();
+        self.responses = core::array::from_fn(unit_response);
         self.level = start_of_level(config);
         self.vertical = Channel::new(0.0);
-        self.last = start;
+        self.last = Moment::start(start);
     }
 
     /// What is known of the parameters.
@@ -141,7 +124,9 @@ impl Observer {
     pub fn error_at(&self, moment: &Moment) -> InsError {
         let span = Span::between(&self.last, moment);
         // The horizon is close: the frame stands still.
-        self.error.after(&span, &Vector3::zeros(), &self.parameters)
+        let forcing = Forcing::over(&span, &self.parameters);
+        let passage = Passage::over(&span, &Vector3::zeros(), &forcing);
+        self.error.after(&passage, &forcing)
     }
 
     /// Compares the INS at a past moment with a fix. An outlier moves the horizon alone.
@@ -207,11 +192,16 @@ impl Observer {
     /// Carries the observer to a later moment in a frame that turns at `frame_rate`.
     pub fn propagate(&mut self, to: &Moment, frame_rate: &Vector3<f64>, config: &Config) {
         let span = Span::between(&self.last, to);
-        self.error = self.error.after(&span, frame_rate, &self.parameters);
+        if span.seconds <= 0.0 {
+            return;
+        }
+        let forcing = Forcing::over(&span, &self.parameters);
+        let passage = Passage::over(&span, frame_rate, &forcing);
+        self.error = self.error.after(&passage, &forcing);
         let azimuth_sigma = self.parameters.sigma(index::AZIMUTH);
         self.parameters
             .set(index::AZIMUTH, self.error.tilt_rad.z, azimuth_sigma);
-        let passage = Passage::over(&span, frame_rate).single();
+        let passage = passage.single();
         for response in &mut self.responses {
             response.carry(&passage);
         }
@@ -237,7 +227,7 @@ impl Observer {
     /// Scale errors of gyros turn the platform as the vehicle turns. About its up axis that is a
     /// parameter; tipping that axis over, as aircraft do, is noise.
     fn doubt_tipping(&mut self, span: &Span, gyro_scale: f64) {
-        let up = single(&(span.attitude_s.column(2) / math::max(span.seconds, 1e-9)));
+        let up = single(&(span.attitude_s.column(2) / span.seconds));
         let tipped = f64::from((up - self.up).norm_squared());
         self.up = up;
         let variance = gyro_scale * gyro_scale * tipped;
@@ -310,14 +300,7 @@ impl Observer {
             self.error.velocity_mps += response.velocity_mps.map(f64::from) * by;
             self.error.tilt_rad += response.tilt_rad.map(f64::from) * by;
         }
-        let corrections = corrections.map(f64::from);
-        self.parameters.value += corrections;
-        let moved = |which: usize| corrections.get(which).copied().unwrap_or(0.0);
-        self.azimuth_moved_rad += math::single(moved(index::AZIMUTH));
-        self.latency_moved_s += math::single(moved(index::LATENCY));
-        if config.feedback == Feedback::Closed {
-            self.relinearize(&config.prior());
-        }
+        self.parameters.value += corrections.map(f64::from);
     }
 
     /// Brings the spread of one parameter up to date, each in its turn.
@@ -341,8 +324,8 @@ impl Observer {
             _ => 0.0,
         });
         self.carry_forward(index::AZIMUTH, &azimuth);
-        for (response, start) in self.responses.iter_mut().zip(&unit_azimuth()) {
-            response.tilt_rad.z = start.tilt_rad.z;
+        for (which, response) in self.responses.iter_mut().enumerate() {
+            response.tilt_rad.z = unit_response(which).tilt_rad.z;
         }
         let mut latency = Row::zeros();
         if let Some(drift) = latency.get_mut(index::CLOCK_DRIFT) {
@@ -406,36 +389,15 @@ impl Observer {
         self.corrections
             .add_direct(parameter, math::single(correction), math::single(variance));
     }
-
-    /// Equations gathered about values that turned out far off are replaced by their solution:
-    /// once for the azimuth of a new start, and whenever a well-known latency has moved.
-    fn relinearize(&mut self, prior: &Parameters) {
-        let known = &self.parameters;
-        let latency = math::abs(f64::from(self.latency_moved_s)) > LATENCY_LINEAR_S
-            && known.sigma(index::LATENCY) < LATENCY_KNOWN_S;
-        let azimuth = !self.azimuth_settled
-            && known.sigma(index::AZIMUTH) < AZIMUTH_KNOWN_RAD
-            && math::abs(known.value(index::AZIMUTH)) < AZIMUTH_KNOWN_RAD;
-        self.azimuth_settled |= azimuth;
-        let turned = math::abs(f64::from(self.azimuth_moved_rad)) > AZIMUTH_LINEAR_RAD;
-        if latency || (azimuth && turned) {
-            let sigma = known.sigma.zip_map(&prior.sigma, |now, before| {
-                let grown = RELINEARIZED * now;
-                if grown < before { grown } else { before }
-            });
-            self.corrections = LeastSquares::from_prior(&sigma);
-            self.latency_moved_s = 0.0;
-        }
-    }
 }
 
-/// Responses before anything has happened: the azimuth parameter is the azimuth error.
-fn unit_azimuth() -> [InsError<f32>; COUNT] {
-    let mut responses = [InsError::zero(); COUNT];
-    if let Some(azimuth) = responses.get_mut(index::AZIMUTH) {
-        azimuth.tilt_rad.z = 1.0;
+/// Response before anything has happened: the azimuth parameter is the azimuth error.
+fn unit_response(which: usize) -> InsError<f32> {
+    let mut response = InsError::zero();
+    if which == index::AZIMUTH {
+        response.tilt_rad.z = 1.0;
     }
-    responses
+    response
 }
 
 /// The level channel before a first fix.

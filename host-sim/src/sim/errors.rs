@@ -254,7 +254,7 @@ impl ErrorModel {
     /// A good consumer MEMS unit, uncalibrated.
     ///
     /// Noise of ST's LSM6DSO (data sheet DS12140: 3.8 mdps and, at 16 g full scale, 110 ug per
-    /// root hertz). Ours: offsets of 0.3 deg/s and 0.2 m/s^2, in-run drift of 10 deg/h and
+    /// root hertz). Ours: offsets of 0.3 deg/s and 0.2 m/s^2, in-run drift of 40 deg/h and
     /// 2 mm/s^2 correlated over 1000 s, scale errors of a part soldered to a board.
     pub fn mems() -> Self {
         Self {
