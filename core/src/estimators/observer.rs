@@ -96,12 +96,15 @@ impl Observer {
     }
 
     /// Forgets the state of the INS error, not the parameters: after its velocity was set anew.
+    /// What has tilted the platform may have turned it as far.
     pub fn restart(&mut self, start: Time, config: &Config) {
         self.error = InsError::zero();
         self.error.tilt_rad.z = self.parameters.value(index::AZIMUTH);
         self.responses = core::array::from_fn(unit_response);
         self.level = start_of_level(config);
         self.vertical = Channel::new(0.0);
+        self.corrections
+            .diffuse(index::AZIMUTH, math::single(self.level.tilt));
         self.last = Moment::start(start);
     }
 

@@ -36,6 +36,9 @@ pub struct Accuracy {
     /// FACTOR times what it is.
     #[arg(long, value_name = "FACTOR", value_parser = factor)]
     kalman: Option<f64>,
+    /// Give that filter no positions.
+    #[arg(long, requires = "kalman")]
+    velocity_alone: bool,
     /// Folder for accuracy.json, accuracy.csv and accuracy.svg.
     #[arg(long)]
     out: Option<PathBuf>,
@@ -72,6 +75,7 @@ pub fn accuracy(options: &Accuracy, json: bool, force: bool) -> Result<()> {
         },
         bandwidth_radps: options.bandwidth,
         kalman_noise: options.kalman,
+        kalman_positions: !options.velocity_alone,
     };
     let progress = bar();
     progress.set_message("driving");

@@ -26,6 +26,9 @@ pub const EVERY_S: f64 = 10.0;
 /// Azimuth error above which a run has not converged, deg.
 const LOST_DEG: f64 = 5.0;
 
+/// Positions with so much noise say nothing, m.
+const NO_POSITION_M: f64 = 1e5;
+
 /// A parameter, and the engineering unit it is reported in.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Quantity {
@@ -100,6 +103,8 @@ pub struct Study {
     /// A Kalman filter in place of the core, which takes the noise of the inertial sensors for
     /// this many times what it is.
     pub kalman_noise: Option<f64>,
+    /// Whether that filter takes positions besides velocities.
+    pub kalman_positions: bool,
 }
 
 /// Error and stated spread of a quantity at one time, in its unit.
@@ -134,6 +139,7 @@ impl Study {
             form: Form::Exact,
             bandwidth_radps: None,
             kalman_noise: None,
+            kalman_positions: true,
         }
     }
 
@@ -222,7 +228,10 @@ impl Study {
         config: Config,
         factor: f64,
     ) -> Result<Run, ConfigError> {
-        let noise = Noise::of_model(&self.grade.errors()).guessed(factor);
+        let mut noise = Noise::of_model(&self.grade.errors()).guessed(factor);
+        if !self.kalman_positions {
+            noise.position_sigma_m.fill(NO_POSITION_M);
+        }
         let mut run = kalman::Run::new(&drive.imu, &drive.gnss, config, noise)?;
         let mut history = Vec::new();
         let mut truths = drive.truth.iter().peekable();

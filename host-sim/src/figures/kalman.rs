@@ -30,21 +30,23 @@ const CONVERGED: f64 = 2.0;
 pub(super) fn part(runs: u64) -> Result<String> {
     let studies = [
         compensation(runs, 1.0)?,
-        kalman(runs, 1.0)?,
-        kalman(runs, 1.0 / WRONG)?,
-        kalman(runs, WRONG)?,
+        kalman(runs, 1.0, true)?,
+        kalman(runs, 1.0, false)?,
+        kalman(runs, 1.0 / WRONG, true)?,
+        kalman(runs, WRONG, true)?,
         compensation(runs, 1.0 / WRONG)?,
         compensation(runs, WRONG)?,
     ];
     let columns = [
         "compensation",
         "Kalman",
+        "Kalman, velocity alone",
         "Kalman, noise / 3",
         "Kalman, noise x 3",
         "compensation, noise / 3",
         "compensation, noise x 3",
     ];
-    let table = |head: &str, row: fn(&[Results; 6], usize) -> Vec<String>| {
+    let table = |head: &str, row: fn(&[Results; 7], usize) -> Vec<String>| {
         let mut header = cells([head]);
         header.extend(cells(columns));
         header.extend(cells(["compensation / Kalman"]));
@@ -65,7 +67,7 @@ pub(super) fn part(runs: u64) -> Result<String> {
     ))
 }
 
-fn errors(studies: &[Results; 6], which: usize) -> Vec<String> {
+fn errors(studies: &[Results; 7], which: usize) -> Vec<String> {
     let rows = studies.each_ref().map(|study| study.quantities[which]);
     let quantity = rows[0].quantity;
     let mut row = vec![format!("{}, {}", quantity.title, quantity.unit)];
@@ -75,7 +77,7 @@ fn errors(studies: &[Results; 6], which: usize) -> Vec<String> {
 }
 
 /// Until errors are, and stay, as small as those of the best filter, or nearly so.
-fn times(studies: &[Results; 6], which: usize) -> Vec<String> {
+fn times(studies: &[Results; 7], which: usize) -> Vec<String> {
     let [_, limit, ..] = studies;
     let level = CONVERGED * limit.quantities[which].rms_error;
     let times = studies
@@ -99,9 +101,10 @@ fn compensation(runs: u64, factor: f64) -> Result<Results> {
     driven(study, &guess)
 }
 
-fn kalman(runs: u64, factor: f64) -> Result<Results> {
+fn kalman(runs: u64, factor: f64, positions: bool) -> Result<Results> {
     let study = Study {
         kalman_noise: Some(factor),
+        kalman_positions: positions,
         ..Study::new(Grade::Hg1700, runs)
     };
     driven(study, &|_| {})
