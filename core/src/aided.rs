@@ -3,8 +3,8 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use crate::alignment::compensation;
 use crate::alignment::rest::{self, RestBlock, RestDetector, Verdict as RestVerdict};
+use crate::alignment::{Aligned, compensation};
 use crate::attitude::matrix;
 use crate::config::{Config, Feedback};
 use crate::damping::{self, DampingSignals, Differences};
@@ -91,13 +91,13 @@ impl AidedIns {
         reason = "made where it stays: otherwise 2 kB are copied over the stack"
     )]
     #[inline(always)]
-    pub fn new(time: Time, aligned: &Mechanization, known: &Parameters, config: &Config) -> Self {
+    pub fn new(time: Time, aligned: &Aligned, known: &Parameters, config: &Config) -> Self {
         let gyro_radps = compensation(known, config);
         Self {
-            mechanization: *aligned,
+            mechanization: aligned.ins,
             now: Moment::start(time),
             history: History::default(),
-            estimator: Estimator::new(time, known, config),
+            estimator: Estimator::new(time, aligned.tilt_sigma_rad, known, config),
             compensation: Compensation {
                 gyro_radps,
                 ..Compensation::default()
@@ -116,6 +116,11 @@ impl AidedIns {
             manoeuvre: Manoeuvre::default(),
             compared: (time, Vector3::zeros()),
         }
+    }
+
+    /// Spread of its roll and pitch, rad.
+    pub fn tilt_sigma_rad(&self) -> Option<f64> {
+        self.estimator.tilt_sigma_rad()
     }
 
     /// The damped INS.

@@ -176,7 +176,7 @@ impl Config {
     }
 
     /// Tilt that a levelling leaves, rad: that of the accelerometer biases, and some.
-    pub(crate) fn start_tilt_sigma(&self) -> f64 {
+    pub(crate) fn level_sigma(&self) -> f64 {
         2.0 * self.sensors.accel_bias_mps2 / GRAVITY_EQUATOR_MPS2 + 0.005
     }
 

@@ -141,6 +141,12 @@ impl Navigator {
         self.aided().map_or(0.0, AidedIns::azimuth_left_rad)
     }
 
+    /// Spread of roll and pitch of the damped INS, rad, apart from what the level accelerometers
+    /// tilt it by; none in the literal form.
+    pub fn tilt_sigma_rad(&self) -> Option<f64> {
+        self.aided()?.tilt_sigma_rad()
+    }
+
     /// Errors of the sensors as known now.
     pub fn estimates(&self) -> Estimates {
         match &self.state.mode {

@@ -3,6 +3,10 @@
 use std::path::Path;
 use std::process::Command;
 
+use host_sim::configure;
+use host_sim::log::{Grade, read};
+use ins_core::Navigator;
+use ins_core::earth::wrap_pi;
 use serde_json::Value;
 
 fn host_sim(arguments: &[&str]) -> Value {
@@ -63,4 +67,41 @@ fn a_flight_is_identified() {
     );
     let page = std::fs::read_to_string(report.join("report.html")).unwrap();
     assert!(page.contains("Against the truth of the log"));
+}
+
+/// Nothing stands still in the air: the specific force of a climbing turn is taken for the
+/// vertical, and is off by degrees. Told that it may be, the INS does not look for the cause in
+/// its heading.
+#[test]
+fn a_start_in_the_air_keeps_its_heading() {
+    let folder = tempfile::tempdir().unwrap();
+    let [plan, log] = ["plan.toml", "log"].map(|name| folder.path().join(name));
+    let route = std::fs::read_to_string("plans/route_one_hour.toml").unwrap();
+    let short = route.replacen("[flight]\n", "[flight]\nduration_s = 120\n", 1);
+    std::fs::write(&plan, short).unwrap();
+    for seed in ["1", "2", "3"] {
+        let files = ["fly", "--plan", text(&plan), "--out", text(&log)];
+        host_sim(&[files.as_slice(), &["--seed", seed, "--force"]].concat());
+        let (log, _) = read(&log).unwrap();
+        let mut navigator = Navigator::new(configure::config(&log, Grade::Hg1700)).unwrap();
+        let (mut fixes, mut truths) = (log.gnss.iter().peekable(), log.truth.iter().peekable());
+        let mut errors_deg = Vec::new();
+        for sample in &log.imu {
+            while let Some(fix) = fixes.next_if(|fix| fix.time < sample.time) {
+                let _ = navigator.on_gnss(fix);
+            }
+            let _ = navigator.on_imu(sample);
+            let Some(truth) = truths.next_if(|truth| truth.time <= sample.time) else {
+                continue;
+            };
+            if let Some(solution) = navigator.solution() {
+                let off = solution.euler().heading_rad - truth.euler().heading_rad;
+                errors_deg.push(wrap_pi(off).to_degrees().abs());
+            }
+        }
+        // The spread of a heading that is given is 17 deg; the turn before the start adds some.
+        let largest = errors_deg.iter().copied().fold(0.0, f64::max);
+        assert!(largest < 17.0, "{seed}: {largest} deg");
+        assert!(errors_deg.last().unwrap() < &2.0, "{seed}: {errors_deg:?}");
+    }
 }

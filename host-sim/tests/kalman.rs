@@ -184,6 +184,7 @@ fn a_bias_at_rest_is_the_slope_of_a_straight_line() {
     let start = Start {
         time: Time::default(),
         ins,
+        tilt_sigma_rad: None,
         heading_sigma_rad: 1e-6,
         gyro_bias_radps: Vector3::zeros(),
         gyro_bias_sigma_radps: [1e-9; 3],

@@ -36,6 +36,8 @@ const WAIT_MOVING_S: f64 = 3.0;
 const MOVING_MPS: f64 = 1.0;
 /// Time constant of the mean that levels a start in motion, s.
 const COARSE_S: f64 = 2.0;
+/// Tilt that a start in motion leaves: accelerations of a tenth of gravity, rad.
+const COARSE_TILT_RAD: f64 = 0.1;
 /// Largest spread of a heading that is good enough to navigate on, rad.
 const HEADING_SIGMA_RAD: f64 = 0.3;
 /// Spread of a heading from motion beyond what its fit says, rad: latency in turns.
@@ -47,10 +49,21 @@ const LARGEST_TILT_RAD: f64 = 0.5;
 /// Spread of a gyro bias from the runaway of a window in steady motion, rad/s.
 const RUNAWAY_SIGMA_RADPS: f64 = 1e-3;
 
-/// Roll and pitch found, and the heading with its spread, rad, if it is known too.
+/// Roll and pitch found with a spread, rad, and the heading with its spread, if it is known too.
 struct Levelled {
     attitude: UnitQuaternion<f64>,
+    tilt_sigma_rad: f64,
     heading: Option<(f64, f64)>,
+}
+
+/// The INS to start from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Aligned {
+    /// Level, with a heading.
+    pub ins: Mechanization,
+    /// Spread of roll and pitch, rad; that of the azimuth is in [`Alignment::known`].
+    pub tilt_sigma_rad: f64,
 }
 
 /// Alignment going on.
@@ -67,7 +80,7 @@ pub struct Alignment {
     coarse_turn_rad: f64,
     last_fix: Option<GnssFix>,
     finding: Option<Finding>,
-    aligned: Option<Mechanization>,
+    aligned: Option<Aligned>,
 }
 
 /// A level INS that points anywhere, and what it has seen.
@@ -144,9 +157,8 @@ impl Alignment {
         };
     }
 
-    /// The INS to start from, once it is aligned; the spread of its azimuth is then
-    /// [`Self::known`].
-    pub fn aligned(&self) -> Option<&Mechanization> {
+    /// The INS to start from, once it is aligned.
+    pub fn aligned(&self) -> Option<&Aligned> {
         self.aligned.as_ref()
     }
 
@@ -176,10 +188,10 @@ impl Alignment {
         if fix.is_moving(config) {
             self.detector.on_motion();
         }
-        self.aligned = self.find_heading(now, fix);
+        self.aligned = self.find_heading(now, fix, config);
     }
 
-    fn find_heading(&mut self, now: Time, fix: &GnssFix) -> Option<Mechanization> {
+    fn find_heading(&mut self, now: Time, fix: &GnssFix, config: &Config) -> Option<Aligned> {
         let (velocity, position) = (fix.velocity_en_mps?, fix.position?);
         let finding = self.finding.as_mut()?;
         let seconds = now.seconds_since(finding.since);
@@ -194,7 +206,10 @@ impl Alignment {
                 ins.turn_platform(&-tilt);
                 let sigma_rad = 3.0 * fit.sigma_rad + MOTION_SIGMA_RAD;
                 self.known.set(index::AZIMUTH, 0.0, sigma_rad);
-                return Some(ins);
+                return Some(Aligned {
+                    ins,
+                    tilt_sigma_rad: config.level_sigma(),
+                });
             }
         }
         if seconds > WINDOW_S {
@@ -257,6 +272,7 @@ impl Alignment {
         {
             Some(Levelled {
                 attitude: levelling::level(&self.coarse_force_mps2?, 0.0),
+                tilt_sigma_rad: COARSE_TILT_RAD,
                 heading: given(config, self.coarse_turn_rad),
             })
         } else {
@@ -274,12 +290,13 @@ impl Alignment {
             .then(|| (levelling::gyrocompass(&attitude, &rest.rate_radps), sigma));
         Levelled {
             attitude: level,
+            tilt_sigma_rad: config.level_sigma(),
             heading: given(config, 0.0).or(compass),
         }
     }
 
     /// Ends levelling: with a heading, or else by looking for one.
-    fn end_levelling(&mut self, time: Time, level: &Levelled) -> Option<Mechanization> {
+    fn end_levelling(&mut self, time: Time, level: &Levelled) -> Option<Aligned> {
         let fix = self.last_fix?;
         let position = fix.position?;
         let Some((heading_rad, sigma_rad)) = level.heading else {
@@ -289,7 +306,10 @@ impl Alignment {
         self.known.set(index::AZIMUTH, 0.0, sigma_rad);
         let attitude = turned(&level.attitude, heading_rad);
         let velocity = fix.velocity_enu_mps();
-        Some(Mechanization::new(position, velocity, attitude))
+        Some(Aligned {
+            ins: Mechanization::new(position, velocity, attitude),
+            tilt_sigma_rad: level.tilt_sigma_rad,
+        })
     }
 
     /// At rest the wandering INS is levelled again and again.

@@ -41,10 +41,10 @@ pub enum Verdict {
 }
 
 impl Estimator {
-    /// Starts at a moment with what is believed of the parameters.
-    pub fn new(start: Time, known: &Parameters, config: &Config) -> Self {
+    /// Starts on a level of some spread, with what is believed of the parameters.
+    pub fn new(start: Time, tilt_sigma_rad: f64, known: &Parameters, config: &Config) -> Self {
         // Of two values of a `match`, one would be copied over the stack.
-        let mut estimator = Self::Exact(Observer::new(start, config, known));
+        let mut estimator = Self::Exact(Observer::new(start, tilt_sigma_rad, known, config));
         if config.form == Form::Literal {
             estimator = Self::Literal(Literal::new(config));
         }
@@ -56,6 +56,15 @@ impl Estimator {
         match self {
             Self::Exact(observer) => observer.parameters(),
             Self::Literal(literal) => literal.parameters(),
+        }
+    }
+
+    /// Spread of roll and pitch of the INS, rad, with all parameters known; the literal form does
+    /// not tell.
+    pub fn tilt_sigma_rad(&self) -> Option<f64> {
+        match self {
+            Self::Exact(observer) => Some(observer.tilt_sigma_rad()),
+            Self::Literal(_) => None,
         }
     }
 

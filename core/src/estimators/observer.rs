@@ -72,15 +72,15 @@ pub struct Observer {
 type VelocityBy = [[f32; 3]; COUNT];
 
 impl Observer {
-    /// Starts at a moment with what is believed of the parameters.
-    pub fn new(start: Time, config: &Config, prior: &Parameters) -> Self {
+    /// Starts on a level of some spread, with what is believed of the parameters.
+    pub fn new(start: Time, tilt_sigma_rad: f64, prior: &Parameters, config: &Config) -> Self {
         let sigma = config.gnss.velocity_sigma_mps;
         let mut error = InsError::zero();
         error.tilt_rad.z = prior.value(index::AZIMUTH);
         Self {
             error,
             responses: core::array::from_fn(unit_response),
-            level: start_of_level(config),
+            level: Channel::new(tilt_sigma_rad * tilt_sigma_rad),
             vertical: Channel::new(0.0),
             level_innovations: Innovations::new(sigma),
             vertical_innovations: Innovations::new(sigma),
@@ -101,11 +101,17 @@ impl Observer {
         self.error = InsError::zero();
         self.error.tilt_rad.z = self.parameters.value(index::AZIMUTH);
         self.responses = core::array::from_fn(unit_response);
-        self.level = start_of_level(config);
+        let tilt_rad = config.level_sigma();
+        self.level = Channel::new(tilt_rad * tilt_rad);
         self.vertical = Channel::new(0.0);
         self.corrections
             .diffuse(index::AZIMUTH, math::single(self.level.tilt));
         self.last = Moment::start(start);
+    }
+
+    /// Spread of roll and pitch, rad, with all parameters known.
+    pub fn tilt_sigma_rad(&self) -> f64 {
+        math::sqrt(self.level.tilt)
     }
 
     /// What is known of the parameters.
@@ -401,10 +407,4 @@ fn unit_response(which: usize) -> InsError<f32> {
         response.tilt_rad.z = 1.0;
     }
     response
-}
-
-/// The level channel before a first fix.
-fn start_of_level(config: &Config) -> Channel {
-    let tilt_rad = config.start_tilt_sigma();
-    Channel::new(tilt_rad * tilt_rad)
 }

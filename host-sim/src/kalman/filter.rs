@@ -72,6 +72,8 @@ pub struct Start {
     pub time: Time,
     /// Aligned.
     pub ins: Mechanization,
+    /// Spread of its roll and pitch, rad, if that is known.
+    pub tilt_sigma_rad: Option<f64>,
     /// Spread of its heading, rad.
     pub heading_sigma_rad: f64,
     /// Gyro biases as the alignment knows them, rad/s.
@@ -91,6 +93,7 @@ impl Start {
         Some(Self {
             time,
             ins,
+            tilt_sigma_rad: navigator.tilt_sigma_rad(),
             heading_sigma_rad: if given {
                 noise.heading_sigma_rad
             } else {
@@ -118,6 +121,7 @@ impl Filter {
             },
             covariance: noise.start(
                 start.ins.velocity_enu_mps.norm(),
+                start.tilt_sigma_rad,
                 start.heading_sigma_rad,
                 gyro_sigma,
             ),

@@ -107,15 +107,17 @@ impl Noise {
         }
     }
 
-    /// Covariance where navigation begins, on a heading and gyro biases known to some spread.
+    /// Covariance where navigation begins, on a level, a heading and gyro biases known to some spread.
     pub(super) fn start(
         &self,
         speed_mps: f64,
+        tilt_rad: Option<f64>,
         heading_rad: f64,
         gyro_radps: [f64; 3],
     ) -> StateMatrix {
         let moved = Vector3::repeat(START_AGE_S * speed_mps);
-        let tilt = 2.0 * self.accel_bias_mps2 / GRAVITY_EQUATOR_MPS2 + LEVELLING_RAD;
+        let levelled = 2.0 * self.accel_bias_mps2 / GRAVITY_EQUATOR_MPS2 + LEVELLING_RAD;
+        let tilt = tilt_rad.unwrap_or_default().max(levelled);
         let mut sigma = States::zeros();
         let mut set = |at: usize, values: Vector3<f64>| {
             sigma.fixed_rows_mut::<3>(at).copy_from(&values);
