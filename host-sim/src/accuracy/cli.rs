@@ -36,7 +36,7 @@ pub struct Accuracy {
     /// FACTOR times what it is.
     #[arg(long, value_name = "FACTOR", value_parser = factor)]
     kalman: Option<f64>,
-    /// Give that filter no positions.
+    /// Give that filter no level positions.
     #[arg(long, requires = "kalman")]
     velocity_alone: bool,
     /// Folder for accuracy.json, accuracy.csv and accuracy.svg.

@@ -103,7 +103,7 @@ pub struct Study {
     /// A Kalman filter in place of the core, which takes the noise of the inertial sensors for
     /// this many times what it is.
     pub kalman_noise: Option<f64>,
-    /// Whether that filter takes positions besides velocities.
+    /// Whether that filter takes level positions besides velocities and height.
     pub kalman_positions: bool,
 }
 
@@ -230,7 +230,8 @@ impl Study {
     ) -> Result<Run, ConfigError> {
         let mut noise = Noise::of_model(&self.grade.errors()).guessed(factor);
         if !self.kalman_positions {
-            noise.position_sigma_m.fill(NO_POSITION_M);
+            noise.position_sigma_m.x = NO_POSITION_M;
+            noise.position_sigma_m.y = NO_POSITION_M;
         }
         let mut run = kalman::Run::new(&drive.imu, &drive.gnss, config, noise)?;
         let mut history = Vec::new();
