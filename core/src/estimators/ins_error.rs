@@ -1,4 +1,4 @@
-//! Error of the INS and how it grows: the linear (1)-(2).
+//! Error of the INS and how it grows: (1)-(2), for large tilts to second order.
 
 use nalgebra::{RealField, Scalar, Vector3};
 
