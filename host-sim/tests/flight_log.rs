@@ -25,13 +25,18 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
+/// The plan of an hour, flown for some seconds alone.
+fn write_plan(plan: &Path, seconds: u32) {
+    let route = std::fs::read_to_string("plans/route_one_hour.toml").unwrap();
+    let duration = format!("[flight]\nduration_s = {seconds}\n");
+    std::fs::write(plan, route.replacen("[flight]\n", &duration, 1)).unwrap();
+}
+
 #[test]
 fn a_flight_is_identified() {
     let folder = tempfile::tempdir().unwrap();
     let [plan, log, report] = ["plan.toml", "log", "report"].map(|name| folder.path().join(name));
-    let route = std::fs::read_to_string("plans/route_one_hour.toml").unwrap();
-    let short = route.replacen("[flight]\n", "[flight]\nduration_s = 1800\n", 1);
-    std::fs::write(&plan, short).unwrap();
+    write_plan(&plan, 1800);
 
     let aircraft = ["--aircraft", "aircraft/cessna182.toml"];
     let files = ["fly", "--plan", text(&plan), "--out", text(&log)];
@@ -76,9 +81,7 @@ fn a_flight_is_identified() {
 fn a_start_in_the_air_keeps_its_heading() {
     let folder = tempfile::tempdir().unwrap();
     let [plan, log] = ["plan.toml", "log"].map(|name| folder.path().join(name));
-    let route = std::fs::read_to_string("plans/route_one_hour.toml").unwrap();
-    let short = route.replacen("[flight]\n", "[flight]\nduration_s = 120\n", 1);
-    std::fs::write(&plan, short).unwrap();
+    write_plan(&plan, 120);
     for seed in ["1", "2", "3"] {
         let files = ["fly", "--plan", text(&plan), "--out", text(&log)];
         host_sim(&[files.as_slice(), &["--seed", seed, "--force"]].concat());
