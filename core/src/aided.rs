@@ -431,7 +431,7 @@ impl AidedIns {
                 let difference = Difference {
                     velocity_mps,
                     has_up,
-                    stated_sigma_mps: fix.velocity_sigma_mps,
+                    stated_sigma_mps: fix.sigma.velocity_mps,
                     latency_applied_s,
                 };
                 observer.take(past, &frame_rate, &difference, config)
@@ -452,7 +452,7 @@ impl AidedIns {
 
     /// INS minus GNSS, m; none for a position too far off to be true.
     fn position_difference(&mut self, past: &Past, fix: &GnssFix) -> Option<Vector3<f64>> {
-        let gnss = fix.position?;
+        let gnss = fix.geodetic_or(self.mechanization.position.height_m)?;
         let since_s = self.now.time.seconds_since(past.moment.time);
         let moved = 0.5 * since_s * (past.velocity_mps + self.mechanization.velocity_enu_mps);
         let ins = &self.mechanization;
@@ -474,7 +474,7 @@ impl AidedIns {
             attitude,
             ..
         } = self.mechanization;
-        let position = fix.position.unwrap_or(position);
+        let position = fix.geodetic_or(position.height_m).unwrap_or(position);
         self.mechanization = Mechanization::new(position, velocity_enu_mps, attitude);
         self.positions_refused = 0;
     }
@@ -507,7 +507,7 @@ impl AidedIns {
         let Mechanization {
             position, attitude, ..
         } = self.mechanization;
-        let position = fix.position.unwrap_or(position);
+        let position = fix.geodetic_or(position.height_m).unwrap_or(position);
         self.mechanization = Mechanization::new(position, fix.velocity_enu_mps(), attitude);
         self.now = Moment::start(self.now.time);
         self.history.forget();

@@ -30,6 +30,17 @@ pub const CENTRIFUGAL_RATIO: f64 = ROTATION_RATE_RADPS
     * (1.0 - FLATTENING)
     / GM_M3PS2;
 
+/// Geodetic latitude and longitude.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct LatLon {
+    /// Geodetic latitude, rad, north positive.
+    pub latitude_rad: f64,
+    /// Longitude, rad, east positive, in [-pi, pi].
+    pub longitude_rad: f64,
+}
+
 /// A point by geodetic latitude, longitude and height above the ellipsoid.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -44,6 +55,14 @@ pub struct Geodetic {
 }
 
 impl Geodetic {
+    /// The same without its height.
+    pub fn lat_lon(&self) -> LatLon {
+        LatLon {
+            latitude_rad: self.latitude_rad,
+            longitude_rad: self.longitude_rad,
+        }
+    }
+
     /// East, north and up metres from `origin` to `self`, for points some kilometres apart.
     ///
     /// Metres along the curved frame at the mean latitude: relative error below `d / R`.

@@ -48,11 +48,10 @@
 //! #     let sample = ImuSample { time, gyro: [0.0; 3].into(), accel: [0.0, accel, 9.8].into() };
 //! #     let fix = GnssFix {
 //! #         time,
-//! #         position: Some(Geodetic::default()),
 //! #         velocity_en_mps: Some([0.0, speed].into()),
-//! #         velocity_up_mps: None,
-//! #         velocity_sigma_mps: None,
-//! #     };
+//! #         ..GnssFix::default()
+//! #     }
+//! #     .at(&Geodetic::default());
 //! #     [Some(Input::Imu(sample)), (count % 10 == 0).then_some(Input::Gnss(fix))]
 //! # });
 //! # let navigator = navigate(inputs.flatten()).unwrap();
@@ -86,6 +85,6 @@ pub use estimate::{Estimate, Estimates, Observability};
 pub use manoeuvre::Manoeuvre;
 pub use navigator::Navigator;
 pub use outcome::{GnssOutcome, ImuOutcome};
-pub use samples::{GnssFix, ImuOutput, ImuSample};
+pub use samples::{FixSigma, GnssFix, ImuOutput, ImuSample};
 pub use solution::{Phase, Solution};
 pub use time::Time;

@@ -15,7 +15,7 @@ use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::mechanization::Mechanization;
 use crate::outcome::{GnssOutcome, ImuOutcome};
-use crate::samples::{GnssFix, ImuOutput, ImuSample};
+use crate::samples::{FixSigma, GnssFix, ImuOutput, ImuSample};
 use crate::solution::{Phase, Solution};
 use crate::time::Time;
 
@@ -344,16 +344,27 @@ fn out_of_range(sample: &ImuSample, seconds: f64, config: &Config) -> bool {
 fn check(fix: &GnssFix) -> Result<(), GnssOutcome> {
     let velocity = fix.velocity_enu_mps();
     let position = fix.position.unwrap_or_default();
+    let height_m = fix.height_m.unwrap_or_default();
     let place = Vector3::new(
         position.latitude_rad,
         position.longitude_rad,
-        position.height_m,
+        height_m,
     );
-    let sigma = fix.velocity_sigma_mps.unwrap_or_default();
-    if !(math::all_finite(&velocity) && math::all_finite(&place) && sigma.is_finite()) {
+    let FixSigma {
+        position_m,
+        height_m,
+        velocity_mps,
+        velocity_up_mps,
+    } = fix.sigma;
+    let sigmas = [position_m, height_m, velocity_mps, velocity_up_mps];
+    let stated = sigmas.iter().flatten().all(|sigma| sigma.is_finite());
+    if !(math::all_finite(&velocity) && math::all_finite(&place) && stated) {
         return Err(GnssOutcome::NotFinite);
     }
-    if fix.position.is_none() && fix.velocity_en_mps.is_none() {
+    if fix.position.is_none()
+        && fix.height_m.is_none()
+        && fix.velocity_en_mps.is_none()
+        && fix.velocity_up_mps.is_none() {
         return Err(GnssOutcome::Empty);
     }
     let possible = math::abs(place.x) <= core::f64::consts::FRAC_PI_2

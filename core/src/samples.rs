@@ -3,7 +3,7 @@
 use nalgebra::{Vector2, Vector3};
 
 use crate::config::Config;
-use crate::earth::Geodetic;
+use crate::earth::{Geodetic, LatLon};
 use crate::time::Time;
 
 /// What the two vectors of an [`ImuSample`] are.
@@ -33,21 +33,38 @@ pub struct ImuSample {
     pub accel: Vector3<f64>,
 }
 
+/// One-sigma noise of a fix's parts as the receiver states it; none where it does not.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct FixSigma {
+    /// East and north position, each, m.
+    pub position_m: Option<f64>,
+    /// Height, m.
+    pub height_m: Option<f64>,
+    /// East and north velocity, each, m/s.
+    pub velocity_mps: Option<f64>,
+    /// Vertical velocity, m/s.
+    pub velocity_up_mps: Option<f64>,
+}
+
 /// One GNSS fix. Every part may be missing; a fix with no part is refused.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct GnssFix {
     /// Stamp of the fix, on the same scale as the inertial stamps.
     pub time: Time,
-    /// Antenna position on the ellipsoid.
-    pub position: Option<Geodetic>,
+    /// Latitude and longitude of the antenna.
+    pub position: Option<LatLon>,
+    /// Height of the antenna above the ellipsoid, m.
+    pub height_m: Option<f64>,
     /// East and north velocity, m/s.
     pub velocity_en_mps: Option<Vector2<f64>>,
     /// Vertical velocity, up positive, m/s.
     pub velocity_up_mps: Option<f64>,
-    /// One-sigma noise of a velocity component as the receiver states it, m/s.
-    pub velocity_sigma_mps: Option<f64>,
+    /// Noise as the receiver states it.
+    pub sigma: FixSigma,
 }
 
 /// Speed above which GNSS says that the vehicle moves, m/s, and sigmas of its noise on top.
@@ -55,6 +72,30 @@ const MOTION_MPS: f64 = 0.2;
 const MOTION_SIGMAS: f64 = 4.0;
 
 impl GnssFix {
+    /// The antenna's place, if latitude, longitude and height are all known, or `height_m` where
+    /// the fix has none.
+    pub fn geodetic_or(&self, height_m: f64) -> Option<Geodetic> {
+        let LatLon {
+            latitude_rad,
+            longitude_rad,
+        } = self.position?;
+        Some(Geodetic {
+            latitude_rad,
+            longitude_rad,
+            height_m: self.height_m.unwrap_or(height_m),
+        })
+    }
+
+    /// The same fix with the antenna at a place.
+    #[must_use]
+    pub fn at(self, place: &Geodetic) -> Self {
+        Self {
+            position: Some(place.lat_lon()),
+            height_m: Some(place.height_m),
+            ..self
+        }
+    }
+
     /// Velocity ENU, m/s; zero where a component is missing.
     pub fn velocity_enu_mps(&self) -> Vector3<f64> {
         let level = self.velocity_en_mps.unwrap_or_default();

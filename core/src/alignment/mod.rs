@@ -192,7 +192,7 @@ impl Alignment {
     }
 
     fn find_heading(&mut self, now: Time, fix: &GnssFix, config: &Config) -> Option<Aligned> {
-        let (velocity, position) = (fix.velocity_en_mps?, fix.position?);
+        let (velocity, position) = (fix.velocity_en_mps?, fix.geodetic_or(0.0)?);
         let finding = self.finding.as_mut()?;
         let seconds = now.seconds_since(finding.since);
         let ins_velocity = finding.ins.velocity_enu_mps.xy();
@@ -257,7 +257,7 @@ impl Alignment {
             self.rest.add(&block);
         }
         let fix = self.last_fix?;
-        let position = fix.position?;
+        let position = fix.geodetic_or(0.0)?;
         let earth = LocalEarth::at(position.latitude_rad, position.height_m);
         let moving = verdict == Verdict::Motion;
         let waited = time.seconds_since(self.start);
@@ -298,7 +298,7 @@ impl Alignment {
     /// Ends levelling: with a heading, or else by looking for one.
     fn end_levelling(&mut self, time: Time, level: &Levelled) -> Option<Aligned> {
         let fix = self.last_fix?;
-        let position = fix.position?;
+        let position = fix.geodetic_or(0.0)?;
         let Some((heading_rad, sigma_rad)) = level.heading else {
             self.finding = Some(Finding::start(time, position, level.attitude));
             return None;
