@@ -1,37 +1,43 @@
 //! The aided INS: mechanization under the damping controls, compared with GNSS at the moments of
 //! the fixes, with the estimators on top and their results taken out of the readings.
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector3;
 
 use crate::alignment::rest::{self, RestBlock, RestDetector, Verdict as RestVerdict};
 use crate::alignment::{Aligned, compensation};
 use crate::attitude::matrix;
+use crate::channel::Measured;
 use crate::config::{Config, Feedback};
 use crate::damping::{self, DampingSignals, Differences};
+use crate::earth::GRAVITY_EQUATOR_MPS2;
+use crate::error_model::InsError;
 use crate::estimate::Estimates;
-use crate::estimators::literal::Comparison;
-use crate::estimators::observer::Difference;
-use crate::estimators::parameters::{Parameters, index};
-use crate::estimators::{Estimator, Verdict};
-use crate::history::{History, Missing, Moment, Past};
+use crate::estimator::Estimator;
+use crate::history::{History, Missing, Past, Span};
 use crate::increments::Interval;
+use crate::literal::Comparison;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::mechanization::{Controls, Mechanization, Step};
+use crate::observer::{Difference, Used};
 use crate::outcome::GnssOutcome;
+use crate::parameters::{Parameters, index};
 use crate::ring::Ring;
 use crate::samples::GnssFix;
 use crate::solution::{Phase, Solution};
 use crate::time::Time;
 
 /// Fixes that may wait for their moment.
-const PENDING: usize = 4;
+const PENDING: usize = 10;
 /// Longest time that controls are held without a new fix, s.
 const HOLD_S: f64 = 1.5;
 /// Interval at which an INS without fixes is corrected, s.
 const COAST_S: f64 = 0.5;
 /// Least time between two fixes that are used, s.
 const LEAST_INTERVAL_S: f64 = 0.01;
+/// Least time between two positions that are used beside velocities, s: their noise changes more
+/// slowly, and a sample must not wait long.
+const POSITION_INTERVAL_S: f64 = 0.45;
 /// Interval at which the parameters are solved for, s.
 const SOLVE_S: f64 = 1.0;
 /// Largest spread of an azimuth error that is taken out whatever its size, rad, and sigmas that
@@ -41,12 +47,15 @@ const AZIMUTH_SIGMAS: f64 = 3.0;
 /// A parameter is taken out once its spread is below this part of what was believed before.
 const BIAS_KNOWN: f64 = 0.5;
 const LATENCY_KNOWN: f64 = 0.2;
-/// Largest latency that the ring can serve, s.
-const LATENCY_LIMIT_S: f64 = 0.4;
-/// Fixes refused in a row after which the INS, not GNSS, is taken to be wrong.
-const LOST_FIXES: u8 = 10;
-/// Distance from the INS beyond which a position is not believed, m.
-const POSITION_GATE_M: f64 = 100.0;
+/// Largest latency that is credible, s.
+const LATENCY_LIMIT_S: f64 = 1.2;
+/// Errors of the INS that are taken out at once, m and m/s: the loops are linear, and slow.
+const JUMP_M: f64 = 100.0;
+const JUMP_MPS: f64 = 3.0;
+/// Time for which innovations must be too large before the INS is doubted, s, and after a doubt
+/// that has not mended it, before it aligns anew.
+const DOUBT_S: f64 = 10.0;
+const MENDED_S: f64 = 60.0;
 
 /// Errors taken out of readings and stamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -57,34 +66,53 @@ struct Compensation {
     latency_s: f64,
 }
 
+/// What has turned the platform since the start about the vertical, by cause.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Turned {
+    /// Controls and compensations, rad.
+    by_controls_rad: f64,
+    /// A unit of each gyro bias, s, and of the scale error, rad.
+    by_gyros_s: Vector3<f64>,
+    by_scale_rad: f64,
+}
+
 /// The aided INS.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct AidedIns {
+pub struct AidedIns<const N: usize> {
     mechanization: Mechanization,
-    now: Moment,
-    history: History,
+    now: Time,
+    /// Since the newest moment of the ring, and from the estimators' horizon to there.
+    current: Span,
+    before_current: Span,
+    history: History<N>,
     estimator: Estimator,
     compensation: Compensation,
     controls: Controls,
     controls_until: Time,
     pending: Ring<GnssFix, PENDING>,
-    /// Moment of the last fix that was compared.
+    /// Moment of the last fix that was compared, and of the last position.
     last_compared: Time,
-    refused: u8,
-    positions_refused: u8,
+    last_position: Time,
+    /// When errors were last taken out of an INS without fixes.
+    last_coast: Time,
     rest: RestDetector,
     last_solve: Time,
     work_left: bool,
     since: Time,
     /// Azimuth taken out since the start, rad.
     azimuth_removed_rad: f64,
+    turned: Turned,
     manoeuvre: Manoeuvre,
     /// Stamp and velocity difference of the last fix that was compared, ENU, m/s.
     compared: (Time, Vector3<f64>),
+    /// When it was last doubted.
+    doubted: Option<Time>,
+    lost: bool,
 }
 
-impl AidedIns {
+impl<const N: usize> AidedIns<N> {
     /// Starts where alignment ended, with what it knows of the sensors and of the azimuth.
     #[expect(
         clippy::inline_always,
@@ -93,11 +121,20 @@ impl AidedIns {
     #[inline(always)]
     pub fn new(time: Time, aligned: &Aligned, known: &Parameters, config: &Config) -> Self {
         let gyro_radps = compensation(known, config);
+        let up = matrix(&aligned.ins.attitude).row(2).transpose();
         Self {
             mechanization: aligned.ins,
-            now: Moment::start(time),
+            now: time,
+            current: Span::default(),
+            before_current: Span::default(),
             history: History::default(),
-            estimator: Estimator::new(time, aligned.tilt_sigma_rad, known, config),
+            estimator: Estimator::new(
+                time,
+                aligned.tilt_sigma_rad,
+                GRAVITY_EQUATOR_MPS2 * up,
+                known,
+                config,
+            ),
             compensation: Compensation {
                 gyro_radps,
                 ..Compensation::default()
@@ -106,21 +143,50 @@ impl AidedIns {
             controls_until: time,
             pending: Ring::default(),
             last_compared: time,
-            refused: 0,
-            positions_refused: 0,
+            last_position: time,
+            last_coast: time,
             rest: RestDetector::default(),
             last_solve: time,
             work_left: false,
             since: time,
             azimuth_removed_rad: 0.0,
+            turned: Turned::default(),
             manoeuvre: Manoeuvre::default(),
             compared: (time, Vector3::zeros()),
+            doubted: None,
+            lost: false,
+        }
+    }
+
+    /// Whether it has lost its way, and has to be aligned anew.
+    pub fn is_lost(&self) -> bool {
+        self.lost
+    }
+
+    /// All that has happened since the estimators' horizon.
+    fn since_horizon(&self) -> Span {
+        self.before_current.then(&self.current)
+    }
+
+    /// The error of the INS now, as far as it is known and not yet taken out.
+    fn error(&self) -> InsError {
+        self.estimator.error_after(&self.since_horizon())
+    }
+
+    /// Spread of position, velocity and attitude at the estimators' horizon, ENU.
+    pub fn sigma(&self) -> Option<InsError> {
+        match &self.estimator {
+            Estimator::Exact(observer) => Some(observer.sigma()),
+            Estimator::Literal(_) => None,
         }
     }
 
     /// Spread of its roll and pitch, rad.
     pub fn tilt_sigma_rad(&self) -> Option<f64> {
-        self.estimator.tilt_sigma_rad()
+        match &self.estimator {
+            Estimator::Exact(observer) => Some(observer.tilt_sigma_rad()),
+            Estimator::Literal(_) => None,
+        }
     }
 
     /// The damped INS.
@@ -153,12 +219,10 @@ impl AidedIns {
     pub fn solution(&self, config: &Config) -> Solution {
         let mut ins = self.mechanization;
         if config.feedback == Feedback::Closed {
-            let error = self.estimator.error_at(&self.now);
-            ins.velocity_enu_mps -= error.velocity_mps;
-            ins.turn_platform(&-error.tilt_rad);
+            take_out(&mut ins, &self.error());
         }
         Solution {
-            time: self.now.time,
+            time: self.now,
             position: ins.position,
             velocity_enu_mps: ins.velocity_enu_mps,
             attitude: ins.attitude,
@@ -172,7 +236,7 @@ impl AidedIns {
         parameters.set(index::AZIMUTH, azimuth, parameters.sigma(index::AZIMUTH));
         let mut estimates = Estimates::from_parameters(&parameters, config, Phase::Navigating);
         if let Estimator::Exact(observer) = &self.estimator {
-            let run_s = self.now.time.seconds_since(self.since);
+            let run_s = self.now.seconds_since(self.since);
             let latency = &mut estimates.gnss_latency_s;
             (latency.value, latency.sigma) = observer.latency_before(0.5 * run_s);
         }
@@ -181,7 +245,7 @@ impl AidedIns {
 
     /// Azimuth error that is still in the damped INS, rad.
     pub fn azimuth_left_rad(&self) -> f64 {
-        self.estimator.error_at(&self.now).tilt_rad.z
+        self.error().tilt_rad.z
     }
 
     /// What the azimuth error would be now if the starting heading had been kept and the gyros
@@ -189,9 +253,9 @@ impl AidedIns {
     /// plus what the found errors of the gyros did.
     fn azimuth_error_rad(&self) -> f64 {
         let parameters = self.known();
-        let drift = self.now.attitude_s * parameters.vector(index::GYRO);
-        let scale = self.now.turn_rad * parameters.value(index::GYRO_TURN + 2);
-        self.azimuth_left_rad() - self.now.control_tilt_rad.z + drift.z + scale
+        let drift = self.turned.by_gyros_s.dot(&parameters.vector(index::GYRO));
+        let scale = self.turned.by_scale_rad * parameters.value(index::GYRO_SCALE);
+        self.azimuth_left_rad() - self.turned.by_controls_rad + drift + scale
     }
 
     /// Inertial samples were missing for `seconds`, and were filled in.
@@ -228,9 +292,9 @@ impl AidedIns {
     #[inline(never)]
     pub fn follow_up(&mut self, config: &Config) {
         let due = self.work_left;
-        let remembers = self.history.wants(self.now.time);
+        let remembers = self.history.wants(self.now);
         if remembers {
-            self.remember();
+            self.remember(config);
         }
         let took = self.take_waiting(true, config);
         if due && (remembers || !took) {
@@ -239,62 +303,92 @@ impl AidedIns {
         }
     }
 
+    /// Adds the present to the ring. What the ring is about to forget the estimators must know.
     #[inline(never)]
-    fn remember(&mut self) {
+    fn remember(&mut self, config: &Config) {
+        if let Some(dropped) = self.history.next_dropped()
+            && dropped > self.estimator.horizon()
+        {
+            self.advance(dropped, config);
+        }
+        self.before_current = self.since_horizon();
         self.history
-            .push(self.now, self.mechanization.velocity_enu_mps);
+            .push(self.now, &self.mechanization.velocity_enu_mps, &self.current);
+        self.current = Span::default();
         self.work_left = true;
     }
 
+    /// Brings the estimators to a moment of the ring.
+    fn advance(&mut self, to: Time, config: &Config) {
+        let frame_rate = self.frame_rate();
+        self.estimator.advance(&self.history, to, &frame_rate, config);
+        let mut since = Span::default();
+        let forever_s = f64::MAX;
+        self.history
+            .between(to, self.now, forever_s, |piece, _| since = *piece);
+        self.before_current = since;
+    }
+
     /// Without GNSS the loops are open: what the observer sees in the INS is taken out at once,
-    /// again and again, for the position to follow it. The observer stays where a late fix still
-    /// finds it, and takes short steps: over long ones it is not exact.
-    #[inline(never)]
+    /// again and again, for the position to follow it.
     fn coast(&mut self, config: &Config) {
         self.controls = Controls::default();
-        let Some((horizon, velocity_mps)) = self.history.oldest() else {
-            return;
-        };
-        let since_s = horizon.time.seconds_since(self.last_compared);
-        if config.feedback == Feedback::Open || since_s < COAST_S {
+        if config.feedback == Feedback::Open || self.now.seconds_since(self.last_coast) < COAST_S {
             return;
         }
-        let frame_rate = self.frame_rate(&velocity_mps);
-        let Estimator::Exact(observer) = &mut self.estimator else {
+        self.take_out_error();
+    }
+
+    /// Takes the error that is known out of the INS.
+    #[inline(never)]
+    fn take_out_error(&mut self) {
+        self.last_coast = self.now;
+        if !matches!(self.estimator, Estimator::Exact(_)) {
             return;
-        };
-        observer.propagate(&horizon, &frame_rate, config);
-        self.last_compared = horizon.time;
-        let error = observer.error_at(&self.now);
-        self.mechanization.velocity_enu_mps -= error.velocity_mps;
-        self.mechanization.turn_platform(&-error.tilt_rad);
-        self.now.control_velocity_mps -= error.velocity_mps;
-        self.now.control_tilt_rad -= error.tilt_rad;
+        }
+        let error = self.error();
+        take_out(&mut self.mechanization, &error);
+        let current = &mut self.current;
+        current.control_position_m -= error.position_m;
+        current.control_velocity_mps -= error.velocity_mps;
+        current.control_tilt_rad -= error.tilt_rad;
+        current.way_m -= error.position_m;
         self.azimuth_removed_rad += error.tilt_rad.z;
+        self.turned.by_controls_rad -= error.tilt_rad.z;
     }
 
     /// Rate at which the navigation frame turns, rad/s.
-    fn frame_rate(&self, velocity_mps: &Vector3<f64>) -> Vector3<f64> {
+    fn frame_rate(&self) -> Vector3<f64> {
         let earth = self.mechanization.local_earth();
-        earth.earth_rate() + earth.transport_rate(velocity_mps)
+        earth.earth_rate() + earth.transport_rate(&self.mechanization.velocity_enu_mps)
     }
 
-    /// Adds a step to the totals of the present moment.
+    /// Adds a step to what has happened since the newest moment of the ring.
     fn total(&mut self, time: Time, interval: &Interval, step: &Step) {
         let (dt, controls) = (interval.seconds, &self.controls);
         let tilt = dt * (controls.rate_radps + step.attitude * self.compensation.gyro_radps);
         let push = dt * (controls.accel_mps2 - step.attitude * self.compensation.accel_mps2);
-        let now = &mut self.now;
-        now.time = time;
-        now.force_mps += step.force_enu_mps;
-        now.attitude_s += step.attitude * dt;
-        now.turn_rad += interval.angle_rad.z;
-        now.control_velocity_mps += step
-            .force_enu_mps
-            .cross(&(now.control_tilt_rad + 0.5 * tilt))
-            + push;
-        now.control_tilt_rad += tilt;
+        let force = &step.force_enu_mps;
+        let up = step.attitude.row(2).transpose();
+        let turn_rad = up.dot(&interval.angle_rad);
+        let bent = force.cross(&tilt);
+        let one = Span {
+            seconds: dt,
+            force_mps: *force,
+            force_moved_m: 0.5 * dt * force,
+            attitude_s: step.attitude * dt,
+            turn_rad,
+            control_tilt_rad: tilt,
+            control_velocity_mps: push + 0.5 * bent,
+            control_position_m: dt * (controls.velocity_mps + 0.5 * push + bent / 6.0),
+            way_m: step.way_m,
+        };
+        self.current = self.current.then(&one);
+        self.now = time;
         self.azimuth_removed_rad -= dt * controls.rate_radps.z;
+        self.turned.by_controls_rad += tilt.z;
+        self.turned.by_gyros_s += up * dt;
+        self.turned.by_scale_rad += turn_rad;
     }
 
     /// A vehicle at rest turns with the Earth: its gyros read their biases.
@@ -314,7 +408,7 @@ impl AidedIns {
             return;
         }
         for (axis, bias) in bias.iter().enumerate() {
-            observer.measure(index::GYRO + axis, *bias, variance);
+            observer.measure_directly(index::GYRO + axis, *bias, variance);
         }
     }
 
@@ -355,30 +449,19 @@ impl AidedIns {
         took
     }
 
-    /// Compares a fix with the INS of its own moment; `None` while that lies ahead.
-    fn compare(&mut self, fix: &GnssFix, wait: bool, config: &Config) -> Option<GnssOutcome> {
-        let outcome = self.process(fix, wait, config);
-        if outcome == Some(GnssOutcome::Outlier) {
-            self.refuse(fix, config);
-        } else if self.positions_refused >= LOST_FIXES {
-            self.move_to(fix);
-        }
-        outcome
-    }
-
     /// What the estimators do besides taking fixes, a piece at a time.
     fn work(&mut self, config: &Config) {
-        if self.now.time.seconds_since(self.last_solve) >= SOLVE_S {
-            self.last_solve = self.now.time;
+        if self.now.seconds_since(self.last_solve) >= SOLVE_S {
+            self.last_solve = self.now;
             self.solve(config);
         } else if let Estimator::Exact(observer) = &mut self.estimator {
             observer.spread_next();
         }
     }
 
-    /// The comparison itself; its temporaries must not lie on the stack of every sample.
+    /// Compares a fix with the INS of its own moment; `None` while that lies ahead.
     #[inline(never)]
-    fn process(&mut self, fix: &GnssFix, wait: bool, config: &Config) -> Option<GnssOutcome> {
+    fn compare(&mut self, fix: &GnssFix, wait: bool, config: &Config) -> Option<GnssOutcome> {
         let moment = fix.time.plus_seconds(-self.compensation.latency_s);
         let past = match self.history.at(moment, wait) {
             Ok(past) => past,
@@ -386,97 +469,153 @@ impl AidedIns {
             Err(Missing::TooOld) => return Some(GnssOutcome::TooOld),
         };
         let interval_s = moment.seconds_since(self.last_compared);
-        if interval_s < LEAST_INTERVAL_S {
+        if interval_s < LEAST_INTERVAL_S || moment < self.estimator.horizon() {
             return Some(GnssOutcome::TimeNotIncreasing);
         }
-        let mut differences = Differences {
-            position_m: self.position_difference(&past, fix),
-            ..Differences::default()
+        self.advance(moment, config);
+        self.last_compared = moment;
+        let taken = self.observe(&past, fix, config);
+        let mut differences = self.differences(&past, fix, &taken);
+        if differences == Differences::default() {
+            return Some(GnssOutcome::Outlier);
+        }
+        self.doubt(config);
+        let jump = |error: &InsError| {
+            error.velocity_mps.norm() > JUMP_MPS || error.position_m.xy().norm() > JUMP_M
         };
-        if fix.velocity_en_mps.is_some() {
-            let velocity_mps = past.velocity_mps - fix.velocity_enu_mps();
-            self.manoeuvre = Manoeuvre::of(&past);
-            let verdict = self.observe(&past, fix, velocity_mps, config);
-            if verdict == Verdict::Outlier {
-                self.last_compared = moment;
-                return Some(GnssOutcome::Outlier);
-            }
-            self.refused = 0;
-            let lever_arm = match config.feedback {
-                Feedback::Closed => self.known().lever_arm(),
-                Feedback::Open => Vector2::zeros(),
-            };
-            let antenna = past.attitude_rate.fixed_columns::<2>(0) * lever_arm;
-            let at_antenna = velocity_mps + antenna;
-            differences.velocity_en_mps = Some(at_antenna.xy());
-            differences.velocity_up_mps = (verdict == Verdict::Used).then_some(at_antenna.z);
+        if jump(&self.error()) {
+            self.take_out_error();
+            differences = Differences::default();
         }
         self.damp(fix, &differences, interval_s, config);
-        self.last_compared = moment;
         Some(GnssOutcome::Accepted)
     }
 
-    fn observe(
-        &mut self,
-        past: &Past,
-        fix: &GnssFix,
-        velocity_mps: Vector3<f64>,
-        config: &Config,
-    ) -> Verdict {
-        let has_up = fix.velocity_up_mps.is_some();
+    /// Lets the estimators take what a fix says.
+    fn observe(&mut self, past: &Past, fix: &GnssFix, config: &Config) -> Taken {
         let latency_applied_s = self.compensation.latency_s;
-        let frame_rate = self.frame_rate(&past.velocity_mps);
-        match &mut self.estimator {
-            Estimator::Exact(observer) => {
-                let difference = Difference {
-                    velocity_mps,
+        let velocity_mps = past.velocity_mps - fix.velocity_enu_mps();
+        let mut taken = Taken {
+            velocity_mps,
+            position_m: self.position_difference(past, fix),
+            ..Taken::default()
+        };
+        self.manoeuvre = Manoeuvre::of(past);
+        let has_level = fix.velocity_en_mps.is_some();
+        let has_up = fix.velocity_up_mps.is_some();
+        let observer = match &mut self.estimator {
+            Estimator::Exact(observer) => observer,
+            Estimator::Literal(literal) => {
+                let comparison = Comparison {
+                    past,
+                    manoeuvre: self.manoeuvre,
+                    difference_mps: velocity_mps,
                     has_up,
-                    stated_sigma_mps: fix.sigma.velocity_mps,
+                    accel_up_mps2: self.controls.accel_mps2.z,
+                    azimuth_removed_rad: self.azimuth_removed_rad,
                     latency_applied_s,
+                    accel_compensation_mps2: self.compensation.accel_mps2,
+                    bandwidth_radps: config.damping.horizontal.bandwidth_radps,
                 };
-                observer.take(past, &frame_rate, &difference, config)
+                if has_level {
+                    taken.velocity = literal.take(&comparison, config);
+                }
+                taken.position = Used {
+                    level: fix.position.is_some(),
+                    up: fix.height_m.is_some(),
+                };
+                return taken;
             }
-            Estimator::Literal(literal) => literal.take(&Comparison {
-                past,
-                manoeuvre: self.manoeuvre,
-                difference_mps: velocity_mps,
+        };
+        if has_level || has_up {
+            let difference = Difference {
+                measured: Measured::Velocity,
+                value: velocity_mps,
+                has_level,
                 has_up,
-                accel_up_mps2: self.controls.accel_mps2.z,
-                azimuth_removed_rad: self.azimuth_removed_rad,
+                stated_sigma: [fix.sigma.velocity_mps, fix.sigma.velocity_up_mps],
                 latency_applied_s,
-                accel_compensation_mps2: self.compensation.accel_mps2,
-                bandwidth_radps: config.damping.horizontal.bandwidth_radps,
-            }),
+            };
+            taken.velocity = observer.take(past, &difference, config);
         }
+        let due = past.time.seconds_since(self.last_position) >= POSITION_INTERVAL_S;
+        let has_position = fix.position.is_some() || fix.height_m.is_some();
+        if has_position && (due || !has_level) {
+            self.last_position = past.time;
+            let difference = Difference {
+                measured: Measured::Position,
+                value: taken.position_m,
+                has_level: fix.position.is_some(),
+                has_up: fix.height_m.is_some(),
+                stated_sigma: [fix.sigma.position_m, fix.sigma.height_m],
+                latency_applied_s,
+            };
+            taken.position = observer.take(past, &difference, config);
+        }
+        taken
     }
 
-    /// INS minus GNSS, m; none for a position too far off to be true.
-    fn position_difference(&mut self, past: &Past, fix: &GnssFix) -> Option<Vector3<f64>> {
-        let gnss = fix.geodetic_or(self.mechanization.position.height_m)?;
-        let since_s = self.now.time.seconds_since(past.moment.time);
-        let moved = 0.5 * since_s * (past.velocity_mps + self.mechanization.velocity_enu_mps);
+    /// What the loops are given: what was taken, at the sensors and not at the antenna. Where only
+    /// positions are measured, velocities are those that the observer makes of them.
+    fn differences(&self, past: &Past, fix: &GnssFix, taken: &Taken) -> Differences {
+        let arm = self.known().lever_arm();
+        let mut differences = Differences::default();
+        let velocity_mps = taken.velocity_mps + past.attitude_rate * arm;
+        let position_m = taken.position_m + past.attitude * arm;
+        let followed = match &self.estimator {
+            Estimator::Exact(observer) => Some(*observer.error()),
+            Estimator::Literal(_) => None,
+        };
+        let by_position = |used: bool, has_velocity: bool| {
+            followed.filter(|_| used && !has_velocity)
+        };
+        let has_level = fix.velocity_en_mps.is_some();
+        if taken.velocity.level {
+            differences.velocity_en_mps = Some(velocity_mps.xy());
+        } else if let Some(error) = by_position(taken.position.level, has_level) {
+            differences.velocity_en_mps = Some(error.velocity_mps.xy());
+        }
+        if taken.velocity.up {
+            differences.velocity_up_mps = Some(velocity_mps.z);
+        } else if let Some(error) = by_position(taken.position.up, fix.velocity_up_mps.is_some()) {
+            differences.velocity_up_mps = Some(error.velocity_mps.z);
+        }
+        if taken.position.level {
+            differences.position_en_m = Some(position_m.xy());
+        }
+        if taken.position.up {
+            differences.height_m = Some(position_m.z);
+        }
+        differences
+    }
+
+    /// INS minus GNSS, m; zero where the fix has none.
+    fn position_difference(&self, past: &Past, fix: &GnssFix) -> Vector3<f64> {
         let ins = &self.mechanization;
-        let difference = ins.local_earth().enu_between(&gnss, &ins.position) - moved;
-        if difference.norm_squared() < POSITION_GATE_M * POSITION_GATE_M {
-            self.positions_refused = 0;
-            return Some(difference);
-        }
-        self.positions_refused = self.positions_refused.saturating_add(1);
-        None
+        let own = ins.position;
+        let place = fix.position.unwrap_or(own.lat_lon());
+        let gnss = crate::earth::Geodetic {
+            latitude_rad: place.latitude_rad,
+            longitude_rad: place.longitude_rad,
+            height_m: fix.height_m.unwrap_or(own.height_m),
+        };
+        let way_m = past.way_since_m + self.current.way_m;
+        ins.local_earth().enu_between(&gnss, &own) - way_m
     }
 
-    /// Many positions in a row say where the INS really is.
-    #[inline(never)]
-    fn move_to(&mut self, fix: &GnssFix) {
-        let Mechanization {
-            position,
-            velocity_enu_mps,
-            attitude,
-            ..
-        } = self.mechanization;
-        let position = fix.geodetic_or(position.height_m).unwrap_or(position);
-        self.mechanization = Mechanization::new(position, velocity_enu_mps, attitude);
-        self.positions_refused = 0;
+    /// Innovations that stay too large show an INS that has lost its way: first it is believed
+    /// less, and where that does not mend it, it is aligned anew.
+    fn doubt(&mut self, config: &Config) {
+        let Estimator::Exact(observer) = &mut self.estimator else {
+            return;
+        };
+        if observer.surprise().lasting_s < DOUBT_S {
+            return;
+        }
+        observer.on_lost(config);
+        let recently = |doubted: Time| self.now.seconds_since(doubted) < MENDED_S;
+        self.lost = self.doubted.is_some_and(recently);
+        self.doubted = Some(self.now);
     }
 
     /// Sets the controls that hold until the next fix.
@@ -491,35 +630,10 @@ impl AidedIns {
         };
         let interval_s = math::min(interval_s, HOLD_S);
         self.controls = damping::controls(&differences, interval_s, &config.damping);
-        self.controls_until = self.now.time.plus_seconds(HOLD_S);
+        self.controls_until = self.now.plus_seconds(HOLD_S);
         let level = differences.velocity_en_mps.unwrap_or_default();
         let up = differences.velocity_up_mps.unwrap_or_default();
         self.compared = (fix.time, level.push(up));
-    }
-
-    /// One bad fix is GNSS's fault; many in a row are the INS's, which then starts again from one.
-    #[inline(never)]
-    fn refuse(&mut self, fix: &GnssFix, config: &Config) {
-        self.refused = self.refused.saturating_add(1);
-        if self.refused < LOST_FIXES {
-            return;
-        }
-        let Mechanization {
-            position, attitude, ..
-        } = self.mechanization;
-        let position = fix.geodetic_or(position.height_m).unwrap_or(position);
-        self.mechanization = Mechanization::new(position, fix.velocity_enu_mps(), attitude);
-        self.now = Moment::start(self.now.time);
-        self.history.forget();
-        match &mut self.estimator {
-            Estimator::Exact(observer) => observer.restart(self.now.time, config),
-            Estimator::Literal(literal) => literal.restart(),
-        }
-        self.pending = Ring::default();
-        self.controls = Controls::default();
-        self.since = self.now.time;
-        self.last_compared = self.now.time;
-        self.refused = 0;
     }
 
     /// Solves for the parameters and takes out those that are known.
@@ -556,4 +670,21 @@ impl AidedIns {
                 math::max(math::min(latency_s, LATENCY_LIMIT_S), -LATENCY_LIMIT_S);
         }
     }
+}
+
+/// What was taken of a fix, INS minus GNSS.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Taken {
+    velocity_mps: Vector3<f64>,
+    velocity: Used,
+    position_m: Vector3<f64>,
+    position: Used,
+}
+
+/// Takes an error out of an INS.
+fn take_out(ins: &mut Mechanization, error: &InsError) {
+    ins.velocity_enu_mps -= error.velocity_mps;
+    ins.turn_platform(&-error.tilt_rad);
+    let earth = ins.local_earth();
+    ins.move_by(&earth, &-error.position_m);
 }

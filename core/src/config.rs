@@ -5,7 +5,7 @@
 use nalgebra::SVector;
 
 use crate::earth::GRAVITY_EQUATOR_MPS2;
-use crate::estimators::parameters::{COUNT, Parameters};
+use crate::parameters::{COUNT, Parameters, index};
 use crate::math;
 use crate::samples::ImuOutput;
 
@@ -35,31 +35,70 @@ pub struct DampingConfig {
     pub azimuth_radps: f64,
 }
 
-/// What the inertial sensors are, one sigma, the same for each axis of a kind.
+/// What the inertial sensors are, one sigma.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct SensorConfig {
     /// Run-to-run gyro bias, rad/s.
     pub gyro_bias_radps: f64,
-    /// Angular random walk, rad/sqrt(s).
-    pub gyro_noise: f64,
+    /// Angular random walk of the x, y and z gyro, rad/sqrt(s).
+    pub gyro_noise: [f64; 3],
     /// Drift of a gyro bias, rad/s/sqrt(s).
     pub gyro_bias_walk: f64,
     /// Scale-factor error of the gyros, 1.
     pub gyro_scale: f64,
     /// Run-to-run accelerometer bias, m/s^2.
     pub accel_bias_mps2: f64,
-    /// Velocity random walk, m/s/sqrt(s).
-    pub accel_noise: f64,
+    /// Velocity random walk of the x, y and z accelerometer, m/s/sqrt(s).
+    pub accel_noise: [f64; 3],
     /// Drift of an accelerometer bias, m/s^2/sqrt(s).
     pub accel_bias_walk: f64,
     /// Scale-factor error of the accelerometers, 1.
     pub accel_scale: f64,
+    /// Angle between the axes of two sensors and the right one, rad.
+    pub misalignment_rad: f64,
     /// Largest credible angular rate on one axis, rad/s.
     pub gyro_range_radps: f64,
     /// Largest credible specific force on one axis, m/s^2.
     pub accel_range_mps2: f64,
+}
+
+impl SensorConfig {
+    /// Angular random walk of an axis in any direction, on average, rad/sqrt(s).
+    pub fn mean_gyro_noise(&self) -> f64 {
+        let [x, y, z] = self.gyro_noise;
+        math::sqrt((x * x + y * y + z * z) / 3.0)
+    }
+}
+
+/// Noise of one thing that GNSS measures: a white part, and one that is correlated over time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Noise {
+    /// Standard deviation of the white part, from fix to fix.
+    pub white: f64,
+    /// Standard deviation of the correlated part: first-order Gauss-Markov.
+    pub correlated: f64,
+    /// Its correlation time, s.
+    pub correlation_s: f64,
+}
+
+impl Noise {
+    /// White noise alone.
+    pub const fn white(sigma: f64) -> Self {
+        Self {
+            white: sigma,
+            correlated: 0.0,
+            correlation_s: 1.0,
+        }
+    }
+
+    /// Variance of both parts.
+    pub fn variance(&self) -> f64 {
+        self.white * self.white + self.correlated * self.correlated
+    }
 }
 
 /// What the GNSS receiver is.
@@ -67,15 +106,27 @@ pub struct SensorConfig {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct GnssConfig {
-    /// Noise of one velocity component, m/s, until innovations have measured it.
-    pub velocity_sigma_mps: f64,
+    /// Noise of the east and of the north velocity, m/s.
+    pub velocity_mps: Noise,
+    /// Noise of the vertical velocity, m/s.
+    pub velocity_up_mps: Noise,
+    /// Noise of the position east and north, m.
+    pub position_m: Noise,
+    /// Noise of the height, m.
+    pub height_m: Noise,
+    /// Least and greatest factor by which these standard deviations may turn out wrong.
+    pub noise_range: [f64; 2],
+    /// Whether the sigma that a fix states is to be believed as it stands, and nothing learnt.
+    /// Else its changes are.
+    pub trust_stated_sigma: bool,
     /// Spread of the unknown latency, s.
     pub latency_sigma_s: f64,
     /// Spread of the rate of the inertial clock against GNSS time, s/s; zero where both are
     /// stamped by one clock.
     pub clock_drift_sigma: f64,
-    /// Whether to find where the antenna is, and its credible distance per axis, m; zero: it
-    /// stands at the sensors.
+    /// Where the antenna is, right, forward and up of the sensors, m.
+    pub lever_arm_m: [f64; 3],
+    /// How well that is known per axis, m; zero: exactly.
     pub lever_arm_sigma_m: f64,
 }
 
@@ -149,9 +200,8 @@ impl Config {
         let some = |sigma: f64, least: f64| math::max(sigma, least);
         let (df, dw) = (some(s.accel_bias_mps2, 1e-6), some(s.gyro_bias_radps, 1e-9));
         let (lever, scale) = (some(g.lever_arm_sigma_m, 1e-4), some(s.accel_scale, 1e-7));
-        let mut sigma = SVector::<f64, COUNT>::zeros();
         let turn = some(s.gyro_scale, 1e-7);
-        sigma.copy_from_slice(&[
+        let sigma = SVector::<f64, COUNT>::from([
             1.0,
             some(g.latency_sigma_s, 1e-6),
             dw,
@@ -163,16 +213,20 @@ impl Config {
             some(g.clock_drift_sigma, 1e-12),
             lever,
             lever,
+            lever,
             scale,
             scale,
-            turn,
-            turn,
+            scale,
             turn,
         ]);
-        Parameters {
+        let mut prior = Parameters {
             value: SVector::zeros(),
             sigma: sigma.map(math::single),
+        };
+        for (axis, arm) in g.lever_arm_m.iter().enumerate() {
+            prior.shift(index::LEVER_ARM + axis, *arm);
         }
+        prior
     }
 
     /// Tilt that a levelling leaves, rad: that of the accelerometer biases, and some.
@@ -186,6 +240,11 @@ impl Config {
         let s = &self.sensors;
         let positive = |v: f64| v.is_finite() && v > 0.0;
         let not_negative = |v: f64| v.is_finite() && v >= 0.0;
+        let g = &self.gnss;
+        let noise = |n: &Noise| {
+            positive(n.white) && not_negative(n.correlated) && positive(n.correlation_s)
+        };
+        let [least, most] = g.noise_range;
         let checks = [
             (
                 positive(d.horizontal.bandwidth_radps),
@@ -215,7 +274,10 @@ impl Config {
                 positive(s.gyro_bias_radps),
                 "sensors.gyro_bias_radps must be > 0",
             ),
-            (positive(s.gyro_noise), "sensors.gyro_noise must be > 0"),
+            (
+                s.gyro_noise.iter().all(|noise| positive(*noise)),
+                "sensors.gyro_noise must be > 0",
+            ),
             (
                 not_negative(s.gyro_bias_walk),
                 "sensors.gyro_bias_walk must be >= 0",
@@ -228,7 +290,14 @@ impl Config {
                 positive(s.accel_bias_mps2),
                 "sensors.accel_bias_mps2 must be > 0",
             ),
-            (positive(s.accel_noise), "sensors.accel_noise must be > 0"),
+            (
+                s.accel_noise.iter().all(|noise| positive(*noise)),
+                "sensors.accel_noise must be > 0",
+            ),
+            (
+                not_negative(s.misalignment_rad),
+                "sensors.misalignment_rad must be >= 0",
+            ),
             (
                 not_negative(s.accel_bias_walk),
                 "sensors.accel_bias_walk must be >= 0",
@@ -245,9 +314,17 @@ impl Config {
                 positive(s.accel_range_mps2),
                 "sensors.accel_range_mps2 must be > 0",
             ),
+            (noise(&g.velocity_mps), "gnss.velocity_mps: white > 0, correlated >= 0, time > 0"),
+            (noise(&g.velocity_up_mps), "gnss.velocity_up_mps: white > 0, correlated >= 0, time > 0"),
+            (noise(&g.position_m), "gnss.position_m: white > 0, correlated >= 0, time > 0"),
+            (noise(&g.height_m), "gnss.height_m: white > 0, correlated >= 0, time > 0"),
             (
-                positive(self.gnss.velocity_sigma_mps),
-                "gnss.velocity_sigma_mps must be > 0",
+                positive(least) && least <= 1.0 && most >= 1.0 && most.is_finite(),
+                "gnss.noise_range must hold 1",
+            ),
+            (
+                g.lever_arm_m.iter().all(|arm| arm.is_finite()),
+                "gnss.lever_arm_m must be finite",
             ),
             (
                 not_negative(self.gnss.latency_sigma_s),
@@ -293,20 +370,35 @@ impl Config {
             },
             sensors: SensorConfig {
                 gyro_bias_radps: 4.848e-6,
-                gyro_noise: 3.636e-5,
+                gyro_noise: [3.636e-5; 3],
                 gyro_bias_walk: 0.0,
                 gyro_scale: 1e-6,
                 accel_bias_mps2: 0.01,
-                accel_noise: 5e-4,
+                accel_noise: [5e-4; 3],
                 accel_bias_walk: 0.0,
                 accel_scale: 1e-6,
+                misalignment_rad: 1e-6,
                 gyro_range_radps: 18.0,
                 accel_range_mps2: 370.0,
             },
             gnss: GnssConfig {
-                velocity_sigma_mps: 0.1,
+                velocity_mps: Noise::white(0.1),
+                velocity_up_mps: Noise::white(0.1),
+                position_m: Noise {
+                    white: 1.5,
+                    correlated: 1.5,
+                    correlation_s: 60.0,
+                },
+                height_m: Noise {
+                    white: 3.0,
+                    correlated: 3.0,
+                    correlation_s: 60.0,
+                },
+                noise_range: [0.1, 10.0],
+                trust_stated_sigma: false,
                 latency_sigma_s: 0.2,
                 clock_drift_sigma: 0.0,
+                lever_arm_m: [0.0; 3],
                 lever_arm_sigma_m: 0.0,
             },
             form: Form::Exact,
@@ -321,13 +413,14 @@ impl Config {
         Self {
             sensors: SensorConfig {
                 gyro_bias_radps: 1.75e-2,
-                gyro_noise: 1.5e-4,
+                gyro_noise: [1.5e-4; 3],
                 gyro_bias_walk: 1e-5,
                 gyro_scale: 0.01,
                 accel_bias_mps2: 0.3,
-                accel_noise: 2e-3,
+                accel_noise: [2e-3; 3],
                 accel_bias_walk: 9e-5,
                 accel_scale: 0.015,
+                misalignment_rad: 0.003,
                 gyro_range_radps: 35.0,
                 accel_range_mps2: 160.0,
             },

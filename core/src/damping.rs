@@ -34,8 +34,10 @@ pub struct Differences {
     pub velocity_en_mps: Option<Vector2<f64>>,
     /// `dV_UP`, m/s.
     pub velocity_up_mps: Option<f64>,
-    /// East, north and dh, m.
-    pub position_m: Option<Vector3<f64>>,
+    /// East and north, m.
+    pub position_en_m: Option<Vector2<f64>>,
+    /// dh, m.
+    pub height_m: Option<f64>,
     /// `Phi_UP` as estimated, rad, if it is to be taken out.
     pub azimuth_rad: Option<f64>,
 }
@@ -67,15 +69,17 @@ pub fn controls(differences: &Differences, interval_s: f64, config: &DampingConf
     if let Some(dv_up) = differences.velocity_up_mps {
         controls.accel_mps2.z = -c1 * dv_up;
     }
-    if let Some(dp) = differences.position_m {
+    if let Some(dp) = differences.position_en_m {
         controls.velocity_mps.x = -position * dp.x;
         controls.velocity_mps.y = -position * dp.y;
+    }
+    if let Some(dh) = differences.height_m {
         if differences.velocity_up_mps.is_some() {
-            controls.velocity_mps.z = -position * dp.z;
-            controls.accel_mps2.z -= position * position * dp.z;
+            controls.velocity_mps.z = -position * dh;
+            controls.accel_mps2.z -= position * position * dh;
         } else {
-            controls.velocity_mps.z = -c1 * dp.z;
-            controls.accel_mps2.z = -c2 * dp.z;
+            controls.velocity_mps.z = -c1 * dh;
+            controls.accel_mps2.z = -c2 * dh;
         }
     }
     if let Some(azimuth) = differences.azimuth_rad {

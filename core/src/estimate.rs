@@ -1,7 +1,7 @@
 //! What comes out of the estimators: a value, its spread, and whether it means anything yet.
 
 use crate::config::Config;
-use crate::estimators::parameters::{Parameters, index};
+use crate::parameters::{Parameters, index};
 use crate::solution::Phase;
 
 /// Whether an estimate can be used, and if not, what the vehicle has to do for it.
@@ -71,13 +71,13 @@ pub struct Estimates {
     pub gnss_latency_now_s: Estimate,
     /// Growth of the latency, s/s: the inertial clock loses this on GNSS time.
     pub clock_drift: Estimate,
-    /// Scale errors of the right and forward accelerometers, 1.
-    pub accel_scale: [Estimate; 2],
-    /// What the x, y and z gyros feel of a turn about the up axis, beyond the turn itself: two
-    /// misalignments, rad, and the scale error of the up gyro, 1.
-    pub gyro_turn: [Estimate; 3],
-    /// Antenna position right and forward of the inertial sensors, m.
-    pub lever_arm_m: [Estimate; 2],
+    /// Scale errors of the x, y and z accelerometers, 1, beyond what the bias holds of them at
+    /// the level attitude.
+    pub accel_scale: [Estimate; 3],
+    /// Scale error of the gyros in turns about the vertical, 1.
+    pub gyro_scale: Estimate,
+    /// Antenna position right, forward and up of the inertial sensors, m.
+    pub lever_arm_m: [Estimate; 3],
 }
 
 /// Azimuth is worth something below this, rad.
@@ -121,16 +121,11 @@ impl Estimates {
             gnss_latency_s: known(index::LATENCY, Observability::NeedsAcceleration),
             gnss_latency_now_s: known(index::LATENCY, Observability::NeedsAcceleration),
             clock_drift: known(index::CLOCK_DRIFT, Observability::NeedsTime),
-            accel_scale: [
-                known(index::ACCEL_SCALE, Observability::NeedsTurn),
-                known(index::ACCEL_SCALE + 1, Observability::NeedsAcceleration),
-            ],
-            gyro_turn: [0, 1, 2]
-                .map(|axis| known(index::GYRO_TURN + axis, Observability::NeedsTurn)),
-            lever_arm_m: [
-                known(index::LEVER_ARM, Observability::NeedsTurn),
-                known(index::LEVER_ARM + 1, Observability::NeedsTurn),
-            ],
+            accel_scale: [0, 1, 2]
+                .map(|axis| known(index::ACCEL_SCALE + axis, Observability::NeedsAcceleration)),
+            gyro_scale: known(index::GYRO_SCALE, Observability::NeedsTurn),
+            lever_arm_m: [0, 1, 2]
+                .map(|axis| known(index::LEVER_ARM + axis, Observability::NeedsTurn)),
         }
     }
 }

@@ -3,106 +3,136 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::earth::GRAVITY_EQUATOR_MPS2;
+use crate::error_model::single;
+use crate::math;
 use crate::ring::Ring;
 use crate::time::Time;
 
-/// Least time between two moments in the ring, s.
-const SPACING_S: f64 = 0.115;
-/// Moments held: of the last 0.46 s or more any moment can be given.
-const CAPACITY: usize = 6;
-
-/// What the INS has gone through up to one moment: totals since the start, so that the difference
-/// of any two moments is the exact integral between them.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What the INS went through between two moments, ENU. Spans that follow each other are put
+/// together exactly by [`Span::then`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Moment {
-    /// When.
-    pub time: Time,
-    /// Integral of specific force, ENU, m/s.
-    pub force_mps: Vector3<f64>,
-    /// Integral of `C_B^L`, s.
-    pub attitude_s: Matrix3<f64>,
-    /// Angle sensed about the body's up axis, rad.
-    pub turn_rad: f64,
-    /// `Phi` that controls and compensations have put into the platform, rad.
-    pub control_tilt_rad: Vector3<f64>,
-    /// Velocity error that controls and compensations have caused, tilt included, m/s.
-    pub control_velocity_mps: Vector3<f64>,
-}
-
-impl Moment {
-    /// All totals zero.
-    pub fn start(time: Time) -> Self {
-        Self {
-            time,
-            force_mps: Vector3::zeros(),
-            attitude_s: Matrix3::zeros(),
-            turn_rad: 0.0,
-            control_tilt_rad: Vector3::zeros(),
-            control_velocity_mps: Vector3::zeros(),
-        }
-    }
-
-    /// Linear between two moments: `part` 0 gives `self`, 1 gives `later`.
-    fn towards(&self, later: &Self, part: f64, time: Time) -> Self {
-        Self {
-            time,
-            force_mps: self.force_mps + part * (later.force_mps - self.force_mps),
-            attitude_s: self.attitude_s + part * (later.attitude_s - self.attitude_s),
-            turn_rad: self.turn_rad + part * (later.turn_rad - self.turn_rad),
-            control_tilt_rad: self.control_tilt_rad
-                + part * (later.control_tilt_rad - self.control_tilt_rad),
-            control_velocity_mps: self.control_velocity_mps
-                + part * (later.control_velocity_mps - self.control_velocity_mps),
-        }
-    }
-}
-
-/// What happened between two moments.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Span {
+pub struct Span<T: nalgebra::Scalar = f64> {
     /// Duration, s.
-    pub seconds: f64,
-    /// Integral of specific force, ENU, m/s.
-    pub force_mps: Vector3<f64>,
+    pub seconds: T,
+    /// Integral of specific force, m/s.
+    pub force_mps: Vector3<T>,
+    /// Integral of that integral, m.
+    pub force_moved_m: Vector3<T>,
     /// Integral of `C_B^L`, s.
-    pub attitude_s: Matrix3<f64>,
-    /// Angle sensed about the body's up axis, rad.
-    pub turn_rad: f64,
+    pub attitude_s: Matrix3<T>,
+    /// Angle sensed about the local vertical, rad.
+    pub turn_rad: T,
     /// `Phi` that controls and compensations have put into the platform, rad.
-    pub control_tilt_rad: Vector3<f64>,
+    pub control_tilt_rad: Vector3<T>,
     /// Velocity error that they have caused, with no tilt but that of this span, m/s.
-    pub control_velocity_mps: Vector3<f64>,
+    pub control_velocity_mps: Vector3<T>,
+    /// Position error that they have caused in the same way, m.
+    pub control_position_m: Vector3<T>,
+    /// Way of the INS, controls included, m.
+    pub way_m: Vector3<T>,
+}
+
+impl<T: nalgebra::RealField + Copy> Span<T> {
+    /// This span and the one after it.
+    #[must_use]
+    pub fn then(&self, next: &Self) -> Self {
+        let tilt = &self.control_tilt_rad;
+        Self {
+            seconds: self.seconds + next.seconds,
+            force_mps: self.force_mps + next.force_mps,
+            force_moved_m: self.force_moved_m + self.force_mps * next.seconds + next.force_moved_m,
+            attitude_s: self.attitude_s + next.attitude_s,
+            turn_rad: self.turn_rad + next.turn_rad,
+            control_tilt_rad: self.control_tilt_rad + next.control_tilt_rad,
+            control_velocity_mps: self.control_velocity_mps
+                + next.force_mps.cross(tilt)
+                + next.control_velocity_mps,
+            control_position_m: self.control_position_m
+                + self.control_velocity_mps * next.seconds
+                + next.force_moved_m.cross(tilt)
+                + next.control_position_m,
+            way_m: self.way_m + next.way_m,
+        }
+    }
+
+    /// A part of a span during which nothing changed: from one fraction of it to another.
+    /// Parts put together give the whole.
+    #[must_use]
+    fn part(&self, fraction: T) -> Self {
+        let half: T = nalgebra::convert(0.5);
+        let square = fraction * fraction;
+        let bent_velocity = self.force_mps.cross(&self.control_tilt_rad) * half;
+        let even_velocity = self.control_velocity_mps - bent_velocity;
+        let bent_position = even_velocity * self.seconds * half;
+        Self {
+            seconds: self.seconds * fraction,
+            force_mps: self.force_mps * fraction,
+            force_moved_m: self.force_moved_m * square,
+            attitude_s: self.attitude_s * fraction,
+            turn_rad: self.turn_rad * fraction,
+            control_tilt_rad: self.control_tilt_rad * fraction,
+            control_velocity_mps: even_velocity * fraction + bent_velocity * square,
+            control_position_m: (self.control_position_m - bent_position) * fraction
+                + bent_position * square,
+            way_m: self.way_m * fraction,
+        }
+    }
 }
 
 impl Span {
-    /// From one moment to a later one.
-    pub fn between(earlier: &Moment, later: &Moment) -> Self {
-        let force_mps = later.force_mps - earlier.force_mps;
-        Self {
-            seconds: later.time.seconds_since(earlier.time),
-            force_mps,
-            attitude_s: later.attitude_s - earlier.attitude_s,
-            turn_rad: later.turn_rad - earlier.turn_rad,
-            control_tilt_rad: later.control_tilt_rad - earlier.control_tilt_rad,
-            control_velocity_mps: later.control_velocity_mps
-                - earlier.control_velocity_mps
-                - force_mps.cross(&earlier.control_tilt_rad),
+    /// In single precision: a span in the ring is short.
+    fn stored(&self) -> Span<f32> {
+        Span {
+            seconds: math::single(self.seconds),
+            force_mps: single(&self.force_mps),
+            force_moved_m: single(&self.force_moved_m),
+            attitude_s: self.attitude_s.map(math::single),
+            turn_rad: math::single(self.turn_rad),
+            control_tilt_rad: single(&self.control_tilt_rad),
+            control_velocity_mps: single(&self.control_velocity_mps),
+            control_position_m: single(&self.control_position_m),
+            way_m: single(&self.way_m),
         }
     }
 }
 
-/// A moment between two of the ring, and how the INS was changing there.
+impl Span<f32> {
+    fn recalled(&self) -> Span {
+        let double = |v: &Vector3<f32>| v.map(f64::from);
+        Span {
+            seconds: f64::from(self.seconds),
+            force_mps: double(&self.force_mps),
+            force_moved_m: double(&self.force_moved_m),
+            attitude_s: self.attitude_s.map(f64::from),
+            turn_rad: f64::from(self.turn_rad),
+            control_tilt_rad: double(&self.control_tilt_rad),
+            control_velocity_mps: double(&self.control_velocity_mps),
+            control_position_m: double(&self.control_position_m),
+            way_m: double(&self.way_m),
+        }
+    }
+}
+
+/// Least time between two moments in the ring, s: short against manoeuvres, and the receiver's
+/// own smoothing is no shorter.
+const SPACING_S: f64 = 0.095;
+
+/// The INS at a moment of the past, and how it was changing there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Past {
-    /// The moment itself.
-    pub moment: Moment,
+    /// The moment.
+    pub time: Time,
     /// Velocity, ENU, m/s.
     pub velocity_mps: Vector3<f64>,
     /// Acceleration of the vehicle as the accelerometers feel it, ENU, m/s^2.
     pub accel_mps2: Vector3<f64>,
-    /// Rate of change of `C_B^L`, 1/s.
+    /// `C_B^L`.
+    pub attitude: Matrix3<f64>,
+    /// Its rate of change, 1/s.
     pub attitude_rate: Matrix3<f64>,
+    /// Way of the INS from this moment to the newest of the ring, ENU, m.
+    pub way_since_m: Vector3<f64>,
 }
 
 /// Why a moment cannot be given.
@@ -114,73 +144,107 @@ pub enum Missing {
     Future,
 }
 
-/// A moment of the ring and the velocity then, ENU, m/s.
+/// A moment of the ring.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Recorded {
-    moment: Moment,
-    velocity_mps: Vector3<f64>,
+    time: Time,
+    velocity_mps: Vector3<f32>,
+    /// From the moment before.
+    span: Span<f32>,
 }
 
 /// Ring of past moments.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct History {
-    moments: Ring<Recorded, CAPACITY>,
+pub struct History<const N: usize> {
+    moments: Ring<Recorded, N>,
 }
 
-impl History {
-    /// Empties the ring.
-    pub fn forget(&mut self) {
-        while self.moments.pop().is_some() {}
-    }
-
+impl<const N: usize> History<N> {
     /// Whether enough time has passed since the newest moment for the next.
     pub fn wants(&self, time: Time) -> bool {
         self.moments
             .newest()
-            .is_none_or(|newest| time.seconds_since(newest.moment.time) >= SPACING_S)
+            .is_none_or(|newest| time.seconds_since(newest.time) >= SPACING_S)
     }
 
-    /// The oldest moment and the velocity then, ENU, m/s.
-    pub fn oldest(&self) -> Option<(Moment, Vector3<f64>)> {
-        let oldest = self.moments.oldest()?;
-        Some((oldest.moment, oldest.velocity_mps))
+    /// What the next moment drops: the end of the oldest span, if the ring is full.
+    pub fn next_dropped(&self) -> Option<Time> {
+        let full = self.moments.len() == N;
+        self.moments.oldest().filter(|_| full).map(|old| old.time)
     }
 
-    /// Adds the newest moment, dropping the oldest if full.
-    pub fn push(&mut self, moment: Moment, velocity_mps: Vector3<f64>) {
+    /// Velocity at the oldest moment, ENU, m/s.
+    pub fn oldest_velocity(&self) -> Option<Vector3<f64>> {
+        Some(self.moments.oldest()?.velocity_mps.map(f64::from))
+    }
+
+    /// Adds the newest moment and the span before it, dropping the oldest if full.
+    pub fn push(&mut self, time: Time, velocity_mps: &Vector3<f64>, span: &Span) {
         self.moments.push_over(Recorded {
-            moment,
-            velocity_mps,
+            time,
+            velocity_mps: single(velocity_mps),
+            span: span.stored(),
         });
     }
 
-    /// The INS at `time`, which must lie after the second moment of the ring, and which is best
+    /// Shows all that happened from one moment to another in pieces of at most `longest_s` or of
+    /// one moment of the ring.
+    pub fn between(&self, from: Time, to: Time, longest_s: f64, mut show: impl FnMut(&Span, Time)) {
+        let mut piece = Span::default();
+        let mut shown = from;
+        for recorded in self.moments.iter() {
+            let seconds = f64::from(recorded.span.seconds);
+            let end_s = recorded.time.seconds_since(from);
+            if end_s <= 0.0 {
+                continue;
+            }
+            let start_s = end_s - seconds;
+            let last_s = math::min(end_s, to.seconds_since(from));
+            let inside_s = last_s - math::max(start_s, 0.0);
+            if inside_s <= 0.0 {
+                break;
+            }
+            let part = recorded.span.recalled().part(inside_s / seconds);
+            if piece.seconds > 0.0 && piece.seconds + part.seconds > longest_s {
+                shown = shown.plus_seconds(piece.seconds);
+                show(&piece, shown);
+                piece = part;
+            } else {
+                piece = piece.then(&part);
+            }
+        }
+        if piece.seconds > 0.0 {
+            show(&piece, to);
+        }
+    }
+
+    /// The INS at `time`, which must lie after the first moment of the ring, and which is best
     /// known once a moment follows those around it: `wait` asks for that.
     ///
     /// # Errors
     /// [`Missing`] if it does not.
     pub fn at(&self, time: Time, wait: bool) -> Result<Past, Missing> {
         let mut older = self.moments.iter().rev();
-        let (Some(mut end), Some(mut start)) = (older.next(), older.next()) else {
+        let Some(mut end) = older.next() else {
             return Err(Missing::Future);
         };
-        if time > end.moment.time || (wait && time > start.moment.time) {
+        if time > end.time {
             return Err(Missing::Future);
         }
         let mut after = None;
-        for before in older {
-            if start.moment.time <= time {
-                let around = Around {
-                    before,
-                    start,
-                    end,
-                    after,
-                };
-                return Ok(around.past(time));
+        let mut way_since_m = Vector3::zeros();
+        for start in older {
+            if wait && after.is_none() && time > start.time {
+                return Err(Missing::Future);
             }
-            (after, end, start) = (Some(end), start, before);
+            if start.time <= time {
+                let around = Around { start, end, after };
+                return Ok(around.past(time, &way_since_m));
+            }
+            way_since_m += end.span.way_m.map(f64::from);
+            (after, end) = (Some(end), start);
         }
         Err(Missing::TooOld)
     }
@@ -188,7 +252,6 @@ impl History {
 
 /// The moments around an interval, from `start` to `end`.
 struct Around<'a> {
-    before: &'a Recorded,
     start: &'a Recorded,
     end: &'a Recorded,
     after: Option<&'a Recorded>,
@@ -196,32 +259,43 @@ struct Around<'a> {
 
 impl Around<'_> {
     /// Interpolates by the parabola that bends as the INS does in the middle of the interval.
-    fn past(&self, time: Time) -> Past {
+    fn past(&self, time: Time, way_after_m: &Vector3<f64>) -> Past {
         let Self { start, end, .. } = self;
-        let here = Means::between(start, end);
+        let here = Means::over(end);
         let bend = self.bend(&here);
-        let part = time.seconds_since(start.moment.time) / here.seconds;
+        let part = time.seconds_since(start.time) / here.seconds;
+        let (first, last) = (
+            start.velocity_mps.map(f64::from),
+            end.velocity_mps.map(f64::from),
+        );
         // From specific force: the velocity itself also follows the noise of GNSS, by its controls.
-        let chord = start.velocity_mps + part * (end.velocity_mps - start.velocity_mps);
+        let chord = first + part * (last - first);
         let sag = 0.5 * part * (1.0 - part) * here.seconds * here.seconds;
         let gravity = Vector3::new(0.0, 0.0, GRAVITY_EQUATOR_MPS2);
-        let slope = here.force_mps2 - gravity;
+        let off_s = (part - 0.5) * here.seconds;
+        let velocity_mps = chord - sag * bend.force_mps2;
+        // Over what is left of the interval the mean velocity is that of its two ends.
+        let left_s = (1.0 - part) * here.seconds;
+        let way = end.span.way_m.map(f64::from);
+        let left = (1.0 - part) * way + 0.5 * left_s * (velocity_mps - first);
         Past {
-            moment: start.moment.towards(&end.moment, part, time),
-            velocity_mps: chord - sag * bend.force_mps2,
-            accel_mps2: slope + (part - 0.5) * here.seconds * bend.force_mps2,
+            time,
+            velocity_mps,
+            accel_mps2: here.force_mps2 - gravity + off_s * bend.force_mps2,
+            attitude: here.attitude + off_s * bend.attitude,
             attitude_rate: bend.attitude,
+            way_since_m: left + way_after_m,
         }
     }
 
     /// How fast the means change in the middle of the interval. What changes at one end alone
     /// lets the interpolation lag behind: by 1.4 ms in the gusts of a light aircraft.
     fn bend(&self, here: &Means) -> Means {
-        let at_start = here.slope_from(&Means::between(self.before, self.start));
+        let at_start = here.slope_from(&Means::over(self.start));
         let Some(after) = self.after else {
             return at_start;
         };
-        let at_end = Means::between(self.end, after).slope_from(here);
+        let at_end = Means::over(after).slope_from(here);
         Means {
             seconds: here.seconds,
             force_mps2: 0.5 * (at_start.force_mps2 + at_end.force_mps2),
@@ -238,13 +312,14 @@ struct Means {
 }
 
 impl Means {
-    fn between(start: &Recorded, end: &Recorded) -> Self {
-        let (start, end) = (&start.moment, &end.moment);
-        let seconds = end.time.seconds_since(start.time);
+    /// Over the span that ends at a moment.
+    fn over(recorded: &Recorded) -> Self {
+        let span = &recorded.span;
+        let seconds = f64::from(span.seconds);
         Self {
             seconds,
-            force_mps2: (end.force_mps - start.force_mps) / seconds,
-            attitude: (end.attitude_s - start.attitude_s) / seconds,
+            force_mps2: span.force_mps.map(f64::from) / seconds,
+            attitude: span.attitude_s.map(f64::from) / seconds,
         }
     }
 

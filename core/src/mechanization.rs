@@ -43,6 +43,8 @@ pub struct Step {
     pub attitude: Matrix3<f64>,
     /// Velocity gained from specific force alone, ENU, m/s.
     pub force_enu_mps: Vector3<f64>,
+    /// Way, controls included, ENU, m.
+    pub way_m: Vector3<f64>,
 }
 
 impl Mechanization {
@@ -89,7 +91,8 @@ impl Mechanization {
         self.velocity_enu_mps += push - dt * coriolis;
 
         let mean_velocity = 0.5 * (old_velocity + self.velocity_enu_mps) + controls.velocity_mps;
-        self.move_by(&earth, &(dt * mean_velocity));
+        let way_m = dt * mean_velocity;
+        self.move_by(&earth, &way_m);
 
         // `Phi` turns the platform itself: a control turns it with the sign of the frame rate.
         let turn = dt * (frame_rate_mid(&earth, &earth_rate, &mean_velocity) + controls.rate_radps);
@@ -101,6 +104,7 @@ impl Mechanization {
         Step {
             attitude,
             force_enu_mps,
+            way_m,
         }
     }
 

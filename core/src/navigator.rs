@@ -9,6 +9,7 @@ use crate::aided::AidedIns;
 use crate::alignment::Alignment;
 use crate::config::Config;
 use crate::damping::DampingSignals;
+use crate::error_model::InsError;
 use crate::estimate::Estimates;
 use crate::increments::Increments;
 use crate::manoeuvre::Manoeuvre;
@@ -19,8 +20,11 @@ use crate::samples::{FixSigma, GnssFix, ImuOutput, ImuSample};
 use crate::solution::{Phase, Solution};
 use crate::time::Time;
 
+/// Moments of the past that are remembered unless the user chooses: two seconds, for a latency and
+/// a late arrival of one second each.
+pub const RING_MOMENTS: usize = 24;
 /// Furthest a fix may lie before or after the inertial samples, s.
-const AWAY_S: f64 = 1.0;
+const AWAY_S: f64 = 1.5;
 /// How long stamps must go on in step to be believed after a hole, and before the last one, s. A
 /// few stray ones must not move the clock, nor a buffer of old samples that is sent again.
 const AFTER_HOLE_S: f64 = 0.05;
@@ -39,9 +43,9 @@ pub struct ConfigError(pub &'static str);
 ///
 /// Clone it for a snapshot.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Navigator {
+pub struct Navigator<const RING: usize = RING_MOMENTS> {
     config: Config,
-    state: State,
+    state: State<RING>,
 }
 
 /// Stamps that do not follow the last one, but each other.
@@ -55,22 +59,22 @@ struct Astray {
 /// All that changes.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct State {
+struct State<const RING: usize> {
     /// Last inertial stamp and the reading there; none before the first sample.
     inertial: Option<(Time, Increments)>,
     /// Samples whose stamps do not follow the last one.
     astray: Option<Astray>,
     last_fix: Option<Time>,
-    mode: Mode,
+    mode: Mode<RING>,
 }
 
 /// What the navigator is busy with. Both live in place: there is nowhere else.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[allow(clippy::large_enum_variant)]
-enum Mode {
+enum Mode<const RING: usize> {
     Aligning(Alignment),
-    Navigating(AidedIns),
+    Navigating(AidedIns<RING>),
 }
 
 impl Navigator {
@@ -79,6 +83,18 @@ impl Navigator {
     /// # Errors
     /// [`ConfigError`] names the first value that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
+        Self::with_ring(config)
+    }
+}
+
+impl<const RING: usize> Navigator<RING> {
+    /// A navigator that remembers `RING` moments of its past, a tenth of a second apart: fixes
+    /// that show an older moment, by their latency and late arrival together, are lost. Each takes
+    /// 136 bytes.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the first value that cannot be used.
+    pub fn with_ring(config: Config) -> Result<Self, ConfigError> {
         config.check().map_err(ConfigError)?;
         let mode = Mode::Aligning(Alignment::new(Time::default(), config.prior()));
         let state = State {
@@ -147,6 +163,12 @@ impl Navigator {
         self.aided()?.tilt_sigma_rad()
     }
 
+    /// Spread of position, velocity and attitude, ENU, at the last fix that was compared; none in
+    /// the literal form.
+    pub fn sigma(&self) -> Option<InsError> {
+        self.aided()?.sigma()
+    }
+
     /// Errors of the sensors as known now.
     pub fn estimates(&self) -> Estimates {
         match &self.state.mode {
@@ -169,7 +191,7 @@ impl Navigator {
             .map_or_else(DampingSignals::default, AidedIns::signals)
     }
 
-    fn aided(&self) -> Option<&AidedIns> {
+    fn aided(&self) -> Option<&AidedIns<RING>> {
         match &self.state.mode {
             Mode::Aligning(_) => None,
             Mode::Navigating(ins) => Some(ins),
@@ -177,7 +199,7 @@ impl Navigator {
     }
 }
 
-impl State {
+impl<const RING: usize> State<RING> {
     #[inline(never)]
     fn on_imu(&mut self, sample: &ImuSample, config: &Config) -> ImuOutcome {
         if !(math::all_finite(&sample.gyro) && math::all_finite(&sample.accel)) {
@@ -276,7 +298,19 @@ impl State {
     fn follow_up(&mut self, config: &Config) {
         match &mut self.mode {
             Mode::Aligning(_) => self.navigate_once_aligned(config),
-            Mode::Navigating(ins) => ins.follow_up(config),
+            Mode::Navigating(ins) => {
+                ins.follow_up(config);
+                self.align_again_if_lost();
+            }
+        }
+    }
+
+    fn align_again_if_lost(&mut self) {
+        if let (Mode::Navigating(ins), Some((now, _))) = (&self.mode, &self.inertial)
+            && ins.is_lost()
+        {
+            let now = *now;
+            self.align_again(now);
         }
     }
 

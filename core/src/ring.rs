@@ -38,6 +38,11 @@ impl<T, const N: usize> Ring<T, N> {
         self.items.iter()
     }
 
+    /// How many items there are.
+    pub(crate) fn len(&self) -> usize {
+        self.items.len()
+    }
+
     /// The oldest item.
     pub(crate) fn oldest(&self) -> Option<&T> {
         self.items.front()

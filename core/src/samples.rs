@@ -110,7 +110,7 @@ impl GnssFix {
     /// Whether the speed is above its noise.
     pub(crate) fn is_moving(&self, config: &Config) -> bool {
         let velocity = self.velocity_en_mps.unwrap_or_default();
-        let least = MOTION_MPS + MOTION_SIGMAS * config.gnss.velocity_sigma_mps;
+        let least = MOTION_MPS + MOTION_SIGMAS * config.gnss.velocity_mps.white;
         velocity.norm_squared() > least * least
     }
 }

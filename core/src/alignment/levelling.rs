@@ -52,6 +52,6 @@ pub fn gyrocompass(level_attitude: &Matrix3<f64>, rate_radps: &Vector3<f64>) -> 
 /// Standard deviation of a gyrocompassed heading, rad, after `seconds` at rest.
 pub fn gyrocompass_sigma(sensors: &SensorConfig, earth: &LocalEarth, seconds: f64) -> f64 {
     let variance = sensors.gyro_bias_radps * sensors.gyro_bias_radps
-        + sensors.gyro_noise * sensors.gyro_noise / seconds;
+        + sensors.mean_gyro_noise() * sensors.mean_gyro_noise() / seconds;
     math::sqrt(variance) / earth.earth_rate().y
 }

@@ -16,7 +16,7 @@ use self::rest::{RestDetector, Verdict};
 use crate::attitude::{matrix, turned};
 use crate::config::{Config, Feedback, HeadingSource};
 use crate::earth::{GRAVITY_EQUATOR_MPS2, Geodetic, LocalEarth};
-use crate::estimators::parameters::{Parameters, index};
+use crate::parameters::{Parameters, index};
 use crate::increments::Interval;
 use crate::math;
 use crate::mechanization::{Controls, Mechanization};

@@ -21,7 +21,7 @@ const SWAY_RADPS: f64 = 3e-4;
 
 /// Variance of a gyro bias read at rest for some time, (rad/s)^2.
 pub(crate) fn gyro_variance(sensors: &SensorConfig, seconds: f64) -> f64 {
-    (sensors.gyro_noise * sensors.gyro_noise + SWAY_RADPS * SWAY_RADPS) / seconds
+    (sensors.mean_gyro_noise() * sensors.mean_gyro_noise() + SWAY_RADPS * SWAY_RADPS) / seconds
 }
 
 /// Means over one block of a second at rest, body axes.

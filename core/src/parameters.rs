@@ -1,7 +1,7 @@
 //! The parameters that are estimated jointly.
 
 use crate::math;
-use nalgebra::{SVector, Vector2, Vector3};
+use nalgebra::{SVector, Vector3};
 
 /// How many there are.
 pub const COUNT: usize = 16;
@@ -20,17 +20,16 @@ pub mod index {
     pub const LATENCY: usize = 1;
     /// First of three gyro biases, rad/s.
     pub const GYRO: usize = 2;
-    /// First of three accelerometer biases, m/s^2.
+    /// First of three accelerometer biases at the level attitude of the mount, m/s^2.
     pub const ACCEL: usize = 5;
     /// Rate at which the latency grows: what the inertial clock loses on that of GNSS, s/s.
     pub const CLOCK_DRIFT: usize = 8;
-    /// First of two lever-arm components (right, forward), m.
+    /// First of three lever-arm components (right, forward, up), m.
     pub const LEVER_ARM: usize = 9;
-    /// Scale errors of the right and forward accelerometers.
-    pub const ACCEL_SCALE: usize = 11;
-    /// First of three: what the x, y and z gyros feel of a turn about the up axis. The third is
-    /// the scale error of the up gyro, the others are misalignments, rad.
-    pub const GYRO_TURN: usize = 13;
+    /// First of three scale errors of the accelerometers.
+    pub const ACCEL_SCALE: usize = 12;
+    /// Scale error of the gyros for turns about the vertical.
+    pub const GYRO_SCALE: usize = 15;
 }
 
 /// Values and standard deviations.
@@ -42,7 +41,6 @@ pub struct Parameters {
     /// One standard deviation of each.
     pub sigma: SVector<f32, COUNT>,
 }
-
 impl Parameters {
     /// Value of one parameter.
     pub fn value(&self, parameter: usize) -> f64 {
@@ -65,12 +63,9 @@ impl Parameters {
         )
     }
 
-    /// Lever arm, right and forward, m.
-    pub fn lever_arm(&self) -> Vector2<f64> {
-        Vector2::new(
-            self.value(index::LEVER_ARM),
-            self.value(index::LEVER_ARM + 1),
-        )
+    /// Lever arm, right, forward and up, m.
+    pub fn lever_arm(&self) -> Vector3<f64> {
+        self.vector(index::LEVER_ARM)
     }
 
     /// Moves one value.

@@ -7,13 +7,13 @@
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
-use super::Verdict;
-use super::innovations::Innovations;
-use super::least_squares::LeastSquares;
-use super::parameters::{Parameters, index};
 use crate::config::Config;
 use crate::earth::GRAVITY_EQUATOR_MPS2 as G;
-use crate::history::{Moment, Past, Span};
+use crate::history::{Past, Span};
+use crate::innovations::{Credit, Innovations};
+use crate::least_squares::LeastSquares;
+use crate::observer::Used;
+use crate::parameters::{Parameters, index};
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::time::Time;
@@ -102,6 +102,21 @@ impl Mean {
     }
 }
 
+/// A moment, and all that has happened until then.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Moment {
+    time: Time,
+    since_start: Span,
+}
+
+impl Moment {
+    /// What the controls have turned by then, rad.
+    fn turned(&self) -> &Vector3<f64> {
+        &self.since_start.control_tilt_rad
+    }
+}
+
 /// A manoeuvre going on: where it began and what has been seen of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -136,6 +151,7 @@ struct Block {
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Literal {
+    now: Moment,
     last: Option<Moment>,
     /// Mean attitude between the last two fixes.
     attitude: Matrix3<f64>,
@@ -181,11 +197,14 @@ pub struct Comparison<'a> {
 
 impl Literal {
     /// Nothing known; the weak prior keeps the equations of (8) solvable.
-    pub fn new(config: &Config) -> Self {
+    pub fn new(start: Time, config: &Config) -> Self {
         // A weight that counts for nothing beside one turn.
         let weak = Vector2::repeat(1e3 * math::single(config.sensors.accel_bias_mps2));
-        let innovations = Innovations::new(config.gnss.velocity_sigma_mps);
         Self {
+            now: Moment {
+                time: start,
+                since_start: Span::default(),
+            },
             last: None,
             attitude: Matrix3::zeros(),
             steady_since: None,
@@ -198,53 +217,53 @@ impl Literal {
             level_misfit: 0.0,
             turns: 0.0,
             block: Block::default(),
-            level_innovations: innovations,
-            up_innovations: innovations,
+            level_innovations: Innovations::default(),
+            up_innovations: Innovations::default(),
             parameters: config.prior(),
         }
     }
 
-    /// Breaks off what was going on: the totals begin anew.
-    pub fn restart(&mut self) {
-        self.last = None;
-        self.steady_since = None;
-        self.going = None;
+    /// The moment it stands at.
+    pub fn horizon(&self) -> Time {
+        self.now.time
     }
 
-    /// Takes one comparison.
+    /// Carries the totals over a span that ends at `to`.
+    pub fn propagate(&mut self, span: &Span, to: Time) {
+        self.now = Moment {
+            time: to,
+            since_start: self.now.since_start.then(span),
+        };
+    }
+
+    /// Takes one comparison at the horizon.
     #[inline(never)]
-    pub fn take(&mut self, now: &Comparison) -> Verdict {
-        let (level, up) = (now.difference_mps.xy(), now.difference_mps.z);
-        if self
-            .level_innovations
-            .noise(level.norm_squared(), 0.0, 1.0)
-            .is_none()
-        {
-            return Verdict::Outlier;
+    pub fn take(&mut self, now: &Comparison, config: &Config) -> Used {
+        let level = now.difference_mps.xy();
+        let variance = config.gnss.velocity_mps.variance();
+        if !credible(&mut self.level_innovations, self.now.time, &level, 2.0, variance, config) {
+            return Used { level: false, up: false };
         }
-        let _ = self.level_innovations.measure(&level, 2.0, 1.0);
         if let Some(last) = self.last {
             self.average(&last, now);
         }
-        self.last = Some(now.past.moment);
+        self.last = Some(self.now);
         self.follow(now);
         self.store_azimuth(now.azimuth_removed_rad);
-        if now.has_up && self.up_innovations.noise(up * up, 0.0, 1.0).is_some() {
-            let _ = self
-                .up_innovations
-                .measure(&Vector2::new(up, 0.0), 1.0, 1.0);
-            Verdict::Used
-        } else {
-            Verdict::LevelUsed
-        }
+        let up = Vector2::new(now.difference_mps.z, 0.0);
+        let variance = config.gnss.velocity_up_mps.variance();
+        let up = now.has_up
+            && credible(&mut self.up_innovations, self.now.time, &up, 1.0, variance, config);
+        Used { level: true, up }
     }
 
     /// (9) and (10) at every fix.
     fn average(&mut self, last: &Moment, now: &Comparison) {
-        let moment = &now.past.moment;
+        let moment = self.now;
         let dt = moment.time.seconds_since(last.time);
-        self.attitude = (moment.attitude_s - last.attitude_s) / dt;
-        let turned = moment.control_tilt_rad - last.control_tilt_rad;
+        let attitude_s = moment.since_start.attitude_s - last.since_start.attitude_s;
+        self.attitude = attitude_s / dt;
+        let turned = moment.turned() - last.turned();
         let level = level_gyros(&self.attitude, &turned);
         let (accel_up, up) = vertical(now.accel_up_mps2 * dt, turned.z);
         // What the loop does before it first settles is levelling.
@@ -304,7 +323,7 @@ impl Literal {
     }
 
     fn settled(&mut self, now: &Comparison) -> bool {
-        let time = now.past.moment.time;
+        let time = self.now.time;
         if !matches!(now.manoeuvre, Manoeuvre::Steady | Manoeuvre::Rest) {
             self.steady_since = None;
             return false;
@@ -315,7 +334,7 @@ impl Literal {
 
     fn begin(&self, now: &Comparison) -> Going {
         Going {
-            start: now.past.moment,
+            start: self.now,
             start_attitude: self.attitude,
             start_difference: now.difference_mps.xy(),
             start_accel: now.past.accel_mps2.xy(),
@@ -330,8 +349,8 @@ impl Literal {
 
     /// INT w^C since the start of a manoeuvre, without the known drift of the gyros.
     fn turned(&self, start: &Moment, now: &Moment) -> Vector3<f64> {
-        let drift = (now.attitude_s - start.attitude_s) * self.gyro_drift();
-        now.control_tilt_rad - start.control_tilt_rad - drift
+        let attitude_s = now.since_start.attitude_s - start.since_start.attitude_s;
+        now.turned() - start.turned() - attitude_s * self.gyro_drift()
     }
 
     fn gyro_drift(&self) -> Vector3<f64> {
@@ -340,7 +359,7 @@ impl Literal {
     }
 
     fn measure_acceleration(&self, going: &mut Going, now: &Comparison) {
-        let moment = &now.past.moment;
+        let moment = self.now;
         let accel = now.past.accel_mps2.xy();
         let size = accel.norm();
         going.peak = math::max(going.peak, size);
@@ -348,7 +367,7 @@ impl Literal {
             return;
         }
         let change = accel - going.start_accel;
-        going.azimuth = azimuth(&change, &self.turned(&going.start, moment).xy());
+        going.azimuth = azimuth(&change, &self.turned(&going.start, &moment).xy());
         let (top, bottom) = latency(&accel, &self.free_gain(going, now));
         going.latency.0 += top;
         going.latency.1 += bottom;
@@ -356,10 +375,16 @@ impl Literal {
 
     /// Growth of the velocity error that a free INS with drift-free gyros would have had.
     fn free_gain(&self, going: &Going, now: &Comparison) -> Vector2<f64> {
-        let span = Span::between(&going.start, &now.past.moment);
-        let drifted = -0.5 * span.force_mps.cross(&(span.attitude_s * self.gyro_drift()));
+        let (start, end) = (&going.start.since_start, &self.now.since_start);
+        let force_mps = end.force_mps - start.force_mps;
+        let drift = (end.attitude_s - start.attitude_s) * self.gyro_drift();
+        let drifted = -0.5 * force_mps.cross(&drift);
         let gained = now.difference_mps.xy() - going.start_difference;
-        gained - span.control_velocity_mps.xy() - drifted.xy()
+        // Less what the controls of this span did, with no tilt but their own.
+        let controlled = end.control_velocity_mps
+            - start.control_velocity_mps
+            - force_mps.cross(&start.control_tilt_rad);
+        gained - controlled.xy() - drifted.xy()
     }
 
     fn end_acceleration(&mut self, going: &Going, now: &Comparison) {
@@ -377,7 +402,7 @@ impl Literal {
     }
 
     fn end_turn(&mut self, going: &Going, now: &Comparison) {
-        let turned = self.turned(&going.start, &now.past.moment).xy();
+        let turned = self.turned(&going.start, &self.now).xy();
         let change = (self.attitude - going.start_attitude)
             .fixed_view::<2, 2>(0, 0)
             .into_owned();
@@ -391,12 +416,12 @@ impl Literal {
         &self.parameters
     }
 
-    /// Azimuth error left in the INS at a moment after the last fix, rad.
-    pub fn azimuth_left_rad(&self, moment: &Moment) -> f64 {
-        let since = self.last.map_or(0.0, |last| {
-            moment.control_tilt_rad.z - last.control_tilt_rad.z
+    /// Azimuth error left in the INS some time after the horizon, rad.
+    pub fn azimuth_left_rad(&self, since: &Span) -> f64 {
+        let unread = self.last.map_or(0.0, |last| {
+            self.now.turned().z - last.turned().z + since.control_tilt_rad.z
         });
-        self.parameters.value(index::AZIMUTH) + since
+        self.parameters.value(index::AZIMUTH) + unread
     }
 
     fn store_azimuth(&mut self, removed_rad: f64) {
@@ -422,4 +447,23 @@ impl Literal {
             }
         }
     }
+}
+
+/// Whether an innovation of some components is credible, and what it says of their noise.
+fn credible(
+    innovations: &mut Innovations,
+    now: Time,
+    innovation: &Vector2<f64>,
+    components: f64,
+    variance: f64,
+    config: &Config,
+) -> bool {
+    let variance = variance * innovations.scale();
+    let Credit::Taken(_) = innovations.judge(now, innovation, components, 0.0, variance) else {
+        return false;
+    };
+    let sigmas = innovation / math::sqrt(variance);
+    let square = sigmas.norm_squared() / components;
+    innovations.learn(square, &sigmas, config.gnss.noise_range);
+    true
 }

@@ -1,15 +1,17 @@
-//! Error of the INS and how it grows: (1)-(2), for large tilts to second order.
+//! Errors of the INS and how they grow: (1), (2), and what the errors of the sensors put into them.
 
-use nalgebra::{RealField, Scalar, Vector3};
+use nalgebra::{Matrix3, RealField, Scalar, Vector3};
 
-use super::parameters::{Parameters, index};
 use crate::history::Span;
 use crate::math;
+use crate::parameters::{Parameters, index};
 
-/// Error of the INS, ENU.
+/// Error of the INS, ENU: INS minus truth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct InsError<T: Scalar = f64> {
+    /// Position, m; its third component is dh.
+    pub position_m: Vector3<T>,
     /// dV, m/s.
     pub velocity_mps: Vector3<T>,
     /// Phi, rad.
@@ -19,8 +21,12 @@ pub struct InsError<T: Scalar = f64> {
 /// What a span does to every error, whatever has caused it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Passage<T: Scalar = f64> {
+    /// Duration, s.
+    pub seconds: T,
     /// Integral of specific force, m/s.
     pub force_mps: Vector3<T>,
+    /// Integral of that integral, m.
+    pub force_moved_m: Vector3<T>,
     /// Turn of the frame against inertial space, and half of what the platform turns against the
     /// frame: rotations do not commute, and Phi is the vector of one (Bortz, IEEE TAES 7, 1971).
     pub turn_rad: Vector3<T>,
@@ -33,21 +39,27 @@ pub struct Forcing {
     drift_rad: Vector3<f64>,
     /// Turn of the platform by the controls, rad.
     control_tilt_rad: Vector3<f64>,
-    /// By both, with what that turn did to the velocity, m/s.
-    velocity_mps: Vector3<f64>,
+    /// Velocity by the parameters, m/s.
+    push_mps: Vector3<f64>,
+    /// Velocity by the controls, with what their turn did to it, m/s.
+    control_velocity_mps: Vector3<f64>,
+    /// Position by the controls, with what both did to it, m.
+    control_position_m: Vector3<f64>,
 }
 
 impl Forcing {
     /// By the controls of a span and by `parameters`.
-    pub fn over(span: &Span, parameters: &Parameters) -> Self {
+    pub fn over(span: &Span, level_force_mps2: &Vector3<f64>, parameters: &Parameters) -> Self {
         let mut forcing = Self {
             drift_rad: Vector3::zeros(),
             control_tilt_rad: span.control_tilt_rad,
-            velocity_mps: span.control_velocity_mps,
+            push_mps: Vector3::zeros(),
+            control_velocity_mps: span.control_velocity_mps,
+            control_position_m: span.control_position_m,
         };
-        for_each_input(span, |which, input| match input {
+        for_each_input(span, level_force_mps2, |which, input| match input {
             Input::Tilt(by) => forcing.drift_rad += by * parameters.value(which),
-            Input::Velocity(by) => forcing.velocity_mps += by * parameters.value(which),
+            Input::Velocity(by) => forcing.push_mps += by * parameters.value(which),
         });
         forcing
     }
@@ -58,7 +70,9 @@ impl Passage {
     pub fn over(span: &Span, frame_rate_radps: &Vector3<f64>, forcing: &Forcing) -> Self {
         let platform_rad = forcing.control_tilt_rad + forcing.drift_rad;
         Self {
+            seconds: span.seconds,
             force_mps: span.force_mps,
+            force_moved_m: span.force_moved_m,
             turn_rad: frame_rate_radps * span.seconds + 0.5 * platform_rad,
         }
     }
@@ -66,7 +80,9 @@ impl Passage {
     /// In single precision.
     pub fn single(&self) -> Passage<f32> {
         Passage {
+            seconds: math::single(self.seconds),
             force_mps: single(&self.force_mps),
+            force_moved_m: single(&self.force_moved_m),
             turn_rad: single(&self.turn_rad),
         }
     }
@@ -95,31 +111,40 @@ impl<T: RealField + Copy> InsError<T> {
     /// No error.
     pub fn zero() -> Self {
         Self {
+            position_m: Vector3::zeros(),
             velocity_mps: Vector3::zeros(),
             tilt_rad: Vector3::zeros(),
         }
     }
 
-    /// `dV' = f x Phi`, `Phi' = -w_in x Phi`.
+    /// `dp' = dV`, `dV' = f x Phi`, `Phi' = -w_in x Phi`.
     pub fn carry(&mut self, passage: &Passage<T>) {
+        self.position_m +=
+            self.velocity_mps * passage.seconds + passage.force_moved_m.cross(&self.tilt_rad);
         self.velocity_mps += passage.force_mps.cross(&self.tilt_rad);
         self.tilt_rad += self.tilt_rad.cross(&passage.turn_rad);
     }
 
     /// What came in evenly over a span that has been carried over.
     pub fn feed(&mut self, passage: &Passage<T>, input: &Input<T>) {
+        let half = nalgebra::convert::<f64, T>(0.5);
         match input {
             Input::Tilt(tilt) => {
-                let half = nalgebra::convert::<f64, T>(0.5);
+                let third = nalgebra::convert::<f64, T>(1.0 / 3.0);
+                self.position_m += passage.force_moved_m.cross(&(tilt * third));
                 self.velocity_mps += passage.force_mps.cross(&(tilt * half));
                 self.tilt_rad += tilt;
             }
-            Input::Velocity(velocity) => self.velocity_mps += velocity,
+            Input::Velocity(velocity) => {
+                self.position_m += velocity * (half * passage.seconds);
+                self.velocity_mps += velocity;
+            }
         }
     }
 
     /// Adds `factor` times another error.
     pub fn add_scaled(&mut self, other: &Self, factor: T) {
+        self.position_m += other.position_m * factor;
         self.velocity_mps += other.velocity_mps * factor;
         self.tilt_rad += other.tilt_rad * factor;
     }
@@ -136,28 +161,44 @@ impl InsError {
         let phi = &self.tilt_rad;
         error.velocity_mps += 0.5 * phi.cross(&passage.force_mps.cross(phi));
         error.feed(passage, &Input::Tilt(forcing.drift_rad));
-        error.velocity_mps += forcing.velocity_mps;
+        error.feed(passage, &Input::Velocity(forcing.push_mps));
+        error.position_m += forcing.control_position_m;
+        error.velocity_mps += forcing.control_velocity_mps;
         error.tilt_rad += forcing.control_tilt_rad;
         error
     }
 }
 
 /// Tells `visit` what a unit of each parameter puts in over a span; nothing for those not named.
-pub fn for_each_input(span: &Span, mut visit: impl FnMut(usize, Input)) {
+///
+/// A bias of an accelerometer and its scale error are one number while it feels one force. The
+/// bias is that number at the level attitude of this mount, where `level_force_mps2` is felt; the
+/// scale error acts on what is felt beyond it.
+pub fn for_each_input(
+    span: &Span,
+    level_force_mps2: &Vector3<f64>,
+    mut visit: impl FnMut(usize, Input),
+) {
     // A span of no length has no inputs.
     let seconds = math::max(span.seconds, 1e-9);
-    let turn_radps = span.turn_rad / seconds;
-    for axis in 0..3 {
+    for (axis, level) in level_force_mps2.iter().enumerate() {
         let column = span.attitude_s.column(axis).into_owned();
         visit(index::GYRO + axis, Input::Tilt(-column));
-        visit(index::GYRO_TURN + axis, Input::Tilt(-turn_radps * column));
         visit(index::ACCEL + axis, Input::Velocity(column));
-        if axis < 2 {
-            // C f_k, with f_k the specific force felt on the axis.
-            let felt = column.dot(&span.force_mps) / (seconds * seconds);
-            visit(index::ACCEL_SCALE + axis, Input::Velocity(felt * column));
-        }
+        // C f_k, with f_k the specific force felt on the axis.
+        let felt = column.dot(&span.force_mps) / (seconds * seconds) - level;
+        visit(index::ACCEL_SCALE + axis, Input::Velocity(felt * column));
     }
+    let turned = Vector3::new(0.0, 0.0, -span.turn_rad);
+    visit(index::GYRO_SCALE, Input::Tilt(turned));
+}
+
+/// Body axes' share in the level and in the vertical ones: of white noise with these variances per
+/// axis, what one level axis gets on average, and the vertical one.
+pub fn level_and_up(attitude_s: &Matrix3<f64>, seconds: f64, variance: &Vector3<f64>) -> (f64, f64) {
+    let up = attitude_s.row(2).transpose() / seconds;
+    let up_variance = up.component_mul(&up).dot(variance);
+    (0.5 * (variance.sum() - up_variance), up_variance)
 }
 
 /// In single precision.

@@ -1,0 +1,186 @@
+//! Gains of the observer: the Riccati recursion of one channel.
+//!
+//! Five errors of one axis: position, velocity, tilt, and the correlated parts of the noise of
+//! GNSS velocity and position, each a first-order Gauss-Markov process. Both level axes share one
+//! recursion; in the vertical one there is no tilt.
+
+use nalgebra::{SMatrix, SVector};
+
+use crate::config::Noise;
+use crate::math;
+
+/// What a fix measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Measured {
+    /// Velocity, with its correlated noise.
+    Velocity,
+    /// Position, with its correlated noise.
+    Position,
+}
+
+/// Position, velocity, tilt, correlated noise of velocity, correlated noise of position.
+const ERRORS: usize = 5;
+const POSITION: usize = 0;
+const VELOCITY: usize = 1;
+const TILT: usize = 2;
+const VELOCITY_NOISE: usize = 3;
+const POSITION_NOISE: usize = 4;
+
+/// One number for each of the five errors.
+pub type Gains = SVector<f64, ERRORS>;
+
+/// How far a start may be from the first fix: any latency and any position noise.
+const START_M: f64 = 100.0;
+const START_MPS: f64 = 1.0;
+
+/// What a span does to a channel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Growth {
+    /// Duration, s.
+    pub seconds: f64,
+    /// Integral of specific force up, m/s, and of that integral, m.
+    pub force_up_mps: f64,
+    /// See above.
+    pub force_up_moved_m: f64,
+    /// Power density of accelerometer noise, (m/s)^2/s.
+    pub accel_noise: f64,
+    /// Power density of gyro noise, rad^2/s.
+    pub gyro_noise: f64,
+}
+
+/// What is left of correlated noise after a span, and the variance of what comes in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Renewal {
+    /// Part that is left.
+    pub keep: f64,
+    /// Variance of what is new.
+    pub new: f64,
+}
+
+impl Renewal {
+    /// Of noise `factor` times as strong, in variance, as described.
+    pub fn over(seconds: f64, noise: &Noise, factor: f64) -> Self {
+        // exp(-x) to second order, for any x between 0 and 1.
+        let x = seconds / noise.correlation_s;
+        let keep = 1.0 / (1.0 + x + 0.5 * x * x);
+        let new = noise.correlated * noise.correlated * factor * (1.0 - keep * keep);
+        Self { keep, new }
+    }
+}
+
+/// Covariance of one channel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Channel {
+    p: SMatrix<f64, ERRORS, ERRORS>,
+}
+
+impl Channel {
+    /// Starts with a variance of the tilt, rad^2, and with the noise of GNSS.
+    pub fn new(tilt: f64, velocity: &Noise, position: &Noise) -> Self {
+        let diagonal = SVector::from([
+            START_M * START_M,
+            START_MPS * START_MPS,
+            tilt,
+            velocity.correlated * velocity.correlated,
+            position.correlated * position.correlated,
+        ]);
+        Self {
+            p: SMatrix::from_diagonal(&diagonal),
+        }
+    }
+
+    /// Variance of position, m^2.
+    pub fn position(&self) -> f64 {
+        self.p.m11
+    }
+
+    /// Variance of velocity, (m/s)^2.
+    pub fn velocity(&self) -> f64 {
+        self.p.m22
+    }
+
+    /// Variance of tilt, rad^2.
+    pub fn tilt(&self) -> f64 {
+        self.p.m33
+    }
+
+    /// Carries it over a span.
+    pub fn propagate(&mut self, growth: &Growth, noises: [Renewal; 2]) {
+        let Growth {
+            seconds: dt,
+            force_up_mps: f,
+            force_up_moved_m,
+            accel_noise,
+            gyro_noise,
+        } = *growth;
+        self.follow(POSITION, VELOCITY, dt);
+        self.follow(POSITION, TILT, force_up_moved_m);
+        self.follow(VELOCITY, TILT, f);
+        for (which, noise) in [VELOCITY_NOISE, POSITION_NOISE].into_iter().zip(noises) {
+            self.p.column_mut(which).scale_mut(noise.keep);
+            self.p.row_mut(which).scale_mut(noise.keep);
+        }
+        let [velocity, position] = noises;
+        // Integrals of white noise over the span, their covariances included.
+        let tilt_velocity = 0.5 * gyro_noise * dt * f;
+        let velocity_position = 0.5 * accel_noise * dt * dt;
+        self.p.m33 += gyro_noise * dt;
+        self.p.m23 += tilt_velocity;
+        self.p.m32 += tilt_velocity;
+        self.p.m22 += accel_noise * dt + gyro_noise * dt * f * f / 3.0;
+        self.p.m12 += velocity_position;
+        self.p.m21 += velocity_position;
+        self.p.m11 += accel_noise * dt * dt * dt / 3.0;
+        self.p.m44 += velocity.new;
+        self.p.m55 += position.new;
+    }
+
+    /// Error `to` grows by `factor` times error `from`.
+    #[inline]
+    fn follow(&mut self, to: usize, from: usize, factor: f64) {
+        let column = self.p.column(from) * factor;
+        self.p.column_mut(to).zip_apply(&column, |x, y| *x += y);
+        let row = self.p.row(from) * factor;
+        self.p.row_mut(to).zip_apply(&row, |x, y| *x += y);
+    }
+
+    /// More may be wrong by these variances.
+    pub fn doubt(&mut self, velocity: f64, tilt: f64) {
+        self.p.m22 += velocity;
+        self.p.m33 += tilt;
+    }
+
+    /// The position may be wrong by this variance more, m^2.
+    pub fn doubt_position(&mut self, variance: f64) {
+        self.p.m11 += variance;
+    }
+
+    /// Covariance of each error with what is measured.
+    fn covariance_with(&self, measured: Measured) -> Gains {
+        match measured {
+            Measured::Velocity => self.p.column(VELOCITY) + self.p.column(VELOCITY_NOISE),
+            Measured::Position => self.p.column(POSITION) + self.p.column(POSITION_NOISE),
+        }
+    }
+
+    /// Variance of what is measured, without its white noise.
+    pub fn predicted(&self, measured: Measured) -> f64 {
+        let c = self.covariance_with(measured);
+        match measured {
+            Measured::Velocity => c.y + c.w,
+            Measured::Position => c.x + c.a,
+        }
+    }
+
+    /// Takes in one measurement of white noise `white`; returns the gains.
+    pub fn update(&mut self, measured: Measured, white: f64) -> Gains {
+        let c = self.covariance_with(measured);
+        let gains = c / (self.predicted(measured) + white);
+        self.p -= gains * c.transpose();
+        // What rounding leaves of a variance is still one.
+        let diagonal = self.p.diagonal().map(|variance| math::max(variance, 0.0));
+        self.p.set_diagonal(&diagonal);
+        gains
+    }
+}

@@ -1,0 +1,98 @@
+//! The chosen form of the estimators.
+
+use nalgebra::Vector3;
+
+use crate::config::{Config, Form};
+use crate::error_model::InsError;
+use crate::history::{History, Span};
+use crate::literal::Literal;
+use crate::observer::Observer;
+use crate::parameters::Parameters;
+use crate::time::Time;
+
+/// Longest piece of the past that the observer steps over at once, s: within it attitude and
+/// force change little.
+const PIECE_S: f64 = 0.3;
+
+/// The chosen form of the estimators. Both live in place: there is nowhere else.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[allow(clippy::large_enum_variant)]
+pub enum Estimator {
+    /// All parameters jointly.
+    Exact(Observer),
+    /// (7) to (11) of the thesis.
+    Literal(Literal),
+}
+
+impl Estimator {
+    /// Starts on a level of some spread, with what is believed of the parameters.
+    pub fn new(
+        start: Time,
+        tilt_sigma_rad: f64,
+        level_force_mps2: Vector3<f64>,
+        known: &Parameters,
+        config: &Config,
+    ) -> Self {
+        // Of two values of a `match`, one would be copied over the stack.
+        let mut estimator = Self::Exact(Observer::new(
+            start,
+            tilt_sigma_rad,
+            level_force_mps2,
+            known,
+            config,
+        ));
+        if config.form == Form::Literal {
+            estimator = Self::Literal(Literal::new(start, config));
+        }
+        estimator
+    }
+
+    /// What is known of the parameters.
+    pub fn parameters(&self) -> &Parameters {
+        match self {
+            Self::Exact(observer) => observer.parameters(),
+            Self::Literal(literal) => literal.parameters(),
+        }
+    }
+
+    /// The moment it stands at.
+    pub fn horizon(&self) -> Time {
+        match self {
+            Self::Exact(observer) => observer.horizon(),
+            Self::Literal(literal) => literal.horizon(),
+        }
+    }
+
+    /// Brings the horizon to a later moment of the past.
+    pub fn advance<const N: usize>(
+        &mut self,
+        history: &History<N>,
+        to: Time,
+        frame_rate_radps: &Vector3<f64>,
+        config: &Config,
+    ) {
+        let from = self.horizon();
+        match self {
+            Self::Exact(observer) => history.between(from, to, PIECE_S, |piece, end| {
+                observer.propagate(piece, end, frame_rate_radps, config);
+            }),
+            Self::Literal(literal) => {
+                history.between(from, to, PIECE_S, |piece, end| literal.propagate(piece, end));
+            }
+        }
+    }
+
+    /// The error of the INS after what has happened since the horizon, as far as it is known and
+    /// not yet taken out.
+    pub fn error_after(&self, since: &Span) -> InsError {
+        match self {
+            Self::Exact(observer) => observer.error_after(since),
+            Self::Literal(literal) => {
+                let mut error = InsError::zero();
+                error.tilt_rad.z = literal.azimuth_left_rad(since);
+                error
+            }
+        }
+    }
+}

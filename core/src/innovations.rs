@@ -1,0 +1,193 @@
+//! Innovations: how noisy GNSS is, which fixes are credible, and whether the INS is.
+
+use nalgebra::Vector2;
+
+use crate::config::Noise;
+use crate::math;
+use crate::time::Time;
+
+/// Shortest and longest memory of the measured noise, in fixes: first what is configured counts
+/// for some, then a noise that changes from street to street is followed.
+const FIRST_MEMORY: f64 = 30.0;
+const LONGEST_MEMORY: f64 = 400.0;
+/// Innovations beyond this many sigma weigh less (Huber); a normal one is, once in 400.
+const ROBUST_SIGMAS: f64 = 3.0;
+/// Innovations beyond this many sigma are refused.
+const GATE_SIGMAS: f64 = 8.0;
+/// So long must refused fixes agree with each other on where the INS is to be believed, s. Wrong
+/// fixes come in bursts of seconds; an INS that has lost its way stays lost.
+const LOST_S: f64 = 15.0;
+/// Time over which surprise is averaged, s: that of an ordinary manoeuvre.
+const SURPRISE_S: f64 = 10.0;
+/// Average square of the innovations, in their variances, beyond which the INS errs.
+const SURPRISING: f64 = 4.0;
+/// Memory of the correlation of neighbours, in fixes.
+const CORRELATION_MEMORY: f64 = 200.0;
+
+/// How a fix of one kind is taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Credit {
+    /// With white noise of this variance.
+    Taken(f64),
+    /// Not credible.
+    Refused,
+    /// Not credible, like all before it for so long that it is the INS which is wrong, by this
+    /// variance.
+    Lost(f64),
+}
+
+/// Fixes refused that agree with each other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Astray {
+    since: Time,
+    residual: Vector2<f64>,
+}
+
+/// Running measurement of the innovations of one kind.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Innovations {
+    /// Variance of GNSS noise against the configured one.
+    scale: f64,
+    memory: f64,
+    /// Correlation of neighbours, and the last innovation in its sigmas.
+    correlation: f64,
+    last: Vector2<f64>,
+    astray: Option<Astray>,
+}
+
+impl Default for Innovations {
+    fn default() -> Self {
+        Self {
+            scale: 1.0,
+            memory: FIRST_MEMORY,
+            correlation: 0.0,
+            last: Vector2::zeros(),
+            astray: None,
+        }
+    }
+}
+
+impl Innovations {
+    /// Variance of GNSS noise against the configured one, as measured.
+    pub fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// Judges an innovation at a moment: of `components`, with this variance of each from the INS
+    /// and from GNSS noise that is not white, and with `white` noise on top.
+    pub fn judge(
+        &mut self,
+        now: Time,
+        innovation: &Vector2<f64>,
+        components: f64,
+        predicted: f64,
+        white: f64,
+    ) -> Credit {
+        let total = components * (predicted + white);
+        let power = innovation.norm_squared();
+        if power <= GATE_SIGMAS * GATE_SIGMAS * total {
+            self.astray = None;
+            let sigmas = math::sqrt(power / total) / ROBUST_SIGMAS;
+            return Credit::Taken(if sigmas > 1.0 { white * sigmas * sigmas } else { white });
+        }
+        // Two wrong fixes agree if the way the INS went between them explains the change.
+        let agrees = |astray: &Astray| {
+            (innovation - astray.residual).norm_squared()
+                <= ROBUST_SIGMAS * ROBUST_SIGMAS * 2.0 * total
+        };
+        let since = self.astray.filter(agrees).map_or(now, |astray| astray.since);
+        self.astray = Some(Astray {
+            since,
+            residual: *innovation,
+        });
+        if now.seconds_since(since) < LOST_S {
+            return Credit::Refused;
+        }
+        self.astray = None;
+        Credit::Lost(power / components)
+    }
+
+    /// Learns from an innovation that was taken: its square against its whole variance, per
+    /// component, and itself in sigmas.
+    pub fn learn(&mut self, square: f64, sigmas: &Vector2<f64>, range: [f64; 2]) {
+        let [least, most] = range;
+        // A single wild innovation must not open the gate for the next.
+        let bounded = math::min(square, ROBUST_SIGMAS * ROBUST_SIGMAS);
+        let scale = self.scale * (1.0 + (bounded - 1.0) / self.memory);
+        self.scale = math::max(math::min(scale, most * most), least * least);
+        self.memory = math::min(self.memory + 1.0, LONGEST_MEMORY);
+        let likeness = 0.5 * sigmas.dot(&self.last);
+        let likeness = math::max(math::min(likeness, 3.0), -3.0);
+        let memory = math::min(self.memory, CORRELATION_MEMORY);
+        self.correlation += (likeness - self.correlation) / memory;
+        self.last = *sigmas;
+    }
+
+    /// Factor by which colour makes rows less informative than white ones.
+    pub fn inflation(&self) -> f64 {
+        let rho = math::max(math::min(self.correlation, 0.9), 0.0);
+        (1.0 + rho) / (1.0 - rho)
+    }
+}
+
+/// The noise that the receiver states, on average. Its scale is not believed unless the user says
+/// so, its changes are.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct StatedNoise {
+    variance: f64,
+}
+
+/// Fixes over which the stated noise is averaged, and range of its ratio to the average, in
+/// variance.
+const STATED_MEMORY: f64 = 100.0;
+const STATED_RANGE: [f64; 2] = [0.1, 100.0];
+
+impl StatedNoise {
+    /// How many times noisier than described a fix of this stated sigma is, in variance.
+    pub fn relative(&mut self, sigma: Option<f64>, noise: &Noise, trust: bool) -> f64 {
+        let Some(sigma) = sigma.filter(|sigma| *sigma > 0.0) else {
+            return 1.0;
+        };
+        let variance = sigma * sigma;
+        let [least, most] = STATED_RANGE;
+        if trust {
+            return variance / noise.variance();
+        }
+        if self.variance <= 0.0 {
+            self.variance = variance;
+        }
+        let relative = math::max(math::min(variance / self.variance, most), least);
+        self.variance += (relative - 1.0) * self.variance / STATED_MEMORY;
+        relative
+    }
+}
+
+/// Whether innovations are, over seconds, what they should be.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Surprise {
+    mean: f64,
+    /// Time for which they have not been.
+    pub lasting_s: f64,
+}
+
+impl Surprise {
+    /// Takes the square of an innovation in its variances, `seconds` after the last.
+    pub fn take(&mut self, square: f64, seconds: f64) {
+        let bounded = math::min(square, GATE_SIGMAS * GATE_SIGMAS);
+        self.mean += (bounded - self.mean) * seconds / (seconds + SURPRISE_S);
+        if self.mean > SURPRISING {
+            self.lasting_s += seconds;
+        } else {
+            self.lasting_s = 0.0;
+        }
+    }
+
+    /// Average square, 1 where all is well.
+    pub fn mean(&self) -> f64 {
+        self.mean
+    }
+}

@@ -1,0 +1,735 @@
+//! The exact form of the compensation estimators: every control undone, all parameters jointly.
+//!
+//! Equation (6) of the thesis drops `K1 dV` and `dV'`, so (7) and (8) depend on the loop. Nothing
+//! need be dropped, since every control is known. An observer follows the error of the damped INS
+//! by the exact (1)-(2), `dV' = f x Phi + C df`, `Phi' = -w_in x Phi - C dw`, with the controls as
+//! known inputs: its innovations do not depend on the loops. They are linear in corrections to
+//! the parameters, through the error that a unit of each would cause, which the observer follows
+//! in the same way.
+//! With gains at the noise optimum the innovations are white, so plain least squares over them
+//! is what a Kalman filter with all parameters in its state would find (Friedland's separate-bias
+//! estimation, IEEE TAC 14, 1969).
+
+use nalgebra::{RealField, SVector, Scalar, Vector2, Vector3};
+
+use crate::channel::{Channel, Growth, Measured, Renewal};
+use crate::config::{Config, Noise};
+use crate::error_model::{
+    Forcing, InsError, Passage, for_each_input, level_and_up, single,
+};
+use crate::history::{Past, Span};
+use crate::innovations::{Credit, Innovations, StatedNoise, Surprise};
+use crate::least_squares::LeastSquares;
+use crate::math;
+use crate::parameters::{COUNT, PAIRS, Parameters, index};
+use crate::time::Time;
+
+/// One number for each parameter.
+type Row = SVector<f32, COUNT>;
+/// What a unit of each parameter adds to `R` measured components.
+type By<const R: usize> = [[f32; R]; COUNT];
+
+/// How long an error of scale or misalignment that a manoeuvre has caused is told from others, s:
+/// then the observer has taken it for a tilt.
+const MANOEUVRE_S: f64 = 10.0;
+/// Spread of tilt and azimuth of an INS that has lost its way, rad.
+const LOST_TILT_RAD: f64 = 0.05;
+const LOST_AZIMUTH_RAD: f64 = 0.3;
+/// Part of its run-to-run spread by which a bias may have changed then.
+const LOST_BIAS: f64 = 0.1;
+/// Rate and acceleration of an ordinary manoeuvre, which a hole may hide, rad/s and m/s^2.
+const HIDDEN_RADPS: f64 = 0.1;
+const HIDDEN_MPS2: f64 = 1.0;
+
+/// What the observer follows, ENU: the error of the INS and the correlated noise of GNSS, with
+/// the sign that it has in INS minus GNSS.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Followed<T: Scalar> {
+    error: InsError<T>,
+    velocity_noise: Vector3<T>,
+    position_noise: Vector3<T>,
+}
+
+impl<T: RealField + Copy> Followed<T> {
+    fn zero() -> Self {
+        Self {
+            error: InsError::zero(),
+            velocity_noise: Vector3::zeros(),
+            position_noise: Vector3::zeros(),
+        }
+    }
+
+    /// What it makes of INS minus GNSS.
+    fn shows(&self, measured: Measured) -> Vector3<T> {
+        match measured {
+            Measured::Velocity => self.error.velocity_mps + self.velocity_noise,
+            Measured::Position => self.error.position_m + self.position_noise,
+        }
+    }
+
+    fn renew(&mut self, level: [T; 2], up: [T; 2]) {
+        let ([velocity, position], [velocity_up, position_up]) = (level, up);
+        self.velocity_noise
+            .component_mul_assign(&Vector3::new(velocity, velocity, velocity_up));
+        self.position_noise
+            .component_mul_assign(&Vector3::new(position, position, position_up));
+    }
+
+    /// Corrects one axis by an innovation: `dV_N' = g Phi_E` and `dV_E' = -g Phi_N`.
+    #[inline]
+    fn correct(&mut self, axis: usize, gains: &SVector<T, 5>, by: T) {
+        let add = |v: &mut Vector3<T>, gain: T| {
+            if let Some(x) = v.get_mut(axis) {
+                *x += gain * by;
+            }
+        };
+        add(&mut self.error.position_m, gains.x);
+        add(&mut self.error.velocity_mps, gains.y);
+        add(&mut self.velocity_noise, gains.w);
+        add(&mut self.position_noise, gains.a);
+        match axis {
+            0 => self.error.tilt_rad.y -= gains.z * by,
+            1 => self.error.tilt_rad.x += gains.z * by,
+            _ => {}
+        }
+    }
+
+    fn add_scaled(&mut self, other: &Self, factor: T) {
+        self.error.add_scaled(&other.error, factor);
+        self.velocity_noise += other.velocity_noise * factor;
+        self.position_noise += other.position_noise * factor;
+    }
+}
+
+/// One kind of measurement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Kind {
+    /// Velocity or position.
+    pub measured: Measured,
+    /// Up, else east and north.
+    pub up: bool,
+}
+
+impl Kind {
+    const fn number(self) -> usize {
+        let first = match self.measured {
+            Measured::Velocity => 0,
+            Measured::Position => 2,
+        };
+        first + self.up as usize
+    }
+
+    /// What the receiver is configured to have of it.
+    pub fn noise(self, config: &Config) -> &Noise {
+        let gnss = &config.gnss;
+        match (self.measured, self.up) {
+            (Measured::Velocity, false) => &gnss.velocity_mps,
+            (Measured::Velocity, true) => &gnss.velocity_up_mps,
+            (Measured::Position, false) => &gnss.position_m,
+            (Measured::Position, true) => &gnss.height_m,
+        }
+    }
+}
+
+/// INS minus GNSS, velocity or position, ENU.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Difference {
+    /// Which.
+    pub measured: Measured,
+    /// m/s or m.
+    pub value: Vector3<f64>,
+    /// Whether east and north were measured.
+    pub has_level: bool,
+    /// Whether the up component was.
+    pub has_up: bool,
+    /// Noise of a level component, and of the up one, as the receiver states it.
+    pub stated_sigma: [Option<f64>; 2],
+    /// Latency already taken out by the choice of the moment, s.
+    pub latency_applied_s: f64,
+}
+
+/// What became of a difference.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Used {
+    /// East and north.
+    pub level: bool,
+    /// Up.
+    pub up: bool,
+}
+
+/// An error that grows with a vector and is gone when the vector is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Manoeuvred {
+    vector: Vector3<f32>,
+}
+
+impl Manoeuvred {
+    /// By how much its square grows over a span that adds `change`.
+    fn grow(&mut self, change: &Vector3<f64>, seconds: f64) -> f64 {
+        let before = self.vector.norm_squared();
+        let keep = math::single(1.0 / (1.0 + seconds / MANOEUVRE_S));
+        self.vector = self.vector * keep + single(change);
+        math::max(f64::from(self.vector.norm_squared() - before), 0.0)
+    }
+}
+
+/// Observer of the INS error and running least squares of the parameters behind it.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Observer {
+    /// As it is at the horizon with the parameters as they are known. The azimuth error is the
+    /// first parameter.
+    followed: Followed<f64>,
+    /// What a unit of each parameter more would make of it.
+    responses: [Followed<f32>; COUNT],
+    level: Channel,
+    vertical: Channel,
+    innovations: [Innovations; 4],
+    stated: [StatedNoise; 4],
+    /// Of each kind: how much stronger its noise is than configured, in variance.
+    strength: [f64; 4],
+    surprise: Surprise,
+    /// Corrections to the parameters.
+    corrections: LeastSquares<COUNT, PAIRS>,
+    /// Last solution; the latency is that of its moment.
+    parameters: Parameters,
+    /// Specific force in the body at the level attitude of the mount, m/s^2.
+    level_force_mps2: Vector3<f64>,
+    /// Whose spread is due next.
+    next_spread: u8,
+    /// Since the last solution, s, and the azimuth's walk since then, rad^2.
+    unsolved_s: f64,
+    azimuth_walk: f64,
+    /// Body's up axis at the horizon, how far it was tipped, and velocity pulled, ENU.
+    up: Vector3<f64>,
+    tipped: Manoeuvred,
+    pulled: Manoeuvred,
+    horizon: Time,
+    last_velocity: Time,
+}
+
+impl Observer {
+    /// Starts on a level of some spread, with what is believed of the parameters;
+    /// `level_force_mps2` is the specific force felt there, body.
+    pub fn new(
+        start: Time,
+        tilt_sigma_rad: f64,
+        level_force_mps2: Vector3<f64>,
+        prior: &Parameters,
+        config: &Config,
+    ) -> Self {
+        let gnss = &config.gnss;
+        let mut followed = Followed::zero();
+        followed.error.tilt_rad.z = prior.value(index::AZIMUTH);
+        Self {
+            followed,
+            responses: core::array::from_fn(unit_response),
+            level: Channel::new(
+                tilt_sigma_rad * tilt_sigma_rad,
+                &gnss.velocity_mps,
+                &gnss.position_m,
+            ),
+            vertical: Channel::new(0.0, &gnss.velocity_up_mps, &gnss.height_m),
+            innovations: [Innovations::default(); 4],
+            stated: [StatedNoise::default(); 4],
+            strength: [1.0; 4],
+            surprise: Surprise::default(),
+            corrections: LeastSquares::from_prior(&prior.sigma),
+            parameters: *prior,
+            level_force_mps2,
+            next_spread: 0,
+            unsolved_s: 0.0,
+            azimuth_walk: 0.0,
+            up: Vector3::z(),
+            tipped: Manoeuvred::default(),
+            pulled: Manoeuvred::default(),
+            horizon: start,
+            last_velocity: start,
+        }
+    }
+
+    /// The moment it stands at.
+    pub fn horizon(&self) -> Time {
+        self.horizon
+    }
+
+    /// The error of the INS at the horizon.
+    pub fn error(&self) -> &InsError {
+        &self.followed.error
+    }
+
+    /// What is known of the parameters.
+    pub fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    /// Specific force in the body at the level attitude of the mount, m/s^2.
+    pub fn level_force_mps2(&self) -> &Vector3<f64> {
+        &self.level_force_mps2
+    }
+
+    /// How the innovations compare with what they should be.
+    pub fn surprise(&self) -> &Surprise {
+        &self.surprise
+    }
+
+    /// Spread of roll and pitch, rad, with all parameters known.
+    pub fn tilt_sigma_rad(&self) -> f64 {
+        math::sqrt(self.level.tilt())
+    }
+
+    /// Variance of an error of the INS: of the channel alone, and what the parameters add.
+    fn variance(&self, own: f64, of: impl Fn(&InsError<f32>) -> f32) -> f64 {
+        let by: [f32; COUNT] = core::array::from_fn(|which| {
+            self.responses
+                .get(which)
+                .map_or(0.0, |response| of(&response.error))
+        });
+        own + f64::from(self.corrections.variance_of(by)) * self.inflation()
+    }
+
+    /// Spread of position, velocity and attitude at the horizon, ENU.
+    pub fn sigma(&self) -> InsError {
+        let (level, up) = (&self.level, &self.vertical);
+        let sigma = |own: f64, of: fn(&InsError<f32>) -> f32| math::sqrt(self.variance(own, of));
+        InsError {
+            position_m: Vector3::new(
+                sigma(level.position(), |e| e.position_m.x),
+                sigma(level.position(), |e| e.position_m.y),
+                sigma(up.position(), |e| e.position_m.z),
+            ),
+            velocity_mps: Vector3::new(
+                sigma(level.velocity(), |e| e.velocity_mps.x),
+                sigma(level.velocity(), |e| e.velocity_mps.y),
+                sigma(up.velocity(), |e| e.velocity_mps.z),
+            ),
+            tilt_rad: Vector3::new(
+                sigma(level.tilt(), |e| e.tilt_rad.x),
+                sigma(level.tilt(), |e| e.tilt_rad.y),
+                sigma(0.0, |e| e.tilt_rad.z),
+            ),
+        }
+    }
+
+    /// Inertial samples were missing for `seconds`: what was filled in may be wrong by the rate
+    /// and acceleration of an ordinary manoeuvre.
+    pub fn on_hole(&mut self, seconds: f64) {
+        let (rate, accel) = (HIDDEN_RADPS * seconds, HIDDEN_MPS2 * seconds);
+        self.level.doubt(accel * accel, 0.01 * rate * rate);
+        self.vertical.doubt(accel * accel, 0.0);
+        let moved = 0.5 * accel * seconds;
+        self.level.doubt_position(moved * moved);
+        self.vertical.doubt_position(moved * moved);
+        self.azimuth_walk += rate * rate;
+    }
+
+    /// The INS was found to be wrong: all may be, by what it is when alignment ends and by some
+    /// of its biases.
+    pub fn on_lost(&mut self, config: &Config) {
+        self.level.doubt(0.0, LOST_TILT_RAD * LOST_TILT_RAD);
+        self.azimuth_walk += LOST_AZIMUTH_RAD * LOST_AZIMUTH_RAD;
+        let prior = config.prior();
+        for which in index::GYRO..index::GYRO + 6 {
+            let changed = LOST_BIAS * prior.sigma(which);
+            self.corrections
+                .diffuse(which, math::single(changed * changed));
+        }
+        self.surprise = Surprise::default();
+    }
+
+    /// The error of the INS after what has happened since the horizon, as estimated.
+    pub fn error_after(&self, since: &Span) -> InsError {
+        let forcing = Forcing::over(since, &self.level_force_mps2, &self.parameters);
+        // The horizon is close: the frame stands still.
+        let passage = Passage::over(since, &Vector3::zeros(), &forcing);
+        self.followed.error.after(&passage, &forcing)
+    }
+
+    /// Compares the INS at the horizon, which must be a moment of the past, with a fix.
+    pub fn take(&mut self, past: &Past, difference: &Difference, config: &Config) -> Used {
+        let residual = difference.value - self.predicted(past, difference);
+        let (mut level_by, mut up_by) = self.shown_by(past, difference.measured);
+        let [level_sigma, up_sigma] = difference.stated_sigma;
+        let measured = difference.measured;
+        let level = difference.has_level
+            && self.measure(
+                Kind { measured, up: false },
+                [0, 1],
+                &mut level_by,
+                [residual.x, residual.y],
+                level_sigma,
+                config,
+            );
+        let up = difference.has_up
+            && self.measure(
+                Kind { measured, up: true },
+                [2],
+                &mut up_by,
+                [residual.z],
+                up_sigma,
+                config,
+            );
+        Used { level, up }
+    }
+
+    /// Takes the innovations of one kind, one for each of its axes.
+    fn measure<const R: usize>(
+        &mut self,
+        kind: Kind,
+        axes: [usize; R],
+        by: &mut By<R>,
+        innovation: [f64; R],
+        stated_sigma: Option<f64>,
+        config: &Config,
+    ) -> bool {
+        let gnss = &config.gnss;
+        let described = kind.noise(config);
+        let number = kind.number();
+        let parameters = self.parameter_variance(by);
+        let channel = if kind.up { &mut self.vertical } else { &mut self.level };
+        let (Some(innovations), Some(stated), Some(strength)) = (
+            self.innovations.get_mut(number),
+            self.stated.get_mut(number),
+            self.strength.get_mut(number),
+        ) else {
+            return false;
+        };
+        let relative = stated.relative(stated_sigma, described, gnss.trust_stated_sigma);
+        *strength = relative * innovations.scale();
+        let white = described.white * described.white * *strength;
+        let predicted = channel.predicted(kind.measured);
+        let components = axes.iter().fold(0.0, |count, _| count + 1.0);
+        let pair = Vector2::new(
+            innovation.first().copied().unwrap_or(0.0),
+            innovation.get(1).copied().unwrap_or(0.0),
+        );
+        let variance = predicted + parameters;
+        let credit = innovations.judge(self.horizon, &pair, components, variance, white);
+        if !kind.up {
+            let square = pair.norm_squared() / (components * (variance + white));
+            let seconds = self.horizon.seconds_since(self.last_velocity);
+            self.surprise.take(square, seconds);
+            self.last_velocity = self.horizon;
+        }
+        let white = match credit {
+            Credit::Taken(white) => white,
+            Credit::Refused => return false,
+            Credit::Lost(variance) => {
+                match kind.measured {
+                    Measured::Velocity => channel.doubt(variance, 0.0),
+                    Measured::Position => channel.doubt_position(variance),
+                }
+                if !kind.up && kind.measured == Measured::Velocity {
+                    self.on_lost(config);
+                }
+                return false;
+            }
+        };
+        // Both level axes have the same covariance before and the same after.
+        let gains = channel.update(kind.measured, white);
+        let total = predicted + white;
+        let weights = [math::single(1.0 / total); R];
+        for (axis, innovation) in axes.iter().zip(innovation) {
+            self.followed.correct(*axis, &gains, innovation);
+        }
+        let single_gains = gains.map(math::single);
+        for (response, by) in self.responses.iter_mut().zip(by.iter()) {
+            for (axis, by) in axes.iter().zip(by) {
+                response.correct(*axis, &single_gains, -by);
+            }
+        }
+        let square = self
+            .corrections
+            .add(by, innovation.map(math::single), weights);
+        if !gnss.trust_stated_sigma {
+            let sigmas = pair / math::sqrt(total * 0.5 * components);
+            let square = f64::from(square) / components;
+            if let Some(innovations) = self.innovations.get_mut(number) {
+                innovations.learn(square, &sigmas, gnss.noise_range);
+            }
+        }
+        true
+    }
+
+    /// What the spread of the parameters adds to the variance of a component, on average.
+    fn parameter_variance<const R: usize>(&self, by: &By<R>) -> f64 {
+        let mut sum = 0.0;
+        let mut count = 0.0;
+        for component in 0..R {
+            let column = by.map(|by| by.get(component).copied().unwrap_or(0.0));
+            sum += f64::from(self.corrections.variance_of(column));
+            count += 1.0;
+        }
+        sum / count
+    }
+
+    /// Carries the observer over a span that ends at `to`, in a frame that turns at `frame_rate`.
+    pub fn propagate(&mut self, span: &Span, to: Time, frame_rate: &Vector3<f64>, config: &Config) {
+        let forcing = Forcing::over(span, &self.level_force_mps2, &self.parameters);
+        let passage = Passage::over(span, frame_rate, &forcing);
+        self.followed.error = self.followed.error.after(&passage, &forcing);
+        let azimuth_sigma = self.parameters.sigma(index::AZIMUTH);
+        let azimuth = self.followed.error.tilt_rad.z;
+        self.parameters.set(index::AZIMUTH, azimuth, azimuth_sigma);
+
+        let [velocity, velocity_up, position, position_up] = self.strength;
+        let gnss = &config.gnss;
+        let renewal = |noise: &Noise, strength| Renewal::over(span.seconds, noise, strength);
+        let level = [
+            renewal(&gnss.velocity_mps, velocity),
+            renewal(&gnss.position_m, position),
+        ];
+        let up = [
+            renewal(&gnss.velocity_up_mps, velocity_up),
+            renewal(&gnss.height_m, position_up),
+        ];
+        let kept = |renewals: &[Renewal; 2]| renewals.map(|renewal| renewal.keep);
+        self.followed.renew(kept(&level), kept(&up));
+
+        let single_passage = passage.single();
+        let (level_keep, up_keep) = (
+            kept(&level).map(math::single),
+            kept(&up).map(math::single),
+        );
+        for response in &mut self.responses {
+            response.error.carry(&single_passage);
+            response.renew(level_keep, up_keep);
+        }
+        let responses = &mut self.responses;
+        for_each_input(span, &self.level_force_mps2, |which, input| {
+            if let Some(response) = responses.get_mut(which) {
+                response.error.feed(&single_passage, &input.single());
+            }
+        });
+        self.grow_noise(span, level, up, config);
+        self.unsolved_s += span.seconds;
+        self.horizon = to;
+    }
+
+    fn grow_noise(&mut self, span: &Span, level: [Renewal; 2], up: [Renewal; 2], config: &Config) {
+        let s = &config.sensors;
+        let shares = |noise: &[f64; 3]| {
+            let noise = Vector3::from(*noise);
+            level_and_up(&span.attitude_s, span.seconds, &noise.component_mul(&noise))
+        };
+        let (gyro_level, gyro_up) = shares(&s.gyro_noise);
+        let (accel_level, accel_up) = shares(&s.accel_noise);
+        self.level.propagate(
+            &Growth {
+                seconds: span.seconds,
+                force_up_mps: span.force_mps.z,
+                force_up_moved_m: span.force_moved_m.z,
+                accel_noise: accel_level,
+                gyro_noise: gyro_level,
+            },
+            level,
+        );
+        self.vertical.propagate(
+            &Growth {
+                seconds: span.seconds,
+                force_up_mps: 0.0,
+                force_up_moved_m: 0.0,
+                accel_noise: accel_up,
+                gyro_noise: 0.0,
+            },
+            up,
+        );
+        // Level force on a tilted platform, as in a steep bank: the channels are otherwise apart.
+        let level_force = span.force_mps.xy().norm_squared();
+        self.vertical.doubt(level_force * self.level.tilt(), 0.0);
+        self.azimuth_walk += gyro_up * span.seconds;
+        self.doubt_manoeuvre(span, config);
+    }
+
+    /// Errors of scale and misalignment turn the platform as the vehicle turns and push it as the
+    /// vehicle is pushed. What has no parameter is noise: of an error that grows with the turn
+    /// itself, not with its square root.
+    fn doubt_manoeuvre(&mut self, span: &Span, config: &Config) {
+        let s = &config.sensors;
+        let up = span.attitude_s.column(2) / span.seconds;
+        let tipped = self.tipped.grow(&(up - self.up), span.seconds);
+        self.up = up;
+        let misalignment = s.misalignment_rad * s.misalignment_rad;
+        let tilt = (s.gyro_scale * s.gyro_scale + misalignment) * tipped;
+        self.level.doubt(0.0, tilt);
+        self.azimuth_walk += tilt;
+        let pull = Vector3::new(span.force_mps.x, span.force_mps.y, 0.0);
+        let velocity = misalignment * self.pulled.grow(&pull, span.seconds);
+        self.level.doubt(velocity, 0.0);
+        self.vertical.doubt(velocity, 0.0);
+    }
+
+    /// INS minus GNSS as the parameters would have it.
+    fn predicted(&self, past: &Past, difference: &Difference) -> Vector3<f64> {
+        let p = &self.parameters;
+        let latency = p.value(index::LATENCY) + self.unsolved_s * p.value(index::CLOCK_DRIFT);
+        let late_s = latency - difference.latency_applied_s;
+        // The antenna is C l away from the sensors, and moves by C' l more.
+        let (by_latency, by_lever) = match difference.measured {
+            Measured::Velocity => (past.accel_mps2, past.attitude_rate),
+            Measured::Position => (past.velocity_mps, past.attitude),
+        };
+        self.followed.shows(difference.measured) + late_s * by_latency - by_lever * p.lever_arm()
+    }
+
+    /// What a unit of each parameter more would add to that, east and north, and up.
+    fn shown_by(&self, past: &Past, measured: Measured) -> (By<2>, By<1>) {
+        let (mut level, mut up) = ([[0.0; 2]; COUNT], [[0.0; 1]; COUNT]);
+        let (by_latency, by_lever) = match measured {
+            Measured::Velocity => (single(&past.accel_mps2), past.attitude_rate.map(math::single)),
+            Measured::Position => (single(&past.velocity_mps), past.attitude.map(math::single)),
+        };
+        let drift = math::single(self.unsolved_s);
+        let rows = self.responses.iter().zip(level.iter_mut().zip(&mut up));
+        for (which, (response, (level, up))) in rows.enumerate() {
+            let mut by = response.shows(measured);
+            match which {
+                index::LATENCY => by += by_latency,
+                index::CLOCK_DRIFT => by += by_latency * drift,
+                index::LEVER_ARM => by -= by_lever.column(0),
+                LEVER_FORWARD => by -= by_lever.column(1),
+                LEVER_UP => by -= by_lever.column(2),
+                _ => {}
+            }
+            *level = [by.x, by.y];
+            *up = [by.z];
+        }
+        (level, up)
+    }
+
+    /// Solves for the parameters at the horizon.
+    pub fn solve(&mut self, config: &Config) {
+        self.come_to_now();
+        self.diffuse(config);
+        self.unsolved_s = 0.0;
+        let corrections = self.corrections.solve();
+        self.corrections.count_from_solution();
+        let mut total = Followed::<f64>::zero();
+        for (response, by) in self.responses.iter().zip(&corrections) {
+            total.add_scaled(&response.double(), f64::from(*by));
+        }
+        self.followed.add_scaled(&total, 1.0);
+        self.parameters.value += corrections.map(f64::from);
+    }
+
+    /// Brings the spread of one parameter up to date, each in its turn.
+    pub fn spread_next(&mut self) {
+        let which = usize::from(self.next_spread);
+        self.next_spread = if which + 1 < COUNT {
+            self.next_spread + 1
+        } else {
+            0
+        };
+        let variance = f64::from(self.corrections.variance(which));
+        let sigma = math::sqrt(variance * self.inflation());
+        let value = self.parameters.value(which);
+        self.parameters.set(which, value, sigma);
+    }
+
+    /// Factor by which colour that the model does not hold makes variances too small.
+    fn inflation(&self) -> f64 {
+        let [velocity, _, position, _] = &self.innovations;
+        math::max(velocity.inflation(), position.inflation())
+    }
+
+    /// Makes azimuth and latency those of the horizon, where the other parameters have moved them.
+    fn come_to_now(&mut self) {
+        let azimuth = Row::from_fn(|which, _| match self.responses.get(which) {
+            Some(response) if which != index::AZIMUTH => response.error.tilt_rad.z,
+            _ => 0.0,
+        });
+        self.carry_forward(index::AZIMUTH, &azimuth);
+        for (which, response) in self.responses.iter_mut().enumerate() {
+            response.error.tilt_rad.z = unit_response(which).error.tilt_rad.z;
+        }
+        let mut latency = Row::zeros();
+        if let Some(drift) = latency.get_mut(index::CLOCK_DRIFT) {
+            *drift = math::single(self.unsolved_s);
+        }
+        self.carry_forward(index::LATENCY, &latency);
+        let p = &mut self.parameters;
+        p.shift(
+            index::LATENCY,
+            self.unsolved_s * p.value(index::CLOCK_DRIFT),
+        );
+    }
+
+    /// Makes parameter `which` that of now, where it is greater by `by` times the later ones.
+    fn carry_forward(&mut self, which: usize, by: &Row) {
+        self.corrections.redefine(which, by);
+        let Some(own) = self.responses.get(which).copied() else {
+            return;
+        };
+        for (response, by) in self.responses.iter_mut().zip(by) {
+            response.add_scaled(&own, -by);
+        }
+    }
+
+    /// Lets everything random have walked since the last solution.
+    fn diffuse(&mut self, config: &Config) {
+        let (s, dt) = (&config.sensors, self.unsolved_s);
+        let walks = [
+            (index::AZIMUTH, 1, self.azimuth_walk),
+            (index::GYRO, 3, s.gyro_bias_walk * s.gyro_bias_walk * dt),
+            (index::ACCEL, 3, s.accel_bias_walk * s.accel_bias_walk * dt),
+        ];
+        self.azimuth_walk = 0.0;
+        for (first, count, variance) in walks {
+            for which in first..first + count {
+                self.corrections.diffuse(which, math::single(variance));
+            }
+        }
+    }
+
+    /// Latency `seconds` before the horizon and its spread, s.
+    pub fn latency_before(&self, seconds: f64) -> (f64, f64) {
+        let mut coefficients = Row::zeros();
+        if let Some(now) = coefficients.get_mut(index::LATENCY) {
+            *now = 1.0;
+        }
+        if let Some(drift) = coefficients.get_mut(index::CLOCK_DRIFT) {
+            *drift = -math::single(seconds);
+        }
+        let p = &self.parameters;
+        let value = p.value(index::LATENCY) - seconds * p.value(index::CLOCK_DRIFT);
+        let variance = f64::from(self.corrections.variance_of(coefficients.into()));
+        (value, math::sqrt(variance * self.inflation()))
+    }
+
+    /// Adds a direct measurement of one parameter other than the azimuth.
+    pub fn measure_directly(&mut self, parameter: usize, value: f64, variance: f64) {
+        let correction = value - self.parameters.value(parameter);
+        self.corrections
+            .add_direct(parameter, math::single(correction), math::single(variance));
+    }
+}
+
+const LEVER_FORWARD: usize = index::LEVER_ARM + 1;
+const LEVER_UP: usize = index::LEVER_ARM + 2;
+
+impl Followed<f32> {
+    fn double(&self) -> Followed<f64> {
+        let double = |v: &Vector3<f32>| v.map(f64::from);
+        Followed {
+            error: InsError {
+                position_m: double(&self.error.position_m),
+                velocity_mps: double(&self.error.velocity_mps),
+                tilt_rad: double(&self.error.tilt_rad),
+            },
+            velocity_noise: double(&self.velocity_noise),
+            position_noise: double(&self.position_noise),
+        }
+    }
+}
+
+/// Response before anything has happened: the azimuth parameter is the azimuth error.
+fn unit_response(which: usize) -> Followed<f32> {
+    let mut response = Followed::zero();
+    if which == index::AZIMUTH {
+        response.error.tilt_rad.z = 1.0;
+    }
+    response
+}
+
