@@ -239,6 +239,7 @@ impl<const N: usize> AidedIns<N> {
             let run_s = self.now.seconds_since(self.since);
             let latency = &mut estimates.gnss_latency_s;
             (latency.value, latency.sigma) = observer.latency_before(0.5 * run_s);
+            estimates.level_force_mps2 = *observer.level_force_mps2();
         }
         estimates
     }

@@ -67,9 +67,17 @@ pub struct SensorConfig {
 impl SensorConfig {
     /// Angular random walk of an axis in any direction, on average, rad/sqrt(s).
     pub fn mean_gyro_noise(&self) -> f64 {
-        let [x, y, z] = self.gyro_noise;
-        math::sqrt((x * x + y * y + z * z) / 3.0)
+        root_mean_square(&self.gyro_noise)
     }
+
+    /// Velocity random walk of an axis in any direction, on average, m/s/sqrt(s).
+    pub fn mean_accel_noise(&self) -> f64 {
+        root_mean_square(&self.accel_noise)
+    }
+}
+
+fn root_mean_square([x, y, z]: &[f64; 3]) -> f64 {
+    math::sqrt((x * x + y * y + z * z) / 3.0)
 }
 
 /// Noise of one thing that GNSS measures: a white part, and one that is correlated over time.

@@ -1,6 +1,10 @@
 //! What comes out of the estimators: a value, its spread, and whether it means anything yet.
 
+use nalgebra::Vector3;
+
 use crate::config::Config;
+use crate::earth::GRAVITY_EQUATOR_MPS2;
+use crate::increments::Interval;
 use crate::parameters::{Parameters, index};
 use crate::solution::Phase;
 
@@ -78,6 +82,9 @@ pub struct Estimates {
     pub gyro_scale: Estimate,
     /// Antenna position right, forward and up of the inertial sensors, m.
     pub lever_arm_m: [Estimate; 3],
+    /// Specific force in the body at the level attitude of the mount, m/s^2: there the scale
+    /// errors of the accelerometers do nothing, for the biases hold it.
+    pub level_force_mps2: Vector3<f64>,
 }
 
 /// Azimuth is worth something below this, rad.
@@ -86,6 +93,25 @@ const AZIMUTH_SIGMA_RAD: f64 = 0.035;
 const KNOWN: f64 = 0.33;
 
 impl Estimates {
+    /// An interval less all errors of the sensors that stand on data.
+    #[must_use]
+    pub fn corrected(&self, interval: &Interval) -> Interval {
+        let value = |estimate: &Estimate| match estimate.observability {
+            Observability::Observable => estimate.value,
+            _ => 0.0,
+        };
+        let vector = |three: &[Estimate; 3]| Vector3::from(three.each_ref().map(value));
+        let gyro = vector(&self.gyro_bias_radps);
+        let mut corrected = interval.without_bias(&gyro, &vector(&self.accel_bias_mps2));
+        let beyond_level = interval.force_mps - self.level_force_mps2 * interval.seconds;
+        corrected.force_mps -= vector(&self.accel_scale).component_mul(&beyond_level);
+        if let Some(up) = self.level_force_mps2.try_normalize(GRAVITY_EQUATOR_MPS2 / 2.0) {
+            let turn_rad = up.dot(&interval.angle_rad);
+            corrected.angle_rad -= value(&self.gyro_scale) * turn_rad * up;
+        }
+        corrected
+    }
+
     pub(crate) fn from_parameters(p: &Parameters, config: &Config, phase: Phase) -> Self {
         let prior = config.prior();
         let navigating = phase == Phase::Navigating;
@@ -126,6 +152,7 @@ impl Estimates {
             gyro_scale: known(index::GYRO_SCALE, Observability::NeedsTurn),
             lever_arm_m: [0, 1, 2]
                 .map(|axis| known(index::LEVER_ARM + axis, Observability::NeedsTurn)),
+            level_force_mps2: Vector3::zeros(),
         }
     }
 }

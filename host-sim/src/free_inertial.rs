@@ -3,7 +3,7 @@
 use ins_core::increments::{Increments, Interval};
 use ins_core::mechanization::{Controls, Mechanization};
 use ins_core::{Estimate, Estimates, Observability, Solution, Time};
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector2;
 
 use crate::identify::Row;
 use crate::log::Log;
@@ -50,10 +50,6 @@ fn value(estimate: &Estimate) -> f64 {
     if known(estimate) { estimate.value } else { 0.0 }
 }
 
-fn vector(v: &[Estimate; 3]) -> Vector3<f64> {
-    Vector3::from_iterator(v.iter().map(value))
-}
-
 /// Runs every window twice; `None` if the log has no minute of navigation.
 ///
 /// A window starts from the navigator's solution of its moment, and is compared with the
@@ -92,15 +88,7 @@ fn corrected(interval: &Interval, history: &[Row], time: Time) -> Interval {
     let Some(row) = history[..after].last() else {
         return *interval;
     };
-    let known = &row.estimates;
-    let mut interval = interval.without_bias(
-        &vector(&known.gyro_bias_radps),
-        &vector(&known.accel_bias_mps2),
-    );
-    interval.angle_rad -= vector(&known.gyro_turn) * interval.angle_rad.z;
-    interval.force_mps.x *= 1.0 - value(&known.accel_scale[0]);
-    interval.force_mps.y *= 1.0 - value(&known.accel_scale[1]);
-    interval
+    row.estimates.corrected(interval)
 }
 
 /// Rows that a window starts at: from where the azimuth is known, if it ever is.

@@ -5,7 +5,7 @@ use ins_core::config::DampingConfig;
 use ins_core::damping::{self, Differences};
 use ins_core::increments::Interval;
 use ins_core::mechanization::Mechanization;
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector2;
 use serde::Serialize;
 
 /// Horizontal error of an INS.
@@ -46,7 +46,7 @@ impl HeldIns {
     pub fn step(&mut self, interval: &Interval, height_m: f64, config: &DampingConfig) {
         let above_m = self.0.position.height_m - height_m;
         let barometer = Differences {
-            position_m: Some(Vector3::new(0.0, 0.0, above_m)),
+            height_m: Some(above_m),
             ..Differences::default()
         };
         let controls = damping::controls(&barometer, interval.seconds, config);

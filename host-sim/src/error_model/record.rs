@@ -224,13 +224,7 @@ struct Correction {
 
 impl Correction {
     fn of(&self, interval: &Interval) -> Interval {
-        let e = &self.estimates;
-        let mut free =
-            interval.without_bias(&values(&e.gyro_bias_radps), &values(&e.accel_bias_mps2));
-        free.angle_rad -= values(&e.gyro_turn) * interval.angle_rad.z;
-        free.force_mps.x -= e.accel_scale[0].value * interval.force_mps.x;
-        free.force_mps.y -= e.accel_scale[1].value * interval.force_mps.y;
-        free
+        self.estimates.corrected(interval)
     }
 
     /// The moment whose motion a fix shows.
@@ -242,8 +236,7 @@ impl Correction {
 
     /// Velocity of the antenna against the sensors, `dC/dt l`.
     fn antenna_mps(&self, attitude: &Matrix3<f64>, interval: &Interval) -> Vector3<f64> {
-        let [right, forward] = self.estimates.lever_arm_m.map(|arm| arm.value);
-        let arm = Vector3::new(right, forward, 0.0);
+        let arm = values(&self.estimates.lever_arm_m);
         attitude * (interval.angle_rad / interval.seconds).cross(&arm)
     }
 }

@@ -95,8 +95,8 @@ fn times(studies: &[Results; 7], which: usize) -> Vec<String> {
 fn compensation(runs: u64, factor: f64) -> Result<Results> {
     let study = Study::new(Grade::Hg1700, runs);
     let guess = |config: &mut Config| {
-        config.sensors.gyro_noise *= factor;
-        config.sensors.accel_noise *= factor;
+        config.sensors.gyro_noise = config.sensors.gyro_noise.map(|noise| noise * factor);
+        config.sensors.accel_noise = config.sensors.accel_noise.map(|noise| noise * factor);
     };
     driven(study, &guess)
 }

@@ -80,13 +80,13 @@ impl Noise {
     pub fn of_config(config: &Config) -> Self {
         let sensors = &config.sensors;
         Self {
-            gyro_noise: sensors.gyro_noise,
+            gyro_noise: sensors.mean_gyro_noise(),
             gyro_bias_walk: sensors.gyro_bias_walk,
             gyro_bias_radps: sensors.gyro_bias_radps,
-            accel_noise: sensors.accel_noise,
+            accel_noise: sensors.mean_accel_noise(),
             accel_bias_walk: sensors.accel_bias_walk,
             accel_bias_mps2: sensors.accel_bias_mps2,
-            velocity_sigma_mps: config.gnss.velocity_sigma_mps,
+            velocity_sigma_mps: config.gnss.velocity_mps.white,
             position_sigma_m: Vector3::new(HORIZONTAL_M, HORIZONTAL_M, VERTICAL_M),
             latency_sigma_s: LATENCY_S,
             heading_sigma_rad: GIVEN_HEADING_RAD,
