@@ -423,7 +423,7 @@ impl Config {
                 gyro_bias_radps: 1.75e-2,
                 gyro_noise: [1.5e-4; 3],
                 gyro_bias_walk: 1e-5,
-                gyro_scale: 0.01,
+                gyro_scale: 0.005,
                 accel_bias_mps2: 0.3,
                 accel_noise: [2e-3; 3],
                 accel_bias_walk: 9e-5,

@@ -14,6 +14,7 @@ use nalgebra::{RealField, SVector, Scalar, Vector2, Vector3};
 
 use crate::channel::{Channel, Growth, Measured, Renewal};
 use crate::config::{Config, Noise};
+use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::error_model::{
     Forcing, InsError, Passage, for_each_input, level_and_up, single,
 };
@@ -163,15 +164,23 @@ pub struct Used {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Manoeuvred {
     vector: Vector3<f32>,
+    /// Square of it that is accounted for.
+    square: f32,
 }
 
 impl Manoeuvred {
-    /// By how much its square grows over a span that adds `change`.
+    /// By how much its square grows over a span that adds `change`, beyond what is accounted for:
+    /// swinging to and fro adds nothing.
     fn grow(&mut self, change: &Vector3<f64>, seconds: f64) -> f64 {
-        let before = self.vector.norm_squared();
         let keep = math::single(1.0 / (1.0 + seconds / MANOEUVRE_S));
         self.vector = self.vector * keep + single(change);
-        math::max(f64::from(self.vector.norm_squared() - before), 0.0)
+        self.square *= keep * keep;
+        let growth = self.vector.norm_squared() - self.square;
+        if growth <= 0.0 {
+            return 0.0;
+        }
+        self.square += growth;
+        f64::from(growth)
     }
 }
 
@@ -202,7 +211,7 @@ pub struct Observer {
     /// Since the last solution, s, and the azimuth's walk since then, rad^2.
     unsolved_s: f64,
     azimuth_walk: f64,
-    /// Body's up axis at the horizon, how far it was tipped, and velocity pulled, ENU.
+    /// The vertical in the body at the horizon, how far it was tipped, and velocity pulled, ENU.
     up: Vector3<f64>,
     tipped: Manoeuvred,
     pulled: Manoeuvred,
@@ -242,7 +251,7 @@ impl Observer {
             next_spread: 0,
             unsolved_s: 0.0,
             azimuth_walk: 0.0,
-            up: Vector3::z(),
+            up: level_force_mps2 / GRAVITY_EQUATOR_MPS2,
             tipped: Manoeuvred::default(),
             pulled: Manoeuvred::default(),
             horizon: start,
@@ -548,7 +557,7 @@ impl Observer {
     /// itself, not with its square root.
     fn doubt_manoeuvre(&mut self, span: &Span, config: &Config) {
         let s = &config.sensors;
-        let up = span.attitude_s.column(2) / span.seconds;
+        let up = span.attitude_s.row(2).transpose() / span.seconds;
         let tipped = self.tipped.grow(&(up - self.up), span.seconds);
         self.up = up;
         let misalignment = s.misalignment_rad * s.misalignment_rad;
