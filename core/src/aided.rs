@@ -174,9 +174,9 @@ impl<const N: usize> AidedIns<N> {
     }
 
     /// Spread of position, velocity and attitude at the estimators' horizon, ENU.
-    pub fn sigma(&self) -> Option<InsError> {
+    pub fn sigma(&self, config: &Config) -> Option<InsError> {
         match &self.estimator {
-            Estimator::Exact(observer) => Some(observer.sigma()),
+            Estimator::Exact(observer) => Some(observer.sigma(config)),
             Estimator::Literal(_) => None,
         }
     }
@@ -240,6 +240,10 @@ impl<const N: usize> AidedIns<N> {
             let latency = &mut estimates.gnss_latency_s;
             (latency.value, latency.sigma) = observer.latency_before(0.5 * run_s);
             estimates.level_force_mps2 = *observer.level_force_mps2();
+            let unseen = observer.unseen_tilt(config) * (GRAVITY_EQUATOR_MPS2 * GRAVITY_EQUATOR_MPS2);
+            for (accel, unseen) in estimates.accel_bias_mps2.iter_mut().zip(&unseen) {
+                accel.sigma = math::sqrt(accel.sigma * accel.sigma + unseen);
+            }
         }
         estimates
     }
@@ -378,6 +382,7 @@ impl<const N: usize> AidedIns<N> {
             force_mps: *force,
             force_moved_m: 0.5 * dt * force,
             attitude_s: step.attitude * dt,
+            angle_rad: interval.angle_rad,
             turn_rad,
             control_tilt_rad: tilt,
             control_velocity_mps: push + 0.5 * bent,

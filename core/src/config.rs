@@ -56,7 +56,10 @@ pub struct SensorConfig {
     pub accel_bias_walk: f64,
     /// Scale-factor error of the accelerometers, 1.
     pub accel_scale: f64,
-    /// Angle between the axes of two sensors and the right one, rad.
+    /// Angle between the axes of a sensor and the right one, rad. Level accelerometer biases are
+    /// then no better known than to g times that: a turn about the vertical cannot tell them from
+    /// gyros that stand askew. With zero they are what level accelerometers and gyros together
+    /// show, which is what a compensation needs.
     pub misalignment_rad: f64,
     /// Largest credible angular rate on one axis, rad/s.
     pub gyro_range_radps: f64,
@@ -385,7 +388,7 @@ impl Config {
                 accel_noise: [5e-4; 3],
                 accel_bias_walk: 0.0,
                 accel_scale: 1e-6,
-                misalignment_rad: 1e-6,
+                misalignment_rad: 0.0,
                 gyro_range_radps: 18.0,
                 accel_range_mps2: 370.0,
             },
@@ -428,7 +431,7 @@ impl Config {
                 accel_noise: [2e-3; 3],
                 accel_bias_walk: 9e-5,
                 accel_scale: 0.015,
-                misalignment_rad: 0.003,
+                misalignment_rad: 0.0,
                 gyro_range_radps: 35.0,
                 accel_range_mps2: 160.0,
             },

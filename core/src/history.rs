@@ -21,7 +21,9 @@ pub struct Span<T: nalgebra::Scalar = f64> {
     pub force_moved_m: Vector3<T>,
     /// Integral of `C_B^L`, s.
     pub attitude_s: Matrix3<T>,
-    /// Angle sensed about the local vertical, rad.
+    /// Angle sensed by the gyros, body, rad.
+    pub angle_rad: Vector3<T>,
+    /// The part of it about the local vertical, rad.
     pub turn_rad: T,
     /// `Phi` that controls and compensations have put into the platform, rad.
     pub control_tilt_rad: Vector3<T>,
@@ -43,6 +45,7 @@ impl<T: nalgebra::RealField + Copy> Span<T> {
             force_mps: self.force_mps + next.force_mps,
             force_moved_m: self.force_moved_m + self.force_mps * next.seconds + next.force_moved_m,
             attitude_s: self.attitude_s + next.attitude_s,
+            angle_rad: self.angle_rad + next.angle_rad,
             turn_rad: self.turn_rad + next.turn_rad,
             control_tilt_rad: self.control_tilt_rad + next.control_tilt_rad,
             control_velocity_mps: self.control_velocity_mps
@@ -70,6 +73,7 @@ impl<T: nalgebra::RealField + Copy> Span<T> {
             force_mps: self.force_mps * fraction,
             force_moved_m: self.force_moved_m * square,
             attitude_s: self.attitude_s * fraction,
+            angle_rad: self.angle_rad * fraction,
             turn_rad: self.turn_rad * fraction,
             control_tilt_rad: self.control_tilt_rad * fraction,
             control_velocity_mps: even_velocity * fraction + bent_velocity * square,
@@ -88,6 +92,7 @@ impl Span {
             force_mps: single(&self.force_mps),
             force_moved_m: single(&self.force_moved_m),
             attitude_s: self.attitude_s.map(math::single),
+            angle_rad: single(&self.angle_rad),
             turn_rad: math::single(self.turn_rad),
             control_tilt_rad: single(&self.control_tilt_rad),
             control_velocity_mps: single(&self.control_velocity_mps),
@@ -105,6 +110,7 @@ impl Span<f32> {
             force_mps: double(&self.force_mps),
             force_moved_m: double(&self.force_moved_m),
             attitude_s: self.attitude_s.map(f64::from),
+            angle_rad: double(&self.angle_rad),
             turn_rad: f64::from(self.turn_rad),
             control_tilt_rad: double(&self.control_tilt_rad),
             control_velocity_mps: double(&self.control_velocity_mps),
@@ -278,12 +284,14 @@ impl Around<'_> {
         let left_s = (1.0 - part) * here.seconds;
         let way = end.span.way_m.map(f64::from);
         let left = (1.0 - part) * way + 0.5 * left_s * (velocity_mps - first);
+        let attitude = here.attitude + off_s * bend.attitude;
+        let rate = here.rate_radps + off_s * bend.rate_radps;
         Past {
             time,
             velocity_mps,
             accel_mps2: here.force_mps2 - gravity + off_s * bend.force_mps2,
-            attitude: here.attitude + off_s * bend.attitude,
-            attitude_rate: bend.attitude,
+            attitude,
+            attitude_rate: attitude * rate.cross_matrix(),
             way_since_m: left + way_after_m,
         }
     }
@@ -299,6 +307,7 @@ impl Around<'_> {
         Means {
             seconds: here.seconds,
             force_mps2: 0.5 * (at_start.force_mps2 + at_end.force_mps2),
+            rate_radps: 0.5 * (at_start.rate_radps + at_end.rate_radps),
             attitude: 0.5 * (at_start.attitude + at_end.attitude),
         }
     }
@@ -308,6 +317,7 @@ impl Around<'_> {
 struct Means {
     seconds: f64,
     force_mps2: Vector3<f64>,
+    rate_radps: Vector3<f64>,
     attitude: Matrix3<f64>,
 }
 
@@ -319,6 +329,7 @@ impl Means {
         Self {
             seconds,
             force_mps2: span.force_mps.map(f64::from) / seconds,
+            rate_radps: span.angle_rad.map(f64::from) / seconds,
             attitude: span.attitude_s.map(f64::from) / seconds,
         }
     }
@@ -329,6 +340,7 @@ impl Means {
         Self {
             seconds,
             force_mps2: (self.force_mps2 - earlier.force_mps2) / seconds,
+            rate_radps: (self.rate_radps - earlier.rate_radps) / seconds,
             attitude: (self.attitude - earlier.attitude) / seconds,
         }
     }

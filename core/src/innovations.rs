@@ -125,6 +125,11 @@ impl Innovations {
         self.last = *sigmas;
     }
 
+    /// Whether there were any.
+    pub fn has_learnt(&self) -> bool {
+        self.memory > FIRST_MEMORY
+    }
+
     /// Factor by which colour makes rows less informative than white ones.
     pub fn inflation(&self) -> f64 {
         let rho = math::max(math::min(self.correlation, 0.9), 0.0);
@@ -132,8 +137,8 @@ impl Innovations {
     }
 }
 
-/// The noise that the receiver states, on average. Its scale is not believed unless the user says
-/// so, its changes are.
+/// The velocity noise that the receiver states, on average. Its scale is not believed unless the
+/// user says so, its changes are.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct StatedNoise {
@@ -146,23 +151,24 @@ const STATED_MEMORY: f64 = 100.0;
 const STATED_RANGE: [f64; 2] = [0.1, 100.0];
 
 impl StatedNoise {
-    /// How many times noisier than described a fix of this stated sigma is, in variance.
-    pub fn relative(&mut self, sigma: Option<f64>, noise: &Noise, trust: bool) -> f64 {
-        let Some(sigma) = sigma.filter(|sigma| *sigma > 0.0) else {
-            return 1.0;
-        };
+    /// How many times noisier than others a fix of this stated sigma is, in variance.
+    pub fn against_average(&mut self, sigma: f64) -> f64 {
         let variance = sigma * sigma;
-        let [least, most] = STATED_RANGE;
-        if trust {
-            return variance / noise.variance();
-        }
         if self.variance <= 0.0 {
             self.variance = variance;
         }
+        let [least, most] = STATED_RANGE;
         let relative = math::max(math::min(variance / self.variance, most), least);
         self.variance += (relative - 1.0) * self.variance / STATED_MEMORY;
         relative
     }
+}
+
+/// How many times noisier than described a fix of this stated sigma is, in variance.
+pub fn against_described(sigma: f64, noise: &Noise, range: [f64; 2]) -> f64 {
+    let [least, most] = range;
+    let relative = sigma * sigma / noise.variance();
+    math::max(math::min(relative, most * most), least * least)
 }
 
 /// Whether innovations are, over seconds, what they should be.

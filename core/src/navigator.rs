@@ -166,7 +166,7 @@ impl<const RING: usize> Navigator<RING> {
     /// Spread of position, velocity and attitude, ENU, at the last fix that was compared; none in
     /// the literal form.
     pub fn sigma(&self) -> Option<InsError> {
-        self.aided()?.sigma()
+        self.aided()?.sigma(&self.config)
     }
 
     /// Errors of the sensors as known now.

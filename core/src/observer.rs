@@ -19,7 +19,7 @@ use crate::error_model::{
     Forcing, InsError, Passage, for_each_input, level_and_up, single,
 };
 use crate::history::{Past, Span};
-use crate::innovations::{Credit, Innovations, StatedNoise, Surprise};
+use crate::innovations::{Credit, Innovations, StatedNoise, Surprise, against_described};
 use crate::least_squares::LeastSquares;
 use crate::math;
 use crate::parameters::{COUNT, PAIRS, Parameters, index};
@@ -38,6 +38,10 @@ const LOST_TILT_RAD: f64 = 0.05;
 const LOST_AZIMUTH_RAD: f64 = 0.3;
 /// Part of its run-to-run spread by which a bias may have changed then.
 const LOST_BIAS: f64 = 0.1;
+/// Time over which the level attitude of the mount is averaged, at first and at most, s: some
+/// manoeuvres, and some minutes for which a mount stays as it is.
+const FIRST_LEVEL_S: f64 = 30.0;
+const LEVEL_MEMORY_S: f64 = 600.0;
 /// Rate and acceleration of an ordinary manoeuvre, which a hole may hide, rad/s and m/s^2.
 const HIDDEN_RADPS: f64 = 0.1;
 const HIDDEN_MPS2: f64 = 1.0;
@@ -206,6 +210,8 @@ pub struct Observer {
     parameters: Parameters,
     /// Specific force in the body at the level attitude of the mount, m/s^2.
     level_force_mps2: Vector3<f64>,
+    /// Time over which that is averaged, s.
+    levelled_s: f64,
     /// Whose spread is due next.
     next_spread: u8,
     /// Since the last solution, s, and the azimuth's walk since then, rad^2.
@@ -248,6 +254,7 @@ impl Observer {
             corrections: LeastSquares::from_prior(&prior.sigma),
             parameters: *prior,
             level_force_mps2,
+            levelled_s: FIRST_LEVEL_S,
             next_spread: 0,
             unsolved_s: 0.0,
             azimuth_walk: 0.0,
@@ -299,8 +306,27 @@ impl Observer {
         own + f64::from(self.corrections.variance_of(by)) * self.inflation()
     }
 
+    /// Variance of the tilt that scale errors and misalignments of the gyros leave in turns about
+    /// the vertical, along each body axis, rad^2. Gyros that read `p` of such a turn in a level
+    /// direction tilt the platform by as much, and the level accelerometers seem biased by `-g p`:
+    /// turns never tell one from the other, so it is neither estimated nor forgotten. With scale
+    /// errors `s`, `p_k = u_k (s_k - sum s_j u_j^2)` on a unit whose up axis is `u`.
+    pub fn unseen_tilt(&self, config: &Config) -> Vector3<f64> {
+        let s = &config.sensors;
+        let u2 = self
+            .level_force_mps2
+            .map(|f| (f / GRAVITY_EQUATOR_MPS2) * (f / GRAVITY_EQUATOR_MPS2));
+        let u4 = u2.norm_squared();
+        let misaligned = s.misalignment_rad * s.misalignment_rad;
+        u2.map(|u2| {
+            let scale = s.gyro_scale * s.gyro_scale * u2 * math::max(1.0 - 2.0 * u2 + u4, 0.0);
+            scale + misaligned * math::max(1.0 - u2, 0.0)
+        })
+    }
+
     /// Spread of position, velocity and attitude at the horizon, ENU.
-    pub fn sigma(&self) -> InsError {
+    pub fn sigma(&self, config: &Config) -> InsError {
+        let unseen = 0.5 * self.unseen_tilt(config).sum();
         let (level, up) = (&self.level, &self.vertical);
         let sigma = |own: f64, of: fn(&InsError<f32>) -> f32| math::sqrt(self.variance(own, of));
         InsError {
@@ -315,8 +341,8 @@ impl Observer {
                 sigma(up.velocity(), |e| e.velocity_mps.z),
             ),
             tilt_rad: Vector3::new(
-                sigma(level.tilt(), |e| e.tilt_rad.x),
-                sigma(level.tilt(), |e| e.tilt_rad.y),
+                sigma(level.tilt() + unseen, |e| e.tilt_rad.x),
+                sigma(level.tilt() + unseen, |e| e.tilt_rad.y),
                 sigma(0.0, |e| e.tilt_rad.z),
             ),
         }
@@ -405,9 +431,20 @@ impl Observer {
         ) else {
             return false;
         };
-        let relative = stated.relative(stated_sigma, described, gnss.trust_stated_sigma);
-        *strength = relative * innovations.scale();
-        let white = described.white * described.white * *strength;
+        // Of positions nothing else tells the slow part of the noise; of velocities the
+        // innovations do.
+        let absolute = gnss.trust_stated_sigma || kind.measured == Measured::Position;
+        let relative = match stated_sigma.filter(|sigma| *sigma > 0.0) {
+            Some(sigma) if absolute => against_described(sigma, described, gnss.noise_range),
+            Some(sigma) => stated.against_average(sigma),
+            None => 1.0,
+        };
+        let learnt = relative * innovations.scale();
+        *strength = match kind.measured {
+            Measured::Velocity => learnt,
+            Measured::Position => math::max(learnt, relative),
+        };
+        let white = described.white * described.white * learnt;
         let predicted = channel.predicted(kind.measured);
         let components = axes.iter().fold(0.0, |count, _| count + 1.0);
         let pair = Vector2::new(
@@ -611,6 +648,7 @@ impl Observer {
     /// Solves for the parameters at the horizon.
     pub fn solve(&mut self, config: &Config) {
         self.come_to_now();
+        self.level_anew();
         self.diffuse(config);
         self.unsolved_s = 0.0;
         let corrections = self.corrections.solve();
@@ -640,7 +678,11 @@ impl Observer {
     /// Factor by which colour that the model does not hold makes variances too small.
     fn inflation(&self) -> f64 {
         let [velocity, _, position, _] = &self.innovations;
-        math::max(velocity.inflation(), position.inflation())
+        if velocity.has_learnt() {
+            velocity.inflation()
+        } else {
+            position.inflation()
+        }
     }
 
     /// Makes azimuth and latency those of the horizon, where the other parameters have moved them.
@@ -663,6 +705,25 @@ impl Observer {
             index::LATENCY,
             self.unsolved_s * p.value(index::CLOCK_DRIFT),
         );
+    }
+
+    /// Makes the biases of the accelerometers those of the mean attitude so far, where their
+    /// scale errors have moved them: the first level was that of the biased accelerometers.
+    fn level_anew(&mut self) {
+        self.levelled_s = math::min(self.levelled_s + self.unsolved_s, LEVEL_MEMORY_S);
+        let part = math::min(self.unsolved_s / self.levelled_s, 1.0);
+        let step = (self.up * GRAVITY_EQUATOR_MPS2 - self.level_force_mps2) * part;
+        self.level_force_mps2 += step;
+        for (axis, step) in step.iter().enumerate() {
+            let (bias, scale) = (index::ACCEL + axis, index::ACCEL_SCALE + axis);
+            let mut by = Row::zeros();
+            if let Some(by) = by.get_mut(scale) {
+                *by = math::single(*step);
+            }
+            self.carry_forward(bias, &by);
+            self.parameters
+                .shift(bias, step * self.parameters.value(scale));
+        }
     }
 
     /// Makes parameter `which` that of now, where it is greater by `by` times the later ones.
