@@ -240,7 +240,8 @@ impl<const N: usize> AidedIns<N> {
             let latency = &mut estimates.gnss_latency_s;
             (latency.value, latency.sigma) = observer.latency_before(0.5 * run_s);
             estimates.level_force_mps2 = *observer.level_force_mps2();
-            let unseen = observer.unseen_tilt(config) * (GRAVITY_EQUATOR_MPS2 * GRAVITY_EQUATOR_MPS2);
+            let unseen =
+                observer.unseen_tilt(config) * (GRAVITY_EQUATOR_MPS2 * GRAVITY_EQUATOR_MPS2);
             for (accel, unseen) in estimates.accel_bias_mps2.iter_mut().zip(&unseen) {
                 accel.sigma = math::sqrt(accel.sigma * accel.sigma + unseen);
             }
@@ -317,8 +318,11 @@ impl<const N: usize> AidedIns<N> {
             self.advance(dropped, config);
         }
         self.before_current = self.since_horizon();
-        self.history
-            .push(self.now, &self.mechanization.velocity_enu_mps, &self.current);
+        self.history.push(
+            self.now,
+            &self.mechanization.velocity_enu_mps,
+            &self.current,
+        );
         self.current = Span::default();
         self.work_left = true;
     }
@@ -326,7 +330,8 @@ impl<const N: usize> AidedIns<N> {
     /// Brings the estimators to a moment of the ring.
     fn advance(&mut self, to: Time, config: &Config) {
         let frame_rate = self.frame_rate();
-        self.estimator.advance(&self.history, to, &frame_rate, config);
+        self.estimator
+            .advance(&self.history, to, &frame_rate, config);
         let mut since = Span::default();
         let forever_s = f64::MAX;
         self.history
@@ -572,9 +577,8 @@ impl<const N: usize> AidedIns<N> {
             Estimator::Exact(observer) => Some(*observer.error()),
             Estimator::Literal(_) => None,
         };
-        let by_position = |used: bool, has_velocity: bool| {
-            followed.filter(|_| used && !has_velocity)
-        };
+        let by_position =
+            |used: bool, has_velocity: bool| followed.filter(|_| used && !has_velocity);
         let has_level = fix.velocity_en_mps.is_some();
         if taken.velocity.level {
             differences.velocity_en_mps = Some(velocity_mps.xy());

@@ -379,11 +379,7 @@ fn check(fix: &GnssFix) -> Result<(), GnssOutcome> {
     let velocity = fix.velocity_enu_mps();
     let position = fix.position.unwrap_or_default();
     let height_m = fix.height_m.unwrap_or_default();
-    let place = Vector3::new(
-        position.latitude_rad,
-        position.longitude_rad,
-        height_m,
-    );
+    let place = Vector3::new(position.latitude_rad, position.longitude_rad, height_m);
     let FixSigma {
         position_m,
         height_m,
@@ -398,7 +394,8 @@ fn check(fix: &GnssFix) -> Result<(), GnssOutcome> {
     if fix.position.is_none()
         && fix.height_m.is_none()
         && fix.velocity_en_mps.is_none()
-        && fix.velocity_up_mps.is_none() {
+        && fix.velocity_up_mps.is_none()
+    {
         return Err(GnssOutcome::Empty);
     }
     let possible = math::abs(place.x) <= core::f64::consts::FRAC_PI_2

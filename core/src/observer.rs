@@ -15,9 +15,7 @@ use nalgebra::{RealField, SVector, Scalar, Vector2, Vector3};
 use crate::channel::{Channel, Growth, Measured, Renewal};
 use crate::config::{Config, Noise};
 use crate::earth::GRAVITY_EQUATOR_MPS2;
-use crate::error_model::{
-    Forcing, InsError, Passage, for_each_input, level_and_up, single,
-};
+use crate::error_model::{Forcing, InsError, Passage, for_each_input, level_and_up, single};
 use crate::history::{Past, Span};
 use crate::innovations::{Credit, Innovations, StatedNoise, Surprise, against_described};
 use crate::least_squares::LeastSquares;
@@ -390,7 +388,10 @@ impl Observer {
         let measured = difference.measured;
         let level = difference.has_level
             && self.measure(
-                Kind { measured, up: false },
+                Kind {
+                    measured,
+                    up: false,
+                },
                 [0, 1],
                 &mut level_by,
                 [residual.x, residual.y],
@@ -423,7 +424,11 @@ impl Observer {
         let described = kind.noise(config);
         let number = kind.number();
         let parameters = self.parameter_variance(by);
-        let channel = if kind.up { &mut self.vertical } else { &mut self.level };
+        let channel = if kind.up {
+            &mut self.vertical
+        } else {
+            &mut self.level
+        };
         let (Some(innovations), Some(stated), Some(strength)) = (
             self.innovations.get_mut(number),
             self.stated.get_mut(number),
@@ -535,10 +540,7 @@ impl Observer {
         self.followed.renew(kept(&level), kept(&up));
 
         let single_passage = passage.single();
-        let (level_keep, up_keep) = (
-            kept(&level).map(math::single),
-            kept(&up).map(math::single),
-        );
+        let (level_keep, up_keep) = (kept(&level).map(math::single), kept(&up).map(math::single));
         for response in &mut self.responses {
             response.error.carry(&single_passage);
             response.renew(level_keep, up_keep);
@@ -624,7 +626,10 @@ impl Observer {
     fn shown_by(&self, past: &Past, measured: Measured) -> (By<2>, By<1>) {
         let (mut level, mut up) = ([[0.0; 2]; COUNT], [[0.0; 1]; COUNT]);
         let (by_latency, by_lever) = match measured {
-            Measured::Velocity => (single(&past.accel_mps2), past.attitude_rate.map(math::single)),
+            Measured::Velocity => (
+                single(&past.accel_mps2),
+                past.attitude_rate.map(math::single),
+            ),
             Measured::Position => (single(&past.velocity_mps), past.attitude.map(math::single)),
         };
         let drift = math::single(self.unsolved_s);
@@ -802,4 +807,3 @@ fn unit_response(which: usize) -> Followed<f32> {
     }
     response
 }
-
