@@ -20,6 +20,10 @@ const FIX_EVERY: u32 = 10;
 /// on the average 0.25 s of delay, 0.35 s at most.
 const DELAY_S: f64 = 0.35;
 
+/// By so much the receiver moves down: the INS is as much too high. After minutes of fixes without
+/// noise, ten metres would be refused.
+const SUNK_M: f64 = 1.0;
+
 /// A navigator that stands, levelled, heading north, with noise-free sensors.
 struct Standing {
     navigator: Navigator,
@@ -172,13 +176,12 @@ fn a_tilt_dies_out_with_the_horizontal_poles() {
 fn a_height_dies_out_with_the_vertical_poles() {
     for design in LOOPS {
         let mut standing = Standing::new(&with(LOOPS[0], design), false);
-        // The receiver moves down by 10 m: the INS is as much too high.
-        standing.height_m -= 10.0;
+        standing.height_m -= SUNK_M;
         let (w0, zeta) = (design.bandwidth_radps, design.damping_ratio);
         // States dh and dV: dh' = dV - C1 dh, dV' = -C2 dh.
         let a = Matrix2::new(-2.0 * zeta * w0, 1.0, -w0 * w0, 0.0);
         let height = |navigator: &Navigator| navigator.mechanization().unwrap().position.height_m;
-        follows(standing, height, &a, &Vector2::new(10.0, 0.0), w0);
+        follows(standing, height, &a, &Vector2::new(SUNK_M, 0.0), w0);
     }
 }
 
@@ -186,11 +189,11 @@ fn a_height_dies_out_with_the_vertical_poles() {
 fn with_vertical_velocity_height_follows_the_position_loop() {
     let design = LOOPS[1];
     let mut standing = Standing::new(&with(LOOPS[0], design), true);
-    standing.height_m -= 10.0;
+    standing.height_m -= SUNK_M;
     let c1 = 2.0 * design.damping_ratio * design.bandwidth_radps;
     let p = Config::hg1700().damping.position_radps;
     // dh' = dV - p dh, dV' = -C1 dV - p^2 dh.
     let a = Matrix2::new(-p, 1.0, -p * p, -c1);
     let height = |navigator: &Navigator| navigator.mechanization().unwrap().position.height_m;
-    follows(standing, height, &a, &Vector2::new(10.0, 0.0), p);
+    follows(standing, height, &a, &Vector2::new(SUNK_M, 0.0), p);
 }
