@@ -19,6 +19,7 @@ use crate::literal::Comparison;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::mechanization::{Controls, Mechanization, Step};
+use crate::noise_trial::Assumed;
 use crate::observer::{Difference, Used};
 use crate::outcome::GnssOutcome;
 use crate::parameters::{Parameters, index};
@@ -171,6 +172,14 @@ impl<const N: usize> AidedIns<N> {
     /// The error of the INS now, as far as it is known and not yet taken out.
     fn error(&self) -> InsError {
         self.estimator.error_after(&self.since_horizon())
+    }
+
+    /// What is assumed of the noises.
+    pub fn assumed(&self) -> Option<Assumed> {
+        match &self.estimator {
+            Estimator::Exact(observer) => Some(*observer.assumed()),
+            Estimator::Literal(_) => None,
+        }
     }
 
     /// Spread of position, velocity and attitude at the estimators' horizon, ENU.

@@ -77,9 +77,11 @@ impl Mechanization {
         let frame_rate = earth_rate + transport_rate;
         let attitude = matrix(&self.attitude);
 
-        // The frame turns by half of its step until the middle of the interval.
+        // The frame, and the platform by its controls, turn by half of their step until the middle
+        // of the interval.
         let force = attitude * interval.velocity_mps();
-        let force_enu_mps = force - 0.5 * dt * frame_rate.cross(&force);
+        let platform_rate = frame_rate + controls.rate_radps;
+        let force_enu_mps = force - 0.5 * dt * platform_rate.cross(&force);
         // Gravity of the middle of the interval, `dg/dh = -2 g / R`: at its start the error would be
         // of first order, and the vertical channel multiplies it.
         let rise_m = 0.5 * dt * self.velocity_enu_mps.z;

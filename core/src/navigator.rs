@@ -15,6 +15,7 @@ use crate::increments::Increments;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::mechanization::Mechanization;
+use crate::noise_trial::Assumed;
 use crate::outcome::{GnssOutcome, ImuOutcome};
 use crate::samples::{FixSigma, GnssFix, ImuOutput, ImuSample};
 use crate::solution::{Phase, Solution};
@@ -161,6 +162,11 @@ impl<const RING: usize> Navigator<RING> {
     /// tilt it by; none in the literal form.
     pub fn tilt_sigma_rad(&self) -> Option<f64> {
         self.aided()?.tilt_sigma_rad()
+    }
+
+    /// What is assumed of the noises; none in the literal form.
+    pub fn assumed_noise(&self) -> Option<Assumed> {
+        self.aided()?.assumed()
     }
 
     /// Spread of position, velocity and attitude, ENU, at the last fix that was compared; none in

@@ -22,6 +22,7 @@ use crate::history::{Past, Span};
 use crate::innovations::{Credit, Innovations, StatedNoise, Surprise, against_described};
 use crate::least_squares::LeastSquares;
 use crate::math;
+use crate::noise_trial::{Assumed, NoiseTrial};
 use crate::parameters::{COUNT, PAIRS, Parameters, index};
 use crate::time::Time;
 
@@ -204,6 +205,9 @@ pub struct Observer {
     /// Of each kind: how much stronger its noise is than configured, in variance.
     strength: [f64; 4],
     surprise: Surprise,
+    /// What is assumed of the noises, and what is tried in its place.
+    assumed: Assumed,
+    trial: NoiseTrial,
     /// Corrections to the parameters.
     corrections: LeastSquares<COUNT, PAIRS>,
     /// Last solution; the latency is that of its moment.
@@ -238,14 +242,18 @@ impl Observer {
         let gnss = &config.gnss;
         let mut followed = Followed::zero();
         followed.error.tilt_rad.z = prior.value(index::AZIMUTH);
+        let assumed = Assumed::configured(config);
+        let level = Channel::new(
+            tilt_sigma_rad * tilt_sigma_rad,
+            &gnss.velocity_mps,
+            &gnss.position_m,
+        );
         Self {
             followed,
             responses: core::array::from_fn(unit_response),
-            level: Channel::new(
-                tilt_sigma_rad * tilt_sigma_rad,
-                &gnss.velocity_mps,
-                &gnss.position_m,
-            ),
+            level,
+            assumed,
+            trial: NoiseTrial::first(&assumed, &level, config),
             vertical: Channel::new(0.0, &gnss.velocity_up_mps, &gnss.height_m),
             innovations: [Innovations::default(); 4],
             stated: [StatedNoise::default(); 4],
@@ -372,6 +380,7 @@ impl Observer {
                 .diffuse(which, math::single(changed * changed));
         }
         self.surprise = Surprise::default();
+        self.trial = NoiseTrial::new(self.trial.change(), &self.assumed, &self.level, config);
     }
 
     /// The error of the INS after what has happened since the horizon, as estimated.
@@ -476,6 +485,10 @@ impl Observer {
         // Both level axes have the same covariance before and the same after.
         let gains = channel.update(kind.measured, white);
         let total = predicted + white;
+        // While the parameters themselves are uncertain, innovations say little of the noises.
+        if !kind.up && parameters < total {
+            self.trial.take(kind.measured, &pair, white, total, &gains);
+        }
         let weights = [math::single(1.0 / total); R];
         for (axis, innovation) in axes.iter().zip(innovation) {
             self.followed.correct(*axis, &gains, innovation);
@@ -523,12 +536,14 @@ impl Observer {
         let [velocity, velocity_up, position, position_up] = self.strength;
         let gnss = &config.gnss;
         let renewal = |noise: &Noise, strength| Renewal::over(span.seconds, noise, strength);
-        let level = [
-            renewal(&gnss.velocity_mps, velocity),
-            renewal(&gnss.position_m, position),
-        ];
+        let coloured = self.assumed.velocity(gnss.velocity_mps.white);
+        let position_noise = renewal(&gnss.position_m, position);
+        let level = [renewal(&coloured, velocity), position_noise];
+        let tried = self.trial.assumed.velocity(gnss.velocity_mps.white);
+        let rival = [renewal(&tried, velocity), position_noise];
+        let coloured = self.assumed.velocity(gnss.velocity_up_mps.white);
         let up = [
-            renewal(&gnss.velocity_up_mps, velocity_up),
+            renewal(&coloured, velocity_up),
             renewal(&gnss.height_m, position_up),
         ];
         let kept = |renewals: &[Renewal; 2]| renewals.map(|renewal| renewal.keep);
@@ -549,29 +564,38 @@ impl Observer {
                 response.error.feed(&single_passage, &input.single());
             }
         });
-        self.grow_noise(span, level, up, config);
+        self.grow_noise(span, [level, rival, up], config);
         self.unsolved_s += span.seconds;
         self.horizon = to;
     }
 
-    fn grow_noise(&mut self, span: &Span, level: [Renewal; 2], up: [Renewal; 2], config: &Config) {
+    /// Lets the channels grow by the noises, with the correlated ones of GNSS as the observer, its
+    /// rival and the vertical channel assume them.
+    fn grow_noise(&mut self, span: &Span, noises: [[Renewal; 2]; 3], config: &Config) {
+        let [level, rival, up] = noises;
         let s = &config.sensors;
-        let shares = |noise: &[f64; 3]| {
-            let noise = Vector3::from(*noise);
+        let shares = |noise: &[f64; 3], factor: f64| {
+            let noise = factor * Vector3::from(*noise);
             level_and_up(&span.attitude_s, span.seconds, &noise.component_mul(&noise))
         };
-        let (gyro_level, gyro_up) = shares(&s.gyro_noise);
-        let (accel_level, accel_up) = shares(&s.accel_noise);
-        self.level.propagate(
-            &Growth {
-                seconds: span.seconds,
-                force_up_mps: span.force_mps.z,
-                force_up_moved_m: span.force_moved_m.z,
-                accel_noise: accel_level,
-                gyro_noise: gyro_level,
-            },
-            level,
-        );
+        let (gyro_level, gyro_up) = shares(&s.gyro_noise, self.assumed.gyro);
+        let (accel_level, accel_up) = shares(&s.accel_noise, self.assumed.accel);
+        let growth = Growth {
+            seconds: span.seconds,
+            force_up_mps: span.force_mps.z,
+            force_up_moved_m: span.force_moved_m.z,
+            accel_noise: accel_level,
+            gyro_noise: gyro_level,
+        };
+        self.level.propagate(&growth, level);
+        let gyro = self.trial.assumed.gyro / self.assumed.gyro;
+        let accel = self.trial.assumed.accel / self.assumed.accel;
+        let growth = Growth {
+            accel_noise: accel_level * accel * accel,
+            gyro_noise: gyro_level * gyro * gyro,
+            ..growth
+        };
+        self.trial.propagate(&growth, rival);
         self.vertical.propagate(
             &Growth {
                 seconds: span.seconds,
@@ -600,10 +624,12 @@ impl Observer {
         let misalignment = s.misalignment_rad * s.misalignment_rad;
         let tilt = (s.gyro_scale * s.gyro_scale + misalignment) * tipped;
         self.level.doubt(0.0, tilt);
+        self.trial.level.doubt(0.0, tilt);
         self.azimuth_walk += tilt;
         let pull = Vector3::new(span.force_mps.x, span.force_mps.y, 0.0);
         let velocity = misalignment * self.pulled.grow(&pull, span.seconds);
         self.level.doubt(velocity, 0.0);
+        self.trial.level.doubt(velocity, 0.0);
         self.vertical.doubt(velocity, 0.0);
     }
 
@@ -645,8 +671,29 @@ impl Observer {
         (level, up)
     }
 
+    /// Ends a trial of the noises that is decided, and begins the next.
+    fn judge_trial(&mut self, config: &Config) {
+        let Some(won) = self.trial.verdict() else {
+            return;
+        };
+        if won {
+            self.assumed = self.trial.assumed;
+            self.level = self.trial.level;
+            for axis in 0..2 {
+                self.followed.correct(axis, &self.trial.apart(axis), 1.0);
+            }
+        }
+        self.trial = NoiseTrial::new(self.trial.change(), &self.assumed, &self.level, config);
+    }
+
+    /// What is assumed of the noises.
+    pub fn assumed(&self) -> &Assumed {
+        &self.assumed
+    }
+
     /// Solves for the parameters at the horizon.
     pub fn solve(&mut self, config: &Config) {
+        self.judge_trial(config);
         self.come_to_now();
         self.level_anew();
         self.diffuse(config);
