@@ -2,10 +2,11 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-use super::rest::RestBlock;
+use super::rest::{self, RestBlock};
+use super::swing::Swing;
 use crate::attitude::{Euler, from_euler};
 use crate::config::SensorConfig;
-use crate::earth::LocalEarth;
+use crate::earth::{GRAVITY_EQUATOR_MPS2, LocalEarth};
 use crate::math;
 
 /// Means over all blocks at rest so far, body axes.
@@ -18,6 +19,7 @@ pub struct RestMean {
     pub rate_radps: Vector3<f64>,
     /// Mean specific force, m/s^2.
     pub force_mps2: Vector3<f64>,
+    swing: Swing,
 }
 
 impl RestMean {
@@ -27,6 +29,24 @@ impl RestMean {
         let part = block.seconds / self.seconds;
         self.rate_radps += part * (block.rate_radps - self.rate_radps);
         self.force_mps2 += part * (block.force_mps2 - self.force_mps2);
+        if let Some(up) = self.up() {
+            self.swing.add(block.seconds, up.dot(&block.rate_radps));
+        }
+    }
+
+    /// Up in body axes.
+    fn up(&self) -> Option<Vector3<f64>> {
+        self.force_mps2.try_normalize(GRAVITY_EQUATOR_MPS2 / 2.0)
+    }
+
+    /// Variance of the mean rate as a gyro bias, per axis, `(rad/s)^2`: noise, and a slow turn
+    /// about the up axis, wherever that is in the body.
+    pub(crate) fn gyro_variance(&self, sensors: &SensorConfig) -> Vector3<f64> {
+        let noise = rest::gyro_variance(sensors, self.seconds);
+        let block = math::sqrt(rest::gyro_variance(sensors, 1.0));
+        let swing = self.swing.variance(block);
+        let up = self.up().unwrap_or_default();
+        up.map(|part| noise + part * part * swing)
     }
 }
 

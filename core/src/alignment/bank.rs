@@ -1,0 +1,294 @@
+//! Which latency: candidates that suppose different ones, weighed by how likely each makes what
+//! GNSS saw.
+//!
+//! A latency is found by small corrections only where the motion does not change much meanwhile,
+//! and a quadrotor's darts are over in a second. Candidates a part of that apart cover a second
+//! to either side; each corrects its own. What they say together is the mean of their mixture,
+//! and its variance holds what they disagree by. All start at one moment and take the same
+//! sightings, each when the motion of that moment, as it supposes, has been integrated. Work is
+//! one node or one sighting of one candidate at a time.
+
+use nalgebra::Vector2;
+
+use super::candidate::{Candidate, Found, Gain, Start};
+use super::nodes::Nodes;
+use super::sightings::{Sighting, Sightings};
+use crate::config::Config;
+use crate::estimators::parameters::Parameters;
+use crate::math;
+use crate::time::Time;
+
+/// Latencies supposed, s, and the spread of each: half the distance of two.
+const LATENCIES_S: [f64; 5] = [0.0, 0.4, -0.4, 0.8, -0.8];
+const LATENCY_SIGMA_S: f64 = 0.2;
+/// Moments before the first sighting that is taken, s: every candidate must have begun.
+const LEAD_S: f64 = 1.0;
+/// Time over which residuals are judged, s.
+const JUDGED_S: f64 = 10.0;
+/// Largest excess of the noise of GNSS, in variance.
+const LARGEST_EXCESS: f32 = 400.0;
+/// Gain of speed that shows that the vehicle has begun to move, sigmas of a sighting.
+const MOVED_SIGMAS: f32 = 5.0;
+/// Residuals beyond which, though the noise was widened, two motions are not one.
+const LENGTH_SIGMAS: f64 = 4.0;
+/// What the length of cosine and sine may be off by the errors of scale, of both sensors.
+const LENGTH_ERROR: f64 = 0.1;
+
+/// Spreads that are good enough to navigate on at once: within them the estimators are linear.
+const ROTATION_SIGMA_RAD: f64 = 0.06;
+const TILT_SIGMA_RAD: f64 = 0.05;
+const SHIFT_SIGMA_S: f64 = 0.1;
+/// Time in motion after which twice as much will do, and so on, up to the largest factor: 0.36
+/// rad of heading, 0.3 of tilt, 0.6 s.
+const PATIENCE_S: f64 = 30.0;
+const LARGEST_FACTOR: f64 = 6.0;
+
+/// The candidates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Bank {
+    start: Time,
+    candidates: [Candidate; LATENCIES_S.len()],
+    /// Whose turn it is.
+    turn: u8,
+    /// Sightings that all have taken.
+    taken: u32,
+    first: Option<Sighting>,
+    excess: f32,
+    /// Time in motion, s.
+    moving_s: f32,
+    last_sighting: Time,
+    up_rate_radps: f32,
+}
+
+/// What all candidates say together, and the one that says it best.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Mixture {
+    pub(crate) best: u8,
+    /// Of the best.
+    pub(crate) found: Found,
+    pub(crate) rotation_sigma_rad: f64,
+    pub(crate) latency_s: f64,
+    pub(crate) latency_sigma_s: f64,
+}
+
+/// Whether there is something to navigate on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Answer {
+    /// Not yet.
+    Wait,
+    /// Yes.
+    Ready(Mixture),
+    /// The two motions are not one: what it started from was wrong.
+    Wrong,
+}
+
+impl Bank {
+    /// Starts all at one moment.
+    pub(crate) fn new(start: &Start, known: &Parameters, config: &Config) -> Self {
+        let prior_s = math::max(config.gnss.latency_sigma_s, 1e-3);
+        let candidates = LATENCIES_S.map(|latency_s| {
+            let mut candidate =
+                Candidate::new(start, latency_s, LATENCY_SIGMA_S, known, config);
+            // Presets say what is usual, not what is possible: the tails of the prior are long.
+            let ratio = latency_s / prior_s;
+            candidate.log_likelihood = -math::single(libm::log(1.0 + ratio * ratio));
+            candidate
+        });
+        Self {
+            start: start.time,
+            candidates,
+            turn: 0,
+            taken: 0,
+            first: None,
+            excess: 1.0,
+            moving_s: 0.0,
+            last_sighting: start.time,
+            up_rate_radps: math::single(start.earth_rate_radps.y),
+        }
+    }
+
+    /// Whether GNSS has seen it move.
+    pub(crate) fn has_moved(&self) -> bool {
+        self.moving_s > 0.0
+    }
+
+    /// A sighting has come; only how the vehicle moves is looked at, the rest is work for later.
+    pub(crate) fn on_sighting(&mut self, sighting: &Sighting, number: u32) {
+        let needed_s = LEAD_S + f64::from(sighting.span_s);
+        if self.first.is_none() && sighting.time.seconds_since(self.start) > needed_s {
+            self.first = Some(*sighting);
+            self.taken = number;
+            for candidate in &mut self.candidates {
+                candidate.sighting = number;
+            }
+        }
+        if let Some(first) = &self.first {
+            let gained = (sighting.velocity_mps - first.velocity_mps).norm_squared();
+            let least = MOVED_SIGMAS * sighting.sigma_mps;
+            let since_s = sighting.time.seconds_since(self.last_sighting);
+            if gained > least * least {
+                self.moving_s += math::single(math::min(since_s, 5.0));
+            }
+        }
+        self.last_sighting = sighting.time;
+    }
+
+    /// Does one piece of work; true if all have now taken one sighting more.
+    pub(crate) fn work(&mut self, nodes: &Nodes, sightings: &Sightings, config: &Config) -> bool {
+        for _ in 0..LATENCIES_S.len() {
+            self.turn = (self.turn + 1) % 5;
+            if self.work_on(self.turn, nodes, sightings, config) {
+                break;
+            }
+        }
+        let taken = self.candidates.iter().map(|c| c.sighting).min();
+        let all = taken.is_some_and(|taken| taken > self.taken);
+        self.taken = taken.unwrap_or(self.taken);
+        all && self.first.is_some()
+    }
+
+    /// One piece of work of one candidate, if there is any.
+    fn work_on(
+        &mut self,
+        which: u8,
+        nodes: &Nodes,
+        sightings: &Sightings,
+        config: &Config,
+    ) -> bool {
+        let leads = self.best() == which;
+        let Some(candidate) = self.candidates.get_mut(usize::from(which)) else {
+            return false;
+        };
+        let Some(node) = nodes.get(candidate.node) else {
+            return false;
+        };
+        let next = self.first.and_then(|first| {
+            if candidate.sighting < sightings.oldest() {
+                candidate.sighting = sightings.oldest();
+            }
+            Some((first, sightings.get(candidate.sighting)?))
+        });
+        if let Some((first, sighting)) = next {
+            let seconds = candidate.seconds_to(sighting.time);
+            if seconds < -node.seconds() {
+                candidate.sighting += 1;
+                return true;
+            }
+            if seconds < node.seconds() {
+                let gain = Gain {
+                    sighting: *sighting,
+                    velocity_mps: sighting.velocity_mps - first.velocity_mps,
+                    excess: self.excess,
+                };
+                let misfit = candidate.compare(&gain, node, config);
+                if leads {
+                    self.judge(misfit, sighting);
+                }
+                return true;
+            }
+        } else if !nodes.presses(candidate.node) {
+            return false;
+        }
+        candidate.advance(node, f64::from(self.up_rate_radps), config);
+        true
+    }
+
+    /// Follows how much larger the residuals are than told.
+    fn judge(&mut self, misfit: f32, sighting: &Sighting) {
+        let since_s = math::max(f64::from(sighting.span_s), 0.2);
+        let part = math::single(math::min(since_s / JUDGED_S, 0.5));
+        // One residual cannot do more than the window allows.
+        let bounded = if misfit < 9.0 { misfit } else { 9.0 };
+        let excess = self.excess * (1.0 + part * (bounded - 1.0));
+        self.excess = excess.clamp(1.0, LARGEST_EXCESS);
+    }
+
+    /// The likeliest.
+    pub(crate) fn best(&self) -> u8 {
+        let mut best = (0, f32::NEG_INFINITY);
+        for (which, candidate) in (0..).zip(&self.candidates) {
+            if candidate.log_likelihood > best.1 {
+                best = (which, candidate.log_likelihood);
+            }
+        }
+        best.0
+    }
+
+    /// The best candidate.
+    pub(crate) fn candidate(&self, which: u8) -> Option<&Candidate> {
+        self.candidates.get(usize::from(which))
+    }
+
+    /// Velocity of the vehicle where a candidate stands, E and N, m/s.
+    pub(crate) fn velocity_en_mps(&self, which: u8) -> Option<Vector2<f64>> {
+        let first = self.first?.velocity_mps.map(f64::from);
+        Some(first + self.candidate(which)?.velocity_en_mps())
+    }
+
+    /// Brings one candidate a node forward, whatever fixes say; true if it did.
+    pub(crate) fn catch_up(&mut self, which: u8, nodes: &Nodes, config: &Config) -> bool {
+        let up_rate = f64::from(self.up_rate_radps);
+        let Some(candidate) = self.candidates.get_mut(usize::from(which)) else {
+            return false;
+        };
+        let Some(node) = nodes.get(candidate.node) else {
+            return false;
+        };
+        candidate.advance(node, up_rate, config);
+        true
+    }
+
+    /// Whether they have found enough.
+    #[inline(never)]
+    pub(crate) fn answer(&self) -> Answer {
+        let mixture = match self.mixture() {
+            Some(mixture) if self.has_moved() => mixture,
+            _ => return Answer::Wait,
+        };
+        let factor = 1.0 + f64::from(self.moving_s) / PATIENCE_S;
+        let factor = math::min(factor, LARGEST_FACTOR);
+        let found = &mixture.found;
+        let good = mixture.rotation_sigma_rad < factor * ROTATION_SIGMA_RAD
+            && found.tilt_sigma_rad < factor * TILT_SIGMA_RAD
+            && mixture.latency_sigma_s < factor * SHIFT_SIGMA_S;
+        if !good {
+            return Answer::Wait;
+        }
+        let off = math::abs(found.length - 1.0);
+        if off < LENGTH_ERROR + LENGTH_SIGMAS * found.length_sigma {
+            Answer::Ready(mixture)
+        } else {
+            Answer::Wrong
+        }
+    }
+
+    /// The mean of the mixture, and its variance about the best.
+    fn mixture(&self) -> Option<Mixture> {
+        let best = self.best();
+        let found = self.candidate(best)?.found();
+        let top = self.candidate(best)?.log_likelihood;
+        let (mut sum, mut turn, mut late, mut late_square) = (0.0, 0.0, 0.0, 0.0);
+        for candidate in &self.candidates {
+            let weight = libm::exp(f64::from(candidate.log_likelihood - top));
+            if weight < 1e-4 {
+                continue;
+            }
+            let other = candidate.found();
+            let off = crate::earth::wrap_pi(other.rotation_rad - found.rotation_rad);
+            sum += weight;
+            turn += weight * (off * off + other.rotation_sigma_rad * other.rotation_sigma_rad);
+            late += weight * other.latency_s;
+            let sigma = other.latency_sigma_s;
+            late_square += weight * (other.latency_s * other.latency_s + sigma * sigma);
+        }
+        let latency_s = late / sum;
+        Some(Mixture {
+            best,
+            found,
+            rotation_sigma_rad: math::sqrt(turn / sum),
+            latency_s,
+            latency_sigma_s: math::sqrt(math::max(late_square / sum - latency_s * latency_s, 0.0)),
+        })
+    }
+}
