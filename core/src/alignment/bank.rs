@@ -10,7 +10,7 @@
 
 use nalgebra::Vector2;
 
-use super::candidate::{Candidate, Found, Gain, Start};
+use super::candidate::{Candidate, Found, Gain, Start, may_turn_far};
 use super::nodes::Nodes;
 use super::sightings::{Sighting, Sightings};
 use crate::config::Config;
@@ -38,6 +38,10 @@ const LENGTH_ERROR: f64 = 0.1;
 const ROTATION_SIGMA_RAD: f64 = 0.06;
 const TILT_SIGMA_RAD: f64 = 0.05;
 const SHIFT_SIGMA_S: f64 = 0.1;
+/// A search that may start too far off is a first guess: it needs half as sharp spreads, and a
+/// second one starts with this many of them.
+const GUESS_FACTOR: f64 = 2.0;
+pub(super) const GUESS_SIGMAS: f64 = 3.0;
 /// Time in motion after which twice as much will do, and so on, up to the largest factor: 0.36
 /// rad of heading, 0.3 of tilt, 0.6 s.
 const PATIENCE_S: f64 = 30.0;
@@ -59,6 +63,7 @@ pub(crate) struct Bank {
     moving_s: f32,
     last_sighting: Time,
     up_rate_radps: f32,
+    guess: bool,
 }
 
 /// What all candidates say together, and the one that says it best.
@@ -88,8 +93,7 @@ impl Bank {
     pub(crate) fn new(start: &Start, known: &Parameters, config: &Config) -> Self {
         let prior_s = math::max(config.gnss.latency_sigma_s, 1e-3);
         let candidates = LATENCIES_S.map(|latency_s| {
-            let mut candidate =
-                Candidate::new(start, latency_s, LATENCY_SIGMA_S, known, config);
+            let mut candidate = Candidate::new(start, latency_s, LATENCY_SIGMA_S, known, config);
             // Presets say what is usual, not what is possible: the tails of the prior are long.
             let ratio = latency_s / prior_s;
             candidate.log_likelihood = -math::single(libm::log(1.0 + ratio * ratio));
@@ -105,7 +109,13 @@ impl Bank {
             moving_s: 0.0,
             last_sighting: start.time,
             up_rate_radps: math::single(start.earth_rate_radps.y),
+            guess: may_turn_far(known, config),
         }
+    }
+
+    /// Whether it started too far off to be more than a guess.
+    pub(crate) fn is_guess(&self) -> bool {
+        self.guess
     }
 
     /// Whether GNSS has seen it move.
@@ -220,10 +230,12 @@ impl Bank {
         self.candidates.get(usize::from(which))
     }
 
-    /// Velocity of the vehicle where a candidate stands, E and N, m/s.
-    pub(crate) fn velocity_en_mps(&self, which: u8) -> Option<Vector2<f64>> {
-        let first = self.first?.velocity_mps.map(f64::from);
-        Some(first + self.candidate(which)?.velocity_en_mps())
+    /// Velocity of the vehicle where a candidate stands, E and N, m/s: that of its last sighting
+    /// and what was gained since.
+    pub(crate) fn velocity_en_mps(&self, which: u8, sightings: &Sightings) -> Option<Vector2<f64>> {
+        let candidate = self.candidate(which)?;
+        let last = sightings.get(candidate.sighting.checked_sub(1)?)?;
+        Some(last.velocity_mps.map(f64::from) + candidate.gained_en_mps())
     }
 
     /// Brings one candidate a node forward, whatever fixes say; true if it did.
@@ -247,7 +259,8 @@ impl Bank {
             _ => return Answer::Wait,
         };
         let factor = 1.0 + f64::from(self.moving_s) / PATIENCE_S;
-        let factor = math::min(factor, LARGEST_FACTOR);
+        let guess = if self.guess { GUESS_FACTOR } else { 1.0 };
+        let factor = guess * math::min(factor, LARGEST_FACTOR);
         let found = &mixture.found;
         let good = mixture.rotation_sigma_rad < factor * ROTATION_SIGMA_RAD
             && found.tilt_sigma_rad < factor * TILT_SIGMA_RAD

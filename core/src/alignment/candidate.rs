@@ -46,15 +46,29 @@ const PAIRS: usize = COUNT * (COUNT + 1) / 2;
 /// One number for each unknown.
 type Row = SVector<f32, COUNT>;
 
-/// Gain of speed below which the noise of GNSS itself would look like motion, sigmas: a vehicle
-/// that keeps its speed shows no heading, however long.
-const STEADY_SIGMAS: f32 = 4.0;
+/// Change of velocity below which the noise of GNSS itself would look like motion, sigmas of the
+/// difference of two: a vehicle that keeps its speed shows no heading, however long.
+const STEADY_SIGMAS: f32 = 3.0;
 /// Residual beyond which a measurement counts less, sigmas.
 const OUTLIER_SIGMAS: f32 = 3.0;
+/// Largest spread of an angle at which cosine and sine are linear in it, rad.
+const KNOWN_ANGLE_RAD: f64 = 0.35;
+/// What the length of cosine and sine is off by the scale errors of both sensors.
+const LENGTH_ERROR: f64 = 0.05;
+/// Walk of the latency, s/sqrt(s): what was found while it was far off is worth less.
+const LATENCY_WALK: f64 = 0.02;
+/// Spread of the gyro biases of units of which nothing is known yet, in those of the preset.
+const UNUSUAL: f64 = 3.0;
+/// Spread of a gyro bias that keeps the turn of the frame linear while the heading is sought,
+/// rad/s: a third of a radian in ten seconds.
+const LINEAR_BIAS_RADPS: f64 = 0.035;
 /// Acceleration of a vehicle while the first mean velocity is taken, m/s^2.
 const FIRST_ACCEL_MPS2: f32 = 2.0;
 /// Time over which an acceleration keeps its direction in the body, s.
 const PUSH_S: f64 = 1.0;
+/// Time over which the acceleration is smoothed that shows the latency, s: what is faster (steps,
+/// vibration) repeats itself, and would show it a period off.
+const SMOOTH_S: f64 = 0.1;
 /// Largest tilt found at once that is believed, rad.
 const LARGEST_TURN_RAD: f64 = 0.5;
 
@@ -83,7 +97,12 @@ pub(crate) struct Candidate {
     velocity_mps: Vector2<f32>,
     way_m: Vector2<f32>,
     velocity_before_mps: Vector2<f32>,
-    /// Acceleration at the first sighting.
+    /// What of it the last sighting is compared with.
+    seen_mps: Vector2<f32>,
+    /// Gain of GNSS velocity that counts as motion, m/s.
+    moved_mps: Vector2<f32>,
+    /// Acceleration, smoothed, and at the first sighting.
+    accel_mps2: Vector2<f32>,
     first_accel_mps2: Option<Vector2<f32>>,
     /// Cosine and sine.
     rotation: Vector2<f32>,
@@ -112,16 +131,10 @@ impl Candidate {
         config: &Config,
     ) -> Self {
         let tilt = single(start.tilt_sigma_rad);
+        let earth = start.earth_rate_radps.x;
         let bias = |axis| {
-            let sigma = known.sigma(index::GYRO + axis);
-            let earth = start.earth_rate_radps.x;
-            // The preset says what is usual of units, not what one may be.
-            let unusual = if sigma < config.sensors.gyro_bias_radps {
-                1.0
-            } else {
-                2.0
-            };
-            single(math::sqrt(sigma * sigma * unusual * unusual + earth * earth))
+            let sigma = gyro_sigma(known, axis, config);
+            single(math::sqrt(sigma * sigma + earth * earth))
         };
         let half = core::f32::consts::FRAC_1_SQRT_2;
         let sigma = [
@@ -147,6 +160,9 @@ impl Candidate {
             velocity_mps: Vector2::zeros(),
             way_m: Vector2::zeros(),
             velocity_before_mps: Vector2::zeros(),
+            seen_mps: Vector2::zeros(),
+            moved_mps: Vector2::zeros(),
+            accel_mps2: Vector2::zeros(),
             first_accel_mps2: None,
             rotation: Vector2::zeros(),
             covariance: Covariance::from_sigma(&Row::from(sigma)),
@@ -168,12 +184,13 @@ impl Candidate {
         let dt = single(seconds);
         self.way_m += dt * (self.velocity_mps + 0.5 * force.xy());
         self.velocity_mps += force.xy();
+        let part = single(math::min(seconds / SMOOTH_S, 1.0));
+        self.accel_mps2 += part * (force.xy() / dt - self.accel_mps2);
         self.spread(&force, &(body.map(single) * dt));
         self.walk(seconds, &turn, &force, config);
         let earth = Vector3::new(0.0, 0.0, -seconds * up_rate_radps);
-        self.attitude = renormalized(
-            small_rotation(&earth) * self.attitude.as_ref() * small_rotation(&turn),
-        );
+        self.attitude =
+            renormalized(small_rotation(&earth) * self.attitude.as_ref() * small_rotation(&turn));
         self.time = self.time.plus_seconds(seconds);
         self.node += 1;
     }
@@ -206,13 +223,18 @@ impl Candidate {
         let tilt = s.gyro_noise * s.gyro_noise * seconds
             + (bias * bias + s.gyro_scale * s.gyro_scale) * turned;
         let push = f64::from(force.xy().norm_squared()) * PUSH_S / seconds;
-        let velocity = s.accel_noise * s.accel_noise * seconds + s.accel_scale * s.accel_scale * push;
+        // Second order of the turn: f (1 - cos).
+        let bent = f64::from(self.covariance.variance(TILT + 2));
+        let velocity = s.accel_noise * s.accel_noise * seconds
+            + (s.accel_scale * s.accel_scale + bent * bent) * push;
         for axis in 0..2 {
             self.covariance.widen(ERROR + axis, single(velocity));
             self.covariance.widen(TILT + axis, single(tilt));
         }
         let heading = s.gyro_noise * s.gyro_noise * seconds + s.gyro_scale * s.gyro_scale * turned;
         self.covariance.widen(TILT + 2, single(heading));
+        self.covariance
+            .widen(LATENCY, single(LATENCY_WALK * LATENCY_WALK * seconds));
     }
 
     /// Compares with what GNSS saw; the moment lies in `node`, which comes next. Returns the mean
@@ -228,82 +250,134 @@ impl Candidate {
         let way = self.way_m + seconds * (self.velocity_mps + 0.5 * seconds * accel);
         self.way_m = -seconds * (self.velocity_mps + 0.5 * seconds * accel);
         let Some(first_accel) = self.first_accel_mps2 else {
-            self.begin(&gain.sighting, &velocity, &accel);
+            self.begin(&gain.sighting, &velocity);
             return 1.0;
         };
         let span_s = gain.sighting.span_s;
-        let (seen, accel, back_s) = if span_s > 0.0 {
+        let (seen, pushed, back_s) = if span_s > 0.0 {
             let mean_accel = (velocity - self.velocity_before_mps) / span_s;
             (way / span_s, mean_accel, seconds - 0.5 * span_s)
         } else {
-            (velocity, accel, seconds)
+            (velocity, self.accel_mps2, seconds)
         };
         self.velocity_before_mps = velocity;
         let up_rate = single((body * turn).z) / single(node.seconds());
         let lever = single(config.gnss.lever_arm_sigma_m) * up_rate;
-        let s = gain.sighting.sigma_mps;
-        let mut noise = gain.excess * s * s + lever * lever;
+        let white = gain.excess * gain.sighting.sigma_mps * gain.sighting.sigma_mps;
         let d = gain.velocity_mps;
-        let mut moved = d;
-        if d.norm_squared() < STEADY_SIGMAS * STEADY_SIGMAS * noise {
-            noise += 0.5 * d.norm_squared();
-            moved = Vector2::zeros();
+        let least = STEADY_SIGMAS * STEADY_SIGMAS * 2.0 * white;
+        if (d - self.moved_mps).norm_squared() > least {
+            self.moved_mps = d;
         }
-        let late = accel - first_accel;
+        let moved = self.moved_mps;
+        let unknown = self.covariance.variance(COS) + self.covariance.variance(SIN);
+        // Second order of the latency: half the jerk times its square.
+        let late = self.covariance.variance(LATENCY);
+        let jerk = (accel - self.accel_mps2) / single(SMOOTH_S);
+        let noise = gain.sighting.alike * white
+            + lever * lever
+            + 0.5 * late * late * jerk.norm_squared()
+            + 0.5 * unknown * (d - moved).norm_squared();
+        let late = pushed - first_accel;
         let rows = [
             row(0, &moved, back_s, &force, late.x),
-            row(1, &Vector2::new(moved.y, -moved.x), back_s, &force, late.y),
+            row(1, &turned_back(&moved), back_s, &force, late.y),
         ];
-        // The second of two rows rotated by a right angle: c d_N - s d_E.
         let [x, y] = rows;
-        let explained = |h: &Row| {
-            let at = |i: usize| h.get(i).copied().unwrap_or(0.0);
-            at(COS) * self.rotation.x + at(SIN) * self.rotation.y
-        };
-        let residual = Vector2::new(seen.x - explained(&x), seen.y - explained(&y));
-        let (correction, first) = self.weigh(&x, residual.x, noise, &Row::zeros());
-        let (correction, second) = self.weigh(&y, residual.y, noise, &correction);
+        let residual = Vector2::new(
+            seen.x - self.rotation.dot(&d),
+            seen.y - self.rotation.dot(&turned_back(&d)),
+        );
+        let mut correction = Row::zeros();
+        let mut misfit = 0.0;
+        for (h, residual) in [(&x, residual.x), (&y, residual.y)] {
+            let (ratio, variance) = self.weigh(h, residual, noise, &mut correction);
+            let log = single(libm::log(f64::from(variance)));
+            self.log_likelihood -= 0.5 * (limited(ratio) + log);
+            misfit += 0.5 * ratio;
+        }
+        self.seen_mps = seen;
         self.correct(&correction);
-        0.5 * (first + second)
+        self.normalize();
+        misfit
     }
 
     /// The first sighting: velocities count from here.
-    fn begin(&mut self, first: &Sighting, velocity: &Vector2<f32>, accel: &Vector2<f32>) {
+    fn begin(&mut self, first: &Sighting, velocity: &Vector2<f32>) {
         self.velocity_mps -= velocity;
         // Way and velocity so far were those before the zero was set.
         self.way_m = Vector2::zeros();
         self.velocity_before_mps = Vector2::zeros();
-        self.first_accel_mps2 = Some(*accel);
+        self.first_accel_mps2 = Some(self.accel_mps2);
         let off = 0.5 * first.span_s * FIRST_ACCEL_MPS2;
         for axis in 0..2 {
-            let noise = first.sigma_mps * first.sigma_mps + off * off;
+            let noise = first.alike * first.sigma_mps * first.sigma_mps + off * off;
             self.covariance.renew(ERROR + axis, noise);
         }
     }
 
-    /// Takes one residual into covariance and correction.
-    fn weigh(&mut self, h: &Row, residual: f32, noise: f32, correction: &Row) -> (Row, f32) {
+    /// Takes one residual into covariance and correction; returns its square over the variance
+    /// it should have, and that.
+    fn weigh(&mut self, h: &Row, residual: f32, noise: f32, correction: &mut Row) -> (f32, f32) {
         let left = residual - h.dot(correction);
         let with = self.covariance.with(h);
-        let spread = with.dot(h);
-        let ratio = left * left / (spread + noise);
-        let limit = OUTLIER_SIGMAS * OUTLIER_SIGMAS;
-        let variance = if ratio > limit {
-            left * left / limit
+        let expected = with.dot(h) + noise;
+        let ratio = left * left / expected;
+        let variance = expected * ratio / limited(ratio);
+        let variance = if variance > expected {
+            variance
         } else {
-            spread + noise
+            expected
         };
-        let likely = if ratio > limit { limit } else { ratio };
-        self.log_likelihood -= 0.5 * (likely + single(libm::log(f64::from(spread + noise))));
         self.covariance.measure(&with, variance);
-        (correction + with * (left / variance), ratio)
+        *correction += with * (left / variance);
+        (ratio, expected)
+    }
+
+    /// Cosine and sine are of one angle: once that is known, so is their length.
+    fn normalize(&mut self) {
+        let (turn, grow) = self.directions();
+        let angle = self.covariance.sigma_of(&turn);
+        let length = self.covariance.sigma_of(&grow);
+        if !(angle < KNOWN_ANGLE_RAD && length > LENGTH_ERROR) {
+            return;
+        }
+        let off = 1.0 - math::sqrt(f64::from(self.rotation.norm_squared()));
+        // Second order of the angle: 1 - cos.
+        let noise = LENGTH_ERROR * LENGTH_ERROR + 0.25 * angle * angle * angle * angle;
+        let mut correction = Row::zeros();
+        let (ratio, _) = self.weigh(&grow, single(off), single(noise), &mut correction);
+        self.log_likelihood -= 0.5 * limited(ratio);
+        self.correct(&correction);
+    }
+
+    /// What the angle of cosine and sine, with the turn since, and their length hang on.
+    fn directions(&self) -> (Row, Row) {
+        let rotation = self.rotation.map(f64::from);
+        let square = math::max(rotation.norm_squared(), 1e-6);
+        let along = rotation / math::sqrt(square);
+        let mut turn = Row::zeros();
+        let mut grow = Row::zeros();
+        for (i, h_turn, h_grow) in [
+            (TILT + 2, 1.0, 0.0),
+            (COS, -rotation.y / square, along.x),
+            (SIN, rotation.x / square, along.y),
+        ] {
+            if let (Some(turn), Some(grow)) = (turn.get_mut(i), grow.get_mut(i)) {
+                (*turn, *grow) = (single(h_turn), single(h_grow));
+            }
+        }
+        (turn, grow)
     }
 
     /// Puts what was found into the INS.
     fn correct(&mut self, found: &Row) {
         let at = |i: usize| found.get(i).copied().unwrap_or(0.0);
         let wide = |i: usize| f64::from(at(i));
-        self.velocity_mps -= Vector2::new(at(ERROR), at(ERROR + 1));
+        let error = Vector2::new(at(ERROR), at(ERROR + 1));
+        self.velocity_mps -= error;
+        self.velocity_before_mps -= error;
+        self.seen_mps -= error;
         let mut tilt = Vector3::new(wide(TILT), wide(TILT + 1), wide(TILT + 2));
         let size = math::sqrt(tilt.norm_squared());
         if size > LARGEST_TURN_RAD {
@@ -320,19 +394,7 @@ impl Candidate {
     pub(crate) fn found(&self) -> Found {
         let rotation = self.rotation.map(f64::from);
         let length = math::sqrt(rotation.norm_squared());
-        let square = math::max(rotation.norm_squared(), 1e-6);
-        let mut turn = Row::zeros();
-        let mut grow = Row::zeros();
-        let along = rotation / math::sqrt(square);
-        for (i, h_turn, h_grow) in [
-            (TILT + 2, 1.0, 0.0),
-            (COS, -rotation.y / square, along.x),
-            (SIN, rotation.x / square, along.y),
-        ] {
-            if let (Some(turn), Some(grow)) = (turn.get_mut(i), grow.get_mut(i)) {
-                (*turn, *grow) = (single(h_turn), single(h_grow));
-            }
-        }
+        let (turn, grow) = self.directions();
         let deviation = |i: usize| math::sqrt(f64::from(self.covariance.variance(i)));
         Found {
             rotation_rad: math::atan2(rotation.y, rotation.x),
@@ -343,7 +405,11 @@ impl Candidate {
             latency_s: f64::from(self.latency_s),
             latency_sigma_s: deviation(LATENCY),
             gyro_bias_radps: self.gyro_bias_radps,
-            gyro_sigma_radps: Vector3::new(deviation(BIAS), deviation(BIAS + 1), deviation(BIAS + 2)),
+            gyro_sigma_radps: Vector3::new(
+                deviation(BIAS),
+                deviation(BIAS + 1),
+                deviation(BIAS + 2),
+            ),
         }
     }
 
@@ -352,14 +418,56 @@ impl Candidate {
         &self.attitude
     }
 
-    /// Velocity gained since the first sighting, turned to east and north, m/s.
-    pub(crate) fn velocity_en_mps(&self) -> Vector2<f64> {
-        let u = self.velocity_mps.map(f64::from);
+    /// Velocity gained since the last sighting, turned to east and north, m/s.
+    pub(crate) fn gained_en_mps(&self) -> Vector2<f64> {
+        let u = (self.velocity_mps - self.seen_mps).map(f64::from);
         let turn = self.rotation.map(f64::from);
         let length = math::max(math::sqrt(turn.norm_squared()), 1e-3);
         let (cos, sin) = (turn.x / length, turn.y / length);
         Vector2::new(cos * u.x - sin * u.y, sin * u.x + cos * u.y)
     }
+}
+
+/// A squared residual, in sigmas, that cannot say more than an outlier does.
+fn limited(ratio: f32) -> f32 {
+    let limit = OUTLIER_SIGMAS * OUTLIER_SIGMAS;
+    if ratio < limit { ratio } else { limit }
+}
+
+/// What stands beside the sine for the second component.
+fn turned_back(d: &Vector2<f32>) -> Vector2<f32> {
+    Vector2::new(d.y, -d.x)
+}
+
+/// Whether nothing is known yet of a gyro bias beyond the preset.
+fn is_unknown(known: &Parameters, axis: usize, config: &Config) -> bool {
+    let parameter = index::GYRO + axis;
+    let preset = single(config.sensors.gyro_bias_radps);
+    known.value(parameter) == 0.0 && known.sigma(parameter) >= f64::from(preset)
+}
+
+/// Spread of a gyro bias, rad/s. The preset says what is usual of units, not what one may be.
+fn gyro_sigma(known: &Parameters, axis: usize, config: &Config) -> f64 {
+    let sigma = known.sigma(index::GYRO + axis);
+    if is_unknown(known, axis, config) {
+        UNUSUAL * sigma
+    } else {
+        sigma
+    }
+}
+
+/// Largest spread of a gyro bias, rad/s.
+pub(crate) fn widest_gyro_sigma(known: &Parameters, config: &Config) -> f64 {
+    (0..3).fold(0.0, |widest, axis| {
+        math::max(widest, gyro_sigma(known, axis, config))
+    })
+}
+
+/// Whether a gyro bias may turn the frame by more than is linear while the heading is sought.
+pub(crate) fn may_turn_far(known: &Parameters, config: &Config) -> bool {
+    (0..3).any(|axis| {
+        is_unknown(known, axis, config) && gyro_sigma(known, axis, config) > LINEAR_BIAS_RADPS
+    })
 }
 
 /// What a candidate has found.

@@ -19,6 +19,8 @@ pub struct RestMean {
     pub rate_radps: Vector3<f64>,
     /// Mean specific force, m/s^2.
     pub force_mps2: Vector3<f64>,
+    /// Sum over blocks of the squared rate's distance from the mean, per axis.
+    scatter: Vector3<f64>,
     swing: Swing,
 }
 
@@ -27,7 +29,9 @@ impl RestMean {
     pub fn add(&mut self, block: &RestBlock) {
         self.seconds += block.seconds;
         let part = block.seconds / self.seconds;
-        self.rate_radps += part * (block.rate_radps - self.rate_radps);
+        let off = block.rate_radps - self.rate_radps;
+        self.rate_radps += part * off;
+        self.scatter += (1.0 - part) * block.seconds * off.component_mul(&off);
         self.force_mps2 += part * (block.force_mps2 - self.force_mps2);
         if let Some(up) = self.up() {
             self.swing.add(block.seconds, up.dot(&block.rate_radps));
@@ -39,14 +43,18 @@ impl RestMean {
         self.force_mps2.try_normalize(GRAVITY_EQUATOR_MPS2 / 2.0)
     }
 
-    /// Variance of the mean rate as a gyro bias, per axis, `(rad/s)^2`: noise, and a slow turn
-    /// about the up axis, wherever that is in the body.
+    /// Variance of the mean rate as a gyro bias, per axis, `(rad/s)^2`: noise or what the blocks
+    /// scatter by (waves), and a slow turn about the up axis, wherever that is in the body.
     pub(crate) fn gyro_variance(&self, sensors: &SensorConfig) -> Vector3<f64> {
         let noise = rest::gyro_variance(sensors, self.seconds);
         let block = math::sqrt(rest::gyro_variance(sensors, 1.0));
         let swing = self.swing.variance(block);
         let up = self.up().unwrap_or_default();
-        up.map(|part| noise + part * part * swing)
+        // The blocks' own estimate, with one degree of freedom gone.
+        let scatter = self.scatter / (self.seconds * math::max(self.seconds - 1.0, 1.0));
+        up.zip_map(&scatter, |part, scatter| {
+            math::max(noise, scatter) + part * part * swing
+        })
     }
 }
 

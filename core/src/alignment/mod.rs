@@ -17,8 +17,8 @@ mod swing;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 
-use self::bank::{Answer, Bank, Mixture};
-use self::candidate::Start;
+use self::bank::{Answer, Bank, GUESS_SIGMAS, Mixture};
+use self::candidate::{Start, widest_gyro_sigma};
 use self::coarse::{CoarseLevel, Level};
 use self::levelling::RestMean;
 use self::nodes::Nodes;
@@ -231,6 +231,9 @@ impl Alignment {
         let Some(sighting) = self.sightings.add(fix, config) else {
             return;
         };
+        if sighting.moves() {
+            self.detector.on_motion();
+        }
         self.coarse
             .on_velocity(&sighting.velocity_mps.map(f64::from));
         if let Search::Finding(bank) = &mut self.search {
@@ -283,18 +286,12 @@ impl Alignment {
         if !in_vain && !(waited > WAIT_MOVING_S && moving && speed > MOVING_MPS) {
             return None;
         }
-        let level = self.coarse.level(self.gyro_sigma())?;
+        let level = self.coarse.level(widest_gyro_sigma(&self.known, config))?;
         let good = level.tilt_sigma_rad < COARSE_TILT_RAD || (in_vain && self.coarse.is_long());
         good.then(|| Levelled {
             level,
             heading: given(config, self.turn_rad),
         })
-    }
-
-    /// Largest spread of a gyro bias, rad/s.
-    fn gyro_sigma(&self) -> f64 {
-        let sigma = |axis| self.known.sigma(index::GYRO + axis);
-        math::max(math::max(sigma(0), sigma(1)), sigma(2))
     }
 
     fn level_from_rest(&mut self, earth: &LocalEarth, config: &Config) -> Levelled {
@@ -428,7 +425,8 @@ impl Alignment {
             Answer::Wait => {}
             Answer::Ready(mixture) => {
                 let (bank, best) = (*bank, mixture.best);
-                self.learn(&mixture);
+                let factor = if bank.is_guess() { GUESS_SIGMAS } else { 1.0 };
+                self.learn(&mixture, factor);
                 self.search = Search::Found(bank, best);
             }
             Answer::Wrong => {
@@ -441,7 +439,7 @@ impl Alignment {
         }
     }
 
-    fn learn(&mut self, mixture: &Mixture) {
+    fn learn(&mut self, mixture: &Mixture, factor: f64) {
         let found = &mixture.found;
         self.known
             .set(index::AZIMUTH, 0.0, mixture.rotation_sigma_rad);
@@ -449,23 +447,34 @@ impl Alignment {
             .set(index::LATENCY, mixture.latency_s, mixture.latency_sigma_s);
         let gyros = found.gyro_bias_radps.iter().zip(&found.gyro_sigma_radps);
         for (axis, (bias, sigma)) in gyros.enumerate() {
-            if *sigma < self.known.sigma(index::GYRO + axis) {
-                self.known.set(index::GYRO + axis, *bias, *sigma);
+            let sigma = factor * sigma;
+            if factor > 1.0 || sigma < self.known.sigma(index::GYRO + axis) {
+                self.known.set(index::GYRO + axis, *bias, sigma);
             }
         }
     }
 
-    /// Hands over, at the end of a node.
+    /// Hands over, at the end of a node, or seeks once more from what was found.
     #[inline(never)]
     fn finish(&mut self, time: Time, config: &Config) {
         let (Search::Found(bank, best), Some((fixed, place))) = (&self.search, self.place) else {
             return;
         };
-        let (Some(candidate), Some(level)) = (bank.candidate(*best), bank.velocity_en_mps(*best))
-        else {
+        let (Some(candidate), Some(level)) = (
+            bank.candidate(*best),
+            bank.velocity_en_mps(*best, &self.sightings),
+        ) else {
             return;
         };
         let found = candidate.found();
+        if bank.is_guess() {
+            let level = Level {
+                attitude: *candidate.attitude(),
+                tilt_sigma_rad: GUESS_SIGMAS * found.tilt_sigma_rad,
+            };
+            self.find(time, &level, config);
+            return;
+        }
         let up_mps = self
             .last_fix
             .and_then(|fix| fix.velocity_up_mps)
@@ -477,7 +486,7 @@ impl Alignment {
             ins.move_by(&ins.local_earth(), &(age_s * velocity));
         }
         ins.turn_heading(-found.rotation_rad);
-        let level = config.level_sigma();
+        let level = config.sensors.accel_bias_mps2 / GRAVITY_EQUATOR_MPS2;
         let tilt = found.tilt_sigma_rad * found.tilt_sigma_rad + level * level;
         self.aligned = Some(Aligned {
             ins,

@@ -23,6 +23,8 @@ const ALIKE_S: f64 = 1.0;
 /// Change of a position error within a second, m: what receivers smooth leaves decimetres, a
 /// metre where they do not.
 const WANDER_M: f64 = 0.5;
+/// Speed that shows motion, sigmas.
+const MOTION_SIGMAS: f32 = 4.0;
 /// Sightings that wait.
 const KEPT: u32 = 16;
 
@@ -36,8 +38,18 @@ pub(crate) struct Sighting {
     pub(crate) span_s: f32,
     /// East and north, m/s.
     pub(crate) velocity_mps: Vector2<f32>,
-    /// Standard deviation of each component if successive ones were independent, m/s.
+    /// Standard deviation of each component, m/s.
     pub(crate) sigma_mps: f32,
+    /// How many successive ones share their errors.
+    pub(crate) alike: f32,
+}
+
+impl Sighting {
+    /// Whether the speed is above its noise.
+    pub(crate) fn moves(&self) -> bool {
+        let least = MOTION_SIGMAS * self.sigma_mps;
+        self.velocity_mps.norm_squared() > least * least
+    }
 }
 
 /// The last sightings, numbered from the first one ever.
@@ -107,7 +119,8 @@ impl Sightings {
             time: fix.time,
             span_s: 0.0,
             velocity_mps: fix.velocity_en_mps?.map(math::single),
-            sigma_mps: math::single(sigma * math::sqrt(shared)),
+            sigma_mps: math::single(sigma),
+            alike: math::single(shared),
         })
     }
 
@@ -131,6 +144,7 @@ impl Sightings {
             span_s: math::single(span_s),
             velocity_mps: velocity.map(math::single),
             sigma_mps: math::single(core::f64::consts::SQRT_2 * WANDER_M / span_s),
+            alike: 1.0,
         })
     }
 }

@@ -51,12 +51,15 @@ impl Swing {
         };
         let fit = inverse * self.with_rate;
         let left = math::max(self.square - fit.dot(&self.with_rate), 0.0) / (count - 3.0);
-        let noise = math::max(left, noise_radps * noise_radps);
+        let least = noise_radps * noise_radps;
+        let noise = math::max(left, least);
+        // What a parabola leaves of a swing is as large as what its mean may hide.
+        let waves = noise - least;
         let middle = 0.5 * self.seconds / SLOWEST_S;
         let slope = fit.y + middle * fit.z;
         let slope_variance =
             inverse.m22 + 2.0 * middle * inverse.m23 + middle * middle * inverse.m33;
-        let swing = slope * slope + fit.z * fit.z + noise * (slope_variance + inverse.m33);
+        let swing = slope * slope + fit.z * fit.z + waves + noise * (slope_variance + inverse.m33);
         math::min(swing, unseen)
     }
 }
