@@ -10,7 +10,7 @@
 
 use nalgebra::Vector2;
 
-use super::candidate::{Candidate, Found, Gain, Start, may_turn_far};
+use super::candidate::{Candidate, Found, Start};
 use super::nodes::Nodes;
 use super::sightings::{Sighting, Sightings};
 use crate::config::Config;
@@ -38,10 +38,6 @@ const LENGTH_ERROR: f64 = 0.1;
 const ROTATION_SIGMA_RAD: f64 = 0.06;
 const TILT_SIGMA_RAD: f64 = 0.05;
 const SHIFT_SIGMA_S: f64 = 0.1;
-/// A search that may start too far off is a first guess: it needs half as sharp spreads, and a
-/// second one starts with this many of them.
-const GUESS_FACTOR: f64 = 2.0;
-pub(super) const GUESS_SIGMAS: f64 = 3.0;
 /// Time in motion after which twice as much will do, and so on, up to the largest factor: 0.36
 /// rad of heading, 0.3 of tilt, 0.6 s.
 const PATIENCE_S: f64 = 30.0;
@@ -63,7 +59,8 @@ pub(crate) struct Bank {
     moving_s: f32,
     last_sighting: Time,
     up_rate_radps: f32,
-    guess: bool,
+    /// The likeliest when last asked.
+    leader: u8,
 }
 
 /// What all candidates say together, and the one that says it best.
@@ -109,13 +106,8 @@ impl Bank {
             moving_s: 0.0,
             last_sighting: start.time,
             up_rate_radps: math::single(start.earth_rate_radps.y),
-            guess: may_turn_far(known, config),
+            leader: 0,
         }
-    }
-
-    /// Whether it started too far off to be more than a guess.
-    pub(crate) fn is_guess(&self) -> bool {
-        self.guess
     }
 
     /// Whether GNSS has seen it move.
@@ -166,32 +158,27 @@ impl Bank {
         sightings: &Sightings,
         config: &Config,
     ) -> bool {
-        let leads = self.best() == which;
+        let leads = self.leader == which;
         let Some(candidate) = self.candidates.get_mut(usize::from(which)) else {
             return false;
         };
         let Some(node) = nodes.get(candidate.node) else {
             return false;
         };
-        let next = self.first.and_then(|first| {
+        let next = self.first.and_then(|_| {
             if candidate.sighting < sightings.oldest() {
                 candidate.sighting = sightings.oldest();
             }
-            Some((first, sightings.get(candidate.sighting)?))
+            sightings.get(candidate.sighting)
         });
-        if let Some((first, sighting)) = next {
+        if let Some(sighting) = next {
             let seconds = candidate.seconds_to(sighting.time);
             if seconds < -node.seconds() {
                 candidate.sighting += 1;
                 return true;
             }
             if seconds < node.seconds() {
-                let gain = Gain {
-                    sighting: *sighting,
-                    velocity_mps: sighting.velocity_mps - first.velocity_mps,
-                    excess: self.excess,
-                };
-                let misfit = candidate.compare(&gain, node, config);
+                let misfit = candidate.compare(sighting, self.excess, node, config);
                 if leads {
                     self.judge(misfit, sighting);
                 }
@@ -216,10 +203,11 @@ impl Bank {
 
     /// The likeliest.
     pub(crate) fn best(&self) -> u8 {
-        let mut best = (0, f32::NEG_INFINITY);
+        let mut best = (0, f64::NEG_INFINITY);
         for (which, candidate) in (0..).zip(&self.candidates) {
-            if candidate.log_likelihood > best.1 {
-                best = (which, candidate.log_likelihood);
+            let evidence = evidence(candidate, &candidate.found());
+            if evidence > best.1 {
+                best = (which, evidence);
             }
         }
         best.0
@@ -253,14 +241,14 @@ impl Bank {
 
     /// Whether they have found enough.
     #[inline(never)]
-    pub(crate) fn answer(&self) -> Answer {
+    pub(crate) fn answer(&mut self) -> Answer {
+        self.leader = self.best();
         let mixture = match self.mixture() {
             Some(mixture) if self.has_moved() => mixture,
             _ => return Answer::Wait,
         };
         let factor = 1.0 + f64::from(self.moving_s) / PATIENCE_S;
-        let guess = if self.guess { GUESS_FACTOR } else { 1.0 };
-        let factor = guess * math::min(factor, LARGEST_FACTOR);
+        let factor = math::min(factor, LARGEST_FACTOR);
         let found = &mixture.found;
         let good = mixture.rotation_sigma_rad < factor * ROTATION_SIGMA_RAD
             && found.tilt_sigma_rad < factor * TILT_SIGMA_RAD
@@ -279,15 +267,16 @@ impl Bank {
     /// The mean of the mixture, and its variance about the best.
     fn mixture(&self) -> Option<Mixture> {
         let best = self.best();
-        let found = self.candidate(best)?.found();
-        let top = self.candidate(best)?.log_likelihood;
+        let candidate = self.candidate(best)?;
+        let found = candidate.found();
+        let top = evidence(candidate, &found);
         let (mut sum, mut turn, mut late, mut late_square) = (0.0, 0.0, 0.0, 0.0);
         for candidate in &self.candidates {
-            let weight = libm::exp(f64::from(candidate.log_likelihood - top));
+            let other = candidate.found();
+            let weight = libm::exp(evidence(candidate, &other) - top);
             if weight < 1e-4 {
                 continue;
             }
-            let other = candidate.found();
             let off = crate::earth::wrap_pi(other.rotation_rad - found.rotation_rad);
             sum += weight;
             turn += weight * (off * off + other.rotation_sigma_rad * other.rotation_sigma_rad);
@@ -304,4 +293,11 @@ impl Bank {
             latency_sigma_s: math::sqrt(math::max(late_square / sum - latency_s * latency_s, 0.0)),
         })
     }
+}
+
+/// Logarithm of how likely a candidate is, with the length that its cosine and sine must have.
+fn evidence(candidate: &Candidate, found: &Found) -> f64 {
+    let off = (found.length - 1.0) / (found.length_sigma + LENGTH_ERROR);
+    let unlikely = math::min(off * off, LENGTH_SIGMAS * LENGTH_SIGMAS);
+    f64::from(candidate.log_likelihood) - 0.5 * unlikely
 }

@@ -53,15 +53,21 @@ const STEADY_SIGMAS: f32 = 3.0;
 const OUTLIER_SIGMAS: f32 = 3.0;
 /// Largest spread of an angle at which cosine and sine are linear in it, rad.
 const KNOWN_ANGLE_RAD: f64 = 0.35;
+/// Spread beyond which it is given up, and length below which cosine and sine show no angle.
+const LOST_ANGLE_RAD: f64 = 0.6;
+const SEEN_LENGTH: f64 = 0.2;
+/// Time without a change of velocity after which motion is steady, s.
+const STEADY_S: f32 = 5.0;
+/// Time after such a change in which it may go on below the noise, and time over which the mean
+/// is taken that keeps the noise out of what counts as motion, s.
+const HOLD_S: f32 = 2.0;
+const MEAN_S: f64 = 0.2;
 /// What the length of cosine and sine is off by the scale errors of both sensors.
 const LENGTH_ERROR: f64 = 0.05;
 /// Walk of the latency, s/sqrt(s): what was found while it was far off is worth less.
 const LATENCY_WALK: f64 = 0.02;
 /// Spread of the gyro biases of units of which nothing is known yet, in those of the preset.
 const UNUSUAL: f64 = 3.0;
-/// Spread of a gyro bias that keeps the turn of the frame linear while the heading is sought,
-/// rad/s: a third of a radian in ten seconds.
-const LINEAR_BIAS_RADPS: f64 = 0.035;
 /// Acceleration of a vehicle while the first mean velocity is taken, m/s^2.
 const FIRST_ACCEL_MPS2: f32 = 2.0;
 /// Time over which an acceleration keeps its direction in the body, s.
@@ -93,6 +99,8 @@ pub(crate) struct Candidate {
     attitude: UnitQuaternion<f64>,
     gyro_bias_radps: Vector3<f64>,
     latency_s: f32,
+    /// What the first sighting saw, E and N, m/s; none before it.
+    first_mps: Option<Vector2<f32>>,
     /// Velocity gained since the first sighting, way since the last, and velocity there.
     velocity_mps: Vector2<f32>,
     way_m: Vector2<f32>,
@@ -101,24 +109,22 @@ pub(crate) struct Candidate {
     seen_mps: Vector2<f32>,
     /// Gain of GNSS velocity that counts as motion, m/s.
     moved_mps: Vector2<f32>,
+    /// The last gain that differed by more than noise, and for how long none did.
+    mark_mps: Vector2<f32>,
+    steady_s: f32,
+    last_sighting: Time,
     /// Acceleration, smoothed, and at the first sighting.
     accel_mps2: Vector2<f32>,
-    first_accel_mps2: Option<Vector2<f32>>,
+    first_accel_mps2: Vector2<f32>,
+    /// Spread of the angle of cosine and sine, rad.
+    angle_sigma_rad: f32,
+    /// Whether it was ever known.
+    knew_angle: bool,
     /// Cosine and sine.
     rotation: Vector2<f32>,
     covariance: Covariance<COUNT, PAIRS>,
     /// Logarithm of the likelihood of all it has seen.
     pub(crate) log_likelihood: f32,
-}
-
-/// What GNSS measured, against the first sighting.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Gain {
-    pub(crate) sighting: Sighting,
-    /// Velocity gained since the first, E and N, m/s.
-    pub(crate) velocity_mps: Vector2<f32>,
-    /// Factor by which the noise proved larger, in variance.
-    pub(crate) excess: f32,
 }
 
 impl Candidate {
@@ -157,13 +163,19 @@ impl Candidate {
             attitude: start.attitude,
             gyro_bias_radps: known.vector(index::GYRO),
             latency_s: single(latency_s),
+            first_mps: None,
             velocity_mps: Vector2::zeros(),
             way_m: Vector2::zeros(),
             velocity_before_mps: Vector2::zeros(),
             seen_mps: Vector2::zeros(),
             moved_mps: Vector2::zeros(),
+            mark_mps: Vector2::zeros(),
+            steady_s: 0.0,
+            last_sighting: start.time,
             accel_mps2: Vector2::zeros(),
-            first_accel_mps2: None,
+            first_accel_mps2: Vector2::zeros(),
+            angle_sigma_rad: f32::INFINITY,
+            knew_angle: false,
             rotation: Vector2::zeros(),
             covariance: Covariance::from_sigma(&Row::from(sigma)),
             log_likelihood: 0.0,
@@ -223,10 +235,8 @@ impl Candidate {
         let tilt = s.gyro_noise * s.gyro_noise * seconds
             + (bias * bias + s.gyro_scale * s.gyro_scale) * turned;
         let push = f64::from(force.xy().norm_squared()) * PUSH_S / seconds;
-        // Second order of the turn: f (1 - cos).
-        let bent = f64::from(self.covariance.variance(TILT + 2));
-        let velocity = s.accel_noise * s.accel_noise * seconds
-            + (s.accel_scale * s.accel_scale + bent * bent) * push;
+        let velocity =
+            s.accel_noise * s.accel_noise * seconds + s.accel_scale * s.accel_scale * push;
         for axis in 0..2 {
             self.covariance.widen(ERROR + axis, single(velocity));
             self.covariance.widen(TILT + axis, single(tilt));
@@ -237,11 +247,18 @@ impl Candidate {
             .widen(LATENCY, single(LATENCY_WALK * LATENCY_WALK * seconds));
     }
 
-    /// Compares with what GNSS saw; the moment lies in `node`, which comes next. Returns the mean
-    /// square of the two residuals over what they should be.
-    pub(crate) fn compare(&mut self, gain: &Gain, node: &Node, config: &Config) -> f32 {
+    /// Compares with what GNSS saw; the moment lies in `node`, which comes next. `excess` is by how
+    /// much its noise proved larger, in variance. Returns the mean square of the two residuals
+    /// over what they should be.
+    pub(crate) fn compare(
+        &mut self,
+        sighting: &Sighting,
+        excess: f32,
+        node: &Node,
+        config: &Config,
+    ) -> f32 {
         self.sighting += 1;
-        let seconds = single(self.seconds_to(gain.sighting.time));
+        let seconds = single(self.seconds_to(sighting.time));
         let body = matrix(&self.attitude);
         let (turn, gained) = node.without_bias(&self.gyro_bias_radps, &Vector3::zeros());
         let force = (body * gained).map(single) / single(node.seconds());
@@ -249,11 +266,11 @@ impl Candidate {
         let velocity = self.velocity_mps + seconds * accel;
         let way = self.way_m + seconds * (self.velocity_mps + 0.5 * seconds * accel);
         self.way_m = -seconds * (self.velocity_mps + 0.5 * seconds * accel);
-        let Some(first_accel) = self.first_accel_mps2 else {
-            self.begin(&gain.sighting, &velocity);
+        let Some(first) = self.first_mps else {
+            self.begin(sighting, &velocity);
             return 1.0;
         };
-        let span_s = gain.sighting.span_s;
+        let span_s = sighting.span_s;
         let (seen, pushed, back_s) = if span_s > 0.0 {
             let mean_accel = (velocity - self.velocity_before_mps) / span_s;
             (way / span_s, mean_accel, seconds - 0.5 * span_s)
@@ -263,22 +280,21 @@ impl Candidate {
         self.velocity_before_mps = velocity;
         let up_rate = single((body * turn).z) / single(node.seconds());
         let lever = single(config.gnss.lever_arm_sigma_m) * up_rate;
-        let white = gain.excess * gain.sighting.sigma_mps * gain.sighting.sigma_mps;
-        let d = gain.velocity_mps;
-        let least = STEADY_SIGMAS * STEADY_SIGMAS * 2.0 * white;
-        if (d - self.moved_mps).norm_squared() > least {
-            self.moved_mps = d;
-        }
+        let white = excess * sighting.sigma_mps * sighting.sigma_mps;
+        let d = sighting.velocity_mps - first;
+        let since_s = sighting.time.seconds_since(self.last_sighting);
+        self.last_sighting = sighting.time;
+        self.follow(&d, &seen, white, since_s);
         let moved = self.moved_mps;
         let unknown = self.covariance.variance(COS) + self.covariance.variance(SIN);
         // Second order of the latency: half the jerk times its square.
         let late = self.covariance.variance(LATENCY);
         let jerk = (accel - self.accel_mps2) / single(SMOOTH_S);
-        let noise = gain.sighting.alike * white
+        let noise = sighting.alike * white
             + lever * lever
             + 0.5 * late * late * jerk.norm_squared()
             + 0.5 * unknown * (d - moved).norm_squared();
-        let late = pushed - first_accel;
+        let late = pushed - self.first_accel_mps2;
         let rows = [
             row(0, &moved, back_s, &force, late.x),
             row(1, &turned_back(&moved), back_s, &force, late.y),
@@ -299,16 +315,72 @@ impl Candidate {
         self.seen_mps = seen;
         self.correct(&correction);
         self.normalize();
+        self.anchor(&moved);
+        if self.steady_s > STEADY_S && self.is_lost() {
+            self.lose();
+            self.begin(sighting, &velocity);
+        }
         misfit
+    }
+
+    /// What of the gain counts as motion. What the INS shows, turned by what is known of the
+    /// angle, has no noise; where GNSS contradicts it, or nothing is known, a mean of what GNSS
+    /// saw over the last second counts, while that changes by more than can be noise.
+    fn follow(&mut self, d: &Vector2<f32>, seen: &Vector2<f32>, white: f32, since_s: f64) {
+        let least = STEADY_SIGMAS * STEADY_SIGMAS * 2.0 * white;
+        self.steady_s += single(since_s);
+        if (d - self.mark_mps).norm_squared() > least {
+            self.mark_mps = *d;
+            self.steady_s = 0.0;
+        }
+        let (cos, sin) = (self.rotation.x, self.rotation.y);
+        let shown = Vector2::new(cos * seen.x - sin * seen.y, sin * seen.x + cos * seen.y);
+        if self.knows_angle() && (d - shown).norm_squared() < least {
+            self.moved_mps = shown;
+        } else if self.steady_s < HOLD_S {
+            let part = single(since_s / (since_s + MEAN_S));
+            self.moved_mps += part * (d - self.moved_mps);
+        }
+    }
+
+    /// Whether cosine and sine are linear in their angle.
+    fn knows_angle(&self) -> bool {
+        f64::from(self.angle_sigma_rad) < KNOWN_ANGLE_RAD
+    }
+
+    /// Whether what was known of the angle, if anything, is so vague that it is not linear.
+    fn is_lost(&self) -> bool {
+        let limit = if self.knew_angle {
+            LOST_ANGLE_RAD
+        } else {
+            core::f64::consts::PI
+        };
+        f64::from(self.angle_sigma_rad) > limit
+    }
+
+    /// Forgets a heading that is hardly known, in steady motion: beyond some angle the equations
+    /// are not linear, and a heading that is not known at all has an exact beginning.
+    fn lose(&mut self) {
+        self.rotation = Vector2::zeros();
+        self.angle_sigma_rad = f32::INFINITY;
+        self.knew_angle = false;
+        for unknown in [COS, SIN] {
+            self.covariance.renew(unknown, 0.5);
+        }
     }
 
     /// The first sighting: velocities count from here.
     fn begin(&mut self, first: &Sighting, velocity: &Vector2<f32>) {
         self.velocity_mps -= velocity;
-        // Way and velocity so far were those before the zero was set.
+        self.first_mps = Some(first.velocity_mps);
         self.way_m = Vector2::zeros();
         self.velocity_before_mps = Vector2::zeros();
-        self.first_accel_mps2 = Some(self.accel_mps2);
+        self.seen_mps = Vector2::zeros();
+        self.moved_mps = Vector2::zeros();
+        self.mark_mps = Vector2::zeros();
+        self.steady_s = 0.0;
+        self.last_sighting = first.time;
+        self.first_accel_mps2 = self.accel_mps2;
         let off = 0.5 * first.span_s * FIRST_ACCEL_MPS2;
         for axis in 0..2 {
             let noise = first.alike * first.sigma_mps * first.sigma_mps + off * off;
@@ -338,8 +410,11 @@ impl Candidate {
     fn normalize(&mut self) {
         let (turn, grow) = self.directions();
         let angle = self.covariance.sigma_of(&turn);
+        let seen = math::sqrt(f64::from(self.rotation.norm_squared())) > SEEN_LENGTH;
+        self.angle_sigma_rad = if seen { single(angle) } else { f32::INFINITY };
         let length = self.covariance.sigma_of(&grow);
-        if !(angle < KNOWN_ANGLE_RAD && length > LENGTH_ERROR) {
+        self.knew_angle |= self.knows_angle();
+        if !(self.knows_angle() && length > LENGTH_ERROR) {
             return;
         }
         let off = 1.0 - math::sqrt(f64::from(self.rotation.norm_squared()));
@@ -349,6 +424,20 @@ impl Candidate {
         let (ratio, _) = self.weigh(&grow, single(off), single(noise), &mut correction);
         self.log_likelihood -= 0.5 * limited(ratio);
         self.correct(&correction);
+    }
+
+    /// Lets the frame of now be the one that is sought: `(c, s)` turn by what the frame has turned
+    /// since the last time, `e` by what that makes of the velocity. A turn of before the heading
+    /// shows is then forgotten: any rotation is as likely as another.
+    fn anchor(&mut self, moved: &Vector2<f32>) {
+        let turn = self.rotation;
+        let (x, y) = (turn.dot(moved), turn.dot(&turned_back(moved)));
+        let p = &mut self.covariance;
+        p.shear(COS, TILT + 2, -turn.y);
+        p.shear(SIN, TILT + 2, turn.x);
+        p.shear(ERROR, TILT + 2, -y);
+        p.shear(ERROR + 1, TILT + 2, x);
+        p.renew(TILT + 2, 0.0);
     }
 
     /// What the angle of cosine and sine, with the turn since, and their length hang on.
@@ -460,13 +549,6 @@ fn gyro_sigma(known: &Parameters, axis: usize, config: &Config) -> f64 {
 pub(crate) fn widest_gyro_sigma(known: &Parameters, config: &Config) -> f64 {
     (0..3).fold(0.0, |widest, axis| {
         math::max(widest, gyro_sigma(known, axis, config))
-    })
-}
-
-/// Whether a gyro bias may turn the frame by more than is linear while the heading is sought.
-pub(crate) fn may_turn_far(known: &Parameters, config: &Config) -> bool {
-    (0..3).any(|axis| {
-        is_unknown(known, axis, config) && gyro_sigma(known, axis, config) > LINEAR_BIAS_RADPS
     })
 }
 

@@ -3,11 +3,14 @@
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::rest::{self, RestBlock};
-use super::swing::Swing;
+use super::swing::{Swing, UNSEEN_RADPS};
 use crate::attitude::{Euler, from_euler};
 use crate::config::SensorConfig;
 use crate::earth::{GRAVITY_EQUATOR_MPS2, LocalEarth};
 use crate::math;
+
+/// Rest whose blocks tell noise from waves, s.
+const LEAST_SCATTER_S: f64 = 4.0;
 
 /// Means over all blocks at rest so far, body axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -50,8 +53,11 @@ impl RestMean {
         let block = math::sqrt(rest::gyro_variance(sensors, 1.0));
         let swing = self.swing.variance(block);
         let up = self.up().unwrap_or_default();
-        // The blocks' own estimate, with one degree of freedom gone.
-        let scatter = self.scatter / (self.seconds * math::max(self.seconds - 1.0, 1.0));
+        // Of a few blocks the scatter says nothing; a wave may then be all that was read.
+        if self.seconds < LEAST_SCATTER_S {
+            return Vector3::repeat(noise + UNSEEN_RADPS * UNSEEN_RADPS);
+        }
+        let scatter = self.scatter / (self.seconds * (self.seconds - 2.0));
         up.zip_map(&scatter, |part, scatter| {
             math::max(noise, scatter) + part * part * swing
         })

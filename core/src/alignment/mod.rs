@@ -17,7 +17,7 @@ mod swing;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 
-use self::bank::{Answer, Bank, GUESS_SIGMAS, Mixture};
+use self::bank::{Answer, Bank, Mixture};
 use self::candidate::{Start, widest_gyro_sigma};
 use self::coarse::{CoarseLevel, Level};
 use self::levelling::RestMean;
@@ -418,15 +418,14 @@ impl Alignment {
     /// Asks whether enough is found.
     #[inline(never)]
     fn ask(&mut self, time: Time) {
-        let Search::Finding(bank) = &self.search else {
+        let Search::Finding(bank) = &mut self.search else {
             return;
         };
         match bank.answer() {
             Answer::Wait => {}
             Answer::Ready(mixture) => {
                 let (bank, best) = (*bank, mixture.best);
-                let factor = if bank.is_guess() { GUESS_SIGMAS } else { 1.0 };
-                self.learn(&mixture, factor);
+                self.learn(&mixture);
                 self.search = Search::Found(bank, best);
             }
             Answer::Wrong => {
@@ -439,7 +438,7 @@ impl Alignment {
         }
     }
 
-    fn learn(&mut self, mixture: &Mixture, factor: f64) {
+    fn learn(&mut self, mixture: &Mixture) {
         let found = &mixture.found;
         self.known
             .set(index::AZIMUTH, 0.0, mixture.rotation_sigma_rad);
@@ -447,14 +446,13 @@ impl Alignment {
             .set(index::LATENCY, mixture.latency_s, mixture.latency_sigma_s);
         let gyros = found.gyro_bias_radps.iter().zip(&found.gyro_sigma_radps);
         for (axis, (bias, sigma)) in gyros.enumerate() {
-            let sigma = factor * sigma;
-            if factor > 1.0 || sigma < self.known.sigma(index::GYRO + axis) {
-                self.known.set(index::GYRO + axis, *bias, sigma);
+            if *sigma < self.known.sigma(index::GYRO + axis) {
+                self.known.set(index::GYRO + axis, *bias, *sigma);
             }
         }
     }
 
-    /// Hands over, at the end of a node, or seeks once more from what was found.
+    /// Hands over, at the end of a node.
     #[inline(never)]
     fn finish(&mut self, time: Time, config: &Config) {
         let (Search::Found(bank, best), Some((fixed, place))) = (&self.search, self.place) else {
@@ -467,14 +465,6 @@ impl Alignment {
             return;
         };
         let found = candidate.found();
-        if bank.is_guess() {
-            let level = Level {
-                attitude: *candidate.attitude(),
-                tilt_sigma_rad: GUESS_SIGMAS * found.tilt_sigma_rad,
-            };
-            self.find(time, &level, config);
-            return;
-        }
         let up_mps = self
             .last_fix
             .and_then(|fix| fix.velocity_up_mps)

@@ -19,10 +19,10 @@ const SPAN_S: f64 = 0.95;
 /// Longest: what happened between is lost in the mean.
 const LONGEST_SPAN_S: f64 = 5.0;
 /// Time over which a receiver's errors are taken to stay the same, s.
-const ALIKE_S: f64 = 1.0;
+const ALIKE_S: f64 = 2.0;
 /// Change of a position error within a second, m: what receivers smooth leaves decimetres, a
 /// metre where they do not.
-const WANDER_M: f64 = 0.5;
+const WANDER_M: f64 = 0.7;
 /// Speed that shows motion, sigmas.
 const MOTION_SIGMAS: f32 = 4.0;
 /// Sightings that wait.

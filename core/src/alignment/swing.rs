@@ -13,7 +13,7 @@ use crate::math;
 /// Time constant `1 / w` of the slowest swing, s: a vessel at anchor takes minutes.
 const SLOWEST_S: f64 = 50.0;
 /// Turn of a vehicle that passes for rest, rad/s: a third of a degree per second.
-const UNSEEN_RADPS: f64 = 6e-3;
+pub(super) const UNSEEN_RADPS: f64 = 6e-3;
 /// Blocks that a parabola uses up, and one more.
 const LEAST_BLOCKS: f64 = 4.0;
 
