@@ -14,6 +14,7 @@ use super::candidate::{Candidate, Found, Start};
 use super::nodes::Nodes;
 use super::sightings::{Sighting, Sightings};
 use crate::config::Config;
+use crate::earth::wrap_pi;
 use crate::estimators::parameters::Parameters;
 use crate::math;
 use crate::time::Time;
@@ -21,12 +22,16 @@ use crate::time::Time;
 /// Latencies supposed, s, and the spread of each: half the distance of two.
 const LATENCIES_S: [f64; 5] = [0.0, 0.4, -0.4, 0.8, -0.8];
 const LATENCY_SIGMA_S: f64 = 0.2;
+const LAST: u8 = 4;
 /// Moments before the first sighting that is taken, s: every candidate must have begun.
 const LEAD_S: f64 = 1.0;
 /// Time over which residuals are judged, s.
 const JUDGED_S: f64 = 10.0;
-/// Largest excess of the noise of GNSS, in variance.
+/// Largest excess of the noise of GNSS, in variance, and least: a velocity's is stated, but what
+/// positions wander by in a second differs by a factor of ten from receiver to receiver.
 const LARGEST_EXCESS: f32 = 400.0;
+const LEAST_EXCESS: f32 = 1.0;
+const LEAST_EXCESS_OF_MEANS: f32 = 0.04;
 /// Gain of speed that shows that the vehicle has begun to move, sigmas of a sighting.
 const MOVED_SIGMAS: f32 = 5.0;
 /// Residuals beyond which, though the noise was widened, two motions are not one.
@@ -59,6 +64,8 @@ pub(crate) struct Bank {
     moving_s: f32,
     last_sighting: Time,
     up_rate_radps: f32,
+    /// All have taken one sighting more since the last answer.
+    due: bool,
     /// The likeliest when last asked.
     leader: u8,
 }
@@ -106,6 +113,7 @@ impl Bank {
             moving_s: 0.0,
             last_sighting: start.time,
             up_rate_radps: math::single(start.earth_rate_radps.y),
+            due: false,
             leader: 0,
         }
     }
@@ -129,25 +137,30 @@ impl Bank {
             let gained = (sighting.velocity_mps - first.velocity_mps).norm_squared();
             let least = MOVED_SIGMAS * sighting.sigma_mps;
             let since_s = sighting.time.seconds_since(self.last_sighting);
-            if gained > least * least {
+            if gained > self.excess * least * least {
                 self.moving_s += math::single(math::min(since_s, 5.0));
             }
         }
         self.last_sighting = sighting.time;
     }
 
-    /// Does one piece of work; true if all have now taken one sighting more.
+    /// Does one piece of work; true if there is a new answer.
     pub(crate) fn work(&mut self, nodes: &Nodes, sightings: &Sightings, config: &Config) -> bool {
+        if self.due {
+            self.due = false;
+            return true;
+        }
         for _ in 0..LATENCIES_S.len() {
-            self.turn = (self.turn + 1) % 5;
+            self.turn = if self.turn < LAST { self.turn + 1 } else { 0 };
             if self.work_on(self.turn, nodes, sightings, config) {
                 break;
             }
         }
-        let taken = self.candidates.iter().map(|c| c.sighting).min();
-        let all = taken.is_some_and(|taken| taken > self.taken);
-        self.taken = taken.unwrap_or(self.taken);
-        all && self.first.is_some()
+        let all = self.candidates.iter().map(|c| c.sighting).min();
+        let taken = all.unwrap_or(self.taken);
+        self.due = taken > self.taken && self.first.is_some();
+        self.taken = taken;
+        false
     }
 
     /// One piece of work of one candidate, if there is any.
@@ -198,22 +211,20 @@ impl Bank {
         // One residual cannot do more than the window allows.
         let bounded = if misfit < 9.0 { misfit } else { 9.0 };
         let excess = self.excess * (1.0 + part * (bounded - 1.0));
-        self.excess = excess.clamp(1.0, LARGEST_EXCESS);
+        let least = if sighting.span_s > 0.0 {
+            LEAST_EXCESS_OF_MEANS
+        } else {
+            LEAST_EXCESS
+        };
+        self.excess = excess.clamp(least, LARGEST_EXCESS);
     }
 
-    /// The likeliest.
-    pub(crate) fn best(&self) -> u8 {
-        let mut best = (0, f64::NEG_INFINITY);
-        for (which, candidate) in (0..).zip(&self.candidates) {
-            let evidence = evidence(candidate, &candidate.found());
-            if evidence > best.1 {
-                best = (which, evidence);
-            }
-        }
-        best.0
+    /// The likeliest when last asked.
+    pub(crate) fn leader(&self) -> u8 {
+        self.leader
     }
 
-    /// The best candidate.
+    /// A candidate.
     pub(crate) fn candidate(&self, which: u8) -> Option<&Candidate> {
         self.candidates.get(usize::from(which))
     }
@@ -242,11 +253,14 @@ impl Bank {
     /// Whether they have found enough.
     #[inline(never)]
     pub(crate) fn answer(&mut self) -> Answer {
-        self.leader = self.best();
-        let mixture = match self.mixture() {
-            Some(mixture) if self.has_moved() => mixture,
-            _ => return Answer::Wait,
-        };
+        let mixture = self.mixture();
+        self.leader = mixture.best;
+        if !mixture.rotation_sigma_rad.is_finite() {
+            return Answer::Wrong;
+        }
+        if !self.has_moved() {
+            return Answer::Wait;
+        }
         let factor = 1.0 + f64::from(self.moving_s) / PATIENCE_S;
         let factor = math::min(factor, LARGEST_FACTOR);
         let found = &mixture.found;
@@ -265,33 +279,38 @@ impl Bank {
     }
 
     /// The mean of the mixture, and its variance about the best.
-    fn mixture(&self) -> Option<Mixture> {
-        let best = self.best();
-        let candidate = self.candidate(best)?;
-        let found = candidate.found();
-        let top = evidence(candidate, &found);
-        let (mut sum, mut turn, mut late, mut late_square) = (0.0, 0.0, 0.0, 0.0);
-        for candidate in &self.candidates {
-            let other = candidate.found();
-            let weight = libm::exp(evidence(candidate, &other) - top);
-            if weight < 1e-4 {
-                continue;
+    fn mixture(&self) -> Mixture {
+        let all = self.candidates.each_ref().map(|candidate| {
+            let found = candidate.found();
+            (evidence(candidate, &found), found)
+        });
+        let [(mut top, mut found), ..] = all;
+        let mut best = 0;
+        for (which, (evidence, other)) in (0..).zip(&all) {
+            if *evidence > top {
+                (best, top, found) = (which, *evidence, *other);
             }
-            let off = crate::earth::wrap_pi(other.rotation_rad - found.rotation_rad);
+        }
+        let (mut sum, mut turn, mut late, mut late_square) = (0.0, 0.0, 0.0, 0.0);
+        for (evidence, other) in &all {
+            let weight = libm::exp(evidence - top);
+            let off = wrap_pi(other.rotation_rad - found.rotation_rad);
+            let sigma = other.rotation_sigma_rad;
             sum += weight;
-            turn += weight * (off * off + other.rotation_sigma_rad * other.rotation_sigma_rad);
+            turn += weight * (off * off + sigma * sigma);
             late += weight * other.latency_s;
             let sigma = other.latency_sigma_s;
             late_square += weight * (other.latency_s * other.latency_s + sigma * sigma);
         }
         let latency_s = late / sum;
-        Some(Mixture {
+        let variance = late_square / sum - latency_s * latency_s;
+        Mixture {
             best,
             found,
             rotation_sigma_rad: math::sqrt(turn / sum),
             latency_s,
-            latency_sigma_s: math::sqrt(math::max(late_square / sum - latency_s * latency_s, 0.0)),
-        })
+            latency_sigma_s: math::sqrt(math::max(variance, 0.0)),
+        }
     }
 }
 

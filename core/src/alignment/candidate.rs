@@ -267,7 +267,7 @@ impl Candidate {
         let way = self.way_m + seconds * (self.velocity_mps + 0.5 * seconds * accel);
         self.way_m = -seconds * (self.velocity_mps + 0.5 * seconds * accel);
         let Some(first) = self.first_mps else {
-            self.begin(sighting, &velocity);
+            self.begin(sighting, velocity);
             return 1.0;
         };
         let span_s = sighting.span_s;
@@ -284,7 +284,7 @@ impl Candidate {
         let d = sighting.velocity_mps - first;
         let since_s = sighting.time.seconds_since(self.last_sighting);
         self.last_sighting = sighting.time;
-        self.follow(&d, &seen, white, since_s);
+        self.follow(d, seen, white, since_s);
         let moved = self.moved_mps;
         let unknown = self.covariance.variance(COS) + self.covariance.variance(SIN);
         // Second order of the latency: half the jerk times its square.
@@ -296,13 +296,13 @@ impl Candidate {
             + 0.5 * unknown * (d - moved).norm_squared();
         let late = pushed - self.first_accel_mps2;
         let rows = [
-            row(0, &moved, back_s, &force, late.x),
-            row(1, &turned_back(&moved), back_s, &force, late.y),
+            row(0, moved, back_s, &force, late.x),
+            row(1, turned_back(moved), back_s, &force, late.y),
         ];
         let [x, y] = rows;
         let residual = Vector2::new(
             seen.x - self.rotation.dot(&d),
-            seen.y - self.rotation.dot(&turned_back(&d)),
+            seen.y - self.rotation.dot(&turned_back(d)),
         );
         let mut correction = Row::zeros();
         let mut misfit = 0.0;
@@ -315,10 +315,10 @@ impl Candidate {
         self.seen_mps = seen;
         self.correct(&correction);
         self.normalize();
-        self.anchor(&moved);
+        self.anchor(moved);
         if self.steady_s > STEADY_S && self.is_lost() {
             self.lose();
-            self.begin(sighting, &velocity);
+            self.begin(sighting, velocity);
         }
         misfit
     }
@@ -326,11 +326,11 @@ impl Candidate {
     /// What of the gain counts as motion. What the INS shows, turned by what is known of the
     /// angle, has no noise; where GNSS contradicts it, or nothing is known, a mean of what GNSS
     /// saw over the last second counts, while that changes by more than can be noise.
-    fn follow(&mut self, d: &Vector2<f32>, seen: &Vector2<f32>, white: f32, since_s: f64) {
+    fn follow(&mut self, d: Vector2<f32>, seen: Vector2<f32>, white: f32, since_s: f64) {
         let least = STEADY_SIGMAS * STEADY_SIGMAS * 2.0 * white;
         self.steady_s += single(since_s);
         if (d - self.mark_mps).norm_squared() > least {
-            self.mark_mps = *d;
+            self.mark_mps = d;
             self.steady_s = 0.0;
         }
         let (cos, sin) = (self.rotation.x, self.rotation.y);
@@ -370,7 +370,7 @@ impl Candidate {
     }
 
     /// The first sighting: velocities count from here.
-    fn begin(&mut self, first: &Sighting, velocity: &Vector2<f32>) {
+    fn begin(&mut self, first: &Sighting, velocity: Vector2<f32>) {
         self.velocity_mps -= velocity;
         self.first_mps = Some(first.velocity_mps);
         self.way_m = Vector2::zeros();
@@ -429,9 +429,9 @@ impl Candidate {
     /// Lets the frame of now be the one that is sought: `(c, s)` turn by what the frame has turned
     /// since the last time, `e` by what that makes of the velocity. A turn of before the heading
     /// shows is then forgotten: any rotation is as likely as another.
-    fn anchor(&mut self, moved: &Vector2<f32>) {
+    fn anchor(&mut self, moved: Vector2<f32>) {
         let turn = self.rotation;
-        let (x, y) = (turn.dot(moved), turn.dot(&turned_back(moved)));
+        let (x, y) = (turn.dot(&moved), turn.dot(&turned_back(moved)));
         let p = &mut self.covariance;
         p.shear(COS, TILT + 2, -turn.y);
         p.shear(SIN, TILT + 2, turn.x);
@@ -524,7 +524,7 @@ fn limited(ratio: f32) -> f32 {
 }
 
 /// What stands beside the sine for the second component.
-fn turned_back(d: &Vector2<f32>) -> Vector2<f32> {
+fn turned_back(d: Vector2<f32>) -> Vector2<f32> {
     Vector2::new(d.y, -d.x)
 }
 
@@ -569,7 +569,7 @@ pub(crate) struct Found {
 }
 
 /// How a component of `u` hangs on the unknowns, `back_s` after the INS's moment.
-fn row(axis: usize, moved: &Vector2<f32>, back_s: f32, force: &Vector3<f32>, late: f32) -> Row {
+fn row(axis: usize, moved: Vector2<f32>, back_s: f32, force: &Vector3<f32>, late: f32) -> Row {
     let (x, y) = (back_s * force.x, back_s * force.y);
     let z = back_s * force.z;
     let (error, tilt) = if axis == 0 {

@@ -56,8 +56,8 @@ const UP_S: f64 = 2.0;
 const HEADING_SIGMA_RAD: f64 = 0.3;
 /// Sigmas by which the rate about up at rest may miss that of the Earth for a gyrocompass.
 const COMPASS_SIGMAS: f64 = 4.0;
-/// Pieces of work a second on nodes and sightings: half as many again as arise.
-const WORK_PER_S: f64 = 115.0;
+/// Pieces of work a second on nodes, sightings and answers: half as many again as arise.
+const WORK_PER_S: f64 = 120.0;
 /// Oldest fix whose position is carried on to the start of navigation, s.
 const OLDEST_FIX_S: f64 = 5.0;
 
@@ -166,7 +166,7 @@ impl Alignment {
             Search::Levelling => Search::Levelling,
             Search::Begin(attitude, sigma) => Search::Begin(*attitude, *sigma),
             Search::Finding(bank) | Search::Found(bank, _) => bank
-                .candidate(bank.best())
+                .candidate(bank.leader())
                 .map_or(Search::Levelling, |best| {
                     Search::Begin(*best.attitude(), RESUMED_TILT_RAD)
                 }),
@@ -283,7 +283,8 @@ impl Alignment {
         let waited = time.seconds_since(self.start);
         let speed = self.sightings.speed_mps();
         let in_vain = waited > WAIT_S;
-        if !in_vain && !(waited > WAIT_MOVING_S && moving && speed > MOVING_MPS) {
+        let moves = waited > WAIT_MOVING_S && moving && speed > MOVING_MPS;
+        if !in_vain && !moves {
             return None;
         }
         let level = self.coarse.level(widest_gyro_sigma(&self.known, config))?;

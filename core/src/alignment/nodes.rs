@@ -77,11 +77,6 @@ impl Default for Nodes {
 }
 
 impl Nodes {
-    /// Number of finished nodes.
-    pub(crate) fn count(&self) -> u32 {
-        self.count
-    }
-
     /// A node by its number, while it is kept.
     pub(crate) fn get(&self, number: u32) -> Option<&Node> {
         let age = self.count.checked_sub(number)?;
