@@ -62,6 +62,8 @@ const STEADY_S: f32 = 5.0;
 /// is taken that keeps the noise out of what counts as motion, s.
 const HOLD_S: f32 = 2.0;
 const MEAN_S: f64 = 0.2;
+/// By how much receivers understate their noise, in variance.
+const UNDERSTATED: f32 = 2.0;
 /// What the length of cosine and sine is off by the scale errors of both sensors.
 const LENGTH_ERROR: f64 = 0.05;
 /// Walk of the latency, s/sqrt(s): what was found while it was far off is worth less.
@@ -284,7 +286,7 @@ impl Candidate {
         let d = sighting.velocity_mps - first;
         let since_s = sighting.time.seconds_since(self.last_sighting);
         self.last_sighting = sighting.time;
-        self.follow(d, seen, white, since_s);
+        let invented = self.follow(d, seen, white, since_s);
         let moved = self.moved_mps;
         let unknown = self.covariance.variance(COS) + self.covariance.variance(SIN);
         // Second order of the latency: half the jerk times its square.
@@ -306,11 +308,17 @@ impl Candidate {
         );
         let mut correction = Row::zeros();
         let mut misfit = 0.0;
+        let mut expected = 0.0;
+        let before = [COS, SIN].map(|i| self.covariance.variance(i));
         for (h, residual) in [(&x, residual.x), (&y, residual.y)] {
             let (ratio, variance) = self.weigh(h, residual, noise, &mut correction);
             let log = single(libm::log(f64::from(variance)));
             self.log_likelihood -= 0.5 * (limited(ratio) + log);
             misfit += 0.5 * ratio;
+            expected += 0.5 * variance;
+        }
+        for (unknown, before) in [COS, SIN].into_iter().zip(before) {
+            self.unlearn(unknown, before, 2.0 * invented / expected);
         }
         self.seen_mps = seen;
         self.correct(&correction);
@@ -324,9 +332,9 @@ impl Candidate {
     }
 
     /// What of the gain counts as motion. What the INS shows, turned by what is known of the
-    /// angle, has no noise; where GNSS contradicts it, or nothing is known, a mean of what GNSS
-    /// saw over the last second counts, while that changes by more than can be noise.
-    fn follow(&mut self, d: Vector2<f32>, seen: Vector2<f32>, white: f32, since_s: f64) {
+    /// angle, has no noise; where GNSS contradicts it, or nothing is known, what GNSS saw counts
+    /// while that changes by more than can be noise. Returns the variance of the noise in it.
+    fn follow(&mut self, d: Vector2<f32>, seen: Vector2<f32>, white: f32, since_s: f64) -> f32 {
         let least = STEADY_SIGMAS * STEADY_SIGMAS * 2.0 * white;
         self.steady_s += single(since_s);
         if (d - self.mark_mps).norm_squared() > least {
@@ -340,6 +348,19 @@ impl Candidate {
         } else if self.steady_s < HOLD_S {
             let part = single(since_s / (since_s + MEAN_S));
             self.moved_mps += part * (d - self.moved_mps);
+            return UNDERSTATED * white * part / (2.0 - part);
+        }
+        0.0
+    }
+
+    /// Noise in what stands beside cosine and sine looks like so much knowledge that they are
+    /// zero: `P n^2 P / S` less variance a measurement. That is given back.
+    fn unlearn(&mut self, unknown: usize, before: f32, noise: f32) {
+        let room = 0.5 - self.covariance.variance(unknown);
+        let back = before * before * noise;
+        let back = if back < room { back } else { room };
+        if back > 0.0 {
+            self.covariance.widen(unknown, back);
         }
     }
 
