@@ -20,9 +20,9 @@ use crate::math;
 use crate::time::Time;
 
 /// Latencies supposed, s, and the spread of each: half the distance of two.
-const LATENCIES_S: [f64; 5] = [0.0, 0.4, -0.4, 0.8, -0.8];
-const LATENCY_SIGMA_S: f64 = 0.2;
-const LAST: u8 = 4;
+const LATENCIES_S: [f64; 4] = [0.25, -0.25, 0.75, -0.75];
+const LATENCY_SIGMA_S: f64 = 0.25;
+const LAST: u8 = 3;
 /// Moments before the first sighting that is taken, s: every candidate must have begun.
 const LEAD_S: f64 = 1.0;
 /// Time over which residuals are judged, s.
@@ -220,8 +220,8 @@ impl Bank {
     }
 
     /// The likeliest when last asked.
-    pub(crate) fn leader(&self) -> u8 {
-        self.leader
+    pub(crate) fn leader(&self) -> Option<&Candidate> {
+        self.candidate(self.leader)
     }
 
     /// A candidate.

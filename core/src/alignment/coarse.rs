@@ -37,6 +37,7 @@ pub(crate) struct CoarseLevel {
 
 /// An attitude without a heading.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Level {
     pub(crate) attitude: UnitQuaternion<f64>,
     pub(crate) tilt_sigma_rad: f64,

@@ -77,19 +77,36 @@ pub struct Aligned {
     pub tilt_sigma_rad: f64,
 }
 
-/// What is known of the heading so far.
+/// Levelling going on.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Levelling {
+    coarse: CoarseLevel,
+    /// Mean of the last seconds, at rest or not, and turn to the right since the beginning.
+    force_mps2: Option<Vector3<f64>>,
+    turn_rad: f64,
+}
+
+/// The search for the heading going on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Finding {
+    nodes: Nodes,
+    bank: Bank,
+    /// The candidate that has found it, which is brought to the present.
+    found: Option<u8>,
+}
+
+/// How far it has come. All live in place: there is nowhere else.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[allow(clippy::large_enum_variant)]
-enum Search {
-    /// Not level yet.
-    Levelling,
-    /// To begin from this attitude, of this spread.
-    Begin(UnitQuaternion<f64>, f64),
-    /// Going on.
-    Finding(Bank),
-    /// Found: the best candidate is brought to the present, and says so.
-    Found(Bank, u8),
+enum Stage {
+    Levelling(Levelling),
+    /// To begin from this level.
+    Begin(Level),
+    Finding(Finding),
+    Aligned(Aligned),
 }
 
 /// Alignment going on.
@@ -100,17 +117,11 @@ pub struct Alignment {
     known: Parameters,
     detector: RestDetector,
     rest: RestMean,
-    coarse: CoarseLevel,
-    /// Mean of the last seconds, at rest or not, and turn to the right since the beginning.
-    force_mps2: Option<Vector3<f64>>,
-    turn_rad: f64,
-    last_fix: Option<GnssFix>,
-    /// Last position known, and of which time.
+    /// Last velocity known, ENU, and last position, and of which time.
+    velocity_mps: Vector3<f64>,
     place: Option<(Time, Geodetic)>,
-    nodes: Nodes,
     sightings: Sightings,
-    search: Search,
-    aligned: Option<Aligned>,
+    stage: Stage,
 }
 
 impl Alignment {
@@ -121,15 +132,10 @@ impl Alignment {
             known,
             detector: RestDetector::default(),
             rest: RestMean::default(),
-            coarse: CoarseLevel::default(),
-            force_mps2: None,
-            turn_rad: 0.0,
-            last_fix: None,
+            velocity_mps: Vector3::zeros(),
             place: None,
-            nodes: Nodes::default(),
             sightings: Sightings::default(),
-            search: Search::Levelling,
-            aligned: None,
+            stage: Stage::Levelling(Levelling::default()),
         }
     }
 
@@ -142,16 +148,16 @@ impl Alignment {
     ) -> Self {
         Self {
             place: Some((time, position)),
-            search: Search::Begin(attitude, RESUMED_TILT_RAD),
+            stage: Stage::Begin(resumed(attitude)),
             ..Self::new(time, known)
         }
     }
 
     /// How far it has come.
     pub fn phase(&self) -> Phase {
-        match self.search {
-            Search::Levelling => Phase::Levelling,
-            Search::Begin(..) | Search::Finding(_) | Search::Found(..) => Phase::FindingHeading,
+        match self.stage {
+            Stage::Levelling(_) => Phase::Levelling,
+            Stage::Begin(_) | Stage::Finding(_) | Stage::Aligned(_) => Phase::FindingHeading,
         }
     }
 
@@ -162,18 +168,21 @@ impl Alignment {
 
     /// Inertial samples are missing before `time`.
     pub fn on_hole(&mut self, time: Time) {
-        let search = match &self.search {
-            Search::Levelling => Search::Levelling,
-            Search::Begin(attitude, sigma) => Search::Begin(*attitude, *sigma),
-            Search::Finding(bank) | Search::Found(bank, _) => bank
-                .candidate(bank.leader())
-                .map_or(Search::Levelling, |best| {
-                    Search::Begin(*best.attitude(), RESUMED_TILT_RAD)
-                }),
+        let level = match &self.stage {
+            Stage::Begin(level) => Some(*level),
+            Stage::Finding(finding) => finding.bank.leader().map(|c| resumed(*c.attitude())),
+            Stage::Levelling(_) | Stage::Aligned(_) => None,
         };
+        self.restart(time);
+        if let Some(level) = level {
+            self.stage = Stage::Begin(level);
+        }
+    }
+
+    /// Begins again with levelling; what is known stays.
+    fn restart(&mut self, time: Time) {
         *self = Self {
-            search,
-            last_fix: self.last_fix,
+            velocity_mps: self.velocity_mps,
             place: self.place,
             ..Self::new(time, self.known)
         };
@@ -181,46 +190,35 @@ impl Alignment {
 
     /// The INS to start from, once it is aligned.
     pub fn aligned(&self) -> Option<&Aligned> {
-        self.aligned.as_ref()
+        match &self.stage {
+            Stage::Aligned(aligned) => Some(aligned),
+            _ => None,
+        }
     }
 
     /// Takes the interval that ends at `time`.
     pub fn on_interval(&mut self, time: Time, interval: &Interval, config: &Config) {
         let verdict = self.detector.on_interval(interval);
-        match self.search {
-            Search::Levelling => {
-                let interval = self.compensated(interval);
-                self.coarse.on_interval(&interval);
-                self.turn(&interval);
-                if let Some(level) = verdict.and_then(|verdict| self.level(time, verdict, config)) {
-                    self.end_levelling(time, &level, config);
-                }
-            }
-            Search::Begin(attitude, tilt_sigma_rad) => {
-                let level = Level {
-                    attitude,
-                    tilt_sigma_rad,
-                };
+        match &self.stage {
+            Stage::Levelling(_) => self.level_on(time, interval, verdict, config),
+            Stage::Begin(level) => {
+                let level = *level;
                 self.find(time, &level, config);
             }
-            Search::Finding(_) | Search::Found(..) => {
-                let raw = Interval {
-                    force_mps: self.compensated(interval).force_mps,
-                    ..*interval
-                };
-                let ended = self.nodes.add(&raw);
-                self.work(time, ended, interval.seconds, config);
+            Stage::Finding(_) => {
+                self.find_on(time, interval, config);
                 if let Some(verdict) = verdict {
                     self.rest_again(time, verdict, config);
                 }
             }
+            Stage::Aligned(_) => {}
         }
     }
 
     /// Takes a fix; `now` is the last inertial stamp.
     #[inline(never)]
     pub fn on_fix(&mut self, _now: Time, fix: &GnssFix, config: &Config) {
-        self.last_fix = Some(*fix);
+        self.velocity_mps = fix.velocity_enu_mps();
         let height_m = self.place.map_or(0.0, |(_, place)| place.height_m);
         if let Some(place) = fix.geodetic_or(height_m) {
             self.place = Some((fix.time, place));
@@ -234,10 +232,14 @@ impl Alignment {
         if sighting.moves() {
             self.detector.on_motion();
         }
-        self.coarse
-            .on_velocity(&sighting.velocity_mps.map(f64::from));
-        if let Search::Finding(bank) = &mut self.search {
-            bank.on_sighting(&sighting, self.sightings.count() - 1);
+        match &mut self.stage {
+            Stage::Levelling(levelling) => levelling
+                .coarse
+                .on_velocity(&sighting.velocity_mps.map(f64::from)),
+            Stage::Finding(Finding {
+                bank, found: None, ..
+            }) => bank.on_sighting(&sighting, self.sightings.count() - 1),
+            _ => {}
         }
     }
 
@@ -249,13 +251,21 @@ impl Alignment {
         )
     }
 
-    /// Follows the turn about up, for a heading that was given for the beginning.
-    fn turn(&mut self, interval: &Interval) {
-        let force = interval.force_mps / interval.seconds;
-        let mean = self.force_mps2.get_or_insert(force);
-        *mean += math::min(interval.seconds / UP_S, 1.0) * (force - *mean);
-        if let Some(up) = mean.try_normalize(GRAVITY_EQUATOR_MPS2 / 2.0) {
-            self.turn_rad -= up.dot(&interval.angle_rad);
+    /// Levelling takes an interval.
+    fn level_on(
+        &mut self,
+        time: Time,
+        interval: &Interval,
+        verdict: Option<Verdict>,
+        config: &Config,
+    ) {
+        let interval = self.compensated(interval);
+        if let Stage::Levelling(levelling) = &mut self.stage {
+            levelling.coarse.on_interval(&interval);
+            levelling.turn(&interval);
+        }
+        if let Some(level) = verdict.and_then(|verdict| self.level(time, verdict, config)) {
+            self.end_levelling(time, &level, config);
         }
     }
 
@@ -287,11 +297,17 @@ impl Alignment {
         if !in_vain && !moves {
             return None;
         }
-        let level = self.coarse.level(widest_gyro_sigma(&self.known, config))?;
-        let good = level.tilt_sigma_rad < COARSE_TILT_RAD || (in_vain && self.coarse.is_long());
+        let Stage::Levelling(Levelling {
+            coarse, turn_rad, ..
+        }) = &self.stage
+        else {
+            return None;
+        };
+        let level = coarse.level(widest_gyro_sigma(&self.known, config))?;
+        let good = level.tilt_sigma_rad < COARSE_TILT_RAD || (in_vain && coarse.is_long());
         good.then(|| Levelled {
             level,
-            heading: given(config, self.turn_rad),
+            heading: given(config, *turn_rad),
         })
     }
 
@@ -321,14 +337,14 @@ impl Alignment {
             self.find(time, level, config);
             return;
         };
-        let (Some(fix), Some((_, place))) = (self.last_fix, self.place) else {
+        let Some((_, place)) = self.place else {
             return;
         };
         self.known.set(index::AZIMUTH, 0.0, sigma_rad);
         let attitude = turned(&level.attitude, heading_rad);
         let tilt = config.level_sigma();
-        self.aligned = Some(Aligned {
-            ins: Mechanization::new(place, fix.velocity_enu_mps(), attitude),
+        self.stage = Stage::Aligned(Aligned {
+            ins: Mechanization::new(place, self.velocity_mps, attitude),
             tilt_sigma_rad: math::max(level.tilt_sigma_rad, tilt),
         });
     }
@@ -346,14 +362,20 @@ impl Alignment {
             tilt_sigma_rad: level.tilt_sigma_rad,
             earth_rate_radps: Vector2::new(rate.y, rate.z),
         };
-        self.nodes = Nodes::default();
-        self.search = Search::Finding(Bank::new(&start, &self.known, config));
+        self.stage = Stage::Finding(Finding {
+            nodes: Nodes::default(),
+            bank: Bank::new(&start, &self.known, config),
+            found: None,
+        });
     }
 
     /// A vehicle that has not moved yet is levelled again and again.
     #[inline(never)]
     fn rest_again(&mut self, time: Time, verdict: Verdict, config: &Config) {
-        let Search::Finding(bank) = &self.search else {
+        let Stage::Finding(Finding {
+            bank, found: None, ..
+        }) = &self.stage
+        else {
             return;
         };
         match verdict {
@@ -391,27 +413,27 @@ impl Alignment {
         }
     }
 
-    /// Works off nodes and sightings, as many as `seconds` bring.
+    /// The search takes an interval: works off nodes and sightings, as many as its time brings.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    fn work(&mut self, time: Time, ended: bool, seconds: f64, config: &Config) {
-        let pieces = 1 + (WORK_PER_S * seconds) as u32;
-        for _ in 0..pieces {
-            match &mut self.search {
-                Search::Finding(bank) => {
-                    if bank.work(&self.nodes, &self.sightings, config) {
-                        self.ask(time);
-                        return;
-                    }
+    fn find_on(&mut self, time: Time, interval: &Interval, config: &Config) {
+        let force_mps = self.compensated(interval).force_mps;
+        let Stage::Finding(finding) = &mut self.stage else {
+            return;
+        };
+        let ended = finding.nodes.add(&Interval {
+            force_mps,
+            ..*interval
+        });
+        for _ in 0..=(WORK_PER_S * interval.seconds) as u32 {
+            let nodes = &finding.nodes;
+            match finding.found {
+                None if finding.bank.work(nodes, &self.sightings, config) => {
+                    return self.ask(time);
                 }
-                Search::Found(bank, best) => {
-                    if !bank.catch_up(*best, &self.nodes, config) {
-                        if ended {
-                            self.finish(time, config);
-                        }
-                        return;
-                    }
-                }
-                Search::Levelling | Search::Begin(..) => return,
+                None => {}
+                Some(best) if finding.bank.catch_up(best, nodes, config) => {}
+                Some(best) if ended => return self.finish(time, best, config),
+                Some(_) => return,
             }
         }
     }
@@ -419,23 +441,16 @@ impl Alignment {
     /// Asks whether enough is found.
     #[inline(never)]
     fn ask(&mut self, time: Time) {
-        let Search::Finding(bank) = &mut self.search else {
+        let Stage::Finding(finding) = &mut self.stage else {
             return;
         };
-        match bank.answer() {
+        match finding.bank.answer() {
             Answer::Wait => {}
             Answer::Ready(mixture) => {
-                let (bank, best) = (*bank, mixture.best);
+                finding.found = Some(mixture.best);
                 self.learn(&mixture);
-                self.search = Search::Found(bank, best);
             }
-            Answer::Wrong => {
-                *self = Self {
-                    last_fix: self.last_fix,
-                    place: self.place,
-                    ..Self::new(time, self.known)
-                };
-            }
+            Answer::Wrong => self.restart(time),
         }
     }
 
@@ -455,22 +470,20 @@ impl Alignment {
 
     /// Hands over, at the end of a node.
     #[inline(never)]
-    fn finish(&mut self, time: Time, config: &Config) {
-        let (Search::Found(bank, best), Some((fixed, place))) = (&self.search, self.place) else {
+    fn finish(&mut self, time: Time, best: u8, config: &Config) {
+        let (Stage::Finding(Finding { bank, .. }), Some((fixed, place))) =
+            (&self.stage, self.place)
+        else {
             return;
         };
         let (Some(candidate), Some(level)) = (
-            bank.candidate(*best),
-            bank.velocity_en_mps(*best, &self.sightings),
+            bank.candidate(best),
+            bank.velocity_en_mps(best, &self.sightings),
         ) else {
             return;
         };
         let found = candidate.found();
-        let up_mps = self
-            .last_fix
-            .and_then(|fix| fix.velocity_up_mps)
-            .unwrap_or(0.0);
-        let velocity = Vector3::new(level.x, level.y, up_mps);
+        let velocity = Vector3::new(level.x, level.y, self.velocity_mps.z);
         let mut ins = Mechanization::new(place, velocity, *candidate.attitude());
         let age_s = time.seconds_since(fixed) + self.known.value(index::LATENCY);
         if age_s < OLDEST_FIX_S {
@@ -479,10 +492,30 @@ impl Alignment {
         ins.turn_heading(-found.rotation_rad);
         let level = config.sensors.accel_bias_mps2 / GRAVITY_EQUATOR_MPS2;
         let tilt = found.tilt_sigma_rad * found.tilt_sigma_rad + level * level;
-        self.aligned = Some(Aligned {
+        self.stage = Stage::Aligned(Aligned {
             ins,
             tilt_sigma_rad: math::sqrt(tilt),
         });
+    }
+}
+
+impl Levelling {
+    /// Follows the turn about up, for a heading that was given for the beginning.
+    fn turn(&mut self, interval: &Interval) {
+        let force = interval.force_mps / interval.seconds;
+        let mean = self.force_mps2.get_or_insert(force);
+        *mean += math::min(interval.seconds / UP_S, 1.0) * (force - *mean);
+        if let Some(up) = mean.try_normalize(GRAVITY_EQUATOR_MPS2 / 2.0) {
+            self.turn_rad -= up.dot(&interval.angle_rad);
+        }
+    }
+}
+
+/// The level to begin from with an attitude of before.
+fn resumed(attitude: UnitQuaternion<f64>) -> Level {
+    Level {
+        attitude,
+        tilt_sigma_rad: RESUMED_TILT_RAD,
     }
 }
 
