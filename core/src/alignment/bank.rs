@@ -15,7 +15,7 @@ use super::nodes::Nodes;
 use super::sightings::{Sighting, Sightings};
 use crate::config::Config;
 use crate::earth::wrap_pi;
-use crate::estimators::parameters::Parameters;
+use crate::parameters::Parameters;
 use crate::math;
 use crate::time::Time;
 

@@ -29,7 +29,7 @@ use super::sightings::Sighting;
 use crate::attitude::{matrix, renormalized, small_rotation};
 use crate::config::Config;
 use crate::earth::GRAVITY_EQUATOR_MPS2;
-use crate::estimators::parameters::{Parameters, index};
+use crate::parameters::{Parameters, index};
 use crate::math::{self, single};
 use crate::time::Time;
 
@@ -234,16 +234,16 @@ impl Candidate {
         let s = &config.sensors;
         let turned = math::sqrt(turn_rad.norm_squared());
         let bias = s.accel_bias_mps2 / GRAVITY_EQUATOR_MPS2;
-        let tilt = s.gyro_noise * s.gyro_noise * seconds
+        let tilt = s.mean_gyro_noise() * s.mean_gyro_noise() * seconds
             + (bias * bias + s.gyro_scale * s.gyro_scale) * turned;
         let push = f64::from(force.xy().norm_squared()) * PUSH_S / seconds;
         let velocity =
-            s.accel_noise * s.accel_noise * seconds + s.accel_scale * s.accel_scale * push;
+            s.mean_accel_noise() * s.mean_accel_noise() * seconds + s.accel_scale * s.accel_scale * push;
         for axis in 0..2 {
             self.covariance.widen(ERROR + axis, single(velocity));
             self.covariance.widen(TILT + axis, single(tilt));
         }
-        let heading = s.gyro_noise * s.gyro_noise * seconds + s.gyro_scale * s.gyro_scale * turned;
+        let heading = s.mean_gyro_noise() * s.mean_gyro_noise() * seconds + s.gyro_scale * s.gyro_scale * turned;
         self.covariance.widen(TILT + 2, single(heading));
         self.covariance
             .widen(LATENCY, single(LATENCY_WALK * LATENCY_WALK * seconds));

@@ -113,7 +113,7 @@ impl Sightings {
             return None;
         }
         let stated = fix.sigma.velocity_mps.unwrap_or(0.0);
-        let sigma = math::max(stated, config.gnss.velocity_sigma_mps);
+        let sigma = math::max(stated, config.gnss.velocity_mps.white);
         let shared = math::max(ALIKE_S / since_s, 1.0);
         Some(Sighting {
             time: fix.time,
