@@ -7,7 +7,7 @@ use crate::alignment::rest::{self, RestBlock, RestDetector, Verdict as RestVerdi
 use crate::alignment::{Aligned, compensation};
 use crate::attitude::matrix;
 use crate::channel::Measured;
-use crate::config::{Config, Feedback};
+use crate::config::{Config, Feedback, Form};
 use crate::damping::{self, DampingSignals, Differences};
 use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::error_model::InsError;
@@ -138,6 +138,10 @@ impl<const N: usize> AidedIns<N> {
             ),
             compensation: Compensation {
                 gyro_radps,
+                latency_s: match (config.form, config.feedback) {
+                    (Form::Exact, Feedback::Closed) => credible_latency(known),
+                    _ => 0.0,
+                },
                 ..Compensation::default()
             },
             controls: Controls::default(),
@@ -157,6 +161,10 @@ impl<const N: usize> AidedIns<N> {
             doubted: None,
             lost: false,
         }
+    }
+
+    fn exact(&self) -> bool {
+        matches!(self.estimator, Estimator::Exact(_))
     }
 
     /// Whether it has lost its way, and has to be aligned anew.
@@ -666,7 +674,7 @@ impl<const N: usize> AidedIns<N> {
         let (parameters, prior) = (self.estimator.parameters(), config.prior());
         let known = |i: usize, part: f64| parameters.sigma(i) < part * prior.sigma(i);
         // (9) reads gyro biases from controls that a compensation would empty.
-        if let Estimator::Exact(_) = self.estimator {
+        if self.exact() {
             let gyros = &mut self.compensation.gyro_radps;
             for (axis, gyro) in gyros.iter_mut().enumerate() {
                 if known(index::GYRO + axis, BIAS_KNOWN) {
@@ -679,10 +687,9 @@ impl<const N: usize> AidedIns<N> {
                 *accel = parameters.value(index::ACCEL + axis);
             }
         }
-        if known(index::LATENCY, LATENCY_KNOWN) {
-            let latency_s = parameters.value(index::LATENCY);
-            self.compensation.latency_s =
-                math::max(math::min(latency_s, LATENCY_LIMIT_S), -LATENCY_LIMIT_S);
+        // However little is known of it: what is left is all that has to be linear.
+        if self.exact() || known(index::LATENCY, LATENCY_KNOWN) {
+            self.compensation.latency_s = credible_latency(parameters);
         }
     }
 }
@@ -694,6 +701,12 @@ struct Taken {
     velocity: Used,
     position_m: Vector3<f64>,
     position: Used,
+}
+
+/// Latency, s, as far as the ring can serve it.
+fn credible_latency(parameters: &Parameters) -> f64 {
+    let latency_s = parameters.value(index::LATENCY);
+    math::max(math::min(latency_s, LATENCY_LIMIT_S), -LATENCY_LIMIT_S)
 }
 
 /// Takes an error out of an INS.

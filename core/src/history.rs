@@ -133,6 +133,8 @@ pub struct Past {
     pub velocity_mps: Vector3<f64>,
     /// Acceleration of the vehicle as the accelerometers feel it, ENU, m/s^2.
     pub accel_mps2: Vector3<f64>,
+    /// How that changes, m/s^3.
+    pub jerk_mps3: Vector3<f64>,
     /// `C_B^L`.
     pub attitude: Matrix3<f64>,
     /// Its rate of change, 1/s.
@@ -290,6 +292,7 @@ impl Around<'_> {
             time,
             velocity_mps,
             accel_mps2: here.force_mps2 - gravity + off_s * bend.force_mps2,
+            jerk_mps3: bend.force_mps2,
             attitude,
             attitude_rate: attitude * rate.cross_matrix(),
             way_since_m: left + way_after_m,

@@ -396,6 +396,7 @@ impl Observer {
         let residual = difference.value - self.predicted(past, difference);
         let (mut level_by, mut up_by) = self.shown_by(past, difference.measured);
         let [level_sigma, up_sigma] = difference.stated_sigma;
+        let bent = self.bent_variance(past, difference.measured);
         let measured = difference.measured;
         let level = difference.has_level
             && self.measure(
@@ -404,6 +405,7 @@ impl Observer {
                 &mut level_by,
                 [residual.x, residual.y],
                 level_sigma,
+                bent,
                 config,
             );
         let up = difference.has_up
@@ -413,6 +415,7 @@ impl Observer {
                 &mut up_by,
                 [residual.z],
                 up_sigma,
+                bent,
                 config,
             );
         Used { level, up }
@@ -426,6 +429,7 @@ impl Observer {
         by: &mut By<R>,
         innovation: [f64; R],
         stated_sigma: Option<f64>,
+        bent: f64,
         config: &Config,
     ) -> bool {
         let gnss = &config.gnss;
@@ -453,7 +457,7 @@ impl Observer {
             Measured::Velocity => learnt,
             Measured::Position => math::max(learnt, relative),
         };
-        let white = described.white * described.white * learnt;
+        let white = described.white * described.white * learnt + bent;
         let predicted = channel.predicted(kind.measured);
         let components = axes.iter().fold(0.0, |count, _| count + 1.0);
         let pair = Vector2::new(
@@ -510,6 +514,19 @@ impl Observer {
             }
         }
         true
+    }
+
+    /// Variance per component of what is not linear in the parameters: of a latency in a motion that
+    /// bends, and of a latency in a frame that points elsewhere. It goes as they become known.
+    fn bent_variance(&self, past: &Past, measured: Measured) -> f64 {
+        let square = |x: f64| x * x;
+        let latency = square(self.parameters.sigma(index::LATENCY));
+        let azimuth = square(self.parameters.sigma(index::AZIMUTH));
+        let (first, second) = match measured {
+            Measured::Velocity => (&past.accel_mps2, &past.jerk_mps3),
+            Measured::Position => (&past.velocity_mps, &past.accel_mps2),
+        };
+        0.5 * latency * (0.5 * latency * second.norm_squared() + azimuth * first.norm_squared())
     }
 
     /// What the spread of the parameters adds to the variance of a component, on average.
