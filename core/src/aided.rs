@@ -53,10 +53,12 @@ const LATENCY_LIMIT_S: f64 = 1.2;
 /// Errors of the INS that are taken out at once, m and m/s: the loops are linear, and slow.
 const JUMP_M: f64 = 100.0;
 const JUMP_MPS: f64 = 3.0;
-/// Time for which innovations must be too large before the INS is doubted, s, and after a doubt
-/// that has not mended it, before it aligns anew.
+/// Time for which innovations must be too large before the INS is doubted, s; time within which
+/// the next doubt shows that the last has not mended it, s; and such doubts in a row after which it
+/// is aligned anew.
 const DOUBT_S: f64 = 10.0;
 const MENDED_S: f64 = 60.0;
+const HOPELESS: u8 = 3;
 
 /// Errors taken out of readings and stamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -108,9 +110,12 @@ pub struct AidedIns<const N: usize> {
     manoeuvre: Manoeuvre,
     /// Stamp and velocity difference of the last fix that was compared, ENU, m/s.
     compared: (Time, Vector3<f64>),
-    /// When it was last doubted.
+    /// When it was last doubted, and how often in a row.
     doubted: Option<Time>,
+    doubts: u8,
     lost: bool,
+    /// Not even what it has found can be believed.
+    misled: bool,
 }
 
 impl<const N: usize> AidedIns<N> {
@@ -159,7 +164,9 @@ impl<const N: usize> AidedIns<N> {
             manoeuvre: Manoeuvre::default(),
             compared: (time, Vector3::zeros()),
             doubted: None,
+            doubts: 0,
             lost: false,
+            misled: false,
         }
     }
 
@@ -170,6 +177,15 @@ impl<const N: usize> AidedIns<N> {
     /// Whether it has lost its way, and has to be aligned anew.
     pub fn is_lost(&self) -> bool {
         self.lost
+    }
+
+    /// What an alignment anew may believe of the sensors.
+    pub fn kept(&self, config: &Config) -> Parameters {
+        if self.misled {
+            config.prior()
+        } else {
+            *self.known()
+        }
     }
 
     /// All that has happened since the estimators' horizon.
@@ -257,7 +273,8 @@ impl<const N: usize> AidedIns<N> {
             let latency = &mut estimates.gnss_latency_s;
             (latency.value, latency.sigma) = observer.latency_before(0.5 * run_s);
             estimates.level_force_mps2 = *observer.level_force_mps2();
-            let unseen = observer.unseen_tilt(config) * (GRAVITY_EQUATOR_MPS2 * GRAVITY_EQUATOR_MPS2);
+            let unseen =
+                observer.unseen_tilt(config) * (GRAVITY_EQUATOR_MPS2 * GRAVITY_EQUATOR_MPS2);
             for (accel, unseen) in estimates.accel_bias_mps2.iter_mut().zip(&unseen) {
                 accel.sigma = math::sqrt(accel.sigma * accel.sigma + unseen);
             }
@@ -334,8 +351,11 @@ impl<const N: usize> AidedIns<N> {
             self.advance(dropped, config);
         }
         self.before_current = self.since_horizon();
-        self.history
-            .push(self.now, &self.mechanization.velocity_enu_mps, &self.current);
+        self.history.push(
+            self.now,
+            &self.mechanization.velocity_enu_mps,
+            &self.current,
+        );
         self.current = Span::default();
         self.work_left = true;
     }
@@ -343,7 +363,8 @@ impl<const N: usize> AidedIns<N> {
     /// Brings the estimators to a moment of the ring.
     fn advance(&mut self, to: Time, config: &Config) {
         let frame_rate = self.frame_rate();
-        self.estimator.advance(&self.history, to, &frame_rate, config);
+        self.estimator
+            .advance(&self.history, to, &frame_rate, config);
         let mut since = Span::default();
         let forever_s = f64::MAX;
         self.history
@@ -589,9 +610,8 @@ impl<const N: usize> AidedIns<N> {
             Estimator::Exact(observer) => Some(*observer.error()),
             Estimator::Literal(_) => None,
         };
-        let by_position = |used: bool, has_velocity: bool| {
-            followed.filter(|_| used && !has_velocity)
-        };
+        let by_position =
+            |used: bool, has_velocity: bool| followed.filter(|_| used && !has_velocity);
         let has_level = fix.velocity_en_mps.is_some();
         if taken.velocity.level {
             differences.velocity_en_mps = Some(velocity_mps.xy());
@@ -632,13 +652,23 @@ impl<const N: usize> AidedIns<N> {
         let Estimator::Exact(observer) = &mut self.estimator else {
             return;
         };
+        if !observer.is_sound(config) {
+            self.lost = true;
+            self.misled = true;
+            return;
+        }
         if observer.surprise().lasting_s < DOUBT_S {
             return;
         }
         observer.on_lost(config);
         let recently = |doubted: Time| self.now.seconds_since(doubted) < MENDED_S;
-        self.lost = self.doubted.is_some_and(recently);
+        self.doubts = if self.doubted.is_some_and(recently) {
+            self.doubts + 1
+        } else {
+            1
+        };
         self.doubted = Some(self.now);
+        self.lost = self.doubts >= HOPELESS;
     }
 
     /// Sets the controls that hold until the next fix.

@@ -5,8 +5,8 @@
 use nalgebra::SVector;
 
 use crate::earth::GRAVITY_EQUATOR_MPS2;
-use crate::parameters::{COUNT, Parameters, index};
 use crate::math;
+use crate::parameters::{COUNT, Parameters, index};
 use crate::samples::ImuOutput;
 
 /// Bandwidth and damping ratio of a second-order loop.
@@ -329,10 +329,22 @@ impl Config {
                 positive(s.accel_range_mps2),
                 "sensors.accel_range_mps2 must be > 0",
             ),
-            (noise(&g.velocity_mps), "gnss.velocity_mps: white > 0, correlated >= 0, time > 0"),
-            (noise(&g.velocity_up_mps), "gnss.velocity_up_mps: white > 0, correlated >= 0, time > 0"),
-            (noise(&g.position_m), "gnss.position_m: white > 0, correlated >= 0, time > 0"),
-            (noise(&g.height_m), "gnss.height_m: white > 0, correlated >= 0, time > 0"),
+            (
+                noise(&g.velocity_mps),
+                "gnss.velocity_mps: white > 0, correlated >= 0, time > 0",
+            ),
+            (
+                noise(&g.velocity_up_mps),
+                "gnss.velocity_up_mps: white > 0, correlated >= 0, time > 0",
+            ),
+            (
+                noise(&g.position_m),
+                "gnss.position_m: white > 0, correlated >= 0, time > 0",
+            ),
+            (
+                noise(&g.height_m),
+                "gnss.height_m: white > 0, correlated >= 0, time > 0",
+            ),
             (holds_one(&g.noise_range), "gnss.noise_range must hold 1"),
             (holds_one(&s.noise_range), "sensors.noise_range must hold 1"),
             (
@@ -417,7 +429,7 @@ impl Config {
             },
             form: Form::Exact,
             feedback: Feedback::Closed,
-            max_gap_s: 0.5,
+            max_gap_s: 2.0,
         }
     }
 

@@ -195,7 +195,11 @@ pub fn for_each_input(
 
 /// Body axes' share in the level and in the vertical ones: of white noise with these variances per
 /// axis, what one level axis gets on average, and the vertical one.
-pub fn level_and_up(attitude_s: &Matrix3<f64>, seconds: f64, variance: &Vector3<f64>) -> (f64, f64) {
+pub fn level_and_up(
+    attitude_s: &Matrix3<f64>,
+    seconds: f64,
+    variance: &Vector3<f64>,
+) -> (f64, f64) {
     let up = attitude_s.row(2).transpose() / seconds;
     let up_variance = up.component_mul(&up).dot(variance);
     (0.5 * (variance.sum() - up_variance), up_variance)

@@ -105,7 +105,10 @@ impl Estimates {
         let mut corrected = interval.without_bias(&gyro, &vector(&self.accel_bias_mps2));
         let beyond_level = interval.force_mps - self.level_force_mps2 * interval.seconds;
         corrected.force_mps -= vector(&self.accel_scale).component_mul(&beyond_level);
-        if let Some(up) = self.level_force_mps2.try_normalize(GRAVITY_EQUATOR_MPS2 / 2.0) {
+        if let Some(up) = self
+            .level_force_mps2
+            .try_normalize(GRAVITY_EQUATOR_MPS2 / 2.0)
+        {
             let turn_rad = up.dot(&interval.angle_rad);
             corrected.angle_rad -= value(&self.gyro_scale) * turn_rad * up;
         }

@@ -78,7 +78,9 @@ impl Estimator {
                 observer.propagate(piece, end, frame_rate_radps, config);
             }),
             Self::Literal(literal) => {
-                history.between(from, to, PIECE_S, |piece, end| literal.propagate(piece, end));
+                history.between(from, to, PIECE_S, |piece, end| {
+                    literal.propagate(piece, end)
+                });
             }
         }
     }

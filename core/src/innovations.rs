@@ -20,7 +20,7 @@ const LOST_S: f64 = 15.0;
 /// Time over which surprise is averaged, s: that of an ordinary manoeuvre.
 const SURPRISE_S: f64 = 10.0;
 /// Average square of the innovations, in their variances, beyond which the INS errs.
-const SURPRISING: f64 = 4.0;
+const SURPRISING: f64 = 9.0;
 /// Memory of the correlation of neighbours, in fixes.
 const CORRELATION_MEMORY: f64 = 200.0;
 
@@ -90,14 +90,21 @@ impl Innovations {
         if power <= GATE_SIGMAS * GATE_SIGMAS * total {
             self.astray = None;
             let sigmas = math::sqrt(power / total) / ROBUST_SIGMAS;
-            return Credit::Taken(if sigmas > 1.0 { white * sigmas * sigmas } else { white });
+            return Credit::Taken(if sigmas > 1.0 {
+                white * sigmas * sigmas
+            } else {
+                white
+            });
         }
         // Two wrong fixes agree if the way the INS went between them explains the change.
         let agrees = |astray: &Astray| {
             (innovation - astray.residual).norm_squared()
                 <= ROBUST_SIGMAS * ROBUST_SIGMAS * 2.0 * total
         };
-        let since = self.astray.filter(agrees).map_or(now, |astray| astray.since);
+        let since = self
+            .astray
+            .filter(agrees)
+            .map_or(now, |astray| astray.since);
         self.astray = Some(Astray {
             since,
             residual: *innovation,

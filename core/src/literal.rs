@@ -12,10 +12,10 @@ use crate::earth::GRAVITY_EQUATOR_MPS2 as G;
 use crate::history::{Past, Span};
 use crate::innovations::{Credit, Innovations};
 use crate::least_squares::LeastSquares;
-use crate::observer::Used;
-use crate::parameters::{Parameters, index};
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
+use crate::observer::Used;
+use crate::parameters::{Parameters, index};
 use crate::time::Time;
 
 /// Least change of acceleration that (7) and (11) use, m/s^2.
@@ -241,8 +241,18 @@ impl Literal {
     pub fn take(&mut self, now: &Comparison, config: &Config) -> Used {
         let level = now.difference_mps.xy();
         let variance = config.gnss.velocity_mps.variance();
-        if !credible(&mut self.level_innovations, self.now.time, &level, 2.0, variance, config) {
-            return Used { level: false, up: false };
+        if !credible(
+            &mut self.level_innovations,
+            self.now.time,
+            &level,
+            2.0,
+            variance,
+            config,
+        ) {
+            return Used {
+                level: false,
+                up: false,
+            };
         }
         if let Some(last) = self.last {
             self.average(&last, now);
@@ -253,7 +263,14 @@ impl Literal {
         let up = Vector2::new(now.difference_mps.z, 0.0);
         let variance = config.gnss.velocity_up_mps.variance();
         let up = now.has_up
-            && credible(&mut self.up_innovations, self.now.time, &up, 1.0, variance, config);
+            && credible(
+                &mut self.up_innovations,
+                self.now.time,
+                &up,
+                1.0,
+                variance,
+                config,
+            );
         Used { level: true, up }
     }
 

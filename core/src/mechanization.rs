@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use crate::attitude::{euler, matrix, renormalized, small_rotation, turned};
 use crate::earth::{Geodetic, LatitudeTrig, LocalEarth, wrap_pi};
 use crate::increments::Interval;
+use crate::samples::GnssFix;
 
 /// Inputs of the damping loops to the mechanization, ENU.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -60,6 +61,16 @@ impl Mechanization {
             attitude,
             latitude_trig: LatitudeTrig::at(position.latitude_rad),
         }
+    }
+
+    /// The same attitude where a fix says that the vehicle is, and as fast.
+    #[must_use]
+    pub fn at_fix(&self, fix: &GnssFix) -> Self {
+        let position = fix.geodetic_or(self.position.height_m);
+        let own = &self.velocity_enu_mps;
+        let level = fix.velocity_en_mps.unwrap_or_else(|| own.xy());
+        let velocity = level.push(fix.velocity_up_mps.unwrap_or(own.z));
+        Self::new(position.unwrap_or(self.position), velocity, self.attitude)
     }
 
     /// The Earth at the present position.

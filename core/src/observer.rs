@@ -15,9 +15,7 @@ use nalgebra::{RealField, SVector, Scalar, Vector2, Vector3};
 use crate::channel::{Channel, Growth, Measured, Renewal};
 use crate::config::{Config, Noise};
 use crate::earth::GRAVITY_EQUATOR_MPS2;
-use crate::error_model::{
-    Forcing, InsError, Passage, for_each_input, level_and_up, single,
-};
+use crate::error_model::{Forcing, InsError, Passage, for_each_input, level_and_up, single};
 use crate::history::{Past, Span};
 use crate::innovations::{Credit, Innovations, StatedNoise, Surprise, against_described};
 use crate::least_squares::LeastSquares;
@@ -43,6 +41,9 @@ const LOST_BIAS: f64 = 0.1;
 /// manoeuvres, and some minutes for which a mount stays as it is.
 const FIRST_LEVEL_S: f64 = 30.0;
 const LEVEL_MEMORY_S: f64 = 600.0;
+/// Prior sigmas that no parameter is off by, and a tilt that no levelled INS has, rad.
+const SOUND_SIGMAS: f64 = 30.0;
+const SOUND_TILT_RAD: f64 = 1.0;
 /// Rate and acceleration of an ordinary manoeuvre, which a hole may hide, rad/s and m/s^2.
 const HIDDEN_RADPS: f64 = 0.1;
 const HIDDEN_MPS2: f64 = 1.0;
@@ -383,6 +384,22 @@ impl Observer {
         self.trial = NoiseTrial::new(self.trial.change(), &self.assumed, &self.level, config);
     }
 
+    /// Whether all that it says can be: else it has been misled, and must begin anew from what is
+    /// configured.
+    pub fn is_sound(&self, config: &Config) -> bool {
+        let prior = config.prior();
+        let credible = |(value, (prior, sigma)): (&f64, (&f64, &f32))| {
+            math::abs(value - prior) <= SOUND_SIGMAS * f64::from(*sigma)
+        };
+        let parameters = prior.value.iter().zip(&prior.sigma);
+        let error = &self.followed.error;
+        self.parameters.value.iter().zip(parameters).all(credible)
+            && math::all_finite(&error.position_m)
+            && math::all_finite(&error.velocity_mps)
+            && error.tilt_rad.norm() < SOUND_TILT_RAD
+            && self.level.tilt().is_finite()
+    }
+
     /// The error of the INS after what has happened since the horizon, as estimated.
     pub fn error_after(&self, since: &Span) -> InsError {
         let forcing = Forcing::over(since, &self.level_force_mps2, &self.parameters);
@@ -400,7 +417,10 @@ impl Observer {
         let measured = difference.measured;
         let level = difference.has_level
             && self.measure(
-                Kind { measured, up: false },
+                Kind {
+                    measured,
+                    up: false,
+                },
                 [0, 1],
                 &mut level_by,
                 [residual.x, residual.y],
@@ -436,7 +456,11 @@ impl Observer {
         let described = kind.noise(config);
         let number = kind.number();
         let parameters = self.parameter_variance(by);
-        let channel = if kind.up { &mut self.vertical } else { &mut self.level };
+        let channel = if kind.up {
+            &mut self.vertical
+        } else {
+            &mut self.level
+        };
         let (Some(innovations), Some(stated), Some(strength)) = (
             self.innovations.get_mut(number),
             self.stated.get_mut(number),
@@ -517,7 +541,8 @@ impl Observer {
     }
 
     /// Variance per component of what is not linear in the parameters: of a latency in a motion that
-    /// bends, and of a latency in a frame that points elsewhere. It goes as they become known.
+    /// bends, and of a latency in a frame that points elsewhere. It goes as they become known; what
+    /// jolts hide between two moments of the ring stays.
     fn bent_variance(&self, past: &Past, measured: Measured) -> f64 {
         let square = |x: f64| x * x;
         let latency = square(self.parameters.sigma(index::LATENCY));
@@ -526,7 +551,13 @@ impl Observer {
             Measured::Velocity => (&past.accel_mps2, &past.jerk_mps3),
             Measured::Position => (&past.velocity_mps, &past.accel_mps2),
         };
-        0.5 * latency * (0.5 * latency * second.norm_squared() + azimuth * first.norm_squared())
+        let jolt = match measured {
+            Measured::Velocity => 0.5 * past.jolt_mps.norm_squared(),
+            Measured::Position => 0.0,
+        };
+        jolt + 0.5
+            * latency
+            * (0.5 * latency * second.norm_squared() + azimuth * first.norm_squared())
     }
 
     /// What the spread of the parameters adds to the variance of a component, on average.
@@ -567,10 +598,7 @@ impl Observer {
         self.followed.renew(kept(&level), kept(&up));
 
         let single_passage = passage.single();
-        let (level_keep, up_keep) = (
-            kept(&level).map(math::single),
-            kept(&up).map(math::single),
-        );
+        let (level_keep, up_keep) = (kept(&level).map(math::single), kept(&up).map(math::single));
         for response in &mut self.responses {
             response.error.carry(&single_passage);
             response.renew(level_keep, up_keep);
@@ -667,7 +695,10 @@ impl Observer {
     fn shown_by(&self, past: &Past, measured: Measured) -> (By<2>, By<1>) {
         let (mut level, mut up) = ([[0.0; 2]; COUNT], [[0.0; 1]; COUNT]);
         let (by_latency, by_lever) = match measured {
-            Measured::Velocity => (single(&past.accel_mps2), past.attitude_rate.map(math::single)),
+            Measured::Velocity => (
+                single(&past.accel_mps2),
+                past.attitude_rate.map(math::single),
+            ),
             Measured::Position => (single(&past.velocity_mps), past.attitude.map(math::single)),
         };
         let drift = math::single(self.unsolved_s);
@@ -866,4 +897,3 @@ fn unit_response(which: usize) -> Followed<f32> {
     }
     response
 }
-

@@ -15,8 +15,8 @@ use super::nodes::Nodes;
 use super::sightings::{Sighting, Sightings};
 use crate::config::Config;
 use crate::earth::wrap_pi;
-use crate::parameters::Parameters;
 use crate::math;
+use crate::parameters::Parameters;
 use crate::time::Time;
 
 /// Latencies supposed, s, and the spread of each: half the distance of two.

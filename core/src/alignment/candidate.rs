@@ -29,8 +29,8 @@ use super::sightings::Sighting;
 use crate::attitude::{matrix, renormalized, small_rotation};
 use crate::config::Config;
 use crate::earth::GRAVITY_EQUATOR_MPS2;
-use crate::parameters::{Parameters, index};
 use crate::math::{self, single};
+use crate::parameters::{Parameters, index};
 use crate::time::Time;
 
 /// The unknowns: velocity error, tilt and turn, gyro biases, cosine and sine, latency.
@@ -237,13 +237,14 @@ impl Candidate {
         let tilt = s.mean_gyro_noise() * s.mean_gyro_noise() * seconds
             + (bias * bias + s.gyro_scale * s.gyro_scale) * turned;
         let push = f64::from(force.xy().norm_squared()) * PUSH_S / seconds;
-        let velocity =
-            s.mean_accel_noise() * s.mean_accel_noise() * seconds + s.accel_scale * s.accel_scale * push;
+        let velocity = s.mean_accel_noise() * s.mean_accel_noise() * seconds
+            + s.accel_scale * s.accel_scale * push;
         for axis in 0..2 {
             self.covariance.widen(ERROR + axis, single(velocity));
             self.covariance.widen(TILT + axis, single(tilt));
         }
-        let heading = s.mean_gyro_noise() * s.mean_gyro_noise() * seconds + s.gyro_scale * s.gyro_scale * turned;
+        let heading = s.mean_gyro_noise() * s.mean_gyro_noise() * seconds
+            + s.gyro_scale * s.gyro_scale * turned;
         self.covariance.widen(TILT + 2, single(heading));
         self.covariance
             .widen(LATENCY, single(LATENCY_WALK * LATENCY_WALK * seconds));
