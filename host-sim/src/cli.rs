@@ -22,6 +22,7 @@ use crate::log::{self, BodyAxes, Compression, Grade, Log, Meta};
 use crate::output::{self, OutputError};
 use crate::reproduce;
 use crate::sim::{self, DriveConfig, ErrorModel};
+use crate::study;
 use crate::table;
 use crate::truth::{self, Truth};
 
@@ -59,6 +60,9 @@ enum Command {
     Flights(flights::cli::Flights),
     /// Run many simulated drives and say how good the estimates are.
     Accuracy(accuracy::cli::Accuracy),
+    /// Try the core on many kinds of conditions, or of logs, and say how honest it is.
+    #[command(subcommand)]
+    Study(study::Study),
     /// Identify many units from drives, fly them, and compare with the accuracy foretold.
     Campaign(campaign::cli::Campaign),
     /// Add up the shards of a campaign.
@@ -211,6 +215,7 @@ pub fn run(cli: &Cli) -> Result<()> {
         Command::Aircraft(options) => aircraft::cli::table(options, cli.json, cli.force),
         Command::Flights(options) => flights::cli::flights(options, cli.json, cli.force),
         Command::Accuracy(options) => accuracy::cli::accuracy(options, cli.json, cli.force),
+        Command::Study(options) => study::study(options, cli.json),
         Command::Campaign(options) => campaign::cli::campaign(options, cli.json, cli.force),
         Command::Merge(options) => campaign::cli::merge(options, cli.json),
         Command::Reproduce(options) => reproduce::cli::reproduce(options, cli.json, cli.force),
