@@ -255,12 +255,18 @@ impl Gnss {
         let stated = |white: f64, correlated: &Correlated| {
             let sigma = match habits.stated {
                 Stated::Nothing => 0.0,
-                Stated::White => white,
+                Stated::LevelVelocity | Stated::White => white,
                 Stated::All => libm::hypot(white, correlated.sigma),
             };
             (sigma > 0.0).then_some(sigma)
         };
         let velocity_mps = stated(self.model.velocity_sigma_mps, &habits.velocity);
+        if habits.stated == Stated::LevelVelocity {
+            return FixSigma {
+                velocity_mps,
+                ..FixSigma::default()
+            };
+        }
         FixSigma {
             position_m: stated(self.model.horizontal_sigma_m, &habits.horizontal),
             height_m: stated(self.model.vertical_sigma_m, &habits.vertical),

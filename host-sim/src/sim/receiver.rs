@@ -44,8 +44,10 @@ pub enum Up {
 pub enum Stated {
     /// None.
     Nothing,
-    /// The white part alone.
+    /// That of level velocity, its white part.
     #[default]
+    LevelVelocity,
+    /// The white part of each.
     White,
     /// White and correlated parts.
     All,
@@ -153,7 +155,7 @@ impl Default for Habits {
             gives_height: true,
             gives_velocity: true,
             up: Up::Given,
-            stated: Stated::White,
+            stated: Stated::LevelVelocity,
             outliers: Outliers::default(),
             troubles: Vec::new(),
             logged_times: 1,

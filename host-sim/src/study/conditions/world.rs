@@ -13,7 +13,7 @@ use crate::sim::mounted::Mounted;
 use crate::sim::noise::Random;
 use crate::sim::plane::{Begin, Plane};
 use crate::sim::quadrotor::Quadrotor;
-use crate::sim::receiver::{Correlated, Habits, Trouble, Wrong};
+use crate::sim::receiver::{Correlated, Habits, Stated, Trouble, Wrong};
 use crate::sim::shaken::{Shaken, Swing, When};
 use crate::sim::walker::Walker;
 use crate::sim::{Grade, Motion, SimulatedDrive, record};
@@ -70,6 +70,8 @@ pub struct World {
 impl World {
     /// A car with 30 to 60 s of rest first and a plain receiver, unit level, antenna on it.
     pub fn plain(class: Grade, seed: u64, minutes: f64, kind: &str) -> Self {
+        let mut errors = class.errors();
+        errors.gnss.habits.stated = Stated::White;
         Self {
             seed,
             class,
@@ -87,7 +89,7 @@ impl World {
             shakes: Vec::new(),
             mount: UnitQuaternion::identity(),
             antenna_m: Vector3::zeros(),
-            errors: class.errors(),
+            errors,
             random: Random::stream(seed, kind),
         }
     }
