@@ -21,6 +21,8 @@ pub mod profile;
 pub mod quadrotor;
 pub mod receiver;
 pub mod shaken;
+#[cfg(test)]
+mod vehicles;
 pub mod walker;
 
 pub use drive::{DriveConfig, Grade, SensorErrors, SimulatedDrive, record, simulate};

@@ -14,7 +14,7 @@ mod world;
 pub use kinds::{Kind, all};
 pub use quantities::{QUANTITIES, Quantity};
 pub use run::{Check, Run, Tried};
-pub use statistics::{Results, Row, Totals, Worth};
+pub use statistics::{Results, Row, Totals};
 pub use world::{Vehicle, World};
 
 use indicatif::ProgressBar;
@@ -71,5 +71,40 @@ impl Study {
                 Results::new(kind, *class, &runs)
             })
             .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_do_not_depend_on_the_number_of_threads() {
+        let named = |kind: &&Kind| ["ten_wrong", "many_samples"].contains(&kind.name);
+        let study = Study {
+            kinds: all().filter(named).collect(),
+            only: Some(Grade::Mems),
+            first_seed: 3,
+            seeds: 2,
+            with_kalman: false,
+        };
+        let on = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            let results = || study.results(&ProgressBar::hidden());
+            pool.build().unwrap().install(results)
+        };
+        let results = on(1);
+        assert_eq!(results.len(), 2);
+        // As text: not every number need be one.
+        assert_eq!(format!("{results:?}"), format!("{:?}", on(3)));
+    }
+
+    #[test]
+    fn kinds_have_names_of_their_own_and_half_of_them_judge() {
+        let names: std::collections::BTreeSet<&str> = all().map(|kind| kind.name).collect();
+        assert_eq!(names.len(), all().count());
+        assert!(names.len() >= 40);
+        let judges = all().filter(|kind| kind.judge).count();
+        assert!((judges as f64 / names.len() as f64 - 0.5).abs() < 0.03);
     }
 }

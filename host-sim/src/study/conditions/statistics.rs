@@ -72,9 +72,11 @@ impl Row {
         })
     }
 
-    /// Whether error over sigma is about one.
+    /// Whether error over sigma is about one; what is never called observable may err less: it
+    /// stands where it was told to.
     pub fn honest(&self) -> Option<bool> {
         let [least, most] = HONEST;
+        let least = if self.observable > 0.0 { least } else { 0.0 };
         self.rms_ratio.map(|ratio| (least..=most).contains(&ratio))
     }
 

@@ -128,10 +128,13 @@ impl Subject for Core<'_> {
 
     fn claims(&self) -> Option<Claims> {
         self.solution()?;
-        Some(claims(
-            &self.navigator.estimates(),
-            self.navigator.tilt_sigma_rad(),
-        ))
+        let navigator = &self.navigator;
+        let mut claims = claims(&navigator.estimates(), navigator.tilt_sigma_rad());
+        if navigator.config().gnss.lever_arm_sigma_m == 0.0 {
+            // Told to be close, not found.
+            claims.lever_arm_m = [None; 3];
+        }
+        Some(claims)
     }
 }
 
