@@ -122,8 +122,10 @@ pub struct SensorErrors {
     pub gyro_matrix: Matrix3<f64>,
     /// A fix stamped t shows the motion at t minus this.
     pub gnss_latency_s: f64,
-    /// The same at the end of the run, with what clocks have gained and smoothing lags behind.
+    /// The same at the end of the run, with what clocks have gained.
     pub gnss_latency_end_s: f64,
+    /// What smoothing and repeated fixes lag behind at most, on top.
+    pub gnss_lag_s: f64,
 }
 
 /// Drives the car of `config.recording.seed` and records it.
@@ -203,6 +205,7 @@ fn sensor_errors(imu: &Imu, gnss: &Gnss, end: Time) -> SensorErrors {
         gyro_matrix: imu.gyros.error_matrix(),
         gnss_latency_s: gnss.latency_s(),
         gnss_latency_end_s: gnss.latency_at_s(end.as_seconds()),
+        gnss_lag_s: gnss.lag_s(),
     }
 }
 

@@ -68,12 +68,17 @@ impl Gnss {
         self.latency_s
     }
 
-    /// The latency at a stamp, with what the clock has gained by then and what smoothing lags
-    /// behind a steady change.
+    /// The latency at a stamp, with what the clock has gained by then.
     pub fn latency_at_s(&self, stamp_s: f64) -> f64 {
+        self.latency_s + self.model.habits.clock_drift * stamp_s
+    }
+
+    /// What the fixes of this receiver lag behind at most, beyond the latency: behind a steady
+    /// change by smoothing, and under the last stamp of a fix that is logged several times.
+    pub fn lag_s(&self) -> f64 {
         let keep = self.smoothing_keep();
-        let lag_s = keep / ((1.0 - keep) * self.model.rate_hz);
-        self.latency_s + self.model.habits.clock_drift * stamp_s + lag_s
+        let times = f64::from(self.model.habits.logged_times);
+        (keep / (1.0 - keep) + 1.0 - 1.0 / times) / self.model.rate_hz
     }
 
     /// Part of the last epoch that a smoothed one keeps.
@@ -90,7 +95,7 @@ impl Gnss {
     pub fn observe(&mut self, from: &TrueState, to: &TrueState, fixes: &mut Vec<GnssFix>) {
         loop {
             let stamp_s = f64::from(self.next) / self.model.rate_hz;
-            let shown_s = stamp_s - self.latency_s - self.model.habits.clock_drift * stamp_s;
+            let shown_s = stamp_s - self.latency_at_s(stamp_s);
             if shown_s >= to.solution.time.as_seconds() {
                 return;
             }
@@ -186,9 +191,10 @@ impl Gnss {
         let time = Time::default().plus_seconds(stamp_s);
         let good = self.fix(time, position, velocity);
         let habits = &self.model.habits;
-        let trouble = habits.troubles.iter().find(|trouble| {
-            trouble.holds(stamp_s) && !matches!(trouble.wrong, Wrong::Noisy(_))
-        });
+        let trouble = habits
+            .troubles
+            .iter()
+            .find(|trouble| trouble.holds(stamp_s) && !matches!(trouble.wrong, Wrong::Noisy(_)));
         let fix = match trouble {
             None => {
                 self.last_good = Some(good);
@@ -210,6 +216,11 @@ impl Gnss {
                     Wrong::Stuck => GnssFix {
                         time,
                         ..self.last_good.unwrap_or(good)
+                    },
+                    Wrong::NoPosition => GnssFix {
+                        position: None,
+                        height_m: None,
+                        ..good
                     },
                     Wrong::Noisy(_) => good,
                 }
@@ -404,7 +415,7 @@ mod tests {
     #[test]
     fn smoothing_lags_as_far_as_the_latency_says() {
         let drive = with(|gnss| gnss.habits.smoothing_s = 0.3);
-        let lag_s = drive.errors.gnss_latency_end_s - drive.errors.gnss_latency_s;
+        let lag_s = drive.errors.gnss_lag_s;
         // A sampled low-pass lags T e / (1 - e), a little less than its time constant.
         assert!((0.25..0.3).contains(&lag_s), "{lag_s}");
         let mut car = super::super::car::Car::new(8, 180.0, None);
@@ -550,7 +561,11 @@ mod tests {
             gnss.habits.delay_s = [0.2, 0.7];
         });
         assert_eq!(drive.arrivals.len(), drive.gnss.len());
-        for (fixes, arrivals) in drive.gnss.chunks_exact(4).zip(drive.arrivals.chunks_exact(4)) {
+        for (fixes, arrivals) in drive
+            .gnss
+            .chunks_exact(4)
+            .zip(drive.arrivals.chunks_exact(4))
+        {
             for (fix, arrival) in fixes.iter().zip(arrivals) {
                 assert_eq!(fix.velocity_en_mps, fixes[0].velocity_en_mps);
                 let delay_s = arrival.seconds_since(fix.time);

@@ -94,8 +94,7 @@ impl Motion for Quadrotor {
         let three = |of: fn(&Local) -> f64| Vector3::new(of(&e), of(&n), of(&u));
         let (velocity, acceleration) = (three(|x| x.value), three(|x| x.slope));
         // Thrust holds gravity and drag and gives the acceleration; the rotors push along up.
-        let thrust =
-            acceleration + DRAG_PER_S * velocity + Vector3::new(0.0, 0.0, GRAVITY_MPS2);
+        let thrust = acceleration + DRAG_PER_S * velocity + Vector3::new(0.0, 0.0, GRAVITY_MPS2);
         let thrust_rate = three(|x| x.curvature) + DRAG_PER_S * acceleration;
         let (angles, rates) = leaned(&thrust, &thrust_rate, &heading);
         Kinematics {

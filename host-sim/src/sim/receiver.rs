@@ -70,6 +70,8 @@ pub enum Wrong {
     Zeros,
     /// The last fix before goes on under new stamps.
     Stuck,
+    /// Neither position nor height.
+    NoPosition,
     /// Noise, white and correlated, is so many times what it is elsewhere; the stated one is not.
     Noisy(f64),
 }
@@ -194,9 +196,6 @@ impl Habits {
             self.outliers.fraction,
             "0 to 1",
         )?;
-        positive(
-            "gnss.habits.logged_times",
-            f64::from(self.logged_times),
-        )
+        positive("gnss.habits.logged_times", f64::from(self.logged_times))
     }
 }

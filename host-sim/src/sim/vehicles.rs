@@ -34,12 +34,33 @@ fn vehicles() -> Vec<(&'static str, Box<dyn Motion>)> {
     let car = || Car::new(3, DURATION_S, Some([30.0, 60.0])).leaning(2.0);
     vec![
         ("boat", Box::new(boat())),
-        ("plane", Box::new(Plane::new(1, DURATION_S, [0.6, 1.05], air))),
-        ("departure", Box::new(Plane::new(2, DURATION_S, [0.6, 1.05], ground))),
-        ("quadrotor", Box::new(Quadrotor::new(3, DURATION_S, Some(20.0)))),
-        ("walker", Box::new(Shaken::new(walker(), &swings, When::Moving(0.4), 1))),
-        ("car", Box::new(Shaken::new(car(), &swings, When::Standing(3.0), 2))),
-        ("mounted", Box::new(Mounted::new(Shaken::new(boat(), &swings, When::Always, 3), mount))),
+        (
+            "plane",
+            Box::new(Plane::new(1, DURATION_S, [0.6, 1.05], air)),
+        ),
+        (
+            "departure",
+            Box::new(Plane::new(2, DURATION_S, [0.6, 1.05], ground)),
+        ),
+        (
+            "quadrotor",
+            Box::new(Quadrotor::new(3, DURATION_S, Some(20.0))),
+        ),
+        (
+            "walker",
+            Box::new(Shaken::new(walker(), &swings, When::Moving(0.4), 1)),
+        ),
+        (
+            "car",
+            Box::new(Shaken::new(car(), &swings, When::Standing(3.0), 2)),
+        ),
+        (
+            "mounted",
+            Box::new(Mounted::new(
+                Shaken::new(boat(), &swings, When::Always, 3),
+                mount,
+            )),
+        ),
     ]
 }
 
@@ -89,7 +110,8 @@ fn vehicles_do_what_they_are_for() {
         let k = quadrotor.kinematics(t);
         tilt = tilt.max(upright(&k));
         // What is left of thrust across the up axis, but for drag.
-        let force = k.acceleration_enu_mps2 + 0.3 * k.velocity_enu_mps + Vector3::new(0.0, 0.0, 9.81);
+        let force =
+            k.acceleration_enu_mps2 + 0.3 * k.velocity_enu_mps + Vector3::new(0.0, 0.0, 9.81);
         assert!((k.attitude.inverse() * force).xy().norm() < 1e-12);
         if t < 20.0 {
             assert!(k.velocity_enu_mps.norm() == 0.0 && k.angular_rate_lb_b_radps.norm() == 0.0);

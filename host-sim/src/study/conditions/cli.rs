@@ -106,9 +106,8 @@ impl Conditions {
                 );
             }
         }
-        let named = |kind: &&Kind| {
-            self.kinds.is_empty() || self.kinds.iter().any(|name| name == kind.name)
-        };
+        let named =
+            |kind: &&Kind| self.kinds.is_empty() || self.kinds.iter().any(|name| name == kind.name);
         let used = |kind: &&Kind| !(self.judges && !kind.judge || self.development && kind.judge);
         Ok(all().filter(named).filter(used).collect())
     }

@@ -67,10 +67,14 @@ fn overview_row(result: &Results) -> Vec<String> {
         result.runs.to_string(),
         percent(result.never),
         percent(result.without_solution),
-        result.first_solution_s.map_or(String::new(), |s| format!("{s:.0}")),
+        result
+            .first_solution_s
+            .map_or(String::new(), |s| format!("{s:.0}")),
         format!("{honest}/{all}"),
         result.wrong_and_sure().to_string(),
-        worst.and_then(|row| row.rms_ratio).map_or(String::new(), ratio),
+        worst
+            .and_then(|row| row.rms_ratio)
+            .map_or(String::new(), ratio),
         worst.map_or(String::new(), |row| row.quantity.name.to_owned()),
         kalman.map_or(String::new(), |(_, over)| ratio(over)),
         kalman.map_or(String::new(), |(row, _)| row.quantity.name.to_owned()),
@@ -105,7 +109,9 @@ fn totals_table(totals: &[Totals]) -> String {
                 format!("{:.1}", 1000.0 * total.wrong_and_sure as f64 / total.sure),
                 percent(total.never),
                 percent(total.without_solution),
-                total.over_kalman.map_or(String::new(), |over| format!("{over:.2}")),
+                total
+                    .over_kalman
+                    .map_or(String::new(), |over| format!("{over:.2}")),
             ]
         })
         .collect();
@@ -142,7 +148,8 @@ fn kind_row(row: &Row) -> Vec<String> {
         row.quantity.unit.to_owned(),
         number(row.rms_error),
         row.rms_sigma.map_or(String::new(), number),
-        row.rms_ratio.map_or(String::new(), |ratio| format!("{ratio:.2}")),
+        row.rms_ratio
+            .map_or(String::new(), |ratio| format!("{ratio:.2}")),
         stated(percent(row.within_one)),
         stated(percent(row.within_three)),
         stated(percent(row.observable)),

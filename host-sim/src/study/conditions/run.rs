@@ -52,7 +52,7 @@ pub struct Tried {
 pub fn run(kind: &Kind, class: Grade, seed: u64, with_kalman: bool) -> Tried {
     let world = kind.world(class, seed);
     let drive = world.simulate();
-    let truth = Truth::new(&world, &drive.errors);
+    let truth = Truth::new(&world, &drive);
     let config = subject::config(&world, &drive);
     let refused = "presets are valid";
     let core = Core::new(config, &drive).expect(refused);
@@ -63,12 +63,7 @@ pub fn run(kind: &Kind, class: Grade, seed: u64, with_kalman: bool) -> Tried {
     }
 }
 
-fn try_on<S: Subject>(
-    mut subject: S,
-    world: &World,
-    drive: &SimulatedDrive,
-    truth: &Truth,
-) -> Run {
+fn try_on<S: Subject>(mut subject: S, world: &World, drive: &SimulatedDrive, truth: &Truth) -> Run {
     let half = Time::default().plus_seconds(30.0 * world.minutes);
     let mut truths = drive.truth.iter().peekable();
     let mut second_half = SecondHalf::default();
@@ -126,11 +121,17 @@ fn check_end(
         add(index::ACCEL + axis, accel.value - true_accel, &accel);
         add(index::GYRO + axis, gyro.value - true_gyro, &gyro);
         if let Some(arm) = claims.lever_arm_m[axis] {
-            add(index::LEVER + axis, arm.value - truth.lever_arm_m[axis], &arm);
+            add(
+                index::LEVER + axis,
+                arm.value - truth.lever_arm_m[axis],
+                &arm,
+            );
         }
     }
     let latency = claims.latency_s;
-    add(index::LATENCY, latency.value - truth.latency_s, &latency);
+    let [least, most] = truth.latency_s;
+    let nearest = latency.value.clamp(least, most);
+    add(index::LATENCY, latency.value - nearest, &latency);
 }
 
 /// The rotation vector, ENU, that turns one attitude into another.
@@ -194,12 +195,15 @@ impl SecondHalf {
             index::VELOCITY_UP,
         ];
         let rms = |sum2: f64| (sum2 / self.solutions).sqrt();
-        let checks = places.into_iter().enumerate().map(move |(which, quantity)| Check {
-            quantity,
-            error: rms(self.errors2[which]),
-            sigma: self.sigmas2[which].map(rms),
-            observable: true,
-        });
+        let checks = places
+            .into_iter()
+            .enumerate()
+            .map(move |(which, quantity)| Check {
+                quantity,
+                error: rms(self.errors2[which]),
+                sigma: self.sigmas2[which].map(rms),
+                observable: true,
+            });
         checks.filter(|_| self.solutions > 0.0)
     }
 }

@@ -167,12 +167,18 @@ impl Results {
     /// Quantities that are honest, of those with a sigma.
     pub fn honest(&self) -> (usize, usize) {
         let judged: Vec<bool> = self.rows.iter().filter_map(Row::honest).collect();
-        (judged.iter().filter(|honest| **honest).count(), judged.len())
+        (
+            judged.iter().filter(|honest| **honest).count(),
+            judged.len(),
+        )
     }
 
     /// The quantity whose error is the most of the Kalman filter's.
     pub fn worst_over_kalman(&self) -> Option<(&Row, f64)> {
-        let compared = self.rows.iter().filter_map(|row| Some((row, row.over_kalman()?)));
+        let compared = self
+            .rows
+            .iter()
+            .filter_map(|row| Some((row, row.over_kalman()?)));
         compared.max_by(|a, b| f64::total_cmp(&a.1, &b.1))
     }
 }
@@ -219,7 +225,10 @@ impl Totals {
         (!results.is_empty()).then(|| Self {
             name: name.to_owned(),
             kinds: results.len(),
-            honest_kinds: honest.iter().filter(|(good, all)| good == all).count(),
+            honest_kinds: honest
+                .iter()
+                .filter(|(good, all)| *all > 0 && good == all)
+                .count(),
             quantities: honest.iter().map(|(_, all)| all).sum(),
             honest_quantities: honest.iter().map(|(good, _)| good).sum(),
             sure: rows()

@@ -181,6 +181,8 @@ impl Subject for Kalman<'_> {
         let tilt = sigmas[kalman::index::ATTITUDE].max(sigmas[kalman::index::ATTITUDE + 1]);
         let mut claims = claims(&estimates, None);
         claims.tilt.sigma = Some(tilt);
+        // A constant to this filter.
+        claims.latency_s = claim(&estimates.gnss_latency_s);
         claims.lever_arm_m = [None; 3];
         Some(claims)
     }
@@ -198,7 +200,9 @@ fn claim(estimate: &Estimate) -> Claim {
 fn claims(estimates: &Estimates, tilt_sigma_rad: Option<f64>) -> Claims {
     let accel_bias_mps2 = estimates.accel_bias_mps2.each_ref().map(claim);
     // The spread of the INS's tilt is stated apart from what the accelerometers tilt it by.
-    let by_accel = estimates.accel_bias_mps2[0].sigma.max(estimates.accel_bias_mps2[1].sigma);
+    let by_accel = estimates.accel_bias_mps2[0]
+        .sigma
+        .max(estimates.accel_bias_mps2[1].sigma);
     let tilt_rad = tilt_sigma_rad.map(|tilt| libm::hypot(tilt, by_accel / GRAVITY_MPS2));
     let [right, forward] = estimates.lever_arm_m.each_ref().map(|arm| Some(claim(arm)));
     Claims {

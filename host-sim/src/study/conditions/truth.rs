@@ -1,7 +1,7 @@
 //! What an estimator should find, where several errors are one number.
 //!
 //! A vehicle that stays about level shows of accelerometers only what they read there. With the
-//! matrix `A` of their scale errors and misalignments, `u` the up direction in the axes of the
+//! matrix `A` of their scale errors and misalignments, `u` the mean up direction in the axes of the
 //! unit and `g` gravity, a bias `b` is felt as `b + g A u`.
 //!
 //! Gyros with such a matrix `G`, turning at a rate `w` about `u`, read `w G u` too much. Let `p` be
@@ -13,11 +13,12 @@
 //! `-(u x p) x g u = g u x (u x p) = -g p`. The bias felt in all is `b + g A u - g p`, and the
 //! attitude that belongs to it is `C (I + [e x])`.
 
+use ins_core::Solution;
 use ins_core::earth::LocalEarth;
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::World;
-use crate::sim::SensorErrors;
+use crate::sim::{SensorErrors, SimulatedDrive};
 
 /// The truth of one run, body axes of the unit, SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,8 +27,9 @@ pub struct Truth {
     pub accel_bias_mps2: Vector3<f64>,
     /// At the end.
     pub gyro_bias_radps: Vector3<f64>,
-    /// At the end.
-    pub latency_s: f64,
+    /// At the end. A receiver that smooths lags by what depends on the motion, and one whose fixes
+    /// are logged several times shows several: anything between is right.
+    pub latency_s: [f64; 2],
     /// Antenna from the unit.
     pub lever_arm_m: Vector3<f64>,
     /// From the axes that gyros and accelerometers agree on to those of the unit.
@@ -35,22 +37,33 @@ pub struct Truth {
 }
 
 impl Truth {
-    /// Of a world whose sensors had these errors.
-    pub fn new(world: &World, errors: &SensorErrors) -> Self {
+    /// Of a world that was simulated.
+    pub fn new(world: &World, drive: &SimulatedDrive) -> Self {
+        Self::at(world, &drive.errors, &mean_up(&drive.truth))
+    }
+
+    /// Of a vehicle whose up direction is on the whole this one, in the axes of the unit.
+    fn at(world: &World, errors: &SensorErrors, up: &Vector3<f64>) -> Self {
         let at = &world.origin;
         let gravity = LocalEarth::at(at.latitude_rad, at.height_m).gravity_mps2;
-        let up = world.mount.inverse() * Vector3::z();
         let turn = errors.gyro_matrix * up;
         let across = turn - up * up.dot(&turn);
+        let latency_s = errors.gnss_latency_end_s;
         let proportional = gravity * (errors.accel_matrix * up - across);
         Self {
             accel_bias_mps2: Vector3::from(errors.accel_bias_mps2) + proportional,
             gyro_bias_radps: errors.gyro_bias_radps.into(),
-            latency_s: errors.gnss_latency_end_s,
+            latency_s: [latency_s, latency_s + errors.gnss_lag_s],
             lever_arm_m: world.lever_arm_m(),
             axes: UnitQuaternion::from_scaled_axis(-up.cross(&across)),
         }
     }
+}
+
+/// An aircraft flies nose up, a road rises and falls.
+fn mean_up(truth: &[Solution]) -> Vector3<f64> {
+    let ups = truth.iter().map(|s| s.attitude.inverse() * Vector3::z());
+    ups.sum::<Vector3<f64>>().normalize()
 }
 
 #[cfg(test)]
@@ -78,8 +91,9 @@ mod tests {
             gyro_matrix,
             gnss_latency_s: 0.0,
             gnss_latency_end_s: 0.0,
+            gnss_lag_s: 0.0,
         };
-        let truth = Truth::new(&world, &errors);
+        let truth = Truth::at(&world, &errors, &up);
         let at = &world.origin;
         let gravity = LocalEarth::at(at.latitude_rad, at.height_m).gravity_mps2;
         // Three turns to the right and one to the left, from the tilt that belongs to it.
@@ -91,7 +105,8 @@ mod tests {
                 carried *= UnitQuaternion::from_scaled_axis(angle);
                 heading += 0.01 * rate;
                 let level = carried
-                    * (gravity * up + gravity * accel_matrix * up
+                    * (gravity * up
+                        + gravity * accel_matrix * up
                         + Vector3::from(errors.accel_bias_mps2)
                         - truth.accel_bias_mps2);
                 // What is left is of second order, 1e-5 rad; uncorrected it were 0.3 m/s^2.

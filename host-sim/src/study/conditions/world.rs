@@ -26,10 +26,7 @@ const TRUTH_HZ: f64 = 10.0;
 pub enum Vehicle {
     /// A car that leans so many times as far as a family car; it begins at rest for a time
     /// between the bounds, s, or in motion.
-    Car {
-        rest_s: Option<[f64; 2]>,
-        lean: f64,
-    },
+    Car { rest_s: Option<[f64; 2]>, lean: f64 },
     /// A boat at anchor that sails then.
     Boat(Anchored),
     /// An aircraft whose turns are banked between two angles, rad.
@@ -135,9 +132,7 @@ impl World {
             Vehicle::Plane { bank_rad, begin } => {
                 Box::new(Plane::new(seed, duration_s, bank_rad, begin))
             }
-            Vehicle::Quadrotor { ground_s } => {
-                Box::new(Quadrotor::new(seed, duration_s, ground_s))
-            }
+            Vehicle::Quadrotor { ground_s } => Box::new(Quadrotor::new(seed, duration_s, ground_s)),
             Vehicle::Walker { rest_s } => Box::new(Walker::new(seed, duration_s, rest_s)),
         };
         for (when, swings) in &self.shakes {
@@ -196,11 +191,13 @@ impl World {
 
     /// The same trouble at each of the times.
     pub fn trouble(&mut self, times: &[f64], duration_s: f64, wrong: Wrong) {
-        self.habits().troubles.extend(times.iter().map(|start_s| Trouble {
-            start_s: *start_s,
-            duration_s,
-            wrong,
-        }));
+        self.habits()
+            .troubles
+            .extend(times.iter().map(|start_s| Trouble {
+                start_s: *start_s,
+                duration_s,
+                wrong,
+            }));
     }
 
     /// No fixes for so long at each of the times.

@@ -11,7 +11,13 @@ use crate::sim::shaken::When;
 use crate::study::conditions::Vehicle;
 
 pub static KINDS: &[Kind] = &[
-    develop("plain", BOTH, 15.0, "car, white noise, nothing wrong", |_| {}),
+    develop(
+        "plain",
+        BOTH,
+        15.0,
+        "car, white noise, nothing wrong",
+        |_| {},
+    ),
     // --- receivers ---
     develop(
         "coloured_velocity",
@@ -80,19 +86,12 @@ pub static KINDS: &[Kind] = &[
         "velocity_alone",
         BOTH,
         12.0,
-        "velocity in three axes, neither position nor height",
-        |w| {
-            w.habits().gives_position = false;
-            w.habits().gives_height = false;
-        },
+        "velocity in three axes, positions and heights in the first minute alone",
+        |w| w.trouble(&[60.0], w.duration_s(), Wrong::NoPosition),
     ),
-    develop(
-        "late_stamps",
-        BOTH,
-        12.0,
-        "latency of 0.6 to 1 s",
-        |w| w.errors.gnss.latency_s = [0.6, 1.0],
-    ),
+    develop("late_stamps", BOTH, 12.0, "latency of 0.6 to 1 s", |w| {
+        w.errors.gnss.latency_s = [0.6, 1.0]
+    }),
     develop(
         "late_arrival",
         BOTH,

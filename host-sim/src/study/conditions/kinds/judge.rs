@@ -17,11 +17,17 @@ const MOVING_CAR: Vehicle = Vehicle::Car {
 };
 
 pub static KINDS: &[Kind] = &[
-    judge("five_hertz", BOTH, 18.0, "car, white noise at 5 Hz, begins in motion", |w| {
-        w.errors.gnss.rate_hz = 5.0;
-        w.velocity_noise(0.05, 0.0, 1.0);
-        w.vehicle = MOVING_CAR;
-    }),
+    judge(
+        "five_hertz",
+        BOTH,
+        18.0,
+        "car, white noise at 5 Hz, begins in motion",
+        |w| {
+            w.errors.gnss.rate_hz = 5.0;
+            w.velocity_noise(0.05, 0.0, 1.0);
+            w.vehicle = MOVING_CAR;
+        },
+    ),
     // --- receivers ---
     judge(
         "slow_colour",
@@ -111,12 +117,11 @@ pub static KINDS: &[Kind] = &[
         "level_velocity_alone",
         MEMS,
         15.0,
-        "level velocity at 5 Hz and nothing else",
+        "level velocity at 5 Hz, positions and heights in the first 20 s alone",
         |w| {
             w.errors.gnss.rate_hz = 5.0;
-            w.habits().gives_position = false;
-            w.habits().gives_height = false;
             w.habits().up = Up::Missing;
+            w.trouble(&[20.0], w.duration_s(), Wrong::NoPosition);
         },
     ),
     judge(

@@ -47,7 +47,11 @@ pub fn waves(period_s: f64, roll_deg: f64, heave_mps: f64) -> Shake {
     let line = |hz: f64, part: f64| {
         swing(
             hz,
-            [0.3 * part * heave_mps, 0.2 * part * heave_mps, part * heave_mps],
+            [
+                0.3 * part * heave_mps,
+                0.2 * part * heave_mps,
+                part * heave_mps,
+            ],
             [0.5 * part * roll, part * roll, 0.2 * part * roll],
         )
     };
@@ -59,7 +63,11 @@ pub fn waves(period_s: f64, roll_deg: f64, heave_mps: f64) -> Shake {
 pub fn steps(steps_hz: f64, heave_mps: f64, turn_deg: f64) -> Shake {
     let turn = turn_deg.to_radians();
     let swings = vec![
-        swing(steps_hz, [0.0, 0.4 * heave_mps, heave_mps], [0.5 * turn, 0.0, 0.0]),
+        swing(
+            steps_hz,
+            [0.0, 0.4 * heave_mps, heave_mps],
+            [0.5 * turn, 0.0, 0.0],
+        ),
         swing(
             0.5 * steps_hz,
             [0.5 * heave_mps, 0.0, 0.0],
