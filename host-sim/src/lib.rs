@@ -25,6 +25,7 @@ pub mod quantities;
 pub mod report;
 pub mod reproduce;
 pub mod sim;
+pub mod study;
 pub mod summary;
 pub mod table;
 pub mod tables;

@@ -7,7 +7,7 @@ use ins_core::{Config, Estimates, Solution, Time};
 
 use super::Input;
 use crate::five_stage;
-use crate::identify::identify;
+use crate::identify::{Row, identify};
 use crate::kalman::{Filter, Known, Noise, Record, Run, States, smooth};
 
 /// Interval between looks, s.
@@ -61,22 +61,27 @@ fn compensation(method: &str, form: Form, input: &Input) -> Result<Track, Config
         ..input.config
     };
     let found = identify(input.log, config, &ProgressBar::hidden())?;
-    let points = found.history.iter().filter_map(|row| {
+    Ok(Track {
+        method: method.to_owned(),
+        online: true,
+        points: points(&found.history),
+    })
+}
+
+/// The core's own rows, from where it navigates.
+pub(crate) fn points(history: &[Row]) -> Vec<Point> {
+    let points = history.iter().filter_map(|row| {
         Some(Point {
             time: row.time,
             estimates: row.estimates,
             solution: row.solution?,
         })
     });
-    Ok(Track {
-        method: method.to_owned(),
-        online: true,
-        points: points.collect(),
-    })
+    points.collect()
 }
 
 /// Navigation with all that the stages have found taken out.
-fn five_stage(method: &str, rounds: usize, input: &Input) -> Result<Track, ConfigError> {
+pub(crate) fn five_stage(method: &str, rounds: usize, input: &Input) -> Result<Track, ConfigError> {
     let found = five_stage::run(input.log, input.config, rounds)?;
     let points = found.history.iter().filter_map(|row| {
         Some(Point {
@@ -95,7 +100,7 @@ fn five_stage(method: &str, rounds: usize, input: &Input) -> Result<Track, Confi
     })
 }
 
-fn kalman(method: &str, noise: Noise, input: &Input) -> Result<Track, ConfigError> {
+pub(crate) fn kalman(method: &str, noise: Noise, input: &Input) -> Result<Track, ConfigError> {
     let mut run = Run::new(&input.log.imu, &input.log.gnss, input.config, noise)?;
     let mut points = Vec::new();
     while let Some(time) = run.step(&mut |_, _| {}) {

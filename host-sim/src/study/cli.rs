@@ -1,0 +1,20 @@
+//! The command group `study`.
+
+use clap::Subcommand;
+use miette::Result;
+
+use super::logs;
+
+/// What is studied.
+#[derive(Debug, Subcommand)]
+pub enum Study {
+    /// Say what recorded logs can tell of the core: halves, methods, outages, free INS.
+    Logs(logs::cli::Logs),
+}
+
+/// Runs a study.
+pub fn study(study: &Study, json: bool) -> Result<()> {
+    match study {
+        Study::Logs(options) => logs::cli::logs(options, json),
+    }
+}
