@@ -64,16 +64,16 @@ impl Standing {
         });
         assert_eq!(outcome, ImuOutcome::Accepted);
         if self.count.is_multiple_of(FIX_EVERY) {
-            let outcome = self.navigator.on_gnss(&GnssFix {
+            let fix = GnssFix {
                 time,
-                position: Some(Geodetic {
-                    height_m: self.height_m,
-                    ..PLACE
-                }),
                 velocity_en_mps: Some(Vector2::zeros()),
                 velocity_up_mps: self.with_up.then_some(0.0),
-                velocity_sigma_mps: None,
-            });
+                ..GnssFix::default()
+            };
+            let outcome = self.navigator.on_gnss(&fix.at(&Geodetic {
+                height_m: self.height_m,
+                ..PLACE
+            }));
             assert!(
                 matches!(outcome, GnssOutcome::Accepted | GnssOutcome::Queued),
                 "{outcome:?}"

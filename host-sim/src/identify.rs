@@ -204,10 +204,7 @@ mod tests {
         };
         let fix = |micros| GnssFix {
             time: Time::from_micros(micros),
-            position: None,
-            velocity_en_mps: None,
-            velocity_up_mps: None,
-            velocity_sigma_mps: None,
+            ..GnssFix::default()
         };
         let (imu, gnss) = ([sample(10), sample(20)], [fix(5), fix(20), fix(30)]);
         let order: Vec<_> = in_order_of_time(&imu, &gnss)

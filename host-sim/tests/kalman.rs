@@ -204,10 +204,9 @@ fn a_bias_at_rest_is_the_slope_of_a_straight_line() {
         filter.predict(time, &interval);
         let fix = GnssFix {
             time,
-            position: None,
             velocity_en_mps: Some(Vector2::zeros()),
             velocity_up_mps: Some(wrong(k)),
-            velocity_sigma_mps: None,
+            ..GnssFix::default()
         };
         let _ = filter.correct(&fix);
         let t = time.as_seconds();

@@ -3,7 +3,7 @@
 use host_sim::log::{BodyAxes, Compression, Grade, Log, Meta, read, write};
 use ins_core::attitude::{Euler, from_euler};
 use ins_core::earth::Geodetic;
-use ins_core::{GnssFix, ImuOutput, ImuSample, Solution, Time};
+use ins_core::{FixSigma, GnssFix, ImuOutput, ImuSample, Solution, Time};
 use nalgebra::{Vector2, Vector3};
 use proptest::option::of;
 use proptest::prelude::*;
@@ -28,14 +28,29 @@ fn position() -> impl Strategy<Value = Geodetic> {
 }
 
 fn fix() -> impl Strategy<Value = GnssFix> {
+    let position = of(position().prop_map(|place| place.lat_lon()));
     let velocity = of((-40.0..40.0, -40.0..40.0).prop_map(|(e, n)| Vector2::new(e, n)));
-    (of(position()), velocity, of(-9.0..9.0), of(0.001..2.0)).prop_map(
-        |(position, velocity_en_mps, velocity_up_mps, velocity_sigma_mps)| GnssFix {
+    let up = of(-9.0..9.0);
+    (position, of(-500.0..9000.0), velocity, up, fix_sigma()).prop_map(
+        |(position, height_m, velocity_en_mps, velocity_up_mps, sigma)| GnssFix {
             time: Time::default(),
             position,
+            height_m,
             velocity_en_mps,
             velocity_up_mps,
-            velocity_sigma_mps,
+            sigma,
+        },
+    )
+}
+
+fn fix_sigma() -> impl Strategy<Value = FixSigma> {
+    let sigma = || of(0.001..20.0);
+    (sigma(), sigma(), sigma(), sigma()).prop_map(
+        |(position_m, height_m, velocity_mps, velocity_up_mps)| FixSigma {
+            position_m,
+            height_m,
+            velocity_mps,
+            velocity_up_mps,
         },
     )
 }
@@ -121,17 +136,16 @@ fn same_truth(a: &Solution, b: &Solution) -> bool {
 
 fn same_fix(a: &GnssFix, b: &GnssFix) -> bool {
     let position = match (&a.position, &b.position) {
-        (Some(a), Some(b)) => same_position(a, b),
-        (a, b) => a.is_none() && b.is_none(),
-    };
-    let sigma = match (a.velocity_sigma_mps, b.velocity_sigma_mps) {
-        // Squared and rooted again.
-        (Some(a), Some(b)) => same_angle(a, b),
+        (Some(a), Some(b)) => {
+            same_angle(a.latitude_rad, b.latitude_rad)
+                && same_angle(a.longitude_rad, b.longitude_rad)
+        }
         (a, b) => a.is_none() && b.is_none(),
     };
     position
-        && sigma
         && a.time == b.time
+        && a.height_m == b.height_m
+        && a.sigma == b.sigma
         && a.velocity_en_mps == b.velocity_en_mps
         && a.velocity_up_mps == b.velocity_up_mps
 }

@@ -115,11 +115,11 @@ fn fixes_that_are_said_to_be_noisy_count_for_less() {
         {
             *velocity += 0.49 * Vector2::new(noise.normal(), noise.normal());
         }
-        fix.velocity_sigma_mps = Some(sigma);
+        fix.sigma.velocity_mps = Some(sigma);
     }
     let stated = identify(&log, config, &ProgressBar::hidden()).unwrap();
     for fix in &mut log.gnss {
-        fix.velocity_sigma_mps = None;
+        fix.sigma.velocity_mps = None;
     }
     let silent = identify(&log, config, &ProgressBar::hidden()).unwrap();
     let latency = |found: &Identification| found.end.estimates.gnss_latency_s;

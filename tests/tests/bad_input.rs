@@ -5,10 +5,10 @@ use std::sync::LazyLock;
 use host_sim::accuracy::config_of;
 use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
 use ins_core::config::HeadingSource;
-use ins_core::earth::Geodetic;
+use ins_core::earth::{Geodetic, LatLon};
 use ins_core::{
-    Config, Estimate, Estimates, GnssFix, GnssOutcome, ImuOutcome, ImuOutput, ImuSample, Navigator,
-    Phase, Solution, Time,
+    Config, Estimate, Estimates, FixSigma, GnssFix, GnssOutcome, ImuOutcome, ImuOutput, ImuSample,
+    Navigator, Phase, Solution, Time,
 };
 use nalgebra::{Vector2, Vector3};
 use proptest::prelude::*;
@@ -210,26 +210,31 @@ fn bad_sample(absurd: bool) -> impl Strategy<Value = Event> {
 /// Stamped later.
 fn bad_fix(absurd: bool) -> impl Strategy<Value = Event> {
     let number = |credible| number(absurd, credible);
-    let position =
-        (number(1.5), number(3.1), number(9e3)).prop_map(|(lat, lon, height)| Geodetic {
-            latitude_rad: lat,
-            longitude_rad: lon,
-            height_m: height,
-        });
+    let position = (number(1.5), number(3.1)).prop_map(|(lat, lon)| LatLon {
+        latitude_rad: lat,
+        longitude_rad: lon,
+    });
     let velocity = (number(100.0), number(100.0)).prop_map(|(e, n)| Vector2::new(e, n));
     (
         prop::option::of(position),
+        prop::option::of(number(9e3)),
         prop::option::of(velocity),
         prop::option::of(number(100.0)),
         prop::option::of(number(1.0)),
     )
-        .prop_map(|(position, velocity_en_mps, up, sigma)| {
+        .prop_map(|(position, height_m, velocity_en_mps, up, sigma)| {
             Event::Gnss(GnssFix {
                 time: Time::default(),
                 position,
+                height_m,
                 velocity_en_mps,
                 velocity_up_mps: up,
-                velocity_sigma_mps: sigma,
+                sigma: FixSigma {
+                    velocity_mps: sigma,
+                    velocity_up_mps: sigma,
+                    position_m: sigma,
+                    height_m: sigma,
+                },
             })
         })
 }
@@ -372,16 +377,11 @@ fn assert_near_truth([position, velocity, heading]: [f64; 3]) {
 /// What a receiver without a fix is fond of.
 #[test]
 fn one_fix_on_null_island_is_forgotten() {
-    let position = Some(Geodetic::default());
+    let with_velocity = good_fix().at(&Geodetic::default());
     let alone = GnssFix {
-        position,
         velocity_en_mps: None,
         velocity_up_mps: None,
-        ..good_fix()
-    };
-    let with_velocity = GnssFix {
-        position,
-        ..good_fix()
+        ..with_velocity
     };
     for fix in [alone, with_velocity] {
         let (_, errors) = after(&[Event::Gnss(fix)], PLACE_S, 5.0);

@@ -1,8 +1,8 @@
 //! The link's decoder: everything good gets through, nothing else does, and all of it is counted.
 
 use ins_core::damping::DampingSignals;
-use ins_core::earth::Geodetic;
-use ins_core::{Config, Estimates, GnssFix, ImuSample, Solution, Time};
+use ins_core::earth::{Geodetic, LatLon};
+use ins_core::{Config, Estimates, FixSigma, GnssFix, ImuSample, Solution, Time};
 use ins_link::{
     Decoder, FromBoard, LOG_BYTES, MAX_FRAME, Receiver, Reply, Report, Request, SampleReply,
     VERSION, encode,
@@ -25,14 +25,17 @@ fn any_request() -> impl Strategy<Value = Request> {
     let gnss = (time, any_vector(), any_vector(), any::<bool>()).prop_map(|(time, a, b, there)| {
         Request::Gnss(GnssFix {
             time,
-            position: there.then_some(Geodetic {
+            position: there.then_some(LatLon {
                 latitude_rad: a.x,
                 longitude_rad: a.y,
-                height_m: a.z,
             }),
+            height_m: (!there).then_some(a.z),
             velocity_en_mps: (!there).then_some(Vector2::new(b.x, b.y)),
             velocity_up_mps: there.then_some(b.z),
-            velocity_sigma_mps: None,
+            sigma: FixSigma {
+                velocity_mps: there.then_some(b.x),
+                ..FixSigma::default()
+            },
         })
     });
     let start = any::<u32>().prop_map(|estimates_every| Request::Start {

@@ -18,13 +18,15 @@ fn stand(navigator: &mut Navigator, from_s: i64, to_s: i64, up_gyro_radps: f64) 
     for tick in RATE_HZ * from_s + 1..=RATE_HZ * to_s {
         let time = Time::from_micros(tick * 1_000_000 / RATE_HZ);
         if tick % RATE_HZ == 0 {
-            let _ = navigator.on_gnss(&GnssFix {
-                time,
-                position: Some(PLACE),
-                velocity_en_mps: Some(Vector2::zeros()),
-                velocity_up_mps: Some(0.0),
-                velocity_sigma_mps: None,
-            });
+            let _ = navigator.on_gnss(
+                &GnssFix {
+                    time,
+                    velocity_en_mps: Some(Vector2::zeros()),
+                    velocity_up_mps: Some(0.0),
+                    ..GnssFix::default()
+                }
+                .at(&PLACE),
+            );
         }
         let _ = navigator.on_imu(&ImuSample {
             time,

@@ -6,7 +6,7 @@
 use core::hint::black_box;
 
 use ins_core::earth::Geodetic;
-use ins_core::{Config, GnssFix, ImuSample, Navigator, Time};
+use ins_core::{Config, FixSigma, GnssFix, ImuSample, Navigator, Time};
 #[cfg(feature = "panic-never")]
 use panic_never as _;
 
@@ -39,11 +39,15 @@ fn navigate(navigator: &mut Navigator) {
     };
     let fix = GnssFix {
         time: Time::from_micros(1),
-        position: Some(Geodetic::default()),
         velocity_en_mps: Some(nalgebra::Vector2::zeros()),
         velocity_up_mps: Some(0.0),
-        velocity_sigma_mps: Some(0.1),
-    };
+        sigma: FixSigma {
+            velocity_mps: Some(0.1),
+            ..FixSigma::default()
+        },
+        ..GnssFix::default()
+    }
+    .at(&Geodetic::default());
     let _ = black_box(navigator.on_imu(&black_box(sample)));
     let _ = black_box(navigator.on_gnss(&black_box(fix)));
     black_box(navigator.phase());

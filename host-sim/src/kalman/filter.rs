@@ -1,6 +1,7 @@
 //! The filter itself: predicts over intervals, corrects by fixes.
 
 use ins_core::config::HeadingSource;
+use ins_core::earth::Geodetic;
 use ins_core::increments::Interval;
 use ins_core::mechanization::{Controls, Mechanization};
 use ins_core::{Estimate, Estimates, GnssFix, Navigator, Observability, Solution, Time};
@@ -210,9 +211,11 @@ impl Filter {
         let since_s = self.time.seconds_since(moment);
         let then = self.known.ins.velocity_enu_mps - since_s * self.accel_mps2;
         let difference = then - fix.velocity_enu_mps();
-        let sigma = fix
-            .velocity_sigma_mps
+        let level = fix
+            .sigma
+            .velocity_mps
             .unwrap_or(self.noise.velocity_sigma_mps);
+        let sigmas = [level, level, fix.sigma.velocity_up_mps.unwrap_or(level)];
         let has = [
             fix.velocity_en_mps.is_some(),
             fix.velocity_en_mps.is_some(),
@@ -223,21 +226,28 @@ impl Filter {
                 state: index::VELOCITY + axis,
                 by_latency: self.accel_mps2[axis],
                 difference: difference[axis],
-                variance: sigma * sigma,
+                variance: sigmas[axis] * sigmas[axis],
             };
             update.take(&seen);
         }
     }
 
     fn compare_position(&self, fix: &GnssFix, moment: Time, update: &mut Update) {
-        let Some(position) = fix.position else {
-            return;
-        };
+        let ins = self.known.ins.position;
+        let has = [
+            fix.position.is_some(),
+            fix.position.is_some(),
+            fix.height_m.is_some(),
+        ];
+        let there = fix.geodetic_or(ins.height_m).unwrap_or(Geodetic {
+            height_m: fix.height_m.unwrap_or(ins.height_m),
+            ..ins
+        });
         let since_s = self.time.seconds_since(moment);
         let velocity = self.known.ins.velocity_enu_mps;
         let moved = since_s * (velocity - 0.5 * since_s * self.accel_mps2);
-        let difference = self.known.ins.position.enu_from(&position) - moved;
-        for axis in 0..3 {
+        let difference = ins.enu_from(&there) - moved;
+        for axis in (0..3).filter(|axis| has[*axis]) {
             let sigma = self.noise.position_sigma_m[axis];
             update.take(&Seen {
                 state: index::POSITION + axis,

@@ -338,8 +338,8 @@ fn steps(fixes: &[GnssFix]) -> Vec<Step> {
             .zip(pair[1].velocity_en_mps)
             .map(|(a, b)| 0.5 * (a + b));
         let moved = start
-            .position
-            .zip(pair[1].position)
+            .geodetic_or(0.0)
+            .zip(pair[1].geodetic_or(0.0))
             .map(|(from, to)| to.enu_from(&from).xy());
         let (Some(mean), Some(moved_m), true) = (mean, moved, interval_s < 3.0) else {
             (start, integrated_m) = (pair[1], Vector2::zeros());

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use ins_core::attitude::{Euler, from_euler};
-use ins_core::earth::Geodetic;
-use ins_core::{GnssFix, ImuSample, Solution, Time};
+use ins_core::earth::{Geodetic, LatLon};
+use ins_core::{FixSigma, GnssFix, ImuSample, Solution, Time};
 use nalgebra::{Vector2, Vector3};
 
 use super::Log;
@@ -94,24 +94,74 @@ fn read_imu(path: &Path, axes: BodyAxes) -> Result<Vec<ImuSample>, LogError> {
 
 fn read_gnss(path: &Path) -> Result<Vec<GnssFix>, LogError> {
     let table = Table::open(path)?;
-    let position = columns(&table, ["lat_deg", "lon_deg", "h_m"])?;
-    let velocity = columns(&table, ["ve", "vn"])?;
-    let up = table.column("vu")?;
-    let sigma: Vec<usize> = ["sd_ve", "sd_vn", "sd_v"]
-        .iter()
-        .filter_map(|name| table.optional_column(name))
-        .collect();
+    let parts = FixColumns::find(&table)?;
     rows(table, path, |row, time| {
+        let cell = |column: Option<usize>| column.map_or(Ok(None), |c| row.optional(c));
         Ok(GnssFix {
             time,
-            position: all_or_none(row, position)?
-                .map(|cells| geodetic(row, position, cells))
-                .transpose()?,
-            velocity_en_mps: all_or_none(row, velocity)?.map(Vector2::from),
-            velocity_up_mps: row.optional(up)?,
-            velocity_sigma_mps: velocity_sigma(row, &sigma)?,
+            position: match parts.position {
+                Some(columns) => lat_lon(row, columns)?,
+                None => None,
+            },
+            height_m: match parts.height {
+                Some(column) => row
+                    .optional(column)?
+                    .map(|h| height(row, column, h))
+                    .transpose()?,
+                None => None,
+            },
+            velocity_en_mps: match parts.velocity {
+                Some(columns) => all_or_none(row, columns)?.map(Vector2::from),
+                None => None,
+            },
+            velocity_up_mps: cell(parts.up)?,
+            sigma: FixSigma {
+                position_m: sigma(row, &parts.position_sigma)?,
+                height_m: sigma(row, &parts.height_sigma)?,
+                velocity_mps: sigma(row, &parts.velocity_sigma)?,
+                velocity_up_mps: sigma(row, &parts.up_sigma)?,
+            },
         })
     })
+}
+
+/// Where the parts of a fix stand; a receiver need not have all of them.
+struct FixColumns {
+    position: Option<[usize; 2]>,
+    height: Option<usize>,
+    velocity: Option<[usize; 2]>,
+    up: Option<usize>,
+    position_sigma: Vec<usize>,
+    height_sigma: Vec<usize>,
+    velocity_sigma: Vec<usize>,
+    up_sigma: Vec<usize>,
+}
+
+impl FixColumns {
+    fn find(table: &Table) -> Result<Self, LogError> {
+        let there = |names: &[&str]| -> Vec<usize> {
+            let columns = names.iter().map(|name| table.optional_column(name));
+            columns.flatten().collect()
+        };
+        let both = |names: [&str; 2]| match there(&names).len() {
+            0 => Ok(None),
+            _ => columns(table, names).map(Some),
+        };
+        let (position, velocity) = (both(["lat_deg", "lon_deg"])?, both(["ve", "vn"])?);
+        if position.is_none() && velocity.is_none() {
+            table.column("lat_deg")?;
+        }
+        Ok(Self {
+            position,
+            height: table.optional_column("h_m"),
+            velocity,
+            up: table.optional_column("vu"),
+            position_sigma: there(&["sd_n", "sd_e"]),
+            height_sigma: there(&["sd_u"]),
+            velocity_sigma: there(&["sd_ve", "sd_vn", "sd_v"]),
+            up_sigma: there(&["sd_vu"]),
+        })
+    }
 }
 
 fn read_truth(path: &Path) -> Result<Vec<Solution>, LogError> {
@@ -123,7 +173,7 @@ fn read_truth(path: &Path) -> Result<Vec<Solution>, LogError> {
         let [roll, pitch, heading] = numbers(row, angles)?.into();
         Ok(Solution {
             time,
-            position: geodetic(row, position, numbers(row, position)?.into())?,
+            position: geodetic(row, position)?,
             velocity_enu_mps: numbers(row, velocity)?,
             attitude: from_euler(&Euler {
                 roll_rad: roll.to_radians(),
@@ -233,11 +283,11 @@ fn all_or_none<const N: usize>(
         None => Ok(Some(values)),
         Some(_) if columns.iter().all(|&column| row.cell(column).is_empty()) => Ok(None),
         Some(column) => {
-            let cause = "a position needs latitude, longitude and height, a velocity east and \
-                         north: fill all or leave all empty";
+            let cause = "a position needs latitude and longitude, a velocity east and north: \
+                         fill both or leave both empty";
             Err(row.defect(
                 column,
-                "a number as in the cells beside",
+                "a number as in the cell beside",
                 "an empty cell",
                 cause,
             ))
@@ -245,35 +295,70 @@ fn all_or_none<const N: usize>(
     }
 }
 
-fn geodetic(row: &Row, columns: [usize; 3], cells: [f64; 3]) -> Result<Geodetic, LogError> {
-    let [latitude, longitude, height_m] = cells;
-    let ranges = [
-        (latitude.abs() <= 90.0, "a latitude from -90 to 90 deg"),
-        (longitude.abs() <= 360.0, "a longitude from -180 to 180 deg"),
-        (
-            height_m.abs() <= 1e5,
-            "a height within 100 km of the ellipsoid",
-        ),
-    ];
-    for (&(fits, expected), column) in ranges.iter().zip(columns) {
-        if !fits {
-            let cause = "columns swapped, or another unit: 1e-7 deg, millimetres";
-            return Err(row.defect(column, expected, row.cell(column), cause));
-        }
-    }
+fn geodetic(row: &Row, columns: [usize; 3]) -> Result<Geodetic, LogError> {
+    let [latitude, longitude, up] = columns;
+    let cells = numbers(row, columns)?;
+    let LatLon {
+        latitude_rad,
+        longitude_rad,
+    } = on_earth(row, [latitude, longitude], [cells.x, cells.y])?;
     Ok(Geodetic {
+        latitude_rad,
+        longitude_rad,
+        height_m: height(row, up, cells.z)?,
+    })
+}
+
+fn lat_lon(row: &Row, columns: [usize; 2]) -> Result<Option<LatLon>, LogError> {
+    all_or_none(row, columns)?
+        .map(|cells| on_earth(row, columns, cells))
+        .transpose()
+}
+
+fn on_earth(row: &Row, columns: [usize; 2], cells: [f64; 2]) -> Result<LatLon, LogError> {
+    let [latitude, longitude] = cells;
+    if latitude.abs() > 90.0 {
+        return Err(out_of_range(
+            row,
+            columns[0],
+            "a latitude from -90 to 90 deg",
+        ));
+    }
+    if longitude.abs() > 360.0 {
+        return Err(out_of_range(
+            row,
+            columns[1],
+            "a longitude from -180 to 180 deg",
+        ));
+    }
+    Ok(LatLon {
         latitude_rad: latitude.to_radians(),
         longitude_rad: if longitude.abs() > 180.0 {
             (longitude - 360.0_f64.copysign(longitude)).to_radians()
         } else {
             longitude.to_radians()
         },
-        height_m,
     })
 }
 
-/// One sigma of a velocity component: the root mean square of those stated.
-fn velocity_sigma(row: &Row, columns: &[usize]) -> Result<Option<f64>, LogError> {
+fn height(row: &Row, column: usize, height_m: f64) -> Result<f64, LogError> {
+    if height_m.abs() > 1e5 {
+        return Err(out_of_range(
+            row,
+            column,
+            "a height within 100 km of the ellipsoid",
+        ));
+    }
+    Ok(height_m)
+}
+
+fn out_of_range(row: &Row, column: usize, expected: &str) -> LogError {
+    let cause = "columns swapped, or another unit: 1e-7 deg, millimetres";
+    row.defect(column, expected, row.cell(column), cause)
+}
+
+/// One sigma of a component: the root mean square of those stated.
+fn sigma(row: &Row, columns: &[usize]) -> Result<Option<f64>, LogError> {
     let mut sum = 0.0;
     let mut count = 0;
     for &column in columns {

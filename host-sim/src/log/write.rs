@@ -25,7 +25,11 @@ pub enum Compression {
 /// Writes a log into an existing folder, in the axes its metadata names.
 pub fn write(log: &Log, folder: &Path, compression: Compression) -> Result<(), LogError> {
     let axes = log.meta.body_axes;
-    let sigma = log.gnss.iter().any(|fix| fix.velocity_sigma_mps.is_some());
+    let sigmas: Vec<_> = SIGMAS
+        .into_iter()
+        .filter(|(_, part)| log.gnss.iter().any(|fix| part(fix).is_some()))
+        .collect();
+    let names: String = sigmas.iter().map(|(name, _)| format!(",{name}")).collect();
     let table = |name: &str, header: &str, rows: &mut dyn Iterator<Item = String>| {
         write_table(folder, name, compression, header, rows)
     };
@@ -36,12 +40,8 @@ pub fn write(log: &Log, folder: &Path, compression: Compression) -> Result<(), L
     )?;
     table(
         "gnss.csv",
-        if sigma {
-            "t_s,lat_deg,lon_deg,h_m,ve,vn,vu,sd_v"
-        } else {
-            "t_s,lat_deg,lon_deg,h_m,ve,vn,vu"
-        },
-        &mut log.gnss.iter().map(|fix| gnss_row(fix, sigma)),
+        &format!("t_s,lat_deg,lon_deg,h_m,ve,vn,vu{names}"),
+        &mut log.gnss.iter().map(|fix| gnss_row(fix, &sigmas)),
     )?;
     if !log.truth.is_empty() {
         table(
@@ -62,19 +62,30 @@ fn imu_row(sample: &ImuSample, axes: BodyAxes) -> String {
     )
 }
 
-fn gnss_row(fix: &GnssFix, sigma: bool) -> String {
+type Part = fn(&GnssFix) -> Option<f64>;
+
+/// Columns of the noise that receivers state, written where one does.
+const SIGMAS: [(&str, Part); 5] = [
+    ("sd_n", |fix| fix.sigma.position_m),
+    ("sd_e", |fix| fix.sigma.position_m),
+    ("sd_u", |fix| fix.sigma.height_m),
+    ("sd_v", |fix| fix.sigma.velocity_mps),
+    ("sd_vu", |fix| fix.sigma.velocity_up_mps),
+];
+
+fn gnss_row(fix: &GnssFix, sigmas: &[(&str, Part)]) -> String {
     let position = fix.position;
     let velocity = fix.velocity_en_mps;
     let cells = [
         position.map(|p| p.latitude_rad.to_degrees()),
         position.map(|p| p.longitude_rad.to_degrees()),
-        position.map(|p| p.height_m),
+        fix.height_m,
         velocity.map(|v| v.x),
         velocity.map(|v| v.y),
         fix.velocity_up_mps,
     ];
-    let last = sigma.then_some(fix.velocity_sigma_mps);
-    joined(decimal(fix.time), cells.into_iter().chain(last))
+    let sigmas = sigmas.iter().map(|(_, part)| part(fix));
+    joined(decimal(fix.time), cells.into_iter().chain(sigmas))
 }
 
 fn truth_row(truth: &Solution) -> String {

@@ -207,18 +207,21 @@ impl Filtering {
     }
 
     fn fuse(&mut self, fix: &GnssFix, moment: Timestamp, noise: &Noise) {
-        if let Some(p) = fix.position {
+        if let Some(p) = fix.geodetic_or(0.0) {
             let place = Place::from_radians(p.latitude_rad, p.longitude_rad, p.height_m);
             let sigma = noise.position_sigma_m;
+            // A receiver without a height: one that says nothing of it.
+            let up = if fix.height_m.is_some() { sigma.z } else { 1e6 };
             let _ = self.filter.fuse_gnss_position(
                 moment,
                 self.origin.to_ned(place),
-                PositionNoise::horizontal_vertical(sigma.x as f32, sigma.z as f32),
+                PositionNoise::horizontal_vertical(sigma.x as f32, up as f32),
                 Position::zero(),
             );
         }
         if fix.velocity_en_mps.is_some() {
-            let sigma = fix.velocity_sigma_mps.unwrap_or(noise.velocity_sigma_mps) as f32;
+            let stated = fix.sigma.velocity_mps;
+            let sigma = stated.unwrap_or(noise.velocity_sigma_mps) as f32;
             // A receiver without vertical velocity: one that says nothing.
             let up = if fix.velocity_up_mps.is_some() {
                 sigma

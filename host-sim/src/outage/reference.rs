@@ -41,7 +41,7 @@ impl Reference {
         let points = log.gnss.iter().filter_map(|fix| {
             Some(Point {
                 time: fix.time.plus_seconds(-latency_s),
-                position: fix.position?,
+                position: fix.geodetic_or(0.0)?,
                 velocity_en_mps: fix.velocity_en_mps?,
             })
         });

@@ -355,7 +355,7 @@ pub(super) fn track(log: &Log, found: &Identification) -> Option<Panel> {
     let fixes: Vec<_> = log
         .gnss
         .iter()
-        .filter_map(|f| f.position.as_ref().map(place))
+        .filter_map(|f| f.geodetic_or(0.0).as_ref().map(place))
         .collect();
     let mut marks = vec![Mark::Reference(fixes, GREY)];
     let rows: Vec<&Row> = navigating(found).collect();

@@ -255,11 +255,14 @@ mod tests {
         }
         assert_correlation(&east, &north, 0.0);
         assert_correlation(&north, &up, 0.0);
-        let height = differences(|f| f.position.unwrap().height_m);
+        let height = differences(|f| f.height_m.unwrap());
         assert_sigma(&height, 1.5);
         let [mut right, mut ahead] = [Vec::new(), Vec::new()];
         for (n, e) in noisy.gnss.iter().zip(&exact.gnss) {
-            let off = n.position.unwrap().enu_from(&e.position.unwrap());
+            let off = n
+                .geodetic_or(0.0)
+                .unwrap()
+                .enu_from(&e.geodetic_or(0.0).unwrap());
             right.push(off.x);
             ahead.push(off.y);
         }

@@ -1,6 +1,6 @@
 //! A GNSS receiver with errors, thesis equation (5).
 
-use ins_core::{GnssFix, Time};
+use ins_core::{FixSigma, GnssFix, Time};
 use nalgebra::Vector3;
 
 use super::errors::GnssModel;
@@ -58,13 +58,18 @@ impl Gnss {
             } = self.model;
             let sigmas = Vector3::new(horizontal_sigma_m, horizontal_sigma_m, vertical_sigma_m);
             let measured = velocity + velocity_sigma_mps * velocity_noise;
-            fixes.push(GnssFix {
+            let place = displaced(&position, &sigmas.component_mul(&position_noise));
+            let fix = GnssFix {
                 time: Time::default().plus_seconds(stamp_s),
-                position: Some(displaced(&position, &sigmas.component_mul(&position_noise))),
                 velocity_en_mps: Some(measured.xy()),
                 velocity_up_mps: Some(measured.z),
-                velocity_sigma_mps: (velocity_sigma_mps > 0.0).then_some(velocity_sigma_mps),
-            });
+                sigma: FixSigma {
+                    velocity_mps: (velocity_sigma_mps > 0.0).then_some(velocity_sigma_mps),
+                    ..FixSigma::default()
+                },
+                ..GnssFix::default()
+            };
+            fixes.push(fix.at(&place));
         }
     }
 

@@ -53,7 +53,7 @@ impl AtRest {
         let f = sample.accel;
         Some(Self {
             time: sample.time,
-            position: fix.position?,
+            position: fix.geodetic_or(0.0)?,
             roll_rad: libm::atan2(-f.x, f.z),
             pitch_rad: libm::atan2(f.y, f.z),
             heading_rad,

@@ -4,7 +4,7 @@
 use core::hint::black_box;
 
 use ins_core::earth::Geodetic;
-use ins_core::{GnssFix, ImuSample, Time};
+use ins_core::{FixSigma, GnssFix, ImuSample, Time};
 use nalgebra::{Vector2, Vector3};
 
 use crate::{AtRest, Peer};
@@ -16,13 +16,19 @@ pub fn only<P: Peer>() -> ! {
         gyro: Vector3::zeros(),
         accel: Vector3::zeros(),
     });
-    let fix = black_box(GnssFix {
-        time: Time::from_micros(1),
-        position: Some(Geodetic::default()),
-        velocity_en_mps: Some(Vector2::zeros()),
-        velocity_up_mps: Some(0.0),
-        velocity_sigma_mps: Some(0.1),
-    });
+    let fix = black_box(
+        GnssFix {
+            time: Time::from_micros(1),
+            velocity_en_mps: Some(Vector2::zeros()),
+            velocity_up_mps: Some(0.0),
+            sigma: FixSigma {
+                velocity_mps: Some(0.1),
+                ..FixSigma::default()
+            },
+            ..GnssFix::default()
+        }
+        .at(&Geodetic::default()),
+    );
     let peer = AtRest::new(&sample, &fix, black_box(0.0)).and_then(|start| P::new(&start));
     if let (Some(mut peer), Some(sample), Some(fix)) = (peer, P::sample(&sample), P::fix(&fix)) {
         black_box(peer.on_imu(black_box(sample)));
