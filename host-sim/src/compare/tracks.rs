@@ -8,7 +8,7 @@ use ins_core::{Config, Estimates, Solution, Time};
 use super::Input;
 use crate::five_stage;
 use crate::identify::{Row, identify};
-use crate::kalman::{Filter, Known, Noise, Record, Run, States, smooth};
+use crate::kalman::{Filter, Noise, Record, Run, smooth};
 
 /// Interval between looks, s.
 const EVERY_S: f64 = 1.0;
@@ -105,7 +105,7 @@ pub(crate) fn kalman(method: &str, noise: Noise, input: &Input) -> Result<Track,
     let mut points = Vec::new();
     while let Some(time) = run.step(&mut |_, _| {}) {
         if let Some(filter) = run.filter().filter(|_| due(&points, time)) {
-            points.push(filtered(filter, &noise));
+            points.push(filtered(filter));
         }
     }
     Ok(Track {
@@ -127,7 +127,7 @@ fn kalman_and_smoother(told: &str, input: &Input) -> Result<[Track; 2], ConfigEr
         });
         let Some(time) = step else { break };
         match run.filter() {
-            Some(filter) if due(&points, time) => points.push(filtered(filter, &noise)),
+            Some(filter) if due(&points, time) => points.push(filtered(filter)),
             None if aligned => records.clear(),
             _ => {}
         }
@@ -135,7 +135,11 @@ fn kalman_and_smoother(told: &str, input: &Input) -> Result<[Track; 2], ConfigEr
     let mut smoothed: Vec<Point> = Vec::new();
     for at in smooth(&records) {
         if due(&smoothed, at.time) {
-            smoothed.push(point(at.time, &at.known, &at.sigma, &noise));
+            smoothed.push(Point {
+                time: at.time,
+                estimates: at.estimates(&noise),
+                solution: at.known.solution(at.time),
+            });
         }
     }
     Ok([
@@ -157,14 +161,10 @@ fn due(points: &[Point], time: Time) -> bool {
     last.is_none_or(|last| time.seconds_since(last.time) > EVERY_S - 5e-4)
 }
 
-fn filtered(filter: &Filter, noise: &Noise) -> Point {
-    point(filter.time, &filter.known, &filter.sigmas(), noise)
-}
-
-fn point(time: Time, known: &Known, sigmas: &States, noise: &Noise) -> Point {
+fn filtered(filter: &Filter) -> Point {
     Point {
-        time,
-        estimates: known.estimates(sigmas, noise),
-        solution: known.solution(time),
+        time: filter.time,
+        estimates: filter.estimates(),
+        solution: filter.known.solution(filter.time),
     }
 }

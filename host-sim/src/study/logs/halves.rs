@@ -76,15 +76,13 @@ impl End {
         let (run, end) = record(half, config, &ProgressBar::hidden(), |_, _| {})?;
         let navigates = |row: &&Row| row.phase == Phase::Navigating;
         let since = run.history.iter().find(navigates).map(|row| row.time);
-        Ok(since
-            .filter(|_| navigates(&&end))
-            .map(|since| {
-                let middle = since.plus_seconds(0.5 * end.time.seconds_since(since));
-                Self {
-                    estimates: end.estimates,
-                    to_cut_s: cut.seconds_since(middle),
-                }
-            }))
+        Ok(since.filter(|_| navigates(&&end)).map(|since| {
+            let middle = since.plus_seconds(0.5 * end.time.seconds_since(since));
+            Self {
+                estimates: end.estimates,
+                to_cut_s: cut.seconds_since(middle),
+            }
+        }))
     }
 
     /// Latency at the cut and its sigma, s: in the middle of a run it does not depend on the drift.
@@ -105,8 +103,7 @@ fn observable(estimates: &[Estimate; 2]) -> bool {
 fn latency(first: &End, second: &End) -> Option<Difference> {
     let latency = [first, second].map(|end| end.estimates.gnss_latency_s);
     let plain = constant("latency_ms", latency, 1e-3, 0.0)?;
-    let [(first, first_sigma), (second, second_sigma)] =
-        [first, second].map(End::latency_at_cut);
+    let [(first, first_sigma), (second, second_sigma)] = [first, second].map(End::latency_at_cut);
     let sigmas = [first_sigma, second_sigma].map(|sigma| sigma / 1e-3);
     let at_cut = Difference::new(plain.name, (second - first) / 1e-3, sigmas, 0.0);
     Some(Difference {

@@ -130,7 +130,10 @@ fn halves_table(study: &Study) -> Table {
         }));
         Some(row)
     };
-    (header, by_role(study, log, |summary| spread(&summary.halves)))
+    (
+        header,
+        by_role(study, log, |summary| spread(&summary.halves)),
+    )
 }
 
 fn methods_table(study: &Study) -> Table {

@@ -79,7 +79,12 @@ fn methods(logs: &[&LogStudy]) -> Vec<(String, Spread)> {
     }
     let spread = |name: &String| {
         let of_it = agreements().filter(move |agreement| agreement.with == *name);
-        Spread::of(of_it.flat_map(|agreement| &agreement.differences).collect::<Vec<_>>().into_iter())
+        Spread::of(
+            of_it
+                .flat_map(|agreement| &agreement.differences)
+                .collect::<Vec<_>>()
+                .into_iter(),
+        )
     };
     let named = names.into_iter().map(|name| (name.clone(), spread(name)));
     named.collect()
@@ -98,7 +103,8 @@ fn outages(logs: &[&LogStudy]) -> OutageSummary {
 impl super::Outages {
     /// The better of the others.
     pub fn better_m(&self) -> f64 {
-        self.kalman_m.min(self.fusion_nav_m.unwrap_or(f64::INFINITY))
+        self.kalman_m
+            .min(self.fusion_nav_m.unwrap_or(f64::INFINITY))
     }
 }
 
@@ -109,9 +115,9 @@ fn without(logs: &[&LogStudy]) -> Vec<WithoutSummary> {
             .flat_map(|log| log.without.iter().map(move |row| (log, row)))
             .filter(|(_, row)| row.parameter == parameter)
             .collect();
-        let ratio = rows.iter().filter_map(|(log, row)| {
-            Some(row.outage_m? / log.outages.as_ref()?.core_m)
-        });
+        let ratio = rows
+            .iter()
+            .filter_map(|(log, row)| Some(row.outage_m? / log.outages.as_ref()?.core_m));
         WithoutSummary {
             parameter,
             agreement: Spread::of(rows.iter().flat_map(|(_, row)| &row.agreement.differences)),
