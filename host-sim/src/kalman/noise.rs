@@ -148,8 +148,16 @@ impl Noise {
             accel_scale: sensors.accel_scale,
             velocity: PartNoise::white(gnss.velocity_sigma_mps),
             velocity_up: PartNoise::white(gnss.velocity_sigma_mps),
-            position: PartNoise::white(HORIZONTAL_M),
-            height: PartNoise::white(VERTICAL_M),
+            // A sigma stated of positions is that of the place, not of the moment: with fixed
+            // ambiguities a centimetre, which the stamps of few loggers are worth.
+            position: PartNoise {
+                believes_stated: false,
+                ..PartNoise::white(HORIZONTAL_M)
+            },
+            height: PartNoise {
+                believes_stated: false,
+                ..PartNoise::white(VERTICAL_M)
+            },
             latency_sigma_s: gnss.latency_sigma_s,
             clock_drift_sigma: gnss.clock_drift_sigma,
             lever_arm_m: Vector3::zeros(),
