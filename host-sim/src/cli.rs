@@ -60,9 +60,6 @@ enum Command {
     Flights(flights::cli::Flights),
     /// Run many simulated drives and say how good the estimates are.
     Accuracy(accuracy::cli::Accuracy),
-    /// Try the core on many kinds of conditions, or of logs, and say how honest it is.
-    #[command(subcommand)]
-    Study(study::Study),
     /// Identify many units from drives, fly them, and compare with the accuracy foretold.
     Campaign(campaign::cli::Campaign),
     /// Add up the shards of a campaign.
@@ -71,6 +68,9 @@ enum Command {
     Reproduce(reproduce::cli::Reproduce),
     /// Measure the figures of the README anew and write them into it.
     Figures(figures::Figures),
+    /// Run many and say how good and how honest the results are.
+    #[command(subcommand)]
+    Study(study::cli::Study),
     /// Simulate a drive, identify it, and compare with the truth.
     Demo {
         /// Folder for log and report.
@@ -215,11 +215,11 @@ pub fn run(cli: &Cli) -> Result<()> {
         Command::Aircraft(options) => aircraft::cli::table(options, cli.json, cli.force),
         Command::Flights(options) => flights::cli::flights(options, cli.json, cli.force),
         Command::Accuracy(options) => accuracy::cli::accuracy(options, cli.json, cli.force),
-        Command::Study(options) => study::study(options, cli.json),
         Command::Campaign(options) => campaign::cli::campaign(options, cli.json, cli.force),
         Command::Merge(options) => campaign::cli::merge(options, cli.json),
         Command::Reproduce(options) => reproduce::cli::reproduce(options, cli.json, cli.force),
         Command::Figures(options) => figures::write(options),
+        Command::Study(study) => study::cli::study(study, cli.json),
         Command::Demo { out, drive } => demo(out, *drive, cli),
     }
 }

@@ -19,6 +19,7 @@ pub mod hil;
 pub mod identify;
 pub mod kalman;
 pub mod log;
+pub mod noise_fit;
 pub mod outage;
 pub mod output;
 pub mod quantities;

@@ -56,7 +56,7 @@ pub fn run(kind: &Kind, class: Grade, seed: u64, with_kalman: bool) -> Tried {
     let config = subject::config(&world, &drive);
     let refused = "presets are valid";
     let core = Core::new(config, &drive).expect(refused);
-    let kalman = || Kalman::new(&world, config, &drive).expect(refused);
+    let kalman = || Kalman::new(&world, config, &drive, &truth.up).expect(refused);
     Tried {
         core: try_on(core, &world, &drive, &truth),
         kalman: with_kalman.then(|| try_on(kalman(), &world, &drive, &truth)),

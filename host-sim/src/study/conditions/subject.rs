@@ -10,8 +10,10 @@ use ins_core::{
     Time,
 };
 
+use nalgebra::{UnitQuaternion, Vector3};
+
 use super::World;
-use crate::kalman;
+use crate::kalman::{self, Filter, index};
 use crate::sim::{Grade, SimulatedDrive};
 
 /// Standard gravity: of an accelerometer's bias to the tilt it makes, m/s^2.
@@ -142,21 +144,59 @@ impl Subject for Core<'_> {
 #[derive(Debug)]
 pub struct Kalman<'a> {
     run: kalman::Run<'a>,
-    noise: kalman::Noise,
+    up: Vector3<f64>,
 }
 
 impl<'a> Kalman<'a> {
-    /// Before the first sample.
+    /// Before the first sample. Of antenna and clocks it is told what the core is told; `up` is
+    /// where the vehicle has it on the whole.
     pub fn new(
         world: &World,
         config: Config,
         drive: &'a SimulatedDrive,
+        up: &Vector3<f64>,
     ) -> Result<Self, ConfigError> {
-        let noise = kalman::Noise::of_model(&world.errors);
+        let noise = kalman::Noise {
+            clock_drift_sigma: config.gnss.clock_drift_sigma,
+            lever_arm_m: Vector3::zeros(),
+            lever_arm_sigma_m: Vector3::repeat(config.gnss.lever_arm_sigma_m),
+            ..kalman::Noise::of_model(&world.errors)
+        };
         Ok(Self {
             run: kalman::Run::new(&drive.imu, &drive.gnss, config, noise)?,
-            noise,
+            up: *up,
         })
+    }
+
+    /// The gyros' scale errors, across the vertical: see [`super::truth`].
+    fn across(&self, filter: &Filter) -> Vector3<f64> {
+        let turn = filter.known.gyro_scale.component_mul(&self.up);
+        turn - self.up * self.up.dot(&turn)
+    }
+
+    /// The bias that an accelerometer is felt to have, which this filter tells apart: see
+    /// [`super::truth`].
+    fn felt(&self, filter: &Filter, axis: usize) -> Claim {
+        let (known, up) = (&filter.known, &self.up);
+        let mut row = kalman::States::zeros(filter.layout.size);
+        row[index::ACCEL + axis] = 1.0;
+        if let Some(at) = filter.layout.accel_scale {
+            row[at + axis] = GRAVITY_MPS2 * up[axis];
+        }
+        if let Some(at) = filter.layout.gyro_scale {
+            for of in 0..3 {
+                let own = if of == axis { up[axis] } else { 0.0 };
+                row[at + of] = -GRAVITY_MPS2 * (own - up[axis] * up[of] * up[of]);
+            }
+        }
+        // It takes readings to be `f / (1 - s) + b`: to second order this matters at one g.
+        let scale = known.accel_scale[axis] / (1.0 - known.accel_scale[axis]);
+        let scaled = scale * up[axis] - self.across(filter)[axis];
+        Claim {
+            value: known.accel_bias_mps2[axis] + GRAVITY_MPS2 * scaled,
+            sigma: Some((row.dot(&(&filter.covariance * &row))).max(0.0).sqrt()),
+            observable: true,
+        }
     }
 }
 
@@ -167,7 +207,10 @@ impl Subject for Kalman<'_> {
 
     fn solution(&self) -> Option<Solution> {
         let filter = self.run.filter()?;
-        Some(filter.known.solution(filter.time))
+        let mut solution = filter.known.solution(filter.time);
+        let tilt = -self.up.cross(&self.across(filter));
+        solution.attitude *= UnitQuaternion::from_scaled_axis(tilt);
+        Some(solution)
     }
 
     fn solution_sigma(&self) -> SolutionSigma {
@@ -177,13 +220,17 @@ impl Subject for Kalman<'_> {
     fn claims(&self) -> Option<Claims> {
         let filter = self.run.filter()?;
         let sigmas = filter.sigmas();
-        let estimates = filter.known.estimates(&sigmas, &self.noise);
-        let tilt = sigmas[kalman::index::ATTITUDE].max(sigmas[kalman::index::ATTITUDE + 1]);
-        let mut claims = claims(&estimates, None);
+        let mut claims = claims(&filter.estimates(), None);
+        let tilt = sigmas[index::ATTITUDE].max(sigmas[index::ATTITUDE + 1]);
         claims.tilt.sigma = Some(tilt);
-        // A constant to this filter.
-        claims.latency_s = claim(&estimates.gnss_latency_s);
-        claims.lever_arm_m = [None; 3];
+        claims.accel_bias_mps2 = [0, 1, 2].map(|axis| self.felt(filter, axis));
+        claims.lever_arm_m = [0, 1, 2].map(|axis| {
+            filter.layout.lever_arm.map(|at| Claim {
+                value: filter.known.lever_arm_m[axis],
+                sigma: Some(sigmas[at + axis]),
+                observable: true,
+            })
+        });
         Some(claims)
     }
 }

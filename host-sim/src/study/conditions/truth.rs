@@ -32,6 +32,8 @@ pub struct Truth {
     pub latency_s: [f64; 2],
     /// Antenna from the unit.
     pub lever_arm_m: Vector3<f64>,
+    /// Up on the whole.
+    pub up: Vector3<f64>,
     /// From the axes that gyros and accelerometers agree on to those of the unit.
     pub axes: UnitQuaternion<f64>,
 }
@@ -55,6 +57,7 @@ impl Truth {
             gyro_bias_radps: errors.gyro_bias_radps.into(),
             latency_s: [latency_s, latency_s + errors.gnss_lag_s],
             lever_arm_m: world.lever_arm_m(),
+            up: *up,
             axes: UnitQuaternion::from_scaled_axis(-up.cross(&across)),
         }
     }
