@@ -22,6 +22,7 @@ use crate::log::{self, BodyAxes, Compression, Grade, Log, Meta};
 use crate::output::{self, OutputError};
 use crate::reproduce;
 use crate::sim::{self, DriveConfig, ErrorModel};
+use crate::study;
 use crate::table;
 use crate::truth::{self, Truth};
 
@@ -67,6 +68,9 @@ enum Command {
     Reproduce(reproduce::cli::Reproduce),
     /// Measure the figures of the README anew and write them into it.
     Figures(figures::Figures),
+    /// Run many and say how good and how honest the results are.
+    #[command(subcommand)]
+    Study(study::cli::Study),
     /// Simulate a drive, identify it, and compare with the truth.
     Demo {
         /// Folder for log and report.
@@ -215,6 +219,7 @@ pub fn run(cli: &Cli) -> Result<()> {
         Command::Merge(options) => campaign::cli::merge(options, cli.json),
         Command::Reproduce(options) => reproduce::cli::reproduce(options, cli.json, cli.force),
         Command::Figures(options) => figures::write(options),
+        Command::Study(study) => study::cli::study(study, cli.json),
         Command::Demo { out, drive } => demo(out, *drive, cli),
     }
 }

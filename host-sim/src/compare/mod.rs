@@ -2,9 +2,9 @@
 
 pub mod cli;
 pub(crate) mod cost;
-mod measure;
+pub(crate) mod measure;
 mod output;
-mod tracks;
+pub(crate) mod tracks;
 
 use std::path::Path;
 
@@ -51,11 +51,12 @@ pub struct Comparison {
 }
 
 /// What all methods get.
-struct Input<'a> {
-    log: &'a Log,
-    config: Config,
-    noise: Noise,
-    truth: Option<&'a Truth>,
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Input<'a> {
+    pub(crate) log: &'a Log,
+    pub(crate) config: Config,
+    pub(crate) noise: Noise,
+    pub(crate) truth: Option<&'a Truth>,
 }
 
 impl Comparison {
