@@ -3,18 +3,21 @@
 use clap::Subcommand;
 use miette::Result;
 
-use super::logs;
+use super::{logs, noise};
 
 /// What is studied.
 #[derive(Debug, Subcommand)]
 pub enum Study {
     /// Say what recorded logs can tell of the core: halves, methods, outages, free INS.
     Logs(logs::cli::Logs),
+    /// Find the noise of recorded logs by likelihood.
+    Noise(noise::Noises),
 }
 
 /// Runs a study.
 pub fn study(study: &Study, json: bool) -> Result<()> {
     match study {
         Study::Logs(options) => logs::cli::logs(options, json),
+        Study::Noise(options) => noise::noises(options, json),
     }
 }
