@@ -18,9 +18,6 @@ const START_AGE_S: f64 = 0.5;
 const LEVELLING_RAD: f64 = 0.005;
 /// Heading that the user gives, rad; where its spread is not known.
 const GIVEN_HEADING_RAD: f64 = 0.3;
-/// Position noise of a plain receiver, east and north, and up, m.
-const HORIZONTAL_M: f64 = 2.5;
-const VERTICAL_M: f64 = 5.0;
 /// Rate of a vehicle standing with people in it, rad/s in the mean of a second: as in the core.
 const SWAY_RADPS: f64 = 3e-4;
 
@@ -55,6 +52,16 @@ impl PartNoise {
             colour: correlated.sigma,
             correlation_s: correlated.time_s,
             believes_stated: false,
+        }
+    }
+
+    /// As the core is told.
+    fn of(noise: &ins_core::config::Noise, believes_stated: bool) -> Self {
+        Self {
+            white: noise.white,
+            colour: noise.correlated,
+            correlation_s: noise.correlation_s,
+            believes_stated,
         }
     }
 
@@ -150,29 +157,23 @@ impl Noise {
     pub fn of_config(config: &Config) -> Self {
         let (sensors, gnss) = (&config.sensors, &config.gnss);
         Self {
-            gyro_noise: Vector3::repeat(sensors.gyro_noise),
+            gyro_noise: Vector3::from(sensors.gyro_noise),
             gyro_bias_walk: sensors.gyro_bias_walk,
             gyro_bias_radps: sensors.gyro_bias_radps,
             gyro_scale: sensors.gyro_scale,
-            accel_noise: Vector3::repeat(sensors.accel_noise),
+            accel_noise: Vector3::from(sensors.accel_noise),
             accel_bias_walk: sensors.accel_bias_walk,
             accel_bias_mps2: sensors.accel_bias_mps2,
             accel_scale: sensors.accel_scale,
-            velocity: PartNoise::white(gnss.velocity_sigma_mps),
-            velocity_up: PartNoise::white(gnss.velocity_sigma_mps),
-            // A sigma stated of positions is that of the place, not of the moment: with fixed
-            // ambiguities a centimetre, which the stamps of few loggers are worth.
-            position: PartNoise {
-                believes_stated: false,
-                ..PartNoise::white(HORIZONTAL_M)
-            },
-            height: PartNoise {
-                believes_stated: false,
-                ..PartNoise::white(VERTICAL_M)
-            },
+            velocity: PartNoise::of(&gnss.velocity_mps, true),
+            velocity_up: PartNoise::of(&gnss.velocity_up_mps, true),
+            // A sigma that is stated of positions is that of the place and not of the moment, and
+            // with fixed ambiguities a centimetre, which the stamps of few loggers are worth.
+            position: PartNoise::of(&gnss.position_m, false),
+            height: PartNoise::of(&gnss.height_m, false),
             latency_sigma_s: gnss.latency_sigma_s,
             clock_drift_sigma: gnss.clock_drift_sigma,
-            lever_arm_m: Vector3::zeros(),
+            lever_arm_m: Vector3::from(gnss.lever_arm_m),
             lever_arm_sigma_m: Vector3::repeat(gnss.lever_arm_sigma_m),
             heading_sigma_rad: GIVEN_HEADING_RAD,
             rest_sway_radps: Some(SWAY_RADPS),
