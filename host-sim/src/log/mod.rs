@@ -5,9 +5,14 @@
 
 mod axes;
 mod check;
+mod clock;
 mod error;
+mod fixes;
 mod meta;
+mod motion;
+mod paths;
 mod read;
+mod sensors;
 mod table;
 mod turns;
 mod write;
