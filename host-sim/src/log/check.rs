@@ -149,7 +149,8 @@ fn check_accelerometer_unit(
 ) -> Result<(), LogError> {
     let norm = median(rates.iter().map(|rate| rate.accel_mps2.norm()));
     let interval = median(rates.iter().map(|rate| rate.interval_s));
-    if within(norm, GRAVITY_MPS2, 1.3) {
+    // Beyond a fifth no unit is near, but a racing multirotor is; a unit is off by three times.
+    if within(norm, GRAVITY_MPS2, 2.0) {
         // 5 %: twice the worst scale error and bias of consumer sensors.
         if !within(norm, GRAVITY_MPS2, 1.05) {
             let cause = "a large scale error, or a vehicle that turns and accelerates throughout";

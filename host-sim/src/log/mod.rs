@@ -21,6 +21,7 @@ pub use axes::BodyAxes;
 pub use error::{Cell, LogError};
 pub use meta::{Grade, Meta};
 pub use read::read;
+pub(crate) use read::settle;
 pub use write::{Compression, write};
 
 use ins_core::{GnssFix, ImuSample, Solution};

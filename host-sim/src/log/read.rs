@@ -41,6 +41,20 @@ pub fn read(folder: &Path) -> Result<(Log, Vec<LogError>), LogError> {
     Ok((log, warnings))
 }
 
+/// Checks and mends a log that was read elsewhere.
+pub(crate) fn settle(
+    log: &mut Log,
+    imu: &Path,
+    gnss: &Path,
+    warnings: &mut Vec<LogError>,
+) -> Result<(), LogError> {
+    let files = Files {
+        imu: imu.to_owned(),
+        gnss: gnss.to_owned(),
+    };
+    check(log, &files, warnings)
+}
+
 /// Where the tables came from, for messages.
 pub(super) struct Files {
     pub(super) imu: PathBuf,

@@ -40,7 +40,8 @@ pub(super) fn check_turns(
         Some(fit) if fit.correlation.abs() >= 0.8 => check_scale(fit, rates, files, warnings),
         Some(fit) => {
             check_range(rates, files)?;
-            if !together {
+            // Half of the turns in common is no chance.
+            if !together && fit.correlation.abs() < 0.5 {
                 warn_of_strangers(fit, files, warnings);
             }
             Ok(())
