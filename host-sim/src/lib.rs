@@ -17,6 +17,7 @@ pub mod free_inertial;
 pub mod held_ins;
 pub mod hil;
 pub mod identify;
+pub mod import;
 pub mod kalman;
 pub mod log;
 pub mod noise_fit;

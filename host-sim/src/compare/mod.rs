@@ -15,8 +15,9 @@ use serde::Serialize;
 
 use crate::analysis::log_name;
 use crate::configure;
+use crate::import;
 use crate::kalman::Noise;
-use crate::log::{self, BodyAxes, Grade, Log};
+use crate::log::{BodyAxes, Grade, Log};
 use crate::outage::{self, OutageTest};
 use crate::sim;
 use crate::truth::Truth;
@@ -62,7 +63,7 @@ pub(crate) struct Input<'a> {
 impl Comparison {
     /// Reads a log and runs every method over it.
     pub fn of_log(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Self> {
-        let (log, warnings) = log::read(folder)?;
+        let (log, warnings) = import::open(folder)?;
         for warning in &warnings {
             progress.suspend(|| eprintln!("warning: {warning}\n  {}", warning.cause));
         }

@@ -5,9 +5,14 @@
 
 mod axes;
 mod check;
+mod clock;
 mod error;
+mod fixes;
 mod meta;
+mod motion;
+mod paths;
 mod read;
+mod sensors;
 mod table;
 mod turns;
 mod write;
@@ -16,6 +21,7 @@ pub use axes::BodyAxes;
 pub use error::{Cell, LogError};
 pub use meta::{Grade, Meta};
 pub use read::read;
+pub(crate) use read::settle;
 pub use write::{Compression, write};
 
 use ins_core::{GnssFix, ImuSample, Solution, Time};
