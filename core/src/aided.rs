@@ -7,7 +7,7 @@ use crate::alignment::rest::{self, RestBlock, RestDetector, Verdict as RestVerdi
 use crate::alignment::{Aligned, compensation};
 use crate::attitude::matrix;
 use crate::channel::Measured;
-use crate::config::{Config, Feedback};
+use crate::config::{Config, Feedback, Form};
 use crate::damping::{self, DampingSignals, Differences};
 use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::error_model::InsError;
@@ -19,6 +19,7 @@ use crate::literal::Comparison;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::mechanization::{Controls, Mechanization, Step};
+use crate::noise_trial::Assumed;
 use crate::observer::{Difference, Used};
 use crate::outcome::GnssOutcome;
 use crate::parameters::{Parameters, index};
@@ -52,10 +53,12 @@ const LATENCY_LIMIT_S: f64 = 1.2;
 /// Errors of the INS that are taken out at once, m and m/s: the loops are linear, and slow.
 const JUMP_M: f64 = 100.0;
 const JUMP_MPS: f64 = 3.0;
-/// Time for which innovations must be too large before the INS is doubted, s, and after a doubt
-/// that has not mended it, before it aligns anew.
+/// Time for which innovations must be too large before the INS is doubted, s; time within which
+/// the next doubt shows that the last has not mended it, s; and such doubts in a row after which it
+/// is aligned anew.
 const DOUBT_S: f64 = 10.0;
 const MENDED_S: f64 = 60.0;
+const HOPELESS: u8 = 3;
 
 /// Errors taken out of readings and stamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -107,9 +110,12 @@ pub struct AidedIns<const N: usize> {
     manoeuvre: Manoeuvre,
     /// Stamp and velocity difference of the last fix that was compared, ENU, m/s.
     compared: (Time, Vector3<f64>),
-    /// When it was last doubted.
+    /// When it was last doubted, and how often in a row.
     doubted: Option<Time>,
+    doubts: u8,
     lost: bool,
+    /// Not even what it has found can be believed.
+    misled: bool,
 }
 
 impl<const N: usize> AidedIns<N> {
@@ -137,6 +143,10 @@ impl<const N: usize> AidedIns<N> {
             ),
             compensation: Compensation {
                 gyro_radps,
+                latency_s: match (config.form, config.feedback) {
+                    (Form::Exact, Feedback::Closed) => credible_latency(known),
+                    _ => 0.0,
+                },
                 ..Compensation::default()
             },
             controls: Controls::default(),
@@ -154,13 +164,28 @@ impl<const N: usize> AidedIns<N> {
             manoeuvre: Manoeuvre::default(),
             compared: (time, Vector3::zeros()),
             doubted: None,
+            doubts: 0,
             lost: false,
+            misled: false,
         }
+    }
+
+    fn exact(&self) -> bool {
+        matches!(self.estimator, Estimator::Exact(_))
     }
 
     /// Whether it has lost its way, and has to be aligned anew.
     pub fn is_lost(&self) -> bool {
         self.lost
+    }
+
+    /// What an alignment anew may believe of the sensors.
+    pub fn kept(&self, config: &Config) -> Parameters {
+        if self.misled {
+            config.prior()
+        } else {
+            *self.known()
+        }
     }
 
     /// All that has happened since the estimators' horizon.
@@ -171,6 +196,14 @@ impl<const N: usize> AidedIns<N> {
     /// The error of the INS now, as far as it is known and not yet taken out.
     fn error(&self) -> InsError {
         self.estimator.error_after(&self.since_horizon())
+    }
+
+    /// What is assumed of the noises.
+    pub fn assumed(&self) -> Option<Assumed> {
+        match &self.estimator {
+            Estimator::Exact(observer) => Some(*observer.assumed()),
+            Estimator::Literal(_) => None,
+        }
     }
 
     /// Spread of position, velocity and attitude at the estimators' horizon, ENU.
@@ -619,13 +652,23 @@ impl<const N: usize> AidedIns<N> {
         let Estimator::Exact(observer) = &mut self.estimator else {
             return;
         };
+        if !observer.is_sound(config) {
+            self.lost = true;
+            self.misled = true;
+            return;
+        }
         if observer.surprise().lasting_s < DOUBT_S {
             return;
         }
         observer.on_lost(config);
         let recently = |doubted: Time| self.now.seconds_since(doubted) < MENDED_S;
-        self.lost = self.doubted.is_some_and(recently);
+        self.doubts = if self.doubted.is_some_and(recently) {
+            self.doubts + 1
+        } else {
+            1
+        };
         self.doubted = Some(self.now);
+        self.lost = self.doubts >= HOPELESS;
     }
 
     /// Sets the controls that hold until the next fix.
@@ -661,7 +704,7 @@ impl<const N: usize> AidedIns<N> {
         let (parameters, prior) = (self.estimator.parameters(), config.prior());
         let known = |i: usize, part: f64| parameters.sigma(i) < part * prior.sigma(i);
         // (9) reads gyro biases from controls that a compensation would empty.
-        if let Estimator::Exact(_) = self.estimator {
+        if self.exact() {
             let gyros = &mut self.compensation.gyro_radps;
             for (axis, gyro) in gyros.iter_mut().enumerate() {
                 if known(index::GYRO + axis, BIAS_KNOWN) {
@@ -674,10 +717,9 @@ impl<const N: usize> AidedIns<N> {
                 *accel = parameters.value(index::ACCEL + axis);
             }
         }
-        if known(index::LATENCY, LATENCY_KNOWN) {
-            let latency_s = parameters.value(index::LATENCY);
-            self.compensation.latency_s =
-                math::max(math::min(latency_s, LATENCY_LIMIT_S), -LATENCY_LIMIT_S);
+        // However little is known of it: what is left is all that has to be linear.
+        if self.exact() || known(index::LATENCY, LATENCY_KNOWN) {
+            self.compensation.latency_s = credible_latency(parameters);
         }
     }
 }
@@ -689,6 +731,12 @@ struct Taken {
     velocity: Used,
     position_m: Vector3<f64>,
     position: Used,
+}
+
+/// Latency, s, as far as the ring can serve it.
+fn credible_latency(parameters: &Parameters) -> f64 {
+    let latency_s = parameters.value(index::LATENCY);
+    math::max(math::min(latency_s, LATENCY_LIMIT_S), -LATENCY_LIMIT_S)
 }
 
 /// Takes an error out of an INS.

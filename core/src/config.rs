@@ -61,6 +61,8 @@ pub struct SensorConfig {
     /// gyros that stand askew. With zero they are what level accelerometers and gyros together
     /// show, which is what a compensation needs.
     pub misalignment_rad: f64,
+    /// Least and greatest factor by which `gyro_noise` and `accel_noise` may turn out wrong.
+    pub noise_range: [f64; 2],
     /// Largest credible angular rate on one axis, rad/s.
     pub gyro_range_radps: f64,
     /// Largest credible specific force on one axis, m/s^2.
@@ -255,7 +257,9 @@ impl Config {
         let noise = |n: &Noise| {
             positive(n.white) && not_negative(n.correlated) && positive(n.correlation_s)
         };
-        let [least, most] = g.noise_range;
+        let holds_one = |[least, most]: &[f64; 2]| {
+            positive(*least) && *least <= 1.0 && *most >= 1.0 && most.is_finite()
+        };
         let checks = [
             (
                 positive(d.horizontal.bandwidth_radps),
@@ -341,10 +345,8 @@ impl Config {
                 noise(&g.height_m),
                 "gnss.height_m: white > 0, correlated >= 0, time > 0",
             ),
-            (
-                positive(least) && least <= 1.0 && most >= 1.0 && most.is_finite(),
-                "gnss.noise_range must hold 1",
-            ),
+            (holds_one(&g.noise_range), "gnss.noise_range must hold 1"),
+            (holds_one(&s.noise_range), "sensors.noise_range must hold 1"),
             (
                 g.lever_arm_m.iter().all(|arm| arm.is_finite()),
                 "gnss.lever_arm_m must be finite",
@@ -401,6 +403,7 @@ impl Config {
                 accel_bias_walk: 0.0,
                 accel_scale: 1e-6,
                 misalignment_rad: 0.0,
+                noise_range: [0.5, 2.0],
                 gyro_range_radps: 18.0,
                 accel_range_mps2: 370.0,
             },
@@ -426,7 +429,7 @@ impl Config {
             },
             form: Form::Exact,
             feedback: Feedback::Closed,
-            max_gap_s: 0.5,
+            max_gap_s: 2.0,
         }
     }
 
@@ -444,6 +447,7 @@ impl Config {
                 accel_bias_walk: 9e-5,
                 accel_scale: 0.015,
                 misalignment_rad: 0.0,
+                noise_range: [0.25, 8.0],
                 gyro_range_radps: 35.0,
                 accel_range_mps2: 160.0,
             },

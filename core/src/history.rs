@@ -141,6 +141,10 @@ pub struct Past {
     pub velocity_mps: Vector3<f64>,
     /// Acceleration of the vehicle as the accelerometers feel it, ENU, m/s^2.
     pub accel_mps2: Vector3<f64>,
+    /// How that changes, m/s^3.
+    pub jerk_mps3: Vector3<f64>,
+    /// What the velocity may be off by where the vehicle jolts between two moments, m/s.
+    pub jolt_mps: Vector3<f64>,
     /// `C_B^L`.
     pub attitude: Matrix3<f64>,
     /// Its rate of change, 1/s.
@@ -298,9 +302,20 @@ impl Around<'_> {
             time,
             velocity_mps,
             accel_mps2: here.force_mps2 - gravity + off_s * bend.force_mps2,
+            jerk_mps3: bend.force_mps2,
+            jolt_mps: sag * self.unevenness(&here),
             attitude,
             attitude_rate: attitude * rate.cross_matrix(),
             way_since_m: left + way_after_m,
+        }
+    }
+
+    /// By how much the acceleration bends otherwise after the interval than before it, m/s^3.
+    fn unevenness(&self, here: &Means) -> Vector3<f64> {
+        let at_start = here.slope_from(&Means::over(self.start)).force_mps2;
+        match self.after {
+            Some(after) => Means::over(after).slope_from(here).force_mps2 - at_start,
+            None => at_start,
         }
     }
 

@@ -20,7 +20,7 @@ const LOST_S: f64 = 15.0;
 /// Time over which surprise is averaged, s: that of an ordinary manoeuvre.
 const SURPRISE_S: f64 = 10.0;
 /// Average square of the innovations, in their variances, beyond which the INS errs.
-const SURPRISING: f64 = 4.0;
+const SURPRISING: f64 = 9.0;
 /// Memory of the correlation of neighbours, in fixes.
 const CORRELATION_MEMORY: f64 = 200.0;
 

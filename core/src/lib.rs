@@ -79,6 +79,7 @@ pub mod manoeuvre;
 mod math;
 pub mod mechanization;
 pub mod navigator;
+pub mod noise_trial;
 pub mod observer;
 pub mod outcome;
 pub mod parameters;

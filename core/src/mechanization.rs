@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use crate::attitude::{euler, matrix, renormalized, small_rotation, turned};
 use crate::earth::{Geodetic, LatitudeTrig, LocalEarth, wrap_pi};
 use crate::increments::Interval;
+use crate::samples::GnssFix;
 
 /// Inputs of the damping loops to the mechanization, ENU.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -62,6 +63,16 @@ impl Mechanization {
         }
     }
 
+    /// The same attitude where a fix says that the vehicle is, and as fast.
+    #[must_use]
+    pub fn at_fix(&self, fix: &GnssFix) -> Self {
+        let position = fix.geodetic_or(self.position.height_m);
+        let own = &self.velocity_enu_mps;
+        let level = fix.velocity_en_mps.unwrap_or_else(|| own.xy());
+        let velocity = level.push(fix.velocity_up_mps.unwrap_or(own.z));
+        Self::new(position.unwrap_or(self.position), velocity, self.attitude)
+    }
+
     /// The Earth at the present position.
     pub fn local_earth(&self) -> LocalEarth {
         let (sin, cos) = self.latitude_trig.sin_cos(self.position.latitude_rad);
@@ -77,9 +88,11 @@ impl Mechanization {
         let frame_rate = earth_rate + transport_rate;
         let attitude = matrix(&self.attitude);
 
-        // The frame turns by half of its step until the middle of the interval.
+        // The frame, and the platform by its controls, turn by half of their step until the middle
+        // of the interval.
         let force = attitude * interval.velocity_mps();
-        let force_enu_mps = force - 0.5 * dt * frame_rate.cross(&force);
+        let platform_rate = frame_rate + controls.rate_radps;
+        let force_enu_mps = force - 0.5 * dt * platform_rate.cross(&force);
         // Gravity of the middle of the interval, `dg/dh = -2 g / R`: at its start the error would be
         // of first order, and the vertical channel multiplies it.
         let rise_m = 0.5 * dt * self.velocity_enu_mps.z;

@@ -14,8 +14,10 @@ use crate::estimate::Estimates;
 use crate::increments::Increments;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
-use crate::mechanization::Mechanization;
+use crate::mechanization::{Controls, Mechanization};
+use crate::noise_trial::Assumed;
 use crate::outcome::{GnssOutcome, ImuOutcome};
+use crate::parameters::index;
 use crate::samples::{FixSigma, GnssFix, ImuOutput, ImuSample};
 use crate::solution::{Phase, Solution};
 use crate::time::Time;
@@ -33,6 +35,14 @@ const SET_BACK_S: f64 = 1.0;
 const LOWEST_M: f64 = -12_000.0;
 const HIGHEST_M: f64 = 100_000.0;
 const FASTEST_MPS: f64 = 3_000.0;
+
+/// Spread of a solution that is the last fix, carried on for up to some seconds by an INS that has
+/// lost its way, ENU, m, m/s, rad.
+const STOPGAP_SIGMA: InsError = InsError {
+    position_m: Vector3::new(20.0, 20.0, 20.0),
+    velocity_mps: Vector3::new(5.0, 5.0, 5.0),
+    tilt_rad: Vector3::new(0.1, 0.1, 1.0),
+};
 
 /// The configuration cannot be used; the message says which value and why.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,6 +75,8 @@ struct State<const RING: usize> {
     /// Samples whose stamps do not follow the last one.
     astray: Option<Astray>,
     last_fix: Option<Time>,
+    /// While an INS that was lost is aligned anew: what is left of it, set right by each fix.
+    stopgap: Option<Mechanization>,
     mode: Mode<RING>,
 }
 
@@ -101,6 +113,7 @@ impl<const RING: usize> Navigator<RING> {
             inertial: None,
             astray: None,
             last_fix: None,
+            stopgap: None,
             mode,
         };
         Ok(Self { config, state })
@@ -142,7 +155,18 @@ impl<const RING: usize> Navigator<RING> {
     ///
     /// With closed feedback the errors that the estimators still see in the damped INS are taken
     /// out here; with open feedback it is the damped INS itself.
+    ///
+    /// An INS that has lost its way is aligned anew; until that is done the solution is the last
+    /// fix, carried on by the sensors, with a heading that may be wrong.
     pub fn solution(&self) -> Option<Solution> {
+        if let (Some(ins), Some((time, _))) = (&self.state.stopgap, &self.state.inertial) {
+            return Some(Solution {
+                time: *time,
+                position: ins.position,
+                velocity_enu_mps: ins.velocity_enu_mps,
+                attitude: ins.attitude,
+            });
+        }
         Some(self.aided()?.solution(&self.config))
     }
 
@@ -163,9 +187,17 @@ impl<const RING: usize> Navigator<RING> {
         self.aided()?.tilt_sigma_rad()
     }
 
+    /// What is assumed of the noises; none in the literal form.
+    pub fn assumed_noise(&self) -> Option<Assumed> {
+        self.aided()?.assumed()
+    }
+
     /// Spread of position, velocity and attitude, ENU, at the last fix that was compared; none in
     /// the literal form.
     pub fn sigma(&self) -> Option<InsError> {
+        if self.state.stopgap.is_some() {
+            return Some(STOPGAP_SIGMA);
+        }
         self.aided()?.sigma(&self.config)
     }
 
@@ -223,7 +255,14 @@ impl<const RING: usize> State<RING> {
         let interval = increments.interval(sample, seconds);
         *last = sample.time;
         match &mut self.mode {
-            Mode::Aligning(alignment) => alignment.on_interval(sample.time, &interval, config),
+            Mode::Aligning(alignment) => {
+                if let Some(ins) = &mut self.stopgap {
+                    let known = alignment.known();
+                    let (gyro, accel) = (known.vector(index::GYRO), known.vector(index::ACCEL));
+                    ins.step(&interval.without_bias(&gyro, &accel), &Controls::default());
+                }
+                alignment.on_interval(sample.time, &interval, config);
+            }
             Mode::Navigating(ins) => {
                 if hole {
                     ins.on_hole(seconds);
@@ -265,30 +304,31 @@ impl<const RING: usize> State<RING> {
         let first = in_step.map_or(time, |astray| astray.first);
         self.astray = Some(Astray { first, last: time });
         if time.seconds_since(first) >= believed_s {
-            self.restart_at(sample);
+            self.restart_at(sample, config);
         }
         outcome
     }
 
     #[inline(never)]
-    fn restart_at(&mut self, sample: &ImuSample) {
+    fn restart_at(&mut self, sample: &ImuSample, config: &Config) {
         self.astray = None;
         self.last_fix = None;
         if let Some((last, increments)) = &mut self.inertial {
             *last = sample.time;
             increments.restart(sample);
         }
-        self.align_again(sample.time);
+        self.align_again(sample.time, config);
     }
 
-    fn align_again(&mut self, time: Time) {
+    fn align_again(&mut self, time: Time, config: &Config) {
         match &mut self.mode {
             Mode::Aligning(alignment) => alignment.on_hole(time),
             Mode::Navigating(ins) => {
                 let Mechanization {
                     position, attitude, ..
                 } = *ins.mechanization();
-                let known = *ins.known();
+                let known = ins.kept(config);
+                self.stopgap = Some(*ins.mechanization());
                 self.mode = Mode::Aligning(Alignment::resume(time, position, attitude, known));
             }
         }
@@ -300,17 +340,17 @@ impl<const RING: usize> State<RING> {
             Mode::Aligning(_) => self.navigate_once_aligned(config),
             Mode::Navigating(ins) => {
                 ins.follow_up(config);
-                self.align_again_if_lost();
+                self.align_again_if_lost(config);
             }
         }
     }
 
-    fn align_again_if_lost(&mut self) {
+    fn align_again_if_lost(&mut self, config: &Config) {
         if let (Mode::Navigating(ins), Some((now, _))) = (&self.mode, &self.inertial)
             && ins.is_lost()
         {
             let now = *now;
-            self.align_again(now);
+            self.align_again(now, config);
         }
     }
 
@@ -328,6 +368,7 @@ impl<const RING: usize> State<RING> {
         if let (Mode::Aligning(alignment), Some((now, _))) = (&self.mode, &self.inertial)
             && let Some(aligned) = alignment.aligned()
         {
+            self.stopgap = None;
             self.mode = Mode::Navigating(AidedIns::new(*now, aligned, alignment.known(), config));
         }
     }
@@ -355,6 +396,9 @@ impl<const RING: usize> State<RING> {
             Mode::Navigating(ins) => ins.on_fix(fix, config),
             Mode::Aligning(alignment) => {
                 alignment.on_fix(now, fix, config);
+                if let Some(ins) = &mut self.stopgap {
+                    *ins = ins.at_fix(fix);
+                }
                 GnssOutcome::Accepted
             }
         };

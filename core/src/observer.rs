@@ -20,6 +20,7 @@ use crate::history::{Past, Span};
 use crate::innovations::{Credit, Innovations, StatedNoise, Surprise, against_described};
 use crate::least_squares::LeastSquares;
 use crate::math;
+use crate::noise_trial::{Assumed, NoiseTrial};
 use crate::parameters::{COUNT, PAIRS, Parameters, index};
 use crate::time::Time;
 
@@ -40,6 +41,9 @@ const LOST_BIAS: f64 = 0.1;
 /// manoeuvres, and some minutes for which a mount stays as it is.
 const FIRST_LEVEL_S: f64 = 30.0;
 const LEVEL_MEMORY_S: f64 = 600.0;
+/// Prior sigmas that no parameter is off by, and a tilt that no levelled INS has, rad.
+const SOUND_SIGMAS: f64 = 30.0;
+const SOUND_TILT_RAD: f64 = 1.0;
 /// Rate and acceleration of an ordinary manoeuvre, which a hole may hide, rad/s and m/s^2.
 const HIDDEN_RADPS: f64 = 0.1;
 const HIDDEN_MPS2: f64 = 1.0;
@@ -202,6 +206,9 @@ pub struct Observer {
     /// Of each kind: how much stronger its noise is than configured, in variance.
     strength: [f64; 4],
     surprise: Surprise,
+    /// What is assumed of the noises, and what is tried in its place.
+    assumed: Assumed,
+    trial: NoiseTrial,
     /// Corrections to the parameters.
     corrections: LeastSquares<COUNT, PAIRS>,
     /// Last solution; the latency is that of its moment.
@@ -236,14 +243,18 @@ impl Observer {
         let gnss = &config.gnss;
         let mut followed = Followed::zero();
         followed.error.tilt_rad.z = prior.value(index::AZIMUTH);
+        let assumed = Assumed::configured(config);
+        let level = Channel::new(
+            tilt_sigma_rad * tilt_sigma_rad,
+            &gnss.velocity_mps,
+            &gnss.position_m,
+        );
         Self {
             followed,
             responses: core::array::from_fn(unit_response),
-            level: Channel::new(
-                tilt_sigma_rad * tilt_sigma_rad,
-                &gnss.velocity_mps,
-                &gnss.position_m,
-            ),
+            level,
+            assumed,
+            trial: NoiseTrial::first(&assumed, &level, config),
             vertical: Channel::new(0.0, &gnss.velocity_up_mps, &gnss.height_m),
             innovations: [Innovations::default(); 4],
             stated: [StatedNoise::default(); 4],
@@ -370,6 +381,23 @@ impl Observer {
                 .diffuse(which, math::single(changed * changed));
         }
         self.surprise = Surprise::default();
+        self.trial = NoiseTrial::new(self.trial.change(), &self.assumed, &self.level, config);
+    }
+
+    /// Whether all that it says can be: else it has been misled, and must begin anew from what is
+    /// configured.
+    pub fn is_sound(&self, config: &Config) -> bool {
+        let prior = config.prior();
+        let credible = |(value, (prior, sigma)): (&f64, (&f64, &f32))| {
+            math::abs(value - prior) <= SOUND_SIGMAS * f64::from(*sigma)
+        };
+        let parameters = prior.value.iter().zip(&prior.sigma);
+        let error = &self.followed.error;
+        self.parameters.value.iter().zip(parameters).all(credible)
+            && math::all_finite(&error.position_m)
+            && math::all_finite(&error.velocity_mps)
+            && error.tilt_rad.norm() < SOUND_TILT_RAD
+            && self.level.tilt().is_finite()
     }
 
     /// The error of the INS after what has happened since the horizon, as estimated.
@@ -385,6 +413,7 @@ impl Observer {
         let residual = difference.value - self.predicted(past, difference);
         let (mut level_by, mut up_by) = self.shown_by(past, difference.measured);
         let [level_sigma, up_sigma] = difference.stated_sigma;
+        let bent = self.bent_variance(past, difference.measured);
         let measured = difference.measured;
         let level = difference.has_level
             && self.measure(
@@ -396,6 +425,7 @@ impl Observer {
                 &mut level_by,
                 [residual.x, residual.y],
                 level_sigma,
+                bent,
                 config,
             );
         let up = difference.has_up
@@ -405,6 +435,7 @@ impl Observer {
                 &mut up_by,
                 [residual.z],
                 up_sigma,
+                bent,
                 config,
             );
         Used { level, up }
@@ -418,6 +449,7 @@ impl Observer {
         by: &mut By<R>,
         innovation: [f64; R],
         stated_sigma: Option<f64>,
+        bent: f64,
         config: &Config,
     ) -> bool {
         let gnss = &config.gnss;
@@ -449,7 +481,7 @@ impl Observer {
             Measured::Velocity => learnt,
             Measured::Position => math::max(learnt, relative),
         };
-        let white = described.white * described.white * learnt;
+        let white = described.white * described.white * learnt + bent;
         let predicted = channel.predicted(kind.measured);
         let components = axes.iter().fold(0.0, |count, _| count + 1.0);
         let pair = Vector2::new(
@@ -481,6 +513,10 @@ impl Observer {
         // Both level axes have the same covariance before and the same after.
         let gains = channel.update(kind.measured, white);
         let total = predicted + white;
+        // While the parameters themselves are uncertain, innovations say little of the noises.
+        if !kind.up && parameters < total {
+            self.trial.take(kind.measured, &pair, white, total, &gains);
+        }
         let weights = [math::single(1.0 / total); R];
         for (axis, innovation) in axes.iter().zip(innovation) {
             self.followed.correct(*axis, &gains, innovation);
@@ -502,6 +538,26 @@ impl Observer {
             }
         }
         true
+    }
+
+    /// Variance per component of what is not linear in the parameters: of a latency in a motion that
+    /// bends, and of a latency in a frame that points elsewhere. It goes as they become known; what
+    /// jolts hide between two moments of the ring stays.
+    fn bent_variance(&self, past: &Past, measured: Measured) -> f64 {
+        let square = |x: f64| x * x;
+        let latency = square(self.parameters.sigma(index::LATENCY));
+        let azimuth = square(self.parameters.sigma(index::AZIMUTH));
+        let (first, second) = match measured {
+            Measured::Velocity => (&past.accel_mps2, &past.jerk_mps3),
+            Measured::Position => (&past.velocity_mps, &past.accel_mps2),
+        };
+        let jolt = match measured {
+            Measured::Velocity => 0.5 * past.jolt_mps.norm_squared(),
+            Measured::Position => 0.0,
+        };
+        jolt + 0.5
+            * latency
+            * (0.5 * latency * second.norm_squared() + azimuth * first.norm_squared())
     }
 
     /// What the spread of the parameters adds to the variance of a component, on average.
@@ -528,12 +584,14 @@ impl Observer {
         let [velocity, velocity_up, position, position_up] = self.strength;
         let gnss = &config.gnss;
         let renewal = |noise: &Noise, strength| Renewal::over(span.seconds, noise, strength);
-        let level = [
-            renewal(&gnss.velocity_mps, velocity),
-            renewal(&gnss.position_m, position),
-        ];
+        let coloured = self.assumed.velocity(gnss.velocity_mps.white);
+        let position_noise = renewal(&gnss.position_m, position);
+        let level = [renewal(&coloured, velocity), position_noise];
+        let tried = self.trial.assumed.velocity(gnss.velocity_mps.white);
+        let rival = [renewal(&tried, velocity), position_noise];
+        let coloured = self.assumed.velocity(gnss.velocity_up_mps.white);
         let up = [
-            renewal(&gnss.velocity_up_mps, velocity_up),
+            renewal(&coloured, velocity_up),
             renewal(&gnss.height_m, position_up),
         ];
         let kept = |renewals: &[Renewal; 2]| renewals.map(|renewal| renewal.keep);
@@ -551,29 +609,38 @@ impl Observer {
                 response.error.feed(&single_passage, &input.single());
             }
         });
-        self.grow_noise(span, level, up, config);
+        self.grow_noise(span, [level, rival, up], config);
         self.unsolved_s += span.seconds;
         self.horizon = to;
     }
 
-    fn grow_noise(&mut self, span: &Span, level: [Renewal; 2], up: [Renewal; 2], config: &Config) {
+    /// Lets the channels grow by the noises, with the correlated ones of GNSS as the observer, its
+    /// rival and the vertical channel assume them.
+    fn grow_noise(&mut self, span: &Span, noises: [[Renewal; 2]; 3], config: &Config) {
+        let [level, rival, up] = noises;
         let s = &config.sensors;
-        let shares = |noise: &[f64; 3]| {
-            let noise = Vector3::from(*noise);
+        let shares = |noise: &[f64; 3], factor: f64| {
+            let noise = factor * Vector3::from(*noise);
             level_and_up(&span.attitude_s, span.seconds, &noise.component_mul(&noise))
         };
-        let (gyro_level, gyro_up) = shares(&s.gyro_noise);
-        let (accel_level, accel_up) = shares(&s.accel_noise);
-        self.level.propagate(
-            &Growth {
-                seconds: span.seconds,
-                force_up_mps: span.force_mps.z,
-                force_up_moved_m: span.force_moved_m.z,
-                accel_noise: accel_level,
-                gyro_noise: gyro_level,
-            },
-            level,
-        );
+        let (gyro_level, gyro_up) = shares(&s.gyro_noise, self.assumed.gyro);
+        let (accel_level, accel_up) = shares(&s.accel_noise, self.assumed.accel);
+        let growth = Growth {
+            seconds: span.seconds,
+            force_up_mps: span.force_mps.z,
+            force_up_moved_m: span.force_moved_m.z,
+            accel_noise: accel_level,
+            gyro_noise: gyro_level,
+        };
+        self.level.propagate(&growth, level);
+        let gyro = self.trial.assumed.gyro / self.assumed.gyro;
+        let accel = self.trial.assumed.accel / self.assumed.accel;
+        let growth = Growth {
+            accel_noise: accel_level * accel * accel,
+            gyro_noise: gyro_level * gyro * gyro,
+            ..growth
+        };
+        self.trial.propagate(&growth, rival);
         self.vertical.propagate(
             &Growth {
                 seconds: span.seconds,
@@ -602,10 +669,12 @@ impl Observer {
         let misalignment = s.misalignment_rad * s.misalignment_rad;
         let tilt = (s.gyro_scale * s.gyro_scale + misalignment) * tipped;
         self.level.doubt(0.0, tilt);
+        self.trial.level.doubt(0.0, tilt);
         self.azimuth_walk += tilt;
         let pull = Vector3::new(span.force_mps.x, span.force_mps.y, 0.0);
         let velocity = misalignment * self.pulled.grow(&pull, span.seconds);
         self.level.doubt(velocity, 0.0);
+        self.trial.level.doubt(velocity, 0.0);
         self.vertical.doubt(velocity, 0.0);
     }
 
@@ -650,8 +719,29 @@ impl Observer {
         (level, up)
     }
 
+    /// Ends a trial of the noises that is decided, and begins the next.
+    fn judge_trial(&mut self, config: &Config) {
+        let Some(won) = self.trial.verdict() else {
+            return;
+        };
+        if won {
+            self.assumed = self.trial.assumed;
+            self.level = self.trial.level;
+            for axis in 0..2 {
+                self.followed.correct(axis, &self.trial.apart(axis), 1.0);
+            }
+        }
+        self.trial = NoiseTrial::new(self.trial.change(), &self.assumed, &self.level, config);
+    }
+
+    /// What is assumed of the noises.
+    pub fn assumed(&self) -> &Assumed {
+        &self.assumed
+    }
+
     /// Solves for the parameters at the horizon.
     pub fn solve(&mut self, config: &Config) {
+        self.judge_trial(config);
         self.come_to_now();
         self.level_anew();
         self.diffuse(config);

@@ -10,7 +10,8 @@ use miette::{IntoDiagnostic, Result, miette};
 
 use crate::configure;
 use crate::identify::{Identification, identify};
-use crate::log::{self, Grade, Log, LogError};
+use crate::import;
+use crate::log::{Grade, Log, LogError};
 use crate::output::OutputError;
 use crate::report;
 use crate::summary::Summary;
@@ -37,7 +38,7 @@ impl Input {
     /// Reads a log; warnings go to the standard error.
     pub fn read(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Self> {
         progress.set_message("reading");
-        let (log, warnings) = log::read(folder)?;
+        let (log, warnings) = import::open(folder)?;
         for warning in &warnings {
             progress.suspend(|| eprintln!("warning: {warning}\n  {}", warning.cause));
         }

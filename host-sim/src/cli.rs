@@ -18,10 +18,12 @@ use crate::error_model::{self, Identified, Record};
 use crate::figures;
 use crate::flights;
 use crate::hil;
+use crate::import;
 use crate::log::{self, BodyAxes, Compression, Grade, Log, Meta};
 use crate::output::{self, OutputError};
 use crate::reproduce;
 use crate::sim::{self, DriveConfig, ErrorModel};
+use crate::study;
 use crate::table;
 use crate::truth::{self, Truth};
 
@@ -45,6 +47,8 @@ enum Command {
     Drive(Drive),
     /// Find the sensor errors of logs and their error model; write summaries, tables and reports.
     Identify(Identify),
+    /// Make a log of a recording of another program: PX4, ArduPilot, ROS, UBX, NMEA, phones.
+    Import(import::cli::Import),
     /// Run a log through firmware on a board, and compare with the host bit for bit.
     Hil(hil::cli::Hil),
     /// Compare compensation with a Kalman filter on a log, in navigation and through outages.
@@ -67,6 +71,9 @@ enum Command {
     Reproduce(reproduce::cli::Reproduce),
     /// Measure the figures of the README anew and write them into it.
     Figures(figures::Figures),
+    /// Run many and say how good and how honest the results are.
+    #[command(subcommand)]
+    Study(study::cli::Study),
     /// Simulate a drive, identify it, and compare with the truth.
     Demo {
         /// Folder for log and report.
@@ -105,7 +112,7 @@ pub(crate) struct DriveOptions {
 
 #[derive(Debug, Args)]
 struct Identify {
-    /// Folder of a log. Several: drives of one kind of unit, for one error model of all.
+    /// Folder of a log, or a recording of a known format. Several: drives of one kind of unit, for one error model of all.
     #[arg(required = true)]
     log: Vec<PathBuf>,
     /// Folder for the results.
@@ -205,6 +212,7 @@ pub fn run(cli: &Cli) -> Result<()> {
         Command::Recovery(options) => {
             error_model::recovery::cli::recovery(options, cli.json, cli.force)
         }
+        Command::Import(options) => import::cli::import(options, cli.json, cli.force),
         Command::Hil(options) => hil::cli::hil(options, cli.json, cli.force),
         Command::Compare(options) => compare::cli::compare(options, cli.json, cli.force),
         Command::Fly(options) => aircraft::cli::fly(options, cli.json, cli.force),
@@ -215,6 +223,7 @@ pub fn run(cli: &Cli) -> Result<()> {
         Command::Merge(options) => campaign::cli::merge(options, cli.json),
         Command::Reproduce(options) => reproduce::cli::reproduce(options, cli.json, cli.force),
         Command::Figures(options) => figures::write(options),
+        Command::Study(study) => study::cli::study(study, cli.json),
         Command::Demo { out, drive } => demo(out, *drive, cli),
     }
 }

@@ -2,8 +2,9 @@
 
 use host_sim::accuracy::config_of;
 use host_sim::kalman::filter::Start;
-use host_sim::kalman::{Filter, Known, Noise, Record, Run, STATES, States, index, smooth};
-use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
+use host_sim::kalman::{Filter, Known, Noise, PartNoise, Record, Run, States, index, smooth};
+use host_sim::sim::noise::Random;
+use host_sim::sim::{DriveConfig, ErrorModel, Grade, SimulatedDrive, simulate};
 use ins_core::attitude::matrix;
 use ins_core::config::HeadingSource;
 use ins_core::earth::Geodetic;
@@ -13,7 +14,13 @@ use ins_core::{Config, GnssFix, Solution, Time};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
 fn drive(seed: u64, minutes: f64) -> (SimulatedDrive, Config) {
-    let drive = simulate(&DriveConfig::new(seed, Grade::Hg1700, minutes));
+    drive_with(&Grade::Hg1700.errors(), seed, minutes)
+}
+
+fn drive_with(errors: &ErrorModel, seed: u64, minutes: f64) -> (SimulatedDrive, Config) {
+    let mut config = DriveConfig::new(seed, Grade::Hg1700, minutes);
+    config.recording.errors = errors.clone();
+    let drive = simulate(&config);
     let config = config_for(&drive);
     (drive, config)
 }
@@ -31,7 +38,7 @@ fn exact() -> Noise {
 
 /// What is still wrong with a filter, in its own states.
 fn errors(known: &Known, truth: &Solution, drive: &SimulatedDrive) -> States {
-    let mut errors = States::zeros();
+    let mut errors = States::zeros(index::COUNT);
     let mut set = |at: usize, value: Vector3<f64>| {
         errors.fixed_rows_mut::<3>(at).copy_from(&value);
     };
@@ -67,16 +74,21 @@ fn truth_at(drive: &SimulatedDrive, time: Time) -> Option<&Solution> {
     drive.truth.get(at).filter(|truth| truth.time == time)
 }
 
-/// Squared errors in units of the whole covariance, summed over drives: chi-square of 16 degrees
-/// of freedom for each.
-#[test]
-fn its_covariance_is_honest() {
-    const DRIVES: u64 = 12;
+/// What the errors of a drive's filter sum up to after 5, 10 and 15 min, over drives: each is
+/// chi-square of as many degrees of freedom as there are errors. `spoil` does to a drive what
+/// `noise` tells of; `errors_of` knows the true errors.
+fn sums_of_squares(
+    model: &ErrorModel,
+    noise: Noise,
+    spoil: fn(&mut SimulatedDrive, u64),
+    errors_of: fn(&Filter, &Solution, &SimulatedDrive) -> States,
+) -> [f64; 3] {
     let mut sums = [0.0; 3];
-    let mut parts = States::zeros();
+    let mut parts: Option<States> = None;
     for seed in 0..DRIVES {
-        let (drive, config) = drive(seed, 15.0);
-        let mut run = Run::new(&drive.imu, &drive.gnss, config, exact()).unwrap();
+        let (mut drive, config) = drive_with(model, seed, 15.0);
+        spoil(&mut drive, seed);
+        let mut run = Run::new(&drive.imu, &drive.gnss, config, noise).unwrap();
         let looks = [300.0, 600.0, 900.0];
         let mut next = 0;
         while let Some(time) = run.step(&mut |_, _| {}) {
@@ -87,25 +99,190 @@ fn its_covariance_is_honest() {
                 continue;
             };
             let filter = run.filter().unwrap();
-            let errors = errors(&filter.known, truth, &drive);
-            let weighed = filter.covariance.cholesky().unwrap().solve(&errors);
+            let errors = errors_of(filter, truth, &drive);
+            let size = errors.len();
+            let own = filter.covariance.view((0, 0), (size, size)).into_owned();
+            let weighed = own.cholesky().unwrap().solve(&errors);
             sums[next] += errors.dot(&weighed);
-            let sigma = filter.sigmas();
-            parts += errors.component_div(&sigma).map(|e| e * e);
+            let sigma = filter.sigmas().rows(0, size).into_owned();
+            *parts.get_or_insert_with(|| States::zeros(size)) +=
+                errors.component_div(&sigma).map(|e| e * e);
             next += 1;
         }
         assert_eq!(next, looks.len());
     }
     println!("NEES {:?}", sums.map(|sum| sum / DRIVES as f64));
-    println!("by state {:.2}", parts / (3.0 * DRIVES as f64));
-    // 192 degrees of freedom: 0.05 % lie below 132 and 0.05 % above 262.
-    for sum in sums {
-        assert!(
-            (132.0..262.0).contains(&sum),
-            "{sum} of {}",
-            STATES as u64 * DRIVES
-        );
+    println!("by state {:.2}", parts.unwrap() / (3.0 * DRIVES as f64));
+    sums
+}
+
+fn always_there(filter: &Filter, truth: &Solution, drive: &SimulatedDrive) -> States {
+    errors(&filter.known, truth, drive)
+}
+
+const DRIVES: u64 = 12;
+/// 192 degrees of freedom: 0.05 % lie below 132 and 0.05 % above 262.
+const HONEST: core::ops::Range<f64> = 132.0..262.0;
+
+#[test]
+fn its_covariance_is_honest() {
+    let sums = sums_of_squares(&Grade::Hg1700.errors(), exact(), |_, _| {}, always_there);
+    assert!(sums.iter().all(|sum| HONEST.contains(sum)), "{sums:?}");
+}
+
+const VELOCITY: PartNoise = PartNoise {
+    white: 0.02,
+    colour: 0.08,
+    correlation_s: 3.0,
+    believes_stated: true,
+};
+const POSITION: PartNoise = PartNoise {
+    white: 0.3,
+    colour: 2.0,
+    correlation_s: 60.0,
+    believes_stated: true,
+};
+
+/// A receiver with the white noise above.
+fn receiver() -> ErrorModel {
+    let mut errors = Grade::Hg1700.errors();
+    errors.gnss.velocity_sigma_mps = VELOCITY.white;
+    errors.gnss.horizontal_sigma_m = POSITION.white;
+    errors.gnss.vertical_sigma_m = POSITION.white;
+    errors
+}
+
+/// Steps of a Gauss-Markov process in three axes, from one time to the next.
+fn process(part: PartNoise, mut random: Random) -> impl FnMut(f64) -> Vector3<f64> {
+    let mut state = part.colour * Vector3::from(random.normal3());
+    move |seconds| {
+        let kept = part.kept(seconds);
+        let fresh = part.colour * Vector3::from(random.normal3());
+        state = kept * state + (1.0 - kept * kept).sqrt() * fresh;
+        state
     }
+}
+
+/// Adds the coloured noise above to all fixes.
+fn colour(drive: &mut SimulatedDrive, seed: u64) {
+    let mut velocity_noise = process(VELOCITY, Random::stream(seed, "coloured velocity"));
+    let mut position_noise = process(POSITION, Random::stream(seed, "coloured position"));
+    let mut last = Time::default();
+    for fix in &mut drive.gnss {
+        let seconds = fix.time.seconds_since(last);
+        last = fix.time;
+        let velocity = fix.velocity_enu_mps() + velocity_noise(seconds);
+        let place = fix.geodetic_or(0.0).unwrap();
+        let mut ins = Mechanization::new(place, velocity, UnitQuaternion::identity());
+        ins.move_by(&ins.local_earth(), &position_noise(seconds));
+        *fix = GnssFix {
+            velocity_en_mps: Some(velocity.xy()),
+            velocity_up_mps: Some(velocity.z),
+            ..fix.at(&ins.position)
+        };
+    }
+}
+
+fn coloured_noise() -> Noise {
+    Noise {
+        velocity: VELOCITY,
+        velocity_up: VELOCITY,
+        position: POSITION,
+        height: POSITION,
+        ..exact()
+    }
+}
+
+/// Told of it, the filter is as honest as under white noise; told of as much white noise in its
+/// place, or of the white part alone, it is not.
+#[test]
+fn its_covariance_is_honest_under_coloured_noise() {
+    let sums = sums_of_squares(&receiver(), coloured_noise(), colour, always_there);
+    assert!(sums.iter().all(|sum| HONEST.contains(sum)), "{sums:?}");
+    let white = |sigma: fn(&PartNoise) -> f64| {
+        let all = |part: &PartNoise| PartNoise {
+            believes_stated: false,
+            ..PartNoise::white(sigma(part))
+        };
+        let (velocity, position) = (all(&VELOCITY), all(&POSITION));
+        Noise {
+            velocity,
+            velocity_up: velocity,
+            position,
+            height: position,
+            ..exact()
+        }
+    };
+    for sigma in [PartNoise::total, |part: &PartNoise| part.white] {
+        let sums = sums_of_squares(&receiver(), white(sigma), colour, always_there);
+        assert!(sums.iter().any(|sum| *sum > HONEST.end), "{sums:?}");
+    }
+}
+
+/// Where the antenna is in the drives that have one away from the sensors, m, and the spread that
+/// the filter is told.
+const ARM_M: [f64; 3] = [0.7, -1.6, 1.9];
+const ARM_SIGMA_M: f64 = 1.5;
+
+/// Moves what the fixes show from the sensors to the antenna.
+fn to_antenna(drive: &mut SimulatedDrive, _: u64) {
+    const STEP_S: f64 = 0.05;
+    let arm = Vector3::from(ARM_M);
+    for fix in &mut drive.gnss {
+        let shown = fix.time.plus_seconds(-drive.errors.gnss_latency_s);
+        let at = |seconds: f64| attitude_at(&drive.truth, shown.plus_seconds(seconds));
+        let (Some(before), Some(now), Some(after)) = (at(-STEP_S), at(0.0), at(STEP_S)) else {
+            continue;
+        };
+        let moved = (after * arm - before * arm) / (2.0 * STEP_S);
+        let velocity = fix.velocity_enu_mps() + moved;
+        let place = fix.geodetic_or(0.0).unwrap();
+        let mut ins = Mechanization::new(place, velocity, now);
+        ins.move_by(&ins.local_earth(), &(now * arm));
+        *fix = GnssFix {
+            velocity_en_mps: Some(velocity.xy()),
+            velocity_up_mps: Some(velocity.z),
+            ..fix.at(&ins.position)
+        };
+    }
+}
+
+fn attitude_at(truth: &[Solution], time: Time) -> Option<UnitQuaternion<f64>> {
+    let next = truth.partition_point(|row| row.time <= time);
+    let (before, after) = (truth.get(next.checked_sub(1)?)?, truth.get(next)?);
+    let span_s = after.time.seconds_since(before.time);
+    let part = time.seconds_since(before.time) / span_s;
+    Some(before.attitude.nlerp(&after.attitude, part))
+}
+
+/// Scale errors of all sensors and a lever arm, all of them found.
+#[test]
+fn its_covariance_is_honest_with_more_to_find() {
+    let mut model = Grade::Hg1700.errors();
+    model.gyro_deg_h.scale_sigma = 0.002;
+    model.accel_mps2.scale_sigma = 0.003;
+    let noise = Noise {
+        lever_arm_sigma_m: Vector3::repeat(ARM_SIGMA_M),
+        clock_drift_sigma: 1e-5,
+        ..Noise::of_model(&model)
+    };
+    let sums = sums_of_squares(&model, noise, to_antenna, |filter, truth, drive| {
+        let known = &filter.known;
+        let arm = Vector3::from(ARM_M) - known.lever_arm_m;
+        let accel = Vector3::from(drive.errors.accel_scale) - known.accel_scale;
+        let gyro = Vector3::from(drive.errors.gyro_scale) - known.gyro_scale;
+        let mut all: Vec<f64> = errors(known, truth, drive).iter().copied().collect();
+        all.push(-known.clock_drift);
+        for three in [arm, accel, gyro] {
+            all.extend(&three);
+        }
+        States::from_vec(all)
+    });
+    // 312 degrees of freedom: 0.05 % lie below 233 and 0.05 % above 402.
+    assert!(
+        sums.iter().all(|sum| (233.0..402.0).contains(sum)),
+        "{sums:?}"
+    );
 }
 
 /// Root mean squares over a drive: velocity, tilt and heading of filter and smoother.
@@ -169,17 +346,20 @@ fn a_bias_at_rest_is_the_slope_of_a_straight_line() {
     let ins = Mechanization::new(place, Vector3::zeros(), UnitQuaternion::identity());
     let earth = ins.local_earth();
     let noise = Noise {
-        gyro_noise: 0.0,
+        gyro_noise: Vector3::zeros(),
         gyro_bias_walk: 0.0,
         gyro_bias_radps: 1e-9,
-        accel_noise: 0.0,
+        accel_noise: Vector3::zeros(),
         accel_bias_walk: 0.0,
         accel_bias_mps2: 1.0,
-        velocity_sigma_mps: SIGMA,
+        velocity: PartNoise::white(SIGMA),
+        velocity_up: PartNoise::white(SIGMA),
         // Gravity falls with height: a metre is 3e-6 m/s^2.
-        position_sigma_m: Vector3::repeat(1.0),
+        position: PartNoise::white(1.0),
+        height: PartNoise::white(1.0),
         latency_sigma_s: 1e-6,
         heading_sigma_rad: 1e-6,
+        ..exact()
     };
     let start = Start {
         time: Time::default(),
@@ -201,7 +381,7 @@ fn a_bias_at_rest_is_the_slope_of_a_straight_line() {
     let (mut sum_t, mut sum_tt, mut sum_v, mut sum_tv) = (0.0, 0.0, 0.0, 0.0);
     for k in 1..=FIXES {
         let time = Time::default().plus_seconds(0.1 * f64::from(k));
-        filter.predict(time, &interval);
+        let _ = filter.predict(time, &interval);
         let fix = GnssFix {
             time,
             velocity_en_mps: Some(Vector2::zeros()),

@@ -21,19 +21,89 @@ struct Files {
     meta: String,
 }
 
-/// A car at constant speed on a winding road for two minutes, 50 Hz and 5 Hz.
+/// A car at constant speed on a winding level road for two minutes, 50 Hz and 5 Hz.
 fn drive() -> Files {
+    travel(&Motion::default())
+}
+
+/// What a vehicle does over time beside going 10 m/s.
+struct Motion {
+    turn_radps: fn(f64) -> f64,
+    more_mps: fn(f64) -> f64,
+    up_mps: fn(f64) -> f64,
+    pitch_rad: fn(f64) -> f64,
+}
+
+impl Default for Motion {
+    fn default() -> Self {
+        Self {
+            turn_radps: |t| 0.2 * (0.13 * t).sin() + 0.15 * (0.031 * t * t / 4.0).cos(),
+            more_mps: |_| 0.0,
+            up_mps: |_| 0.0,
+            pitch_rad: |_| 0.0,
+        }
+    }
+}
+
+/// The same road with hills, brakings and starts.
+fn hills() -> Files {
+    travel(&Motion {
+        more_mps: |t| 4.0 * (0.35 * t).sin() + (0.21 * t).sin(),
+        up_mps: |t| 1.5 * (0.05 * t).cos(),
+        ..Motion::default()
+    })
+}
+
+/// A boat that pitches.
+fn swell() -> Files {
+    travel(&Motion {
+        pitch_rad: |t| 0.2 * (0.9 * t).sin() + 0.1 * (0.7 * t).sin(),
+        ..Motion::default()
+    })
+}
+
+/// Manoeuvres that repeat every 16.5 s.
+fn laps() -> Files {
+    const LAP_S: f64 = 16.5;
+    travel(&Motion {
+        turn_radps: |t| 0.3 * (std::f64::consts::TAU * t / LAP_S).sin(),
+        more_mps: |t| 2.0 * (std::f64::consts::TAU * t / LAP_S).cos(),
+        ..Motion::default()
+    })
+}
+
+/// Makes the samples 100 Hz.
+fn faster(files: &mut Files) {
+    convert(&mut files.imu, "t_s", |x| x / 2.0);
+    convert(&mut files.gnss, "t_s", |x| x / 2.0);
+}
+
+/// The road of a motion.
+fn travel(motion: &Motion) -> Files {
+    let change = |f: fn(f64) -> f64, t: f64| (f(t + 0.01) - f(t - 0.01)) / 0.02;
+    let Motion {
+        turn_radps,
+        more_mps,
+        up_mps,
+        pitch_rad,
+    } = *motion;
+    let mut height_m = 200.0;
     let mut imu = "t_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n".to_owned();
     let mut gnss = "t_s,lat_deg,lon_deg,h_m,ve,vn,vu,nsat\n".to_owned();
     let (mut course, mut east_m, mut north_m) = (0.4_f64, 0.0, 0.0);
     for step in 0..6000_i32 {
         let time = f64::from(step) * IMU_STEP_S;
-        let rate = 0.2 * (0.13 * time).sin() + 0.15 * (0.031 * time * time / 4.0).cos();
-        let (ve, vn) = (SPEED_MPS * course.sin(), SPEED_MPS * course.cos());
+        let rate = turn_radps(time);
+        let (speed, up) = (SPEED_MPS + more_mps(time), up_mps(time));
+        let (ve, vn) = (speed * course.sin(), speed * course.cos());
+        let (sin, cos) = pitch_rad(time).sin_cos();
         writeln!(
             imu,
-            "{time:.3},0.001,-0.002,{rate:.6},0.05,{:.5},-9.81",
-            SPEED_MPS * rate
+            "{time:.3},0.001,{:.5},{rate:.6},{:.5},{:.5},{:.5}",
+            change(pitch_rad, time) - 0.002,
+            0.05 + change(more_mps, time) + 9.81 * sin,
+            speed * rate,
+            -9.81 * cos - change(up_mps, time),
         )
         .unwrap();
         if step % 10 == 0 {
@@ -41,12 +111,13 @@ fn drive() -> Files {
             let (lat, lon) = (45.0 + north_m / 111_130.0, 9.0 + east_m / 78_850.0);
             writeln!(
                 gnss,
-                "{time:.3},{lat:.9},{lon:.9},200.0,{ve:.4},{vn:.4},0.0,9"
+                "{time:.3},{lat:.9},{lon:.9},{height_m:.2},{ve:.4},{vn:.4},{up:.3},9"
             )
             .unwrap();
         }
         east_m += ve * IMU_STEP_S;
         north_m += vn * IMU_STEP_S;
+        height_m += up * IMU_STEP_S;
         course += rate * IMU_STEP_S;
     }
     Files {
@@ -115,7 +186,7 @@ fn told(error: &LogError, folder: &Path) -> String {
 /// What is said of a log: the error, or else all warnings.
 fn said(case: &Case) -> String {
     let folder = tempfile::tempdir().unwrap();
-    let mut files = drive();
+    let mut files = (case.base)();
     match case.spoil {
         Spoil::Text(spoil) => {
             spoil(&mut files);
@@ -149,6 +220,7 @@ struct Case {
     name: &'static str,
     /// What is read: this inside the folder.
     within: &'static str,
+    base: fn() -> Files,
     spoil: Spoil,
 }
 
@@ -156,6 +228,7 @@ fn text(name: &'static str, spoil: fn(&mut Files)) -> Case {
     Case {
         name,
         within: "",
+        base: drive,
         spoil: Spoil::Text(spoil),
     }
 }
@@ -164,6 +237,7 @@ fn folder(name: &'static str, spoil: fn(&Path)) -> Case {
     Case {
         name,
         within: "",
+        base: drive,
         spoil: Spoil::Folder(spoil),
     }
 }
@@ -267,8 +341,85 @@ fn row_cases() -> Vec<Case> {
         text("empty cell", |f| {
             set_line(&mut f.imu, 5, "0.06,0,0,0,0,,-9.8");
         }),
-        text("half a position", |f| {
+        text("no height", |f| {
             set_line(&mut f.gnss, 5, "0.6,45,9,,10,0,0,9");
+        }),
+        text("no heights", |f| f.gnss = f.gnss.replace(",200.00,", ",,")),
+        text("no column of heights", |f| {
+            f.gnss = f.gnss.replace("h_m", "alt");
+        }),
+        text("no column of vertical velocity", |f| {
+            f.gnss = f.gnss.replace("vu", "up");
+        }),
+        text("no columns of velocity", |f| {
+            f.gnss = f.gnss.replace("ve,vn", "speed,course");
+        }),
+        text("no columns of position", |f| {
+            f.gnss = f.gnss.replace("lat_deg,lon_deg", "x,y");
+        }),
+        text("neither", |f| {
+            f.gnss = f
+                .gnss
+                .replace("lat_deg,lon_deg,h_m,ve,vn,vu", "a,b,c,d,e,f");
+        }),
+        text("half a position", |f| {
+            set_line(&mut f.gnss, 5, "0.6,45,,200,10,0,0,9");
+        }),
+        text("nan in fixes", |f| {
+            set_line(&mut f.gnss, 5, "0.6,nan,nan,nan,nan,nan,nan,9");
+        }),
+    ]
+}
+
+fn form_cases() -> Vec<Case> {
+    vec![
+        text("lower-case axes", |f| f.meta = META.replace("FRD", "frd")),
+        text("capital headers", |f| {
+            f.imu = f.imu.replacen("t_s,gyro_x,gyro_y", "T_s,Gyro_X,GYRO_Y", 1);
+        }),
+        text("quoted headers", |f| {
+            let header = f.imu.lines().next().unwrap().to_owned();
+            f.imu = f
+                .imu
+                .replacen(&header, &format!("\"{}\"", header.replace(',', "\",\"")), 1);
+        }),
+        text("tabs", |f| f.gnss = f.gnss.replace(',', "\t")),
+        text("semicolons and decimal commas", |f| {
+            f.imu = f.imu.replace(',', ";").replace('.', ",");
+        }),
+        text("two columns of one name", |f| {
+            f.gnss = f.gnss.replacen("nsat", "ve", 1);
+        }),
+        text("rows of text throughout", |f| {
+            f.imu = f.imu.replace("0.001", "n/a");
+        }),
+        text("two rows swapped", |f| {
+            let mut lines: Vec<&str> = f.imu.lines().collect();
+            lines.swap(100, 101);
+            f.imu = lines.join("\n");
+        }),
+        text("each row twice", |f| {
+            let (header, rows) = f.gnss.split_once('\n').unwrap();
+            let twice: Vec<String> = rows.lines().map(|row| format!("{row}\n{row}")).collect();
+            f.gnss = format!("{header}\n{}", twice.join("\n"));
+        }),
+        text("stamps of too few digits", |f| {
+            convert(&mut f.imu, "t_s", |x| (x * 10.0).floor() / 10.0);
+        }),
+        text("two logs joined", |f| {
+            let again = f.imu.clone();
+            f.imu.push_str(again.split_once('\n').unwrap().1);
+        }),
+        text("week rollover", |f| {
+            let week = |x: f64| (x + 604_740.0) % 604_800.0;
+            convert(&mut f.imu, "t_s", week);
+            convert(&mut f.gnss, "t_s", week);
+        }),
+        text("five seconds", |f| {
+            f.imu = f.imu.lines().take(250).collect::<Vec<_>>().join("\n");
+        }),
+        text("fixes every 5 s", |f| {
+            f.gnss = f.gnss.lines().step_by(25).collect::<Vec<_>>().join("\n");
         }),
         text("half a velocity", |f| {
             set_line(&mut f.gnss, 5, "0.6,45,9,200,10,,0,9");
@@ -307,6 +458,143 @@ fn row_cases() -> Vec<Case> {
     ]
 }
 
+/// Of a drive with brakings and hills.
+fn hilly(name: &'static str, spoil: fn(&mut Files)) -> Case {
+    Case {
+        base: hills,
+        ..text(name, spoil)
+    }
+}
+
+/// Replaces cells of fixes by those of an earlier row, chosen by index.
+fn hold(text: &mut String, columns: std::ops::Range<usize>, shown: impl Fn(usize) -> usize) {
+    let rows: Vec<Vec<String>> = text
+        .lines()
+        .map(|line| line.split(',').map(str::to_owned).collect())
+        .collect();
+    let held: Vec<String> = rows
+        .iter()
+        .enumerate()
+        .map(|(index, row)| {
+            let mut row = row.clone();
+            if index > 0 {
+                row[columns.clone()].clone_from_slice(&rows[shown(index)][columns.clone()]);
+            }
+            row.join(",")
+        })
+        .collect();
+    *text = held.join("\n") + "\n";
+}
+
+fn receiver_cases() -> Vec<Case> {
+    vec![
+        hilly("hills and brakings", |_| {}),
+        hilly("rows of zeros without a fix", |f| {
+            for line in 100..120 {
+                let time = 0.2 * (line as f64 - 2.0);
+                set_line(&mut f.gnss, line, &format!("{time:.3},0,0,0,0,0,0,0"));
+            }
+        }),
+        hilly("each fix four times, new stamps", |f| {
+            hold(&mut f.gnss, 1..7, |row| row - (row - 1) % 4);
+        }),
+        hilly("positions frozen", |f| {
+            hold(&mut f.gnss, 1..4, |row| row.min(300));
+        }),
+        hilly("velocities at half the rate", |f| {
+            hold(&mut f.gnss, 4..7, |row| row - (row - 1) % 2);
+        }),
+        hilly("vertical velocity written as zero", |f| {
+            convert(&mut f.gnss, "vu", |_| 0.0);
+        }),
+        hilly("vertical velocity down", |f| {
+            convert(&mut f.gnss, "vu", |x| -x);
+        }),
+        hilly("vertical velocity in ft/s", |f| {
+            convert(&mut f.gnss, "vu", |x| x / 0.3048);
+        }),
+        hilly("velocity differenced from positions", |f| {
+            let rows: Vec<Vec<f64>> = f
+                .gnss
+                .lines()
+                .skip(1)
+                .map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect())
+                .collect();
+            for (line, pair) in rows.windows(2).enumerate() {
+                let moved =
+                    |axis: usize, metres: f64| (pair[1][axis] - pair[0][axis]) * metres / 0.2;
+                let row = &pair[1];
+                // The ellipsoid's metres per degree at 45 degrees north.
+                let (ve, vn) = (moved(2, 78_849.4), moved(1, 111_132.1));
+                let text = format!(
+                    "{},{},{},{},{ve},{vn},{},9",
+                    row[0], row[1], row[2], row[3], row[6]
+                );
+                set_line(&mut f.gnss, line + 3, &text);
+            }
+        }),
+        hilly("fixes of another drive", |f| {
+            f.gnss = travel(&Motion {
+                turn_radps: |t| 0.3 * (0.09 * t).sin() * (0.5 * t).cos(),
+                more_mps: |t| 3.0 * (0.11 * t).sin(),
+                ..Motion::default()
+            })
+            .gnss;
+        }),
+    ]
+}
+
+fn sensor_cases() -> Vec<Case> {
+    vec![
+        hilly("a spike", |f| {
+            set_line(&mut f.imu, 1000, "19.96,0,0,0,0,0,-900");
+        }),
+        hilly("spikes on one axis", |f| {
+            for line in (60..6000).step_by(120) {
+                let time = 0.02 * (line as f64 - 2.0);
+                set_line(&mut f.imu, line, &format!("{time:.3},0,0,0,0,5000,-9.81"));
+            }
+        }),
+        hilly("clipped gyro", |f| {
+            convert(&mut f.imu, "gyro_z", |x| (3.0 * x).clamp(-0.6, 0.6));
+        }),
+        hilly("frozen half way", |f| {
+            hold(&mut f.imu, 1..7, |row| row.min(3000));
+        }),
+        hilly("accelerometer forward of the wrong sign", |f| {
+            convert(&mut f.imu, "accel_x", |x| -x);
+        }),
+        hilly("accelerometer right of the wrong sign", |f| {
+            convert(&mut f.imu, "accel_y", |x| -x);
+        }),
+        hilly("FLU called RFU", |f| {
+            convert_all(
+                &mut f.imu,
+                &["gyro_y", "gyro_z", "accel_y", "accel_z"],
+                |x| -x,
+            );
+            f.meta = META.replace("FRD", "RFU");
+        }),
+        hilly("mounted backwards", |f| {
+            convert_all(
+                &mut f.imu,
+                &["gyro_x", "gyro_y", "accel_x", "accel_y"],
+                |x| -x,
+            );
+        }),
+        Case {
+            base: swell,
+            ..text("a boat in a swell", |_| {})
+        },
+        Case {
+            base: swell,
+            ..text("pitch gyro of the wrong sign", |f| {
+                convert(&mut f.imu, "gyro_y", |x| -x);
+            })
+        },
+    ]
+}
+
 fn unit_cases() -> Vec<Case> {
     const TO_DEG: f64 = 57.295_779_513;
     vec![
@@ -317,6 +605,12 @@ fn unit_cases() -> Vec<Case> {
             convert(&mut f.imu, "gyro_z", |_| 0.006 * TO_DEG);
             convert(&mut f.imu, "accel_y", |_| 0.1);
             convert_all(&mut f.gnss, &["ve", "vn"], |_| 0.0);
+        }),
+        text("gyros in deg/h", |f| {
+            convert_all(&mut f.imu, &GYRO, |x| x * TO_DEG * 3600.0);
+        }),
+        text("gyros in mdeg/s", |f| {
+            convert_all(&mut f.imu, &GYRO, |x| x * TO_DEG * 1000.0);
         }),
         text("gyros converted twice", |f| {
             convert_all(&mut f.imu, &GYRO, |x| x / TO_DEG);
@@ -341,6 +635,15 @@ fn unit_cases() -> Vec<Case> {
             convert_all(&mut f.imu, &GYRO, |x| x * IMU_STEP_S);
         }),
         text("rates called increments", |f| {
+            f.meta = META.replace("rates", "increments");
+        }),
+        text("increments called rates, 100 Hz", |f| {
+            faster(f);
+            convert_all(&mut f.imu, &ACCEL, |x| x * 0.01);
+            convert_all(&mut f.imu, &GYRO, |x| x * 0.01);
+        }),
+        text("rates called increments, 100 Hz", |f| {
+            faster(f);
             f.meta = META.replace("rates", "increments");
         }),
         text("increments of the gyros only", |f| {
@@ -397,6 +700,9 @@ fn axis_cases() -> Vec<Case> {
         text("east positive to the west", |f| {
             convert(&mut f.gnss, "ve", |x| -x);
         }),
+        text("sign of longitude lost", |f| {
+            convert(&mut f.gnss, "lon_deg", |x| -x);
+        }),
     ]
 }
 
@@ -407,6 +713,12 @@ fn clock_cases() -> Vec<Case> {
         }),
         text("leap seconds the other way", |f| {
             convert(&mut f.gnss, "t_s", |x| x - 18.0);
+        }),
+        text("clocks 2 s apart", |f| {
+            convert(&mut f.gnss, "t_s", |x| x + 2.0);
+        }),
+        text("clocks 3 s apart", |f| {
+            convert(&mut f.gnss, "t_s", |x| x - 3.0);
         }),
         text("clocks 5 s apart", |f| {
             convert(&mut f.gnss, "t_s", |x| x + 5.0);
@@ -419,6 +731,16 @@ fn clock_cases() -> Vec<Case> {
         text("different origins", |f| {
             convert(&mut f.gnss, "t_s", |x| x + 1.752e9);
         }),
+        Case {
+            base: laps,
+            ..text("turns that repeat", |_| {})
+        },
+        Case {
+            base: laps,
+            ..text("turns that repeat, clocks 20 s apart", |f| {
+                convert(&mut f.gnss, "t_s", |x| x + 20.0);
+            })
+        },
         text("latency of 0.3 s", |f| {
             convert(&mut f.gnss, "t_s", |x| x + 0.3);
         }),
@@ -462,6 +784,9 @@ fn every_kind_of_bad_log_gets_its_message() {
         file_cases(),
         meta_cases(),
         row_cases(),
+        form_cases(),
+        receiver_cases(),
+        sensor_cases(),
         unit_cases(),
         axis_cases(),
         clock_cases(),

@@ -134,6 +134,8 @@ fn log() -> (Log, Noise) {
     };
     let noise = Noise {
         latency_sigma_s: 0.0,
+        // Theirs does not read its gyros at rest.
+        rest_sway_radps: None,
         ..Noise::of_model(errors)
     };
     (log, noise)
@@ -183,12 +185,12 @@ impl Start {
                 gyro_bias_radps: [0, 1, 2].map(|axis| sigmas[index::GYRO + axis]),
             },
             noise: StartNoise {
-                gyro_noise: noise.gyro_noise,
+                gyro_noise: noise.gyro_noise.x,
                 gyro_bias_walk: noise.gyro_bias_walk,
-                accel_noise: noise.accel_noise,
+                accel_noise: noise.accel_noise.x,
                 accel_bias_walk: noise.accel_bias_walk,
-                velocity_sigma_mps: noise.velocity_sigma_mps,
-                position_sigma_m: noise.position_sigma_m.x,
+                velocity_sigma_mps: noise.velocity.white,
+                position_sigma_m: noise.position.white,
             },
             times_s,
         }

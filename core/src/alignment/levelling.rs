@@ -2,11 +2,15 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-use super::rest::RestBlock;
+use super::rest::{self, RestBlock};
+use super::swing::{Swing, UNSEEN_RADPS};
 use crate::attitude::{Euler, from_euler};
 use crate::config::SensorConfig;
-use crate::earth::LocalEarth;
+use crate::earth::{GRAVITY_EQUATOR_MPS2, LocalEarth};
 use crate::math;
+
+/// Rest whose blocks tell noise from waves, s.
+const LEAST_SCATTER_S: f64 = 4.0;
 
 /// Means over all blocks at rest so far, body axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -18,6 +22,9 @@ pub struct RestMean {
     pub rate_radps: Vector3<f64>,
     /// Mean specific force, m/s^2.
     pub force_mps2: Vector3<f64>,
+    /// Sum over blocks of the squared rate's distance from the mean, per axis.
+    scatter: Vector3<f64>,
+    swing: Swing,
 }
 
 impl RestMean {
@@ -25,8 +32,35 @@ impl RestMean {
     pub fn add(&mut self, block: &RestBlock) {
         self.seconds += block.seconds;
         let part = block.seconds / self.seconds;
-        self.rate_radps += part * (block.rate_radps - self.rate_radps);
+        let off = block.rate_radps - self.rate_radps;
+        self.rate_radps += part * off;
+        self.scatter += (1.0 - part) * block.seconds * off.component_mul(&off);
         self.force_mps2 += part * (block.force_mps2 - self.force_mps2);
+        if let Some(up) = self.up() {
+            self.swing.add(block.seconds, up.dot(&block.rate_radps));
+        }
+    }
+
+    /// Up in body axes.
+    fn up(&self) -> Option<Vector3<f64>> {
+        self.force_mps2.try_normalize(GRAVITY_EQUATOR_MPS2 / 2.0)
+    }
+
+    /// Variance of the mean rate as a gyro bias, per axis, `(rad/s)^2`: noise or what the blocks
+    /// scatter by (waves), and a slow turn about the up axis, wherever that is in the body.
+    pub(crate) fn gyro_variance(&self, sensors: &SensorConfig) -> Vector3<f64> {
+        let noise = rest::gyro_variance(sensors, self.seconds);
+        let block = math::sqrt(rest::gyro_variance(sensors, 1.0));
+        let swing = self.swing.variance(block);
+        let up = self.up().unwrap_or_default();
+        // Of a few blocks the scatter says nothing; a wave may then be all that was read.
+        if self.seconds < LEAST_SCATTER_S {
+            return Vector3::repeat(noise + UNSEEN_RADPS * UNSEEN_RADPS);
+        }
+        let scatter = self.scatter / (self.seconds * (self.seconds - 2.0));
+        up.zip_map(&scatter, |part, scatter| {
+            math::max(noise, scatter) + part * part * swing
+        })
     }
 }
 

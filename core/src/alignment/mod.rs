@@ -1,24 +1,35 @@
-//! Alignment: roll and pitch from rest or from a coarse mean, heading from the gyros or from
+//! Alignment: roll and pitch from rest or from a mean in motion, heading from the gyros or from
 //! motion.
 //!
 //! Levelling ends with a heading that is given or gyrocompassed, or else with an INS that is
-//! level but points anywhere: it runs free until motion shows where it points.
+//! level but points anywhere: a bank of such, each with another latency of GNSS supposed, runs
+//! behind the sensors until motion shows where it points.
 
-pub mod heading_from_motion;
+mod bank;
+mod candidate;
+mod coarse;
+mod covariance;
 pub mod levelling;
+mod nodes;
 pub mod rest;
+mod sightings;
+mod swing;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 
-use self::heading_from_motion::MotionSums;
+use self::bank::{Answer, Bank, Mixture};
+use self::candidate::{Start, widest_gyro_sigma};
+use self::coarse::{CoarseLevel, Level};
 use self::levelling::RestMean;
+use self::nodes::Nodes;
 use self::rest::{RestDetector, Verdict};
+use self::sightings::Sightings;
 use crate::attitude::{matrix, turned};
 use crate::config::{Config, Feedback, HeadingSource};
 use crate::earth::{GRAVITY_EQUATOR_MPS2, Geodetic, LocalEarth};
 use crate::increments::Interval;
 use crate::math;
-use crate::mechanization::{Controls, Mechanization};
+use crate::mechanization::Mechanization;
 use crate::parameters::{Parameters, index};
 use crate::samples::GnssFix;
 use crate::solution::Phase;
@@ -34,25 +45,25 @@ const WAIT_S: f64 = 20.0;
 const WAIT_MOVING_S: f64 = 3.0;
 /// Speed that shows motion beyond doubt, m/s.
 const MOVING_MPS: f64 = 1.0;
-/// Time constant of the mean that levels a start in motion, s.
-const COARSE_S: f64 = 2.0;
-/// Tilt that a start in motion leaves: accelerations of a tenth of gravity, rad.
-const COARSE_TILT_RAD: f64 = 0.1;
+/// Tilt of a level in motion that the search for the heading can start from, rad: beyond it the
+/// equations are not linear.
+const COARSE_TILT_RAD: f64 = 0.15;
+/// Tilt after a hole or with the level of a search that failed, rad.
+const RESUMED_TILT_RAD: f64 = 0.1;
+/// Time constant of the mean that tells up while a given heading turns, s.
+const UP_S: f64 = 2.0;
 /// Largest spread of a heading that is good enough to navigate on, rad.
 const HEADING_SIGMA_RAD: f64 = 0.3;
-/// Spread of a heading from motion beyond what its fit says, rad: latency in turns.
-const MOTION_SIGMA_RAD: f64 = 0.05;
-/// Longest window for the heading from motion, s.
-const WINDOW_S: f64 = 20.0;
-/// Tilt beyond which a heading found is not believed, rad.
-const LARGEST_TILT_RAD: f64 = 0.5;
-/// Spread of a gyro bias from the runaway of a window in steady motion, rad/s.
-const RUNAWAY_SIGMA_RADPS: f64 = 1e-3;
+/// Sigmas by which the rate about up at rest may miss that of the Earth for a gyrocompass.
+const COMPASS_SIGMAS: f64 = 4.0;
+/// Pieces of work a second on nodes, sightings and answers: half as many again as arise.
+const WORK_PER_S: f64 = 120.0;
+/// Oldest fix whose position is carried on to the start of navigation, s.
+const OLDEST_FIX_S: f64 = 5.0;
 
 /// Roll and pitch found with a spread, rad, and the heading with its spread, if it is known too.
 struct Levelled {
-    attitude: UnitQuaternion<f64>,
-    tilt_sigma_rad: f64,
+    level: Level,
     heading: Option<(f64, f64)>,
 }
 
@@ -66,6 +77,38 @@ pub struct Aligned {
     pub tilt_sigma_rad: f64,
 }
 
+/// Levelling going on.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Levelling {
+    coarse: CoarseLevel,
+    /// Mean of the last seconds, at rest or not, and turn to the right since the beginning.
+    force_mps2: Option<Vector3<f64>>,
+    turn_rad: f64,
+}
+
+/// The search for the heading going on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Finding {
+    nodes: Nodes,
+    bank: Bank,
+    /// The candidate that has found it, which is brought to the present.
+    found: Option<u8>,
+}
+
+/// How far it has come. All live in place: there is nowhere else.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[allow(clippy::large_enum_variant)]
+enum Stage {
+    Levelling(Levelling),
+    /// To begin from this level.
+    Begin(Level),
+    Finding(Finding),
+    Aligned(Aligned),
+}
+
 /// Alignment going on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -74,32 +117,11 @@ pub struct Alignment {
     known: Parameters,
     detector: RestDetector,
     rest: RestMean,
-    /// Mean of the last seconds, at rest or not.
-    coarse_force_mps2: Option<Vector3<f64>>,
-    /// Turn to the right since the beginning.
-    coarse_turn_rad: f64,
-    last_fix: Option<GnssFix>,
-    finding: Option<Finding>,
-    aligned: Option<Aligned>,
-}
-
-/// A level INS that points anywhere, and what it has seen.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Finding {
-    ins: Mechanization,
-    motion: MotionSums,
-    since: Time,
-}
-
-impl Finding {
-    fn start(time: Time, position: Geodetic, attitude: UnitQuaternion<f64>) -> Self {
-        Self {
-            ins: Mechanization::new(position, Vector3::zeros(), attitude),
-            motion: MotionSums::default(),
-            since: time,
-        }
-    }
+    /// Last velocity known, ENU, and last position, and of which time.
+    velocity_mps: Vector3<f64>,
+    place: Option<(Time, Geodetic)>,
+    sightings: Sightings,
+    stage: Stage,
 }
 
 impl Alignment {
@@ -110,11 +132,10 @@ impl Alignment {
             known,
             detector: RestDetector::default(),
             rest: RestMean::default(),
-            coarse_force_mps2: None,
-            coarse_turn_rad: 0.0,
-            last_fix: None,
-            finding: None,
-            aligned: None,
+            velocity_mps: Vector3::zeros(),
+            place: None,
+            sightings: Sightings::default(),
+            stage: Stage::Levelling(Levelling::default()),
         }
     }
 
@@ -126,17 +147,17 @@ impl Alignment {
         known: Parameters,
     ) -> Self {
         Self {
-            finding: Some(Finding::start(time, position, attitude)),
+            place: Some((time, position)),
+            stage: Stage::Begin(resumed(attitude)),
             ..Self::new(time, known)
         }
     }
 
     /// How far it has come.
     pub fn phase(&self) -> Phase {
-        if self.finding.is_some() {
-            Phase::FindingHeading
-        } else {
-            Phase::Levelling
+        match self.stage {
+            Stage::Levelling(_) => Phase::Levelling,
+            Stage::Begin(_) | Stage::Finding(_) | Stage::Aligned(_) => Phase::FindingHeading,
         }
     }
 
@@ -147,106 +168,104 @@ impl Alignment {
 
     /// Inertial samples are missing before `time`.
     pub fn on_hole(&mut self, time: Time) {
-        let finding = self
-            .finding
-            .map(|f| Finding::start(time, f.ins.position, f.ins.attitude));
+        let level = match &self.stage {
+            Stage::Begin(level) => Some(*level),
+            Stage::Finding(finding) => finding.bank.leader().map(|c| resumed(*c.attitude())),
+            Stage::Levelling(_) | Stage::Aligned(_) => None,
+        };
+        self.restart(time);
+        if let Some(level) = level {
+            self.stage = Stage::Begin(level);
+        }
+    }
+
+    /// Begins again with levelling; what is known stays.
+    fn restart(&mut self, time: Time) {
         *self = Self {
-            finding,
-            last_fix: self.last_fix,
+            velocity_mps: self.velocity_mps,
+            place: self.place,
             ..Self::new(time, self.known)
         };
     }
 
     /// The INS to start from, once it is aligned.
     pub fn aligned(&self) -> Option<&Aligned> {
-        self.aligned.as_ref()
+        match &self.stage {
+            Stage::Aligned(aligned) => Some(aligned),
+            _ => None,
+        }
     }
 
     /// Takes the interval that ends at `time`.
     pub fn on_interval(&mut self, time: Time, interval: &Interval, config: &Config) {
         let verdict = self.detector.on_interval(interval);
-        let Some(finding) = &mut self.finding else {
-            self.level_coarsely(interval);
-            if let Some(level) = verdict.and_then(|verdict| self.level(time, verdict, config)) {
-                self.aligned = self.end_levelling(time, &level);
+        match &self.stage {
+            Stage::Levelling(_) => self.level_on(time, interval, verdict, config),
+            Stage::Begin(level) => {
+                let level = *level;
+                self.find(time, &level, config);
             }
-            return;
-        };
-        let gyro_radps = compensation(&self.known, config);
-        let interval = interval.without_bias(&gyro_radps, &self.known.vector(index::ACCEL));
-        finding.ins.step(&interval, &Controls::default());
-        if let Some(Verdict::Rest(block)) = verdict {
-            let mut rest = RestMean::default();
-            rest.add(&block);
-            self.level_again(time, &rest, config);
+            Stage::Finding(_) => {
+                self.find_on(time, interval, config);
+                if let Some(verdict) = verdict {
+                    self.rest_again(time, verdict, config);
+                }
+            }
+            Stage::Aligned(_) => {}
         }
     }
 
     /// Takes a fix; `now` is the last inertial stamp.
-    pub fn on_fix(&mut self, now: Time, fix: &GnssFix, config: &Config) {
-        self.last_fix = Some(*fix);
+    #[inline(never)]
+    pub fn on_fix(&mut self, _now: Time, fix: &GnssFix, config: &Config) {
+        self.velocity_mps = fix.velocity_enu_mps();
+        let height_m = self.place.map_or(0.0, |(_, place)| place.height_m);
+        if let Some(place) = fix.geodetic_or(height_m) {
+            self.place = Some((fix.time, place));
+        }
         if fix.is_moving(config) {
             self.detector.on_motion();
         }
-        self.aligned = self.find_heading(now, fix, config);
-    }
-
-    fn find_heading(&mut self, now: Time, fix: &GnssFix, config: &Config) -> Option<Aligned> {
-        let (velocity, position) = (fix.velocity_en_mps?, fix.geodetic_or(0.0)?);
-        let finding = self.finding.as_mut()?;
-        let seconds = now.seconds_since(finding.since);
-        let ins_velocity = finding.ins.velocity_enu_mps.xy();
-        finding.motion.add(seconds, &ins_velocity, &velocity);
-        if let Some(fit) = finding.motion.fit() {
-            let tilt = tilt_of_slope(&fit.slope_mps2);
-            if tilt.norm() < LARGEST_TILT_RAD {
-                let mut ins =
-                    Mechanization::new(position, fix.velocity_enu_mps(), finding.ins.attitude);
-                ins.turn_heading(-fit.rotation_rad);
-                ins.turn_platform(&-tilt);
-                let sigma_rad = 3.0 * fit.sigma_rad + MOTION_SIGMA_RAD;
-                self.known.set(index::AZIMUTH, 0.0, sigma_rad);
-                return Some(Aligned {
-                    ins,
-                    tilt_sigma_rad: config.level_sigma(),
-                });
-            }
-        }
-        if seconds > WINDOW_S {
-            self.begin_window(now, position);
-        }
-        None
-    }
-
-    /// Begins a new window; in steady motion the one before shows tilt and level gyro biases.
-    fn begin_window(&mut self, now: Time, position: Geodetic) {
-        let Some(Finding {
-            mut ins, motion, ..
-        }) = self.finding
-        else {
+        let Some(sighting) = self.sightings.add(fix, config) else {
             return;
         };
-        if let Some(runaway) = motion.runaway() {
-            // dV' = g x Phi, Phi' = -dw.
-            let drift = -tilt_of_slope(&runaway.curvature_mps3);
-            let drift = matrix(&ins.attitude).tr_mul(&drift);
-            let variance = RUNAWAY_SIGMA_RADPS * RUNAWAY_SIGMA_RADPS;
-            for axis in 0..2 {
-                let found = drift.get(axis).copied().unwrap_or(0.0);
-                let bias = self.known.value(index::GYRO + axis) + found;
-                self.known.learn(index::GYRO + axis, bias, variance);
-            }
-            ins.turn_platform(&-tilt_of_slope(&runaway.slope_mps2));
+        if sighting.moves() {
+            self.detector.on_motion();
         }
-        self.finding = Some(Finding::start(now, position, ins.attitude));
+        match &mut self.stage {
+            Stage::Levelling(levelling) => levelling
+                .coarse
+                .on_velocity(&sighting.velocity_mps.map(f64::from)),
+            Stage::Finding(Finding {
+                bank, found: None, ..
+            }) => bank.on_sighting(&sighting, self.sightings.count() - 1),
+            _ => {}
+        }
     }
 
-    fn level_coarsely(&mut self, interval: &Interval) {
-        let force = interval.force_mps / interval.seconds;
-        let mean = self.coarse_force_mps2.get_or_insert(force);
-        *mean += math::min(interval.seconds / COARSE_S, 1.0) * (force - *mean);
-        if let Some(up) = mean.try_normalize(GRAVITY_EQUATOR_MPS2 / 2.0) {
-            self.coarse_turn_rad -= up.dot(&interval.angle_rad);
+    /// The interval less the sensor errors that are known.
+    fn compensated(&self, interval: &Interval) -> Interval {
+        interval.without_bias(
+            &self.known.vector(index::GYRO),
+            &self.known.vector(index::ACCEL),
+        )
+    }
+
+    /// Levelling takes an interval.
+    fn level_on(
+        &mut self,
+        time: Time,
+        interval: &Interval,
+        verdict: Option<Verdict>,
+        config: &Config,
+    ) {
+        let interval = self.compensated(interval);
+        if let Stage::Levelling(levelling) = &mut self.stage {
+            levelling.coarse.on_interval(&interval);
+            levelling.turn(&interval);
+        }
+        if let Some(level) = verdict.and_then(|verdict| self.level(time, verdict, config)) {
+            self.end_levelling(time, &level, config);
         }
     }
 
@@ -256,76 +275,126 @@ impl Alignment {
         if let Verdict::Rest(block) = verdict {
             self.rest.add(&block);
         }
-        let fix = self.last_fix?;
-        let position = fix.geodetic_or(0.0)?;
-        let earth = LocalEarth::at(position.latitude_rad, position.height_m);
+        let (_, place) = self.place?;
+        let earth = LocalEarth::at(place.latitude_rad, place.height_m);
         let moving = verdict == Verdict::Motion;
-        let waited = time.seconds_since(self.start);
         let compass = config.heading == HeadingSource::Auto
             && levelling::gyrocompass_sigma(&config.sensors, &earth, GYROCOMPASS_S)
                 < HEADING_SIGMA_RAD;
         let wanted = if compass { GYROCOMPASS_S } else { LEVEL_S };
         if self.rest.seconds >= wanted || (moving && self.rest.seconds >= LEAST_REST_S) {
-            Some(self.level_from_rest(&earth, config))
-        } else if waited > WAIT_S
-            || (waited > WAIT_MOVING_S && moving && fix.speed_mps() > MOVING_MPS)
-        {
-            Some(Levelled {
-                attitude: levelling::level(&self.coarse_force_mps2?, 0.0),
-                tilt_sigma_rad: COARSE_TILT_RAD,
-                heading: given(config, self.coarse_turn_rad),
-            })
-        } else {
-            None
+            return Some(self.level_from_rest(&earth, config));
         }
+        self.level_in_motion(time, moving, config)
+    }
+
+    /// A mean in motion that is good enough, or as good as it will be.
+    fn level_in_motion(&self, time: Time, moving: bool, config: &Config) -> Option<Levelled> {
+        let waited = time.seconds_since(self.start);
+        let speed = self.sightings.speed_mps();
+        let in_vain = waited > WAIT_S;
+        let moves = waited > WAIT_MOVING_S && moving && speed > MOVING_MPS;
+        if !in_vain && !moves {
+            return None;
+        }
+        let Stage::Levelling(Levelling {
+            coarse, turn_rad, ..
+        }) = &self.stage
+        else {
+            return None;
+        };
+        let level = coarse.level(widest_gyro_sigma(&self.known, config))?;
+        let good = level.tilt_sigma_rad < COARSE_TILT_RAD || (in_vain && coarse.is_long());
+        good.then(|| Levelled {
+            level,
+            heading: given(config, *turn_rad),
+        })
     }
 
     fn level_from_rest(&mut self, earth: &LocalEarth, config: &Config) -> Levelled {
         let rest = self.rest;
-        let level = levelling::level(&rest.force_mps2, 0.0);
+        let level = levelling::level(&(rest.force_mps2 - self.known.vector(index::ACCEL)), 0.0);
         let attitude = matrix(&level);
         self.learn_gyros(&rest, &attitude, earth, config);
         let sigma = levelling::gyrocompass_sigma(&config.sensors, earth, rest.seconds);
-        let compass = (config.heading == HeadingSource::Auto && sigma < HEADING_SIGMA_RAD)
-            .then(|| (levelling::gyrocompass(&attitude, &rest.rate_radps), sigma));
+        let compass = (config.heading == HeadingSource::Auto
+            && sigma < HEADING_SIGMA_RAD
+            && turns_with_earth(&rest, &attitude, earth, config))
+        .then(|| (levelling::gyrocompass(&attitude, &rest.rate_radps), sigma));
         Levelled {
-            attitude: level,
-            tilt_sigma_rad: config.level_sigma(),
+            level: Level {
+                attitude: level,
+                tilt_sigma_rad: config.level_sigma(),
+            },
             heading: given(config, 0.0).or(compass),
         }
     }
 
     /// Ends levelling: with a heading, or else by looking for one.
-    fn end_levelling(&mut self, time: Time, level: &Levelled) -> Option<Aligned> {
-        let fix = self.last_fix?;
-        let position = fix.geodetic_or(0.0)?;
-        let Some((heading_rad, sigma_rad)) = level.heading else {
-            self.finding = Some(Finding::start(time, position, level.attitude));
-            return None;
+    fn end_levelling(&mut self, time: Time, levelled: &Levelled, config: &Config) {
+        let level = &levelled.level;
+        let Some((heading_rad, sigma_rad)) = levelled.heading else {
+            self.find(time, level, config);
+            return;
+        };
+        let Some((_, place)) = self.place else {
+            return;
         };
         self.known.set(index::AZIMUTH, 0.0, sigma_rad);
         let attitude = turned(&level.attitude, heading_rad);
-        let velocity = fix.velocity_enu_mps();
-        Some(Aligned {
-            ins: Mechanization::new(position, velocity, attitude),
-            tilt_sigma_rad: level.tilt_sigma_rad,
-        })
+        let tilt = config.level_sigma();
+        self.stage = Stage::Aligned(Aligned {
+            ins: Mechanization::new(place, self.velocity_mps, attitude),
+            tilt_sigma_rad: math::max(level.tilt_sigma_rad, tilt),
+        });
     }
 
-    /// At rest the wandering INS is levelled again and again.
+    /// Begins to look for the heading.
     #[inline(never)]
-    fn level_again(&mut self, time: Time, rest: &RestMean, config: &Config) {
-        let Some(Finding { ins, .. }) = self.finding else {
+    fn find(&mut self, time: Time, level: &Level, config: &Config) {
+        let Some((_, place)) = self.place else {
             return;
         };
-        self.learn_gyros(rest, &matrix(&ins.attitude), &ins.local_earth(), config);
-        let force = rest.force_mps2 - self.known.vector(index::ACCEL);
-        let attitude = levelling::level(&force, ins.heading_rad());
-        self.finding = Some(Finding::start(time, ins.position, attitude));
+        let rate = LocalEarth::at(place.latitude_rad, place.height_m).earth_rate();
+        let start = Start {
+            time,
+            attitude: level.attitude,
+            tilt_sigma_rad: level.tilt_sigma_rad,
+            earth_rate_radps: Vector2::new(rate.y, rate.z),
+        };
+        self.stage = Stage::Finding(Finding {
+            nodes: Nodes::default(),
+            bank: Bank::new(&start, &self.known, config),
+            found: None,
+        });
+    }
+
+    /// A vehicle that has not moved yet is levelled again and again.
+    #[inline(never)]
+    fn rest_again(&mut self, time: Time, verdict: Verdict, config: &Config) {
+        let Stage::Finding(Finding {
+            bank, found: None, ..
+        }) = &self.stage
+        else {
+            return;
+        };
+        match verdict {
+            Verdict::Motion => self.rest = RestMean::default(),
+            Verdict::Rest(block) if !bank.has_moved() => {
+                self.rest.add(&block);
+                let Some((_, place)) = self.place else {
+                    return;
+                };
+                let earth = LocalEarth::at(place.latitude_rad, place.height_m);
+                let levelled = self.level_from_rest(&earth, config);
+                self.find(time, &levelled.level, config);
+            }
+            Verdict::Rest(_) | Verdict::Perhaps => {}
+        }
     }
 
     /// What gyros read at rest beyond the Earth rate is bias; the level Earth rate is unknown
-    /// until heading is.
+    /// until heading is. The mean grows with the rest, so it replaces what was known less well.
     fn learn_gyros(
         &mut self,
         rest: &RestMean,
@@ -335,11 +404,132 @@ impl Alignment {
     ) {
         let rate = earth.earth_rate();
         let bias = rest.rate_radps - attitude.tr_mul(&Vector3::new(0.0, 0.0, rate.z));
-        let variance = rest::gyro_variance(&config.sensors, rest.seconds) + rate.y * rate.y;
-        for (axis, bias) in bias.iter().enumerate() {
-            self.known.learn(index::GYRO + axis, *bias, variance);
+        let variance = rest.gyro_variance(&config.sensors);
+        for (axis, (bias, variance)) in bias.iter().zip(&variance).enumerate() {
+            let sigma = math::sqrt(variance + rate.y * rate.y);
+            if sigma < self.known.sigma(index::GYRO + axis) {
+                self.known.set(index::GYRO + axis, *bias, sigma);
+            }
         }
     }
+
+    /// The search takes an interval: works off nodes and sightings, as many as its time brings.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    fn find_on(&mut self, time: Time, interval: &Interval, config: &Config) {
+        let force_mps = self.compensated(interval).force_mps;
+        let Stage::Finding(finding) = &mut self.stage else {
+            return;
+        };
+        let ended = finding.nodes.add(&Interval {
+            force_mps,
+            ..*interval
+        });
+        for _ in 0..=(WORK_PER_S * interval.seconds) as u32 {
+            let nodes = &finding.nodes;
+            match finding.found {
+                None if finding.bank.work(nodes, &self.sightings, config) => {
+                    return self.ask(time);
+                }
+                None => {}
+                Some(best) if finding.bank.catch_up(best, nodes, config) => {}
+                Some(best) if ended => return self.finish(time, best, config),
+                Some(_) => return,
+            }
+        }
+    }
+
+    /// Asks whether enough is found.
+    #[inline(never)]
+    fn ask(&mut self, time: Time) {
+        let Stage::Finding(finding) = &mut self.stage else {
+            return;
+        };
+        match finding.bank.answer() {
+            Answer::Wait => {}
+            Answer::Ready(mixture) => {
+                finding.found = Some(mixture.best);
+                self.learn(&mixture);
+            }
+            Answer::Wrong => self.restart(time),
+        }
+    }
+
+    fn learn(&mut self, mixture: &Mixture) {
+        let found = &mixture.found;
+        self.known
+            .set(index::AZIMUTH, 0.0, mixture.rotation_sigma_rad);
+        self.known
+            .set(index::LATENCY, mixture.latency_s, mixture.latency_sigma_s);
+        let gyros = found.gyro_bias_radps.iter().zip(&found.gyro_sigma_radps);
+        for (axis, (bias, sigma)) in gyros.enumerate() {
+            if *sigma < self.known.sigma(index::GYRO + axis) {
+                self.known.set(index::GYRO + axis, *bias, *sigma);
+            }
+        }
+    }
+
+    /// Hands over, at the end of a node.
+    #[inline(never)]
+    fn finish(&mut self, time: Time, best: u8, config: &Config) {
+        let (Stage::Finding(Finding { bank, .. }), Some((fixed, place))) =
+            (&self.stage, self.place)
+        else {
+            return;
+        };
+        let (Some(candidate), Some(level)) = (
+            bank.candidate(best),
+            bank.velocity_en_mps(best, &self.sightings),
+        ) else {
+            return;
+        };
+        let found = candidate.found();
+        let velocity = Vector3::new(level.x, level.y, self.velocity_mps.z);
+        let mut ins = Mechanization::new(place, velocity, *candidate.attitude());
+        let age_s = time.seconds_since(fixed) + self.known.value(index::LATENCY);
+        if age_s < OLDEST_FIX_S {
+            ins.move_by(&ins.local_earth(), &(age_s * velocity));
+        }
+        ins.turn_heading(-found.rotation_rad);
+        let level = config.sensors.accel_bias_mps2 / GRAVITY_EQUATOR_MPS2;
+        let tilt = found.tilt_sigma_rad * found.tilt_sigma_rad + level * level;
+        self.stage = Stage::Aligned(Aligned {
+            ins,
+            tilt_sigma_rad: math::sqrt(tilt),
+        });
+    }
+}
+
+impl Levelling {
+    /// Follows the turn about up, for a heading that was given for the beginning.
+    fn turn(&mut self, interval: &Interval) {
+        let force = interval.force_mps / interval.seconds;
+        let mean = self.force_mps2.get_or_insert(force);
+        *mean += math::min(interval.seconds / UP_S, 1.0) * (force - *mean);
+        if let Some(up) = mean.try_normalize(GRAVITY_EQUATOR_MPS2 / 2.0) {
+            self.turn_rad -= up.dot(&interval.angle_rad);
+        }
+    }
+}
+
+/// The level to begin from with an attitude of before.
+fn resumed(attitude: UnitQuaternion<f64>) -> Level {
+    Level {
+        attitude,
+        tilt_sigma_rad: RESUMED_TILT_RAD,
+    }
+}
+
+/// Whether gyros at rest read the Earth rate about up, so that nothing else turns the vehicle.
+fn turns_with_earth(
+    rest: &RestMean,
+    attitude: &Matrix3<f64>,
+    earth: &LocalEarth,
+    config: &Config,
+) -> bool {
+    let off = (attitude * rest.rate_radps).z - earth.earth_rate().z;
+    let bias = config.sensors.gyro_bias_radps;
+    let variance = bias * bias + rest::gyro_variance(&config.sensors, rest.seconds);
+    off * off < COMPASS_SIGMAS * COMPASS_SIGMAS * variance
 }
 
 /// The heading given for the beginning, a turn later, with its spread.
@@ -356,9 +546,4 @@ pub(crate) fn compensation(known: &Parameters, config: &Config) -> Vector3<f64> 
         Feedback::Closed => known.vector(index::GYRO),
         Feedback::Open => Vector3::zeros(),
     }
-}
-
-/// Level tilt that makes the INS velocity run away at a slope: `dV_E' = -g Phi_N`.
-fn tilt_of_slope(slope_mps2: &Vector2<f64>) -> Vector3<f64> {
-    Vector3::new(slope_mps2.y, -slope_mps2.x, 0.0) / GRAVITY_EQUATOR_MPS2
 }

@@ -17,7 +17,7 @@ use ins_core::{Config, Estimates, Navigator, Observability, Phase, Solution};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::kalman::{self, Noise};
+use crate::kalman::{self, Noise, PartNoise};
 use crate::quantities::{DEG_H_RADPS, MG_MPS2};
 use crate::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
 
@@ -230,8 +230,10 @@ impl Study {
     ) -> Result<Run, ConfigError> {
         let mut noise = Noise::of_model(&self.grade.errors()).guessed(factor);
         if !self.kalman_positions {
-            noise.position_sigma_m.x = NO_POSITION_M;
-            noise.position_sigma_m.y = NO_POSITION_M;
+            noise.position = PartNoise {
+                believes_stated: false,
+                ..PartNoise::white(NO_POSITION_M)
+            };
         }
         let mut run = kalman::Run::new(&drive.imu, &drive.gnss, config, noise)?;
         let mut history = Vec::new();
@@ -241,8 +243,12 @@ impl Study {
                 let due_s = EVERY_S * (history.len() + 1) as f64;
                 if truth.time == time && time.as_seconds() >= due_s {
                     history.push(run.filter().map(|filter| {
-                        let estimates = filter.known.estimates(&filter.sigmas(), &noise);
-                        checks(&estimates, filter.known.ins.heading_rad(), drive, truth)
+                        checks(
+                            &filter.estimates(),
+                            filter.known.ins.heading_rad(),
+                            drive,
+                            truth,
+                        )
                     }));
                 }
             }

@@ -1,9 +1,10 @@
 //! Shaking of the inertial unit against the airframe by engine and propeller.
 
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 
 use super::parameters::Parameters;
 use crate::sim::Kinematics;
+use crate::sim::shaken::swung;
 
 /// The vibration as a small displacement and rotation, each line a sinusoid of the crank angle.
 ///
@@ -64,19 +65,6 @@ impl Vibration {
                 rate[axis] += line.rotation_rad[axis] * omega * cos;
             }
         }
-        let body = &k.angular_rate_lb_b_radps;
-        let turned = UnitQuaternion::from_quaternion(Quaternion::from_parts(1.0, 0.5 * rotation));
-        // The quaternion (1, r/2) normalised is the rotation by Rodrigues' vector r: its body rate
-        // is (r' - r x r' / 2) / (1 + r^2/4).
-        let own_rate =
-            (rate - 0.5 * rotation.cross(&rate)) / (1.0 + 0.25 * rotation.norm_squared());
-        Kinematics {
-            // Displacements in airframe axes, which turn with the aircraft.
-            velocity_enu_mps: k.velocity_enu_mps + k.attitude * velocity,
-            acceleration_enu_mps2: k.acceleration_enu_mps2
-                + k.attitude * (acceleration + body.cross(&velocity)),
-            attitude: k.attitude * turned,
-            angular_rate_lb_b_radps: turned.inverse() * body + own_rate,
-        }
+        swung(k, [velocity, acceleration], [rotation, rate])
     }
 }

@@ -2,9 +2,9 @@
 
 pub mod cli;
 pub(crate) mod cost;
-mod measure;
+pub(crate) mod measure;
 mod output;
-mod tracks;
+pub(crate) mod tracks;
 
 use std::path::Path;
 
@@ -15,8 +15,9 @@ use serde::Serialize;
 
 use crate::analysis::log_name;
 use crate::configure;
+use crate::import;
 use crate::kalman::Noise;
-use crate::log::{self, BodyAxes, Grade, Log};
+use crate::log::{BodyAxes, Grade, Log};
 use crate::outage::{self, OutageTest};
 use crate::sim;
 use crate::truth::Truth;
@@ -51,17 +52,18 @@ pub struct Comparison {
 }
 
 /// What all methods get.
-struct Input<'a> {
-    log: &'a Log,
-    config: Config,
-    noise: Noise,
-    truth: Option<&'a Truth>,
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Input<'a> {
+    pub(crate) log: &'a Log,
+    pub(crate) config: Config,
+    pub(crate) noise: Noise,
+    pub(crate) truth: Option<&'a Truth>,
 }
 
 impl Comparison {
     /// Reads a log and runs every method over it.
     pub fn of_log(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Self> {
-        let (log, warnings) = log::read(folder)?;
+        let (log, warnings) = import::open(folder)?;
         for warning in &warnings {
             progress.suspend(|| eprintln!("warning: {warning}\n  {}", warning.cause));
         }

@@ -7,8 +7,8 @@ use ins_core::{Config, Estimates, Solution, Time};
 
 use super::Input;
 use crate::five_stage;
-use crate::identify::identify;
-use crate::kalman::{Filter, Known, Noise, Record, Run, States, smooth};
+use crate::identify::{Row, identify};
+use crate::kalman::{Filter, Noise, Record, Run, smooth};
 
 /// Interval between looks, s.
 const EVERY_S: f64 = 1.0;
@@ -61,22 +61,27 @@ fn compensation(method: &str, form: Form, input: &Input) -> Result<Track, Config
         ..input.config
     };
     let found = identify(input.log, config, &ProgressBar::hidden())?;
-    let points = found.history.iter().filter_map(|row| {
+    Ok(Track {
+        method: method.to_owned(),
+        online: true,
+        points: points(&found.history),
+    })
+}
+
+/// The core's own rows, from where it navigates.
+pub(crate) fn points(history: &[Row]) -> Vec<Point> {
+    let points = history.iter().filter_map(|row| {
         Some(Point {
             time: row.time,
             estimates: row.estimates,
             solution: row.solution?,
         })
     });
-    Ok(Track {
-        method: method.to_owned(),
-        online: true,
-        points: points.collect(),
-    })
+    points.collect()
 }
 
 /// Navigation with all that the stages have found taken out.
-fn five_stage(method: &str, rounds: usize, input: &Input) -> Result<Track, ConfigError> {
+pub(crate) fn five_stage(method: &str, rounds: usize, input: &Input) -> Result<Track, ConfigError> {
     let found = five_stage::run(input.log, input.config, rounds)?;
     let points = found.history.iter().filter_map(|row| {
         Some(Point {
@@ -95,12 +100,12 @@ fn five_stage(method: &str, rounds: usize, input: &Input) -> Result<Track, Confi
     })
 }
 
-fn kalman(method: &str, noise: Noise, input: &Input) -> Result<Track, ConfigError> {
+pub(crate) fn kalman(method: &str, noise: Noise, input: &Input) -> Result<Track, ConfigError> {
     let mut run = Run::new(&input.log.imu, &input.log.gnss, input.config, noise)?;
     let mut points = Vec::new();
     while let Some(time) = run.step(&mut |_, _| {}) {
         if let Some(filter) = run.filter().filter(|_| due(&points, time)) {
-            points.push(filtered(filter, &noise));
+            points.push(filtered(filter));
         }
     }
     Ok(Track {
@@ -122,7 +127,7 @@ fn kalman_and_smoother(told: &str, input: &Input) -> Result<[Track; 2], ConfigEr
         });
         let Some(time) = step else { break };
         match run.filter() {
-            Some(filter) if due(&points, time) => points.push(filtered(filter, &noise)),
+            Some(filter) if due(&points, time) => points.push(filtered(filter)),
             None if aligned => records.clear(),
             _ => {}
         }
@@ -130,7 +135,11 @@ fn kalman_and_smoother(told: &str, input: &Input) -> Result<[Track; 2], ConfigEr
     let mut smoothed: Vec<Point> = Vec::new();
     for at in smooth(&records) {
         if due(&smoothed, at.time) {
-            smoothed.push(point(at.time, &at.known, &at.sigma, &noise));
+            smoothed.push(Point {
+                time: at.time,
+                estimates: at.estimates(&noise),
+                solution: at.known.solution(at.time),
+            });
         }
     }
     Ok([
@@ -152,14 +161,10 @@ fn due(points: &[Point], time: Time) -> bool {
     last.is_none_or(|last| time.seconds_since(last.time) > EVERY_S - 5e-4)
 }
 
-fn filtered(filter: &Filter, noise: &Noise) -> Point {
-    point(filter.time, &filter.known, &filter.sigmas(), noise)
-}
-
-fn point(time: Time, known: &Known, sigmas: &States, noise: &Noise) -> Point {
+fn filtered(filter: &Filter) -> Point {
     Point {
-        time,
-        estimates: known.estimates(sigmas, noise),
-        solution: known.solution(time),
+        time: filter.time,
+        estimates: filter.estimates(),
+        solution: filter.known.solution(filter.time),
     }
 }

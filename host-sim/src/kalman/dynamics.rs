@@ -2,10 +2,10 @@
 
 use ins_core::earth::{LocalEarth, ROTATION_RATE_RADPS};
 use ins_core::increments::Interval;
-use ins_core::mechanization::Step;
+use ins_core::mechanization::{Mechanization, Step};
 use nalgebra::{Matrix3, Vector3};
 
-use super::{StateMatrix, index};
+use super::{Layout, Noise, Part, StateMatrix, index, times};
 
 /// What the INS did since the last covariance step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -16,27 +16,49 @@ pub struct Span {
     force_mps: Vector3<f64>,
     /// Integral of `C_B^L`, s.
     attitude_s: Matrix3<f64>,
+    /// Integrals of its columns, each times what that accelerometer and that gyro read.
+    force_columns_mps: Matrix3<f64>,
+    turn_columns_rad: Matrix3<f64>,
 }
 
 impl Span {
     /// Adds a step of the INS.
     pub fn add(&mut self, interval: &Interval, step: &Step) {
+        let read = |reading: &Vector3<f64>| step.attitude * Matrix3::from_diagonal(reading);
         self.seconds += interval.seconds;
         self.force_mps += step.force_enu_mps;
         self.attitude_s += step.attitude * interval.seconds;
+        self.force_columns_mps += read(&interval.force_mps);
+        self.turn_columns_rad += read(&interval.angle_rad);
     }
 
-    /// Transition of the errors over the span, `I + F t + (F t)^2 / 2`.
-    pub fn transition(&self, earth: &LocalEarth, velocity_mps: &Vector3<f64>) -> StateMatrix {
-        let growth = self.growth(earth, velocity_mps);
-        StateMatrix::identity() + growth + 0.5 * (growth * growth)
+    /// Transition of the errors over the span, `I + F t + (F t)^2 / 2`; coloured noise fades
+    /// exactly.
+    pub fn transition(&self, ins: &Mechanization, layout: &Layout, noise: &Noise) -> StateMatrix {
+        let growth = self.growth(&ins.local_earth(), &ins.velocity_enu_mps, layout);
+        let identity = StateMatrix::identity(layout.size, layout.size);
+        let mut transition = identity + 0.5 * times(&growth, &growth) + growth;
+        for part in Part::ALL {
+            let Some(at) = layout.colour(part) else {
+                continue;
+            };
+            for state in at..at + part.axes().len() {
+                transition[(state, state)] = noise.part(part).kept(self.seconds);
+            }
+        }
+        transition
     }
 
     /// `F t`.
     ///
     /// Equations (1), (2) with all that they leave out, but for the curvature of the Earth in the
     /// position itself and the growth of radii with height, both below 1e-6.
-    fn growth(&self, earth: &LocalEarth, velocity_mps: &Vector3<f64>) -> StateMatrix {
+    fn growth(
+        &self,
+        earth: &LocalEarth,
+        velocity_mps: &Vector3<f64>,
+        layout: &Layout,
+    ) -> StateMatrix {
         let t = self.seconds;
         let (sin, cos) = (earth.sin_latitude, earth.safe_cos_latitude());
         let (north, east) = (earth.north_radius_m, earth.east_radius_m);
@@ -56,7 +78,7 @@ impl Span {
         let coriolis = (2.0 * earth_rate + transport_rate).cross_matrix();
         let velocity_cross = velocity_mps.cross_matrix();
 
-        let mut growth = StateMatrix::zeros();
+        let mut growth = StateMatrix::zeros(layout.size, layout.size);
         let mut set = |row: usize, column: usize, block: Matrix3<f64>| {
             growth.fixed_view_mut::<3, 3>(row, column).copy_from(&block);
         };
@@ -79,6 +101,12 @@ impl Span {
             -t * (earth_rate + transport_rate).cross_matrix(),
         );
         set(index::ATTITUDE, index::GYRO, -self.attitude_s);
+        if let Some(at) = layout.accel_scale {
+            set(index::VELOCITY, at, self.force_columns_mps);
+        }
+        if let Some(at) = layout.gyro_scale {
+            set(index::ATTITUDE, at, -self.turn_columns_rad);
+        }
         let mut by_north = |row: usize, value: Vector3<f64>| {
             growth
                 .fixed_view_mut::<3, 1>(row, index::POSITION + 1)
@@ -90,6 +118,9 @@ impl Span {
         );
         by_north(index::ATTITUDE, earth_rate_by_north + transport_by_north);
         growth[(index::VELOCITY + 2, index::POSITION + 2)] += t * 2.0 * earth.gravity_mps2 / north;
+        if let Some(at) = layout.clock_drift {
+            growth[(index::LATENCY, at)] = t;
+        }
         growth
     }
 }

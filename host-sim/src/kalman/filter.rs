@@ -1,27 +1,41 @@
-//! The filter itself: predicts over intervals, corrects by fixes.
+//! The filter itself: predicts over intervals, corrects by fixes and at rest.
 
+use ins_core::alignment::rest::{RestBlock, RestDetector, Verdict};
 use ins_core::config::HeadingSource;
-use ins_core::earth::Geodetic;
 use ins_core::increments::Interval;
 use ins_core::mechanization::{Controls, Mechanization};
-use ins_core::{Estimate, Estimates, GnssFix, Navigator, Observability, Solution, Time};
-use nalgebra::{SVector, Vector3};
+use ins_core::{Estimates, GnssFix, Navigator, Time};
+use nalgebra::Vector3;
 
 use super::dynamics::Span;
-use super::{Noise, STATES, StateMatrix, States, index};
+use super::seen::{AtMoment, Seen, at_rest};
+use super::{Known, Layout, Noise, Part, StateMatrix, States, index, propagated, sigmas, times};
 
 /// Longest step of the covariance, s; a fix ends it earlier.
 const COVARIANCE_STEP_S: f64 = 0.1;
 /// Time constant of the acceleration by which a fix is carried to its own moment, s: short beside
 /// a manoeuvre, long beside the vibration of an engine.
 const ACCEL_S: f64 = 0.03;
-/// An innovation this many sigmas away is an outlier, unless so many fixes in a row have one.
-const GATE_SIGMAS: f64 = 5.0;
-const LOST_FIXES: u32 = 10;
-/// As in the core, a parameter counts as observed below this part of its spread at the start; the
-/// azimuth of that of a heading known to 0.1 rad.
-const OBSERVED: f64 = 0.33;
-const AZIMUTH_RAD: f64 = 0.1;
+/// An innovation beyond this many sigmas counts as if it were noisier (Huber); one beyond so many
+/// is not believed.
+const ROBUST_SIGMAS: f64 = 3.0;
+const GATE_SIGMAS: f64 = 6.0;
+/// A part of fixes that has not been believed for so long, and in so many fixes, shows that the
+/// filter is wrong: longer than receivers take to come back from a bridge or a reflection, short
+/// beside the minutes in which an INS is lost.
+const LOST_S: f64 = 5.0;
+const LOST_FIXES: u32 = 5;
+/// A filter that is wrong may be so by this much in tilt and azimuth, rad: a start in motion, and
+/// a heading found from it.
+const LOST_TILT_RAD: f64 = 0.1;
+const LOST_AZIMUTH_RAD: f64 = 1.0;
+/// Speed above which a fix shows motion, m/s, and sigmas of its noise on top: as in the core.
+const MOTION_MPS: f64 = 0.2;
+const MOTION_SIGMAS: f64 = 4.0;
+/// Age of the last fix up to which it tells rest from steady motion, s: as in the core.
+const HOLD_S: f64 = 1.5;
+/// What gyros read at rest is not believed beyond so many sigmas: the vehicle turns slowly.
+const REST_SIGMAS: f64 = 4.0;
 
 /// An INS and the covariance of its errors.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,28 +46,30 @@ pub struct Filter {
     pub known: Known,
     /// Covariance of the errors that are left, as of the last covariance step.
     pub covariance: StateMatrix,
+    /// Where each error stands in it.
+    pub layout: Layout,
     noise: Noise,
+    /// Spread of each error beyond which it is never doubted.
+    largest: States,
     covariance_step_s: f64,
     span: Span,
     transition: StateMatrix,
     accel_mps2: Vector3<f64>,
-    refused: u32,
+    rate_radps: Vector3<f64>,
+    refused: [Refused; 4],
+    rest: RestDetector,
+    last_fix: Time,
+    log_likelihood: f64,
 }
 
-/// The INS and what is taken out of its readings and stamps.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Known {
-    /// Position, velocity and attitude.
-    pub ins: Mechanization,
-    /// Accelerometer biases, m/s^2.
-    pub accel_bias_mps2: Vector3<f64>,
-    /// Gyro biases, rad/s.
-    pub gyro_bias_radps: Vector3<f64>,
-    /// A fix stamped t shows the motion at t minus this, s.
-    pub latency_s: f64,
+/// Fixes in a row of which a part was not believed.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Refused {
+    count: u32,
+    since: Time,
 }
 
-/// What a fix did: all that a smoother needs.
+/// What a measurement did: all that a smoother needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Correction {
     /// Transition of the errors since the last correction.
@@ -112,26 +128,30 @@ impl Filter {
         let gyro_sigma = start
             .gyro_bias_sigma_radps
             .map(|sigma| sigma.min(noise.gyro_bias_radps));
+        let layout = Layout::new(noise);
+        let covariance = noise.start(
+            &layout,
+            start.ins.velocity_enu_mps.norm(),
+            start.tilt_sigma_rad,
+            start.heading_sigma_rad,
+            gyro_sigma,
+        );
         Self {
             time: start.time,
-            known: Known {
-                ins: start.ins,
-                accel_bias_mps2: Vector3::zeros(),
-                gyro_bias_radps: start.gyro_bias_radps,
-                latency_s: 0.0,
-            },
-            covariance: noise.start(
-                start.ins.velocity_enu_mps.norm(),
-                start.tilt_sigma_rad,
-                start.heading_sigma_rad,
-                gyro_sigma,
-            ),
+            known: Known::new(start.ins, start.gyro_bias_radps, noise),
+            largest: largest(&covariance),
+            covariance,
+            layout,
             noise: *noise,
             covariance_step_s: COVARIANCE_STEP_S,
             span: Span::default(),
-            transition: StateMatrix::identity(),
+            transition: StateMatrix::identity(layout.size, layout.size),
             accel_mps2: Vector3::zeros(),
-            refused: 0,
+            rate_radps: Vector3::zeros(),
+            refused: [Refused::default(); 4],
+            rest: RestDetector::default(),
+            last_fix: start.time,
+            log_likelihood: 0.0,
         }
     }
 
@@ -146,214 +166,271 @@ impl Filter {
 
     /// One sigma of each error.
     pub fn sigmas(&self) -> States {
-        self.covariance.diagonal().map(|v| v.max(0.0).sqrt())
+        sigmas(&self.covariance)
     }
 
-    /// Advances over the interval that ends at `time`.
-    pub fn predict(&mut self, time: Time, raw: &Interval) {
-        let interval = raw.without_bias(&self.known.gyro_bias_radps, &self.known.accel_bias_mps2);
+    /// In the core's terms.
+    pub fn estimates(&self) -> Estimates {
+        self.known
+            .estimates(&self.covariance, &self.layout, &self.noise)
+    }
+
+    /// Logarithm of how likely all parts of fixes were, each given those before. Wild ones count
+    /// as under noise whose tails fall off exponentially (Huber): few of them do not decide.
+    pub fn log_likelihood(&self) -> f64 {
+        self.log_likelihood
+    }
+
+    /// Advances over the interval that ends at `time`; at rest, corrects by what the gyros read.
+    pub fn predict(&mut self, time: Time, raw: &Interval) -> Option<Correction> {
+        let interval = self.known.corrected(raw);
         let before = self.known.ins.velocity_enu_mps;
         let step = self.known.ins.step(&interval, &Controls::default());
         let accel = (self.known.ins.velocity_enu_mps - before) / interval.seconds;
         let part = (interval.seconds / ACCEL_S).min(1.0);
         self.accel_mps2 += part * (accel - self.accel_mps2);
+        let earth_rate = self.known.ins.local_earth().earth_rate();
+        self.rate_radps = interval.angle_rad / interval.seconds - step.attitude.tr_mul(&earth_rate);
         self.span.add(&interval, &step);
         self.time = time;
         if self.span.seconds >= self.covariance_step_s {
             self.step_covariance();
         }
+        match self.rest.on_interval(raw) {
+            Some(Verdict::Rest(block)) if time.seconds_since(self.last_fix) <= HOLD_S => {
+                self.correct_at_rest(&block)
+            }
+            _ => None,
+        }
     }
 
     fn step_covariance(&mut self) {
-        if self.span.seconds <= 0.0 {
+        let seconds = self.span.seconds;
+        if seconds <= 0.0 {
             return;
         }
-        let transition = self.span.transition(
-            &self.known.ins.local_earth(),
-            &self.known.ins.velocity_enu_mps,
-        );
+        let transition = (self.span).transition(&self.known.ins, &self.layout, &self.noise);
         // Half of the noise before and half after: exact to second order.
-        let growth = 0.5 * self.span.seconds * self.noise.growth();
-        add_to_diagonal(&mut self.covariance, &growth);
-        self.covariance = transition * self.covariance * transition.transpose();
-        add_to_diagonal(&mut self.covariance, &growth);
+        let growth = 0.5 * seconds * self.noise.growth(&self.layout, &self.known.ins);
+        self.covariance += &growth;
+        self.covariance = propagated(&transition, &self.covariance) + growth;
+        for part in Part::ALL {
+            let told = self.noise.part(part);
+            let renewed = told.colour * told.colour * (1.0 - told.kept(2.0 * seconds));
+            for state in
+                (self.layout.colour(part).into_iter()).flat_map(|at| at..at + part.axes().len())
+            {
+                self.covariance[(state, state)] += renewed;
+            }
+        }
         make_symmetric(&mut self.covariance);
-        self.transition = transition * self.transition;
+        self.known.age(seconds, &self.noise);
+        self.transition = times(&transition, &self.transition);
         self.span = Span::default();
     }
 
     /// Compares a fix whose moment has just passed, and takes out the errors it shows.
     pub fn correct(&mut self, fix: &GnssFix) -> Correction {
         self.step_covariance();
-        let predicted = self.covariance;
-        let moment = fix.time.plus_seconds(-self.known.latency_s);
-        let mut update = Update {
-            errors: States::zeros(),
-            covariance: self.covariance,
-            gated: self.refused < LOST_FIXES,
-            refused: false,
+        let mut update = Update::new(&self.covariance);
+        let known = self.known;
+        let moment = AtMoment {
+            known: &known,
+            since_s: self
+                .time
+                .seconds_since(fix.time.plus_seconds(-known.latency_s)),
+            accel_mps2: self.accel_mps2,
+            rate_radps: self.rate_radps,
         };
-        self.compare_velocity(fix, moment, &mut update);
-        self.compare_position(fix, moment, &mut update);
-        self.refused = if update.refused { self.refused + 1 } else { 0 };
+        for part in Part::ALL {
+            if let Some(seen) = moment.compare(part, fix, &self.noise, &self.layout) {
+                self.take(part, &seen, &mut update);
+            }
+        }
+        self.last_fix = self.time;
+        if self.shows_motion(fix) {
+            self.rest.on_motion();
+        }
+        self.finish(update)
+    }
+
+    /// Takes a part of a fix in, or refuses it.
+    fn take(&mut self, part: Part, seen: &Seen, update: &mut Update) {
+        let refused = self.refused[part as usize];
+        let mut likely = update.likelihood(seen);
+        let lost = refused.count >= LOST_FIXES
+            && self.time.seconds_since(refused.since) >= LOST_S
+            && likely.distance > GATE_SIGMAS;
+        if lost {
+            update.doubt(part, likely.distance / ROBUST_SIGMAS, &self.largest);
+            likely = update.likelihood(seen);
+        }
+        self.log_likelihood += likely.logarithm();
+        if likely.distance > GATE_SIGMAS && !lost {
+            self.refused[part as usize] = Refused {
+                count: refused.count + 1,
+                since: if refused.count == 0 {
+                    self.time
+                } else {
+                    refused.since
+                },
+            };
+            return;
+        }
+        self.refused[part as usize] = Refused::default();
+        update.take(seen, (likely.distance / ROBUST_SIGMAS).max(1.0));
+    }
+
+    fn correct_at_rest(&mut self, block: &RestBlock) -> Option<Correction> {
+        self.step_covariance();
+        let (rate, seconds) = (&block.rate_radps, block.seconds);
+        let seen = at_rest(&self.known, rate, seconds, &self.noise, &self.layout)?;
+        let mut update = Update::new(&self.covariance);
+        if update.likelihood(&seen).distance > REST_SIGMAS {
+            return None;
+        }
+        update.take(&seen, 1.0);
+        Some(self.finish(update))
+    }
+
+    fn finish(&mut self, update: Update) -> Correction {
+        self.known = self.known.less(&update.errors, &self.layout);
         self.covariance = update.covariance;
-        self.known = self.known.less(&update.errors);
+        let identity = StateMatrix::identity(self.layout.size, self.layout.size);
         Correction {
-            transition: core::mem::replace(&mut self.transition, StateMatrix::identity()),
-            predicted,
-            corrected: self.covariance,
+            transition: core::mem::replace(&mut self.transition, identity),
+            predicted: update.predicted,
+            corrected: self.covariance.clone(),
             errors: update.errors,
         }
     }
 
-    /// (5): `dV + a (tau - tau')`, at the moment of the fix.
-    fn compare_velocity(&self, fix: &GnssFix, moment: Time, update: &mut Update) {
-        let since_s = self.time.seconds_since(moment);
-        let then = self.known.ins.velocity_enu_mps - since_s * self.accel_mps2;
-        let difference = then - fix.velocity_enu_mps();
-        let level = fix
-            .sigma
-            .velocity_mps
-            .unwrap_or(self.noise.velocity_sigma_mps);
-        let sigmas = [level, level, fix.sigma.velocity_up_mps.unwrap_or(level)];
-        let has = [
-            fix.velocity_en_mps.is_some(),
-            fix.velocity_en_mps.is_some(),
-            fix.velocity_up_mps.is_some(),
-        ];
-        for axis in (0..3).filter(|axis| has[*axis]) {
-            let seen = Seen {
-                state: index::VELOCITY + axis,
-                by_latency: self.accel_mps2[axis],
-                difference: difference[axis],
-                variance: sigmas[axis] * sigmas[axis],
-            };
-            update.take(&seen);
-        }
-    }
-
-    fn compare_position(&self, fix: &GnssFix, moment: Time, update: &mut Update) {
-        let ins = self.known.ins.position;
-        let has = [
-            fix.position.is_some(),
-            fix.position.is_some(),
-            fix.height_m.is_some(),
-        ];
-        let there = fix.geodetic_or(ins.height_m).unwrap_or(Geodetic {
-            height_m: fix.height_m.unwrap_or(ins.height_m),
-            ..ins
-        });
-        let since_s = self.time.seconds_since(moment);
-        let velocity = self.known.ins.velocity_enu_mps;
-        let moved = since_s * (velocity - 0.5 * since_s * self.accel_mps2);
-        let difference = ins.enu_from(&there) - moved;
-        for axis in (0..3).filter(|axis| has[*axis]) {
-            let sigma = self.noise.position_sigma_m[axis];
-            update.take(&Seen {
-                state: index::POSITION + axis,
-                by_latency: velocity[axis] - since_s * self.accel_mps2[axis],
-                difference: difference[axis],
-                variance: sigma * sigma,
-            });
-        }
+    /// Whether the speed is above its noise.
+    fn shows_motion(&self, fix: &GnssFix) -> bool {
+        fix.speed_mps() > MOTION_MPS + MOTION_SIGMAS * self.noise.velocity.total()
     }
 }
 
-impl Known {
-    /// The same less errors that were found.
-    pub(super) fn less(mut self, errors: &States) -> Self {
-        let three = |at: usize| errors.fixed_rows::<3>(at).into_owned();
-        let earth = self.ins.local_earth();
-        self.ins.move_by(&earth, &-three(index::POSITION));
-        self.ins.velocity_enu_mps -= three(index::VELOCITY);
-        self.ins.turn_platform(&-three(index::ATTITUDE));
-        self.accel_bias_mps2 += three(index::ACCEL);
-        self.gyro_bias_radps += three(index::GYRO);
-        self.latency_s += errors[index::LATENCY];
-        self
+/// Spreads as they were at the start, but for those of what the filter itself moves.
+fn largest(start: &StateMatrix) -> States {
+    let mut largest = sigmas(start);
+    for state in index::POSITION..index::ATTITUDE {
+        largest[state] = f64::INFINITY;
     }
-
-    /// In the core's terms, with the spreads of all errors. The azimuth error is what is left: the
-    /// filter takes out all that it finds.
-    pub fn estimates(&self, sigmas: &States, noise: &Noise) -> Estimates {
-        let estimate = |value: f64, state: usize, start: f64| Estimate {
-            value,
-            sigma: sigmas[state],
-            observability: if sigmas[state] < OBSERVED * start {
-                Observability::Observable
-            } else {
-                Observability::NeedsTime
-            },
-        };
-        let three = |values: Vector3<f64>, at: usize, start: f64| {
-            [0, 1, 2].map(|axis| estimate(values[axis], at + axis, start))
-        };
-        Estimates {
-            azimuth_error_rad: estimate(0.0, index::ATTITUDE + 2, AZIMUTH_RAD),
-            accel_bias_mps2: three(self.accel_bias_mps2, index::ACCEL, noise.accel_bias_mps2),
-            gyro_bias_radps: three(self.gyro_bias_radps, index::GYRO, noise.gyro_bias_radps),
-            gnss_latency_s: estimate(self.latency_s, index::LATENCY, noise.latency_sigma_s),
-            ..Estimates::default()
-        }
+    for state in index::ATTITUDE..index::ATTITUDE + 2 {
+        largest[state] = largest[state].max(LOST_TILT_RAD);
     }
-
-    /// Position, velocity and attitude.
-    pub fn solution(&self, time: Time) -> Solution {
-        Solution {
-            time,
-            position: self.ins.position,
-            velocity_enu_mps: self.ins.velocity_enu_mps,
-            attitude: self.ins.attitude,
-        }
-    }
+    let azimuth = index::ATTITUDE + 2;
+    largest[azimuth] = largest[azimuth].max(LOST_AZIMUTH_RAD);
+    largest
 }
 
-/// One component of a fix: an error, and the latency's share.
-struct Seen {
-    state: usize,
-    by_latency: f64,
-    difference: f64,
-    variance: f64,
-}
-
-/// A fix being taken, component by component.
+/// Measurements being taken, part by part.
 struct Update {
+    predicted: StateMatrix,
     errors: States,
     covariance: StateMatrix,
-    gated: bool,
-    refused: bool,
+}
+
+/// How likely a measurement was.
+struct Likelihood {
+    /// Of the innovation from zero, in sigmas of all its components together.
+    distance: f64,
+    /// Of the variance matrix of the innovation.
+    log_determinant: f64,
+    components: f64,
+}
+
+impl Likelihood {
+    fn logarithm(&self) -> f64 {
+        let square = if self.distance > ROBUST_SIGMAS {
+            ROBUST_SIGMAS * (2.0 * self.distance - ROBUST_SIGMAS)
+        } else {
+            self.distance * self.distance
+        };
+        let constant = self.components * libm::log(core::f64::consts::TAU);
+        -0.5 * (square + self.log_determinant + constant)
+    }
 }
 
 impl Update {
-    /// Joseph's form, written out for a row of two entries.
-    fn take(&mut self, seen: &Seen) {
-        let p = &self.covariance;
-        // P H^T.
-        let ph: SVector<f64, STATES> =
-            p.column(seen.state) + seen.by_latency * p.column(index::LATENCY);
-        let hph = ph[seen.state] + seen.by_latency * ph[index::LATENCY];
-        let variance = hph + seen.variance;
-        let expected = self.errors[seen.state] + seen.by_latency * self.errors[index::LATENCY];
-        let innovation = seen.difference - expected;
-        if self.gated && innovation * innovation > GATE_SIGMAS * GATE_SIGMAS * variance {
-            self.refused = true;
-            return;
+    fn new(predicted: &StateMatrix) -> Self {
+        Self {
+            predicted: predicted.clone(),
+            errors: States::zeros(predicted.nrows()),
+            covariance: predicted.clone(),
         }
-        let gain = ph / variance;
-        self.errors += innovation * gain;
-        // (I - K H) P (I - K H)^T + K R K^T.
-        let cross = gain * ph.transpose();
-        self.covariance += gain * (variance * gain.transpose()) - cross - cross.transpose();
+    }
+
+    fn innovation(&self, seen: &Seen) -> States {
+        &seen.difference - &seen.by * &self.errors
+    }
+
+    /// Covariance of errors and innovation, and of the innovation.
+    fn variances(&self, seen: &Seen) -> [StateMatrix; 2] {
+        let mut cross = &self.covariance * seen.by.transpose();
+        let mut own = &seen.by * &cross;
+        if let Some(shared) = &seen.shared {
+            let by_noise = &seen.by * shared;
+            own += &by_noise + by_noise.transpose();
+            cross += shared;
+        }
+        own += StateMatrix::from_diagonal(&seen.variance);
+        [cross, own]
+    }
+
+    fn likelihood(&self, seen: &Seen) -> Likelihood {
+        let [_, own] = self.variances(seen);
+        let innovation = self.innovation(seen);
+        let components = innovation.len() as f64;
+        // Without noise and without doubt there is nothing to weigh: whatever comes is wild.
+        own.cholesky().map_or(
+            Likelihood {
+                distance: f64::INFINITY,
+                log_determinant: 0.0,
+                components,
+            },
+            |root| Likelihood {
+                distance: innovation.dot(&root.solve(&innovation)).sqrt(),
+                log_determinant: 2.0 * root.l().diagonal().map(libm::log).sum(),
+                components,
+            },
+        )
+    }
+
+    /// Takes a measurement whose innovation has `noisier` times the variance that it should have.
+    ///
+    /// `P + K S K^T - K (P H^T)^T - (P H^T) K^T`: Joseph's form for noise that the errors share.
+    fn take(&mut self, seen: &Seen, noisier: f64) {
+        let [cross, own] = self.variances(seen);
+        let own = own * noisier;
+        let Some(root) = own.clone().cholesky() else {
+            return;
+        };
+        let gain = root.solve(&cross.transpose()).transpose();
+        self.errors += &gain * self.innovation(seen);
+        let both = &gain * cross.transpose();
+        self.covariance += &gain * (own * gain.transpose()) - &both - both.transpose();
         make_symmetric(&mut self.covariance);
     }
-}
 
-fn add_to_diagonal(matrix: &mut StateMatrix, values: &States) {
-    for (state, value) in values.iter().enumerate() {
-        matrix[(state, state)] += value;
+    /// Widens what a part of fixes shows to be wrong: the errors that it sees, and those behind
+    /// them, by a factor, but none beyond its largest.
+    fn doubt(&mut self, part: Part, factor: f64, largest: &States) {
+        let sigma = sigmas(&self.covariance);
+        let behind = if part.is_velocity() {
+            index::ATTITUDE..index::LATENCY
+        } else {
+            0..0
+        };
+        for state in part.states().chain(behind) {
+            let factor = factor.min(largest[state] / sigma[state]).max(1.0);
+            self.covariance.row_mut(state).scale_mut(factor);
+            self.covariance.column_mut(state).scale_mut(factor);
+        }
     }
 }
 
 fn make_symmetric(matrix: &mut StateMatrix) {
-    *matrix = 0.5 * (*matrix + matrix.transpose());
+    *matrix = 0.5 * (&*matrix + matrix.transpose());
 }

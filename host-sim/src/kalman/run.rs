@@ -22,6 +22,7 @@ pub struct Run<'a> {
     fixes: Peekable<Iter<'a, GnssFix>>,
     fixes_until: Option<Time>,
     covariance_at_every_sample: bool,
+    log_likelihood_before: f64,
     state: State,
     last: Option<(Time, Increments)>,
 }
@@ -47,6 +48,7 @@ impl<'a> Run<'a> {
             fixes: gnss.iter().peekable(),
             fixes_until: None,
             covariance_at_every_sample: false,
+            log_likelihood_before: 0.0,
             state: State::Aligning(Box::new(Navigator::new(config)?)),
             last: None,
         })
@@ -72,6 +74,11 @@ impl<'a> Run<'a> {
             State::Aligning(_) => None,
             State::Filtering(filter) => Some(filter),
         }
+    }
+
+    /// Of all fixes so far, see [`Filter::log_likelihood`]; through new alignments too.
+    pub fn log_likelihood(&self) -> f64 {
+        self.log_likelihood_before + self.filter().map_or(0.0, Filter::log_likelihood)
     }
 
     /// Takes one sample and the fixes whose moments it has passed, and tells of every correction;
@@ -127,7 +134,9 @@ impl<'a> Run<'a> {
         }
         let interval = increments.interval(sample, seconds);
         *last = sample.time;
-        filter.predict(sample.time, &interval);
+        if let Some(correction) = filter.predict(sample.time, &interval) {
+            corrected(filter, correction);
+        }
         while let Some(fix) = self.fixes.next_if(|fix| {
             let moment = fix.time.plus_seconds(-filter.known.latency_s);
             moment <= filter.time && self.fixes_until.is_none_or(|until| fix.time < until)
@@ -140,6 +149,7 @@ impl<'a> Run<'a> {
     /// A hole too long to bridge: from the alignment on, as the core does.
     fn align_again(&mut self, sample: &ImuSample) {
         // The configuration was accepted before.
+        self.log_likelihood_before = self.log_likelihood();
         if let Ok(navigator) = Navigator::new(self.config) {
             self.state = State::Aligning(Box::new(navigator));
             self.last = None;

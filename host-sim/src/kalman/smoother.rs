@@ -3,29 +3,38 @@
 //! The filter takes out what it finds, so it is errors of its solution that are smoothed: `s` of
 //! the corrected and `s + found` of the predicted one at the same fix.
 
-use ins_core::Time;
+use ins_core::{Estimates, Time};
 
-use super::filter::{Correction, Filter, Known};
-use super::{StateMatrix, States};
+use super::filter::{Correction, Filter};
+use super::{Known, Layout, Noise, StateMatrix, States, propagated, times};
 
-/// The filter just after a fix, kept for the way back.
+/// The filter just after a correction, kept for the way back.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
     /// Stamp.
     pub time: Time,
     known: Known,
+    layout: Layout,
     correction: Correction,
 }
 
 /// What all data say of one time.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Smoothed {
     /// Stamp.
     pub time: Time,
     /// The INS and its sensors.
     pub known: Known,
-    /// One sigma of each error.
-    pub sigma: States,
+    /// Covariance of the errors that are left.
+    pub covariance: StateMatrix,
+    layout: Layout,
+}
+
+impl Smoothed {
+    /// In the core's terms.
+    pub fn estimates(&self, noise: &Noise) -> Estimates {
+        self.known.estimates(&self.covariance, &self.layout, noise)
+    }
 }
 
 impl Record {
@@ -34,6 +43,7 @@ impl Record {
         Self {
             time: filter.time,
             known: filter.known,
+            layout: filter.layout,
             correction,
         }
     }
@@ -41,8 +51,9 @@ impl Record {
     fn less(&self, errors: &States, covariance: &StateMatrix) -> Smoothed {
         Smoothed {
             time: self.time,
-            known: self.known.less(errors),
-            sigma: covariance.diagonal().map(|v| v.max(0.0).sqrt()),
+            known: self.known.less(errors, &self.layout),
+            covariance: covariance.clone(),
+            layout: self.layout,
         }
     }
 }
@@ -52,17 +63,17 @@ pub fn smooth(records: &[Record]) -> Vec<Smoothed> {
     let Some(last) = records.last() else {
         return Vec::new();
     };
-    let mut errors = States::zeros();
-    let mut covariance = last.correction.corrected;
+    let mut errors = States::zeros(last.layout.size);
+    let mut covariance = last.correction.corrected.clone();
     let mut smoothed = vec![last.less(&errors, &covariance)];
     for pair in records.windows(2).rev() {
         let (record, next) = (&pair[0], &pair[1].correction);
         let Some(gain) = gain(&record.correction.corrected, next) else {
             break;
         };
-        errors = gain * (errors + next.errors);
-        covariance =
-            record.correction.corrected + gain * (covariance - next.predicted) * gain.transpose();
+        errors = &gain * (errors + &next.errors);
+        let change = propagated(&gain, &(covariance - &next.predicted));
+        covariance = &record.correction.corrected + change;
         smoothed.push(record.less(&errors, &covariance));
     }
     smoothed.reverse();
@@ -77,8 +88,12 @@ fn gain(corrected: &StateMatrix, next: &Correction) -> Option<StateMatrix> {
         .diagonal()
         .map(|v| 1.0 / v.max(1e-300).sqrt());
     let scaled = |matrix: &StateMatrix| {
-        StateMatrix::from_fn(|row, column| matrix[(row, column)] * scale[row] * scale[column])
+        let (rows, columns) = matrix.shape();
+        StateMatrix::from_fn(rows, columns, |row, column| {
+            matrix[(row, column)] * scale[row] * scale[column]
+        })
     };
     let inverse = scaled(&next.predicted).cholesky()?.inverse();
-    Some(corrected * next.transition.transpose() * scaled(&inverse))
+    let cross = times(&next.transition, corrected).transpose();
+    Some(times(&cross, &scaled(&inverse)))
 }

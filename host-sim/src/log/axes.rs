@@ -9,13 +9,13 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum BodyAxes {
     /// x forward, y right, z down.
-    #[serde(rename = "FRD")]
+    #[serde(rename = "FRD", alias = "frd")]
     Frd,
     /// x right, y forward, z up.
-    #[serde(rename = "RFU")]
+    #[serde(rename = "RFU", alias = "rfu")]
     Rfu,
     /// x forward, y left, z up.
-    #[serde(rename = "FLU")]
+    #[serde(rename = "FLU", alias = "flu")]
     Flu,
 }
 

@@ -5,9 +5,14 @@
 
 mod axes;
 mod check;
+mod clock;
 mod error;
+mod fixes;
 mod meta;
+mod motion;
+mod paths;
 mod read;
+mod sensors;
 mod table;
 mod turns;
 mod write;
@@ -16,9 +21,10 @@ pub use axes::BodyAxes;
 pub use error::{Cell, LogError};
 pub use meta::{Grade, Meta};
 pub use read::read;
+pub(crate) use read::settle;
 pub use write::{Compression, write};
 
-use ins_core::{GnssFix, ImuSample, Solution};
+use ins_core::{GnssFix, ImuSample, Solution, Time};
 
 /// A recorded or simulated drive.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,5 +46,72 @@ impl Log {
             (Some(first), Some(last)) => last.time.seconds_since(first.time),
             _ => 0.0,
         }
+    }
+    /// What was recorded from one time to before another.
+    #[must_use]
+    pub fn between(&self, from: Time, to: Time) -> Self {
+        let starts_here = self.imu.first().is_none_or(|sample| from <= sample.time);
+        Self {
+            meta: Meta {
+                // Known for the first sample only.
+                initial_heading_deg: self.meta.initial_heading_deg.filter(|_| starts_here),
+                ..self.meta.clone()
+            },
+            imu: part(&self.imu, from, to, |sample| sample.time),
+            gnss: part(&self.gnss, from, to, |fix| fix.time),
+            truth: part(&self.truth, from, to, |truth| truth.time),
+        }
+    }
+
+    /// The log cut in two at the middle of its inertial samples; fixes from outside of them go
+    /// with the nearer half.
+    #[must_use]
+    pub fn halves(&self) -> [Self; 2] {
+        let first = self.imu.first().map_or(Time::default(), |s| s.time);
+        let middle = first.plus_seconds(0.5 * self.duration_s());
+        [
+            self.between(Time::from_micros(i64::MIN), middle),
+            self.between(middle, Time::from_micros(i64::MAX)),
+        ]
+    }
+}
+
+fn part<T: Copy>(rows: &[T], from: Time, to: Time, time: fn(&T) -> Time) -> Vec<T> {
+    let at = |limit: Time| rows.partition_point(|row| time(row) < limit);
+    rows[at(from)..at(to).max(at(from))].to_vec()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ins_core::ImuOutput;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn halves_share_nothing_and_lose_nothing() {
+        let sample = |micros| ImuSample {
+            time: Time::from_micros(micros),
+            gyro: Vector3::zeros(),
+            accel: Vector3::zeros(),
+        };
+        let fix = |micros| GnssFix {
+            time: Time::from_micros(micros),
+            ..GnssFix::default()
+        };
+        let log = Log {
+            meta: Meta {
+                initial_heading_deg: Some(12.0),
+                ..Meta::new(BodyAxes::Rfu, ImuOutput::Rates)
+            },
+            imu: (0..=10).map(|k| sample(10 * k)).collect(),
+            gnss: [-5, 20, 50, 70, 105].map(fix).to_vec(),
+            truth: Vec::new(),
+        };
+        let [first, second] = log.halves();
+        assert_eq!((first.imu.len(), second.imu.len()), (5, 6));
+        assert_eq!((first.gnss.len(), second.gnss.len()), (2, 3));
+        assert_eq!(second.imu[0].time, Time::from_micros(50));
+        assert_eq!(first.meta.initial_heading_deg, Some(12.0));
+        assert_eq!(second.meta.initial_heading_deg, None);
     }
 }

@@ -12,7 +12,7 @@ use super::axes::BodyAxes;
 use super::check::check;
 use super::error::LogError;
 use super::meta::Meta;
-use super::table::{Row, Table};
+use super::table::{Few, Row, Table};
 
 /// Reads and checks a log. Warnings say what looks suspicious, an error what cannot be meant.
 pub fn read(folder: &Path) -> Result<(Log, Vec<LogError>), LogError> {
@@ -31,14 +31,28 @@ pub fn read(folder: &Path) -> Result<(Log, Vec<LogError>), LogError> {
         imu: one_of(folder, "imu.csv")?,
         gnss: one_of(folder, "gnss.csv")?,
     };
-    let log = Log {
-        imu: read_imu(&files.imu, meta.body_axes)?,
-        gnss: read_gnss(&files.gnss)?,
-        truth: optional_truth(folder)?,
+    let mut log = Log {
+        imu: read_imu(&files.imu, meta.body_axes, &mut warnings)?,
+        gnss: read_gnss(&files.gnss, &mut warnings)?,
+        truth: optional_truth(folder, &mut warnings)?,
         meta,
     };
-    check(&log, &files, &mut warnings)?;
+    check(&mut log, &files, &mut warnings)?;
     Ok((log, warnings))
+}
+
+/// Checks and mends a log that was read elsewhere.
+pub(crate) fn settle(
+    log: &mut Log,
+    imu: &Path,
+    gnss: &Path,
+    warnings: &mut Vec<LogError>,
+) -> Result<(), LogError> {
+    let files = Files {
+        imu: imu.to_owned(),
+        gnss: gnss.to_owned(),
+    };
+    check(log, &files, warnings)
 }
 
 /// Where the tables came from, for messages.
@@ -68,22 +82,26 @@ fn one_of(folder: &Path, name: &str) -> Result<PathBuf, LogError> {
     }
 }
 
-fn optional_truth(folder: &Path) -> Result<Vec<Solution>, LogError> {
+fn optional_truth(folder: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<Solution>, LogError> {
     let present = ["truth.csv", "truth.csv.gz"]
         .iter()
         .any(|name| folder.join(name).is_file());
     if present {
-        read_truth(&one_of(folder, "truth.csv")?)
+        read_truth(&one_of(folder, "truth.csv")?, warnings)
     } else {
         Ok(Vec::new())
     }
 }
 
-fn read_imu(path: &Path, axes: BodyAxes) -> Result<Vec<ImuSample>, LogError> {
+fn read_imu(
+    path: &Path,
+    axes: BodyAxes,
+    warnings: &mut Vec<LogError>,
+) -> Result<Vec<ImuSample>, LogError> {
     let table = Table::open(path)?;
     let gyro = columns(&table, ["gyro_x", "gyro_y", "gyro_z"])?;
     let accel = columns(&table, ["accel_x", "accel_y", "accel_z"])?;
-    rows(table, path, |row, time| {
+    rows(table, MOST_LEFT_OUT, warnings, |row, time| {
         Ok(ImuSample {
             time,
             gyro: axes.to_rfu(numbers(row, gyro)?),
@@ -92,10 +110,10 @@ fn read_imu(path: &Path, axes: BodyAxes) -> Result<Vec<ImuSample>, LogError> {
     })
 }
 
-fn read_gnss(path: &Path) -> Result<Vec<GnssFix>, LogError> {
+fn read_gnss(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<GnssFix>, LogError> {
     let table = Table::open(path)?;
     let parts = FixColumns::find(&table)?;
-    rows(table, path, |row, time| {
+    rows(table, MOST_LEFT_OUT, warnings, |row, time| {
         let cell = |column: Option<usize>| column.map_or(Ok(None), |c| row.optional(c));
         Ok(GnssFix {
             time,
@@ -111,7 +129,7 @@ fn read_gnss(path: &Path) -> Result<Vec<GnssFix>, LogError> {
                 None => None,
             },
             velocity_en_mps: match parts.velocity {
-                Some(columns) => all_or_none(row, columns)?.map(Vector2::from),
+                Some(columns) => both_or_none(row, columns)?.map(Vector2::from),
                 None => None,
             },
             velocity_up_mps: cell(parts.up)?,
@@ -164,12 +182,13 @@ impl FixColumns {
     }
 }
 
-fn read_truth(path: &Path) -> Result<Vec<Solution>, LogError> {
+fn read_truth(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<Solution>, LogError> {
     let table = Table::open(path)?;
     let position = columns(&table, ["lat_deg", "lon_deg", "h_m"])?;
     let velocity = columns(&table, ["ve", "vn", "vu"])?;
     let angles = columns(&table, ["roll_deg", "pitch_deg", "heading_deg"])?;
-    rows(table, path, |row, time| {
+    // Reference systems have holes, and a comparison needs no more than the rest.
+    rows(table, 1.0, warnings, |row, time| {
         let [roll, pitch, heading] = numbers(row, angles)?.into();
         Ok(Solution {
             time,
@@ -184,29 +203,159 @@ fn read_truth(path: &Path) -> Result<Vec<Solution>, LogError> {
     })
 }
 
-/// Every row of a table, with its stamp, which has to increase.
-fn rows<T>(
+/// Largest share of rows that may be unusable: a slip of the logger is rare, more is a format that
+/// is not understood.
+const MOST_LEFT_OUT: f64 = 0.05;
+
+/// Every usable row of a table, in order of time.
+fn rows<T: PartialEq>(
     mut table: Table,
-    path: &Path,
+    most_left_out: f64,
+    warnings: &mut Vec<LogError>,
     mut parse: impl FnMut(&Row, Time) -> Result<T, LogError>,
 ) -> Result<Vec<T>, LogError> {
     let stamp = table.column("t_s")?;
-    let mut parsed = Vec::new();
-    let mut last: Option<Time> = None;
+    let mut order = Order::default();
+    let mut unusable = Few::default();
     while let Some(row) = table.next_row()? {
-        let time = time(&row, stamp)?;
-        if let Some(last) = last.filter(|&last| time <= last) {
-            return Err(not_increasing(&row, stamp, last, time));
+        let parsed = row.and_then(|row| {
+            let time = order.time(&row, stamp)?;
+            let value = parse(&row, time)?;
+            order.take(&row, stamp, time, value);
+            Ok(())
+        });
+        if let Err(defect) = parsed {
+            unusable.add(defect);
         }
-        last = Some(time);
-        parsed.push(parse(&row, time)?);
     }
-    if parsed.is_empty() {
-        let cause = "the logger stopped at the header";
-        return Err(LogError::file(path, "rows under the header", "none", cause));
+    let rows = order.rows.len() + unusable.count;
+    order.settle();
+    // One is a slip even in a short file: the last line, usually.
+    let too_many = |few: &Few| few.count > 1 && few.count as f64 > most_left_out * rows as f64;
+    if order.rows.is_empty() || too_many(&unusable) {
+        return Err(unusable.first.unwrap_or_else(|| table.no_rows()));
     }
-    Ok(parsed)
+    for few in [&mut order.clashes, &mut order.disorder] {
+        if too_many(few) {
+            return Err(few.first.take().unwrap_or_else(|| table.no_rows()));
+        }
+    }
+    warnings.extend(table.warnings());
+    warnings.extend(unusable.warning("left out"));
+    Ok(order.in_order(warnings))
 }
+
+/// Puts rows into the order of their stamps.
+struct Order<T> {
+    rows: Vec<(Time, T)>,
+    /// Of clocks that begin anew with the week or the day, added so far.
+    rollovers: Few,
+    added_s: f64,
+    repeated: Few,
+    clashes: Few,
+    disorder: Few,
+}
+
+impl<T> Default for Order<T> {
+    fn default() -> Self {
+        Self {
+            rows: Vec::new(),
+            rollovers: Few::default(),
+            added_s: 0.0,
+            repeated: Few::default(),
+            clashes: Few::default(),
+            disorder: Few::default(),
+        }
+    }
+}
+
+impl<T: PartialEq> Order<T> {
+    /// Stamp of a row, after those that came before where the clock has begun anew.
+    fn time(&mut self, row: &Row, stamp: usize) -> Result<Time, LogError> {
+        let time = time(row, stamp)?;
+        let written = time.plus_seconds(self.added_s);
+        let Some((last, _)) = self.rows.last() else {
+            return Ok(written);
+        };
+        let (now_s, last_s) = (time.as_seconds(), last.as_seconds() - self.added_s);
+        let period_s = PERIODS_S.into_iter().find(|period_s| {
+            (0.0..MARGIN_S).contains(&now_s) && (period_s - MARGIN_S..=*period_s).contains(&last_s)
+        });
+        let Some(period_s) = period_s else {
+            return Ok(written);
+        };
+        let defect = not_increasing(row, stamp, *last, written);
+        let cause = "the clock began anew with the GPS week or the day".into();
+        self.rollovers.add(LogError { cause, ..defect });
+        self.added_s += period_s;
+        Ok(time.plus_seconds(self.added_s))
+    }
+
+    fn take(&mut self, row: &Row, stamp: usize, time: Time, value: T) {
+        match self.rows.last() {
+            Some((last, same)) if *last == time && *same == value => {
+                self.repeated.add(not_increasing(row, stamp, time, time));
+                return;
+            }
+            Some((last, _)) if *last == time => {
+                self.clashes.add(not_increasing(row, stamp, time, time));
+                return;
+            }
+            Some((last, _)) if *last > time => {
+                self.disorder.add(not_increasing(row, stamp, *last, time));
+            }
+            _ => {}
+        }
+        self.rows.push((time, value));
+    }
+
+    /// Leaves out the rows that stand between others of their time.
+    fn settle(&mut self) {
+        if self.disorder.count == 0 {
+            return;
+        }
+        let before = self.rows.len();
+        let mut keep = longest_increasing(&self.rows).into_iter();
+        self.rows.retain(|_| keep.next() == Some(true));
+        self.disorder.count = before - self.rows.len();
+    }
+
+    fn in_order(self, warnings: &mut Vec<LogError>) -> Vec<T> {
+        warnings.extend(self.rollovers.warning("its period was added"));
+        warnings.extend(self.repeated.warning("left out"));
+        warnings.extend(self.clashes.warning("left out"));
+        warnings.extend(self.disorder.warning("left out"));
+        self.rows.into_iter().map(|(_, value)| value).collect()
+    }
+}
+
+/// Which rows belong to the longest sequence of increasing stamps.
+fn longest_increasing<T>(rows: &[(Time, T)]) -> Vec<bool> {
+    // Last rows of the best sequence of each length, and the row before each.
+    let mut ends: Vec<usize> = Vec::new();
+    let mut before: Vec<Option<usize>> = Vec::with_capacity(rows.len());
+    for (index, (time, _)) in rows.iter().enumerate() {
+        let length = ends.partition_point(|&end| rows[end].0 < *time);
+        before.push(length.checked_sub(1).map(|shorter| ends[shorter]));
+        if length == ends.len() {
+            ends.push(index);
+        } else {
+            ends[length] = index;
+        }
+    }
+    let mut keep = vec![false; rows.len()];
+    let mut next = ends.last().copied();
+    while let Some(index) = next {
+        keep[index] = true;
+        next = before[index];
+    }
+    keep
+}
+
+/// Periods of clocks that begin anew, s: the GPS week and the day.
+const PERIODS_S: [f64; 2] = [604_800.0, 86_400.0];
+/// Longest hole at such a moment, s.
+const MARGIN_S: f64 = 60.0;
 
 fn not_increasing(row: &Row, column: usize, last: Time, time: Time) -> LogError {
     let cause = if time == last {
@@ -266,31 +415,19 @@ fn numbers(row: &Row, columns: [usize; 3]) -> Result<Vector3<f64>, LogError> {
     Ok(Vector3::new(row.number(x)?, row.number(y)?, row.number(z)?))
 }
 
-/// Cells that belong together: numbers in all of them, or in none.
-fn all_or_none<const N: usize>(
-    row: &Row,
-    columns: [usize; N],
-) -> Result<Option<[f64; N]>, LogError> {
-    let mut values = [0.0; N];
-    let mut empty = None;
-    for (value, &column) in values.iter_mut().zip(&columns) {
-        match row.optional(column)? {
-            Some(number) => *value = number,
-            None => empty = Some(column),
-        }
-    }
-    match empty {
-        None => Ok(Some(values)),
-        Some(_) if columns.iter().all(|&column| row.cell(column).is_empty()) => Ok(None),
-        Some(column) => {
-            let cause = "a position needs latitude and longitude, a velocity east and north: \
-                         fill both or leave both empty";
-            Err(row.defect(
-                column,
-                "a number as in the cell beside",
-                "an empty cell",
-                cause,
-            ))
+/// Two cells that belong together: numbers in both, or nothing.
+fn both_or_none(row: &Row, columns: [usize; 2]) -> Result<Option<[f64; 2]>, LogError> {
+    let [first, second] = columns;
+    match (row.optional(first)?, row.optional(second)?) {
+        (Some(a), Some(b)) => Ok(Some([a, b])),
+        (None, None) => Ok(None),
+        (there, _) => {
+            let column = if there.is_some() { second } else { first };
+            let cause = "a position needs latitude and longitude, a velocity east and north: the \
+                         other half alone is not used";
+            let expected = "a number as in the cell beside";
+            row.lose(row.defect(column, expected, "an empty cell", cause));
+            Ok(None)
         }
     }
 }
@@ -310,7 +447,7 @@ fn geodetic(row: &Row, columns: [usize; 3]) -> Result<Geodetic, LogError> {
 }
 
 fn lat_lon(row: &Row, columns: [usize; 2]) -> Result<Option<LatLon>, LogError> {
-    all_or_none(row, columns)?
+    both_or_none(row, columns)?
         .map(|cells| on_earth(row, columns, cells))
         .transpose()
 }

@@ -1,5 +1,6 @@
 //! A table of numbers in a text file, plain or gzip, read line by line with bounded memory.
 
+use std::cell::RefCell;
 use std::fmt;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
@@ -21,6 +22,38 @@ pub(super) struct Table {
     header: Vec<String>,
     record: ByteRecord,
     line: u64,
+    separator: u8,
+    /// What was read as empty or left out, of each kind.
+    lost: RefCell<Few>,
+    /// Whether the file ends inside its last member of gzip.
+    broken_off: Option<LogError>,
+}
+
+/// Defects of one kind: the first, and how many.
+#[derive(Default)]
+pub(super) struct Few {
+    pub(super) first: Option<LogError>,
+    pub(super) count: usize,
+}
+
+impl Few {
+    pub(super) fn add(&mut self, defect: LogError) {
+        self.first.get_or_insert(defect);
+        self.count += 1;
+    }
+
+    /// The first of them as a warning that says what was done to all.
+    pub(super) fn warning(self, done: &str) -> Option<LogError> {
+        let first = self.first?;
+        let cause = match self.count {
+            1 => format!("{}; {done}", first.cause),
+            count => format!("{}; {count} like it: {done}", first.cause),
+        };
+        Some(LogError {
+            cause: cause.into(),
+            ..first
+        })
+    }
 }
 
 /// One row, to be read cell by cell.
@@ -31,8 +64,10 @@ pub(super) struct Row<'a> {
 impl Table {
     /// Opens `path` and reads its header.
     pub(super) fn open(path: &Path) -> Result<Self, LogError> {
-        let source = open_text(path).map_err(|e| read_failed(path, &e))?;
+        let mut source = open_text(path).map_err(|e| read_failed(path, &e))?;
+        let separator = separator(source.fill_buf().map_err(|e| read_failed(path, &e))?);
         let reader = ReaderBuilder::new()
+            .delimiter(separator)
             .has_headers(false)
             .flexible(true)
             // A stray quote must not swallow the rest of the file into one cell.
@@ -47,24 +82,46 @@ impl Table {
             header: Vec::new(),
             record: ByteRecord::new(),
             line: 0,
+            separator,
+            lost: RefCell::default(),
+            broken_off: None,
         };
         if !table.advance()? {
             let cause = "the logger never wrote to it, or a copy failed";
             return Err(table.defect("a header line and rows", "an empty file", cause));
         }
         let header = table.text()?;
-        table.header = header.iter().map(|cell| cell.trim().to_owned()).collect();
+        let name = |cell: &&str| unquoted(cell).to_ascii_lowercase();
+        table.header = header.iter().map(name).collect();
         Ok(table)
+    }
+
+    /// What was read in another way than it is written.
+    pub(super) fn warnings(&self) -> Vec<LogError> {
+        let mut warnings = Vec::new();
+        let twice = |name: &&String| self.header.iter().filter(|other| other == name).count() > 1;
+        if let Some(name) = self.header.iter().find(twice) {
+            let defect = self.defect(
+                "columns of different names",
+                &format!("`{name}` twice"),
+                "two sources in one file: the first of the columns is used",
+            );
+            warnings.push(defect.at_line(1).in_column(name));
+        }
+        warnings.extend(self.broken_off.clone());
+        let lost = std::mem::take(&mut *self.lost.borrow_mut());
+        warnings.extend(lost.warning("taken as empty"));
+        warnings
     }
 
     /// Index of a column that must be there.
     pub(super) fn column(&self, name: &str) -> Result<usize, LogError> {
         self.optional_column(name).ok_or_else(|| {
             let cause = match self.header.len() {
-                1 => "cells must be separated by commas: semicolons or tabs are not read",
+                1 => "cells must be separated by commas, semicolons or tabs",
                 _ => {
-                    "a column of another name or a headerless file; where the source has no \
-                      such value keep the column and leave its cells empty (gnss.csv)"
+                    "a column of another name or a headerless file: name the columns in \
+                     meta.toml, [columns]"
                 }
             };
             let found = format!("columns {}", shortened(&self.header.join(", ")));
@@ -78,14 +135,18 @@ impl Table {
         self.header.iter().position(|column| column == name)
     }
 
-    /// The next row, or `None` at the end.
-    pub(super) fn next_row(&mut self) -> Result<Option<Row<'_>>, LogError> {
+    /// The next row, or what makes it unreadable, or `None` at the end.
+    pub(super) fn next_row(&mut self) -> Result<Option<Result<Row<'_>, LogError>>, LogError> {
         if !self.advance()? {
             return Ok(None);
         }
+        Ok(Some(self.whole_row().map(|()| Row { table: self })))
+    }
+
+    fn whole_row(&self) -> Result<(), LogError> {
         self.text()?;
         if self.record.len() == self.header.len() {
-            Ok(Some(Row { table: self }))
+            Ok(())
         } else {
             Err(self.wrong_width())
         }
@@ -94,6 +155,13 @@ impl Table {
     fn advance(&mut self) -> Result<bool, LogError> {
         let more = self.reader.read_byte_record(&mut self.record);
         match more {
+            Err(error) if self.line > 0 && is_cut(&error) => {
+                let cause = "a copy or a download broke off, or the logger lost power: what is \
+                             whole is used";
+                let defect = self.defect("a whole gzip file", "one that ends too early", cause);
+                self.broken_off = Some(defect.at_line(self.line));
+                Ok(false)
+            }
             Ok(more) => {
                 self.line = self
                     .record
@@ -153,6 +221,12 @@ impl Table {
         before as u64 + 1
     }
 
+    /// That no row is there.
+    pub(super) fn no_rows(&self) -> LogError {
+        let cause = "the logger stopped at the header";
+        self.defect("rows under the header", "none", cause)
+    }
+
     fn defect(&self, expected: &str, found: &str, cause: &str) -> LogError {
         LogError::file(&self.path, expected, found, cause)
     }
@@ -161,37 +235,59 @@ impl Table {
 impl Row<'_> {
     /// A cell that must hold a finite number.
     pub(super) fn number(&self, column: usize) -> Result<f64, LogError> {
-        let cause = "a value was lost: leave such rows out";
-        self.optional(column)?
-            .ok_or_else(|| self.defect(column, "a number", "an empty cell", cause))
+        let value = self
+            .parsed(column)?
+            .ok_or_else(|| self.defect(column, "a number", "an empty cell", "a value was lost"))?;
+        if value.is_finite() {
+            Ok(value)
+        } else {
+            Err(self.not_finite(column))
+        }
     }
 
-    /// A cell that may be empty.
+    /// A cell that may be empty; one that holds no finite number counts as such.
     pub(super) fn optional(&self, column: usize) -> Result<Option<f64>, LogError> {
+        let value = self.parsed(column)?;
+        if value.is_some_and(|value| !value.is_finite()) {
+            self.lose(self.not_finite(column));
+            return Ok(None);
+        }
+        Ok(value)
+    }
+
+    /// Notes a value that is left out of this row.
+    pub(super) fn lose(&self, defect: LogError) {
+        self.table.lost.borrow_mut().add(defect);
+    }
+
+    fn parsed(&self, column: usize) -> Result<Option<f64>, LogError> {
         let cell = self.cell(column);
         if cell.is_empty() {
             return Ok(None);
         }
-        let quoted = format!("\"{}\"", shortened(cell));
-        match cell.parse::<f64>() {
-            Ok(value) if value.is_finite() => Ok(Some(value)),
-            Ok(_) => {
-                let cause = "a lost value or a division by zero in the logger: leave such rows \
-                             out, or the cell empty if it is GNSS";
-                Err(self.defect(column, "a finite number", &quoted, cause))
-            }
-            Err(_) => {
-                let cause = "text among the numbers, a second header, or a damaged line";
-                Err(self.defect(column, "a number", &quoted, cause))
-            }
-        }
+        let number = match self.table.separator {
+            b',' => cell.parse(),
+            // Beside semicolons a comma is a decimal one.
+            _ => cell.replace(',', ".").parse(),
+        };
+        number.map(Some).map_err(|_| {
+            let quoted = format!("\"{}\"", shortened(cell));
+            let cause = "text among the numbers, a second header, or a damaged line";
+            self.defect(column, "a number", &quoted, cause)
+        })
+    }
+
+    fn not_finite(&self, column: usize) -> LogError {
+        let quoted = format!("\"{}\"", shortened(self.cell(column)));
+        let cause = "a lost value or a division by zero in the logger";
+        self.defect(column, "a finite number", &quoted, cause)
     }
 
     /// The text of a cell.
     pub(super) fn cell(&self, column: usize) -> &str {
         // `next_row` has checked both the width and the encoding.
         let bytes = self.table.record.get(column).unwrap_or_default();
-        std::str::from_utf8(bytes).unwrap_or_default().trim()
+        unquoted(std::str::from_utf8(bytes).unwrap_or_default())
     }
 
     /// A defect of one cell of this row.
@@ -208,6 +304,30 @@ impl Row<'_> {
             .at_character(self.table.character(column))
             .in_column(&self.table.header[column])
     }
+}
+
+/// A cell without its blanks and its pair of quotes.
+fn unquoted(cell: &str) -> &str {
+    let cell = cell.trim();
+    let inner = cell.strip_prefix('"').and_then(|c| c.strip_suffix('"'));
+    inner.unwrap_or(cell).trim()
+}
+
+/// What parts the cells of the first line.
+fn separator(start: &[u8]) -> u8 {
+    let line = start
+        .split(|&byte| byte == b'\n')
+        .next()
+        .unwrap_or_default();
+    let count = |separator: u8| line.split(|&byte| byte == separator).count();
+    *[b'\t', b';', b',']
+        .iter()
+        .max_by_key(|&&separator| count(separator))
+        .unwrap_or(&b',')
+}
+
+fn is_cut(error: &csv::Error) -> bool {
+    matches!(error.kind(), csv::ErrorKind::Io(e) if e.kind() == io::ErrorKind::UnexpectedEof)
 }
 
 fn shortened(text: &str) -> String {

@@ -1,69 +1,59 @@
-//! Turns seen by the gyros against turns seen by GNSS: unit, sign and clock of the gyros.
+//! Turns seen by the gyros against turns seen by GNSS: unit and sign of the gyros.
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector3;
 
 use super::Log;
-use super::check::{LEAP_SECONDS, Rate, is_leap_seconds, median, within};
+use super::check::{Rate, SHORT_S, apart, median, within};
+use super::clock::turned;
 use super::error::LogError;
 use super::read::Files;
 
-/// Shifts of the clocks that are looked for: so many steps each way, s apart.
-const SHIFT_STEPS: i32 = 40;
-const SHIFT_STEP_S: f64 = 0.5;
-
-/// A turn rate of the track over a short interval.
-struct Turn {
-    from_s: f64,
-    to_s: f64,
-    /// Counter-clockwise, rad/s.
-    rate_radps: f64,
-}
-
-/// How well the gyros explain the turns at one shift of the clocks.
+/// How well the gyros explain the turns of the track.
 #[derive(Clone, Copy)]
-struct Fit {
-    /// How much later GNSS stamps are.
-    shift_s: f64,
-    correlation: f64,
-    slope: f64,
+pub(super) struct Fit {
+    pub(super) correlation: f64,
+    /// Gyros over track.
+    pub(super) slope: f64,
 }
 
-/// Compares the rate about the vertical with the turning of the GNSS course.
+/// The rate about the vertical against the turning of the GNSS course; none without turns.
+pub(super) fn turning(log: &Log, rates: &[Rate]) -> Option<Fit> {
+    let turns = turns(log);
+    let turning = turns.iter().filter(|turn| turn.rate_radps.abs() > 0.05);
+    // Ten seconds of turning, or the fit is chance.
+    if turning.count() < 10 {
+        return None;
+    }
+    fit(&turns, &Curve::new(&vertical_angles(rates)))
+}
+
+/// What the fit says of unit and sign of the gyros.
 pub(super) fn check_turns(
-    log: &Log,
+    fit: Option<&Fit>,
+    together: bool,
     rates: &[Rate],
     files: &Files,
     warnings: &mut Vec<LogError>,
 ) -> Result<(), LogError> {
-    check_range(rates, files)?;
-    let turns = turns(log);
-    let turning = turns
-        .iter()
-        .filter(|turn| turn.rate_radps.abs() > 0.05)
-        .count();
-    // Ten seconds of turning, or the fit is chance.
-    if turning < 10 {
-        check_offset(rates, files, warnings);
-        return Ok(());
-    }
-    let angles = vertical_angles(rates);
-    let fits: Vec<Fit> = (-SHIFT_STEPS..=SHIFT_STEPS)
-        .filter_map(|step| fit(&turns, &angles, f64::from(step) * SHIFT_STEP_S))
-        .collect();
-    let strength = |f: &&Fit| f.correlation.abs();
-    let Some(best) = fits
-        .iter()
-        .max_by(|a, b| strength(a).total_cmp(&strength(b)))
-    else {
-        return Ok(());
-    };
-    let at_zero = fits.iter().find(|f| f.shift_s == 0.0).copied();
-    check_clock(*best, at_zero, files)?;
-    // Below 0.8 the track does not follow the nose well enough to judge a scale.
-    if best.correlation.abs() < 0.8 {
-        Ok(())
-    } else {
-        check_scale(*best, rates, files, warnings)
+    match fit {
+        // Below 0.8 the track does not follow the nose well enough to judge a scale.
+        Some(fit) if fit.correlation.abs() >= 0.8 => check_scale(fit, rates, files, warnings),
+        Some(fit) => {
+            check_range(rates, files)?;
+            // Half of the turns in common is no chance.
+            if !together && fit.correlation.abs() < 0.5 {
+                warn_of_strangers(fit, files, warnings);
+            }
+            Ok(())
+        }
+        None => {
+            check_range(rates, files)?;
+            // A shorter one may be a single turn.
+            if rates.last().is_some_and(|rate| rate.time_s > SHORT_S) {
+                check_offset(rates, files, warnings);
+            }
+            Ok(())
+        }
     }
 }
 
@@ -74,7 +64,8 @@ fn check_range(rates: &[Rate], files: &Files) -> Result<(), LogError> {
         return Ok(());
     }
     let found = format!("a median rate of {typical:.1} rad/s");
-    let cause = "degrees for radians: multiply by 0.0174533; or else rates for increments";
+    let cause = "degrees for radians: multiply by 0.0174533; or else deg/h, mdeg/s, or rates for \
+                 increments";
     Err(LogError::file(&files.imu, "angular rates in rad/s", found, cause).in_column("gyro"))
 }
 
@@ -89,32 +80,16 @@ fn check_offset(rates: &[Rate], files: &Files, warnings: &mut Vec<LogError>) {
     }
 }
 
-fn check_clock(best: Fit, at_zero: Option<Fit>, files: &Files) -> Result<(), LogError> {
-    let gain = best.correlation.abs() - at_zero.map_or(0.0, |f| f.correlation.abs());
-    // A latency is below a second; only a clear gain in correlation names a shift.
-    if best.shift_s.abs() < 1.5 || best.correlation.abs() < 0.7 || gain < 0.3 {
-        return Ok(());
-    }
-    let cause = if is_leap_seconds(best.shift_s) {
-        LEAP_SECONDS
-    } else {
-        "the two files were stamped by clocks that differ: bring both to one scale"
-    };
-    let later = if best.shift_s > 0.0 {
-        "later"
-    } else {
-        "earlier"
-    };
-    let found = format!(
-        "turns of the GNSS track {:.1} s {later} than those of the gyros (correlation {:.2})",
-        best.shift_s.abs(),
-        best.correlation
-    );
-    Err(LogError::file(&files.gnss, "both files on one time scale", found, cause).in_column("t_s"))
+fn warn_of_strangers(fit: &Fit, files: &Files, warnings: &mut Vec<LogError>) {
+    let found = format!("a correlation of {:.2} between the two", fit.correlation);
+    let cause = "files of different drives, clocks that differ, or a vehicle whose nose does not \
+                 follow its track (multirotor, boat)";
+    let expected = "gyros that turn about the vertical as GNSS does";
+    warnings.push(LogError::file(&files.gnss, expected, found, cause));
 }
 
 fn check_scale(
-    fit: Fit,
+    fit: &Fit,
     rates: &[Rate],
     files: &Files,
     warnings: &mut Vec<LogError>,
@@ -140,6 +115,14 @@ fn check_scale(
             "degrees for radians: multiply the gyro columns by 0.0174533",
         ),
         (
+            57_296.0,
+            "mdeg/s for rad/s: multiply the gyro columns by 1.74533e-5",
+        ),
+        (
+            206_265.0,
+            "deg/h for rad/s: multiply the gyro columns by 4.84814e-6",
+        ),
+        (
             1.0 / 57.296,
             "converted from degrees twice: multiply the gyro columns by 57.2958",
         ),
@@ -149,7 +132,7 @@ fn check_scale(
             "rates for increments in the gyro columns only",
         ),
     ];
-    let off = |value: f64| (fit.slope / value).ln().abs();
+    let off = |value: f64| apart(fit.slope, value);
     let nearest = guesses.iter().min_by(|a, b| off(a.0).total_cmp(&off(b.0)));
     match nearest.filter(|(value, _)| within(fit.slope, *value, 1.3)) {
         Some((_, cause)) => Err(defect(cause)),
@@ -161,6 +144,14 @@ fn check_scale(
             Ok(())
         }
     }
+}
+
+/// A turn rate of the track over a short interval.
+struct Turn {
+    from_s: f64,
+    to_s: f64,
+    /// Counter-clockwise, rad/s.
+    rate_radps: f64,
 }
 
 /// Turn rates of the track over intervals of a second or more, in motion.
@@ -180,11 +171,10 @@ fn turns(log: &Log) -> Vec<Turn> {
             continue;
         }
         if interval < 3.0 {
-            let rate_radps = turned(start.1, next.1) / interval;
             turns.push(Turn {
                 from_s: start.0,
                 to_s: next.0,
-                rate_radps,
+                rate_radps: turned(start.1, next.1) / interval,
             });
         }
         start = next;
@@ -192,18 +182,10 @@ fn turns(log: &Log) -> Vec<Turn> {
     turns
 }
 
-/// Angle from one vector to the next, counter-clockwise.
-fn turned(from: Vector2<f64>, to: Vector2<f64>) -> f64 {
-    from.perp(&to).atan2(from.dot(&to))
-}
-
-/// Time and angle turned so far about the mean direction of the specific force.
-fn vertical_angles(rates: &[Rate]) -> Vec<(f64, f64)> {
-    let up = rates
-        .iter()
-        .map(|rate| rate.accel_mps2)
-        .sum::<Vector3<f64>>()
-        .normalize();
+/// Time and angle turned so far about the typical direction of the specific force.
+pub(super) fn vertical_angles(rates: &[Rate]) -> Vec<(f64, f64)> {
+    let typical = |axis: usize| median(rates.iter().map(|rate| rate.accel_mps2[axis]));
+    let up = Vector3::new(typical(0), typical(1), typical(2)).normalize();
     let mut angle = 0.0;
     rates
         .iter()
@@ -214,18 +196,17 @@ fn vertical_angles(rates: &[Rate]) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// Least squares of the gyro's mean rates over the track's, with GNSS shifted.
-fn fit(turns: &[Turn], angles: &[(f64, f64)], shift_s: f64) -> Option<Fit> {
+/// Least squares of the gyro's mean rates over the track's.
+fn fit(turns: &[Turn], angles: &Curve) -> Option<Fit> {
     let pairs: Vec<(f64, f64)> = turns
         .iter()
-        .filter_map(|turn| {
-            let angle = |time_s| angle_at(angles, time_s - shift_s);
-            let turned = angle(turn.to_s)? - angle(turn.from_s)?;
-            Some((turn.rate_radps, turned / (turn.to_s - turn.from_s)))
+        .filter(|turn| angles.reaches(turn.from_s) && angles.reaches(turn.to_s))
+        .map(|turn| {
+            let turned = angles.at(turn.to_s) - angles.at(turn.from_s);
+            (turn.rate_radps, turned / (turn.to_s - turn.from_s))
         })
         .collect();
-    // With less than half of the turns left any shift could look good.
-    if pairs.len() * 2 < turns.len() || pairs.len() < 10 {
+    if pairs.len() < 10 {
         return None;
     }
     let n = pairs.len() as f64;
@@ -236,15 +217,50 @@ fn fit(turns: &[Turn], angles: &[(f64, f64)], shift_s: f64) -> Option<Fit> {
     let yy = mean(&|p| (p.1 - y) * (p.1 - y));
     let correlation = xy / (xx * yy).sqrt();
     correlation.is_finite().then_some(Fit {
-        shift_s,
         correlation,
         slope: xy / xx,
     })
 }
 
-fn angle_at(angles: &[(f64, f64)], time_s: f64) -> Option<f64> {
-    let next = angles.partition_point(|(t, _)| *t < time_s);
-    let (before, after) = (angles.get(next.checked_sub(1)?)?, angles.get(next)?);
-    let share = (time_s - before.0) / (after.0 - before.0);
-    Some(before.1 + share * (after.1 - before.1))
+/// A quantity at equal steps of time, to be looked up fast.
+pub(super) struct Curve {
+    start_s: f64,
+    values: Vec<f64>,
+}
+
+impl Curve {
+    /// Finer than any manoeuvre.
+    const STEP_S: f64 = 0.02;
+
+    /// Interpolates between points in order of time.
+    pub(super) fn new(points: &[(f64, f64)]) -> Self {
+        let start_s = points.first().map_or(0.0, |point| point.0);
+        let mut values = Vec::new();
+        for pair in points.windows(2) {
+            let ((from_s, a), (to_s, b)) = (pair[0], pair[1]);
+            loop {
+                let time_s = start_s + Self::STEP_S * values.len() as f64;
+                if time_s >= to_s {
+                    break;
+                }
+                values.push(a + (b - a) * (time_s - from_s) / (to_s - from_s));
+            }
+        }
+        Self { start_s, values }
+    }
+
+    /// Whether a time is within.
+    pub(super) fn reaches(&self, time_s: f64) -> bool {
+        let step = (time_s - self.start_s) / Self::STEP_S;
+        step >= 0.0 && step + 1.0 < self.values.len() as f64
+    }
+
+    /// The value at a time within.
+    pub(super) fn at(&self, time_s: f64) -> f64 {
+        let step = (time_s - self.start_s) / Self::STEP_S;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // Within, as promised.
+        let index = (step as usize).min(self.values.len() - 2);
+        let (a, b) = (self.values[index], self.values[index + 1]);
+        a + (b - a) * (step - index as f64)
+    }
 }

@@ -29,7 +29,8 @@ pub fn write(log: &Log, folder: &Path, compression: Compression) -> Result<(), L
         .into_iter()
         .filter(|(_, part)| log.gnss.iter().any(|fix| part(fix).is_some()))
         .collect();
-    let names: String = sigmas.iter().map(|(name, _)| format!(",{name}")).collect();
+    let names: Vec<_> = sigmas.iter().map(|(name, _)| *name).collect();
+    let names = [&["t_s,lat_deg,lon_deg,h_m,ve,vn,vu"], names.as_slice()].concat();
     let table = |name: &str, header: &str, rows: &mut dyn Iterator<Item = String>| {
         write_table(folder, name, compression, header, rows)
     };
@@ -40,7 +41,7 @@ pub fn write(log: &Log, folder: &Path, compression: Compression) -> Result<(), L
     )?;
     table(
         "gnss.csv",
-        &format!("t_s,lat_deg,lon_deg,h_m,ve,vn,vu{names}"),
+        &names.join(","),
         &mut log.gnss.iter().map(|fix| gnss_row(fix, &sigmas)),
     )?;
     if !log.truth.is_empty() {

@@ -95,39 +95,20 @@ pub struct OutageTest {
     pub navigators: Vec<Drifts>,
 }
 
-/// Places outages all along a log, from where the core has settled and, if it ever does, observes
-/// the azimuth; `None` where none fits.
-///
-/// Recorded logs have no truth to trust: there the fixes that are kept from the navigators are
-/// what they are compared with, at the moments that the latency found by the core gives them.
+/// Places outages all along a log, and takes every navigator through them; `None` where none fits.
 pub fn test(
     log: &Log,
     simulated: bool,
     config: Config,
     noise: Noise,
 ) -> Result<Option<OutageTest>, ConfigError> {
-    let survey = runs::survey(log, config)?;
-    let reference = if simulated {
-        Reference::of_truth(log)
-    } else {
-        Reference::of_fixes(log, survey.latency_s)
-    };
-    let starts = starts(log, &survey, &reference);
-    if starts.is_empty() {
+    let Some(course) = Course::new(log, simulated, config)? else {
         return Ok(None);
-    }
-    let core = runs::core(log, config, &starts, &reference)?;
-    let kalman = runs::kalman(log, config, noise, &starts, &reference)?;
+    };
     #[allow(unused_mut, reason = "peers are a feature")]
-    let mut navigators = vec![
-        Drifts::new("compensation", core),
-        Drifts::new("Kalman", kalman),
-    ];
+    let mut navigators = vec![course.core(config)?, course.kalman(config, noise)?];
     #[cfg(feature = "peers")]
-    navigators.push(Drifts::new(
-        "fusion-nav",
-        peer::drifts(log, config, noise, &survey, &starts, &reference)?,
-    ));
+    navigators.push(course.peer(config, noise)?);
     Ok(Some(OutageTest {
         against: if simulated {
             Against::Truth
@@ -136,6 +117,64 @@ pub fn test(
         },
         navigators,
     }))
+}
+
+/// The outages of a log, and what to measure drifts against.
+#[derive(Clone, Debug)]
+pub(crate) struct Course<'a> {
+    log: &'a Log,
+    #[cfg(feature = "peers")]
+    survey: runs::Survey,
+    starts: Vec<Time>,
+    reference: Reference,
+}
+
+impl<'a> Course<'a> {
+    /// From where the core has settled and, if it ever does, observes the azimuth; `None` where
+    /// no outage fits.
+    ///
+    /// Recorded logs have no truth to trust: there the fixes that are kept from the navigators are
+    /// what they are compared with, at the moments that the latency found by the core gives them.
+    pub(crate) fn new(
+        log: &'a Log,
+        simulated: bool,
+        config: Config,
+    ) -> Result<Option<Self>, ConfigError> {
+        let survey = runs::survey(log, config)?;
+        let reference = if simulated {
+            Reference::of_truth(log)
+        } else {
+            Reference::of_fixes(log, survey.latency_s)
+        };
+        let starts = starts(log, &survey, &reference);
+        Ok((!starts.is_empty()).then_some(Self {
+            log,
+            #[cfg(feature = "peers")]
+            survey,
+            starts,
+            reference,
+        }))
+    }
+
+    /// The core through them.
+    pub(crate) fn core(&self, config: Config) -> Result<Drifts, ConfigError> {
+        let drifts = runs::core(self.log, config, &self.starts, &self.reference)?;
+        Ok(Drifts::new("compensation", drifts))
+    }
+
+    /// The Kalman filter through them.
+    pub(crate) fn kalman(&self, config: Config, noise: Noise) -> Result<Drifts, ConfigError> {
+        let drifts = runs::kalman(self.log, config, noise, &self.starts, &self.reference)?;
+        Ok(Drifts::new("Kalman", drifts))
+    }
+
+    /// The published filter through them.
+    #[cfg(feature = "peers")]
+    pub(crate) fn peer(&self, config: Config, noise: Noise) -> Result<Drifts, ConfigError> {
+        let (starts, reference) = (&self.starts, &self.reference);
+        let drifts = peer::drifts(self.log, config, noise, &self.survey, starts, reference)?;
+        Ok(Drifts::new("fusion-nav", drifts))
+    }
 }
 
 impl OutageTest {

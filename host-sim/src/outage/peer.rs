@@ -18,8 +18,8 @@ use nalgebra::{Quaternion as Algebraic, Unit, UnitQuaternion, Vector3};
 use super::Drift;
 use super::reference::Reference;
 use super::runs::{Ins, Survey, through};
-use crate::kalman::Noise;
 use crate::kalman::filter::Start;
+use crate::kalman::{Noise, Part};
 use crate::log::Log;
 
 /// Stamps of fusion-nav cannot be negative: this much later, us.
@@ -209,29 +209,32 @@ impl Filtering {
     fn fuse(&mut self, fix: &GnssFix, moment: Timestamp, noise: &Noise) {
         if let Some(p) = fix.geodetic_or(0.0) {
             let place = Place::from_radians(p.latitude_rad, p.longitude_rad, p.height_m);
-            let sigma = noise.position_sigma_m;
+            let level = noise.total_of(Part::Position, fix);
             // A receiver without a height: one that says nothing of it.
-            let up = if fix.height_m.is_some() { sigma.z } else { 1e6 };
+            let up = if fix.height_m.is_some() {
+                noise.total_of(Part::Height, fix)
+            } else {
+                1e6
+            };
             let _ = self.filter.fuse_gnss_position(
                 moment,
                 self.origin.to_ned(place),
-                PositionNoise::horizontal_vertical(sigma.x as f32, up as f32),
+                PositionNoise::horizontal_vertical(level as f32, up as f32),
                 Position::zero(),
             );
         }
         if fix.velocity_en_mps.is_some() {
-            let stated = fix.sigma.velocity_mps;
-            let sigma = stated.unwrap_or(noise.velocity_sigma_mps) as f32;
+            let level = noise.total_of(Part::Velocity, fix);
             // A receiver without vertical velocity: one that says nothing.
             let up = if fix.velocity_up_mps.is_some() {
-                sigma
+                noise.total_of(Part::VelocityUp, fix)
             } else {
                 1e3
             };
             let _ = self.filter.fuse_gnss_velocity(
                 moment,
                 Velocity::from_array(swapped(&fix.velocity_enu_mps())),
-                VelocityNoise::horizontal_vertical(sigma, up),
+                VelocityNoise::horizontal_vertical(level as f32, up as f32),
                 Position::zero(),
             );
         }

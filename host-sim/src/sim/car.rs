@@ -4,10 +4,10 @@
 //! derivative is exact. A standing car stands still.
 
 use ins_core::attitude::{Euler, from_euler};
-use nalgebra::Vector3;
 
 use super::motion::{Kinematics, Motion};
 use super::noise::Random;
+use super::path::{Path, body_rate};
 use super::profile::Profile;
 
 /// How the car leans: nose up while it gains speed, outwards in a turn. Typical of a family car
@@ -43,6 +43,7 @@ pub struct Car {
     speed: Profile,
     heading: Profile,
     grade: Profile,
+    lean: f64,
 }
 
 impl Car {
@@ -57,10 +58,17 @@ impl Car {
             speed: driver.speed,
             heading: driver.heading,
             grade: Profile::new(0.0),
+            lean: 1.0,
         };
         let length_m = car.speed.at(duration_s).integral;
         car.grade = road(seed, length_m);
         car
+    }
+
+    /// The same drive in a car that leans so many times as far.
+    #[must_use]
+    pub fn leaning(self, lean: f64) -> Self {
+        Self { lean, ..self }
     }
 }
 
@@ -70,48 +78,25 @@ impl Motion for Car {
         let heading = self.heading.at(time_s);
         let grade = self.grade.at(along.integral);
 
-        let (speed, acceleration, jerk) = (along.value, along.slope, along.curvature);
-        let grade_rate = grade.slope * speed;
-        let (sin_h, cos_h) = libm::sincos(heading.value);
-        let (sin_g, cos_g) = libm::sincos(grade.value);
-        let forward = Vector3::new(cos_g * sin_h, cos_g * cos_h, sin_g);
-        let forward_rate = Vector3::new(
-            cos_g * cos_h * heading.slope - sin_g * sin_h * grade_rate,
-            -cos_g * sin_h * heading.slope - sin_g * cos_h * grade_rate,
-            cos_g * grade_rate,
-        );
-
-        let lateral = speed * heading.slope;
-        let lateral_rate = acceleration * heading.slope + speed * heading.curvature;
+        let grade_rate = grade.slope * along.value;
+        let path = Path::new(&along, &heading, grade.value, grade_rate);
         let angles = Euler {
-            roll_rad: -ROLL_RAD_PER_MPS2 * lateral,
-            pitch_rad: grade.value + PITCH_RAD_PER_MPS2 * acceleration,
+            roll_rad: -self.lean * ROLL_RAD_PER_MPS2 * path.lateral_mps2,
+            pitch_rad: grade.value + self.lean * PITCH_RAD_PER_MPS2 * along.slope,
             heading_rad: heading.value,
         };
         let rates = Euler {
-            roll_rad: -ROLL_RAD_PER_MPS2 * lateral_rate,
-            pitch_rad: grade_rate + PITCH_RAD_PER_MPS2 * jerk,
+            roll_rad: -self.lean * ROLL_RAD_PER_MPS2 * path.lateral_rate_mps3,
+            pitch_rad: grade_rate + self.lean * PITCH_RAD_PER_MPS2 * along.curvature,
             heading_rad: heading.slope,
         };
         Kinematics {
-            velocity_enu_mps: speed * forward,
-            acceleration_enu_mps2: acceleration * forward + speed * forward_rate,
+            velocity_enu_mps: path.velocity_mps,
+            acceleration_enu_mps2: path.acceleration_mps2,
             attitude: from_euler(&angles),
             angular_rate_lb_b_radps: body_rate(&angles, &rates),
         }
     }
-}
-
-/// Angular rate in body axes from the rates of roll, pitch and heading.
-fn body_rate(angles: &Euler, rates: &Euler) -> Vector3<f64> {
-    let (sin_p, cos_p) = libm::sincos(angles.pitch_rad);
-    let (sin_r, cos_r) = libm::sincos(angles.roll_rad);
-    let turn = rates.heading_rad * cos_p;
-    Vector3::new(
-        cos_r * rates.pitch_rad + sin_r * turn,
-        rates.roll_rad - rates.heading_rad * sin_p,
-        sin_r * rates.pitch_rad - cos_r * turn,
-    )
 }
 
 /// Grade along a road of some length.
@@ -211,6 +196,8 @@ impl Driver {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector3;
+
     use super::*;
 
     const HOUR_S: f64 = 3600.0;

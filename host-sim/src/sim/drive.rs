@@ -2,11 +2,12 @@
 
 use ins_core::earth::Geodetic;
 use ins_core::{GnssFix, ImuOutput, ImuSample, Solution, Time};
+use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
 use super::car::Car;
 use super::errors::ErrorModel;
-use super::gnss::Gnss;
+use super::gnss::{Gnss, arrivals};
 use super::ideal::IdealSensors;
 use super::imu::Imu;
 use super::motion::Motion;
@@ -90,7 +91,9 @@ pub struct SimulatedDrive {
     pub imu: Vec<ImuSample>,
     /// As received.
     pub gnss: Vec<GnssFix>,
-    /// What really happened.
+    /// When each fix arrives, not before its stamp.
+    pub arrivals: Vec<Time>,
+    /// What really happened, under the stamps of the samples.
     pub truth: Vec<Solution>,
     /// The errors that an estimator should find.
     pub errors: SensorErrors,
@@ -112,8 +115,17 @@ pub struct SensorErrors {
     pub accel_scale: [f64; 3],
     /// Scale-factor errors of the gyros.
     pub gyro_scale: [f64; 3],
+    /// What accelerometers read beyond the truth in proportion to it: scale errors and
+    /// misalignments.
+    pub accel_matrix: Matrix3<f64>,
+    /// The same of the gyros.
+    pub gyro_matrix: Matrix3<f64>,
     /// A fix stamped t shows the motion at t minus this.
     pub gnss_latency_s: f64,
+    /// The same at the end of the run, with what clocks have gained.
+    pub gnss_latency_end_s: f64,
+    /// What smoothing and repeated fixes lag behind at most, on top.
+    pub gnss_lag_s: f64,
 }
 
 /// Drives the car of `config.recording.seed` and records it.
@@ -130,14 +142,16 @@ pub fn record<M: Motion>(motion: M, recording: &Recording) -> SimulatedDrive {
     let mut imu = Imu::new(errors, *seed);
     let mut gnss = Gnss::new(&errors.gnss, *seed);
     let mut losses = Random::stream(*seed, "imu losses");
+    let mut jitter = Random::stream(*seed, "imu jitter");
     let heading_error = Random::stream(*seed, "given heading").normal();
 
     let end = Time::default().plus_seconds(recording.duration_s);
     let mut run = SimulatedDrive {
         imu: Vec::new(),
         gnss: Vec::new(),
+        arrivals: Vec::new(),
         truth: vec![sensors.state().solution],
-        errors: sensor_errors(&imu, &gnss),
+        errors: sensor_errors(&imu, &gnss, end),
         given_heading_rad: errors.given_heading_sigma_deg.map(|sigma| {
             sensors.state().solution.euler().heading_rad + sigma.to_radians() * heading_error
         }),
@@ -158,27 +172,40 @@ pub fn record<M: Motion>(motion: M, recording: &Recording) -> SimulatedDrive {
         let gained = sensors.advance(time);
         let now = sensors.state();
         let (gyro, accel) = imu.measure(&gained, &now.rates, step_s);
-        if !losses.chance(errors.imu.dropped_fraction) {
-            run.imu.push(ImuSample { time, gyro, accel });
+        let stamped = time.plus_seconds(errors.imu.stamp_jitter_s * jitter.uniform([-1.0, 1.0]));
+        if !losses.chance(errors.imu.dropped_fraction) && !errors.imu.has_hole_at(time) {
+            run.imu.push(ImuSample {
+                time: stamped,
+                gyro,
+                accel,
+            });
         }
         gnss.observe(&before, now, &mut run.gnss);
         if count % recording.truth_every == 0 {
-            run.truth.push(now.solution);
+            run.truth.push(Solution {
+                time: stamped,
+                ..now.solution
+            });
         }
     }
     // With a latency the last fixes would be stamped after the last inertial sample.
     run.gnss.retain(|fix| fix.time <= end);
-    run.errors = sensor_errors(&imu, &gnss);
+    run.arrivals = arrivals(&run.gnss, &errors.gnss.habits, *seed);
+    run.errors = sensor_errors(&imu, &gnss, end);
     run
 }
 
-fn sensor_errors(imu: &Imu, gnss: &Gnss) -> SensorErrors {
+fn sensor_errors(imu: &Imu, gnss: &Gnss, end: Time) -> SensorErrors {
     SensorErrors {
         accel_bias_mps2: imu.accels.bias().into(),
         gyro_bias_radps: imu.gyros.bias().into(),
         accel_scale: imu.accels.scale().into(),
         gyro_scale: imu.gyros.scale().into(),
+        accel_matrix: imu.accels.error_matrix(),
+        gyro_matrix: imu.gyros.error_matrix(),
         gnss_latency_s: gnss.latency_s(),
+        gnss_latency_end_s: gnss.latency_at_s(end.as_seconds()),
+        gnss_lag_s: gnss.lag_s(),
     }
 }
 

@@ -3,9 +3,11 @@
 //! Equation numbers are those of V. M. Tereshkov's thesis (Bauman MSTU, 2011). A bias is measured
 //! minus true.
 
-use ins_core::ImuOutput;
+use ins_core::{ImuOutput, Time};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
+
+use super::receiver::Habits;
 
 /// Everything that lies between the ideal sensors and a log.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -37,6 +39,12 @@ pub struct ImuModel {
     /// Part of the samples that never arrive, 0 to 1.
     #[serde(default)]
     pub dropped_fraction: f64,
+    /// Stamps are off by up to this, s; the samples themselves come regularly.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub stamp_jitter_s: f64,
+    /// Times without samples.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub holes: Vec<Outage>,
 }
 
 /// Three sensors of a kind. The unit U is in the name of the table.
@@ -52,6 +60,13 @@ pub struct SensorModel {
     /// Run-to-run spread of the scale-factor error, 1.
     #[serde(default)]
     pub scale_sigma: f64,
+    /// Run-to-run spread of what each axis feels of each other, 1. Body axes are those of the
+    /// accelerometers on the whole, so theirs is symmetrical.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub misalignment_sigma: f64,
+    /// The white noise of each axis is so many times `white_noise`.
+    #[serde(default = "alike", skip_serializing_if = "are_alike")]
+    pub noise_times: [f64; 3],
 }
 
 /// How a bias behaves.
@@ -88,6 +103,20 @@ pub enum BiasModel {
 
 fn a_second() -> f64 {
     1.0
+}
+
+fn alike() -> [f64; 3] {
+    [1.0; 3]
+}
+
+fn are_alike(times: &[f64; 3]) -> bool {
+    *times == alike()
+}
+
+// Signature is serde's.
+#[allow(clippy::trivially_copy_pass_by_ref)]
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 impl BiasModel {
@@ -139,6 +168,9 @@ pub struct GnssModel {
     /// Times without fixes.
     #[serde(default)]
     pub outages: Vec<Outage>,
+    /// All else that receivers do.
+    #[serde(default, skip_serializing_if = "Habits::are_none")]
+    pub habits: Habits,
 }
 
 /// A time without fixes.
@@ -187,6 +219,11 @@ impl ErrorModel {
             dropped,
             "0 to below 1",
         )?;
+        spread("imu.stamp_jitter_s", self.imu.stamp_jitter_s)?;
+        for hole in &self.imu.holes {
+            spread("imu.holes.start_s", hole.start_s)?;
+            spread("imu.holes.duration_s", hole.duration_s)?;
+        }
         self.gyro_deg_h.check("gyro_deg_h")?;
         self.accel_mps2.check("accel_mps2")?;
         self.gnss.check()?;
@@ -202,6 +239,8 @@ impl ErrorModel {
             bias: BiasModel::constant(0.0),
             white_noise: 0.0,
             scale_sigma: 0.0,
+            misalignment_sigma: 0.0,
+            noise_times: alike(),
         };
         Self {
             imu: ImuModel {
@@ -209,6 +248,8 @@ impl ErrorModel {
                 gyro_range_deg_s: 1e4,
                 accel_range_mps2: 1e4,
                 dropped_fraction: 0.0,
+                stamp_jitter_s: 0.0,
+                holes: Vec::new(),
             },
             gyro_deg_h: none.clone(),
             accel_mps2: none,
@@ -219,6 +260,7 @@ impl ErrorModel {
                 vertical_sigma_m: 0.0,
                 latency_s: [0.0, 0.0],
                 outages: Vec::new(),
+                habits: Habits::default(),
             },
             given_heading_sigma_deg: Some(0.0),
         }
@@ -235,16 +277,22 @@ impl ErrorModel {
                 gyro_range_deg_s: 1000.0,
                 accel_range_mps2: 370.0,
                 dropped_fraction: 0.0,
+                stamp_jitter_s: 0.0,
+                holes: Vec::new(),
             },
             gyro_deg_h: SensorModel {
                 bias: BiasModel::constant(1.0),
                 white_noise: 0.125 * 60.0,
                 scale_sigma: 0.0,
+                misalignment_sigma: 0.0,
+                noise_times: alike(),
             },
             accel_mps2: SensorModel {
                 bias: BiasModel::constant(0.01),
                 white_noise: 0.03 / 60.0,
                 scale_sigma: 0.0,
+                misalignment_sigma: 0.0,
+                noise_times: alike(),
             },
             gnss: receiver(),
             given_heading_sigma_deg: Some(3.0),
@@ -263,20 +311,40 @@ impl ErrorModel {
                 gyro_range_deg_s: 500.0,
                 accel_range_mps2: 157.0,
                 dropped_fraction: 0.0,
+                stamp_jitter_s: 0.0,
+                holes: Vec::new(),
             },
             gyro_deg_h: SensorModel {
                 bias: BiasModel::drifting(0.3 * 3600.0, 40.0),
                 white_noise: 0.0038 * 3600.0,
                 scale_sigma: 0.005,
+                misalignment_sigma: 0.0,
+                noise_times: alike(),
             },
             accel_mps2: SensorModel {
                 bias: BiasModel::drifting(0.2, 0.002),
                 white_noise: 110e-6 * 9.8,
                 scale_sigma: 0.015,
+                misalignment_sigma: 0.0,
+                noise_times: alike(),
             },
             gnss: receiver(),
             given_heading_sigma_deg: None,
         }
+    }
+}
+
+impl ImuModel {
+    /// Whether the sample of an instant is missing.
+    pub fn has_hole_at(&self, time: Time) -> bool {
+        self.holes.iter().any(|hole| hole.holds(time.as_seconds()))
+    }
+}
+
+impl Outage {
+    /// Whether it is going on.
+    pub fn holds(&self, time_s: f64) -> bool {
+        (self.start_s..self.start_s + self.duration_s).contains(&time_s)
     }
 }
 
@@ -285,6 +353,10 @@ impl SensorModel {
         let key = |name: &str| format!("{table}.{name}");
         spread(&key("white_noise"), self.white_noise)?;
         spread(&key("scale_sigma"), self.scale_sigma)?;
+        spread(&key("misalignment_sigma"), self.misalignment_sigma)?;
+        for (axis, times) in self.noise_times.iter().enumerate() {
+            spread(&key(&format!("noise_times[{axis}]")), *times)?;
+        }
         match self.bias {
             BiasModel::Wave {
                 initial_sigma,
@@ -346,11 +418,11 @@ impl GnssModel {
             spread("gnss.outages.start_s", outage.start_s)?;
             spread("gnss.outages.duration_s", outage.duration_s)?;
         }
-        Ok(())
+        self.habits.check()
     }
 }
 
-fn ensure(
+pub(super) fn ensure(
     holds: bool,
     key: &str,
     value: f64,
@@ -367,7 +439,7 @@ fn ensure(
     }
 }
 
-fn spread(key: &str, value: f64) -> Result<(), ErrorModelError> {
+pub(super) fn spread(key: &str, value: f64) -> Result<(), ErrorModelError> {
     ensure(
         value >= 0.0 && value.is_finite(),
         key,
@@ -376,7 +448,7 @@ fn spread(key: &str, value: f64) -> Result<(), ErrorModelError> {
     )
 }
 
-fn positive(key: &str, value: f64) -> Result<(), ErrorModelError> {
+pub(super) fn positive(key: &str, value: f64) -> Result<(), ErrorModelError> {
     ensure(
         value > 0.0 && value.is_finite(),
         key,
@@ -393,6 +465,7 @@ fn receiver() -> GnssModel {
         vertical_sigma_m: 1.5,
         latency_s: [0.05, 0.3],
         outages: Vec::new(),
+        habits: Habits::default(),
     }
 }
 

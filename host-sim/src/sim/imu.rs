@@ -1,7 +1,7 @@
 //! Inertial sensors with errors.
 
 use ins_core::ImuOutput;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use super::errors::{BiasModel, ErrorModel, SensorModel};
 use super::ideal::{Increments, Rates};
@@ -33,7 +33,8 @@ impl Imu {
                 model.imu.accel_range_mps2,
                 seed,
                 "accel",
-            ),
+            )
+            .with_own_axes(),
         }
     }
 
@@ -69,7 +70,8 @@ impl Imu {
 pub struct Triad {
     bias: [Bias; 3],
     scale: Vector3<f64>,
-    noise_density: f64,
+    cross: Matrix3<f64>,
+    noise_density: Vector3<f64>,
     range: f64,
     noise: Random,
 }
@@ -78,11 +80,20 @@ impl Triad {
     fn new(model: &SensorModel, unit: f64, range: f64, seed: u64, name: &str) -> Self {
         let stream = |part: &str| Random::stream(seed, &format!("{name} {part}"));
         let mut scale = stream("scale");
+        let mut cross = stream("misalignment");
         Self {
             bias: ["bias x", "bias y", "bias z"]
                 .map(|axis| Bias::new(&model.bias, unit, stream(axis))),
             scale: Vector3::from(scale.normal3()) * model.scale_sigma,
-            noise_density: model.white_noise * unit,
+            cross: Matrix3::from_fn(|axis, of| {
+                let drawn = cross.normal();
+                if axis == of {
+                    0.0
+                } else {
+                    model.misalignment_sigma * drawn
+                }
+            }),
+            noise_density: model.white_noise * unit * Vector3::from(model.noise_times),
             range,
             noise: stream("noise"),
         }
@@ -98,6 +109,18 @@ impl Triad {
         self.scale
     }
 
+    /// What a reading has beyond the truth in proportion to it: scale errors and misalignments.
+    pub fn error_matrix(&self) -> Matrix3<f64> {
+        Matrix3::from_diagonal(&self.scale) + self.cross
+    }
+
+    /// The same sensors in axes that they do not turn against on the whole.
+    fn with_own_axes(mut self) -> Self {
+        let upper = self.cross.upper_triangle();
+        self.cross = upper + upper.transpose();
+        self
+    }
+
     fn advance(&mut self, step_s: f64) {
         for bias in &mut self.bias {
             bias.advance(step_s);
@@ -105,8 +128,10 @@ impl Triad {
     }
 
     fn read(&mut self, truth: &Vector3<f64>, step_s: f64) -> Vector3<f64> {
-        let noise = Vector3::from(self.noise.normal3()) * (self.noise_density / step_s.sqrt());
-        let reading = truth + self.scale.component_mul(truth) + self.bias() + noise;
+        let sigma = self.noise_density / step_s.sqrt();
+        let noise = Vector3::from(self.noise.normal3()).component_mul(&sigma);
+        let proportional = self.scale.component_mul(truth) + self.cross * truth;
+        let reading = truth + proportional + self.bias() + noise;
         reading.map(|value| value.clamp(-self.range, self.range))
     }
 }
@@ -238,6 +263,8 @@ mod tests {
             bias: BiasModel::constant(0.0),
             white_noise,
             scale_sigma,
+            misalignment_sigma: 0.0,
+            noise_times: [1.0; 3],
         }
     }
 

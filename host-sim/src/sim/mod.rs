@@ -4,15 +4,26 @@
 //! [`ideal::IdealSensors`], its readings are spoilt by an [`errors::ErrorModel`], and
 //! [`drive::record`] puts the two together into what a logger would have written.
 
+pub mod boat;
 pub mod car;
 pub mod drive;
 pub mod errors;
 pub mod gnss;
 pub mod ideal;
 pub mod imu;
+pub mod lever;
 pub mod motion;
+pub mod mounted;
 pub mod noise;
+mod path;
+pub mod plane;
 pub mod profile;
+pub mod quadrotor;
+pub mod receiver;
+pub mod shaken;
+#[cfg(test)]
+mod vehicles;
+pub mod walker;
 
 pub use drive::{DriveConfig, Grade, SensorErrors, SimulatedDrive, record, simulate};
 pub use errors::ErrorModel;

@@ -23,3 +23,9 @@ pub trait Motion {
     /// attitude: the ideal sensors read the derivatives, the truth the functions.
     fn kinematics(&mut self, time_s: f64) -> Kinematics;
 }
+
+impl<M: Motion + ?Sized> Motion for Box<M> {
+    fn kinematics(&mut self, time_s: f64) -> Kinematics {
+        (**self).kinematics(time_s)
+    }
+}

@@ -1,0 +1,322 @@
+//! Which latency: candidates that suppose different ones, weighed by how likely each makes what
+//! GNSS saw.
+//!
+//! A latency is found by small corrections only where the motion does not change much meanwhile,
+//! and a quadrotor's darts are over in a second. Candidates a part of that apart cover a second
+//! to either side; each corrects its own. What they say together is the mean of their mixture,
+//! and its variance holds what they disagree by. All start at one moment and take the same
+//! sightings, each when the motion of that moment, as it supposes, has been integrated. Work is
+//! one node or one sighting of one candidate at a time.
+
+use nalgebra::Vector2;
+
+use super::candidate::{Candidate, Found, Start};
+use super::nodes::Nodes;
+use super::sightings::{Sighting, Sightings};
+use crate::config::Config;
+use crate::earth::wrap_pi;
+use crate::math;
+use crate::parameters::Parameters;
+use crate::time::Time;
+
+/// Latencies supposed, s, and the spread of each: half the distance of two.
+const LATENCIES_S: [f64; 4] = [0.25, -0.25, 0.75, -0.75];
+const LATENCY_SIGMA_S: f64 = 0.25;
+const LAST: u8 = 3;
+/// Moments before the first sighting that is taken, s: every candidate must have begun.
+const LEAD_S: f64 = 1.0;
+/// Time over which residuals are judged, s.
+const JUDGED_S: f64 = 10.0;
+/// Largest excess of the noise of GNSS, in variance, and least: a velocity's is stated, but what
+/// positions wander by in a second differs by a factor of ten from receiver to receiver.
+const LARGEST_EXCESS: f32 = 400.0;
+const LEAST_EXCESS: f32 = 1.0;
+const LEAST_EXCESS_OF_MEANS: f32 = 0.04;
+/// Gain of speed that shows that the vehicle has begun to move, sigmas of a sighting.
+const MOVED_SIGMAS: f32 = 5.0;
+/// Residuals beyond which, though the noise was widened, two motions are not one.
+const LENGTH_SIGMAS: f64 = 4.0;
+/// What the length of cosine and sine may be off by the errors of scale, of both sensors.
+const LENGTH_ERROR: f64 = 0.1;
+
+/// Spreads that are good enough to navigate on at once: within them the estimators are linear.
+const ROTATION_SIGMA_RAD: f64 = 0.06;
+const TILT_SIGMA_RAD: f64 = 0.05;
+const SHIFT_SIGMA_S: f64 = 0.1;
+/// Time in motion after which twice as much will do, and so on, up to the largest factor: 0.36
+/// rad of heading, 0.3 of tilt, 0.6 s.
+const PATIENCE_S: f64 = 30.0;
+const LARGEST_FACTOR: f64 = 6.0;
+
+/// The candidates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Bank {
+    start: Time,
+    candidates: [Candidate; LATENCIES_S.len()],
+    /// Whose turn it is.
+    turn: u8,
+    /// Sightings that all have taken.
+    taken: u32,
+    first: Option<Sighting>,
+    excess: f32,
+    /// Time in motion, s.
+    moving_s: f32,
+    last_sighting: Time,
+    up_rate_radps: f32,
+    /// All have taken one sighting more since the last answer.
+    due: bool,
+    /// The likeliest when last asked.
+    leader: u8,
+}
+
+/// What all candidates say together, and the one that says it best.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Mixture {
+    pub(crate) best: u8,
+    /// Of the best.
+    pub(crate) found: Found,
+    pub(crate) rotation_sigma_rad: f64,
+    pub(crate) latency_s: f64,
+    pub(crate) latency_sigma_s: f64,
+}
+
+/// Whether there is something to navigate on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Answer {
+    /// Not yet.
+    Wait,
+    /// Yes.
+    Ready(Mixture),
+    /// The two motions are not one: what it started from was wrong.
+    Wrong,
+}
+
+impl Bank {
+    /// Starts all at one moment.
+    pub(crate) fn new(start: &Start, known: &Parameters, config: &Config) -> Self {
+        let prior_s = math::max(config.gnss.latency_sigma_s, 1e-3);
+        let candidates = LATENCIES_S.map(|latency_s| {
+            let mut candidate = Candidate::new(start, latency_s, LATENCY_SIGMA_S, known, config);
+            // Presets say what is usual, not what is possible: the tails of the prior are long.
+            let ratio = latency_s / prior_s;
+            candidate.log_likelihood = -math::single(libm::log(1.0 + ratio * ratio));
+            candidate
+        });
+        Self {
+            start: start.time,
+            candidates,
+            turn: 0,
+            taken: 0,
+            first: None,
+            excess: 1.0,
+            moving_s: 0.0,
+            last_sighting: start.time,
+            up_rate_radps: math::single(start.earth_rate_radps.y),
+            due: false,
+            leader: 0,
+        }
+    }
+
+    /// Whether GNSS has seen it move.
+    pub(crate) fn has_moved(&self) -> bool {
+        self.moving_s > 0.0
+    }
+
+    /// A sighting has come; only how the vehicle moves is looked at, the rest is work for later.
+    pub(crate) fn on_sighting(&mut self, sighting: &Sighting, number: u32) {
+        let needed_s = LEAD_S + f64::from(sighting.span_s);
+        if self.first.is_none() && sighting.time.seconds_since(self.start) > needed_s {
+            self.first = Some(*sighting);
+            self.taken = number;
+            for candidate in &mut self.candidates {
+                candidate.sighting = number;
+            }
+        }
+        if let Some(first) = &self.first {
+            let gained = (sighting.velocity_mps - first.velocity_mps).norm_squared();
+            let least = MOVED_SIGMAS * sighting.sigma_mps;
+            let since_s = sighting.time.seconds_since(self.last_sighting);
+            if gained > self.excess * least * least {
+                self.moving_s += math::single(math::min(since_s, 5.0));
+            }
+        }
+        self.last_sighting = sighting.time;
+    }
+
+    /// Does one piece of work; true if there is a new answer.
+    pub(crate) fn work(&mut self, nodes: &Nodes, sightings: &Sightings, config: &Config) -> bool {
+        if self.due {
+            self.due = false;
+            return true;
+        }
+        for _ in 0..LATENCIES_S.len() {
+            self.turn = if self.turn < LAST { self.turn + 1 } else { 0 };
+            if self.work_on(self.turn, nodes, sightings, config) {
+                break;
+            }
+        }
+        let all = self.candidates.iter().map(|c| c.sighting).min();
+        let taken = all.unwrap_or(self.taken);
+        self.due = taken > self.taken && self.first.is_some();
+        self.taken = taken;
+        false
+    }
+
+    /// One piece of work of one candidate, if there is any.
+    fn work_on(
+        &mut self,
+        which: u8,
+        nodes: &Nodes,
+        sightings: &Sightings,
+        config: &Config,
+    ) -> bool {
+        let leads = self.leader == which;
+        let Some(candidate) = self.candidates.get_mut(usize::from(which)) else {
+            return false;
+        };
+        let Some(node) = nodes.get(candidate.node) else {
+            return false;
+        };
+        let next = self.first.and_then(|_| {
+            if candidate.sighting < sightings.oldest() {
+                candidate.sighting = sightings.oldest();
+            }
+            sightings.get(candidate.sighting)
+        });
+        if let Some(sighting) = next {
+            let seconds = candidate.seconds_to(sighting.time);
+            if seconds < -node.seconds() {
+                candidate.sighting += 1;
+                return true;
+            }
+            if seconds < node.seconds() {
+                let misfit = candidate.compare(sighting, self.excess, node, config);
+                if leads {
+                    self.judge(misfit, sighting);
+                }
+                return true;
+            }
+        } else if !nodes.presses(candidate.node) {
+            return false;
+        }
+        candidate.advance(node, f64::from(self.up_rate_radps), config);
+        true
+    }
+
+    /// Follows how much larger the residuals are than told.
+    fn judge(&mut self, misfit: f32, sighting: &Sighting) {
+        let since_s = math::max(f64::from(sighting.span_s), 0.2);
+        let part = math::single(math::min(since_s / JUDGED_S, 0.5));
+        // One residual cannot do more than the window allows.
+        let bounded = if misfit < 9.0 { misfit } else { 9.0 };
+        let excess = self.excess * (1.0 + part * (bounded - 1.0));
+        let least = if sighting.span_s > 0.0 {
+            LEAST_EXCESS_OF_MEANS
+        } else {
+            LEAST_EXCESS
+        };
+        self.excess = excess.clamp(least, LARGEST_EXCESS);
+    }
+
+    /// The likeliest when last asked.
+    pub(crate) fn leader(&self) -> Option<&Candidate> {
+        self.candidate(self.leader)
+    }
+
+    /// A candidate.
+    pub(crate) fn candidate(&self, which: u8) -> Option<&Candidate> {
+        self.candidates.get(usize::from(which))
+    }
+
+    /// Velocity of the vehicle where a candidate stands, E and N, m/s: that of its last sighting
+    /// and what was gained since.
+    pub(crate) fn velocity_en_mps(&self, which: u8, sightings: &Sightings) -> Option<Vector2<f64>> {
+        let candidate = self.candidate(which)?;
+        let last = sightings.get(candidate.sighting.checked_sub(1)?)?;
+        Some(last.velocity_mps.map(f64::from) + candidate.gained_en_mps())
+    }
+
+    /// Brings one candidate a node forward, whatever fixes say; true if it did.
+    pub(crate) fn catch_up(&mut self, which: u8, nodes: &Nodes, config: &Config) -> bool {
+        let up_rate = f64::from(self.up_rate_radps);
+        let Some(candidate) = self.candidates.get_mut(usize::from(which)) else {
+            return false;
+        };
+        let Some(node) = nodes.get(candidate.node) else {
+            return false;
+        };
+        candidate.advance(node, up_rate, config);
+        true
+    }
+
+    /// Whether they have found enough.
+    #[inline(never)]
+    pub(crate) fn answer(&mut self) -> Answer {
+        let mixture = self.mixture();
+        self.leader = mixture.best;
+        if !mixture.rotation_sigma_rad.is_finite() {
+            return Answer::Wrong;
+        }
+        if !self.has_moved() {
+            return Answer::Wait;
+        }
+        let factor = 1.0 + f64::from(self.moving_s) / PATIENCE_S;
+        let factor = math::min(factor, LARGEST_FACTOR);
+        let found = &mixture.found;
+        let good = mixture.rotation_sigma_rad < factor * ROTATION_SIGMA_RAD
+            && found.tilt_sigma_rad < factor * TILT_SIGMA_RAD
+            && mixture.latency_sigma_s < factor * SHIFT_SIGMA_S;
+        if !good {
+            return Answer::Wait;
+        }
+        let off = math::abs(found.length - 1.0);
+        if off < LENGTH_ERROR + LENGTH_SIGMAS * found.length_sigma {
+            Answer::Ready(mixture)
+        } else {
+            Answer::Wrong
+        }
+    }
+
+    /// The mean of the mixture, and its variance about the best.
+    fn mixture(&self) -> Mixture {
+        let all = self.candidates.each_ref().map(|candidate| {
+            let found = candidate.found();
+            (evidence(candidate, &found), found)
+        });
+        let [(mut top, mut found), ..] = all;
+        let mut best = 0;
+        for (which, (evidence, other)) in (0..).zip(&all) {
+            if *evidence > top {
+                (best, top, found) = (which, *evidence, *other);
+            }
+        }
+        let (mut sum, mut turn, mut late, mut late_square) = (0.0, 0.0, 0.0, 0.0);
+        for (evidence, other) in &all {
+            let weight = libm::exp(evidence - top);
+            let off = wrap_pi(other.rotation_rad - found.rotation_rad);
+            let sigma = other.rotation_sigma_rad;
+            sum += weight;
+            turn += weight * (off * off + sigma * sigma);
+            late += weight * other.latency_s;
+            let sigma = other.latency_sigma_s;
+            late_square += weight * (other.latency_s * other.latency_s + sigma * sigma);
+        }
+        let latency_s = late / sum;
+        let variance = late_square / sum - latency_s * latency_s;
+        Mixture {
+            best,
+            found,
+            rotation_sigma_rad: math::sqrt(turn / sum),
+            latency_s,
+            latency_sigma_s: math::sqrt(math::max(variance, 0.0)),
+        }
+    }
+}
+
+/// Logarithm of how likely a candidate is, with the length that its cosine and sine must have.
+fn evidence(candidate: &Candidate, found: &Found) -> f64 {
+    let off = (found.length - 1.0) / (found.length_sigma + LENGTH_ERROR);
+    let unlikely = math::min(off * off, LENGTH_SIGMAS * LENGTH_SIGMAS);
+    f64::from(candidate.log_likelihood) - 0.5 * unlikely
+}

@@ -1,0 +1,607 @@
+//! Heading from motion, for any unknown heading, with one latency supposed.
+//!
+//! A levelled INS without a heading sees the velocity gained since the first fix, `u`, in a level
+//! frame that points anywhere. GNSS sees `v`, and of its gain `d = v - v_1` the same frame sees
+//! `c d + s d'`, with `(c, s)` the cosine and sine of the rotation that is sought and
+//! `d' = (d_N, -d_E)`. So, `e` being the error of `u` and `a` the acceleration,
+//!
+//! `u = e + c d + s d' + l (a - a_1)`
+//!
+//! is linear in everything unknown: a heading about which nothing is known starts as
+//! `(c, s) = 0` with variance 1/2 each, exactly the mean and variance of a direction on a circle.
+//! `l` is what the latency exceeds the supposed one by; the first fix is as late as the others.
+//! `e` grows by (1)-(2): `e' = f x phi`, `phi' = -C b`, with tilt `phi` and gyro biases `b`; about
+//! up `phi` is the turn of the frame since the first fix, so the up gyro's bias, which bends `u`
+//! against `v` more and more, comes out of the same equations. What is found of `e`, `phi`, `b`
+//! and `l` goes into the INS at once, so that they stay small; biases of degrees per second and
+//! the tilt of a start in a banked turn are then no matter of small angles.
+//!
+//! Mean velocities (of positions) are those of `u`, and of `e` half of the time ago.
+//!
+//! Accelerometer biases are not among the unknowns: at one attitude they are tilt. As the body
+//! turns, they turn against the level frame, and the tilt walks by as much.
+
+use nalgebra::{SVector, UnitQuaternion, Vector2, Vector3};
+
+use super::covariance::Covariance;
+use super::nodes::Node;
+use super::sightings::Sighting;
+use crate::attitude::{matrix, renormalized, small_rotation};
+use crate::config::Config;
+use crate::earth::GRAVITY_EQUATOR_MPS2;
+use crate::math::{self, single};
+use crate::parameters::{Parameters, index};
+use crate::time::Time;
+
+/// The unknowns: velocity error, tilt and turn, gyro biases, cosine and sine, latency.
+const ERROR: usize = 0;
+const TILT: usize = 2;
+const BIAS: usize = 5;
+const COS: usize = 8;
+const SIN: usize = 9;
+const LATENCY: usize = 10;
+const COUNT: usize = 11;
+const PAIRS: usize = COUNT * (COUNT + 1) / 2;
+
+/// One number for each unknown.
+type Row = SVector<f32, COUNT>;
+
+/// Change of velocity below which the noise of GNSS itself would look like motion, sigmas of the
+/// difference of two: a vehicle that keeps its speed shows no heading, however long.
+const STEADY_SIGMAS: f32 = 3.0;
+/// Residual beyond which a measurement counts less, sigmas.
+const OUTLIER_SIGMAS: f32 = 3.0;
+/// Largest spread of an angle at which cosine and sine are linear in it, rad.
+const KNOWN_ANGLE_RAD: f64 = 0.35;
+/// Spread beyond which it is given up, and length below which cosine and sine show no angle.
+const LOST_ANGLE_RAD: f64 = 0.6;
+const SEEN_LENGTH: f64 = 0.2;
+/// Time without a change of velocity after which motion is steady, s.
+const STEADY_S: f32 = 5.0;
+/// Time after such a change in which it may go on below the noise, and time over which the mean
+/// is taken that keeps the noise out of what counts as motion, s.
+const HOLD_S: f32 = 2.0;
+const MEAN_S: f64 = 0.2;
+/// By how much receivers understate their noise, in variance.
+const UNDERSTATED: f32 = 2.0;
+/// What the length of cosine and sine is off by the scale errors of both sensors.
+const LENGTH_ERROR: f64 = 0.05;
+/// Walk of the latency, s/sqrt(s): what was found while it was far off is worth less.
+const LATENCY_WALK: f64 = 0.02;
+/// Spread of the gyro biases of units of which nothing is known yet, in those of the preset.
+const UNUSUAL: f64 = 3.0;
+/// Acceleration of a vehicle while the first mean velocity is taken, m/s^2.
+const FIRST_ACCEL_MPS2: f32 = 2.0;
+/// Time over which an acceleration keeps its direction in the body, s.
+const PUSH_S: f64 = 1.0;
+/// Time over which the acceleration is smoothed that shows the latency, s: what is faster (steps,
+/// vibration) repeats itself, and would show it a period off.
+const SMOOTH_S: f64 = 0.1;
+/// Largest tilt found at once that is believed, rad.
+const LARGEST_TURN_RAD: f64 = 0.5;
+
+/// What the INS of a candidate starts from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Start {
+    pub(crate) time: Time,
+    pub(crate) attitude: UnitQuaternion<f64>,
+    pub(crate) tilt_sigma_rad: f64,
+    /// Earth rotation about the level and the up axis, rad/s.
+    pub(crate) earth_rate_radps: Vector2<f64>,
+}
+
+/// A level INS that points anywhere, with one latency supposed, and what it has seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Candidate {
+    /// Node and sighting that come next.
+    pub(crate) node: u32,
+    pub(crate) sighting: u32,
+    time: Time,
+    attitude: UnitQuaternion<f64>,
+    gyro_bias_radps: Vector3<f64>,
+    latency_s: f32,
+    /// What the first sighting saw, E and N, m/s; none before it.
+    first_mps: Option<Vector2<f32>>,
+    /// Velocity gained since the first sighting, way since the last, and velocity there.
+    velocity_mps: Vector2<f32>,
+    way_m: Vector2<f32>,
+    velocity_before_mps: Vector2<f32>,
+    /// What of it the last sighting is compared with.
+    seen_mps: Vector2<f32>,
+    /// Gain of GNSS velocity that counts as motion, m/s.
+    moved_mps: Vector2<f32>,
+    /// The last gain that differed by more than noise, and for how long none did.
+    mark_mps: Vector2<f32>,
+    steady_s: f32,
+    last_sighting: Time,
+    /// Acceleration, smoothed, and at the first sighting.
+    accel_mps2: Vector2<f32>,
+    first_accel_mps2: Vector2<f32>,
+    /// Spread of the angle of cosine and sine, rad.
+    angle_sigma_rad: f32,
+    /// Whether it was ever known.
+    knew_angle: bool,
+    /// Cosine and sine.
+    rotation: Vector2<f32>,
+    covariance: Covariance<COUNT, PAIRS>,
+    /// Logarithm of the likelihood of all it has seen.
+    pub(crate) log_likelihood: f32,
+}
+
+impl Candidate {
+    /// Starts with a latency supposed and its spread.
+    pub(crate) fn new(
+        start: &Start,
+        latency_s: f64,
+        latency_sigma_s: f64,
+        known: &Parameters,
+        config: &Config,
+    ) -> Self {
+        let tilt = single(start.tilt_sigma_rad);
+        let earth = start.earth_rate_radps.x;
+        let bias = |axis| {
+            let sigma = gyro_sigma(known, axis, config);
+            single(math::sqrt(sigma * sigma + earth * earth))
+        };
+        let half = core::f32::consts::FRAC_1_SQRT_2;
+        let sigma = [
+            0.0,
+            0.0,
+            tilt,
+            tilt,
+            0.0,
+            bias(0),
+            bias(1),
+            bias(2),
+            half,
+            half,
+            single(latency_sigma_s),
+        ];
+        Self {
+            node: 0,
+            sighting: 0,
+            time: start.time,
+            attitude: start.attitude,
+            gyro_bias_radps: known.vector(index::GYRO),
+            latency_s: single(latency_s),
+            first_mps: None,
+            velocity_mps: Vector2::zeros(),
+            way_m: Vector2::zeros(),
+            velocity_before_mps: Vector2::zeros(),
+            seen_mps: Vector2::zeros(),
+            moved_mps: Vector2::zeros(),
+            mark_mps: Vector2::zeros(),
+            steady_s: 0.0,
+            last_sighting: start.time,
+            accel_mps2: Vector2::zeros(),
+            first_accel_mps2: Vector2::zeros(),
+            angle_sigma_rad: f32::INFINITY,
+            knew_angle: false,
+            rotation: Vector2::zeros(),
+            covariance: Covariance::from_sigma(&Row::from(sigma)),
+            log_likelihood: 0.0,
+        }
+    }
+
+    /// Moment of the INS that a stamp shows, s after where it stands.
+    pub(crate) fn seconds_to(&self, stamp: Time) -> f64 {
+        stamp.seconds_since(self.time) - f64::from(self.latency_s)
+    }
+
+    /// Advances over a node.
+    pub(crate) fn advance(&mut self, node: &Node, up_rate_radps: f64, config: &Config) {
+        let seconds = node.seconds();
+        let body = matrix(&self.attitude);
+        let (turn, gained) = node.without_bias(&self.gyro_bias_radps, &Vector3::zeros());
+        let force = (body * gained).map(single);
+        let dt = single(seconds);
+        self.way_m += dt * (self.velocity_mps + 0.5 * force.xy());
+        self.velocity_mps += force.xy();
+        let part = single(math::min(seconds / SMOOTH_S, 1.0));
+        self.accel_mps2 += part * (force.xy() / dt - self.accel_mps2);
+        self.spread(&force, &(body.map(single) * dt));
+        self.walk(seconds, &turn, &force, config);
+        let earth = Vector3::new(0.0, 0.0, -seconds * up_rate_radps);
+        self.attitude =
+            renormalized(small_rotation(&earth) * self.attitude.as_ref() * small_rotation(&turn));
+        self.time = self.time.plus_seconds(seconds);
+        self.node += 1;
+    }
+
+    /// `e' = f x phi`, `phi' = -C b`.
+    fn spread(&mut self, force: &Vector3<f32>, body: &nalgebra::Matrix3<f32>) {
+        let p = &mut self.covariance;
+        p.shear(ERROR, TILT + 1, -force.z);
+        p.shear(ERROR, TILT + 2, force.y);
+        p.shear(ERROR + 1, TILT, force.z);
+        p.shear(ERROR + 1, TILT + 2, -force.x);
+        for (axis, column) in body.column_iter().enumerate() {
+            for (tilt, part) in column.iter().enumerate() {
+                p.shear(TILT + tilt, BIAS + axis, -part);
+            }
+        }
+    }
+
+    /// What the sensors' noise and what turns with the body add.
+    fn walk(
+        &mut self,
+        seconds: f64,
+        turn_rad: &Vector3<f64>,
+        force: &Vector3<f32>,
+        config: &Config,
+    ) {
+        let s = &config.sensors;
+        let turned = math::sqrt(turn_rad.norm_squared());
+        let bias = s.accel_bias_mps2 / GRAVITY_EQUATOR_MPS2;
+        let tilt = s.mean_gyro_noise() * s.mean_gyro_noise() * seconds
+            + (bias * bias + s.gyro_scale * s.gyro_scale) * turned;
+        let push = f64::from(force.xy().norm_squared()) * PUSH_S / seconds;
+        let velocity = s.mean_accel_noise() * s.mean_accel_noise() * seconds
+            + s.accel_scale * s.accel_scale * push;
+        for axis in 0..2 {
+            self.covariance.widen(ERROR + axis, single(velocity));
+            self.covariance.widen(TILT + axis, single(tilt));
+        }
+        let heading = s.mean_gyro_noise() * s.mean_gyro_noise() * seconds
+            + s.gyro_scale * s.gyro_scale * turned;
+        self.covariance.widen(TILT + 2, single(heading));
+        self.covariance
+            .widen(LATENCY, single(LATENCY_WALK * LATENCY_WALK * seconds));
+    }
+
+    /// Compares with what GNSS saw; the moment lies in `node`, which comes next. `excess` is by how
+    /// much its noise proved larger, in variance. Returns the mean square of the two residuals
+    /// over what they should be.
+    pub(crate) fn compare(
+        &mut self,
+        sighting: &Sighting,
+        excess: f32,
+        node: &Node,
+        config: &Config,
+    ) -> f32 {
+        self.sighting += 1;
+        let seconds = single(self.seconds_to(sighting.time));
+        let body = matrix(&self.attitude);
+        let (turn, gained) = node.without_bias(&self.gyro_bias_radps, &Vector3::zeros());
+        let force = (body * gained).map(single) / single(node.seconds());
+        let accel = force.xy();
+        let velocity = self.velocity_mps + seconds * accel;
+        let way = self.way_m + seconds * (self.velocity_mps + 0.5 * seconds * accel);
+        self.way_m = -seconds * (self.velocity_mps + 0.5 * seconds * accel);
+        let Some(first) = self.first_mps else {
+            self.begin(sighting, velocity);
+            return 1.0;
+        };
+        let span_s = sighting.span_s;
+        let (seen, pushed, back_s) = if span_s > 0.0 {
+            let mean_accel = (velocity - self.velocity_before_mps) / span_s;
+            (way / span_s, mean_accel, seconds - 0.5 * span_s)
+        } else {
+            (velocity, self.accel_mps2, seconds)
+        };
+        self.velocity_before_mps = velocity;
+        let up_rate = single((body * turn).z) / single(node.seconds());
+        let lever = single(config.gnss.lever_arm_sigma_m) * up_rate;
+        let white = excess * sighting.sigma_mps * sighting.sigma_mps;
+        let d = sighting.velocity_mps - first;
+        let since_s = sighting.time.seconds_since(self.last_sighting);
+        self.last_sighting = sighting.time;
+        let invented = self.follow(d, seen, white, since_s);
+        let moved = self.moved_mps;
+        let unknown = self.covariance.variance(COS) + self.covariance.variance(SIN);
+        // Second order of the latency: half the jerk times its square.
+        let late = self.covariance.variance(LATENCY);
+        let jerk = (accel - self.accel_mps2) / single(SMOOTH_S);
+        let noise = sighting.alike * white
+            + lever * lever
+            + 0.5 * late * late * jerk.norm_squared()
+            + 0.5 * unknown * (d - moved).norm_squared();
+        let late = pushed - self.first_accel_mps2;
+        let rows = [
+            row(0, moved, back_s, &force, late.x),
+            row(1, turned_back(moved), back_s, &force, late.y),
+        ];
+        let [x, y] = rows;
+        let residual = Vector2::new(
+            seen.x - self.rotation.dot(&d),
+            seen.y - self.rotation.dot(&turned_back(d)),
+        );
+        let mut correction = Row::zeros();
+        let mut misfit = 0.0;
+        let mut expected = 0.0;
+        let before = [COS, SIN].map(|i| self.covariance.variance(i));
+        for (h, residual) in [(&x, residual.x), (&y, residual.y)] {
+            let (ratio, variance) = self.weigh(h, residual, noise, &mut correction);
+            let log = single(libm::log(f64::from(variance)));
+            self.log_likelihood -= 0.5 * (limited(ratio) + log);
+            misfit += 0.5 * ratio;
+            expected += 0.5 * variance;
+        }
+        for (unknown, before) in [COS, SIN].into_iter().zip(before) {
+            self.unlearn(unknown, before, 2.0 * invented / expected);
+        }
+        self.seen_mps = seen;
+        self.correct(&correction);
+        self.normalize();
+        self.anchor(moved);
+        if self.steady_s > STEADY_S && self.is_lost() {
+            self.lose();
+            self.begin(sighting, velocity);
+        }
+        misfit
+    }
+
+    /// What of the gain counts as motion. What the INS shows, turned by what is known of the
+    /// angle, has no noise; where GNSS contradicts it, or nothing is known, what GNSS saw counts
+    /// while that changes by more than can be noise. Returns the variance of the noise in it.
+    fn follow(&mut self, d: Vector2<f32>, seen: Vector2<f32>, white: f32, since_s: f64) -> f32 {
+        let least = STEADY_SIGMAS * STEADY_SIGMAS * 2.0 * white;
+        self.steady_s += single(since_s);
+        if (d - self.mark_mps).norm_squared() > least {
+            self.mark_mps = d;
+            self.steady_s = 0.0;
+        }
+        let (cos, sin) = (self.rotation.x, self.rotation.y);
+        let shown = Vector2::new(cos * seen.x - sin * seen.y, sin * seen.x + cos * seen.y);
+        if self.knows_angle() && (d - shown).norm_squared() < least {
+            self.moved_mps = shown;
+        } else if self.steady_s < HOLD_S {
+            let part = single(since_s / (since_s + MEAN_S));
+            self.moved_mps += part * (d - self.moved_mps);
+            return UNDERSTATED * white * part / (2.0 - part);
+        }
+        0.0
+    }
+
+    /// Noise in what stands beside cosine and sine looks like so much knowledge that they are
+    /// zero: `P n^2 P / S` less variance a measurement. That is given back.
+    fn unlearn(&mut self, unknown: usize, before: f32, noise: f32) {
+        let room = 0.5 - self.covariance.variance(unknown);
+        let back = before * before * noise;
+        let back = if back < room { back } else { room };
+        if back > 0.0 {
+            self.covariance.widen(unknown, back);
+        }
+    }
+
+    /// Whether cosine and sine are linear in their angle.
+    fn knows_angle(&self) -> bool {
+        f64::from(self.angle_sigma_rad) < KNOWN_ANGLE_RAD
+    }
+
+    /// Whether what was known of the angle, if anything, is so vague that it is not linear.
+    fn is_lost(&self) -> bool {
+        let limit = if self.knew_angle {
+            LOST_ANGLE_RAD
+        } else {
+            core::f64::consts::PI
+        };
+        f64::from(self.angle_sigma_rad) > limit
+    }
+
+    /// Forgets a heading that is hardly known, in steady motion: beyond some angle the equations
+    /// are not linear, and a heading that is not known at all has an exact beginning.
+    fn lose(&mut self) {
+        self.rotation = Vector2::zeros();
+        self.angle_sigma_rad = f32::INFINITY;
+        self.knew_angle = false;
+        for unknown in [COS, SIN] {
+            self.covariance.renew(unknown, 0.5);
+        }
+    }
+
+    /// The first sighting: velocities count from here.
+    fn begin(&mut self, first: &Sighting, velocity: Vector2<f32>) {
+        self.velocity_mps -= velocity;
+        self.first_mps = Some(first.velocity_mps);
+        self.way_m = Vector2::zeros();
+        self.velocity_before_mps = Vector2::zeros();
+        self.seen_mps = Vector2::zeros();
+        self.moved_mps = Vector2::zeros();
+        self.mark_mps = Vector2::zeros();
+        self.steady_s = 0.0;
+        self.last_sighting = first.time;
+        self.first_accel_mps2 = self.accel_mps2;
+        let off = 0.5 * first.span_s * FIRST_ACCEL_MPS2;
+        for axis in 0..2 {
+            let noise = first.alike * first.sigma_mps * first.sigma_mps + off * off;
+            self.covariance.renew(ERROR + axis, noise);
+        }
+    }
+
+    /// Takes one residual into covariance and correction; returns its square over the variance
+    /// it should have, and that.
+    fn weigh(&mut self, h: &Row, residual: f32, noise: f32, correction: &mut Row) -> (f32, f32) {
+        let left = residual - h.dot(correction);
+        let with = self.covariance.with(h);
+        let expected = with.dot(h) + noise;
+        let ratio = left * left / expected;
+        let variance = expected * ratio / limited(ratio);
+        let variance = if variance > expected {
+            variance
+        } else {
+            expected
+        };
+        self.covariance.measure(&with, variance);
+        *correction += with * (left / variance);
+        (ratio, expected)
+    }
+
+    /// Cosine and sine are of one angle: once that is known, so is their length.
+    fn normalize(&mut self) {
+        let (turn, grow) = self.directions();
+        let angle = self.covariance.sigma_of(&turn);
+        let seen = math::sqrt(f64::from(self.rotation.norm_squared())) > SEEN_LENGTH;
+        self.angle_sigma_rad = if seen { single(angle) } else { f32::INFINITY };
+        let length = self.covariance.sigma_of(&grow);
+        self.knew_angle |= self.knows_angle();
+        if !(self.knows_angle() && length > LENGTH_ERROR) {
+            return;
+        }
+        let off = 1.0 - math::sqrt(f64::from(self.rotation.norm_squared()));
+        // Second order of the angle: 1 - cos.
+        let noise = LENGTH_ERROR * LENGTH_ERROR + 0.25 * angle * angle * angle * angle;
+        let mut correction = Row::zeros();
+        let (ratio, _) = self.weigh(&grow, single(off), single(noise), &mut correction);
+        self.log_likelihood -= 0.5 * limited(ratio);
+        self.correct(&correction);
+    }
+
+    /// Lets the frame of now be the one that is sought: `(c, s)` turn by what the frame has turned
+    /// since the last time, `e` by what that makes of the velocity. A turn of before the heading
+    /// shows is then forgotten: any rotation is as likely as another.
+    fn anchor(&mut self, moved: Vector2<f32>) {
+        let turn = self.rotation;
+        let (x, y) = (turn.dot(&moved), turn.dot(&turned_back(moved)));
+        let p = &mut self.covariance;
+        p.shear(COS, TILT + 2, -turn.y);
+        p.shear(SIN, TILT + 2, turn.x);
+        p.shear(ERROR, TILT + 2, -y);
+        p.shear(ERROR + 1, TILT + 2, x);
+        p.renew(TILT + 2, 0.0);
+    }
+
+    /// What the angle of cosine and sine, with the turn since, and their length hang on.
+    fn directions(&self) -> (Row, Row) {
+        let rotation = self.rotation.map(f64::from);
+        let square = math::max(rotation.norm_squared(), 1e-6);
+        let along = rotation / math::sqrt(square);
+        let mut turn = Row::zeros();
+        let mut grow = Row::zeros();
+        for (i, h_turn, h_grow) in [
+            (TILT + 2, 1.0, 0.0),
+            (COS, -rotation.y / square, along.x),
+            (SIN, rotation.x / square, along.y),
+        ] {
+            if let (Some(turn), Some(grow)) = (turn.get_mut(i), grow.get_mut(i)) {
+                (*turn, *grow) = (single(h_turn), single(h_grow));
+            }
+        }
+        (turn, grow)
+    }
+
+    /// Puts what was found into the INS.
+    fn correct(&mut self, found: &Row) {
+        let at = |i: usize| found.get(i).copied().unwrap_or(0.0);
+        let wide = |i: usize| f64::from(at(i));
+        let error = Vector2::new(at(ERROR), at(ERROR + 1));
+        self.velocity_mps -= error;
+        self.velocity_before_mps -= error;
+        self.seen_mps -= error;
+        let mut tilt = Vector3::new(wide(TILT), wide(TILT + 1), wide(TILT + 2));
+        let size = math::sqrt(tilt.norm_squared());
+        if size > LARGEST_TURN_RAD {
+            tilt *= LARGEST_TURN_RAD / size;
+        }
+        // C = (I + [phi x]) C of before.
+        self.attitude = renormalized(small_rotation(&tilt) * self.attitude.as_ref());
+        self.gyro_bias_radps += Vector3::new(wide(BIAS), wide(BIAS + 1), wide(BIAS + 2));
+        self.rotation += Vector2::new(at(COS), at(SIN));
+        self.latency_s += at(LATENCY);
+    }
+
+    /// What it has found so far.
+    pub(crate) fn found(&self) -> Found {
+        let rotation = self.rotation.map(f64::from);
+        let length = math::sqrt(rotation.norm_squared());
+        let (turn, grow) = self.directions();
+        let deviation = |i: usize| math::sqrt(f64::from(self.covariance.variance(i)));
+        Found {
+            rotation_rad: math::atan2(rotation.y, rotation.x),
+            rotation_sigma_rad: self.covariance.sigma_of(&turn),
+            length,
+            length_sigma: self.covariance.sigma_of(&grow),
+            tilt_sigma_rad: math::max(deviation(TILT), deviation(TILT + 1)),
+            latency_s: f64::from(self.latency_s),
+            latency_sigma_s: deviation(LATENCY),
+            gyro_bias_radps: self.gyro_bias_radps,
+            gyro_sigma_radps: Vector3::new(
+                deviation(BIAS),
+                deviation(BIAS + 1),
+                deviation(BIAS + 2),
+            ),
+        }
+    }
+
+    /// Where it stands, body to the frame that points anywhere.
+    pub(crate) fn attitude(&self) -> &UnitQuaternion<f64> {
+        &self.attitude
+    }
+
+    /// Velocity gained since the last sighting, turned to east and north, m/s.
+    pub(crate) fn gained_en_mps(&self) -> Vector2<f64> {
+        let u = (self.velocity_mps - self.seen_mps).map(f64::from);
+        let turn = self.rotation.map(f64::from);
+        let length = math::max(math::sqrt(turn.norm_squared()), 1e-3);
+        let (cos, sin) = (turn.x / length, turn.y / length);
+        Vector2::new(cos * u.x - sin * u.y, sin * u.x + cos * u.y)
+    }
+}
+
+/// A squared residual, in sigmas, that cannot say more than an outlier does.
+fn limited(ratio: f32) -> f32 {
+    let limit = OUTLIER_SIGMAS * OUTLIER_SIGMAS;
+    if ratio < limit { ratio } else { limit }
+}
+
+/// What stands beside the sine for the second component.
+fn turned_back(d: Vector2<f32>) -> Vector2<f32> {
+    Vector2::new(d.y, -d.x)
+}
+
+/// Whether nothing is known yet of a gyro bias beyond the preset.
+fn is_unknown(known: &Parameters, axis: usize, config: &Config) -> bool {
+    let parameter = index::GYRO + axis;
+    let preset = single(config.sensors.gyro_bias_radps);
+    known.value(parameter) == 0.0 && known.sigma(parameter) >= f64::from(preset)
+}
+
+/// Spread of a gyro bias, rad/s. The preset says what is usual of units, not what one may be.
+fn gyro_sigma(known: &Parameters, axis: usize, config: &Config) -> f64 {
+    let sigma = known.sigma(index::GYRO + axis);
+    if is_unknown(known, axis, config) {
+        UNUSUAL * sigma
+    } else {
+        sigma
+    }
+}
+
+/// Largest spread of a gyro bias, rad/s.
+pub(crate) fn widest_gyro_sigma(known: &Parameters, config: &Config) -> f64 {
+    (0..3).fold(0.0, |widest, axis| {
+        math::max(widest, gyro_sigma(known, axis, config))
+    })
+}
+
+/// What a candidate has found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Found {
+    /// Rotation from its frame to the true one, counter-clockwise, rad.
+    pub(crate) rotation_rad: f64,
+    pub(crate) rotation_sigma_rad: f64,
+    /// Length of cosine and sine, 1 if the two motions are one.
+    pub(crate) length: f64,
+    pub(crate) length_sigma: f64,
+    pub(crate) tilt_sigma_rad: f64,
+    pub(crate) latency_s: f64,
+    pub(crate) latency_sigma_s: f64,
+    pub(crate) gyro_bias_radps: Vector3<f64>,
+    pub(crate) gyro_sigma_radps: Vector3<f64>,
+}
+
+/// How a component of `u` hangs on the unknowns, `back_s` after the INS's moment.
+fn row(axis: usize, moved: Vector2<f32>, back_s: f32, force: &Vector3<f32>, late: f32) -> Row {
+    let (x, y) = (back_s * force.x, back_s * force.y);
+    let z = back_s * force.z;
+    let (error, tilt) = if axis == 0 {
+        ([1.0, 0.0], [0.0, -z, y])
+    } else {
+        ([0.0, 1.0], [z, 0.0, -x])
+    };
+    let [tilt_x, tilt_y, turn] = tilt;
+    let [error_x, error_y] = error;
+    Row::from([
+        error_x, error_y, tilt_x, tilt_y, turn, 0.0, 0.0, 0.0, moved.x, moved.y, late,
+    ])
+}

@@ -1,0 +1,94 @@
+//! Levelling in motion.
+//!
+//! In a frame that the gyros hold, the mean specific force over a time `T` is gravity upwards plus
+//! `dv / T`, `dv` being the velocity gained, however the vehicle turns, banks or shakes meanwhile:
+//! up is found to `|dv| / (g T)`. GNSS knows `|dv|` without any heading. Gyro biases tilt the held
+//! frame by `b T / 2` in the mean over `T`, and by as much again since. So long means are good in
+//! turns, short ones with poor gyros, and the sum of both says when it is time.
+
+use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
+
+use super::levelling::level;
+use crate::attitude::{matrix, renormalized, small_rotation};
+use crate::earth::GRAVITY_EQUATOR_MPS2;
+use crate::increments::Interval;
+use crate::math;
+
+/// Least time of a mean, s: shaking and bumps are over.
+const LEAST_S: f64 = 2.0;
+/// Longest time of a mean, s.
+const LONGEST_S: f64 = 8.0;
+/// Acceleration of a vehicle of which GNSS has said nothing, m/s^2.
+const UNSEEN_MPS2: f64 = 2.0;
+
+/// The mean so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct CoarseLevel {
+    seconds: f64,
+    /// Body of now to body of the beginning.
+    turned: Option<Quaternion<f64>>,
+    /// Velocity gained from specific force, axes of the beginning, m/s.
+    force_mps: Vector3<f64>,
+    /// Velocity at the beginning, E and N.
+    first_mps: Option<Vector2<f64>>,
+    last_mps: Option<Vector2<f64>>,
+}
+
+/// An attitude without a heading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Level {
+    pub(crate) attitude: UnitQuaternion<f64>,
+    pub(crate) tilt_sigma_rad: f64,
+}
+
+impl CoarseLevel {
+    /// Takes an interval; begins anew when the mean has become too long.
+    pub(crate) fn on_interval(&mut self, interval: &Interval) {
+        if self.seconds >= LONGEST_S {
+            *self = Self {
+                first_mps: self.last_mps,
+                last_mps: self.last_mps,
+                ..Self::default()
+            };
+        }
+        let turned = self.turned.unwrap_or_else(Quaternion::identity);
+        let attitude = UnitQuaternion::new_unchecked(turned);
+        self.force_mps += matrix(&attitude) * interval.velocity_mps();
+        let next = turned * small_rotation(&interval.rotation_rad());
+        self.turned = Some(*renormalized(next).as_ref());
+        self.seconds += interval.seconds;
+    }
+
+    /// GNSS has seen a velocity.
+    pub(crate) fn on_velocity(&mut self, velocity_mps: &Vector2<f64>) {
+        self.first_mps.get_or_insert(*velocity_mps);
+        self.last_mps = Some(*velocity_mps);
+    }
+
+    /// The attitude now, if the mean is long enough; gyro biases have a spread of `bias_radps`.
+    pub(crate) fn level(&self, bias_radps: f64) -> Option<Level> {
+        if self.seconds < LEAST_S {
+            return None;
+        }
+        let up = level(&self.force_mps, 0.0);
+        let attitude = renormalized(up.as_ref() * self.turned?);
+        let gained = match (self.first_mps, self.last_mps) {
+            (Some(first), Some(last)) => math::sqrt((last - first).norm_squared()),
+            _ => UNSEEN_MPS2 * self.seconds,
+        };
+        let pushed = gained / (GRAVITY_EQUATOR_MPS2 * self.seconds);
+        let turned = 0.5 * bias_radps * self.seconds;
+        let variance = pushed * pushed + turned * turned;
+        Some(Level {
+            attitude,
+            tilt_sigma_rad: math::sqrt(variance),
+        })
+    }
+
+    /// Whether a longer mean is not waited for.
+    pub(crate) fn is_long(&self) -> bool {
+        self.seconds > LONGEST_S - 0.5
+    }
+}

@@ -1,0 +1,135 @@
+//! The inertial past: motion over tenths of a second, kept until the fixes of that time have come.
+//!
+//! A fix arrives up to a second after its stamp and shows the motion of up to a second before or
+//! after it, so whoever compares the two runs some seconds behind the sensors.
+
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
+use crate::attitude::{matrix, renormalized, small_rotation};
+use crate::increments::Interval;
+use crate::math::single;
+
+/// Length of a node, s: darts of a small quadrotor last half a second.
+const NODE_S: f64 = 0.1;
+/// Nodes kept.
+const KEPT: u32 = 32;
+/// Nodes that may wait for fixes; the rest is room for work that is spread over calls. Enough for
+/// a fix a second that comes a second late and shows what was most of a second ago.
+const WAIT: u32 = 28;
+
+/// Motion over a node, in the body axes of its start, as the sensors read it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Node {
+    /// Duration, microseconds: stamps add up exactly.
+    pub(crate) micros: u32,
+    /// Rotation vector, rad.
+    pub(crate) rotation_rad: Vector3<f32>,
+    /// Velocity gained from specific force, m/s.
+    pub(crate) velocity_mps: Vector3<f32>,
+}
+
+impl Node {
+    /// Duration, s.
+    pub(crate) fn seconds(&self) -> f64 {
+        1e-6 * f64::from(self.micros)
+    }
+
+    /// Rotation and velocity gained less those of constant biases, over `seconds`.
+    ///
+    /// Within the node the gyro bias turned the axes of the force by half of its angle.
+    pub(crate) fn without_bias(
+        &self,
+        gyro_radps: &Vector3<f64>,
+        accel_mps2: &Vector3<f64>,
+    ) -> (Vector3<f64>, Vector3<f64>) {
+        let seconds = self.seconds();
+        let velocity = self.velocity_mps.map(f64::from) - seconds * accel_mps2;
+        let turned = 0.5 * seconds * gyro_radps;
+        (
+            self.rotation_rad.map(f64::from) - seconds * gyro_radps,
+            velocity - turned.cross(&velocity),
+        )
+    }
+}
+
+/// The last nodes, numbered from the first one ever, and the one being gathered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Nodes {
+    kept: [Node; KEPT as usize],
+    count: u32,
+    seconds: f64,
+    rotation: Quaternion<f64>,
+    velocity_mps: Vector3<f64>,
+}
+
+impl Default for Nodes {
+    fn default() -> Self {
+        Self {
+            kept: [Node::default(); KEPT as usize],
+            count: 0,
+            seconds: 0.0,
+            rotation: Quaternion::identity(),
+            velocity_mps: Vector3::zeros(),
+        }
+    }
+}
+
+impl Nodes {
+    /// A node by its number, while it is kept.
+    pub(crate) fn get(&self, number: u32) -> Option<&Node> {
+        let age = self.count.checked_sub(number)?;
+        if age == 0 || age > KEPT {
+            return None;
+        }
+        self.kept.get((number % KEPT) as usize)
+    }
+
+    /// Whether node `number` must not wait any longer for a fix.
+    pub(crate) fn presses(&self, number: u32) -> bool {
+        self.count.saturating_sub(number) > WAIT
+    }
+
+    /// Adds an interval; true if a node has ended with it.
+    pub(crate) fn add(&mut self, interval: &Interval) -> bool {
+        let attitude = UnitQuaternion::new_unchecked(self.rotation);
+        self.velocity_mps += matrix(&attitude) * interval.velocity_mps();
+        let turned = self.rotation * small_rotation(&interval.rotation_rad());
+        self.rotation = *renormalized(turned).as_ref();
+        self.seconds += interval.seconds;
+        if self.seconds < NODE_S - 0.25 * interval.seconds {
+            return false;
+        }
+        self.close();
+        true
+    }
+
+    /// The end of a node to the microsecond; what is cut off belongs to the next.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    fn close(&mut self) {
+        let micros = crate::math::round(self.seconds * 1e6) as u32;
+        let node = Node {
+            micros,
+            rotation_rad: rotation_vector(&self.rotation).map(single),
+            velocity_mps: self.velocity_mps.map(single),
+        };
+        if let Some(place) = self.kept.get_mut((self.count % KEPT) as usize) {
+            *place = node;
+        }
+        self.count += 1;
+        self.seconds -= 1e-6 * f64::from(micros);
+        self.rotation = Quaternion::identity();
+        self.velocity_mps = Vector3::zeros();
+    }
+}
+
+/// Rotation vector of a quaternion, for angles below a turn.
+fn rotation_vector(q: &Quaternion<f64>) -> Vector3<f64> {
+    let axis = Vector3::new(q.i, q.j, q.k);
+    let sin = crate::math::sqrt(axis.norm_squared());
+    if sin < 1e-6 {
+        return 2.0 * axis;
+    }
+    2.0 * crate::math::atan2(sin, q.w) / sin * axis
+}

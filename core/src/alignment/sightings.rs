@@ -1,0 +1,150 @@
+//! What fixes say of the motion: velocities, or mean velocities between positions.
+//!
+//! Receivers give up to 25 fixes a second, whose errors hardly change within a second: a few of
+//! them say all. A receiver without velocity is read by the way between two positions a second
+//! apart: what stands still in its position errors then does not matter.
+
+use nalgebra::Vector2;
+
+use crate::config::Config;
+use crate::earth::Geodetic;
+use crate::math;
+use crate::samples::GnssFix;
+use crate::time::Time;
+
+/// Least time between two velocities, s.
+const SPACING_S: f64 = 0.19;
+/// Least time between two positions whose difference is a velocity, s.
+const SPAN_S: f64 = 0.95;
+/// Longest: what happened between is lost in the mean.
+const LONGEST_SPAN_S: f64 = 5.0;
+/// Time over which a receiver's errors are taken to stay the same, s.
+const ALIKE_S: f64 = 2.0;
+/// Change of a position error within a second, m: what receivers smooth leaves decimetres, a
+/// metre where they do not.
+const WANDER_M: f64 = 0.7;
+/// Speed that shows motion, sigmas.
+const MOTION_SIGMAS: f32 = 4.0;
+/// Sightings that wait.
+const KEPT: u32 = 16;
+
+/// A velocity of the vehicle, or its mean over some time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Sighting {
+    /// Stamp; of a mean, of its end.
+    pub(crate) time: Time,
+    /// Time it is the mean over, s; zero if none.
+    pub(crate) span_s: f32,
+    /// East and north, m/s.
+    pub(crate) velocity_mps: Vector2<f32>,
+    /// Standard deviation of each component, m/s.
+    pub(crate) sigma_mps: f32,
+    /// How many successive ones share their errors.
+    pub(crate) alike: f32,
+}
+
+impl Sighting {
+    /// Whether the speed is above its noise.
+    pub(crate) fn moves(&self) -> bool {
+        let least = MOTION_SIGMAS * self.sigma_mps;
+        self.velocity_mps.norm_squared() > least * least
+    }
+}
+
+/// The last sightings, numbered from the first one ever.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Sightings {
+    kept: [Sighting; KEPT as usize],
+    count: u32,
+    last: Option<Time>,
+    /// Position that the next difference starts from.
+    before: Option<(Time, Geodetic)>,
+}
+
+impl Sightings {
+    /// Number of sightings.
+    pub(crate) fn count(&self) -> u32 {
+        self.count
+    }
+
+    /// Speed of the last, m/s.
+    pub(crate) fn speed_mps(&self) -> f64 {
+        let last = self.count.checked_sub(1).and_then(|last| self.get(last));
+        last.map_or(0.0, |last| f64::from(last.velocity_mps.norm()))
+    }
+
+    /// A sighting by its number, while it is kept.
+    pub(crate) fn get(&self, number: u32) -> Option<&Sighting> {
+        let age = self.count.checked_sub(number)?;
+        if age == 0 || age > KEPT {
+            return None;
+        }
+        self.kept.get((number % KEPT) as usize)
+    }
+
+    /// Number of the oldest that is kept.
+    pub(crate) fn oldest(&self) -> u32 {
+        self.count.saturating_sub(KEPT)
+    }
+
+    /// Takes a fix; true if it makes a sighting.
+    pub(crate) fn add(&mut self, fix: &GnssFix, config: &Config) -> Option<Sighting> {
+        let sighting = if fix.velocity_en_mps.is_some() {
+            self.before = None;
+            self.velocity(fix, config)
+        } else {
+            self.difference(fix)
+        }?;
+        self.last = Some(fix.time);
+        if let Some(place) = self.kept.get_mut((self.count % KEPT) as usize) {
+            *place = sighting;
+        }
+        self.count += 1;
+        Some(sighting)
+    }
+
+    fn velocity(&self, fix: &GnssFix, config: &Config) -> Option<Sighting> {
+        let since_s = self
+            .last
+            .map_or(ALIKE_S, |last| fix.time.seconds_since(last));
+        if since_s < SPACING_S {
+            return None;
+        }
+        let stated = fix.sigma.velocity_mps.unwrap_or(0.0);
+        let sigma = math::max(stated, config.gnss.velocity_mps.white);
+        let shared = math::max(ALIKE_S / since_s, 1.0);
+        Some(Sighting {
+            time: fix.time,
+            span_s: 0.0,
+            velocity_mps: fix.velocity_en_mps?.map(math::single),
+            sigma_mps: math::single(sigma),
+            alike: math::single(shared),
+        })
+    }
+
+    fn difference(&mut self, fix: &GnssFix) -> Option<Sighting> {
+        let place = fix.geodetic_or(0.0)?;
+        let Some((time, before)) = self.before else {
+            self.before = Some((fix.time, place));
+            return None;
+        };
+        let span_s = fix.time.seconds_since(time);
+        if span_s < SPAN_S {
+            return None;
+        }
+        self.before = Some((fix.time, place));
+        if span_s > LONGEST_SPAN_S {
+            return None;
+        }
+        let velocity = place.enu_from(&before).xy() / span_s;
+        Some(Sighting {
+            time: fix.time,
+            span_s: math::single(span_s),
+            velocity_mps: velocity.map(math::single),
+            sigma_mps: math::single(core::f64::consts::SQRT_2 * WANDER_M / span_s),
+            alike: 1.0,
+        })
+    }
+}

@@ -1,0 +1,257 @@
+//! How strong the noises are, by trial: beside the observer runs a second one that assumes one of
+//! them stronger, weaker or slower, on the same differences. If its innovations are clearly
+//! likelier, its assumption is taken over, and the next is tried.
+//!
+//! White innovations of the right variance are the most likely ones, so this tells noise of GNSS
+//! that is correlated from an INS that wanders more than its gyros should: the one comes back, the
+//! other does not. Likelihoods are compared at the best common factor of all variances each, for
+//! that factor is measured anyway.
+
+use nalgebra::Vector2;
+
+use crate::channel::{Channel, Gains, Growth, Measured, Renewal};
+use crate::config::{Config, Noise};
+use crate::math;
+
+/// Factor of a standard deviation or of a time from one trial to the next.
+const STEP: f64 = 2.0;
+/// Least correlated part that is tried, against the white one.
+const LEAST_COLOUR: f64 = 0.5;
+/// Shortest and longest correlation time that is tried, s: a shorter one is white, a longer one an
+/// error of the INS.
+const CORRELATION_S: [f64; 2] = [0.5, 16.0];
+/// Difference of log-likelihoods that decides: odds of one in 150.
+const DECIDED: f64 = 5.0;
+/// Longest trial, s, and least number of innovations.
+const LONGEST_S: f64 = 60.0;
+const LEAST_COUNT: f64 = 40.0;
+/// Largest square of an innovation, in its variance, that counts: outliers are no noise.
+const ROBUST: f64 = 9.0;
+
+/// What is assumed of the noises beyond what is configured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Assumed {
+    /// Noise of the gyros and of the accelerometers against the configured one.
+    pub gyro: f64,
+    /// See above.
+    pub accel: f64,
+    /// Correlated part of the noise of GNSS velocity against its white part.
+    pub colour: f64,
+    /// Its correlation time, s.
+    pub correlation_s: f64,
+}
+
+impl Assumed {
+    /// What is configured.
+    pub fn configured(config: &Config) -> Self {
+        let velocity = &config.gnss.velocity_mps;
+        Self {
+            gyro: 1.0,
+            accel: 1.0,
+            colour: velocity.correlated / velocity.white,
+            correlation_s: velocity.correlation_s,
+        }
+    }
+
+    /// Noise of a velocity of this white part.
+    pub fn velocity(&self, white: f64) -> Noise {
+        Noise {
+            white,
+            correlated: self.colour * white,
+            correlation_s: self.correlation_s,
+        }
+    }
+
+    /// One assumption changed, within the bounds of the user; the same where that is not allowed.
+    fn changed(mut self, change: u8, config: &Config) -> Self {
+        let within = |value: f64, [least, most]: [f64; 2]| math::max(math::min(value, most), least);
+        let sensors = config.sensors.noise_range;
+        match change {
+            0 => self.gyro = within(self.gyro * STEP, sensors),
+            1 => self.gyro = within(self.gyro / STEP, sensors),
+            2 => self.accel = within(self.accel * STEP, sensors),
+            3 => self.accel = within(self.accel / STEP, sensors),
+            _ if config.gnss.trust_stated_sigma => {}
+            4 => {
+                let [_, most] = config.gnss.noise_range;
+                self.colour = within(self.colour * STEP, [LEAST_COLOUR, most]);
+            }
+            5 if self.colour > LEAST_COLOUR => self.colour /= STEP,
+            5 => self.colour = 0.0,
+            6 => self.correlation_s = within(self.correlation_s * STEP, CORRELATION_S),
+            7 => self.correlation_s = within(self.correlation_s / STEP, CORRELATION_S),
+            // What one noise was taken for may be another: steps in one direction do not lead there.
+            8 => {
+                self = Self {
+                    colour: BOLD_COLOUR,
+                    ..Self::configured(config)
+                }
+            }
+            _ => {
+                self = Self {
+                    colour: BOLD_COLOUR,
+                    correlation_s: BOLD_CORRELATION_S,
+                    ..Self::configured(config)
+                }
+            }
+        }
+        self
+    }
+}
+
+const CHANGES: u8 = 10;
+/// Colour that is tried in place of all else.
+const BOLD_COLOUR: f64 = 4.0;
+const BOLD_CORRELATION_S: f64 = 8.0;
+
+/// Log-likelihood of innovations, whatever the common factor of their variances.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Likelihood {
+    count: f64,
+    squares: f64,
+    logarithms: f64,
+}
+
+impl Likelihood {
+    fn add(&mut self, innovation: &Vector2<f64>, variance: f64) {
+        self.count += 2.0;
+        let square = innovation.norm_squared() / variance;
+        self.squares += math::min(square, 2.0 * ROBUST);
+        self.logarithms += 2.0 * math::log(variance);
+    }
+
+    fn value(&self) -> f64 {
+        let scale = math::log(self.squares / self.count);
+        -0.5 * (self.count * scale + self.logarithms)
+    }
+}
+
+/// Level errors of the INS and of GNSS as the rival sees them, less what the observer sees.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Apart {
+    position_m: Vector2<f64>,
+    velocity_mps: Vector2<f64>,
+    /// `(-Phi_N, Phi_E)`: what accelerates east and north.
+    tilt_rad: Vector2<f64>,
+    velocity_noise: Vector2<f64>,
+    position_noise: Vector2<f64>,
+}
+
+/// A trial going on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct NoiseTrial {
+    change: u8,
+    /// What the rival assumes.
+    pub assumed: Assumed,
+    /// Its covariance.
+    pub level: Channel,
+    apart: Apart,
+    own: Likelihood,
+    rival: Likelihood,
+    seconds: f64,
+}
+
+impl NoiseTrial {
+    /// Tries the next change that the user's bounds allow, beside an observer that assumes `own`.
+    pub fn new(after: u8, own: &Assumed, level: &Channel, config: &Config) -> Self {
+        let mut change = after;
+        let mut assumed = *own;
+        for _ in 0..CHANGES {
+            change = if change + 1 < CHANGES { change + 1 } else { 0 };
+            assumed = own.changed(change, config);
+            // The time of what is not there does not matter.
+            if assumed != *own && (!matches!(change, 6 | 7) || own.colour > 0.0) {
+                break;
+            }
+        }
+        Self {
+            change,
+            assumed,
+            level: *level,
+            apart: Apart::default(),
+            own: Likelihood::default(),
+            rival: Likelihood::default(),
+            seconds: 0.0,
+        }
+    }
+
+    /// Begins with the colour of GNSS: an INS that would have to follow it is the worse guess.
+    pub fn first(own: &Assumed, level: &Channel, config: &Config) -> Self {
+        Self::new(CHANGES - 3, own, level, config)
+    }
+
+    /// Which change is on trial.
+    pub fn change(&self) -> u8 {
+        self.change
+    }
+
+    /// Carries the rival over a span: see [`Channel::propagate`].
+    pub fn propagate(&mut self, growth: &Growth, noises: [Renewal; 2]) {
+        self.level.propagate(growth, noises);
+        self.seconds += growth.seconds;
+        let [velocity, position] = noises;
+        let apart = &mut self.apart;
+        apart.position_m +=
+            apart.velocity_mps * growth.seconds + apart.tilt_rad * growth.force_up_moved_m;
+        apart.velocity_mps += apart.tilt_rad * growth.force_up_mps;
+        apart.velocity_noise *= velocity.keep;
+        apart.position_noise *= position.keep;
+    }
+
+    /// Takes a level innovation of the observer, of this variance, corrected with these gains.
+    pub fn take(
+        &mut self,
+        measured: Measured,
+        innovation: &Vector2<f64>,
+        white: f64,
+        own_variance: f64,
+        own_gains: &Gains,
+    ) {
+        let apart = &mut self.apart;
+        let shown = match measured {
+            Measured::Velocity => apart.velocity_mps + apart.velocity_noise,
+            Measured::Position => apart.position_m + apart.position_noise,
+        };
+        let rival = innovation - shown;
+        let variance = self.level.predicted(measured) + white;
+        let gains = self.level.update(measured, white);
+        apart.position_m += gains.x * rival - own_gains.x * innovation;
+        apart.velocity_mps += gains.y * rival - own_gains.y * innovation;
+        apart.tilt_rad += gains.z * rival - own_gains.z * innovation;
+        apart.velocity_noise += gains.w * rival - own_gains.w * innovation;
+        apart.position_noise += gains.a * rival - own_gains.a * innovation;
+        self.own.add(innovation, own_variance);
+        self.rival.add(&rival, variance);
+    }
+
+    /// Whether the rival has won; none while the trial goes on.
+    pub fn verdict(&self) -> Option<bool> {
+        if self.own.count < LEAST_COUNT {
+            return (self.seconds > 10.0 * LONGEST_S).then_some(false);
+        }
+        let gain = self.rival.value() - self.own.value();
+        if gain > DECIDED {
+            return Some(true);
+        }
+        (gain < -DECIDED || self.seconds > LONGEST_S).then_some(false)
+    }
+
+    /// What the rival sees beyond the observer, on an axis, 0 or 1: position, velocity, tilt that
+    /// accelerates it, and the correlated noises of velocity and position.
+    pub fn apart(&self, axis: usize) -> Gains {
+        let of = |v: &Vector2<f64>| v.get(axis).copied().unwrap_or(0.0);
+        let a = &self.apart;
+        Gains::from([
+            of(&a.position_m),
+            of(&a.velocity_mps),
+            of(&a.tilt_rad),
+            of(&a.velocity_noise),
+            of(&a.position_noise),
+        ])
+    }
+}

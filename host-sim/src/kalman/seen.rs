@@ -1,0 +1,193 @@
+//! What measurements say of the errors: differences, and what a unit of each error adds to them.
+
+use ins_core::GnssFix;
+use ins_core::attitude::matrix;
+use ins_core::earth::Geodetic;
+use ins_core::mechanization::Mechanization;
+use nalgebra::{DVector, Matrix3, Vector3};
+
+use super::{Known, Layout, Noise, Part, StateMatrix, index};
+
+/// Climb of a vehicle of whose height and vertical velocity a fix says nothing, m/s: enough to
+/// keep gravity what it is.
+const CLIMB_MPS: f64 = 5.0;
+
+/// Some numbers measured at one time, each with noise of its own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Seen {
+    /// A row for each number, a column for each error.
+    pub by: StateMatrix,
+    /// INS minus measured, or what else is zero but for errors and noise.
+    pub difference: DVector<f64>,
+    /// Variance of the noise.
+    pub variance: DVector<f64>,
+    /// Covariance of errors (rows) and noise (columns); none where a noise is its own.
+    pub shared: Option<StateMatrix>,
+}
+
+impl Seen {
+    fn new(rows: usize, layout: &Layout) -> Self {
+        Self {
+            by: StateMatrix::zeros(rows, layout.size),
+            difference: DVector::zeros(rows),
+            variance: DVector::zeros(rows),
+            shared: None,
+        }
+    }
+
+    fn set(&mut self, row: usize, first: usize, by: &[f64; 3]) {
+        for (column, by) in by.iter().enumerate() {
+            self.by[(row, first + column)] = *by;
+        }
+    }
+}
+
+/// The INS at the moment that a fix shows.
+#[derive(Clone, Copy, Debug)]
+pub struct AtMoment<'a> {
+    /// At the end of the interval that the moment lies in.
+    pub known: &'a Known,
+    /// How long before that end, s.
+    pub since_s: f64,
+    /// Acceleration, ENU, m/s^2.
+    pub accel_mps2: Vector3<f64>,
+    /// Angular rate against the Earth over that interval, body, rad/s.
+    pub rate_radps: Vector3<f64>,
+}
+
+impl AtMoment<'_> {
+    /// Compares a part of a fix; `None` where the fix has none.
+    pub fn compare(
+        &self,
+        part: Part,
+        fix: &GnssFix,
+        noise: &Noise,
+        layout: &Layout,
+    ) -> Option<Seen> {
+        let measured = match part {
+            Part::Velocity => fix.velocity_en_mps.map(|_| fix.velocity_enu_mps())?,
+            Part::VelocityUp if fix.height_m.is_none() && fix.velocity_up_mps.is_none() => {
+                return Some(self.level_motion(layout));
+            }
+            Part::VelocityUp => fix.velocity_up_mps.map(|_| fix.velocity_enu_mps())?,
+            Part::Position => self.metres_to(&fix.geodetic_or(self.height_m())?),
+            Part::Height => self.metres_to(&Geodetic {
+                height_m: fix.height_m?,
+                ..self.known.ins.position
+            }),
+        };
+        let [antenna, by_attitude, by_arm] = self.antenna(part);
+        let ins = if part.is_velocity() {
+            self.velocity_mps()
+        } else {
+            Vector3::zeros()
+        };
+        let difference = ins + antenna.column(0) - (measured - self.known.colour(part));
+        let by_latency = if part.is_velocity() {
+            self.accel_mps2
+        } else {
+            self.velocity_mps()
+        };
+        let by_gyro = self.antenna_by_gyro(part);
+        let sigma = noise.white_of(part, fix);
+        let mut seen = Seen::new(part.axes().len(), layout);
+        for (row, axis) in part.axes().enumerate() {
+            let of = |block: &Matrix3<f64>| [0, 1, 2].map(|column| block[(axis, column)]);
+            seen.set(row, index::ATTITUDE, &of(&by_attitude));
+            seen.set(row, index::GYRO, &of(&by_gyro));
+            if let Some(at) = layout.lever_arm {
+                seen.set(row, at, &of(&by_arm));
+            }
+            if let Some(at) = layout.colour(part) {
+                seen.by[(row, at + row)] = -1.0;
+            }
+            seen.by[(row, part.states().start + row)] = 1.0;
+            seen.by[(row, index::LATENCY)] = by_latency[axis];
+            seen.difference[row] = difference[axis];
+            seen.variance[row] = sigma * sigma;
+        }
+        Some(seen)
+    }
+
+    fn velocity_mps(&self) -> Vector3<f64> {
+        self.known.ins.velocity_enu_mps - self.since_s * self.accel_mps2
+    }
+
+    fn height_m(&self) -> f64 {
+        self.known.ins.position.height_m
+    }
+
+    /// From where the INS was at the moment to a place, ENU, m.
+    fn metres_to(&self, place: &Geodetic) -> Vector3<f64> {
+        let ins: &Mechanization = &self.known.ins;
+        let moved = self.since_s * (ins.velocity_enu_mps - 0.5 * self.since_s * self.accel_mps2);
+        moved - ins.position.enu_from(place)
+    }
+
+    /// What the antenna has beyond the sensors (first column), by attitude, and by the arm:
+    /// `C l` and `C (w x l)`.
+    fn antenna(&self, part: Part) -> [Matrix3<f64>; 3] {
+        let attitude = matrix(&self.known.ins.attitude);
+        let turn = if part.is_velocity() {
+            attitude * self.rate_radps.cross_matrix()
+        } else {
+            attitude
+        };
+        let antenna = turn * self.known.lever_arm_m;
+        // C' u = C u - Phi x C u; the arm is known minus what is left of its error.
+        let columns = Matrix3::from_columns(&[antenna, Vector3::zeros(), Vector3::zeros()]);
+        [columns, antenna.cross_matrix(), -turn]
+    }
+
+    /// A gyro that reads too much makes the antenna move more: `C (dw x l)`.
+    fn antenna_by_gyro(&self, part: Part) -> Matrix3<f64> {
+        if !part.is_velocity() {
+            return Matrix3::zeros();
+        }
+        -matrix(&self.known.ins.attitude) * self.known.lever_arm_m.cross_matrix()
+    }
+
+    /// Nothing is known of the height: the vehicle stays about where it is.
+    fn level_motion(&self, layout: &Layout) -> Seen {
+        let mut seen = Seen::new(1, layout);
+        seen.by[(0, index::VELOCITY + 2)] = 1.0;
+        seen.difference[0] = self.known.ins.velocity_enu_mps.z;
+        seen.variance[0] = CLIMB_MPS * CLIMB_MPS;
+        seen
+    }
+}
+
+/// What the gyros read in a block of rest, less the turn of the Earth and their known errors.
+///
+/// Their noise in the block is what turned the platform meanwhile: both have it in common.
+pub fn at_rest(
+    known: &Known,
+    rate_radps: &Vector3<f64>,
+    seconds: f64,
+    noise: &Noise,
+    layout: &Layout,
+) -> Option<Seen> {
+    let sway = noise.rest_sway_radps?;
+    let attitude = matrix(&known.ins.attitude);
+    let earth_rate = known.ins.local_earth().earth_rate();
+    let turn = attitude.tr_mul(&earth_rate);
+    // C'^T w = C^T w + C^T (Phi x w).
+    let by_attitude = attitude.transpose() * earth_rate.cross_matrix();
+    let mut seen = Seen::new(3, layout);
+    let mut shared = StateMatrix::zeros(layout.size, 3);
+    for axis in 0..3 {
+        let power = noise.gyro_noise[axis] * noise.gyro_noise[axis];
+        let row = [0, 1, 2].map(|column| by_attitude[(axis, column)]);
+        seen.set(axis, index::ATTITUDE, &row);
+        seen.by[(axis, index::GYRO + axis)] = 1.0;
+        seen.difference[axis] = rate_radps[axis] - turn[axis] - known.gyro_bias_radps[axis];
+        seen.variance[axis] = (power + sway * sway) / seconds;
+        // The angle that the noise made is minus the error of the platform, in body axes.
+        let tilt = -power * attitude.column(axis);
+        shared
+            .fixed_view_mut::<3, 1>(index::ATTITUDE, axis)
+            .copy_from(&tilt);
+    }
+    seen.shared = Some(shared);
+    Some(seen)
+}

@@ -1,0 +1,333 @@
+//! Fixes that a logger or a receiver made worse than they are, mended where that is certain.
+
+use ins_core::GnssFix;
+use ins_core::earth::LatLon;
+use nalgebra::Vector2;
+
+use super::Log;
+use super::check::median;
+use super::error::LogError;
+use super::read::Files;
+
+/// Speed above which a vehicle moves beyond doubt, m/s: ten times a receiver's noise.
+const MOVING_MPS: f64 = 1.0;
+/// Way that no receiver can go without another position, m: the coarsest ones write 1e-5 deg.
+const UNSEEN_M: f64 = 2.0;
+
+/// Leaves out what is no measurement, turns what is upside down.
+pub(super) fn mend_fixes(
+    log: &mut Log,
+    files: &Files,
+    warnings: &mut Vec<LogError>,
+) -> Result<(), LogError> {
+    let mut mend = Mend {
+        fixes: &mut log.gnss,
+        files,
+        warnings,
+    };
+    mend.rows_without_fix();
+    mend.repeated_fixes();
+    mend.stuck_positions();
+    mend.repeated_velocities();
+    mend.empty_climb();
+    mend.climb_of_the_wrong_sign();
+    mend.differenced_velocity();
+    mend.what_is_missing()
+}
+
+struct Mend<'a> {
+    fixes: &'a mut Vec<GnssFix>,
+    files: &'a Files,
+    warnings: &'a mut Vec<LogError>,
+}
+
+impl Mend<'_> {
+    fn warn(&mut self, column: &str, expected: &str, found: String, cause: &str) {
+        let defect = LogError::file(&self.files.gnss, expected, found, cause);
+        self.warnings.push(defect.in_column(column));
+    }
+
+    /// Zero latitude and longitude stand for no fix, unless the whole drive is there.
+    fn rows_without_fix(&mut self) {
+        let none = |fix: &GnssFix| fix.position == Some(LatLon::default());
+        let count = self.fixes.iter().filter(|fix| none(fix)).count();
+        let elsewhere = self
+            .fixes
+            .iter()
+            .any(|fix| fix.position.is_some() && !none(fix));
+        if count == 0 || !elsewhere {
+            return;
+        }
+        for fix in self.fixes.iter_mut().filter(|fix| none(fix)) {
+            // Velocity and height of a receiver without a position are none either.
+            *fix = GnssFix {
+                time: fix.time,
+                ..GnssFix::default()
+            };
+        }
+        self.drop_empty();
+        let found = format!("latitude and longitude 0 in {count} rows");
+        let cause = "rows of zeros where the receiver had no fix; left out";
+        self.warn("lat_deg, lon_deg", "positions of the drive", found, cause);
+    }
+
+    fn drop_empty(&mut self) {
+        self.fixes.retain(|fix| {
+            fix.position.is_some()
+                || fix.height_m.is_some()
+                || fix.velocity_en_mps.is_some()
+                || fix.velocity_up_mps.is_some()
+        });
+    }
+
+    /// The same fix under several stamps: a logger faster than its receiver.
+    fn repeated_fixes(&mut self) {
+        let same = |a: &GnssFix, b: &GnssFix| {
+            a.position.is_some() && GnssFix { time: a.time, ..*b } == *a && moves(a)
+        };
+        let repeated = self.fixes.windows(2).filter(|w| same(&w[0], &w[1])).count();
+        if repeated == 0 {
+            return;
+        }
+        // At rest fixes may well be equal, but come no faster.
+        let news = self
+            .fixes
+            .windows(2)
+            .filter(|w| moves(&w[0]) && !same(&w[0], &w[1]));
+        let changes: Vec<f64> = news.map(|w| w[1].time.as_seconds()).collect();
+        let period_s = median(changes.windows(2).map(|w| w[1] - w[0]));
+        let before = self.fixes.len();
+        let mut last: Option<GnssFix> = None;
+        self.fixes.retain(|fix| {
+            let stale = last.is_some_and(|last| {
+                let equal = GnssFix {
+                    time: fix.time,
+                    ..last
+                } == *fix;
+                equal && (moves(fix) || fix.time.seconds_since(last.time) < 0.9 * period_s)
+            });
+            if !stale {
+                last = Some(*fix);
+            }
+            !stale
+        });
+        let found = format!(
+            "{} of {before} like the one before",
+            before - self.fixes.len()
+        );
+        let cause = "each fix written several times, or a receiver that was stuck; only the first \
+                     is used";
+        self.warn(
+            "lat_deg, lon_deg, ve, vn",
+            "a new fix in every row",
+            found,
+            cause,
+        );
+    }
+
+    /// Positions that stand still while velocity does not.
+    fn stuck_positions(&mut self) {
+        let mut stuck = Vec::new();
+        let mut run: Vec<usize> = Vec::new();
+        let mut unseen = Vector2::zeros();
+        for index in 1..self.fixes.len() {
+            let (last, fix) = (self.fixes[index - 1], self.fixes[index]);
+            let interval_s = fix.time.seconds_since(last.time);
+            let velocity = fix.velocity_en_mps.unwrap_or_default();
+            if fix.position.is_none() || fix.position != last.position || interval_s > 3.0 {
+                if unseen.norm() > UNSEEN_M {
+                    stuck.append(&mut run);
+                }
+                run.clear();
+                unseen = Vector2::zeros();
+                continue;
+            }
+            run.push(index);
+            unseen += interval_s * velocity;
+        }
+        if unseen.norm() > UNSEEN_M {
+            stuck.append(&mut run);
+        }
+        if stuck.is_empty() {
+            return;
+        }
+        for &index in &stuck {
+            self.fixes[index].position = None;
+            self.fixes[index].height_m = None;
+        }
+        self.drop_empty();
+        let found = format!("{} repeated ones in motion", stuck.len());
+        let cause = "positions come less often than velocities, or stopped coming; the repeated \
+                     ones are left out";
+        self.warn(
+            "lat_deg, lon_deg",
+            "positions that follow the motion",
+            found,
+            cause,
+        );
+    }
+
+    /// Velocities that come less often than positions.
+    fn repeated_velocities(&mut self) {
+        let same = |a: &GnssFix, b: &GnssFix| {
+            a.velocity_en_mps == b.velocity_en_mps && a.position != b.position && moves(a)
+        };
+        let moving = self.fixes.windows(2).filter(|w| moves(&w[0])).count();
+        let repeated = self.fixes.windows(2).filter(|w| same(&w[0], &w[1])).count();
+        // Written twice they are half of all; a coarse unit alone never gets there.
+        if moving < 20 || (repeated as f64) < 0.4 * moving as f64 {
+            return;
+        }
+        let mut last = self.fixes[0].velocity_en_mps;
+        for fix in self.fixes.iter_mut().skip(1) {
+            if fix.velocity_en_mps == last && moves(fix) {
+                fix.velocity_en_mps = None;
+                fix.velocity_up_mps = None;
+            } else {
+                last = fix.velocity_en_mps;
+            }
+        }
+        let found = format!("the one before in {repeated} of {moving} rows");
+        let cause = "velocities come less often than positions; the repeated ones are left out";
+        self.warn("ve, vn", "a new velocity in every row", found, cause);
+    }
+
+    /// Vertical velocity that is never measured.
+    fn empty_climb(&mut self) {
+        let climbs: Vec<f64> = self
+            .fixes
+            .iter()
+            .filter_map(|f| f.velocity_up_mps)
+            .collect();
+        let heights: Vec<f64> = self.fixes.iter().filter_map(|f| f.height_m).collect();
+        let range = heights.iter().copied().fold(f64::MIN, f64::max)
+            - heights.iter().copied().fold(f64::MAX, f64::min);
+        // Three times the noise of a plain receiver's heights.
+        if climbs.len() < 20
+            || heights.len() < 20
+            || range < 10.0
+            || climbs.iter().any(|v| *v != 0.0)
+        {
+            return;
+        }
+        for fix in self.fixes.iter_mut() {
+            fix.velocity_up_mps = None;
+        }
+        let found = format!("zero in every row, while h_m goes over {range:.0} m");
+        let cause = "written for a receiver that measures none; left out";
+        self.warn("vu", "vertical velocity, up positive", found, cause);
+    }
+
+    /// Vertical velocity counted downwards, or in another unit.
+    fn climb_of_the_wrong_sign(&mut self) {
+        let Some((slope, correlation)) = self.climb_against_heights() else {
+            return;
+        };
+        let found = format!(
+            "heights that change by {slope:.2} times its integral (correlation {correlation:.2})"
+        );
+        let expected = "vertical velocity, up positive, in m/s";
+        if correlation < -0.7 {
+            for fix in self.fixes.iter_mut() {
+                fix.velocity_up_mps = fix.velocity_up_mps.map(|up| -up);
+            }
+            self.warn("vu", expected, found, "it counts down; its sign is turned");
+        } else if correlation > 0.8 && !(0.67..1.5).contains(&slope) {
+            self.warn(
+                "vu",
+                expected,
+                found,
+                "another unit, or heights of another source",
+            );
+        }
+    }
+
+    /// Slope and correlation of height steps over integrals of vertical velocity; none where
+    /// nothing climbs.
+    fn climb_against_heights(&self) -> Option<(f64, f64)> {
+        const STEP_S: f64 = 5.0;
+        let mut steps = Vec::new();
+        let mut start = self.fixes.first()?;
+        let mut integral_m = 0.0;
+        for pair in self.fixes.windows(2) {
+            let interval_s = pair[1].time.seconds_since(pair[0].time);
+            let up = pair[0].velocity_up_mps.zip(pair[1].velocity_up_mps);
+            let (Some((a, b)), Some(from), Some(to), true) =
+                (up, start.height_m, pair[1].height_m, interval_s < 3.0)
+            else {
+                (start, integral_m) = (&pair[1], 0.0);
+                continue;
+            };
+            integral_m += 0.5 * (a + b) * interval_s;
+            if pair[1].time.seconds_since(start.time) >= STEP_S {
+                steps.push((integral_m, to - from));
+                (start, integral_m) = (&pair[1], 0.0);
+            }
+        }
+        let sum = |f: &dyn Fn(&(f64, f64)) -> f64| steps.iter().map(f).sum::<f64>();
+        let (xx, xy, yy) = (
+            sum(&|s| s.0 * s.0),
+            sum(&|s| s.0 * s.1),
+            sum(&|s| s.1 * s.1),
+        );
+        // A minute of climbs of 1.5 m and more: what heights show beyond their noise.
+        let climbing = steps.iter().filter(|s| s.0.abs() > 1.5).count();
+        (climbing >= 12).then(|| (xy / xx, xy / (xx * yy).sqrt()))
+    }
+
+    /// Velocity that is the difference of positions: half an interval late, with their noise.
+    fn differenced_velocity(&mut self) {
+        let (mut backward, mut central) = (Vec::new(), Vec::new());
+        for pair in self.fixes.windows(2) {
+            let moved = pair[0].geodetic_or(0.0).zip(pair[1].geodetic_or(0.0));
+            let velocities = pair[0].velocity_en_mps.zip(pair[1].velocity_en_mps);
+            let (Some((from, to)), Some((before, after))) = (moved, velocities) else {
+                continue;
+            };
+            let mean = to.enu_from(&from).xy() / pair[1].time.seconds_since(pair[0].time);
+            backward.push((mean - after).norm());
+            central.push((mean - 0.5 * (before + after)).norm());
+        }
+        // Independent velocities differ from those of positions by the noise of both.
+        let (backward, central) = (median(backward.into_iter()), median(central.into_iter()));
+        if self.fixes.len() < 50 || central < 0.02 || backward > 0.1 * central {
+            return;
+        }
+        let found = format!("the difference of two positions, to {backward:.4} m/s");
+        let cause = "computed, not measured: it comes half an interval late and has the noise of \
+                     positions; latency found here is that of such velocities";
+        self.warn(
+            "ve, vn",
+            "velocity as the receiver measures it",
+            found,
+            cause,
+        );
+    }
+
+    fn what_is_missing(&mut self) -> Result<(), LogError> {
+        if self.fixes.is_empty() {
+            let cause = "the receiver never had a fix";
+            return Err(LogError::file(&self.files.gnss, "a fix", "none", cause));
+        }
+        let positions = self.fixes.iter().filter(|f| f.position.is_some()).count();
+        let velocities = self
+            .fixes
+            .iter()
+            .filter(|f| f.velocity_en_mps.is_some())
+            .count();
+        if positions == 0 {
+            let cause = "the receiver writes none: gravity and Earth rate are those of latitude 0";
+            self.warn("lat_deg, lon_deg", "positions", "none".to_owned(), cause);
+        }
+        if velocities == 0 {
+            let cause = "the receiver writes none: what positions alone show is found, later and \
+                         less exactly";
+            self.warn("ve, vn", "velocities", "none".to_owned(), cause);
+        }
+        Ok(())
+    }
+}
+
+fn moves(fix: &GnssFix) -> bool {
+    fix.velocity_en_mps.is_some_and(|v| v.norm() > MOVING_MPS)
+}

@@ -1,0 +1,214 @@
+//! Signs and axes of the sensors against the motion that GNSS and the sensors themselves show.
+
+use nalgebra::{Matrix2, Vector2, Vector3};
+
+use super::Log;
+use super::axes::BodyAxes;
+use super::check::Rate;
+use super::clock::turned;
+use super::error::LogError;
+use super::read::Files;
+use super::turns::Curve;
+
+/// Correlation from which on a sign is beyond doubt, with the least number of intervals.
+const CLEAR: f64 = 0.6;
+const INTERVALS: usize = 30;
+
+/// Warns where accelerometers show the motion in other axes than they are said to have.
+pub(super) fn check_axes(log: &Log, rates: &[Rate], files: &Files, warnings: &mut Vec<LogError>) {
+    if let Some(correlation) = along_the_track(log, rates) {
+        check_level_axes(log, &correlation, files, warnings);
+    }
+    check_turning_gravity(log, rates, files, warnings);
+}
+
+/// Accelerations right and forward: felt, and seen by GNSS.
+type Pair = (Vector2<f64>, Vector2<f64>);
+
+/// Correlations of the accelerations right and forward by the sensors (rows) with those by GNSS
+/// (columns), for a vehicle that follows its nose; none without manoeuvres.
+fn along_the_track(log: &Log, rates: &[Rate]) -> Option<Matrix2<f64>> {
+    let integral = |axis: usize| {
+        let mut sum = 0.0;
+        let points = rates.iter().map(|rate| {
+            sum += rate.accel_mps2[axis] * rate.interval_s;
+            (rate.time_s, sum)
+        });
+        Curve::new(&points.collect::<Vec<_>>())
+    };
+    let curves = [integral(0), integral(1)];
+    let origin = log.imu[0].time;
+    let mut pairs: Vec<Pair> = Vec::new();
+    let mut moving = log.gnss.iter().filter_map(|fix| {
+        let velocity = fix.velocity_en_mps.filter(|v| v.norm() > 2.0)?;
+        Some((fix.time.seconds_since(origin), velocity))
+    });
+    let mut start = moving.next()?;
+    for next in moving {
+        let interval_s = next.0 - start.0;
+        if interval_s < 0.95 {
+            continue;
+        }
+        if interval_s < 3.0 && curves[0].reaches(start.0) && curves[0].reaches(next.0) {
+            let (before, after) = (start.1, next.1);
+            let speed = 0.5 * (before.norm() + after.norm());
+            let right = -speed * turned(before, after);
+            let ahead = after.norm() - before.norm();
+            let felt = |axis: usize| curves[axis].at(next.0) - curves[axis].at(start.0);
+            pairs.push((
+                Vector2::new(felt(0), felt(1)) / interval_s,
+                Vector2::new(right, ahead) / interval_s,
+            ));
+        }
+        start = next;
+    }
+    // Half a minute of accelerations above those that a slope of the road feigns.
+    let strong = |axis: usize| pairs.iter().filter(|p| p.1[axis].abs() > 0.5).count();
+    if strong(0) < INTERVALS || strong(1) < INTERVALS {
+        return None;
+    }
+    // Turns that go with brakings tell nothing of which is which.
+    let of = |pick: &dyn Fn(&Pair) -> (f64, f64)| {
+        correlation(&pairs.iter().map(pick).collect::<Vec<_>>())
+    };
+    if of(&|p| (p.1.x, p.1.y)).abs() > 0.5 {
+        return None;
+    }
+    Some(Matrix2::from_fn(|row, column| {
+        of(&|p| (p.0[row], p.1[column]))
+    }))
+}
+
+fn correlation(pairs: &[(f64, f64)]) -> f64 {
+    let n = pairs.len() as f64;
+    let sum = |f: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(f).sum::<f64>();
+    let (x, y) = (sum(&|p| p.0) / n, sum(&|p| p.1) / n);
+    let xx = sum(&|p| (p.0 - x) * (p.0 - x));
+    let xy = sum(&|p| (p.0 - x) * (p.1 - y));
+    let yy = sum(&|p| (p.1 - y) * (p.1 - y));
+    xy / (xx * yy).sqrt()
+}
+
+fn check_level_axes(
+    log: &Log,
+    correlation: &Matrix2<f64>,
+    files: &Files,
+    warnings: &mut Vec<LogError>,
+) {
+    let c = correlation;
+    let expected = "accelerometers that feel brakings forward and turns to the right";
+    let mut warn = |found: String, cause: String| {
+        let defect = LogError::file(&files.imu, expected, found, cause);
+        warnings.push(defect.in_column("accel"));
+    };
+    let axes = log.meta.body_axes;
+    let column = |rfu: usize| {
+        let own = (0..3).find(|&axis| axes.rfu_component(axis).0 == rfu);
+        ["accel_x", "accel_y", "accel_z"][own.unwrap_or(rfu)]
+    };
+    if c[(0, 1)].abs() > CLEAR && c[(1, 0)].abs() > CLEAR {
+        let sign = |value: f64| if value < 0.0 { "-" } else { "" };
+        let found = format!(
+            "{}right where forward is, {}forward where right is (correlations {:.2}, {:.2})",
+            sign(c[(0, 1)]),
+            sign(c[(1, 0)]),
+            c[(0, 1)],
+            c[(1, 0)]
+        );
+        let fits = BodyAxes::ALL
+            .into_iter()
+            .find(|other| turned_by(axes, *other, c));
+        let cause = match fits {
+            Some(other) => format!(
+                "body_axes = \"{other}\" would fit; as it is heading and the names of the axes \
+                 are a quarter turn off"
+            ),
+            None => "columns of another order, or a unit mounted across".to_owned(),
+        };
+        warn(found, cause);
+        return;
+    }
+    for (axis, name) in [(0, "right"), (1, "forward")] {
+        if c[(axis, axis)] < -CLEAR {
+            let other = c[(1 - axis, 1 - axis)];
+            let cause = if other < -CLEAR {
+                "mounted backwards, or both level accelerometers of the wrong sign: heading is \
+                 half a turn off"
+                    .to_owned()
+            } else {
+                format!("{} has the wrong sign", column(axis))
+            };
+            let found = format!("the opposite {name} (correlation {:.2})", c[(axis, axis)]);
+            warn(found, cause);
+            if other < -CLEAR {
+                return;
+            }
+        }
+    }
+}
+
+/// Whether columns in `other` axes that are read as `axes` would correlate with the signs of `c`.
+fn turned_by(axes: BodyAxes, other: BodyAxes, c: &Matrix2<f64>) -> bool {
+    (0..2).all(|felt| {
+        let true_rfu = other.to_rfu(axes.from_rfu(Vector3::ith(felt, 1.0)));
+        let seen = 1 - felt;
+        true_rfu[seen] * c[(felt, seen)] > 0.5
+    })
+}
+
+/// Gravity turns in the body as the gyros say: where they show plainly the opposite, one of the
+/// two has a sign that it should not have.
+fn check_turning_gravity(log: &Log, rates: &[Rate], files: &Files, warnings: &mut Vec<LogError>) {
+    let blocks = blocks(rates);
+    for (axis, name) in [(0, "right"), (1, "forward")] {
+        let (mut xx, mut xy, mut yy, mut turning) = (0.0, 0.0, 0.0, 0);
+        for pair in blocks.windows(2) {
+            let turned = -0.5 * (pair[0].0 + pair[1].0) * BLOCK_S;
+            let force = 0.5 * (pair[0].1 + pair[1].1);
+            let (x, y) = (turned.cross(&force)[axis], (pair[1].1 - pair[0].1)[axis]);
+            xx += x * x;
+            xy += x * y;
+            yy += y * y;
+            // A degree and a half in a block: far above a road's unevenness.
+            turning += usize::from(x.abs() > 0.25);
+        }
+        let correlation = xy / (xx * yy).sqrt();
+        if turning < INTERVALS || correlation > -CLEAR {
+            continue;
+        }
+        let found = format!("the opposite {name} (correlation {correlation:.2})");
+        let cause = format!(
+            "the accelerometer {name} or the gyro {} has the wrong sign against body_axes = \"{}\"",
+            if axis == 0 { "forward" } else { "right" },
+            log.meta.body_axes
+        );
+        let expected = "gravity that turns in the body as the gyros say";
+        warnings.push(LogError::file(&files.imu, expected, found, cause).in_column("gyro, accel"));
+    }
+}
+
+/// Shorter than an attitude changes, longer than vibration.
+const BLOCK_S: f64 = 0.2;
+
+/// Mean rate and specific force of successive blocks.
+fn blocks(rates: &[Rate]) -> Vec<(Vector3<f64>, Vector3<f64>)> {
+    #[allow(clippy::cast_possible_truncation)] // Seconds of a log.
+    let block = |rate: &Rate| (rate.time_s / BLOCK_S) as i64;
+    rates
+        .chunk_by(|a, b| block(a) == block(b))
+        .map(|chunk| {
+            let n = chunk.len() as f64;
+            let gyro = chunk
+                .iter()
+                .map(|rate| rate.gyro_radps)
+                .sum::<Vector3<f64>>()
+                / n;
+            let accel = chunk
+                .iter()
+                .map(|rate| rate.accel_mps2)
+                .sum::<Vector3<f64>>()
+                / n;
+            (gyro, accel)
+        })
+        .collect()
+}

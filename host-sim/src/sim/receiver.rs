@@ -1,0 +1,201 @@
+//! What receivers do beside white noise: an error-model file may say so in `[gnss.habits]`.
+
+use serde::{Deserialize, Serialize};
+
+use super::errors::{ErrorModelError, ensure, positive, spread};
+
+/// Noise with a memory, a Gauss-Markov process.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Correlated {
+    /// One standard deviation.
+    pub sigma: f64,
+    /// Correlation time, s.
+    pub time_s: f64,
+}
+
+impl Default for Correlated {
+    fn default() -> Self {
+        Self {
+            sigma: 0.0,
+            time_s: 1.0,
+        }
+    }
+}
+
+/// What stands where vertical velocity should.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Up {
+    /// Vertical velocity.
+    #[default]
+    Given,
+    /// Nothing.
+    Missing,
+    /// Zero, whatever it is.
+    Zero,
+    /// Vertical velocity, down positive.
+    Down,
+}
+
+/// The noise that a receiver says its fixes have.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Stated {
+    /// None.
+    Nothing,
+    /// That of level velocity, its white part.
+    #[default]
+    LevelVelocity,
+    /// The white part of each.
+    White,
+    /// White and correlated parts.
+    All,
+}
+
+/// What a row of the log is filled with while something is wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Wrong {
+    /// The velocity is zero, the position goes on.
+    ZeroVelocity,
+    /// Velocity and position are off by so much, ENU, and the position by more every second.
+    Off {
+        /// Velocity, m/s.
+        velocity_mps: [f64; 3],
+        /// Position, m.
+        position_m: [f64; 3],
+    },
+    /// Latitude, longitude, height and velocity are zero.
+    Zeros,
+    /// The last fix before goes on under new stamps.
+    Stuck,
+    /// Neither position nor height.
+    NoPosition,
+    /// Noise, white and correlated, is so many times what it is elsewhere; the stated one is not.
+    Noisy(f64),
+}
+
+/// A time at which something is wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Trouble {
+    /// From the start of the run, s.
+    pub start_s: f64,
+    /// How long, s.
+    pub duration_s: f64,
+    /// What.
+    pub wrong: Wrong,
+}
+
+impl Trouble {
+    /// Whether it is going on.
+    pub fn holds(&self, time_s: f64) -> bool {
+        (self.start_s..self.start_s + self.duration_s).contains(&time_s)
+    }
+}
+
+/// Single fixes far off.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Outliers {
+    /// Part of all fixes, 0 to 1.
+    pub fraction: f64,
+    /// Spread of their velocity, m/s.
+    pub velocity_mps: f64,
+    /// Spread of their position, m.
+    pub position_m: f64,
+}
+
+/// A receiver's habits.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Habits {
+    /// Velocity noise on top of the white one, each component, m/s.
+    pub velocity: Correlated,
+    /// Noise of east and north position on top of the white one, m.
+    pub horizontal: Correlated,
+    /// Noise of height on top of the white one, m.
+    pub vertical: Correlated,
+    /// Time constant with which the receiver smooths position and velocity, s.
+    pub smoothing_s: f64,
+    /// Antenna from the inertial sensors, body axes, m.
+    pub lever_arm_m: [f64; 3],
+    /// What the receiver's clock gains on that of the inertial stamps, s/s: the latency grows.
+    pub clock_drift: f64,
+    /// How much later than its stamp a fix arrives, s; drawn anew for each, but none overtakes.
+    pub delay_s: [f64; 2],
+    /// Whether fixes have latitude and longitude.
+    pub gives_position: bool,
+    /// Whether fixes have a height.
+    pub gives_height: bool,
+    /// Whether fixes have a level velocity.
+    pub gives_velocity: bool,
+    /// Vertical velocity.
+    pub up: Up,
+    /// Noise as stated.
+    pub stated: Stated,
+    /// Single fixes far off.
+    pub outliers: Outliers,
+    /// Times at which something is wrong.
+    pub troubles: Vec<Trouble>,
+    /// Every fix is logged so often, under stamps of its own until the next.
+    pub logged_times: u32,
+}
+
+impl Default for Habits {
+    fn default() -> Self {
+        Self {
+            velocity: Correlated::default(),
+            horizontal: Correlated::default(),
+            vertical: Correlated::default(),
+            smoothing_s: 0.0,
+            lever_arm_m: [0.0; 3],
+            clock_drift: 0.0,
+            delay_s: [0.0; 2],
+            gives_position: true,
+            gives_height: true,
+            gives_velocity: true,
+            up: Up::Given,
+            stated: Stated::LevelVelocity,
+            outliers: Outliers::default(),
+            troubles: Vec::new(),
+            logged_times: 1,
+        }
+    }
+}
+
+impl Habits {
+    /// Whether there are none.
+    pub fn are_none(&self) -> bool {
+        *self == Self::default()
+    }
+
+    pub(super) fn check(&self) -> Result<(), ErrorModelError> {
+        for (name, noise) in [
+            ("velocity", &self.velocity),
+            ("horizontal", &self.horizontal),
+            ("vertical", &self.vertical),
+        ] {
+            let key = |part: &str| format!("gnss.habits.{name}.{part}");
+            spread(&key("sigma"), noise.sigma)?;
+            positive(&key("time_s"), noise.time_s)?;
+        }
+        spread("gnss.habits.smoothing_s", self.smoothing_s)?;
+        let [least, most] = self.delay_s;
+        spread("gnss.habits.delay_s[0]", least)?;
+        ensure(
+            least <= most,
+            "gnss.habits.delay_s[1]",
+            most,
+            "no less than the first bound",
+        )?;
+        ensure(
+            (0.0..=1.0).contains(&self.outliers.fraction),
+            "gnss.habits.outliers.fraction",
+            self.outliers.fraction,
+            "0 to 1",
+        )?;
+        positive("gnss.habits.logged_times", f64::from(self.logged_times))
+    }
+}

@@ -1,0 +1,26 @@
+//! The command group `study`.
+
+use clap::Subcommand;
+use miette::Result;
+
+use super::{conditions, logs, noise};
+
+/// What is studied.
+#[derive(Debug, Subcommand)]
+pub enum Study {
+    /// Try simulated vehicles, mounts and receivers of many kinds over seeds: how honest the core is.
+    Conditions(conditions::cli::Conditions),
+    /// Say what recorded logs can tell of the core: halves, methods, outages, free INS.
+    Logs(logs::cli::Logs),
+    /// Find the noise of recorded logs by likelihood.
+    Noise(noise::Noises),
+}
+
+/// Runs a study.
+pub fn study(study: &Study, json: bool) -> Result<()> {
+    match study {
+        Study::Conditions(options) => conditions::cli::conditions(options, json),
+        Study::Logs(options) => logs::cli::logs(options, json),
+        Study::Noise(options) => noise::noises(options, json),
+    }
+}

@@ -1,0 +1,78 @@
+//! What swings on top of the vehicles' motions.
+
+use crate::sim::shaken::{Swing, When};
+
+type Shake = (When, Vec<Swing>);
+
+fn swing(hz: f64, velocity_mps: [f64; 3], rotation_rad: [f64; 3]) -> Swing {
+    Swing {
+        hz,
+        velocity_mps,
+        rotation_rad,
+    }
+}
+
+/// A velocity swing of one frequency, more along the way than across.
+pub fn velocity_at(hz: f64, amplitude_mps: f64) -> Shake {
+    let amplitudes = [0.3, 1.0, 0.5].map(|part| part * amplitude_mps);
+    (When::Always, vec![swing(hz, amplitudes, [0.0; 3])])
+}
+
+/// An engine at so many Hz and at half of them: an acceleration amplitude, m/s^2, and an angular
+/// rate, rad/s.
+pub fn engine(when: When, hz: f64, accel_mps2: f64, rate_radps: f64) -> Shake {
+    let line = |hz: f64, part: f64| {
+        let omega = core::f64::consts::TAU * hz;
+        let velocity = part * accel_mps2 / omega;
+        let rotation = part * rate_radps / omega;
+        swing(
+            hz,
+            [0.7 * velocity, 0.4 * velocity, velocity],
+            [0.6 * rotation, rotation, 0.3 * rotation],
+        )
+    };
+    (when, vec![line(hz, 1.0), line(0.5 * hz, 0.5)])
+}
+
+/// A cab on its springs: slow sway, deg, dying away at speed.
+pub fn sway(hz: f64, degrees: f64) -> Shake {
+    let angle = degrees.to_radians();
+    let swings = vec![swing(hz, [0.0; 3], [0.6 * angle, angle, 0.1 * angle])];
+    (When::Standing(3.0), swings)
+}
+
+/// Waves: roll and pitch, deg, heave, m/s; two periods that beat.
+pub fn waves(period_s: f64, roll_deg: f64, heave_mps: f64) -> Shake {
+    let roll = roll_deg.to_radians();
+    let line = |hz: f64, part: f64| {
+        swing(
+            hz,
+            [
+                0.3 * part * heave_mps,
+                0.2 * part * heave_mps,
+                part * heave_mps,
+            ],
+            [0.5 * part * roll, part * roll, 0.2 * part * roll],
+        )
+    };
+    let hz = 1.0 / period_s;
+    (When::Always, vec![line(hz, 0.7), line(1.3 * hz, 0.4)])
+}
+
+/// Steps of a walker: heave at every step, sway and turns at every other.
+pub fn steps(steps_hz: f64, heave_mps: f64, turn_deg: f64) -> Shake {
+    let turn = turn_deg.to_radians();
+    let swings = vec![
+        swing(
+            steps_hz,
+            [0.0, 0.4 * heave_mps, heave_mps],
+            [0.5 * turn, 0.0, 0.0],
+        ),
+        swing(
+            0.5 * steps_hz,
+            [0.5 * heave_mps, 0.0, 0.0],
+            [0.0, 0.7 * turn, turn],
+        ),
+    ];
+    (When::Moving(0.4), swings)
+}

@@ -1,0 +1,110 @@
+//! How honest the core is over kinds of vehicles, mounts, units and receivers: each kind is
+//! simulated over seeds, and every estimate held against its truth and its own sigma.
+
+pub mod cli;
+mod kinds;
+mod output;
+mod quantities;
+mod run;
+mod statistics;
+mod subject;
+mod truth;
+mod world;
+
+pub use kinds::{Kind, all};
+pub use quantities::{QUANTITIES, Quantity};
+pub use run::{Check, Run, Tried};
+pub use statistics::{Results, Row, Totals};
+pub use world::{Vehicle, World};
+
+use indicatif::ProgressBar;
+use rayon::prelude::*;
+
+use crate::sim::Grade;
+
+/// Which kinds are run, how often.
+#[derive(Clone, Debug)]
+pub struct Study {
+    /// Kinds, each with every class of sensors it is for.
+    pub kinds: Vec<&'static Kind>,
+    /// Classes that are left out.
+    pub only: Option<Grade>,
+    /// Seed of the first run; the others follow.
+    pub first_seed: u64,
+    /// Runs of each kind and class.
+    pub seeds: u64,
+    /// Whether a Kalman filter that is told the true noise runs beside the core.
+    pub with_kalman: bool,
+}
+
+impl Study {
+    /// Runs everything, several at a time; what comes out does not depend on how many.
+    pub fn results(&self, progress: &ProgressBar) -> Vec<Results> {
+        let cases: Vec<(&'static Kind, Grade)> = self
+            .kinds
+            .iter()
+            .flat_map(|kind| kind.classes.iter().map(|class| (*kind, *class)))
+            .filter(|(_, class)| self.only.is_none_or(|only| only == *class))
+            .collect();
+        let seeds = self.first_seed..self.first_seed.saturating_add(self.seeds);
+        progress.set_length(cases.len() as u64 * self.seeds);
+        // Seeds of one case are far apart in the work list, so that long cases spread over threads.
+        let tried: Vec<Vec<Tried>> = seeds
+            .into_par_iter()
+            .map(|seed| {
+                cases
+                    .par_iter()
+                    .map(|(kind, class)| {
+                        let tried = run::run(kind, *class, seed, self.with_kalman);
+                        progress.inc(1);
+                        tried
+                    })
+                    .collect()
+            })
+            .collect();
+        progress.finish_and_clear();
+        cases
+            .iter()
+            .enumerate()
+            .map(|(case, (kind, class))| {
+                let runs: Vec<&Tried> = tried.iter().map(|of_seed| &of_seed[case]).collect();
+                Results::new(kind, *class, &runs)
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_do_not_depend_on_the_number_of_threads() {
+        let named = |kind: &&Kind| ["ten_wrong", "many_samples"].contains(&kind.name);
+        let study = Study {
+            kinds: all().filter(named).collect(),
+            only: Some(Grade::Mems),
+            first_seed: 3,
+            seeds: 2,
+            with_kalman: false,
+        };
+        let on = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            let results = || study.results(&ProgressBar::hidden());
+            pool.build().unwrap().install(results)
+        };
+        let results = on(1);
+        assert_eq!(results.len(), 2);
+        // As text: not every number need be one.
+        assert_eq!(format!("{results:?}"), format!("{:?}", on(3)));
+    }
+
+    #[test]
+    fn kinds_have_names_of_their_own_and_half_of_them_judge() {
+        let names: std::collections::BTreeSet<&str> = all().map(|kind| kind.name).collect();
+        assert_eq!(names.len(), all().count());
+        assert!(names.len() >= 40);
+        let judges = all().filter(|kind| kind.judge).count();
+        assert!((judges as f64 / names.len() as f64 - 0.5).abs() < 0.03);
+    }
+}

@@ -1,0 +1,209 @@
+//! One seed of one kind: simulated, run, held against the truth.
+
+use ins_core::{Solution, Time};
+use nalgebra::{UnitQuaternion, Vector3};
+use serde::Serialize;
+
+use super::quantities::{QUANTITIES, index};
+use super::subject::{self, Claim, Claims, Core, Kalman, SolutionSigma, Subject};
+use super::truth::Truth;
+use super::{Kind, World};
+use crate::sim::{Grade, SimulatedDrive};
+
+/// One claim against its truth, in the unit of the quantity.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Check {
+    /// Place in [`QUANTITIES`].
+    pub quantity: usize,
+    /// Claimed minus true.
+    pub error: f64,
+    /// One sigma, if stated.
+    pub sigma: Option<f64>,
+    /// Whether it is said to stand on data.
+    pub observable: bool,
+}
+
+/// One run of somebody.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Run {
+    /// Which.
+    pub seed: u64,
+    /// When there was a solution first, s.
+    pub first_solution_s: Option<f64>,
+    /// Part of the second half without a solution.
+    pub without_solution: f64,
+    /// All claims at the end; none without a solution there.
+    pub checks: Vec<Check>,
+}
+
+/// Both who were tried on one seed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tried {
+    /// The core.
+    pub core: Run,
+    /// The Kalman filter, if asked for.
+    pub kalman: Option<Run>,
+}
+
+/// Simulates and runs one seed.
+///
+/// # Panics
+/// If the core refuses its own presets.
+pub fn run(kind: &Kind, class: Grade, seed: u64, with_kalman: bool) -> Tried {
+    let world = kind.world(class, seed);
+    let drive = world.simulate();
+    let truth = Truth::new(&world, &drive);
+    let config = subject::config(&world, &drive);
+    let refused = "presets are valid";
+    let core = Core::new(config, &drive).expect(refused);
+    let kalman = || Kalman::new(&world, config, &drive, &truth.up).expect(refused);
+    Tried {
+        core: try_on(core, &world, &drive, &truth),
+        kalman: with_kalman.then(|| try_on(kalman(), &world, &drive, &truth)),
+    }
+}
+
+fn try_on<S: Subject>(mut subject: S, world: &World, drive: &SimulatedDrive, truth: &Truth) -> Run {
+    let half = Time::default().plus_seconds(30.0 * world.minutes);
+    let mut truths = drive.truth.iter().peekable();
+    let mut second_half = SecondHalf::default();
+    let (mut first_solution_s, mut end) = (None, None);
+    while let Some(time) = subject.step() {
+        while let Some(true_now) = truths.next_if(|true_now| true_now.time <= time) {
+            // A sample that is missing has a truth and no solution.
+            let solution = subject.solution().filter(|_| true_now.time == time);
+            end = solution.map(|solution| (solution, *true_now));
+            if solution.is_some() && first_solution_s.is_none() {
+                first_solution_s = Some(time.as_seconds());
+            }
+            if time >= half && true_now.time == time {
+                second_half.add(solution.as_ref(), true_now, &subject.solution_sigma());
+            }
+        }
+    }
+    let mut checks = Vec::new();
+    if let (Some(claims), Some((solution, true_end))) = (subject.claims(), end) {
+        check_end(&claims, &solution, &true_end, truth, &mut checks);
+    }
+    checks.extend(second_half.checks());
+    Run {
+        seed: world.seed,
+        first_solution_s,
+        without_solution: second_half.without_solution(),
+        checks,
+    }
+}
+
+fn check_end(
+    claims: &Claims,
+    solution: &Solution,
+    true_end: &Solution,
+    truth: &Truth,
+    checks: &mut Vec<Check>,
+) {
+    let off = rotation_between(&(true_end.attitude * truth.axes), &solution.attitude);
+    let mut add = |quantity: usize, error: f64, claim: &Claim| {
+        let si = QUANTITIES[quantity].si;
+        checks.push(Check {
+            quantity,
+            error: error / si,
+            sigma: claim.sigma.map(|sigma| sigma / si),
+            observable: claim.observable,
+        });
+    };
+    add(index::HEADING, off.z, &claims.heading);
+    add(index::TILT, off.x, &claims.tilt);
+    add(index::TILT, off.y, &claims.tilt);
+    for axis in 0..3 {
+        let (accel, gyro) = (claims.accel_bias_mps2[axis], claims.gyro_bias_radps[axis]);
+        let true_accel = truth.accel_bias_mps2[axis];
+        let true_gyro = truth.gyro_bias_radps[axis];
+        add(index::ACCEL + axis, accel.value - true_accel, &accel);
+        add(index::GYRO + axis, gyro.value - true_gyro, &gyro);
+        if let Some(arm) = claims.lever_arm_m[axis] {
+            add(
+                index::LEVER + axis,
+                arm.value - truth.lever_arm_m[axis],
+                &arm,
+            );
+        }
+    }
+    let latency = claims.latency_s;
+    let [least, most] = truth.latency_s;
+    let nearest = latency.value.clamp(least, most);
+    add(index::LATENCY, latency.value - nearest, &latency);
+}
+
+/// The rotation vector, ENU, that turns one attitude into another.
+fn rotation_between(from: &UnitQuaternion<f64>, to: &UnitQuaternion<f64>) -> Vector3<f64> {
+    (to * from.inverse()).scaled_axis()
+}
+
+/// Sums over the second half: squares of errors and of stated sigmas, in the order of the last
+/// four quantities.
+#[derive(Clone, Copy, Debug, Default)]
+struct SecondHalf {
+    looks: f64,
+    solutions: f64,
+    errors2: [f64; 4],
+    sigmas2: [Option<f64>; 4],
+}
+
+impl SecondHalf {
+    fn add(&mut self, solution: Option<&Solution>, truth: &Solution, sigma: &SolutionSigma) {
+        self.looks += 1.0;
+        let Some(solution) = solution else {
+            return;
+        };
+        let position = solution.position.enu_from(&truth.position);
+        let velocity = solution.velocity_enu_mps - truth.velocity_enu_mps;
+        let errors2 = [
+            0.5 * position.xy().norm_squared(),
+            position.z * position.z,
+            0.5 * velocity.xy().norm_squared(),
+            velocity.z * velocity.z,
+        ];
+        let sigmas = [
+            sigma.position_m,
+            sigma.height_m,
+            sigma.velocity_mps,
+            sigma.velocity_up_mps,
+        ];
+        for which in 0..4 {
+            self.errors2[which] += errors2[which];
+            // Stated always or never.
+            if let Some(sigma) = sigmas[which] {
+                *self.sigmas2[which].get_or_insert(0.0) += sigma * sigma;
+            }
+        }
+        self.solutions += 1.0;
+    }
+
+    fn without_solution(&self) -> f64 {
+        if self.looks > 0.0 {
+            1.0 - self.solutions / self.looks
+        } else {
+            1.0
+        }
+    }
+
+    fn checks(&self) -> impl Iterator<Item = Check> + '_ {
+        let places = [
+            index::POSITION,
+            index::HEIGHT,
+            index::VELOCITY,
+            index::VELOCITY_UP,
+        ];
+        let rms = |sum2: f64| (sum2 / self.solutions).sqrt();
+        let checks = places
+            .into_iter()
+            .enumerate()
+            .map(move |(which, quantity)| Check {
+                quantity,
+                error: rms(self.errors2[which]),
+                sigma: self.sigmas2[which].map(rms),
+                observable: true,
+            });
+        checks.filter(|_| self.solutions > 0.0)
+    }
+}

@@ -1,0 +1,267 @@
+//! Whom the conditions are tried on. All that is known of the core's interface stands here.
+
+use core::iter::Peekable;
+use core::slice::Iter;
+
+use ins_core::config::HeadingSource;
+use ins_core::navigator::ConfigError;
+use ins_core::{
+    Config, Estimate, Estimates, GnssFix, ImuSample, Navigator, Observability, Phase, Solution,
+    Time,
+};
+
+use nalgebra::{UnitQuaternion, Vector3};
+
+use super::World;
+use crate::kalman::{self, Filter, index};
+use crate::sim::{Grade, SimulatedDrive};
+
+/// Standard gravity: of an accelerometer's bias to the tilt it makes, m/s^2.
+const GRAVITY_MPS2: f64 = 9.81;
+/// An antenna that is metres away: what the user of a unit whose preset takes it for close says.
+const ARM_SIGMA_M: f64 = 3.0;
+/// Clocks that are not one: the same of their drift, s/s.
+const DRIFT_SIGMA: f64 = 1e-4;
+
+/// A number that is claimed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Claim {
+    /// Value, SI.
+    pub value: f64,
+    /// One sigma, if any is stated.
+    pub sigma: Option<f64>,
+    /// Whether it is said to stand on data.
+    pub observable: bool,
+}
+
+/// All that is claimed at one time, body axes of the unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Claims {
+    /// Spread of the solution's heading.
+    pub heading: Claim,
+    /// Spread of its roll and pitch, each.
+    pub tilt: Claim,
+    pub accel_bias_mps2: [Claim; 3],
+    pub gyro_bias_radps: [Claim; 3],
+    pub latency_s: Claim,
+    pub lever_arm_m: [Option<Claim>; 3],
+}
+
+/// Spreads of the solution's position and velocity, level and vertical, where stated.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SolutionSigma {
+    pub position_m: Option<f64>,
+    pub height_m: Option<f64>,
+    pub velocity_mps: Option<f64>,
+    pub velocity_up_mps: Option<f64>,
+}
+
+/// Somebody who is driven over a simulated log.
+pub trait Subject {
+    /// Takes one inertial sample and what has arrived by then; its stamp, or `None` at the end.
+    fn step(&mut self) -> Option<Time>;
+    /// The solution now.
+    fn solution(&self) -> Option<Solution>;
+    /// How well it is said to be known.
+    fn solution_sigma(&self) -> SolutionSigma;
+    /// What is claimed now; none without a solution.
+    fn claims(&self) -> Option<Claims>;
+}
+
+/// What a user of this unit and receiver sets: the class of the sensors, what samples hold, a
+/// heading if one is given, and for a class that is told of neither that the antenna is some way
+/// off and that the clocks are two.
+pub fn config(world: &World, drive: &SimulatedDrive) -> Config {
+    let mut config = match world.class {
+        Grade::Mems => Config::mems(),
+        Grade::Ideal | Grade::Hg1700 => Config::hg1700(),
+    };
+    config.imu_output = world.errors.imu.output;
+    if let Some(heading) = drive.given_heading_rad {
+        config.heading = HeadingSource::Given(heading);
+    }
+    if world.antenna_m.norm() > 0.0 {
+        config.gnss.lever_arm_sigma_m = config.gnss.lever_arm_sigma_m.max(ARM_SIGMA_M);
+    }
+    if world.errors.gnss.habits.clock_drift != 0.0 {
+        config.gnss.clock_drift_sigma = config.gnss.clock_drift_sigma.max(DRIFT_SIGMA);
+    }
+    config
+}
+
+/// The core.
+#[derive(Debug)]
+pub struct Core<'a> {
+    navigator: Navigator,
+    samples: Iter<'a, ImuSample>,
+    fixes: Peekable<core::iter::Zip<Iter<'a, GnssFix>, Iter<'a, Time>>>,
+}
+
+impl<'a> Core<'a> {
+    /// Before the first sample.
+    pub fn new(config: Config, drive: &'a SimulatedDrive) -> Result<Self, ConfigError> {
+        Ok(Self {
+            navigator: Navigator::new(config)?,
+            samples: drive.imu.iter(),
+            fixes: drive.gnss.iter().zip(&drive.arrivals).peekable(),
+        })
+    }
+}
+
+impl Subject for Core<'_> {
+    fn step(&mut self) -> Option<Time> {
+        let sample = self.samples.next()?;
+        while let Some((fix, _)) = self.fixes.next_if(|(_, arrival)| **arrival < sample.time) {
+            let _ = self.navigator.on_gnss(fix);
+        }
+        let _ = self.navigator.on_imu(sample);
+        Some(sample.time)
+    }
+
+    fn solution(&self) -> Option<Solution> {
+        (self.navigator.phase() == Phase::Navigating)
+            .then(|| self.navigator.solution())
+            .flatten()
+    }
+
+    fn solution_sigma(&self) -> SolutionSigma {
+        SolutionSigma::default()
+    }
+
+    fn claims(&self) -> Option<Claims> {
+        self.solution()?;
+        let navigator = &self.navigator;
+        let mut claims = claims(&navigator.estimates(), navigator.tilt_sigma_rad());
+        if navigator.config().gnss.lever_arm_sigma_m == 0.0 {
+            // Told to be close, not found.
+            claims.lever_arm_m = [None; 3];
+        }
+        Some(claims)
+    }
+}
+
+/// The Kalman filter, told the true noise, given the same measurements.
+#[derive(Debug)]
+pub struct Kalman<'a> {
+    run: kalman::Run<'a>,
+    up: Vector3<f64>,
+}
+
+impl<'a> Kalman<'a> {
+    /// Before the first sample. Of antenna and clocks it is told what the core is told; `up` is
+    /// where the vehicle has it on the whole.
+    pub fn new(
+        world: &World,
+        config: Config,
+        drive: &'a SimulatedDrive,
+        up: &Vector3<f64>,
+    ) -> Result<Self, ConfigError> {
+        let noise = kalman::Noise {
+            clock_drift_sigma: config.gnss.clock_drift_sigma,
+            lever_arm_m: Vector3::zeros(),
+            lever_arm_sigma_m: Vector3::repeat(config.gnss.lever_arm_sigma_m),
+            ..kalman::Noise::of_model(&world.errors)
+        };
+        Ok(Self {
+            run: kalman::Run::new(&drive.imu, &drive.gnss, config, noise)?,
+            up: *up,
+        })
+    }
+
+    /// The gyros' scale errors, across the vertical: see [`super::truth`].
+    fn across(&self, filter: &Filter) -> Vector3<f64> {
+        let turn = filter.known.gyro_scale.component_mul(&self.up);
+        turn - self.up * self.up.dot(&turn)
+    }
+
+    /// The bias that an accelerometer is felt to have, which this filter tells apart: see
+    /// [`super::truth`].
+    fn felt(&self, filter: &Filter, axis: usize) -> Claim {
+        let (known, up) = (&filter.known, &self.up);
+        let mut row = kalman::States::zeros(filter.layout.size);
+        row[index::ACCEL + axis] = 1.0;
+        if let Some(at) = filter.layout.accel_scale {
+            row[at + axis] = GRAVITY_MPS2 * up[axis];
+        }
+        if let Some(at) = filter.layout.gyro_scale {
+            for of in 0..3 {
+                let own = if of == axis { up[axis] } else { 0.0 };
+                row[at + of] = -GRAVITY_MPS2 * (own - up[axis] * up[of] * up[of]);
+            }
+        }
+        // It takes readings to be `f / (1 - s) + b`: to second order this matters at one g.
+        let scale = known.accel_scale[axis] / (1.0 - known.accel_scale[axis]);
+        let scaled = scale * up[axis] - self.across(filter)[axis];
+        Claim {
+            value: known.accel_bias_mps2[axis] + GRAVITY_MPS2 * scaled,
+            sigma: Some((row.dot(&(&filter.covariance * &row))).max(0.0).sqrt()),
+            observable: true,
+        }
+    }
+}
+
+impl Subject for Kalman<'_> {
+    fn step(&mut self) -> Option<Time> {
+        self.run.step(&mut |_, _| {})
+    }
+
+    fn solution(&self) -> Option<Solution> {
+        let filter = self.run.filter()?;
+        let mut solution = filter.known.solution(filter.time);
+        let tilt = -self.up.cross(&self.across(filter));
+        solution.attitude *= UnitQuaternion::from_scaled_axis(tilt);
+        Some(solution)
+    }
+
+    fn solution_sigma(&self) -> SolutionSigma {
+        SolutionSigma::default()
+    }
+
+    fn claims(&self) -> Option<Claims> {
+        let filter = self.run.filter()?;
+        let sigmas = filter.sigmas();
+        let mut claims = claims(&filter.estimates(), None);
+        let tilt = sigmas[index::ATTITUDE].max(sigmas[index::ATTITUDE + 1]);
+        claims.tilt.sigma = Some(tilt);
+        claims.accel_bias_mps2 = [0, 1, 2].map(|axis| self.felt(filter, axis));
+        claims.lever_arm_m = [0, 1, 2].map(|axis| {
+            filter.layout.lever_arm.map(|at| Claim {
+                value: filter.known.lever_arm_m[axis],
+                sigma: Some(sigmas[at + axis]),
+                observable: true,
+            })
+        });
+        Some(claims)
+    }
+}
+
+fn claim(estimate: &Estimate) -> Claim {
+    Claim {
+        value: estimate.value,
+        sigma: Some(estimate.sigma),
+        observable: estimate.observability == Observability::Observable,
+    }
+}
+
+/// Heading and tilt are those of the solution, which has all in it that is known.
+fn claims(estimates: &Estimates, tilt_sigma_rad: Option<f64>) -> Claims {
+    let accel_bias_mps2 = estimates.accel_bias_mps2.each_ref().map(claim);
+    // The spread of the INS's tilt is stated apart from what the accelerometers tilt it by.
+    let by_accel = estimates.accel_bias_mps2[0]
+        .sigma
+        .max(estimates.accel_bias_mps2[1].sigma);
+    let tilt_rad = tilt_sigma_rad.map(|tilt| libm::hypot(tilt, by_accel / GRAVITY_MPS2));
+    let [right, forward] = estimates.lever_arm_m.each_ref().map(|arm| Some(claim(arm)));
+    Claims {
+        heading: claim(&estimates.azimuth_error_rad),
+        tilt: Claim {
+            value: 0.0,
+            sigma: tilt_rad,
+            observable: true,
+        },
+        accel_bias_mps2,
+        gyro_bias_radps: estimates.gyro_bias_radps.each_ref().map(claim),
+        latency_s: claim(&estimates.gnss_latency_now_s),
+        lever_arm_m: [right, forward, None],
+    }
+}

@@ -1,0 +1,222 @@
+//! What one run is made of. A kind changes a plain world.
+
+use core::f64::consts::PI;
+
+use ins_core::earth::Geodetic;
+use nalgebra::{Unit, UnitQuaternion, Vector3};
+
+use crate::sim::boat::{Anchored, Boat};
+use crate::sim::car::Car;
+use crate::sim::drive::Recording;
+use crate::sim::errors::{ErrorModel, Outage};
+use crate::sim::mounted::Mounted;
+use crate::sim::noise::Random;
+use crate::sim::plane::{Begin, Plane};
+use crate::sim::quadrotor::Quadrotor;
+use crate::sim::receiver::{Correlated, Habits, Stated, Trouble, Wrong};
+use crate::sim::shaken::{Shaken, Swing, When};
+use crate::sim::walker::Walker;
+use crate::sim::{Grade, Motion, SimulatedDrive, record};
+
+/// The truth is looked at ten times a second.
+const TRUTH_HZ: f64 = 10.0;
+
+/// What moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Vehicle {
+    /// A car that leans so many times as far as a family car; it begins at rest for a time
+    /// between the bounds, s, or in motion.
+    Car { rest_s: Option<[f64; 2]>, lean: f64 },
+    /// A boat at anchor that sails then.
+    Boat(Anchored),
+    /// An aircraft whose turns are banked between two angles, rad.
+    Plane { bank_rad: [f64; 2], begin: Begin },
+    /// A quadrotor that stands for a time first, s, or flies from the start.
+    Quadrotor { ground_s: Option<f64> },
+    /// A person who stands for a time first, s.
+    Walker { rest_s: f64 },
+}
+
+/// One run's vehicle, mount, unit and receiver.
+#[derive(Clone, Debug)]
+pub struct World {
+    /// Fixes every random number.
+    pub seed: u64,
+    /// Class of the sensors.
+    pub class: Grade,
+    /// Length.
+    pub minutes: f64,
+    /// Inertial samples per second.
+    pub imu_hz: f64,
+    /// Where it begins.
+    pub origin: Geodetic,
+    /// What moves.
+    pub vehicle: Vehicle,
+    /// What swings on top.
+    pub shakes: Vec<(When, Vec<Swing>)>,
+    /// From the axes of the unit to those of the vehicle.
+    pub mount: UnitQuaternion<f64>,
+    /// Antenna from the unit in the axes of the vehicle, right, forward, up, m.
+    pub antenna_m: Vector3<f64>,
+    /// Unit and receiver.
+    pub errors: ErrorModel,
+    /// What a kind draws from.
+    pub random: Random,
+}
+
+impl World {
+    /// A car with 30 to 60 s of rest first and a plain receiver, unit level, antenna on it.
+    pub fn plain(class: Grade, seed: u64, minutes: f64, kind: &str) -> Self {
+        let mut errors = class.errors();
+        errors.gnss.habits.stated = Stated::White;
+        Self {
+            seed,
+            class,
+            minutes,
+            imu_hz: 100.0,
+            origin: Geodetic {
+                latitude_rad: 48.1_f64.to_radians(),
+                longitude_rad: 11.6_f64.to_radians(),
+                height_m: 500.0,
+            },
+            vehicle: Vehicle::Car {
+                rest_s: Some([30.0, 60.0]),
+                lean: 1.0,
+            },
+            shakes: Vec::new(),
+            mount: UnitQuaternion::identity(),
+            antenna_m: Vector3::zeros(),
+            errors,
+            random: Random::stream(seed, kind),
+        }
+    }
+
+    /// Length, s.
+    pub fn duration_s(&self) -> f64 {
+        60.0 * self.minutes
+    }
+
+    /// Antenna from the unit in the axes of the unit, m.
+    pub fn lever_arm_m(&self) -> Vector3<f64> {
+        self.mount.inverse() * self.antenna_m
+    }
+
+    /// Records it.
+    pub fn simulate(&self) -> SimulatedDrive {
+        let mut errors = self.errors.clone();
+        errors.gnss.habits.lever_arm_m = self.lever_arm_m().into();
+        // Where the unit looks up or down there is no heading to give.
+        let ahead = self.mount * Vector3::y();
+        if ahead.z.abs() > 0.7 {
+            errors.given_heading_sigma_deg = None;
+        }
+        let recording = Recording {
+            seed: self.seed,
+            duration_s: self.duration_s(),
+            imu_hz: self.imu_hz,
+            truth_every: whole(self.imu_hz / TRUTH_HZ).max(1),
+            origin: self.origin,
+            errors,
+        };
+        record(self.motion(), &recording)
+    }
+
+    /// The motion of the unit.
+    pub fn motion(&self) -> Box<dyn Motion> {
+        let (seed, duration_s) = (self.seed, self.duration_s());
+        let mut motion: Box<dyn Motion> = match self.vehicle {
+            Vehicle::Car { rest_s, lean } => {
+                Box::new(Car::new(seed, duration_s, rest_s).leaning(lean))
+            }
+            Vehicle::Boat(anchored) => Box::new(Boat::new(seed, duration_s, anchored)),
+            Vehicle::Plane { bank_rad, begin } => {
+                Box::new(Plane::new(seed, duration_s, bank_rad, begin))
+            }
+            Vehicle::Quadrotor { ground_s } => Box::new(Quadrotor::new(seed, duration_s, ground_s)),
+            Vehicle::Walker { rest_s } => Box::new(Walker::new(seed, duration_s, rest_s)),
+        };
+        for (when, swings) in &self.shakes {
+            motion = Box::new(Shaken::new(motion, swings, *when, seed));
+        }
+        Box::new(Mounted::new(motion, self.mount))
+    }
+
+    // --- what kinds are made of ---
+
+    /// The receiver's habits.
+    pub fn habits(&mut self) -> &mut Habits {
+        &mut self.errors.gnss.habits
+    }
+
+    /// Velocity noise: white, and correlated over a time.
+    pub fn velocity_noise(&mut self, white_mps: f64, sigma: f64, time_s: f64) {
+        self.errors.gnss.velocity_sigma_mps = white_mps;
+        self.habits().velocity = Correlated { sigma, time_s };
+    }
+
+    /// Position noise: white, and correlated over a time; that of height half as large again.
+    pub fn position_noise(&mut self, white_m: f64, sigma: f64, time_s: f64) {
+        self.errors.gnss.horizontal_sigma_m = white_m;
+        self.errors.gnss.vertical_sigma_m = 1.5 * white_m;
+        self.habits().horizontal = Correlated { sigma, time_s };
+        self.habits().vertical = Correlated {
+            sigma: 1.5 * sigma,
+            time_s,
+        };
+    }
+
+    /// A unit turned by an angle between two, deg, about any axis.
+    pub fn tilt_mount(&mut self, degrees: [f64; 2]) {
+        let axis = Unit::new_normalize(Vector3::from(self.random.normal3()));
+        let angle = self.random.uniform(degrees).to_radians();
+        self.mount = UnitQuaternion::from_axis_angle(&axis, angle);
+    }
+
+    /// An antenna anywhere within so many metres, right, forward, up.
+    pub fn antenna_within(&mut self, reach_m: [f64; 3]) {
+        let place = reach_m.map(|reach| self.random.uniform([-reach, reach]));
+        self.antenna_m = place.into();
+    }
+
+    /// Times from `from_s` on, `gap_s` apart or up to twice that.
+    pub fn times(&mut self, from_s: f64, gap_s: f64) -> Vec<f64> {
+        let mut times = Vec::new();
+        let mut now_s = from_s + self.random.uniform([0.0, gap_s]);
+        while now_s < self.duration_s() {
+            times.push(now_s);
+            now_s += gap_s + self.random.uniform([0.0, gap_s]);
+        }
+        times
+    }
+
+    /// The same trouble at each of the times.
+    pub fn trouble(&mut self, times: &[f64], duration_s: f64, wrong: Wrong) {
+        self.habits()
+            .troubles
+            .extend(times.iter().map(|start_s| Trouble {
+                start_s: *start_s,
+                duration_s,
+                wrong,
+            }));
+    }
+
+    /// No fixes for so long at each of the times.
+    pub fn outages(&mut self, times: &[f64], duration_s: f64) {
+        let outages = times.iter().map(|start_s| Outage {
+            start_s: *start_s,
+            duration_s,
+        });
+        self.errors.gnss.outages.extend(outages);
+    }
+
+    /// Any level direction times a length.
+    pub fn anywhere(&mut self, length: f64) -> [f64; 3] {
+        let (sin, cos) = libm::sincos(PI * self.random.uniform([-1.0, 1.0]));
+        [length * sin, length * cos, 0.0]
+    }
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+fn whole(ratio: f64) -> u32 {
+    ratio.round() as u32
+}

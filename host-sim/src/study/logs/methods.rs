@@ -1,0 +1,101 @@
+//! The core beside other methods on the same log, and beside itself with less to find.
+
+use ins_core::Config;
+use ins_core::navigator::ConfigError;
+use serde::Serialize;
+
+use super::statistics::Difference;
+use crate::compare::measure::{NAMES, columns};
+use crate::compare::tracks::Point;
+use crate::log::BodyAxes;
+use crate::quantities::Quantity;
+
+/// Two estimators share the noise of a log: what parts them is what each leaves out, and neither
+/// states that. By quantity, in the order and units of [`NAMES`]; small beside what the class is
+/// used for.
+const ALLOWED: [f64; 8] = [0.3, 0.5, 0.5, 0.5, 10.0, 10.0, 10.0, 3.0];
+
+/// What the allowances are, for people.
+pub const ALLOWANCE: &str = "heading 0.3 deg, accelerometers 0.5 mg, gyros 10 deg/h, latency 3 ms";
+
+/// A parameter that the core can do without.
+#[derive(Clone, Copy, Debug)]
+pub struct Optional {
+    /// Which.
+    pub name: &'static str,
+    /// Holds it at zero.
+    pub hold: fn(&mut Config),
+}
+
+/// All of them: a prior spread of nothing.
+pub const OPTIONAL: [Optional; 4] = [
+    Optional {
+        name: "clock drift",
+        hold: |config| config.gnss.clock_drift_sigma = 0.0,
+    },
+    Optional {
+        name: "lever arm",
+        hold: |config| config.gnss.lever_arm_sigma_m = 0.0,
+    },
+    Optional {
+        name: "accelerometer scales",
+        hold: |config| config.sensors.accel_scale = 0.0,
+    },
+    Optional {
+        name: "gyro scale and misalignments",
+        hold: |config| config.sensors.gyro_scale = 0.0,
+    },
+];
+
+impl Optional {
+    /// Whether a configuration has it at all.
+    pub fn is_free(&self, config: &Config) -> bool {
+        self.without(*config) != *config
+    }
+
+    /// The configuration without it.
+    pub fn without(&self, mut config: Config) -> Config {
+        (self.hold)(&mut config);
+        config
+    }
+}
+
+/// The core minus another method at the end of a log.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Agreement {
+    /// Which other.
+    pub with: String,
+    /// Of what both call observable.
+    pub differences: Vec<Difference>,
+}
+
+impl Agreement {
+    /// Of two ends.
+    pub fn new(with: &str, core: &[Quantity; 8], other: &[Quantity; 8]) -> Self {
+        let differences = core.iter().zip(other).enumerate();
+        let observable = differences
+            .filter(|(_, (ours, theirs))| ours.observable() && theirs.observable())
+            .map(|(which, (ours, theirs))| {
+                let apart = ours.value - theirs.value;
+                let apart = if which == 0 { wrap_deg(apart) } else { apart };
+                let sigmas = [ours.sigma, theirs.sigma];
+                Difference::new(NAMES[which], apart, sigmas, ALLOWED[which])
+            });
+        Self {
+            with: with.to_owned(),
+            differences: observable.collect(),
+        }
+    }
+}
+
+fn wrap_deg(angle: f64) -> f64 {
+    (angle + 180.0).rem_euclid(360.0) - 180.0
+}
+
+/// What a method says at its end; `None` if it never navigated.
+pub fn end(axes: BodyAxes, points: &[Point]) -> Option<[Quantity; 8]> {
+    points.last().map(|point| columns(axes, point))
+}
+
+/// Points of a method that runs, or why it cannot.
+pub type Points = Result<Vec<Point>, ConfigError>;

@@ -1,0 +1,287 @@
+//! The study as text: one table a test, development logs and judges apart.
+
+use std::fmt::Write as _;
+
+use super::role::Role;
+use super::statistics::{Difference, Spread};
+use super::summary::Summary;
+use super::{LogStudy, OUTAGE, Study, halves, methods};
+use crate::report::digits;
+use crate::table::{self, cells};
+
+/// All tables.
+pub fn plain(study: &Study) -> String {
+    let parts = [
+        (halves_title(), halves_table(study)),
+        (methods_title(), methods_table(study)),
+        (outages_title(), outages_table(study)),
+        (FREE.to_owned(), free_table(study)),
+        (WITHOUT.to_owned(), without_table(study)),
+    ];
+    let mut text = mute(study);
+    for (title, (header, rows)) in parts {
+        // Writing into a string cannot fail.
+        let _ = writeln!(text, "{title}\n\n{}", table::plain(&header, &rows));
+    }
+    text
+}
+
+/// Names the logs of which no test says anything: they must not be missed.
+fn mute(study: &Study) -> String {
+    let says_nothing = |log: &&LogStudy| {
+        log.halves.is_none()
+            && log.methods.iter().all(|row| row.differences.is_empty())
+            && log.outages.is_none()
+            && log.free.is_none()
+    };
+    let names: Vec<&str> = (study.logs.iter().filter(says_nothing))
+        .map(|log| log.log.as_str())
+        .collect();
+    if names.is_empty() {
+        return String::new();
+    }
+    format!("No test says anything of {}.\n\n", names.join(", "))
+}
+
+type Table = (Vec<String>, Vec<Vec<String>>);
+
+fn halves_title() -> String {
+    format!(
+        "HALVES: second minus first half, in sigmas of what both state, of what is observable in \
+         both.\nAllowed besides: {}.\nPlain: as found and as stated, nothing allowed, nothing \
+         carried.",
+        halves::ALLOWANCE
+    )
+}
+
+fn methods_title() -> String {
+    format!(
+        "METHODS: the core minus another at the end of the log, in joint sigmas, of what both \
+         call observable.\nAllowed besides: {}.",
+        methods::ALLOWANCE
+    )
+}
+
+fn outages_title() -> String {
+    format!(
+        "OUTAGES of {OUTAGE:.0} s: position at the end, RMS, m. A summary has the geometric means \
+         of the ratios,\nand on how many logs the core drifts no more than the better of the others."
+    )
+}
+
+const FREE: &str = "FREE INS: horizontal velocity error over a minute, RMS, m/s, sensors as \
+    logged and with the estimates.\nA summary counts the logs where it is better with them, of \
+    those where anything is observable.";
+
+const WITHOUT: &str = "PARAMETERS: the core with one held at zero: itself with it minus without \
+    in joint sigmas (as METHODS),\nhalves without it, and drift without it over drift with it \
+    (geometric mean). What does not pay here, on judges, goes.";
+
+/// Rows of the logs of each role, then what they say together.
+fn by_role(
+    study: &Study,
+    log: impl Fn(&LogStudy) -> Option<Vec<String>>,
+    total: impl Fn(&Summary) -> Vec<String>,
+) -> Vec<Vec<String>> {
+    let mut rows = Vec::new();
+    for summary in study.summaries.iter().filter(|summary| summary.logs > 0) {
+        for study in study.logs.iter().filter(|log| log.role == summary.role) {
+            if let Some(row) = log(study) {
+                rows.push(named(&study.log, row));
+            }
+        }
+        let name = match summary.role {
+            Role::Development => "= development",
+            Role::Judge => "= judges",
+        };
+        rows.push(named(name, total(summary)));
+    }
+    rows
+}
+
+fn named(name: &str, mut row: Vec<String>) -> Vec<String> {
+    row.insert(0, name.to_owned());
+    row
+}
+
+fn number(value: Option<f64>) -> String {
+    value.map_or_else(|| "-".to_owned(), |value| format!("{value:.2}"))
+}
+
+fn spread(spread: &Spread) -> Vec<String> {
+    vec![
+        spread.count.to_string(),
+        number(spread.rms),
+        number(spread.rms_plain),
+        spread.beyond_3.to_string(),
+        spread.beyond_4.to_string(),
+    ]
+}
+
+/// The difference and, in brackets, its sigmas.
+fn cell(difference: &Difference) -> String {
+    let sigma = libm::hypot(difference.joint_sigma, difference.allowance);
+    let (value, sigmas) = (difference.value, difference.sigmas);
+    format!("{} ({sigmas:+.1})", digits(sigma, value))
+}
+
+const HALVES: [&str; 7] = [
+    "latency_ms",
+    "accel_x_mg",
+    "accel_y_mg",
+    "accel_z_mg",
+    "lever_right_m",
+    "lever_forward_m",
+    "lever_up_m",
+];
+
+fn halves_table(study: &Study) -> Table {
+    let mut header = cells(["", "n", "RMS", "plain", ">3", ">4"]);
+    header.extend(cells(HALVES));
+    let log = |log: &LogStudy| {
+        let halves = log.halves.as_ref()?;
+        let mut row = spread(&Spread::of(halves.iter()));
+        row.extend(HALVES.map(|name| {
+            let found = halves.iter().find(|difference| difference.name == name);
+            found.map_or_else(|| "-".to_owned(), cell)
+        }));
+        Some(row)
+    };
+    (
+        header,
+        by_role(study, log, |summary| spread(&summary.halves)),
+    )
+}
+
+fn methods_table(study: &Study) -> Table {
+    let header = cells(["", "n", "RMS", "plain", ">3", ">4", "beyond 3"]);
+    let mut names: Vec<&String> = Vec::new();
+    for (name, _) in study.summaries.iter().flat_map(|summary| &summary.methods) {
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    let mut rows = Vec::new();
+    for name in names {
+        rows.push(vec![format!("-- {name}")]);
+        let log = |log: &LogStudy| {
+            let agreement = log.methods.iter().find(|row| row.with == *name)?;
+            let mut row = spread(&Spread::of(agreement.differences.iter()));
+            row.push(beyond(&agreement.differences));
+            Some(row)
+        };
+        let total = |summary: &Summary| {
+            let of_it = summary.methods.iter().find(|(with, _)| with == name);
+            of_it.map_or_else(Vec::new, |(_, all)| spread(all))
+        };
+        rows.extend(by_role(study, log, total));
+    }
+    (header, rows)
+}
+
+/// Those that need an explanation.
+fn beyond(differences: &[Difference]) -> String {
+    let wide = differences.iter().filter(|d| d.sigmas.abs() > 3.0);
+    let words: Vec<String> = wide.map(|d| format!("{} {}", d.name, cell(d))).collect();
+    words.join(", ")
+}
+
+fn outages_table(study: &Study) -> Table {
+    let header = cells([
+        "",
+        "outages",
+        "core",
+        "Kalman",
+        "fusion-nav",
+        "core/Kalman",
+        "core/better",
+    ]);
+    let log = |log: &LogStudy| {
+        let outages = log.outages.as_ref()?;
+        let metres = |value: f64| digits(value, value);
+        let fusion_nav = outages.fusion_nav_m.map_or_else(|| "-".to_owned(), metres);
+        Some(vec![
+            outages.count.to_string(),
+            metres(outages.core_m),
+            metres(outages.kalman_m),
+            fusion_nav,
+            number(Some(outages.core_m / outages.kalman_m)),
+            number(Some(outages.core_m / outages.better_m())),
+        ])
+    };
+    let total = |summary: &Summary| {
+        let outages = &summary.outages;
+        vec![
+            format!("best on {} of {}", outages.best, outages.logs),
+            String::new(),
+            String::new(),
+            String::new(),
+            number(outages.core_over_kalman),
+            number(outages.core_over_better),
+        ]
+    };
+    (header, by_role(study, log, total))
+}
+
+fn free_table(study: &Study) -> Table {
+    let header = cells(["", "before", "after", ""]);
+    let log = |log: &LogStudy| {
+        let free = log.free?;
+        let verdict = match (free.observable, free.after_mps < free.before_mps) {
+            (false, _) => "nothing observable",
+            (true, true) => "better",
+            (true, false) => "NOT BETTER",
+        };
+        let speed = |value: f64| digits(value, value);
+        Some(vec![
+            speed(free.before_mps),
+            speed(free.after_mps),
+            verdict.to_owned(),
+        ])
+    };
+    let total = |summary: &Summary| {
+        let [better, of] = summary.free_better;
+        vec![String::new(), String::new(), format!("{better} of {of}")]
+    };
+    (header, by_role(study, log, total))
+}
+
+fn without_table(study: &Study) -> Table {
+    let header = cells([
+        "",
+        "n",
+        "RMS",
+        "plain",
+        ">3",
+        ">4",
+        "halves RMS",
+        "plain",
+        ">3",
+        "drift ratio",
+    ]);
+    let mut rows = Vec::new();
+    for summary in study.summaries.iter().filter(|summary| summary.logs > 0) {
+        let role = match summary.role {
+            Role::Development => "development",
+            Role::Judge => "judges",
+        };
+        let halves = |halves: &Spread| {
+            vec![
+                number(halves.rms),
+                number(halves.rms_plain),
+                halves.beyond_3.to_string(),
+            ]
+        };
+        let mut all = vec![String::new(); 5];
+        all.extend(halves(&summary.halves));
+        all.push("1".to_owned());
+        rows.push(named(&format!("{role}: with all"), all));
+        for without in &summary.without {
+            let mut row = spread(&without.agreement);
+            row.extend(halves(&without.halves));
+            row.push(number(without.outage_ratio));
+            rows.push(named(&format!("{role}: no {}", without.parameter), row));
+        }
+    }
+    (header, rows)
+}

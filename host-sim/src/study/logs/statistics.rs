@@ -1,0 +1,104 @@
+//! Differences in units of what they should be, and summaries of many.
+
+use serde::Serialize;
+
+/// A difference that should be zero, and its sigma.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Difference {
+    /// Of which quantity, with its unit.
+    pub name: &'static str,
+    /// The difference.
+    pub value: f64,
+    /// Joint sigma of both sides as they state them.
+    pub joint_sigma: f64,
+    /// What may lie between them beyond that.
+    pub allowance: f64,
+    /// In sigmas, the allowance among them.
+    pub sigmas: f64,
+    /// As found, in joint sigmas as stated.
+    pub plain_sigmas: f64,
+}
+
+impl Difference {
+    /// Of two values with a sigma each.
+    pub fn new(name: &'static str, value: f64, sigmas: [f64; 2], allowance: f64) -> Self {
+        let joint_sigma = libm::hypot(sigmas[0], sigmas[1]);
+        Self {
+            name,
+            value,
+            joint_sigma,
+            allowance,
+            sigmas: value / libm::hypot(joint_sigma, allowance),
+            plain_sigmas: value / joint_sigma,
+        }
+    }
+}
+
+/// Many differences together.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Spread {
+    /// How many.
+    pub count: usize,
+    /// Root mean square, sigmas; honest ones have 1.
+    pub rms: Option<f64>,
+    /// The same as found and as stated, without allowances.
+    pub rms_plain: Option<f64>,
+    /// Beyond three sigmas.
+    pub beyond_3: usize,
+    /// Beyond four.
+    pub beyond_4: usize,
+}
+
+impl Spread {
+    /// Of any number of differences.
+    pub fn of<'a>(differences: impl Iterator<Item = &'a Difference> + Clone) -> Self {
+        let beyond = |limit: f64| {
+            let wide = |d: &&Difference| d.sigmas.abs() > limit;
+            differences.clone().filter(wide).count()
+        };
+        Self {
+            count: differences.clone().count(),
+            rms: rms(differences.clone().map(|d| d.sigmas)),
+            rms_plain: rms(differences.clone().map(|d| d.plain_sigmas)),
+            beyond_3: beyond(3.0),
+            beyond_4: beyond(4.0),
+        }
+    }
+}
+
+/// Root mean square; `None` of nothing.
+pub fn rms(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for value in values {
+        sum += value * value;
+        count += 1.0;
+    }
+    (count > 0.0).then(|| (sum / count).sqrt())
+}
+
+/// Geometric mean; `None` of nothing.
+pub fn geometric_mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for value in values {
+        sum += libm::log(value);
+        count += 1.0;
+    }
+    (count > 0.0).then(|| libm::exp(sum / count))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_allowance_widens_what_a_difference_may_be() {
+        let plain = Difference::new("x", 5.0, [0.6, 0.8], 0.0);
+        let allowed = Difference::new("x", 5.0, [0.6, 0.8], libm::sqrt(3.0));
+        assert!((plain.sigmas - 5.0).abs() < 1e-12 && (allowed.sigmas - 2.5).abs() < 1e-12);
+        let spread = Spread::of([plain, allowed].iter());
+        assert_eq!((spread.count, spread.beyond_3, spread.beyond_4), (2, 1, 1));
+        assert!((spread.rms_plain.unwrap() - 5.0).abs() < 1e-12);
+        assert_eq!(Spread::of([].iter()).rms, None);
+        assert!((geometric_mean([0.5, 2.0].into_iter()).unwrap() - 1.0).abs() < 1e-12);
+    }
+}

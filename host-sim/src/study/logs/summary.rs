@@ -1,0 +1,133 @@
+//! What many logs say together.
+
+use serde::Serialize;
+
+use super::LogStudy;
+use super::role::Role;
+use super::statistics::{Spread, geometric_mean};
+
+/// All logs of one role.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// Which.
+    pub role: Role,
+    /// How many.
+    pub logs: usize,
+    /// The halves test.
+    pub halves: Spread,
+    /// The core beside each other method.
+    pub methods: Vec<(String, Spread)>,
+    /// Drifts.
+    pub outages: OutageSummary,
+    /// Logs whose free INS is better with the estimates, of those where anything is observable.
+    pub free_better: [usize; 2],
+    /// The core without each optional parameter.
+    pub without: Vec<WithoutSummary>,
+}
+
+/// Drifts over many logs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct OutageSummary {
+    /// Logs with outages.
+    pub logs: usize,
+    /// Of them, those where the core drifts no more than the better of the others.
+    pub best: usize,
+    /// Core over Kalman filter, geometric mean.
+    pub core_over_kalman: Option<f64>,
+    /// Core over the better of the others, geometric mean.
+    pub core_over_better: Option<f64>,
+}
+
+/// One parameter held at zero over many logs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct WithoutSummary {
+    /// Which.
+    pub parameter: &'static str,
+    /// The core beside itself without it.
+    pub agreement: Spread,
+    /// The halves without it.
+    pub halves: Spread,
+    /// Drift without it over drift with it, geometric mean.
+    pub outage_ratio: Option<f64>,
+}
+
+impl Summary {
+    /// Of the logs of a role.
+    pub fn of(role: Role, logs: &[LogStudy]) -> Self {
+        let logs: Vec<&LogStudy> = logs.iter().filter(|log| log.role == role).collect();
+        let observable = || (logs.iter()).filter_map(|log| log.free.filter(|free| free.observable));
+        let better = observable().filter(|free| free.after_mps < free.before_mps);
+        Self {
+            role,
+            logs: logs.len(),
+            halves: Spread::of(logs.iter().flat_map(|log| log.halves.iter().flatten())),
+            methods: methods(&logs),
+            outages: outages(&logs),
+            free_better: [better.count(), observable().count()],
+            without: without(&logs),
+        }
+    }
+}
+
+fn methods(logs: &[&LogStudy]) -> Vec<(String, Spread)> {
+    let agreements = || logs.iter().flat_map(|log| &log.methods);
+    let mut names: Vec<&String> = Vec::new();
+    for agreement in agreements() {
+        if !names.contains(&&agreement.with) {
+            names.push(&agreement.with);
+        }
+    }
+    let spread = |name: &String| {
+        let of_it = agreements().filter(move |agreement| agreement.with == *name);
+        Spread::of(
+            of_it
+                .flat_map(|agreement| &agreement.differences)
+                .collect::<Vec<_>>()
+                .into_iter(),
+        )
+    };
+    let named = names.into_iter().map(|name| (name.clone(), spread(name)));
+    named.collect()
+}
+
+fn outages(logs: &[&LogStudy]) -> OutageSummary {
+    let all = || logs.iter().filter_map(|log| log.outages.as_ref());
+    OutageSummary {
+        logs: all().count(),
+        best: all().filter(|o| o.core_m <= o.better_m()).count(),
+        core_over_kalman: geometric_mean(all().map(|o| o.core_m / o.kalman_m)),
+        core_over_better: geometric_mean(all().map(|o| o.core_m / o.better_m())),
+    }
+}
+
+impl super::Outages {
+    /// The better of the others.
+    pub fn better_m(&self) -> f64 {
+        self.kalman_m
+            .min(self.fusion_nav_m.unwrap_or(f64::INFINITY))
+    }
+}
+
+fn without(logs: &[&LogStudy]) -> Vec<WithoutSummary> {
+    let summary = |parameter: &'static str| {
+        let rows: Vec<_> = logs
+            .iter()
+            .flat_map(|log| log.without.iter().map(move |row| (log, row)))
+            .filter(|(_, row)| row.parameter == parameter)
+            .collect();
+        let ratio = rows
+            .iter()
+            .filter_map(|(log, row)| Some(row.outage_m? / log.outages.as_ref()?.core_m));
+        WithoutSummary {
+            parameter,
+            agreement: Spread::of(rows.iter().flat_map(|(_, row)| &row.agreement.differences)),
+            halves: Spread::of(rows.iter().flat_map(|(_, row)| row.halves.iter().flatten())),
+            outage_ratio: geometric_mean(ratio),
+        }
+    };
+    super::OPTIONAL
+        .iter()
+        .map(|optional| summary(optional.name))
+        .filter(|summary| summary.agreement.count > 0)
+        .collect()
+}

@@ -1,0 +1,986 @@
+//! Recordings of other programs, made here byte by byte from one drive: each must read as that
+//! drive. Real ones are read where they are at hand.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use host_sim::import::{Choice, open, read};
+use host_sim::log::Log;
+use ins_core::{GnssFix, ImuOutput};
+use nalgebra::{Vector2, Vector3};
+
+const IMU_HZ: usize = 50;
+const FIX_HZ: usize = 5;
+const SECONDS: usize = 60;
+/// Metres in a radian of latitude and of longitude, near enough for a drive of a kilometre.
+const NORTH_M: f64 = 6_367_400.0;
+const EAST_M: f64 = 4_517_600.0;
+
+/// An inertial sample of the drive, forward-right-down.
+struct Sample {
+    time_s: f64,
+    gyro: Vector3<f64>,
+    accel: Vector3<f64>,
+}
+
+/// A fix of the drive.
+struct Fix {
+    time_s: f64,
+    lat_deg: f64,
+    lon_deg: f64,
+    height_m: f64,
+    velocity: Vector2<f64>,
+    up_mps: f64,
+}
+
+struct Drive {
+    imu: Vec<Sample>,
+    gnss: Vec<Fix>,
+}
+
+/// A winding road at changing speed, up and down.
+fn drive() -> Drive {
+    let step_s = 1.0 / IMU_HZ as f64;
+    let (mut course, mut east_m, mut north_m, mut height_m) = (0.3_f64, 0.0, 0.0, 120.0);
+    let (mut imu, mut gnss) = (Vec::new(), Vec::new());
+    for step in 0..SECONDS * IMU_HZ {
+        let time_s = step as f64 * step_s;
+        let rate = 0.2 * (0.4 * time_s).sin() + 0.1 * (0.17 * time_s * time_s / 6.0).cos();
+        let speed = 10.0 + 3.0 * (0.3 * time_s).sin();
+        let up_mps = 0.8 * (0.2 * time_s).cos();
+        let velocity = speed * Vector2::new(course.sin(), course.cos());
+        imu.push(Sample {
+            time_s,
+            gyro: Vector3::new(0.001, -0.002, rate),
+            accel: Vector3::new(
+                0.9 * (0.3 * time_s).cos(),
+                speed * rate,
+                -9.81 + 0.16 * (0.2 * time_s).sin(),
+            ),
+        });
+        if step % (IMU_HZ / FIX_HZ) == 0 {
+            gnss.push(Fix {
+                time_s,
+                lat_deg: 45.0 + (north_m / NORTH_M).to_degrees(),
+                lon_deg: -9.0 + (east_m / EAST_M).to_degrees(),
+                height_m,
+                velocity,
+                up_mps,
+            });
+        }
+        east_m += velocity.x * step_s;
+        north_m += velocity.y * step_s;
+        height_m += up_mps * step_s;
+        course += rate * step_s;
+    }
+    Drive { imu, gnss }
+}
+
+/// As most formats write it.
+#[allow(clippy::cast_possible_truncation)]
+fn single(value: f64) -> [u8; 4] {
+    (value as f32).to_le_bytes()
+}
+
+/// What a format may lose.
+#[derive(Clone, Copy)]
+struct Expected {
+    /// From the drive's clock to the recording's, s.
+    clock_s: f64,
+    /// Largest error of rates (rad/s), forces (m/s^2), velocities (m/s).
+    within: f64,
+    climb: bool,
+}
+
+fn assert_is_the_drive(log: &Log, expected: Expected) {
+    let Drive { imu, gnss } = drive();
+    let within = expected.within;
+    let scale = match log.meta.imu {
+        ImuOutput::Rates => 1.0,
+        ImuOutput::Increments => IMU_HZ as f64,
+    };
+    // The last sample may lack its partner to be put together with.
+    assert!(log.imu.len() + 2 > imu.len(), "{} samples", log.imu.len());
+    for (got, sample) in log.imu.iter().zip(&imu) {
+        let time_s = got.time.as_seconds() - expected.clock_s;
+        let rfu = |v: Vector3<f64>| Vector3::new(v.y, v.x, -v.z);
+        assert!(
+            (time_s - sample.time_s).abs() < 2e-3,
+            "{time_s} {}",
+            sample.time_s
+        );
+        assert!(
+            (scale * got.gyro - rfu(sample.gyro)).amax() < within,
+            "{got:?} at {time_s}"
+        );
+        assert!(
+            (scale * got.accel - rfu(sample.accel)).amax() < within,
+            "{got:?} at {time_s}"
+        );
+    }
+    assert_eq!(log.gnss.len(), gnss.len());
+    for (got, fix) in log.gnss.iter().zip(&gnss) {
+        assert_is_the_fix(got, fix, expected);
+    }
+}
+
+fn assert_is_the_fix(got: &GnssFix, fix: &Fix, expected: Expected) {
+    let within = expected.within;
+    let time_s = got.time.as_seconds() - expected.clock_s;
+    assert!(
+        (time_s - fix.time_s).abs() < 2e-3,
+        "{time_s} {}",
+        fix.time_s
+    );
+    let position = got.position.unwrap();
+    // A decimetre.
+    assert!(
+        (position.latitude_rad - fix.lat_deg.to_radians()).abs() < 2e-8,
+        "{got:?}"
+    );
+    assert!(
+        (position.longitude_rad - fix.lon_deg.to_radians()).abs() < 2e-8,
+        "{got:?}"
+    );
+    assert!(
+        (got.height_m.unwrap() - fix.height_m).abs() < 0.02,
+        "{got:?}"
+    );
+    assert!(
+        (got.velocity_en_mps.unwrap() - fix.velocity).amax() < within,
+        "{got:?}"
+    );
+    match got.velocity_up_mps {
+        Some(up_mps) => assert!((up_mps - fix.up_mps).abs() < within),
+        None => assert!(!expected.climb),
+    }
+}
+
+const EXACT: Expected = Expected {
+    clock_s: 0.0,
+    within: 1e-3,
+    climb: true,
+};
+
+fn file(folder: &Path, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
+    let path = folder.join(name);
+    fs::create_dir_all(path.parent().unwrap()).unwrap();
+    fs::write(&path, bytes).unwrap();
+    path
+}
+
+fn speed_and_course(fix: &Fix) -> (f64, f64) {
+    let course = fix.velocity.x.atan2(fix.velocity.y).to_degrees();
+    (fix.velocity.norm(), course.rem_euclid(360.0))
+}
+
+/// Whole units, rounded.
+#[allow(clippy::cast_possible_truncation)]
+fn whole(value: f64) -> i32 {
+    value.round() as i32
+}
+
+fn millis(time_s: f64) -> u32 {
+    whole(1e3 * time_s).cast_unsigned()
+}
+
+// --- DataFlash ---
+
+fn describe(bytes: &mut Vec<u8>, kind: u8, name: &str, format: &str, labels: &str) {
+    let sizes = |c: char| match c {
+        'B' => 1,
+        'c' | 'H' => 2,
+        'Q' => 8,
+        _ => 4,
+    };
+    let length: u8 = format.chars().map(sizes).sum();
+    bytes.extend([0xa3, 0x95, 0x80, kind, length + 3]);
+    for (text, size) in [(name, 4), (format, 16), (labels, 64)] {
+        let mut field = text.as_bytes().to_vec();
+        field.resize(size, 0);
+        bytes.extend(field);
+    }
+}
+
+/// As new logs have them, with two sensors by field, and a fast pair besides if wanted.
+fn dataflash(drive: &Drive) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    describe(
+        &mut bytes,
+        1,
+        "IMU",
+        "QBffffff",
+        "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ",
+    );
+    describe(
+        &mut bytes,
+        2,
+        "GPS",
+        "QBBLLefff",
+        "TimeUS,I,Status,Lat,Lng,Alt,Spd,GCrs,VZ",
+    );
+    for sample in &drive.imu {
+        for instance in [0_u8, 1] {
+            bytes.extend([0xa3, 0x95, 1]);
+            bytes.extend(u64::from(millis(sample.time_s) * 1000).to_le_bytes());
+            bytes.push(instance);
+            for value in sample.gyro.iter().chain(&sample.accel) {
+                let scale = if instance == 0 { 1.0 } else { 1.01 };
+                bytes.extend(single(scale * value));
+            }
+        }
+    }
+    for fix in &drive.gnss {
+        let (speed, course) = speed_and_course(fix);
+        bytes.extend([0xa3, 0x95, 2]);
+        bytes.extend(u64::from(millis(fix.time_s) * 1000).to_le_bytes());
+        bytes.extend([0, 3]);
+        bytes.extend(whole(1e7 * fix.lat_deg).to_le_bytes());
+        bytes.extend(whole(1e7 * fix.lon_deg).to_le_bytes());
+        bytes.extend(whole(1e2 * fix.height_m).to_le_bytes());
+        for value in [speed, course, -fix.up_mps] {
+            bytes.extend(single(value));
+        }
+    }
+    // Power was lost.
+    bytes.extend([0xa3, 0x95, 1, 7]);
+    bytes
+}
+
+#[test]
+fn dataflash_reads_as_the_drive() {
+    let folder = tempfile::tempdir().unwrap();
+    // Told by content.
+    let path = file(folder.path(), "flight.txt", dataflash(&drive()));
+    let (log, warnings) = open(&path).unwrap();
+    assert_is_the_drive(&log, EXACT);
+    assert!(
+        warnings[0].found.contains("1 IMU 1 (3000), 2 IMU 2 (3000)"),
+        "{warnings:?}"
+    );
+}
+
+#[test]
+fn another_sensor_is_chosen_by_its_number() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = [file(folder.path(), "flight.bin", dataflash(&drive()))];
+    let of = |imu| {
+        read(
+            &path,
+            Choice {
+                imu: Some(imu),
+                gnss: None,
+            },
+        )
+    };
+    let (one, two) = (of(1).unwrap().0, of(2).unwrap().0);
+    let ratio = two.imu[100].accel.z / one.imu[100].accel.z;
+    assert!((ratio - 1.01).abs() < 1e-6);
+    let error = of(3).unwrap_err();
+    assert_eq!(&*error.expected, "--imu from 1 to 2");
+}
+
+// --- ULog ---
+
+fn ulog_message(kind: u8, payload: &[u8]) -> Vec<u8> {
+    let length = u16::try_from(payload.len()).unwrap().to_le_bytes();
+    [&length, [kind].as_slice(), payload].concat()
+}
+
+fn ulog(drive: &Drive) -> Vec<u8> {
+    let mut bytes = b"ULog\x01\x12\x35\x01".to_vec();
+    bytes.extend(0_u64.to_le_bytes());
+    bytes.extend(ulog_message(b'B', &[0; 40]));
+    for format in [
+        "sensor_combined:uint64_t timestamp;float[3] gyro_rad;float[3] accelerometer_m_s2;",
+        "sensor_gps:uint64_t timestamp;double latitude_deg;double longitude_deg;\
+         double altitude_ellipsoid_m;float vel_n_m_s;float vel_e_m_s;float vel_d_m_s;float eph;\
+         uint8_t fix_type;bool vel_ned_valid;",
+    ] {
+        bytes.extend(ulog_message(b'F', format.as_bytes()));
+    }
+    for (id, name) in [(0_u16, "sensor_combined"), (1, "sensor_gps")] {
+        let head = [&[0], id.to_le_bytes().as_slice()].concat();
+        bytes.extend(ulog_message(b'A', &[&head, name.as_bytes()].concat()));
+    }
+    for sample in &drive.imu {
+        let mut data = 0_u16.to_le_bytes().to_vec();
+        data.extend(u64::from(millis(sample.time_s) * 1000).to_le_bytes());
+        for value in sample.gyro.iter().chain(&sample.accel) {
+            data.extend(single(*value));
+        }
+        bytes.extend(ulog_message(b'D', &data));
+    }
+    for fix in &drive.gnss {
+        let mut data = 1_u16.to_le_bytes().to_vec();
+        data.extend(u64::from(millis(fix.time_s) * 1000).to_le_bytes());
+        for value in [fix.lat_deg, fix.lon_deg, fix.height_m] {
+            data.extend(value.to_le_bytes());
+        }
+        for value in [fix.velocity.y, fix.velocity.x, -fix.up_mps, 0.7] {
+            data.extend(single(value));
+        }
+        data.extend([3, 1]);
+        bytes.extend(ulog_message(b'D', &data));
+    }
+    bytes
+}
+
+#[test]
+fn ulog_reads_as_the_drive() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = file(folder.path(), "flight.ulg", ulog(&drive()));
+    let (log, warnings) = open(&path).unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert_is_the_drive(&log, EXACT);
+    assert!((log.gnss[0].sigma.position_m.unwrap() - 0.7).abs() < 1e-6);
+}
+
+#[test]
+fn ulog_cut_short_is_used() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut bytes = ulog(&drive());
+    bytes.truncate(bytes.len() - 11);
+    let path = file(folder.path(), "flight.ulg", bytes);
+    let (log, warnings) = open(&path).unwrap();
+    assert_eq!(log.gnss.len(), drive().gnss.len() - 1);
+    assert_eq!(&*warnings[0].found, "one that ends too early");
+}
+
+// --- UBX ---
+
+fn ubx_frame(class: u8, id: u8, payload: &[u8]) -> Vec<u8> {
+    let length = u16::try_from(payload.len()).unwrap().to_le_bytes();
+    let body = [&[class, id], length.as_slice(), payload].concat();
+    let (mut a, mut b) = (0_u8, 0_u8);
+    for byte in &body {
+        a = a.wrapping_add(*byte);
+        b = b.wrapping_add(a);
+    }
+    [&[0xb5, 0x62], body.as_slice(), &[a, b]].concat()
+}
+
+fn nav_pvt(fix: &Fix) -> Vec<u8> {
+    let mut payload = vec![0; 92];
+    let mut put = |at: usize, value: i32| payload[at..at + 4].copy_from_slice(&value.to_le_bytes());
+    put(0, whole(1e3 * fix.time_s));
+    put(24, whole(1e7 * fix.lon_deg));
+    put(28, whole(1e7 * fix.lat_deg));
+    put(32, whole(1e3 * fix.height_m));
+    put(48, whole(1e3 * fix.velocity.y));
+    put(52, whole(1e3 * fix.velocity.x));
+    put(56, whole(-1e3 * fix.up_mps));
+    payload[20] = 3;
+    payload[21] = 1;
+    ubx_frame(1, 7, &payload)
+}
+
+/// All six channels under one time tag.
+fn esf_meas(sample: &Sample, tag_ms: u32) -> Vec<u8> {
+    let mut payload = tag_ms.to_le_bytes().to_vec();
+    payload.extend([0, 6 << 3, 0, 0]);
+    let gyro = sample.gyro.map(|x| whole(x.to_degrees() * 4096.0));
+    let accel = sample.accel.map(|x| whole(x * 1024.0));
+    let kinds = [14_u32, 13, 5, 16, 17, 18];
+    for (kind, value) in kinds.into_iter().zip(gyro.iter().chain(&accel)) {
+        let word = kind << 24 | value.cast_unsigned() & 0x00ff_ffff;
+        payload.extend(word.to_le_bytes());
+    }
+    ubx_frame(0x10, 2, &payload)
+}
+
+#[test]
+fn ubx_reads_as_the_drive() {
+    let folder = tempfile::tempdir().unwrap();
+    let Drive { imu, gnss } = drive();
+    let mut bytes = b"noise before".to_vec();
+    for (index, sample) in imu.iter().enumerate() {
+        if index % (IMU_HZ / FIX_HZ) == 0 {
+            bytes.extend(nav_pvt(&gnss[index / (IMU_HZ / FIX_HZ)]));
+        }
+        bytes.extend(esf_meas(sample, millis(sample.time_s) + 77_000));
+    }
+    let path = file(folder.path(), "drive.ubx", bytes);
+    let (log, _) = open(&path).unwrap();
+    assert_is_the_drive(
+        &log,
+        Expected {
+            within: 1.5e-3,
+            ..EXACT
+        },
+    );
+}
+
+// --- ROS ---
+
+fn ros_record(header: &[(&str, &[u8])], data: &[u8]) -> Vec<u8> {
+    let mut fields = Vec::new();
+    for (name, value) in header {
+        let length = u32::try_from(name.len() + 1 + value.len()).unwrap();
+        fields.extend(length.to_le_bytes());
+        fields.extend([name.as_bytes(), b"=", value].concat());
+    }
+    let size = |bytes: &[u8]| u32::try_from(bytes.len()).unwrap().to_le_bytes();
+    [size(&fields).as_slice(), &fields, &size(data), data].concat()
+}
+
+fn ros_header(time_s: f64) -> Vec<u8> {
+    let nanos = millis(time_s.fract()) * 1_000_000;
+    let stamp = [0, whole(time_s.floor()).cast_unsigned(), nanos, 4];
+    let mut bytes: Vec<u8> = stamp.iter().flat_map(|x| x.to_le_bytes()).collect();
+    bytes.extend(b"link");
+    bytes
+}
+
+fn doubles(values: &[f64]) -> Vec<u8> {
+    values.iter().flat_map(|x| x.to_le_bytes()).collect()
+}
+
+fn ros_messages(drive: &Drive) -> Vec<(u32, Vec<u8>)> {
+    let flu = |v: Vector3<f64>| [v.x, -v.y, -v.z];
+    let mut messages = Vec::new();
+    for sample in &drive.imu {
+        let mut data = ros_header(sample.time_s);
+        data.extend(doubles(&[0.0; 13]));
+        data.extend(doubles(&flu(sample.gyro)));
+        data.extend(doubles(&[0.0; 9]));
+        data.extend(doubles(&flu(sample.accel)));
+        data.extend(doubles(&[0.0; 9]));
+        messages.push((0, data));
+    }
+    for fix in &drive.gnss {
+        let mut data = ros_header(fix.time_s);
+        data.extend([0, 1, 0]);
+        data.extend(doubles(&[fix.lat_deg, fix.lon_deg, fix.height_m]));
+        data.extend(doubles(&[4.0, 0.0, 0.0, 0.0, 4.0, 0.0, 0.0, 0.0, 9.0]));
+        data.push(2);
+        messages.push((1, data));
+        let mut data = ros_header(fix.time_s);
+        data.extend(doubles(&[
+            fix.velocity.x,
+            fix.velocity.y,
+            fix.up_mps,
+            0.0,
+            0.0,
+            0.0,
+        ]));
+        messages.push((2, data));
+    }
+    messages
+}
+
+fn ros_bag(drive: &Drive) -> Vec<u8> {
+    let connections = [
+        (0_u32, "/imu", "sensor_msgs/Imu"),
+        (1, "/gps/fix", "sensor_msgs/NavSatFix"),
+        (2, "/gps/vel", "geometry_msgs/TwistStamped"),
+    ];
+    let connection = |(id, topic, kind): (u32, &str, &str)| {
+        let data = [
+            ("topic", topic.as_bytes()),
+            ("type", kind.as_bytes()),
+            ("md5sum", b"00000000000000000000000000000000".as_slice()),
+            ("message_definition", b"".as_slice()),
+        ];
+        let data = ros_record(&data, &[]);
+        let fields = u32::from_le_bytes(data[..4].try_into().unwrap()) as usize;
+        let header: [(&str, &[u8]); 3] = [
+            ("op", &[7]),
+            ("conn", &id.to_le_bytes()),
+            ("topic", topic.as_bytes()),
+        ];
+        ros_record(&header, &data[4..4 + fields])
+    };
+    let mut chunk = Vec::new();
+    for (id, data) in ros_messages(drive) {
+        let header: [(&str, &[u8]); 3] =
+            [("op", &[2]), ("conn", &id.to_le_bytes()), ("time", &[0; 8])];
+        chunk.extend(ros_record(&header, &data));
+    }
+    let size = u32::try_from(chunk.len()).unwrap().to_le_bytes();
+    let header: [(&str, &[u8]); 3] = [("op", &[5]), ("compression", b"none"), ("size", &size)];
+    let chunk = ros_record(&header, &chunk);
+    let head = |index: u64| {
+        let header: [(&str, &[u8]); 4] = [
+            ("op", &[3]),
+            ("index_pos", &index.to_le_bytes()),
+            ("conn_count", &3_u32.to_le_bytes()),
+            ("chunk_count", &1_u32.to_le_bytes()),
+        ];
+        let mut record = ros_record(&header, &[]);
+        // Padded to 4096 bytes.
+        let padding = 4096 - record.len();
+        let at = record.len() - 4;
+        record[at..].copy_from_slice(&u32::try_from(padding).unwrap().to_le_bytes());
+        record.resize(4096, b' ');
+        record
+    };
+    let magic = b"#ROSBAG V2.0\n";
+    let index = magic.len() + 4096 + chunk.len();
+    let head = head(index as u64);
+    let mut bytes = [magic.as_slice(), &head, &chunk].concat();
+    bytes.extend(connections.into_iter().flat_map(connection));
+    bytes
+}
+
+#[test]
+fn ros_bag_reads_as_the_drive() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = file(folder.path(), "drive.bag", ros_bag(&drive()));
+    let (log, warnings) = open(&path).unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert_is_the_drive(&log, EXACT);
+    assert_eq!(log.gnss[0].sigma.position_m, Some(2.0));
+    assert_eq!(log.gnss[0].sigma.height_m, Some(3.0));
+}
+
+// --- texts ---
+
+/// Made in 1970, so that NMEA may stand beside it.
+fn euroc(drive: &Drive) -> String {
+    let mut text = "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],\
+                    a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]\n"
+        .to_owned();
+    for sample in &drive.imu {
+        let (g, a) = (sample.gyro, sample.accel);
+        let nanos = u64::from(millis(sample.time_s)) * 1_000_000;
+        writeln!(
+            text,
+            "{nanos},{},{},{},{},{},{}",
+            g.x, -g.y, -g.z, a.x, -a.y, -a.z
+        )
+        .unwrap();
+    }
+    text
+}
+
+fn nmea(drive: &Drive) -> String {
+    let mut text = String::new();
+    let mut say = |body: String| {
+        let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
+        writeln!(text, "${body}*{sum:02X}\r").unwrap();
+    };
+    for fix in &drive.gnss {
+        let minutes = |deg: f64, width: usize| {
+            let whole = deg.abs().floor();
+            format!("{whole:0width$.0}{:010.7}", 60.0 * (deg.abs() - whole))
+        };
+        let place = format!(
+            "{},N,{},W",
+            minutes(fix.lat_deg, 2),
+            minutes(fix.lon_deg, 3)
+        );
+        let time = format!("0000{:06.3}", fix.time_s);
+        let (speed, course) = speed_and_course(fix);
+        let knots = speed * 3600.0 / 1852.0;
+        say(format!(
+            "GNGGA,{time},{place},1,09,1.0,{:.3},M,50.0,M,,",
+            fix.height_m - 50.0
+        ));
+        say(format!(
+            "GNRMC,{time},A,{place},{knots:.5},{course:.5},010170,,,A"
+        ));
+        say(format!("GNGST,{time},1.0,,,,3.0,4.0,7.0"));
+    }
+    text
+}
+
+#[test]
+fn nmea_beside_inertial_samples_reads_as_the_drive() {
+    let folder = tempfile::tempdir().unwrap();
+    let imu = file(folder.path(), "imu0.csv", euroc(&drive()));
+    let gnss = file(folder.path(), "log.nmea", nmea(&drive()));
+    let (log, _) = read(&[imu, gnss], Choice::default()).unwrap();
+    assert_is_the_drive(
+        &log,
+        Expected {
+            within: 2e-3,
+            climb: false,
+            ..EXACT
+        },
+    );
+    let level = log.gnss[0].sigma.position_m.unwrap();
+    assert!((level - 12.5_f64.sqrt()).abs() < 1e-6);
+    assert_eq!(log.gnss[0].sigma.height_m, Some(7.0));
+}
+
+#[test]
+fn gnss_alone_says_what_is_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    let error = open(&file(folder.path(), "log.nmea", nmea(&drive()))).unwrap_err();
+    assert_eq!(
+        &*error.cause,
+        "none were logged: give a second file that has them"
+    );
+}
+
+#[test]
+fn rtklib_beside_inertial_samples_reads_as_the_drive() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut text = "% program   : RTKPOST\n%  GPST   latitude(deg) longitude(deg)  height(m)   Q  \
+                    ns   sdn(m)   sde(m)   sdu(m)   vn(m/s)    ve(m/s)    vu(m/s)\n"
+        .to_owned();
+    for fix in drive().gnss {
+        let v = fix.velocity;
+        writeln!(
+            text,
+            "1970/01/01 00:00:{:06.3} {:.9} {:.9} {:.4} 1 9 0.01 0.01 0.02 {:.5} {:.5} {:.5}",
+            fix.time_s, fix.lat_deg, fix.lon_deg, fix.height_m, v.y, v.x, fix.up_mps
+        )
+        .unwrap();
+    }
+    let imu = file(folder.path(), "imu0.csv", euroc(&drive()));
+    let gnss = file(folder.path(), "solution.pos", text);
+    let (log, warnings) = read(&[gnss, imu], Choice::default()).unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert_is_the_drive(&log, EXACT);
+}
+
+#[test]
+fn a_phone_reads_as_the_drive() {
+    const START_S: f64 = 1_752_154_081.0;
+    let folder = tempfile::tempdir().unwrap();
+    let Drive { imu, gnss } = drive();
+    let stamp = |time_s: f64| 1_752_154_081_000 + u64::from(millis(time_s));
+    let table = |of: fn(&Sample) -> Vector3<f64>| {
+        let mut text = "time,seconds_elapsed,z,y,x\n".to_owned();
+        for sample in &imu {
+            let v = of(sample);
+            let nanos = stamp(sample.time_s) * 1_000_000;
+            writeln!(text, "{nanos},{},{},{},{}", sample.time_s, -v.z, v.x, v.y).unwrap();
+        }
+        text
+    };
+    file(folder.path(), "Gyroscope.csv", table(|s| s.gyro));
+    file(folder.path(), "TotalAcceleration.csv", table(|s| s.accel));
+    let mut text =
+        "time,seconds_elapsed,speedAccuracy,speed,bearing,altitude,longitude,latitude\n".to_owned();
+    for fix in &gnss {
+        let (speed, course) = speed_and_course(fix);
+        writeln!(
+            text,
+            "{},{},0.3,{speed},{course},{},{},{}",
+            stamp(fix.time_s) * 1_000_000,
+            fix.time_s,
+            fix.height_m,
+            fix.lon_deg,
+            fix.lat_deg
+        )
+        .unwrap();
+    }
+    file(folder.path(), "Location.csv", text);
+    let (log, warnings) = open(folder.path()).unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    let expected = Expected {
+        clock_s: START_S,
+        climb: false,
+        ..EXACT
+    };
+    assert_is_the_drive(&log, expected);
+}
+
+#[test]
+fn kf_gins_reads_as_the_drive() {
+    let folder = tempfile::tempdir().unwrap();
+    let Drive { imu, gnss } = drive();
+    let (mut samples, mut fixes) = (String::new(), String::new());
+    for s in &imu {
+        let (g, a) = (s.gyro / IMU_HZ as f64, s.accel / IMU_HZ as f64);
+        writeln!(
+            samples,
+            "{:.3} {} {} {} {} {} {}",
+            s.time_s, g.x, g.y, g.z, a.x, a.y, a.z
+        )
+        .unwrap();
+    }
+    for f in &gnss {
+        let v = f.velocity;
+        writeln!(
+            fixes,
+            "{:.3} {} {} {} 1 1 2 {} {} {} 0.1 0.1 0.2",
+            f.time_s, f.lat_deg, f.lon_deg, f.height_m, v.y, v.x, -f.up_mps
+        )
+        .unwrap();
+    }
+    let imu = file(folder.path(), "imu.txt", samples);
+    let gnss = file(folder.path(), "gnss.txt", fixes);
+    let (log, warnings) = read(&[imu, gnss], Choice::default()).unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert_is_the_drive(&log, EXACT);
+}
+
+#[test]
+fn gnss_ins_sim_reads_as_the_drive() {
+    let folder = tempfile::tempdir().unwrap();
+    let Drive { imu, gnss } = drive();
+    let rows = |header: &str, rows: Vec<String>| format!("{header}\n{}\n", rows.join("\n"));
+    let vector = |v: Vector3<f64>| format!("{},{},{}", v.x, v.y, v.z);
+    let put = |name: &str, text: String| file(folder.path(), name, text);
+    put(
+        "time.csv",
+        rows(
+            "time (sec)",
+            imu.iter().map(|s| s.time_s.to_string()).collect(),
+        ),
+    );
+    put(
+        "gyro-0.csv",
+        rows(
+            "gyro_x (deg/s),gyro_y (deg/s),gyro_z (deg/s)",
+            imu.iter()
+                .map(|s| vector(s.gyro.map(f64::to_degrees)))
+                .collect(),
+        ),
+    );
+    put(
+        "accel-0.csv",
+        rows(
+            "accel_x (m/s^2),accel_y (m/s^2),accel_z (m/s^2)",
+            imu.iter().map(|s| vector(s.accel)).collect(),
+        ),
+    );
+    put(
+        "gps_time.csv",
+        rows(
+            "gps_time (sec)",
+            gnss.iter().map(|f| f.time_s.to_string()).collect(),
+        ),
+    );
+    let fix = |f: &Fix| {
+        let v = Vector3::new(f.velocity.y, f.velocity.x, -f.up_mps);
+        format!("{},{},{},{}", f.lat_deg, f.lon_deg, f.height_m, vector(v))
+    };
+    put(
+        "gps-0.csv",
+        rows(
+            "gps_lat (deg),gps_lon (deg),gps_alt (m),vN,vE,vD",
+            gnss.iter().map(fix).collect(),
+        ),
+    );
+    let (log, warnings) = open(folder.path()).unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert_is_the_drive(&log, EXACT);
+}
+
+#[test]
+fn kitti_reads_as_the_drive() {
+    let folder = tempfile::tempdir().unwrap();
+    let Drive { imu, gnss } = drive();
+    let mut stamps = String::new();
+    for (index, fix) in gnss.iter().enumerate() {
+        let sample = &imu[index * IMU_HZ / FIX_HZ];
+        writeln!(stamps, "1970-01-01 00:00:{:012.9}", fix.time_s).unwrap();
+        let mut cells = [0.0; 30];
+        cells[..3].copy_from_slice(&[fix.lat_deg, fix.lon_deg, fix.height_m]);
+        (cells[6], cells[7], cells[10]) = (fix.velocity.y, fix.velocity.x, fix.up_mps);
+        let flu = |v: Vector3<f64>| [v.x, -v.y, -v.z];
+        cells[11..14].copy_from_slice(&flu(sample.accel));
+        cells[17..20].copy_from_slice(&flu(sample.gyro));
+        let text = cells.map(|cell| cell.to_string()).join(" ");
+        file(folder.path(), &format!("oxts/data/{index:010}.txt"), text);
+    }
+    file(folder.path(), "oxts/timestamps.txt", stamps);
+    let (log, _) = open(folder.path()).unwrap();
+    assert_eq!((log.imu.len(), log.gnss.len()), (gnss.len(), gnss.len()));
+    for (got, fix) in log.gnss.iter().zip(&gnss) {
+        assert_is_the_fix(got, fix, EXACT);
+    }
+    let sample = &imu[IMU_HZ];
+    let felt =
+        log.imu[FIX_HZ].accel - Vector3::new(sample.accel.y, sample.accel.x, -sample.accel.z);
+    assert!(felt.norm() < 1e-9);
+}
+
+const COLUMNS: &str = r#"
+[log]
+body_axes = "FRD"
+imu = "rates"
+[columns.imu]
+file = "raw.txt"
+t_s = { column = "stamp", unit = "ms" }
+gyro_x = { column = "wx", unit = "deg/s" }
+gyro_y = { column = "wy", unit = "deg/s" }
+gyro_z = { column = "wz", unit = "deg/s", sign = -1 }
+accel_x = { column = "ax", unit = "g" }
+accel_y = { column = "ay", unit = "g" }
+accel_z = { column = "az", unit = "g" }
+[columns.gnss]
+file = "gps.txt"
+t_s = "time"
+lat_deg = { column = "lat", unit = "1e-7 deg" }
+lon_deg = { column = "lon", unit = "1e-7 deg" }
+h_m = { column = "alt", unit = "mm" }
+speed_mps = { column = "speed", unit = "km/h" }
+course_deg = "course"
+vu = { column = "down", sign = -1 }
+"#;
+
+fn tables(folder: &Path, meta: &str) {
+    let Drive { imu, gnss } = drive();
+    let mut text = "stamp;wx;wy;wz;ax;ay;az\n".to_owned();
+    for s in &imu {
+        let (g, a) = (s.gyro.map(f64::to_degrees), s.accel / 9.80665);
+        let stamp = millis(s.time_s);
+        writeln!(
+            text,
+            "{stamp};{};{};{};{};{};{}",
+            g.x, g.y, -g.z, a.x, a.y, a.z
+        )
+        .unwrap();
+    }
+    file(folder, "raw.txt", text);
+    let mut text = "time lat lon alt speed course down\n".to_owned();
+    for f in &gnss {
+        let (speed, course) = speed_and_course(f);
+        let (lat, lon, alt) = (1e7 * f.lat_deg, 1e7 * f.lon_deg, 1e3 * f.height_m);
+        writeln!(
+            text,
+            "{} {lat:.0} {lon:.0} {alt:.0} {} {course} {}",
+            f.time_s,
+            3.6 * speed,
+            -f.up_mps
+        )
+        .unwrap();
+    }
+    file(folder, "gps.txt", text);
+    file(folder, "meta.toml", meta);
+}
+
+#[test]
+fn tables_of_any_columns_read_as_the_drive() {
+    let folder = tempfile::tempdir().unwrap();
+    tables(folder.path(), COLUMNS);
+    let (log, warnings) = open(folder.path()).unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert_is_the_drive(&log, EXACT);
+}
+
+#[test]
+fn slips_in_names_of_columns_are_explained() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = |from: &str, to: &str| {
+        tables(folder.path(), &COLUMNS.replace(from, to));
+        let error = open(folder.path()).unwrap_err();
+        format!("expected {}, found {}", error.expected, error.found)
+    };
+    assert_eq!(
+        said("\"course\"", "\"cog\""),
+        "expected a column `cog`, found columns time, lat, lon, alt, speed, course, down"
+    );
+    assert_eq!(
+        said("\"km/h\"", "\"kmh\""),
+        "expected a unit of `speed_mps`, found kmh"
+    );
+    assert_eq!(
+        said("gyro_z =", "gyro_zed ="),
+        "expected a key `gyro_z`, found none"
+    );
+}
+
+// --- all of them ---
+
+#[test]
+fn a_sensor_on_its_side_is_turned_upright() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut tipped = drive();
+    for sample in &mut tipped.imu {
+        // Its y axis is up, its z axis right.
+        let turn = |v: Vector3<f64>| Vector3::new(v.x, -v.z, v.y);
+        sample.gyro = turn(sample.gyro);
+        sample.accel = turn(sample.accel);
+    }
+    let path = file(folder.path(), "flight.bin", dataflash(&tipped));
+    let (log, warnings) = open(&path).unwrap();
+    assert!(
+        warnings.iter().any(|w| w.cause.contains("quarter turns")),
+        "{warnings:?}"
+    );
+    assert_is_the_drive(&log, EXACT);
+}
+
+#[test]
+fn an_unknown_file_is_named_with_what_is_known() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = file(folder.path(), "notes.txt", "nothing of the kind");
+    let error = read(&[path], Choice::default()).unwrap_err();
+    assert!(error.expected.starts_with("PX4 ULog, ArduPilot DataFlash"));
+    assert!(error.cause.contains("[columns]"));
+}
+
+/// Damage anywhere must be survived: an error or a log, and no panic.
+#[test]
+fn damaged_recordings_are_survived() {
+    let folder = tempfile::tempdir().unwrap();
+    let drive = drive();
+    let texts = [euroc(&drive), nmea(&drive)].map(String::into_bytes);
+    let all = [
+        vec![dataflash(&drive), ulog(&drive), ros_bag(&drive)],
+        texts.to_vec(),
+    ]
+    .concat();
+    for bytes in all {
+        for seed in 0..20_usize {
+            let mut damaged = bytes.clone();
+            for k in 0..40_usize {
+                let at = (seed * 7919 + k * 104_729 + k * k * 31) % damaged.len();
+                damaged[at] = damaged[at].wrapping_add(u8::try_from(17 * (k + 1) % 256).unwrap());
+            }
+            damaged.truncate(damaged.len() - seed * damaged.len() / 40);
+            let _ = open(&file(folder.path(), "damaged", damaged));
+        }
+    }
+}
+
+/// Recordings of the formats, where they are at hand.
+fn samples() -> Option<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/formats");
+    folder.is_dir().then_some(folder)
+}
+
+/// The log that was made of a recording by another program, to half of its last digit.
+#[test]
+fn a_real_flight_imports_as_its_log() {
+    let Some(samples) = samples() else {
+        println!("No recordings at hand.");
+        return;
+    };
+    for (number, name) in [(1, "quad_joey1"), (2, "quad_joey1_imu2")] {
+        let choice = Choice {
+            imu: Some(number),
+            gnss: None,
+        };
+        let (log, _) = read(&[samples.join("arducopter_3.1_joey1.bin")], choice).unwrap();
+        let (made, _) = host_sim::log::read(&samples.join("../data").join(name)).unwrap();
+        assert_eq!(
+            (log.imu.len(), log.gnss.len()),
+            (made.imu.len(), made.gnss.len())
+        );
+        for (a, b) in log.imu.iter().zip(&made.imu) {
+            assert_eq!(a.time, b.time);
+            assert!((a.gyro - b.gyro).amax() < 1e-7 && (a.accel - b.accel).amax() < 1e-6);
+        }
+        for (a, b) in log.gnss.iter().zip(&made.gnss) {
+            assert_eq!(a.time, b.time);
+            let off = a
+                .geodetic_or(0.0)
+                .unwrap()
+                .enu_from(&b.geodetic_or(0.0).unwrap());
+            let velocity = a.velocity_enu_mps() - b.velocity_enu_mps();
+            assert!(off.norm() < 1e-6 && velocity.amax() < 1e-4, "{a:?} {b:?}");
+        }
+    }
+}
+
+#[test]
+fn a_packed_table_is_read_as_well() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut packed = GzEncoder::new(Vec::new(), Compression::default());
+    packed.write_all(euroc(&drive()).as_bytes()).unwrap();
+    let imu = file(folder.path(), "imu0.csv.gz", packed.finish().unwrap());
+    let gnss = file(folder.path(), "log.nmea", nmea(&drive()));
+    assert!(read(&[imu, gnss], Choice::default()).is_ok());
+}
