@@ -251,7 +251,6 @@ fn claims(estimates: &Estimates, tilt_sigma_rad: Option<f64>) -> Claims {
         .sigma
         .max(estimates.accel_bias_mps2[1].sigma);
     let tilt_rad = tilt_sigma_rad.map(|tilt| libm::hypot(tilt, by_accel / GRAVITY_MPS2));
-    let [right, forward] = estimates.lever_arm_m.each_ref().map(|arm| Some(claim(arm)));
     Claims {
         heading: claim(&estimates.azimuth_error_rad),
         tilt: Claim {
@@ -262,6 +261,6 @@ fn claims(estimates: &Estimates, tilt_sigma_rad: Option<f64>) -> Claims {
         accel_bias_mps2,
         gyro_bias_radps: estimates.gyro_bias_radps.each_ref().map(claim),
         latency_s: claim(&estimates.gnss_latency_now_s),
-        lever_arm_m: [right, forward, None],
+        lever_arm_m: estimates.lever_arm_m.each_ref().map(|arm| Some(claim(arm))),
     }
 }
