@@ -59,26 +59,34 @@ impl<T: nalgebra::RealField + Copy> Span<T> {
         }
     }
 
-    /// A part of a span during which nothing changed: from one fraction of it to another.
-    /// Parts put together give the whole.
+    /// The first part of a span that is cut, or its last. Within a span controls and force are
+    /// taken for even, and what that leaves of its totals for evenly gained: parts put together
+    /// give the whole.
     #[must_use]
     fn part(&self, fraction: T) -> Self {
         let half: T = nalgebra::convert(0.5);
-        let square = fraction * fraction;
-        let bent_velocity = self.force_mps.cross(&self.control_tilt_rad) * half;
+        let third: T = nalgebra::convert(1.0 / 3.0);
+        let (seconds, square) = (self.seconds, fraction * fraction);
+        let tilt = &self.control_tilt_rad;
+        let even_moved = self.force_mps * (seconds * half);
+        let other_moved = self.force_moved_m - even_moved;
+        let bent_velocity = self.force_mps.cross(tilt) * half;
         let even_velocity = self.control_velocity_mps - bent_velocity;
-        let bent_position = even_velocity * self.seconds * half;
+        let bent_twice = bent_velocity * (seconds * third);
+        let bent_once = (even_velocity * seconds + other_moved.cross(tilt)) * half;
+        let even_position = self.control_position_m - bent_once - bent_twice;
         Self {
-            seconds: self.seconds * fraction,
+            seconds: seconds * fraction,
             force_mps: self.force_mps * fraction,
-            force_moved_m: self.force_moved_m * square,
+            force_moved_m: other_moved * fraction + even_moved * square,
             attitude_s: self.attitude_s * fraction,
             angle_rad: self.angle_rad * fraction,
             turn_rad: self.turn_rad * fraction,
-            control_tilt_rad: self.control_tilt_rad * fraction,
+            control_tilt_rad: tilt * fraction,
             control_velocity_mps: even_velocity * fraction + bent_velocity * square,
-            control_position_m: (self.control_position_m - bent_position) * fraction
-                + bent_position * square,
+            control_position_m: even_position * fraction
+                + bent_once * square
+                + bent_twice * (square * fraction),
             way_m: self.way_m * fraction,
         }
     }

@@ -10,9 +10,8 @@
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use ins_core::earth::GRAVITY_EQUATOR_MPS2 as G;
-use ins_core::estimators::innovations::Innovations;
-use ins_core::estimators::least_squares::LeastSquares;
-use ins_core::estimators::literal::{azimuth, latency, level_accels, level_gyros, vertical};
+use ins_core::least_squares::LeastSquares;
+use ins_core::literal::{azimuth, latency, level_accels, level_gyros, vertical};
 use nalgebra::{Matrix2, Matrix3, Matrix4, Vector2, Vector3, Vector4};
 use proptest::prelude::*;
 
@@ -301,21 +300,4 @@ fn an_index_that_does_not_exist_changes_nothing() {
     after.diffuse(2, 1.0);
     after.redefine(2, &Vector2::zeros());
     assert_eq!(after, before);
-}
-
-/// Neighbours that share an error of the INS of ten times the noise. In fours of two above and two
-/// below it the noise is as large, and neighbours as unlike, as of chance.
-#[test]
-fn what_innovations_share_is_not_noise_of_gnss() {
-    let (shared, noise) = (Vector2::new(0.8, -0.6), Vector2::new(0.1, 0.1));
-    let mut innovations = Innovations::new(0.3);
-    for _ in 0..1000 {
-        for sign in [1.0, 1.0, -1.0, -1.0] {
-            let _ = innovations.measure(&(shared + sign * noise), 2.0, 1.0);
-        }
-    }
-    let measured = innovations.noise(0.0, 0.0, 1.0).unwrap();
-    // 4000 fixes on, a memory of 400 has forgotten how it began; the last of a four has a weight
-    // of 1 / 400 more than the first.
-    assert!((measured / 0.01 - 1.0).abs() < 0.01, "{measured}");
 }

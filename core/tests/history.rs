@@ -1,33 +1,60 @@
-//! The ring of past moments: exact for a steadily changing acceleration, and honest at its ends.
+//! Spans of the past and their ring: whole however they are cut, exact for a steadily changing
+//! acceleration, and honest at its ends.
 #![allow(clippy::unwrap_used)]
 
 use ins_core::Time;
 use ins_core::earth::GRAVITY_EQUATOR_MPS2;
-use ins_core::history::{History, Missing, Moment};
+use ins_core::history::{History, Missing, Span};
 use nalgebra::{Matrix3, Vector3};
+use proptest::prelude::*;
 
 const ACCEL: Vector3<f64> = Vector3::new(1.5, -0.7, 0.2);
 const JERK: Vector3<f64> = Vector3::new(-3.0, 2.0, 1.0);
+const RATE: Vector3<f64> = Vector3::new(0.1, -0.2, 0.4);
+const RATE_GROWTH: Vector3<f64> = Vector3::new(0.3, 0.1, -0.5);
+/// The ring keeps single precision, of numbers of up to ten.
+const SINGLE: f64 = 1e-6;
+
+/// Latency and late arrival of some 1.2 s.
+const N: usize = 12;
+
+fn at_s(t: f64) -> Time {
+    Time::default().plus_seconds(t)
+}
 
 fn velocity(t: f64) -> Vector3<f64> {
     t * ACCEL + 0.5 * t * t * JERK
 }
 
-/// A vehicle whose acceleration grows steadily; its totals are those of `t`.
-fn moment(t: f64) -> Moment {
-    let mut moment = Moment::start(Time::default().plus_seconds(t));
-    moment.force_mps = velocity(t) + Vector3::z() * (t * GRAVITY_EQUATOR_MPS2);
-    // `C` grows by this a second.
-    moment.attitude_s = 0.5 * t * t * Matrix3::from_diagonal(&Vector3::new(1.0, 2.0, 3.0));
-    moment.turn_rad = 0.4 * t;
-    moment
+fn way(t: f64) -> Vector3<f64> {
+    t * t * (0.5 * ACCEL + t / 6.0 * JERK)
 }
 
-fn filled(times: &[f64]) -> History {
+fn attitude(t: f64) -> Matrix3<f64> {
+    Matrix3::identity() + t * Matrix3::from_diagonal(&Vector3::new(1.0, 2.0, 3.0))
+}
+
+/// A vehicle whose acceleration, rate and attitude change steadily.
+fn span(from: f64, to: f64) -> Span {
+    let seconds = to - from;
+    let middle = 0.5 * (from + to);
+    Span {
+        seconds,
+        force_mps: velocity(to) - velocity(from) + Vector3::z() * (seconds * GRAVITY_EQUATOR_MPS2),
+        attitude_s: seconds * attitude(middle),
+        angle_rad: seconds * (RATE + middle * RATE_GROWTH),
+        way_m: way(to) - way(from),
+        ..Span::default()
+    }
+}
+
+fn filled(times: &[f64]) -> History<N> {
     let mut history = History::default();
+    let mut before = -0.1;
     for t in times {
-        assert!(history.wants(Time::default().plus_seconds(*t)));
-        history.push(moment(*t), velocity(*t));
+        assert!(history.wants(at_s(*t)));
+        history.push(at_s(*t), &velocity(*t), &span(before, *t));
+        before = *t;
     }
     history
 }
@@ -37,33 +64,198 @@ fn a_past_moment_is_exact_for_a_steady_jerk() {
     // Unequal steps, as samples come.
     let times = [0.0, 0.12, 0.25, 0.37, 0.5, 0.62];
     let history = filled(&times);
-    for t in [0.12, 0.133, 0.25, 0.31, 0.449, 0.5, 0.62] {
-        let past = history.at(Time::default().plus_seconds(t), false).unwrap();
-        assert!((past.velocity_mps - velocity(t)).norm() < 1e-12, "{t}");
-        assert!((past.accel_mps2 - (ACCEL + t * JERK)).norm() < 1e-10, "{t}");
-        let rate = past.attitude_rate.diagonal() - Vector3::new(1.0, 2.0, 3.0);
-        assert!(rate.norm() < 1e-10, "{t}");
-        assert!((past.moment.turn_rad - 0.4 * t).abs() < 1e-12, "{t}");
-        assert_eq!(past.moment.time, Time::default().plus_seconds(t));
+    for t in [0.0, 0.05, 0.133, 0.25, 0.31, 0.449, 0.5, 0.62] {
+        let past = history.at(at_s(t), false).unwrap();
+        assert!((past.velocity_mps - velocity(t)).norm() < SINGLE, "{t}");
+        // Means over a tenth of a second, and their differences, are ten and a hundred times
+        // coarser.
+        let accel = ACCEL + t * JERK;
+        assert!((past.accel_mps2 - accel).norm() < 100.0 * SINGLE, "{t}");
+        assert!((past.attitude - attitude(t)).norm() < 100.0 * SINGLE, "{t}");
+        let rate = attitude(t) * (RATE + t * RATE_GROWTH).cross_matrix();
+        assert!((past.attitude_rate - rate).norm() < 100.0 * SINGLE, "{t}");
+        assert_eq!(past.time, at_s(t));
+        // Between moments the chord of the velocity is taken: J h^3 / 12 of less than 0.13 s.
+        let coarse = JERK.norm() * 0.13_f64.powi(3) / 12.0;
+        let off = past.way_since_m - (way(0.62) - way(t));
+        assert!(off.norm() < coarse, "{t}: {off}");
     }
 }
 
 #[test]
 fn what_lies_outside_is_not_invented() {
-    let at = |history: &History, t: f64| history.at(Time::default().plus_seconds(t), false);
+    let at = |history: &History<N>, t: f64| history.at(at_s(t), false);
     assert_eq!(at(&History::default(), 0.0), Err(Missing::Future));
-    // The first interval has none before it.
-    assert_eq!(at(&filled(&[0.0, 0.12]), 0.05), Err(Missing::TooOld));
+    // One moment is the end of a span that began before it.
+    assert_eq!(at(&filled(&[0.0]), 0.0), Err(Missing::TooOld));
+    assert_eq!(at(&filled(&[0.0, 0.12]), -0.01), Err(Missing::TooOld));
     let times: Vec<f64> = (0..100).map(|k| f64::from(k) * 0.12).collect();
     let history = filled(&times);
     assert_eq!(at(&history, 11.89), Err(Missing::Future));
     // Nothing follows the last interval yet.
-    let waiting = |t: f64| history.at(Time::default().plus_seconds(t), true);
+    let waiting = |t: f64| history.at(at_s(t), true);
     assert_eq!(waiting(11.87), Err(Missing::Future));
     assert!(waiting(11.75).is_ok());
     assert!(at(&history, 11.87).is_ok());
-    // Some half a second is kept.
-    assert!(at(&history, 11.41).is_ok());
-    assert_eq!(at(&history, 11.39), Err(Missing::TooOld));
-    assert!(!history.wants(Time::default().plus_seconds(11.98)));
+    // Eleven intervals are kept: from 88 * 0.12 s on.
+    assert!(at(&history, 10.57).is_ok());
+    assert_eq!(at(&history, 10.55), Err(Missing::TooOld));
+    assert_eq!(history.next_dropped(), Some(at_s(10.56)));
+    assert!(!history.wants(at_s(11.97)));
+    assert!(history.wants(at_s(11.98)));
+}
+
+/// Everything a span holds, in one list.
+fn numbers(span: &Span) -> Vec<f64> {
+    let Span {
+        seconds,
+        force_mps,
+        force_moved_m,
+        attitude_s,
+        angle_rad,
+        turn_rad,
+        control_tilt_rad,
+        control_velocity_mps,
+        control_position_m,
+        way_m,
+    } = span;
+    let vectors = [
+        force_mps,
+        force_moved_m,
+        angle_rad,
+        control_tilt_rad,
+        control_velocity_mps,
+        control_position_m,
+        way_m,
+    ];
+    let mut list: Vec<f64> = vectors.iter().flat_map(|v| v.iter().copied()).collect();
+    list.extend(attitude_s);
+    list.extend([*seconds, *turn_rad]);
+    list
+}
+
+fn assert_same(one: &Span, other: &Span, relative: f64) {
+    for (a, b) in numbers(one).iter().zip(numbers(other)) {
+        let off = (a - b).abs();
+        assert!(off < relative * (1.0 + a.abs()), "{one:?} {other:?}");
+    }
+}
+
+fn vector(largest: f64) -> impl Strategy<Value = Vector3<f64>> {
+    let number = || -largest..largest;
+    [number(), number(), number()].prop_map(Vector3::from)
+}
+
+/// Whatever may have happened in a tenth of a second; no part of it says what another must be.
+fn any_span() -> impl Strategy<Value = Span> {
+    let forces = (vector(5.0), vector(0.5), vector(0.3), -0.3..0.3);
+    let controls = (vector(0.1), vector(0.5), vector(0.1), vector(3.0));
+    (
+        100_000..130_000,
+        forces,
+        controls,
+        prop::array::uniform3(vector(0.1)),
+    )
+        .prop_map(
+            |(micros, (force, moved, angle, turn), (tilt, velocity, position, way), columns)| {
+                Span {
+                    seconds: f64::from(micros) * 1e-6,
+                    force_mps: force,
+                    force_moved_m: moved,
+                    attitude_s: Matrix3::from_columns(&columns),
+                    angle_rad: angle,
+                    turn_rad: turn,
+                    control_tilt_rad: tilt,
+                    control_velocity_mps: velocity,
+                    control_position_m: position,
+                    way_m: way,
+                }
+            },
+        )
+}
+
+fn ring_of(spans: &[Span]) -> (History<N>, Time) {
+    let mut history = History::default();
+    let mut time = Time::default();
+    for span in spans {
+        time = time.plus_seconds(span.seconds);
+        history.push(time, &Vector3::zeros(), span);
+    }
+    (history, time)
+}
+
+/// All from one moment to another, put together from pieces.
+fn total(history: &History<N>, from: Time, to: Time, longest_s: f64) -> (Span, Vec<Time>) {
+    let (mut whole, mut ends) = (Span::default(), Vec::new());
+    history.between(from, to, longest_s, |piece, end| {
+        whole = whole.then(piece);
+        ends.push(end);
+    });
+    (whole, ends)
+}
+
+proptest! {
+    #[test]
+    fn it_does_not_matter_which_spans_are_put_together_first(
+        a in any_span(), b in any_span(), c in any_span(),
+    ) {
+        assert_same(&a.then(&b).then(&c), &a.then(&b.then(&c)), 1e-12);
+        assert_same(&a.then(&Span::default()), &a, 1e-15);
+        assert_same(&Span::default().then(&a), &a, 1e-15);
+    }
+
+    /// In pieces of any length, and with any moments between.
+    #[test]
+    fn the_past_is_the_same_however_it_is_cut(
+        spans in prop::collection::vec(any_span(), 1..N),
+        cuts in prop::collection::vec(0.0_f64..1.0, 0..5),
+        longest_s in 0.01_f64..0.5,
+    ) {
+        let (history, end) = ring_of(&spans);
+        let start = Time::default();
+        let all = spans.iter().fold(Span::default(), |all, span| all.then(span));
+        let (whole, ends) = total(&history, start, end, f64::MAX);
+        assert_same(&whole, &all, SINGLE);
+        prop_assert_eq!(ends, [end]);
+
+        let mut moments: Vec<Time> = cuts.iter().map(|c| start.plus_seconds(c * all.seconds)).collect();
+        moments.sort();
+        moments.push(end);
+        let (mut from, mut pieces) = (start, Span::default());
+        for to in moments {
+            let (part, ends) = total(&history, from, to, longest_s);
+            prop_assert!(ends.is_sorted());
+            prop_assert_eq!(ends.last().copied().unwrap_or(to), to);
+            prop_assert!((part.seconds - to.seconds_since(from)).abs() < SINGLE);
+            (from, pieces) = (to, pieces.then(&part));
+        }
+        assert_same(&pieces, &all, 3.0 * SINGLE);
+    }
+}
+
+/// One step of a steady tilt, force and control: what follows from the definitions.
+fn steady(seconds: f64, force: &Vector3<f64>, rate: &Vector3<f64>, push: &Vector3<f64>) -> Span {
+    let (tilt, f) = (rate * seconds, force * seconds);
+    let bent = f.cross(&tilt);
+    Span {
+        seconds,
+        force_mps: f,
+        force_moved_m: 0.5 * seconds * f,
+        control_tilt_rad: tilt,
+        control_velocity_mps: push * seconds + 0.5 * bent,
+        control_position_m: seconds * (0.5 * push * seconds + bent / 6.0),
+        ..Span::default()
+    }
+}
+
+/// Of steady controls the part is that of the shorter time, not only the sum of parts right.
+#[test]
+fn a_part_of_a_steady_span_is_what_happened_in_it() {
+    let (force, rate) = (Vector3::new(1.0, -2.0, 9.8), Vector3::new(0.1, 0.2, -0.1));
+    let push = Vector3::new(0.3, 0.1, -0.2);
+    let (history, _) = ring_of(&[steady(0.12, &force, &rate, &push)]);
+    for (from, to) in [(0.0, 0.05), (0.03, 0.07), (0.05, 0.12)] {
+        let (part, _) = total(&history, at_s(from), at_s(to), 1.0);
+        assert_same(&part, &steady(to - from, &force, &rate, &push), SINGLE);
+    }
 }

@@ -1,8 +1,9 @@
-//! The error of the INS over a span, against exact rotations of the platform.
+//! The error of the INS over a span, against exact rotations of the platform and against (1)-(2)
+//! integrated finely.
 
-use ins_core::estimators::ins_error::{Forcing, InsError, Passage};
-use ins_core::estimators::parameters::{Parameters, index};
+use ins_core::error_model::{Forcing, InsError, Passage};
 use ins_core::history::Span;
+use ins_core::parameters::{COUNT, Parameters, index};
 use nalgebra::{Matrix3, SVector, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 
@@ -22,10 +23,10 @@ fn span(force_mps: Vector3<f64>, control_tilt_rad: Vector3<f64>) -> Span {
     Span {
         seconds: 1.0,
         force_mps,
+        force_moved_m: 0.5 * force_mps,
         attitude_s: Matrix3::identity(),
-        turn_rad: 0.0,
         control_tilt_rad,
-        control_velocity_mps: Vector3::zeros(),
+        ..Span::default()
     }
 }
 
@@ -61,7 +62,7 @@ proptest! {
         drift in vector(LARGEST_RAD / 2.0),
     ) {
         let span = span(Vector3::zeros(), controls);
-        let forcing = Forcing::over(&span, &with_gyro_bias(&-drift));
+        let forcing = Forcing::over(&span, &Vector3::zeros(), &with_gyro_bias(&-drift));
         let passage = Passage::over(&span, &Vector3::zeros(), &forcing);
         let after = tilted(phi).after(&passage, &forcing).tilt_rad;
         let exact = rotated(&phi, &(controls + drift));
@@ -83,10 +84,137 @@ proptest! {
         force in vector(10.0),
     ) {
         let span = span(force, Vector3::zeros());
-        let forcing = Forcing::over(&span, &with_gyro_bias(&Vector3::zeros()));
+        let forcing = Forcing::over(&span, &Vector3::zeros(), &with_gyro_bias(&Vector3::zeros()));
         let passage = Passage::over(&span, &Vector3::zeros(), &forcing);
         let after = tilted(phi).after(&passage, &forcing).velocity_mps;
         let exact = force - UnitQuaternion::new(phi) * force;
         prop_assert!((after - exact).norm() < THIRD_ORDER_RAD * force.norm(), "{after} {exact}");
+    }
+}
+
+/// Tilts so small that squares of them are nothing.
+const SMALL_RAD: f64 = 1e-4;
+/// As long as the observer ever steps at once, s.
+const SECONDS: f64 = 0.3;
+
+/// What goes on evenly, and what acts on the INS meanwhile.
+#[derive(Clone, Copy, Debug)]
+struct Steady {
+    force_mps2: Vector3<f64>,
+    attitude: Matrix3<f64>,
+    frame_radps: Vector3<f64>,
+    control_radps: Vector3<f64>,
+    control_mps2: Vector3<f64>,
+    control_mps: Vector3<f64>,
+    level_force_mps2: Vector3<f64>,
+}
+
+fn steady() -> impl Strategy<Value = Steady> {
+    let controls = (vector(SMALL_RAD), vector(0.1), vector(0.1));
+    let force = vector(3.0).prop_map(|f| f + Vector3::z() * 9.8);
+    let attitude = vector(1.0).prop_map(|v| UnitQuaternion::new(v).to_rotation_matrix().into());
+    (controls, force, attitude, vector(1e-4), vector(1.0)).prop_map(
+        |((control_radps, control_mps2, control_mps), force_mps2, attitude, frame_radps, level)| {
+            Steady {
+                force_mps2,
+                attitude,
+                frame_radps,
+                control_radps,
+                control_mps2,
+                control_mps,
+                level_force_mps2: level + Vector3::z() * 9.8,
+            }
+        },
+    )
+}
+
+impl Steady {
+    /// Put together of steps of a sample, each by its definition.
+    fn span(&self) -> Span {
+        let samples = 30;
+        let dt = SECONDS / f64::from(samples);
+        let (force, tilt) = (self.force_mps2 * dt, self.control_radps * dt);
+        let (push, bent) = (self.control_mps2 * dt, force.cross(&tilt));
+        let one = Span {
+            seconds: dt,
+            force_mps: force,
+            force_moved_m: 0.5 * dt * force,
+            attitude_s: self.attitude * dt,
+            turn_rad: 0.1 * dt,
+            control_tilt_rad: tilt,
+            control_velocity_mps: push + 0.5 * bent,
+            control_position_m: dt * (self.control_mps + 0.5 * push + bent / 6.0),
+            ..Span::default()
+        };
+        (0..samples).fold(Span::default(), |span, _| span.then(&one))
+    }
+
+    /// (1)-(2) as they stand, in short steps.
+    fn integrated(&self, start: &InsError, parameters: &Parameters) -> InsError {
+        let c = self.attitude;
+        let beyond_level = c.tr_mul(&self.force_mps2) - self.level_force_mps2;
+        let scaled = parameters
+            .vector(index::ACCEL_SCALE)
+            .component_mul(&beyond_level);
+        let push = c * (parameters.vector(index::ACCEL) + scaled) + self.control_mps2;
+        let turn = Vector3::z() * (-0.1 * parameters.value(index::GYRO_SCALE));
+        let drift = turn - c * parameters.vector(index::GYRO) + self.control_radps;
+        let steps = 3000;
+        let dt = SECONDS / f64::from(steps);
+        let mut error = *start;
+        for _ in 0..steps {
+            let phi = error.tilt_rad;
+            let phi_rate = drift - self.frame_radps.cross(&phi);
+            let accel = self.force_mps2.cross(&(phi + 0.5 * dt * phi_rate)) + push;
+            error.position_m += dt * (error.velocity_mps + 0.5 * dt * accel + self.control_mps);
+            error.velocity_mps += dt * accel;
+            error.tilt_rad += dt * phi_rate;
+        }
+        error
+    }
+}
+
+fn any_parameters() -> impl Strategy<Value = Parameters> {
+    let biases = (vector(SMALL_RAD), vector(0.1), vector(0.01), -1e-3..1e-3);
+    biases.prop_map(|(gyro, accel, scale, turn)| {
+        let mut parameters = Parameters {
+            value: SVector::<f64, COUNT>::zeros(),
+            sigma: SVector::repeat(1.0),
+        };
+        for (first, values) in [
+            (index::GYRO, gyro),
+            (index::ACCEL, accel),
+            (index::ACCEL_SCALE, scale),
+        ] {
+            for (axis, value) in values.iter().enumerate() {
+                parameters.set(first + axis, *value, 1.0);
+            }
+        }
+        parameters.set(index::GYRO_SCALE, turn, 1.0);
+        parameters
+    })
+}
+
+proptest! {
+    #[test]
+    fn position_and_velocity_grow_as_the_equations_say(
+        steady in steady(),
+        parameters in any_parameters(),
+        (position_m, velocity_mps, tilt_rad) in (vector(100.0), vector(1.0), vector(SMALL_RAD)),
+    ) {
+        let start = InsError { position_m, velocity_mps, tilt_rad };
+        let span = steady.span();
+        let forcing = Forcing::over(&span, &steady.level_force_mps2, &parameters);
+        let passage = Passage::over(&span, &steady.frame_radps, &forcing);
+        let after = start.after(&passage, &forcing);
+        let exact = steady.integrated(&start, &parameters);
+        // Left out: what squares of tilts of 3e-4 and turns of the frame of 3e-5 do to 3 m/s of
+        // force, and to half a metre of its way.
+        let position = (after.position_m - exact.position_m).norm();
+        prop_assert!(position < 3e-7, "{position}");
+        let velocity = (after.velocity_mps - exact.velocity_mps).norm();
+        prop_assert!(velocity < 1e-6, "{velocity}");
+        let tilt = (after.tilt_rad - exact.tilt_rad).norm();
+        prop_assert!(tilt < 1e-7, "{tilt}");
     }
 }

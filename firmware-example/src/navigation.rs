@@ -198,10 +198,10 @@ fn on_phase(phase: Phase, solution: Option<&Solution>) {
 }
 
 /// Names, units, estimates.
-fn named(e: &Estimates) -> [(&'static str, &'static str, Estimate); 10] {
+fn named(e: &Estimates) -> [(&'static str, &'static str, Estimate); 11] {
     let [ax, ay, az] = e.accel_bias_mps2;
     let [gx, gy, gz] = e.gyro_bias_radps;
-    let [right, forward] = e.lever_arm_m;
+    let [right, forward, up] = e.lever_arm_m;
     [
         ("azimuth error", "rad", e.azimuth_error_rad),
         ("accelerometer bias x", "m/s^2", ax),
@@ -213,5 +213,6 @@ fn named(e: &Estimates) -> [(&'static str, &'static str, Estimate); 10] {
         ("GNSS latency", "s", e.gnss_latency_s),
         ("antenna right", "m", right),
         ("antenna forward", "m", forward),
+        ("antenna up", "m", up),
     ]
 }

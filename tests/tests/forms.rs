@@ -128,7 +128,7 @@ fn no_number_may_be_nan() {
     let nan = f64::NAN;
     let tune: [fn(&mut Config, f64); 4] = [
         |c, v| c.damping.horizontal.bandwidth_radps = v,
-        |c, v| c.sensors.gyro_noise = v,
+        |c, v| c.sensors.gyro_noise[1] = v,
         |c, v| c.max_gap_s = v,
         |c, v| c.heading = HeadingSource::Given(v),
     ];

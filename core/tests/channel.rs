@@ -1,0 +1,215 @@
+//! The gains of the observer against a dense Kalman filter of the same five errors.
+#![allow(clippy::disallowed_methods, clippy::indexing_slicing)]
+
+use ins_core::channel::{Channel, Growth, Measured, Renewal};
+use ins_core::config::Noise;
+use nalgebra::{Matrix5, RowVector5, Vector5};
+use proptest::prelude::*;
+
+/// Of a consumer receiver: metres for minutes, and velocity smoothed over a second.
+const VELOCITY: Noise = Noise {
+    white: 0.05,
+    correlated: 0.1,
+    correlation_s: 1.0,
+};
+const POSITION: Noise = Noise {
+    white: 1.0,
+    correlated: 3.0,
+    correlation_s: 60.0,
+};
+const TILT: f64 = 0.03 * 0.03;
+
+/// Position, velocity, tilt, noise of velocity, noise of position.
+struct Dense {
+    p: Matrix5<f64>,
+}
+
+impl Dense {
+    fn new(start_m2: f64, start_mps2: f64) -> Self {
+        let correlated = |noise: &Noise| noise.correlated * noise.correlated;
+        let diagonal = Vector5::new(
+            start_m2,
+            start_mps2,
+            TILT,
+            correlated(&VELOCITY),
+            correlated(&POSITION),
+        );
+        Self {
+            p: Matrix5::from_diagonal(&diagonal),
+        }
+    }
+
+    fn propagate(&mut self, growth: &Growth, noises: [Renewal; 2]) {
+        let (dt, f) = (growth.seconds, growth.force_up_mps);
+        let [velocity, position] = noises;
+        let mut flow =
+            Matrix5::from_diagonal(&Vector5::new(1.0, 1.0, 1.0, velocity.keep, position.keep));
+        flow[(0, 1)] = dt;
+        flow[(0, 2)] = growth.force_up_moved_m;
+        flow[(1, 2)] = f;
+        // Each white noise came in at some moment of the span, and grew from there.
+        let mut noise = Matrix5::zeros();
+        let steps = 1000;
+        for k in 0..steps {
+            let left = (f64::from(k) + 0.5) / f64::from(steps);
+            let by_accel = Vector5::new(left * dt, 1.0, 0.0, 0.0, 0.0);
+            // To first order in position: spans are short.
+            let by_gyro = Vector5::new(0.0, left * f, 1.0, 0.0, 0.0);
+            let share = dt / f64::from(steps);
+            noise += by_accel * by_accel.transpose() * (growth.accel_noise * share);
+            noise += by_gyro * by_gyro.transpose() * (growth.gyro_noise * share);
+        }
+        noise[(3, 3)] += velocity.new;
+        noise[(4, 4)] += position.new;
+        self.p = flow * self.p * flow.transpose() + noise;
+    }
+
+    fn row(measured: Measured) -> RowVector5<f64> {
+        match measured {
+            Measured::Velocity => RowVector5::new(0.0, 1.0, 0.0, 1.0, 0.0),
+            Measured::Position => RowVector5::new(1.0, 0.0, 0.0, 0.0, 1.0),
+        }
+    }
+
+    /// In the form of Joseph, which rounding does not make negative.
+    fn update(&mut self, measured: Measured, white: f64) -> Vector5<f64> {
+        let row = Self::row(measured);
+        let predicted = (row * self.p * row.transpose()).x;
+        let gains = self.p * row.transpose() / (predicted + white);
+        let kept = Matrix5::identity() - gains * row;
+        self.p = kept * self.p * kept.transpose() + gains * gains.transpose() * white;
+        gains
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Step {
+    Propagate(Growth, f64),
+    Update(Measured, f64),
+    Doubt(f64, f64, f64),
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    let growth = (
+        0.01_f64..0.3,
+        0.0_f64..25.0,
+        0.4_f64..0.6,
+        -8.0_f64..-4.0,
+        -10.0_f64..-6.0,
+    );
+    let white =
+        |measured| (-4.0_f64..1.0).prop_map(move |e| Step::Update(measured, 10_f64.powf(e)));
+    prop_oneof![
+        4 => (growth, 0.1_f64..10.0).prop_map(|((seconds, force, early, accel, gyro), factor)| {
+            let growth = Growth {
+                seconds,
+                force_up_mps: force * seconds,
+                force_up_moved_m: early * force * seconds * seconds,
+                accel_noise: 10_f64.powf(accel),
+                gyro_noise: 10_f64.powf(gyro),
+            };
+            Step::Propagate(growth, factor)
+        }),
+        2 => white(Measured::Velocity),
+        2 => white(Measured::Position),
+        1 => (0.0_f64..1.0, 0.0_f64..1e-3, 0.0_f64..100.0).prop_map(|(v, t, p)| Step::Doubt(v, t, p)),
+    ]
+}
+
+/// What two ways of rounding the same recursion may differ by, of the deviation and of what it
+/// started with.
+const ROUNDING: f64 = 1e-9;
+
+proptest! {
+    #[test]
+    fn a_channel_is_a_kalman_filter(steps in prop::collection::vec(step(), 1..300)) {
+        let mut channel = Channel::new(TILT, &VELOCITY, &POSITION);
+        let mut dense = Dense::new(channel.position(), channel.velocity());
+        let start = dense.p;
+        for step in steps {
+            match step {
+                Step::Propagate(growth, factor) => {
+                    let noises = [&VELOCITY, &POSITION]
+                        .map(|noise| Renewal::over(growth.seconds, noise, factor));
+                    channel.propagate(&growth, noises);
+                    dense.propagate(&growth, noises);
+                }
+                Step::Update(measured, white) => {
+                    let gains = channel.update(measured, white);
+                    let expected = dense.update(measured, white);
+                    for k in 0..5 {
+                        let scale = (start[(k, k)] / white).sqrt();
+                        let off = (gains[k] - expected[k]).abs();
+                        prop_assert!(off < ROUNDING * (scale + expected[k].abs()), "{k}: {off}");
+                    }
+                }
+                Step::Doubt(velocity, tilt, position) => {
+                    channel.doubt(velocity, tilt);
+                    channel.doubt_position(position);
+                    dense.p[(0, 0)] += position;
+                    dense.p[(1, 1)] += velocity;
+                    dense.p[(2, 2)] += tilt;
+                }
+            }
+            for measured in [Measured::Velocity, Measured::Position] {
+                let row = Dense::row(measured);
+                let expected = (row * dense.p * row.transpose()).x;
+                let off = (channel.predicted(measured) - expected).abs();
+                prop_assert!(off < ROUNDING * start.norm(), "{off}");
+            }
+            let variances = [channel.position(), channel.velocity(), channel.tilt()];
+            for (k, variance) in variances.into_iter().enumerate() {
+                let expected = dense.p[(k, k)];
+                prop_assert!(variance >= 0.0);
+                let off = (variance - expected).abs();
+                prop_assert!(off < ROUNDING * (expected + start[(k, k)]), "{k}: {variance} {expected}");
+            }
+        }
+    }
+
+    /// Correlated noise comes to rest at its variance, however long the spans.
+    #[test]
+    fn correlated_noise_stays_as_strong_as_described(
+        seconds in 1e-3_f64..1e3,
+        factor in 0.01_f64..100.0,
+    ) {
+        let noise = Renewal::over(seconds, &POSITION, factor);
+        prop_assert!((0.0..1.0).contains(&noise.keep));
+        let settled = noise.new / (1.0 - noise.keep * noise.keep);
+        let described = factor * POSITION.correlated * POSITION.correlated;
+        prop_assert!((settled / described - 1.0).abs() < 1e-9);
+        // To second order.
+        let x = seconds / POSITION.correlation_s;
+        if x < 1.0 {
+            prop_assert!((noise.keep / (-x).exp() - 1.0).abs() < x.powi(3) / 6.0 + 1e-12);
+        }
+    }
+}
+
+/// Gravity makes a slope of velocity of it.
+#[test]
+fn velocity_shows_the_tilt() {
+    let growth = Growth {
+        seconds: 0.1,
+        force_up_mps: 0.98,
+        force_up_moved_m: 0.049,
+        accel_noise: 1e-8,
+        gyro_noise: 1e-12,
+    };
+    let mut channel = Channel::new(TILT, &VELOCITY, &POSITION);
+    for _ in 0..1000 {
+        channel.propagate(
+            &growth,
+            [&VELOCITY, &POSITION].map(|n| Renewal::over(0.1, n, 1.0)),
+        );
+        let _ = channel.update(Measured::Velocity, 0.01);
+    }
+    // A slope over 100 s of noise of 0.1 m/s ten times a second, and as much again of 1 s
+    // correlation: sqrt(12 (0.01 * 0.1 s + 2 * 0.01 * 1 s) / T^3) / g.
+    let expected = (12.0 * 0.021 / 1e6_f64).sqrt() / 9.8;
+    let sigma = channel.tilt().sqrt();
+    assert!(
+        (0.8..1.3).contains(&(sigma / expected)),
+        "{sigma} {expected}"
+    );
+}

@@ -1,0 +1,212 @@
+//! Which fixes are believed, how strong their noise is, and when it is the INS which errs.
+#![allow(clippy::disallowed_methods, clippy::panic)]
+
+use ins_core::Time;
+use ins_core::config::Noise;
+use ins_core::innovations::{Credit, Innovations, StatedNoise, Surprise, against_described};
+use nalgebra::Vector2;
+
+const RANGE: [f64; 2] = [0.1, 10.0];
+/// Noise of the fixes, m/s, and what the INS adds to its variance.
+const SIGMA: f64 = 0.1;
+const PREDICTED: f64 = 0.05 * 0.05;
+
+fn judge(innovations: &mut Innovations, at_s: f64, innovation: Vector2<f64>) -> Credit {
+    let now = Time::default().plus_seconds(at_s);
+    innovations.judge(now, &innovation, 2.0, PREDICTED, SIGMA * SIGMA)
+}
+
+const WRONG: Vector2<f64> = Vector2::new(4.0, -3.0);
+
+/// A burst of a second, of whatever a receiver makes of a reflection.
+#[test]
+fn ten_wrong_fixes_in_a_row_do_not_open_the_gate() {
+    let mut innovations = Innovations::default();
+    for k in 0..10 {
+        let at_s = 0.1 * f64::from(k);
+        assert_eq!(judge(&mut innovations, at_s, WRONG), Credit::Refused, "{k}");
+    }
+    let good = Vector2::new(0.1, -0.05);
+    assert_eq!(
+        judge(&mut innovations, 1.0, good),
+        Credit::Taken(SIGMA * SIGMA)
+    );
+    // And the burst is forgotten: another one has to last as long.
+    for k in 0..149 {
+        let at_s = 1.1 + 0.1 * f64::from(k);
+        assert_eq!(judge(&mut innovations, at_s, WRONG), Credit::Refused, "{k}");
+    }
+}
+
+#[test]
+fn fixes_that_agree_for_a_quarter_of_a_minute_show_that_the_ins_is_wrong() {
+    for interval_s in [0.1, 1.0] {
+        let mut innovations = Innovations::default();
+        let mut at_s = 0.0;
+        let lost = loop {
+            // They agree as far as noise lets them.
+            let sign = if at_s % (2.0 * interval_s) < interval_s {
+                1.0
+            } else {
+                -1.0
+            };
+            match judge(
+                &mut innovations,
+                at_s,
+                WRONG + sign * Vector2::new(0.1, 0.1),
+            ) {
+                Credit::Refused => at_s += interval_s,
+                other => break other,
+            }
+            assert!(at_s < 30.0);
+        };
+        assert!((at_s - 15.0).abs() <= interval_s, "{at_s}");
+        let Credit::Lost(variance) = lost else {
+            panic!("{lost:?}")
+        };
+        // Of each component.
+        assert!((variance / 12.5 - 1.0).abs() < 0.1, "{variance}");
+        // The next burst begins anew.
+        assert_eq!(judge(&mut innovations, at_s + 0.1, WRONG), Credit::Refused);
+    }
+}
+
+#[test]
+fn wrong_fixes_that_contradict_each_other_never_do() {
+    let mut innovations = Innovations::default();
+    for k in 0..1000 {
+        let angle = 0.7 * f64::from(k);
+        let wild = 5.0 * Vector2::new(angle.cos(), angle.sin());
+        let credit = judge(&mut innovations, 0.1 * f64::from(k), wild);
+        assert_eq!(credit, Credit::Refused, "{k}");
+    }
+}
+
+/// Huber: the weight falls as the innovation grows, so that its pull stays that of three sigma.
+#[test]
+fn large_innovations_pull_no_more_than_three_sigma() {
+    let total = 2.0 * (PREDICTED + SIGMA * SIGMA);
+    let mut innovations = Innovations::default();
+    for sigmas in [0.5, 2.9] {
+        let size = sigmas * f64::sqrt(total);
+        let credit = judge(&mut innovations, 0.0, Vector2::new(size, 0.0));
+        assert_eq!(credit, Credit::Taken(SIGMA * SIGMA));
+    }
+    for sigmas in [4.0, 7.9] {
+        let size = sigmas * f64::sqrt(total);
+        let credit = judge(&mut innovations, 0.0, Vector2::new(0.0, size));
+        let Credit::Taken(white) = credit else {
+            panic!("{credit:?}")
+        };
+        assert!((white / (SIGMA * sigmas / 3.0).powi(2) - 1.0).abs() < 1e-12);
+    }
+    let refused = judge(
+        &mut innovations,
+        0.0,
+        Vector2::new(8.1 * f64::sqrt(total), 0.0),
+    );
+    assert_eq!(refused, Credit::Refused);
+}
+
+/// Normal numbers of variance one, as good as any: three uniform ones.
+fn noise(count: usize) -> impl Iterator<Item = Vector2<f64>> {
+    let mut state = 1_u64;
+    let mut uniform = move || {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    let mut normal = move || 2.0 * (uniform() + uniform() + uniform() - 1.5);
+    (0..count).map(move |_| Vector2::new(normal(), normal()))
+}
+
+#[test]
+fn the_strength_of_noise_is_learnt_within_its_range() {
+    for (true_scale, learnt) in [
+        (1.0, 1.0),
+        (9.0, 9.0),
+        (0.25, 0.25),
+        (1e4, 100.0),
+        (1e-4, 0.01),
+    ] {
+        let mut innovations = Innovations::default();
+        let mut mean = 0.0;
+        for (k, sigmas) in noise(20_000).enumerate() {
+            let square = true_scale / innovations.scale() * sigmas.norm_squared() / 2.0;
+            innovations.learn(square, &sigmas, RANGE);
+            if k >= 4000 {
+                mean += innovations.scale() / 16_000.0;
+            }
+        }
+        // Over its memory of 400 pairs it scatters by a twentieth, and squares beyond nine sigma
+        // count for nine.
+        assert!((mean / learnt - 1.0).abs() < 0.03, "{true_scale}: {mean}");
+        // White noise has no colour.
+        assert!(innovations.inflation() < 1.3, "{}", innovations.inflation());
+    }
+}
+
+#[test]
+fn colour_is_seen() {
+    // Each is 0.6 of the one before and what is new: variance one.
+    let mut innovations = Innovations::default();
+    let mut coloured = Vector2::zeros();
+    for new in noise(5000) {
+        coloured = 0.6 * coloured + 0.8 * new;
+        innovations.learn(coloured.norm_squared() / 2.0, &coloured, RANGE);
+    }
+    // A mean of such numbers varies by (1 + 0.6) / (1 - 0.6) times what one of white ones does;
+    // 200 pairs tell 0.6 to 0.06.
+    let inflation = innovations.inflation();
+    assert!((2.8..5.6).contains(&inflation), "{inflation}");
+}
+
+#[test]
+fn one_wild_innovation_does_not_open_the_gate_for_the_next() {
+    let mut innovations = Innovations::default();
+    innovations.learn(1e12, &Vector2::repeat(1e6), RANGE);
+    assert!(innovations.scale() < 1.3, "{}", innovations.scale());
+    assert!(innovations.inflation().is_finite());
+}
+
+#[test]
+fn what_a_receiver_states_counts_by_its_changes_or_as_it_stands() {
+    let mut stated = StatedNoise::default();
+    for _ in 0..100 {
+        assert!((stated.against_average(0.4) - 1.0).abs() < 1e-12);
+    }
+    assert!((stated.against_average(1.2) - 9.0).abs() < 1e-9);
+    assert!((stated.against_average(1e9) - 100.0).abs() < 1e-9);
+    let noise = Noise {
+        white: 3.0,
+        correlated: 4.0,
+        correlation_s: 60.0,
+    };
+    assert!((against_described(10.0, &noise, RANGE) - 4.0).abs() < 1e-12);
+    assert!((against_described(1e9, &noise, RANGE) - 100.0).abs() < 1e-12);
+    assert!((against_described(0.0, &noise, RANGE) - 0.01).abs() < 1e-12);
+}
+
+#[test]
+fn surprise_has_to_last() {
+    let mut surprise = Surprise::default();
+    for _ in 0..600 {
+        surprise.take(2.0, 0.1);
+    }
+    assert!(surprise.lasting_s <= 0.0);
+    for k in 0..200 {
+        surprise.take(9.0, 0.1);
+        assert!(surprise.lasting_s <= 0.1 * f64::from(k + 1) + 1e-9);
+    }
+    // From a mean of 2 to one of 4, of 9: 10 s ln(7 / 5), 3.4 s.
+    assert!(
+        (surprise.lasting_s - 16.6).abs() < 0.3,
+        "{}",
+        surprise.lasting_s
+    );
+    for _ in 0..100 {
+        surprise.take(1.0, 0.1);
+    }
+    assert!(surprise.lasting_s <= 0.0);
+}
