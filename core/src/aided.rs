@@ -519,7 +519,7 @@ impl<const N: usize> AidedIns<N> {
         self.advance(moment, config);
         self.last_compared = moment;
         let taken = self.observe(&past, fix, config);
-        let mut differences = self.differences(&past, fix, &taken);
+        let mut differences = self.differences(&past, fix, &taken, interval_s);
         if differences == Differences::default() {
             return Some(GnssOutcome::Outlier);
         }
@@ -542,6 +542,7 @@ impl<const N: usize> AidedIns<N> {
         let mut taken = Taken {
             velocity_mps,
             position_m: self.position_difference(past, fix),
+            position_s: past.time.seconds_since(self.last_position),
             ..Taken::default()
         };
         self.manoeuvre = Manoeuvre::of(past);
@@ -568,6 +569,7 @@ impl<const N: usize> AidedIns<N> {
                     level: fix.position.is_some(),
                     up: fix.height_m.is_some(),
                 };
+                self.last_position = past.time;
                 return taken;
             }
         };
@@ -582,7 +584,7 @@ impl<const N: usize> AidedIns<N> {
             };
             taken.velocity = observer.take(past, &difference, config);
         }
-        let due = past.time.seconds_since(self.last_position) >= POSITION_INTERVAL_S;
+        let due = taken.position_s >= POSITION_INTERVAL_S;
         let has_position = fix.position.is_some() || fix.height_m.is_some();
         if has_position && (due || !has_level) {
             self.last_position = past.time;
@@ -600,12 +602,20 @@ impl<const N: usize> AidedIns<N> {
     }
 
     /// What the loops are given: what was taken, at the sensors and not at the antenna. Where only
-    /// positions are measured, velocities are those that the observer makes of them.
-    fn differences(&self, past: &Past, fix: &GnssFix, taken: &Taken) -> Differences {
+    /// positions are measured, velocities are those that the observer makes of them. What was taken
+    /// of positions acts for one interval of fixes instead of those of many, and as much stronger.
+    fn differences(
+        &self,
+        past: &Past,
+        fix: &GnssFix,
+        taken: &Taken,
+        interval_s: f64,
+    ) -> Differences {
         let arm = self.known().lever_arm();
         let mut differences = Differences::default();
+        let held = math::min(taken.position_s, HOLD_S) / math::min(interval_s, HOLD_S);
         let velocity_mps = taken.velocity_mps + past.attitude_rate * arm;
-        let position_m = taken.position_m + past.attitude * arm;
+        let position_m = (taken.position_m + past.attitude * arm) * held;
         let followed = match &self.estimator {
             Estimator::Exact(observer) => Some(*observer.error()),
             Estimator::Literal(_) => None,
@@ -616,12 +626,12 @@ impl<const N: usize> AidedIns<N> {
         if taken.velocity.level {
             differences.velocity_en_mps = Some(velocity_mps.xy());
         } else if let Some(error) = by_position(taken.position.level, has_level) {
-            differences.velocity_en_mps = Some(error.velocity_mps.xy());
+            differences.velocity_en_mps = Some(error.velocity_mps.xy() * held);
         }
         if taken.velocity.up {
             differences.velocity_up_mps = Some(velocity_mps.z);
         } else if let Some(error) = by_position(taken.position.up, fix.velocity_up_mps.is_some()) {
-            differences.velocity_up_mps = Some(error.velocity_mps.z);
+            differences.velocity_up_mps = Some(error.velocity_mps.z * held);
         }
         if taken.position.level {
             differences.position_en_m = Some(position_m.xy());
@@ -731,6 +741,8 @@ struct Taken {
     velocity: Used,
     position_m: Vector3<f64>,
     position: Used,
+    /// Since the last position, s.
+    position_s: f64,
 }
 
 /// Latency, s, as far as the ring can serve it.
