@@ -56,7 +56,7 @@ impl PartNoise {
     }
 
     /// As the core is told.
-    fn of(noise: &ins_core::config::Noise, believes_stated: bool) -> Self {
+    fn told(noise: &ins_core::config::Noise, believes_stated: bool) -> Self {
         Self {
             white: noise.white,
             colour: noise.correlated,
@@ -165,12 +165,12 @@ impl Noise {
             accel_bias_walk: sensors.accel_bias_walk,
             accel_bias_mps2: sensors.accel_bias_mps2,
             accel_scale: sensors.accel_scale,
-            velocity: PartNoise::of(&gnss.velocity_mps, true),
-            velocity_up: PartNoise::of(&gnss.velocity_up_mps, true),
+            velocity: PartNoise::told(&gnss.velocity_mps, true),
+            velocity_up: PartNoise::told(&gnss.velocity_up_mps, true),
             // A sigma that is stated of positions is that of the place and not of the moment, and
             // with fixed ambiguities a centimetre, which the stamps of few loggers are worth.
-            position: PartNoise::of(&gnss.position_m, false),
-            height: PartNoise::of(&gnss.height_m, false),
+            position: PartNoise::told(&gnss.position_m, false),
+            height: PartNoise::told(&gnss.height_m, false),
             latency_sigma_s: gnss.latency_sigma_s,
             clock_drift_sigma: gnss.clock_drift_sigma,
             lever_arm_m: Vector3::from(gnss.lever_arm_m),
