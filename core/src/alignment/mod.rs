@@ -424,7 +424,8 @@ impl Alignment {
             force_mps,
             ..*interval
         });
-        for _ in 0..=(WORK_PER_S * interval.seconds) as u32 {
+        // One more where a node has ended: it is taken in before the hand-over at its end.
+        for _ in 0..=(WORK_PER_S * interval.seconds) as u32 + u32::from(ended) {
             let nodes = &finding.nodes;
             match finding.found {
                 None if finding.bank.work(nodes, &self.sightings, config) => {

@@ -125,13 +125,25 @@ impl Subject for Core<'_> {
     }
 
     fn solution_sigma(&self) -> SolutionSigma {
-        SolutionSigma::default()
+        let Some(sigma) = self.navigator.sigma() else {
+            return SolutionSigma::default();
+        };
+        SolutionSigma {
+            position_m: Some(sigma.position_m.x),
+            height_m: Some(sigma.position_m.z),
+            velocity_mps: Some(sigma.velocity_mps.x),
+            velocity_up_mps: Some(sigma.velocity_mps.z),
+        }
     }
 
     fn claims(&self) -> Option<Claims> {
         self.solution()?;
         let navigator = &self.navigator;
-        let mut claims = claims(&navigator.estimates(), navigator.tilt_sigma_rad());
+        let mut claims = claims(&navigator.estimates());
+        if let Some(sigma) = navigator.sigma() {
+            claims.tilt.sigma = Some(sigma.tilt_rad.x);
+            claims.heading.sigma = Some(sigma.tilt_rad.z);
+        }
         if navigator.config().gnss.lever_arm_sigma_m == 0.0 {
             // Told to be close, not found.
             claims.lever_arm_m = [None; 3];
@@ -220,7 +232,7 @@ impl Subject for Kalman<'_> {
     fn claims(&self) -> Option<Claims> {
         let filter = self.run.filter()?;
         let sigmas = filter.sigmas();
-        let mut claims = claims(&filter.estimates(), None);
+        let mut claims = claims(&filter.estimates());
         let tilt = sigmas[index::ATTITUDE].max(sigmas[index::ATTITUDE + 1]);
         claims.tilt.sigma = Some(tilt);
         claims.accel_bias_mps2 = [0, 1, 2].map(|axis| self.felt(filter, axis));
@@ -244,21 +256,15 @@ fn claim(estimate: &Estimate) -> Claim {
 }
 
 /// Heading and tilt are those of the solution, which has all in it that is known.
-fn claims(estimates: &Estimates, tilt_sigma_rad: Option<f64>) -> Claims {
-    let accel_bias_mps2 = estimates.accel_bias_mps2.each_ref().map(claim);
-    // The spread of the INS's tilt is stated apart from what the accelerometers tilt it by.
-    let by_accel = estimates.accel_bias_mps2[0]
-        .sigma
-        .max(estimates.accel_bias_mps2[1].sigma);
-    let tilt_rad = tilt_sigma_rad.map(|tilt| libm::hypot(tilt, by_accel / GRAVITY_MPS2));
+fn claims(estimates: &Estimates) -> Claims {
     Claims {
         heading: claim(&estimates.azimuth_error_rad),
         tilt: Claim {
             value: 0.0,
-            sigma: tilt_rad,
+            sigma: None,
             observable: true,
         },
-        accel_bias_mps2,
+        accel_bias_mps2: estimates.accel_bias_mps2.each_ref().map(claim),
         gyro_bias_radps: estimates.gyro_bias_radps.each_ref().map(claim),
         latency_s: claim(&estimates.gnss_latency_now_s),
         lever_arm_m: estimates.lever_arm_m.each_ref().map(|arm| Some(claim(arm))),
