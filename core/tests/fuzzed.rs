@@ -4,6 +4,7 @@
 use ins_core::config::{Feedback, Form, HeadingSource};
 use ins_core::earth::LatLon;
 use ins_core::{Config, Estimate, FixSigma, GnssFix, ImuOutput, ImuSample, Navigator, Time};
+use proptest::prelude::*;
 
 /// Octets that stand for inputs, of any kind and in any order.
 struct Octets<'a>(&'a [u8]);
@@ -163,7 +164,56 @@ fn feed(octets: &[u8]) {
     }
 }
 
+const LATENCY: &[u8] = include_bytes!("fuzzed/latency_not_finite.bin");
+
 #[test]
 fn a_latency_stays_finite() {
-    feed(include_bytes!("fuzzed/latency_not_finite.bin"));
+    feed(LATENCY);
+}
+
+/// Half a minute at rest: ten fixes a second and a hundred samples, all of them zero.
+fn at_rest() -> Vec<u8> {
+    let mut octets = vec![0];
+    for _ in 0..300 {
+        // At once, all parts there but the sigma.
+        let mut fix = [0; 32];
+        (fix[1], fix[10]) = (2, 8);
+        for (at, kind) in [(10, 3), (12, 3), (14, 3), (16, 3), (18, 1), (19, 3)] {
+            fix[at + 1] = kind;
+        }
+        octets.extend(fix);
+        let mut sample = [0; 32];
+        (sample[0], sample[1]) = (4 * 9 + 1, 4);
+        for at in [3, 7, 9, 11, 13, 15] {
+            sample[at + 1] = 3;
+        }
+        octets.extend(sample);
+    }
+    octets
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(std::env::var("CASES").map_or(64, |c| c.parse().unwrap())))]
+
+    /// Whatever is changed in what it is given, in one octet or in a whole input.
+    #[test]
+    fn nothing_that_is_given_to_it_makes_a_number_infinite(
+        config in any::<u8>(),
+        fuzzed in any::<bool>(),
+        octets in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..60),
+        inputs in prop::collection::vec((any::<prop::sample::Index>(), any::<[u8; 32]>()), 0..20),
+    ) {
+        let mut sequence = if fuzzed { LATENCY.to_vec() } else { at_rest() };
+        sequence[0] = config;
+        let count = sequence.len() / 32;
+        for (place, input) in inputs {
+            let at = 1 + 32 * place.index(count);
+            sequence[at..at + 32].copy_from_slice(&input);
+        }
+        for (place, octet) in octets {
+            let at = place.index(sequence.len());
+            sequence[at] = octet;
+        }
+        feed(&sequence);
+    }
 }
