@@ -31,10 +31,14 @@ const AWAY_S: f64 = 1.5;
 /// few stray ones must not move the clock, nor a buffer of old samples that is sent again.
 const AFTER_HOLE_S: f64 = 0.05;
 const SET_BACK_S: f64 = 1.0;
+/// Longer than any increment, s: the interval of the first, or of one after a hole, is not known.
+const LONGEST_READING_S: f64 = 1.0;
 /// Heights and speed that no vehicle this is for exceeds, m and m/s.
 const LOWEST_M: f64 = -12_000.0;
 const HIGHEST_M: f64 = 100_000.0;
 const FASTEST_MPS: f64 = 3_000.0;
+/// More than any receiver states of a fix it gives, m or m/s: 2^32 mm is the largest number of some.
+const COARSEST: f64 = 1e7;
 
 /// Spread of a solution that is the last fix, carried on for up to some seconds by an INS that has
 /// lost its way, ENU, m, m/s, rad.
@@ -242,10 +246,14 @@ impl<const RING: usize> State<RING> {
         };
         let seconds = sample.time.seconds_since(*last);
         if seconds <= 0.0 {
+            if out_of_range(sample, LONGEST_READING_S, config) {
+                return ImuOutcome::OutOfRange;
+            }
             return self.on_astray(sample, SET_BACK_S, ImuOutcome::TimeNotIncreasing, config);
         }
         let hole = increments.has_hole(seconds);
-        if out_of_range(sample, increments.reading_seconds(seconds, hole), config) {
+        let reading_s = math::min(increments.reading_seconds(seconds, hole), LONGEST_READING_S);
+        if out_of_range(sample, reading_s, config) {
             return ImuOutcome::OutOfRange;
         }
         if seconds > config.max_gap_s || (hole && !increments.ends_agree(sample, seconds)) {
@@ -282,8 +290,7 @@ impl<const RING: usize> State<RING> {
     }
 
     fn on_first(&mut self, sample: &ImuSample, config: &Config) -> ImuOutcome {
-        // The interval of a first increment is not known: a second is longer than any.
-        if out_of_range(sample, 1.0, config) {
+        if out_of_range(sample, LONGEST_READING_S, config) {
             return ImuOutcome::OutOfRange;
         }
         self.inertial = Some((sample.time, Increments::new(config.imu_output, sample)));
@@ -455,7 +462,8 @@ fn check(fix: &GnssFix) -> Result<(), GnssOutcome> {
         && math::abs(place.y) <= core::f64::consts::TAU
         && place.z > LOWEST_M
         && place.z < HIGHEST_M
-        && velocity.norm_squared() < FASTEST_MPS * FASTEST_MPS;
+        && velocity.norm_squared() < FASTEST_MPS * FASTEST_MPS
+        && sigmas.iter().flatten().all(|sigma| *sigma < COARSEST);
     if possible {
         Ok(())
     } else {

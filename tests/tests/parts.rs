@@ -1,0 +1,162 @@
+//! Fixes of which parts are missing: what is there is enough.
+
+use host_sim::accuracy::config_of;
+use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
+use ins_core::config::HeadingSource;
+use ins_core::earth::wrap_pi;
+use ins_core::{Config, GnssFix, Navigator};
+
+const MINUTES: f64 = 20.0;
+
+fn drive() -> (SimulatedDrive, Config) {
+    let mut drive = DriveConfig::new(4, Grade::Hg1700, MINUTES);
+    drive.recording.truth_every = 1;
+    let simulated = simulate(&drive);
+    let config = Config {
+        heading: HeadingSource::Given(simulated.truth[0].euler().heading_rad + 0.05),
+        ..config_of(Grade::Hg1700)
+    };
+    (simulated, config)
+}
+
+/// RMS errors over the last quarter: position, height, velocity, heading; and the same in the
+/// spreads that are stated.
+struct Errors {
+    position_m: f64,
+    height_m: f64,
+    velocity_mps: f64,
+    heading_rad: f64,
+    in_sigmas: [f64; 2],
+}
+
+/// A minute after the start, with all parts until then: where on Earth it is an INS has to know.
+const WHOLE_S: f64 = 180.0;
+
+/// What is left of each fix by `part`, once it knows where it is.
+fn navigate(part: impl Fn(&GnssFix) -> GnssFix) -> Errors {
+    let (drive, config) = drive();
+    let mut navigator: Navigator = Navigator::new(config).unwrap();
+    let mut fixes = drive.gnss.iter().peekable();
+    let mut sums = [0.0; 6];
+    let mut count = 0.0;
+    // The truth begins with the moment before the first increment.
+    for (sample, truth) in drive.imu.iter().zip(&drive.truth[1..]) {
+        assert_eq!(sample.time, truth.time);
+        while let Some(fix) = fixes.next_if(|fix| fix.time < sample.time) {
+            let whole = fix.time.as_seconds() < WHOLE_S;
+            let _ = navigator.on_gnss(&if whole { *fix } else { part(fix) });
+        }
+        let _ = navigator.on_imu(sample);
+        let late = sample.time.as_seconds() > 45.0 * MINUTES;
+        if !late || sample.time.as_micros() % 1_000_000 != 0 {
+            continue;
+        }
+        let solution = navigator.solution().expect("navigating");
+        let sigma = navigator.sigma().expect("exact");
+        let position = solution.position.enu_from(&truth.position);
+        let velocity = solution.velocity_enu_mps - truth.velocity_enu_mps;
+        let heading = wrap_pi(solution.euler().heading_rad - truth.euler().heading_rad);
+        let squares = [
+            position.xy().norm_squared(),
+            position.z * position.z,
+            velocity.norm_squared(),
+            heading * heading,
+            velocity.x * velocity.x / (sigma.velocity_mps.x * sigma.velocity_mps.x),
+            heading * heading / (sigma.tilt_rad.z * sigma.tilt_rad.z),
+        ];
+        count += 1.0;
+        for (sum, square) in sums.iter_mut().zip(squares) {
+            *sum += square;
+        }
+    }
+    let [
+        position_m,
+        height_m,
+        velocity_mps,
+        heading_rad,
+        velocity,
+        heading,
+    ] = sums.map(|sum| f64::sqrt(sum / count));
+    println!(
+        "{position_m} m, {height_m} m, {velocity_mps} m/s, {heading_rad} rad, {velocity} {heading}"
+    );
+    Errors {
+        position_m,
+        height_m,
+        velocity_mps,
+        heading_rad,
+        in_sigmas: [velocity, heading],
+    }
+}
+
+/// One drive, of errors that last for minutes: an RMS may well be twice a sigma.
+fn assert_honest(errors: &Errors) {
+    assert!(
+        errors.in_sigmas.iter().all(|off| *off < 2.5),
+        "{:?}",
+        errors.in_sigmas
+    );
+}
+
+#[test]
+fn all_parts() {
+    let errors = navigate(|fix| *fix);
+    assert!(errors.position_m < 1.0 && errors.height_m < 1.5);
+    assert!(errors.velocity_mps < 0.05 && errors.heading_rad < 2e-3);
+    assert_honest(&errors);
+}
+
+#[test]
+fn position_and_height_without_velocity() {
+    let errors = navigate(|fix| GnssFix {
+        velocity_en_mps: None,
+        velocity_up_mps: None,
+        ..*fix
+    });
+    assert!(errors.position_m < 1.5 && errors.height_m < 3.0);
+    assert!(errors.velocity_mps < 0.2 && errors.heading_rad < 5e-3);
+    assert_honest(&errors);
+}
+
+#[test]
+fn position_alone() {
+    let errors = navigate(|fix| GnssFix {
+        velocity_en_mps: None,
+        velocity_up_mps: None,
+        height_m: None,
+        ..*fix
+    });
+    assert!(errors.position_m < 1.5 && errors.heading_rad < 5e-3);
+}
+
+#[test]
+fn no_height_and_no_vertical_velocity() {
+    let errors = navigate(|fix| GnssFix {
+        velocity_up_mps: None,
+        height_m: None,
+        ..*fix
+    });
+    assert!(errors.position_m < 1.0 && errors.heading_rad < 2e-3);
+}
+
+#[test]
+fn height_without_vertical_velocity() {
+    let errors = navigate(|fix| GnssFix {
+        velocity_up_mps: None,
+        ..*fix
+    });
+    assert!(errors.position_m < 1.0 && errors.height_m < 1.5);
+    assert!(errors.velocity_mps < 0.1 && errors.heading_rad < 2e-3);
+    assert_honest(&errors);
+}
+
+#[test]
+fn velocity_alone() {
+    let errors = navigate(|fix| GnssFix {
+        position: None,
+        height_m: None,
+        ..*fix
+    });
+    assert!(errors.velocity_mps < 0.05 && errors.heading_rad < 2e-3);
+    assert_honest(&errors);
+}
