@@ -11,7 +11,7 @@ use ins_core::mechanization::Mechanization;
 use ins_core::{Config, FixSigma, GnssFix, Time};
 use nalgebra::{UnitQuaternion, Vector3};
 
-const MINUTES: f64 = 8.0;
+const MINUTES: f64 = 6.0;
 const GYRO: f64 = 3e-4;
 const ACCEL: f64 = 6e-3;
 const VELOCITY: PartNoise = PartNoise {
@@ -31,6 +31,7 @@ fn model() -> ErrorModel {
     let mut model = Grade::Hg1700.errors();
     model.gyro_deg_h.white_noise = GYRO.to_degrees() * 3600.0;
     model.accel_mps2.white_noise = ACCEL;
+    model.gnss.rate_hz = 5.0;
     model.gnss.velocity_sigma_mps = VELOCITY.white;
     model.gnss.horizontal_sigma_m = POSITION.white;
     model.gnss.vertical_sigma_m = POSITION.white;

@@ -2,13 +2,13 @@
 
 use rayon::prelude::*;
 
-/// First step to either side, and the last: a factor of two, then of a twentieth.
+/// First step to either side, and the last: a factor of two, and a tenth.
 const FIRST_STEP: f64 = core::f64::consts::LN_2;
-const LAST_STEP: f64 = 0.05;
+const LAST_STEP: f64 = 0.1;
 /// Rounds after which it is good enough.
 const ROUNDS: usize = 25;
-/// A gain that no longer counts: a tenth of what chance makes of one parameter.
-const LEAST_GAIN: f64 = 0.05;
+/// A gain that no longer counts: what chance makes of one parameter.
+const LEAST_GAIN: f64 = 0.5;
 
 /// A maximum.
 #[derive(Clone, Debug, PartialEq)]
