@@ -271,10 +271,12 @@ fn its_covariance_is_honest_with_more_to_find() {
         let arm = Vector3::from(ARM_M) - known.lever_arm_m;
         let accel = Vector3::from(drive.errors.accel_scale) - known.accel_scale;
         let gyro = Vector3::from(drive.errors.gyro_scale) - known.gyro_scale;
-        let more = [-known.clock_drift].into_iter();
-        let more = more.chain([arm, accel, gyro].iter().flatten().copied());
-        let first = errors(known, truth, drive);
-        States::from_iterator(first.len() + 10, first.iter().copied().chain(more))
+        let mut all: Vec<f64> = errors(known, truth, drive).iter().copied().collect();
+        all.push(-known.clock_drift);
+        for three in [arm, accel, gyro] {
+            all.extend(&three);
+        }
+        States::from_vec(all)
     });
     // 312 degrees of freedom: 0.05 % lie below 233 and 0.05 % above 402.
     assert!(

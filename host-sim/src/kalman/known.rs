@@ -58,9 +58,16 @@ impl Known {
 
     /// Readings less their errors.
     pub(super) fn corrected(&self, raw: &Interval) -> Interval {
+        // Exactly undone: what gravity makes of the square of a scale error is more than there is
+        // doubt of the upright accelerometer.
         let mut interval = raw.without_bias(&self.gyro_bias_radps, &self.accel_bias_mps2);
-        interval.angle_rad -= self.gyro_scale.component_mul(&interval.angle_rad);
-        interval.force_mps -= self.accel_scale.component_mul(&interval.force_mps);
+        let one = Vector3::repeat(1.0);
+        interval
+            .angle_rad
+            .component_div_assign(&(one + self.gyro_scale));
+        interval
+            .force_mps
+            .component_div_assign(&(one + self.accel_scale));
         interval
     }
 

@@ -18,9 +18,19 @@ const START_AGE_S: f64 = 0.5;
 const LEVELLING_RAD: f64 = 0.005;
 /// Heading that the user gives, rad; where its spread is not known.
 const GIVEN_HEADING_RAD: f64 = 0.3;
-/// Position noise of a plain receiver, east and north, and up, m.
-const HORIZONTAL_M: f64 = 2.5;
-const VERTICAL_M: f64 = 5.0;
+/// Position noise of a plain receiver, east and north, and up, m: most of it is the ionosphere's,
+/// the orbits' and reflections', and lasts; a filter that takes it for white finds a latency in it.
+const HORIZONTAL: PartNoise = PartNoise {
+    white: 0.5,
+    colour: 2.5,
+    correlation_s: 60.0,
+    believes_stated: false,
+};
+const VERTICAL: PartNoise = PartNoise {
+    white: 1.0,
+    colour: 5.0,
+    ..HORIZONTAL
+};
 /// Rate of a vehicle standing with people in it, rad/s in the mean of a second: as in the core.
 const SWAY_RADPS: f64 = 3e-4;
 
@@ -160,16 +170,10 @@ impl Noise {
             accel_scale: sensors.accel_scale,
             velocity: PartNoise::white(gnss.velocity_sigma_mps),
             velocity_up: PartNoise::white(gnss.velocity_sigma_mps),
-            // A sigma stated of positions is that of the place, not of the moment: with fixed
-            // ambiguities a centimetre, which the stamps of few loggers are worth.
-            position: PartNoise {
-                believes_stated: false,
-                ..PartNoise::white(HORIZONTAL_M)
-            },
-            height: PartNoise {
-                believes_stated: false,
-                ..PartNoise::white(VERTICAL_M)
-            },
+            // A sigma that is stated of positions is that of the place and not of the moment, and
+            // with fixed ambiguities a centimetre, which the stamps of few loggers are worth.
+            position: HORIZONTAL,
+            height: VERTICAL,
             latency_sigma_s: gnss.latency_sigma_s,
             clock_drift_sigma: gnss.clock_drift_sigma,
             lever_arm_m: Vector3::zeros(),

@@ -142,17 +142,25 @@ const COLOUR_PART: f64 = 0.5;
 const VELOCITY_START_S: f64 = 2.0;
 const POSITION_START_S: f64 = 30.0;
 
-/// Finds the noise of a log from what its class is told. Sigmas that the fixes state are not
-/// looked at.
-pub fn fit(log: &Log, config: Config, told: Noise) -> Result<Fit, ConfigError> {
+/// Finds some numbers of the noise of a log, beginning with what its class is told. Sigmas that
+/// the fixes state are not looked at.
+pub fn fit(
+    log: &Log,
+    config: Config,
+    told: Noise,
+    parameters: &[Parameter],
+) -> Result<Fit, ConfigError> {
     // Whatever cannot be used is found here, once.
     let before = log_likelihood(log, config, told)?;
     let start = with_colour(told);
-    let values = PARAMETERS.map(|parameter| libm::log((parameter.get)(&start)));
-    let bounds = PARAMETERS.map(|parameter| parameter.bounds.around((parameter.get)(&start)));
+    let class: Vec<f64> = parameters.iter().map(|p| (p.get)(&start)).collect();
+    let values: Vec<f64> = class.iter().map(|value| libm::log(*value)).collect();
+    let bounds: Vec<[f64; 2]> = (parameters.iter().zip(&class))
+        .map(|(parameter, value)| parameter.bounds.around(*value))
+        .collect();
     let noise_at = |values: &[f64]| {
         let mut noise = start;
-        for (parameter, value) in PARAMETERS.iter().zip(values) {
+        for (parameter, value) in parameters.iter().zip(values) {
             (parameter.set)(&mut noise, libm::exp(*value));
         }
         share_colour(noise)

@@ -18,12 +18,29 @@ pub fn plain(study: &Study) -> String {
         (FREE.to_owned(), free_table(study)),
         (WITHOUT.to_owned(), without_table(study)),
     ];
-    let mut text = String::new();
+    let mut text = mute(study);
     for (title, (header, rows)) in parts {
         // Writing into a string cannot fail.
         let _ = writeln!(text, "{title}\n\n{}", table::plain(&header, &rows));
     }
     text
+}
+
+/// Names the logs of which no test says anything: they must not be missed.
+fn mute(study: &Study) -> String {
+    let says_nothing = |log: &&LogStudy| {
+        log.halves.is_none()
+            && log.methods.iter().all(|row| row.differences.is_empty())
+            && log.outages.is_none()
+            && log.free.is_none()
+    };
+    let names: Vec<&str> = (study.logs.iter().filter(says_nothing))
+        .map(|log| log.log.as_str())
+        .collect();
+    if names.is_empty() {
+        return String::new();
+    }
+    format!("No test says anything of {}.\n\n", names.join(", "))
 }
 
 type Table = (Vec<String>, Vec<Vec<String>>);
