@@ -5,6 +5,9 @@
 //! sensors and receivers are; wild innovations count as under noise with wide tails
 //! ([`Filter::log_likelihood`]), so that outliers do not own the result.
 //!
+//! Not yet to be relied on: near the truth the likelihood is right, but it has cliffs of hundreds
+//! to thousands, not explained yet, and the search stalls on them.
+//!
 //! [`Filter::log_likelihood`]: crate::kalman::Filter::log_likelihood
 
 mod search;
