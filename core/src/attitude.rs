@@ -88,8 +88,14 @@ pub(crate) fn small_rotation(v: &Vector3<f64>) -> Quaternion<f64> {
     Quaternion::new(cos, sinc * v.x, sinc * v.y, sinc * v.z)
 }
 
-/// One Newton step towards unit length: exact to second order, enough at every update.
+/// One Newton step towards unit length: exact to second order, enough at every update. A turn of
+/// radians in one step is beyond its series, and Newton's step beyond that would not come back.
 pub(crate) fn renormalized(q: Quaternion<f64>) -> UnitQuaternion<f64> {
     let n2 = q.w * q.w + q.i * q.i + q.j * q.j + q.k * q.k;
-    Unit::new_unchecked(q * (1.5 - 0.5 * n2))
+    let factor = if n2 > 0.5 && n2 < 2.0 {
+        1.5 - 0.5 * n2
+    } else {
+        1.0 / math::sqrt(n2)
+    };
+    Unit::new_unchecked(q * factor)
 }

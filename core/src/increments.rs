@@ -12,6 +12,9 @@ const MISSING_RATIO: f64 = 1.75;
 /// would have to be found anew anyway.
 const BRIDGEABLE_RAD: f64 = 0.3;
 
+/// Turn about one axis from sample to sample that cannot be told from one the other way round, rad.
+const AMBIGUOUS_RAD: f64 = core::f64::consts::PI;
+
 /// Motion over one interval, body axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -102,6 +105,15 @@ impl Increments {
             ImuOutput::Increments => self.usual_s,
         };
         0.5 * seconds * (sample.gyro - self.gyro).amax() <= BRIDGEABLE_RAD * reading_s
+    }
+
+    /// Whether a reading means a turn that samples `seconds` apart cannot show.
+    pub fn turns_too_far(&self, sample: &ImuSample, seconds: f64) -> bool {
+        let read_s = match self.output {
+            ImuOutput::Rates => seconds,
+            ImuOutput::Increments => 1.0,
+        };
+        read_s * sample.gyro.amax() > AMBIGUOUS_RAD
     }
 
     /// The time that a reading spans which comes `seconds` after the last, s: shorter if samples

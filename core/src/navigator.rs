@@ -251,6 +251,9 @@ impl<const RING: usize> State<RING> {
         if seconds > config.max_gap_s || (hole && !increments.ends_agree(sample, seconds)) {
             return self.on_astray(sample, AFTER_HOLE_S, ImuOutcome::Gap, config);
         }
+        if increments.turns_too_far(sample, seconds) {
+            return ImuOutcome::OutOfRange;
+        }
         self.astray = None;
         let interval = increments.interval(sample, seconds);
         *last = sample.time;
@@ -260,6 +263,7 @@ impl<const RING: usize> State<RING> {
                     let known = alignment.known();
                     let (gyro, accel) = (known.vector(index::GYRO), known.vector(index::ACCEL));
                     ins.step(&interval.without_bias(&gyro, &accel), &Controls::default());
+                    self.stopgap = self.stopgap.filter(is_possible);
                 }
                 alignment.on_interval(sample.time, &interval, config);
             }
@@ -328,7 +332,7 @@ impl<const RING: usize> State<RING> {
                     position, attitude, ..
                 } = *ins.mechanization();
                 let known = ins.kept(config);
-                self.stopgap = Some(*ins.mechanization());
+                self.stopgap = Some(*ins.mechanization()).filter(is_possible);
                 self.mode = Mode::Aligning(Alignment::resume(time, position, attitude, known));
             }
         }
@@ -347,7 +351,7 @@ impl<const RING: usize> State<RING> {
 
     fn align_again_if_lost(&mut self, config: &Config) {
         if let (Mode::Navigating(ins), Some((now, _))) = (&self.mode, &self.inertial)
-            && ins.is_lost()
+            && (ins.is_lost() || !is_possible(ins.mechanization()))
         {
             let now = *now;
             self.align_again(now, config);
@@ -416,6 +420,11 @@ fn out_of_range(sample: &ImuSample, seconds: f64, config: &Config) -> bool {
     };
     sample.gyro.amax() > scale * config.sensors.gyro_range_radps
         || sample.accel.amax() > scale * config.sensors.accel_range_mps2
+}
+
+/// Whether an INS is no faster than vehicles are: faster, it would soon go beyond all numbers.
+fn is_possible(ins: &Mechanization) -> bool {
+    ins.velocity_enu_mps.norm_squared() < FASTEST_MPS * FASTEST_MPS
 }
 
 /// Whether a fix can be of this Earth.

@@ -1,0 +1,219 @@
+//! Sequences that a fuzzer has found: once they made numbers infinite.
+#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::eq_op)]
+
+use ins_core::config::{Feedback, Form, HeadingSource};
+use ins_core::earth::LatLon;
+use ins_core::{Config, Estimate, FixSigma, GnssFix, ImuOutput, ImuSample, Navigator, Time};
+use proptest::prelude::*;
+
+/// Octets that stand for inputs, of any kind and in any order.
+struct Octets<'a>(&'a [u8]);
+
+impl Octets<'_> {
+    fn whole(&self, at: usize) -> i16 {
+        i16::from_le_bytes([self.0[at], self.0[at + 1]])
+    }
+
+    fn eight(&self, at: usize) -> [u8; 8] {
+        self.0[at..at + 8].try_into().unwrap()
+    }
+
+    /// Any number at all, or one of a credible size.
+    fn number(&self, at: usize) -> f64 {
+        match self.0[at] % 4 {
+            0 => f64::from_le_bytes(self.eight(at + 1)),
+            1 => f64::from(self.whole(at + 1)) / 1000.0,
+            2 => f64::from(self.whole(at + 1)) / 10.0,
+            _ => f64::from(self.0[at + 1].cast_signed()),
+        }
+    }
+
+    fn bit(&self, at: usize, bit: u8) -> bool {
+        self.0[at] >> bit & 1 != 0
+    }
+
+    /// A number that is there if its bit is clear.
+    fn optional(&self, bit: u8, at: usize) -> Option<f64> {
+        (!self.bit(9, bit)).then(|| self.number(at))
+    }
+
+    fn config(&self) -> Config {
+        let mut config = if self.bit(0, 0) {
+            Config::hg1700()
+        } else {
+            Config::mems()
+        };
+        if self.bit(0, 1) {
+            config.form = Form::Literal;
+        }
+        if self.bit(0, 2) {
+            config.feedback = Feedback::Open;
+        }
+        if self.bit(0, 3) {
+            config.imu_output = ImuOutput::Increments;
+        }
+        if self.bit(0, 4) {
+            config.heading = HeadingSource::Given(0.3);
+        }
+        config
+    }
+
+    fn sample(&self, time: Time) -> ImuSample {
+        let [gx, gy, gz, ax, ay, az] = [3, 7, 9, 11, 13, 15].map(|at| self.number(at));
+        ImuSample {
+            time,
+            gyro: [gx, gy, gz].into(),
+            accel: [ax, ay, 9.8 + az].into(),
+        }
+    }
+
+    fn fix(&self, time: Time) -> GnssFix {
+        let place = !self.bit(9, 0);
+        GnssFix {
+            time,
+            position: place.then(|| LatLon {
+                latitude_rad: self.number(10),
+                longitude_rad: self.number(12),
+            }),
+            height_m: place.then(|| self.number(14)),
+            velocity_en_mps: (!self.bit(9, 1)).then(|| [self.number(16), self.number(18)].into()),
+            velocity_up_mps: self.optional(2, 19),
+            sigma: FixSigma {
+                velocity_mps: self.optional(3, 20),
+                ..FixSigma::default()
+            },
+        }
+    }
+
+    /// Microseconds since the stamp before: back, forward, none or far, else those of a sample.
+    fn step(&self) -> i64 {
+        let unsigned = i64::from(self.whole(1).cast_unsigned());
+        match self.0[0] % 8 {
+            0 => -1000 * i64::from(self.whole(1)),
+            1 => 100 * unsigned,
+            2 => 0,
+            3 => 100_000 * unsigned,
+            _ => 10_000,
+        }
+    }
+}
+
+fn assert_sound(navigator: &Navigator) {
+    // A NaN is not equal to itself.
+    assert!(navigator == navigator);
+    if let Some(solution) = navigator.solution() {
+        let place = solution.position;
+        let numbers = [place.latitude_rad, place.longitude_rad, place.height_m];
+        assert!(numbers.iter().all(|x| x.is_finite()), "{solution:?}");
+        assert!(place.latitude_rad.abs() <= core::f64::consts::FRAC_PI_2);
+        let velocity = solution.velocity_enu_mps;
+        assert!(velocity.iter().all(|v| v.is_finite()), "{solution:?}");
+        assert!((solution.attitude.norm() - 1.0).abs() < 1e-6);
+    }
+    let sigma = navigator.sigma();
+    let spreads = sigma.map(|s| [s.position_m, s.velocity_mps, s.tilt_rad]);
+    for spread in spreads.iter().flatten().flat_map(|s| s.iter()) {
+        assert!(spread.is_finite() && *spread >= 0.0, "{sigma:?}");
+    }
+    let e = navigator.estimates();
+    let single = [
+        e.azimuth_error_rad,
+        e.gnss_latency_s,
+        e.gnss_latency_now_s,
+        e.clock_drift,
+        e.gyro_scale,
+    ];
+    let three = [
+        e.accel_bias_mps2,
+        e.gyro_bias_radps,
+        e.accel_scale,
+        e.lever_arm_m,
+    ];
+    let sound = |e: &Estimate| e.value.is_finite() && e.sigma.is_finite() && e.sigma >= 0.0;
+    assert!(
+        single.iter().chain(three.iter().flatten()).all(sound),
+        "{e:?}"
+    );
+}
+
+/// The first octet chooses the configuration; each 32 that follow are a sample, repeated, or a fix.
+fn feed(octets: &[u8]) {
+    let mut navigator = Navigator::new(Octets(octets).config()).unwrap();
+    let mut micros = 0_i64;
+    for chunk in octets[1..].chunks_exact(32) {
+        let (kind, rest) = (chunk[0], Octets(&chunk[1..]));
+        micros = micros.saturating_add(rest.step());
+        let stamp = if rest.0[0] == 255 {
+            i64::from_le_bytes(rest.eight(1))
+        } else {
+            micros
+        };
+        let time = Time::from_micros(stamp);
+        if kind.is_multiple_of(3) {
+            let _ = navigator.on_gnss(&rest.fix(time));
+        } else {
+            let sample = rest.sample(time);
+            let _ = navigator.on_imu(&sample);
+            for _ in 0..kind / 4 {
+                micros = micros.saturating_add(10_000);
+                let time = Time::from_micros(micros);
+                let _ = navigator.on_imu(&ImuSample { time, ..sample });
+            }
+        }
+        assert_sound(&navigator);
+    }
+}
+
+const LATENCY: &[u8] = include_bytes!("fuzzed/latency_not_finite.bin");
+
+#[test]
+fn a_latency_stays_finite() {
+    feed(LATENCY);
+}
+
+/// Half a minute at rest: ten fixes a second and a hundred samples, all of them zero.
+fn at_rest() -> Vec<u8> {
+    let mut octets = vec![0];
+    for _ in 0..300 {
+        // At once, all parts there but the sigma.
+        let mut fix = [0; 32];
+        (fix[1], fix[10]) = (2, 8);
+        for (at, kind) in [(10, 3), (12, 3), (14, 3), (16, 3), (18, 1), (19, 3)] {
+            fix[at + 1] = kind;
+        }
+        octets.extend(fix);
+        let mut sample = [0; 32];
+        (sample[0], sample[1]) = (4 * 9 + 1, 4);
+        for at in [3, 7, 9, 11, 13, 15] {
+            sample[at + 1] = 3;
+        }
+        octets.extend(sample);
+    }
+    octets
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(std::env::var("CASES").map_or(64, |c| c.parse().unwrap())))]
+
+    /// Whatever is changed in what it is given, in one octet or in a whole input.
+    #[test]
+    fn nothing_that_is_given_to_it_makes_a_number_infinite(
+        config in any::<u8>(),
+        fuzzed in any::<bool>(),
+        octets in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..60),
+        inputs in prop::collection::vec((any::<prop::sample::Index>(), any::<[u8; 32]>()), 0..20),
+    ) {
+        let mut sequence = if fuzzed { LATENCY.to_vec() } else { at_rest() };
+        sequence[0] = config;
+        let count = sequence.len() / 32;
+        for (place, input) in inputs {
+            let at = 1 + 32 * place.index(count);
+            sequence[at..at + 32].copy_from_slice(&input);
+        }
+        for (place, octet) in octets {
+            let at = place.index(sequence.len());
+            sequence[at] = octet;
+        }
+        feed(&sequence);
+    }
+}
