@@ -200,6 +200,9 @@ impl Wobble {
 
     /// Mean square of a component about the chord, (m/s)^2.
     fn variance(&self) -> f32 {
+        if self.seconds <= 0.0 {
+            return 0.0;
+        }
         let slope = self.gained_mps / self.seconds;
         let cubed = self.seconds * self.seconds * self.seconds;
         let sum = self.square - 2.0 * slope.dot(&self.moment) + slope.norm_squared() * cubed / 3.0;
