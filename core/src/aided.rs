@@ -13,7 +13,7 @@ use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::error_model::InsError;
 use crate::estimate::Estimates;
 use crate::estimator::Estimator;
-use crate::history::{History, Missing, Past, Span};
+use crate::history::{History, Missing, Past, Span, Wobble};
 use crate::increments::Interval;
 use crate::literal::Comparison;
 use crate::manoeuvre::Manoeuvre;
@@ -88,6 +88,7 @@ pub struct AidedIns<const N: usize> {
     now: Time,
     /// Since the newest moment of the ring, and from the estimators' horizon to there.
     current: Span,
+    wobble: Wobble,
     before_current: Span,
     history: History<N>,
     estimator: Estimator,
@@ -132,12 +133,13 @@ impl<const N: usize> AidedIns<N> {
             mechanization: aligned.ins,
             now: time,
             current: Span::default(),
+            wobble: Wobble::default(),
             before_current: Span::default(),
             history: History::default(),
             estimator: Estimator::new(
                 time,
                 aligned.tilt_sigma_rad,
-                GRAVITY_EQUATOR_MPS2 * up,
+                aligned.ins.local_earth().gravity_mps2 * up,
                 known,
                 config,
             ),
@@ -355,8 +357,10 @@ impl<const N: usize> AidedIns<N> {
             self.now,
             &self.mechanization.velocity_enu_mps,
             &self.current,
+            &self.wobble,
         );
         self.current = Span::default();
+        self.wobble = Wobble::default();
         self.work_left = true;
     }
 
@@ -428,6 +432,7 @@ impl<const N: usize> AidedIns<N> {
             way_m: step.way_m,
         };
         self.current = self.current.then(&one);
+        self.wobble.add(force, dt);
         self.now = time;
         self.azimuth_removed_rad -= dt * controls.rate_radps.z;
         self.turned.by_controls_rad += tilt.z;

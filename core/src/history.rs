@@ -1,6 +1,6 @@
 //! The recent past of the INS, for data that arrives late: a fixed-size ring.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::error_model::single;
@@ -143,8 +143,11 @@ pub struct Past {
     pub accel_mps2: Vector3<f64>,
     /// How that changes, m/s^3.
     pub jerk_mps3: Vector3<f64>,
-    /// What the velocity may be off by where the vehicle jolts between two moments, m/s.
-    pub jolt_mps: Vector3<f64>,
+    /// Variance of a level velocity by what the vehicle does between two moments of the ring and
+    /// the interpolation does not see: jolts and vibration, (m/s)^2.
+    pub unseen_velocity: f64,
+    /// The same of the angular rate, (rad/s)^2.
+    pub unseen_rate: f64,
     /// `C_B^L`.
     pub attitude: Matrix3<f64>,
     /// Its rate of change, 1/s.
@@ -170,6 +173,41 @@ struct Recorded {
     velocity_mps: Vector3<f32>,
     /// From the moment before.
     span: Span<f32>,
+    /// See [`Wobble`].
+    wobble: f32,
+}
+
+/// How the level velocity moves about its chord between two moments.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Wobble {
+    seconds: f32,
+    gained_mps: Vector2<f32>,
+    /// Integrals of its square, and of itself times the time.
+    square: f32,
+    moment: Vector2<f32>,
+}
+
+impl Wobble {
+    /// Adds a velocity gained over an interval, m/s.
+    pub fn add(&mut self, gained_mps: &Vector3<f64>, seconds: f64) {
+        let dt = math::single(seconds);
+        self.gained_mps += single(gained_mps).xy();
+        self.seconds += dt;
+        self.square += self.gained_mps.norm_squared() * dt;
+        self.moment += self.gained_mps * (self.seconds * dt);
+    }
+
+    /// Mean square of a component about the chord, (m/s)^2.
+    fn variance(&self) -> f32 {
+        if self.seconds <= 0.0 {
+            return 0.0;
+        }
+        let slope = self.gained_mps / self.seconds;
+        let cubed = self.seconds * self.seconds * self.seconds;
+        let sum = self.square - 2.0 * slope.dot(&self.moment) + slope.norm_squared() * cubed / 3.0;
+        0.5 * sum / self.seconds
+    }
 }
 
 /// Ring of past moments.
@@ -199,9 +237,10 @@ impl<const N: usize> History<N> {
     }
 
     /// Adds the newest moment and the span before it, dropping the oldest if full.
-    pub fn push(&mut self, time: Time, velocity_mps: &Vector3<f64>, span: &Span) {
+    pub fn push(&mut self, time: Time, velocity_mps: &Vector3<f64>, span: &Span, wobble: &Wobble) {
         self.moments.push_over(Recorded {
             time,
+            wobble: wobble.variance(),
             velocity_mps: single(velocity_mps),
             span: span.stored(),
         });
@@ -296,6 +335,9 @@ impl Around<'_> {
         let left_s = (1.0 - part) * here.seconds;
         let way = end.span.way_m.map(f64::from);
         let left = (1.0 - part) * way + 0.5 * left_s * (velocity_mps - first);
+        // The mean square of a parabola above its chord.
+        let height = here.seconds * here.seconds * bend.force_mps2.xy();
+        let explained = height.norm_squared() / 240.0;
         let attitude = here.attitude + off_s * bend.attitude;
         let rate = here.rate_radps + off_s * bend.rate_radps;
         Past {
@@ -303,18 +345,19 @@ impl Around<'_> {
             velocity_mps,
             accel_mps2: here.force_mps2 - gravity + off_s * bend.force_mps2,
             jerk_mps3: bend.force_mps2,
-            jolt_mps: sag * self.unevenness(&here),
+            unseen_velocity: math::max(f64::from(end.wobble) - explained, 0.0),
+            unseen_rate: (sag * self.unevenness(&here)).norm_squared(),
             attitude,
             attitude_rate: attitude * rate.cross_matrix(),
             way_since_m: left + way_after_m,
         }
     }
 
-    /// By how much the acceleration bends otherwise after the interval than before it, m/s^3.
+    /// By how much the angular rate changes faster after the interval than before it, rad/s^3.
     fn unevenness(&self, here: &Means) -> Vector3<f64> {
-        let at_start = here.slope_from(&Means::over(self.start)).force_mps2;
+        let at_start = here.slope_from(&Means::over(self.start)).rate_radps;
         match self.after {
-            Some(after) => Means::over(after).slope_from(here).force_mps2 - at_start,
+            Some(after) => Means::over(after).slope_from(here).rate_radps - at_start,
             None => at_start,
         }
     }

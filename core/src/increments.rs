@@ -4,8 +4,9 @@ use nalgebra::Vector3;
 
 use crate::samples::{ImuOutput, ImuSample};
 
-/// Longest interval, as a multiple of the usual one, that still counts as no sample missing.
-const MISSING_RATIO: f64 = 1.5;
+/// Longest interval, as a multiple of the usual one, that still counts as no sample missing. One
+/// missing makes it two; stamps that jitter by a third of an interval at both ends make it 1.67.
+const MISSING_RATIO: f64 = 1.75;
 
 /// Half the turn by which the two ends of a hole may disagree, rad: beyond it the heading inside
 /// would have to be found anew anyway.

@@ -20,8 +20,8 @@ const LEAST_COLOUR: f64 = 0.5;
 /// Shortest and longest correlation time that is tried, s: a shorter one is white, a longer one an
 /// error of the INS.
 const CORRELATION_S: [f64; 2] = [0.5, 16.0];
-/// Difference of log-likelihoods that decides: odds of one in 150.
-const DECIDED: f64 = 5.0;
+/// Difference of log-likelihoods that decides: odds of one in 3000, for some hundred trials are made in a drive.
+const DECIDED: f64 = 8.0;
 /// Longest trial, s, and least number of innovations.
 const LONGEST_S: f64 = 60.0;
 const LEAST_COUNT: f64 = 40.0;

@@ -215,6 +215,7 @@ pub struct Observer {
     parameters: Parameters,
     /// Specific force in the body at the level attitude of the mount, m/s^2.
     level_force_mps2: Vector3<f64>,
+    gravity_mps2: f64,
     /// Time over which that is averaged, s.
     levelled_s: f64,
     /// Whose spread is due next.
@@ -267,7 +268,8 @@ impl Observer {
             next_spread: 0,
             unsolved_s: 0.0,
             azimuth_walk: 0.0,
-            up: level_force_mps2 / GRAVITY_EQUATOR_MPS2,
+            gravity_mps2: level_force_mps2.norm(),
+            up: level_force_mps2.normalize(),
             tipped: Manoeuvred::default(),
             pulled: Manoeuvred::default(),
             horizon: start,
@@ -552,7 +554,11 @@ impl Observer {
             Measured::Position => (&past.velocity_mps, &past.accel_mps2),
         };
         let jolt = match measured {
-            Measured::Velocity => 0.5 * past.jolt_mps.norm_squared(),
+            // Both ends of the interpolation move.
+            Measured::Velocity => {
+                2.0 * past.unseen_velocity
+                    + past.unseen_rate * self.parameters.lever_arm().norm_squared()
+            }
             Measured::Position => 0.0,
         };
         jolt + 0.5
@@ -807,7 +813,7 @@ impl Observer {
     fn level_anew(&mut self) {
         self.levelled_s = math::min(self.levelled_s + self.unsolved_s, LEVEL_MEMORY_S);
         let part = math::min(self.unsolved_s / self.levelled_s, 1.0);
-        let step = (self.up * GRAVITY_EQUATOR_MPS2 - self.level_force_mps2) * part;
+        let step = (self.up * self.gravity_mps2 - self.level_force_mps2) * part;
         self.level_force_mps2 += step;
         for (axis, step) in step.iter().enumerate() {
             let (bias, scale) = (index::ACCEL + axis, index::ACCEL_SCALE + axis);

@@ -4,7 +4,7 @@
 
 use ins_core::Time;
 use ins_core::earth::GRAVITY_EQUATOR_MPS2;
-use ins_core::history::{History, Missing, Span};
+use ins_core::history::{History, Missing, Span, Wobble};
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 
@@ -53,7 +53,12 @@ fn filled(times: &[f64]) -> History<N> {
     let mut before = -0.1;
     for t in times {
         assert!(history.wants(at_s(*t)));
-        history.push(at_s(*t), &velocity(*t), &span(before, *t));
+        history.push(
+            at_s(*t),
+            &velocity(*t),
+            &span(before, *t),
+            &Wobble::default(),
+        );
         before = *t;
     }
     history
@@ -179,7 +184,7 @@ fn ring_of(spans: &[Span]) -> (History<N>, Time) {
     let mut time = Time::default();
     for span in spans {
         time = time.plus_seconds(span.seconds);
-        history.push(time, &Vector3::zeros(), span);
+        history.push(time, &Vector3::zeros(), span, &Wobble::default());
     }
     (history, time)
 }

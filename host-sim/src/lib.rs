@@ -20,7 +20,6 @@ pub mod identify;
 pub mod import;
 pub mod kalman;
 pub mod log;
-pub mod noise_fit;
 pub mod outage;
 pub mod output;
 pub mod quantities;

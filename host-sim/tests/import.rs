@@ -11,6 +11,7 @@ use flate2::write::GzEncoder;
 use host_sim::import::{Choice, open, read};
 use host_sim::log::Log;
 use ins_core::{GnssFix, ImuOutput};
+use lz4_flex::frame::FrameEncoder;
 use nalgebra::{Vector2, Vector3};
 
 const IMU_HZ: usize = 50;
@@ -538,6 +539,112 @@ fn ros_bag_reads_as_the_drive() {
     assert_eq!(log.gnss[0].sigma.height_m, Some(3.0));
 }
 
+fn mcap_record(operation: u8, content: &[u8]) -> Vec<u8> {
+    let length = (content.len() as u64).to_le_bytes();
+    [&[operation], length.as_slice(), content].concat()
+}
+
+fn mcap_text(text: &str) -> Vec<u8> {
+    [
+        &u32::try_from(text.len()).unwrap().to_le_bytes(),
+        text.as_bytes(),
+    ]
+    .concat()
+}
+
+/// As ROS 2 lays numbers out: each at a multiple of its size, behind four bytes.
+fn cdr(parts: &[&[u8]]) -> Vec<u8> {
+    let mut bytes = vec![0, 1, 0, 0];
+    for part in parts {
+        while (bytes.len() - 4) % part.len().min(8) != 0 {
+            bytes.push(0);
+        }
+        bytes.extend_from_slice(part);
+    }
+    bytes
+}
+
+fn cdr_message(time_s: f64, parts: &[&[u8]]) -> Vec<u8> {
+    let nanos = millis(time_s.fract()) * 1_000_000;
+    let stamp = [whole(time_s.floor()).cast_unsigned(), nanos, 5].map(u32::to_le_bytes);
+    let head = stamp.iter().map(<[u8; 4]>::as_slice);
+    let frame = b"link\0".chunks(1);
+    let head: Vec<&[u8]> = head.chain(frame).collect();
+    cdr(&[head, parts.to_vec()].concat())
+}
+
+fn mcap(drive: &Drive, compressed: bool) -> Vec<u8> {
+    let mut records = Vec::new();
+    for (id, topic, kind) in [
+        (1_u16, "/imu", "sensor_msgs/msg/Imu"),
+        (2, "/gps/fix", "sensor_msgs/msg/NavSatFix"),
+        (3, "/gps/vel", "geometry_msgs/msg/TwistStamped"),
+    ] {
+        let id = id.to_le_bytes();
+        let texts = [mcap_text(kind), mcap_text("ros2msg"), mcap_text("")].concat();
+        records.extend(mcap_record(3, &[&id, texts.as_slice()].concat()));
+        let texts = [mcap_text(topic), mcap_text("cdr"), mcap_text("")].concat();
+        records.extend(mcap_record(4, &[&id, id.as_slice(), &texts].concat()));
+    }
+    let mut say = |channel: u16, data: Vec<u8>| {
+        records.extend(mcap_record(
+            5,
+            &[&channel.to_le_bytes(), [0; 20].as_slice(), &data].concat(),
+        ));
+    };
+    let flu = |v: Vector3<f64>| doubles(&[v.x, -v.y, -v.z]);
+    for sample in &drive.imu {
+        let (skipped, cov) = (doubles(&[0.0; 13]), doubles(&[0.0; 9]));
+        let parts = [
+            skipped.as_slice(),
+            &flu(sample.gyro),
+            &cov,
+            &flu(sample.accel),
+            &cov,
+        ];
+        say(1, cdr_message(sample.time_s, &parts));
+    }
+    for fix in &drive.gnss {
+        let place = doubles(&[fix.lat_deg, fix.lon_deg, fix.height_m]);
+        let cov = doubles(&[4.0, 0.0, 0.0, 0.0, 4.0, 0.0, 0.0, 0.0, 9.0]);
+        say(
+            2,
+            cdr_message(fix.time_s, &[&[0], &[1, 0], &place, &cov, &[2]]),
+        );
+        let twist = doubles(&[fix.velocity.x, fix.velocity.y, fix.up_mps, 0.0, 0.0, 0.0]);
+        say(3, cdr_message(fix.time_s, &[&twist]));
+    }
+    let mut chunk = vec![0; 28];
+    if compressed {
+        let mut packed = FrameEncoder::new(Vec::new());
+        packed.write_all(&records).unwrap();
+        records = packed.finish().unwrap();
+        chunk.extend(mcap_text("lz4"));
+    } else {
+        chunk.extend(mcap_text(""));
+    }
+    chunk.extend((records.len() as u64).to_le_bytes());
+    chunk.extend(records);
+    [
+        b"\x89MCAP0\r\n".as_slice(),
+        &mcap_record(1, &[0; 8]),
+        &mcap_record(6, &chunk),
+    ]
+    .concat()
+}
+
+#[test]
+fn mcap_reads_as_the_drive() {
+    let folder = tempfile::tempdir().unwrap();
+    for compressed in [false, true] {
+        let path = file(folder.path(), "drive.mcap", mcap(&drive(), compressed));
+        let (log, warnings) = open(&path).unwrap();
+        assert!(warnings.is_empty(), "{warnings:?}");
+        assert_is_the_drive(&log, EXACT);
+        assert_eq!(log.gnss[0].sigma.height_m, Some(3.0));
+    }
+}
+
 // --- texts ---
 
 /// Made in 1970, so that NMEA may stand beside it.
@@ -640,6 +747,21 @@ fn rtklib_beside_inertial_samples_reads_as_the_drive() {
     assert_is_the_drive(&log, EXACT);
 }
 
+/// The tables of a folder in one file.
+fn zip(folder: &Path) -> PathBuf {
+    let path = folder.join("phone.zip");
+    let mut archive = zip::ZipWriter::new(fs::File::create(&path).unwrap());
+    for name in ["Gyroscope.csv", "TotalAcceleration.csv", "Location.csv"] {
+        let options = zip::write::SimpleFileOptions::default();
+        archive.start_file(name, options).unwrap();
+        archive
+            .write_all(&fs::read(folder.join(name)).unwrap())
+            .unwrap();
+    }
+    archive.finish().unwrap();
+    path
+}
+
 #[test]
 fn a_phone_reads_as_the_drive() {
     const START_S: f64 = 1_752_154_081.0;
@@ -675,6 +797,8 @@ fn a_phone_reads_as_the_drive() {
     file(folder.path(), "Location.csv", text);
     let (log, warnings) = open(folder.path()).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
+    let (zipped, _) = open(&zip(folder.path())).unwrap();
+    assert_eq!((&zipped.imu, &zipped.gnss), (&log.imu, &log.gnss));
     let expected = Expected {
         clock_s: START_S,
         climb: false,
@@ -918,7 +1042,8 @@ fn damaged_recordings_are_survived() {
     let drive = drive();
     let texts = [euroc(&drive), nmea(&drive)].map(String::into_bytes);
     let all = [
-        vec![dataflash(&drive), ulog(&drive), ros_bag(&drive)],
+        vec![dataflash(&drive), ulog(&drive)],
+        vec![ros_bag(&drive), mcap(&drive, true), mcap(&drive, false)],
         texts.to_vec(),
     ]
     .concat();

@@ -10,8 +10,10 @@ mod euroc;
 mod gnss_ins_sim;
 mod kf_gins;
 mod kitti;
+mod mcap;
 mod nmea_text;
 mod ros1;
+mod ros_messages;
 mod rtklib;
 mod sensor_logger;
 mod text;
@@ -98,7 +100,7 @@ struct Format {
 }
 
 /// Those that are sure first.
-const FORMATS: [Format; 12] = [
+const FORMATS: [Format; 13] = [
     Format {
         recognised: |_, start| start.starts_with(ulog::MAGIC),
         read: ulog::read,
@@ -110,6 +112,10 @@ const FORMATS: [Format; 12] = [
     Format {
         recognised: |_, start| start.starts_with(ros1::MAGIC),
         read: ros1::read,
+    },
+    Format {
+        recognised: |_, start| start.starts_with(mcap::MAGIC),
+        read: mcap::read,
     },
     Format {
         recognised: |_, start| start.windows(2).take(1024).any(|two| two == ubx::MAGIC),
@@ -202,7 +208,7 @@ fn unknown(path: &Path) -> LogError {
     };
     LogError::file(
         path,
-        "PX4 ULog, ArduPilot DataFlash, ROS 1 bag, UBX, NMEA, RTKLIB .pos, EuRoC, KF-GINS, or a \
+        "PX4 ULog, ArduPilot DataFlash, ROS 1 bag, MCAP, UBX, NMEA, RTKLIB .pos, EuRoC, KF-GINS, or a \
          folder of Sensor Logger, gnss-ins-sim or KITTI",
         found,
         "for any other table write a meta.toml beside it, with [columns], and give the folder",

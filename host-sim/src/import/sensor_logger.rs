@@ -1,21 +1,56 @@
 //! Sensor Logger, a phone's: a folder with a table for each sensor. Axes are the phone's, as both
 //! systems define them: x to the right, y to its upper edge, z out of the screen.
 
+use std::fs::File;
 use std::path::Path;
 
 use ins_core::{FixSigma, GnssFix, ImuOutput, Time};
 use nalgebra::Vector3;
+use tempfile::TempDir;
+use zip::ZipArchive;
 
 use super::text::Table;
-use super::{Imu, Receiver, Recording, Stamped, degrees, joined, over_ground, stated};
+use super::{Imu, Receiver, Recording, Stamped, degrees, joined, over_ground, stated, unreadable};
 use crate::log::{BodyAxes, LogError};
 
-pub(super) fn recognised(path: &Path, _: &[u8]) -> bool {
+pub(super) fn recognised(path: &Path, start: &[u8]) -> bool {
+    if start.starts_with(ZIP) {
+        return unpacked(path).is_ok_and(|folder| recognised(folder.path(), &[]));
+    }
     let there = |name: &str| path.join(name).is_file();
     there("Gyroscope.csv") && (there("TotalAcceleration.csv") || there("Accelerometer.csv"))
 }
 
+/// The head of the file in which the program gives its folder away.
+const ZIP: &[u8] = b"PK\x03\x04";
+
+fn unpacked(path: &Path) -> Result<TempDir, LogError> {
+    let folder = tempfile::tempdir().map_err(|e| unreadable(path, &e))?;
+    let file = File::open(path).map_err(|e| unreadable(path, &e))?;
+    ZipArchive::new(file)
+        .and_then(|mut archive| archive.extract(&folder))
+        .map_err(|e| unreadable(path, &std::io::Error::other(e)))?;
+    Ok(folder)
+}
+
 pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
+    if path.is_dir() {
+        return tables(path);
+    }
+    let mut recording = tables(unpacked(path)?.path())?;
+    // The unpacked tables are gone: messages name what the user has.
+    recording
+        .imus
+        .iter_mut()
+        .for_each(|imu| path.clone_into(&mut imu.path));
+    recording
+        .receivers
+        .iter_mut()
+        .for_each(|receiver| path.clone_into(&mut receiver.path));
+    Ok(recording)
+}
+
+fn tables(path: &Path) -> Result<Recording, LogError> {
     let gyro = vectors(&path.join("Gyroscope.csv"))?;
     let imu = Imu {
         path: path.join("Gyroscope.csv"),

@@ -49,6 +49,7 @@ pub struct Filter {
     /// Where each error stands in it.
     pub layout: Layout,
     noise: Noise,
+    since: Time,
     /// Spread of each error beyond which it is never doubted.
     largest: States,
     covariance_step_s: f64,
@@ -143,6 +144,7 @@ impl Filter {
             covariance,
             layout,
             noise: *noise,
+            since: start.time,
             covariance_step_s: COVARIANCE_STEP_S,
             span: Span::default(),
             transition: StateMatrix::identity(layout.size, layout.size),
@@ -169,10 +171,15 @@ impl Filter {
         sigmas(&self.covariance)
     }
 
+    /// Since the start, s.
+    pub(super) fn run_s(&self) -> f64 {
+        self.time.seconds_since(self.since)
+    }
+
     /// In the core's terms.
     pub fn estimates(&self) -> Estimates {
         self.known
-            .estimates(&self.covariance, &self.layout, &self.noise)
+            .estimates(&self.covariance, self.run_s(), &self.layout, &self.noise)
     }
 
     /// Logarithm of how likely all parts of fixes were, each given those before. Wild ones count

@@ -127,10 +127,12 @@ impl Known {
 
     /// In the core's terms, with the spreads of all errors. The azimuth error is what is left: the
     /// filter takes out all that it finds. The upright accelerometer is said to err by what it
-    /// does at the attitude of now: its scale error on gravity is a bias.
+    /// does at the attitude of now: its scale error on gravity is a bias. The latency is the mean
+    /// of a run of `run_s`, as the core's.
     pub(super) fn estimates(
         &self,
         covariance: &StateMatrix,
+        run_s: f64,
         layout: &Layout,
         noise: &Noise,
     ) -> Estimates {
@@ -150,6 +152,15 @@ impl Known {
         estimates.gnss_latency_now_s = estimates.gnss_latency_s;
         if let Some(at) = layout.clock_drift {
             estimates.clock_drift = estimate(self.clock_drift, at, noise.clock_drift_sigma);
+            let (back_s, latency) = (0.5 * run_s, index::LATENCY);
+            let variance = covariance[(latency, latency)]
+                - 2.0 * back_s * covariance[(latency, at)]
+                + back_s * back_s * covariance[(at, at)];
+            estimates.gnss_latency_s = told(
+                self.latency_s - back_s * self.clock_drift,
+                variance.max(0.0).sqrt(),
+                noise.latency_sigma_s,
+            );
         }
         if let Some(at) = layout.lever_arm {
             let arms = estimates.lever_arm_m.iter_mut().enumerate();

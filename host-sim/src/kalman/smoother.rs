@@ -15,6 +15,7 @@ pub struct Record {
     pub time: Time,
     known: Known,
     layout: Layout,
+    run_s: f64,
     correction: Correction,
 }
 
@@ -28,12 +29,14 @@ pub struct Smoothed {
     /// Covariance of the errors that are left.
     pub covariance: StateMatrix,
     layout: Layout,
+    run_s: f64,
 }
 
 impl Smoothed {
     /// In the core's terms.
     pub fn estimates(&self, noise: &Noise) -> Estimates {
-        self.known.estimates(&self.covariance, &self.layout, noise)
+        self.known
+            .estimates(&self.covariance, self.run_s, &self.layout, noise)
     }
 }
 
@@ -44,6 +47,7 @@ impl Record {
             time: filter.time,
             known: filter.known,
             layout: filter.layout,
+            run_s: filter.run_s(),
             correction,
         }
     }
@@ -54,6 +58,7 @@ impl Record {
             known: self.known.less(errors, &self.layout),
             covariance: covariance.clone(),
             layout: self.layout,
+            run_s: self.run_s,
         }
     }
 }

@@ -110,7 +110,7 @@ fn alike() -> [f64; 3] {
 }
 
 fn are_alike(times: &[f64; 3]) -> bool {
-    *times == alike()
+    times.iter().all(|times| is_zero(&(times - 1.0)))
 }
 
 // Signature is serde's.

@@ -22,13 +22,13 @@ impl Antenna {
     /// derivative.
     pub fn between(from: &TrueState, to: &TrueState, time_s: f64, arm_m: &[f64; 3]) -> Self {
         let (position, velocity) = between(from, to, time_s);
-        if *arm_m == [0.0; 3] {
+        let arm = Vector3::from(*arm_m);
+        if arm.norm_squared() == 0.0 {
             return Self {
                 position,
                 velocity_enu_mps: velocity,
             };
         }
-        let arm = Vector3::from(*arm_m);
         let h = to.solution.time.seconds_since(from.solution.time);
         let u = (time_s - from.solution.time.as_seconds()) / h;
         let (r0, v0) = arm_enu(from, &arm);

@@ -3,7 +3,7 @@
 use clap::Subcommand;
 use miette::Result;
 
-use super::{conditions, logs, noise};
+use super::{conditions, logs};
 
 /// What is studied.
 #[derive(Debug, Subcommand)]
@@ -12,8 +12,6 @@ pub enum Study {
     Conditions(conditions::cli::Conditions),
     /// Say what recorded logs can tell of the core: halves, methods, outages, free INS.
     Logs(logs::cli::Logs),
-    /// Find the noise of recorded logs by likelihood.
-    Noise(noise::Noises),
 }
 
 /// Runs a study.
@@ -21,6 +19,5 @@ pub fn study(study: &Study, json: bool) -> Result<()> {
     match study {
         Study::Conditions(options) => conditions::cli::conditions(options, json),
         Study::Logs(options) => logs::cli::logs(options, json),
-        Study::Noise(options) => noise::noises(options, json),
     }
 }

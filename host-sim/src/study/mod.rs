@@ -3,4 +3,3 @@
 pub mod cli;
 pub mod conditions;
 pub mod logs;
-pub mod noise;

@@ -201,9 +201,7 @@ impl<'a> Kalman<'a> {
                 row[at + of] = -GRAVITY_MPS2 * (own - up[axis] * up[of] * up[of]);
             }
         }
-        // It takes readings to be `f / (1 - s) + b`: to second order this matters at one g.
-        let scale = known.accel_scale[axis] / (1.0 - known.accel_scale[axis]);
-        let scaled = scale * up[axis] - self.across(filter)[axis];
+        let scaled = known.accel_scale[axis] * up[axis] - self.across(filter)[axis];
         Claim {
             value: known.accel_bias_mps2[axis] + GRAVITY_MPS2 * scaled,
             sigma: Some((row.dot(&(&filter.covariance * &row))).max(0.0).sqrt()),

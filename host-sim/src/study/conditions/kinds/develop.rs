@@ -90,7 +90,7 @@ pub static KINDS: &[Kind] = &[
         |w| w.trouble(&[60.0], w.duration_s(), Wrong::NoPosition),
     ),
     develop("late_stamps", BOTH, 12.0, "latency of 0.6 to 1 s", |w| {
-        w.errors.gnss.latency_s = [0.6, 1.0]
+        w.errors.gnss.latency_s = [0.6, 1.0];
     }),
     develop(
         "late_arrival",
