@@ -248,6 +248,7 @@ impl Config {
     }
 
     /// Says which value cannot be used.
+    #[allow(clippy::too_many_lines)] // One check after the other.
     pub(crate) fn check(&self) -> Result<(), &'static str> {
         let d = &self.damping;
         let s = &self.sensors;

@@ -444,6 +444,7 @@ impl Observer {
     }
 
     /// Takes the innovations of one kind, one for each of its axes.
+    #[allow(clippy::too_many_arguments)]
     fn measure<const R: usize>(
         &mut self,
         kind: Kind,
