@@ -255,7 +255,9 @@ impl Noise {
             (layout.gyro_scale, Vector3::repeat(self.gyro_scale)),
         ];
         for (at, values) in triples {
-            at.into_iter().for_each(|at| set(at, values));
+            for at in at {
+                set(at, values);
+            }
         }
         sigma[index::LATENCY] = self.latency_sigma_s;
         if let Some(at) = layout.clock_drift {

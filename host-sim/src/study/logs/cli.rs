@@ -16,6 +16,7 @@ use crate::cli::{GradeChoice, bar};
 pub struct Logs {
     /// Folders of recorded logs.
     #[arg(required = true)]
+    #[allow(clippy::struct_field_names)] // Named on the command line.
     logs: Vec<PathBuf>,
     /// Only the logs that nothing was developed on: all but the development logs.
     #[arg(long, conflicts_with = "development")]

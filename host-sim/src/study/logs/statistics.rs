@@ -51,6 +51,7 @@ pub struct Spread {
 
 impl Spread {
     /// Of any number of differences.
+    #[allow(clippy::needless_pass_by_value)] // An iterator, gone through twice.
     pub fn of<'a>(differences: impl Iterator<Item = &'a Difference> + Clone) -> Self {
         let beyond = |limit: f64| {
             let wide = |d: &&Difference| d.sigmas.abs() > limit;
