@@ -255,7 +255,7 @@ impl Noise {
             (layout.gyro_scale, Vector3::repeat(self.gyro_scale)),
         ];
         for (at, values) in triples {
-            for at in at {
+            if let Some(at) = at {
                 set(at, values);
             }
         }
