@@ -1,4 +1,5 @@
 //! Alignment from motion: what is handed over is right within the spread that is handed over.
+#![allow(clippy::cast_precision_loss)]
 #![allow(clippy::disallowed_methods)] // Reference values, not results.
 
 use std::f64::consts::{PI, TAU};

@@ -1,4 +1,5 @@
 //! Attitude: angles, matrix, and the signs of the turns.
+#![allow(clippy::cast_precision_loss)]
 #![allow(clippy::disallowed_methods)]
 
 use core::f64::consts::PI;

@@ -1,4 +1,5 @@
 //! The gains of the observer against a dense Kalman filter of the same five errors.
+#![allow(clippy::cast_precision_loss)]
 #![allow(clippy::disallowed_methods, clippy::indexing_slicing)]
 
 use ins_core::channel::{Channel, Growth, Measured, Renewal};

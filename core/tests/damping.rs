@@ -1,4 +1,5 @@
 //! The damping loops have the poles that their bandwidth and damping ratio promise.
+#![allow(clippy::cast_precision_loss)]
 #![allow(clippy::disallowed_methods, clippy::unwrap_used, clippy::expect_used)]
 
 use ins_core::config::{Feedback, Form, HeadingSource, SecondOrder};

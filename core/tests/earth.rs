@@ -1,4 +1,5 @@
 //! The ellipsoid, its gravity, and the rates of a local frame, against published values.
+#![allow(clippy::cast_precision_loss)]
 #![allow(clippy::disallowed_methods, clippy::unwrap_used)]
 
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};

@@ -1,5 +1,6 @@
 //! The running least squares against dense algebra, and the literal estimators against an exactly
 //! quasi-steady drive.
+#![allow(clippy::cast_precision_loss)]
 #![allow(
     clippy::cast_possible_truncation,
     clippy::disallowed_methods,

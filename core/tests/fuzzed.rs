@@ -1,4 +1,5 @@
 //! Sequences that a fuzzer has found: once they made numbers infinite.
+#![allow(clippy::cast_precision_loss)]
 #![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::eq_op)]
 
 use ins_core::config::{Feedback, Form, HeadingSource};

@@ -1,5 +1,6 @@
 //! Spans of the past and their ring: whole however they are cut, exact for a steadily changing
 //! acceleration, and honest at its ends.
+#![allow(clippy::cast_precision_loss)]
 #![allow(clippy::disallowed_methods)] // Reference values, not results.
 #![allow(clippy::unwrap_used)]
 

@@ -1,4 +1,5 @@
 //! Which fixes are believed, how strong their noise is, and when it is the INS which errs.
+#![allow(clippy::cast_precision_loss)]
 #![allow(clippy::disallowed_methods, clippy::panic)]
 
 use ins_core::Time;

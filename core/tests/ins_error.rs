@@ -1,5 +1,6 @@
 //! The error of the INS over a span, against exact rotations of the platform and against (1)-(2)
 //! integrated finely.
+#![allow(clippy::cast_precision_loss)]
 
 use ins_core::error_model::{Forcing, InsError, Passage};
 use ins_core::history::Span;
