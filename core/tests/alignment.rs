@@ -1,6 +1,6 @@
 //! Alignment from motion: what is handed over is right within the spread that is handed over.
 #![allow(clippy::cast_precision_loss)]
-#![allow(clippy::disallowed_methods)] // Reference values, not results.
+#![allow(clippy::disallowed_methods, clippy::unwrap_used, clippy::expect_used)] // Reference values.
 
 use std::f64::consts::{PI, TAU};
 
