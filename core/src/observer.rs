@@ -32,7 +32,9 @@ type By<const R: usize> = [[f32; R]; COUNT];
 /// How long an error of scale or misalignment that a manoeuvre has caused is told from others, s:
 /// then the observer has taken it for a tilt.
 const MANOEUVRE_S: f64 = 10.0;
-/// Spread of tilt and azimuth of an INS that has lost its way, rad.
+/// Spread of the velocity of an INS that has lost its way, m/s: a second of braking, or of ten that
+/// it was doubted with a tilt of 0.1 rad; and of its tilt and azimuth, rad.
+const LOST_MPS: f64 = 10.0;
 const LOST_TILT_RAD: f64 = 0.05;
 const LOST_AZIMUTH_RAD: f64 = 0.3;
 /// Part of its run-to-run spread by which a bias may have changed then.
@@ -73,6 +75,11 @@ impl<T: RealField + Copy> Followed<T> {
             Measured::Velocity => self.error.velocity_mps + self.velocity_noise,
             Measured::Position => self.error.position_m + self.position_noise,
         }
+    }
+
+    fn forget_noise(&mut self) {
+        self.velocity_noise = Vector3::zeros();
+        self.position_noise = Vector3::zeros();
     }
 
     fn renew(&mut self, level: [T; 2], up: [T; 2]) {
@@ -374,7 +381,16 @@ impl Observer {
     /// The INS was found to be wrong: all may be, by what it is when alignment ends and by some
     /// of its biases.
     pub fn on_lost(&mut self, config: &Config) {
-        self.level.doubt(0.0, LOST_TILT_RAD * LOST_TILT_RAD);
+        // What GNSS was thought to err by explained some of the INS's own error.
+        self.followed.forget_noise();
+        for response in &mut self.responses {
+            response.forget_noise();
+        }
+        let (gnss, tilt) = (&config.gnss, LOST_TILT_RAD * LOST_TILT_RAD);
+        self.level = Channel::new(tilt, &gnss.velocity_mps, &gnss.position_m);
+        self.vertical = Channel::new(0.0, &gnss.velocity_up_mps, &gnss.height_m);
+        self.level.doubt(LOST_MPS * LOST_MPS, 0.0);
+        self.vertical.doubt(LOST_MPS * LOST_MPS, 0.0);
         self.azimuth_walk += LOST_AZIMUTH_RAD * LOST_AZIMUTH_RAD;
         let prior = config.prior();
         for which in index::GYRO..index::GYRO + 6 {
