@@ -429,7 +429,7 @@ impl Config {
             },
             form: Form::Exact,
             feedback: Feedback::Closed,
-            max_gap_s: 2.0,
+            max_gap_s: 0.5,
         }
     }
 

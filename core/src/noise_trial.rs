@@ -20,7 +20,7 @@ const LEAST_COLOUR: f64 = 0.5;
 /// Shortest and longest correlation time that is tried, s: a shorter one is white, a longer one an
 /// error of the INS.
 const CORRELATION_S: [f64; 2] = [0.5, 16.0];
-/// Difference of log-likelihoods that decides: odds of one in 3000, for some hundred trials are made in a drive.
+/// Difference of log-likelihoods that decides: odds of one in 3000, for a drive sees a hundred trials.
 const DECIDED: f64 = 8.0;
 /// Longest trial, s, and least number of innovations.
 const LONGEST_S: f64 = 60.0;

@@ -196,12 +196,12 @@ fn surprise_has_to_last() {
     }
     assert!(surprise.lasting_s <= 0.0);
     for k in 0..200 {
-        surprise.take(16.0, 0.1);
+        surprise.take(25.0, 0.1);
         assert!(surprise.lasting_s <= 0.1 * f64::from(k + 1) + 1e-9);
     }
-    // From a mean of 2 to one of 9, of 16: 10 s ln(14 / 7), 6.9 s.
+    // From a mean of 2 to one of 9, of 25: 10 s ln(23 / 16), 3.6 s.
     assert!(
-        (surprise.lasting_s - 13.1).abs() < 0.3,
+        (surprise.lasting_s - 16.4).abs() < 0.3,
         "{}",
         surprise.lasting_s
     );
