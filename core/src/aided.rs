@@ -74,10 +74,10 @@ struct Compensation {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Turned {
     /// Controls and compensations, rad.
-    by_controls_rad: f64,
+    controls_rad: f64,
     /// A unit of each gyro bias, s, and of the scale error, rad.
-    by_gyros_s: Vector3<f64>,
-    by_scale_rad: f64,
+    gyros_s: Vector3<f64>,
+    scale_rad: f64,
 }
 
 /// The aided INS.
@@ -294,9 +294,9 @@ impl<const N: usize> AidedIns<N> {
     /// plus what the found errors of the gyros did.
     fn azimuth_error_rad(&self) -> f64 {
         let parameters = self.known();
-        let drift = self.turned.by_gyros_s.dot(&parameters.vector(index::GYRO));
-        let scale = self.turned.by_scale_rad * parameters.value(index::GYRO_SCALE);
-        self.azimuth_left_rad() - self.turned.by_controls_rad + drift + scale
+        let drift = self.turned.gyros_s.dot(&parameters.vector(index::GYRO));
+        let scale = self.turned.scale_rad * parameters.value(index::GYRO_SCALE);
+        self.azimuth_left_rad() - self.turned.controls_rad + drift + scale
     }
 
     /// Inertial samples were missing for `seconds`, and were filled in.
@@ -401,7 +401,7 @@ impl<const N: usize> AidedIns<N> {
         current.control_tilt_rad -= error.tilt_rad;
         current.way_m -= error.position_m;
         self.azimuth_removed_rad += error.tilt_rad.z;
-        self.turned.by_controls_rad -= error.tilt_rad.z;
+        self.turned.controls_rad -= error.tilt_rad.z;
     }
 
     /// Rate at which the navigation frame turns, rad/s.
@@ -435,9 +435,9 @@ impl<const N: usize> AidedIns<N> {
         self.wobble.add(force, dt);
         self.now = time;
         self.azimuth_removed_rad -= dt * controls.rate_radps.z;
-        self.turned.by_controls_rad += tilt.z;
-        self.turned.by_gyros_s += up * dt;
-        self.turned.by_scale_rad += turn_rad;
+        self.turned.controls_rad += tilt.z;
+        self.turned.gyros_s += up * dt;
+        self.turned.scale_rad += turn_rad;
     }
 
     /// A vehicle at rest turns with the Earth: its gyros read their biases.

@@ -79,7 +79,7 @@ impl Estimator {
             }),
             Self::Literal(literal) => {
                 history.between(from, to, PIECE_S, |piece, end| {
-                    literal.propagate(piece, end)
+                    literal.propagate(piece, end);
                 });
             }
         }

@@ -460,7 +460,6 @@ impl Observer {
                     measured,
                     up: false,
                 },
-                [0, 1],
                 &mut level_by,
                 [residual.x, residual.y],
                 level_sigma,
@@ -470,7 +469,6 @@ impl Observer {
         let up = difference.has_up
             && self.measure(
                 Kind { measured, up: true },
-                [2],
                 &mut up_by,
                 [residual.z],
                 up_sigma,
@@ -484,7 +482,6 @@ impl Observer {
     fn measure<const R: usize>(
         &mut self,
         kind: Kind,
-        axes: [usize; R],
         by: &mut By<R>,
         innovation: [f64; R],
         stated_sigma: Option<f64>,
@@ -522,7 +519,7 @@ impl Observer {
         };
         let white = described.white * described.white * learnt + bent;
         let predicted = channel.predicted(kind.measured);
-        let components = axes.iter().fold(0.0, |count, _| count + 1.0);
+        let (first_axis, components) = if kind.up { (2, 1.0) } else { (0, 2.0) };
         let pair = Vector2::new(
             innovation.first().copied().unwrap_or(0.0),
             innovation.get(1).copied().unwrap_or(0.0),
@@ -561,13 +558,13 @@ impl Observer {
             self.trial.take(kind.measured, &pair, white, total, &gains);
         }
         let weights = [math::single(1.0 / total); R];
-        for (axis, innovation) in axes.iter().zip(innovation) {
-            self.followed.correct(*axis, &gains, innovation);
+        for (axis, innovation) in (first_axis..).zip(innovation) {
+            self.followed.correct(axis, &gains, innovation);
         }
         let single_gains = gains.map(math::single);
         for (response, by) in self.responses.iter_mut().zip(by.iter()) {
-            for (axis, by) in axes.iter().zip(by) {
-                response.correct(*axis, &single_gains, -by);
+            for (axis, by) in (first_axis..).zip(by) {
+                response.correct(axis, &single_gains, -by);
             }
         }
         let square = self
