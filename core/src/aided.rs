@@ -525,10 +525,11 @@ impl<const N: usize> AidedIns<N> {
         self.last_compared = moment;
         let taken = self.observe(&past, fix, config);
         let mut differences = self.differences(&past, fix, &taken, interval_s);
+        // Most of all where nothing is taken any more.
+        self.doubt(config);
         if differences == Differences::default() {
             return Some(GnssOutcome::Outlier);
         }
-        self.doubt(config);
         let jump = |error: &InsError| {
             error.velocity_mps.norm() > JUMP_MPS || error.position_m.xy().norm() > JUMP_M
         };

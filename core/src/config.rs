@@ -181,6 +181,156 @@ pub enum Feedback {
     Open,
 }
 
+fn positive(v: f64) -> bool {
+    v.is_finite() && v > 0.0
+}
+
+fn not_negative(v: f64) -> bool {
+    v.is_finite() && v >= 0.0
+}
+
+/// Of a range of factors.
+fn holds_one([least, most]: &[f64; 2]) -> bool {
+    positive(*least) && *least <= 1.0 && *most >= 1.0 && most.is_finite()
+}
+
+/// The reason beside the first that does not hold.
+fn all(checks: &[(bool, &'static str)]) -> Result<(), &'static str> {
+    checks
+        .iter()
+        .find(|(good, _)| !good)
+        .map_or(Ok(()), |(_, why)| Err(*why))
+}
+
+impl DampingConfig {
+    fn check(&self) -> Result<(), &'static str> {
+        all(&[
+            (
+                positive(self.horizontal.bandwidth_radps),
+                "damping.horizontal: bandwidth must be > 0",
+            ),
+            (
+                positive(self.horizontal.damping_ratio),
+                "damping.horizontal: ratio must be > 0",
+            ),
+            (
+                positive(self.vertical.bandwidth_radps),
+                "damping.vertical: bandwidth must be > 0",
+            ),
+            (
+                positive(self.vertical.damping_ratio),
+                "damping.vertical: ratio must be > 0",
+            ),
+            (
+                not_negative(self.position_radps),
+                "damping.position_radps must be >= 0",
+            ),
+            (
+                not_negative(self.azimuth_radps),
+                "damping.azimuth_radps must be >= 0",
+            ),
+        ])
+    }
+}
+
+impl SensorConfig {
+    fn check(&self) -> Result<(), &'static str> {
+        all(&[
+            (
+                positive(self.gyro_bias_radps),
+                "sensors.gyro_bias_radps must be > 0",
+            ),
+            (
+                self.gyro_noise.iter().all(|noise| positive(*noise)),
+                "sensors.gyro_noise must be > 0",
+            ),
+            (
+                not_negative(self.gyro_bias_walk),
+                "sensors.gyro_bias_walk must be >= 0",
+            ),
+            (
+                not_negative(self.gyro_scale),
+                "sensors.gyro_scale must be >= 0",
+            ),
+            (
+                positive(self.accel_bias_mps2),
+                "sensors.accel_bias_mps2 must be > 0",
+            ),
+            (
+                self.accel_noise.iter().all(|noise| positive(*noise)),
+                "sensors.accel_noise must be > 0",
+            ),
+            (
+                not_negative(self.misalignment_rad),
+                "sensors.misalignment_rad must be >= 0",
+            ),
+            (
+                not_negative(self.accel_bias_walk),
+                "sensors.accel_bias_walk must be >= 0",
+            ),
+            (
+                not_negative(self.accel_scale),
+                "sensors.accel_scale must be >= 0",
+            ),
+            (
+                positive(self.gyro_range_radps),
+                "sensors.gyro_range_radps must be > 0",
+            ),
+            (
+                positive(self.accel_range_mps2),
+                "sensors.accel_range_mps2 must be > 0",
+            ),
+            (
+                holds_one(&self.noise_range),
+                "sensors.noise_range must hold 1",
+            ),
+        ])
+    }
+}
+
+impl GnssConfig {
+    fn check(&self) -> Result<(), &'static str> {
+        let noise = |n: &Noise| {
+            positive(n.white) && not_negative(n.correlated) && positive(n.correlation_s)
+        };
+        all(&[
+            (
+                noise(&self.velocity_mps),
+                "gnss.velocity_mps: white > 0, correlated >= 0, time > 0",
+            ),
+            (
+                noise(&self.velocity_up_mps),
+                "gnss.velocity_up_mps: white > 0, correlated >= 0, time > 0",
+            ),
+            (
+                noise(&self.position_m),
+                "gnss.position_m: white > 0, correlated >= 0, time > 0",
+            ),
+            (
+                noise(&self.height_m),
+                "gnss.height_m: white > 0, correlated >= 0, time > 0",
+            ),
+            (holds_one(&self.noise_range), "gnss.noise_range must hold 1"),
+            (
+                self.lever_arm_m.iter().all(|arm| arm.is_finite()),
+                "gnss.lever_arm_m must be finite",
+            ),
+            (
+                not_negative(self.latency_sigma_s),
+                "gnss.latency_sigma_s must be >= 0",
+            ),
+            (
+                not_negative(self.clock_drift_sigma),
+                "gnss.clock_drift_sigma must be >= 0",
+            ),
+            (
+                not_negative(self.lever_arm_sigma_m),
+                "gnss.lever_arm_sigma_m must be >= 0",
+            ),
+        ])
+    }
+}
+
 /// Configuration of a [`Navigator`](crate::Navigator).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -250,130 +400,16 @@ impl Config {
     /// Says which value cannot be used.
     #[allow(clippy::too_many_lines)] // One check after the other.
     pub(crate) fn check(&self) -> Result<(), &'static str> {
-        let d = &self.damping;
-        let s = &self.sensors;
-        let positive = |v: f64| v.is_finite() && v > 0.0;
-        let not_negative = |v: f64| v.is_finite() && v >= 0.0;
-        let g = &self.gnss;
-        let noise = |n: &Noise| {
-            positive(n.white) && not_negative(n.correlated) && positive(n.correlation_s)
-        };
-        let holds_one = |[least, most]: &[f64; 2]| {
-            positive(*least) && *least <= 1.0 && *most >= 1.0 && most.is_finite()
-        };
-        let checks = [
-            (
-                positive(d.horizontal.bandwidth_radps),
-                "damping.horizontal: bandwidth must be > 0",
-            ),
-            (
-                positive(d.horizontal.damping_ratio),
-                "damping.horizontal: ratio must be > 0",
-            ),
-            (
-                positive(d.vertical.bandwidth_radps),
-                "damping.vertical: bandwidth must be > 0",
-            ),
-            (
-                positive(d.vertical.damping_ratio),
-                "damping.vertical: ratio must be > 0",
-            ),
-            (
-                not_negative(d.position_radps),
-                "damping.position_radps must be >= 0",
-            ),
-            (
-                not_negative(d.azimuth_radps),
-                "damping.azimuth_radps must be >= 0",
-            ),
-            (
-                positive(s.gyro_bias_radps),
-                "sensors.gyro_bias_radps must be > 0",
-            ),
-            (
-                s.gyro_noise.iter().all(|noise| positive(*noise)),
-                "sensors.gyro_noise must be > 0",
-            ),
-            (
-                not_negative(s.gyro_bias_walk),
-                "sensors.gyro_bias_walk must be >= 0",
-            ),
-            (
-                not_negative(s.gyro_scale),
-                "sensors.gyro_scale must be >= 0",
-            ),
-            (
-                positive(s.accel_bias_mps2),
-                "sensors.accel_bias_mps2 must be > 0",
-            ),
-            (
-                s.accel_noise.iter().all(|noise| positive(*noise)),
-                "sensors.accel_noise must be > 0",
-            ),
-            (
-                not_negative(s.misalignment_rad),
-                "sensors.misalignment_rad must be >= 0",
-            ),
-            (
-                not_negative(s.accel_bias_walk),
-                "sensors.accel_bias_walk must be >= 0",
-            ),
-            (
-                not_negative(s.accel_scale),
-                "sensors.accel_scale must be >= 0",
-            ),
-            (
-                positive(s.gyro_range_radps),
-                "sensors.gyro_range_radps must be > 0",
-            ),
-            (
-                positive(s.accel_range_mps2),
-                "sensors.accel_range_mps2 must be > 0",
-            ),
-            (
-                noise(&g.velocity_mps),
-                "gnss.velocity_mps: white > 0, correlated >= 0, time > 0",
-            ),
-            (
-                noise(&g.velocity_up_mps),
-                "gnss.velocity_up_mps: white > 0, correlated >= 0, time > 0",
-            ),
-            (
-                noise(&g.position_m),
-                "gnss.position_m: white > 0, correlated >= 0, time > 0",
-            ),
-            (
-                noise(&g.height_m),
-                "gnss.height_m: white > 0, correlated >= 0, time > 0",
-            ),
-            (holds_one(&g.noise_range), "gnss.noise_range must hold 1"),
-            (holds_one(&s.noise_range), "sensors.noise_range must hold 1"),
-            (
-                g.lever_arm_m.iter().all(|arm| arm.is_finite()),
-                "gnss.lever_arm_m must be finite",
-            ),
-            (
-                not_negative(self.gnss.latency_sigma_s),
-                "gnss.latency_sigma_s must be >= 0",
-            ),
-            (
-                not_negative(self.gnss.clock_drift_sigma),
-                "gnss.clock_drift_sigma must be >= 0",
-            ),
-            (
-                not_negative(self.gnss.lever_arm_sigma_m),
-                "gnss.lever_arm_sigma_m must be >= 0",
-            ),
+        self.damping.check()?;
+        self.sensors.check()?;
+        self.gnss.check()?;
+        all(&[
             (positive(self.max_gap_s), "max_gap_s must be > 0"),
             (
                 !matches!(self.heading, HeadingSource::Given(h) if !h.is_finite()),
                 "heading must be finite",
             ),
-        ];
-        checks
-            .iter()
-            .find(|(good, _)| !good)
-            .map_or(Ok(()), |(_, why)| Err(*why))
+        ])
     }
 
     /// Ring-laser class of the HG1700: 1 deg/h, 0.01 m/s^2, 0.125 deg/sqrt(h); scale factors

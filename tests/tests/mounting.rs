@@ -66,7 +66,7 @@ fn shown(drive: &SimulatedDrive, up: &Vector3<f64>) -> [Vector3<f64>; 2] {
 
 #[test]
 fn an_accelerometer_bias_is_what_a_compensation_needs() {
-    for (right, forward) in [(0.0, 0.0), (0.5, -0.3), (-0.6, 0.4)] {
+    for (right, forward) in [(0.0, 0.0), (0.5, -0.3), (0.0, 0.9)] {
         let mount = UnitQuaternion::from_scaled_axis(Vector3::new(right, forward, 0.0));
         let drive = drive(mount);
         let up = mount.inverse() * Vector3::z();
