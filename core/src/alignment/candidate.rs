@@ -10,11 +10,18 @@
 //! is linear in everything unknown: a heading about which nothing is known starts as
 //! `(c, s) = 0` with variance 1/2 each, exactly the mean and variance of a direction on a circle.
 //! `l` is what the latency exceeds the supposed one by; the first fix is as late as the others.
-//! `e` grows by (1)-(2): `e' = f x phi`, `phi' = -C b`, with tilt `phi` and gyro biases `b`; about
-//! up `phi` is the turn of the frame since the first fix, so the up gyro's bias, which bends `u`
-//! against `v` more and more, comes out of the same equations. What is found of `e`, `phi`, `b`
-//! and `l` goes into the INS at once, so that they stay small; biases of degrees per second and
-//! the tilt of a start in a banked turn are then no matter of small angles.
+//! `e` grows by (1)-(2): `e' = f x phi`, `phi' = -C b`, with tilt `phi` and gyro biases `b`. What
+//! is found of `e`, `phi`, `b` and `l` goes into the INS at once, so that they stay small.
+//!
+//! The frame turns about up by the up gyro's bias, 60 degrees in 20 s at 3 deg/s. So the rotation
+//! that is sought is that of now: with every fix `(c, s)` turn by the `phi` about up since the
+//! last one, and `e` by what that changes in `c d + s d'`. While the heading is unknown this does
+//! nothing, any rotation being as likely as another; later it is linear over one interval of
+//! fixes instead of the whole search.
+//!
+//! `d` stands beside unknowns and is noisy. Noise there that is uncorrelated with `u` looks like
+//! proof that `c` and `s` are zero. Hence a steady `d` is held, what the noise proves is given
+//! back, and once the angle is known `d` is taken from the INS.
 //!
 //! Mean velocities (of positions) are those of `u`, and of `e` half of the time ago.
 //!
