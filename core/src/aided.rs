@@ -75,9 +75,11 @@ struct Compensation {
 struct Turned {
     /// Controls and compensations, rad.
     controls_rad: f64,
-    /// A unit of each gyro bias, s, and of the scale error, rad.
+    /// A unit of each gyro bias, s.
     gyros_s: Vector3<f64>,
-    scale_rad: f64,
+    /// A unit of each gyro's scale error, rad: in all turns, and in those about the vertical.
+    scales_rad: Vector3<f64>,
+    vertical_rad: Vector3<f64>,
 }
 
 /// The aided INS.
@@ -295,7 +297,11 @@ impl<const N: usize> AidedIns<N> {
     fn azimuth_error_rad(&self) -> f64 {
         let parameters = self.known();
         let drift = self.turned.gyros_s.dot(&parameters.vector(index::GYRO));
-        let scale = self.turned.scale_rad * parameters.value(index::GYRO_SCALE);
+        let mount_up = self.estimator.level_force_mps2() / GRAVITY_EQUATOR_MPS2;
+        let vertical = &self.turned.vertical_rad;
+        let beyond = self.turned.scales_rad - mount_up.component_mul(vertical);
+        let scale = parameters.value(index::TURN_SCALE) * mount_up.dot(vertical)
+            + parameters.vector(index::GYRO_SCALE).dot(&beyond);
         self.azimuth_left_rad() - self.turned.controls_rad + drift + scale
     }
 
@@ -437,7 +443,8 @@ impl<const N: usize> AidedIns<N> {
         self.azimuth_removed_rad -= dt * controls.rate_radps.z;
         self.turned.controls_rad += tilt.z;
         self.turned.gyros_s += up * dt;
-        self.turned.scale_rad += turn_rad;
+        self.turned.scales_rad += up.component_mul(&interval.angle_rad);
+        self.turned.vertical_rad += up * turn_rad;
     }
 
     /// A vehicle at rest turns with the Earth: its gyros read their biases.

@@ -381,6 +381,9 @@ impl Config {
             scale,
             scale,
             turn,
+            turn,
+            turn,
+            turn,
         ]);
         let mut prior = Parameters {
             value: SVector::zeros(),

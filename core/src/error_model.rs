@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, RealField, Scalar, Vector3};
 
+use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::history::Span;
 use crate::math;
 use crate::parameters::{Parameters, index};
@@ -173,7 +174,9 @@ impl InsError {
 ///
 /// A bias of an accelerometer and its scale error are one number while it feels one force. The
 /// bias is that number at the level attitude of this mount, where `level_force_mps2` is felt; the
-/// scale error acts on what is felt beyond it.
+/// scale error acts on what is felt beyond it. The same of the gyros: in level turns their errors
+/// are one about the vertical, and a tilt that is one with the biases of the accelerometers; the
+/// scale error of each acts on what it turns beyond.
 pub fn for_each_input(
     span: &Span,
     level_force_mps2: &Vector3<f64>,
@@ -181,6 +184,7 @@ pub fn for_each_input(
 ) {
     // A span of no length has no inputs.
     let seconds = math::max(span.seconds, 1e-9);
+    let mount_up = level_force_mps2 / GRAVITY_EQUATOR_MPS2;
     for (axis, level) in level_force_mps2.iter().enumerate() {
         let column = span.attitude_s.column(axis).into_owned();
         visit(index::GYRO + axis, Input::Tilt(-column));
@@ -188,9 +192,14 @@ pub fn for_each_input(
         // C f_k, with f_k the specific force felt on the axis.
         let felt = column.dot(&span.force_mps) / (seconds * seconds) - level;
         visit(index::ACCEL_SCALE + axis, Input::Velocity(felt * column));
+        let tipped_rad = span.angle_rad.index(axis) - mount_up.index(axis) * span.turn_rad;
+        visit(
+            index::GYRO_SCALE + axis,
+            Input::Tilt(-tipped_rad / seconds * column),
+        );
     }
-    let turned = Vector3::new(0.0, 0.0, -span.turn_rad);
-    visit(index::GYRO_SCALE, Input::Tilt(turned));
+    let turned = span.attitude_s * (mount_up * (span.turn_rad / seconds));
+    visit(index::TURN_SCALE, Input::Tilt(-turned));
 }
 
 /// Body axes' share in the level and in the vertical ones: of white noise with these variances per

@@ -78,8 +78,10 @@ pub struct Estimates {
     /// Scale errors of the x, y and z accelerometers, 1, beyond what the bias holds of them at
     /// the level attitude.
     pub accel_scale: [Estimate; 3],
-    /// Scale error of the gyros in turns about the vertical, 1.
-    pub gyro_scale: Estimate,
+    /// Scale error of the gyros in turns about the vertical of the mount, 1.
+    pub turn_scale: Estimate,
+    /// Scale errors of the x, y and z gyros in all other turns, 1.
+    pub gyro_scale: [Estimate; 3],
     /// Antenna position right, forward and up of the inertial sensors, m.
     pub lever_arm_m: [Estimate; 3],
     /// Specific force in the body at the level attitude of the mount, m/s^2: there the scale
@@ -110,7 +112,9 @@ impl Estimates {
             .try_normalize(GRAVITY_EQUATOR_MPS2 / 2.0)
         {
             let turn_rad = up.dot(&interval.angle_rad);
-            corrected.angle_rad -= value(&self.gyro_scale) * turn_rad * up;
+            let tipped_rad = interval.angle_rad - turn_rad * up;
+            corrected.angle_rad -= value(&self.turn_scale) * turn_rad * up
+                + vector(&self.gyro_scale).component_mul(&tipped_rad);
         }
         corrected
     }
@@ -152,7 +156,9 @@ impl Estimates {
             clock_drift: known(index::CLOCK_DRIFT, Observability::NeedsTime),
             accel_scale: [0, 1, 2]
                 .map(|axis| known(index::ACCEL_SCALE + axis, Observability::NeedsAcceleration)),
-            gyro_scale: known(index::GYRO_SCALE, Observability::NeedsTurn),
+            turn_scale: known(index::TURN_SCALE, Observability::NeedsTurn),
+            gyro_scale: [0, 1, 2]
+                .map(|axis| known(index::GYRO_SCALE + axis, Observability::NeedsTurn)),
             lever_arm_m: [0, 1, 2]
                 .map(|axis| known(index::LEVER_ARM + axis, Observability::NeedsTurn)),
             level_force_mps2: Vector3::zeros(),

@@ -56,6 +56,14 @@ impl Estimator {
         }
     }
 
+    /// Specific force in the body at the level attitude of the mount, m/s^2; (7) to (11) need none.
+    pub fn level_force_mps2(&self) -> Vector3<f64> {
+        match self {
+            Self::Exact(observer) => *observer.level_force_mps2(),
+            Self::Literal(_) => Vector3::zeros(),
+        }
+    }
+
     /// The moment it stands at.
     pub fn horizon(&self) -> Time {
         match self {

@@ -696,9 +696,6 @@ impl Observer {
             },
             up,
         );
-        // Level force on a tilted platform, as in a steep bank: the channels are otherwise apart.
-        let level_force = span.force_mps.xy().norm_squared();
-        self.vertical.doubt(level_force * self.level.tilt(), 0.0);
         self.azimuth_walk += gyro_up * span.seconds;
         self.doubt_manoeuvre(span, config);
     }
@@ -711,16 +708,19 @@ impl Observer {
         let up = span.attitude_s.row(2).transpose() / span.seconds;
         let tipped = self.tipped.grow(&(up - self.up), span.seconds);
         self.up = up;
-        let misalignment = s.misalignment_rad * s.misalignment_rad;
-        let tilt = (s.gyro_scale * s.gyro_scale + misalignment) * tipped;
+        // Cross-axis errors are as large as scale errors where nothing else is said of them.
+        let cross = s.gyro_scale * s.gyro_scale + s.misalignment_rad * s.misalignment_rad;
+        let tilt = cross * tipped;
         self.level.doubt(0.0, tilt);
         self.trial.level.doubt(0.0, tilt);
         self.azimuth_walk += tilt;
         let pull = Vector3::new(span.force_mps.x, span.force_mps.y, 0.0);
-        let velocity = misalignment * self.pulled.grow(&pull, span.seconds);
-        self.level.doubt(velocity, 0.0);
-        self.trial.level.doubt(velocity, 0.0);
-        self.vertical.doubt(velocity, 0.0);
+        let pulled = self.pulled.grow(&pull, span.seconds);
+        self.level.doubt(cross * pulled, 0.0);
+        self.trial.level.doubt(cross * pulled, 0.0);
+        // Level force on a tilted platform, as in a steep bank: the channels are otherwise apart.
+        self.vertical
+            .doubt((2.0 * cross + self.level.tilt()) * pulled, 0.0);
     }
 
     /// INS minus GNSS as the parameters would have it.
@@ -852,7 +852,11 @@ impl Observer {
     fn level_anew(&mut self) {
         self.levelled_s = math::min(self.levelled_s + self.unsolved_s, LEVEL_MEMORY_S);
         let part = math::min(self.unsolved_s / self.levelled_s, 1.0);
-        let step = (self.up * self.gravity_mps2 - self.level_force_mps2) * part;
+        let mean = self
+            .level_force_mps2
+            .lerp(&(self.up * self.gravity_mps2), part);
+        // The mean of directions is shorter than each, and gravity is not.
+        let step = mean.normalize() * self.gravity_mps2 - self.level_force_mps2;
         self.level_force_mps2 += step;
         for (axis, step) in step.iter().enumerate() {
             let (bias, scale) = (index::ACCEL + axis, index::ACCEL_SCALE + axis);

@@ -4,7 +4,7 @@ use crate::math;
 use nalgebra::{SVector, Vector3};
 
 /// How many there are.
-pub const COUNT: usize = 16;
+pub const COUNT: usize = 19;
 /// Elements of a triangular matrix over them.
 pub const PAIRS: usize = COUNT * (COUNT + 1) / 2;
 
@@ -28,8 +28,10 @@ pub mod index {
     pub const LEVER_ARM: usize = 9;
     /// First of three scale errors of the accelerometers.
     pub const ACCEL_SCALE: usize = 12;
-    /// Scale error of the gyros for turns about the vertical.
-    pub const GYRO_SCALE: usize = 15;
+    /// Scale error of the gyros in turns about the vertical axis of the mount.
+    pub const TURN_SCALE: usize = 15;
+    /// First of three scale errors of the gyros in all other turns.
+    pub const GYRO_SCALE: usize = 16;
 }
 
 /// Values and standard deviations.

@@ -2,6 +2,7 @@
 //! integrated finely.
 #![allow(clippy::cast_precision_loss)]
 
+use ins_core::earth::GRAVITY_EQUATOR_MPS2;
 use ins_core::error_model::{Forcing, InsError, Passage};
 use ins_core::history::Span;
 use ins_core::parameters::{COUNT, Parameters, index};
@@ -108,14 +109,17 @@ struct Steady {
     control_mps2: Vector3<f64>,
     control_mps: Vector3<f64>,
     level_force_mps2: Vector3<f64>,
+    rate_radps: Vector3<f64>,
 }
 
 fn steady() -> impl Strategy<Value = Steady> {
     let controls = (vector(SMALL_RAD), vector(0.1), vector(0.1));
     let force = vector(3.0).prop_map(|f| f + Vector3::z() * 9.8);
     let attitude = vector(1.0).prop_map(|v| UnitQuaternion::new(v).to_rotation_matrix().into());
-    (controls, force, attitude, vector(1e-4), vector(1.0)).prop_map(
-        |((control_radps, control_mps2, control_mps), force_mps2, attitude, frame_radps, level)| {
+    let body = (vector(1.0), vector(0.3));
+    (controls, force, attitude, vector(1e-4), body).prop_map(
+        |(controls, force_mps2, attitude, frame_radps, (level, rate_radps))| {
+            let (control_radps, control_mps2, control_mps) = controls;
             Steady {
                 force_mps2,
                 attitude,
@@ -124,12 +128,18 @@ fn steady() -> impl Strategy<Value = Steady> {
                 control_mps2,
                 control_mps,
                 level_force_mps2: level + Vector3::z() * 9.8,
+                rate_radps,
             }
         },
     )
 }
 
 impl Steady {
+    /// About the vertical.
+    fn turn_radps(&self) -> f64 {
+        (self.attitude * self.rate_radps).z
+    }
+
     /// Put together of steps of a sample, each by its definition.
     fn span(&self) -> Span {
         let samples = 30;
@@ -141,7 +151,8 @@ impl Steady {
             force_mps: force,
             force_moved_m: 0.5 * dt * force,
             attitude_s: self.attitude * dt,
-            turn_rad: 0.1 * dt,
+            angle_rad: self.rate_radps * dt,
+            turn_rad: self.turn_radps() * dt,
             control_tilt_rad: tilt,
             control_velocity_mps: push + 0.5 * bent,
             control_position_m: dt * (self.control_mps + 0.5 * push + bent / 6.0),
@@ -158,8 +169,12 @@ impl Steady {
             .vector(index::ACCEL_SCALE)
             .component_mul(&beyond_level);
         let push = c * (parameters.vector(index::ACCEL) + scaled) + self.control_mps2;
-        let turn = Vector3::z() * (-0.1 * parameters.value(index::GYRO_SCALE));
-        let drift = turn - c * parameters.vector(index::GYRO) + self.control_radps;
+        let vertical = self.level_force_mps2 / GRAVITY_EQUATOR_MPS2 * self.turn_radps();
+        let turned = vertical * parameters.value(index::TURN_SCALE)
+            + parameters
+                .vector(index::GYRO_SCALE)
+                .component_mul(&(self.rate_radps - vertical));
+        let drift = self.control_radps - c * (parameters.vector(index::GYRO) + turned);
         let steps = 3000;
         let dt = SECONDS / f64::from(steps);
         let mut error = *start;
@@ -176,8 +191,9 @@ impl Steady {
 }
 
 fn any_parameters() -> impl Strategy<Value = Parameters> {
-    let biases = (vector(SMALL_RAD), vector(0.1), vector(0.01), -1e-3..1e-3);
-    biases.prop_map(|(gyro, accel, scale, turn)| {
+    let biases = (vector(SMALL_RAD), vector(0.1));
+    let scales = (vector(0.01), vector(1e-3), -1e-3..1e-3);
+    (biases, scales).prop_map(|((gyro, accel), (accel_scale, gyro_scale, turn))| {
         let mut parameters = Parameters {
             value: SVector::<f64, COUNT>::zeros(),
             sigma: SVector::repeat(1.0),
@@ -185,13 +201,14 @@ fn any_parameters() -> impl Strategy<Value = Parameters> {
         for (first, values) in [
             (index::GYRO, gyro),
             (index::ACCEL, accel),
-            (index::ACCEL_SCALE, scale),
+            (index::ACCEL_SCALE, accel_scale),
+            (index::GYRO_SCALE, gyro_scale),
         ] {
             for (axis, value) in values.iter().enumerate() {
                 parameters.set(first + axis, *value, 1.0);
             }
         }
-        parameters.set(index::GYRO_SCALE, turn, 1.0);
+        parameters.set(index::TURN_SCALE, turn, 1.0);
         parameters
     })
 }

@@ -92,7 +92,8 @@ fn all(e: &Estimates) -> Vec<Estimate> {
     list.extend(e.accel_bias_mps2);
     list.extend(e.gyro_bias_radps);
     list.extend(e.accel_scale);
-    list.push(e.gyro_scale);
+    list.push(e.turn_scale);
+    list.extend(e.gyro_scale);
     list.extend(e.lever_arm_m);
     list
 }

@@ -9,7 +9,7 @@
 use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
 
 use super::levelling::level;
-use crate::attitude::{matrix, renormalized, small_rotation};
+use crate::attitude::{euler, matrix, renormalized, small_rotation};
 use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::increments::Interval;
 use crate::math;
@@ -26,6 +26,8 @@ const UNSEEN_MPS2: f64 = 2.0;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct CoarseLevel {
     seconds: f64,
+    /// Heading turned in the means before, rad.
+    turned_before_rad: f64,
     /// Body of now to body of the beginning.
     turned: Option<Quaternion<f64>>,
     /// Velocity gained from specific force, axes of the beginning, m/s.
@@ -35,7 +37,7 @@ pub(crate) struct CoarseLevel {
     last_mps: Option<Vector2<f64>>,
 }
 
-/// An attitude without a heading.
+/// An attitude with the heading of the beginning for zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Level {
@@ -48,6 +50,7 @@ impl CoarseLevel {
     pub(crate) fn on_interval(&mut self, interval: &Interval) {
         if self.seconds >= LONGEST_S {
             *self = Self {
+                turned_before_rad: self.attitude().map_or(0.0, |a| euler(&a).heading_rad),
                 first_mps: self.last_mps,
                 last_mps: self.last_mps,
                 ..Self::default()
@@ -67,13 +70,17 @@ impl CoarseLevel {
         self.last_mps = Some(*velocity_mps);
     }
 
+    /// The attitude now, with the heading of the first interval of all for zero.
+    fn attitude(&self) -> Option<UnitQuaternion<f64>> {
+        let up = level(&self.force_mps, self.turned_before_rad);
+        Some(renormalized(up.as_ref() * self.turned?))
+    }
+
     /// The attitude now, if the mean is long enough; gyro biases have a spread of `bias_radps`.
     pub(crate) fn level(&self, bias_radps: f64) -> Option<Level> {
         if self.seconds < LEAST_S {
             return None;
         }
-        let up = level(&self.force_mps, 0.0);
-        let attitude = renormalized(up.as_ref() * self.turned?);
         let gained = match (self.first_mps, self.last_mps) {
             (Some(first), Some(last)) => math::sqrt((last - first).norm_squared()),
             _ => UNSEEN_MPS2 * self.seconds,
@@ -82,7 +89,7 @@ impl CoarseLevel {
         let turned = 0.5 * bias_radps * self.seconds;
         let variance = pushed * pushed + turned * turned;
         Some(Level {
-            attitude,
+            attitude: self.attitude()?,
             tilt_sigma_rad: math::sqrt(variance),
         })
     }

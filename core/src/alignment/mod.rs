@@ -50,8 +50,6 @@ const MOVING_MPS: f64 = 1.0;
 const COARSE_TILT_RAD: f64 = 0.15;
 /// Tilt after a hole or with the level of a search that failed, rad.
 const RESUMED_TILT_RAD: f64 = 0.1;
-/// Time constant of the mean that tells up while a given heading turns, s.
-const UP_S: f64 = 2.0;
 /// Largest spread of a heading that is good enough to navigate on, rad.
 const HEADING_SIGMA_RAD: f64 = 0.3;
 /// Sigmas by which the rate about up at rest may miss that of the Earth for a gyrocompass.
@@ -77,16 +75,6 @@ pub struct Aligned {
     pub tilt_sigma_rad: f64,
 }
 
-/// Levelling going on.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Levelling {
-    coarse: CoarseLevel,
-    /// Mean of the last seconds, at rest or not, and turn to the right since the beginning.
-    force_mps2: Option<Vector3<f64>>,
-    turn_rad: f64,
-}
-
 /// The search for the heading going on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -102,7 +90,7 @@ struct Finding {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[allow(clippy::large_enum_variant)]
 enum Stage {
-    Levelling(Levelling),
+    Levelling(CoarseLevel),
     /// To begin from this level.
     Begin(Level),
     Finding(Finding),
@@ -135,7 +123,7 @@ impl Alignment {
             velocity_mps: Vector3::zeros(),
             place: None,
             sightings: Sightings::default(),
-            stage: Stage::Levelling(Levelling::default()),
+            stage: Stage::Levelling(CoarseLevel::default()),
         }
     }
 
@@ -233,9 +221,9 @@ impl Alignment {
             self.detector.on_motion();
         }
         match &mut self.stage {
-            Stage::Levelling(levelling) => levelling
-                .coarse
-                .on_velocity(&sighting.velocity_mps.map(f64::from)),
+            Stage::Levelling(coarse) => {
+                coarse.on_velocity(&sighting.velocity_mps.map(f64::from));
+            }
             Stage::Finding(Finding {
                 bank, found: None, ..
             }) => bank.on_sighting(&sighting, self.sightings.count() - 1),
@@ -260,9 +248,8 @@ impl Alignment {
         config: &Config,
     ) {
         let interval = self.compensated(interval);
-        if let Stage::Levelling(levelling) = &mut self.stage {
-            levelling.coarse.on_interval(&interval);
-            levelling.turn(&interval);
+        if let Stage::Levelling(coarse) = &mut self.stage {
+            coarse.on_interval(&interval);
         }
         if let Some(level) = verdict.and_then(|verdict| self.level(time, verdict, config)) {
             self.end_levelling(time, &level, config);
@@ -297,17 +284,14 @@ impl Alignment {
         if !in_vain && !moves {
             return None;
         }
-        let Stage::Levelling(Levelling {
-            coarse, turn_rad, ..
-        }) = &self.stage
-        else {
+        let Stage::Levelling(coarse) = &self.stage else {
             return None;
         };
         let level = coarse.level(widest_gyro_sigma(&self.known, config))?;
         let good = level.tilt_sigma_rad < COARSE_TILT_RAD || (in_vain && coarse.is_long());
         good.then(|| Levelled {
             level,
-            heading: given(config, *turn_rad),
+            heading: given(config),
         })
     }
 
@@ -326,7 +310,7 @@ impl Alignment {
                 attitude: level,
                 tilt_sigma_rad: config.level_sigma(),
             },
-            heading: given(config, 0.0).or(compass),
+            heading: given(config).or(compass),
         }
     }
 
@@ -500,18 +484,6 @@ impl Alignment {
     }
 }
 
-impl Levelling {
-    /// Follows the turn about up, for a heading that was given for the beginning.
-    fn turn(&mut self, interval: &Interval) {
-        let force = interval.force_mps / interval.seconds;
-        let mean = self.force_mps2.get_or_insert(force);
-        *mean += math::min(interval.seconds / UP_S, 1.0) * (force - *mean);
-        if let Some(up) = mean.try_normalize(GRAVITY_EQUATOR_MPS2 / 2.0) {
-            self.turn_rad -= up.dot(&interval.angle_rad);
-        }
-    }
-}
-
 /// The level to begin from with an attitude of before.
 fn resumed(attitude: UnitQuaternion<f64>) -> Level {
     Level {
@@ -533,10 +505,10 @@ fn turns_with_earth(
     off * off < COMPASS_SIGMAS * COMPASS_SIGMAS * variance
 }
 
-/// The heading given for the beginning, a turn later, with its spread.
-fn given(config: &Config, turn_rad: f64) -> Option<(f64, f64)> {
+/// The heading given for the beginning, with its spread.
+fn given(config: &Config) -> Option<(f64, f64)> {
     match config.heading {
-        HeadingSource::Given(heading_rad) => Some((heading_rad + turn_rad, HEADING_SIGMA_RAD)),
+        HeadingSource::Given(heading_rad) => Some((heading_rad, HEADING_SIGMA_RAD)),
         HeadingSource::Auto | HeadingSource::Motion => None,
     }
 }
