@@ -114,9 +114,9 @@ impl Channel {
             accel_noise,
             gyro_noise,
         } = *growth;
-        self.follow(POSITION, VELOCITY, dt);
-        self.follow(POSITION, TILT, force_up_moved_m);
-        self.follow(VELOCITY, TILT, f);
+        self.follow::<POSITION, VELOCITY>(dt);
+        self.follow::<POSITION, TILT>(force_up_moved_m);
+        self.follow::<VELOCITY, TILT>(f);
         for (which, noise) in [VELOCITY_NOISE, POSITION_NOISE].into_iter().zip(noises) {
             self.p.column_mut(which).scale_mut(noise.keep);
             self.p.row_mut(which).scale_mut(noise.keep);
@@ -138,11 +138,11 @@ impl Channel {
 
     /// Error `to` grows by `factor` times error `from`.
     #[inline]
-    fn follow(&mut self, to: usize, from: usize, factor: f64) {
-        let column = self.p.column(from) * factor;
-        self.p.column_mut(to).zip_apply(&column, |x, y| *x += y);
-        let row = self.p.row(from) * factor;
-        self.p.row_mut(to).zip_apply(&row, |x, y| *x += y);
+    fn follow<const TO: usize, const FROM: usize>(&mut self, factor: f64) {
+        let column = self.p.column(FROM) * factor;
+        self.p.column_mut(TO).zip_apply(&column, |x, y| *x += y);
+        let row = self.p.row(FROM) * factor;
+        self.p.row_mut(TO).zip_apply(&row, |x, y| *x += y);
     }
 
     /// More may be wrong by these variances.

@@ -185,14 +185,14 @@ pub fn for_each_input(
     // A span of no length has no inputs.
     let seconds = math::max(span.seconds, 1e-9);
     let mount_up = level_force_mps2 / GRAVITY_EQUATOR_MPS2;
-    for (axis, level) in level_force_mps2.iter().enumerate() {
+    let tipped_rad = span.angle_rad - mount_up * span.turn_rad;
+    for (axis, (level, tipped_rad)) in level_force_mps2.iter().zip(&tipped_rad).enumerate() {
         let column = span.attitude_s.column(axis).into_owned();
         visit(index::GYRO + axis, Input::Tilt(-column));
         visit(index::ACCEL + axis, Input::Velocity(column));
         // C f_k, with f_k the specific force felt on the axis.
         let felt = column.dot(&span.force_mps) / (seconds * seconds) - level;
         visit(index::ACCEL_SCALE + axis, Input::Velocity(felt * column));
-        let tipped_rad = span.angle_rad.index(axis) - mount_up.index(axis) * span.turn_rad;
         visit(
             index::GYRO_SCALE + axis,
             Input::Tilt(-tipped_rad / seconds * column),

@@ -47,7 +47,6 @@ fn every_recorded_log_reads() {
 /// Told the same of the sensors. On one log either may be luckier; on most, and on average, the
 /// core must drift less.
 #[test]
-#[ignore = "the filter is given more than it was: see study logs for what holds"]
 fn without_gnss_the_core_drifts_less_than_a_kalman_filter() {
     let mut ratios = Vec::new();
     for path in logs() {

@@ -551,20 +551,14 @@ fn two_stray_stamps_in_step_do_not_stop_the_clock() {
 
 #[test]
 fn one_stray_stamp_does_not_stop_the_clock() {
-    for (ahead_s, answer, later_s) in [
-        // A hole that is bridged, until the stamps come to its end: what the vehicle did in it has
-        // to be found again.
-        (0.7, ImuOutcome::Bridged, 90.0),
-        (1_000.0, ImuOutcome::Gap, 1.0),
-        (9e12, ImuOutcome::Gap, 1.0),
-    ] {
+    for ahead_s in [0.7, 1_000.0, 9e12] {
         let stray = Event::Imu(ImuSample {
             time: Time::default().plus_seconds(PLACE_S + ahead_s),
             gyro: Vector3::zeros(),
             accel: Vector3::new(0.0, 0.0, 9.8),
         });
-        let (answers, errors) = after(&[stray], PLACE_S, later_s);
-        assert_eq!(answers, [Answer::Imu(answer)]);
+        let (answers, errors) = after(&[stray], PLACE_S, 1.0);
+        assert_eq!(answers, [Answer::Imu(ImuOutcome::Gap)]);
         assert_near_truth(errors);
     }
 }
