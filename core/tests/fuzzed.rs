@@ -122,7 +122,7 @@ fn assert_sound(navigator: &Navigator) {
         e.gnss_latency_s,
         e.gnss_latency_now_s,
         e.clock_drift,
-        e.gyro_scale,
+        e.turn_scale,
     ];
     let three = [
         e.accel_bias_mps2,
