@@ -289,6 +289,7 @@ impl<const RING: usize> State<RING> {
         }
     }
 
+    #[inline(never)]
     fn on_first(&mut self, sample: &ImuSample, config: &Config) -> ImuOutcome {
         if out_of_range(sample, LONGEST_READING_S, config) {
             return ImuOutcome::OutOfRange;
@@ -331,6 +332,7 @@ impl<const RING: usize> State<RING> {
         self.align_again(sample.time, config);
     }
 
+    #[inline(never)]
     fn align_again(&mut self, time: Time, config: &Config) {
         match &mut self.mode {
             Mode::Aligning(alignment) => alignment.on_hole(time),
@@ -379,8 +381,10 @@ impl<const RING: usize> State<RING> {
         if let (Mode::Aligning(alignment), Some((now, _))) = (&self.mode, &self.inertial)
             && let Some(aligned) = alignment.aligned()
         {
+            // Copied, for what is made from them to be made where they lie.
+            let (now, aligned, known) = (*now, *aligned, *alignment.known());
             self.stopgap = None;
-            self.mode = Mode::Navigating(AidedIns::new(*now, aligned, alignment.known(), config));
+            self.mode = Mode::Navigating(AidedIns::new(now, &aligned, &known, config));
         }
     }
 
