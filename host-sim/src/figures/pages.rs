@@ -147,10 +147,7 @@ mod tests {
         let front = "front <!-- begin: y -->";
         let mut pages = Pages(vec![
             page("README.md", front),
-            page(
-                "docs/a.md",
-                "a\n<!-- begin: x -->\nold\n<!-- end: x -->\nb",
-            ),
+            page("docs/a.md", "a\n<!-- begin: x -->\nold\n<!-- end: x -->\nb"),
         ]);
         pages.replace("x", "new\n").unwrap();
         assert!(pages.replace("y", "new").is_err());
