@@ -75,6 +75,24 @@ fn every_link_and_anchor_exists() {
 }
 
 #[test]
+fn every_generated_part_has_one_place() {
+    let mut names = Vec::new();
+    for page in pages() {
+        let text = read(&page);
+        let begins = prose(&text).filter_map(|line| line.strip_prefix("<!-- begin: "));
+        for name in begins.filter_map(|rest| rest.strip_suffix(" -->")) {
+            let end = format!("<!-- end: {name} -->");
+            assert_eq!(text.matches(&end).count(), 1, "{}: {end}", page.display());
+            names.push(name.to_owned());
+        }
+    }
+    assert!(!names.is_empty());
+    names.sort_unstable();
+    let twice = names.windows(2).find(|pair| pair[0] == pair[1]);
+    assert!(twice.is_none(), "stands twice: {twice:?}");
+}
+
+#[test]
 fn the_front_page_is_short_and_names_every_page() {
     let front = read(&repository().join("README.md"));
     let lines = front.lines().count();
