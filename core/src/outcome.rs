@@ -49,6 +49,7 @@ pub enum GnssOutcome {
     TooFarAhead,
     /// Latitude, height or speed no vehicle on Earth has.
     OutOfRange,
-    /// Velocity too far from the INS to be true; after ten in a row the INS starts again from one.
+    /// Nothing of it was near enough to the INS to be true. Fixes that agree with each other for 15 s
+    /// show that it is the INS which is wrong.
     Outlier,
 }

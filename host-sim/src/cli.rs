@@ -69,7 +69,7 @@ enum Command {
     Merge(campaign::cli::Merge),
     /// Regenerate the thesis's figures and tables from simulation, its numbers beside ours.
     Reproduce(reproduce::cli::Reproduce),
-    /// Measure the figures of the README anew and write them into it.
+    /// Measure the figures of the README and of docs/ anew and write them there.
     Figures(figures::Figures),
     /// Run many and say how good and how honest the results are.
     #[command(subcommand)]

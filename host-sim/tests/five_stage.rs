@@ -9,9 +9,10 @@ use ins_core::config::HeadingSource;
 use ins_core::{Config, Observability};
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
-/// Azimuth deg, accelerometers mg, gyros deg/h, latency ms: three times the RMS error that the
-/// README has for the same estimators online. The gyros get 4 deg/h, which an error of 30 ms in
-/// the latency makes of them, and the vertical one what 0.5 deg in an azimuth does in 40 min.
+/// Azimuth deg, accelerometers mg, gyros deg/h, latency ms: three times the RMS error that
+/// docs/accuracy.md has for the same estimators online. The gyros get 4 deg/h, which an error of
+/// 30 ms in the latency makes of them, and the vertical one what 0.5 deg in an azimuth does in
+/// 40 min.
 const TOLERANCES: [f64; 8] = [0.5, 0.6, 0.6, 0.09, 4.0, 4.0, 1.5, 33.0];
 
 /// A drive and its true errors.

@@ -1,4 +1,4 @@
-//! Our Cessna 172 against `JSBSim`'s; the README says what differs.
+//! Our Cessna 172 against `JSBSim`'s; docs/aircraft.md says what differs.
 
 use host_sim::aircraft::performance::TrimRow;
 use ins_tests::jsbsim::{ReferenceRow, SPEEDS_MPS, ours, ours_with_its_numbers, reference};

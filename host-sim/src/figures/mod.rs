@@ -1,4 +1,5 @@
-//! The figures of the README: every table and picture measured anew, nothing typed by hand.
+//! The figures of the README and of docs/: every table and picture measured anew, nothing typed
+//! by hand.
 
 mod accuracy;
 mod aircraft;
@@ -6,7 +7,7 @@ mod demo;
 mod identification;
 mod kalman;
 mod logs;
-mod readme;
+mod pages;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,7 +20,7 @@ use crate::output::{self, OutputError};
 use crate::reproduce;
 use crate::table::cells;
 pub(crate) use aircraft::performance;
-use readme::Readme;
+use pages::Pages;
 
 /// Options of `figures`.
 #[derive(Debug, Args)]
@@ -37,12 +38,12 @@ pub struct Figures {
     /// Folder of recorded logs; `INS_LOGS` or ../shared/data beside the repository unless given.
     #[arg(long)]
     logs: Option<PathBuf>,
-    /// Table printed by another program, taken over into a part of the README.
+    /// Table printed by another program, taken over into a part of a page.
     #[arg(long, value_name = "PART=FILE", value_parser = insertion)]
     insert: Vec<(String, PathBuf)>,
 }
 
-/// A part of the README that is generated.
+/// A part of a page that is generated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Part {
     /// The demo drive: table and picture.
@@ -80,10 +81,10 @@ fn insertion(text: &str) -> Result<(String, PathBuf), String> {
     Ok((part.to_owned(), file.into()))
 }
 
-/// Measures the parts that are asked for and rewrites the README, all at once.
+/// Measures the parts that are asked for and rewrites the pages, all at once.
 pub fn write(options: &Figures) -> Result<()> {
     let root = &options.repository;
-    let mut readme = Readme::read(&root.join("README.md"))?;
+    let mut pages = Pages::read(root)?;
     let parts = match options.only.as_slice() {
         // With tables to take over and nothing else named, nothing is measured.
         [] if !options.insert.is_empty() => &[],
@@ -93,17 +94,17 @@ pub fn write(options: &Figures) -> Result<()> {
     for part in parts {
         let name = part.name();
         // A missing marker must show before the work, not after it.
-        readme.check(&name)?;
+        pages.check(&name)?;
         eprintln!("measuring: {name}");
         if let Some(text) = part.measure(options)? {
-            readme.replace(&name, &text)?;
+            pages.replace(&name, &text)?;
         }
     }
     for (part, file) in &options.insert {
         let text = fs::read_to_string(file).map_err(|e| miette!("{}: {e}", file.display()))?;
-        readme.replace(part, &readme::tables_of(&text, file)?)?;
+        pages.replace(part, &pages::tables_of(&text, file)?)?;
     }
-    Ok(readme.write()?)
+    pages.write()
 }
 
 impl Part {
@@ -129,7 +130,7 @@ impl Part {
             Self::Flights => flights::cli::page(options.runs.min(200)),
             Self::Reproduce => reproduce::cli::page(),
             Self::ErrorFree => aircraft::error_free(root),
-            Self::Example => readme::example(&root.join("core/src/lib.rs")),
+            Self::Example => pages::example(&root.join("core/src/lib.rs")),
         }
         .map(Some)
     }

@@ -55,7 +55,7 @@ pub fn flights(options: &Flights, json: bool, force: bool) -> Result<()> {
     Ok(())
 }
 
-/// The figures of so many flights, from the first seed on, as the README has them.
+/// The figures of so many flights, from the first seed on, as docs/aircraft.md has them.
 pub fn page(runs: u64) -> Result<String> {
     let options = Flights {
         runs: u32::try_from(runs).into_diagnostic()?,

@@ -21,7 +21,7 @@ pub struct Reproduce {
     seed: u64,
 }
 
-/// The numbers, as the README has them.
+/// The numbers, as docs/thesis.md has them.
 pub fn page() -> Result<String> {
     measure(Settings::new(1)).map(|reproduction| markdown(&reproduction))
 }

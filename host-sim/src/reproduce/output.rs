@@ -106,7 +106,7 @@ fn row(number: &Number) -> [String; 4] {
     ]
 }
 
-/// For the README.
+/// For docs/thesis.md.
 pub fn markdown(reproduction: &Reproduction) -> String {
     let (header, rows) = reproduction.table();
     table::markdown(&header, &rows)
