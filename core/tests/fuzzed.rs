@@ -128,6 +128,7 @@ fn assert_sound(navigator: &Navigator) {
         e.accel_bias_mps2,
         e.gyro_bias_radps,
         e.accel_scale,
+        e.gyro_scale,
         e.lever_arm_m,
     ];
     let sound = |e: &Estimate| e.value.is_finite() && e.sigma.is_finite() && e.sigma >= 0.0;
