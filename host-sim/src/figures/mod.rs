@@ -3,6 +3,7 @@
 
 mod accuracy;
 mod aircraft;
+mod conditions;
 mod demo;
 mod identification;
 mod kalman;
@@ -52,6 +53,9 @@ enum Part {
     AccuracyHg1700,
     /// Accuracy with consumer MEMS.
     AccuracyMems,
+    /// Every kind of conditions, and what the judges say for the README; seeds of each kind are a
+    /// twentieth of --runs.
+    Conditions,
     /// Exact and literal forms over the bandwidth of the loop.
     Forms,
     /// Compensation beside a Kalman filter, over many drives.
@@ -96,7 +100,7 @@ pub fn write(options: &Figures) -> Result<()> {
         // A missing marker must show before the work, not after it.
         pages.check(&name)?;
         eprintln!("measuring: {name}");
-        if let Some(text) = part.measure(options)? {
+        for (name, text) in part.measure(options)? {
             pages.replace(&name, &text)?;
         }
     }
@@ -113,26 +117,31 @@ impl Part {
             .map_or(String::new(), |value| value.get_name().to_owned())
     }
 
-    /// The text of the part; `None` leaves it as it is.
-    fn measure(self, options: &Figures) -> Result<Option<String>> {
+    /// Texts by the names of their places; what cannot be measured here is left as it is.
+    fn measure(self, options: &Figures) -> Result<Vec<(String, String)>> {
         let root = &options.repository;
-        match self {
-            Self::Demo => demo::part(root),
-            Self::AccuracyHg1700 => accuracy::hg1700(root, options.runs),
-            Self::AccuracyMems => accuracy::mems(options.runs),
-            Self::Forms => accuracy::forms(options.runs.min(100)),
-            Self::Kalman => kalman::part(options.runs.min(100)),
-            Self::Outages => return kalman::outages(root, options.logs.as_deref()),
-            Self::Logs => return logs::part(root, options.logs.as_deref()),
-            Self::Recovery => Ok(identification::recovery(options.runs.clamp(2, 200))),
-            Self::Campaign => identification::campaign(root),
-            Self::Aircraft => aircraft::performance_table(),
-            Self::Flights => flights::cli::page(options.runs.min(200)),
-            Self::Reproduce => reproduce::cli::page(),
-            Self::ErrorFree => aircraft::error_free(root),
-            Self::Example => pages::example(&root.join("core/src/lib.rs")),
-        }
-        .map(Some)
+        let text = match self {
+            Self::Demo => demo::part(root).map(Some),
+            Self::AccuracyHg1700 => accuracy::hg1700(root, options.runs).map(Some),
+            Self::AccuracyMems => accuracy::mems(options.runs).map(Some),
+            Self::Conditions => {
+                let results = conditions::results((options.runs / 20).max(1));
+                let summary = ("summary".to_owned(), conditions::summary(&results));
+                return Ok(vec![summary, (self.name(), conditions::page(&results))]);
+            }
+            Self::Forms => accuracy::forms(options.runs.min(100)).map(Some),
+            Self::Kalman => kalman::part(options.runs.min(100)).map(Some),
+            Self::Outages => kalman::outages(root, options.logs.as_deref()),
+            Self::Logs => logs::part(root, options.logs.as_deref()),
+            Self::Recovery => Ok(Some(identification::recovery(options.runs.clamp(2, 200)))),
+            Self::Campaign => identification::campaign(root).map(Some),
+            Self::Aircraft => aircraft::performance_table().map(Some),
+            Self::Flights => flights::cli::page(options.runs.min(200)).map(Some),
+            Self::Reproduce => reproduce::cli::page().map(Some),
+            Self::ErrorFree => aircraft::error_free(root).map(Some),
+            Self::Example => pages::example(&root.join("core/src/lib.rs")).map(Some),
+        }?;
+        Ok(text.map(|text| (self.name(), text)).into_iter().collect())
     }
 }
 

@@ -3,7 +3,7 @@
 
 pub mod cli;
 mod kinds;
-mod output;
+pub(crate) mod output;
 mod quantities;
 mod run;
 mod statistics;

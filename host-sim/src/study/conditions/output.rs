@@ -6,9 +6,9 @@ use crate::table::{cells, plain};
 
 /// Overview, totals, then every kind by itself.
 pub fn readable(results: &[Results], details: bool) -> String {
-    let mut text = overview(results);
-    text.push('\n');
-    text.push_str(&totals_table(&totals(results)));
+    let [overview, totals] = [overview_table(results), totals_table(&totals(results))]
+        .map(|(header, rows)| plain(&header, &rows));
+    let mut text = format!("{overview}\n{totals}");
     if details {
         for result in results {
             text.push('\n');
@@ -35,7 +35,8 @@ pub fn totals(results: &[Results]) -> Vec<Totals> {
     each.flatten().collect()
 }
 
-fn overview(results: &[Results]) -> String {
+/// Header and a row for each kind.
+pub(crate) fn overview_table(results: &[Results]) -> (Vec<String>, Vec<Vec<String>>) {
     let header = cells([
         "kind",
         "class",
@@ -51,8 +52,7 @@ fn overview(results: &[Results]) -> String {
         "worst over Kalman",
         "",
     ]);
-    let rows: Vec<Vec<String>> = results.iter().map(overview_row).collect();
-    plain(&header, &rows)
+    (header, results.iter().map(overview_row).collect())
 }
 
 fn overview_row(result: &Results) -> Vec<String> {
@@ -81,7 +81,8 @@ fn overview_row(result: &Results) -> Vec<String> {
     ]
 }
 
-fn totals_table(totals: &[Totals]) -> String {
+/// Header and a row for each group.
+pub(crate) fn totals_table(totals: &[Totals]) -> (Vec<String>, Vec<Vec<String>>) {
     let header = cells([
         "",
         "kinds",
@@ -115,7 +116,7 @@ fn totals_table(totals: &[Totals]) -> String {
             ]
         })
         .collect();
-    plain(&header, &rows)
+    (header, rows)
 }
 
 fn kind(result: &Results) -> String {
@@ -158,7 +159,8 @@ fn kind_row(row: &Row) -> Vec<String> {
     ]
 }
 
-fn short(class: Grade) -> &'static str {
+/// Name of a class.
+pub(crate) fn short(class: Grade) -> &'static str {
     match class {
         Grade::Ideal => "ideal",
         Grade::Hg1700 => "hg1700",
