@@ -91,6 +91,8 @@ pub struct AidedIns<const N: usize> {
     /// Since the newest moment of the ring, and from the estimators' horizon to there.
     current: Span,
     wobble: Wobble,
+    /// Integral of the velocity meanwhile, ENU, m.
+    moved_m: Vector3<f64>,
     before_current: Span,
     history: History<N>,
     estimator: Estimator,
@@ -136,6 +138,7 @@ impl<const N: usize> AidedIns<N> {
             now: time,
             current: Span::default(),
             wobble: Wobble::default(),
+            moved_m: Vector3::zeros(),
             before_current: Span::default(),
             history: History::default(),
             estimator: Estimator::new(
@@ -277,8 +280,7 @@ impl<const N: usize> AidedIns<N> {
             let latency = &mut estimates.gnss_latency_s;
             (latency.value, latency.sigma) = observer.latency_before(0.5 * run_s);
             estimates.level_force_mps2 = *observer.level_force_mps2();
-            let unseen =
-                observer.unseen_tilt(config) * (GRAVITY_EQUATOR_MPS2 * GRAVITY_EQUATOR_MPS2);
+            let unseen = observer.unseen_accel(config);
             for (accel, unseen) in estimates.accel_bias_mps2.iter_mut().zip(&unseen) {
                 accel.sigma = math::sqrt(accel.sigma * accel.sigma + unseen);
             }
@@ -361,10 +363,11 @@ impl<const N: usize> AidedIns<N> {
         self.before_current = self.since_horizon();
         self.history.push(
             self.now,
-            &self.mechanization.velocity_enu_mps,
+            &(self.moved_m / self.current.seconds),
             &self.current,
             &self.wobble,
         );
+        self.moved_m = Vector3::zeros();
         self.current = Span::default();
         self.wobble = Wobble::default();
         self.work_left = true;
@@ -439,6 +442,8 @@ impl<const N: usize> AidedIns<N> {
         };
         self.current = self.current.then(&one);
         self.wobble.add(force, dt);
+        // Where the position loop moves it, it moves without a velocity.
+        self.moved_m += step.way_m - dt * controls.velocity_mps;
         self.now = time;
         self.azimuth_removed_rad -= dt * controls.rate_radps.z;
         self.turned.controls_rad += tilt.z;

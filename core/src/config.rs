@@ -141,6 +141,9 @@ pub struct GnssConfig {
     pub lever_arm_m: [f64; 3],
     /// How well that is known per axis, m; zero: exactly.
     pub lever_arm_sigma_m: f64,
+    /// Spread of the receiver's own smoothing, s^2: variance of the times that one output is a
+    /// mean of. A mean over 0.5 s has 0.02.
+    pub smoothing_s2: f64,
 }
 
 /// Where the first heading comes from.
@@ -327,6 +330,10 @@ impl GnssConfig {
                 not_negative(self.lever_arm_sigma_m),
                 "gnss.lever_arm_sigma_m must be >= 0",
             ),
+            (
+                not_negative(self.smoothing_s2),
+                "gnss.smoothing_s2 must be >= 0",
+            ),
         ])
     }
 }
@@ -384,6 +391,7 @@ impl Config {
             turn,
             turn,
             turn,
+            some(g.smoothing_s2, 1e-9),
         ]);
         let mut prior = Parameters {
             value: SVector::zeros(),
@@ -466,6 +474,7 @@ impl Config {
                 clock_drift_sigma: 0.0,
                 lever_arm_m: [0.0; 3],
                 lever_arm_sigma_m: 0.0,
+                smoothing_s2: 0.03,
             },
             form: Form::Exact,
             feedback: Feedback::Closed,
@@ -493,6 +502,7 @@ impl Config {
             },
             gnss: GnssConfig {
                 lever_arm_sigma_m: 3.0,
+                smoothing_s2: 0.03,
                 clock_drift_sigma: 1e-4,
                 ..base.gnss
             },

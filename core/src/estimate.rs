@@ -75,6 +75,8 @@ pub struct Estimates {
     pub gnss_latency_now_s: Estimate,
     /// Growth of the latency, s/s: the inertial clock loses this on GNSS time.
     pub clock_drift: Estimate,
+    /// Smoothing by the receiver: variance of the times that one output is a mean of, s^2.
+    pub gnss_smoothing_s2: Estimate,
     /// Scale errors of the x, y and z accelerometers, 1, beyond what the bias holds of them at
     /// the level attitude.
     pub accel_scale: [Estimate; 3],
@@ -154,6 +156,7 @@ impl Estimates {
             gnss_latency_s: known(index::LATENCY, Observability::NeedsAcceleration),
             gnss_latency_now_s: known(index::LATENCY, Observability::NeedsAcceleration),
             clock_drift: known(index::CLOCK_DRIFT, Observability::NeedsTime),
+            gnss_smoothing_s2: known(index::SMOOTHING, Observability::NeedsAcceleration),
             accel_scale: [0, 1, 2]
                 .map(|axis| known(index::ACCEL_SCALE + axis, Observability::NeedsAcceleration)),
             turn_scale: known(index::TURN_SCALE, Observability::NeedsTurn),

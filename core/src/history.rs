@@ -170,6 +170,7 @@ pub enum Missing {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Recorded {
     time: Time,
+    /// Mean velocity since the moment before.
     velocity_mps: Vector3<f32>,
     /// From the moment before.
     span: Span<f32>,
@@ -231,12 +232,13 @@ impl<const N: usize> History<N> {
         self.moments.oldest().filter(|_| full).map(|old| old.time)
     }
 
-    /// Velocity at the oldest moment, ENU, m/s.
+    /// Velocity before the oldest moment, ENU, m/s.
     pub fn oldest_velocity(&self) -> Option<Vector3<f64>> {
         Some(self.moments.oldest()?.velocity_mps.map(f64::from))
     }
 
-    /// Adds the newest moment and the span before it, dropping the oldest if full.
+    /// Adds the newest moment and the span before it, with the mean velocity in it, dropping the
+    /// oldest if full.
     pub fn push(&mut self, time: Time, velocity_mps: &Vector3<f64>, span: &Span, wobble: &Wobble) {
         self.moments.push_over(Recorded {
             time,
@@ -315,22 +317,23 @@ struct Around<'a> {
 }
 
 impl Around<'_> {
-    /// Interpolates by the parabola that bends as the INS does in the middle of the interval.
+    /// Interpolates by parabolas. That of the velocity has the means of the intervals: velocities
+    /// at single moments take part in swings that are faster than the ring, at phases which, fixes
+    /// being as regular, look like an acceleration.
     fn past(&self, time: Time, way_after_m: &Vector3<f64>) -> Past {
         let Self { start, end, .. } = self;
         let here = Means::over(end);
         let bend = self.bend(&here);
         let part = time.seconds_since(start.time) / here.seconds;
-        let (first, last) = (
-            start.velocity_mps.map(f64::from),
-            end.velocity_mps.map(f64::from),
-        );
-        // From specific force: the velocity itself also follows the noise of GNSS, by its controls.
-        let chord = first + part * (last - first);
         let sag = 0.5 * part * (1.0 - part) * here.seconds * here.seconds;
-        let gravity = Vector3::new(0.0, 0.0, GRAVITY_EQUATOR_MPS2);
         let off_s = (part - 0.5) * here.seconds;
-        let velocity_mps = chord - sag * bend.force_mps2;
+        let Parabola {
+            middle_mps,
+            accel_mps2,
+            jerk_mps3,
+        } = self.parabola(&here, &bend.force_mps2);
+        let velocity = |off_s: f64| middle_mps + off_s * (accel_mps2 + 0.5 * off_s * jerk_mps3);
+        let (first, velocity_mps) = (velocity(-0.5 * here.seconds), velocity(off_s));
         // Over what is left of the interval the mean velocity is that of its two ends.
         let left_s = (1.0 - part) * here.seconds;
         let way = end.span.way_m.map(f64::from);
@@ -343,13 +346,44 @@ impl Around<'_> {
         Past {
             time,
             velocity_mps,
-            accel_mps2: here.force_mps2 - gravity + off_s * bend.force_mps2,
-            jerk_mps3: bend.force_mps2,
+            accel_mps2: accel_mps2 + off_s * jerk_mps3,
+            jerk_mps3,
             unseen_velocity: math::max(f64::from(end.wobble) - explained, 0.0),
             unseen_rate: (sag * self.unevenness(&here)).norm_squared(),
             attitude,
             attitude_rate: attitude * rate.cross_matrix(),
             way_since_m: left + way_after_m,
+        }
+    }
+
+    /// Velocity about the middle of the interval, from the means of three intervals; of two, and
+    /// the change of specific force, where no moment follows. How the means differ is told by
+    /// specific force: the velocity itself also follows the noise of GNSS, by its controls.
+    fn parabola(&self, here: &Means, force_slope: &Vector3<f64>) -> Parabola {
+        let square = here.seconds * here.seconds;
+        // Time of another interval's middle, how its mean differs, and the jerk's part in that.
+        let beside = |other: &Recorded, gained_mps: &Vector3<f64>, side: f64| {
+            let seconds = f64::from(other.span.seconds);
+            let off_s = side * 0.5 * (here.seconds + seconds);
+            let bent = 0.5 * off_s * off_s + (seconds * seconds - square) / 24.0;
+            let fallen = Vector3::new(0.0, 0.0, GRAVITY_EQUATOR_MPS2 * off_s);
+            (off_s, side * gained_mps - fallen, bent)
+        };
+        let gained_before = gained_between(&self.start.span, &self.end.span);
+        let (before_s, before, before_bent) = beside(self.start, &gained_before, -1.0);
+        let jerk_mps3 = match self.after {
+            Some(after) => {
+                let gained_after = gained_between(&self.end.span, &after.span);
+                let (after_s, after, after_bent) = beside(after, &gained_after, 1.0);
+                (before_s * after - after_s * before)
+                    / (before_s * after_bent - after_s * before_bent)
+            }
+            None => *force_slope,
+        };
+        Parabola {
+            middle_mps: self.end.velocity_mps.map(f64::from) - square / 24.0 * jerk_mps3,
+            accel_mps2: (before - before_bent * jerk_mps3) / before_s,
+            jerk_mps3,
         }
     }
 
@@ -377,6 +411,19 @@ impl Around<'_> {
             attitude: 0.5 * (at_start.attitude + at_end.attitude),
         }
     }
+}
+
+/// What specific force adds to the mean velocity from one span to the next, m/s.
+fn gained_between(first: &Span<f32>, second: &Span<f32>) -> Vector3<f64> {
+    let gained = first.force_mps - first.force_moved_m / first.seconds;
+    (gained + second.force_moved_m / second.seconds).map(f64::from)
+}
+
+/// Velocity about the middle of an interval.
+struct Parabola {
+    middle_mps: Vector3<f64>,
+    accel_mps2: Vector3<f64>,
+    jerk_mps3: Vector3<f64>,
 }
 
 /// Means between two moments of the ring, or how fast they change.

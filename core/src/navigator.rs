@@ -390,6 +390,7 @@ impl<const RING: usize> State<RING> {
 
     #[inline(never)]
     fn on_gnss(&mut self, fix: &GnssFix, config: &Config) -> GnssOutcome {
+        let fix = &fix.without_placeholders();
         if let Err(outcome) = check(fix) {
             return outcome;
         }

@@ -49,6 +49,10 @@ const LEVEL_MEMORY_S: f64 = 600.0;
 /// Prior sigmas that no parameter is off by, and a tilt that no levelled INS has, rad.
 const SOUND_SIGMAS: f64 = 30.0;
 const SOUND_TILT_RAD: f64 = 1.0;
+/// Gravity falls by this with height, `2 g / R`, 1/s^2.
+const GRADIENT_PER_S2: f64 = 3.1e-6;
+/// Heights on Earth, above and below where an INS begins that has not been told one, m.
+const UNKNOWN_HEIGHT_M: f64 = 9000.0;
 /// Rate and acceleration of an ordinary manoeuvre, which a hole may hide, rad/s and m/s^2.
 const HIDDEN_RADPS: f64 = 0.1;
 const HIDDEN_MPS2: f64 = 1.0;
@@ -263,13 +267,15 @@ impl Observer {
             &gnss.velocity_mps,
             &gnss.position_m,
         );
+        let mut vertical = Channel::new(0.0, &gnss.velocity_up_mps, &gnss.height_m);
+        vertical.doubt_position(UNKNOWN_HEIGHT_M * UNKNOWN_HEIGHT_M);
         Self {
             followed,
             responses: core::array::from_fn(unit_response),
             level,
             assumed,
             trial: NoiseTrial::first(&assumed, &level, config),
-            vertical: Channel::new(0.0, &gnss.velocity_up_mps, &gnss.height_m),
+            vertical,
             innovations: [Innovations::default(); 4],
             stated: [StatedNoise::default(); 4],
             strength: [1.0; 4],
@@ -348,6 +354,15 @@ impl Observer {
             let scale = s.gyro_scale * s.gyro_scale * u2 * math::max(1.0 - 2.0 * u2 + u4, 0.0);
             scale + misaligned * math::max(1.0 - u2, 0.0)
         })
+    }
+
+    /// What else the biases of the accelerometers may hold, as a variance along each body axis,
+    /// `(m/s^2)^2`: `g` times that tilt, and the gravity of a height that is not known.
+    pub fn unseen_accel(&self, config: &Config) -> Vector3<f64> {
+        let tilted = GRAVITY_EQUATOR_MPS2 * GRAVITY_EQUATOR_MPS2;
+        let up = self.level_force_mps2 / GRAVITY_EQUATOR_MPS2;
+        let lighter = GRADIENT_PER_S2 * GRADIENT_PER_S2 * self.vertical.position();
+        self.unseen_tilt(config) * tilted + up.component_mul(&up) * lighter
     }
 
     /// Spread of position, velocity and attitude at the horizon, ENU.
@@ -593,10 +608,8 @@ impl Observer {
             Measured::Position => (&past.velocity_mps, &past.accel_mps2),
         };
         let jolt = match measured {
-            // Both ends of the interpolation move.
             Measured::Velocity => {
-                2.0 * past.unseen_velocity
-                    + past.unseen_rate * self.parameters.lever_arm().norm_squared()
+                past.unseen_velocity + past.unseen_rate * self.parameters.lever_arm().norm_squared()
             }
             Measured::Position => 0.0,
         };
@@ -733,7 +746,9 @@ impl Observer {
             Measured::Velocity => (past.accel_mps2, past.attitude_rate),
             Measured::Position => (past.velocity_mps, past.attitude),
         };
-        self.followed.shows(difference.measured) + late_s * by_latency - by_lever * p.lever_arm()
+        let smoothed = by_smoothing(past, difference.measured) * p.value(index::SMOOTHING);
+        self.followed.shows(difference.measured) + late_s * by_latency + smoothed
+            - by_lever * p.lever_arm()
     }
 
     /// What a unit of each parameter more would add to that, east and north, and up.
@@ -747,6 +762,7 @@ impl Observer {
             Measured::Position => (single(&past.velocity_mps), past.attitude.map(math::single)),
         };
         let drift = math::single(self.unsolved_s);
+        let by_smoothing = single(&by_smoothing(past, measured));
         let rows = self.responses.iter().zip(level.iter_mut().zip(&mut up));
         for (which, (response, (level, up))) in rows.enumerate() {
             let mut by = response.shows(measured);
@@ -756,6 +772,7 @@ impl Observer {
                 index::LEVER_ARM => by -= by_lever.column(0),
                 LEVER_FORWARD => by -= by_lever.column(1),
                 LEVER_UP => by -= by_lever.column(2),
+                index::SMOOTHING => by += by_smoothing,
                 _ => {}
             }
             *level = [by.x, by.y];
@@ -917,6 +934,15 @@ impl Observer {
         let correction = value - self.parameters.value(parameter);
         self.corrections
             .add_direct(parameter, math::single(correction), math::single(variance));
+    }
+}
+
+/// What a unit of smoothing adds to INS minus GNSS: a mean over times of variance `s` lies by
+/// `s / 2` times the second derivative off.
+fn by_smoothing(past: &Past, measured: Measured) -> Vector3<f64> {
+    -0.5 * match measured {
+        Measured::Velocity => past.jerk_mps3,
+        Measured::Position => past.accel_mps2,
     }
 }
 

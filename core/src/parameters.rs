@@ -4,7 +4,7 @@ use crate::math;
 use nalgebra::{SVector, Vector3};
 
 /// How many there are.
-pub const COUNT: usize = 19;
+pub const COUNT: usize = 20;
 /// Elements of a triangular matrix over them.
 pub const PAIRS: usize = COUNT * (COUNT + 1) / 2;
 
@@ -32,6 +32,8 @@ pub mod index {
     pub const TURN_SCALE: usize = 15;
     /// First of three scale errors of the gyros in all other turns.
     pub const GYRO_SCALE: usize = 16;
+    /// Smoothing by the receiver: variance of the times that its output is a mean of, s^2.
+    pub const SMOOTHING: usize = 19;
 }
 
 /// Values and standard deviations.

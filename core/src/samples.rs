@@ -67,6 +67,8 @@ pub struct GnssFix {
     pub sigma: FixSigma,
 }
 
+/// Speed above which a vertical velocity of exactly zero is none, m/s.
+const PLACEHOLDER_MPS: f64 = 1.0;
 /// Speed above which GNSS says that the vehicle moves, m/s, and sigmas of its noise on top.
 const MOTION_MPS: f64 = 0.2;
 const MOTION_SIGMAS: f64 = 4.0;
@@ -92,6 +94,32 @@ impl GnssFix {
         Self {
             position: Some(place.lat_lon()),
             height_m: Some(place.height_m),
+            ..self
+        }
+    }
+
+    /// Without what is written where there is nothing: a row of zeros, and a vertical velocity of
+    /// exactly zero of a vehicle that moves.
+    #[must_use]
+    pub(crate) fn without_placeholders(self) -> Self {
+        let zeros = Self {
+            time: self.time,
+            position: self.position.map(|_| LatLon::default()),
+            height_m: self.height_m.map(|_| 0.0),
+            velocity_en_mps: self.velocity_en_mps.map(|_| Vector2::zeros()),
+            velocity_up_mps: self.velocity_up_mps.map(|_| 0.0),
+            sigma: self.sigma,
+        };
+        if self == zeros && self.position.is_some() {
+            return Self {
+                time: self.time,
+                ..Self::default()
+            };
+        }
+        let moves = self.speed_mps() > PLACEHOLDER_MPS;
+        let velocity_up_mps = self.velocity_up_mps.filter(|up| *up != 0.0 || !moves);
+        Self {
+            velocity_up_mps,
             ..self
         }
     }

@@ -43,6 +43,8 @@ fn span(from: f64, to: f64) -> Span {
     Span {
         seconds,
         force_mps: velocity(to) - velocity(from) + Vector3::z() * (seconds * GRAVITY_EQUATOR_MPS2),
+        force_moved_m: way(to) - way(from) - velocity(from) * seconds
+            + Vector3::z() * (0.5 * seconds * seconds * GRAVITY_EQUATOR_MPS2),
         attitude_s: seconds * attitude(middle),
         angle_rad: seconds * (RATE + middle * RATE_GROWTH),
         way_m: way(to) - way(from),
@@ -57,7 +59,7 @@ fn filled(times: &[f64]) -> History<N> {
         assert!(history.wants(at_s(*t)));
         history.push(
             at_s(*t),
-            &velocity(*t),
+            &((way(*t) - way(before)) / (t - before)),
             &span(before, *t),
             &Wobble::default(),
         );
