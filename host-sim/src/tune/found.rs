@@ -46,14 +46,15 @@ impl Found {
         }
     }
 
-    /// A value with a 95 % interval; one without an end is not known.
+    /// A spread with a 95 % interval; one that is vaguer than by a factor of two is not known.
     pub fn within(interval: Option<Interval>, missing: &'static str) -> Self {
-        match interval {
-            Some(found) if found.high.is_finite() => {
-                Self::known(found.value, 0.5 * (found.high - found.low) / NORMAL_95)
-            }
-            _ => Self::unknown(missing),
-        }
+        let known = |found: &Interval| found.low > 0.0 && found.high < 16.0 * found.low;
+        interval
+            .filter(known)
+            .map_or(Self::unknown(missing), |found| {
+                let relative = 0.5 * libm::log(found.high / found.low) / NORMAL_95;
+                Self::known(found.value, found.value * relative)
+            })
     }
 
     /// The same, unless there is a reason against it.

@@ -92,17 +92,21 @@ impl Mount {
             return mount;
         }
         let all = |angle: fn(&Euler) -> f64| -> Vec<f64> {
-            straight.iter().map(|second| angle(&second.against)).collect()
+            straight
+                .iter()
+                .map(|second| angle(&second.against))
+                .collect()
         };
         let (roll, pitch) = (middle(&all(|e| e.roll_rad)), middle(&all(|e| e.pitch_rad)));
         let heading = all(|e| e.heading_rad);
         let (plain, windless) = (middle(&heading), without_wind(&straight, &heading));
         mount.spread_rad = Some([roll.spread, pitch.spread, plain.spread]);
-        let (bank, steady) = (bank(&rest, roll.value), pitch.spread < SCATTER_RAD[0]);
-        let along = windless.as_ref().is_none_or(|left| left.spread < SCATTER_RAD[1]);
+        let bank = bank(&rest, roll.value);
+        let worst = |heading: &Middle| heading.spread.max(pitch.spread);
+        let along = worst(windless.as_ref().unwrap_or(&pitch)) < SCATTER_RAD[1];
         mount.vehicle = match bank {
-            Some(bank) if bank < BANK[0] && steady && plain.spread < SCATTER_RAD[0] => Vehicle::Car,
-            Some(bank) if bank > BANK[1] && steady && along => Vehicle::Aircraft,
+            Some(bank) if bank < BANK[0] && worst(&plain) < SCATTER_RAD[0] => Vehicle::Car,
+            Some(bank) if bank > BANK[1] && along => Vehicle::Aircraft,
             _ => return mount,
         };
         let biases = &end.accel_bias_mps2[..2];
@@ -111,13 +115,18 @@ impl Mount {
         let no_level = (!biases.iter().all(level)).then_some(NO_LEVEL);
         let times = (straight.len() as f64 / INDEPENDENT_S).sqrt();
         let found = |middle: &Middle, systematic: f64| {
-            Found::known(wrap_pi(middle.value), systematic.hypot(middle.spread / times))
+            Found::known(
+                wrap_pi(middle.value),
+                systematic.hypot(middle.spread / times),
+            )
         };
         let azimuth = end.azimuth_error_rad.sigma;
         let is_car = mount.vehicle == Vehicle::Car;
         let fall = if is_car { CROSSFALL_RAD } else { 0.0 };
         mount.roll = found(&roll, tilt.hypot(fall)).unless(no_level);
-        mount.pitch = found(&pitch, tilt).unless((!is_car).then_some(ATTACK)).unless(no_level);
+        mount.pitch = found(&pitch, tilt)
+            .unless((!is_car).then_some(ATTACK))
+            .unless(no_level);
         let heading = if is_car { Some(plain) } else { windless };
         mount.heading = heading.map_or(Found::unknown(NO_WIND), |heading| found(&heading, azimuth));
         mount
@@ -130,7 +139,9 @@ fn second(rows: &[Row]) -> Option<Second> {
     let [before, now, after] = [rows[0].solution?, rows[1].solution?, rows[2].solution?];
     let speed = |solution: &Solution| solution.velocity_enu_mps.xy().norm();
     let course = |s: &Solution| libm::atan2(s.velocity_enu_mps.x, s.velocity_enu_mps.y);
-    let fast = [&before, &now, &after].iter().all(|solution| speed(solution) > SLOW_MPS);
+    let fast = [&before, &now, &after]
+        .iter()
+        .all(|solution| speed(solution) > SLOW_MPS);
     let seconds = after.time.seconds_since(before.time);
     if azimuth.observability != Observability::Observable || !fast || seconds > 3.0 {
         return None;
@@ -181,13 +192,17 @@ fn without_wind(straight: &[&Second], heading: &[f64]) -> Option<Middle> {
     }
     let wind = (normal.try_inverse()? * right).component_mul(&Vector3::new(0.0, 1.0, 1.0));
     let pairs = straight.iter().zip(heading);
-    let left: Vec<f64> = pairs.map(|(second, angle)| angle - shares(second).dot(&wind)).collect();
+    let left: Vec<f64> = pairs
+        .map(|(second, angle)| angle - shares(second).dot(&wind))
+        .collect();
     Some(middle(&left))
 }
 
 /// Roll in turns against what a coordinated turn takes; none without turns.
 fn bank(rest: &[&Second], level_rad: f64) -> Option<f64> {
-    let turning = rest.iter().filter(|second| second.turn_radps.abs() > TURNING_RADPS);
+    let turning = rest
+        .iter()
+        .filter(|second| second.turn_radps.abs() > TURNING_RADPS);
     let (mut felt, mut taken, mut count) = (0.0, 0.0, 0);
     for second in turning {
         let coordinated = libm::atan(second.speed_mps * second.turn_radps / GRAVITY_EQUATOR_MPS2);

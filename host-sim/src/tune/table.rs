@@ -10,7 +10,9 @@ pub fn text(t: &Tuning) -> String {
     let rows = rows(t);
     let cells = |(name, found, unit): &(String, Found, &str)| {
         let unknown = || "not known".to_owned();
-        let value = found.missing.map_or_else(|| found.with_sigma(), |_| unknown());
+        let value = found
+            .missing
+            .map_or_else(|| found.with_sigma(), |_| unknown());
         vec![name.clone(), value, (*unit).to_owned()]
     };
     let cells: Vec<_> = rows.iter().map(cells).collect();
@@ -19,22 +21,23 @@ pub fn text(t: &Tuning) -> String {
         Vehicle::Aircraft => "It moves like an aircraft.",
         Vehicle::Other => "It moves neither like a car nor like an aircraft.",
     };
-    let mut missing: Vec<(String, &str)> = Vec::new();
+    let mut missing: Vec<(Vec<&str>, &str)> = Vec::new();
     for (name, found, _) in &rows {
         if let Some(why) = found.missing {
             match missing.iter_mut().find(|(_, known)| *known == why) {
-                Some((names, _)) => *names += &format!(", {name}"),
-                None => missing.push((name.clone(), why)),
+                Some((names, _)) => names.push(name),
+                None => missing.push((vec![name], why)),
             }
         }
     }
-    let missing: String = (missing.iter())
-        .map(|(names, why)| format!("To know {names}: {why}.\n"))
+    let missing: Vec<String> = (missing.iter())
+        .map(|(names, why)| format!("To know {}: {why}.\n", names.join("; ")))
         .collect();
     format!(
-        "{}\n\n{}\nAlong the unit's axes; offsets are to be subtracted from readings. {vehicle}\n{missing}",
+        "{}\n\n{}\nAlong the unit's axes; offsets are to be subtracted from readings. {vehicle}\n{}",
         t.verdict.lines().join("\n"),
         table::plain(&table::cells(["", "value", "unit"]), &cells),
+        missing.concat(),
     )
 }
 
@@ -54,8 +57,23 @@ fn rows(t: &Tuning) -> Vec<(String, Found, &'static str)> {
     rows.extend(each("accelerometer offset", &t.accel_bias_mps2, mg, "mg"));
     rows.push(row("gyro noise", t.gyro_noise, deg_h, "deg/h/sqrt(Hz)"));
     rows.push(row("accelerometer noise", t.accel_noise, mg, "mg/sqrt(Hz)"));
-    rows.push(row("gyro offset walk", t.gyro_bias_walk, deg_h, "deg/h/sqrt(s)"));
-    rows.push(row("accelerometer offset walk", t.accel_bias_walk, mg, "mg/sqrt(s)"));
-    rows.push(row("GNSS velocity noise", t.gnss_velocity_noise_mps, 1.0, "m/s"));
+    rows.push(row(
+        "gyro offset walk",
+        t.gyro_bias_walk,
+        deg_h,
+        "deg/h/sqrt(s)",
+    ));
+    rows.push(row(
+        "accelerometer offset walk",
+        t.accel_bias_walk,
+        mg,
+        "mg/sqrt(s)",
+    ));
+    rows.push(row(
+        "GNSS velocity noise",
+        t.gnss_velocity_noise_mps,
+        1.0,
+        "m/s",
+    ));
     rows
 }

@@ -25,6 +25,8 @@ pub struct Verdict {
     pub against: Vec<String>,
     /// What else is good to know.
     pub notes: Vec<String>,
+    /// What looked suspicious in the log; on the terminal the standard error has it.
+    pub log_warnings: Vec<String>,
 }
 
 impl Verdict {
@@ -51,16 +53,16 @@ impl Verdict {
         if both.is_none() {
             notes.push("no minute of navigation to try the estimates on".to_owned());
         }
-        if halves.is_none() {
-            notes.push("too short for its halves to be compared".to_owned());
+        if halves.is_none_or(<[Difference]>::is_empty) {
+            notes.push("the log has no two halves that can be compared".to_owned());
         }
         notes.extend(refused("inertial samples", &summary.imu));
         notes.extend(refused("fixes", &summary.gnss));
-        notes.extend(summary.warnings.iter().cloned());
         Self {
             trusted: against.is_empty(),
             against,
             notes,
+            log_warnings: summary.warnings.clone(),
         }
     }
 
@@ -98,17 +100,29 @@ fn class(t: &Tuning) -> Option<String> {
     };
     let most = s.noise_range[1];
     let unfit: Vec<&str> = [
-        ("gyro offsets", far(&t.gyro_bias_radps, OFFSET * s.gyro_bias_radps)),
-        ("accelerometer offsets", far(&t.accel_bias_mps2, OFFSET * s.accel_bias_mps2)),
-        ("gyro noise", far(&[t.gyro_noise], most * s.mean_gyro_noise())),
-        ("accelerometer noise", far(&[t.accel_noise], most * s.mean_accel_noise())),
+        (
+            "gyro offsets",
+            far(&t.gyro_bias_radps, OFFSET * s.gyro_bias_radps),
+        ),
+        (
+            "accelerometer offsets",
+            far(&t.accel_bias_mps2, OFFSET * s.accel_bias_mps2),
+        ),
+        (
+            "gyro noise",
+            far(&[t.gyro_noise], most * s.mean_gyro_noise()),
+        ),
+        (
+            "accelerometer noise",
+            far(&[t.accel_noise], most * s.mean_accel_noise()),
+        ),
     ]
     .iter()
     .filter_map(|(what, unfit)| unfit.then_some(*what))
     .collect();
     (!unfit.is_empty()).then(|| {
         format!(
-            "{} beyond what the assumed class has: wrong --grade, wrong units, or a damaged sensor.",
+            "{} beyond what the assumed class has: strong vibration, wrong --grade or wrong units.",
             unfit.join(" and ")
         )
     })
@@ -117,6 +131,11 @@ fn class(t: &Tuning) -> Option<String> {
 fn refused(what: &str, answers: &Answers) -> Option<String> {
     let rejected: u64 = answers.rejected.values().sum();
     let part = rejected as f64 / (rejected + answers.accepted).max(1) as f64;
-    let reasons = answers.rejected.keys().cloned().collect::<Vec<_>>().join(", ");
+    let reasons = answers
+        .rejected
+        .keys()
+        .cloned()
+        .collect::<Vec<_>>()
+        .join(", ");
     (part > REFUSED).then(|| format!("{:.0} % of {what} refused: {reasons}", 100.0 * part))
 }

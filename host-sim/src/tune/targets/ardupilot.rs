@@ -1,6 +1,6 @@
 //! `ArduPilot`, of its source as of 4.6.
 
-use super::{LEAST, Setting, TURNED, a_step, file};
+use super::{LEAST, ROTATED, Setting, TURNED, a_step, file};
 use crate::log::BodyAxes;
 use crate::tune::found::{Found, along};
 use crate::tune::{Mount, Tuning};
@@ -48,8 +48,7 @@ pub(super) fn text(t: &Tuning) -> String {
     let set = |name: &str| t.parameters.get(name).copied();
     let number = number(&t.source);
     let rotated = set("AHRS_ORIENTATION").is_some_and(|rotation| rotation != 0.0);
-    let rotated =
-        rotated.then_some("along the vehicle's axes; the parameter is along the sensor's");
+    let rotated = rotated.then_some(ROTATED);
     let hold = rotated.or(t.turned_upright.then_some(TURNED));
     let scale = ["X", "Y", "Z"]
         .map(|axis| set(&format!("INS_ACC{number}SCAL_{axis}")).filter(|scale| *scale > 0.0))

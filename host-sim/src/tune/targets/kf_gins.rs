@@ -64,7 +64,9 @@ pub(super) fn text(t: &Tuning) -> String {
     let title = "KF-GINS: into its yaml; forward, right, down";
     let mut text = file(t, title, "#", line, &initial) + "imunoise:\n";
     for setting in &noise {
-        setting.print(&mut text, "  #", |name, values| format!("  {}", line(name, values)));
+        setting.print(&mut text, "  #", |name, values| {
+            format!("  {}", line(name, values))
+        });
     }
     text
 }

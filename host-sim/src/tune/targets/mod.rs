@@ -37,10 +37,12 @@ pub enum Target {
     All,
 }
 
+type Print = fn(&Tuning) -> String;
+
 /// What is printed.
 pub fn text(tuning: &Tuning, target: Target) -> serde_json::Result<String> {
-    let all = [
-        (Target::Table, table::text as fn(&Tuning) -> String),
+    let all: [(Target, Print); 7] = [
+        (Target::Table, table::text),
         (Target::Px4, px4::text),
         (Target::Ardupilot, ardupilot::text),
         (Target::Kalibr, kalibr::text),
@@ -118,16 +120,22 @@ impl Setting {
     }
 
     fn digits(&self) -> Vec<String> {
-        let one = |found: &Found| match self.whole {
-            true => format!("{:.0}", found.value),
-            false => found.digits(),
+        let one = |found: &Found| {
+            if self.whole {
+                format!("{:.0}", found.value)
+            } else {
+                found.digits()
+            }
         };
         self.found.iter().map(one).collect()
     }
 
     /// What is found as a comment, then the line if it may be set.
     fn print(&self, text: &mut String, comment: &str, write: Write) {
-        let mut line = |line: &str| *text = format!("{text}{line}\n");
+        let mut line = |line: &str| {
+            text.push_str(line);
+            text.push('\n');
+        };
         let told = |found: &Found| {
             found.missing.map_or_else(
                 || format!("{} {}", found.with_sigma(), self.unit),
@@ -144,13 +152,13 @@ impl Setting {
         let within = |found: &Found| (least..=most).contains(&found.value);
         if let Some(hold) = self.hold {
             line(&format!("{comment} not set: {hold}"));
-        } else if self.found.iter().all(within) {
-            line(&write(&self.name, &digits));
+        } else if !self.found.iter().all(within) {
+            line(&format!("{comment} not set: it takes {least} to {most}"));
         } else {
-            line(&format!("{comment} it takes {least} to {most} only"));
-        }
-        if let Some(note) = &self.note {
-            line(&format!("{comment} {note}"));
+            line(&write(&self.name, &digits));
+            if let Some(note) = &self.note {
+                line(&format!("{comment} {note}"));
+            }
         }
     }
 }
@@ -160,13 +168,13 @@ type Write = fn(&str, &[String]) -> String;
 
 /// A file of parameters, the verdict on top.
 fn file(t: &Tuning, title: &str, comment: &str, write: Write, settings: &[Setting]) -> String {
-    let mut text = format!("{comment} {title}\n");
-    for line in t.verdict.lines() {
-        text += &format!("{comment} {line}\n");
-    }
-    if t.turned_upright {
-        text += &format!("{comment} {TURNED}\n");
-    }
+    let turned = t.turned_upright.then(|| TURNED.to_owned());
+    let head = [title.to_owned()].into_iter().chain(t.verdict.lines());
+    let head: Vec<String> = head
+        .chain(turned)
+        .map(|line| format!("{comment} {line}\n"))
+        .collect();
+    let mut text = head.concat();
     for setting in settings {
         setting.print(&mut text, comment, write);
     }
@@ -174,6 +182,8 @@ fn file(t: &Tuning, title: &str, comment: &str, write: Write, settings: &[Settin
 }
 
 const TURNED: &str = "The sensor was turned upright when it was read: these axes are not its own.";
+
+const ROTATED: &str = "the board is rotated: sensors, board and vehicle have different axes";
 
 /// Of noises of the autopilots' filters.
 const LEAST: &str =

@@ -1,6 +1,6 @@
 //! PX4, of its source as of 2026.
 
-use super::{LEAST, Setting, TURNED, a_step, file};
+use super::{LEAST, ROTATED, Setting, TURNED, a_step, file};
 use crate::log::BodyAxes;
 use crate::tune::found::{Found, along};
 use crate::tune::{Mount, Tuning};
@@ -46,15 +46,26 @@ pub(super) fn text(t: &Tuning) -> String {
     let delay = delay_ms(t.gnss_delay_s, delayed.unwrap_or(0.0));
     let rotations = ["ROT", "X_OFF", "Y_OFF", "Z_OFF"].map(|which| format!("SENS_BOARD_{which}"));
     let rotated = (rotations.iter()).any(|name| set(name).is_some_and(|value| value != 0.0));
-    let rotated =
-        rotated.then_some("along the vehicle's axes; the parameter is along the sensor's");
-    let hold = rotated.or(t.turned_upright.then_some(TURNED));
-    let scale = ["X", "Y", "Z"].map(|axis| set(&format!("CAL_ACC0_{axis}SCALE")).unwrap_or(1.0));
+    // As the sensor reads: neither offset nor scale nor rotation has acted.
+    let raw = t.source.starts_with("sensor_gyro");
+    let turned = t.turned_upright.then_some(TURNED);
+    let own_axes = (rotated && raw).then_some(ROTATED);
+    let hold = turned.or((rotated && !raw).then_some(ROTATED));
+    let scale = ["X", "Y", "Z"].map(|axis| {
+        let scale = set(&format!("CAL_ACC0_{axis}SCALE"));
+        scale.filter(|_| !raw).unwrap_or(1.0)
+    });
     let (gyro, accel) = (
         offsets(&t.gyro_bias_radps, [1.0; 3]),
         offsets(&t.accel_bias_mps2, scale),
     );
-
+    let acted = |setting: Setting, hold| {
+        if raw {
+            Setting { hold, ..setting }
+        } else {
+            setting.on_top(t, hold)
+        }
+    };
     let mut all = vec![
         Setting {
             whole: true,
@@ -63,19 +74,17 @@ pub(super) fn text(t: &Tuning) -> String {
         .takes(0.0, 300.0)
         .note("before 2026 EKF2_GPS_DELAY; EKF2_DELAY_MAX must not be less".to_owned()),
     ];
-    all.extend(
-        (Setting::each("SENS_GPS0_OFF@", "m", &antenna_m(&t.lever_arm_m)).into_iter()).map(
-            |setting| {
-                let former = setting.name.replace("SENS_GPS0_OFF", "EKF2_GPS_POS_");
-                setting.note(format!("before 2026 {former}"))
-            },
-        ),
-    );
+    let antenna = Setting::each("SENS_GPS0_OFF@", "m", &antenna_m(&t.lever_arm_m)).into_iter();
+    all.extend(antenna.map(|mut antenna| {
+        antenna.hold = own_axes;
+        let former = antenna.name.replace("SENS_GPS0_OFF", "EKF2_GPS_POS_");
+        antenna.note(format!("before 2026 {former}"))
+    }));
     let board = Setting::each("SENS_BOARD_@_OFF", "deg", &board_deg(&t.mount)).into_iter();
-    all.extend(board.map(|board| board.takes(-45.0, 45.0).on_top(t, None)));
+    all.extend(board.map(|board| acted(board.takes(-45.0, 45.0), own_axes)));
     for (name, unit, found) in [("GYRO", "rad/s", gyro), ("ACC", "m/s^2", accel)] {
         let offsets = Setting::each(&format!("CAL_{name}0_@OFF"), unit, &found).into_iter();
-        all.extend(offsets.map(|offset| offset.on_top(t, hold)));
+        all.extend(offsets.map(|offset| acted(offset, hold)));
     }
     all.extend(noise(t));
     file(
