@@ -88,8 +88,11 @@ const VERTICAL_ACCEL: &str = "log the vertical velocity or the height of GNSS, f
 const NOISE: &str = "stand still for half a minute, engines as in use";
 const GYRO_WALK: &str = "log an hour and more: so far the gyros' noise hides how their biases move";
 const ACCEL_WALK: &str =
-    "log some hours at rest for an Allan deviation: in motion GNSS hides how these biases move";
-const VELOCITY: &str = "move until the azimuth is known: starts, brakings, turns at speed";
+    "log some hours at rest for an Allan deviation: in motion GNSS hides how these offsets move";
+const VELOCITY: &str = "move for longer, with starts, brakings and turns at speed";
+
+/// An offset stays for this long at least, s: ten epochs of the fit.
+const LEAST_CORRELATION_S: f64 = 20.0;
 
 impl Tuning {
     /// Of a log, what the core found in it, and its error model.
@@ -143,12 +146,21 @@ impl Tuning {
 
 /// Walk, wander and correlation time of the gyro biases.
 ///
-/// What wanders by `s` over `T` walks at first by `s sqrt(2 / T)`; jumps of `j` every `T` by
-/// `j / sqrt(T)`.
+/// What changes within seconds is noise, and no offset. What wanders by `s` over `T` walks at first
+/// by `s sqrt(2 / T)`; jumps of `j` every `T` by `j / sqrt(T)`.
 fn wandering(model: &Identified) -> [Found; 3] {
     let unknown = Found::unknown(GYRO_WALK);
     let moving = model.gyro().filter(|gyro| gyro.has_time_scale());
-    match moving.map(|gyro| &gyro.bias) {
+    let slow = |bias: &&BiasFit| match bias {
+        BiasFit::Wave {
+            interval_s: time, ..
+        }
+        | BiasFit::Continuous {
+            correlation_time_s: time,
+            ..
+        } => time.value > LEAST_CORRELATION_S,
+    };
+    match moving.map(|gyro| &gyro.bias).filter(slow) {
         None => [unknown; 3],
         Some(BiasFit::Wave {
             interval_s,

@@ -49,11 +49,18 @@ impl Verdict {
         }
         against.extend(halves.into_iter().flatten().filter_map(half));
         against.extend(class(t));
+        let halved = halves.is_some_and(|halves| !halves.is_empty());
+        if both.is_none() && !halved && phase == Phase::Navigating {
+            against.push(
+                "Nothing tests them: no minute of navigation, no two halves to compare. Log more."
+                    .to_owned(),
+            );
+        }
         let mut notes = Vec::new();
         if both.is_none() {
             notes.push("no minute of navigation to try the estimates on".to_owned());
         }
-        if halves.is_none_or(<[Difference]>::is_empty) {
+        if !halved {
             notes.push("the log has no two halves that can be compared".to_owned());
         }
         notes.extend(refused("inertial samples", &summary.imu));
