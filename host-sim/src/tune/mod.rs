@@ -86,7 +86,8 @@ const VERTICAL_GYRO: &str = "stand still for a minute, or turn, start and brake 
 const LEVEL_ACCEL: &str = "turn by 90 degrees and more, both ways, a dozen times";
 const VERTICAL_ACCEL: &str = "log the vertical velocity or the height of GNSS, for some minutes";
 const NOISE: &str = "stand still for half a minute, engines as in use";
-const GYRO_WALK: &str = "log an hour and more: so far the gyros' noise hides how their offsets move";
+const GYRO_WALK: &str =
+    "log an hour and more: so far the gyros' noise hides how their offsets move";
 const ACCEL_WALK: &str =
     "log some hours at rest for an Allan deviation: in motion GNSS hides how these offsets move";
 const VELOCITY: &str = "move for longer, with starts, brakings and turns at speed";
