@@ -536,7 +536,7 @@ impl<const N: usize> AidedIns<N> {
         self.advance(moment, config);
         self.last_compared = moment;
         let taken = self.observe(&past, fix, config);
-        let mut differences = self.differences(&past, fix, &taken, interval_s);
+        let mut differences = self.differences(&past, fix, &taken, interval_s, config);
         // Most of all where nothing is taken any more.
         self.doubt(config);
         if differences == Differences::default() {
@@ -628,8 +628,12 @@ impl<const N: usize> AidedIns<N> {
         fix: &GnssFix,
         taken: &Taken,
         interval_s: f64,
+        config: &Config,
     ) -> Differences {
-        let arm = self.known().lever_arm();
+        let arm = match config.feedback {
+            Feedback::Closed => self.known().lever_arm(),
+            Feedback::Open => config.gnss.lever_arm_m.into(),
+        };
         let mut differences = Differences::default();
         let held = math::min(taken.position_s, HOLD_S) / math::min(interval_s, HOLD_S);
         let velocity_mps = taken.velocity_mps + past.attitude_rate * arm;

@@ -2,7 +2,7 @@
 
 use std::fs::{self, File};
 use std::io::BufWriter;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use indicatif::ProgressBar;
 use ins_core::Config;
@@ -10,7 +10,7 @@ use miette::{IntoDiagnostic, Result, miette};
 
 use crate::configure;
 use crate::identify::{Identification, identify};
-use crate::import;
+use crate::import::{self, Choice};
 use crate::log::{Grade, Log, LogError};
 use crate::output::OutputError;
 use crate::report;
@@ -37,8 +37,19 @@ pub struct Input {
 impl Input {
     /// Reads a log; warnings go to the standard error.
     pub fn read(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Self> {
+        Self::read_all(&[folder.to_owned()], Choice::default(), grade, progress)
+    }
+
+    /// Reads a log, or one that is put together of several recordings.
+    pub fn read_all(
+        paths: &[PathBuf],
+        choice: Choice,
+        grade: Option<Grade>,
+        progress: &ProgressBar,
+    ) -> Result<Self> {
         progress.set_message("reading");
-        let (log, warnings) = import::open(folder)?;
+        let (log, warnings) = import::open_all(paths, choice)?;
+        let folder = paths.first().map_or(Path::new(""), PathBuf::as_path);
         for warning in &warnings {
             progress.suspend(|| eprintln!("warning: {warning}\n  {}", warning.cause));
         }
@@ -82,7 +93,11 @@ pub struct Analysis {
 impl Analysis {
     /// Reads a log and runs the core over it; warnings go to the standard error.
     pub fn of_log(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Self> {
-        let input = Input::read(folder, grade, progress)?;
+        Self::of_input(Input::read(folder, grade, progress)?, progress)
+    }
+
+    /// Runs the core over a log.
+    pub fn of_input(input: Input, progress: &ProgressBar) -> Result<Self> {
         progress.set_message("identifying");
         let found = identify(&input.log, input.config, progress)
             .map_err(|error| miette!("the configuration cannot be used: {}", error.0))?;

@@ -26,6 +26,7 @@ use crate::sim::{self, DriveConfig, ErrorModel};
 use crate::study;
 use crate::table;
 use crate::truth::{self, Truth};
+use crate::tune;
 
 /// Finds the errors of inertial sensors and GNSS from a recorded or simulated drive.
 #[derive(Debug, Parser)]
@@ -47,6 +48,8 @@ enum Command {
     Drive(Drive),
     /// Find the sensor errors of logs and their error model; write summaries, tables and reports.
     Identify(Identify),
+    /// Find delay, antenna offset, mount, offsets and noise in a log, as parameters of PX4, ArduPilot and others.
+    Tune(tune::cli::Tune),
     /// Make a log of a recording of another program: PX4, ArduPilot, ROS, UBX, NMEA, phones.
     Import(import::cli::Import),
     /// Run a log through firmware on a board, and compare with the host bit for bit.
@@ -212,6 +215,7 @@ pub fn run(cli: &Cli) -> Result<()> {
         Command::Recovery(options) => {
             error_model::recovery::cli::recovery(options, cli.json, cli.force)
         }
+        Command::Tune(options) => tune::cli::tune(options, cli.json),
         Command::Import(options) => import::cli::import(options, cli.json, cli.force),
         Command::Hil(options) => hil::cli::hil(options, cli.json, cli.force),
         Command::Compare(options) => compare::cli::compare(options, cli.json, cli.force),
@@ -329,7 +333,7 @@ fn identify_log(
     Ok((analysis, model))
 }
 
-fn error_model_of(records: &[Record], grade: Grade, kind: Option<Kind>) -> Identified {
+pub(crate) fn error_model_of(records: &[Record], grade: Grade, kind: Option<Kind>) -> Identified {
     let progress = spinner("fitting the error model");
     let model = Identified::new(records, grade, kind);
     progress.finish_and_clear();

@@ -31,3 +31,4 @@ pub mod summary;
 pub mod table;
 pub mod tables;
 pub mod truth;
+pub mod tune;

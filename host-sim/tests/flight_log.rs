@@ -61,8 +61,9 @@ fn a_flight_is_identified() {
 
     let errors = &found["against_truth"];
     let of = |which: &str, what: &str| errors[which][what].as_f64().unwrap();
-    // GNSS has 1 m and 0.1 m/s of white noise ten times a second: the loops average.
-    assert!(of("damped", "position_m") < 0.5, "{errors}");
+    // GNSS has 1 m and 0.1 m/s of white noise ten times a second: the loops average. Positions are
+    // believed to wander by some metres besides, and averaged over a minute.
+    assert!(of("damped", "position_m") < 1.5, "{errors}");
     assert!(of("damped", "velocity_mps") < 0.05, "{errors}");
     // 15 min free: kilometres on raw readings, far less on corrected ones.
     assert!(of("as_logged", "position_m") > 1000.0, "{errors}");

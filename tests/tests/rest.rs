@@ -64,10 +64,10 @@ fn a_slow_turn_is_not_a_gyro_bias() {
     assert!((turned - 5.0).abs() < 0.1, "{turned}");
 }
 
-/// While a gyro warms up its bias moves by more than a minute's mean is uncertain: the old mean
-/// must not hold the new one back.
+/// While a gyro warms up its bias moves by more than a minute's mean is uncertain; a vehicle that
+/// begins to turn on the spot looks the same. Either way it is said.
 #[test]
-fn a_bias_that_moves_before_the_start_is_followed() {
+fn a_bias_that_moves_before_the_start_is_not_held_for_known() {
     let config = Config {
         heading: HeadingSource::Motion,
         ..Config::mems()
@@ -77,5 +77,9 @@ fn a_bias_that_moves_before_the_start_is_followed() {
     stand(&mut navigator, 60, 70, 0.5_f64.to_radians());
     assert_eq!(navigator.phase(), Phase::FindingHeading);
     let gyro = up_gyro_deg_s(&navigator);
-    assert!((gyro - 0.5).abs() < 0.005, "{gyro}");
+    let sigma = navigator.estimates().gyro_bias_radps[2].sigma.to_degrees();
+    assert!(
+        (gyro - 0.5).abs() < 3.0 * sigma + 0.005,
+        "{gyro} of {sigma}"
+    );
 }

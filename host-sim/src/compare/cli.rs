@@ -12,7 +12,7 @@ use crate::output;
 /// Options of `compare`.
 #[derive(Debug, Args)]
 pub struct Compare {
-    /// Folder of the log.
+    /// Folder of a log, or a recording of a known format.
     log: PathBuf,
     /// Folder for the results.
     #[arg(long)]

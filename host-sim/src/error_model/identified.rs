@@ -81,6 +81,17 @@ impl Identified {
         self.gyro.as_ref()
     }
 
+    /// Gyro noise at rest, rad/s/sqrt(Hz).
+    pub fn gyro_noise_radps_at_rest(&self) -> Option<Interval> {
+        self.gyro_noise_at_rest
+            .map(|noise| noise.scaled(DEG_H_RADPS))
+    }
+
+    /// Accelerometer noise at rest, m/s^2/sqrt(Hz).
+    pub fn accel_noise(&self) -> Option<Interval> {
+        self.accel_noise
+    }
+
     /// All parameters in the order of the file.
     pub fn parameters(&self) -> Vec<Parameter> {
         let mut all = self.gyro_parameters();

@@ -7,7 +7,10 @@ use ardupilot_binlog::{Entry, Reader};
 use ins_core::{FixSigma, GnssFix, ImuOutput, ImuSample, Time};
 use nalgebra::Vector3;
 
-use super::{Imu, Receiver, Recording, Stamped, degrees, joined, over_ground, stated, unpacked};
+use super::{
+    Imu, Receiver, Recording, Stamped, concerns_sensors, degrees, joined, over_ground, stated,
+    unpacked,
+};
 use crate::log::{BodyAxes, LogError};
 
 /// The head of the first message, which describes messages.
@@ -22,6 +25,7 @@ struct Streams {
     gyro: BTreeMap<u32, Vec<Stamped>>,
     accel: BTreeMap<u32, Vec<Stamped>>,
     gnss: BTreeMap<u32, Vec<GnssFix>>,
+    parameters: BTreeMap<String, f64>,
 }
 
 pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
@@ -63,6 +67,12 @@ impl Streams {
                     accuracy(entry, last);
                 }
             }
+            "PARM" => {
+                let set = entry.get_str("Name").zip(entry.get_f64("Value"));
+                let set = set.filter(|(name, _)| concerns_sensors(name));
+                let set = set.map(|(name, value)| (name.to_owned(), value));
+                self.parameters.extend(set);
+            }
             _ => {}
         }
     }
@@ -91,7 +101,10 @@ impl Streams {
             name: format!("GPS {instance}"),
             fixes,
         };
-        Recording::of(imus, self.gnss.into_iter().map(receiver).collect())
+        Recording {
+            parameters: self.parameters,
+            ..Recording::of(imus, self.gnss.into_iter().map(receiver).collect())
+        }
     }
 }
 

@@ -20,6 +20,7 @@ mod text;
 mod ubx;
 mod ulog;
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -41,13 +42,15 @@ pub struct Choice {
 
 /// Reads a log folder, or a recording of any known format.
 pub fn open(path: &Path) -> Result<(Log, Vec<LogError>), LogError> {
-    if format(path)?.is_some() {
-        return read(&[path.to_owned()], Choice::default());
+    open_all(&[path.to_owned()], Choice::default())
+}
+
+/// Reads a log folder, or what [`read`] does.
+pub fn open_all(paths: &[PathBuf], choice: Choice) -> Result<(Log, Vec<LogError>), LogError> {
+    match paths {
+        [folder] if !folder.is_file() && format(folder)?.is_none() => log::read(folder),
+        _ => read(paths, choice),
     }
-    if path.is_file() {
-        return Err(unknown(path));
-    }
-    log::read(path)
 }
 
 /// Reads one log from one recording, or from one of inertial sensors and one of GNSS.
@@ -58,10 +61,12 @@ pub fn read(paths: &[PathBuf], choice: Choice) -> Result<(Log, Vec<LogError>), L
         let Recording {
             imus,
             receivers,
+            parameters,
             notes,
         } = (format.read)(path)?;
         all.imus.extend(imus);
         all.receivers.extend(receivers);
+        all.parameters.extend(parameters);
         all.notes.extend(notes);
     }
     let path = paths.first().map_or(Path::new(""), PathBuf::as_path);
@@ -73,7 +78,17 @@ pub fn read(paths: &[PathBuf], choice: Choice) -> Result<(Log, Vec<LogError>), L
 struct Recording {
     imus: Vec<Imu>,
     receivers: Vec<Receiver>,
+    /// The autopilot's own, as they were set.
+    parameters: BTreeMap<String, f64>,
     notes: Vec<LogError>,
+}
+
+/// Parameters about inertial sensors and GNSS, of either autopilot; the other thousand are left.
+fn concerns_sensors(parameter: &str) -> bool {
+    let starts = [
+        "EKF2_", "SENS_", "CAL_ACC", "CAL_GYRO", "GPS", "INS_", "AHRS_", "EK3_",
+    ];
+    starts.iter().any(|start| parameter.starts_with(start))
 }
 
 /// One inertial sensor.
@@ -220,7 +235,7 @@ impl Recording {
         Self {
             imus,
             receivers,
-            notes: Vec::new(),
+            ..Self::default()
         }
     }
 
@@ -235,13 +250,21 @@ impl Recording {
         let listed: Vec<_> = self.receivers.iter().map(names).collect();
         let gnss = chosen("gnss", &listed, choice.gnss, path, &mut warnings)?;
         let (imu, gnss) = (self.imus.swap_remove(imu), self.receivers.swap_remove(gnss));
+        let told = warnings.len();
         let samples = turned_upright(imu.samples, &imu.path, &mut warnings);
+        let turned = warnings.len() > told;
         let mut meta = Meta::new(imu.axes, imu.output);
         if let Some(name) = path.file_stem().and_then(|name| name.to_str()) {
             meta.document.insert("name".into(), name.into());
         }
         let source = format!("{} and {}", imu.name, gnss.name);
         meta.document.insert("source".into(), source.into());
+        meta.document.insert("turned_upright".into(), turned.into());
+        if !self.parameters.is_empty() {
+            let set = self.parameters.into_iter();
+            let table: toml::Table = set.map(|(name, value)| (name, value.into())).collect();
+            meta.document.insert("parameters".into(), table.into());
+        }
         let mut log = Log {
             meta,
             imu: in_order(samples, &imu.path, |sample| sample.time, &mut warnings),

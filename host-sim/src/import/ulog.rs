@@ -1,13 +1,18 @@
 //! PX4 ULog.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
 use ins_core::{FixSigma, GnssFix, ImuOutput, Time};
 use nalgebra::{Vector2, Vector3};
 use px4_ulog::full_parser::{MultiId, ParsedData, SomeVec, read_file};
+use px4_ulog::stream_parser::{
+    Message, ParameterMessage, SimpleCallbackResult, read_file_with_simple_callback,
+};
 
-use super::{Imu, Receiver, Recording, Stamped, degrees, joined, stated, unreadable};
+use super::{
+    Imu, Receiver, Recording, Stamped, concerns_sensors, degrees, joined, stated, unreadable,
+};
 use crate::log::{BodyAxes, LogError};
 
 /// The head of the file.
@@ -67,13 +72,39 @@ pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
             }
         }
     }
-    let mut recording = Recording::of(imus, receivers);
+    let mut recording = Recording {
+        parameters: parameters(name),
+        ..Recording::of(imus, receivers)
+    };
     if log.0.completeness.is_incomplete() {
         let cause = "the logger lost power, or the file is damaged; what is whole is used";
         let defect = LogError::file(path, "a whole log", "one that ends too early", cause);
         recording.notes.push(defect);
     }
     Ok(recording)
+}
+
+/// As set when the log began. What can be read of them is enough: they only help to print more.
+fn parameters(file: &str) -> BTreeMap<String, f64> {
+    let mut all = BTreeMap::new();
+    let mut take = |message: &Message| {
+        let (name, value) = match message {
+            Message::ParameterMessage(ParameterMessage::Float(name, value, _)) => {
+                (name, f64::from(*value))
+            }
+            Message::ParameterMessage(ParameterMessage::Int32(name, value, _)) => {
+                (name, f64::from(*value))
+            }
+            Message::Data(_) => return SimpleCallbackResult::Stop,
+            _ => return SimpleCallbackResult::KeepReading,
+        };
+        if concerns_sensors(name) {
+            all.insert((*name).to_owned(), value);
+        }
+        SimpleCallbackResult::KeepReading
+    };
+    read_file_with_simple_callback(file, &mut take).ok();
+    all
 }
 
 struct Ulog(ParsedData);

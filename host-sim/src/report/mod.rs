@@ -12,7 +12,7 @@ use serde::Serialize;
 
 pub(crate) use number::to_second_digit_of as digits;
 pub use sentences::sentences;
-pub(crate) use sentences::{in_words, with_sigma};
+pub(crate) use sentences::{in_words, unaligned, with_sigma};
 
 use self::panels::Panel;
 use crate::identify::Identification;

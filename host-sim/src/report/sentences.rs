@@ -132,7 +132,7 @@ fn about(axes: BodyAxes, axis: usize) -> String {
     format!("about {}", axes.direction(axis))
 }
 
-fn unaligned(phase: Phase) -> &'static str {
+pub(crate) fn unaligned(phase: Phase) -> &'static str {
     match phase {
         Phase::Levelling => "Never levelled: the log is too short or too restless.",
         _ => {

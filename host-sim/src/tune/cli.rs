@@ -1,0 +1,52 @@
+//! The command `tune`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use miette::{IntoDiagnostic, Result, miette};
+
+use super::Tuning;
+use super::targets::{self, Target};
+use crate::analysis::{Analysis, Input};
+use crate::cli::{GradeChoice, bar, error_model_of};
+use crate::error_model::Record;
+use crate::import::Choice;
+
+/// Options.
+#[derive(Debug, Args)]
+pub struct Tune {
+    /// Folder of a log, or a recording of a known format; or one of inertial sensors and one of GNSS.
+    #[arg(required = true)]
+    log: Vec<PathBuf>,
+    /// Whose parameters to print.
+    #[arg(long, value_enum, default_value_t = Target::Table)]
+    format: Target,
+    /// Which of several inertial sensors, counted from 1.
+    #[arg(long, value_name = "N")]
+    imu: Option<usize>,
+    /// Which of several receivers, counted from 1.
+    #[arg(long, value_name = "N")]
+    gnss: Option<usize>,
+    /// Class of the sensors.
+    #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
+    grade: GradeChoice,
+}
+
+/// Identifies a log and prints it as parameters.
+pub fn tune(options: &Tune, json: bool) -> Result<()> {
+    let choice = Choice {
+        imu: options.imu,
+        gnss: options.gnss,
+    };
+    let progress = bar();
+    let input = Input::read_all(&options.log, choice, options.grade.told(), &progress)?;
+    let analysis = Analysis::of_input(input, &progress)?;
+    let records = [Record::new(&analysis.log, &analysis.found)];
+    let model = error_model_of(&records, analysis.summary.grade, None);
+    let tuning = Tuning::new(&analysis, &model)
+        .map_err(|error| miette!("the configuration cannot be used: {}", error.0))?;
+    let target = if json { Target::Json } else { options.format };
+    // All of it, or nothing.
+    print!("{}", targets::text(&tuning, target).into_diagnostic()?);
+    Ok(())
+}

@@ -1,0 +1,130 @@
+//! A quantity as found, or what would show it.
+
+use ins_core::{Estimate, Observability};
+use serde::{Serialize, Serializer};
+
+use crate::error_model::interval::{Interval, NORMAL_95};
+use crate::log::BodyAxes;
+use crate::report::digits;
+
+/// A quantity as found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Found {
+    /// Best value; means nothing unless known.
+    pub value: f64,
+    /// One standard deviation.
+    pub sigma: f64,
+    /// What to drive or fly so that it becomes known; none if it is.
+    pub missing: Option<&'static str>,
+}
+
+impl Found {
+    /// Known to a sigma.
+    pub fn known(value: f64, sigma: f64) -> Self {
+        Self {
+            value,
+            sigma,
+            missing: None,
+        }
+    }
+
+    /// Not known.
+    pub fn unknown(missing: &'static str) -> Self {
+        Self {
+            value: 0.0,
+            sigma: f64::INFINITY,
+            missing: Some(missing),
+        }
+    }
+
+    /// The core's estimate.
+    pub fn of(estimate: &Estimate, missing: &'static str) -> Self {
+        Self {
+            value: estimate.value,
+            sigma: estimate.sigma,
+            missing: (estimate.observability != Observability::Observable).then_some(missing),
+        }
+    }
+
+    /// A spread with a 95 % interval; one that is vaguer than by a factor of two is not known.
+    pub fn within(interval: Option<Interval>, missing: &'static str) -> Self {
+        let known = |found: &Interval| found.low > 0.0 && found.high < 16.0 * found.low;
+        interval
+            .filter(known)
+            .map_or(Self::unknown(missing), |found| {
+                let relative = 0.5 * libm::log(found.high / found.low) / NORMAL_95;
+                Self::known(found.value, found.value * relative)
+            })
+    }
+
+    /// The same, unless there is a reason against it.
+    #[must_use]
+    pub fn unless(self, missing: Option<&'static str>) -> Self {
+        Self {
+            missing: self.missing.or(missing),
+            ..self
+        }
+    }
+
+    /// In another unit, or along the opposite axis.
+    #[must_use]
+    pub fn scaled(self, by: f64) -> Self {
+        Self {
+            value: by * self.value,
+            sigma: by.abs() * self.sigma,
+            ..self
+        }
+    }
+
+    /// On top of what is set already.
+    #[must_use]
+    pub fn plus(self, set: f64) -> Self {
+        Self {
+            value: self.value + set,
+            ..self
+        }
+    }
+
+    /// Whether it is known.
+    pub fn is_known(&self) -> bool {
+        self.missing.is_none()
+    }
+
+    /// Its digits down to the second of its sigma.
+    pub fn digits(&self) -> String {
+        digits(self.sigma, self.value)
+    }
+
+    /// Value and sigma.
+    pub fn with_sigma(&self) -> String {
+        format!("{} +- {}", self.digits(), digits(self.sigma, self.sigma))
+    }
+}
+
+impl Serialize for Found {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Written {
+            value: Option<f64>,
+            sigma: f64,
+            known: bool,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            to_know: Option<&'static str>,
+        }
+        Written {
+            value: self.is_known().then_some(self.value),
+            sigma: self.sigma,
+            known: self.is_known(),
+            to_know: self.missing,
+        }
+        .serialize(serializer)
+    }
+}
+
+/// Components right, forward, up as those along other axes.
+pub fn along(axes: BodyAxes, rfu: &[Found; 3]) -> [Found; 3] {
+    [0, 1, 2].map(|axis| {
+        let (component, sign) = axes.rfu_component(axis);
+        rfu[component].scaled(sign)
+    })
+}

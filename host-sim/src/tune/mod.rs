@@ -1,0 +1,215 @@
+//! What a log says of its sensors, as the parameters of programs that use them.
+//!
+//! The core and the error model find it; here it gets one sentence where it is missing, a verdict,
+//! and each target's names, signs, axes and units.
+
+pub mod cli;
+pub mod found;
+mod mount;
+mod table;
+pub mod targets;
+mod verdict;
+
+use std::collections::BTreeMap;
+
+use ins_core::Config;
+use ins_core::navigator::ConfigError;
+use serde::Serialize;
+
+pub use found::Found;
+pub use mount::{Mount, Vehicle};
+pub use targets::Target;
+pub use verdict::Verdict;
+
+use crate::analysis::Analysis;
+use crate::configure;
+use crate::error_model::Identified;
+use crate::error_model::fit::BiasFit;
+use crate::log::{Grade, Log};
+use crate::study::logs::halves;
+
+/// All that is found. Axes are those of the unit, right, forward, up; units are SI.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Tuning {
+    /// What it is worth.
+    pub verdict: Verdict,
+    /// Name of the log.
+    pub log: String,
+    /// Sensor and receiver of the recording; empty for a log folder.
+    pub source: String,
+    /// Span of the inertial samples.
+    pub duration_s: f64,
+    /// Samples per second.
+    pub imu_rate_hz: f64,
+    /// Class of sensors assumed.
+    pub grade: Grade,
+    /// A fix stamped t shows the motion at t minus this.
+    pub gnss_delay_s: Found,
+    /// Antenna from the unit.
+    pub lever_arm_m: [Found; 3],
+    /// Unit against the vehicle.
+    pub mount: Mount,
+    /// To be subtracted from readings.
+    pub gyro_bias_radps: [Found; 3],
+    /// To be subtracted from readings.
+    pub accel_bias_mps2: [Found; 3],
+    /// White noise, rad/s/sqrt(Hz), as in motion.
+    pub gyro_noise: Found,
+    /// White noise at rest, m/s^2/sqrt(Hz).
+    pub accel_noise: Found,
+    /// Walk of a gyro bias, rad/s^2/sqrt(Hz).
+    pub gyro_bias_walk: Found,
+    /// Walk of an accelerometer bias, m/s^3/sqrt(Hz).
+    pub accel_bias_walk: Found,
+    /// Standard deviation of a gyro bias that wanders about its mean, rad/s.
+    pub gyro_bias_wander: Found,
+    /// Correlation time of that, s.
+    pub gyro_bias_correlation_s: Found,
+    /// White noise of a component of GNSS velocity, m/s.
+    pub gnss_velocity_noise_mps: Found,
+    /// The sensor was turned upright when it was read: its axes are not those of its own.
+    pub turned_upright: bool,
+    /// Of the autopilot, as set in the recording.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub parameters: BTreeMap<String, f64>,
+    /// This core's, with what was found.
+    pub config: Config,
+}
+
+const DELAY: &str = "speed up and brake hard a dozen times, or turn at speed";
+const LEVER_ARM: &str =
+    "turn tightly both ways, at walking pace too; the antenna's height shows when the unit leans";
+const AT_ANTENNA: &str =
+    "not estimated in this class of sensors, which is taken to be at the antenna: measure it";
+const LEVEL_GYRO: &str = "stand still for a minute, or move for ten";
+const VERTICAL_GYRO: &str = "stand still for a minute, or turn, start and brake for ten";
+const LEVEL_ACCEL: &str = "turn by 90 degrees and more, both ways, a dozen times";
+const VERTICAL_ACCEL: &str = "log the vertical velocity or the height of GNSS, for some minutes";
+const NOISE: &str = "stand still for half a minute, engines as in use";
+const GYRO_WALK: &str =
+    "log an hour and more: so far the gyros' noise hides how their offsets move";
+const ACCEL_WALK: &str =
+    "log some hours at rest for an Allan deviation: in motion GNSS hides how these offsets move";
+const VELOCITY: &str = "move for longer, with starts, brakings and turns at speed";
+
+/// An offset stays for this long at least, s: ten epochs of the fit.
+const LEAST_CORRELATION_S: f64 = 20.0;
+
+impl Tuning {
+    /// Of a log, what the core found in it, and its error model.
+    pub fn new(analysis: &Analysis, model: &Identified) -> Result<Self, ConfigError> {
+        let (log, found, summary) = (&analysis.log, &analysis.found, &analysis.summary);
+        let e = &found.end.estimates;
+        let no_lever = if found.config.gnss.lever_arm_sigma_m > 0.0 {
+            LEVER_ARM
+        } else {
+            AT_ANTENNA
+        };
+        let gyro = model.gyro();
+        let noise = gyro.map(|gyro| gyro.noise);
+        let noise = noise.or(model.gyro_noise_radps_at_rest());
+        let [walk, wander, correlation] = wandering(model);
+        let level_up = |estimates: &[ins_core::Estimate; 3], level, up| {
+            let missing = [level, level, up];
+            [0, 1, 2].map(|axis| Found::of(&estimates[axis], missing[axis]))
+        };
+        let text = |key: &str| log.meta.document.get(key).and_then(toml::Value::as_str);
+        let halves = halves::test(log, &|half| configure::config(half, summary.grade))?;
+        let mut tuning = Self {
+            verdict: Verdict::default(),
+            log: summary.log.clone(),
+            source: text("source").unwrap_or_default().to_owned(),
+            duration_s: summary.duration_s,
+            imu_rate_hz: rate_hz(log),
+            grade: summary.grade,
+            gnss_delay_s: Found::of(&e.gnss_latency_s, DELAY),
+            lever_arm_m: e.lever_arm_m.map(|arm| Found::of(&arm, no_lever)),
+            mount: Mount::new(&found.history, e),
+            gyro_bias_radps: level_up(&e.gyro_bias_radps, LEVEL_GYRO, VERTICAL_GYRO),
+            accel_bias_mps2: level_up(&e.accel_bias_mps2, LEVEL_ACCEL, VERTICAL_ACCEL),
+            gyro_noise: Found::within(noise, NOISE),
+            accel_noise: Found::within(model.accel_noise(), NOISE),
+            gyro_bias_walk: walk,
+            accel_bias_walk: Found::unknown(ACCEL_WALK),
+            gyro_bias_wander: wander,
+            gyro_bias_correlation_s: correlation,
+            gnss_velocity_noise_mps: Found::within(gyro.map(|g| g.gnss_sigma_mps), VELOCITY),
+            turned_upright: log.meta.document.get("turned_upright")
+                == Some(&toml::Value::Boolean(true)),
+            parameters: parameters(log),
+            config: found.config,
+        };
+        tuning.verdict = Verdict::new(&tuning, analysis, halves.as_deref());
+        tuning.config = targets::own::config(&tuning, found.config);
+        Ok(tuning)
+    }
+}
+
+/// Walk, wander and correlation time of the gyro biases.
+///
+/// What changes within seconds is noise, and no offset. What wanders by `s` over `T` walks at first
+/// by `s sqrt(2 / T)`; jumps of `j` every `T` by `j / sqrt(T)`.
+fn wandering(model: &Identified) -> [Found; 3] {
+    let unknown = Found::unknown(GYRO_WALK);
+    let moving = model.gyro().filter(|gyro| gyro.has_time_scale());
+    let slow = |bias: &&BiasFit| match bias {
+        BiasFit::Wave {
+            interval_s: time, ..
+        }
+        | BiasFit::Continuous {
+            correlation_time_s: time,
+            ..
+        } => time.value > LEAST_CORRELATION_S,
+    };
+    match moving.map(|gyro| &gyro.bias).filter(slow) {
+        None => [unknown; 3],
+        Some(BiasFit::Wave {
+            interval_s,
+            jump_sigma,
+            ..
+        }) => {
+            let [jump, time] =
+                [*jump_sigma, *interval_s].map(|i| Found::within(Some(i), GYRO_WALK));
+            [per_root(&jump, &time), unknown, unknown]
+        }
+        Some(BiasFit::Continuous {
+            correlated_sigma,
+            correlation_time_s,
+            ..
+        }) => {
+            let both = [*correlated_sigma, *correlation_time_s];
+            let [wander, time] = both.map(|i| Found::within(Some(i), GYRO_WALK));
+            let walk = per_root(&wander, &time).scaled(std::f64::consts::SQRT_2);
+            [walk, wander, time]
+        }
+    }
+}
+
+/// `size / sqrt(time)`.
+fn per_root(size: &Found, time: &Found) -> Found {
+    let value = size.value / time.value.sqrt();
+    let relative = libm::hypot(size.sigma / size.value, 0.5 * time.sigma / time.value);
+    Found::known(value, value * relative)
+        .unless(size.missing)
+        .unless(time.missing)
+}
+
+/// Median rate: holes must not count.
+fn rate_hz(log: &Log) -> f64 {
+    let mut steps: Vec<f64> = (log.imu.windows(2))
+        .map(|pair| pair[1].time.seconds_since(pair[0].time))
+        .collect();
+    let half = steps.len() / 2;
+    if steps.is_empty() {
+        return 0.0;
+    }
+    1.0 / *steps.select_nth_unstable_by(half, f64::total_cmp).1
+}
+
+fn parameters(log: &Log) -> BTreeMap<String, f64> {
+    let table = log.meta.document.get("parameters");
+    let entries = table.and_then(toml::Value::as_table).into_iter().flatten();
+    entries
+        .filter_map(|(name, value)| Some((name.clone(), value.as_float()?)))
+        .collect()
+}
