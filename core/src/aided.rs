@@ -441,7 +441,7 @@ impl<const N: usize> AidedIns<N> {
             way_m: step.way_m,
         };
         self.current = self.current.then(&one);
-        self.wobble.add(force, dt);
+        self.wobble.add(force, &interval.angle_rad, dt);
         // Where the position loop moves it, it moves without a velocity.
         self.moved_m += step.way_m - dt * controls.velocity_mps;
         self.now = time;

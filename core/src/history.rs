@@ -174,11 +174,13 @@ struct Recorded {
     velocity_mps: Vector3<f32>,
     /// From the moment before.
     span: Span<f32>,
-    /// See [`Wobble`].
+    /// See [`Wobble`]: of the velocity and of the angular rate.
     wobble: f32,
+    rate_wobble: f32,
 }
 
-/// How the level velocity moves about its chord between two moments.
+/// How the level velocity moves about its chord between two moments, and the angular rate about
+/// its mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Wobble {
@@ -187,12 +189,15 @@ pub struct Wobble {
     /// Integrals of its square, and of itself times the time.
     square: f32,
     moment: Vector2<f32>,
+    /// Integral of the square of the angular rate.
+    rate_square: f32,
 }
 
 impl Wobble {
-    /// Adds a velocity gained over an interval, m/s.
-    pub fn add(&mut self, gained_mps: &Vector3<f64>, seconds: f64) {
+    /// Adds a velocity gained over an interval, m/s, and the angle turned, rad.
+    pub fn add(&mut self, gained_mps: &Vector3<f64>, angle_rad: &Vector3<f64>, seconds: f64) {
         let dt = math::single(seconds);
+        self.rate_square += math::single(angle_rad.norm_squared() / seconds);
         self.gained_mps += single(gained_mps).xy();
         self.seconds += dt;
         self.square += self.gained_mps.norm_squared() * dt;
@@ -208,6 +213,12 @@ impl Wobble {
         let cubed = self.seconds * self.seconds * self.seconds;
         let sum = self.square - 2.0 * slope.dot(&self.moment) + slope.norm_squared() * cubed / 3.0;
         0.5 * sum / self.seconds
+    }
+
+    /// Mean square of the rate about its mean over a span, (rad/s)^2.
+    fn rate_variance(&self, span: &Span) -> f32 {
+        let mean = span.angle_rad.norm_squared() / (span.seconds * span.seconds);
+        self.rate_square / math::single(span.seconds) - math::single(mean)
     }
 }
 
@@ -243,6 +254,7 @@ impl<const N: usize> History<N> {
         self.moments.push_over(Recorded {
             time,
             wobble: wobble.variance(),
+            rate_wobble: wobble.rate_variance(span),
             velocity_mps: single(velocity_mps),
             span: span.stored(),
         });
@@ -341,6 +353,8 @@ impl Around<'_> {
         // The mean square of a parabola above its chord.
         let height = here.seconds * here.seconds * bend.force_mps2.xy();
         let explained = height.norm_squared() / 240.0;
+        // And of a ramp about its mean.
+        let turning = (here.seconds * bend.rate_radps).norm_squared() / 12.0;
         let attitude = here.attitude + off_s * bend.attitude;
         let rate = here.rate_radps + off_s * bend.rate_radps;
         Past {
@@ -349,7 +363,8 @@ impl Around<'_> {
             accel_mps2: accel_mps2 + off_s * jerk_mps3,
             jerk_mps3,
             unseen_velocity: math::max(f64::from(end.wobble) - explained, 0.0),
-            unseen_rate: (sag * self.unevenness(&here)).norm_squared(),
+            unseen_rate: (sag * self.unevenness(&here)).norm_squared()
+                + math::max(f64::from(end.rate_wobble) - turning, 0.0),
             attitude,
             attitude_rate: attitude * rate.cross_matrix(),
             way_since_m: left + way_after_m,

@@ -38,6 +38,10 @@ const LOST_MPS: f64 = 10.0;
 /// Time for which vertical innovations must be too large before the vertical is doubted, s: longer
 /// than a bump, and no manoeuvre tips the vertical velocity.
 const VERTICAL_DOUBT_S: f64 = 5.0;
+/// Time for which vertical velocities are then left out at first, s, if there were heights within
+/// this time, s.
+const FIRST_DISTRUST_S: f64 = 60.0;
+const HEIGHTS_S: f64 = 5.0;
 const LOST_TILT_RAD: f64 = 0.05;
 const LOST_AZIMUTH_RAD: f64 = 0.3;
 /// Part of its run-to-run spread by which a bias may have changed then.
@@ -246,6 +250,10 @@ pub struct Observer {
     horizon: Time,
     last_velocity: Time,
     last_vertical: Time,
+    /// When a height was last taken, and for how long vertical velocities are not, from when.
+    last_height: Time,
+    distrusted: Time,
+    distrust_s: f64,
 }
 
 impl Observer {
@@ -295,6 +303,9 @@ impl Observer {
             horizon: start,
             last_velocity: start,
             last_vertical: start,
+            last_height: start,
+            distrusted: start,
+            distrust_s: 0.0,
         }
     }
 
@@ -429,6 +440,15 @@ impl Observer {
         self.forget_noise(&Vector3::new(1.0, 1.0, 0.0));
     }
 
+    /// With heights beside, it may be the vertical velocities which are wrong, their sign even: they
+    /// are left out, twice as long each time.
+    fn distrust_vertical_velocity(&mut self) {
+        if self.horizon.seconds_since(self.last_height) < HEIGHTS_S {
+            self.distrusted = self.horizon;
+            self.distrust_s = math::max(2.0 * self.distrust_s, FIRST_DISTRUST_S);
+        }
+    }
+
     /// What GNSS was thought to err by explained some of the INS's own error: `kept` says of which
     /// axes it is kept, by ones.
     fn forget_noise(&mut self, kept: &Vector3<f64>) {
@@ -482,6 +502,7 @@ impl Observer {
                 config,
             );
         let up = difference.has_up
+            && self.trusts_up(measured)
             && self.measure(
                 Kind { measured, up: true },
                 &mut up_by,
@@ -491,6 +512,17 @@ impl Observer {
                 config,
             );
         Used { level, up }
+    }
+
+    /// Whether the vertical of this kind is used at all.
+    fn trusts_up(&mut self, measured: Measured) -> bool {
+        match measured {
+            Measured::Velocity => self.horizon.seconds_since(self.distrusted) >= self.distrust_s,
+            Measured::Position => {
+                self.last_height = self.horizon;
+                true
+            }
+        }
     }
 
     /// Takes the innovations of one kind, one for each of its axes.
@@ -552,6 +584,7 @@ impl Observer {
         *last = self.horizon;
         if kind.up && surprise.lasting_s > VERTICAL_DOUBT_S {
             self.lose_vertical(LOST_MPS * LOST_MPS, config);
+            self.distrust_vertical_velocity();
             return false;
         }
         let white = match credit {
@@ -609,7 +642,11 @@ impl Observer {
         };
         let jolt = match measured {
             Measured::Velocity => {
-                past.unseen_velocity + past.unseen_rate * self.parameters.lever_arm().norm_squared()
+                let smoothing = 0.5 * self.parameters.sigma(index::SMOOTHING);
+                let unsmoothed = 1.0 - seen_jerk(past);
+                past.unseen_velocity
+                    + past.unseen_rate * self.parameters.lever_arm().norm_squared()
+                    + 0.5 * square(smoothing * unsmoothed) * past.jerk_mps3.norm_squared()
             }
             Measured::Position => 0.0,
         };
@@ -941,10 +978,21 @@ impl Observer {
 /// `s / 2` times the second derivative off.
 fn by_smoothing(past: &Past, measured: Measured) -> Vector3<f64> {
     -0.5 * match measured {
-        Measured::Velocity => past.jerk_mps3,
+        Measured::Velocity => seen_jerk(past) * past.jerk_mps3,
         Measured::Position => past.accel_mps2,
     }
 }
+
+/// Part of the jerk that is the vehicle's, and not what swings faster than the ring leave in it:
+/// they show in the fixes as well, and would be taken for smoothing.
+fn seen_jerk(past: &Past) -> f64 {
+    let jerk = past.jerk_mps3.norm_squared();
+    jerk / (jerk + SWING_PER_S4 * past.unseen_velocity + 1e-9)
+}
+
+/// Square of the jerk that a swing of a velocity of unit variance leaves: a third of it is in the
+/// means over a tenth of a second, their second difference is four times that, on two axes.
+const SWING_PER_S4: f64 = 6e4;
 
 const LEVER_FORWARD: usize = index::LEVER_ARM + 1;
 const LEVER_UP: usize = index::LEVER_ARM + 2;
