@@ -545,7 +545,7 @@ impl<const N: usize> AidedIns<N> {
         let jump = |error: &InsError| {
             error.velocity_mps.norm() > JUMP_MPS || error.position_m.xy().norm() > JUMP_M
         };
-        if jump(&self.error()) {
+        if config.feedback == Feedback::Closed && jump(&self.error()) {
             self.take_out_error();
             differences = Differences::default();
         }
@@ -566,6 +566,8 @@ impl<const N: usize> AidedIns<N> {
         self.manoeuvre = Manoeuvre::of(past);
         let has_level = fix.velocity_en_mps.is_some();
         let has_up = fix.velocity_up_mps.is_some();
+        let due = taken.position_s >= POSITION_INTERVAL_S || !has_level;
+        let takes_position = due && (fix.position.is_some() || fix.height_m.is_some());
         let observer = match &mut self.estimator {
             Estimator::Exact(observer) => observer,
             Estimator::Literal(literal) => {
@@ -583,11 +585,13 @@ impl<const N: usize> AidedIns<N> {
                 if has_level {
                     taken.velocity = literal.take(&comparison, config);
                 }
-                taken.position = Used {
-                    level: fix.position.is_some(),
-                    up: fix.height_m.is_some(),
-                };
-                self.last_position = past.time;
+                if takes_position {
+                    self.last_position = past.time;
+                    taken.position = Used {
+                        level: fix.position.is_some(),
+                        up: fix.height_m.is_some(),
+                    };
+                }
                 return taken;
             }
         };
@@ -602,9 +606,7 @@ impl<const N: usize> AidedIns<N> {
             };
             taken.velocity = observer.take(past, &difference, config);
         }
-        let due = taken.position_s >= POSITION_INTERVAL_S;
-        let has_position = fix.position.is_some() || fix.height_m.is_some();
-        if has_position && (due || !has_level) {
+        if takes_position {
             self.last_position = past.time;
             let difference = Difference {
                 measured: Measured::Position,

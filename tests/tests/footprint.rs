@@ -5,9 +5,9 @@ use ins_tests::footprint::ours;
 
 /// Not at their goals yet (`ins_tests::footprint::goal`): as measured, and a fiftieth for a change
 /// of the compiler's mind.
-const AMORTISED: u64 = 6_220;
-const WORST: u64 = 55_800;
-const STATE_BYTES: u64 = 10_860;
+const AMORTISED: u64 = 6_600;
+const WORST: u64 = 58_000;
+const STATE_BYTES: u64 = 11_600;
 const STACK_BYTES: u64 = 9_250;
 const FLASH_BYTES: u64 = 120_000;
 
