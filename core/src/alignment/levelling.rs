@@ -11,6 +11,8 @@ use crate::math;
 
 /// Rest whose blocks tell noise from waves, s.
 const LEAST_SCATTER_S: f64 = 4.0;
+/// A block further off the mean than so many sigmas has another bias, or another motion.
+const AGREES_SIGMAS: f64 = 6.0;
 
 /// Means over all blocks at rest so far, body axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -39,6 +41,19 @@ impl RestMean {
         if let Some(up) = self.up() {
             self.swing.add(block.seconds, up.dot(&block.rate_radps));
         }
+    }
+
+    /// Whether the rate of a block may be the one so far: a bias that has moved is not.
+    pub fn agrees(&self, block: &RestBlock, sensors: &SensorConfig) -> bool {
+        let noise = rest::gyro_variance(sensors, block.seconds);
+        let variance = self.gyro_variance(sensors);
+        let off = block.rate_radps - self.rate_radps;
+        let limit = AGREES_SIGMAS * AGREES_SIGMAS;
+        self.seconds <= 0.0
+            || off
+                .iter()
+                .zip(&variance)
+                .all(|(off, variance)| off * off <= limit * (variance + noise))
     }
 
     /// Up in body axes.

@@ -22,7 +22,7 @@ use self::candidate::{Start, widest_gyro_sigma};
 use self::coarse::{CoarseLevel, Level};
 use self::levelling::RestMean;
 use self::nodes::Nodes;
-use self::rest::{RestDetector, Verdict};
+use self::rest::{RestBlock, RestDetector, Verdict};
 use self::sightings::Sightings;
 use crate::attitude::{matrix, turned};
 use crate::config::{Config, Feedback, HeadingSource};
@@ -260,7 +260,7 @@ impl Alignment {
     #[inline(never)]
     fn level(&mut self, time: Time, verdict: Verdict, config: &Config) -> Option<Levelled> {
         if let Verdict::Rest(block) = verdict {
-            self.rest.add(&block);
+            self.rest_on(&block, config);
         }
         let (_, place) = self.place?;
         let earth = LocalEarth::at(place.latitude_rad, place.height_m);
@@ -293,6 +293,19 @@ impl Alignment {
             level,
             heading: given(config),
         })
+    }
+
+    /// Takes a block of rest; where the gyros have moved, what was known of them is forgotten.
+    fn rest_on(&mut self, block: &RestBlock, config: &Config) {
+        if !self.rest.agrees(block, &config.sensors) {
+            self.rest = RestMean::default();
+            let prior = config.prior();
+            for which in index::GYRO..index::GYRO + 3 {
+                let value = self.known.value(which);
+                self.known.set(which, value, prior.sigma(which));
+            }
+        }
+        self.rest.add(block);
     }
 
     fn level_from_rest(&mut self, earth: &LocalEarth, config: &Config) -> Levelled {
@@ -365,7 +378,7 @@ impl Alignment {
         match verdict {
             Verdict::Motion => self.rest = RestMean::default(),
             Verdict::Rest(block) if !bank.has_moved() => {
-                self.rest.add(&block);
+                self.rest_on(&block, config);
                 let Some((_, place)) = self.place else {
                     return;
                 };

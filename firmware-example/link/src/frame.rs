@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 /// Version of messages and framing; frames of another are counted and dropped.
 pub const VERSION: u8 = 4;
 /// Longest frame on the wire, with its closing zero, bytes.
-pub const MAX_FRAME: usize = 640;
+pub const MAX_FRAME: usize = 768;
 
 /// By a table of 1 KiB: bit by bit takes longer than the navigator does.
 static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
