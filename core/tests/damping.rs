@@ -20,6 +20,8 @@ const FIX_EVERY: u32 = 10;
 /// A fix waits until two moments of the ring lie after it, and its control is held to the next one:
 /// on the average 0.25 s of delay, 0.35 s at most.
 const DELAY_S: f64 = 0.35;
+/// Of heights one in half a second is used.
+const HEIGHT_DELAY_S: f64 = DELAY_S + 0.45;
 
 /// By so much the receiver moves down: the INS is as much too high. After minutes of fixes without
 /// noise, ten metres would be refused.
@@ -104,7 +106,7 @@ fn follows(
     observed: impl Fn(&Navigator) -> f64,
     a: &Matrix2<f64>,
     start: &Vector2<f64>,
-    w0: f64,
+    (w0, delay_s): (f64, f64),
 ) {
     let rate = w0.max(-a.trace());
     let from = observed(&standing.navigator);
@@ -118,7 +120,7 @@ fn follows(
         last = off;
     }
     assert!(
-        worst < rate * DELAY_S * largest,
+        worst < rate * delay_s * largest,
         "{worst} of {largest}, w0 {w0}"
     );
     assert!(
@@ -169,7 +171,13 @@ fn a_tilt_dies_out_with_the_horizontal_poles() {
             let v = navigator.mechanization().unwrap().velocity_enu_mps;
             if east { v.x } else { v.y }
         };
-        follows(standing, velocity, &a, &Vector2::new(0.0, phi), w0);
+        follows(
+            standing,
+            velocity,
+            &a,
+            &Vector2::new(0.0, phi),
+            (w0, DELAY_S),
+        );
     }
 }
 
@@ -187,7 +195,8 @@ fn a_height_dies_out_with_the_vertical_poles() {
         // States dh and dV: dh' = dV - C1 dh, dV' = -C2 dh.
         let a = Matrix2::new(-2.0 * zeta * w0, 1.0, -w0 * w0, 0.0);
         let height = |navigator: &Navigator| navigator.mechanization().unwrap().position.height_m;
-        follows(standing, height, &a, &Vector2::new(SUNK_M, 0.0), w0);
+        let sunk = Vector2::new(SUNK_M, 0.0);
+        follows(standing, height, &a, &sunk, (w0, HEIGHT_DELAY_S));
     }
 }
 
@@ -201,5 +210,6 @@ fn with_vertical_velocity_height_follows_the_position_loop() {
     // dh' = dV - p dh, dV' = -C1 dV - p^2 dh.
     let a = Matrix2::new(-p, 1.0, -p * p, -c1);
     let height = |navigator: &Navigator| navigator.mechanization().unwrap().position.height_m;
-    follows(standing, height, &a, &Vector2::new(SUNK_M, 0.0), p);
+    let sunk = Vector2::new(SUNK_M, 0.0);
+    follows(standing, height, &a, &sunk, (p, HEIGHT_DELAY_S));
 }
