@@ -910,7 +910,10 @@ impl Observer {
             .level_force_mps2
             .lerp(&(self.up * self.gravity_mps2), part);
         // The mean of directions is shorter than each, and gravity is not.
-        let step = mean.normalize() * self.gravity_mps2 - self.level_force_mps2;
+        let Some(mean) = mean.try_normalize(0.5 * self.gravity_mps2) else {
+            return;
+        };
+        let step = mean * self.gravity_mps2 - self.level_force_mps2;
         self.level_force_mps2 += step;
         for (axis, step) in step.iter().enumerate() {
             let (bias, scale) = (index::ACCEL + axis, index::ACCEL_SCALE + axis);
