@@ -243,11 +243,6 @@ impl<const N: usize> History<N> {
         self.moments.oldest().filter(|_| full).map(|old| old.time)
     }
 
-    /// Velocity before the oldest moment, ENU, m/s.
-    pub fn oldest_velocity(&self) -> Option<Vector3<f64>> {
-        Some(self.moments.oldest()?.velocity_mps.map(f64::from))
-    }
-
     /// Adds the newest moment and the span before it, with the mean velocity in it, dropping the
     /// oldest if full.
     pub fn push(&mut self, time: Time, velocity_mps: &Vector3<f64>, span: &Span, wobble: &Wobble) {

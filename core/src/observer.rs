@@ -57,6 +57,9 @@ const SOUND_TILT_RAD: f64 = 1.0;
 const GRADIENT_PER_S2: f64 = 3.1e-6;
 /// Heights on Earth, above and below where an INS begins that has not been told one, m.
 const UNKNOWN_HEIGHT_M: f64 = 9000.0;
+/// Square of the jerk that a swing of a velocity of unit variance leaves: a third of it is in the
+/// means over a tenth of a second, their second difference is four times that, on two axes.
+const SWING_PER_S4: f64 = 6e4;
 /// Rate and acceleration of an ordinary manoeuvre, which a hole may hide, rad/s and m/s^2.
 const HIDDEN_RADPS: f64 = 0.1;
 const HIDDEN_MPS2: f64 = 1.0;
@@ -248,7 +251,7 @@ pub struct Observer {
     tipped: Manoeuvred,
     pulled: Manoeuvred,
     horizon: Time,
-    last_velocity: Time,
+    last_level: Time,
     last_vertical: Time,
     /// When a height was last taken, and for how long vertical velocities are not, from when.
     last_height: Time,
@@ -301,7 +304,7 @@ impl Observer {
             tipped: Manoeuvred::default(),
             pulled: Manoeuvred::default(),
             horizon: start,
-            last_velocity: start,
+            last_level: start,
             last_vertical: start,
             last_height: start,
             distrusted: start,
@@ -578,7 +581,7 @@ impl Observer {
         let (surprise, last) = if kind.up {
             (&mut self.vertical_surprise, &mut self.last_vertical)
         } else {
-            (&mut self.surprise, &mut self.last_velocity)
+            (&mut self.surprise, &mut self.last_level)
         };
         surprise.take(square, self.horizon.seconds_since(*last));
         *last = self.horizon;
@@ -992,10 +995,6 @@ fn seen_jerk(past: &Past) -> f64 {
     let jerk = past.jerk_mps3.norm_squared();
     jerk / (jerk + SWING_PER_S4 * past.unseen_velocity + 1e-9)
 }
-
-/// Square of the jerk that a swing of a velocity of unit variance leaves: a third of it is in the
-/// means over a tenth of a second, their second difference is four times that, on two axes.
-const SWING_PER_S4: f64 = 6e4;
 
 const LEVER_FORWARD: usize = index::LEVER_ARM + 1;
 const LEVER_UP: usize = index::LEVER_ARM + 2;
