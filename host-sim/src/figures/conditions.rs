@@ -2,6 +2,7 @@
 //! say of each quantity.
 
 use crate::cli::bar;
+use crate::log;
 use crate::sim::Grade;
 use crate::study::conditions::output::{overview_table, short, totals, totals_table};
 use crate::study::conditions::{QUANTITIES, Quantity, Results, Row, Study, all};
@@ -64,21 +65,17 @@ fn over_kinds(results: &[Results], class: Grade, quantity: &Quantity) -> [String
         .flat_map(|results| &results.rows)
         .filter(|row| row.quantity == *quantity && row.observable > 0.0)
         .collect();
-    let mut errors: Vec<f64> = rows.iter().map(|row| row.rms_error).collect();
-    errors.sort_by(f64::total_cmp);
-    let Some(median) = errors.get(errors.len() / 2) else {
+    if rows.is_empty() {
         return ["not observable", "", ""].map(str::to_owned);
-    };
+    }
+    let median = log::median(rows.iter().map(|row| row.rms_error));
     let checks: f64 = rows.iter().map(|row| row.checks as f64).sum();
     let square = |row: &&Row| row.checks as f64 * row.rms_ratio.unwrap_or_default().powi(2);
     let ratio = (rows.iter().map(square).sum::<f64>() / checks).sqrt();
-    let sure: f64 = rows
-        .iter()
-        .map(|row| row.observable * row.checks as f64)
-        .sum();
+    let sure: f64 = rows.iter().map(|row| row.sure()).sum();
     let wrong: usize = rows.iter().map(|row| row.wrong_and_sure).sum();
     [
-        crate::report::digits(*median, *median),
+        crate::report::digits(median, median),
         format!("{ratio:.2}"),
         format!("{wrong} of {sure:.0}"),
     ]

@@ -283,13 +283,7 @@ fn turned_upright(
     path: &Path,
     warnings: &mut Vec<LogError>,
 ) -> Vec<ImuSample> {
-    let mut along: Vec<f64> = Vec::new();
-    let mut typical = |axis: usize| {
-        along.clear();
-        along.extend(samples.iter().map(|sample| sample.accel[axis]));
-        let middle = along.len() / 2;
-        *along.select_nth_unstable_by(middle, f64::total_cmp).1
-    };
+    let typical = |axis: usize| log::median(samples.iter().map(|sample| sample.accel[axis]));
     let up = Vector3::new(typical(0), typical(1), typical(2));
     // As in the check of a log's axes: within 60 degrees the mount is a tilted one.
     if up.z > 0.5 * up.norm() {

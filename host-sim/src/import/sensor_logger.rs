@@ -14,11 +14,13 @@ use super::{Imu, Receiver, Recording, Stamped, degrees, joined, over_ground, sta
 use crate::log::{BodyAxes, LogError};
 
 pub(super) fn recognised(path: &Path, start: &[u8]) -> bool {
+    let has_all = |there: &dyn Fn(&str) -> bool| {
+        there("Gyroscope.csv") && (there("TotalAcceleration.csv") || there("Accelerometer.csv"))
+    };
     if start.starts_with(ZIP) {
-        return unpacked(path).is_ok_and(|folder| recognised(folder.path(), &[]));
+        return archive(path).is_ok_and(|zip| has_all(&|name| zip.index_for_name(name).is_some()));
     }
-    let there = |name: &str| path.join(name).is_file();
-    there("Gyroscope.csv") && (there("TotalAcceleration.csv") || there("Accelerometer.csv"))
+    has_all(&|name| path.join(name).is_file())
 }
 
 /// The head of the file in which the program gives its folder away.
@@ -26,11 +28,15 @@ const ZIP: &[u8] = b"PK\x03\x04";
 
 fn unpacked(path: &Path) -> Result<TempDir, LogError> {
     let folder = tempfile::tempdir().map_err(|e| unreadable(path, &e))?;
-    let file = File::open(path).map_err(|e| unreadable(path, &e))?;
-    ZipArchive::new(file)
-        .and_then(|mut archive| archive.extract(&folder))
+    archive(path)?
+        .extract(&folder)
         .map_err(|e| unreadable(path, &std::io::Error::other(e)))?;
     Ok(folder)
+}
+
+fn archive(path: &Path) -> Result<ZipArchive<File>, LogError> {
+    let file = File::open(path).map_err(|e| unreadable(path, &e))?;
+    ZipArchive::new(file).map_err(|e| unreadable(path, &std::io::Error::other(e)))
 }
 
 pub(super) fn read(path: &Path) -> Result<Recording, LogError> {

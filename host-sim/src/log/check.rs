@@ -283,13 +283,14 @@ pub(super) fn apart(value: f64, reference: f64) -> f64 {
     (value / reference).ln().abs()
 }
 
-fn median_interval_s(times: impl Iterator<Item = ins_core::Time>) -> f64 {
+/// Median time from one to the next, s; zero of fewer than two.
+pub(crate) fn median_interval_s(times: impl Iterator<Item = ins_core::Time>) -> f64 {
     let times: Vec<_> = times.collect();
     median(times.windows(2).map(|pair| pair[1].seconds_since(pair[0])))
 }
 
 /// Median; zero of nothing.
-pub(super) fn median(values: impl Iterator<Item = f64>) -> f64 {
+pub(crate) fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.collect();
     let middle = values.len() / 2;
     if values.is_empty() {

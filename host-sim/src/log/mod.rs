@@ -18,6 +18,7 @@ mod turns;
 mod write;
 
 pub use axes::BodyAxes;
+pub(crate) use check::{median, median_interval_s};
 pub use error::{Cell, LogError};
 pub use meta::{Grade, Meta};
 pub use read::read;

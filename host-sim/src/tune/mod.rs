@@ -25,7 +25,7 @@ use crate::analysis::Analysis;
 use crate::configure;
 use crate::error_model::Identified;
 use crate::error_model::fit::BiasFit;
-use crate::log::{Grade, Log};
+use crate::log::{Grade, Log, median_interval_s};
 use crate::study::logs::halves;
 
 /// All that is found. Axes are those of the unit, right, forward, up; units are SI.
@@ -194,16 +194,14 @@ fn per_root(size: &Found, time: &Found) -> Found {
         .unless(time.missing)
 }
 
-/// Median rate: holes must not count.
+/// Median rate: holes must not count. Zero of a single sample.
 fn rate_hz(log: &Log) -> f64 {
-    let mut steps: Vec<f64> = (log.imu.windows(2))
-        .map(|pair| pair[1].time.seconds_since(pair[0].time))
-        .collect();
-    let half = steps.len() / 2;
-    if steps.is_empty() {
-        return 0.0;
+    let interval_s = median_interval_s(log.imu.iter().map(|sample| sample.time));
+    if interval_s > 0.0 {
+        1.0 / interval_s
+    } else {
+        0.0
     }
-    1.0 / *steps.select_nth_unstable_by(half, f64::total_cmp).1
 }
 
 fn parameters(log: &Log) -> BTreeMap<String, f64> {

@@ -12,6 +12,7 @@ use serde::Serialize;
 
 use super::found::Found;
 use crate::identify::Row;
+use crate::log;
 
 /// Slower than this the course is noise, m/s.
 const SLOW_MPS: f64 = 4.0;
@@ -164,16 +165,11 @@ fn middle(angles: &[f64]) -> Middle {
     let sum = |of: fn(f64) -> f64| angles.iter().copied().map(of).sum::<f64>();
     let about = libm::atan2(sum(libm::sin), sum(libm::cos));
     let off: Vec<f64> = angles.iter().map(|angle| wrap_pi(angle - about)).collect();
-    let median = median(off.clone());
+    let median = log::median(off.iter().copied());
     Middle {
         value: about + median,
-        spread: 1.4826 * self::median(off.iter().map(|off| (off - median).abs()).collect()),
+        spread: 1.4826 * log::median(off.iter().map(|off| (off - median).abs())),
     }
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    let half = values.len() / 2;
-    *values.select_nth_unstable_by(half, f64::total_cmp).1
 }
 
 /// Heading against the course with what a steady wind does to it, `a sin + b cos` of the course,

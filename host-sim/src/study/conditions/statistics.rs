@@ -80,6 +80,11 @@ impl Row {
         self.rms_ratio.map(|ratio| (least..=most).contains(&ratio))
     }
 
+    /// Claims called observable.
+    pub fn sure(&self) -> f64 {
+        self.observable * self.checks as f64
+    }
+
     /// RMS error over that of the Kalman filter.
     pub fn over_kalman(&self) -> Option<f64> {
         self.kalman_rms_error.map(|kalman| self.rms_error / kalman)
@@ -233,7 +238,7 @@ impl Totals {
             honest_quantities: honest.iter().map(|(good, _)| good).sum(),
             sure: rows()
                 .filter(|row| row.rms_sigma.is_some())
-                .map(|row| row.observable * row.checks as f64)
+                .map(Row::sure)
                 .sum(),
             wrong_and_sure: results.iter().map(|r| r.wrong_and_sure()).sum(),
             never: mean(|r| r.never),

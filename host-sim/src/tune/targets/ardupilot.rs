@@ -1,6 +1,6 @@
 //! `ArduPilot`, of its source as of 4.6.
 
-use super::{LEAST, ROTATED, Setting, TURNED, a_step, file};
+use super::{ROTATED, Setting, TURNED, file, noise, unscaled};
 use crate::log::BodyAxes;
 use crate::tune::found::{Found, along};
 use crate::tune::{Mount, Tuning};
@@ -31,8 +31,7 @@ pub fn trim_rad(mount: &Mount) -> [Found; 2] {
 /// logged readings, which are corrected, comes on top (`INS_ACCOFFS_X`, `AP_InertialSensor.cpp`;
 /// `_rotate_and_correct_accel`, `AP_InertialSensor_Backend.cpp`).
 pub fn offsets(bias: &[Found; 3], scale: [f64; 3]) -> [Found; 3] {
-    let bias = along(BodyAxes::Frd, bias);
-    [0, 1, 2].map(|axis| bias[axis].scaled(1.0 / scale[axis]))
+    unscaled(bias, scale)
 }
 
 /// Part of a sensor's parameter names that is its number: none of the first.
@@ -79,7 +78,7 @@ pub(super) fn text(t: &Tuning) -> String {
         let offsets = Setting::each(&format!("INS_{kind}{number}OFFS_@"), unit, &found).into_iter();
         all.extend(offsets.map(|offset| offset.takes(-3.5, 3.5).on_top(t, hold)));
     }
-    all.extend(noise(t));
+    all.extend(noises(t));
     file(
         t,
         "ArduPilot: a parameter file; gyro offsets stay only where INS_GYR_CAL is 0",
@@ -91,15 +90,12 @@ pub(super) fn text(t: &Tuning) -> String {
 
 /// Noises a step of [`STEP_S`]: the filter adds `(dt noise)^2` to the variance (`daxVar`,
 /// `CovariancePrediction`, `AP_NavEKF3_core.cpp`; `EK3_GYRO_P_NSE`, `AP_NavEKF3.cpp`).
-fn noise(t: &Tuning) -> [Setting; 4] {
+fn noises(t: &Tuning) -> [Setting; 4] {
     [
         ("EK3_GYRO_P_NSE", "rad/s", t.gyro_noise, [1e-4, 0.1]),
         ("EK3_ACC_P_NSE", "m/s^2", t.accel_noise, [0.01, 1.0]),
         ("EK3_GBIAS_P_NSE", "rad/s^2", t.gyro_bias_walk, [1e-5, 1e-3]),
         ("EK3_ABIAS_P_NSE", "m/s^3", t.accel_bias_walk, [1e-5, 0.02]),
     ]
-    .map(|(name, unit, density, [least, most])| Setting {
-        hold: Some(LEAST),
-        ..Setting::new(name, unit, &[a_step(density, STEP_S)]).takes(least, most)
-    })
+    .map(|(name, unit, density, takes)| noise(name, unit, density, takes, STEP_S))
 }

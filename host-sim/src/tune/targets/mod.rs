@@ -12,7 +12,9 @@ pub mod px4;
 
 use clap::ValueEnum;
 
+use super::found::along;
 use super::{Found, Tuning, table};
+use crate::log::BodyAxes;
 
 /// Whose parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -193,6 +195,21 @@ const LEAST: &str =
 /// filters that add `(sigma dt)^2` at each step.
 pub fn a_step(density: Found, step_s: f64) -> Found {
     density.scaled(1.0 / step_s.sqrt())
+}
+
+/// Offset of readings that are `(reading - offset) * scale`, forward, right, down.
+fn unscaled(bias: &[Found; 3], scale: [f64; 3]) -> [Found; 3] {
+    let bias = along(BodyAxes::Frd, bias);
+    [0, 1, 2].map(|axis| bias[axis].scaled(1.0 / scale[axis]))
+}
+
+/// A noise of an autopilot's filter that steps every `step_s`: never set, for it is the least.
+fn noise(name: &str, unit: &'static str, density: Found, takes: [f64; 2], step_s: f64) -> Setting {
+    Setting {
+        hold: Some(LEAST),
+        takes,
+        ..Setting::new(name, unit, &[a_step(density, step_s)])
+    }
 }
 
 /// Three numbers between brackets, or one three times.

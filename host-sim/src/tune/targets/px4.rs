@@ -1,6 +1,6 @@
 //! PX4, of its source as of 2026.
 
-use super::{LEAST, ROTATED, Setting, TURNED, a_step, file};
+use super::{ROTATED, Setting, TURNED, file, noise, unscaled};
 use crate::log::BodyAxes;
 use crate::tune::found::{Found, along};
 use crate::tune::{Mount, Tuning};
@@ -35,8 +35,7 @@ pub fn board_deg(mount: &Mount) -> [Found; 3] {
 /// corrected readings comes on top, unscaled (`Correct`, `BiasCorrectedSensorOffset`,
 /// `sensor_calibration/Accelerometer.hpp`; gyros have no scale).
 pub fn offsets(bias: &[Found; 3], scale: [f64; 3]) -> [Found; 3] {
-    let bias = along(BodyAxes::Frd, bias);
-    [0, 1, 2].map(|axis| bias[axis].scaled(1.0 / scale[axis]))
+    unscaled(bias, scale)
 }
 
 pub(super) fn text(t: &Tuning) -> String {
@@ -86,7 +85,7 @@ pub(super) fn text(t: &Tuning) -> String {
         let offsets = Setting::each(&format!("CAL_{name}0_@OFF"), unit, &found).into_iter();
         all.extend(offsets.map(|offset| acted(offset, hold)));
     }
-    all.extend(noise(t));
+    all.extend(noises(t));
     file(
         t,
         "PX4: for nsh or the MAVLink console",
@@ -99,15 +98,12 @@ pub(super) fn text(t: &Tuning) -> String {
 /// Noises a step of [`STEP_S`]: the filter adds `(dt noise)^2` to the variance of an angle, a velocity
 /// or an offset (`predictCovariance`, `ekf2/EKF/covariance.cpp`; `ekf2/module.yaml`,
 /// `ekf2/params_gyro_bias.yaml`).
-fn noise(t: &Tuning) -> [Setting; 4] {
+fn noises(t: &Tuning) -> [Setting; 4] {
     [
         ("EKF2_GYR_NOISE", "rad/s", t.gyro_noise, [1e-4, 0.1]),
         ("EKF2_ACC_NOISE", "m/s^2", t.accel_noise, [0.01, 1.0]),
         ("EKF2_GYR_B_NOISE", "rad/s^2", t.gyro_bias_walk, [0.0, 0.01]),
         ("EKF2_ACC_B_NOISE", "m/s^3", t.accel_bias_walk, [0.0, 0.01]),
     ]
-    .map(|(name, unit, density, [least, most])| Setting {
-        hold: Some(LEAST),
-        ..Setting::new(name, unit, &[a_step(density, STEP_S)]).takes(least, most)
-    })
+    .map(|(name, unit, density, takes)| noise(name, unit, density, takes, STEP_S))
 }
