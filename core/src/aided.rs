@@ -9,10 +9,11 @@ use crate::attitude::matrix;
 use crate::channel::Measured;
 use crate::config::{Config, Feedback, Form};
 use crate::damping::{self, DampingSignals, Differences};
-use crate::earth::GRAVITY_EQUATOR_MPS2;
+use crate::earth::{GRAVITY_EQUATOR_MPS2, wrap_pi};
 use crate::error_model::InsError;
 use crate::estimate::Estimates;
 use crate::estimator::Estimator;
+use crate::health::Tally;
 use crate::history::{History, Missing, Past, Span, Wobble};
 use crate::increments::Interval;
 use crate::literal::Comparison;
@@ -24,8 +25,8 @@ use crate::observer::{Difference, Used};
 use crate::outcome::GnssOutcome;
 use crate::parameters::{Parameters, index};
 use crate::ring::Ring;
-use crate::samples::GnssFix;
-use crate::solution::{Phase, Solution};
+use crate::samples::{GnssFix, Heading};
+use crate::solution::{Phase, Solution, SolutionSigma};
 use crate::time::Time;
 
 /// Fixes that may wait for their moment.
@@ -132,7 +133,6 @@ impl<const N: usize> AidedIns<N> {
     #[inline(always)]
     pub fn new(time: Time, aligned: &Aligned, known: &Parameters, config: &Config) -> Self {
         let gyro_radps = compensation(known, config);
-        let up = matrix(&aligned.ins.attitude).row(2).transpose();
         Self {
             mechanization: aligned.ins,
             now: time,
@@ -144,7 +144,7 @@ impl<const N: usize> AidedIns<N> {
             estimator: Estimator::new(
                 time,
                 aligned.tilt_sigma_rad,
-                aligned.ins.local_earth().gravity_mps2 * up,
+                aligned.level_force_mps2(),
                 known,
                 config,
             ),
@@ -177,10 +177,6 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    fn exact(&self) -> bool {
-        matches!(self.estimator, Estimator::Exact(_))
-    }
-
     /// Whether it has lost its way, and has to be aligned anew.
     pub fn is_lost(&self) -> bool {
         self.lost
@@ -207,26 +203,49 @@ impl<const N: usize> AidedIns<N> {
 
     /// What is assumed of the noises.
     pub fn assumed(&self) -> Option<Assumed> {
-        match &self.estimator {
-            Estimator::Exact(observer) => Some(*observer.assumed()),
-            Estimator::Literal(_) => None,
-        }
+        Some(*self.estimator.exact()?.assumed())
     }
 
-    /// Spread of position, velocity and attitude at the estimators' horizon, ENU.
-    pub fn sigma(&self, config: &Config) -> Option<InsError> {
-        match &self.estimator {
-            Estimator::Exact(observer) => Some(observer.sigma(config)),
-            Estimator::Literal(_) => None,
-        }
+    /// Spread of position, velocity and attitude, ENU.
+    pub fn sigma(&self, config: &Config) -> Option<SolutionSigma> {
+        let since_s = self.since_horizon().seconds;
+        Some(self.estimator.exact()?.sigma(since_s, config))
+    }
+
+    /// Mean square of the level and of the vertical innovations, in their variances.
+    pub fn surprise(&self) -> Option<(f64, f64)> {
+        let (level, vertical) = self.estimator.exact()?.surprise();
+        Some((level.mean(), vertical.mean()))
+    }
+
+    /// When it was last doubted.
+    pub fn doubted(&self) -> Option<Time> {
+        self.doubted
+    }
+
+    /// Moment of the last fix that was used, if there are no controls any more.
+    pub fn coasting_since(&self) -> Option<Time> {
+        (self.now > self.controls_until).then(|| self.controls_until.plus_seconds(-HOLD_S))
+    }
+
+    /// A measured interval as the INS takes it.
+    pub fn compensated(&self, raw: &Interval) -> Interval {
+        let Compensation {
+            gyro_radps,
+            accel_mps2,
+            ..
+        } = &self.compensation;
+        raw.without_bias(gyro_radps, accel_mps2)
+    }
+
+    /// Specific force in the body at the level attitude of the mount, m/s^2.
+    pub fn level_force_mps2(&self) -> Vector3<f64> {
+        self.estimator.level_force_mps2()
     }
 
     /// Spread of its roll and pitch, rad.
     pub fn tilt_sigma_rad(&self) -> Option<f64> {
-        match &self.estimator {
-            Estimator::Exact(observer) => Some(observer.tilt_sigma_rad()),
-            Estimator::Literal(_) => None,
-        }
+        Some(self.estimator.exact()?.tilt_sigma_rad())
     }
 
     /// The damped INS.
@@ -275,7 +294,7 @@ impl<const N: usize> AidedIns<N> {
         let azimuth = self.azimuth_error_rad();
         parameters.set(index::AZIMUTH, azimuth, parameters.sigma(index::AZIMUTH));
         let mut estimates = Estimates::from_parameters(&parameters, config, Phase::Navigating);
-        if let Estimator::Exact(observer) = &self.estimator {
+        if let Some(observer) = self.estimator.exact() {
             let run_s = self.now.seconds_since(self.since);
             let latency = &mut estimates.gnss_latency_s;
             (latency.value, latency.sigma) = observer.latency_before(0.5 * run_s);
@@ -309,7 +328,7 @@ impl<const N: usize> AidedIns<N> {
 
     /// Inertial samples were missing for `seconds`, and were filled in.
     pub fn on_hole(&mut self, seconds: f64) {
-        if let Estimator::Exact(observer) = &mut self.estimator {
+        if let Some(observer) = self.estimator.exact_mut() {
             observer.on_hole(seconds);
         }
     }
@@ -321,12 +340,7 @@ impl<const N: usize> AidedIns<N> {
         if coasts {
             self.coast(config);
         }
-        let Compensation {
-            gyro_radps,
-            accel_mps2,
-            ..
-        } = self.compensation;
-        let interval = raw.without_bias(&gyro_radps, &accel_mps2);
+        let interval = self.compensated(raw);
         let step = self.mechanization.step(&interval, &self.controls);
         self.total(time, &interval, &step);
         // Only GNSS tells rest from steady motion.
@@ -339,13 +353,13 @@ impl<const N: usize> AidedIns<N> {
     /// What is left to do after an interval: at most one fix or one piece of the estimators' work
     /// a call, to keep the longest call short, unless samples are rare.
     #[inline(never)]
-    pub fn follow_up(&mut self, config: &Config) {
+    pub fn follow_up(&mut self, tally: &mut Tally, config: &Config) {
         let due = self.work_left;
         let remembers = self.history.wants(self.now);
         if remembers {
             self.remember(config);
         }
-        let took = self.take_waiting(true, config);
+        let took = self.take_waiting(true, tally, config);
         if due && (remembers || !took) {
             self.work_left = remembers;
             self.work(config);
@@ -399,7 +413,7 @@ impl<const N: usize> AidedIns<N> {
     #[inline(never)]
     fn take_out_error(&mut self) {
         self.last_coast = self.now;
-        if !matches!(self.estimator, Estimator::Exact(_)) {
+        if self.estimator.exact().is_none() {
             return;
         }
         let error = self.error();
@@ -455,7 +469,7 @@ impl<const N: usize> AidedIns<N> {
     /// A vehicle at rest turns with the Earth: its gyros read their biases.
     #[inline(never)]
     fn measure_rest(&mut self, block: &RestBlock, config: &Config) {
-        let Estimator::Exact(observer) = &mut self.estimator else {
+        let Some(observer) = self.estimator.exact_mut() else {
             return;
         };
         let earth_rate = self.mechanization.local_earth().earth_rate();
@@ -474,12 +488,12 @@ impl<const N: usize> AidedIns<N> {
     }
 
     /// Takes a fix: at once if its moment has passed, else later.
-    pub fn on_fix(&mut self, fix: &GnssFix, config: &Config) -> GnssOutcome {
+    pub fn on_fix(&mut self, fix: &GnssFix, tally: &mut Tally, config: &Config) -> GnssOutcome {
         let at_once = match self.pending.oldest() {
             None => self.compare(fix, true, config),
             Some(_) => None,
         };
-        let outcome = at_once.unwrap_or_else(|| self.queue(fix, config));
+        let outcome = at_once.unwrap_or_else(|| self.queue(fix, tally, config));
         let taken = matches!(outcome, GnssOutcome::Accepted | GnssOutcome::Queued);
         if taken && fix.is_moving(config) {
             self.rest.on_motion();
@@ -487,10 +501,39 @@ impl<const N: usize> AidedIns<N> {
         outcome
     }
 
+    /// Takes a measured heading.
+    #[inline(never)]
+    pub fn on_heading(&mut self, measured: &Heading) -> GnssOutcome {
+        let ago_s = self.now.seconds_since(measured.time);
+        let own_rad = match self.history.at(measured.time, false) {
+            Ok(past) => math::atan2(past.attitude.m12, past.attitude.m22),
+            // Since the newest moment of the ring it turns evenly.
+            Err(Missing::Future) if ago_s >= 0.0 && self.current.seconds > 0.0 => {
+                let turn_radps = self.current.turn_rad / self.current.seconds;
+                self.mechanization.heading_rad() + turn_radps * ago_s
+            }
+            Err(Missing::Future) if ago_s >= 0.0 => self.mechanization.heading_rad(),
+            Err(Missing::Future) => return GnssOutcome::TooFarAhead,
+            Err(Missing::TooOld) => return GnssOutcome::TooOld,
+        };
+        // A platform turned by `Phi_UP` makes north appear further to the left by as much.
+        let azimuth = wrap_pi(own_rad - measured.heading_rad);
+        let believed = self.azimuth_left_rad();
+        let taken = self
+            .estimator
+            .exact_mut()
+            .is_some_and(|observer| observer.take_azimuth(azimuth - believed, measured.sigma_rad));
+        if taken {
+            GnssOutcome::Accepted
+        } else {
+            GnssOutcome::Outlier
+        }
+    }
+
     /// Lets a fix wait; one that has waited longest makes room.
-    fn queue(&mut self, fix: &GnssFix, config: &Config) -> GnssOutcome {
+    fn queue(&mut self, fix: &GnssFix, tally: &mut Tally, config: &Config) -> GnssOutcome {
         let room = self.pending.push(*fix).is_ok()
-            || (self.take_waiting(false, config) && self.pending.push(*fix).is_ok());
+            || (self.take_waiting(false, tally, config) && self.pending.push(*fix).is_ok());
         if room {
             GnssOutcome::Queued
         } else {
@@ -499,15 +542,16 @@ impl<const N: usize> AidedIns<N> {
     }
 
     /// Takes the oldest fix that waits, if its moment has passed.
-    fn take_waiting(&mut self, wait: bool, config: &Config) -> bool {
+    fn take_waiting(&mut self, wait: bool, tally: &mut Tally, config: &Config) -> bool {
         let Some(fix) = self.pending.oldest().copied() else {
             return false;
         };
-        let took = self.compare(&fix, wait, config).is_some();
-        if took {
+        let outcome = self.compare(&fix, wait, config);
+        if let Some(outcome) = outcome {
             self.pending.pop();
+            tally.fix(fix.time, outcome);
         }
-        took
+        outcome.is_some()
     }
 
     /// What the estimators do besides taking fixes, a piece at a time.
@@ -515,7 +559,7 @@ impl<const N: usize> AidedIns<N> {
         if self.now.seconds_since(self.last_solve) >= SOLVE_S {
             self.last_solve = self.now;
             self.solve(config);
-        } else if let Estimator::Exact(observer) = &mut self.estimator {
+        } else if let Some(observer) = self.estimator.exact_mut() {
             observer.spread_next();
         }
     }
@@ -640,10 +684,7 @@ impl<const N: usize> AidedIns<N> {
         let held = math::min(taken.position_s, HOLD_S) / math::min(interval_s, HOLD_S);
         let velocity_mps = taken.velocity_mps + past.attitude_rate * arm;
         let position_m = (taken.position_m + past.attitude * arm) * held;
-        let followed = match &self.estimator {
-            Estimator::Exact(observer) => Some(*observer.error()),
-            Estimator::Literal(_) => None,
-        };
+        let followed = self.estimator.exact().map(|observer| *observer.error());
         let by_position =
             |used: bool, has_velocity: bool| followed.filter(|_| used && !has_velocity);
         let has_level = fix.velocity_en_mps.is_some();
@@ -683,7 +724,7 @@ impl<const N: usize> AidedIns<N> {
     /// Innovations that stay too large show an INS that has lost its way: first it is believed
     /// less, and where that does not mend it, it is aligned anew.
     fn doubt(&mut self, config: &Config) {
-        let Estimator::Exact(observer) = &mut self.estimator else {
+        let Some(observer) = self.estimator.exact_mut() else {
             return;
         };
         if !observer.is_sound(config) {
@@ -691,7 +732,7 @@ impl<const N: usize> AidedIns<N> {
             self.misled = true;
             return;
         }
-        if observer.surprise().lasting_s < DOUBT_S {
+        if observer.surprise().0.lasting_s < DOUBT_S {
             return;
         }
         observer.on_lost(config);
@@ -738,7 +779,7 @@ impl<const N: usize> AidedIns<N> {
         let (parameters, prior) = (self.estimator.parameters(), config.prior());
         let known = |i: usize, part: f64| parameters.sigma(i) < part * prior.sigma(i);
         // (9) reads gyro biases from controls that a compensation would empty.
-        if self.exact() {
+        if self.estimator.exact().is_some() {
             let gyros = &mut self.compensation.gyro_radps;
             for (axis, gyro) in gyros.iter_mut().enumerate() {
                 if known(index::GYRO + axis, BIAS_KNOWN) {
@@ -752,7 +793,7 @@ impl<const N: usize> AidedIns<N> {
             }
         }
         // However little is known of it: what is left is all that has to be linear.
-        if self.exact() || known(index::LATENCY, LATENCY_KNOWN) {
+        if self.estimator.exact().is_some() || known(index::LATENCY, LATENCY_KNOWN) {
             self.compensation.latency_s = credible_latency(parameters);
         }
     }

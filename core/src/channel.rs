@@ -184,3 +184,7 @@ impl Channel {
         gains
     }
 }
+
+#[cfg(test)]
+#[path = "../tests/unit/channel.rs"]
+mod tests;

@@ -184,157 +184,110 @@ pub enum Feedback {
     Open,
 }
 
-fn positive(v: f64) -> bool {
-    v.is_finite() && v > 0.0
+/// A configuration that cannot be used: which value, and what is wrong with it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// Must be finite and greater than zero.
+    NotPositive(&'static str),
+    /// Must be finite and not below zero.
+    Negative(&'static str),
+    /// Must be finite.
+    NotFinite(&'static str),
+    /// Must be a least factor of one or less, above zero, and a greatest of one or more.
+    RangeWithoutOne(&'static str),
 }
 
-fn not_negative(v: f64) -> bool {
-    v.is_finite() && v >= 0.0
+impl core::fmt::Display for ConfigError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let (value, must) = match self {
+            Self::NotPositive(value) => (value, "must be finite and greater than zero"),
+            Self::Negative(value) => (value, "must be finite and not negative"),
+            Self::NotFinite(value) => (value, "must be finite"),
+            Self::RangeWithoutOne(value) => (value, "must be a range of factors around one"),
+        };
+        write!(f, "{value} {must}")
+    }
 }
 
-/// Of a range of factors.
-fn holds_one([least, most]: &[f64; 2]) -> bool {
-    positive(*least) && *least <= 1.0 && *most >= 1.0 && most.is_finite()
+impl core::error::Error for ConfigError {}
+
+fn positive(value: f64, name: &'static str) -> Result<(), ConfigError> {
+    let good = value.is_finite() && value > 0.0;
+    good.then_some(()).ok_or(ConfigError::NotPositive(name))
 }
 
-/// The reason beside the first that does not hold.
-fn all(checks: &[(bool, &'static str)]) -> Result<(), &'static str> {
-    checks
-        .iter()
-        .find(|(good, _)| !good)
-        .map_or(Ok(()), |(_, why)| Err(*why))
+fn not_negative(value: f64, name: &'static str) -> Result<(), ConfigError> {
+    let good = value.is_finite() && value >= 0.0;
+    good.then_some(()).ok_or(ConfigError::Negative(name))
+}
+
+fn finite(value: f64, name: &'static str) -> Result<(), ConfigError> {
+    let good = value.is_finite();
+    good.then_some(()).ok_or(ConfigError::NotFinite(name))
+}
+
+fn around_one([least, most]: [f64; 2], name: &'static str) -> Result<(), ConfigError> {
+    let good = least > 0.0 && least <= 1.0 && most >= 1.0 && most.is_finite();
+    good.then_some(()).ok_or(ConfigError::RangeWithoutOne(name))
+}
+
+impl Noise {
+    fn check(&self, name: &'static str) -> Result<(), ConfigError> {
+        positive(self.white, name)?;
+        not_negative(self.correlated, name)?;
+        positive(self.correlation_s, name)
+    }
 }
 
 impl DampingConfig {
-    fn check(&self) -> Result<(), &'static str> {
-        all(&[
-            (
-                positive(self.horizontal.bandwidth_radps),
-                "damping.horizontal: bandwidth must be > 0",
-            ),
-            (
-                positive(self.horizontal.damping_ratio),
-                "damping.horizontal: ratio must be > 0",
-            ),
-            (
-                positive(self.vertical.bandwidth_radps),
-                "damping.vertical: bandwidth must be > 0",
-            ),
-            (
-                positive(self.vertical.damping_ratio),
-                "damping.vertical: ratio must be > 0",
-            ),
-            (
-                not_negative(self.position_radps),
-                "damping.position_radps must be >= 0",
-            ),
-            (
-                not_negative(self.azimuth_radps),
-                "damping.azimuth_radps must be >= 0",
-            ),
-        ])
+    fn check(&self) -> Result<(), ConfigError> {
+        for (order, name) in [
+            (&self.horizontal, "damping.horizontal"),
+            (&self.vertical, "damping.vertical"),
+        ] {
+            positive(order.bandwidth_radps, name)?;
+            positive(order.damping_ratio, name)?;
+        }
+        not_negative(self.position_radps, "damping.position_radps")?;
+        not_negative(self.azimuth_radps, "damping.azimuth_radps")
     }
 }
 
 impl SensorConfig {
-    fn check(&self) -> Result<(), &'static str> {
-        all(&[
-            (
-                positive(self.gyro_bias_radps),
-                "sensors.gyro_bias_radps must be > 0",
-            ),
-            (
-                self.gyro_noise.iter().all(|noise| positive(*noise)),
-                "sensors.gyro_noise must be > 0",
-            ),
-            (
-                not_negative(self.gyro_bias_walk),
-                "sensors.gyro_bias_walk must be >= 0",
-            ),
-            (
-                not_negative(self.gyro_scale),
-                "sensors.gyro_scale must be >= 0",
-            ),
-            (
-                positive(self.accel_bias_mps2),
-                "sensors.accel_bias_mps2 must be > 0",
-            ),
-            (
-                self.accel_noise.iter().all(|noise| positive(*noise)),
-                "sensors.accel_noise must be > 0",
-            ),
-            (
-                not_negative(self.misalignment_rad),
-                "sensors.misalignment_rad must be >= 0",
-            ),
-            (
-                not_negative(self.accel_bias_walk),
-                "sensors.accel_bias_walk must be >= 0",
-            ),
-            (
-                not_negative(self.accel_scale),
-                "sensors.accel_scale must be >= 0",
-            ),
-            (
-                positive(self.gyro_range_radps),
-                "sensors.gyro_range_radps must be > 0",
-            ),
-            (
-                positive(self.accel_range_mps2),
-                "sensors.accel_range_mps2 must be > 0",
-            ),
-            (
-                holds_one(&self.noise_range),
-                "sensors.noise_range must hold 1",
-            ),
-        ])
+    fn check(&self) -> Result<(), ConfigError> {
+        for (gyro, accel) in self.gyro_noise.iter().zip(&self.accel_noise) {
+            positive(*gyro, "sensors.gyro_noise")?;
+            positive(*accel, "sensors.accel_noise")?;
+        }
+        positive(self.gyro_bias_radps, "sensors.gyro_bias_radps")?;
+        not_negative(self.gyro_bias_walk, "sensors.gyro_bias_walk")?;
+        not_negative(self.gyro_scale, "sensors.gyro_scale")?;
+        positive(self.accel_bias_mps2, "sensors.accel_bias_mps2")?;
+        not_negative(self.accel_bias_walk, "sensors.accel_bias_walk")?;
+        not_negative(self.accel_scale, "sensors.accel_scale")?;
+        not_negative(self.misalignment_rad, "sensors.misalignment_rad")?;
+        positive(self.gyro_range_radps, "sensors.gyro_range_radps")?;
+        positive(self.accel_range_mps2, "sensors.accel_range_mps2")?;
+        around_one(self.noise_range, "sensors.noise_range")
     }
 }
 
 impl GnssConfig {
-    fn check(&self) -> Result<(), &'static str> {
-        let noise = |n: &Noise| {
-            positive(n.white) && not_negative(n.correlated) && positive(n.correlation_s)
-        };
-        all(&[
-            (
-                noise(&self.velocity_mps),
-                "gnss.velocity_mps: white > 0, correlated >= 0, time > 0",
-            ),
-            (
-                noise(&self.velocity_up_mps),
-                "gnss.velocity_up_mps: white > 0, correlated >= 0, time > 0",
-            ),
-            (
-                noise(&self.position_m),
-                "gnss.position_m: white > 0, correlated >= 0, time > 0",
-            ),
-            (
-                noise(&self.height_m),
-                "gnss.height_m: white > 0, correlated >= 0, time > 0",
-            ),
-            (holds_one(&self.noise_range), "gnss.noise_range must hold 1"),
-            (
-                self.lever_arm_m.iter().all(|arm| arm.is_finite()),
-                "gnss.lever_arm_m must be finite",
-            ),
-            (
-                not_negative(self.latency_sigma_s),
-                "gnss.latency_sigma_s must be >= 0",
-            ),
-            (
-                not_negative(self.clock_drift_sigma),
-                "gnss.clock_drift_sigma must be >= 0",
-            ),
-            (
-                not_negative(self.lever_arm_sigma_m),
-                "gnss.lever_arm_sigma_m must be >= 0",
-            ),
-            (
-                not_negative(self.smoothing_s2),
-                "gnss.smoothing_s2 must be >= 0",
-            ),
-        ])
+    fn check(&self) -> Result<(), ConfigError> {
+        self.velocity_mps.check("gnss.velocity_mps")?;
+        self.velocity_up_mps.check("gnss.velocity_up_mps")?;
+        self.position_m.check("gnss.position_m")?;
+        self.height_m.check("gnss.height_m")?;
+        around_one(self.noise_range, "gnss.noise_range")?;
+        for arm in self.lever_arm_m {
+            finite(arm, "gnss.lever_arm_m")?;
+        }
+        not_negative(self.latency_sigma_s, "gnss.latency_sigma_s")?;
+        not_negative(self.clock_drift_sigma, "gnss.clock_drift_sigma")?;
+        not_negative(self.lever_arm_sigma_m, "gnss.lever_arm_sigma_m")?;
+        not_negative(self.smoothing_s2, "gnss.smoothing_s2")
     }
 }
 
@@ -409,18 +362,15 @@ impl Config {
     }
 
     /// Says which value cannot be used.
-    #[allow(clippy::too_many_lines)] // One check after the other.
-    pub(crate) fn check(&self) -> Result<(), &'static str> {
+    pub(crate) fn check(&self) -> Result<(), ConfigError> {
         self.damping.check()?;
         self.sensors.check()?;
         self.gnss.check()?;
-        all(&[
-            (positive(self.max_gap_s), "max_gap_s must be > 0"),
-            (
-                !matches!(self.heading, HeadingSource::Given(h) if !h.is_finite()),
-                "heading must be finite",
-            ),
-        ])
+        positive(self.max_gap_s, "max_gap_s")?;
+        match self.heading {
+            HeadingSource::Given(heading_rad) => finite(heading_rad, "heading"),
+            HeadingSource::Auto | HeadingSource::Motion => Ok(()),
+        }
     }
 
     /// Ring-laser class of the HG1700: 1 deg/h, 0.01 m/s^2, 0.125 deg/sqrt(h); scale factors

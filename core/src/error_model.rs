@@ -118,6 +118,26 @@ impl<T: RealField + Copy> InsError<T> {
         }
     }
 
+    /// One of its nine components.
+    pub fn component(&self, which: usize) -> Option<&T> {
+        let vector = match which / 3 {
+            0 => &self.position_m,
+            1 => &self.velocity_mps,
+            _ => &self.tilt_rad,
+        };
+        vector.get(which % 3)
+    }
+
+    /// One of its nine components, to be changed.
+    pub fn component_mut(&mut self, which: usize) -> Option<&mut T> {
+        let vector = match which / 3 {
+            0 => &mut self.position_m,
+            1 => &mut self.velocity_mps,
+            _ => &mut self.tilt_rad,
+        };
+        vector.get_mut(which % 3)
+    }
+
     /// `dp' = dV`, `dV' = f x Phi`, `Phi' = -w_in x Phi`.
     pub fn carry(&mut self, passage: &Passage<T>) {
         self.position_m +=
@@ -218,3 +238,7 @@ pub fn level_and_up(
 pub fn single(v: &Vector3<f64>) -> Vector3<f32> {
     v.map(math::single)
 }
+
+#[cfg(test)]
+#[path = "../tests/unit/ins_error.rs"]
+mod tests;

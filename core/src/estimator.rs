@@ -48,6 +48,22 @@ impl Estimator {
         estimator
     }
 
+    /// The exact form, if it is that.
+    pub fn exact(&self) -> Option<&Observer> {
+        match self {
+            Self::Exact(observer) => Some(observer),
+            Self::Literal(_) => None,
+        }
+    }
+
+    /// The same, to be changed.
+    pub fn exact_mut(&mut self) -> Option<&mut Observer> {
+        match self {
+            Self::Exact(observer) => Some(observer),
+            Self::Literal(_) => None,
+        }
+    }
+
     /// What is known of the parameters.
     pub fn parameters(&self) -> &Parameters {
         match self {

@@ -468,3 +468,7 @@ impl Means {
         }
     }
 }
+
+#[cfg(test)]
+#[path = "../tests/unit/history.rs"]
+mod tests;

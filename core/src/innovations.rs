@@ -204,3 +204,7 @@ impl Surprise {
         self.mean
     }
 }
+
+#[cfg(test)]
+#[path = "../tests/unit/innovations.rs"]
+mod tests;

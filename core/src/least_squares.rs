@@ -228,3 +228,7 @@ fn unit<const N: usize>(index: usize) -> [f32; N] {
 fn dot(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).fold(0.0, |sum, (a, b)| sum + a * b)
 }
+
+#[cfg(test)]
+#[path = "../tests/unit/least_squares.rs"]
+mod tests;

@@ -5,8 +5,7 @@
 //! frame east-north-up, heading clockwise from north. No allocation, no clock, no panic.
 //!
 //! ```
-//! use ins_core::navigator::ConfigError;
-//! use ins_core::{Config, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Navigator, Observability};
+//! use ins_core::{Config, ConfigError, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Navigator, Observability};
 //!
 //! /// What the drivers deliver, in order of time. Axes of a unit mounted forward-right-down:
 //! /// right, forward, up = y, x, -z.
@@ -60,39 +59,48 @@
 //! ```
 #![no_std]
 
+#[cfg(test)]
+extern crate std;
+
 mod aided;
-pub mod alignment;
+mod alignment;
 pub mod attitude;
-pub mod channel;
+mod calibration;
+mod channel;
 pub mod config;
 pub mod damping;
 pub mod earth;
-pub mod error_model;
-pub mod estimate;
-pub mod estimator;
-pub mod history;
+mod error_model;
+mod estimate;
+mod estimator;
+mod health;
+mod history;
 pub mod increments;
-pub mod innovations;
-pub mod least_squares;
+mod innovations;
+mod least_squares;
 pub mod literal;
-pub mod manoeuvre;
+mod manoeuvre;
 mod math;
 pub mod mechanization;
-pub mod navigator;
-pub mod noise_trial;
-pub mod observer;
-pub mod outcome;
-pub mod parameters;
+mod navigator;
+mod noise_trial;
+mod observer;
+mod outcome;
+mod parameters;
 mod ring;
-pub mod samples;
-pub mod solution;
-pub mod time;
+mod samples;
+mod solution;
+mod time;
 
-pub use config::Config;
+pub use alignment::rest;
+pub use calibration::{Calibration, Known};
+pub use config::{Config, ConfigError};
 pub use estimate::{Estimate, Estimates, Observability};
+pub use health::{FixCounts, FixReport, Health, SampleCounts};
 pub use manoeuvre::Manoeuvre;
-pub use navigator::Navigator;
+pub use navigator::{Navigator, RING_MOMENTS};
+pub use noise_trial::Assumed;
 pub use outcome::{GnssOutcome, ImuOutcome};
-pub use samples::{FixSigma, GnssFix, ImuOutput, ImuSample};
-pub use solution::{Phase, Solution};
+pub use samples::{FixSigma, GnssFix, Heading, ImuOutput, ImuSample};
+pub use solution::{BodyMotion, Phase, Solution, SolutionSigma};
 pub use time::Time;

@@ -484,3 +484,7 @@ fn credible(
     innovations.learn(square, &sigmas, config.gnss.noise_range);
     true
 }
+
+#[cfg(test)]
+#[path = "../tests/unit/literal.rs"]
+mod tests;

@@ -7,19 +7,19 @@ use nalgebra::Vector3;
 
 use crate::aided::AidedIns;
 use crate::alignment::Alignment;
-use crate::config::Config;
+use crate::calibration::{Calibration, at_level};
+use crate::config::{Config, ConfigError};
 use crate::damping::DampingSignals;
-use crate::error_model::InsError;
 use crate::estimate::Estimates;
-use crate::increments::Increments;
+use crate::health::{Health, Tally};
+use crate::increments::{Increments, Interval};
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::mechanization::{Controls, Mechanization};
 use crate::noise_trial::Assumed;
 use crate::outcome::{GnssOutcome, ImuOutcome};
-use crate::parameters::index;
-use crate::samples::{FixSigma, GnssFix, ImuOutput, ImuSample};
-use crate::solution::{Phase, Solution};
+use crate::samples::{FixSigma, GnssFix, Heading, ImuOutput, ImuSample};
+use crate::solution::{BodyMotion, Phase, Solution, SolutionSigma};
 use crate::time::Time;
 
 /// Moments of the past that are remembered unless the user chooses: two seconds, for a latency and
@@ -42,24 +42,36 @@ const COARSEST: f64 = 1e7;
 
 /// Spread of a solution that is the last fix, carried on for up to some seconds by an INS that has
 /// lost its way, ENU, m, m/s, rad.
-const STOPGAP_SIGMA: InsError = InsError {
+const STOPGAP_SIGMA: SolutionSigma = SolutionSigma {
     position_m: Vector3::new(20.0, 20.0, 20.0),
     velocity_mps: Vector3::new(5.0, 5.0, 5.0),
-    tilt_rad: Vector3::new(0.1, 0.1, 1.0),
+    attitude_rad: Vector3::new(0.1, 0.1, 1.0),
 };
-
-/// The configuration cannot be used; the message says which value and why.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct ConfigError(pub &'static str);
 
 /// Strapdown INS damped by GNSS velocity, with running estimators of its sensors' errors.
 ///
-/// Clone it for a snapshot.
-#[derive(Clone, Debug, PartialEq)]
+/// Clone it for a snapshot, or serialize it: what is restored goes on in the same bits. Two are
+/// equal if they will answer alike, whatever each has counted so far.
+#[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Navigator<const RING: usize = RING_MOMENTS> {
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "usable"))]
     config: Config,
     state: State<RING>,
+    tally: Tally,
+}
+
+impl<const RING: usize> PartialEq for Navigator<RING> {
+    fn eq(&self, other: &Self) -> bool {
+        self.config == other.config && self.state == other.state
+    }
+}
+
+#[cfg(feature = "serde")]
+fn usable<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Config, D::Error> {
+    let config: Config = serde::Deserialize::deserialize(from)?;
+    config.check().map_err(serde::de::Error::custom)?;
+    Ok(config)
 }
 
 /// Stamps that do not follow the last one, but each other.
@@ -78,7 +90,12 @@ struct State<const RING: usize> {
     inertial: Option<(Time, Increments)>,
     /// Samples whose stamps do not follow the last one.
     astray: Option<Astray>,
+    /// The last interval as the sensors measured it.
+    interval: Interval,
     last_fix: Option<Time>,
+    restarts: u32,
+    /// Where the accelerometer biases that alignment knows were found; zero: where it levels.
+    level_force_mps2: Vector3<f64>,
     /// While an INS that was lost is aligned anew: what is left of it, set right by each fix.
     stopgap: Option<Mechanization>,
     mode: Mode<RING>,
@@ -99,7 +116,17 @@ impl Navigator {
     /// # Errors
     /// [`ConfigError`] names the first value that cannot be used.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
-        Self::with_ring(config)
+        Self::with_ring(config, None)
+    }
+
+    /// A navigator that knows what an earlier run has found out about the same unit.
+    ///
+    /// Where position or heading are known too, give them as a first fix, with their sigmas.
+    ///
+    /// # Errors
+    /// As [`Self::new`]; also for a calibration that is not finite, or a sigma not above zero.
+    pub fn warm(config: Config, calibration: &Calibration) -> Result<Self, ConfigError> {
+        Self::with_ring(config, Some(calibration))
     }
 }
 
@@ -109,18 +136,28 @@ impl<const RING: usize> Navigator<RING> {
     /// 136 bytes.
     ///
     /// # Errors
-    /// [`ConfigError`] names the first value that cannot be used.
-    pub fn with_ring(config: Config) -> Result<Self, ConfigError> {
-        config.check().map_err(ConfigError)?;
-        let mode = Mode::Aligning(Alignment::new(Time::default(), config.prior()));
+    /// As [`Navigator::warm`].
+    pub fn with_ring(
+        config: Config,
+        calibration: Option<&Calibration>,
+    ) -> Result<Self, ConfigError> {
+        config.check()?;
+        let known = calibration.map_or(Ok(config.prior()), |known| known.belief(&config))?;
         let state = State {
             inertial: None,
             astray: None,
+            interval: Interval::default(),
             last_fix: None,
+            restarts: 0,
+            level_force_mps2: calibration.map_or_else(Vector3::zeros, |c| c.level_force_mps2),
             stopgap: None,
-            mode,
+            mode: Mode::Aligning(Alignment::new(Time::default(), known)),
         };
-        Ok(Self { config, state })
+        Ok(Self {
+            config,
+            state,
+            tally: Tally::default(),
+        })
     }
 
     /// Takes one inertial sample, in order of time.
@@ -128,8 +165,9 @@ impl<const RING: usize> Navigator<RING> {
     #[inline(never)]
     pub fn on_imu(&mut self, sample: &ImuSample) -> ImuOutcome {
         let outcome = self.state.on_imu(sample, &self.config);
+        self.tally.sample(outcome);
         if matches!(outcome, ImuOutcome::Accepted | ImuOutcome::Bridged) {
-            self.state.follow_up(&self.config);
+            self.state.follow_up(&mut self.tally, &self.config);
         }
         outcome
     }
@@ -137,9 +175,29 @@ impl<const RING: usize> Navigator<RING> {
     /// Takes one GNSS fix, in order of time.
     #[inline(never)]
     pub fn on_gnss(&mut self, fix: &GnssFix) -> GnssOutcome {
-        let outcome = self.state.on_gnss(fix, &self.config);
+        let outcome = self.state.on_gnss(fix, &mut self.tally, &self.config);
+        self.tally.fix(fix.time, outcome);
         self.state.navigate_once_aligned(&self.config);
         outcome
+    }
+
+    /// Takes a measured heading, at any time. While aligning it is the heading to start with, if
+    /// levelling ends within a second; the literal form takes none later.
+    #[inline(never)]
+    pub fn on_heading(&mut self, heading: &Heading) -> GnssOutcome {
+        let Some((now, _)) = self.state.inertial else {
+            return GnssOutcome::NoInertialData;
+        };
+        if !(heading.heading_rad.is_finite() && heading.sigma_rad.is_finite()) {
+            return GnssOutcome::NotFinite;
+        }
+        if heading.sigma_rad <= 0.0 {
+            return GnssOutcome::OutOfRange;
+        }
+        match &mut self.state.mode {
+            Mode::Aligning(alignment) => alignment.on_heading(now, heading),
+            Mode::Navigating(ins) => ins.on_heading(heading),
+        }
     }
 
     /// The configuration it runs with.
@@ -196,13 +254,60 @@ impl<const RING: usize> Navigator<RING> {
         self.aided()?.assumed()
     }
 
-    /// Spread of position, velocity and attitude, ENU, at the last fix that was compared; none in
-    /// the literal form.
-    pub fn sigma(&self) -> Option<InsError> {
+    /// One standard deviation of the [solution](Self::solution); none in the literal form. What the
+    /// parameters add to it is up to a second old.
+    pub fn sigma(&self) -> Option<SolutionSigma> {
         if self.state.stopgap.is_some() {
             return Some(STOPGAP_SIGMA);
         }
         self.aided()?.sigma(&self.config)
+    }
+
+    /// Angular rate and specific force less the errors that are taken out, for an autopilot.
+    pub fn body_motion(&self) -> Option<BodyMotion> {
+        let (time, _) = self.state.inertial.as_ref()?;
+        let raw = &self.state.interval;
+        let interval = match &self.state.mode {
+            Mode::Aligning(alignment) => alignment.compensated(raw),
+            Mode::Navigating(ins) => ins.compensated(raw),
+        };
+        (raw.seconds > 0.0).then(|| BodyMotion {
+            time: *time,
+            rate_radps: interval.angle_rad / interval.seconds,
+            force_mps2: interval.force_mps / interval.seconds,
+        })
+    }
+
+    /// How it goes.
+    pub fn health(&self) -> Health {
+        let aided = self.aided();
+        let surprise = aided.and_then(AidedIns::surprise);
+        let Tally {
+            samples,
+            fixes,
+            last_fix,
+        } = self.tally;
+        Health {
+            phase: self.phase(),
+            coasting_since: aided.and_then(AidedIns::coasting_since),
+            last_fix,
+            level_innovation: surprise.map(|(level, _)| level),
+            vertical_innovation: surprise.map(|(_, vertical)| vertical),
+            doubted: aided.and_then(AidedIns::doubted),
+            restarts: self.state.restarts,
+            fixes,
+            samples,
+        }
+    }
+
+    /// What is known of the unit, for its next run.
+    pub fn calibration(&self) -> Calibration {
+        match &self.state.mode {
+            Mode::Aligning(alignment) => {
+                Calibration::of(alignment.known(), self.state.level_force_mps2)
+            }
+            Mode::Navigating(ins) => Calibration::of(ins.known(), ins.level_force_mps2()),
+        }
     }
 
     /// Errors of the sensors as known now.
@@ -264,13 +369,12 @@ impl<const RING: usize> State<RING> {
         }
         self.astray = None;
         let interval = increments.interval(sample, seconds);
+        self.interval = interval;
         *last = sample.time;
         match &mut self.mode {
             Mode::Aligning(alignment) => {
                 if let Some(ins) = &mut self.stopgap {
-                    let known = alignment.known();
-                    let (gyro, accel) = (known.vector(index::GYRO), known.vector(index::ACCEL));
-                    ins.step(&interval.without_bias(&gyro, &accel), &Controls::default());
+                    ins.step(&alignment.compensated(&interval), &Controls::default());
                     self.stopgap = self.stopgap.filter(is_possible);
                 }
                 alignment.on_interval(sample.time, &interval, config);
@@ -295,7 +399,9 @@ impl<const RING: usize> State<RING> {
             return ImuOutcome::OutOfRange;
         }
         self.inertial = Some((sample.time, Increments::new(config.imu_output, sample)));
-        self.mode = Mode::Aligning(Alignment::new(sample.time, config.prior()));
+        if let Mode::Aligning(alignment) = &mut self.mode {
+            alignment.begin_at(sample.time);
+        }
         ImuOutcome::Accepted
     }
 
@@ -341,6 +447,8 @@ impl<const RING: usize> State<RING> {
                     position, attitude, ..
                 } = *ins.mechanization();
                 let known = ins.kept(config);
+                self.level_force_mps2 = ins.level_force_mps2();
+                self.restarts = self.restarts.saturating_add(1);
                 self.stopgap = Some(*ins.mechanization()).filter(is_possible);
                 self.mode = Mode::Aligning(Alignment::resume(time, position, attitude, known));
             }
@@ -348,11 +456,11 @@ impl<const RING: usize> State<RING> {
     }
 
     /// What is left to do once a sample is integrated. Not within [`Self::on_imu`]: stacks add up.
-    fn follow_up(&mut self, config: &Config) {
+    fn follow_up(&mut self, tally: &mut Tally, config: &Config) {
         match &mut self.mode {
             Mode::Aligning(_) => self.navigate_once_aligned(config),
             Mode::Navigating(ins) => {
-                ins.follow_up(config);
+                ins.follow_up(tally, config);
                 self.align_again_if_lost(config);
             }
         }
@@ -382,14 +490,18 @@ impl<const RING: usize> State<RING> {
             && let Some(aligned) = alignment.aligned()
         {
             // Copied, for what is made from them to be made where they lie.
-            let (now, aligned, known) = (*now, *aligned, *alignment.known());
+            let (now, aligned, mut known) = (*now, *aligned, *alignment.known());
+            let level_force_mps2 = aligned.level_force_mps2();
+            if self.level_force_mps2 != Vector3::zeros() {
+                at_level(&mut known, &self.level_force_mps2, &level_force_mps2);
+            }
             self.stopgap = None;
             self.mode = Mode::Navigating(AidedIns::new(now, &aligned, &known, config));
         }
     }
 
     #[inline(never)]
-    fn on_gnss(&mut self, fix: &GnssFix, config: &Config) -> GnssOutcome {
+    fn on_gnss(&mut self, fix: &GnssFix, tally: &mut Tally, config: &Config) -> GnssOutcome {
         let fix = &fix.without_placeholders();
         if let Err(outcome) = check(fix) {
             return outcome;
@@ -409,7 +521,7 @@ impl<const RING: usize> State<RING> {
             return GnssOutcome::TooOld;
         }
         let outcome = match &mut self.mode {
-            Mode::Navigating(ins) => ins.on_fix(fix, config),
+            Mode::Navigating(ins) => ins.on_fix(fix, tally, config),
             Mode::Aligning(alignment) => {
                 alignment.on_fix(now, fix, config);
                 if let Some(ins) = &mut self.stopgap {

@@ -21,7 +21,8 @@ use crate::innovations::{Credit, Innovations, StatedNoise, Surprise, against_des
 use crate::least_squares::LeastSquares;
 use crate::math;
 use crate::noise_trial::{Assumed, NoiseTrial};
-use crate::parameters::{COUNT, PAIRS, Parameters, index};
+use crate::parameters::{AGREES_SIGMAS, COUNT, PAIRS, Parameters, index};
+use crate::solution::SolutionSigma;
 use crate::time::Time;
 
 /// One number for each parameter.
@@ -241,8 +242,10 @@ pub struct Observer {
     gravity_mps2: f64,
     /// Time over which that is averaged, s.
     levelled_s: f64,
-    /// Whose spread is due next.
+    /// Whose spread is due next, and what the spreads of the parameters add to the variance of the
+    /// INS error.
     next_spread: u8,
+    added: InsError<f32>,
     /// Since the last solution, s, and the azimuth's walk since then, rad^2.
     unsolved_s: f64,
     azimuth_walk: f64,
@@ -297,6 +300,7 @@ impl Observer {
             level_force_mps2,
             levelled_s: FIRST_LEVEL_S,
             next_spread: 0,
+            added: added_at_start(prior),
             unsolved_s: 0.0,
             azimuth_walk: 0.0,
             gravity_mps2: level_force_mps2.norm(),
@@ -332,24 +336,14 @@ impl Observer {
         &self.level_force_mps2
     }
 
-    /// How the innovations compare with what they should be.
-    pub fn surprise(&self) -> &Surprise {
-        &self.surprise
+    /// How the level innovations compare with what they should be, and the vertical ones.
+    pub fn surprise(&self) -> (&Surprise, &Surprise) {
+        (&self.surprise, &self.vertical_surprise)
     }
 
     /// Spread of roll and pitch, rad, with all parameters known.
     pub fn tilt_sigma_rad(&self) -> f64 {
         math::sqrt(self.level.tilt())
-    }
-
-    /// Variance of an error of the INS: of the channel alone, and what the parameters add.
-    fn variance(&self, own: f64, of: impl Fn(&InsError<f32>) -> f32) -> f64 {
-        let by: [f32; COUNT] = core::array::from_fn(|which| {
-            self.responses
-                .get(which)
-                .map_or(0.0, |response| of(&response.error))
-        });
-        own + f64::from(self.corrections.variance_of(by)) * self.inflation()
     }
 
     /// Variance of the tilt that scale errors and misalignments of the gyros leave in turns about
@@ -379,27 +373,28 @@ impl Observer {
         self.unseen_tilt(config) * tilted + up.component_mul(&up) * lighter
     }
 
-    /// Spread of position, velocity and attitude at the horizon, ENU.
-    pub fn sigma(&self, config: &Config) -> InsError {
+    /// Spread of position, velocity and attitude, ENU, `seconds` after the horizon.
+    pub fn sigma(&self, seconds: f64, config: &Config) -> SolutionSigma {
         let unseen = 0.5 * self.unseen_tilt(config).sum();
         let (level, up) = (&self.level, &self.vertical);
-        let sigma = |own: f64, of: fn(&InsError<f32>) -> f32| math::sqrt(self.variance(own, of));
-        InsError {
-            position_m: Vector3::new(
-                sigma(level.position(), |e| e.position_m.x),
-                sigma(level.position(), |e| e.position_m.y),
-                sigma(up.position(), |e| e.position_m.z),
-            ),
-            velocity_mps: Vector3::new(
-                sigma(level.velocity(), |e| e.velocity_mps.x),
-                sigma(level.velocity(), |e| e.velocity_mps.y),
-                sigma(up.velocity(), |e| e.velocity_mps.z),
-            ),
-            tilt_rad: Vector3::new(
-                sigma(level.tilt() + unseen, |e| e.tilt_rad.x),
-                sigma(level.tilt() + unseen, |e| e.tilt_rad.y),
-                sigma(0.0, |e| e.tilt_rad.z),
-            ),
+        let sigma = |level: f64, up: f64, added: &Vector3<f32>| {
+            (Vector3::new(level, level, up) + added.map(f64::from) * self.inflation())
+                .map(math::sqrt)
+        };
+        let Self { added, .. } = self;
+        let attitude_rad = sigma(level.tilt() + unseen, self.azimuth_walk, &added.tilt_rad);
+        let mut velocity_mps = sigma(level.velocity(), up.velocity(), &added.velocity_mps);
+        let mut position_m = sigma(level.position(), up.position(), &added.position_m);
+        // A tilt pulls, and a velocity moves, the same way all the time.
+        let pulled = GRAVITY_EQUATOR_MPS2 * seconds * attitude_rad;
+        let grown =
+            |at_horizon: f64, since: f64| math::sqrt(at_horizon * at_horizon + since * since);
+        position_m = position_m.zip_map(&(velocity_mps * seconds), grown);
+        velocity_mps = velocity_mps.zip_map(&Vector3::new(pulled.y, pulled.x, 0.0), grown);
+        SolutionSigma {
+            position_m,
+            velocity_mps,
+            attitude_rad,
         }
     }
 
@@ -858,7 +853,8 @@ impl Observer {
         self.parameters.value += corrections.map(f64::from);
     }
 
-    /// Brings the spread of one parameter up to date, each in its turn.
+    /// Brings the spread of one parameter up to date, each in its turn, and what all add to that
+    /// of one component of the INS error.
     pub fn spread_next(&mut self) {
         let which = usize::from(self.next_spread);
         self.next_spread = if which + 1 < COUNT {
@@ -866,10 +862,26 @@ impl Observer {
         } else {
             0
         };
+        self.add_up(which % 9);
         let variance = f64::from(self.corrections.variance(which));
         let sigma = math::sqrt(variance * self.inflation());
         let value = self.parameters.value(which);
         self.parameters.set(which, value, sigma);
+    }
+
+    /// What the spreads of the parameters add to the variance of one component.
+    fn add_up(&mut self, component: usize) {
+        let by: [f32; COUNT] = core::array::from_fn(|which| {
+            self.responses
+                .get(which)
+                .and_then(|response| response.error.component(component))
+                .copied()
+                .unwrap_or(0.0)
+        });
+        let variance = self.corrections.variance_of(by);
+        if let Some(added) = self.added.component_mut(component) {
+            *added = variance;
+        }
     }
 
     /// Factor by which colour that the model does not hold makes variances too small.
@@ -972,6 +984,29 @@ impl Observer {
         (value, math::sqrt(variance * self.inflation()))
     }
 
+    /// Takes a measured azimuth error that is off by `residual` of what it should be; whether it is
+    /// credible.
+    pub fn take_azimuth(&mut self, residual_rad: f64, sigma_rad: f64) -> bool {
+        let by: [f32; COUNT] = core::array::from_fn(|which| {
+            self.responses
+                .get(which)
+                .map_or(0.0, |r| r.error.tilt_rad.z)
+        });
+        let noise = sigma_rad * sigma_rad;
+        let own =
+            f64::from(self.corrections.variance_of(by)) * self.inflation() + self.azimuth_walk;
+        if residual_rad * residual_rad > AGREES_SIGMAS * AGREES_SIGMAS * (own + noise) {
+            return false;
+        }
+        let mut row = by.map(|by| [by]);
+        self.corrections.add(
+            &mut row,
+            [math::single(residual_rad)],
+            [math::single(1.0 / noise)],
+        );
+        true
+    }
+
     /// Adds a direct measurement of one parameter other than the azimuth.
     pub fn measure_directly(&mut self, parameter: usize, value: f64, variance: f64) {
         let correction = value - self.parameters.value(parameter);
@@ -1021,4 +1056,13 @@ fn unit_response(which: usize) -> Followed<f32> {
         response.error.tilt_rad.z = 1.0;
     }
     response
+}
+
+/// Variance of the INS error that the spreads of the parameters make at the start: that of the
+/// azimuth.
+fn added_at_start(prior: &Parameters) -> InsError<f32> {
+    let mut added = InsError::zero();
+    let azimuth = prior.sigma(index::AZIMUTH);
+    added.tilt_rad.z = math::single(azimuth * azimuth);
+    added
 }

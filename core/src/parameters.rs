@@ -9,7 +9,7 @@ pub const COUNT: usize = 20;
 pub const PAIRS: usize = COUNT * (COUNT + 1) / 2;
 
 /// A measurement agrees with what was believed within this many sigma of the difference.
-const AGREES_SIGMAS: f64 = 4.0;
+pub(crate) const AGREES_SIGMAS: f64 = 4.0;
 
 /// Where each stands in a parameter vector. Those that change from fix to fix come first, for
 /// there the least squares lets them change at least cost.

@@ -67,6 +67,19 @@ pub struct GnssFix {
     pub sigma: FixSigma,
 }
 
+/// A measured heading: of two antennas, or of a compass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Heading {
+    /// Moment that it shows, on the scale of the inertial stamps and without latency.
+    pub time: Time,
+    /// Of the forward axis, clockwise from true north, rad.
+    pub heading_rad: f64,
+    /// One standard deviation, rad.
+    pub sigma_rad: f64,
+}
+
 /// Speed above which a vertical velocity of exactly zero is none, m/s.
 const PLACEHOLDER_MPS: f64 = 1.0;
 /// Speed above which GNSS says that the vehicle moves, m/s, and sigmas of its noise on top.

@@ -41,3 +41,30 @@ impl Solution {
         attitude::euler(&self.attitude)
     }
 }
+
+/// One standard deviation of each part of a [`Solution`], ENU.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct SolutionSigma {
+    /// Position, m.
+    pub position_m: Vector3<f64>,
+    /// Velocity, m/s.
+    pub velocity_mps: Vector3<f64>,
+    /// Attitude, rad: x and y are the tilts about east and north, z is the heading.
+    pub attitude_rad: Vector3<f64>,
+}
+
+/// What the sensors measure, less their errors as far as they are taken out; body axes
+/// right-forward-up. Means over the interval that ends at `time`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct BodyMotion {
+    /// Stamp of the inertial sample.
+    pub time: Time,
+    /// Angular rate against inertial space, rad/s.
+    pub rate_radps: Vector3<f64>,
+    /// Specific force, m/s^2.
+    pub force_mps2: Vector3<f64>,
+}

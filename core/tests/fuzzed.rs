@@ -112,7 +112,7 @@ fn assert_sound(navigator: &Navigator) {
         assert!((solution.attitude.norm() - 1.0).abs() < 1e-6);
     }
     let sigma = navigator.sigma();
-    let spreads = sigma.map(|s| [s.position_m, s.velocity_mps, s.tilt_rad]);
+    let spreads = sigma.map(|s| [s.position_m, s.velocity_mps, s.attitude_rad]);
     for spread in spreads.iter().flatten().flat_map(|s| s.iter()) {
         assert!(spread.is_finite() && *spread >= 0.0, "{sigma:?}");
     }

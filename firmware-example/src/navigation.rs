@@ -4,7 +4,7 @@ use core::cell::Cell;
 use core::fmt::Write as _;
 
 use critical_section::Mutex;
-use ins_core::manoeuvre::Manoeuvre;
+use ins_core::Manoeuvre;
 use ins_core::{
     Estimate, Estimates, GnssOutcome, ImuOutcome, Navigator, Observability, Phase, Solution, Time,
 };
@@ -48,7 +48,7 @@ impl Navigation {
         let navigator = Navigator::new(config).map_err(|error| {
             let mut text = heapless::String::new();
             // A longer reason is cut off.
-            let _ = text.write_str(error.0);
+            let _ = write!(text, "{error}");
             StartError(text)
         })?;
         self.running = Some(Running {

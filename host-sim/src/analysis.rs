@@ -100,7 +100,7 @@ impl Analysis {
     pub fn of_input(input: Input, progress: &ProgressBar) -> Result<Self> {
         progress.set_message("identifying");
         let found = identify(&input.log, input.config, progress)
-            .map_err(|error| miette!("the configuration cannot be used: {}", error.0))?;
+            .map_err(|error| miette!("the configuration cannot be used: {}", error))?;
         Ok(input.with(found))
     }
 

@@ -1,8 +1,8 @@
 //! The core run over a log, sample by sample, as firmware would run it.
 
 use indicatif::ProgressBar;
+use ins_core::ConfigError;
 use ins_core::damping::DampingSignals;
-use ins_core::navigator::ConfigError;
 use ins_core::{
     Config, Estimates, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Manoeuvre, Navigator, Phase,
     Solution, Time,

@@ -579,7 +579,7 @@ fn a_long_hole_is_a_new_start_that_keeps_what_was_learnt() {
             assert_eq!(navigator.phase(), Phase::FindingHeading);
             // What is left of the INS, until it is aligned anew.
             assert!(navigator.solution().is_some());
-            assert!(navigator.sigma().unwrap().tilt_rad.z > 0.5);
+            assert!(navigator.sigma().unwrap().attitude_rad.z > 0.5);
             let now = navigator.estimates().gyro_bias_radps;
             let kept = learnt
                 .iter()

@@ -24,7 +24,7 @@ type Failure = Box<dyn std::error::Error>;
 fn every_bit(board: Board, (config, log): &(Config, Log)) -> Result<(), Failure> {
     let mut session = session(board, Pace::Fast)?;
     session.start(*config, ESTIMATES_EVERY)?;
-    let mut bench = Bench::new(*config).map_err(|error| error.0)?;
+    let mut bench = Bench::new(*config)?;
     let (mut navigated, mut estimated) = (0, 0);
     let status = session.stream(requests(&log.imu, &log.gnss), Rate::Max, |event| {
         let Event::Answer { request, reply, .. } = event else {

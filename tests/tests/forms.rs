@@ -111,7 +111,7 @@ fn no_number_may_be_negative() {
         let mut bad = tree.clone();
         *bad.pointer_mut(&path).unwrap() = Value::from(-1.0);
         let config: Config = serde_json::from_value(bad).unwrap();
-        let why = Navigator::new(config).expect_err(&path).0;
+        let why = Navigator::new(config).expect_err(&path).to_string();
         // The message names the part of the configuration.
         let part = path
             .trim_start_matches('/')

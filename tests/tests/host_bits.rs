@@ -32,7 +32,7 @@ impl Run {
             config: *config,
             estimates_every: ESTIMATES_EVERY,
         };
-        let mut twin = Twin::start(*config, ESTIMATES_EVERY).map_err(|error| error.0)?;
+        let mut twin = Twin::start(*config, ESTIMATES_EVERY)?;
         let mut run = Self {
             requests: encode(0, &start).expect("short").to_vec(),
             replies: Vec::new(),

@@ -173,7 +173,7 @@ fn the_longest_messages_fit() {
         outcome: ins_core::ImuOutcome::OutOfRange,
         report: Report {
             phase: ins_core::Phase::Navigating,
-            manoeuvre: ins_core::manoeuvre::Manoeuvre::Turning,
+            manoeuvre: ins_core::Manoeuvre::Turning,
             solution: Some(solution),
             estimates: Some(Estimates::default()),
             signals: Some(signals),

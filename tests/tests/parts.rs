@@ -59,7 +59,7 @@ fn navigate(whole_s: f64, part: impl Fn(&GnssFix) -> GnssFix) -> Errors {
             velocity.norm_squared(),
             heading * heading,
             velocity.x * velocity.x / (sigma.velocity_mps.x * sigma.velocity_mps.x),
-            heading * heading / (sigma.tilt_rad.z * sigma.tilt_rad.z),
+            heading * heading / (sigma.attitude_rad.z * sigma.attitude_rad.z),
         ];
         count += 1.0;
         for (sum, square) in sums.iter_mut().zip(squares) {

@@ -24,14 +24,15 @@ use self::levelling::RestMean;
 use self::nodes::Nodes;
 use self::rest::{RestBlock, RestDetector, Verdict};
 use self::sightings::Sightings;
-use crate::attitude::{matrix, turned};
+use crate::attitude::{euler, matrix, turned};
 use crate::config::{Config, Feedback, HeadingSource};
 use crate::earth::{GRAVITY_EQUATOR_MPS2, Geodetic, LocalEarth};
 use crate::increments::Interval;
 use crate::math;
 use crate::mechanization::Mechanization;
+use crate::outcome::GnssOutcome;
 use crate::parameters::{Parameters, index};
-use crate::samples::GnssFix;
+use crate::samples::{GnssFix, Heading};
 use crate::solution::Phase;
 use crate::time::Time;
 
@@ -56,6 +57,10 @@ const HEADING_SIGMA_RAD: f64 = 0.3;
 const COMPASS_SIGMAS: f64 = 4.0;
 /// Pieces of work a second on nodes, sightings and answers: half as many again as arise.
 const WORK_PER_S: f64 = 120.0;
+/// Age at which a measured heading counts no more while aligning, s, and least spread of one that
+/// is so old, rad.
+const MEASURED_S: f64 = 1.0;
+const LEAST_HEADING_SIGMA_RAD: f64 = 0.01;
 /// Oldest fix whose position is carried on to the start of navigation, s.
 const OLDEST_FIX_S: f64 = 5.0;
 
@@ -73,6 +78,14 @@ pub struct Aligned {
     pub ins: Mechanization,
     /// Spread of roll and pitch, rad; that of the azimuth is in [`Alignment::known`].
     pub tilt_sigma_rad: f64,
+}
+
+impl Aligned {
+    /// Specific force that a body at rest in this attitude feels, m/s^2.
+    pub fn level_force_mps2(&self) -> Vector3<f64> {
+        let up = matrix(&self.ins.attitude).row(2).transpose();
+        self.ins.local_earth().gravity_mps2 * up
+    }
 }
 
 /// The search for the heading going on.
@@ -109,6 +122,7 @@ pub struct Alignment {
     velocity_mps: Vector3<f64>,
     place: Option<(Time, Geodetic)>,
     sightings: Sightings,
+    measured: Option<Heading>,
     stage: Stage,
 }
 
@@ -123,6 +137,7 @@ impl Alignment {
             velocity_mps: Vector3::zeros(),
             place: None,
             sightings: Sightings::default(),
+            measured: None,
             stage: Stage::Levelling(CoarseLevel::default()),
         }
     }
@@ -231,8 +246,42 @@ impl Alignment {
         }
     }
 
+    /// The first sample has come.
+    pub fn begin_at(&mut self, start: Time) {
+        self.start = start;
+    }
+
+    /// Takes a measured heading; `now` is the last inertial stamp.
+    pub fn on_heading(&mut self, now: Time, heading: &Heading) -> GnssOutcome {
+        let ago_s = now.seconds_since(heading.time);
+        if ago_s > MEASURED_S {
+            return GnssOutcome::TooOld;
+        }
+        if ago_s < -MEASURED_S {
+            return GnssOutcome::TooFarAhead;
+        }
+        self.measured = Some(*heading);
+        GnssOutcome::Accepted
+    }
+
+    /// The heading known at the end of levelling, with its spread: a measured one, or the given
+    /// one, which is that of the beginning.
+    fn heading(&self, time: Time, level: &Level, config: &Config) -> Option<(f64, f64)> {
+        let recent =
+            |measured: &Heading| math::abs(time.seconds_since(measured.time)) <= MEASURED_S;
+        if let Some(measured) = self.measured.filter(recent) {
+            let turned_rad = euler(&level.attitude).heading_rad;
+            let sigma_rad = math::max(measured.sigma_rad, LEAST_HEADING_SIGMA_RAD);
+            return Some((measured.heading_rad - turned_rad, sigma_rad));
+        }
+        match config.heading {
+            HeadingSource::Given(heading_rad) => Some((heading_rad, HEADING_SIGMA_RAD)),
+            HeadingSource::Auto | HeadingSource::Motion => None,
+        }
+    }
+
     /// The interval less the sensor errors that are known.
-    fn compensated(&self, interval: &Interval) -> Interval {
+    pub fn compensated(&self, interval: &Interval) -> Interval {
         interval.without_bias(
             &self.known.vector(index::GYRO),
             &self.known.vector(index::ACCEL),
@@ -270,7 +319,7 @@ impl Alignment {
                 < HEADING_SIGMA_RAD;
         let wanted = if compass { GYROCOMPASS_S } else { LEVEL_S };
         if self.rest.seconds >= wanted || (moving && self.rest.seconds >= LEAST_REST_S) {
-            return Some(self.level_from_rest(&earth, config));
+            return Some(self.level_from_rest(time, &earth, config));
         }
         self.level_in_motion(time, moving, config)
     }
@@ -290,8 +339,8 @@ impl Alignment {
         let level = coarse.level(widest_gyro_sigma(&self.known, config))?;
         let good = level.tilt_sigma_rad < COARSE_TILT_RAD || (in_vain && coarse.is_long());
         good.then(|| Levelled {
+            heading: self.heading(time, &level, config),
             level,
-            heading: given(config),
         })
     }
 
@@ -308,10 +357,14 @@ impl Alignment {
         self.rest.add(block);
     }
 
-    fn level_from_rest(&mut self, earth: &LocalEarth, config: &Config) -> Levelled {
+    fn level_from_rest(&mut self, time: Time, earth: &LocalEarth, config: &Config) -> Levelled {
         let rest = self.rest;
-        let level = levelling::level(&(rest.force_mps2 - self.known.vector(index::ACCEL)), 0.0);
-        let attitude = matrix(&level);
+        let attitude = levelling::level(&(rest.force_mps2 - self.known.vector(index::ACCEL)), 0.0);
+        let level = Level {
+            attitude,
+            tilt_sigma_rad: config.level_sigma(),
+        };
+        let attitude = matrix(&attitude);
         self.learn_gyros(&rest, &attitude, earth, config);
         let sigma = levelling::gyrocompass_sigma(&config.sensors, earth, rest.seconds);
         let compass = (config.heading == HeadingSource::Auto
@@ -319,11 +372,8 @@ impl Alignment {
             && turns_with_earth(&rest, &attitude, earth, config))
         .then(|| (levelling::gyrocompass(&attitude, &rest.rate_radps), sigma));
         Levelled {
-            level: Level {
-                attitude: level,
-                tilt_sigma_rad: config.level_sigma(),
-            },
-            heading: given(config).or(compass),
+            heading: self.heading(time, &level, config).or(compass),
+            level,
         }
     }
 
@@ -383,7 +433,7 @@ impl Alignment {
                     return;
                 };
                 let earth = LocalEarth::at(place.latitude_rad, place.height_m);
-                let levelled = self.level_from_rest(&earth, config);
+                let levelled = self.level_from_rest(time, &earth, config);
                 self.find(time, &levelled.level, config);
             }
             Verdict::Rest(_) | Verdict::Perhaps => {}
@@ -516,14 +566,6 @@ fn turns_with_earth(
     let bias = config.sensors.gyro_bias_radps;
     let variance = bias * bias + rest::gyro_variance(&config.sensors, rest.seconds);
     off * off < COMPASS_SIGMAS * COMPASS_SIGMAS * variance
-}
-
-/// The heading given for the beginning, with its spread.
-fn given(config: &Config) -> Option<(f64, f64)> {
-    match config.heading {
-        HeadingSource::Given(heading_rad) => Some((heading_rad, HEADING_SIGMA_RAD)),
-        HeadingSource::Auto | HeadingSource::Motion => None,
-    }
 }
 
 /// Gyro biases that are taken out of readings.

@@ -1,7 +1,7 @@
 //! The messages. The first field that changes here changes [`VERSION`](crate::VERSION) too.
 
+use ins_core::Manoeuvre;
 use ins_core::damping::DampingSignals;
-use ins_core::manoeuvre::Manoeuvre;
 use ins_core::{
     Config, Estimates, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Navigator, Phase, Solution,
 };

@@ -81,7 +81,7 @@ pub fn accuracy(options: &Accuracy, json: bool, force: bool) -> Result<()> {
     progress.set_message("driving");
     let results = study
         .results(&progress)
-        .map_err(|error| miette!("these options cannot be used: {}", error.0))?;
+        .map_err(|error| miette!("these options cannot be used: {}", error))?;
     if let Some(out) = &options.out {
         output::build(out, JSON, force, |folder| write(&results, folder))?;
     }

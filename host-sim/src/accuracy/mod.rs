@@ -10,9 +10,9 @@ pub use statistics::{Results, Row, Spread};
 use core::f64::consts::PI;
 
 use indicatif::ProgressBar;
+use ins_core::ConfigError;
 use ins_core::config::{Form, HeadingSource};
 use ins_core::earth::wrap_pi;
-use ins_core::navigator::ConfigError;
 use ins_core::{Config, Estimates, Navigator, Observability, Phase, Solution};
 use rayon::prelude::*;
 use serde::Serialize;

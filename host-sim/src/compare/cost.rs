@@ -4,8 +4,8 @@
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
+use ins_core::ConfigError;
 use ins_core::config::Form;
-use ins_core::navigator::ConfigError;
 use ins_core::{Config, Navigator};
 use serde::Serialize;
 

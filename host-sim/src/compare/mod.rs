@@ -76,8 +76,7 @@ impl Comparison {
             noise: noise(grade, &config, truth.is_some()),
             truth: truth.as_ref(),
         };
-        let unusable =
-            |error: ins_core::navigator::ConfigError| miette!("cannot be used: {}", error.0);
+        let unusable = |error: ins_core::ConfigError| miette!("cannot be used: {}", error);
         progress.set_message("all methods");
         let tracks = tracks::all(&input).map_err(unusable)?;
         progress.set_message("outages");

@@ -1,8 +1,8 @@
 //! Every method over the log, looked at once a second.
 
 use indicatif::ProgressBar;
+use ins_core::ConfigError;
 use ins_core::config::Form;
-use ins_core::navigator::ConfigError;
 use ins_core::{Config, Estimates, Solution, Time};
 
 use super::Input;

@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use ins_core::alignment::rest::RestBlock;
+use ins_core::rest::RestBlock;
 use nalgebra::Vector3;
 
 use super::interval::{Interval, sigma_of_squares};

@@ -9,7 +9,7 @@ use crate::log::Grade;
 use crate::quantities::DEG_H_RADPS;
 use crate::sim::errors::BiasModel;
 use crate::sim::{self, ErrorModel};
-use ins_core::alignment::rest::RestBlock;
+use ins_core::rest::RestBlock;
 use ins_core::{Estimate, Observability};
 use nalgebra::Vector3;
 

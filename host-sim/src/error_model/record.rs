@@ -4,10 +4,10 @@
 //! and at an epoch it is set back to the reference: a known control. What is left to be explained
 //! is linear in the errors of the reference and in the gyro biases, thesis equation (1).
 
-use ins_core::alignment::rest::{RestBlock, RestDetector, Verdict};
 use ins_core::earth::LocalEarth;
 use ins_core::increments::{Increments, Interval};
 use ins_core::mechanization::{Controls, Mechanization};
+use ins_core::rest::{RestBlock, RestDetector, Verdict};
 use ins_core::{Estimate, Estimates, GnssFix, Observability, Solution, Time};
 use nalgebra::{Matrix3, Vector2, Vector3};
 

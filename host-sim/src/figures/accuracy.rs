@@ -17,7 +17,7 @@ fn results(study: Study) -> Result<Results> {
     progress.set_message("driving");
     study
         .results(&progress)
-        .map_err(|error| miette!("the study cannot be run: {}", error.0))
+        .map_err(|error| miette!("the study cannot be run: {}", error))
 }
 
 /// Ring-laser class, with the picture of RMS error and sigma over time.

@@ -116,7 +116,7 @@ fn driven(study: Study, tune: &(dyn Fn(&mut Config) + Sync)) -> Result<Results> 
     progress.set_length(study.runs);
     let runs = study
         .drive(tune, &|| progress.inc(1))
-        .map_err(|error| miette!("the study cannot be run: {}", error.0))?;
+        .map_err(|error| miette!("the study cannot be run: {}", error))?;
     progress.finish_and_clear();
     Ok(Results::new(study, runs))
 }
@@ -138,8 +138,8 @@ fn costs() -> Result<String> {
         truth: Vec::new(),
     };
     let noise = Noise::of_model(&Grade::Hg1700.errors());
-    let costs = cost::measure(&log, config, noise)
-        .map_err(|error| miette!("cannot be run: {}", error.0))?;
+    let costs =
+        cost::measure(&log, config, noise).map_err(|error| miette!("cannot be run: {}", error))?;
     let header = cells(["sample with its share of fixes", "ratio"]);
     let rows: Vec<Vec<String>> = costs
         .iter()
@@ -159,7 +159,7 @@ pub(super) fn outages(root: &Path, folder: Option<&Path>) -> Result<Option<Strin
         let (log, _) = log::read(&path)?;
         let config = configure::config(&log, configure::grade(&log, None));
         let test = outage::test(&log, false, config, Noise::of_config(&config))
-            .map_err(|error| miette!("cannot be run: {}", error.0))?;
+            .map_err(|error| miette!("cannot be run: {}", error))?;
         let Some(test) = test else { continue };
         let name = path
             .file_name()

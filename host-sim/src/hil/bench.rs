@@ -1,7 +1,7 @@
 //! The board's answers to a log, kept as `identify` keeps the host's, and compared with those.
 
+use ins_core::ConfigError;
 use ins_core::damping::DampingSignals;
-use ins_core::navigator::ConfigError;
 use ins_core::{Config, Estimates, GnssFix, ImuSample, Manoeuvre, Phase, Time};
 use ins_link::{Reply, Report, Request};
 use serde::Serialize;

@@ -147,7 +147,7 @@ fn run(
     mut log: Option<&mut BoardLog>,
 ) -> Result<(Hardware, Analysis)> {
     let (config, axes) = (input.config, input.log.meta.body_axes);
-    let mut bench = Bench::new(config).map_err(|error| miette!("{}", error.0))?;
+    let mut bench = Bench::new(config).map_err(|error| miette!("{}", error))?;
     let mut session = Session::open(port, session_number())?;
     let started = session.start(config, ESTIMATES_EVERY)?;
     let length = input.log.imu.len() + input.log.gnss.len();

@@ -1,9 +1,9 @@
 //! The filter itself: predicts over intervals, corrects by fixes and at rest.
 
-use ins_core::alignment::rest::{RestBlock, RestDetector, Verdict};
 use ins_core::config::HeadingSource;
 use ins_core::increments::Interval;
 use ins_core::mechanization::{Controls, Mechanization};
+use ins_core::rest::{RestBlock, RestDetector, Verdict};
 use ins_core::{Estimates, GnssFix, Navigator, Time};
 use nalgebra::Vector3;
 

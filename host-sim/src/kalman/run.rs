@@ -3,8 +3,8 @@
 use core::iter::Peekable;
 use core::slice::Iter;
 
+use ins_core::ConfigError;
 use ins_core::increments::Increments;
-use ins_core::navigator::ConfigError;
 use ins_core::{Config, GnssFix, ImuSample, Navigator, Time};
 
 use super::filter::{Correction, Filter, Start};

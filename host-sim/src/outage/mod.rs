@@ -5,7 +5,7 @@ mod peer;
 mod reference;
 mod runs;
 
-use ins_core::navigator::ConfigError;
+use ins_core::ConfigError;
 use ins_core::{Config, Time};
 use serde::Serialize;
 

@@ -1,7 +1,7 @@
 //! The navigators through the outages: each runs over the log once, and a copy of it through
 //! every outage without a fix.
 
-use ins_core::navigator::ConfigError;
+use ins_core::ConfigError;
 use ins_core::{Config, GnssFix, ImuSample, Navigator, Observability, Phase, Solution, Time};
 
 use super::reference::Reference;

@@ -1,8 +1,8 @@
 //! A simulated drive, and what was found on it.
 
+use ins_core::ConfigError;
 use ins_core::config::{Feedback, Form, HeadingSource};
 use ins_core::increments::Interval;
-use ins_core::navigator::ConfigError;
 use ins_core::{Config, Solution, Time};
 use nalgebra::{Vector2, Vector3};
 

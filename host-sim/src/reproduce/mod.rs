@@ -129,7 +129,7 @@ const NOT_REPRODUCED: [NotReproduced; 2] = [
 /// Simulates and measures everything; what comes out does not depend on the number of threads.
 pub fn reproduce(settings: Settings) -> Result<Reproduction> {
     let Settings { seed, drives, .. } = settings;
-    let unusable = |error: ins_core::navigator::ConfigError| miette!("{}", error.0);
+    let unusable = |error: ins_core::ConfigError| miette!("{}", error);
     let drives = (seed..seed.saturating_add(drives))
         .into_par_iter()
         .map(|seed| Drive::new(seed, settings.minutes))

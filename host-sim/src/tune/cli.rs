@@ -44,7 +44,7 @@ pub fn tune(options: &Tune, json: bool) -> Result<()> {
     let records = [Record::new(&analysis.log, &analysis.found)];
     let model = error_model_of(&records, analysis.summary.grade, None);
     let tuning = Tuning::new(&analysis, &model)
-        .map_err(|error| miette!("the configuration cannot be used: {}", error.0))?;
+        .map_err(|error| miette!("the configuration cannot be used: {}", error))?;
     let target = if json { Target::Json } else { options.format };
     // All of it, or nothing.
     print!("{}", targets::text(&tuning, target).into_diagnostic()?);

@@ -13,7 +13,7 @@ mod verdict;
 use std::collections::BTreeMap;
 
 use ins_core::Config;
-use ins_core::navigator::ConfigError;
+use ins_core::ConfigError;
 use serde::Serialize;
 
 pub use found::Found;

@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             estimates_every,
         } = request
         {
-            let navigator = Navigator::new(config).map_err(|error| error.0)?;
+            let navigator = Navigator::new(config)?;
             running = Some((navigator, Reporter::new(estimates_every)));
             continue;
         }

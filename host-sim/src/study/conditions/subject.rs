@@ -3,8 +3,8 @@
 use core::iter::Peekable;
 use core::slice::Iter;
 
+use ins_core::ConfigError;
 use ins_core::config::HeadingSource;
-use ins_core::navigator::ConfigError;
 use ins_core::{
     Config, Estimate, Estimates, GnssFix, ImuSample, Navigator, Observability, Phase, Solution,
     Time,
@@ -141,8 +141,8 @@ impl Subject for Core<'_> {
         let navigator = &self.navigator;
         let mut claims = claims(&navigator.estimates());
         if let Some(sigma) = navigator.sigma() {
-            claims.tilt.sigma = Some(sigma.tilt_rad.x);
-            claims.heading.sigma = Some(sigma.tilt_rad.z);
+            claims.tilt.sigma = Some(sigma.attitude_rad.x);
+            claims.heading.sigma = Some(sigma.attitude_rad.z);
         }
         if navigator.config().gnss.lever_arm_sigma_m == 0.0 {
             // Told to be close, not found.

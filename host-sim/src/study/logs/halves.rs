@@ -1,7 +1,7 @@
 //! The halves test: what two halves of a log say of constants must agree.
 
 use indicatif::ProgressBar;
-use ins_core::navigator::ConfigError;
+use ins_core::ConfigError;
 use ins_core::{Config, Estimate, Estimates, Observability, Phase, Time};
 
 use super::statistics::Difference;

@@ -1,7 +1,7 @@
 //! The core beside other methods on the same log, and beside itself with less to find.
 
 use ins_core::Config;
-use ins_core::navigator::ConfigError;
+use ins_core::ConfigError;
 use serde::Serialize;
 
 use super::statistics::Difference;

@@ -17,7 +17,7 @@ use std::path::Path;
 
 use indicatif::ProgressBar;
 use ins_core::Config;
-use ins_core::navigator::ConfigError;
+use ins_core::ConfigError;
 use miette::{Result, miette};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -122,7 +122,7 @@ impl LogStudy {
         let (log, _) = log::read(folder)?;
         let grade = configure::grade(&log, grade);
         progress.set_message(name.clone());
-        Self::of_log(name, &log, grade).map_err(|error| miette!("cannot be used: {}", error.0))
+        Self::of_log(name, &log, grade).map_err(|error| miette!("cannot be used: {}", error))
     }
 
     /// Runs all tests.

@@ -4,11 +4,12 @@
 #![allow(clippy::disallowed_methods)] // Reference values, not results.
 #![allow(clippy::unwrap_used)]
 
-use ins_core::Time;
-use ins_core::earth::GRAVITY_EQUATOR_MPS2;
-use ins_core::history::{History, Missing, Span, Wobble};
+use crate::Time;
+use crate::earth::GRAVITY_EQUATOR_MPS2;
+use crate::history::{History, Missing, Span, Wobble};
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
+use std::vec::Vec;
 
 const ACCEL: Vector3<f64> = Vector3::new(1.5, -0.7, 0.2);
 const JERK: Vector3<f64> = Vector3::new(-3.0, 2.0, 1.0);

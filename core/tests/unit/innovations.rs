@@ -2,9 +2,9 @@
 #![allow(clippy::cast_precision_loss)]
 #![allow(clippy::disallowed_methods, clippy::panic)]
 
-use ins_core::Time;
-use ins_core::config::Noise;
-use ins_core::innovations::{Credit, Innovations, StatedNoise, Surprise, against_described};
+use crate::Time;
+use crate::config::Noise;
+use crate::innovations::{Credit, Innovations, StatedNoise, Surprise, against_described};
 use nalgebra::Vector2;
 
 const RANGE: [f64; 2] = [0.1, 10.0];

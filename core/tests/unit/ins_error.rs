@@ -2,10 +2,10 @@
 //! integrated finely.
 #![allow(clippy::cast_precision_loss)]
 
-use ins_core::earth::GRAVITY_EQUATOR_MPS2;
-use ins_core::error_model::{Forcing, InsError, Passage};
-use ins_core::history::Span;
-use ins_core::parameters::{COUNT, Parameters, index};
+use crate::earth::GRAVITY_EQUATOR_MPS2;
+use crate::error_model::{Forcing, InsError, Passage};
+use crate::history::Span;
+use crate::parameters::{COUNT, Parameters, index};
 use nalgebra::{Matrix3, SVector, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 

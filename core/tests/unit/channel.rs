@@ -2,8 +2,8 @@
 #![allow(clippy::cast_precision_loss)]
 #![allow(clippy::disallowed_methods, clippy::indexing_slicing)]
 
-use ins_core::channel::{Channel, Growth, Measured, Renewal};
-use ins_core::config::Noise;
+use crate::channel::{Channel, Growth, Measured, Renewal};
+use crate::config::Noise;
 use nalgebra::{Matrix5, RowVector5, Vector5};
 use proptest::prelude::*;
 

@@ -1,0 +1,132 @@
+//! How it goes: what became of samples and fixes, and whether the innovations are what they should
+//! be.
+
+use crate::outcome::{GnssOutcome, ImuOutcome};
+use crate::solution::Phase;
+use crate::time::Time;
+
+/// What became of a fix in the end, also of one that was queued.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct FixReport {
+    /// Stamp of the fix.
+    pub time: Time,
+    /// Never [`GnssOutcome::Queued`].
+    pub outcome: GnssOutcome,
+}
+
+/// Fixes by what became of them in the end.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub struct FixCounts {
+    /// Used.
+    pub accepted: u32,
+    /// See [`GnssOutcome::NoInertialData`].
+    pub no_inertial_data: u32,
+    /// See [`GnssOutcome::NotFinite`].
+    pub not_finite: u32,
+    /// See [`GnssOutcome::Empty`].
+    pub empty: u32,
+    /// See [`GnssOutcome::TimeNotIncreasing`].
+    pub time_not_increasing: u32,
+    /// See [`GnssOutcome::TooOld`].
+    pub too_old: u32,
+    /// See [`GnssOutcome::TooFarAhead`].
+    pub too_far_ahead: u32,
+    /// See [`GnssOutcome::OutOfRange`].
+    pub out_of_range: u32,
+    /// See [`GnssOutcome::Outlier`].
+    pub outlier: u32,
+}
+
+/// Samples by what became of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub struct SampleCounts {
+    /// See [`ImuOutcome::Accepted`].
+    pub accepted: u32,
+    /// See [`ImuOutcome::Bridged`].
+    pub bridged: u32,
+    /// See [`ImuOutcome::Gap`].
+    pub gap: u32,
+    /// See [`ImuOutcome::NotFinite`].
+    pub not_finite: u32,
+    /// See [`ImuOutcome::TimeNotIncreasing`].
+    pub time_not_increasing: u32,
+    /// See [`ImuOutcome::OutOfRange`].
+    pub out_of_range: u32,
+}
+
+/// What has been counted so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Tally {
+    pub(crate) samples: SampleCounts,
+    pub(crate) fixes: FixCounts,
+    pub(crate) last_fix: Option<FixReport>,
+}
+
+impl Tally {
+    pub(crate) fn sample(&mut self, outcome: ImuOutcome) {
+        let count = match outcome {
+            ImuOutcome::Accepted => &mut self.samples.accepted,
+            ImuOutcome::Bridged => &mut self.samples.bridged,
+            ImuOutcome::Gap => &mut self.samples.gap,
+            ImuOutcome::NotFinite => &mut self.samples.not_finite,
+            ImuOutcome::TimeNotIncreasing => &mut self.samples.time_not_increasing,
+            ImuOutcome::OutOfRange => &mut self.samples.out_of_range,
+        };
+        *count = count.saturating_add(1);
+    }
+
+    /// Counts a fix once; one that is queued, when it has been taken from there.
+    pub(crate) fn fix(&mut self, time: Time, outcome: GnssOutcome) {
+        let count = match outcome {
+            GnssOutcome::Queued => return,
+            GnssOutcome::Accepted => &mut self.fixes.accepted,
+            GnssOutcome::NoInertialData => &mut self.fixes.no_inertial_data,
+            GnssOutcome::NotFinite => &mut self.fixes.not_finite,
+            GnssOutcome::Empty => &mut self.fixes.empty,
+            GnssOutcome::TimeNotIncreasing => &mut self.fixes.time_not_increasing,
+            GnssOutcome::TooOld => &mut self.fixes.too_old,
+            GnssOutcome::TooFarAhead => &mut self.fixes.too_far_ahead,
+            GnssOutcome::OutOfRange => &mut self.fixes.out_of_range,
+            GnssOutcome::Outlier => &mut self.fixes.outlier,
+        };
+        *count = count.saturating_add(1);
+        self.last_fix = Some(FixReport { time, outcome });
+    }
+}
+
+/// How the navigator does; costs nothing to ask for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub struct Health {
+    /// How far the alignment has come.
+    pub phase: Phase,
+    /// Moment of the last fix that was used, if the INS is on its own since then.
+    pub coasting_since: Option<Time>,
+    /// The last fix whose outcome is known. Ask after each call: none settles more than one.
+    pub last_fix: Option<FixReport>,
+    /// Mean square of the level innovations of the last ten seconds, in the variances that they
+    /// should have: about 1, and beyond 9 the INS is doubted. None while aligning, nor in the
+    /// literal form.
+    pub level_innovation: Option<f64>,
+    /// The same of the vertical.
+    pub vertical_innovation: Option<f64>,
+    /// When the INS was last doubted: its spreads were widened then.
+    pub doubted: Option<Time>,
+    /// How often an INS that had lost its way was aligned anew.
+    pub restarts: u32,
+    /// Fixes by outcome.
+    pub fixes: FixCounts,
+    /// Samples by outcome.
+    pub samples: SampleCounts,
+}

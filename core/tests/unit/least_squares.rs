@@ -1,0 +1,146 @@
+//! Against dense algebra.
+#![allow(
+    clippy::cast_precision_loss,
+    clippy::cast_possible_truncation,
+    clippy::disallowed_methods,
+    clippy::unwrap_used,
+    clippy::indexing_slicing
+)]
+
+use nalgebra::{Matrix4, Vector2, Vector4};
+use proptest::prelude::*;
+
+use super::LeastSquares;
+
+/// The same knowledge as mean and covariance, by the textbook's formulas.
+#[derive(Clone, Copy, Debug)]
+struct Gaussian {
+    mean: Vector4<f64>,
+    covariance: Matrix4<f64>,
+}
+
+impl Gaussian {
+    fn measure(&mut self, row: &Vector4<f64>, measured: f64, variance: f64) {
+        let gain = self.covariance * row / (row.dot(&(self.covariance * row)) + variance);
+        self.mean += gain * (measured - row.dot(&self.mean));
+        let kept = Matrix4::identity() - gain * row.transpose();
+        self.covariance =
+            kept * self.covariance * kept.transpose() + gain * variance * gain.transpose();
+    }
+
+    fn redefine(&mut self, index: usize, others: &Vector4<f64>) {
+        let mut map = Matrix4::identity();
+        for k in 0..4 {
+            map[(index, k)] += others[k];
+        }
+        self.mean = map * self.mean;
+        self.covariance = map * self.covariance * map.transpose();
+    }
+}
+
+#[derive(Clone, Debug)]
+enum Step {
+    Measure([Vector4<f64>; 2], [f64; 2], [f64; 2]),
+    Direct(usize, f64, f64),
+    Diffuse(usize, f64),
+    Redefine(usize, Vector4<f64>),
+    CountFromSolution,
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    let number = || -3.0_f64..3.0;
+    let four = || [number(), number(), number(), number()].prop_map(Vector4::from);
+    let variance = || 0.05_f64..5.0;
+    prop_oneof![
+        6 => ([four(), four()], [number(), number()], [variance(), variance()])
+            .prop_map(|(r, m, v)| Step::Measure(r, m, v)),
+        1 => (0..4_usize, number(), variance()).prop_map(|(i, m, v)| Step::Direct(i, m, v)),
+        2 => (0..4_usize, variance()).prop_map(|(i, v)| Step::Diffuse(i, v)),
+        2 => (0..4_usize, four()).prop_map(|(i, c)| Step::Redefine(i, c)),
+        1 => Just(Step::CountFromSolution),
+    ]
+}
+
+proptest! {
+    /// Whatever is done to it, what it knows is that of the covariance treated alike.
+    #[test]
+    fn least_squares_is_the_covariance_seen_from_the_other_side(
+        steps in prop::collection::vec(step(), 1..60),
+        asked in [-3.0_f64..3.0, -3.0..3.0, -3.0..3.0, -3.0..3.0],
+    ) {
+        let sigma = Vector4::new(1.0, 2.0, 0.5, 3.0);
+        let mut rows = LeastSquares::<4, 10>::from_prior(&sigma.cast());
+        let covariance = Matrix4::from_diagonal(&sigma.component_mul(&sigma));
+        let mut gaussian = Gaussian { mean: Vector4::zeros(), covariance };
+        for step in steps {
+            match step {
+                Step::Measure([a, b], measured, variance) => {
+                    let single = |x: f64| x as f32;
+                    let mut both = core::array::from_fn(|k| [single(a[k]), single(b[k])]);
+                    rows.add(&mut both, measured.map(single), variance.map(|v| single(1.0 / v)));
+                    gaussian.measure(&a, measured[0], variance[0]);
+                    gaussian.measure(&b, measured[1], variance[1]);
+                }
+                Step::Direct(index, measured, variance) => {
+                    rows.add_direct(index, measured as f32, variance as f32);
+                    gaussian.measure(&Vector4::ith(index, 1.0), measured, variance);
+                }
+                Step::Diffuse(index, variance) => {
+                    rows.diffuse(index, variance as f32);
+                    gaussian.covariance[(index, index)] += variance;
+                }
+                Step::Redefine(index, mut later) => {
+                    later.rows_mut(0, index + 1).fill(0.0);
+                    rows.redefine(index, &later.cast());
+                    gaussian.redefine(index, &later);
+                }
+                Step::CountFromSolution => {
+                    rows.count_from_solution();
+                    gaussian.mean = Vector4::zeros();
+                }
+            }
+        }
+        // Repeated renaming makes both ill-conditioned: rounding times the root of that.
+        let condition = gaussian.covariance.norm() * gaussian.covariance.try_inverse().unwrap().norm();
+        let rounding = 3e-5 * condition.sqrt().max(10.0);
+        prop_assume!(rounding < 0.05);
+        let solved = rows.solve();
+        let size = gaussian.covariance.norm().sqrt() + gaussian.mean.norm();
+        for k in 0..4 {
+            prop_assert!((f64::from(solved[k]) - gaussian.mean[k]).abs() < rounding * size);
+            let expected = gaussian.covariance[(k, k)];
+            prop_assert!((f64::from(rows.variance(k)) / expected - 1.0).abs() < rounding);
+        }
+        let asked = Vector4::from(asked);
+        let variance = f64::from(rows.variance_of(asked.cast().into()));
+        let expected = asked.dot(&(gaussian.covariance * asked));
+        prop_assert!((variance - expected).abs() < rounding * gaussian.covariance.norm() * asked.norm_squared());
+    }
+
+    /// What rows add to the sum of squared residuals is what is left of them in the end.
+    #[test]
+    fn contradictions_are_counted(
+        rows in prop::collection::vec(([-3.0_f32..3.0, -3.0..3.0], -3.0_f32..3.0), 1..20),
+    ) {
+        let sigma = Vector2::new(1.0, 2.0);
+        let mut squares = LeastSquares::<2, 3>::from_prior(&sigma);
+        let mut misfit = 0.0;
+        for ([a, b], measured) in &rows {
+            misfit += squares.add(&mut [[*a], [*b]], [*measured], [1.0]);
+        }
+        let x = squares.solve();
+        let left = rows.iter().map(|([a, b], m)| (a * x.x + b * x.y - m).powi(2)).sum::<f32>();
+        let expected = left + x.x * x.x + x.y * x.y / 4.0;
+        prop_assert!((misfit - expected).abs() < 1e-4 * (1.0 + expected));
+    }
+}
+
+#[test]
+fn an_index_that_does_not_exist_changes_nothing() {
+    let before = LeastSquares::<2, 3>::from_prior(&Vector2::repeat(1.0));
+    let mut after = before;
+    after.add_direct(2, 1.0, 1.0);
+    after.diffuse(2, 1.0);
+    after.redefine(2, &Vector2::zeros());
+    assert_eq!(after, before);
+}

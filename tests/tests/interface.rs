@@ -1,0 +1,257 @@
+//! What a porter builds on: health, body rates, headings, calibration kept, state restored.
+
+use host_sim::accuracy::config_of;
+use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
+use ins_core::config::HeadingSource;
+use ins_core::earth::wrap_pi;
+use ins_core::{
+    Calibration, Config, GnssFix, GnssOutcome, Heading, ImuOutcome, ImuSample, Navigator, Phase,
+    Time,
+};
+
+use nalgebra::Vector3;
+
+const MINUTES: f64 = 12.0;
+
+fn drive_of(seed: u64) -> SimulatedDrive {
+    let mut drive = DriveConfig::new(seed, Grade::Mems, MINUTES);
+    drive.recording.truth_every = 1;
+    simulate(&drive)
+}
+
+/// All of a drive until a time; `each` is asked after every sample.
+fn run(
+    navigator: &mut Navigator,
+    drive: &SimulatedDrive,
+    span_s: std::ops::Range<f64>,
+    mut each: impl FnMut(&mut Navigator, usize, &ImuSample),
+) {
+    let from = Time::default().plus_seconds(span_s.start);
+    let mut fixes = drive.gnss.iter().filter(|fix| fix.time >= from).peekable();
+    for (count, sample) in drive.imu.iter().enumerate() {
+        if !span_s.contains(&sample.time.as_seconds()) {
+            continue;
+        }
+        while let Some(fix) = fixes.next_if(|fix| fix.time < sample.time) {
+            let _ = navigator.on_gnss(fix);
+        }
+        let _ = navigator.on_imu(sample);
+        each(navigator, count, sample);
+    }
+}
+
+fn heading_error_rad(navigator: &Navigator, drive: &SimulatedDrive, count: usize) -> f64 {
+    let heading_rad = navigator.solution().unwrap().euler().heading_rad;
+    // The truth begins with the moment before the first increment.
+    wrap_pi(heading_rad - drive.truth[count + 1].euler().heading_rad)
+}
+
+#[test]
+fn a_restored_navigator_goes_on_in_the_same_bits() {
+    let drive = drive_of(3);
+    // Levelling, finding the heading, navigating.
+    for stop_s in [5.0, 14.0, 300.0] {
+        let mut navigator = Navigator::new(config_of(Grade::Mems)).unwrap();
+        run(&mut navigator, &drive, 0.0..stop_s, |_, _, _| {});
+        let bytes = postcard::to_stdvec(&navigator).unwrap();
+        let mut restored: Navigator = postcard::from_bytes(&bytes).unwrap();
+        assert!(restored == navigator && restored.health() == navigator.health());
+        for navigator in [&mut navigator, &mut restored] {
+            run(navigator, &drive, stop_s..stop_s + 60.0, |_, _, _| {});
+        }
+        assert!(restored == navigator, "{stop_s}");
+        assert_eq!(restored.solution(), navigator.solution());
+    }
+}
+
+#[test]
+fn what_is_restored_has_a_usable_configuration() {
+    let navigator: Navigator = Navigator::new(Config::mems()).unwrap();
+    let mut tree = serde_json::to_value(&navigator).unwrap();
+    *tree.pointer_mut("/config/max_gap_s").unwrap() = (-1.0).into();
+    let why = serde_json::from_value::<Navigator>(tree).unwrap_err();
+    assert!(why.to_string().contains("max_gap_s"), "{why}");
+}
+
+#[test]
+fn each_fix_has_one_outcome_in_the_end() {
+    let drive = drive_of(3);
+    let mut navigator = Navigator::new(config_of(Grade::Mems)).unwrap();
+    let mut settled = Vec::new();
+    run(&mut navigator, &drive, 0.0..200.0, |navigator, _, _| {
+        settled.extend(navigator.health().last_fix);
+    });
+    let health = navigator.health();
+    assert_eq!(health.phase, Phase::Navigating);
+    settled.dedup();
+    let fixes = drive
+        .gnss
+        .iter()
+        .filter(|fix| fix.time.as_seconds() < 200.0);
+    let waiting = fixes.count() - settled.len();
+    assert!(waiting < 10, "{waiting} fixes without an outcome");
+    assert!(settled.windows(2).all(|pair| pair[0].time < pair[1].time));
+    let counts = health.fixes;
+    let refused = counts.no_inertial_data + counts.outlier + counts.too_old;
+    assert_eq!(
+        (counts.accepted + refused) as usize,
+        settled.len(),
+        "{counts:?}"
+    );
+    let samples = drive
+        .imu
+        .iter()
+        .filter(|s| s.time.as_seconds() < 200.0)
+        .count();
+    assert_eq!(health.samples.accepted as usize, samples);
+    let level = health.level_innovation.unwrap();
+    assert!((0.1..4.0).contains(&level), "{level}");
+}
+
+#[test]
+fn health_shows_an_outage_and_refusals() {
+    let drive = drive_of(3);
+    let mut navigator = Navigator::new(config_of(Grade::Mems)).unwrap();
+    run(&mut navigator, &drive, 0.0..120.0, |_, _, _| {});
+    assert_eq!(navigator.health().coasting_since, None);
+    let last = drive
+        .imu
+        .iter()
+        .find(|s| s.time.as_seconds() >= 120.0)
+        .unwrap();
+    let far = GnssFix {
+        time: last.time,
+        velocity_en_mps: Some([500.0, 0.0].into()),
+        ..GnssFix::default()
+    };
+    let _ = navigator.on_gnss(&far);
+    for sample in drive.imu.iter().filter(|s| s.time >= last.time).take(1000) {
+        assert_eq!(navigator.on_imu(sample), ImuOutcome::Accepted);
+    }
+    let health = navigator.health();
+    let since = health.coasting_since.expect("no fix for ten seconds");
+    assert!(
+        (last.time.seconds_since(since) - 0.2).abs() < 0.3,
+        "{since:?}"
+    );
+    let report = health.last_fix.unwrap();
+    assert_eq!(
+        (report.time, report.outcome),
+        (far.time, GnssOutcome::Outlier)
+    );
+    assert_eq!(health.fixes.outlier, 1);
+}
+
+#[test]
+fn body_motion_is_that_of_the_body() {
+    let drive = drive_of(3);
+    let mut navigator = Navigator::new(config_of(Grade::Mems)).unwrap();
+    run(&mut navigator, &drive, 0.0..600.0, |_, _, _| {});
+    let bias = Vector3::from(drive.errors.gyro_bias_radps);
+    let mut taken_out = Vector3::zeros();
+    run(
+        &mut navigator,
+        &drive,
+        600.0..660.0,
+        |navigator, _, sample| {
+            let motion = navigator.body_motion().unwrap();
+            assert_eq!(motion.time, sample.time);
+            taken_out += (sample.gyro - motion.rate_radps) / 6000.0;
+        },
+    );
+    assert!(
+        (taken_out - bias).norm() < 0.02 * bias.norm(),
+        "{taken_out} {bias}"
+    );
+}
+
+/// A compass of 1 deg that is right settles the heading; one that is off by many sigmas is refused.
+#[test]
+fn a_measured_heading_counts_as_much_as_it_says() {
+    let drive = drive_of(3);
+    let config = Config {
+        heading: HeadingSource::Given(drive.truth[0].euler().heading_rad + 0.3),
+        ..config_of(Grade::Mems)
+    };
+    let mut navigator = Navigator::new(config).unwrap();
+    // At rest, before GNSS shows any heading.
+    run(&mut navigator, &drive, 0.0..12.0, |_, _, _| {});
+    assert_eq!(navigator.phase(), Phase::Navigating);
+    let (count, sample) = drive
+        .imu
+        .iter()
+        .enumerate()
+        .find(|(_, s)| s.time.as_seconds() >= 11.95)
+        .unwrap();
+    let truth_rad = drive.truth[count + 1].euler().heading_rad;
+    let measured = |heading_rad| Heading {
+        time: sample.time,
+        heading_rad,
+        sigma_rad: 1_f64.to_radians(),
+    };
+    assert!(heading_error_rad(&navigator, &drive, count).abs() > 0.25);
+    assert_eq!(
+        navigator.on_heading(&measured(truth_rad + 0.01)),
+        GnssOutcome::Accepted
+    );
+    run(&mut navigator, &drive, 12.0..16.0, |_, _, _| {});
+    let before = |s: &ImuSample| s.time.as_seconds() < 16.0;
+    let at = drive.imu.iter().rposition(before).unwrap();
+    let error = heading_error_rad(&navigator, &drive, at);
+    let sigma = navigator.sigma().unwrap().attitude_rad.z;
+    assert!((error - 0.01).abs() < 0.005, "{error}");
+    assert!((0.015..0.02).contains(&sigma), "{sigma}");
+    let last = drive.imu[at];
+    let wrong = Heading {
+        time: last.time,
+        ..measured(truth_rad + 0.5)
+    };
+    assert_eq!(navigator.on_heading(&wrong), GnssOutcome::Outlier);
+}
+
+/// Given while levelling, it is the heading to start with.
+#[test]
+fn a_measured_heading_ends_alignment() {
+    let drive = drive_of(3);
+    let mut navigator = Navigator::new(config_of(Grade::Mems)).unwrap();
+    let truth_rad = drive.truth[0].euler().heading_rad;
+    run(&mut navigator, &drive, 0.0..12.0, |navigator, _, sample| {
+        let _ = navigator.on_heading(&Heading {
+            time: sample.time,
+            heading_rad: truth_rad,
+            sigma_rad: 0.02,
+        });
+    });
+    assert_eq!(navigator.phase(), Phase::Navigating);
+    assert!(navigator.sigma().unwrap().attitude_rad.z < 0.021);
+}
+
+/// The same unit a second time: what was found the first time is there from the beginning.
+#[test]
+fn a_calibration_kept_is_believed_as_far_as_it_says() {
+    let drive = drive_of(3);
+    let mut first = Navigator::new(config_of(Grade::Mems)).unwrap();
+    run(&mut first, &drive, 0.0..700.0, |_, _, _| {});
+    let text = serde_json::to_string(&first.calibration()).unwrap();
+    let kept: Calibration = serde_json::from_str(&text).unwrap();
+    let turned_on = kept.after_turn_on(1e-4, 1e-3);
+    let mut warm = Navigator::warm(config_of(Grade::Mems), &turned_on).unwrap();
+    let mut cold = Navigator::new(config_of(Grade::Mems)).unwrap();
+    for navigator in [&mut warm, &mut cold] {
+        run(navigator, &drive, 0.0..60.0, |_, _, _| {});
+    }
+    let sigmas = |navigator: &Navigator| {
+        let estimates = navigator.estimates();
+        [
+            estimates.accel_bias_mps2[0].sigma,
+            estimates.accel_bias_mps2[1].sigma,
+            estimates.gnss_latency_s.sigma,
+        ]
+    };
+    for (warm, cold) in sigmas(&warm).into_iter().zip(sigmas(&cold)) {
+        assert!(warm < 0.6 * cold, "{warm} {cold}");
+    }
+    let mut broken = kept;
+    broken.clock_drift.sigma = 0.0;
+    assert!(Navigator::warm(Config::mems(), &broken).is_err());
+}
