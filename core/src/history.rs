@@ -339,7 +339,14 @@ impl Around<'_> {
             accel_mps2,
             jerk_mps3,
         } = self.parabola(&here, &bend.force_mps2);
-        let velocity = |off_s: f64| middle_mps + off_s * (accel_mps2 + 0.5 * off_s * jerk_mps3);
+        // A cubic whose means over the three intervals are zero: it changes none of the parabola's.
+        let snap_mps4 = self.snap(&here);
+        let flat = 1.25 * here.seconds * here.seconds;
+        let velocity = |off_s: f64| {
+            middle_mps
+                + off_s * (accel_mps2 + 0.5 * off_s * jerk_mps3)
+                + off_s * (off_s * off_s - flat) / 6.0 * snap_mps4
+        };
         let (first, velocity_mps) = (velocity(-0.5 * here.seconds), velocity(off_s));
         // Over what is left of the interval the mean velocity is that of its two ends.
         let left_s = (1.0 - part) * here.seconds;
@@ -355,8 +362,8 @@ impl Around<'_> {
         Past {
             time,
             velocity_mps,
-            accel_mps2: accel_mps2 + off_s * jerk_mps3,
-            jerk_mps3,
+            accel_mps2: accel_mps2 + off_s * jerk_mps3 + (0.5 * off_s * off_s - flat / 6.0) * snap_mps4,
+            jerk_mps3: jerk_mps3 + off_s * snap_mps4,
             unseen_velocity: math::max(f64::from(end.wobble) - explained, 0.0),
             unseen_rate: (sag * self.unevenness(&here)).norm_squared()
                 + math::max(f64::from(end.rate_wobble) - turning, 0.0),
@@ -395,6 +402,16 @@ impl Around<'_> {
             accel_mps2: (before - before_bent * jerk_mps3) / before_s,
             jerk_mps3,
         }
+    }
+
+    /// How the jerk changes, m/s^4, where a moment follows.
+    fn snap(&self, here: &Means) -> Vector3<f64> {
+        let Some(after) = self.after else {
+            return Vector3::zeros();
+        };
+        let at_start = here.slope_from(&Means::over(self.start));
+        let at_end = Means::over(after).slope_from(here);
+        (at_end.force_mps2 - at_start.force_mps2) / (0.5 * (at_start.seconds + at_end.seconds))
     }
 
     /// By how much the angular rate changes faster after the interval than before it, rad/s^3.
