@@ -28,6 +28,7 @@ use crate::ring::Ring;
 use crate::samples::{GnssFix, Heading};
 use crate::solution::{Phase, Solution, SolutionSigma};
 use crate::time::Time;
+use crate::vertical_sign::{self, VerticalSign};
 
 /// Fixes that may wait for their moment.
 const PENDING: usize = 10;
@@ -107,6 +108,7 @@ pub struct AidedIns<const N: usize> {
     /// When errors were last taken out of an INS without fixes.
     last_coast: Time,
     rest: RestDetector,
+    vertical_sign: VerticalSign,
     last_solve: Time,
     work_left: bool,
     since: Time,
@@ -144,6 +146,7 @@ impl<const N: usize> AidedIns<N> {
             estimator: Estimator::new(
                 time,
                 aligned.tilt_sigma_rad,
+                vertical_sign::unsigned(aligned.ins.velocity_enu_mps.z, config),
                 aligned.level_force_mps2(),
                 known,
                 config,
@@ -163,6 +166,7 @@ impl<const N: usize> AidedIns<N> {
             last_position: time,
             last_coast: time,
             rest: RestDetector::default(),
+            vertical_sign: VerticalSign::default(),
             last_solve: time,
             work_left: false,
             since: time,
@@ -609,7 +613,8 @@ impl<const N: usize> AidedIns<N> {
         };
         self.manoeuvre = Manoeuvre::of(past);
         let has_level = fix.velocity_en_mps.is_some();
-        let has_up = fix.velocity_up_mps.is_some();
+        let sign_variance = self.vertical_sign.take(fix, config);
+        let has_up = sign_variance.is_some();
         let due = taken.position_s >= POSITION_INTERVAL_S || !has_level;
         let takes_position = due && (fix.position.is_some() || fix.height_m.is_some());
         let observer = match &mut self.estimator {
@@ -642,6 +647,7 @@ impl<const N: usize> AidedIns<N> {
         if has_level || has_up {
             let difference = Difference {
                 measured: Measured::Velocity,
+                up_variance: sign_variance.unwrap_or_default(),
                 value: velocity_mps,
                 has_level,
                 has_up,
@@ -654,6 +660,7 @@ impl<const N: usize> AidedIns<N> {
             self.last_position = past.time;
             let difference = Difference {
                 measured: Measured::Position,
+                up_variance: 0.0,
                 value: taken.position_m,
                 has_level: fix.position.is_some(),
                 has_up: fix.height_m.is_some(),

@@ -26,10 +26,12 @@ pub enum Estimator {
 }
 
 impl Estimator {
-    /// Starts on a level of some spread, with what is believed of the parameters.
+    /// Starts on a level of some spread and with a vertical velocity of some variance, with what is
+    /// believed of the parameters.
     pub fn new(
         start: Time,
         tilt_sigma_rad: f64,
+        climb_variance: f64,
         level_force_mps2: Vector3<f64>,
         known: &Parameters,
         config: &Config,
@@ -38,6 +40,7 @@ impl Estimator {
         let mut estimator = Self::Exact(Observer::new(
             start,
             tilt_sigma_rad,
+            climb_variance,
             level_force_mps2,
             known,
             config,

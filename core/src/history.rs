@@ -362,7 +362,9 @@ impl Around<'_> {
         Past {
             time,
             velocity_mps,
-            accel_mps2: accel_mps2 + off_s * jerk_mps3 + (0.5 * off_s * off_s - flat / 6.0) * snap_mps4,
+            accel_mps2: accel_mps2
+                + off_s * jerk_mps3
+                + (0.5 * off_s * off_s - flat / 6.0) * snap_mps4,
             jerk_mps3: jerk_mps3 + off_s * snap_mps4,
             unseen_velocity: math::max(f64::from(end.wobble) - explained, 0.0),
             unseen_rate: (sag * self.unevenness(&here)).norm_squared()

@@ -91,6 +91,7 @@ mod ring;
 mod samples;
 mod solution;
 mod time;
+mod vertical_sign;
 
 pub use alignment::rest;
 pub use calibration::{Calibration, Known};

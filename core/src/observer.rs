@@ -39,10 +39,6 @@ const LOST_MPS: f64 = 10.0;
 /// Time for which vertical innovations must be too large before the vertical is doubted, s: longer
 /// than a bump, and no manoeuvre tips the vertical velocity.
 const VERTICAL_DOUBT_S: f64 = 5.0;
-/// Time for which vertical velocities are then left out at first, s, if there were heights within
-/// this time, s.
-const FIRST_DISTRUST_S: f64 = 60.0;
-const HEIGHTS_S: f64 = 5.0;
 const LOST_TILT_RAD: f64 = 0.05;
 const LOST_AZIMUTH_RAD: f64 = 0.3;
 /// Part of its run-to-run spread by which a bias may have changed then.
@@ -172,6 +168,8 @@ pub struct Difference {
     pub has_level: bool,
     /// Whether the up component was.
     pub has_up: bool,
+    /// Variance that the up component has on top.
+    pub up_variance: f64,
     /// Noise of a level component, and of the up one, as the receiver states it.
     pub stated_sigma: [Option<f64>; 2],
     /// Latency already taken out by the choice of the moment, s.
@@ -256,18 +254,15 @@ pub struct Observer {
     horizon: Time,
     last_level: Time,
     last_vertical: Time,
-    /// When a height was last taken, and for how long vertical velocities are not, from when.
-    last_height: Time,
-    distrusted: Time,
-    distrust_s: f64,
 }
 
 impl Observer {
-    /// Starts on a level of some spread, with what is believed of the parameters;
-    /// `level_force_mps2` is the specific force felt there, body.
+    /// Starts on a level of some spread and with a vertical velocity of some variance, with what is
+    /// believed of the parameters; `level_force_mps2` is the specific force felt there, body.
     pub fn new(
         start: Time,
         tilt_sigma_rad: f64,
+        climb_variance: f64,
         level_force_mps2: Vector3<f64>,
         prior: &Parameters,
         config: &Config,
@@ -282,6 +277,7 @@ impl Observer {
             &gnss.position_m,
         );
         let mut vertical = Channel::new(0.0, &gnss.velocity_up_mps, &gnss.height_m);
+        vertical.doubt(climb_variance, 0.0);
         vertical.doubt_position(UNKNOWN_HEIGHT_M * UNKNOWN_HEIGHT_M);
         Self {
             followed,
@@ -310,9 +306,6 @@ impl Observer {
             horizon: start,
             last_level: start,
             last_vertical: start,
-            last_height: start,
-            distrusted: start,
-            distrust_s: 0.0,
         }
     }
 
@@ -438,15 +431,6 @@ impl Observer {
         self.forget_noise(&Vector3::new(1.0, 1.0, 0.0));
     }
 
-    /// With heights beside, it may be the vertical velocities which are wrong, their sign even: they
-    /// are left out, twice as long each time.
-    fn distrust_vertical_velocity(&mut self) {
-        if self.horizon.seconds_since(self.last_height) < HEIGHTS_S {
-            self.distrusted = self.horizon;
-            self.distrust_s = math::max(2.0 * self.distrust_s, FIRST_DISTRUST_S);
-        }
-    }
-
     /// What GNSS was thought to err by explained some of the INS's own error: `kept` says of which
     /// axes it is kept, by ones.
     fn forget_noise(&mut self, kept: &Vector3<f64>) {
@@ -500,27 +484,15 @@ impl Observer {
                 config,
             );
         let up = difference.has_up
-            && self.trusts_up(measured)
             && self.measure(
                 Kind { measured, up: true },
                 &mut up_by,
                 [residual.z],
                 up_sigma,
-                bent,
+                bent + difference.up_variance,
                 config,
             );
         Used { level, up }
-    }
-
-    /// Whether the vertical of this kind is used at all.
-    fn trusts_up(&mut self, measured: Measured) -> bool {
-        match measured {
-            Measured::Velocity => self.horizon.seconds_since(self.distrusted) >= self.distrust_s,
-            Measured::Position => {
-                self.last_height = self.horizon;
-                true
-            }
-        }
     }
 
     /// Takes the innovations of one kind, one for each of its axes.
@@ -582,7 +554,6 @@ impl Observer {
         *last = self.horizon;
         if kind.up && surprise.lasting_s > VERTICAL_DOUBT_S {
             self.lose_vertical(LOST_MPS * LOST_MPS, config);
-            self.distrust_vertical_velocity();
             return false;
         }
         let white = match credit {

@@ -1,0 +1,101 @@
+//! Whether the vertical velocity of GNSS goes the way of its heights.
+//!
+//! Receivers and their drivers disagree on whether up or down is positive, and a climb with the
+//! wrong sign looks like a bias of the vertical accelerometer. Heights tell: of the climb that the
+//! velocities add up to they show either that or its opposite.
+
+use crate::config::Config;
+use crate::math;
+use crate::samples::GnssFix;
+use crate::time::Time;
+
+/// Longest time over which velocities are added up, s: heights wander.
+const WINDOW_S: f64 = 30.0;
+/// Longest time between two velocities that are added up, s.
+const HOLE_S: f64 = 3.0;
+/// Difference of log-likelihoods that decides, odds of one in 3000, and most that is kept.
+const DECIDED: f64 = 8.0;
+const MOST: f64 = 24.0;
+/// Vertical velocities within this many sigma of zero have no sign.
+const SIGMAS: f64 = 3.0;
+
+/// Heights against vertical velocities, so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct VerticalSign {
+    /// Difference of log-likelihoods of the two signs, from windows that are over.
+    odds: f64,
+    /// The same, of the window going on.
+    open: f64,
+    window: Option<Window>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Window {
+    start: Time,
+    height_m: f64,
+    last: Time,
+    last_mps: f64,
+    /// What the velocities add up to.
+    climbed_m: f64,
+}
+
+impl VerticalSign {
+    /// Takes a fix. Variance to be added to that of its vertical velocity; none: not to be used.
+    pub fn take(&mut self, fix: &GnssFix, config: &Config) -> Option<f64> {
+        let up_mps = fix.velocity_up_mps?;
+        if let Some(height_m) = fix.height_m {
+            self.compare(fix.time, up_mps, height_m, config);
+        }
+        let odds = self.odds + self.open;
+        if odds < -DECIDED {
+            return None;
+        }
+        if odds > DECIDED || self.window.is_none() {
+            return Some(0.0);
+        }
+        Some(unsigned(up_mps, config))
+    }
+
+    fn compare(&mut self, time: Time, up_mps: f64, height_m: f64, config: &Config) {
+        let fresh = Window {
+            start: time,
+            height_m,
+            last: time,
+            last_mps: up_mps,
+            climbed_m: 0.0,
+        };
+        let Some(window) = &mut self.window else {
+            self.window = Some(fresh);
+            return;
+        };
+        let seconds = time.seconds_since(window.last);
+        if seconds > HOLE_S {
+            *window = fresh;
+        } else {
+            window.climbed_m += 0.5 * seconds * (up_mps + window.last_mps);
+            (window.last, window.last_mps) = (time, up_mps);
+            // Two heights, neither as good as is configured for sure.
+            let variance = 4.0 * config.gnss.height_m.variance();
+            self.open = 2.0 * window.climbed_m * (height_m - window.height_m) / variance;
+        }
+        if time.seconds_since(window.start) > WINDOW_S || seconds > HOLE_S {
+            let odds = self.odds + self.open;
+            self.odds = math::max(math::min(odds, MOST), -MOST);
+            self.open = 0.0;
+            *window = fresh;
+        }
+    }
+}
+
+/// Variance of a vertical velocity whose sign is not known, (m/s)^2.
+pub fn unsigned(up_mps: f64, config: &Config) -> f64 {
+    let noise = SIGMAS * config.gnss.velocity_up_mps.white;
+    let beyond = 2.0 * math::max(math::abs(up_mps) - noise, 0.0);
+    beyond * beyond
+}
+
+#[cfg(test)]
+#[path = "../tests/unit/vertical_sign.rs"]
+mod tests;
