@@ -16,6 +16,7 @@ use crate::estimator::Estimator;
 use crate::health::Tally;
 use crate::history::{History, Missing, Past, Span, Wobble};
 use crate::increments::Interval;
+#[cfg(feature = "literal")]
 use crate::literal::Comparison;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
@@ -617,32 +618,32 @@ impl<const N: usize> AidedIns<N> {
         let has_up = sign_variance.is_some();
         let due = taken.position_s >= POSITION_INTERVAL_S || !has_level;
         let takes_position = due && (fix.position.is_some() || fix.height_m.is_some());
-        let observer = match &mut self.estimator {
-            Estimator::Exact(observer) => observer,
-            Estimator::Literal(literal) => {
-                let comparison = Comparison {
-                    past,
-                    manoeuvre: self.manoeuvre,
-                    difference_mps: velocity_mps,
-                    has_up,
-                    accel_up_mps2: self.controls.accel_mps2.z,
-                    azimuth_removed_rad: self.azimuth_removed_rad,
-                    latency_applied_s,
-                    accel_compensation_mps2: self.compensation.accel_mps2,
-                    bandwidth_radps: config.damping.horizontal.bandwidth_radps,
-                };
-                if has_level {
-                    taken.velocity = literal.take(&comparison, config);
-                }
-                if takes_position {
-                    self.last_position = past.time;
-                    taken.position = Used {
-                        level: fix.position.is_some(),
-                        up: fix.height_m.is_some(),
-                    };
-                }
-                return taken;
+        if takes_position {
+            self.last_position = past.time;
+        }
+        #[cfg(feature = "literal")]
+        if let Estimator::Literal(literal) = &mut self.estimator {
+            let comparison = Comparison {
+                past,
+                manoeuvre: self.manoeuvre,
+                difference_mps: velocity_mps,
+                has_up,
+                accel_up_mps2: self.controls.accel_mps2.z,
+                azimuth_removed_rad: self.azimuth_removed_rad,
+                latency_applied_s,
+                accel_compensation_mps2: self.compensation.accel_mps2,
+                bandwidth_radps: config.damping.horizontal.bandwidth_radps,
+            };
+            if has_level {
+                taken.velocity = literal.take(&comparison, config);
             }
+            taken.position = Used {
+                level: takes_position && fix.position.is_some(),
+                up: takes_position && fix.height_m.is_some(),
+            };
+        }
+        let Some(observer) = self.estimator.exact_mut() else {
+            return taken;
         };
         if has_level || has_up {
             let difference = Difference {
@@ -657,7 +658,6 @@ impl<const N: usize> AidedIns<N> {
             taken.velocity = observer.take(past, &difference, config);
         }
         if takes_position {
-            self.last_position = past.time;
             let difference = Difference {
                 measured: Measured::Position,
                 up_variance: 0.0,
@@ -778,6 +778,7 @@ impl<const N: usize> AidedIns<N> {
     fn solve(&mut self, config: &Config) {
         match &mut self.estimator {
             Estimator::Exact(observer) => observer.solve(config),
+            #[cfg(feature = "literal")]
             Estimator::Literal(literal) => literal.solve(),
         }
         if config.feedback == Feedback::Open {

@@ -169,6 +169,7 @@ pub enum Form {
     #[default]
     Exact,
     /// The thesis's (7) to (11) as printed, each on its own manoeuvres.
+    #[cfg(feature = "literal")]
     Literal,
 }
 

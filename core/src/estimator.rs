@@ -2,9 +2,12 @@
 
 use nalgebra::Vector3;
 
-use crate::config::{Config, Form};
+use crate::config::Config;
+#[cfg(feature = "literal")]
+use crate::config::Form;
 use crate::error_model::InsError;
 use crate::history::{History, Span};
+#[cfg(feature = "literal")]
 use crate::literal::Literal;
 use crate::observer::Observer;
 use crate::parameters::Parameters;
@@ -22,6 +25,7 @@ pub enum Estimator {
     /// All parameters jointly.
     Exact(Observer),
     /// (7) to (11) of the thesis.
+    #[cfg(feature = "literal")]
     Literal(Literal),
 }
 
@@ -37,6 +41,7 @@ impl Estimator {
         config: &Config,
     ) -> Self {
         // Of two values of a `match`, one would be copied over the stack.
+        #[cfg_attr(not(feature = "literal"), expect(unused_mut))]
         let mut estimator = Self::Exact(Observer::new(
             start,
             tilt_sigma_rad,
@@ -45,6 +50,7 @@ impl Estimator {
             known,
             config,
         ));
+        #[cfg(feature = "literal")]
         if config.form == Form::Literal {
             estimator = Self::Literal(Literal::new(start, config));
         }
@@ -52,17 +58,21 @@ impl Estimator {
     }
 
     /// The exact form, if it is that.
+    #[cfg_attr(not(feature = "literal"), expect(clippy::unnecessary_wraps))]
     pub fn exact(&self) -> Option<&Observer> {
         match self {
             Self::Exact(observer) => Some(observer),
+            #[cfg(feature = "literal")]
             Self::Literal(_) => None,
         }
     }
 
     /// The same, to be changed.
+    #[cfg_attr(not(feature = "literal"), expect(clippy::unnecessary_wraps))]
     pub fn exact_mut(&mut self) -> Option<&mut Observer> {
         match self {
             Self::Exact(observer) => Some(observer),
+            #[cfg(feature = "literal")]
             Self::Literal(_) => None,
         }
     }
@@ -71,6 +81,7 @@ impl Estimator {
     pub fn parameters(&self) -> &Parameters {
         match self {
             Self::Exact(observer) => observer.parameters(),
+            #[cfg(feature = "literal")]
             Self::Literal(literal) => literal.parameters(),
         }
     }
@@ -79,6 +90,7 @@ impl Estimator {
     pub fn level_force_mps2(&self) -> Vector3<f64> {
         match self {
             Self::Exact(observer) => *observer.level_force_mps2(),
+            #[cfg(feature = "literal")]
             Self::Literal(_) => Vector3::zeros(),
         }
     }
@@ -87,6 +99,7 @@ impl Estimator {
     pub fn horizon(&self) -> Time {
         match self {
             Self::Exact(observer) => observer.horizon(),
+            #[cfg(feature = "literal")]
             Self::Literal(literal) => literal.horizon(),
         }
     }
@@ -104,6 +117,7 @@ impl Estimator {
             Self::Exact(observer) => history.between(from, to, PIECE_S, |piece, end| {
                 observer.propagate(piece, end, frame_rate_radps, config);
             }),
+            #[cfg(feature = "literal")]
             Self::Literal(literal) => {
                 history.between(from, to, PIECE_S, |piece, end| {
                     literal.propagate(piece, end);
@@ -117,6 +131,7 @@ impl Estimator {
     pub fn error_after(&self, since: &Span) -> InsError {
         match self {
             Self::Exact(observer) => observer.error_after(since),
+            #[cfg(feature = "literal")]
             Self::Literal(literal) => {
                 let mut error = InsError::zero();
                 error.tilt_rad.z = literal.azimuth_left_rad(since);

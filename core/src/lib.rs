@@ -78,6 +78,7 @@ mod history;
 pub mod increments;
 mod innovations;
 mod least_squares;
+#[cfg(feature = "literal")]
 pub mod literal;
 mod manoeuvre;
 mod math;

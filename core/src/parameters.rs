@@ -79,24 +79,6 @@ impl Parameters {
         }
     }
 
-    /// Takes in an independent measurement of one parameter. One far off what is believed shows
-    /// that the parameter has moved: gyros do while they warm up.
-    pub fn learn(&mut self, parameter: usize, measured: f64, variance: f64) {
-        let value = self.value(parameter);
-        let off = measured - value;
-        let believed = if self.agrees(parameter, measured, variance) {
-            self.sigma(parameter)
-        } else {
-            math::abs(off)
-        };
-        let gain = believed * believed / (believed * believed + variance);
-        self.set(
-            parameter,
-            value + gain * off,
-            believed * math::sqrt(1.0 - gain),
-        );
-    }
-
     /// Whether an independent measurement of one parameter agrees with what is believed of it.
     pub fn agrees(&self, parameter: usize, measured: f64, variance: f64) -> bool {
         let (off, sigma) = (measured - self.value(parameter), self.sigma(parameter));

@@ -2,7 +2,9 @@
 #![allow(clippy::cast_precision_loss)]
 #![allow(clippy::disallowed_methods, clippy::unwrap_used, clippy::expect_used)]
 
-use ins_core::config::{Feedback, Form, HeadingSource, SecondOrder};
+#[cfg(feature = "literal")]
+use ins_core::config::Form;
+use ins_core::config::{Feedback, HeadingSource, SecondOrder};
 use ins_core::earth::{GRAVITY_EQUATOR_MPS2, Geodetic, LocalEarth};
 use ins_core::{
     Config, GnssFix, GnssOutcome, ImuOutcome, ImuOutput, ImuSample, Navigator, Phase, Time,
@@ -181,6 +183,7 @@ fn a_tilt_dies_out_with_the_horizontal_poles() {
     }
 }
 
+#[cfg(feature = "literal")]
 #[test]
 fn a_height_dies_out_with_the_vertical_poles() {
     for design in LOOPS {

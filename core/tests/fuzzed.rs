@@ -2,7 +2,7 @@
 #![allow(clippy::cast_precision_loss)]
 #![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::eq_op)]
 
-use ins_core::config::{Feedback, Form, HeadingSource};
+use ins_core::config::{Feedback, HeadingSource};
 use ins_core::earth::LatLon;
 use ins_core::{Config, Estimate, FixSigma, GnssFix, ImuOutput, ImuSample, Navigator, Time};
 use proptest::prelude::*;
@@ -44,8 +44,9 @@ impl Octets<'_> {
         } else {
             Config::mems()
         };
+        #[cfg(feature = "literal")]
         if self.bit(0, 1) {
-            config.form = Form::Literal;
+            config.form = ins_core::config::Form::Literal;
         }
         if self.bit(0, 2) {
             config.feedback = Feedback::Open;
