@@ -83,7 +83,7 @@ const FIRST_ACCEL_MPS2: f32 = 2.0;
 const PUSH_S: f64 = 1.0;
 /// Time over which the acceleration is smoothed that shows the latency, s: what is faster (steps,
 /// vibration) repeats itself, and would show it a period off.
-const SMOOTH_S: f64 = 0.1;
+const SMOOTH_S: f64 = 0.3;
 /// Largest tilt found at once that is believed, rad.
 const LARGEST_TURN_RAD: f64 = 0.5;
 
