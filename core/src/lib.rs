@@ -5,57 +5,77 @@
 //! frame east-north-up, heading clockwise from north. No allocation, no clock, no panic.
 //!
 //! ```
-//! use ins_core::{Config, ConfigError, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Navigator, Observability};
+//! use ins_core::{
+//!     Calibration, Config, ConfigError, GnssFix, Health, ImuSample, Navigator, Phase, Solution,
+//!     SolutionSigma,
+//! };
 //!
-//! /// What the drivers deliver, in order of time. Axes of a unit mounted forward-right-down:
-//! /// right, forward, up = y, x, -z.
-//! enum Input {
-//!     Imu(ImuSample),
-//!     Gnss(GnssFix),
+//! /// Your drivers. Body axes are right, forward, up: of a unit mounted forward-right-down y, x, -z.
+//! trait Board {
+//!     /// The next sample, once it has come; none when the run is over.
+//!     fn wait_for_sample(&mut self) -> Option<ImuSample>;
+//!     /// A fix that has come meanwhile.
+//!     fn fix(&mut self) -> Option<GnssFix>;
+//!     /// What the last run has found out about the sensors.
+//!     fn recall(&mut self) -> Option<Calibration>;
+//!     fn keep(&mut self, calibration: &Calibration);
+//!     fn show(&mut self, solution: &Solution, sigma: &SolutionSigma, health: &Health);
 //! }
 //!
-//! fn navigate(inputs: impl Iterator<Item = Input>) -> Result<Navigator, ConfigError> {
-//!     let mut navigator = Navigator::new(Config::mems())?;
-//!     for input in inputs {
-//!         match input {
-//!             Input::Imu(sample) => match navigator.on_imu(&sample) {
-//!                 ImuOutcome::Accepted | ImuOutcome::Bridged => {}
-//!                 refused => println!("sample: {refused:?}"),
-//!             },
-//!             Input::Gnss(fix) => match navigator.on_gnss(&fix) {
-//!                 GnssOutcome::Accepted | GnssOutcome::Queued => {}
-//!                 refused => println!("fix: {refused:?}"),
-//!             },
+//! fn navigate(board: &mut impl Board) -> Result<(), ConfigError> {
+//!     let config = Config::mems();
+//!     let mut navigator = match board.recall() {
+//!         // Biases come back to 0.1 deg/s and 2 mg, as the data sheet has it.
+//!         Some(kept) => Navigator::warm(config, &kept.after_turn_on(1.7e-3, 0.02))?,
+//!         None => Navigator::new(config)?,
+//!     };
+//!     while let Some(sample) = board.wait_for_sample() {
+//!         while let Some(fix) = board.fix() {
+//!             let _ = navigator.on_gnss(&fix); // `Health` counts what becomes of it.
 //!         }
-//!         if let Some(solution) = navigator.solution() {
-//!             println!("heading {} rad", solution.euler().heading_rad);
-//!         }
-//!         let latency = navigator.estimates().gnss_latency_s;
-//!         if latency.observability == Observability::Observable {
-//!             println!("latency {} +- {} s", latency.value, latency.sigma);
+//!         let _ = navigator.on_imu(&sample);
+//!         if let (Some(solution), Some(sigma)) = (navigator.solution(), navigator.sigma()) {
+//!             board.show(&solution, &sigma, &navigator.health());
 //!         }
 //!     }
-//!     Ok(navigator)
+//!     if navigator.phase() == Phase::Navigating {
+//!         board.keep(&navigator.calibration());
+//!     }
+//!     Ok(())
 //! }
 //! # // A car that stands for ten seconds, starts northward, cruises and brakes.
-//! # use ins_core::{Phase, Time, earth::Geodetic};
-//! # let inputs = (1..=4_000).flat_map(|count| {
-//! #     let time = Time::from_micros(10_000 * count);
-//! #     let at = |start: i64, end: i64| (count.clamp(start, end) - start) as f64 * 0.02;
-//! #     let speed = at(1_000, 1_500) - at(2_500, 3_000);
-//! #     let accel = match count { 1_001..=1_500 => 2.0, 2_501..=3_000 => -2.0, _ => 0.0 };
-//! #     let sample = ImuSample { time, gyro: [0.0; 3].into(), accel: [0.0, accel, 9.8].into() };
-//! #     let fix = GnssFix {
-//! #         time,
-//! #         velocity_en_mps: Some([0.0, speed].into()),
-//! #         ..GnssFix::default()
+//! # use ins_core::{Time, earth::Geodetic};
+//! # struct Car { count: i64, fix: Option<GnssFix>, heading_rad: f64, kept: Option<Calibration> }
+//! # impl Board for Car {
+//! #     fn wait_for_sample(&mut self) -> Option<ImuSample> {
+//! #         self.count += 1;
+//! #         let count = self.count;
+//! #         let time = Time::from_micros(10_000 * count);
+//! #         let at = |start: i64, end: i64| (count.clamp(start, end) - start) as f64 * 0.02;
+//! #         let speed = at(1_000, 1_500) - at(2_500, 3_000);
+//! #         let accel = match count { 1_001..=1_500 => 2.0, 2_501..=3_000 => -2.0, _ => 0.0 };
+//! #         self.fix = (count % 10 == 0).then(|| GnssFix {
+//! #             time: Time::from_micros(10_000 * (count - 1)),
+//! #             velocity_en_mps: Some([0.0, speed].into()),
+//! #             ..GnssFix::default()
+//! #         }.at(&Geodetic::default()));
+//! #         let sample = ImuSample { time, gyro: [0.0; 3].into(), accel: [0.0, accel, 9.8].into() };
+//! #         (count <= 4_000).then_some(sample)
 //! #     }
-//! #     .at(&Geodetic::default());
-//! #     [Some(Input::Imu(sample)), (count % 10 == 0).then_some(Input::Gnss(fix))]
-//! # });
-//! # let navigator = navigate(inputs.flatten()).unwrap();
-//! # assert_eq!(navigator.phase(), Phase::Navigating);
-//! # assert!(navigator.solution().unwrap().euler().heading_rad.abs() < 0.1);
+//! #     fn fix(&mut self) -> Option<GnssFix> { self.fix.take() }
+//! #     fn recall(&mut self) -> Option<Calibration> { self.kept }
+//! #     fn keep(&mut self, calibration: &Calibration) { self.kept = Some(*calibration) }
+//! #     fn show(&mut self, solution: &Solution, _: &SolutionSigma, health: &Health) {
+//! #         self.heading_rad = solution.euler().heading_rad;
+//! #         assert_eq!(health.fixes.outlier, 0);
+//! #     }
+//! # }
+//! # let mut car = Car { count: 0, fix: None, heading_rad: 9.0, kept: None };
+//! # for _ in 0..2 {
+//! #     car.count = 0;
+//! #     navigate(&mut car).unwrap();
+//! #     assert!(car.heading_rad.abs() < 0.1 && car.kept.is_some());
+//! # }
 //! ```
 #![no_std]
 

@@ -29,15 +29,52 @@ fn compile(targets: &[&str], features: &str) -> Result<(), String> {
 
 #[test]
 fn every_target() -> Result<(), String> {
-    compile(&TARGETS, "serde,defmt")
+    compile(&TARGETS, "serde,defmt,literal")
 }
 
 #[test]
 fn each_feature_alone() -> Result<(), String> {
-    for features in ["", "serde", "defmt"] {
+    for features in ["", "serde", "defmt", "literal"] {
         compile(&TARGETS[..1], features)?;
     }
     Ok(())
+}
+
+/// The program of the porting page, as it stands there, in a crate of its own.
+#[test]
+fn the_documented_program() -> Result<(), String> {
+    let page = include_str!("../../docs/porting.md");
+    let (_, rest) = page.split_once("```rust\n").ok_or("no program")?;
+    let (program, _) = rest.split_once("```").ok_or("no end of the program")?;
+    let lines = program.lines().count();
+    assert!(lines <= 40, "{lines} lines");
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let core = concat!(env!("CARGO_MANIFEST_DIR"), "/../core");
+    let manifest = format!(
+        "[package]\nname = \"port\"\nedition = \"2024\"\n[workspace]\n\
+         [dependencies]\nins-core = {{ path = '{core}' }}\n"
+    );
+    let source = format!("#![no_std]\n#![allow(dead_code)]\n{program}");
+    for (name, text) in [("Cargo.toml", manifest), ("src/lib.rs", source)] {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().expect("in the folder"))
+            .and_then(|()| std::fs::write(&path, text))
+            .map_err(|error| error.to_string())?;
+    }
+    // The versions that everything else is built with.
+    std::fs::copy(
+        concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../firmware-example/Cargo.lock"
+        ),
+        folder.path().join("Cargo.lock"),
+    )
+    .map_err(|error| error.to_string())?;
+    require_target(TARGETS[0])?;
+    let mut command = cargo(".", "targets");
+    command.args(["check", "--target", TARGETS[0], "--manifest-path"]);
+    command.arg(folder.path().join("Cargo.toml"));
+    succeed(&mut command)
 }
 
 #[test]
