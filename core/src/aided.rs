@@ -763,8 +763,9 @@ impl<const N: usize> AidedIns<N> {
             azimuth_rad: (config.feedback == Feedback::Closed && significant).then_some(azimuth),
             ..*differences
         };
-        let interval_s = math::min(interval_s, HOLD_S);
-        self.controls = damping::controls(&differences, interval_s, &config.damping);
+        // From the moment that a fix shows until the controls have acted.
+        let lag_s = math::min(interval_s, HOLD_S) + self.now.seconds_since(self.last_compared);
+        self.controls = damping::controls(&differences, lag_s, &config.damping);
         self.controls_until = self.now.plus_seconds(HOLD_S);
         let level = differences.velocity_en_mps.unwrap_or_default();
         let up = differences.velocity_up_mps.unwrap_or_default();

@@ -8,9 +8,9 @@ use crate::math;
 use crate::mechanization::Controls;
 use crate::time::Time;
 
-/// Largest product of a loop's bandwidth and the interval between fixes: the controls are held
-/// from fix to fix, and beyond this the hold itself eats the damping.
-const HELD_BANDWIDTH: f64 = 0.5;
+/// Largest product of a loop's bandwidth and its lag: fixes show the past, and controls are held from
+/// fix to fix; beyond this the lag eats the damping.
+const LAGGED_BANDWIDTH: f64 = 0.5;
 
 /// The last fix that was compared, and what acts on the INS now.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -42,29 +42,30 @@ pub struct Differences {
     pub azimuth_rad: Option<f64>,
 }
 
-/// Coefficients of `s^2 + 2 zeta w0 s + w0^2`, slowed down where fixes are rare.
-fn second_order(loop_config: &SecondOrder, interval_s: f64) -> (f64, f64) {
-    let w0 = math::min(loop_config.bandwidth_radps, HELD_BANDWIDTH / interval_s);
+/// Coefficients of `s^2 + 2 zeta w0 s + w0^2`, slowed down where fixes are rare or late.
+fn second_order(loop_config: &SecondOrder, lag_s: f64) -> (f64, f64) {
+    let w0 = math::min(loop_config.bandwidth_radps, LAGGED_BANDWIDTH / lag_s);
     (2.0 * loop_config.damping_ratio * w0, w0 * w0)
 }
 
-/// The controls that hold until the next fix, `interval_s` away.
+/// The controls that hold until the next fix; `lag_s` is how long until then since the moment that
+/// this one shows.
 ///
 /// Horizontal: `f^C = -K1 dV`, `w_E^C = -K2 dV_N`, `w_N^C = K2 dV_E`, with `K1 = 2 zeta w0` and
 /// `K2 = w0^2 / g`. Vertical: `V_UP^C = -C1 dh`, `f_UP^C = -C2 dh`; where vertical velocity is
 /// measured it takes the damping over from C1. Azimuth: `w_UP^C = -K3 Phi_UP`.
-pub fn controls(differences: &Differences, interval_s: f64, config: &DampingConfig) -> Controls {
+pub fn controls(differences: &Differences, lag_s: f64, config: &DampingConfig) -> Controls {
     let mut controls = Controls::default();
-    let slow = |rate: f64| math::min(rate, HELD_BANDWIDTH / interval_s);
+    let slow = |rate: f64| math::min(rate, LAGGED_BANDWIDTH / lag_s);
     if let Some(dv) = differences.velocity_en_mps {
-        let (k1, w2) = second_order(&config.horizontal, interval_s);
+        let (k1, w2) = second_order(&config.horizontal, lag_s);
         let k2 = w2 / GRAVITY_EQUATOR_MPS2;
         controls.accel_mps2.x = -k1 * dv.x;
         controls.accel_mps2.y = -k1 * dv.y;
         controls.rate_radps.x = -k2 * dv.y;
         controls.rate_radps.y = k2 * dv.x;
     }
-    let (c1, c2) = second_order(&config.vertical, interval_s);
+    let (c1, c2) = second_order(&config.vertical, lag_s);
     let position = slow(config.position_radps);
     if let Some(dv_up) = differences.velocity_up_mps {
         controls.accel_mps2.z = -c1 * dv_up;
