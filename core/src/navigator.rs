@@ -37,6 +37,8 @@ const LONGEST_READING_S: f64 = 1.0;
 const LOWEST_M: f64 = -12_000.0;
 const HIGHEST_M: f64 = 100_000.0;
 const FASTEST_MPS: f64 = 3_000.0;
+/// Less than any heading is known by, rad.
+const LEAST_HEADING_SIGMA_RAD: f64 = 1e-5;
 /// More than any receiver states of a fix it gives, m or m/s: 2^32 mm is the largest number of some.
 const COARSEST: f64 = 1e7;
 
@@ -191,7 +193,8 @@ impl<const RING: usize> Navigator<RING> {
         if !(heading.heading_rad.is_finite() && heading.sigma_rad.is_finite()) {
             return GnssOutcome::NotFinite;
         }
-        if heading.sigma_rad <= 0.0 {
+        let possible = math::abs(heading.heading_rad) <= core::f64::consts::TAU;
+        if !possible || heading.sigma_rad < LEAST_HEADING_SIGMA_RAD {
             return GnssOutcome::OutOfRange;
         }
         match &mut self.state.mode {

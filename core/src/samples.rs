@@ -74,9 +74,9 @@ pub struct GnssFix {
 pub struct Heading {
     /// Moment that it shows, on the scale of the inertial stamps and without latency.
     pub time: Time,
-    /// Of the forward axis, clockwise from true north, rad.
+    /// Of the forward axis, clockwise from true north, within a turn of it, rad.
     pub heading_rad: f64,
-    /// One standard deviation, rad.
+    /// One standard deviation, rad; 1e-5 at least.
     pub sigma_rad: f64,
 }
 

@@ -4,7 +4,9 @@
 
 use ins_core::config::{Feedback, HeadingSource};
 use ins_core::earth::LatLon;
-use ins_core::{Config, Estimate, FixSigma, GnssFix, ImuOutput, ImuSample, Navigator, Time};
+use ins_core::{
+    Config, Estimate, FixSigma, GnssFix, Heading, ImuOutput, ImuSample, Navigator, Time,
+};
 use proptest::prelude::*;
 
 /// Octets that stand for inputs, of any kind and in any order.
@@ -103,6 +105,16 @@ impl Octets<'_> {
 fn assert_sound(navigator: &Navigator) {
     // A NaN is not equal to itself.
     assert!(navigator == navigator);
+    let health = navigator.health();
+    assert!(health == health, "{health:?}");
+    if let Some(motion) = navigator.body_motion() {
+        let numbers = motion.rate_radps.iter().chain(motion.force_mps2.iter());
+        assert!(numbers.clone().all(|x| x.is_finite()), "{motion:?}");
+    }
+    let kept = navigator.calibration();
+    if let Err(why) = Navigator::<24>::with_ring(*navigator.config(), Some(&kept)) {
+        panic!("{why}: {kept:?}");
+    }
     if let Some(solution) = navigator.solution() {
         let place = solution.position;
         let numbers = [place.latitude_rad, place.longitude_rad, place.height_m];
@@ -152,6 +164,13 @@ fn feed(octets: &[u8]) {
             micros
         };
         let time = Time::from_micros(stamp);
+        if kind.is_multiple_of(5) {
+            let _ = navigator.on_heading(&Heading {
+                time,
+                heading_rad: rest.number(10),
+                sigma_rad: rest.number(12),
+            });
+        }
         if kind.is_multiple_of(3) {
             let _ = navigator.on_gnss(&rest.fix(time));
         } else {
