@@ -23,7 +23,7 @@ fn main() -> ! {
     if let Ok(mut navigator) = Navigator::new(black_box(Config::hg1700())) {
         navigate(&mut navigator);
         #[cfg(feature = "panic-never")]
-        everything_else(&navigator);
+        everything_else(&mut navigator);
     }
     loop {
         cortex_m::asm::wfi();
@@ -56,10 +56,23 @@ fn navigate(navigator: &mut Navigator) {
 }
 
 #[cfg(feature = "panic-never")]
-fn everything_else(navigator: &Navigator) {
-    use ins_core::{attitude, earth};
+fn everything_else(navigator: &mut Navigator) {
+    use ins_core::{Heading, attitude, earth};
 
-    black_box(Config::mems());
+    let _ = black_box(navigator.on_heading(&black_box(Heading {
+        time: Time::from_micros(1),
+        heading_rad: 0.1,
+        sigma_rad: 0.01,
+    })));
+    let kept = black_box(navigator.calibration()).after_turn_on(black_box(1e-3), black_box(1e-2));
+    if let Ok(warm) = Navigator::warm(black_box(Config::mems()), &kept) {
+        black_box(warm);
+    }
+    black_box(navigator.body_motion());
+    black_box(navigator.health());
+    black_box(navigator.sigma());
+    black_box(navigator.assumed_noise());
+    black_box(navigator.tilt_sigma_rad());
     black_box(navigator.config());
     black_box(navigator.azimuth_left_rad());
     black_box(navigator.manoeuvre());
