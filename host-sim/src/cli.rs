@@ -10,9 +10,10 @@ use miette::{IntoDiagnostic, Result, bail};
 
 use crate::accuracy;
 use crate::aircraft;
-use crate::analysis::{Analysis, SUMMARY};
+use crate::analysis::{Analysis, REPORT, SUMMARY};
 use crate::campaign;
 use crate::compare;
+use crate::error_model::allan::AtRest;
 use crate::error_model::fit::Kind;
 use crate::error_model::{self, Identified, Record};
 use crate::figures;
@@ -21,6 +22,7 @@ use crate::hil;
 use crate::import;
 use crate::log::{self, BodyAxes, Compression, Grade, Log, Meta};
 use crate::output::{self, OutputError};
+use crate::report::{self, Sensors};
 use crate::reproduce;
 use crate::sim::{self, DriveConfig, ErrorModel};
 use crate::study;
@@ -326,9 +328,14 @@ fn identify_log(
     let analysis = Analysis::of_log(folder, grade, &progress)?;
     let records = [Record::new(&analysis.log, &analysis.found)];
     let model = error_model_of(&records, analysis.summary.grade, kind);
+    let at_rest = AtRest::new(&records);
     output::build(out, SUMMARY, force, |folder| {
-        analysis.write(folder)?;
-        error_model::write(&model, &records, folder)
+        let sensors = Sensors {
+            model: &model,
+            at_rest: &at_rest,
+        };
+        analysis.write(folder, Some(&sensors))?;
+        error_model::write(sensors, folder)
     })?;
     Ok((analysis, model))
 }
@@ -354,7 +361,7 @@ fn identify_logs(
     }
     let mut model = None;
     output::build(out, error_model::MODEL, cli.force, |folder| -> Result<()> {
-        let (mut records, mut class) = (Vec::new(), grade);
+        let (mut records, mut summaries, mut class) = (Vec::new(), Vec::new(), grade);
         for (number, log) in (1..).zip(&options.log) {
             let progress = bar();
             // One log at a time: only what the error model needs of it is kept.
@@ -371,18 +378,33 @@ fn identify_logs(
             let name = analysis.summary.log.replace(['/', '\\'], "-");
             let beside = folder.join(format!("{number}-{name}"));
             fs::create_dir(&beside).map_err(|e| OutputError::io(&beside, e))?;
-            analysis.write(&beside)?;
             let own = [record];
-            error_model::write(&error_model_of(&own, this, kind), &own, &beside)?;
+            let sensors = Sensors {
+                model: &error_model_of(&own, this, kind),
+                at_rest: &AtRest::new(&own),
+            };
+            analysis.write(&beside, Some(&sensors))?;
+            error_model::write(sensors, &beside)?;
             records.extend(own);
+            summaries.push(analysis.summary);
         }
         let found = error_model_of(&records, class.unwrap_or(Grade::Mems), kind);
-        error_model::write(&found, &records, folder)?;
+        let sensors = Sensors {
+            model: &found,
+            at_rest: &AtRest::new(&records),
+        };
+        error_model::write(sensors, folder)?;
+        let page = report::html_of_all(&summaries, &sensors).into_diagnostic()?;
+        let path = folder.join(REPORT);
+        fs::write(&path, page).map_err(|e| OutputError::io(&path, e))?;
         model = Some(found);
         Ok(())
     })?;
     if let Some(model) = model {
         print_model(&model, out, cli.json)?;
+        if !cli.json {
+            println!("Report: {}", out.join(REPORT).display());
+        }
     }
     Ok(())
 }
@@ -445,7 +467,7 @@ pub(crate) fn print_analysis(
         println!();
         print_model(model, out, false)?;
     }
-    println!("Report: {}", out.join("report.html").display());
+    println!("Report: {}", out.join(REPORT).display());
     Ok(())
 }
 

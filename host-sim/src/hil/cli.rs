@@ -115,7 +115,7 @@ pub fn hil(options: &Hil, json: bool, force: bool) -> Result<()> {
     };
 
     output::build(&options.out, SUMMARY, force, |folder| -> Result<()> {
-        analysis.write(folder)?;
+        analysis.write(folder, None)?;
         let text = serde_json::to_string_pretty(&hardware).into_diagnostic()?;
         write(&folder.join("hil.json"), &(text + "\n"))?;
         log.map_or(Ok(()), |log| write(&folder.join("log.txt"), &log.text))

@@ -17,8 +17,6 @@ pub(crate) enum Mark {
     Line(Vec<(f64, f64)>, RGBColor),
     /// A thin line for reference.
     Reference(Vec<(f64, f64)>, RGBColor),
-    /// A line that stays in the background.
-    Pale(Vec<(f64, f64)>, RGBColor),
     /// The area between a lower and an upper line: x, lower, upper.
     Band(Vec<(f64, f64, f64)>, RGBColor),
     /// Intervals of x, over the whole height.
@@ -107,9 +105,6 @@ impl Plot {
                 Mark::Reference(points, colour) => {
                     let line = LineSeries::new(self.inside(points), colour.mix(0.8));
                     chart.draw_series(line)?;
-                }
-                Mark::Pale(points, colour) => {
-                    chart.draw_series(LineSeries::new(self.inside(points), colour.mix(0.25)))?;
                 }
                 Mark::Shade(intervals, colour) => {
                     let (low, high) = self.y;

@@ -42,10 +42,7 @@ pub fn config(t: &Tuning, base: Config) -> Config {
 }
 
 pub(super) fn text(t: &Tuning) -> String {
-    let class = match t.grade {
-        Grade::Hg1700 => "hg1700",
-        Grade::Mems => "mems",
-    };
+    let class = t.grade.name();
     let delay = t.gnss_delay_s;
     let spread = Found {
         value: LATENCY_SIGMAS * delay.sigma,
