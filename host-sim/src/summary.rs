@@ -26,8 +26,9 @@ pub struct Summary {
     pub quantities: Quantities,
     /// Heading of the solution at the last sample, clockwise from north.
     pub heading_end_deg: Quantity,
-    /// Antenna as seen from the inertial sensors, m.
-    pub lever_arm_m: Axes<Quantity>,
+    /// Antenna as seen from the inertial sensors, m; none where it is taken as configured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lever_arm_m: Option<Axes<Quantity>>,
     /// Free-inertial check; empty where no window fits.
     pub velocity_error_mps: VelocityErrors,
     /// Errors of the solution, damped and free, where the log has a reference motion.
@@ -87,7 +88,8 @@ impl Summary {
             body_axes: log.meta.body_axes,
             quantities,
             heading_end_deg: heading(found, &quantities.azimuth_error_deg),
-            lever_arm_m: in_axes(log.meta.body_axes, &found.end.estimates.lever_arm_m, 1.0),
+            lever_arm_m: (found.config.gnss.lever_arm_sigma_m > 0.0)
+                .then(|| in_axes(log.meta.body_axes, &found.end.estimates.lever_arm_m, 1.0)),
             velocity_error_mps: VelocityErrors {
                 before: found.velocity_error.as_ref().map(|error| error.before_mps),
                 after: found.velocity_error.as_ref().map(|error| error.after_mps),

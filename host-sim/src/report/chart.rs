@@ -19,7 +19,7 @@ use plotters::style::RGBColor;
 use serde::Serialize;
 
 use super::number::significant;
-use super::plot::GREY;
+use super::plot::{GREY, decades};
 
 /// Points of a curve. An hour has one every two seconds, or the least and the greatest of four.
 pub(crate) const MOST_POINTS: usize = 1800;
@@ -110,22 +110,27 @@ impl Chart {
         self
     }
 
-    pub(crate) fn logarithmic_y(mut self) -> Self {
-        self.y = self
-            .y
-            .type_(AxisType::Log)
-            .exponent_format(ExponentFormat::Power);
+    /// A logarithmic y axis that holds these values.
+    pub(crate) fn logarithmic_y(mut self, values: impl Iterator<Item = f64>) -> Self {
+        self.y = logarithmic(self.y, values);
         self
     }
 
-    pub(crate) fn logarithmic_x(mut self) -> Self {
-        self.x = self.x.type_(AxisType::Log);
+    /// A logarithmic x axis that holds these values.
+    pub(crate) fn logarithmic_x(mut self, values: impl Iterator<Item = f64>) -> Self {
+        self.x = logarithmic(self.x, values);
+        self
+    }
+
+    /// Degrees of a circle along y.
+    pub(crate) fn circle(mut self) -> Self {
+        self.y = self.y.range(vec![-10.0, 370.0]).dtick(90.0);
         self
     }
 
     /// Over longitude and latitude; a degree of latitude is so many times as long.
     pub(crate) fn map(title: &str, ratio: f64) -> Self {
-        let map = Self::new(title, "longitude, deg", "latitude, deg");
+        let map = Self::new(title, "", "").note("longitude and latitude, deg");
         Self {
             x: map.x.tick_format(".5~f").n_ticks(5),
             y: map
@@ -149,6 +154,23 @@ impl Chart {
     pub(crate) fn reference(self, name: &str, colour: RGBColor, points: &[Point]) -> Self {
         let line = Line::new().width(1.0).color(css(colour, 0.8));
         let curve = self.curve(name, points).line(line.dash(DashType::Dot));
+        self.with(curve)
+    }
+
+    /// A curve of noise: pale.
+    pub(crate) fn noise(self, name: &str, colour: RGBColor, points: &[Point]) -> Self {
+        let line = Line::new().width(1.0).color(css(colour, 0.5));
+        let curve = self.curve(name, points).line(line);
+        self.with(curve)
+    }
+
+    /// One sigma to both sides of zero.
+    pub(crate) fn expected(self, name: &str, colour: RGBColor, sigmas: &[Point]) -> Self {
+        let side = |sign: f64| sigmas.iter().map(move |&(x, sigma)| (x, sign * sigma));
+        let gap = (f64::NAN, f64::NAN);
+        let both: Vec<Point> = side(1.0).chain([gap]).chain(side(-1.0)).collect();
+        let line = Line::new().width(2.0).color(css(colour, 1.0));
+        let curve = self.curve(name, &both).line(line);
         self.with(curve)
     }
 
@@ -317,7 +339,25 @@ fn axis(title: &str) -> Axis {
         .auto_margin(true)
         .zero_line(false)
         .grid_color(css(GREY, 0.25))
+        .exponent_format(ExponentFormat::Power)
         .n_ticks(7)
+}
+
+/// With so few labels that they stand apart.
+fn logarithmic(axis: Axis, values: impl Iterator<Item = f64>) -> Axis {
+    let positive = values.filter(|value| *value > 0.0);
+    let (low, high) = positive.fold((f64::MAX, 0.0), |(low, high): Point, value| {
+        (low.min(value), high.max(value))
+    });
+    let ends = if low <= high {
+        (0.7 * low, 1.4 * high)
+    } else {
+        (0.1, 10.0)
+    };
+    axis.type_(AxisType::Log)
+        .range(vec![ends.0.log10(), ends.1.log10()])
+        .tick_values(decades(ends))
+        .tick_format("~g")
 }
 
 fn css(RGBColor(red, green, blue): RGBColor, opacity: f64) -> Rgba {

@@ -193,7 +193,9 @@ impl Charts<'_> {
             }
         };
         let mut all = converging(self.analysis);
-        all.extend((0..3).map(lever));
+        if self.analysis.summary.lever_arm_m.is_some() {
+            all.extend((0..3).map(lever));
+        }
         all.retain(|one| !one.points.is_empty());
         all.iter().map(|one| one.figure(self.duration_s)).collect()
     }
@@ -226,15 +228,12 @@ impl Charts<'_> {
             thinned(points.iter().map(point))
         };
         let figure = |title, unit, value: fn(&Error) -> f64| {
+            let curves = [&errors.logged, &errors.free, &errors.damped].map(|e| curve(e, value));
             self.over_time(title, unit)
-                .line("free, as logged", RED, &curve(&errors.logged, value))
-                .line(
-                    "free, estimates applied",
-                    GREEN,
-                    &curve(&errors.free, value),
-                )
-                .line("damped", BLUE, &curve(&errors.damped, value))
-                .logarithmic_y()
+                .line("free, as logged", RED, &curves[0])
+                .line("free, estimates applied", GREEN, &curves[1])
+                .line("damped", BLUE, &curves[2])
+                .logarithmic_y(curves.iter().flatten().map(|point| point.1))
                 .figure()
         };
         figures.push(figure("Horizontal position error", "m", |e| e.position_m));
@@ -300,9 +299,15 @@ impl Charts<'_> {
                 let curve: Vec<Point> = unwound(&reference).iter().map(|p| (p.0, p.1)).collect();
                 chart = chart.reference("reference", RED, &curve);
             }
-            chart
-                .band("solution, one sigma", BLUE, &unwound(&points))
-                .figure()
+            // The first sigmas would flatten the rest.
+            let inner = padded(points.iter().map(|point| point.1), 1e-3);
+            chart = chart.band("solution, one sigma", BLUE, &unwound(&points));
+            let chart = if index == 2 {
+                chart.circle()
+            } else {
+                chart.range(inner)
+            };
+            chart.figure()
         };
         if rows.is_empty() {
             return Vec::new();
@@ -353,13 +358,11 @@ impl Charts<'_> {
         let rows: Vec<(f64, [f64; 3])> = navigating(self.found)
             .filter_map(|row| Some((since(self.found, row.time), sigmas(row, &row.solution?))))
             .collect();
-        let mut chart = self.over_time(title, unit).logarithmic_y();
+        let values = rows.iter().flat_map(|(_, sigmas)| *sigmas);
+        let mut chart = self.over_time(title, unit).logarithmic_y(values);
         for (index, (name, (_, colour))) in names.iter().zip(AXES).enumerate() {
-            chart = chart.line(
-                name,
-                colour,
-                &thinned(rows.iter().map(|(t, s)| (*t, s[index]))),
-            );
+            let curve = thinned(rows.iter().map(|(t, sigmas)| (*t, sigmas[index])));
+            chart = chart.line(name, colour, &curve);
         }
         chart.figure()
     }
@@ -380,24 +383,16 @@ impl Charts<'_> {
                 let Some(ratio) = consistency(offs.iter().map(|(_, off)| *off)) else {
                     continue;
                 };
-                let expected: Vec<Spread> =
-                    offs.iter().map(|(t, off)| (*t, 0.0, off.sigma)).collect();
+                let sigmas: Vec<Point> = offs.iter().map(|(t, off)| (*t, off.sigma)).collect();
+                let values: Vec<f64> = offs.iter().map(|(_, off)| off.value).collect();
                 let curve = thinned(offs.iter().map(|(t, off)| (*t, off.value)));
-                figures.push(
-                    self.over_time(format!("{quantity}, {direction}"), unit)
-                        .note(format!("RMS over expectation: {ratio:.2}"))
-                        .band(
-                            "expected, one sigma",
-                            GREY,
-                            &sampled(&expected, MOST_POINTS),
-                        )
-                        .line("GNSS minus solution", colour, &curve)
-                        .range(inner_range(&[&offs
-                            .iter()
-                            .map(|o| o.1.value)
-                            .collect::<Vec<_>>()]))
-                        .figure(),
-                );
+                let chart = self
+                    .over_time(format!("{quantity}, {direction}"), unit)
+                    .note(format!("RMS over expectation: {ratio:.2}"))
+                    .noise("GNSS minus solution", colour, &curve)
+                    .expected("expected, one sigma", RED, &sampled(&sigmas, MOST_POINTS))
+                    .range(inner_range(&[&values]));
+                figures.push(chart.figure());
             }
         }
         figures
@@ -435,7 +430,7 @@ impl Charts<'_> {
                 refused.len()
             ))
             .line("interval", BLUE, &thinned(fix_steps.iter().copied()))
-            .logarithmic_y();
+            .logarithmic_y(fix_steps.iter().map(|step| step.1));
         if !refused.is_empty() {
             let shown = sampled(&refused, MOST_REFUSED);
             chart = chart.marks("refused", RED, MarkerSymbol::X, &shown);
@@ -444,10 +439,11 @@ impl Charts<'_> {
             .imu
             .windows(2)
             .map(|pair| step(&[pair[0].time, pair[1].time]));
+        let sample_steps = thinned(sample_steps);
         let samples = self
             .over_time("Interval between inertial samples", "s")
-            .line("interval", BLUE, &thinned(sample_steps))
-            .logarithmic_y();
+            .line("interval", BLUE, &sample_steps)
+            .logarithmic_y(sample_steps.iter().map(|step| step.1));
         let now = |row: &Row| {
             let Estimate { value, sigma, .. } = row.estimates.gnss_latency_now_s;
             (since(self.found, row.time), 1e3 * value, 1e3 * sigma)
@@ -524,7 +520,7 @@ impl Charts<'_> {
                 .map(|c| c.iter().map(|p| p.1).collect::<Vec<f64>>());
             let mut chart = self.over_time(title, unit);
             for ((name, colour), curve) in EAST_NORTH_UP.into_iter().zip(&curves) {
-                chart = chart.line(name, colour, &thinned(curve.iter().copied()));
+                chart = chart.noise(name, colour, &thinned(curve.iter().copied()));
             }
             chart.range(inner_range(&[&ys[0], &ys[1], &ys[2]])).figure()
         };
@@ -539,9 +535,13 @@ pub(super) fn allan_figures(sensors: &Sensors) -> Vec<Figure> {
         let line = |value: &dyn Fn(&allan::Point) -> f64| -> Vec<Point> {
             points.iter().map(|p| (p.tau_s, value(p))).collect()
         };
+        let deviations = points
+            .iter()
+            .flat_map(|p| p.deviation)
+            .map(|sigma| sigma.value);
         let mut chart = Chart::new(title, "cluster time, s", unit)
-            .logarithmic_x()
-            .logarithmic_y();
+            .logarithmic_x(points.iter().map(|p| p.tau_s))
+            .logarithmic_y(deviations);
         for (axis, (name, (_, colour))) in ["right", "forward", "up"].iter().zip(AXES).enumerate() {
             chart = chart.line(name, colour, &line(&|p| p.deviation[axis].value));
         }

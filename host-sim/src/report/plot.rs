@@ -156,7 +156,7 @@ pub(crate) fn padded(values: impl Iterator<Item = f64>, least: f64) -> (f64, f64
 }
 
 /// Round numbers between the ends of a logarithmic axis, few enough to be read.
-fn decades((low, high): (f64, f64)) -> Vec<f64> {
+pub(crate) fn decades((low, high): (f64, f64)) -> Vec<f64> {
     let digits: &[u32] = match (high / low).log10() {
         span if span < 1.5 => &[1, 2, 5],
         span if span < 3.0 => &[1, 3],

@@ -1,6 +1,6 @@
 //! The results as tables.
 
-use ins_core::{GnssOutcome, Phase};
+use ins_core::{GnssOutcome, Observability, Phase};
 use serde::Serialize;
 
 use super::Sensors;
@@ -9,7 +9,7 @@ use super::words;
 use crate::analysis::Analysis;
 use crate::held_ins;
 use crate::identify::{Counts, add};
-use crate::quantities::Quantity;
+use crate::quantities::{Quantity, in_axes};
 use crate::table::cells;
 use crate::truth::Truth;
 
@@ -67,6 +67,7 @@ fn results(analysis: &Analysis) -> Table {
         .as_ref()
         .map(Truth::columns)
         .unwrap_or_default();
+    let told = in_axes(axes, &analysis.found.end.estimates.lever_arm_m, 1.0);
     let (q, bias) = (&summary.quantities, "subtract from readings");
     let mut rows = vec![
         Row::new(
@@ -98,14 +99,17 @@ fn results(analysis: &Analysis) -> Table {
     let latency = "a fix stamped t shows the motion at t minus this";
     rows.push(Row::new("GNSS latency", q.gnss_latency_ms, "ms", latency));
     rows[8].truth = truths[7];
-    for (axis, (name, quantity)) in summary.lever_arm_m.named().into_iter().enumerate() {
+    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
         let subject = format!("Antenna {name}, {}", axes.direction(axis));
-        rows.push(Row::new(
-            &subject,
-            *quantity,
-            "m",
-            "from the inertial sensors",
-        ));
+        rows.push(match &summary.lever_arm_m {
+            Some(arm) => Row::new(
+                &subject,
+                *arm.named()[axis].1,
+                "m",
+                "from the inertial sensors",
+            ),
+            None => Row::configured(&subject, told.named()[axis].1.value),
+        });
     }
     let known = analysis.truth.is_some();
     let mut header = cells(["", "estimate", "unit"]);
@@ -123,6 +127,7 @@ struct Row<'a> {
     unit: &'a str,
     truth: Option<f64>,
     remark: &'a str,
+    estimated: bool,
 }
 
 impl<'a> Row<'a> {
@@ -133,15 +138,29 @@ impl<'a> Row<'a> {
             unit,
             truth: None,
             remark,
+            estimated: true,
+        }
+    }
+
+    /// What the navigator was told, or took for granted.
+    fn configured(subject: &str, value_m: f64) -> Self {
+        let quantity = Quantity {
+            value: value_m,
+            sigma: 0.0,
+            observability: Observability::Observable,
+        };
+        Self {
+            estimated: false,
+            ..Self::new(subject, quantity, "m", "as configured, not estimated")
         }
     }
 
     fn cells(&self, known: bool) -> Vec<String> {
         let q = &self.quantity;
-        let estimate = if q.observable() {
-            words::with_sigma(q)
-        } else {
-            "not observable".to_owned()
+        let estimate = match (self.estimated, q.observable()) {
+            (false, _) => format!("{:.3}", q.value),
+            (true, true) => words::with_sigma(q),
+            (true, false) => "not observable".to_owned(),
         };
         let mut cells = vec![self.subject.clone(), estimate, self.unit.to_owned()];
         let error = self
@@ -162,7 +181,7 @@ impl<'a> Row<'a> {
         match error {
             _ if !q.observable() => q.observability.why(),
             Some(error) if error.abs() > SURE * q.sigma => "wrong by more than its sigma allows",
-            _ if q.value.abs() < DISTINCT * q.sigma => "not told from zero",
+            _ if q.value.abs() < DISTINCT * q.sigma => "not distinct from zero",
             _ => self.remark,
         }
     }

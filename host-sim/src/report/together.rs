@@ -77,30 +77,36 @@ enum Agreement {
 
 /// What should not change from log to log: not the heading.
 fn shared(logs: &[Summary]) -> Vec<Shared> {
-    type Told = Box<dyn Fn(&Summary) -> Quantity>;
-    let mut kinds: Vec<(String, &'static str, Told)> = Vec::new();
-    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
-        let accel = move |log: &Summary| *log.quantities.accel_bias_mg.named()[axis].1;
-        let gyro = move |log: &Summary| *log.quantities.gyro_bias_deg_h.named()[axis].1;
-        let antenna = move |log: &Summary| *log.lever_arm_m.named()[axis].1;
-        kinds.push((format!("Accelerometer bias {name}"), "mg", Box::new(accel)));
-        kinds.push((format!("Gyro bias {name}"), "deg/h", Box::new(gyro)));
-        kinds.push((format!("Antenna {name}"), "m", Box::new(antenna)));
+    type Told = fn(&Summary, usize) -> Option<Quantity>;
+    let vectors: [(&str, &'static str, Told); 3] = [
+        ("Accelerometer bias", "mg", |log, axis| {
+            Some(*log.quantities.accel_bias_mg.named()[axis].1)
+        }),
+        ("Gyro bias", "deg/h", |log, axis| {
+            Some(*log.quantities.gyro_bias_deg_h.named()[axis].1)
+        }),
+        ("Antenna", "m", |log, axis| {
+            Some(*log.lever_arm_m.as_ref()?.named()[axis].1)
+        }),
+    ];
+    let mut shared = Vec::new();
+    for (name, unit, told) in vectors {
+        for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
+            // None where the navigator was told instead.
+            let told: Option<Vec<Quantity>> = logs.iter().map(|log| told(log, axis)).collect();
+            let name = format!("{name} {letter}");
+            shared.extend(told.map(|told| Shared { name, unit, told }));
+        }
     }
-    kinds.push((
-        "GNSS latency".to_owned(),
-        "ms",
-        Box::new(|log| log.quantities.gnss_latency_ms),
-    ));
-    kinds.sort_by_key(|kind| kind.1 != "mg");
-    kinds
-        .into_iter()
-        .map(|(name, unit, told)| Shared {
-            name,
-            unit,
-            told: logs.iter().map(told).collect(),
-        })
-        .collect()
+    shared.push(Shared {
+        name: "GNSS latency".to_owned(),
+        unit: "ms",
+        told: logs
+            .iter()
+            .map(|log| log.quantities.gnss_latency_ms)
+            .collect(),
+    });
+    shared
 }
 
 impl Shared {

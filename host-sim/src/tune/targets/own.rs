@@ -3,7 +3,6 @@
 use ins_core::Config;
 
 use super::{Setting, bracketed, file};
-use crate::log::Grade;
 use crate::tune::{Found, Tuning};
 
 /// Spread of a latency that is taken from the stamps, sigmas: it changes from start to start.
