@@ -2,9 +2,8 @@
 
 use std::collections::VecDeque;
 
-use ins_core::config::GnssConfig;
+use ins_core::config::Noise;
 use ins_core::error_model::InsError;
-use ins_core::noise_trial::Assumed;
 use ins_core::{GnssFix, Navigator, Phase, Solution, Time};
 use nalgebra::Vector3;
 
@@ -111,59 +110,54 @@ impl Antenna {
     }
 
     fn against(&self, fix: &GnssFix, row: &Row, navigator: &Navigator) -> Innovation {
-        let gnss = &navigator.config().gnss;
         let own = row.sigma.unwrap_or_else(InsError::zero);
-        let noise = Noise::of(fix, gnss, navigator.assumed_noise());
-        let off = |difference: Option<f64>, sigma: f64, noise: f64| {
-            let sigma = sigma.hypot(noise);
-            difference.map(|value| Off { value, sigma })
-        };
-        let level = |axis: usize| {
-            fix.velocity_en_mps
-                .map(|v| v[axis] - self.velocity_mps[axis])
-        };
-        let up = fix.velocity_up_mps.map(|up| up - self.velocity_mps.z);
-        let differences = [level(0), level(1), up];
-        let place = fix.geodetic_or(self.position.height_m);
-        let way = place.map(|place| place.enu_from(&self.position) - self.way_m);
-        let height = fix
-            .height_m
-            .map(|h| h - self.position.height_m - self.way_m.z);
-        let ways = [way.map(|way| way.x), way.map(|way| way.y), height];
+        let [velocity_noise, position_noise] = noises(fix, navigator);
         Innovation {
             time: fix.time,
-            velocity_mps: [0, 1, 2]
-                .map(|i| off(differences[i], own.velocity_mps[i], noise.velocity_mps[i])),
-            position_m: [0, 1, 2].map(|i| off(ways[i], own.position_m[i], noise.position_m[i])),
+            velocity_mps: offs(self.velocity_off(fix), &own.velocity_mps, velocity_noise),
+            position_m: offs(self.position_off(fix), &own.position_m, position_noise),
         }
+    }
+
+    fn velocity_off(&self, fix: &GnssFix) -> [Option<f64>; 3] {
+        let level = fix.velocity_en_mps.map(|v| v - self.velocity_mps.xy());
+        let up = fix.velocity_up_mps.map(|up| up - self.velocity_mps.z);
+        [level.map(|v| v.x), level.map(|v| v.y), up]
+    }
+
+    fn position_off(&self, fix: &GnssFix) -> [Option<f64>; 3] {
+        let height_m = self.position.height_m;
+        let place = fix.geodetic_or(height_m);
+        let level = place.map(|place| place.enu_from(&self.position) - self.way_m);
+        let up = fix.height_m.map(|fix_m| fix_m - height_m - self.way_m.z);
+        [level.map(|way| way.x), level.map(|way| way.y), up]
     }
 }
 
-/// One sigma of a fix, as it states it or as configured, east-north-up.
-struct Noise {
-    velocity_mps: [f64; 3],
-    position_m: [f64; 3],
+fn offs(off: [Option<f64>; 3], own: &Vector3<f64>, noise: [f64; 3]) -> [Option<Off>; 3] {
+    [0, 1, 2].map(|axis| {
+        let sigma = own[axis].hypot(noise[axis]);
+        off[axis].map(|value| Off { value, sigma })
+    })
 }
 
-impl Noise {
-    fn of(fix: &GnssFix, gnss: &GnssConfig, assumed: Option<Assumed>) -> Self {
-        let sigma = |noise: &ins_core::config::Noise, stated: Option<f64>| {
-            let scale = stated.map_or(1.0, |stated| stated / noise.white);
-            scale * noise.variance().sqrt()
-        };
-        let (stated, velocity) = (&fix.sigma, &gnss.velocity_mps);
-        let velocity = assumed.map_or(*velocity, |assumed| assumed.velocity(velocity.white));
-        let level = sigma(&velocity, stated.velocity_mps);
-        let place = sigma(&gnss.position_m, stated.position_m);
-        Self {
-            velocity_mps: [
-                level,
-                level,
-                sigma(&gnss.velocity_up_mps, stated.velocity_up_mps),
-            ],
-            position_m: [place, place, sigma(&gnss.height_m, stated.height_m)],
-        }
-    }
+/// One sigma of velocity and position of a fix, east-north-up: as the receiver states it or as
+/// configured, and as correlated as the navigator has found velocities to be.
+fn noises(fix: &GnssFix, navigator: &Navigator) -> [[f64; 3]; 2] {
+    let (gnss, stated) = (&navigator.config().gnss, &fix.sigma);
+    let sigma = |noise: &Noise, stated: Option<f64>| {
+        let scale = stated.map_or(1.0, |stated| stated / noise.white);
+        scale * noise.variance().sqrt()
+    };
+    let white = gnss.velocity_mps.white;
+    let learnt = navigator
+        .assumed_noise()
+        .map(|assumed| assumed.velocity(white));
+    let level_mps = sigma(&learnt.unwrap_or(gnss.velocity_mps), stated.velocity_mps);
+    let level_m = sigma(&gnss.position_m, stated.position_m);
+    let up_mps = sigma(&gnss.velocity_up_mps, stated.velocity_up_mps);
+    let up_m = sigma(&gnss.height_m, stated.height_m);
+    [[level_mps, level_mps, up_mps], [level_m, level_m, up_m]]
 }
 
 /// Root mean square of what a component was off by against its expectation: 1 where they agree.
@@ -174,4 +168,18 @@ pub fn consistency(offs: impl Iterator<Item = Off>) -> Option<f64> {
         count += 1.0;
     }
     (count > 0.0).then(|| (sum / count).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_off_of_its_sigma_is_consistent() {
+        let off = |value, sigma| Off { value, sigma };
+        let found = consistency([off(1.0, 1.0), off(-2.0, 2.0)].into_iter());
+        assert_eq!(found, Some(1.0));
+        assert_eq!(consistency([off(3.0, 1.0)].into_iter()), Some(3.0));
+        assert_eq!(consistency([].into_iter()), None);
+    }
 }

@@ -79,6 +79,8 @@ frame.onload = async () => {
       .filter(one => plots.some(plot => plot.textContent.includes(one.text))).map(one => one.text),
     loaded: view.performance.getEntriesByType("resource").map(entry => entry.name),
     dark: luminance(paper) < 0.2,
+    velocity_notes: [...page.querySelectorAll("figcaption")].map(one => one.innerText)
+      .filter(text => text.startsWith("Velocity, ") && text.includes("RMS")),
     captions: [...page.querySelectorAll(".plot[data-time]")].map(caption),
   };
   const over_time = [...page.querySelectorAll(".plot[data-time]")];
@@ -202,6 +204,16 @@ fn an_hour_is_drawn_whole_and_printed_whole() {
     assert!(size < MOST_BYTES, "{size}");
     let said = check(&report);
     assert!(said["plots"].as_u64().unwrap() > 30, "{said:#}");
+    // The simulated receiver is what it is configured to be.
+    let notes = said["velocity_notes"].as_array().unwrap();
+    assert_eq!(notes.len(), 3);
+    for note in notes {
+        let ratio = note.as_str().unwrap().rsplit(' ').next().unwrap();
+        assert!(
+            (0.8..1.25).contains(&ratio.parse::<f64>().unwrap()),
+            "{note}"
+        );
+    }
 
     // Each caption is on the page of its plot, which ends with the name of its x axis.
     let pages = printed(&report);

@@ -13,7 +13,7 @@ use plotly::common::{
     Line, Marker, MarkerSymbol, Mode, Orientation,
 };
 use plotly::configuration::{Configuration, ModeBarButtonName};
-use plotly::layout::{Axis, AxisType, HoverMode, Layout, Legend, Margin, ModeBar};
+use plotly::layout::{Axis, AxisType, HoverMode, Layout, Legend, Margin, ModeBar, TicksDirection};
 use plotly::{Plot, Scatter, Trace};
 use plotters::style::RGBColor;
 use serde::Serialize;
@@ -85,7 +85,11 @@ impl Chart {
             title: title.into(),
             note: String::new(),
             x: axis(x),
-            y: axis(y),
+            // Labels keep off those of the x axis in the corner.
+            y: axis(y)
+                .ticks(TicksDirection::Outside)
+                .tick_length(5)
+                .tick_color(NONE),
             over_time: false,
             tall: false,
             shaded: false,
