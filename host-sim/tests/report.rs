@@ -255,8 +255,8 @@ fn several_logs_stand_side_by_side() {
     let page = fs::read_to_string(home.join("both/report.html")).unwrap();
     for text in [
         "Estimates side by side",
-        "1: simulated drive, seed 1",
-        "2: simulated drive, seed 2",
+        "simulated drive, seed 1",
+        "simulated drive, seed 2",
     ] {
         assert!(page.contains(text), "{text}");
     }

@@ -163,7 +163,7 @@ impl Chart {
 
     /// A curve of noise: pale.
     pub(crate) fn noise(self, name: &str, colour: RGBColor, points: &[Point]) -> Self {
-        let line = Line::new().width(1.0).color(css(colour, 0.5));
+        let line = Line::new().width(1.0).color(css(colour, 0.7));
         let curve = self.curve(name, points).line(line);
         self.with(curve)
     }
@@ -343,7 +343,7 @@ fn axis(title: &str) -> Axis {
         .auto_margin(true)
         .zero_line(false)
         .grid_color(css(GREY, 0.25))
-        .exponent_format(ExponentFormat::Power)
+        .exponent_format(ExponentFormat::None)
         .n_ticks(7)
 }
 
