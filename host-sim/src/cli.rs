@@ -1,9 +1,11 @@
 //! The command line.
 
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
+use clap_complete::Shell;
 use indicatif::{ProgressBar, ProgressStyle};
 use ins_core::earth::wrap_pi;
 use miette::{IntoDiagnostic, Result, bail};
@@ -29,6 +31,9 @@ use crate::study;
 use crate::table;
 use crate::truth::{self, Truth};
 use crate::tune;
+
+/// Name of the program.
+const NAME: &str = "host-sim";
 
 /// Finds the errors of inertial sensors and GNSS from a recorded or simulated drive.
 #[derive(Debug, Parser)]
@@ -86,6 +91,17 @@ enum Command {
         out: PathBuf,
         #[command(flatten)]
         drive: DriveOptions,
+    },
+    /// Print completions of the command line for a shell.
+    Completions {
+        /// bash, zsh, fish and others.
+        shell: Shell,
+    },
+    /// Write the manual pages.
+    Man {
+        /// Folder for them.
+        #[arg(long)]
+        out: PathBuf,
     },
 }
 
@@ -196,6 +212,14 @@ pub(crate) fn minutes(text: &str) -> Result<f64, String> {
     }
 }
 
+impl Cli {
+    /// The command line; numbers may be negative.
+    pub fn read() -> Self {
+        let command = Self::command().mut_subcommands(|c| c.allow_negative_numbers(true));
+        Self::from_arg_matches(&command.get_matches()).unwrap_or_else(|error| error.exit())
+    }
+}
+
 /// Runs a command.
 pub fn run(cli: &Cli) -> Result<()> {
     match &cli.command {
@@ -231,16 +255,27 @@ pub fn run(cli: &Cli) -> Result<()> {
         Command::Figures(options) => figures::write(options),
         Command::Study(study) => study::cli::study(study, cli.json),
         Command::Demo { out, drive } => demo(out, *drive, cli),
+        Command::Completions { shell } => {
+            clap_complete::generate(*shell, &mut Cli::command(), NAME, &mut io::stdout());
+            Ok(())
+        }
+        Command::Man { out } => {
+            fs::create_dir_all(out).map_err(|e| OutputError::io(out, e))?;
+            let pages = clap_mangen::generate_to(Cli::command().name(NAME), out);
+            Ok(pages.map_err(|e| OutputError::io(out, e))?)
+        }
     }
 }
 
 fn demo(out: &Path, drive: DriveOptions, cli: &Cli) -> Result<()> {
     let (log, results) = (out.join("log"), out.join("report"));
+    // An earlier demo can be had again at any time.
+    let force = true;
     // Both before either, so that nothing is simulated in vain.
-    output::check_free(&log, truth::FILE, cli.force)?;
-    output::check_free(&results, SUMMARY, cli.force)?;
-    write_drive(&log, drive, None, cli.force)?;
-    let (analysis, model) = identify_log(&log, &results, None, None, cli.force)?;
+    output::check_free(&log, truth::FILE, force)?;
+    output::check_free(&results, SUMMARY, force)?;
+    write_drive(&log, drive, None, force)?;
+    let (analysis, model) = identify_log(&log, &results, None, None, force)?;
     print_analysis(&analysis, Some(&model), &results, cli.json)
 }
 
@@ -359,9 +394,9 @@ fn identify_logs(
     for log in &options.log {
         refuse_same(log, out)?;
     }
-    let mut model = None;
+    let (mut model, mut summaries) = (None, Vec::new());
     output::build(out, error_model::MODEL, cli.force, |folder| -> Result<()> {
-        let (mut records, mut summaries, mut class) = (Vec::new(), Vec::new(), grade);
+        let (mut records, mut class) = (Vec::new(), grade);
         for (number, log) in (1..).zip(&options.log) {
             let progress = bar();
             // One log at a time: only what the error model needs of it is kept.
@@ -400,11 +435,14 @@ fn identify_logs(
         model = Some(found);
         Ok(())
     })?;
-    if let Some(model) = model {
-        print_model(&model, out, cli.json)?;
-        if !cli.json {
-            println!("Report: {}", out.join(REPORT).display());
-        }
+    if cli.json {
+        println!(
+            "{}",
+            serde_json::to_string_pretty(&summaries).into_diagnostic()?
+        );
+    } else if let Some(model) = model {
+        print_model(&model, out);
+        println!("Report: {}", out.join(REPORT).display());
     }
     Ok(())
 }
@@ -427,16 +465,10 @@ pub(crate) fn refuse_same(log: &Path, out: &Path) -> Result<()> {
 
 // --- what is printed ---
 
-fn print_model(model: &Identified, out: &Path, json: bool) -> Result<()> {
-    if json {
-        let parameters = serde_json::to_string_pretty(&model.parameters()).into_diagnostic()?;
-        println!("{parameters}");
-        return Ok(());
-    }
+fn print_model(model: &Identified, out: &Path) {
     let (header, rows) = model.table();
     print!("{}", table::plain(&header, &rows));
     println!("\nError model: {}", out.join(error_model::MODEL).display());
-    Ok(())
 }
 
 pub(crate) fn print_analysis(
@@ -465,7 +497,7 @@ pub(crate) fn print_analysis(
     }
     if let Some(model) = model {
         println!();
-        print_model(model, out, false)?;
+        print_model(model, out);
     }
     println!("Report: {}", out.join(REPORT).display());
     Ok(())

@@ -1,6 +1,7 @@
 //! What the plots of the report show.
 
 use ins_core::earth::Geodetic;
+use ins_core::error_model::InsError;
 use ins_core::{Estimate, ImuOutput, ImuSample, Manoeuvre, Phase, Solution, Time};
 use plotly::common::MarkerSymbol;
 use plotters::style::RGBColor;
@@ -283,7 +284,10 @@ impl Charts<'_> {
     fn motion(&self) -> Vec<Figure> {
         let rows: Vec<(f64, Solution, [f64; 5])> = navigating(self.found)
             .filter_map(|row| Some((row, row.solution?)))
-            .map(|(row, s)| (since(self.found, row.time), s, sigmas(row, &s)))
+            .map(|(row, s)| {
+                let known = row.sigma.map_or([f64::NAN; 5], |sigma| sigmas(&sigma, &s));
+                (since(self.found, row.time), s, known)
+            })
             .collect();
         let (rows, truth) = (sampled(&rows, MOST_POINTS), &self.analysis.log.truth);
         let truth = sampled(truth, MOST_POINTS);
@@ -312,59 +316,57 @@ impl Charts<'_> {
         if rows.is_empty() {
             return Vec::new();
         }
-        vec![
+        let mut figures = vec![
             figure(0, "Roll", "deg"),
             figure(1, "Pitch", "deg"),
             figure(2, "Heading, clockwise from north", "deg"),
             figure(3, "Height above the ellipsoid", "m"),
             figure(4, "Speed over ground", "m/s"),
-            self.one_sigma(
-                "One sigma of attitude",
-                "deg",
-                ["roll", "pitch", "heading"],
-                |row, s| {
-                    let [roll, pitch, heading, ..] = sigmas(row, s);
-                    [roll, pitch, heading]
-                },
-            ),
-            self.one_sigma(
-                "One sigma of position",
-                "m",
-                ["east", "north", "up"],
-                |row, _| {
-                    row.sigma
-                        .map_or([f64::NAN; 3], |sigma| sigma.position_m.into())
-                },
-            ),
-            self.one_sigma(
-                "One sigma of velocity",
-                "m/s",
-                ["east", "north", "up"],
-                |row, _| {
-                    row.sigma
-                        .map_or([f64::NAN; 3], |sigma| sigma.velocity_mps.into())
-                },
-            ),
-        ]
+        ];
+        let enu = ["east", "north", "up"];
+        figures.extend(
+            [
+                self.one_sigma(
+                    "attitude",
+                    "deg",
+                    ["roll", "pitch", "heading"],
+                    |sigma, s| {
+                        let [roll, pitch, heading, ..] = sigmas(sigma, s);
+                        [roll, pitch, heading]
+                    },
+                ),
+                self.one_sigma("position", "m", enu, |sigma, _| sigma.position_m.into()),
+                self.one_sigma("velocity", "m/s", enu, |sigma, _| sigma.velocity_mps.into()),
+            ]
+            .into_iter()
+            .flatten(),
+        );
+        figures
     }
 
+    /// Three sigmas of the solution; none where they are not known.
     fn one_sigma(
         &self,
-        title: &str,
+        of: &str,
         unit: &str,
         names: [&str; 3],
-        sigmas: impl Fn(&Row, &Solution) -> [f64; 3],
-    ) -> Figure {
+        three: impl Fn(&InsError, &Solution) -> [f64; 3],
+    ) -> Option<Figure> {
         let rows: Vec<(f64, [f64; 3])> = navigating(self.found)
-            .filter_map(|row| Some((since(self.found, row.time), sigmas(row, &row.solution?))))
+            .filter_map(|row| {
+                Some((
+                    since(self.found, row.time),
+                    three(&row.sigma?, &row.solution?),
+                ))
+            })
             .collect();
         let values = rows.iter().flat_map(|(_, sigmas)| *sigmas);
-        let mut chart = self.over_time(title, unit).logarithmic_y(values);
+        let mut chart = (self.over_time(format!("One sigma of {of}"), unit)).logarithmic_y(values);
         for (index, (name, (_, colour))) in names.iter().zip(AXES).enumerate() {
             let curve = thinned(rows.iter().map(|(t, sigmas)| (*t, sigmas[index])));
             chart = chart.line(name, colour, &curve);
         }
-        chart.figure()
+        (!rows.is_empty()).then(|| chart.figure())
     }
 
     /// Each component of the fixes against the solution of its moment.
@@ -579,11 +581,8 @@ fn values(solution: &Solution) -> [f64; 5] {
     ]
 }
 
-/// One sigma of each; NaN where it is not known.
-fn sigmas(row: &Row, solution: &Solution) -> [f64; 5] {
-    let Some(sigma) = row.sigma else {
-        return [f64::NAN; 5];
-    };
+/// One sigma of each.
+fn sigmas(sigma: &InsError, solution: &Solution) -> [f64; 5] {
     // East and north turned to along and across a direction; what they have in common is not known.
     let along = |angle: f64, east: f64, north: f64| (angle.sin() * east).hypot(angle.cos() * north);
     let across = |angle: f64, east: f64, north: f64| along(angle, north, east);
