@@ -42,7 +42,7 @@ fn what_is_stopped_leaves_nothing_half_done() {
         .any(|name| name.starts_with(".building-"))
     {
         assert!(
-            start.elapsed() < Duration::from_secs(300),
+            start.elapsed() < Duration::from_mins(5),
             "nothing was begun"
         );
         sleep(Duration::from_millis(5));

@@ -44,7 +44,11 @@ pub(super) fn page(logs: &[Summary], sensors: &Sensors) -> Page {
             env!("CARGO_PKG_VERSION")
         ),
         verdicts: differ.chain(logs.iter().flat_map(named)).collect(),
-        tables: vec![side_by_side(logs, &shared), Table::new(model, header, rows)],
+        tables: vec![
+            side_by_side(logs, &shared),
+            listed(logs),
+            Table::new(model, header, rows),
+        ],
         sections: vec![
             Section {
                 title: "Side by side",
@@ -150,20 +154,25 @@ impl Shared {
         let band: Vec<Spread> = [0.5, logs.len() as f64 + 0.5]
             .map(|x| (x, mean, sigma))
             .into();
-        Chart::new(&self.name, "log, as in the table", self.unit)
+        Chart::new(&self.name, "log", self.unit)
             .whole_numbers()
             .band("mean, one sigma", GREY, &band)
             .error_bars("estimate, one sigma", BLUE, &bars)
     }
 }
 
+fn listed(logs: &[Summary]) -> Table {
+    let row = |(number, log): (usize, &Summary)| {
+        let minutes = format!("{:.1}", log.duration_s / 60.0);
+        vec![format!("log {number}"), minutes, log.log.clone()]
+    };
+    let rows = (1..).zip(logs).map(row).collect();
+    Table::new("The logs", cells(["", "min", "name"]), rows)
+}
+
 fn side_by_side(logs: &[Summary], shared: &[Shared]) -> Table {
     let mut header = cells(["", "unit"]);
-    header.extend(
-        (1..)
-            .zip(logs)
-            .map(|(number, log)| format!("{number}: {}", log.log)),
-    );
+    header.extend((1..=logs.len()).map(|number| format!("log {number}")));
     header.extend(cells(["mean", "do they agree"]));
     let row = |one: &Shared| {
         let mut row = vec![one.name.clone(), one.unit.to_owned()];
@@ -175,10 +184,7 @@ fn side_by_side(logs: &[Summary], shared: &[Shared]) -> Table {
                 (mean, "yes")
             }
             // Of what differs a mean with a sigma would claim too much.
-            Agreement::Differ => (
-                String::new(),
-                "no: they differ by more than their sigmas allow",
-            ),
+            Agreement::Differ => (String::new(), "no"),
             Agreement::Unknown => (String::new(), "fewer than two logs show it"),
         };
         row.extend([mean, agree.to_owned()]);
