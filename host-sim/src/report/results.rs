@@ -71,10 +71,10 @@ fn results(analysis: &Analysis) -> Table {
     let (q, bias) = (&summary.quantities, "subtract from readings");
     let mut rows = vec![
         Row::new(
-            "Azimuth error at the start, clockwise",
+            "Azimuth error, clockwise",
             q.azimuth_error_deg,
             "deg",
-            "",
+            "of the heading it started with, carried on",
         ),
         Row::new(
             "Heading at the end, from north",
