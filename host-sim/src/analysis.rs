@@ -13,13 +13,16 @@ use crate::identify::{Identification, identify};
 use crate::import::{self, Choice};
 use crate::log::{Grade, Log, LogError};
 use crate::output::OutputError;
-use crate::report;
+use crate::report::{self, Sensors};
 use crate::summary::Summary;
 use crate::tables;
 use crate::truth::Truth;
 
 /// File name of the summary; marks a folder of results as ours.
 pub const SUMMARY: &str = "summary.json";
+
+/// File name of the page for people.
+pub const REPORT: &str = "report.html";
 
 /// A log, and how it is going to be run.
 #[derive(Clone, Debug, PartialEq)]
@@ -105,16 +108,15 @@ impl Analysis {
     }
 
     /// Writes summary, tables and report into a folder.
-    pub fn write(&self, folder: &Path) -> Result<()> {
+    pub fn write(&self, folder: &Path, sensors: Option<&Sensors>) -> Result<()> {
         let axes = self.log.meta.body_axes;
         tables::write_estimates(create(folder, "estimates.csv")?, &self.found, axes)
             .into_diagnostic()?;
         tables::write_solution(create(folder, "solution.csv")?, &self.found.solutions)
             .into_diagnostic()?;
-        let page = report::html(&self.log, &self.found, &self.summary, self.truth.as_ref())
-            .into_diagnostic()?;
+        let page = report::html(self, sensors).into_diagnostic()?;
         let summary = serde_json::to_string_pretty(&self.summary).into_diagnostic()?;
-        for (name, text) in [("report.html", page), (SUMMARY, summary + "\n")] {
+        for (name, text) in [(REPORT, page), (SUMMARY, summary + "\n")] {
             let path = folder.join(name);
             fs::write(&path, text).map_err(|e| OutputError::io(&path, e))?;
         }

@@ -1,18 +1,21 @@
 //! The command line.
 
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
+use clap_complete::Shell;
 use indicatif::{ProgressBar, ProgressStyle};
 use ins_core::earth::wrap_pi;
 use miette::{IntoDiagnostic, Result, bail};
 
 use crate::accuracy;
 use crate::aircraft;
-use crate::analysis::{Analysis, SUMMARY};
+use crate::analysis::{Analysis, REPORT, SUMMARY};
 use crate::campaign;
 use crate::compare;
+use crate::error_model::allan::AtRest;
 use crate::error_model::fit::Kind;
 use crate::error_model::{self, Identified, Record};
 use crate::figures;
@@ -21,12 +24,16 @@ use crate::hil;
 use crate::import;
 use crate::log::{self, BodyAxes, Compression, Grade, Log, Meta};
 use crate::output::{self, OutputError};
+use crate::report::{self, Sensors};
 use crate::reproduce;
 use crate::sim::{self, DriveConfig, ErrorModel};
 use crate::study;
 use crate::table;
 use crate::truth::{self, Truth};
 use crate::tune;
+
+/// Name of the program.
+const NAME: &str = "host-sim";
 
 /// Finds the errors of inertial sensors and GNSS from a recorded or simulated drive.
 #[derive(Debug, Parser)]
@@ -84,6 +91,17 @@ enum Command {
         out: PathBuf,
         #[command(flatten)]
         drive: DriveOptions,
+    },
+    /// Print completions of the command line for a shell.
+    Completions {
+        /// bash, zsh, fish and others.
+        shell: Shell,
+    },
+    /// Write the manual pages.
+    Man {
+        /// Folder for them.
+        #[arg(long)]
+        out: PathBuf,
     },
 }
 
@@ -194,6 +212,14 @@ pub(crate) fn minutes(text: &str) -> Result<f64, String> {
     }
 }
 
+impl Cli {
+    /// The command line; numbers may be negative.
+    pub fn read() -> Self {
+        let command = Self::command().mut_subcommands(|c| c.allow_negative_numbers(true));
+        Self::from_arg_matches(&command.get_matches()).unwrap_or_else(|error| error.exit())
+    }
+}
+
 /// Runs a command.
 pub fn run(cli: &Cli) -> Result<()> {
     match &cli.command {
@@ -229,16 +255,27 @@ pub fn run(cli: &Cli) -> Result<()> {
         Command::Figures(options) => figures::write(options),
         Command::Study(study) => study::cli::study(study, cli.json),
         Command::Demo { out, drive } => demo(out, *drive, cli),
+        Command::Completions { shell } => {
+            clap_complete::generate(*shell, &mut Cli::command(), NAME, &mut io::stdout());
+            Ok(())
+        }
+        Command::Man { out } => {
+            fs::create_dir_all(out).map_err(|e| OutputError::io(out, e))?;
+            let pages = clap_mangen::generate_to(Cli::command().name(NAME), out);
+            Ok(pages.map_err(|e| OutputError::io(out, e))?)
+        }
     }
 }
 
 fn demo(out: &Path, drive: DriveOptions, cli: &Cli) -> Result<()> {
     let (log, results) = (out.join("log"), out.join("report"));
+    // An earlier demo can be had again at any time.
+    let force = true;
     // Both before either, so that nothing is simulated in vain.
-    output::check_free(&log, truth::FILE, cli.force)?;
-    output::check_free(&results, SUMMARY, cli.force)?;
-    write_drive(&log, drive, None, cli.force)?;
-    let (analysis, model) = identify_log(&log, &results, None, None, cli.force)?;
+    output::check_free(&log, truth::FILE, force)?;
+    output::check_free(&results, SUMMARY, force)?;
+    write_drive(&log, drive, None, force)?;
+    let (analysis, model) = identify_log(&log, &results, None, None, force)?;
     print_analysis(&analysis, Some(&model), &results, cli.json)
 }
 
@@ -326,9 +363,14 @@ fn identify_log(
     let analysis = Analysis::of_log(folder, grade, &progress)?;
     let records = [Record::new(&analysis.log, &analysis.found)];
     let model = error_model_of(&records, analysis.summary.grade, kind);
+    let at_rest = AtRest::new(&records);
     output::build(out, SUMMARY, force, |folder| {
-        analysis.write(folder)?;
-        error_model::write(&model, &records, folder)
+        let sensors = Sensors {
+            model: &model,
+            at_rest: &at_rest,
+        };
+        analysis.write(folder, Some(&sensors))?;
+        error_model::write(sensors, folder)
     })?;
     Ok((analysis, model))
 }
@@ -352,7 +394,7 @@ fn identify_logs(
     for log in &options.log {
         refuse_same(log, out)?;
     }
-    let mut model = None;
+    let (mut model, mut summaries) = (None, Vec::new());
     output::build(out, error_model::MODEL, cli.force, |folder| -> Result<()> {
         let (mut records, mut class) = (Vec::new(), grade);
         for (number, log) in (1..).zip(&options.log) {
@@ -371,18 +413,36 @@ fn identify_logs(
             let name = analysis.summary.log.replace(['/', '\\'], "-");
             let beside = folder.join(format!("{number}-{name}"));
             fs::create_dir(&beside).map_err(|e| OutputError::io(&beside, e))?;
-            analysis.write(&beside)?;
             let own = [record];
-            error_model::write(&error_model_of(&own, this, kind), &own, &beside)?;
+            let sensors = Sensors {
+                model: &error_model_of(&own, this, kind),
+                at_rest: &AtRest::new(&own),
+            };
+            analysis.write(&beside, Some(&sensors))?;
+            error_model::write(sensors, &beside)?;
             records.extend(own);
+            summaries.push(analysis.summary);
         }
         let found = error_model_of(&records, class.unwrap_or(Grade::Mems), kind);
-        error_model::write(&found, &records, folder)?;
+        let sensors = Sensors {
+            model: &found,
+            at_rest: &AtRest::new(&records),
+        };
+        error_model::write(sensors, folder)?;
+        let page = report::html_of_all(&summaries, &sensors).into_diagnostic()?;
+        let path = folder.join(REPORT);
+        fs::write(&path, page).map_err(|e| OutputError::io(&path, e))?;
         model = Some(found);
         Ok(())
     })?;
-    if let Some(model) = model {
-        print_model(&model, out, cli.json)?;
+    if cli.json {
+        println!(
+            "{}",
+            serde_json::to_string_pretty(&summaries).into_diagnostic()?
+        );
+    } else if let Some(model) = model {
+        print_model(&model, out);
+        println!("Report: {}", out.join(REPORT).display());
     }
     Ok(())
 }
@@ -405,16 +465,10 @@ pub(crate) fn refuse_same(log: &Path, out: &Path) -> Result<()> {
 
 // --- what is printed ---
 
-fn print_model(model: &Identified, out: &Path, json: bool) -> Result<()> {
-    if json {
-        let parameters = serde_json::to_string_pretty(&model.parameters()).into_diagnostic()?;
-        println!("{parameters}");
-        return Ok(());
-    }
+fn print_model(model: &Identified, out: &Path) {
     let (header, rows) = model.table();
     print!("{}", table::plain(&header, &rows));
     println!("\nError model: {}", out.join(error_model::MODEL).display());
-    Ok(())
 }
 
 pub(crate) fn print_analysis(
@@ -443,9 +497,9 @@ pub(crate) fn print_analysis(
     }
     if let Some(model) = model {
         println!();
-        print_model(model, out, false)?;
+        print_model(model, out);
     }
-    println!("Report: {}", out.join("report.html").display());
+    println!("Report: {}", out.join(REPORT).display());
     Ok(())
 }
 

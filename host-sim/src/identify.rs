@@ -5,11 +5,12 @@ use ins_core::ConfigError;
 use ins_core::damping::DampingSignals;
 use ins_core::{
     Config, Estimates, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Manoeuvre, Navigator, Phase,
-    Solution, Time,
+    Solution, SolutionSigma, Time,
 };
 
 use crate::against_truth::{self, AgainstTruth};
 use crate::free_inertial::{self, VelocityError};
+use crate::innovations::{Innovation, Innovations};
 use crate::log::Log;
 
 /// Interval between rows of the history, and between solutions kept, s.
@@ -33,12 +34,14 @@ pub struct Row {
     pub signals: DampingSignals,
     /// Position, velocity and attitude.
     pub solution: Option<Solution>,
+    /// Spread of the solution, ENU, where it is known.
+    pub sigma: Option<SolutionSigma>,
 }
 
 /// How often each answer was given.
 pub type Counts<T> = Vec<(T, u64)>;
 
-fn add<T: PartialEq>(counts: &mut Counts<T>, outcome: T) {
+pub(crate) fn add<T: PartialEq>(counts: &mut Counts<T>, outcome: T) {
     match counts.iter_mut().find(|(known, _)| *known == outcome) {
         Some((_, count)) => *count += 1,
         None => counts.push((outcome, 1)),
@@ -58,8 +61,10 @@ pub struct Identification {
     pub solutions: Vec<Solution>,
     /// Answers to inertial samples.
     pub imu_outcomes: Counts<ImuOutcome>,
-    /// Answers to fixes.
-    pub gnss_outcomes: Counts<GnssOutcome>,
+    /// Stamps of the fixes and the answers to them.
+    pub fixes: Vec<(Time, GnssOutcome)>,
+    /// Fixes against the solution of their moments; none where the navigator runs elsewhere.
+    pub innovations: Vec<Innovation>,
     /// Free-inertial velocity error without and with the estimates; none where no window fits.
     pub velocity_error: Option<VelocityError>,
     /// Errors of the solution, damped and free; none without a reference motion.
@@ -92,11 +97,16 @@ pub(crate) fn record(
     for (count, event) in (1_u64..).zip(in_order_of_time(&log.imu, &log.gnss)) {
         match event {
             Event::Imu(sample) => {
+                run.judge(sample.time, &navigator);
                 let outcome = navigator.on_imu(sample);
                 run.on_sample(sample.time, outcome, || row(sample.time, &navigator));
                 after_sample(&navigator, sample.time);
             }
-            Event::Gnss(fix) => run.on_fix(navigator.on_gnss(fix)),
+            Event::Gnss(fix) => {
+                run.innovations.expect(fix);
+                run.judge(fix.time, &navigator);
+                run.on_fix(fix.time, navigator.on_gnss(fix));
+            }
         }
         if count % PROGRESS_EVERY == 0 {
             progress.inc(PROGRESS_EVERY);
@@ -112,10 +122,15 @@ pub struct Recorder {
     pub(crate) history: Vec<Row>,
     solutions: Vec<Solution>,
     imu_outcomes: Counts<ImuOutcome>,
-    gnss_outcomes: Counts<GnssOutcome>,
+    fixes: Vec<(Time, GnssOutcome)>,
+    innovations: Innovations,
 }
 
 impl Recorder {
+    fn judge(&mut self, time: Time, navigator: &Navigator) {
+        (self.innovations).judge(time, navigator, &self.history, &self.solutions);
+    }
+
     /// After an inertial sample; `row` is asked only when one is due.
     pub fn on_sample(&mut self, time: Time, outcome: ImuOutcome, row: impl Fn() -> Row) {
         add(&mut self.imu_outcomes, outcome);
@@ -129,8 +144,8 @@ impl Recorder {
     }
 
     /// After a fix.
-    pub fn on_fix(&mut self, outcome: GnssOutcome) {
-        add(&mut self.gnss_outcomes, outcome);
+    pub fn on_fix(&mut self, time: Time, outcome: GnssOutcome) {
+        self.fixes.push((time, outcome));
     }
 
     /// After the log, with the navigator's last words.
@@ -145,7 +160,8 @@ impl Recorder {
             end,
             solutions: self.solutions,
             imu_outcomes: self.imu_outcomes,
-            gnss_outcomes: self.gnss_outcomes,
+            fixes: self.fixes,
+            innovations: self.innovations.found,
             velocity_error,
             against_truth,
         }
@@ -165,6 +181,7 @@ fn row(time: Time, navigator: &Navigator) -> Row {
         estimates: navigator.estimates(),
         signals: navigator.damping_signals(),
         solution: navigator.solution(),
+        sigma: navigator.sigma(),
     }
 }
 

@@ -18,6 +18,7 @@ pub mod held_ins;
 pub mod hil;
 pub mod identify;
 pub mod import;
+pub mod innovations;
 pub mod kalman;
 pub mod log;
 pub mod outage;

@@ -1,10 +1,27 @@
 //! `host-sim`: simulates drives and finds the errors of their sensors.
 
-use clap::Parser;
+use std::panic;
+use std::process::exit;
+
 use host_sim::cli::{Cli, run};
+use host_sim::output;
 
 fn main() -> miette::Result<()> {
     // Into `head` and the like, without a panic.
     sigpipe::reset();
-    run(&Cli::parse())
+    explain_full_output();
+    output::clean_up_when_stopped();
+    run(&Cli::read())
+}
+
+/// A full disk behind the standard output is no defect of the program.
+fn explain_full_output() {
+    let usual = panic::take_hook();
+    panic::set_hook(Box::new(move |info| match info.payload_as_str() {
+        Some(text) if text.starts_with("failed printing to stdout") => {
+            eprintln!("Error: {text}");
+            exit(1);
+        }
+        _ => usual(info),
+    }));
 }

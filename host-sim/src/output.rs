@@ -3,9 +3,33 @@
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::process::exit;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use miette::Diagnostic;
 use thiserror::Error;
+
+/// Folders that are being filled.
+static BUILDING: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+/// How often a folder is removed that is still being written into.
+const REMOVALS: u32 = 100;
+/// What a shell says of a program that was interrupted.
+const INTERRUPTED: i32 = 130;
+
+fn building() -> MutexGuard<'static, Vec<PathBuf>> {
+    BUILDING.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Leaves nothing half done behind when the user stops the program, or the system does.
+pub fn clean_up_when_stopped() {
+    // Without a handler nothing is missed but this.
+    let _ = ctrlc::set_handler(|| {
+        for folder in building().iter() {
+            let _ = (0..REMOVALS).find(|_| fs::remove_dir_all(folder).is_ok());
+        }
+        exit(INTERRUPTED);
+    });
+}
 
 /// An output folder cannot be made.
 #[derive(Debug, Error, Diagnostic)]
@@ -69,17 +93,21 @@ pub fn build<E: From<OutputError>>(
         _ => Path::new("."),
     };
     fs::create_dir_all(parent).map_err(|e| OutputError::io(parent, e))?;
-    let building = tempfile::Builder::new()
+    let hidden = tempfile::Builder::new()
         .prefix(".building-")
         .tempdir_in(parent)
         .map_err(|e| OutputError::io(parent, e))?;
-    fill(building.path())?;
-    share(building.path()).map_err(|e| OutputError::io(building.path(), e))?;
+    building().push(hidden.path().to_owned());
+    fill(hidden.path())?;
+    share(hidden.path()).map_err(|e| OutputError::io(hidden.path(), e))?;
+    // Whoever stops the program now waits until the folder has its name.
+    let mut building = building();
     if folder.is_dir() {
         fs::remove_dir_all(folder).map_err(|e| OutputError::io(folder, e))?;
     }
-    let whole = building.keep();
+    let whole = hidden.keep();
     fs::rename(&whole, folder).map_err(|e| OutputError::io(folder, e))?;
+    building.retain(|path| *path != whole);
     Ok(())
 }
 

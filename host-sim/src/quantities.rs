@@ -99,16 +99,10 @@ impl<T> Axes<T> {
 impl Quantities {
     /// The core's estimates for a log in the given axes.
     pub fn new(estimates: &Estimates, axes: BodyAxes) -> Self {
-        let in_axes = |rfu: &[Estimate; 3], unit: f64| {
-            Axes::from_fn(|axis| {
-                let (component, sign) = axes.rfu_component(axis);
-                Quantity::of(&rfu[component], sign * unit)
-            })
-        };
         Self {
             azimuth_error_deg: Quantity::of(&estimates.azimuth_error_rad, 1_f64.to_radians()),
-            accel_bias_mg: in_axes(&estimates.accel_bias_mps2, MG_MPS2),
-            gyro_bias_deg_h: in_axes(&estimates.gyro_bias_radps, DEG_H_RADPS),
+            accel_bias_mg: in_axes(axes, &estimates.accel_bias_mps2, MG_MPS2),
+            gyro_bias_deg_h: in_axes(axes, &estimates.gyro_bias_radps, DEG_H_RADPS),
             gnss_latency_ms: Quantity::of(&estimates.gnss_latency_s, 1e-3),
         }
     }
@@ -127,6 +121,14 @@ impl Quantities {
             ("gnss_latency_ms", self.gnss_latency_ms),
         ]
     }
+}
+
+/// A right-forward-up vector in the given axes, in a unit of `unit` SI units.
+pub(crate) fn in_axes(axes: BodyAxes, rfu: &[Estimate; 3], unit: f64) -> Axes<Quantity> {
+    Axes::from_fn(|axis| {
+        let (component, sign) = axes.rfu_component(axis);
+        Quantity::of(&rfu[component], sign * unit)
+    })
 }
 
 #[cfg(test)]

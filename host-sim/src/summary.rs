@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 use std::fmt::Debug;
 
-use ins_core::{GnssOutcome, ImuOutcome, Phase};
+use ins_core::Phase;
 use serde::Serialize;
 
 use crate::against_truth::{AgainstTruth, TruthErrors};
-use crate::identify::{Counts, Identification};
+use crate::identify::{Counts, Identification, add};
 use crate::log::{Grade, Log, LogError};
-use crate::quantities::{Quantities, Quantity};
+use crate::quantities::{Axes, Quantities, Quantity, in_axes};
+use crate::report::words;
 
 /// The summary of a log.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -25,6 +26,9 @@ pub struct Summary {
     pub quantities: Quantities,
     /// Heading of the solution at the last sample, clockwise from north.
     pub heading_end_deg: Quantity,
+    /// Antenna as seen from the inertial sensors, m; none where it is taken as configured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lever_arm_m: Option<Axes<Quantity>>,
     /// Free-inertial check; empty where no window fits.
     pub velocity_error_mps: VelocityErrors,
     /// Errors of the solution, damped and free, where the log has a reference motion.
@@ -74,12 +78,18 @@ impl Summary {
         warnings: &[LogError],
     ) -> Self {
         let quantities = Quantities::new(&found.end.estimates, log.meta.body_axes);
+        let mut gnss = Counts::new();
+        for (_, outcome) in &found.fixes {
+            add(&mut gnss, *outcome);
+        }
         Self {
             log: name,
             duration_s: log.duration_s(),
             body_axes: log.meta.body_axes,
             quantities,
             heading_end_deg: heading(found, &quantities.azimuth_error_deg),
+            lever_arm_m: (found.config.gnss.lever_arm_sigma_m > 0.0)
+                .then(|| in_axes(log.meta.body_axes, &found.end.estimates.lever_arm_m, 1.0)),
             velocity_error_mps: VelocityErrors {
                 before: found.velocity_error.as_ref().map(|error| error.before_mps),
                 after: found.velocity_error.as_ref().map(|error| error.after_mps),
@@ -92,12 +102,8 @@ impl Summary {
             version: env!("CARGO_PKG_VERSION"),
             grade,
             phase: found.end.phase,
-            imu: answers(&found.imu_outcomes, |outcome| {
-                matches!(outcome, ImuOutcome::Accepted | ImuOutcome::Bridged)
-            }),
-            gnss: answers(&found.gnss_outcomes, |outcome| {
-                matches!(outcome, GnssOutcome::Accepted | GnssOutcome::Queued)
-            }),
+            imu: answers(&found.imu_outcomes, words::is_integrated),
+            gnss: answers(&gnss, words::is_used),
             warnings: warnings
                 .iter()
                 .map(|w| format!("{w} ({})", w.cause))

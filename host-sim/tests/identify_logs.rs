@@ -25,7 +25,7 @@ fn a_model_of_several_logs_drives_again() {
         &["identify", "a/log", "b/log", "--out", "found"]
     ));
     let model = home.join("found/error-model.toml");
-    assert!(model.is_file() && home.join("found/allan.svg").is_file());
+    assert!(model.is_file() && home.join("found/report.html").is_file());
     let folders = std::fs::read_dir(home.join("found")).unwrap();
     let reports = folders.map(|entry| entry.unwrap().path()).filter(|path| {
         path.join("report.html").is_file() && path.join("error-model.toml").is_file()

@@ -8,9 +8,8 @@ use miette::{IntoDiagnostic, Result};
 use super::{Check, QUANTITIES, Results, Row, Spread};
 use crate::output::OutputError;
 use crate::report::number::to_second_digit_of;
-use crate::report::panels::{Panel, key};
 use crate::report::plot::{BLUE, Mark, ORANGE, Plot};
-use crate::report::sheet;
+use crate::report::sheet::{self, Panel, key};
 
 /// Names of the files; the first marks the folder as ours.
 pub const JSON: &str = "accuracy.json";

@@ -4,17 +4,15 @@ use std::fs::{self, File};
 use std::path::Path;
 
 use miette::{IntoDiagnostic, Result};
-use minijinja::value::Serde;
-use minijinja::{AutoEscape, Environment};
 use plotters::style::RGBColor;
-use serde::Serialize;
 
 use super::measure::{NAMES, columns};
 use super::{Comparison, MethodResult, QuantityResult};
 use crate::output::OutputError;
-use crate::report::panels::{Panel, key};
-use crate::report::plot::{BLUE, GREEN, GREY, Mark, ORANGE, Plot, RED, padded};
-use crate::report::{digits, with_sigma};
+use crate::report::chart::{Chart, Figure, MOST_POINTS, sampled};
+use crate::report::plot::{BLUE, GREEN, GREY, ORANGE, RED, padded};
+use crate::report::results::Table;
+use crate::report::{Page, Section, digits, with_sigma};
 use crate::table;
 
 /// Name of the file that marks the folder as ours.
@@ -29,6 +27,17 @@ const TITLES: [&str; 8] = [
     "Gyro z, deg/h",
     "GNSS latency, ms",
 ];
+/// Of the methods, in their order.
+const SHORT: [&str; 8] = [
+    "exact",
+    "literal",
+    "five stages",
+    "repeated",
+    "Kalman",
+    "smoother",
+    "noise / 3",
+    "noise x 3",
+];
 const COLOURS: [RGBColor; 8] = [
     BLUE,
     GREY,
@@ -39,14 +48,6 @@ const COLOURS: [RGBColor; 8] = [
     RGBColor(150, 90, 180),
     RGBColor(160, 120, 80),
 ];
-
-/// A table with its heading.
-#[derive(Debug, Serialize)]
-struct Table {
-    title: String,
-    header: Vec<String>,
-    rows: Vec<Vec<String>>,
-}
 
 impl Comparison {
     /// Writes all files into a folder.
@@ -122,96 +123,50 @@ impl Comparison {
     }
 
     fn html(&self) -> Result<String, minijinja::Error> {
-        #[derive(Serialize)]
-        struct Page<'a> {
-            comparison: &'a Comparison,
-            minutes: String,
-            tables: Vec<Table>,
-            panels: Vec<Panel>,
-        }
-        let mut environment = Environment::new();
-        environment.set_auto_escape_callback(|_| AutoEscape::Html);
-        environment.add_template("style", crate::report::STYLE)?;
-        environment.add_template("panel", crate::report::PANEL)?;
-        environment.add_template("compare", include_str!("report.html"))?;
-        environment.get_template("compare")?.render(Serde(&Page {
-            comparison: self,
-            minutes: format!("{:.1}", self.duration_s / 60.0),
+        let page = Page {
+            title: format!("{}: compensation and Kalman", self.log),
+            facts: format!(
+                "{:.1} min \u{b7} body axes {} \u{b7} sensor class {} \u{b7} all methods on the same \
+                 samples and fixes, from the same alignment",
+                self.duration_s / 60.0,
+                self.body_axes,
+                self.grade.name()
+            ),
+            verdicts: Vec::new(),
             tables: tables(self),
-            panels: (1..NAMES.len()).map(|which| self.panel(which)).collect(),
-        }))
+            sections: vec![Section {
+                title: "Estimates as they converge",
+                note: "",
+                figures: (1..NAMES.len()).map(|which| self.figure(which)).collect(),
+            }],
+        };
+        page.html()
     }
 
     /// One estimate by every method, as it converges.
-    fn panel(&self, which: usize) -> Panel {
-        let Some(first) = self
-            .tracks
-            .iter()
-            .filter_map(|track| track.points.first())
-            .map(|p| p.time)
-            .min()
-        else {
-            return Panel {
-                title: TITLES[which].to_owned(),
-                svg: String::new(),
-                keys: Vec::new(),
-            };
-        };
-        let mut marks = Vec::new();
+    fn figure(&self, which: usize) -> Figure {
+        let starts = self.tracks.iter().filter_map(|track| track.points.first());
+        let first = starts.map(|p| p.time).min().unwrap_or_default();
+        let (title, unit) = TITLES[which]
+            .split_once(", ")
+            .unwrap_or((TITLES[which], ""));
+        let mut chart = Chart::over_time(title, unit, self.duration_s);
         let mut settled = Vec::new();
-        for (track, colour) in self.tracks.iter().zip(COLOURS) {
-            let line: Vec<(f64, f64)> = track
-                .points
-                .iter()
-                .map(|p| {
-                    (
-                        p.time.seconds_since(first),
-                        columns(self.body_axes, p)[which].value,
-                    )
-                })
-                .collect();
+        for ((track, method), colour) in self.tracks.iter().zip(SHORT).zip(COLOURS) {
+            let point = |p: &super::tracks::Point| {
+                let value = columns(self.body_axes, p)[which].value;
+                (p.time.seconds_since(first), value)
+            };
+            let line: Vec<_> = track.points.iter().map(point).collect();
             settled.extend(line.iter().skip(line.len() / 4).map(|point| point.1));
-            marks.push(Mark::Line(line, colour));
+            chart = chart.line(method, colour, &sampled(&line, MOST_POINTS));
         }
-        let truth = self.truth.and_then(|truth| truth.columns()[which]);
-        if let Some(truth) = truth {
+        if let Some(truth) = self.truth.and_then(|truth| truth.columns()[which]) {
             settled.push(truth);
-            marks.push(Mark::Reference(
-                vec![(0.0, truth), (self.duration_s, truth)],
-                RED,
-            ));
+            let ends = [(0.0, truth), (self.duration_s, truth)];
+            chart = chart.reference("truth", RED, &ends);
         }
-        let plot = Plot {
-            size: (460, 210),
-            x_label: "time since navigation began, s".to_owned(),
-            y_label: String::new(),
-            x: (0.0, self.duration_s),
-            y: padded(settled.into_iter(), 1e-3),
-            marks,
-        };
-        let names = [
-            "exact",
-            "literal",
-            "five stages",
-            "repeated",
-            "Kalman",
-            "smoother",
-            "noise / 3",
-            "noise x 3",
-        ];
-        let mut keys: Vec<_> = COLOURS
-            .into_iter()
-            .zip(names)
-            .map(|(c, name)| key(c, name))
-            .collect();
-        if truth.is_some() {
-            keys.push(key(RED, "truth"));
-        }
-        Panel {
-            title: TITLES[which].to_owned(),
-            svg: plot.svg(),
-            keys,
-        }
+        chart.range(padded(settled.into_iter(), 1e-3)).figure()
     }
 }
 

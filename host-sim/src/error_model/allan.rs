@@ -8,9 +8,6 @@ use nalgebra::Vector3;
 use super::interval::{Interval, sigma_of_squares};
 use super::record::Record;
 use crate::quantities::DEG_H_RADPS;
-use crate::report::panels::{Panel, key};
-use crate::report::plot::{BLUE, GREEN, Mark, ORANGE, Plot, RED};
-use crate::report::sheet;
 
 /// Fewest clusters behind a point.
 const LEAST_CLUSTERS: usize = 3;
@@ -99,63 +96,6 @@ impl AtRest {
             table.write_record(cells)?;
         }
         Ok(table.flush()?)
-    }
-
-    /// `allan.svg`, beside the white noise that was found (deg/h/sqrt(Hz), m/s^2/sqrt(Hz)).
-    pub fn picture(&self, gyro_noise: Option<f64>, accel_noise: Option<f64>) -> String {
-        sheet::svg(&[
-            panel("Gyros at rest", "deg/h", &self.gyro_deg_h, gyro_noise),
-            panel(
-                "Accelerometers at rest",
-                "m/s^2",
-                &self.accel_mps2,
-                accel_noise,
-            ),
-        ])
-    }
-}
-
-fn panel(title: &str, unit: &str, points: &[Point], noise: Option<f64>) -> Panel {
-    let line = |value: &dyn Fn(&Point) -> f64| -> Vec<(f64, f64)> {
-        points.iter().map(|p| (p.tau_s.log10(), value(p))).collect()
-    };
-    let mut marks: Vec<Mark> = [BLUE, GREEN, ORANGE]
-        .into_iter()
-        .enumerate()
-        .map(|(axis, colour)| Mark::Line(line(&|p| p.deviation[axis].value), colour))
-        .collect();
-    if let Some(noise) = noise {
-        marks.push(Mark::Reference(line(&|p| noise / p.tau_s.sqrt()), RED));
-    }
-    let values = || {
-        points
-            .iter()
-            .flat_map(|p| p.deviation)
-            .map(|sigma| sigma.value)
-    };
-    let least = values()
-        .filter(|v| *v > 0.0)
-        .fold(f64::MAX, f64::min)
-        .min(1e6);
-    let most = values().fold(least, f64::max);
-    let ends = |p: Option<&Point>| p.map_or(0.0, |p| p.tau_s.log10());
-    let plot = Plot {
-        size: sheet::CELL,
-        x_label: "log10 of cluster time, s".to_owned(),
-        y_label: unit.to_owned(),
-        x: (ends(points.first()), ends(points.last()).max(0.3)),
-        y: (0.6 * least, 1.6 * most),
-        marks,
-    };
-    Panel {
-        title: title.to_owned(),
-        svg: plot.svg_log_y(),
-        keys: vec![
-            key(BLUE, "right"),
-            key(GREEN, "forward"),
-            key(ORANGE, "up"),
-            key(RED, "white noise found"),
-        ],
     }
 }
 

@@ -1,4 +1,4 @@
-//! `error-model.toml`, `error-model.json`, `allan.csv` and `allan.svg`.
+//! `error-model.toml`, `error-model.json` and `allan.csv`.
 
 use std::fmt::Write as _;
 use std::fs::{self, File};
@@ -7,11 +7,10 @@ use std::path::Path;
 use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
 
-use super::allan::AtRest;
 use super::identified::{Identified, Parameter};
 use super::interval::Interval;
-use super::record::Record;
 use crate::output::OutputError;
+use crate::report::Sensors;
 use crate::report::number::to_second_digit_of;
 use crate::table;
 
@@ -27,22 +26,18 @@ struct Json<'a> {
 }
 
 /// Writes all files into a folder.
-pub fn write(found: &Identified, records: &[Record], folder: &Path) -> Result<()> {
-    let at_rest = AtRest::new(records);
-    let model = found.model();
+pub fn write(sensors: Sensors, folder: &Path) -> Result<()> {
+    let Sensors {
+        model: found,
+        at_rest,
+    } = sensors;
     let json = Json {
         drives: found.drives,
         parameters: found.parameters(),
         gyro_noise_at_rest_deg_h: &found.gyro_noise_at_rest,
     };
     let json = serde_json::to_string_pretty(&json).into_diagnostic()? + "\n";
-    let noises = [model.gyro_deg_h.white_noise, model.accel_mps2.white_noise];
-    let mut files = vec![(MODEL, toml(found)?), (JSON, json)];
-    if !at_rest.gyro_deg_h.is_empty() {
-        let picture = at_rest.picture(Some(noises[0]), Some(noises[1]));
-        files.push(("allan.svg", picture));
-    }
-    for (name, text) in files {
+    for (name, text) in [(MODEL, toml(found)?), (JSON, json)] {
         let path = folder.join(name);
         fs::write(&path, text).map_err(|e| OutputError::io(&path, e))?;
     }

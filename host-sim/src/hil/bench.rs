@@ -133,6 +133,7 @@ impl Bench {
                 estimates: Estimates::default(),
                 signals: DampingSignals::default(),
                 solution: None,
+                sigma: None,
             },
             sample_ticks: Ticks::default(),
             fix_ticks: Ticks::default(),
@@ -152,9 +153,9 @@ impl Bench {
                     .on_sample(sample.time, reply.outcome, || self.latest);
                 self.sample_ticks.add(reply.ticks);
             }
-            (Request::Gnss(_), Some(Reply::Gnss(Ok(reply)))) => {
+            (Request::Gnss(fix), Some(Reply::Gnss(Ok(reply)))) => {
                 self.keep(&reply.report);
-                self.recorder.on_fix(reply.outcome);
+                self.recorder.on_fix(fix.time, reply.outcome);
                 self.fix_ticks.add(reply.ticks);
             }
             _ => {}

@@ -5,7 +5,7 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use clap::Args;
+use clap::{ArgGroup, Args};
 use ins_core::Time;
 use miette::{IntoDiagnostic, Result, bail, miette};
 use serde::Serialize;
@@ -24,17 +24,18 @@ use crate::summary::Summary;
 
 /// Options of `hil`.
 #[derive(Debug, Args)]
+#[command(group(ArgGroup::new("where").required(true).args(["port", "qemu"])))]
 pub struct Hil {
     /// Folder of the log.
     log: PathBuf,
     /// Serial port of the board, say /dev/ttyACM0 or COM3.
-    #[arg(long, required_unless_present = "qemu")]
+    #[arg(long)]
     port: Option<String>,
     /// Bits per second of the port.
     #[arg(long, default_value_t = 921_600)]
     baud: u32,
     /// An emulated board instead.
-    #[arg(long, conflicts_with = "port")]
+    #[arg(long)]
     qemu: bool,
     /// The emulated board.
     #[arg(long, value_enum, default_value_t = Board::CortexM7)]
@@ -115,7 +116,7 @@ pub fn hil(options: &Hil, json: bool, force: bool) -> Result<()> {
     };
 
     output::build(&options.out, SUMMARY, force, |folder| -> Result<()> {
-        analysis.write(folder)?;
+        analysis.write(folder, None)?;
         let text = serde_json::to_string_pretty(&hardware).into_diagnostic()?;
         write(&folder.join("hil.json"), &(text + "\n"))?;
         log.map_or(Ok(()), |log| write(&folder.join("log.txt"), &log.text))

@@ -28,6 +28,16 @@ pub enum Grade {
     Mems,
 }
 
+impl Grade {
+    /// As it is written.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Hg1700 => "hg1700",
+            Self::Mems => "mems",
+        }
+    }
+}
+
 /// What `meta.toml` says.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Meta {
@@ -148,10 +158,7 @@ impl Meta {
             ImuOutput::Rates => "rates",
             ImuOutput::Increments => "increments",
         };
-        let grade = self.grade.map(|grade| match grade {
-            Grade::Hg1700 => "hg1700",
-            Grade::Mems => "mems",
-        });
+        let grade = self.grade.map(Grade::name);
         let arm = self.lever_arm_rfu_m.map(|arm| {
             let arm = self.body_axes.from_rfu(arm);
             arm.iter()

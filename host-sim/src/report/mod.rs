@@ -1,73 +1,102 @@
 //! `report.html`: one self-contained page that works without a network.
 
+pub(crate) mod chart;
+pub(crate) mod charts;
 pub(crate) mod number;
-pub(crate) mod panels;
 pub(crate) mod plot;
-mod sentences;
+pub(crate) mod results;
 pub(crate) mod sheet;
+mod together;
+pub(crate) mod words;
 
 use minijinja::value::Serde;
 use minijinja::{AutoEscape, Environment};
 use serde::Serialize;
 
 pub(crate) use number::to_second_digit_of as digits;
-pub use sentences::sentences;
-pub(crate) use sentences::{in_words, unaligned, with_sigma};
+pub(crate) use words::{in_words, unaligned, with_sigma};
 
-use self::panels::Panel;
-use crate::identify::Identification;
-use crate::log::Log;
+use self::chart::Figure;
+use self::results::Table;
+use crate::analysis::Analysis;
+use crate::error_model::Identified;
+use crate::error_model::allan::AtRest;
 use crate::summary::Summary;
-use crate::truth::Truth;
 
 const TEMPLATE: &str = include_str!("report.html");
-/// Parts that pages share.
+/// How pages look.
 pub(crate) const STYLE: &str = include_str!("style.css");
-pub(crate) const PANEL: &str = include_str!("panel.html");
 
-/// What the template shows.
+/// What drives say of their sensors.
+#[derive(Clone, Copy, Debug)]
+pub struct Sensors<'a> {
+    /// The error model.
+    pub model: &'a Identified,
+    /// Readings at rest.
+    pub at_rest: &'a AtRest,
+}
+
+/// What a page shows: first what is to be known before all, then numbers, then plots.
+#[derive(Default, Serialize)]
+pub(crate) struct Page {
+    pub(crate) title: String,
+    pub(crate) facts: String,
+    pub(crate) verdicts: Vec<String>,
+    pub(crate) tables: Vec<Table>,
+    pub(crate) sections: Vec<Section>,
+}
+
+/// Plots of one kind.
 #[derive(Serialize)]
-struct Page<'a> {
-    summary: &'a Summary,
-    minutes: String,
-    sentences: Vec<String>,
-    verdict: String,
-    estimates: Vec<Panel>,
-    velocity: Option<Panel>,
-    against_truth: Vec<Panel>,
-    truth_verdict: Option<String>,
-    track: Option<Panel>,
-    damping: Vec<Panel>,
+pub(crate) struct Section {
+    pub(crate) title: &'static str,
+    pub(crate) note: &'static str,
+    pub(crate) figures: Vec<Figure>,
 }
 
-/// The page, as text.
-pub fn html(
-    log: &Log,
-    found: &Identification,
-    summary: &Summary,
-    truth: Option<&Truth>,
-) -> Result<String, minijinja::Error> {
-    let mut environment = Environment::new();
-    environment.set_auto_escape_callback(|_| AutoEscape::Html);
-    environment.add_template("style", STYLE)?;
-    environment.add_template("panel", PANEL)?;
-    environment.add_template("report", TEMPLATE)?;
+impl Page {
+    /// The page, as text.
+    pub(crate) fn html(&self) -> Result<String, minijinja::Error> {
+        #[derive(Serialize)]
+        struct Filled<'a> {
+            page: &'a Page,
+            script: &'a str,
+        }
+        let mut environment = Environment::new();
+        environment.set_auto_escape_callback(|_| AutoEscape::Html);
+        environment.add_template("style", STYLE)?;
+        environment.add_template("report", TEMPLATE)?;
+        let template = environment.get_template("report")?;
+        template.render(Serde(&Filled {
+            page: self,
+            script: &chart::SCRIPT,
+        }))
+    }
+}
+
+/// The report of a log.
+pub fn html(analysis: &Analysis, sensors: Option<&Sensors>) -> Result<String, minijinja::Error> {
+    let summary = &analysis.summary;
     let page = Page {
-        summary,
-        minutes: format!("{:.1}", summary.duration_s / 60.0),
-        sentences: sentences(summary, found),
-        verdict: sentences::verdict(summary),
-        estimates: panels::estimates(log, found, truth, panels::SMALL),
-        velocity: panels::velocity_error(found),
-        against_truth: panels::against_truth(found),
-        truth_verdict: summary.against_truth.as_ref().map(sentences::against_truth),
-        track: panels::track(log, found),
-        damping: panels::damping(found),
+        title: summary.log.clone(),
+        facts: format!(
+            "{:.1} min \u{b7} body axes {} \u{b7} sensor class {} \u{b7} {} inertial samples, {} \
+             fixes used \u{b7} host-sim {}",
+            summary.duration_s / 60.0,
+            summary.body_axes,
+            summary.grade.name(),
+            summary.imu.accepted,
+            summary.gnss.accepted,
+            summary.version
+        ),
+        verdicts: results::verdicts(analysis),
+        tables: results::tables(analysis, sensors),
+        sections: charts::sections(analysis, sensors),
     };
-    environment.get_template("report")?.render(Serde(&page))
+    page.html()
 }
 
-/// The estimates converging, as one drawing.
-pub fn estimates_svg(log: &Log, found: &Identification, truth: Option<&Truth>) -> String {
-    sheet::svg(&panels::estimates(log, found, truth, sheet::CELL))
+/// The report of several logs of one unit.
+pub fn html_of_all(logs: &[Summary], sensors: &Sensors) -> Result<String, minijinja::Error> {
+    together::page(logs, sensors).html()
 }

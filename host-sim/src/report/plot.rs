@@ -17,8 +17,6 @@ pub(crate) enum Mark {
     Line(Vec<(f64, f64)>, RGBColor),
     /// A thin line for reference.
     Reference(Vec<(f64, f64)>, RGBColor),
-    /// A line that stays in the background.
-    Pale(Vec<(f64, f64)>, RGBColor),
     /// The area between a lower and an upper line: x, lower, upper.
     Band(Vec<(f64, f64, f64)>, RGBColor),
     /// Intervals of x, over the whole height.
@@ -108,9 +106,6 @@ impl Plot {
                     let line = LineSeries::new(self.inside(points), colour.mix(0.8));
                     chart.draw_series(line)?;
                 }
-                Mark::Pale(points, colour) => {
-                    chart.draw_series(LineSeries::new(self.inside(points), colour.mix(0.25)))?;
-                }
                 Mark::Shade(intervals, colour) => {
                     let (low, high) = self.y;
                     let bar = |&(from, to): &(f64, f64)| {
@@ -161,7 +156,7 @@ pub(crate) fn padded(values: impl Iterator<Item = f64>, least: f64) -> (f64, f64
 }
 
 /// Round numbers between the ends of a logarithmic axis, few enough to be read.
-fn decades((low, high): (f64, f64)) -> Vec<f64> {
+pub(crate) fn decades((low, high): (f64, f64)) -> Vec<f64> {
     let digits: &[u32] = match (high / low).log10() {
         span if span < 1.5 => &[1, 2, 5],
         span if span < 3.0 => &[1, 3],

@@ -2,13 +2,33 @@
 
 use std::fmt::Write as _;
 
-use super::panels::Panel;
+use plotters::style::RGBColor;
 
 /// Size of a panel's plot, px.
 pub(crate) const CELL: (u32, u32) = (310, 165);
 const COLUMNS: u32 = 3;
 const TITLE: u32 = 20;
 const ROW: u32 = CELL.1 + TITLE;
+
+/// A plot with its heading and the meaning of its colours.
+pub(crate) struct Panel {
+    pub(crate) title: String,
+    pub(crate) svg: String,
+    pub(crate) keys: Vec<Key>,
+}
+
+/// What a colour means.
+pub(crate) struct Key {
+    pub(crate) colour: String,
+    pub(crate) text: &'static str,
+}
+
+pub(crate) fn key(colour: RGBColor, text: &'static str) -> Key {
+    Key {
+        colour: format!("#{:02x}{:02x}{:02x}", colour.0, colour.1, colour.2),
+        text,
+    }
+}
 
 /// Panels of [`CELL`] size row by row; the colours are explained in the cell after the last.
 pub(crate) fn svg(panels: &[Panel]) -> String {

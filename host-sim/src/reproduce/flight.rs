@@ -8,9 +8,8 @@ use crate::figures::performance;
 use crate::flights::route::Route;
 use crate::flights::run::{Settings as Flown, run_alone};
 use crate::flights::summary::THESIS_KM;
-use crate::report::panels::{Panel, key};
 use crate::report::plot::{BLUE, GREEN, Mark, Plot, RED, padded};
-use crate::report::sheet;
+use crate::report::sheet::{self, Panel, key};
 use crate::sim::ErrorModel;
 
 /// Damped by GNSS, and free after that, min.

@@ -4,9 +4,8 @@ use super::drive::Drive;
 use super::{Number, Part};
 use crate::five_stage::Stage;
 use crate::quantities::DEG_H_RADPS;
-use crate::report::panels::{Panel, key};
 use crate::report::plot::{BLUE, GREY, Mark, ORANGE, Plot, padded};
-use crate::report::sheet;
+use crate::report::sheet::{self, Panel, key};
 
 /// Part of the drive in the picture, s.
 const SHOWN_S: (f64, f64) = (600.0, 900.0);

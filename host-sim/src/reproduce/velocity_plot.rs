@@ -2,9 +2,8 @@
 
 use plotters::style::RGBColor;
 
-use crate::report::panels::{Panel, key};
 use crate::report::plot::{Mark, Plot, padded};
-use crate::report::sheet;
+use crate::report::sheet::{self, Panel, key};
 
 /// A named line, m/s over s.
 pub(super) struct Line {

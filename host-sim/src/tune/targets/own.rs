@@ -3,7 +3,6 @@
 use ins_core::Config;
 
 use super::{Setting, bracketed, file};
-use crate::log::Grade;
 use crate::tune::{Found, Tuning};
 
 /// Spread of a latency that is taken from the stamps, sigmas: it changes from start to start.
@@ -42,10 +41,7 @@ pub fn config(t: &Tuning, base: Config) -> Config {
 }
 
 pub(super) fn text(t: &Tuning) -> String {
-    let class = match t.grade {
-        Grade::Hg1700 => "hg1700",
-        Grade::Mems => "mems",
-    };
+    let class = t.grade.name();
     let delay = t.gnss_delay_s;
     let spread = Found {
         value: LATENCY_SIGMAS * delay.sigma,

@@ -1,0 +1,227 @@
+//! Several logs of one unit on one page: do they say the same of it?
+
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use super::chart::{Chart, Spread};
+use super::number::to_second_digit_of as digits;
+use super::plot::{BLUE, GREY};
+use super::results::Table;
+use super::words;
+use super::{Page, Section, Sensors};
+use crate::quantities::Quantity;
+use crate::summary::Summary;
+use crate::table::cells;
+
+/// Logs that agree differ by more than this once in a hundred times.
+const CHANCE: f64 = 0.01;
+
+/// The page of all logs.
+pub(super) fn page(logs: &[Summary], sensors: &Sensors) -> Page {
+    let shared: Vec<Shared> = shared(logs);
+    let named = |summary: &Summary| {
+        let about = summary.log.clone();
+        let warnings = summary.warnings.iter();
+        warnings
+            .map(move |warning| format!("{about}: {warning}"))
+            .collect::<Vec<String>>()
+    };
+    let differ = (shared.iter())
+        .filter(|one| one.agreement() == Agreement::Differ)
+        .map(|one| {
+            format!(
+                "{}: the logs differ by more than their sigmas allow",
+                one.name
+            )
+        });
+    let (header, rows) = sensors.model.table();
+    let model = "Error model of the sensors from all logs, 95 % interval";
+    Page {
+        title: format!("{} logs of one unit", logs.len()),
+        facts: format!(
+            "{:.1} min in all \u{b7} host-sim {} \u{b7} each log has a report of its own beside this \
+             page",
+            logs.iter().map(|log| log.duration_s).sum::<f64>() / 60.0,
+            env!("CARGO_PKG_VERSION")
+        ),
+        verdicts: differ.chain(logs.iter().flat_map(named)).collect(),
+        tables: vec![
+            side_by_side(logs, &shared),
+            listed(logs),
+            Table::new(model, header, rows),
+        ],
+        sections: vec![
+            Section {
+                title: "Side by side",
+                note: "Biases change from switch-on to switch-on: where logs differ, so may the unit.",
+                figures: shared.iter().map(|one| one.chart(logs).figure()).collect(),
+            },
+            Section {
+                title: "Sensors at rest, all logs",
+                note: "",
+                figures: super::charts::allan_figures(sensors),
+            },
+        ],
+    }
+}
+
+/// A quantity of the unit, as each log tells it.
+struct Shared {
+    name: String,
+    unit: &'static str,
+    told: Vec<Quantity>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Agreement {
+    Agree,
+    Differ,
+    /// Fewer than two logs show it.
+    Unknown,
+}
+
+/// What should not change from log to log: not the heading.
+fn shared(logs: &[Summary]) -> Vec<Shared> {
+    type Told = fn(&Summary, usize) -> Option<Quantity>;
+    let vectors: [(&str, &'static str, Told); 3] = [
+        ("Accelerometer bias", "mg", |log, axis| {
+            Some(*log.quantities.accel_bias_mg.named()[axis].1)
+        }),
+        ("Gyro bias", "deg/h", |log, axis| {
+            Some(*log.quantities.gyro_bias_deg_h.named()[axis].1)
+        }),
+        ("Antenna", "m", |log, axis| {
+            Some(*log.lever_arm_m.as_ref()?.named()[axis].1)
+        }),
+    ];
+    let mut shared = Vec::new();
+    for (name, unit, told) in vectors {
+        for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
+            // None where the navigator was told instead.
+            let told: Option<Vec<Quantity>> = logs.iter().map(|log| told(log, axis)).collect();
+            let name = format!("{name} {letter}");
+            shared.extend(told.map(|told| Shared { name, unit, told }));
+        }
+    }
+    shared.push(Shared {
+        name: "GNSS latency".to_owned(),
+        unit: "ms",
+        told: logs
+            .iter()
+            .map(|log| log.quantities.gnss_latency_ms)
+            .collect(),
+    });
+    shared
+}
+
+impl Shared {
+    fn known(&self) -> impl Iterator<Item = &Quantity> {
+        self.told.iter().filter(|quantity| quantity.observable())
+    }
+
+    /// Mean weighted by the sigmas, and its own.
+    fn mean(&self) -> (f64, f64) {
+        let weight = |q: &Quantity| (q.sigma * q.sigma).recip();
+        let weights: f64 = self.known().map(weight).sum();
+        let sum: f64 = self.known().map(|q| q.value * weight(q)).sum();
+        (sum / weights, weights.sqrt().recip())
+    }
+
+    fn agreement(&self) -> Agreement {
+        let (mean, _) = self.mean();
+        let squares = self
+            .known()
+            .map(|q| ((q.value - mean) / q.sigma).powi(2))
+            .sum::<f64>();
+        let freedom = self.known().count().saturating_sub(1);
+        match ChiSquared::new(freedom as f64) {
+            Ok(chi) if chi.sf(squares) < CHANCE => Agreement::Differ,
+            Ok(_) => Agreement::Agree,
+            Err(_) => Agreement::Unknown,
+        }
+    }
+
+    fn chart(&self, logs: &[Summary]) -> Chart {
+        let told = self.told.iter().zip(logs).enumerate();
+        let bars: Vec<(Spread, String)> = told
+            .filter(|(_, (quantity, _))| quantity.observable())
+            .map(|(index, (quantity, log))| {
+                let spread = ((index + 1) as f64, quantity.value, quantity.sigma);
+                let text = format!("{}: {}", log.log, words::with_sigma(quantity));
+                (spread, text)
+            })
+            .collect();
+        let (mean, sigma) = self.mean();
+        let band: Vec<Spread> = [0.5, logs.len() as f64 + 0.5]
+            .map(|x| (x, mean, sigma))
+            .into();
+        Chart::new(&self.name, "log", self.unit)
+            .whole_numbers()
+            .band("mean, one sigma", GREY, &band)
+            .error_bars("estimate, one sigma", BLUE, &bars)
+    }
+}
+
+fn listed(logs: &[Summary]) -> Table {
+    let row = |(number, log): (usize, &Summary)| {
+        let minutes = format!("{:.1}", log.duration_s / 60.0);
+        vec![format!("log {number}"), minutes, log.log.clone()]
+    };
+    let rows = (1..).zip(logs).map(row).collect();
+    Table::new("The logs", cells(["", "min", "name"]), rows)
+}
+
+fn side_by_side(logs: &[Summary], shared: &[Shared]) -> Table {
+    let mut header = cells(["", "unit"]);
+    header.extend((1..=logs.len()).map(|number| format!("log {number}")));
+    header.extend(cells(["mean", "do they agree"]));
+    let row = |one: &Shared| {
+        let mut row = vec![one.name.clone(), one.unit.to_owned()];
+        row.extend(one.told.iter().map(words::in_words));
+        let (mean, sigma) = one.mean();
+        let (mean, agree) = match one.agreement() {
+            Agreement::Agree => {
+                let mean = format!("{} \u{b1} {}", digits(sigma, mean), digits(sigma, sigma));
+                (mean, "yes")
+            }
+            // Of what differs a mean with a sigma would claim too much.
+            Agreement::Differ => (String::new(), "no"),
+            Agreement::Unknown => (String::new(), "fewer than two logs show it"),
+        };
+        row.extend([mean, agree.to_owned()]);
+        row
+    };
+    Table::new(
+        "Estimates side by side",
+        header,
+        shared.iter().map(row).collect(),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ins_core::Observability;
+
+    fn told(values: &[f64], observability: Observability) -> Shared {
+        let quantity = |value: &f64| Quantity {
+            value: *value,
+            sigma: 1.0,
+            observability,
+        };
+        Shared {
+            name: String::new(),
+            unit: "",
+            told: values.iter().map(quantity).collect(),
+        }
+    }
+
+    #[test]
+    fn logs_differ_where_chance_does_not_explain_it() {
+        let known = |values: &[f64]| told(values, Observability::Observable).agreement();
+        assert_eq!(known(&[0.0, 1.0, 2.0]), Agreement::Agree);
+        assert_eq!(known(&[0.0, 0.0, 5.0]), Agreement::Differ);
+        assert_eq!(known(&[3.0]), Agreement::Unknown);
+        let unknown = told(&[0.0, 9.0], Observability::NeedsTurn);
+        assert_eq!(unknown.agreement(), Agreement::Unknown);
+    }
+}

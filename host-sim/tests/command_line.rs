@@ -1,0 +1,111 @@
+//! The program as a shell sees it.
+
+use std::fs::{self, File};
+use std::path::Path;
+use std::process::{Command, Output};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+fn host_sim() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_host-sim"))
+}
+
+fn run(arguments: &[&str]) -> Output {
+    host_sim().args(arguments).output().unwrap()
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn entries(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    entries
+        .map(|entry| entry.file_name().to_string_lossy().into_owned())
+        .collect()
+}
+
+#[test]
+#[cfg(unix)]
+fn what_is_stopped_leaves_nothing_half_done() {
+    let home = tempfile::tempdir().unwrap();
+    let arguments = ["drive", "--minutes", "120", "--out", "log"];
+    let mut drive = host_sim()
+        .current_dir(home.path())
+        .args(arguments)
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    // A folder is being written.
+    while !entries(home.path())
+        .iter()
+        .any(|name| name.starts_with(".building-"))
+    {
+        assert!(
+            start.elapsed() < Duration::from_mins(5),
+            "nothing was begun"
+        );
+        sleep(Duration::from_millis(5));
+    }
+    let stopped = Command::new("kill")
+        .args(["-TERM", &drive.id().to_string()])
+        .status();
+    assert!(stopped.unwrap().success());
+    assert_eq!(drive.wait().unwrap().code(), Some(130));
+    assert_eq!(entries(home.path()), Vec::<String>::new());
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_behind_the_output_is_no_panic() {
+    let full = File::options().write(true).open("/dev/full").unwrap();
+    let output = host_sim().arg("aircraft").stdout(full).output().unwrap();
+    let said = said(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("No space left") && !said.contains("panicked"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_demo_runs_again() {
+    let home = tempfile::tempdir().unwrap();
+    for _ in 0..2 {
+        let demo = host_sim()
+            .current_dir(home.path())
+            .args(["demo", "--minutes", "3"])
+            .output();
+        let demo = demo.unwrap();
+        assert!(demo.status.success(), "{}", said(&demo));
+    }
+    // But not over what something else has written.
+    fs::remove_file(home.path().join("out/demo/log/errors.toml")).unwrap();
+    let demo = host_sim()
+        .current_dir(home.path())
+        .args(["demo", "--minutes", "3"])
+        .output();
+    assert!(!demo.unwrap().status.success());
+}
+
+#[test]
+fn arguments_that_cannot_be_used_are_named() {
+    let nowhere = said(&run(&["hil", "log", "--out", "results"]));
+    assert!(
+        nowhere.contains("--port") && nowhere.contains("--qemu"),
+        "{nowhere}"
+    );
+    let negative = said(&run(&["drive", "--minutes", "-1", "--out", "log"]));
+    assert!(negative.contains("minutes from 1 to 1440"), "{negative}");
+}
+
+#[test]
+fn a_shell_completes_and_a_manual_explains() {
+    let completions = run(&["completions", "bash"]);
+    assert!(String::from_utf8_lossy(&completions.stdout).contains("identify"));
+    let home = tempfile::tempdir().unwrap();
+    let out = home.path().to_str().unwrap();
+    assert!(run(&["man", "--out", out]).status.success());
+    let page = fs::read_to_string(home.path().join("host-sim-identify.1")).unwrap();
+    assert!(page.contains("\\-\\-bias\\-model"), "{page}");
+}
