@@ -106,9 +106,12 @@ impl Analysis {
 
     /// Writes summary, tables and report into a folder.
     pub fn write(&self, folder: &Path) -> Result<()> {
-        let axes = self.log.meta.body_axes;
-        tables::write_estimates(create(folder, "estimates.csv")?, &self.found, axes)
-            .into_diagnostic()?;
+        tables::write_estimates(
+            create(folder, "estimates.csv")?,
+            &self.found,
+            &self.log.meta,
+        )
+        .into_diagnostic()?;
         tables::write_solution(create(folder, "solution.csv")?, &self.found.solutions)
             .into_diagnostic()?;
         let page = report::html(&self.log, &self.found, &self.summary, self.truth.as_ref())

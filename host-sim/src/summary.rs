@@ -73,7 +73,7 @@ impl Summary {
         grade: Grade,
         warnings: &[LogError],
     ) -> Self {
-        let quantities = Quantities::new(&found.end.estimates, log.meta.body_axes);
+        let quantities = Quantities::of_log(&found.end.estimates, &log.meta);
         Self {
             log: name,
             duration_s: log.duration_s(),

@@ -218,8 +218,7 @@ fn check_gravity_axis(
     warnings: &mut Vec<LogError>,
 ) -> Result<(), LogError> {
     // Over minutes the vehicle's own accelerations cancel, and what is left points up.
-    let typical = |axis: usize| median(rates.iter().map(|rate| rate.accel_mps2[axis]));
-    let mean = Vector3::new(typical(0), typical(1), typical(2));
+    let mean = typical_force(rates);
     let axes = log.meta.body_axes;
     let tilt_deg = (mean.z / mean.norm()).clamp(-1.0, 1.0).acos().to_degrees();
     // Banked turns keep the mean along the aircraft's up axis, so only a mount tilts it.
@@ -271,6 +270,11 @@ fn gravity_cause(own: Vector3<f64>, declared: BodyAxes) -> String {
          specific force: change the sign of all three accelerometers",
         fits.join(" or ")
     )
+}
+
+/// Median specific force, axis by axis: the few seconds of spikes and manoeuvres do not count.
+pub(super) fn typical_force(rates: &[Rate]) -> Vector3<f64> {
+    Vector3::from_fn(|axis, _| median(rates.iter().map(|rate| rate.accel_mps2[axis])))
 }
 
 /// Whether `value` is `reference` up to a factor.

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::Log;
-use super::check::{Rate, SHORT_S, apart, median, within};
+use super::check::{Rate, SHORT_S, apart, median, typical_force, within};
 use super::clock::turned;
 use super::error::LogError;
 use super::read::Files;
@@ -184,8 +184,7 @@ fn turns(log: &Log) -> Vec<Turn> {
 
 /// Time and angle turned so far about the typical direction of the specific force.
 pub(super) fn vertical_angles(rates: &[Rate]) -> Vec<(f64, f64)> {
-    let typical = |axis: usize| median(rates.iter().map(|rate| rate.accel_mps2[axis]));
-    let up = Vector3::new(typical(0), typical(1), typical(2)).normalize();
+    let up = typical_force(rates).normalize();
     let mut angle = 0.0;
     rates
         .iter()

@@ -122,7 +122,7 @@ impl Tuning {
             duration_s: summary.duration_s,
             imu_rate_hz: rate_hz(log),
             grade: summary.grade,
-            gnss_delay_s: Found::of(&e.gnss_latency_s, DELAY),
+            gnss_delay_s: Found::of(&e.gnss_latency_s, DELAY).plus(log.meta.gnss_clock_offset_s),
             lever_arm_m: e.lever_arm_m.map(|arm| Found::of(&arm, no_lever)),
             mount: Mount::new(&found.history, e),
             gyro_bias_radps: level_up(&e.gyro_bias_radps, LEVEL_GYRO, VERTICAL_GYRO),
