@@ -198,7 +198,7 @@ fn tuning(drive: &SimulatedDrive, folder: &Path) -> Tuning {
         Grade::Mems,
         None,
     );
-    Tuning::new(&analysis, &model).unwrap()
+    Tuning::new(&analysis, &model)
 }
 
 /// Within five of its own sigmas: the drive is one of many.
