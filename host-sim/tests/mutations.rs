@@ -303,9 +303,9 @@ fn files_and_forms() -> Vec<Mutation> {
             leave_out(&mut f.imu, [0.2, 1.0]);
             leave_out(&mut f.gnss, [0.2, 1.0]);
         }),
-        usable("the first seconds", |f| {
-            leave_out(&mut f.imu, [0.015, 1.0]);
-            leave_out(&mut f.gnss, [0.015, 1.0]);
+        usable("the first half minute", |f| {
+            leave_out(&mut f.imu, [0.1, 1.0]);
+            leave_out(&mut f.gnss, [0.1, 1.0]);
         }),
     ]
 }
@@ -733,6 +733,13 @@ fn axes() -> Vec<Mutation> {
         doubtful("FLU called RFU", |f| {
             convert_all(&mut f.imu, &ACROSS, |x| -x);
             f.meta = f.meta.replace("\"FRD\"", "\"RFU\"");
+        })
+        .moving(|a| {
+            // No more than another mount, where the nose does not follow the track.
+            a[0] -= 90.0;
+            [2, 3, 5, 6]
+                .into_iter()
+                .for_each(|index| a[index] = -a[index]);
         }),
         usable("mounted backwards", |f| {
             convert_all(&mut f.imu, &LEVEL_AXES, |x| -x)
@@ -749,7 +756,7 @@ fn axes() -> Vec<Mutation> {
             convert_all(&mut f.imu, &["gyro_x", "accel_x"], |x| -x);
         })
         .moving(|a| {
-            a[0] += 90.0;
+            a[0] -= 90.0;
             a.swap(1, 2);
             a.swap(4, 5);
             (a[1], a[4]) = (-a[1], -a[4]);
@@ -782,28 +789,36 @@ fn axes() -> Vec<Mutation> {
         }),
         doubtful("accelerometer x of the wrong sign", |f| {
             convert(&mut f.imu, "accel_x", |x| -x)
-        }),
+        })
+        .moving(|a| [1].into_iter().for_each(|i: usize| a[i] = -a[i])),
         doubtful("accelerometer y of the wrong sign", |f| {
             convert(&mut f.imu, "accel_y", |x| -x)
-        }),
+        })
+        .moving(|a| [2].into_iter().for_each(|i: usize| a[i] = -a[i])),
         doubtful("accelerometer z of the wrong sign", |f| {
             convert(&mut f.imu, "accel_z", |x| -x)
-        }),
+        })
+        .moving(|a| [3].into_iter().for_each(|i: usize| a[i] = -a[i])),
         doubtful("gyro x of the wrong sign", |f| {
             convert(&mut f.imu, "gyro_x", |x| -x)
-        }),
+        })
+        .moving(|a| [4].into_iter().for_each(|i: usize| a[i] = -a[i])),
         doubtful("gyro y of the wrong sign", |f| {
             convert(&mut f.imu, "gyro_y", |x| -x)
-        }),
+        })
+        .moving(|a| [5].into_iter().for_each(|i: usize| a[i] = -a[i])),
         doubtful("gyro z of the wrong sign", |f| {
             convert(&mut f.imu, "gyro_z", |x| -x)
-        }),
+        })
+        .moving(|a| [6].into_iter().for_each(|i: usize| a[i] = -a[i])),
         doubtful("all gyros of the wrong sign", |f| {
             convert_all(&mut f.imu, &GYRO, |x| -x)
-        }),
+        })
+        .moving(|a| [4, 5, 6].into_iter().for_each(|i: usize| a[i] = -a[i])),
         doubtful("all accelerometers of the wrong sign", |f| {
             convert_all(&mut f.imu, &ACCEL, |x| -x)
-        }),
+        })
+        .moving(|a| [1, 2, 3].into_iter().for_each(|i: usize| a[i] = -a[i])),
     ]
 }
 

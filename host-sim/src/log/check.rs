@@ -11,12 +11,14 @@ use super::fixes::mend_fixes;
 use super::motion::check_axes;
 use super::paths::check_paths;
 use super::read::Files;
+use super::readings::check_readings;
 use super::sensors::mend_sensors;
 use super::turns::{check_turns, turning};
 
 const GRAVITY_MPS2: f64 = 9.81;
 
 /// An inertial sample as rates, whatever the log holds.
+#[derive(Clone, Copy)]
 pub(super) struct Rate {
     pub(super) time_s: f64,
     pub(super) interval_s: f64,
@@ -44,7 +46,9 @@ pub(super) fn check(
     let turning = turning(log, &rates);
     check_paths(log, turning.as_ref(), files, warnings)?;
     check_turns(turning.as_ref(), together, &rates, files, warnings)?;
-    check_axes(log, &rates, files, warnings);
+    if !check_readings(log, &rates, files, warnings)? {
+        check_axes(log, &rates, files, warnings);
+    }
     Ok(())
 }
 
@@ -81,6 +85,7 @@ fn rates(log: &Log) -> Vec<Rate> {
 fn check_intervals(log: &Log, files: &Files, warnings: &mut Vec<LogError>) -> Result<(), LogError> {
     let imu = median_interval_s(log.imu.iter().map(|sample| sample.time));
     let gnss = median_interval_s(log.gnss.iter().map(|fix| fix.time));
+    let fixes_s = gnss * log.gnss.len() as f64;
     let refuse = |path, found: f64, expected: &str, cause: &str| {
         let found = format!("{found} s from row to row (median)");
         Err(LogError::file(path, expected, found, cause).in_column("t_s"))
@@ -113,12 +118,17 @@ fn check_intervals(log: &Log, files: &Files, warnings: &mut Vec<LogError>) -> Re
             "GNSS fixes 0.05 to 10 s apart",
             milliseconds,
         ),
-        (imu, _) if log.imu.len() > 1 && imu < 5e-5 => refuse(
-            &files.imu,
-            imu,
-            "inertial samples 1 to 100 ms apart",
-            "minutes or kiloseconds for seconds, or stamps of too few digits",
-        ),
+        (imu, _)
+            if log.imu.len() > 1
+                && (imu < 5e-5 || imu < 5e-4 && fixes_s > 30.0 * log.duration_s()) =>
+        {
+            refuse(
+                &files.imu,
+                imu,
+                "inertial samples 1 to 100 ms apart",
+                "minutes or kiloseconds for seconds, or stamps of too few digits",
+            )
+        }
         _ => {
             if gnss > 3.0 {
                 let found = format!("{gnss:.1} s from row to row (median)");

@@ -151,10 +151,10 @@ fn other_origin(log: &Log, files: &Files) -> LogError {
 
 /// A shift of the fixes, how much later their stamps are.
 #[derive(Clone, Copy, Debug, Default)]
-struct Shift {
+pub(super) struct Shift {
     s: f64,
     /// Logarithm of how much likelier than unrelated motions it makes what was seen.
-    evidence: f64,
+    pub(super) evidence: f64,
 }
 
 impl Shift {
@@ -170,7 +170,8 @@ fn likeliest<'a>(shifts: impl Iterator<Item = &'a Shift>) -> Shift {
         .unwrap_or_default()
 }
 
-struct Clocks {
+/// What the two clocks are compared by.
+pub(super) struct Clocks {
     /// Integrals of the acceleration by the sensors: two level components, up.
     felt: [Curve; 3],
     angle: Curve,
@@ -179,14 +180,19 @@ struct Clocks {
 }
 
 impl Clocks {
-    fn new(log: &Log, rates: &[Rate]) -> Self {
+    pub(super) fn new(log: &Log, rates: &[Rate]) -> Self {
         let windows = windows(seen(log));
         Self {
-            felt: levelled(rates).map(|points| Curve::new(&points)),
-            angle: Curve::new(&vertical_angles(rates)),
+            felt: levelled(rates),
+            angle: vertical_angles(rates),
             intervals: windows.iter().map(Vec::len).sum(),
             windows,
         }
+    }
+
+    /// The same fixes beside other samples.
+    pub(super) fn read_anew(&mut self, rates: &[Rate]) {
+        (self.felt, self.angle) = (levelled(rates), vertical_angles(rates));
     }
 
     /// All shifts that are looked for, zero among them where the files have a time in common.
@@ -205,7 +211,7 @@ impl Clocks {
             .collect()
     }
 
-    fn finer(&self, coarse: Shift) -> Shift {
+    pub(super) fn finer(&self, coarse: Shift) -> Shift {
         (-FINE_STEPS..=FINE_STEPS)
             .map(|step| self.at(coarse.s + f64::from(step) * FINE_STEP_S))
             .fold(coarse, |a, b| if b.evidence > a.evidence { b } else { a })
@@ -215,7 +221,7 @@ impl Clocks {
         shift.evidence > DECISIVE.max(EXPLAINED * self.intervals as f64)
     }
 
-    fn at(&self, s: f64) -> Shift {
+    pub(super) fn at(&self, s: f64) -> Shift {
         let inside =
             |seen: &&Seen| self.angle.reaches(seen.from_s - s) && self.angle.reaches(seen.to_s - s);
         let windows: Vec<Vec<&Seen>> = self
@@ -324,7 +330,7 @@ fn explained(square: f64) -> f64 {
 /// Time and integrals of specific force less gravity, in a frame that stays level and turns slowly.
 ///
 /// Gyros carry the attitude through manoeuvres; gravity, over a third of a minute, their drift.
-fn levelled(rates: &[Rate]) -> [Vec<(f64, f64)>; 3] {
+fn levelled(rates: &[Rate]) -> [Curve; 3] {
     const TILT_PER_S: f64 = 0.05;
     const DRIFT_PER_S2: f64 = 0.001;
     let up = Vector3::z();
@@ -347,7 +353,7 @@ fn levelled(rates: &[Rate]) -> [Vec<(f64, f64)>; 3] {
         let turn = (rate.gyro_radps + TILT_PER_S * tilt + drift) * seconds;
         attitude *= UnitQuaternion::from_scaled_axis(turn);
     }
-    points
+    points.map(|points| Curve::new(&points))
 }
 
 /// Stretches without holes, if there are many those with the most motion.
