@@ -334,6 +334,9 @@ fn form_cases() -> Vec<Case> {
                 .replacen(&header, &format!("\"{}\"", header.replace(',', "\",\"")), 1);
         }),
         text("tabs", |f| f.gnss = f.gnss.replace(',', "\t")),
+        text("a separator at the end of every row", |f| {
+            f.imu = f.imu.replace('\n', ",\n").replacen(",\n", "\n", 1);
+        }),
         text("semicolons and decimal commas", |f| {
             f.imu = f.imu.replace(',', ";").replace('.', ",");
         }),
@@ -491,6 +494,16 @@ fn sensor_cases() -> Vec<Case> {
         hilly("frozen half way", |f| {
             hold(&mut f.imu, 1..7, |row| row.min(2999));
         }),
+        hilly("gyro up frozen half way", |f| {
+            hold(&mut f.imu, 3..4, |row| row.min(2999));
+        }),
+        text("gyro offset of 20 deg/s", |f| {
+            convert(&mut f.imu, "gyro_x", |x| x + 0.35);
+        }),
+        Case {
+            base: swell,
+            ..text("gyros swapped", |f| swap_columns(&mut f.imu, 1, 2))
+        },
         hilly("accelerometer forward of the wrong sign", |f| {
             convert(&mut f.imu, "accel_x", |x| -x);
         }),
@@ -539,6 +552,9 @@ fn unit_cases() -> Vec<Case> {
         text("gyros in deg/h", |f| {
             convert_all(&mut f.imu, &GYRO, |x| x * TO_DEG * 3600.0);
         }),
+        text("gyros in mrad/s", |f| {
+            convert_all(&mut f.imu, &GYRO, |x| x * 1e3);
+        }),
         text("gyros in mdeg/s", |f| {
             convert_all(&mut f.imu, &GYRO, |x| x * TO_DEG * 1000.0);
         }),
@@ -582,6 +598,9 @@ fn unit_cases() -> Vec<Case> {
         text("inertial time in milliseconds", |f| {
             convert(&mut f.imu, "t_s", |x| x * 1e3);
         }),
+        text("inertial time in minutes", |f| {
+            convert(&mut f.imu, "t_s", |x| x / 60.0);
+        }),
         text("GNSS time in milliseconds", |f| {
             convert(&mut f.gnss, "t_s", |x| x * 1e3);
         }),
@@ -590,6 +609,9 @@ fn unit_cases() -> Vec<Case> {
         }),
         text("velocity in km/h", |f| {
             convert_all(&mut f.gnss, &["ve", "vn"], |x| x * 3.6);
+        }),
+        text("velocity in miles per hour", |f| {
+            convert_all(&mut f.gnss, &["ve", "vn"], |x| x / 0.447_04);
         }),
         text("velocity in knots", |f| {
             convert_all(&mut f.gnss, &["ve", "vn"], |x| x / 0.514_444);

@@ -46,8 +46,11 @@ pub(super) fn check(
     let turning = turning(log, &rates);
     check_paths(log, turning.as_ref(), files, warnings)?;
     check_turns(turning.as_ref(), together, &rates, files, warnings)?;
-    if !check_readings(log, &rates, files, warnings)? {
-        check_axes(log, &rates, files, warnings);
+    let told = warnings.len();
+    check_axes(log, &rates, files, warnings);
+    // A track or gravity tells more exactly what the motion as a whole tells of any unit.
+    if warnings.len() == told {
+        check_readings(log, &rates, files, warnings)?;
     }
     Ok(())
 }
@@ -87,7 +90,9 @@ fn check_intervals(log: &Log, files: &Files, warnings: &mut Vec<LogError>) -> Re
     let gnss = median_interval_s(log.gnss.iter().map(|fix| fix.time));
     let fixes_s = gnss * log.gnss.len() as f64;
     let refuse = |path, found: f64, expected: &str, cause: &str| {
-        let found = format!("{found} s from row to row (median)");
+        let digits = format!("{found:.6}");
+        let digits = digits.trim_end_matches('0').trim_end_matches('.');
+        let found = format!("{digits} s from row to row (median)");
         Err(LogError::file(path, expected, found, cause).in_column("t_s"))
     };
     let milliseconds = "milliseconds for seconds: divide t_s by 1000";

@@ -16,7 +16,7 @@ const FINE_STEP_S: f64 = 0.05;
 /// Where the files have no time in common, both may have begun long apart.
 const LARGEST_APART_S: f64 = 1800.0;
 /// Below this it is latency, which the navigator finds.
-const LATENCY_S: f64 = 0.6;
+const LATENCY_S: f64 = 0.5;
 /// A manoeuvre, to which no other is another answer.
 const MANOEUVRE_S: f64 = 3.0;
 /// Evidence that decides: so many times that of any other answer, which successive intervals that
@@ -87,7 +87,7 @@ fn moved(best: &Shift, apart: bool, files: &Files) -> LogError {
     let side = if best.s > 0.0 { "late" } else { "early" };
     let found = format!("fixes {:.2} s {side} by the motion both saw", best.s.abs());
     let cause = format!(
-        "{}; moved by {:.2} s, which the latency reported includes",
+        "{}; moved by {:.2} s, which `identify` and `tune` count as latency",
         if apart {
             "the two files count from different origins (UTC, GPS week, boot)"
         } else {
@@ -152,13 +152,13 @@ fn other_origin(log: &Log, files: &Files) -> LogError {
 /// A shift of the fixes, how much later their stamps are.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Shift {
-    s: f64,
+    pub(super) s: f64,
     /// Logarithm of how much likelier than unrelated motions it makes what was seen.
     pub(super) evidence: f64,
 }
 
 impl Shift {
-    fn decides_over(&self, other: &Self) -> bool {
+    pub(super) fn decides_over(&self, other: &Self) -> bool {
         self.evidence > TIMES * other.evidence.max(0.0) + DECISIVE
     }
 }
@@ -217,7 +217,7 @@ impl Clocks {
             .fold(coarse, |a, b| if b.evidence > a.evidence { b } else { a })
     }
 
-    fn explained_by(&self, shift: &Shift) -> bool {
+    pub(super) fn explained_by(&self, shift: &Shift) -> bool {
         shift.evidence > DECISIVE.max(EXPLAINED * self.intervals as f64)
     }
 

@@ -286,14 +286,14 @@ impl Mend<'_> {
                 Some((mean - of(first.velocity_en_mps?, last.velocity_en_mps?)).norm())
             });
             let off: Vec<f64> = pairs.collect();
-            let none = off.is_empty().then_some(f64::MAX);
-            none.unwrap_or_else(|| median(off.into_iter()))
+            (!off.is_empty()).then(|| median(off.into_iter()))
         };
         // Independent velocities differ from those of positions by the noise of both.
         let central = against(1, |before, after| 0.5 * (before + after));
-        let backward = (1..=10).map(|apart| against(apart, |_, after| after));
+        let backward = (1..=10).filter_map(|apart| against(apart, |_, after| after));
         let backward = backward.fold(f64::MAX, f64::min);
-        if self.fixes.len() < 50 || central < 0.02 || backward > 0.1 * central {
+        let differenced = |central: f64| central > 0.02 && backward < 0.1 * central;
+        if self.fixes.len() < 50 || !central.is_some_and(differenced) {
             return;
         }
         let found = format!("the difference of two positions, to {backward:.4} m/s");

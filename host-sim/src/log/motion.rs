@@ -102,6 +102,10 @@ fn check_level_axes(
         warnings.push(defect.in_column("accel"));
     };
     let axes = log.meta.body_axes;
+    let column = |rfu: usize| {
+        let own = (0..3).find(|&axis| axes.rfu_component(axis).0 == rfu);
+        ["accel_x", "accel_y", "accel_z"][own.unwrap_or(rfu)]
+    };
     if c[(0, 1)].abs() > CLEAR && c[(1, 0)].abs() > CLEAR {
         let sign = |value: f64| if value < 0.0 { "-" } else { "" };
         let found = format!(
@@ -124,16 +128,22 @@ fn check_level_axes(
         warn(found, cause);
         return;
     }
-    // One sign alone makes the frame left-handed, which is seen without a track.
-    if c[(0, 0)] < -CLEAR && c[(1, 1)] < -CLEAR {
-        let found = format!(
-            "the opposite of both (correlations {:.2}, {:.2})",
-            c[(0, 0)],
-            c[(1, 1)]
-        );
-        let cause = "mounted backwards, or both level accelerometers of the wrong sign: heading is \
-                     half a turn off";
-        warn(found, cause.to_owned());
+    for (axis, name) in [(0, "right"), (1, "forward")] {
+        if c[(axis, axis)] < -CLEAR {
+            let other = c[(1 - axis, 1 - axis)];
+            let cause = if other < -CLEAR {
+                "mounted backwards, or both level accelerometers of the wrong sign: heading is \
+                 half a turn off"
+                    .to_owned()
+            } else {
+                format!("{} has the wrong sign", column(axis))
+            };
+            let found = format!("the opposite {name} (correlation {:.2})", c[(axis, axis)]);
+            warn(found, cause);
+            if other < -CLEAR {
+                return;
+            }
+        }
     }
 }
 

@@ -141,30 +141,28 @@ const CHANNELS: [(&str, Channel); 6] = [
     ("accelerometer up", |s| s.accel.z),
 ];
 
-/// A channel that stops where the others of its sensor go on.
+/// A channel that stops where others go on.
 fn warn_of_frozen_channels(log: &Log, files: &Files, warnings: &mut Vec<LogError>) {
-    for sensor in CHANNELS.chunks(3) {
-        for (name, channel) in sensor {
-            let runs = log.imu.chunk_by(|a, b| channel(a) == channel(b));
-            let span_s = |run: &[ImuSample]| run[run.len() - 1].time.seconds_since(run[0].time);
-            let Some(longest) = runs.max_by(|a, b| span_s(a).total_cmp(&span_s(b))) else {
-                continue;
-            };
-            let goes_on = |other: Channel| longest.iter().any(|s| other(s) != other(&longest[0]));
-            // One that never moves is no sensor, but made up.
-            let throughout = longest.len() == log.imu.len();
-            if throughout || span_s(longest) < STUCK_S || !sensor.iter().any(|o| goes_on(o.1)) {
-                continue;
-            }
-            let since_s = longest[0].time.seconds_since(log.imu[0].time);
-            let found = format!(
-                "the same for {:.0} s, from {since_s:.0} s after the start, while others change",
-                span_s(longest)
-            );
-            let cause = "the channel or its driver was stuck: estimates from then on suffer";
-            let expected = "readings that change";
-            warnings.push(LogError::file(&files.imu, expected, found, cause).in_column(name));
+    for (name, channel) in CHANNELS {
+        let runs = log.imu.chunk_by(|a, b| channel(a) == channel(b));
+        let span_s = |run: &[ImuSample]| run[run.len() - 1].time.seconds_since(run[0].time);
+        let Some(longest) = runs.max_by(|a, b| span_s(a).total_cmp(&span_s(b))) else {
+            continue;
+        };
+        let goes_on = |other: Channel| longest.iter().any(|s| other(s) != other(&longest[0]));
+        // One that never moves is no sensor, but made up.
+        let throughout = longest.len() == log.imu.len();
+        if throughout || span_s(longest) < STUCK_S || !CHANNELS.iter().any(|o| goes_on(o.1)) {
+            continue;
         }
+        let since_s = longest[0].time.seconds_since(log.imu[0].time);
+        let found = format!(
+            "the same for {:.0} s, from {since_s:.0} s after the start, while others change",
+            span_s(longest)
+        );
+        let cause = "the channel or its driver was stuck: estimates from then on suffer";
+        let expected = "readings that change";
+        warnings.push(LogError::file(&files.imu, expected, found, cause).in_column(name));
     }
 }
 
