@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use indicatif::ProgressBar;
 use ins_core::Config;
+use ins_core::ConfigError;
 use miette::{IntoDiagnostic, Result, miette};
 
 use crate::configure;
@@ -14,6 +15,7 @@ use crate::import::{self, Choice};
 use crate::log::{Grade, Log, LogError};
 use crate::output::OutputError;
 use crate::report::{self, Sensors};
+use crate::study::logs::halves;
 use crate::summary::Summary;
 use crate::tables;
 use crate::truth::Truth;
@@ -56,28 +58,42 @@ impl Input {
         for warning in &warnings {
             progress.suspend(|| eprintln!("warning: {warning}\n  {}", warning.cause));
         }
-        let truth = Truth::read(folder)?;
-        let grade = configure::grade(&log, grade);
         Ok(Self {
-            config: configure::config(&log, grade),
-            name: log_name(folder, &log),
-            log,
-            grade,
-            warnings,
-            truth,
+            truth: Truth::read(folder)?,
+            ..Self::of(log_name(folder, &log), log, warnings, grade)
         })
     }
 
-    /// Puts it together with what came out.
-    pub fn with(self, found: Identification) -> Analysis {
+    /// A log that has been read, and what was said about it.
+    pub fn of(name: String, log: Log, warnings: Vec<LogError>, grade: Option<Grade>) -> Self {
+        let grade = configure::grade(&log, grade);
+        Self {
+            config: configure::config(&log, grade),
+            name,
+            log,
+            grade,
+            warnings,
+            truth: None,
+        }
+    }
+
+    /// Puts it together with what came out, and judges that.
+    pub fn with(self, found: Identification) -> Result<Analysis> {
         let Self { log, grade, .. } = self;
-        Analysis {
-            summary: Summary::new(self.name, &log, &found, grade, &self.warnings),
+        let halves =
+            halves::test(&log, &|half| configure::config(half, grade)).map_err(unusable)?;
+        let told = &self.warnings;
+        Ok(Analysis {
+            summary: Summary::new(self.name, &log, &found, grade, told, halves.as_deref()),
             log,
             found,
             truth: self.truth,
-        }
+        })
     }
+}
+
+fn unusable(error: ConfigError) -> miette::Report {
+    miette!("the configuration cannot be used: {}", error)
 }
 
 /// A log and what came out of it.
@@ -102,16 +118,18 @@ impl Analysis {
     /// Runs the core over a log.
     pub fn of_input(input: Input, progress: &ProgressBar) -> Result<Self> {
         progress.set_message("identifying");
-        let found = identify(&input.log, input.config, progress)
-            .map_err(|error| miette!("the configuration cannot be used: {}", error))?;
-        Ok(input.with(found))
+        let found = identify(&input.log, input.config, progress).map_err(unusable)?;
+        input.with(found)
     }
 
     /// Writes summary, tables and report into a folder.
     pub fn write(&self, folder: &Path, sensors: Option<&Sensors>) -> Result<()> {
-        let axes = self.log.meta.body_axes;
-        tables::write_estimates(create(folder, "estimates.csv")?, &self.found, axes)
-            .into_diagnostic()?;
+        tables::write_estimates(
+            create(folder, "estimates.csv")?,
+            &self.found,
+            &self.log.meta,
+        )
+        .into_diagnostic()?;
         tables::write_solution(create(folder, "solution.csv")?, &self.found.solutions)
             .into_diagnostic()?;
         let page = report::html(self, sensors).into_diagnostic()?;

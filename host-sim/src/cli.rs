@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use indicatif::{ProgressBar, ProgressStyle};
+use ins_core::ImuSample;
 use ins_core::earth::wrap_pi;
 use miette::{IntoDiagnostic, Result, bail};
 
@@ -397,6 +398,7 @@ fn identify_logs(
     let (mut model, mut summaries) = (None, Vec::new());
     output::build(out, error_model::MODEL, cli.force, |folder| -> Result<()> {
         let (mut records, mut class) = (Vec::new(), grade);
+        let mut given: Vec<(&Path, [Option<ImuSample>; 2])> = Vec::new();
         for (number, log) in (1..).zip(&options.log) {
             let progress = bar();
             // One log at a time: only what the error model needs of it is kept.
@@ -409,6 +411,17 @@ fn identify_logs(
                     log.display()
                 );
             }
+            let ends =
+                [analysis.log.imu.first(), analysis.log.imu.last()].map(Option::<&_>::copied);
+            if let Some((same, _)) = given.iter().find(|(_, other)| *other == ends) {
+                bail!(
+                    help = "give each once: what is counted twice looks surer than it is",
+                    "{}: the same recording as {}",
+                    log.display(),
+                    same.display()
+                );
+            }
+            given.push((log, ends));
             let record = Record::new(&analysis.log, &analysis.found);
             let name = analysis.summary.log.replace(['/', '\\'], "-");
             let beside = folder.join(format!("{number}-{name}"));
@@ -485,6 +498,7 @@ pub(crate) fn print_analysis(
         );
         return Ok(());
     }
+    println!("{}\n", summary.verdict.lines().join("\n"));
     let (header, rows) = analysis.table();
     print!("{}", table::plain(&header, &rows));
     if let (Some(before), Some(after)) = (

@@ -33,3 +33,4 @@ pub mod table;
 pub mod tables;
 pub mod truth;
 pub mod tune;
+pub mod verdict;

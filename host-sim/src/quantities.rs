@@ -3,7 +3,7 @@
 use ins_core::{Estimate, Estimates, Observability};
 use serde::{Serialize, Serializer};
 
-use crate::log::BodyAxes;
+use crate::log::{BodyAxes, Meta};
 
 /// One mg, m/s^2.
 pub const MG_MPS2: f64 = 9.806_65e-3;
@@ -105,6 +105,13 @@ impl Quantities {
             gyro_bias_deg_h: in_axes(axes, &estimates.gyro_bias_radps, DEG_H_RADPS),
             gnss_latency_ms: Quantity::of(&estimates.gnss_latency_s, 1e-3),
         }
+    }
+
+    /// In a log's axes, and by its stamps as they came.
+    pub fn of_log(estimates: &Estimates, meta: &Meta) -> Self {
+        let mut quantities = Self::new(estimates, meta.body_axes);
+        quantities.gnss_latency_ms.value += 1e3 * meta.gnss_clock_offset_s;
+        quantities
     }
 
     /// Column names and quantities, in the order of the files.

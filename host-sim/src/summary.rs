@@ -11,12 +11,16 @@ use crate::identify::{Counts, Identification, add};
 use crate::log::{Grade, Log, LogError};
 use crate::quantities::{Axes, Quantities, Quantity, in_axes};
 use crate::report::words;
+use crate::study::logs::statistics::Difference;
+use crate::verdict::Verdict;
 
 /// The summary of a log.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
     /// Name of the log.
     pub log: String,
+    /// What it is worth.
+    pub verdict: Verdict,
     /// Span of its inertial samples.
     pub duration_s: f64,
     /// Axes of the biases.
@@ -76,34 +80,37 @@ impl Summary {
         found: &Identification,
         grade: Grade,
         warnings: &[LogError],
+        halves: Option<&[Difference]>,
     ) -> Self {
-        let quantities = Quantities::new(&found.end.estimates, log.meta.body_axes);
-        let mut gnss = Counts::new();
+        let quantities = Quantities::of_log(&found.end.estimates, &log.meta);
+        let errors = found.velocity_error.as_ref();
+        let velocity_error_mps = VelocityErrors {
+            before: errors.map(|error| error.before_mps),
+            after: errors.map(|error| error.after_mps),
+            windows: errors.map_or(0, |error| error.windows),
+        };
+        let mut used = Counts::new();
         for (_, outcome) in &found.fixes {
-            add(&mut gnss, *outcome);
+            add(&mut used, *outcome);
         }
+        let imu = answers(&found.imu_outcomes, words::is_integrated);
+        let gnss = answers(&used, words::is_used);
         Self {
             log: name,
+            verdict: Verdict::new(found, &velocity_error_mps, [&imu, &gnss], halves),
             duration_s: log.duration_s(),
             body_axes: log.meta.body_axes,
             quantities,
             heading_end_deg: heading(found, &quantities.azimuth_error_deg),
             lever_arm_m: (found.config.gnss.lever_arm_sigma_m > 0.0)
                 .then(|| in_axes(log.meta.body_axes, &found.end.estimates.lever_arm_m, 1.0)),
-            velocity_error_mps: VelocityErrors {
-                before: found.velocity_error.as_ref().map(|error| error.before_mps),
-                after: found.velocity_error.as_ref().map(|error| error.after_mps),
-                windows: found
-                    .velocity_error
-                    .as_ref()
-                    .map_or(0, |error| error.windows),
-            },
+            velocity_error_mps,
             against_truth: found.against_truth.as_ref().map(AgainstTruth::errors),
             version: env!("CARGO_PKG_VERSION"),
             grade,
             phase: found.end.phase,
-            imu: answers(&found.imu_outcomes, words::is_integrated),
-            gnss: answers(&gnss, words::is_used),
+            imu,
+            gnss,
             warnings: warnings
                 .iter()
                 .map(|w| format!("{w} ({})", w.cause))

@@ -5,14 +5,14 @@ use std::io::Write;
 use ins_core::{Observability, Solution, Time};
 
 use crate::identify::{Identification, Row};
-use crate::log::BodyAxes;
+use crate::log::Meta;
 use crate::quantities::Quantities;
 
 /// Writes the estimates and damping signals, once a second.
-pub fn write_estimates(to: impl Write, found: &Identification, axes: BodyAxes) -> csv::Result<()> {
+pub fn write_estimates(to: impl Write, found: &Identification, meta: &Meta) -> csv::Result<()> {
     let mut table = csv::Writer::from_writer(to);
     let mut header = vec!["t_s".to_owned(), "phase".to_owned(), "manoeuvre".to_owned()];
-    for (name, _) in Quantities::new(&found.end.estimates, axes).columns() {
+    for (name, _) in Quantities::of_log(&found.end.estimates, meta).columns() {
         header.extend([
             name.to_owned(),
             format!("{name}_sigma"),
@@ -33,18 +33,18 @@ pub fn write_estimates(to: impl Write, found: &Identification, axes: BodyAxes) -
     header.extend(signals.map(str::to_owned));
     table.write_record(&header)?;
     for row in &found.history {
-        table.write_record(estimate_cells(row, axes))?;
+        table.write_record(estimate_cells(row, meta))?;
     }
     Ok(table.flush()?)
 }
 
-fn estimate_cells(row: &Row, axes: BodyAxes) -> Vec<String> {
+fn estimate_cells(row: &Row, meta: &Meta) -> Vec<String> {
     let mut cells = vec![
         seconds(row.time),
         format!("{:?}", row.phase),
         format!("{:?}", row.manoeuvre),
     ];
-    for (_, quantity) in Quantities::new(&row.estimates, axes).columns() {
+    for (_, quantity) in Quantities::of_log(&row.estimates, meta).columns() {
         let observable = quantity.observability == Observability::Observable;
         cells.extend([
             format!("{:.6}", quantity.value),

@@ -45,4 +45,9 @@ fn a_model_of_several_logs_drives_again() {
         home,
         &["identify", "a/log", "b/log", "--out", "found", "--force"]
     ));
+    // Counted twice a drive would look surer than it is.
+    assert!(!host_sim(
+        home,
+        &["identify", "a/log", "a/log", "--out", "twice"]
+    ));
 }

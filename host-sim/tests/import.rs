@@ -614,23 +614,40 @@ fn mcap(drive: &Drive, compressed: bool) -> Vec<u8> {
         let twist = doubles(&[fix.velocity.x, fix.velocity.y, fix.up_mps, 0.0, 0.0, 0.0]);
         say(3, cdr_message(fix.time_s, &[&twist]));
     }
-    let mut chunk = vec![0; 28];
+    let mut compression = "";
     if compressed {
         let mut packed = FrameEncoder::new(Vec::new());
         packed.write_all(&records).unwrap();
         records = packed.finish().unwrap();
-        chunk.extend(mcap_text("lz4"));
-    } else {
-        chunk.extend(mcap_text(""));
+        compression = "lz4";
     }
-    chunk.extend((records.len() as u64).to_le_bytes());
-    chunk.extend(records);
     [
         b"\x89MCAP0\r\n".as_slice(),
         &mcap_record(1, &[0; 8]),
-        &mcap_record(6, &chunk),
+        &mcap_chunk(compression, &records),
     ]
     .concat()
+}
+
+fn mcap_chunk(compression: &str, records: &[u8]) -> Vec<u8> {
+    let length = (records.len() as u64).to_le_bytes();
+    let chunk = [
+        &[0; 28],
+        mcap_text(compression).as_slice(),
+        &length,
+        records,
+    ]
+    .concat();
+    mcap_record(6, &chunk)
+}
+
+#[test]
+fn mcap_of_chunks_within_chunks_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let nested = mcap_chunk("", &mcap_chunk("", &[]));
+    let bytes = [b"\x89MCAP0\r\n".as_slice(), &nested].concat();
+    let error = open(&file(folder.path(), "nested.mcap", bytes)).unwrap_err();
+    assert_eq!(&*error.found, "a chunk within a chunk");
 }
 
 #[test]

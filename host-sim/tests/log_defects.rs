@@ -10,16 +10,13 @@ use std::path::Path;
 use flate2::write::GzEncoder;
 use host_sim::log::{LogError, read};
 
+mod spoilt;
+
+use spoilt::{Files, convert, convert_all, hold, pitch_sensors, set_line, swap_columns};
+
 const META: &str = "name = \"test drive\"\n\n[log]\nbody_axes = \"FRD\"\nimu = \"rates\"\n";
 const IMU_STEP_S: f64 = 0.02;
 const SPEED_MPS: f64 = 10.0;
-
-/// The files of a log as text, to be spoilt.
-struct Files {
-    imu: String,
-    gnss: String,
-    meta: String,
-}
 
 /// A car at constant speed on a winding level road for two minutes, 50 Hz and 5 Hz.
 fn drive() -> Files {
@@ -127,55 +124,8 @@ fn travel(motion: &Motion) -> Files {
     }
 }
 
-/// Applies `f` to a column of numbers.
-fn convert(text: &mut String, name: &str, f: impl Fn(f64) -> f64) {
-    let header = text.lines().next().unwrap().to_owned();
-    let column = header.split(',').position(|cell| cell == name).unwrap();
-    let mut converted = header;
-    for line in text.lines().skip(1) {
-        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
-        cells[column] = f(cells[column].parse().unwrap()).to_string();
-        write!(converted, "\n{}", cells.join(",")).unwrap();
-    }
-    *text = converted + "\n";
-}
-
-fn convert_all(text: &mut String, names: &[&str], f: impl Fn(f64) -> f64 + Copy) {
-    for name in names {
-        convert(text, name, f);
-    }
-}
-
-/// Replaces a line, counted from one.
-fn set_line(text: &mut String, line: usize, with: &str) {
-    let mut lines: Vec<&str> = text.lines().collect();
-    lines[line - 1] = with;
-    *text = lines.join("\n") + "\n";
-}
-
-fn swap_columns(text: &mut String, a: usize, b: usize) {
-    let swapped: Vec<String> = text
-        .lines()
-        .enumerate()
-        .map(|(index, line)| {
-            let mut cells: Vec<&str> = line.split(',').collect();
-            if index > 0 {
-                cells.swap(a, b);
-            }
-            cells.join(",")
-        })
-        .collect();
-    *text = swapped.join("\n") + "\n";
-}
-
 const GYRO: [&str; 3] = ["gyro_x", "gyro_y", "gyro_z"];
 const ACCEL: [&str; 3] = ["accel_x", "accel_y", "accel_z"];
-
-fn put(files: &Files, folder: &Path) {
-    fs::write(folder.join("imu.csv"), &files.imu).unwrap();
-    fs::write(folder.join("gnss.csv"), &files.gnss).unwrap();
-    fs::write(folder.join("meta.toml"), &files.meta).unwrap();
-}
 
 fn told(error: &LogError, folder: &Path) -> String {
     let text = format!("{error}\n-> {}", error.cause);
@@ -190,10 +140,10 @@ fn said(case: &Case) -> String {
     match case.spoil {
         Spoil::Text(spoil) => {
             spoil(&mut files);
-            put(&files, folder.path());
+            files.put(folder.path());
         }
         Spoil::Folder(spoil) => {
-            put(&files, folder.path());
+            files.put(folder.path());
             spoil(folder.path());
         }
     }
@@ -384,6 +334,9 @@ fn form_cases() -> Vec<Case> {
                 .replacen(&header, &format!("\"{}\"", header.replace(',', "\",\"")), 1);
         }),
         text("tabs", |f| f.gnss = f.gnss.replace(',', "\t")),
+        text("a separator at the end of every row", |f| {
+            f.imu = f.imu.replace('\n', ",\n").replacen(",\n", "\n", 1);
+        }),
         text("semicolons and decimal commas", |f| {
             f.imu = f.imu.replace(',', ";").replace('.', ",");
         }),
@@ -466,26 +419,6 @@ fn hilly(name: &'static str, spoil: fn(&mut Files)) -> Case {
     }
 }
 
-/// Replaces cells of fixes by those of an earlier row, chosen by index.
-fn hold(text: &mut String, columns: std::ops::Range<usize>, shown: impl Fn(usize) -> usize) {
-    let rows: Vec<Vec<String>> = text
-        .lines()
-        .map(|line| line.split(',').map(str::to_owned).collect())
-        .collect();
-    let held: Vec<String> = rows
-        .iter()
-        .enumerate()
-        .map(|(index, row)| {
-            let mut row = row.clone();
-            if index > 0 {
-                row[columns.clone()].clone_from_slice(&rows[shown(index)][columns.clone()]);
-            }
-            row.join(",")
-        })
-        .collect();
-    *text = held.join("\n") + "\n";
-}
-
 fn receiver_cases() -> Vec<Case> {
     vec![
         hilly("hills and brakings", |_| {}),
@@ -496,13 +429,13 @@ fn receiver_cases() -> Vec<Case> {
             }
         }),
         hilly("each fix four times, new stamps", |f| {
-            hold(&mut f.gnss, 1..7, |row| row - (row - 1) % 4);
+            hold(&mut f.gnss, 1..7, |row| row - row % 4);
         }),
         hilly("positions frozen", |f| {
-            hold(&mut f.gnss, 1..4, |row| row.min(300));
+            hold(&mut f.gnss, 1..4, |row| row.min(299));
         }),
         hilly("velocities at half the rate", |f| {
-            hold(&mut f.gnss, 4..7, |row| row - (row - 1) % 2);
+            hold(&mut f.gnss, 4..7, |row| row - row % 2);
         }),
         hilly("vertical velocity written as zero", |f| {
             convert(&mut f.gnss, "vu", |_| 0.0);
@@ -559,8 +492,18 @@ fn sensor_cases() -> Vec<Case> {
             convert(&mut f.imu, "gyro_z", |x| (3.0 * x).clamp(-0.6, 0.6));
         }),
         hilly("frozen half way", |f| {
-            hold(&mut f.imu, 1..7, |row| row.min(3000));
+            hold(&mut f.imu, 1..7, |row| row.min(2999));
         }),
+        hilly("gyro up frozen half way", |f| {
+            hold(&mut f.imu, 3..4, |row| row.min(2999));
+        }),
+        text("gyro offset of 20 deg/s", |f| {
+            convert(&mut f.imu, "gyro_x", |x| x + 0.35);
+        }),
+        Case {
+            base: swell,
+            ..text("gyros swapped", |f| swap_columns(&mut f.imu, 1, 2))
+        },
         hilly("accelerometer forward of the wrong sign", |f| {
             convert(&mut f.imu, "accel_x", |x| -x);
         }),
@@ -609,6 +552,9 @@ fn unit_cases() -> Vec<Case> {
         text("gyros in deg/h", |f| {
             convert_all(&mut f.imu, &GYRO, |x| x * TO_DEG * 3600.0);
         }),
+        text("gyros in mrad/s", |f| {
+            convert_all(&mut f.imu, &GYRO, |x| x * 1e3);
+        }),
         text("gyros in mdeg/s", |f| {
             convert_all(&mut f.imu, &GYRO, |x| x * TO_DEG * 1000.0);
         }),
@@ -652,6 +598,9 @@ fn unit_cases() -> Vec<Case> {
         text("inertial time in milliseconds", |f| {
             convert(&mut f.imu, "t_s", |x| x * 1e3);
         }),
+        text("inertial time in minutes", |f| {
+            convert(&mut f.imu, "t_s", |x| x / 60.0);
+        }),
         text("GNSS time in milliseconds", |f| {
             convert(&mut f.gnss, "t_s", |x| x * 1e3);
         }),
@@ -660,6 +609,9 @@ fn unit_cases() -> Vec<Case> {
         }),
         text("velocity in km/h", |f| {
             convert_all(&mut f.gnss, &["ve", "vn"], |x| x * 3.6);
+        }),
+        text("velocity in miles per hour", |f| {
+            convert_all(&mut f.gnss, &["ve", "vn"], |x| x / 0.447_04);
         }),
         text("velocity in knots", |f| {
             convert_all(&mut f.gnss, &["ve", "vn"], |x| x / 0.514_444);
@@ -757,25 +709,6 @@ fn pack_imu(folder: &Path, spoil: impl Fn(&mut Vec<u8>)) {
     spoil(&mut bytes);
     fs::write(folder.join("imu.csv.gz"), bytes).unwrap();
     fs::remove_file(folder.join("imu.csv")).unwrap();
-}
-
-/// Turns the sensors about their y axis (right), front end down.
-fn pitch_sensors(imu: &mut String, down_deg: f64) {
-    let (s, c) = down_deg.to_radians().sin_cos();
-    let mut turned = imu.lines().next().unwrap().to_owned();
-    for line in imu.lines().skip(1) {
-        let cell: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
-        let along = |x: f64, z: f64| (c * x + s * z, c * z - s * x);
-        let (gx, gz) = along(cell[1], cell[3]);
-        let (ax, az) = along(cell[4], cell[6]);
-        write!(
-            turned,
-            "\n{},{gx},{},{gz},{ax},{},{az}",
-            cell[0], cell[2], cell[5]
-        )
-        .unwrap();
-    }
-    *imu = turned + "\n";
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use host_sim::analysis::Analysis;
+use host_sim::analysis::{Analysis, Input};
 use host_sim::error_model::{Identified, Record};
 use host_sim::log::{self, BodyAxes, Compression, Grade, Log, Meta};
 use host_sim::quantities::DEG_H_RADPS;
@@ -180,16 +180,20 @@ fn drive<M: Motion>(
     record(Mounted::new(vehicle, mount), &recording)
 }
 
-fn tuning(drive: &SimulatedDrive, folder: &Path) -> Tuning {
-    let log = Log {
+fn log_of(drive: &SimulatedDrive, grade: Grade) -> Log {
+    Log {
         meta: Meta {
-            grade: Some(Grade::Mems),
+            grade: Some(grade),
             ..Meta::new(BodyAxes::Frd, ErrorModel::mems().imu.output)
         },
         imu: drive.imu.clone(),
         gnss: drive.gnss.clone(),
         truth: Vec::new(),
-    };
+    }
+}
+
+fn tuning(drive: &SimulatedDrive, folder: &Path) -> Tuning {
+    let log = log_of(drive, Grade::Mems);
     fs::create_dir_all(folder).unwrap();
     log::write(&log, folder, Compression::Gzip).unwrap();
     let analysis = Analysis::of_log(folder, None, &ProgressBar::hidden()).unwrap();
@@ -198,7 +202,7 @@ fn tuning(drive: &SimulatedDrive, folder: &Path) -> Tuning {
         Grade::Mems,
         None,
     );
-    Tuning::new(&analysis, &model).unwrap()
+    Tuning::new(&analysis, &model)
 }
 
 /// Within five of its own sigmas: the drive is one of many.
@@ -334,6 +338,36 @@ fn what_is_not_known_is_a_comment() {
         assert_eq!(text.lines().find(value), None, "{text}");
         assert!(text.contains("not known; "), "{text}");
     }
+}
+
+#[test]
+fn sensors_of_another_class_are_told_in_the_verdict() {
+    let car = Car::new(5, 60.0 * MINUTES, Some([30.0, 60.0]));
+    let drive = drive(car, UnitQuaternion::identity(), Vector3::zeros());
+    let lines = [Grade::Mems, Grade::Hg1700].map(|grade| {
+        let input = Input::of(String::new(), log_of(&drive, grade), Vec::new(), None);
+        let analysis = Analysis::of_input(input, &ProgressBar::hidden()).unwrap();
+        analysis.summary.verdict.lines().join("\n")
+    });
+    println!("{}\n{}", lines[0], lines[1]);
+    assert!(lines[0].starts_with("Verdict: nothing speaks against"));
+    assert!(lines[1].starts_with("Verdict: do NOT trust"));
+    assert!(lines[1].contains("gyro offsets"));
+}
+
+#[test]
+fn sensors_are_not_chosen_in_a_log_folder() {
+    let home = tempfile::tempdir().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_host-sim"))
+        .args(["tune", "--imu", "2"])
+        .arg(home.path())
+        .output()
+        .unwrap();
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        !output.status.success() && told.contains("leave them out"),
+        "{told}"
+    );
 }
 
 fn samples() -> Option<PathBuf> {

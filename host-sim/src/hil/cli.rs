@@ -197,7 +197,7 @@ fn run(
         log_lines_garbled: log.map(|log| log.garbled),
     };
     let found = bench.finish(&input.log, config);
-    Ok((hardware, input.with(found)))
+    Ok((hardware, input.with(found)?))
 }
 
 /// Any number that the last session did not have.

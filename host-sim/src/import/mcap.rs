@@ -22,7 +22,7 @@ const CHUNK: u8 = 6;
 pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
     let bytes = bytes(path)?;
     let mut log = Mcap::default();
-    log.records(bytes.get(MAGIC.len()..).unwrap_or_default())
+    log.records(bytes.get(MAGIC.len()..).unwrap_or_default(), false)
         .map_err(|e| unreadable(path, &e))?;
     let mut streams: Vec<_> = log.channels.into_iter().collect();
     streams.sort_by_key(|(id, _)| *id);
@@ -48,7 +48,7 @@ struct Channel {
 impl Mcap {
     /// Records one after the other, as far as they are whole: without the index at the end, which a
     /// recording that broke off has not.
-    fn records(&mut self, bytes: &[u8]) -> io::Result<()> {
+    fn records(&mut self, bytes: &[u8], in_chunk: bool) -> io::Result<()> {
         let mut rest = Fields(bytes);
         while let Some((operation, content)) = rest.record() {
             let mut fields = Fields(content);
@@ -64,9 +64,11 @@ impl Mcap {
                 MESSAGE => {
                     self.message(&mut fields);
                 }
+                // The format has none, and each level would take more of the stack.
+                CHUNK if in_chunk => return Err(io::Error::other("a chunk within a chunk")),
                 CHUNK => {
                     if let Some(records) = fields.chunk() {
-                        self.records(&records?)?;
+                        self.records(&records?, true)?;
                     }
                 }
                 _ => {}

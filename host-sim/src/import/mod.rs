@@ -48,7 +48,15 @@ pub fn open(path: &Path) -> Result<(Log, Vec<LogError>), LogError> {
 /// Reads a log folder, or what [`read`] does.
 pub fn open_all(paths: &[PathBuf], choice: Choice) -> Result<(Log, Vec<LogError>), LogError> {
     match paths {
-        [folder] if !folder.is_file() && format(folder)?.is_none() => log::read(folder),
+        [folder] if !folder.is_file() && format(folder)?.is_none() => {
+            if choice.imu.or(choice.gnss).is_some() {
+                let cause = "--imu and --gnss choose among those of a recording: leave them out";
+                let found = "a log folder, which has one of each";
+                let expected = "a recording of several sensors or receivers";
+                return Err(LogError::file(folder, expected, found, cause));
+            }
+            log::read(folder)
+        }
         _ => read(paths, choice),
     }
 }

@@ -11,12 +11,14 @@ use super::fixes::mend_fixes;
 use super::motion::check_axes;
 use super::paths::check_paths;
 use super::read::Files;
+use super::readings::check_readings;
 use super::sensors::mend_sensors;
 use super::turns::{check_turns, turning};
 
 const GRAVITY_MPS2: f64 = 9.81;
 
 /// An inertial sample as rates, whatever the log holds.
+#[derive(Clone, Copy)]
 pub(super) struct Rate {
     pub(super) time_s: f64,
     pub(super) interval_s: f64,
@@ -44,7 +46,12 @@ pub(super) fn check(
     let turning = turning(log, &rates);
     check_paths(log, turning.as_ref(), files, warnings)?;
     check_turns(turning.as_ref(), together, &rates, files, warnings)?;
+    let told = warnings.len();
     check_axes(log, &rates, files, warnings);
+    // A track or gravity tells more exactly what the motion as a whole tells of any unit.
+    if warnings.len() == told {
+        check_readings(log, &rates, files, warnings)?;
+    }
     Ok(())
 }
 
@@ -81,8 +88,11 @@ fn rates(log: &Log) -> Vec<Rate> {
 fn check_intervals(log: &Log, files: &Files, warnings: &mut Vec<LogError>) -> Result<(), LogError> {
     let imu = median_interval_s(log.imu.iter().map(|sample| sample.time));
     let gnss = median_interval_s(log.gnss.iter().map(|fix| fix.time));
+    let fixes_s = gnss * log.gnss.len() as f64;
     let refuse = |path, found: f64, expected: &str, cause: &str| {
-        let found = format!("{found} s from row to row (median)");
+        let digits = format!("{found:.6}");
+        let digits = digits.trim_end_matches('0').trim_end_matches('.');
+        let found = format!("{digits} s from row to row (median)");
         Err(LogError::file(path, expected, found, cause).in_column("t_s"))
     };
     let milliseconds = "milliseconds for seconds: divide t_s by 1000";
@@ -113,12 +123,17 @@ fn check_intervals(log: &Log, files: &Files, warnings: &mut Vec<LogError>) -> Re
             "GNSS fixes 0.05 to 10 s apart",
             milliseconds,
         ),
-        (imu, _) if log.imu.len() > 1 && imu < 5e-5 => refuse(
-            &files.imu,
-            imu,
-            "inertial samples 1 to 100 ms apart",
-            "minutes or kiloseconds for seconds, or stamps of too few digits",
-        ),
+        (imu, _)
+            if log.imu.len() > 1
+                && (imu < 5e-5 || imu < 5e-4 && fixes_s > 30.0 * log.duration_s()) =>
+        {
+            refuse(
+                &files.imu,
+                imu,
+                "inertial samples 1 to 100 ms apart",
+                "minutes or kiloseconds for seconds, or stamps of too few digits",
+            )
+        }
         _ => {
             if gnss > 3.0 {
                 let found = format!("{gnss:.1} s from row to row (median)");
@@ -218,8 +233,7 @@ fn check_gravity_axis(
     warnings: &mut Vec<LogError>,
 ) -> Result<(), LogError> {
     // Over minutes the vehicle's own accelerations cancel, and what is left points up.
-    let typical = |axis: usize| median(rates.iter().map(|rate| rate.accel_mps2[axis]));
-    let mean = Vector3::new(typical(0), typical(1), typical(2));
+    let mean = typical_force(rates);
     let axes = log.meta.body_axes;
     let tilt_deg = (mean.z / mean.norm()).clamp(-1.0, 1.0).acos().to_degrees();
     // Banked turns keep the mean along the aircraft's up axis, so only a mount tilts it.
@@ -271,6 +285,11 @@ fn gravity_cause(own: Vector3<f64>, declared: BodyAxes) -> String {
          specific force: change the sign of all three accelerometers",
         fits.join(" or ")
     )
+}
+
+/// Median specific force, axis by axis: the few seconds of spikes and manoeuvres do not count.
+pub(super) fn typical_force(rates: &[Rate]) -> Vector3<f64> {
+    Vector3::from_fn(|axis, _| median(rates.iter().map(|rate| rate.accel_mps2[axis])))
 }
 
 /// Whether `value` is `reference` up to a factor.

@@ -1,27 +1,35 @@
-//! The two clocks of a log, compared by what both saw: turns, and accelerations.
+//! The two clocks of a log, compared by the motion that both saw: accelerations and turns.
 
-use nalgebra::Vector2;
+use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
 use super::Log;
-use super::check::Rate;
+use super::check::{Rate, typical_force};
 use super::error::LogError;
 use super::read::Files;
 use super::turns::{Curve, vertical_angles};
 
-/// Shifts that are looked for: two minutes each way, in steps of half the shortest manoeuvre, and
-/// finer ones from there.
-const STEPS: i32 = 240;
+/// Shifts that are looked for, in steps of half the shortest manoeuvre, and finer ones from there.
+const LARGEST_S: f64 = 300.0;
 const STEP_S: f64 = 0.5;
 const FINE_STEPS: i32 = 10;
 const FINE_STEP_S: f64 = 0.05;
+/// Where the files have no time in common, both may have begun long apart.
+const LARGEST_APART_S: f64 = 1800.0;
 /// Below this it is latency, which the navigator finds.
-const LATENCY_S: f64 = 1.2;
-/// Evidence that decides: e^20 against one, which allows for successive intervals being alike.
+const LATENCY_S: f64 = 0.5;
+/// A manoeuvre, to which no other is another answer.
+const MANOEUVRE_S: f64 = 3.0;
+/// Evidence that decides: so many times that of any other answer, which successive intervals that
+/// are alike feign, and so much more of it.
+const TIMES: f64 = 1.5;
 const DECISIVE: f64 = 20.0;
-/// Least evidence of an interval: a correlation of a half, which no chance likeness of two slow
-/// curves has; of a quarter where the clocks agree anyhow.
-const EXPLAINED: f64 = 0.14;
-const TOGETHER: f64 = 0.03;
+/// Evidence of each interval that chance never has: unrelated motion gets up to 0.4.
+const EXPLAINED: f64 = 0.6;
+/// Intervals that are compared under a rotation of their own: short enough for gyros that drift.
+const WINDOW_S: f64 = 20.0;
+const LEAST_INTERVALS: usize = 8;
+/// As many windows, those with the most motion, tell what a day's tell.
+const MOST_WINDOWS: usize = 200;
 const GRAVITY_MPS2: f64 = 9.81;
 
 /// What GNSS saw over a second or so.
@@ -30,8 +38,8 @@ struct Seen {
     to_s: f64,
     /// Turned counter-clockwise, rad/s; none at a walk.
     turn_radps: Option<f64>,
-    /// Excess of specific force over gravity that the change of velocity makes, m/s^2.
-    excess_mps2: f64,
+    level_mps2: Vector2<f64>,
+    up_mps2: Option<f64>,
 }
 
 /// Moves the fixes onto the clock of the inertial samples where motion shows that it is another.
@@ -43,31 +51,44 @@ pub(super) fn set_clock(
     warnings: &mut Vec<LogError>,
 ) -> Result<bool, LogError> {
     let apart_s = apart(log);
-    let clocks = Clocks {
-        angle: Curve::new(&vertical_angles(rates)),
-        force: Curve::new(&excess(rates)),
-        seen: seen(log),
-        centre_s: apart_s.unwrap_or(0.0),
-    };
-    let together = clocks.enough(&clocks.at(0.0), TOGETHER);
-    let Some(best) = clocks.best() else {
-        return apart_s.map_or(Ok(together), |_| Err(other_origin(log, files)));
-    };
-    let other = clocks.rival(&best);
-    let zero = Shift::default();
-    if apart_s.is_none() && (best.s.abs() < LATENCY_S || clocks.over(&best, &zero) < DECISIVE) {
-        return Ok(together);
+    let clocks = Clocks::new(log, rates);
+    let candidates = clocks.candidates(log, apart_s);
+    let best = clocks.finer(likeliest(candidates.iter()));
+    let far = |other: &&Shift| (other.s - best.s).abs() > MANOEUVRE_S;
+    let rival = clocks.finer(likeliest(candidates.iter().filter(far)));
+    let agrees = |shift: &Shift| apart_s.is_none() && shift.s.abs() < LATENCY_S;
+    if !best.decides_over(&rival) {
+        let explained = [&best, &rival].map(|shift| clocks.explained_by(shift));
+        if explained == [true, true] {
+            let answers = two_answers(&best, &rival, files);
+            if !agrees(&best) && !agrees(&rival) {
+                return Err(answers);
+            }
+            let cause = "manoeuvres that repeat; taken to be on one time scale already".into();
+            warnings.push(LogError { cause, ..answers });
+        } else if apart_s.is_some() {
+            return Err(other_origin(log, files));
+        }
+        return Ok(explained[0]);
     }
-    if let Some(other) = other {
-        return Err(two_answers(&best, &other, files));
+    let as_it_is = clocks.finer(clocks.at(0.0));
+    if agrees(&best) || (apart_s.is_none() && best.evidence < as_it_is.evidence + DECISIVE) {
+        return Ok(true);
     }
     for fix in &mut log.gnss {
         fix.time = fix.time.plus_seconds(-best.s);
     }
-    let found = format!("fixes {:.2} s {}", best.s.abs(), later(best.s));
+    log.meta.gnss_clock_offset_s += best.s;
+    warnings.push(moved(&best, apart_s.is_some(), files));
+    Ok(true)
+}
+
+fn moved(best: &Shift, apart: bool, files: &Files) -> LogError {
+    let side = if best.s > 0.0 { "late" } else { "early" };
+    let found = format!("fixes {:.2} s {side} by the motion both saw", best.s.abs());
     let cause = format!(
-        "{}; moved by {:.2} s, to which the latency found here is to be added",
-        if apart_s.is_some() {
+        "{}; moved by {:.2} s, which `identify` and `tune` count as latency",
+        if apart {
             "the two files count from different origins (UTC, GPS week, boot)"
         } else {
             cause(best.s)
@@ -75,16 +96,7 @@ pub(super) fn set_clock(
         -best.s
     );
     let expected = "both files on one time scale";
-    warnings.push(LogError::file(&files.gnss, expected, found, cause).in_column("t_s"));
-    Ok(true)
-}
-
-fn later(shift_s: f64) -> &'static str {
-    if shift_s > 0.0 {
-        "late by the motion both saw"
-    } else {
-        "early by the motion both saw"
-    }
+    LogError::file(&files.gnss, expected, found, cause).in_column("t_s")
 }
 
 fn cause(shift_s: f64) -> &'static str {
@@ -107,16 +119,18 @@ fn two_answers(best: &Shift, other: &Shift, files: &Files) -> LogError {
 
 /// How far the fixes are from the samples, if none is among them: from start to start, s.
 fn apart(log: &Log) -> Option<f64> {
-    let origin = log.imu[0].time;
-    let first = log.gnss[0].time.seconds_since(origin);
-    let last = log.gnss[log.gnss.len() - 1].time.seconds_since(origin);
+    let (first, last) = reach(log);
     (first > log.duration_s() || last < 0.0).then_some(first)
 }
 
+/// First and last fix, s from the first sample.
+fn reach(log: &Log) -> (f64, f64) {
+    let since = |fix: &ins_core::GnssFix| fix.time.seconds_since(log.imu[0].time);
+    (since(&log.gnss[0]), since(&log.gnss[log.gnss.len() - 1]))
+}
+
 fn other_origin(log: &Log, files: &Files) -> LogError {
-    let origin = log.imu[0].time;
-    let first = log.gnss[0].time.seconds_since(origin);
-    let last = log.gnss[log.gnss.len() - 1].time.seconds_since(origin);
+    let (first, last) = reach(log);
     let expected = format!(
         "GNSS fixes within the time of the inertial samples, 0 to {:.3} s",
         log.duration_s()
@@ -137,93 +151,156 @@ fn other_origin(log: &Log, files: &Files) -> LogError {
 
 /// A shift of the fixes, how much later their stamps are.
 #[derive(Clone, Copy, Debug, Default)]
-struct Shift {
-    s: f64,
-    evidence: f64,
+pub(super) struct Shift {
+    pub(super) s: f64,
+    /// Logarithm of how much likelier than unrelated motions it makes what was seen.
+    pub(super) evidence: f64,
 }
 
-struct Clocks {
+impl Shift {
+    pub(super) fn decides_over(&self, other: &Self) -> bool {
+        self.evidence > TIMES * other.evidence.max(0.0) + DECISIVE
+    }
+}
+
+fn likeliest<'a>(shifts: impl Iterator<Item = &'a Shift>) -> Shift {
+    shifts
+        .max_by(|a, b| a.evidence.total_cmp(&b.evidence))
+        .copied()
+        .unwrap_or_default()
+}
+
+/// What the two clocks are compared by.
+pub(super) struct Clocks {
+    /// Integrals of the acceleration by the sensors: two level components, up.
+    felt: [Curve; 3],
     angle: Curve,
-    force: Curve,
-    seen: Vec<Seen>,
-    centre_s: f64,
+    windows: Vec<Vec<Seen>>,
+    intervals: usize,
 }
 
 impl Clocks {
-    /// The likeliest shift.
-    fn best(&self) -> Option<Shift> {
-        let coarse = (-STEPS..=STEPS)
-            .map(|step| self.at(self.centre_s + f64::from(step) * STEP_S))
-            .max_by(|a, b| a.evidence.total_cmp(&b.evidence))?;
-        Some(self.finer(coarse)).filter(|best| self.enough(best, EXPLAINED))
+    pub(super) fn new(log: &Log, rates: &[Rate]) -> Self {
+        let windows = windows(seen(log));
+        Self {
+            felt: levelled(rates),
+            angle: vertical_angles(rates),
+            intervals: windows.iter().map(Vec::len).sum(),
+            windows,
+        }
     }
 
-    /// Whether the evidence is decisive, and each interval on average has a share in it.
-    fn enough(&self, shift: &Shift, each: f64) -> bool {
-        shift.evidence > DECISIVE.max(each * self.seen.len() as f64)
+    /// The same fixes beside other samples.
+    pub(super) fn read_anew(&mut self, rates: &[Rate]) {
+        (self.felt, self.angle) = (levelled(rates), vertical_angles(rates));
     }
 
-    fn finer(&self, coarse: Shift) -> Shift {
+    /// All shifts that are looked for, zero among them where the files have a time in common.
+    fn candidates(&self, log: &Log, apart_s: Option<f64>) -> Vec<Shift> {
+        let (first, last) = reach(log);
+        let largest_s = match apart_s {
+            Some(_) => (last - first)
+                .max(log.duration_s())
+                .clamp(LARGEST_S, LARGEST_APART_S),
+            None => LARGEST_S,
+        };
+        #[allow(clippy::cast_possible_truncation)] // Some thousands.
+        let steps = (largest_s / STEP_S) as i32;
+        (-steps..=steps)
+            .map(|step| self.at(apart_s.unwrap_or(0.0) + f64::from(step) * STEP_S))
+            .collect()
+    }
+
+    pub(super) fn finer(&self, coarse: Shift) -> Shift {
         (-FINE_STEPS..=FINE_STEPS)
             .map(|step| self.at(coarse.s + f64::from(step) * FINE_STEP_S))
             .fold(coarse, |a, b| if b.evidence > a.evidence { b } else { a })
     }
 
-    /// Another shift that is not decisively less likely.
-    fn rival(&self, best: &Shift) -> Option<Shift> {
-        (-STEPS..=STEPS)
-            .map(|step| self.at(self.centre_s + f64::from(step) * STEP_S))
-            .filter(|other| (other.s - best.s).abs() > 3.0)
-            .filter(|other| other.evidence > 0.5 * best.evidence)
-            .map(|other| self.finer(other))
-            .filter(|other| self.over(best, other) < DECISIVE)
-            .max_by(|a, b| a.evidence.total_cmp(&b.evidence))
+    pub(super) fn explained_by(&self, shift: &Shift) -> bool {
+        shift.evidence > DECISIVE.max(EXPLAINED * self.intervals as f64)
     }
 
-    fn at(&self, s: f64) -> Shift {
-        let evidence = self.evidence(&[s])[0];
-        Shift { s, evidence }
-    }
-
-    /// How much likelier one shift is than another, over what both explain.
-    fn over(&self, one: &Shift, other: &Shift) -> f64 {
-        let both = self.evidence(&[one.s, other.s]);
-        both[0] - both[1]
-    }
-
-    /// Logarithms of likelihood of shifts, each over the intervals within the samples by all.
-    fn evidence(&self, shifts_s: &[f64]) -> Vec<f64> {
-        let inside = |seen: &&Seen| {
-            shifts_s
-                .iter()
-                .all(|s| self.angle.reaches(seen.from_s - s) && self.angle.reaches(seen.to_s - s))
-        };
-        let common: Vec<&Seen> = self.seen.iter().filter(inside).collect();
-        // With less than a third of them left any shift could look good.
-        if common.len() < 30 || common.len() * 3 < self.seen.len() {
-            return vec![0.0; shifts_s.len()];
-        }
-        shifts_s
+    pub(super) fn at(&self, s: f64) -> Shift {
+        let inside =
+            |seen: &&Seen| self.angle.reaches(seen.from_s - s) && self.angle.reaches(seen.to_s - s);
+        let windows: Vec<Vec<&Seen>> = self
+            .windows
             .iter()
-            .map(|s| {
-                let mean = |curve: &Curve, seen: &Seen| {
-                    let change = curve.at(seen.to_s - s) - curve.at(seen.from_s - s);
-                    change / (seen.to_s - seen.from_s)
-                };
-                let turns = common
-                    .iter()
-                    .filter_map(|seen| Some((seen.turn_radps?, mean(&self.angle, seen))));
-                let forces = common
-                    .iter()
-                    .map(|seen| (seen.excess_mps2, mean(&self.force, seen)));
-                explained(turns) + explained(forces)
+            .map(|window| window.iter().filter(inside).collect())
+            .filter(|window: &Vec<&Seen>| window.len() >= LEAST_INTERVALS)
+            .collect();
+        // With less than a third of them left any shift could look good.
+        if windows.iter().map(Vec::len).sum::<usize>() * 3 < self.intervals {
+            return Shift { s, evidence: 0.0 };
+        }
+        let mean = |curve: &Curve, seen: &Seen| {
+            let change = curve.at(seen.to_s - s) - curve.at(seen.from_s - s);
+            change / (seen.to_s - seen.from_s)
+        };
+        let forces: f64 = windows
+            .iter()
+            .map(|window| {
+                let felt =
+                    [0, 1, 2].map(|axis| detrended(window, |seen| mean(&self.felt[axis], seen)));
+                level_evidence(window, &felt) + up_evidence(window, &felt[2])
             })
-            .collect()
+            .sum();
+        let turns = windows
+            .iter()
+            .flatten()
+            .filter_map(|seen| Some((seen.turn_radps?, mean(&self.angle, seen))));
+        let evidence = forces + turn_evidence(turns);
+        Shift { s, evidence }
     }
 }
 
-/// Logarithm of the likelihood that a straight line explains one by the other, against chance.
-fn explained(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
+/// Values of the intervals of a window less their straight line: a tilt and its drift.
+fn detrended(window: &[&Seen], value: impl Fn(&Seen) -> f64) -> Vec<f64> {
+    let n = window.len() as f64;
+    let values: Vec<f64> = window.iter().map(|seen| value(seen)).collect();
+    let mean_s = window.iter().map(|seen| seen.from_s).sum::<f64>() / n;
+    let mean = values.iter().sum::<f64>() / n;
+    let (mut tt, mut tv) = (0.0, 0.0);
+    for (seen, value) in window.iter().zip(&values) {
+        tt += (seen.from_s - mean_s) * (seen.from_s - mean_s);
+        tv += (seen.from_s - mean_s) * value;
+    }
+    let line = |seen: &Seen| mean + tv / tt * (seen.from_s - mean_s);
+    let pairs = window.iter().zip(&values);
+    pairs.map(|(seen, value)| value - line(seen)).collect()
+}
+
+/// Of level accelerations, one turned against the other by an unknown angle.
+fn level_evidence(window: &[&Seen], felt: &[Vec<f64>; 3]) -> f64 {
+    let [x, y] = [0, 1].map(|axis| detrended(window, |seen| seen.level_mps2[axis]));
+    let (mut ff, mut ss, mut along, mut across) = (0.0, 0.0, 0.0, 0.0);
+    for index in 0..window.len() {
+        let felt = Vector2::new(felt[0][index], felt[1][index]);
+        let seen = Vector2::new(x[index], y[index]);
+        ff += felt.norm_squared();
+        ss += seen.norm_squared();
+        along += felt.dot(&seen);
+        across += felt.perp(&seen);
+    }
+    let square = (along * along + across * across) / (ff * ss);
+    // The angle and the scale are worth one, by chance.
+    (window.len() - 2) as f64 * explained(square) - 1.0
+}
+
+fn up_evidence(window: &[&Seen], felt: &[f64]) -> f64 {
+    if window.iter().any(|seen| seen.up_mps2.is_none()) {
+        return 0.0;
+    }
+    let seen = detrended(window, |seen| seen.up_mps2.unwrap_or_default());
+    let sum = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let both = sum(felt, &seen).max(0.0);
+    let square = both * both / (sum(felt, felt) * sum(&seen, &seen));
+    0.5 * (window.len() - 2) as f64 * explained(square) - 0.25
+}
+
+/// Of turns about the vertical, which the nose follows or does not: one straight line for all.
+fn turn_evidence(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
     let (mut n, mut x, mut y, mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     for (a, b) in pairs {
         n += 1.0;
@@ -234,63 +311,139 @@ fn explained(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
         yy += b * b;
     }
     let (xx, xy, yy) = (xx - x * x / n, xy - x * y / n, yy - y * y / n);
-    let square = xy * xy / (xx * yy);
-    if n < 10.0 || !square.is_finite() {
+    if n < 10.0 {
         return 0.0;
     }
-    // Perfect simulated data explain themselves to the last digit.
-    -0.5 * n * (1.0 - square).max(1e-4).ln()
+    0.5 * n * explained(xy * xy / (xx * yy))
 }
 
-/// Integral of the specific force's excess over gravity.
-fn excess(rates: &[Rate]) -> Vec<(f64, f64)> {
-    let mut integral = 0.0;
-    rates
-        .iter()
-        .map(|rate| {
-            let force = rate.accel_mps2.norm_squared() / (2.0 * GRAVITY_MPS2);
-            integral += (force - 0.5 * GRAVITY_MPS2) * rate.interval_s;
-            (rate.time_s, integral)
-        })
-        .collect()
+/// Logarithm of how much smaller a spread becomes by a correlation, of which the square is given.
+fn explained(square: f64) -> f64 {
+    // Perfect simulated data explain themselves to the last digit; at rest nothing is explained.
+    if square.is_finite() {
+        -(1.0 - square).max(1e-3).ln()
+    } else {
+        0.0
+    }
 }
+
+/// Time and integrals of specific force less gravity, in a frame that stays level and turns slowly.
+///
+/// Gyros carry the attitude through manoeuvres; gravity, over a third of a minute, their drift.
+fn levelled(rates: &[Rate]) -> [Curve; 3] {
+    const TILT_PER_S: f64 = 0.05;
+    const DRIFT_PER_S2: f64 = 0.001;
+    let up = Vector3::z();
+    let mut attitude =
+        UnitQuaternion::rotation_between(&typical_force(rates), &up).unwrap_or_default();
+    let (mut drift, mut integral) = (Vector3::zeros(), Vector3::zeros());
+    let mut points = [0, 1, 2].map(|_| Vec::with_capacity(rates.len()));
+    for rate in rates {
+        // Beyond a hole everything begins anew, within the window that it spoils.
+        let seconds = rate.interval_s.min(0.5);
+        integral += (attitude * rate.accel_mps2 - GRAVITY_MPS2 * up) * seconds;
+        for (axis, points) in points.iter_mut().enumerate() {
+            points.push((rate.time_s, integral[axis]));
+        }
+        let Some(felt) = rate.accel_mps2.try_normalize(0.0) else {
+            continue;
+        };
+        let tilt = felt.cross(&attitude.inverse_transform_vector(&up));
+        drift += DRIFT_PER_S2 * seconds * tilt;
+        let turn = (rate.gyro_radps + TILT_PER_S * tilt + drift) * seconds;
+        attitude *= UnitQuaternion::from_scaled_axis(turn);
+    }
+    points.map(|points| Curve::new(&points))
+}
+
+/// Stretches without holes, if there are many those with the most motion.
+fn windows(seen: Vec<Seen>) -> Vec<Vec<Seen>> {
+    let mut windows: Vec<Vec<Seen>> = Vec::new();
+    for interval in seen {
+        match windows.last_mut() {
+            Some(window)
+                if interval.from_s - window[window.len() - 1].to_s < 0.5
+                    && interval.to_s - window[0].from_s < WINDOW_S =>
+            {
+                window.push(interval);
+            }
+            _ => windows.push(vec![interval]),
+        }
+    }
+    windows.retain(|window| window.len() >= LEAST_INTERVALS);
+    let motion = |window: &Vec<Seen>| -> f64 {
+        window
+            .iter()
+            .map(|seen| seen.level_mps2.norm_squared())
+            .sum()
+    };
+    windows.sort_by(|a, b| motion(b).total_cmp(&motion(a)));
+    windows.truncate(MOST_WINDOWS);
+    windows
+}
+
+/// A velocity by GNSS: time, level, up.
+type Velocity = (f64, Vector2<f64>, Option<f64>);
 
 fn seen(log: &Log) -> Vec<Seen> {
-    let origin = log.imu[0].time;
-    let mut fixes = log.gnss.iter().filter_map(|fix| {
-        let velocity = fix.velocity_en_mps?;
-        Some((
-            fix.time.seconds_since(origin),
-            velocity,
-            fix.velocity_up_mps,
-        ))
-    });
-    let Some(mut start) = fixes.next() else {
-        return Vec::new();
-    };
+    let velocities = velocities(log);
     let mut seen = Vec::new();
-    for next in fixes {
-        let interval_s = next.0 - start.0;
-        if interval_s < 0.95 {
+    let Some((mut start, rest)) = velocities.split_first() else {
+        return seen;
+    };
+    for next in rest {
+        let seconds = next.0 - start.0;
+        if seconds < 0.95 {
             continue;
         }
-        if interval_s < 3.0 {
-            let up = start
-                .2
-                .zip(next.2)
-                .map_or(0.0, |(a, b)| (b - a) / interval_s);
-            let level = (next.1 - start.1) / interval_s;
+        if seconds < 3.0 {
             let moving = start.1.norm().min(next.1.norm()) > 2.0;
             seen.push(Seen {
                 from_s: start.0,
                 to_s: next.0,
-                turn_radps: moving.then(|| turned(start.1, next.1) / interval_s),
-                excess_mps2: level.norm_squared() / (2.0 * GRAVITY_MPS2) + up,
+                turn_radps: moving.then(|| turned(start.1, next.1) / seconds),
+                level_mps2: (next.1 - start.1) / seconds,
+                up_mps2: start.2.zip(next.2).map(|(a, b)| (b - a) / seconds),
             });
         }
         start = next;
     }
     seen
+}
+
+/// As the receiver measures them, or else from its positions.
+fn velocities(log: &Log) -> Vec<Velocity> {
+    let since = |fix: &ins_core::GnssFix| fix.time.seconds_since(log.imu[0].time);
+    let measured: Vec<Velocity> = log
+        .gnss
+        .iter()
+        .filter_map(|fix| Some((since(fix), fix.velocity_en_mps?, fix.velocity_up_mps)))
+        .collect();
+    if 2 * measured.len() > log.gnss.len() {
+        return measured;
+    }
+    let mut velocities = Vec::new();
+    let mut places = log
+        .gnss
+        .iter()
+        .filter_map(|fix| Some((fix, fix.geodetic_or(0.0)?)));
+    let Some(mut start) = places.next() else {
+        return velocities;
+    };
+    for next in places {
+        let (from_s, to_s) = (since(start.0), since(next.0));
+        if to_s - from_s < 0.95 {
+            continue;
+        }
+        if to_s - from_s < 3.0 {
+            let moved = next.1.enu_from(&start.1) / (to_s - from_s);
+            let heights = start.0.height_m.zip(next.0.height_m);
+            let middle_s = 0.5 * (from_s + to_s);
+            velocities.push((middle_s, moved.xy(), heights.map(|_| moved.z)));
+        }
+        start = next;
+    }
+    velocities
 }
 
 /// Angle from one vector to the next, counter-clockwise.

@@ -275,27 +275,30 @@ impl Mend<'_> {
         (climbing >= 12).then(|| (xy / xx, xy / (xx * yy).sqrt()))
     }
 
-    /// Velocity that is the difference of positions: half an interval late, with their noise.
+    /// Velocity that is the difference of positions: late by half of what lies between, with their
+    /// noise.
     fn differenced_velocity(&mut self) {
-        let (mut backward, mut central) = (Vec::new(), Vec::new());
-        for pair in self.fixes.windows(2) {
-            let moved = pair[0].geodetic_or(0.0).zip(pair[1].geodetic_or(0.0));
-            let velocities = pair[0].velocity_en_mps.zip(pair[1].velocity_en_mps);
-            let (Some((from, to)), Some((before, after))) = (moved, velocities) else {
-                continue;
-            };
-            let mean = to.enu_from(&from).xy() / pair[1].time.seconds_since(pair[0].time);
-            backward.push((mean - after).norm());
-            central.push((mean - 0.5 * (before + after)).norm());
-        }
+        let against = |apart: usize, of: fn(Vector2<f64>, Vector2<f64>) -> Vector2<f64>| {
+            let pairs = self.fixes.windows(apart + 1).filter_map(|window| {
+                let (first, last) = (&window[0], &window[apart]);
+                let moved = last.geodetic_or(0.0)?.enu_from(&first.geodetic_or(0.0)?);
+                let mean = moved.xy() / last.time.seconds_since(first.time);
+                Some((mean - of(first.velocity_en_mps?, last.velocity_en_mps?)).norm())
+            });
+            let off: Vec<f64> = pairs.collect();
+            (!off.is_empty()).then(|| median(off.into_iter()))
+        };
         // Independent velocities differ from those of positions by the noise of both.
-        let (backward, central) = (median(backward.into_iter()), median(central.into_iter()));
-        if self.fixes.len() < 50 || central < 0.02 || backward > 0.1 * central {
+        let central = against(1, |before, after| 0.5 * (before + after));
+        let backward = (1..=10).filter_map(|apart| against(apart, |_, after| after));
+        let backward = backward.fold(f64::MAX, f64::min);
+        let differenced = |central: f64| central > 0.02 && backward < 0.1 * central;
+        if self.fixes.len() < 50 || !central.is_some_and(differenced) {
             return;
         }
         let found = format!("the difference of two positions, to {backward:.4} m/s");
-        let cause = "computed, not measured: it comes half an interval late and has the noise of \
-                     positions; latency found here is that of such velocities";
+        let cause = "computed, not measured: it comes late by half of what lies between and has the \
+                     noise of positions; latency found here is that of such velocities";
         self.warn(
             "ve, vn",
             "velocity as the receiver measures it",

@@ -10,12 +10,13 @@ use serde::{Deserialize, Serialize};
 use super::axes::BodyAxes;
 use super::error::LogError;
 
-const KNOWN_KEYS: [&str; 5] = [
+const KNOWN_KEYS: [&str; 6] = [
     "body_axes",
     "imu",
     "initial_heading_deg",
     "grade",
     "lever_arm_m",
+    "gnss_clock_offset_s",
 ];
 
 /// Class of the inertial sensors.
@@ -51,6 +52,8 @@ pub struct Meta {
     pub grade: Option<Grade>,
     /// Antenna position from the inertial sensors, right-forward-up, m, if stated.
     pub lever_arm_rfu_m: Option<Vector3<f64>>,
+    /// What has been taken off the stamps of the fixes, s: a part of their latency.
+    pub gnss_clock_offset_s: f64,
     /// The whole file, so that what is not ours survives a rewrite.
     pub document: toml::Table,
 }
@@ -67,6 +70,8 @@ struct LogTable {
     initial_heading_deg: Option<f64>,
     grade: Option<Grade>,
     lever_arm_m: Option<[f64; 3]>,
+    #[serde(default)]
+    gnss_clock_offset_s: f64,
 }
 
 #[derive(Deserialize)]
@@ -85,6 +90,7 @@ impl Meta {
             initial_heading_deg: None,
             grade: None,
             lever_arm_rfu_m: None,
+            gnss_clock_offset_s: 0.0,
             document: toml::Table::new(),
         }
     }
@@ -112,6 +118,7 @@ impl Meta {
             lever_arm_rfu_m: table
                 .lever_arm_m
                 .map(|arm| table.body_axes.to_rfu(arm.into())),
+            gnss_clock_offset_s: table.gnss_clock_offset_s,
             document,
         };
         meta.check_numbers(path)?;
@@ -170,6 +177,8 @@ impl Meta {
         set(log, "initial_heading_deg", self.initial_heading_deg);
         set(log, "grade", grade);
         set(log, "lever_arm_m", arm);
+        let offset = Some(self.gnss_clock_offset_s).filter(|s| *s != 0.0);
+        set(log, "gnss_clock_offset_s", offset);
     }
 }
 

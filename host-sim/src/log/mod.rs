@@ -12,6 +12,7 @@ mod meta;
 mod motion;
 mod paths;
 mod read;
+mod readings;
 mod sensors;
 mod table;
 mod turns;

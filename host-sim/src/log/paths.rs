@@ -6,7 +6,7 @@ use ins_core::GnssFix;
 use nalgebra::{Matrix2, Vector2};
 
 use super::Log;
-use super::check::{median, within};
+use super::check::{apart, median, within};
 use super::error::LogError;
 use super::read::Files;
 use super::turns::Fit;
@@ -145,6 +145,8 @@ fn unequal_paths(
     let guesses = [
         (1.0 / 3.6, "km/h for m/s in ve and vn"),
         (0.5144, "knots for m/s in ve and vn"),
+        (0.447, "miles per hour for m/s in ve and vn"),
+        (0.3048, "ft/s for m/s in ve and vn"),
         (0.01, "cm/s for m/s in ve and vn"),
         (0.001, "mm/s for m/s in ve and vn"),
     ];
@@ -156,7 +158,8 @@ fn unequal_paths(
     } else {
         guesses
             .iter()
-            .find(|(value, _)| within(ratio, *value, 1.1))
+            .min_by(|a, b| apart(ratio, a.0).total_cmp(&apart(ratio, b.0)))
+            .filter(|(value, _)| within(ratio, *value, 1.07))
             .map(|guess| guess.1)
     };
     let cause = likely.unwrap_or("another unit, or positions that do not follow the motion");

@@ -12,6 +12,8 @@ const SPIKE_MPS2: f64 = 100.0;
 const SPIKE_RADPS: f64 = 20.0;
 /// All six channels equal to the last digit for so long, s, is no measurement in motion.
 const FROZEN_S: f64 = 1.0;
+/// One channel alone may rest as long as the last digit allows, s.
+const STUCK_S: f64 = 10.0;
 /// A peak has one highest sample, or two; a stop has many.
 const STOP_RUN: usize = 5;
 
@@ -24,6 +26,7 @@ pub(super) fn mend_sensors(
 ) {
     leave_out_spikes(log, per_second, files, warnings);
     leave_out_frozen(log, per_second, files, warnings);
+    warn_of_frozen_channels(log, files, warnings);
     warn_of_stops(log, per_second, files, warnings);
 }
 
@@ -138,6 +141,31 @@ const CHANNELS: [(&str, Channel); 6] = [
     ("accelerometer up", |s| s.accel.z),
 ];
 
+/// A channel that stops where others go on.
+fn warn_of_frozen_channels(log: &Log, files: &Files, warnings: &mut Vec<LogError>) {
+    for (name, channel) in CHANNELS {
+        let runs = log.imu.chunk_by(|a, b| channel(a) == channel(b));
+        let span_s = |run: &[ImuSample]| run[run.len() - 1].time.seconds_since(run[0].time);
+        let Some(longest) = runs.max_by(|a, b| span_s(a).total_cmp(&span_s(b))) else {
+            continue;
+        };
+        let goes_on = |other: Channel| longest.iter().any(|s| other(s) != other(&longest[0]));
+        // One that never moves is no sensor, but made up.
+        let throughout = longest.len() == log.imu.len();
+        if throughout || span_s(longest) < STUCK_S || !CHANNELS.iter().any(|o| goes_on(o.1)) {
+            continue;
+        }
+        let since_s = longest[0].time.seconds_since(log.imu[0].time);
+        let found = format!(
+            "the same for {:.0} s, from {since_s:.0} s after the start, while others change",
+            span_s(longest)
+        );
+        let cause = "the channel or its driver was stuck: estimates from then on suffer";
+        let expected = "readings that change";
+        warnings.push(LogError::file(&files.imu, expected, found, cause).in_column(name));
+    }
+}
+
 fn warn_of_stops(log: &Log, per_second: f64, files: &Files, warnings: &mut Vec<LogError>) {
     for (name, channel) in CHANNELS {
         for sign in [1.0, -1.0] {
@@ -155,8 +183,8 @@ fn warn_of_stops(log: &Log, per_second: f64, files: &Files, warnings: &mut Vec<L
                 .chunk_by(|a, b| a == b)
                 .filter(|run| run[0])
                 .map(<[bool]>::len);
-            // Below some tenths of a rad/s or a g nothing has its stop: a coarse digit is equal.
-            let limit = if name.starts_with("gyro") { 0.3 } else { 12.0 };
+            // Below some of a rad/s, or 1 g, nothing has its stop: a coarse digit is equal.
+            let limit = if name.starts_with("gyro") { 0.15 } else { 10.2 };
             let long = longest.max().unwrap_or(0) >= STOP_RUN;
             let constant = 2 * at_stop.iter().filter(|at| **at).count() > at_stop.len();
             if !long || constant || highest * per_second < limit {

@@ -144,8 +144,14 @@ impl Table {
     }
 
     fn whole_row(&self) -> Result<(), LogError> {
-        self.text()?;
-        if self.record.len() == self.header.len() {
+        if std::str::from_utf8(self.record.as_slice()).is_err() {
+            self.text()?;
+        }
+        let (cells, columns) = (self.record.len(), self.header.len());
+        // A separator behind the last cell parts nothing.
+        let ends_empty = cells == columns + 1 && self.record[columns].is_empty();
+        let header_does = columns == cells + 1 && self.header[cells].is_empty();
+        if cells == columns || ends_empty || header_does {
             Ok(())
         } else {
             Err(self.wrong_width())

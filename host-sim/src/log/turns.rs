@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::Log;
-use super::check::{Rate, SHORT_S, apart, median, within};
+use super::check::{Rate, SHORT_S, apart, median, typical_force, within};
 use super::clock::turned;
 use super::error::LogError;
 use super::read::Files;
@@ -24,7 +24,7 @@ pub(super) fn turning(log: &Log, rates: &[Rate]) -> Option<Fit> {
     if turning.count() < 10 {
         return None;
     }
-    fit(&turns, &Curve::new(&vertical_angles(rates)))
+    fit(&turns, &vertical_angles(rates))
 }
 
 /// What the fit says of unit and sign of the gyros.
@@ -94,7 +94,6 @@ fn check_scale(
     files: &Files,
     warnings: &mut Vec<LogError>,
 ) -> Result<(), LogError> {
-    let interval = median(rates.iter().map(|rate| rate.interval_s));
     let found = format!(
         "{:.4} times the turn rate of the GNSS track (correlation {:.2})",
         fit.slope, fit.correlation
@@ -109,6 +108,23 @@ fn check_scale(
              the accelerometers, so check the sign of both against body_axes",
         ));
     }
+    let off = |value: f64| apart(fit.slope, value);
+    let nearest = gyro_units(rates).min_by(|a, b| off(a.0).total_cmp(&off(b.0)));
+    match nearest.filter(|(value, _)| within(fit.slope, *value, 1.3)) {
+        Some((_, cause)) => Err(defect(cause)),
+        None if within(fit.slope, 1.0, 1.5) => Ok(()),
+        None => {
+            warnings.push(defect(
+                "another unit, or a track that does not follow the nose",
+            ));
+            Ok(())
+        }
+    }
+}
+
+/// What gyros are mistaken for, and how many times too much they say then.
+pub(super) fn gyro_units(rates: &[Rate]) -> impl Iterator<Item = (f64, &'static str)> {
+    let interval = median(rates.iter().map(|rate| rate.interval_s));
     let guesses = [
         (
             57.296,
@@ -123,6 +139,10 @@ fn check_scale(
             "deg/h for rad/s: multiply the gyro columns by 4.84814e-6",
         ),
         (
+            1000.0,
+            "mrad/s for rad/s: multiply the gyro columns by 0.001",
+        ),
+        (
             1.0 / 57.296,
             "converted from degrees twice: multiply the gyro columns by 57.2958",
         ),
@@ -132,18 +152,7 @@ fn check_scale(
             "rates for increments in the gyro columns only",
         ),
     ];
-    let off = |value: f64| apart(fit.slope, value);
-    let nearest = guesses.iter().min_by(|a, b| off(a.0).total_cmp(&off(b.0)));
-    match nearest.filter(|(value, _)| within(fit.slope, *value, 1.3)) {
-        Some((_, cause)) => Err(defect(cause)),
-        None if within(fit.slope, 1.0, 1.5) => Ok(()),
-        None => {
-            warnings.push(defect(
-                "another unit, or a track that does not follow the nose",
-            ));
-            Ok(())
-        }
-    }
+    guesses.into_iter()
 }
 
 /// A turn rate of the track over a short interval.
@@ -183,17 +192,14 @@ fn turns(log: &Log) -> Vec<Turn> {
 }
 
 /// Time and angle turned so far about the typical direction of the specific force.
-pub(super) fn vertical_angles(rates: &[Rate]) -> Vec<(f64, f64)> {
-    let typical = |axis: usize| median(rates.iter().map(|rate| rate.accel_mps2[axis]));
-    let up = Vector3::new(typical(0), typical(1), typical(2)).normalize();
+pub(super) fn vertical_angles(rates: &[Rate]) -> Curve {
+    let up = typical_force(rates).normalize();
     let mut angle = 0.0;
-    rates
-        .iter()
-        .map(|rate| {
-            angle += rate.gyro_radps.dot(&up) * rate.interval_s;
-            (rate.time_s, angle)
-        })
-        .collect()
+    let points = rates.iter().map(|rate| {
+        angle += rate.gyro_radps.dot(&up) * rate.interval_s;
+        (rate.time_s, angle)
+    });
+    Curve::new(&points.collect::<Vec<_>>())
 }
 
 /// Least squares of the gyro's mean rates over the track's.

@@ -52,12 +52,13 @@ pub(super) fn tables(analysis: &Analysis, sensors: Option<&Sensors>) -> Vec<Tabl
     tables
 }
 
-/// How far the navigator came, if not all the way.
+/// How far the navigator came, if not all the way, and what speaks against its estimates or the log.
 pub(super) fn verdicts(analysis: &Analysis) -> Vec<String> {
     let phase = analysis.found.end.phase;
     let unaligned = (phase != Phase::Navigating).then(|| words::unaligned(phase).to_owned());
-    let warnings = analysis.summary.warnings.iter().cloned();
-    unaligned.into_iter().chain(warnings).collect()
+    let summary = &analysis.summary;
+    let against = summary.verdict.against.iter().chain(&summary.warnings);
+    unaligned.into_iter().chain(against.cloned()).collect()
 }
 
 fn results(analysis: &Analysis) -> Table {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use miette::{IntoDiagnostic, Result, miette};
+use miette::{IntoDiagnostic, Result};
 
 use super::Tuning;
 use super::targets::{self, Target};
@@ -43,8 +43,7 @@ pub fn tune(options: &Tune, json: bool) -> Result<()> {
     let analysis = Analysis::of_input(input, &progress)?;
     let records = [Record::new(&analysis.log, &analysis.found)];
     let model = error_model_of(&records, analysis.summary.grade, None);
-    let tuning = Tuning::new(&analysis, &model)
-        .map_err(|error| miette!("the configuration cannot be used: {}", error))?;
+    let tuning = Tuning::new(&analysis, &model);
     let target = if json { Target::Json } else { options.format };
     // All of it, or nothing.
     print!("{}", targets::text(&tuning, target).into_diagnostic()?);

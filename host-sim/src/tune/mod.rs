@@ -8,31 +8,29 @@ pub mod found;
 mod mount;
 mod table;
 pub mod targets;
-mod verdict;
 
 use std::collections::BTreeMap;
 
 use ins_core::Config;
-use ins_core::ConfigError;
 use serde::Serialize;
 
 pub use found::Found;
 pub use mount::{Mount, Vehicle};
 pub use targets::Target;
-pub use verdict::Verdict;
 
 use crate::analysis::Analysis;
-use crate::configure;
 use crate::error_model::Identified;
 use crate::error_model::fit::BiasFit;
 use crate::log::{Grade, Log, median_interval_s};
-use crate::study::logs::halves;
+use crate::verdict::{Verdict, beyond_class};
 
 /// All that is found. Axes are those of the unit, right, forward, up; units are SI.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Tuning {
     /// What it is worth.
     pub verdict: Verdict,
+    /// What looked suspicious in the log; on the terminal the standard error has it.
+    pub warnings: Vec<String>,
     /// Name of the log.
     pub log: String,
     /// Sensor and receiver of the recording; empty for a log folder.
@@ -97,7 +95,7 @@ const LEAST_CORRELATION_S: f64 = 20.0;
 
 impl Tuning {
     /// Of a log, what the core found in it, and its error model.
-    pub fn new(analysis: &Analysis, model: &Identified) -> Result<Self, ConfigError> {
+    pub fn new(analysis: &Analysis, model: &Identified) -> Self {
         let (log, found, summary) = (&analysis.log, &analysis.found, &analysis.summary);
         let e = &found.end.estimates;
         let no_lever = if found.config.gnss.lever_arm_sigma_m > 0.0 {
@@ -114,15 +112,15 @@ impl Tuning {
             [0, 1, 2].map(|axis| Found::of(&estimates[axis], missing[axis]))
         };
         let text = |key: &str| log.meta.document.get(key).and_then(toml::Value::as_str);
-        let halves = halves::test(log, &|half| configure::config(half, summary.grade))?;
         let mut tuning = Self {
-            verdict: Verdict::default(),
+            verdict: summary.verdict.clone(),
+            warnings: summary.warnings.clone(),
             log: summary.log.clone(),
             source: text("source").unwrap_or_default().to_owned(),
             duration_s: summary.duration_s,
             imu_rate_hz: rate_hz(log),
             grade: summary.grade,
-            gnss_delay_s: Found::of(&e.gnss_latency_s, DELAY),
+            gnss_delay_s: Found::of(&e.gnss_latency_s, DELAY).plus(log.meta.gnss_clock_offset_s),
             lever_arm_m: e.lever_arm_m.map(|arm| Found::of(&arm, no_lever)),
             mount: Mount::new(&found.history, e),
             gyro_bias_radps: level_up(&e.gyro_bias_radps, LEVEL_GYRO, VERTICAL_GYRO),
@@ -139,9 +137,29 @@ impl Tuning {
             parameters: parameters(log),
             config: found.config,
         };
-        tuning.verdict = Verdict::new(&tuning, analysis, halves.as_deref());
+        tuning.verdict = tuning.verdict.clone().and(tuning.noise_beyond_class());
         tuning.config = targets::own::config(&tuning, found.config);
-        Ok(tuning)
+        tuning
+    }
+}
+
+impl Tuning {
+    fn noise_beyond_class(&self) -> Option<String> {
+        let sensors = &self.config.sensors;
+        let far = |noise: &Found, typical: f64| {
+            let least = noise.value - 3.0 * noise.sigma;
+            noise.is_known() && least > sensors.noise_range[1] * typical
+        };
+        beyond_class(&[
+            (
+                "gyro noise",
+                far(&self.gyro_noise, sensors.mean_gyro_noise()),
+            ),
+            (
+                "accelerometer noise",
+                far(&self.accel_noise, sensors.mean_accel_noise()),
+            ),
+        ])
     }
 }
 

@@ -1,13 +1,12 @@
-//! What the estimates are worth.
+//! What the estimates of a log are worth.
 
-use ins_core::Phase;
+use ins_core::{Config, Estimate, Observability, Phase};
 use serde::Serialize;
 
-use super::{Found, Tuning};
-use crate::analysis::Analysis;
+use crate::identify::Identification;
 use crate::report;
 use crate::study::logs::statistics::Difference;
-use crate::summary::Answers;
+use crate::summary::{Answers, VelocityErrors};
 
 /// Sigmas by which halves of a log may differ.
 const HALVES: f64 = 3.0;
@@ -15,9 +14,11 @@ const HALVES: f64 = 3.0;
 const OFFSET: f64 = 4.0;
 /// Part of samples or fixes that may be refused.
 const REFUSED: f64 = 0.1;
+/// Median of the length of a level vector with a sigma of one on each axis.
+const MEDIAN_OF_TWO: f64 = 1.177;
 
 /// What speaks against the estimates.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Verdict {
     /// Nothing does.
     pub trusted: bool,
@@ -25,15 +26,18 @@ pub struct Verdict {
     pub against: Vec<String>,
     /// What else is good to know.
     pub notes: Vec<String>,
-    /// What looked suspicious in the log; on the terminal the standard error has it.
-    pub log_warnings: Vec<String>,
 }
 
 impl Verdict {
-    /// From everything but itself.
-    pub(super) fn new(t: &Tuning, analysis: &Analysis, halves: Option<&[Difference]>) -> Self {
-        let (summary, phase) = (&analysis.summary, analysis.summary.phase);
-        let errors = &summary.velocity_error_mps;
+    /// From a run, its free-inertial check, what became of samples and fixes, and the halves of the
+    /// log, if it is long enough for them.
+    pub(crate) fn new(
+        found: &Identification,
+        errors: &VelocityErrors,
+        [imu, gnss]: [&Answers; 2],
+        halves: Option<&[Difference]>,
+    ) -> Self {
+        let phase = found.end.phase;
         let mut against = Vec::new();
         if phase != Phase::Navigating {
             against.push(report::unaligned(phase).to_owned());
@@ -48,7 +52,8 @@ impl Verdict {
             ));
         }
         against.extend(halves.into_iter().flatten().filter_map(half));
-        against.extend(class(t));
+        against.extend(offsets(found));
+        against.extend(innovations(found));
         let halved = halves.is_some_and(|halves| !halves.is_empty());
         if both.is_none() && !halved && phase == Phase::Navigating {
             against.push(
@@ -63,14 +68,21 @@ impl Verdict {
         if !halved {
             notes.push("the log has no two halves that can be compared".to_owned());
         }
-        notes.extend(refused("inertial samples", &summary.imu));
-        notes.extend(refused("fixes", &summary.gnss));
+        notes.extend(refused("inertial samples", imu));
+        notes.extend(refused("fixes", gnss));
         Self {
             trusted: against.is_empty(),
             against,
             notes,
-            log_warnings: summary.warnings.clone(),
         }
+    }
+
+    /// The same, with what else speaks against the estimates.
+    #[must_use]
+    pub(crate) fn and(mut self, reason: Option<String>) -> Self {
+        self.trusted &= reason.is_none();
+        self.against.extend(reason);
+        self
     }
 
     /// The lines that come first.
@@ -98,39 +110,48 @@ fn half(difference: &Difference) -> Option<String> {
     })
 }
 
-/// What no sensor of the assumed class does.
-fn class(t: &Tuning) -> Option<String> {
-    let s = &t.config.sensors;
-    let far = |found: &[Found], most: f64| {
-        let beyond = |f: &Found| f.is_known() && f.value.abs() - 3.0 * f.sigma > most;
-        found.iter().any(beyond)
-    };
-    let most = s.noise_range[1];
-    let unfit: Vec<&str> = [
-        (
-            "gyro offsets",
-            far(&t.gyro_bias_radps, OFFSET * s.gyro_bias_radps),
-        ),
-        (
-            "accelerometer offsets",
-            far(&t.accel_bias_mps2, OFFSET * s.accel_bias_mps2),
-        ),
-        (
-            "gyro noise",
-            far(&[t.gyro_noise], most * s.mean_gyro_noise()),
-        ),
-        (
-            "accelerometer noise",
-            far(&[t.accel_noise], most * s.mean_accel_noise()),
-        ),
-    ]
-    .iter()
-    .filter_map(|(what, unfit)| unfit.then_some(*what))
-    .collect();
-    (!unfit.is_empty()).then(|| {
+/// What no sensor of a class does, if anything.
+pub(crate) fn beyond_class(unfit: &[(&str, bool)]) -> Option<String> {
+    let names = unfit
+        .iter()
+        .filter_map(|(what, unfit)| unfit.then_some(*what));
+    let names: Vec<&str> = names.collect();
+    (!names.is_empty()).then(|| {
         format!(
             "{} beyond what the assumed class has: strong vibration, wrong --grade or wrong units.",
-            unfit.join(" and ")
+            names.join(" and ")
+        )
+    })
+}
+
+fn offsets(found: &Identification) -> Option<String> {
+    let (estimates, sensors) = (&found.end.estimates, &found.config.sensors);
+    let far = |offsets: &[Estimate], spread: f64| {
+        offsets.iter().any(|offset| {
+            offset.observability == Observability::Observable
+                && offset.value.abs() - 3.0 * offset.sigma > OFFSET * spread
+        })
+    };
+    let gyro = far(&estimates.gyro_bias_radps, sensors.gyro_bias_radps);
+    let accel = far(&estimates.accel_bias_mps2, sensors.accel_bias_mps2);
+    beyond_class(&[("gyro offsets", gyro), ("accelerometer offsets", accel)])
+}
+
+/// Velocity of GNSS against that of the INS, where it is more than the noise of GNSS may be.
+fn innovations(found: &Identification) -> Option<String> {
+    let Config { gnss, .. } = found.config;
+    let most = gnss.noise_range[1] * gnss.velocity_mps.white;
+    // The first half of the run has errors that are not found yet.
+    let later = &found.history[found.history.len() / 2..];
+    let sizes = later.iter().filter(|row| row.phase == Phase::Navigating);
+    let sizes = sizes.map(|row| row.signals.difference_enu_mps.xy().norm());
+    let sigma = crate::log::median(sizes) / MEDIAN_OF_TWO;
+    (sigma > most).then(|| {
+        format!(
+            "GNSS and the INS differ by {} m/s on an axis, where {} is the most that is expected: \
+             velocities, stamps or axes are not what they are taken for.",
+            report::digits(sigma, sigma),
+            report::digits(most, most)
         )
     })
 }

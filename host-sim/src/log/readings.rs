@@ -1,0 +1,141 @@
+//! Signs, order and unit of the sensors' channels, tried against the motion that GNSS shows.
+//!
+//! However the unit is mounted, and whatever moves it: a wrong sign makes of the sensors' axes a
+//! left-handed frame, in which no mount explains what was seen.
+
+use super::Log;
+use super::check::{Rate, median};
+use super::clock::{Clocks, Shift};
+use super::error::LogError;
+use super::read::Files;
+use super::turns::gyro_units;
+use nalgebra::Vector3;
+
+/// Evidence that readings are others than they are said to be: so much more of it, in all, and
+/// beyond what chance adds to a motion of a minute.
+const TIMES: f64 = 1.05;
+const MORE: f64 = 20.0;
+/// Ten times the offset of a consumer gyro, rad/s.
+const NO_OFFSET_RADPS: f64 = 0.1;
+/// As much of a log as tells, s.
+const TRIED_S: f64 = 1800.0;
+
+/// Readings as they might be meant.
+struct Guess {
+    cause: String,
+    column: &'static str,
+    /// Whether they cannot be used as they are.
+    refused: bool,
+    read: Box<dyn Fn(&mut Rate)>,
+}
+
+/// Says so where other readings of the channels would explain the motion far better.
+pub(super) fn check_readings(
+    log: &Log,
+    rates: &[Rate],
+    files: &Files,
+    warnings: &mut Vec<LogError>,
+) -> Result<(), LogError> {
+    let tried = &rates[..rates.partition_point(|rate| rate.time_s < TRIED_S)];
+    let mut clocks = Clocks::new(log, tried);
+    let as_it_is = clocks.finer(clocks.at(0.0));
+    let mut best: Option<(Shift, Guess)> = None;
+    for guess in guesses(log, rates) {
+        let mut other = tried.to_vec();
+        other.iter_mut().for_each(&guess.read);
+        clocks.read_anew(&other);
+        let rough = clocks.at(as_it_is.s);
+        if rough.evidence < as_it_is.evidence {
+            continue;
+        }
+        let shift = clocks.finer(rough);
+        if guess.refused && !(shift.decides_over(&as_it_is) && clocks.explained_by(&shift)) {
+            continue;
+        }
+        if best
+            .as_ref()
+            .is_none_or(|(best, _)| shift.evidence > best.evidence)
+        {
+            best = Some((shift, guess));
+        }
+    }
+    let least = TIMES * as_it_is.evidence.max(0.0) + MORE;
+    let Some((shift, guess)) = best.filter(|(shift, _)| shift.evidence > least) else {
+        return Ok(());
+    };
+    let expected = "sensors that feel the motion that GNSS shows";
+    let found = format!(
+        "other readings that explain it far better (evidence {:.0} against {:.0})",
+        shift.evidence, as_it_is.evidence
+    );
+    let defect = LogError::file(&files.imu, expected, found, guess.cause).in_column(guess.column);
+    if guess.refused {
+        return Err(defect);
+    }
+    warnings.push(defect);
+    Ok(())
+}
+
+fn guesses(log: &Log, rates: &[Rate]) -> Vec<Guess> {
+    let axes = log.meta.body_axes;
+    let name = |component: usize| {
+        let own = (0..3).find(|&axis| axes.rfu_component(axis).0 == component);
+        ["x", "y", "z"][own.unwrap_or(component)]
+    };
+    let guess = |column, cause: String, read: Box<dyn Fn(&mut Rate)>| Guess {
+        cause,
+        column,
+        refused: false,
+        read,
+    };
+    let mut guesses = vec![guess(
+        "gyro",
+        "all gyros have the wrong sign".to_owned(),
+        Box::new(|rate| rate.gyro_radps *= -1.0),
+    )];
+    for axis in 0..3 {
+        let sign = format!("gyro_{} has the wrong sign", name(axis));
+        guesses.push(guess(
+            "gyro",
+            sign,
+            Box::new(move |rate| rate.gyro_radps[axis] *= -1.0),
+        ));
+        let next = (axis + 1) % 3;
+        let swap = format!("gyro_{} and gyro_{} are swapped", name(axis), name(next));
+        guesses.push(guess(
+            "gyro",
+            swap,
+            Box::new(move |r| r.gyro_radps.swap_rows(axis, next)),
+        ));
+    }
+    // Up to the unknown mount the three are one.
+    let [x, y] = [name(0), name(1)];
+    let mirrored = format!("accel_{x} or accel_{y} has the wrong sign, or the two are swapped");
+    guesses.push(guess(
+        "accel",
+        mirrored,
+        Box::new(|rate| rate.accel_mps2.x *= -1.0),
+    ));
+    let typical = |axis: usize| median(rates.iter().map(|rate| rate.gyro_radps[axis]));
+    let offset = Vector3::new(typical(0), typical(1), typical(2));
+    if offset.norm() > NO_OFFSET_RADPS {
+        let cause = format!(
+            "gyro offsets of {:.1} deg/s, beyond any class",
+            offset.norm().to_degrees()
+        );
+        guesses.push(guess(
+            "gyro",
+            cause,
+            Box::new(move |rate| rate.gyro_radps -= offset),
+        ));
+    }
+    guesses.extend(gyro_units(rates).map(|(times, cause)| Guess {
+        refused: true,
+        ..guess(
+            "gyro",
+            cause.to_owned(),
+            Box::new(move |rate| rate.gyro_radps /= times),
+        )
+    }));
+    guesses
+}
