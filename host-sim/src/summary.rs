@@ -7,7 +7,7 @@ use ins_core::Phase;
 use serde::Serialize;
 
 use crate::against_truth::{AgainstTruth, TruthErrors};
-use crate::identify::{Counts, Identification, add};
+use crate::identify::{Counts, Identification};
 use crate::log::{Grade, Log, LogError};
 use crate::quantities::{Axes, Quantities, Quantity, in_axes};
 use crate::report::words;
@@ -78,10 +78,6 @@ impl Summary {
         warnings: &[LogError],
     ) -> Self {
         let quantities = Quantities::new(&found.end.estimates, log.meta.body_axes);
-        let mut gnss = Counts::new();
-        for (_, outcome) in &found.fixes {
-            add(&mut gnss, *outcome);
-        }
         Self {
             log: name,
             duration_s: log.duration_s(),
@@ -103,7 +99,7 @@ impl Summary {
             grade,
             phase: found.end.phase,
             imu: answers(&found.imu_outcomes, words::is_integrated),
-            gnss: answers(&gnss, words::is_used),
+            gnss: answers(&found.gnss_outcomes(), words::is_used),
             warnings: warnings
                 .iter()
                 .map(|w| format!("{w} ({})", w.cause))
