@@ -41,7 +41,7 @@ pub struct Row {
 /// How often each answer was given.
 pub type Counts<T> = Vec<(T, u64)>;
 
-pub(crate) fn add<T: PartialEq>(counts: &mut Counts<T>, outcome: T) {
+fn add<T: PartialEq>(counts: &mut Counts<T>, outcome: T) {
     match counts.iter_mut().find(|(known, _)| *known == outcome) {
         Some((_, count)) => *count += 1,
         None => counts.push((outcome, 1)),
@@ -69,6 +69,17 @@ pub struct Identification {
     pub velocity_error: Option<VelocityError>,
     /// Errors of the solution, damped and free; none without a reference motion.
     pub against_truth: Option<AgainstTruth>,
+}
+
+impl Identification {
+    /// Answers to fixes.
+    pub fn gnss_outcomes(&self) -> Counts<GnssOutcome> {
+        let mut counts = Counts::new();
+        for (_, outcome) in &self.fixes {
+            add(&mut counts, *outcome);
+        }
+        counts
+    }
 }
 
 /// Runs the navigator over a log, then checks its estimates on free-inertial windows.

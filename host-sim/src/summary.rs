@@ -7,7 +7,7 @@ use ins_core::Phase;
 use serde::Serialize;
 
 use crate::against_truth::{AgainstTruth, TruthErrors};
-use crate::identify::{Counts, Identification, add};
+use crate::identify::{Counts, Identification};
 use crate::log::{Grade, Log, LogError};
 use crate::quantities::{Axes, Quantities, Quantity, in_axes};
 use crate::report::words;
@@ -89,12 +89,8 @@ impl Summary {
             after: errors.map(|error| error.after_mps),
             windows: errors.map_or(0, |error| error.windows),
         };
-        let mut used = Counts::new();
-        for (_, outcome) in &found.fixes {
-            add(&mut used, *outcome);
-        }
         let imu = answers(&found.imu_outcomes, words::is_integrated);
-        let gnss = answers(&used, words::is_used);
+        let gnss = answers(&found.gnss_outcomes(), words::is_used);
         Self {
             log: name,
             verdict: Verdict::new(found, &velocity_error_mps, [&imu, &gnss], halves),

@@ -1,6 +1,6 @@
 //! The results as tables.
 
-use ins_core::{GnssOutcome, Observability, Phase};
+use ins_core::{Observability, Phase};
 use serde::Serialize;
 
 use super::Sensors;
@@ -8,7 +8,6 @@ use super::number::to_second_digit_of as digits;
 use super::words;
 use crate::analysis::Analysis;
 use crate::held_ins;
-use crate::identify::{Counts, add};
 use crate::quantities::{Quantity, in_axes};
 use crate::table::cells;
 use crate::truth::Truth;
@@ -227,10 +226,7 @@ fn against_truth(analysis: &Analysis) -> Table {
 }
 
 fn not_used(analysis: &Analysis) -> Table {
-    let mut fixes: Counts<GnssOutcome> = Vec::new();
-    for (_, outcome) in &analysis.found.fixes {
-        add(&mut fixes, *outcome);
-    }
+    let fixes = analysis.found.gnss_outcomes();
     let samples = (analysis.found.imu_outcomes.iter())
         .filter(|(outcome, _)| !words::is_integrated(*outcome))
         .map(|(outcome, count)| ("inertial samples", *count, words::of_sample(*outcome)));

@@ -20,7 +20,7 @@ pub(super) fn page(logs: &[Summary], sensors: &Sensors) -> Page {
     let shared: Vec<Shared> = shared(logs);
     let named = |summary: &Summary| {
         let about = summary.log.clone();
-        let warnings = summary.warnings.iter();
+        let warnings = summary.verdict.against.iter().chain(&summary.warnings);
         warnings
             .map(move |warning| format!("{about}: {warning}"))
             .collect::<Vec<String>>()
