@@ -24,6 +24,7 @@ pub mod outage;
 pub mod output;
 pub mod quantities;
 pub mod report;
+pub mod rehearse;
 pub mod reproduce;
 pub mod sim;
 pub mod study;

@@ -1,6 +1,7 @@
 //! Values with 95 % confidence intervals.
 
 use serde::Serialize;
+use crate::sim::noise::Random;
 use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
 
 /// Chance of each tail.
@@ -30,6 +31,27 @@ impl Interval {
         }
     }
 
+    /// One of the values that it stands for: normal in the logarithm where it is above zero, and
+    /// within two halves of their own widths. A side without a bound is not left open.
+    #[must_use]
+    pub fn drawn(&self, random: &mut Random) -> Self {
+        let deviate = random.normal() / NORMAL_95;
+        let bound = if deviate < 0.0 { self.low } else { self.high };
+        let bound = if bound.is_finite() { bound } else { self.value };
+        let value = if self.low > 0.0 {
+            self.value * libm::pow(bound / self.value, deviate.abs())
+        } else {
+            let value = self.value + deviate.abs() * (bound - self.value);
+            // A spread.
+            if self.low == 0.0 { value.max(0.0) } else { value }
+        };
+        Self {
+            value,
+            low: value,
+            high: value,
+        }
+    }
+
     /// Whether it holds a value.
     pub fn holds(&self, value: f64) -> bool {
         (self.low..=self.high).contains(&value)
@@ -50,7 +72,7 @@ fn chi_square(freedom: f64) -> [f64; 2] {
 }
 
 /// Two-sided 95 % deviate of Student's t.
-fn student(freedom: f64) -> f64 {
+pub fn student(freedom: f64) -> f64 {
     StudentsT::new(0.0, 1.0, freedom).map_or(f64::INFINITY, |t| t.inverse_cdf(1.0 - TAIL))
 }
 

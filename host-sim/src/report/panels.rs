@@ -42,13 +42,13 @@ pub(crate) struct Panel {
 #[derive(Serialize)]
 pub(crate) struct Key {
     pub(crate) colour: String,
-    pub(crate) text: &'static str,
+    pub(crate) text: String,
 }
 
-pub(crate) fn key(colour: RGBColor, text: &'static str) -> Key {
+pub(crate) fn key(colour: RGBColor, text: &str) -> Key {
     Key {
         colour: format!("#{:02x}{:02x}{:02x}", colour.0, colour.1, colour.2),
-        text,
+        text: text.to_owned(),
     }
 }
 
