@@ -197,6 +197,13 @@ pub(crate) fn minutes(text: &str) -> Result<f64, String> {
     }
 }
 
+impl Cli {
+    /// Whether it runs programs of the user's.
+    pub fn runs_programs(&self) -> bool {
+        matches!(self.command, Command::Rehearse(_))
+    }
+}
+
 /// Runs a command.
 pub fn run(cli: &Cli) -> Result<()> {
     match &cli.command {

@@ -4,7 +4,10 @@ use clap::Parser;
 use host_sim::cli::{Cli, run};
 
 fn main() -> miette::Result<()> {
-    // Into `head` and the like, without a panic.
-    sigpipe::reset();
-    run(&Cli::parse())
+    let cli = Cli::parse();
+    // Into `head` and the like, without a panic; but a program that we write to may end before us.
+    if !cli.runs_programs() {
+        sigpipe::reset();
+    }
+    run(&cli)
 }

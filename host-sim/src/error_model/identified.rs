@@ -7,6 +7,7 @@ use super::interval::{self, Interval, Measured, sigma_of_squares};
 use super::record::Record;
 use crate::log::Grade;
 use crate::quantities::DEG_H_RADPS;
+use crate::report::number::to_second_digit_of;
 use crate::sim::errors::BiasModel;
 use crate::sim::noise::Random;
 use crate::sim::{self, ErrorModel};
@@ -53,6 +54,19 @@ impl Assumed {
             value: in_file(model, parameter.name),
             why: if bounded { parameter.why } else { NO_BOUND },
         })
+    }
+}
+
+impl Assumed {
+    /// Name, value with unit, reason.
+    pub fn cells(&self) -> [String; 3] {
+        let value = if self.value == 0.0 {
+            "none".to_owned()
+        } else {
+            let scale = 0.1 * self.value;
+            format!("{} {}", to_second_digit_of(scale, self.value), self.unit)
+        };
+        [self.name.to_owned(), value, self.why.to_owned()]
     }
 }
 

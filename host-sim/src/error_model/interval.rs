@@ -1,7 +1,7 @@
 //! Values with 95 % confidence intervals.
 
-use serde::Serialize;
 use crate::sim::noise::Random;
+use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
 
 /// Chance of each tail.
@@ -43,7 +43,11 @@ impl Interval {
         } else {
             let value = self.value + deviate.abs() * (bound - self.value);
             // A spread.
-            if self.low == 0.0 { value.max(0.0) } else { value }
+            if self.low == 0.0 {
+                value.max(0.0)
+            } else {
+                value
+            }
         };
         Self {
             value,

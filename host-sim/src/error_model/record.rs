@@ -8,9 +8,7 @@ use ins_core::alignment::rest::{RestBlock, RestDetector, Verdict};
 use ins_core::earth::LocalEarth;
 use ins_core::increments::{Increments, Interval};
 use ins_core::mechanization::{Controls, Mechanization};
-use ins_core::{
-    Estimate, Estimates, GnssFix, ImuOutput, ImuSample, Observability, Solution, Time,
-};
+use ins_core::{Estimate, Estimates, GnssFix, ImuOutput, ImuSample, Observability, Solution, Time};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::identify::Identification;

@@ -1,12 +1,14 @@
 //! The command `rehearse`.
 
 use std::fs;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
 use miette::{IntoDiagnostic, Result, bail, miette};
 
+use super::drives::{Drives, rate_hz};
 use super::flight::World;
 use super::output;
 use super::run::{lines, run};
@@ -16,13 +18,12 @@ use super::summary::Summary;
 use crate::aircraft::cli::aircraft;
 use crate::aircraft::input::{InputError, Source, read_text};
 use crate::aircraft::plan::Plan;
-use crate::analysis::{Analysis, log_name};
+use crate::analysis::log_name;
 use crate::campaign::Shard;
 use crate::cli::{GradeChoice, bar, error_model_of, refuse_same};
 use crate::error_model::record::readings_at_rest;
-use crate::error_model::{self, Identified, Record};
+use crate::error_model::{self, Identified};
 use crate::import;
-use crate::log::{Grade, Log};
 use crate::output::{OutputError, check_free, replace};
 use crate::sim::ErrorModel;
 use crate::sim::errors::GnssModel;
@@ -113,22 +114,16 @@ fn positive(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "expected at least 0.001".to_owned())
 }
 
-/// What the drives give.
-struct Drives {
-    names: Vec<String>,
-    records: Vec<Record>,
-    grade: Grade,
-    output: ins_core::ImuOutput,
-    imu_hz: u32,
-}
-
 /// Flies what is missing and says what it shows.
 pub fn rehearse(options: &Rehearse, json: bool, force: bool) -> Result<()> {
     let subjects = subjects(&options.with)?;
     let dynamics = aircraft(options.aircraft.as_deref())?;
     let plan = Plan::read(&options.plan, &dynamics)?;
     let receiver = options.receiver.as_deref().map(receiver).transpose()?;
-    let drives = drives(options)?;
+    for drive in &options.drives {
+        refuse_same(drive, &options.out)?;
+    }
+    let drives = Drives::read(&options.drives, options.grade.told())?;
     let free_s = 60.0 * options.minutes_free;
     let world = World::new(dynamics, plan, free_s, drives.imu_hz)
         .map_err(|error| miette!("{}: {error}", options.plan.display()))?;
@@ -161,23 +156,32 @@ pub fn rehearse(options: &Rehearse, json: bool, force: bool) -> Result<()> {
     let shard = options.shard.unwrap_or(Shard::ALL);
     run(&rehearsal, &world, &told, shard, out, &bar())?;
     if shard != Shard::ALL {
-        println!("{} is done", out.join(shard.file()).display());
-        return Ok(());
+        return print(&format!("{} is done\n", out.join(shard.file()).display()));
     }
     let summary = Summary::new(&rehearsal, &world, &lines(out)?);
     output::write(out, &summary)?;
-    if json {
-        let text = serde_json::to_string_pretty(&summary).into_diagnostic()?;
-        println!("{text}");
+    print(&if json {
+        serde_json::to_string_pretty(&summary).into_diagnostic()? + "\n"
     } else {
-        print!("{}", output::readable(&summary));
-        println!("Report: {}", out.join("report.html").display());
+        let report = out.join("report.html");
+        output::readable(&summary) + &format!("Report: {}\n", report.display())
+    })
+}
+
+/// To the standard output. Whoever reads it may stop: here that is no signal, see
+/// [`Cli::runs_programs`](crate::cli::Cli::runs_programs).
+fn print(text: &str) -> Result<()> {
+    match io::stdout().write_all(text.as_bytes()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error).into_diagnostic(),
+        _ => Ok(()),
     }
-    Ok(())
 }
 
 fn subjects(with: &[String]) -> Result<Vec<Subject>> {
-    let named = |text: &String| text.parse().map_err(|error| miette!("--with `{text}`: {error}"));
+    let named = |text: &String| {
+        text.parse()
+            .map_err(|error| miette!("--with `{text}`: {error}"))
+    };
     let mut subjects: Vec<Subject> = with.iter().map(named).collect::<Result<_>>()?;
     if subjects.is_empty() {
         subjects.extend(["core".parse().map_err(|error: String| miette!("{error}"))?]);
@@ -211,43 +215,6 @@ fn receiver(file: &Path) -> Result<GnssModel> {
         message: error.to_string(),
     })?;
     Ok(checked.gnss)
-}
-
-fn drives(options: &Rehearse) -> Result<Drives> {
-    let (mut names, mut records, mut rates) = (Vec::new(), Vec::new(), Vec::new());
-    let mut first: Option<(Grade, ins_core::ImuOutput)> = None;
-    for path in &options.drives {
-        refuse_same(path, &options.out)?;
-        let analysis = Analysis::of_log(path, options.grade.told(), &bar())?;
-        let this = (analysis.summary.grade, analysis.log.meta.imu);
-        if *first.get_or_insert(this) != this {
-            bail!(
-                help = "drives of one unit, logged alike; or say --grade",
-                "{}: another class of sensors, or another kind of samples, than the drives before",
-                path.display()
-            );
-        }
-        rates.push(rate_hz(&analysis.log));
-        names.push(analysis.summary.log.clone());
-        records.push(Record::new(&analysis.log, &analysis.found));
-    }
-    rates.sort_by(f64::total_cmp);
-    let (grade, output) = first.ok_or_else(|| miette!("no drive is named"))?;
-    // Rates are positive, and no sensor has more than thousands of samples a second.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    let imu_hz = rates[rates.len() / 2].round().max(1.0) as u32;
-    Ok(Drives {
-        names,
-        records,
-        grade,
-        output,
-        imu_hz,
-    })
-}
-
-fn rate_hz(log: &Log) -> f64 {
-    let steps = log.imu.len().saturating_sub(1);
-    steps as f64 / log.duration_s()
 }
 
 fn settings(

@@ -5,11 +5,14 @@
 //! A flight is one line in a file that only grows: a rehearsal that was stopped goes on where it
 //! was, and shards lie side by side.
 
-pub mod cli;
 mod budget;
+pub mod cli;
+mod drives;
 mod flight;
 mod output;
 mod program;
+pub mod proof;
+mod replay;
 mod run;
 mod score;
 mod settings;

@@ -75,8 +75,16 @@ fn csv(summary: &Summary) -> Result<Vec<u8>, csv::Error> {
     writer.write_record(&header)?;
     for tested in &summary.tested {
         for moment in &tested.moments {
-            let noise = if tested.recorded_noise { "recorded" } else { "white" };
-            let mut row = vec![tested.with.clone(), noise.to_owned(), moment.time_s.to_string()];
+            let noise = if tested.recorded_noise {
+                "recorded"
+            } else {
+                "white"
+            };
+            let mut row = vec![
+                tested.with.clone(),
+                noise.to_owned(),
+                moment.time_s.to_string(),
+            ];
             row.push(u8::from(!moment.free).to_string());
             for errors in &moment.errors {
                 match errors {
@@ -92,7 +100,9 @@ fn csv(summary: &Summary) -> Result<Vec<u8>, csv::Error> {
             writer.write_record(&row)?;
         }
     }
-    writer.into_inner().map_err(|error| error.into_error().into())
+    writer
+        .into_inner()
+        .map_err(|error| error.into_error().into())
 }
 
 // --- tables ---
@@ -110,7 +120,11 @@ fn interval([low, high]: [f64; 2]) -> String {
     format!("{} to {}", digits(width, low), digits(width, high))
 }
 
-fn shown(value: f64) -> String {
+/// Three digits.
+pub(super) fn shown(value: f64) -> String {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
     digits(0.1 * value, value)
 }
 
@@ -221,13 +235,25 @@ fn outcomes(summary: &Summary) -> Option<Table> {
         if tested.has_no_solution() {
             let never = "never had a solution where one is looked at".to_owned();
             let count = tested.flights.to_string();
-            rows.push(vec![name(tested), "no solution".to_owned(), count, String::new(), never]);
+            rows.push(vec![
+                name(tested),
+                "no solution".to_owned(),
+                count,
+                String::new(),
+                never,
+            ]);
         }
     }
     if summary.not_flown > 0 {
         let cause = "the aircraft could not fly the plan: see runs.jsonl".to_owned();
         let count = summary.not_flown.to_string();
-        rows.push(vec!["-".to_owned(), "not flown".to_owned(), count, String::new(), cause]);
+        rows.push(vec![
+            "-".to_owned(),
+            "not flown".to_owned(),
+            count,
+            String::new(),
+            cause,
+        ]);
     }
     (!rows.is_empty()).then(|| Table {
         title: "Flights without a result".to_owned(),
@@ -263,14 +289,7 @@ fn budget(summary: &Summary) -> Option<Table> {
 }
 
 fn assumed(summary: &Summary) -> Table {
-    let row = |part: &crate::error_model::Assumed| {
-        let value = if part.unit.is_empty() {
-            "none".to_owned()
-        } else {
-            format!("{} {}", shown(part.value), part.unit)
-        };
-        vec![part.name.to_owned(), value, part.why.to_owned()]
-    };
+    let row = |part: &crate::error_model::Assumed| part.cells().to_vec();
     Table {
         title: "What the drives do not show, and what was assumed instead".to_owned(),
         header: cells(["", "assumed", "why"]),
@@ -281,16 +300,35 @@ fn assumed(summary: &Summary) -> Table {
 fn tables(summary: &Summary) -> Vec<Table> {
     let mut all = vec![overview(summary)];
     all.extend(outcomes(summary));
-    all.extend(summary.tested.iter().filter(|t| !t.rows.is_empty()).map(details));
+    all.extend(
+        summary
+            .tested
+            .iter()
+            .filter(|t| !t.rows.is_empty())
+            .map(details),
+    );
     all.extend(budget(summary));
-    all.push(assumed(summary));
+    let (header, rows) = summary.model.clone();
+    let title = "The model, with what the drives leave open".to_owned();
+    all.extend([
+        Table {
+            title,
+            header,
+            rows,
+        },
+        assumed(summary),
+    ]);
     all
 }
 
 /// For a terminal.
 pub fn readable(summary: &Summary) -> String {
     let text = |table: &Table| {
-        format!("{}\n\n{}\n", table.title, table::plain(&table.header, &table.rows))
+        format!(
+            "{}\n\n{}\n",
+            table.title,
+            table::plain(&table.header, &table.rows)
+        )
     };
     tables(summary).iter().map(text).collect()
 }
@@ -314,7 +352,9 @@ fn html(summary: &Summary) -> Result<String, minijinja::Error> {
         drives: &summary.drives,
         version: env!("CARGO_PKG_VERSION"),
         tables: tables(summary),
-        panels: (0..QUANTITIES.len()).map(|quantity| panel(summary, quantity)).collect(),
+        panels: (0..QUANTITIES.len())
+            .map(|quantity| panel(summary, quantity))
+            .collect(),
     }))
 }
 

@@ -98,7 +98,10 @@ impl FromStr for Program {
         let program = command.first().ok_or("no program is named")?;
         let own_name = || {
             let stem = std::path::Path::new(program).file_stem();
-            stem.map_or_else(|| program.clone(), |stem| stem.to_string_lossy().into_owned())
+            stem.map_or_else(
+                || program.clone(),
+                |stem| stem.to_string_lossy().into_owned(),
+            )
         };
         Ok(Self {
             name: name.map_or_else(own_name, str::to_owned),
@@ -149,7 +152,9 @@ fn unusable(cause: String) -> Failure {
 impl Session {
     fn begin(program: &Program, flown: &Flown, told: &Told) -> Result<Self, Failure> {
         let errors = tempfile::tempfile().map_err(|error| unusable(error.to_string()))?;
-        let stderr = errors.try_clone().map_err(|error| unusable(error.to_string()))?;
+        let stderr = errors
+            .try_clone()
+            .map_err(|error| unusable(error.to_string()))?;
         let mut child = Command::new(&program.command[0])
             .args(&program.command[1..])
             .stdin(Stdio::piped())
@@ -293,15 +298,26 @@ impl Session {
             |status: ExitStatus| format!("ended: {status}"),
         );
         let said = self.last_words();
-        self.failure(Fault::Crashed, if said.is_empty() { how } else { format!("{how}: {said}") })
+        self.failure(
+            Fault::Crashed,
+            if said.is_empty() {
+                how
+            } else {
+                format!("{how}: {said}")
+            },
+        )
     }
 
     /// The last line that the program wrote on standard error.
     fn last_words(&mut self) -> String {
         let mut text = String::new();
         let length = self.errors.seek(SeekFrom::End(0)).unwrap_or(0);
-        let _ = self.errors.seek(SeekFrom::Start(length.saturating_sub(LONGEST_LINE)));
-        let _ = (&mut self.errors).take(LONGEST_LINE).read_to_string(&mut text);
+        let _ = self
+            .errors
+            .seek(SeekFrom::Start(length.saturating_sub(LONGEST_LINE)));
+        let _ = (&mut self.errors)
+            .take(LONGEST_LINE)
+            .read_to_string(&mut text);
         let last = text.lines().rfind(|line| !line.trim().is_empty());
         last.unwrap_or_default().trim().to_owned()
     }
@@ -320,7 +336,11 @@ fn written_to(mut stdin: impl Write + Send + 'static) -> Sender<String> {
     let (sender, texts) = channel::<String>();
     thread::spawn(move || {
         for text in texts {
-            if stdin.write_all(text.as_bytes()).and_then(|()| stdin.flush()).is_err() {
+            if stdin
+                .write_all(text.as_bytes())
+                .and_then(|()| stdin.flush())
+                .is_err()
+            {
                 return;
             }
         }
@@ -335,7 +355,10 @@ fn read_from(stdout: ChildStdout) -> Receiver<String> {
         let mut reader = BufReader::new(stdout);
         loop {
             let mut line = Vec::new();
-            let length = reader.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line);
+            let length = reader
+                .by_ref()
+                .take(LONGEST_LINE)
+                .read_until(b'\n', &mut line);
             if !length.is_ok_and(|length| length > 0) {
                 return;
             }
@@ -378,7 +401,13 @@ fn greeting(flown: &Flown, told: &Told) -> String {
     let start = &flown.start;
     let angles = start.euler();
     let known = flown.run.given_heading_rad.is_some();
-    let heading = |deg: f64| if known { deg.to_string() } else { String::new() };
+    let heading = |deg: f64| {
+        if known {
+            deg.to_string()
+        } else {
+            String::new()
+        }
+    };
     format!(
         "rehearse,{VERSION},{}\nunit,{}\nstart,{},{},{},{},{},{}\n",
         told.limit.as_secs_f64(),
@@ -438,19 +467,32 @@ fn parse(line: &str, asked: Time) -> Result<Option<Solution>, String> {
     match (kind, numbers.as_deref()) {
         ("none", Some([time])) if *time == asked_s => Ok(None),
         ("solution", Some(&[time, ref values @ ..])) if time == asked_s => {
-            let values: &[f64; 9] = (values.try_into())
-                .map_err(|_| format!("expected 9 numbers after the time, found {}", values.len()))?;
+            let values: &[f64; 9] = (values.try_into()).map_err(|_| {
+                format!("expected 9 numbers after the time, found {}", values.len())
+            })?;
             solution(values, asked).map(Some)
         }
-        ("none" | "solution", Some([time, ..])) => {
-            Err(format!("expected an answer for {asked_s} s, this is for {time} s"))
-        }
-        _ => Err(format!("expected `solution,{asked_s},` and 9 numbers, or `none,{asked_s}`")),
+        ("none" | "solution", Some([time, ..])) => Err(format!(
+            "expected an answer for {asked_s} s, this is for {time} s"
+        )),
+        _ => Err(format!(
+            "expected `solution,{asked_s},` and 9 numbers, or `none,{asked_s}`"
+        )),
     }
 }
 
 fn solution(values: &[f64; 9], time: Time) -> Result<Solution, String> {
-    let [latitude_deg, longitude_deg, height_m, north, east, down, roll, pitch, heading] = *values;
+    let [
+        latitude_deg,
+        longitude_deg,
+        height_m,
+        north,
+        east,
+        down,
+        roll,
+        pitch,
+        heading,
+    ] = *values;
     if let Some(value) = values.iter().find(|value| !value.is_finite()) {
         return Err(format!("expected finite numbers, found {value}"));
     }
@@ -460,7 +502,9 @@ fn solution(values: &[f64; 9], time: Time) -> Result<Solution, String> {
         ("a pitch", pitch, 90.0),
     ] {
         if value.abs() > most {
-            return Err(format!("expected {name} of at most {most} deg, found {value}"));
+            return Err(format!(
+                "expected {name} of at most {most} deg, found {value}"
+            ));
         }
     }
     Ok(Solution {
@@ -487,16 +531,33 @@ mod tests {
     fn answers_are_read_and_others_are_told_what_was_expected() {
         let at = Time::from_micros(2_500_000);
         assert_eq!(parse("none,2.5", at), Ok(None));
-        let good = parse("solution,2.5,56,40,600,1,2,-3,4,5,6", at).unwrap().unwrap();
+        let good = parse("solution,2.5,56,40,600,1,2,-3,4,5,6", at)
+            .unwrap()
+            .unwrap();
         assert_eq!(good.velocity_enu_mps, Vector3::new(2.0, 1.0, 3.0));
         assert!((good.euler().heading_rad.to_degrees() - 6.0).abs() < 1e-9);
         for (line, message) in [
             ("", "expected `solution,2.5,`"),
-            ("solution,2.5,56,40", "expected 9 numbers after the time, found 2"),
-            ("solution,2.5,56,40,600,1,2,-3,4,5,north", "expected `solution,2.5,`"),
-            ("solution,1.5,56,40,600,1,2,-3,4,5,6", "expected an answer for 2.5 s, this is for 1.5 s"),
-            ("solution,2.5,56,40,NaN,1,2,-3,4,5,6", "expected finite numbers, found NaN"),
-            ("solution,2.5,560,40,600,1,2,-3,4,5,6", "expected a latitude of at most 90 deg, found 560"),
+            (
+                "solution,2.5,56,40",
+                "expected 9 numbers after the time, found 2",
+            ),
+            (
+                "solution,2.5,56,40,600,1,2,-3,4,5,north",
+                "expected `solution,2.5,`",
+            ),
+            (
+                "solution,1.5,56,40,600,1,2,-3,4,5,6",
+                "expected an answer for 2.5 s, this is for 1.5 s",
+            ),
+            (
+                "solution,2.5,56,40,NaN,1,2,-3,4,5,6",
+                "expected finite numbers, found NaN",
+            ),
+            (
+                "solution,2.5,560,40,600,1,2,-3,4,5,6",
+                "expected a latitude of at most 90 deg, found 560",
+            ),
         ] {
             let error = parse(line, at).unwrap_err();
             assert!(error.contains(message), "{line}: {error}");

@@ -41,11 +41,13 @@ pub fn run(
     let moments = moments(world);
     progress.set_message("flying");
     progress.set_length(jobs.len() as u64);
-    jobs.into_par_iter().with_max_len(1).try_for_each(|(case, flight)| -> Result<()> {
-        let line = fly(rehearsal, world, told, case, flight, &moments)?;
-        progress.inc(1);
-        Ok(ledger.add(&line)?)
-    })?;
+    jobs.into_par_iter()
+        .with_max_len(1)
+        .try_for_each(|(case, flight)| -> Result<()> {
+            let line = fly(rehearsal, world, told, case, flight, &moments)?;
+            progress.inc(1);
+            Ok(ledger.add(&line)?)
+        })?;
     progress.finish_and_clear();
     Ok(())
 }
@@ -85,7 +87,10 @@ pub fn lines(folder: &Path) -> Result<Vec<Line>> {
     let mut all: Vec<Line> = Vec::new();
     for entry in fs::read_dir(folder).map_err(|e| OutputError::io(folder, e))? {
         let path = entry.map_err(|e| OutputError::io(folder, e))?.path();
-        if path.extension().is_some_and(|extension| extension == "jsonl") {
+        if path
+            .extension()
+            .is_some_and(|extension| extension == "jsonl")
+        {
             read_file(&path, &mut |line| all.push(line))?;
         }
     }

@@ -104,6 +104,14 @@ impl Outcome {
 }
 
 fn errors(solution: &Solution, truth: &Solution) -> Errors {
+    let sizes = sizes(solution, truth);
+    // Positive; what is beyond all counts stays the greatest.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    core::array::from_fn(|which| (sizes[which].abs() / QUANTITIES[which].count).round() as u64)
+}
+
+/// What a solution is off by, in the order and the units of [`QUANTITIES`].
+pub fn sizes(solution: &Solution, truth: &Solution) -> [f64; QUANTITIES.len()] {
     let velocity = solution.velocity_enu_mps - truth.velocity_enu_mps;
     // Where the last sample is missing, the solution is that of the one before.
     let since_s = truth.time.seconds_since(solution.time);
@@ -111,17 +119,14 @@ fn errors(solution: &Solution, truth: &Solution) -> Errors {
     let position = solution.position.enu_from(&truth.position) + moved;
     let up = |of: &Solution| of.attitude.inverse() * nalgebra::Vector3::z();
     let turned = wrap_pi(solution.euler().heading_rad - truth.euler().heading_rad);
-    let sizes = [
+    [
         position.xy().norm(),
         position.z,
         velocity.xy().norm(),
         velocity.z,
         (up(solution) - up(truth)).norm().to_degrees(),
         turned.to_degrees(),
-    ];
-    // Positive; what is beyond all counts stays the greatest.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    core::array::from_fn(|which| (sizes[which].abs() / QUANTITIES[which].count).round() as u64)
+    ]
 }
 
 #[cfg(test)]

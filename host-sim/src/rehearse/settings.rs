@@ -104,7 +104,8 @@ impl Rehearsal {
     pub fn model(&self, case: Case) -> ErrorModel {
         let settings = &self.settings;
         let part = |source, which: usize| {
-            apart(&settings.model, source).map_or_else(|| settings.model.clone(), |both| both[which].clone())
+            apart(&settings.model, source)
+                .map_or_else(|| settings.model.clone(), |both| both[which].clone())
         };
         match case {
             Case::Found | Case::Recorded => settings.model.clone(),

@@ -48,7 +48,10 @@ pub struct Answers {
 /// Those at hand, by name.
 pub const AT_HAND: [(&str, Subject); 4] = [
     ("core", Subject::Core(Form::Exact, Feedback::Closed)),
-    ("core-literal", Subject::Core(Form::Literal, Feedback::Closed)),
+    (
+        "core-literal",
+        Subject::Core(Form::Literal, Feedback::Closed),
+    ),
     ("core-open", Subject::Core(Form::Exact, Feedback::Open)),
     ("kalman", Subject::Kalman),
 ];
@@ -134,12 +137,7 @@ fn core(
 
 fn kalman(flown: &Flown, told: &Told) -> Result<Vec<Option<Solution>>, ConfigError> {
     let noise = Noise::of_model(&told.model);
-    let mut run = Run::new(
-        &flown.run.imu,
-        &flown.run.gnss,
-        config(flown, told),
-        noise,
-    )?;
+    let mut run = Run::new(&flown.run.imu, &flown.run.gnss, config(flown, told), noise)?;
     let mut asks = flown.asks().iter().peekable();
     let mut solutions = Vec::with_capacity(asks.len());
     while let Some(time) = run.step(&mut |_, _| {}) {

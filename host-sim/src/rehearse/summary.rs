@@ -132,6 +132,9 @@ pub struct Summary {
     pub budget: Vec<Cost>,
     /// The model.
     pub parameters: Vec<Parameter>,
+    /// The same for people: column heads and cells.
+    #[serde(skip)]
+    pub model: (Vec<String>, Vec<Vec<String>>),
     /// What the drives do not show, and what was assumed.
     pub assumed: Vec<Assumed>,
 }
@@ -153,7 +156,8 @@ struct Flights<'a> {
 impl Flights<'_> {
     /// Outcomes of an algorithm in a case that ended well, flight by flight.
     fn good(&self, case: Case, subject: usize) -> impl Iterator<Item = (u32, &Outcome)> {
-        self.all(case, subject).filter(|(_, outcome)| outcome.failure.is_none())
+        self.all(case, subject)
+            .filter(|(_, outcome)| outcome.failure.is_none())
     }
 
     fn all(&self, case: Case, subject: usize) -> impl Iterator<Item = (u32, &Outcome)> {
@@ -175,13 +179,16 @@ impl Flights<'_> {
                 let values: Option<Vec<f64>> = (aided / 2..aided)
                     .map(|moment| Self::value(outcome, moment, quantity))
                     .collect();
-                values.filter(|values| !values.is_empty()).map(|values| rms(values.into_iter()))
+                values
+                    .filter(|values| !values.is_empty())
+                    .map(|values| rms(values.into_iter()))
             }
             Place::Free(part) => {
                 // Of at most some ten moments: nothing is cut off but the fraction.
                 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
                 let moment = (part * free as f64).ceil() as usize;
-                Self::value(outcome, (aided + moment).checked_sub(1)?, quantity).filter(|_| free > 0)
+                Self::value(outcome, (aided + moment).checked_sub(1)?, quantity)
+                    .filter(|_| free > 0)
             }
         }
     }
@@ -261,7 +268,14 @@ impl Summary {
                 if case == Case::Recorded && rehearsal.noise.is_none() {
                     continue;
                 }
-                tested.push(Tested::new(&flights, rehearsal, world, case, subject, with.name()));
+                tested.push(Tested::new(
+                    &flights,
+                    rehearsal,
+                    world,
+                    case,
+                    subject,
+                    with.name(),
+                ));
             }
         }
         Self {
@@ -274,6 +288,7 @@ impl Summary {
             tested,
             budget: budget(&flights),
             parameters: rehearsal.found.parameters(),
+            model: rehearsal.found.table(),
             assumed: rehearsal.found.assumed(),
         }
     }
@@ -391,7 +406,10 @@ fn budget(flights: &Flights) -> Vec<Cost> {
     let mut costs = Vec::new();
     let mut few = Vec::new();
     for (source, (name, _)) in SOURCES.iter().enumerate() {
-        let flown: Vec<u32> = flights.all(Case::Only(source), 0).map(|(flight, _)| flight).collect();
+        let flown: Vec<u32> = flights
+            .all(Case::Only(source), 0)
+            .map(|(flight, _)| flight)
+            .collect();
         if flown.is_empty() {
             continue;
         }

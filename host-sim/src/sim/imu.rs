@@ -434,9 +434,7 @@ mod tests {
         // N deg/sqrt(h) gives N / sqrt(tau): a slope of -1/2 at every cluster time.
         let (density, step_s) = (3.6e-5, 0.01);
         let mut triad = Triad::new(&noisy(density, 0.0), 1.0, 1.0, 9, "gyro");
-        let readings: Vec<Vector3<f64>> = (0..400_000)
-            .map(|_| triad.white(step_s))
-            .collect();
+        let readings: Vec<Vector3<f64>> = (0..400_000).map(|_| triad.white(step_s)).collect();
         for axis in 0..3 {
             let x: Vec<f64> = readings.iter().map(|r| r[axis]).collect();
             for size in [1, 10, 100, 400] {
@@ -484,7 +482,7 @@ mod tests {
 
     #[test]
     fn readings_saturate() {
-        let mut triad = Triad::new(&noisy(0.0, 0.0), 1.0, 39.0, 0, "accel");
+        let triad = Triad::new(&noisy(0.0, 0.0), 1.0, 39.0, 0, "accel");
         let reading = triad.read(&Vector3::new(50.0, -50.0, 9.8), &Vector3::zeros());
         assert_eq!(reading, Vector3::new(39.0, -39.0, 9.8));
     }
