@@ -551,4 +551,25 @@ mod tests {
         assert_eq!(ErrorModel::from_toml(&text).unwrap(), found.model());
         assert!(text.contains("# gyro_deg_h.white_noise"), "{text}");
     }
+
+    #[test]
+    fn what_was_not_shown_is_named_with_what_stands_instead() {
+        let mut found = identified(&ErrorModel::hg1700(), Some(Kind::Continuous));
+        let names = |found: &Identified| -> Vec<&str> {
+            found.assumed().iter().map(|part| part.name).collect()
+        };
+        assert!(!names(&found).contains(&"accel_mps2.white_noise"));
+        assert!(names(&found).contains(&"gnss.horizontal_sigma_m"));
+        found.accel_noise = None;
+        let all = found.assumed();
+        let noise = all
+            .iter()
+            .find(|part| part.name == "accel_mps2.white_noise")
+            .unwrap();
+        assert!((noise.value - 0.0005).abs() < 1e-12 && noise.why == NO_REST);
+        let latency = found.latency_s.unwrap().map(|bound| bound.value);
+        assert!((in_file(&found.model(), "gnss.latency_s[1]") - latency[1]).abs() < 1e-15);
+        let text = crate::error_model::toml(&found).unwrap();
+        assert!(text.contains("# gnss.horizontal_sigma_m"), "{text}");
+    }
 }

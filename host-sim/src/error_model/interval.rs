@@ -259,4 +259,21 @@ mod tests {
         assert!(sigma.value == 0.0 && sigma.low == 0.0 && sigma.high > 0.0);
         assert!(are_one(&measured) && !sigma.is_spread());
     }
+
+    #[test]
+    fn draws_stay_within_as_often_as_intervals_say() {
+        let interval = |value, low, high| Interval { value, low, high };
+        for drawn_from in [interval(2.0, 1.0, 8.0), interval(-0.1, -0.2, 0.3)] {
+            assert_covers("drawn", |random| {
+                drawn_from.holds(drawn_from.drawn(random).value)
+            });
+        }
+        let mut random = Random::stream(3, "drawn");
+        for _ in 0..1000 {
+            // A spread stays one, and what has no bound stays where it is.
+            assert!(interval(0.1, 0.0, 1.0).drawn(&mut random).value >= 0.0);
+            let open = interval(1.0, 0.5, f64::INFINITY).drawn(&mut random);
+            assert!((0.1..=1.0).contains(&open.value));
+        }
+    }
 }

@@ -208,7 +208,8 @@ impl Session {
                 }
             };
             let (last, increments) = increments.get_or_insert_with(|| {
-                (sample.time, Increments::new(told.model.imu.output, sample))
+                let increments = Increments::new(told.model.imu.output, sample);
+                (flown.start.time, increments)
             });
             let seconds = sample.time.seconds_since(*last);
             if seconds > 0.0 {
