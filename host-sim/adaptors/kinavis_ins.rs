@@ -32,12 +32,13 @@ fn begin(unit: &Unit, start: &Start) -> Result<KinavisIns> {
     let attitude = Quaternion::from_euler(roll?, pitch?, course);
     let clock = Instant::<Utc>::from_unix_seconds(0);
     let strapdown = Strapdown::new(clock, point(position)?, velocity(ned)?, attitude)?;
-    let walks = [unit.gyro_bias_walk, unit.accel_bias_walk].map(|walk| walk.max(1e-9));
+    let least = |sigma: f64| sigma.max(1e-9); // It takes no zero.
+    let walks = [unit.gyro_bias_walk, unit.accel_bias_walk].map(least);
     let noise = ImuNoise::new(unit.gyro_noise, unit.accel_noise, walks[0], walks[1])?;
     let [level, heading] = [start.level_deg, start.heading_deg].map(Angle::from_degrees);
     let place = Distance::from_metres(start.position_m)?;
     let speed = Speed::from_metres_per_second(start.velocity_mps)?;
-    let [gyro, accel] = [unit.gyro_bias, unit.accel_bias];
+    let [gyro, accel] = [unit.gyro_bias, unit.accel_bias].map(least);
     let priors = InsPriors::new(place, place, speed, level?, heading?, gyro, accel)?;
     let filter = InsFilter::new(strapdown, noise, &priors);
     let [level, up] = [unit.position_sigma, unit.height_sigma].map(Distance::from_metres);

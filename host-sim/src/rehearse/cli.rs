@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
-use miette::{IntoDiagnostic, Result, bail, miette};
+use miette::{IntoDiagnostic, Report, Result, bail, miette};
 
 use super::drives::{Drives, rate_hz};
 use super::flight::World;
@@ -16,7 +16,7 @@ use super::settings::{Rehearsal, Settings};
 use super::subject::{Subject, Told};
 use super::summary::Summary;
 use crate::aircraft::cli::aircraft;
-use crate::aircraft::input::{InputError, Source, read_text};
+use crate::aircraft::input::{Source, read_text};
 use crate::aircraft::plan::Plan;
 use crate::analysis::log_name;
 use crate::campaign::Shard;
@@ -25,8 +25,7 @@ use crate::error_model::record::readings_at_rest;
 use crate::error_model::{self, Identified};
 use crate::import;
 use crate::output::{OutputError, check_free, replace};
-use crate::sim::ErrorModel;
-use crate::sim::errors::GnssModel;
+use crate::sim::errors::ErrorModelError;
 use crate::sim::recorded::RecordedNoise;
 
 /// Marks a folder as that of a rehearsal, and says of which.
@@ -46,9 +45,10 @@ pub struct Rehearse {
     /// Aircraft, TOML; the Cessna 172 unless given.
     #[arg(long)]
     aircraft: Option<PathBuf>,
-    /// Receiver of the flights, TOML with the keys of `[gnss]` in an error model; that of the drives unless given.
-    #[arg(long)]
-    receiver: Option<PathBuf>,
+    /// TOML with any keys of an error model that stand in place of what was identified or assumed:
+    /// another receiver, a calibrated scale.
+    #[arg(long, value_name = "FILE")]
+    set: Option<PathBuf>,
     /// Folder of the results. A rehearsal that was stopped goes on there.
     #[arg(long)]
     out: PathBuf,
@@ -119,7 +119,7 @@ pub fn rehearse(options: &Rehearse, json: bool, force: bool) -> Result<()> {
     let subjects = subjects(&options.with)?;
     let dynamics = aircraft(options.aircraft.as_deref())?;
     let plan = Plan::read(&options.plan, &dynamics)?;
-    let receiver = options.receiver.as_deref().map(receiver).transpose()?;
+    let set = keys(options.set.as_deref())?;
     for drive in &options.drives {
         refuse_same(drive, &options.out)?;
     }
@@ -140,7 +140,7 @@ pub fn rehearse(options: &Rehearse, json: bool, force: bool) -> Result<()> {
         .map(|log| recorded_noise(log, drives.imu_hz))
         .transpose()?;
     let rehearsal = Rehearsal {
-        settings: settings(options, &world, &drives, &found, receiver)?,
+        settings: settings(options, &world, &drives, &found, set)?,
         found,
         noise,
         subjects,
@@ -198,23 +198,26 @@ fn subjects(with: &[String]) -> Result<Vec<Subject>> {
     Ok(subjects)
 }
 
-/// The table `[gnss]` of an error model in a file of its own.
-fn receiver(file: &Path) -> Result<GnssModel> {
-    let text = read_text(file, "a receiver")?;
-    let source = Source { file, text: &text };
-    let gnss: GnssModel = source.parse("the table [gnss] of host-sim/errors/wave.toml")?;
-    let model = ErrorModel {
-        gnss,
-        ..ErrorModel::ideal()
+/// What the user sets of an error model himself; that it is one is seen where it is set.
+pub(super) fn keys(file: Option<&Path>) -> Result<toml::Table> {
+    let Some(file) = file else {
+        return Ok(toml::Table::new());
     };
-    // Values are checked where error models are read.
-    let text = toml::to_string(&model).into_diagnostic()?;
-    let checked = ErrorModel::from_toml(&text).map_err(|error| InputError {
-        file: file.to_owned(),
-        line: None,
-        message: error.to_string(),
-    })?;
-    Ok(checked.gnss)
+    let text = read_text(file, "keys of an error model")?;
+    let source = Source { file, text: &text };
+    Ok(source.parse("host-sim/errors/wave.toml")?)
+}
+
+/// What is wrong with them.
+pub(super) fn in_keys(file: Option<&Path>, error: &ErrorModelError) -> Report {
+    match file {
+        Some(file) => miette!(
+            help = "host-sim/errors/wave.toml is a complete error model",
+            "{}: {error}",
+            file.display()
+        ),
+        None => miette!("the identified model cannot be flown: {error}"),
+    }
 }
 
 fn settings(
@@ -222,7 +225,7 @@ fn settings(
     world: &World,
     drives: &Drives,
     found: &Identified,
-    receiver: Option<GnssModel>,
+    set: toml::Table,
 ) -> Result<Settings> {
     let text = |path: &PathBuf| fs::read_to_string(path).map_err(|e| OutputError::io(path, e));
     let mut model = found.model();
@@ -241,12 +244,13 @@ fn settings(
         with: options.with.clone(),
         noise_from: (options.noise_from.as_ref()).map(|path| path.display().to_string()),
         heading_sigma_deg: options.heading_sigma.0,
-        receiver,
+        set,
         model: model.clone(),
         aircraft: options.aircraft.as_ref().map(text).transpose()?,
         plan: text(&options.plan)?,
     };
-    settings.model = settings.applied(model);
+    settings.model =
+        (settings.applied(model)).map_err(|error| in_keys(options.set.as_deref(), &error))?;
     Ok(settings)
 }
 

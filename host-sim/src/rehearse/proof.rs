@@ -13,6 +13,7 @@ use miette::{IntoDiagnostic, Result, miette};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::cli::{in_keys, keys};
 use super::drives::{Drives, rate_hz};
 use super::output::shown;
 use super::replay::Replay;
@@ -49,6 +50,9 @@ pub struct Proof {
     /// Drives of the same unit on which it is tried.
     #[arg(long, required = true, num_args = 1..)]
     against: Vec<PathBuf>,
+    /// TOML with any keys of an error model that stand in place of what was identified or assumed.
+    #[arg(long, value_name = "FILE")]
+    set: Option<PathBuf>,
     /// Simulations of each of them.
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(2..=1000))]
     seeds: u64,
@@ -88,6 +92,8 @@ pub fn prove(options: &Proof, json: bool) -> Result<()> {
     let drives = Drives::read(&options.drives, options.grade.told())?;
     let mut model = error_model_of(&drives.records, drives.grade, None).model();
     model.imu.output = drives.output;
+    let set = options.set.as_deref();
+    let model = (model.with(&keys(set)?)).map_err(|error| in_keys(set, &error))?;
     let mut rows = Vec::new();
     for path in &options.against {
         let analysis = Analysis::of_log(path, Some(drives.grade), &bar())?;

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use indicatif::ProgressBar;
-use miette::{Result, miette};
+use miette::{IntoDiagnostic, Result, miette};
 use rayon::prelude::*;
 
 use super::budget::Case;
@@ -62,7 +62,8 @@ fn fly(
 ) -> Result<Line> {
     let seed = rehearsal.settings.flight_seed(flight);
     let noise = rehearsal.noise.as_ref().filter(|_| case == Case::Recorded);
-    let (outcomes, why) = match world.fly(seed, &rehearsal.model(case), noise) {
+    let model = rehearsal.model(case).into_diagnostic()?;
+    let (outcomes, why) = match world.fly(seed, &model, noise) {
         Ok(flown) => {
             let outcome = |subject: &super::Subject| {
                 let answers = (subject.fly(&flown, told))

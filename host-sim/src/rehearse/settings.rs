@@ -6,7 +6,7 @@ use super::budget::{Case, SOURCES, apart};
 use super::subject::Subject;
 use crate::error_model::Identified;
 use crate::sim::ErrorModel;
-use crate::sim::errors::GnssModel;
+use crate::sim::errors::ErrorModelError;
 use crate::sim::noise::Random;
 use crate::sim::recorded::RecordedNoise;
 
@@ -42,9 +42,9 @@ pub struct Settings {
     pub noise_from: Option<String>,
     /// Error of the heading given at the start, deg; none: none is given.
     pub heading_sigma_deg: Option<f64>,
-    /// The user's receiver, if not that of the drives.
-    pub receiver: Option<GnssModel>,
-    /// The model as identified, with heading and receiver as above.
+    /// Keys of the error model that the user sets himself.
+    pub set: toml::Table,
+    /// The model as identified, with heading and keys as above.
     pub model: ErrorModel,
     /// Aircraft and plan as they stand in their files.
     pub aircraft: Option<String>,
@@ -62,14 +62,13 @@ pub struct Rehearsal {
 }
 
 impl Settings {
-    /// A model on this rehearsal's receiver, with its heading.
-    pub fn applied(&self, model: ErrorModel) -> ErrorModel {
-        let gnss = self.receiver.clone().unwrap_or(model.gnss);
-        ErrorModel {
-            gnss,
+    /// A model with this rehearsal's heading and keys.
+    pub fn applied(&self, model: ErrorModel) -> Result<ErrorModel, ErrorModelError> {
+        let heading = ErrorModel {
             given_heading_sigma_deg: self.heading_sigma_deg,
             ..model
-        }
+        };
+        heading.with(&self.set)
     }
 
     /// Seed of a flight: the same whatever errors it is flown with.
@@ -101,21 +100,21 @@ impl Rehearsal {
     }
 
     /// The model of a case.
-    pub fn model(&self, case: Case) -> ErrorModel {
+    pub fn model(&self, case: Case) -> Result<ErrorModel, ErrorModelError> {
         let settings = &self.settings;
         let part = |source, which: usize| {
             apart(&settings.model, source)
                 .map_or_else(|| settings.model.clone(), |both| both[which].clone())
         };
-        match case {
+        Ok(match case {
             Case::Found | Case::Recorded => settings.model.clone(),
             Case::Drawn(draw) => {
                 let mut random = Random::stream(settings.seed, &format!("model {draw}"));
-                settings.applied(self.found.drawn(&mut random).model())
+                settings.applied(self.found.drawn(&mut random).model())?
             }
             Case::Only(source) => part(source, 0),
             Case::Without(source) => part(source, 1),
-        }
+        })
     }
 
     /// Algorithms that fly a case: what is asked of the model is asked of the first alone.
