@@ -1,6 +1,7 @@
 //! fusion-nav as an algorithm under test, configured by default but for the gravity of the place
 //! and no position hold, as its documentation tells a vehicle to set.
 #![allow(clippy::cast_possible_truncation, reason = "fusion-nav takes f32")]
+#![allow(clippy::cast_sign_loss, reason = "stamps are made positive")]
 
 mod lines;
 
@@ -31,9 +32,11 @@ impl Filter for FusionNav {
         })
         .ok()?;
         let [w, x, y, z] = quaternion(angles).map(|q| q as f32);
-        let mut state = Nav::default();
-        state.attitude = Attitude::from_body_to_ned(Quaternion { w, x, y, z });
-        state.velocity = Velocity::from_array(velocity.map(|v| v as f32));
+        let state = Nav {
+            attitude: Attitude::from_body_to_ned(Quaternion { w, x, y, z }),
+            velocity: Velocity::from_array(velocity.map(|v| v as f32)),
+            ..Nav::default()
+        };
         let [gyro, accel] = [unit.gyro_bias.max(1e-4), unit.accel_bias]; // no smaller one
         let [level, heading] = [start.level_deg, start.heading_deg].map(f64::to_radians);
         let (place_m, mps) = ([start.position_m; 3], [start.velocity_mps; 3]);

@@ -2,6 +2,10 @@
 //!
 //! This program is the adaptors itself when it is asked to be: `cargo test --test` builds no
 //! examples.
+#![allow(
+    clippy::duplicate_mod,
+    reason = "elsewhere each is a program of its own"
+)]
 
 #[path = "../adaptors/fusion_nav.rs"]
 mod fusion_nav;
@@ -56,6 +60,8 @@ fn published_filters_fly() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     fs::write(home.join("plan.toml"), PLAN).unwrap();
+    // Each fix costs python-ins a tenth of a second.
+    fs::write(home.join("slow.toml"), "gnss.rate_hz = 1.0").unwrap();
     let drive = ["drive", "--minutes", "6", "--seed", "2", "--out", "drive"];
     host_sim(home, &drive.map(str::to_owned));
     let this = std::env::current_exe().unwrap();
@@ -71,6 +77,8 @@ fn published_filters_fly() {
         "0",
         "--budget",
         "0",
+        "--set",
+        "slow.toml",
     ];
     options.extend(few.map(str::to_owned));
     for name in ["fusion-nav", "kinavis-ins"] {

@@ -27,19 +27,19 @@ pub type Source = (&'static str, fn(&ErrorModel, &mut ErrorModel));
 /// All of them: together they are the model.
 pub const SOURCES: [Source; 12] = [
     ("gyro noise", |from, to| {
-        noise(&from.gyro_deg_h, &mut to.gyro_deg_h)
+        noise(&from.gyro_deg_h, &mut to.gyro_deg_h);
     }),
     ("gyro bias, run to run", |from, to| {
-        constant(&from.gyro_deg_h, &mut to.gyro_deg_h)
+        constant(&from.gyro_deg_h, &mut to.gyro_deg_h);
     }),
     ("gyro bias, in the run", |from, to| {
-        moving(&from.gyro_deg_h, &mut to.gyro_deg_h)
+        moving(&from.gyro_deg_h, &mut to.gyro_deg_h);
     }),
     ("gyro scale and misalignment", |from, to| {
         proportional(&from.gyro_deg_h, &mut to.gyro_deg_h);
     }),
     ("accelerometer noise", |from, to| {
-        noise(&from.accel_mps2, &mut to.accel_mps2)
+        noise(&from.accel_mps2, &mut to.accel_mps2);
     }),
     ("accelerometer bias, run to run", |from, to| {
         constant(&from.accel_mps2, &mut to.accel_mps2);
@@ -61,7 +61,7 @@ pub const SOURCES: [Source; 12] = [
         to.gnss.habits.vertical = from.gnss.habits.vertical;
     }),
     ("GNSS latency and other habits", |from, to| {
-        habits(&from.gnss, &mut to.gnss)
+        habits(&from.gnss, &mut to.gnss);
     }),
     ("heading at the start", |from, to| {
         to.given_heading_sigma_deg = from.given_heading_sigma_deg;

@@ -188,11 +188,10 @@ fn subjects(with: &[String]) -> Result<Vec<Subject>> {
     }
     let mut names: Vec<String> = subjects.iter().map(Subject::name).collect();
     names.sort();
-    if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+    if let Some([name, _]) = (names.array_windows()).find(|[one, next]| one == next) {
         bail!(
             help = "name one of them: --with 'NAME=COMMAND'",
-            "two algorithms are called {}",
-            pair[0]
+            "two algorithms are called {name}"
         );
     }
     Ok(subjects)

@@ -462,12 +462,13 @@ fn write_fix(text: &mut String, fix: &GnssFix) {
 /// A solution or `none`; what was expected if it is neither.
 fn parse(line: &str, asked: Time) -> Result<Option<Solution>, String> {
     let asked_s = asked.as_seconds();
+    let is_asked = |time: f64| (time - asked_s).abs() < 1e-6;
     let mut fields = line.split(',');
     let kind = fields.next().unwrap_or_default();
     let numbers: Option<Vec<f64>> = fields.map(|field| field.trim().parse().ok()).collect();
     match (kind, numbers.as_deref()) {
-        ("none", Some([time])) if *time == asked_s => Ok(None),
-        ("solution", Some(&[time, ref values @ ..])) if time == asked_s => {
+        ("none", Some(&[time])) if is_asked(time) => Ok(None),
+        ("solution", Some(&[time, ref values @ ..])) if is_asked(time) => {
             let values: &[f64; 9] = (values.try_into()).map_err(|_| {
                 format!("expected 9 numbers after the time, found {}", values.len())
             })?;
