@@ -553,8 +553,8 @@ mod tests {
     #[test]
     fn keys_are_set_one_by_one_and_checked() {
         let with = |text: &str| ErrorModel::mems().with(&text.parse().unwrap());
-        let set =
-            with("gyro_deg_h.scale_sigma = 0.001\ngnss.habits.velocity.sigma = 0.05").unwrap();
+        let memory = "gnss.habits.velocity = { sigma = 0.05, time_s = 1.0 }";
+        let set = with(&format!("gyro_deg_h.scale_sigma = 0.001\n{memory}")).unwrap();
         let mut expected = ErrorModel::mems();
         expected.gyro_deg_h.scale_sigma = 0.001;
         expected.gnss.habits.velocity.sigma = 0.05;
