@@ -25,6 +25,7 @@ use crate::hil;
 use crate::import;
 use crate::log::{self, BodyAxes, Compression, Grade, Log, Meta};
 use crate::output::{self, OutputError};
+use crate::rehearse;
 use crate::report::{self, Sensors};
 use crate::reproduce;
 use crate::sim::{self, DriveConfig, ErrorModel};
@@ -76,6 +77,8 @@ enum Command {
     Accuracy(accuracy::cli::Accuracy),
     /// Identify many units from drives, fly them, and compare with the accuracy foretold.
     Campaign(campaign::cli::Campaign),
+    /// Rehearse flights: recorded drives of a unit to the accuracy of any algorithm in the air.
+    Rehearse(rehearse::cli::Rehearse),
     /// Add up the shards of a campaign.
     Merge(campaign::cli::Merge),
     /// Regenerate the thesis's figures and tables from simulation, its numbers beside ours.
@@ -219,6 +222,11 @@ impl Cli {
         let command = Self::command().mut_subcommands(|c| c.allow_negative_numbers(true));
         Self::from_arg_matches(&command.get_matches()).unwrap_or_else(|error| error.exit())
     }
+
+    /// Whether it runs programs of the user's.
+    pub fn runs_programs(&self) -> bool {
+        matches!(self.command, Command::Rehearse(_))
+    }
 }
 
 /// Runs a command.
@@ -251,6 +259,7 @@ pub fn run(cli: &Cli) -> Result<()> {
         Command::Flights(options) => flights::cli::flights(options, cli.json, cli.force),
         Command::Accuracy(options) => accuracy::cli::accuracy(options, cli.json, cli.force),
         Command::Campaign(options) => campaign::cli::campaign(options, cli.json, cli.force),
+        Command::Rehearse(options) => rehearse::cli::rehearse(options, cli.json, cli.force),
         Command::Merge(options) => campaign::cli::merge(options, cli.json),
         Command::Reproduce(options) => reproduce::cli::reproduce(options, cli.json, cli.force),
         Command::Figures(options) => figures::write(options),

@@ -24,6 +24,7 @@ pub mod log;
 pub mod outage;
 pub mod output;
 pub mod quantities;
+pub mod rehearse;
 pub mod report;
 pub mod reproduce;
 pub mod sim;

@@ -7,11 +7,14 @@ use host_sim::cli::{Cli, run};
 use host_sim::output;
 
 fn main() -> miette::Result<()> {
-    // Into `head` and the like, without a panic.
-    sigpipe::reset();
+    let cli = Cli::read();
+    // Into `head` and the like, without a panic; but a program that we write to may end before us.
+    if !cli.runs_programs() {
+        sigpipe::reset();
+    }
     explain_full_output();
     output::clean_up_when_stopped();
-    run(&Cli::read())
+    run(&cli)
 }
 
 /// A full disk behind the standard output is no defect of the program.

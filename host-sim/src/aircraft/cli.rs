@@ -56,7 +56,8 @@ pub struct Table {
     out: Option<PathBuf>,
 }
 
-fn aircraft(file: Option<&Path>) -> Result<Dynamics> {
+/// That of a file, or the Cessna 172.
+pub(crate) fn aircraft(file: Option<&Path>) -> Result<Dynamics> {
     match file {
         Some(file) => Ok(read_aircraft(file)?),
         None => Ok(Dynamics::new(&super::cessna172())),

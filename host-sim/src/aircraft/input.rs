@@ -17,7 +17,7 @@ pub struct InputError {
 }
 
 /// Text with its name, to point into.
-pub(super) struct Source<'a> {
+pub(crate) struct Source<'a> {
     pub file: &'a Path,
     pub text: &'a str,
 }

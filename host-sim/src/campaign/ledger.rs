@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use miette::Diagnostic;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -62,9 +63,9 @@ pub enum LedgerError {
     },
     /// Somebody else writes to it.
     #[error("{} is in use", .0.display())]
-    #[diagnostic(help("the same campaign, or the same shard of it, is running already"))]
+    #[diagnostic(help("the same run, or the same shard of it, is going on already"))]
     Busy(PathBuf),
-    /// Not a line of a campaign.
+    /// Not a line of it.
     #[error("{}, line {line}: {message}", .file.display())]
     #[diagnostic(help("written by another version, or changed by hand: remove the line"))]
     Line {
@@ -77,7 +78,7 @@ pub enum LedgerError {
     },
 }
 
-/// The file of a campaign, or of a shard of it, held by one process.
+/// The file of a campaign or a rehearsal, or of a shard of it, held by one process.
 #[derive(Debug)]
 pub struct Ledger {
     path: PathBuf,
@@ -87,7 +88,10 @@ pub struct Ledger {
 impl Ledger {
     /// Opens or makes the file, and tells of every line that is in it. A last line without its
     /// end is what a kill in the middle of writing leaves: it is cut off.
-    pub fn open(path: &Path, mut known: impl FnMut(Line)) -> Result<Self, LedgerError> {
+    pub fn open<L: DeserializeOwned>(
+        path: &Path,
+        mut known: impl FnMut(L),
+    ) -> Result<Self, LedgerError> {
         let io = |source| LedgerError::Io {
             file: path.to_owned(),
             source,
@@ -110,7 +114,7 @@ impl Ledger {
     }
 
     /// Adds a run: on disk when this returns.
-    pub fn add(&self, line: &Line) -> Result<(), LedgerError> {
+    pub fn add<L: Serialize>(&self, line: &L) -> Result<(), LedgerError> {
         let io = |source: std::io::Error| LedgerError::Io {
             file: self.path.clone(),
             source,
@@ -126,7 +130,10 @@ impl Ledger {
 }
 
 /// Tells of every whole line of a file that nobody need hold.
-pub fn read_file(path: &Path, known: &mut impl FnMut(Line)) -> Result<(), LedgerError> {
+pub fn read_file<L: DeserializeOwned>(
+    path: &Path,
+    known: &mut impl FnMut(L),
+) -> Result<(), LedgerError> {
     let file = File::open(path).map_err(|source| LedgerError::Io {
         file: path.to_owned(),
         source,
@@ -135,7 +142,11 @@ pub fn read_file(path: &Path, known: &mut impl FnMut(Line)) -> Result<(), Ledger
 }
 
 /// Returns the length of all whole lines.
-fn read(path: &Path, file: &File, known: &mut impl FnMut(Line)) -> Result<u64, LedgerError> {
+fn read<L: DeserializeOwned>(
+    path: &Path,
+    file: &File,
+    known: &mut impl FnMut(L),
+) -> Result<u64, LedgerError> {
     let mut reader = BufReader::new(file);
     let (mut whole, mut text) = (0, Vec::new());
     for line in 1.. {
@@ -184,19 +195,19 @@ mod tests {
     fn a_torn_line_is_cut_off_and_the_rest_stays() {
         let home = tempfile::tempdir().unwrap();
         let path = home.path().join("runs.jsonl");
-        let ledger = Ledger::open(&path, |_| panic!("there is none")).unwrap();
+        let ledger = Ledger::open(&path, |_: Line| panic!("there is none")).unwrap();
         for flight in 0..3 {
             ledger.add(&line(flight)).unwrap();
         }
         assert!(matches!(
-            Ledger::open(&path, |_| {}),
+            Ledger::open(&path, |_: Line| {}),
             Err(LedgerError::Busy(_))
         ));
         drop(ledger);
         let whole = std::fs::read(&path).unwrap();
         std::fs::write(&path, &whole[..whole.len() - 7]).unwrap();
         let mut seen = 0;
-        let ledger = Ledger::open(&path, |_| seen += 1).unwrap();
+        let ledger = Ledger::open(&path, |_: Line| seen += 1).unwrap();
         assert_eq!(seen, 2);
         ledger.add(&line(2)).unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), whole);
@@ -207,7 +218,7 @@ mod tests {
     fn a_damaged_line_is_named() {
         let home = tempfile::tempdir().unwrap();
         let path = home.path().join("runs.jsonl");
-        let ledger = Ledger::open(&path, |_| {}).unwrap();
+        let ledger = Ledger::open(&path, |_: Line| {}).unwrap();
         ledger.add(&line(0)).unwrap();
         drop(ledger);
         let text = std::fs::read_to_string(&path).unwrap() + "{\"run\":\"flight\"}\n";

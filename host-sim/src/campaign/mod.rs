@@ -13,7 +13,7 @@ mod run;
 mod slurm;
 mod summary;
 
-pub use ledger::{Ledger, LedgerError, Line, With};
+pub use ledger::{Ledger, LedgerError, Line, With, read_file};
 pub use plan::Plan;
 pub use run::{Shard, run};
 pub use summary::Summary;

@@ -7,7 +7,9 @@ use super::interval::{self, Interval, Measured, sigma_of_squares};
 use super::record::Record;
 use crate::log::Grade;
 use crate::quantities::DEG_H_RADPS;
+use crate::report::number::to_second_digit_of;
 use crate::sim::errors::BiasModel;
+use crate::sim::noise::Random;
 use crate::sim::{self, ErrorModel};
 use ins_core::rest::RestBlock;
 use ins_core::{Estimate, Observability};
@@ -27,6 +29,58 @@ pub struct Parameter {
     pub observable: bool,
     /// What is missing if not, or what the value stands on.
     pub why: &'static str,
+}
+
+/// A part of the model that does not stand on the drives.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Assumed {
+    /// Path in the file, or what has none.
+    pub name: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// What the model has.
+    pub value: f64,
+    /// Why the drives do not show it.
+    pub why: &'static str,
+}
+
+impl Assumed {
+    /// None if the drives show it, with a bound on either side.
+    fn of(parameter: &Parameter, model: &ErrorModel) -> Option<Self> {
+        let bounded = parameter.found.is_none_or(|found| found.high.is_finite());
+        (!parameter.observable || !bounded).then(|| Self {
+            name: parameter.name,
+            unit: parameter.unit,
+            value: in_file(model, parameter.name),
+            why: if bounded { parameter.why } else { NO_BOUND },
+        })
+    }
+}
+
+impl Assumed {
+    /// Name, value with unit, reason.
+    pub fn cells(&self) -> [String; 3] {
+        let value = if self.value == 0.0 {
+            "none".to_owned()
+        } else {
+            let scale = 0.1 * self.value;
+            format!("{} {}", to_second_digit_of(scale, self.value), self.unit)
+        };
+        [self.name.to_owned(), value, self.why.to_owned()]
+    }
+}
+
+/// The value at a path of a model's file; what is not there is zero.
+fn in_file(model: &ErrorModel, path: &str) -> f64 {
+    let mut keys = path.split(['.', '[', ']']).filter(|key| !key.is_empty());
+    let file = toml::Value::try_from(model).ok();
+    let value = file.and_then(|file| {
+        keys.try_fold(file, |at, key| match key.parse::<usize>() {
+            Ok(index) => at.get(index).cloned(),
+            Err(_) => at.get(key).cloned(),
+        })
+    });
+    value.and_then(|value| value.as_float()).unwrap_or(0.0)
 }
 
 /// What drives say of their sensors.
@@ -202,6 +256,70 @@ impl Identified {
         all
     }
 
+    /// One of the models that the drives leave open: every value drawn from its interval, each on
+    /// its own. What has no upper bound stays as it is: see [`Self::assumed`].
+    #[must_use]
+    pub fn drawn(&self, random: &mut Random) -> Self {
+        let mut draw = |interval: &Interval| interval.drawn(random);
+        let gyro = self.gyro.as_ref().map(|gyro| GyroFit {
+            noise: draw(&gyro.noise),
+            gnss_sigma_mps: draw(&gyro.gnss_sigma_mps),
+            initial_sigma: draw(&gyro.initial_sigma),
+            bias: match &gyro.bias {
+                BiasFit::Wave {
+                    interval_s,
+                    jump_mean,
+                    jump_sigma,
+                } => BiasFit::Wave {
+                    interval_s: draw(interval_s),
+                    jump_mean: draw(jump_mean),
+                    jump_sigma: draw(jump_sigma),
+                },
+                BiasFit::Continuous {
+                    slope_sigma,
+                    correlated_sigma,
+                    correlation_time_s,
+                } => BiasFit::Continuous {
+                    slope_sigma: draw(slope_sigma),
+                    correlated_sigma: draw(correlated_sigma),
+                    correlation_time_s: draw(correlation_time_s),
+                },
+            },
+            ..gyro.clone()
+        });
+        Self {
+            gyro,
+            gyro_noise_at_rest: self.gyro_noise_at_rest.as_ref().map(&mut draw),
+            accel_noise: self.accel_noise.as_ref().map(&mut draw),
+            accel_sigma: self.accel_sigma.as_ref().map(&mut draw),
+            latency_s: self.latency_s.map(|[least, most]| {
+                let low = draw(&least);
+                let high = if most == least { low } else { draw(&most) };
+                if low.value <= high.value {
+                    [low, high]
+                } else {
+                    [high, low]
+                }
+            }),
+            ..self.clone()
+        }
+    }
+
+    /// What the drives do not show, and what stands in the model instead.
+    pub fn assumed(&self) -> Vec<Assumed> {
+        let model = self.model();
+        let mut all: Vec<Assumed> = (self.parameters().into_iter())
+            .filter_map(|parameter| Assumed::of(&parameter, &model))
+            .collect();
+        all.extend(NEVER_SHOWN.map(|(name, unit, why)| Assumed {
+            name,
+            unit,
+            value: in_file(&model, name),
+            why,
+        }));
+        all
+    }
+
     /// The model that flights and drives take; what was not found is that of the class.
     pub fn model(&self) -> ErrorModel {
         let mut model = class(self.grade);
@@ -238,6 +356,24 @@ const NO_TURN: &str = "needs turns and stops, or is below the error of its estim
 const NO_AZIMUTH: &str = "needs an observable azimuth";
 const NO_LATENCY: &str = "needs starts and brakings";
 const NOT_ABOVE_NOISE: &str = "not above what the noise hides: no more than the upper bound";
+/// What no drive shows: path, unit, why.
+const NEVER_SHOWN: [(&str, &str, &str); 9] = [
+    ("gyro_deg_h.scale_sigma", "1", NOT_FITTED),
+    ("gyro_deg_h.misalignment_sigma", "1", NOT_FITTED),
+    ("accel_mps2.scale_sigma", "1", NOT_FITTED),
+    ("accel_mps2.misalignment_sigma", "1", NOT_FITTED),
+    ("accel_mps2.bias.correlated_sigma", "m/s^2", DROWNED),
+    ("gnss.horizontal_sigma_m", "m", NOTHING_BETTER),
+    ("gnss.vertical_sigma_m", "m", NOTHING_BETTER),
+    ("gnss.habits.velocity.sigma", "m/s", WHITE),
+    ("temperature, vibration rectification", "", NO_TERM),
+];
+const NO_BOUND: &str = "has no upper bound: models drawn keep the value";
+const NOT_FITTED: &str = "not told from a bias at one attitude";
+const DROWNED: &str = "drowns in the noise of GNSS";
+const NOTHING_BETTER: &str = "nothing better to compare positions with";
+const WHITE: &str = "taken for white";
+const NO_TERM: &str = "no term of the model: what the drives had of it is in noise and biases";
 const NO_TIME_SCALE: &str = "needs a larger random part, or more and longer drives";
 
 fn known(
@@ -414,5 +550,26 @@ mod tests {
         let text = crate::error_model::toml(&found).unwrap();
         assert_eq!(ErrorModel::from_toml(&text).unwrap(), found.model());
         assert!(text.contains("# gyro_deg_h.white_noise"), "{text}");
+    }
+
+    #[test]
+    fn what_was_not_shown_is_named_with_what_stands_instead() {
+        let mut found = identified(&ErrorModel::hg1700(), Some(Kind::Continuous));
+        let names = |found: &Identified| -> Vec<&str> {
+            found.assumed().iter().map(|part| part.name).collect()
+        };
+        assert!(!names(&found).contains(&"accel_mps2.white_noise"));
+        assert!(names(&found).contains(&"gnss.horizontal_sigma_m"));
+        found.accel_noise = None;
+        let all = found.assumed();
+        let noise = all
+            .iter()
+            .find(|part| part.name == "accel_mps2.white_noise")
+            .unwrap();
+        assert!((noise.value - 0.0005).abs() < 1e-12 && noise.why == NO_REST);
+        let latency = found.latency_s.unwrap().map(|bound| bound.value);
+        assert!((in_file(&found.model(), "gnss.latency_s[1]") - latency[1]).abs() < 1e-15);
+        let text = crate::error_model::toml(&found).unwrap();
+        assert!(text.contains("# gnss.horizontal_sigma_m"), "{text}");
     }
 }

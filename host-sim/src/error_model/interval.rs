@@ -1,5 +1,6 @@
 //! Values with 95 % confidence intervals.
 
+use crate::sim::noise::Random;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
 
@@ -30,6 +31,31 @@ impl Interval {
         }
     }
 
+    /// One of the values that it stands for: normal in the logarithm where it is above zero, and
+    /// within two halves of their own widths. A side without a bound is not left open.
+    #[must_use]
+    pub fn drawn(&self, random: &mut Random) -> Self {
+        let deviate = random.normal() / NORMAL_95;
+        let bound = if deviate < 0.0 { self.low } else { self.high };
+        let bound = if bound.is_finite() { bound } else { self.value };
+        let value = if self.low > 0.0 {
+            self.value * libm::pow(bound / self.value, deviate.abs())
+        } else {
+            let value = self.value + deviate.abs() * (bound - self.value);
+            // A spread.
+            if self.low == 0.0 {
+                value.max(0.0)
+            } else {
+                value
+            }
+        };
+        Self {
+            value,
+            low: value,
+            high: value,
+        }
+    }
+
     /// Whether it holds a value.
     pub fn holds(&self, value: f64) -> bool {
         (self.low..=self.high).contains(&value)
@@ -50,7 +76,7 @@ fn chi_square(freedom: f64) -> [f64; 2] {
 }
 
 /// Two-sided 95 % deviate of Student's t.
-fn student(freedom: f64) -> f64 {
+pub fn student(freedom: f64) -> f64 {
     StudentsT::new(0.0, 1.0, freedom).map_or(f64::INFINITY, |t| t.inverse_cdf(1.0 - TAIL))
 }
 
@@ -232,5 +258,22 @@ mod tests {
         let sigma = sigma_behind(&measured);
         assert!(sigma.value == 0.0 && sigma.low == 0.0 && sigma.high > 0.0);
         assert!(are_one(&measured) && !sigma.is_spread());
+    }
+
+    #[test]
+    fn draws_stay_within_as_often_as_intervals_say() {
+        let interval = |value, low, high| Interval { value, low, high };
+        for drawn_from in [interval(2.0, 1.0, 8.0), interval(-0.1, -0.2, 0.3)] {
+            assert_covers("drawn", |random| {
+                drawn_from.holds(drawn_from.drawn(random).value)
+            });
+        }
+        let mut random = Random::stream(3, "drawn");
+        for _ in 0..1000 {
+            // A spread stays one, and what has no bound stays where it is.
+            assert!(interval(0.1, 0.0, 1.0).drawn(&mut random).value >= 0.0);
+            let open = interval(1.0, 0.5, f64::INFINITY).drawn(&mut random);
+            assert!((0.1..=1.0).contains(&open.value));
+        }
     }
 }

@@ -27,6 +27,6 @@ mod output;
 pub mod record;
 pub mod recovery;
 
-pub use identified::{Identified, Parameter};
+pub use identified::{Assumed, Identified, Parameter};
 pub use output::{MODEL, toml, write};
 pub use record::Record;

@@ -50,12 +50,20 @@ pub fn write(sensors: Sensors, folder: &Path) -> Result<()> {
 pub fn toml(found: &Identified) -> Result<String> {
     let mut text = format!(
         "# Error model identified from {} drive{}, for `fly --errors` and `drive --errors`.\n\
-         # Value and 95 % interval; what is not listed is that of the sensor class.\n#\n",
+         # Value and 95 % interval; then what the drives do not show, and what stands here instead.\n#\n",
         found.drives,
         if found.drives == 1 { "" } else { "s" },
     );
     let (header, rows) = found.table();
-    for line in table::plain(&header, &rows).lines() {
+    let assumed: Vec<Vec<String>> = (found.assumed().iter())
+        .map(|part| part.cells().to_vec())
+        .collect();
+    let not_shown = table::cells(["not shown", "assumed", ""]);
+    let tables = [
+        table::plain(&header, &rows),
+        table::plain(&not_shown, &assumed),
+    ];
+    for line in tables.join("\n").lines() {
         // Writing into a string cannot fail.
         let _ = writeln!(text, "# {line}");
     }

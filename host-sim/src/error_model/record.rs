@@ -8,7 +8,7 @@ use ins_core::earth::LocalEarth;
 use ins_core::increments::{Increments, Interval};
 use ins_core::mechanization::{Controls, Mechanization};
 use ins_core::rest::{RestBlock, RestDetector, Verdict};
-use ins_core::{Estimate, Estimates, GnssFix, Observability, Solution, Time};
+use ins_core::{Estimate, Estimates, GnssFix, ImuOutput, ImuSample, Observability, Solution, Time};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::identify::Identification;
@@ -214,6 +214,22 @@ fn rest(log: &Log, intervals: &[Timed]) -> Vec<RestSpan> {
         }
     }
     spans.iter().filter_map(RestSpan::inner).collect()
+}
+
+/// Readings of the stretches of rest, sample by sample: gyros, rad/s, and accelerometers, m/s^2.
+pub fn readings_at_rest(log: &Log) -> Vec<Vec<[Vector3<f64>; 2]>> {
+    let stretch = |span: &RestSpan| {
+        let inside = |pair: &&[ImuSample]| (span.start..=span.end).contains(&pair[1].time);
+        let reading = |pair: &[ImuSample]| {
+            let seconds = match log.meta.imu {
+                ImuOutput::Rates => 1.0,
+                ImuOutput::Increments => pair[1].time.seconds_since(pair[0].time),
+            };
+            [pair[1].gyro / seconds, pair[1].accel / seconds]
+        };
+        log.imu.windows(2).filter(inside).map(reading).collect()
+    };
+    rest(log, &intervals(log)).iter().map(stretch).collect()
 }
 
 /// Takes the constants that the navigator has found out of the readings.

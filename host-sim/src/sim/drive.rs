@@ -12,6 +12,7 @@ use super::ideal::IdealSensors;
 use super::imu::Imu;
 use super::motion::Motion;
 use super::noise::Random;
+use super::recorded::{RecordedNoise, Resampled};
 
 /// Ready-made sensor classes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -137,9 +138,20 @@ pub fn simulate(config: &DriveConfig) -> SimulatedDrive {
 
 /// Records any motion.
 pub fn record<M: Motion>(motion: M, recording: &Recording) -> SimulatedDrive {
+    record_with(motion, recording, None)
+}
+
+/// Records any motion, with recorded noise of the inertial sensors in place of white if there is
+/// any.
+pub fn record_with<M: Motion>(
+    motion: M,
+    recording: &Recording,
+    noise: Option<&RecordedNoise>,
+) -> SimulatedDrive {
     let Recording { seed, errors, .. } = recording;
     let mut sensors = IdealSensors::new(motion, recording.origin, Time::default());
     let mut imu = Imu::new(errors, *seed);
+    imu.recorded = noise.map(|noise| Resampled::new(noise, *seed));
     let mut gnss = Gnss::new(&errors.gnss, *seed);
     let mut losses = Random::stream(*seed, "imu losses");
     let mut jitter = Random::stream(*seed, "imu jitter");

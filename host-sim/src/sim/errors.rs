@@ -189,6 +189,9 @@ pub enum ErrorModelError {
     /// Not TOML, or not these keys; the message shows the place.
     #[error("{0}")]
     Syntax(#[from] toml::de::Error),
+    /// A number that TOML does not have.
+    #[error("{0}")]
+    Unwritable(#[from] toml::ser::Error),
     /// A value that no sensor has.
     #[error("{key} = {value}: expected {expected}")]
     Value {
@@ -205,6 +208,15 @@ impl ErrorModel {
     /// Reads an error-model file.
     pub fn from_toml(text: &str) -> Result<Self, ErrorModelError> {
         let model: Self = toml::from_str(text)?;
+        model.check()?;
+        Ok(model)
+    }
+
+    /// The same with some keys of the file set otherwise. A bias of another model stands whole.
+    pub fn with(&self, keys: &toml::Table) -> Result<Self, ErrorModelError> {
+        let mut file = toml::Table::try_from(self)?;
+        set(&mut file, keys);
+        let model: Self = file.try_into()?;
         model.check()?;
         Ok(model)
     }
@@ -330,6 +342,22 @@ impl ErrorModel {
             },
             gnss: receiver(),
             given_heading_sigma_deg: None,
+        }
+    }
+}
+
+/// Tables are gone into, everything else is replaced.
+fn set(file: &mut toml::Table, keys: &toml::Table) {
+    for (key, value) in keys {
+        match (file.get_mut(key), value) {
+            (Some(toml::Value::Table(old)), toml::Value::Table(new))
+                if !new.contains_key("model") =>
+            {
+                set(old, new);
+            }
+            _ => {
+                file.insert(key.clone(), value.clone());
+            }
         }
     }
 }
@@ -520,6 +548,30 @@ mod tests {
         let model = ErrorModel::from_toml(WAVE).unwrap();
         assert_eq!(model.accel_mps2.bias, BiasModel::constant(0.01));
         assert_eq!(model.given_heading_sigma_deg, None);
+    }
+
+    #[test]
+    fn keys_are_set_one_by_one_and_checked() {
+        let with = |text: &str| ErrorModel::mems().with(&text.parse().unwrap());
+        let memory = "gnss.habits.velocity = { sigma = 0.05, time_s = 1.0 }";
+        let set = with(&format!("gyro_deg_h.scale_sigma = 0.001\n{memory}")).unwrap();
+        let mut expected = ErrorModel::mems();
+        expected.gyro_deg_h.scale_sigma = 0.001;
+        expected.gnss.habits.velocity.sigma = 0.05;
+        assert_eq!(set, expected);
+        let wave = "model = \"wave\", initial_sigma = 9.0, interval_s = 5.0, jump_sigma = 1.0";
+        let set = with(&format!("gyro_deg_h.bias = {{ {wave} }}")).unwrap();
+        assert!(matches!(set.gyro_deg_h.bias, BiasModel::Wave { .. }));
+        for (text, message) in [
+            (
+                "gnss.rate_hz = -1.0",
+                "gnss.rate_hz = -1: expected more than zero",
+            ),
+            ("gyro.scale_sigma = 0.1", "unknown field `gyro`"),
+        ] {
+            let error = with(text).unwrap_err().to_string();
+            assert!(error.contains(message), "{error}");
+        }
     }
 
     #[test]

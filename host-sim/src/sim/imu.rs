@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::errors::{BiasModel, ErrorModel, SensorModel};
 use super::ideal::{Increments, Rates};
 use super::noise::Random;
+use super::recorded::Resampled;
 
 const DEG_RAD: f64 = core::f64::consts::PI / 180.0;
 
@@ -17,6 +18,8 @@ pub struct Imu {
     pub gyros: Triad,
     /// The accelerometers, m/s^2.
     pub accels: Triad,
+    /// What stands in place of their white noise, if anything.
+    pub recorded: Option<Resampled>,
 }
 
 impl Imu {
@@ -35,6 +38,7 @@ impl Imu {
                 "accel",
             )
             .with_own_axes(),
+            recorded: None,
         }
     }
 
@@ -49,18 +53,26 @@ impl Imu {
         self.accels.advance(step_s);
         match self.output {
             ImuOutput::Rates => self.measure_rates(now, step_s),
-            ImuOutput::Increments => (
-                step_s * self.gyros.read(&(gained.angle_b_rad / step_s), step_s),
-                step_s * self.accels.read(&(gained.velocity_b_mps / step_s), step_s),
-            ),
+            ImuOutput::Increments => {
+                let mean = Rates {
+                    angular_rate_ib_b_radps: gained.angle_b_rad / step_s,
+                    specific_force_b_mps2: gained.velocity_b_mps / step_s,
+                };
+                let (gyro, accel) = self.measure_rates(&mean, step_s);
+                (step_s * gyro, step_s * accel)
+            }
         }
     }
 
     /// Instantaneous readings; the noise is that of a bandwidth of half the sampling rate.
     pub fn measure_rates(&mut self, now: &Rates, step_s: f64) -> (Vector3<f64>, Vector3<f64>) {
+        let [gyro, accel] = match &mut self.recorded {
+            Some(recorded) => recorded.step(),
+            None => [&mut self.gyros, &mut self.accels].map(|triad| triad.white(step_s)),
+        };
         (
-            self.gyros.read(&now.angular_rate_ib_b_radps, step_s),
-            self.accels.read(&now.specific_force_b_mps2, step_s),
+            self.gyros.read(&now.angular_rate_ib_b_radps, &gyro),
+            self.accels.read(&now.specific_force_b_mps2, &accel),
         )
     }
 }
@@ -127,9 +139,12 @@ impl Triad {
         }
     }
 
-    fn read(&mut self, truth: &Vector3<f64>, step_s: f64) -> Vector3<f64> {
+    fn white(&mut self, step_s: f64) -> Vector3<f64> {
         let sigma = self.noise_density / step_s.sqrt();
-        let noise = Vector3::from(self.noise.normal3()).component_mul(&sigma);
+        Vector3::from(self.noise.normal3()).component_mul(&sigma)
+    }
+
+    fn read(&self, truth: &Vector3<f64>, noise: &Vector3<f64>) -> Vector3<f64> {
         let proportional = self.scale.component_mul(truth) + self.cross * truth;
         let reading = truth + proportional + self.bias() + noise;
         reading.map(|value| value.clamp(-self.range, self.range))
@@ -419,9 +434,7 @@ mod tests {
         // N deg/sqrt(h) gives N / sqrt(tau): a slope of -1/2 at every cluster time.
         let (density, step_s) = (3.6e-5, 0.01);
         let mut triad = Triad::new(&noisy(density, 0.0), 1.0, 1.0, 9, "gyro");
-        let readings: Vec<Vector3<f64>> = (0..400_000)
-            .map(|_| triad.read(&Vector3::zeros(), step_s))
-            .collect();
+        let readings: Vec<Vector3<f64>> = (0..400_000).map(|_| triad.white(step_s)).collect();
         for axis in 0..3 {
             let x: Vec<f64> = readings.iter().map(|r| r[axis]).collect();
             for size in [1, 10, 100, 400] {
@@ -459,8 +472,8 @@ mod tests {
     fn scale_errors_spread_as_told_and_multiply() {
         let triads = (0..RUNS).map(|seed| Triad::new(&noisy(0.0, 0.015), 1.0, 1e3, seed, "accel"));
         let (mut all, truth) = (Vec::new(), Vector3::new(1.0, -2.0, 9.8));
-        for mut triad in triads {
-            let error = triad.read(&truth, 0.01) - truth;
+        for triad in triads {
+            let error = triad.read(&truth, &Vector3::zeros()) - truth;
             assert!((error - triad.scale().component_mul(&truth)).norm() < 1e-14);
             all.extend(triad.scale().iter());
         }
@@ -469,8 +482,8 @@ mod tests {
 
     #[test]
     fn readings_saturate() {
-        let mut triad = Triad::new(&noisy(0.0, 0.0), 1.0, 39.0, 0, "accel");
-        let reading = triad.read(&Vector3::new(50.0, -50.0, 9.8), 0.01);
+        let triad = Triad::new(&noisy(0.0, 0.0), 1.0, 39.0, 0, "accel");
+        let reading = triad.read(&Vector3::new(50.0, -50.0, 9.8), &Vector3::zeros());
         assert_eq!(reading, Vector3::new(39.0, -39.0, 9.8));
     }
 }

@@ -20,11 +20,12 @@ pub mod plane;
 pub mod profile;
 pub mod quadrotor;
 pub mod receiver;
+pub mod recorded;
 pub mod shaken;
 #[cfg(test)]
 mod vehicles;
 pub mod walker;
 
-pub use drive::{DriveConfig, Grade, SensorErrors, SimulatedDrive, record, simulate};
+pub use drive::{DriveConfig, Grade, SensorErrors, SimulatedDrive, record, record_with, simulate};
 pub use errors::ErrorModel;
 pub use motion::{Kinematics, Motion};

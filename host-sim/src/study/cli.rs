@@ -4,6 +4,7 @@ use clap::Subcommand;
 use miette::Result;
 
 use super::{conditions, logs};
+use crate::rehearse::proof;
 
 /// What is studied.
 #[derive(Debug, Subcommand)]
@@ -12,6 +13,8 @@ pub enum Study {
     Conditions(conditions::cli::Conditions),
     /// Say what recorded logs can tell of the core: halves, methods, outages, free INS.
     Logs(logs::cli::Logs),
+    /// Foretell the drift of recorded drives without GNSS by a model of other drives, and compare.
+    Rehearse(proof::Proof),
 }
 
 /// Runs a study.
@@ -19,5 +22,6 @@ pub fn study(study: &Study, json: bool) -> Result<()> {
     match study {
         Study::Conditions(options) => conditions::cli::conditions(options, json),
         Study::Logs(options) => logs::cli::logs(options, json),
+        Study::Rehearse(options) => proof::prove(options, json),
     }
 }

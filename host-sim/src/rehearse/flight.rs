@@ -1,0 +1,153 @@
+//! One seeded flight with its sensors, as an algorithm under test gets it.
+
+use ins_core::earth::Geodetic;
+use ins_core::{GnssFix, ImuSample, Solution, Time};
+use nalgebra::Vector3;
+
+use crate::aircraft::dynamics::Dynamics;
+use crate::aircraft::flight::{Flight, FlightError};
+use crate::aircraft::plan::Plan;
+use crate::sim::drive::Recording;
+use crate::sim::errors::Outage;
+use crate::sim::ideal::displaced;
+use crate::sim::noise::Random;
+use crate::sim::recorded::RecordedNoise;
+use crate::sim::{ErrorModel, SimulatedDrive, record_with};
+
+/// What an algorithm under test is told of where it begins, one sigma each; heading is the model's.
+pub const START_POSITION_M: f64 = 5.0;
+pub const START_VELOCITY_MPS: f64 = 0.5;
+pub const START_LEVEL_DEG: f64 = 1.0;
+
+/// The aircraft, its plan, and how flights of it are recorded.
+#[derive(Clone, Debug)]
+pub struct World {
+    dynamics: Dynamics,
+    plan: Plan,
+    /// Of every flight, s.
+    pub duration_s: f64,
+    /// The last part of it is without GNSS, s.
+    pub free_s: f64,
+    /// Inertial samples per second.
+    pub imu_hz: u32,
+}
+
+/// A flight as recorded.
+#[derive(Clone, Debug)]
+pub struct Flown {
+    /// Readings, fixes, and the truth once a second.
+    pub run: SimulatedDrive,
+    /// Where an algorithm is told that it begins; the heading is `run.given_heading_rad`.
+    pub start: Solution,
+    /// From here on there is no GNSS.
+    pub free_from: Time,
+}
+
+/// A sample or a fix.
+#[derive(Clone, Copy, Debug)]
+#[allow(missing_docs)]
+pub enum Event<'a> {
+    Imu(&'a ImuSample),
+    Gnss(&'a GnssFix),
+}
+
+impl World {
+    /// Flies the plan once: all flights last as long as this one.
+    pub fn new(
+        dynamics: Dynamics,
+        mut plan: Plan,
+        free_s: f64,
+        imu_hz: u32,
+    ) -> Result<Self, FlightError> {
+        let duration_s = Flight::new(&dynamics, &plan, 0)?.duration_s()?;
+        plan.duration_s = Some(duration_s);
+        Ok(Self {
+            dynamics,
+            plan,
+            duration_s,
+            free_s,
+            imu_hz,
+        })
+    }
+
+    /// With GNSS, s.
+    pub fn aided_s(&self) -> f64 {
+        self.duration_s - self.free_s
+    }
+
+    /// Flight `seed` with sensors of a model, and recorded noise in place of white if there is any.
+    pub fn fly(
+        &self,
+        seed: u64,
+        model: &ErrorModel,
+        noise: Option<&RecordedNoise>,
+    ) -> Result<Flown, FlightError> {
+        let flight = Flight::new(&self.dynamics, &self.plan, seed)?;
+        // Flown once without sensors: what cannot be flown must not end as a figure.
+        flight.duration_s()?;
+        let mut errors = model.clone();
+        errors.gnss.outages.push(Outage {
+            start_s: self.aided_s(),
+            duration_s: self.duration_s,
+        });
+        let recording = Recording {
+            seed,
+            duration_s: self.duration_s,
+            imu_hz: f64::from(self.imu_hz),
+            truth_every: self.imu_hz,
+            origin: self.plan.start.position,
+            errors,
+        };
+        let run = record_with(flight, &recording, noise);
+        Ok(Flown {
+            start: told_start(&run.truth[0], run.given_heading_rad, seed),
+            free_from: Time::default().plus_seconds(self.aided_s()),
+            run,
+        })
+    }
+}
+
+/// The start with the errors of what an alignment before it would have left.
+fn told_start(truth: &Solution, heading_rad: Option<f64>, seed: u64) -> Solution {
+    let mut random = Random::stream(seed, "told start");
+    let mut draw = |sigma: f64| sigma * Vector3::from(random.normal3());
+    let [moved, speed] = [START_POSITION_M, START_VELOCITY_MPS].map(&mut draw);
+    let tilt = draw(START_LEVEL_DEG.to_radians());
+    let angles = truth.euler();
+    let position: Geodetic = displaced(&truth.position, &moved);
+    Solution {
+        position,
+        velocity_enu_mps: truth.velocity_enu_mps + speed,
+        attitude: ins_core::attitude::from_euler(&ins_core::attitude::Euler {
+            roll_rad: angles.roll_rad + tilt.x,
+            pitch_rad: angles.pitch_rad + tilt.y,
+            heading_rad: heading_rad.unwrap_or(0.0),
+        }),
+        ..*truth
+    }
+}
+
+impl Flown {
+    /// Samples and fixes as they arrive; a fix comes after the sample of its own stamp.
+    pub fn events(&self) -> impl Iterator<Item = Event<'_>> {
+        let mut fixes = self.run.gnss.iter().zip(&self.run.arrivals).peekable();
+        let mut samples = self.run.imu.iter().peekable();
+        std::iter::from_fn(move || {
+            let due = match (samples.peek(), fixes.peek()) {
+                (Some(sample), Some((_, arrival))) => **arrival < sample.time,
+                (None, fix) => fix.is_some(),
+                _ => false,
+            };
+            if due {
+                fixes.next().map(|(fix, _)| Event::Gnss(fix))
+            } else {
+                samples.next().map(Event::Imu)
+            }
+        })
+    }
+
+    /// When a solution is asked for: once a second.
+    pub fn asks(&self) -> &[Solution] {
+        &self.run.truth[1..]
+    }
+}

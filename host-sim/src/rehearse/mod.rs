@@ -1,0 +1,25 @@
+//! Rehearsals, the semi-natural test: recorded drives of a unit to its error model, flights of the
+//! user's plan with ideal readings and the errors of the model laid over them, and the algorithm
+//! under test over each: how accurate it will be in the air.
+//!
+//! A flight is one line in a file that only grows: a rehearsal that was stopped goes on where it
+//! was, and shards lie side by side.
+
+mod budget;
+pub mod cli;
+mod drives;
+mod flight;
+mod output;
+mod program;
+pub mod proof;
+mod replay;
+mod run;
+mod score;
+mod settings;
+mod subject;
+mod summary;
+
+pub use flight::{Event, Flown, World};
+pub use program::{Failure, Fault, Program};
+pub use settings::Settings;
+pub use subject::{Subject, Told};

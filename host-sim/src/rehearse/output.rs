@@ -1,0 +1,369 @@
+//! What a rehearsal writes and prints.
+
+use std::path::Path;
+
+use miette::{IntoDiagnostic, Result};
+use serde::Serialize;
+
+use super::score::{HEADING, POSITION, QUANTITIES};
+use super::summary::{BUDGETED, Cost, Row, Summary, Tested};
+use crate::output::replace;
+use crate::report::chart::{Chart, Figure, Point};
+use crate::report::plot::{BLUE, GREEN, GREY, ORANGE, RED};
+use crate::report::results::Table;
+use crate::report::{Page, Section, digits};
+use crate::table::{self, cells};
+
+/// File names; the first says that a rehearsal is over.
+pub const SUMMARY: &str = "rehearsal.json";
+const TABLE: &str = "errors.csv";
+const PAGE: &str = "report.html";
+const TIMES: &str = "times.json";
+
+/// Errors below are drawn here.
+const LEAST: f64 = 1e-3;
+/// Of the algorithms, in turn.
+const COLOURS: [plotters::style::RGBColor; 5] = [BLUE, ORANGE, GREEN, RED, GREY];
+
+/// Writes all files but the model's. Times stand apart: all else is the same to the bit when it is
+/// flown again.
+pub fn write(folder: &Path, summary: &Summary) -> Result<()> {
+    #[derive(Serialize)]
+    struct Took<'a> {
+        with: &'a str,
+        seconds_a_flight: f64,
+    }
+    let took = |tested: &Tested| (tested.with.clone(), tested.took_s);
+    let times: Vec<(String, f64)> = summary.tested.iter().map(took).collect();
+    let times: Vec<Took> = (times.iter())
+        .map(|(with, seconds)| Took {
+            with,
+            seconds_a_flight: *seconds,
+        })
+        .collect();
+    let csv = String::from_utf8(csv(summary).into_diagnostic()?).into_diagnostic()?;
+    let page = html(summary).into_diagnostic()?;
+    let json = serde_json::to_string_pretty(summary).into_diagnostic()? + "\n";
+    let times = serde_json::to_string_pretty(&times).into_diagnostic()? + "\n";
+    for (name, text) in [(TABLE, csv), (PAGE, page), (TIMES, times), (SUMMARY, json)] {
+        replace(&folder.join(name), &text)?;
+    }
+    Ok(())
+}
+
+/// Errors over time, algorithm by algorithm.
+fn csv(summary: &Summary) -> Result<Vec<u8>, csv::Error> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let mut header = cells(["with", "noise", "time_s", "gnss"]);
+    for quantity in &QUANTITIES {
+        let name = quantity.name.replace(' ', "_");
+        let unit = quantity.unit.replace("m/s", "mps");
+        for what in ["rms", "median", "below_95"] {
+            header.push(format!("{name}_{what}_{unit}"));
+        }
+        header.push(format!("{name}_flights"));
+    }
+    writer.write_record(&header)?;
+    for tested in &summary.tested {
+        for moment in &tested.moments {
+            let noise = if tested.recorded_noise {
+                "recorded"
+            } else {
+                "white"
+            };
+            let mut row = vec![
+                tested.with.clone(),
+                noise.to_owned(),
+                moment.time_s.to_string(),
+            ];
+            row.push(u8::from(!moment.free).to_string());
+            for errors in &moment.errors {
+                match errors {
+                    Some(e) => row.extend(
+                        [e.rms, e.median, e.below_95]
+                            .map(|value| format!("{value:.6}"))
+                            .into_iter()
+                            .chain([e.flights.to_string()]),
+                    ),
+                    None => row.extend(cells(["", "", "", "0"])),
+                }
+            }
+            writer.write_record(&row)?;
+        }
+    }
+    writer
+        .into_inner()
+        .map_err(|error| error.into_error().into())
+}
+
+// --- tables ---
+
+fn name(tested: &Tested) -> String {
+    if tested.recorded_noise {
+        format!("{}, recorded noise", tested.with)
+    } else {
+        tested.with.clone()
+    }
+}
+
+fn interval([low, high]: [f64; 2]) -> String {
+    let width = 0.5 * (high - low);
+    format!("{} to {}", digits(width, low), digits(width, high))
+}
+
+/// Three digits.
+pub(super) fn shown(value: f64) -> String {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    digits(0.1 * value, value)
+}
+
+fn seconds(value: f64) -> String {
+    format!("{value:.0} s")
+}
+
+/// Every algorithm in one line.
+fn overview(summary: &Summary) -> Table {
+    let free_s = (summary.free_s >= 1.0).then(|| summary.free_s.round());
+    let mut header = cells(["RMS", "flights", "with GNSS: position, m", "heading, deg"]);
+    if free_s.is_some() {
+        header.extend(cells([
+            "without: position, m",
+            "95 % of the flights below",
+            "velocity, m/s",
+            "heading, deg",
+        ]));
+    }
+    header.push("s a flight".to_owned());
+    let row = |tested: &Tested| {
+        let value = |quantity, at, of: fn(&Row) -> f64| {
+            let row = tested.row(quantity, at);
+            row.map_or_else(|| "-".to_owned(), |row| shown(of(row)))
+        };
+        let rms = |row: &Row| row.figure.rms;
+        let mut row = vec![
+            name(tested),
+            format!("{} of {}", tested.flights, summary.flights),
+            value(POSITION, None, rms),
+            value(HEADING, None, rms),
+        ];
+        if free_s.is_some() {
+            row.extend([
+                value(POSITION, free_s, rms),
+                value(POSITION, free_s, |row| row.below_95),
+                value(2, free_s, rms),
+                value(HEADING, free_s, rms),
+            ]);
+        }
+        row.push(if tested.flights > 0 {
+            format!("{:.2}", tested.took_s)
+        } else {
+            "-".to_owned()
+        });
+        row
+    };
+    Table {
+        title: format!(
+            "{} flights of {}, the last {} without GNSS; model of {} drive{}",
+            summary.flights,
+            seconds(summary.duration_s),
+            seconds(summary.free_s),
+            summary.drives.len(),
+            if summary.drives.len() == 1 { "" } else { "s" }
+        ),
+        header,
+        rows: summary.tested.iter().map(row).collect(),
+    }
+}
+
+/// One algorithm in full.
+fn details(tested: &Tested) -> Table {
+    let with_model = tested.rows.iter().any(|row| row.model_95.is_some());
+    let mut header = cells(["error", "", "flights", "RMS", "95 %, flights"]);
+    if with_model {
+        header.push("95 %, model".to_owned());
+    }
+    header.extend(cells(["median", "95 % of the flights below"]));
+    let row = |row: &Row| {
+        let place = row.without_gnss_s.map_or_else(
+            || "with GNSS".to_owned(),
+            |since_s| format!("{} without", seconds(since_s)),
+        );
+        let mut cells = vec![
+            format!("{}, {}", row.quantity, row.unit),
+            place,
+            row.flights.to_string(),
+            shown(row.figure.rms),
+            interval(row.figure.rms_95),
+        ];
+        if with_model {
+            cells.push(row.model_95.map_or_else(|| "-".to_owned(), interval));
+        }
+        cells.extend([shown(row.figure.median), shown(row.below_95)]);
+        cells
+    };
+    Table {
+        title: name(tested),
+        header,
+        rows: tested.rows.iter().map(row).collect(),
+    }
+}
+
+/// Flights without an answer, and those that the aircraft could not fly.
+fn outcomes(summary: &Summary) -> Option<Table> {
+    let mut rows = Vec::new();
+    for tested in &summary.tested {
+        rows.extend(tested.failures.iter().map(|failed| {
+            vec![
+                name(tested),
+                failed.fault.in_words().to_owned(),
+                failed.flights.to_string(),
+                format!("flight {}, {}", failed.first, seconds(failed.at_s)),
+                failed.cause.clone(),
+            ]
+        }));
+        if tested.has_no_solution() {
+            let never = "never had a solution where one is looked at".to_owned();
+            let count = tested.flights.to_string();
+            rows.push(vec![
+                name(tested),
+                "no solution".to_owned(),
+                count,
+                String::new(),
+                never,
+            ]);
+        }
+    }
+    if summary.not_flown > 0 {
+        let cause = "the aircraft could not fly the plan: see runs.jsonl".to_owned();
+        let count = summary.not_flown.to_string();
+        rows.push(vec![
+            "-".to_owned(),
+            "not flown".to_owned(),
+            count,
+            String::new(),
+            cause,
+        ]);
+    }
+    (!rows.is_empty()).then(|| Table {
+        title: "Flights without a result".to_owned(),
+        header: cells(["", "outcome", "flights", "first", "cause"]),
+        rows,
+    })
+}
+
+fn budget(summary: &Summary) -> Option<Table> {
+    let mut header = cells([""]);
+    for (quantity, free) in BUDGETED {
+        let q = &QUANTITIES[quantity];
+        let place = if free { "without GNSS" } else { "with GNSS" };
+        header.push(format!("{}, {}, {place}: alone", q.name, q.unit));
+        header.push("without it".to_owned());
+    }
+    let row = |cost: &Cost| {
+        let cell = |value: Option<f64>| value.map_or_else(String::new, shown);
+        let mut row = vec![cost.source.unwrap_or("all").to_owned()];
+        for (alone, without) in cost.alone.into_iter().zip(cost.without) {
+            row.extend([cell(alone), cell(without)]);
+        }
+        row
+    };
+    let first = summary.tested.first().map_or("", |tested| &tested.with);
+    (!summary.budget.is_empty()).then(|| Table {
+        title: format!(
+            "What each error costs {first}: RMS with it alone, and what is left without it"
+        ),
+        header,
+        rows: summary.budget.iter().map(row).collect(),
+    })
+}
+
+fn assumed(summary: &Summary) -> Table {
+    let row = |part: &crate::error_model::Assumed| part.cells().to_vec();
+    Table {
+        title: "What the drives do not show, and what was assumed instead".to_owned(),
+        header: cells(["", "assumed", "why"]),
+        rows: summary.assumed.iter().map(row).collect(),
+    }
+}
+
+fn tables(summary: &Summary) -> Vec<Table> {
+    let mut all = vec![overview(summary)];
+    all.extend(outcomes(summary));
+    all.extend(
+        summary
+            .tested
+            .iter()
+            .filter(|t| !t.rows.is_empty())
+            .map(details),
+    );
+    all.extend(budget(summary));
+    let (header, rows) = summary.model.clone();
+    let title = "The model, with what the drives leave open".to_owned();
+    all.extend([
+        Table {
+            title,
+            header,
+            rows,
+        },
+        assumed(summary),
+    ]);
+    all
+}
+
+/// For a terminal.
+pub fn readable(summary: &Summary) -> String {
+    let text = |table: &Table| {
+        format!(
+            "{}\n\n{}\n",
+            table.title,
+            table::plain(&table.header, &table.rows)
+        )
+    };
+    tables(summary).iter().map(text).collect()
+}
+
+// --- page ---
+
+fn html(summary: &Summary) -> Result<String, minijinja::Error> {
+    let page = Page {
+        title: "Rehearsal: how accurate it will be in the air".to_owned(),
+        facts: format!(
+            "model of {} \u{b7} host-sim {}",
+            summary.drives.join(", "),
+            env!("CARGO_PKG_VERSION")
+        ),
+        verdicts: Vec::new(),
+        tables: tables(summary),
+        sections: vec![Section {
+            title: "Errors over time",
+            note: "RMS of all flights.",
+            figures: (0..QUANTITIES.len())
+                .map(|quantity| figure(summary, quantity))
+                .collect(),
+        }],
+    };
+    page.html()
+}
+
+/// RMS of one quantity over time, by every algorithm.
+fn figure(summary: &Summary, quantity: usize) -> Figure {
+    let (end_s, of) = (summary.duration_s, &QUANTITIES[quantity]);
+    let curve = |tested: &Tested| -> Vec<Point> {
+        let points = tested.moments.iter();
+        points
+            .filter_map(|m| Some((m.time_s, m.errors[quantity]?.rms.max(LEAST))))
+            .collect()
+    };
+    let curves: Vec<Vec<Point>> = summary.tested.iter().map(curve).collect();
+    let mut chart = Chart::over_time(of.name, of.unit, end_s)
+        .shade("without GNSS", &[(end_s - summary.free_s, end_s)]);
+    let coloured = summary.tested.iter().zip(COLOURS.iter().cycle());
+    for ((tested, colour), curve) in coloured.zip(&curves) {
+        chart = chart.line(&name(tested), *colour, curve);
+    }
+    chart
+        .logarithmic_y(curves.iter().flatten().map(|point| point.1))
+        .figure()
+}

@@ -1,0 +1,578 @@
+//! Any program as the algorithm under test, through lines on its standard input and output;
+//! docs/rehearse.md has them.
+
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read, Seek, SeekFrom, Write};
+use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
+use std::str::FromStr;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use ins_core::attitude::{Euler, from_euler};
+use ins_core::earth::Geodetic;
+use ins_core::increments::{Increments, Interval};
+use ins_core::{GnssFix, ImuSample, Solution, Time};
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::flight::{Event, Flown, START_LEVEL_DEG, START_POSITION_M, START_VELOCITY_MPS};
+use super::subject::{Answers, Told};
+use crate::kalman::Noise;
+
+/// Of the protocol.
+const VERSION: u32 = 1;
+/// A first line may take so many times the limit: interpreters and libraries are slow to load.
+const START_LIMITS: u32 = 30;
+/// After so many times the limit an answer that is late is not waited for.
+const PATIENCE: u32 = 3;
+/// Longer lines are no answers.
+const LONGEST_LINE: u64 = 4096;
+/// Lines that may wait to be looked at.
+const LINES_AHEAD: usize = 64;
+/// A program that closed its output is given so long to end.
+const PARTING: Duration = Duration::from_secs(1);
+
+/// A command.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Program {
+    /// What stands in tables.
+    pub name: String,
+    /// The program and its arguments.
+    pub command: Vec<String>,
+}
+
+/// Why a flight has no answers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Failure {
+    /// Which kind.
+    pub fault: Fault,
+    /// Time in the flight, s.
+    pub at_s: f64,
+    /// What was seen, in words.
+    pub cause: String,
+}
+
+/// What programs do wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Fault {
+    /// It cannot be run, or not with this protocol.
+    Unusable,
+    /// It ended before its time.
+    Crashed,
+    /// No answer came.
+    Hung,
+    /// An answer came after the limit.
+    Late,
+    /// What came is no answer to what was asked.
+    Wrong,
+}
+
+impl Fault {
+    /// In tables.
+    pub fn in_words(self) -> &'static str {
+        match self {
+            Self::Unusable => "unusable",
+            Self::Crashed => "crashed",
+            Self::Hung => "hung",
+            Self::Late => "late",
+            Self::Wrong => "wrong line",
+        }
+    }
+}
+
+impl FromStr for Program {
+    type Err = String;
+
+    /// `NAME=COMMAND`, or a command, named by its program. Quotes as in a shell.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (name, command) = match text.split_once('=') {
+            Some((name, command)) if name.chars().all(|c| c.is_alphanumeric() || c == '-') => {
+                (Some(name), command)
+            }
+            _ => (None, text),
+        };
+        let command = shlex::split(command).ok_or("a quote is not closed")?;
+        let program = command.first().ok_or("no program is named")?;
+        let own_name = || {
+            let stem = std::path::Path::new(program).file_stem();
+            stem.map_or_else(
+                || program.clone(),
+                |stem| stem.to_string_lossy().into_owned(),
+            )
+        };
+        Ok(Self {
+            name: name.map_or_else(own_name, str::to_owned),
+            command,
+        })
+    }
+}
+
+impl Program {
+    /// Flies it; whatever it does, the flight ends.
+    pub fn fly(&self, flown: &Flown, told: &Told) -> Answers {
+        let mut took = Duration::ZERO;
+        let solutions = match Session::begin(self, flown, told) {
+            Ok(session) => session.fly(flown, told, &mut took),
+            Err(failure) => Err(failure),
+        };
+        Answers { solutions, took }
+    }
+}
+
+/// A program that runs. It is killed when this goes.
+struct Session {
+    child: Child,
+    errors: File,
+    requests: Sender<String>,
+    lines: Receiver<String>,
+    limit: Duration,
+    /// All answers come after the end: the program looks at the flight as a whole.
+    after: bool,
+    now_s: f64,
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn unusable(cause: String) -> Failure {
+    Failure {
+        fault: Fault::Unusable,
+        at_s: 0.0,
+        cause,
+    }
+}
+
+impl Session {
+    fn begin(program: &Program, flown: &Flown, told: &Told) -> Result<Self, Failure> {
+        let errors = tempfile::tempfile().map_err(|error| unusable(error.to_string()))?;
+        let stderr = errors
+            .try_clone()
+            .map_err(|error| unusable(error.to_string()))?;
+        let mut child = Command::new(&program.command[0])
+            .args(&program.command[1..])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(stderr)
+            .spawn()
+            .map_err(|error| unusable(format!("{} cannot be run: {error}", program.command[0])))?;
+        let (Some(stdin), Some(stdout)) = (child.stdin.take(), child.stdout.take()) else {
+            return Err(unusable("no pipes".to_owned()));
+        };
+        let mut session = Self {
+            child,
+            errors,
+            requests: written_to(stdin),
+            lines: read_from(stdout),
+            limit: told.limit,
+            after: false,
+            now_s: 0.0,
+        };
+        session.send(greeting(flown, told));
+        let line = session.line(START_LIMITS * told.limit)?;
+        session.after = match *line.split(',').collect::<Vec<_>>() {
+            ["ready", "1"] => false,
+            ["ready", "1", "after"] => true,
+            _ => {
+                return Err(unusable(format!(
+                    "answered `{line}`: expected `ready,{VERSION}` or `ready,{VERSION},after`"
+                )));
+            }
+        };
+        Ok(session)
+    }
+
+    fn fly(
+        mut self,
+        flown: &Flown,
+        told: &Told,
+        took: &mut Duration,
+    ) -> Result<Vec<Option<Solution>>, Failure> {
+        let mut increments = None;
+        let mut asks = flown.asks().iter().peekable();
+        let mut solutions = Vec::with_capacity(asks.len());
+        let mut text = String::new();
+        let begin = Instant::now();
+        for event in flown.events() {
+            let sample = match event {
+                Event::Imu(sample) => sample,
+                Event::Gnss(fix) => {
+                    write_fix(&mut text, fix);
+                    continue;
+                }
+            };
+            let (last, increments) = increments.get_or_insert_with(|| {
+                let increments = Increments::new(told.model.imu.output, sample);
+                (flown.start.time, increments)
+            });
+            let seconds = sample.time.seconds_since(*last);
+            if seconds > 0.0 {
+                write_sample(&mut text, sample, &increments.interval(sample, seconds));
+                *last = sample.time;
+            }
+            if let Some(ask) = asks.next_if(|ask| ask.time <= sample.time) {
+                self.now_s = ask.time.as_seconds();
+                // Writing into a string cannot fail.
+                let _ = writeln!(text, "ask,{}", self.now_s);
+                self.send(core::mem::take(&mut text));
+                if !self.after {
+                    let start = Instant::now();
+                    solutions.push(self.answer(ask.time, self.limit)?);
+                    *took += start.elapsed();
+                }
+            }
+        }
+        self.send("end\n".to_owned());
+        if self.after {
+            // The limit is of an answer; here of all of them together.
+            let asks = flown.asks();
+            let count = u32::try_from(asks.len()).unwrap_or(u32::MAX);
+            let end = begin + count * self.limit;
+            for ask in asks {
+                self.now_s = ask.time.as_seconds();
+                let left = end.saturating_duration_since(Instant::now());
+                solutions.push(self.answer(ask.time, left.max(self.limit))?);
+            }
+            *took = begin.elapsed();
+        }
+        Ok(solutions)
+    }
+
+    fn send(&self, text: String) {
+        // A program that does not read any more is noticed by its silence.
+        let _ = self.requests.send(text);
+    }
+
+    fn failure(&self, fault: Fault, cause: String) -> Failure {
+        Failure {
+            fault,
+            at_s: self.now_s,
+            cause,
+        }
+    }
+
+    /// The next line of the program, if it comes in time.
+    fn line(&mut self, limit: Duration) -> Result<String, Failure> {
+        let start = Instant::now();
+        match self.lines.recv_timeout(PATIENCE * limit) {
+            Ok(line) if start.elapsed() <= limit => Ok(line),
+            Ok(_) => Err(self.failure(
+                Fault::Late,
+                format!(
+                    "answered after {:.2} s, the limit is {:.2} s",
+                    start.elapsed().as_secs_f64(),
+                    limit.as_secs_f64()
+                ),
+            )),
+            Err(RecvTimeoutError::Timeout) => Err(self.failure(
+                Fault::Hung,
+                format!(
+                    "no answer in {:.2} s, the limit is {:.2} s",
+                    (PATIENCE * limit).as_secs_f64(),
+                    limit.as_secs_f64()
+                ),
+            )),
+            Err(RecvTimeoutError::Disconnected) => Err(self.ended()),
+        }
+    }
+
+    /// Its output is closed.
+    fn ended(&mut self) -> Failure {
+        let start = Instant::now();
+        let status = loop {
+            match self.child.try_wait() {
+                Ok(Some(status)) => break Some(status),
+                Ok(None) if start.elapsed() < PARTING => {
+                    thread::sleep(Duration::from_millis(5));
+                }
+                _ => break None,
+            }
+        };
+        let how = status.map_or_else(
+            || "closed its output and goes on".to_owned(),
+            |status: ExitStatus| format!("ended: {status}"),
+        );
+        let said = self.last_words();
+        self.failure(
+            Fault::Crashed,
+            if said.is_empty() {
+                how
+            } else {
+                format!("{how}: {said}")
+            },
+        )
+    }
+
+    /// The last line that the program wrote on standard error.
+    fn last_words(&mut self) -> String {
+        let mut text = String::new();
+        let length = self.errors.seek(SeekFrom::End(0)).unwrap_or(0);
+        let _ = self
+            .errors
+            .seek(SeekFrom::Start(length.saturating_sub(LONGEST_LINE)));
+        let _ = (&mut self.errors)
+            .take(LONGEST_LINE)
+            .read_to_string(&mut text);
+        let last = text.lines().rfind(|line| !line.trim().is_empty());
+        last.unwrap_or_default().trim().to_owned()
+    }
+
+    fn answer(&mut self, asked: Time, limit: Duration) -> Result<Option<Solution>, Failure> {
+        let line = self.line(limit)?;
+        parse(&line, asked).map_err(|expected| {
+            let shown: String = line.chars().take(80).collect();
+            self.failure(Fault::Wrong, format!("answered `{shown}`: {expected}"))
+        })
+    }
+}
+
+/// Writes what it is sent, on a thread of its own: a program that does not read must not stop us.
+fn written_to(mut stdin: impl Write + Send + 'static) -> Sender<String> {
+    let (sender, texts) = channel::<String>();
+    thread::spawn(move || {
+        for text in texts {
+            if stdin
+                .write_all(text.as_bytes())
+                .and_then(|()| stdin.flush())
+                .is_err()
+            {
+                return;
+            }
+        }
+    });
+    sender
+}
+
+/// Reads lines on a thread of its own: a program that does not write must not stop us either.
+fn read_from(stdout: ChildStdout) -> Receiver<String> {
+    let (sender, lines) = sync_channel(LINES_AHEAD);
+    thread::spawn(move || {
+        let mut reader = BufReader::new(stdout);
+        loop {
+            let mut line = Vec::new();
+            let length = reader
+                .by_ref()
+                .take(LONGEST_LINE)
+                .read_until(b'\n', &mut line);
+            if !length.is_ok_and(|length| length > 0) {
+                return;
+            }
+            let text = String::from_utf8_lossy(&line).trim().to_owned();
+            if sender.send(text).is_err() {
+                return;
+            }
+        }
+    });
+    lines
+}
+
+// --- lines to the program ---
+
+/// Right-forward-up to forward-right-down, east-north-up to north-east-down, and back.
+fn swapped(v: &Vector3<f64>) -> [f64; 3] {
+    [v.y, v.x, -v.z]
+}
+
+fn joined<const N: usize>(values: [f64; N]) -> String {
+    values.map(|value| value.to_string()).join(",")
+}
+
+/// What is said before the flight begins.
+fn greeting(flown: &Flown, told: &Told) -> String {
+    let noise = Noise::of_model(&told.model);
+    let [least, most] = told.model.gnss.latency_s;
+    let unit = [
+        noise.gyro_noise.mean(),
+        noise.gyro_bias_radps,
+        noise.gyro_bias_walk,
+        noise.accel_noise.mean(),
+        noise.accel_bias_mps2,
+        noise.accel_bias_walk,
+        noise.velocity.total(),
+        noise.position.total(),
+        noise.height.total(),
+        0.5 * (least + most),
+    ];
+    let start = &flown.start;
+    let angles = start.euler();
+    let known = flown.run.given_heading_rad.is_some();
+    let heading = |deg: f64| {
+        if known {
+            deg.to_string()
+        } else {
+            String::new()
+        }
+    };
+    format!(
+        "rehearse,{VERSION},{}\nunit,{}\nstart,{},{},{},{},{},{}\n",
+        told.limit.as_secs_f64(),
+        joined(unit),
+        joined([
+            start.time.as_seconds(),
+            start.position.latitude_rad.to_degrees(),
+            start.position.longitude_rad.to_degrees(),
+            start.position.height_m,
+        ]),
+        joined(swapped(&start.velocity_enu_mps)),
+        joined([angles.roll_rad.to_degrees(), angles.pitch_rad.to_degrees()]),
+        heading(angles.heading_rad.to_degrees()),
+        joined([START_POSITION_M, START_VELOCITY_MPS, START_LEVEL_DEG]),
+        heading(noise.heading_sigma_rad.to_degrees()),
+    )
+}
+
+fn write_sample(text: &mut String, sample: &ImuSample, interval: &Interval) {
+    let _ = writeln!(
+        text,
+        "imu,{},{},{},{}",
+        sample.time.as_seconds(),
+        interval.seconds,
+        joined(swapped(&interval.angle_rad)),
+        joined(swapped(&interval.force_mps)),
+    );
+}
+
+/// What a fix does not have is left empty.
+fn write_fix(text: &mut String, fix: &GnssFix) {
+    let cell = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
+    let cells = [
+        fix.position.map(|place| place.latitude_rad.to_degrees()),
+        fix.position.map(|place| place.longitude_rad.to_degrees()),
+        fix.height_m,
+        fix.velocity_en_mps.map(|velocity| velocity.y),
+        fix.velocity_en_mps.map(|velocity| velocity.x),
+        fix.velocity_up_mps.map(|up| -up),
+    ];
+    let _ = writeln!(
+        text,
+        "gnss,{},{}",
+        fix.time.as_seconds(),
+        cells.map(cell).join(",")
+    );
+}
+
+// --- lines of the program ---
+
+/// A solution or `none`; what was expected if it is neither.
+fn parse(line: &str, asked: Time) -> Result<Option<Solution>, String> {
+    let asked_s = asked.as_seconds();
+    let is_asked = |time: f64| (time - asked_s).abs() < 1e-6;
+    let mut fields = line.split(',');
+    let kind = fields.next().unwrap_or_default();
+    let numbers: Option<Vec<f64>> = fields.map(|field| field.trim().parse().ok()).collect();
+    match (kind, numbers.as_deref()) {
+        ("none", Some(&[time])) if is_asked(time) => Ok(None),
+        ("solution", Some(&[time, ref values @ ..])) if is_asked(time) => {
+            let values: &[f64; 9] = (values.try_into()).map_err(|_| {
+                format!("expected 9 numbers after the time, found {}", values.len())
+            })?;
+            solution(values, asked).map(Some)
+        }
+        ("none" | "solution", Some([time, ..])) => Err(format!(
+            "expected an answer for {asked_s} s, this is for {time} s"
+        )),
+        _ => Err(format!(
+            "expected `solution,{asked_s},` and 9 numbers, or `none,{asked_s}`"
+        )),
+    }
+}
+
+fn solution(values: &[f64; 9], time: Time) -> Result<Solution, String> {
+    let [
+        latitude_deg,
+        longitude_deg,
+        height_m,
+        north,
+        east,
+        down,
+        roll,
+        pitch,
+        heading,
+    ] = *values;
+    if let Some(value) = values.iter().find(|value| !value.is_finite()) {
+        return Err(format!("expected finite numbers, found {value}"));
+    }
+    for (name, value, most) in [
+        ("a latitude", latitude_deg, 90.0),
+        ("a longitude", longitude_deg, 360.0),
+        ("a pitch", pitch, 90.0),
+    ] {
+        if value.abs() > most {
+            return Err(format!(
+                "expected {name} of at most {most} deg, found {value}"
+            ));
+        }
+    }
+    Ok(Solution {
+        time,
+        position: Geodetic {
+            latitude_rad: latitude_deg.to_radians(),
+            longitude_rad: longitude_deg.to_radians(),
+            height_m,
+        },
+        velocity_enu_mps: swapped(&Vector3::new(north, east, down)).into(),
+        attitude: from_euler(&Euler {
+            roll_rad: roll.to_radians(),
+            pitch_rad: pitch.to_radians(),
+            heading_rad: heading.to_radians(),
+        }),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn answers_are_read_and_others_are_told_what_was_expected() {
+        let at = Time::from_micros(2_500_000);
+        assert_eq!(parse("none,2.5", at), Ok(None));
+        let good = parse("solution,2.5,56,40,600,1,2,-3,4,5,6", at)
+            .unwrap()
+            .unwrap();
+        assert_eq!(good.velocity_enu_mps, Vector3::new(2.0, 1.0, 3.0));
+        assert!((good.euler().heading_rad.to_degrees() - 6.0).abs() < 1e-9);
+        for (line, message) in [
+            ("", "expected `solution,2.5,`"),
+            (
+                "solution,2.5,56,40",
+                "expected 9 numbers after the time, found 2",
+            ),
+            (
+                "solution,2.5,56,40,600,1,2,-3,4,5,north",
+                "expected `solution,2.5,`",
+            ),
+            (
+                "solution,1.5,56,40,600,1,2,-3,4,5,6",
+                "expected an answer for 2.5 s, this is for 1.5 s",
+            ),
+            (
+                "solution,2.5,56,40,NaN,1,2,-3,4,5,6",
+                "expected finite numbers, found NaN",
+            ),
+            (
+                "solution,2.5,560,40,600,1,2,-3,4,5,6",
+                "expected a latitude of at most 90 deg, found 560",
+            ),
+        ] {
+            let error = parse(line, at).unwrap_err();
+            assert!(error.contains(message), "{line}: {error}");
+        }
+    }
+
+    #[test]
+    fn commands_have_names_and_quotes() {
+        let program: Program = "mine=python3 'my filter.py' --fast".parse().unwrap();
+        assert_eq!(program.name, "mine");
+        assert_eq!(program.command, ["python3", "my filter.py", "--fast"]);
+        let program: Program = "./a/filter.bin --gain=2".parse().unwrap();
+        assert_eq!(program.name, "filter");
+        assert!("x='".parse::<Program>().is_err());
+    }
+}

@@ -1,0 +1,287 @@
+//! The proof on recorded drives: a model from some foretells the drift without GNSS on others.
+//!
+//! The motion of each other drive is simulated again with errors of the model, seed by seed, and the
+//! core goes over both, the recorded and the simulated. Outages are placed all along; drift is
+//! measured against the same core with GNSS, on either side.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use ins_core::ConfigError;
+use ins_core::{Config, GnssFix, ImuSample, Navigator, Observability, Phase, Solution, Time};
+use miette::{IntoDiagnostic, Result, miette};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::cli::{in_keys, keys};
+use super::drives::{Drives, rate_hz};
+use super::output::shown;
+use super::replay::Replay;
+use super::score::{HEADING, POSITION, QUANTITIES, sizes};
+use crate::analysis::Analysis;
+use crate::cli::{GradeChoice, bar, error_model_of};
+use crate::error_model::Record;
+use crate::error_model::interval::student;
+use crate::flights::statistics::rms;
+use crate::identify::{Event, in_order_of_time};
+use crate::sim::drive::Recording;
+use crate::sim::{ErrorModel, record};
+use crate::table::{self, cells};
+
+/// Since GNSS went, s.
+const HORIZONS_S: [f64; 3] = [10.0, 30.0, 60.0];
+/// From outage to outage, s.
+const STRIDE_S: f64 = 10.0;
+/// Navigation before the first outage, s.
+const SETTLE_S: f64 = 30.0;
+/// Age of the last fix at which an outage may begin, s; older, there already is one.
+const FRESH_S: f64 = 1.5;
+/// Quantities that are foretold: position, velocity and attitude, level.
+const FORETOLD: [usize; 4] = [POSITION, 2, 4, HEADING];
+/// Goal: predicted over observed.
+const GOAL: [f64; 2] = [0.8, 1.25];
+
+/// Options of `study rehearse`.
+#[derive(Debug, Args)]
+pub struct Proof {
+    /// Drives that the model is of.
+    #[arg(required = true)]
+    drives: Vec<PathBuf>,
+    /// Drives of the same unit on which it is tried.
+    #[arg(long, required = true, num_args = 1..)]
+    against: Vec<PathBuf>,
+    /// TOML with any keys of an error model that stand in place of what was identified or assumed.
+    #[arg(long, value_name = "FILE")]
+    set: Option<PathBuf>,
+    /// Simulations of each of them.
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(2..=1000))]
+    seeds: u64,
+    /// Class of the sensors.
+    #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
+    grade: GradeChoice,
+}
+
+/// One quantity on one drive after one time.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// Drive.
+    pub log: String,
+    /// Since GNSS went, s.
+    pub without_gnss_s: f64,
+    /// What.
+    pub quantity: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// Outages on the recorded drive.
+    pub outages: usize,
+    /// RMS over these.
+    pub observed: f64,
+    /// RMS over all simulations.
+    pub predicted: f64,
+    /// Predicted over observed.
+    pub ratio: f64,
+    /// What it would be in 95 % of drives of which the model is true, around itself.
+    pub ratio_95: [f64; 2],
+}
+
+/// Sizes of the errors of one outage at each horizon; none after the end of the log.
+type Drift = [Option<[f64; QUANTITIES.len()]>; HORIZONS_S.len()];
+
+/// Foretells, compares, prints.
+pub fn prove(options: &Proof, json: bool) -> Result<()> {
+    let drives = Drives::read(&options.drives, options.grade.told())?;
+    let mut model = error_model_of(&drives.records, drives.grade, None).model();
+    model.imu.output = drives.output;
+    let set = options.set.as_deref();
+    let model = (model.with(&keys(set)?)).map_err(|error| in_keys(set, &error))?;
+    let mut rows = Vec::new();
+    for path in &options.against {
+        let analysis = Analysis::of_log(path, Some(drives.grade), &bar())?;
+        rows.extend(tried(&analysis, &model, options.seeds)?);
+    }
+    if json {
+        println!("{}", serde_json::to_string_pretty(&rows).into_diagnostic()?);
+    } else {
+        print!("{}", readable(&rows));
+    }
+    Ok(())
+}
+
+fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<Row>> {
+    let (log, name) = (&analysis.log, &analysis.summary.log);
+    let unusable = |error: ConfigError| miette!("the configuration cannot be used: {}", error);
+    let config = analysis.found.config;
+    let observed = drifts(&log.imu, &log.gnss, config).map_err(unusable)?;
+    let mut errors = model.clone();
+    errors.gnss.rate_hz = Record::new(log, &analysis.found).fix_rate_hz;
+    let solutions = &analysis.found.solutions;
+    let (Some(replay), Some(first)) = (Replay::new(solutions), solutions.get(1)) else {
+        eprintln!("{name}: never navigates, nothing to compare");
+        return Ok(Vec::new());
+    };
+    let simulated: Vec<Vec<Drift>> = (0..seeds)
+        .into_par_iter()
+        .map(|seed| {
+            let recording = Recording {
+                seed,
+                duration_s: replay.duration_s(),
+                imu_hz: rate_hz(log),
+                truth_every: 10,
+                origin: first.position,
+                errors: errors.clone(),
+            };
+            let run = record(replay.clone(), &recording);
+            drifts(&run.imu, &run.gnss, config)
+        })
+        .collect::<Result<_, ConfigError>>()
+        .map_err(unusable)?;
+    let mut rows = Vec::new();
+    for (horizon, &without_gnss_s) in HORIZONS_S.iter().enumerate() {
+        for quantity in FORETOLD {
+            let values = |drifts: &[Drift]| -> Vec<f64> {
+                let at = drifts.iter().filter_map(|drift| drift[horizon]);
+                at.map(|sizes| sizes[quantity].abs()).collect()
+            };
+            let seen = values(&observed);
+            let each: Vec<Vec<f64>> = simulated.iter().map(|drifts| values(drifts)).collect();
+            if let Some(compared) = compare(&seen, &each) {
+                rows.push(Row {
+                    log: name.clone(),
+                    without_gnss_s,
+                    quantity: QUANTITIES[quantity].name,
+                    unit: QUANTITIES[quantity].unit,
+                    outages: seen.len(),
+                    ..compared
+                });
+            }
+        }
+    }
+    if rows.is_empty() {
+        eprintln!("{name}: no outage fits, on the drive or on its simulations");
+    }
+    Ok(rows)
+}
+
+/// None without outages on either side.
+fn compare(seen: &[f64], simulated: &[Vec<f64>]) -> Option<Row> {
+    let each: Vec<f64> = (simulated.iter())
+        .filter(|values| !values.is_empty())
+        .map(|values| rms(values.iter().copied()))
+        .collect();
+    if seen.is_empty() || each.len() < 2 {
+        return None;
+    }
+    let (observed, predicted) = (rms(seen.iter().copied()), rms(each.iter().copied()));
+    let ratio = predicted / observed;
+    let logarithms: Vec<f64> = each.iter().map(|one| libm::log(one / predicted)).collect();
+    let count = logarithms.len() as f64;
+    let middle = logarithms.iter().sum::<f64>() / count;
+    let squares: f64 = logarithms.iter().map(|l| (l - middle) * (l - middle)).sum();
+    // Of one more drive, when so many were simulated.
+    let half = student(count - 1.0) * (squares / (count - 1.0) * (1.0 + 1.0 / count)).sqrt();
+    Some(Row {
+        log: String::new(),
+        without_gnss_s: 0.0,
+        quantity: "",
+        unit: "",
+        outages: 0,
+        observed,
+        predicted,
+        ratio,
+        ratio_95: [-half, half].map(|bound| ratio * libm::exp(bound)),
+    })
+}
+
+/// The core through outages all along a drive.
+fn drifts(imu: &[ImuSample], gnss: &[GnssFix], config: Config) -> Result<Vec<Drift>, ConfigError> {
+    let mut navigator = Navigator::new(config)?;
+    let (mut aided, mut blind): (Vec<Solution>, Vec<[Option<Solution>; 3]>) = Default::default();
+    let (mut navigating_since, mut last_fix, mut next) = (None, None, None::<Time>);
+    let mut samples = 0;
+    for event in in_order_of_time(imu, gnss) {
+        let sample = match event {
+            Event::Gnss(fix) => {
+                let _ = navigator.on_gnss(fix);
+                last_fix = fix.velocity_en_mps.map(|_| fix.time).or(last_fix);
+                continue;
+            }
+            Event::Imu(sample) => sample,
+        };
+        samples += 1;
+        let _ = navigator.on_imu(sample);
+        if navigator.phase() != Phase::Navigating {
+            navigating_since = None;
+            continue;
+        }
+        aided.extend(navigator.solution());
+        let since = *navigating_since.get_or_insert(sample.time);
+        let azimuth = navigator.estimates().azimuth_error_rad.observability;
+        let settled = sample.time.seconds_since(since) >= SETTLE_S
+            && azimuth == Observability::Observable
+            && last_fix.is_some_and(|fix| sample.time.seconds_since(fix) < FRESH_S);
+        if settled && next.is_none_or(|next| sample.time >= next) {
+            blind.push(free(navigator.clone(), &imu[samples..], sample.time));
+            next = Some(sample.time.plus_seconds(STRIDE_S));
+        }
+    }
+    let against = |free: &Solution| {
+        let at = aided.binary_search_by_key(&free.time, |solution| solution.time);
+        at.ok().map(|at| sizes(free, &aided[at]))
+    };
+    let drift = |ends: &[Option<Solution>; 3]| ends.map(|end| end.as_ref().and_then(against));
+    Ok(blind.iter().map(drift).collect())
+}
+
+/// Where it is at each horizon.
+fn free(mut ins: Navigator, imu: &[ImuSample], start: Time) -> [Option<Solution>; 3] {
+    let mut ends = [None; 3];
+    let mut reached = 0;
+    for sample in imu {
+        let _ = ins.on_imu(sample);
+        while reached < 3 && sample.time.seconds_since(start) >= HORIZONS_S[reached] {
+            ends[reached] = ins.solution();
+            reached += 1;
+        }
+        if reached == 3 {
+            break;
+        }
+    }
+    ends
+}
+
+fn readable(rows: &[Row]) -> String {
+    let header = cells([
+        "",
+        "without, s",
+        "",
+        "outages",
+        "observed",
+        "predicted",
+        "ratio",
+        "95 %",
+    ]);
+    let row = |row: &Row| {
+        vec![
+            row.log.clone(),
+            row.without_gnss_s.to_string(),
+            format!("{}, {}", row.quantity, row.unit),
+            row.outages.to_string(),
+            shown(row.observed),
+            shown(row.predicted),
+            format!("{:.2}", row.ratio),
+            format!("{:.2} to {:.2}", row.ratio_95[0], row.ratio_95[1]),
+        ]
+    };
+    let all: Vec<Vec<String>> = rows.iter().map(row).collect();
+    let good = |row: &&Row| (GOAL[0]..=GOAL[1]).contains(&row.ratio);
+    let honest = |row: &&Row| row.ratio_95[0] <= 1.0 && row.ratio_95[1] >= 1.0;
+    format!(
+        "{}\n{} of {} ratios within {} to {}; in {} the 95 % hold 1.\n",
+        table::plain(&header, &all),
+        rows.iter().filter(good).count(),
+        rows.len(),
+        GOAL[0],
+        GOAL[1],
+        rows.iter().filter(honest).count(),
+    )
+}

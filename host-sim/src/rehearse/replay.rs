@@ -1,0 +1,95 @@
+//! A recorded drive as a motion: what a unit on it really went through, without its noise.
+
+use ins_core::Solution;
+use nalgebra::{Quaternion, Vector3};
+
+use crate::aircraft::dynamics::State;
+use crate::aircraft::trajectory::{Node, Segment};
+use crate::sim::{Kinematics, Motion};
+
+/// Through the solutions of a navigator, from the first on.
+#[derive(Clone, Debug)]
+pub struct Replay {
+    nodes: Vec<Node>,
+    at: usize,
+    segment: Segment,
+}
+
+impl Replay {
+    /// None of fewer than three solutions.
+    pub fn new(solutions: &[Solution]) -> Option<Self> {
+        let nodes = nodes(solutions);
+        let (first, second) = (nodes.first()?, nodes.get(1)?);
+        let segment = Segment::between(first, second);
+        Some(Self {
+            nodes,
+            at: 0,
+            segment,
+        })
+    }
+
+    /// How long it is, s.
+    pub fn duration_s(&self) -> f64 {
+        self.nodes.last().map_or(0.0, |node| node.time_s)
+    }
+}
+
+/// Accelerations and rates are those of the parabola through three solutions in a row.
+fn nodes(solutions: &[Solution]) -> Vec<Node> {
+    let Some(start) = solutions.get(1).map(|solution| solution.time) else {
+        return Vec::new();
+    };
+    let mut last: Option<Quaternion<f64>> = None;
+    let node = |three: &[Solution]| {
+        let [before, now, after] = [&three[0], &three[1], &three[2]];
+        let seconds = after.time.seconds_since(before.time);
+        let attitude = *now.attitude;
+        // A quaternion and its negative are one attitude: neighbours are to be near.
+        let attitude = match last {
+            Some(last) if last.dot(&attitude) < 0.0 => -attitude,
+            _ => attitude,
+        };
+        last = Some(attitude);
+        let change: Vector3<f64> = after.velocity_enu_mps - before.velocity_enu_mps;
+        Node {
+            time_s: now.time.seconds_since(start),
+            state: State {
+                velocity_enu_mps: now.velocity_enu_mps,
+                attitude,
+                rate_radps: (before.attitude.inverse() * after.attitude).scaled_axis() / seconds,
+                height_m: now.position.height_m,
+                engine_rps: 0.0,
+            },
+            acceleration_enu_mps2: change / seconds,
+        }
+    };
+    solutions.windows(3).map(node).collect()
+}
+
+impl Motion for Replay {
+    fn kinematics(&mut self, time_s: f64) -> Kinematics {
+        while time_s > self.segment.end_s() && self.at + 2 < self.nodes.len() {
+            self.at += 1;
+            self.segment = Segment::between(&self.nodes[self.at], &self.nodes[self.at + 1]);
+        }
+        self.segment.kinematics(time_s)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::{DriveConfig, Grade, simulate};
+
+    #[test]
+    fn a_simulated_drive_is_driven_again() {
+        let truth = simulate(&DriveConfig::new(3, Grade::Ideal, 3.0)).truth;
+        let mut replay = Replay::new(&truth).unwrap();
+        assert!((replay.duration_s() - 179.8).abs() < 0.11);
+        for (count, solution) in truth[1..truth.len() - 1].iter().enumerate() {
+            let shown = replay.kinematics(0.1 * count as f64);
+            assert!((shown.velocity_enu_mps - solution.velocity_enu_mps).norm() < 1e-9);
+            assert!(shown.attitude.angle_to(&solution.attitude) < 1e-7);
+        }
+    }
+}

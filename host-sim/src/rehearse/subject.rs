@@ -1,0 +1,150 @@
+//! The algorithm under test: what is told to it, and those that are at hand.
+
+use std::str::FromStr;
+use std::time::{Duration, Instant};
+
+use ins_core::ConfigError;
+use ins_core::config::{Feedback, Form, HeadingSource};
+use ins_core::{Config, Navigator, Phase, Solution};
+
+use super::flight::{Event, Flown};
+use super::program::{Failure, Program};
+use crate::kalman::{Noise, Run};
+use crate::log::Grade;
+use crate::sim::ErrorModel;
+
+/// What every algorithm under test is told of unit and receiver: the identified model, whatever
+/// model really flies.
+#[derive(Clone, Debug)]
+pub struct Told {
+    /// What the core is configured by.
+    pub grade: Grade,
+    /// The model.
+    pub model: ErrorModel,
+    /// For an answer of a program, s.
+    pub limit: Duration,
+}
+
+/// An algorithm under test.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Subject {
+    /// The core, by the preset of the class of sensors.
+    Core(Form, Feedback),
+    /// The Kalman filter that the core is compared with, told the model.
+    Kalman,
+    /// Anything that speaks the protocol.
+    Program(Program),
+}
+
+/// What came of one flight: a solution for each time asked, where there is one.
+#[derive(Clone, Debug)]
+pub struct Answers {
+    /// In the order of [`Flown::asks`].
+    pub solutions: Result<Vec<Option<Solution>>, Failure>,
+    /// Time that it took.
+    pub took: Duration,
+}
+
+/// Those at hand, by name.
+pub const AT_HAND: [(&str, Subject); 4] = [
+    ("core", Subject::Core(Form::Exact, Feedback::Closed)),
+    (
+        "core-literal",
+        Subject::Core(Form::Literal, Feedback::Closed),
+    ),
+    ("core-open", Subject::Core(Form::Exact, Feedback::Open)),
+    ("kalman", Subject::Kalman),
+];
+
+impl FromStr for Subject {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match AT_HAND.iter().find(|(name, _)| *name == text) {
+            Some((_, subject)) => Ok(subject.clone()),
+            None => text.parse().map(Self::Program),
+        }
+    }
+}
+
+impl Subject {
+    /// What stands in tables.
+    pub fn name(&self) -> String {
+        match self {
+            Self::Program(program) => program.name.clone(),
+            _ => (AT_HAND.iter())
+                .find(|(_, subject)| subject == self)
+                .map_or_else(String::new, |(name, _)| (*name).to_owned()),
+        }
+    }
+
+    /// Flies it.
+    pub fn fly(&self, flown: &Flown, told: &Told) -> Result<Answers, ConfigError> {
+        let start = Instant::now();
+        let solutions = match self {
+            Self::Core(form, feedback) => Ok(core(flown, told, *form, *feedback)?),
+            Self::Kalman => Ok(kalman(flown, told)?),
+            Self::Program(program) => return Ok(program.fly(flown, told)),
+        };
+        Ok(Answers {
+            solutions,
+            took: start.elapsed(),
+        })
+    }
+}
+
+fn config(flown: &Flown, told: &Told) -> Config {
+    let class = match told.grade {
+        Grade::Hg1700 => Config::hg1700(),
+        Grade::Mems => Config::mems(),
+    };
+    Config {
+        imu_output: told.model.imu.output,
+        heading: (flown.run.given_heading_rad).map_or(class.heading, HeadingSource::Given),
+        ..class
+    }
+}
+
+fn core(
+    flown: &Flown,
+    told: &Told,
+    form: Form,
+    feedback: Feedback,
+) -> Result<Vec<Option<Solution>>, ConfigError> {
+    let mut navigator = Navigator::new(Config {
+        form,
+        feedback,
+        ..config(flown, told)
+    })?;
+    let mut asks = flown.asks().iter().peekable();
+    let mut solutions = Vec::with_capacity(asks.len());
+    for event in flown.events() {
+        let sample = match event {
+            Event::Imu(sample) => sample,
+            Event::Gnss(fix) => {
+                let _ = navigator.on_gnss(fix);
+                continue;
+            }
+        };
+        let _ = navigator.on_imu(sample);
+        if asks.next_if(|ask| ask.time <= sample.time).is_some() {
+            let navigates = navigator.phase() == Phase::Navigating;
+            solutions.push(navigator.solution().filter(|_| navigates));
+        }
+    }
+    Ok(solutions)
+}
+
+fn kalman(flown: &Flown, told: &Told) -> Result<Vec<Option<Solution>>, ConfigError> {
+    let noise = Noise::of_model(&told.model);
+    let mut run = Run::new(&flown.run.imu, &flown.run.gnss, config(flown, told), noise)?;
+    let mut asks = flown.asks().iter().peekable();
+    let mut solutions = Vec::with_capacity(asks.len());
+    while let Some(time) = run.step(&mut |_, _| {}) {
+        if asks.next_if(|ask| ask.time <= time).is_some() {
+            let filter = run.filter();
+            solutions.push(filter.map(|filter| filter.known.solution(filter.time)));
+        }
+    }
+    Ok(solutions)
+}

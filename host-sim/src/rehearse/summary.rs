@@ -1,0 +1,432 @@
+//! What the flights say of each algorithm: two intervals kept apart, that of the flights and that
+//! of the model.
+
+use serde::Serialize;
+
+use super::budget::{Case, SOURCES};
+use super::flight::World;
+use super::program::Fault;
+use super::score::{HEADING, Line, Outcome, POSITION, QUANTITIES, moments};
+use super::settings::Rehearsal;
+use crate::error_model::interval::{Measured, mean, student};
+use crate::error_model::{Assumed, Parameter};
+use crate::flights::statistics::{Figure, rms};
+
+/// Parts of the time without GNSS at whose ends errors are looked at.
+const PARTS: [f64; 3] = [0.25, 0.5, 1.0];
+/// Part of the errors that lie below the figure so called.
+const MOST: f64 = 0.95;
+
+/// Errors of one quantity in one part of the flight.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// What.
+    pub quantity: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// Since GNSS went, s; none: with GNSS, over the second half of that part.
+    pub without_gnss_s: Option<f64>,
+    /// Flights that have a solution there.
+    pub flights: usize,
+    /// RMS, its 95 % interval from flight to flight, and median.
+    #[serde(flatten)]
+    pub figure: Figure,
+    /// 95 % of the flights stay below.
+    pub below_95: f64,
+    /// 95 % interval of the RMS over models that the drives allow; the first algorithm's alone.
+    pub model_95: Option<[f64; 2]>,
+}
+
+/// Errors of all quantities at one moment.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Moment {
+    /// Since the start, s.
+    pub time_s: f64,
+    /// Whether it is without GNSS.
+    pub free: bool,
+    /// In the order of the quantities; none without any solution.
+    pub errors: [Option<Spread>; QUANTITIES.len()],
+}
+
+/// Errors of many flights.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Spread {
+    pub flights: usize,
+    pub rms: f64,
+    pub median: f64,
+    pub below_95: f64,
+}
+
+/// Flights that failed alike.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Failed {
+    /// How.
+    pub fault: Fault,
+    /// How many.
+    pub flights: usize,
+    /// The first of them, and when in it.
+    pub first: u32,
+    pub at_s: f64,
+    /// In words.
+    pub cause: String,
+}
+
+/// One algorithm.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Tested {
+    /// Which.
+    pub with: String,
+    /// Whether the sensors' noise was recorded, not white.
+    pub recorded_noise: bool,
+    /// Flights that it flew to the end.
+    pub flights: usize,
+    /// Errors, where it had solutions.
+    pub rows: Vec<Row>,
+    /// How it failed.
+    pub failures: Vec<Failed>,
+    /// Errors over time.
+    #[serde(skip)]
+    pub moments: Vec<Moment>,
+    /// Time of a flight, mean, s: no two runs have the same.
+    #[serde(skip)]
+    pub took_s: f64,
+}
+
+/// What one source of errors costs the first algorithm: RMS.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Cost {
+    /// Which; none: all together, over the same flights.
+    pub source: Option<&'static str>,
+    /// The source alone, in the order of [`BUDGETED`].
+    pub alone: [Option<f64>; BUDGETED.len()],
+    /// All but it.
+    pub without: [Option<f64>; BUDGETED.len()],
+}
+
+/// Quantities of the budget, and whether they are looked at when GNSS comes back.
+pub const BUDGETED: [(usize, bool); 4] = [
+    (POSITION, false),
+    (HEADING, false),
+    (POSITION, true),
+    (HEADING, true),
+];
+
+/// A rehearsal.
+#[derive(Clone, Debug, Serialize)]
+pub struct Summary {
+    /// Drives that the model is of.
+    pub drives: Vec<String>,
+    /// Flights asked for.
+    pub flights: u32,
+    /// Flights that the aircraft could not fly.
+    pub not_flown: usize,
+    /// Models drawn.
+    pub models: u32,
+    /// Length of a flight, s.
+    pub duration_s: f64,
+    /// Its last part without GNSS, s.
+    pub free_s: f64,
+    /// Algorithms.
+    pub tested: Vec<Tested>,
+    /// Where the errors of the first come from.
+    pub budget: Vec<Cost>,
+    /// The model.
+    pub parameters: Vec<Parameter>,
+    /// The same for people: column heads and cells.
+    #[serde(skip)]
+    pub model: (Vec<String>, Vec<Vec<String>>),
+    /// What the drives do not show, and what was assumed.
+    pub assumed: Vec<Assumed>,
+}
+
+/// Where in the kept moments a figure stands.
+#[derive(Clone, Copy, Debug)]
+enum Place {
+    /// The second half of the part with GNSS.
+    Aided,
+    /// After a part of the time without.
+    Free(f64),
+}
+
+struct Flights<'a> {
+    lines: &'a [Line],
+    moments: Vec<(usize, bool)>,
+}
+
+impl Flights<'_> {
+    /// Outcomes of an algorithm in a case that ended well, flight by flight.
+    fn good(&self, case: Case, subject: usize) -> impl Iterator<Item = (u32, &Outcome)> {
+        self.all(case, subject)
+            .filter(|(_, outcome)| outcome.failure.is_none())
+    }
+
+    fn all(&self, case: Case, subject: usize) -> impl Iterator<Item = (u32, &Outcome)> {
+        (self.lines.iter())
+            .filter(move |line| line.case == case)
+            .filter_map(move |line| Some((line.flight, line.outcomes.get(subject)?)))
+    }
+
+    fn value(outcome: &Outcome, moment: usize, quantity: usize) -> Option<f64> {
+        let errors = (*outcome.errors.get(moment)?)?;
+        Some(errors[quantity] as f64 * QUANTITIES[quantity].count)
+    }
+
+    fn at(&self, outcome: &Outcome, place: Place, quantity: usize) -> Option<f64> {
+        let aided = self.moments.iter().filter(|(_, free)| !free).count();
+        let free = self.moments.len() - aided;
+        match place {
+            Place::Aided => {
+                let values: Option<Vec<f64>> = (aided / 2..aided)
+                    .map(|moment| Self::value(outcome, moment, quantity))
+                    .collect();
+                values
+                    .filter(|values| !values.is_empty())
+                    .map(|values| rms(values.into_iter()))
+            }
+            Place::Free(part) => {
+                // Of at most some ten moments: nothing is cut off but the fraction.
+                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+                let moment = (part * free as f64).ceil() as usize;
+                Self::value(outcome, (aided + moment).checked_sub(1)?, quantity)
+                    .filter(|_| free > 0)
+            }
+        }
+    }
+
+    fn values(&self, case: Case, subject: usize, place: Place, quantity: usize) -> Vec<(u32, f64)> {
+        self.good(case, subject)
+            .filter_map(|(flight, outcome)| Some((flight, self.at(outcome, place, quantity)?)))
+            .collect()
+    }
+
+    /// RMS in another case over the RMS as found, over the flights that both have.
+    fn ratio(&self, case: Case, place: Place, quantity: usize) -> Option<f64> {
+        let here = self.values(case, 0, place, quantity);
+        let found = self.values(Case::Found, 0, place, quantity);
+        let both: Vec<(f64, f64)> = (here.iter())
+            .filter_map(|(flight, value)| {
+                let as_found = found.iter().find(|(other, _)| other == flight)?;
+                Some((*value, as_found.1))
+            })
+            .collect();
+        let sum = |value: fn(&(f64, f64)) -> f64| rms(both.iter().map(value));
+        (!both.is_empty()).then(|| sum(|pair| pair.0) / sum(|pair| pair.1))
+    }
+}
+
+/// The values that all but a few stay below, and their middle; of at least one.
+fn spread(values: &[f64]) -> Option<Spread> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let last = sorted.len().checked_sub(1)?;
+    let at = |part: f64| {
+        let place = part * last as f64;
+        // Below the count of flights.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let below = place as usize;
+        let above = sorted[(below + 1).min(last)];
+        sorted[below] + (place - below as f64) * (above - sorted[below])
+    };
+    Some(Spread {
+        flights: values.len(),
+        rms: rms(values.iter().copied()),
+        median: at(0.5),
+        below_95: at(MOST),
+    })
+}
+
+/// 95 % of the models, by the logarithms of their RMS over that of the one found.
+fn model_interval(rms: f64, ratios: &[f64]) -> Option<[f64; 2]> {
+    let logarithms: Vec<f64> = (ratios.iter())
+        .map(|ratio| libm::log(*ratio))
+        .filter(|logarithm| logarithm.is_finite())
+        .collect();
+    let equally: Vec<Measured> = (logarithms.iter())
+        .map(|&value| Measured {
+            value,
+            variance: 1.0,
+        })
+        .collect();
+    let middle = mean(&equally)?.value;
+    let count = logarithms.len() as f64;
+    let squares: f64 = logarithms.iter().map(|l| (l - middle) * (l - middle)).sum();
+    let half = student(count - 1.0) * (squares / (count - 1.0)).sqrt();
+    Some([middle - half, middle + half].map(|bound| rms * libm::exp(bound)))
+}
+
+impl Summary {
+    /// Of all flights.
+    pub fn new(rehearsal: &Rehearsal, world: &World, lines: &[Line]) -> Self {
+        let settings = &rehearsal.settings;
+        let flights = Flights {
+            lines,
+            moments: moments(world),
+        };
+        let mut tested = Vec::new();
+        for (subject, with) in rehearsal.subjects.iter().enumerate() {
+            for case in [Case::Found, Case::Recorded] {
+                if case == Case::Recorded && rehearsal.noise.is_none() {
+                    continue;
+                }
+                tested.push(Tested::new(
+                    &flights,
+                    rehearsal,
+                    world,
+                    case,
+                    subject,
+                    with.name(),
+                ));
+            }
+        }
+        Self {
+            drives: settings.drives.clone(),
+            flights: settings.flights,
+            not_flown: lines.iter().filter(|line| line.why.is_some()).count(),
+            models: settings.models,
+            duration_s: world.duration_s,
+            free_s: world.free_s,
+            tested,
+            budget: budget(&flights),
+            parameters: rehearsal.found.parameters(),
+            model: rehearsal.found.table(),
+            assumed: rehearsal.found.assumed(),
+        }
+    }
+}
+
+impl Tested {
+    fn new(
+        flights: &Flights,
+        rehearsal: &Rehearsal,
+        world: &World,
+        case: Case,
+        subject: usize,
+        with: String,
+    ) -> Self {
+        let free = PARTS.iter().map(|part| Place::Free(*part));
+        let free = free.filter(|_| world.free_s >= 1.0);
+        let places: Vec<Place> = [Place::Aided].into_iter().chain(free).collect();
+        let row = |(place, quantity): (Place, usize)| {
+            let values = flights.values(case, subject, place, quantity);
+            let values: Vec<f64> = values.into_iter().map(|(_, value)| value).collect();
+            let spread = spread(&values)?;
+            let figure = Figure::of(&values);
+            let ratios: Vec<f64> = (0..rehearsal.settings.models)
+                .filter(|_| subject == 0 && case == Case::Found)
+                .filter_map(|draw| flights.ratio(Case::Drawn(draw), place, quantity))
+                .collect();
+            Some(Row {
+                quantity: QUANTITIES[quantity].name,
+                unit: QUANTITIES[quantity].unit,
+                without_gnss_s: match place {
+                    Place::Aided => None,
+                    Place::Free(part) => Some((part * world.free_s).round()),
+                },
+                flights: values.len(),
+                model_95: model_interval(figure.rms, &ratios),
+                figure,
+                below_95: spread.below_95,
+            })
+        };
+        let all = (0..QUANTITIES.len()).flat_map(|q| places.iter().map(move |place| (*place, q)));
+        let good: Vec<(u32, &Outcome)> = flights.good(case, subject).collect();
+        let took_ms: u64 = good.iter().map(|(_, outcome)| outcome.took_ms).sum();
+        Self {
+            with,
+            recorded_noise: case == Case::Recorded,
+            flights: good.len(),
+            rows: all.filter_map(row).collect(),
+            failures: failures(flights.all(case, subject)),
+            moments: over_time(flights, &good),
+            took_s: 1e-3 * took_ms as f64 / good.len() as f64,
+        }
+    }
+
+    /// Whether it flew, but never had a solution where one is wanted.
+    pub fn has_no_solution(&self) -> bool {
+        self.flights > 0 && self.rows.is_empty()
+    }
+
+    /// A row by its quantity and place.
+    pub fn row(&self, quantity: usize, without_gnss_s: Option<f64>) -> Option<&Row> {
+        (self.rows.iter()).find(|row| {
+            row.quantity == QUANTITIES[quantity].name && row.without_gnss_s == without_gnss_s
+        })
+    }
+}
+
+fn over_time(flights: &Flights, good: &[(u32, &Outcome)]) -> Vec<Moment> {
+    (flights.moments.iter().enumerate())
+        .map(|(moment, &(ask, free))| Moment {
+            time_s: (ask + 1) as f64,
+            free,
+            errors: core::array::from_fn(|quantity| {
+                let values: Vec<f64> = (good.iter())
+                    .filter_map(|(_, outcome)| Flights::value(outcome, moment, quantity))
+                    .collect();
+                spread(&values)
+            }),
+        })
+        .collect()
+}
+
+fn failures<'a>(outcomes: impl Iterator<Item = (u32, &'a Outcome)>) -> Vec<Failed> {
+    let mut all: Vec<Failed> = Vec::new();
+    for (flight, outcome) in outcomes {
+        let Some(failure) = &outcome.failure else {
+            continue;
+        };
+        match all.iter_mut().find(|failed| failed.fault == failure.fault) {
+            Some(failed) => failed.flights += 1,
+            None => all.push(Failed {
+                fault: failure.fault,
+                flights: 1,
+                first: flight,
+                at_s: failure.at_s,
+                cause: failure.cause.clone(),
+            }),
+        }
+    }
+    all.sort_by_key(|failed| failed.fault);
+    all
+}
+
+/// Where the errors of the first algorithm come from; all together last.
+fn budget(flights: &Flights) -> Vec<Cost> {
+    let place = |free: bool| if free { Place::Free(1.0) } else { Place::Aided };
+    let of_case = |case: Case, few: &[u32]| {
+        BUDGETED.map(|(quantity, free)| {
+            let values: Vec<f64> = (flights.values(case, 0, place(free), quantity).iter())
+                .filter(|(flight, _)| few.contains(flight))
+                .map(|(_, value)| *value)
+                .collect();
+            (!values.is_empty()).then(|| rms(values.into_iter()))
+        })
+    };
+    let mut costs = Vec::new();
+    let mut few = Vec::new();
+    for (source, (name, _)) in SOURCES.iter().enumerate() {
+        let flown: Vec<u32> = flights
+            .all(Case::Only(source), 0)
+            .map(|(flight, _)| flight)
+            .collect();
+        if flown.is_empty() {
+            continue;
+        }
+        costs.push(Cost {
+            source: Some(name),
+            alone: of_case(Case::Only(source), &flown),
+            without: of_case(Case::Without(source), &flown),
+        });
+        few = flown;
+    }
+    if !costs.is_empty() {
+        let all = of_case(Case::Found, &few);
+        costs.push(Cost {
+            source: None,
+            alone: all,
+            without: [None; BUDGETED.len()],
+        });
+    }
+    costs
+}

@@ -1,0 +1,135 @@
+//! What a unit really puts out at rest, in place of white noise: resampled in blocks, so that its
+//! colour and its vibration stay, and those of all six sensors together.
+
+use nalgebra::Vector3;
+
+use super::noise::Random;
+
+/// Readings at rest less their mean, rad/s and m/s^2, body axes right-forward-up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedNoise {
+    /// Stretches of rest, sample by sample: gyros, accelerometers.
+    stretches: Vec<Vec<[Vector3<f64>; 2]>>,
+    /// Samples in a block.
+    block: usize,
+    /// Samples per second.
+    pub rate_hz: f64,
+}
+
+impl RecordedNoise {
+    /// Of stretches of rest, of which at least one is as long as a block.
+    pub fn new(
+        mut stretches: Vec<Vec<[Vector3<f64>; 2]>>,
+        block: usize,
+        rate_hz: f64,
+    ) -> Option<Self> {
+        stretches.retain(|stretch| stretch.len() >= block);
+        for stretch in &mut stretches {
+            let count = stretch.len() as f64;
+            let means = [0, 1].map(|kind| {
+                let sum: Vector3<f64> = stretch.iter().map(|reading| reading[kind]).sum();
+                sum / count
+            });
+            for reading in stretch {
+                for (value, mean) in reading.iter_mut().zip(means) {
+                    *value -= mean;
+                }
+            }
+        }
+        (block > 0 && !stretches.is_empty()).then_some(Self {
+            stretches,
+            block,
+            rate_hz,
+        })
+    }
+
+    /// Length of all rest, s.
+    pub fn seconds(&self) -> f64 {
+        let count: usize = self.stretches.iter().map(Vec::len).sum();
+        count as f64 / self.rate_hz
+    }
+}
+
+/// The noise of one run: blocks of the recording in a random order.
+#[derive(Clone, Debug)]
+pub struct Resampled {
+    from: RecordedNoise,
+    random: Random,
+    stretch: usize,
+    at: usize,
+    left: usize,
+}
+
+impl Resampled {
+    /// Of run `seed`.
+    pub fn new(from: &RecordedNoise, seed: u64) -> Self {
+        Self {
+            from: from.clone(),
+            random: Random::stream(seed, "recorded noise"),
+            stretch: 0,
+            at: 0,
+            left: 0,
+        }
+    }
+
+    /// The next reading's noise: gyros, accelerometers.
+    pub fn step(&mut self) -> [Vector3<f64>; 2] {
+        if self.left == 0 {
+            self.begin_block();
+        }
+        let noise = self.from.stretches[self.stretch][self.at];
+        self.at += 1;
+        self.left -= 1;
+        noise
+    }
+
+    /// Every block of every stretch is as likely.
+    fn begin_block(&mut self) {
+        let block = self.from.block;
+        let starts = |stretch: &Vec<_>| stretch.len() + 1 - block;
+        let all: usize = self.from.stretches.iter().map(starts).sum();
+        // Below the number of samples: nothing is cut off but the fraction.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let mut start = (self.random.unit() * all as f64) as usize;
+        self.stretch = 0;
+        while start >= starts(&self.from.stretches[self.stretch]) {
+            start -= starts(&self.from.stretches[self.stretch]);
+            self.stretch += 1;
+        }
+        (self.at, self.left) = (start, block);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A square wave of ten samples keeps its period inside blocks, and its size everywhere.
+    #[test]
+    fn colour_and_size_stay_and_means_go() {
+        let wave = |at: usize| {
+            let value = if (at / 5).is_multiple_of(2) { 4.0 } else { 2.0 };
+            [Vector3::repeat(value), Vector3::repeat(-value)]
+        };
+        let recording = RecordedNoise::new(vec![(0..200).map(wave).collect()], 50, 100.0).unwrap();
+        let mut noise = Resampled::new(&recording, 7);
+        let drawn: Vec<[Vector3<f64>; 2]> = (0..5000).map(|_| noise.step()).collect();
+        let sizes = drawn
+            .iter()
+            .map(|[g, a]| (g.x.abs() - 1.0).abs() + (g + a).norm());
+        assert!(sizes.fold(0.0, f64::max) < 1e-12);
+        let halfway: f64 = drawn.windows(6).map(|w| w[0][0].x * w[5][0].x).sum();
+        assert!(halfway < -0.75 * 5000.0, "{halfway}");
+        let again: Vec<_> = {
+            let mut noise = Resampled::new(&recording, 7);
+            (0..5000).map(|_| noise.step()).collect()
+        };
+        assert_eq!(drawn, again);
+    }
+
+    #[test]
+    fn a_rest_shorter_than_a_block_is_none() {
+        let short = vec![vec![[Vector3::zeros(); 2]; 49]];
+        assert_eq!(RecordedNoise::new(short, 50, 100.0), None);
+    }
+}

@@ -1,0 +1,328 @@
+//! Rehearsals from outside: programs under test that go wrong, kills, and recorded noise.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+const PLAN: &str = "
+    [start]
+    latitude_deg = 56.1
+    longitude_deg = 40.3
+    height_m = 600
+    heading_deg = 60
+    airspeed_mps = 45
+    [air]
+    turbulence = \"light\"
+    [flight]
+    duration_s = 150
+    [[leg]]
+    bank_deg = 20
+    duration_s = 40
+    [[leg]]
+    heading_deg = 200
+    duration_s = 30
+    airspeed_mps = 52
+";
+
+/// A folder with a plan and a drive of a unit.
+fn home() -> tempfile::TempDir {
+    let home = tempfile::tempdir().unwrap();
+    fs::write(home.path().join("plan.toml"), PLAN).unwrap();
+    let drive = ["drive", "--minutes", "6", "--seed", "2", "--out", "drive"];
+    let mut command = host_sim(home.path());
+    assert!(command.args(drive).status().unwrap().success());
+    home
+}
+
+fn host_sim(home: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_host-sim"));
+    command.current_dir(home).stdout(Stdio::null());
+    command
+}
+
+fn rehearse(home: &Path, out: &str, flights: &str, options: &[&str]) -> Command {
+    let mut command = host_sim(home);
+    command
+        .args([
+            "rehearse",
+            "drive",
+            "--plan",
+            "plan.toml",
+            "--minutes-free",
+            "1",
+        ])
+        .args(["--out", out, "--flights", flights])
+        .args(options);
+    command
+}
+
+fn summary(home: &Path, out: &str) -> Value {
+    serde_json::from_slice(&fs::read(home.join(out).join("rehearsal.json")).unwrap()).unwrap()
+}
+
+/// RMS of the level position, with GNSS and at the end without.
+fn position_rms(tested: &Value) -> [f64; 2] {
+    let rows = tested["rows"].as_array().unwrap();
+    [Value::Null, Value::from(60.0)].map(|since| {
+        let wanted =
+            |row: &&Value| row["quantity"] == "level position" && row["without_gnss_s"] == since;
+        rows.iter().find(wanted).unwrap()["rms"].as_f64().unwrap()
+    })
+}
+
+/// A program that greets as it should and answers every question by `answer`.
+const ANSWERS: &str = "
+import sys, time
+for line in sys.stdin:
+    fields = line.strip().split(',')
+    if fields[0] == 'start':
+        print('ready,1', flush=True)
+    if fields[0] == 'ask':
+        t = fields[1]
+        good = f'none,{t}'
+        ANSWER
+        print(good, flush=True)
+";
+
+#[test]
+fn whatever_a_program_does_is_a_row_with_its_cause() {
+    let home = home();
+    let home = home.path();
+    let with = |name: &str, answer: &str| {
+        let text = ANSWERS.replace("ANSWER", answer);
+        fs::write(home.join(format!("{name}.py")), text).unwrap();
+        format!("{name}=python3 {name}.py")
+    };
+    let late = "if float(t) > 40: time.sleep(1.0)";
+    let cases = [
+        (
+            with(
+                "crash",
+                "if float(t) > 20: raise ValueError('no filter after 20 s')",
+            ),
+            "crashed",
+            "no filter after 20 s",
+        ),
+        (
+            with("hang", "if float(t) > 30: time.sleep(60)"),
+            "hung",
+            "no answer in 1.50 s",
+        ),
+        (with("late", late), "late", "the limit is 0.50 s"),
+        (
+            with("nonsense", "good = 'forty-two'"),
+            "wrong",
+            "answered `forty-two`: expected `solution,1,` and 9 numbers, or `none,1`",
+        ),
+        (
+            with("not-finite", "good = f'solution,{t},56,40,nan,0,0,0,0,0,0'"),
+            "wrong",
+            "expected finite numbers, found NaN",
+        ),
+        (
+            with("behind", "good = f'none,{float(t) - 1}'"),
+            "wrong",
+            "expected an answer for 1 s, this is for 0 s",
+        ),
+        (
+            with("silent", "import os; os.close(1); time.sleep(60)"),
+            "crashed",
+            "goes on",
+        ),
+        (
+            "leaves=python3 leaves.py".to_owned(),
+            "crashed",
+            "exit status: 0",
+        ),
+        ("deaf=sleep 60".to_owned(), "hung", "no answer in 45.00 s"),
+        (
+            "gone=./no-such-program".to_owned(),
+            "unusable",
+            "cannot be run",
+        ),
+        (
+            "other=echo hello".to_owned(),
+            "unusable",
+            "answered `hello`: expected `ready,1`",
+        ),
+    ];
+    // It leaves while megabytes are being written to it.
+    let leaves = "import sys\nsys.stdin.readline()\nprint('ready,1,after', flush=True)\n";
+    fs::write(home.join("leaves.py"), leaves).unwrap();
+    let good = with("none", "pass");
+    let mut options = vec!["--time-limit", "0.5", "--models", "0", "--budget", "0"];
+    options.extend(["--with", "core", "--with", &good]);
+    options.extend(
+        cases
+            .iter()
+            .flat_map(|(with, ..)| ["--with", with.as_str()]),
+    );
+    let start = Instant::now();
+    assert!(
+        rehearse(home, "out", "1", &options)
+            .status()
+            .unwrap()
+            .success()
+    );
+    assert!(start.elapsed() < Duration::from_mins(5));
+    let summary = summary(home, "out");
+    let tested = summary["tested"].as_array().unwrap();
+    // The others do not suffer from it.
+    assert!(position_rms(&tested[0])[0] < 20.0, "{}", tested[0]);
+    assert!(tested[1]["failures"].as_array().unwrap().is_empty());
+    assert!(tested[1]["rows"].as_array().unwrap().is_empty());
+    for ((with, fault, cause), tested) in cases.iter().zip(&tested[2..]) {
+        let failures = tested["failures"].as_array().unwrap();
+        assert_eq!(failures.len(), 1, "{with}: {tested}");
+        assert_eq!(failures[0]["fault"], *fault, "{with}: {tested}");
+        let told = failures[0]["cause"].as_str().unwrap();
+        assert!(told.contains(cause), "{with}: {told}");
+        assert_eq!(tested["flights"], 0);
+    }
+}
+
+/// Lines of finished flights without the time they took, which is never the same.
+fn flights(file: &Path) -> Vec<String> {
+    let text = fs::read_to_string(file).unwrap();
+    let mut lines: Vec<String> = (text.lines())
+        .map(|line| {
+            let mut line: Value = serde_json::from_str(line).unwrap();
+            for outcome in line["outcomes"].as_array_mut().unwrap() {
+                outcome["took_ms"] = Value::Null;
+            }
+            line.to_string()
+        })
+        .collect();
+    lines.sort();
+    lines
+}
+
+#[test]
+fn threads_kills_and_shards_leave_no_trace() {
+    let home = home();
+    let home = home.path();
+    let options = [
+        "--models", "2", "--budget", "1", "--with", "core", "--with", "kalman",
+    ];
+    let run = |threads: &str, out: &str, more: &[&str]| {
+        let mut command = rehearse(home, out, "3", &options);
+        command.args(more).env("RAYON_NUM_THREADS", threads);
+        command
+    };
+    assert!(run("1", "one", &[]).status().unwrap().success());
+    let text = |out: &str, name: &str| fs::read_to_string(home.join(out).join(name)).unwrap();
+    let whole = flights(&home.join("one/runs.jsonl"));
+
+    let mut killed = run("2", "killed", &[]).spawn().unwrap();
+    let runs = home.join("killed/runs.jsonl");
+    let done = || fs::read_to_string(&runs).map_or(0, |text| text.matches('\n').count());
+    let start = Instant::now();
+    while done() < 3 {
+        assert!(
+            start.elapsed() < Duration::from_mins(5),
+            "nothing gets done"
+        );
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    killed.kill().unwrap();
+    killed.wait().unwrap();
+    assert!(done() < whole.len(), "too late for this test");
+    let torn = fs::read_to_string(&runs).unwrap() + "{\"case\":\"fou";
+    fs::write(&runs, torn).unwrap();
+    assert!(run("2", "killed", &[]).status().unwrap().success());
+    assert_eq!(flights(&runs), whole);
+
+    // A shard here, and the rest by whoever comes without one.
+    assert!(
+        run("2", "parts", &["--shard", "2/3"])
+            .status()
+            .unwrap()
+            .success()
+    );
+    assert!(!home.join("parts/rehearsal.json").exists());
+    assert!(run("2", "parts", &[]).status().unwrap().success());
+    for name in ["rehearsal.json", "errors.csv", "error-model.toml"] {
+        assert_eq!(text("killed", name), text("one", name), "{name}");
+        assert_eq!(text("parts", name), text("one", name), "{name}");
+    }
+    let page = text("one", "report.html");
+    assert!(page.contains("What each error costs core") && page.contains("do not show"));
+
+    // Another rehearsal does not go on there.
+    let mut other = run("1", "one", &["--seed", "5"]);
+    assert!(!other.stderr(Stdio::null()).status().unwrap().success());
+}
+
+/// The noise of this unit is white: flown as recorded at rest, it costs the same.
+#[test]
+fn white_noise_that_was_recorded_costs_as_much_as_white_noise() {
+    let home = home();
+    let home = home.path();
+    let options = ["--models", "0", "--budget", "0", "--noise-from", "drive"];
+    assert!(
+        rehearse(home, "out", "8", &options)
+            .status()
+            .unwrap()
+            .success()
+    );
+    let summary = summary(home, "out");
+    let tested = summary["tested"].as_array().unwrap();
+    assert_eq!(tested[1]["recorded_noise"], true);
+    let [white, recorded] = [0, 1].map(|which| position_rms(&tested[which]));
+    for (white, recorded) in white.into_iter().zip(recorded) {
+        assert!((white - recorded).abs() > 1e-9);
+        // Eight flights that share all but the noise.
+        let ratio = recorded / white;
+        assert!((0.6..1.67).contains(&ratio), "{white} m, {recorded} m");
+    }
+}
+
+#[test]
+fn templates_in_python_c_and_rust_are_one_filter() {
+    let home = home();
+    let home = home.path();
+    let adaptors = Path::new(env!("CARGO_MANIFEST_DIR")).join("adaptors");
+    let shown = |path: PathBuf| path.display().to_string();
+    let compile = |compiler: &str, options: &[&str], file: &str, out: &[&str]| {
+        let mut command = Command::new(compiler);
+        command
+            .current_dir(home)
+            .args(options)
+            .arg(adaptors.join(file));
+        let status = command.args(out).status();
+        assert!(
+            status.is_ok_and(|status| status.success()),
+            "{compiler} {file}"
+        );
+    };
+    compile(
+        "cc",
+        &["-O2", "-Wall", "-Wextra", "-Werror"],
+        "template.c",
+        &["-o", "c-filter", "-lm"],
+    );
+    let rustc = std::env::var("RUSTC").unwrap_or_else(|_| "rustc".to_owned());
+    compile(
+        &rustc,
+        &["--edition=2024", "-O"],
+        "template.rs",
+        &["-o", "rust-filter"],
+    );
+    let python = format!("python3 '{}'", shown(adaptors.join("template.py")));
+    let options = ["--models", "0", "--budget", "0", "--with", &python];
+    let programs = ["--with", "./c-filter", "--with", "./rust-filter"];
+    let all = [&options[..], &programs].concat();
+    assert!(rehearse(home, "out", "1", &all).status().unwrap().success());
+    let summary = summary(home, "out");
+    let [python, c, rust] = [0, 1, 2].map(|which| position_rms(&summary["tested"][which]));
+    // With a fix ten times a second it is as good as its receiver.
+    assert!(python[0] < 20.0, "{python:?}");
+    for other in [c, rust] {
+        for (mine, its) in python.iter().zip(other) {
+            assert!((mine - its).abs() < 0.01, "{python:?} {other:?}");
+        }
+    }
+}

@@ -1,0 +1,125 @@
+//! Published filters through their adaptors, beside ours on the same flights.
+//!
+//! This program is the adaptors itself when it is asked to be: `cargo test --test` builds no
+//! examples.
+#![allow(
+    clippy::duplicate_mod,
+    reason = "elsewhere each is a program of its own"
+)]
+
+#[path = "../adaptors/fusion_nav.rs"]
+mod fusion_nav;
+#[path = "../adaptors/kinavis_ins.rs"]
+mod kinavis_ins;
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use serde_json::Value;
+
+/// Long enough for filters to settle, with turns and changes of speed.
+const PLAN: &str = "
+    [start]
+    latitude_deg = 56.1
+    longitude_deg = 40.3
+    height_m = 600
+    heading_deg = 60
+    airspeed_mps = 45
+    [air]
+    turbulence = \"light\"
+    [flight]
+    duration_s = 240
+    [[leg]]
+    bank_deg = 20
+    duration_s = 40
+    [[leg]]
+    heading_deg = 200
+    duration_s = 30
+    airspeed_mps = 52
+";
+/// With GNSS none is worse than its receiver, whose positions have 1 m, by much.
+const POSITION_M: f64 = 2.0;
+/// Heading is told to 3 deg, and turns show it.
+const HEADING_DEG: f64 = 2.0;
+
+fn main() -> std::io::Result<()> {
+    match std::env::args().nth(1).as_deref() {
+        Some("fusion-nav") => fusion_nav::main(),
+        Some("kinavis-ins") => kinavis_ins::main(),
+        // Options of the test harness, which this has none of.
+        _ => {
+            published_filters_fly();
+            println!("published_filters_fly ... ok");
+            Ok(())
+        }
+    }
+}
+
+fn published_filters_fly() {
+    let home = tempfile::tempdir().unwrap();
+    let home = home.path();
+    fs::write(home.join("plan.toml"), PLAN).unwrap();
+    // Each fix costs python-ins a tenth of a second, and kinavis-ins takes none of the past.
+    let receiver = "gnss.rate_hz = 1.0\ngnss.latency_s = [0.0, 0.0]";
+    fs::write(home.join("receiver.toml"), receiver).unwrap();
+    let drive = ["drive", "--minutes", "6", "--seed", "2", "--out", "drive"];
+    host_sim(home, &drive.map(str::to_owned));
+    let this = std::env::current_exe().unwrap();
+    let mut options: Vec<String> = ["rehearse", "drive", "--plan", "plan.toml", "--out", "out"]
+        .map(str::to_owned)
+        .to_vec();
+    let few = [
+        "--minutes-free",
+        "1",
+        "--flights",
+        "2",
+        "--models",
+        "0",
+        "--budget",
+        "0",
+        "--set",
+        "receiver.toml",
+    ];
+    options.extend(few.map(str::to_owned));
+    for name in ["fusion-nav", "kinavis-ins"] {
+        options.push("--with".to_owned());
+        options.push(format!("{name}='{}' {name}", this.display()));
+    }
+    if let Some(python) = std::env::var_os("PYINS_PYTHON") {
+        let adaptor = Path::new(env!("CARGO_MANIFEST_DIR")).join("adaptors/python_ins.py");
+        options.push("--with".to_owned());
+        let python = Path::new(&python).display().to_string();
+        options.push(format!("python-ins='{python}' '{}'", adaptor.display()));
+    } else {
+        println!("python-ins is not tested: PYINS_PYTHON names no Python that has it");
+    }
+    host_sim(home, &options);
+    let text = fs::read_to_string(home.join("out/rehearsal.json")).unwrap();
+    let summary: Value = serde_json::from_str(&text).unwrap();
+    for tested in summary["tested"].as_array().unwrap() {
+        assert_eq!(tested["flights"], 2, "{tested}");
+        for (quantity, most) in [("level position", POSITION_M), ("heading", HEADING_DEG)] {
+            let rms = rms(tested, quantity);
+            println!("{}: {quantity} {rms}", tested["with"]);
+            assert!(rms < most, "{tested}");
+        }
+    }
+}
+
+/// With GNSS.
+fn rms(tested: &Value, quantity: &str) -> f64 {
+    let rows = tested["rows"].as_array().unwrap();
+    let wanted = |row: &&Value| row["quantity"] == quantity && row["without_gnss_s"].is_null();
+    rows.iter().find(wanted).unwrap()["rms"].as_f64().unwrap()
+}
+
+fn host_sim(home: &Path, arguments: &[String]) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_host-sim"));
+    let output = command.current_dir(home).args(arguments).output().unwrap();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+}
