@@ -2,10 +2,17 @@
 //! without a word must say what the log said before, and what can be used must not be refused.
 //!
 //! Logs are cut to five minutes; `INS_WHOLE_LOGS=1` takes all of them. `--nocapture` prints the table.
+// Rows and cells of a text, and tables of what is done to them.
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::too_many_lines
+)]
 
 mod spoilt;
 
 use std::collections::BTreeSet;
+use std::fmt::Write as _;
 
 use host_sim::analysis::{Analysis, Input};
 use host_sim::log::{LogError, read};
@@ -77,7 +84,7 @@ fn set(text: &mut String, columns: &[usize], part: [f64; 2], to: &str) {
     let [from, till] = part.map(|part| at(text, part));
     each_row(text, |index, cells| {
         for &column in columns.iter().filter(|_| (from..till).contains(&index)) {
-            cells[column] = to.to_owned();
+            to.clone_into(&mut cells[column]);
         }
         true
     });
@@ -182,10 +189,22 @@ fn backwards(gnss: &mut String) {
         .collect();
     let mut text = header;
     for (row, other) in rows.iter().zip(rows.iter().rev()) {
-        text += &format!("\n{},{}", row[0], other[1..].join(","));
+        text += &["\n", &row[0], ",", &other[1..].join(",")].concat();
     }
     *gnss = text + "\n";
     convert_all(gnss, &["ve", "vn", "vu"], |x| -x);
+}
+
+fn turn(answers: &mut [f64; 8], which: &[usize]) {
+    for &index in which {
+        answers[index] = -answers[index];
+    }
+}
+
+fn forget(answers: &mut [f64; 8], which: &[usize]) {
+    for &index in which {
+        answers[index] = f64::NAN;
+    }
 }
 
 fn no_answer(answers: &mut [f64; 8]) {
@@ -201,10 +220,10 @@ fn files_and_forms() -> Vec<Mutation> {
         }),
         usable("blanks around cells", |f| f.imu = f.imu.replace(',', " , ")),
         usable("columns in another order", |f| {
-            swap_columns_and_names(&mut f.imu, 1, 5)
+            swap_columns_and_names(&mut f.imu, 1, 5);
         }),
         usable("more columns", |f| {
-            every_line(&mut f.imu, |line| format!("{line},0\n"))
+            every_line(&mut f.imu, |line| format!("{line},0\n"));
         }),
         usable("capital headers", |f| {
             let header = f.gnss.lines().next().unwrap().to_owned();
@@ -229,7 +248,7 @@ fn files_and_forms() -> Vec<Mutation> {
         }),
         usable("blank lines", |f| f.gnss = f.gnss.replace('\n', "\n\n")),
         usable("a comment among the rows", |f| {
-            set_line(&mut f.imu, 500, "# started logging")
+            set_line(&mut f.imu, 500, "# started logging");
         }),
         usable("a second header among the rows", |f| {
             let header = f.gnss.lines().next().unwrap().to_owned();
@@ -237,7 +256,7 @@ fn files_and_forms() -> Vec<Mutation> {
         }),
         usable("frd", |f| f.meta = f.meta.replace("\"FRD\"", "\"frd\"")),
         usable("last inertial row cut off", |f| {
-            f.imu.truncate(f.imu.len() - 15)
+            f.imu.truncate(f.imu.len() - 15);
         }),
         usable("last fix cut off", |f| f.gnss.truncate(f.gnss.len() - 15)),
         usable("an inertial row twice", |f| {
@@ -251,33 +270,33 @@ fn files_and_forms() -> Vec<Mutation> {
         usable("inertial rows swapped", |f| swap_lines(&mut f.imu, 1000)),
         usable("fixes swapped", |f| swap_lines(&mut f.gnss, 100)),
         usable("an empty inertial cell", |f| {
-            set(&mut f.imu, &[5], [0.5, 0.5001], "")
+            set(&mut f.imu, &[5], [0.5, 0.5001], "");
         }),
         usable("nan in an inertial cell", |f| {
-            set(&mut f.imu, &[2], [0.5, 0.5001], "nan")
+            set(&mut f.imu, &[2], [0.5, 0.5001], "nan");
         }),
         usable("4 % of inertial rows empty", |f| {
-            set(&mut f.imu, &[4], [0.6, 0.64], "")
+            set(&mut f.imu, &[4], [0.6, 0.64], "");
         }),
         usable("nan in fixes", |f| {
-            set(&mut f.gnss, &[1, 2], [0.5, 0.51], "NaN")
+            set(&mut f.gnss, &[1, 2], [0.5, 0.51], "NaN");
         }),
         usable("text in a fix", |f| {
-            set(&mut f.gnss, &[3], [0.5, 0.505], "n/a")
+            set(&mut f.gnss, &[3], [0.5, 0.505], "n/a");
         }),
         usable("no heights", |f| set(&mut f.gnss, &[3], [0.0, 1.0], "")),
         usable("no column of heights", |f| rename(&mut f.gnss, "h_m", "x")),
         usable("no column of vertical velocity", |f| {
-            rename(&mut f.gnss, "vu", "x")
+            rename(&mut f.gnss, "vu", "x");
         }),
         usable("neither of the vertical", |f| {
-            rename(&mut f.gnss, "h_m,ve,vn,vu", "x,ve,vn,y")
+            rename(&mut f.gnss, "h_m,ve,vn,vu", "x,ve,vn,y");
         }),
         usable("no velocities", |f| {
-            rename(&mut f.gnss, "ve,vn,vu", "x,y,z")
+            rename(&mut f.gnss, "ve,vn,vu", "x,y,z");
         }),
         usable("no positions", |f| {
-            rename(&mut f.gnss, "lat_deg,lon_deg", "x,y")
+            rename(&mut f.gnss, "lat_deg,lon_deg", "x,y");
         }),
         usable("every other velocity empty", |f| {
             let columns = columns_of(&f.gnss, &["ve", "vn", "vu"]);
@@ -289,10 +308,10 @@ fn files_and_forms() -> Vec<Mutation> {
             });
         }),
         doubtful("two columns of one name", |f| {
-            rename(&mut f.imu, "gyro_y", "gyro_x")
+            rename(&mut f.imu, "gyro_y", "gyro_x");
         }),
         doubtful("a column of another name", |f| {
-            rename(&mut f.imu, "gyro_y", "wy")
+            rename(&mut f.imu, "gyro_y", "wy");
         }),
         doubtful("no header", |f| leave_out_header(&mut f.imu)),
         doubtful("two logs joined", |f| {
@@ -346,23 +365,23 @@ fn clocks() -> Vec<Mutation> {
             both(f, "t_s", |t| (t - first + 86_250.0).rem_euclid(86_400.0));
         }),
         usable("fixes in GPS time, samples in UTC", |f| {
-            convert(&mut f.gnss, "t_s", |t| t + 18.0)
+            convert(&mut f.gnss, "t_s", |t| t + 18.0);
         })
         .moving(|a| a[7] += 18e3),
         usable("fixes in UTC, samples in GPS time", |f| {
-            convert(&mut f.gnss, "t_s", |t| t - 18.0)
+            convert(&mut f.gnss, "t_s", |t| t - 18.0);
         })
         .moving(|a| a[7] -= 18e3),
         usable("fixes 2 s late", |f| {
-            convert(&mut f.gnss, "t_s", |t| t + 2.0)
+            convert(&mut f.gnss, "t_s", |t| t + 2.0);
         })
         .moving(|a| a[7] += 2e3),
         usable("fixes 3 s early", |f| {
-            convert(&mut f.gnss, "t_s", |t| t - 3.0)
+            convert(&mut f.gnss, "t_s", |t| t - 3.0);
         })
         .moving(|a| a[7] -= 3e3),
         usable("fixes 90 s late", |f| {
-            convert(&mut f.gnss, "t_s", |t| t + 90.0)
+            convert(&mut f.gnss, "t_s", |t| t + 90.0);
         })
         .moving(|a| a[7] += 90e3),
         usable("fixes in UNIX time, samples since boot", |f| {
@@ -372,36 +391,36 @@ fn clocks() -> Vec<Mutation> {
         })
         .moving(|a| a[7] += 1.7e12),
         usable("the next day", |f| {
-            convert(&mut f.gnss, "t_s", |t| t + 86_400.0)
+            convert(&mut f.gnss, "t_s", |t| t + 86_400.0);
         })
         .moving(|a| a[7] += 86_400e3),
         doubtful("inertial time in ms", |f| {
-            convert(&mut f.imu, "t_s", |t| 1e3 * t)
+            convert(&mut f.imu, "t_s", |t| 1e3 * t);
         }),
         doubtful("inertial time in us", |f| {
-            convert(&mut f.imu, "t_s", |t| 1e6 * t)
+            convert(&mut f.imu, "t_s", |t| 1e6 * t);
         }),
         doubtful("all time in ms", |f| both(f, "t_s", |t| 1e3 * t)),
         doubtful("GNSS time in ms", |f| {
-            convert(&mut f.gnss, "t_s", |t| 1e3 * t)
+            convert(&mut f.gnss, "t_s", |t| 1e3 * t);
         }),
         doubtful("inertial time in minutes", |f| {
-            convert(&mut f.imu, "t_s", |t| t / 60.0)
+            convert(&mut f.imu, "t_s", |t| t / 60.0);
         }),
         usable("inertial stamps that jitter", |f| {
-            perturb(&mut f.imu, &["t_s"], |_| 0.002)
+            perturb(&mut f.imu, &["t_s"], |_| 0.002);
         }),
         usable("inertial stamps to the millisecond", |f| {
-            convert(&mut f.imu, "t_s", quantize(1e-3))
+            convert(&mut f.imu, "t_s", quantize(1e-3));
         }),
         doubtful("inertial stamps to the tenth", |f| {
-            convert(&mut f.imu, "t_s", quantize(0.1))
+            convert(&mut f.imu, "t_s", quantize(0.1));
         }),
         doubtful("stamps in f32 of UNIX time", |f| {
             both(f, "t_s", |t| f64::from((t + 1_700_000_000.0) as f32));
         }),
         doubtful("fixes to the whole second", |f| {
-            convert(&mut f.gnss, "t_s", f64::floor)
+            convert(&mut f.gnss, "t_s", f64::floor);
         }),
         doubtful("a clock that is set by a second half way", |f| {
             let (half, column) = (at(&f.gnss, 0.5), 0);
@@ -414,13 +433,13 @@ fn clocks() -> Vec<Mutation> {
         })
         .moving(|a| a[7] = f64::NAN),
         usable("a hole of 5 s in the samples", |f| {
-            leave_out(&mut f.imu, [0.5, 0.516])
+            leave_out(&mut f.imu, [0.5, 0.516]);
         }),
         usable("a hole of 30 s in the samples", |f| {
-            leave_out(&mut f.imu, [0.4, 0.5])
+            leave_out(&mut f.imu, [0.4, 0.5]);
         }),
         usable("an outage of a minute", |f| {
-            leave_out(&mut f.gnss, [0.4, 0.6])
+            leave_out(&mut f.gnss, [0.4, 0.6]);
         }),
         usable("half the samples", |f| thin(&mut f.imu, 2)).moving(|a| a[7] = f64::NAN),
         usable("a third of the fixes", |f| thin(&mut f.gnss, 3)),
@@ -450,7 +469,7 @@ fn first_s(text: &str) -> f64 {
 fn fixes() -> Vec<Mutation> {
     vec![
         usable("rows of zeros without a fix", |f| {
-            set(&mut f.gnss, &[1, 2, 3], [0.5, 0.55], "0")
+            set(&mut f.gnss, &[1, 2, 3], [0.5, 0.55], "0");
         }),
         usable("each fix twice, new stamps", |f| {
             let width = f.gnss.lines().next().unwrap().split(',').count();
@@ -469,83 +488,83 @@ fn fixes() -> Vec<Mutation> {
             hold(&mut f.gnss, 1..7, |row| row.min(half));
         }),
         usable("velocities at half the rate", |f| {
-            hold(&mut f.gnss, 4..7, |row| row - row % 2)
+            hold(&mut f.gnss, 4..7, |row| row - row % 2);
         }),
         usable("positions to 1e-5 deg", |f| {
-            convert_all(&mut f.gnss, &PLACE, quantize(1e-5))
+            convert_all(&mut f.gnss, &PLACE, quantize(1e-5));
         }),
         doubtful("positions to 1e-4 deg", |f| {
-            convert_all(&mut f.gnss, &PLACE, quantize(1e-4))
+            convert_all(&mut f.gnss, &PLACE, quantize(1e-4));
         }),
         usable("velocities to 0.1 m/s", |f| {
-            convert_all(&mut f.gnss, &LEVEL, quantize(0.1))
+            convert_all(&mut f.gnss, &LEVEL, quantize(0.1));
         }),
         doubtful("velocities to 1 m/s", |f| {
-            convert_all(&mut f.gnss, &LEVEL, quantize(1.0))
+            convert_all(&mut f.gnss, &LEVEL, quantize(1.0));
         }),
         usable("vertical velocity never measured", |f| {
-            convert(&mut f.gnss, "vu", |_| 0.0)
+            convert(&mut f.gnss, "vu", |_| 0.0);
         }),
         usable("vertical velocity down", |f| {
-            convert(&mut f.gnss, "vu", |x| -x)
+            convert(&mut f.gnss, "vu", |x| -x);
         }),
         doubtful("vertical velocity in ft/s", |f| {
-            convert(&mut f.gnss, "vu", |x| x / 0.3048)
+            convert(&mut f.gnss, "vu", |x| x / 0.3048);
         }),
         doubtful("vertical velocity in cm/s", |f| {
-            convert(&mut f.gnss, "vu", |x| x * 100.0)
+            convert(&mut f.gnss, "vu", |x| x * 100.0);
         }),
         usable("velocity from positions", |f| difference(&mut f.gnss, 1)),
         doubtful("velocity from positions, over five", |f| {
-            difference(&mut f.gnss, 5)
+            difference(&mut f.gnss, 5);
         }),
         doubtful("velocity averaged over 3 s", |f| smooth(&mut f.gnss, 3.0)),
         doubtful("velocity in knots", |f| {
-            convert_all(&mut f.gnss, &LEVEL, |x| x / 0.514_444)
+            convert_all(&mut f.gnss, &LEVEL, |x| x / 0.514_444);
         }),
         doubtful("velocity in km/h", |f| {
-            convert_all(&mut f.gnss, &LEVEL, |x| x * 3.6)
+            convert_all(&mut f.gnss, &LEVEL, |x| x * 3.6);
         }),
         doubtful("velocity in mph", |f| {
-            convert_all(&mut f.gnss, &LEVEL, |x| x / 0.447_04)
+            convert_all(&mut f.gnss, &LEVEL, |x| x / 0.447_04);
         }),
         doubtful("velocity in ft/s", |f| {
-            convert_all(&mut f.gnss, &LEVEL, |x| x / 0.3048)
+            convert_all(&mut f.gnss, &LEVEL, |x| x / 0.3048);
         }),
         doubtful("velocity in cm/s", |f| {
-            convert_all(&mut f.gnss, &LEVEL, |x| x * 100.0)
+            convert_all(&mut f.gnss, &LEVEL, |x| x * 100.0);
         }),
         doubtful("ve and vn swapped", |f| {
-            swap_columns_and_names_of(&mut f.gnss, &LEVEL)
+            swap_columns_and_names_of(&mut f.gnss, &LEVEL);
         }),
         doubtful("ve to the west", |f| convert(&mut f.gnss, "ve", |x| -x)),
         doubtful("vn to the south", |f| convert(&mut f.gnss, "vn", |x| -x)),
         doubtful("both opposite", |f| {
-            convert_all(&mut f.gnss, &LEVEL, |x| -x)
+            convert_all(&mut f.gnss, &LEVEL, |x| -x);
         }),
         doubtful("sign of longitude lost", |f| {
-            convert(&mut f.gnss, "lon_deg", |x| -x)
+            convert(&mut f.gnss, "lon_deg", |x| -x);
         }),
         doubtful("latitude and longitude swapped", |f| {
-            swap_columns_and_names_of(&mut f.gnss, &PLACE)
+            swap_columns_and_names_of(&mut f.gnss, &PLACE);
         }),
         doubtful("positions in radians", |f| {
-            convert_all(&mut f.gnss, &PLACE, |x| x / DEG)
+            convert_all(&mut f.gnss, &PLACE, |x| x / DEG);
         }),
         doubtful("positions in 1e-7 deg", |f| {
-            convert_all(&mut f.gnss, &PLACE, |x| x * 1e7)
+            convert_all(&mut f.gnss, &PLACE, |x| x * 1e7);
         }),
         usable("longitude from 0 to 360", |f| {
-            convert(&mut f.gnss, "lon_deg", |x| x.rem_euclid(360.0))
+            convert(&mut f.gnss, "lon_deg", |x| x.rem_euclid(360.0));
         }),
         doubtful("heights in mm", |f| {
-            convert(&mut f.gnss, "h_m", |x| x * 1e3)
+            convert(&mut f.gnss, "h_m", |x| x * 1e3);
         }),
         doubtful("heights in feet", |f| {
-            convert(&mut f.gnss, "h_m", |x| x / 0.3048)
+            convert(&mut f.gnss, "h_m", |x| x / 0.3048);
         }),
         usable("heights above the sea", |f| {
-            convert(&mut f.gnss, "h_m", |x| x - 42.0)
+            convert(&mut f.gnss, "h_m", |x| x - 42.0);
         }),
         doubtful("fixes of another drive", |f| backwards(&mut f.gnss)),
         usable("2 % of positions 100 m off", |f| {
@@ -563,7 +582,7 @@ fn fixes() -> Vec<Mutation> {
             );
         }),
         usable("noisier velocities", |f| {
-            perturb(&mut f.gnss, &LEVEL, |_| 0.2)
+            perturb(&mut f.gnss, &LEVEL, |_| 0.2);
         }),
     ]
 }
@@ -582,13 +601,13 @@ fn sensors() -> Vec<Mutation> {
         usable("spikes of one gyro", |f| {
             each_row(&mut f.imu, |index, cells| {
                 if index % 400 == 399 {
-                    cells[1] = "60".to_owned();
+                    "60".clone_into(&mut cells[1]);
                 }
                 true
             });
         }),
         doubtful("gyro up clipped", |f| {
-            convert(&mut f.imu, "gyro_z", |x| x.clamp(-0.2, 0.2))
+            convert(&mut f.imu, "gyro_z", |x| x.clamp(-0.2, 0.2));
         }),
         doubtful("accelerometer down clipped", |f| {
             convert(&mut f.imu, "accel_z", |x| x.max(-10.3));
@@ -611,10 +630,10 @@ fn sensors() -> Vec<Mutation> {
         }),
         doubtful("gyro up dead", |f| convert(&mut f.imu, "gyro_z", |_| 0.0)),
         doubtful("accelerometer forward dead", |f| {
-            convert(&mut f.imu, "accel_x", |_| 0.0)
+            convert(&mut f.imu, "accel_x", |_| 0.0);
         }),
         usable("gyro up with an offset", |f| {
-            convert(&mut f.imu, "gyro_z", |x| x + 200.0 * DEG_H)
+            convert(&mut f.imu, "gyro_z", |x| x + 200.0 * DEG_H);
         })
         .moving(|a| a[6] += 200.0),
         usable("accelerometer right with an offset", |f| {
@@ -622,57 +641,57 @@ fn sensors() -> Vec<Mutation> {
         })
         .moving(|a| a[2] += 5.0),
         doubtful("gyro offset beyond any class", |f| {
-            convert(&mut f.imu, "gyro_z", |x| x + 0.2)
+            convert(&mut f.imu, "gyro_z", |x| x + 0.2);
         })
         .moving(|a| a[6] += 0.2 / DEG_H),
         doubtful("accelerometers 7 % off", |f| {
-            convert_all(&mut f.imu, &ACCEL, |x| 1.07 * x)
+            convert_all(&mut f.imu, &ACCEL, |x| 1.07 * x);
         }),
         usable("noisier accelerometers", |f| {
-            perturb(&mut f.imu, &ACCEL, |_| 0.2)
+            perturb(&mut f.imu, &ACCEL, |_| 0.2);
         }),
         usable("gyros to 0.001 rad/s", |f| {
-            convert_all(&mut f.imu, &GYRO, quantize(1e-3))
+            convert_all(&mut f.imu, &GYRO, quantize(1e-3));
         }),
         usable("accelerometers to 0.05 m/s^2", |f| {
-            convert_all(&mut f.imu, &ACCEL, quantize(0.05))
+            convert_all(&mut f.imu, &ACCEL, quantize(0.05));
         }),
         doubtful("another class of sensors", |f| {
             f.meta = f.meta.replace("[log]", "[log]\ngrade = \"hg1700\"");
         }),
         doubtful("gyros in deg/s", |f| {
-            convert_all(&mut f.imu, &GYRO, |x| x * DEG)
+            convert_all(&mut f.imu, &GYRO, |x| x * DEG);
         }),
         doubtful("gyros in mdeg/s", |f| {
-            convert_all(&mut f.imu, &GYRO, |x| x * DEG * 1e3)
+            convert_all(&mut f.imu, &GYRO, |x| x * DEG * 1e3);
         }),
         doubtful("gyros in deg/h", |f| {
-            convert_all(&mut f.imu, &GYRO, |x| x / DEG_H)
+            convert_all(&mut f.imu, &GYRO, |x| x / DEG_H);
         }),
         doubtful("gyros in mrad/s", |f| {
-            convert_all(&mut f.imu, &GYRO, |x| x * 1e3)
+            convert_all(&mut f.imu, &GYRO, |x| x * 1e3);
         }),
         doubtful("gyros converted twice", |f| {
-            convert_all(&mut f.imu, &GYRO, |x| x / DEG)
+            convert_all(&mut f.imu, &GYRO, |x| x / DEG);
         }),
         doubtful("accelerometers in g", |f| {
-            convert_all(&mut f.imu, &ACCEL, |x| x / 9.80665)
+            convert_all(&mut f.imu, &ACCEL, |x| x / 9.80665);
         }),
         doubtful("accelerometers in mg", |f| {
-            convert_all(&mut f.imu, &ACCEL, |x| x / MG)
+            convert_all(&mut f.imu, &ACCEL, |x| x / MG);
         }),
         doubtful("accelerometers in ft/s^2", |f| {
-            convert_all(&mut f.imu, &ACCEL, |x| x / 0.3048)
+            convert_all(&mut f.imu, &ACCEL, |x| x / 0.3048);
         }),
         doubtful("accelerometers in mm/s^2", |f| {
-            convert_all(&mut f.imu, &ACCEL, |x| x * 1e3)
+            convert_all(&mut f.imu, &ACCEL, |x| x * 1e3);
         }),
         usable("increments that are said to be", |f| {
             increments(f, [GYRO, ACCEL].concat().as_slice());
             f.meta = f.meta.replace("\"rates\"", "\"increments\"");
         }),
         doubtful("increments called rates", |f| {
-            increments(f, [GYRO, ACCEL].concat().as_slice())
+            increments(f, [GYRO, ACCEL].concat().as_slice());
         }),
         doubtful("rates called increments", |f| {
             f.meta = f.meta.replace("\"rates\"", "\"increments\"");
@@ -706,9 +725,7 @@ fn axes() -> Vec<Mutation> {
             f.meta = f.meta.replace("\"FRD\"", "\"FLU\"");
         })
         .moving(|a| {
-            [2, 3, 5, 6]
-                .into_iter()
-                .for_each(|index| a[index] = -a[index])
+            turn(a, &[2, 3, 5, 6]);
         }),
         usable("RFU", |f| {
             swap_columns(&mut f.imu, 1, 2);
@@ -722,13 +739,13 @@ fn axes() -> Vec<Mutation> {
             (a[3], a[6]) = (-a[3], -a[6]);
         }),
         doubtful("FRD called RFU", |f| {
-            f.meta = f.meta.replace("\"FRD\"", "\"RFU\"")
+            f.meta = f.meta.replace("\"FRD\"", "\"RFU\"");
         }),
         doubtful("FRD called FLU", |f| {
-            f.meta = f.meta.replace("\"FRD\"", "\"FLU\"")
+            f.meta = f.meta.replace("\"FRD\"", "\"FLU\"");
         }),
         doubtful("FLU called FRD", |f| {
-            convert_all(&mut f.imu, &ACROSS, |x| -x)
+            convert_all(&mut f.imu, &ACROSS, |x| -x);
         }),
         doubtful("FLU called RFU", |f| {
             convert_all(&mut f.imu, &ACROSS, |x| -x);
@@ -737,18 +754,14 @@ fn axes() -> Vec<Mutation> {
         .moving(|a| {
             // No more than another mount, where the nose does not follow the track.
             a[0] -= 90.0;
-            [2, 3, 5, 6]
-                .into_iter()
-                .for_each(|index| a[index] = -a[index]);
+            turn(a, &[2, 3, 5, 6]);
         }),
         usable("mounted backwards", |f| {
-            convert_all(&mut f.imu, &LEVEL_AXES, |x| -x)
+            convert_all(&mut f.imu, &LEVEL_AXES, |x| -x);
         })
         .moving(|a| {
             a[0] += 180.0;
-            [1, 2, 4, 5]
-                .into_iter()
-                .for_each(|index| a[index] = -a[index]);
+            turn(a, &[1, 2, 4, 5]);
         }),
         usable("mounted across", |f| {
             swap_columns(&mut f.imu, 1, 2);
@@ -762,20 +775,16 @@ fn axes() -> Vec<Mutation> {
             (a[1], a[4]) = (-a[1], -a[4]);
         }),
         usable("mounted 25 deg nose-down", |f| {
-            pitch_sensors(&mut f.imu, 25.0)
+            pitch_sensors(&mut f.imu, 25.0);
         })
         .moving(|a| {
-            [1, 3, 4, 6]
-                .into_iter()
-                .for_each(|index| a[index] = f64::NAN)
+            forget(a, &[1, 3, 4, 6]);
         }),
         usable("mounted 40 deg nose-down", |f| {
-            pitch_sensors(&mut f.imu, 40.0)
+            pitch_sensors(&mut f.imu, 40.0);
         })
         .moving(|a| {
-            [1, 3, 4, 6]
-                .into_iter()
-                .for_each(|index| a[index] = f64::NAN)
+            forget(a, &[1, 3, 4, 6]);
         }),
         doubtful("mounted on its nose", |f| pitch_sensors(&mut f.imu, 90.0)).moving(no_answer),
         doubtful("upside down", |f| convert_all(&mut f.imu, &ACROSS, |x| -x)).moving(no_answer),
@@ -785,40 +794,40 @@ fn axes() -> Vec<Mutation> {
         }),
         doubtful("gyros x and y swapped", |f| swap_columns(&mut f.imu, 1, 2)),
         doubtful("accelerometers x and y swapped", |f| {
-            swap_columns(&mut f.imu, 4, 5)
+            swap_columns(&mut f.imu, 4, 5);
         }),
         doubtful("accelerometer x of the wrong sign", |f| {
-            convert(&mut f.imu, "accel_x", |x| -x)
+            convert(&mut f.imu, "accel_x", |x| -x);
         })
-        .moving(|a| [1].into_iter().for_each(|i: usize| a[i] = -a[i])),
+        .moving(|a| turn(a, &[1])),
         doubtful("accelerometer y of the wrong sign", |f| {
-            convert(&mut f.imu, "accel_y", |x| -x)
+            convert(&mut f.imu, "accel_y", |x| -x);
         })
-        .moving(|a| [2].into_iter().for_each(|i: usize| a[i] = -a[i])),
+        .moving(|a| turn(a, &[2])),
         doubtful("accelerometer z of the wrong sign", |f| {
-            convert(&mut f.imu, "accel_z", |x| -x)
+            convert(&mut f.imu, "accel_z", |x| -x);
         })
-        .moving(|a| [3].into_iter().for_each(|i: usize| a[i] = -a[i])),
+        .moving(|a| turn(a, &[3])),
         doubtful("gyro x of the wrong sign", |f| {
-            convert(&mut f.imu, "gyro_x", |x| -x)
+            convert(&mut f.imu, "gyro_x", |x| -x);
         })
-        .moving(|a| [4].into_iter().for_each(|i: usize| a[i] = -a[i])),
+        .moving(|a| turn(a, &[4])),
         doubtful("gyro y of the wrong sign", |f| {
-            convert(&mut f.imu, "gyro_y", |x| -x)
+            convert(&mut f.imu, "gyro_y", |x| -x);
         })
-        .moving(|a| [5].into_iter().for_each(|i: usize| a[i] = -a[i])),
+        .moving(|a| turn(a, &[5])),
         doubtful("gyro z of the wrong sign", |f| {
-            convert(&mut f.imu, "gyro_z", |x| -x)
+            convert(&mut f.imu, "gyro_z", |x| -x);
         })
-        .moving(|a| [6].into_iter().for_each(|i: usize| a[i] = -a[i])),
+        .moving(|a| turn(a, &[6])),
         doubtful("all gyros of the wrong sign", |f| {
-            convert_all(&mut f.imu, &GYRO, |x| -x)
+            convert_all(&mut f.imu, &GYRO, |x| -x);
         })
-        .moving(|a| [4, 5, 6].into_iter().for_each(|i: usize| a[i] = -a[i])),
+        .moving(|a| turn(a, &[4, 5, 6])),
         doubtful("all accelerometers of the wrong sign", |f| {
-            convert_all(&mut f.imu, &ACCEL, |x| -x)
+            convert_all(&mut f.imu, &ACCEL, |x| -x);
         })
-        .moving(|a| [1, 2, 3].into_iter().for_each(|i: usize| a[i] = -a[i])),
+        .moving(|a| turn(a, &[1, 2, 3])),
     ]
 }
 
@@ -946,7 +955,7 @@ fn no_other_answer_without_a_word_and_no_usable_log_refused() {
             .map(|mutation| outcome(mutation, &files, &before))
             .collect();
         for ((line, outcome), mutation) in table.iter_mut().zip(outcomes).zip(&mutations) {
-            *line += &format!(" {outcome:14}");
+            write!(line, " {outcome:14}").unwrap();
             match outcome {
                 Outcome::Same => counts[0] += 1,
                 Outcome::Warned => counts[1] += 1,

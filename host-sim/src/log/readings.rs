@@ -108,13 +108,19 @@ fn guesses(log: &Log, rates: &[Rate]) -> Vec<Guess> {
             Box::new(move |r| r.gyro_radps.swap_rows(axis, next)),
         ));
     }
-    // Up to the unknown mount the three are one.
-    let [x, y] = [name(0), name(1)];
-    let mirrored = format!("accel_{x} or accel_{y} has the wrong sign, or the two are swapped");
+    for axis in 0..2 {
+        let sign = format!("accel_{} has the wrong sign", name(axis));
+        guesses.push(guess(
+            "accel",
+            sign,
+            Box::new(move |rate| rate.accel_mps2[axis] *= -1.0),
+        ));
+    }
+    let swap = format!("accel_{} and accel_{} are swapped", name(0), name(1));
     guesses.push(guess(
         "accel",
-        mirrored,
-        Box::new(|rate| rate.accel_mps2.x *= -1.0),
+        swap,
+        Box::new(|rate| rate.accel_mps2.swap_rows(0, 1)),
     ));
     let typical = |axis: usize| median(rates.iter().map(|rate| rate.gyro_radps[axis]));
     let offset = Vector3::new(typical(0), typical(1), typical(2));

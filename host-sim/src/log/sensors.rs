@@ -144,12 +144,14 @@ const CHANNELS: [(&str, Channel); 6] = [
 /// A channel that stops where others go on.
 fn warn_of_frozen_channels(log: &Log, files: &Files, warnings: &mut Vec<LogError>) {
     for (name, channel) in CHANNELS {
-        let runs = log.imu.chunk_by(|a, b| channel(a) == channel(b));
+        let same =
+            |read: Channel, a: &ImuSample, b: &ImuSample| read(a).total_cmp(&read(b)).is_eq();
+        let runs = log.imu.chunk_by(|a, b| same(channel, a, b));
         let span_s = |run: &[ImuSample]| run[run.len() - 1].time.seconds_since(run[0].time);
         let Some(longest) = runs.max_by(|a, b| span_s(a).total_cmp(&span_s(b))) else {
             continue;
         };
-        let goes_on = |other: Channel| longest.iter().any(|s| other(s) != other(&longest[0]));
+        let goes_on = |other: Channel| longest.iter().any(|s| !same(other, s, &longest[0]));
         // One that never moves is no sensor, but made up.
         let throughout = longest.len() == log.imu.len();
         if throughout || span_s(longest) < STUCK_S || !CHANNELS.iter().any(|o| goes_on(o.1)) {
