@@ -97,7 +97,7 @@ pub(crate) fn converging(analysis: &Analysis) -> Vec<Converging> {
         .map(|row| {
             (
                 since(found, row.time),
-                Quantities::new(&row.estimates, axes).columns(),
+                Quantities::of_log(&row.estimates, &analysis.log.meta).columns(),
             )
         })
         .collect();
