@@ -112,9 +112,8 @@ fn assert_sound(navigator: &Navigator) {
         assert!(numbers.clone().all(|x| x.is_finite()), "{motion:?}");
     }
     let kept = navigator.calibration();
-    if let Err(why) = Navigator::<24>::with_ring(*navigator.config(), Some(&kept)) {
-        panic!("{why}: {kept:?}");
-    }
+    let warm = Navigator::warm(*navigator.config(), &kept);
+    assert!(warm.is_ok(), "{kept:?}");
     if let Some(solution) = navigator.solution() {
         let place = solution.position;
         let numbers = [place.latitude_rad, place.longitude_rad, place.height_m];
