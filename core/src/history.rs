@@ -132,6 +132,9 @@ impl Span<f32> {
 /// own smoothing is no shorter.
 const SPACING_S: f64 = 0.095;
 
+/// Square of the phase of a swing over the spacing up to which its third derivative is seen: 3 Hz.
+const FASTEST_PHASE: f64 = 3.5;
+
 /// The INS at a moment of the past, and how it was changing there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Past {
@@ -340,7 +343,7 @@ impl Around<'_> {
             jerk_mps3,
         } = self.parabola(&here, &bend.force_mps2);
         // A cubic whose means over the three intervals are zero: it changes none of the parabola's.
-        let snap_mps4 = self.snap(&here);
+        let snap_mps4 = self.snap(&here, &accel_mps2);
         let flat = 1.25 * here.seconds * here.seconds;
         let velocity = |off_s: f64| {
             middle_mps
@@ -406,14 +409,20 @@ impl Around<'_> {
         }
     }
 
-    /// How the jerk changes, m/s^4, where a moment follows.
-    fn snap(&self, here: &Means) -> Vector3<f64> {
+    /// How the jerk changes, m/s^4, where a moment follows; of what swings too fast for the ring, by
+    /// how it is against the acceleration, nothing.
+    fn snap(&self, here: &Means, accel_mps2: &Vector3<f64>) -> Vector3<f64> {
         let Some(after) = self.after else {
             return Vector3::zeros();
         };
         let at_start = here.slope_from(&Means::over(self.start));
         let at_end = Means::over(after).slope_from(here);
-        (at_end.force_mps2 - at_start.force_mps2) / (0.5 * (at_start.seconds + at_end.seconds))
+        let snap =
+            (at_end.force_mps2 - at_start.force_mps2) / (0.5 * (at_start.seconds + at_end.seconds));
+        // Square of the product of a swing's frequency and the spacing.
+        let phase = snap.norm() * here.seconds * here.seconds / (accel_mps2.norm() + 1e-6);
+        let ratio = phase * phase / (FASTEST_PHASE * FASTEST_PHASE);
+        snap / (1.0 + ratio * ratio)
     }
 
     /// By how much the angular rate changes faster after the interval than before it, rad/s^3.

@@ -20,7 +20,7 @@ const LOGS: [(&str, f64); 6] = [
     ("yk_urban_short_turn_loop_nominal_001", 0.0),
     ("umn_thor_flight75", 0.0),
     ("plane_px4", 60.0),
-    ("quad_122a", 0.0),
+    ("quad_122a", 60.0),
     ("quad_joey1", 60.0),
 ];
 const OFFSETS_S: [f64; 10] = [0.5, 1.0, 2.0, 5.0, 9.7, 18.0, 36.9, 61.3, 90.5, 120.0];
