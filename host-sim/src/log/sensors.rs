@@ -152,17 +152,24 @@ fn warn_of_frozen_channels(log: &Log, files: &Files, warnings: &mut Vec<LogError
             continue;
         };
         let goes_on = |other: Channel| longest.iter().any(|s| !same(other, s, &longest[0]));
-        // One that never moves is no sensor, but made up.
-        let throughout = longest.len() == log.imu.len();
-        if throughout || span_s(longest) < STUCK_S || !CHANNELS.iter().any(|o| goes_on(o.1)) {
+        if span_s(longest) < STUCK_S || !CHANNELS.iter().any(|o| goes_on(o.1)) {
             continue;
         }
         let since_s = longest[0].time.seconds_since(log.imu[0].time);
-        let found = format!(
-            "the same for {:.0} s, from {since_s:.0} s after the start, while others change",
-            span_s(longest)
-        );
-        let cause = "the channel or its driver was stuck: estimates from then on suffer";
+        let (found, cause) = if longest.len() == log.imu.len() {
+            (
+                "the same throughout, while others change".to_owned(),
+                "the channel is dead, or made up: estimates suffer",
+            )
+        } else {
+            (
+                format!(
+                    "the same for {:.0} s, from {since_s:.0} s after the start, while others change",
+                    span_s(longest)
+                ),
+                "the channel or its driver was stuck: estimates from then on suffer",
+            )
+        };
         let expected = "readings that change";
         warnings.push(LogError::file(&files.imu, expected, found, cause).in_column(name));
     }
