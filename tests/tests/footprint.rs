@@ -5,11 +5,11 @@ use ins_tests::footprint::ours;
 
 /// Not at their goals yet (`ins_tests::footprint::goal`): as measured, and a fiftieth for a change
 /// of the compiler's mind.
-const AMORTISED: u64 = 6_380;
-const WORST: u64 = 57_500;
-const STATE_BYTES: u64 = 11_270;
+const AMORTISED: u64 = 6_780;
+const WORST: u64 = 57_900;
+const STATE_BYTES: u64 = 11_560;
 const STACK_BYTES: u64 = 4_430;
-const FLASH_BYTES: u64 = 122_900;
+const FLASH_BYTES: u64 = 115_500;
 
 #[test]
 fn the_core_on_cortex_m7_is_within_its_budgets() -> Result<(), Box<dyn std::error::Error>> {
