@@ -152,14 +152,17 @@ fn warn_of_frozen_channels(log: &Log, files: &Files, warnings: &mut Vec<LogError
             continue;
         };
         let goes_on = |other: Channel| longest.iter().any(|s| !same(other, s, &longest[0]));
-        if span_s(longest) < STUCK_S || !CHANNELS.iter().any(|o| goes_on(o.1)) {
+        // Several that never move are no sensors, but made up.
+        let throughout = longest.len() == log.imu.len();
+        let made_up = throughout && CHANNELS.iter().filter(|other| goes_on(other.1)).count() < 5;
+        if made_up || span_s(longest) < STUCK_S || !CHANNELS.iter().any(|o| goes_on(o.1)) {
             continue;
         }
         let since_s = longest[0].time.seconds_since(log.imu[0].time);
-        let (found, cause) = if longest.len() == log.imu.len() {
+        let (found, cause) = if throughout {
             (
                 "the same throughout, while others change".to_owned(),
-                "the channel is dead, or made up: estimates suffer",
+                "the channel is dead: estimates suffer",
             )
         } else {
             (
