@@ -30,7 +30,8 @@ pub fn build_folder(build_name: &str) -> PathBuf {
     let executable = std::env::current_exe().expect("the path of the running test is known");
     let target = executable
         .ancestors()
-        .find(|folder| folder.join("CACHEDIR.TAG").exists())
+        // Cargo leaves CACHEDIR.TAG only in a folder that it made itself.
+        .find(|folder| folder.join(".rustc_info.json").exists())
         .expect("tests run from cargo's target folder");
     target.join("other").join(build_name)
 }
