@@ -198,7 +198,9 @@ impl<const N: usize> AidedIns<N> {
 
     /// All that has happened since the estimators' horizon.
     fn since_horizon(&self) -> Span {
-        self.before_current.then(&self.current)
+        let mut span = self.before_current;
+        span.extend(&self.current);
+        span
     }
 
     /// The error of the INS now, as far as it is known and not yet taken out.
@@ -379,7 +381,7 @@ impl<const N: usize> AidedIns<N> {
         {
             self.advance(dropped, config);
         }
-        self.before_current = self.since_horizon();
+        self.before_current.extend(&self.current);
         self.history.push(
             self.now,
             &(self.moved_m / self.current.seconds),
@@ -459,7 +461,7 @@ impl<const N: usize> AidedIns<N> {
             control_position_m: dt * (controls.velocity_mps + 0.5 * push + bent / 6.0),
             way_m: step.way_m,
         };
-        self.current = self.current.then(&one);
+        self.current.extend(&one);
         self.wobble.add(force, &interval.angle_rad, dt);
         // Where the position loop moves it, it moves without a velocity.
         self.moved_m += step.way_m - dt * controls.velocity_mps;

@@ -9,7 +9,7 @@ use crate::ring::Ring;
 use crate::time::Time;
 
 /// What the INS went through between two moments, ENU. Spans that follow each other are put
-/// together exactly by [`Span::then`].
+/// together exactly by [`Span::extend`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Span<T: nalgebra::Scalar = f64> {
@@ -36,27 +36,21 @@ pub struct Span<T: nalgebra::Scalar = f64> {
 }
 
 impl<T: nalgebra::RealField + Copy> Span<T> {
-    /// This span and the one after it.
-    #[must_use]
-    pub fn then(&self, next: &Self) -> Self {
+    /// Adds the span after it.
+    pub fn extend(&mut self, next: &Self) {
         let tilt = &self.control_tilt_rad;
-        Self {
-            seconds: self.seconds + next.seconds,
-            force_mps: self.force_mps + next.force_mps,
-            force_moved_m: self.force_moved_m + self.force_mps * next.seconds + next.force_moved_m,
-            attitude_s: self.attitude_s + next.attitude_s,
-            angle_rad: self.angle_rad + next.angle_rad,
-            turn_rad: self.turn_rad + next.turn_rad,
-            control_tilt_rad: self.control_tilt_rad + next.control_tilt_rad,
-            control_velocity_mps: self.control_velocity_mps
-                + next.force_mps.cross(tilt)
-                + next.control_velocity_mps,
-            control_position_m: self.control_position_m
-                + self.control_velocity_mps * next.seconds
-                + next.force_moved_m.cross(tilt)
-                + next.control_position_m,
-            way_m: self.way_m + next.way_m,
-        }
+        self.control_position_m += self.control_velocity_mps * next.seconds
+            + next.force_moved_m.cross(tilt)
+            + next.control_position_m;
+        self.control_velocity_mps += next.force_mps.cross(tilt) + next.control_velocity_mps;
+        self.control_tilt_rad += next.control_tilt_rad;
+        self.force_moved_m += self.force_mps * next.seconds + next.force_moved_m;
+        self.force_mps += next.force_mps;
+        self.attitude_s += next.attitude_s;
+        self.angle_rad += next.angle_rad;
+        self.turn_rad += next.turn_rad;
+        self.way_m += next.way_m;
+        self.seconds += next.seconds;
     }
 
     /// The first part of a span that is cut, or its last. Within a span controls and force are
@@ -264,24 +258,27 @@ impl<const N: usize> History<N> {
         let mut piece = Span::default();
         let mut shown = from;
         for recorded in self.moments.iter() {
-            let seconds = f64::from(recorded.span.seconds);
-            let end_s = recorded.time.seconds_since(from);
-            if end_s <= 0.0 {
+            if recorded.time <= from {
                 continue;
             }
+            let seconds = f64::from(recorded.span.seconds);
+            let end_s = recorded.time.seconds_since(from);
             let start_s = end_s - seconds;
             let last_s = math::min(end_s, to.seconds_since(from));
             let inside_s = last_s - math::max(start_s, 0.0);
             if inside_s <= 0.0 {
                 break;
             }
-            let part = recorded.span.recalled().part(inside_s / seconds);
+            let mut part = recorded.span.recalled();
+            if inside_s < seconds {
+                part = part.part(inside_s / seconds);
+            }
             if piece.seconds > 0.0 && piece.seconds + part.seconds > longest_s {
                 shown = shown.plus_seconds(piece.seconds);
                 show(&piece, shown);
                 piece = part;
             } else {
-                piece = piece.then(&part);
+                piece.extend(&part);
             }
         }
         if piece.seconds > 0.0 {

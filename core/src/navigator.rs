@@ -371,22 +371,22 @@ impl<const RING: usize> State<RING> {
             return ImuOutcome::OutOfRange;
         }
         self.astray = None;
-        let interval = increments.interval(sample, seconds);
-        self.interval = interval;
+        self.interval = increments.interval(sample, seconds);
+        let interval = &self.interval;
         *last = sample.time;
         match &mut self.mode {
             Mode::Aligning(alignment) => {
                 if let Some(ins) = &mut self.stopgap {
-                    ins.step(&alignment.compensated(&interval), &Controls::default());
+                    ins.step(&alignment.compensated(interval), &Controls::default());
                     self.stopgap = self.stopgap.filter(is_possible);
                 }
-                alignment.on_interval(sample.time, &interval, config);
+                alignment.on_interval(sample.time, interval, config);
             }
             Mode::Navigating(ins) => {
                 if hole {
                     ins.on_hole(seconds);
                 }
-                ins.on_interval(sample.time, &interval, config);
+                ins.on_interval(sample.time, interval, config);
             }
         }
         if hole {

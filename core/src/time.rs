@@ -37,7 +37,9 @@ impl Time {
 
     /// Seconds from `earlier` to `self`, negative if `self` comes first.
     pub fn seconds_since(self, earlier: Self) -> f64 {
-        self.micros.saturating_sub(earlier.micros) as f64 * 1e-6
+        let micros = self.micros.saturating_sub(earlier.micros);
+        // The same number; processors without 64-bit conversions have one for 32 bits.
+        i32::try_from(micros).map_or(micros as f64, f64::from) * 1e-6
     }
 
     /// The instant `seconds` later, to the microsecond; saturates, and a NaN adds nothing.
