@@ -44,6 +44,11 @@ struct Astray {
     residual: Vector2<f64>,
 }
 
+/// Whether an innovation of this variance, all components together, is taken as it is.
+pub fn is_ordinary(innovation: &Vector2<f64>, total: f64) -> bool {
+    innovation.norm_squared() <= ROBUST_SIGMAS * ROBUST_SIGMAS * total
+}
+
 /// Running measurement of the innovations of one kind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

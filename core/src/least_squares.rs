@@ -17,6 +17,16 @@ pub struct LeastSquares<const N: usize, const T: usize> {
     rows: SVector<f32, T>,
 }
 
+/// What rows were before they were taken in.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Added {
+    /// Squares of what was measured beyond what was known, each in its variance: together, by how
+    /// much the weighted sum of squared residuals rises.
+    pub square: f32,
+    /// Sum of those variances, of each row with those before it known.
+    pub variance: f32,
+}
+
 impl<const N: usize, const T: usize> LeastSquares<N, T> {
     const SIZES_MATCH: () = assert!(T == N * (N + 1) / 2, "T must be N (N + 1) / 2");
 
@@ -30,14 +40,13 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
     }
 
     /// Adds `R` rows `coefficients . x = measured`, each with its weight; `coefficients` holds
-    /// those of one parameter after those of another, and is used up. Returns by how much they
-    /// raise the weighted sum of squared residuals.
+    /// those of one parameter after those of another, and is used up.
     pub fn add<const R: usize>(
         &mut self,
         coefficients: &mut [[f32; R]; N],
         mut measured: [f32; R],
         mut weight: [f32; R],
-    ) -> f32 {
+    ) -> Added {
         let mut left = coefficients.as_mut_slice();
         let mut rows = self.rows.as_mut_slice();
         for own in &mut self.weight {
@@ -62,8 +71,12 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
             }
             (left, rows) = (later, below);
         }
-        let square = |sum, (left, weight): (&f32, &f32)| sum + weight * left * left;
-        measured.iter().zip(&weight).fold(0.0, square)
+        let mut added = Added::default();
+        for (left, weight) in measured.iter().zip(&weight) {
+            added.square += weight * left * left;
+            added.variance += 1.0 / weight;
+        }
+        added
     }
 
     /// Adds a direct measurement of parameter `index`.
@@ -171,6 +184,18 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
     /// Variance of parameter `index`.
     pub fn variance(&self, index: usize) -> f32 {
         self.variance_of(unit(index))
+    }
+
+    /// Variance of the sums `coefficients . x` of rows as [`Self::add`] takes them, on average.
+    pub fn mean_variance<const R: usize>(&self, coefficients: &[[f32; R]; N]) -> f64 {
+        let mut sum = 0.0;
+        let mut count = 0.0;
+        for row in 0..R {
+            let one = coefficients.map(|of| of.get(row).copied().unwrap_or(0.0));
+            sum += f64::from(self.variance_of(one));
+            count += 1.0;
+        }
+        sum / count
     }
 
     /// Variance of the sum `coefficients . x`.

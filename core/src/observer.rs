@@ -17,7 +17,9 @@ use crate::config::{Config, Noise};
 use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::error_model::{Forcing, InsError, Passage, for_each_input, level_and_up, single};
 use crate::history::{Past, Span};
-use crate::innovations::{Credit, Innovations, StatedNoise, Surprise, against_described};
+use crate::innovations::{
+    Credit, Innovations, StatedNoise, Surprise, against_described, is_ordinary,
+};
 use crate::least_squares::LeastSquares;
 use crate::math;
 use crate::noise_trial::{Assumed, NoiseTrial};
@@ -509,7 +511,6 @@ impl Observer {
         let gnss = &config.gnss;
         let described = kind.noise(config);
         let number = kind.number();
-        let parameters = self.parameter_variance(by);
         let channel = if kind.up {
             &mut self.vertical
         } else {
@@ -542,40 +543,27 @@ impl Observer {
             innovation.first().copied().unwrap_or(0.0),
             innovation.get(1).copied().unwrap_or(0.0),
         );
-        let variance = predicted + parameters;
+        // What the spread of the parameters adds is asked for only where it decides.
+        let mut variance = predicted;
+        if !is_ordinary(&pair, components * (predicted + white)) {
+            variance += self.corrections.mean_variance(by);
+        }
         let credit = innovations.judge(self.horizon, &pair, components, variance, white);
-        let square = pair.norm_squared() / (components * (variance + white));
         let (surprise, last) = if kind.up {
             (&mut self.vertical_surprise, &mut self.last_vertical)
         } else {
             (&mut self.surprise, &mut self.last_level)
         };
-        surprise.take(square, self.horizon.seconds_since(*last));
+        let seconds = self.horizon.seconds_since(*last);
         *last = self.horizon;
-        if kind.up && surprise.lasting_s > VERTICAL_DOUBT_S {
-            self.lose_vertical(LOST_MPS * LOST_MPS, config);
+        let Credit::Taken(white) = credit else {
+            surprise.take(pair.norm_squared() / (components * (variance + white)), seconds);
+            self.refuse(kind, credit, config);
             return false;
-        }
-        let white = match credit {
-            Credit::Taken(white) => white,
-            Credit::Refused => return false,
-            Credit::Lost(variance) => {
-                match (kind.measured, kind.up) {
-                    (Measured::Position, _) => channel.doubt_position(variance),
-                    (Measured::Velocity, true) => self.lose_vertical(variance, config),
-                    (Measured::Velocity, false) => self.on_lost(config),
-                }
-                return false;
-            }
         };
         // Both level axes have the same covariance before and the same after.
         let gains = channel.update(kind.measured, white);
         let total = predicted + white;
-        // While the parameters themselves are uncertain, innovations say little of the noises.
-        if !kind.up && parameters < total {
-            self.trial.take(kind.measured, &pair, white, total, &gains);
-        }
-        let weights = [math::single(1.0 / total); R];
         for (axis, innovation) in (first_axis..).zip(innovation) {
             self.followed.correct(axis, &gains, innovation);
         }
@@ -585,17 +573,47 @@ impl Observer {
                 response.correct(axis, &single_gains, -by);
             }
         }
-        let square = self
+        let weights = [math::single(1.0 / total); R];
+        let added = self
             .corrections
             .add(by, innovation.map(math::single), weights);
+        let square = f64::from(added.square) / components;
+        surprise.take(square, seconds);
+        if kind.up {
+            self.doubt_vertical(config);
+        // While the parameters themselves are uncertain, innovations say little of the noises.
+        } else if f64::from(added.variance) < 2.0 * components * total {
+            self.trial.take(kind.measured, &pair, white, total, &gains);
+        }
         if !gnss.trust_stated_sigma {
             let sigmas = pair / math::sqrt(total * 0.5 * components);
-            let square = f64::from(square) / components;
             if let Some(innovations) = self.innovations.get_mut(number) {
                 innovations.learn(square, &sigmas, gnss.noise_range);
             }
         }
         true
+    }
+
+    /// What follows from innovations that were not taken.
+    fn refuse(&mut self, kind: Kind, credit: Credit, config: &Config) {
+        if let Credit::Lost(variance) = credit {
+            match (kind.measured, kind.up) {
+                (Measured::Position, false) => self.level.doubt_position(variance),
+                (Measured::Position, true) => self.vertical.doubt_position(variance),
+                (Measured::Velocity, true) => self.lose_vertical(variance, config),
+                (Measured::Velocity, false) => self.on_lost(config),
+            }
+        }
+        if kind.up {
+            self.doubt_vertical(config);
+        }
+    }
+
+    /// A vertical whose innovations stay too large is not believed any more.
+    fn doubt_vertical(&mut self, config: &Config) {
+        if self.vertical_surprise.lasting_s > VERTICAL_DOUBT_S {
+            self.lose_vertical(LOST_MPS * LOST_MPS, config);
+        }
     }
 
     /// Variance per component of what is not linear in the parameters: of a latency in a motion that
@@ -622,18 +640,6 @@ impl Observer {
         jolt + 0.5
             * latency
             * (0.5 * latency * second.norm_squared() + azimuth * first.norm_squared())
-    }
-
-    /// What the spread of the parameters adds to the variance of a component, on average.
-    fn parameter_variance<const R: usize>(&self, by: &By<R>) -> f64 {
-        let mut sum = 0.0;
-        let mut count = 0.0;
-        for component in 0..R {
-            let column = by.map(|by| by.get(component).copied().unwrap_or(0.0));
-            sum += f64::from(self.corrections.variance_of(column));
-            count += 1.0;
-        }
-        sum / count
     }
 
     /// Carries the observer over a span that ends at `to`, in a frame that turns at `frame_rate`.
@@ -920,7 +926,9 @@ impl Observer {
             return;
         };
         for (response, by) in self.responses.iter_mut().zip(by) {
-            response.add_scaled(&own, -by);
+            if *by != 0.0 {
+                response.add_scaled(&own, -by);
+            }
         }
     }
 
