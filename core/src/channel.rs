@@ -11,6 +11,7 @@ use crate::math;
 
 /// What a fix measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Measured {
     /// Velocity, with its correlated noise.
     Velocity,

@@ -36,6 +36,13 @@ pub struct Span<T: nalgebra::Scalar = f64> {
 }
 
 impl<T: nalgebra::RealField + Copy> Span<T> {
+    /// This span and the one after it.
+    #[must_use]
+    pub fn then(mut self, next: &Self) -> Self {
+        self.extend(next);
+        self
+    }
+
     /// Adds the span after it.
     pub fn extend(&mut self, next: &Self) {
         let tilt = &self.control_tilt_rad;
@@ -131,6 +138,7 @@ const FASTEST_PHASE: f64 = 3.5;
 
 /// The INS at a moment of the past, and how it was changing there.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Past {
     /// The moment.
     pub time: Time,
@@ -151,6 +159,21 @@ pub struct Past {
     pub attitude_rate: Matrix3<f64>,
     /// Way of the INS from this moment to the newest of the ring, ENU, m.
     pub way_since_m: Vector3<f64>,
+}
+
+impl Past {
+    /// Comes closer to another moment by a part of the way, but for the way since.
+    pub fn approach(&mut self, next: &Self, part: f64) {
+        let seconds = next.time.seconds_since(self.time);
+        self.time = self.time.plus_seconds(seconds * part);
+        self.velocity_mps += (next.velocity_mps - self.velocity_mps) * part;
+        self.accel_mps2 += (next.accel_mps2 - self.accel_mps2) * part;
+        self.jerk_mps3 += (next.jerk_mps3 - self.jerk_mps3) * part;
+        self.unseen_velocity += (next.unseen_velocity - self.unseen_velocity) * part;
+        self.unseen_rate += (next.unseen_rate - self.unseen_rate) * part;
+        self.attitude += (next.attitude - self.attitude) * part;
+        self.attitude_rate += (next.attitude_rate - self.attitude_rate) * part;
+    }
 }
 
 /// Why a moment cannot be given.

@@ -135,6 +135,7 @@ impl Increments {
     /// intervals (Savage 1998, two-sample algorithm); both give the same second-order terms, with
     /// `scale` as their only difference. A hole between increments is filled with the mean rate
     /// of its two ends.
+    #[inline]
     pub fn interval(&mut self, sample: &ImuSample, seconds: f64) -> Interval {
         let hole = self.has_hole(seconds);
         let (gyro_change, accel_change) = (sample.gyro - self.gyro, sample.accel - self.accel);

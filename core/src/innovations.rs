@@ -163,9 +163,8 @@ const STATED_MEMORY: f64 = 100.0;
 const STATED_RANGE: [f64; 2] = [0.1, 100.0];
 
 impl StatedNoise {
-    /// How many times noisier than others a fix of this stated sigma is, in variance.
-    pub fn against_average(&mut self, sigma: f64) -> f64 {
-        let variance = sigma * sigma;
+    /// How many times noisier than others a fix of this stated variance is, in variance.
+    pub fn against_average(&mut self, variance: f64) -> f64 {
         if self.variance <= 0.0 {
             self.variance = variance;
         }
@@ -176,10 +175,10 @@ impl StatedNoise {
     }
 }
 
-/// How many times noisier than described a fix of this stated sigma is, in variance.
-pub fn against_described(sigma: f64, noise: &Noise, range: [f64; 2]) -> f64 {
+/// How many times noisier than described a fix of this stated variance is, in variance.
+pub fn against_described(variance: f64, noise: &Noise, range: [f64; 2]) -> f64 {
     let [least, most] = range;
-    let relative = sigma * sigma / noise.variance();
+    let relative = variance / noise.variance();
     math::max(math::min(relative, most * most), least * least)
 }
 

@@ -7,6 +7,7 @@
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
+use crate::channel::Measured;
 use crate::config::Config;
 use crate::earth::GRAVITY_EQUATOR_MPS2 as G;
 use crate::history::{Past, Span};
@@ -14,7 +15,7 @@ use crate::innovations::{Credit, Innovations};
 use crate::least_squares::LeastSquares;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
-use crate::observer::Used;
+use crate::observer::Kind;
 use crate::parameters::{Parameters, index};
 use crate::time::Time;
 
@@ -48,7 +49,7 @@ pub fn level_accels(
 ) -> f64 {
     let felt = (G * Vector2::new(turned.y, -turned.x) + change * known).cast::<f32>();
     let mut change: [[f32; 2]; 2] = change.cast().into();
-    f64::from(rows.add(&mut change, felt.into(), [1.0; 2]))
+    f64::from(rows.add(&mut change, felt.into(), [1.0; 2]).square)
 }
 
 /// Level gyros (9): `dw_x = w_E^C cos H - w_N^C sin H`, `dw_y = w_E^C sin H + w_N^C cos H`, with
@@ -181,8 +182,6 @@ pub struct Comparison<'a> {
     pub manoeuvre: Manoeuvre,
     /// INS minus GNSS velocity, ENU, m/s.
     pub difference_mps: Vector3<f64>,
-    /// Whether the up component was measured.
-    pub has_up: bool,
     /// `f_UP^C` since the last fix, m/s^2.
     pub accel_up_mps2: f64,
     /// Azimuth taken out since the start, rad.
@@ -230,48 +229,37 @@ impl Literal {
 
     /// Carries the totals over a span that ends at `to`.
     pub fn propagate(&mut self, span: &Span, to: Time) {
-        self.now = Moment {
-            time: to,
-            since_start: self.now.since_start.then(span),
-        };
+        self.now.time = to;
+        self.now.since_start.extend(span);
     }
 
-    /// Takes one comparison at the horizon.
+    /// Takes one kind of measurement of a comparison at the horizon; whether it is credible.
     #[inline(never)]
-    pub fn take(&mut self, now: &Comparison, config: &Config) -> Used {
-        let level = now.difference_mps.xy();
-        let variance = config.gnss.velocity_mps.variance();
-        if !credible(
-            &mut self.level_innovations,
-            self.now.time,
-            &level,
-            2.0,
-            variance,
-            config,
-        ) {
-            return Used {
-                level: false,
-                up: false,
-            };
+    pub fn take(&mut self, kind: Kind, now: &Comparison, config: &Config) -> bool {
+        if kind.measured == Measured::Position {
+            return true;
         }
-        if let Some(last) = self.last {
-            self.average(&last, now);
+        let (innovations, difference, components) = if kind.up {
+            let up = Vector2::new(now.difference_mps.z, 0.0);
+            (&mut self.up_innovations, up, 1.0)
+        } else {
+            let level = now.difference_mps.xy();
+            (&mut self.level_innovations, level, 2.0)
+        };
+        let variance = kind.noise(config).variance();
+        let time = self.now.time;
+        if !credible(innovations, time, &difference, components, variance, config) {
+            return false;
         }
-        self.last = Some(self.now);
-        self.follow(now);
-        self.store_azimuth(now.azimuth_removed_rad);
-        let up = Vector2::new(now.difference_mps.z, 0.0);
-        let variance = config.gnss.velocity_up_mps.variance();
-        let up = now.has_up
-            && credible(
-                &mut self.up_innovations,
-                self.now.time,
-                &up,
-                1.0,
-                variance,
-                config,
-            );
-        Used { level: true, up }
+        if !kind.up {
+            if let Some(last) = self.last {
+                self.average(&last, now);
+            }
+            self.last = Some(self.now);
+            self.follow(now);
+            self.store_azimuth(now.azimuth_removed_rad);
+        }
+        true
     }
 
     /// (9) and (10) at every fix.

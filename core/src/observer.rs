@@ -131,6 +131,7 @@ impl<T: RealField + Copy> Followed<T> {
 
 /// One kind of measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Kind {
     /// Velocity or position.
     pub measured: Measured,
@@ -139,7 +140,8 @@ pub struct Kind {
 }
 
 impl Kind {
-    const fn number(self) -> usize {
+    /// Which of the four.
+    pub const fn number(self) -> usize {
         let first = match self.measured {
             Measured::Velocity => 0,
             Measured::Position => 2,
@@ -159,32 +161,19 @@ impl Kind {
     }
 }
 
-/// INS minus GNSS, velocity or position, ENU.
+/// INS minus GNSS of one kind, ENU.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Difference {
-    /// Which.
-    pub measured: Measured,
     /// m/s or m.
     pub value: Vector3<f64>,
-    /// Whether east and north were measured.
-    pub has_level: bool,
-    /// Whether the up component was.
-    pub has_up: bool,
-    /// Variance that the up component has on top.
-    pub up_variance: f64,
-    /// Noise of a level component, and of the up one, as the receiver states it.
-    pub stated_sigma: [Option<f64>; 2],
+    /// How many fixes it is the mean of.
+    pub fixes: f64,
+    /// Variance of one component of one fix as the receiver states it.
+    pub stated_variance: Option<f64>,
+    /// Variance that it has on top.
+    pub more_variance: f64,
     /// Latency already taken out by the choice of the moment, s.
     pub latency_applied_s: f64,
-}
-
-/// What became of a difference.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Used {
-    /// East and north.
-    pub level: bool,
-    /// Up.
-    pub up: bool,
 }
 
 /// An error that grows with a vector and is gone when the vector is.
@@ -211,6 +200,9 @@ impl Manoeuvred {
         f64::from(growth)
     }
 }
+
+/// Components of the INS error.
+const COMPONENTS: usize = 9;
 
 /// Observer of the INS error and running least squares of the parameters behind it.
 #[derive(Clone, Debug, PartialEq)]
@@ -466,45 +458,35 @@ impl Observer {
         self.followed.error.after(&passage, &forcing)
     }
 
-    /// Compares the INS at the horizon, which must be a moment of the past, with a fix.
-    pub fn take(&mut self, past: &Past, difference: &Difference, config: &Config) -> Used {
-        let residual = difference.value - self.predicted(past, difference);
-        let (mut level_by, mut up_by) = self.shown_by(past, difference.measured);
-        let [level_sigma, up_sigma] = difference.stated_sigma;
-        let bent = self.bent_variance(past, difference.measured);
-        let measured = difference.measured;
-        let level = difference.has_level
-            && self.measure(
-                Kind {
-                    measured,
-                    up: false,
-                },
-                &mut level_by,
-                [residual.x, residual.y],
-                level_sigma,
-                bent,
-                config,
-            );
-        let up = difference.has_up
-            && self.measure(
-                Kind { measured, up: true },
-                &mut up_by,
-                [residual.z],
-                up_sigma,
-                bent + difference.up_variance,
-                config,
-            );
-        Used { level, up }
+    /// Compares the INS at the horizon, which must be a moment of the past, with a fix; whether it
+    /// is taken.
+    pub fn take(
+        &mut self,
+        past: &Past,
+        kind: Kind,
+        difference: &Difference,
+        config: &Config,
+    ) -> bool {
+        let residual = difference.value - self.predicted(past, kind.measured, difference);
+        let by = self.shown_by(past, kind.measured);
+        let bent = self.bent_variance(past, kind.measured) + difference.more_variance;
+        if kind.up {
+            let mut by = by.map(|by| [by.z]);
+            self.measure(kind, &mut by, [residual.z], difference, bent, config)
+        } else {
+            let mut by = by.map(|by| [by.x, by.y]);
+            let residual = [residual.x, residual.y];
+            self.measure(kind, &mut by, residual, difference, bent, config)
+        }
     }
 
     /// Takes the innovations of one kind, one for each of its axes.
-    #[allow(clippy::too_many_arguments)]
     fn measure<const R: usize>(
         &mut self,
         kind: Kind,
         by: &mut By<R>,
         innovation: [f64; R],
-        stated_sigma: Option<f64>,
+        difference: &Difference,
         bent: f64,
         config: &Config,
     ) -> bool {
@@ -526,9 +508,9 @@ impl Observer {
         // Of positions nothing else tells the slow part of the noise; of velocities the
         // innovations do.
         let absolute = gnss.trust_stated_sigma || kind.measured == Measured::Position;
-        let relative = match stated_sigma.filter(|sigma| *sigma > 0.0) {
-            Some(sigma) if absolute => against_described(sigma, described, gnss.noise_range),
-            Some(sigma) => stated.against_average(sigma),
+        let relative = match difference.stated_variance.filter(|stated| *stated > 0.0) {
+            Some(variance) if absolute => against_described(variance, described, gnss.noise_range),
+            Some(variance) => stated.against_average(variance),
             None => 1.0,
         };
         let learnt = relative * innovations.scale();
@@ -536,7 +518,7 @@ impl Observer {
             Measured::Velocity => learnt,
             Measured::Position => math::max(learnt, relative),
         };
-        let white = described.white * described.white * learnt + bent;
+        let white = described.white * described.white * learnt / difference.fixes + bent;
         let predicted = channel.predicted(kind.measured);
         let (first_axis, components) = if kind.up { (2, 1.0) } else { (0, 2.0) };
         let pair = Vector2::new(
@@ -557,7 +539,10 @@ impl Observer {
         let seconds = self.horizon.seconds_since(*last);
         *last = self.horizon;
         let Credit::Taken(white) = credit else {
-            surprise.take(pair.norm_squared() / (components * (variance + white)), seconds);
+            surprise.take(
+                pair.norm_squared() / (components * (variance + white)),
+                seconds,
+            );
             self.refuse(kind, credit, config);
             return false;
         };
@@ -749,23 +734,25 @@ impl Observer {
     }
 
     /// INS minus GNSS as the parameters would have it.
-    fn predicted(&self, past: &Past, difference: &Difference) -> Vector3<f64> {
+    fn predicted(&self, past: &Past, measured: Measured, difference: &Difference) -> Vector3<f64> {
         let p = &self.parameters;
         let latency = p.value(index::LATENCY) + self.unsolved_s * p.value(index::CLOCK_DRIFT);
         let late_s = latency - difference.latency_applied_s;
         // The antenna is C l away from the sensors, and moves by C' l more.
-        let (by_latency, by_lever) = match difference.measured {
+        let (by_latency, by_lever) = match measured {
             Measured::Velocity => (past.accel_mps2, past.attitude_rate),
             Measured::Position => (past.velocity_mps, past.attitude),
         };
-        let smoothed = by_smoothing(past, difference.measured) * p.value(index::SMOOTHING);
-        self.followed.shows(difference.measured) + late_s * by_latency + smoothed
-            - by_lever * p.lever_arm()
+        let smoothed = by_smoothing(past, measured) * p.value(index::SMOOTHING);
+        self.followed.shows(measured) + late_s * by_latency + smoothed - by_lever * p.lever_arm()
     }
 
-    /// What a unit of each parameter more would add to that, east and north, and up.
-    fn shown_by(&self, past: &Past, measured: Measured) -> (By<2>, By<1>) {
-        let (mut level, mut up) = ([[0.0; 2]; COUNT], [[0.0; 1]; COUNT]);
+    /// What a unit of each parameter more would add to that.
+    fn shown_by(&self, past: &Past, measured: Measured) -> [Vector3<f32>; COUNT] {
+        let mut by = self
+            .responses
+            .each_ref()
+            .map(|response| response.shows(measured));
         let (by_latency, by_lever) = match measured {
             Measured::Velocity => (
                 single(&past.accel_mps2),
@@ -773,24 +760,21 @@ impl Observer {
             ),
             Measured::Position => (single(&past.velocity_mps), past.attitude.map(math::single)),
         };
-        let drift = math::single(self.unsolved_s);
-        let by_smoothing = single(&by_smoothing(past, measured));
-        let rows = self.responses.iter().zip(level.iter_mut().zip(&mut up));
-        for (which, (response, (level, up))) in rows.enumerate() {
-            let mut by = response.shows(measured);
-            match which {
-                index::LATENCY => by += by_latency,
-                index::CLOCK_DRIFT => by += by_latency * drift,
-                index::LEVER_ARM => by -= by_lever.column(0),
-                LEVER_FORWARD => by -= by_lever.column(1),
-                LEVER_UP => by -= by_lever.column(2),
-                index::SMOOTHING => by += by_smoothing,
-                _ => {}
+        let mut add = |which: usize, more: Vector3<f32>| {
+            if let Some(by) = by.get_mut(which) {
+                *by += more;
             }
-            *level = [by.x, by.y];
-            *up = [by.z];
+        };
+        add(index::LATENCY, by_latency);
+        add(
+            index::CLOCK_DRIFT,
+            by_latency * math::single(self.unsolved_s),
+        );
+        for axis in 0..3 {
+            add(index::LEVER_ARM + axis, -by_lever.column(axis));
         }
-        (level, up)
+        add(index::SMOOTHING, single(&by_smoothing(past, measured)));
+        by
     }
 
     /// Ends a trial of the noises that is decided, and begins the next.
@@ -813,13 +797,17 @@ impl Observer {
         &self.assumed
     }
 
-    /// Solves for the parameters at the horizon.
-    pub fn solve(&mut self, config: &Config) {
+    /// Makes the parameters those of the horizon, before they are solved for.
+    pub fn prepare(&mut self, config: &Config) {
         self.judge_trial(config);
         self.come_to_now();
         self.level_anew();
         self.diffuse(config);
         self.unsolved_s = 0.0;
+    }
+
+    /// Solves for the parameters.
+    pub fn solve(&mut self) {
         let corrections = self.corrections.solve();
         self.corrections.count_from_solution();
         let mut total = Followed::<f64>::zero();
@@ -830,16 +818,20 @@ impl Observer {
         self.parameters.value += corrections.map(f64::from);
     }
 
-    /// Brings the spread of one parameter up to date, each in its turn, and what all add to that
-    /// of one component of the INS error.
+    /// Brings one spread up to date, each in its turn: of the parameters, and of what they add to
+    /// the components of the INS error.
     pub fn spread_next(&mut self) {
-        let which = usize::from(self.next_spread);
-        self.next_spread = if which + 1 < COUNT {
+        let turn = usize::from(self.next_spread);
+        self.next_spread = if turn + 1 < 2 * COUNT {
             self.next_spread + 1
         } else {
             0
         };
-        self.add_up(which % 9);
+        let which = turn / 2;
+        if turn % 2 == 0 {
+            self.add_up(which % COMPONENTS);
+            return;
+        }
         let variance = f64::from(self.corrections.variance(which));
         let sigma = math::sqrt(variance * self.inflation());
         let value = self.parameters.value(which);
@@ -1009,9 +1001,6 @@ fn seen_jerk(past: &Past) -> f64 {
     let jerk = past.jerk_mps3.norm_squared();
     jerk / (jerk + SWING_PER_S4 * past.unseen_velocity + 1e-9)
 }
-
-const LEVER_FORWARD: usize = index::LEVER_ARM + 1;
-const LEVER_UP: usize = index::LEVER_ARM + 2;
 
 impl Followed<f32> {
     fn double(&self) -> Followed<f64> {

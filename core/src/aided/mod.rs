@@ -1,28 +1,27 @@
 //! The aided INS: mechanization under the damping controls, compared with GNSS at the moments of
 //! the fixes, with the estimators on top and their results taken out of the readings.
 
+mod comparison;
+
 use nalgebra::Vector3;
 
+use self::comparison::Comparison;
 use crate::alignment::rest::{self, RestBlock, RestDetector, Verdict as RestVerdict};
 use crate::alignment::{Aligned, compensation};
 use crate::attitude::matrix;
-use crate::channel::Measured;
 use crate::config::{Config, Feedback, Form};
-use crate::damping::{self, DampingSignals, Differences};
+use crate::damping::DampingSignals;
 use crate::earth::{GRAVITY_EQUATOR_MPS2, wrap_pi};
 use crate::error_model::InsError;
 use crate::estimate::Estimates;
 use crate::estimator::Estimator;
 use crate::health::Tally;
-use crate::history::{History, Missing, Past, Span, Wobble};
+use crate::history::{History, Missing, Span, Wobble};
 use crate::increments::Interval;
-#[cfg(feature = "literal")]
-use crate::literal::Comparison;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::mechanization::{Controls, Mechanization, Step};
 use crate::noise_trial::Assumed;
-use crate::observer::{Difference, Used};
 use crate::outcome::GnssOutcome;
 use crate::parameters::{Parameters, index};
 use crate::ring::Ring;
@@ -37,32 +36,15 @@ const PENDING: usize = 10;
 const HOLD_S: f64 = 1.5;
 /// Interval at which an INS without fixes is corrected, s.
 const COAST_S: f64 = 0.5;
-/// Least time between two fixes that are used, s.
-const LEAST_INTERVAL_S: f64 = 0.01;
-/// Least time between two positions that are used beside velocities, s: their noise changes more
-/// slowly, and a sample must not wait long.
-const POSITION_INTERVAL_S: f64 = 0.45;
+/// Time for which there is one piece of work, s: at ten fixes a second two thirds of these are busy.
+const PIECE_OF_WORK_S: f64 = 0.0101;
 /// Interval at which the parameters are solved for, s.
 const SOLVE_S: f64 = 1.0;
-/// Largest spread of an azimuth error that is taken out whatever its size, rad, and sigmas that
-/// a larger one must have.
-const AZIMUTH_KNOWN_RAD: f64 = 0.035;
-const AZIMUTH_SIGMAS: f64 = 3.0;
 /// A parameter is taken out once its spread is below this part of what was believed before.
 const BIAS_KNOWN: f64 = 0.5;
 const LATENCY_KNOWN: f64 = 0.2;
 /// Largest latency that is credible, s.
 const LATENCY_LIMIT_S: f64 = 1.2;
-/// Errors of the INS that are taken out at once, m and m/s: the loops are linear, and slow.
-const JUMP_M: f64 = 100.0;
-const JUMP_MPS: f64 = 3.0;
-/// Time for which innovations must be too large before the INS is doubted, s; time within which
-/// the next doubt shows that the last has not mended it, s; and such doubts in a row after which it
-/// is aligned anew.
-const DOUBT_S: f64 = 10.0;
-const MENDED_S: f64 = 60.0;
-const HOPELESS: u8 = 3;
-
 /// Errors taken out of readings and stamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -85,6 +67,18 @@ struct Turned {
     vertical_rad: Vector3<f64>,
 }
 
+/// What the estimators have to do besides taking fixes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+enum Due {
+    Nothing,
+    /// One of the spreads is due.
+    Spread,
+    /// All parameters are: what comes before, and the solution.
+    Solution,
+    Solve,
+}
+
 /// The aided INS.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -103,15 +97,18 @@ pub struct AidedIns<const N: usize> {
     controls: Controls,
     controls_until: Time,
     pending: Ring<GnssFix, PENDING>,
-    /// Moment of the last fix that was compared, and of the last position.
-    last_compared: Time,
+    comparison: Option<Comparison>,
+    /// Moment of the newest fix that was taken, and of the last position.
+    newest: Time,
     last_position: Time,
     /// When errors were last taken out of an INS without fixes.
     last_coast: Time,
     rest: RestDetector,
     vertical_sign: VerticalSign,
     last_solve: Time,
-    work_left: bool,
+    due: Due,
+    /// Whether a fix that waits may have its moment now.
+    fixes_due: bool,
     since: Time,
     /// Azimuth taken out since the start, rad.
     azimuth_removed_rad: f64,
@@ -163,13 +160,15 @@ impl<const N: usize> AidedIns<N> {
             controls: Controls::default(),
             controls_until: time,
             pending: Ring::default(),
-            last_compared: time,
+            comparison: None,
+            newest: time,
             last_position: time,
             last_coast: time,
             rest: RestDetector::default(),
             vertical_sign: VerticalSign::default(),
             last_solve: time,
-            work_left: false,
+            due: Due::Nothing,
+            fixes_due: false,
             since: time,
             azimuth_removed_rad: 0.0,
             turned: Turned::default(),
@@ -198,9 +197,7 @@ impl<const N: usize> AidedIns<N> {
 
     /// All that has happened since the estimators' horizon.
     fn since_horizon(&self) -> Span {
-        let mut span = self.before_current;
-        span.extend(&self.current);
-        span
+        self.before_current.then(&self.current)
     }
 
     /// The error of the INS now, as far as it is known and not yet taken out.
@@ -357,19 +354,50 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    /// What is left to do after an interval: at most one fix or one piece of the estimators' work
-    /// a call, to keep the longest call short, unless samples are rare.
+    /// What is left to do after an interval, a piece at a time to keep the longest call short: more
+    /// pieces where samples are rare.
     #[inline(never)]
-    pub fn follow_up(&mut self, tally: &mut Tally, config: &Config) {
-        let due = self.work_left;
-        let remembers = self.history.wants(self.now);
-        if remembers {
+    pub fn follow_up(&mut self, seconds: f64, tally: &mut Tally, config: &Config) {
+        if self.history.wants(self.now) {
             self.remember(config);
         }
-        let took = self.take_waiting(true, tally, config);
-        if due && (remembers || !took) {
-            self.work_left = remembers;
-            self.work(config);
+        let mut left_s = seconds;
+        loop {
+            self.work(tally, config);
+            left_s -= PIECE_OF_WORK_S;
+            if left_s <= 0.0 {
+                return;
+            }
+        }
+    }
+
+    /// One piece of work: of a comparison, else a fix that waits, else of the estimators.
+    fn work(&mut self, tally: &mut Tally, config: &Config) {
+        if self.compare(tally, config) {
+            return;
+        }
+        if self.fixes_due {
+            self.fixes_due = self.take_waiting(true, tally, config);
+            if self.fixes_due {
+                return;
+            }
+        }
+        match self.due {
+            Due::Nothing => {}
+            Due::Spread => {
+                if let Some(observer) = self.estimator.exact_mut() {
+                    observer.spread_next();
+                }
+                self.due = Due::Nothing;
+            }
+            Due::Solution => {
+                self.prepare(config);
+                self.due = Due::Solve;
+            }
+            Due::Solve => {
+                self.solve(config);
+                self.due = Due::Nothing;
+            }
         }
     }
 
@@ -391,7 +419,14 @@ impl<const N: usize> AidedIns<N> {
         self.moved_m = Vector3::zeros();
         self.current = Span::default();
         self.wobble = Wobble::default();
-        self.work_left = true;
+        self.fixes_due = true;
+        if self.due == Due::Nothing {
+            self.due = Due::Spread;
+        }
+        if self.now.seconds_since(self.last_solve) >= SOLVE_S {
+            self.last_solve = self.now;
+            self.due = Due::Solution;
+        }
     }
 
     /// Brings the estimators to a moment of the ring.
@@ -494,20 +529,6 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    /// Takes a fix: at once if its moment has passed, else later.
-    pub fn on_fix(&mut self, fix: &GnssFix, tally: &mut Tally, config: &Config) -> GnssOutcome {
-        let at_once = match self.pending.oldest() {
-            None => self.compare(fix, true, config),
-            Some(_) => None,
-        };
-        let outcome = at_once.unwrap_or_else(|| self.queue(fix, tally, config));
-        let taken = matches!(outcome, GnssOutcome::Accepted | GnssOutcome::Queued);
-        if taken && fix.is_moving(config) {
-            self.rest.on_motion();
-        }
-        outcome
-    }
-
     /// Takes a measured heading.
     #[inline(never)]
     pub fn on_heading(&mut self, measured: &Heading) -> GnssOutcome {
@@ -537,241 +558,12 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    /// Lets a fix wait; one that has waited longest makes room.
-    fn queue(&mut self, fix: &GnssFix, tally: &mut Tally, config: &Config) -> GnssOutcome {
-        let room = self.pending.push(*fix).is_ok()
-            || (self.take_waiting(false, tally, config) && self.pending.push(*fix).is_ok());
-        if room {
-            GnssOutcome::Queued
-        } else {
-            GnssOutcome::TooFarAhead
-        }
-    }
-
-    /// Takes the oldest fix that waits, if its moment has passed.
-    fn take_waiting(&mut self, wait: bool, tally: &mut Tally, config: &Config) -> bool {
-        let Some(fix) = self.pending.oldest().copied() else {
-            return false;
-        };
-        let outcome = self.compare(&fix, wait, config);
-        if let Some(outcome) = outcome {
-            self.pending.pop();
-            tally.fix(fix.time, outcome);
-        }
-        outcome.is_some()
-    }
-
-    /// What the estimators do besides taking fixes, a piece at a time.
-    fn work(&mut self, config: &Config) {
-        if self.now.seconds_since(self.last_solve) >= SOLVE_S {
-            self.last_solve = self.now;
-            self.solve(config);
-        } else if let Some(observer) = self.estimator.exact_mut() {
-            observer.spread_next();
-        }
-    }
-
-    /// Compares a fix with the INS of its own moment; `None` while that lies ahead.
+    /// What comes before a solution.
     #[inline(never)]
-    fn compare(&mut self, fix: &GnssFix, wait: bool, config: &Config) -> Option<GnssOutcome> {
-        let moment = fix.time.plus_seconds(-self.compensation.latency_s);
-        let past = match self.history.at(moment, wait) {
-            Ok(past) => past,
-            Err(Missing::Future) => return None,
-            Err(Missing::TooOld) => return Some(GnssOutcome::TooOld),
-        };
-        let interval_s = moment.seconds_since(self.last_compared);
-        if interval_s < LEAST_INTERVAL_S || moment < self.estimator.horizon() {
-            return Some(GnssOutcome::TimeNotIncreasing);
+    fn prepare(&mut self, config: &Config) {
+        if let Some(observer) = self.estimator.exact_mut() {
+            observer.prepare(config);
         }
-        self.advance(moment, config);
-        self.last_compared = moment;
-        let taken = self.observe(&past, fix, config);
-        let mut differences = self.differences(&past, fix, &taken, interval_s, config);
-        // Most of all where nothing is taken any more.
-        self.doubt(config);
-        if differences == Differences::default() {
-            return Some(GnssOutcome::Outlier);
-        }
-        let jump = |error: &InsError| {
-            error.velocity_mps.norm() > JUMP_MPS || error.position_m.xy().norm() > JUMP_M
-        };
-        if config.feedback == Feedback::Closed && jump(&self.error()) {
-            self.take_out_error();
-            differences = Differences::default();
-        }
-        self.damp(fix, &differences, interval_s, config);
-        Some(GnssOutcome::Accepted)
-    }
-
-    /// Lets the estimators take what a fix says.
-    fn observe(&mut self, past: &Past, fix: &GnssFix, config: &Config) -> Taken {
-        let latency_applied_s = self.compensation.latency_s;
-        let velocity_mps = past.velocity_mps - fix.velocity_enu_mps();
-        let mut taken = Taken {
-            velocity_mps,
-            position_m: self.position_difference(past, fix),
-            position_s: past.time.seconds_since(self.last_position),
-            ..Taken::default()
-        };
-        self.manoeuvre = Manoeuvre::of(past);
-        let has_level = fix.velocity_en_mps.is_some();
-        let sign_variance = self.vertical_sign.take(fix, config);
-        let has_up = sign_variance.is_some();
-        let due = taken.position_s >= POSITION_INTERVAL_S || !has_level;
-        let takes_position = due && (fix.position.is_some() || fix.height_m.is_some());
-        if takes_position {
-            self.last_position = past.time;
-        }
-        #[cfg(feature = "literal")]
-        if let Estimator::Literal(literal) = &mut self.estimator {
-            let comparison = Comparison {
-                past,
-                manoeuvre: self.manoeuvre,
-                difference_mps: velocity_mps,
-                has_up,
-                accel_up_mps2: self.controls.accel_mps2.z,
-                azimuth_removed_rad: self.azimuth_removed_rad,
-                latency_applied_s,
-                accel_compensation_mps2: self.compensation.accel_mps2,
-                bandwidth_radps: config.damping.horizontal.bandwidth_radps,
-            };
-            if has_level {
-                taken.velocity = literal.take(&comparison, config);
-            }
-            taken.position = Used {
-                level: takes_position && fix.position.is_some(),
-                up: takes_position && fix.height_m.is_some(),
-            };
-        }
-        let Some(observer) = self.estimator.exact_mut() else {
-            return taken;
-        };
-        if has_level || has_up {
-            let difference = Difference {
-                measured: Measured::Velocity,
-                up_variance: sign_variance.unwrap_or_default(),
-                value: velocity_mps,
-                has_level,
-                has_up,
-                stated_sigma: [fix.sigma.velocity_mps, fix.sigma.velocity_up_mps],
-                latency_applied_s,
-            };
-            taken.velocity = observer.take(past, &difference, config);
-        }
-        if takes_position {
-            let difference = Difference {
-                measured: Measured::Position,
-                up_variance: 0.0,
-                value: taken.position_m,
-                has_level: fix.position.is_some(),
-                has_up: fix.height_m.is_some(),
-                stated_sigma: [fix.sigma.position_m, fix.sigma.height_m],
-                latency_applied_s,
-            };
-            taken.position = observer.take(past, &difference, config);
-        }
-        taken
-    }
-
-    /// What the loops are given: what was taken, at the sensors and not at the antenna. Where only
-    /// positions are measured, velocities are those that the observer makes of them. What was taken
-    /// of positions acts for one interval of fixes instead of those of many, and as much stronger.
-    fn differences(
-        &self,
-        past: &Past,
-        fix: &GnssFix,
-        taken: &Taken,
-        interval_s: f64,
-        config: &Config,
-    ) -> Differences {
-        let arm = match config.feedback {
-            Feedback::Closed => self.known().lever_arm(),
-            Feedback::Open => config.gnss.lever_arm_m.into(),
-        };
-        let mut differences = Differences::default();
-        let held = math::min(taken.position_s, HOLD_S) / math::min(interval_s, HOLD_S);
-        let velocity_mps = taken.velocity_mps + past.attitude_rate * arm;
-        let position_m = (taken.position_m + past.attitude * arm) * held;
-        let followed = self.estimator.exact().map(|observer| *observer.error());
-        let by_position =
-            |used: bool, has_velocity: bool| followed.filter(|_| used && !has_velocity);
-        let has_level = fix.velocity_en_mps.is_some();
-        if taken.velocity.level {
-            differences.velocity_en_mps = Some(velocity_mps.xy());
-        } else if let Some(error) = by_position(taken.position.level, has_level) {
-            differences.velocity_en_mps = Some(error.velocity_mps.xy() * held);
-        }
-        if taken.velocity.up {
-            differences.velocity_up_mps = Some(velocity_mps.z);
-        } else if let Some(error) = by_position(taken.position.up, fix.velocity_up_mps.is_some()) {
-            differences.velocity_up_mps = Some(error.velocity_mps.z * held);
-        }
-        if taken.position.level {
-            differences.position_en_m = Some(position_m.xy());
-        }
-        if taken.position.up {
-            differences.height_m = Some(position_m.z);
-        }
-        differences
-    }
-
-    /// INS minus GNSS, m; zero where the fix has none.
-    fn position_difference(&self, past: &Past, fix: &GnssFix) -> Vector3<f64> {
-        let ins = &self.mechanization;
-        let own = ins.position;
-        let place = fix.position.unwrap_or(own.lat_lon());
-        let gnss = crate::earth::Geodetic {
-            latitude_rad: place.latitude_rad,
-            longitude_rad: place.longitude_rad,
-            height_m: fix.height_m.unwrap_or(own.height_m),
-        };
-        let way_m = past.way_since_m + self.current.way_m;
-        ins.local_earth().enu_between(&gnss, &own) - way_m
-    }
-
-    /// Innovations that stay too large show an INS that has lost its way: first it is believed
-    /// less, and where that does not mend it, it is aligned anew.
-    fn doubt(&mut self, config: &Config) {
-        let Some(observer) = self.estimator.exact_mut() else {
-            return;
-        };
-        if !observer.is_sound(config) {
-            self.lost = true;
-            self.misled = true;
-            return;
-        }
-        if observer.surprise().0.lasting_s < DOUBT_S {
-            return;
-        }
-        observer.on_lost(config);
-        let recently = |doubted: Time| self.now.seconds_since(doubted) < MENDED_S;
-        self.doubts = if self.doubted.is_some_and(recently) {
-            self.doubts + 1
-        } else {
-            1
-        };
-        self.doubted = Some(self.now);
-        self.lost = self.doubts >= HOPELESS;
-    }
-
-    /// Sets the controls that hold until the next fix.
-    fn damp(&mut self, fix: &GnssFix, differences: &Differences, interval_s: f64, config: &Config) {
-        let parameters = self.known();
-        let azimuth = parameters.value(index::AZIMUTH);
-        let sigma = parameters.sigma(index::AZIMUTH);
-        let significant = sigma < AZIMUTH_KNOWN_RAD || math::abs(azimuth) > AZIMUTH_SIGMAS * sigma;
-        let differences = Differences {
-            azimuth_rad: (config.feedback == Feedback::Closed && significant).then_some(azimuth),
-            ..*differences
-        };
-        // From the moment that a fix shows until the controls have acted.
-        let lag_s = math::min(interval_s, HOLD_S) + self.now.seconds_since(self.last_compared);
-        self.controls = damping::controls(&differences, lag_s, &config.damping);
-        self.controls_until = self.now.plus_seconds(HOLD_S);
-        let level = differences.velocity_en_mps.unwrap_or_default();
-        let up = differences.velocity_up_mps.unwrap_or_default();
-        self.compared = (fix.time, level.push(up));
     }
 
     /// Solves for the parameters and takes out those that are known.
@@ -780,7 +572,13 @@ impl<const N: usize> AidedIns<N> {
     #[inline(never)]
     fn solve(&mut self, config: &Config) {
         match &mut self.estimator {
-            Estimator::Exact(observer) => observer.solve(config),
+            Estimator::Exact(observer) => {
+                observer.solve();
+                if !observer.is_sound(config) {
+                    self.lost = true;
+                    self.misled = true;
+                }
+            }
             #[cfg(feature = "literal")]
             Estimator::Literal(literal) => literal.solve(),
         }
@@ -808,17 +606,6 @@ impl<const N: usize> AidedIns<N> {
             self.compensation.latency_s = credible_latency(parameters);
         }
     }
-}
-
-/// What was taken of a fix, INS minus GNSS.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Taken {
-    velocity_mps: Vector3<f64>,
-    velocity: Used,
-    position_m: Vector3<f64>,
-    position: Used,
-    /// Since the last position, s.
-    position_s: f64,
 }
 
 /// Latency, s, as far as the ring can serve it.

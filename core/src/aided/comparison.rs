@@ -1,0 +1,479 @@
+//! What a fix goes through: it waits for its moment, is put together with others that are close to
+//! it, and is compared with the INS of that moment, a step at a time.
+
+use nalgebra::Vector3;
+
+use super::{AidedIns, HOLD_S};
+use crate::channel::Measured;
+use crate::config::{Config, Feedback};
+use crate::damping::{self, Differences};
+use crate::earth::Geodetic;
+use crate::error_model::InsError;
+use crate::estimator::Estimator;
+use crate::health::Tally;
+use crate::history::{Missing, Past};
+#[cfg(feature = "literal")]
+use crate::literal;
+use crate::manoeuvre::Manoeuvre;
+use crate::math;
+use crate::observer::{Difference, Kind};
+use crate::outcome::GnssOutcome;
+use crate::parameters::index;
+use crate::samples::GnssFix;
+use crate::time::Time;
+
+/// Least time between two fixes that are used, s.
+const LEAST_INTERVAL_S: f64 = 0.01;
+/// Fixes closer than this to the last that were compared wait for the next, and are compared as
+/// one, s: the errors of an INS change little meanwhile, and their mean tells as much of them.
+const TOGETHER_S: f64 = 0.15;
+/// Least time between two positions that are used beside velocities, s: their noise changes more
+/// slowly.
+const POSITION_INTERVAL_S: f64 = 0.45;
+/// Largest spread of an azimuth error that is taken out whatever its size, rad, and sigmas that
+/// a larger one must have.
+const AZIMUTH_KNOWN_RAD: f64 = 0.035;
+const AZIMUTH_SIGMAS: f64 = 3.0;
+/// Errors of the INS that are taken out at once, m and m/s: the loops are linear, and slow.
+const JUMP_M: f64 = 100.0;
+const JUMP_MPS: f64 = 3.0;
+/// Time for which innovations must be too large before the INS is doubted, s; time within which
+/// the next doubt shows that the last has not mended it, s; and such doubts in a row after which it
+/// is aligned anew.
+const DOUBT_S: f64 = 10.0;
+const MENDED_S: f64 = 60.0;
+const HOPELESS: u8 = 3;
+
+/// What is due next for a comparison.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+enum Step {
+    /// More fixes may join.
+    Gather,
+    /// The estimators come to its moment.
+    Advance,
+    /// They take what it has of each kind.
+    Take(Kind),
+    /// The loops do.
+    Damp,
+}
+
+const VELOCITY: Kind = Kind {
+    measured: Measured::Velocity,
+    up: false,
+};
+const CLIMB: Kind = Kind {
+    measured: Measured::Velocity,
+    up: true,
+};
+const POSITION: Kind = Kind {
+    measured: Measured::Position,
+    up: false,
+};
+const HEIGHT: Kind = Kind {
+    measured: Measured::Position,
+    up: true,
+};
+
+/// One kind of measurement in a comparison.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Part {
+    /// Whether the fixes have it.
+    has: bool,
+    /// Its variance as the receiver states it.
+    stated: Option<f64>,
+    /// Whether the estimators have taken it.
+    used: bool,
+}
+
+impl Part {
+    fn of(has: bool, sigma: Option<f64>) -> Self {
+        Self {
+            has,
+            stated: sigma.map(|sigma| sigma * sigma),
+            used: false,
+        }
+    }
+
+    /// Comes closer to `next` by a part of the way.
+    fn approach(&mut self, next: &Self, part: f64) {
+        self.has &= next.has;
+        self.stated = match (self.stated, next.stated) {
+            (Some(own), Some(next)) => Some(own + (next - own) * part),
+            _ => None,
+        };
+    }
+}
+
+/// A fix beside the INS of its own moment, or the mean of several such.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct Comparison {
+    step: Step,
+    past: Past,
+    fixes: u8,
+    /// Stamp of the newest fix, its moment, and that of the last one of the comparison before.
+    stamp: Time,
+    newest: Time,
+    before: Time,
+    /// Latency taken out by the choice of the moment, s.
+    latency_applied_s: f64,
+    /// INS minus GNSS, ENU, m/s and m.
+    velocity_mps: Vector3<f64>,
+    position_m: Vector3<f64>,
+    velocity: Part,
+    climb: Part,
+    /// Variance that the climb has on top, (m/s)^2.
+    climb_variance: f64,
+    position: Part,
+    height: Part,
+    /// Since the last position, s.
+    position_s: f64,
+}
+
+impl Comparison {
+    /// Whether a fix of a moment can be put together with these.
+    fn takes(&self, fix: &GnssFix, moment: Time) -> bool {
+        self.step == Step::Gather
+            && moment.seconds_since(self.before) < 2.0 * TOGETHER_S
+            && self.velocity.has == fix.velocity_en_mps.is_some()
+            && self.position.has == fix.position.is_some()
+            && self.height.has == fix.height_m.is_some()
+    }
+
+    fn add(&mut self, next: &Self) {
+        self.fixes += 1;
+        let part = 1.0 / f64::from(self.fixes);
+        self.past.approach(&next.past, part);
+        self.latency_applied_s += (next.latency_applied_s - self.latency_applied_s) * part;
+        self.velocity_mps += (next.velocity_mps - self.velocity_mps) * part;
+        self.position_m += (next.position_m - self.position_m) * part;
+        self.velocity.approach(&next.velocity, part);
+        self.climb.approach(&next.climb, part);
+        self.climb_variance = math::max(self.climb_variance, next.climb_variance);
+        self.position.approach(&next.position, part);
+        self.height.approach(&next.height, part);
+        (self.stamp, self.newest) = (next.stamp, next.newest);
+    }
+
+    fn part(&mut self, kind: Kind) -> &mut Part {
+        match (kind.measured, kind.up) {
+            (Measured::Velocity, false) => &mut self.velocity,
+            (Measured::Velocity, true) => &mut self.climb,
+            (Measured::Position, false) => &mut self.position,
+            (Measured::Position, true) => &mut self.height,
+        }
+    }
+
+    fn interval_s(&self) -> f64 {
+        self.newest.seconds_since(self.before)
+    }
+
+    /// Goes on to what is due after a kind, or first.
+    fn go_on(&mut self, after: Option<Kind>) {
+        let kinds = [VELOCITY, CLIMB, POSITION, HEIGHT];
+        let done = after.map_or(0, |after| 1 + after.number());
+        let next = kinds
+            .into_iter()
+            .skip(done)
+            .find(|kind| self.part(*kind).has);
+        self.step = next.map_or(Step::Damp, Step::Take);
+    }
+
+    fn difference(&mut self, kind: Kind) -> Difference {
+        Difference {
+            value: match kind.measured {
+                Measured::Velocity => self.velocity_mps,
+                Measured::Position => self.position_m,
+            },
+            fixes: f64::from(self.fixes),
+            stated_variance: self.part(kind).stated,
+            more_variance: if kind == CLIMB {
+                self.climb_variance
+            } else {
+                0.0
+            },
+            latency_applied_s: self.latency_applied_s,
+        }
+    }
+}
+
+impl<const N: usize> AidedIns<N> {
+    /// Takes a fix, or lets it wait.
+    pub fn on_fix(&mut self, fix: &GnssFix, tally: &mut Tally, config: &Config) -> GnssOutcome {
+        let at_once = match self.pending.oldest() {
+            None => self.gather(fix, true, config),
+            Some(_) => None,
+        };
+        let outcome = at_once.unwrap_or_else(|| self.queue(fix, tally, config));
+        if outcome == GnssOutcome::Queued && fix.is_moving(config) {
+            self.rest.on_motion();
+        }
+        outcome
+    }
+
+    /// Lets a fix wait; one that has waited longest makes room.
+    fn queue(&mut self, fix: &GnssFix, tally: &mut Tally, config: &Config) -> GnssOutcome {
+        if self.pending.push(*fix).is_ok() {
+            return GnssOutcome::Queued;
+        }
+        while self.compare(tally, config) {}
+        let room = self.take_waiting(false, tally, config) && self.pending.push(*fix).is_ok();
+        if room {
+            GnssOutcome::Queued
+        } else {
+            GnssOutcome::TooFarAhead
+        }
+    }
+
+    /// Takes the fix that has waited longest, if its moment has passed.
+    pub(super) fn take_waiting(&mut self, wait: bool, tally: &mut Tally, config: &Config) -> bool {
+        let Some(fix) = self.pending.oldest().copied() else {
+            return false;
+        };
+        let outcome = self.gather(&fix, wait, config);
+        if let Some(outcome) = outcome {
+            self.pending.pop();
+            tally.fix(fix.time, outcome);
+        }
+        outcome.is_some()
+    }
+
+    /// Puts a fix beside the INS of its moment; `None` while that lies ahead, or another is being
+    /// compared.
+    #[inline(never)]
+    fn gather(&mut self, fix: &GnssFix, wait: bool, config: &Config) -> Option<GnssOutcome> {
+        let moment = fix.time.plus_seconds(-self.compensation.latency_s);
+        let past = match self.history.at(moment, wait) {
+            Ok(past) => past,
+            Err(Missing::Future) => return None,
+            Err(Missing::TooOld) => return Some(GnssOutcome::TooOld),
+        };
+        if moment.seconds_since(self.newest) < LEAST_INTERVAL_S || moment < self.estimator.horizon()
+        {
+            return Some(GnssOutcome::TimeNotIncreasing);
+        }
+        if let Some(comparison) = &mut self.comparison
+            && !comparison.takes(fix, moment)
+        {
+            if comparison.step == Step::Gather {
+                comparison.step = Step::Advance;
+            }
+            return None;
+        }
+        let next = self.beside(past, fix, config);
+        self.newest = moment;
+        let comparison = match &mut self.comparison {
+            Some(comparison) => {
+                comparison.add(&next);
+                comparison
+            }
+            None => self.comparison.insert(next),
+        };
+        if comparison.interval_s() >= TOGETHER_S {
+            comparison.step = Step::Advance;
+        }
+        Some(GnssOutcome::Queued)
+    }
+
+    /// A fix and the INS of its moment.
+    fn beside(&mut self, past: Past, fix: &GnssFix, config: &Config) -> Comparison {
+        let sign_variance = self.vertical_sign.take(fix, config);
+        Comparison {
+            step: Step::Gather,
+            past,
+            fixes: 1,
+            stamp: fix.time,
+            newest: past.time,
+            before: self.newest,
+            latency_applied_s: self.compensation.latency_s,
+            velocity_mps: past.velocity_mps - fix.velocity_enu_mps(),
+            position_m: self.position_difference(&past, fix),
+            velocity: Part::of(fix.velocity_en_mps.is_some(), fix.sigma.velocity_mps),
+            climb: Part::of(sign_variance.is_some(), fix.sigma.velocity_up_mps),
+            climb_variance: sign_variance.unwrap_or_default(),
+            position: Part::of(fix.position.is_some(), fix.sigma.position_m),
+            height: Part::of(fix.height_m.is_some(), fix.sigma.height_m),
+            position_s: past.time.seconds_since(self.last_position),
+        }
+    }
+
+    /// INS minus GNSS, m; zero where the fix has none.
+    fn position_difference(&self, past: &Past, fix: &GnssFix) -> Vector3<f64> {
+        let ins = &self.mechanization;
+        let own = ins.position;
+        let place = fix.position.unwrap_or(own.lat_lon());
+        let gnss = Geodetic {
+            latitude_rad: place.latitude_rad,
+            longitude_rad: place.longitude_rad,
+            height_m: fix.height_m.unwrap_or(own.height_m),
+        };
+        let way_m = past.way_since_m + self.current.way_m;
+        ins.local_earth().enu_between(&gnss, &own) - way_m
+    }
+
+    /// The next step of the comparison going on; whether there was one.
+    #[inline(never)]
+    pub(super) fn compare(&mut self, tally: &mut Tally, config: &Config) -> bool {
+        let Some(comparison) = &self.comparison else {
+            return false;
+        };
+        match comparison.step {
+            Step::Gather => return false,
+            Step::Advance => self.come_to_comparison(config),
+            Step::Take(kind) => self.observe(kind, config),
+            Step::Damp => self.conclude(tally, config),
+        }
+        true
+    }
+
+    /// Brings the estimators to the moment of the comparison.
+    fn come_to_comparison(&mut self, config: &Config) {
+        let Some(comparison) = &mut self.comparison else {
+            return;
+        };
+        let due = comparison.position_s >= POSITION_INTERVAL_S || !comparison.velocity.has;
+        comparison.position.has &= due;
+        comparison.height.has &= due;
+        if comparison.position.has || comparison.height.has {
+            self.last_position = comparison.newest;
+        }
+        self.manoeuvre = Manoeuvre::of(&comparison.past);
+        comparison.go_on(None);
+        let moment = comparison.past.time;
+        if moment > self.estimator.horizon() {
+            self.advance(moment, config);
+        }
+    }
+
+    /// Lets the estimators take one kind of measurement.
+    #[inline(never)]
+    fn observe(&mut self, kind: Kind, config: &Config) {
+        let Some(comparison) = &mut self.comparison else {
+            return;
+        };
+        let difference = comparison.difference(kind);
+        comparison.part(kind).used = match &mut self.estimator {
+            Estimator::Exact(observer) => {
+                observer.take(&comparison.past, kind, &difference, config)
+            }
+            #[cfg(feature = "literal")]
+            Estimator::Literal(literal) => {
+                let now = literal::Comparison {
+                    past: &comparison.past,
+                    manoeuvre: self.manoeuvre,
+                    difference_mps: comparison.velocity_mps,
+                    accel_up_mps2: self.controls.accel_mps2.z,
+                    azimuth_removed_rad: self.azimuth_removed_rad,
+                    latency_applied_s: comparison.latency_applied_s,
+                    accel_compensation_mps2: self.compensation.accel_mps2,
+                    bandwidth_radps: config.damping.horizontal.bandwidth_radps,
+                };
+                literal.take(kind, &now, config)
+            }
+        };
+        comparison.go_on(Some(kind));
+    }
+
+    /// Gives the loops what was taken, and says what became of the fixes.
+    #[inline(never)]
+    fn conclude(&mut self, tally: &mut Tally, config: &Config) {
+        let Some(comparison) = self.comparison.take() else {
+            return;
+        };
+        let mut differences = self.differences(&comparison, config);
+        // Most of all where nothing is taken any more.
+        self.doubt(config);
+        let outcome = if differences == Differences::default() {
+            GnssOutcome::Outlier
+        } else {
+            let jump = |error: &InsError| {
+                error.velocity_mps.norm() > JUMP_MPS || error.position_m.xy().norm() > JUMP_M
+            };
+            if config.feedback == Feedback::Closed && jump(&self.error()) {
+                self.take_out_error();
+                differences = Differences::default();
+            }
+            self.damp(&comparison, &differences, config);
+            GnssOutcome::Accepted
+        };
+        for _ in 0..comparison.fixes {
+            tally.fix(comparison.stamp, outcome);
+        }
+    }
+
+    /// What the loops are given: what was taken, at the sensors and not at the antenna. Where only
+    /// positions are measured, velocities are those that the observer makes of them. What was taken
+    /// of positions acts for one interval of fixes instead of those of many, and as much stronger.
+    fn differences(&self, taken: &Comparison, config: &Config) -> Differences {
+        let past = &taken.past;
+        let arm = match config.feedback {
+            Feedback::Closed => self.known().lever_arm(),
+            Feedback::Open => config.gnss.lever_arm_m.into(),
+        };
+        let mut differences = Differences::default();
+        let held = math::min(taken.position_s, HOLD_S) / math::min(taken.interval_s(), HOLD_S);
+        let velocity_mps = taken.velocity_mps + past.attitude_rate * arm;
+        let position_m = (taken.position_m + past.attitude * arm) * held;
+        let followed = self.estimator.exact().map(|observer| *observer.error());
+        let by_position =
+            |used: bool, has_velocity: bool| followed.filter(|_| used && !has_velocity);
+        if taken.velocity.used {
+            differences.velocity_en_mps = Some(velocity_mps.xy());
+        } else if let Some(error) = by_position(taken.position.used, taken.velocity.has) {
+            differences.velocity_en_mps = Some(error.velocity_mps.xy() * held);
+        }
+        if taken.climb.used {
+            differences.velocity_up_mps = Some(velocity_mps.z);
+        } else if let Some(error) = by_position(taken.height.used, taken.climb.has) {
+            differences.velocity_up_mps = Some(error.velocity_mps.z * held);
+        }
+        if taken.position.used {
+            differences.position_en_m = Some(position_m.xy());
+        }
+        if taken.height.used {
+            differences.height_m = Some(position_m.z);
+        }
+        differences
+    }
+
+    /// Innovations that stay too large show an INS that has lost its way: first it is believed
+    /// less, and where that does not mend it, it is aligned anew.
+    fn doubt(&mut self, config: &Config) {
+        let Some(observer) = self.estimator.exact_mut() else {
+            return;
+        };
+        if observer.surprise().0.lasting_s < DOUBT_S {
+            return;
+        }
+        observer.on_lost(config);
+        let recently = |doubted: Time| self.now.seconds_since(doubted) < MENDED_S;
+        self.doubts = if self.doubted.is_some_and(recently) {
+            self.doubts + 1
+        } else {
+            1
+        };
+        self.doubted = Some(self.now);
+        self.lost |= self.doubts >= HOPELESS;
+    }
+
+    /// Sets the controls that hold until the next fix.
+    fn damp(&mut self, taken: &Comparison, differences: &Differences, config: &Config) {
+        let parameters = self.known();
+        let azimuth = parameters.value(index::AZIMUTH);
+        let sigma = parameters.sigma(index::AZIMUTH);
+        let significant = sigma < AZIMUTH_KNOWN_RAD || math::abs(azimuth) > AZIMUTH_SIGMAS * sigma;
+        let differences = Differences {
+            azimuth_rad: (config.feedback == Feedback::Closed && significant).then_some(azimuth),
+            ..*differences
+        };
+        // From the moment that a fix shows until the controls have acted.
+        let lag_s = math::min(taken.interval_s(), HOLD_S) + self.now.seconds_since(taken.past.time);
+        self.controls = damping::controls(&differences, lag_s, &config.damping);
+        self.controls_until = self.now.plus_seconds(HOLD_S);
+        let level = differences.velocity_en_mps.unwrap_or_default();
+        let up = differences.velocity_up_mps.unwrap_or_default();
+        self.compared = (taken.stamp, level.push(up));
+    }
+}
