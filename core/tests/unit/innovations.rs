@@ -175,17 +175,17 @@ fn one_wild_innovation_does_not_open_the_gate_for_the_next() {
 fn what_a_receiver_states_counts_by_its_changes_or_as_it_stands() {
     let mut stated = StatedNoise::default();
     for _ in 0..100 {
-        assert!((stated.against_average(0.4) - 1.0).abs() < 1e-12);
+        assert!((stated.against_average(0.4 * 0.4) - 1.0).abs() < 1e-12);
     }
-    assert!((stated.against_average(1.2) - 9.0).abs() < 1e-9);
-    assert!((stated.against_average(1e9) - 100.0).abs() < 1e-9);
+    assert!((stated.against_average(1.2 * 1.2) - 9.0).abs() < 1e-9);
+    assert!((stated.against_average(1e18) - 100.0).abs() < 1e-9);
     let noise = Noise {
         white: 3.0,
         correlated: 4.0,
         correlation_s: 60.0,
     };
-    assert!((against_described(10.0, &noise, RANGE) - 4.0).abs() < 1e-12);
-    assert!((against_described(1e9, &noise, RANGE) - 100.0).abs() < 1e-12);
+    assert!((against_described(100.0, &noise, RANGE) - 4.0).abs() < 1e-12);
+    assert!((against_described(1e18, &noise, RANGE) - 100.0).abs() < 1e-12);
     assert!((against_described(0.0, &noise, RANGE) - 0.01).abs() < 1e-12);
 }
 
