@@ -4,10 +4,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use host_sim::analysis::{Analysis, Input};
-use host_sim::error_model::{Identified, Record};
+use host_sim::identify::analysis::{Analysis, Input};
+use host_sim::identify::error_model::{Identified, Record};
+use host_sim::identify::quantities::DEG_H_RADPS;
 use host_sim::log::{self, BodyAxes, Compression, Grade, Log, Meta};
-use host_sim::quantities::DEG_H_RADPS;
 use host_sim::sim::car::Car;
 use host_sim::sim::drive::Recording;
 use host_sim::sim::mounted::Mounted;

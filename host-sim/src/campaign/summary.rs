@@ -7,10 +7,10 @@ use serde::{Deserialize, Serialize};
 
 use super::ledger::{Line, With};
 use super::plan::Plan;
-use crate::error_model::interval::{Interval, Measured, mean};
-use crate::flights::run::Left;
-use crate::held_ins::Error;
-use crate::report::digits;
+use crate::identify::error_model::interval::{Interval, Measured, mean};
+use crate::identify::held_ins::Error;
+use crate::page::digits;
+use crate::study::flights::run::Left;
 
 /// Moments of the free part that are looked at, in quarters of it.
 const QUARTERS: u32 = 4;

@@ -1,8 +1,10 @@
 //! Compensation against Kalman on one log: what they find, how soon, how well, at what cost.
 
-pub mod cli;
 pub(crate) mod cost;
+pub mod five_stage;
+pub mod kalman;
 pub(crate) mod measure;
+pub mod outage;
 mod output;
 pub(crate) mod tracks;
 
@@ -13,14 +15,14 @@ use ins_core::Config;
 use miette::{Result, miette};
 use serde::Serialize;
 
-use crate::analysis::log_name;
-use crate::configure;
-use crate::import;
-use crate::kalman::Noise;
+use crate::compare::kalman::Noise;
+use crate::compare::outage::OutageTest;
+use crate::identify::analysis::log_name;
+use crate::identify::configure;
+use crate::identify::true_errors::Truth;
+use crate::log::import;
 use crate::log::{BodyAxes, Grade, Log};
-use crate::outage::{self, OutageTest};
 use crate::sim;
-use crate::truth::Truth;
 pub use cost::Cost;
 pub use measure::{MethodResult, QuantityResult, TrajectoryError};
 pub use output::{JSON, plain};

@@ -8,6 +8,7 @@ mod check;
 mod clock;
 mod error;
 mod fixes;
+pub mod import;
 mod meta;
 mod motion;
 mod paths;
@@ -23,7 +24,6 @@ pub(crate) use check::{median, median_interval_s};
 pub use error::{Cell, LogError};
 pub use meta::{Grade, Meta};
 pub use read::read;
-pub(crate) use read::settle;
 pub use write::{Compression, write};
 
 use ins_core::{GnssFix, ImuSample, Solution, Time};

@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use super::flight::{Event, Flown, START_LEVEL_DEG, START_POSITION_M, START_VELOCITY_MPS};
 use super::subject::{Answers, Told};
-use crate::kalman::Noise;
+use crate::compare::kalman::Noise;
 
 /// Of the protocol.
 const VERSION: u32 = 1;

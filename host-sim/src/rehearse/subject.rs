@@ -9,7 +9,7 @@ use ins_core::{Config, Navigator, Phase, Solution};
 
 use super::flight::{Event, Flown};
 use super::program::{Failure, Program};
-use crate::kalman::{Noise, Run};
+use crate::compare::kalman::{Noise, Run};
 use crate::log::Grade;
 use crate::sim::ErrorModel;
 

@@ -3,7 +3,6 @@
 //! The core and the error model find it; here it gets one sentence where it is missing, a verdict,
 //! and each target's names, signs, axes and units.
 
-pub mod cli;
 pub mod found;
 mod mount;
 mod table;
@@ -18,11 +17,11 @@ pub use found::Found;
 pub use mount::{Mount, Vehicle};
 pub use targets::Target;
 
-use crate::analysis::Analysis;
-use crate::error_model::Identified;
-use crate::error_model::fit::BiasFit;
+use crate::identify::analysis::Analysis;
+use crate::identify::error_model::Identified;
+use crate::identify::error_model::fit::BiasFit;
+use crate::identify::verdict::{Verdict, beyond_class};
 use crate::log::{Grade, Log, median_interval_s};
-use crate::verdict::{Verdict, beyond_class};
 
 /// All that is found. Axes are those of the unit, right, forward, up; units are SI.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -2,8 +2,8 @@
 
 use super::mount::Vehicle;
 use super::{Found, Tuning};
-use crate::quantities::{DEG_H_RADPS, MG_MPS2};
-use crate::table;
+use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
+use crate::page::table;
 
 /// Verdict, what was found, and what would show the rest.
 pub fn text(t: &Tuning) -> String {

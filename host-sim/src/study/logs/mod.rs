@@ -5,10 +5,8 @@
 //! and without the estimates. Logs on which the core is developed are counted apart from those
 //! that judge it.
 
-pub mod cli;
-pub mod halves;
 pub mod methods;
-mod page;
+pub(crate) mod page;
 pub mod role;
 pub mod statistics;
 mod summary;
@@ -22,17 +20,17 @@ use miette::{Result, miette};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::compare::five_stage;
+use crate::compare::kalman::Noise;
+use crate::compare::outage::{Course, Drifts, OUTAGE_S};
 use crate::compare::{Input, tracks};
-use crate::configure;
-use crate::five_stage;
-use crate::identify::{Identification, identify};
-use crate::kalman::Noise;
+use crate::identify::configure;
+use crate::identify::halves::{self, Difference};
+use crate::identify::quantities::Quantity;
+use crate::identify::run::{Identification, identify};
 use crate::log::{self, Grade, Log};
-use crate::outage::{Course, Drifts, OUTAGE_S};
-use crate::quantities::Quantity;
 use methods::{Agreement, OPTIONAL, Optional};
 use role::{Role, name_of};
-use statistics::Difference;
 use summary::Summary;
 
 /// All tests on one log.

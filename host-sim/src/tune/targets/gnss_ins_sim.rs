@@ -2,8 +2,8 @@
 
 use super::kf_gins::{arw, gyrbias_deg_h, vrw};
 use super::{Setting, bracketed, file};
+use crate::identify::quantities::DEG_H_RADPS;
 use crate::log::BodyAxes;
-use crate::quantities::DEG_H_RADPS;
 use crate::tune::Tuning;
 use crate::tune::found::{Found, along};
 

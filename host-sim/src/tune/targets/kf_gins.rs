@@ -1,8 +1,8 @@
 //! KF-GINS's yaml.
 
 use super::{Setting, bracketed, file};
+use crate::identify::quantities::DEG_H_RADPS;
 use crate::log::BodyAxes;
-use crate::quantities::DEG_H_RADPS;
 use crate::tune::Tuning;
 use crate::tune::found::{Found, along};
 
