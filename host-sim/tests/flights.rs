@@ -1,11 +1,10 @@
 //! Many flights, damped and then free: a few short ones.
 
-use host_sim::cli::flights::all;
 use host_sim::sim::ErrorModel;
 use host_sim::sim::errors::BiasModel;
 use host_sim::study::flights::linear::{Agreement, random_walk_position_m};
 use host_sim::study::flights::route::Route;
-use host_sim::study::flights::run::{Run, Settings, VARIANTS, Variant, cell_errors, run};
+use host_sim::study::flights::run::{Run, Settings, VARIANTS, Variant, all, cell_errors, run};
 use host_sim::study::flights::schuler::schuler;
 use host_sim::study::flights::statistics::rms;
 use indicatif::ProgressBar;

@@ -7,9 +7,9 @@ use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result, miette};
 use rayon::prelude::*;
 
+use super::flown::Flown;
 use super::ledger::{Ledger, LedgerError, Line, With};
 use super::plan::Plan;
-use super::summary::Flown;
 use crate::identify::error_model::{Identified, Record};
 use crate::log::Grade;
 use crate::sim::ErrorModel;

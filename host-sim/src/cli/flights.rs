@@ -5,13 +5,12 @@ use std::path::PathBuf;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result};
-use rayon::prelude::*;
 
 use crate::page::output::check_free;
 use crate::sim::ErrorModel;
 use crate::study::flights::output::{self, SUMMARY};
 use crate::study::flights::route::Route;
-use crate::study::flights::run::{Run, RunError, Settings, run};
+use crate::study::flights::run::{Run, Settings, all};
 use crate::study::flights::schuler::schuler;
 use crate::study::flights::summary::Summary;
 
@@ -81,23 +80,6 @@ fn measure(options: &Flights) -> Result<(Vec<Run>, Summary)> {
     progress.finish_and_clear();
     let summary = Summary::new(&runs, &route, &settings, schuler);
     Ok((runs, summary))
-}
-
-/// All flights, on all cores; the order of the result does not depend on them.
-pub fn all(
-    seeds: core::ops::Range<u64>,
-    route: &Route,
-    settings: &Settings,
-    progress: &ProgressBar,
-) -> Result<Vec<Run>, RunError> {
-    seeds
-        .into_par_iter()
-        .map(|seed| {
-            let run = run(seed, route, settings);
-            progress.inc(1);
-            run
-        })
-        .collect()
 }
 
 fn bar(runs: u32) -> ProgressBar {

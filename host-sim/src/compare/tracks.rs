@@ -5,7 +5,7 @@ use ins_core::ConfigError;
 use ins_core::config::Form;
 use ins_core::{Config, Estimates, Solution, Time};
 
-use super::Input;
+use super::input::Input;
 use crate::compare::five_stage;
 use crate::compare::kalman::{Filter, Noise, Record, Run, smooth};
 use crate::identify::row::Row;

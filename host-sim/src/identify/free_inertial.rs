@@ -4,6 +4,7 @@ use ins_core::increments::{Increments, Interval};
 use ins_core::mechanization::{Controls, Mechanization};
 use ins_core::{Estimate, Estimates, Observability, Solution, Time};
 use nalgebra::Vector2;
+use serde::Serialize;
 
 use crate::identify::row::Row;
 use crate::log::Log;
@@ -182,4 +183,15 @@ fn growth(before: &[Error], after: &[Error]) -> Vec<Growth> {
             })
         })
         .collect()
+}
+
+/// Root mean square of the free-inertial velocity error, m/s.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct VelocityErrors {
+    /// Sensors as logged.
+    pub before: Option<f64>,
+    /// Estimates applied.
+    pub after: Option<f64>,
+    /// Windows of a minute that it was measured on.
+    pub windows: usize,
 }

@@ -1,7 +1,10 @@
 //! The navigator at one moment, as it is kept.
 
+use std::collections::BTreeMap;
+
 use ins_core::damping::DampingSignals;
 use ins_core::{Estimates, Manoeuvre, Navigator, Phase, Solution, SolutionSigma, Time};
+use serde::Serialize;
 
 /// The navigator at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,4 +49,13 @@ pub(crate) fn add<T: PartialEq>(counts: &mut Counts<T>, outcome: T) {
         Some((_, count)) => *count += 1,
         None => counts.push((outcome, 1)),
     }
+}
+
+/// How many samples were taken, and how many not, by reason.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Answers {
+    /// Used.
+    pub accepted: u64,
+    /// Not used, or only to begin again.
+    pub rejected: BTreeMap<String, u64>,
 }

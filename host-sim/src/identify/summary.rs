@@ -1,15 +1,15 @@
 //! `summary.json`: what came out, for programs.
 
-use std::collections::BTreeMap;
 use std::fmt::Debug;
 
 use ins_core::Phase;
 use serde::Serialize;
 
 use crate::identify::against_truth::{AgainstTruth, TruthErrors};
+use crate::identify::free_inertial::VelocityErrors;
 use crate::identify::halves::Difference;
 use crate::identify::quantities::{Axes, Quantities, Quantity, in_axes};
-use crate::identify::row::Counts;
+use crate::identify::row::{Answers, Counts};
 use crate::identify::run::Identification;
 use crate::identify::verdict::Verdict;
 use crate::identify::words;
@@ -51,26 +51,6 @@ pub struct Summary {
     pub gnss: Answers,
     /// What looked suspicious in the log.
     pub warnings: Vec<String>,
-}
-
-/// Root mean square of the free-inertial velocity error, m/s.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct VelocityErrors {
-    /// Sensors as logged.
-    pub before: Option<f64>,
-    /// Estimates applied.
-    pub after: Option<f64>,
-    /// Windows of a minute that it was measured on.
-    pub windows: usize,
-}
-
-/// How many samples were taken, and how many not, by reason.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Answers {
-    /// Used.
-    pub accepted: u64,
-    /// Not used, or only to begin again.
-    pub rejected: BTreeMap<String, u64>,
 }
 
 impl Summary {

@@ -4,9 +4,10 @@ use ins_core::{Config, Estimate, Observability, Phase};
 use serde::Serialize;
 
 use super::words::unaligned;
+use crate::identify::free_inertial::VelocityErrors;
 use crate::identify::halves::Difference;
+use crate::identify::row::Answers;
 use crate::identify::run::Identification;
-use crate::identify::summary::{Answers, VelocityErrors};
 use crate::page::digits;
 
 /// Sigmas by which halves of a log may differ.

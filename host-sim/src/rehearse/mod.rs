@@ -5,6 +5,7 @@
 //! A flight is one line in a file that only grows: a rehearsal that was stopped goes on where it
 //! was, and shards lie side by side.
 
+pub(crate) mod answers;
 mod budget;
 pub(crate) mod drives;
 pub(crate) mod flight;

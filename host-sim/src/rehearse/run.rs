@@ -8,11 +8,11 @@ use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result, miette};
 use rayon::prelude::*;
 
+use super::answers::Told;
 use super::budget::Case;
 use super::flight::World;
 use super::score::{Line, Outcome, moments};
 use super::settings::Rehearsal;
-use super::subject::Told;
 use crate::campaign::ledger::{Ledger, read_file};
 use crate::campaign::run::Shard;
 use crate::page::output::OutputError;

@@ -3,9 +3,9 @@
 
 use serde::Serialize;
 
+use super::answers::Fault;
 use super::budget::{Case, SOURCES};
 use super::flight::World;
-use super::program::Fault;
 use super::score::{HEADING, Line, Outcome, POSITION, QUANTITIES, moments};
 use super::settings::Rehearsal;
 use crate::identify::error_model::interval::{Measured, mean, student};

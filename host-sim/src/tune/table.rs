@@ -1,7 +1,8 @@
 //! For people to read.
 
+use super::found::Found;
 use super::mount::Vehicle;
-use super::{Found, Tuning};
+use super::tuning::Tuning;
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
 use crate::page::table;
 

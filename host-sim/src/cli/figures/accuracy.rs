@@ -5,10 +5,10 @@ use std::path::Path;
 use ins_core::config::Form;
 use miette::{Result, miette};
 
-use super::cells;
 use crate::page::digits;
 use crate::page::progress::bar;
 use crate::page::table;
+use crate::page::table::cells;
 use crate::sim::Grade;
 use crate::study::accuracy::{Results, Study, header, picture};
 
@@ -23,7 +23,7 @@ fn results(study: Study) -> Result<Results> {
 /// Ring-laser class, with the picture of RMS error and sigma over time.
 pub(super) fn hg1700(root: &Path, runs: u64) -> Result<String> {
     let results = results(Study::new(Grade::Hg1700, runs))?;
-    super::picture(root, "accuracy.svg", &picture(&results))?;
+    super::pages::picture(root, "accuracy.svg", &picture(&results))?;
     Ok(of_all(&results))
 }
 

@@ -5,12 +5,12 @@ use std::path::Path;
 use ins_core::earth::Geodetic;
 use miette::{Result, miette};
 
-use super::cells;
 use crate::aircraft::cessna172;
 use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::flight::Flight;
 use crate::aircraft::plan::Plan;
 use crate::page::table;
+use crate::page::table::cells;
 use crate::sim::car::Car;
 use crate::sim::{DriveConfig, Grade};
 use crate::study::error_free::{Worst, strapdown};

@@ -26,7 +26,7 @@ pub(super) fn part(root: &Path) -> Result<String> {
     write_drive(&log, options, None, false)?;
     let analysis = Analysis::of_log(&log, None, &bar())?;
     let panels: Vec<Panel> = converging(&analysis).iter().map(panel).collect();
-    super::picture(root, "demo.svg", &sheet::svg(&panels))?;
+    super::pages::picture(root, "demo.svg", &sheet::svg(&panels))?;
     let (header, rows) = analysis.table();
     Ok(table::markdown(&header, &rows))
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use ins_core::Config;
 use miette::{Result, miette};
 
-use super::{cells, logs};
+use super::logs;
 use crate::compare::cost;
 use crate::compare::kalman::Noise;
 use crate::compare::outage;
@@ -15,6 +15,7 @@ use crate::log::{self, BodyAxes, Log, Meta};
 use crate::page::digits;
 use crate::page::progress::bar;
 use crate::page::table;
+use crate::page::table::cells;
 use crate::sim::{DriveConfig, Grade, simulate};
 use crate::study::accuracy::{Results, Study, config_of};
 

@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 
 use miette::Result;
 
-use super::cells;
 use crate::identify::analysis::Analysis;
 use crate::identify::quantities::Quantity;
 use crate::identify::words::with_sigma;
 use crate::page::digits;
 use crate::page::progress::bar;
 use crate::page::table;
+use crate::page::table::cells;
 
 /// What every recorded log gives; `None` if there are none.
 pub(super) fn part(root: &Path, folder: Option<&Path>) -> Result<Option<String>> {

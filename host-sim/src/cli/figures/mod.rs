@@ -11,13 +11,11 @@ mod logs;
 mod pages;
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use miette::{Result, miette};
 
-use crate::page::output::{self, OutputError};
-use crate::page::table::cells;
 use pages::Pages;
 
 /// Options of `figures`.
@@ -140,11 +138,4 @@ impl Part {
         }?;
         Ok(text.map(|text| (self.name(), text)).into_iter().collect())
     }
-}
-
-/// Writes a picture into docs/.
-fn picture(root: &Path, name: &str, svg: &str) -> Result<(), OutputError> {
-    let folder = root.join("docs");
-    fs::create_dir_all(&folder).map_err(|e| OutputError::io(&folder, e))?;
-    output::replace(&folder.join(name), svg)
 }

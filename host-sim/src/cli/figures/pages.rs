@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use miette::{Result, miette};
 
-use crate::page::output;
+use crate::page::output::{self, OutputError};
 
 /// All pages in memory.
 pub(super) struct Pages(Vec<Page>);
@@ -131,6 +131,13 @@ pub(super) fn example(file: &Path) -> Result<String> {
         return Err(miette!("{}: no example in it", file.display()));
     }
     Ok(format!("```rust\n{}\n```", code.join("\n")))
+}
+
+/// Writes a picture into docs/.
+pub(super) fn picture(root: &Path, name: &str, svg: &str) -> Result<(), OutputError> {
+    let folder = root.join("docs");
+    fs::create_dir_all(&folder).map_err(|e| OutputError::io(&folder, e))?;
+    output::replace(&folder.join(name), svg)
 }
 
 #[cfg(test)]

@@ -129,7 +129,7 @@ impl Filter {
         let gyro_sigma = start
             .gyro_bias_sigma_radps
             .map(|sigma| sigma.min(noise.gyro_bias_radps));
-        let layout = Layout::new(noise);
+        let layout = noise.layout();
         let covariance = noise.start(
             &layout,
             start.ins.velocity_enu_mps.norm(),

@@ -2,8 +2,6 @@
 
 use core::ops::Range;
 
-use super::Noise;
-
 /// Errors that are always there; the first of three, ENU or right-forward-up.
 pub mod index {
     /// Position, ENU, m.
@@ -87,25 +85,6 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// What a noise model leaves to find.
-    pub fn new(noise: &Noise) -> Self {
-        let mut size = index::COUNT;
-        let mut room = |spread: f64, count: usize| {
-            (spread > 0.0).then(|| {
-                size += count;
-                size - count
-            })
-        };
-        Self {
-            clock_drift: room(noise.clock_drift_sigma, 1),
-            lever_arm: room(noise.lever_arm_sigma_m.max(), 3),
-            accel_scale: room(noise.accel_scale, 3),
-            gyro_scale: room(noise.gyro_scale, 3),
-            colour: Part::ALL.map(|part| room(noise.part(part).colour, part.axes().len())),
-            size,
-        }
-    }
-
     /// First error of a part's coloured noise.
     pub fn colour(&self, part: Part) -> Option<usize> {
         self.colour[part as usize]

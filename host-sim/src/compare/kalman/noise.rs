@@ -194,6 +194,25 @@ impl Noise {
         }
     }
 
+    /// What it leaves to find.
+    pub fn layout(&self) -> Layout {
+        let mut size = index::COUNT;
+        let mut room = |spread: f64, count: usize| {
+            (spread > 0.0).then(|| {
+                size += count;
+                size - count
+            })
+        };
+        Layout {
+            clock_drift: room(self.clock_drift_sigma, 1),
+            lever_arm: room(self.lever_arm_sigma_m.max(), 3),
+            accel_scale: room(self.accel_scale, 3),
+            gyro_scale: room(self.gyro_scale, 3),
+            colour: Part::ALL.map(|part| room(self.part(part).colour, part.axes().len())),
+            size,
+        }
+    }
+
     /// Of a part of a fix.
     pub fn part(&self, part: Part) -> &PartNoise {
         match part {

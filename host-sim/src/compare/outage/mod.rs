@@ -1,5 +1,6 @@
 //! GNSS outages placed all along a log: how far an INS drifts that has to do without.
 
+mod drift;
 #[cfg(feature = "peers")]
 mod peer;
 mod reference;
@@ -12,69 +13,9 @@ use serde::Serialize;
 use crate::compare::kalman::Noise;
 use crate::log::Log;
 use crate::page::digits;
+pub use drift::{Drift, Drifts, OUTAGE_S};
+use drift::{FRESH_S, STRIDE_S};
 use reference::Reference;
-
-/// Length of an outage, and from start to start, s.
-pub const OUTAGE_S: f64 = 30.0;
-const STRIDE_S: f64 = 10.0;
-/// Navigation before the first outage, s: as much GNSS as is then taken away.
-const SETTLE_S: f64 = OUTAGE_S;
-/// Age of the last fix at which an outage may begin, s; older, there already is one.
-const FRESH_S: f64 = 1.5;
-
-/// Horizontal errors in one outage.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Drift {
-    /// Start, since the first sample, s.
-    pub start_s: f64,
-    /// Position at the end, m.
-    pub position_end_m: f64,
-    /// Velocity at the end, m/s.
-    pub velocity_end_mps: f64,
-    /// Largest of the position, m.
-    pub position_max_m: f64,
-    /// Largest of the velocity, m/s.
-    pub velocity_max_mps: f64,
-}
-
-/// One navigator through all outages.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Drifts {
-    /// Which.
-    pub navigator: &'static str,
-    /// Outages.
-    pub count: usize,
-    /// Root mean square at the end, m.
-    pub position_rms_m: f64,
-    /// Largest in any outage, m.
-    pub position_max_m: f64,
-    /// Root mean square at the end, m/s.
-    pub velocity_rms_mps: f64,
-    /// Largest in any outage, m/s.
-    pub velocity_max_mps: f64,
-    /// The outages themselves.
-    #[serde(skip)]
-    pub outages: Vec<Drift>,
-}
-
-impl Drifts {
-    fn new(navigator: &'static str, outages: Vec<Drift>) -> Self {
-        let rms = |value: fn(&Drift) -> f64| {
-            let sum: f64 = outages.iter().map(|drift| value(drift).powi(2)).sum();
-            (sum / outages.len() as f64).sqrt()
-        };
-        let most = |value: fn(&Drift) -> f64| outages.iter().map(value).fold(0.0, f64::max);
-        Self {
-            navigator,
-            count: outages.len(),
-            position_rms_m: rms(|drift| drift.position_end_m),
-            position_max_m: most(|drift| drift.position_max_m),
-            velocity_rms_mps: rms(|drift| drift.velocity_end_mps),
-            velocity_max_mps: most(|drift| drift.velocity_max_mps),
-            outages,
-        }
-    }
-}
 
 /// What the drifts are measured against.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

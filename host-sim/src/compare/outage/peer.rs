@@ -15,7 +15,7 @@ use ins_core::increments::Increments;
 use ins_core::{Config, GnssFix, ImuOutput, ImuSample, Navigator, Solution, Time};
 use nalgebra::{Quaternion as Algebraic, Unit, UnitQuaternion, Vector3};
 
-use super::Drift;
+use super::drift::Drift;
 use super::reference::Reference;
 use super::runs::{Ins, Survey, through};
 use crate::compare::kalman::filter::Start;

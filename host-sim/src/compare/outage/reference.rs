@@ -4,7 +4,7 @@ use ins_core::earth::Geodetic;
 use ins_core::{Solution, Time};
 use nalgebra::Vector2;
 
-use super::{Drift, OUTAGE_S};
+use super::drift::{Drift, OUTAGE_S};
 use crate::log::Log;
 
 /// Age at which a point no longer stands for the end of an outage, s.

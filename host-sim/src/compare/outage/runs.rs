@@ -4,8 +4,8 @@
 use ins_core::ConfigError;
 use ins_core::{Config, GnssFix, ImuSample, Navigator, Observability, Phase, Solution, Time};
 
+use super::drift::{Drift, SETTLE_S};
 use super::reference::Reference;
-use super::{Drift, SETTLE_S};
 use crate::compare::kalman::{Noise, Run};
 use crate::identify::run::{Event, in_order_of_time};
 use crate::log::Log;

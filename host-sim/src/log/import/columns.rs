@@ -24,8 +24,8 @@ use ins_core::{FixSigma, GnssFix, ImuOutput, ImuSample, Time};
 use nalgebra::{Vector2, Vector3};
 use serde::Deserialize;
 
+use super::recording::{Imu, Receiver, Recording, degrees, over_ground, stated};
 use super::text::{Table, content};
-use super::{Imu, Receiver, Recording, degrees, over_ground, stated};
 use crate::log::{BodyAxes, LogError};
 
 const META: &str = "meta.toml";

@@ -7,7 +7,7 @@ use ardupilot_binlog::{Entry, Reader};
 use ins_core::{FixSigma, GnssFix, ImuOutput, ImuSample, Time};
 use nalgebra::Vector3;
 
-use super::{
+use super::recording::{
     Imu, Receiver, Recording, Stamped, concerns_sensors, degrees, joined, over_ground, stated,
     unpacked,
 };

@@ -5,8 +5,8 @@ use std::path::Path;
 use ins_core::{ImuOutput, ImuSample, Time};
 use nalgebra::Vector3;
 
+use super::recording::{Imu, Recording};
 use super::text::Table;
-use super::{Imu, Recording};
 use crate::log::{BodyAxes, LogError};
 
 /// The header names stamp and rates.

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use ins_core::{GnssFix, ImuOutput, ImuSample, Time};
 use nalgebra::{Vector2, Vector3};
 
+use super::recording::{Imu, Receiver, Recording, degrees};
 use super::text::Table;
-use super::{Imu, Receiver, Recording, degrees};
 use crate::log::{BodyAxes, LogError};
 
 pub(super) fn recognised(path: &Path, _: &[u8]) -> bool {

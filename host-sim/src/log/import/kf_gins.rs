@@ -6,8 +6,8 @@ use std::path::Path;
 use ins_core::{FixSigma, GnssFix, ImuOutput, ImuSample, Time};
 use nalgebra::{Vector2, Vector3};
 
+use super::recording::{Imu, Receiver, Recording, degrees, stated};
 use super::text::{Table, cells, number};
-use super::{Imu, Receiver, Recording, degrees, stated};
 use crate::log::{BodyAxes, LogError};
 
 /// Seven numbers between blanks, or thirteen for fixes with velocity, and no header.

@@ -7,8 +7,8 @@ use std::path::Path;
 use ins_core::{FixSigma, GnssFix, ImuOutput, ImuSample, Time};
 use nalgebra::{Vector2, Vector3};
 
+use super::recording::{Imu, Receiver, Recording, degrees, stated, unreadable};
 use super::text::{content, number};
-use super::{Imu, Receiver, Recording, degrees, stated, unreadable};
 use crate::log::{BodyAxes, LogError};
 
 pub(super) fn recognised(path: &Path, _: &[u8]) -> bool {

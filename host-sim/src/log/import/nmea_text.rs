@@ -7,8 +7,8 @@ use nmea::ParseResult;
 use nmea::sentences::FixType;
 use nmea::sentences::rmc::RmcStatusOfFix;
 
+use super::recording::{Receiver, Recording, degrees, over_ground, stated};
 use super::text::content;
-use super::{Receiver, Recording, degrees, over_ground, stated};
 use crate::log::LogError;
 
 /// A sentence in the first bytes.

@@ -7,8 +7,8 @@ use std::path::Path;
 use bzip2::read::BzDecoder;
 use lz4_flex::frame::FrameDecoder;
 
+use super::recording::{Recording, bytes, unreadable};
 use super::ros_messages::{Layout, Stream, recording, stream};
-use super::{Recording, bytes, unreadable};
 use crate::log::LogError;
 
 /// The head of the file.

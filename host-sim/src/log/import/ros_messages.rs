@@ -6,7 +6,7 @@ use std::path::Path;
 use ins_core::{FixSigma, GnssFix, ImuOutput, ImuSample, Time};
 use nalgebra::{Vector2, Vector3};
 
-use super::{Imu, Receiver, Recording, degrees, merged, stated};
+use super::recording::{Imu, Receiver, Recording, degrees, merged, stated};
 use crate::log::BodyAxes;
 
 /// What a topic carries, as it comes.

@@ -6,8 +6,8 @@ use ins_core::earth::{ECCENTRICITY_SQUARED, Geodetic, LocalEarth};
 use ins_core::{FixSigma, GnssFix, Time};
 use nalgebra::Vector2;
 
+use super::recording::{Receiver, Recording, degrees, stated};
 use super::text::{content, number};
-use super::{Receiver, Recording, degrees, stated};
 use crate::log::LogError;
 
 /// The line that names the columns.

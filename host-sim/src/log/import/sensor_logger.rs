@@ -9,8 +9,10 @@ use nalgebra::Vector3;
 use tempfile::TempDir;
 use zip::ZipArchive;
 
+use super::recording::{
+    Imu, Receiver, Recording, Stamped, degrees, joined, over_ground, stated, unreadable,
+};
 use super::text::Table;
-use super::{Imu, Receiver, Recording, Stamped, degrees, joined, over_ground, stated, unreadable};
 use crate::log::{BodyAxes, LogError};
 
 pub(super) fn recognised(path: &Path, start: &[u8]) -> bool {

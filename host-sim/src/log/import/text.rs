@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::bytes;
+use super::recording::bytes;
 use crate::log::LogError;
 
 /// Named columns of numbers; not a number where a cell holds none.

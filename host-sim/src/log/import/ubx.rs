@@ -8,7 +8,7 @@ use std::path::Path;
 use ins_core::{FixSigma, GnssFix, ImuOutput, Time};
 use nalgebra::{Vector2, Vector3};
 
-use super::{Imu, Receiver, Recording, Stamped, bytes, degrees, joined, stated};
+use super::recording::{Imu, Receiver, Recording, Stamped, bytes, degrees, joined, stated};
 use crate::log::{BodyAxes, LogError};
 
 /// What every frame begins with.

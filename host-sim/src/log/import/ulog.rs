@@ -10,7 +10,7 @@ use px4_ulog::stream_parser::{
     Message, ParameterMessage, SimpleCallbackResult, read_file_with_simple_callback,
 };
 
-use super::{
+use super::recording::{
     Imu, Receiver, Recording, Stamped, concerns_sensors, degrees, joined, stated, unreadable,
 };
 use crate::log::{BodyAxes, LogError};

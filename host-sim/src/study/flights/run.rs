@@ -12,6 +12,9 @@ use serde::Serialize;
 use super::linear::{Agreement, LinearModel, Terms};
 use super::route::Route;
 use super::sensors::{Intervals, RATE_HZ, STEP_S, Sensors, Step};
+use indicatif::ProgressBar;
+use rayon::prelude::*;
+
 use crate::aircraft::flight::FlightError;
 use crate::identify::held_ins::{Error, HeldIns};
 use crate::sim::ErrorModel;
@@ -342,4 +345,21 @@ impl Grid {
 pub fn cell_errors(cell: usize) -> (f64, f64) {
     let walks = WALKS_DEG_SQRT_H.len();
     (BIASES_DEG_H[cell / walks], WALKS_DEG_SQRT_H[cell % walks])
+}
+
+/// All flights, on all cores; the order of the result does not depend on them.
+pub fn all(
+    seeds: core::ops::Range<u64>,
+    route: &Route,
+    settings: &Settings,
+    progress: &ProgressBar,
+) -> Result<Vec<Run>, RunError> {
+    seeds
+        .into_par_iter()
+        .map(|seed| {
+            let run = run(seed, route, settings);
+            progress.inc(1);
+            run
+        })
+        .collect()
 }

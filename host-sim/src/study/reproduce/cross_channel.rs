@@ -4,8 +4,8 @@ use ins_core::Solution;
 use nalgebra::Vector3;
 
 use super::drive::Drive;
+use super::part::{Number, Part, csv, rms};
 use super::velocity_plot::{Line, panel};
-use super::{Number, Part, csv, rms};
 use crate::compare::five_stage::Stage;
 use crate::identify::row::Row;
 use crate::page::plot::{GREEN, GREY, RED};

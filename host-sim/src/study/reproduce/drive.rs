@@ -8,7 +8,7 @@ use nalgebra::{Vector2, Vector3};
 
 use indicatif::ProgressBar;
 
-use super::GRADE;
+use super::part::GRADE;
 use crate::compare::five_stage::{self, FiveStage};
 use crate::identify::free_inertial::feed;
 use crate::identify::held_ins::HeldIns;

@@ -3,8 +3,8 @@
 use miette::{IntoDiagnostic, Result};
 use rayon::prelude::*;
 
+use super::part::{Number, Part, Settings, csv, rms};
 use super::performance::performance;
-use super::{Number, Part, Settings, csv, rms};
 use crate::page::plot::{BLUE, GREEN, Mark, Plot, RED, padded};
 use crate::page::sheet::{self, Panel, key};
 use crate::sim::ErrorModel;

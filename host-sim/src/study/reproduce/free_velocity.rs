@@ -5,8 +5,8 @@ use nalgebra::{Vector2, Vector3};
 use rayon::prelude::*;
 
 use super::drive::Drive;
+use super::part::{Number, Part, csv, rms};
 use super::velocity_plot::{Line, panel};
-use super::{Number, Part, csv, rms};
 use crate::identify::row::Row;
 use crate::log::Log;
 use crate::page::plot::{GREEN, RED};

@@ -1,7 +1,7 @@
 //! Figure 1: when each error shows itself.
 
 use super::drive::Drive;
-use super::{Number, Part};
+use super::part::{Number, Part};
 use crate::compare::five_stage::Stage;
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::page::plot::{BLUE, GREY, Mark, ORANGE, Plot, padded};

@@ -6,8 +6,8 @@ use miette::{IntoDiagnostic, Result};
 use nalgebra::Vector2;
 use rayon::prelude::*;
 
+use super::part::{GRADE, Number, Part, Settings, csv};
 use super::velocity_plot::{Line, panel};
-use super::{GRADE, Number, Part, Settings, csv};
 use crate::identify::held_ins::HeldIns;
 use crate::page::plot::{BLUE, ORANGE};
 use crate::page::sheet;
