@@ -8,7 +8,6 @@ pub use statistics::{Results, Row, Spread};
 
 use core::f64::consts::PI;
 
-use indicatif::ProgressBar;
 use ins_core::ConfigError;
 use ins_core::config::{Form, HeadingSource};
 use ins_core::earth::wrap_pi;
@@ -140,14 +139,6 @@ impl Study {
             kalman_noise: None,
             kalman_positions: true,
         }
-    }
-
-    /// Runs all drives and sums up.
-    pub fn results(self, progress: &ProgressBar) -> Result<Results, ConfigError> {
-        progress.set_length(self.runs);
-        let runs = self.drive(&|_| {}, &|| progress.inc(1))?;
-        progress.finish_and_clear();
-        Ok(Results::new(self, runs))
     }
 
     /// Runs all drives, several at a time; what comes out does not depend on how many. `tune` has
@@ -324,6 +315,7 @@ fn checks(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use indicatif::ProgressBar;
 
     #[test]
     fn results_do_not_depend_on_the_number_of_threads() {

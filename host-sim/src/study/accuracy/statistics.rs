@@ -1,5 +1,7 @@
 //! What many runs say together.
 
+use indicatif::ProgressBar;
+use ins_core::ConfigError;
 use serde::Serialize;
 
 use super::{Check, EVERY_S, QUANTITIES, Quantity, Run, Study};
@@ -51,6 +53,16 @@ pub struct Spread {
     pub rms_error: [f64; 8],
     /// Root mean square of the stated sigmas.
     pub rms_sigma: [f64; 8],
+}
+
+impl Study {
+    /// Runs all drives and sums up.
+    pub fn results(self, progress: &ProgressBar) -> Result<Results, ConfigError> {
+        progress.set_length(self.runs);
+        let runs = self.drive(&|_| {}, &|| progress.inc(1))?;
+        progress.finish_and_clear();
+        Ok(Results::new(self, runs))
+    }
 }
 
 impl Results {

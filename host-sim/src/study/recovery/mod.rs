@@ -3,11 +3,10 @@
 
 mod table;
 
-pub use table::{Row, header};
+pub use table::{Results, Row, header};
 
 use indicatif::ProgressBar;
 use nalgebra::Matrix4;
-use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::identify::configure;
@@ -34,18 +33,6 @@ pub struct Study {
     pub minutes: f64,
     /// Seed of the first drive of the first unit.
     pub first_seed: u64,
-}
-
-/// All units of one kind.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Results {
-    /// What was made.
-    #[serde(flatten)]
-    pub study: Study,
-    /// Thesis equation of the gyro biases.
-    pub gyro_model: &'static str,
-    /// A row for each parameter.
-    pub rows: Vec<Row>,
 }
 
 /// One unit, identified.
@@ -78,29 +65,7 @@ pub fn truth(kind: Kind) -> ErrorModel {
 }
 
 impl Study {
-    /// Makes and identifies all units; what comes out does not depend on the number of threads.
-    pub fn results(self, kind: Kind, progress: &ProgressBar) -> Results {
-        progress.set_length(self.units);
-        let units: Vec<Unit> = (0..self.units)
-            .into_par_iter()
-            .map(|unit| {
-                let unit = self.unit(unit, kind);
-                progress.inc(1);
-                unit
-            })
-            .collect();
-        progress.finish_and_clear();
-        Results {
-            study: self,
-            gyro_model: match kind {
-                Kind::Wave => "(3)",
-                Kind::Continuous => "(4)",
-            },
-            rows: table::rows(&self, kind, &units),
-        }
-    }
-
-    fn unit(&self, unit: u64, kind: Kind) -> Unit {
+    fn identified(&self, unit: u64, kind: Kind) -> Unit {
         let model = truth(kind);
         let first = self.first_seed + UNIT_SEEDS * unit;
         let records: Vec<Record> = (first..first + self.drives)

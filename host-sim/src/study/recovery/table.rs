@@ -1,9 +1,11 @@
 //! Bias, coverage and scatter of each parameter over the units.
 
+use indicatif::ProgressBar;
 use nalgebra::Matrix4;
+use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{Results, Study, Unit, truth};
+use super::{Study, Unit, truth};
 use crate::identify::error_model::fit::Kind;
 use crate::identify::error_model::interval::Interval;
 use crate::page::number::to_second_digit_of;
@@ -33,7 +35,43 @@ pub struct Row {
     pub bound: Option<f64>,
 }
 
-pub(super) fn rows(study: &Study, kind: Kind, units: &[Unit]) -> Vec<Row> {
+/// All units of one kind.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Results {
+    /// What was made.
+    #[serde(flatten)]
+    pub study: Study,
+    /// Thesis equation of the gyro biases.
+    pub gyro_model: &'static str,
+    /// A row for each parameter.
+    pub rows: Vec<Row>,
+}
+
+impl Study {
+    /// Makes and identifies all units; what comes out does not depend on the number of threads.
+    pub fn results(self, kind: Kind, progress: &ProgressBar) -> Results {
+        progress.set_length(self.units);
+        let units: Vec<Unit> = (0..self.units)
+            .into_par_iter()
+            .map(|unit| {
+                let unit = self.identified(unit, kind);
+                progress.inc(1);
+                unit
+            })
+            .collect();
+        progress.finish_and_clear();
+        Results {
+            study: self,
+            gyro_model: match kind {
+                Kind::Wave => "(3)",
+                Kind::Continuous => "(4)",
+            },
+            rows: rows(&self, kind, &units),
+        }
+    }
+}
+
+fn rows(study: &Study, kind: Kind, units: &[Unit]) -> Vec<Row> {
     let model = truth(kind);
     let Some(first) = units.first() else {
         return Vec::new();
