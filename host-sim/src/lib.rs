@@ -1,37 +1,30 @@
 //! Host side of the inertial-navigation core: simulation, logs, identification, reports.
 
-pub mod accuracy;
-pub mod against_truth;
+/// An aircraft, flown by forces along a plan.
 pub mod aircraft;
-pub mod analysis;
-pub mod campaign;
-pub mod cli;
+/// Units by the hundred: is the accuracy that their models foretell the true one?
+pub(crate) mod campaign;
+/// The command line: a file for each command.
+mod cli;
+/// Other methods on the same log: Kalman filter and smoother, the five stages, outages.
 pub mod compare;
-pub mod configure;
-pub mod error_free;
-pub mod error_model;
-pub mod figures;
-pub mod five_stage;
-pub mod flights;
-pub mod free_inertial;
-pub mod held_ins;
+/// Firmware on a board, real or emulated, against the host, bit by bit.
 pub mod hil;
+/// The core over a log: estimates, their worth, the model of the sensors' errors.
 pub mod identify;
-pub mod import;
-pub mod innovations;
-pub mod kalman;
+/// A drive on disk, checked; recordings of other programs made into one.
 pub mod log;
-pub mod outage;
-pub mod output;
-pub mod quantities;
-pub mod rehearse;
-pub mod report;
-pub mod reproduce;
+/// Tables, plots and pages, folders of results; knows nothing of navigation.
+pub mod page;
+/// Flights of a unit that was identified from its drives, with any algorithm.
+pub(crate) mod rehearse;
+/// What was found in a log, as a page.
+pub(crate) mod report;
+/// Motions, and the sensors that feel them.
 pub mod sim;
+/// Many seeds, or many logs, to one table: how good, how honest.
 pub mod study;
-pub mod summary;
-pub mod table;
-pub mod tables;
-pub mod truth;
+/// What was found, as parameters of other programs.
 pub mod tune;
-pub mod verdict;
+
+pub use cli::{Cli, clean_up_when_stopped, run};

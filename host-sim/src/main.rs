@@ -3,8 +3,7 @@
 use std::panic;
 use std::process::exit;
 
-use host_sim::cli::{Cli, run};
-use host_sim::output;
+use host_sim::{Cli, clean_up_when_stopped, run};
 
 fn main() -> miette::Result<()> {
     let cli = Cli::read();
@@ -13,7 +12,7 @@ fn main() -> miette::Result<()> {
         sigpipe::reset();
     }
     explain_full_output();
-    output::clean_up_when_stopped();
+    clean_up_when_stopped();
     run(&cli)
 }
 

@@ -6,10 +6,10 @@ mod spoilt;
 use std::fs;
 use std::path::Path;
 
-use host_sim::configure;
-use host_sim::identify::identify;
+use host_sim::identify::configure;
+use host_sim::identify::quantities::{Quantities, Quantity};
+use host_sim::identify::run::identify;
 use host_sim::log::read;
-use host_sim::quantities::{Quantities, Quantity};
 use indicatif::ProgressBar;
 use spoilt::{Files, convert};
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use host_sim::configure;
+use host_sim::identify::configure;
 use host_sim::log::{Grade, read};
 use ins_core::Navigator;
 use ins_core::earth::wrap_pi;

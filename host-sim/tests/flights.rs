@@ -1,13 +1,12 @@
 //! Many flights, damped and then free: a few short ones.
 
-use host_sim::flights::cli::all;
-use host_sim::flights::linear::{Agreement, random_walk_position_m};
-use host_sim::flights::route::Route;
-use host_sim::flights::run::{Run, Settings, VARIANTS, Variant, cell_errors, run};
-use host_sim::flights::schuler::schuler;
-use host_sim::flights::statistics::rms;
 use host_sim::sim::ErrorModel;
 use host_sim::sim::errors::BiasModel;
+use host_sim::study::flights::linear::{Agreement, random_walk_position_m};
+use host_sim::study::flights::route::Route;
+use host_sim::study::flights::run::{Run, Settings, VARIANTS, Variant, all, cell_errors, run};
+use host_sim::study::flights::schuler::schuler;
+use host_sim::study::flights::statistics::rms;
 use indicatif::ProgressBar;
 use ins_core::earth::LocalEarth;
 
@@ -136,7 +135,8 @@ fn oscillates_with_the_schuler_period() {
     );
     // Earth rotation turns the plane of the oscillation by 0.6 rad on the way.
     assert!(near(full.ins.period_min, full.period_min, 0.03));
-    let amplitude = |of: host_sim::flights::schuler::Oscillation| of.east_mps.hypot(of.north_mps);
+    let amplitude =
+        |of: host_sim::study::flights::schuler::Oscillation| of.east_mps.hypot(of.north_mps);
     assert!(near(
         amplitude(full.ins),
         amplitude(full.rotating_model),

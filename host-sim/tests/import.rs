@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use host_sim::import::{Choice, open, read};
 use host_sim::log::Log;
+use host_sim::log::import::{Choice, open, read};
 use ins_core::{GnssFix, ImuOutput};
 use lz4_flex::frame::FrameEncoder;
 use nalgebra::{Vector2, Vector3};

@@ -1,10 +1,12 @@
 //! The Kalman filter that the core is compared with: it must be a good one.
 
-use host_sim::accuracy::config_of;
-use host_sim::kalman::filter::Start;
-use host_sim::kalman::{Filter, Known, Noise, PartNoise, Record, Run, States, index, smooth};
+use host_sim::compare::kalman::filter::Start;
+use host_sim::compare::kalman::{
+    Filter, Known, Noise, PartNoise, Record, Run, States, index, smooth,
+};
 use host_sim::sim::noise::Random;
 use host_sim::sim::{DriveConfig, ErrorModel, Grade, SimulatedDrive, simulate};
+use host_sim::study::accuracy::config_of;
 use ins_core::attitude::matrix;
 use ins_core::config::HeadingSource;
 use ins_core::earth::Geodetic;

@@ -14,9 +14,9 @@ mod spoilt;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
-use host_sim::analysis::{Analysis, Input};
+use host_sim::identify::analysis::{Analysis, Input};
+use host_sim::identify::quantities::Quantity;
 use host_sim::log::{LogError, read};
-use host_sim::quantities::Quantity;
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 use spoilt::{Files, convert, convert_all, each_row, hold, pitch_sensors, set_line, swap_columns};

@@ -1,12 +1,12 @@
 //! An INS without GNSS, and the comparison of all methods on one log.
 
-use host_sim::accuracy::config_of;
 use host_sim::compare::Comparison;
-use host_sim::kalman::Noise;
+use host_sim::compare::kalman::Noise;
+use host_sim::compare::outage::{Against, OutageTest, test};
+use host_sim::identify::true_errors::Truth;
 use host_sim::log::{self, BodyAxes, Compression, Log, Meta};
-use host_sim::outage::{Against, OutageTest, test};
 use host_sim::sim::{DriveConfig, Grade, simulate};
-use host_sim::truth::Truth;
+use host_sim::study::accuracy::config_of;
 use indicatif::ProgressBar;
 use ins_core::Config;
 use ins_core::config::HeadingSource;

@@ -3,10 +3,10 @@
 use std::env;
 use std::path::{Path, PathBuf};
 
-use host_sim::configure;
-use host_sim::kalman::Noise;
+use host_sim::compare::kalman::Noise;
+use host_sim::compare::outage;
+use host_sim::identify::configure;
 use host_sim::log::read;
-use host_sim::outage;
 
 fn logs() -> Vec<PathBuf> {
     let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");

@@ -1,6 +1,6 @@
 //! The thesis's figures from simulation.
 
-use host_sim::reproduce::{Reproduction, Settings, reproduce};
+use host_sim::study::reproduce::{Reproduction, Settings, reproduce};
 
 /// One of everything.
 fn small(threads: usize) -> Reproduction {

@@ -4,10 +4,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use host_sim::analysis::{Analysis, Input};
-use host_sim::error_model::{Identified, Record};
+use host_sim::identify::analysis::{Analysis, Input};
+use host_sim::identify::error_model::{Identified, Record};
+use host_sim::identify::quantities::DEG_H_RADPS;
 use host_sim::log::{self, BodyAxes, Compression, Grade, Log, Meta};
-use host_sim::quantities::DEG_H_RADPS;
 use host_sim::sim::car::Car;
 use host_sim::sim::drive::Recording;
 use host_sim::sim::mounted::Mounted;
@@ -15,9 +15,9 @@ use host_sim::sim::plane::{Begin, Plane};
 use host_sim::sim::quadrotor::Quadrotor;
 use host_sim::sim::{ErrorModel, Motion, SimulatedDrive, record};
 use host_sim::tune::targets::{
-    self, Target, a_step, ardupilot, gnss_ins_sim, kalibr, kf_gins, own, px4,
+    self, Target, a_step, ardupilot, gnss_ins_sim, kalibr, kf_gins, px4,
 };
-use host_sim::tune::{Found, Mount, Tuning, Vehicle};
+use host_sim::tune::{Found, Mount, Tuning, Vehicle, config};
 use indicatif::ProgressBar;
 use ins_core::attitude::{Euler, from_euler};
 use ins_core::earth::Geodetic;
@@ -241,7 +241,7 @@ fn a_tilted_unit_in_a_car_is_found_and_printed_for_all() {
             .all(|(found, arm)| { !found.is_known() || right(found, *arm) })
     );
     // The configuration flies, and all files are written, each value beside its sigma.
-    let again = own::config(&t, t.config);
+    let again = config(&t, t.config);
     assert_eq!(again, t.config);
     assert!(ins_core::Navigator::new(t.config).is_ok());
     let delay = format!("{:.0}", 1e3 * t.gnss_delay_s.value);

@@ -1,7 +1,7 @@
 //! `python-ins`' extended Kalman filter beside ours: an independent filter on the same log.
 
-use host_sim::configure;
-use host_sim::kalman::{self, Filter, Noise, index};
+use host_sim::compare::kalman::{self, Filter, Noise, index};
+use host_sim::identify::configure;
 use host_sim::log::{self, BodyAxes, Compression, Log, Meta};
 use host_sim::sim::errors::BiasModel;
 use host_sim::sim::{DriveConfig, ErrorModel, Grade, simulate};

@@ -1,10 +1,10 @@
 //! Simulated runs that show everything soon, and the configurations for them.
 
-use host_sim::configure;
-use host_sim::flights::route::Route;
+use host_sim::identify::configure;
 use host_sim::log::{self, BodyAxes, Log, Meta};
 use host_sim::sim::drive::Recording;
 use host_sim::sim::{DriveConfig, ErrorModel, Grade, SimulatedDrive, record, simulate};
+use host_sim::study::flights::route::Route;
 use ins_core::Config;
 
 /// A drive: rest, a minute where a gyrocompass wants it, then starts and turns with everything

@@ -1,9 +1,9 @@
 //! What the running estimators reach on a few seeded drives: enough to see a broken one at once.
 
-use host_sim::accuracy::{Check, QUANTITIES, Run, Study};
-use host_sim::identify::{Identification, identify};
+use host_sim::identify::run::{Identification, identify};
 use host_sim::sim::Grade;
 use host_sim::sim::noise::Random;
+use host_sim::study::accuracy::{Check, QUANTITIES, Run, Study};
 use indicatif::ProgressBar;
 use ins_core::Config;
 use ins_core::config::HeadingSource;

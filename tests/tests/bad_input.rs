@@ -2,8 +2,8 @@
 
 use std::sync::LazyLock;
 
-use host_sim::accuracy::config_of;
 use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
+use host_sim::study::accuracy::config_of;
 use ins_core::config::HeadingSource;
 use ins_core::earth::{Geodetic, LatLon};
 use ins_core::{

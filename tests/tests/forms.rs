@@ -1,7 +1,7 @@
 //! Choices of the configuration: open or closed, exact or literal; and what it refuses.
 
-use host_sim::accuracy::{Results, Study, config_of};
 use host_sim::sim::{DriveConfig, Grade, simulate};
+use host_sim::study::accuracy::{Results, Study, config_of};
 use ins_core::config::{Feedback, Form, HeadingSource};
 use ins_core::mechanization::Mechanization;
 use ins_core::{Config, Estimates, Navigator};

@@ -9,10 +9,10 @@ use std::process::{Child, Stdio};
 use std::thread;
 
 use clap::Parser;
-use host_sim::cli::{Cli, run};
 use host_sim::hil::{Board, Twin};
 use host_sim::log::{self, Compression};
 use host_sim::sim::Grade;
+use host_sim::{Cli, run};
 use ins_link::{Decoder, FromBoard, Hello, Reply, Request, Started, Status, encode};
 use ins_tests::cargo::cargo;
 use ins_tests::firmware::image;

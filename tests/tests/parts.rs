@@ -1,7 +1,7 @@
 //! Fixes of which parts are missing: what is there is enough.
 
-use host_sim::accuracy::config_of;
 use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
+use host_sim::study::accuracy::config_of;
 use ins_core::config::HeadingSource;
 use ins_core::earth::wrap_pi;
 use ins_core::{Config, GnssFix, Navigator};

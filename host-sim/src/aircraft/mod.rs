@@ -4,14 +4,13 @@
 pub mod aerodynamics;
 pub mod atmosphere;
 pub mod autopilot;
-pub mod cli;
 pub mod dynamics;
 pub mod flight;
 pub mod input;
 pub mod modes;
 pub mod parameters;
 pub mod performance;
-mod pictures;
+pub(crate) mod pictures;
 pub mod plan;
 pub mod propulsion;
 pub mod trajectory;

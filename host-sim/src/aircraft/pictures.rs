@@ -8,8 +8,8 @@ use ins_core::{ImuOutput, ImuSample, Solution};
 
 use super::dynamics::Dynamics;
 use super::performance::{climb_rate_mps, trim_row};
-use crate::output::OutputError;
-use crate::report::plot::{BLUE, GREEN, GREY, Mark, ORANGE, Plot, padded};
+use crate::page::output::OutputError;
+use crate::page::plot::{BLUE, GREEN, GREY, Mark, ORANGE, Plot, padded};
 use crate::sim::SimulatedDrive;
 
 /// A line has at most so many points: more than there are pixels to see.

@@ -10,7 +10,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::summary::Flown;
+use super::flown::Flown;
 
 /// One finished run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

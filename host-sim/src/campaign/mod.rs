@@ -6,14 +6,9 @@
 //! that was stopped goes on where it was. What stays in memory is a model a unit and a bit of
 //! bookkeeping a run.
 
-pub mod cli;
-mod ledger;
-mod plan;
-mod run;
-mod slurm;
-mod summary;
-
-pub use ledger::{Ledger, LedgerError, Line, With, read_file};
-pub use plan::Plan;
-pub use run::{Shard, run};
-pub use summary::Summary;
+mod flown;
+pub(crate) mod ledger;
+pub(crate) mod plan;
+pub(crate) mod run;
+pub(crate) mod slurm;
+pub(crate) mod summary;

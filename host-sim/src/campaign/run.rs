@@ -7,15 +7,15 @@ use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result, miette};
 use rayon::prelude::*;
 
+use super::flown::Flown;
 use super::ledger::{Ledger, LedgerError, Line, With};
 use super::plan::Plan;
-use super::summary::Flown;
-use crate::error_model::recovery::drive_record;
-use crate::error_model::{Identified, Record};
-use crate::flights::route::Route;
-use crate::flights::run::{Settings, run_alone};
+use crate::identify::error_model::{Identified, Record};
 use crate::log::Grade;
 use crate::sim::ErrorModel;
+use crate::study::flights::route::Route;
+use crate::study::flights::run::{Settings, run_alone};
+use crate::study::recovery::drive_record;
 
 /// A part of a campaign: every `of`th unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

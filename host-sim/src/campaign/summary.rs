@@ -3,54 +3,16 @@
 //! Sums of whole numbers, so that the order in which runs were finished leaves no trace and the
 //! memory does not grow with them.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
+use super::flown::QUARTERS;
 use super::ledger::{Line, With};
 use super::plan::Plan;
-use crate::error_model::interval::{Interval, Measured, mean};
-use crate::flights::run::Left;
-use crate::held_ins::Error;
-use crate::report::digits;
+use crate::identify::error_model::interval::{Interval, Measured, mean};
+use crate::page::digits;
 
-/// Moments of the free part that are looked at, in quarters of it.
-const QUARTERS: u32 = 4;
 /// Goal: predicted over true accuracy, off by no more than this.
 pub const GOAL: f64 = 0.1;
-
-/// One flight: whole numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Flown {
-    /// Horizontal position error after each quarter of the free part, cm.
-    pub position_cm: [u64; QUARTERS as usize],
-    /// Horizontal velocity error then, mm/s.
-    pub velocity_mmps: [u64; QUARTERS as usize],
-    /// Azimuth error when GNSS went, thousandths of a degree, without its sign.
-    pub azimuth_mdeg: u64,
-}
-
-impl Flown {
-    /// Of what was left when GNSS went and the errors at every minute after that.
-    pub fn new(left: &Left, minutes: &[Error]) -> Self {
-        // Positive, and below the size of the Earth.
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        let whole = |value: f64| value.abs().round() as u64;
-        let at = |quarter: usize| {
-            let minute = ((quarter + 1) * minutes.len()).div_ceil(QUARTERS as usize);
-            minutes[minute - 1]
-        };
-        Self {
-            position_cm: core::array::from_fn(|q| whole(1e2 * at(q).position_m)),
-            velocity_mmps: core::array::from_fn(|q| whole(1e3 * at(q).velocity_mps)),
-            azimuth_mdeg: whole(1e3 * left.azimuth_deg),
-        }
-    }
-
-    /// All figures, as [`FIGURES`] names them.
-    fn figures(&self) -> [u64; 9] {
-        let ([a, b, c, d], [e, f, g, h]) = (self.position_cm, self.velocity_mmps);
-        [self.azimuth_mdeg, a, b, c, d, e, f, g, h]
-    }
-}
 
 /// What figures are called, their unit, how many of it one count is, and the quarter they are of.
 const FIGURES: [(&str, &str, f64, u32); 9] = [

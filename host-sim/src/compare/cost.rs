@@ -9,8 +9,8 @@ use ins_core::config::Form;
 use ins_core::{Config, Navigator};
 use serde::Serialize;
 
-use crate::identify::{Event, in_order_of_time};
-use crate::kalman::{Noise, Record, Run, smooth};
+use crate::compare::kalman::{Noise, Record, Run, smooth};
+use crate::identify::run::{Event, in_order_of_time};
 use crate::log::Log;
 
 /// Passes of each; the fastest counts.

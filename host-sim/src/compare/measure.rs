@@ -4,10 +4,10 @@ use ins_core::earth::wrap_pi;
 use ins_core::{Solution, Time};
 use serde::Serialize;
 
-use super::Input;
+use super::input::Input;
 use super::tracks::{Point, Track};
+use crate::identify::quantities::{Quantities, Quantity};
 use crate::log::{Grade, Log};
-use crate::quantities::{Quantities, Quantity};
 
 /// Names of what is compared: the heading, and all estimates but that of the azimuth.
 pub const NAMES: [&str; 8] = [

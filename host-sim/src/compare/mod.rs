@@ -1,27 +1,28 @@
 //! Compensation against Kalman on one log: what they find, how soon, how well, at what cost.
 
-pub mod cli;
 pub(crate) mod cost;
+pub mod five_stage;
+pub(crate) mod input;
+pub mod kalman;
 pub(crate) mod measure;
+pub mod outage;
 mod output;
 pub(crate) mod tracks;
 
 use std::path::Path;
 
 use indicatif::ProgressBar;
-use ins_core::Config;
 use miette::{Result, miette};
 use serde::Serialize;
 
-use crate::analysis::log_name;
-use crate::configure;
-use crate::import;
-use crate::kalman::Noise;
-use crate::log::{BodyAxes, Grade, Log};
-use crate::outage::{self, OutageTest};
-use crate::sim;
-use crate::truth::Truth;
+use crate::compare::outage::OutageTest;
+use crate::identify::analysis::log_name;
+use crate::identify::configure;
+use crate::identify::true_errors::Truth;
+use crate::log::import;
+use crate::log::{BodyAxes, Grade};
 pub use cost::Cost;
+use input::{Input, noise};
 pub use measure::{MethodResult, QuantityResult, TrajectoryError};
 pub use output::{JSON, plain};
 use tracks::Track;
@@ -49,15 +50,6 @@ pub struct Comparison {
     tracks: Vec<Track>,
     #[serde(skip)]
     truth: Option<Truth>,
-}
-
-/// What all methods get.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Input<'a> {
-    pub(crate) log: &'a Log,
-    pub(crate) config: Config,
-    pub(crate) noise: Noise,
-    pub(crate) truth: Option<&'a Truth>,
 }
 
 impl Comparison {
@@ -96,18 +88,5 @@ impl Comparison {
             tracks,
             truth,
         })
-    }
-}
-
-/// What the filter is told: the truth where it is known, that is for a simulated class of sensors.
-fn noise(grade: Grade, config: &Config, simulated: bool) -> Noise {
-    let simulation = match grade {
-        Grade::Hg1700 => sim::Grade::Hg1700,
-        Grade::Mems => sim::Grade::Mems,
-    };
-    if simulated {
-        Noise::of_model(&simulation.errors())
-    } else {
-        Noise::of_config(config)
     }
 }

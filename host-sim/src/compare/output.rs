@@ -8,12 +8,14 @@ use plotters::style::RGBColor;
 
 use super::measure::{NAMES, columns};
 use super::{Comparison, MethodResult, QuantityResult};
-use crate::output::OutputError;
-use crate::report::chart::{Chart, Figure, MOST_POINTS, sampled};
-use crate::report::plot::{BLUE, GREEN, GREY, ORANGE, RED, padded};
-use crate::report::results::Table;
-use crate::report::{Page, Section, digits, with_sigma};
-use crate::table;
+use crate::identify::words::with_sigma;
+use crate::page::chart::{Chart, Figure, MOST_POINTS, sampled};
+use crate::page::digits;
+use crate::page::html::Table;
+use crate::page::html::{Page, Section};
+use crate::page::output::OutputError;
+use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED, padded};
+use crate::page::table;
 
 /// Name of the file that marks the folder as ours.
 pub const JSON: &str = "compare.json";

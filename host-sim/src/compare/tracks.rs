@@ -5,10 +5,11 @@ use ins_core::ConfigError;
 use ins_core::config::Form;
 use ins_core::{Config, Estimates, Solution, Time};
 
-use super::Input;
-use crate::five_stage;
-use crate::identify::{Row, identify};
-use crate::kalman::{Filter, Noise, Record, Run, smooth};
+use super::input::Input;
+use crate::compare::five_stage;
+use crate::compare::kalman::{Filter, Noise, Record, Run, smooth};
+use crate::identify::row::Row;
+use crate::identify::run::identify;
 
 /// Interval between looks, s.
 const EVERY_S: f64 = 1.0;

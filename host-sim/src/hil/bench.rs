@@ -7,7 +7,8 @@ use ins_link::{Reply, Report, Request};
 use serde::Serialize;
 
 use super::twin::{Twin, difference, same_bits};
-use crate::identify::{Event, Identification, Recorder, Row, in_order_of_time};
+use crate::identify::row::Row;
+use crate::identify::run::{Event, Identification, Recorder, in_order_of_time};
 use crate::log::Log;
 
 /// Estimates are wanted after every sample.

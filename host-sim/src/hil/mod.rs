@@ -1,14 +1,13 @@
 //! Hardware in the loop: the navigator on a processor, fed from here.
 
 pub mod bench;
-mod board_log;
-pub(crate) mod cli;
+pub(crate) mod board_log;
 pub mod emulator;
-mod hardware;
-mod serial;
+pub(crate) mod hardware;
+pub(crate) mod serial;
 pub mod session;
 pub mod twin;
-mod view;
+pub(crate) mod view;
 
 pub use emulator::{Board, Emulator};
 pub use session::{HilError, Session};

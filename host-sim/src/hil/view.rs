@@ -6,9 +6,9 @@ use indicatif::{ProgressBar, ProgressStyle};
 use ins_core::Time;
 
 use super::bench::Bench;
+use crate::identify::quantities::{Axes, Quantities, Quantity};
+use crate::identify::words::with_sigma;
 use crate::log::BodyAxes;
-use crate::quantities::{Axes, Quantities, Quantity};
-use crate::report::with_sigma;
 
 const REFRESH: Duration = Duration::from_millis(200);
 

@@ -7,24 +7,17 @@ use super::Log;
 use super::axes::BodyAxes;
 use super::clock::set_clock;
 use super::error::LogError;
+use super::files::Files;
 use super::fixes::mend_fixes;
 use super::motion::check_axes;
 use super::paths::check_paths;
-use super::read::Files;
+use super::rates::{Rate, rates, typical_force};
 use super::readings::check_readings;
 use super::sensors::mend_sensors;
 use super::turns::{check_turns, turning};
+use super::typical::{SHORT_S, median, median_interval_s, within};
 
 const GRAVITY_MPS2: f64 = 9.81;
-
-/// An inertial sample as rates, whatever the log holds.
-#[derive(Clone, Copy)]
-pub(super) struct Rate {
-    pub(super) time_s: f64,
-    pub(super) interval_s: f64,
-    pub(super) gyro_radps: Vector3<f64>,
-    pub(super) accel_mps2: Vector3<f64>,
-}
 
 /// Refuses what cannot be meant, warns of what looks suspicious.
 pub(super) fn check(
@@ -53,36 +46,6 @@ pub(super) fn check(
         check_readings(log, &rates, files, warnings)?;
     }
     Ok(())
-}
-
-/// Start of a log's own clock: differences from it are exact enough in f64.
-fn origin(log: &Log) -> ins_core::Time {
-    log.imu[0].time
-}
-
-/// Samples as rates, seconds from the first one.
-fn rates(log: &Log) -> Vec<Rate> {
-    let typical = median_interval_s(log.imu.iter().map(|sample| sample.time));
-    let mut last = None;
-    log.imu
-        .iter()
-        .map(|sample| {
-            let since = last
-                .replace(sample.time)
-                .map(|last| sample.time.seconds_since(last));
-            let interval_s = since.unwrap_or(typical);
-            let scale = match log.meta.imu {
-                ImuOutput::Rates => 1.0,
-                ImuOutput::Increments => 1.0 / interval_s,
-            };
-            Rate {
-                time_s: sample.time.seconds_since(origin(log)),
-                interval_s,
-                gyro_radps: sample.gyro * scale,
-                accel_mps2: sample.accel * scale,
-            }
-        })
-        .collect()
 }
 
 fn check_intervals(log: &Log, files: &Files, warnings: &mut Vec<LogError>) -> Result<(), LogError> {
@@ -152,9 +115,6 @@ fn check_intervals(log: &Log, files: &Files, warnings: &mut Vec<LogError>) -> Re
         }
     }
 }
-
-/// Alignment alone takes that long.
-pub(super) const SHORT_S: f64 = 20.0;
 
 fn check_accelerometer_unit(
     log: &Log,
@@ -285,35 +245,4 @@ fn gravity_cause(own: Vector3<f64>, declared: BodyAxes) -> String {
          specific force: change the sign of all three accelerometers",
         fits.join(" or ")
     )
-}
-
-/// Median specific force, axis by axis: the few seconds of spikes and manoeuvres do not count.
-pub(super) fn typical_force(rates: &[Rate]) -> Vector3<f64> {
-    Vector3::from_fn(|axis, _| median(rates.iter().map(|rate| rate.accel_mps2[axis])))
-}
-
-/// Whether `value` is `reference` up to a factor.
-pub(super) fn within(value: f64, reference: f64, factor: f64) -> bool {
-    value < reference * factor && value > reference / factor
-}
-
-/// Logarithm of how many times one is the other.
-pub(super) fn apart(value: f64, reference: f64) -> f64 {
-    (value / reference).ln().abs()
-}
-
-/// Median time from one to the next, s; zero of fewer than two.
-pub(crate) fn median_interval_s(times: impl Iterator<Item = ins_core::Time>) -> f64 {
-    let times: Vec<_> = times.collect();
-    median(times.windows(2).map(|pair| pair[1].seconds_since(pair[0])))
-}
-
-/// Median; zero of nothing.
-pub(crate) fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    let middle = values.len() / 2;
-    if values.is_empty() {
-        return 0.0;
-    }
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }

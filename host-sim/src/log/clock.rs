@@ -3,10 +3,12 @@
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
 use super::Log;
-use super::check::{Rate, typical_force};
+use super::curve::{Curve, turned};
 use super::error::LogError;
-use super::read::Files;
-use super::turns::{Curve, vertical_angles};
+use super::files::Files;
+use super::rates::Rate;
+use super::rates::typical_force;
+use super::rates::vertical_angles;
 
 /// Shifts that are looked for, in steps of half the shortest manoeuvre, and finer ones from there.
 const LARGEST_S: f64 = 300.0;
@@ -444,9 +446,4 @@ fn velocities(log: &Log) -> Vec<Velocity> {
         start = next;
     }
     velocities
-}
-
-/// Angle from one vector to the next, counter-clockwise.
-pub(super) fn turned(from: Vector2<f64>, to: Vector2<f64>) -> f64 {
-    from.perp(&to).atan2(from.dot(&to))
 }

@@ -5,9 +5,9 @@ use ins_core::earth::LatLon;
 use nalgebra::Vector2;
 
 use super::Log;
-use super::check::median;
 use super::error::LogError;
-use super::read::Files;
+use super::files::Files;
+use super::typical::median;
 
 /// Speed above which a vehicle moves beyond doubt, m/s: ten times a receiver's noise.
 const MOVING_MPS: f64 = 1.0;

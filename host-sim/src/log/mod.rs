@@ -6,24 +6,28 @@
 mod axes;
 mod check;
 mod clock;
+mod curve;
 mod error;
+mod files;
 mod fixes;
+pub mod import;
 mod meta;
 mod motion;
 mod paths;
+mod rates;
 mod read;
 mod readings;
 mod sensors;
 mod table;
 mod turns;
+mod typical;
 mod write;
 
 pub use axes::BodyAxes;
-pub(crate) use check::{median, median_interval_s};
 pub use error::{Cell, LogError};
 pub use meta::{Grade, Meta};
 pub use read::read;
-pub(crate) use read::settle;
+pub(crate) use typical::{median, median_interval_s};
 pub use write::{Compression, write};
 
 use ins_core::{GnssFix, ImuSample, Solution, Time};

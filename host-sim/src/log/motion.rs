@@ -4,11 +4,11 @@ use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::Log;
 use super::axes::BodyAxes;
-use super::check::Rate;
-use super::clock::turned;
+use super::curve::Curve;
+use super::curve::turned;
 use super::error::LogError;
-use super::read::Files;
-use super::turns::Curve;
+use super::files::Files;
+use super::rates::Rate;
 
 /// Correlation from which on a sign is beyond doubt, with the least number of intervals.
 const CLEAR: f64 = 0.6;

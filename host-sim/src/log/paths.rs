@@ -6,10 +6,12 @@ use ins_core::GnssFix;
 use nalgebra::{Matrix2, Vector2};
 
 use super::Log;
-use super::check::{apart, median, within};
 use super::error::LogError;
-use super::read::Files;
+use super::files::Files;
 use super::turns::Fit;
+use super::typical::apart;
+use super::typical::median;
+use super::typical::within;
 
 /// Whether the way from position to position is the integral of velocity.
 pub(super) fn check_paths(

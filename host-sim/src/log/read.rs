@@ -11,6 +11,7 @@ use super::Log;
 use super::axes::BodyAxes;
 use super::check::check;
 use super::error::LogError;
+use super::files::Files;
 use super::meta::Meta;
 use super::table::{Few, Row, Table};
 
@@ -53,12 +54,6 @@ pub(crate) fn settle(
         gnss: gnss.to_owned(),
     };
     check(log, &files, warnings)
-}
-
-/// Where the tables came from, for messages.
-pub(super) struct Files {
-    pub(super) imu: PathBuf,
-    pub(super) gnss: PathBuf,
 }
 
 /// The plain or the packed file, whichever is there.

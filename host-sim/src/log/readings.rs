@@ -4,11 +4,12 @@
 //! left-handed frame, in which no mount explains what was seen.
 
 use super::Log;
-use super::check::{Rate, median};
 use super::clock::{Clocks, Shift};
 use super::error::LogError;
-use super::read::Files;
+use super::files::Files;
+use super::rates::Rate;
 use super::turns::gyro_units;
+use super::typical::median;
 use nalgebra::Vector3;
 
 /// Evidence that readings are others than they are said to be: so much more of it, in all, and

@@ -5,7 +5,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::Log;
 use super::error::LogError;
-use super::read::Files;
+use super::files::Files;
 
 /// There and back between three samples: 10 g and 20 rad/s, beyond any vehicle.
 const SPIKE_MPS2: f64 = 100.0;

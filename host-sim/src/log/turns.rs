@@ -3,10 +3,15 @@
 use nalgebra::Vector3;
 
 use super::Log;
-use super::check::{Rate, SHORT_S, apart, median, typical_force, within};
-use super::clock::turned;
+use super::curve::{Curve, turned};
 use super::error::LogError;
-use super::read::Files;
+use super::files::Files;
+use super::rates::Rate;
+use super::rates::vertical_angles;
+use super::typical::SHORT_S;
+use super::typical::apart;
+use super::typical::median;
+use super::typical::within;
 
 /// How well the gyros explain the turns of the track.
 #[derive(Clone, Copy)]
@@ -191,17 +196,6 @@ fn turns(log: &Log) -> Vec<Turn> {
     turns
 }
 
-/// Time and angle turned so far about the typical direction of the specific force.
-pub(super) fn vertical_angles(rates: &[Rate]) -> Curve {
-    let up = typical_force(rates).normalize();
-    let mut angle = 0.0;
-    let points = rates.iter().map(|rate| {
-        angle += rate.gyro_radps.dot(&up) * rate.interval_s;
-        (rate.time_s, angle)
-    });
-    Curve::new(&points.collect::<Vec<_>>())
-}
-
 /// Least squares of the gyro's mean rates over the track's.
 fn fit(turns: &[Turn], angles: &Curve) -> Option<Fit> {
     let pairs: Vec<(f64, f64)> = turns
@@ -226,47 +220,4 @@ fn fit(turns: &[Turn], angles: &Curve) -> Option<Fit> {
         correlation,
         slope: xy / xx,
     })
-}
-
-/// A quantity at equal steps of time, to be looked up fast.
-pub(super) struct Curve {
-    start_s: f64,
-    values: Vec<f64>,
-}
-
-impl Curve {
-    /// Finer than any manoeuvre.
-    const STEP_S: f64 = 0.02;
-
-    /// Interpolates between points in order of time.
-    pub(super) fn new(points: &[(f64, f64)]) -> Self {
-        let start_s = points.first().map_or(0.0, |point| point.0);
-        let mut values = Vec::new();
-        for pair in points.windows(2) {
-            let ((from_s, a), (to_s, b)) = (pair[0], pair[1]);
-            loop {
-                let time_s = start_s + Self::STEP_S * values.len() as f64;
-                if time_s >= to_s {
-                    break;
-                }
-                values.push(a + (b - a) * (time_s - from_s) / (to_s - from_s));
-            }
-        }
-        Self { start_s, values }
-    }
-
-    /// Whether a time is within.
-    pub(super) fn reaches(&self, time_s: f64) -> bool {
-        let step = (time_s - self.start_s) / Self::STEP_S;
-        step >= 0.0 && step + 1.0 < self.values.len() as f64
-    }
-
-    /// The value at a time within.
-    pub(super) fn at(&self, time_s: f64) -> f64 {
-        let step = (time_s - self.start_s) / Self::STEP_S;
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // Within, as promised.
-        let index = (step as usize).min(self.values.len() - 2);
-        let (a, b) = (self.values[index], self.values[index + 1]);
-        a + (b - a) * (step - index as f64)
-    }
 }

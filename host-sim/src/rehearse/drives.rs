@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use ins_core::ImuOutput;
 use miette::{Result, bail, miette};
 
-use crate::analysis::Analysis;
-use crate::cli::bar;
-use crate::error_model::Record;
+use crate::identify::analysis::Analysis;
+use crate::identify::error_model::Record;
 use crate::log::{Grade, Log};
+use crate::page::progress::bar;
 
 /// What the drives give.
 #[derive(Debug)]

@@ -1,7 +1,7 @@
 //! One seeded flight with its sensors, as an algorithm under test gets it.
 
 use ins_core::earth::Geodetic;
-use ins_core::{GnssFix, ImuSample, Solution, Time};
+use ins_core::{GnssFix, ImuSample, Solution};
 use nalgebra::Vector3;
 
 use crate::aircraft::dynamics::Dynamics;
@@ -39,8 +39,6 @@ pub struct Flown {
     pub run: SimulatedDrive,
     /// Where an algorithm is told that it begins; the heading is `run.given_heading_rad`.
     pub start: Solution,
-    /// From here on there is no GNSS.
-    pub free_from: Time,
 }
 
 /// A sample or a fix.
@@ -101,7 +99,6 @@ impl World {
         let run = record_with(flight, &recording, noise);
         Ok(Flown {
             start: told_start(&run.truth[0], run.given_heading_rad, seed),
-            free_from: Time::default().plus_seconds(self.aided_s()),
             run,
         })
     }

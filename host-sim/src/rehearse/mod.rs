@@ -5,21 +5,16 @@
 //! A flight is one line in a file that only grows: a rehearsal that was stopped goes on where it
 //! was, and shards lie side by side.
 
+pub(crate) mod answers;
 mod budget;
-pub mod cli;
-mod drives;
-mod flight;
-mod output;
+pub(crate) mod drives;
+pub(crate) mod flight;
+pub(crate) mod output;
 mod program;
 pub mod proof;
 mod replay;
-mod run;
+pub(crate) mod run;
 mod score;
-mod settings;
-mod subject;
-mod summary;
-
-pub use flight::{Event, Flown, World};
-pub use program::{Failure, Fault, Program};
-pub use settings::Settings;
-pub use subject::{Subject, Told};
+pub(crate) mod settings;
+pub(crate) mod subject;
+pub(crate) mod summary;

@@ -7,12 +7,13 @@ use serde::Serialize;
 
 use super::score::{HEADING, POSITION, QUANTITIES};
 use super::summary::{BUDGETED, Cost, Row, Summary, Tested};
-use crate::output::replace;
-use crate::report::chart::{Chart, Figure, Point};
-use crate::report::plot::{BLUE, GREEN, GREY, ORANGE, RED};
-use crate::report::results::Table;
-use crate::report::{Page, Section, digits};
-use crate::table::{self, cells};
+use crate::page::chart::{Chart, Figure, Point};
+use crate::page::digits;
+use crate::page::html::Table;
+use crate::page::html::{Page, Section};
+use crate::page::output::replace;
+use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED};
+use crate::page::table::{self, cells};
 
 /// File names; the first says that a rehearsal is over.
 pub const SUMMARY: &str = "rehearsal.json";
@@ -280,7 +281,7 @@ fn budget(summary: &Summary) -> Option<Table> {
 }
 
 fn assumed(summary: &Summary) -> Table {
-    let row = |part: &crate::error_model::Assumed| part.cells().to_vec();
+    let row = |part: &crate::identify::error_model::Assumed| part.cells().to_vec();
     Table {
         title: "What the drives do not show, and what was assumed instead".to_owned(),
         header: cells(["", "assumed", "why"]),

@@ -17,9 +17,9 @@ use ins_core::{GnssFix, ImuSample, Solution, Time};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use super::answers::{Answers, Failure, Fault, Told};
 use super::flight::{Event, Flown, START_LEVEL_DEG, START_POSITION_M, START_VELOCITY_MPS};
-use super::subject::{Answers, Told};
-use crate::kalman::Noise;
+use crate::compare::kalman::Noise;
 
 /// Of the protocol.
 const VERSION: u32 = 1;
@@ -41,46 +41,6 @@ pub struct Program {
     pub name: String,
     /// The program and its arguments.
     pub command: Vec<String>,
-}
-
-/// Why a flight has no answers.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Failure {
-    /// Which kind.
-    pub fault: Fault,
-    /// Time in the flight, s.
-    pub at_s: f64,
-    /// What was seen, in words.
-    pub cause: String,
-}
-
-/// What programs do wrong.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Fault {
-    /// It cannot be run, or not with this protocol.
-    Unusable,
-    /// It ended before its time.
-    Crashed,
-    /// No answer came.
-    Hung,
-    /// An answer came after the limit.
-    Late,
-    /// What came is no answer to what was asked.
-    Wrong,
-}
-
-impl Fault {
-    /// In tables.
-    pub fn in_words(self) -> &'static str {
-        match self {
-            Self::Unusable => "unusable",
-            Self::Crashed => "crashed",
-            Self::Hung => "hung",
-            Self::Late => "late",
-            Self::Wrong => "wrong line",
-        }
-    }
 }
 
 impl FromStr for Program {

@@ -4,29 +4,24 @@
 //! core goes over both, the recorded and the simulated. Outages are placed all along; drift is
 //! measured against the same core with GNSS, on either side.
 
-use std::path::PathBuf;
-
-use clap::Args;
 use ins_core::ConfigError;
 use ins_core::{Config, GnssFix, ImuSample, Navigator, Observability, Phase, Solution, Time};
-use miette::{IntoDiagnostic, Result, miette};
+use miette::{Result, miette};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::cli::{in_keys, keys};
-use super::drives::{Drives, rate_hz};
+use super::drives::rate_hz;
 use super::output::shown;
 use super::replay::Replay;
 use super::score::{HEADING, POSITION, QUANTITIES, sizes};
-use crate::analysis::Analysis;
-use crate::cli::{GradeChoice, bar, error_model_of};
-use crate::error_model::Record;
-use crate::error_model::interval::student;
-use crate::flights::statistics::rms;
-use crate::identify::{Event, in_order_of_time};
+use crate::identify::analysis::Analysis;
+use crate::identify::error_model::Record;
+use crate::identify::error_model::interval::student;
+use crate::identify::run::{Event, in_order_of_time};
+use crate::page::table::{self, cells};
 use crate::sim::drive::Recording;
 use crate::sim::{ErrorModel, record};
-use crate::table::{self, cells};
+use crate::study::flights::statistics::rms;
 
 /// Since GNSS went, s.
 const HORIZONS_S: [f64; 3] = [10.0, 30.0, 60.0];
@@ -40,26 +35,6 @@ const FRESH_S: f64 = 1.5;
 const FORETOLD: [usize; 4] = [POSITION, 2, 4, HEADING];
 /// Goal: predicted over observed.
 const GOAL: [f64; 2] = [0.8, 1.25];
-
-/// Options of `study rehearse`.
-#[derive(Debug, Args)]
-pub struct Proof {
-    /// Drives that the model is of.
-    #[arg(required = true)]
-    drives: Vec<PathBuf>,
-    /// Drives of the same unit on which it is tried.
-    #[arg(long, required = true, num_args = 1..)]
-    against: Vec<PathBuf>,
-    /// TOML with any keys of an error model that stand in place of what was identified or assumed.
-    #[arg(long, value_name = "FILE")]
-    set: Option<PathBuf>,
-    /// Simulations of each of them.
-    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(2..=1000))]
-    seeds: u64,
-    /// Class of the sensors.
-    #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
-    grade: GradeChoice,
-}
 
 /// One quantity on one drive after one time.
 #[derive(Clone, Debug, Serialize)]
@@ -87,27 +62,8 @@ pub struct Row {
 /// Sizes of the errors of one outage at each horizon; none after the end of the log.
 type Drift = [Option<[f64; QUANTITIES.len()]>; HORIZONS_S.len()];
 
-/// Foretells, compares, prints.
-pub fn prove(options: &Proof, json: bool) -> Result<()> {
-    let drives = Drives::read(&options.drives, options.grade.told())?;
-    let mut model = error_model_of(&drives.records, drives.grade, None).model();
-    model.imu.output = drives.output;
-    let set = options.set.as_deref();
-    let model = (model.with(&keys(set)?)).map_err(|error| in_keys(set, &error))?;
-    let mut rows = Vec::new();
-    for path in &options.against {
-        let analysis = Analysis::of_log(path, Some(drives.grade), &bar())?;
-        rows.extend(tried(&analysis, &model, options.seeds)?);
-    }
-    if json {
-        println!("{}", serde_json::to_string_pretty(&rows).into_diagnostic()?);
-    } else {
-        print!("{}", readable(&rows));
-    }
-    Ok(())
-}
-
-fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<Row>> {
+/// Foretells a drive and compares.
+pub(crate) fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<Row>> {
     let (log, name) = (&analysis.log, &analysis.summary.log);
     let unusable = |error: ConfigError| miette!("the configuration cannot be used: {}", error);
     let config = analysis.found.config;
@@ -249,7 +205,8 @@ fn free(mut ins: Navigator, imu: &[ImuSample], start: Time) -> [Option<Solution>
     ends
 }
 
-fn readable(rows: &[Row]) -> String {
+/// As a table.
+pub(crate) fn readable(rows: &[Row]) -> String {
     let header = cells([
         "",
         "without, s",

@@ -8,13 +8,14 @@ use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result, miette};
 use rayon::prelude::*;
 
+use super::answers::Told;
 use super::budget::Case;
 use super::flight::World;
 use super::score::{Line, Outcome, moments};
 use super::settings::Rehearsal;
-use super::subject::Told;
-use crate::campaign::{Ledger, Shard, read_file};
-use crate::output::OutputError;
+use crate::campaign::ledger::{Ledger, read_file};
+use crate::campaign::run::Shard;
+use crate::page::output::OutputError;
 
 /// Flies what is missing. Which thread does what leaves no trace in the results.
 pub fn run(
@@ -65,7 +66,7 @@ fn fly(
     let model = rehearsal.model(case).into_diagnostic()?;
     let (outcomes, why) = match world.fly(seed, &model, noise) {
         Ok(flown) => {
-            let outcome = |subject: &super::Subject| {
+            let outcome = |subject: &super::subject::Subject| {
                 let answers = (subject.fly(&flown, told))
                     .map_err(|error| miette!("the configuration cannot be used: {}", error))?;
                 Ok(Outcome::new(answers, &flown, moments))

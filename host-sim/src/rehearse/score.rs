@@ -4,10 +4,10 @@ use ins_core::Solution;
 use ins_core::earth::wrap_pi;
 use serde::{Deserialize, Serialize};
 
+use super::answers::Answers;
+use super::answers::Failure;
 use super::budget::Case;
 use super::flight::{Flown, World};
-use super::program::Failure;
-use super::subject::Answers;
 
 /// Moments that are kept of the part with GNSS, and of the part without.
 const MOMENTS: usize = 60;

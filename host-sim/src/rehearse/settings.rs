@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::budget::{Case, SOURCES, apart};
 use super::subject::Subject;
-use crate::error_model::Identified;
+use crate::identify::error_model::Identified;
 use crate::sim::ErrorModel;
 use crate::sim::errors::ErrorModelError;
 use crate::sim::noise::Random;

@@ -1,29 +1,17 @@
 //! The algorithm under test: what is told to it, and those that are at hand.
 
 use std::str::FromStr;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use ins_core::ConfigError;
 use ins_core::config::{Feedback, Form, HeadingSource};
 use ins_core::{Config, Navigator, Phase, Solution};
 
+use super::answers::{Answers, Told};
 use super::flight::{Event, Flown};
-use super::program::{Failure, Program};
-use crate::kalman::{Noise, Run};
+use super::program::Program;
+use crate::compare::kalman::{Noise, Run};
 use crate::log::Grade;
-use crate::sim::ErrorModel;
-
-/// What every algorithm under test is told of unit and receiver: the identified model, whatever
-/// model really flies.
-#[derive(Clone, Debug)]
-pub struct Told {
-    /// What the core is configured by.
-    pub grade: Grade,
-    /// The model.
-    pub model: ErrorModel,
-    /// For an answer of a program, s.
-    pub limit: Duration,
-}
 
 /// An algorithm under test.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,15 +22,6 @@ pub enum Subject {
     Kalman,
     /// Anything that speaks the protocol.
     Program(Program),
-}
-
-/// What came of one flight: a solution for each time asked, where there is one.
-#[derive(Clone, Debug)]
-pub struct Answers {
-    /// In the order of [`Flown::asks`].
-    pub solutions: Result<Vec<Option<Solution>>, Failure>,
-    /// Time that it took.
-    pub took: Duration,
 }
 
 /// Those at hand, by name.

@@ -3,14 +3,14 @@
 
 use serde::Serialize;
 
+use super::answers::Fault;
 use super::budget::{Case, SOURCES};
 use super::flight::World;
-use super::program::Fault;
 use super::score::{HEADING, Line, Outcome, POSITION, QUANTITIES, moments};
 use super::settings::Rehearsal;
-use crate::error_model::interval::{Measured, mean, student};
-use crate::error_model::{Assumed, Parameter};
-use crate::flights::statistics::{Figure, rms};
+use crate::identify::error_model::interval::{Measured, mean, student};
+use crate::identify::error_model::{Assumed, Parameter};
+use crate::study::flights::statistics::{Figure, rms};
 
 /// Parts of the time without GNSS at whose ends errors are looked at.
 const PARTS: [f64; 3] = [0.25, 0.5, 1.0];

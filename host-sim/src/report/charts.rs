@@ -5,21 +5,23 @@ use ins_core::{Estimate, ImuOutput, ImuSample, Manoeuvre, Phase, Solution, Solut
 use plotly::common::MarkerSymbol;
 use plotters::style::RGBColor;
 
-use super::chart::{Chart, Figure, MOST_POINTS, Point, Spread, sampled, thinned};
-use super::plot::{BLUE, GREEN, GREY, ORANGE, RED, padded};
-use super::words::{is_used, of_fix};
-use super::{Section, Sensors};
-use crate::against_truth;
-use crate::analysis::Analysis;
-use crate::error_model::allan;
-use crate::five_stage::Stage;
-use crate::free_inertial::WINDOW_S;
-use crate::held_ins::Error;
-use crate::identify::{Identification, Row};
-use crate::innovations::{Innovation, Off, consistency};
+use crate::compare::five_stage::Stage;
+use crate::identify::against_truth;
+use crate::identify::analysis::Analysis;
+use crate::identify::error_model::Sensors;
+use crate::identify::error_model::allan;
+use crate::identify::free_inertial::WINDOW_S;
+use crate::identify::held_ins::Error;
+use crate::identify::innovations::{Innovation, Off, consistency};
+use crate::identify::quantities::{DEG_H_RADPS, Quantities, Quantity, in_axes};
+use crate::identify::row::Row;
+use crate::identify::run::Identification;
+use crate::identify::true_errors::Truth;
+use crate::identify::words::{is_used, of_fix};
 use crate::log::BodyAxes;
-use crate::quantities::{DEG_H_RADPS, Quantities, Quantity, in_axes};
-use crate::truth::Truth;
+use crate::page::chart::{Chart, Figure, MOST_POINTS, Point, Spread, sampled, thinned};
+use crate::page::html::Section;
+use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED, padded};
 
 /// Errors below are drawn here, m and m/s.
 const LEAST_ERROR: f64 = 1e-3;
@@ -204,7 +206,7 @@ impl Charts<'_> {
     fn worth(&self) -> Vec<Figure> {
         let mut figures = Vec::new();
         if let Some(error) = &self.found.velocity_error {
-            let growth = |value: fn(&crate::free_inertial::Growth) -> f64| -> Vec<Point> {
+            let growth = |value: fn(&crate::identify::free_inertial::Growth) -> f64| -> Vec<Point> {
                 error.growth.iter().map(|g| (g.since_s, value(g))).collect()
             };
             let title = "Horizontal velocity error of a free INS, RMS";

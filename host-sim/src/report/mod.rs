@@ -1,77 +1,39 @@
-//! `report.html`: one self-contained page that works without a network.
+//! `report.html` of a log, or of several.
 
-pub(crate) mod chart;
 pub(crate) mod charts;
-pub(crate) mod number;
-pub(crate) mod plot;
-pub(crate) mod results;
-pub(crate) mod sheet;
+mod results;
 mod together;
-pub(crate) mod words;
 
-use minijinja::value::Serde;
-use minijinja::{AutoEscape, Environment};
-use serde::Serialize;
+use std::fs::{self, File};
+use std::io::BufWriter;
+use std::path::Path;
 
-pub(crate) use number::to_second_digit_of as digits;
-pub(crate) use words::{in_words, unaligned, with_sigma};
+use miette::{IntoDiagnostic, Result};
 
-use self::chart::Figure;
-use self::results::Table;
-use crate::analysis::Analysis;
-use crate::error_model::Identified;
-use crate::error_model::allan::AtRest;
-use crate::summary::Summary;
+use crate::identify::analysis::{Analysis, REPORT, SUMMARY};
+use crate::identify::error_model::Sensors;
+use crate::identify::summary::Summary;
+use crate::identify::tables;
+use crate::page::html::Page;
+use crate::page::output::OutputError;
 
-const TEMPLATE: &str = include_str!("report.html");
-/// How pages look.
-pub(crate) const STYLE: &str = include_str!("style.css");
-
-/// What drives say of their sensors.
-#[derive(Clone, Copy, Debug)]
-pub struct Sensors<'a> {
-    /// The error model.
-    pub model: &'a Identified,
-    /// Readings at rest.
-    pub at_rest: &'a AtRest,
-}
-
-/// What a page shows: first what is to be known before all, then numbers, then plots.
-#[derive(Default, Serialize)]
-pub(crate) struct Page {
-    pub(crate) title: String,
-    pub(crate) facts: String,
-    pub(crate) verdicts: Vec<String>,
-    pub(crate) tables: Vec<Table>,
-    pub(crate) sections: Vec<Section>,
-}
-
-/// Plots of one kind.
-#[derive(Serialize)]
-pub(crate) struct Section {
-    pub(crate) title: &'static str,
-    pub(crate) note: &'static str,
-    pub(crate) figures: Vec<Figure>,
-}
-
-impl Page {
-    /// The page, as text.
-    pub(crate) fn html(&self) -> Result<String, minijinja::Error> {
-        #[derive(Serialize)]
-        struct Filled<'a> {
-            page: &'a Page,
-            script: &'a str,
-        }
-        let mut environment = Environment::new();
-        environment.set_auto_escape_callback(|_| AutoEscape::Html);
-        environment.add_template("style", STYLE)?;
-        environment.add_template("report", TEMPLATE)?;
-        let template = environment.get_template("report")?;
-        template.render(Serde(&Filled {
-            page: self,
-            script: &chart::SCRIPT,
-        }))
+/// Writes summary, tables and report into a folder.
+pub(crate) fn write(analysis: &Analysis, sensors: Option<&Sensors>, folder: &Path) -> Result<()> {
+    tables::write_estimates(
+        create(folder, "estimates.csv")?,
+        &analysis.found,
+        &analysis.log.meta,
+    )
+    .into_diagnostic()?;
+    tables::write_solution(create(folder, "solution.csv")?, &analysis.found.solutions)
+        .into_diagnostic()?;
+    let page = html(analysis, sensors).into_diagnostic()?;
+    let summary = serde_json::to_string_pretty(&analysis.summary).into_diagnostic()?;
+    for (name, text) in [(REPORT, page), (SUMMARY, summary + "\n")] {
+        let path = folder.join(name);
+        fs::write(&path, text).map_err(|e| OutputError::io(&path, e))?;
     }
+    Ok(())
 }
 
 /// The report of a log.
@@ -99,4 +61,10 @@ pub fn html(analysis: &Analysis, sensors: Option<&Sensors>) -> Result<String, mi
 /// The report of several logs of one unit.
 pub fn html_of_all(logs: &[Summary], sensors: &Sensors) -> Result<String, minijinja::Error> {
     together::page(logs, sensors).html()
+}
+
+fn create(folder: &Path, name: &str) -> Result<BufWriter<File>> {
+    let path = folder.join(name);
+    let file = File::create(&path).map_err(|e| OutputError::io(&path, e))?;
+    Ok(BufWriter::new(file))
 }

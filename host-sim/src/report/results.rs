@@ -1,39 +1,21 @@
 //! The results as tables.
 
 use ins_core::{Observability, Phase};
-use serde::Serialize;
 
-use super::Sensors;
-use super::number::to_second_digit_of as digits;
-use super::words;
-use crate::analysis::Analysis;
-use crate::held_ins;
-use crate::quantities::{Quantity, in_axes};
-use crate::table::cells;
-use crate::truth::Truth;
+use crate::identify::analysis::Analysis;
+use crate::identify::error_model::Sensors;
+use crate::identify::held_ins;
+use crate::identify::quantities::{Quantity, in_axes};
+use crate::identify::true_errors::Truth;
+use crate::identify::words;
+use crate::page::html::Table;
+use crate::page::number::to_second_digit_of as digits;
+use crate::page::table::cells;
 
 /// Sigmas that an error may have.
 const SURE: f64 = 4.5;
 /// Sigmas that a value must have to be told from zero.
 const DISTINCT: f64 = 2.0;
-
-/// A table with its heading.
-#[derive(Debug, Serialize)]
-pub(crate) struct Table {
-    pub(crate) title: String,
-    pub(crate) header: Vec<String>,
-    pub(crate) rows: Vec<Vec<String>>,
-}
-
-impl Table {
-    pub(crate) fn new(title: &str, header: Vec<String>, rows: Vec<Vec<String>>) -> Self {
-        Self {
-            title: title.to_owned(),
-            header,
-            rows,
-        }
-    }
-}
 
 /// All tables of a log; those without rows are left out.
 pub(super) fn tables(analysis: &Analysis, sensors: Option<&Sensors>) -> Vec<Table> {

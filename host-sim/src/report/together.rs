@@ -2,15 +2,16 @@
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::chart::{Chart, Spread};
-use super::number::to_second_digit_of as digits;
-use super::plot::{BLUE, GREY};
-use super::results::Table;
-use super::words;
-use super::{Page, Section, Sensors};
-use crate::quantities::Quantity;
-use crate::summary::Summary;
-use crate::table::cells;
+use crate::identify::error_model::Sensors;
+use crate::identify::quantities::Quantity;
+use crate::identify::summary::Summary;
+use crate::identify::words;
+use crate::page::chart::{Chart, Spread};
+use crate::page::html::Table;
+use crate::page::html::{Page, Section};
+use crate::page::number::to_second_digit_of as digits;
+use crate::page::plot::{BLUE, GREY};
+use crate::page::table::cells;
 
 /// Logs that agree differ by more than this once in a hundred times.
 const CHANCE: f64 = 0.01;

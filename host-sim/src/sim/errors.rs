@@ -5,8 +5,9 @@
 
 use ins_core::{ImuOutput, Time};
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
+pub use super::checks::ErrorModelError;
+use super::checks::{ensure, positive, spread};
 use super::receiver::Habits;
 
 /// Everything that lies between the ideal sensors and a log.
@@ -181,27 +182,6 @@ pub struct Outage {
     pub start_s: f64,
     /// How long, s.
     pub duration_s: f64,
-}
-
-/// Why an error model cannot be used.
-#[derive(Debug, Error)]
-pub enum ErrorModelError {
-    /// Not TOML, or not these keys; the message shows the place.
-    #[error("{0}")]
-    Syntax(#[from] toml::de::Error),
-    /// A number that TOML does not have.
-    #[error("{0}")]
-    Unwritable(#[from] toml::ser::Error),
-    /// A value that no sensor has.
-    #[error("{key} = {value}: expected {expected}")]
-    Value {
-        /// Dotted path of the key.
-        key: String,
-        /// What it is set to.
-        value: f64,
-        /// What it may be.
-        expected: &'static str,
-    },
 }
 
 impl ErrorModel {
@@ -448,41 +428,6 @@ impl GnssModel {
         }
         self.habits.check()
     }
-}
-
-pub(super) fn ensure(
-    holds: bool,
-    key: &str,
-    value: f64,
-    expected: &'static str,
-) -> Result<(), ErrorModelError> {
-    if holds {
-        Ok(())
-    } else {
-        Err(ErrorModelError::Value {
-            key: key.to_owned(),
-            value,
-            expected,
-        })
-    }
-}
-
-pub(super) fn spread(key: &str, value: f64) -> Result<(), ErrorModelError> {
-    ensure(
-        value >= 0.0 && value.is_finite(),
-        key,
-        value,
-        "zero or more",
-    )
-}
-
-pub(super) fn positive(key: &str, value: f64) -> Result<(), ErrorModelError> {
-    ensure(
-        value > 0.0 && value.is_finite(),
-        key,
-        value,
-        "more than zero",
-    )
 }
 
 fn receiver() -> GnssModel {

@@ -6,6 +6,7 @@
 
 pub mod boat;
 pub mod car;
+mod checks;
 pub mod drive;
 pub mod errors;
 pub mod gnss;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::errors::{ErrorModelError, ensure, positive, spread};
+use super::checks::{ErrorModelError, ensure, positive, spread};
 
 /// Noise with a memory, a Gauss-Markov process.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

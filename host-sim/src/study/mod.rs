@@ -1,5 +1,9 @@
 //! Studies: many runs, or many logs, to one table of how good and how honest the results are.
 
-pub mod cli;
+pub mod accuracy;
 pub mod conditions;
+pub(crate) mod error_free;
+pub mod flights;
 pub mod logs;
+pub mod recovery;
+pub mod reproduce;

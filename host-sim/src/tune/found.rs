@@ -3,9 +3,9 @@
 use ins_core::{Estimate, Observability};
 use serde::{Serialize, Serializer};
 
-use crate::error_model::interval::{Interval, NORMAL_95};
+use crate::identify::error_model::interval::{Interval, NORMAL_95};
 use crate::log::BodyAxes;
-use crate::report::digits;
+use crate::page::digits;
 
 /// A quantity as found.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
 use super::found::Found;
-use crate::identify::Row;
+use crate::identify::row::Row;
 use crate::log;
 
 /// Slower than this the course is noise, m/s.

@@ -1,9 +1,10 @@
 //! For people to read.
 
+use super::found::Found;
 use super::mount::Vehicle;
-use super::{Found, Tuning};
-use crate::quantities::{DEG_H_RADPS, MG_MPS2};
-use crate::table;
+use super::tuning::Tuning;
+use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
+use crate::page::table;
 
 /// Verdict, what was found, and what would show the rest.
 pub fn text(t: &Tuning) -> String {

@@ -6,7 +6,7 @@
 use std::process::ExitCode;
 
 use host_sim::hil::Board;
-use host_sim::table::markdown;
+use host_sim::page::table::markdown;
 use ins_tests::footprint::{Footprint, goal, ours, peer};
 
 /// A figure, and its goal on the Cortex-M7 if it has one.

@@ -1,7 +1,7 @@
 //! Prints the comparison with `JSBSim` and with published values:
 //! `cargo run -p ins-tests --bin jsbsim-table`.
 
-use host_sim::table::{markdown, plain};
+use host_sim::page::table::{markdown, plain};
 use ins_tests::jsbsim::{ours, ours_with_its_numbers, reference, table};
 use ins_tests::published::{CESSNA_182_MODES, MODE_ROWS, cessna_182};
 

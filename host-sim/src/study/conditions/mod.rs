@@ -1,7 +1,6 @@
 //! How honest the core is over kinds of vehicles, mounts, units and receivers: each kind is
 //! simulated over seeds, and every estimate held against its truth and its own sigma.
 
-pub mod cli;
 mod kinds;
 pub(crate) mod output;
 mod quantities;

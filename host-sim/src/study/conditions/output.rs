@@ -1,8 +1,8 @@
 //! The results as tables for people.
 
 use super::statistics::{Results, Row, Totals};
+use crate::page::table::{cells, plain};
 use crate::sim::Grade;
-use crate::table::{cells, plain};
 
 /// Overview, totals, then every kind by itself.
 pub fn readable(results: &[Results], details: bool) -> String {

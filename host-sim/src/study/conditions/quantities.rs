@@ -4,7 +4,7 @@ use core::f64::consts::PI;
 
 use serde::Serialize;
 
-use crate::quantities::{DEG_H_RADPS, MG_MPS2};
+use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
 
 /// A quantity and the engineering unit it is reported in.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

@@ -13,7 +13,7 @@ use ins_core::{
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::World;
-use crate::kalman::{self, Filter, index};
+use crate::compare::kalman::{self, Filter, index};
 use crate::sim::{Grade, SimulatedDrive};
 
 /// Standard gravity: of an accelerometer's bias to the tilt it makes, m/s^2.

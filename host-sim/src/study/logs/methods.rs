@@ -4,11 +4,11 @@ use ins_core::Config;
 use ins_core::ConfigError;
 use serde::Serialize;
 
-use super::statistics::Difference;
 use crate::compare::measure::{NAMES, columns};
 use crate::compare::tracks::Point;
+use crate::identify::halves::Difference;
+use crate::identify::quantities::Quantity;
 use crate::log::BodyAxes;
-use crate::quantities::Quantity;
 
 /// Two estimators share the noise of a log: what parts them is what each leaves out, and neither
 /// states that. By quantity, in the order and units of [`NAMES`]; small beside what the class is

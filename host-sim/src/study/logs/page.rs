@@ -3,11 +3,12 @@
 use std::fmt::Write as _;
 
 use super::role::Role;
-use super::statistics::{Difference, Spread};
+use super::statistics::Spread;
 use super::summary::Summary;
-use super::{LogStudy, OUTAGE, Study, halves, methods};
-use crate::report::digits;
-use crate::table::{self, cells};
+use super::{LogStudy, OUTAGE, Study, methods};
+use crate::identify::halves::{self, Difference};
+use crate::page::digits;
+use crate::page::table::{self, cells};
 
 /// All tables.
 pub fn plain(study: &Study) -> String {

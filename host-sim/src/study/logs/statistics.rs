@@ -2,37 +2,7 @@
 
 use serde::Serialize;
 
-/// A difference that should be zero, and its sigma.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Difference {
-    /// Of which quantity, with its unit.
-    pub name: &'static str,
-    /// The difference.
-    pub value: f64,
-    /// Joint sigma of both sides as they state them.
-    pub joint_sigma: f64,
-    /// What may lie between them beyond that.
-    pub allowance: f64,
-    /// In sigmas, the allowance among them.
-    pub sigmas: f64,
-    /// As found, in joint sigmas as stated.
-    pub plain_sigmas: f64,
-}
-
-impl Difference {
-    /// Of two values with a sigma each.
-    pub fn new(name: &'static str, value: f64, sigmas: [f64; 2], allowance: f64) -> Self {
-        let joint_sigma = libm::hypot(sigmas[0], sigmas[1]);
-        Self {
-            name,
-            value,
-            joint_sigma,
-            allowance,
-            sigmas: value / libm::hypot(joint_sigma, allowance),
-            plain_sigmas: value / joint_sigma,
-        }
-    }
-}
+use crate::identify::halves::Difference;
 
 /// Many differences together.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use super::LogStudy;
+use super::log_study::{LogStudy, Outages};
+use super::methods::OPTIONAL;
 use super::role::Role;
 use super::statistics::{Spread, geometric_mean};
 
@@ -100,7 +101,7 @@ fn outages(logs: &[&LogStudy]) -> OutageSummary {
     }
 }
 
-impl super::Outages {
+impl Outages {
     /// The better of the others.
     pub fn better_m(&self) -> f64 {
         self.kalman_m
@@ -125,7 +126,7 @@ fn without(logs: &[&LogStudy]) -> Vec<WithoutSummary> {
             outage_ratio: geometric_mean(ratio),
         }
     };
-    super::OPTIONAL
+    OPTIONAL
         .iter()
         .map(|optional| summary(optional.name))
         .filter(|summary| summary.agreement.count > 0)

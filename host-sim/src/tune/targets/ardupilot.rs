@@ -1,9 +1,10 @@
 //! `ArduPilot`, of its source as of 4.6.
 
-use super::{ROTATED, Setting, TURNED, file, noise, unscaled};
+use super::setting::{ROTATED, Setting, TURNED, file, noise, unscaled};
 use crate::log::BodyAxes;
 use crate::tune::found::{Found, along};
-use crate::tune::{Mount, Tuning};
+use crate::tune::mount::Mount;
+use crate::tune::tuning::Tuning;
 
 /// One step of the filter, s: `EKF_TARGET_DT` (`AP_NavEKF3_core.h`).
 pub const STEP_S: f64 = 0.012;

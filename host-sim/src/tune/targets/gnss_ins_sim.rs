@@ -1,11 +1,11 @@
 //! gnss-ins-sim's accuracy dictionary.
 
 use super::kf_gins::{arw, gyrbias_deg_h, vrw};
-use super::{Setting, bracketed, file};
+use super::setting::{Setting, bracketed, file};
+use crate::identify::quantities::DEG_H_RADPS;
 use crate::log::BodyAxes;
-use crate::quantities::DEG_H_RADPS;
-use crate::tune::Tuning;
 use crate::tune::found::{Found, along};
+use crate::tune::tuning::Tuning;
 
 /// Offsets, m/s^2, forward, right, down, as they are added to the truth (`accel_b`; README, "Manually
 /// define the model"); gyros in deg/h (`gyro_b`).

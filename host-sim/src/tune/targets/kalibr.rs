@@ -1,7 +1,8 @@
 //! Kalibr's imu.yaml.
 
-use super::{Setting, file};
-use crate::tune::{Found, Tuning};
+use super::setting::{Setting, file};
+use crate::tune::found::Found;
+use crate::tune::tuning::Tuning;
 
 /// Shift of the stamps, s: Kalibr's is added to the stamp of the other sensor, `t_imu = t_cam + shift`
 /// (its report; `timeshift_cam_imu`), so the latency with the opposite sign.

@@ -1,10 +1,10 @@
 //! KF-GINS's yaml.
 
-use super::{Setting, bracketed, file};
+use super::setting::{Setting, bracketed, file};
+use crate::identify::quantities::DEG_H_RADPS;
 use crate::log::BodyAxes;
-use crate::quantities::DEG_H_RADPS;
-use crate::tune::Tuning;
 use crate::tune::found::{Found, along};
+use crate::tune::tuning::Tuning;
 
 /// One mGal, m/s^2.
 const MGAL_MPS2: f64 = 1e-5;

@@ -1,9 +1,10 @@
 //! PX4, of its source as of 2026.
 
-use super::{ROTATED, Setting, TURNED, file, noise, unscaled};
+use super::setting::{ROTATED, Setting, TURNED, file, noise, unscaled};
 use crate::log::BodyAxes;
 use crate::tune::found::{Found, along};
-use crate::tune::{Mount, Tuning};
+use crate::tune::mount::Mount;
+use crate::tune::tuning::Tuning;
 
 /// One prediction, s: `EKF2_PREDICT_US`, its default (`ekf2/module.yaml`).
 pub const STEP_S: f64 = 0.01;

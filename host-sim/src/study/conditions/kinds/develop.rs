@@ -2,7 +2,8 @@
 
 use ins_core::ImuOutput;
 
-use super::{BOTH, Kind, MEMS, develop, shakes};
+use super::kind::{BOTH, Kind, MEMS, develop};
+use super::shakes;
 use crate::sim::boat::Anchored;
 use crate::sim::errors::Outage;
 use crate::sim::plane::Begin;

@@ -3,7 +3,8 @@
 
 use ins_core::ImuOutput;
 
-use super::{BOTH, Kind, MEMS, judge, shakes};
+use super::kind::{BOTH, Kind, MEMS, judge};
+use super::shakes;
 use crate::sim::boat::Anchored;
 use crate::sim::errors::{BiasModel, Outage};
 use crate::sim::plane::Begin;

@@ -1,0 +1,168 @@
+//! The commands `campaign` and `merge`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use miette::{IntoDiagnostic, Result, bail, miette};
+
+use crate::campaign::ledger::read_file;
+use crate::campaign::plan::Plan;
+use crate::campaign::run::{Shard, run};
+use crate::campaign::slurm;
+use crate::campaign::summary::{Summary, Tally};
+use crate::page::output::{OutputError, replace};
+use crate::page::progress::bar;
+use crate::page::table;
+
+/// Copy of the plan; marks a folder as that of a campaign.
+const PLAN: &str = "plan.toml";
+const SUMMARY: &str = "campaign.json";
+const SCRIPT: &str = "campaign.sbatch";
+
+/// Options of `campaign`.
+#[derive(Debug, Args)]
+pub struct Campaign {
+    /// What to do; host-sim/campaigns/hg1700.toml is an example.
+    plan: PathBuf,
+    /// Folder of the results. A campaign that was stopped goes on there.
+    #[arg(long)]
+    out: PathBuf,
+    /// Only the K-th of N parts; `merge` adds them up.
+    #[arg(long, value_name = "K/N")]
+    shard: Option<Shard>,
+    /// Run nothing: write a job array of so many shards for Slurm into the folder.
+    #[arg(long, value_name = "JOBS", conflicts_with = "shard",
+          value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    slurm: Option<u32>,
+}
+
+/// Options of `merge`.
+#[derive(Debug, Args)]
+pub struct Merge {
+    /// Folder of a campaign whose shards are done. Further folders: shards that ran elsewhere.
+    #[arg(required = true)]
+    folders: Vec<PathBuf>,
+}
+
+/// Runs what is missing of a campaign and says what it shows.
+pub fn campaign(options: &Campaign, json: bool, force: bool) -> Result<()> {
+    let plan = Plan::read(&options.plan)?;
+    let out = &options.out;
+    settle(&plan, out, force)?;
+    if let Some(jobs) = options.slurm {
+        check_parts(&plan, jobs)?;
+        let [plan_file, folder] = [&options.plan, out].map(|path| path.canonicalize());
+        let (plan_file, folder) = (plan_file.into_diagnostic()?, folder.into_diagnostic()?);
+        let script = out.join(SCRIPT);
+        replace(&script, &slurm::script(&plan_file, &folder, jobs))?;
+        println!("{}", script.display());
+        return Ok(());
+    }
+    let shard = options.shard.unwrap_or(Shard::ALL);
+    check_parts(&plan, shard.of)?;
+    run(&plan, shard, out, &bar())?;
+    if shard == Shard::ALL {
+        add_up(&[out], json)
+    } else {
+        println!("{} is done", out.join(shard.file()).display());
+        Ok(())
+    }
+}
+
+/// Adds up shards.
+pub fn merge(options: &Merge, json: bool) -> Result<()> {
+    let folders: Vec<&PathBuf> = options.folders.iter().collect();
+    add_up(&folders, json)
+}
+
+fn check_parts(plan: &Plan, parts: u32) -> Result<()> {
+    if parts > plan.units {
+        bail!(
+            help = "a unit is not divided",
+            "{parts} parts of a campaign with {} units",
+            plan.units
+        );
+    }
+    Ok(())
+}
+
+/// Makes the folder with a copy of the plan, or finds that it belongs to this very plan.
+pub(crate) fn settle(plan: &Plan, out: &Path, force: bool) -> Result<()> {
+    let copy = out.join(PLAN);
+    if copy.is_file() && !force {
+        if Plan::read(&copy)? == *plan {
+            return Ok(());
+        }
+        bail!(
+            help = "choose another --out, or drop what is there with --force",
+            "{} holds a campaign of another plan",
+            out.display()
+        );
+    }
+    crate::page::output::check_free(out, PLAN, force)?;
+    if copy.is_file() {
+        fs::remove_dir_all(out).map_err(|e| OutputError::io(out, e))?;
+    }
+    fs::create_dir_all(out).map_err(|e| OutputError::io(out, e))?;
+    let text = toml::to_string(plan).into_diagnostic()?;
+    Ok(replace(&copy, &text)?)
+}
+
+fn add_up(folders: &[&PathBuf], json: bool) -> Result<()> {
+    let summary = summary(folders)?;
+    let text = serde_json::to_string_pretty(&summary).into_diagnostic()? + "\n";
+    replace(&folders[0].join(SUMMARY), &text)?;
+    if json {
+        print!("{text}");
+        return Ok(());
+    }
+    let (header, rows) = summary.table();
+    println!("{}", table::plain(&header, &rows));
+    println!(
+        "{} units, {} flights of each with each model; {} flights could not be flown.",
+        summary.plan.units, summary.plan.flights, summary.failed
+    );
+    Ok(())
+}
+
+/// What the runs in some folders of one plan say.
+pub(crate) fn summary(folders: &[&PathBuf]) -> Result<Summary> {
+    let (plan, tally) = tally(folders)?;
+    let missing = tally.missing(&plan);
+    if missing > 0 {
+        bail!(
+            help = "run the same command again, or the shards that were stopped",
+            "{missing} flights are missing"
+        );
+    }
+    Ok(Summary::new(&plan, &tally))
+}
+
+/// Sums over all files of runs in some folders of one plan.
+fn tally(folders: &[&PathBuf]) -> Result<(Plan, Tally)> {
+    let plan = Plan::read(&folders[0].join(PLAN))?;
+    let mut tally = Tally::new(&plan);
+    for folder in folders {
+        if Plan::read(&folder.join(PLAN))? != plan {
+            bail!("{} belongs to another plan", folder.display());
+        }
+        let entries = fs::read_dir(folder).map_err(|e| OutputError::io(folder, e))?;
+        for entry in entries {
+            let path = entry.map_err(|e| OutputError::io(folder, e))?.path();
+            if path
+                .extension()
+                .is_some_and(|extension| extension == "jsonl")
+            {
+                read_file(&path, &mut |line| tally.add(&line))?;
+            }
+        }
+    }
+    if tally.has_repeats(&plan) {
+        return Err(miette!(
+            help = "a folder was given twice, or shards of different numbers lie side by side",
+            "there are more runs than the plan has"
+        ));
+    }
+    Ok((plan, tally))
+}

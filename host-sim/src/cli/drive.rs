@@ -1,0 +1,103 @@
+//! The command `drive`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use ins_core::earth::wrap_pi;
+use miette::{IntoDiagnostic, Result};
+
+use super::options::{DriveOptions, SimulatedGrade, error_model};
+use crate::identify::true_errors::{self, Truth};
+use crate::log::{self, BodyAxes, Compression, Grade, Log, Meta};
+use crate::page::output::{self, OutputError};
+use crate::page::progress::spinner;
+use crate::sim::{self, DriveConfig, ErrorModel};
+
+/// Options of `drive`.
+#[derive(Debug, Args)]
+pub(super) struct Drive {
+    /// Folder of the log.
+    #[arg(long)]
+    out: PathBuf,
+    #[command(flatten)]
+    options: DriveOptions,
+    /// Errors of the sensors if not those of their class: ideal, hg1700, mems or an error-model
+    /// file.
+    #[arg(long, value_name = "MODEL")]
+    errors: Option<String>,
+}
+
+/// Simulates a drive and writes its log.
+pub(super) fn drive(options: &Drive, json: bool, force: bool) -> Result<()> {
+    let errors = options.errors.as_deref().map(error_model).transpose()?;
+    let truth = write_drive(&options.out, options.options, errors, force)?;
+    print_drive(&options.out, &truth, json)
+}
+
+pub(super) fn write_drive(
+    out: &Path,
+    options: DriveOptions,
+    errors: Option<ErrorModel>,
+    force: bool,
+) -> Result<Truth> {
+    output::check_free(out, true_errors::FILE, force)?;
+    let (grade, class) = match options.grade {
+        SimulatedGrade::Hg1700 => (sim::Grade::Hg1700, Grade::Hg1700),
+        SimulatedGrade::Mems => (sim::Grade::Mems, Grade::Mems),
+    };
+    let progress = spinner("simulating the drive");
+    let mut config = DriveConfig::new(options.seed, grade, options.minutes);
+    if let Some(errors) = errors {
+        config.recording.errors = errors;
+    }
+    let drive = sim::simulate(&config);
+    progress.set_message("writing the log");
+    let azimuth_error_rad = drive
+        .given_heading_rad
+        .zip(drive.truth.first())
+        .map(|(given, start)| wrap_pi(given - start.euler().heading_rad));
+    let truth = Truth::new(&drive.errors, azimuth_error_rad, BodyAxes::Frd);
+    let log = Log {
+        meta: Meta {
+            initial_heading_deg: drive.given_heading_rad.map(f64::to_degrees),
+            grade: Some(class),
+            document: description(options),
+            ..Meta::new(BodyAxes::Frd, config.recording.errors.imu.output)
+        },
+        imu: drive.imu,
+        gnss: drive.gnss,
+        truth: drive.truth,
+    };
+    let errors = truth.to_toml().into_diagnostic()?;
+    output::build(out, true_errors::FILE, force, |folder| -> Result<()> {
+        log::write(&log, folder, Compression::Gzip)?;
+        let path = folder.join(true_errors::FILE);
+        fs::write(&path, errors).map_err(|e| OutputError::io(&path, e))?;
+        Ok(())
+    })?;
+    progress.finish_and_clear();
+    Ok(truth)
+}
+
+fn description(options: DriveOptions) -> toml::Table {
+    let name = format!("simulated drive, seed {}", options.seed);
+    let entries = [
+        ("name", toml::Value::from(name)),
+        ("real_data", toml::Value::from(false)),
+        ("minutes", toml::Value::from(options.minutes)),
+    ];
+    entries
+        .into_iter()
+        .map(|(key, value)| (key.to_owned(), value))
+        .collect()
+}
+
+fn print_drive(out: &Path, truth: &Truth, json: bool) -> Result<()> {
+    if json {
+        println!("{}", serde_json::to_string_pretty(truth).into_diagnostic()?);
+    } else {
+        println!("Log written to {}", out.display());
+    }
+    Ok(())
+}

@@ -1,0 +1,85 @@
+//! Tables of many seeded drives.
+
+use std::path::Path;
+
+use ins_core::config::Form;
+use miette::{Result, miette};
+
+use crate::page::digits;
+use crate::page::progress::bar;
+use crate::page::table;
+use crate::page::table::cells;
+use crate::sim::Grade;
+use crate::study::accuracy::{Results, Study, header, picture};
+
+fn results(study: Study) -> Result<Results> {
+    let progress = bar();
+    progress.set_message("driving");
+    study
+        .results(&progress)
+        .map_err(|error| miette!("the study cannot be run: {}", error))
+}
+
+/// Ring-laser class, with the picture of RMS error and sigma over time.
+pub(super) fn hg1700(root: &Path, runs: u64) -> Result<String> {
+    let results = results(Study::new(Grade::Hg1700, runs))?;
+    super::pages::picture(root, "accuracy.svg", &picture(&results))?;
+    Ok(of_all(&results))
+}
+
+/// Consumer MEMS.
+pub(super) fn mems(runs: u64) -> Result<String> {
+    results(Study::new(Grade::Mems, runs)).map(|results| of_all(&results))
+}
+
+fn of_all(results: &Results) -> String {
+    let study = &results.study;
+    let (mut header, mut rows) = (header(), results.cells());
+    if !study.has_limits() {
+        // Limit and goal stand last.
+        header.truncate(5);
+        for row in &mut rows {
+            row.truncate(5);
+        }
+    }
+    format!(
+        "{}\n{} drives of {} min; {} converged. Of honest errors {:.0} +- {:.0} % lie within one \
+         sigma (95 times out of 100).\n",
+        table::markdown(&header, &rows),
+        study.runs,
+        study.minutes,
+        results.converged,
+        68,
+        results.coverage_spread_percent(),
+    )
+}
+
+/// RMS errors of both forms over the bandwidth of the horizontal loop.
+pub(super) fn forms(runs: u64) -> Result<String> {
+    let studies = [
+        (Form::Exact, "exact", [0.15, 0.3, 0.5, 1.0, 1.2].as_slice()),
+        (Form::Literal, "literal", &[0.3, 0.5, 1.0]),
+    ];
+    let mut rows = Vec::new();
+    let mut header = cells(["form", "w0, rad/s", "converged"]);
+    for (form, name, bandwidths) in studies {
+        for bandwidth in bandwidths {
+            let results = results(Study {
+                form,
+                bandwidth_radps: Some(*bandwidth),
+                ..Study::new(Grade::Hg1700, runs)
+            })?;
+            let of = format!("{} of {runs}", results.converged);
+            let mut row = vec![name.to_owned(), bandwidth.to_string(), of];
+            row.extend((results.quantities.iter()).map(|row| digits(row.rms_error, row.rms_error)));
+            rows.push(row);
+            if header.len() < rows[0].len() {
+                header.extend(
+                    (results.quantities.iter())
+                        .map(|row| format!("{}, {}", row.quantity.title, row.quantity.unit)),
+                );
+            }
+        }
+    }
+    Ok(table::markdown(&header, &rows))
+}

@@ -1,0 +1,88 @@
+//! The simulated aircraft, and flights and drives on ideal sensors.
+
+use std::path::Path;
+
+use ins_core::earth::Geodetic;
+use miette::{Result, miette};
+
+use crate::aircraft::cessna172;
+use crate::aircraft::dynamics::Dynamics;
+use crate::aircraft::flight::Flight;
+use crate::aircraft::plan::Plan;
+use crate::page::table;
+use crate::page::table::cells;
+use crate::sim::car::Car;
+use crate::sim::{DriveConfig, Grade};
+use crate::study::error_free::{Worst, strapdown};
+use crate::study::reproduce::performance::performance;
+
+const HOUR_S: u32 = 3600;
+
+/// Specification, the thesis's model, ours.
+pub(super) fn performance_table() -> Result<String> {
+    let rows = performance()?.map(|row| {
+        vec![
+            row.name.to_owned(),
+            format!("{:.1}", row.specification),
+            format!("{:.1}", row.thesis),
+            format!("{:.1}", row.ours),
+            format!("{:+.1} %", 100.0 * (row.ours / row.specification - 1.0)),
+        ]
+    });
+    let header = cells([
+        "",
+        "specification",
+        "thesis's model",
+        "this model",
+        "off by",
+    ]);
+    Ok(table::markdown(&header, &rows))
+}
+
+/// An hour of driving and of flying on ideal sensors, at several sample rates.
+pub(super) fn error_free(root: &Path) -> Result<String> {
+    let mut rows = vec![row("car", 100, &drive())];
+    for rate_hz in [50, 100, 200, 400] {
+        rows.push(row("aircraft", rate_hz, &flight(root, rate_hz)?));
+    }
+    let header = cells([
+        "1 h of",
+        "samples, Hz",
+        "position, m",
+        "velocity, mm/s",
+        "attitude, arc seconds",
+    ]);
+    Ok(table::markdown(&header, &rows))
+}
+
+fn drive() -> Worst {
+    let config = DriveConfig::new(1, Grade::Ideal, f64::from(HOUR_S) / 60.0);
+    let car = Car::new(
+        config.recording.seed,
+        config.recording.duration_s,
+        config.initial_rest_s,
+    );
+    strapdown(car, config.recording.origin, 100, HOUR_S)
+}
+
+fn flight(root: &Path, rate_hz: u32) -> Result<Worst> {
+    let dynamics = Dynamics::new(&cessna172());
+    let file = root.join("host-sim/plans/route_one_hour.toml");
+    let plan = Plan::read(&file, &dynamics)?;
+    let in_plan = |error| miette!("{}: {error}", file.display());
+    let flight = Flight::new(&dynamics, &plan, 1).map_err(in_plan)?;
+    let origin: Geodetic = plan.start.position;
+    Ok(strapdown(flight, origin, rate_hz, HOUR_S))
+}
+
+fn row(vehicle: &str, rate_hz: u32, worst: &Worst) -> Vec<String> {
+    let arc_seconds = 3600.0 * worst.attitude_rad.to_degrees();
+    let number = |value: f64| crate::page::digits(value, value);
+    vec![
+        vehicle.to_owned(),
+        rate_hz.to_string(),
+        number(worst.position_m),
+        number(1e3 * worst.velocity_mps),
+        number(arc_seconds),
+    ]
+}

@@ -1,0 +1,82 @@
+//! How honest the core is: every kind of conditions for docs/, and for the README what the judges
+//! say of each quantity.
+
+use crate::log;
+use crate::page::progress::bar;
+use crate::page::table::{cells, markdown};
+use crate::sim::Grade;
+use crate::study::conditions::output::{overview_table, short, totals, totals_table};
+use crate::study::conditions::{QUANTITIES, Quantity, Results, Row, Study, all};
+
+/// All kinds over so many seeds.
+pub(super) fn results(seeds: u64) -> Vec<Results> {
+    let study = Study {
+        kinds: all().collect(),
+        only: None,
+        first_seed: 0,
+        seeds,
+        with_kalman: false,
+    };
+    let progress = bar();
+    progress.set_message("running");
+    study.results(&progress)
+}
+
+/// Totals, and a row for each kind.
+pub(super) fn page(results: &[Results]) -> String {
+    let tables = [totals_table(&totals(results)), overview_table(results)];
+    tables
+        .map(|(header, rows)| markdown(&header, &rows))
+        .join("\n")
+}
+
+/// A row for each quantity over the kinds that judge.
+pub(super) fn summary(results: &[Results]) -> String {
+    let classes = [Grade::Mems, Grade::Hg1700];
+    let mut header = cells(["", "unit"]);
+    for class in classes {
+        let class = short(class);
+        header.extend(["error", "error/sigma", "wrong and sure"].map(|h| format!("{class}: {h}")));
+    }
+    let rows: Vec<Vec<String>> = QUANTITIES
+        .iter()
+        .map(|quantity| {
+            let mut row = vec![quantity.name.to_owned(), quantity.unit.to_owned()];
+            for class in classes {
+                row.extend(over_kinds(results, class, quantity));
+            }
+            row
+        })
+        .collect();
+    let seeds = results.first().map_or(0, |results| results.runs);
+    format!(
+        "{}\nJudges alone, {seeds} seeds of each kind. Error: RMS of a kind, median over kinds. \
+         Wrong and sure: called observable and more than 4.5 sigma off, of what was called \
+         observable.\n",
+        markdown(&header, &rows)
+    )
+}
+
+/// Median RMS error of a kind, RMS of error over sigma of all, and how many were wrong and sure.
+fn over_kinds(results: &[Results], class: Grade, quantity: &Quantity) -> [String; 3] {
+    let rows: Vec<&Row> = results
+        .iter()
+        .filter(|results| results.judge && results.class == class)
+        .flat_map(|results| &results.rows)
+        .filter(|row| row.quantity == *quantity && row.observable > 0.0)
+        .collect();
+    if rows.is_empty() {
+        return ["not observable", "", ""].map(str::to_owned);
+    }
+    let median = log::median(rows.iter().map(|row| row.rms_error));
+    let checks: f64 = rows.iter().map(|row| row.checks as f64).sum();
+    let square = |row: &&Row| row.checks as f64 * row.rms_ratio.unwrap_or_default().powi(2);
+    let ratio = (rows.iter().map(square).sum::<f64>() / checks).sqrt();
+    let sure: f64 = rows.iter().map(|row| row.sure()).sum();
+    let wrong: usize = rows.iter().map(|row| row.wrong_and_sure).sum();
+    [
+        crate::page::digits(median, median),
+        format!("{ratio:.2}"),
+        format!("{wrong} of {sure:.0}"),
+    ]
+}

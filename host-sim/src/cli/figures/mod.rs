@@ -1,0 +1,141 @@
+//! The figures of the README and of docs/: every table and picture measured anew, nothing typed
+//! by hand.
+
+mod accuracy;
+mod aircraft;
+mod conditions;
+mod demo;
+mod identification;
+mod kalman;
+mod logs;
+mod pages;
+
+use std::fs;
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use miette::{Result, miette};
+
+use pages::Pages;
+
+/// Options of `figures`.
+#[derive(Debug, Args)]
+pub struct Figures {
+    /// Top folder of the repository.
+    #[arg(long, default_value = ".")]
+    repository: PathBuf,
+    /// Only these parts.
+    #[arg(long, value_enum, value_delimiter = ',')]
+    only: Vec<Part>,
+    /// Drives behind the accuracy tables; the comparison of forms takes 100 at most, the flights
+    /// are 200 at most.
+    #[arg(long, default_value_t = 400, value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    runs: u64,
+    /// Folder of recorded logs; `INS_LOGS` or ../shared/data beside the repository unless given.
+    #[arg(long)]
+    logs: Option<PathBuf>,
+    /// Table printed by another program, taken over into a part of a page.
+    #[arg(long, value_name = "PART=FILE", value_parser = insertion)]
+    insert: Vec<(String, PathBuf)>,
+}
+
+/// A part of a page that is generated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Part {
+    /// The demo drive: table and picture.
+    Demo,
+    /// Accuracy with ring-laser gyros: table and picture.
+    AccuracyHg1700,
+    /// Accuracy with consumer MEMS.
+    AccuracyMems,
+    /// Every kind of conditions, and what the judges say for the README; seeds of each kind are a
+    /// twentieth of --runs.
+    Conditions,
+    /// Exact and literal forms over the bandwidth of the loop.
+    Forms,
+    /// Compensation beside a Kalman filter, over many drives.
+    Kalman,
+    /// Outages of recorded logs, through the core, the Kalman filter and a peer.
+    Outages,
+    /// Recorded logs.
+    Logs,
+    /// Error models found from drives: units behind it are --runs, 200 at most.
+    Recovery,
+    /// Accuracy of flights foretold from drives.
+    Campaign,
+    /// Performance of the aircraft.
+    Aircraft,
+    /// Flights without GNSS; some minutes.
+    Flights,
+    /// The thesis's figures and tables beside ours.
+    Reproduce,
+    /// Mechanization on ideal sensors.
+    ErrorFree,
+    /// The example of the core's documentation.
+    Example,
+}
+
+fn insertion(text: &str) -> Result<(String, PathBuf), String> {
+    let (part, file) = text.split_once('=').ok_or("PART=FILE, say cost=cost.txt")?;
+    Ok((part.to_owned(), file.into()))
+}
+
+/// Measures the parts that are asked for and rewrites the pages, all at once.
+pub fn write(options: &Figures) -> Result<()> {
+    let root = &options.repository;
+    let mut pages = Pages::read(root)?;
+    let parts = match options.only.as_slice() {
+        // With tables to take over and nothing else named, nothing is measured.
+        [] if !options.insert.is_empty() => &[],
+        [] => Part::value_variants(),
+        only => only,
+    };
+    for part in parts {
+        let name = part.name();
+        // A missing marker must show before the work, not after it.
+        pages.check(&name)?;
+        eprintln!("measuring: {name}");
+        for (name, text) in part.measure(options)? {
+            pages.replace(&name, &text)?;
+        }
+    }
+    for (part, file) in &options.insert {
+        let text = fs::read_to_string(file).map_err(|e| miette!("{}: {e}", file.display()))?;
+        pages.replace(part, &pages::tables_of(&text, file)?)?;
+    }
+    pages.write()
+}
+
+impl Part {
+    fn name(self) -> String {
+        self.to_possible_value()
+            .map_or(String::new(), |value| value.get_name().to_owned())
+    }
+
+    /// Texts by the names of their places; what cannot be measured here is left as it is.
+    fn measure(self, options: &Figures) -> Result<Vec<(String, String)>> {
+        let root = &options.repository;
+        let text = match self {
+            Self::Demo => demo::part(root).map(Some),
+            Self::AccuracyHg1700 => accuracy::hg1700(root, options.runs).map(Some),
+            Self::AccuracyMems => accuracy::mems(options.runs).map(Some),
+            Self::Conditions => {
+                let results = conditions::results((options.runs / 20).max(1));
+                let summary = ("summary".to_owned(), conditions::summary(&results));
+                return Ok(vec![summary, (self.name(), conditions::page(&results))]);
+            }
+            Self::Forms => accuracy::forms(options.runs.min(100)).map(Some),
+            Self::Kalman => kalman::part(options.runs.min(100)).map(Some),
+            Self::Outages => kalman::outages(root, options.logs.as_deref()),
+            Self::Logs => logs::part(root, options.logs.as_deref()),
+            Self::Recovery => Ok(Some(identification::recovery(options.runs.clamp(2, 200)))),
+            Self::Campaign => identification::campaign(root).map(Some),
+            Self::Aircraft => aircraft::performance_table().map(Some),
+            Self::Flights => super::flights::page(options.runs.min(200)).map(Some),
+            Self::Reproduce => super::reproduce::page().map(Some),
+            Self::ErrorFree => aircraft::error_free(root).map(Some),
+            Self::Example => pages::example(&root.join("core/src/lib.rs")).map(Some),
+        }?;
+        Ok(text.map(|text| (self.name(), text)).into_iter().collect())
+    }
+}

@@ -1,0 +1,177 @@
+//! The pages with parts between markers, `<!-- begin: NAME -->` and `<!-- end: NAME -->`: the
+//! README and all of docs/.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use miette::{Result, miette};
+
+use crate::page::output::{self, OutputError};
+
+/// All pages in memory.
+pub(super) struct Pages(Vec<Page>);
+
+struct Page {
+    path: PathBuf,
+    text: String,
+    changed: bool,
+}
+
+impl Page {
+    fn read(path: PathBuf) -> Result<Self> {
+        let text = fs::read_to_string(&path).map_err(|error| {
+            miette!(
+                help = "run in the top folder of the repository, or say --repository",
+                "{}: {error}",
+                path.display()
+            )
+        })?;
+        Ok(Self {
+            path,
+            text,
+            changed: false,
+        })
+    }
+
+    /// Where a part begins and ends, markers left out.
+    fn place(&self, name: &str) -> Option<(usize, usize)> {
+        let begin = marker("begin", name);
+        let from = self.text.find(&begin)? + begin.len();
+        let length = self.text[from..].find(&marker("end", name))?;
+        Some((from, from + length))
+    }
+}
+
+impl Pages {
+    /// The README in a folder, and the Markdown files of its docs/.
+    pub(super) fn read(root: &Path) -> Result<Self> {
+        let mut paths = vec![root.join("README.md")];
+        let docs = root.join("docs").read_dir().into_iter().flatten().flatten();
+        let docs = docs.map(|entry| entry.path());
+        paths.extend(docs.filter(|path| path.extension().is_some_and(|end| end == "md")));
+        paths
+            .into_iter()
+            .map(Page::read)
+            .collect::<Result<_>>()
+            .map(Self)
+    }
+
+    /// The page that has a part, and where.
+    fn find(&mut self, name: &str) -> Result<(&mut Page, usize, usize)> {
+        let found = self.0.iter_mut().find_map(|page| {
+            let (from, to) = page.place(name)?;
+            Some((page, from, to))
+        });
+        found.ok_or_else(|| {
+            miette!(
+                help = "write both markers where the part belongs",
+                "neither README.md nor a page of docs/ has {} ... {}",
+                marker("begin", name),
+                marker("end", name)
+            )
+        })
+    }
+
+    pub(super) fn check(&mut self, name: &str) -> Result<()> {
+        self.find(name).map(drop)
+    }
+
+    pub(super) fn replace(&mut self, name: &str, text: &str) -> Result<()> {
+        let (page, from, to) = self.find(name)?;
+        let text = format!("\n{}\n", text.trim());
+        page.text.replace_range(from..to, &text);
+        page.changed = true;
+        Ok(())
+    }
+
+    /// Writes those that have changed.
+    pub(super) fn write(&self) -> Result<()> {
+        for page in self.0.iter().filter(|page| page.changed) {
+            output::replace(&page.path, &page.text)?;
+        }
+        Ok(())
+    }
+}
+
+fn marker(kind: &str, name: &str) -> String {
+    format!("<!-- {kind}: {name} -->")
+}
+
+/// The Markdown tables among what a program has printed, an empty line between two.
+pub(super) fn tables_of(text: &str, file: &Path) -> Result<String> {
+    let lines: Vec<&str> = text
+        .lines()
+        .map(|line| if line.starts_with('|') { line } else { "" })
+        .collect();
+    let tables = lines.join("\n");
+    let tables: Vec<&str> = tables
+        .split("\n\n")
+        .map(str::trim)
+        .filter(|table| !table.is_empty())
+        .collect();
+    if tables.is_empty() {
+        return Err(miette!("{}: no Markdown table in it", file.display()));
+    }
+    Ok(tables.join("\n\n"))
+}
+
+/// The first example of a crate's documentation, without what it hides from readers.
+pub(super) fn example(file: &Path) -> Result<String> {
+    let text = fs::read_to_string(file).map_err(|e| miette!("{}: {e}", file.display()))?;
+    let code: Vec<&str> = text
+        .lines()
+        .map_while(|line| line.strip_prefix("//!"))
+        .map(|line| line.strip_prefix(' ').unwrap_or(line))
+        .skip_while(|line| !line.starts_with("```"))
+        .skip(1)
+        .take_while(|line| !line.starts_with("```"))
+        .filter(|line| !line.starts_with("# "))
+        .collect();
+    if code.is_empty() {
+        return Err(miette!("{}: no example in it", file.display()));
+    }
+    Ok(format!("```rust\n{}\n```", code.join("\n")))
+}
+
+/// Writes a picture into docs/.
+pub(super) fn picture(root: &Path, name: &str, svg: &str) -> Result<(), OutputError> {
+    let folder = root.join("docs");
+    fs::create_dir_all(&folder).map_err(|e| OutputError::io(&folder, e))?;
+    output::replace(&folder.join(name), svg)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_is_replaced_on_its_page_and_nothing_else() {
+        let page = |path: &str, text: &str| Page {
+            path: path.into(),
+            text: text.to_owned(),
+            changed: false,
+        };
+        let front = "front <!-- begin: y -->";
+        let mut pages = Pages(vec![
+            page("README.md", front),
+            page("docs/a.md", "a\n<!-- begin: x -->\nold\n<!-- end: x -->\nb"),
+        ]);
+        pages.replace("x", "new\n").unwrap();
+        assert!(pages.replace("y", "new").is_err());
+        assert!(pages.replace("z", "new").is_err());
+        let [readme, docs] = pages.0.as_slice() else {
+            panic!("two pages");
+        };
+        assert_eq!((readme.text.as_str(), readme.changed), (front, false));
+        let expected = "a\n<!-- begin: x -->\nnew\n<!-- end: x -->\nb";
+        assert_eq!((docs.text.as_str(), docs.changed), (expected, true));
+    }
+
+    #[test]
+    fn tables_are_found_among_other_output() {
+        let text = "Benchmarking...\n| a |\n|---|\n| 1 |\ntime: 3 s\n\n| b |\n|---|\n";
+        let tables = tables_of(text, Path::new("cost.txt")).unwrap();
+        assert_eq!(tables, "| a |\n|---|\n| 1 |\n\n| b |\n|---|");
+        assert!(tables_of("nothing\n", Path::new("cost.txt")).is_err());
+    }
+}

@@ -1,0 +1,174 @@
+//! The command `fly`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use ins_core::earth::wrap_pi;
+use miette::{IntoDiagnostic, Result, miette};
+use serde::Serialize;
+
+use super::options::{aircraft, error_model};
+use crate::aircraft::flight::Flight;
+use crate::aircraft::pictures;
+use crate::aircraft::plan::Plan;
+use crate::identify::true_errors::{self, Truth};
+use crate::log::{self, BodyAxes, Compression, Log, Meta};
+use crate::page::output::{self, OutputError};
+use crate::page::progress::spinner;
+use crate::sim::drive::Recording;
+use crate::sim::{ErrorModel, SimulatedDrive, record};
+
+/// Inertial samples per second.
+const IMU_HZ: f64 = 100.0;
+
+/// Options of `fly`.
+#[derive(Debug, Args)]
+pub struct Fly {
+    /// Flight plan, TOML.
+    #[arg(long)]
+    plan: PathBuf,
+    /// Fixes turbulence and sensor errors.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Folder of the log.
+    #[arg(long)]
+    out: PathBuf,
+    /// Sensor errors: ideal, hg1700, mems, or a file with an error model.
+    #[arg(long, default_value = "hg1700")]
+    errors: String,
+    /// Aircraft, TOML; the Cessna 172 unless given.
+    #[arg(long)]
+    aircraft: Option<PathBuf>,
+}
+
+/// What `fly --json` prints.
+#[derive(Serialize)]
+struct FlySummary<'a> {
+    log: &'a Path,
+    aircraft: &'a str,
+    seed: u64,
+    duration_s: f64,
+    distance_km: f64,
+    errors: &'a Truth,
+}
+
+/// Flies a plan and writes its log, with truth and pictures.
+pub fn fly(options: &Fly, json: bool, force: bool) -> Result<()> {
+    output::check_free(&options.out, true_errors::FILE, force)?;
+    let dynamics = aircraft(options.aircraft.as_deref())?;
+    let errors = error_model(&options.errors)?;
+    let plan = Plan::read(&options.plan, &dynamics)?;
+    let progress = spinner("flying");
+    let in_plan = |error| miette!("{}: {error}", options.plan.display());
+    let flight = Flight::new(&dynamics, &plan, options.seed).map_err(in_plan)?;
+    let recording = Recording {
+        seed: options.seed,
+        duration_s: flight.duration_s().map_err(in_plan)?,
+        imu_hz: IMU_HZ,
+        truth_every: 10,
+        origin: plan.start.position,
+        errors,
+    };
+    let run = record(flight, &recording);
+    progress.set_message("writing the log");
+    let truth = Truth::new(&run.errors, azimuth_error_rad(&run), BodyAxes::Frd);
+    let distance_km = 1e-3 * distance_m(&run);
+    write(options, &recording, run, truth, force)?;
+    progress.finish_and_clear();
+
+    let summary = FlySummary {
+        log: &options.out,
+        aircraft: &dynamics.parameters.name,
+        seed: options.seed,
+        duration_s: recording.duration_s,
+        distance_km,
+        errors: &truth,
+    };
+    if json {
+        println!(
+            "{}",
+            serde_json::to_string_pretty(&summary).into_diagnostic()?
+        );
+    } else {
+        println!(
+            "{}: {:.0} s, {distance_km:.1} km. Log and pictures written to {}",
+            summary.aircraft,
+            summary.duration_s,
+            options.out.display()
+        );
+    }
+    Ok(())
+}
+
+/// What a navigator has to be told of sensors: whether its gyros feel the Earth's rate.
+fn class(errors: &ErrorModel) -> log::Grade {
+    const EARTH_RATE_DEG_H: f64 = 15.0;
+    if errors.gyro_deg_h.bias.initial_sigma() < EARTH_RATE_DEG_H {
+        log::Grade::Hg1700
+    } else {
+        log::Grade::Mems
+    }
+}
+
+fn azimuth_error_rad(run: &SimulatedDrive) -> Option<f64> {
+    let start = run.truth.first()?;
+    run.given_heading_rad
+        .map(|given| wrap_pi(given - start.euler().heading_rad))
+}
+
+fn distance_m(run: &SimulatedDrive) -> f64 {
+    run.truth
+        .windows(2)
+        .map(|w| w[1].position.enu_from(&w[0].position).xy().norm())
+        .sum()
+}
+
+fn write(
+    options: &Fly,
+    recording: &Recording,
+    run: SimulatedDrive,
+    truth: Truth,
+    force: bool,
+) -> Result<()> {
+    let drawn = pictures::of_flight(&run, recording.errors.imu.output);
+    let name = format!("simulated flight, seed {}", options.seed);
+    let entries = [
+        ("name", toml::Value::from(name)),
+        ("real_data", toml::Value::from(false)),
+    ];
+    let log = Log {
+        meta: Meta {
+            initial_heading_deg: run.given_heading_rad.map(f64::to_degrees),
+            // A flight has no rest that would tell.
+            grade: Some(class(&recording.errors)),
+            document: entries
+                .into_iter()
+                .map(|(key, value)| (key.to_owned(), value))
+                .collect(),
+            ..Meta::new(BodyAxes::Frd, recording.errors.imu.output)
+        },
+        imu: run.imu,
+        gnss: run.gnss,
+        truth: run.truth,
+    };
+    let true_errors = truth.to_toml().into_diagnostic()?;
+    let plan = fs::read(&options.plan).map_err(|e| OutputError::io(&options.plan, e))?;
+    output::build(
+        &options.out,
+        true_errors::FILE,
+        force,
+        |folder| -> Result<()> {
+            log::write(&log, folder, Compression::Gzip)?;
+            for (name, contents) in [
+                (true_errors::FILE, true_errors.as_bytes()),
+                ("plan.toml", &plan),
+            ] {
+                let path = folder.join(name);
+                fs::write(&path, contents).map_err(|e| OutputError::io(&path, e))?;
+            }
+            pictures::write(&drawn, &folder.join("pictures"))?;
+            Ok(())
+        },
+    )
+}

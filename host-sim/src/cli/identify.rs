@@ -1,0 +1,216 @@
+//! The command `identify`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use ins_core::ImuSample;
+use miette::{IntoDiagnostic, Result, bail};
+
+use super::options::{GradeChoice, refuse_same};
+use crate::identify::analysis::{Analysis, REPORT, SUMMARY};
+use crate::identify::error_model::allan::AtRest;
+use crate::identify::error_model::fit::Kind;
+use crate::identify::error_model::{self, Identified, Record, Sensors};
+use crate::log::Grade;
+use crate::page::output::{self, OutputError};
+use crate::page::progress::{bar, spinner};
+use crate::page::table;
+use crate::report;
+
+/// Options of `identify`.
+#[derive(Debug, Args)]
+pub(super) struct Identify {
+    /// Folder of a log, or a recording of a known format. Several: drives of one kind of unit, for one error model of all.
+    #[arg(required = true)]
+    log: Vec<PathBuf>,
+    /// Folder for the results.
+    #[arg(long)]
+    out: PathBuf,
+    /// Class of the sensors.
+    #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
+    grade: GradeChoice,
+    /// How gyro biases move.
+    #[arg(long, value_enum, default_value_t = BiasChoice::Auto)]
+    bias_model: BiasChoice,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum BiasChoice {
+    /// The likelier of the two.
+    Auto,
+    /// Jumps at regular intervals, thesis equation (3).
+    Wave,
+    /// Constant, trend and correlated noise, thesis equation (4).
+    Continuous,
+}
+
+impl From<BiasChoice> for Option<Kind> {
+    fn from(choice: BiasChoice) -> Self {
+        match choice {
+            BiasChoice::Auto => None,
+            BiasChoice::Wave => Some(Kind::Wave),
+            BiasChoice::Continuous => Some(Kind::Continuous),
+        }
+    }
+}
+
+/// Identifies a log, or several.
+pub(super) fn identify(options: &Identify, json: bool, force: bool) -> Result<()> {
+    let (grade, kind) = (options.grade.told(), options.bias_model.into());
+    if let [log] = options.log.as_slice() {
+        let (analysis, model) = identify_log(log, &options.out, grade, kind, force)?;
+        print_analysis(&analysis, Some(&model), &options.out, json)
+    } else {
+        identify_logs(options, grade, kind, json, force)
+    }
+}
+
+pub(super) fn identify_log(
+    folder: &Path,
+    out: &Path,
+    grade: Option<Grade>,
+    kind: Option<Kind>,
+    force: bool,
+) -> Result<(Analysis, Identified)> {
+    output::check_free(out, SUMMARY, force)?;
+    refuse_same(folder, out)?;
+    let progress = bar();
+    let analysis = Analysis::of_log(folder, grade, &progress)?;
+    let records = [Record::new(&analysis.log, &analysis.found)];
+    let model = error_model_of(&records, analysis.summary.grade, kind);
+    let at_rest = AtRest::new(&records);
+    output::build(out, SUMMARY, force, |folder| {
+        let sensors = Sensors {
+            model: &model,
+            at_rest: &at_rest,
+        };
+        report::write(&analysis, Some(&sensors), folder)?;
+        error_model::write(sensors, folder)
+    })?;
+    Ok((analysis, model))
+}
+
+pub(super) fn error_model_of(records: &[Record], grade: Grade, kind: Option<Kind>) -> Identified {
+    let progress = spinner("fitting the error model");
+    let model = Identified::new(records, grade, kind);
+    progress.finish_and_clear();
+    model
+}
+
+/// A folder for each log, and the error model of all beside them.
+fn identify_logs(
+    options: &Identify,
+    grade: Option<Grade>,
+    kind: Option<Kind>,
+    json: bool,
+    force: bool,
+) -> Result<()> {
+    let out = &options.out;
+    output::check_free(out, error_model::MODEL, force)?;
+    for log in &options.log {
+        refuse_same(log, out)?;
+    }
+    let (mut model, mut summaries) = (None, Vec::new());
+    output::build(out, error_model::MODEL, force, |folder| -> Result<()> {
+        let (mut records, mut class) = (Vec::new(), grade);
+        let mut given: Vec<(&Path, [Option<ImuSample>; 2])> = Vec::new();
+        for (number, log) in (1..).zip(&options.log) {
+            let progress = bar();
+            // One log at a time: only what the error model needs of it is kept.
+            let analysis = Analysis::of_log(log, grade, &progress)?;
+            let this = analysis.summary.grade;
+            if *class.get_or_insert(this) != this {
+                bail!(
+                    help = "identify them apart, or say --grade",
+                    "{}: another class of sensors than the logs before",
+                    log.display()
+                );
+            }
+            let ends =
+                [analysis.log.imu.first(), analysis.log.imu.last()].map(Option::<&_>::copied);
+            if let Some((same, _)) = given.iter().find(|(_, other)| *other == ends) {
+                bail!(
+                    help = "give each once: what is counted twice looks surer than it is",
+                    "{}: the same recording as {}",
+                    log.display(),
+                    same.display()
+                );
+            }
+            given.push((log, ends));
+            let record = Record::new(&analysis.log, &analysis.found);
+            let name = analysis.summary.log.replace(['/', '\\'], "-");
+            let beside = folder.join(format!("{number}-{name}"));
+            fs::create_dir(&beside).map_err(|e| OutputError::io(&beside, e))?;
+            let own = [record];
+            let sensors = Sensors {
+                model: &error_model_of(&own, this, kind),
+                at_rest: &AtRest::new(&own),
+            };
+            report::write(&analysis, Some(&sensors), &beside)?;
+            error_model::write(sensors, &beside)?;
+            records.extend(own);
+            summaries.push(analysis.summary);
+        }
+        let found = error_model_of(&records, class.unwrap_or(Grade::Mems), kind);
+        let sensors = Sensors {
+            model: &found,
+            at_rest: &AtRest::new(&records),
+        };
+        error_model::write(sensors, folder)?;
+        let page = report::html_of_all(&summaries, &sensors).into_diagnostic()?;
+        let path = folder.join(REPORT);
+        fs::write(&path, page).map_err(|e| OutputError::io(&path, e))?;
+        model = Some(found);
+        Ok(())
+    })?;
+    if json {
+        println!(
+            "{}",
+            serde_json::to_string_pretty(&summaries).into_diagnostic()?
+        );
+    } else if let Some(model) = model {
+        print_model(&model, out);
+        println!("Report: {}", out.join(REPORT).display());
+    }
+    Ok(())
+}
+
+fn print_model(model: &Identified, out: &Path) {
+    let (header, rows) = model.table();
+    print!("{}", table::plain(&header, &rows));
+    println!("\nError model: {}", out.join(error_model::MODEL).display());
+}
+
+pub(super) fn print_analysis(
+    analysis: &Analysis,
+    model: Option<&Identified>,
+    out: &Path,
+    json: bool,
+) -> Result<()> {
+    let summary = &analysis.summary;
+    if json {
+        println!(
+            "{}",
+            serde_json::to_string_pretty(summary).into_diagnostic()?
+        );
+        return Ok(());
+    }
+    println!("{}\n", summary.verdict.lines().join("\n"));
+    let (header, rows) = analysis.table();
+    print!("{}", table::plain(&header, &rows));
+    if let (Some(before), Some(after)) = (
+        summary.velocity_error_mps.before,
+        summary.velocity_error_mps.after,
+    ) {
+        println!(
+            "\nFree-inertial velocity error over a minute: {before:.3} m/s before, {after:.3} m/s after"
+        );
+    }
+    if let Some(model) = model {
+        println!();
+        print_model(model, out);
+    }
+    println!("Report: {}", out.join(REPORT).display());
+    Ok(())
+}

@@ -1,0 +1,91 @@
+//! The command `import`.
+
+use std::fs;
+use std::path::PathBuf;
+
+use clap::Args;
+use miette::{IntoDiagnostic, Result};
+use serde::Serialize;
+
+use crate::log::import::{Choice, read};
+use crate::log::{Compression, write};
+use crate::page::output::{self, OutputError};
+
+/// What marks a folder as written here.
+const MARK: &str = "import.toml";
+
+/// Options.
+#[derive(Debug, Args)]
+pub struct Import {
+    /// A recording, or one of inertial sensors and one of GNSS.
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+    /// Folder of the log.
+    #[arg(long)]
+    out: PathBuf,
+    /// Which of several inertial sensors, counted from 1.
+    #[arg(long, value_name = "N")]
+    imu: Option<usize>,
+    /// Which of several receivers, counted from 1.
+    #[arg(long, value_name = "N")]
+    gnss: Option<usize>,
+}
+
+/// What was imported, as it is printed and kept beside the log.
+#[derive(Serialize)]
+struct Imported<'a> {
+    files: &'a [PathBuf],
+    source: Option<&'a str>,
+    duration_s: f64,
+    imu_samples: usize,
+    gnss_fixes: usize,
+    warnings: Vec<String>,
+}
+
+/// Makes a log of a recording.
+pub fn import(options: &Import, json: bool, force: bool) -> Result<()> {
+    output::check_free(&options.out, MARK, force)?;
+    let choice = Choice {
+        imu: options.imu,
+        gnss: options.gnss,
+    };
+    let (log, warnings) = read(&options.files, choice)?;
+    for warning in &warnings {
+        eprintln!("warning: {warning}\n  {}", warning.cause);
+    }
+    let told = |warning: &crate::log::LogError| format!("{warning}: {}", warning.cause);
+    let imported = Imported {
+        files: &options.files,
+        source: log
+            .meta
+            .document
+            .get("source")
+            .and_then(toml::Value::as_str),
+        duration_s: log.duration_s(),
+        imu_samples: log.imu.len(),
+        gnss_fixes: log.gnss.len(),
+        warnings: warnings.iter().map(told).collect(),
+    };
+    let text = toml::to_string(&imported).into_diagnostic()?;
+    output::build(&options.out, MARK, force, |folder| -> Result<()> {
+        write(&log, folder, Compression::Gzip)?;
+        let path = folder.join(MARK);
+        fs::write(&path, text).map_err(|e| OutputError::io(&path, e))?;
+        Ok(())
+    })?;
+    if json {
+        println!(
+            "{}",
+            serde_json::to_string_pretty(&imported).into_diagnostic()?
+        );
+    } else {
+        println!(
+            "Log of {:.1} s, {} samples and {} fixes written to {}",
+            imported.duration_s,
+            imported.imu_samples,
+            imported.gnss_fixes,
+            options.out.display()
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,113 @@
+//! Options that several commands have, and what they mean.
+
+use std::path::Path;
+
+use clap::{Args, ValueEnum};
+use miette::{Result, bail, miette};
+
+use crate::aircraft::cessna172;
+use crate::aircraft::dynamics::Dynamics;
+use crate::aircraft::input::{read_aircraft, read_text};
+use crate::log::Grade;
+use crate::sim::{self, ErrorModel};
+
+#[derive(Clone, Copy, Debug, Args)]
+pub(super) struct DriveOptions {
+    /// Fixes the route and every random number.
+    #[arg(long, default_value_t = 1)]
+    pub(super) seed: u64,
+    /// Class of the sensors.
+    #[arg(long, value_enum, default_value_t = SimulatedGrade::Hg1700)]
+    pub(super) grade: SimulatedGrade,
+    /// Length of the drive.
+    #[arg(long, default_value_t = 40.0, value_parser = minutes)]
+    pub(super) minutes: f64,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum SimulatedGrade {
+    /// Ring lasers of 1 deg/h.
+    Hg1700,
+    /// Consumer MEMS.
+    Mems,
+}
+
+impl From<SimulatedGrade> for sim::Grade {
+    fn from(grade: SimulatedGrade) -> Self {
+        match grade {
+            SimulatedGrade::Hg1700 => Self::Hg1700,
+            SimulatedGrade::Mems => Self::Mems,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum GradeChoice {
+    /// What meta.toml says, or else what the gyros show at rest.
+    Auto,
+    /// Ring lasers of 1 deg/h.
+    Hg1700,
+    /// Consumer MEMS.
+    Mems,
+}
+
+impl GradeChoice {
+    /// The class, if one is chosen.
+    pub(super) fn told(self) -> Option<Grade> {
+        match self {
+            Self::Auto => None,
+            Self::Hg1700 => Some(Grade::Hg1700),
+            Self::Mems => Some(Grade::Mems),
+        }
+    }
+}
+
+pub(super) fn minutes(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(minutes) if (1.0..=1440.0).contains(&minutes) => Ok(minutes),
+        _ => Err("minutes from 1 to 1440".to_owned()),
+    }
+}
+
+/// The log's folder must not become the results' one.
+pub(super) fn refuse_same(log: &Path, out: &Path) -> Result<()> {
+    let same = match (log.canonicalize(), out.canonicalize()) {
+        (Ok(log), Ok(out)) => log.starts_with(out),
+        _ => false,
+    };
+    if same {
+        bail!(
+            help = "choose another --out",
+            "{} holds the log itself",
+            out.display()
+        );
+    }
+    Ok(())
+}
+
+/// That of a file, or the Cessna 172.
+pub(super) fn aircraft(file: Option<&Path>) -> Result<Dynamics> {
+    match file {
+        Some(file) => Ok(read_aircraft(file)?),
+        None => Ok(Dynamics::new(&cessna172())),
+    }
+}
+
+/// A preset by its name, or a file.
+pub(super) fn error_model(name: &str) -> Result<ErrorModel> {
+    match name {
+        "ideal" => Ok(sim::Grade::Ideal.errors()),
+        "hg1700" => Ok(sim::Grade::Hg1700.errors()),
+        "mems" => Ok(sim::Grade::Mems.errors()),
+        file => {
+            let path = Path::new(file);
+            let text = read_text(path, "ideal, hg1700, mems or an error model")?;
+            ErrorModel::from_toml(&text).map_err(|error| {
+                miette!(
+                    help = "host-sim/errors/wave.toml is a complete example",
+                    "{file}: {error}"
+                )
+            })
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! The command `recovery`.
+
+use std::fs;
+use std::path::PathBuf;
+
+use clap::Args;
+use miette::{IntoDiagnostic, Result};
+
+use crate::cli::options::minutes;
+use crate::identify::error_model::fit::Kind;
+use crate::page::output::{self, OutputError};
+use crate::page::progress::bar;
+use crate::page::table;
+use crate::study::recovery::{Results, Study, header};
+
+const JSON: &str = "recovery.json";
+
+/// Options of `recovery`.
+#[derive(Debug, Args)]
+pub struct Recovery {
+    /// Number of units, of each model of the gyro biases.
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(2..=100_000))]
+    units: u64,
+    /// Drives of a unit.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=100))]
+    drives: u64,
+    /// Length of a drive.
+    #[arg(long, default_value_t = 40.0, value_parser = minutes)]
+    minutes: f64,
+    /// Seed of the first drive.
+    #[arg(long, default_value_t = 0)]
+    first_seed: u64,
+    /// Folder for recovery.json.
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+/// Makes units, identifies them and says how well that went.
+pub fn recovery(options: &Recovery, json: bool, force: bool) -> Result<()> {
+    if let Some(out) = &options.out {
+        output::check_free(out, JSON, force)?;
+    }
+    let study = Study {
+        units: options.units,
+        drives: options.drives,
+        minutes: options.minutes,
+        first_seed: options.first_seed,
+    };
+    let results = both(study);
+    let text = serde_json::to_string_pretty(&results).into_diagnostic()? + "\n";
+    if let Some(out) = &options.out {
+        output::build(out, JSON, force, |folder| {
+            let path = folder.join(JSON);
+            fs::write(&path, &text).map_err(|e| OutputError::io(&path, e))
+        })?;
+    }
+    if json {
+        print!("{text}");
+        return Ok(());
+    }
+    for results in &results {
+        println!("Gyro biases of thesis equation {}:\n", results.gyro_model);
+        println!("{}", table::plain(&header(), &results.cells()));
+    }
+    Ok(())
+}
+
+/// Units of both models.
+pub(crate) fn both(study: Study) -> [Results; 2] {
+    [Kind::Wave, Kind::Continuous].map(|kind| {
+        let progress = bar();
+        progress.set_message("units");
+        study.results(kind, &progress)
+    })
+}

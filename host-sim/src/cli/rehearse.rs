@@ -1,0 +1,313 @@
+//! The command `rehearse`.
+
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::Args;
+use miette::{IntoDiagnostic, Report, Result, bail, miette};
+
+use crate::aircraft::input::{Source, read_text};
+use crate::aircraft::plan::Plan;
+use crate::campaign::run::Shard;
+use crate::cli::identify::error_model_of;
+use crate::cli::options::aircraft;
+use crate::cli::options::{GradeChoice, refuse_same};
+use crate::identify::analysis::log_name;
+use crate::identify::error_model::Sensors;
+use crate::identify::error_model::allan::AtRest;
+use crate::identify::error_model::record::readings_at_rest;
+use crate::identify::error_model::{self, Identified};
+use crate::log::import;
+use crate::page::output::{OutputError, check_free, replace};
+use crate::page::progress::bar;
+use crate::rehearse::answers::Told;
+use crate::rehearse::drives::{Drives, rate_hz};
+use crate::rehearse::flight::World;
+use crate::rehearse::output;
+use crate::rehearse::run::{lines, run};
+use crate::rehearse::settings::{Rehearsal, Settings};
+use crate::rehearse::subject::Subject;
+use crate::rehearse::summary::Summary;
+use crate::sim::errors::ErrorModelError;
+use crate::sim::recorded::RecordedNoise;
+
+/// Marks a folder as that of a rehearsal, and says of which.
+const SETTINGS: &str = "settings.json";
+/// Recorded noise is resampled in blocks of so long, s: slower colour than that is lost.
+const BLOCK_S: f64 = 2.0;
+
+/// Options of `rehearse`.
+#[derive(Debug, Args)]
+pub struct Rehearse {
+    /// Recorded drives of the unit: folders of logs, or recordings of a known format.
+    #[arg(required = true)]
+    drives: Vec<PathBuf>,
+    /// Flight plan, TOML.
+    #[arg(long)]
+    plan: PathBuf,
+    /// Aircraft, TOML; the Cessna 172 unless given.
+    #[arg(long)]
+    aircraft: Option<PathBuf>,
+    /// TOML with any keys of an error model that stand in place of what was identified or assumed:
+    /// another receiver, a calibrated scale.
+    #[arg(long, value_name = "FILE")]
+    set: Option<PathBuf>,
+    /// Folder of the results. A rehearsal that was stopped goes on there.
+    #[arg(long)]
+    out: PathBuf,
+    /// Algorithm under test: core, core-literal, core-open, kalman, or a program as `COMMAND` or
+    /// `NAME=COMMAND`, see docs/rehearse.md. Several: one table. The core unless given.
+    #[arg(long, value_name = "ALGORITHM")]
+    with: Vec<String>,
+    /// Time limit for each answer of a program, s.
+    #[arg(long, default_value_t = 5.0, value_parser = positive)]
+    time_limit: f64,
+    /// Number of flights.
+    #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    flights: u32,
+    /// Minutes without GNSS at the end of each.
+    #[arg(long, default_value_t = 5.0, value_parser = not_negative)]
+    minutes_free: f64,
+    /// Spread of the error of the heading told at the start, deg; `none`: it is not told.
+    #[arg(long, default_value = "3", value_parser = heading)]
+    heading_sigma: HeadingSigma,
+    /// Models drawn from what the drives leave open, for the interval of the model; 0: none.
+    #[arg(long, default_value_t = 20)]
+    models: u32,
+    /// Flights for each line of the budget of errors; 0: none.
+    #[arg(long, default_value_t = 10)]
+    budget: u32,
+    /// Fly everything with the noise of this log at rest, too, in place of white.
+    #[arg(long, value_name = "LOG")]
+    noise_from: Option<PathBuf>,
+    /// Fixes every random number.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Class of the sensors.
+    #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
+    grade: GradeChoice,
+    /// Only the K-th of N parts of the flights; without it, what is missing is flown and all added up.
+    #[arg(long, value_name = "K/N")]
+    shard: Option<Shard>,
+}
+
+/// Degrees, or none.
+#[derive(Clone, Copy, Debug)]
+struct HeadingSigma(Option<f64>);
+
+fn heading(text: &str) -> Result<HeadingSigma, String> {
+    match text {
+        "none" => Ok(HeadingSigma(None)),
+        _ => not_negative(text).map(|deg| HeadingSigma(Some(deg))),
+    }
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok();
+    number
+        .filter(|number| (0.0..=1e4).contains(number))
+        .ok_or_else(|| "expected a number from 0 to 10000".to_owned())
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    not_negative(text)?;
+    let number: Option<f64> = text.parse().ok();
+    number
+        .filter(|number| *number >= 1e-3)
+        .ok_or_else(|| "expected at least 0.001".to_owned())
+}
+
+/// Flies what is missing and says what it shows.
+pub fn rehearse(options: &Rehearse, json: bool, force: bool) -> Result<()> {
+    let subjects = subjects(&options.with)?;
+    let dynamics = aircraft(options.aircraft.as_deref())?;
+    let plan = Plan::read(&options.plan, &dynamics)?;
+    let set = keys(options.set.as_deref())?;
+    for drive in &options.drives {
+        refuse_same(drive, &options.out)?;
+    }
+    let drives = Drives::read(&options.drives, options.grade.told())?;
+    let free_s = 60.0 * options.minutes_free;
+    let world = World::new(dynamics, plan, free_s, drives.imu_hz)
+        .map_err(|error| miette!("{}: {error}", options.plan.display()))?;
+    if world.aided_s() < 60.0 {
+        bail!(
+            help = "a longer plan (`duration_s` flies its legs again), or less --minutes-free",
+            "{}: {:.0} s are flown, of which {free_s:.0} s without GNSS leave less than a minute before",
+            options.plan.display(),
+            world.duration_s
+        );
+    }
+    let found = error_model_of(&drives.records, drives.grade, None);
+    let noise = (options.noise_from.as_deref())
+        .map(|log| recorded_noise(log, drives.imu_hz))
+        .transpose()?;
+    let rehearsal = Rehearsal {
+        settings: settings(options, &world, &drives, &found, set)?,
+        found,
+        noise,
+        subjects,
+    };
+    let told = Told {
+        grade: drives.grade,
+        model: rehearsal.settings.model.clone(),
+        limit: Duration::from_secs_f64(options.time_limit),
+    };
+    let out = &options.out;
+    settle(&rehearsal.settings, out, force)?;
+    let sensors = Sensors {
+        model: &rehearsal.found,
+        at_rest: &AtRest::new(&drives.records),
+    };
+    error_model::write(sensors, out)?;
+    let shard = options.shard.unwrap_or(Shard::ALL);
+    run(&rehearsal, &world, &told, shard, out, &bar())?;
+    if shard != Shard::ALL {
+        return print(&format!("{} is done\n", out.join(shard.file()).display()));
+    }
+    let summary = Summary::new(&rehearsal, &world, &lines(out)?);
+    output::write(out, &summary)?;
+    print(&if json {
+        serde_json::to_string_pretty(&summary).into_diagnostic()? + "\n"
+    } else {
+        let report = out.join("report.html");
+        output::readable(&summary) + &format!("Report: {}\n", report.display())
+    })
+}
+
+/// To the standard output. Whoever reads it may stop: here that is no signal, see
+/// [`Cli::runs_programs`](crate::cli::Cli::runs_programs).
+fn print(text: &str) -> Result<()> {
+    match io::stdout().write_all(text.as_bytes()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error).into_diagnostic(),
+        _ => Ok(()),
+    }
+}
+
+fn subjects(with: &[String]) -> Result<Vec<Subject>> {
+    let named = |text: &String| {
+        text.parse()
+            .map_err(|error| miette!("--with `{text}`: {error}"))
+    };
+    let mut subjects: Vec<Subject> = with.iter().map(named).collect::<Result<_>>()?;
+    if subjects.is_empty() {
+        subjects.extend(["core".parse().map_err(|error: String| miette!("{error}"))?]);
+    }
+    let mut names: Vec<String> = subjects.iter().map(Subject::name).collect();
+    names.sort();
+    if let Some([name, _]) = (names.array_windows()).find(|[one, next]| one == next) {
+        bail!(
+            help = "name one of them: --with 'NAME=COMMAND'",
+            "two algorithms are called {name}"
+        );
+    }
+    Ok(subjects)
+}
+
+/// What the user sets of an error model himself; that it is one is seen where it is set.
+pub(super) fn keys(file: Option<&Path>) -> Result<toml::Table> {
+    let Some(file) = file else {
+        return Ok(toml::Table::new());
+    };
+    let text = read_text(file, "keys of an error model")?;
+    let source = Source { file, text: &text };
+    Ok(source.parse("host-sim/errors/wave.toml")?)
+}
+
+/// What is wrong with them.
+pub(super) fn in_keys(file: Option<&Path>, error: &ErrorModelError) -> Report {
+    match file {
+        Some(file) => miette!(
+            help = "host-sim/errors/wave.toml is a complete error model",
+            "{}: {error}",
+            file.display()
+        ),
+        None => miette!("the identified model cannot be flown: {error}"),
+    }
+}
+
+fn settings(
+    options: &Rehearse,
+    world: &World,
+    drives: &Drives,
+    found: &Identified,
+    set: toml::Table,
+) -> Result<Settings> {
+    let text = |path: &PathBuf| fs::read_to_string(path).map_err(|e| OutputError::io(path, e));
+    let mut model = found.model();
+    model.imu.output = drives.output;
+    let mut settings = Settings {
+        version: env!("CARGO_PKG_VERSION"),
+        seed: options.seed,
+        drives: drives.names.clone(),
+        flights: options.flights,
+        models: options.models,
+        budget: options.budget,
+        duration_s: world.duration_s,
+        free_s: world.free_s,
+        imu_hz: world.imu_hz,
+        limit_s: options.time_limit,
+        with: options.with.clone(),
+        noise_from: (options.noise_from.as_ref()).map(|path| path.display().to_string()),
+        heading_sigma_deg: options.heading_sigma.0,
+        set,
+        model: model.clone(),
+        aircraft: options.aircraft.as_ref().map(text).transpose()?,
+        plan: text(&options.plan)?,
+    };
+    settings.model =
+        (settings.applied(model)).map_err(|error| in_keys(options.set.as_deref(), &error))?;
+    Ok(settings)
+}
+
+/// What the unit puts out at rest, in this log.
+fn recorded_noise(path: &Path, imu_hz: u32) -> Result<RecordedNoise> {
+    let (log, warnings) = import::open(path)?;
+    for warning in &warnings {
+        eprintln!("warning: {warning}\n  {}", warning.cause);
+    }
+    let (own_hz, wanted_hz) = (rate_hz(&log), f64::from(imu_hz));
+    if (own_hz / wanted_hz - 1.0).abs() > 0.02 {
+        bail!(
+            help = "noise of the same unit at the same rate",
+            "{}: {own_hz:.1} samples a second, the drives have {wanted_hz:.1}",
+            path.display()
+        );
+    }
+    // Some hundred samples: nothing is cut off but the fraction.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let block = (BLOCK_S * wanted_hz) as usize;
+    let stretches = readings_at_rest(&log);
+    RecordedNoise::new(stretches, block, wanted_hz).ok_or_else(|| {
+        miette!(
+            help = "leave the unit standing for a minute, engine running, and log that",
+            "{}: {} has no rest of {BLOCK_S:.0} s beyond its ends",
+            path.display(),
+            log_name(path, &log)
+        )
+    })
+}
+
+/// Makes the folder, or finds that it belongs to this very rehearsal.
+fn settle(settings: &Settings, out: &Path, force: bool) -> Result<()> {
+    let text = serde_json::to_string_pretty(settings).into_diagnostic()? + "\n";
+    let copy = out.join(SETTINGS);
+    if copy.is_file() && !force {
+        if fs::read_to_string(&copy).map_err(|e| OutputError::io(&copy, e))? == text {
+            return Ok(());
+        }
+        bail!(
+            help = "choose another --out, or drop what is there with --force",
+            "{} holds another rehearsal: drives, plan, model or options differ",
+            out.display()
+        );
+    }
+    check_free(out, SETTINGS, force)?;
+    if copy.is_file() {
+        fs::remove_dir_all(out).map_err(|e| OutputError::io(out, e))?;
+    }
+    fs::create_dir_all(out).map_err(|e| OutputError::io(out, e))?;
+    Ok(replace(&copy, &text)?)
+}

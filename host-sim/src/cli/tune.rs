@@ -1,0 +1,53 @@
+//! The command `tune`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use miette::{IntoDiagnostic, Result};
+
+use crate::cli::identify::error_model_of;
+use crate::cli::options::GradeChoice;
+use crate::identify::analysis::{Analysis, Input};
+use crate::identify::error_model::Record;
+use crate::log::import::Choice;
+use crate::page::progress::bar;
+use crate::tune::Tuning;
+use crate::tune::targets::{self, Target};
+
+/// Options.
+#[derive(Debug, Args)]
+pub struct Tune {
+    /// Folder of a log, or a recording of a known format; or one of inertial sensors and one of GNSS.
+    #[arg(required = true)]
+    log: Vec<PathBuf>,
+    /// Whose parameters to print.
+    #[arg(long, value_enum, default_value_t = Target::Table)]
+    format: Target,
+    /// Which of several inertial sensors, counted from 1.
+    #[arg(long, value_name = "N")]
+    imu: Option<usize>,
+    /// Which of several receivers, counted from 1.
+    #[arg(long, value_name = "N")]
+    gnss: Option<usize>,
+    /// Class of the sensors.
+    #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
+    grade: GradeChoice,
+}
+
+/// Identifies a log and prints it as parameters.
+pub fn tune(options: &Tune, json: bool) -> Result<()> {
+    let choice = Choice {
+        imu: options.imu,
+        gnss: options.gnss,
+    };
+    let progress = bar();
+    let input = Input::read_all(&options.log, choice, options.grade.told(), &progress)?;
+    let analysis = Analysis::of_input(input, &progress)?;
+    let records = [Record::new(&analysis.log, &analysis.found)];
+    let model = error_model_of(&records, analysis.summary.grade, None);
+    let tuning = Tuning::new(&analysis, &model);
+    let target = if json { Target::Json } else { options.format };
+    // All of it, or nothing.
+    print!("{}", targets::text(&tuning, target).into_diagnostic()?);
+    Ok(())
+}

@@ -1,0 +1,443 @@
+//! The filter itself: predicts over intervals, corrects by fixes and at rest.
+
+use ins_core::config::HeadingSource;
+use ins_core::increments::Interval;
+use ins_core::mechanization::{Controls, Mechanization};
+use ins_core::rest::{RestBlock, RestDetector, Verdict};
+use ins_core::{Estimates, GnssFix, Navigator, Time};
+use nalgebra::Vector3;
+
+use super::dynamics::Span;
+use super::seen::{AtMoment, Seen, at_rest};
+use super::{Known, Layout, Noise, Part, StateMatrix, States, index, propagated, sigmas, times};
+
+/// Longest step of the covariance, s; a fix ends it earlier.
+const COVARIANCE_STEP_S: f64 = 0.1;
+/// Time constant of the acceleration by which a fix is carried to its own moment, s: short beside
+/// a manoeuvre, long beside the vibration of an engine.
+const ACCEL_S: f64 = 0.03;
+/// An innovation beyond this many sigmas counts as if it were noisier (Huber); one beyond so many
+/// is not believed.
+const ROBUST_SIGMAS: f64 = 3.0;
+const GATE_SIGMAS: f64 = 6.0;
+/// A part of fixes that has not been believed for so long, and in so many fixes, shows that the
+/// filter is wrong: longer than receivers take to come back from a bridge or a reflection, short
+/// beside the minutes in which an INS is lost.
+const LOST_S: f64 = 5.0;
+const LOST_FIXES: u32 = 5;
+/// A filter that is wrong may be so by this much in tilt and azimuth, rad: a start in motion, and
+/// a heading found from it.
+const LOST_TILT_RAD: f64 = 0.1;
+const LOST_AZIMUTH_RAD: f64 = 1.0;
+/// Speed above which a fix shows motion, m/s, and sigmas of its noise on top: as in the core.
+const MOTION_MPS: f64 = 0.2;
+const MOTION_SIGMAS: f64 = 4.0;
+/// Age of the last fix up to which it tells rest from steady motion, s: as in the core.
+const HOLD_S: f64 = 1.5;
+/// What gyros read at rest is not believed beyond so many sigmas: the vehicle turns slowly.
+const REST_SIGMAS: f64 = 4.0;
+
+/// An INS and the covariance of its errors.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Filter {
+    /// Stamp of the last interval's end.
+    pub time: Time,
+    /// The INS and its sensors, less all errors that were found.
+    pub known: Known,
+    /// Covariance of the errors that are left, as of the last covariance step.
+    pub covariance: StateMatrix,
+    /// Where each error stands in it.
+    pub layout: Layout,
+    noise: Noise,
+    since: Time,
+    /// Spread of each error beyond which it is never doubted.
+    largest: States,
+    covariance_step_s: f64,
+    span: Span,
+    transition: StateMatrix,
+    accel_mps2: Vector3<f64>,
+    rate_radps: Vector3<f64>,
+    refused: [Refused; 4],
+    rest: RestDetector,
+    last_fix: Time,
+    log_likelihood: f64,
+}
+
+/// Fixes in a row of which a part was not believed.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Refused {
+    count: u32,
+    since: Time,
+}
+
+/// What a measurement did: all that a smoother needs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Correction {
+    /// Transition of the errors since the last correction.
+    pub transition: StateMatrix,
+    /// Covariance before.
+    pub predicted: StateMatrix,
+    /// Covariance after.
+    pub corrected: StateMatrix,
+    /// Errors found, and taken out.
+    pub errors: States,
+}
+
+/// Where the filter begins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Start {
+    /// When.
+    pub time: Time,
+    /// Aligned.
+    pub ins: Mechanization,
+    /// Spread of its roll and pitch, rad, if that is known.
+    pub tilt_sigma_rad: Option<f64>,
+    /// Spread of its heading, rad.
+    pub heading_sigma_rad: f64,
+    /// Gyro biases as the alignment knows them, rad/s.
+    pub gyro_bias_radps: Vector3<f64>,
+    /// Their spreads, rad/s.
+    pub gyro_bias_sigma_radps: [f64; 3],
+}
+
+impl Start {
+    /// Where the core's alignment has ended; `None` before. The error of a heading that is given
+    /// nobody but the user knows.
+    pub fn of(navigator: &Navigator, time: Time, noise: &Noise) -> Option<Self> {
+        let ins = *navigator.mechanization()?;
+        let estimates = navigator.estimates();
+        let [x, y, z] = estimates.gyro_bias_radps;
+        let given = matches!(navigator.config().heading, HeadingSource::Given(_));
+        Some(Self {
+            time,
+            ins,
+            tilt_sigma_rad: navigator.tilt_sigma_rad(),
+            heading_sigma_rad: if given {
+                noise.heading_sigma_rad
+            } else {
+                estimates.azimuth_error_rad.sigma
+            },
+            gyro_bias_radps: [x.value, y.value, z.value].into(),
+            gyro_bias_sigma_radps: [x.sigma, y.sigma, z.sigma],
+        })
+    }
+}
+
+impl Filter {
+    /// Begins on what the alignment found.
+    pub fn new(start: &Start, noise: &Noise) -> Self {
+        let gyro_sigma = start
+            .gyro_bias_sigma_radps
+            .map(|sigma| sigma.min(noise.gyro_bias_radps));
+        let layout = noise.layout();
+        let covariance = noise.start(
+            &layout,
+            start.ins.velocity_enu_mps.norm(),
+            start.tilt_sigma_rad,
+            start.heading_sigma_rad,
+            gyro_sigma,
+        );
+        Self {
+            time: start.time,
+            known: Known::new(start.ins, start.gyro_bias_radps, noise),
+            largest: largest(&covariance),
+            covariance,
+            layout,
+            noise: *noise,
+            since: start.time,
+            covariance_step_s: COVARIANCE_STEP_S,
+            span: Span::default(),
+            transition: StateMatrix::identity(layout.size, layout.size),
+            accel_mps2: Vector3::zeros(),
+            rate_radps: Vector3::zeros(),
+            refused: [Refused::default(); 4],
+            rest: RestDetector::default(),
+            last_fix: start.time,
+            log_likelihood: 0.0,
+        }
+    }
+
+    /// Steps the covariance at every inertial sample, as most filters in firmware do.
+    #[must_use]
+    pub fn with_covariance_at_every_sample(self) -> Self {
+        Self {
+            covariance_step_s: 0.0,
+            ..self
+        }
+    }
+
+    /// One sigma of each error.
+    pub fn sigmas(&self) -> States {
+        sigmas(&self.covariance)
+    }
+
+    /// Since the start, s.
+    pub(super) fn run_s(&self) -> f64 {
+        self.time.seconds_since(self.since)
+    }
+
+    /// In the core's terms.
+    pub fn estimates(&self) -> Estimates {
+        self.known
+            .estimates(&self.covariance, self.run_s(), &self.layout, &self.noise)
+    }
+
+    /// Logarithm of how likely all parts of fixes were, each given those before. Wild ones count
+    /// as under noise whose tails fall off exponentially (Huber): few of them do not decide.
+    pub fn log_likelihood(&self) -> f64 {
+        self.log_likelihood
+    }
+
+    /// Advances over the interval that ends at `time`; at rest, corrects by what the gyros read.
+    pub fn predict(&mut self, time: Time, raw: &Interval) -> Option<Correction> {
+        let interval = self.known.corrected(raw);
+        let before = self.known.ins.velocity_enu_mps;
+        let step = self.known.ins.step(&interval, &Controls::default());
+        let accel = (self.known.ins.velocity_enu_mps - before) / interval.seconds;
+        let part = (interval.seconds / ACCEL_S).min(1.0);
+        self.accel_mps2 += part * (accel - self.accel_mps2);
+        let earth_rate = self.known.ins.local_earth().earth_rate();
+        self.rate_radps = interval.angle_rad / interval.seconds - step.attitude.tr_mul(&earth_rate);
+        self.span.add(&interval, &step);
+        self.time = time;
+        if self.span.seconds >= self.covariance_step_s {
+            self.step_covariance();
+        }
+        match self.rest.on_interval(raw) {
+            Some(Verdict::Rest(block)) if time.seconds_since(self.last_fix) <= HOLD_S => {
+                self.correct_at_rest(&block)
+            }
+            _ => None,
+        }
+    }
+
+    fn step_covariance(&mut self) {
+        let seconds = self.span.seconds;
+        if seconds <= 0.0 {
+            return;
+        }
+        let transition = (self.span).transition(&self.known.ins, &self.layout, &self.noise);
+        // Half of the noise before and half after: exact to second order.
+        let growth = 0.5 * seconds * self.noise.growth(&self.layout, &self.known.ins);
+        self.covariance += &growth;
+        self.covariance = propagated(&transition, &self.covariance) + growth;
+        for part in Part::ALL {
+            let told = self.noise.part(part);
+            let renewed = told.colour * told.colour * (1.0 - told.kept(2.0 * seconds));
+            for state in
+                (self.layout.colour(part).into_iter()).flat_map(|at| at..at + part.axes().len())
+            {
+                self.covariance[(state, state)] += renewed;
+            }
+        }
+        make_symmetric(&mut self.covariance);
+        self.known.age(seconds, &self.noise);
+        self.transition = times(&transition, &self.transition);
+        self.span = Span::default();
+    }
+
+    /// Compares a fix whose moment has just passed, and takes out the errors it shows.
+    pub fn correct(&mut self, fix: &GnssFix) -> Correction {
+        self.step_covariance();
+        let mut update = Update::new(&self.covariance);
+        let known = self.known;
+        let moment = AtMoment {
+            known: &known,
+            since_s: self
+                .time
+                .seconds_since(fix.time.plus_seconds(-known.latency_s)),
+            accel_mps2: self.accel_mps2,
+            rate_radps: self.rate_radps,
+        };
+        for part in Part::ALL {
+            if let Some(seen) = moment.compare(part, fix, &self.noise, &self.layout) {
+                self.take(part, &seen, &mut update);
+            }
+        }
+        self.last_fix = self.time;
+        if self.shows_motion(fix) {
+            self.rest.on_motion();
+        }
+        self.finish(update)
+    }
+
+    /// Takes a part of a fix in, or refuses it.
+    fn take(&mut self, part: Part, seen: &Seen, update: &mut Update) {
+        let refused = self.refused[part as usize];
+        let mut likely = update.likelihood(seen);
+        let lost = refused.count >= LOST_FIXES
+            && self.time.seconds_since(refused.since) >= LOST_S
+            && likely.distance > GATE_SIGMAS;
+        if lost {
+            update.doubt(part, likely.distance / ROBUST_SIGMAS, &self.largest);
+            likely = update.likelihood(seen);
+        }
+        self.log_likelihood += likely.logarithm();
+        if likely.distance > GATE_SIGMAS && !lost {
+            self.refused[part as usize] = Refused {
+                count: refused.count + 1,
+                since: if refused.count == 0 {
+                    self.time
+                } else {
+                    refused.since
+                },
+            };
+            return;
+        }
+        self.refused[part as usize] = Refused::default();
+        update.take(seen, (likely.distance / ROBUST_SIGMAS).max(1.0));
+    }
+
+    fn correct_at_rest(&mut self, block: &RestBlock) -> Option<Correction> {
+        self.step_covariance();
+        let (rate, seconds) = (&block.rate_radps, block.seconds);
+        let seen = at_rest(&self.known, rate, seconds, &self.noise, &self.layout)?;
+        let mut update = Update::new(&self.covariance);
+        if update.likelihood(&seen).distance > REST_SIGMAS {
+            return None;
+        }
+        update.take(&seen, 1.0);
+        Some(self.finish(update))
+    }
+
+    fn finish(&mut self, update: Update) -> Correction {
+        self.known = self.known.less(&update.errors, &self.layout);
+        self.covariance = update.covariance;
+        let identity = StateMatrix::identity(self.layout.size, self.layout.size);
+        Correction {
+            transition: core::mem::replace(&mut self.transition, identity),
+            predicted: update.predicted,
+            corrected: self.covariance.clone(),
+            errors: update.errors,
+        }
+    }
+
+    /// Whether the speed is above its noise.
+    fn shows_motion(&self, fix: &GnssFix) -> bool {
+        fix.speed_mps() > MOTION_MPS + MOTION_SIGMAS * self.noise.velocity.total()
+    }
+}
+
+/// Spreads as they were at the start, but for those of what the filter itself moves.
+fn largest(start: &StateMatrix) -> States {
+    let mut largest = sigmas(start);
+    for state in index::POSITION..index::ATTITUDE {
+        largest[state] = f64::INFINITY;
+    }
+    for state in index::ATTITUDE..index::ATTITUDE + 2 {
+        largest[state] = largest[state].max(LOST_TILT_RAD);
+    }
+    let azimuth = index::ATTITUDE + 2;
+    largest[azimuth] = largest[azimuth].max(LOST_AZIMUTH_RAD);
+    largest
+}
+
+/// Measurements being taken, part by part.
+struct Update {
+    predicted: StateMatrix,
+    errors: States,
+    covariance: StateMatrix,
+}
+
+/// How likely a measurement was.
+struct Likelihood {
+    /// Of the innovation from zero, in sigmas of all its components together.
+    distance: f64,
+    /// Of the variance matrix of the innovation.
+    log_determinant: f64,
+    components: f64,
+}
+
+impl Likelihood {
+    fn logarithm(&self) -> f64 {
+        let square = if self.distance > ROBUST_SIGMAS {
+            ROBUST_SIGMAS * (2.0 * self.distance - ROBUST_SIGMAS)
+        } else {
+            self.distance * self.distance
+        };
+        let constant = self.components * libm::log(core::f64::consts::TAU);
+        -0.5 * (square + self.log_determinant + constant)
+    }
+}
+
+impl Update {
+    fn new(predicted: &StateMatrix) -> Self {
+        Self {
+            predicted: predicted.clone(),
+            errors: States::zeros(predicted.nrows()),
+            covariance: predicted.clone(),
+        }
+    }
+
+    fn innovation(&self, seen: &Seen) -> States {
+        &seen.difference - &seen.by * &self.errors
+    }
+
+    /// Covariance of errors and innovation, and of the innovation.
+    fn variances(&self, seen: &Seen) -> [StateMatrix; 2] {
+        let mut cross = &self.covariance * seen.by.transpose();
+        let mut own = &seen.by * &cross;
+        if let Some(shared) = &seen.shared {
+            let by_noise = &seen.by * shared;
+            own += &by_noise + by_noise.transpose();
+            cross += shared;
+        }
+        own += StateMatrix::from_diagonal(&seen.variance);
+        [cross, own]
+    }
+
+    fn likelihood(&self, seen: &Seen) -> Likelihood {
+        let [_, own] = self.variances(seen);
+        let innovation = self.innovation(seen);
+        let components = innovation.len() as f64;
+        // Without noise and without doubt there is nothing to weigh: whatever comes is wild.
+        own.cholesky().map_or(
+            Likelihood {
+                distance: f64::INFINITY,
+                log_determinant: 0.0,
+                components,
+            },
+            |root| Likelihood {
+                distance: innovation.dot(&root.solve(&innovation)).sqrt(),
+                log_determinant: 2.0 * root.l().diagonal().map(libm::log).sum(),
+                components,
+            },
+        )
+    }
+
+    /// Takes a measurement whose innovation has `noisier` times the variance that it should have.
+    ///
+    /// `P + K S K^T - K (P H^T)^T - (P H^T) K^T`: Joseph's form for noise that the errors share.
+    fn take(&mut self, seen: &Seen, noisier: f64) {
+        let [cross, own] = self.variances(seen);
+        let own = own * noisier;
+        let Some(root) = own.clone().cholesky() else {
+            return;
+        };
+        let gain = root.solve(&cross.transpose()).transpose();
+        self.errors += &gain * self.innovation(seen);
+        let both = &gain * cross.transpose();
+        self.covariance += &gain * (own * gain.transpose()) - &both - both.transpose();
+        make_symmetric(&mut self.covariance);
+    }
+
+    /// Widens what a part of fixes shows to be wrong: the errors that it sees, and those behind
+    /// them, by a factor, but none beyond its largest.
+    fn doubt(&mut self, part: Part, factor: f64, largest: &States) {
+        let sigma = sigmas(&self.covariance);
+        let behind = if part.is_velocity() {
+            index::ATTITUDE..index::LATENCY
+        } else {
+            0..0
+        };
+        for state in part.states().chain(behind) {
+            let factor = factor.min(largest[state] / sigma[state]).max(1.0);
+            self.covariance.row_mut(state).scale_mut(factor);
+            self.covariance.column_mut(state).scale_mut(factor);
+        }
+    }
+}
+
+fn make_symmetric(matrix: &mut StateMatrix) {
+    *matrix = 0.5 * (&*matrix + matrix.transpose());
+}

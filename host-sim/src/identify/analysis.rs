@@ -1,0 +1,163 @@
+//! A log from its folder to its results.
+
+use std::path::{Path, PathBuf};
+
+use indicatif::ProgressBar;
+use ins_core::Config;
+use ins_core::ConfigError;
+use miette::{Result, miette};
+
+use crate::identify::configure;
+use crate::identify::halves;
+use crate::identify::run::{Identification, identify};
+use crate::identify::summary::Summary;
+use crate::identify::true_errors::Truth;
+use crate::identify::words::in_words;
+use crate::log::import::{self, Choice};
+use crate::log::{Grade, Log, LogError};
+use crate::page::digits;
+
+/// File name of the summary; marks a folder of results as ours.
+pub const SUMMARY: &str = "summary.json";
+
+/// File name of the page for people.
+pub const REPORT: &str = "report.html";
+
+/// A log, and how it is going to be run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Input {
+    /// As read.
+    pub log: Log,
+    /// What the navigator is told.
+    pub config: Config,
+    name: String,
+    grade: Grade,
+    warnings: Vec<LogError>,
+    truth: Option<Truth>,
+}
+
+impl Input {
+    /// Reads a log; warnings go to the standard error.
+    pub fn read(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Self> {
+        Self::read_all(&[folder.to_owned()], Choice::default(), grade, progress)
+    }
+
+    /// Reads a log, or one that is put together of several recordings.
+    pub fn read_all(
+        paths: &[PathBuf],
+        choice: Choice,
+        grade: Option<Grade>,
+        progress: &ProgressBar,
+    ) -> Result<Self> {
+        progress.set_message("reading");
+        let (log, warnings) = import::open_all(paths, choice)?;
+        let folder = paths.first().map_or(Path::new(""), PathBuf::as_path);
+        for warning in &warnings {
+            progress.suspend(|| eprintln!("warning: {warning}\n  {}", warning.cause));
+        }
+        Ok(Self {
+            truth: Truth::read(folder)?,
+            ..Self::of(log_name(folder, &log), log, warnings, grade)
+        })
+    }
+
+    /// A log that has been read, and what was said about it.
+    pub fn of(name: String, log: Log, warnings: Vec<LogError>, grade: Option<Grade>) -> Self {
+        let grade = configure::grade(&log, grade);
+        Self {
+            config: configure::config(&log, grade),
+            name,
+            log,
+            grade,
+            warnings,
+            truth: None,
+        }
+    }
+
+    /// Puts it together with what came out, and judges that.
+    pub fn with(self, found: Identification) -> Result<Analysis> {
+        let Self { log, grade, .. } = self;
+        let halves =
+            halves::test(&log, &|half| configure::config(half, grade)).map_err(unusable)?;
+        let told = &self.warnings;
+        Ok(Analysis {
+            summary: Summary::new(self.name, &log, &found, grade, told, halves.as_deref()),
+            log,
+            found,
+            truth: self.truth,
+        })
+    }
+}
+
+fn unusable(error: ConfigError) -> miette::Report {
+    miette!("the configuration cannot be used: {}", error)
+}
+
+/// A log and what came out of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Analysis {
+    /// As read.
+    pub log: Log,
+    /// The core's run over it.
+    pub found: Identification,
+    /// What is written for programs.
+    pub summary: Summary,
+    /// The true errors, if the log is simulated.
+    pub truth: Option<Truth>,
+}
+
+impl Analysis {
+    /// Reads a log and runs the core over it; warnings go to the standard error.
+    pub fn of_log(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Self> {
+        Self::of_input(Input::read(folder, grade, progress)?, progress)
+    }
+
+    /// Runs the core over a log.
+    pub fn of_input(input: Input, progress: &ProgressBar) -> Result<Self> {
+        progress.set_message("identifying");
+        let found = identify(&input.log, input.config, progress).map_err(unusable)?;
+        input.with(found)
+    }
+
+    /// Estimates, beside the truth where it is known: column heads and cells.
+    pub fn table(&self) -> (Vec<String>, Vec<Vec<String>>) {
+        let mut header = vec![String::new(), "estimate".to_owned()];
+        if self.truth.is_some() {
+            header.extend(["truth".to_owned(), "error".to_owned()]);
+        }
+        let truths = self.truth.as_ref().map(Truth::columns);
+        let columns = self.summary.quantities.columns();
+        let row = |(index, (name, quantity)): (usize, (&'static str, _))| {
+            let mut cells = vec![name.to_owned(), in_words(&quantity)];
+            if let Some(truths) = truths {
+                let truth = truths[index];
+                let error = truth
+                    .filter(|_| quantity.observable())
+                    .map(|truth| quantity.value - truth);
+                cells.extend(
+                    [truth, error]
+                        .map(|value| value.map_or(String::new(), |v| digits(quantity.sigma, v))),
+                );
+            }
+            cells
+        };
+        (header, columns.into_iter().enumerate().map(row).collect())
+    }
+}
+
+/// Name of a log: its own, or that of its folder.
+pub(crate) fn log_name(folder: &Path, log: &Log) -> String {
+    let folder_name = || {
+        folder
+            .canonicalize()
+            .ok()?
+            .file_name()?
+            .to_str()
+            .map(str::to_owned)
+    };
+    log.meta
+        .name()
+        .map(str::to_owned)
+        .or_else(folder_name)
+        .unwrap_or_else(|| "log".to_owned())
+}

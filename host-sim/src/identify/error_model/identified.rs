@@ -1,0 +1,575 @@
+//! All parameters of an error model as found, each with its interval.
+
+use serde::Serialize;
+
+use super::fit::{self, BiasFit, GyroFit, Kind};
+use super::interval::{self, Interval, Measured, sigma_of_squares};
+use super::record::Record;
+use crate::identify::quantities::DEG_H_RADPS;
+use crate::log::Grade;
+use crate::page::number::to_second_digit_of;
+use crate::sim::errors::BiasModel;
+use crate::sim::noise::Random;
+use crate::sim::{self, ErrorModel};
+use ins_core::rest::RestBlock;
+use ins_core::{Estimate, Observability};
+use nalgebra::Vector3;
+
+/// One parameter of the file, in its unit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Parameter {
+    /// Path in the file.
+    pub name: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// Value and 95 % interval; none without any data.
+    #[serde(flatten)]
+    pub found: Option<Interval>,
+    /// Whether the value stands on data.
+    pub observable: bool,
+    /// What is missing if not, or what the value stands on.
+    pub why: &'static str,
+}
+
+/// A part of the model that does not stand on the drives.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Assumed {
+    /// Path in the file, or what has none.
+    pub name: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// What the model has.
+    pub value: f64,
+    /// Why the drives do not show it.
+    pub why: &'static str,
+}
+
+impl Assumed {
+    /// None if the drives show it, with a bound on either side.
+    fn of(parameter: &Parameter, model: &ErrorModel) -> Option<Self> {
+        let bounded = parameter.found.is_none_or(|found| found.high.is_finite());
+        (!parameter.observable || !bounded).then(|| Self {
+            name: parameter.name,
+            unit: parameter.unit,
+            value: in_file(model, parameter.name),
+            why: if bounded { parameter.why } else { NO_BOUND },
+        })
+    }
+}
+
+impl Assumed {
+    /// Name, value with unit, reason.
+    pub fn cells(&self) -> [String; 3] {
+        let value = if self.value == 0.0 {
+            "none".to_owned()
+        } else {
+            let scale = 0.1 * self.value;
+            format!("{} {}", to_second_digit_of(scale, self.value), self.unit)
+        };
+        [self.name.to_owned(), value, self.why.to_owned()]
+    }
+}
+
+/// The value at a path of a model's file; what is not there is zero.
+fn in_file(model: &ErrorModel, path: &str) -> f64 {
+    let mut keys = path.split(['.', '[', ']']).filter(|key| !key.is_empty());
+    let file = toml::Value::try_from(model).ok();
+    let value = file.and_then(|file| {
+        keys.try_fold(file, |at, key| match key.parse::<usize>() {
+            Ok(index) => at.get(index).cloned(),
+            Err(_) => at.get(key).cloned(),
+        })
+    });
+    value.and_then(|value| value.as_float()).unwrap_or(0.0)
+}
+
+/// What drives say of their sensors.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Identified {
+    /// Number of drives.
+    pub drives: usize,
+    grade: Grade,
+    gyro: Option<GyroFit>,
+    /// Gyro noise at rest alone, deg/h/sqrt(Hz): more in motion means vibration.
+    pub gyro_noise_at_rest: Option<Interval>,
+    accel_noise: Option<Interval>,
+    accel_sigma: Option<Interval>,
+    latency_s: Option<[Interval; 2]>,
+    fix_rate_hz: f64,
+}
+
+impl Identified {
+    /// Of at least one drive; `kind` is the model of the gyro biases, or the likelier.
+    pub fn new(records: &[Record], grade: Grade, kind: Option<Kind>) -> Self {
+        let class = class(grade);
+        let accel_noise = noise_at_rest(records, |block| block.force_mps2);
+        let known_noise = accel_noise.map_or(class.accel_mps2.white_noise, |noise| noise.value);
+        // A scale error of the up axis is felt as a bias of it.
+        let axes = if class.accel_mps2.scale_sigma > 0.0 {
+            2
+        } else {
+            3
+        };
+        let accels: Vec<Measured> = (records.iter())
+            .flat_map(|record| &record.accel_bias_mps2[..axes])
+            .filter_map(measured)
+            .collect();
+        let latencies: Vec<Measured> = (records.iter())
+            .filter_map(|record| measured(&record.latency_s))
+            .collect();
+        let rates: f64 = records.iter().map(|record| record.fix_rate_hz).sum();
+        Self {
+            drives: records.len(),
+            grade,
+            gyro: fit::fit(records, known_noise, kind),
+            gyro_noise_at_rest: noise_at_rest(records, |block| block.rate_radps / DEG_H_RADPS),
+            accel_noise,
+            accel_sigma: (!accels.is_empty()).then(|| interval::sigma_behind(&accels)),
+            latency_s: latency_bounds(&latencies),
+            fix_rate_hz: rates / records.len() as f64,
+        }
+    }
+
+    /// The gyros and GNSS velocity; none if the azimuth never became observable.
+    pub fn gyro(&self) -> Option<&GyroFit> {
+        self.gyro.as_ref()
+    }
+
+    /// Gyro noise at rest, rad/s/sqrt(Hz).
+    pub fn gyro_noise_radps_at_rest(&self) -> Option<Interval> {
+        self.gyro_noise_at_rest
+            .map(|noise| noise.scaled(DEG_H_RADPS))
+    }
+
+    /// Accelerometer noise at rest, m/s^2/sqrt(Hz).
+    pub fn accel_noise(&self) -> Option<Interval> {
+        self.accel_noise
+    }
+
+    /// All parameters in the order of the file.
+    pub fn parameters(&self) -> Vec<Parameter> {
+        let mut all = self.gyro_parameters();
+        all.extend([
+            known(
+                "accel_mps2.white_noise",
+                "m/s^2/sqrt(Hz)",
+                self.accel_noise,
+                NO_REST,
+            ),
+            spread(
+                "accel_mps2.bias.initial_sigma",
+                "m/s^2",
+                self.accel_sigma,
+                NO_TURN,
+            ),
+            known(
+                "gnss.velocity_sigma_mps",
+                "m/s",
+                self.gyro.as_ref().map(|gyro| gyro.gnss_sigma_mps),
+                NO_AZIMUTH,
+            ),
+        ]);
+        for (name, which) in [("gnss.latency_s[0]", 0), ("gnss.latency_s[1]", 1)] {
+            let bound = self.latency_s.map(|bounds| bounds[which]);
+            all.push(known(name, "s", bound, NO_LATENCY));
+        }
+        all
+    }
+
+    fn gyro_parameters(&self) -> Vec<Parameter> {
+        let Some(gyro) = &self.gyro else {
+            let rest = self.gyro_noise_at_rest;
+            return vec![
+                known("gyro_deg_h.white_noise", NOISE_UNIT, rest, NO_REST),
+                known("gyro_deg_h.bias.initial_sigma", "deg/h", None, NO_AZIMUTH),
+            ];
+        };
+        let deg_h = 1.0 / DEG_H_RADPS;
+        let mut all = vec![
+            known(
+                "gyro_deg_h.white_noise",
+                NOISE_UNIT,
+                Some(gyro.noise.scaled(deg_h)),
+                "",
+            ),
+            spread(
+                "gyro_deg_h.bias.initial_sigma",
+                "deg/h",
+                Some(gyro.initial_sigma.scaled(deg_h)),
+                NOT_ABOVE_NOISE,
+            ),
+        ];
+        let timed = |name, found| Parameter {
+            name,
+            unit: "s",
+            found: Some(found),
+            observable: gyro.has_time_scale(),
+            why: if gyro.has_time_scale() {
+                ""
+            } else {
+                NO_TIME_SCALE
+            },
+        };
+        match &gyro.bias {
+            BiasFit::Wave {
+                interval_s,
+                jump_mean,
+                jump_sigma,
+            } => all.extend([
+                timed("gyro_deg_h.bias.interval_s", *interval_s),
+                Parameter {
+                    observable: gyro.moves(),
+                    ..known(
+                        "gyro_deg_h.bias.jump_mean",
+                        "deg/h",
+                        Some(jump_mean.scaled(deg_h)),
+                        "",
+                    )
+                },
+                spread(
+                    "gyro_deg_h.bias.jump_sigma",
+                    "deg/h",
+                    Some(jump_sigma.scaled(deg_h)),
+                    NOT_ABOVE_NOISE,
+                ),
+            ]),
+            BiasFit::Continuous {
+                slope_sigma,
+                correlated_sigma,
+                correlation_time_s,
+            } => all.extend([
+                spread(
+                    "gyro_deg_h.bias.slope_sigma_per_s",
+                    "deg/h/s",
+                    Some(slope_sigma.scaled(deg_h)),
+                    NOT_ABOVE_NOISE,
+                ),
+                spread(
+                    "gyro_deg_h.bias.correlated_sigma",
+                    "deg/h",
+                    Some(correlated_sigma.scaled(deg_h)),
+                    NOT_ABOVE_NOISE,
+                ),
+                timed("gyro_deg_h.bias.correlation_time_s", *correlation_time_s),
+            ]),
+        }
+        all
+    }
+
+    /// One of the models that the drives leave open: every value drawn from its interval, each on
+    /// its own. What has no upper bound stays as it is: see [`Self::assumed`].
+    #[must_use]
+    pub fn drawn(&self, random: &mut Random) -> Self {
+        let mut draw = |interval: &Interval| interval.drawn(random);
+        let gyro = self.gyro.as_ref().map(|gyro| GyroFit {
+            noise: draw(&gyro.noise),
+            gnss_sigma_mps: draw(&gyro.gnss_sigma_mps),
+            initial_sigma: draw(&gyro.initial_sigma),
+            bias: match &gyro.bias {
+                BiasFit::Wave {
+                    interval_s,
+                    jump_mean,
+                    jump_sigma,
+                } => BiasFit::Wave {
+                    interval_s: draw(interval_s),
+                    jump_mean: draw(jump_mean),
+                    jump_sigma: draw(jump_sigma),
+                },
+                BiasFit::Continuous {
+                    slope_sigma,
+                    correlated_sigma,
+                    correlation_time_s,
+                } => BiasFit::Continuous {
+                    slope_sigma: draw(slope_sigma),
+                    correlated_sigma: draw(correlated_sigma),
+                    correlation_time_s: draw(correlation_time_s),
+                },
+            },
+            ..gyro.clone()
+        });
+        Self {
+            gyro,
+            gyro_noise_at_rest: self.gyro_noise_at_rest.as_ref().map(&mut draw),
+            accel_noise: self.accel_noise.as_ref().map(&mut draw),
+            accel_sigma: self.accel_sigma.as_ref().map(&mut draw),
+            latency_s: self.latency_s.map(|[least, most]| {
+                let low = draw(&least);
+                let high = if most == least { low } else { draw(&most) };
+                if low.value <= high.value {
+                    [low, high]
+                } else {
+                    [high, low]
+                }
+            }),
+            ..self.clone()
+        }
+    }
+
+    /// What the drives do not show, and what stands in the model instead.
+    pub fn assumed(&self) -> Vec<Assumed> {
+        let model = self.model();
+        let mut all: Vec<Assumed> = (self.parameters().into_iter())
+            .filter_map(|parameter| Assumed::of(&parameter, &model))
+            .collect();
+        all.extend(NEVER_SHOWN.map(|(name, unit, why)| Assumed {
+            name,
+            unit,
+            value: in_file(&model, name),
+            why,
+        }));
+        all
+    }
+
+    /// The model that flights and drives take; what was not found is that of the class.
+    pub fn model(&self) -> ErrorModel {
+        let mut model = class(self.grade);
+        if let Some(noise) = self.gyro_noise_at_rest {
+            model.gyro_deg_h.white_noise = noise.value;
+        }
+        if let Some(gyro) = &self.gyro {
+            model.gyro_deg_h.white_noise = gyro.noise.value / DEG_H_RADPS;
+            model.gyro_deg_h.bias = gyro_bias(gyro);
+            model.gnss.velocity_sigma_mps = gyro.gnss_sigma_mps.value;
+        }
+        if let Some(noise) = self.accel_noise {
+            model.accel_mps2.white_noise = noise.value;
+        }
+        if let Some(sigma) = self.accel_sigma {
+            match &mut model.accel_mps2.bias {
+                BiasModel::Continuous { initial_sigma, .. }
+                | BiasModel::Wave { initial_sigma, .. } => *initial_sigma = sigma.value,
+            }
+        }
+        if let Some(bounds) = self.latency_s {
+            model.gnss.latency_s = bounds.map(|bound| bound.value);
+        }
+        if self.fix_rate_hz > 0.0 {
+            model.gnss.rate_hz = (100.0 * self.fix_rate_hz).round() / 100.0;
+        }
+        model
+    }
+}
+
+const NOISE_UNIT: &str = "deg/h/sqrt(Hz)";
+const NO_REST: &str = "needs some seconds at rest";
+const NO_TURN: &str = "needs turns and stops, or is below the error of its estimates";
+const NO_AZIMUTH: &str = "needs an observable azimuth";
+const NO_LATENCY: &str = "needs starts and brakings";
+const NOT_ABOVE_NOISE: &str = "not above what the noise hides: no more than the upper bound";
+/// What no drive shows: path, unit, why.
+const NEVER_SHOWN: [(&str, &str, &str); 9] = [
+    ("gyro_deg_h.scale_sigma", "1", NOT_FITTED),
+    ("gyro_deg_h.misalignment_sigma", "1", NOT_FITTED),
+    ("accel_mps2.scale_sigma", "1", NOT_FITTED),
+    ("accel_mps2.misalignment_sigma", "1", NOT_FITTED),
+    ("accel_mps2.bias.correlated_sigma", "m/s^2", DROWNED),
+    ("gnss.horizontal_sigma_m", "m", NOTHING_BETTER),
+    ("gnss.vertical_sigma_m", "m", NOTHING_BETTER),
+    ("gnss.habits.velocity.sigma", "m/s", WHITE),
+    ("temperature, vibration rectification", "", NO_TERM),
+];
+const NO_BOUND: &str = "has no upper bound: models drawn keep the value";
+const NOT_FITTED: &str = "not told from a bias at one attitude";
+const DROWNED: &str = "drowns in the noise of GNSS";
+const NOTHING_BETTER: &str = "nothing better to compare positions with";
+const WHITE: &str = "taken for white";
+const NO_TERM: &str = "no term of the model: what the drives had of it is in noise and biases";
+const NO_TIME_SCALE: &str = "needs a larger random part, or more and longer drives";
+
+fn known(
+    name: &'static str,
+    unit: &'static str,
+    found: Option<Interval>,
+    missing: &'static str,
+) -> Parameter {
+    Parameter {
+        name,
+        unit,
+        found,
+        observable: found.is_some(),
+        why: if found.is_some() { "" } else { missing },
+    }
+}
+
+/// A spread is observable if it is known to be above zero.
+fn spread(
+    name: &'static str,
+    unit: &'static str,
+    found: Option<Interval>,
+    missing: &'static str,
+) -> Parameter {
+    let observable = found.is_some_and(|found| found.is_spread());
+    Parameter {
+        name,
+        unit,
+        found,
+        observable,
+        why: if observable { "" } else { missing },
+    }
+}
+
+/// The preset of a class.
+pub fn class(grade: Grade) -> ErrorModel {
+    match grade {
+        Grade::Hg1700 => sim::Grade::Hg1700.errors(),
+        Grade::Mems => sim::Grade::Mems.errors(),
+    }
+}
+
+fn gyro_bias(gyro: &GyroFit) -> BiasModel {
+    let deg_h = 1.0 / DEG_H_RADPS;
+    let initial_sigma = deg_h * gyro.initial_sigma.value;
+    match &gyro.bias {
+        BiasFit::Wave {
+            interval_s,
+            jump_mean,
+            jump_sigma,
+        } if gyro.moves() => BiasModel::Wave {
+            initial_sigma,
+            interval_s: interval_s.value,
+            jump_mean: deg_h * jump_mean.value,
+            jump_sigma: deg_h * jump_sigma.value,
+        },
+        BiasFit::Wave { .. } => BiasModel::constant(initial_sigma),
+        BiasFit::Continuous {
+            slope_sigma,
+            correlated_sigma,
+            correlation_time_s,
+        } => {
+            let above_noise = |sigma: &Interval| if sigma.is_spread() { sigma.value } else { 0.0 };
+            BiasModel::Continuous {
+                initial_sigma,
+                slope_sigma_per_s: deg_h * above_noise(slope_sigma),
+                correlated_sigma: deg_h * above_noise(correlated_sigma),
+                correlation_time_s: correlation_time_s.value,
+            }
+        }
+    }
+}
+
+fn measured(estimate: &Estimate) -> Option<Measured> {
+    (estimate.observability == Observability::Observable).then_some(Measured {
+        value: estimate.value,
+        variance: estimate.sigma * estimate.sigma,
+    })
+}
+
+/// One value if all drives agree on it, else bounds of what they scatter over.
+fn latency_bounds(latencies: &[Measured]) -> Option<[Interval; 2]> {
+    if latencies.is_empty() {
+        return None;
+    }
+    if interval::are_one(latencies) {
+        return Some([interval::common_value(latencies); 2]);
+    }
+    let values: Vec<f64> = latencies.iter().map(|latency| latency.value).collect();
+    Some(interval::uniform_bounds(&values))
+}
+
+/// Root of the density that block means at rest scatter with, about the mean of each rest.
+fn noise_at_rest(records: &[Record], value: fn(&RestBlock) -> Vector3<f64>) -> Option<Interval> {
+    let (mut sum, mut freedom) = (0.0, 0.0);
+    for blocks in records.iter().flat_map(|record| &record.rest) {
+        let count = blocks.len() as f64;
+        let mean = blocks.iter().map(value).sum::<Vector3<f64>>() / count;
+        sum += (blocks.iter())
+            .map(|block| block.seconds * (value(block) - mean).norm_squared())
+            .sum::<f64>();
+        freedom += 3.0 * (count - 1.0);
+    }
+    (freedom > 0.0).then(|| sigma_of_squares(sum, freedom))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::recovery::{drive_record, truth};
+
+    fn identified(model: &ErrorModel, kind: Option<Kind>) -> Identified {
+        let records = [1, 2].map(|seed| drive_record(seed, model, Grade::Hg1700, 25.0));
+        Identified::new(&records, Grade::Hg1700, kind)
+    }
+
+    /// Whether a value lies in the interval, widened from two standard deviations to three: one of
+    /// twenty honest intervals misses.
+    fn is_near(found: &Identified, name: &str, value: f64) -> bool {
+        let all = found.parameters();
+        let parameter = all.iter().find(|parameter| parameter.name == name);
+        let Interval {
+            value: best,
+            low,
+            high,
+        } = parameter.unwrap().found.unwrap();
+        (best - 1.5 * (best - low)..best + 1.5 * (high - best)).contains(&value)
+    }
+
+    #[test]
+    fn noises_are_told_from_constants_and_nothing_is_invented() {
+        let found = identified(&ErrorModel::hg1700(), None);
+        for (name, value) in [
+            ("gyro_deg_h.white_noise", 7.5),
+            ("gyro_deg_h.bias.initial_sigma", 1.0),
+            ("accel_mps2.white_noise", 0.0005),
+            ("accel_mps2.bias.initial_sigma", 0.01),
+            ("gnss.velocity_sigma_mps", 0.1),
+        ] {
+            assert!(is_near(&found, name, value), "{name}: {:?}", found.table());
+        }
+        // The biases were made constant.
+        let BiasModel::Continuous {
+            correlated_sigma,
+            slope_sigma_per_s,
+            ..
+        } = found.model().gyro_deg_h.bias
+        else {
+            panic!("jumps were seen: {:?}", found.table());
+        };
+        assert!(correlated_sigma == 0.0 && slope_sigma_per_s == 0.0);
+    }
+
+    #[test]
+    fn large_jumps_are_counted_and_preferred() {
+        let mut model = truth(Kind::Wave);
+        model.gyro_deg_h.white_noise = 1.0;
+        let found = identified(&model, None);
+        let BiasModel::Wave { interval_s, .. } = found.model().gyro_deg_h.bias else {
+            panic!("no jumps were seen: {:?}", found.table());
+        };
+        // Jumps of 2 deg/h are seen to within some seconds, the fourth of them to a quarter.
+        assert!((interval_s - 300.0).abs() < 2.0, "{interval_s}");
+        assert!(
+            is_near(&found, "gyro_deg_h.bias.jump_sigma", 2.0),
+            "{:?}",
+            found.table()
+        );
+    }
+
+    #[test]
+    fn the_file_is_what_flights_take() {
+        let found = identified(&ErrorModel::hg1700(), Some(Kind::Continuous));
+        let text = crate::identify::error_model::toml(&found).unwrap();
+        assert_eq!(ErrorModel::from_toml(&text).unwrap(), found.model());
+        assert!(text.contains("# gyro_deg_h.white_noise"), "{text}");
+    }
+
+    #[test]
+    fn what_was_not_shown_is_named_with_what_stands_instead() {
+        let mut found = identified(&ErrorModel::hg1700(), Some(Kind::Continuous));
+        let names = |found: &Identified| -> Vec<&str> {
+            found.assumed().iter().map(|part| part.name).collect()
+        };
+        assert!(!names(&found).contains(&"accel_mps2.white_noise"));
+        assert!(names(&found).contains(&"gnss.horizontal_sigma_m"));
+        found.accel_noise = None;
+        let all = found.assumed();
+        let noise = all
+            .iter()
+            .find(|part| part.name == "accel_mps2.white_noise")
+            .unwrap();
+        assert!((noise.value - 0.0005).abs() < 1e-12 && noise.why == NO_REST);
+        let latency = found.latency_s.unwrap().map(|bound| bound.value);
+        assert!((in_file(&found.model(), "gnss.latency_s[1]") - latency[1]).abs() < 1e-15);
+        let text = crate::identify::error_model::toml(&found).unwrap();
+        assert!(text.contains("# gnss.horizontal_sigma_m"), "{text}");
+    }
+}

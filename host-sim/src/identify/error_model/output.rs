@@ -1,0 +1,118 @@
+//! `error-model.toml`, `error-model.json` and `allan.csv`.
+
+use std::fmt::Write as _;
+use std::fs::{self, File};
+use std::path::Path;
+
+use miette::{IntoDiagnostic, Result};
+use serde::Serialize;
+
+use super::allan::AtRest;
+use super::identified::{Identified, Parameter};
+use super::interval::Interval;
+use crate::page::number::to_second_digit_of;
+use crate::page::output::OutputError;
+use crate::page::table;
+
+/// Name of the model file; marks a folder of several logs as ours.
+pub const MODEL: &str = "error-model.toml";
+const JSON: &str = "error-model.json";
+
+/// What drives say of their sensors.
+#[derive(Clone, Copy, Debug)]
+pub struct Sensors<'a> {
+    /// The error model.
+    pub model: &'a Identified,
+    /// Readings at rest.
+    pub at_rest: &'a AtRest,
+}
+
+#[derive(Serialize)]
+struct Json<'a> {
+    drives: usize,
+    parameters: Vec<Parameter>,
+    gyro_noise_at_rest_deg_h: &'a Option<Interval>,
+}
+
+/// Writes all files into a folder.
+pub fn write(sensors: Sensors, folder: &Path) -> Result<()> {
+    let Sensors {
+        model: found,
+        at_rest,
+    } = sensors;
+    let json = Json {
+        drives: found.drives,
+        parameters: found.parameters(),
+        gyro_noise_at_rest_deg_h: &found.gyro_noise_at_rest,
+    };
+    let json = serde_json::to_string_pretty(&json).into_diagnostic()? + "\n";
+    for (name, text) in [(MODEL, toml(found)?), (JSON, json)] {
+        let path = folder.join(name);
+        fs::write(&path, text).map_err(|e| OutputError::io(&path, e))?;
+    }
+    let path = folder.join("allan.csv");
+    let file = File::create(&path).map_err(|e| OutputError::io(&path, e))?;
+    at_rest.write(file).into_diagnostic()
+}
+
+/// The model, under a comment with what each value stands on.
+pub fn toml(found: &Identified) -> Result<String> {
+    let mut text = format!(
+        "# Error model identified from {} drive{}, for `fly --errors` and `drive --errors`.\n\
+         # Value and 95 % interval; then what the drives do not show, and what stands here instead.\n#\n",
+        found.drives,
+        if found.drives == 1 { "" } else { "s" },
+    );
+    let (header, rows) = found.table();
+    let assumed: Vec<Vec<String>> = (found.assumed().iter())
+        .map(|part| part.cells().to_vec())
+        .collect();
+    let not_shown = table::cells(["not shown", "assumed", ""]);
+    let tables = [
+        table::plain(&header, &rows),
+        table::plain(&not_shown, &assumed),
+    ];
+    for line in tables.join("\n").lines() {
+        // Writing into a string cannot fail.
+        let _ = writeln!(text, "# {line}");
+    }
+    let model = toml::to_string(&found.model()).into_diagnostic()?;
+    Ok(text + "\n" + &model)
+}
+
+impl Identified {
+    /// Column heads and cells for people.
+    pub fn table(&self) -> (Vec<String>, Vec<Vec<String>>) {
+        let header = ["", "value", "from", "to", "unit", ""].map(str::to_owned);
+        let row = |parameter: Parameter| {
+            let cells = parameter.found.map_or_else(Default::default, |found| {
+                let width = 0.3 * (found.high - found.low);
+                let scale = if width.is_finite() {
+                    width
+                } else {
+                    0.1 * found.value
+                };
+                [found.value, found.low, found.high].map(|v| to_second_digit_of(scale, v))
+            });
+            let [value, low, high] = cells;
+            let value = if parameter.observable {
+                value
+            } else {
+                "-".to_owned()
+            };
+            let name = parameter.name.to_owned();
+            vec![
+                name,
+                value,
+                low,
+                high,
+                parameter.unit.to_owned(),
+                parameter.why.to_owned(),
+            ]
+        };
+        (
+            header.to_vec(),
+            self.parameters().into_iter().map(row).collect(),
+        )
+    }
+}

@@ -1,0 +1,444 @@
+//! A drive reduced to what its error model can be found from.
+//!
+//! The navigator's solution is the reference. Between two epochs a strapdown runs free from it,
+//! and at an epoch it is set back to the reference: a known control. What is left to be explained
+//! is linear in the errors of the reference and in the gyro biases, thesis equation (1).
+
+use ins_core::earth::LocalEarth;
+use ins_core::increments::{Increments, Interval};
+use ins_core::mechanization::{Controls, Mechanization};
+use ins_core::rest::{RestBlock, RestDetector, Verdict};
+use ins_core::{Estimate, Estimates, GnssFix, ImuOutput, ImuSample, Observability, Solution, Time};
+use nalgebra::{Matrix3, Vector2, Vector3};
+
+use crate::identify::run::Identification;
+use crate::log::Log;
+
+/// Length of an epoch, s. Tilt is felt over some 10 s, so nothing is lost.
+const EPOCH_S: f64 = 2.0;
+/// Longest epoch that still counts as whole, s.
+const LONGEST_EPOCH_S: f64 = 1.5 * EPOCH_S;
+/// A fix faster than this is not rest, m/s.
+const MOVING_MPS: f64 = 0.6;
+/// Blocks at both ends of a rest that are left out: the vehicle still rocks, and GNSS speed is late.
+const ROCKING: usize = 2;
+/// Epochs whose velocity difference is further out than this many median deviations are left out.
+const OUTLIER: f64 = 8.0;
+
+/// Some seconds of a drive.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Epoch {
+    /// Start, since the first sample of the log, s.
+    pub start_s: f64,
+    /// Duration, s.
+    pub seconds: f64,
+    /// Integral of specific force, ENU, m/s.
+    pub force_mps: Vector3<f64>,
+    /// Integral of `C_B^L`, s.
+    pub attitude_s: Matrix3<f64>,
+    /// Rotation of ENU against inertial space, rad/s.
+    pub frame_rate_radps: Vector3<f64>,
+    /// By how much the velocity was set back at the end, m/s.
+    pub velocity_control_mps: Vector2<f64>,
+    /// By how much the platform was turned at the end, rad; over the whole epoch if at rest.
+    pub tilt_control_rad: Vector3<f64>,
+    /// Gyro reading less the reference bias and the rotation of the Earth, rad/s, if at rest.
+    pub rest_rate_radps: Option<Vector3<f64>>,
+    /// What GNSS says; none without a credible fix.
+    pub difference: Option<Difference>,
+    /// Inertial samples are missing in it.
+    pub broken: bool,
+}
+
+impl Epoch {
+    /// The epoch as two, the first of which is this part of it; the fixes are of the first, the
+    /// controls of the second.
+    pub fn split(&self, part: f64) -> (Self, Self) {
+        let of = |part: f64| Self {
+            seconds: part * self.seconds,
+            force_mps: part * self.force_mps,
+            attitude_s: part * self.attitude_s,
+            ..self.clone()
+        };
+        let before = Self {
+            velocity_control_mps: Vector2::zeros(),
+            tilt_control_rad: Vector3::zeros(),
+            ..of(part)
+        };
+        let after = Self {
+            start_s: self.start_s + before.seconds,
+            difference: None,
+            ..of(1.0 - part)
+        };
+        (before, after)
+    }
+}
+
+/// Mean over the fixes of an epoch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Difference {
+    /// Velocity of the strapdown less that of GNSS, east and north, m/s.
+    pub velocity_mps: Vector2<f64>,
+    /// Integral of specific force from the start of the epoch to the fix, m/s.
+    pub force_mps: Vector3<f64>,
+    /// Number of fixes.
+    pub fixes: f64,
+}
+
+/// One drive.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Record {
+    /// In order of time, from when the azimuth is known.
+    pub epochs: Vec<Epoch>,
+    /// Stretches of rest, block by block, whole log.
+    pub rest: Vec<Vec<RestBlock>>,
+    /// Gyro biases that the epochs are free of, body right-forward-up, rad/s.
+    pub gyro_reference_radps: Vector3<f64>,
+    /// As estimated, m/s^2.
+    pub accel_bias_mps2: [Estimate; 3],
+    /// As estimated, s.
+    pub latency_s: Estimate,
+    /// Length of the log, s.
+    pub duration_s: f64,
+    /// Fixes per second.
+    pub fix_rate_hz: f64,
+}
+
+impl Record {
+    /// Reduces a log; no epochs if its azimuth never became observable.
+    pub fn new(log: &Log, found: &Identification) -> Self {
+        let intervals = intervals(log);
+        let rest = rest(log, &intervals);
+        let estimates = &found.end.estimates;
+        Self {
+            epochs: Reducer::new(log, found, &rest).epochs(&intervals),
+            rest: rest.into_iter().map(|span| span.blocks).collect(),
+            gyro_reference_radps: values(&estimates.gyro_bias_radps),
+            accel_bias_mps2: estimates.accel_bias_mps2,
+            latency_s: estimates.gnss_latency_s,
+            duration_s: log.duration_s(),
+            fix_rate_hz: fix_rate_hz(&log.gnss),
+        }
+    }
+}
+
+fn values(estimates: &[Estimate; 3]) -> Vector3<f64> {
+    Vector3::from(estimates.map(|estimate| estimate.value))
+}
+
+fn fix_rate_hz(fixes: &[GnssFix]) -> f64 {
+    let mut steps: Vec<f64> = fixes
+        .windows(2)
+        .map(|pair| pair[1].time.seconds_since(pair[0].time))
+        .collect();
+    steps.sort_by(f64::total_cmp);
+    // The median: an outage must not count.
+    steps.get(steps.len() / 2).map_or(0.0, |step| 1.0 / step)
+}
+
+/// An interval between samples and the stamp of its end.
+struct Timed {
+    end: Time,
+    interval: Interval,
+    hole: bool,
+}
+
+fn intervals(log: &Log) -> Vec<Timed> {
+    let Some(first) = log.imu.first() else {
+        return Vec::new();
+    };
+    let mut increments = Increments::new(log.meta.imu, first);
+    (log.imu.windows(2))
+        .map(|pair| {
+            let seconds = pair[1].time.seconds_since(pair[0].time);
+            let hole = increments.has_hole(seconds);
+            let interval = increments.interval(&pair[1], seconds);
+            Timed {
+                end: pair[1].time,
+                interval,
+                hole,
+            }
+        })
+        .collect()
+}
+
+/// A stretch of rest.
+struct RestSpan {
+    start: Time,
+    end: Time,
+    blocks: Vec<RestBlock>,
+}
+
+impl RestSpan {
+    /// Without its ends; none if nothing is left.
+    fn inner(&self) -> Option<Self> {
+        let count = self.blocks.len().checked_sub(2 * ROCKING)?;
+        let seconds = |blocks: &[RestBlock]| blocks.iter().map(|block| block.seconds).sum::<f64>();
+        let (before, rest) = self.blocks.split_at(ROCKING);
+        let (blocks, after) = rest.split_at(count);
+        (count > 1).then(|| Self {
+            start: self.start.plus_seconds(seconds(before)),
+            end: self.end.plus_seconds(-seconds(after)),
+            blocks: blocks.to_vec(),
+        })
+    }
+}
+
+fn rest(log: &Log, intervals: &[Timed]) -> Vec<RestSpan> {
+    let mut detector = RestDetector::default();
+    let mut fixes = log.gnss.iter().peekable();
+    let mut spans: Vec<RestSpan> = Vec::new();
+    for Timed { end, interval, .. } in intervals {
+        while let Some(fix) = fixes.next_if(|fix| fix.time <= *end) {
+            if fix.speed_mps() > MOVING_MPS {
+                detector.on_motion();
+            }
+        }
+        // The verdict is on the block before the one that ends here, of about the same length.
+        if let Some(Verdict::Rest(block)) = detector.on_interval(interval) {
+            let (start, end) = (
+                end.plus_seconds(-2.0 * block.seconds),
+                end.plus_seconds(-block.seconds),
+            );
+            match spans.last_mut() {
+                Some(span) if start.seconds_since(span.end).abs() < 0.5 * block.seconds => {
+                    span.end = end;
+                    span.blocks.push(block);
+                }
+                _ => spans.push(RestSpan {
+                    start,
+                    end,
+                    blocks: vec![block],
+                }),
+            }
+        }
+    }
+    spans.iter().filter_map(RestSpan::inner).collect()
+}
+
+/// Readings of the stretches of rest, sample by sample: gyros, rad/s, and accelerometers, m/s^2.
+pub fn readings_at_rest(log: &Log) -> Vec<Vec<[Vector3<f64>; 2]>> {
+    let stretch = |span: &RestSpan| {
+        let inside = |pair: &&[ImuSample]| (span.start..=span.end).contains(&pair[1].time);
+        let reading = |pair: &[ImuSample]| {
+            let seconds = match log.meta.imu {
+                ImuOutput::Rates => 1.0,
+                ImuOutput::Increments => pair[1].time.seconds_since(pair[0].time),
+            };
+            [pair[1].gyro / seconds, pair[1].accel / seconds]
+        };
+        log.imu.windows(2).filter(inside).map(reading).collect()
+    };
+    rest(log, &intervals(log)).iter().map(stretch).collect()
+}
+
+/// Takes the constants that the navigator has found out of the readings.
+struct Correction {
+    estimates: Estimates,
+    end: Time,
+}
+
+impl Correction {
+    fn of(&self, interval: &Interval) -> Interval {
+        self.estimates.corrected(interval)
+    }
+
+    /// The moment whose motion a fix shows.
+    fn moment(&self, fix: &GnssFix) -> Time {
+        let drifted = self.estimates.clock_drift.value * self.end.seconds_since(fix.time);
+        fix.time
+            .plus_seconds(drifted - self.estimates.gnss_latency_now_s.value)
+    }
+
+    /// Velocity of the antenna against the sensors, `dC/dt l`.
+    fn antenna_mps(&self, attitude: &Matrix3<f64>, interval: &Interval) -> Vector3<f64> {
+        let arm = values(&self.estimates.lever_arm_m);
+        attitude * (interval.angle_rad / interval.seconds).cross(&arm)
+    }
+}
+
+struct Reducer<'a> {
+    first: Time,
+    correction: Correction,
+    references: &'a [Solution],
+    fixes: Vec<(Time, Vector2<f64>)>,
+    rest: &'a [RestSpan],
+}
+
+impl<'a> Reducer<'a> {
+    fn new(log: &Log, found: &'a Identification, rest: &'a [RestSpan]) -> Self {
+        let correction = Correction {
+            estimates: found.end.estimates,
+            end: found.end.time,
+        };
+        let fixes = (log.gnss.iter())
+            .filter_map(|fix| Some((correction.moment(fix), fix.velocity_en_mps?)))
+            .collect();
+        let known = |row: &&crate::identify::row::Row| {
+            row.solution.is_some()
+                && row.estimates.azimuth_error_rad.observability == Observability::Observable
+        };
+        let references = match found.history.iter().find(known) {
+            Some(row) => {
+                let from = (found.solutions).partition_point(|solution| solution.time < row.time);
+                &found.solutions[from..]
+            }
+            None => &[],
+        };
+        Self {
+            first: log
+                .imu
+                .first()
+                .map_or(Time::default(), |sample| sample.time),
+            rest,
+            correction,
+            references,
+            fixes,
+        }
+    }
+
+    fn epochs(&self, intervals: &[Timed]) -> Vec<Epoch> {
+        let mut references = self.references.iter().peekable();
+        let mut fixes = self.fixes.iter().peekable();
+        let mut epochs = Vec::new();
+        let mut going: Option<Going> = None;
+        for timed in intervals {
+            if let Some(going) = &mut going {
+                going.step(timed, &self.correction, &mut fixes);
+            }
+            while references.next_if(|next| next.time < timed.end).is_some() {}
+            let Some(reference) = references.next_if(|next| next.time == timed.end) else {
+                continue;
+            };
+            let due = going.as_ref().is_none_or(Going::is_over);
+            if due {
+                epochs.extend(going.take().map(|going| going.end(reference, self)));
+                going = Some(Going::new(reference));
+            }
+        }
+        drop_outliers(&mut epochs);
+        epochs
+    }
+
+    fn at_rest(&self, start: Time, end: Time) -> bool {
+        let after = self.rest.partition_point(|span| span.start <= start);
+        after > 0 && self.rest[after - 1].end >= end
+    }
+}
+
+/// An epoch going on.
+struct Going {
+    start: Solution,
+    ins: Mechanization,
+    earth: LocalEarth,
+    angle_rad: Vector3<f64>,
+    force_mps: Vector3<f64>,
+    attitude_s: Matrix3<f64>,
+    seconds: f64,
+    broken: bool,
+    difference_sum: Vector2<f64>,
+    force_sum: Vector3<f64>,
+    fixes: f64,
+}
+
+impl Going {
+    fn new(reference: &Solution) -> Self {
+        let ins = Mechanization::new(
+            reference.position,
+            reference.velocity_enu_mps,
+            reference.attitude,
+        );
+        Self {
+            start: *reference,
+            ins,
+            earth: ins.local_earth(),
+            angle_rad: Vector3::zeros(),
+            force_mps: Vector3::zeros(),
+            attitude_s: Matrix3::zeros(),
+            seconds: 0.0,
+            broken: false,
+            difference_sum: Vector2::zeros(),
+            force_sum: Vector3::zeros(),
+            fixes: 0.0,
+        }
+    }
+
+    /// Whether the next reference ends it; references come ten times a second.
+    fn is_over(&self) -> bool {
+        self.seconds > EPOCH_S - 0.05
+    }
+
+    fn step<'f>(
+        &mut self,
+        timed: &Timed,
+        correction: &Correction,
+        fixes: &mut std::iter::Peekable<impl Iterator<Item = &'f (Time, Vector2<f64>)>>,
+    ) {
+        let interval = correction.of(&timed.interval);
+        let before = self.ins.velocity_enu_mps;
+        let step = self.ins.step(&interval, &Controls::default());
+        let antenna = correction.antenna_mps(&step.attitude, &interval);
+        while let Some((moment, velocity)) = fixes.next_if(|fix| fix.0 <= timed.end) {
+            let part = 1.0 - timed.end.seconds_since(*moment) / interval.seconds;
+            if part < 0.0 {
+                continue; // It shows a time before this epoch.
+            }
+            let ins = before + part * (self.ins.velocity_enu_mps - before) + antenna;
+            self.difference_sum += ins.xy() - velocity;
+            self.force_sum += self.force_mps + part * step.force_enu_mps;
+            self.fixes += 1.0;
+        }
+        self.force_mps += step.force_enu_mps;
+        self.attitude_s += interval.seconds * step.attitude;
+        self.angle_rad += interval.rotation_rad();
+        self.seconds += interval.seconds;
+        self.broken |= timed.hole;
+    }
+
+    fn end(self, reference: &Solution, reducer: &Reducer) -> Epoch {
+        let frame_rate =
+            self.earth.earth_rate() + self.earth.transport_rate(&self.start.velocity_enu_mps);
+        let at_rest = reducer.at_rest(self.start.time, reference.time);
+        let before = if at_rest {
+            self.start.attitude
+        } else {
+            self.ins.attitude
+        };
+        // `C' = (I - [Phi x]) C`: turning the platform by Phi is a rotation by -Phi.
+        let turned = -(reference.attitude * before.inverse()).scaled_axis();
+        let rest_rate =
+            self.angle_rad / self.seconds - self.attitude_s.tr_mul(&frame_rate) / self.seconds;
+        let velocity_control = reference.velocity_enu_mps - self.ins.velocity_enu_mps;
+        Epoch {
+            start_s: self.start.time.seconds_since(reducer.first),
+            seconds: self.seconds,
+            force_mps: self.force_mps,
+            attitude_s: self.attitude_s,
+            frame_rate_radps: frame_rate,
+            velocity_control_mps: velocity_control.xy(),
+            tilt_control_rad: turned,
+            rest_rate_radps: at_rest.then_some(rest_rate),
+            difference: (self.fixes > 0.0).then(|| Difference {
+                velocity_mps: self.difference_sum / self.fixes,
+                force_mps: self.force_sum / self.fixes,
+                fixes: self.fixes,
+            }),
+            broken: self.broken || self.seconds > LONGEST_EPOCH_S,
+        }
+    }
+}
+
+/// Differences that no receiver noise makes.
+fn drop_outliers(epochs: &mut [Epoch]) {
+    let size = |epoch: &Epoch| epoch.difference.as_ref().map(|d| d.velocity_mps.norm());
+    let mut sizes: Vec<f64> = epochs.iter().filter_map(size).collect();
+    sizes.sort_by(f64::total_cmp);
+    let Some(median) = sizes.get(sizes.len() / 2).copied() else {
+        return;
+    };
+    for epoch in epochs {
+        if size(epoch).is_some_and(|size| size > OUTLIER * median) {
+            epoch.difference = None;
+        }
+    }
+}

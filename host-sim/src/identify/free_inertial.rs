@@ -1,0 +1,197 @@
+//! What the estimates are worth: velocity error of a free INS, without and with them.
+
+use ins_core::increments::{Increments, Interval};
+use ins_core::mechanization::{Controls, Mechanization};
+use ins_core::{Estimate, Estimates, Observability, Solution, Time};
+use nalgebra::Vector2;
+use serde::Serialize;
+
+use crate::identify::row::Row;
+use crate::log::Log;
+
+/// Length of a window, and from start to start, s.
+pub const WINDOW_S: f64 = 60.0;
+const STRIDE_S: f64 = 30.0;
+/// A hole between samples that spoils a window, s.
+const HOLE_S: f64 = 0.5;
+
+/// Horizontal velocity error of a free INS against the aided one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VelocityError {
+    /// Root mean square, sensors as logged and the first heading's error left in, m/s.
+    pub before_mps: f64,
+    /// Root mean square, the estimates applied, m/s.
+    pub after_mps: f64,
+    /// Windows run.
+    pub windows: usize,
+    /// How both grow within a window.
+    pub growth: Vec<Growth>,
+}
+
+/// Root mean square over all windows at one time since their start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Growth {
+    /// Time since the start of the window, s.
+    pub since_s: f64,
+    /// Sensors as logged, m/s.
+    pub before_mps: f64,
+    /// Estimates applied, m/s.
+    pub after_mps: f64,
+}
+
+/// Velocity difference at a time since the window's start, s and m/s.
+type Error = (f64, Vector2<f64>);
+
+fn known(estimate: &Estimate) -> bool {
+    estimate.observability == Observability::Observable
+}
+
+/// An estimate as far as it stands on data.
+fn value(estimate: &Estimate) -> f64 {
+    if known(estimate) { estimate.value } else { 0.0 }
+}
+
+/// Runs every window twice; `None` if the log has no minute of navigation.
+///
+/// A window starts from the navigator's solution of its moment, and is compared with the
+/// solutions that follow: GNSS itself has more noise than there is error to see. The sensors are
+/// taken as logged, with the azimuth error that was found put back; and with the history of the
+/// estimates taken out, each reading less the errors that the navigator knew at its stamp.
+pub fn check(
+    log: &Log,
+    solutions: &[Solution],
+    history: &[Row],
+    found: &Estimates,
+) -> Option<VelocityError> {
+    let azimuth_rad = value(&found.azimuth_error_rad);
+    let (mut before, mut after, mut windows) = (Vec::new(), Vec::new(), 0);
+    for row in window_starts(history, known(&found.azimuth_error_rad)) {
+        let first = solutions.partition_point(|solution| solution.time < row.time);
+        let solutions = &solutions[first..];
+        let logged = fly(log, solutions, azimuth_rad, &[]);
+        if let (Some(logged), Some(with)) = (logged, fly(log, solutions, 0.0, history)) {
+            before.extend(logged);
+            after.extend(with);
+            windows += 1;
+        }
+    }
+    (windows > 0).then(|| VelocityError {
+        before_mps: rms(before.iter()),
+        after_mps: rms(after.iter()),
+        windows,
+        growth: growth(&before, &after),
+    })
+}
+
+/// An interval less the errors that the navigator knew at a time; as it is before the history.
+fn corrected(interval: &Interval, history: &[Row], time: Time) -> Interval {
+    let after = history.partition_point(|row| row.time <= time);
+    let Some(row) = history[..after].last() else {
+        return *interval;
+    };
+    row.estimates.corrected(interval)
+}
+
+/// Rows that a window starts at: from where the azimuth is known, if it ever is.
+fn window_starts(history: &[Row], azimuth_known: bool) -> Vec<&Row> {
+    let ready = |row: &&Row| {
+        row.solution.is_some() && (known(&row.estimates.azimuth_error_rad) || !azimuth_known)
+    };
+    let mut starts: Vec<&Row> = Vec::new();
+    for row in history.iter().filter(ready) {
+        if starts
+            .last()
+            .is_none_or(|last| row.time.seconds_since(last.time) >= STRIDE_S)
+        {
+            starts.push(row);
+        }
+    }
+    starts
+}
+
+/// A free INS over one window, from the first solution on; `None` if samples do not last.
+fn fly(log: &Log, solutions: &[Solution], heading_rad: f64, history: &[Row]) -> Option<Vec<Error>> {
+    let (start, solutions) = solutions.split_first()?;
+    let mut ins = Mechanization::new(start.position, start.velocity_enu_mps, start.attitude);
+    ins.turn_heading(heading_rad);
+    let mut solutions = solutions.iter().peekable();
+    let mut errors = Vec::new();
+    feed(log, start.time, history, |interval, time| {
+        let since_s = time.seconds_since(start.time);
+        ins.step(interval, &Controls::default());
+        if let Some(truth) = solutions.next_if(|solution| solution.time <= time) {
+            let error = (ins.velocity_enu_mps - truth.velocity_enu_mps).xy();
+            errors.push((since_s, error));
+        }
+        since_s < WINDOW_S
+    })?;
+    Some(errors)
+}
+
+/// Gives the intervals after a start, less what the history knows of their errors, each with the
+/// time of its end, until `wants_more` says no; `None` if samples do not last.
+pub(crate) fn feed(
+    log: &Log,
+    start: Time,
+    history: &[Row],
+    mut wants_more: impl FnMut(&Interval, Time) -> bool,
+) -> Option<()> {
+    let first = log.imu.partition_point(|sample| sample.time < start);
+    let mut samples = log.imu[first..].iter();
+    let mut last = samples.next()?;
+    let mut increments = Increments::new(log.meta.imu, last);
+    loop {
+        let sample = samples.next()?;
+        let seconds = sample.time.seconds_since(last.time);
+        if seconds > HOLE_S {
+            return None;
+        }
+        let interval = corrected(&increments.interval(sample, seconds), history, sample.time);
+        if !wants_more(&interval, sample.time) {
+            return Some(());
+        }
+        last = sample;
+    }
+}
+
+fn rms<'a>(errors: impl Iterator<Item = &'a Error>) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (_, error) in errors {
+        sum += error.norm_squared();
+        count += 1.0;
+    }
+    if count > 0.0 {
+        (sum / count).sqrt()
+    } else {
+        0.0
+    }
+}
+
+/// Both by whole steps of two seconds since the start.
+fn growth(before: &[Error], after: &[Error]) -> Vec<Growth> {
+    const STEPS: u32 = 30;
+    const STEP_S: f64 = WINDOW_S / STEPS as f64;
+    (0..STEPS)
+        .filter_map(|step| {
+            let from = f64::from(step) * STEP_S;
+            let in_step = |error: &&Error| (from..from + STEP_S).contains(&error.0);
+            let within = |errors: &[Error]| rms(errors.iter().filter(in_step));
+            before.iter().any(|error| in_step(&error)).then(|| Growth {
+                since_s: from + 0.5 * STEP_S,
+                before_mps: within(before),
+                after_mps: within(after),
+            })
+        })
+        .collect()
+}
+
+/// Root mean square of the free-inertial velocity error, m/s.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct VelocityErrors {
+    /// Sensors as logged.
+    pub before: Option<f64>,
+    /// Estimates applied.
+    pub after: Option<f64>,
+    /// Windows of a minute that it was measured on.
+    pub windows: usize,
+}

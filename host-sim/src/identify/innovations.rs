@@ -1,0 +1,184 @@
+//! Each fix against what the navigator said of its moment before it took the fix.
+
+use std::collections::VecDeque;
+
+use ins_core::config::Noise;
+use ins_core::{GnssFix, Navigator, Phase, Solution, Time};
+use nalgebra::Vector3;
+
+use crate::identify::row::Row;
+
+/// Beyond the last solution nothing is extrapolated further than this part of an interval.
+const LONGEST_PART: f64 = 1.5;
+/// Solutions further apart are not interpolated, s.
+const HOLE_S: f64 = 0.5;
+
+/// What one component of a fix is off by, and is expected to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Off {
+    /// GNSS minus solution.
+    pub value: f64,
+    /// Spread of the solution and noise of the fix together, as stated or configured.
+    pub sigma: f64,
+}
+
+/// A fix minus the solution of its moment, antenna against antenna, east-north-up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Innovation {
+    /// Stamp of the fix.
+    pub time: Time,
+    /// Velocity, m/s.
+    pub velocity_mps: [Option<Off>; 3],
+    /// Position, m.
+    pub position_m: [Option<Off>; 3],
+}
+
+/// Collects innovations while a navigator runs.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Innovations {
+    pub(crate) found: Vec<Innovation>,
+    /// Fixes whose moment the inertial samples have not reached: their stamps are the late ones.
+    waiting: VecDeque<GnssFix>,
+}
+
+impl Innovations {
+    /// A fix has come; the navigator has not seen it.
+    pub(crate) fn expect(&mut self, fix: &GnssFix) {
+        self.waiting.push_back(*fix);
+    }
+
+    /// Judges the fixes that show a moment before `time`, before the navigator goes there.
+    pub(crate) fn judge(
+        &mut self,
+        time: Time,
+        navigator: &Navigator,
+        history: &[Row],
+        past: &[Solution],
+    ) {
+        while let Some(fix) = self.waiting.front() {
+            let Some(row) = history.last().filter(|row| row.phase == Phase::Navigating) else {
+                self.waiting.pop_front();
+                continue;
+            };
+            let moment = fix
+                .time
+                .plus_seconds(-row.estimates.gnss_latency_now_s.value);
+            if moment > time {
+                return;
+            }
+            let found = navigator
+                .solution()
+                .and_then(|now| Antenna::at(moment, past, &now, row))
+                .map(|antenna| antenna.against(fix, row, navigator));
+            self.found.extend(found);
+            self.waiting.pop_front();
+        }
+    }
+}
+
+/// Where the antenna is, by the solution.
+struct Antenna {
+    position: ins_core::earth::Geodetic,
+    /// From there on.
+    way_m: Vector3<f64>,
+    velocity_mps: Vector3<f64>,
+}
+
+impl Antenna {
+    /// Linear between the solutions beside a moment, or a little beyond the last.
+    fn at(moment: Time, past: &[Solution], now: &Solution, row: &Row) -> Option<Self> {
+        let next = past.partition_point(|solution| solution.time <= moment);
+        // The last one kept may be the present one.
+        let earlier = past[..next].iter().rfind(|before| before.time < now.time);
+        let (before, after) = (earlier?, past.get(next).unwrap_or(now));
+        let seconds = after.time.seconds_since(before.time);
+        let part = moment.seconds_since(before.time) / seconds;
+        if seconds > HOLE_S || part > LONGEST_PART {
+            return None;
+        }
+        let arm_m = Vector3::from(row.estimates.lever_arm_m.map(|estimate| estimate.value));
+        let (arm, arm_after) = (before.attitude * arm_m, after.attitude * arm_m);
+        let swing = arm_after - arm;
+        let way = after.position.enu_from(&before.position);
+        let velocity = before.velocity_enu_mps.lerp(&after.velocity_enu_mps, part);
+        Some(Self {
+            position: before.position,
+            way_m: part * (way + swing) + arm,
+            velocity_mps: velocity + swing / seconds,
+        })
+    }
+
+    fn against(&self, fix: &GnssFix, row: &Row, navigator: &Navigator) -> Innovation {
+        let own = row.sigma.unwrap_or_default();
+        let [velocity_noise, position_noise] = noises(fix, navigator);
+        Innovation {
+            time: fix.time,
+            velocity_mps: offs(self.velocity_off(fix), &own.velocity_mps, velocity_noise),
+            position_m: offs(self.position_off(fix), &own.position_m, position_noise),
+        }
+    }
+
+    fn velocity_off(&self, fix: &GnssFix) -> [Option<f64>; 3] {
+        let level = fix.velocity_en_mps.map(|v| v - self.velocity_mps.xy());
+        let up = fix.velocity_up_mps.map(|up| up - self.velocity_mps.z);
+        [level.map(|v| v.x), level.map(|v| v.y), up]
+    }
+
+    fn position_off(&self, fix: &GnssFix) -> [Option<f64>; 3] {
+        let height_m = self.position.height_m;
+        let place = fix.geodetic_or(height_m);
+        let level = place.map(|place| place.enu_from(&self.position) - self.way_m);
+        let up = fix.height_m.map(|fix_m| fix_m - height_m - self.way_m.z);
+        [level.map(|way| way.x), level.map(|way| way.y), up]
+    }
+}
+
+fn offs(off: [Option<f64>; 3], own: &Vector3<f64>, noise: [f64; 3]) -> [Option<Off>; 3] {
+    [0, 1, 2].map(|axis| {
+        let sigma = own[axis].hypot(noise[axis]);
+        off[axis].map(|value| Off { value, sigma })
+    })
+}
+
+/// One sigma of velocity and position of a fix, east-north-up: as the receiver states it or as
+/// configured, and as correlated as the navigator has found velocities to be.
+fn noises(fix: &GnssFix, navigator: &Navigator) -> [[f64; 3]; 2] {
+    let (gnss, stated) = (&navigator.config().gnss, &fix.sigma);
+    let sigma = |noise: &Noise, stated: Option<f64>| {
+        let scale = stated.map_or(1.0, |stated| stated / noise.white);
+        scale * noise.variance().sqrt()
+    };
+    let white = gnss.velocity_mps.white;
+    let learnt = navigator
+        .assumed_noise()
+        .map(|assumed| assumed.velocity(white));
+    let level_mps = sigma(&learnt.unwrap_or(gnss.velocity_mps), stated.velocity_mps);
+    let level_m = sigma(&gnss.position_m, stated.position_m);
+    let up_mps = sigma(&gnss.velocity_up_mps, stated.velocity_up_mps);
+    let up_m = sigma(&gnss.height_m, stated.height_m);
+    [[level_mps, level_mps, up_mps], [level_m, level_m, up_m]]
+}
+
+/// Root mean square of what a component was off by against its expectation: 1 where they agree.
+pub fn consistency(offs: impl Iterator<Item = Off>) -> Option<f64> {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for off in offs {
+        sum += (off.value / off.sigma).powi(2);
+        count += 1.0;
+    }
+    (count > 0.0).then(|| (sum / count).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_off_of_its_sigma_is_consistent() {
+        let off = |value, sigma| Off { value, sigma };
+        let found = consistency([off(1.0, 1.0), off(-2.0, 2.0)].into_iter());
+        assert_eq!(found, Some(1.0));
+        assert_eq!(consistency([off(3.0, 1.0)].into_iter()), Some(3.0));
+        assert_eq!(consistency([].into_iter()), None);
+    }
+}

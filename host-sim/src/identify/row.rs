@@ -1,0 +1,61 @@
+//! The navigator at one moment, as it is kept.
+
+use std::collections::BTreeMap;
+
+use ins_core::damping::DampingSignals;
+use ins_core::{Estimates, Manoeuvre, Navigator, Phase, Solution, SolutionSigma, Time};
+use serde::Serialize;
+
+/// The navigator at one moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// Stamp of the inertial sample.
+    pub time: Time,
+    /// How far the alignment had come.
+    pub phase: Phase,
+    /// What the vehicle did.
+    pub manoeuvre: Manoeuvre,
+    /// Errors of the sensors as known.
+    pub estimates: Estimates,
+    /// Damping signals of the last fix.
+    pub signals: DampingSignals,
+    /// Position, velocity and attitude.
+    pub solution: Option<Solution>,
+    /// Spread of the solution, ENU, where it is known.
+    pub sigma: Option<SolutionSigma>,
+}
+
+impl Row {
+    /// What it says now.
+    pub(crate) fn of(time: Time, navigator: &Navigator) -> Self {
+        Self {
+            time,
+            phase: navigator.phase(),
+            manoeuvre: navigator.manoeuvre(),
+            estimates: navigator.estimates(),
+            signals: navigator.damping_signals(),
+            solution: navigator.solution(),
+            sigma: navigator.sigma(),
+        }
+    }
+}
+
+/// How often each answer was given.
+pub type Counts<T> = Vec<(T, u64)>;
+
+/// Counts an answer.
+pub(crate) fn add<T: PartialEq>(counts: &mut Counts<T>, outcome: T) {
+    match counts.iter_mut().find(|(known, _)| *known == outcome) {
+        Some((_, count)) => *count += 1,
+        None => counts.push((outcome, 1)),
+    }
+}
+
+/// How many samples were taken, and how many not, by reason.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Answers {
+    /// Used.
+    pub accepted: u64,
+    /// Not used, or only to begin again.
+    pub rejected: BTreeMap<String, u64>,
+}

@@ -1,0 +1,205 @@
+//! The core run over a log, sample by sample, as firmware would run it.
+
+use indicatif::ProgressBar;
+use ins_core::ConfigError;
+use ins_core::{Config, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Navigator, Solution, Time};
+
+use crate::identify::against_truth::{self, AgainstTruth};
+use crate::identify::free_inertial::{self, VelocityError};
+use crate::identify::innovations::{Innovation, Innovations};
+use crate::identify::row::{Counts, Row, add};
+use crate::log::Log;
+
+/// Interval between rows of the history, and between solutions kept, s.
+const HISTORY_S: f64 = 1.0;
+const SOLUTION_S: f64 = 0.1;
+/// Events from one step of the progress bar to the next.
+const PROGRESS_EVERY: u64 = 4096;
+
+/// What came out of a log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Identification {
+    /// What the navigator was told.
+    pub config: Config,
+    /// The navigator once a second.
+    pub history: Vec<Row>,
+    /// The navigator after the last sample.
+    pub end: Row,
+    /// Solutions ten times a second.
+    pub solutions: Vec<Solution>,
+    /// Answers to inertial samples.
+    pub imu_outcomes: Counts<ImuOutcome>,
+    /// Stamps of the fixes and the answers to them.
+    pub fixes: Vec<(Time, GnssOutcome)>,
+    /// Fixes against the solution of their moments; none where the navigator runs elsewhere.
+    pub innovations: Vec<Innovation>,
+    /// Free-inertial velocity error without and with the estimates; none where no window fits.
+    pub velocity_error: Option<VelocityError>,
+    /// Errors of the solution, damped and free; none without a reference motion.
+    pub against_truth: Option<AgainstTruth>,
+}
+
+impl Identification {
+    /// Answers to fixes.
+    pub fn gnss_outcomes(&self) -> Counts<GnssOutcome> {
+        let mut counts = Counts::new();
+        for (_, outcome) in &self.fixes {
+            add(&mut counts, *outcome);
+        }
+        counts
+    }
+}
+
+/// Runs the navigator over a log, then checks its estimates on free-inertial windows.
+pub fn identify(
+    log: &Log,
+    config: Config,
+    progress: &ProgressBar,
+) -> Result<Identification, ConfigError> {
+    let (run, end) = record(log, config, progress, |_, _| {})?;
+    let found = run.finish(log, config, end);
+    progress.finish_and_clear();
+    Ok(found)
+}
+
+/// Runs the navigator over a log: what it says on the way, and its last words. `after_sample` sees
+/// it after each.
+pub(crate) fn record(
+    log: &Log,
+    config: Config,
+    progress: &ProgressBar,
+    mut after_sample: impl FnMut(&Navigator, Time),
+) -> Result<(Recorder, Row), ConfigError> {
+    progress.set_length(log.imu.len() as u64);
+    let mut navigator = Navigator::new(config)?;
+    let mut run = Recorder::default();
+    for (count, event) in (1_u64..).zip(in_order_of_time(&log.imu, &log.gnss)) {
+        match event {
+            Event::Imu(sample) => {
+                run.judge(sample.time, &navigator);
+                let outcome = navigator.on_imu(sample);
+                run.on_sample(sample.time, outcome, || Row::of(sample.time, &navigator));
+                after_sample(&navigator, sample.time);
+            }
+            Event::Gnss(fix) => {
+                run.innovations.expect(fix);
+                run.judge(fix.time, &navigator);
+                run.on_fix(fix.time, navigator.on_gnss(fix));
+            }
+        }
+        if count % PROGRESS_EVERY == 0 {
+            progress.inc(PROGRESS_EVERY);
+        }
+    }
+    let last = log.imu.last().map_or(Time::default(), |sample| sample.time);
+    Ok((run, Row::of(last, &navigator)))
+}
+
+/// Keeps what a navigator says, wherever it runs.
+#[derive(Clone, Debug, Default)]
+pub struct Recorder {
+    pub(crate) history: Vec<Row>,
+    solutions: Vec<Solution>,
+    imu_outcomes: Counts<ImuOutcome>,
+    fixes: Vec<(Time, GnssOutcome)>,
+    innovations: Innovations,
+}
+
+impl Recorder {
+    fn judge(&mut self, time: Time, navigator: &Navigator) {
+        (self.innovations).judge(time, navigator, &self.history, &self.solutions);
+    }
+
+    /// After an inertial sample; `row` is asked only when one is due.
+    pub fn on_sample(&mut self, time: Time, outcome: ImuOutcome, row: impl Fn() -> Row) {
+        add(&mut self.imu_outcomes, outcome);
+        if due(self.history.last().map(|row| row.time), time, HISTORY_S) {
+            self.history.push(row());
+        }
+        let last = self.solutions.last().map(|solution| solution.time);
+        if due(last, time, SOLUTION_S) {
+            self.solutions.extend(row().solution);
+        }
+    }
+
+    /// After a fix.
+    pub fn on_fix(&mut self, time: Time, outcome: GnssOutcome) {
+        self.fixes.push((time, outcome));
+    }
+
+    /// After the log, with the navigator's last words.
+    pub fn finish(self, log: &Log, config: Config, end: Row) -> Identification {
+        let velocity_error =
+            free_inertial::check(log, &self.solutions, &self.history, &end.estimates);
+        let against_truth =
+            against_truth::check(log, &self.solutions, &self.history, &config.damping);
+        Identification {
+            config,
+            history: self.history,
+            end,
+            solutions: self.solutions,
+            imu_outcomes: self.imu_outcomes,
+            fixes: self.fixes,
+            innovations: self.innovations.found,
+            velocity_error,
+            against_truth,
+        }
+    }
+}
+
+/// Whether an interval has passed, to within half a millisecond of jitter.
+fn due(last: Option<Time>, now: Time, interval_s: f64) -> bool {
+    last.is_none_or(|last| now.seconds_since(last) > interval_s - 5e-4)
+}
+
+/// A sample or a fix.
+#[derive(Clone, Copy, Debug)]
+#[allow(missing_docs)]
+pub enum Event<'a> {
+    Imu(&'a ImuSample),
+    Gnss(&'a GnssFix),
+}
+
+/// Samples and fixes by stamp; on equal stamps the sample comes first.
+pub fn in_order_of_time<'a>(
+    imu: &'a [ImuSample],
+    gnss: &'a [GnssFix],
+) -> impl Iterator<Item = Event<'a>> {
+    let mut imu = imu.iter().peekable();
+    let mut gnss = gnss.iter().peekable();
+    std::iter::from_fn(move || match (imu.peek(), gnss.peek()) {
+        (Some(sample), Some(fix)) if fix.time < sample.time => gnss.next().map(Event::Gnss),
+        (Some(_), _) => imu.next().map(Event::Imu),
+        (None, _) => gnss.next().map(Event::Gnss),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn samples_come_before_fixes_of_the_same_stamp() {
+        let sample = |micros| ImuSample {
+            time: Time::from_micros(micros),
+            gyro: Vector3::zeros(),
+            accel: Vector3::zeros(),
+        };
+        let fix = |micros| GnssFix {
+            time: Time::from_micros(micros),
+            ..GnssFix::default()
+        };
+        let (imu, gnss) = ([sample(10), sample(20)], [fix(5), fix(20), fix(30)]);
+        let order: Vec<_> = in_order_of_time(&imu, &gnss)
+            .map(|event| match event {
+                Event::Imu(sample) => ('i', sample.time.as_micros()),
+                Event::Gnss(fix) => ('g', fix.time.as_micros()),
+            })
+            .collect();
+        assert_eq!(
+            order,
+            [('g', 5), ('i', 10), ('i', 20), ('g', 20), ('g', 30)]
+        );
+    }
+}

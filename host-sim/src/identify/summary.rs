@@ -1,0 +1,123 @@
+//! `summary.json`: what came out, for programs.
+
+use std::fmt::Debug;
+
+use ins_core::Phase;
+use serde::Serialize;
+
+use crate::identify::against_truth::{AgainstTruth, TruthErrors};
+use crate::identify::free_inertial::VelocityErrors;
+use crate::identify::halves::Difference;
+use crate::identify::quantities::{Axes, Quantities, Quantity, in_axes};
+use crate::identify::row::{Answers, Counts};
+use crate::identify::run::Identification;
+use crate::identify::verdict::Verdict;
+use crate::identify::words;
+use crate::log::{Grade, Log, LogError};
+
+/// The summary of a log.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// Name of the log.
+    pub log: String,
+    /// What it is worth.
+    pub verdict: Verdict,
+    /// Span of its inertial samples.
+    pub duration_s: f64,
+    /// Axes of the biases.
+    pub body_axes: crate::log::BodyAxes,
+    /// What was identified.
+    #[serde(flatten)]
+    pub quantities: Quantities,
+    /// Heading of the solution at the last sample, clockwise from north.
+    pub heading_end_deg: Quantity,
+    /// Antenna as seen from the inertial sensors, m; none where it is taken as configured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lever_arm_m: Option<Axes<Quantity>>,
+    /// Free-inertial check; empty where no window fits.
+    pub velocity_error_mps: VelocityErrors,
+    /// Errors of the solution, damped and free, where the log has a reference motion.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub against_truth: Option<TruthErrors>,
+    /// Version of this program.
+    pub version: &'static str,
+    /// Class of sensors that the navigator was told.
+    pub grade: Grade,
+    /// How far the navigator came.
+    pub phase: Phase,
+    /// What became of the inertial samples.
+    pub imu: Answers,
+    /// What became of the fixes.
+    pub gnss: Answers,
+    /// What looked suspicious in the log.
+    pub warnings: Vec<String>,
+}
+
+impl Summary {
+    /// Puts together what is known of a log.
+    pub fn new(
+        name: String,
+        log: &Log,
+        found: &Identification,
+        grade: Grade,
+        warnings: &[LogError],
+        halves: Option<&[Difference]>,
+    ) -> Self {
+        let quantities = Quantities::of_log(&found.end.estimates, &log.meta);
+        let errors = found.velocity_error.as_ref();
+        let velocity_error_mps = VelocityErrors {
+            before: errors.map(|error| error.before_mps),
+            after: errors.map(|error| error.after_mps),
+            windows: errors.map_or(0, |error| error.windows),
+        };
+        let imu = answers(&found.imu_outcomes, words::is_integrated);
+        let gnss = answers(&found.gnss_outcomes(), words::is_used);
+        Self {
+            log: name,
+            verdict: Verdict::new(found, &velocity_error_mps, [&imu, &gnss], halves),
+            duration_s: log.duration_s(),
+            body_axes: log.meta.body_axes,
+            quantities,
+            heading_end_deg: heading(found, &quantities.azimuth_error_deg),
+            lever_arm_m: (found.config.gnss.lever_arm_sigma_m > 0.0)
+                .then(|| in_axes(log.meta.body_axes, &found.end.estimates.lever_arm_m, 1.0)),
+            velocity_error_mps,
+            against_truth: found.against_truth.as_ref().map(AgainstTruth::errors),
+            version: env!("CARGO_PKG_VERSION"),
+            grade,
+            phase: found.end.phase,
+            imu,
+            gnss,
+            warnings: warnings
+                .iter()
+                .map(|w| format!("{w} ({})", w.cause))
+                .collect(),
+        }
+    }
+}
+
+/// The last heading, as well known as the azimuth.
+fn heading(found: &Identification, azimuth: &Quantity) -> Quantity {
+    let heading_rad = found
+        .end
+        .solution
+        .map_or(f64::NAN, |s| s.euler().heading_rad);
+    Quantity {
+        value: heading_rad.to_degrees().rem_euclid(360.0),
+        ..*azimuth
+    }
+}
+
+fn answers<T: Copy + Debug>(counts: &Counts<T>, accepted: impl Fn(T) -> bool) -> Answers {
+    let (taken, refused): (Vec<_>, Vec<_>) = counts
+        .iter()
+        .copied()
+        .partition(|(outcome, _)| accepted(*outcome));
+    Answers {
+        accepted: taken.iter().map(|(_, count)| count).sum(),
+        rejected: refused
+            .iter()
+            .map(|(outcome, count)| (format!("{outcome:?}"), *count))
+            .collect(),
+    }
+}

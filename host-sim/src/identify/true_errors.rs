@@ -1,0 +1,79 @@
+//! The true errors of simulated sensors: `errors.toml` beside a log.
+
+use std::fs;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
+use crate::log::{BodyAxes, LogError};
+use crate::sim::SensorErrors;
+
+/// Name of the file.
+pub const FILE: &str = "errors.toml";
+
+/// True errors, in the log's own axes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Truth {
+    /// Heading given at the start minus true heading, deg.
+    pub azimuth_error_deg: Option<f64>,
+    /// As felt by a level vehicle: scale errors of the vertical axis included, mg.
+    pub accel_bias_mg: [f64; 3],
+    /// At the end of the run, deg/h.
+    pub gyro_bias_deg_h: [f64; 3],
+    /// A fix stamped t shows the motion at t minus this, ms.
+    pub gnss_latency_ms: f64,
+}
+
+#[derive(Serialize, Deserialize)]
+struct File {
+    truth: Truth,
+}
+
+impl Truth {
+    /// The errors of a simulated run, for a log in the given axes.
+    pub fn new(errors: &SensorErrors, azimuth_error_rad: Option<f64>, axes: BodyAxes) -> Self {
+        let gravity_mps2 = [0.0, 0.0, 9.806_65];
+        let felt = |component: usize| {
+            errors.accel_bias_mps2[component]
+                + errors.accel_scale[component] * gravity_mps2[component]
+        };
+        let in_axes = |value: &dyn Fn(usize) -> f64, unit: f64| {
+            [0, 1, 2].map(|axis| {
+                let (component, sign) = axes.rfu_component(axis);
+                sign * value(component) / unit
+            })
+        };
+        Self {
+            azimuth_error_deg: azimuth_error_rad.map(f64::to_degrees),
+            accel_bias_mg: in_axes(&felt, MG_MPS2),
+            gyro_bias_deg_h: in_axes(&|i| errors.gyro_bias_radps[i], DEG_H_RADPS),
+            gnss_latency_ms: 1e3 * errors.gnss_latency_s,
+        }
+    }
+
+    /// In the order of [`Quantities::columns`](crate::identify::quantities::Quantities::columns).
+    pub fn columns(&self) -> [Option<f64>; 8] {
+        let ([ax, ay, az], [gx, gy, gz]) = (self.accel_bias_mg, self.gyro_bias_deg_h);
+        let known = [ax, ay, az, gx, gy, gz, self.gnss_latency_ms].map(Some);
+        let [ax, ay, az, gx, gy, gz, latency] = known;
+        [self.azimuth_error_deg, ax, ay, az, gx, gy, gz, latency]
+    }
+
+    /// The text of `errors.toml`.
+    pub fn to_toml(self) -> Result<String, toml::ser::Error> {
+        toml::to_string(&File { truth: self })
+    }
+
+    /// Reads it from a log's folder; `None` if there is none.
+    pub fn read(folder: &Path) -> Result<Option<Self>, LogError> {
+        let path = folder.join(FILE);
+        let Ok(text) = fs::read_to_string(&path) else {
+            return Ok(None);
+        };
+        let cause = "written by another version, or by hand: simulate the drive anew";
+        let file: File =
+            toml::from_str(&text).map_err(|e| LogError::toml(&path, &text, &e, cause))?;
+        Ok(Some(file.truth))
+    }
+}

@@ -1,0 +1,171 @@
+//! What the estimates of a log are worth.
+
+use ins_core::{Config, Estimate, Observability, Phase};
+use serde::Serialize;
+
+use super::words::unaligned;
+use crate::identify::free_inertial::VelocityErrors;
+use crate::identify::halves::Difference;
+use crate::identify::row::Answers;
+use crate::identify::run::Identification;
+use crate::page::digits;
+
+/// Sigmas by which halves of a log may differ.
+const HALVES: f64 = 3.0;
+/// Times the spread of its class that an offset may have.
+const OFFSET: f64 = 4.0;
+/// Part of samples or fixes that may be refused.
+const REFUSED: f64 = 0.1;
+/// Median of the length of a level vector with a sigma of one on each axis.
+const MEDIAN_OF_TWO: f64 = 1.177;
+
+/// What speaks against the estimates.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Verdict {
+    /// Nothing does.
+    pub trusted: bool,
+    /// Why not.
+    pub against: Vec<String>,
+    /// What else is good to know.
+    pub notes: Vec<String>,
+}
+
+impl Verdict {
+    /// From a run, its free-inertial check, what became of samples and fixes, and the halves of the
+    /// log, if it is long enough for them.
+    pub(crate) fn new(
+        found: &Identification,
+        errors: &VelocityErrors,
+        [imu, gnss]: [&Answers; 2],
+        halves: Option<&[Difference]>,
+    ) -> Self {
+        let phase = found.end.phase;
+        let mut against = Vec::new();
+        if phase != Phase::Navigating {
+            against.push(unaligned(phase).to_owned());
+        }
+        let both = errors.before.zip(errors.after);
+        if let Some((before, after)) = both.filter(|(before, after)| after >= before) {
+            against.push(format!(
+                "A free INS gains {} m/s in a minute on readings as logged and {} with the \
+                 estimates applied: they do not help.",
+                digits(before, before),
+                digits(after, after)
+            ));
+        }
+        against.extend(halves.into_iter().flatten().filter_map(half));
+        against.extend(offsets(found));
+        against.extend(innovations(found));
+        let halved = halves.is_some_and(|halves| !halves.is_empty());
+        if both.is_none() && !halved && phase == Phase::Navigating {
+            against.push(
+                "Nothing tests them: no minute of navigation, no two halves to compare. Log more."
+                    .to_owned(),
+            );
+        }
+        let mut notes = Vec::new();
+        if both.is_none() {
+            notes.push("no minute of navigation to try the estimates on".to_owned());
+        }
+        if !halved {
+            notes.push("the log has no two halves that can be compared".to_owned());
+        }
+        notes.extend(refused("inertial samples", imu));
+        notes.extend(refused("fixes", gnss));
+        Self {
+            trusted: against.is_empty(),
+            against,
+            notes,
+        }
+    }
+
+    /// The same, with what else speaks against the estimates.
+    #[must_use]
+    pub(crate) fn and(mut self, reason: Option<String>) -> Self {
+        self.trusted &= reason.is_none();
+        self.against.extend(reason);
+        self
+    }
+
+    /// The lines that come first.
+    pub fn lines(&self) -> Vec<String> {
+        let first = if self.trusted {
+            "Verdict: nothing speaks against these estimates."
+        } else {
+            "Verdict: do NOT trust these estimates as they stand."
+        };
+        let reasons = self.against.iter().map(|reason| format!("- {reason}"));
+        let notes = self.notes.iter().map(|note| format!("- note: {note}"));
+        let all = std::iter::once(first.to_owned()).chain(reasons);
+        all.chain(notes).collect()
+    }
+}
+
+fn half(difference: &Difference) -> Option<String> {
+    (difference.sigmas.abs() > HALVES).then(|| {
+        format!(
+            "The halves of the log disagree on {} by {} ({:.1} sigmas).",
+            difference.name,
+            digits(difference.joint_sigma, difference.value),
+            difference.sigmas
+        )
+    })
+}
+
+/// What no sensor of a class does, if anything.
+pub(crate) fn beyond_class(unfit: &[(&str, bool)]) -> Option<String> {
+    let names = unfit
+        .iter()
+        .filter_map(|(what, unfit)| unfit.then_some(*what));
+    let names: Vec<&str> = names.collect();
+    (!names.is_empty()).then(|| {
+        format!(
+            "{} beyond what the assumed class has: strong vibration, wrong --grade or wrong units.",
+            names.join(" and ")
+        )
+    })
+}
+
+fn offsets(found: &Identification) -> Option<String> {
+    let (estimates, sensors) = (&found.end.estimates, &found.config.sensors);
+    let far = |offsets: &[Estimate], spread: f64| {
+        offsets.iter().any(|offset| {
+            offset.observability == Observability::Observable
+                && offset.value.abs() - 3.0 * offset.sigma > OFFSET * spread
+        })
+    };
+    let gyro = far(&estimates.gyro_bias_radps, sensors.gyro_bias_radps);
+    let accel = far(&estimates.accel_bias_mps2, sensors.accel_bias_mps2);
+    beyond_class(&[("gyro offsets", gyro), ("accelerometer offsets", accel)])
+}
+
+/// Velocity of GNSS against that of the INS, where it is more than the noise of GNSS may be.
+fn innovations(found: &Identification) -> Option<String> {
+    let Config { gnss, .. } = found.config;
+    let most = gnss.noise_range[1] * gnss.velocity_mps.white;
+    // The first half of the run has errors that are not found yet.
+    let later = &found.history[found.history.len() / 2..];
+    let sizes = later.iter().filter(|row| row.phase == Phase::Navigating);
+    let sizes = sizes.map(|row| row.signals.difference_enu_mps.xy().norm());
+    let sigma = crate::log::median(sizes) / MEDIAN_OF_TWO;
+    (sigma > most).then(|| {
+        format!(
+            "GNSS and the INS differ by {} m/s on an axis, where {} is the most that is expected: \
+             velocities, stamps or axes are not what they are taken for.",
+            digits(sigma, sigma),
+            digits(most, most)
+        )
+    })
+}
+
+fn refused(what: &str, answers: &Answers) -> Option<String> {
+    let rejected: u64 = answers.rejected.values().sum();
+    let part = rejected as f64 / (rejected + answers.accepted).max(1) as f64;
+    let reasons = answers
+        .rejected
+        .keys()
+        .cloned()
+        .collect::<Vec<_>>()
+        .join(", ");
+    (part > REFUSED).then(|| format!("{:.0} % of {what} refused: {reasons}", 100.0 * part))
+}

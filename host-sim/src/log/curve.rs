@@ -1,0 +1,51 @@
+//! A quantity over time.
+
+use nalgebra::Vector2;
+
+/// A quantity at equal steps of time, to be looked up fast.
+pub(super) struct Curve {
+    start_s: f64,
+    values: Vec<f64>,
+}
+
+impl Curve {
+    /// Finer than any manoeuvre.
+    const STEP_S: f64 = 0.02;
+
+    /// Interpolates between points in order of time.
+    pub(super) fn new(points: &[(f64, f64)]) -> Self {
+        let start_s = points.first().map_or(0.0, |point| point.0);
+        let mut values = Vec::new();
+        for pair in points.windows(2) {
+            let ((from_s, a), (to_s, b)) = (pair[0], pair[1]);
+            loop {
+                let time_s = start_s + Self::STEP_S * values.len() as f64;
+                if time_s >= to_s {
+                    break;
+                }
+                values.push(a + (b - a) * (time_s - from_s) / (to_s - from_s));
+            }
+        }
+        Self { start_s, values }
+    }
+
+    /// Whether a time is within.
+    pub(super) fn reaches(&self, time_s: f64) -> bool {
+        let step = (time_s - self.start_s) / Self::STEP_S;
+        step >= 0.0 && step + 1.0 < self.values.len() as f64
+    }
+
+    /// The value at a time within.
+    pub(super) fn at(&self, time_s: f64) -> f64 {
+        let step = (time_s - self.start_s) / Self::STEP_S;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // Within, as promised.
+        let index = (step as usize).min(self.values.len() - 2);
+        let (a, b) = (self.values[index], self.values[index + 1]);
+        a + (b - a) * (step - index as f64)
+    }
+}
+
+/// Angle from one vector to the next, counter-clockwise.
+pub(super) fn turned(from: Vector2<f64>, to: Vector2<f64>) -> f64 {
+    from.perp(&to).atan2(from.dot(&to))
+}

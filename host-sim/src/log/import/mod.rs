@@ -1,0 +1,161 @@
+//! Recordings of other programs: told by their content, made a [`Log`].
+//!
+//! Each format has a file of its own, which gives the inertial sensors and the receivers that it
+//! finds as they are; what is common to all is here.
+
+mod columns;
+mod dataflash;
+mod euroc;
+mod gnss_ins_sim;
+mod kf_gins;
+mod kitti;
+mod mcap;
+mod nmea_text;
+mod recording;
+mod ros1;
+mod ros_messages;
+mod rtklib;
+mod sensor_logger;
+mod text;
+mod ubx;
+mod ulog;
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use recording::{Recording, unpacked, unreadable};
+
+use crate::log::{self, Log, LogError};
+pub use recording::Choice;
+
+/// Reads a log folder, or a recording of any known format.
+pub fn open(path: &Path) -> Result<(Log, Vec<LogError>), LogError> {
+    open_all(&[path.to_owned()], Choice::default())
+}
+
+/// Reads a log folder, or what [`read`] does.
+pub fn open_all(paths: &[PathBuf], choice: Choice) -> Result<(Log, Vec<LogError>), LogError> {
+    match paths {
+        [folder] if !folder.is_file() && format(folder)?.is_none() => {
+            if choice.imu.or(choice.gnss).is_some() {
+                let cause = "--imu and --gnss choose among those of a recording: leave them out";
+                let found = "a log folder, which has one of each";
+                let expected = "a recording of several sensors or receivers";
+                return Err(LogError::file(folder, expected, found, cause));
+            }
+            log::read(folder)
+        }
+        _ => read(paths, choice),
+    }
+}
+
+/// Reads one log from one recording, or from one of inertial sensors and one of GNSS.
+pub fn read(paths: &[PathBuf], choice: Choice) -> Result<(Log, Vec<LogError>), LogError> {
+    let mut all = Recording::default();
+    for path in paths {
+        let format = format(path)?.ok_or_else(|| unknown(path))?;
+        let Recording {
+            imus,
+            receivers,
+            parameters,
+            notes,
+        } = (format.read)(path)?;
+        all.imus.extend(imus);
+        all.receivers.extend(receivers);
+        all.parameters.extend(parameters);
+        all.notes.extend(notes);
+    }
+    let path = paths.first().map_or(Path::new(""), PathBuf::as_path);
+    all.log(path, choice)
+}
+
+struct Format {
+    /// From a path and the first bytes of its file.
+    recognised: fn(&Path, &[u8]) -> bool,
+    read: fn(&Path) -> Result<Recording, LogError>,
+}
+
+/// Those that are sure first.
+const FORMATS: [Format; 13] = [
+    Format {
+        recognised: |_, start| start.starts_with(ulog::MAGIC),
+        read: ulog::read,
+    },
+    Format {
+        recognised: |_, start| start.starts_with(dataflash::MAGIC),
+        read: dataflash::read,
+    },
+    Format {
+        recognised: |_, start| start.starts_with(ros1::MAGIC),
+        read: ros1::read,
+    },
+    Format {
+        recognised: |_, start| start.starts_with(mcap::MAGIC),
+        read: mcap::read,
+    },
+    Format {
+        recognised: |_, start| start.windows(2).take(1024).any(|two| two == ubx::MAGIC),
+        read: ubx::read,
+    },
+    Format {
+        recognised: columns::recognised,
+        read: columns::read,
+    },
+    Format {
+        recognised: sensor_logger::recognised,
+        read: sensor_logger::read,
+    },
+    Format {
+        recognised: gnss_ins_sim::recognised,
+        read: gnss_ins_sim::read,
+    },
+    Format {
+        recognised: kitti::recognised,
+        read: kitti::read,
+    },
+    Format {
+        recognised: |_, start| nmea_text::recognised(start),
+        read: nmea_text::read,
+    },
+    Format {
+        recognised: |_, start| rtklib::recognised(start),
+        read: rtklib::read,
+    },
+    Format {
+        recognised: |_, start| euroc::recognised(start),
+        read: euroc::read,
+    },
+    Format {
+        recognised: |_, start| kf_gins::recognised(start),
+        read: kf_gins::read,
+    },
+];
+
+/// The format of a file or folder; none for a log folder or something unknown.
+fn format(path: &Path) -> Result<Option<&'static Format>, LogError> {
+    let mut start = Vec::new();
+    if path.is_file() {
+        let source = unpacked(path)?.take(64 * 1024).read_to_end(&mut start);
+        source.map_err(|e| unreadable(path, &e))?;
+    } else if !path.is_dir() {
+        return Ok(None);
+    }
+    Ok(FORMATS
+        .iter()
+        .find(|format| (format.recognised)(path, &start)))
+}
+
+fn unknown(path: &Path) -> LogError {
+    let found = if path.exists() {
+        "none of them"
+    } else {
+        "nothing of this name"
+    };
+    LogError::file(
+        path,
+        "PX4 ULog, ArduPilot DataFlash, ROS 1 bag, MCAP, UBX, NMEA, RTKLIB .pos, EuRoC, KF-GINS, or a \
+         folder of Sensor Logger, gnss-ins-sim or KITTI",
+        found,
+        "for any other table write a meta.toml beside it, with [columns], and give the folder",
+    )
+}

@@ -1,0 +1,334 @@
+//! What a recording holds, and a log of it; what the formats have in common.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use flate2::bufread::MultiGzDecoder;
+use ins_core::{GnssFix, ImuOutput, ImuSample, Time};
+use nalgebra::{UnitQuaternion, Vector3};
+
+use crate::log::{self, BodyAxes, Log, LogError, Meta};
+
+/// Which of several sensors and receivers, counted from one; the fastest if none is named.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Choice {
+    /// Inertial sensor.
+    pub imu: Option<usize>,
+    /// Receiver.
+    pub gnss: Option<usize>,
+}
+
+/// What a recording holds.
+#[derive(Default)]
+pub(super) struct Recording {
+    pub(super) imus: Vec<Imu>,
+    pub(super) receivers: Vec<Receiver>,
+    /// The autopilot's own, as they were set.
+    pub(super) parameters: BTreeMap<String, f64>,
+    pub(super) notes: Vec<LogError>,
+}
+
+/// Parameters about inertial sensors and GNSS, of either autopilot; the other thousand are left.
+pub(super) fn concerns_sensors(parameter: &str) -> bool {
+    let starts = [
+        "EKF2_", "SENS_", "CAL_ACC", "CAL_GYRO", "GPS", "INS_", "AHRS_", "EK3_",
+    ];
+    starts.iter().any(|start| parameter.starts_with(start))
+}
+
+/// One inertial sensor.
+pub(super) struct Imu {
+    pub(super) path: PathBuf,
+    pub(super) name: String,
+    /// As the source writes them; the samples are right-forward-up.
+    pub(super) axes: BodyAxes,
+    pub(super) output: ImuOutput,
+    pub(super) samples: Vec<ImuSample>,
+}
+
+/// One receiver.
+pub(super) struct Receiver {
+    pub(super) path: PathBuf,
+    pub(super) name: String,
+    pub(super) fixes: Vec<GnssFix>,
+}
+
+/// A file's bytes, unpacked if they are packed.
+pub(super) fn unpacked(path: &Path) -> Result<Box<dyn Read>, LogError> {
+    let open = || -> std::io::Result<Box<dyn Read>> {
+        let mut file = BufReader::new(File::open(path)?);
+        // By content: files get renamed, and browsers unpack what they download.
+        if file.fill_buf()?.starts_with(&[0x1f, 0x8b]) {
+            Ok(Box::new(MultiGzDecoder::new(file)))
+        } else {
+            Ok(Box::new(file))
+        }
+    };
+    open().map_err(|e| unreadable(path, &e))
+}
+
+/// All of a file.
+pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, LogError> {
+    let mut bytes = Vec::new();
+    let read = unpacked(path)?.read_to_end(&mut bytes);
+    read.map_err(|e| unreadable(path, &e))?;
+    Ok(bytes)
+}
+
+pub(super) fn unreadable(path: &Path, error: &std::io::Error) -> LogError {
+    LogError::file(
+        path,
+        "a readable file",
+        error.to_string(),
+        "permissions, the disk, or a damaged file",
+    )
+}
+
+impl Recording {
+    pub(super) fn of(imus: Vec<Imu>, receivers: Vec<Receiver>) -> Self {
+        Self {
+            imus,
+            receivers,
+            ..Self::default()
+        }
+    }
+
+    pub(super) fn log(
+        mut self,
+        path: &Path,
+        choice: Choice,
+    ) -> Result<(Log, Vec<LogError>), LogError> {
+        self.imus.retain(|imu| !imu.samples.is_empty());
+        self.receivers.retain(|receiver| !receiver.fixes.is_empty());
+        let mut warnings = self.notes;
+        let names = |imu: &Imu| (imu.name.clone(), imu.samples.len());
+        let listed: Vec<_> = self.imus.iter().map(names).collect();
+        let imu = chosen("imu", &listed, choice.imu, path, &mut warnings)?;
+        let names = |receiver: &Receiver| (receiver.name.clone(), receiver.fixes.len());
+        let listed: Vec<_> = self.receivers.iter().map(names).collect();
+        let gnss = chosen("gnss", &listed, choice.gnss, path, &mut warnings)?;
+        let (imu, gnss) = (self.imus.swap_remove(imu), self.receivers.swap_remove(gnss));
+        let told = warnings.len();
+        let samples = turned_upright(imu.samples, &imu.path, &mut warnings);
+        let turned = warnings.len() > told;
+        let mut meta = Meta::new(imu.axes, imu.output);
+        if let Some(name) = path.file_stem().and_then(|name| name.to_str()) {
+            meta.document.insert("name".into(), name.into());
+        }
+        let source = format!("{} and {}", imu.name, gnss.name);
+        meta.document.insert("source".into(), source.into());
+        meta.document.insert("turned_upright".into(), turned.into());
+        if !self.parameters.is_empty() {
+            let set = self.parameters.into_iter();
+            let table: toml::Table = set.map(|(name, value)| (name, value.into())).collect();
+            meta.document.insert("parameters".into(), table.into());
+        }
+        let mut log = Log {
+            meta,
+            imu: in_order(samples, &imu.path, |sample| sample.time, &mut warnings),
+            gnss: in_order(gnss.fixes, &gnss.path, |fix| fix.time, &mut warnings),
+            truth: Vec::new(),
+        };
+        log::read::settle(&mut log, &imu.path, &gnss.path, &mut warnings)?;
+        Ok((log, warnings))
+    }
+}
+
+/// Turns a sensor that is mounted on its side, or upside down, by quarter turns: its own axes are
+/// no more than its maker's habit. Whatever way forward is then, heading is found from motion.
+fn turned_upright(
+    mut samples: Vec<ImuSample>,
+    path: &Path,
+    warnings: &mut Vec<LogError>,
+) -> Vec<ImuSample> {
+    let typical = |axis: usize| log::median(samples.iter().map(|sample| sample.accel[axis]));
+    let up = Vector3::new(typical(0), typical(1), typical(2));
+    // As in the check of a log's axes: within 60 degrees the mount is a tilted one.
+    if up.z > 0.5 * up.norm() {
+        return samples;
+    }
+    let axis = up.iamax();
+    let own = Vector3::ith(axis, up[axis].signum());
+    let turn = match axis {
+        2 => UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI),
+        _ => UnitQuaternion::rotation_between(&own, &Vector3::z()).unwrap_or_default(),
+    };
+    for sample in &mut samples {
+        sample.gyro = turn * sample.gyro;
+        sample.accel = turn * sample.accel;
+    }
+    let names = [["left", "right"], ["backward", "forward"], ["down", "up"]];
+    let found = names[axis][usize::from(up[axis] > 0.0)];
+    let found = format!("gravity's reaction towards what should be {found}");
+    let cause = "mounted on its side or upside down: both sensors are turned by quarter turns \
+                 until it is up";
+    warnings.push(LogError::file(
+        path,
+        "gravity's reaction towards up",
+        found,
+        cause,
+    ));
+    samples
+}
+
+/// Index of the one that is asked for, or else of the fastest.
+fn chosen(
+    option: &str,
+    listed: &[(String, usize)],
+    number: Option<usize>,
+    path: &Path,
+    warnings: &mut Vec<LogError>,
+) -> Result<usize, LogError> {
+    let one = |(index, (name, count)): (usize, &(String, usize))| {
+        format!("{} {name} ({count})", index + 1)
+    };
+    let all: Vec<String> = listed.iter().enumerate().map(one).collect();
+    let all = all.join(", ");
+    let (expected, what) = match option {
+        "imu" => ("inertial samples", "another inertial sensor"),
+        _ => ("GNSS fixes", "another receiver"),
+    };
+    // The first of the fastest.
+    let most = listed.iter().map(|(_, count)| *count).max().unwrap_or(0);
+    let fastest = listed.iter().position(|(_, count)| *count == most);
+    let Some(fastest) = fastest else {
+        let cause = match option {
+            "imu" => "none were logged: give a second file that has them",
+            _ => "no receiver, or never a fix: give a second file that has them",
+        };
+        return Err(LogError::file(path, expected, "none", cause));
+    };
+    let Some(number) = number else {
+        if listed.len() > 1 {
+            let cause = format!(
+                "{} is used; --{option} N of `import` chooses {what}",
+                fastest + 1
+            );
+            warnings.push(LogError::file(
+                path,
+                format!("one source of {expected}"),
+                all,
+                cause,
+            ));
+        }
+        return Ok(fastest);
+    };
+    match number.checked_sub(1).filter(|index| *index < listed.len()) {
+        Some(index) => Ok(index),
+        None => Err(LogError::file(
+            path,
+            format!("--{option} from 1 to {}", listed.len()),
+            number.to_string(),
+            all,
+        )),
+    }
+}
+
+/// By their stamps, each once.
+fn in_order<T>(
+    mut rows: Vec<T>,
+    path: &Path,
+    time: impl Fn(&T) -> Time,
+    warnings: &mut Vec<LogError>,
+) -> Vec<T> {
+    let before = rows.len();
+    let behind = rows
+        .windows(2)
+        .filter(|w| time(&w[1]) < time(&w[0]))
+        .count();
+    rows.sort_by_key(&time);
+    rows.dedup_by_key(|row| time(row));
+    let twice = before - rows.len();
+    if behind > 0 || twice > 0 {
+        let found = format!("{behind} behind the one before, {twice} of a stamp that was there");
+        let cause = "put in order; the second of a stamp left out";
+        warnings.push(LogError::file(path, "stamps that increase", found, cause));
+    }
+    rows
+}
+
+/// A vector at a time.
+pub(super) type Stamped = (Time, Vector3<f64>);
+
+/// Samples at the stamps of the gyros, with specific force in between its own.
+pub(super) fn joined(gyro: &[Stamped], accel: &[Stamped], axes: BodyAxes) -> Vec<ImuSample> {
+    let mut next = 0;
+    let mut samples = Vec::new();
+    for &(time, rate) in gyro {
+        while accel.get(next).is_some_and(|(stamp, _)| *stamp < time) {
+            next += 1;
+        }
+        let (Some(after), Some(before)) = (accel.get(next), accel.get(next.saturating_sub(1)))
+        else {
+            continue;
+        };
+        let interval_s = after.0.seconds_since(before.0);
+        let since_s = time.seconds_since(before.0);
+        // A hole of one is a hole of both.
+        if since_s < 0.0 || interval_s > 0.2 {
+            continue;
+        }
+        let share = if interval_s > 0.0 {
+            since_s / interval_s
+        } else {
+            0.0
+        };
+        samples.push(ImuSample {
+            time,
+            gyro: axes.to_rfu(rate),
+            accel: axes.to_rfu(before.1.lerp(&after.1, share)),
+        });
+    }
+    samples
+}
+
+/// Fixes of one receiver whose parts come in messages of their own, put together by their stamps.
+pub(super) fn merged(mut fixes: Vec<GnssFix>) -> Vec<GnssFix> {
+    fixes.sort_by_key(|fix| fix.time);
+    let mut whole: Vec<GnssFix> = Vec::new();
+    for fix in fixes {
+        match whole.last_mut() {
+            Some(last) if fix.time.seconds_since(last.time) < 1e-3 => *last = and(last, &fix),
+            _ => whole.push(fix),
+        }
+    }
+    whole
+}
+
+fn and(one: &GnssFix, other: &GnssFix) -> GnssFix {
+    let (a, b) = (one.sigma, other.sigma);
+    GnssFix {
+        time: one.time,
+        position: one.position.or(other.position),
+        height_m: one.height_m.or(other.height_m),
+        velocity_en_mps: one.velocity_en_mps.or(other.velocity_en_mps),
+        velocity_up_mps: one.velocity_up_mps.or(other.velocity_up_mps),
+        sigma: ins_core::FixSigma {
+            position_m: a.position_m.or(b.position_m),
+            height_m: a.height_m.or(b.height_m),
+            velocity_mps: a.velocity_mps.or(b.velocity_mps),
+            velocity_up_mps: a.velocity_up_mps.or(b.velocity_up_mps),
+        },
+    }
+}
+
+/// Latitude and longitude from degrees; none where they are no place.
+pub(super) fn degrees(latitude: f64, longitude: f64) -> Option<ins_core::earth::LatLon> {
+    (latitude.abs() <= 90.0 && longitude.abs() <= 180.0).then(|| ins_core::earth::LatLon {
+        latitude_rad: latitude.to_radians(),
+        longitude_rad: longitude.to_radians(),
+    })
+}
+
+/// A velocity from speed and course over ground.
+pub(super) fn over_ground(speed_mps: f64, course_deg: f64) -> nalgebra::Vector2<f64> {
+    let (sin, cos) = course_deg.to_radians().sin_cos();
+    nalgebra::Vector2::new(speed_mps * sin, speed_mps * cos)
+}
+
+/// A sigma as stated; receivers say zero or below where they know none.
+pub(super) fn stated(sigma: f64) -> Option<f64> {
+    (sigma > 0.0 && sigma.is_finite()).then_some(sigma)
+}

@@ -1,0 +1,145 @@
+//! Sensor Logger, a phone's: a folder with a table for each sensor. Axes are the phone's, as both
+//! systems define them: x to the right, y to its upper edge, z out of the screen.
+
+use std::fs::File;
+use std::path::Path;
+
+use ins_core::{FixSigma, GnssFix, ImuOutput, Time};
+use nalgebra::Vector3;
+use tempfile::TempDir;
+use zip::ZipArchive;
+
+use super::recording::{
+    Imu, Receiver, Recording, Stamped, degrees, joined, over_ground, stated, unreadable,
+};
+use super::text::Table;
+use crate::log::{BodyAxes, LogError};
+
+pub(super) fn recognised(path: &Path, start: &[u8]) -> bool {
+    let has_all = |there: &dyn Fn(&str) -> bool| {
+        there("Gyroscope.csv") && (there("TotalAcceleration.csv") || there("Accelerometer.csv"))
+    };
+    if start.starts_with(ZIP) {
+        return archive(path).is_ok_and(|zip| has_all(&|name| zip.index_for_name(name).is_some()));
+    }
+    has_all(&|name| path.join(name).is_file())
+}
+
+/// The head of the file in which the program gives its folder away.
+const ZIP: &[u8] = b"PK\x03\x04";
+
+fn unpacked(path: &Path) -> Result<TempDir, LogError> {
+    let folder = tempfile::tempdir().map_err(|e| unreadable(path, &e))?;
+    archive(path)?
+        .extract(&folder)
+        .map_err(|e| unreadable(path, &std::io::Error::other(e)))?;
+    Ok(folder)
+}
+
+fn archive(path: &Path) -> Result<ZipArchive<File>, LogError> {
+    let file = File::open(path).map_err(|e| unreadable(path, &e))?;
+    ZipArchive::new(file).map_err(|e| unreadable(path, &std::io::Error::other(e)))
+}
+
+pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
+    if path.is_dir() {
+        return tables(path);
+    }
+    let mut recording = tables(unpacked(path)?.path())?;
+    // The unpacked tables are gone: messages name what the user has.
+    recording
+        .imus
+        .iter_mut()
+        .for_each(|imu| path.clone_into(&mut imu.path));
+    recording
+        .receivers
+        .iter_mut()
+        .for_each(|receiver| path.clone_into(&mut receiver.path));
+    Ok(recording)
+}
+
+fn tables(path: &Path) -> Result<Recording, LogError> {
+    let gyro = vectors(&path.join("Gyroscope.csv"))?;
+    let imu = Imu {
+        path: path.join("Gyroscope.csv"),
+        name: "phone".to_owned(),
+        axes: BodyAxes::Rfu,
+        output: ImuOutput::Rates,
+        samples: joined(&gyro, &force(path)?, BodyAxes::Rfu),
+    };
+    let location = path.join("Location.csv");
+    let receivers = if location.is_file() {
+        vec![Receiver {
+            fixes: fixes(&location)?,
+            path: location,
+            name: "phone".to_owned(),
+        }]
+    } else {
+        Vec::new()
+    };
+    Ok(Recording::of(vec![imu], receivers))
+}
+
+/// Specific force: as it is, or of its two parts as the phone's system divides it.
+fn force(path: &Path) -> Result<Vec<Stamped>, LogError> {
+    let total = path.join("TotalAcceleration.csv");
+    if total.is_file() {
+        return vectors(&total);
+    }
+    let motion = vectors(&path.join("Accelerometer.csv"))?;
+    let gravity = vectors(&path.join("Gravity.csv"))?;
+    let parts = joined(&motion, &gravity, BodyAxes::Rfu);
+    Ok(parts
+        .iter()
+        .map(|part| (part.time, part.gyro + part.accel))
+        .collect())
+}
+
+fn vectors(path: &Path) -> Result<Vec<Stamped>, LogError> {
+    let table = Table::read(path)?;
+    let column = |name| table.required(name, path);
+    let (time, x, y, z) = (column("time")?, column("x")?, column("y")?, column("z")?);
+    let rows = table.rows.iter().filter_map(|row| {
+        let vector = Vector3::new(*row.get(x)?, *row.get(y)?, *row.get(z)?);
+        let finite = vector.iter().all(|x| x.is_finite());
+        finite.then_some((nanoseconds(*row.get(time)?)?, vector))
+    });
+    let mut rows: Vec<Stamped> = rows.collect();
+    // Phones deliver some samples twice, or late.
+    rows.sort_by_key(|row| row.0);
+    rows.dedup_by_key(|row| row.0);
+    Ok(rows)
+}
+
+fn fixes(path: &Path) -> Result<Vec<GnssFix>, LogError> {
+    let table = Table::read(path)?;
+    let column = |name| table.required(name, path);
+    let (time, latitude, longitude) = (column("time")?, column("latitude")?, column("longitude")?);
+    let fixes = table.rows.iter().filter_map(|row| {
+        let cell = |name: &str| {
+            let value = table.column(name).and_then(|index| row.get(index)).copied();
+            value.filter(|x| x.is_finite())
+        };
+        // Negative where unknown.
+        let speed = cell("speed").filter(|speed| *speed >= 0.0);
+        let bearing = cell("bearing").filter(|bearing| *bearing >= 0.0);
+        Some(GnssFix {
+            time: nanoseconds(*row.get(time)?)?,
+            position: degrees(*row.get(latitude)?, *row.get(longitude)?),
+            height_m: cell("altitude"),
+            velocity_en_mps: speed.zip(bearing).map(|(speed, at)| over_ground(speed, at)),
+            velocity_up_mps: None,
+            sigma: FixSigma {
+                position_m: cell("horizontalAccuracy").and_then(stated),
+                height_m: cell("verticalAccuracy").and_then(stated),
+                velocity_mps: cell("speedAccuracy").and_then(stated),
+                velocity_up_mps: None,
+            },
+        })
+    });
+    Ok(fixes.collect())
+}
+
+fn nanoseconds(time: f64) -> Option<Time> {
+    Time::from_seconds(1e-9 * time)
+}

@@ -1,0 +1,210 @@
+//! u-blox UBX: NAV-PVT with the inertial sensors' ESF-RAW or ESF-MEAS.
+//!
+//! The two have clocks of their own. Time tags of the sensors are laid onto the time of week by the
+//! order in which messages were sent: as early as the fixes that came before them allow.
+
+use std::path::Path;
+
+use ins_core::{FixSigma, GnssFix, ImuOutput, Time};
+use nalgebra::{Vector2, Vector3};
+
+use super::recording::{Imu, Receiver, Recording, Stamped, bytes, degrees, joined, stated};
+use crate::log::{BodyAxes, LogError};
+
+/// What every frame begins with.
+pub(super) const MAGIC: &[u8] = &[0xb5, 0x62];
+
+const NAV_PVT: [u8; 2] = [0x01, 0x07];
+const ESF_MEAS: [u8; 2] = [0x10, 0x02];
+const ESF_RAW: [u8; 2] = [0x10, 0x03];
+
+pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
+    let bytes = bytes(path)?;
+    let mut log = Ubx::default();
+    for (message, payload) in frames(&bytes) {
+        match message {
+            NAV_PVT => log.fix(payload),
+            ESF_MEAS => log.measurements(payload),
+            ESF_RAW => log.raw(payload),
+            _ => {}
+        }
+    }
+    Ok(log.recording(path))
+}
+
+/// Message and payload of every frame that is whole.
+fn frames(bytes: &[u8]) -> Vec<([u8; 2], &[u8])> {
+    let mut frames = Vec::new();
+    let mut at = 0;
+    while let Some(rest) = bytes.get(at..).filter(|rest| rest.len() >= 8) {
+        let length = usize::from(u16::from_le_bytes([rest[4], rest[5]]));
+        let sums = rest.get(2..6 + length).map(checksum);
+        if rest.starts_with(MAGIC)
+            && sums.as_ref().map(<[u8; 2]>::as_slice) == rest.get(6 + length..8 + length)
+        {
+            frames.push(([rest[2], rest[3]], &rest[6..6 + length]));
+            at += 8 + length;
+        } else {
+            at += 1;
+        }
+    }
+    frames
+}
+
+fn checksum(bytes: &[u8]) -> [u8; 2] {
+    bytes.iter().fold([0, 0], |[a, b], byte| {
+        let a: u8 = byte.wrapping_add(a);
+        [a, a.wrapping_add(b)]
+    })
+}
+
+/// Channels in the order of axes: identifier of the value, by which it is multiplied.
+const GYROS: [u32; 3] = [14, 13, 5];
+const ACCELS: [u32; 3] = [16, 17, 18];
+const GYRO_RADPS: f64 = 0.017_453_292_519_943_295 / 4096.0;
+const ACCEL_MPS2: f64 = 1.0 / 1024.0;
+/// Units of time tags: of ESF-MEAS, and of ESF-RAW.
+const MEAS_TAG_S: f64 = 1e-3;
+const RAW_TAG_S: f64 = 1.0 / 25_600.0;
+
+#[derive(Default)]
+struct Ubx {
+    fixes: Vec<GnssFix>,
+    meas: Tags,
+    raw: Tags,
+}
+
+/// Values of the sensors by their time tags.
+#[derive(Default)]
+struct Tags {
+    gyro: Vec<(f64, Vector3<f64>)>,
+    accel: Vec<(f64, Vector3<f64>)>,
+    /// Parts of vectors that are not yet whole.
+    parts: [Option<f64>; 6],
+    turns: f64,
+    last: Option<u32>,
+    /// Least difference from a time tag to the fix that had come before.
+    behind_s: Option<f64>,
+}
+
+impl Ubx {
+    fn fix(&mut self, payload: &[u8]) {
+        let Some(payload) = payload.first_chunk::<84>() else {
+            return;
+        };
+        let int = |at: usize| {
+            let bytes = [
+                payload[at],
+                payload[at + 1],
+                payload[at + 2],
+                payload[at + 3],
+            ];
+            f64::from(i32::from_le_bytes(bytes))
+        };
+        let (kind, fixed) = (payload[20], payload[21] & 1 == 1);
+        let week_s = 1e-3 * int(0);
+        // Of three dimensions, also with dead reckoning: two dimensions have no height.
+        if !fixed || !matches!(kind, 3 | 4) {
+            return;
+        }
+        let Some(time) = Time::from_seconds(week_s) else {
+            return;
+        };
+        self.fixes.push(GnssFix {
+            time,
+            position: degrees(1e-7 * int(28), 1e-7 * int(24)),
+            height_m: Some(1e-3 * int(32)),
+            velocity_en_mps: Some(Vector2::new(1e-3 * int(52), 1e-3 * int(48))),
+            velocity_up_mps: Some(-1e-3 * int(56)),
+            sigma: FixSigma {
+                position_m: stated(1e-3 * int(40)),
+                height_m: stated(1e-3 * int(44)),
+                velocity_mps: stated(1e-3 * int(68)),
+                velocity_up_mps: None,
+            },
+        });
+    }
+
+    fn measurements(&mut self, payload: &[u8]) {
+        let Some((head, rest)) = payload.split_first_chunk::<8>() else {
+            return;
+        };
+        let tag = u32::from_le_bytes([head[0], head[1], head[2], head[3]]);
+        let count = usize::from(head[5] >> 3);
+        let last = self.fixes.last().map(|fix| fix.time);
+        for value in rest.chunks_exact(4).take(count) {
+            let value = u32::from_le_bytes([value[0], value[1], value[2], value[3]]);
+            self.meas.take(tag, MEAS_TAG_S, value & 0x3fff_ffff, last);
+        }
+    }
+
+    fn raw(&mut self, payload: &[u8]) {
+        let last = self.fixes.last().map(|fix| fix.time);
+        for block in payload.get(4..).unwrap_or_default().chunks_exact(8) {
+            let value = u32::from_le_bytes([block[0], block[1], block[2], block[3]]);
+            let tag = u32::from_le_bytes([block[4], block[5], block[6], block[7]]);
+            self.raw.take(tag, RAW_TAG_S, value, last);
+        }
+    }
+
+    fn recording(self, path: &Path) -> Recording {
+        let imus = [("ESF-RAW", self.raw), ("ESF-MEAS", self.meas)].map(|(name, tags)| Imu {
+            path: path.to_owned(),
+            name: name.to_owned(),
+            axes: BodyAxes::Frd,
+            output: ImuOutput::Rates,
+            samples: joined(
+                &tags.stamped(&tags.gyro),
+                &tags.stamped(&tags.accel),
+                BodyAxes::Frd,
+            ),
+        });
+        let receiver = Receiver {
+            path: path.to_owned(),
+            name: "NAV-PVT".to_owned(),
+            fixes: self.fixes,
+        };
+        Recording::of(imus.into(), vec![receiver])
+    }
+}
+
+impl Tags {
+    fn take(&mut self, tag: u32, tag_s: f64, value: u32, last_fix: Option<Time>) {
+        // Tags of 32 bits begin anew; a block of a message may be a little behind.
+        if self
+            .last
+            .is_some_and(|last| last > tag && last - tag > u32::MAX / 2)
+        {
+            self.turns += f64::from(u32::MAX) + 1.0;
+        }
+        self.last = Some(tag);
+        let time_s = tag_s * (self.turns + f64::from(tag));
+        if let Some(fix) = last_fix {
+            let behind_s = fix.as_seconds() - time_s;
+            self.behind_s = Some(self.behind_s.map_or(behind_s, |least| least.max(behind_s)));
+        }
+        let kind = (value >> 24) & 0x3f;
+        // 24 bits with a sign.
+        let number = f64::from((value << 8).cast_signed() >> 8);
+        let channels = GYROS.iter().chain(&ACCELS);
+        let Some(channel) = channels.clone().position(|known| *known == kind) else {
+            return;
+        };
+        let scale = if channel < 3 { GYRO_RADPS } else { ACCEL_MPS2 };
+        self.parts[channel] = Some(scale * number);
+        for (whole, parts) in [(&mut self.gyro, 0..3), (&mut self.accel, 3..6)] {
+            if let [Some(x), Some(y), Some(z)] = self.parts[parts.clone()] {
+                whole.push((time_s, Vector3::new(x, y, z)));
+                self.parts[parts].fill(None);
+            }
+        }
+    }
+
+    fn stamped(&self, values: &[(f64, Vector3<f64>)]) -> Vec<Stamped> {
+        let behind_s = self.behind_s.unwrap_or(0.0);
+        let stamp = |(time_s, value): &(f64, Vector3<f64>)| {
+            Some((Time::from_seconds(time_s + behind_s)?, *value))
+        };
+        values.iter().filter_map(stamp).collect()
+    }
+}

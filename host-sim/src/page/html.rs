@@ -1,0 +1,67 @@
+//! One self-contained page that works without a network.
+
+use minijinja::value::Serde;
+use minijinja::{AutoEscape, Environment};
+use serde::Serialize;
+
+use super::chart::{Figure, SCRIPT};
+
+const TEMPLATE: &str = include_str!("report.html");
+/// How pages look.
+pub(crate) const STYLE: &str = include_str!("style.css");
+
+/// What a page shows: first what is to be known before all, then numbers, then plots.
+#[derive(Default, Serialize)]
+pub(crate) struct Page {
+    pub(crate) title: String,
+    pub(crate) facts: String,
+    pub(crate) verdicts: Vec<String>,
+    pub(crate) tables: Vec<Table>,
+    pub(crate) sections: Vec<Section>,
+}
+
+/// Plots of one kind.
+#[derive(Serialize)]
+pub(crate) struct Section {
+    pub(crate) title: &'static str,
+    pub(crate) note: &'static str,
+    pub(crate) figures: Vec<Figure>,
+}
+
+impl Page {
+    /// The page, as text.
+    pub(crate) fn html(&self) -> Result<String, minijinja::Error> {
+        #[derive(Serialize)]
+        struct Filled<'a> {
+            page: &'a Page,
+            script: &'a str,
+        }
+        let mut environment = Environment::new();
+        environment.set_auto_escape_callback(|_| AutoEscape::Html);
+        environment.add_template("style", STYLE)?;
+        environment.add_template("report", TEMPLATE)?;
+        let template = environment.get_template("report")?;
+        template.render(Serde(&Filled {
+            page: self,
+            script: &SCRIPT,
+        }))
+    }
+}
+
+/// A table with its heading.
+#[derive(Debug, Serialize)]
+pub(crate) struct Table {
+    pub(crate) title: String,
+    pub(crate) header: Vec<String>,
+    pub(crate) rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    pub(crate) fn new(title: &str, header: Vec<String>, rows: Vec<Vec<String>>) -> Self {
+        Self {
+            title: title.to_owned(),
+            header,
+            rows,
+        }
+    }
+}

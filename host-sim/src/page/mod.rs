@@ -1,0 +1,12 @@
+//! What is printed and written: tables, plots, pages, folders. Knows nothing of navigation.
+
+pub(crate) mod chart;
+pub(crate) mod html;
+pub(crate) mod number;
+pub(crate) mod output;
+pub(crate) mod plot;
+pub(crate) mod progress;
+pub(crate) mod sheet;
+pub mod table;
+
+pub(crate) use number::to_second_digit_of as digits;

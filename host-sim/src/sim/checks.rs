@@ -1,0 +1,59 @@
+//! What values of an error model may be.
+
+use thiserror::Error;
+
+/// Why an error model cannot be used.
+#[derive(Debug, Error)]
+pub enum ErrorModelError {
+    /// Not TOML, or not these keys; the message shows the place.
+    #[error("{0}")]
+    Syntax(#[from] toml::de::Error),
+    /// A number that TOML does not have.
+    #[error("{0}")]
+    Unwritable(#[from] toml::ser::Error),
+    /// A value that no sensor has.
+    #[error("{key} = {value}: expected {expected}")]
+    Value {
+        /// Dotted path of the key.
+        key: String,
+        /// What it is set to.
+        value: f64,
+        /// What it may be.
+        expected: &'static str,
+    },
+}
+
+pub(super) fn ensure(
+    holds: bool,
+    key: &str,
+    value: f64,
+    expected: &'static str,
+) -> Result<(), ErrorModelError> {
+    if holds {
+        Ok(())
+    } else {
+        Err(ErrorModelError::Value {
+            key: key.to_owned(),
+            value,
+            expected,
+        })
+    }
+}
+
+pub(super) fn spread(key: &str, value: f64) -> Result<(), ErrorModelError> {
+    ensure(
+        value >= 0.0 && value.is_finite(),
+        key,
+        value,
+        "zero or more",
+    )
+}
+
+pub(super) fn positive(key: &str, value: f64) -> Result<(), ErrorModelError> {
+    ensure(
+        value > 0.0 && value.is_finite(),
+        key,
+        value,
+        "more than zero",
+    )
+}

@@ -1,0 +1,338 @@
+//! How accurate the running estimators are: many seeded drives, errors against what was put in.
+
+mod output;
+mod statistics;
+
+pub use output::{CSV, JSON, PICTURE, header, picture, write};
+pub use statistics::{Results, Row, Spread};
+
+use core::f64::consts::PI;
+
+use ins_core::ConfigError;
+use ins_core::config::{Form, HeadingSource};
+use ins_core::earth::wrap_pi;
+use ins_core::{Config, Estimates, Navigator, Observability, Phase, Solution};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::compare::kalman::{self, Noise, PartNoise};
+use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
+use crate::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
+
+/// Interval at which the errors of a run are looked at, s.
+pub const EVERY_S: f64 = 10.0;
+/// Azimuth error above which a run has not converged, deg.
+const LOST_DEG: f64 = 5.0;
+
+/// Positions with so much noise say nothing, m.
+const NO_POSITION_M: f64 = 1e5;
+
+/// A parameter, and the engineering unit it is reported in.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Quantity {
+    /// Name as in the columns of `estimates.csv`.
+    pub name: &'static str,
+    /// Name for people.
+    pub title: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// SI value of one unit.
+    #[serde(skip)]
+    pub si: f64,
+    /// What a Kalman filter that knows the exact noises reaches on the linear model of an
+    /// HG1700-class drive of 40 min.
+    pub limit: Option<f64>,
+    /// What this program has to reach there.
+    pub goal: Option<f64>,
+}
+
+const fn quantity(
+    name: &'static str,
+    title: &'static str,
+    unit: &'static str,
+    si: f64,
+    [limit, goal]: [Option<f64>; 2],
+) -> Quantity {
+    Quantity {
+        name,
+        title,
+        unit,
+        si,
+        limit,
+        goal,
+    }
+}
+
+const AZIMUTH: [Option<f64>; 2] = [Some(0.024), Some(0.03)];
+const LEVEL_ACCEL: [Option<f64>; 2] = [Some(0.02), Some(0.04)];
+const LEVEL_GYRO: [Option<f64>; 2] = [Some(0.17), Some(0.2)];
+const UP_GYRO: [Option<f64>; 2] = [Some(0.17), Some(0.25)];
+const LATENCY: [Option<f64>; 2] = [Some(0.55), Some(1.0)];
+const DEG: f64 = PI / 180.0;
+
+/// What is looked at, in this order everywhere; body axes right-forward-up.
+#[rustfmt::skip]
+pub const QUANTITIES: [Quantity; 8] = [
+    quantity("azimuth_error_deg", "azimuth", "deg", DEG, AZIMUTH),
+    quantity("accel_bias_x_mg", "accelerometer right", "mg", MG_MPS2, LEVEL_ACCEL),
+    quantity("accel_bias_y_mg", "accelerometer forward", "mg", MG_MPS2, LEVEL_ACCEL),
+    quantity("accel_bias_z_mg", "accelerometer up", "mg", MG_MPS2, [None, None]),
+    quantity("gyro_bias_x_deg_h", "gyro right", "deg/h", DEG_H_RADPS, LEVEL_GYRO),
+    quantity("gyro_bias_y_deg_h", "gyro forward", "deg/h", DEG_H_RADPS, LEVEL_GYRO),
+    quantity("gyro_bias_z_deg_h", "gyro up", "deg/h", DEG_H_RADPS, UP_GYRO),
+    quantity("gnss_latency_ms", "GNSS latency", "ms", 1e-3, LATENCY),
+];
+
+/// Which drives are run, and with which estimators.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Study {
+    /// Class of the sensors.
+    pub grade: Grade,
+    /// Length of a drive.
+    pub minutes: f64,
+    /// Seed of the first drive; the others follow.
+    pub first_seed: u64,
+    /// Number of drives.
+    pub runs: u64,
+    /// Form of the estimators.
+    pub form: Form,
+    /// Bandwidth of the horizontal loop, rad/s; the preset's unless given.
+    pub bandwidth_radps: Option<f64>,
+    /// A Kalman filter in place of the core, which takes the noise of the inertial sensors for
+    /// this many times what it is.
+    pub kalman_noise: Option<f64>,
+    /// Whether that filter takes level positions besides velocities and height.
+    pub kalman_positions: bool,
+}
+
+/// Error and stated spread of a quantity at one time, in its unit.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Check {
+    /// Estimate minus truth.
+    pub error: f64,
+    /// One sigma as stated.
+    pub sigma: f64,
+}
+
+/// One drive.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Run {
+    /// Its seed.
+    pub seed: u64,
+    /// Whether it was navigating at the end, on an observable azimuth that is right to some
+    /// degrees.
+    pub converged: bool,
+    /// Checks every [`EVERY_S`], oldest first; none before it navigates.
+    pub history: Vec<Option<[Check; 8]>>,
+}
+
+impl Study {
+    /// Drives of 40 min, exact form, preset loops.
+    pub fn new(grade: Grade, runs: u64) -> Self {
+        Self {
+            grade,
+            minutes: 40.0,
+            first_seed: 0,
+            runs,
+            form: Form::Exact,
+            bandwidth_radps: None,
+            kalman_noise: None,
+            kalman_positions: true,
+        }
+    }
+
+    /// Runs all drives, several at a time; what comes out does not depend on how many. `tune` has
+    /// the last word on the configuration, `done` is told of every drive.
+    pub fn drive(
+        &self,
+        tune: &(dyn Fn(&mut Config) + Sync),
+        done: &(dyn Fn() + Sync),
+    ) -> Result<Vec<Run>, ConfigError> {
+        let seeds = self.first_seed..self.first_seed.saturating_add(self.runs);
+        seeds
+            .into_par_iter()
+            .map(|seed| {
+                let run = self.run(seed, tune);
+                done();
+                run
+            })
+            .collect()
+    }
+
+    /// Whether limits and goals hold for these drives.
+    pub fn has_limits(&self) -> bool {
+        self.grade == Grade::Hg1700 && (self.minutes - 40.0).abs() < 1e-9
+    }
+
+    fn config(&self, drive: &SimulatedDrive) -> Config {
+        let mut config = config_of(self.grade);
+        config.form = self.form;
+        if let Some(heading) = drive.given_heading_rad {
+            config.heading = HeadingSource::Given(heading);
+        }
+        if let Some(bandwidth) = self.bandwidth_radps {
+            config.damping.horizontal.bandwidth_radps = bandwidth;
+        }
+        config
+    }
+
+    fn run(&self, seed: u64, tune: &dyn Fn(&mut Config)) -> Result<Run, ConfigError> {
+        let drive = simulate(&DriveConfig::new(seed, self.grade, self.minutes));
+        let mut config = self.config(&drive);
+        tune(&mut config);
+        if let Some(factor) = self.kalman_noise {
+            return self.run_kalman(seed, &drive, config, factor);
+        }
+        let mut navigator = Navigator::new(config)?;
+        let mut history = Vec::new();
+        let mut fixes = drive.gnss.iter().peekable();
+        let mut truths = drive.truth.iter().peekable();
+        for sample in &drive.imu {
+            while let Some(fix) = fixes.next_if(|fix| fix.time < sample.time) {
+                let _ = navigator.on_gnss(fix);
+            }
+            let _ = navigator.on_imu(sample);
+            while let Some(truth) = truths.next_if(|truth| truth.time <= sample.time) {
+                let due_s = EVERY_S * (history.len() + 1) as f64;
+                if truth.time == sample.time && sample.time.as_seconds() >= due_s {
+                    history.push(core_checks(&navigator, &drive, truth));
+                }
+            }
+        }
+        let observability = navigator.estimates().azimuth_error_rad.observability;
+        Ok(Run {
+            seed,
+            converged: navigator.phase() == Phase::Navigating
+                && observability == Observability::Observable
+                && azimuth_is_right(&history),
+            history,
+        })
+    }
+}
+
+impl Study {
+    fn run_kalman(
+        &self,
+        seed: u64,
+        drive: &SimulatedDrive,
+        config: Config,
+        factor: f64,
+    ) -> Result<Run, ConfigError> {
+        let mut noise = Noise::of_model(&self.grade.errors()).guessed(factor);
+        if !self.kalman_positions {
+            noise.position = PartNoise {
+                believes_stated: false,
+                ..PartNoise::white(NO_POSITION_M)
+            };
+        }
+        let mut run = kalman::Run::new(&drive.imu, &drive.gnss, config, noise)?;
+        let mut history = Vec::new();
+        let mut truths = drive.truth.iter().peekable();
+        while let Some(time) = run.step(&mut |_, _| {}) {
+            while let Some(truth) = truths.next_if(|truth| truth.time <= time) {
+                let due_s = EVERY_S * (history.len() + 1) as f64;
+                if truth.time == time && time.as_seconds() >= due_s {
+                    history.push(run.filter().map(|filter| {
+                        checks(
+                            &filter.estimates(),
+                            filter.known.ins.heading_rad(),
+                            drive,
+                            truth,
+                        )
+                    }));
+                }
+            }
+        }
+        Ok(Run {
+            seed,
+            converged: azimuth_is_right(&history),
+            history,
+        })
+    }
+}
+
+/// The configuration that fits a class of simulated sensors.
+pub fn config_of(grade: Grade) -> Config {
+    let preset = match grade {
+        Grade::Mems => Config::mems(),
+        Grade::Ideal | Grade::Hg1700 => Config::hg1700(),
+    };
+    Config {
+        imu_output: grade.errors().imu.output,
+        ..preset
+    }
+}
+
+fn azimuth_is_right(history: &[Option<[Check; 8]>]) -> bool {
+    let end = history.last().and_then(Option::as_ref);
+    end.is_some_and(|[azimuth, ..]| azimuth.error.abs() < LOST_DEG)
+}
+
+/// The azimuth is that of the damped INS: what is still in it against what the estimator says is
+/// still in it.
+fn core_checks(
+    navigator: &Navigator,
+    drive: &SimulatedDrive,
+    truth: &Solution,
+) -> Option<[Check; 8]> {
+    let heading_rad = navigator.mechanization()?.heading_rad();
+    let mut estimates = navigator.estimates();
+    estimates.azimuth_error_rad.value = navigator.azimuth_left_rad();
+    Some(checks(&estimates, heading_rad, drive, truth))
+}
+
+/// Every estimate against its truth; the azimuth is what is left in a heading.
+fn checks(
+    estimates: &Estimates,
+    heading_rad: f64,
+    drive: &SimulatedDrive,
+    truth: &Solution,
+) -> [Check; 8] {
+    let errors = &drive.errors;
+    let [ax, ay, az] = estimates.accel_bias_mps2;
+    let [gx, gy, gz] = estimates.gyro_bias_radps;
+    let azimuth_left = wrap_pi(heading_rad - truth.euler().heading_rad);
+    // The up accelerometer feels g: its scale error is a bias.
+    let up_bias = errors.accel_bias_mps2[2] + errors.accel_scale[2] * 9.81;
+    let pairs = [
+        (estimates.azimuth_error_rad, azimuth_left),
+        (ax, errors.accel_bias_mps2[0]),
+        (ay, errors.accel_bias_mps2[1]),
+        (az, up_bias),
+        (gx, errors.gyro_bias_radps[0]),
+        (gy, errors.gyro_bias_radps[1]),
+        (gz, errors.gyro_bias_radps[2]),
+        (estimates.gnss_latency_s, errors.gnss_latency_s),
+    ];
+    let mut checks = [Check::default(); 8];
+    for ((check, (estimate, truth)), quantity) in checks.iter_mut().zip(pairs).zip(QUANTITIES) {
+        check.error = (estimate.value - truth) / quantity.si;
+        check.sigma = estimate.sigma / quantity.si;
+    }
+    checks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use indicatif::ProgressBar;
+
+    #[test]
+    fn results_do_not_depend_on_the_number_of_threads() {
+        let study = Study {
+            minutes: 4.0,
+            first_seed: 7,
+            ..Study::new(Grade::Hg1700, 3)
+        };
+        let on = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            let results = || study.results(&ProgressBar::hidden());
+            pool.build().unwrap().install(results).unwrap()
+        };
+        let results = on(1);
+        assert_eq!(results, on(3));
+        let seeds: Vec<u64> = results.runs.iter().map(|run| run.seed).collect();
+        assert_eq!(seeds, [7, 8, 9]);
+        assert!((15..=24).contains(&results.history.len()));
+    }
+}

@@ -1,0 +1,142 @@
+//! `accuracy.json`, `accuracy.csv`, `accuracy.svg`, and the table for people.
+
+use std::fs::{self, File};
+use std::path::Path;
+
+use miette::{IntoDiagnostic, Result};
+
+use super::{Check, QUANTITIES, Results, Row, Spread};
+use crate::page::number::to_second_digit_of;
+use crate::page::output::OutputError;
+use crate::page::plot::{BLUE, Mark, ORANGE, Plot};
+use crate::page::sheet::{self, Panel, key};
+
+/// Names of the files; the first marks the folder as ours.
+pub const JSON: &str = "accuracy.json";
+/// Error and sigma of every run at its end.
+pub const CSV: &str = "accuracy.csv";
+/// RMS error beside RMS sigma over time.
+pub const PICTURE: &str = "accuracy.svg";
+
+/// Writes all files into a folder.
+pub fn write(results: &Results, folder: &Path) -> Result<()> {
+    let json = serde_json::to_string_pretty(results).into_diagnostic()?;
+    for (name, text) in [(JSON, json + "\n"), (PICTURE, picture(results))] {
+        let path = folder.join(name);
+        fs::write(&path, text).map_err(|e| OutputError::io(&path, e))?;
+    }
+    let path = folder.join(CSV);
+    let file = File::create(&path).map_err(|e| OutputError::io(&path, e))?;
+    write_runs(results, file).into_diagnostic()
+}
+
+fn write_runs(results: &Results, file: File) -> csv::Result<()> {
+    let mut table = csv::Writer::from_writer(file);
+    let mut header = vec!["seed".to_owned(), "converged".to_owned()];
+    for quantity in QUANTITIES {
+        let name = quantity.name;
+        header.extend([format!("{name}_error"), format!("{name}_sigma")]);
+    }
+    table.write_record(header)?;
+    for run in &results.runs {
+        let mut cells = vec![run.seed.to_string(), u8::from(run.converged).to_string()];
+        let end = run.history.last().copied().flatten();
+        cells.extend(QUANTITIES.iter().enumerate().flat_map(|(which, _)| {
+            let cell = |value: fn(&Check) -> f64| {
+                end.map_or(String::new(), |checks| {
+                    format!("{:.6}", value(&checks[which]))
+                })
+            };
+            [cell(|check| check.error), cell(|check| check.sigma)]
+        }));
+        table.write_record(cells)?;
+    }
+    Ok(table.flush()?)
+}
+
+/// RMS error beside RMS sigma over time, a panel for each quantity.
+pub fn picture(results: &Results) -> String {
+    let panels: Vec<Panel> = (0..QUANTITIES.len())
+        .map(|which| panel(results, which))
+        .collect();
+    sheet::svg(&panels)
+}
+
+fn panel(results: &Results, which: usize) -> Panel {
+    let minutes = |series: fn(&Spread) -> &[f64; 8]| -> Vec<(f64, f64)> {
+        let point = |spread: &Spread| (spread.time_s / 60.0, series(spread)[which]);
+        results.history.iter().map(point).collect()
+    };
+    let error = minutes(|spread| &spread.rms_error);
+    let sigma = minutes(|spread| &spread.rms_sigma);
+    let values = || error.iter().chain(&sigma).map(|point| point.1);
+    let least = values().filter(|v| *v > 0.0).fold(f64::MAX, f64::min);
+    let most = values().fold(least, f64::max);
+    let plot = Plot {
+        size: sheet::CELL,
+        x_label: "time, min".to_owned(),
+        y_label: QUANTITIES[which].unit.to_owned(),
+        x: (0.0, results.study.minutes),
+        y: (0.8 * least, 1.25 * most),
+        marks: vec![Mark::Line(sigma, ORANGE), Mark::Line(error, BLUE)],
+    };
+    Panel {
+        title: capital(QUANTITIES[which].title),
+        svg: plot.svg_log_y(),
+        keys: vec![
+            key(BLUE, "RMS error of the runs"),
+            key(ORANGE, "RMS of the stated sigma"),
+        ],
+    }
+}
+
+fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or(String::new(), |first| {
+        first.to_uppercase().chain(letters).collect()
+    })
+}
+
+/// Column heads of [`Results::cells`].
+pub fn header() -> Vec<String> {
+    let header = [
+        "",
+        "RMS error",
+        "RMS sigma",
+        "within 1 sigma",
+        "settled after",
+        "limit",
+        "goal",
+    ];
+    header.map(str::to_owned).to_vec()
+}
+
+impl Results {
+    /// The table, cell by cell, without its head.
+    pub fn cells(&self) -> Vec<Vec<String>> {
+        let limits = self.study.has_limits();
+        self.quantities
+            .iter()
+            .map(|row| row.cells(limits))
+            .collect()
+    }
+}
+
+impl Row {
+    fn cells(&self, limits: bool) -> Vec<String> {
+        let known = |value: Option<f64>| {
+            value
+                .filter(|_| limits)
+                .map_or(String::new(), |value| value.to_string())
+        };
+        vec![
+            format!("{}, {}", self.quantity.title, self.quantity.unit),
+            to_second_digit_of(self.rms_error, self.rms_error),
+            to_second_digit_of(self.rms_error, self.rms_sigma),
+            format!("{:.0} %", self.within_sigma_percent),
+            format!("{:.1} min", self.settled_s / 60.0),
+            known(self.quantity.limit),
+            known(self.quantity.goal),
+        ]
+    }
+}

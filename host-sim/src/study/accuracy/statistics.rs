@@ -1,0 +1,199 @@
+//! What many runs say together.
+
+use indicatif::ProgressBar;
+use ins_core::ConfigError;
+use serde::Serialize;
+
+use super::{Check, EVERY_S, QUANTITIES, Quantity, Run, Study};
+
+/// Part of normally distributed errors within one sigma, 1.
+const WITHIN_SIGMA: f64 = 0.6827;
+
+/// All runs of a study, and what they say together.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Results {
+    /// What was run.
+    #[serde(flatten)]
+    pub study: Study,
+    /// Runs that ended on an azimuth that is right.
+    pub converged: usize,
+    /// One row for each quantity.
+    pub quantities: Vec<Row>,
+    /// The same over time.
+    pub history: Vec<Spread>,
+    /// The runs themselves, by seed.
+    #[serde(skip)]
+    pub runs: Vec<Run>,
+}
+
+/// A quantity at the end of the runs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// Which.
+    #[serde(flatten)]
+    pub quantity: Quantity,
+    /// Root mean square of the errors.
+    pub rms_error: f64,
+    /// Root mean square of the stated sigmas.
+    pub rms_sigma: f64,
+    /// Part of the errors within one stated sigma, percent.
+    pub within_sigma_percent: f64,
+    /// Time after which the RMS error over the runs stays below twice its final value, s.
+    pub settled_s: f64,
+}
+
+/// All quantities at one time, in the order of [`QUANTITIES`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Spread {
+    /// Since the first sample, s.
+    pub time_s: f64,
+    /// Runs that navigate; those before are left out.
+    pub navigating: usize,
+    /// Root mean square of the errors over the runs.
+    pub rms_error: [f64; 8],
+    /// Root mean square of the stated sigmas.
+    pub rms_sigma: [f64; 8],
+}
+
+impl Study {
+    /// Runs all drives and sums up.
+    pub fn results(self, progress: &ProgressBar) -> Result<Results, ConfigError> {
+        progress.set_length(self.runs);
+        let runs = self.drive(&|_| {}, &|| progress.inc(1))?;
+        progress.finish_and_clear();
+        Ok(Results::new(self, runs))
+    }
+}
+
+impl Results {
+    /// Sums up runs of equal length.
+    pub fn new(study: Study, runs: Vec<Run>) -> Self {
+        let checks = runs.iter().map(|run| run.history.len()).min().unwrap_or(0);
+        let history: Vec<Spread> = (0..checks)
+            .filter_map(|check| spread(&runs, check))
+            .collect();
+        let quantities = match history.last() {
+            Some(end) => (0..QUANTITIES.len())
+                .map(|which| row(&runs, &history, end, which))
+                .collect(),
+            None => Vec::new(),
+        };
+        Self {
+            study,
+            converged: runs.iter().filter(|run| run.converged).count(),
+            quantities,
+            history,
+            runs,
+        }
+    }
+
+    /// From when on the RMS error of a quantity stays below a level, s; `None` if it does not.
+    pub fn settled_s(&self, which: usize, level: f64) -> Option<f64> {
+        settled_s(&self.history, self.runs.len(), which, level)
+    }
+
+    /// Two standard deviations of the part of honest errors within one sigma, percent.
+    pub fn coverage_spread_percent(&self) -> f64 {
+        let variance = WITHIN_SIGMA * (1.0 - WITHIN_SIGMA) / self.runs.len() as f64;
+        200.0 * variance.sqrt()
+    }
+}
+
+/// `None` if no run navigates yet.
+fn spread(runs: &[Run], check: usize) -> Option<Spread> {
+    let checks: Vec<&[Check; 8]> = runs
+        .iter()
+        .filter_map(|run| run.history[check].as_ref())
+        .collect();
+    let rms = |value: fn(&Check) -> f64| {
+        core::array::from_fn(|which| {
+            let squares = checks.iter().map(|checks| value(&checks[which]).powi(2));
+            (squares.sum::<f64>() / checks.len() as f64).sqrt()
+        })
+    };
+    (!checks.is_empty()).then(|| Spread {
+        time_s: EVERY_S * (check + 1) as f64,
+        navigating: checks.len(),
+        rms_error: rms(|check| check.error),
+        rms_sigma: rms(|check| check.sigma),
+    })
+}
+
+fn row(runs: &[Run], history: &[Spread], end: &Spread, which: usize) -> Row {
+    let rms_error = end.rms_error[which];
+    let within = runs
+        .iter()
+        .filter_map(|run| run.history.last()?.as_ref())
+        .filter(|checks| checks[which].error.abs() < checks[which].sigma)
+        .count();
+    Row {
+        quantity: QUANTITIES[which],
+        rms_error,
+        rms_sigma: end.rms_sigma[which],
+        within_sigma_percent: 100.0 * within as f64 / runs.len() as f64,
+        settled_s: settled_s(history, runs.len(), which, 2.0 * rms_error).unwrap_or(end.time_s),
+    }
+}
+
+/// From when on the RMS error of all runs stays below a level, s.
+fn settled_s(history: &[Spread], runs: usize, which: usize, level: f64) -> Option<f64> {
+    let settled = |spread: &&Spread| spread.navigating == runs && spread.rms_error[which] < level;
+    let since = history.iter().rev().take_while(settled).last();
+    since.map(|spread| spread.time_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::Grade;
+
+    /// Runs whose errors are the given ones, for every quantity alike; sigma is 1.
+    fn runs(errors: &[&[f64]]) -> Vec<Run> {
+        let checks = |error: &f64| {
+            let check = Check {
+                error: *error,
+                sigma: 1.0,
+            };
+            Some([check; 8])
+        };
+        (0..)
+            .zip(errors)
+            .map(|(seed, errors)| Run {
+                seed,
+                converged: errors[0] < 10.0,
+                history: errors.iter().map(checks).collect(),
+            })
+            .collect()
+    }
+
+    #[test]
+    fn sums_up() {
+        let study = Study::new(Grade::Hg1700, 2);
+        // RMS 5, 12, 1.5, 2.5, 1: it dips at the third check, and settles at the last.
+        let all = runs(&[&[3.0, 12.0, 1.5, 2.5, -0.6], &[-16.0, 12.0, 1.5, 2.5, 1.28]]);
+        let results = Results::new(study, all);
+        let row = results.quantities[3];
+        assert_eq!(results.converged, 2);
+        assert!((row.rms_error - 0.9996).abs() < 1e-3);
+        assert!((row.rms_sigma - 1.0).abs() < 1e-12);
+        assert!((row.within_sigma_percent - 50.0).abs() < 1e-9);
+        assert!((row.settled_s - 50.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn runs_count_from_when_they_navigate() {
+        let mut all = runs(&[&[4.0, 1.0, 1.0], &[0.0, 1.0, 1.0]]);
+        all[1].history[0] = None;
+        let results = Results::new(Study::new(Grade::Hg1700, 2), all);
+        assert_eq!(results.history[0].navigating, 1);
+        assert!((results.history[0].rms_error[0] - 4.0).abs() < 1e-12);
+        assert!((results.quantities[0].settled_s - 20.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_hundred_runs_know_the_coverage_to_nine_percent() {
+        let errors = vec![[0.5].as_slice(); 100];
+        let results = Results::new(Study::new(Grade::Mems, 100), runs(&errors));
+        assert!((results.coverage_spread_percent() - 9.3).abs() < 0.05);
+    }
+}

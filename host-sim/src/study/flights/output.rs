@@ -1,0 +1,302 @@
+//! What `flights` writes and prints.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+use miette::{IntoDiagnostic, Result};
+
+use super::run::{BIASES_DEG_H, Run, WALKS_DEG_SQRT_H};
+use super::schuler::{Oscillation, Point};
+use super::summary::{End, NAMES, Summary, THESIS_KM, Walk};
+use crate::page::output::{self, OutputError};
+use crate::page::plot::{BLUE, GREEN, GREY, Mark, ORANGE, Plot, padded};
+use crate::page::table::{self, cells};
+
+/// File name of the summary; marks the folder as ours.
+pub const SUMMARY: &str = "flights.json";
+
+/// Writes the summary, a table with one row per flight, and pictures.
+pub fn write(out: &Path, force: bool, runs: &[Run], summary: &Summary) -> Result<()> {
+    let json = serde_json::to_string_pretty(summary).into_diagnostic()? + "\n";
+    let csv = table(runs).into_diagnostic()?;
+    output::build(out, SUMMARY, force, |folder| -> Result<()> {
+        for (name, contents) in [
+            (SUMMARY, json.into_bytes()),
+            ("flights.csv", csv),
+            (
+                "free_flight.svg",
+                oscillation(&summary.schuler.curves).into_bytes(),
+            ),
+            ("position_error.svg", growth(summary).into_bytes()),
+        ] {
+            let path = folder.join(name);
+            fs::write(&path, contents).map_err(|e| OutputError::io(&path, e))?;
+        }
+        Ok(())
+    })
+}
+
+/// One row per flight: errors left in the estimates, errors at the end.
+fn table(runs: &[Run]) -> Result<Vec<u8>, csv::Error> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let mut head: Vec<String> = vec!["seed".into()];
+    for name in ["gyro_left_deg_h", "accel_left_mg"] {
+        head.extend(["x", "y", "z"].map(|axis| format!("{name}_{axis}")));
+    }
+    head.extend(["azimuth_left_deg", "latency_left_ms"].map(String::from));
+    for name in NAMES {
+        head.extend(["position_m", "velocity_mps"].map(|what| format!("{name}_{what}")));
+    }
+    writer.write_record(&head)?;
+    for run in runs {
+        let left = &run.left;
+        let mut row = vec![run.seed.to_string()];
+        let mut add = |value: f64| row.push(format!("{value:.6}"));
+        left.gyro_deg_h.into_iter().for_each(&mut add);
+        left.accel_mg.into_iter().for_each(&mut add);
+        add(left.azimuth_deg);
+        add(left.latency_ms);
+        for end in run.free.iter().filter_map(|errors| errors.last()) {
+            add(end.position_m);
+            add(end.velocity_mps);
+        }
+        writer.write_record(&row)?;
+    }
+    writer
+        .into_inner()
+        .map_err(|error| error.into_error().into())
+}
+
+// --- pictures ---
+
+/// Velocity error of the long straight flight, and what (1)-(2) say.
+fn oscillation(curves: &[Point]) -> String {
+    let line = |which: usize, axis: usize| -> Vec<(f64, f64)> {
+        curves
+            .iter()
+            .map(|point| (point.time_s / 60.0, point.errors_mps[which][axis]))
+            .collect()
+    };
+    let all = || curves.iter().flat_map(|point| point.errors_mps);
+    Plot {
+        size: (900, 420),
+        x_label: "time without GNSS, min: east (blue), north (orange), by (1)-(2) (grey), with the rotation of the frame (green)".to_owned(),
+        y_label: "velocity error, m/s".to_owned(),
+        x: padded(curves.iter().map(|point| point.time_s / 60.0), 1.0),
+        y: padded(all().flat_map(|error| [error.x, error.y]), 0.1),
+        marks: vec![
+            Mark::Line(line(0, 0), BLUE),
+            Mark::Line(line(0, 1), ORANGE),
+            Mark::Reference(line(1, 0), GREY),
+            Mark::Reference(line(1, 1), GREY),
+            Mark::Reference(line(2, 0), GREEN),
+            Mark::Reference(line(2, 1), GREEN),
+        ],
+    }
+    .svg()
+}
+
+/// Growth of the position error.
+fn growth(summary: &Summary) -> String {
+    let line = |value: &dyn Fn(usize) -> f64| -> Vec<(f64, f64)> {
+        (0..summary.growth.len())
+            .map(|at| (summary.growth[at].minute as f64, value(at)))
+            .collect()
+    };
+    let (applied, quiet) = (
+        line(&|at| summary.growth[at].with_estimates_km),
+        line(&|at| summary.growth[at].without_noise_km),
+    );
+    let minutes = summary.growth.len() as f64;
+    let thesis = vec![(0.0, THESIS_KM), (minutes, THESIS_KM)];
+    Plot {
+        size: (900, 340),
+        x_label: "time without GNSS, min: estimates applied (blue), without noise (orange), thesis after 1 h (grey)".to_owned(),
+        y_label: "RMS position error, km".to_owned(),
+        x: (0.0, minutes),
+        y: padded(applied.iter().map(|p| p.1).chain([0.0, THESIS_KM]), 1.0),
+        marks: vec![
+            Mark::Line(applied, BLUE),
+            Mark::Line(quiet, ORANGE),
+            Mark::Reference(thesis, GREY),
+        ],
+    }
+    .svg()
+}
+
+// --- tables ---
+
+/// A table with its title.
+struct Table {
+    title: String,
+    header: Vec<String>,
+    rows: Vec<Vec<String>>,
+}
+
+/// The figures for a person.
+pub fn readable(summary: &Summary) -> String {
+    in_words(summary, table::plain)
+}
+
+/// The figures for a page.
+pub fn markdown(summary: &Summary) -> String {
+    in_words(summary, table::markdown)
+}
+
+fn in_words(summary: &Summary, table: fn(&[String], &[Vec<String>]) -> String) -> String {
+    let left = &summary.left;
+    let [gx, gy, gz] = left.gyro_deg_h;
+    let [ax, ay, az] = left.accel_mg;
+    let mut text = format!(
+        "{} flights of the Cessna 172, ring-laser class (1 deg/h, 0.125 deg/sqrt(h)): {} min damped\n\
+         by GNSS, then {} min free, at a height held by a barometer. RMS errors left in the\n\
+         estimates: gyros {gx:.2}, {gy:.2}, {gz:.2} deg/h, accelerometers {ax:.3}, {ay:.3}, {az:.3} mg,\n\
+         azimuth {:.3} deg, latency {:.1} ms.\n",
+        summary.runs,
+        summary.minutes_aided,
+        summary.minutes_free,
+        left.azimuth_deg,
+        left.latency_ms
+    );
+    for Table {
+        title,
+        header,
+        rows,
+    } in [
+        ends(summary),
+        grid(summary),
+        walks(summary),
+        models(summary),
+    ] {
+        let _ = write!(text, "\n{title}\n\n{}", table(&header, &rows));
+    }
+    text
+}
+
+fn ends(summary: &Summary) -> Table {
+    let row = |name: &str, end: &End| {
+        let [low, high] = end.position_km.rms_95;
+        vec![
+            name.to_owned(),
+            format!("{:.2}", end.position_km.rms),
+            format!("{low:.2} to {high:.2}"),
+            format!("{:.2}", end.position_km.median),
+            format!("{:.2}", end.velocity_mps.rms),
+        ]
+    };
+    let alone = |name: &str, position_km: f64| {
+        let mut cells = vec![name.to_owned(), format!("{position_km:.2}")];
+        cells.extend([const { String::new() }; 3]);
+        cells
+    };
+    Table {
+        title: "Horizontal error at the end:".to_owned(),
+        header: cells(["", "RMS, km", "95 %", "median, km", "RMS, m/s"]),
+        rows: vec![
+            row("estimates applied", &summary.with_estimates),
+            row(
+                "the same, sensors without noise from then on",
+                &summary.without_noise,
+            ),
+            row("readings as they are", &summary.raw),
+            alone("R * 1 deg/h * t", summary.one_deg_h_km),
+            alone("thesis, after 1 h", THESIS_KM),
+        ],
+    }
+}
+
+fn grid(summary: &Summary) -> Table {
+    let mut header = cells(["random walk, deg/sqrt(h)"]);
+    header.extend(BIASES_DEG_H.map(|bias| format!("bias {bias} deg/h")));
+    let row = |(row, walk): (usize, &Walk)| {
+        let of_walk = (summary.grid.iter().skip(row)).step_by(WALKS_DEG_SQRT_H.len());
+        let mut cells = vec![walk.random_walk_deg_sqrt_h.to_string()];
+        cells.extend(of_walk.map(|cell| {
+            let mark = if cell.reached { " *" } else { "" };
+            format!("{:.2}{mark}", cell.position_km)
+        }));
+        cells
+    };
+    Table {
+        title: format!(
+            "RMS position error, km, of residual gyro errors alone; * reaches the {THESIS_KM} km of the thesis:"
+        ),
+        header,
+        rows: summary.walks.iter().enumerate().map(row).collect(),
+    }
+}
+
+fn walks(summary: &Summary) -> Table {
+    let row = |walk: &Walk| {
+        let room = walk.largest_bias_deg_h;
+        vec![
+            walk.random_walk_deg_sqrt_h.to_string(),
+            format!("{:.2}", walk.position_km),
+            format!("{:.2}", walk.linear_model_km),
+            room.map_or("none".to_owned(), |bias| format!("{bias:.3}")),
+        ]
+    };
+    Table {
+        title: format!(
+            "The random walk alone, and the bias that it leaves room for within {THESIS_KM} km:"
+        ),
+        header: cells([
+            "random walk, deg/sqrt(h)",
+            "flown, km",
+            "linear model, km",
+            "bias, deg/h",
+        ]),
+        rows: summary.walks.iter().map(row).collect(),
+    }
+}
+
+/// Velocity errors against the linear model: differences, and the oscillation.
+fn models(summary: &Summary) -> Table {
+    let (model, schuler) = (&summary.linear_model, &summary.schuler);
+    let row = |name: String, of: [&dyn std::fmt::Display; 3]| {
+        let mut cells = vec![name];
+        cells.extend(of.map(|value| format!("{value:.2}")));
+        cells
+    };
+    let percent = |name: &str, printed: f64, rotating: f64| {
+        row(
+            format!("{name}, %"),
+            [&"", &(100.0 * printed), &(100.0 * rotating)],
+        )
+    };
+    let both = [&schuler.ins, &schuler.model, &schuler.rotating_model];
+    let straight = format!("straight flight of {} min, biases only", schuler.minutes);
+    let oscillation = |name: &str, value: fn(&Oscillation) -> f64| {
+        let [ins, printed, rotating] = both.map(value);
+        row(format!("{straight}: {name}"), [&ins, &printed, &rotating])
+    };
+    Table {
+        title: format!(
+            "Velocity errors against the linear model: RMS difference over RMS error, and the\n\
+             oscillation ({:.2} min by 2 pi sqrt(R/g)):",
+            schuler.period_min
+        ),
+        header: cells(["", "INS", "(1)-(2)", "with the frame's rotation"]),
+        rows: vec![
+            percent(
+                "free parts, estimates applied",
+                model.with_estimates,
+                model.with_estimates_rotating,
+            ),
+            percent(
+                "free parts, readings as they are",
+                model.raw,
+                model.raw_rotating,
+            ),
+            percent(
+                &straight,
+                schuler.model_difference,
+                schuler.rotating_model_difference,
+            ),
+            oscillation("period, min", |o| o.period_min),
+            oscillation("amplitude east, m/s", |o| o.east_mps),
+            oscillation("amplitude north, m/s", |o| o.north_mps),
+        ],
+    }
+}

@@ -1,0 +1,108 @@
+//! The planned route, turned another way for each flight.
+
+use std::path::Path;
+
+use ins_core::earth::wrap_pi;
+use nalgebra::{Rotation3, Vector3};
+
+use crate::aircraft::cessna172;
+use crate::aircraft::dynamics::Dynamics;
+use crate::aircraft::flight::{Flight, FlightError};
+use crate::aircraft::input::InputError;
+use crate::aircraft::plan::{Leg, Path2d, Plan};
+use crate::sim::ideal::displaced;
+use crate::sim::noise::Random;
+
+const FILE: &str = "plans/route_one_hour.toml";
+const ROUTE: &str = include_str!("../../../plans/route_one_hour.toml");
+
+/// An aircraft and the route it flies.
+#[derive(Clone, Debug)]
+pub struct Route {
+    dynamics: Dynamics,
+    plan: Plan,
+}
+
+impl Route {
+    /// The Cessna 172 on the hour's route that comes with the program.
+    pub fn cessna172() -> Result<Self, InputError> {
+        let dynamics = Dynamics::new(&cessna172());
+        let plan = Plan::parse(Path::new(FILE), ROUTE, &dynamics)?;
+        Ok(Self { dynamics, plan })
+    }
+
+    /// The plan as it stands.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// Flight `seed`, round and round for so long: route and wind turned by a random angle, so
+    /// that no heading is preferred, in turbulence of its own.
+    pub fn flight(&self, seed: u64, duration_s: f64) -> Result<Flight, FlightError> {
+        let pi = core::f64::consts::PI;
+        let angle_rad = Random::stream(seed, "route direction").uniform([-pi, pi]);
+        let plan = Plan {
+            duration_s: Some(duration_s),
+            ..turned(&self.plan, angle_rad)
+        };
+        Flight::new(&self.dynamics, &plan, seed)
+    }
+
+    /// Straight ahead on the first heading for so long.
+    pub fn straight(&self, seed: u64, duration_s: f64) -> Result<Flight, FlightError> {
+        let start = self.plan.start;
+        let ahead = Leg {
+            path: Path2d::Heading {
+                heading_rad: start.heading_rad,
+                duration_s,
+            },
+            height_m: start.position.height_m,
+            airspeed_mps: start.airspeed_mps,
+        };
+        let plan = Plan {
+            duration_s: Some(duration_s),
+            legs: vec![ahead],
+            ..self.plan.clone()
+        };
+        Flight::new(&self.dynamics, &plan, seed)
+    }
+}
+
+/// A plan turned clockwise about its start.
+fn turned(plan: &Plan, angle_rad: f64) -> Plan {
+    let rotation = Rotation3::from_axis_angle(&Vector3::z_axis(), -angle_rad);
+    let heading = |heading_rad: f64| wrap_pi(heading_rad + angle_rad);
+    let start = plan.start.position;
+    let path = |leg: &Leg| match leg.path {
+        Path2d::To {
+            latitude_rad,
+            longitude_rad,
+        } => {
+            let to = ins_core::earth::Geodetic {
+                latitude_rad,
+                longitude_rad,
+                height_m: start.height_m,
+            };
+            let to = displaced(&start, &(rotation * to.enu_from(&start)));
+            Path2d::To {
+                latitude_rad: to.latitude_rad,
+                longitude_rad: to.longitude_rad,
+            }
+        }
+        Path2d::Heading {
+            heading_rad,
+            duration_s,
+        } => Path2d::Heading {
+            heading_rad: heading(heading_rad),
+            duration_s,
+        },
+        bank @ Path2d::Bank { .. } => bank,
+    };
+    let mut turned = plan.clone();
+    turned.start.heading_rad = heading(plan.start.heading_rad);
+    turned.wind_enu_mps = rotation * plan.wind_enu_mps;
+    for leg in &mut turned.legs {
+        leg.path = path(leg);
+    }
+    turned
+}

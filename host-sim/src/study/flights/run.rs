@@ -1,0 +1,365 @@
+//! One flight: damped, then free in several variants side by side.
+
+use core::array;
+
+use ins_core::config::{DampingConfig, HeadingSource};
+use ins_core::earth::wrap_pi;
+use ins_core::increments::Interval;
+use ins_core::{Config, Estimate, Estimates, ImuOutput, Navigator, Observability, Solution};
+use nalgebra::Vector3;
+use serde::Serialize;
+
+use super::linear::{Agreement, LinearModel, Terms};
+use super::route::Route;
+use super::sensors::{Intervals, RATE_HZ, STEP_S, Sensors, Step};
+use indicatif::ProgressBar;
+use rayon::prelude::*;
+
+use crate::aircraft::flight::FlightError;
+use crate::identify::held_ins::{Error, HeldIns};
+use crate::sim::ErrorModel;
+use crate::sim::noise::Random;
+
+/// Residual gyro biases of the grid, one sigma, deg/h.
+pub const BIASES_DEG_H: [f64; 6] = [0.0, 0.01, 0.03, 0.1, 0.3, 1.0];
+/// Angular random walks of the grid, deg/sqrt(h).
+pub const WALKS_DEG_SQRT_H: [f64; 4] = [0.0, 0.01, 0.03, 0.125];
+const CELLS: usize = BIASES_DEG_H.len() * WALKS_DEG_SQRT_H.len();
+
+/// SI values of deg/h, deg/sqrt(h) and mg.
+const DEG_H: f64 = core::f64::consts::PI / 180.0 / 3600.0;
+pub(super) const DEG_SQRT_H: f64 = core::f64::consts::PI / 180.0 / 60.0;
+const MG: f64 = 9.806_65e-3;
+/// Samples per minute, and per comparison with the linear model.
+const MINUTE: u32 = 6000;
+const SECOND: u32 = 100;
+
+/// How the flights go.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Damped by GNSS, min.
+    pub minutes_aided: u32,
+    /// Free after that, min.
+    pub minutes_free: u32,
+    /// Sensors; their output must be increments.
+    pub errors: ErrorModel,
+}
+
+/// Why a flight gives no figures.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum RunError {
+    /// It came down.
+    #[error("flight of seed {seed}: {error}")]
+    Flight {
+        /// Which.
+        seed: u64,
+        /// Why.
+        error: FlightError,
+    },
+    /// The alignment was not over when GNSS went.
+    #[error("flight of seed {seed}: still aligning after {minutes} min; raise --minutes-aided")]
+    Aligning {
+        /// Which.
+        seed: u64,
+        /// Length of the damped part.
+        minutes: u32,
+    },
+}
+
+/// Errors left when GNSS goes: estimate minus truth.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Left {
+    /// Gyro biases x, y, z.
+    pub gyro_deg_h: [f64; 3],
+    /// Accelerometer biases x, y, z.
+    pub accel_mg: [f64; 3],
+    /// Heading of the solution.
+    pub azimuth_deg: f64,
+    /// GNSS latency.
+    pub latency_ms: f64,
+}
+
+/// The free INS that fly side by side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Variant {
+    /// Estimates taken out of the readings.
+    Estimates,
+    /// The same without the noise of the free part: what the errors of the estimates do.
+    WithoutNoise,
+    /// Readings as they are, from the same start.
+    Raw,
+}
+
+/// All of them, in the order of [`Run::free`].
+pub const VARIANTS: [Variant; 3] = [Variant::Estimates, Variant::WithoutNoise, Variant::Raw];
+
+/// One flight's figures.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Run {
+    /// Which flight.
+    pub seed: u64,
+    /// Errors left in the estimates.
+    pub left: Left,
+    /// Errors of each [`Variant`] at every minute of the free part.
+    pub free: [Vec<Error>; 3],
+    /// Velocity error against the model in both [`Terms`]: estimates, then raw.
+    pub agreement: [[Agreement; 2]; 2],
+    /// Position error of each cell of the grid at the end, m; walks within biases.
+    pub grid_m: [f64; CELLS],
+}
+
+/// Flies one seed.
+pub fn run(seed: u64, route: &Route, settings: &Settings) -> Result<Run, RunError> {
+    let (mut sensors, navigator, start) = aided(seed, route, settings)?;
+    let estimates = navigator.estimates();
+    let mut free = Free::new(seed, &sensors, &start, &estimates, navigator.config());
+    let left = left(&sensors, &start, &estimates);
+    for count in 1..=settings.minutes_free * MINUTE {
+        let step = sensors.step();
+        free.step(&step, sensors.truth(), count);
+    }
+    Ok(free.into_run(seed, left, sensors.truth()))
+}
+
+/// Flies one seed with nothing beside the INS that has its estimates applied: what is left when
+/// GNSS goes, and the errors at every minute after that.
+pub fn run_alone(
+    seed: u64,
+    route: &Route,
+    settings: &Settings,
+) -> Result<(Left, Vec<Error>), RunError> {
+    let (mut sensors, navigator, start) = aided(seed, route, settings)?;
+    let estimates = navigator.estimates();
+    let ([gyro, accel], mut ins) = (biases(&estimates), HeldIns::new(&start));
+    let mut measured = Intervals::default();
+    let left = left(&sensors, &start, &estimates);
+    let minutes = (0..settings.minutes_free).map(|_| {
+        for _ in 0..MINUTE {
+            let step = sensors.step();
+            let interval = measured.of(&step.sample).without_bias(&gyro, &accel);
+            let height_m = step.before.solution.position.height_m;
+            ins.step(&interval, height_m, &navigator.config().damping);
+        }
+        ins.error(sensors.truth())
+    });
+    let errors = minutes.collect();
+    Ok((left, errors))
+}
+
+/// A flight up to where GNSS goes.
+fn aided(
+    seed: u64,
+    route: &Route,
+    settings: &Settings,
+) -> Result<(Sensors, Navigator, Solution), RunError> {
+    let duration_s = 60.0 * f64::from(settings.minutes_aided + settings.minutes_free);
+    let in_flight = |error| RunError::Flight { seed, error };
+    let flight = route.flight(seed, duration_s).map_err(in_flight)?;
+    // Flown once without sensors: what cannot be flown must not end as a figure.
+    flight.duration_s().map_err(in_flight)?;
+    let origin = route.plan().start.position;
+    let mut sensors = Sensors::new(flight, origin, &settings.errors, seed);
+    let navigator = damped(seed, &mut sensors, settings);
+    let start = navigator.solution().ok_or(RunError::Aligning {
+        seed,
+        minutes: settings.minutes_aided,
+    })?;
+    Ok((sensors, navigator, start))
+}
+
+/// The damped part of a flight.
+fn damped(seed: u64, sensors: &mut Sensors, settings: &Settings) -> Navigator {
+    let heading_error_deg = settings.errors.given_heading_sigma_deg.unwrap_or(0.0)
+        * Random::stream(seed, "given heading").normal();
+    let heading_rad = sensors.truth().euler().heading_rad + heading_error_deg.to_radians();
+    let config = Config {
+        imu_output: ImuOutput::Increments,
+        heading: HeadingSource::Given(heading_rad),
+        ..Config::hg1700()
+    };
+    let mut navigator = Navigator::new(config).expect("presets are valid");
+    for _ in 0..settings.minutes_aided * MINUTE {
+        let step = sensors.step();
+        for fix in sensors.fixes(&step) {
+            let _ = navigator.on_gnss(&fix);
+        }
+        let _ = navigator.on_imu(&step.sample);
+    }
+    navigator
+}
+
+/// An estimate as far as it stands on data.
+fn value(estimate: &Estimate) -> f64 {
+    if estimate.observability == Observability::Observable {
+        estimate.value
+    } else {
+        0.0
+    }
+}
+
+/// Gyro and accelerometer biases as found.
+fn biases(estimates: &Estimates) -> [Vector3<f64>; 2] {
+    [estimates.gyro_bias_radps, estimates.accel_bias_mps2]
+        .map(|kind| Vector3::from(kind.map(|estimate| value(&estimate))))
+}
+
+fn left(sensors: &Sensors, start: &Solution, estimates: &Estimates) -> Left {
+    let ([gyro, accel], [true_gyro, true_accel]) = (biases(estimates), sensors.biases());
+    let heading_rad = start.euler().heading_rad - sensors.truth().euler().heading_rad;
+    Left {
+        gyro_deg_h: ((gyro - true_gyro) / DEG_H).into(),
+        accel_mg: ((accel - true_accel) / MG).into(),
+        azimuth_deg: wrap_pi(heading_rad).to_degrees(),
+        latency_ms: 1e3 * (value(&estimates.gnss_latency_s) - sensors.latency_s()),
+    }
+}
+
+/// All that flies free.
+struct Free {
+    damping: DampingConfig,
+    /// Estimates, and what they are off by.
+    known: [Vector3<f64>; 2],
+    off: [Vector3<f64>; 2],
+    measured: Intervals,
+    ideal: Intervals,
+    ins: [HeldIns; 3],
+    errors: [Vec<Error>; 3],
+    models: [[LinearModel; 2]; 2],
+    agreement: [[Agreement; 2]; 2],
+    grid: Grid,
+}
+
+impl Free {
+    fn new(
+        seed: u64,
+        sensors: &Sensors,
+        start: &Solution,
+        estimates: &Estimates,
+        config: &Config,
+    ) -> Self {
+        let (known, truth) = (biases(estimates), sensors.truth());
+        let true_biases = sensors.biases();
+        let models = [Terms::Printed, Terms::RotatingFrame]
+            .map(|terms| LinearModel::new(terms, start, truth));
+        Self {
+            damping: config.damping,
+            known,
+            off: array::from_fn(|kind| known[kind] - true_biases[kind]),
+            measured: Intervals::default(),
+            ideal: Intervals::default(),
+            ins: [HeldIns::new(start); 3],
+            errors: Default::default(),
+            models: [models; 2],
+            agreement: Default::default(),
+            grid: Grid::new(seed, truth),
+        }
+    }
+
+    fn step(&mut self, step: &Step, truth: &Solution, count: u32) {
+        let height_m = step.before.solution.position.height_m;
+        let measured = self.measured.of(&step.sample);
+        let ideal = self.ideal.of(&step.ideal);
+        let intervals = VARIANTS.map(|variant| match variant {
+            Variant::Estimates => measured.without_bias(&self.known[0], &self.known[1]),
+            Variant::WithoutNoise => ideal.without_bias(&self.off[0], &self.off[1]),
+            Variant::Raw => measured,
+        });
+        for (ins, interval) in self.ins.iter_mut().zip(&intervals) {
+            ins.step(interval, height_m, &self.damping);
+        }
+        self.grid.step(&ideal, height_m, &self.damping);
+        self.compare(step, truth, count);
+        if count.is_multiple_of(MINUTE) {
+            for (errors, ins) in self.errors.iter_mut().zip(&self.ins) {
+                errors.push(ins.error(truth));
+            }
+        }
+    }
+
+    /// Takes the linear models along, and compares once a second.
+    fn compare(&mut self, step: &Step, truth: &Solution, count: u32) {
+        let raw = [
+            step.sample.gyro - step.ideal.gyro,
+            step.sample.accel - step.ideal.accel,
+        ];
+        let corrected = array::from_fn(|kind| raw[kind] - STEP_S * self.known[kind]);
+        for (models, [gyro, accel]) in self.models.iter_mut().zip([corrected, raw]) {
+            for model in models {
+                model.step(step, truth, &gyro, &accel);
+            }
+        }
+        if !count.is_multiple_of(SECOND) {
+            return;
+        }
+        let [estimates, _, raw] = self.ins.map(|ins| ins.velocity_error_mps(truth));
+        for (which, error) in [estimates, raw].iter().enumerate() {
+            for (agreement, model) in self.agreement[which].iter_mut().zip(&self.models[which]) {
+                agreement.add(model, error);
+            }
+        }
+    }
+
+    fn into_run(self, seed: u64, left: Left, truth: &Solution) -> Run {
+        Run {
+            seed,
+            left,
+            free: self.errors,
+            agreement: self.agreement,
+            grid_m: self.grid.ins.map(|ins| ins.error(truth).position_m),
+        }
+    }
+}
+
+/// Free INS that start without error and have nothing but the grid's gyro errors, the same draws
+/// in every cell.
+struct Grid {
+    ins: [HeldIns; CELLS],
+    bias: Vector3<f64>,
+    noise: Random,
+}
+
+impl Grid {
+    fn new(seed: u64, truth: &Solution) -> Self {
+        Self {
+            ins: [HeldIns::new(truth); CELLS],
+            bias: Vector3::from(Random::stream(seed, "residual bias").normal3()),
+            noise: Random::stream(seed, "residual noise"),
+        }
+    }
+
+    fn step(&mut self, ideal: &Interval, height_m: f64, config: &DampingConfig) {
+        let noise = Vector3::from(self.noise.normal3()) * (DEG_SQRT_H * RATE_HZ.sqrt());
+        for (cell, ins) in self.ins.iter_mut().enumerate() {
+            let (bias, walk) = cell_errors(cell);
+            let gyro = DEG_H * bias * self.bias + walk * noise;
+            ins.step(
+                &ideal.without_bias(&-gyro, &Vector3::zeros()),
+                height_m,
+                config,
+            );
+        }
+    }
+}
+
+/// Bias, deg/h, and walk, deg/sqrt(h), of a cell.
+pub fn cell_errors(cell: usize) -> (f64, f64) {
+    let walks = WALKS_DEG_SQRT_H.len();
+    (BIASES_DEG_H[cell / walks], WALKS_DEG_SQRT_H[cell % walks])
+}
+
+/// All flights, on all cores; the order of the result does not depend on them.
+pub fn all(
+    seeds: core::ops::Range<u64>,
+    route: &Route,
+    settings: &Settings,
+    progress: &ProgressBar,
+) -> Result<Vec<Run>, RunError> {
+    seeds
+        .into_par_iter()
+        .map(|seed| {
+            let run = run(seed, route, settings);
+            progress.inc(1);
+            run
+        })
+        .collect()
+}

@@ -1,0 +1,189 @@
+//! The Schuler oscillation: a long free flight with constant biases against (1)-(2).
+
+use nalgebra::{Matrix4, Vector2, Vector3, Vector4};
+use serde::Serialize;
+
+use super::linear::{Agreement, LinearModel, Terms};
+use super::route::Route;
+use super::run::RunError;
+use super::sensors::{Intervals, RATE_HZ, STEP_S, Sensors};
+use crate::identify::held_ins::HeldIns;
+use crate::sim::ErrorModel;
+use ins_core::config::Config;
+use ins_core::earth::LocalEarth;
+
+/// Two periods, min.
+const MINUTES: u32 = 170;
+/// Samples between two points of the curves.
+const EVERY: u32 = 1000;
+/// Periods that are tried, min.
+const PERIODS_MIN: [f64; 2] = [60.0, 120.0];
+
+/// What oscillates: constant, trend and one sine in each channel, one period for both.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Oscillation {
+    /// Period, min.
+    pub period_min: f64,
+    /// Amplitude east, m/s.
+    pub east_mps: f64,
+    /// Amplitude north, m/s.
+    pub north_mps: f64,
+}
+
+/// The comparison's figures.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Schuler {
+    /// Length of the flight.
+    pub minutes: u32,
+    /// Gyro biases, right, forward, up.
+    pub gyro_bias_deg_h: [f64; 3],
+    /// Accelerometer biases.
+    pub accel_bias_mps2: [f64; 3],
+    /// `2 pi sqrt(R/g)`, min.
+    pub period_min: f64,
+    /// Of the INS.
+    pub ins: Oscillation,
+    /// Of (1)-(2).
+    pub model: Oscillation,
+    /// Of (1)-(2) with the rotation of the frame.
+    pub rotating_model: Oscillation,
+    /// RMS difference of (1)-(2) from the INS over RMS error of the INS.
+    pub model_difference: f64,
+    /// The same with the rotation of the frame.
+    pub rotating_model_difference: f64,
+    /// Velocity errors over time.
+    #[serde(skip)]
+    pub curves: Vec<Point>,
+}
+
+/// One moment of the flight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// Since the start, s.
+    pub time_s: f64,
+    /// Velocity errors of the INS, of (1)-(2), and of these with the rotation of the frame.
+    pub errors_mps: [Vector2<f64>; 3],
+}
+
+/// Flies straight on with the biases of a seed and no noise, from a levelling that these
+/// accelerometers have tilted.
+pub fn schuler(seed: u64, route: &Route, errors: &ErrorModel) -> Result<Schuler, RunError> {
+    let in_flight = |error| RunError::Flight { seed, error };
+    let flight = route
+        .straight(seed, 60.0 * f64::from(MINUTES))
+        .map_err(in_flight)?;
+    flight.duration_s().map_err(in_flight)?;
+    let origin = route.plan().start.position;
+    let mut sensors = Sensors::new(flight, origin, errors, seed);
+    let [gyro, accel] = sensors.biases();
+    let mut start = *sensors.truth();
+    let earth = LocalEarth::at(origin.latitude_rad, origin.height_m);
+    let pull = start.attitude * accel;
+    let tilt_rad = Vector3::new(-pull.y, pull.x, 0.0) / earth.gravity_mps2;
+    start.attitude = nalgebra::UnitQuaternion::from_scaled_axis(-tilt_rad) * start.attitude;
+
+    let mut ins = HeldIns::new(&start);
+    let mut models = [Terms::Printed, Terms::RotatingFrame]
+        .map(|terms| LinearModel::new(terms, &start, sensors.truth()));
+    let (mut intervals, damping) = (Intervals::default(), Config::hg1700().damping);
+    let (mut curves, mut agreement) = (Vec::new(), [Agreement::default(); 2]);
+    for count in 1..=MINUTES * 6000 {
+        let step = sensors.step();
+        let interval = intervals.of(&step.ideal).without_bias(&-gyro, &-accel);
+        ins.step(&interval, step.before.solution.position.height_m, &damping);
+        for model in &mut models {
+            model.step(&step, sensors.truth(), &(STEP_S * gyro), &(STEP_S * accel));
+        }
+        if count.is_multiple_of(EVERY) {
+            let error = ins.velocity_error_mps(sensors.truth());
+            for (agreement, model) in agreement.iter_mut().zip(&models) {
+                agreement.add(model, &error);
+            }
+            let [printed, rotating] = models.map(|model| model.velocity_mps.xy());
+            curves.push(Point {
+                time_s: f64::from(count) / RATE_HZ,
+                errors_mps: [error, printed, rotating],
+            });
+        }
+    }
+    let [ins, model, rotating_model] = [0, 1, 2].map(|which| oscillation(&curves, which));
+    let [model_difference, rotating_model_difference] =
+        agreement.map(|one| Agreement::relative([one].iter()));
+    Ok(Schuler {
+        minutes: MINUTES,
+        gyro_bias_deg_h: gyro.map(|rate| rate.to_degrees() * 3600.0).into(),
+        accel_bias_mps2: accel.into(),
+        period_min: std::f64::consts::TAU * f64::sqrt(earth.north_radius_m / earth.gravity_mps2)
+            / 60.0,
+        ins,
+        model,
+        rotating_model,
+        model_difference,
+        rotating_model_difference,
+        curves,
+    })
+}
+
+/// Least squares over all periods: a fine scan, since the sum has side minima.
+fn oscillation(curves: &[Point], which: usize) -> Oscillation {
+    let [low, high] = PERIODS_MIN;
+    let steps = 1200;
+    (0..=steps)
+        .filter_map(|i| {
+            let period_min = low + (high - low) * f64::from(i) / f64::from(steps);
+            let (east_mps, east_square) = sine(curves, period_min, |p| p.errors_mps[which].x)?;
+            let (north_mps, north_square) = sine(curves, period_min, |p| p.errors_mps[which].y)?;
+            let oscillation = Oscillation {
+                period_min,
+                east_mps,
+                north_mps,
+            };
+            Some((oscillation, east_square + north_square))
+        })
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .map_or_else(Oscillation::default, |(oscillation, _)| oscillation)
+}
+
+/// Amplitude of the sine of a period that fits beside a constant and a trend, and the sum of the
+/// squares that it leaves.
+fn sine(curves: &[Point], period_min: f64, value: impl Fn(&Point) -> f64) -> Option<(f64, f64)> {
+    let (mut normal, mut right, mut square) = (Matrix4::zeros(), Vector4::zeros(), 0.0);
+    for point in curves {
+        let turns = point.time_s / (60.0 * period_min);
+        let (sin, cos) = libm::sincos(std::f64::consts::TAU * turns);
+        let (row, y) = (Vector4::new(1.0, turns, sin, cos), value(point));
+        normal += row * row.transpose();
+        right += y * row;
+        square += y * y;
+    }
+    let fit = normal.cholesky()?.solve(&right);
+    Some((libm::hypot(fit.z, fit.w), square - fit.dot(&right)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn finds_period_and_amplitudes() {
+        let curves: Vec<Point> = (0..1020)
+            .map(|i| {
+                let time_s = 10.0 * f64::from(i);
+                let phase = std::f64::consts::TAU * time_s / (60.0 * 84.4);
+                let error = Vector2::new(
+                    3.0 + 5.0 * libm::sin(phase + 0.3),
+                    1e-3 * time_s - 7.0 * libm::cos(phase),
+                );
+                Point {
+                    time_s,
+                    errors_mps: [error; 3],
+                }
+            })
+            .collect();
+        let found = oscillation(&curves, 0);
+        // The scan goes in steps of 0.05 min.
+        assert!((found.period_min - 84.4).abs() < 0.03, "{found:?}");
+        assert!((found.east_mps - 5.0).abs() < 0.01, "{found:?}");
+        assert!((found.north_mps - 7.0).abs() < 0.01, "{found:?}");
+    }
+}

@@ -1,0 +1,134 @@
+//! A simulated drive, and what was found on it.
+
+use ins_core::ConfigError;
+use ins_core::config::{Feedback, Form, HeadingSource};
+use ins_core::increments::Interval;
+use ins_core::{Config, Solution, Time};
+use nalgebra::{Vector2, Vector3};
+
+use indicatif::ProgressBar;
+
+use super::part::GRADE;
+use crate::compare::five_stage::{self, FiveStage};
+use crate::identify::free_inertial::feed;
+use crate::identify::held_ins::HeldIns;
+use crate::identify::row::Row;
+use crate::identify::run::record;
+use crate::log::{BodyAxes, Log, Meta};
+use crate::sim::{DriveConfig, simulate};
+use crate::study::accuracy::config_of;
+
+/// Interval between errors kept, s.
+const EVERY_S: f64 = 1.0;
+
+/// The drive.
+pub(super) struct Drive {
+    /// With its truth.
+    pub(super) log: Log,
+    /// The same without the noise of the gyros.
+    pub(super) without_walk: Log,
+    pub(super) config: Config,
+    /// The damped INS, nothing found fed back: literal form.
+    pub(super) open: Vec<Row>,
+    /// The running estimates in the exact form.
+    pub(super) running: Vec<Row>,
+    pub(super) stages: FiveStage,
+}
+
+impl Drive {
+    pub(super) fn new(seed: u64, minutes: f64) -> Result<Self, ConfigError> {
+        let mut plan = DriveConfig::new(seed, GRADE, minutes);
+        plan.recording.truth_every = 1;
+        let drive = simulate(&plan);
+        let config = Config {
+            heading: drive
+                .given_heading_rad
+                .map_or(HeadingSource::Auto, HeadingSource::Given),
+            ..config_of(GRADE)
+        };
+        let meta = Meta::new(BodyAxes::Rfu, config.imu_output);
+        plan.recording.errors.gyro_deg_h.white_noise = 0.0;
+        let without_walk = Log {
+            meta: meta.clone(),
+            imu: simulate(&plan).imu,
+            gnss: Vec::new(),
+            truth: Vec::new(),
+        };
+        let log = Log {
+            meta,
+            imu: drive.imu,
+            gnss: drive.gnss,
+            truth: drive.truth,
+        };
+        let history = |config: Config| {
+            let (run, _) = record(&log, config, &ProgressBar::hidden(), |_, _| {})?;
+            Ok(run.history)
+        };
+        Ok(Self {
+            open: history(Config {
+                form: Form::Literal,
+                feedback: Feedback::Open,
+                ..config
+            })?,
+            running: history(config)?,
+            stages: five_stage::run(&log, config, five_stage::REPEATED)?,
+            config,
+            without_walk,
+            log,
+        })
+    }
+
+    /// Seconds since the first sample.
+    pub(super) fn since(&self, time: Time) -> f64 {
+        let first = self.log.imu.first();
+        first.map_or(0.0, |first| time.seconds_since(first.time))
+    }
+
+    /// What really happened at the stamp of an inertial sample.
+    pub(super) fn truth(&self, time: Time) -> Option<&Solution> {
+        let at = self.log.truth.binary_search_by_key(&time, |row| row.time);
+        at.ok().map(|at| &self.log.truth[at])
+    }
+
+    /// Velocity error, east and north, of an INS let go at `start` on the readings of `log` less
+    /// `known`, once a second until `end`, and then. Its height is held.
+    pub(super) fn free(
+        &self,
+        log: &Log,
+        start: &Solution,
+        known: impl Fn(Time) -> [Vector3<f64>; 2],
+        end: Time,
+    ) -> Vec<(Time, Vector2<f64>)> {
+        let mut ins = HeldIns::new(start);
+        let mut height_m = start.position.height_m;
+        let mut errors: Vec<(Time, Vector2<f64>)> = Vec::new();
+        // Samples may end: so do the errors.
+        let _ = feed(log, start.time, &[], |interval: &Interval, time| {
+            let [gyro, accel] = known(time);
+            ins.step(
+                &interval.without_bias(&gyro, &accel),
+                height_m,
+                &self.config.damping,
+            );
+            if let Some(truth) = self.truth(time) {
+                height_m = truth.position.height_m;
+                let since = errors.last().map_or(start.time, |last| last.0);
+                if time.seconds_since(since) > EVERY_S - 5e-4 || time >= end {
+                    errors.push((time, ins.velocity_error_mps(truth)));
+                }
+            }
+            time < end
+        });
+        errors
+    }
+
+    /// Biases found by the stages: gyros at a time, and accelerometers.
+    pub(super) fn found(&self, time: Time) -> [Vector3<f64>; 2] {
+        [self.stages.gyros.at(time), self.accels()]
+    }
+
+    /// Accelerometer biases found by the stages.
+    pub(super) fn accels(&self) -> Vector3<f64> {
+        Vector3::from(self.stages.estimates.accel_bias_mps2.map(|bias| bias.value))
+    }
+}

@@ -1,0 +1,137 @@
+//! Table 2, and the hour of flight without GNSS.
+
+use miette::{IntoDiagnostic, Result};
+use rayon::prelude::*;
+
+use super::part::{Number, Part, Settings, csv, rms};
+use super::performance::performance;
+use crate::page::plot::{BLUE, GREEN, Mark, Plot, RED, padded};
+use crate::page::sheet::{self, Panel, key};
+use crate::sim::ErrorModel;
+use crate::study::flights::route::Route;
+use crate::study::flights::run::{Settings as Flown, run_alone};
+use crate::study::flights::summary::THESIS_KM;
+
+/// Damped by GNSS, and free after that, min.
+const AIDED_MIN: u32 = 40;
+const FREE_MIN: u32 = 60;
+/// Random walk with which the thesis's figure is reached, deg/sqrt(h).
+const GOOD_WALK_DEG_SQRT_H: f64 = 0.01;
+
+pub(super) fn table_2() -> Result<Part> {
+    let rows = performance()?;
+    let mut csv = "quantity,specification,thesis,ours\n".to_owned();
+    csv.extend(rows.iter().map(|row| {
+        let name = row.name.replace(',', "");
+        format!(
+            "{name},{},{},{:.3}\n",
+            row.specification, row.thesis, row.ours
+        )
+    }));
+    let specification: Vec<String> = rows
+        .iter()
+        .map(|row| row.specification.to_string())
+        .collect();
+    Ok(Part {
+        name: "table-2",
+        title: "Table 2: performance of the simulated Cessna 172",
+        how: format!(
+            "At sea level, standard atmosphere. The specification has {}.",
+            specification.join(", ")
+        ),
+        numbers: rows
+            .into_iter()
+            .map(|row| Number::new(row.name, Some(row.thesis), row.ours))
+            .collect(),
+        svg: None,
+        csv,
+    })
+}
+
+/// Route flights on the estimates found while GNSS was there.
+pub(super) fn hour(settings: &Settings, route: &Route, class: &ErrorModel) -> Result<Part> {
+    let mut good = class.clone();
+    // deg/sqrt(h) is deg/h/sqrt(Hz) / 60.
+    good.gyro_deg_h.white_noise = 60.0 * GOOD_WALK_DEG_SQRT_H;
+    let growths = [
+        growth(settings, route, class)?,
+        growth(settings, route, &good)?,
+    ];
+    let end = |which: usize| growths[which].last().copied().unwrap_or(f64::NAN);
+    let walk = class.gyro_deg_h.white_noise / 60.0;
+    let number = |walk: f64, which: usize| {
+        let what = format!("position after {FREE_MIN} min, walk {walk} deg/sqrt(h), km RMS");
+        Number::new(what, Some(THESIS_KM), end(which))
+    };
+    Ok(Part {
+        name: "hour-of-flight",
+        title: "An hour of flight without GNSS",
+        how: format!(
+            "{} route flights, gyros of 1 deg/h: {AIDED_MIN} min damped by GNSS, then {FREE_MIN} \
+             min free on the estimates, height held by a barometer. The random walk of the thesis's \
+             gyros is not known here; with that typical of the class its figure is out of reach \
+             however good the estimates.",
+            settings.flights
+        ),
+        numbers: vec![number(walk, 0), number(GOOD_WALK_DEG_SQRT_H, 1)],
+        svg: Some(picture(&growths, walk)),
+        csv: csv(
+            &["minute", "rms_km", "rms_small_walk_km"],
+            (1..)
+                .zip(growths[0].iter().zip(&growths[1]))
+                .map(|(minute, (a, b))| vec![f64::from(minute), *a, *b]),
+        ),
+    })
+}
+
+/// RMS position error at each minute of the free part, km.
+fn growth(settings: &Settings, route: &Route, errors: &ErrorModel) -> Result<Vec<f64>> {
+    let flown = Flown {
+        minutes_aided: AIDED_MIN,
+        minutes_free: FREE_MIN,
+        errors: errors.clone(),
+    };
+    let seeds = settings.seed..settings.seed.saturating_add(settings.flights);
+    let flights = seeds
+        .into_par_iter()
+        .map(|seed| run_alone(seed, route, &flown).map(|(_, errors)| errors))
+        .collect::<Result<Vec<_>, _>>()
+        .into_diagnostic()?;
+    let at = |minute: usize| {
+        rms(flights
+            .iter()
+            .map(|errors| 1e-3 * errors[minute].position_m))
+    };
+    Ok((0..FREE_MIN as usize).map(at).collect())
+}
+
+fn picture([class, good]: &[Vec<f64>; 2], walk: f64) -> String {
+    let line = |values: &[f64]| -> Vec<(f64, f64)> {
+        let minutes = (1..).map(f64::from);
+        minutes.zip(values.iter().copied()).collect()
+    };
+    let (class, good) = (line(class), line(good));
+    let thesis = vec![(0.0, THESIS_KM), (f64::from(FREE_MIN), THESIS_KM)];
+    let values = class.iter().chain(&good).map(|point| point.1);
+    let plot = Plot {
+        size: sheet::CELL,
+        x_label: "time without GNSS, min".to_owned(),
+        y_label: "km".to_owned(),
+        x: (0.0, f64::from(FREE_MIN)),
+        y: padded(values.chain([0.0]), 1e-2),
+        marks: vec![
+            Mark::Reference(thesis, RED),
+            Mark::Line(class, BLUE),
+            Mark::Line(good, GREEN),
+        ],
+    };
+    sheet::svg(&[Panel {
+        title: format!("RMS position error, walk {walk} and {GOOD_WALK_DEG_SQRT_H}"),
+        svg: plot.svg(),
+        keys: vec![
+            key(BLUE, "typical walk of the class"),
+            key(GREEN, "small walk"),
+            key(RED, "thesis, after an hour"),
+        ],
+    }])
+}

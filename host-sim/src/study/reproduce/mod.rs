@@ -1,0 +1,84 @@
+//! The thesis's figures and tables from simulation, its numbers beside ours.
+
+mod cross_channel;
+mod drive;
+mod flight;
+mod free_velocity;
+mod observable;
+pub(crate) mod output;
+mod part;
+pub(crate) mod performance;
+mod spans;
+mod velocity_plot;
+
+use miette::{Result, miette};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::sim::ErrorModel;
+use crate::study::flights::route::Route;
+use drive::Drive;
+pub use output::{JSON, markdown};
+pub use part::{Number, Part, Settings};
+
+/// All that is reproduced, and what is not.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Reproduction {
+    /// Version of this program.
+    pub version: &'static str,
+    /// What was simulated.
+    pub settings: Settings,
+    /// In the order of the page.
+    pub parts: Vec<Part>,
+    /// Numbers of the thesis that have nothing here.
+    pub not_reproduced: [NotReproduced; 2],
+}
+
+/// Something of the thesis that is not here.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct NotReproduced {
+    /// Which.
+    pub what: &'static str,
+    /// Why.
+    pub why: &'static str,
+}
+
+const NOT_REPRODUCED: [NotReproduced; 2] = [
+    NotReproduced {
+        what: "Figures 3, 4, 6, 7, 9",
+        why: "what each of them shows is not known here, so nothing stands under their numbers",
+    },
+    NotReproduced {
+        what: "the recordings behind Figures 1, 5, 8 and Table 1",
+        why: "they are not public: a simulated unit of the same class stands in for the thesis's",
+    },
+];
+
+/// Simulates and measures everything; what comes out does not depend on the number of threads.
+pub fn reproduce(settings: Settings) -> Result<Reproduction> {
+    let Settings { seed, drives, .. } = settings;
+    let unusable = |error: ins_core::ConfigError| miette!("{}", error);
+    let drives = (seed..seed.saturating_add(drives))
+        .into_par_iter()
+        .map(|seed| Drive::new(seed, settings.minutes))
+        .collect::<Result<Vec<Drive>, _>>()
+        .map_err(unusable)?;
+    let Some(first) = drives.first() else {
+        return Err(miette!("at least one drive"));
+    };
+    let route = Route::cessna172()?;
+    let parts = vec![
+        observable::figure_1(first),
+        cross_channel::figure_5(&drives),
+        free_velocity::figure_8(&drives),
+        spans::table_1(&settings, &route)?,
+        flight::table_2()?,
+        flight::hour(&settings, &route, &ErrorModel::hg1700())?,
+    ];
+    Ok(Reproduction {
+        version: env!("CARGO_PKG_VERSION"),
+        settings,
+        parts,
+        not_reproduced: NOT_REPRODUCED,
+    })
+}

@@ -1,0 +1,79 @@
+//! Figure 1: when each error shows itself.
+
+use super::drive::Drive;
+use super::part::{Number, Part};
+use crate::compare::five_stage::Stage;
+use crate::identify::quantities::DEG_H_RADPS;
+use crate::page::plot::{BLUE, GREY, Mark, ORANGE, Plot, padded};
+use crate::page::sheet::{self, Panel, key};
+
+/// Part of the drive in the picture, s.
+const SHOWN_S: (f64, f64) = (600.0, 900.0);
+
+pub(super) fn figure_1(drive: &Drive) -> Part {
+    let mut csv = "quantity,from_s,to_s\n".to_owned();
+    let mut numbers = Vec::new();
+    for (stage, intervals) in Stage::ALL.into_iter().zip(&drive.stages.intervals) {
+        csv.extend(intervals.iter().map(|(from, to)| {
+            let (from, to) = (drive.since(*from), drive.since(*to));
+            format!("{},{from:.2},{to:.2}\n", stage.title())
+        }));
+        let seconds = intervals.iter().map(|(from, to)| to.seconds_since(*from));
+        let part = 100.0 * seconds.sum::<f64>() / drive.log.duration_s();
+        let what = format!("{} observable, % of the drive", stage.title());
+        numbers.push(Number::new(what, None, part));
+    }
+    Part {
+        name: "figure-1",
+        title: "Figure 1: intervals in which each error is observable",
+        how: "Controls of the attitude block over five minutes of a drive. Grey: straight starts \
+              and brakings, which show azimuth and latency, and turns, which show level \
+              accelerometers. Gyros and vertical channel show all the time."
+            .to_owned(),
+        numbers,
+        svg: Some(sheet::svg(&[
+            panel(drive, "Azimuth and latency", Stage::Azimuth),
+            panel(drive, "Level accelerometers", Stage::LevelAccels),
+        ])),
+        csv,
+    }
+}
+
+fn panel(drive: &Drive, title: &str, stage: Stage) -> Panel {
+    let inside = |time: f64| (SHOWN_S.0..=SHOWN_S.1).contains(&time);
+    let line = |axis: usize| -> Vec<(f64, f64)> {
+        let points = drive.open.iter().map(|row| {
+            let rate = row.signals.rate_enu_radps[axis] / DEG_H_RADPS;
+            (drive.since(row.time), rate)
+        });
+        points.filter(|point| inside(point.0)).collect()
+    };
+    let intervals = stage.intervals(&drive.open).into_iter();
+    let shown = intervals
+        .map(|(from, to)| (drive.since(from), drive.since(to)))
+        .filter(|(from, to)| inside(*from) && inside(*to));
+    let lines = [line(0), line(1)];
+    let y = padded(lines.iter().flatten().map(|point| point.1), 1.0);
+    let [east, north] = lines;
+    Panel {
+        title: title.to_owned(),
+        svg: Plot {
+            size: sheet::CELL,
+            x_label: "time, s".to_owned(),
+            y_label: "\u{3c9}^C, deg/h".to_owned(),
+            x: SHOWN_S,
+            y,
+            marks: vec![
+                Mark::Shade(shown.collect(), GREY),
+                Mark::Line(east, BLUE),
+                Mark::Line(north, ORANGE),
+            ],
+        }
+        .svg(),
+        keys: vec![
+            key(BLUE, "east"),
+            key(ORANGE, "north"),
+            key(GREY, "grey: manoeuvres that show it"),
+        ],
+    }
+}

@@ -1,0 +1,255 @@
+//! All that a log says of its sensors.
+
+use std::collections::BTreeMap;
+
+use ins_core::Config;
+use serde::Serialize;
+
+use super::found::Found;
+use super::mount::Mount;
+use crate::identify::analysis::Analysis;
+use crate::identify::error_model::Identified;
+use crate::identify::error_model::fit::BiasFit;
+use crate::identify::verdict::{Verdict, beyond_class};
+use crate::log::{Grade, Log, median_interval_s};
+
+/// All that is found. Axes are those of the unit, right, forward, up; units are SI.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Tuning {
+    /// What it is worth.
+    pub verdict: Verdict,
+    /// What looked suspicious in the log; on the terminal the standard error has it.
+    pub warnings: Vec<String>,
+    /// Name of the log.
+    pub log: String,
+    /// Sensor and receiver of the recording; empty for a log folder.
+    pub source: String,
+    /// Span of the inertial samples.
+    pub duration_s: f64,
+    /// Samples per second.
+    pub imu_rate_hz: f64,
+    /// Class of sensors assumed.
+    pub grade: Grade,
+    /// A fix stamped t shows the motion at t minus this.
+    pub gnss_delay_s: Found,
+    /// Antenna from the unit.
+    pub lever_arm_m: [Found; 3],
+    /// Unit against the vehicle.
+    pub mount: Mount,
+    /// To be subtracted from readings.
+    pub gyro_bias_radps: [Found; 3],
+    /// To be subtracted from readings.
+    pub accel_bias_mps2: [Found; 3],
+    /// White noise, rad/s/sqrt(Hz), as in motion.
+    pub gyro_noise: Found,
+    /// White noise at rest, m/s^2/sqrt(Hz).
+    pub accel_noise: Found,
+    /// Walk of a gyro bias, rad/s^2/sqrt(Hz).
+    pub gyro_bias_walk: Found,
+    /// Walk of an accelerometer bias, m/s^3/sqrt(Hz).
+    pub accel_bias_walk: Found,
+    /// Standard deviation of a gyro bias that wanders about its mean, rad/s.
+    pub gyro_bias_wander: Found,
+    /// Correlation time of that, s.
+    pub gyro_bias_correlation_s: Found,
+    /// White noise of a component of GNSS velocity, m/s.
+    pub gnss_velocity_noise_mps: Found,
+    /// The sensor was turned upright when it was read: its axes are not those of its own.
+    pub turned_upright: bool,
+    /// Of the autopilot, as set in the recording.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub parameters: BTreeMap<String, f64>,
+    /// This core's, with what was found.
+    pub config: Config,
+}
+
+const DELAY: &str = "speed up and brake hard a dozen times, or turn at speed";
+const LEVER_ARM: &str =
+    "turn tightly both ways, at walking pace too; the antenna's height shows when the unit leans";
+const AT_ANTENNA: &str =
+    "not estimated in this class of sensors, which is taken to be at the antenna: measure it";
+const LEVEL_GYRO: &str = "stand still for a minute, or move for ten";
+const VERTICAL_GYRO: &str = "stand still for a minute, or turn, start and brake for ten";
+const LEVEL_ACCEL: &str = "turn by 90 degrees and more, both ways, a dozen times";
+const VERTICAL_ACCEL: &str = "log the vertical velocity or the height of GNSS, for some minutes";
+const NOISE: &str = "stand still for half a minute, engines as in use";
+const GYRO_WALK: &str =
+    "log an hour and more: so far the gyros' noise hides how their offsets move";
+const ACCEL_WALK: &str =
+    "log some hours at rest for an Allan deviation: in motion GNSS hides how these offsets move";
+const VELOCITY: &str = "move for longer, with starts, brakings and turns at speed";
+
+/// An offset stays for this long at least, s: ten epochs of the fit.
+const LEAST_CORRELATION_S: f64 = 20.0;
+
+impl Tuning {
+    /// Of a log, what the core found in it, and its error model.
+    pub fn new(analysis: &Analysis, model: &Identified) -> Self {
+        let (log, found, summary) = (&analysis.log, &analysis.found, &analysis.summary);
+        let e = &found.end.estimates;
+        let no_lever = if found.config.gnss.lever_arm_sigma_m > 0.0 {
+            LEVER_ARM
+        } else {
+            AT_ANTENNA
+        };
+        let gyro = model.gyro();
+        let noise = gyro.map(|gyro| gyro.noise);
+        let noise = noise.or(model.gyro_noise_radps_at_rest());
+        let [walk, wander, correlation] = wandering(model);
+        let level_up = |estimates: &[ins_core::Estimate; 3], level, up| {
+            let missing = [level, level, up];
+            [0, 1, 2].map(|axis| Found::of(&estimates[axis], missing[axis]))
+        };
+        let text = |key: &str| log.meta.document.get(key).and_then(toml::Value::as_str);
+        let mut tuning = Self {
+            verdict: summary.verdict.clone(),
+            warnings: summary.warnings.clone(),
+            log: summary.log.clone(),
+            source: text("source").unwrap_or_default().to_owned(),
+            duration_s: summary.duration_s,
+            imu_rate_hz: rate_hz(log),
+            grade: summary.grade,
+            gnss_delay_s: Found::of(&e.gnss_latency_s, DELAY).plus(log.meta.gnss_clock_offset_s),
+            lever_arm_m: e.lever_arm_m.map(|arm| Found::of(&arm, no_lever)),
+            mount: Mount::new(&found.history, e),
+            gyro_bias_radps: level_up(&e.gyro_bias_radps, LEVEL_GYRO, VERTICAL_GYRO),
+            accel_bias_mps2: level_up(&e.accel_bias_mps2, LEVEL_ACCEL, VERTICAL_ACCEL),
+            gyro_noise: Found::within(noise, NOISE),
+            accel_noise: Found::within(model.accel_noise(), NOISE),
+            gyro_bias_walk: walk,
+            accel_bias_walk: Found::unknown(ACCEL_WALK),
+            gyro_bias_wander: wander,
+            gyro_bias_correlation_s: correlation,
+            gnss_velocity_noise_mps: Found::within(gyro.map(|g| g.gnss_sigma_mps), VELOCITY),
+            turned_upright: log.meta.document.get("turned_upright")
+                == Some(&toml::Value::Boolean(true)),
+            parameters: parameters(log),
+            config: found.config,
+        };
+        tuning.verdict = tuning.verdict.clone().and(tuning.noise_beyond_class());
+        tuning.config = config(&tuning, found.config);
+        tuning
+    }
+}
+
+impl Tuning {
+    fn noise_beyond_class(&self) -> Option<String> {
+        let sensors = &self.config.sensors;
+        let far = |noise: &Found, typical: f64| {
+            let least = noise.value - 3.0 * noise.sigma;
+            noise.is_known() && least > sensors.noise_range[1] * typical
+        };
+        beyond_class(&[
+            (
+                "gyro noise",
+                far(&self.gyro_noise, sensors.mean_gyro_noise()),
+            ),
+            (
+                "accelerometer noise",
+                far(&self.accel_noise, sensors.mean_accel_noise()),
+            ),
+        ])
+    }
+}
+
+/// Walk, wander and correlation time of the gyro biases.
+///
+/// What changes within seconds is noise, and no offset. What wanders by `s` over `T` walks at first
+/// by `s sqrt(2 / T)`; jumps of `j` every `T` by `j / sqrt(T)`.
+fn wandering(model: &Identified) -> [Found; 3] {
+    let unknown = Found::unknown(GYRO_WALK);
+    let moving = model.gyro().filter(|gyro| gyro.has_time_scale());
+    let slow = |bias: &&BiasFit| match bias {
+        BiasFit::Wave {
+            interval_s: time, ..
+        }
+        | BiasFit::Continuous {
+            correlation_time_s: time,
+            ..
+        } => time.value > LEAST_CORRELATION_S,
+    };
+    match moving.map(|gyro| &gyro.bias).filter(slow) {
+        None => [unknown; 3],
+        Some(BiasFit::Wave {
+            interval_s,
+            jump_sigma,
+            ..
+        }) => {
+            let [jump, time] =
+                [*jump_sigma, *interval_s].map(|i| Found::within(Some(i), GYRO_WALK));
+            [per_root(&jump, &time), unknown, unknown]
+        }
+        Some(BiasFit::Continuous {
+            correlated_sigma,
+            correlation_time_s,
+            ..
+        }) => {
+            let both = [*correlated_sigma, *correlation_time_s];
+            let [wander, time] = both.map(|i| Found::within(Some(i), GYRO_WALK));
+            let walk = per_root(&wander, &time).scaled(std::f64::consts::SQRT_2);
+            [walk, wander, time]
+        }
+    }
+}
+
+/// `size / sqrt(time)`.
+fn per_root(size: &Found, time: &Found) -> Found {
+    let value = size.value / time.value.sqrt();
+    let relative = libm::hypot(size.sigma / size.value, 0.5 * time.sigma / time.value);
+    Found::known(value, value * relative)
+        .unless(size.missing)
+        .unless(time.missing)
+}
+
+/// Median rate: holes must not count. Zero of a single sample.
+fn rate_hz(log: &Log) -> f64 {
+    let interval_s = median_interval_s(log.imu.iter().map(|sample| sample.time));
+    if interval_s > 0.0 {
+        1.0 / interval_s
+    } else {
+        0.0
+    }
+}
+
+fn parameters(log: &Log) -> BTreeMap<String, f64> {
+    let table = log.meta.document.get("parameters");
+    let entries = table.and_then(toml::Value::as_table).into_iter().flatten();
+    entries
+        .filter_map(|(name, value)| Some((name.clone(), value.as_float()?)))
+        .collect()
+}
+
+/// Spread of a latency that is taken from the stamps, sigmas: it changes from start to start.
+pub(super) const LATENCY_SIGMAS: f64 = 3.0;
+
+/// A configuration with what was found in place of the class's: units and axes are the core's
+/// (`ins_core::config`), and noise per root of a second is what a density per root of Hz is.
+pub fn config(t: &Tuning, base: Config) -> Config {
+    let mut config = base;
+    let set = |value: &mut f64, found: &Found| {
+        if found.is_known() {
+            *value = found.value;
+        }
+    };
+    for axis in 0..3 {
+        set(&mut config.sensors.gyro_noise[axis], &t.gyro_noise);
+        set(&mut config.sensors.accel_noise[axis], &t.accel_noise);
+    }
+    set(&mut config.sensors.gyro_bias_walk, &t.gyro_bias_walk);
+    set(
+        &mut config.gnss.velocity_mps.white,
+        &t.gnss_velocity_noise_mps,
+    );
+    if t.lever_arm_m.iter().all(Found::is_known) {
+        config.gnss.lever_arm_m = t.lever_arm_m.map(|arm| arm.value);
+        config.gnss.lever_arm_sigma_m = t
+            .lever_arm_m
+            .iter()
+            .map(|arm| arm.sigma)
+            .fold(0.0, f64::max);
+    }
+    if t.gnss_delay_s.is_known() {
+        config.gnss.latency_sigma_s = LATENCY_SIGMAS * t.gnss_delay_s.sigma;
+    }
+    config
+}
