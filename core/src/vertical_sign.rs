@@ -42,8 +42,9 @@ struct Window {
 }
 
 impl VerticalSign {
-    /// Takes a fix. Variance to be added to that of its vertical velocity; none: not to be used.
-    pub fn take(&mut self, fix: &GnssFix, config: &Config) -> Option<f64> {
+    /// Takes a fix beside the vertical velocity of the INS. Variance to be added to that of its own;
+    /// none: not to be used.
+    pub fn take(&mut self, fix: &GnssFix, own_mps: f64, config: &Config) -> Option<f64> {
         let up_mps = fix.velocity_up_mps?;
         if let Some(height_m) = fix.height_m {
             self.compare(fix.time, up_mps, height_m, config);
@@ -55,7 +56,8 @@ impl VerticalSign {
         if odds > DECIDED || self.window.is_none() {
             return Some(0.0);
         }
-        Some(unsigned(up_mps, config))
+        // Not by that of the fix: noise that makes it smaller would then count for more.
+        Some(unsigned(own_mps, config))
     }
 
     fn compare(&mut self, time: Time, up_mps: f64, height_m: f64, config: &Config) {

@@ -279,7 +279,7 @@ impl<const N: usize> AidedIns<N> {
 
     /// A fix and the INS of its moment.
     fn beside(&mut self, past: Past, fix: &GnssFix, config: &Config) -> Comparison {
-        let sign_variance = self.vertical_sign.take(fix, config);
+        let sign_variance = self.vertical_sign.take(fix, past.velocity_mps.z, config);
         Comparison {
             step: Step::Gather,
             past,
