@@ -425,6 +425,19 @@ impl Observer {
         self.forget_noise(&Vector3::new(1.0, 1.0, 0.0));
     }
 
+    /// Vertical velocities so far were wrong, and what they have shown.
+    pub fn forget_vertical(&mut self, config: &Config) {
+        self.lose_vertical(LOST_MPS * LOST_MPS, config);
+        let prior = config.prior();
+        let up = self.level_force_mps2 / GRAVITY_EQUATOR_MPS2;
+        for first in [index::ACCEL, index::ACCEL_SCALE, index::LEVER_ARM] {
+            for (which, up) in (first..).zip(&up) {
+                let sigma = up * prior.sigma(which);
+                self.corrections.diffuse(which, math::single(sigma * sigma));
+            }
+        }
+    }
+
     /// What GNSS was thought to err by explained some of the INS's own error: `kept` says of which
     /// axes it is kept, by ones.
     fn forget_noise(&mut self, kept: &Vector3<f64>) {

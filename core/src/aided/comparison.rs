@@ -124,7 +124,8 @@ pub(super) struct Comparison {
     position_m: Vector3<f64>,
     velocity: Part,
     climb: Part,
-    /// Variance that the climb has on top, (m/s)^2.
+    /// Variance that the climb has on top, (m/s)^2: that of the first fix, which the noise of these
+    /// has no part in.
     climb_variance: f64,
     position: Part,
     height: Part,
@@ -151,7 +152,6 @@ impl Comparison {
         self.position_m += (next.position_m - self.position_m) * part;
         self.velocity.approach(&next.velocity, part);
         self.climb.approach(&next.climb, part);
-        self.climb_variance = math::max(self.climb_variance, next.climb_variance);
         self.position.approach(&next.position, part);
         self.height.approach(&next.height, part);
         (self.stamp, self.newest) = (next.stamp, next.newest);
@@ -279,7 +279,14 @@ impl<const N: usize> AidedIns<N> {
 
     /// A fix and the INS of its moment.
     fn beside(&mut self, past: Past, fix: &GnssFix, config: &Config) -> Comparison {
-        let sign_variance = self.vertical_sign.take(fix, past.velocity_mps.z, config);
+        let was_wrong = self.vertical_sign.is_wrong();
+        let sign_variance = self.vertical_sign.take(fix, config);
+        if self.vertical_sign.is_wrong()
+            && !was_wrong
+            && let Some(observer) = self.estimator.exact_mut()
+        {
+            observer.forget_vertical(config);
+        }
         Comparison {
             step: Step::Gather,
             past,
