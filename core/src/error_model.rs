@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, RealField, Scalar, Vector3};
 
 use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::history::Span;
-use crate::math;
+use crate::math::{self, singles};
 use crate::parameters::{Parameters, index};
 
 /// Error of the INS, ENU: INS minus truth.
@@ -82,9 +82,9 @@ impl Passage {
     pub fn single(&self) -> Passage<f32> {
         Passage {
             seconds: math::single(self.seconds),
-            force_mps: single(&self.force_mps),
-            force_moved_m: single(&self.force_moved_m),
-            turn_rad: single(&self.turn_rad),
+            force_mps: singles(&self.force_mps),
+            force_moved_m: singles(&self.force_moved_m),
+            turn_rad: singles(&self.turn_rad),
         }
     }
 }
@@ -102,8 +102,8 @@ impl Input {
     /// In single precision.
     pub fn single(&self) -> Input<f32> {
         match self {
-            Self::Tilt(tilt) => Input::Tilt(single(tilt)),
-            Self::Velocity(velocity) => Input::Velocity(single(velocity)),
+            Self::Tilt(tilt) => Input::Tilt(singles(tilt)),
+            Self::Velocity(velocity) => Input::Velocity(singles(velocity)),
         }
     }
 }
@@ -232,11 +232,6 @@ pub fn level_and_up(
     let up = attitude_s.row(2).transpose() / seconds;
     let up_variance = up.component_mul(&up).dot(variance);
     (0.5 * (variance.sum() - up_variance), up_variance)
-}
-
-/// In single precision.
-pub fn single(v: &Vector3<f64>) -> Vector3<f32> {
-    v.map(math::single)
 }
 
 #[cfg(test)]

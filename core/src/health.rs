@@ -113,7 +113,8 @@ pub struct Health {
     pub phase: Phase,
     /// Moment of the last fix that was used, if the INS is on its own since then.
     pub coasting_since: Option<Time>,
-    /// The last fix whose outcome is known. Ask after each call: none settles more than one.
+    /// The last fix whose outcome is known. Ask after each call: none settles more than one, or
+    /// those that were compared as one, being closer than 0.15 s.
     pub last_fix: Option<FixReport>,
     /// Mean square of the level innovations of the last ten seconds, in the variances that they
     /// should have: about 1, and beyond 9 the INS is doubted. None while aligning, nor in the

@@ -3,8 +3,7 @@
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::earth::GRAVITY_EQUATOR_MPS2;
-use crate::error_model::single;
-use crate::math;
+use crate::math::{self, singles};
 use crate::ring::Ring;
 use crate::time::Time;
 
@@ -98,15 +97,15 @@ impl Span {
     fn stored(&self) -> Span<f32> {
         Span {
             seconds: math::single(self.seconds),
-            force_mps: single(&self.force_mps),
-            force_moved_m: single(&self.force_moved_m),
+            force_mps: singles(&self.force_mps),
+            force_moved_m: singles(&self.force_moved_m),
             attitude_s: self.attitude_s.map(math::single),
-            angle_rad: single(&self.angle_rad),
+            angle_rad: singles(&self.angle_rad),
             turn_rad: math::single(self.turn_rad),
-            control_tilt_rad: single(&self.control_tilt_rad),
-            control_velocity_mps: single(&self.control_velocity_mps),
-            control_position_m: single(&self.control_position_m),
-            way_m: single(&self.way_m),
+            control_tilt_rad: singles(&self.control_tilt_rad),
+            control_velocity_mps: singles(&self.control_velocity_mps),
+            control_position_m: singles(&self.control_position_m),
+            way_m: singles(&self.way_m),
         }
     }
 }
@@ -218,7 +217,7 @@ impl Wobble {
     pub fn add(&mut self, gained_mps: &Vector3<f64>, angle_rad: &Vector3<f64>, seconds: f64) {
         let dt = math::single(seconds);
         self.rate_square += math::single(angle_rad.norm_squared() / seconds);
-        self.gained_mps += single(gained_mps).xy();
+        self.gained_mps += singles(gained_mps).xy();
         self.seconds += dt;
         self.square += self.gained_mps.norm_squared() * dt;
         self.moment += self.gained_mps * (self.seconds * dt);
@@ -270,7 +269,7 @@ impl<const N: usize> History<N> {
             time,
             wobble: wobble.variance(),
             rate_wobble: wobble.rate_variance(span),
-            velocity_mps: single(velocity_mps),
+            velocity_mps: singles(velocity_mps),
             span: span.stored(),
         });
     }

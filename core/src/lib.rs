@@ -87,6 +87,8 @@ mod alignment;
 pub mod attitude;
 mod calibration;
 mod channel;
+mod comparison;
+mod compensation;
 pub mod config;
 pub mod damping;
 pub mod earth;

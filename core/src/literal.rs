@@ -236,10 +236,10 @@ impl Literal {
     /// Takes one kind of measurement of a comparison at the horizon; whether it is credible.
     #[inline(never)]
     pub fn take(&mut self, kind: Kind, now: &Comparison, config: &Config) -> bool {
-        if kind.measured == Measured::Position {
+        if kind.measured() == Measured::Position {
             return true;
         }
-        let (innovations, difference, components) = if kind.up {
+        let (innovations, difference, components) = if kind.is_up() {
             let up = Vector2::new(now.difference_mps.z, 0.0);
             (&mut self.up_innovations, up, 1.0)
         } else {
@@ -251,7 +251,7 @@ impl Literal {
         if !credible(innovations, time, &difference, components, variance, config) {
             return false;
         }
-        if !kind.up {
+        if !kind.is_up() {
             if let Some(last) = self.last {
                 self.average(&last, now);
             }

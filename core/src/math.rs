@@ -37,3 +37,8 @@ pub(crate) fn all_finite(v: &Vector3<f64>) -> bool {
 pub(crate) fn single(x: f64) -> f32 {
     x as f32
 }
+
+/// A vector in single precision.
+pub(crate) fn singles(v: &Vector3<f64>) -> Vector3<f32> {
+    v.map(single)
+}

@@ -15,13 +15,13 @@ use nalgebra::{RealField, SVector, Scalar, Vector2, Vector3};
 use crate::channel::{Channel, Growth, Measured, Renewal};
 use crate::config::{Config, Noise};
 use crate::earth::GRAVITY_EQUATOR_MPS2;
-use crate::error_model::{Forcing, InsError, Passage, for_each_input, level_and_up, single};
+use crate::error_model::{Forcing, InsError, Passage, for_each_input, level_and_up};
 use crate::history::{Past, Span};
 use crate::innovations::{
     Credit, Innovations, StatedNoise, Surprise, against_described, is_ordinary,
 };
 use crate::least_squares::LeastSquares;
-use crate::math;
+use crate::math::{self, singles};
 use crate::noise_trial::{Assumed, NoiseTrial};
 use crate::parameters::{AGREES_SIGMAS, COUNT, PAIRS, Parameters, index};
 use crate::solution::SolutionSigma;
@@ -132,31 +132,42 @@ impl<T: RealField + Copy> Followed<T> {
 /// One kind of measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Kind {
-    /// Velocity or position.
-    pub measured: Measured,
-    /// Up, else east and north.
-    pub up: bool,
+pub enum Kind {
+    /// Velocity east and north.
+    Velocity,
+    /// Vertical velocity.
+    Climb,
+    /// Position east and north.
+    Position,
+    /// Height.
+    Height,
 }
 
 impl Kind {
-    /// Which of the four.
-    pub const fn number(self) -> usize {
-        let first = match self.measured {
-            Measured::Velocity => 0,
-            Measured::Position => 2,
-        };
-        first + self.up as usize
+    /// All of them, in the order in which they are taken.
+    pub const ALL: [Self; 4] = [Self::Velocity, Self::Climb, Self::Position, Self::Height];
+
+    /// Velocity or position.
+    pub fn measured(self) -> Measured {
+        match self {
+            Self::Velocity | Self::Climb => Measured::Velocity,
+            Self::Position | Self::Height => Measured::Position,
+        }
+    }
+
+    /// Up, else east and north.
+    pub fn is_up(self) -> bool {
+        matches!(self, Self::Climb | Self::Height)
     }
 
     /// What the receiver is configured to have of it.
     pub fn noise(self, config: &Config) -> &Noise {
         let gnss = &config.gnss;
-        match (self.measured, self.up) {
-            (Measured::Velocity, false) => &gnss.velocity_mps,
-            (Measured::Velocity, true) => &gnss.velocity_up_mps,
-            (Measured::Position, false) => &gnss.position_m,
-            (Measured::Position, true) => &gnss.height_m,
+        match self {
+            Self::Velocity => &gnss.velocity_mps,
+            Self::Climb => &gnss.velocity_up_mps,
+            Self::Position => &gnss.position_m,
+            Self::Height => &gnss.height_m,
         }
     }
 }
@@ -190,7 +201,7 @@ impl Manoeuvred {
     /// swinging to and fro adds nothing.
     fn grow(&mut self, change: &Vector3<f64>, seconds: f64) -> f64 {
         let keep = math::single(1.0 / (1.0 + seconds / MANOEUVRE_S));
-        self.vector = self.vector * keep + single(change);
+        self.vector = self.vector * keep + singles(change);
         self.square *= keep * keep;
         let growth = self.vector.norm_squared() - self.square;
         if growth <= 0.0 {
@@ -425,12 +436,25 @@ impl Observer {
         self.forget_noise(&Vector3::new(1.0, 1.0, 0.0));
     }
 
+    /// Vertical velocities so far were wrong, and what they have shown.
+    pub fn forget_vertical(&mut self, config: &Config) {
+        self.lose_vertical(LOST_MPS * LOST_MPS, config);
+        let prior = config.prior();
+        let up = self.level_force_mps2 / GRAVITY_EQUATOR_MPS2;
+        for first in [index::ACCEL, index::ACCEL_SCALE, index::LEVER_ARM] {
+            for (which, up) in (first..).zip(&up) {
+                let sigma = up * prior.sigma(which);
+                self.corrections.diffuse(which, math::single(sigma * sigma));
+            }
+        }
+    }
+
     /// What GNSS was thought to err by explained some of the INS's own error: `kept` says of which
     /// axes it is kept, by ones.
     fn forget_noise(&mut self, kept: &Vector3<f64>) {
         self.followed.keep_noise(kept);
         for response in &mut self.responses {
-            response.keep_noise(&single(kept));
+            response.keep_noise(&singles(kept));
         }
     }
 
@@ -467,10 +491,10 @@ impl Observer {
         difference: &Difference,
         config: &Config,
     ) -> bool {
-        let residual = difference.value - self.predicted(past, kind.measured, difference);
-        let by = self.shown_by(past, kind.measured);
-        let bent = self.bent_variance(past, kind.measured) + difference.more_variance;
-        if kind.up {
+        let residual = difference.value - self.predicted(past, kind.measured(), difference);
+        let by = self.shown_by(past, kind.measured());
+        let bent = self.bent_variance(past, kind.measured()) + difference.more_variance;
+        if kind.is_up() {
             let mut by = by.map(|by| [by.z]);
             self.measure(kind, &mut by, [residual.z], difference, bent, config)
         } else {
@@ -492,8 +516,8 @@ impl Observer {
     ) -> bool {
         let gnss = &config.gnss;
         let described = kind.noise(config);
-        let number = kind.number();
-        let channel = if kind.up {
+        let number = kind as usize;
+        let channel = if kind.is_up() {
             &mut self.vertical
         } else {
             &mut self.level
@@ -507,20 +531,20 @@ impl Observer {
         };
         // Of positions nothing else tells the slow part of the noise; of velocities the
         // innovations do.
-        let absolute = gnss.trust_stated_sigma || kind.measured == Measured::Position;
+        let absolute = gnss.trust_stated_sigma || kind.measured() == Measured::Position;
         let relative = match difference.stated_variance.filter(|stated| *stated > 0.0) {
             Some(variance) if absolute => against_described(variance, described, gnss.noise_range),
             Some(variance) => stated.against_average(variance),
             None => 1.0,
         };
         let learnt = relative * innovations.scale();
-        *strength = match kind.measured {
+        *strength = match kind.measured() {
             Measured::Velocity => learnt,
             Measured::Position => math::max(learnt, relative),
         };
         let white = described.white * described.white * learnt / difference.fixes + bent;
-        let predicted = channel.predicted(kind.measured);
-        let (first_axis, components) = if kind.up { (2, 1.0) } else { (0, 2.0) };
+        let predicted = channel.predicted(kind.measured());
+        let (first_axis, components) = if kind.is_up() { (2, 1.0) } else { (0, 2.0) };
         let pair = Vector2::new(
             innovation.first().copied().unwrap_or(0.0),
             innovation.get(1).copied().unwrap_or(0.0),
@@ -531,7 +555,7 @@ impl Observer {
             variance += self.corrections.mean_variance(by);
         }
         let credit = innovations.judge(self.horizon, &pair, components, variance, white);
-        let (surprise, last) = if kind.up {
+        let (surprise, last) = if kind.is_up() {
             (&mut self.vertical_surprise, &mut self.last_vertical)
         } else {
             (&mut self.surprise, &mut self.last_level)
@@ -547,7 +571,7 @@ impl Observer {
             return false;
         };
         // Both level axes have the same covariance before and the same after.
-        let gains = channel.update(kind.measured, white);
+        let gains = channel.update(kind.measured(), white);
         let total = predicted + white;
         for (axis, innovation) in (first_axis..).zip(innovation) {
             self.followed.correct(axis, &gains, innovation);
@@ -564,11 +588,12 @@ impl Observer {
             .add(by, innovation.map(math::single), weights);
         let square = f64::from(added.square) / components;
         surprise.take(square, seconds);
-        if kind.up {
+        if kind.is_up() {
             self.doubt_vertical(config);
         // While the parameters themselves are uncertain, innovations say little of the noises.
         } else if f64::from(added.variance) < 2.0 * components * total {
-            self.trial.take(kind.measured, &pair, white, total, &gains);
+            self.trial
+                .take(kind.measured(), &pair, white, total, &gains);
         }
         if !gnss.trust_stated_sigma {
             let sigmas = pair / math::sqrt(total * 0.5 * components);
@@ -582,14 +607,14 @@ impl Observer {
     /// What follows from innovations that were not taken.
     fn refuse(&mut self, kind: Kind, credit: Credit, config: &Config) {
         if let Credit::Lost(variance) = credit {
-            match (kind.measured, kind.up) {
-                (Measured::Position, false) => self.level.doubt_position(variance),
-                (Measured::Position, true) => self.vertical.doubt_position(variance),
-                (Measured::Velocity, true) => self.lose_vertical(variance, config),
-                (Measured::Velocity, false) => self.on_lost(config),
+            match kind {
+                Kind::Position => self.level.doubt_position(variance),
+                Kind::Height => self.vertical.doubt_position(variance),
+                Kind::Climb => self.lose_vertical(variance, config),
+                Kind::Velocity => self.on_lost(config),
             }
         }
-        if kind.up {
+        if kind.is_up() {
             self.doubt_vertical(config);
         }
     }
@@ -755,10 +780,10 @@ impl Observer {
             .map(|response| response.shows(measured));
         let (by_latency, by_lever) = match measured {
             Measured::Velocity => (
-                single(&past.accel_mps2),
+                singles(&past.accel_mps2),
                 past.attitude_rate.map(math::single),
             ),
-            Measured::Position => (single(&past.velocity_mps), past.attitude.map(math::single)),
+            Measured::Position => (singles(&past.velocity_mps), past.attitude.map(math::single)),
         };
         let mut add = |which: usize, more: Vector3<f32>| {
             if let Some(by) = by.get_mut(which) {
@@ -773,7 +798,7 @@ impl Observer {
         for axis in 0..3 {
             add(index::LEVER_ARM + axis, -by_lever.column(axis));
         }
-        add(index::SMOOTHING, single(&by_smoothing(past, measured)));
+        add(index::SMOOTHING, singles(&by_smoothing(past, measured)));
         by
     }
 

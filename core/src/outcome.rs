@@ -31,9 +31,10 @@ pub enum ImuOutcome {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[must_use]
 pub enum GnssOutcome {
-    /// Compared with the INS of its own moment.
+    /// Compared with the INS of its own moment, or taken by the alignment.
     Accepted,
-    /// Kept until the inertial samples reach its moment.
+    /// Compared in the course of the next samples, when they have reached its moment. What becomes of
+    /// it then, [`Health::last_fix`](crate::Health::last_fix) tells.
     Queued,
     /// No inertial sample yet.
     NoInertialData,

@@ -2,7 +2,6 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use crate::config::Config;
 use crate::earth::{Geodetic, LatLon};
 use crate::time::Time;
 
@@ -148,10 +147,10 @@ impl GnssFix {
         self.velocity_en_mps.unwrap_or_default().norm()
     }
 
-    /// Whether the speed is above its noise.
-    pub(crate) fn is_moving(&self, config: &Config) -> bool {
+    /// Whether the speed is above its noise, of this sigma.
+    pub(crate) fn is_moving(&self, sigma_mps: f64) -> bool {
         let velocity = self.velocity_en_mps.unwrap_or_default();
-        let least = MOTION_MPS + MOTION_SIGMAS * config.gnss.velocity_mps.white;
+        let least = MOTION_MPS + MOTION_SIGMAS * sigma_mps;
         velocity.norm_squared() > least * least
     }
 }

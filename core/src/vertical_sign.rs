@@ -42,22 +42,26 @@ struct Window {
 }
 
 impl VerticalSign {
-    /// Takes a fix beside the vertical velocity of the INS. Variance to be added to that of its own;
-    /// none: not to be used.
-    pub fn take(&mut self, fix: &GnssFix, own_mps: f64, config: &Config) -> Option<f64> {
+    /// Takes a fix. Variance to be added to that of its vertical velocity; none: not to be used.
+    pub fn take(&mut self, fix: &GnssFix, config: &Config) -> Option<f64> {
         let up_mps = fix.velocity_up_mps?;
+        // Not by this velocity: noise that makes it smaller would then count for more.
+        let before_mps = self.window.map_or(up_mps, |window| window.last_mps);
         if let Some(height_m) = fix.height_m {
             self.compare(fix.time, up_mps, height_m, config);
         }
-        let odds = self.odds + self.open;
-        if odds < -DECIDED {
+        if self.is_wrong() {
             return None;
         }
-        if odds > DECIDED || self.window.is_none() {
+        if self.odds + self.open > DECIDED || self.window.is_none() {
             return Some(0.0);
         }
-        // Not by that of the fix: noise that makes it smaller would then count for more.
-        Some(unsigned(own_mps, config))
+        Some(unsigned(before_mps, config))
+    }
+
+    /// Whether vertical velocities are known to have the wrong sign.
+    pub fn is_wrong(&self) -> bool {
+        self.odds + self.open < -DECIDED
     }
 
     fn compare(&mut self, time: Time, up_mps: f64, height_m: f64, config: &Config) {

@@ -1,15 +1,16 @@
 //! The aided INS: mechanization under the damping controls, compared with GNSS at the moments of
 //! the fixes, with the estimators on top and their results taken out of the readings.
 
-mod comparison;
+mod fixes;
 
 use nalgebra::Vector3;
 
-use self::comparison::Comparison;
+use crate::alignment::Aligned;
 use crate::alignment::rest::{self, RestBlock, RestDetector, Verdict as RestVerdict};
-use crate::alignment::{Aligned, compensation};
 use crate::attitude::matrix;
-use crate::config::{Config, Feedback, Form};
+use crate::comparison::Comparison;
+use crate::compensation::Compensation;
+use crate::config::{Config, Feedback};
 use crate::damping::DampingSignals;
 use crate::earth::{GRAVITY_EQUATOR_MPS2, wrap_pi};
 use crate::error_model::InsError;
@@ -40,19 +41,6 @@ const COAST_S: f64 = 0.5;
 const PIECE_OF_WORK_S: f64 = 0.0101;
 /// Interval at which the parameters are solved for, s.
 const SOLVE_S: f64 = 1.0;
-/// A parameter is taken out once its spread is below this part of what was believed before.
-const BIAS_KNOWN: f64 = 0.5;
-const LATENCY_KNOWN: f64 = 0.2;
-/// Largest latency that is credible, s.
-const LATENCY_LIMIT_S: f64 = 1.2;
-/// Errors taken out of readings and stamps.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Compensation {
-    gyro_radps: Vector3<f64>,
-    accel_mps2: Vector3<f64>,
-    latency_s: f64,
-}
 
 /// What has turned the platform since the start about the vertical, by cause.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -132,7 +120,6 @@ impl<const N: usize> AidedIns<N> {
     )]
     #[inline(always)]
     pub fn new(time: Time, aligned: &Aligned, known: &Parameters, config: &Config) -> Self {
-        let gyro_radps = compensation(known, config);
         Self {
             mechanization: aligned.ins,
             now: time,
@@ -149,14 +136,7 @@ impl<const N: usize> AidedIns<N> {
                 known,
                 config,
             ),
-            compensation: Compensation {
-                gyro_radps,
-                latency_s: match (config.form, config.feedback) {
-                    (Form::Exact, Feedback::Closed) => credible_latency(known),
-                    _ => 0.0,
-                },
-                ..Compensation::default()
-            },
+            compensation: Compensation::at_start(known, config),
             controls: Controls::default(),
             controls_until: time,
             pending: Ring::default(),
@@ -234,12 +214,7 @@ impl<const N: usize> AidedIns<N> {
 
     /// A measured interval as the INS takes it.
     pub fn compensated(&self, raw: &Interval) -> Interval {
-        let Compensation {
-            gyro_radps,
-            accel_mps2,
-            ..
-        } = &self.compensation;
-        raw.without_bias(gyro_radps, accel_mps2)
+        self.compensation.compensated(raw)
     }
 
     /// Specific force in the body at the level attitude of the mount, m/s^2.
@@ -582,36 +557,9 @@ impl<const N: usize> AidedIns<N> {
             #[cfg(feature = "literal")]
             Estimator::Literal(literal) => literal.solve(),
         }
-        if config.feedback == Feedback::Open {
-            return;
-        }
-        let (parameters, prior) = (self.estimator.parameters(), config.prior());
-        let known = |i: usize, part: f64| parameters.sigma(i) < part * prior.sigma(i);
-        // (9) reads gyro biases from controls that a compensation would empty.
-        if self.estimator.exact().is_some() {
-            let gyros = &mut self.compensation.gyro_radps;
-            for (axis, gyro) in gyros.iter_mut().enumerate() {
-                if known(index::GYRO + axis, BIAS_KNOWN) {
-                    *gyro = parameters.value(index::GYRO + axis);
-                }
-            }
-        }
-        for (axis, accel) in self.compensation.accel_mps2.iter_mut().enumerate() {
-            if known(index::ACCEL + axis, BIAS_KNOWN) {
-                *accel = parameters.value(index::ACCEL + axis);
-            }
-        }
-        // However little is known of it: what is left is all that has to be linear.
-        if self.estimator.exact().is_some() || known(index::LATENCY, LATENCY_KNOWN) {
-            self.compensation.latency_s = credible_latency(parameters);
-        }
+        self.compensation
+            .update(self.estimator.parameters(), config);
     }
-}
-
-/// Latency, s, as far as the ring can serve it.
-fn credible_latency(parameters: &Parameters) -> f64 {
-    let latency_s = parameters.value(index::LATENCY);
-    math::max(math::min(latency_s, LATENCY_LIMIT_S), -LATENCY_LIMIT_S)
 }
 
 /// Takes an error out of an INS.

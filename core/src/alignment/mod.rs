@@ -25,7 +25,7 @@ use self::nodes::Nodes;
 use self::rest::{RestBlock, RestDetector, Verdict};
 use self::sightings::Sightings;
 use crate::attitude::{euler, matrix, turned};
-use crate::config::{Config, Feedback, HeadingSource};
+use crate::config::{Config, HeadingSource};
 use crate::earth::{GRAVITY_EQUATOR_MPS2, Geodetic, LocalEarth};
 use crate::increments::Interval;
 use crate::math;
@@ -226,7 +226,7 @@ impl Alignment {
         if let Some(place) = fix.geodetic_or(height_m) {
             self.place = Some((fix.time, place));
         }
-        if fix.is_moving(config) {
+        if fix.is_moving(config.gnss.velocity_mps.white) {
             self.detector.on_motion();
         }
         let Some(sighting) = self.sightings.add(fix, config) else {
@@ -566,12 +566,4 @@ fn turns_with_earth(
     let bias = config.sensors.gyro_bias_radps;
     let variance = bias * bias + rest::gyro_variance(&config.sensors, rest.seconds);
     off * off < COMPASS_SIGMAS * COMPASS_SIGMAS * variance
-}
-
-/// Gyro biases that are taken out of readings.
-pub(crate) fn compensation(known: &Parameters, config: &Config) -> Vector3<f64> {
-    match config.feedback {
-        Feedback::Closed => known.vector(index::GYRO),
-        Feedback::Open => Vector3::zeros(),
-    }
 }

@@ -223,7 +223,7 @@ proptest! {
     ) {
         let (history, end) = ring_of(&spans);
         let start = Time::default();
-        let all = spans.iter().fold(Span::default(), |all, span| all.then(span));
+        let all = spans.iter().fold(Span::default(), Span::then);
         let (whole, ends) = total(&history, start, end, f64::MAX);
         assert_same(&whole, &all, SINGLE);
         prop_assert_eq!(ends, [end]);

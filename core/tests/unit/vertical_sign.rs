@@ -18,7 +18,7 @@ fn after_a_minute(climb_mps: f64, sign: f64, height_noise_m: &[f64]) -> Option<f
             velocity_up_mps: Some(sign * climb_mps),
             ..GnssFix::default()
         };
-        verdict = state.take(&fix, sign * climb_mps, &Config::mems());
+        verdict = state.take(&fix, &Config::mems());
     }
     verdict
 }
@@ -50,7 +50,7 @@ fn until_it_is_known_the_velocity_counts_for_less_than_twice_itself() {
         velocity_up_mps: Some(-5.0),
         ..GnssFix::default()
     };
-    let variance = state.take(&fix, -5.0, &Config::mems()).unwrap_or_default();
+    let variance = state.take(&fix, &Config::mems()).unwrap_or_default();
     assert!((8.0..=10.0).contains(&variance.sqrt()), "{variance}");
     // Without heights there is nothing to hold it against.
     let alone = GnssFix {
@@ -58,7 +58,7 @@ fn until_it_is_known_the_velocity_counts_for_less_than_twice_itself() {
         ..fix
     };
     assert_eq!(
-        VerticalSign::default().take(&alone, -5.0, &Config::mems()),
+        VerticalSign::default().take(&alone, &Config::mems()),
         Some(0.0)
     );
 }

@@ -4,7 +4,7 @@
 use nalgebra::Vector3;
 
 use super::{AidedIns, HOLD_S};
-use crate::channel::Measured;
+use crate::comparison::{Comparison, Part, Step};
 use crate::config::{Config, Feedback};
 use crate::damping::{self, Differences};
 use crate::earth::Geodetic;
@@ -16,7 +16,7 @@ use crate::history::{Missing, Past};
 use crate::literal;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
-use crate::observer::{Difference, Kind};
+use crate::observer::Kind;
 use crate::outcome::GnssOutcome;
 use crate::parameters::index;
 use crate::samples::GnssFix;
@@ -24,9 +24,6 @@ use crate::time::Time;
 
 /// Least time between two fixes that are used, s.
 const LEAST_INTERVAL_S: f64 = 0.01;
-/// Fixes closer than this to the last that were compared wait for the next, and are compared as
-/// one, s: the errors of an INS change little meanwhile, and their mean tells as much of them.
-const TOGETHER_S: f64 = 0.15;
 /// Least time between two positions that are used beside velocities, s: their noise changes more
 /// slowly.
 const POSITION_INTERVAL_S: f64 = 0.45;
@@ -44,161 +41,6 @@ const DOUBT_S: f64 = 10.0;
 const MENDED_S: f64 = 60.0;
 const HOPELESS: u8 = 3;
 
-/// What is due next for a comparison.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-enum Step {
-    /// More fixes may join.
-    Gather,
-    /// The estimators come to its moment.
-    Advance,
-    /// They take what it has of each kind.
-    Take(Kind),
-    /// The loops do.
-    Damp,
-}
-
-const VELOCITY: Kind = Kind {
-    measured: Measured::Velocity,
-    up: false,
-};
-const CLIMB: Kind = Kind {
-    measured: Measured::Velocity,
-    up: true,
-};
-const POSITION: Kind = Kind {
-    measured: Measured::Position,
-    up: false,
-};
-const HEIGHT: Kind = Kind {
-    measured: Measured::Position,
-    up: true,
-};
-
-/// One kind of measurement in a comparison.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Part {
-    /// Whether the fixes have it.
-    has: bool,
-    /// Its variance as the receiver states it.
-    stated: Option<f64>,
-    /// Whether the estimators have taken it.
-    used: bool,
-}
-
-impl Part {
-    fn of(has: bool, sigma: Option<f64>) -> Self {
-        Self {
-            has,
-            stated: sigma.map(|sigma| sigma * sigma),
-            used: false,
-        }
-    }
-
-    /// Comes closer to `next` by a part of the way.
-    fn approach(&mut self, next: &Self, part: f64) {
-        self.has &= next.has;
-        self.stated = match (self.stated, next.stated) {
-            (Some(own), Some(next)) => Some(own + (next - own) * part),
-            _ => None,
-        };
-    }
-}
-
-/// A fix beside the INS of its own moment, or the mean of several such.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(super) struct Comparison {
-    step: Step,
-    past: Past,
-    fixes: u8,
-    /// Stamp of the newest fix, its moment, and that of the last one of the comparison before.
-    stamp: Time,
-    newest: Time,
-    before: Time,
-    /// Latency taken out by the choice of the moment, s.
-    latency_applied_s: f64,
-    /// INS minus GNSS, ENU, m/s and m.
-    velocity_mps: Vector3<f64>,
-    position_m: Vector3<f64>,
-    velocity: Part,
-    climb: Part,
-    /// Variance that the climb has on top, (m/s)^2.
-    climb_variance: f64,
-    position: Part,
-    height: Part,
-    /// Since the last position, s.
-    position_s: f64,
-}
-
-impl Comparison {
-    /// Whether a fix of a moment can be put together with these.
-    fn takes(&self, fix: &GnssFix, moment: Time) -> bool {
-        self.step == Step::Gather
-            && moment.seconds_since(self.before) < 2.0 * TOGETHER_S
-            && self.velocity.has == fix.velocity_en_mps.is_some()
-            && self.position.has == fix.position.is_some()
-            && self.height.has == fix.height_m.is_some()
-    }
-
-    fn add(&mut self, next: &Self) {
-        self.fixes += 1;
-        let part = 1.0 / f64::from(self.fixes);
-        self.past.approach(&next.past, part);
-        self.latency_applied_s += (next.latency_applied_s - self.latency_applied_s) * part;
-        self.velocity_mps += (next.velocity_mps - self.velocity_mps) * part;
-        self.position_m += (next.position_m - self.position_m) * part;
-        self.velocity.approach(&next.velocity, part);
-        self.climb.approach(&next.climb, part);
-        self.climb_variance = math::max(self.climb_variance, next.climb_variance);
-        self.position.approach(&next.position, part);
-        self.height.approach(&next.height, part);
-        (self.stamp, self.newest) = (next.stamp, next.newest);
-    }
-
-    fn part(&mut self, kind: Kind) -> &mut Part {
-        match (kind.measured, kind.up) {
-            (Measured::Velocity, false) => &mut self.velocity,
-            (Measured::Velocity, true) => &mut self.climb,
-            (Measured::Position, false) => &mut self.position,
-            (Measured::Position, true) => &mut self.height,
-        }
-    }
-
-    fn interval_s(&self) -> f64 {
-        self.newest.seconds_since(self.before)
-    }
-
-    /// Goes on to what is due after a kind, or first.
-    fn go_on(&mut self, after: Option<Kind>) {
-        let kinds = [VELOCITY, CLIMB, POSITION, HEIGHT];
-        let done = after.map_or(0, |after| 1 + after.number());
-        let next = kinds
-            .into_iter()
-            .skip(done)
-            .find(|kind| self.part(*kind).has);
-        self.step = next.map_or(Step::Damp, Step::Take);
-    }
-
-    fn difference(&mut self, kind: Kind) -> Difference {
-        Difference {
-            value: match kind.measured {
-                Measured::Velocity => self.velocity_mps,
-                Measured::Position => self.position_m,
-            },
-            fixes: f64::from(self.fixes),
-            stated_variance: self.part(kind).stated,
-            more_variance: if kind == CLIMB {
-                self.climb_variance
-            } else {
-                0.0
-            },
-            latency_applied_s: self.latency_applied_s,
-        }
-    }
-}
-
 impl<const N: usize> AidedIns<N> {
     /// Takes a fix, or lets it wait.
     pub fn on_fix(&mut self, fix: &GnssFix, tally: &mut Tally, config: &Config) -> GnssOutcome {
@@ -207,7 +49,7 @@ impl<const N: usize> AidedIns<N> {
             Some(_) => None,
         };
         let outcome = at_once.unwrap_or_else(|| self.queue(fix, tally, config));
-        if outcome == GnssOutcome::Queued && fix.is_moving(config) {
+        if outcome == GnssOutcome::Queued && fix.is_moving(config.gnss.velocity_mps.white) {
             self.rest.on_motion();
         }
         outcome
@@ -262,7 +104,7 @@ impl<const N: usize> AidedIns<N> {
             }
             return None;
         }
-        let next = self.beside(past, fix, config);
+        let next = self.beside(&past, fix, config);
         self.newest = moment;
         let comparison = match &mut self.comparison {
             Some(comparison) => {
@@ -271,25 +113,32 @@ impl<const N: usize> AidedIns<N> {
             }
             None => self.comparison.insert(next),
         };
-        if comparison.interval_s() >= TOGETHER_S {
+        if comparison.is_complete() {
             comparison.step = Step::Advance;
         }
         Some(GnssOutcome::Queued)
     }
 
     /// A fix and the INS of its moment.
-    fn beside(&mut self, past: Past, fix: &GnssFix, config: &Config) -> Comparison {
-        let sign_variance = self.vertical_sign.take(fix, past.velocity_mps.z, config);
+    fn beside(&mut self, past: &Past, fix: &GnssFix, config: &Config) -> Comparison {
+        let was_wrong = self.vertical_sign.is_wrong();
+        let sign_variance = self.vertical_sign.take(fix, config);
+        if self.vertical_sign.is_wrong()
+            && !was_wrong
+            && let Some(observer) = self.estimator.exact_mut()
+        {
+            observer.forget_vertical(config);
+        }
         Comparison {
             step: Step::Gather,
-            past,
+            past: *past,
             fixes: 1,
             stamp: fix.time,
             newest: past.time,
             before: self.newest,
             latency_applied_s: self.compensation.latency_s,
             velocity_mps: past.velocity_mps - fix.velocity_enu_mps(),
-            position_m: self.position_difference(&past, fix),
+            position_m: self.position_difference(past, fix),
             velocity: Part::of(fix.velocity_en_mps.is_some(), fix.sigma.velocity_mps),
             climb: Part::of(sign_variance.is_some(), fix.sigma.velocity_up_mps),
             climb_variance: sign_variance.unwrap_or_default(),

@@ -1,0 +1,168 @@
+//! INS minus GNSS: a fix beside the INS of its own moment, or several that are close to each other.
+
+use nalgebra::Vector3;
+
+use crate::channel::Measured;
+use crate::history::Past;
+use crate::observer::{Difference, Kind};
+use crate::samples::GnssFix;
+use crate::time::Time;
+
+/// Fixes closer than this to the last that were compared wait for the next, and are compared as
+/// one, s: the errors of an INS change little meanwhile, and their mean tells as much of them.
+const TOGETHER_S: f64 = 0.15;
+
+/// What is due next for a comparison.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Step {
+    /// More fixes may join.
+    Gather,
+    /// The estimators come to its moment.
+    Advance,
+    /// They take what it has of each kind.
+    Take(Kind),
+    /// The loops do.
+    Damp,
+}
+
+/// One kind of measurement in a comparison.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Part {
+    /// Whether the fixes have it.
+    pub has: bool,
+    /// Its variance as the receiver states it.
+    pub stated: Option<f64>,
+    /// Whether the estimators have taken it.
+    pub used: bool,
+}
+
+impl Part {
+    /// What a fix has, with its sigma.
+    pub fn of(has: bool, sigma: Option<f64>) -> Self {
+        Self {
+            has,
+            stated: sigma.map(|sigma| sigma * sigma),
+            used: false,
+        }
+    }
+
+    /// Comes closer to `next` by a part of the way.
+    fn approach(&mut self, next: &Self, part: f64) {
+        self.has &= next.has;
+        self.stated = match (self.stated, next.stated) {
+            (Some(own), Some(next)) => Some(own + (next - own) * part),
+            _ => None,
+        };
+    }
+}
+
+/// A fix beside the INS of its own moment, or the mean of several such.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Comparison {
+    /// What is due.
+    pub step: Step,
+    /// The INS of the moment.
+    pub past: Past,
+    /// How many fixes.
+    pub fixes: u8,
+    /// Stamp of the newest fix, its moment, and that of the last one of the comparison before.
+    pub stamp: Time,
+    /// See above.
+    pub newest: Time,
+    /// See above.
+    pub before: Time,
+    /// Latency taken out by the choice of the moment, s.
+    pub latency_applied_s: f64,
+    /// INS minus GNSS, ENU, m/s and m.
+    pub velocity_mps: Vector3<f64>,
+    /// See above.
+    pub position_m: Vector3<f64>,
+    /// What the fixes have of each kind.
+    pub velocity: Part,
+    /// See above.
+    pub climb: Part,
+    /// Variance that the climb has on top, (m/s)^2: that of the first fix, which the noise of these
+    /// has no part in.
+    pub climb_variance: f64,
+    /// See above.
+    pub position: Part,
+    /// See above.
+    pub height: Part,
+    /// Since the last position, s.
+    pub position_s: f64,
+}
+
+impl Comparison {
+    /// Whether a fix of a moment can be put together with these.
+    pub fn takes(&self, fix: &GnssFix, moment: Time) -> bool {
+        self.step == Step::Gather
+            && moment.seconds_since(self.before) < 2.0 * TOGETHER_S
+            && self.velocity.has == fix.velocity_en_mps.is_some()
+            && self.position.has == fix.position.is_some()
+            && self.height.has == fix.height_m.is_some()
+    }
+
+    /// Puts another fix to them.
+    pub fn add(&mut self, next: &Self) {
+        self.fixes += 1;
+        let part = 1.0 / f64::from(self.fixes);
+        self.past.approach(&next.past, part);
+        self.latency_applied_s += (next.latency_applied_s - self.latency_applied_s) * part;
+        self.velocity_mps += (next.velocity_mps - self.velocity_mps) * part;
+        self.position_m += (next.position_m - self.position_m) * part;
+        self.velocity.approach(&next.velocity, part);
+        self.climb.approach(&next.climb, part);
+        self.position.approach(&next.position, part);
+        self.height.approach(&next.height, part);
+        (self.stamp, self.newest) = (next.stamp, next.newest);
+    }
+
+    /// What they have of a kind.
+    pub fn part(&mut self, kind: Kind) -> &mut Part {
+        match kind {
+            Kind::Velocity => &mut self.velocity,
+            Kind::Climb => &mut self.climb,
+            Kind::Position => &mut self.position,
+            Kind::Height => &mut self.height,
+        }
+    }
+
+    /// Time since the comparison before, s.
+    pub fn interval_s(&self) -> f64 {
+        self.newest.seconds_since(self.before)
+    }
+
+    /// Whether no other fix need be waited for.
+    pub fn is_complete(&self) -> bool {
+        self.interval_s() >= TOGETHER_S
+    }
+
+    /// Goes on to what is due after a kind, or first.
+    pub fn go_on(&mut self, after: Option<Kind>) {
+        let done = after.map_or(0, |after| 1 + after as usize);
+        let mut left = Kind::ALL.into_iter().skip(done);
+        let next = left.find(|kind| self.part(*kind).has);
+        self.step = next.map_or(Step::Damp, Step::Take);
+    }
+
+    /// What the estimators are given of a kind.
+    pub fn difference(&mut self, kind: Kind) -> Difference {
+        Difference {
+            value: match kind.measured() {
+                Measured::Velocity => self.velocity_mps,
+                Measured::Position => self.position_m,
+            },
+            fixes: f64::from(self.fixes),
+            stated_variance: self.part(kind).stated,
+            more_variance: if kind == Kind::Climb {
+                self.climb_variance
+            } else {
+                0.0
+            },
+            latency_applied_s: self.latency_applied_s,
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! What is taken out of readings and stamps, and when.
+
+use nalgebra::Vector3;
+
+use crate::config::{Config, Feedback, Form};
+use crate::increments::Interval;
+use crate::math;
+use crate::parameters::{Parameters, index};
+
+/// A parameter is taken out once its spread is below this part of what was believed before.
+const BIAS_KNOWN: f64 = 0.5;
+const LATENCY_KNOWN: f64 = 0.2;
+/// Largest latency that is credible, s.
+const LATENCY_LIMIT_S: f64 = 1.2;
+
+/// Errors taken out of readings and stamps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Compensation {
+    /// Of the gyros.
+    pub gyro_radps: Vector3<f64>,
+    /// Of the accelerometers.
+    pub accel_mps2: Vector3<f64>,
+    /// Of the stamps of fixes.
+    pub latency_s: f64,
+}
+
+impl Compensation {
+    /// At the start: what alignment has found of gyros and latency.
+    pub fn at_start(known: &Parameters, config: &Config) -> Self {
+        let mut start = Self {
+            gyro_radps: Vector3::zeros(),
+            accel_mps2: Vector3::zeros(),
+            latency_s: 0.0,
+        };
+        if config.feedback == Feedback::Closed {
+            start.gyro_radps = known.vector(index::GYRO);
+            if config.form == Form::Exact {
+                start.latency_s = credible_latency(known);
+            }
+        }
+        start
+    }
+
+    /// Takes out what has become known.
+    pub fn update(&mut self, parameters: &Parameters, config: &Config) {
+        if config.feedback == Feedback::Open {
+            return;
+        }
+        let prior = config.prior();
+        let known = |i: usize, part: f64| parameters.sigma(i) < part * prior.sigma(i);
+        // (9) reads gyro biases from controls that a compensation would empty.
+        let exact = config.form == Form::Exact;
+        for axis in 0..3 {
+            if let Some(gyro) = self.gyro_radps.get_mut(axis)
+                && exact
+                && known(index::GYRO + axis, BIAS_KNOWN)
+            {
+                *gyro = parameters.value(index::GYRO + axis);
+            }
+            if let Some(accel) = self.accel_mps2.get_mut(axis)
+                && known(index::ACCEL + axis, BIAS_KNOWN)
+            {
+                *accel = parameters.value(index::ACCEL + axis);
+            }
+        }
+        // However little is known of it: what is left is all that has to be linear.
+        if exact || known(index::LATENCY, LATENCY_KNOWN) {
+            self.latency_s = credible_latency(parameters);
+        }
+    }
+
+    /// A measured interval as the INS takes it.
+    pub fn compensated(&self, raw: &Interval) -> Interval {
+        raw.without_bias(&self.gyro_radps, &self.accel_mps2)
+    }
+}
+
+/// Latency, s, as far as the ring can serve it.
+fn credible_latency(parameters: &Parameters) -> f64 {
+    let latency_s = parameters.value(index::LATENCY);
+    math::max(math::min(latency_s, LATENCY_LIMIT_S), -LATENCY_LIMIT_S)
+}
