@@ -22,6 +22,7 @@ pub(crate) mod rehearse;
 pub(crate) mod report;
 /// Motions, and the sensors that feel them.
 pub mod sim;
+pub(crate) mod statistics;
 /// Many seeds, or many logs, to one table: how good, how honest.
 pub mod study;
 /// What was found, as parameters of other programs.

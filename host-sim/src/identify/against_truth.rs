@@ -9,6 +9,7 @@ use crate::identify::held_ins::{Error, HeldIns};
 use crate::identify::row::Row;
 use crate::log::Log;
 use crate::sim::ideal::displaced;
+use crate::statistics::rms;
 
 /// Between two points of the curves, s.
 const EVERY_S: f64 = 1.0;
@@ -46,16 +47,10 @@ impl AgainstTruth {
     /// Root mean squares from where the free ones begin.
     pub fn errors(&self) -> TruthErrors {
         let rms = |points: &[Point]| {
-            let late = (points.iter()).filter(|(time, _)| *time >= self.free_from);
-            let (mut sum, mut count) = (Error::default(), 0.0_f64);
-            for (_, error) in late {
-                sum.position_m += error.position_m * error.position_m;
-                sum.velocity_mps += error.velocity_mps * error.velocity_mps;
-                count += 1.0;
-            }
+            let late = || (points.iter()).filter(|(time, _)| *time >= self.free_from);
             Error {
-                position_m: (sum.position_m / count).sqrt(),
-                velocity_mps: (sum.velocity_mps / count).sqrt(),
+                position_m: rms(late().map(|(_, error)| error.position_m)),
+                velocity_mps: rms(late().map(|(_, error)| error.velocity_mps)),
             }
         };
         TruthErrors {

@@ -8,7 +8,7 @@ use super::chart::{Figure, SCRIPT};
 
 const TEMPLATE: &str = include_str!("report.html");
 /// How pages look.
-pub(crate) const STYLE: &str = include_str!("style.css");
+const STYLE: &str = include_str!("style.css");
 
 /// What a page shows: first what is to be known before all, then numbers, then plots.
 #[derive(Default, Serialize)]
@@ -36,16 +36,22 @@ impl Page {
             page: &'a Page,
             script: &'a str,
         }
-        let mut environment = Environment::new();
-        environment.set_auto_escape_callback(|_| AutoEscape::Html);
-        environment.add_template("style", STYLE)?;
-        environment.add_template("report", TEMPLATE)?;
-        let template = environment.get_template("report")?;
-        template.render(Serde(&Filled {
-            page: self,
-            script: &SCRIPT,
-        }))
+        fill(
+            TEMPLATE,
+            &Filled {
+                page: self,
+                script: &SCRIPT,
+            },
+        )
     }
+}
+
+/// A template that may include the style, filled.
+pub(crate) fn fill(template: &str, with: &impl Serialize) -> Result<String, minijinja::Error> {
+    let mut environment = Environment::new();
+    environment.set_auto_escape_callback(|_| AutoEscape::Html);
+    environment.add_template("style", STYLE)?;
+    environment.render_str(template, Serde(with))
 }
 
 /// A table with its heading.

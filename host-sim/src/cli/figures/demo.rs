@@ -5,8 +5,9 @@ use std::path::Path;
 use miette::{IntoDiagnostic, Result};
 
 use crate::cli::drive::write_drive;
-use crate::cli::options::{DriveOptions, SimulatedGrade};
+use crate::cli::options::DriveOptions;
 use crate::identify::analysis::Analysis;
+use crate::log::Grade;
 use crate::page::chart::sampled;
 use crate::page::plot::{BLUE, GREY, Mark, Plot, RED};
 use crate::page::progress::bar;
@@ -20,7 +21,7 @@ pub(super) fn part(root: &Path) -> Result<String> {
     let log = folder.path().join("log");
     let options = DriveOptions {
         seed: 1,
-        grade: SimulatedGrade::Hg1700,
+        grade: Grade::Hg1700,
         minutes: 40.0,
     };
     write_drive(&log, options, None, false)?;

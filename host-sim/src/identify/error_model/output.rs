@@ -1,7 +1,6 @@
 //! `error-model.toml`, `error-model.json` and `allan.csv`.
 
 use std::fmt::Write as _;
-use std::fs::{self, File};
 use std::path::Path;
 
 use miette::{IntoDiagnostic, Result};
@@ -11,8 +10,8 @@ use super::allan::AtRest;
 use super::identified::{Identified, Parameter};
 use super::interval::Interval;
 use crate::page::number::to_second_digit_of;
-use crate::page::output::OutputError;
 use crate::page::table;
+use crate::page::{self, output};
 
 /// Name of the model file; marks a folder of several logs as ours.
 pub const MODEL: &str = "error-model.toml";
@@ -45,14 +44,9 @@ pub fn write(sensors: Sensors, folder: &Path) -> Result<()> {
         parameters: found.parameters(),
         gyro_noise_at_rest_deg_h: &found.gyro_noise_at_rest,
     };
-    let json = serde_json::to_string_pretty(&json).into_diagnostic()? + "\n";
-    for (name, text) in [(MODEL, toml(found)?), (JSON, json)] {
-        let path = folder.join(name);
-        fs::write(&path, text).map_err(|e| OutputError::io(&path, e))?;
-    }
-    let path = folder.join("allan.csv");
-    let file = File::create(&path).map_err(|e| OutputError::io(&path, e))?;
-    at_rest.write(file).into_diagnostic()
+    output::write(folder, MODEL, toml(found)?)?;
+    output::write(folder, JSON, page::json(&json)?)?;
+    (at_rest.write(output::create(folder, "allan.csv")?)).into_diagnostic()
 }
 
 /// The model, under a comment with what each value stands on.

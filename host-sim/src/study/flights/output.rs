@@ -1,7 +1,6 @@
 //! What `flights` writes and prints.
 
 use std::fmt::Write as _;
-use std::fs;
 use std::path::Path;
 
 use miette::{IntoDiagnostic, Result};
@@ -9,16 +8,16 @@ use miette::{IntoDiagnostic, Result};
 use super::run::{BIASES_DEG_H, Run, WALKS_DEG_SQRT_H};
 use super::schuler::{Oscillation, Point};
 use super::summary::{End, NAMES, Summary, THESIS_KM, Walk};
-use crate::page::output::{self, OutputError};
 use crate::page::plot::{BLUE, GREEN, GREY, Mark, ORANGE, Plot, padded};
 use crate::page::table::{self, cells};
+use crate::page::{self, output};
 
 /// File name of the summary; marks the folder as ours.
 pub const SUMMARY: &str = "flights.json";
 
 /// Writes the summary, a table with one row per flight, and pictures.
 pub fn write(out: &Path, force: bool, runs: &[Run], summary: &Summary) -> Result<()> {
-    let json = serde_json::to_string_pretty(summary).into_diagnostic()? + "\n";
+    let json = page::json(summary)?;
     let csv = table(runs).into_diagnostic()?;
     output::build(out, SUMMARY, force, |folder| -> Result<()> {
         for (name, contents) in [
@@ -30,8 +29,7 @@ pub fn write(out: &Path, force: bool, runs: &[Run], summary: &Summary) -> Result
             ),
             ("position_error.svg", growth(summary).into_bytes()),
         ] {
-            let path = folder.join(name);
-            fs::write(&path, contents).map_err(|e| OutputError::io(&path, e))?;
+            output::write(folder, name, contents)?;
         }
         Ok(())
     })

@@ -1,16 +1,14 @@
 //! `reproduce.json`, `report.html`, a drawing and a table of data for each part.
 
-use std::fs;
 use std::path::Path;
 
 use miette::{IntoDiagnostic, Result};
-use minijinja::value::Serde;
-use minijinja::{AutoEscape, Environment};
 use serde::Serialize;
 
 use super::{Number, Part, Reproduction};
 use crate::page::digits;
-use crate::page::output::OutputError;
+use crate::page::html::fill;
+use crate::page::output;
 use crate::page::table::{self, cells};
 
 /// Name of the file that marks the folder as ours.
@@ -55,8 +53,7 @@ impl Reproduction {
             );
         }
         for (name, text) in files {
-            let path = folder.join(name);
-            fs::write(&path, text).map_err(|e| OutputError::io(&path, e))?;
+            output::write(folder, &name, text)?;
         }
         Ok(())
     }
@@ -67,14 +64,11 @@ impl Reproduction {
             reproduction: &'a Reproduction,
             parts: Vec<Shown<'a>>,
         }
-        let mut environment = Environment::new();
-        environment.set_auto_escape_callback(|_| AutoEscape::Html);
-        environment.add_template("style", crate::page::html::STYLE)?;
-        environment.add_template("reproduce", include_str!("report.html"))?;
-        environment.get_template("reproduce")?.render(Serde(&Page {
+        let page = Page {
             reproduction: self,
             parts: self.parts.iter().map(Shown::new).collect(),
-        }))
+        };
+        fill(include_str!("report.html"), &page)
     }
 
     /// Heads and rows of one table of all numbers.
