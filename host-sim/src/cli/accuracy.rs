@@ -10,8 +10,7 @@ use super::options::{minutes, show};
 use crate::log::Grade;
 use crate::page::output;
 use crate::page::progress::bar;
-use crate::page::table;
-use crate::study::accuracy::{JSON, Results, Study, header, write};
+use crate::study::accuracy::{JSON, Results, Study, write};
 
 /// Options of `accuracy`.
 #[derive(Debug, Args)]
@@ -104,7 +103,7 @@ fn readable(results: &Results) -> String {
         study.minutes,
         study.first_seed,
         results.converged,
-        table::plain(&header(), &results.cells()),
+        results.table().plain(),
         68.0,
         results.coverage_spread_percent(),
     )

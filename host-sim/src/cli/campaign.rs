@@ -14,7 +14,6 @@ use crate::campaign::summary::{Summary, Tally};
 use crate::page;
 use crate::page::output::{OutputError, check_free, replace};
 use crate::page::progress::bar;
-use crate::page::table;
 
 /// Copy of the plan; marks a folder as that of a campaign.
 const PLAN: &str = "plan.toml";
@@ -118,8 +117,7 @@ fn add_up(folders: &[&PathBuf], json: bool) -> Result<()> {
         print!("{text}");
         return Ok(());
     }
-    let (header, rows) = summary.table();
-    println!("{}", table::plain(&header, &rows));
+    println!("{}", summary.table().plain());
     println!(
         "{} units, {} flights of each with each model; {} flights could not be flown.",
         summary.plan.units, summary.plan.flights, summary.failed

@@ -15,7 +15,6 @@ use crate::log::Grade;
 use crate::page;
 use crate::page::output::{self, OutputError};
 use crate::page::progress::{bar, spinner};
-use crate::page::table;
 use crate::report;
 use crate::sim::errors::Law;
 
@@ -174,8 +173,7 @@ fn identify_logs(
 }
 
 fn print_model(model: &Identified, out: &Path) {
-    let (header, rows) = model.table();
-    print!("{}", table::plain(&header, &rows));
+    print!("{}", model.table().plain());
     println!("\nError model: {}", out.join(error_model::MODEL).display());
 }
 
@@ -191,8 +189,7 @@ pub(super) fn print_analysis(
         return Ok(());
     }
     println!("{}\n", summary.verdict.lines().join("\n"));
-    let (header, rows) = analysis.table();
-    print!("{}", table::plain(&header, &rows));
+    print!("{}", analysis.table().plain());
     if let (Some(before), Some(after)) = (
         summary.velocity_error_mps.before,
         summary.velocity_error_mps.after,

@@ -9,9 +9,8 @@ use crate::cli::options::minutes;
 use crate::page;
 use crate::page::output::{self};
 use crate::page::progress::bar;
-use crate::page::table;
 use crate::sim::errors::Law;
-use crate::study::recovery::{Results, Study, header};
+use crate::study::recovery::{Results, Study};
 
 const JSON: &str = "recovery.json";
 
@@ -59,7 +58,7 @@ pub fn recovery(options: &Recovery, json: bool, force: bool) -> Result<()> {
     }
     for results in &results {
         println!("Gyro biases of thesis equation {}:\n", results.gyro_model);
-        println!("{}", table::plain(&header(), &results.cells()));
+        println!("{}", results.table().plain());
     }
     Ok(())
 }

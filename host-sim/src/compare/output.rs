@@ -7,14 +7,14 @@ use miette::{IntoDiagnostic, Result};
 use plotters::style::RGBColor;
 
 use super::measure::{NAMES, columns};
+use super::outage::OutageTest;
 use super::{Comparison, MethodResult, QuantityResult};
 use crate::identify::words::with_sigma;
 use crate::page::chart::{Chart, Figure, MOST_POINTS, sampled};
 use crate::page::digits;
-use crate::page::html::Table;
 use crate::page::html::{Page, Section};
 use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED, padded};
-use crate::page::table;
+use crate::page::table::Table;
 use crate::page::{self, output};
 
 /// Name of the file that marks the folder as ours.
@@ -168,7 +168,7 @@ impl Comparison {
 pub fn plain(comparison: &Comparison) -> String {
     let texts: Vec<String> = tables(comparison)
         .iter()
-        .map(|t| format!("{}\n\n{}", t.title, table::plain(&t.header, &t.rows)))
+        .map(|t| format!("{}\n\n{}", t.title, t.plain()))
         .collect();
     texts.join("\n")
 }
@@ -279,10 +279,5 @@ fn costs(comparison: &Comparison) -> Table {
 }
 
 fn outages(comparison: &Comparison) -> Option<Table> {
-    let test = comparison.outages.as_ref()?;
-    Some(Table {
-        title: test.title(),
-        header: test.header(),
-        rows: test.rows(),
-    })
+    comparison.outages.as_ref().map(OutageTest::table)
 }

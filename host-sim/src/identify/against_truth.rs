@@ -72,7 +72,9 @@ pub fn check(
     let known = history.partition_point(|row| row.time <= start.time);
     let mut damped = Vec::new();
     for solution in solutions {
-        if let Some(truth) = at(&log.truth, solution.time).filter(|_| due(&damped, solution.time)) {
+        if let Some(truth) =
+            truth_at(&log.truth, solution.time, HOLE_S).filter(|_| due(&damped, solution.time))
+        {
             damped.push((solution.time, Error::of(solution, &truth)));
         }
     }
@@ -83,7 +85,7 @@ pub fn check(
         // Where samples end or are missing, so do the errors.
         let _ = feed(log, start.time, history, |interval, time| {
             ins.step(interval, height_m, config);
-            if let Some(truth) = at(&log.truth, time) {
+            if let Some(truth) = truth_at(&log.truth, time, HOLE_S) {
                 height_m = truth.position.height_m;
                 if due(&errors, time) {
                     errors.push((time, ins.error(&truth)));
@@ -108,8 +110,8 @@ fn due(points: &[Point], now: Time) -> bool {
     last.is_none_or(|(last, _)| now.seconds_since(*last) > EVERY_S - 5e-4)
 }
 
-/// The reference at a time, linear between its rows; attitude as before it.
-fn at(truth: &[Solution], time: Time) -> Option<Solution> {
+/// The reference at a time, between rows that are no further apart than a hole.
+pub(crate) fn truth_at(truth: &[Solution], time: Time, hole_s: f64) -> Option<Solution> {
     let after = truth.partition_point(|row| row.time <= time);
     let before = truth.get(after.checked_sub(1)?)?;
     let since_s = time.seconds_since(before.time);
@@ -118,16 +120,15 @@ fn at(truth: &[Solution], time: Time) -> Option<Solution> {
     }
     let next = truth.get(after)?;
     let span_s = next.time.seconds_since(before.time);
-    if span_s > HOLE_S {
+    if span_s > hole_s {
         return None;
     }
     let part = since_s / span_s;
     let way = part * next.position.enu_from(&before.position);
-    let velocity = before.velocity_enu_mps.lerp(&next.velocity_enu_mps, part);
     Some(Solution {
         time,
         position: displaced(&before.position, &way),
-        velocity_enu_mps: velocity,
-        ..*before
+        velocity_enu_mps: before.velocity_enu_mps.lerp(&next.velocity_enu_mps, part),
+        attitude: before.attitude.nlerp(&next.attitude, part),
     })
 }

@@ -48,7 +48,7 @@ fn known(estimate: &Estimate) -> bool {
 }
 
 /// An estimate as far as it stands on data.
-fn value(estimate: &Estimate) -> f64 {
+pub(crate) fn value(estimate: &Estimate) -> f64 {
     if known(estimate) { estimate.value } else { 0.0 }
 }
 

@@ -5,6 +5,7 @@ use minijinja::{AutoEscape, Environment};
 use serde::Serialize;
 
 use super::chart::{Figure, SCRIPT};
+use super::table::Table;
 
 const TEMPLATE: &str = include_str!("report.html");
 /// How pages look.
@@ -52,22 +53,4 @@ pub(crate) fn fill(template: &str, with: &impl Serialize) -> Result<String, mini
     environment.set_auto_escape_callback(|_| AutoEscape::Html);
     environment.add_template("style", STYLE)?;
     environment.render_str(template, Serde(with))
-}
-
-/// A table with its heading.
-#[derive(Debug, Serialize)]
-pub(crate) struct Table {
-    pub(crate) title: String,
-    pub(crate) header: Vec<String>,
-    pub(crate) rows: Vec<Vec<String>>,
-}
-
-impl Table {
-    pub(crate) fn new(title: &str, header: Vec<String>, rows: Vec<Vec<String>>) -> Self {
-        Self {
-            title: title.to_owned(),
-            header,
-            rows,
-        }
-    }
 }

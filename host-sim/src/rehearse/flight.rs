@@ -1,7 +1,7 @@
 //! One seeded flight with its sensors, as an algorithm under test gets it.
 
-use ins_core::earth::Geodetic;
 use ins_core::Solution;
+use ins_core::earth::Geodetic;
 use nalgebra::Vector3;
 
 use crate::aircraft::dynamics::Dynamics;

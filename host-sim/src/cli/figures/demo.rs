@@ -12,7 +12,6 @@ use crate::page::chart::sampled;
 use crate::page::plot::{BLUE, GREY, Mark, Plot, RED};
 use crate::page::progress::bar;
 use crate::page::sheet::{self, Panel, key};
-use crate::page::table;
 use crate::report::charts::{Converging, converging};
 
 /// What `host-sim demo` does and prints, with its picture.
@@ -28,8 +27,7 @@ pub(super) fn part(root: &Path) -> Result<String> {
     let analysis = Analysis::of_log(&log, None, &bar())?;
     let panels: Vec<Panel> = converging(&analysis).iter().map(panel).collect();
     super::pages::picture(root, "demo.svg", &sheet::svg(&panels))?;
-    let (header, rows) = analysis.table();
-    Ok(table::markdown(&header, &rows))
+    Ok(analysis.table().markdown())
 }
 
 fn panel(estimate: &Converging) -> Panel {

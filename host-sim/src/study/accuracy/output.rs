@@ -9,6 +9,7 @@ use super::{Check, QUANTITIES, Results, Row, Spread};
 use crate::page::number::to_second_digit_of;
 use crate::page::plot::{BLUE, Mark, ORANGE, Plot};
 use crate::page::sheet::{self, Panel, key};
+use crate::page::table::{Table, cells};
 use crate::page::{self, output};
 
 /// Names of the files; the first marks the folder as ours.
@@ -92,28 +93,21 @@ fn capital(text: &str) -> String {
     })
 }
 
-/// Column heads of [`Results::cells`].
-pub fn header() -> Vec<String> {
-    let header = [
-        "",
-        "RMS error",
-        "RMS sigma",
-        "within 1 sigma",
-        "settled after",
-        "limit",
-        "goal",
-    ];
-    header.map(str::to_owned).to_vec()
-}
-
 impl Results {
-    /// The table, cell by cell, without its head.
-    pub fn cells(&self) -> Vec<Vec<String>> {
+    /// A row for each quantity.
+    pub(crate) fn table(&self) -> Table {
+        let header = cells([
+            "",
+            "RMS error",
+            "RMS sigma",
+            "within 1 sigma",
+            "settled after",
+            "limit",
+            "goal",
+        ]);
         let limits = self.study.has_limits();
-        self.quantities
-            .iter()
-            .map(|row| row.cells(limits))
-            .collect()
+        let rows = self.quantities.iter().map(|row| row.cells(limits));
+        Table::new("", header, rows.collect())
     }
 }
 

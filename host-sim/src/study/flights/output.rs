@@ -9,7 +9,7 @@ use super::run::{BIASES_DEG_H, Run, WALKS_DEG_SQRT_H};
 use super::schuler::{Oscillation, Point};
 use super::summary::{End, NAMES, Summary, THESIS_KM, Walk};
 use crate::page::plot::{BLUE, GREEN, GREY, Mark, ORANGE, Plot, padded};
-use crate::page::table::{self, cells};
+use crate::page::table::{Table, cells};
 use crate::page::{self, output};
 
 /// File name of the summary; marks the folder as ours.
@@ -125,24 +125,17 @@ fn growth(summary: &Summary) -> String {
 
 // --- tables ---
 
-/// A table with its title.
-struct Table {
-    title: String,
-    header: Vec<String>,
-    rows: Vec<Vec<String>>,
-}
-
 /// The figures for a person.
 pub fn readable(summary: &Summary) -> String {
-    in_words(summary, table::plain)
+    in_words(summary, Table::plain)
 }
 
 /// The figures for a page.
 pub fn markdown(summary: &Summary) -> String {
-    in_words(summary, table::markdown)
+    in_words(summary, Table::markdown)
 }
 
-fn in_words(summary: &Summary, table: fn(&[String], &[Vec<String>]) -> String) -> String {
+fn in_words(summary: &Summary, text_of: fn(&Table) -> String) -> String {
     let left = &summary.left;
     let [gx, gy, gz] = left.gyro_deg_h;
     let [ax, ay, az] = left.accel_mg;
@@ -157,17 +150,13 @@ fn in_words(summary: &Summary, table: fn(&[String], &[Vec<String>]) -> String) -
         left.azimuth_deg,
         left.latency_ms
     );
-    for Table {
-        title,
-        header,
-        rows,
-    } in [
+    for table in [
         ends(summary),
         grid(summary),
         walks(summary),
         models(summary),
     ] {
-        let _ = write!(text, "\n{title}\n\n{}", table(&header, &rows));
+        let _ = write!(text, "\n{}\n\n{}", table.title, text_of(&table));
     }
     text
 }

@@ -3,7 +3,7 @@
 
 mod table;
 
-pub use table::{Results, Row, header};
+pub use table::{Results, Row};
 
 use indicatif::ProgressBar;
 use nalgebra::Matrix4;

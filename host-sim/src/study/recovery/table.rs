@@ -9,6 +9,7 @@ use super::{Study, Unit, truth};
 use crate::identify::error_model::identified::in_file;
 use crate::identify::error_model::interval::Interval;
 use crate::page::number::to_second_digit_of;
+use crate::page::table::{Table, cells};
 use crate::sim::ErrorModel;
 use crate::sim::errors::{BiasModel, Law};
 
@@ -178,26 +179,21 @@ impl<'a> Bounds<'a> {
     }
 }
 
-/// Column heads of [`Results::cells`].
-pub fn header() -> Vec<String> {
-    let header = [
-        "",
-        "unit",
-        "truth",
-        "bias",
-        "bias by chance",
-        "coverage",
-        "scatter",
-        "bound",
-        "scatter / bound",
-    ];
-    header.map(str::to_owned).to_vec()
-}
-
 impl Results {
-    /// The table, cell by cell, without its head.
-    pub fn cells(&self) -> Vec<Vec<String>> {
-        self.rows.iter().map(Row::cells).collect()
+    /// A row for each parameter.
+    pub(crate) fn table(&self) -> Table {
+        let header = cells([
+            "",
+            "unit",
+            "truth",
+            "bias",
+            "bias by chance",
+            "coverage",
+            "scatter",
+            "bound",
+            "scatter / bound",
+        ]);
+        Table::new("", header, self.rows.iter().map(Row::cells).collect())
     }
 }
 

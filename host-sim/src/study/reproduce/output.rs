@@ -9,7 +9,7 @@ use super::{Number, Part, Reproduction};
 use crate::page::digits;
 use crate::page::html::fill;
 use crate::page::output;
-use crate::page::table::{self, cells};
+use crate::page::table::{Table, cells};
 
 /// Name of the file that marks the folder as ours.
 pub const JSON: &str = "reproduce.json";
@@ -71,8 +71,8 @@ impl Reproduction {
         fill(include_str!("report.html"), &page)
     }
 
-    /// Heads and rows of one table of all numbers.
-    fn table(&self) -> (Vec<String>, Vec<Vec<String>>) {
+    /// All numbers.
+    fn table(&self) -> Table {
         let rows = self.parts.iter().flat_map(|part| {
             let source = part.title.split(':').next().unwrap_or_default();
             part.numbers.iter().map(move |number| {
@@ -81,10 +81,8 @@ impl Reproduction {
                 cells
             })
         });
-        (
-            cells(["of the thesis", "what", "thesis", "ours", "ratio"]),
-            rows.collect(),
-        )
+        let header = cells(["of the thesis", "what", "thesis", "ours", "ratio"]);
+        Table::new("", header, rows.collect())
     }
 }
 
@@ -102,14 +100,12 @@ fn row(number: &Number) -> [String; 4] {
 
 /// For docs/thesis.md.
 pub fn markdown(reproduction: &Reproduction) -> String {
-    let (header, rows) = reproduction.table();
-    table::markdown(&header, &rows)
+    reproduction.table().markdown()
 }
 
 /// For a terminal.
 pub(crate) fn plain(reproduction: &Reproduction) -> String {
-    let (header, rows) = reproduction.table();
-    let mut text = table::plain(&header, &rows);
+    let mut text = reproduction.table().plain();
     text.extend(
         (reproduction.not_reproduced.iter())
             .map(|missing| format!("\nNot reproduced: {}: {}.\n", missing.what, missing.why)),
