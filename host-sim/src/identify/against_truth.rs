@@ -5,7 +5,7 @@ use ins_core::{Solution, Time};
 use serde::Serialize;
 
 use crate::identify::free_inertial::feed;
-use crate::identify::held_ins::{Error, HeldIns};
+use crate::identify::held_ins::{HeldIns, LevelError};
 use crate::identify::row::Row;
 use crate::log::Log;
 use crate::sim::ideal::displaced;
@@ -30,17 +30,17 @@ pub struct AgainstTruth {
 }
 
 /// Horizontal error at a time.
-pub type Point = (Time, Error);
+pub type Point = (Time, LevelError);
 
 /// Root mean squares over the second half of the solution.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TruthErrors {
     /// Damped by GNSS.
-    pub damped: Error,
+    pub damped: LevelError,
     /// Free, less the errors of the sensors as known when GNSS goes.
-    pub free: Error,
+    pub free: LevelError,
     /// Free, readings as logged.
-    pub as_logged: Error,
+    pub as_logged: LevelError,
 }
 
 impl AgainstTruth {
@@ -48,7 +48,7 @@ impl AgainstTruth {
     pub fn errors(&self) -> TruthErrors {
         let rms = |points: &[Point]| {
             let late = || (points.iter()).filter(|(time, _)| *time >= self.free_from);
-            Error {
+            LevelError {
                 position_m: rms(late().map(|(_, error)| error.position_m)),
                 velocity_mps: rms(late().map(|(_, error)| error.velocity_mps)),
             }
@@ -75,7 +75,7 @@ pub fn check(
         if let Some(truth) =
             truth_at(&log.truth, solution.time, HOLE_S).filter(|_| due(&damped, solution.time))
         {
-            damped.push((solution.time, Error::of(solution, &truth)));
+            damped.push((solution.time, LevelError::of(solution, &truth)));
         }
     }
     let free = |history: &[Row]| {

@@ -186,7 +186,7 @@ fn free(analysis: &Analysis) -> Table {
 }
 
 fn against_truth(analysis: &Analysis) -> Table {
-    let row = |name: &str, error: &held_ins::Error| {
+    let row = |name: &str, error: &held_ins::LevelError| {
         let numbers = [error.position_m, error.velocity_mps].map(|v| digits(v, v));
         let [position, velocity] = numbers;
         vec![name.to_owned(), position, velocity]

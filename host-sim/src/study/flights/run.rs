@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use crate::aircraft::flight::FlightError;
 use crate::identify::configure::config_of;
 use crate::identify::free_inertial::value;
-use crate::identify::held_ins::{Error, HeldIns};
+use crate::identify::held_ins::{HeldIns, LevelError};
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
 use crate::log::Grade;
 use crate::sim::ErrorModel;
@@ -103,7 +103,7 @@ pub struct Run {
     /// Errors left in the estimates.
     pub left: Left,
     /// Errors of each [`Variant`] at every minute of the free part.
-    pub free: [Vec<Error>; 3],
+    pub free: [Vec<LevelError>; 3],
     /// Velocity error against the model in both [`Terms`]: estimates, then raw.
     pub agreement: [[Agreement; 2]; 2],
     /// Position error of each cell of the grid at the end, m; walks within biases.
@@ -129,7 +129,7 @@ pub fn run_alone(
     seed: u64,
     route: &Route,
     settings: &Settings,
-) -> Result<(Left, Vec<Error>), RunError> {
+) -> Result<(Left, Vec<LevelError>), RunError> {
     let (mut sensors, navigator, start) = aided(seed, route, settings)?;
     let estimates = navigator.estimates();
     let ([gyro, accel], mut ins) = (biases(&estimates), HeldIns::new(&start));
@@ -213,7 +213,7 @@ struct Free {
     measured: Intervals,
     ideal: Intervals,
     ins: [HeldIns; 3],
-    errors: [Vec<Error>; 3],
+    errors: [Vec<LevelError>; 3],
     models: [[LinearModel; 2]; 2],
     agreement: [[Agreement; 2]; 2],
     grid: Grid,
