@@ -8,7 +8,7 @@ use ins_core::{ImuOutput, ImuSample, Solution};
 
 use super::dynamics::Dynamics;
 use super::performance::{climb_rate_mps, trim_row};
-use crate::page::output::OutputError;
+use crate::page::output::{self, OutputError};
 use crate::page::plot::{BLUE, GREEN, GREY, Mark, ORANGE, Plot, padded};
 use crate::sim::SimulatedDrive;
 
@@ -21,11 +21,7 @@ type Picture = (&'static str, String);
 /// Writes pictures into a new folder.
 pub fn write(pictures: &[Picture], folder: &Path) -> Result<(), OutputError> {
     fs::create_dir_all(folder).map_err(|e| OutputError::io(folder, e))?;
-    for (name, svg) in pictures {
-        let path = folder.join(name);
-        fs::write(&path, svg).map_err(|e| OutputError::io(&path, e))?;
-    }
-    Ok(())
+    (pictures.iter()).try_for_each(|(name, svg)| output::write(folder, name, svg))
 }
 
 /// Profile, track, attitude and sensor signals of a flight.

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::identify::held_ins::Error;
+use crate::identify::held_ins::LevelError;
 use crate::study::flights::run::Left;
 
 /// One flight: whole numbers.
@@ -18,7 +18,7 @@ pub struct Flown {
 
 impl Flown {
     /// Of what was left when GNSS went and the errors at every minute after that.
-    pub fn new(left: &Left, minutes: &[Error]) -> Self {
+    pub fn new(left: &Left, minutes: &[LevelError]) -> Self {
         // Positive, and below the size of the Earth.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let whole = |value: f64| value.abs().round() as u64;

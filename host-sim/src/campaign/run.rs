@@ -31,13 +31,13 @@ impl Shard {
     pub const ALL: Self = Self { part: 1, of: 1 };
 
     /// Whether a unit belongs to it.
-    pub fn has(&self, unit: u32) -> bool {
+    pub fn has(self, unit: u32) -> bool {
         unit % self.of == self.part - 1
     }
 
     /// Name of its file.
-    pub fn file(&self) -> String {
-        match *self {
+    pub fn file(self) -> String {
+        match self {
             Self::ALL => "runs.jsonl".to_owned(),
             Self { part, of } => format!("runs-{part}-of-{of}.jsonl"),
         }

@@ -10,6 +10,7 @@ use super::ledger::{Line, With};
 use super::plan::Plan;
 use crate::identify::error_model::interval::{Interval, Measured, mean};
 use crate::page::digits;
+use crate::page::table::{Table, cells};
 
 /// Goal: predicted over true accuracy, off by no more than this.
 pub const GOAL: f64 = 0.1;
@@ -132,8 +133,8 @@ impl Summary {
         }
     }
 
-    /// Column heads and cells.
-    pub fn table(&self) -> (Vec<String>, Vec<Vec<String>>) {
+    /// For people.
+    pub fn table(&self) -> Table {
         let header = [
             "RMS error",
             "after, min",
@@ -158,10 +159,7 @@ impl Summary {
                 format!("{} of {}", row.units_beyond_goal, self.plan.units),
             ]
         };
-        (
-            header.map(str::to_owned).to_vec(),
-            self.rows.iter().map(row).collect(),
-        )
+        Table::new("", cells(header), self.rows.iter().map(row).collect())
     }
 }
 

@@ -4,20 +4,20 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use ins_core::config::Form;
-use miette::{IntoDiagnostic, Result, miette};
+use miette::{Result, miette};
 
-use crate::cli::options::{SimulatedGrade, minutes};
+use super::options::{minutes, show};
+use crate::log::Grade;
 use crate::page::output;
 use crate::page::progress::bar;
-use crate::page::table;
-use crate::study::accuracy::{JSON, Results, Study, header, write};
+use crate::study::accuracy::{JSON, Results, Study, write};
 
 /// Options of `accuracy`.
 #[derive(Debug, Args)]
 pub struct Accuracy {
     /// Class of the sensors.
-    #[arg(long, value_enum, default_value_t = SimulatedGrade::Hg1700)]
-    grade: SimulatedGrade,
+    #[arg(long, value_enum, default_value_t = Grade::Hg1700)]
+    grade: Grade,
     /// Number of drives.
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     runs: u64,
@@ -86,15 +86,7 @@ pub fn accuracy(options: &Accuracy, json: bool, force: bool) -> Result<()> {
     if let Some(out) = &options.out {
         output::build(out, JSON, force, |folder| write(&results, folder))?;
     }
-    if json {
-        println!(
-            "{}",
-            serde_json::to_string_pretty(&results).into_diagnostic()?
-        );
-    } else {
-        print!("{}", readable(&results));
-    }
-    Ok(())
+    show(json, &results, || readable(&results))
 }
 
 fn readable(results: &Results) -> String {
@@ -111,7 +103,7 @@ fn readable(results: &Results) -> String {
         study.minutes,
         study.first_seed,
         results.converged,
-        table::plain(&header(), &results.cells()),
+        results.table().plain(),
         68.0,
         results.coverage_spread_percent(),
     )

@@ -1,7 +1,6 @@
 //! The command `aircraft`.
 
 use std::fmt::Write as _;
-use std::fs;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -11,7 +10,8 @@ use super::options;
 use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::performance::{Performance, performance};
 use crate::aircraft::pictures;
-use crate::page::output::{self, OutputError};
+use crate::page;
+use crate::page::output::{self};
 
 /// Options of `aircraft`.
 #[derive(Debug, Args)]
@@ -42,8 +42,7 @@ pub fn aircraft(options: &Aircraft, json: bool, force: bool) -> Result<()> {
         let slowest_mps = 1.05 * table.clean_stall_speed_kmh / 3.6;
         let drawn = pictures::of_aircraft(&dynamics, slowest_mps, table.max_speed_kmh / 3.6);
         output::build(out, TABLE, force, |folder| -> Result<()> {
-            let path = folder.join(TABLE);
-            fs::write(&path, text.clone() + "\n").map_err(|e| OutputError::io(&path, e))?;
+            output::write(folder, TABLE, page::json(&table)?)?;
             pictures::write(&drawn, folder)?;
             Ok(())
         })?;

@@ -11,9 +11,9 @@ use crate::campaign::plan::Plan;
 use crate::campaign::run::{Shard, run};
 use crate::campaign::slurm;
 use crate::campaign::summary::{Summary, Tally};
-use crate::page::output::{OutputError, replace};
+use crate::page;
+use crate::page::output::{OutputError, check_free, replace};
 use crate::page::progress::bar;
-use crate::page::table;
 
 /// Copy of the plan; marks a folder as that of a campaign.
 const PLAN: &str = "plan.toml";
@@ -100,7 +100,7 @@ pub(crate) fn settle(plan: &Plan, out: &Path, force: bool) -> Result<()> {
             out.display()
         );
     }
-    crate::page::output::check_free(out, PLAN, force)?;
+    check_free(out, PLAN, force)?;
     if copy.is_file() {
         fs::remove_dir_all(out).map_err(|e| OutputError::io(out, e))?;
     }
@@ -111,14 +111,13 @@ pub(crate) fn settle(plan: &Plan, out: &Path, force: bool) -> Result<()> {
 
 fn add_up(folders: &[&PathBuf], json: bool) -> Result<()> {
     let summary = summary(folders)?;
-    let text = serde_json::to_string_pretty(&summary).into_diagnostic()? + "\n";
+    let text = page::json(&summary)?;
     replace(&folders[0].join(SUMMARY), &text)?;
     if json {
         print!("{text}");
         return Ok(());
     }
-    let (header, rows) = summary.table();
-    println!("{}", table::plain(&header, &rows));
+    println!("{}", summary.table().plain());
     println!(
         "{} units, {} flights of each with each model; {} flights could not be flown.",
         summary.plan.units, summary.plan.flights, summary.failed

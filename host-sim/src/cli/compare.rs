@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use miette::{IntoDiagnostic, Result};
+use miette::Result;
 
-use crate::cli::options::{GradeChoice, refuse_same};
+use super::options::{GradeChoice, refuse_same, show};
 use crate::compare::{Comparison, JSON, plain};
 use crate::page::output;
 use crate::page::progress::spinner;
@@ -30,12 +30,14 @@ pub fn compare(options: &Compare, json: bool, force: bool) -> Result<()> {
     let progress = spinner("reading");
     let comparison = Comparison::of_log(&options.log, options.grade.told(), &progress)?;
     output::build(&options.out, JSON, force, |folder| comparison.write(folder))?;
-    if json {
-        let text = serde_json::to_string_pretty(&comparison).into_diagnostic()?;
-        println!("{text}");
-    } else {
-        print!("{}", plain(&comparison));
-        println!("\nReport: {}", options.out.join("report.html").display());
-    }
-    Ok(())
+    show(json, &comparison, || {
+        let report = options.out.join("report.html");
+        format!(
+            "{}
+Report: {}
+",
+            plain(&comparison),
+            report.display()
+        )
+    })
 }

@@ -1,11 +1,12 @@
 //! The command `study conditions`.
 
-use clap::{Args, ValueEnum};
-use miette::{IntoDiagnostic, Result, bail};
+use clap::Args;
+use miette::{Result, bail};
 use serde::Serialize;
 
+use crate::log::Grade;
+use crate::page;
 use crate::page::progress::bar;
-use crate::sim::Grade;
 use crate::study::conditions::output::{readable, totals};
 use crate::study::conditions::{Kind, Results, Study, Totals, all};
 
@@ -30,7 +31,7 @@ pub struct Conditions {
     development: bool,
     /// Sensors of one class alone.
     #[arg(long, value_enum)]
-    class: Option<Class>,
+    class: Option<Grade>,
     /// Beside the core, a Kalman filter that is told the true noise.
     #[arg(long)]
     with_kalman: bool,
@@ -40,14 +41,6 @@ pub struct Conditions {
     /// Print the kinds there are, and run none.
     #[arg(long)]
     list: bool,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Class {
-    /// Consumer MEMS.
-    Mems,
-    /// Ring lasers of 1 deg/h.
-    Hg1700,
 }
 
 /// What is printed as JSON.
@@ -71,10 +64,7 @@ pub fn conditions(options: &Conditions, json: bool) -> Result<()> {
     }
     let study = Study {
         kinds,
-        only: options.class.map(|class| match class {
-            Class::Mems => Grade::Mems,
-            Class::Hg1700 => Grade::Hg1700,
-        }),
+        only: options.class.map(Into::into),
         first_seed: options.first_seed,
         seeds: options.seeds,
         with_kalman: options.with_kalman,
@@ -89,7 +79,7 @@ pub fn conditions(options: &Conditions, json: bool) -> Result<()> {
             totals: totals(&results),
             kinds: results,
         };
-        println!("{}", serde_json::to_string_pretty(&page).into_diagnostic()?);
+        print!("{}", page::json(&page)?);
     } else {
         print!("{}", readable(&results, !options.brief));
     }

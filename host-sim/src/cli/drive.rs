@@ -1,16 +1,15 @@
 //! The command `drive`.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use ins_core::earth::wrap_pi;
 use miette::{IntoDiagnostic, Result};
 
-use super::options::{DriveOptions, SimulatedGrade, error_model};
+use super::options::{DriveOptions, error_model, show};
 use crate::identify::true_errors::{self, Truth};
-use crate::log::{self, BodyAxes, Compression, Grade, Log, Meta};
-use crate::page::output::{self, OutputError};
+use crate::log::{self, BodyAxes, Compression, Log, Meta};
+use crate::page::output;
 use crate::page::progress::spinner;
 use crate::sim::{self, DriveConfig, ErrorModel};
 
@@ -42,12 +41,8 @@ pub(super) fn write_drive(
     force: bool,
 ) -> Result<Truth> {
     output::check_free(out, true_errors::FILE, force)?;
-    let (grade, class) = match options.grade {
-        SimulatedGrade::Hg1700 => (sim::Grade::Hg1700, Grade::Hg1700),
-        SimulatedGrade::Mems => (sim::Grade::Mems, Grade::Mems),
-    };
     let progress = spinner("simulating the drive");
-    let mut config = DriveConfig::new(options.seed, grade, options.minutes);
+    let mut config = DriveConfig::new(options.seed, options.grade.into(), options.minutes);
     if let Some(errors) = errors {
         config.recording.errors = errors;
     }
@@ -61,7 +56,7 @@ pub(super) fn write_drive(
     let log = Log {
         meta: Meta {
             initial_heading_deg: drive.given_heading_rad.map(f64::to_degrees),
-            grade: Some(class),
+            grade: Some(options.grade),
             document: description(options),
             ..Meta::new(BodyAxes::Frd, config.recording.errors.imu.output)
         },
@@ -72,9 +67,7 @@ pub(super) fn write_drive(
     let errors = truth.to_toml().into_diagnostic()?;
     output::build(out, true_errors::FILE, force, |folder| -> Result<()> {
         log::write(&log, folder, Compression::Gzip)?;
-        let path = folder.join(true_errors::FILE);
-        fs::write(&path, errors).map_err(|e| OutputError::io(&path, e))?;
-        Ok(())
+        Ok(output::write(folder, true_errors::FILE, errors)?)
     })?;
     progress.finish_and_clear();
     Ok(truth)
@@ -94,10 +87,7 @@ fn description(options: DriveOptions) -> toml::Table {
 }
 
 fn print_drive(out: &Path, truth: &Truth, json: bool) -> Result<()> {
-    if json {
-        println!("{}", serde_json::to_string_pretty(truth).into_diagnostic()?);
-    } else {
-        println!("Log written to {}", out.display());
-    }
-    Ok(())
+    show(json, truth, || {
+        format!("Log written to {}\n", out.display())
+    })
 }

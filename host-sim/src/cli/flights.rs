@@ -6,6 +6,7 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result};
 
+use super::options::show;
 use crate::page::output::check_free;
 use crate::sim::ErrorModel;
 use crate::study::flights::output::{self, SUMMARY};
@@ -43,15 +44,7 @@ pub fn flights(options: &Flights, json: bool, force: bool) -> Result<()> {
     if let Some(out) = &options.out {
         output::write(out, force, &runs, &summary)?;
     }
-    if json {
-        println!(
-            "{}",
-            serde_json::to_string_pretty(&summary).into_diagnostic()?
-        );
-    } else {
-        print!("{}", output::readable(&summary));
-    }
-    Ok(())
+    show(json, &summary, || output::readable(&summary))
 }
 
 /// The figures of so many flights, from the first seed on, as docs/aircraft.md has them.

@@ -8,7 +8,7 @@ use ins_core::earth::wrap_pi;
 use miette::{IntoDiagnostic, Result, miette};
 use serde::Serialize;
 
-use super::options::{aircraft, error_model};
+use super::options::{aircraft, error_model, show};
 use crate::aircraft::flight::Flight;
 use crate::aircraft::pictures;
 use crate::aircraft::plan::Plan;
@@ -85,20 +85,14 @@ pub fn fly(options: &Fly, json: bool, force: bool) -> Result<()> {
         distance_km,
         errors: &truth,
     };
-    if json {
-        println!(
-            "{}",
-            serde_json::to_string_pretty(&summary).into_diagnostic()?
-        );
-    } else {
-        println!(
-            "{}: {:.0} s, {distance_km:.1} km. Log and pictures written to {}",
+    show(json, &summary, || {
+        format!(
+            "{}: {:.0} s, {distance_km:.1} km. Log and pictures written to {}\n",
             summary.aircraft,
             summary.duration_s,
             options.out.display()
-        );
-    }
-    Ok(())
+        )
+    })
 }
 
 /// What a navigator has to be told of sensors: whether its gyros feel the Earth's rate.

@@ -1,6 +1,5 @@
 //! The command `hil`.
 
-use std::fs;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -21,8 +20,8 @@ use crate::hil::session::{Event, Rate, Session};
 use crate::hil::view::View;
 use crate::identify::analysis::{Analysis, Input, SUMMARY};
 use crate::identify::summary::Summary;
-use crate::page::output::{self, OutputError};
 use crate::page::progress::bar;
+use crate::page::{self, output};
 use crate::report;
 
 /// Options of `hil`.
@@ -120,28 +119,23 @@ pub fn hil(options: &Hil, json: bool, force: bool) -> Result<()> {
 
     output::build(&options.out, SUMMARY, force, |folder| -> Result<()> {
         report::write(&analysis, None, folder)?;
-        let text = serde_json::to_string_pretty(&hardware).into_diagnostic()?;
-        write(&folder.join("hil.json"), &(text + "\n"))?;
-        log.map_or(Ok(()), |log| write(&folder.join("log.txt"), &log.text))
+        output::write(folder, "hil.json", page::json(&hardware)?)?;
+        if let Some(log) = log {
+            output::write(folder, "log.txt", log.text)?;
+        }
+        Ok(())
     })?;
     if json {
         let printed = Printed {
             summary: &analysis.summary,
             hardware: &hardware,
         };
-        println!(
-            "{}",
-            serde_json::to_string_pretty(&printed).into_diagnostic()?
-        );
+        print!("{}", page::json(&printed)?);
     } else {
         print_analysis(&analysis, None, &options.out, false)?;
         print!("\n{hardware}");
     }
     hardware.verdict()
-}
-
-fn write(path: &Path, text: &str) -> Result<()> {
-    Ok(fs::write(path, text).map_err(|e| OutputError::io(path, e))?)
 }
 
 fn run(

@@ -10,13 +10,13 @@ use miette::{IntoDiagnostic, Result, bail};
 use super::options::{GradeChoice, refuse_same};
 use crate::identify::analysis::{Analysis, REPORT, SUMMARY};
 use crate::identify::error_model::allan::AtRest;
-use crate::identify::error_model::fit::Kind;
 use crate::identify::error_model::{self, Identified, Record, Sensors};
 use crate::log::Grade;
+use crate::page;
 use crate::page::output::{self, OutputError};
 use crate::page::progress::{bar, spinner};
-use crate::page::table;
 use crate::report;
+use crate::sim::errors::Law;
 
 /// Options of `identify`.
 #[derive(Debug, Args)]
@@ -45,24 +45,24 @@ enum BiasChoice {
     Continuous,
 }
 
-impl From<BiasChoice> for Option<Kind> {
+impl From<BiasChoice> for Option<Law> {
     fn from(choice: BiasChoice) -> Self {
         match choice {
             BiasChoice::Auto => None,
-            BiasChoice::Wave => Some(Kind::Wave),
-            BiasChoice::Continuous => Some(Kind::Continuous),
+            BiasChoice::Wave => Some(Law::Wave),
+            BiasChoice::Continuous => Some(Law::Continuous),
         }
     }
 }
 
 /// Identifies a log, or several.
 pub(super) fn identify(options: &Identify, json: bool, force: bool) -> Result<()> {
-    let (grade, kind) = (options.grade.told(), options.bias_model.into());
+    let (grade, law) = (options.grade.told(), options.bias_model.into());
     if let [log] = options.log.as_slice() {
-        let (analysis, model) = identify_log(log, &options.out, grade, kind, force)?;
+        let (analysis, model) = identify_log(log, &options.out, grade, law, force)?;
         print_analysis(&analysis, Some(&model), &options.out, json)
     } else {
-        identify_logs(options, grade, kind, json, force)
+        identify_logs(options, grade, law, json, force)
     }
 }
 
@@ -70,7 +70,7 @@ pub(super) fn identify_log(
     folder: &Path,
     out: &Path,
     grade: Option<Grade>,
-    kind: Option<Kind>,
+    law: Option<Law>,
     force: bool,
 ) -> Result<(Analysis, Identified)> {
     output::check_free(out, SUMMARY, force)?;
@@ -78,7 +78,7 @@ pub(super) fn identify_log(
     let progress = bar();
     let analysis = Analysis::of_log(folder, grade, &progress)?;
     let records = [Record::new(&analysis.log, &analysis.found)];
-    let model = error_model_of(&records, analysis.summary.grade, kind);
+    let model = error_model_of(&records, analysis.summary.grade, law);
     let at_rest = AtRest::new(&records);
     output::build(out, SUMMARY, force, |folder| {
         let sensors = Sensors {
@@ -91,9 +91,9 @@ pub(super) fn identify_log(
     Ok((analysis, model))
 }
 
-pub(super) fn error_model_of(records: &[Record], grade: Grade, kind: Option<Kind>) -> Identified {
+pub(super) fn error_model_of(records: &[Record], grade: Grade, law: Option<Law>) -> Identified {
     let progress = spinner("fitting the error model");
-    let model = Identified::new(records, grade, kind);
+    let model = Identified::new(records, grade, law);
     progress.finish_and_clear();
     model
 }
@@ -102,7 +102,7 @@ pub(super) fn error_model_of(records: &[Record], grade: Grade, kind: Option<Kind
 fn identify_logs(
     options: &Identify,
     grade: Option<Grade>,
-    kind: Option<Kind>,
+    law: Option<Law>,
     json: bool,
     force: bool,
 ) -> Result<()> {
@@ -144,7 +144,7 @@ fn identify_logs(
             fs::create_dir(&beside).map_err(|e| OutputError::io(&beside, e))?;
             let own = [record];
             let sensors = Sensors {
-                model: &error_model_of(&own, this, kind),
+                model: &error_model_of(&own, this, law),
                 at_rest: &AtRest::new(&own),
             };
             report::write(&analysis, Some(&sensors), &beside)?;
@@ -152,23 +152,19 @@ fn identify_logs(
             records.extend(own);
             summaries.push(analysis.summary);
         }
-        let found = error_model_of(&records, class.unwrap_or(Grade::Mems), kind);
+        let found = error_model_of(&records, class.unwrap_or(Grade::Mems), law);
         let sensors = Sensors {
             model: &found,
             at_rest: &AtRest::new(&records),
         };
         error_model::write(sensors, folder)?;
         let page = report::html_of_all(&summaries, &sensors).into_diagnostic()?;
-        let path = folder.join(REPORT);
-        fs::write(&path, page).map_err(|e| OutputError::io(&path, e))?;
+        output::write(folder, REPORT, page)?;
         model = Some(found);
         Ok(())
     })?;
     if json {
-        println!(
-            "{}",
-            serde_json::to_string_pretty(&summaries).into_diagnostic()?
-        );
+        print!("{}", page::json(&summaries)?);
     } else if let Some(model) = model {
         print_model(&model, out);
         println!("Report: {}", out.join(REPORT).display());
@@ -177,8 +173,7 @@ fn identify_logs(
 }
 
 fn print_model(model: &Identified, out: &Path) {
-    let (header, rows) = model.table();
-    print!("{}", table::plain(&header, &rows));
+    print!("{}", model.table().plain());
     println!("\nError model: {}", out.join(error_model::MODEL).display());
 }
 
@@ -190,15 +185,11 @@ pub(super) fn print_analysis(
 ) -> Result<()> {
     let summary = &analysis.summary;
     if json {
-        println!(
-            "{}",
-            serde_json::to_string_pretty(summary).into_diagnostic()?
-        );
+        print!("{}", page::json(summary)?);
         return Ok(());
     }
     println!("{}\n", summary.verdict.lines().join("\n"));
-    let (header, rows) = analysis.table();
-    print!("{}", table::plain(&header, &rows));
+    print!("{}", analysis.table().plain());
     if let (Some(before), Some(after)) = (
         summary.velocity_error_mps.before,
         summary.velocity_error_mps.after,

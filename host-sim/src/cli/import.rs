@@ -1,15 +1,15 @@
 //! The command `import`.
 
-use std::fs;
 use std::path::PathBuf;
 
 use clap::Args;
 use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
 
+use super::options::show;
 use crate::log::import::{Choice, read};
 use crate::log::{Compression, write};
-use crate::page::output::{self, OutputError};
+use crate::page::output::{self};
 
 /// What marks a folder as written here.
 const MARK: &str = "import.toml";
@@ -69,23 +69,15 @@ pub fn import(options: &Import, json: bool, force: bool) -> Result<()> {
     let text = toml::to_string(&imported).into_diagnostic()?;
     output::build(&options.out, MARK, force, |folder| -> Result<()> {
         write(&log, folder, Compression::Gzip)?;
-        let path = folder.join(MARK);
-        fs::write(&path, text).map_err(|e| OutputError::io(&path, e))?;
-        Ok(())
+        Ok(output::write(folder, MARK, text)?)
     })?;
-    if json {
-        println!(
-            "{}",
-            serde_json::to_string_pretty(&imported).into_diagnostic()?
-        );
-    } else {
-        println!(
-            "Log of {:.1} s, {} samples and {} fixes written to {}",
+    show(json, &imported, || {
+        format!(
+            "Log of {:.1} s, {} samples and {} fixes written to {}\n",
             imported.duration_s,
             imported.imu_samples,
             imported.gnss_fixes,
             options.out.display()
-        );
-    }
-    Ok(())
+        )
+    })
 }

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use miette::{IntoDiagnostic, Result};
+use miette::Result;
 use rayon::prelude::*;
 
-use crate::cli::options::GradeChoice;
+use super::options::{GradeChoice, show};
 use crate::page::progress::bar;
 use crate::study::logs::page::plain;
 use crate::study::logs::role::{Role, name_of};
@@ -68,11 +68,5 @@ pub fn logs(options: &Logs, json: bool) -> Result<()> {
         }
     }
     let study = Study::new(logs);
-    if json {
-        let text = serde_json::to_string_pretty(&study).into_diagnostic()?;
-        println!("{text}");
-    } else {
-        print!("{}", plain(&study));
-    }
-    Ok(())
+    show(json, &study, || plain(&study))
 }

@@ -4,11 +4,13 @@ use std::path::Path;
 
 use clap::{Args, ValueEnum};
 use miette::{Result, bail, miette};
+use serde::Serialize;
 
 use crate::aircraft::cessna172;
 use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::input::{read_aircraft, read_text};
 use crate::log::Grade;
+use crate::page;
 use crate::sim::{self, ErrorModel};
 
 #[derive(Clone, Copy, Debug, Args)]
@@ -17,28 +19,11 @@ pub(super) struct DriveOptions {
     #[arg(long, default_value_t = 1)]
     pub(super) seed: u64,
     /// Class of the sensors.
-    #[arg(long, value_enum, default_value_t = SimulatedGrade::Hg1700)]
-    pub(super) grade: SimulatedGrade,
+    #[arg(long, value_enum, default_value_t = Grade::Hg1700)]
+    pub(super) grade: Grade,
     /// Length of the drive.
     #[arg(long, default_value_t = 40.0, value_parser = minutes)]
     pub(super) minutes: f64,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(super) enum SimulatedGrade {
-    /// Ring lasers of 1 deg/h.
-    Hg1700,
-    /// Consumer MEMS.
-    Mems,
-}
-
-impl From<SimulatedGrade> for sim::Grade {
-    fn from(grade: SimulatedGrade) -> Self {
-        match grade {
-            SimulatedGrade::Hg1700 => Self::Hg1700,
-            SimulatedGrade::Mems => Self::Mems,
-        }
-    }
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -110,4 +95,15 @@ pub(super) fn error_model(name: &str) -> Result<ErrorModel> {
             })
         }
     }
+}
+
+/// Prints a result, for programs or for people.
+pub(super) fn show(
+    json: bool,
+    value: &impl Serialize,
+    text: impl FnOnce() -> String,
+) -> Result<()> {
+    let text = if json { page::json(value)? } else { text() };
+    print!("{text}");
+    Ok(())
 }

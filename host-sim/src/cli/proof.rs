@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use miette::{IntoDiagnostic, Result};
+use miette::Result;
 
 use super::identify::error_model_of;
-use super::options::GradeChoice;
+use super::options::{GradeChoice, show};
 use super::rehearse::{in_keys, keys};
 use crate::identify::analysis::Analysis;
 use crate::page::progress::bar;
@@ -45,10 +45,5 @@ pub fn prove(options: &Proof, json: bool) -> Result<()> {
         let analysis = Analysis::of_log(path, Some(drives.grade), &bar())?;
         rows.extend(tried(&analysis, &model, options.seeds)?);
     }
-    if json {
-        println!("{}", serde_json::to_string_pretty(&rows).into_diagnostic()?);
-    } else {
-        print!("{}", readable(&rows));
-    }
-    Ok(())
+    show(json, &rows, || readable(&rows))
 }

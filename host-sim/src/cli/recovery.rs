@@ -1,17 +1,16 @@
 //! The command `recovery`.
 
-use std::fs;
 use std::path::PathBuf;
 
 use clap::Args;
-use miette::{IntoDiagnostic, Result};
+use miette::Result;
 
 use crate::cli::options::minutes;
-use crate::identify::error_model::fit::Kind;
-use crate::page::output::{self, OutputError};
+use crate::page;
+use crate::page::output::{self};
 use crate::page::progress::bar;
-use crate::page::table;
-use crate::study::recovery::{Results, Study, header};
+use crate::sim::errors::Law;
+use crate::study::recovery::{Results, Study};
 
 const JSON: &str = "recovery.json";
 
@@ -47,11 +46,10 @@ pub fn recovery(options: &Recovery, json: bool, force: bool) -> Result<()> {
         first_seed: options.first_seed,
     };
     let results = both(study);
-    let text = serde_json::to_string_pretty(&results).into_diagnostic()? + "\n";
+    let text = page::json(&results)?;
     if let Some(out) = &options.out {
         output::build(out, JSON, force, |folder| {
-            let path = folder.join(JSON);
-            fs::write(&path, &text).map_err(|e| OutputError::io(&path, e))
+            output::write(folder, JSON, &text)
         })?;
     }
     if json {
@@ -60,16 +58,16 @@ pub fn recovery(options: &Recovery, json: bool, force: bool) -> Result<()> {
     }
     for results in &results {
         println!("Gyro biases of thesis equation {}:\n", results.gyro_model);
-        println!("{}", table::plain(&header(), &results.cells()));
+        println!("{}", results.table().plain());
     }
     Ok(())
 }
 
 /// Units of both models.
 pub(crate) fn both(study: Study) -> [Results; 2] {
-    [Kind::Wave, Kind::Continuous].map(|kind| {
+    [Law::Wave, Law::Continuous].map(|law| {
         let progress = bar();
         progress.set_message("units");
-        study.results(kind, &progress)
+        study.results(law, &progress)
     })
 }

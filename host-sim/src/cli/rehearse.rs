@@ -20,6 +20,7 @@ use crate::identify::error_model::allan::AtRest;
 use crate::identify::error_model::record::readings_at_rest;
 use crate::identify::error_model::{self, Identified};
 use crate::log::import;
+use crate::page;
 use crate::page::output::{OutputError, check_free, replace};
 use crate::page::progress::bar;
 use crate::rehearse::answers::Told;
@@ -170,7 +171,7 @@ pub fn rehearse(options: &Rehearse, json: bool, force: bool) -> Result<()> {
     let summary = Summary::new(&rehearsal, &world, &lines(out)?);
     output::write(out, &summary)?;
     print(&if json {
-        serde_json::to_string_pretty(&summary).into_diagnostic()? + "\n"
+        page::json(&summary)?
     } else {
         let report = out.join("report.html");
         output::readable(&summary) + &format!("Report: {}\n", report.display())
@@ -292,7 +293,7 @@ fn recorded_noise(path: &Path, imu_hz: u32) -> Result<RecordedNoise> {
 
 /// Makes the folder, or finds that it belongs to this very rehearsal.
 fn settle(settings: &Settings, out: &Path, force: bool) -> Result<()> {
-    let text = serde_json::to_string_pretty(settings).into_diagnostic()? + "\n";
+    let text = page::json(settings)?;
     let copy = out.join(SETTINGS);
     if copy.is_file() && !force {
         if fs::read_to_string(&copy).map_err(|e| OutputError::io(&copy, e))? == text {

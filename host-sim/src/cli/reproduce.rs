@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use miette::{IntoDiagnostic, Result};
+use miette::Result;
 
+use super::options::show;
 use crate::page::output;
 use crate::page::progress::spinner;
 use crate::study::reproduce::output::plain;
@@ -35,12 +36,14 @@ pub fn reproduce(options: &Reproduce, json: bool, force: bool) -> Result<()> {
     output::build(&options.out, JSON, force, |folder| {
         reproduction.write(folder)
     })?;
-    if json {
-        let text = serde_json::to_string_pretty(&reproduction).into_diagnostic()?;
-        println!("{text}");
-    } else {
-        print!("{}", plain(&reproduction));
-        println!("\nReport: {}", options.out.join("report.html").display());
-    }
-    Ok(())
+    show(json, &reproduction, || {
+        let report = options.out.join("report.html");
+        format!(
+            "{}
+Report: {}
+",
+            plain(&reproduction),
+            report.display()
+        )
+    })
 }

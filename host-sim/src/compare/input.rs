@@ -18,12 +18,8 @@ pub(crate) struct Input<'a> {
 
 /// What the filter is told: the truth where it is known, that is for a simulated class of sensors.
 pub(crate) fn noise(grade: Grade, config: &Config, simulated: bool) -> Noise {
-    let simulation = match grade {
-        Grade::Hg1700 => sim::Grade::Hg1700,
-        Grade::Mems => sim::Grade::Mems,
-    };
     if simulated {
-        Noise::of_model(&simulation.errors())
+        Noise::of_model(&sim::Grade::from(grade).errors())
     } else {
         Noise::of_config(config)
     }

@@ -1,21 +1,21 @@
 //! `compare.json`, `compare.csv`, `outages.csv`, `report.html`, and the tables for people.
 
-use std::fs::{self, File};
+use std::io::Write;
 use std::path::Path;
 
 use miette::{IntoDiagnostic, Result};
 use plotters::style::RGBColor;
 
 use super::measure::{NAMES, columns};
+use super::outage::OutageTest;
 use super::{Comparison, MethodResult, QuantityResult};
 use crate::identify::words::with_sigma;
 use crate::page::chart::{Chart, Figure, MOST_POINTS, sampled};
 use crate::page::digits;
-use crate::page::html::Table;
 use crate::page::html::{Page, Section};
-use crate::page::output::OutputError;
 use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED, padded};
-use crate::page::table;
+use crate::page::table::Table;
+use crate::page::{self, output};
 
 /// Name of the file that marks the folder as ours.
 pub const JSON: &str = "compare.json";
@@ -54,23 +54,14 @@ const COLOURS: [RGBColor; 8] = [
 impl Comparison {
     /// Writes all files into a folder.
     pub fn write(&self, folder: &Path) -> Result<()> {
-        let json = serde_json::to_string_pretty(self).into_diagnostic()?;
-        let page = self.html().into_diagnostic()?;
-        for (name, text) in [(JSON, json + "\n"), ("report.html", page)] {
-            let path = folder.join(name);
-            fs::write(&path, text).map_err(|e| OutputError::io(&path, e))?;
-        }
-        let create = |name: &str| -> Result<csv::Writer<File>> {
-            let path = folder.join(name);
-            let file = File::create(&path).map_err(|e| OutputError::io(&path, e))?;
-            Ok(csv::Writer::from_writer(file))
-        };
-        self.write_quantities(create("compare.csv")?)
-            .into_diagnostic()?;
-        self.write_outages(create("outages.csv")?).into_diagnostic()
+        output::write(folder, JSON, page::json(self)?)?;
+        output::write(folder, "report.html", self.html().into_diagnostic()?)?;
+        (self.write_quantities(output::create(folder, "compare.csv")?)).into_diagnostic()?;
+        (self.write_outages(output::create(folder, "outages.csv")?)).into_diagnostic()
     }
 
-    fn write_quantities(&self, mut to: csv::Writer<File>) -> csv::Result<()> {
+    fn write_quantities(&self, to: impl Write) -> csv::Result<()> {
+        let mut to = csv::Writer::from_writer(to);
         to.write_record([
             "method",
             "quantity",
@@ -98,7 +89,8 @@ impl Comparison {
         Ok(to.flush()?)
     }
 
-    fn write_outages(&self, mut to: csv::Writer<File>) -> csv::Result<()> {
+    fn write_outages(&self, to: impl Write) -> csv::Result<()> {
+        let mut to = csv::Writer::from_writer(to);
         to.write_record([
             "navigator",
             "start_s",
@@ -176,7 +168,7 @@ impl Comparison {
 pub fn plain(comparison: &Comparison) -> String {
     let texts: Vec<String> = tables(comparison)
         .iter()
-        .map(|t| format!("{}\n\n{}", t.title, table::plain(&t.header, &t.rows)))
+        .map(|t| format!("{}\n\n{}", t.title, t.plain()))
         .collect();
     texts.join("\n")
 }
@@ -287,10 +279,5 @@ fn costs(comparison: &Comparison) -> Table {
 }
 
 fn outages(comparison: &Comparison) -> Option<Table> {
-    let test = comparison.outages.as_ref()?;
-    Some(Table {
-        title: test.title(),
-        header: test.header(),
-        rows: test.rows(),
-    })
+    comparison.outages.as_ref().map(OutageTest::table)
 }

@@ -5,10 +5,11 @@ use ins_core::{Solution, Time};
 use serde::Serialize;
 
 use crate::identify::free_inertial::feed;
-use crate::identify::held_ins::{Error, HeldIns};
+use crate::identify::held_ins::{HeldIns, LevelError};
 use crate::identify::row::Row;
 use crate::log::Log;
 use crate::sim::ideal::displaced;
+use crate::statistics::rms;
 
 /// Between two points of the curves, s.
 const EVERY_S: f64 = 1.0;
@@ -29,33 +30,27 @@ pub struct AgainstTruth {
 }
 
 /// Horizontal error at a time.
-pub type Point = (Time, Error);
+pub type Point = (Time, LevelError);
 
 /// Root mean squares over the second half of the solution.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TruthErrors {
     /// Damped by GNSS.
-    pub damped: Error,
+    pub damped: LevelError,
     /// Free, less the errors of the sensors as known when GNSS goes.
-    pub free: Error,
+    pub free: LevelError,
     /// Free, readings as logged.
-    pub as_logged: Error,
+    pub as_logged: LevelError,
 }
 
 impl AgainstTruth {
     /// Root mean squares from where the free ones begin.
     pub fn errors(&self) -> TruthErrors {
         let rms = |points: &[Point]| {
-            let late = (points.iter()).filter(|(time, _)| *time >= self.free_from);
-            let (mut sum, mut count) = (Error::default(), 0.0_f64);
-            for (_, error) in late {
-                sum.position_m += error.position_m * error.position_m;
-                sum.velocity_mps += error.velocity_mps * error.velocity_mps;
-                count += 1.0;
-            }
-            Error {
-                position_m: (sum.position_m / count).sqrt(),
-                velocity_mps: (sum.velocity_mps / count).sqrt(),
+            let late = || (points.iter()).filter(|(time, _)| *time >= self.free_from);
+            LevelError {
+                position_m: rms(late().map(|(_, error)| error.position_m)),
+                velocity_mps: rms(late().map(|(_, error)| error.velocity_mps)),
             }
         };
         TruthErrors {
@@ -77,8 +72,10 @@ pub fn check(
     let known = history.partition_point(|row| row.time <= start.time);
     let mut damped = Vec::new();
     for solution in solutions {
-        if let Some(truth) = at(&log.truth, solution.time).filter(|_| due(&damped, solution.time)) {
-            damped.push((solution.time, Error::of(solution, &truth)));
+        if let Some(truth) =
+            truth_at(&log.truth, solution.time, HOLE_S).filter(|_| due(&damped, solution.time))
+        {
+            damped.push((solution.time, LevelError::of(solution, &truth)));
         }
     }
     let free = |history: &[Row]| {
@@ -88,7 +85,7 @@ pub fn check(
         // Where samples end or are missing, so do the errors.
         let _ = feed(log, start.time, history, |interval, time| {
             ins.step(interval, height_m, config);
-            if let Some(truth) = at(&log.truth, time) {
+            if let Some(truth) = truth_at(&log.truth, time, HOLE_S) {
                 height_m = truth.position.height_m;
                 if due(&errors, time) {
                     errors.push((time, ins.error(&truth)));
@@ -113,8 +110,8 @@ fn due(points: &[Point], now: Time) -> bool {
     last.is_none_or(|(last, _)| now.seconds_since(*last) > EVERY_S - 5e-4)
 }
 
-/// The reference at a time, linear between its rows; attitude as before it.
-fn at(truth: &[Solution], time: Time) -> Option<Solution> {
+/// The reference at a time, between rows that are no further apart than a hole.
+pub(crate) fn truth_at(truth: &[Solution], time: Time, hole_s: f64) -> Option<Solution> {
     let after = truth.partition_point(|row| row.time <= time);
     let before = truth.get(after.checked_sub(1)?)?;
     let since_s = time.seconds_since(before.time);
@@ -123,16 +120,15 @@ fn at(truth: &[Solution], time: Time) -> Option<Solution> {
     }
     let next = truth.get(after)?;
     let span_s = next.time.seconds_since(before.time);
-    if span_s > HOLE_S {
+    if span_s > hole_s {
         return None;
     }
     let part = since_s / span_s;
     let way = part * next.position.enu_from(&before.position);
-    let velocity = before.velocity_enu_mps.lerp(&next.velocity_enu_mps, part);
     Some(Solution {
         time,
         position: displaced(&before.position, &way),
-        velocity_enu_mps: velocity,
-        ..*before
+        velocity_enu_mps: before.velocity_enu_mps.lerp(&next.velocity_enu_mps, part),
+        attitude: before.attitude.nlerp(&next.attitude, part),
     })
 }

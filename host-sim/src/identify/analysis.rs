@@ -16,6 +16,7 @@ use crate::identify::words::in_words;
 use crate::log::import::{self, Choice};
 use crate::log::{Grade, Log, LogError};
 use crate::page::digits;
+use crate::page::table::Table;
 
 /// File name of the summary; marks a folder of results as ours.
 pub const SUMMARY: &str = "summary.json";
@@ -119,8 +120,8 @@ impl Analysis {
         input.with(found)
     }
 
-    /// Estimates, beside the truth where it is known: column heads and cells.
-    pub fn table(&self) -> (Vec<String>, Vec<Vec<String>>) {
+    /// Estimates, beside the truth where it is known.
+    pub fn table(&self) -> Table {
         let mut header = vec![String::new(), "estimate".to_owned()];
         if self.truth.is_some() {
             header.extend(["truth".to_owned(), "error".to_owned()]);
@@ -141,7 +142,11 @@ impl Analysis {
             }
             cells
         };
-        (header, columns.into_iter().enumerate().map(row).collect())
+        Table::new(
+            "",
+            header,
+            columns.into_iter().enumerate().map(row).collect(),
+        )
     }
 }
 

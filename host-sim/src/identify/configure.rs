@@ -23,17 +23,20 @@ pub fn grade(log: &Log, told: Option<Grade>) -> Grade {
 
 /// Configuration for a log of a class of sensors.
 pub fn config(log: &Log, grade: Grade) -> Config {
-    let class = match grade {
+    let heading_rad = log.meta.initial_heading_deg.map(f64::to_radians);
+    config_of(grade, log.meta.imu, heading_rad)
+}
+
+/// The preset of a class, for samples of a kind, and a heading if one is given.
+pub(crate) fn config_of(class: Grade, output: ImuOutput, heading_rad: Option<f64>) -> Config {
+    let preset = match class {
         Grade::Hg1700 => Config::hg1700(),
         Grade::Mems => Config::mems(),
     };
     Config {
-        imu_output: log.meta.imu,
-        heading: match log.meta.initial_heading_deg {
-            Some(heading) => HeadingSource::Given(heading.to_radians()),
-            None => class.heading,
-        },
-        ..class
+        imu_output: output,
+        heading: heading_rad.map_or(preset.heading, HeadingSource::Given),
+        ..preset
     }
 }
 

@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use crate::identify::row::Row;
 use crate::log::Log;
+use crate::statistics::root_mean;
 
 /// Length of a window, and from start to start, s.
 pub const WINDOW_S: f64 = 60.0;
@@ -47,7 +48,7 @@ fn known(estimate: &Estimate) -> bool {
 }
 
 /// An estimate as far as it stands on data.
-fn value(estimate: &Estimate) -> f64 {
+pub(crate) fn value(estimate: &Estimate) -> f64 {
     if known(estimate) { estimate.value } else { 0.0 }
 }
 
@@ -155,16 +156,7 @@ pub(crate) fn feed(
 }
 
 fn rms<'a>(errors: impl Iterator<Item = &'a Error>) -> f64 {
-    let (mut sum, mut count) = (0.0, 0.0);
-    for (_, error) in errors {
-        sum += error.norm_squared();
-        count += 1.0;
-    }
-    if count > 0.0 {
-        (sum / count).sqrt()
-    } else {
-        0.0
-    }
+    root_mean(errors.map(|(_, error)| error.norm_squared()))
 }
 
 /// Both by whole steps of two seconds since the start.

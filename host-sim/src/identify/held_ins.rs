@@ -10,14 +10,14 @@ use serde::Serialize;
 
 /// Horizontal error of an INS.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Error {
+pub struct LevelError {
     /// Position, m.
     pub position_m: f64,
     /// Velocity, m/s.
     pub velocity_mps: f64,
 }
 
-impl Error {
+impl LevelError {
     /// What a solution is off by.
     pub fn of(solution: &Solution, truth: &Solution) -> Self {
         let velocity = solution.velocity_enu_mps - truth.velocity_enu_mps;
@@ -59,8 +59,8 @@ impl HeldIns {
     }
 
     /// What it is off by.
-    pub fn error(&self, truth: &Solution) -> Error {
-        Error {
+    pub fn error(&self, truth: &Solution) -> LevelError {
+        LevelError {
             position_m: self.0.position.enu_from(&truth.position).xy().norm(),
             velocity_mps: self.velocity_error_mps(truth).norm(),
         }

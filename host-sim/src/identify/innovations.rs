@@ -7,6 +7,7 @@ use ins_core::{GnssFix, Navigator, Phase, Solution, Time};
 use nalgebra::Vector3;
 
 use crate::identify::row::Row;
+use crate::statistics::rms_of_any;
 
 /// Beyond the last solution nothing is extrapolated further than this part of an interval.
 const LONGEST_PART: f64 = 1.5;
@@ -161,12 +162,7 @@ fn noises(fix: &GnssFix, navigator: &Navigator) -> [[f64; 3]; 2] {
 
 /// Root mean square of what a component was off by against its expectation: 1 where they agree.
 pub fn consistency(offs: impl Iterator<Item = Off>) -> Option<f64> {
-    let (mut sum, mut count) = (0.0, 0.0);
-    for off in offs {
-        sum += (off.value / off.sigma).powi(2);
-        count += 1.0;
-    }
-    (count > 0.0).then(|| (sum / count).sqrt())
+    rms_of_any(offs.map(|off| off.value / off.sigma))
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use clap::ValueEnum;
 use ins_core::ImuOutput;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -20,10 +21,10 @@ const KNOWN_KEYS: [&str; 6] = [
 ];
 
 /// Class of the inertial sensors.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Grade {
-    /// Ring-laser gyros of the HG1700 class, 1 deg/h.
+    /// Ring lasers of 1 deg/h.
     Hg1700,
     /// Consumer MEMS.
     Mems,

@@ -5,10 +5,11 @@ use minijinja::{AutoEscape, Environment};
 use serde::Serialize;
 
 use super::chart::{Figure, SCRIPT};
+use super::table::Table;
 
 const TEMPLATE: &str = include_str!("report.html");
 /// How pages look.
-pub(crate) const STYLE: &str = include_str!("style.css");
+const STYLE: &str = include_str!("style.css");
 
 /// What a page shows: first what is to be known before all, then numbers, then plots.
 #[derive(Default, Serialize)]
@@ -36,32 +37,20 @@ impl Page {
             page: &'a Page,
             script: &'a str,
         }
-        let mut environment = Environment::new();
-        environment.set_auto_escape_callback(|_| AutoEscape::Html);
-        environment.add_template("style", STYLE)?;
-        environment.add_template("report", TEMPLATE)?;
-        let template = environment.get_template("report")?;
-        template.render(Serde(&Filled {
-            page: self,
-            script: &SCRIPT,
-        }))
+        fill(
+            TEMPLATE,
+            &Filled {
+                page: self,
+                script: &SCRIPT,
+            },
+        )
     }
 }
 
-/// A table with its heading.
-#[derive(Debug, Serialize)]
-pub(crate) struct Table {
-    pub(crate) title: String,
-    pub(crate) header: Vec<String>,
-    pub(crate) rows: Vec<Vec<String>>,
-}
-
-impl Table {
-    pub(crate) fn new(title: &str, header: Vec<String>, rows: Vec<Vec<String>>) -> Self {
-        Self {
-            title: title.to_owned(),
-            header,
-            rows,
-        }
-    }
+/// A template that may include the style, filled.
+pub(crate) fn fill(template: &str, with: &impl Serialize) -> Result<String, minijinja::Error> {
+    let mut environment = Environment::new();
+    environment.set_auto_escape_callback(|_| AutoEscape::Html);
+    environment.add_template("style", STYLE)?;
+    environment.render_str(template, Serde(with))
 }

@@ -2,6 +2,36 @@
 
 use std::fmt::Write as _;
 
+use serde::Serialize;
+
+/// A table with its title, or none.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Table {
+    pub(crate) title: String,
+    pub(crate) header: Vec<String>,
+    pub(crate) rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    pub(crate) fn new(title: &str, header: Vec<String>, rows: Vec<Vec<String>>) -> Self {
+        Self {
+            title: title.to_owned(),
+            header,
+            rows,
+        }
+    }
+
+    /// For a terminal, without the title.
+    pub(crate) fn plain(&self) -> String {
+        plain(&self.header, &self.rows)
+    }
+
+    /// For a page of the documentation, without the title.
+    pub(crate) fn markdown(&self) -> String {
+        markdown(&self.header, &self.rows)
+    }
+}
+
 /// Aligned with spaces: the first column to the left, the others to the right.
 pub fn plain(header: &[String], rows: &[Vec<String>]) -> String {
     let all = || std::iter::once(header).chain(rows.iter().map(Vec::as_slice));

@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::sim::errors::{BiasModel, ErrorModel, GnssModel, SensorModel};
+use crate::sim::errors::{ErrorModel, GnssModel, SensorModel};
 
 /// The errors of a flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -74,21 +74,13 @@ fn noise(from: &SensorModel, to: &mut SensorModel) {
 }
 
 fn constant(from: &SensorModel, to: &mut SensorModel) {
-    set_initial(&mut to.bias, from.bias.initial_sigma());
+    to.bias.set_initial_sigma(from.bias.initial_sigma());
 }
 
 fn moving(from: &SensorModel, to: &mut SensorModel) {
     let initial_sigma = to.bias.initial_sigma();
     to.bias = from.bias.clone();
-    set_initial(&mut to.bias, initial_sigma);
-}
-
-fn set_initial(bias: &mut BiasModel, sigma: f64) {
-    match bias {
-        BiasModel::Wave { initial_sigma, .. } | BiasModel::Continuous { initial_sigma, .. } => {
-            *initial_sigma = sigma;
-        }
-    }
+    to.bias.set_initial_sigma(initial_sigma);
 }
 
 fn proportional(from: &SensorModel, to: &mut SensorModel) {

@@ -1,12 +1,13 @@
 //! One seeded flight with its sensors, as an algorithm under test gets it.
 
+use ins_core::Solution;
 use ins_core::earth::Geodetic;
-use ins_core::{GnssFix, ImuSample, Solution};
 use nalgebra::Vector3;
 
 use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::flight::{Flight, FlightError};
 use crate::aircraft::plan::Plan;
+use crate::identify::run::Event;
 use crate::sim::drive::Recording;
 use crate::sim::errors::Outage;
 use crate::sim::ideal::displaced;
@@ -39,14 +40,6 @@ pub struct Flown {
     pub run: SimulatedDrive,
     /// Where an algorithm is told that it begins; the heading is `run.given_heading_rad`.
     pub start: Solution,
-}
-
-/// A sample or a fix.
-#[derive(Clone, Copy, Debug)]
-#[allow(missing_docs)]
-pub enum Event<'a> {
-    Imu(&'a ImuSample),
-    Gnss(&'a GnssFix),
 }
 
 impl World {

@@ -9,11 +9,11 @@ use super::score::{HEADING, POSITION, QUANTITIES};
 use super::summary::{BUDGETED, Cost, Row, Summary, Tested};
 use crate::page::chart::{Chart, Figure, Point};
 use crate::page::digits;
-use crate::page::html::Table;
 use crate::page::html::{Page, Section};
 use crate::page::output::replace;
 use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED};
-use crate::page::table::{self, cells};
+use crate::page::table::Table;
+use crate::page::table::cells;
 
 /// File names; the first says that a rehearsal is over.
 pub const SUMMARY: &str = "rehearsal.json";
@@ -300,28 +300,17 @@ fn tables(summary: &Summary) -> Vec<Table> {
             .map(details),
     );
     all.extend(budget(summary));
-    let (header, rows) = summary.model.clone();
-    let title = "The model, with what the drives leave open".to_owned();
-    all.extend([
-        Table {
-            title,
-            header,
-            rows,
-        },
-        assumed(summary),
-    ]);
+    let model = Table {
+        title: "The model, with what the drives leave open".to_owned(),
+        ..summary.model.clone()
+    };
+    all.extend([model, assumed(summary)]);
     all
 }
 
 /// For a terminal.
 pub fn readable(summary: &Summary) -> String {
-    let text = |table: &Table| {
-        format!(
-            "{}\n\n{}\n",
-            table.title,
-            table::plain(&table.header, &table.rows)
-        )
-    };
+    let text = |table: &Table| format!("{}\n\n{}\n", table.title, table.plain());
     tables(summary).iter().map(text).collect()
 }
 

@@ -18,8 +18,9 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::answers::{Answers, Failure, Fault, Told};
-use super::flight::{Event, Flown, START_LEVEL_DEG, START_POSITION_M, START_VELOCITY_MPS};
+use super::flight::{Flown, START_LEVEL_DEG, START_POSITION_M, START_VELOCITY_MPS};
 use crate::compare::kalman::Noise;
+use crate::identify::run::Event;
 
 /// Of the protocol.
 const VERSION: u32 = 1;

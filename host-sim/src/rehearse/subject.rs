@@ -4,14 +4,15 @@ use std::str::FromStr;
 use std::time::Instant;
 
 use ins_core::ConfigError;
-use ins_core::config::{Feedback, Form, HeadingSource};
+use ins_core::config::{Feedback, Form};
 use ins_core::{Config, Navigator, Phase, Solution};
 
 use super::answers::{Answers, Told};
-use super::flight::{Event, Flown};
+use super::flight::Flown;
 use super::program::Program;
 use crate::compare::kalman::{Noise, Run};
-use crate::log::Grade;
+use crate::identify::configure::config_of;
+use crate::identify::run::Event;
 
 /// An algorithm under test.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,15 +74,11 @@ impl Subject {
 }
 
 fn config(flown: &Flown, told: &Told) -> Config {
-    let class = match told.grade {
-        Grade::Hg1700 => Config::hg1700(),
-        Grade::Mems => Config::mems(),
-    };
-    Config {
-        imu_output: told.model.imu.output,
-        heading: (flown.run.given_heading_rad).map_or(class.heading, HeadingSource::Given),
-        ..class
-    }
+    config_of(
+        told.grade,
+        told.model.imu.output,
+        flown.run.given_heading_rad,
+    )
 }
 
 fn core(

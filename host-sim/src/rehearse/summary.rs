@@ -10,6 +10,7 @@ use super::score::{HEADING, Line, Outcome, POSITION, QUANTITIES, moments};
 use super::settings::Rehearsal;
 use crate::identify::error_model::interval::{Measured, mean, student};
 use crate::identify::error_model::{Assumed, Parameter};
+use crate::page::table::Table;
 use crate::study::flights::statistics::{Figure, rms};
 
 /// Parts of the time without GNSS at whose ends errors are looked at.
@@ -132,9 +133,9 @@ pub struct Summary {
     pub budget: Vec<Cost>,
     /// The model.
     pub parameters: Vec<Parameter>,
-    /// The same for people: column heads and cells.
+    /// The same for people.
     #[serde(skip)]
-    pub model: (Vec<String>, Vec<Vec<String>>),
+    pub model: Table,
     /// What the drives do not show, and what was assumed.
     pub assumed: Vec<Assumed>,
 }

@@ -11,7 +11,7 @@ use crate::identify::analysis::Analysis;
 use crate::identify::error_model::Sensors;
 use crate::identify::error_model::allan;
 use crate::identify::free_inertial::WINDOW_S;
-use crate::identify::held_ins::Error;
+use crate::identify::held_ins::LevelError;
 use crate::identify::innovations::{Innovation, Off, consistency};
 use crate::identify::quantities::{DEG_H_RADPS, Quantities, Quantity, in_axes};
 use crate::identify::row::Row;
@@ -222,14 +222,14 @@ impl Charts<'_> {
         let Some(errors) = &self.found.against_truth else {
             return figures;
         };
-        let curve = |points: &[against_truth::Point], value: fn(&Error) -> f64| {
+        let curve = |points: &[against_truth::Point], value: fn(&LevelError) -> f64| {
             // Nothing at zero, which no logarithm shows.
-            let point = |(time, error): &(Time, Error)| {
+            let point = |(time, error): &(Time, LevelError)| {
                 (since(self.found, *time), value(error).max(LEAST_ERROR))
             };
             thinned(points.iter().map(point))
         };
-        let figure = |title, unit, value: fn(&Error) -> f64| {
+        let figure = |title, unit, value: fn(&LevelError) -> f64| {
             let curves = [&errors.logged, &errors.free, &errors.damped].map(|e| curve(e, value));
             self.over_time(title, unit)
                 .line("free, as logged", RED, &curves[0])

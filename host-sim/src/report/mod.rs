@@ -4,8 +4,6 @@ pub(crate) mod charts;
 mod results;
 mod together;
 
-use std::fs::{self, File};
-use std::io::BufWriter;
 use std::path::Path;
 
 use miette::{IntoDiagnostic, Result};
@@ -15,25 +13,21 @@ use crate::identify::error_model::Sensors;
 use crate::identify::summary::Summary;
 use crate::identify::tables;
 use crate::page::html::Page;
-use crate::page::output::OutputError;
+use crate::page::{self, output};
 
 /// Writes summary, tables and report into a folder.
 pub(crate) fn write(analysis: &Analysis, sensors: Option<&Sensors>, folder: &Path) -> Result<()> {
-    tables::write_estimates(
-        create(folder, "estimates.csv")?,
-        &analysis.found,
-        &analysis.log.meta,
-    )
-    .into_diagnostic()?;
-    tables::write_solution(create(folder, "solution.csv")?, &analysis.found.solutions)
-        .into_diagnostic()?;
+    let Analysis { found, log, .. } = analysis;
+    let to = |name| output::create(folder, name);
+    tables::write_estimates(to("estimates.csv")?, found, &log.meta).into_diagnostic()?;
+    tables::write_solution(to("solution.csv")?, &found.solutions).into_diagnostic()?;
     let page = html(analysis, sensors).into_diagnostic()?;
-    let summary = serde_json::to_string_pretty(&analysis.summary).into_diagnostic()?;
-    for (name, text) in [(REPORT, page), (SUMMARY, summary + "\n")] {
-        let path = folder.join(name);
-        fs::write(&path, text).map_err(|e| OutputError::io(&path, e))?;
-    }
-    Ok(())
+    output::write(folder, REPORT, page)?;
+    Ok(output::write(
+        folder,
+        SUMMARY,
+        page::json(&analysis.summary)?,
+    )?)
 }
 
 /// The report of a log.
@@ -61,10 +55,4 @@ pub fn html(analysis: &Analysis, sensors: Option<&Sensors>) -> Result<String, mi
 /// The report of several logs of one unit.
 pub fn html_of_all(logs: &[Summary], sensors: &Sensors) -> Result<String, minijinja::Error> {
     together::page(logs, sensors).html()
-}
-
-fn create(folder: &Path, name: &str) -> Result<BufWriter<File>> {
-    let path = folder.join(name);
-    let file = File::create(&path).map_err(|e| OutputError::io(&path, e))?;
-    Ok(BufWriter::new(file))
 }

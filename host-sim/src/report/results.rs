@@ -8,8 +8,8 @@ use crate::identify::held_ins;
 use crate::identify::quantities::{Quantity, in_axes};
 use crate::identify::true_errors::Truth;
 use crate::identify::words;
-use crate::page::html::Table;
 use crate::page::number::to_second_digit_of as digits;
+use crate::page::table::Table;
 use crate::page::table::cells;
 
 /// Sigmas that an error may have.
@@ -21,12 +21,10 @@ const DISTINCT: f64 = 2.0;
 pub(super) fn tables(analysis: &Analysis, sensors: Option<&Sensors>) -> Vec<Table> {
     let mut tables = vec![results(analysis), free(analysis), against_truth(analysis)];
     if let Some(sensors) = sensors {
-        let (header, rows) = sensors.model.table();
-        tables.push(Table::new(
-            "Error model of the sensors, 95 % interval",
-            header,
-            rows,
-        ));
+        tables.push(Table {
+            title: "Error model of the sensors, 95 % interval".to_owned(),
+            ..sensors.model.table()
+        });
     }
     tables.push(not_used(analysis));
     tables.retain(|table| !table.rows.is_empty());
@@ -188,7 +186,7 @@ fn free(analysis: &Analysis) -> Table {
 }
 
 fn against_truth(analysis: &Analysis) -> Table {
-    let row = |name: &str, error: &held_ins::Error| {
+    let row = |name: &str, error: &held_ins::LevelError| {
         let numbers = [error.position_m, error.velocity_mps].map(|v| digits(v, v));
         let [position, velocity] = numbers;
         vec![name.to_owned(), position, velocity]

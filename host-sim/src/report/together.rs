@@ -7,10 +7,10 @@ use crate::identify::quantities::Quantity;
 use crate::identify::summary::Summary;
 use crate::identify::words;
 use crate::page::chart::{Chart, Spread};
-use crate::page::html::Table;
 use crate::page::html::{Page, Section};
 use crate::page::number::to_second_digit_of as digits;
 use crate::page::plot::{BLUE, GREY};
+use crate::page::table::Table;
 use crate::page::table::cells;
 
 /// Logs that agree differ by more than this once in a hundred times.
@@ -34,7 +34,6 @@ pub(super) fn page(logs: &[Summary], sensors: &Sensors) -> Page {
                 one.name
             )
         });
-    let (header, rows) = sensors.model.table();
     let model = "Error model of the sensors from all logs, 95 % interval";
     Page {
         title: format!("{} logs of one unit", logs.len()),
@@ -48,7 +47,10 @@ pub(super) fn page(logs: &[Summary], sensors: &Sensors) -> Page {
         tables: vec![
             side_by_side(logs, &shared),
             listed(logs),
-            Table::new(model, header, rows),
+            Table {
+                title: model.to_owned(),
+                ..sensors.model.table()
+            },
         ],
         sections: vec![
             Section {

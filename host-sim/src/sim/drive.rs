@@ -13,6 +13,7 @@ use super::imu::Imu;
 use super::motion::Motion;
 use super::noise::Random;
 use super::recorded::{RecordedNoise, Resampled};
+use crate::log;
 
 /// Ready-made sensor classes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -27,7 +28,24 @@ pub enum Grade {
     Mems,
 }
 
+impl From<log::Grade> for Grade {
+    fn from(class: log::Grade) -> Self {
+        match class {
+            log::Grade::Hg1700 => Self::Hg1700,
+            log::Grade::Mems => Self::Mems,
+        }
+    }
+}
+
 impl Grade {
+    /// What a navigator is told.
+    pub fn class(self) -> log::Grade {
+        match self {
+            Self::Ideal | Self::Hg1700 => log::Grade::Hg1700,
+            Self::Mems => log::Grade::Mems,
+        }
+    }
+
     /// The class's error model.
     pub fn errors(self) -> ErrorModel {
         match self {

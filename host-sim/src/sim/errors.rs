@@ -70,6 +70,15 @@ pub struct SensorModel {
     pub noise_times: [f64; 3],
 }
 
+/// Which of the thesis's models a bias follows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Law {
+    /// (3): piecewise constant.
+    Wave,
+    /// (4): constant, trend and correlated noise.
+    Continuous,
+}
+
 /// How a bias behaves.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "model", rename_all = "lowercase", deny_unknown_fields)]
@@ -138,6 +147,40 @@ impl BiasModel {
             slope_sigma_per_s: 0.0,
             correlated_sigma: 0.0,
             correlation_time_s: a_second(),
+        }
+    }
+
+    /// Sets the run-to-run spread at the start, U.
+    pub fn set_initial_sigma(&mut self, sigma: f64) {
+        match self {
+            Self::Wave { initial_sigma, .. } | Self::Continuous { initial_sigma, .. } => {
+                *initial_sigma = sigma;
+            }
+        }
+    }
+
+    /// Which law it follows.
+    pub fn law(&self) -> Law {
+        match self {
+            Self::Wave { .. } => Law::Wave,
+            Self::Continuous { .. } => Law::Continuous,
+        }
+    }
+
+    /// Size and time of its random part: spread of a jump and interval, U and s; or standard
+    /// deviation and correlation time.
+    pub fn random_part(&self) -> (f64, f64) {
+        match *self {
+            Self::Wave {
+                jump_sigma,
+                interval_s,
+                ..
+            } => (jump_sigma, interval_s),
+            Self::Continuous {
+                correlated_sigma,
+                correlation_time_s,
+                ..
+            } => (correlated_sigma, correlation_time_s),
         }
     }
 

@@ -42,12 +42,6 @@ impl RecordedNoise {
             rate_hz,
         })
     }
-
-    /// Length of all rest, s.
-    pub fn seconds(&self) -> f64 {
-        let count: usize = self.stretches.iter().map(Vec::len).sum();
-        count as f64 / self.rate_hz
-    }
 }
 
 /// The noise of one run: blocks of the recording in a random order.

@@ -9,9 +9,10 @@ use super::found::Found;
 use super::mount::Mount;
 use crate::identify::analysis::Analysis;
 use crate::identify::error_model::Identified;
-use crate::identify::error_model::fit::BiasFit;
+use crate::identify::error_model::fit::GyroFit;
 use crate::identify::verdict::{Verdict, beyond_class};
 use crate::log::{Grade, Log, median_interval_s};
+use crate::sim::errors::Law;
 
 /// All that is found. Axes are those of the unit, right, forward, up; units are SI.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -158,37 +159,15 @@ impl Tuning {
 /// by `s sqrt(2 / T)`; jumps of `j` every `T` by `j / sqrt(T)`.
 fn wandering(model: &Identified) -> [Found; 3] {
     let unknown = Found::unknown(GYRO_WALK);
-    let moving = model.gyro().filter(|gyro| gyro.has_time_scale());
-    let slow = |bias: &&BiasFit| match bias {
-        BiasFit::Wave {
-            interval_s: time, ..
-        }
-        | BiasFit::Continuous {
-            correlation_time_s: time,
-            ..
-        } => time.value > LEAST_CORRELATION_S,
+    let slow = |gyro: &&GyroFit| gyro.has_time_scale() && gyro.time_s.value > LEAST_CORRELATION_S;
+    let Some(gyro) = model.gyro().filter(slow) else {
+        return [unknown; 3];
     };
-    match moving.map(|gyro| &gyro.bias).filter(slow) {
-        None => [unknown; 3],
-        Some(BiasFit::Wave {
-            interval_s,
-            jump_sigma,
-            ..
-        }) => {
-            let [jump, time] =
-                [*jump_sigma, *interval_s].map(|i| Found::within(Some(i), GYRO_WALK));
-            [per_root(&jump, &time), unknown, unknown]
-        }
-        Some(BiasFit::Continuous {
-            correlated_sigma,
-            correlation_time_s,
-            ..
-        }) => {
-            let both = [*correlated_sigma, *correlation_time_s];
-            let [wander, time] = both.map(|i| Found::within(Some(i), GYRO_WALK));
-            let walk = per_root(&wander, &time).scaled(std::f64::consts::SQRT_2);
-            [walk, wander, time]
-        }
+    let [size, time] = [gyro.size, gyro.time_s].map(|i| Found::within(Some(i), GYRO_WALK));
+    let walk = per_root(&size, &time);
+    match gyro.law {
+        Law::Wave => [walk, unknown, unknown],
+        Law::Continuous => [walk.scaled(std::f64::consts::SQRT_2), size, time],
     }
 }
 

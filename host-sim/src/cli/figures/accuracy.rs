@@ -10,7 +10,7 @@ use crate::page::progress::bar;
 use crate::page::table;
 use crate::page::table::cells;
 use crate::sim::Grade;
-use crate::study::accuracy::{Results, Study, header, picture};
+use crate::study::accuracy::{Results, Study, picture};
 
 fn results(study: Study) -> Result<Results> {
     let progress = bar();
@@ -34,18 +34,17 @@ pub(super) fn mems(runs: u64) -> Result<String> {
 
 fn of_all(results: &Results) -> String {
     let study = &results.study;
-    let (mut header, mut rows) = (header(), results.cells());
+    let mut table = results.table();
     if !study.has_limits() {
         // Limit and goal stand last.
-        header.truncate(5);
-        for row in &mut rows {
-            row.truncate(5);
-        }
+        let rows = table.rows.iter_mut();
+        rows.chain([&mut table.header])
+            .for_each(|row| row.truncate(5));
     }
     format!(
         "{}\n{} drives of {} min; {} converged. Of honest errors {:.0} +- {:.0} % lie within one \
          sigma (95 times out of 100).\n",
-        table::markdown(&header, &rows),
+        table.markdown(),
         study.runs,
         study.minutes,
         results.converged,

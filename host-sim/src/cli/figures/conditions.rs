@@ -25,9 +25,7 @@ pub(super) fn results(seeds: u64) -> Vec<Results> {
 /// Totals, and a row for each kind.
 pub(super) fn page(results: &[Results]) -> String {
     let tables = [totals_table(&totals(results)), overview_table(results)];
-    tables
-        .map(|(header, rows)| markdown(&header, &rows))
-        .join("\n")
+    tables.map(|table| table.markdown()).join("\n")
 }
 
 /// A row for each quantity over the kinds that judge.

@@ -5,13 +5,13 @@ use std::path::Path;
 use miette::{IntoDiagnostic, Result};
 
 use crate::cli::drive::write_drive;
-use crate::cli::options::{DriveOptions, SimulatedGrade};
+use crate::cli::options::DriveOptions;
 use crate::identify::analysis::Analysis;
+use crate::log::Grade;
 use crate::page::chart::sampled;
 use crate::page::plot::{BLUE, GREY, Mark, Plot, RED};
 use crate::page::progress::bar;
 use crate::page::sheet::{self, Panel, key};
-use crate::page::table;
 use crate::report::charts::{Converging, converging};
 
 /// What `host-sim demo` does and prints, with its picture.
@@ -20,15 +20,14 @@ pub(super) fn part(root: &Path) -> Result<String> {
     let log = folder.path().join("log");
     let options = DriveOptions {
         seed: 1,
-        grade: SimulatedGrade::Hg1700,
+        grade: Grade::Hg1700,
         minutes: 40.0,
     };
     write_drive(&log, options, None, false)?;
     let analysis = Analysis::of_log(&log, None, &bar())?;
     let panels: Vec<Panel> = converging(&analysis).iter().map(panel).collect();
     super::pages::picture(root, "demo.svg", &sheet::svg(&panels))?;
-    let (header, rows) = analysis.table();
-    Ok(table::markdown(&header, &rows))
+    Ok(analysis.table().markdown())
 }
 
 fn panel(estimate: &Converging) -> Panel {

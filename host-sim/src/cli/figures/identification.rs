@@ -8,8 +8,7 @@ use miette::Result;
 use super::super::recovery::both;
 use crate::campaign::plan::Plan;
 use crate::campaign::run::{Shard, run};
-use crate::page::table;
-use crate::study::recovery::{Study, header};
+use crate::study::recovery::Study;
 
 /// Drives of a unit, and their length.
 const DRIVES: u64 = 5;
@@ -24,7 +23,7 @@ pub(super) fn recovery(units: u64) -> String {
         first_seed: 0,
     };
     let tables = both(study).map(|results| {
-        let table = table::markdown(&header(), &results.cells());
+        let table = results.table().markdown();
         format!("Gyro biases of equation {}:\n\n{table}", results.gyro_model)
     });
     tables.join("\n")
@@ -36,6 +35,5 @@ pub(super) fn campaign(root: &Path) -> Result<String> {
     let out = root.join("out/campaign");
     super::super::campaign::settle(&plan, &out, false)?;
     run(&plan, Shard::ALL, &out, &ProgressBar::hidden())?;
-    let (header, rows) = super::super::campaign::summary(&[&out])?.table();
-    Ok(table::markdown(&header, &rows))
+    Ok(super::super::campaign::summary(&[&out])?.table().markdown())
 }

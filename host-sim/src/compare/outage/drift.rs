@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::statistics::rms;
+
 /// Length of an outage, and from start to start, s.
 pub const OUTAGE_S: f64 = 30.0;
 pub(super) const STRIDE_S: f64 = 10.0;
@@ -47,10 +49,7 @@ pub struct Drifts {
 
 impl Drifts {
     pub(super) fn new(navigator: &'static str, outages: Vec<Drift>) -> Self {
-        let rms = |value: fn(&Drift) -> f64| {
-            let sum: f64 = outages.iter().map(|drift| value(drift).powi(2)).sum();
-            (sum / outages.len() as f64).sqrt()
-        };
+        let rms = |value: fn(&Drift) -> f64| rms(outages.iter().map(value));
         let most = |value: fn(&Drift) -> f64| outages.iter().map(value).fold(0.0, f64::max);
         Self {
             navigator,

@@ -13,6 +13,7 @@ use serde::Serialize;
 use crate::compare::kalman::Noise;
 use crate::log::Log;
 use crate::page::digits;
+use crate::page::table::{Table, cells};
 pub use drift::{Drift, Drifts, OUTAGE_S};
 use drift::{FRESH_S, STRIDE_S};
 use reference::Reference;
@@ -119,33 +120,24 @@ impl<'a> Course<'a> {
 }
 
 impl OutageTest {
-    /// What the table shows.
-    pub fn title(&self) -> String {
+    /// A row for each navigator.
+    pub(crate) fn table(&self) -> Table {
         let against = match self.against {
             Against::Truth => "the truth",
             Against::Gnss => "the fixes kept from the navigators",
         };
-        format!(
+        let title = format!(
             "Horizontal drift over {OUTAGE_S:.0} s without GNSS, against {against}; one outage \
              every {STRIDE_S:.0} s"
-        )
-    }
-
-    /// Column heads of [`Self::rows`].
-    pub fn header(&self) -> Vec<String> {
-        let heads = [
+        );
+        let header = cells([
             "",
             "outages",
             "RMS, m",
             "largest, m",
             "RMS, m/s",
             "largest, m/s",
-        ];
-        heads.map(str::to_owned).to_vec()
-    }
-
-    /// A row for each navigator.
-    pub fn rows(&self) -> Vec<Vec<String>> {
+        ]);
         let row = |drifts: &Drifts| {
             let numbers = [
                 drifts.position_rms_m,
@@ -157,7 +149,7 @@ impl OutageTest {
             cells.extend(numbers.map(|number| digits(number, number)));
             cells
         };
-        self.navigators.iter().map(row).collect()
+        Table::new(&title, header, self.navigators.iter().map(row).collect())
     }
 }
 

@@ -8,6 +8,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::interval::Measured;
 use super::record::{Difference, Epoch, Record};
+use crate::sim::errors::Law;
 
 /// Velocity error, tilt, constant, trend and random part of the biases.
 const VELOCITY: usize = 0;
@@ -29,63 +30,53 @@ const BIAS_SIGMA: f64 = 5e-4;
 
 /// How the random part of a gyro bias moves. SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Dynamics {
-    /// (3): jumps at whole multiples of an interval since the start of the log.
-    Wave {
-        /// Interval, s.
-        interval_s: f64,
-        /// Spread of a jump, rad/s.
-        jump_sigma: f64,
-    },
-    /// (4): exponentially correlated.
-    Continuous {
-        /// Standard deviation, rad/s.
-        sigma: f64,
-        /// Correlation time, s.
-        correlation_time_s: f64,
-    },
+pub struct Dynamics {
+    /// Jumps at whole multiples of an interval since the start of the log, or exponentially
+    /// correlated.
+    pub law: Law,
+    /// Spread of a jump, or standard deviation, rad/s.
+    pub size: f64,
+    /// Interval, or correlation time, s.
+    pub time_s: f64,
 }
 
 impl Dynamics {
     /// What the trend of a bias is multiplied by: jumps so far, or time.
     fn trend_at(&self, time_s: f64) -> f64 {
-        match self {
-            Self::Wave { interval_s, .. } => (time_s / interval_s).floor(),
-            Self::Continuous { .. } => time_s,
+        match self.law {
+            Law::Wave => (time_s / self.time_s).floor(),
+            Law::Continuous => time_s,
         }
     }
 
     /// Part of an epoch that lies before a jump; none without one.
     fn jump_in(&self, epoch: &Epoch) -> Option<f64> {
-        let Self::Wave { interval_s, .. } = self else {
+        if self.law == Law::Continuous {
             return None;
-        };
-        let jump_s = interval_s * self.trend_at(epoch.start_s + epoch.seconds);
+        }
+        let jump_s = self.time_s * self.trend_at(epoch.start_s + epoch.seconds);
         let part = (jump_s - epoch.start_s) / epoch.seconds;
         (part > 0.0 && epoch.rest_rate_radps.is_none()).then_some(part)
     }
 
     /// Variance at the time 0.
     fn initial_variance(&self) -> f64 {
-        match self {
-            Self::Wave { .. } => 0.0,
-            Self::Continuous { sigma, .. } => sigma * sigma,
+        match self.law {
+            Law::Wave => 0.0,
+            Law::Continuous => self.size * self.size,
         }
     }
 
     /// From one time to a later one: what part is kept, and the variance that is added.
     fn step(&self, from_s: f64, to_s: f64) -> (f64, f64) {
-        match self {
-            Self::Wave { jump_sigma, .. } => {
+        match self.law {
+            Law::Wave => {
                 let jumps = self.trend_at(to_s) - self.trend_at(from_s);
-                (1.0, jumps * jump_sigma * jump_sigma)
+                (1.0, jumps * self.size * self.size)
             }
-            Self::Continuous {
-                sigma,
-                correlation_time_s,
-            } => {
-                let keep = libm::exp((from_s - to_s) / correlation_time_s);
-                (keep, sigma * sigma * (1.0 - keep * keep))
+            Law::Continuous => {
+                let keep = libm::exp((from_s - to_s) / self.time_s);
+                (keep, self.size * self.size * (1.0 - keep * keep))
             }
         }
     }
@@ -168,9 +159,9 @@ pub fn filter(record: &Record, candidate: &Candidate) -> Answer {
 
 /// Not by whole jumps: one more at the very end must not make the model likelier.
 fn trend_sigma(record: &Record, dynamics: &Dynamics) -> f64 {
-    let unit_s = match dynamics {
-        Dynamics::Wave { interval_s, .. } => *interval_s,
-        Dynamics::Continuous { .. } => 1.0,
+    let unit_s = match dynamics.law {
+        Law::Wave => dynamics.time_s,
+        Law::Continuous => 1.0,
     };
     BIAS_SIGMA * unit_s / record.duration_s.max(1.0)
 }

@@ -4,6 +4,7 @@ use super::filter::{Answer, Candidate, Dynamics, filter};
 use super::interval::{self, Interval, NORMAL_95};
 use super::maximum::{crossing, curvature, maximum};
 use super::record::Record;
+use crate::sim::errors::Law;
 
 /// Twice the log-likelihood falls by chi-square of one degree of freedom, 95 %: 3.84.
 const DROP: f64 = 1.92;
@@ -27,15 +28,6 @@ const VAGUE: f64 = 3.0;
 /// By how much the log-likelihood of (3) must exceed that of (4) to be preferred.
 const PREFERENCE: f64 = 2.0;
 
-/// Thesis model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// (3).
-    Wave,
-    /// (4).
-    Continuous,
-}
-
 /// What all drives say of the gyros and of GNSS velocity; SI units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GyroFit {
@@ -45,62 +37,34 @@ pub struct GyroFit {
     pub gnss_sigma_mps: Interval,
     /// Run-to-run spread at the start, or of the constant, rad/s.
     pub initial_sigma: Interval,
-    /// The rest.
-    pub bias: BiasFit,
+    /// How they move after that: in jumps, or as correlated noise over a trend.
+    pub law: Law,
+    /// Mean of a jump, rad/s, or run-to-run spread of the trend, rad/s^2.
+    pub drift: Interval,
+    /// Spread of a jump, or standard deviation of the correlated part, rad/s.
+    pub size: Interval,
+    /// Interval between jumps, or correlation time, s.
+    pub time_s: Interval,
     /// Log-likelihood, up to a constant that is the same for both models.
     pub log_likelihood: f64,
     /// Drives behind it.
     pub drives: usize,
 }
 
-/// How the biases move; SI units.
-#[derive(Clone, Debug, PartialEq)]
-pub enum BiasFit {
-    /// (3).
-    Wave {
-        /// Interval between jumps, s.
-        interval_s: Interval,
-        /// Mean of a jump, rad/s.
-        jump_mean: Interval,
-        /// Spread of a jump, rad/s.
-        jump_sigma: Interval,
-    },
-    /// (4).
-    Continuous {
-        /// Run-to-run spread of the trend, rad/s^2.
-        slope_sigma: Interval,
-        /// Standard deviation of the correlated part, rad/s.
-        correlated_sigma: Interval,
-        /// Its correlation time, s.
-        correlation_time_s: Interval,
-    },
-}
-
 impl GyroFit {
     /// Whether the biases were seen to move at random.
     pub fn moves(&self) -> bool {
-        match &self.bias {
-            BiasFit::Wave { jump_sigma, .. } => jump_sigma.is_spread(),
-            BiasFit::Continuous {
-                correlated_sigma, ..
-            } => correlated_sigma.is_spread(),
-        }
+        self.size.is_spread()
     }
 
     /// Whether the time scale of that is known.
     pub fn has_time_scale(&self) -> bool {
-        let time = match &self.bias {
-            BiasFit::Wave { interval_s, .. } => interval_s,
-            BiasFit::Continuous {
-                correlation_time_s, ..
-            } => correlation_time_s,
-        };
-        self.moves() && time.high < VAGUE * VAGUE * time.low
+        self.moves() && self.time_s.high < VAGUE * VAGUE * self.time_s.low
     }
 }
 
 /// Fits one model, or the likelier of the two.
-pub fn fit(records: &[Record], accel_noise: f64, kind: Option<Kind>) -> Option<GyroFit> {
+pub fn fit(records: &[Record], accel_noise: f64, law: Option<Law>) -> Option<GyroFit> {
     let drives: Vec<&Record> = (records.iter())
         .filter(|record| !record.epochs.is_empty())
         .collect();
@@ -112,9 +76,9 @@ pub fn fit(records: &[Record], accel_noise: f64, kind: Option<Kind>) -> Option<G
         accel_noise,
     };
     let still = fitter.still();
-    Some(match kind {
-        Some(Kind::Wave) => fitter.wave(&still),
-        Some(Kind::Continuous) => fitter.continuous(&still),
+    Some(match law {
+        Some(Law::Wave) => fitter.wave(&still),
+        Some(Law::Continuous) => fitter.continuous(&still),
         None => {
             let (wave, continuous) = (fitter.wave(&still), fitter.continuous(&still));
             let gain = wave.log_likelihood - continuous.log_likelihood;
@@ -134,18 +98,9 @@ pub fn information(records: &[Record], accel_noise: f64, at: &Candidate) -> nalg
         drives: records.iter().collect(),
         accel_noise,
     };
-    let (kind, size, time_s) = match at.dynamics {
-        Dynamics::Wave {
-            interval_s,
-            jump_sigma,
-        } => (Kind::Wave, jump_sigma, interval_s),
-        Dynamics::Continuous {
-            sigma,
-            correlation_time_s,
-        } => (Kind::Continuous, sigma, correlation_time_s),
-    };
+    let Dynamics { law, size, time_s } = at.dynamics;
     let point = [at.gyro_noise, at.gnss_sigma_mps, size, time_s].map(libm::log);
-    let f = |x: &[f64; 4]| fitter.at(x[0], x[1], kind, x[2], x[3]);
+    let f = |x: &[f64; 4]| fitter.at(x[0], x[1], law, x[2], x[3]);
     -curvature(f, point, CURVATURE_STEP)
 }
 
@@ -166,24 +121,30 @@ struct Top {
 }
 
 impl Fitter<'_> {
-    fn candidate(&self, noise: f64, gnss: f64, dynamics: Dynamics) -> Candidate {
+    /// From logarithms of the parameters.
+    fn candidate(&self, noise: f64, gnss: f64, law: Law, size: f64, time: f64) -> Candidate {
         Candidate {
             gyro_noise: libm::exp(noise),
             accel_noise: self.accel_noise,
             gnss_sigma_mps: libm::exp(gnss),
-            dynamics,
+            dynamics: Dynamics {
+                law,
+                size: libm::exp(size),
+                time_s: libm::exp(time),
+            },
         }
     }
 
-    fn answers(&self, candidate: &Candidate) -> Vec<Answer> {
-        (self.drives.iter())
-            .map(|record| filter(record, candidate))
-            .collect()
+    /// What the drives say at the best point of a model.
+    fn answers(&self, law: Law, top: &Top) -> Vec<Answer> {
+        let candidate = self.candidate(top.noise, top.gnss, law, top.size, top.time);
+        let filter = |record: &&Record| filter(record, &candidate);
+        self.drives.iter().map(filter).collect()
     }
 
     /// Log-likelihood at logarithms of the parameters.
-    fn at(&self, noise: f64, gnss: f64, kind: Kind, size: f64, time: f64) -> f64 {
-        let candidate = self.candidate(noise, gnss, dynamics(kind, size, time));
+    fn at(&self, noise: f64, gnss: f64, law: Law, size: f64, time: f64) -> f64 {
+        let candidate = self.candidate(noise, gnss, law, size, time);
         let sum: f64 = (self.drives.iter())
             .map(|record| filter(record, &candidate).log_likelihood)
             .sum();
@@ -198,7 +159,7 @@ impl Fitter<'_> {
     /// Biases that do not move: a start for everything else.
     fn still(&self) -> Top {
         let none = -60.0;
-        let f = |x: &[f64; 2]| self.at(x[0], x[1], Kind::Continuous, none, 5.0);
+        let f = |x: &[f64; 2]| self.at(x[0], x[1], Law::Continuous, none, 5.0);
         // From lasers to the worst of MEMS: the likelihood has one top, but a long way off.
         let starts = [1e-6, 1e-5, 1e-4, 1e-3].map(libm::log);
         let gnss = libm::log(0.1);
@@ -226,28 +187,12 @@ impl Fitter<'_> {
 
     fn continuous(&self, still: &Top) -> GyroFit {
         let top = self.continuous_top(still);
-        let sigma = self.size_interval(Kind::Continuous, &top, still.value);
+        let size = self.size_interval(Law::Continuous, &top, still.value);
         let time = self.time_interval(&top);
-        let answers = self.answers(&self.candidate(
-            top.noise,
-            top.gnss,
-            dynamics(Kind::Continuous, top.size, top.time),
-        ));
+        let answers = self.answers(Law::Continuous, &top);
         let trends: Vec<_> = answers.iter().flat_map(|answer| answer.trends).collect();
-        let slope_sigma = interval::sigma_behind(&trends);
-        let bias = BiasFit::Continuous {
-            slope_sigma,
-            correlated_sigma: sigma,
-            correlation_time_s: time,
-        };
-        self.assemble(
-            Kind::Continuous,
-            &top,
-            &answers,
-            bias,
-            0.0,
-            slope_sigma.value,
-        )
+        let trend = interval::sigma_behind(&trends);
+        self.assemble(Law::Continuous, &top, &answers, [trend, size, time])
     }
 
     fn continuous_top(&self, still: &Top) -> Top {
@@ -259,7 +204,7 @@ impl Fitter<'_> {
         let mut best = *still;
         for size in sizes {
             for time in times.into_iter().filter(|time| *time < longest) {
-                let value = self.at(still.noise, still.gnss, Kind::Continuous, size, time);
+                let value = self.at(still.noise, still.gnss, Law::Continuous, size, time);
                 if value > best.value || best.size < unit - 10.0 {
                     best = Top {
                         size,
@@ -270,7 +215,7 @@ impl Fitter<'_> {
                 }
             }
         }
-        let f = |x: &[f64; 4]| self.at(x[0], x[1], Kind::Continuous, x[2], bounded(x[3], longest));
+        let f = |x: &[f64; 4]| self.at(x[0], x[1], Law::Continuous, x[2], bounded(x[3], longest));
         let start = [best.noise, best.gnss, best.size, best.time];
         let (x, value) = maximum(f, start, [-0.1, 0.02, 0.4, 0.6], TOP_TOLERANCE);
         Top {
@@ -284,13 +229,13 @@ impl Fitter<'_> {
 
     /// Profile over the size of the random part. The noises are left where they are: they hardly
     /// move with it.
-    fn size_interval(&self, kind: Kind, top: &Top, still: f64) -> Interval {
+    fn size_interval(&self, law: Law, top: &Top, still: f64) -> Interval {
         let longest = libm::log(self.longest_s());
         let profile = |size: f64| {
-            let at = |time: f64| self.at(top.noise, top.gnss, kind, size, time);
-            let value = match kind {
-                Kind::Wave => at(top.time),
-                Kind::Continuous => {
+            let at = |time: f64| self.at(top.noise, top.gnss, law, size, time);
+            let value = match law {
+                Law::Wave => at(top.time),
+                Law::Continuous => {
                     let f = |x: &[f64; 1]| at(bounded(x[0], longest));
                     maximum(f, [top.time], [0.3], TOLERANCE).1
                 }
@@ -311,7 +256,7 @@ impl Fitter<'_> {
 
     fn time_interval(&self, top: &Top) -> Interval {
         let profile = |time: f64| {
-            let f = |x: &[f64; 1]| self.at(top.noise, top.gnss, Kind::Continuous, x[0], time);
+            let f = |x: &[f64; 1]| self.at(top.noise, top.gnss, Law::Continuous, x[0], time);
             maximum(f, [top.size], [0.2], TOLERANCE).1 - top.value + DROP
         };
         Interval {
@@ -325,20 +270,12 @@ impl Fitter<'_> {
 
     fn wave(&self, still: &Top) -> GyroFit {
         let (top, interval_s) = self.wave_top(still);
-        let jump_sigma = self.size_interval(Kind::Wave, &top, still.value);
-        let answers = self.answers(&self.candidate(
-            top.noise,
-            top.gnss,
-            dynamics(Kind::Wave, top.size, top.time),
-        ));
+        let jump_sigma = self.size_interval(Law::Wave, &top, still.value);
+        let answers = self.answers(Law::Wave, &top);
         let trends: Vec<_> = answers.iter().flat_map(|answer| answer.trends).collect();
         let jump_mean = interval::mean(&trends).unwrap_or(interval::common_value(&trends));
-        let bias = BiasFit::Wave {
-            interval_s,
-            jump_mean,
-            jump_sigma,
-        };
-        self.assemble(Kind::Wave, &top, &answers, bias, jump_mean.value, 0.0)
+        let found = [jump_mean, jump_sigma, interval_s];
+        self.assemble(Law::Wave, &top, &answers, found)
     }
 
     fn wave_top(&self, still: &Top) -> (Top, Interval) {
@@ -346,7 +283,7 @@ impl Fitter<'_> {
         let scan = Scan::new(self, &walk);
         let (time, _) = scan.best();
         // Size at that interval, then the interval anew with it.
-        let f = |x: &[f64; 3]| self.at(x[0], x[1], Kind::Wave, x[2], time);
+        let f = |x: &[f64; 3]| self.at(x[0], x[1], Law::Wave, x[2], time);
         let start = [walk.noise, walk.gnss, scan.size(time)];
         let (x, value) = maximum(f, start, [-0.1, 0.02, 0.3], TOP_TOLERANCE);
         let near = Top {
@@ -373,11 +310,11 @@ impl Fitter<'_> {
         let time = libm::log(WALK_S);
         let unit = still.noise - libm::log(600.0) + 0.5 * libm::log(WALK_S);
         let sizes = [0.3_f64, 1.0, 3.0, 10.0].map(|by| unit + libm::log(by));
-        let at = |size: f64| self.at(still.noise, still.gnss, Kind::Wave, size, time);
+        let at = |size: f64| self.at(still.noise, still.gnss, Law::Wave, size, time);
         let size = (sizes.into_iter())
             .max_by(|a, b| at(*a).total_cmp(&at(*b)))
             .unwrap_or(unit);
-        let f = |x: &[f64; 3]| self.at(x[0], x[1], Kind::Wave, x[2], time);
+        let f = |x: &[f64; 3]| self.at(x[0], x[1], Law::Wave, x[2], time);
         let start = [still.noise, still.gnss, size];
         let (x, value) = maximum(f, start, [-0.1, 0.02, 0.4], TOLERANCE);
         Top {
@@ -391,18 +328,16 @@ impl Fitter<'_> {
 
     // --- both ---
 
-    fn assemble(
-        &self,
-        kind: Kind,
-        top: &Top,
-        answers: &[Answer],
-        bias: BiasFit,
-        trend_mean: f64,
-        trend_sigma: f64,
-    ) -> GyroFit {
+    /// With drift, size and time of the bias as found.
+    fn assemble(&self, law: Law, top: &Top, answers: &[Answer], found: [Interval; 3]) -> GyroFit {
         let constants: Vec<_> = answers.iter().flat_map(|answer| answer.constants).collect();
         let initial_sigma = interval::sigma_behind(&constants);
-        let [noise, gnss_sigma_mps] = self.noise_intervals(kind, top);
+        let [noise, gnss_sigma_mps] = self.noise_intervals(law, top);
+        let [drift, size, time_s] = found;
+        let (trend_mean, trend_sigma) = match law {
+            Law::Wave => (drift.value, 0.0),
+            Law::Continuous => (0.0, drift.value),
+        };
         let log_likelihood = (answers.iter())
             .map(|answer| answer.marginal(initial_sigma.value, trend_mean, trend_sigma))
             .sum();
@@ -410,15 +345,18 @@ impl Fitter<'_> {
             noise,
             gnss_sigma_mps,
             initial_sigma,
-            bias,
+            law,
+            drift,
+            size,
+            time_s,
             log_likelihood,
             drives: self.drives.len(),
         }
     }
 
     /// By the curvature in the logarithms, with the size of the random part free.
-    fn noise_intervals(&self, kind: Kind, top: &Top) -> [Interval; 2] {
-        let f = |x: &[f64; 3]| self.at(x[0], x[1], kind, x[2], top.time);
+    fn noise_intervals(&self, law: Law, top: &Top) -> [Interval; 2] {
+        let f = |x: &[f64; 3]| self.at(x[0], x[1], law, x[2], top.time);
         let at = [top.noise, top.gnss, top.size];
         let information = -curvature(f, at, CURVATURE_STEP);
         // Without a random part its row is flat.
@@ -433,20 +371,6 @@ impl Fitter<'_> {
                 high: libm::exp(at[which] + half),
             }
         })
-    }
-}
-
-fn dynamics(kind: Kind, size: f64, time: f64) -> Dynamics {
-    let (size, time) = (libm::exp(size), libm::exp(time));
-    match kind {
-        Kind::Wave => Dynamics::Wave {
-            interval_s: time,
-            jump_sigma: size,
-        },
-        Kind::Continuous => Dynamics::Continuous {
-            sigma: size,
-            correlation_time_s: time,
-        },
     }
 }
 
@@ -525,7 +449,7 @@ impl<'a> Scan<'a> {
 
     fn value(&self, time: f64) -> f64 {
         let Top { noise, gnss, .. } = self.top;
-        (self.fitter).at(noise, gnss, Kind::Wave, self.size(time), time)
+        (self.fitter).at(noise, gnss, Law::Wave, self.size(time), time)
     }
 
     fn best(&self) -> (f64, f64) {

@@ -2,13 +2,13 @@
 
 use serde::Serialize;
 
-use super::fit::{self, BiasFit, GyroFit, Kind};
+use super::fit::{self, GyroFit};
 use super::interval::{self, Interval, Measured, sigma_of_squares};
 use super::record::Record;
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::log::Grade;
 use crate::page::number::to_second_digit_of;
-use crate::sim::errors::BiasModel;
+use crate::sim::errors::{BiasModel, Law};
 use crate::sim::noise::Random;
 use crate::sim::{self, ErrorModel};
 use ins_core::rest::RestBlock;
@@ -71,7 +71,7 @@ impl Assumed {
 }
 
 /// The value at a path of a model's file; what is not there is zero.
-fn in_file(model: &ErrorModel, path: &str) -> f64 {
+pub(crate) fn in_file(model: &ErrorModel, path: &str) -> f64 {
     let mut keys = path.split(['.', '[', ']']).filter(|key| !key.is_empty());
     let file = toml::Value::try_from(model).ok();
     let value = file.and_then(|file| {
@@ -99,8 +99,8 @@ pub struct Identified {
 }
 
 impl Identified {
-    /// Of at least one drive; `kind` is the model of the gyro biases, or the likelier.
-    pub fn new(records: &[Record], grade: Grade, kind: Option<Kind>) -> Self {
+    /// Of at least one drive; `law` is that of the gyro biases, or the likelier.
+    pub fn new(records: &[Record], grade: Grade, law: Option<Law>) -> Self {
         let class = class(grade);
         let accel_noise = noise_at_rest(records, |block| block.force_mps2);
         let known_noise = accel_noise.map_or(class.accel_mps2.white_noise, |noise| noise.value);
@@ -121,7 +121,7 @@ impl Identified {
         Self {
             drives: records.len(),
             grade,
-            gyro: fit::fit(records, known_noise, kind),
+            gyro: fit::fit(records, known_noise, law),
             gyro_noise_at_rest: noise_at_rest(records, |block| block.rate_radps / DEG_H_RADPS),
             accel_noise,
             accel_sigma: (!accels.is_empty()).then(|| interval::sigma_behind(&accels)),
@@ -210,47 +210,21 @@ impl Identified {
                 NO_TIME_SCALE
             },
         };
-        match &gyro.bias {
-            BiasFit::Wave {
-                interval_s,
-                jump_mean,
-                jump_sigma,
-            } => all.extend([
-                timed("gyro_deg_h.bias.interval_s", *interval_s),
+        let [drift, size] = [gyro.drift, gyro.size].map(|found| Some(found.scaled(deg_h)));
+        let above_noise = |name, unit, found| spread(name, unit, found, NOT_ABOVE_NOISE);
+        match gyro.law {
+            Law::Wave => all.extend([
+                timed("gyro_deg_h.bias.interval_s", gyro.time_s),
                 Parameter {
                     observable: gyro.moves(),
-                    ..known(
-                        "gyro_deg_h.bias.jump_mean",
-                        "deg/h",
-                        Some(jump_mean.scaled(deg_h)),
-                        "",
-                    )
+                    ..known("gyro_deg_h.bias.jump_mean", "deg/h", drift, "")
                 },
-                spread(
-                    "gyro_deg_h.bias.jump_sigma",
-                    "deg/h",
-                    Some(jump_sigma.scaled(deg_h)),
-                    NOT_ABOVE_NOISE,
-                ),
+                above_noise("gyro_deg_h.bias.jump_sigma", "deg/h", size),
             ]),
-            BiasFit::Continuous {
-                slope_sigma,
-                correlated_sigma,
-                correlation_time_s,
-            } => all.extend([
-                spread(
-                    "gyro_deg_h.bias.slope_sigma_per_s",
-                    "deg/h/s",
-                    Some(slope_sigma.scaled(deg_h)),
-                    NOT_ABOVE_NOISE,
-                ),
-                spread(
-                    "gyro_deg_h.bias.correlated_sigma",
-                    "deg/h",
-                    Some(correlated_sigma.scaled(deg_h)),
-                    NOT_ABOVE_NOISE,
-                ),
-                timed("gyro_deg_h.bias.correlation_time_s", *correlation_time_s),
+            Law::Continuous => all.extend([
+                above_noise("gyro_deg_h.bias.slope_sigma_per_s", "deg/h/s", drift),
+                above_noise("gyro_deg_h.bias.correlated_sigma", "deg/h", size),
+                timed("gyro_deg_h.bias.correlation_time_s", gyro.time_s),
             ]),
         }
         all
@@ -261,32 +235,21 @@ impl Identified {
     #[must_use]
     pub fn drawn(&self, random: &mut Random) -> Self {
         let mut draw = |interval: &Interval| interval.drawn(random);
-        let gyro = self.gyro.as_ref().map(|gyro| GyroFit {
-            noise: draw(&gyro.noise),
-            gnss_sigma_mps: draw(&gyro.gnss_sigma_mps),
-            initial_sigma: draw(&gyro.initial_sigma),
-            bias: match &gyro.bias {
-                BiasFit::Wave {
-                    interval_s,
-                    jump_mean,
-                    jump_sigma,
-                } => BiasFit::Wave {
-                    interval_s: draw(interval_s),
-                    jump_mean: draw(jump_mean),
-                    jump_sigma: draw(jump_sigma),
-                },
-                BiasFit::Continuous {
-                    slope_sigma,
-                    correlated_sigma,
-                    correlation_time_s,
-                } => BiasFit::Continuous {
-                    slope_sigma: draw(slope_sigma),
-                    correlated_sigma: draw(correlated_sigma),
-                    correlation_time_s: draw(correlation_time_s),
-                },
-            },
-            ..gyro.clone()
-        });
+        let mut gyro = self.gyro.clone();
+        if let Some(gyro) = &mut gyro {
+            let bias = match gyro.law {
+                Law::Wave => [&mut gyro.time_s, &mut gyro.drift, &mut gyro.size],
+                Law::Continuous => [&mut gyro.drift, &mut gyro.size, &mut gyro.time_s],
+            };
+            let others = [
+                &mut gyro.noise,
+                &mut gyro.gnss_sigma_mps,
+                &mut gyro.initial_sigma,
+            ];
+            for interval in others.into_iter().chain(bias) {
+                *interval = draw(interval);
+            }
+        }
         Self {
             gyro,
             gyro_noise_at_rest: self.gyro_noise_at_rest.as_ref().map(&mut draw),
@@ -335,10 +298,7 @@ impl Identified {
             model.accel_mps2.white_noise = noise.value;
         }
         if let Some(sigma) = self.accel_sigma {
-            match &mut model.accel_mps2.bias {
-                BiasModel::Continuous { initial_sigma, .. }
-                | BiasModel::Wave { initial_sigma, .. } => *initial_sigma = sigma.value,
-            }
+            model.accel_mps2.bias.set_initial_sigma(sigma.value);
         }
         if let Some(bounds) = self.latency_s {
             model.gnss.latency_s = bounds.map(|bound| bound.value);
@@ -410,38 +370,27 @@ fn spread(
 
 /// The preset of a class.
 pub fn class(grade: Grade) -> ErrorModel {
-    match grade {
-        Grade::Hg1700 => sim::Grade::Hg1700.errors(),
-        Grade::Mems => sim::Grade::Mems.errors(),
-    }
+    sim::Grade::from(grade).errors()
 }
 
 fn gyro_bias(gyro: &GyroFit) -> BiasModel {
     let deg_h = 1.0 / DEG_H_RADPS;
     let initial_sigma = deg_h * gyro.initial_sigma.value;
-    match &gyro.bias {
-        BiasFit::Wave {
-            interval_s,
-            jump_mean,
-            jump_sigma,
-        } if gyro.moves() => BiasModel::Wave {
+    match gyro.law {
+        Law::Wave if gyro.moves() => BiasModel::Wave {
             initial_sigma,
-            interval_s: interval_s.value,
-            jump_mean: deg_h * jump_mean.value,
-            jump_sigma: deg_h * jump_sigma.value,
+            interval_s: gyro.time_s.value,
+            jump_mean: deg_h * gyro.drift.value,
+            jump_sigma: deg_h * gyro.size.value,
         },
-        BiasFit::Wave { .. } => BiasModel::constant(initial_sigma),
-        BiasFit::Continuous {
-            slope_sigma,
-            correlated_sigma,
-            correlation_time_s,
-        } => {
+        Law::Wave => BiasModel::constant(initial_sigma),
+        Law::Continuous => {
             let above_noise = |sigma: &Interval| if sigma.is_spread() { sigma.value } else { 0.0 };
             BiasModel::Continuous {
                 initial_sigma,
-                slope_sigma_per_s: deg_h * above_noise(slope_sigma),
-                correlated_sigma: deg_h * above_noise(correlated_sigma),
-                correlation_time_s: correlation_time_s.value,
+                slope_sigma_per_s: deg_h * above_noise(&gyro.drift),
+                correlated_sigma: deg_h * above_noise(&gyro.size),
+                correlation_time_s: gyro.time_s.value,
             }
         }
     }
@@ -485,9 +434,9 @@ mod tests {
     use super::*;
     use crate::study::recovery::{drive_record, truth};
 
-    fn identified(model: &ErrorModel, kind: Option<Kind>) -> Identified {
+    fn identified(model: &ErrorModel, law: Option<Law>) -> Identified {
         let records = [1, 2].map(|seed| drive_record(seed, model, Grade::Hg1700, 25.0));
-        Identified::new(&records, Grade::Hg1700, kind)
+        Identified::new(&records, Grade::Hg1700, law)
     }
 
     /// Whether a value lies in the interval, widened from two standard deviations to three: one of
@@ -529,7 +478,7 @@ mod tests {
 
     #[test]
     fn large_jumps_are_counted_and_preferred() {
-        let mut model = truth(Kind::Wave);
+        let mut model = truth(Law::Wave);
         model.gyro_deg_h.white_noise = 1.0;
         let found = identified(&model, None);
         let BiasModel::Wave { interval_s, .. } = found.model().gyro_deg_h.bias else {
@@ -546,7 +495,7 @@ mod tests {
 
     #[test]
     fn the_file_is_what_flights_take() {
-        let found = identified(&ErrorModel::hg1700(), Some(Kind::Continuous));
+        let found = identified(&ErrorModel::hg1700(), Some(Law::Continuous));
         let text = crate::identify::error_model::toml(&found).unwrap();
         assert_eq!(ErrorModel::from_toml(&text).unwrap(), found.model());
         assert!(text.contains("# gyro_deg_h.white_noise"), "{text}");
@@ -554,7 +503,7 @@ mod tests {
 
     #[test]
     fn what_was_not_shown_is_named_with_what_stands_instead() {
-        let mut found = identified(&ErrorModel::hg1700(), Some(Kind::Continuous));
+        let mut found = identified(&ErrorModel::hg1700(), Some(Law::Continuous));
         let names = |found: &Identified| -> Vec<&str> {
             found.assumed().iter().map(|part| part.name).collect()
         };

@@ -1,7 +1,6 @@
 //! `error-model.toml`, `error-model.json` and `allan.csv`.
 
 use std::fmt::Write as _;
-use std::fs::{self, File};
 use std::path::Path;
 
 use miette::{IntoDiagnostic, Result};
@@ -11,8 +10,8 @@ use super::allan::AtRest;
 use super::identified::{Identified, Parameter};
 use super::interval::Interval;
 use crate::page::number::to_second_digit_of;
-use crate::page::output::OutputError;
-use crate::page::table;
+use crate::page::table::{Table, cells};
+use crate::page::{self, output};
 
 /// Name of the model file; marks a folder of several logs as ours.
 pub const MODEL: &str = "error-model.toml";
@@ -45,14 +44,9 @@ pub fn write(sensors: Sensors, folder: &Path) -> Result<()> {
         parameters: found.parameters(),
         gyro_noise_at_rest_deg_h: &found.gyro_noise_at_rest,
     };
-    let json = serde_json::to_string_pretty(&json).into_diagnostic()? + "\n";
-    for (name, text) in [(MODEL, toml(found)?), (JSON, json)] {
-        let path = folder.join(name);
-        fs::write(&path, text).map_err(|e| OutputError::io(&path, e))?;
-    }
-    let path = folder.join("allan.csv");
-    let file = File::create(&path).map_err(|e| OutputError::io(&path, e))?;
-    at_rest.write(file).into_diagnostic()
+    output::write(folder, MODEL, toml(found)?)?;
+    output::write(folder, JSON, page::json(&json)?)?;
+    (at_rest.write(output::create(folder, "allan.csv")?)).into_diagnostic()
 }
 
 /// The model, under a comment with what each value stands on.
@@ -63,15 +57,10 @@ pub fn toml(found: &Identified) -> Result<String> {
         found.drives,
         if found.drives == 1 { "" } else { "s" },
     );
-    let (header, rows) = found.table();
-    let assumed: Vec<Vec<String>> = (found.assumed().iter())
-        .map(|part| part.cells().to_vec())
-        .collect();
-    let not_shown = table::cells(["not shown", "assumed", ""]);
-    let tables = [
-        table::plain(&header, &rows),
-        table::plain(&not_shown, &assumed),
-    ];
+    let assumed = found.assumed();
+    let assumed = assumed.iter().map(|part| part.cells().to_vec()).collect();
+    let assumed = Table::new("", cells(["not shown", "assumed", ""]), assumed);
+    let tables = [found.table().plain(), assumed.plain()];
     for line in tables.join("\n").lines() {
         // Writing into a string cannot fail.
         let _ = writeln!(text, "# {line}");
@@ -81,9 +70,9 @@ pub fn toml(found: &Identified) -> Result<String> {
 }
 
 impl Identified {
-    /// Column heads and cells for people.
-    pub fn table(&self) -> (Vec<String>, Vec<Vec<String>>) {
-        let header = ["", "value", "from", "to", "unit", ""].map(str::to_owned);
+    /// For people.
+    pub fn table(&self) -> Table {
+        let header = cells(["", "value", "from", "to", "unit", ""]);
         let row = |parameter: Parameter| {
             let cells = parameter.found.map_or_else(Default::default, |found| {
                 let width = 0.3 * (found.high - found.low);
@@ -110,9 +99,6 @@ impl Identified {
                 parameter.why.to_owned(),
             ]
         };
-        (
-            header.to_vec(),
-            self.parameters().into_iter().map(row).collect(),
-        )
+        Table::new("", header, self.parameters().into_iter().map(row).collect())
     }
 }

@@ -53,13 +53,13 @@ pub fn open_all(paths: &[PathBuf], choice: Choice) -> Result<(Log, Vec<LogError>
 pub fn read(paths: &[PathBuf], choice: Choice) -> Result<(Log, Vec<LogError>), LogError> {
     let mut all = Recording::default();
     for path in paths {
-        let format = format(path)?.ok_or_else(|| unknown(path))?;
+        let (_, read) = format(path)?.ok_or_else(|| unknown(path))?;
         let Recording {
             imus,
             receivers,
             parameters,
             notes,
-        } = (format.read)(path)?;
+        } = read(path)?;
         all.imus.extend(imus);
         all.receivers.extend(receivers);
         all.parameters.extend(parameters);
@@ -69,66 +69,33 @@ pub fn read(paths: &[PathBuf], choice: Choice) -> Result<(Log, Vec<LogError>), L
     all.log(path, choice)
 }
 
-struct Format {
-    /// From a path and the first bytes of its file.
-    recognised: fn(&Path, &[u8]) -> bool,
-    read: fn(&Path) -> Result<Recording, LogError>,
-}
+/// Tells a format from a path and the first bytes of its file, and reads it.
+type Format = (
+    fn(&Path, &[u8]) -> bool,
+    fn(&Path) -> Result<Recording, LogError>,
+);
 
 /// Those that are sure first.
 const FORMATS: [Format; 13] = [
-    Format {
-        recognised: |_, start| start.starts_with(ulog::MAGIC),
-        read: ulog::read,
-    },
-    Format {
-        recognised: |_, start| start.starts_with(dataflash::MAGIC),
-        read: dataflash::read,
-    },
-    Format {
-        recognised: |_, start| start.starts_with(ros1::MAGIC),
-        read: ros1::read,
-    },
-    Format {
-        recognised: |_, start| start.starts_with(mcap::MAGIC),
-        read: mcap::read,
-    },
-    Format {
-        recognised: |_, start| start.windows(2).take(1024).any(|two| two == ubx::MAGIC),
-        read: ubx::read,
-    },
-    Format {
-        recognised: columns::recognised,
-        read: columns::read,
-    },
-    Format {
-        recognised: sensor_logger::recognised,
-        read: sensor_logger::read,
-    },
-    Format {
-        recognised: gnss_ins_sim::recognised,
-        read: gnss_ins_sim::read,
-    },
-    Format {
-        recognised: kitti::recognised,
-        read: kitti::read,
-    },
-    Format {
-        recognised: |_, start| nmea_text::recognised(start),
-        read: nmea_text::read,
-    },
-    Format {
-        recognised: |_, start| rtklib::recognised(start),
-        read: rtklib::read,
-    },
-    Format {
-        recognised: |_, start| euroc::recognised(start),
-        read: euroc::read,
-    },
-    Format {
-        recognised: |_, start| kf_gins::recognised(start),
-        read: kf_gins::read,
-    },
+    (|_, start| start.starts_with(ulog::MAGIC), ulog::read),
+    (
+        |_, start| start.starts_with(dataflash::MAGIC),
+        dataflash::read,
+    ),
+    (|_, start| start.starts_with(ros1::MAGIC), ros1::read),
+    (|_, start| start.starts_with(mcap::MAGIC), mcap::read),
+    (
+        |_, start| start.windows(2).take(1024).any(|two| two == ubx::MAGIC),
+        ubx::read,
+    ),
+    (columns::recognised, columns::read),
+    (sensor_logger::recognised, sensor_logger::read),
+    (gnss_ins_sim::recognised, gnss_ins_sim::read),
+    (kitti::recognised, kitti::read),
+    (|_, start| nmea_text::recognised(start), nmea_text::read),
+    (|_, start| rtklib::recognised(start), rtklib::read),
+    (|_, start| euroc::recognised(start), euroc::read),
+    (|_, start| kf_gins::recognised(start), kf_gins::read),
 ];
 
 /// The format of a file or folder; none for a log folder or something unknown.
@@ -142,7 +109,7 @@ fn format(path: &Path) -> Result<Option<&'static Format>, LogError> {
     }
     Ok(FORMATS
         .iter()
-        .find(|format| (format.recognised)(path, &start)))
+        .find(|(recognised, _)| recognised(path, &start)))
 }
 
 fn unknown(path: &Path) -> LogError {

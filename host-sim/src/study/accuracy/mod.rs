@@ -3,7 +3,7 @@
 mod output;
 mod statistics;
 
-pub use output::{CSV, JSON, PICTURE, header, picture, write};
+pub use output::{CSV, JSON, PICTURE, picture, write};
 pub use statistics::{Results, Row, Spread};
 
 use core::f64::consts::PI;
@@ -16,6 +16,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::compare::kalman::{self, Noise, PartNoise};
+use crate::identify::configure;
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
 use crate::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
 
@@ -253,14 +254,7 @@ impl Study {
 
 /// The configuration that fits a class of simulated sensors.
 pub fn config_of(grade: Grade) -> Config {
-    let preset = match grade {
-        Grade::Mems => Config::mems(),
-        Grade::Ideal | Grade::Hg1700 => Config::hg1700(),
-    };
-    Config {
-        imu_output: grade.errors().imu.output,
-        ..preset
-    }
+    configure::config_of(grade.class(), grade.errors().imu.output, None)
 }
 
 fn azimuth_is_right(history: &[Option<[Check; 8]>]) -> bool {

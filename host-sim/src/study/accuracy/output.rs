@@ -1,15 +1,16 @@
 //! `accuracy.json`, `accuracy.csv`, `accuracy.svg`, and the table for people.
 
-use std::fs::{self, File};
+use std::io::Write;
 use std::path::Path;
 
 use miette::{IntoDiagnostic, Result};
 
 use super::{Check, QUANTITIES, Results, Row, Spread};
 use crate::page::number::to_second_digit_of;
-use crate::page::output::OutputError;
 use crate::page::plot::{BLUE, Mark, ORANGE, Plot};
 use crate::page::sheet::{self, Panel, key};
+use crate::page::table::{Table, cells};
+use crate::page::{self, output};
 
 /// Names of the files; the first marks the folder as ours.
 pub const JSON: &str = "accuracy.json";
@@ -20,17 +21,12 @@ pub const PICTURE: &str = "accuracy.svg";
 
 /// Writes all files into a folder.
 pub fn write(results: &Results, folder: &Path) -> Result<()> {
-    let json = serde_json::to_string_pretty(results).into_diagnostic()?;
-    for (name, text) in [(JSON, json + "\n"), (PICTURE, picture(results))] {
-        let path = folder.join(name);
-        fs::write(&path, text).map_err(|e| OutputError::io(&path, e))?;
-    }
-    let path = folder.join(CSV);
-    let file = File::create(&path).map_err(|e| OutputError::io(&path, e))?;
-    write_runs(results, file).into_diagnostic()
+    output::write(folder, JSON, page::json(results)?)?;
+    output::write(folder, PICTURE, picture(results))?;
+    write_runs(results, output::create(folder, CSV)?).into_diagnostic()
 }
 
-fn write_runs(results: &Results, file: File) -> csv::Result<()> {
+fn write_runs(results: &Results, file: impl Write) -> csv::Result<()> {
     let mut table = csv::Writer::from_writer(file);
     let mut header = vec!["seed".to_owned(), "converged".to_owned()];
     for quantity in QUANTITIES {
@@ -97,28 +93,21 @@ fn capital(text: &str) -> String {
     })
 }
 
-/// Column heads of [`Results::cells`].
-pub fn header() -> Vec<String> {
-    let header = [
-        "",
-        "RMS error",
-        "RMS sigma",
-        "within 1 sigma",
-        "settled after",
-        "limit",
-        "goal",
-    ];
-    header.map(str::to_owned).to_vec()
-}
-
 impl Results {
-    /// The table, cell by cell, without its head.
-    pub fn cells(&self) -> Vec<Vec<String>> {
+    /// A row for each quantity.
+    pub(crate) fn table(&self) -> Table {
+        let header = cells([
+            "",
+            "RMS error",
+            "RMS sigma",
+            "within 1 sigma",
+            "settled after",
+            "limit",
+            "goal",
+        ]);
         let limits = self.study.has_limits();
-        self.quantities
-            .iter()
-            .map(|row| row.cells(limits))
-            .collect()
+        let rows = self.quantities.iter().map(|row| row.cells(limits));
+        Table::new("", header, rows.collect())
     }
 }
 

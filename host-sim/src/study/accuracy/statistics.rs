@@ -5,6 +5,7 @@ use ins_core::ConfigError;
 use serde::Serialize;
 
 use super::{Check, EVERY_S, QUANTITIES, Quantity, Run, Study};
+use crate::statistics::rms;
 
 /// Part of normally distributed errors within one sigma, 1.
 const WITHIN_SIGMA: f64 = 0.6827;
@@ -106,10 +107,7 @@ fn spread(runs: &[Run], check: usize) -> Option<Spread> {
         .filter_map(|run| run.history[check].as_ref())
         .collect();
     let rms = |value: fn(&Check) -> f64| {
-        core::array::from_fn(|which| {
-            let squares = checks.iter().map(|checks| value(&checks[which]).powi(2));
-            (squares.sum::<f64>() / checks.len() as f64).sqrt()
-        })
+        core::array::from_fn(|which| rms(checks.iter().map(|checks| value(&checks[which]))))
     };
     (!checks.is_empty()).then(|| Spread {
         time_s: EVERY_S * (check + 1) as f64,

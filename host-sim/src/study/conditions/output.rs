@@ -1,13 +1,13 @@
 //! The results as tables for people.
 
 use super::statistics::{Results, Row, Totals};
-use crate::page::table::{cells, plain};
+use crate::page::table::{Table, cells};
 use crate::sim::Grade;
 
 /// Overview, totals, then every kind by itself.
 pub fn readable(results: &[Results], details: bool) -> String {
-    let [overview, totals] = [overview_table(results), totals_table(&totals(results))]
-        .map(|(header, rows)| plain(&header, &rows));
+    let [overview, totals] =
+        [overview_table(results), totals_table(&totals(results))].map(|table| table.plain());
     let mut text = format!("{overview}\n{totals}");
     if details {
         for result in results {
@@ -35,8 +35,8 @@ pub fn totals(results: &[Results]) -> Vec<Totals> {
     each.flatten().collect()
 }
 
-/// Header and a row for each kind.
-pub(crate) fn overview_table(results: &[Results]) -> (Vec<String>, Vec<Vec<String>>) {
+/// A row for each kind.
+pub(crate) fn overview_table(results: &[Results]) -> Table {
     let header = cells([
         "kind",
         "class",
@@ -52,7 +52,7 @@ pub(crate) fn overview_table(results: &[Results]) -> (Vec<String>, Vec<Vec<Strin
         "worst over Kalman",
         "",
     ]);
-    (header, results.iter().map(overview_row).collect())
+    Table::new("", header, results.iter().map(overview_row).collect())
 }
 
 fn overview_row(result: &Results) -> Vec<String> {
@@ -81,8 +81,8 @@ fn overview_row(result: &Results) -> Vec<String> {
     ]
 }
 
-/// Header and a row for each group.
-pub(crate) fn totals_table(totals: &[Totals]) -> (Vec<String>, Vec<Vec<String>>) {
+/// A row for each group.
+pub(crate) fn totals_table(totals: &[Totals]) -> Table {
     let header = cells([
         "",
         "kinds",
@@ -96,7 +96,7 @@ pub(crate) fn totals_table(totals: &[Totals]) -> (Vec<String>, Vec<Vec<String>>)
         "no solution",
         "over Kalman",
     ]);
-    let rows: Vec<Vec<String>> = totals
+    let rows = totals
         .iter()
         .map(|total| {
             vec![
@@ -116,7 +116,7 @@ pub(crate) fn totals_table(totals: &[Totals]) -> (Vec<String>, Vec<Vec<String>>)
             ]
         })
         .collect();
-    (header, rows)
+    Table::new("", header, rows)
 }
 
 fn kind(result: &Results) -> String {
@@ -132,13 +132,13 @@ fn kind(result: &Results) -> String {
         "wrong and sure",
         "Kalman RMS error",
     ]);
-    let rows: Vec<Vec<String>> = result.rows.iter().map(kind_row).collect();
+    let table = Table::new("", header, result.rows.iter().map(kind_row).collect());
     format!(
         "{}, {}: {}\n{}",
         result.kind,
         short(result.class),
         result.what,
-        plain(&header, &rows)
+        table.plain()
     )
 }
 

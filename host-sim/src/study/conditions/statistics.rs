@@ -6,6 +6,7 @@ use super::quantities::QUANTITIES;
 use super::run::{Check, Run, Tried};
 use super::{Kind, Quantity};
 use crate::sim::Grade;
+use crate::statistics::rms_of_any;
 
 /// An error beyond so many of its own sigmas is wrong.
 pub const WRONG_SIGMAS: f64 = 4.5;
@@ -57,13 +58,13 @@ impl Row {
             let inside = ratios.iter().filter(|ratio| ratio.abs() <= bound).count();
             part(inside, ratios.len())
         };
-        let errors = |checks: &[Check]| rms(checks.iter().map(|check| check.error));
+        let errors = |checks: &[Check]| rms_of_any(checks.iter().map(|check| check.error));
         Some(Self {
             quantity: QUANTITIES[quantity],
             checks: checks.len(),
             rms_error: errors(&checks)?,
-            rms_sigma: rms(checks.iter().filter_map(|check| check.sigma)),
-            rms_ratio: rms(ratios.iter().copied()),
+            rms_sigma: rms_of_any(checks.iter().filter_map(|check| check.sigma)),
+            rms_ratio: rms_of_any(ratios.iter().copied()),
             within_one: within(1.0),
             within_three: within(3.0),
             observable: part(checks.iter().filter(|c| c.observable).count(), checks.len()),
@@ -99,16 +100,6 @@ fn wrong_and_sure(check: &Check) -> bool {
     // A sigma or an error that is no number is not within any bound.
     let right = ratio(check).is_none_or(|ratio| ratio.abs() <= WRONG_SIGMAS);
     check.observable && !right
-}
-
-/// `None` of nothing.
-fn rms(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (mut sum, mut count) = (0.0, 0.0_f64);
-    for value in values {
-        sum += value * value;
-        count += 1.0;
-    }
-    (count > 0.0).then(|| (sum / count).sqrt())
 }
 
 /// A kind with one class of sensors.

@@ -4,7 +4,6 @@ use core::iter::Peekable;
 use core::slice::Iter;
 
 use ins_core::ConfigError;
-use ins_core::config::HeadingSource;
 use ins_core::{
     Config, Estimate, Estimates, GnssFix, ImuSample, Navigator, Observability, Phase, Solution,
     Time,
@@ -14,7 +13,8 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::World;
 use crate::compare::kalman::{self, Filter, index};
-use crate::sim::{Grade, SimulatedDrive};
+use crate::identify::configure::config_of;
+use crate::sim::SimulatedDrive;
 
 /// Standard gravity: of an accelerometer's bias to the tilt it makes, m/s^2.
 const GRAVITY_MPS2: f64 = 9.81;
@@ -72,14 +72,8 @@ pub trait Subject {
 /// heading if one is given, and for a class that is told of neither that the antenna is some way
 /// off and that the clocks are two.
 pub fn config(world: &World, drive: &SimulatedDrive) -> Config {
-    let mut config = match world.class {
-        Grade::Mems => Config::mems(),
-        Grade::Ideal | Grade::Hg1700 => Config::hg1700(),
-    };
-    config.imu_output = world.errors.imu.output;
-    if let Some(heading) = drive.given_heading_rad {
-        config.heading = HeadingSource::Given(heading);
-    }
+    let (class, output) = (world.class.class(), world.errors.imu.output);
+    let mut config = config_of(class, output, drive.given_heading_rad);
     if world.antenna_m.norm() > 0.0 {
         config.gnss.lever_arm_sigma_m = config.gnss.lever_arm_sigma_m.max(ARM_SIGMA_M);
     }

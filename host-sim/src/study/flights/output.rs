@@ -1,7 +1,6 @@
 //! What `flights` writes and prints.
 
 use std::fmt::Write as _;
-use std::fs;
 use std::path::Path;
 
 use miette::{IntoDiagnostic, Result};
@@ -9,16 +8,16 @@ use miette::{IntoDiagnostic, Result};
 use super::run::{BIASES_DEG_H, Run, WALKS_DEG_SQRT_H};
 use super::schuler::{Oscillation, Point};
 use super::summary::{End, NAMES, Summary, THESIS_KM, Walk};
-use crate::page::output::{self, OutputError};
 use crate::page::plot::{BLUE, GREEN, GREY, Mark, ORANGE, Plot, padded};
-use crate::page::table::{self, cells};
+use crate::page::table::{Table, cells};
+use crate::page::{self, output};
 
 /// File name of the summary; marks the folder as ours.
 pub const SUMMARY: &str = "flights.json";
 
 /// Writes the summary, a table with one row per flight, and pictures.
 pub fn write(out: &Path, force: bool, runs: &[Run], summary: &Summary) -> Result<()> {
-    let json = serde_json::to_string_pretty(summary).into_diagnostic()? + "\n";
+    let json = page::json(summary)?;
     let csv = table(runs).into_diagnostic()?;
     output::build(out, SUMMARY, force, |folder| -> Result<()> {
         for (name, contents) in [
@@ -30,8 +29,7 @@ pub fn write(out: &Path, force: bool, runs: &[Run], summary: &Summary) -> Result
             ),
             ("position_error.svg", growth(summary).into_bytes()),
         ] {
-            let path = folder.join(name);
-            fs::write(&path, contents).map_err(|e| OutputError::io(&path, e))?;
+            output::write(folder, name, contents)?;
         }
         Ok(())
     })
@@ -127,24 +125,17 @@ fn growth(summary: &Summary) -> String {
 
 // --- tables ---
 
-/// A table with its title.
-struct Table {
-    title: String,
-    header: Vec<String>,
-    rows: Vec<Vec<String>>,
-}
-
 /// The figures for a person.
 pub fn readable(summary: &Summary) -> String {
-    in_words(summary, table::plain)
+    in_words(summary, Table::plain)
 }
 
 /// The figures for a page.
 pub fn markdown(summary: &Summary) -> String {
-    in_words(summary, table::markdown)
+    in_words(summary, Table::markdown)
 }
 
-fn in_words(summary: &Summary, table: fn(&[String], &[Vec<String>]) -> String) -> String {
+fn in_words(summary: &Summary, text_of: fn(&Table) -> String) -> String {
     let left = &summary.left;
     let [gx, gy, gz] = left.gyro_deg_h;
     let [ax, ay, az] = left.accel_mg;
@@ -159,17 +150,13 @@ fn in_words(summary: &Summary, table: fn(&[String], &[Vec<String>]) -> String) -
         left.azimuth_deg,
         left.latency_ms
     );
-    for Table {
-        title,
-        header,
-        rows,
-    } in [
+    for table in [
         ends(summary),
         grid(summary),
         walks(summary),
         models(summary),
     ] {
-        let _ = write!(text, "\n{title}\n\n{}", table(&header, &rows));
+        let _ = write!(text, "\n{}\n\n{}", table.title, text_of(&table));
     }
     text
 }

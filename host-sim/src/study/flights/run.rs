@@ -2,10 +2,10 @@
 
 use core::array;
 
-use ins_core::config::{DampingConfig, HeadingSource};
+use ins_core::config::DampingConfig;
 use ins_core::earth::wrap_pi;
 use ins_core::increments::Interval;
-use ins_core::{Config, Estimate, Estimates, ImuOutput, Navigator, Observability, Solution};
+use ins_core::{Config, Estimates, ImuOutput, Navigator, Solution};
 use nalgebra::Vector3;
 use serde::Serialize;
 
@@ -16,7 +16,11 @@ use indicatif::ProgressBar;
 use rayon::prelude::*;
 
 use crate::aircraft::flight::FlightError;
-use crate::identify::held_ins::{Error, HeldIns};
+use crate::identify::configure::config_of;
+use crate::identify::free_inertial::value;
+use crate::identify::held_ins::{HeldIns, LevelError};
+use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
+use crate::log::Grade;
 use crate::sim::ErrorModel;
 use crate::sim::noise::Random;
 
@@ -26,10 +30,8 @@ pub const BIASES_DEG_H: [f64; 6] = [0.0, 0.01, 0.03, 0.1, 0.3, 1.0];
 pub const WALKS_DEG_SQRT_H: [f64; 4] = [0.0, 0.01, 0.03, 0.125];
 const CELLS: usize = BIASES_DEG_H.len() * WALKS_DEG_SQRT_H.len();
 
-/// SI values of deg/h, deg/sqrt(h) and mg.
-const DEG_H: f64 = core::f64::consts::PI / 180.0 / 3600.0;
+/// SI value of deg/sqrt(h).
 pub(super) const DEG_SQRT_H: f64 = core::f64::consts::PI / 180.0 / 60.0;
-const MG: f64 = 9.806_65e-3;
 /// Samples per minute, and per comparison with the linear model.
 const MINUTE: u32 = 6000;
 const SECOND: u32 = 100;
@@ -101,7 +103,7 @@ pub struct Run {
     /// Errors left in the estimates.
     pub left: Left,
     /// Errors of each [`Variant`] at every minute of the free part.
-    pub free: [Vec<Error>; 3],
+    pub free: [Vec<LevelError>; 3],
     /// Velocity error against the model in both [`Terms`]: estimates, then raw.
     pub agreement: [[Agreement; 2]; 2],
     /// Position error of each cell of the grid at the end, m; walks within biases.
@@ -127,7 +129,7 @@ pub fn run_alone(
     seed: u64,
     route: &Route,
     settings: &Settings,
-) -> Result<(Left, Vec<Error>), RunError> {
+) -> Result<(Left, Vec<LevelError>), RunError> {
     let (mut sensors, navigator, start) = aided(seed, route, settings)?;
     let estimates = navigator.estimates();
     let ([gyro, accel], mut ins) = (biases(&estimates), HeldIns::new(&start));
@@ -172,11 +174,8 @@ fn damped(seed: u64, sensors: &mut Sensors, settings: &Settings) -> Navigator {
     let heading_error_deg = settings.errors.given_heading_sigma_deg.unwrap_or(0.0)
         * Random::stream(seed, "given heading").normal();
     let heading_rad = sensors.truth().euler().heading_rad + heading_error_deg.to_radians();
-    let config = Config {
-        imu_output: ImuOutput::Increments,
-        heading: HeadingSource::Given(heading_rad),
-        ..Config::hg1700()
-    };
+    let output = ImuOutput::Increments;
+    let config = config_of(Grade::Hg1700, output, Some(heading_rad));
     let mut navigator = Navigator::new(config).expect("presets are valid");
     for _ in 0..settings.minutes_aided * MINUTE {
         let step = sensors.step();
@@ -186,15 +185,6 @@ fn damped(seed: u64, sensors: &mut Sensors, settings: &Settings) -> Navigator {
         let _ = navigator.on_imu(&step.sample);
     }
     navigator
-}
-
-/// An estimate as far as it stands on data.
-fn value(estimate: &Estimate) -> f64 {
-    if estimate.observability == Observability::Observable {
-        estimate.value
-    } else {
-        0.0
-    }
 }
 
 /// Gyro and accelerometer biases as found.
@@ -207,8 +197,8 @@ fn left(sensors: &Sensors, start: &Solution, estimates: &Estimates) -> Left {
     let ([gyro, accel], [true_gyro, true_accel]) = (biases(estimates), sensors.biases());
     let heading_rad = start.euler().heading_rad - sensors.truth().euler().heading_rad;
     Left {
-        gyro_deg_h: ((gyro - true_gyro) / DEG_H).into(),
-        accel_mg: ((accel - true_accel) / MG).into(),
+        gyro_deg_h: ((gyro - true_gyro) / DEG_H_RADPS).into(),
+        accel_mg: ((accel - true_accel) / MG_MPS2).into(),
         azimuth_deg: wrap_pi(heading_rad).to_degrees(),
         latency_ms: 1e3 * (value(&estimates.gnss_latency_s) - sensors.latency_s()),
     }
@@ -223,7 +213,7 @@ struct Free {
     measured: Intervals,
     ideal: Intervals,
     ins: [HeldIns; 3],
-    errors: [Vec<Error>; 3],
+    errors: [Vec<LevelError>; 3],
     models: [[LinearModel; 2]; 2],
     agreement: [[Agreement; 2]; 2],
     grid: Grid,
@@ -331,7 +321,7 @@ impl Grid {
         let noise = Vector3::from(self.noise.normal3()) * (DEG_SQRT_H * RATE_HZ.sqrt());
         for (cell, ins) in self.ins.iter_mut().enumerate() {
             let (bias, walk) = cell_errors(cell);
-            let gyro = DEG_H * bias * self.bias + walk * noise;
+            let gyro = DEG_H_RADPS * bias * self.bias + walk * noise;
             ins.step(
                 &ideal.without_bias(&-gyro, &Vector3::zeros()),
                 height_m,

@@ -1,8 +1,10 @@
-//! Root mean square with its confidence interval, and median.
+//! Root mean square with its confidence interval.
 
 use serde::Serialize;
 
 use crate::sim::noise::Random;
+use crate::statistics::median;
+pub use crate::statistics::rms;
 
 const RESAMPLES: usize = 4000;
 
@@ -34,7 +36,7 @@ impl Figure {
         Self {
             rms: rms(values.iter().copied()),
             rms_95: [resampled[tail], resampled[RESAMPLES - 1 - tail]],
-            median: median(values),
+            median: median(values.iter().copied()),
         }
     }
 
@@ -47,19 +49,6 @@ impl Figure {
             median: by * self.median,
         }
     }
-}
-
-/// Root mean square of at least one value.
-pub fn rms(values: impl ExactSizeIterator<Item = f64>) -> f64 {
-    let count = values.len() as f64;
-    f64::sqrt(values.map(|v| v * v).sum::<f64>() / count)
-}
-
-fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let (low, high) = ((sorted.len() - 1) / 2, sorted.len() / 2);
-    0.5 * (sorted[low] + sorted[high])
 }
 
 #[cfg(test)]

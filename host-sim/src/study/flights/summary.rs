@@ -10,7 +10,7 @@ use super::run::{
 };
 use super::schuler::Schuler;
 use super::statistics::{Figure, rms};
-use crate::identify::held_ins::Error;
+use crate::identify::held_ins::LevelError;
 
 /// RMS position error after 1 h of free flight in the thesis, km.
 pub const THESIS_KM: f64 = 3.7;
@@ -161,7 +161,7 @@ fn left(runs: &[Run]) -> Left {
 }
 
 /// Errors of a variant at a minute, from 0, of every run.
-fn errors(runs: &[Run], variant: usize, minute: usize, value: fn(&Error) -> f64) -> Vec<f64> {
+fn errors(runs: &[Run], variant: usize, minute: usize, value: fn(&LevelError) -> f64) -> Vec<f64> {
     runs.iter()
         .map(|run| value(&run.free[variant][minute]))
         .collect()

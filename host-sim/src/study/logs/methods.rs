@@ -1,7 +1,6 @@
 //! The core beside other methods on the same log, and beside itself with less to find.
 
 use ins_core::Config;
-use ins_core::ConfigError;
 use serde::Serialize;
 
 use crate::compare::measure::{NAMES, columns};
@@ -96,6 +95,3 @@ fn wrap_deg(angle: f64) -> f64 {
 pub fn end(axes: BodyAxes, points: &[Point]) -> Option<[Quantity; 8]> {
     points.last().map(|point| columns(axes, point))
 }
-
-/// Points of a method that runs, or why it cannot.
-pub type Points = Result<Vec<Point>, ConfigError>;

@@ -8,21 +8,21 @@ use super::summary::Summary;
 use super::{LogStudy, OUTAGE, Study, methods};
 use crate::identify::halves::{self, Difference};
 use crate::page::digits;
-use crate::page::table::{self, cells};
+use crate::page::table::{Table, cells};
 
 /// All tables.
 pub fn plain(study: &Study) -> String {
     let parts = [
-        (halves_title(), halves_table(study)),
-        (methods_title(), methods_table(study)),
-        (outages_title(), outages_table(study)),
-        (FREE.to_owned(), free_table(study)),
-        (WITHOUT.to_owned(), without_table(study)),
+        halves_table(study),
+        methods_table(study),
+        outages_table(study),
+        free_table(study),
+        without_table(study),
     ];
     let mut text = mute(study);
-    for (title, (header, rows)) in parts {
+    for table in parts {
         // Writing into a string cannot fail.
-        let _ = writeln!(text, "{title}\n\n{}", table::plain(&header, &rows));
+        let _ = writeln!(text, "{}\n\n{}", table.title, table.plain());
     }
     text
 }
@@ -43,8 +43,6 @@ fn mute(study: &Study) -> String {
     }
     format!("No test says anything of {}.\n\n", names.join(", "))
 }
-
-type Table = (Vec<String>, Vec<Vec<String>>);
 
 fn halves_title() -> String {
     format!(
@@ -148,10 +146,8 @@ fn halves_table(study: &Study) -> Table {
         }));
         Some(row)
     };
-    (
-        header,
-        by_role(study, log, |summary| spread(&summary.halves)),
-    )
+    let rows = by_role(study, log, |summary| spread(&summary.halves));
+    Table::new(&halves_title(), header, rows)
 }
 
 fn methods_table(study: &Study) -> Table {
@@ -177,7 +173,7 @@ fn methods_table(study: &Study) -> Table {
         };
         rows.extend(by_role(study, log, total));
     }
-    (header, rows)
+    Table::new(&methods_title(), header, rows)
 }
 
 /// Those that need an explanation.
@@ -221,7 +217,7 @@ fn outages_table(study: &Study) -> Table {
             number(outages.core_over_better),
         ]
     };
-    (header, by_role(study, log, total))
+    Table::new(&outages_title(), header, by_role(study, log, total))
 }
 
 fn free_table(study: &Study) -> Table {
@@ -244,7 +240,7 @@ fn free_table(study: &Study) -> Table {
         let [better, of] = summary.free_better;
         vec![String::new(), String::new(), format!("{better} of {of}")]
     };
-    (header, by_role(study, log, total))
+    Table::new(FREE, header, by_role(study, log, total))
 }
 
 fn without_table(study: &Study) -> Table {
@@ -284,5 +280,5 @@ fn without_table(study: &Study) -> Table {
             rows.push(named(&format!("{role}: no {}", without.parameter), row));
         }
     }
-    (header, rows)
+    Table::new(WITHOUT, header, rows)
 }

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::identify::halves::Difference;
+use crate::statistics::rms_of_any;
 
 /// Many differences together.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -29,32 +30,12 @@ impl Spread {
         };
         Self {
             count: differences.clone().count(),
-            rms: rms(differences.clone().map(|d| d.sigmas)),
-            rms_plain: rms(differences.clone().map(|d| d.plain_sigmas)),
+            rms: rms_of_any(differences.clone().map(|d| d.sigmas)),
+            rms_plain: rms_of_any(differences.clone().map(|d| d.plain_sigmas)),
             beyond_3: beyond(3.0),
             beyond_4: beyond(4.0),
         }
     }
-}
-
-/// Root mean square; `None` of nothing.
-pub fn rms(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (mut sum, mut count) = (0.0, 0.0);
-    for value in values {
-        sum += value * value;
-        count += 1.0;
-    }
-    (count > 0.0).then(|| (sum / count).sqrt())
-}
-
-/// Geometric mean; `None` of nothing.
-pub fn geometric_mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (mut sum, mut count) = (0.0, 0.0);
-    for value in values {
-        sum += libm::log(value);
-        count += 1.0;
-    }
-    (count > 0.0).then(|| libm::exp(sum / count))
 }
 
 #[cfg(test)]
@@ -70,6 +51,5 @@ mod tests {
         assert_eq!((spread.count, spread.beyond_3, spread.beyond_4), (2, 1, 1));
         assert!((spread.rms_plain.unwrap() - 5.0).abs() < 1e-12);
         assert_eq!(Spread::of([].iter()).rms, None);
-        assert!((geometric_mean([0.5, 2.0].into_iter()).unwrap() - 1.0).abs() < 1e-12);
     }
 }

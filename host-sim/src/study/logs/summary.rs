@@ -5,7 +5,8 @@ use serde::Serialize;
 use super::log_study::{LogStudy, Outages};
 use super::methods::OPTIONAL;
 use super::role::Role;
-use super::statistics::{Spread, geometric_mean};
+use super::statistics::Spread;
+use crate::statistics::geometric_mean;
 
 /// All logs of one role.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -3,7 +3,7 @@
 
 mod table;
 
-pub use table::{Results, Row, header};
+pub use table::{Results, Row};
 
 use indicatif::ProgressBar;
 use nalgebra::Matrix4;
@@ -11,12 +11,12 @@ use serde::Serialize;
 
 use crate::identify::configure;
 use crate::identify::error_model::filter::{Candidate, Dynamics};
-use crate::identify::error_model::fit::{self, Kind};
+use crate::identify::error_model::fit;
 use crate::identify::error_model::{Identified, Parameter, Record};
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::identify::run::identify;
 use crate::log::{BodyAxes, Grade, Log, Meta};
-use crate::sim::errors::BiasModel;
+use crate::sim::errors::{BiasModel, Law};
 use crate::sim::{self, DriveConfig, ErrorModel, SimulatedDrive, simulate};
 
 /// Seeds from one unit to the next: no unit has so many drives.
@@ -45,16 +45,16 @@ struct Unit {
 }
 
 /// Ring-laser class with gyro biases that move: by some of what the noise of minutes hides.
-pub fn truth(kind: Kind) -> ErrorModel {
+pub fn truth(law: Law) -> ErrorModel {
     let mut model = ErrorModel::hg1700();
-    model.gyro_deg_h.bias = match kind {
-        Kind::Wave => BiasModel::Wave {
+    model.gyro_deg_h.bias = match law {
+        Law::Wave => BiasModel::Wave {
             initial_sigma: 1.0,
             interval_s: 300.0,
             jump_mean: 0.3,
             jump_sigma: 2.0,
         },
-        Kind::Continuous => BiasModel::Continuous {
+        Law::Continuous => BiasModel::Continuous {
             initial_sigma: 2.0,
             slope_sigma_per_s: 0.001,
             correlated_sigma: 2.0,
@@ -65,13 +65,13 @@ pub fn truth(kind: Kind) -> ErrorModel {
 }
 
 impl Study {
-    fn identified(&self, unit: u64, kind: Kind) -> Unit {
-        let model = truth(kind);
+    fn identified(&self, unit: u64, law: Law) -> Unit {
+        let model = truth(law);
         let first = self.first_seed + UNIT_SEEDS * unit;
         let records: Vec<Record> = (first..first + self.drives)
             .map(|seed| drive_record(seed, &model, Grade::Hg1700, self.minutes))
             .collect();
-        let found = Identified::new(&records, Grade::Hg1700, Some(kind));
+        let found = Identified::new(&records, Grade::Hg1700, Some(law));
         let accel_noise = model.accel_mps2.white_noise;
         let rest = || records.iter().flat_map(|record| &record.rest);
         Unit {
@@ -107,28 +107,16 @@ fn log_of(drive: SimulatedDrive, model: &ErrorModel, grade: Grade) -> Log {
 
 /// The true model as the likelihood takes it.
 fn candidate(model: &ErrorModel) -> Candidate {
-    let dynamics = match model.gyro_deg_h.bias {
-        BiasModel::Wave {
-            interval_s,
-            jump_sigma,
-            ..
-        } => Dynamics::Wave {
-            interval_s,
-            jump_sigma: jump_sigma * DEG_H_RADPS,
-        },
-        BiasModel::Continuous {
-            correlated_sigma,
-            correlation_time_s,
-            ..
-        } => Dynamics::Continuous {
-            sigma: correlated_sigma * DEG_H_RADPS,
-            correlation_time_s,
-        },
-    };
+    let bias = &model.gyro_deg_h.bias;
+    let (size, time_s) = bias.random_part();
     Candidate {
         gyro_noise: model.gyro_deg_h.white_noise * DEG_H_RADPS,
         accel_noise: model.accel_mps2.white_noise,
         gnss_sigma_mps: model.gnss.velocity_sigma_mps,
-        dynamics,
+        dynamics: Dynamics {
+            law: bias.law(),
+            size: size * DEG_H_RADPS,
+            time_s,
+        },
     }
 }

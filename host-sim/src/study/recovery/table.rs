@@ -6,11 +6,12 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::{Study, Unit, truth};
-use crate::identify::error_model::fit::Kind;
+use crate::identify::error_model::identified::in_file;
 use crate::identify::error_model::interval::Interval;
 use crate::page::number::to_second_digit_of;
+use crate::page::table::{Table, cells};
 use crate::sim::ErrorModel;
-use crate::sim::errors::BiasModel;
+use crate::sim::errors::{BiasModel, Law};
 
 /// One parameter over all units.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -49,12 +50,12 @@ pub struct Results {
 
 impl Study {
     /// Makes and identifies all units; what comes out does not depend on the number of threads.
-    pub fn results(self, kind: Kind, progress: &ProgressBar) -> Results {
+    pub fn results(self, law: Law, progress: &ProgressBar) -> Results {
         progress.set_length(self.units);
         let units: Vec<Unit> = (0..self.units)
             .into_par_iter()
             .map(|unit| {
-                let unit = self.identified(unit, kind);
+                let unit = self.identified(unit, law);
                 progress.inc(1);
                 unit
             })
@@ -62,17 +63,17 @@ impl Study {
         progress.finish_and_clear();
         Results {
             study: self,
-            gyro_model: match kind {
-                Kind::Wave => "(3)",
-                Kind::Continuous => "(4)",
+            gyro_model: match law {
+                Law::Wave => "(3)",
+                Law::Continuous => "(4)",
             },
-            rows: rows(&self, kind, &units),
+            rows: rows(&self, law, &units),
         }
     }
 }
 
-fn rows(study: &Study, kind: Kind, units: &[Unit]) -> Vec<Row> {
-    let model = truth(kind);
+fn rows(study: &Study, law: Law, units: &[Unit]) -> Vec<Row> {
+    let model = truth(law);
     let Some(first) = units.first() else {
         return Vec::new();
     };
@@ -86,7 +87,7 @@ fn rows(study: &Study, kind: Kind, units: &[Unit]) -> Vec<Row> {
                     unit.parameters.iter().find(same)?.found
                 })
                 .collect();
-            let truth = true_value(&model, parameter.name);
+            let truth = in_file(&model, parameter.name);
             let bound = bounds.of(parameter.name);
             row(parameter.name, parameter.unit, truth, &found, bound)
         })
@@ -115,41 +116,6 @@ fn row(
         coverage_percent: 100.0 * held as f64 / count,
         scatter,
         bound,
-    }
-}
-
-fn true_value(model: &ErrorModel, name: &str) -> f64 {
-    let gyro = &model.gyro_deg_h;
-    let initial = |bias: &BiasModel| match *bias {
-        BiasModel::Wave { initial_sigma, .. } | BiasModel::Continuous { initial_sigma, .. } => {
-            initial_sigma
-        }
-    };
-    match (name, &gyro.bias) {
-        ("gyro_deg_h.white_noise", _) => gyro.white_noise,
-        ("gyro_deg_h.bias.initial_sigma", bias) => initial(bias),
-        ("gyro_deg_h.bias.interval_s", BiasModel::Wave { interval_s, .. }) => *interval_s,
-        ("gyro_deg_h.bias.jump_mean", BiasModel::Wave { jump_mean, .. }) => *jump_mean,
-        ("gyro_deg_h.bias.jump_sigma", BiasModel::Wave { jump_sigma, .. }) => *jump_sigma,
-        (
-            name,
-            BiasModel::Continuous {
-                slope_sigma_per_s,
-                correlated_sigma,
-                correlation_time_s,
-                ..
-            },
-        ) if name.starts_with("gyro") => match name {
-            "gyro_deg_h.bias.slope_sigma_per_s" => *slope_sigma_per_s,
-            "gyro_deg_h.bias.correlated_sigma" => *correlated_sigma,
-            _ => *correlation_time_s,
-        },
-        ("accel_mps2.white_noise", _) => model.accel_mps2.white_noise,
-        ("accel_mps2.bias.initial_sigma", _) => initial(&model.accel_mps2.bias),
-        ("gnss.velocity_sigma_mps", _) => model.gnss.velocity_sigma_mps,
-        ("gnss.latency_s[0]", _) => model.gnss.latency_s[0],
-        ("gnss.latency_s[1]", _) => model.gnss.latency_s[1],
-        _ => f64::NAN,
     }
 }
 
@@ -192,7 +158,7 @@ impl<'a> Bounds<'a> {
     }
 
     fn of(&self, name: &str) -> Option<f64> {
-        let truth = true_value(self.model, name);
+        let truth = in_file(self.model, name);
         let [gyro, gnss, size, time] = self.likelihood;
         let of_draws = |count: f64| 1.0 / (2.0 * count).sqrt();
         Some(match name {
@@ -205,7 +171,7 @@ impl<'a> Bounds<'a> {
             | "accel_mps2.bias.initial_sigma" => of_draws(self.draws) * truth,
             "accel_mps2.white_noise" => of_draws(self.rest_freedom) * truth,
             "gyro_deg_h.bias.jump_mean" => {
-                let sigma = true_value(self.model, "gyro_deg_h.bias.jump_sigma");
+                let sigma = in_file(self.model, "gyro_deg_h.bias.jump_sigma");
                 sigma / self.jumps.sqrt()
             }
             _ => return None,
@@ -213,26 +179,21 @@ impl<'a> Bounds<'a> {
     }
 }
 
-/// Column heads of [`Results::cells`].
-pub fn header() -> Vec<String> {
-    let header = [
-        "",
-        "unit",
-        "truth",
-        "bias",
-        "bias by chance",
-        "coverage",
-        "scatter",
-        "bound",
-        "scatter / bound",
-    ];
-    header.map(str::to_owned).to_vec()
-}
-
 impl Results {
-    /// The table, cell by cell, without its head.
-    pub fn cells(&self) -> Vec<Vec<String>> {
-        self.rows.iter().map(Row::cells).collect()
+    /// A row for each parameter.
+    pub(crate) fn table(&self) -> Table {
+        let header = cells([
+            "",
+            "unit",
+            "truth",
+            "bias",
+            "bias by chance",
+            "coverage",
+            "scatter",
+            "bound",
+            "scatter / bound",
+        ]);
+        Table::new("", header, self.rows.iter().map(Row::cells).collect())
     }
 }
 

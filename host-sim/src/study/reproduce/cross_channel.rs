@@ -4,12 +4,13 @@ use ins_core::Solution;
 use nalgebra::Vector3;
 
 use super::drive::Drive;
-use super::part::{Number, Part, csv, rms};
+use super::part::{Number, Part, csv};
 use super::velocity_plot::{Line, panel};
 use crate::compare::five_stage::Stage;
 use crate::identify::row::Row;
 use crate::page::plot::{GREEN, GREY, RED};
 use crate::page::sheet;
+use crate::statistics::rms;
 
 /// Gain of speed worth a look, m/s.
 const LEAST_GAIN_MPS: f64 = 3.0;

@@ -3,11 +3,12 @@
 use miette::{IntoDiagnostic, Result};
 use rayon::prelude::*;
 
-use super::part::{Number, Part, Settings, csv, rms};
+use super::part::{Number, Part, Settings, csv};
 use super::performance::performance;
 use crate::page::plot::{BLUE, GREEN, Mark, Plot, RED, padded};
 use crate::page::sheet::{self, Panel, key};
 use crate::sim::ErrorModel;
+use crate::statistics::rms;
 use crate::study::flights::route::Route;
 use crate::study::flights::run::{Settings as Flown, run_alone};
 use crate::study::flights::summary::THESIS_KM;

@@ -5,12 +5,13 @@ use nalgebra::{Vector2, Vector3};
 use rayon::prelude::*;
 
 use super::drive::Drive;
-use super::part::{Number, Part, csv, rms};
+use super::part::{Number, Part, csv};
 use super::velocity_plot::{Line, panel};
 use crate::identify::row::Row;
 use crate::log::Log;
 use crate::page::plot::{GREEN, RED};
 use crate::page::sheet;
+use crate::statistics::rms;
 
 /// When the running estimates are good enough to let an INS go on them, s.
 const RUNNING_FROM_S: f64 = 1200.0;

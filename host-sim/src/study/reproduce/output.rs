@@ -1,17 +1,15 @@
 //! `reproduce.json`, `report.html`, a drawing and a table of data for each part.
 
-use std::fs;
 use std::path::Path;
 
 use miette::{IntoDiagnostic, Result};
-use minijinja::value::Serde;
-use minijinja::{AutoEscape, Environment};
 use serde::Serialize;
 
 use super::{Number, Part, Reproduction};
 use crate::page::digits;
-use crate::page::output::OutputError;
-use crate::page::table::{self, cells};
+use crate::page::html::fill;
+use crate::page::output;
+use crate::page::table::{Table, cells};
 
 /// Name of the file that marks the folder as ours.
 pub const JSON: &str = "reproduce.json";
@@ -55,8 +53,7 @@ impl Reproduction {
             );
         }
         for (name, text) in files {
-            let path = folder.join(name);
-            fs::write(&path, text).map_err(|e| OutputError::io(&path, e))?;
+            output::write(folder, &name, text)?;
         }
         Ok(())
     }
@@ -67,18 +64,15 @@ impl Reproduction {
             reproduction: &'a Reproduction,
             parts: Vec<Shown<'a>>,
         }
-        let mut environment = Environment::new();
-        environment.set_auto_escape_callback(|_| AutoEscape::Html);
-        environment.add_template("style", crate::page::html::STYLE)?;
-        environment.add_template("reproduce", include_str!("report.html"))?;
-        environment.get_template("reproduce")?.render(Serde(&Page {
+        let page = Page {
             reproduction: self,
             parts: self.parts.iter().map(Shown::new).collect(),
-        }))
+        };
+        fill(include_str!("report.html"), &page)
     }
 
-    /// Heads and rows of one table of all numbers.
-    fn table(&self) -> (Vec<String>, Vec<Vec<String>>) {
+    /// All numbers.
+    fn table(&self) -> Table {
         let rows = self.parts.iter().flat_map(|part| {
             let source = part.title.split(':').next().unwrap_or_default();
             part.numbers.iter().map(move |number| {
@@ -87,10 +81,8 @@ impl Reproduction {
                 cells
             })
         });
-        (
-            cells(["of the thesis", "what", "thesis", "ours", "ratio"]),
-            rows.collect(),
-        )
+        let header = cells(["of the thesis", "what", "thesis", "ours", "ratio"]);
+        Table::new("", header, rows.collect())
     }
 }
 
@@ -108,14 +100,12 @@ fn row(number: &Number) -> [String; 4] {
 
 /// For docs/thesis.md.
 pub fn markdown(reproduction: &Reproduction) -> String {
-    let (header, rows) = reproduction.table();
-    table::markdown(&header, &rows)
+    reproduction.table().markdown()
 }
 
 /// For a terminal.
 pub(crate) fn plain(reproduction: &Reproduction) -> String {
-    let (header, rows) = reproduction.table();
-    let mut text = table::plain(&header, &rows);
+    let mut text = reproduction.table().plain();
     text.extend(
         (reproduction.not_reproduced.iter())
             .map(|missing| format!("\nNot reproduced: {}: {}.\n", missing.what, missing.why)),

@@ -78,16 +78,6 @@ impl Number {
     }
 }
 
-/// Root mean square.
-pub(super) fn rms(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), v| (sum + v * v, count + 1.0));
-    if count > 0.0 {
-        (sum / count).sqrt()
-    } else {
-        0.0
-    }
-}
-
 /// Comma-separated text: names, then rows of numbers.
 pub(super) fn csv(header: &[&str], rows: impl Iterator<Item = Vec<f64>>) -> String {
     let mut text = header.join(",") + "\n";

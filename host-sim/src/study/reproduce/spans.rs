@@ -13,6 +13,7 @@ use crate::page::plot::{BLUE, ORANGE};
 use crate::page::sheet;
 use crate::sim::car::Car;
 use crate::sim::{DriveConfig, Motion, SimulatedDrive, record};
+use crate::statistics::median;
 use crate::study::accuracy::config_of;
 use crate::study::flights::route::Route;
 
@@ -38,7 +39,11 @@ pub(super) fn table_1(settings: &Settings, route: &Route) -> Result<Part> {
             let mut spans: Vec<f64> = units.iter().map(|unit| span(&unit[which], axis)).collect();
             spans.sort_by(f64::total_cmp);
             let what = format!("span {vehicle}, {direction}, m/s");
-            numbers.push(Number::new(what, Some(thesis[axis]), median(&spans)));
+            numbers.push(Number::new(
+                what,
+                Some(thesis[axis]),
+                median(spans.into_iter()),
+            ));
         }
     }
     let first = units.first();
@@ -56,13 +61,6 @@ pub(super) fn table_1(settings: &Settings, route: &Route) -> Result<Part> {
         svg: first.map(picture),
         csv: first.map_or(String::new(), data),
     })
-}
-
-fn median(sorted: &[f64]) -> f64 {
-    match sorted.len() {
-        0 => f64::NAN,
-        n => 0.5 * (sorted[(n - 1) / 2] + sorted[n / 2]),
-    }
 }
 
 fn span(errors: &Errors, axis: usize) -> f64 {
