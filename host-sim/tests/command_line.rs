@@ -109,3 +109,28 @@ fn a_shell_completes_and_a_manual_explains() {
     let page = fs::read_to_string(home.path().join("host-sim-identify.1")).unwrap();
     assert!(page.contains("\\-\\-bias\\-model"), "{page}");
 }
+
+#[test]
+fn of_recordings_each_has_its_row() {
+    let home = tempfile::tempdir().unwrap();
+    let drive = host_sim()
+        .current_dir(home.path())
+        .args(["drive", "--minutes", "6", "--seed", "2", "--out", "drive"])
+        .output();
+    assert!(drive.unwrap().status.success());
+    fs::write(home.path().join("letter.txt"), "Dear log,\n").unwrap();
+    let study = host_sim()
+        .current_dir(home.path())
+        .args(["--json", "study", "recordings", "drive", "letter.txt"])
+        .output();
+    let study = study.unwrap();
+    assert!(study.status.success(), "{}", said(&study));
+    let rows: serde_json::Value = serde_json::from_slice(&study.stdout).unwrap();
+    let used = &rows[0]["outcome"]["used"];
+    assert_eq!(used["known"], 8, "{rows}");
+    assert_eq!(used["against"], serde_json::json!([]), "{rows}");
+    // A latency of 50 to 300 ms was drawn.
+    let latency_ms = used["latency_ms"][0].as_f64().unwrap();
+    assert!((40.0..310.0).contains(&latency_ms), "{rows}");
+    assert!(rows[1]["outcome"]["refused"].is_string(), "{rows}");
+}

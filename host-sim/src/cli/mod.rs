@@ -16,6 +16,7 @@ mod import;
 mod logs;
 mod options;
 mod proof;
+mod recordings;
 mod recovery;
 mod rehearse;
 mod reproduce;

@@ -3,7 +3,7 @@
 use clap::Subcommand;
 use miette::Result;
 
-use super::{conditions, logs, proof};
+use super::{conditions, logs, proof, recordings};
 
 /// What is studied.
 #[derive(Debug, Subcommand)]
@@ -12,6 +12,8 @@ pub enum Study {
     Conditions(conditions::Conditions),
     /// Say what recorded logs can tell of the core: halves, methods, outages, free INS.
     Logs(logs::Logs),
+    /// Try recordings of any format: what is found in each, what is warned of, and the time it takes.
+    Recordings(recordings::Recordings),
     /// Foretell the drift of recorded drives without GNSS by a model of other drives, and compare.
     Rehearse(proof::Proof),
 }
@@ -21,6 +23,7 @@ pub fn study(study: &Study, json: bool) -> Result<()> {
     match study {
         Study::Conditions(options) => conditions::conditions(options, json),
         Study::Logs(options) => logs::logs(options, json),
+        Study::Recordings(options) => recordings::study(options, json),
         Study::Rehearse(options) => proof::prove(options, json),
     }
 }

@@ -5,5 +5,6 @@ pub mod conditions;
 pub(crate) mod error_free;
 pub mod flights;
 pub mod logs;
+pub mod recordings;
 pub mod recovery;
 pub mod reproduce;

@@ -1,0 +1,160 @@
+//! Any recording, without a hand's help: what was found in it, what was warned of, and how long it took.
+
+use std::path::Path;
+use std::time::Instant;
+
+use indicatif::ProgressBar;
+use ins_core::{Estimate, Observability};
+use serde::Serialize;
+
+use crate::identify::analysis::{Analysis, Input};
+use crate::log::Grade;
+use crate::log::import::{self, Choice};
+use crate::log::median_interval_s;
+use crate::page::digits;
+use crate::page::table::{Table, cells};
+
+/// What became of one recording.
+#[derive(Clone, Debug, Serialize)]
+pub struct Recording {
+    /// Name of the file or folder, and which of its inertial sensors.
+    pub name: String,
+    /// What was found, or why nothing.
+    pub outcome: Outcome,
+    /// Reading included, s.
+    pub took_s: f64,
+}
+
+/// What was found in a recording.
+#[derive(Clone, Debug, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// It could be used.
+    Used(Found),
+    /// It could not; the first sentence of why.
+    Refused(String),
+}
+
+/// Of a recording that could be used.
+#[derive(Clone, Debug, Serialize)]
+pub struct Found {
+    /// Span of the inertial samples, min.
+    pub minutes: f64,
+    /// Inertial samples a second.
+    pub imu_hz: f64,
+    /// Fixes a second.
+    pub gnss_hz: f64,
+    /// Latency and its sigma, clocks' difference included, ms; none if not known.
+    pub latency_ms: Option<[f64; 2]>,
+    /// How many of latency, azimuth and six biases are known.
+    pub known: usize,
+    /// Of the log, and against the result.
+    pub warnings: Vec<String>,
+    /// See above.
+    pub against: Vec<String>,
+}
+
+/// Tries a recording, with each of its inertial sensors.
+pub fn recordings(path: &Path, grade: Option<Grade>) -> Vec<Recording> {
+    let mut rows = vec![recording(path, None, grade)];
+    for imu in 2.. {
+        let row = recording(path, Some(imu), grade);
+        if matches!(row.outcome, Outcome::Refused(_)) {
+            return rows;
+        }
+        rows.push(row);
+    }
+    rows
+}
+
+fn recording(path: &Path, imu: Option<usize>, grade: Option<Grade>) -> Recording {
+    let name = path.file_name().unwrap_or(path.as_os_str());
+    let which = imu.map_or_else(String::new, |imu| format!(", sensor {imu}"));
+    let begun = Instant::now();
+    let name = format!("{}{which}", name.to_string_lossy());
+    let outcome = match analysis(path, &name, imu, grade) {
+        Ok(analysis) => Outcome::Used(Found::new(&analysis)),
+        Err(error) => Outcome::Refused(error.to_string()),
+    };
+    Recording {
+        name,
+        outcome,
+        took_s: begun.elapsed().as_secs_f64(),
+    }
+}
+
+fn analysis(
+    path: &Path,
+    name: &str,
+    imu: Option<usize>,
+    grade: Option<Grade>,
+) -> miette::Result<Analysis> {
+    let (log, warnings) = import::open_all(&[path.to_owned()], Choice { imu, gnss: None })?;
+    let input = Input::of(name.to_owned(), log, warnings, grade);
+    Analysis::of_input(input, &ProgressBar::hidden())
+}
+
+impl Found {
+    fn new(analysis: &Analysis) -> Self {
+        let (log, summary) = (&analysis.log, &analysis.summary);
+        let e = &analysis.found.end.estimates;
+        let is_known = |e: &&Estimate| e.observability == Observability::Observable;
+        let latency = Some(&e.gnss_latency_s).filter(is_known);
+        let shift_s = log.meta.gnss_clock_offset_s;
+        let eight = [&e.gnss_latency_s, &e.azimuth_error_rad].into_iter();
+        let eight = eight.chain(&e.accel_bias_mps2).chain(&e.gyro_bias_radps);
+        Self {
+            minutes: summary.duration_s / 60.0,
+            imu_hz: 1.0 / median_interval_s(log.imu.iter().map(|sample| sample.time)),
+            gnss_hz: 1.0 / median_interval_s(log.gnss.iter().map(|fix| fix.time)),
+            latency_ms: latency.map(|e| [1e3 * (e.value + shift_s), 1e3 * e.sigma]),
+            known: eight.filter(is_known).count(),
+            warnings: summary.warnings.clone(),
+            against: summary.verdict.against.clone(),
+        }
+    }
+}
+
+/// One row a recording.
+pub fn table(recordings: &[Recording]) -> Table {
+    let header = cells([
+        "recording",
+        "min",
+        "IMU Hz",
+        "GNSS Hz",
+        "latency, ms",
+        "known of 8",
+        "warnings",
+        "against the result",
+        "s",
+    ]);
+    let rows = recordings.iter().map(row).collect();
+    Table::new("Recordings, as they are", header, rows)
+}
+
+fn row(recording: &Recording) -> Vec<String> {
+    let took = digits(recording.took_s, recording.took_s);
+    let Recording { name, outcome, .. } = recording;
+    match outcome {
+        Outcome::Refused(why) => {
+            let mut row = vec![name.clone(), format!("refused: {why}")];
+            row.resize(8, String::new());
+            row.push(took);
+            row
+        }
+        Outcome::Used(found) => vec![
+            name.clone(),
+            digits(found.minutes, found.minutes),
+            digits(found.imu_hz, found.imu_hz),
+            digits(found.gnss_hz, found.gnss_hz),
+            found.latency_ms.map_or_else(
+                || "not known".to_owned(),
+                |[value, sigma]| format!("{} +- {}", digits(value, sigma), digits(sigma, sigma)),
+            ),
+            found.known.to_string(),
+            found.warnings.len().to_string(),
+            found.against.len().to_string(),
+            took,
+        ],
+    }
+}
