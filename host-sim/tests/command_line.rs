@@ -121,7 +121,7 @@ fn of_recordings_each_has_its_row() {
     fs::write(home.path().join("letter.txt"), "Dear log,\n").unwrap();
     let study = host_sim()
         .current_dir(home.path())
-        .args(["--json", "study", "recordings", "drive", "letter.txt"])
+        .args(["study", "recordings", "drive", "letter.txt", "--json"])
         .output();
     let study = study.unwrap();
     assert!(study.status.success(), "{}", said(&study));
