@@ -74,6 +74,8 @@ pub struct Comparison {
     pub newest: Time,
     /// See above.
     pub before: Time,
+    /// When it came.
+    pub taken: Time,
     /// Latency taken out by the choice of the moment, s.
     pub latency_applied_s: f64,
     /// INS minus GNSS, ENU, m/s and m.
@@ -117,7 +119,7 @@ impl Comparison {
         self.climb.approach(&next.climb, part);
         self.position.approach(&next.position, part);
         self.height.approach(&next.height, part);
-        (self.stamp, self.newest) = (next.stamp, next.newest);
+        (self.stamp, self.newest, self.taken) = (next.stamp, next.newest, next.taken);
     }
 
     /// What they have of a kind.
@@ -135,9 +137,12 @@ impl Comparison {
         self.newest.seconds_since(self.before)
     }
 
-    /// Whether no other fix need be waited for.
-    pub fn is_complete(&self) -> bool {
-        self.interval_s() >= TOGETHER_S
+    /// Goes on if no other fix need be waited for, or none has come for too long.
+    pub fn close(&mut self, now: Time) {
+        let late = now.seconds_since(self.taken) > 2.0 * TOGETHER_S;
+        if self.step == Step::Gather && (late || self.interval_s() >= TOGETHER_S) {
+            self.step = Step::Advance;
+        }
     }
 
     /// Goes on to what is due after a kind, or first.

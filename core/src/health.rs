@@ -12,6 +12,9 @@ use crate::time::Time;
 pub struct FixReport {
     /// Stamp of the fix.
     pub time: Time,
+    /// How many fixes it is about, this one and those before it: those that are close to each other
+    /// are compared as one.
+    pub fixes: u8,
     /// Never [`GnssOutcome::Queued`].
     pub outcome: GnssOutcome,
 }
@@ -86,6 +89,11 @@ impl Tally {
 
     /// Counts a fix once; one that is queued, when it has been taken from there.
     pub(crate) fn fix(&mut self, time: Time, outcome: GnssOutcome) {
+        self.fixes(time, 1, outcome);
+    }
+
+    /// Counts some that were compared as one; `time` is that of the newest.
+    pub(crate) fn fixes(&mut self, time: Time, fixes: u8, outcome: GnssOutcome) {
         let count = match outcome {
             GnssOutcome::Queued => return,
             GnssOutcome::Accepted => &mut self.fixes.accepted,
@@ -98,8 +106,12 @@ impl Tally {
             GnssOutcome::OutOfRange => &mut self.fixes.out_of_range,
             GnssOutcome::Outlier => &mut self.fixes.outlier,
         };
-        *count = count.saturating_add(1);
-        self.last_fix = Some(FixReport { time, outcome });
+        *count = count.saturating_add(fixes.into());
+        self.last_fix = Some(FixReport {
+            time,
+            fixes,
+            outcome,
+        });
     }
 }
 
@@ -114,7 +126,7 @@ pub struct Health {
     /// Moment of the last fix that was used, if the INS is on its own since then.
     pub coasting_since: Option<Time>,
     /// The last fix whose outcome is known. Ask after each call: none settles more than one, or
-    /// those that were compared as one, being closer than 0.15 s.
+    /// those that were compared as one.
     pub last_fix: Option<FixReport>,
     /// Mean square of the level innovations of the last ten seconds, in the variances that they
     /// should have: about 1, and beyond 9 the INS is doubted. None while aligning, nor in the

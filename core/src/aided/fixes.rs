@@ -113,9 +113,7 @@ impl<const N: usize> AidedIns<N> {
             }
             None => self.comparison.insert(next),
         };
-        if comparison.is_complete() {
-            comparison.step = Step::Advance;
-        }
+        comparison.close(self.now);
         Some(GnssOutcome::Queued)
     }
 
@@ -136,6 +134,7 @@ impl<const N: usize> AidedIns<N> {
             stamp: fix.time,
             newest: past.time,
             before: self.newest,
+            taken: self.now,
             latency_applied_s: self.compensation.latency_s,
             velocity_mps: past.velocity_mps - fix.velocity_enu_mps(),
             position_m: self.position_difference(past, fix),
@@ -247,9 +246,7 @@ impl<const N: usize> AidedIns<N> {
             self.damp(&comparison, &differences, config);
             GnssOutcome::Accepted
         };
-        for _ in 0..comparison.fixes {
-            tally.fix(comparison.stamp, outcome);
-        }
+        tally.fixes(comparison.stamp, comparison.fixes, outcome);
     }
 
     /// What the loops are given: what was taken, at the sensors and not at the antenna. Where only

@@ -333,16 +333,14 @@ impl<const N: usize> AidedIns<N> {
     /// pieces where samples are rare.
     #[inline(never)]
     pub fn follow_up(&mut self, seconds: f64, tally: &mut Tally, config: &Config) {
+        let mut left_s = seconds;
         if self.history.wants(self.now) {
             self.remember(config);
+            left_s -= PIECE_OF_WORK_S;
         }
-        let mut left_s = seconds;
-        loop {
+        while left_s > 0.0 {
             self.work(tally, config);
             left_s -= PIECE_OF_WORK_S;
-            if left_s <= 0.0 {
-                return;
-            }
         }
     }
 
@@ -395,6 +393,9 @@ impl<const N: usize> AidedIns<N> {
         self.current = Span::default();
         self.wobble = Wobble::default();
         self.fixes_due = true;
+        if let Some(comparison) = &mut self.comparison {
+            comparison.close(self.now);
+        }
         if self.due == Due::Nothing {
             self.due = Due::Spread;
         }
