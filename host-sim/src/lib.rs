@@ -1,46 +1,46 @@
 //! Host side of the inertial-navigation core: simulation, logs, identification, reports.
 //!
-//! A room uses only what stands above it; `tests/layers.rs` fails on a circle.
+//! A room uses only what stands above it, as `tests/layers.rs` checks.
 
-/// Tables, plots and pages, folders of results; knows nothing of navigation.
+// Tables, plots and pages, folders of results; knows nothing of navigation.
 pub mod page;
-/// What many values say together.
+// What many values say together.
 pub(crate) mod statistics;
 
-/// A drive on disk, checked; recordings of other programs made into one.
+// A drive on disk, checked; recordings of other programs made into one.
 pub mod log;
 
-/// Motions, and the sensors that feel them.
+// Motions, and the sensors that feel them.
 pub mod sim;
 
-/// An aircraft, flown by forces along a plan.
+// An aircraft, flown by forces along a plan.
 pub mod aircraft;
 
-/// The core over a log: estimates, their worth, the model of the sensors' errors.
+// The core over a log: estimates, their worth, the model of the sensors' errors.
 pub mod identify;
 
-/// Other methods on the same log: Kalman filter and smoother, the five stages, outages.
+// Other methods on the same log: Kalman filter and smoother, the five stages, outages.
 pub mod compare;
 
-/// What was found in a log, as a page.
+// What was found in a log, as a page.
 pub(crate) mod report;
 
-/// What was found, as parameters of other programs.
+// What was found, as parameters of other programs.
 pub mod tune;
 
-/// Firmware on a board, real or emulated, against the host, bit by bit.
+// Firmware on a board, real or emulated, against the host, bit by bit.
 pub mod hil;
 
-/// Many seeds, or many logs, to one table: how good, how honest.
+// Many seeds, or many logs, to one table: how good, how honest.
 pub mod study;
 
-/// Units by the hundred: is the accuracy that their models foretell the true one?
+// Units by the hundred: is the accuracy that their models foretell the true one?
 pub(crate) mod campaign;
 
-/// Flights of a unit that was identified from its drives, with any algorithm.
+// Flights of a unit that was identified from its drives, with any algorithm.
 pub(crate) mod rehearse;
 
-/// The command line: a file for each command.
+// The command line: a file for each command.
 mod cli;
 
 pub use cli::{Cli, clean_up_when_stopped, run};

@@ -1,7 +1,7 @@
 //! Simulated runs that show everything soon, and the configurations for them.
 
 use host_sim::identify::configure;
-use host_sim::log::{self, BodyAxes, Log, Meta};
+use host_sim::log::{self, BodyAxes, Log};
 use host_sim::sim::drive::Recording;
 use host_sim::sim::{DriveConfig, ErrorModel, Grade, SimulatedDrive, record, simulate};
 use host_sim::study::flights::route::Route;
@@ -37,14 +37,6 @@ pub fn flight(minutes: f64) -> Result<(Config, Log), Box<dyn std::error::Error>>
 }
 
 fn configured(run: SimulatedDrive, recording: &Recording, class: log::Grade) -> (Config, Log) {
-    let log = Log {
-        meta: Meta {
-            initial_heading_deg: run.given_heading_rad.map(f64::to_degrees),
-            ..Meta::new(BodyAxes::Rfu, recording.errors.imu.output)
-        },
-        imu: run.imu,
-        gnss: run.gnss,
-        truth: run.truth,
-    };
+    let log = run.into_log(BodyAxes::Rfu, recording.errors.imu.output);
     (configure::config(&log, class), log)
 }

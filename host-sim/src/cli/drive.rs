@@ -3,12 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use ins_core::earth::wrap_pi;
 use miette::{IntoDiagnostic, Result};
 
 use super::options::{DriveOptions, error_model, show};
 use crate::identify::true_errors::{self, Truth};
-use crate::log::{self, BodyAxes, Compression, Log, Meta};
+use crate::log::{self, BodyAxes, Compression};
 use crate::page::output;
 use crate::page::progress::spinner;
 use crate::sim::{self, DriveConfig, ErrorModel};
@@ -48,22 +47,10 @@ pub(super) fn write_drive(
     }
     let drive = sim::simulate(&config);
     progress.set_message("writing the log");
-    let azimuth_error_rad = drive
-        .given_heading_rad
-        .zip(drive.truth.first())
-        .map(|(given, start)| wrap_pi(given - start.euler().heading_rad));
-    let truth = Truth::new(&drive.errors, azimuth_error_rad, BodyAxes::Frd);
-    let log = Log {
-        meta: Meta {
-            initial_heading_deg: drive.given_heading_rad.map(f64::to_degrees),
-            grade: Some(options.grade),
-            document: description(options),
-            ..Meta::new(BodyAxes::Frd, config.recording.errors.imu.output)
-        },
-        imu: drive.imu,
-        gnss: drive.gnss,
-        truth: drive.truth,
-    };
+    let truth = Truth::new(&drive.errors, drive.azimuth_error_rad(), BodyAxes::Frd);
+    let mut log = drive.into_log(BodyAxes::Frd, config.recording.errors.imu.output);
+    log.meta.grade = Some(options.grade);
+    log.meta.document = description(options);
     let errors = truth.to_toml().into_diagnostic()?;
     output::build(out, true_errors::FILE, force, |folder| -> Result<()> {
         log::write(&log, folder, Compression::Gzip)?;

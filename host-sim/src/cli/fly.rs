@@ -4,7 +4,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use ins_core::earth::wrap_pi;
 use miette::{IntoDiagnostic, Result, miette};
 use serde::Serialize;
 
@@ -13,7 +12,7 @@ use crate::aircraft::flight::Flight;
 use crate::aircraft::pictures;
 use crate::aircraft::plan::Plan;
 use crate::identify::true_errors::{self, Truth};
-use crate::log::{self, BodyAxes, Compression, Log, Meta};
+use crate::log::{self, BodyAxes, Compression};
 use crate::page::output::{self, OutputError};
 use crate::page::progress::spinner;
 use crate::sim::drive::Recording;
@@ -72,7 +71,7 @@ pub fn fly(options: &Fly, json: bool, force: bool) -> Result<()> {
     };
     let run = record(flight, &recording);
     progress.set_message("writing the log");
-    let truth = Truth::new(&run.errors, azimuth_error_rad(&run), BodyAxes::Frd);
+    let truth = Truth::new(&run.errors, run.azimuth_error_rad(), BodyAxes::Frd);
     let distance_km = 1e-3 * distance_m(&run);
     write(options, &recording, run, truth, force)?;
     progress.finish_and_clear();
@@ -105,12 +104,6 @@ fn class(errors: &ErrorModel) -> log::Grade {
     }
 }
 
-fn azimuth_error_rad(run: &SimulatedDrive) -> Option<f64> {
-    let start = run.truth.first()?;
-    run.given_heading_rad
-        .map(|given| wrap_pi(given - start.euler().heading_rad))
-}
-
 fn distance_m(run: &SimulatedDrive) -> f64 {
     run.truth
         .windows(2)
@@ -131,21 +124,12 @@ fn write(
         ("name", toml::Value::from(name)),
         ("real_data", toml::Value::from(false)),
     ];
-    let log = Log {
-        meta: Meta {
-            initial_heading_deg: run.given_heading_rad.map(f64::to_degrees),
-            // A flight has no rest that would tell.
-            grade: Some(class(&recording.errors)),
-            document: entries
-                .into_iter()
-                .map(|(key, value)| (key.to_owned(), value))
-                .collect(),
-            ..Meta::new(BodyAxes::Frd, recording.errors.imu.output)
-        },
-        imu: run.imu,
-        gnss: run.gnss,
-        truth: run.truth,
-    };
+    let mut log = run.into_log(BodyAxes::Frd, recording.errors.imu.output);
+    // A flight has no rest that would tell.
+    log.meta.grade = Some(class(&recording.errors));
+    log.meta.document = (entries.into_iter())
+        .map(|(key, value)| (key.to_owned(), value))
+        .collect();
     let true_errors = truth.to_toml().into_diagnostic()?;
     let plan = fs::read(&options.plan).map_err(|e| OutputError::io(&options.plan, e))?;
     output::build(
@@ -154,13 +138,8 @@ fn write(
         force,
         |folder| -> Result<()> {
             log::write(&log, folder, Compression::Gzip)?;
-            for (name, contents) in [
-                (true_errors::FILE, true_errors.as_bytes()),
-                ("plan.toml", &plan),
-            ] {
-                let path = folder.join(name);
-                fs::write(&path, contents).map_err(|e| OutputError::io(&path, e))?;
-            }
+            output::write(folder, true_errors::FILE, &true_errors)?;
+            output::write(folder, "plan.toml", &plan)?;
             pictures::write(&drawn, &folder.join("pictures"))?;
             Ok(())
         },

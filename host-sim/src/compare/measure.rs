@@ -1,12 +1,11 @@
 //! What a method's track is worth.
 
-use ins_core::Solution;
 use ins_core::earth::wrap_pi;
+use ins_core::{Solution, Time};
 use serde::Serialize;
 
 use super::input::Input;
 use super::tracks::{Point, Track};
-use crate::identify::against_truth::truth_at;
 use crate::identify::quantities::{Quantities, Quantity};
 use crate::log::{Grade, Log};
 
@@ -113,7 +112,7 @@ fn quantities(input: &Input, grade: Grade, track: &Track) -> Vec<QuantityResult>
 fn error(input: &Input, point: &Point, which: usize) -> Option<f64> {
     let truth = input.truth?;
     if which == 0 {
-        let truth = truth_at(&input.log.truth, point.time, TRUTH_GAP_S)?;
+        let truth = truth_at(input.log, point.time)?;
         return Some(heading_error_deg(&point.solution, &truth));
     }
     let value = columns(input.log.meta.body_axes, point)[which].value;
@@ -142,7 +141,7 @@ fn trajectory(log: &Log, track: &Track) -> Option<TrajectoryError> {
     let half = first.time.plus_seconds(0.5 * log.duration_s());
     let (mut sums, mut count) = ([0.0; 3], 0.0);
     for point in track.points.iter().filter(|point| point.time >= half) {
-        let Some(truth) = truth_at(&log.truth, point.time, TRUTH_GAP_S) else {
+        let Some(truth) = truth_at(log, point.time) else {
             continue;
         };
         let solution = &point.solution;
@@ -163,4 +162,28 @@ fn trajectory(log: &Log, track: &Track) -> Option<TrajectoryError> {
 
 fn heading_error_deg(solution: &Solution, truth: &Solution) -> f64 {
     wrap_pi(solution.euler().heading_rad - truth.euler().heading_rad).to_degrees()
+}
+
+/// The reference between two of its points.
+fn truth_at(log: &Log, time: Time) -> Option<Solution> {
+    let next = log.truth.partition_point(|truth| truth.time < time);
+    let later = log.truth.get(next)?;
+    if later.time == time {
+        return Some(*later);
+    }
+    let earlier = log.truth.get(next.checked_sub(1)?)?;
+    let span_s = later.time.seconds_since(earlier.time);
+    let part = time.seconds_since(earlier.time) / span_s;
+    let mid = |from: f64, to: f64| from + part * (to - from);
+    let mut position = earlier.position;
+    position.latitude_rad = mid(position.latitude_rad, later.position.latitude_rad);
+    position.longitude_rad = mid(position.longitude_rad, later.position.longitude_rad);
+    position.height_m = mid(position.height_m, later.position.height_m);
+    let velocity = earlier.velocity_enu_mps.lerp(&later.velocity_enu_mps, part);
+    (span_s < TRUTH_GAP_S).then(|| Solution {
+        time,
+        position,
+        velocity_enu_mps: velocity,
+        attitude: earlier.attitude.nlerp(&later.attitude, part),
+    })
 }

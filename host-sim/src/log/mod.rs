@@ -1,7 +1,7 @@
 //! Recorded drives: a folder with `imu.csv`, `gnss.csv`, `meta.toml` and, optionally, `truth.csv`.
 //!
 //! In memory everything is in the core's types: body right-forward-up, SI, integer microseconds.
-//! The log's own axes and units live only in [`read`] and [`write`].
+//! The log's own axes and units live only in [`read()`] and [`write()`].
 
 mod axes;
 mod check;

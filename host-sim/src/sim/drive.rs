@@ -1,6 +1,6 @@
 //! Simulated runs: a motion, sensors on it, their errors, and what a logger would have written.
 
-use ins_core::earth::Geodetic;
+use ins_core::earth::{Geodetic, wrap_pi};
 use ins_core::{GnssFix, ImuOutput, ImuSample, Solution, Time};
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
@@ -13,7 +13,7 @@ use super::imu::Imu;
 use super::motion::Motion;
 use super::noise::Random;
 use super::recorded::{RecordedNoise, Resampled};
-use crate::log;
+use crate::log::{self, BodyAxes, Log, Meta};
 
 /// Ready-made sensor classes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -118,6 +118,27 @@ pub struct SimulatedDrive {
     pub errors: SensorErrors,
     /// The heading given at the start, with its error, if the model gives one.
     pub given_heading_rad: Option<f64>,
+}
+
+impl SimulatedDrive {
+    /// Error of the heading given, with its sign.
+    pub fn azimuth_error_rad(&self) -> Option<f64> {
+        let start = self.truth.first()?.euler().heading_rad;
+        Some(wrap_pi(self.given_heading_rad? - start))
+    }
+
+    /// Its log, to be written in these axes; samples hold what the error model says.
+    pub fn into_log(self, axes: BodyAxes, output: ImuOutput) -> Log {
+        Log {
+            meta: Meta {
+                initial_heading_deg: self.given_heading_rad.map(f64::to_degrees),
+                ..Meta::new(axes, output)
+            },
+            imu: self.imu,
+            gnss: self.gnss,
+            truth: self.truth,
+        }
+    }
 }
 
 /// The errors of one run's sensors, body axes right-forward-up. Biases are measured minus true,

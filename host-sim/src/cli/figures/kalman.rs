@@ -11,13 +11,13 @@ use crate::compare::cost;
 use crate::compare::kalman::Noise;
 use crate::compare::outage;
 use crate::identify::configure;
-use crate::log::{self, BodyAxes, Log, Meta};
+use crate::log::{self, BodyAxes, Log};
 use crate::page::digits;
 use crate::page::progress::bar;
 use crate::page::table;
 use crate::page::table::cells;
 use crate::sim::{DriveConfig, Grade, simulate};
-use crate::study::accuracy::{Results, Study, config_of};
+use crate::study::accuracy::{Results, Study};
 
 /// How wrong a user is taken to be.
 const WRONG: f64 = 3.0;
@@ -124,20 +124,11 @@ fn driven(study: Study, tune: &(dyn Fn(&mut Config) + Sync)) -> Result<Results> 
 
 fn costs() -> Result<String> {
     let drive = simulate(&DriveConfig::new(0, Grade::Hg1700, 10.0));
-    let config = Config {
-        heading: drive
-            .given_heading_rad
-            .map_or(ins_core::config::HeadingSource::Auto, |heading| {
-                ins_core::config::HeadingSource::Given(heading)
-            }),
-        ..config_of(Grade::Hg1700)
-    };
     let log = Log {
-        meta: Meta::new(BodyAxes::Rfu, config.imu_output),
-        imu: drive.imu,
-        gnss: drive.gnss,
         truth: Vec::new(),
+        ..drive.into_log(BodyAxes::Rfu, Grade::Hg1700.errors().imu.output)
     };
+    let config = configure::config(&log, Grade::Hg1700.class());
     let noise = Noise::of_model(&Grade::Hg1700.errors());
     let costs =
         cost::measure(&log, config, noise).map_err(|error| miette!("cannot be run: {}", error))?;

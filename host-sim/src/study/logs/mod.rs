@@ -14,7 +14,6 @@ mod summary;
 
 use serde::Serialize;
 
-use crate::compare::outage::OUTAGE_S;
 pub use log_study::LogStudy;
 use role::Role;
 use summary::Summary;
@@ -38,6 +37,3 @@ impl Study {
         }
     }
 }
-
-/// Length of the outages, for titles.
-const OUTAGE: f64 = OUTAGE_S;

@@ -5,7 +5,8 @@ use std::fmt::Write as _;
 use super::role::Role;
 use super::statistics::Spread;
 use super::summary::Summary;
-use super::{LogStudy, OUTAGE, Study, methods};
+use super::{LogStudy, Study, methods};
+use crate::compare::outage::OUTAGE_S;
 use crate::identify::halves::{self, Difference};
 use crate::page::digits;
 use crate::page::table::{Table, cells};
@@ -63,7 +64,7 @@ fn methods_title() -> String {
 
 fn outages_title() -> String {
     format!(
-        "OUTAGES of {OUTAGE:.0} s: position at the end, RMS, m. A summary has the geometric means \
+        "OUTAGES of {OUTAGE_S:.0} s: position at the end, RMS, m. A summary has the geometric means \
          of the ratios,\nand on how many logs the core drifts no more than the better of the others."
     )
 }

@@ -15,9 +15,9 @@ use crate::identify::error_model::fit;
 use crate::identify::error_model::{Identified, Parameter, Record};
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::identify::run::identify;
-use crate::log::{BodyAxes, Grade, Log, Meta};
+use crate::log::{BodyAxes, Grade, Log};
 use crate::sim::errors::{BiasModel, Law};
-use crate::sim::{self, DriveConfig, ErrorModel, SimulatedDrive, simulate};
+use crate::sim::{self, DriveConfig, ErrorModel, simulate};
 
 /// Seeds from one unit to the next: no unit has so many drives.
 const UNIT_SEEDS: u64 = 1000;
@@ -86,23 +86,13 @@ impl Study {
 pub(crate) fn drive_record(seed: u64, model: &ErrorModel, grade: Grade, minutes: f64) -> Record {
     let mut config = DriveConfig::new(seed, sim::Grade::default(), minutes);
     config.recording.errors = model.clone();
-    let log = log_of(simulate(&config), model, grade);
+    let log = Log {
+        truth: Vec::new(),
+        ..simulate(&config).into_log(BodyAxes::Rfu, model.imu.output)
+    };
     let config = configure::config(&log, grade);
     let found = identify(&log, config, &ProgressBar::hidden()).expect("presets are valid");
     Record::new(&log, &found)
-}
-
-fn log_of(drive: SimulatedDrive, model: &ErrorModel, grade: Grade) -> Log {
-    Log {
-        meta: Meta {
-            initial_heading_deg: drive.given_heading_rad.map(f64::to_degrees),
-            grade: Some(grade),
-            ..Meta::new(BodyAxes::Rfu, model.imu.output)
-        },
-        imu: drive.imu,
-        gnss: drive.gnss,
-        truth: Vec::new(),
-    }
 }
 
 /// The true model as the likelihood takes it.

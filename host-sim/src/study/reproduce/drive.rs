@@ -1,7 +1,7 @@
 //! A simulated drive, and what was found on it.
 
 use ins_core::ConfigError;
-use ins_core::config::{Feedback, Form, HeadingSource};
+use ins_core::config::{Feedback, Form};
 use ins_core::increments::Interval;
 use ins_core::{Config, Solution, Time};
 use nalgebra::{Vector2, Vector3};
@@ -10,13 +10,13 @@ use indicatif::ProgressBar;
 
 use super::part::GRADE;
 use crate::compare::five_stage::{self, FiveStage};
+use crate::identify::configure::config_of;
 use crate::identify::free_inertial::feed;
 use crate::identify::held_ins::HeldIns;
 use crate::identify::row::Row;
 use crate::identify::run::record;
-use crate::log::{BodyAxes, Log, Meta};
+use crate::log::{BodyAxes, Log};
 use crate::sim::{DriveConfig, simulate};
-use crate::study::accuracy::config_of;
 
 /// Interval between errors kept, s.
 const EVERY_S: f64 = 1.0;
@@ -40,26 +40,15 @@ impl Drive {
         let mut plan = DriveConfig::new(seed, GRADE, minutes);
         plan.recording.truth_every = 1;
         let drive = simulate(&plan);
-        let config = Config {
-            heading: drive
-                .given_heading_rad
-                .map_or(HeadingSource::Auto, HeadingSource::Given),
-            ..config_of(GRADE)
-        };
-        let meta = Meta::new(BodyAxes::Rfu, config.imu_output);
+        let output = plan.recording.errors.imu.output;
+        let config = config_of(GRADE.class(), output, drive.given_heading_rad);
         plan.recording.errors.gyro_deg_h.white_noise = 0.0;
         let without_walk = Log {
-            meta: meta.clone(),
-            imu: simulate(&plan).imu,
             gnss: Vec::new(),
             truth: Vec::new(),
+            ..simulate(&plan).into_log(BodyAxes::Rfu, output)
         };
-        let log = Log {
-            meta,
-            imu: drive.imu,
-            gnss: drive.gnss,
-            truth: drive.truth,
-        };
+        let log = drive.into_log(BodyAxes::Rfu, output);
         let history = |config: Config| {
             let (run, _) = record(&log, config, &ProgressBar::hidden(), |_, _| {})?;
             Ok(run.history)
