@@ -25,6 +25,7 @@ use crate::hil;
 use crate::import;
 use crate::log::{self, BodyAxes, Compression, Grade, Log, Meta};
 use crate::output::{self, OutputError};
+use crate::plan_drive;
 use crate::rehearse;
 use crate::report::{self, Sensors};
 use crate::reproduce;
@@ -77,6 +78,8 @@ enum Command {
     Accuracy(accuracy::cli::Accuracy),
     /// Identify many units from drives, fly them, and compare with the accuracy foretold.
     Campaign(campaign::cli::Campaign),
+    /// Find the drive that shows what is wanted, or what to add to one that was driven.
+    PlanDrive(plan_drive::cli::PlanDrive),
     /// Rehearse flights: recorded drives of a unit to the accuracy of any algorithm in the air.
     Rehearse(rehearse::cli::Rehearse),
     /// Add up the shards of a campaign.
@@ -260,6 +263,7 @@ pub fn run(cli: &Cli) -> Result<()> {
         Command::Accuracy(options) => accuracy::cli::accuracy(options, cli.json, cli.force),
         Command::Campaign(options) => campaign::cli::campaign(options, cli.json, cli.force),
         Command::Rehearse(options) => rehearse::cli::rehearse(options, cli.json, cli.force),
+        Command::PlanDrive(options) => plan_drive::cli::plan_drive(options, cli.json, cli.force),
         Command::Merge(options) => campaign::cli::merge(options, cli.json),
         Command::Reproduce(options) => reproduce::cli::reproduce(options, cli.json, cli.force),
         Command::Figures(options) => figures::write(options),

@@ -23,6 +23,7 @@ pub mod kalman;
 pub mod log;
 pub mod outage;
 pub mod output;
+pub mod plan_drive;
 pub mod quantities;
 pub mod rehearse;
 pub mod report;

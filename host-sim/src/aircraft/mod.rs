@@ -11,7 +11,7 @@ pub mod input;
 pub mod modes;
 pub mod parameters;
 pub mod performance;
-mod pictures;
+pub(crate) mod pictures;
 pub mod plan;
 pub mod propulsion;
 pub mod trajectory;

@@ -7,7 +7,7 @@
 
 mod budget;
 pub mod cli;
-mod drives;
+pub(crate) mod drives;
 mod flight;
 mod output;
 mod program;

@@ -3,3 +3,4 @@
 pub mod cli;
 pub mod conditions;
 pub mod logs;
+pub mod plan_drive;

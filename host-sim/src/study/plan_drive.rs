@@ -1,0 +1,279 @@
+//! The study `plan-drive`: what was foretold of a drive against what drives of it reach.
+//!
+//! Each drive has errors, noise, heading and a driver of its own, who does what the plan says as
+//! people do, some per cent off.
+
+use core::f64::consts::PI;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use indicatif::ProgressBar;
+use ins_core::{Estimate, Estimates, Phase};
+use miette::{IntoDiagnostic, Result};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::conditions::truth::{Truth, mean_up};
+use crate::cli::bar;
+use crate::flights::statistics::rms;
+use crate::plan_drive::{Bench, Goal, Plan, Target};
+use crate::sim::noise::Random;
+use crate::table::{cells, plain};
+
+/// Goal: predicted over reached.
+const GOAL: [f64; 2] = [0.8, 1.25];
+
+/// Targets: name, whether it judges, text.
+const CASES: [(&str, bool, &str); 6] = [
+    ("mems", false, include_str!("../../plans/drive_target.toml")),
+    ("hg1700", false, include_str!("plan_drive/hg1700.toml")),
+    (
+        "mems, tilted, 4 Hz",
+        true,
+        include_str!("plan_drive/judge_mems_tilted.toml"),
+    ),
+    (
+        "mems, 1 Hz, street",
+        true,
+        include_str!("plan_drive/judge_mems_street.toml"),
+    ),
+    (
+        "hg1700, never stops",
+        true,
+        include_str!("plan_drive/judge_hg1700_moving.toml"),
+    ),
+    (
+        "hg1700, antenna away",
+        true,
+        include_str!("plan_drive/judge_hg1700_antenna.toml"),
+    ),
+];
+
+/// Options of `study plan-drive`.
+#[derive(Debug, Args)]
+pub struct PlanDrive {
+    /// Targets, as for `plan-drive`; two to develop on and four that judge unless given.
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    target: Vec<PathBuf>,
+    /// Drives of each plan.
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(2..=100_000))]
+    runs: u64,
+    /// Seed of the first drive; the others follow. Plans are made with another.
+    #[arg(long, default_value_t = 1)]
+    first_seed: u64,
+}
+
+/// The plan for one target, and what its drives reach.
+#[derive(Debug, Serialize)]
+struct Results {
+    target: String,
+    judge: bool,
+    minutes: f64,
+    runs: usize,
+    /// Runs that end without a solution: not in the rows.
+    without_solution: usize,
+    rows: Vec<Row>,
+}
+
+/// One quantity.
+#[derive(Debug, Serialize)]
+struct Row {
+    quantity: String,
+    unit: &'static str,
+    target: f64,
+    /// Sigma at the end of the plan.
+    predicted: f64,
+    /// RMS of the sigmas that the core states in the drives.
+    stated: f64,
+    /// RMS of the errors.
+    reached: f64,
+    /// Predicted over reached; none where the plan does not show it.
+    ratio: Option<f64>,
+}
+
+/// Plans, drives, compares.
+pub fn study(options: &PlanDrive, json: bool) -> Result<()> {
+    let cases = cases(&options.target)?;
+    let progress = bar();
+    progress.set_message("driving");
+    progress.set_length(cases.len() as u64 * options.runs);
+    let one = |(name, judge, target): &(String, bool, Target)| {
+        results(name, *judge, target, options, &progress)
+    };
+    let all: Vec<Results> = cases.iter().map(one).collect::<Result<_>>()?;
+    progress.finish_and_clear();
+    if json {
+        println!("{}", serde_json::to_string_pretty(&all).into_diagnostic()?);
+    } else {
+        print!("{}", readable(&all));
+    }
+    Ok(())
+}
+
+fn cases(files: &[PathBuf]) -> Result<Vec<(String, bool, Target)>> {
+    if files.is_empty() {
+        let case = |(name, judge, text): (&str, bool, &str)| {
+            Ok((
+                name.to_owned(),
+                judge,
+                Target::parse(Path::new(name), text)?,
+            ))
+        };
+        return CASES.into_iter().map(case).collect();
+    }
+    let case = |file: &PathBuf| Ok((file.display().to_string(), true, Target::read(file)?));
+    files.iter().map(case).collect()
+}
+
+fn results(
+    name: &str,
+    judge: bool,
+    target: &Target,
+    options: &PlanDrive,
+    progress: &ProgressBar,
+) -> Result<Results> {
+    let plan = target.plan(options.first_seed.wrapping_sub(1))?;
+    let seeds = options.first_seed..options.first_seed.saturating_add(options.runs);
+    let tried: Vec<Option<Vec<[f64; 2]>>> = seeds
+        .into_par_iter()
+        .map(|seed| {
+            let tried = driven(target, &plan, seed);
+            progress.inc(1);
+            tried
+        })
+        .collect::<Result<_>>()?;
+    let runs = tried.len();
+    let solved: Vec<Vec<[f64; 2]>> = tried.into_iter().flatten().collect();
+    let end = plan.end.navigator.estimates();
+    let row = |(which, goal): (usize, &Goal)| {
+        let rms_of = |part: usize| rms(solved.iter().map(|run| run[which][part]));
+        let foretold = goal.reached(&end, target.unit.body_axes);
+        let (reached, stated) = (rms_of(0), rms_of(1));
+        Row {
+            ratio: foretold.observable.then(|| foretold.sigma / reached),
+            quantity: foretold.quantity,
+            unit: foretold.unit,
+            target: foretold.target,
+            predicted: foretold.sigma,
+            stated,
+            reached,
+        }
+    };
+    Ok(Results {
+        target: name.to_owned(),
+        judge,
+        minutes: plan.end.seconds() / 60.0,
+        runs,
+        without_solution: runs - solved.len(),
+        rows: target.goals.iter().enumerate().map(row).collect(),
+    })
+}
+
+/// Error and stated sigma of every goal after a drive of the plan; none without a solution.
+fn driven(target: &Target, plan: &Plan, seed: u64) -> Result<Option<Vec<[f64; 2]>>> {
+    let model = target.error_model()?;
+    let config = target.config(&model)?;
+    let mut driver = Random::stream(seed, "driver of the plan");
+    let heading_rad = PI * driver.uniform([-1.0, 1.0]);
+    let mut bench = Bench::switched_on(target, &model, config, seed, heading_rad)?;
+    for stage in &plan.stages {
+        for _ in 0..stage.times {
+            bench.drive(stage.manoeuvre, &target.site, Some(&mut driver));
+        }
+    }
+    let estimates = bench.navigator.estimates();
+    let truth = true_values(&bench, target, &estimates);
+    let axes = target.unit.body_axes;
+    let check = |goal: &Goal| {
+        let known = goal.quantity.known(&estimates, axes);
+        [
+            known.value - goal.quantity.known(&truth, axes).value,
+            known.sigma,
+        ]
+    };
+    let solved = bench.navigator.phase() == Phase::Navigating;
+    Ok(solved.then(|| target.goals.iter().map(check).collect()))
+}
+
+/// What the core should have found, in its own terms.
+fn true_values(bench: &Bench, target: &Target, found: &Estimates) -> Estimates {
+    let errors = bench.errors();
+    let (up, end) = (mean_up(bench.truth()), bench.end());
+    let truth = Truth::of(&end.position, target.unit.lever_arm_m(), &errors, &up);
+    let solution = bench.navigator.solution();
+    let turned = |attitude| attitude * (end.attitude * truth.axes).inverse();
+    let azimuth_off = solution.map_or(f64::NAN, |s| turned(s.attitude).scaled_axis().z);
+    let value = |value: f64| Estimate {
+        value,
+        ..Estimate::default()
+    };
+    let vector = |v: Vector3<f64>| [value(v.x), value(v.y), value(v.z)];
+    Estimates {
+        // What is left in the heading; nobody asks for its sign.
+        azimuth_error_rad: value(found.azimuth_error_rad.value - azimuth_off),
+        accel_bias_mps2: vector(truth.accel_bias_mps2),
+        gyro_bias_radps: vector(truth.gyro_bias_radps),
+        gnss_latency_now_s: value(truth.latency_s[0]),
+        lever_arm_m: vector(truth.lever_arm_m),
+        accel_scale: vector(errors.accel_matrix.diagonal()),
+        turn_scale: value(up.dot(&(errors.gyro_matrix * up))),
+        gyro_scale: vector(errors.gyro_matrix.diagonal()),
+        ..Estimates::default()
+    }
+}
+
+fn readable(all: &[Results]) -> String {
+    let header = cells([
+        "",
+        "unit",
+        "wanted",
+        "predicted",
+        "stated",
+        "reached",
+        "predicted/reached",
+    ]);
+    let mut text = String::new();
+    for results in all {
+        let side = if results.judge { "judge" } else { "develop" };
+        let row = |row: &Row| {
+            let number = |value: f64| crate::report::digits(value, value);
+            let mut cells = vec![
+                row.quantity.clone(),
+                row.unit.to_owned(),
+                row.target.to_string(),
+            ];
+            cells.extend([row.predicted, row.stated, row.reached].map(number));
+            let ratio = row.ratio.map(|ratio| format!("{ratio:.2}"));
+            cells.push(ratio.unwrap_or_else(|| "not shown".to_owned()));
+            cells
+        };
+        let rows: Vec<Vec<String>> = results.rows.iter().map(row).collect();
+        text += &format!(
+            "{} ({side}): {:.1} min, {} drives, {} without a solution\n{}\n",
+            results.target,
+            results.minutes,
+            results.runs,
+            results.without_solution,
+            plain(&header, &rows)
+        );
+    }
+    for (judge, side) in [(false, "development"), (true, "judges")] {
+        let of_side = all.iter().filter(|results| results.judge == judge);
+        let ratios: Vec<f64> = of_side
+            .flat_map(|r| &r.rows)
+            .filter_map(|r| r.ratio)
+            .collect();
+        let good = ratios
+            .iter()
+            .filter(|ratio| (GOAL[0]..=GOAL[1]).contains(*ratio));
+        text += &format!(
+            "{side}: {} of {} ratios within {} to {}\n",
+            good.count(),
+            ratios.len(),
+            GOAL[0],
+            GOAL[1]
+        );
+    }
+    text
+}
