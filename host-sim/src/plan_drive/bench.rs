@@ -14,7 +14,7 @@ use ins_core::{
 use miette::{Result, miette};
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::manoeuvre::Manoeuvre;
+use super::manoeuvre::{Driver, Manoeuvre};
 use super::target::{Site, Target};
 use crate::sim::car::{Car, Course};
 use crate::sim::drive::{Recorder, Recording};
@@ -28,9 +28,11 @@ use crate::sim::{ErrorModel, SensorErrors};
 /// The truth is kept ten times a second.
 const TRUTH_HZ: f64 = 10.0;
 
+/// One unit and whoever drives it.
 #[derive(Clone, Debug)]
 pub struct Bench {
     course: Course,
+    driver: Driver,
     mount: UnitQuaternion<f64>,
     recorder: Recorder,
     recording: Recording,
@@ -46,13 +48,13 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// A unit that is switched on; the seed fixes its errors and all noise.
+    /// A unit that is switched on, heading anywhere; the seed fixes its errors and all noise.
     pub fn switched_on(
         target: &Target,
         model: &ErrorModel,
         config: Config,
         seed: u64,
-        heading_rad: f64,
+        mut driver: Driver,
     ) -> Result<Self> {
         let recording = Recording {
             seed,
@@ -66,8 +68,8 @@ impl Bench {
             },
             errors: model.clone(),
         };
-        let course = Course::new(0.0, heading_rad);
-        let mut bench = Self::begin(course, target.unit.mount(), recording, None, config)?;
+        let course = Course::new(0.0, driver.heading_rad());
+        let mut bench = Self::begin(course, driver, target.unit.mount(), recording, config)?;
         if let Some(sigma_deg) = model.given_heading_sigma_deg {
             let error = Random::stream(seed, "given heading").normal() * sigma_deg.to_radians();
             let given = bench.last.euler().heading_rad + error;
@@ -81,13 +83,19 @@ impl Bench {
 
     /// Goes on where a recorded drive has ended, as the core has found unit and vehicle there: what
     /// more is found does not hang on the values.
-    pub fn after(navigator: Navigator, model: &ErrorModel, imu_hz: f64, seed: u64) -> Result<Self> {
+    pub fn after(
+        navigator: Navigator,
+        model: &ErrorModel,
+        imu_hz: f64,
+        seed: u64,
+        driver: Driver,
+    ) -> Result<Self> {
         let end = navigator
             .solution()
             .filter(|_| navigator.phase() == Phase::Navigating);
         let end = end.ok_or_else(|| miette!("the log ends without a solution"))?;
         let known = navigator.estimates();
-        let velocity = end.velocity_enu_mps;
+        let velocity = end.velocity_enu_mps.xy();
         let speed_mps = velocity.norm();
         // Below a walk the velocity has no direction, and the vehicle stands.
         let moves = speed_mps > 1.0;
@@ -111,7 +119,8 @@ impl Bench {
         let course = Course::new(speed_mps, heading_rad);
         let mount = vehicle.inverse() * end.attitude;
         let config = *navigator.config();
-        let mut bench = Self::begin(course, mount, recording, Some(known), config)?;
+        let mut bench = Self::begin(course, driver, mount, recording, config)?;
+        bench.known = Some(known);
         bench.since = end.time;
         bench.recorder.imu.clear();
         bench.navigator = navigator;
@@ -120,29 +129,30 @@ impl Bench {
 
     fn begin(
         course: Course,
+        driver: Driver,
         mount: UnitQuaternion<f64>,
         recording: Recording,
-        known: Option<Estimates>,
         config: Config,
     ) -> Result<Self> {
         let motion = Mounted::new(Car::driven(course.clone()), mount);
         let sensors = IdealSensors::new(motion, recording.origin, Time::default());
         Ok(Self {
             course,
+            driver,
             mount,
             recorder: Recorder::new(&recording, None, sensors.state()),
             recording,
             last: sensors.state().solution,
             since: Time::default(),
             pending: VecDeque::new(),
-            known,
+            known: None,
             navigator: navigator(config)?,
         })
     }
 
-    /// Whether it begins with the unit, and not after a log.
-    pub fn is_switched_on(&self) -> bool {
-        self.known.is_none()
+    /// Whether there is no solution yet.
+    pub fn is_aligning(&self) -> bool {
+        self.navigator.phase() != Phase::Navigating
     }
 
     /// Since the recording began, s.
@@ -150,9 +160,9 @@ impl Bench {
         self.last.time.as_seconds()
     }
 
-    /// Drives on; `by` somebody, who does not do quite what he is asked for.
-    pub fn drive(&mut self, manoeuvre: Manoeuvre, site: &Site, by: Option<&mut Random>) {
-        manoeuvre.drive(&mut self.course, site, by);
+    /// Drives on.
+    pub fn drive(&mut self, manoeuvre: Manoeuvre, site: &Site) {
+        manoeuvre.drive(&mut self.course, site, &mut self.driver);
         let motion = Mounted::new(Car::driven(self.course.clone()), self.mount);
         let mut sensors = IdealSensors::new(motion, self.last.position, self.last.time);
         let end = Time::default().plus_seconds(self.course.now_s);

@@ -7,7 +7,7 @@ use ins_core::Navigator;
 use miette::{IntoDiagnostic, Result, miette};
 
 use super::output::{PLAN, Report};
-use super::{Bench, Plan, Search, Target};
+use super::{Bench, Driver, Plan, Search, Target, UNITS};
 use crate::analysis::Analysis;
 use crate::cli::{bar, error_model_of, refuse_same, spinner};
 use crate::error_model::Record;
@@ -31,9 +31,6 @@ pub struct PlanDrive {
     #[arg(long, default_value_t = 0)]
     seed: u64,
 }
-
-/// Where the simulated drive heads at first, rad: no quarter of the compass is special.
-const HEADING_RAD: f64 = 0.6;
 
 /// Plans a drive, or what to add to one.
 pub fn plan_drive(options: &PlanDrive, json: bool, force: bool) -> Result<()> {
@@ -74,10 +71,11 @@ impl Target {
     pub fn plan(&self, seed: u64) -> Result<Plan> {
         let model = self.error_model()?;
         let config = self.config(&model)?;
-        let start = Bench::switched_on(self, &model, config, seed, HEADING_RAD)?;
-        Ok(self
-            .search(self.unit.body_axes)
-            .plan(start, &spinner("planning")))
+        let start = drives(seed, |seed, driver| {
+            Bench::switched_on(self, &model, config, seed, driver)
+        })?;
+        let search = self.search(self.unit.body_axes);
+        Ok(search.plan(start, &spinner("planning")))
     }
 
     fn search(&self, axes: BodyAxes) -> Search<'_> {
@@ -107,11 +105,25 @@ impl Target {
         let model = self
             .with_errors(&model)
             .map_err(|error| miette!("[errors]: {error}"))?;
-        let start = Bench::after(navigator, &model, rate_hz(log), seed)
-            .map_err(|error| miette!("{}: {error}", path.display()))?;
+        let start = drives(seed, |seed, driver| {
+            Bench::after(navigator.clone(), &model, rate_hz(log), seed, driver)
+        });
+        let start = start.map_err(|error| miette!("{}: {error}", path.display()))?;
         let search = self.search(log.meta.body_axes);
         let plan = search.plan(start, &spinner("planning"));
         let name = analysis.summary.log.clone();
         Ok((plan, (name, analysis.summary.verdict.lines())))
     }
+}
+
+/// One that drives exactly, and others.
+fn drives(seed: u64, drive: impl Fn(u64, Driver) -> Result<Bench>) -> Result<Vec<Bench>> {
+    let driver = |unit| match unit {
+        0 => Driver::exact(),
+        _ => Driver::human(seed.wrapping_add(unit)),
+    };
+    let units = 0..UNITS;
+    units
+        .map(|unit| drive(seed.wrapping_add(unit), driver(unit)))
+        .collect()
 }

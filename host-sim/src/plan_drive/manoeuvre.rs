@@ -117,49 +117,53 @@ impl Manoeuvre {
         }
     }
 
-    /// What it adds to a drive, as asked for, or as somebody does it.
-    pub(crate) fn drive(self, course: &mut Course, site: &Site, by: Option<&mut Random>) {
-        let mut driver = Driver { course, site, by };
+    /// What it adds to a drive.
+    pub(crate) fn drive(self, course: &mut Course, site: &Site, driver: &mut Driver) {
+        let mut lay = Laying {
+            course,
+            site,
+            driver,
+        };
         let top = site.speed_mps();
         match self {
             Self::Stand => {
-                driver.come_to(0.0);
-                driver.hold(STAND_S);
+                lay.come_to(0.0);
+                lay.hold(STAND_S);
             }
             Self::StartAndBrake => {
                 for _ in 0..2 {
-                    driver.come_to(top);
-                    driver.hold(HOLD_S);
-                    driver.come_to(site.slow_mps());
-                    driver.hold(HOLD_S);
+                    lay.come_to(top);
+                    lay.hold(HOLD_S);
+                    lay.come_to(site.slow_mps());
+                    lay.hold(HOLD_S);
                 }
             }
             Self::Cruise => {
-                driver.come_to(top);
-                driver.hold(CRUISE_S);
+                lay.come_to(top);
+                lay.hold(CRUISE_S);
             }
             Self::Block => {
                 for _ in 0..4 {
-                    driver.come_to(site.street_mps());
-                    driver.hold(HOLD_S);
-                    driver.turn(FRAC_PI_2, CORNER_M);
+                    lay.come_to(site.street_mps());
+                    lay.hold(HOLD_S);
+                    lay.turn(FRAC_PI_2, CORNER_M);
                 }
             }
             Self::ThereAndBack => {
                 for _ in 0..2 {
-                    driver.come_to(top);
-                    driver.hold(HOLD_S);
-                    driver.turn(PI, CIRCLE_M);
+                    lay.come_to(top);
+                    lay.hold(HOLD_S);
+                    lay.turn(PI, CIRCLE_M);
                 }
             }
-            Self::Roundabout => driver.turn(-2.0 * TAU, ROUNDABOUT_M),
+            Self::Roundabout => lay.turn(-2.0 * TAU, ROUNDABOUT_M),
             Self::FigureEight => {
-                driver.turn(TAU, CIRCLE_M);
-                driver.turn(-TAU, CIRCLE_M);
+                lay.turn(TAU, CIRCLE_M);
+                lay.turn(-TAU, CIRCLE_M);
             }
             Self::Hill => {
-                driver.come_to(site.street_mps());
-                driver.hill();
+                lay.come_to(site.street_mps());
+                lay.hill();
             }
         }
     }
@@ -190,47 +194,71 @@ impl Site {
     }
 }
 
-/// Lays down what somebody drives.
-struct Driver<'a> {
-    course: &'a mut Course,
-    site: &'a Site,
-    by: Option<&'a mut Random>,
-}
+/// Somebody who drives, as asked for or about so.
+#[derive(Clone, Debug)]
+pub struct Driver(Option<Random>);
 
-impl Driver<'_> {
-    /// As asked for, or about.
-    fn about(&mut self, asked: f64) -> f64 {
-        let scatter = [1.0 - SCATTER, 1.0 + SCATTER];
-        asked * self.by.as_mut().map_or(1.0, |by| by.uniform(scatter))
+impl Driver {
+    /// Does exactly what is asked for.
+    pub fn exact() -> Self {
+        Self(None)
     }
 
+    /// Misses it by some per cent, as people do.
+    pub fn human(seed: u64) -> Self {
+        Self(Some(Random::stream(seed, "driver of a plan")))
+    }
+
+    /// Where he sets out to: anywhere, or up a map.
+    pub fn heading_rad(&mut self) -> f64 {
+        let circle = [-PI, PI];
+        self.0.as_mut().map_or(0.0, |random| random.uniform(circle))
+    }
+
+    fn about(&mut self, asked: f64) -> f64 {
+        let scatter = [1.0 - SCATTER, 1.0 + SCATTER];
+        let part = self
+            .0
+            .as_mut()
+            .map_or(1.0, |random| random.uniform(scatter));
+        part * asked
+    }
+}
+
+/// Lays down what is driven.
+struct Laying<'a> {
+    course: &'a mut Course,
+    site: &'a Site,
+    driver: &'a mut Driver,
+}
+
+impl Laying<'_> {
     fn come_to(&mut self, speed_mps: f64) {
-        let to_mps = self.about(speed_mps);
+        let to_mps = self.driver.about(speed_mps);
         let gains = to_mps > self.course.speed_mps();
         let pedal = if gains {
             self.site.acceleration_mps2
         } else {
             self.site.braking_mps2
         };
-        let acceleration = self.about(pedal);
+        let acceleration = self.driver.about(pedal);
         self.course.change_speed(to_mps, acceleration, PEDAL_S);
     }
 
     fn hold(&mut self, seconds: f64) {
-        self.course.now_s += self.about(seconds);
+        self.course.now_s += self.driver.about(seconds);
     }
 
     fn turn(&mut self, angle_rad: f64, radius_m: f64) {
         self.come_to(self.site.round_mps(radius_m));
-        let rate_radps = self.course.speed_mps() / self.about(radius_m);
+        let rate_radps = self.course.speed_mps() / self.driver.about(radius_m);
         self.course.turn(angle_rad, rate_radps, STEERING_S);
     }
 
     /// Up, down, and level again.
     fn hill(&mut self) {
         let grade_rad = libm::atan(0.01 * self.site.slope_percent);
-        for to_rad in [grade_rad, -grade_rad, 0.0] {
-            let length_m = if to_rad == 0.0 { 0.0 } else { HILL_M };
+        for (to_rad, length_m) in [(grade_rad, HILL_M), (-grade_rad, HILL_M), (0.0, 0.0)] {
             self.course.change_grade(to_rad, ROUNDING_M, length_m);
         }
     }

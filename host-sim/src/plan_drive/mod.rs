@@ -2,8 +2,9 @@
 //! the sigma that is wanted, or none of them helps.
 //!
 //! What a manoeuvre brings is not derived anew: the core itself goes over a simulation of it, and
-//! says how well it knows everything then. Its sigmas are those of the geometry and of the noise,
-//! and hardly depend on how the noise has fallen.
+//! says how well it knows everything then. Its sigmas hang on the geometry, on the noise that it
+//! finds, and on when it finds its heading: so several units are driven side by side, the first
+//! exactly as the plan says, the others as people drive.
 
 mod bench;
 pub mod cli;
@@ -14,12 +15,11 @@ mod reason;
 mod target;
 
 pub use bench::Bench;
-pub use manoeuvre::Manoeuvre;
+pub use manoeuvre::{Driver, Manoeuvre};
 pub use quantities::{Goal, Kind, Quantity, Reached};
 pub use target::{Site, Target, Unit};
 
 use indicatif::ProgressBar;
-use ins_core::Phase;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -59,9 +59,12 @@ pub struct Plan {
     pub before: Vec<Reached>,
     pub stages: Vec<Stage>,
     pub unreached: Vec<Unreached>,
-    /// As driven.
-    pub end: Bench,
+    /// As driven, the first exactly.
+    pub end: Vec<Bench>,
 }
+
+/// Units side by side: enough that one with bad luck is seen, and none costs the user patience.
+pub const UNITS: u64 = 5;
 
 /// What is searched for, and where.
 #[derive(Clone, Copy, Debug)]
@@ -73,7 +76,7 @@ pub struct Search<'a> {
 
 impl Search<'_> {
     /// Adds to what has been driven.
-    pub fn plan(&self, start: Bench, progress: &ProgressBar) -> Plan {
+    pub fn plan(&self, start: Vec<Bench>, progress: &ProgressBar) -> Plan {
         let before = self.reached(&start);
         let mut plan = Plan {
             before,
@@ -82,7 +85,7 @@ impl Search<'_> {
             end: start,
         };
         let longest_s = 60.0 * self.site.longest_minutes;
-        while self.missing(&plan.end) > 0.0 && plan.end.seconds() < longest_s {
+        while self.missing(&plan.end) > 0.0 && seconds(&plan.end) < longest_s {
             let Some((manoeuvre, times, end)) = self.next(&plan.end) else {
                 break;
             };
@@ -90,7 +93,7 @@ impl Search<'_> {
             plan.stages.push(Stage {
                 manoeuvre,
                 times: times + again.map_or(0, |last| last.times),
-                end_s: end.seconds(),
+                end_s: seconds(&end),
                 reached: self.reached(&end),
             });
             plan.end = end;
@@ -102,9 +105,9 @@ impl Search<'_> {
     }
 
     /// What is driven next, how often, and what it comes to; none if nothing helps.
-    fn next(&self, from: &Bench) -> Option<(Manoeuvre, u32, Bench)> {
+    fn next(&self, from: &[Bench]) -> Option<(Manoeuvre, u32, Drives)> {
         let site = &self.site.manoeuvres;
-        if from.seconds() == 0.0 && site.contains(&Manoeuvre::Stand) && from.is_switched_on() {
+        if seconds(from) == 0.0 && site.contains(&Manoeuvre::Stand) && aligning(from) {
             // Level and gyros are best found at rest, and a car stands anyway.
             let (stand, bench) = self.tried(from, &[Manoeuvre::Stand], 1).pop()?;
             return Some((stand, 1, bench));
@@ -117,58 +120,69 @@ impl Search<'_> {
     }
 
     /// How every quantity stands.
-    pub fn reached(&self, bench: &Bench) -> Vec<Reached> {
-        let estimates = bench.navigator.estimates();
+    pub fn reached(&self, drives: &[Bench]) -> Vec<Reached> {
         let goals = self.goals.iter();
-        goals
-            .map(|goal| goal.reached(&estimates, self.axes))
-            .collect()
+        goals.map(|goal| goal.reached(drives, self.axes)).collect()
     }
 
-    fn missing(&self, bench: &Bench) -> f64 {
-        let unsolved = bench.navigator.phase() != Phase::Navigating;
-        let missing: f64 = self.reached(bench).iter().map(Reached::missing).sum();
-        missing + if unsolved { NO_SOLUTION } else { 0.0 }
+    fn missing(&self, drives: &[Bench]) -> f64 {
+        let missing: f64 = self.reached(drives).iter().map(Reached::missing).sum();
+        let unsolved = drives.iter().filter(|drive| drive.is_aligning()).count();
+        missing + NO_SOLUTION * unsolved as f64
     }
 
-    /// Each manoeuvre so many times on a copy.
-    fn tried(&self, from: &Bench, manoeuvres: &[Manoeuvre], times: u32) -> Vec<(Manoeuvre, Bench)> {
-        let drive = |manoeuvre: &Manoeuvre| {
-            let mut bench = from.clone();
+    /// Each manoeuvre so many times on copies.
+    fn tried(
+        &self,
+        from: &[Bench],
+        manoeuvres: &[Manoeuvre],
+        times: u32,
+    ) -> Vec<(Manoeuvre, Drives)> {
+        let drive = |manoeuvre: Manoeuvre, bench: &Bench| {
+            let mut bench = bench.clone();
             for _ in 0..times {
-                bench.drive(*manoeuvre, self.site, None);
+                bench.drive(manoeuvre, self.site);
             }
-            (*manoeuvre, bench)
+            bench
         };
-        manoeuvres.par_iter().map(drive).collect()
+        let all = |manoeuvre: &Manoeuvre| {
+            let drives = from.par_iter().map(|bench| drive(*manoeuvre, bench));
+            (*manoeuvre, drives.collect())
+        };
+        manoeuvres.par_iter().map(all).collect()
     }
 
     /// The one that brings most in its time; none if all that is missing falls no more.
-    fn best(&self, from: &Bench, tried: Vec<(Manoeuvre, Bench)>) -> Option<(Manoeuvre, Bench)> {
-        let aligning = from.navigator.phase() != Phase::Navigating;
-        let before = self.missing(from);
-        let helps = |bench: &Bench| {
-            let falls = |was: &Reached, is: &Reached| !was.is_met() && falls(was, is, from, bench);
-            let reached = (self.reached(from), self.reached(bench));
-            aligning
-                || reached
-                    .0
-                    .iter()
-                    .zip(&reached.1)
-                    .any(|(was, is)| falls(was, is))
+    fn best(&self, from: &[Bench], tried: Vec<(Manoeuvre, Drives)>) -> Option<(Manoeuvre, Drives)> {
+        let (before, reached) = (self.missing(from), self.reached(from));
+        let helps = |drives: &[Bench]| {
+            let falls =
+                |(was, is): (&Reached, &Reached)| !was.is_met() && falls(was, is, from, drives);
+            aligning(from) || reached.iter().zip(&self.reached(drives)).any(falls)
         };
         let rate =
-            |bench: &Bench| (before - self.missing(bench)) / (bench.seconds() - from.seconds());
+            |drives: &[Bench]| (before - self.missing(drives)) / (seconds(drives) - seconds(from));
         tried
             .into_iter()
-            .filter(|(_, bench)| helps(bench))
+            .filter(|(_, drives)| helps(drives) && rate(drives) > 0.0)
             .max_by(|(_, one), (_, other)| rate(one).total_cmp(&rate(other)))
-            .filter(|(_, bench)| aligning || rate(bench) > 0.0)
     }
 }
 
+/// Units side by side.
+type Drives = Vec<Bench>;
+
+/// How long the first has been driven, s.
+pub fn seconds(drives: &[Bench]) -> f64 {
+    drives.first().map_or(0.0, Bench::seconds)
+}
+
+fn aligning(drives: &[Bench]) -> bool {
+    drives.iter().any(Bench::is_aligning)
+}
+
 /// Whether a sigma falls as what is noise does, or begins to stand on data.
-fn falls(was: &Reached, is: &Reached, from: &Bench, to: &Bench) -> bool {
-    let white = 0.5 * libm::log(to.seconds() / from.seconds().max(1.0));
+fn falls(was: &Reached, is: &Reached, from: &[Bench], to: &[Bench]) -> bool {
+    let white = 0.5 * libm::log(seconds(to) / seconds(from).max(1.0));
     (is.observable && !was.observable) || libm::log(was.sigma / is.sigma) > OF_WHITE * white
 }

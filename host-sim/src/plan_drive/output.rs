@@ -7,7 +7,7 @@ use ins_core::Solution;
 use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
 
-use super::{Manoeuvre, Plan, Reached, Site, Stage, Unreached};
+use super::{Bench, Manoeuvre, Plan, Reached, Site, Stage, Unreached, seconds};
 use crate::aircraft::pictures::track;
 use crate::output::OutputError;
 use crate::report::chart::{Chart, MOST_POINTS, Point, sampled};
@@ -49,7 +49,7 @@ impl Report {
         let step = |(number, stage): (usize, &Stage)| {
             let again = match stage.times {
                 1 => String::new(),
-                times => format!(" Do so {times} times."),
+                times => format!(" All of it {times} times."),
             };
             format!("{number}. {}{again}", stage.manoeuvre.words(site))
         };
@@ -58,7 +58,7 @@ impl Report {
             log,
             verdict: verdict.unwrap_or_default(),
             reached: plan.unreached.is_empty(),
-            minutes: plan.end.seconds() / 60.0,
+            minutes: seconds(&plan.end) / 60.0,
             before: plan.before.clone(),
             stages: plan.stages.clone(),
             unreached: plan.unreached.clone(),
@@ -76,9 +76,12 @@ impl Report {
             (false, _) => format!("{minutes} of driving do not reach the target:"),
         };
         let unreached = self.unreached.iter().map(|Unreached { last, why }| {
-            let sigma = shown(last);
+            let sigma = match last.observable {
+                true => shown(last),
+                false => "not shown".to_owned(),
+            };
             format!(
-                "{}: {sigma} {} where {} is wanted; {why}.",
+                "{}, {}: {sigma} where {} is wanted; {why}.",
                 last.quantity, last.unit, last.target
             )
         });
@@ -152,7 +155,7 @@ impl Report {
     /// Writes all files into a folder.
     pub fn write(&self, plan: &Plan, folder: &Path) -> Result<()> {
         let json = serde_json::to_string_pretty(self).into_diagnostic()? + "\n";
-        let truth: Vec<&Solution> = plan.end.truth().iter().collect();
+        let truth: Vec<&Solution> = driven(plan).iter().collect();
         for (name, text) in [
             (DRIVE, self.drive.join("\n") + "\n"),
             (ROUTE, track(&truth)),
@@ -184,7 +187,7 @@ impl Report {
     }
 
     fn route(&self, plan: &Plan) -> Chart {
-        let truth = sampled(plan.end.truth(), MOST_POINTS);
+        let truth = sampled(driven(plan), MOST_POINTS);
         let mut chart = Chart::map("Route", 1.0).note("east and north of the start, m");
         let Some(start) = truth.first().map(|solution| solution.position) else {
             return chart;
@@ -250,4 +253,9 @@ fn shown(reached: &Reached) -> String {
         (false, true) => sigma,
         (false, false) => "-".to_owned(),
     }
+}
+
+/// What the one that drives exactly has driven.
+fn driven(plan: &Plan) -> &[Solution] {
+    plan.end.first().map_or(&[], Bench::truth)
 }

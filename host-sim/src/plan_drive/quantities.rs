@@ -5,6 +5,8 @@ use core::f64::consts::PI;
 use ins_core::Estimates;
 use serde::Serialize;
 
+use super::Bench;
+use crate::flights::statistics::rms;
 use crate::log::BodyAxes;
 use crate::quantities::{DEG_H_RADPS, MG_MPS2, Quantity as Known};
 
@@ -120,15 +122,16 @@ pub struct Reached {
 }
 
 impl Goal {
-    /// How it stands.
-    pub fn reached(&self, estimates: &Estimates, axes: BodyAxes) -> Reached {
-        let known = self.quantity.known(estimates, axes);
+    /// How it stands on several drives alike: RMS of their sigmas, and shown if by all.
+    pub fn reached(&self, drives: &[Bench], axes: BodyAxes) -> Reached {
+        let known = |drive: &Bench| self.quantity.known(&drive.navigator.estimates(), axes);
+        let known: Vec<Known> = drives.iter().map(known).collect();
         Reached {
             quantity: self.quantity.name(),
             unit: self.quantity.unit(),
-            sigma: known.sigma,
+            sigma: rms(known.iter().map(|known| known.sigma)),
             target: self.sigma,
-            observable: known.observable(),
+            observable: known.iter().all(Known::observable),
         }
     }
 }

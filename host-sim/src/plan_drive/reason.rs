@@ -1,16 +1,19 @@
 //! Why a quantity does not come to its target.
 
-use super::{AHEAD, Bench, Manoeuvre, Reached, Search, Unreached, falls};
-use ins_core::Phase;
-
 use super::quantities::{Goal, Kind};
+use super::{AHEAD, Bench, Drives, Manoeuvre, Reached, Search, Unreached, falls, seconds};
+use crate::report::{digits, unaligned};
 
 /// A manoeuvre that the site does not allow is worth a word if it brings a sigma below this part of
 /// what the site's own do.
 const WORTH: f64 = 0.8;
+/// What is as large as this part of a sigma holds it up.
+const OF_FLOOR: f64 = 0.5;
+/// Of what an axis feels of it to its tilt, m/s^2.
+const GRAVITY_MPS2: f64 = 9.81;
 
 impl Search<'_> {
-    pub(super) fn unreached(&self, end: &Bench) -> Vec<Unreached> {
+    pub(super) fn unreached(&self, end: &[Bench]) -> Vec<Unreached> {
         let last = self.reached(end);
         if last.iter().all(Reached::is_met) {
             return Vec::new();
@@ -34,20 +37,19 @@ impl Search<'_> {
         &self,
         which: usize,
         last: &Reached,
-        end: &Bench,
-        own: &[(Manoeuvre, Bench)],
-        other: &[(Manoeuvre, Bench)],
+        end: &[Bench],
+        own: &[(Manoeuvre, Drives)],
+        other: &[(Manoeuvre, Drives)],
     ) -> String {
-        let after =
-            |bench: &Bench| self.goals[which].reached(&bench.navigator.estimates(), self.axes);
-        let least = |tried: &[(Manoeuvre, Bench)]| {
+        let after = |drives: &[Bench]| self.goals[which].reached(drives, self.axes);
+        let least = |tried: &[(Manoeuvre, Drives)]| {
             let each = tried
                 .iter()
                 .map(|(manoeuvre, bench)| (*manoeuvre, after(bench)));
             each.min_by(|(_, a), (_, b)| a.sigma.total_cmp(&b.sigma))
         };
-        if end.navigator.phase() != Phase::Navigating {
-            return crate::report::unaligned(end.navigator.phase()).to_owned();
+        if let Some(lost) = end.iter().find(|bench| bench.is_aligning()) {
+            return unaligned(lost.navigator.phase()).to_owned();
         }
         let own_least = least(own).map_or(last.sigma, |(_, reached)| reached.sigma);
         if let Some((manoeuvre, reached)) = least(other)
@@ -56,7 +58,7 @@ impl Search<'_> {
             return format!(
                 "the site does not allow what shows it: {} would bring it to {} {} at once",
                 manoeuvre.name(),
-                crate::report::digits(reached.sigma, reached.sigma),
+                digits(reached.sigma, reached.sigma),
                 reached.unit
             );
         }
@@ -67,30 +69,43 @@ impl Search<'_> {
             let times = (last.sigma / last.target).powi(2);
             return format!(
                 "it still falls as noise does: some {:.0} min instead of {:.0}, if that goes on",
-                times * end.seconds() / 60.0,
-                end.seconds() / 60.0
+                times * seconds(end) / 60.0,
+                seconds(end) / 60.0
             );
         }
-        self.floor(&self.goals[which], end)
+        Self::floor(&self.goals[which], last, end)
     }
 
     /// What a sigma comes to that falls no more.
-    fn floor(&self, goal: &Goal, end: &Bench) -> String {
-        let sensors = &end.navigator.config().sensors;
-        let walks = "its bias wanders: what is left is what it does meanwhile";
+    fn floor(goal: &Goal, last: &Reached, end: &[Bench]) -> String {
+        let Some(first) = end.first() else {
+            return String::new();
+        };
+        let sensors = &first.navigator.config().sensors;
+        let up = first.navigator.estimates().level_force_mps2 / GRAVITY_MPS2;
+        // Sine and cosine of the tilt of the axis that is nearest to the vertical.
+        let (upright, tilted) = (up.amax(), (1.0 - up.amax() * up.amax()).max(0.0).sqrt());
+        let by_scale = GRAVITY_MPS2 * sensors.gyro_scale * upright * tilted;
+        let by_axes = GRAVITY_MPS2 * sensors.misalignment_rad;
+        let sigma_mps2 = last.sigma * goal.quantity.si();
+        let walks = "its bias wanders, and what is left is what it does meanwhile";
         let text = match goal.quantity.kind {
-            Kind::AccelBias if sensors.misalignment_rad > 0.0 => {
-                return format!(
-                    "at one attitude of the mount a bias and a misalignment of {:.1} mrad are one \
-                     number: turn the unit over on a bench",
-                    1e3 * sensors.misalignment_rad
-                );
+            Kind::AccelBias if by_axes > OF_FLOOR * sigma_mps2 => {
+                "at one attitude of the mount a bias and a misalignment are one number: turn the \
+                 unit over on a bench, or configure no misalignment if a compensation is all that \
+                 it is for"
+            }
+            Kind::AccelBias if by_scale > OF_FLOOR * sigma_mps2 => {
+                "the unit is tilted, and at one tilt a bias and what the scale errors of the gyros \
+                 tip in turns are one number: mount it level, or calibrate the gyros"
             }
             Kind::AccelBias if sensors.accel_bias_walk > 0.0 => walks,
             Kind::GyroBias if sensors.gyro_bias_walk > 0.0 => walks,
+            Kind::Azimuth => "between manoeuvres it hangs on the noise of the gyros",
             Kind::AccelScale => {
-                "it acts on what the axis feels beyond the level attitude of the mount, and no \
-                 manoeuvre of a car makes that large: at one attitude it is one number with the bias"
+                "no manoeuvre of a car makes the axis feel much more or less than at the level \
+                 attitude, where a scale error is one number with the bias: turn the unit over on a \
+                 bench"
             }
             Kind::GyroScale => {
                 "no manoeuvre of a car tips the unit: turn it by hand about the axis"

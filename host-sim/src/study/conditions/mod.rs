@@ -8,7 +8,7 @@ mod quantities;
 mod run;
 mod statistics;
 mod subject;
-pub(crate) mod truth;
+mod truth;
 mod world;
 
 pub use kinds::{Kind, all};

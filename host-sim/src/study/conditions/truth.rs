@@ -14,7 +14,7 @@
 //! attitude that belongs to it is `C (I + [e x])`.
 
 use ins_core::Solution;
-use ins_core::earth::{Geodetic, LocalEarth};
+use ins_core::earth::LocalEarth;
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::World;
@@ -41,18 +41,12 @@ pub struct Truth {
 impl Truth {
     /// Of a world that was simulated.
     pub fn new(world: &World, drive: &SimulatedDrive) -> Self {
-        let up = mean_up(&drive.truth);
-        Self::of(&world.origin, world.lever_arm_m(), &drive.errors, &up)
+        Self::at(world, &drive.errors, &mean_up(&drive.truth))
     }
 
-    /// Of a vehicle about a place, whose up direction is on the whole this one, in the axes of the
-    /// unit, with the antenna there.
-    pub(crate) fn of(
-        at: &Geodetic,
-        lever_arm_m: Vector3<f64>,
-        errors: &SensorErrors,
-        up: &Vector3<f64>,
-    ) -> Self {
+    /// Of a vehicle whose up direction is on the whole this one, in the axes of the unit.
+    fn at(world: &World, errors: &SensorErrors, up: &Vector3<f64>) -> Self {
+        let at = &world.origin;
         let gravity = LocalEarth::at(at.latitude_rad, at.height_m).gravity_mps2;
         let turn = errors.gyro_matrix * up;
         let across = turn - up * up.dot(&turn);
@@ -62,7 +56,7 @@ impl Truth {
             accel_bias_mps2: Vector3::from(errors.accel_bias_mps2) + proportional,
             gyro_bias_radps: errors.gyro_bias_radps.into(),
             latency_s: [latency_s, latency_s + errors.gnss_lag_s],
-            lever_arm_m,
+            lever_arm_m: world.lever_arm_m(),
             up: *up,
             axes: UnitQuaternion::from_scaled_axis(-up.cross(&across)),
         }
@@ -70,7 +64,7 @@ impl Truth {
 }
 
 /// An aircraft flies nose up, a road rises and falls.
-pub(crate) fn mean_up(truth: &[Solution]) -> Vector3<f64> {
+fn mean_up(truth: &[Solution]) -> Vector3<f64> {
     let ups = truth.iter().map(|s| s.attitude.inverse() * Vector3::z());
     ups.sum::<Vector3<f64>>().normalize()
 }
@@ -102,7 +96,7 @@ mod tests {
             gnss_latency_end_s: 0.0,
             gnss_lag_s: 0.0,
         };
-        let truth = Truth::of(&world.origin, world.lever_arm_m(), &errors, &up);
+        let truth = Truth::at(&world, &errors, &up);
         let at = &world.origin;
         let gravity = LocalEarth::at(at.latitude_rad, at.height_m).gravity_mps2;
         // Three turns to the right and one to the left, from the tilt that belongs to it.
