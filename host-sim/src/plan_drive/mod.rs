@@ -63,8 +63,9 @@ pub struct Plan {
     pub end: Vec<Bench>,
 }
 
-/// Units side by side: enough that one with bad luck is seen, and none costs the user patience.
-pub const UNITS: u64 = 5;
+/// Units side by side. The core holds GNSS for coloured in some and for white in others, and their
+/// sigmas then differ by a factor of two: so many that a mean of both is good to some 15 %.
+pub const UNITS: u64 = 10;
 
 /// What is searched for, and where.
 #[derive(Clone, Copy, Debug)]

@@ -184,10 +184,6 @@ fn driven(target: &Target, plan: &Plan, seed: u64) -> Result<Option<Vec<[f64; 2]
     let estimates = bench.navigator.estimates();
     let truth = true_values(&bench, target, &estimates, &solution);
     let axes = target.unit.body_axes;
-    if std::env::var("PLAN_DEBUG").is_ok() {
-        let cells: Vec<String> = target.goals.iter().map(|g| { let k = g.quantity.known(&estimates, axes); format!("{:.3}/{:.3}", k.value - g.quantity.known(&truth, axes).value, k.sigma)}).collect();
-        eprintln!("{seed} r{} {:?} {}", bench.navigator.health().restarts, bench.navigator.assumed_noise(), cells.join(" "));
-    }
     let check = |goal: &Goal| {
         let known = goal.quantity.known(&estimates, axes);
         [
