@@ -39,7 +39,9 @@ fn why<'a>(plan: &'a Value, quantity: &str) -> &'a str {
 
 fn manoeuvres(plan: &Value) -> Vec<&str> {
     let stages = plan["stages"].as_array().unwrap().iter();
-    stages.map(|stage| stage["manoeuvre"].as_str().unwrap()).collect()
+    stages
+        .map(|stage| stage["manoeuvre"].as_str().unwrap())
+        .collect()
 }
 
 const SHIPPED: &str = include_str!("../plans/drive_target.toml");
@@ -57,17 +59,24 @@ fn sigmas_shrink_until_all_are_what_is_wanted() {
         let after = of(&end["reached"], quantity);
         let [was, is, wanted] =
             [&before["sigma"], &after["sigma"], &after["target"]].map(|v| v.as_f64().unwrap());
-        assert!(is <= wanted && is < 0.5 * was, "{quantity}: {was} to {is} of {wanted}");
+        assert!(
+            is <= wanted && is < 0.5 * was,
+            "{quantity}: {was} to {is} of {wanted}"
+        );
         assert!(before["observable"] == false && after["observable"] == true);
     }
     // One stage less is not enough.
     let last_but_one = &stages[stages.len() - 2]["reached"];
     let misses = |one: &Value| {
-        one["observable"] == false || one["sigma"].as_f64().unwrap() > one["target"].as_f64().unwrap()
+        one["observable"] == false
+            || one["sigma"].as_f64().unwrap() > one["target"].as_f64().unwrap()
     };
     assert!(last_but_one.as_array().unwrap().iter().any(misses));
     let written = |name: &str| fs::read_to_string(home.path().join("plan").join(name)).unwrap();
-    assert_eq!(serde_json::from_str::<Value>(&written("plan.json")).unwrap(), plan);
+    assert_eq!(
+        serde_json::from_str::<Value>(&written("plan.json")).unwrap(),
+        plan
+    );
     assert_eq!(written("drive.txt").lines().count(), stages.len());
     assert!(written("drive.txt").starts_with("1. Stop and stand still"));
     assert!(written("route.svg").starts_with("<svg"));
@@ -81,7 +90,9 @@ fn a_plan_is_the_same_whatever_the_number_of_threads() {
     let on = |threads: &str| {
         fs::write(home.path().join("target.toml"), target).unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_host-sim"));
-        let command = command.current_dir(home.path()).env("RAYON_NUM_THREADS", threads);
+        let command = command
+            .current_dir(home.path())
+            .env("RAYON_NUM_THREADS", threads);
         let plan = ["plan-drive", "--target", "target.toml", "--json"];
         command.args(plan).output().unwrap().stdout
     };
@@ -104,10 +115,16 @@ fn what_no_drive_shows_is_said_with_the_reason() {
     assert_eq!(plan["reached"], false);
     for quantity in ["accelerometer y", "gyro scale, vertical"] {
         let why = why(&plan, quantity);
-        assert!(why.contains("the site does not allow what shows it"), "{quantity}: {why}");
+        assert!(
+            why.contains("the site does not allow what shows it"),
+            "{quantity}: {why}"
+        );
     }
     let why_scale = why(&plan, "gyro scale z");
-    assert!(why_scale.contains("no manoeuvre of a car tips the unit"), "{why_scale}");
+    assert!(
+        why_scale.contains("no manoeuvre of a car tips the unit"),
+        "{why_scale}"
+    );
     // One attitude of the mount, and sensors that may be misaligned against each other.
     let misaligned = "
         [target]
@@ -118,9 +135,14 @@ fn what_no_drive_shows_is_said_with_the_reason() {
         sensors.misalignment_rad = 1e-3";
     let plan = planned(home.path(), misaligned, &[]);
     let why_bias = why(&plan, "accelerometer x");
-    assert!(why_bias.contains("at one attitude of the mount"), "{why_bias}");
+    assert!(
+        why_bias.contains("at one attitude of the mount"),
+        "{why_bias}"
+    );
     // 1 mrad of g.
-    let left = of(&plan["unreached"], "accelerometer x")["sigma"].as_f64().unwrap();
+    let left = of(&plan["unreached"], "accelerometer x")["sigma"]
+        .as_f64()
+        .unwrap();
     assert!((0.9..1.3).contains(&left), "{left}");
     let standing = "
         [target]
@@ -203,19 +225,43 @@ fn straight_log(folder: &Path) {
 fn a_target_file_is_refused_with_its_place() {
     let home = tempfile::tempdir().unwrap();
     for (target, said) in [
-        ("[target]\nazimuth = 1", "target.toml, line 2: `azimuth` cannot be wanted; expected one of azimuth_deg,"),
-        ("[target]\n\nazimuth_deg = -1", "line 3: `azimuth_deg`: expected a sigma above zero"),
-        ("[target]\naccel_bias_mg = { w = 1.0 }", "some of `{ x = 1.0, y = 1.0, z = 1.0 }`"),
+        (
+            "[target]\nazimuth = 1",
+            "target.toml, line 2: `azimuth` cannot be wanted; expected one of azimuth_deg,",
+        ),
+        (
+            "[target]\n\nazimuth_deg = -1",
+            "line 3: `azimuth_deg`: expected a sigma above zero",
+        ),
+        (
+            "[target]\naccel_bias_mg = { w = 1.0 }",
+            "some of `{ x = 1.0, y = 1.0, z = 1.0 }`",
+        ),
         ("[target]", "nothing is wanted"),
-        ("[target]\nazimuth_deg = 1\n[site]\nspeed_kmh = 5", "line 4: `speed_kmh = 5`: expected 10 to 250"),
-        ("[target]\nazimuth_deg = 1\n[site]\nmanoeuvres = [\"loop\"]", "line 4: unknown variant `loop`"),
-        ("[target]\nazimuth_deg = 1\n[errors]\ngnss.rate_hz = 0", "gnss.rate_hz = 0: expected more than zero"),
-        ("[target]\nazimuth_deg = 1\n[config]\ngnss.rate_hz = 1", "[config] of the target: a key is not known"),
+        (
+            "[target]\nazimuth_deg = 1\n[site]\nspeed_kmh = 5",
+            "line 4: `speed_kmh = 5`: expected 10 to 250",
+        ),
+        (
+            "[target]\nazimuth_deg = 1\n[site]\nmanoeuvres = [\"loop\"]",
+            "line 4: unknown variant `loop`",
+        ),
+        (
+            "[target]\nazimuth_deg = 1\n[errors]\ngnss.rate_hz = 0",
+            "gnss.rate_hz = 0: expected more than zero",
+        ),
+        (
+            "[target]\nazimuth_deg = 1\n[config]\ngnss.rate_hz = 1",
+            "[config] of the target: a key is not known",
+        ),
     ] {
         let output = plan_drive(home.path(), target, &["--out", "plan"]);
         let told = String::from_utf8_lossy(&output.stderr).replace(['\n', '\u{2502}'], " ");
         let told = told.split_whitespace().collect::<Vec<_>>().join(" ");
-        assert!(!output.status.success() && told.contains(said), "{target}: {told}");
+        assert!(
+            !output.status.success() && told.contains(said),
+            "{target}: {told}"
+        );
         assert!(!home.path().join("plan").exists());
     }
 }

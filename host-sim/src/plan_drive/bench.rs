@@ -38,8 +38,9 @@ pub struct Bench {
     recording: Recording,
     /// Where the recording has come to.
     last: Solution,
-    /// When it began, by the stamps of the core.
+    /// When it began, by the stamps of the core, and what had been driven before, s.
     since: Time,
+    before_s: f64,
     /// Fixes that have not arrived, with the time when they do.
     pending: VecDeque<(Time, GnssFix)>,
     /// Errors of the sensors that are not drawn.
@@ -84,7 +85,7 @@ impl Bench {
     /// Goes on where a recorded drive has ended, as the core has found unit and vehicle there: what
     /// more is found does not hang on the values.
     pub fn after(
-        navigator: Navigator,
+        (navigator, before_s): (Navigator, f64),
         model: &ErrorModel,
         imu_hz: f64,
         seed: u64,
@@ -93,7 +94,12 @@ impl Bench {
         let end = navigator
             .solution()
             .filter(|_| navigator.phase() == Phase::Navigating);
-        let end = end.ok_or_else(|| miette!("the log ends without a solution"))?;
+        let end = end.ok_or_else(|| {
+            miette!(
+                help = "nothing of it counts: plan a drive from the start, without the log",
+                "the log ends without a solution"
+            )
+        })?;
         let known = navigator.estimates();
         let velocity = end.velocity_enu_mps.xy();
         let speed_mps = velocity.norm();
@@ -122,6 +128,7 @@ impl Bench {
         let mut bench = Self::begin(course, driver, mount, recording, config)?;
         bench.known = Some(known);
         bench.since = end.time;
+        bench.before_s = before_s;
         bench.recorder.imu.clear();
         bench.navigator = navigator;
         Ok(bench)
@@ -144,6 +151,7 @@ impl Bench {
             recording,
             last: sensors.state().solution,
             since: Time::default(),
+            before_s: 0.0,
             pending: VecDeque::new(),
             known: None,
             navigator: navigator(config)?,
@@ -158,6 +166,11 @@ impl Bench {
     /// Since the recording began, s.
     pub fn seconds(&self) -> f64 {
         self.last.time.as_seconds()
+    }
+
+    /// The same with what had been driven before.
+    pub fn known_seconds(&self) -> f64 {
+        self.before_s + self.seconds()
     }
 
     /// Drives on.

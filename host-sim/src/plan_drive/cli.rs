@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use ins_core::Navigator;
-use miette::{IntoDiagnostic, Result, miette};
+use miette::{IntoDiagnostic, Result, WrapErr, miette};
 
 use super::output::{PLAN, Report};
 use super::{Bench, Driver, Plan, Search, Target, UNITS};
@@ -106,9 +106,15 @@ impl Target {
             .with_errors(&model)
             .map_err(|error| miette!("[errors]: {error}"))?;
         let start = drives(seed, |seed, driver| {
-            Bench::after(navigator.clone(), &model, rate_hz(log), seed, driver)
+            Bench::after(
+                (navigator.clone(), log.duration_s()),
+                &model,
+                rate_hz(log),
+                seed,
+                driver,
+            )
         });
-        let start = start.map_err(|error| miette!("{}: {error}", path.display()))?;
+        let start = start.wrap_err_with(|| path.display().to_string())?;
         let search = self.search(log.meta.body_axes);
         let plan = search.plan(start, &spinner("planning"));
         let name = analysis.summary.log.clone();

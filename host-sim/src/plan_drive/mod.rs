@@ -28,9 +28,12 @@ use crate::log::BodyAxes;
 /// White noise gives in half the logarithm of time. What falls less than this part of that has
 /// come to what is not noise.
 const OF_WHITE: f64 = 0.5;
-/// How often in a row a manoeuvre is tried, the next only if no one helps: in a few minutes
-/// anything does that ever will.
-const AHEAD: [u32; 4] = [1, 2, 4, 8];
+/// Part of what has been driven that is added in one step at least: less moves a sigma by less than
+/// chance does.
+const STEP: f64 = 0.2;
+/// Steps of one manoeuvre that are tried in a row, more only if fewer help nowhere: twice the drive
+/// shows whatever ever will.
+const AHEAD: [u32; 3] = [1, 2, 5];
 /// To have no solution is worse than anything that is not known, in nepers.
 const NO_SOLUTION: f64 = 1e3;
 
@@ -87,7 +90,12 @@ impl Search<'_> {
         };
         let longest_s = 60.0 * self.site.longest_minutes;
         while self.missing(&plan.end) > 0.0 && seconds(&plan.end) < longest_s {
-            let Some((manoeuvre, times, end)) = self.next(&plan.end) else {
+            let Some(Tried {
+                manoeuvre,
+                times,
+                drives: end,
+            }) = self.next(&plan.end)
+            else {
                 break;
             };
             let again = plan.stages.pop_if(|last| last.manoeuvre == manoeuvre);
@@ -105,19 +113,16 @@ impl Search<'_> {
         plan
     }
 
-    /// What is driven next, how often, and what it comes to; none if nothing helps.
-    fn next(&self, from: &[Bench]) -> Option<(Manoeuvre, u32, Drives)> {
+    /// What is driven next; none if nothing helps.
+    fn next(&self, from: &[Bench]) -> Option<Tried> {
         let site = &self.site.manoeuvres;
         if seconds(from) == 0.0 && site.contains(&Manoeuvre::Stand) && aligning(from) {
             // Level and gyros are best found at rest, and a car stands anyway.
-            let (stand, bench) = self.tried(from, &[Manoeuvre::Stand], 1).pop()?;
-            return Some((stand, 1, bench));
+            return self.tried(from, &[Manoeuvre::Stand], 1).pop();
         }
-        AHEAD.iter().find_map(|times| {
-            let tried = self.tried(from, site, *times);
-            let (manoeuvre, end) = self.best(from, tried)?;
-            Some((manoeuvre, *times, end))
-        })
+        AHEAD
+            .into_iter()
+            .find_map(|steps| self.best(from, self.tried(from, site, steps)))
     }
 
     /// How every quantity stands.
@@ -132,42 +137,58 @@ impl Search<'_> {
         missing + NO_SOLUTION * unsolved as f64
     }
 
-    /// Each manoeuvre so many times on copies.
-    fn tried(
-        &self,
-        from: &[Bench],
-        manoeuvres: &[Manoeuvre],
-        times: u32,
-    ) -> Vec<(Manoeuvre, Drives)> {
-        let drive = |manoeuvre: Manoeuvre, bench: &Bench| {
-            let mut bench = bench.clone();
-            for _ in 0..times {
-                bench.drive(manoeuvre, self.site);
-            }
-            bench
-        };
-        let all = |manoeuvre: &Manoeuvre| {
-            let drives = from.par_iter().map(|bench| drive(*manoeuvre, bench));
-            (*manoeuvre, drives.collect())
-        };
-        manoeuvres.par_iter().map(all).collect()
+    /// Each manoeuvre on copies, so many steps of it.
+    fn tried(&self, from: &[Bench], manoeuvres: &[Manoeuvre], steps: u32) -> Vec<Tried> {
+        manoeuvres
+            .par_iter()
+            .filter_map(|manoeuvre| {
+                let (first, others) = from.split_first()?;
+                let least_s = STEP * first.seconds();
+                let mut times = 0;
+                let mut ahead = first.clone();
+                let gained_s = |ahead: &Bench| ahead.seconds() - first.seconds();
+                while times < steps || gained_s(&ahead) < f64::from(steps) * least_s {
+                    ahead.drive(*manoeuvre, self.site);
+                    times += 1;
+                }
+                let again = |bench: &Bench| {
+                    let mut bench = bench.clone();
+                    (0..times).for_each(|_| bench.drive(*manoeuvre, self.site));
+                    bench
+                };
+                let others: Drives = others.par_iter().map(again).collect();
+                Some(Tried {
+                    manoeuvre: *manoeuvre,
+                    times,
+                    drives: std::iter::once(ahead).chain(others).collect(),
+                })
+            })
+            .collect()
     }
 
     /// The one that brings most in its time; none if all that is missing falls no more.
-    fn best(&self, from: &[Bench], tried: Vec<(Manoeuvre, Drives)>) -> Option<(Manoeuvre, Drives)> {
+    fn best(&self, from: &[Bench], tried: Vec<Tried>) -> Option<Tried> {
         let (before, reached) = (self.missing(from), self.reached(from));
         let helps = |drives: &[Bench]| {
             let falls =
                 |(was, is): (&Reached, &Reached)| !was.is_met() && falls(was, is, from, drives);
             aligning(from) || reached.iter().zip(&self.reached(drives)).any(falls)
         };
-        let rate =
-            |drives: &[Bench]| (before - self.missing(drives)) / (seconds(drives) - seconds(from));
+        let rate = |tried: &Tried| {
+            (before - self.missing(&tried.drives)) / (seconds(&tried.drives) - seconds(from))
+        };
         tried
             .into_iter()
-            .filter(|(_, drives)| helps(drives) && rate(drives) > 0.0)
-            .max_by(|(_, one), (_, other)| rate(one).total_cmp(&rate(other)))
+            .filter(|tried| helps(&tried.drives) && rate(tried) > 0.0)
+            .max_by(|one, other| rate(one).total_cmp(&rate(other)))
     }
+}
+
+/// A manoeuvre, how often, and what it has come to.
+struct Tried {
+    manoeuvre: Manoeuvre,
+    times: u32,
+    drives: Drives,
 }
 
 /// Units side by side.
@@ -184,6 +205,7 @@ fn aligning(drives: &[Bench]) -> bool {
 
 /// Whether a sigma falls as what is noise does, or begins to stand on data.
 fn falls(was: &Reached, is: &Reached, from: &[Bench], to: &[Bench]) -> bool {
-    let white = 0.5 * libm::log(seconds(to) / seconds(from).max(1.0));
+    let known_s = |drives: &[Bench]| drives.first().map_or(0.0, Bench::known_seconds);
+    let white = 0.5 * libm::log(known_s(to) / known_s(from).max(1.0));
     (is.observable && !was.observable) || libm::log(was.sigma / is.sigma) > OF_WHITE * white
 }

@@ -1,7 +1,7 @@
 //! Why a quantity does not come to its target.
 
 use super::quantities::{Goal, Kind};
-use super::{AHEAD, Bench, Drives, Manoeuvre, Reached, Search, Unreached, falls, seconds};
+use super::{AHEAD, Bench, Manoeuvre, Reached, Search, Tried, Unreached, falls, seconds};
 use crate::report::{digits, unaligned};
 
 /// A manoeuvre that the site does not allow is worth a word if it brings a sigma below this part of
@@ -38,39 +38,41 @@ impl Search<'_> {
         which: usize,
         last: &Reached,
         end: &[Bench],
-        own: &[(Manoeuvre, Drives)],
-        other: &[(Manoeuvre, Drives)],
+        own: &[Tried],
+        other: &[Tried],
     ) -> String {
         let after = |drives: &[Bench]| self.goals[which].reached(drives, self.axes);
-        let least = |tried: &[(Manoeuvre, Drives)]| {
-            let each = tried
-                .iter()
-                .map(|(manoeuvre, bench)| (*manoeuvre, after(bench)));
-            each.min_by(|(_, a), (_, b)| a.sigma.total_cmp(&b.sigma))
+        let least = |tried: &[Tried]| {
+            let sigma = |one: &Tried| after(&one.drives).sigma;
+            let place =
+                (0..tried.len()).min_by(|a, b| sigma(&tried[*a]).total_cmp(&sigma(&tried[*b])));
+            place.map(|place| (place, sigma(&tried[place])))
         };
         if let Some(lost) = end.iter().find(|bench| bench.is_aligning()) {
             return unaligned(lost.navigator.phase()).to_owned();
         }
-        let own_least = least(own).map_or(last.sigma, |(_, reached)| reached.sigma);
-        if let Some((manoeuvre, reached)) = least(other)
-            && reached.sigma < WORTH * own_least
+        let own_least = least(own).map_or(last.sigma, |(_, sigma)| sigma);
+        if let Some((place, sigma)) = least(other)
+            && sigma < WORTH * own_least
         {
+            let shows = &other[place];
             return format!(
-                "the site does not allow what shows it: {} would bring it to {} {} at once",
-                manoeuvre.name(),
-                digits(reached.sigma, reached.sigma),
-                reached.unit
+                "the site does not allow what shows it: {:.1} min of {} would bring it to {} {}",
+                (seconds(&shows.drives) - seconds(end)) / 60.0,
+                shows.manoeuvre.name(),
+                digits(sigma, sigma),
+                last.unit
             );
         }
         if own
             .iter()
-            .any(|(_, bench)| falls(last, &after(bench), end, bench))
+            .any(|tried| falls(last, &after(&tried.drives), end, &tried.drives))
         {
-            let times = (last.sigma / last.target).powi(2);
+            let known_s = end.first().map_or(0.0, Bench::known_seconds);
+            let needed_s = (last.sigma / last.target).powi(2) * known_s;
             return format!(
-                "it still falls as noise does: some {:.0} min instead of {:.0}, if that goes on",
-                times * seconds(end) / 60.0,
-                seconds(end) / 60.0
+                "it still falls as noise does, and would take some {:.0} min more if that went on",
+                (needed_s - known_s) / 60.0
             );
         }
         Self::floor(&self.goals[which], last, end)
