@@ -265,3 +265,39 @@ fn a_target_file_is_refused_with_its_place() {
         assert!(!home.path().join("plan").exists());
     }
 }
+
+#[test]
+fn what_is_foretold_is_what_drives_reach() {
+    let home = tempfile::tempdir().unwrap();
+    let target = "
+        [target]
+        azimuth_deg = 0.1
+        accel_bias_mg = 0.15
+        [unit]
+        sensors = \"hg1700\"";
+    fs::write(home.path().join("target.toml"), target).unwrap();
+    let study = [
+        "study",
+        "plan-drive",
+        "--target",
+        "target.toml",
+        "--runs",
+        "12",
+        "--json",
+    ];
+    let mut command = Command::new(env!("CARGO_BIN_EXE_host-sim"));
+    let output = command
+        .current_dir(home.path())
+        .args(study)
+        .output()
+        .unwrap();
+    let results: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(results[0]["without_solution"], 0);
+    let rows = results[0]["rows"].as_array().unwrap();
+    assert_eq!(rows.len(), 4);
+    for row in rows {
+        // Of twelve errors the RMS is good to a fifth; this is three times that.
+        let ratio = row["ratio"].as_f64().unwrap();
+        assert!((0.6..1.9).contains(&ratio), "{row}");
+    }
+}

@@ -47,10 +47,7 @@ impl Report {
     pub fn new(plan: &Plan, site: &Site, log: Option<(String, Vec<String>)>) -> Self {
         let (log, verdict) = log.unzip();
         let step = |(number, stage): (usize, &Stage)| {
-            let again = match stage.times {
-                1 => String::new(),
-                times => format!(" All of it {times} times."),
-            };
+            let again = times(stage, " All of it", " times.");
             format!("{number}. {}{again}", stage.manoeuvre.words(site))
         };
         Self {
@@ -76,9 +73,10 @@ impl Report {
             (false, _) => format!("{minutes} of driving do not reach the target:"),
         };
         let unreached = self.unreached.iter().map(|Unreached { last, why }| {
-            let sigma = match last.observable {
-                true => shown(last),
-                false => "not shown".to_owned(),
+            let sigma = if last.observable {
+                shown(last)
+            } else {
+                "not shown".to_owned()
             };
             format!(
                 "{}, {}: {sigma} where {} is wanted; {why}.",
@@ -95,8 +93,7 @@ impl Report {
         } else {
             "before"
         };
-        let places = 0..self.before.len();
-        let chunks: Vec<usize> = places.collect();
+        let all: Vec<usize> = (0..self.before.len()).collect();
         let chunk = |places: &[usize]| {
             let mut header = cells(["one sigma", "min"]);
             let named = |place: &usize| {
@@ -117,39 +114,30 @@ impl Report {
                     shown(&self.before[place])
                 }),
             ];
-            rows.extend(
-                (1..)
-                    .zip(&self.stages)
-                    .map(|(number, stage): (usize, &Stage)| {
-                        let times = match stage.times {
-                            1 => String::new(),
-                            times => format!(" \u{d7} {times}"),
-                        };
-                        let name = format!("{number}. {}{times}", stage.manoeuvre.name());
-                        row(name, Some(stage.end_s), &|place| {
-                            shown(&stage.reached[place])
-                        })
-                    }),
-            );
+            for (number, stage) in (1..).zip(&self.stages) {
+                let name = stage.manoeuvre.name();
+                let name = format!("{number}. {name}{}", times(stage, " \u{d7}", ""));
+                rows.push(row(name, Some(stage.end_s), &|place| {
+                    shown(&stage.reached[place])
+                }));
+            }
             Table::new("What is known after each stage", header, rows)
         };
-        chunks.chunks(columns).map(chunk).collect()
+        all.chunks(columns).map(chunk).collect()
     }
 
     /// For a terminal.
     pub fn readable(&self) -> String {
-        let mut text = String::new();
-        for line in self.verdict.iter().chain(&self.outcome()) {
-            text += &format!("{line}\n");
-        }
+        let mut parts: Vec<String> = self.verdict.iter().cloned().chain(self.outcome()).collect();
         for table in self.tables(COLUMNS) {
-            text += &format!("\n{}", plain(&table.header, &table.rows));
+            parts.push(format!(
+                "\n{}",
+                plain(&table.header, &table.rows).trim_end()
+            ));
         }
-        text += "- is not shown yet, * is known as wanted\n";
-        if !self.drive.is_empty() {
-            text += &format!("\n{}\n", self.drive.join("\n"));
-        }
-        text
+        parts.push("- is not shown yet, * is known as wanted\n".to_owned());
+        parts.extend(self.drive.iter().cloned());
+        parts.join("\n").trim_end().to_owned() + "\n"
     }
 
     /// Writes all files into a folder.
@@ -243,6 +231,13 @@ impl Report {
         chart
             .reference("wanted", GREY, &wanted)
             .logarithmic_y(all.into_iter())
+    }
+}
+
+fn times(stage: &Stage, before: &str, after: &str) -> String {
+    match stage.times {
+        1 => String::new(),
+        times => format!("{before} {times}{after}"),
     }
 }
 

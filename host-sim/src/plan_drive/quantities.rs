@@ -136,6 +136,9 @@ impl Goal {
     }
 }
 
+/// Left of what has a sigma and yet does not stand on data, nepers.
+const NOT_SHOWN: f64 = 0.1;
+
 impl Reached {
     /// A value that does not stand on data is not given, whatever its sigma.
     pub fn is_met(&self) -> bool {
@@ -144,11 +147,8 @@ impl Reached {
 
     /// What is left to be known, in nepers.
     pub fn missing(&self) -> f64 {
-        if self.is_met() {
-            return 0.0;
-        }
-        /// Of what has a sigma and yet does not stand on data.
-        const NOT_SHOWN: f64 = 0.1;
-        libm::log(self.sigma / self.target).max(NOT_SHOWN)
+        let left = libm::log(self.sigma / self.target);
+        let least = if self.observable { 0.0 } else { NOT_SHOWN };
+        left.max(least)
     }
 }

@@ -241,7 +241,7 @@ fn readable(all: &[Results]) -> String {
         "reached",
         "predicted/reached",
     ]);
-    let mut text = String::new();
+    let mut parts = Vec::new();
     for results in all {
         let side = if results.judge { "judge" } else { "develop" };
         let row = |row: &Row| {
@@ -257,14 +257,14 @@ fn readable(all: &[Results]) -> String {
             cells
         };
         let rows: Vec<Vec<String>> = results.rows.iter().map(row).collect();
-        text += &format!(
+        parts.push(format!(
             "{} ({side}): {:.1} min, {} drives, {} without a solution\n{}\n",
             results.target,
             results.minutes,
             results.runs,
             results.without_solution,
             plain(&header, &rows)
-        );
+        ));
     }
     for (judge, side) in [(false, "development"), (true, "judges")] {
         let of_side = all.iter().filter(|results| results.judge == judge);
@@ -275,13 +275,13 @@ fn readable(all: &[Results]) -> String {
         let good = ratios
             .iter()
             .filter(|ratio| (GOAL[0]..=GOAL[1]).contains(*ratio));
-        text += &format!(
+        parts.push(format!(
             "{side}: {} of {} ratios within {} to {}\n",
             good.count(),
             ratios.len(),
             GOAL[0],
             GOAL[1]
-        );
+        ));
     }
-    text
+    parts.concat()
 }
