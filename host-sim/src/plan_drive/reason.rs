@@ -64,14 +64,14 @@ impl Search<'_> {
                 last.unit
             );
         }
-        if own
-            .iter()
-            .any(|tried| falls(last, &after(&tried.drives), end, &tried.drives))
-        {
+        let falling = |tried: &&Tried| falls(last, &after(&tried.drives), end, &tried.drives);
+        if let Some(tried) = own.iter().find(falling) {
             let known_s = end.first().map_or(0.0, Bench::known_seconds);
             let needed_s = (last.sigma / last.target).powi(2) * known_s;
             return format!(
-                "it still falls as noise does, and would take some {:.0} min more if that went on",
+                "it still falls as noise does; {} alone would take some {:.0} min more, if that \
+                 went on",
+                tried.manoeuvre.name(),
                 (needed_s - known_s) / 60.0
             );
         }
