@@ -136,8 +136,8 @@ impl Goal {
     }
 }
 
-/// Left of what has a sigma and yet does not stand on data, nepers.
-const NOT_SHOWN: f64 = 0.1;
+/// Left of what is as sharp as wanted and yet does not stand on data, nepers.
+const NOT_SHOWN: f64 = 1.0;
 
 impl Reached {
     /// A value that does not stand on data is not given, whatever its sigma.
@@ -148,7 +148,11 @@ impl Reached {
     /// What is left to be known, in nepers.
     pub fn missing(&self) -> f64 {
         let left = libm::log(self.sigma / self.target);
-        let least = if self.observable { 0.0 } else { NOT_SHOWN };
-        left.max(least)
+        if self.observable {
+            left.max(0.0)
+        } else {
+            // Never nothing, and less with every bit that the sigma falls.
+            (NOT_SHOWN + left).max(f64::MIN_POSITIVE)
+        }
     }
 }
