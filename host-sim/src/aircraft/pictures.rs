@@ -177,7 +177,7 @@ fn lines<const N: usize>(
 }
 
 /// Ground track, the same scale both ways.
-fn track(truth: &[&Solution]) -> String {
+pub(crate) fn track(truth: &[&Solution]) -> String {
     let origin = truth.first().map_or(Geodetic::default(), |s| s.position);
     let points: Vec<(f64, f64)> = truth
         .iter()

@@ -15,6 +15,7 @@ mod identify;
 mod import;
 mod logs;
 mod options;
+mod plan_drive;
 mod proof;
 mod recordings;
 mod recovery;
@@ -77,6 +78,8 @@ enum Command {
     Accuracy(accuracy::Accuracy),
     /// Identify many units from drives, fly them, and compare with the accuracy foretold.
     Campaign(campaign::Campaign),
+    /// Find the drive that shows what is wanted, or what to add to one that was driven.
+    PlanDrive(plan_drive::command::PlanDrive),
     /// Rehearse flights: recorded drives of a unit to the accuracy of any algorithm in the air.
     Rehearse(rehearse::Rehearse),
     /// Add up the shards of a campaign.
@@ -131,6 +134,9 @@ pub fn run(cli: &Cli) -> Result<()> {
         Command::Flights(options) => flights::flights(options, cli.json, cli.force),
         Command::Accuracy(options) => accuracy::accuracy(options, cli.json, cli.force),
         Command::Campaign(options) => campaign::campaign(options, cli.json, cli.force),
+        Command::PlanDrive(options) => {
+            plan_drive::command::plan_drive(options, cli.json, cli.force)
+        }
         Command::Rehearse(options) => rehearse::rehearse(options, cli.json, cli.force),
         Command::Merge(options) => campaign::merge(options, cli.json),
         Command::Reproduce(options) => reproduce::reproduce(options, cli.json, cli.force),

@@ -3,7 +3,7 @@
 use clap::Subcommand;
 use miette::Result;
 
-use super::{conditions, logs, proof, recordings};
+use super::{conditions, logs, plan_drive, proof, recordings};
 
 /// What is studied.
 #[derive(Debug, Subcommand)]
@@ -14,6 +14,8 @@ pub enum Study {
     Logs(logs::Logs),
     /// Try recordings of any format: what is found in each, what is warned of, and the time it takes.
     Recordings(recordings::Recordings),
+    /// Hold the sigmas that `plan-drive` foretells against the errors of simulated drives.
+    PlanDrive(plan_drive::study::PlanDrive),
     /// Foretell the drift of recorded drives without GNSS by a model of other drives, and compare.
     Rehearse(proof::Proof),
 }
@@ -24,6 +26,7 @@ pub fn study(study: &Study, json: bool) -> Result<()> {
         Study::Conditions(options) => conditions::conditions(options, json),
         Study::Logs(options) => logs::logs(options, json),
         Study::Recordings(options) => recordings::study(options, json),
+        Study::PlanDrive(options) => plan_drive::study::study(options, json),
         Study::Rehearse(options) => proof::prove(options, json),
     }
 }

@@ -47,7 +47,7 @@ pub struct Quantities {
 
 impl Quantity {
     /// An SI estimate in a unit of `unit` SI units.
-    fn of(estimate: &Estimate, unit: f64) -> Self {
+    pub(crate) fn of(estimate: &Estimate, unit: f64) -> Self {
         Self {
             value: estimate.value / unit,
             sigma: estimate.sigma / unit.abs(),

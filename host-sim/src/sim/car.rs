@@ -51,18 +51,29 @@ impl Car {
     /// the bounds given, or in motion.
     pub fn new(seed: u64, duration_s: f64, initial_rest_s: Option<[f64; 2]>) -> Self {
         let mut driver = Driver::new(seed, initial_rest_s);
-        while driver.now_s < duration_s {
+        while driver.course.now_s < duration_s {
             driver.leg();
         }
-        let mut car = Self {
-            speed: driver.speed,
-            heading: driver.heading,
-            grade: Profile::new(0.0),
-            lean: 1.0,
-        };
+        let mut car = Self::driven(driver.course);
         let length_m = car.speed.at(duration_s).integral;
         car.grade = road(seed, length_m);
         car
+    }
+
+    /// A drive as somebody has laid it down.
+    pub(crate) fn driven(course: Course) -> Self {
+        let Course {
+            speed,
+            heading,
+            grade,
+            ..
+        } = course;
+        Self {
+            speed,
+            heading,
+            grade,
+            lean: 1.0,
+        }
     }
 
     /// The same drive in a car that leans so many times as far.
@@ -113,30 +124,70 @@ fn road(seed: u64, length_m: f64) -> Profile {
     profile
 }
 
+/// What is driven, laid down manoeuvre after manoeuvre.
+#[derive(Clone, Debug)]
+pub(crate) struct Course {
+    speed: Profile,
+    heading: Profile,
+    grade: Profile,
+    /// Where it ends so far.
+    pub(crate) now_s: f64,
+}
+
+impl Course {
+    /// At a speed in a heading, on a level road.
+    pub(crate) fn new(speed_mps: f64, heading_rad: f64) -> Self {
+        Self {
+            speed: Profile::new(speed_mps),
+            heading: Profile::new(heading_rad),
+            grade: Profile::new(0.0),
+            now_s: 0.0,
+        }
+    }
+
+    /// The speed at its end.
+    pub(crate) fn speed_mps(&self) -> f64 {
+        self.speed.last_value()
+    }
+
+    /// Gains or loses speed; the pedal takes its time to go down and up.
+    pub(crate) fn change_speed(&mut self, to_mps: f64, acceleration_mps2: f64, pedal_s: f64) {
+        self.now_s = (self.speed).step_to(to_mps, self.now_s, acceleration_mps2, pedal_s);
+    }
+
+    /// Turns, clockwise positive, at a rate; the wheel takes its time to come round and back.
+    pub(crate) fn turn(&mut self, angle_rad: f64, rate_radps: f64, steering_s: f64) {
+        let heading = self.heading.last_value() + angle_rad;
+        self.now_s = (self.heading).step_to(heading, self.now_s, rate_radps, steering_s);
+    }
+
+    /// Comes to another grade over a rounding or more, and goes on along it for a length.
+    pub(crate) fn change_grade(&mut self, to_rad: f64, rounding_m: f64, length_m: f64) {
+        let along = self.speed.at(self.now_s);
+        let start_m = along.integral;
+        let end_m = (self.grade).step_to(to_rad, start_m, habits::GRADE_PER_M, rounding_m);
+        self.now_s += (end_m + length_m - start_m) / along.value;
+    }
+}
+
 /// Plans the drive, manoeuvre after manoeuvre.
 struct Driver {
     random: Random,
-    speed: Profile,
-    heading: Profile,
-    now_s: f64,
+    course: Course,
 }
 
 impl Driver {
     fn new(seed: u64, initial_rest_s: Option<[f64; 2]>) -> Self {
         let mut random = Random::stream(seed, "driver");
-        let heading = Profile::new(core::f64::consts::PI * random.uniform([-1.0, 1.0]));
+        let heading_rad = core::f64::consts::PI * random.uniform([-1.0, 1.0]);
         let speed_mps = if initial_rest_s.is_some() {
             0.0
         } else {
             random.uniform(habits::CRUISE_MPS)
         };
-        let now_s = random.uniform(initial_rest_s.unwrap_or(habits::CRUISE_S));
-        Self {
-            random,
-            speed: Profile::new(speed_mps),
-            heading,
-            now_s,
-        }
+        let mut course = Course::new(speed_mps, heading_rad);
+        course.now_s = random.uniform(initial_rest_s.unwrap_or(habits::CRUISE_S));
+        Self { random, course }
     }
 
     /// Gain speed, cruise, then stop, turn, or change speed.
@@ -152,7 +203,7 @@ impl Driver {
         let choice = self.random.unit();
         if choice < 0.4 {
             self.change_speed(0.0);
-            self.now_s += self.random.uniform(habits::STOP_S);
+            self.course.now_s += self.random.uniform(habits::STOP_S);
         } else if choice < 0.9 {
             let u_turn = choice < 0.55;
             let (speeds, degrees) = if u_turn {
@@ -162,35 +213,32 @@ impl Driver {
             };
             let corner = self.random.uniform(speeds);
             self.change_speed(corner);
-            self.now_s -= habits::OVERLAP_S;
+            self.course.now_s -= habits::OVERLAP_S;
             let angle = degrees.to_radians() * self.random.sign();
             self.turn(angle, habits::CORNER_MPS2);
-            self.now_s -= habits::OVERLAP_S;
+            self.course.now_s -= habits::OVERLAP_S;
         }
     }
 
     fn cruise(&mut self) {
-        self.now_s += self.random.uniform(habits::CRUISE_S);
+        self.course.now_s += self.random.uniform(habits::CRUISE_S);
         if self.random.chance(0.5) {
             let angle = self.random.uniform(habits::BEND_RAD) * self.random.sign();
             self.turn(angle, habits::BEND_MPS2);
-            self.now_s += self.random.uniform(habits::CRUISE_S);
+            self.course.now_s += self.random.uniform(habits::CRUISE_S);
         }
     }
 
     fn change_speed(&mut self, to_mps: f64) {
         let acceleration = self.random.uniform(habits::ACCELERATION_MPS2);
         let pedal_s = self.random.uniform(habits::PEDAL_S);
-        self.now_s = self
-            .speed
-            .step_to(to_mps, self.now_s, acceleration, pedal_s);
+        self.course.change_speed(to_mps, acceleration, pedal_s);
     }
 
     fn turn(&mut self, angle_rad: f64, lateral_mps2: [f64; 2]) {
-        let rate = self.random.uniform(lateral_mps2) / self.speed.last_value();
+        let rate = self.random.uniform(lateral_mps2) / self.course.speed_mps();
         let steering_s = self.random.uniform(habits::STEERING_S);
-        let heading = self.heading.last_value() + angle_rad;
-        self.now_s = self.heading.step_to(heading, self.now_s, rate, steering_s);
+        self.course.turn(angle_rad, rate, steering_s);
     }
 }
 

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::car::Car;
 use super::errors::ErrorModel;
 use super::gnss::{Gnss, arrivals};
-use super::ideal::IdealSensors;
+use super::ideal::{IdealSensors, TrueState};
 use super::imu::Imu;
 use super::motion::Motion;
 use super::noise::Random;
@@ -187,63 +187,110 @@ pub fn record_with<M: Motion>(
     recording: &Recording,
     noise: Option<&RecordedNoise>,
 ) -> SimulatedDrive {
-    let Recording { seed, errors, .. } = recording;
     let mut sensors = IdealSensors::new(motion, recording.origin, Time::default());
-    let mut imu = Imu::new(errors, *seed);
-    imu.recorded = noise.map(|noise| Resampled::new(noise, *seed));
-    let mut gnss = Gnss::new(&errors.gnss, *seed);
-    let mut losses = Random::stream(*seed, "imu losses");
-    let mut jitter = Random::stream(*seed, "imu jitter");
-    let heading_error = Random::stream(*seed, "given heading").normal();
-
+    let start = *sensors.state();
     let end = Time::default().plus_seconds(recording.duration_s);
-    let mut run = SimulatedDrive {
-        imu: Vec::new(),
-        gnss: Vec::new(),
-        arrivals: Vec::new(),
-        truth: vec![sensors.state().solution],
-        errors: sensor_errors(&imu, &gnss, end),
-        given_heading_rad: errors.given_heading_sigma_deg.map(|sigma| {
-            sensors.state().solution.euler().heading_rad + sigma.to_radians() * heading_error
-        }),
-    };
-    if errors.imu.output == ImuOutput::Rates {
-        let (gyro, accel) = imu.measure_rates(&sensors.state().rates, 1.0 / recording.imu_hz);
-        run.imu.push(ImuSample {
-            time: Time::default(),
-            gyro,
-            accel,
-        });
+    let mut recorder = Recorder::new(recording, noise, &start);
+    recorder.go_on(&mut sensors, end);
+    let Recording { seed, errors, .. } = recording;
+    let heading_error = Random::stream(*seed, "given heading").normal();
+    let given_heading_rad = errors
+        .given_heading_sigma_deg
+        .map(|sigma| start.solution.euler().heading_rad + sigma.to_radians() * heading_error);
+    // With a latency the last fixes would be stamped after the last inertial sample.
+    recorder.gnss.retain(|fix| fix.time <= end);
+    SimulatedDrive {
+        arrivals: arrivals(&recorder.gnss, &errors.gnss.habits, *seed),
+        errors: recorder.errors(end),
+        imu: recorder.imu,
+        gnss: recorder.gnss,
+        truth: recorder.truth,
+        given_heading_rad,
     }
-    let stamp = |count: u32| Time::default().plus_seconds(f64::from(count) / recording.imu_hz);
-    for count in (1..).take_while(|count| stamp(*count) <= end) {
-        let before = *sensors.state();
-        let time = stamp(count);
-        let step_s = time.seconds_since(before.solution.time);
-        let gained = sensors.advance(time);
-        let now = sensors.state();
-        let (gyro, accel) = imu.measure(&gained, &now.rates, step_s);
-        let stamped = time.plus_seconds(errors.imu.stamp_jitter_s * jitter.uniform([-1.0, 1.0]));
-        if !losses.chance(errors.imu.dropped_fraction) && !errors.imu.has_hole_at(time) {
-            run.imu.push(ImuSample {
-                time: stamped,
+}
+
+/// Sensors on their way, and what they have put out.
+#[derive(Clone, Debug)]
+pub(crate) struct Recorder {
+    pub(crate) imu: Vec<ImuSample>,
+    pub(crate) gnss: Vec<GnssFix>,
+    pub(crate) truth: Vec<Solution>,
+    recording: Recording,
+    unit: Imu,
+    receiver: Gnss,
+    losses: Random,
+    jitter: Random,
+    count: u32,
+}
+
+impl Recorder {
+    /// Draws the errors of the run; the motion begins at `start`.
+    pub(crate) fn new(
+        recording: &Recording,
+        noise: Option<&RecordedNoise>,
+        start: &TrueState,
+    ) -> Self {
+        let Recording { seed, errors, .. } = recording;
+        let mut unit = Imu::new(errors, *seed);
+        unit.recorded = noise.map(|noise| Resampled::new(noise, *seed));
+        let mut imu = Vec::new();
+        if errors.imu.output == ImuOutput::Rates {
+            let (gyro, accel) = unit.measure_rates(&start.rates, 1.0 / recording.imu_hz);
+            imu.push(ImuSample {
+                time: Time::default(),
                 gyro,
                 accel,
             });
         }
-        gnss.observe(&before, now, &mut run.gnss);
-        if count % recording.truth_every == 0 {
-            run.truth.push(Solution {
-                time: stamped,
-                ..now.solution
-            });
+        Self {
+            imu,
+            gnss: Vec::new(),
+            truth: vec![start.solution],
+            unit,
+            receiver: Gnss::new(&errors.gnss, *seed),
+            losses: Random::stream(*seed, "imu losses"),
+            jitter: Random::stream(*seed, "imu jitter"),
+            count: 0,
+            recording: recording.clone(),
         }
     }
-    // With a latency the last fixes would be stamped after the last inertial sample.
-    run.gnss.retain(|fix| fix.time <= end);
-    run.arrivals = arrivals(&run.gnss, &errors.gnss.habits, *seed);
-    run.errors = sensor_errors(&imu, &gnss, end);
-    run
+
+    /// Records up to a time; `sensors` stand where the last recording has ended.
+    pub(crate) fn go_on<M: Motion>(&mut self, sensors: &mut IdealSensors<M>, end: Time) {
+        let imu_hz = self.recording.imu_hz;
+        let model = &self.recording.errors.imu;
+        let stamp = |count: u32| Time::default().plus_seconds(f64::from(count) / imu_hz);
+        while stamp(self.count + 1) <= end {
+            self.count += 1;
+            let before = *sensors.state();
+            let time = stamp(self.count);
+            let step_s = time.seconds_since(before.solution.time);
+            let gained = sensors.advance(time);
+            let now = sensors.state();
+            let (gyro, accel) = self.unit.measure(&gained, &now.rates, step_s);
+            let stamped =
+                time.plus_seconds(model.stamp_jitter_s * self.jitter.uniform([-1.0, 1.0]));
+            if !self.losses.chance(model.dropped_fraction) && !model.has_hole_at(time) {
+                self.imu.push(ImuSample {
+                    time: stamped,
+                    gyro,
+                    accel,
+                });
+            }
+            self.receiver.observe(&before, now, &mut self.gnss);
+            if self.count.is_multiple_of(self.recording.truth_every) {
+                self.truth.push(Solution {
+                    time: stamped,
+                    ..now.solution
+                });
+            }
+        }
+    }
+
+    /// The errors that an estimator should find at a time.
+    pub(crate) fn errors(&self, end: Time) -> SensorErrors {
+        sensor_errors(&self.unit, &self.receiver, end)
+    }
 }
 
 fn sensor_errors(imu: &Imu, gnss: &Gnss, end: Time) -> SensorErrors {

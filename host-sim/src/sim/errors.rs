@@ -370,7 +370,7 @@ impl ErrorModel {
 }
 
 /// Tables are gone into, everything else is replaced.
-fn set(file: &mut toml::Table, keys: &toml::Table) {
+pub(crate) fn set(file: &mut toml::Table, keys: &toml::Table) {
     for (key, value) in keys {
         match (file.get_mut(key), value) {
             (Some(toml::Value::Table(old)), toml::Value::Table(new))

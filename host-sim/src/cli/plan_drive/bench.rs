@@ -1,0 +1,286 @@
+//! A unit on a drive that is still being laid down, and the core that goes over it.
+//!
+//! All of it can be cloned: what a manoeuvre would bring is seen on a copy, from where the drive
+//! has come to.
+
+use std::collections::VecDeque;
+
+use ins_core::attitude::{Euler, from_euler};
+use ins_core::config::HeadingSource;
+use ins_core::earth::Geodetic;
+use ins_core::{
+    Config, Estimates, GnssFix, ImuOutput, ImuSample, Navigator, Phase, Solution, Time,
+};
+use miette::{Result, miette};
+use nalgebra::{UnitQuaternion, Vector3};
+
+use super::manoeuvre::{Driver, Manoeuvre};
+use super::target::{Site, Target};
+use crate::sim::car::{Car, Course};
+use crate::sim::drive::{Recorder, Recording};
+use crate::sim::errors::BiasModel;
+use crate::sim::gnss::arrivals;
+use crate::sim::ideal::IdealSensors;
+use crate::sim::mounted::Mounted;
+use crate::sim::noise::Random;
+use crate::sim::{ErrorModel, SensorErrors};
+
+/// The truth is kept ten times a second.
+const TRUTH_HZ: f64 = 10.0;
+
+/// One unit and whoever drives it.
+#[derive(Clone, Debug)]
+pub struct Bench {
+    course: Course,
+    driver: Driver,
+    mount: UnitQuaternion<f64>,
+    recorder: Recorder,
+    recording: Recording,
+    /// Where the recording has come to.
+    last: Solution,
+    /// When it began, by the stamps of the core, and what had been driven before, s.
+    since: Time,
+    before_s: f64,
+    /// Fixes that have not arrived, with the time when they do.
+    pending: VecDeque<(Time, GnssFix)>,
+    /// Errors of the sensors that are not drawn.
+    known: Option<Estimates>,
+    pub navigator: Navigator,
+}
+
+impl Bench {
+    /// A unit that is switched on, heading anywhere; the seed fixes its errors and all noise.
+    pub fn switched_on(
+        target: &Target,
+        model: &ErrorModel,
+        config: Config,
+        seed: u64,
+        mut driver: Driver,
+    ) -> Result<Self> {
+        let recording = Recording {
+            seed,
+            duration_s: 0.0,
+            imu_hz: target.unit.imu_hz,
+            truth_every: every(target.unit.imu_hz),
+            origin: Geodetic {
+                latitude_rad: 50.0_f64.to_radians(),
+                longitude_rad: 10.0_f64.to_radians(),
+                height_m: 200.0,
+            },
+            errors: model.clone(),
+        };
+        let course = Course::new(0.0, driver.heading_rad());
+        let mut bench = Self::begin(course, driver, target.unit.mount(), recording, config)?;
+        if let Some(sigma_deg) = model.given_heading_sigma_deg {
+            let error = Random::stream(seed, "given heading").normal() * sigma_deg.to_radians();
+            let given = bench.last.euler().heading_rad + error;
+            bench.navigator = navigator(Config {
+                heading: HeadingSource::Given(given),
+                ..config
+            })?;
+        }
+        Ok(bench)
+    }
+
+    /// Goes on where a recorded drive has ended, as the core has found unit and vehicle there: what
+    /// more is found does not hang on the values.
+    pub fn after(
+        (navigator, before_s): (Navigator, f64),
+        model: &ErrorModel,
+        imu_hz: f64,
+        seed: u64,
+        driver: Driver,
+    ) -> Result<Self> {
+        let end = navigator
+            .solution()
+            .filter(|_| navigator.phase() == Phase::Navigating);
+        let end = end.ok_or_else(|| {
+            miette!(
+                help = "nothing of it counts: plan a drive from the start, without the log",
+                "the log ends without a solution"
+            )
+        })?;
+        let known = navigator.estimates();
+        let velocity = end.velocity_enu_mps.xy();
+        let speed_mps = velocity.norm();
+        // Below a walk the velocity has no direction, and the vehicle stands.
+        let moves = speed_mps > 1.0;
+        let (speed_mps, heading_rad) = if moves {
+            (speed_mps, libm::atan2(velocity.x, velocity.y))
+        } else {
+            (0.0, end.euler().heading_rad)
+        };
+        let vehicle = from_euler(&Euler {
+            heading_rad,
+            ..Euler::default()
+        });
+        let recording = Recording {
+            seed,
+            duration_s: 0.0,
+            imu_hz,
+            truth_every: every(imu_hz),
+            origin: end.position,
+            errors: without_drawn_errors(model, &known),
+        };
+        let course = Course::new(speed_mps, heading_rad);
+        let mount = vehicle.inverse() * end.attitude;
+        let config = *navigator.config();
+        let mut bench = Self::begin(course, driver, mount, recording, config)?;
+        bench.known = Some(known);
+        bench.since = end.time;
+        bench.before_s = before_s;
+        bench.recorder.imu.clear();
+        bench.navigator = navigator;
+        Ok(bench)
+    }
+
+    fn begin(
+        course: Course,
+        driver: Driver,
+        mount: UnitQuaternion<f64>,
+        recording: Recording,
+        config: Config,
+    ) -> Result<Self> {
+        let motion = Mounted::new(Car::driven(course.clone()), mount);
+        let sensors = IdealSensors::new(motion, recording.origin, Time::default());
+        Ok(Self {
+            course,
+            driver,
+            mount,
+            recorder: Recorder::new(&recording, None, sensors.state()),
+            recording,
+            last: sensors.state().solution,
+            since: Time::default(),
+            before_s: 0.0,
+            pending: VecDeque::new(),
+            known: None,
+            navigator: navigator(config)?,
+        })
+    }
+
+    /// Whether there is no solution yet.
+    pub fn is_aligning(&self) -> bool {
+        self.navigator.phase() != Phase::Navigating
+    }
+
+    /// Since the recording began, s.
+    pub fn seconds(&self) -> f64 {
+        self.last.time.as_seconds()
+    }
+
+    /// The same with what had been driven before.
+    pub fn known_seconds(&self) -> f64 {
+        self.before_s + self.seconds()
+    }
+
+    /// Drives on.
+    pub fn drive(&mut self, manoeuvre: Manoeuvre, site: &Site) {
+        manoeuvre.drive(&mut self.course, site, &mut self.driver);
+        let motion = Mounted::new(Car::driven(self.course.clone()), self.mount);
+        let mut sensors = IdealSensors::new(motion, self.last.position, self.last.time);
+        let end = Time::default().plus_seconds(self.course.now_s);
+        self.recorder.go_on(&mut sensors, end);
+        self.last = sensors.state().solution;
+        self.listen();
+    }
+
+    /// The core takes what has been recorded.
+    fn listen(&mut self) {
+        let fixes = std::mem::take(&mut self.recorder.gnss);
+        let Recording { errors, seed, .. } = &self.recording;
+        let when = arrivals(
+            &fixes,
+            &errors.gnss.habits,
+            *seed ^ self.course.now_s.to_bits(),
+        );
+        self.pending.extend(when.into_iter().zip(fixes));
+        for sample in std::mem::take(&mut self.recorder.imu) {
+            while let Some((_, fix)) = self
+                .pending
+                .pop_front_if(|(arrival, _)| *arrival < sample.time)
+            {
+                let _ = self.navigator.on_gnss(&GnssFix {
+                    time: self.stamp(fix.time),
+                    ..fix
+                });
+            }
+            let _ = self.navigator.on_imu(&self.read(&sample));
+        }
+    }
+
+    fn stamp(&self, time: Time) -> Time {
+        self.since.plus_seconds(time.as_seconds())
+    }
+
+    /// A sample with the errors that are not drawn, the inverse of [`Estimates::corrected`].
+    fn read(&self, sample: &ImuSample) -> ImuSample {
+        let time = self.stamp(sample.time);
+        let Some(known) = &self.known else {
+            return ImuSample { time, ..*sample };
+        };
+        let seconds = match self.recording.errors.imu.output {
+            ImuOutput::Rates => 1.0,
+            ImuOutput::Increments => 1.0 / self.recording.imu_hz,
+        };
+        let values = |three: &[ins_core::Estimate; 3]| Vector3::from(three.map(|one| one.value));
+        let beyond_level = sample.accel - seconds * known.level_force_mps2;
+        let up = known
+            .level_force_mps2
+            .try_normalize(1.0)
+            .unwrap_or_default();
+        let turn = up.dot(&sample.gyro);
+        let tipped = sample.gyro - turn * up;
+        ImuSample {
+            time,
+            gyro: sample.gyro
+                + seconds * values(&known.gyro_bias_radps)
+                + known.turn_scale.value * turn * up
+                + values(&known.gyro_scale).component_mul(&tipped),
+            accel: sample.accel
+                + seconds * values(&known.accel_bias_mps2)
+                + values(&known.accel_scale).component_mul(&beyond_level),
+        }
+    }
+
+    /// What really happened, ten times a second.
+    pub fn truth(&self) -> &[Solution] {
+        &self.recorder.truth
+    }
+
+    /// Where it really is.
+    pub fn end(&self) -> &Solution {
+        &self.last
+    }
+
+    /// Errors as drawn.
+    pub fn errors(&self) -> SensorErrors {
+        self.recorder.errors(self.last.time)
+    }
+}
+
+fn navigator(config: Config) -> Result<Navigator> {
+    Navigator::new(config).map_err(|error| miette!("the configuration cannot be used: {error}"))
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+fn every(imu_hz: f64) -> u32 {
+    (imu_hz / TRUTH_HZ).round().max(1.0) as u32
+}
+
+/// Noise and what moves remain.
+fn without_drawn_errors(model: &ErrorModel, known: &Estimates) -> ErrorModel {
+    let mut model = model.clone();
+    for sensors in [&mut model.gyro_deg_h, &mut model.accel_mps2] {
+        sensors.scale_sigma = 0.0;
+        sensors.misalignment_sigma = 0.0;
+        let (BiasModel::Continuous { initial_sigma, .. } | BiasModel::Wave { initial_sigma, .. }) =
+            &mut sensors.bias;
+        *initial_sigma = 0.0;
+    }
+    let latency_s = known.gnss_latency_now_s.value;
+    model.gnss.latency_s = [latency_s; 2];
+    model.gnss.outages.clear();
+    model.gnss.habits.clock_drift = known.clock_drift.value;
+    model.gnss.habits.lever_arm_m = known.lever_arm_m.map(|arm| arm.value);
+    model
+}

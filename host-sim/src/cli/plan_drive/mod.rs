@@ -1,0 +1,212 @@
+//! Which drive does the user need? Manoeuvres are added one by one until each quantity is known to
+//! the sigma that is wanted, or none of them helps.
+//!
+//! What a manoeuvre brings is not derived anew: the core itself goes over a simulation of it, and
+//! says how well it knows everything then. Its sigmas hang on the geometry, on the noise that it
+//! finds, and on when it finds its heading: so several units are driven side by side, the first
+//! exactly as the plan says, the others as people drive.
+
+mod bench;
+pub mod command;
+mod manoeuvre;
+mod output;
+mod quantities;
+mod reason;
+pub mod study;
+mod target;
+
+pub use bench::Bench;
+pub use manoeuvre::{Driver, Manoeuvre};
+pub use quantities::{Goal, Reached};
+pub use target::{Site, Target};
+
+use indicatif::ProgressBar;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::log::BodyAxes;
+
+/// White noise gives in half the logarithm of time. What falls less than this part of that has
+/// come to what is not noise.
+const OF_WHITE: f64 = 0.5;
+/// Part of what has been driven that is added in one step at least: less moves a sigma by less than
+/// chance does.
+const STEP: f64 = 0.2;
+/// Steps of one manoeuvre that are tried in a row, more only if fewer help nowhere: twice the drive
+/// shows whatever ever will.
+const AHEAD: [u32; 3] = [1, 2, 5];
+/// To have no solution is worse than anything that is not known, in nepers.
+const NO_SOLUTION: f64 = 1e3;
+
+/// A manoeuvre of the plan, how often in a row, and what is known after it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Stage {
+    pub manoeuvre: Manoeuvre,
+    pub times: u32,
+    /// Since the drive began, s.
+    pub end_s: f64,
+    pub reached: Vec<Reached>,
+}
+
+/// A quantity that the plan does not bring to its target, and why.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Unreached {
+    #[serde(flatten)]
+    pub last: Reached,
+    pub why: String,
+}
+
+/// The drive that is needed.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// What is known before.
+    pub before: Vec<Reached>,
+    pub stages: Vec<Stage>,
+    pub unreached: Vec<Unreached>,
+    /// As driven, the first exactly.
+    pub end: Vec<Bench>,
+}
+
+/// Units side by side. The core holds GNSS for coloured in some and for white in others, and their
+/// sigmas then differ by a factor of two: so many that a mean of both is good to some 15 %.
+pub const UNITS: u64 = 10;
+
+/// What is searched for, and where.
+#[derive(Clone, Copy, Debug)]
+pub struct Search<'a> {
+    pub goals: &'a [Goal],
+    pub site: &'a Site,
+    pub axes: BodyAxes,
+}
+
+impl Search<'_> {
+    /// Adds to what has been driven.
+    pub fn plan(&self, start: Vec<Bench>, progress: &ProgressBar) -> Plan {
+        let before = self.reached(&start);
+        let mut plan = Plan {
+            before,
+            stages: Vec::new(),
+            unreached: Vec::new(),
+            end: start,
+        };
+        let longest_s = 60.0 * self.site.longest_minutes;
+        while self.missing(&plan.end) > 0.0 && seconds(&plan.end) < longest_s {
+            let Some(Tried {
+                manoeuvre,
+                times,
+                drives: end,
+            }) = self.next(&plan.end)
+            else {
+                break;
+            };
+            let again = plan.stages.pop_if(|last| last.manoeuvre == manoeuvre);
+            plan.stages.push(Stage {
+                manoeuvre,
+                times: times + again.map_or(0, |last| last.times),
+                end_s: seconds(&end),
+                reached: self.reached(&end),
+            });
+            plan.end = end;
+            progress.inc(1);
+        }
+        plan.unreached = self.unreached(&plan.end);
+        progress.finish_and_clear();
+        plan
+    }
+
+    /// What is driven next; none if nothing helps.
+    fn next(&self, from: &[Bench]) -> Option<Tried> {
+        let site = &self.site.manoeuvres;
+        if seconds(from) == 0.0 && site.contains(&Manoeuvre::Stand) && aligning(from) {
+            // Level and gyros are best found at rest, and a car stands anyway.
+            return self.tried(from, &[Manoeuvre::Stand], 1).pop();
+        }
+        AHEAD
+            .into_iter()
+            .find_map(|steps| self.best(from, self.tried(from, site, steps)))
+    }
+
+    /// How every quantity stands.
+    pub fn reached(&self, drives: &[Bench]) -> Vec<Reached> {
+        let goals = self.goals.iter();
+        goals.map(|goal| goal.reached(drives, self.axes)).collect()
+    }
+
+    fn missing(&self, drives: &[Bench]) -> f64 {
+        let missing: f64 = self.reached(drives).iter().map(Reached::missing).sum();
+        let unsolved = drives.iter().filter(|drive| drive.is_aligning()).count();
+        missing + NO_SOLUTION * unsolved as f64
+    }
+
+    /// Each manoeuvre on copies, so many steps of it.
+    fn tried(&self, from: &[Bench], manoeuvres: &[Manoeuvre], steps: u32) -> Vec<Tried> {
+        manoeuvres
+            .par_iter()
+            .filter_map(|manoeuvre| {
+                let (first, others) = from.split_first()?;
+                let least_s = STEP * first.seconds();
+                let mut times = 0;
+                let mut ahead = first.clone();
+                let gained_s = |ahead: &Bench| ahead.seconds() - first.seconds();
+                while times < steps || gained_s(&ahead) < f64::from(steps) * least_s {
+                    ahead.drive(*manoeuvre, self.site);
+                    times += 1;
+                }
+                let again = |bench: &Bench| {
+                    let mut bench = bench.clone();
+                    (0..times).for_each(|_| bench.drive(*manoeuvre, self.site));
+                    bench
+                };
+                let others: Drives = others.par_iter().map(again).collect();
+                Some(Tried {
+                    manoeuvre: *manoeuvre,
+                    times,
+                    drives: std::iter::once(ahead).chain(others).collect(),
+                })
+            })
+            .collect()
+    }
+
+    /// The one that brings most in its time; none if all that is missing falls no more.
+    fn best(&self, from: &[Bench], tried: Vec<Tried>) -> Option<Tried> {
+        let (before, reached) = (self.missing(from), self.reached(from));
+        let helps = |drives: &[Bench]| {
+            let falls =
+                |(was, is): (&Reached, &Reached)| !was.is_met() && falls(was, is, from, drives);
+            aligning(from) || reached.iter().zip(&self.reached(drives)).any(falls)
+        };
+        let rate = |tried: &Tried| {
+            (before - self.missing(&tried.drives)) / (seconds(&tried.drives) - seconds(from))
+        };
+        tried
+            .into_iter()
+            .filter(|tried| helps(&tried.drives) && rate(tried) > 0.0)
+            .max_by(|one, other| rate(one).total_cmp(&rate(other)))
+    }
+}
+
+/// A manoeuvre, how often, and what it has come to.
+struct Tried {
+    manoeuvre: Manoeuvre,
+    times: u32,
+    drives: Drives,
+}
+
+/// Units side by side.
+type Drives = Vec<Bench>;
+
+/// How long the first has been driven, s.
+pub fn seconds(drives: &[Bench]) -> f64 {
+    drives.first().map_or(0.0, Bench::seconds)
+}
+
+fn aligning(drives: &[Bench]) -> bool {
+    drives.iter().any(Bench::is_aligning)
+}
+
+/// Whether a sigma falls as what is noise does, or begins to stand on data.
+fn falls(was: &Reached, is: &Reached, from: &[Bench], to: &[Bench]) -> bool {
+    let known_s = |drives: &[Bench]| drives.first().map_or(0.0, Bench::known_seconds);
+    let white = 0.5 * libm::log(known_s(to) / known_s(from).max(1.0));
+    (is.observable && !was.observable) || libm::log(was.sigma / is.sigma) > OF_WHITE * white
+}

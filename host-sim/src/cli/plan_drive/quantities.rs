@@ -1,0 +1,158 @@
+//! What may be wanted of a drive.
+
+use core::f64::consts::PI;
+
+use ins_core::Estimates;
+use serde::Serialize;
+
+use super::Bench;
+use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2, Quantity as Known};
+use crate::log::BodyAxes;
+use crate::statistics::rms;
+
+/// Quantities of one kind; the key says the unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    Azimuth,
+    AccelBias,
+    GyroBias,
+    Latency,
+    LeverArm,
+    AccelScale,
+    TurnScale,
+    GyroScale,
+}
+
+impl Kind {
+    pub const ALL: [Self; 8] = [
+        Self::Azimuth,
+        Self::AccelBias,
+        Self::GyroBias,
+        Self::Latency,
+        Self::LeverArm,
+        Self::AccelScale,
+        Self::TurnScale,
+        Self::GyroScale,
+    ];
+
+    /// Key in a target file, name, unit, SI value of the unit.
+    fn entry(self) -> (&'static str, &'static str, &'static str, f64) {
+        match self {
+            Self::Azimuth => ("azimuth_deg", "azimuth", "deg", PI / 180.0),
+            Self::AccelBias => ("accel_bias_mg", "accelerometer", "mg", MG_MPS2),
+            Self::GyroBias => ("gyro_bias_deg_h", "gyro", "deg/h", DEG_H_RADPS),
+            Self::Latency => ("gnss_latency_ms", "latency", "ms", 1e-3),
+            Self::LeverArm => ("lever_arm_m", "lever arm", "m", 1.0),
+            Self::AccelScale => ("accel_scale_percent", "accelerometer scale", "%", 1e-2),
+            Self::TurnScale => ("turn_scale_percent", "gyro scale, vertical", "%", 1e-2),
+            Self::GyroScale => ("gyro_scale_percent", "gyro scale", "%", 1e-2),
+        }
+    }
+
+    pub fn key(self) -> &'static str {
+        self.entry().0
+    }
+
+    /// Whether there is one for each axis.
+    pub fn has_axes(self) -> bool {
+        !matches!(self, Self::Azimuth | Self::Latency | Self::TurnScale)
+    }
+}
+
+/// A number that may be wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Quantity {
+    pub kind: Kind,
+    /// Axis of the unit: 0, 1, 2.
+    pub axis: usize,
+}
+
+impl Quantity {
+    /// In words.
+    pub fn name(self) -> String {
+        let (_, name, ..) = self.kind.entry();
+        if self.kind.has_axes() {
+            format!("{name} {}", ["x", "y", "z"][self.axis])
+        } else {
+            name.to_owned()
+        }
+    }
+
+    pub fn unit(self) -> &'static str {
+        self.kind.entry().2
+    }
+
+    /// SI value of the unit.
+    pub fn si(self) -> f64 {
+        self.kind.entry().3
+    }
+
+    /// What is known of it, in its unit, the unit's axes being these.
+    pub fn known(self, estimates: &Estimates, axes: BodyAxes) -> Known {
+        let (component, sign) = axes.rfu_component(self.axis);
+        let (estimate, sign) = match self.kind {
+            Kind::Azimuth => (&estimates.azimuth_error_rad, 1.0),
+            Kind::AccelBias => (&estimates.accel_bias_mps2[component], sign),
+            Kind::GyroBias => (&estimates.gyro_bias_radps[component], sign),
+            Kind::Latency => (&estimates.gnss_latency_now_s, 1.0),
+            Kind::LeverArm => (&estimates.lever_arm_m[component], sign),
+            Kind::AccelScale => (&estimates.accel_scale[component], 1.0),
+            Kind::TurnScale => (&estimates.turn_scale, 1.0),
+            Kind::GyroScale => (&estimates.gyro_scale[component], 1.0),
+        };
+        Known::of(estimate, sign * self.si())
+    }
+}
+
+/// A quantity and the sigma that is wanted of it, in its unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Goal {
+    pub quantity: Quantity,
+    pub sigma: f64,
+}
+
+/// A quantity at some time, against its goal.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Reached {
+    pub quantity: String,
+    pub unit: &'static str,
+    pub sigma: f64,
+    pub target: f64,
+    pub observable: bool,
+}
+
+impl Goal {
+    /// How it stands on several drives alike: RMS of their sigmas, and shown if by all.
+    pub fn reached(&self, drives: &[Bench], axes: BodyAxes) -> Reached {
+        let known = |drive: &Bench| self.quantity.known(&drive.navigator.estimates(), axes);
+        let known: Vec<Known> = drives.iter().map(known).collect();
+        Reached {
+            quantity: self.quantity.name(),
+            unit: self.quantity.unit(),
+            sigma: rms(known.iter().map(|known| known.sigma)),
+            target: self.sigma,
+            observable: known.iter().all(Known::observable),
+        }
+    }
+}
+
+/// Left of what is as sharp as wanted and yet does not stand on data, nepers.
+const NOT_SHOWN: f64 = 1.0;
+
+impl Reached {
+    /// A value that does not stand on data is not given, whatever its sigma.
+    pub fn is_met(&self) -> bool {
+        self.observable && self.sigma <= self.target
+    }
+
+    /// What is left to be known, in nepers.
+    pub fn missing(&self) -> f64 {
+        let left = libm::log(self.sigma / self.target);
+        if self.observable {
+            left.max(0.0)
+        } else {
+            // Never nothing, and less with every bit that the sigma falls.
+            (NOT_SHOWN + left).max(f64::MIN_POSITIVE)
+        }
+    }
+}

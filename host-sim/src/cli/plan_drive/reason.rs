@@ -1,0 +1,121 @@
+//! Why a quantity does not come to its target.
+
+use super::quantities::{Goal, Kind};
+use super::{AHEAD, Bench, Manoeuvre, Reached, Search, Tried, Unreached, falls, seconds};
+use crate::identify::words::unaligned;
+use crate::page::digits;
+
+/// A manoeuvre that the site does not allow is worth a word if it brings a sigma below this part of
+/// what the site's own do.
+const WORTH: f64 = 0.8;
+/// What is as large as this part of a sigma holds it up.
+const OF_FLOOR: f64 = 0.5;
+/// Of what an axis feels of it to its tilt, m/s^2.
+const GRAVITY_MPS2: f64 = 9.81;
+
+impl Search<'_> {
+    pub(super) fn unreached(&self, end: &[Bench]) -> Vec<Unreached> {
+        let last = self.reached(end);
+        if last.iter().all(Reached::is_met) {
+            return Vec::new();
+        }
+        let own = self.tried(end, &self.site.manoeuvres, AHEAD[1]);
+        let forbidden: Vec<Manoeuvre> = Manoeuvre::ALL
+            .into_iter()
+            .filter(|manoeuvre| !self.site.manoeuvres.contains(manoeuvre))
+            .collect();
+        let other = self.tried(end, &forbidden, AHEAD[1]);
+        let each = last.into_iter().enumerate();
+        each.filter(|(_, reached)| !reached.is_met())
+            .map(|(which, last)| {
+                let why = self.why(which, &last, end, &own, &other);
+                Unreached { last, why }
+            })
+            .collect()
+    }
+
+    fn why(
+        &self,
+        which: usize,
+        last: &Reached,
+        end: &[Bench],
+        own: &[Tried],
+        other: &[Tried],
+    ) -> String {
+        let after = |drives: &[Bench]| self.goals[which].reached(drives, self.axes);
+        let least = |tried: &[Tried]| {
+            let sigma = |one: &Tried| after(&one.drives).sigma;
+            let place =
+                (0..tried.len()).min_by(|a, b| sigma(&tried[*a]).total_cmp(&sigma(&tried[*b])));
+            place.map(|place| (place, sigma(&tried[place])))
+        };
+        if let Some(lost) = end.iter().find(|bench| bench.is_aligning()) {
+            return unaligned(lost.navigator.phase()).to_owned();
+        }
+        let own_least = least(own).map_or(last.sigma, |(_, sigma)| sigma);
+        if let Some((place, sigma)) = least(other)
+            && sigma < WORTH * own_least
+        {
+            let shows = &other[place];
+            return format!(
+                "the site does not allow what shows it: {:.1} min of {} would bring it to {} {}",
+                (seconds(&shows.drives) - seconds(end)) / 60.0,
+                shows.manoeuvre.name(),
+                digits(sigma, sigma),
+                last.unit
+            );
+        }
+        let falling = |tried: &&Tried| falls(last, &after(&tried.drives), end, &tried.drives);
+        if let Some(tried) = own.iter().find(falling) {
+            let known_s = end.first().map_or(0.0, Bench::known_seconds);
+            let needed_s = (last.sigma / last.target).powi(2) * known_s;
+            return format!(
+                "it still falls as noise does; {} alone would take some {:.0} min more, if that \
+                 went on",
+                tried.manoeuvre.name(),
+                (needed_s - known_s) / 60.0
+            );
+        }
+        Self::floor(&self.goals[which], last, end)
+    }
+
+    /// What a sigma comes to that falls no more.
+    fn floor(goal: &Goal, last: &Reached, end: &[Bench]) -> String {
+        let Some(first) = end.first() else {
+            return String::new();
+        };
+        let sensors = &first.navigator.config().sensors;
+        let up = first.navigator.estimates().level_force_mps2 / GRAVITY_MPS2;
+        // Sine and cosine of the tilt of the axis that is nearest to the vertical.
+        let (upright, tilted) = (up.amax(), (1.0 - up.amax() * up.amax()).max(0.0).sqrt());
+        let by_scale = GRAVITY_MPS2 * sensors.gyro_scale * upright * tilted;
+        let by_axes = GRAVITY_MPS2 * sensors.misalignment_rad;
+        let sigma_mps2 = last.sigma * goal.quantity.si();
+        let walks = "its bias wanders, and what is left is what it does meanwhile";
+        let text = match goal.quantity.kind {
+            Kind::AccelBias if by_axes > OF_FLOOR * sigma_mps2 => {
+                "at one attitude of the mount a bias and a misalignment are one number: turn the \
+                 unit over on a bench, or configure no misalignment if a compensation is all that \
+                 it is for"
+            }
+            Kind::AccelBias if by_scale > OF_FLOOR * sigma_mps2 => {
+                "the unit is tilted, and at one tilt a bias and what the scale errors of the gyros \
+                 tip in turns are one number: mount it level, or calibrate the gyros"
+            }
+            Kind::AccelBias if sensors.accel_bias_walk > 0.0 => walks,
+            Kind::GyroBias if sensors.gyro_bias_walk > 0.0 => walks,
+            Kind::Azimuth => "between manoeuvres it hangs on the noise of the gyros",
+            Kind::AccelScale => {
+                "no manoeuvre of a car makes the axis feel much more or less than at the level \
+                 attitude, where a scale error is one number with the bias: turn the unit over on a \
+                 bench"
+            }
+            Kind::GyroScale => {
+                "no manoeuvre of a car tips the unit: turn it by hand about the axis"
+            }
+            Kind::LeverArm => "the vehicle leans too little to show it: measure it",
+            _ => "no manoeuvre of this site moves it",
+        };
+        text.to_owned()
+    }
+}

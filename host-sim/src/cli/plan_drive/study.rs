@@ -1,0 +1,291 @@
+//! The study `plan-drive`: what was foretold of a drive against what drives of it reach.
+//!
+//! Each drive has errors, noise, heading and a driver of its own, who does what the plan says as
+//! people do, some per cent off.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use indicatif::ProgressBar;
+use ins_core::earth::LocalEarth;
+use ins_core::{Estimate, Estimates, Solution};
+use miette::{IntoDiagnostic, Result};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::{Bench, Driver, Goal, Plan, Target, UNITS, seconds};
+use crate::page::progress::bar;
+use crate::page::table::{cells, plain};
+use crate::statistics::rms;
+
+/// Goal: predicted over reached.
+const GOAL: [f64; 2] = [0.8, 1.25];
+
+/// Targets: name, whether it judges, text.
+const CASES: [(&str, bool, &str); 6] = [
+    (
+        "mems",
+        false,
+        include_str!("../../../plans/drive_target.toml"),
+    ),
+    ("hg1700", false, include_str!("targets/hg1700.toml")),
+    (
+        "mems, tilted, 4 Hz",
+        true,
+        include_str!("targets/judge_mems_tilted.toml"),
+    ),
+    (
+        "mems, 1 Hz, street",
+        true,
+        include_str!("targets/judge_mems_street.toml"),
+    ),
+    (
+        "hg1700, never stops",
+        true,
+        include_str!("targets/judge_hg1700_moving.toml"),
+    ),
+    (
+        "hg1700, antenna away",
+        true,
+        include_str!("targets/judge_hg1700_antenna.toml"),
+    ),
+];
+
+/// Options of `study plan-drive`.
+#[derive(Debug, Args)]
+pub struct PlanDrive {
+    /// Targets, as for `plan-drive`; two to develop on and four that judge unless given.
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    target: Vec<PathBuf>,
+    /// Drives of each plan.
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(2..=100_000))]
+    runs: u64,
+    /// Seed of the first drive; the others follow. Plans are made with another.
+    #[arg(long, default_value_t = 1)]
+    first_seed: u64,
+}
+
+/// The plan for one target, and what its drives reach.
+#[derive(Debug, Serialize)]
+struct Results {
+    target: String,
+    judge: bool,
+    minutes: f64,
+    runs: usize,
+    /// Runs that end without a solution: not in the rows.
+    without_solution: usize,
+    rows: Vec<Row>,
+}
+
+/// One quantity.
+#[derive(Debug, Serialize)]
+struct Row {
+    quantity: String,
+    unit: &'static str,
+    target: f64,
+    /// Sigma at the end of the plan.
+    predicted: f64,
+    /// RMS of the sigmas that the core states in the drives.
+    stated: f64,
+    /// RMS of the errors.
+    reached: f64,
+    /// Predicted over reached; none where the plan does not show it.
+    ratio: Option<f64>,
+}
+
+/// Plans, drives, compares.
+pub fn study(options: &PlanDrive, json: bool) -> Result<()> {
+    let cases = cases(&options.target)?;
+    let progress = bar();
+    progress.set_message("driving");
+    progress.set_length(cases.len() as u64 * options.runs);
+    let one = |(name, judge, target): &(String, bool, Target)| {
+        results(name, *judge, target, options, &progress)
+    };
+    let all: Vec<Results> = cases.iter().map(one).collect::<Result<_>>()?;
+    progress.finish_and_clear();
+    if json {
+        println!("{}", serde_json::to_string_pretty(&all).into_diagnostic()?);
+    } else {
+        print!("{}", readable(&all));
+    }
+    Ok(())
+}
+
+fn cases(files: &[PathBuf]) -> Result<Vec<(String, bool, Target)>> {
+    if files.is_empty() {
+        let case = |(name, judge, text): (&str, bool, &str)| {
+            Ok((
+                name.to_owned(),
+                judge,
+                Target::parse(Path::new(name), text)?,
+            ))
+        };
+        return CASES.into_iter().map(case).collect();
+    }
+    let case = |file: &PathBuf| Ok((file.display().to_string(), true, Target::read(file)?));
+    files.iter().map(case).collect()
+}
+
+fn results(
+    name: &str,
+    judge: bool,
+    target: &Target,
+    options: &PlanDrive,
+    progress: &ProgressBar,
+) -> Result<Results> {
+    // Of units that are not among those that drive.
+    let plan = target.plan(options.first_seed.wrapping_sub(UNITS))?;
+    let seeds = options.first_seed..options.first_seed.saturating_add(options.runs);
+    let tried: Vec<Option<Vec<[f64; 2]>>> = seeds
+        .into_par_iter()
+        .map(|seed| {
+            let tried = driven(target, &plan, seed);
+            progress.inc(1);
+            tried
+        })
+        .collect::<Result<_>>()?;
+    let runs = tried.len();
+    let solved: Vec<Vec<[f64; 2]>> = tried.into_iter().flatten().collect();
+    let row = |(which, goal): (usize, &Goal)| {
+        let rms_of = |part: usize| rms(solved.iter().map(|run| run[which][part]));
+        let foretold = goal.reached(&plan.end, target.unit.body_axes);
+        let (reached, stated) = (rms_of(0), rms_of(1));
+        Row {
+            ratio: foretold.observable.then(|| foretold.sigma / reached),
+            quantity: foretold.quantity,
+            unit: foretold.unit,
+            target: foretold.target,
+            predicted: foretold.sigma,
+            stated,
+            reached,
+        }
+    };
+    Ok(Results {
+        target: name.to_owned(),
+        judge,
+        minutes: seconds(&plan.end) / 60.0,
+        runs,
+        without_solution: runs - solved.len(),
+        rows: target.goals.iter().enumerate().map(row).collect(),
+    })
+}
+
+/// Error and stated sigma of every goal after a drive of the plan; none without a solution.
+fn driven(target: &Target, plan: &Plan, seed: u64) -> Result<Option<Vec<[f64; 2]>>> {
+    let model = target.error_model()?;
+    let config = target.config(&model)?;
+    let mut bench = Bench::switched_on(target, &model, config, seed, Driver::human(seed))?;
+    for stage in &plan.stages {
+        for _ in 0..stage.times {
+            bench.drive(stage.manoeuvre, &target.site);
+        }
+    }
+    let Some(solution) = bench.navigator.solution().filter(|_| !bench.is_aligning()) else {
+        return Ok(None);
+    };
+    let estimates = bench.navigator.estimates();
+    let truth = true_values(&bench, target, &estimates, &solution);
+    let axes = target.unit.body_axes;
+    let check = |goal: &Goal| {
+        let known = goal.quantity.known(&estimates, axes);
+        [
+            known.value - goal.quantity.known(&truth, axes).value,
+            known.sigma,
+        ]
+    };
+    Ok(Some(target.goals.iter().map(check).collect()))
+}
+
+/// What the core should have found, in its own terms: a bias of an accelerometer is what it reads
+/// too much in a level vehicle.
+fn true_values(
+    bench: &Bench,
+    target: &Target,
+    found: &Estimates,
+    solution: &Solution,
+) -> Estimates {
+    let (errors, end) = (bench.errors(), bench.end());
+    let ups = bench
+        .truth()
+        .iter()
+        .map(|s| s.attitude.inverse() * Vector3::z());
+    let up = ups.sum::<Vector3<f64>>().normalize();
+    let at = &end.position;
+    let gravity = LocalEarth::at(at.latitude_rad, at.height_m).gravity_mps2;
+    let felt = Vector3::from(errors.accel_bias_mps2) + gravity * errors.accel_matrix * up;
+    let azimuth_left = (solution.attitude * end.attitude.inverse()).scaled_axis().z;
+    let value = |value: f64| Estimate {
+        value,
+        ..Estimate::default()
+    };
+    let vector = |v: Vector3<f64>| [value(v.x), value(v.y), value(v.z)];
+    Estimates {
+        // Of what is left in the heading nobody asks for the sign.
+        azimuth_error_rad: value(found.azimuth_error_rad.value - azimuth_left),
+        accel_bias_mps2: vector(felt),
+        gyro_bias_radps: vector(errors.gyro_bias_radps.into()),
+        gnss_latency_now_s: value(errors.gnss_latency_end_s),
+        lever_arm_m: vector(target.unit.lever_arm_m()),
+        accel_scale: vector(errors.accel_matrix.diagonal()),
+        turn_scale: value(up.dot(&(errors.gyro_matrix * up))),
+        gyro_scale: vector(errors.gyro_matrix.diagonal()),
+        ..Estimates::default()
+    }
+}
+
+fn readable(all: &[Results]) -> String {
+    let header = cells([
+        "",
+        "unit",
+        "wanted",
+        "predicted",
+        "stated",
+        "reached",
+        "predicted/reached",
+    ]);
+    let mut parts = Vec::new();
+    for results in all {
+        let side = if results.judge { "judge" } else { "develop" };
+        let row = |row: &Row| {
+            let number = |value: f64| crate::page::digits(value, value);
+            let mut cells = vec![
+                row.quantity.clone(),
+                row.unit.to_owned(),
+                row.target.to_string(),
+            ];
+            cells.extend([row.predicted, row.stated, row.reached].map(number));
+            let ratio = row.ratio.map(|ratio| format!("{ratio:.2}"));
+            cells.push(ratio.unwrap_or_else(|| "not shown".to_owned()));
+            cells
+        };
+        let rows: Vec<Vec<String>> = results.rows.iter().map(row).collect();
+        parts.push(format!(
+            "{} ({side}): {:.1} min, {} drives, {} without a solution\n{}\n",
+            results.target,
+            results.minutes,
+            results.runs,
+            results.without_solution,
+            plain(&header, &rows)
+        ));
+    }
+    for (judge, side) in [(false, "development"), (true, "judges")] {
+        let of_side = all.iter().filter(|results| results.judge == judge);
+        let ratios: Vec<f64> = of_side
+            .flat_map(|r| &r.rows)
+            .filter_map(|r| r.ratio)
+            .collect();
+        let good = ratios
+            .iter()
+            .filter(|ratio| (GOAL[0]..=GOAL[1]).contains(*ratio));
+        parts.push(format!(
+            "{side}: {} of {} ratios within {} to {}\n",
+            good.count(),
+            ratios.len(),
+            GOAL[0],
+            GOAL[1]
+        ));
+    }
+    parts.concat()
+}

@@ -1,0 +1,297 @@
+//! Target files: what is wanted, of which unit, and what the site allows.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use ins_core::Config;
+use ins_core::attitude::{Euler, from_euler};
+use miette::{Result, miette};
+use nalgebra::{UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
+use toml::{Spanned, Value};
+
+use super::manoeuvre::Manoeuvre;
+use super::quantities::{Goal, Kind, Quantity};
+use crate::aircraft::input::{InputError, Source, read_text};
+use crate::cli::options::error_model;
+use crate::log::{self, BodyAxes};
+use crate::sim::errors::{ErrorModelError, set};
+use crate::sim::{ErrorModel, Grade};
+use crate::study::accuracy::config_of;
+
+const EXAMPLE: &str = "host-sim/plans/drive_target.toml";
+
+/// All that a target file says.
+#[derive(Clone, Debug)]
+pub struct Target {
+    pub goals: Vec<Goal>,
+    pub unit: Unit,
+    pub site: Site,
+    /// Keys of an error model, and of the core's configuration, in place of those of the class.
+    pub errors: toml::Table,
+    pub config: toml::Table,
+}
+
+/// The unit and its place in the vehicle.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Unit {
+    /// Class of sensors, or a file with an error model.
+    pub sensors: String,
+    /// Preset of the core, if the sensors are a file.
+    pub class: Option<log::Grade>,
+    pub body_axes: BodyAxes,
+    /// How its axes are turned against those of the vehicle.
+    pub roll_deg: f64,
+    pub pitch_deg: f64,
+    pub heading_deg: f64,
+    /// Antenna from the unit: to the right, forward and up of it in the vehicle.
+    pub antenna_m: [f64; 3],
+    pub imu_hz: f64,
+}
+
+impl Default for Unit {
+    fn default() -> Self {
+        Self {
+            sensors: "mems".to_owned(),
+            class: None,
+            body_axes: BodyAxes::Frd,
+            roll_deg: 0.0,
+            pitch_deg: 0.0,
+            heading_deg: 0.0,
+            antenna_m: [0.0; 3],
+            imu_hz: 100.0,
+        }
+    }
+}
+
+/// Where and how the vehicle may be driven.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Site {
+    pub manoeuvres: Vec<Manoeuvre>,
+    pub speed_kmh: f64,
+    pub acceleration_mps2: f64,
+    pub braking_mps2: f64,
+    /// Of the hill.
+    pub slope_percent: f64,
+    pub longest_minutes: f64,
+}
+
+impl Default for Site {
+    fn default() -> Self {
+        let level = |manoeuvre: &Manoeuvre| *manoeuvre != Manoeuvre::Hill;
+        Self {
+            manoeuvres: Manoeuvre::ALL.into_iter().filter(level).collect(),
+            speed_kmh: 50.0,
+            acceleration_mps2: 2.0,
+            braking_mps2: 2.5,
+            slope_percent: 6.0,
+            longest_minutes: 40.0,
+        }
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    target: Spanned<BTreeMap<String, Spanned<Value>>>,
+    #[serde(default)]
+    unit: Unit,
+    #[serde(default)]
+    site: Site,
+    #[serde(default)]
+    errors: toml::Table,
+    #[serde(default)]
+    config: toml::Table,
+}
+
+impl Target {
+    /// Reads and checks a file.
+    pub fn read(file: &Path) -> Result<Self, InputError> {
+        Self::parse(file, &read_text(file, "the target of a drive")?)
+    }
+
+    /// Checks a text; `file` is for messages.
+    pub fn parse(file: &Path, text: &str) -> Result<Self, InputError> {
+        let source = Source { file, text };
+        let read: File = source.parse(EXAMPLE)?;
+        let mut goals = Vec::new();
+        for kind in Kind::ALL {
+            if let Some(value) = read.target.get_ref().get(kind.key()) {
+                goals.extend(wanted(&source, kind, value)?);
+            }
+        }
+        for (key, value) in read.target.get_ref() {
+            if Kind::ALL.iter().all(|kind| kind.key() != key) {
+                let keys: Vec<&str> = Kind::ALL.iter().map(|kind| kind.key()).collect();
+                let expected = keys.join(", ");
+                let message = format!("`{key}` cannot be wanted; expected one of {expected}");
+                return Err(source.error(value.span().start, message));
+            }
+        }
+        if goals.is_empty() {
+            let nothing = "nothing is wanted; expected a sigma, say `azimuth_deg = 0.1`";
+            return Err(source.error(read.target.span().start, nothing.to_owned()));
+        }
+        check_numbers(&source, &read)?;
+        Ok(Self {
+            goals,
+            unit: read.unit,
+            site: read.site,
+            errors: read.errors,
+            config: read.config,
+        })
+    }
+}
+
+/// One sigma for all axes, or `{ x = ..., y = ... }`.
+fn wanted(source: &Source, kind: Kind, value: &Spanned<Value>) -> Result<Vec<Goal>, InputError> {
+    let sigma_of = |value: &Value| match value {
+        Value::Float(sigma) => Some(*sigma),
+        Value::Integer(sigma) => Some(*sigma as f64),
+        _ => None,
+    };
+    let axes: Vec<(usize, Option<f64>)> = match value.get_ref() {
+        Value::Table(table) if kind.has_axes() => {
+            let axis = |name: &str| ["x", "y", "z"].iter().position(|axis| *axis == name);
+            let entry = |(name, value): (&String, &Value)| {
+                axis(name).map_or((0, None), |axis| (axis, sigma_of(value)))
+            };
+            table.iter().map(entry).collect()
+        }
+        value if kind.has_axes() => (0..3).map(|axis| (axis, sigma_of(value))).collect(),
+        value => vec![(0, sigma_of(value))],
+    };
+    let goal = |(axis, sigma): (usize, Option<f64>)| {
+        let sigma = sigma.filter(|sigma| *sigma > 0.0 && sigma.is_finite())?;
+        let quantity = Quantity { kind, axis };
+        Some(Goal { quantity, sigma })
+    };
+    let goals: Option<Vec<Goal>> = axes.into_iter().map(goal).collect();
+    goals.ok_or_else(|| {
+        let axes = if kind.has_axes() {
+            ", or some of `{ x = 1.0, y = 1.0, z = 1.0 }`"
+        } else {
+            ""
+        };
+        let message = format!(
+            "`{}`: expected a sigma above zero{axes}; the unit is in the name of the key",
+            kind.key()
+        );
+        source.error(value.span().start, message)
+    })
+}
+
+fn check_numbers(source: &Source, read: &File) -> Result<(), InputError> {
+    let File { unit, site, .. } = read;
+    let (slope, minutes) = (site.slope_percent, site.longest_minutes);
+    for (key, value, [low, high]) in [
+        ("speed_kmh", site.speed_kmh, [10.0, 250.0]),
+        ("acceleration_mps2", site.acceleration_mps2, [0.5, 6.0]),
+        ("braking_mps2", site.braking_mps2, [0.5, 10.0]),
+        ("slope_percent", slope, [0.5, 30.0]),
+        ("longest_minutes", minutes, [2.0, 240.0]),
+        ("roll_deg", unit.roll_deg, [-180.0, 180.0]),
+        ("pitch_deg", unit.pitch_deg, [-90.0, 90.0]),
+        ("heading_deg", unit.heading_deg, [-360.0, 360.0]),
+        ("imu_hz", unit.imu_hz, [20.0, 1000.0]),
+        (
+            "antenna_m",
+            unit.antenna_m.map(f64::abs).into_iter().fold(0.0, f64::max),
+            [0.0, 30.0],
+        ),
+    ] {
+        if !(low..=high).contains(&value) {
+            let message = format!("`{key} = {value}`: expected {low} to {high}");
+            return Err(source.error(source.text.find(key).unwrap_or(0), message));
+        }
+    }
+    if site.manoeuvres.is_empty() {
+        let message = "no manoeuvre is allowed: expected at least one";
+        let offset = source.text.find("manoeuvres").unwrap_or(0);
+        return Err(source.error(offset, message.to_owned()));
+    }
+    Ok(())
+}
+
+impl Unit {
+    /// From its axes to those of the vehicle.
+    pub fn mount(&self) -> UnitQuaternion<f64> {
+        from_euler(&Euler {
+            roll_rad: self.roll_deg.to_radians(),
+            pitch_rad: self.pitch_deg.to_radians(),
+            heading_rad: self.heading_deg.to_radians(),
+        })
+    }
+
+    /// The antenna in its axes, right, forward, up.
+    pub fn lever_arm_m(&self) -> Vector3<f64> {
+        self.mount().inverse() * Vector3::from(self.antenna_m)
+    }
+
+    fn grade(&self) -> Option<Grade> {
+        match (self.class, self.sensors.as_str()) {
+            (Some(log::Grade::Mems), _) | (None, "mems") => Some(Grade::Mems),
+            (Some(log::Grade::Hg1700), _) | (None, "hg1700") => Some(Grade::Hg1700),
+            (None, _) => None,
+        }
+    }
+}
+
+impl Target {
+    /// The error model of the unit, antenna and all.
+    pub fn error_model(&self) -> Result<ErrorModel> {
+        let mut model = error_model(&self.unit.sensors)?;
+        model.gnss.habits.lever_arm_m = self.unit.lever_arm_m().into();
+        self.with_errors(&model)
+            .map_err(|error| miette!("[errors] of the target: {error}"))
+    }
+
+    /// A model with the keys of `[errors]`.
+    pub fn with_errors(&self, model: &ErrorModel) -> Result<ErrorModel, ErrorModelError> {
+        model.with(&self.errors)
+    }
+
+    /// What the core is told of such a unit: the preset of its class, that the antenna is not known
+    /// if there is an arm to it, and what `[config]` says.
+    pub fn config(&self, model: &ErrorModel) -> Result<Config> {
+        let grade = self.unit.grade().ok_or_else(|| {
+            miette!(
+                help = "say `class = \"mems\"` or `class = \"hg1700\"` in [unit]",
+                "{}: an error model has no class of its own",
+                self.unit.sensors
+            )
+        })?;
+        let mut config = config_of(grade);
+        config.imu_output = model.imu.output;
+        let arm_wanted = self
+            .goals
+            .iter()
+            .any(|goal| goal.quantity.kind == Kind::LeverArm);
+        if arm_wanted || self.unit.lever_arm_m().norm() > 0.0 {
+            let unknown = Config::mems().gnss.lever_arm_sigma_m;
+            config.gnss.lever_arm_sigma_m = config.gnss.lever_arm_sigma_m.max(unknown);
+        }
+        self.with_config(&config)
+    }
+
+    /// A configuration with the keys of `[config]`.
+    pub fn with_config(&self, config: &Config) -> Result<Config> {
+        let refused = |error: &dyn std::fmt::Display| {
+            miette!(
+                help = "keys are those of `Config` in core/src/config.rs",
+                "[config] of the target: {error}"
+            )
+        };
+        let mut table = toml::Table::try_from(config).map_err(|error| refused(&error))?;
+        set(&mut table, &self.config);
+        let read: Config = (table.clone().try_into()).map_err(|e: toml::de::Error| refused(&e))?;
+        let known = toml::Table::try_from(read).map_err(|error| refused(&error))?;
+        if known == table {
+            Ok(read)
+        } else {
+            Err(refused(&"a key is not known"))
+        }
+    }
+}
