@@ -197,8 +197,8 @@ fn circles(mut graph: Graph) -> Vec<String> {
     graph.iter().map(edge).collect()
 }
 
-fn sources() -> BTreeMap<Module, String> {
-    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+fn sources(of: &str) -> BTreeMap<Module, String> {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join(of).join("src");
     let (mut folders, mut sources) = (vec![src.clone()], BTreeMap::new());
     while let Some(folder) = folders.pop() {
         for entry in fs::read_dir(folder).unwrap() {
@@ -247,7 +247,7 @@ fn upward(sources: &BTreeMap<Module, String>, files: &Graph) -> Vec<String> {
 
 #[test]
 fn rooms_use_those_above_and_files_no_circle() {
-    let sources = sources();
+    let sources = sources(".");
     let files = graph(&sources);
     assert!(files.len() > 100, "{} files", files.len());
     assert_eq!(upward(&sources, &files), [""; 0]);
@@ -255,8 +255,21 @@ fn rooms_use_those_above_and_files_no_circle() {
 }
 
 #[test]
+fn files_of_the_core_no_circle_either() {
+    let sources = sources("../core");
+    let files = graph(&sources);
+    assert!(files.len() > 30, "{} files", files.len());
+    assert_eq!(circles(files), [""; 0]);
+    let public = contents(&sources)
+        .iter()
+        .filter(|(_, public)| *public)
+        .count();
+    assert!(public <= 8, "{public} public modules");
+}
+
+#[test]
 fn few_rooms_and_fewer_public() {
-    let rooms = contents(&sources());
+    let rooms = contents(&sources("."));
     let public = rooms.iter().filter(|(_, public)| *public).count();
     assert!(
         rooms.len() <= ROOMS && public <= PUBLIC,
