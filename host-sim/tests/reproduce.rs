@@ -10,10 +10,11 @@ fn small(threads: usize) -> Reproduction {
         units: 1,
         unit_minutes: 5.0,
         flights: 1,
+        flight_minutes: 120.0,
         ..Settings::new(3)
     };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-    let run = || reproduce(settings).unwrap();
+    let run = || reproduce(settings, None).unwrap();
     pool.build().unwrap().install(run)
 }
 

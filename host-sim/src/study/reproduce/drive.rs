@@ -13,7 +13,7 @@ use crate::compare::five_stage::{self, FiveStage};
 use crate::identify::free_inertial::feed;
 use crate::identify::held_ins::HeldIns;
 use crate::identify::row::Row;
-use crate::identify::run::record;
+use crate::identify::run::{Identification, identify, record};
 use crate::log::{BodyAxes, Log, Meta};
 use crate::sim::{DriveConfig, simulate};
 use crate::study::accuracy::config_of;
@@ -30,47 +30,54 @@ pub(super) struct Drive {
     pub(super) config: Config,
     /// The damped INS, nothing found fed back: literal form.
     pub(super) open: Vec<Row>,
-    /// The running estimates in the exact form.
-    pub(super) running: Vec<Row>,
+    /// The core as it is.
+    pub(super) found: Identification,
     pub(super) stages: FiveStage,
+}
+
+/// A drive as a log, and what a navigator is told of it.
+pub(super) fn driven(plan: &DriveConfig) -> (Log, Config) {
+    let drive = simulate(plan);
+    let config = Config {
+        heading: drive
+            .given_heading_rad
+            .map_or(HeadingSource::Auto, HeadingSource::Given),
+        ..config_of(GRADE)
+    };
+    let log = Log {
+        meta: Meta::new(BodyAxes::Rfu, config.imu_output),
+        imu: drive.imu,
+        gnss: drive.gnss,
+        truth: drive.truth,
+    };
+    (log, config)
+}
+
+/// The damped INS of the thesis, nothing found fed back.
+pub(super) fn open(config: Config) -> Config {
+    Config {
+        form: Form::Literal,
+        feedback: Feedback::Open,
+        ..config
+    }
 }
 
 impl Drive {
     pub(super) fn new(seed: u64, minutes: f64) -> Result<Self, ConfigError> {
         let mut plan = DriveConfig::new(seed, GRADE, minutes);
         plan.recording.truth_every = 1;
-        let drive = simulate(&plan);
-        let config = Config {
-            heading: drive
-                .given_heading_rad
-                .map_or(HeadingSource::Auto, HeadingSource::Given),
-            ..config_of(GRADE)
-        };
-        let meta = Meta::new(BodyAxes::Rfu, config.imu_output);
+        let (log, config) = driven(&plan);
         plan.recording.errors.gyro_deg_h.white_noise = 0.0;
         let without_walk = Log {
-            meta: meta.clone(),
+            meta: log.meta.clone(),
             imu: simulate(&plan).imu,
             gnss: Vec::new(),
             truth: Vec::new(),
         };
-        let log = Log {
-            meta,
-            imu: drive.imu,
-            gnss: drive.gnss,
-            truth: drive.truth,
-        };
-        let history = |config: Config| {
-            let (run, _) = record(&log, config, &ProgressBar::hidden(), |_, _| {})?;
-            Ok(run.history)
-        };
+        let (open, _) = record(&log, open(config), &ProgressBar::hidden(), |_, _| {})?;
         Ok(Self {
-            open: history(Config {
-                form: Form::Literal,
-                feedback: Feedback::Open,
-                ..config
-            })?,
-            running: history(config)?,
+            open: open.history,
+            found: identify(&log, config, &ProgressBar::hidden())?,
             stages: five_stage::run(&log, config, five_stage::REPEATED)?,
             config,
             without_walk,

@@ -12,7 +12,8 @@ use crate::identify::held_ins::HeldIns;
 use crate::page::plot::{BLUE, ORANGE};
 use crate::page::sheet;
 use crate::sim::car::Car;
-use crate::sim::{DriveConfig, Motion, SimulatedDrive, record};
+use crate::sim::drive::Recording;
+use crate::sim::{DriveConfig, SimulatedDrive, record};
 use crate::study::accuracy::config_of;
 use crate::study::flights::route::Route;
 
@@ -24,7 +25,7 @@ const VEHICLES: [(&str, [f64; 2]); 3] = [
 ];
 
 /// Velocity errors, east and north, once a second.
-type Errors = Vec<(f64, Vector2<f64>)>;
+pub(super) type Errors = Vec<(f64, Vector2<f64>)>;
 
 pub(super) fn table_1(settings: &Settings, route: &Route) -> Result<Part> {
     let seeds = settings.seed..settings.seed.saturating_add(settings.units);
@@ -44,7 +45,7 @@ pub(super) fn table_1(settings: &Settings, route: &Route) -> Result<Part> {
     let first = units.first();
     Ok(Part {
         name: "table-1",
-        title: "Table 1: span of the velocity error of a free INS",
+        title: "Table 1: span of the velocity error of a free INS".to_owned(),
         how: format!(
             "Largest less smallest error over {:.0} min from an error-free start, readings as they \
              are, height held by a barometer: median of {} units. The thesis has one unit and one \
@@ -79,23 +80,25 @@ fn unit(seed: u64, minutes: f64, route: &Route) -> Result<[Errors; 3]> {
     let duration_s = recording.duration_s;
     let rest = Car::new(seed, duration_s, Some([duration_s + 1.0, duration_s + 2.0]));
     let car = Car::new(seed, duration_s, None);
-    let grounded = [run(rest, &config), run(car, &config)];
+    let grounded = [rest, car].map(|car| free(&record(car, &config.recording), &config.recording));
     config.recording.origin = route.plan().start.position;
     let flight = route.flight(seed, duration_s).into_diagnostic()?;
     flight.duration_s().into_diagnostic()?;
     let [rest, car] = grounded;
-    Ok([rest, car, run(flight, &config)])
+    let flown = record(flight, &config.recording);
+    Ok([rest, car, free(&flown, &config.recording)])
 }
 
-fn run(motion: impl Motion, config: &DriveConfig) -> Errors {
-    let SimulatedDrive { imu, truth, .. } = record(motion, &config.recording);
+/// Of an INS let go without error at the start, height held; the truth is kept at every sample.
+pub(super) fn free(run: &SimulatedDrive, recording: &Recording) -> Errors {
+    let (imu, truth) = (&run.imu, &run.truth);
     let damping = config_of(GRADE).damping;
-    let step_s = 1.0 / config.recording.imu_hz;
+    let step_s = 1.0 / recording.imu_hz;
     let Some((first, start)) = imu.first().zip(truth.first()) else {
         return Errors::new();
     };
     let mut ins = HeldIns::new(start);
-    let mut increments = Increments::new(config.recording.errors.imu.output, first);
+    let mut increments = Increments::new(recording.errors.imu.output, first);
     let mut errors = Errors::new();
     // The truth begins one interval before the samples.
     for (count, (sample, pair)) in (1_u32..).zip(imu.iter().zip(truth.windows(2))) {
