@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use plotters::style::RGBColor;
 use rayon::prelude::*;
 
-use super::drive::{Drive, driven, open};
+use super::drive::{Drive, log_of, open};
 use super::part::{GRADE, Number, Part, Settings, rms};
 use crate::compare::input::{Input, noise};
 use crate::compare::kalman::Noise;
@@ -21,13 +21,16 @@ use crate::identify::configure;
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::identify::run::record;
 use crate::log::Log;
+use crate::page::chart::sampled;
 use crate::page::plot::{BLUE, Mark, ORANGE, Plot, RED, padded};
 use crate::page::sheet::{self, Panel, key};
 use crate::sim::errors::BiasModel;
 use crate::sim::ideal::{Increments, Rates};
 use crate::sim::imu::Imu;
-use crate::sim::{DriveConfig, ErrorModel};
+use crate::sim::{DriveConfig, ErrorModel, simulate};
 
+/// Points of a curve in a drawing.
+const MOST_POINTS: usize = 400;
 const METHODS: [&str; 2] = ["compensation", "Kalman filter"];
 /// Drift of the gyros of Figures 6 and 7, (3): what a ring laser of 1 deg/h may do in an hour, and
 /// large enough to stand out of its random walk.
@@ -48,6 +51,7 @@ pub struct Recorded {
 }
 
 /// An estimate at a time since the first sample, in the unit of its figure.
+#[derive(Clone)]
 struct Seen {
     time_s: f64,
     value: f64,
@@ -61,19 +65,23 @@ type Course = [Vec<Seen>; 2];
 /// Both methods over a drive.
 struct Run<'a> {
     log: &'a Log,
-    /// Heading of the damped INS after each sample, nothing found fed back.
+    /// Heading of the damped INS after each sample, to which nothing is fed back, less what a
+    /// constant bias of its up gyro makes of it: consumer gyros would turn it round and round.
     kept_rad: Vec<(Time, f64)>,
     tracks: [Vec<Point>; 2],
 }
 
 impl<'a> Run<'a> {
     fn new(log: &'a Log, config: Config, noise: Noise) -> Result<Self, ConfigError> {
+        let (core, end) = record(log, config, &ProgressBar::hidden(), |_, _| {})?;
+        let drift_radps = end.estimates.gyro_bias_radps[2].value;
+        let first = log.imu.first().map_or(Time::default(), |s| s.time);
         let mut kept_rad = Vec::new();
         record(log, open(config), &ProgressBar::hidden(), |ins, time| {
-            let heading = |solution: Solution| (time, solution.euler().heading_rad);
-            kept_rad.extend(ins.solution().map(heading));
+            let turned_rad = drift_radps * time.seconds_since(first);
+            let kept = |solution: Solution| (time, solution.euler().heading_rad + turned_rad);
+            kept_rad.extend(ins.solution().map(kept));
         })?;
-        let (core, _) = record(log, config, &ProgressBar::hidden(), |_, _| {})?;
         let input = Input {
             log,
             config,
@@ -96,7 +104,7 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// Azimuth error of the damped INS, deg.
+    /// Error of the kept heading, deg.
     fn azimuth(&self) -> Course {
         self.course(|point, time_s| {
             let find = |kept: &(Time, f64)| kept.0;
@@ -132,6 +140,7 @@ impl<'a> Run<'a> {
 /// Two figures of the thesis side by side.
 struct Pair {
     name: &'static str,
+    numbers: [u8; 2],
     title: String,
     unit: &'static str,
     /// What the curves are, and their colours.
@@ -146,12 +155,12 @@ pub(super) fn figures_3_and_4(drives: &[Drive]) -> Result<Part, ConfigError> {
     });
     let courses = courses.collect::<Result<Vec<_>, ConfigError>>()?;
     let how = format!(
-        "Azimuth error of the damped INS, to which nothing is fed back, on {} drives; the first is \
-         drawn. {TOLD} Figure 5 is the check: what the azimuth does to an INS that is let go, \
-         before and after.",
+        "Azimuth error of the damped INS, to which nothing is fed back, its up gyro compensated by \
+         a constant; on {} drives, the first is drawn. {TOLD} Figure 5 is the check: what the \
+         azimuth does to an INS that is let go, before and after.",
         drives.len()
     );
-    Ok(azimuth_pair("figures-3-4", "Figures 3 and 4").part(how, &courses))
+    Ok(azimuth_pair("figures-3-4", "").part(how, &courses))
 }
 
 pub(super) fn figures_6_and_7(settings: &Settings) -> Result<Part, ConfigError> {
@@ -162,7 +171,7 @@ pub(super) fn figures_6_and_7(settings: &Settings) -> Result<Part, ConfigError> 
             let mut plan = DriveConfig::new(seed, GRADE, settings.minutes);
             plan.recording.errors.gyro_deg_h.bias = WAVE;
             let noise = Noise::of_model(&plan.recording.errors);
-            let (log, mut config) = driven(&plan);
+            let (log, mut config) = log_of(simulate(&plan));
             config.sensors.gyro_bias_walk = noise.gyro_bias_walk;
             let run = Run::new(&log, config, noise)?;
             let truth = gyro_biases(&plan.recording.errors, seed, &log);
@@ -174,7 +183,7 @@ pub(super) fn figures_6_and_7(settings: &Settings) -> Result<Part, ConfigError> 
          (3); the first is drawn. {TOLD} Jumps are told as a walk of the same rate.",
         courses.len()
     );
-    Ok(gyro_pair("figures-6-7", "Figures 6 and 7").part(how, &courses))
+    Ok(gyro_pair("figures-6-7", "").part(how, &courses))
 }
 
 /// Both pairs of figures on a recorded drive.
@@ -192,9 +201,9 @@ pub(super) fn recorded(drive: &Recorded) -> Result<[Part; 2]> {
     }
     let how = "A recorded drive; both methods are told what is typical of the class of its sensors \
                and begin from the same alignment. Shaded: one sigma.";
-    let title = |figures: &str| format!("{figures} on {}", drive.name);
-    let azimuth = azimuth_pair("figures-3-4-recorded", &title("Figures 3 and 4"));
-    let gyros = gyro_pair("figures-6-7-recorded", &title("Figures 6 and 7"));
+    let on = format!(" on {}", drive.name);
+    let azimuth = azimuth_pair("figures-3-4-recorded", &on);
+    let gyros = gyro_pair("figures-6-7-recorded", &on);
     Ok([
         azimuth.part(how.to_owned(), &[vec![run.azimuth()]]),
         gyros.part(
@@ -207,19 +216,21 @@ pub(super) fn recorded(drive: &Recorded) -> Result<[Part; 2]> {
 const TOLD: &str = "Both methods are told the true noises and begin from the same alignment. \
                     Shaded: one sigma. RMS errors are those of the second half.";
 
-fn azimuth_pair(name: &'static str, figures: &str) -> Pair {
+fn azimuth_pair(name: &'static str, on: &str) -> Pair {
     Pair {
         name,
-        title: format!("{figures}: azimuth error as compensation and a Kalman filter find it"),
+        numbers: [3, 4],
+        title: format!("Figures 3 and 4{on}: azimuth error, as each method finds it"),
         unit: "deg",
         lines: vec![("azimuth", BLUE)],
     }
 }
 
-fn gyro_pair(name: &'static str, figures: &str) -> Pair {
+fn gyro_pair(name: &'static str, on: &str) -> Pair {
     Pair {
         name,
-        title: format!("{figures}: biases of the level gyros by compensation and a Kalman filter"),
+        numbers: [6, 7],
+        title: format!("Figures 6 and 7{on}: biases of the level gyros, as each method finds them"),
         unit: "deg/h",
         lines: vec![("gyro right", BLUE), ("gyro forward", ORANGE)],
     }
@@ -228,14 +239,14 @@ fn gyro_pair(name: &'static str, figures: &str) -> Pair {
 /// True biases at each sample, drawn as the drive drew them.
 fn gyro_biases(errors: &ErrorModel, seed: u64, log: &Log) -> Vec<Vector3<f64>> {
     let mut imu = Imu::new(errors, seed);
-    let (angle_b_rad, specific_force_b_mps2) = (Vector3::zeros(), Vector3::zeros());
+    let none = Vector3::zeros();
     let still = Increments {
-        angle_b_rad,
-        velocity_b_mps: Vector3::zeros(),
+        angle_b_rad: none,
+        velocity_b_mps: none,
     };
     let rates = Rates {
-        angular_rate_ib_b_radps: Vector3::zeros(),
-        specific_force_b_mps2,
+        angular_rate_ib_b_radps: none,
+        specific_force_b_mps2: none,
     };
     let mut last = Time::default();
     let at = |time: Time| {
@@ -321,12 +332,12 @@ impl Pair {
         let end_s = all()
             .flatten()
             .fold(1.0, |end, seen| f64::max(end, seen.time_s));
-        let values = all()
-            .flatten()
-            .flat_map(|seen| [Some(seen.value), seen.truth]);
-        let bands = all().flat_map(second_half);
-        let bands = bands.flat_map(|seen| [seen.value - seen.sigma, seen.value + seen.sigma]);
-        let y = padded(values.flatten().chain(bands), 1e-2);
+        let settled = all().flat_map(|track| track.iter().skip(track.len() / 20));
+        let y = settled.flat_map(|seen| {
+            let band = [seen.value - seen.sigma, seen.value + seen.sigma];
+            band.into_iter().chain(seen.truth)
+        });
+        let y = padded(y, 1e-2);
         let mut keys: Vec<_> = (self.lines.iter())
             .map(|(line, colour)| key(*colour, line))
             .collect();
@@ -345,7 +356,7 @@ impl Pair {
                 marks: marks.collect(),
             };
             Panel {
-                title: METHODS[method].to_owned(),
+                title: format!("Figure {}: {}", self.numbers[method], METHODS[method]),
                 svg: plot.svg(),
                 keys: Vec::new(),
             }
@@ -380,12 +391,13 @@ fn second_half(track: &Vec<Seen>) -> impl Iterator<Item = &Seen> {
     track.iter().skip(track.len() / 2)
 }
 
-/// Band, truth and line, from back to front; a point every ten seconds.
+/// Band, line and truth, from back to front.
 fn marks_of(track: &[Seen], colour: RGBColor) -> [Mark; 3] {
-    let seen = || track.iter().step_by(10);
+    let track = sampled(track, MOST_POINTS);
+    let seen = || track.iter();
     let band = seen().map(|at| (at.time_s, at.value - at.sigma, at.value + at.sigma));
-    let truth = seen().filter_map(|at| Some((at.time_s, at.truth?)));
     let line = seen().map(|at| (at.time_s, at.value));
+    let truth = seen().filter_map(|at| Some((at.time_s, at.truth?)));
     [
         Mark::Band(band.collect(), colour),
         Mark::Line(line.collect(), colour),

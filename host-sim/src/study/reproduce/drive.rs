@@ -15,7 +15,7 @@ use crate::identify::held_ins::HeldIns;
 use crate::identify::row::Row;
 use crate::identify::run::{Identification, identify, record};
 use crate::log::{BodyAxes, Log, Meta};
-use crate::sim::{DriveConfig, simulate};
+use crate::sim::{DriveConfig, SimulatedDrive, simulate};
 use crate::study::accuracy::config_of;
 
 /// Interval between errors kept, s.
@@ -36,8 +36,7 @@ pub(super) struct Drive {
 }
 
 /// A drive as a log, and what a navigator is told of it.
-pub(super) fn driven(plan: &DriveConfig) -> (Log, Config) {
-    let drive = simulate(plan);
+pub(super) fn log_of(drive: SimulatedDrive) -> (Log, Config) {
     let config = Config {
         heading: drive
             .given_heading_rad
@@ -66,7 +65,7 @@ impl Drive {
     pub(super) fn new(seed: u64, minutes: f64) -> Result<Self, ConfigError> {
         let mut plan = DriveConfig::new(seed, GRADE, minutes);
         plan.recording.truth_every = 1;
-        let (log, config) = driven(&plan);
+        let (log, config) = log_of(simulate(&plan));
         plan.recording.errors.gyro_deg_h.white_noise = 0.0;
         let without_walk = Log {
             meta: log.meta.clone(),

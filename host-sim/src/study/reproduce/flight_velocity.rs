@@ -1,17 +1,17 @@
 //! Figure 9: a simulated flight with the errors that drives have shown.
 
-use miette::{IntoDiagnostic, Result};
+use miette::Result;
 use nalgebra::Vector2;
 
 use super::drive::Drive;
-use super::part::{GRADE, Number, Part, Settings, csv, rms};
-use super::spans::free;
+use super::part::{Number, Part, Settings, csv, rms};
+use super::spans::{flown, free};
 use super::velocity_plot::{Line, panel};
 use crate::identify::error_model::{Identified, Record};
+use crate::identify::quantities::DEG_H_RADPS;
 use crate::log;
 use crate::page::plot::{BLUE, ORANGE, RED};
 use crate::page::sheet;
-use crate::sim::{DriveConfig, record};
 use crate::study::flights::route::Route;
 use crate::study::flights::schuler::oscillation;
 
@@ -28,15 +28,9 @@ pub(super) fn figure_9(settings: &Settings, drives: &[Drive], route: &Route) -> 
     let records: Vec<Record> = (drives.iter())
         .map(|drive| Record::new(&drive.log, &drive.found))
         .collect();
-    let mut config = DriveConfig::new(settings.seed, GRADE, settings.flight_minutes);
-    let recording = &mut config.recording;
-    recording.errors = Identified::new(&records, log::Grade::Hg1700, None).model();
-    recording.truth_every = 1;
-    recording.origin = route.plan().start.position;
-    let flight = (route.flight(recording.seed, recording.duration_s)).into_diagnostic()?;
-    flight.duration_s().into_diagnostic()?;
-    let run = record(flight, recording);
-    let errors = free(&run, recording);
+    let model = Identified::new(&records, log::Grade::Hg1700, None).model();
+    let run = flown(settings.seed, settings.flight_minutes, route, &model)?;
+    let errors = free(&run);
     let moments: Vec<Moment> = (errors.iter())
         .filter_map(|&(time_s, error)| {
             let time = |at: ins_core::Time| at.as_seconds();
@@ -53,6 +47,7 @@ pub(super) fn figure_9(settings: &Settings, drives: &[Drive], route: &Route) -> 
         })
         .collect();
     let found = oscillation(&errors);
+    let [right, forward, _] = run.errors.gyro_bias_radps.map(|bias| bias / DEG_H_RADPS);
     let error = |axis: usize| rms(errors.iter().map(|(_, error)| error[axis]));
     Ok(Part {
         name: "figure-9",
@@ -60,7 +55,8 @@ pub(super) fn figure_9(settings: &Settings, drives: &[Drive], route: &Route) -> 
             .to_owned(),
         how: format!(
             "{} drives give the error model of the sensors; errors drawn from it are laid over the \
-             ideal readings of a route flight of {:.0} min. The INS is let go without error at the \
+             ideal readings of a route flight of {:.0} min: level gyros of {right:.1} and \
+             {forward:.1} deg/h at its end. The INS is let go without error at the \
              start, height held by a barometer. Its error oscillates as (1) says: \
              2 pi sqrt(R/g) is 84.4 min. The random walk of the gyros drives the oscillation, so \
              that it is not one sine.",

@@ -6,6 +6,7 @@ mod drive;
 mod flight;
 mod flight_velocity;
 mod free_velocity;
+mod laboratory;
 mod observable;
 pub(crate) mod output;
 mod part;
@@ -75,6 +76,7 @@ pub fn reproduce(settings: Settings, recorded: Option<&Recorded>) -> Result<Repr
         free_velocity::figure_8(&drives),
         flight_velocity::figure_9(&settings, &drives, &route)?,
         spans::table_1(&settings, &route)?,
+        laboratory::argument(&settings, &route)?,
         flight::table_2()?,
         flight::hour(&settings, &route, &ErrorModel::hg1700())?,
     ];
