@@ -387,7 +387,7 @@ impl Pair {
     }
 }
 
-fn second_half(track: &Vec<Seen>) -> impl Iterator<Item = &Seen> {
+fn second_half(track: &[Seen]) -> impl Iterator<Item = &Seen> {
     track.iter().skip(track.len() / 2)
 }
 
