@@ -1,15 +1,17 @@
 //! The command `reproduce`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use miette::Result;
 
-use super::options::show;
+use super::options::{refuse_same, show};
+use crate::identify::analysis::log_name;
+use crate::log::import;
 use crate::page::output;
 use crate::page::progress::spinner;
 use crate::study::reproduce::output::plain;
-use crate::study::reproduce::{JSON, Settings, markdown, reproduce as measure};
+use crate::study::reproduce::{JSON, Recorded, Settings, markdown, reproduce as measure};
 
 /// Options of `reproduce`.
 #[derive(Debug, Args)]
@@ -20,18 +22,36 @@ pub struct Reproduce {
     /// Fixes every drive, unit and flight.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// A log or recording on which Figures 3, 4, 6 and 7 are drawn too.
+    #[arg(long)]
+    log: Option<PathBuf>,
 }
 
 /// The numbers, as docs/thesis.md has them.
 pub fn page() -> Result<String> {
-    measure(Settings::new(1)).map(|reproduction| markdown(&reproduction))
+    measure(Settings::new(1), None).map(|reproduction| markdown(&reproduction))
+}
+
+fn read(path: &Path) -> Result<Recorded> {
+    let (log, warnings) = import::open(path)?;
+    for warning in &warnings {
+        eprintln!("warning: {warning}\n  {}", warning.cause);
+    }
+    Ok(Recorded {
+        name: log_name(path, &log),
+        log,
+    })
 }
 
 /// Regenerates the thesis's figures and tables.
 pub fn reproduce(options: &Reproduce, json: bool, force: bool) -> Result<()> {
     output::check_free(&options.out, JSON, force)?;
+    if let Some(log) = &options.log {
+        refuse_same(log, &options.out)?;
+    }
+    let recorded = options.log.as_deref().map(read).transpose()?;
     let progress = spinner("simulating drives and flights");
-    let reproduction = measure(Settings::new(options.seed))?;
+    let reproduction = measure(Settings::new(options.seed), recorded.as_ref())?;
     progress.finish_and_clear();
     output::build(&options.out, JSON, force, |folder| {
         reproduction.write(folder)

@@ -165,7 +165,7 @@ fn heading_error_deg(solution: &Solution, truth: &Solution) -> f64 {
 }
 
 /// The reference between two of its points.
-fn truth_at(log: &Log, time: Time) -> Option<Solution> {
+pub(crate) fn truth_at(log: &Log, time: Time) -> Option<Solution> {
     let next = log.truth.partition_point(|truth| truth.time < time);
     let later = log.truth.get(next)?;
     if later.time == time {

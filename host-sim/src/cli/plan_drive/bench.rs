@@ -14,8 +14,8 @@ use ins_core::{
 use miette::{Result, miette};
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::manoeuvre::{Driver, Manoeuvre};
-use super::target::{Site, Target};
+use super::manoeuvre::{Driver, Manoeuvre, Site};
+use super::target::Target;
 use crate::sim::car::{Car, Course};
 use crate::sim::drive::{Recorder, Recording};
 use crate::sim::errors::BiasModel;

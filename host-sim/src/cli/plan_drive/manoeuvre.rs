@@ -4,7 +4,6 @@ use core::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use serde::{Deserialize, Serialize};
 
-use super::target::Site;
 use crate::sim::car::Course;
 use crate::sim::noise::Random;
 
@@ -165,6 +164,33 @@ impl Manoeuvre {
                 lay.come_to(site.street_mps());
                 lay.hill();
             }
+        }
+    }
+}
+
+/// Where and how the vehicle may be driven.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Site {
+    pub manoeuvres: Vec<Manoeuvre>,
+    pub speed_kmh: f64,
+    pub acceleration_mps2: f64,
+    pub braking_mps2: f64,
+    /// Of the hill.
+    pub slope_percent: f64,
+    pub longest_minutes: f64,
+}
+
+impl Default for Site {
+    fn default() -> Self {
+        let level = |manoeuvre: &Manoeuvre| *manoeuvre != Manoeuvre::Hill;
+        Self {
+            manoeuvres: Manoeuvre::ALL.into_iter().filter(level).collect(),
+            speed_kmh: 50.0,
+            acceleration_mps2: 2.0,
+            braking_mps2: 2.5,
+            slope_percent: 6.0,
+            longest_minutes: 40.0,
         }
     }
 }

@@ -16,9 +16,9 @@ pub mod study;
 mod target;
 
 pub use bench::Bench;
-pub use manoeuvre::{Driver, Manoeuvre};
+pub use manoeuvre::{Driver, Manoeuvre, Site};
 pub use quantities::{Goal, Reached};
-pub use target::{Site, Target};
+pub use target::Target;
 
 use indicatif::ProgressBar;
 use rayon::prelude::*;
@@ -129,7 +129,10 @@ impl Search<'_> {
     /// How every quantity stands.
     pub fn reached(&self, drives: &[Bench]) -> Vec<Reached> {
         let goals = self.goals.iter();
-        goals.map(|goal| goal.reached(drives, self.axes)).collect()
+        let navigators = || drives.iter().map(|drive| &drive.navigator);
+        goals
+            .map(|goal| goal.reached(navigators(), self.axes))
+            .collect()
     }
 
     fn missing(&self, drives: &[Bench]) -> f64 {

@@ -42,7 +42,10 @@ impl Search<'_> {
         own: &[Tried],
         other: &[Tried],
     ) -> String {
-        let after = |drives: &[Bench]| self.goals[which].reached(drives, self.axes);
+        let after = |drives: &[Bench]| {
+            let navigators = drives.iter().map(|drive| &drive.navigator);
+            self.goals[which].reached(navigators, self.axes)
+        };
         let least = |tried: &[Tried]| {
             let sigma = |one: &Tried| after(&one.drives).sigma;
             let place =

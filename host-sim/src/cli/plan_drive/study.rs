@@ -150,7 +150,10 @@ fn results(
     let solved: Vec<Vec<[f64; 2]>> = tried.into_iter().flatten().collect();
     let row = |(which, goal): (usize, &Goal)| {
         let rms_of = |part: usize| rms(solved.iter().map(|run| run[which][part]));
-        let foretold = goal.reached(&plan.end, target.unit.body_axes);
+        let foretold = goal.reached(
+            plan.end.iter().map(|drive| &drive.navigator),
+            target.unit.body_axes,
+        );
         let (reached, stated) = (rms_of(0), rms_of(1));
         Row {
             ratio: foretold.observable.then(|| foretold.sigma / reached),

@@ -7,10 +7,10 @@ use ins_core::Config;
 use ins_core::attitude::{Euler, from_euler};
 use miette::{Result, miette};
 use nalgebra::{UnitQuaternion, Vector3};
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use toml::{Spanned, Value};
 
-use super::manoeuvre::Manoeuvre;
+use super::manoeuvre::Site;
 use super::quantities::{Goal, Kind, Quantity};
 use crate::aircraft::input::{InputError, Source, read_text};
 use crate::cli::options::error_model;
@@ -61,33 +61,6 @@ impl Default for Unit {
             heading_deg: 0.0,
             antenna_m: [0.0; 3],
             imu_hz: 100.0,
-        }
-    }
-}
-
-/// Where and how the vehicle may be driven.
-#[derive(Clone, Debug, Deserialize, Serialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Site {
-    pub manoeuvres: Vec<Manoeuvre>,
-    pub speed_kmh: f64,
-    pub acceleration_mps2: f64,
-    pub braking_mps2: f64,
-    /// Of the hill.
-    pub slope_percent: f64,
-    pub longest_minutes: f64,
-}
-
-impl Default for Site {
-    fn default() -> Self {
-        let level = |manoeuvre: &Manoeuvre| *manoeuvre != Manoeuvre::Hill;
-        Self {
-            manoeuvres: Manoeuvre::ALL.into_iter().filter(level).collect(),
-            speed_kmh: 50.0,
-            acceleration_mps2: 2.0,
-            braking_mps2: 2.5,
-            slope_percent: 6.0,
-            longest_minutes: 40.0,
         }
     }
 }

@@ -106,7 +106,10 @@ pub fn schuler(seed: u64, route: &Route, errors: &ErrorModel) -> Result<Schuler,
             });
         }
     }
-    let [ins, model, rotating_model] = [0, 1, 2].map(|which| oscillation(&curves, which));
+    let [ins, model, rotating_model] = [0, 1, 2].map(|which| {
+        let errors = curves.iter().map(|p| (p.time_s, p.errors_mps[which]));
+        oscillation(&errors.collect::<Vec<_>>())
+    });
     let [model_difference, rotating_model_difference] =
         agreement.map(|one| Agreement::relative([one].iter()));
     Ok(Schuler {
@@ -124,15 +127,16 @@ pub fn schuler(seed: u64, route: &Route, errors: &ErrorModel) -> Result<Schuler,
     })
 }
 
-/// Least squares over all periods: a fine scan, since the sum has side minima.
-fn oscillation(curves: &[Point], which: usize) -> Oscillation {
+/// In velocity errors, m/s over s. Least squares over all periods: a fine scan, since the sum has
+/// side minima.
+pub(crate) fn oscillation(errors: &[(f64, Vector2<f64>)]) -> Oscillation {
     let [low, high] = PERIODS_MIN;
     let steps = 1200;
     (0..=steps)
         .filter_map(|i| {
             let period_min = low + (high - low) * f64::from(i) / f64::from(steps);
-            let (east_mps, east_square) = sine(curves, period_min, |p| p.errors_mps[which].x)?;
-            let (north_mps, north_square) = sine(curves, period_min, |p| p.errors_mps[which].y)?;
+            let (east_mps, east_square) = sine(errors, period_min, 0)?;
+            let (north_mps, north_square) = sine(errors, period_min, 1)?;
             let oscillation = Oscillation {
                 period_min,
                 east_mps,
@@ -146,12 +150,12 @@ fn oscillation(curves: &[Point], which: usize) -> Oscillation {
 
 /// Amplitude of the sine of a period that fits beside a constant and a trend, and the sum of the
 /// squares that it leaves.
-fn sine(curves: &[Point], period_min: f64, value: impl Fn(&Point) -> f64) -> Option<(f64, f64)> {
+fn sine(errors: &[(f64, Vector2<f64>)], period_min: f64, axis: usize) -> Option<(f64, f64)> {
     let (mut normal, mut right, mut square) = (Matrix4::zeros(), Vector4::zeros(), 0.0);
-    for point in curves {
-        let turns = point.time_s / (60.0 * period_min);
+    for (time_s, error) in errors {
+        let turns = time_s / (60.0 * period_min);
         let (sin, cos) = libm::sincos(std::f64::consts::TAU * turns);
-        let (row, y) = (Vector4::new(1.0, turns, sin, cos), value(point));
+        let (row, y) = (Vector4::new(1.0, turns, sin, cos), error[axis]);
         normal += row * row.transpose();
         right += y * row;
         square += y * y;
@@ -166,7 +170,7 @@ mod tests {
 
     #[test]
     fn finds_period_and_amplitudes() {
-        let curves: Vec<Point> = (0..1020)
+        let errors: Vec<(f64, Vector2<f64>)> = (0..1020)
             .map(|i| {
                 let time_s = 10.0 * f64::from(i);
                 let phase = std::f64::consts::TAU * time_s / (60.0 * 84.4);
@@ -174,13 +178,10 @@ mod tests {
                     3.0 + 5.0 * libm::sin(phase + 0.3),
                     1e-3 * time_s - 7.0 * libm::cos(phase),
                 );
-                Point {
-                    time_s,
-                    errors_mps: [error; 3],
-                }
+                (time_s, error)
             })
             .collect();
-        let found = oscillation(&curves, 0);
+        let found = oscillation(&errors);
         // The scan goes in steps of 0.05 min.
         assert!((found.period_min - 84.4).abs() < 0.03, "{found:?}");
         assert!((found.east_mps - 5.0).abs() < 0.01, "{found:?}");

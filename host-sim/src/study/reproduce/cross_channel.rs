@@ -29,7 +29,7 @@ pub(super) fn figure_5(drives: &[Drive]) -> Part {
     let first = gains.first().map_or(&[][..], Vec::as_slice);
     Part {
         name: "figure-5",
-        title: "Figure 5: cross-channel velocity error, azimuth compensated",
+        title: "Figure 5: cross-channel velocity error, azimuth compensated".to_owned(),
         how: format!(
             "{} starts and brakings of {} drives. At the beginning of each the INS is let go; \
              the error of the velocity that it has gained by the end, across the true gain. \

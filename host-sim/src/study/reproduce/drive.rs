@@ -14,9 +14,10 @@ use crate::identify::configure::config_of;
 use crate::identify::free_inertial::feed;
 use crate::identify::held_ins::HeldIns;
 use crate::identify::row::Row;
-use crate::identify::run::record;
+use crate::identify::run::{Identification, identify, record};
 use crate::log::{BodyAxes, Log};
-use crate::sim::{DriveConfig, simulate};
+use crate::sim::{DriveConfig, SimulatedDrive, simulate};
+use crate::study::accuracy;
 
 /// Interval between errors kept, s.
 const EVERY_S: f64 = 1.0;
@@ -30,36 +31,42 @@ pub(super) struct Drive {
     pub(super) config: Config,
     /// The damped INS, nothing found fed back: literal form.
     pub(super) open: Vec<Row>,
-    /// The running estimates in the exact form.
-    pub(super) running: Vec<Row>,
+    /// The core as it is.
+    pub(super) found: Identification,
     pub(super) stages: FiveStage,
+}
+
+/// A drive as a log, and what a navigator is told of it.
+pub(super) fn log_of(drive: SimulatedDrive) -> (Log, Config) {
+    let output = accuracy::config_of(GRADE).imu_output;
+    let config = config_of(GRADE.class(), output, drive.given_heading_rad);
+    (drive.into_log(BodyAxes::Rfu, output), config)
+}
+
+/// The damped INS of the thesis, nothing found fed back.
+pub(super) fn open(config: Config) -> Config {
+    Config {
+        form: Form::Literal,
+        feedback: Feedback::Open,
+        ..config
+    }
 }
 
 impl Drive {
     pub(super) fn new(seed: u64, minutes: f64) -> Result<Self, ConfigError> {
         let mut plan = DriveConfig::new(seed, GRADE, minutes);
         plan.recording.truth_every = 1;
-        let drive = simulate(&plan);
-        let output = plan.recording.errors.imu.output;
-        let config = config_of(GRADE.class(), output, drive.given_heading_rad);
+        let (log, config) = log_of(simulate(&plan));
         plan.recording.errors.gyro_deg_h.white_noise = 0.0;
         let without_walk = Log {
             gnss: Vec::new(),
             truth: Vec::new(),
-            ..simulate(&plan).into_log(BodyAxes::Rfu, output)
+            ..log_of(simulate(&plan)).0
         };
-        let log = drive.into_log(BodyAxes::Rfu, output);
-        let history = |config: Config| {
-            let (run, _) = record(&log, config, &ProgressBar::hidden(), |_, _| {})?;
-            Ok(run.history)
-        };
+        let (open, _) = record(&log, open(config), &ProgressBar::hidden(), |_, _| {})?;
         Ok(Self {
-            open: history(Config {
-                form: Form::Literal,
-                feedback: Feedback::Open,
-                ..config
-            })?,
-            running: history(config)?,
+            open: open.history,
+            found: identify(&log, config, &ProgressBar::hidden())?,
             stages: five_stage::run(&log, config, five_stage::REPEATED)?,
             config,
             without_walk,

@@ -35,7 +35,7 @@ pub(super) fn table_2() -> Result<Part> {
         .collect();
     Ok(Part {
         name: "table-2",
-        title: "Table 2: performance of the simulated Cessna 172",
+        title: "Table 2: performance of the simulated Cessna 172".to_owned(),
         how: format!(
             "At sea level, standard atmosphere. The specification has {}.",
             specification.join(", ")
@@ -66,7 +66,7 @@ pub(super) fn hour(settings: &Settings, route: &Route, class: &ErrorModel) -> Re
     };
     Ok(Part {
         name: "hour-of-flight",
-        title: "An hour of flight without GNSS",
+        title: "An hour of flight without GNSS".to_owned(),
         how: format!(
             "{} route flights, gyros of 1 deg/h: {AIDED_MIN} min damped by GNSS, then {FREE_MIN} \
              min free on the estimates, height held by a barometer. The random walk of the thesis's \

@@ -66,7 +66,7 @@ pub(super) fn figure_8(drives: &[Drive]) -> Part {
     let minutes = drives.first().map_or(0.0, |d| d.log.duration_s() / 60.0);
     Part {
         name: "figure-8",
-        title: "Figure 8: free-inertial velocity error before and after",
+        title: "Figure 8: free-inertial velocity error before and after".to_owned(),
         how: format!(
             "{} drives of {minutes:.0} min. The INS is let go when its alignment ends and runs free \
              to the end, height held by a barometer, accelerometers compensated in all cases: \
@@ -89,16 +89,17 @@ pub(super) fn figure_8(drives: &[Drive]) -> Part {
 fn velocities(drive: &Drive) -> Option<Velocities> {
     let accels = drive.accels();
     let end = drive.log.imu.last()?.time;
-    let constant = running(&drive.running, end);
+    let constant = running(&drive.found.history, end);
     let since = |row: &&Row, seconds| drive.since(row.time) >= seconds;
     let start = drive.stages.history.iter().find_map(|row| row.solution)?;
-    let late = drive.running.iter().find(|row| since(row, RUNNING_FROM_S));
+    let mut rows = drive.found.history.iter();
+    let late = rows.find(|row| since(row, RUNNING_FROM_S));
     let late = late?.solution?;
     let free = |log: &Log, start: &Solution, gyros: &dyn Fn(Time) -> Vector3<f64>| {
         drive.free(log, start, |time| [gyros(time), accels], end)
     };
     let as_read = |_| Vector3::zeros();
-    let running = |time| running(&drive.running, time);
+    let running = |time| running(&drive.found.history, time);
     Some(Velocities {
         as_read: free(&drive.log, &start, &as_read),
         history: free(&drive.log, &start, &|time| drive.stages.gyros.at(time)),

@@ -1,9 +1,12 @@
 //! The thesis's figures and tables from simulation, its numbers beside ours.
 
+mod beside;
 mod cross_channel;
 mod drive;
 mod flight;
+mod flight_velocity;
 mod free_velocity;
+mod laboratory;
 mod observable;
 pub(crate) mod output;
 mod part;
@@ -17,6 +20,7 @@ use serde::Serialize;
 
 use crate::sim::ErrorModel;
 use crate::study::flights::route::Route;
+pub use beside::Recorded;
 use drive::Drive;
 pub use output::{JSON, markdown};
 pub use part::{Number, Part, Settings};
@@ -31,7 +35,7 @@ pub struct Reproduction {
     /// In the order of the page.
     pub parts: Vec<Part>,
     /// Numbers of the thesis that have nothing here.
-    pub not_reproduced: [NotReproduced; 2],
+    pub not_reproduced: [NotReproduced; 1],
 }
 
 /// Something of the thesis that is not here.
@@ -43,19 +47,16 @@ pub struct NotReproduced {
     pub why: &'static str,
 }
 
-const NOT_REPRODUCED: [NotReproduced; 2] = [
-    NotReproduced {
-        what: "Figures 3, 4, 6, 7, 9",
-        why: "what each of them shows is not known here, so nothing stands under their numbers",
-    },
-    NotReproduced {
-        what: "the recordings behind Figures 1, 5, 8 and Table 1",
-        why: "they are not public: a simulated unit of the same class stands in for the thesis's",
-    },
-];
+const NOT_REPRODUCED: [NotReproduced; 1] = [NotReproduced {
+    what: "the recordings behind Figures 1 and 3 to 8 and Table 1",
+    why: "they are not public: a simulated unit of the same class stands in for the thesis's",
+}];
 
-/// Simulates and measures everything; what comes out does not depend on the number of threads.
-pub fn reproduce(settings: Settings) -> Result<Reproduction> {
+/// Simulates and measures everything, and draws on a recorded drive too what can be drawn there;
+/// what comes out does not depend on the number of threads.
+pub fn reproduce(settings: Settings, recorded: Option<&Recorded>) -> Result<Reproduction> {
+    // First: it may be unusable, and all else takes minutes.
+    let on_recorded = recorded.map(beside::recorded).transpose()?;
     let Settings { seed, drives, .. } = settings;
     let unusable = |error: ins_core::ConfigError| miette!("{}", error);
     let drives = (seed..seed.saturating_add(drives))
@@ -67,14 +68,19 @@ pub fn reproduce(settings: Settings) -> Result<Reproduction> {
         return Err(miette!("at least one drive"));
     };
     let route = Route::cessna172()?;
-    let parts = vec![
+    let mut parts = vec![
         observable::figure_1(first),
+        beside::figures_3_and_4(&drives).map_err(unusable)?,
         cross_channel::figure_5(&drives),
+        beside::figures_6_and_7(&settings).map_err(unusable)?,
         free_velocity::figure_8(&drives),
+        flight_velocity::figure_9(&settings, &drives, &route)?,
         spans::table_1(&settings, &route)?,
+        laboratory::argument(&settings, &route)?,
         flight::table_2()?,
         flight::hour(&settings, &route, &ErrorModel::hg1700())?,
     ];
+    parts.extend(on_recorded.into_iter().flatten());
     Ok(Reproduction {
         version: env!("CARGO_PKG_VERSION"),
         settings,

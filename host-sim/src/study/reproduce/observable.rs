@@ -25,7 +25,7 @@ pub(super) fn figure_1(drive: &Drive) -> Part {
     }
     Part {
         name: "figure-1",
-        title: "Figure 1: intervals in which each error is observable",
+        title: "Figure 1: intervals in which each error is observable".to_owned(),
         how: "Controls of the attitude block over five minutes of a drive. Grey: straight starts \
               and brakings, which show azimuth and latency, and turns, which show level \
               accelerometers. Gyros and vertical channel show all the time."

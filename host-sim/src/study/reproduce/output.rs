@@ -28,7 +28,7 @@ impl<'a> Shown<'a> {
     fn new(part: &'a Part) -> Self {
         Self {
             name: part.name,
-            title: part.title,
+            title: &part.title,
             how: &part.how,
             svg: part.svg.as_deref(),
             rows: part.numbers.iter().map(row).collect(),

@@ -19,6 +19,8 @@ pub struct Settings {
     pub unit_minutes: f64,
     /// Flights without GNSS.
     pub flights: u64,
+    /// Length of the flight of Figure 9, min.
+    pub flight_minutes: f64,
 }
 
 impl Settings {
@@ -31,6 +33,7 @@ impl Settings {
             units: 8,
             unit_minutes: 60.0,
             flights: 12,
+            flight_minutes: 170.0,
         }
     }
 }
@@ -41,7 +44,7 @@ pub struct Part {
     /// Stem of its files.
     pub name: &'static str,
     /// Heading.
-    pub title: &'static str,
+    pub title: String,
     /// Over what and how it was measured.
     pub how: String,
     /// Numbers.

@@ -12,7 +12,8 @@ use crate::identify::held_ins::HeldIns;
 use crate::page::plot::{BLUE, ORANGE};
 use crate::page::sheet;
 use crate::sim::car::Car;
-use crate::sim::{DriveConfig, Motion, SimulatedDrive, record};
+use crate::sim::drive::Recording;
+use crate::sim::{DriveConfig, ErrorModel, SimulatedDrive, record};
 use crate::statistics::median;
 use crate::study::accuracy::config_of;
 use crate::study::flights::route::Route;
@@ -25,13 +26,16 @@ const VEHICLES: [(&str, [f64; 2]); 3] = [
 ];
 
 /// Velocity errors, east and north, once a second.
-type Errors = Vec<(f64, Vector2<f64>)>;
+pub(super) type Errors = Vec<(f64, Vector2<f64>)>;
 
 pub(super) fn table_1(settings: &Settings, route: &Route) -> Result<Part> {
     let seeds = settings.seed..settings.seed.saturating_add(settings.units);
     let units = seeds
         .into_par_iter()
-        .map(|seed| unit(seed, settings.unit_minutes, route))
+        .map(|seed| {
+            let runs = vehicles(seed, settings.unit_minutes, route, &GRADE.errors())?;
+            Ok(runs.each_ref().map(free))
+        })
         .collect::<Result<Vec<[Errors; 3]>>>()?;
     let mut numbers = Vec::new();
     for (which, (vehicle, thesis)) in VEHICLES.into_iter().enumerate() {
@@ -49,7 +53,7 @@ pub(super) fn table_1(settings: &Settings, route: &Route) -> Result<Part> {
     let first = units.first();
     Ok(Part {
         name: "table-1",
-        title: "Table 1: span of the velocity error of a free INS",
+        title: "Table 1: span of the velocity error of a free INS".to_owned(),
         how: format!(
             "Largest less smallest error over {:.0} min from an error-free start, readings as they \
              are, height held by a barometer: median of {} units. The thesis has one unit and one \
@@ -70,36 +74,59 @@ fn span(errors: &Errors, axis: usize) -> f64 {
 }
 
 /// The same unit at rest, in a car and in an aircraft.
-fn unit(seed: u64, minutes: f64, route: &Route) -> Result<[Errors; 3]> {
-    let mut config = DriveConfig::new(seed, GRADE, minutes);
-    let recording = &mut config.recording;
-    recording.truth_every = 1;
-    let duration_s = recording.duration_s;
-    let rest = Car::new(seed, duration_s, Some([duration_s + 1.0, duration_s + 2.0]));
-    let car = Car::new(seed, duration_s, None);
-    let grounded = [run(rest, &config), run(car, &config)];
-    config.recording.origin = route.plan().start.position;
-    let flight = route.flight(seed, duration_s).into_diagnostic()?;
-    flight.duration_s().into_diagnostic()?;
-    let [rest, car] = grounded;
-    Ok([rest, car, run(flight, &config)])
+pub(super) fn vehicles(
+    seed: u64,
+    minutes: f64,
+    route: &Route,
+    errors: &ErrorModel,
+) -> Result<[SimulatedDrive; 3]> {
+    let recording = recording(seed, minutes, errors);
+    let after = recording.duration_s + 1.0;
+    let [rest, car] = [Some([after, after + 1.0]), None]
+        .map(|rest_s| record(Car::new(seed, recording.duration_s, rest_s), &recording));
+    Ok([rest, car, flown(seed, minutes, route, errors)?])
 }
 
-fn run(motion: impl Motion, config: &DriveConfig) -> Errors {
-    let SimulatedDrive { imu, truth, .. } = record(motion, &config.recording);
-    let damping = config_of(GRADE).damping;
-    let step_s = 1.0 / config.recording.imu_hz;
-    let Some((first, start)) = imu.first().zip(truth.first()) else {
+/// A route flight.
+pub(super) fn flown(
+    seed: u64,
+    minutes: f64,
+    route: &Route,
+    errors: &ErrorModel,
+) -> Result<SimulatedDrive> {
+    let recording = Recording {
+        origin: route.plan().start.position,
+        ..recording(seed, minutes, errors)
+    };
+    let flight = (route.flight(seed, recording.duration_s)).into_diagnostic()?;
+    // Flown once without sensors: what cannot be flown must not end as a figure.
+    flight.duration_s().into_diagnostic()?;
+    Ok(record(flight, &recording))
+}
+
+/// With the truth at every sample.
+fn recording(seed: u64, minutes: f64, errors: &ErrorModel) -> Recording {
+    Recording {
+        truth_every: 1,
+        errors: errors.clone(),
+        ..DriveConfig::new(seed, GRADE, minutes).recording
+    }
+}
+
+/// Of an INS let go without error at the start, height held; the truth is that of every sample.
+pub(super) fn free(run: &SimulatedDrive) -> Errors {
+    let config = config_of(GRADE);
+    let Some((first, start)) = run.imu.first().zip(run.truth.first()) else {
         return Errors::new();
     };
     let mut ins = HeldIns::new(start);
-    let mut increments = Increments::new(config.recording.errors.imu.output, first);
+    let mut increments = Increments::new(config.imu_output, first);
     let mut errors = Errors::new();
     // The truth begins one interval before the samples.
-    for (count, (sample, pair)) in (1_u32..).zip(imu.iter().zip(truth.windows(2))) {
-        let interval: Interval = increments.interval(sample, step_s);
+    for (count, (sample, pair)) in (1_u32..).zip(run.imu.iter().zip(run.truth.windows(2))) {
         let [before, now]: &[Solution; 2] = pair.try_into().expect("windows of two");
-        ins.step(&interval, before.position.height_m, &damping);
+        let interval: Interval = increments.interval(sample, now.time.seconds_since(before.time));
+        ins.step(&interval, before.position.height_m, &config.damping);
         if count.is_multiple_of(100) {
             errors.push((now.time.as_seconds(), ins.velocity_error_mps(now)));
         }
