@@ -5,11 +5,11 @@ use ins_tests::footprint::ours;
 
 /// Not at their goals yet (`ins_tests::footprint::goal`): as measured, and a fiftieth for a change
 /// of the compiler's mind.
-const AMORTISED: u64 = 6_780;
-const WORST: u64 = 57_900;
-const STATE_BYTES: u64 = 11_560;
-const STACK_BYTES: u64 = 4_430;
-const FLASH_BYTES: u64 = 115_500;
+const AMORTISED: u64 = 4_200;
+const WORST: u64 = 12_300;
+const STATE_BYTES: u64 = 12_050;
+const STACK_BYTES: u64 = 3_200;
+const FLASH_BYTES: u64 = 120_000;
 
 #[test]
 fn the_core_on_cortex_m7_is_within_its_budgets() -> Result<(), Box<dyn std::error::Error>> {
