@@ -18,13 +18,16 @@ pub struct LeastSquares<const N: usize, const T: usize> {
 }
 
 /// What rows were before they were taken in.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Added {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Added<const R: usize> {
+    /// What was measured beyond what was known, in each row with those before it known.
+    pub left: [f32; R],
     /// Squares of what was measured beyond what was known, each in its variance: together, by how
     /// much the weighted sum of squared residuals rises.
     pub square: f32,
-    /// Sum of those variances, of each row with those before it known.
-    pub variance: f32,
+    /// Determinant of their covariance, against that of the rows' own: one, and the sum of what the
+    /// parameters add in one direction.
+    pub determinant: f32,
 }
 
 impl<const N: usize, const T: usize> LeastSquares<N, T> {
@@ -45,8 +48,9 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
         &mut self,
         coefficients: &mut [[f32; R]; N],
         mut measured: [f32; R],
-        mut weight: [f32; R],
-    ) -> Added {
+        weights: [f32; R],
+    ) -> Added<R> {
+        let mut weight = weights;
         let mut left = coefficients.as_mut_slice();
         let mut rows = self.rows.as_mut_slice();
         for own in &mut self.weight {
@@ -71,10 +75,14 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
             }
             (left, rows) = (later, below);
         }
-        let mut added = Added::default();
-        for (left, weight) in measured.iter().zip(&weight) {
+        let mut added = Added {
+            left: measured,
+            square: 0.0,
+            determinant: 1.0,
+        };
+        for (left, (weight, own)) in measured.iter().zip(weight.iter().zip(&weights)) {
             added.square += weight * left * left;
-            added.variance += 1.0 / weight;
+            added.determinant *= own / weight;
         }
         added
     }

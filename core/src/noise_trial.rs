@@ -22,6 +22,8 @@ const LEAST_COLOUR: f64 = 0.5;
 const CORRELATION_S: [f64; 2] = [0.5, 16.0];
 /// Difference of log-likelihoods that decides: odds of one in 3000, for a drive sees a hundred trials.
 const DECIDED: f64 = 8.0;
+/// Time after which a start does not show in the innovations any more, s.
+const SETTLING_S: f64 = 10.0;
 /// Longest trial, s, and least number of innovations.
 const LONGEST_S: f64 = 60.0;
 const LEAST_COUNT: f64 = 40.0;
@@ -141,6 +143,19 @@ struct Apart {
     position_noise: Vector2<f64>,
 }
 
+/// A level innovation of the observer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Own {
+    /// East and north.
+    pub innovation: Vector2<f64>,
+    /// What of it is the parameters', as known but not yet taken over: no noise.
+    pub explained: Vector2<f64>,
+    /// Of a component.
+    pub variance: f64,
+    /// What it is corrected with.
+    pub gains: Gains,
+}
+
 /// A trial going on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -154,6 +169,8 @@ pub struct NoiseTrial {
     own: Likelihood,
     rival: Likelihood,
     seconds: f64,
+    /// Time until the start has died out, s: what it was believed to be off by is no noise.
+    unsettled_s: f64,
 }
 
 impl NoiseTrial {
@@ -177,12 +194,21 @@ impl NoiseTrial {
             own: Likelihood::default(),
             rival: Likelihood::default(),
             seconds: 0.0,
+            unsettled_s: 0.0,
+        }
+    }
+
+    /// The same where the observer has just begun, or begun anew.
+    pub fn after_start(after: u8, own: &Assumed, level: &Channel, config: &Config) -> Self {
+        Self {
+            unsettled_s: SETTLING_S,
+            ..Self::new(after, own, level, config)
         }
     }
 
     /// Begins with the colour of GNSS: an INS that would have to follow it is the worse guess.
     pub fn first(own: &Assumed, level: &Channel, config: &Config) -> Self {
-        Self::new(CHANGES - 3, own, level, config)
+        Self::after_start(CHANGES - 3, own, level, config)
     }
 
     /// Which change is on trial.
@@ -194,6 +220,7 @@ impl NoiseTrial {
     pub fn propagate(&mut self, growth: &Growth, noises: [Renewal; 2]) {
         self.level.propagate(growth, noises);
         self.seconds += growth.seconds;
+        self.unsettled_s -= growth.seconds;
         let [velocity, position] = noises;
         let apart = &mut self.apart;
         apart.position_m +=
@@ -203,30 +230,27 @@ impl NoiseTrial {
         apart.position_noise *= position.keep;
     }
 
-    /// Takes a level innovation of the observer, of this variance, corrected with these gains.
-    pub fn take(
-        &mut self,
-        measured: Measured,
-        innovation: &Vector2<f64>,
-        white: f64,
-        own_variance: f64,
-        own_gains: &Gains,
-    ) {
+    /// Takes a level innovation of the observer, with this white noise in it.
+    pub fn take(&mut self, measured: Measured, own: &Own, white: f64) {
         let apart = &mut self.apart;
         let shown = match measured {
             Measured::Velocity => apart.velocity_mps + apart.velocity_noise,
             Measured::Position => apart.position_m + apart.position_noise,
         };
-        let rival = innovation - shown;
+        let rival = own.innovation - shown;
         let variance = self.level.predicted(measured) + white;
         let gains = self.level.update(measured, white);
-        apart.position_m += gains.x * rival - own_gains.x * innovation;
-        apart.velocity_mps += gains.y * rival - own_gains.y * innovation;
-        apart.tilt_rad += gains.z * rival - own_gains.z * innovation;
-        apart.velocity_noise += gains.w * rival - own_gains.w * innovation;
-        apart.position_noise += gains.a * rival - own_gains.a * innovation;
-        self.own.add(innovation, own_variance);
-        self.rival.add(&rival, variance);
+        apart.position_m += gains.x * rival - own.gains.x * own.innovation;
+        apart.velocity_mps += gains.y * rival - own.gains.y * own.innovation;
+        apart.tilt_rad += gains.z * rival - own.gains.z * own.innovation;
+        apart.velocity_noise += gains.w * rival - own.gains.w * own.innovation;
+        apart.position_noise += gains.a * rival - own.gains.a * own.innovation;
+        if self.unsettled_s > 0.0 {
+            return;
+        }
+        self.own
+            .add(&(own.innovation - own.explained), own.variance);
+        self.rival.add(&(rival - own.explained), variance);
     }
 
     /// Whether the rival has won; none while the trial goes on.

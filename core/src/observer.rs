@@ -22,7 +22,7 @@ use crate::innovations::{
 };
 use crate::least_squares::LeastSquares;
 use crate::math::{self, singles};
-use crate::noise_trial::{Assumed, NoiseTrial};
+use crate::noise_trial::{Assumed, NoiseTrial, Own};
 use crate::parameters::{AGREES_SIGMAS, COUNT, PAIRS, Parameters, index};
 use crate::solution::SolutionSigma;
 use crate::time::Time;
@@ -424,7 +424,8 @@ impl Observer {
                 .diffuse(which, math::single(changed * changed));
         }
         self.surprise = Surprise::default();
-        self.trial = NoiseTrial::new(self.trial.change(), &self.assumed, &self.level, config);
+        self.trial =
+            NoiseTrial::after_start(self.trial.change(), &self.assumed, &self.level, config);
     }
 
     /// The same of the vertical alone, with this variance of the velocity more.
@@ -591,9 +592,18 @@ impl Observer {
         if kind.is_up() {
             self.doubt_vertical(config);
         // While the parameters themselves are uncertain, innovations say little of the noises.
-        } else if f64::from(added.variance) < 2.0 * components * total {
-            self.trial
-                .take(kind.measured(), &pair, white, total, &gains);
+        } else if f64::from(added.determinant) < 1.0 + components {
+            let mut explained = pair;
+            for (pair, left) in explained.iter_mut().zip(&added.left) {
+                *pair -= f64::from(*left);
+            }
+            let own = Own {
+                innovation: pair,
+                explained,
+                variance: total,
+                gains,
+            };
+            self.trial.take(kind.measured(), &own, white);
         }
         if !gnss.trust_stated_sigma {
             let sigmas = pair / math::sqrt(total * 0.5 * components);

@@ -44,7 +44,7 @@ fn manoeuvres(plan: &Value) -> Vec<&str> {
         .collect()
 }
 
-const SHIPPED: &str = include_str!("../plans/drive_target.toml");
+const SHIPPED: &str = include_str!("../targets/drive_target.toml");
 
 #[test]
 fn sigmas_shrink_until_all_are_what_is_wanted() {

@@ -94,11 +94,7 @@ fn each_fix_has_one_outcome_in_the_end() {
     assert!(settled.windows(2).all(|pair| pair[0].time < pair[1].time));
     let counts = health.fixes;
     let refused = counts.no_inertial_data + counts.outlier + counts.too_old;
-    assert_eq!(
-        (counts.accepted + refused) as usize,
-        told,
-        "{counts:?}"
-    );
+    assert_eq!((counts.accepted + refused) as usize, told, "{counts:?}");
     let samples = drive
         .imu
         .iter()

@@ -27,28 +27,32 @@ const CASES: [(&str, bool, &str); 6] = [
     (
         "mems",
         false,
-        include_str!("../../../plans/drive_target.toml"),
+        include_str!("../../../targets/drive_target.toml"),
     ),
-    ("hg1700", false, include_str!("targets/hg1700.toml")),
+    (
+        "hg1700",
+        false,
+        include_str!("../../../targets/hg1700.toml"),
+    ),
     (
         "mems, tilted, 4 Hz",
         true,
-        include_str!("targets/judge_mems_tilted.toml"),
+        include_str!("../../../targets/judge_mems_tilted.toml"),
     ),
     (
         "mems, 1 Hz, street",
         true,
-        include_str!("targets/judge_mems_street.toml"),
+        include_str!("../../../targets/judge_mems_street.toml"),
     ),
     (
         "hg1700, never stops",
         true,
-        include_str!("targets/judge_hg1700_moving.toml"),
+        include_str!("../../../targets/judge_hg1700_moving.toml"),
     ),
     (
         "hg1700, antenna away",
         true,
-        include_str!("targets/judge_hg1700_antenna.toml"),
+        include_str!("../../../targets/judge_hg1700_antenna.toml"),
     ),
 ];
 

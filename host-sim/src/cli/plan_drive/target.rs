@@ -19,7 +19,7 @@ use crate::sim::errors::{ErrorModelError, set};
 use crate::sim::{ErrorModel, Grade};
 use crate::study::accuracy::config_of;
 
-const EXAMPLE: &str = "host-sim/plans/drive_target.toml";
+const EXAMPLE: &str = "host-sim/targets/drive_target.toml";
 
 /// All that a target file says.
 #[derive(Clone, Debug)]
