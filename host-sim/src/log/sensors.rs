@@ -14,6 +14,8 @@ const SPIKE_RADPS: f64 = 20.0;
 const FROZEN_S: f64 = 1.0;
 /// One channel alone may rest as long as the last digit allows, s.
 const STUCK_S: f64 = 10.0;
+/// Longest hole that goes without a word, s: what holds for the time before may not hold after a longer.
+const HOLE_S: f64 = 10.0;
 /// A peak has one highest sample, or two; a stop has many.
 const STOP_RUN: usize = 5;
 
@@ -24,10 +26,37 @@ pub(super) fn mend_sensors(
     files: &Files,
     warnings: &mut Vec<LogError>,
 ) {
+    warn_of_holes(log, files, warnings);
     leave_out_spikes(log, per_second, files, warnings);
     leave_out_frozen(log, per_second, files, warnings);
     warn_of_frozen_channels(log, files, warnings);
     warn_of_stops(log, per_second, files, warnings);
+}
+
+/// Whatever came before, the navigator finds its way anew after them.
+fn warn_of_holes(log: &Log, files: &Files, warnings: &mut Vec<LogError>) {
+    let start = log.imu.first().map(|sample| sample.time);
+    let holes = log.imu.windows(2).filter_map(|pair| {
+        let seconds = pair[1].time.seconds_since(pair[0].time);
+        let at_s = pair[0].time.seconds_since(start?);
+        (seconds > HOLE_S).then_some((at_s, seconds))
+    });
+    let holes: Vec<(f64, f64)> = holes.collect();
+    let Some((at_s, seconds)) = holes.first() else {
+        return;
+    };
+    let others = match holes.len() - 1 {
+        0 => String::new(),
+        more => format!(", and {more} more"),
+    };
+    let found = format!("a hole of {seconds:.1} s after {at_s:.1} s{others}");
+    let cause = "recording paused or broke off; the solution is found anew after each";
+    warnings.push(LogError::file(
+        &files.imu,
+        "samples without holes",
+        found,
+        cause,
+    ));
 }
 
 fn leave_out_spikes(log: &mut Log, per_second: f64, files: &Files, warnings: &mut Vec<LogError>) {
