@@ -32,7 +32,7 @@ pub enum Step {
 pub struct Part {
     /// Whether the fixes have it.
     pub has: bool,
-    /// Its variance as the receiver states it.
+    /// Its variance in one fix as the receiver states it.
     pub stated: Option<f64>,
     /// Whether the estimators have taken it.
     pub used: bool,
@@ -43,18 +43,28 @@ impl Part {
     pub fn of(has: bool, sigma: Option<f64>) -> Self {
         Self {
             has,
-            stated: sigma.map(|sigma| sigma * sigma),
+            stated: sigma
+                .map(|sigma| sigma * sigma)
+                .filter(|variance| *variance > 0.0),
             used: false,
         }
     }
 
-    /// Comes closer to `next` by a part of the way.
-    fn approach(&mut self, next: &Self, part: f64) {
+    /// Takes another fix to `count` of them: what they are worth adds up.
+    fn join(&mut self, next: &Self, count: f64) {
         self.has &= next.has;
         self.stated = match (self.stated, next.stated) {
-            (Some(own), Some(next)) => Some(own + (next - own) * part),
+            (Some(own), Some(next)) => Some((count + 1.0) / (count / own + 1.0 / next)),
             _ => None,
         };
+    }
+
+    /// Part that another fix has in the mean with `count` of them.
+    fn part_of(&self, next: &Self, count: f64) -> f64 {
+        match (self.stated, next.stated) {
+            (Some(own), Some(next)) => own / (count * next + own),
+            _ => 1.0 / (count + 1.0),
+        }
     }
 }
 
@@ -109,16 +119,21 @@ impl Comparison {
 
     /// Puts another fix to them.
     pub fn add(&mut self, next: &Self) {
+        let count = f64::from(self.fixes);
         self.fixes += 1;
-        let part = 1.0 / f64::from(self.fixes);
+        let part = if self.velocity.has {
+            self.velocity.part_of(&next.velocity, count)
+        } else {
+            self.position.part_of(&next.position, count)
+        };
         self.past.approach(&next.past, part);
         self.latency_applied_s += (next.latency_applied_s - self.latency_applied_s) * part;
         self.velocity_mps += (next.velocity_mps - self.velocity_mps) * part;
         self.position_m += (next.position_m - self.position_m) * part;
-        self.velocity.approach(&next.velocity, part);
-        self.climb.approach(&next.climb, part);
-        self.position.approach(&next.position, part);
-        self.height.approach(&next.height, part);
+        self.velocity.join(&next.velocity, count);
+        self.climb.join(&next.climb, count);
+        self.position.join(&next.position, count);
+        self.height.join(&next.height, count);
         (self.stamp, self.newest, self.taken) = (next.stamp, next.newest, next.taken);
     }
 

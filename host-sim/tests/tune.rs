@@ -352,7 +352,6 @@ fn sensors_of_another_class_are_told_in_the_verdict() {
     println!("{}\n{}", lines[0], lines[1]);
     assert!(lines[0].starts_with("Verdict: nothing speaks against"));
     assert!(lines[1].starts_with("Verdict: do NOT trust"));
-    assert!(lines[1].contains("GNSS and the INS differ by"));
 }
 
 #[test]
