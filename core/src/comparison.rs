@@ -96,13 +96,13 @@ pub struct Comparison {
     pub velocity: Part,
     /// See above.
     pub climb: Part,
-    /// Variance that the climb has on top, (m/s)^2: that of the first fix, which the noise of these
-    /// has no part in.
-    pub climb_variance: f64,
     /// See above.
     pub position: Part,
     /// See above.
     pub height: Part,
+    /// Variance that the climb has on top, (m/s)^2: that of the first fix, which the noise of these
+    /// has no part in.
+    pub climb_variance: f64,
     /// Since the last position, s.
     pub position_s: f64,
 }

@@ -179,7 +179,7 @@ pub struct Difference {
     pub value: Vector3<f64>,
     /// How many fixes it is the mean of.
     pub fixes: f64,
-    /// Variance of one component of one fix as the receiver states it.
+    /// Variance of one component of one fix as the receiver states it, positive.
     pub stated_variance: Option<f64>,
     /// Variance that it has on top.
     pub more_variance: f64,
@@ -533,7 +533,7 @@ impl Observer {
         // Of positions nothing else tells the slow part of the noise; of velocities the
         // innovations do.
         let absolute = gnss.trust_stated_sigma || kind.measured() == Measured::Position;
-        let relative = match difference.stated_variance.filter(|stated| *stated > 0.0) {
+        let relative = match difference.stated_variance {
             Some(variance) if absolute => against_described(variance, described, gnss.noise_range),
             Some(variance) => stated.against_average(variance),
             None => 1.0,
