@@ -4,7 +4,6 @@ use std::path::Path;
 use std::time::Instant;
 
 use indicatif::ProgressBar;
-use ins_core::{Estimate, Observability};
 use serde::Serialize;
 
 use crate::identify::analysis::{Analysis, Input};
@@ -97,18 +96,16 @@ fn analysis(
 impl Found {
     fn new(analysis: &Analysis) -> Self {
         let (log, summary) = (&analysis.log, &analysis.summary);
-        let e = &analysis.found.end.estimates;
-        let is_known = |e: &&Estimate| e.observability == Observability::Observable;
-        let latency = Some(&e.gnss_latency_s).filter(is_known);
-        let shift_s = log.meta.gnss_clock_offset_s;
-        let eight = [&e.gnss_latency_s, &e.azimuth_error_rad].into_iter();
-        let eight = eight.chain(&e.accel_bias_mps2).chain(&e.gyro_bias_radps);
+        let latency = summary.quantities.gnss_latency_ms;
+        let known = summary.quantities.columns();
         Self {
             minutes: summary.duration_s / 60.0,
             imu_hz: 1.0 / median_interval_s(log.imu.iter().map(|sample| sample.time)),
             gnss_hz: 1.0 / median_interval_s(log.gnss.iter().map(|fix| fix.time)),
-            latency_ms: latency.map(|e| [1e3 * (e.value + shift_s), 1e3 * e.sigma]),
-            known: eight.filter(is_known).count(),
+            latency_ms: latency
+                .observable()
+                .then_some([latency.value, latency.sigma]),
+            known: known.iter().filter(|(_, found)| found.observable()).count(),
             warnings: summary.warnings.clone(),
             against: summary.verdict.against.clone(),
         }
