@@ -90,6 +90,8 @@ pub struct Comparison {
     pub latency_applied_s: f64,
     /// INS minus GNSS, ENU, m/s and m.
     pub velocity_mps: Vector3<f64>,
+    /// What the estimators expect of that before they take it.
+    pub expected_mps: Vector3<f64>,
     /// See above.
     pub position_m: Vector3<f64>,
     /// What the fixes have of each kind.

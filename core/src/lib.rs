@@ -99,6 +99,7 @@ mod health;
 mod history;
 pub mod increments;
 mod innovations;
+mod latency_rivals;
 mod least_squares;
 #[cfg(feature = "literal")]
 pub mod literal;

@@ -324,6 +324,11 @@ impl Observer {
         &self.followed.error
     }
 
+    /// INS minus GNSS as it is expected now, at the sensors, m/s.
+    pub fn velocity_difference_mps(&self) -> Vector3<f64> {
+        self.followed.shows(Measured::Velocity)
+    }
+
     /// What is known of the parameters.
     pub fn parameters(&self) -> &Parameters {
         &self.parameters
@@ -448,6 +453,21 @@ impl Observer {
                 self.corrections.diffuse(which, math::single(sigma * sigma));
             }
         }
+    }
+
+    /// The latency is another; all else that was found with it may be anything.
+    pub fn on_other_latency(&mut self, latency_s: f64, config: &Config) {
+        self.on_lost(config);
+        let by_s = latency_s - self.parameters.value(index::LATENCY);
+        let prior = config.prior();
+        for which in (0..COUNT).filter(|which| *which != index::AZIMUTH) {
+            let sigma = match which {
+                index::LATENCY => by_s,
+                _ => prior.sigma(which),
+            };
+            self.corrections.diffuse(which, math::single(sigma * sigma));
+        }
+        self.parameters.shift(index::LATENCY, by_s);
     }
 
     /// What GNSS was thought to err by explained some of the INS's own error: `kept` says of which
@@ -659,7 +679,7 @@ impl Observer {
         };
         jolt + 0.5
             * latency
-            * (0.5 * latency * second.norm_squared() + azimuth * first.norm_squared())
+            * (0.5 * 10.0 * latency * second.norm_squared() + azimuth * first.norm_squared())
     }
 
     /// Carries the observer over a span that ends at `to`, in a frame that turns at `frame_rate`.

@@ -19,6 +19,7 @@ use crate::estimator::Estimator;
 use crate::health::Tally;
 use crate::history::{History, Missing, Span, Wobble};
 use crate::increments::Interval;
+use crate::latency_rivals::LatencyRivals;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::mechanization::{Controls, Mechanization, Step};
@@ -93,6 +94,7 @@ pub struct AidedIns<const N: usize> {
     last_coast: Time,
     rest: RestDetector,
     vertical_sign: VerticalSign,
+    latency_rivals: LatencyRivals,
     last_solve: Time,
     due: Due,
     /// Whether a fix that waits may have its moment now.
@@ -146,6 +148,7 @@ impl<const N: usize> AidedIns<N> {
             last_coast: time,
             rest: RestDetector::default(),
             vertical_sign: VerticalSign::default(),
+            latency_rivals: LatencyRivals::default(),
             last_solve: time,
             due: Due::Nothing,
             fixes_due: false,
@@ -272,11 +275,18 @@ impl<const N: usize> AidedIns<N> {
         let mut parameters = *self.known();
         let azimuth = self.azimuth_error_rad();
         parameters.set(index::AZIMUTH, azimuth, parameters.sigma(index::AZIMUTH));
+        let open_s = self.open_latency_s();
+        let arm_m = open_s * self.latency_rivals.way_mps();
+        parameters.doubt(index::LATENCY, open_s);
+        for axis in 0..3 {
+            parameters.doubt(index::LEVER_ARM + axis, arm_m);
+        }
         let mut estimates = Estimates::from_parameters(&parameters, config, Phase::Navigating);
         if let Some(observer) = self.estimator.exact() {
             let run_s = self.now.seconds_since(self.since);
             let latency = &mut estimates.gnss_latency_s;
             (latency.value, latency.sigma) = observer.latency_before(0.5 * run_s);
+            latency.sigma = math::sqrt(latency.sigma * latency.sigma + open_s * open_s);
             estimates.level_force_mps2 = *observer.level_force_mps2();
             let unseen = observer.unseen_accel(config);
             for (accel, unseen) in estimates.accel_bias_mps2.iter_mut().zip(&unseen) {
@@ -284,6 +294,13 @@ impl<const N: usize> AidedIns<N> {
             }
         }
         estimates
+    }
+
+    /// How far off the latency may be, although it looks known, s.
+    fn open_latency_s(&self) -> f64 {
+        let latency_s = self.known().value(index::LATENCY);
+        let sigma_s = self.known().sigma(index::LATENCY);
+        0.5 * self.latency_rivals.open_s(latency_s, sigma_s)
     }
 
     /// Azimuth error that is still in the damped INS, rad.
