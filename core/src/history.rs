@@ -182,6 +182,8 @@ pub struct Coarse {
     pub velocity_mps: Vector2<f32>,
     /// m/s^2.
     pub accel_mps2: Vector2<f32>,
+    /// m/s^3.
+    pub jerk_mps3: Vector2<f32>,
     /// Of `C_B^L`, 1/s.
     pub attitude_rate: Matrix3<f32>,
 }
@@ -338,12 +340,15 @@ impl<const N: usize> History<N> {
             before
         })?;
         let seconds = math::single(since_s(earlier) - since_s(later));
+        let before = older.next()?;
         let gained = later.velocity_mps - earlier.velocity_mps;
+        let gained_before = earlier.velocity_mps - before.velocity_mps;
         let part = math::single(since_s(earlier)) / seconds;
         let attitude = |recorded: &Recorded| recorded.span.attitude_s / recorded.span.seconds;
         Some(Coarse {
             velocity_mps: (earlier.velocity_mps + gained * part).xy(),
             accel_mps2: gained.xy() / seconds,
+            jerk_mps3: (gained - gained_before).xy() / (seconds * seconds),
             attitude_rate: (attitude(later) - attitude(earlier)) / seconds,
         })
     }

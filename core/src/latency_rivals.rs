@@ -18,10 +18,9 @@ const APART_S: f64 = 0.2;
 /// are many rivals and many fixes, far more than odds alone ask for.
 const DECIDED: f64 = 50.0;
 /// Log-likelihood that excludes a rival, by the same reason, and that of each comparison: an INS
-/// that follows a wrong latency makes all residuals larger. Comparisons that say nothing yet.
+/// that follows a wrong latency makes all residuals larger.
 const EXCLUDED: f64 = 100.0;
 const EXCLUDED_EACH: f64 = 0.4;
-const FEW: f32 = 20.0;
 /// Comparisons that are remembered, of residuals and of the way that the body goes.
 const MEMORY: f32 = 1000.0;
 const WAY_MEMORY: f32 = 100.0;
@@ -101,8 +100,8 @@ impl LatencyRivals {
             let off_s = math::abs(latency_s(nth) + more_s - own_s);
             let sigmas = off_s / sigma_s;
             let excluded = math::max(EXCLUDED, EXCLUDED_EACH * f64::from(rival.count));
-            let doubtful = odds > -excluded && sigmas * sigmas > 4.0 * EXCLUDED;
-            if doubtful && off_s > APART_S && rival.count > FEW {
+            let sure = sigmas * sigmas > 4.0 * EXCLUDED && rival.expected(off_s) > 2.0 * excluded;
+            if odds > -excluded && sure && off_s > APART_S {
                 farthest_s = math::max(farthest_s, off_s);
             }
         }
@@ -125,6 +124,12 @@ impl Rival {
         self.rival = keep * self.rival + velocity_mps.norm_squared();
         self.by_change = keep * self.by_change + change.tr_mul(velocity_mps);
         self.change = keep * self.change + change.tr_mul(&change);
+    }
+
+    /// Log-likelihood that would exclude it, so far off, if the motion did not repeat.
+    fn expected(&self, off_s: f64) -> f64 {
+        let more = off_s * off_s * f64::from(self.change.m11 / self.own);
+        f64::from(self.count) * math::log(1.0 + more)
     }
 
     /// By how much more the latency would be at its best, s, and how much likelier that is than

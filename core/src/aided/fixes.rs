@@ -268,12 +268,14 @@ impl<const N: usize> AidedIns<N> {
         let shown_mps = singles(&(gnss_mps + taken.expected_mps)).xy();
         let own_s = taken.latency_applied_s;
         let arm = singles(&observer.parameters().lever_arm());
+        let smoothing_s2 = math::single(observer.parameters().value(index::SMOOTHING));
         let history = &self.history;
         let with = |latency_s: f64, way_mps: &Vector3<f32>| {
             let ins = history.coarsely_at(past.time.plus_seconds(own_s - latency_s))?;
             let swing = |arm: &Vector3<f32>| (ins.attitude_rate * arm).xy();
             Some(Residual {
-                velocity_mps: ins.velocity_mps + swing(&arm) - shown_mps,
+                velocity_mps: ins.velocity_mps + swing(&arm) - shown_mps
+                    + ins.jerk_mps3 * (0.5 * smoothing_s2),
                 accel_mps2: ins.accel_mps2,
                 swing_mps: swing(way_mps),
             })
