@@ -147,6 +147,8 @@ pub struct Past {
     pub accel_mps2: Vector3<f64>,
     /// How that changes, m/s^3.
     pub jerk_mps3: Vector3<f64>,
+    /// And of that, m/s^4.
+    pub snap_mps4: Vector3<f64>,
     /// Variance of a level velocity by what the vehicle does between two moments of the ring and
     /// the interpolation does not see: jolts and vibration, (m/s)^2.
     pub unseen_velocity: f64,
@@ -168,6 +170,7 @@ impl Past {
         self.velocity_mps += (next.velocity_mps - self.velocity_mps) * part;
         self.accel_mps2 += (next.accel_mps2 - self.accel_mps2) * part;
         self.jerk_mps3 += (next.jerk_mps3 - self.jerk_mps3) * part;
+        self.snap_mps4 += (next.snap_mps4 - self.snap_mps4) * part;
         self.unseen_velocity += (next.unseen_velocity - self.unseen_velocity) * part;
         self.unseen_rate += (next.unseen_rate - self.unseen_rate) * part;
         self.attitude += (next.attitude - self.attitude) * part;
@@ -433,6 +436,7 @@ impl Around<'_> {
                 + off_s * jerk_mps3
                 + (0.5 * off_s * off_s - flat / 6.0) * snap_mps4,
             jerk_mps3: jerk_mps3 + off_s * snap_mps4,
+            snap_mps4,
             unseen_velocity: math::max(f64::from(end.wobble) - explained, 0.0),
             unseen_rate: (sag * self.unevenness(&here)).norm_squared()
                 + math::max(f64::from(end.rate_wobble) - turning, 0.0),

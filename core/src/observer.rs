@@ -62,6 +62,9 @@ const SWING_PER_S4: f64 = 6e4;
 /// Rate and acceleration of an ordinary manoeuvre, which a hole may hide, rad/s and m/s^2.
 const HIDDEN_RADPS: f64 = 0.1;
 const HIDDEN_MPS2: f64 = 1.0;
+/// Fixes in a row, some two seconds of them, that err alike where a bend of the motion is not
+/// accounted for: their mean says no more than one.
+const BENT_ALIKE: f64 = 10.0;
 
 /// What the observer follows, ENU: the error of the INS and the correlated noise of GNSS, with
 /// the sign that it has in INS minus GNSS.
@@ -658,14 +661,14 @@ impl Observer {
 
     /// Variance per component of what is not linear in the parameters: of a latency in a motion that
     /// bends, and of a latency in a frame that points elsewhere. It goes as they become known; what
-    /// jolts hide between two moments of the ring stays.
+    /// jolts hide between two moments of the ring stays, and so does how skew a receiver smooths.
     fn bent_variance(&self, past: &Past, measured: Measured) -> f64 {
         let square = |x: f64| x * x;
         let latency = square(self.parameters.sigma(index::LATENCY));
         let azimuth = square(self.parameters.sigma(index::AZIMUTH));
-        let (first, second) = match measured {
-            Measured::Velocity => (&past.accel_mps2, &past.jerk_mps3),
-            Measured::Position => (&past.velocity_mps, &past.accel_mps2),
+        let (first, second, third) = match measured {
+            Measured::Velocity => (&past.accel_mps2, &past.jerk_mps3, &past.snap_mps4),
+            Measured::Position => (&past.velocity_mps, &past.accel_mps2, &past.jerk_mps3),
         };
         let jolt = match measured {
             Measured::Velocity => {
@@ -677,9 +680,11 @@ impl Observer {
             }
             Measured::Position => 0.0,
         };
-        jolt + 0.5
-            * latency
-            * (0.5 * 10.0 * latency * second.norm_squared() + azimuth * first.norm_squared())
+        // The times of an exponential of variance s have a third moment of 2 s^1.5.
+        let smoothing_s2 = math::max(self.parameters.value(index::SMOOTHING), 0.0);
+        let skew = square(smoothing_s2) * smoothing_s2 / 9.0 * third.norm_squared();
+        let bent = square(0.5 * latency) * second.norm_squared();
+        jolt + BENT_ALIKE * (skew + bent) + 0.5 * latency * azimuth * first.norm_squared()
     }
 
     /// Carries the observer over a span that ends at `to`, in a frame that turns at `frame_rate`.
