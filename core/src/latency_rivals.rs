@@ -21,6 +21,8 @@ const DECIDED: f64 = 50.0;
 /// that follows a wrong latency makes all residuals larger.
 const EXCLUDED: f64 = 100.0;
 const EXCLUDED_EACH: f64 = 0.4;
+/// Least time between two comparisons that are taken, s: noise that is not white tells no more.
+const LEAST_INTERVAL_S: f32 = 0.3;
 /// Comparisons that are remembered, of residuals and of the way that the body goes.
 const MEMORY: f32 = 1000.0;
 const WAY_MEMORY: f32 = 100.0;
@@ -54,11 +56,21 @@ struct Rival {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct LatencyRivals {
     rivals: [Rival; RIVALS],
+    /// The one whose odds are looked at next.
+    turn: u8,
     /// Velocity in the body, on average, m/s.
     way_mps: Vector3<f32>,
+    /// Since the last comparison that was taken, s.
+    waited_s: f32,
 }
 
 impl LatencyRivals {
+    /// Whether a comparison that comes so many seconds after the last one is worth its work.
+    pub fn wants(&mut self, interval_s: f64) -> bool {
+        self.waited_s += math::single(interval_s);
+        self.waited_s >= LEAST_INTERVAL_S
+    }
+
     /// Takes a velocity in the body, m/s, and what a comparison would have been with other
     /// latencies than `own_s`, where it can be had. The latency that has won, if one has, s.
     pub fn take(
@@ -67,26 +79,26 @@ impl LatencyRivals {
         own_s: f64,
         with: impl Fn(f64, &Vector3<f32>) -> Option<Residual>,
     ) -> Option<f64> {
+        self.waited_s = 0.0;
         self.way_mps += (body_mps - self.way_mps) / WAY_MEMORY;
         let own = with(own_s, &self.way_mps)?.velocity_mps.norm_squared();
-        let mut won = None;
-        for (rival, nth) in self.rivals.iter_mut().zip(0_u8..) {
-            let latency_s = latency_s(nth);
-            let Some(residual) = with(latency_s, &self.way_mps) else {
-                continue;
-            };
-            rival.take(own, &residual);
-            if let Some((more_s, odds)) = rival.best()
-                && odds > DECIDED
-                && math::abs(latency_s + more_s - own_s) > APART_S
-            {
-                won = Some(latency_s + more_s);
+        for (rival, nth) in self.rivals.iter_mut().zip(0..) {
+            if let Some(residual) = with(latency_s(nth), &self.way_mps) {
+                rival.take(own, &residual);
             }
         }
-        if won.is_some() {
-            *self = Self::default();
+        self.turn = if usize::from(self.turn) + 1 < RIVALS {
+            self.turn + 1
+        } else {
+            0
+        };
+        let (more_s, odds) = self.rivals.get(usize::from(self.turn))?.best()?;
+        let rival_s = latency_s(self.turn) + more_s;
+        if odds < DECIDED || math::abs(rival_s - own_s) < APART_S {
+            return None;
         }
-        won
+        *self = Self::default();
+        Some(rival_s)
     }
 
     /// How far off a rival is that cannot be excluded, s, although so small a spread of the latency

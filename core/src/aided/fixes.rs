@@ -235,7 +235,7 @@ impl<const N: usize> AidedIns<N> {
         let Some(comparison) = self.comparison.take() else {
             return;
         };
-        if comparison.velocity.used {
+        if comparison.velocity.used && self.latency_rivals.wants(comparison.interval_s()) {
             self.try_other_latencies(&comparison, config);
         }
         let mut differences = self.differences(&comparison, config);
