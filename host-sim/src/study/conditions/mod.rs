@@ -7,6 +7,7 @@ mod quantities;
 mod run;
 mod statistics;
 mod subject;
+mod told;
 mod truth;
 mod world;
 

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::quantities::{QUANTITIES, index};
 use super::subject::{self, Claim, Claims, Core, Kalman, SolutionSigma, Subject};
 use super::truth::Truth;
-use super::{Kind, World};
+use super::{Kind, World, told};
 use crate::sim::{Grade, SimulatedDrive};
 
 /// One claim against its truth, in the unit of the quantity.
@@ -56,10 +56,14 @@ pub fn run(kind: &Kind, class: Grade, seed: u64, with_kalman: bool) -> Tried {
     let config = subject::config(&world, &drive);
     let refused = "presets are valid";
     let core = Core::new(config, &drive).expect(refused);
-    let kalman = || Kalman::new(&world, config, &drive, &truth.up).expect(refused);
+    let kalman = || {
+        let (fixes, noise) = (told::fixes(&world, &drive), told::noise(&world, &config));
+        let kalman = Kalman::new(&drive.imu, &fixes, config, noise, &truth.up).expect(refused);
+        try_on(kalman, &world, &drive, &truth)
+    };
     Tried {
         core: try_on(core, &world, &drive, &truth),
-        kalman: with_kalman.then(|| try_on(kalman(), &world, &drive, &truth)),
+        kalman: with_kalman.then(kalman),
     }
 }
 

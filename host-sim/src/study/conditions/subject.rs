@@ -154,22 +154,17 @@ pub struct Kalman<'a> {
 }
 
 impl<'a> Kalman<'a> {
-    /// Before the first sample. Of antenna and clocks it is told what the core is told; `up` is
-    /// where the vehicle has it on the whole.
+    /// Before the first sample; fixes and noise are those of [`super::told`], and `up` is where
+    /// the vehicle has it on the whole.
     pub fn new(
-        world: &World,
+        imu: &'a [ImuSample],
+        fixes: &'a [GnssFix],
         config: Config,
-        drive: &'a SimulatedDrive,
+        noise: kalman::Noise,
         up: &Vector3<f64>,
     ) -> Result<Self, ConfigError> {
-        let noise = kalman::Noise {
-            clock_drift_sigma: config.gnss.clock_drift_sigma,
-            lever_arm_m: Vector3::zeros(),
-            lever_arm_sigma_m: Vector3::repeat(config.gnss.lever_arm_sigma_m),
-            ..kalman::Noise::of_model(&world.errors)
-        };
         Ok(Self {
-            run: kalman::Run::new(&drive.imu, &drive.gnss, config, noise)?,
+            run: kalman::Run::new(imu, fixes, config, noise)?,
             up: *up,
         })
     }
@@ -218,7 +213,16 @@ impl Subject for Kalman<'_> {
     }
 
     fn solution_sigma(&self) -> SolutionSigma {
-        SolutionSigma::default()
+        let Some(filter) = self.run.filter() else {
+            return SolutionSigma::default();
+        };
+        let sigma = |of: usize| Some(filter.covariance[(of, of)].max(0.0).sqrt());
+        SolutionSigma {
+            position_m: sigma(index::POSITION),
+            height_m: sigma(index::POSITION + 2),
+            velocity_mps: sigma(index::VELOCITY),
+            velocity_up_mps: sigma(index::VELOCITY + 2),
+        }
     }
 
     fn claims(&self) -> Option<Claims> {
