@@ -2,6 +2,7 @@
 
 use core::f64::consts::PI;
 
+use ins_core::Time;
 use ins_core::earth::Geodetic;
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 
@@ -94,6 +95,12 @@ impl World {
     /// Length, s.
     pub fn duration_s(&self) -> f64 {
         60.0 * self.minutes
+    }
+
+    /// Whether the receiver has no fixes at a time.
+    pub fn is_out(&self, time: Time) -> bool {
+        let mut outages = self.errors.gnss.outages.iter();
+        outages.any(|outage| outage.holds(time.as_seconds()))
     }
 
     /// Antenna from the unit in the axes of the unit, m.
