@@ -70,7 +70,7 @@ fn overview_row(result: &Results) -> Vec<String> {
     let over = result
         .over_kalman()
         .max_by(|a, b| f64::total_cmp(&a.1, &b.1));
-    let lost = result.kalman.map(|lost| lost.runs().to_string());
+    let lost = result.kalman_lost.map(|lost| lost.runs().to_string());
     let mut cells = names(result).to_vec();
     cells.extend([
         result.runs.to_string(),
@@ -211,7 +211,7 @@ fn beside_cells(beside: &Beside) -> [String; 3] {
     [
         number(beside.rms_error),
         beside.rms_ratio.map_or(String::new(), two_digits),
-        two_digits(beside.over()),
+        two_digits(beside.over),
     ]
 }
 
@@ -254,7 +254,7 @@ pub fn write_rows(results: &[Results], to: impl Write) -> csv::Result<()> {
                 number(beside.map(|beside| beside.core_rms_error)),
                 number(beside.map(|beside| beside.rms_error)),
                 number(beside.and_then(|beside| beside.rms_ratio)),
-                number(beside.map(Beside::over)),
+                number(beside.map(|beside| beside.over)),
             ]);
             table.write_record(cells)?;
         }

@@ -6,7 +6,7 @@ use super::quantities::{QUANTITIES, index};
 use super::run::{Check, Run, Tried};
 use super::{Kind, Quantity};
 use crate::sim::Grade;
-use crate::statistics::{geometric_mean, rms, rms_of_any};
+use crate::statistics::{geometric_mean, rms_of_any};
 
 /// An error beyond so many of its own sigmas is wrong.
 pub const WRONG_SIGMAS: f64 = 4.5;
@@ -43,8 +43,8 @@ pub struct Row {
     pub kalman: Option<Beside>,
 }
 
-/// The Kalman filter beside the core, over the runs in which both have claims at the end and the
-/// filter has not diverged.
+/// The Kalman filter beside the core, over the runs in which both have the quantity and the filter
+/// is not lost.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Beside {
     /// How many.
@@ -56,6 +56,8 @@ pub struct Beside {
     /// Root mean square of the filter's error over its sigma: not about one where it lacks part
     /// of the truth.
     pub rms_ratio: Option<f64>,
+    /// The core's over the filter's.
+    pub over: f64,
 }
 
 impl Beside {
@@ -64,23 +66,21 @@ impl Beside {
         let both: Vec<[Vec<Check>; 2]> = runs
             .iter()
             .filter_map(|tried| {
-                let kalman = tried.kalman.as_ref().filter(|run| !run.diverged())?;
+                let kalman = tried.kalman.as_ref().filter(|run| run.lost().is_none())?;
                 let both = [&tried.core, kalman].map(|run| run.of(quantity));
                 both.iter().all(|checks| !checks.is_empty()).then_some(both)
             })
             .collect();
         let checks = |who: usize| both.iter().flat_map(move |both| &both[who]);
+        let errors = |who: usize| rms_of_any(checks(who).map(|check| check.error));
+        let (core_rms_error, rms_error) = (errors(0)?, errors(1)?);
         Some(Self {
             runs: both.len(),
-            core_rms_error: rms_of_any(checks(0).map(|check| check.error))?,
-            rms_error: rms(checks(1).map(|check| check.error)),
+            core_rms_error,
+            rms_error,
             rms_ratio: rms_of_any(checks(1).filter_map(ratio)),
+            over: core_rms_error / rms_error,
         })
-    }
-
-    /// RMS error of the core over that of the filter.
-    pub fn over(&self) -> f64 {
-        self.core_rms_error / self.rms_error
     }
 }
 
@@ -90,16 +90,26 @@ impl Run {
         checks.filter(|check| check.quantity == quantity).collect()
     }
 
-    /// Whether there is a solution at the end.
-    fn ends_solved(&self) -> bool {
-        !self.of(index::HEADING).is_empty()
-    }
-
-    /// Whether any error is far beyond what is claimed, or no number.
-    fn diverged(&self) -> bool {
+    /// Why nothing can be compared with it, if so.
+    fn lost(&self) -> Option<Lost> {
         let within = |ratio: f64| ratio.abs() <= DIVERGED_SIGMAS;
-        !self.checks.iter().filter_map(ratio).all(within)
+        if self.of(index::HEADING).is_empty() {
+            Some(Lost::WithoutSolution)
+        } else if self.checks.iter().filter_map(ratio).all(within) {
+            None
+        } else {
+            Some(Lost::Diverged)
+        }
     }
+}
+
+/// Why nothing can be compared with a run of the Kalman filter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Lost {
+    /// It has no solution at the end; most were never aligned.
+    WithoutSolution,
+    /// An error is no number, or more than [`DIVERGED_SIGMAS`].
+    Diverged,
 }
 
 impl Row {
@@ -171,32 +181,34 @@ pub struct Results {
     /// Median time of the first solution of those that had one, s.
     pub first_solution_s: Option<f64>,
     /// Runs of the Kalman filter that cannot be compared, if it was run.
-    pub kalman: Option<Lost>,
+    pub kalman_lost: Option<KalmanLost>,
     /// Quantities that were claimed.
     pub rows: Vec<Row>,
 }
 
 /// Runs of the Kalman filter that cannot be compared.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Lost {
-    /// Without a solution at the end: most were never aligned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct KalmanLost {
+    /// Without a solution at the end.
     pub without_solution: usize,
-    /// Beyond [`DIVERGED_SIGMAS`].
+    /// With an error of more than [`DIVERGED_SIGMAS`], or none that is a number.
     pub diverged: usize,
 }
 
-impl Lost {
-    /// All.
-    pub fn runs(self) -> usize {
-        self.without_solution + self.diverged
-    }
-
+impl KalmanLost {
     fn new(runs: &[&Tried]) -> Option<Self> {
         let kalman: Option<Vec<&Run>> = runs.iter().map(|tried| tried.kalman.as_ref()).collect();
-        kalman.map(|kalman| Self {
-            without_solution: kalman.iter().filter(|run| !run.ends_solved()).count(),
-            diverged: kalman.iter().filter(|run| run.diverged()).count(),
+        let kalman = kalman?;
+        let count = |why| kalman.iter().filter(|run| run.lost() == Some(why)).count();
+        Some(Self {
+            without_solution: count(Lost::WithoutSolution),
+            diverged: count(Lost::Diverged),
         })
+    }
+
+    /// Both.
+    pub fn runs(self) -> usize {
+        self.without_solution + self.diverged
     }
 }
 
@@ -218,7 +230,7 @@ impl Results {
             never: 1.0 - firsts.len() as f64 / count,
             without_solution: runs.iter().map(|t| t.core.without_solution).sum::<f64>() / count,
             first_solution_s: firsts.get(firsts.len() / 2).copied(),
-            kalman: Lost::new(runs),
+            kalman_lost: KalmanLost::new(runs),
             rows: (0..QUANTITIES.len())
                 .filter_map(|quantity| Row::new(quantity, runs))
                 .collect(),
@@ -247,7 +259,7 @@ impl Results {
 
     /// RMS error over that of the Kalman filter, of each quantity that can be compared.
     pub fn over_kalman(&self) -> impl Iterator<Item = (&Row, f64)> {
-        let over = |row: &Row| row.kalman.as_ref().map(Beside::over);
+        let over = |row: &Row| row.kalman.as_ref().map(|beside| beside.over);
         self.rows
             .iter()
             .filter_map(move |row| Some((row, over(row)?)))
@@ -329,8 +341,8 @@ impl Totals {
             over_kalman: geometric_mean(over.map(|(_, over)| over)),
             kalman_lost: results
                 .iter()
-                .filter_map(|r| r.kalman)
-                .map(Lost::runs)
+                .filter_map(|r| r.kalman_lost)
+                .map(KalmanLost::runs)
                 .sum(),
         })
     }
@@ -380,11 +392,11 @@ mod tests {
         ];
         let kind = all().next().unwrap();
         let results = Results::new(kind, Grade::Mems, &runs.iter().collect::<Vec<_>>());
-        let lost = results.kalman.unwrap();
+        let lost = results.kalman_lost.unwrap();
         assert_eq!((lost.without_solution, lost.diverged), (1, 2));
         let beside = results.rows[0].kalman.unwrap();
         assert_eq!((beside.runs, beside.core_rms_error), (2, 3.0));
-        assert!((beside.over() - 1.5).abs() < 1e-12);
+        assert!((beside.over - 1.5).abs() < 1e-12);
         assert_eq!(results.near_kalman(), (0, 1));
         // All of the core's own runs stay in its own figures.
         assert_eq!(results.rows[0].checks, 5);
@@ -400,7 +412,7 @@ mod tests {
             kalman: None,
         };
         let results = Results::new(all().next().unwrap(), Grade::Mems, &[&alone]);
-        assert_eq!((results.kalman, results.rows[0].kalman), (None, None));
+        assert_eq!((results.kalman_lost, results.rows[0].kalman), (None, None));
         let total = Totals::new("all", &[&results]).unwrap();
         assert_eq!((total.compared, total.over_kalman), (0, None));
     }
