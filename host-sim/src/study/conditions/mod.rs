@@ -14,7 +14,7 @@ mod world;
 pub use kinds::{Kind, all};
 pub use quantities::{QUANTITIES, Quantity};
 pub use run::{Check, Run, Tried};
-pub use statistics::{Results, Row, Totals};
+pub use statistics::{Beside, KalmanLost, Results, Row, Totals};
 pub use world::{Vehicle, World};
 
 use indicatif::ProgressBar;
@@ -110,7 +110,7 @@ mod tests {
         };
         let results = study.results(&ProgressBar::hidden());
         let plain = &results[0];
-        assert_eq!(plain.kalman_lost.map(|lost| lost.runs()), Some(0));
+        assert_eq!(plain.kalman_lost.map(KalmanLost::runs), Some(0));
         assert_eq!(plain.near_kalman().1, plain.rows.len());
         // Both are near the best there is, on the same noise: what is left is the chance of eight
         // runs, a quarter of a ratio in the worst of three sets of seeds. Positions are not so:
