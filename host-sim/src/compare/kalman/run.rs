@@ -4,6 +4,7 @@ use core::iter::Peekable;
 use core::slice::Iter;
 
 use ins_core::ConfigError;
+use ins_core::config::HeadingSource;
 use ins_core::increments::Increments;
 use ins_core::{Config, GnssFix, ImuSample, Navigator, Time};
 
@@ -148,8 +149,10 @@ impl<'a> Run<'a> {
 
     /// A hole too long to bridge: from the alignment on, as the core does.
     fn align_again(&mut self, sample: &ImuSample) {
-        // The configuration was accepted before.
         self.log_likelihood_before = self.log_likelihood();
+        // A heading is given for the first sample, and is another one by now.
+        self.config.heading = HeadingSource::Auto;
+        // The configuration was accepted before.
         if let Ok(navigator) = Navigator::new(self.config) {
             self.state = State::Aligning(Box::new(navigator));
             self.last = None;

@@ -56,7 +56,8 @@ pub struct Beside {
     /// Root mean square of the filter's error over its sigma: not about one where it lacks part
     /// of the truth.
     pub rms_ratio: Option<f64>,
-    /// The core's over the filter's.
+    /// The core's over the filter's; zero where the core does not err at all, as in a latency
+    /// that may be anything between bounds.
     pub over: f64,
 }
 
@@ -79,7 +80,11 @@ impl Beside {
             core_rms_error,
             rms_error,
             rms_ratio: rms_of_any(checks(1).filter_map(ratio)),
-            over: core_rms_error / rms_error,
+            over: if core_rms_error == 0.0 {
+                0.0
+            } else {
+                core_rms_error / rms_error
+            },
         })
     }
 }
@@ -306,7 +311,7 @@ pub struct Totals {
     pub compared: usize,
     /// Of them those whose RMS error is at most [`NEAR_KALMAN`] times the filter's.
     pub near_kalman: usize,
-    /// Geometric mean of RMS error over the filter's.
+    /// Geometric mean of RMS error over the filter's, where both err.
     pub over_kalman: Option<f64>,
     /// Runs of the filter that cannot be compared.
     pub kalman_lost: usize,
@@ -319,6 +324,7 @@ impl Totals {
         let honest: Vec<(usize, usize)> = results.iter().map(|r| r.honest()).collect();
         let rows = || results.iter().flat_map(|results| &results.rows);
         let over = results.iter().flat_map(|r| r.over_kalman());
+        let both_err = over.filter(|(_, over)| *over > 0.0 && over.is_finite());
         let mean = |part: fn(&Results) -> f64| results.iter().map(|r| part(r)).sum::<f64>() / count;
         (!results.is_empty()).then(|| Self {
             name: name.to_owned(),
@@ -338,7 +344,7 @@ impl Totals {
             without_solution: mean(|r| r.without_solution),
             compared: results.iter().map(|r| r.near_kalman().1).sum(),
             near_kalman: results.iter().map(|r| r.near_kalman().0).sum(),
-            over_kalman: geometric_mean(over.map(|(_, over)| over)),
+            over_kalman: geometric_mean(both_err.map(|(_, over)| over)),
             kalman_lost: results
                 .iter()
                 .filter_map(|r| r.kalman_lost)
@@ -401,8 +407,32 @@ mod tests {
         // All of the core's own runs stay in its own figures.
         assert_eq!(results.rows[0].checks, 5);
         let total = Totals::new("all", &[&results]).unwrap();
+        assert!((total.over_kalman.unwrap() - 1.5).abs() < 1e-12);
         let counts = (total.near_kalman, total.compared, total.kalman_lost);
         assert_eq!(counts, (0, 1, 3));
+    }
+
+    #[test]
+    fn who_does_not_err_is_near_and_leaves_the_mean_alone() {
+        let over = |core: f64, kalman: f64| {
+            let tried = Tried {
+                core: run(core, 1.0),
+                kalman: Some(run(kalman, 1.0)),
+            };
+            Results::new(all().next().unwrap(), Grade::Mems, &[&tried])
+        };
+        let each = [
+            over(0.0, 0.0),
+            over(0.0, 1.0),
+            over(1.0, 0.0),
+            over(3.0, 2.0),
+            over(f64::NAN, 1.0),
+        ];
+        let near = each.each_ref().map(|results| results.near_kalman().0);
+        assert_eq!(near, [1, 1, 0, 0, 0]);
+        let total = Totals::new("all", &each.each_ref()).unwrap();
+        assert_eq!((total.near_kalman, total.compared), (2, 5));
+        assert!((total.over_kalman.unwrap() - 1.5).abs() < 1e-12);
     }
 
     #[test]
