@@ -12,8 +12,8 @@ use crate::sim::SimulatedDrive;
 use crate::sim::errors::GnssModel;
 use crate::sim::receiver::Up;
 
-/// Spread of the height where no fix has one, m.
-const ANY_HEIGHT_M: f64 = 5_000.0;
+/// Spread of the height of places on land, where no fix has one, m.
+const ANY_HEIGHT_M: f64 = 500.0;
 
 /// The true noise of all; antenna and clocks as the core is told, or as far off as they are.
 pub fn noise(world: &World, config: &Config) -> Noise {
