@@ -4,7 +4,6 @@ use host_sim::compare::kalman::filter::Start;
 use host_sim::compare::kalman::{
     Filter, Known, Noise, PartNoise, Record, Run, States, index, smooth,
 };
-use host_sim::sim::errors::Outage;
 use host_sim::sim::noise::Random;
 use host_sim::sim::{DriveConfig, ErrorModel, Grade, SimulatedDrive, simulate};
 use host_sim::study::accuracy::config_of;
@@ -427,26 +426,5 @@ fn a_guess_moves_the_stated_spread() {
     assert!(
         sigmas[0] < 0.8 * sigmas[1] && sigmas[1] < 0.8 * sigmas[2],
         "{sigmas:?}"
-    );
-}
-
-#[test]
-fn the_heading_of_the_start_is_not_given_again_after_a_hole() {
-    let mut model = Grade::Hg1700.errors();
-    model.imu.holes.push(Outage {
-        start_s: 300.0,
-        duration_s: 0.6,
-    });
-    let (drive, config) = drive_with(&model, 3, 12.0);
-    let mut run = Run::new(&drive.imu, &drive.gnss, config, Noise::of_model(&model)).unwrap();
-    run.finish();
-    let filter = run.filter().expect("aligned again");
-    let truth = truth_at(&drive, filter.time).unwrap();
-    let azimuth = index::ATTITUDE + 2;
-    let error = errors(&filter.known, truth, &drive)[azimuth];
-    let sigma = filter.sigmas()[azimuth];
-    assert!(
-        sigma < 0.01 && error.abs() < 4.0 * sigma,
-        "{error} of {sigma}"
     );
 }

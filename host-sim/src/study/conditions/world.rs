@@ -97,10 +97,14 @@ impl World {
         60.0 * self.minutes
     }
 
-    /// Whether the receiver has no fixes at a time.
+    /// Whether the receiver has no fixes at a time, or none that is sure to have arrived since.
     pub fn is_out(&self, time: Time) -> bool {
-        let mut outages = self.errors.gnss.outages.iter();
-        outages.any(|outage| outage.holds(time.as_seconds()))
+        let gnss = &self.errors.gnss;
+        let late_s = gnss.latency_s[1].max(0.0) + gnss.habits.delay_s[1] + 1.0 / gnss.rate_hz;
+        gnss.outages.iter().any(|outage| {
+            let back_s = outage.start_s + outage.duration_s + late_s;
+            (outage.start_s..back_s).contains(&time.as_seconds())
+        })
     }
 
     /// Antenna from the unit in the axes of the unit, m.
