@@ -1,13 +1,15 @@
 //! The command `study conditions`.
 
+use std::path::PathBuf;
+
 use clap::Args;
-use miette::{Result, bail};
+use miette::{IntoDiagnostic, Result, bail};
 use serde::Serialize;
 
 use crate::log::Grade;
-use crate::page;
 use crate::page::progress::bar;
-use crate::study::conditions::output::{readable, totals};
+use crate::page::{self, output};
+use crate::study::conditions::output::{readable, totals, write_rows};
 use crate::study::conditions::{Kind, Results, Study, Totals, all};
 
 /// Options of `study conditions`.
@@ -38,6 +40,9 @@ pub struct Conditions {
     /// The overview and the totals alone.
     #[arg(long)]
     brief: bool,
+    /// File for a line of each kind and quantity, as CSV.
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
     /// Print the kinds there are, and run none.
     #[arg(long)]
     list: bool,
@@ -72,6 +77,11 @@ pub fn conditions(options: &Conditions, json: bool) -> Result<()> {
     let progress = bar();
     progress.set_message("running");
     let results = study.results(&progress);
+    if let Some(file) = &options.csv {
+        let mut lines = Vec::new();
+        write_rows(&results, &mut lines).into_diagnostic()?;
+        output::replace(file, &String::from_utf8(lines).into_diagnostic()?)?;
+    }
     if json {
         let page = Page {
             seeds: study.seeds,

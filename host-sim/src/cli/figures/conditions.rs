@@ -3,29 +3,32 @@
 
 use crate::log;
 use crate::page::progress::bar;
-use crate::page::table::{cells, markdown};
+use crate::page::table::{Table, cells, markdown};
 use crate::sim::Grade;
-use crate::study::conditions::output::{overview_table, short, totals, totals_table};
+use crate::study::conditions::output::{overview_table, short, totals, totals_table, worst_table};
 use crate::study::conditions::{QUANTITIES, Quantity, Results, Row, Study, all};
 
-/// All kinds over so many seeds.
+/// All kinds over so many seeds, the Kalman filter beside the core.
 pub(super) fn results(seeds: u64) -> Vec<Results> {
     let study = Study {
         kinds: all().collect(),
         only: None,
         first_seed: 0,
         seeds,
-        with_kalman: false,
+        with_kalman: true,
     };
     let progress = bar();
     progress.set_message("running");
     study.results(&progress)
 }
 
-/// Totals, and a row for each kind.
+/// Totals, what is worst beside the Kalman filter, and a row for each kind.
 pub(super) fn page(results: &[Results]) -> String {
-    let tables = [totals_table(&totals(results)), overview_table(results)];
-    tables.map(|table| table.markdown()).join("\n")
+    let mut tables = vec![totals_table(&totals(results))];
+    tables.extend(worst_table(results));
+    tables.push(overview_table(results));
+    let tables: Vec<String> = tables.iter().map(Table::markdown).collect();
+    tables.join("\n")
 }
 
 /// A row for each quantity over the kinds that judge.

@@ -4,6 +4,7 @@ use core::iter::Peekable;
 use core::slice::Iter;
 
 use ins_core::ConfigError;
+use ins_core::config::HeadingSource;
 use ins_core::increments::Increments;
 use ins_core::{Config, GnssFix, ImuSample, Navigator, Time};
 
@@ -148,8 +149,10 @@ impl<'a> Run<'a> {
 
     /// A hole too long to bridge: from the alignment on, as the core does.
     fn align_again(&mut self, sample: &ImuSample) {
-        // The configuration was accepted before.
         self.log_likelihood_before = self.log_likelihood();
+        // A heading is given for the first sample, and is another one by now.
+        self.config.heading = HeadingSource::Auto;
+        // The configuration was accepted before.
         if let Ok(navigator) = Navigator::new(self.config) {
             self.state = State::Aligning(Box::new(navigator));
             self.last = None;
@@ -169,5 +172,40 @@ fn remember(last: &mut Option<(Time, Increments)>, sample: &ImuSample, config: &
             }
         }
         None => *last = Some((sample.time, Increments::new(config.imu_output, sample))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compare::kalman::index;
+    use crate::identify::configure::config_of;
+    use crate::sim::errors::Outage;
+    use crate::sim::{DriveConfig, Grade, simulate};
+
+    #[test]
+    fn the_heading_of_the_start_is_not_given_again_after_a_hole() {
+        let mut with_hole = DriveConfig::new(3, Grade::Hg1700, 12.0);
+        let model = &mut with_hole.recording.errors;
+        model.imu.holes.push(Outage {
+            start_s: 300.0,
+            duration_s: 0.6,
+        });
+        let noise = Noise::of_model(model);
+        let output = model.imu.output;
+        let drive = simulate(&with_hole);
+        let config = config_of(Grade::Hg1700.class(), output, drive.given_heading_rad);
+        let mut run = Run::new(&drive.imu, &drive.gnss, config, noise).unwrap();
+        run.finish();
+        let filter = run.filter().expect("aligned again");
+        let truth = drive.truth.last().unwrap();
+        assert_eq!(filter.time, truth.time);
+        let attitude = filter.known.solution(filter.time).attitude;
+        let turn = (attitude * truth.attitude.inverse()).scaled_axis().z;
+        let sigma = filter.sigmas()[index::ATTITUDE + 2];
+        assert!(
+            sigma < 0.01 && turn.abs() < 4.0 * sigma,
+            "{turn} of {sigma}"
+        );
     }
 }

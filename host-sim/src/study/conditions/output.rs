@@ -1,14 +1,22 @@
 //! The results as tables for people.
 
-use super::statistics::{Results, Row, Totals};
+use std::io::Write;
+
+use super::statistics::{Beside, Results, Row, Totals};
 use crate::page::table::{Table, cells};
 use crate::sim::Grade;
 
-/// Overview, totals, then every kind by itself.
+/// Quantities that are named as worst.
+const WORST: usize = 10;
+
+/// Overview, totals, what is worst beside the Kalman filter, then every kind by itself.
 pub fn readable(results: &[Results], details: bool) -> String {
-    let [overview, totals] =
-        [overview_table(results), totals_table(&totals(results))].map(|table| table.plain());
-    let mut text = format!("{overview}\n{totals}");
+    let summary = [overview_table(results), totals_table(&totals(results))];
+    let tables = summary.into_iter().chain(worst_table(results));
+    let mut text = tables
+        .map(|table| table.plain())
+        .collect::<Vec<_>>()
+        .join("\n");
     if details {
         for result in results {
             text.push('\n');
@@ -49,6 +57,8 @@ pub(crate) fn overview_table(results: &[Results]) -> Table {
         "wrong and sure",
         "worst error/sigma",
         "",
+        "Kalman lost",
+        "near Kalman",
         "worst over Kalman",
         "",
     ]);
@@ -56,29 +66,31 @@ pub(crate) fn overview_table(results: &[Results]) -> Table {
 }
 
 fn overview_row(result: &Results) -> Vec<String> {
-    let (honest, all) = result.honest();
     let worst = result.worst();
-    let kalman = result.worst_over_kalman();
-    let ratio = |value: f64| format!("{value:.2}");
-    vec![
-        result.kind.to_owned(),
-        short(result.class).to_owned(),
-        if result.judge { "judge" } else { "develop" }.to_owned(),
+    let over = result
+        .over_kalman()
+        .max_by(|a, b| f64::total_cmp(&a.1, &b.1));
+    let lost = result.kalman_lost.map(|lost| lost.runs().to_string());
+    let mut cells = names(result).to_vec();
+    cells.extend([
         result.runs.to_string(),
         percent(result.never),
         percent(result.without_solution),
         result
             .first_solution_s
             .map_or(String::new(), |s| format!("{s:.0}")),
-        format!("{honest}/{all}"),
+        part(result.honest()),
         result.wrong_and_sure().to_string(),
         worst
             .and_then(|row| row.rms_ratio)
-            .map_or(String::new(), ratio),
+            .map_or(String::new(), two_digits),
         worst.map_or(String::new(), |row| row.quantity.name.to_owned()),
-        kalman.map_or(String::new(), |(_, over)| ratio(over)),
-        kalman.map_or(String::new(), |(row, _)| row.quantity.name.to_owned()),
-    ]
+        lost.unwrap_or_default(),
+        over.map_or(String::new(), |_| part(result.near_kalman())),
+        over.map_or(String::new(), |(_, over)| two_digits(over)),
+        over.map_or(String::new(), |(row, _)| row.quantity.name.to_owned()),
+    ]);
+    cells
 }
 
 /// A row for each group.
@@ -94,11 +106,14 @@ pub(crate) fn totals_table(totals: &[Totals]) -> Table {
         "per 1000",
         "never",
         "no solution",
+        "near Kalman",
         "over Kalman",
+        "Kalman lost",
     ]);
     let rows = totals
         .iter()
         .map(|total| {
+            let beside = |text: String| total.over_kalman.map_or(String::new(), |_| text);
             vec![
                 total.name.clone(),
                 total.kinds.to_string(),
@@ -110,13 +125,42 @@ pub(crate) fn totals_table(totals: &[Totals]) -> Table {
                 format!("{:.1}", 1000.0 * total.wrong_and_sure as f64 / total.sure),
                 percent(total.never),
                 percent(total.without_solution),
-                total
-                    .over_kalman
-                    .map_or(String::new(), |over| format!("{over:.2}")),
+                beside(part((total.near_kalman, total.compared))),
+                beside(total.over_kalman.map_or(String::new(), two_digits)),
+                beside(total.kalman_lost.to_string()),
             ]
         })
         .collect();
     Table::new("", header, rows)
+}
+
+/// Where the core is worst beside the Kalman filter; `None` without one.
+pub(crate) fn worst_table(results: &[Results]) -> Option<Table> {
+    let each = |result| Results::over_kalman(result).map(move |(row, over)| (result, row, over));
+    let mut all: Vec<_> = results.iter().flat_map(each).collect();
+    all.sort_by(|a, b| f64::total_cmp(&b.2, &a.2));
+    all.truncate(WORST);
+    let header = cells([
+        "worst over Kalman",
+        "class",
+        "use",
+        "",
+        "unit",
+        "RMS error",
+        "Kalman",
+        "its error/sigma",
+        "over Kalman",
+    ]);
+    let rows = all.iter().map(|(result, row, _)| {
+        let mut cells = names(result).to_vec();
+        cells.extend([row.quantity.name, row.quantity.unit].map(str::to_owned));
+        if let Some(beside) = &row.kalman {
+            cells.push(number(beside.core_rms_error));
+            cells.extend(beside_cells(beside));
+        }
+        cells
+    });
+    (!all.is_empty()).then(|| Table::new("", header, rows.collect()))
 }
 
 fn kind(result: &Results) -> String {
@@ -130,7 +174,9 @@ fn kind(result: &Results) -> String {
         "within 3",
         "observable",
         "wrong and sure",
-        "Kalman RMS error",
+        "Kalman",
+        "its error/sigma",
+        "over Kalman",
     ]);
     let table = Table::new("", header, result.rows.iter().map(kind_row).collect());
     format!(
@@ -144,19 +190,82 @@ fn kind(result: &Results) -> String {
 
 fn kind_row(row: &Row) -> Vec<String> {
     let stated = |value: String| row.rms_sigma.map_or(String::new(), |_| value);
-    vec![
+    let mut cells = vec![
         row.quantity.name.to_owned(),
         row.quantity.unit.to_owned(),
         number(row.rms_error),
         row.rms_sigma.map_or(String::new(), number),
-        row.rms_ratio
-            .map_or(String::new(), |ratio| format!("{ratio:.2}")),
+        row.rms_ratio.map_or(String::new(), two_digits),
         stated(percent(row.within_one)),
         stated(percent(row.within_three)),
         stated(percent(row.observable)),
         stated(row.wrong_and_sure.to_string()),
-        row.kalman_rms_error.map_or(String::new(), number),
+    ];
+    let beside = row.kalman.as_ref().map(beside_cells);
+    cells.extend(beside.unwrap_or_default());
+    cells
+}
+
+/// RMS error of the Kalman filter, that over its sigma, and the core's over it.
+fn beside_cells(beside: &Beside) -> [String; 3] {
+    [
+        number(beside.rms_error),
+        beside.rms_ratio.map_or(String::new(), two_digits),
+        two_digits(beside.over),
     ]
+}
+
+/// Every kind and quantity, for programs.
+pub fn write_rows(results: &[Results], to: impl Write) -> csv::Result<()> {
+    let mut table = csv::Writer::from_writer(to);
+    table.write_record([
+        "kind",
+        "class",
+        "use",
+        "quantity",
+        "unit",
+        "checks",
+        "rms_error",
+        "rms_sigma",
+        "rms_error_over_sigma",
+        "observable",
+        "wrong_and_sure",
+        "compared_runs",
+        "compared_rms_error",
+        "kalman_rms_error",
+        "kalman_rms_error_over_sigma",
+        "over_kalman",
+    ])?;
+    let number = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.6e}"));
+    for result in results {
+        for row in &result.rows {
+            let beside = row.kalman.as_ref();
+            let mut cells = names(result).to_vec();
+            cells.extend([
+                row.quantity.name.to_owned(),
+                row.quantity.unit.to_owned(),
+                row.checks.to_string(),
+                number(Some(row.rms_error)),
+                number(row.rms_sigma),
+                number(row.rms_ratio),
+                number(Some(row.observable)),
+                row.wrong_and_sure.to_string(),
+                beside.map_or(String::new(), |beside| beside.runs.to_string()),
+                number(beside.map(|beside| beside.core_rms_error)),
+                number(beside.map(|beside| beside.rms_error)),
+                number(beside.and_then(|beside| beside.rms_ratio)),
+                number(beside.map(|beside| beside.over)),
+            ]);
+            table.write_record(cells)?;
+        }
+    }
+    Ok(table.flush()?)
+}
+
+/// Kind, class and use.
+fn names(result: &Results) -> [String; 3] {
+    let side = if result.judge { "judge" } else { "develop" };
+    [result.kind, short(result.class), side].map(str::to_owned)
 }
 
 /// Name of a class.
@@ -166,6 +275,14 @@ pub(crate) fn short(class: Grade) -> &'static str {
         Grade::Hg1700 => "hg1700",
         Grade::Mems => "mems",
     }
+}
+
+fn part((of, all): (usize, usize)) -> String {
+    format!("{of}/{all}")
+}
+
+fn two_digits(ratio: f64) -> String {
+    format!("{ratio:.2}")
 }
 
 fn percent(part: f64) -> String {

@@ -30,16 +30,16 @@ pub(super) mod index {
     pub const GYRO: usize = 5;
     pub const LATENCY: usize = 8;
     pub const LEVER: usize = 9;
-    pub const POSITION: usize = 12;
-    pub const HEIGHT: usize = 13;
-    pub const VELOCITY: usize = 14;
-    pub const VELOCITY_UP: usize = 15;
+    /// Position, height, level and vertical velocity while fixes come.
+    pub const AIDED: usize = 12;
+    /// The same in outages, then tilt and heading.
+    pub const COASTING: usize = 16;
 }
 
-/// At the end of a run, but for the last four: those are root mean squares over its second half,
-/// level ones per axis. Axes are those of the unit.
+/// At the end of a run, but for the last ten: those are root mean squares over its second half,
+/// while fixes come and in outages apart, level ones per axis. Axes are those of the unit.
 #[rustfmt::skip]
-pub const QUANTITIES: [Quantity; 16] = [
+pub const QUANTITIES: [Quantity; 22] = [
     quantity("heading", "deg", PI / 180.0),
     quantity("roll and pitch", "deg", PI / 180.0),
     quantity("accelerometer x", "mg", MG_MPS2),
@@ -56,4 +56,10 @@ pub const QUANTITIES: [Quantity; 16] = [
     quantity("height", "m", 1.0),
     quantity("level velocity", "m/s", 1.0),
     quantity("vertical velocity", "m/s", 1.0),
+    quantity("level position in outages", "m", 1.0),
+    quantity("height in outages", "m", 1.0),
+    quantity("level velocity in outages", "m/s", 1.0),
+    quantity("vertical velocity in outages", "m/s", 1.0),
+    quantity("roll and pitch in outages", "deg", PI / 180.0),
+    quantity("heading in outages", "deg", PI / 180.0),
 ];

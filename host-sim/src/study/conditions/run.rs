@@ -1,13 +1,13 @@
 //! One seed of one kind: simulated, run, held against the truth.
 
-use ins_core::{Solution, Time};
+use ins_core::{Solution, SolutionSigma, Time};
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::Serialize;
 
 use super::quantities::{QUANTITIES, index};
-use super::subject::{self, Claim, Claims, Core, Kalman, SolutionSigma, Subject};
+use super::subject::{self, Claim, Claims, Core, Kalman, Subject};
 use super::truth::Truth;
-use super::{Kind, World};
+use super::{Kind, World, told};
 use crate::sim::{Grade, SimulatedDrive};
 
 /// One claim against its truth, in the unit of the quantity.
@@ -56,10 +56,14 @@ pub fn run(kind: &Kind, class: Grade, seed: u64, with_kalman: bool) -> Tried {
     let config = subject::config(&world, &drive);
     let refused = "presets are valid";
     let core = Core::new(config, &drive).expect(refused);
-    let kalman = || Kalman::new(&world, config, &drive, &truth.up).expect(refused);
+    let kalman = || {
+        let (fixes, noise) = (told::fixes(&world, &drive), told::noise(&world, &config));
+        let kalman = Kalman::new(&drive.imu, &fixes, config, noise, &truth.up).expect(refused);
+        try_on(kalman, &world, &drive, &truth)
+    };
     Tried {
         core: try_on(core, &world, &drive, &truth),
-        kalman: with_kalman.then(|| try_on(kalman(), &world, &drive, &truth)),
+        kalman: with_kalman.then(kalman),
     }
 }
 
@@ -77,7 +81,12 @@ fn try_on<S: Subject>(mut subject: S, world: &World, drive: &SimulatedDrive, tru
                 first_solution_s = Some(time.as_seconds());
             }
             if time >= half && true_now.time == time {
-                second_half.add(solution.as_ref(), true_now, &subject.solution_sigma());
+                let aligned = Solution {
+                    attitude: true_now.attitude * truth.axes,
+                    ..*true_now
+                };
+                let now = solution.map(|solution| Look::new(&solution, &aligned, subject.sigma()));
+                second_half.add(now, world.is_out(time));
             }
         }
     }
@@ -139,71 +148,101 @@ fn rotation_between(from: &UnitQuaternion<f64>, to: &UnitQuaternion<f64>) -> Vec
     (to * from.inverse()).scaled_axis()
 }
 
-/// Sums over the second half: squares of errors and of stated sigmas, in the order of the last
-/// four quantities.
+/// Squares of errors and of stated sigmas at one time: position, height, level and vertical
+/// velocity, tilt, heading.
+#[derive(Clone, Copy, Debug)]
+struct Look {
+    errors2: [f64; 6],
+    sigmas2: Option<[f64; 6]>,
+}
+
+impl Look {
+    fn new(solution: &Solution, truth: &Solution, sigma: Option<SolutionSigma>) -> Self {
+        let squares =
+            |position: &Vector3<f64>, velocity: &Vector3<f64>, attitude: &Vector3<f64>| {
+                let three = [position, velocity, attitude];
+                let split = three.map(|v| [0.5 * v.xy().norm_squared(), v.z * v.z]);
+                core::array::from_fn(|which| split[which / 2][which % 2])
+            };
+        Self {
+            errors2: squares(
+                &solution.position.enu_from(&truth.position),
+                &(solution.velocity_enu_mps - truth.velocity_enu_mps),
+                &rotation_between(&truth.attitude, &solution.attitude),
+            ),
+            sigmas2: sigma.map(|s| squares(&s.position_m, &s.velocity_mps, &s.attitude_rad)),
+        }
+    }
+}
+
+/// Sums of looks.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    looks: f64,
+    errors2: [f64; 6],
+    /// Stated always or never.
+    sigmas2: Option<[f64; 6]>,
+}
+
+impl Sums {
+    fn add(&mut self, look: &Look) {
+        let add = |sums: &mut [f64; 6], squares: &[f64; 6]| {
+            for (sum, square) in sums.iter_mut().zip(squares) {
+                *sum += square;
+            }
+        };
+        self.looks += 1.0;
+        add(&mut self.errors2, &look.errors2);
+        if let Some(sigmas2) = &look.sigmas2 {
+            add(self.sigmas2.get_or_insert_default(), sigmas2);
+        }
+    }
+
+    /// The first so many, as quantities from a place on.
+    fn checks(self, first: usize, count: usize) -> impl Iterator<Item = Check> {
+        let check = move |which: usize| {
+            let quantity = first + which;
+            let rms = |sum2: f64| (sum2 / self.looks).sqrt() / QUANTITIES[quantity].si;
+            Check {
+                quantity,
+                error: rms(self.errors2[which]),
+                sigma: self.sigmas2.map(|sigmas2| rms(sigmas2[which])),
+                observable: true,
+            }
+        };
+        (0..count).filter(move |_| self.looks > 0.0).map(check)
+    }
+}
+
+/// Sums over the second half.
 #[derive(Clone, Copy, Debug, Default)]
 struct SecondHalf {
-    looks: f64,
-    solutions: f64,
-    errors2: [f64; 4],
-    sigmas2: [Option<f64>; 4],
+    without_solution: f64,
+    aided: Sums,
+    coasting: Sums,
 }
 
 impl SecondHalf {
-    fn add(&mut self, solution: Option<&Solution>, truth: &Solution, sigma: &SolutionSigma) {
-        self.looks += 1.0;
-        let Some(solution) = solution else {
-            return;
-        };
-        let position = solution.position.enu_from(&truth.position);
-        let velocity = solution.velocity_enu_mps - truth.velocity_enu_mps;
-        let errors2 = [
-            0.5 * position.xy().norm_squared(),
-            position.z * position.z,
-            0.5 * velocity.xy().norm_squared(),
-            velocity.z * velocity.z,
-        ];
-        let sigmas = [
-            sigma.position_m,
-            sigma.height_m,
-            sigma.velocity_mps,
-            sigma.velocity_up_mps,
-        ];
-        for which in 0..4 {
-            self.errors2[which] += errors2[which];
-            // Stated always or never.
-            if let Some(sigma) = sigmas[which] {
-                *self.sigmas2[which].get_or_insert(0.0) += sigma * sigma;
-            }
+    fn add(&mut self, look: Option<Look>, in_outage: bool) {
+        match look {
+            None => self.without_solution += 1.0,
+            Some(look) if in_outage => self.coasting.add(&look),
+            Some(look) => self.aided.add(&look),
         }
-        self.solutions += 1.0;
     }
 
     fn without_solution(&self) -> f64 {
-        if self.looks > 0.0 {
-            1.0 - self.solutions / self.looks
+        let looks = self.without_solution + self.aided.looks + self.coasting.looks;
+        if looks > 0.0 {
+            self.without_solution / looks
         } else {
             1.0
         }
     }
 
-    fn checks(&self) -> impl Iterator<Item = Check> + '_ {
-        let places = [
-            index::POSITION,
-            index::HEIGHT,
-            index::VELOCITY,
-            index::VELOCITY_UP,
-        ];
-        let rms = |sum2: f64| (sum2 / self.solutions).sqrt();
-        let checks = places
-            .into_iter()
-            .enumerate()
-            .map(move |(which, quantity)| Check {
-                quantity,
-                error: rms(self.errors2[which]),
-                sigma: self.sigmas2[which].map(rms),
-                observable: true,
-            });
-        checks.filter(|_| self.solutions > 0.0)
+    /// Tilt and heading while fixes come are looked at in the end.
+    fn checks(&self) -> impl Iterator<Item = Check> {
+        let aided = self.aided.checks(index::AIDED, 4);
+        aided.chain(self.coasting.checks(index::COASTING, 6))
     }
 }

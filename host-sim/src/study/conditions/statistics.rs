@@ -2,16 +2,20 @@
 
 use serde::Serialize;
 
-use super::quantities::QUANTITIES;
+use super::quantities::{QUANTITIES, index};
 use super::run::{Check, Run, Tried};
 use super::{Kind, Quantity};
 use crate::sim::Grade;
-use crate::statistics::rms_of_any;
+use crate::statistics::{geometric_mean, rms_of_any};
 
 /// An error beyond so many of its own sigmas is wrong.
 pub const WRONG_SIGMAS: f64 = 4.5;
 /// RMS of error over sigma of an honest quantity.
 pub const HONEST: [f64; 2] = [0.7, 1.3];
+/// RMS error over that of the Kalman filter up to which the core counts as about as good.
+pub const NEAR_KALMAN: f64 = 1.3;
+/// A Kalman filter beyond so many of its own sigmas has diverged.
+pub const DIVERGED_SIGMAS: f64 = 10.0;
 
 /// A quantity over the runs of a kind, in its unit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -35,41 +39,106 @@ pub struct Row {
     pub observable: f64,
     /// How often called observable and wrong.
     pub wrong_and_sure: usize,
-    /// Root mean square of the Kalman filter's errors.
-    pub kalman_rms_error: Option<f64>,
+    /// The Kalman filter's errors, if one was run.
+    pub kalman: Option<Beside>,
+}
+
+/// The Kalman filter beside the core, over the runs in which both have the quantity and the filter
+/// is not lost.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Beside {
+    /// How many.
+    pub runs: usize,
+    /// Root mean square of the core's errors in these.
+    pub core_rms_error: f64,
+    /// Root mean square of the filter's.
+    pub rms_error: f64,
+    /// Root mean square of the filter's error over its sigma: not about one where it lacks part
+    /// of the truth.
+    pub rms_ratio: Option<f64>,
+    /// The core's over the filter's; zero where the core does not err at all, as in a latency
+    /// that may be anything between bounds.
+    pub over: f64,
+}
+
+impl Beside {
+    /// `None` where there are no two to compare.
+    fn new(quantity: usize, runs: &[&Tried]) -> Option<Self> {
+        let both: Vec<[Vec<Check>; 2]> = runs
+            .iter()
+            .filter_map(|tried| {
+                let kalman = tried.kalman.as_ref().filter(|run| run.lost().is_none())?;
+                let both = [&tried.core, kalman].map(|run| run.of(quantity));
+                both.iter().all(|checks| !checks.is_empty()).then_some(both)
+            })
+            .collect();
+        let checks = |who: usize| both.iter().flat_map(move |both| &both[who]);
+        let errors = |who: usize| rms_of_any(checks(who).map(|check| check.error));
+        let (core_rms_error, rms_error) = (errors(0)?, errors(1)?);
+        Some(Self {
+            runs: both.len(),
+            core_rms_error,
+            rms_error,
+            rms_ratio: rms_of_any(checks(1).filter_map(ratio)),
+            over: if core_rms_error == 0.0 {
+                0.0
+            } else {
+                core_rms_error / rms_error
+            },
+        })
+    }
+}
+
+impl Run {
+    fn of(&self, quantity: usize) -> Vec<Check> {
+        let checks = self.checks.iter().copied();
+        checks.filter(|check| check.quantity == quantity).collect()
+    }
+
+    /// Why nothing can be compared with it, if so.
+    fn lost(&self) -> Option<Lost> {
+        let within = |ratio: f64| ratio.abs() <= DIVERGED_SIGMAS;
+        if self.of(index::HEADING).is_empty() {
+            Some(Lost::WithoutSolution)
+        } else if self.checks.iter().filter_map(ratio).all(within) {
+            None
+        } else {
+            Some(Lost::Diverged)
+        }
+    }
+}
+
+/// Why nothing can be compared with a run of the Kalman filter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Lost {
+    /// It has no solution at the end; most were never aligned.
+    WithoutSolution,
+    /// An error is no number, or more than [`DIVERGED_SIGMAS`].
+    Diverged,
 }
 
 impl Row {
     /// `None` where nothing was claimed.
     fn new(quantity: usize, runs: &[&Tried]) -> Option<Self> {
-        let of = |run: &Run| -> Vec<Check> {
-            let checks = run.checks.iter().copied();
-            checks.filter(|check| check.quantity == quantity).collect()
-        };
-        let checks: Vec<Check> = runs.iter().flat_map(|tried| of(&tried.core)).collect();
-        let kalman: Vec<Check> = runs
-            .iter()
-            .filter_map(|tried| tried.kalman.as_ref())
-            .flat_map(of)
-            .collect();
+        let checks = runs.iter().flat_map(|tried| tried.core.of(quantity));
+        let checks: Vec<Check> = checks.collect();
         let ratios: Vec<f64> = checks.iter().filter_map(ratio).collect();
         let part = |count: usize, of: usize| count as f64 / of as f64;
         let within = |bound: f64| {
             let inside = ratios.iter().filter(|ratio| ratio.abs() <= bound).count();
             part(inside, ratios.len())
         };
-        let errors = |checks: &[Check]| rms_of_any(checks.iter().map(|check| check.error));
         Some(Self {
             quantity: QUANTITIES[quantity],
             checks: checks.len(),
-            rms_error: errors(&checks)?,
+            rms_error: rms_of_any(checks.iter().map(|check| check.error))?,
             rms_sigma: rms_of_any(checks.iter().filter_map(|check| check.sigma)),
             rms_ratio: rms_of_any(ratios.iter().copied()),
             within_one: within(1.0),
             within_three: within(3.0),
             observable: part(checks.iter().filter(|c| c.observable).count(), checks.len()),
             wrong_and_sure: checks.iter().filter(|check| wrong_and_sure(check)).count(),
-            kalman_rms_error: errors(&kalman),
+            kalman: Beside::new(quantity, runs),
         })
     }
 
@@ -84,11 +153,6 @@ impl Row {
     /// Claims called observable.
     pub fn sure(&self) -> f64 {
         self.observable * self.checks as f64
-    }
-
-    /// RMS error over that of the Kalman filter.
-    pub fn over_kalman(&self) -> Option<f64> {
-        self.kalman_rms_error.map(|kalman| self.rms_error / kalman)
     }
 }
 
@@ -121,8 +185,36 @@ pub struct Results {
     pub without_solution: f64,
     /// Median time of the first solution of those that had one, s.
     pub first_solution_s: Option<f64>,
+    /// Runs of the Kalman filter that cannot be compared, if it was run.
+    pub kalman_lost: Option<KalmanLost>,
     /// Quantities that were claimed.
     pub rows: Vec<Row>,
+}
+
+/// Runs of the Kalman filter that cannot be compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct KalmanLost {
+    /// Without a solution at the end.
+    pub without_solution: usize,
+    /// With an error of more than [`DIVERGED_SIGMAS`], or none that is a number.
+    pub diverged: usize,
+}
+
+impl KalmanLost {
+    fn new(runs: &[&Tried]) -> Option<Self> {
+        let kalman: Option<Vec<&Run>> = runs.iter().map(|tried| tried.kalman.as_ref()).collect();
+        let kalman = kalman?;
+        let count = |why| kalman.iter().filter(|run| run.lost() == Some(why)).count();
+        Some(Self {
+            without_solution: count(Lost::WithoutSolution),
+            diverged: count(Lost::Diverged),
+        })
+    }
+
+    /// Both.
+    pub fn runs(self) -> usize {
+        self.without_solution + self.diverged
+    }
 }
 
 impl Results {
@@ -143,6 +235,7 @@ impl Results {
             never: 1.0 - firsts.len() as f64 / count,
             without_solution: runs.iter().map(|t| t.core.without_solution).sum::<f64>() / count,
             first_solution_s: firsts.get(firsts.len() / 2).copied(),
+            kalman_lost: KalmanLost::new(runs),
             rows: (0..QUANTITIES.len())
                 .filter_map(|quantity| Row::new(quantity, runs))
                 .collect(),
@@ -169,13 +262,21 @@ impl Results {
         )
     }
 
-    /// The quantity whose error is the most of the Kalman filter's.
-    pub fn worst_over_kalman(&self) -> Option<(&Row, f64)> {
-        let compared = self
-            .rows
+    /// RMS error over that of the Kalman filter, of each quantity that can be compared.
+    pub fn over_kalman(&self) -> impl Iterator<Item = (&Row, f64)> {
+        let over = |row: &Row| row.kalman.as_ref().map(|beside| beside.over);
+        self.rows
             .iter()
-            .filter_map(|row| Some((row, row.over_kalman()?)));
-        compared.max_by(|a, b| f64::total_cmp(&a.1, &b.1))
+            .filter_map(move |row| Some((row, over(row)?)))
+    }
+
+    /// Quantities about as good as the Kalman filter's, of those that can be compared.
+    pub fn near_kalman(&self) -> (usize, usize) {
+        let near = |(_, over): &(&Row, f64)| *over <= NEAR_KALMAN;
+        (
+            self.over_kalman().filter(near).count(),
+            self.over_kalman().count(),
+        )
     }
 }
 
@@ -206,8 +307,14 @@ pub struct Totals {
     pub never: f64,
     /// Mean part of the second half without a solution.
     pub without_solution: f64,
-    /// Geometric mean over kinds and quantities of RMS error over the Kalman filter's.
+    /// Quantities of all kinds that can be compared with the Kalman filter.
+    pub compared: usize,
+    /// Of them those whose RMS error is at most [`NEAR_KALMAN`] times the filter's.
+    pub near_kalman: usize,
+    /// Geometric mean of RMS error over the filter's, where both err.
     pub over_kalman: Option<f64>,
+    /// Runs of the filter that cannot be compared.
+    pub kalman_lost: usize,
 }
 
 impl Totals {
@@ -216,7 +323,8 @@ impl Totals {
         let count = results.len() as f64;
         let honest: Vec<(usize, usize)> = results.iter().map(|r| r.honest()).collect();
         let rows = || results.iter().flat_map(|results| &results.rows);
-        let logs: Vec<f64> = rows().filter_map(Row::over_kalman).map(f64::ln).collect();
+        let over = results.iter().flat_map(|r| r.over_kalman());
+        let both_err = over.filter(|(_, over)| *over > 0.0 && over.is_finite());
         let mean = |part: fn(&Results) -> f64| results.iter().map(|r| part(r)).sum::<f64>() / count;
         (!results.is_empty()).then(|| Self {
             name: name.to_owned(),
@@ -234,8 +342,108 @@ impl Totals {
             wrong_and_sure: results.iter().map(|r| r.wrong_and_sure()).sum(),
             never: mean(|r| r.never),
             without_solution: mean(|r| r.without_solution),
-            over_kalman: (!logs.is_empty())
-                .then(|| (logs.iter().sum::<f64>() / logs.len() as f64).exp()),
+            compared: results.iter().map(|r| r.near_kalman().1).sum(),
+            near_kalman: results.iter().map(|r| r.near_kalman().0).sum(),
+            over_kalman: geometric_mean(both_err.map(|(_, over)| over)),
+            kalman_lost: results
+                .iter()
+                .filter_map(|r| r.kalman_lost)
+                .map(KalmanLost::runs)
+                .sum(),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::conditions::all;
+
+    fn run(error: f64, sigma: f64) -> Run {
+        let heading = Check {
+            quantity: index::HEADING,
+            error,
+            sigma: Some(sigma),
+            observable: true,
+        };
+        Run {
+            seed: 0,
+            first_solution_s: Some(1.0),
+            without_solution: 0.0,
+            checks: vec![heading],
+        }
+    }
+
+    fn unaligned() -> Run {
+        Run {
+            first_solution_s: None,
+            checks: Vec::new(),
+            ..run(0.0, 1.0)
+        }
+    }
+
+    #[test]
+    fn runs_that_cannot_be_compared_are_counted_and_do_not_enter_the_ratio() {
+        let beside = |core: Run, kalman: Run| Tried {
+            core,
+            kalman: Some(kalman),
+        };
+        let runs = [
+            beside(run(3.0, 1.0), run(-2.0, 1.0)),
+            beside(run(-3.0, 1.0), run(2.0, 1.0)),
+            beside(run(50.0, 1.0), run(11.0, 1.0)),
+            beside(run(60.0, 1.0), run(f64::NAN, 1.0)),
+            beside(run(70.0, 1.0), unaligned()),
+            beside(unaligned(), run(0.01, 1.0)),
+        ];
+        let kind = all().next().unwrap();
+        let results = Results::new(kind, Grade::Mems, &runs.iter().collect::<Vec<_>>());
+        let lost = results.kalman_lost.unwrap();
+        assert_eq!((lost.without_solution, lost.diverged), (1, 2));
+        let beside = results.rows[0].kalman.unwrap();
+        assert_eq!((beside.runs, beside.core_rms_error), (2, 3.0));
+        assert!((beside.over - 1.5).abs() < 1e-12);
+        assert_eq!(results.near_kalman(), (0, 1));
+        // All of the core's own runs stay in its own figures.
+        assert_eq!(results.rows[0].checks, 5);
+        let total = Totals::new("all", &[&results]).unwrap();
+        assert!((total.over_kalman.unwrap() - 1.5).abs() < 1e-12);
+        let counts = (total.near_kalman, total.compared, total.kalman_lost);
+        assert_eq!(counts, (0, 1, 3));
+    }
+
+    #[test]
+    fn who_does_not_err_is_near_and_leaves_the_mean_alone() {
+        let over = |core: f64, kalman: f64| {
+            let tried = Tried {
+                core: run(core, 1.0),
+                kalman: Some(run(kalman, 1.0)),
+            };
+            Results::new(all().next().unwrap(), Grade::Mems, &[&tried])
+        };
+        let each = [
+            over(0.0, 0.0),
+            over(0.0, 1.0),
+            over(1.0, 0.0),
+            over(3.0, 2.0),
+            over(f64::NAN, 1.0),
+        ];
+        let near = each.each_ref().map(|results| results.near_kalman().0);
+        assert_eq!(near, [1, 1, 0, 0, 0]);
+        let total = Totals::new("all", &each.each_ref()).unwrap();
+        assert_eq!((total.near_kalman, total.compared), (2, 5));
+        assert!((total.over_kalman.unwrap() - 1.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn without_a_filter_nothing_is_said_of_one() {
+        let alone = Tried {
+            core: run(3.0, 1.0),
+            kalman: None,
+        };
+        let results = Results::new(all().next().unwrap(), Grade::Mems, &[&alone]);
+        assert_eq!((results.kalman_lost, results.rows[0].kalman), (None, None));
+        let total = Totals::new("all", &[&results]).unwrap();
+        assert_eq!((total.compared, total.over_kalman), (0, None));
     }
 }

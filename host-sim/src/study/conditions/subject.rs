@@ -6,7 +6,7 @@ use core::slice::Iter;
 use ins_core::ConfigError;
 use ins_core::{
     Config, Estimate, Estimates, GnssFix, ImuSample, Navigator, Observability, Phase, Solution,
-    Time,
+    SolutionSigma, Time,
 };
 
 use nalgebra::{UnitQuaternion, Vector3};
@@ -47,15 +47,6 @@ pub struct Claims {
     pub lever_arm_m: [Option<Claim>; 3],
 }
 
-/// Spreads of the solution's position and velocity, level and vertical, where stated.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct SolutionSigma {
-    pub position_m: Option<f64>,
-    pub height_m: Option<f64>,
-    pub velocity_mps: Option<f64>,
-    pub velocity_up_mps: Option<f64>,
-}
-
 /// Somebody who is driven over a simulated log.
 pub trait Subject {
     /// Takes one inertial sample and what has arrived by then; its stamp, or `None` at the end.
@@ -63,7 +54,7 @@ pub trait Subject {
     /// The solution now.
     fn solution(&self) -> Option<Solution>;
     /// How well it is said to be known.
-    fn solution_sigma(&self) -> SolutionSigma;
+    fn sigma(&self) -> Option<SolutionSigma>;
     /// What is claimed now; none without a solution.
     fn claims(&self) -> Option<Claims>;
 }
@@ -118,16 +109,8 @@ impl Subject for Core<'_> {
             .flatten()
     }
 
-    fn solution_sigma(&self) -> SolutionSigma {
-        let Some(sigma) = self.navigator.sigma() else {
-            return SolutionSigma::default();
-        };
-        SolutionSigma {
-            position_m: Some(sigma.position_m.x),
-            height_m: Some(sigma.position_m.z),
-            velocity_mps: Some(sigma.velocity_mps.x),
-            velocity_up_mps: Some(sigma.velocity_mps.z),
-        }
+    fn sigma(&self) -> Option<SolutionSigma> {
+        self.navigator.sigma()
     }
 
     fn claims(&self) -> Option<Claims> {
@@ -154,22 +137,17 @@ pub struct Kalman<'a> {
 }
 
 impl<'a> Kalman<'a> {
-    /// Before the first sample. Of antenna and clocks it is told what the core is told; `up` is
-    /// where the vehicle has it on the whole.
+    /// Before the first sample; fixes and noise are those of [`super::told`], and `up` is where
+    /// the vehicle has it on the whole.
     pub fn new(
-        world: &World,
+        imu: &'a [ImuSample],
+        fixes: &'a [GnssFix],
         config: Config,
-        drive: &'a SimulatedDrive,
+        noise: kalman::Noise,
         up: &Vector3<f64>,
     ) -> Result<Self, ConfigError> {
-        let noise = kalman::Noise {
-            clock_drift_sigma: config.gnss.clock_drift_sigma,
-            lever_arm_m: Vector3::zeros(),
-            lever_arm_sigma_m: Vector3::repeat(config.gnss.lever_arm_sigma_m),
-            ..kalman::Noise::of_model(&world.errors)
-        };
         Ok(Self {
-            run: kalman::Run::new(&drive.imu, &drive.gnss, config, noise)?,
+            run: kalman::Run::new(imu, fixes, config, noise)?,
             up: *up,
         })
     }
@@ -217,8 +195,14 @@ impl Subject for Kalman<'_> {
         Some(solution)
     }
 
-    fn solution_sigma(&self) -> SolutionSigma {
-        SolutionSigma::default()
+    fn sigma(&self) -> Option<SolutionSigma> {
+        let sigmas = self.run.filter()?.sigmas();
+        let three = |at: usize| sigmas.fixed_rows::<3>(at).into_owned();
+        Some(SolutionSigma {
+            position_m: three(index::POSITION),
+            velocity_mps: three(index::VELOCITY),
+            attitude_rad: three(index::ATTITUDE),
+        })
     }
 
     fn claims(&self) -> Option<Claims> {

@@ -1,0 +1,162 @@
+//! What the Kalman filter is told beyond the core: the truth of the unit and of the receiver.
+//!
+//! It has no state for misalignments, and none of its noises for bursts of noise, for vibration or
+//! for stamps off their samples: where a kind has these, its own error over sigma tells.
+
+use ins_core::{Config, GnssFix};
+use nalgebra::Vector3;
+
+use super::World;
+use crate::compare::kalman::{Noise, PartNoise};
+use crate::sim::SimulatedDrive;
+use crate::sim::errors::GnssModel;
+use crate::sim::receiver::Up;
+
+/// Spread of the height of places on land, where no fix has one, m.
+const ANY_HEIGHT_M: f64 = 500.0;
+
+/// The true noise of all; antenna and clocks as the core is told, or as far off as they are.
+pub fn noise(world: &World, config: &Config) -> Noise {
+    let truth = Noise::of_model(&world.errors);
+    let height = if world.errors.gnss.habits.gives_height {
+        truth.height
+    } else {
+        PartNoise::white(ANY_HEIGHT_M)
+    };
+    Noise {
+        height,
+        latency_sigma_s: truth.latency_sigma_s.max(config.gnss.latency_sigma_s),
+        clock_drift_sigma: config.gnss.clock_drift_sigma,
+        lever_arm_m: Vector3::zeros(),
+        lever_arm_sigma_m: Vector3::repeat(config.gnss.lever_arm_sigma_m),
+        ..truth
+    }
+}
+
+/// The same fixes without what the receiver is known to do to them, so that their noise is that
+/// of the model: smoothing undone, a fix that comes again left out, the vertical velocity with
+/// its true sign or, where it is none, missing.
+pub fn fixes(world: &World, drive: &SimulatedDrive) -> Vec<GnssFix> {
+    let model = &world.errors.gnss;
+    let lag_epochs = if model.habits.smoothing_s > 0.0 {
+        drive.errors.gnss_lag_s * model.rate_hz
+    } else {
+        0.0
+    };
+    let mut last: Option<GnssFix> = None;
+    let mut told = Vec::new();
+    for fix in &drive.gnss {
+        let comes_again = |last: GnssFix| {
+            GnssFix {
+                time: fix.time,
+                ..last
+            } == *fix
+        };
+        if !last.is_some_and(comes_again) {
+            let unsmoothed = unsmoothed(fix, last.as_ref(), lag_epochs, model);
+            told.extend(unsmoothed.map(|fix| upright(fix, model.habits.up)));
+            last = Some(*fix);
+        }
+    }
+    told
+}
+
+/// Each smoothed value is so many epochs of its last change behind; `None` where the epoch before
+/// is missing.
+fn unsmoothed(
+    fix: &GnssFix,
+    last: Option<&GnssFix>,
+    lag_epochs: f64,
+    model: &GnssModel,
+) -> Option<GnssFix> {
+    let Some(last) = last.filter(|_| lag_epochs > 0.0) else {
+        return Some(*fix);
+    };
+    if fix.time.seconds_since(last.time) * model.rate_hz > 1.5 {
+        return None;
+    }
+    let ahead = |now: f64, before: f64| now + lag_epochs * (now - before);
+    let mut told = *fix;
+    if let (Some(now), Some(before)) = (&mut told.position, last.position) {
+        now.latitude_rad = ahead(now.latitude_rad, before.latitude_rad);
+        now.longitude_rad = ahead(now.longitude_rad, before.longitude_rad);
+    }
+    if let (Some(now), Some(before)) = (&mut told.velocity_en_mps, last.velocity_en_mps) {
+        *now += lag_epochs * (*now - before);
+    }
+    told.height_m = (fix.height_m.zip(last.height_m)).map(|(now, before)| ahead(now, before));
+    told.velocity_up_mps =
+        (fix.velocity_up_mps.zip(last.velocity_up_mps)).map(|(now, before)| ahead(now, before));
+    Some(told)
+}
+
+fn upright(fix: GnssFix, up: Up) -> GnssFix {
+    let velocity_up_mps = match up {
+        Up::Given | Up::Missing => fix.velocity_up_mps,
+        Up::Zero => None,
+        Up::Down => fix.velocity_up_mps.map(|up| -up),
+    };
+    GnssFix {
+        velocity_up_mps,
+        ..fix
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::Grade;
+    use crate::sim::receiver::{Habits, Wrong};
+
+    /// What the filter gets of a receiver with these habits, and what there is of one without.
+    fn told_and_plain(change: impl Fn(&mut World)) -> [Vec<GnssFix>; 2] {
+        let mut world = World::plain(Grade::Hg1700, 5, 3.0, "test");
+        world.errors.gnss.rate_hz = 4.0;
+        let plain = world.simulate().gnss;
+        change(&mut world);
+        [fixes(&world, &world.simulate()), plain]
+    }
+
+    fn assert_same(told: &[GnssFix], plain: &[GnssFix]) {
+        assert_eq!(told.len(), plain.len());
+        for (told, plain) in told.iter().zip(plain) {
+            assert_eq!(told.time, plain.time);
+            let place = |fix: &GnssFix| fix.geodetic_or(0.0).unwrap();
+            let off_m = place(told).enu_from(&place(plain)).norm();
+            // Degrees of longitude become shorter on the way of a lag.
+            assert!(off_m < 1e-3, "{off_m} m");
+            let off = told.velocity_enu_mps() - plain.velocity_enu_mps();
+            assert!(off.norm() < 1e-9, "{off}");
+        }
+    }
+
+    #[test]
+    fn smoothing_repeats_and_signs_are_undone() {
+        let habits: [fn(&mut Habits); 3] = [
+            |habits| habits.smoothing_s = 0.8,
+            |habits| habits.logged_times = 3,
+            |habits| habits.up = Up::Down,
+        ];
+        for change in habits {
+            let [told, plain] = told_and_plain(|world| change(world.habits()));
+            assert!(plain.len() > 700);
+            assert_same(&told, &plain);
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_undone_is_left_out() {
+        let [told, plain] = told_and_plain(|world| {
+            world.habits().up = Up::Zero;
+            world.trouble(&[60.0], 5.0, Wrong::Stuck);
+        });
+        assert!(told.iter().all(|fix| fix.velocity_up_mps.is_none()));
+        assert_eq!(told.len(), plain.len() - 20);
+        // After a hole the epoch before is not there to undo smoothing by.
+        let [told, plain] = told_and_plain(|world| {
+            world.habits().smoothing_s = 0.8;
+            world.outages(&[60.0], 5.0);
+        });
+        assert_eq!(told.len(), plain.len() - 21);
+    }
+}
