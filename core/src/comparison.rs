@@ -105,11 +105,20 @@ pub struct Comparison {
     /// Variance that the climb has on top, (m/s)^2: that of the first fix, which the noise of these
     /// has no part in.
     pub climb_variance: f64,
+    /// The climb is not measured, but assumed to be none, within that.
+    pub climb_assumed: bool,
     /// Since the last position, s.
     pub position_s: f64,
 }
 
 impl Comparison {
+    /// Where nothing vertical is measured: that it climbs by no more than this.
+    pub fn assume_no_climb(&mut self, sigma_mps: f64) {
+        self.climb = Part::of(true, None);
+        self.climb_variance = sigma_mps * sigma_mps;
+        self.climb_assumed = true;
+    }
+
     /// Whether a fix of a moment can be put together with these.
     pub fn takes(&self, fix: &GnssFix, moment: Time) -> bool {
         self.step == Step::Gather

@@ -313,6 +313,9 @@ pub struct Config {
     pub feedback: Feedback,
     /// Longest hole between inertial samples that is bridged, s.
     pub max_gap_s: f64,
+    /// Vertical velocity that the vehicle does not keep up for long, one sigma, m/s: it is all that
+    /// holds the vertical channel where fixes have neither height nor vertical velocity.
+    pub climb_sigma_mps: f64,
 }
 
 impl Config {
@@ -368,6 +371,7 @@ impl Config {
         self.sensors.check()?;
         self.gnss.check()?;
         positive(self.max_gap_s, "max_gap_s")?;
+        positive(self.climb_sigma_mps, "climb_sigma_mps")?;
         match self.heading {
             HeadingSource::Given(heading_rad) => finite(heading_rad, "heading"),
             HeadingSource::Auto | HeadingSource::Motion => Ok(()),
@@ -430,6 +434,7 @@ impl Config {
             form: Form::Exact,
             feedback: Feedback::Closed,
             max_gap_s: 0.5,
+            climb_sigma_mps: 5.0,
         }
     }
 

@@ -566,7 +566,8 @@ impl Observer {
             Measured::Velocity => learnt,
             Measured::Position => math::max(learnt, relative),
         };
-        let white = described.white * described.white * learnt / difference.fixes + bent;
+        let noise = described.white * described.white * learnt / difference.fixes;
+        let white = noise + bent;
         let predicted = channel.predicted(kind.measured());
         let (first_axis, components) = if kind.is_up() { (2, 1.0) } else { (0, 2.0) };
         let pair = Vector2::new(
@@ -628,7 +629,8 @@ impl Observer {
             };
             self.trial.take(kind.measured(), &own, white);
         }
-        if !gnss.trust_stated_sigma {
+        // Of something else's variance they say nothing.
+        if !gnss.trust_stated_sigma && difference.more_variance < noise {
             let sigmas = pair / math::sqrt(total * 0.5 * components);
             if let Some(innovations) = self.innovations.get_mut(number) {
                 innovations.learn(square, &sigmas, gnss.noise_range);

@@ -126,10 +126,11 @@ fn no_number_may_be_negative() {
 #[test]
 fn no_number_may_be_nan() {
     let nan = f64::NAN;
-    let tune: [fn(&mut Config, f64); 4] = [
+    let tune: [fn(&mut Config, f64); 5] = [
         |c, v| c.damping.horizontal.bandwidth_radps = v,
         |c, v| c.sensors.gyro_noise[1] = v,
         |c, v| c.max_gap_s = v,
+        |c, v| c.climb_sigma_mps = v,
         |c, v| c.heading = HeadingSource::Given(v),
     ];
     for set in tune {

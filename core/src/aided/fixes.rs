@@ -28,6 +28,8 @@ const LEAST_INTERVAL_S: f64 = 0.01;
 /// Least time between two positions that are used beside velocities, s: their noise changes more
 /// slowly.
 const POSITION_INTERVAL_S: f64 = 0.45;
+/// Time for which a vehicle keeps up a climb, s: what is assumed of it counts once in so long.
+const CLIMB_S: f64 = 10.0;
 /// Largest spread of an azimuth error that is taken out whatever its size, rad, and sigmas that
 /// a larger one must have.
 const AZIMUTH_KNOWN_RAD: f64 = 0.035;
@@ -143,6 +145,7 @@ impl<const N: usize> AidedIns<N> {
             velocity: Part::of(fix.velocity_en_mps.is_some(), fix.sigma.velocity_mps),
             climb: Part::of(sign_variance.is_some(), fix.sigma.velocity_up_mps),
             climb_variance: sign_variance.unwrap_or_default(),
+            climb_assumed: false,
             position: Part::of(fix.position.is_some(), fix.sigma.position_m),
             height: Part::of(fix.height_m.is_some(), fix.sigma.height_m),
             position_s: past.time.seconds_since(self.last_position),
@@ -188,6 +191,14 @@ impl<const N: usize> AidedIns<N> {
         comparison.height.has &= due;
         if comparison.position.has || comparison.height.has {
             self.last_position = comparison.newest;
+        }
+        let since_s = comparison.newest.seconds_since(self.last_vertical);
+        let told = comparison.climb.has || comparison.height.has;
+        if !told && since_s > CLIMB_S && self.estimator.exact().is_some() {
+            comparison.assume_no_climb(config.climb_sigma_mps);
+        }
+        if comparison.climb.has || comparison.height.has {
+            self.last_vertical = comparison.newest;
         }
         self.manoeuvre = Manoeuvre::of(&comparison.past);
         comparison.go_on(None);
@@ -308,7 +319,9 @@ impl<const N: usize> AidedIns<N> {
         } else if let Some(error) = by_position(taken.position.used, taken.velocity.has) {
             differences.velocity_en_mps = Some(error.velocity_mps.xy() * held);
         }
-        if taken.climb.used {
+        if taken.climb_assumed {
+            differences.velocity_up_mps = followed.map(|error| error.velocity_mps.z);
+        } else if taken.climb.used {
             differences.velocity_up_mps = Some(velocity_mps.z);
         } else if let Some(error) = by_position(taken.height.used, taken.climb.has) {
             differences.velocity_up_mps = Some(error.velocity_mps.z * held);

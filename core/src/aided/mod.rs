@@ -90,6 +90,8 @@ pub struct AidedIns<const N: usize> {
     /// Moment of the newest fix that was taken, and of the last position.
     newest: Time,
     last_position: Time,
+    /// Of the last fix that told something vertical, or after which something was assumed.
+    last_vertical: Time,
     /// When errors were last taken out of an INS without fixes.
     last_coast: Time,
     rest: RestDetector,
@@ -145,6 +147,7 @@ impl<const N: usize> AidedIns<N> {
             comparison: None,
             newest: time,
             last_position: time,
+            last_vertical: time,
             last_coast: time,
             rest: RestDetector::default(),
             vertical_sign: VerticalSign::default(),
