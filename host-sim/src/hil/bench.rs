@@ -16,11 +16,11 @@ pub const ESTIMATES_EVERY: u32 = 1;
 
 /// Samples and fixes as requests, by stamp.
 pub fn requests<'a>(
-    imu: &'a [ImuSample],
+    imu: impl IntoIterator<Item = ImuSample> + 'a,
     gnss: &'a [GnssFix],
 ) -> impl Iterator<Item = Request> + 'a {
     in_order_of_time(imu, gnss).map(|event| match event {
-        Event::Imu(sample) => Request::Imu(*sample),
+        Event::Imu(sample) => Request::Imu(sample),
         Event::Gnss(fix) => Request::Gnss(*fix),
     })
 }

@@ -137,17 +137,16 @@ pub(crate) fn feed(
     history: &[Row],
     mut wants_more: impl FnMut(&Interval, Time) -> bool,
 ) -> Option<()> {
-    let first = log.imu.partition_point(|sample| sample.time < start);
-    let mut samples = log.imu[first..].iter();
+    let mut samples = log.imu.since(start);
     let mut last = samples.next()?;
-    let mut increments = Increments::new(log.meta.imu, last);
+    let mut increments = Increments::new(log.meta.imu, &last);
     loop {
         let sample = samples.next()?;
         let seconds = sample.time.seconds_since(last.time);
         if seconds > HOLE_S {
             return None;
         }
-        let interval = corrected(&increments.interval(sample, seconds), history, sample.time);
+        let interval = corrected(&increments.interval(&sample, seconds), history, sample.time);
         if !wants_more(&interval, sample.time) {
             return Some(());
         }

@@ -77,7 +77,7 @@ pub(crate) fn record(
         match event {
             Event::Imu(sample) => {
                 run.judge(sample.time, &navigator);
-                let outcome = navigator.on_imu(sample);
+                let outcome = navigator.on_imu(&sample);
                 run.on_sample(sample.time, outcome, || Row::of(sample.time, &navigator));
                 after_sample(&navigator, sample.time);
             }
@@ -156,16 +156,16 @@ fn due(last: Option<Time>, now: Time, interval_s: f64) -> bool {
 #[derive(Clone, Copy, Debug)]
 #[allow(missing_docs)]
 pub enum Event<'a> {
-    Imu(&'a ImuSample),
+    Imu(ImuSample),
     Gnss(&'a GnssFix),
 }
 
 /// Samples and fixes by stamp; on equal stamps the sample comes first.
 pub fn in_order_of_time<'a>(
-    imu: &'a [ImuSample],
+    imu: impl IntoIterator<Item = ImuSample>,
     gnss: &'a [GnssFix],
 ) -> impl Iterator<Item = Event<'a>> {
-    let mut imu = imu.iter().peekable();
+    let mut imu = imu.into_iter().peekable();
     let mut gnss = gnss.iter().peekable();
     std::iter::from_fn(move || match (imu.peek(), gnss.peek()) {
         (Some(sample), Some(fix)) if fix.time < sample.time => gnss.next().map(Event::Gnss),
@@ -191,7 +191,7 @@ mod tests {
             ..GnssFix::default()
         };
         let (imu, gnss) = ([sample(10), sample(20)], [fix(5), fix(20), fix(30)]);
-        let order: Vec<_> = in_order_of_time(&imu, &gnss)
+        let order: Vec<_> = in_order_of_time(imu, &gnss)
             .map(|event| match event {
                 Event::Imu(sample) => ('i', sample.time.as_micros()),
                 Event::Gnss(fix) => ('g', fix.time.as_micros()),

@@ -13,10 +13,12 @@ mod fixes;
 pub mod import;
 mod meta;
 mod motion;
+mod order;
 mod paths;
 mod rates;
 mod read;
 mod readings;
+mod samples;
 mod sensors;
 mod table;
 mod turns;
@@ -27,10 +29,12 @@ pub use axes::BodyAxes;
 pub use error::{Cell, LogError};
 pub use meta::{Grade, Meta};
 pub use read::read;
+pub use samples::Samples;
 pub(crate) use typical::{median, median_interval_s};
 pub use write::{Compression, write};
 
-use ins_core::{GnssFix, ImuSample, Solution, Time};
+use ins_core::{GnssFix, Solution, Time};
+use order::Stamped;
 
 /// A recorded or simulated drive.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,7 +42,7 @@ pub struct Log {
     /// How it was recorded.
     pub meta: Meta,
     /// Inertial samples, in order of time.
-    pub imu: Vec<ImuSample>,
+    pub imu: Samples,
     /// GNSS fixes, in order of time.
     pub gnss: Vec<GnssFix>,
     /// Reference motion; empty if the log has none.
@@ -63,9 +67,9 @@ impl Log {
                 initial_heading_deg: self.meta.initial_heading_deg.filter(|_| starts_here),
                 ..self.meta.clone()
             },
-            imu: part(&self.imu, from, to, |sample| sample.time),
-            gnss: part(&self.gnss, from, to, |fix| fix.time),
-            truth: part(&self.truth, from, to, |truth| truth.time),
+            imu: self.imu.between(from, to),
+            gnss: part(&self.gnss, from, to),
+            truth: part(&self.truth, from, to),
         }
     }
 
@@ -82,15 +86,15 @@ impl Log {
     }
 }
 
-fn part<T: Copy>(rows: &[T], from: Time, to: Time, time: fn(&T) -> Time) -> Vec<T> {
-    let at = |limit: Time| rows.partition_point(|row| time(row) < limit);
+fn part<T: Stamped>(rows: &[T], from: Time, to: Time) -> Vec<T> {
+    let at = |limit: Time| rows.partition_point(|row| row.time() < limit);
     rows[at(from)..at(to).max(at(from))].to_vec()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ins_core::ImuOutput;
+    use ins_core::{ImuOutput, ImuSample};
     use nalgebra::Vector3;
 
     #[test]
@@ -109,14 +113,17 @@ mod tests {
                 initial_heading_deg: Some(12.0),
                 ..Meta::new(BodyAxes::Rfu, ImuOutput::Rates)
             },
-            imu: (0..=10).map(|k| sample(10 * k)).collect(),
+            imu: (0..=10).map(|k| sample(10 * k)).collect::<Vec<_>>().into(),
             gnss: [-5, 20, 50, 70, 105].map(fix).to_vec(),
             truth: Vec::new(),
         };
         let [first, second] = log.halves();
         assert_eq!((first.imu.len(), second.imu.len()), (5, 6));
         assert_eq!((first.gnss.len(), second.gnss.len()), (2, 3));
-        assert_eq!(second.imu[0].time, Time::from_micros(50));
+        assert_eq!(
+            second.imu.first().map(|s| s.time),
+            Some(Time::from_micros(50))
+        );
         assert_eq!(first.meta.initial_heading_deg, Some(12.0));
         assert_eq!(second.meta.initial_heading_deg, None);
     }
