@@ -11,7 +11,7 @@ use crate::identify::row::{Counts, Row, add};
 use crate::log::Log;
 
 /// Interval between rows of the history, and between solutions kept, s.
-const HISTORY_S: f64 = 1.0;
+pub(super) const HISTORY_S: f64 = 1.0;
 const SOLUTION_S: f64 = 0.1;
 /// Events from one step of the progress bar to the next.
 const PROGRESS_EVERY: u64 = 4096;
@@ -25,6 +25,8 @@ pub struct Identification {
     pub history: Vec<Row>,
     /// The navigator after the last sample.
     pub end: Row,
+    /// After the first half of the log; none where it runs elsewhere.
+    pub halfway: Option<Row>,
     /// Solutions ten times a second.
     pub solutions: Vec<Solution>,
     /// Answers to inertial samples.
@@ -73,9 +75,14 @@ pub(crate) fn record(
     progress.set_length(log.imu.len() as u64);
     let mut navigator = Navigator::new(config)?;
     let mut run = Recorder::default();
+    let (middle, mut last) = (log.middle(), Time::default());
     for (count, event) in (1_u64..).zip(in_order_of_time(&log.imu, &log.gnss)) {
+        if run.halfway.is_none() && event.time() >= middle {
+            run.halfway = Some(Row::of(last, &navigator));
+        }
         match event {
             Event::Imu(sample) => {
+                last = sample.time;
                 run.judge(sample.time, &navigator);
                 let outcome = navigator.on_imu(&sample);
                 run.on_sample(sample.time, outcome, || Row::of(sample.time, &navigator));
@@ -91,7 +98,6 @@ pub(crate) fn record(
             progress.inc(PROGRESS_EVERY);
         }
     }
-    let last = log.imu.last().map_or(Time::default(), |sample| sample.time);
     Ok((run, Row::of(last, &navigator)))
 }
 
@@ -99,6 +105,7 @@ pub(crate) fn record(
 #[derive(Clone, Debug, Default)]
 pub struct Recorder {
     pub(crate) history: Vec<Row>,
+    halfway: Option<Row>,
     solutions: Vec<Solution>,
     imu_outcomes: Counts<ImuOutcome>,
     fixes: Vec<(Time, GnssOutcome)>,
@@ -137,6 +144,7 @@ impl Recorder {
             config,
             history: self.history,
             end,
+            halfway: self.halfway,
             solutions: self.solutions,
             imu_outcomes: self.imu_outcomes,
             fixes: self.fixes,
@@ -148,7 +156,7 @@ impl Recorder {
 }
 
 /// Whether an interval has passed, to within half a millisecond of jitter.
-fn due(last: Option<Time>, now: Time, interval_s: f64) -> bool {
+pub(super) fn due(last: Option<Time>, now: Time, interval_s: f64) -> bool {
     last.is_none_or(|last| now.seconds_since(last) > interval_s - 5e-4)
 }
 
@@ -158,6 +166,16 @@ fn due(last: Option<Time>, now: Time, interval_s: f64) -> bool {
 pub enum Event<'a> {
     Imu(ImuSample),
     Gnss(&'a GnssFix),
+}
+
+impl Event<'_> {
+    /// Stamp.
+    pub fn time(&self) -> Time {
+        match self {
+            Self::Imu(sample) => sample.time,
+            Self::Gnss(fix) => fix.time,
+        }
+    }
 }
 
 /// Samples and fixes by stamp; on equal stamps the sample comes first.

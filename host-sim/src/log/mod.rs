@@ -73,16 +73,22 @@ impl Log {
         }
     }
 
-    /// The log cut in two at the middle of its inertial samples; fixes from outside of them go
-    /// with the nearer half.
+    /// The log up to the middle of its inertial samples; fixes from before them go with it.
     #[must_use]
-    pub fn halves(&self) -> [Self; 2] {
+    pub fn first_half(&self) -> Self {
+        self.between(Time::from_micros(i64::MIN), self.middle())
+    }
+
+    /// The log from there on; fixes from after the samples go with it.
+    #[must_use]
+    pub fn second_half(&self) -> Self {
+        self.between(self.middle(), Time::from_micros(i64::MAX))
+    }
+
+    /// Where the second half begins.
+    pub fn middle(&self) -> Time {
         let first = self.imu.first().map_or(Time::default(), |s| s.time);
-        let middle = first.plus_seconds(0.5 * self.duration_s());
-        [
-            self.between(Time::from_micros(i64::MIN), middle),
-            self.between(middle, Time::from_micros(i64::MAX)),
-        ]
+        first.plus_seconds(0.5 * self.duration_s())
     }
 }
 
@@ -117,7 +123,7 @@ mod tests {
             gnss: [-5, 20, 50, 70, 105].map(fix).to_vec(),
             truth: Vec::new(),
         };
-        let [first, second] = log.halves();
+        let (first, second) = (log.first_half(), log.second_half());
         assert_eq!((first.imu.len(), second.imu.len()), (5, 6));
         assert_eq!((first.gnss.len(), second.gnss.len()), (2, 3));
         assert_eq!(

@@ -97,10 +97,7 @@ pub fn through<I: Ins>(
     let mut drifts = Vec::new();
     let mut starts = starts.iter().peekable();
     for event in in_order_of_time(&log.imu, &log.gnss) {
-        let now = match event {
-            Event::Imu(sample) => sample.time,
-            Event::Gnss(fix) => fix.time,
-        };
+        let now = event.time();
         while let Some(start) = starts.next_if(|start| **start <= now) {
             drifts.push(blind(log, ins.clone(), *start, reference));
         }

@@ -18,6 +18,8 @@ use crate::log::Log;
 const EPOCH_S: f64 = 2.0;
 /// Longest epoch that still counts as whole, s.
 const LONGEST_EPOCH_S: f64 = 1.5 * EPOCH_S;
+/// Most epochs, three hours, for which the likelihood is computed many hundred times: the last ones.
+const MOST_EPOCHS: usize = 5400;
 /// A fix faster than this is not rest, m/s.
 const MOVING_MPS: f64 = 0.6;
 /// Blocks at both ends of a rest that are left out: the vehicle still rocks, and GNSS speed is late.
@@ -311,6 +313,7 @@ impl<'a> Reducer<'a> {
                 going = Some(Going::new(reference));
             }
         }
+        epochs.drain(..epochs.len().saturating_sub(MOST_EPOCHS));
         drop_outliers(&mut epochs);
         epochs
     }
