@@ -1,5 +1,7 @@
 //! The core run over a log, sample by sample, as firmware would run it.
 
+use std::borrow::Borrow;
+
 use indicatif::ProgressBar;
 use ins_core::ConfigError;
 use ins_core::{Config, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Navigator, Solution, Time};
@@ -180,10 +182,10 @@ impl Event<'_> {
 
 /// Samples and fixes by stamp; on equal stamps the sample comes first.
 pub fn in_order_of_time<'a>(
-    imu: impl IntoIterator<Item = ImuSample>,
+    imu: impl IntoIterator<Item: Borrow<ImuSample>>,
     gnss: &'a [GnssFix],
 ) -> impl Iterator<Item = Event<'a>> {
-    let mut imu = imu.into_iter().peekable();
+    let mut imu = imu.into_iter().map(|sample| *sample.borrow()).peekable();
     let mut gnss = gnss.iter().peekable();
     std::iter::from_fn(move || match (imu.peek(), gnss.peek()) {
         (Some(sample), Some(fix)) if fix.time < sample.time => gnss.next().map(Event::Gnss),

@@ -154,7 +154,7 @@ fn drifts(imu: &[ImuSample], gnss: &[GnssFix], config: Config) -> Result<Vec<Dri
     let (mut aided, mut blind): (Vec<Solution>, Vec<[Option<Solution>; 3]>) = Default::default();
     let (mut navigating_since, mut last_fix, mut next) = (None, None, None::<Time>);
     let mut samples = 0;
-    for event in in_order_of_time(imu.iter().copied(), gnss) {
+    for event in in_order_of_time(imu, gnss) {
         let sample = match event {
             Event::Gnss(fix) => {
                 let _ = navigator.on_gnss(fix);
