@@ -21,6 +21,7 @@ fn drive() -> Log {
     let mut config = DriveConfig::new(1, Grade::Mems, MINUTES);
     config.recording.imu_hz = IMU_HZ;
     config.recording.truth_every = u32::MAX;
+    config.recording.errors.gnss.rate_hz = 1.0;
     let output = config.recording.errors.imu.output;
     let log = simulate(&config).into_log(BodyAxes::Frd, output);
     Log {

@@ -180,12 +180,17 @@ impl Event<'_> {
     }
 }
 
+fn copied(sample: impl Borrow<ImuSample>) -> ImuSample {
+    let sample: &ImuSample = sample.borrow();
+    *sample
+}
+
 /// Samples and fixes by stamp; on equal stamps the sample comes first.
 pub fn in_order_of_time<'a>(
     imu: impl IntoIterator<Item: Borrow<ImuSample>>,
     gnss: &'a [GnssFix],
 ) -> impl Iterator<Item = Event<'a>> {
-    let mut imu = imu.into_iter().map(|sample| *sample.borrow()).peekable();
+    let mut imu = imu.into_iter().map(copied).peekable();
     let mut gnss = gnss.iter().peekable();
     std::iter::from_fn(move || match (imu.peek(), gnss.peek()) {
         (Some(sample), Some(fix)) if fix.time < sample.time => gnss.next().map(Event::Gnss),

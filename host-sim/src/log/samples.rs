@@ -345,7 +345,7 @@ mod tests {
             let bits = |s: &ImuSample| s.accel.z.to_bits();
             assert!(file.iter().all(|s| bits(&s) == (-0.0_f64).to_bits()));
             assert_eq!(file.last(), memory.last());
-            let block = 10 * BLOCK as i64;
+            let block = i64::try_from(10 * BLOCK).unwrap();
             for micros in [
                 -1,
                 0,
