@@ -70,12 +70,11 @@ pub fn test(
     let second = log.second_half();
     let cut = second.imu.first().map_or(Time::default(), |s| s.time);
     let config = configure(log);
-    let first = match found.halfway.filter(|_| config == found.config) {
-        Some(halfway) => End::halfway(found, &halfway, cut),
-        None => {
-            let half = log.first_half();
-            End::of(&half, configure(&half), cut)?
-        }
+    let first = if let Some(halfway) = found.halfway.filter(|_| config == found.config) {
+        End::halfway(found, &halfway, cut)
+    } else {
+        let half = log.first_half();
+        End::of(&half, configure(&half), cut)?
     };
     let second = End::of(&second, configure(&second), cut)?;
     let (Some(first), Some(second)) = (first, second) else {

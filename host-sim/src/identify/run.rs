@@ -186,10 +186,10 @@ fn copied(sample: impl Borrow<ImuSample>) -> ImuSample {
 }
 
 /// Samples and fixes by stamp; on equal stamps the sample comes first.
-pub fn in_order_of_time<'a>(
+pub fn in_order_of_time(
     imu: impl IntoIterator<Item: Borrow<ImuSample>>,
-    gnss: &'a [GnssFix],
-) -> impl Iterator<Item = Event<'a>> {
+    gnss: &[GnssFix],
+) -> impl Iterator<Item = Event<'_>> {
     let mut imu = imu.into_iter().map(copied).peekable();
     let mut gnss = gnss.iter().peekable();
     std::iter::from_fn(move || match (imu.peek(), gnss.peek()) {

@@ -168,14 +168,9 @@ fn check_turning_gravity(log: &Log, rates: &Rates, files: &Files, warnings: &mut
         }
     }
     for ((axis, name), sums) in [(0, "right"), (1, "forward")].into_iter().zip(sums) {
-        let Turning {
-            xx,
-            xy,
-            yy,
-            turning,
-        } = sums;
+        let Turning { xx, xy, yy, times } = sums;
         let correlation = xy / (xx * yy).sqrt();
-        if turning < INTERVALS || correlation > -CLEAR {
+        if times < INTERVALS || correlation > -CLEAR {
             continue;
         }
         let found = format!("the opposite {name} (correlation {correlation:.2})");
@@ -201,7 +196,8 @@ struct Turning {
     xx: f64,
     xy: f64,
     yy: f64,
-    turning: usize,
+    /// Clear ones.
+    times: usize,
 }
 
 impl Turning {
@@ -213,7 +209,7 @@ impl Turning {
         self.xy += x * y;
         self.yy += y * y;
         // A degree and a half in a block: far above a road's unevenness.
-        self.turning += usize::from(x.abs() > 0.25);
+        self.times += usize::from(x.abs() > 0.25);
     }
 }
 

@@ -193,7 +193,7 @@ fn channels(sample: &ImuSample) -> Channels {
 fn warn_of_channels(log: &Log, per_second: f64, files: &Files, warnings: &mut Vec<LogError>) {
     let mut runs: [Runs; 6] = Default::default();
     let mut stops: [[Stop; 2]; 6] = Default::default();
-    for sample in log.imu.iter() {
+    for sample in &log.imu {
         let values = channels(&sample);
         for (channel, (runs, stops)) in runs.iter_mut().zip(&mut stops).enumerate() {
             runs.push(channel, sample.time, &values);
