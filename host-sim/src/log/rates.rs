@@ -31,6 +31,7 @@ pub(super) struct Rates<'a> {
 }
 
 /// Medians: the few seconds of spikes and manoeuvres do not count.
+#[derive(Clone, Copy)]
 pub(super) struct Typical {
     pub(super) interval_s: f64,
     pub(super) force_mps2: Vector3<f64>,
@@ -58,14 +59,26 @@ impl<'a> Rates<'a> {
         Self::new(samples, self.output, self.first_interval_s, self.read)
     }
 
-    /// The same samples, read in another way.
+    /// The same samples, with signs and axes read in another way.
     pub(super) fn read_as<'b>(&self, read: &'b dyn Fn(&mut Rate)) -> Rates<'b> {
-        Rates::new(
-            self.samples.clone(),
-            self.output,
-            self.first_interval_s,
+        let mut typical = self.typical;
+        // What is typical of the readings turns with them.
+        let mut rate = Rate {
+            time_s: 0.0,
+            interval_s: typical.interval_s,
+            gyro_radps: typical.gyro_radps,
+            accel_mps2: typical.force_mps2,
+        };
+        read(&mut rate);
+        typical.gyro_radps = rate.gyro_radps;
+        typical.force_mps2 = rate.accel_mps2;
+        Rates {
+            samples: self.samples.clone(),
+            output: self.output,
+            first_interval_s: self.first_interval_s,
             read,
-        )
+            typical,
+        }
     }
 
     fn new(
