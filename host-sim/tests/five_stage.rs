@@ -20,7 +20,7 @@ fn drive(seed: u64) -> (Log, f64, SensorErrors) {
     let drive = simulate(&DriveConfig::new(seed, Grade::Hg1700, 40.0));
     let log = Log {
         meta: Meta::new(BodyAxes::Rfu, config_of(Grade::Hg1700).imu_output),
-        imu: drive.imu,
+        imu: drive.imu.into(),
         gnss: drive.gnss,
         truth: Vec::new(),
     };

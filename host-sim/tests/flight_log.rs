@@ -94,7 +94,7 @@ fn a_start_in_the_air_keeps_its_heading() {
             while let Some(fix) = fixes.next_if(|fix| fix.time < sample.time) {
                 let _ = navigator.on_gnss(fix);
             }
-            let _ = navigator.on_imu(sample);
+            let _ = navigator.on_imu(&sample);
             let Some(truth) = truths.next_if(|truth| truth.time <= sample.time) else {
                 continue;
             };

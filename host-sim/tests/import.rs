@@ -279,7 +279,7 @@ fn another_sensor_is_chosen_by_its_number() {
         )
     };
     let (one, two) = (of(1).unwrap().0, of(2).unwrap().0);
-    let ratio = two.imu[100].accel.z / one.imu[100].accel.z;
+    let ratio = two.imu.all()[100].accel.z / one.imu.all()[100].accel.z;
     assert!((ratio - 1.01).abs() < 1e-6);
     let error = of(3).unwrap_err();
     assert_eq!(&*error.expected, "--imu from 1 to 2");
@@ -939,7 +939,7 @@ fn kitti_reads_as_the_drive() {
     }
     let sample = &imu[IMU_HZ];
     let felt =
-        log.imu[FIX_HZ].accel - Vector3::new(sample.accel.y, sample.accel.x, -sample.accel.z);
+        log.imu.all()[FIX_HZ].accel - Vector3::new(sample.accel.y, sample.accel.x, -sample.accel.z);
     assert!(felt.norm() < 1e-9);
 }
 

@@ -102,7 +102,7 @@ prop_compose! {
         let gravity = Vector3::new(0.0, 0.0, 9.81);
         let imu = sensors.iter().enumerate().map(|(index, (gyro, accel))| {
             ImuSample { time: stamp(index, 10_001), gyro: *gyro, accel: accel + gravity }
-        }).collect();
+        }).collect::<Vec<_>>().into();
         for (index, fix) in gnss.iter_mut().enumerate() {
             fix.time = stamp(index, 100_003);
         }

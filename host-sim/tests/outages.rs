@@ -27,7 +27,7 @@ fn driven(grade: Grade, minutes: f64) -> (Log, Truth, Config) {
     let truth = Truth::new(&drive.errors, None, BodyAxes::Frd);
     let log = Log {
         meta,
-        imu: drive.imu,
+        imu: drive.imu.into(),
         gnss: drive.gnss,
         truth: drive.truth,
     };

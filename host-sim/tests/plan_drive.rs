@@ -213,7 +213,7 @@ fn straight_log(folder: &Path) {
             grade: Some(log::Grade::Mems),
             ..Meta::new(BodyAxes::Frd, recording.errors.imu.output)
         },
-        imu: drive.imu,
+        imu: drive.imu.into(),
         gnss: drive.gnss,
         truth: Vec::new(),
     };

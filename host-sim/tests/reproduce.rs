@@ -11,7 +11,7 @@ fn recorded() -> Recorded {
         name: "a drive".to_owned(),
         log: Log {
             meta: Meta::new(BodyAxes::Rfu, Grade::Mems.errors().imu.output),
-            imu: drive.imu,
+            imu: drive.imu.into(),
             gnss: drive.gnss,
             truth: Vec::new(),
         },

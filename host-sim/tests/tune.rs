@@ -186,7 +186,7 @@ fn log_of(drive: &SimulatedDrive, grade: Grade) -> Log {
             grade: Some(grade),
             ..Meta::new(BodyAxes::Frd, ErrorModel::mems().imu.output)
         },
-        imu: drive.imu.clone(),
+        imu: drive.imu.clone().into(),
         gnss: drive.gnss.clone(),
         truth: Vec::new(),
     }

@@ -128,7 +128,7 @@ fn log() -> (Log, Noise) {
             initial_heading_deg: run.given_heading_rad.map(f64::to_degrees),
             ..Meta::new(BodyAxes::Frd, errors.imu.output)
         },
-        imu: run.imu,
+        imu: run.imu.into(),
         gnss: run.gnss,
         truth: Vec::new(),
     };
@@ -144,8 +144,9 @@ fn log() -> (Log, Noise) {
 /// Our filter as it begins, and after the fixes of `times_s`.
 fn ours(log: &Log, noise: &Noise, times_s: &[f64]) -> (Filter, Vec<Row>) {
     let config = configure::config(log, log::Grade::Hg1700);
-    let mut run = kalman::Run::new(&log.imu, &log.gnss, config, *noise)
-        .expect("the configuration is a preset");
+    let imu = log.imu.all();
+    let mut run =
+        kalman::Run::new(&imu, &log.gnss, config, *noise).expect("the configuration is a preset");
     let start = loop {
         run.step(&mut |_, _| {}).expect("alignment ends in the log");
         if let Some(filter) = run.filter() {

@@ -127,8 +127,7 @@ fn identify_logs(
                     log.display()
                 );
             }
-            let ends =
-                [analysis.log.imu.first(), analysis.log.imu.last()].map(Option::<&_>::copied);
+            let ends = [analysis.log.imu.first(), analysis.log.imu.last()];
             if let Some((same, _)) = given.iter().find(|(_, other)| *other == ends) {
                 bail!(
                     help = "give each once: what is counted twice looks surer than it is",

@@ -31,7 +31,8 @@ type Pass<'a> = (&'static str, Box<dyn Fn() -> Result<(), ConfigError> + 'a>);
 
 /// Every method in turn, several times.
 pub(crate) fn measure(log: &Log, config: Config, noise: Noise) -> Result<Vec<Cost>, ConfigError> {
-    let run = || Run::new(&log.imu, &log.gnss, config, noise);
+    let imu = log.imu.all();
+    let run = || Run::new(&imu, &log.gnss, config, noise);
     let passes: [Pass; 5] = [
         (
             "compensation, exact",
@@ -95,7 +96,7 @@ fn navigate(log: &Log, config: Config, form: Form) -> Result<(), ConfigError> {
     for event in in_order_of_time(&log.imu, &log.gnss) {
         match event {
             Event::Imu(sample) => {
-                let _ = black_box(navigator.on_imu(sample));
+                let _ = black_box(navigator.on_imu(&sample));
             }
             Event::Gnss(fix) => {
                 let _ = black_box(navigator.on_gnss(fix));

@@ -102,7 +102,8 @@ pub(crate) fn five_stage(method: &str, rounds: usize, input: &Input) -> Result<T
 }
 
 pub(crate) fn kalman(method: &str, noise: Noise, input: &Input) -> Result<Track, ConfigError> {
-    let mut run = Run::new(&input.log.imu, &input.log.gnss, input.config, noise)?;
+    let imu = input.log.imu.all();
+    let mut run = Run::new(&imu, &input.log.gnss, input.config, noise)?;
     let mut points = Vec::new();
     while let Some(time) = run.step(&mut |_, _| {}) {
         if let Some(filter) = run.filter().filter(|_| due(&points, time)) {
@@ -119,7 +120,8 @@ pub(crate) fn kalman(method: &str, noise: Noise, input: &Input) -> Result<Track,
 /// Both from one run; the smoother follows the last alignment.
 fn kalman_and_smoother(told: &str, input: &Input) -> Result<[Track; 2], ConfigError> {
     let noise = input.noise;
-    let mut run = Run::new(&input.log.imu, &input.log.gnss, input.config, noise)?;
+    let imu = input.log.imu.all();
+    let mut run = Run::new(&imu, &input.log.gnss, input.config, noise)?;
     let (mut points, mut records) = (Vec::new(), Vec::new());
     loop {
         let aligned = run.filter().is_some();

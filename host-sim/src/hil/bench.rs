@@ -1,5 +1,7 @@
 //! The board's answers to a log, kept as `identify` keeps the host's, and compared with those.
 
+use std::borrow::Borrow;
+
 use ins_core::ConfigError;
 use ins_core::damping::DampingSignals;
 use ins_core::{Config, Estimates, GnssFix, ImuSample, Manoeuvre, Phase, Time};
@@ -16,11 +18,11 @@ pub const ESTIMATES_EVERY: u32 = 1;
 
 /// Samples and fixes as requests, by stamp.
 pub fn requests<'a>(
-    imu: &'a [ImuSample],
+    imu: impl IntoIterator<Item: Borrow<ImuSample>> + 'a,
     gnss: &'a [GnssFix],
 ) -> impl Iterator<Item = Request> + 'a {
     in_order_of_time(imu, gnss).map(|event| match event {
-        Event::Imu(sample) => Request::Imu(*sample),
+        Event::Imu(sample) => Request::Imu(sample),
         Event::Gnss(fix) => Request::Gnss(*fix),
     })
 }

@@ -79,7 +79,7 @@ impl Input {
     pub fn with(self, found: Identification) -> Result<Analysis> {
         let Self { log, grade, .. } = self;
         let halves =
-            halves::test(&log, &|half| configure::config(half, grade)).map_err(unusable)?;
+            halves::test(&log, &found, &|half| configure::config(half, grade)).map_err(unusable)?;
         let told = &self.warnings;
         Ok(Analysis {
             summary: Summary::new(self.name, &log, &found, grade, told, halves.as_deref()),

@@ -82,15 +82,16 @@ fn second_means(log: &Log, (from, to): (Time, Time)) -> Vec<Vector3<f64>> {
     let (mut start, end) = (from.plus_seconds(1.0), to.plus_seconds(-1.0));
     let mut means = Vec::new();
     let (mut sum, mut weight) = (Vector3::zeros(), 0.0);
-    for pair in log.imu.windows(2) {
-        let time = pair[1].time;
+    let rest = log.imu.between(from, to);
+    for [last, sample] in rest.pairs() {
+        let time = sample.time;
         if time < start || time > end {
             continue;
         }
-        sum += pair[1].gyro;
+        sum += sample.gyro;
         weight += match log.meta.imu {
             ImuOutput::Rates => 1.0,
-            ImuOutput::Increments => time.seconds_since(pair[0].time),
+            ImuOutput::Increments => time.seconds_since(last.time),
         };
         if time.seconds_since(start) >= 1.0 {
             means.push(sum / weight);

@@ -13,6 +13,8 @@ use crate::statistics::root_mean;
 /// Length of a window, and from start to start, s.
 pub const WINDOW_S: f64 = 60.0;
 const STRIDE_S: f64 = 30.0;
+/// Most windows: of a log of more than two hours every second, third and so on is run.
+const MOST_WINDOWS: usize = 240;
 /// A hole between samples that spoils a window, s.
 const HOLE_S: f64 = 0.5;
 
@@ -66,7 +68,9 @@ pub fn check(
 ) -> Option<VelocityError> {
     let azimuth_rad = value(&found.azimuth_error_rad);
     let (mut before, mut after, mut windows) = (Vec::new(), Vec::new(), 0);
-    for row in window_starts(history, known(&found.azimuth_error_rad)) {
+    let starts = window_starts(history, known(&found.azimuth_error_rad));
+    let every = starts.len().div_ceil(MOST_WINDOWS).max(1);
+    for row in starts.into_iter().step_by(every) {
         let first = solutions.partition_point(|solution| solution.time < row.time);
         let solutions = &solutions[first..];
         let logged = fly(log, solutions, azimuth_rad, &[]);
@@ -137,17 +141,16 @@ pub(crate) fn feed(
     history: &[Row],
     mut wants_more: impl FnMut(&Interval, Time) -> bool,
 ) -> Option<()> {
-    let first = log.imu.partition_point(|sample| sample.time < start);
-    let mut samples = log.imu[first..].iter();
+    let mut samples = log.imu.since(start);
     let mut last = samples.next()?;
-    let mut increments = Increments::new(log.meta.imu, last);
+    let mut increments = Increments::new(log.meta.imu, &last);
     loop {
         let sample = samples.next()?;
         let seconds = sample.time.seconds_since(last.time);
         if seconds > HOLE_S {
             return None;
         }
-        let interval = corrected(&increments.interval(sample, seconds), history, sample.time);
+        let interval = corrected(&increments.interval(&sample, seconds), history, sample.time);
         if !wants_more(&interval, sample.time) {
             return Some(());
         }

@@ -1,13 +1,12 @@
 //! The halves test: what two halves of a log say of constants must agree.
 
-use indicatif::ProgressBar;
 use ins_core::ConfigError;
-use ins_core::{Config, Estimate, Estimates, Observability, Phase, Time};
+use ins_core::{Config, Estimate, Estimates, Navigator, Observability, Phase, Time};
 use serde::Serialize;
 
 use super::quantities::MG_MPS2;
 use super::row::Row;
-use super::run::record;
+use super::run::{Event, HISTORY_S, Identification, due, in_order_of_time};
 use crate::log::Log;
 
 /// Shortest log worth cutting, s: either half has to align, and to turn and brake some times.
@@ -58,26 +57,32 @@ impl Difference {
 }
 
 /// Differences second minus first half, as far as both know; `None` for a log too short.
+///
+/// What the navigator had found half way in the run over the whole log it finds on the first half.
 pub fn test(
     log: &Log,
+    found: &Identification,
     configure: &dyn Fn(&Log) -> Config,
 ) -> Result<Option<Vec<Difference>>, ConfigError> {
     if log.duration_s() < LEAST_S {
         return Ok(None);
     }
-    let halves = log.halves();
-    let cut = halves[1].imu.first().map_or(Time::default(), |s| s.time);
+    let second = log.second_half();
+    let cut = second.imu.first().map_or(Time::default(), |s| s.time);
     let config = configure(log);
-    let mut ends = Vec::new();
-    for half in &halves {
-        ends.extend(End::of(half, configure(half), cut)?);
-    }
-    let [first, second] = ends.as_slice() else {
+    let first = if let Some(halfway) = found.halfway.filter(|_| config == found.config) {
+        End::halfway(found, &halfway, cut)
+    } else {
+        let half = log.first_half();
+        End::of(&half, configure(&half), cut)?
+    };
+    let second = End::of(&second, configure(&second), cut)?;
+    let (Some(first), Some(second)) = (first, second) else {
         return Ok(Some(Vec::new()));
     };
     let walk_mps2 = config.sensors.accel_bias_walk * (0.5 * log.duration_s()).sqrt();
     let mut differences = Vec::new();
-    differences.extend(latency(first, second));
+    differences.extend(latency(&first, &second));
     let [first, second] = [&first.estimates, &second.estimates];
     for axis in 0..3 {
         let (component, _) = log.meta.body_axes.rfu_component(axis);
@@ -106,16 +111,40 @@ struct End {
 impl End {
     /// `None` if the half never navigates.
     fn of(half: &Log, config: Config, cut: Time) -> Result<Option<Self>, ConfigError> {
-        let (run, end) = record(half, config, &ProgressBar::hidden(), |_, _| {})?;
-        let navigates = |row: &&Row| row.phase == Phase::Navigating;
-        let since = run.history.iter().find(navigates).map(|row| row.time);
-        Ok(since.filter(|_| navigates(&&end)).map(|since| {
-            let middle = since.plus_seconds(0.5 * end.time.seconds_since(since));
-            Self {
-                estimates: end.estimates,
-                to_cut_s: cut.seconds_since(middle),
+        let mut navigator = Navigator::new(config)?;
+        // Looked at as often as the history is kept.
+        let (mut looked, mut since) = (None, None);
+        let mut last = Time::default();
+        for event in in_order_of_time(&half.imu, &half.gnss) {
+            match event {
+                Event::Imu(sample) => {
+                    last = sample.time;
+                    let _ = navigator.on_imu(&sample);
+                    if since.is_none() && due(looked, last, HISTORY_S) {
+                        looked = Some(last);
+                        since = looked.filter(|_| navigator.phase() == Phase::Navigating);
+                    }
+                }
+                Event::Gnss(fix) => drop(navigator.on_gnss(fix)),
             }
-        }))
+        }
+        Ok(Self::new(since, &Row::of(last, &navigator), cut))
+    }
+
+    /// Of the first half.
+    fn halfway(found: &Identification, end: &Row, cut: Time) -> Option<Self> {
+        let mut before = found.history.iter().take_while(|row| row.time <= end.time);
+        let since = before.find(|row| row.phase == Phase::Navigating);
+        Self::new(since.map(|row| row.time), end, cut)
+    }
+
+    fn new(since: Option<Time>, end: &Row, cut: Time) -> Option<Self> {
+        let since = since.filter(|_| end.phase == Phase::Navigating)?;
+        let middle = since.plus_seconds(0.5 * end.time.seconds_since(since));
+        Some(Self {
+            estimates: end.estimates,
+            to_cut_s: cut.seconds_since(middle),
+        })
     }
 
     /// Latency at the cut and its sigma, s: in the middle of a run it does not depend on the drift.

@@ -1,5 +1,7 @@
 //! The core run over a log, sample by sample, as firmware would run it.
 
+use std::borrow::Borrow;
+
 use indicatif::ProgressBar;
 use ins_core::ConfigError;
 use ins_core::{Config, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Navigator, Solution, Time};
@@ -11,7 +13,7 @@ use crate::identify::row::{Counts, Row, add};
 use crate::log::Log;
 
 /// Interval between rows of the history, and between solutions kept, s.
-const HISTORY_S: f64 = 1.0;
+pub(super) const HISTORY_S: f64 = 1.0;
 const SOLUTION_S: f64 = 0.1;
 /// Events from one step of the progress bar to the next.
 const PROGRESS_EVERY: u64 = 4096;
@@ -25,6 +27,8 @@ pub struct Identification {
     pub history: Vec<Row>,
     /// The navigator after the last sample.
     pub end: Row,
+    /// After the first half of the log; none where it runs elsewhere.
+    pub halfway: Option<Row>,
     /// Solutions ten times a second.
     pub solutions: Vec<Solution>,
     /// Answers to inertial samples.
@@ -73,11 +77,16 @@ pub(crate) fn record(
     progress.set_length(log.imu.len() as u64);
     let mut navigator = Navigator::new(config)?;
     let mut run = Recorder::default();
+    let (middle, mut last) = (log.middle(), Time::default());
     for (count, event) in (1_u64..).zip(in_order_of_time(&log.imu, &log.gnss)) {
+        if run.halfway.is_none() && event.time() >= middle {
+            run.halfway = Some(Row::of(last, &navigator));
+        }
         match event {
             Event::Imu(sample) => {
+                last = sample.time;
                 run.judge(sample.time, &navigator);
-                let outcome = navigator.on_imu(sample);
+                let outcome = navigator.on_imu(&sample);
                 run.on_sample(sample.time, outcome, || Row::of(sample.time, &navigator));
                 after_sample(&navigator, sample.time);
             }
@@ -91,7 +100,6 @@ pub(crate) fn record(
             progress.inc(PROGRESS_EVERY);
         }
     }
-    let last = log.imu.last().map_or(Time::default(), |sample| sample.time);
     Ok((run, Row::of(last, &navigator)))
 }
 
@@ -99,6 +107,7 @@ pub(crate) fn record(
 #[derive(Clone, Debug, Default)]
 pub struct Recorder {
     pub(crate) history: Vec<Row>,
+    halfway: Option<Row>,
     solutions: Vec<Solution>,
     imu_outcomes: Counts<ImuOutcome>,
     fixes: Vec<(Time, GnssOutcome)>,
@@ -137,6 +146,7 @@ impl Recorder {
             config,
             history: self.history,
             end,
+            halfway: self.halfway,
             solutions: self.solutions,
             imu_outcomes: self.imu_outcomes,
             fixes: self.fixes,
@@ -148,7 +158,7 @@ impl Recorder {
 }
 
 /// Whether an interval has passed, to within half a millisecond of jitter.
-fn due(last: Option<Time>, now: Time, interval_s: f64) -> bool {
+pub(super) fn due(last: Option<Time>, now: Time, interval_s: f64) -> bool {
     last.is_none_or(|last| now.seconds_since(last) > interval_s - 5e-4)
 }
 
@@ -156,16 +166,31 @@ fn due(last: Option<Time>, now: Time, interval_s: f64) -> bool {
 #[derive(Clone, Copy, Debug)]
 #[allow(missing_docs)]
 pub enum Event<'a> {
-    Imu(&'a ImuSample),
+    Imu(ImuSample),
     Gnss(&'a GnssFix),
 }
 
+impl Event<'_> {
+    /// Stamp.
+    pub fn time(&self) -> Time {
+        match self {
+            Self::Imu(sample) => sample.time,
+            Self::Gnss(fix) => fix.time,
+        }
+    }
+}
+
+fn copied(sample: impl Borrow<ImuSample>) -> ImuSample {
+    let sample: &ImuSample = sample.borrow();
+    *sample
+}
+
 /// Samples and fixes by stamp; on equal stamps the sample comes first.
-pub fn in_order_of_time<'a>(
-    imu: &'a [ImuSample],
-    gnss: &'a [GnssFix],
-) -> impl Iterator<Item = Event<'a>> {
-    let mut imu = imu.iter().peekable();
+pub fn in_order_of_time(
+    imu: impl IntoIterator<Item: Borrow<ImuSample>>,
+    gnss: &[GnssFix],
+) -> impl Iterator<Item = Event<'_>> {
+    let mut imu = imu.into_iter().map(copied).peekable();
     let mut gnss = gnss.iter().peekable();
     std::iter::from_fn(move || match (imu.peek(), gnss.peek()) {
         (Some(sample), Some(fix)) if fix.time < sample.time => gnss.next().map(Event::Gnss),
@@ -191,7 +216,7 @@ mod tests {
             ..GnssFix::default()
         };
         let (imu, gnss) = ([sample(10), sample(20)], [fix(5), fix(20), fix(30)]);
-        let order: Vec<_> = in_order_of_time(&imu, &gnss)
+        let order: Vec<_> = in_order_of_time(imu, &gnss)
             .map(|event| match event {
                 Event::Imu(sample) => ('i', sample.time.as_micros()),
                 Event::Gnss(fix) => ('g', fix.time.as_micros()),

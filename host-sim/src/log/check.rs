@@ -11,11 +11,11 @@ use super::files::Files;
 use super::fixes::mend_fixes;
 use super::motion::check_axes;
 use super::paths::check_paths;
-use super::rates::{Rate, rates, typical_force};
+use super::rates::Rates;
 use super::readings::check_readings;
 use super::sensors::mend_sensors;
 use super::turns::{check_turns, turning};
-use super::typical::{SHORT_S, median, median_interval_s, within};
+use super::typical::{SHORT_S, median_interval_s, within};
 
 const GRAVITY_MPS2: f64 = 9.81;
 
@@ -25,20 +25,30 @@ pub(super) fn check(
     files: &Files,
     warnings: &mut Vec<LogError>,
 ) -> Result<(), LogError> {
-    check_intervals(log, files, warnings)?;
+    let interval_s = median_interval_s(log.imu.times());
+    check_intervals(log, interval_s, files, warnings)?;
     mend_fixes(log, files, warnings)?;
-    check_accelerometer_unit(log, &rates(log), files, warnings)?;
+    let mut rates = Rates::of(log, interval_s);
+    check_accelerometer_unit(log, &rates, files, warnings)?;
     let per_second = match log.meta.imu {
         ImuOutput::Rates => 1.0,
-        ImuOutput::Increments => 1.0 / median_interval_s(log.imu.iter().map(|sample| sample.time)),
+        ImuOutput::Increments => 1.0 / interval_s,
     };
-    mend_sensors(log, per_second, files, warnings);
-    let rates = rates(log);
+    if mend_sensors(log, per_second, files, warnings)? {
+        rates = Rates::of(log, median_interval_s(log.imu.times()));
+    }
     check_gravity_axis(log, &rates, files, warnings)?;
     let together = set_clock(log, &rates, files, warnings)?;
     let turning = turning(log, &rates);
     check_paths(log, turning.as_ref(), files, warnings)?;
-    check_turns(turning.as_ref(), together, &rates, files, warnings)?;
+    check_turns(
+        turning.as_ref(),
+        together,
+        log.duration_s(),
+        &rates,
+        files,
+        warnings,
+    )?;
     let told = warnings.len();
     check_axes(log, &rates, files, warnings);
     // A track or gravity tells more exactly what the motion as a whole tells of any unit.
@@ -48,8 +58,12 @@ pub(super) fn check(
     Ok(())
 }
 
-fn check_intervals(log: &Log, files: &Files, warnings: &mut Vec<LogError>) -> Result<(), LogError> {
-    let imu = median_interval_s(log.imu.iter().map(|sample| sample.time));
+fn check_intervals(
+    log: &Log,
+    imu: f64,
+    files: &Files,
+    warnings: &mut Vec<LogError>,
+) -> Result<(), LogError> {
     let gnss = median_interval_s(log.gnss.iter().map(|fix| fix.time));
     let fixes_s = gnss * log.gnss.len() as f64;
     let refuse = |path, found: f64, expected: &str, cause: &str| {
@@ -118,12 +132,11 @@ fn check_intervals(log: &Log, files: &Files, warnings: &mut Vec<LogError>) -> Re
 
 fn check_accelerometer_unit(
     log: &Log,
-    rates: &[Rate],
+    rates: &Rates,
     files: &Files,
     warnings: &mut Vec<LogError>,
 ) -> Result<(), LogError> {
-    let norm = median(rates.iter().map(|rate| rate.accel_mps2.norm()));
-    let interval = median(rates.iter().map(|rate| rate.interval_s));
+    let (norm, interval) = (rates.typical.force_norm_mps2, rates.typical.interval_s);
     // Beyond a fifth no unit is near, but a racing multirotor is; a unit is off by three times.
     if within(norm, GRAVITY_MPS2, 2.0) {
         // 5 %: twice the worst scale error and bias of consumer sensors.
@@ -188,12 +201,12 @@ fn check_accelerometer_unit(
 
 fn check_gravity_axis(
     log: &Log,
-    rates: &[Rate],
+    rates: &Rates,
     files: &Files,
     warnings: &mut Vec<LogError>,
 ) -> Result<(), LogError> {
     // Over minutes the vehicle's own accelerations cancel, and what is left points up.
-    let mean = typical_force(rates);
+    let mean = rates.typical.force_mps2;
     let axes = log.meta.body_axes;
     let tilt_deg = (mean.z / mean.norm()).clamp(-1.0, 1.0).acos().to_degrees();
     // Banked turns keep the mean along the aircraft's up axis, so only a mount tilts it.

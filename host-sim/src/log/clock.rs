@@ -6,9 +6,7 @@ use super::Log;
 use super::curve::{Curve, turned};
 use super::error::LogError;
 use super::files::Files;
-use super::rates::Rate;
-use super::rates::typical_force;
-use super::rates::vertical_angles;
+use super::rates::{Rates, origin};
 
 /// Shifts that are looked for, in steps of half the shortest manoeuvre, and finer ones from there.
 const LARGEST_S: f64 = 300.0;
@@ -48,7 +46,7 @@ struct Seen {
 /// Whether both files show one motion.
 pub(super) fn set_clock(
     log: &mut Log,
-    rates: &[Rate],
+    rates: &Rates,
     files: &Files,
     warnings: &mut Vec<LogError>,
 ) -> Result<bool, LogError> {
@@ -127,7 +125,8 @@ fn apart(log: &Log) -> Option<f64> {
 
 /// First and last fix, s from the first sample.
 fn reach(log: &Log) -> (f64, f64) {
-    let since = |fix: &ins_core::GnssFix| fix.time.seconds_since(log.imu[0].time);
+    let first = origin(log);
+    let since = |fix: &ins_core::GnssFix| fix.time.seconds_since(first);
     (since(&log.gnss[0]), since(&log.gnss[log.gnss.len() - 1]))
 }
 
@@ -182,19 +181,19 @@ pub(super) struct Clocks {
 }
 
 impl Clocks {
-    pub(super) fn new(log: &Log, rates: &[Rate]) -> Self {
+    pub(super) fn new(log: &Log, rates: &Rates) -> Self {
         let windows = windows(seen(log));
         Self {
             felt: levelled(rates),
-            angle: vertical_angles(rates),
+            angle: rates.vertical_angles(),
             intervals: windows.iter().map(Vec::len).sum(),
             windows,
         }
     }
 
     /// The same fixes beside other samples.
-    pub(super) fn read_anew(&mut self, rates: &[Rate]) {
-        (self.felt, self.angle) = (levelled(rates), vertical_angles(rates));
+    pub(super) fn read_anew(&mut self, rates: &Rates) {
+        (self.felt, self.angle) = (levelled(rates), rates.vertical_angles());
     }
 
     /// All shifts that are looked for, zero among them where the files have a time in common.
@@ -332,20 +331,20 @@ fn explained(square: f64) -> f64 {
 /// Time and integrals of specific force less gravity, in a frame that stays level and turns slowly.
 ///
 /// Gyros carry the attitude through manoeuvres; gravity, over a third of a minute, their drift.
-fn levelled(rates: &[Rate]) -> [Curve; 3] {
+fn levelled(rates: &Rates) -> [Curve; 3] {
     const TILT_PER_S: f64 = 0.05;
     const DRIFT_PER_S2: f64 = 0.001;
     let up = Vector3::z();
     let mut attitude =
-        UnitQuaternion::rotation_between(&typical_force(rates), &up).unwrap_or_default();
+        UnitQuaternion::rotation_between(&rates.typical.force_mps2, &up).unwrap_or_default();
     let (mut drift, mut integral) = (Vector3::zeros(), Vector3::zeros());
-    let mut points = [0, 1, 2].map(|_| Vec::with_capacity(rates.len()));
-    for rate in rates {
+    let mut curves: [Curve; 3] = Default::default();
+    for rate in rates.iter() {
         // Beyond a hole everything begins anew, within the window that it spoils.
         let seconds = rate.interval_s.min(0.5);
         integral += (attitude * rate.accel_mps2 - GRAVITY_MPS2 * up) * seconds;
-        for (axis, points) in points.iter_mut().enumerate() {
-            points.push((rate.time_s, integral[axis]));
+        for (axis, curve) in curves.iter_mut().enumerate() {
+            curve.push(rate.time_s, integral[axis]);
         }
         let Some(felt) = rate.accel_mps2.try_normalize(0.0) else {
             continue;
@@ -355,7 +354,7 @@ fn levelled(rates: &[Rate]) -> [Curve; 3] {
         let turn = (rate.gyro_radps + TILT_PER_S * tilt + drift) * seconds;
         attitude *= UnitQuaternion::from_scaled_axis(turn);
     }
-    points.map(|points| Curve::new(&points))
+    curves
 }
 
 /// Stretches without holes, if there are many those with the most motion.
@@ -415,7 +414,8 @@ fn seen(log: &Log) -> Vec<Seen> {
 
 /// As the receiver measures them, or else from its positions.
 fn velocities(log: &Log) -> Vec<Velocity> {
-    let since = |fix: &ins_core::GnssFix| fix.time.seconds_since(log.imu[0].time);
+    let first = origin(log);
+    let since = |fix: &ins_core::GnssFix| fix.time.seconds_since(first);
     let measured: Vec<Velocity> = log
         .gnss
         .iter()

@@ -3,9 +3,11 @@
 use nalgebra::Vector2;
 
 /// A quantity at equal steps of time, to be looked up fast.
+#[derive(Default)]
 pub(super) struct Curve {
     start_s: f64,
     values: Vec<f64>,
+    last: Option<(f64, f64)>,
 }
 
 impl Curve {
@@ -13,20 +15,28 @@ impl Curve {
     const STEP_S: f64 = 0.02;
 
     /// Interpolates between points in order of time.
-    pub(super) fn new(points: &[(f64, f64)]) -> Self {
-        let start_s = points.first().map_or(0.0, |point| point.0);
-        let mut values = Vec::new();
-        for pair in points.windows(2) {
-            let ((from_s, a), (to_s, b)) = (pair[0], pair[1]);
-            loop {
-                let time_s = start_s + Self::STEP_S * values.len() as f64;
-                if time_s >= to_s {
-                    break;
-                }
-                values.push(a + (b - a) * (time_s - from_s) / (to_s - from_s));
-            }
+    pub(super) fn new(points: impl Iterator<Item = (f64, f64)>) -> Self {
+        let mut curve = Self::default();
+        for (time_s, value) in points {
+            curve.push(time_s, value);
         }
-        Self { start_s, values }
+        curve
+    }
+
+    /// Goes on to a point that is later than the last.
+    pub(super) fn push(&mut self, to_s: f64, b: f64) {
+        let (from_s, a) = self.last.replace((to_s, b)).unwrap_or_else(|| {
+            self.start_s = to_s;
+            (to_s, b)
+        });
+        loop {
+            let time_s = self.start_s + Self::STEP_S * self.values.len() as f64;
+            if time_s >= to_s {
+                break;
+            }
+            self.values
+                .push(a + (b - a) * (time_s - from_s) / (to_s - from_s));
+        }
     }
 
     /// Whether a time is within.

@@ -1,6 +1,7 @@
 //! What is wrong with a log, and where.
 
 use std::fmt;
+use std::io;
 use std::path::Path;
 
 use miette::Diagnostic;
@@ -51,6 +52,19 @@ impl LogError {
             found: found.into(),
             cause: cause.into(),
         }
+    }
+
+    /// That samples found no room beside memory.
+    pub(super) fn no_room(error: &io::Error) -> Self {
+        let cause = "a long log is kept in a file that is removed by itself, 56 bytes a sample, and \
+                     there is no room for it: TMPDIR names another folder";
+        let folder = std::env::temp_dir();
+        Self::file(
+            &folder,
+            "room for a temporary file",
+            error.to_string(),
+            cause,
+        )
     }
 
     /// What a TOML parser found, at its place.

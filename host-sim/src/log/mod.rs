@@ -13,10 +13,12 @@ mod fixes;
 pub mod import;
 mod meta;
 mod motion;
+mod order;
 mod paths;
 mod rates;
 mod read;
 mod readings;
+mod samples;
 mod sensors;
 mod table;
 mod turns;
@@ -27,10 +29,12 @@ pub use axes::BodyAxes;
 pub use error::{Cell, LogError};
 pub use meta::{Grade, Meta};
 pub use read::read;
+pub use samples::Samples;
 pub(crate) use typical::{median, median_interval_s};
 pub use write::{Compression, write};
 
-use ins_core::{GnssFix, ImuSample, Solution, Time};
+use ins_core::{GnssFix, Solution, Time};
+use order::Stamped;
 
 /// A recorded or simulated drive.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,7 +42,7 @@ pub struct Log {
     /// How it was recorded.
     pub meta: Meta,
     /// Inertial samples, in order of time.
-    pub imu: Vec<ImuSample>,
+    pub imu: Samples,
     /// GNSS fixes, in order of time.
     pub gnss: Vec<GnssFix>,
     /// Reference motion; empty if the log has none.
@@ -63,34 +67,40 @@ impl Log {
                 initial_heading_deg: self.meta.initial_heading_deg.filter(|_| starts_here),
                 ..self.meta.clone()
             },
-            imu: part(&self.imu, from, to, |sample| sample.time),
-            gnss: part(&self.gnss, from, to, |fix| fix.time),
-            truth: part(&self.truth, from, to, |truth| truth.time),
+            imu: self.imu.between(from, to),
+            gnss: part(&self.gnss, from, to),
+            truth: part(&self.truth, from, to),
         }
     }
 
-    /// The log cut in two at the middle of its inertial samples; fixes from outside of them go
-    /// with the nearer half.
+    /// The log up to the middle of its inertial samples; fixes from before them go with it.
     #[must_use]
-    pub fn halves(&self) -> [Self; 2] {
+    pub fn first_half(&self) -> Self {
+        self.between(Time::from_micros(i64::MIN), self.middle())
+    }
+
+    /// The log from there on; fixes from after the samples go with it.
+    #[must_use]
+    pub fn second_half(&self) -> Self {
+        self.between(self.middle(), Time::from_micros(i64::MAX))
+    }
+
+    /// Where the second half begins.
+    pub fn middle(&self) -> Time {
         let first = self.imu.first().map_or(Time::default(), |s| s.time);
-        let middle = first.plus_seconds(0.5 * self.duration_s());
-        [
-            self.between(Time::from_micros(i64::MIN), middle),
-            self.between(middle, Time::from_micros(i64::MAX)),
-        ]
+        first.plus_seconds(0.5 * self.duration_s())
     }
 }
 
-fn part<T: Copy>(rows: &[T], from: Time, to: Time, time: fn(&T) -> Time) -> Vec<T> {
-    let at = |limit: Time| rows.partition_point(|row| time(row) < limit);
+fn part<T: Stamped>(rows: &[T], from: Time, to: Time) -> Vec<T> {
+    let at = |limit: Time| rows.partition_point(|row| row.time() < limit);
     rows[at(from)..at(to).max(at(from))].to_vec()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ins_core::ImuOutput;
+    use ins_core::{ImuOutput, ImuSample};
     use nalgebra::Vector3;
 
     #[test]
@@ -109,14 +119,17 @@ mod tests {
                 initial_heading_deg: Some(12.0),
                 ..Meta::new(BodyAxes::Rfu, ImuOutput::Rates)
             },
-            imu: (0..=10).map(|k| sample(10 * k)).collect(),
+            imu: (0..=10).map(|k| sample(10 * k)).collect::<Vec<_>>().into(),
             gnss: [-5, 20, 50, 70, 105].map(fix).to_vec(),
             truth: Vec::new(),
         };
-        let [first, second] = log.halves();
+        let (first, second) = (log.first_half(), log.second_half());
         assert_eq!((first.imu.len(), second.imu.len()), (5, 6));
         assert_eq!((first.gnss.len(), second.gnss.len()), (2, 3));
-        assert_eq!(second.imu[0].time, Time::from_micros(50));
+        assert_eq!(
+            second.imu.first().map(|s| s.time),
+            Some(Time::from_micros(50))
+        );
         assert_eq!(first.meta.initial_heading_deg, Some(12.0));
         assert_eq!(second.meta.initial_heading_deg, None);
     }

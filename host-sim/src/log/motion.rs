@@ -8,14 +8,14 @@ use super::curve::Curve;
 use super::curve::turned;
 use super::error::LogError;
 use super::files::Files;
-use super::rates::Rate;
+use super::rates::{Rate, Rates, origin};
 
 /// Correlation from which on a sign is beyond doubt, with the least number of intervals.
 const CLEAR: f64 = 0.6;
 const INTERVALS: usize = 30;
 
 /// Warns where accelerometers show the motion in other axes than they are said to have.
-pub(super) fn check_axes(log: &Log, rates: &[Rate], files: &Files, warnings: &mut Vec<LogError>) {
+pub(super) fn check_axes(log: &Log, rates: &Rates, files: &Files, warnings: &mut Vec<LogError>) {
     if let Some(correlation) = along_the_track(log, rates) {
         check_level_axes(log, &correlation, files, warnings);
     }
@@ -27,17 +27,16 @@ type Pair = (Vector2<f64>, Vector2<f64>);
 
 /// Correlations of the accelerations right and forward by the sensors (rows) with those by GNSS
 /// (columns), for a vehicle that follows its nose; none without manoeuvres.
-fn along_the_track(log: &Log, rates: &[Rate]) -> Option<Matrix2<f64>> {
-    let integral = |axis: usize| {
-        let mut sum = 0.0;
-        let points = rates.iter().map(|rate| {
-            sum += rate.accel_mps2[axis] * rate.interval_s;
-            (rate.time_s, sum)
-        });
-        Curve::new(&points.collect::<Vec<_>>())
-    };
-    let curves = [integral(0), integral(1)];
-    let origin = log.imu[0].time;
+fn along_the_track(log: &Log, rates: &Rates) -> Option<Matrix2<f64>> {
+    let mut curves: [Curve; 2] = Default::default();
+    let mut sum = Vector3::zeros();
+    for rate in rates.iter() {
+        sum += rate.accel_mps2 * rate.interval_s;
+        for (axis, curve) in curves.iter_mut().enumerate() {
+            curve.push(rate.time_s, sum[axis]);
+        }
+    }
+    let origin = origin(log);
     let mut pairs: Vec<Pair> = Vec::new();
     let mut moving = log.gnss.iter().filter_map(|fix| {
         let velocity = fix.velocity_en_mps.filter(|v| v.norm() > 2.0)?;
@@ -158,22 +157,20 @@ fn turned_by(axes: BodyAxes, other: BodyAxes, c: &Matrix2<f64>) -> bool {
 
 /// Gravity turns in the body as the gyros say: where they show plainly the opposite, one of the
 /// two has a sign that it should not have.
-fn check_turning_gravity(log: &Log, rates: &[Rate], files: &Files, warnings: &mut Vec<LogError>) {
-    let blocks = blocks(rates);
-    for (axis, name) in [(0, "right"), (1, "forward")] {
-        let (mut xx, mut xy, mut yy, mut turning) = (0.0, 0.0, 0.0, 0);
-        for pair in blocks.windows(2) {
-            let turned = -0.5 * (pair[0].0 + pair[1].0) * BLOCK_S;
-            let force = 0.5 * (pair[0].1 + pair[1].1);
-            let (x, y) = (turned.cross(&force)[axis], (pair[1].1 - pair[0].1)[axis]);
-            xx += x * x;
-            xy += x * y;
-            yy += y * y;
-            // A degree and a half in a block: far above a road's unevenness.
-            turning += usize::from(x.abs() > 0.25);
+fn check_turning_gravity(log: &Log, rates: &Rates, files: &Files, warnings: &mut Vec<LogError>) {
+    let mut sums = [Turning::default(); 2];
+    let mut last: Option<Block> = None;
+    for block in blocks(rates) {
+        if let Some(last) = last.replace(block) {
+            for (axis, sums) in sums.iter_mut().enumerate() {
+                sums.add(axis, &last, &block);
+            }
         }
+    }
+    for ((axis, name), sums) in [(0, "right"), (1, "forward")].into_iter().zip(sums) {
+        let Turning { xx, xy, yy, times } = sums;
         let correlation = xy / (xx * yy).sqrt();
-        if turning < INTERVALS || correlation > -CLEAR {
+        if times < INTERVALS || correlation > -CLEAR {
             continue;
         }
         let found = format!("the opposite {name} (correlation {correlation:.2})");
@@ -190,25 +187,45 @@ fn check_turning_gravity(log: &Log, rates: &[Rate], files: &Files, warnings: &mu
 /// Shorter than an attitude changes, longer than vibration.
 const BLOCK_S: f64 = 0.2;
 
-/// Mean rate and specific force of successive blocks.
-fn blocks(rates: &[Rate]) -> Vec<(Vector3<f64>, Vector3<f64>)> {
+/// Mean rate and specific force.
+type Block = (Vector3<f64>, Vector3<f64>);
+
+/// Change of gravity on an axis from block to block: by the gyros, and as felt.
+#[derive(Clone, Copy, Default)]
+struct Turning {
+    xx: f64,
+    xy: f64,
+    yy: f64,
+    /// Clear ones.
+    times: usize,
+}
+
+impl Turning {
+    fn add(&mut self, axis: usize, last: &Block, block: &Block) {
+        let turned = -0.5 * (last.0 + block.0) * BLOCK_S;
+        let force = 0.5 * (last.1 + block.1);
+        let (x, y) = (turned.cross(&force)[axis], (block.1 - last.1)[axis]);
+        self.xx += x * x;
+        self.xy += x * y;
+        self.yy += y * y;
+        // A degree and a half in a block: far above a road's unevenness.
+        self.times += usize::from(x.abs() > 0.25);
+    }
+}
+
+/// Successive blocks.
+fn blocks(rates: &Rates) -> impl Iterator<Item = Block> {
     #[allow(clippy::cast_possible_truncation)] // Seconds of a log.
-    let block = |rate: &Rate| (rate.time_s / BLOCK_S) as i64;
-    rates
-        .chunk_by(|a, b| block(a) == block(b))
-        .map(|chunk| {
-            let n = chunk.len() as f64;
-            let gyro = chunk
-                .iter()
-                .map(|rate| rate.gyro_radps)
-                .sum::<Vector3<f64>>()
-                / n;
-            let accel = chunk
-                .iter()
-                .map(|rate| rate.accel_mps2)
-                .sum::<Vector3<f64>>()
-                / n;
-            (gyro, accel)
-        })
-        .collect()
+    let number = |rate: &Rate| (rate.time_s / BLOCK_S) as i64;
+    let mut rates = rates.iter().peekable();
+    std::iter::from_fn(move || {
+        let first = rates.next()?;
+        let (mut gyro, mut accel, mut n) = (first.gyro_radps, first.accel_mps2, 1.0);
+        while let Some(rate) = rates.next_if(|rate| number(rate) == number(&first)) {
+            gyro += rate.gyro_radps;
+            accel += rate.accel_mps2;
+            n += 1.0;
+        }
+        Some((gyro / n, accel / n))
+    })
 }

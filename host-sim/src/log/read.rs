@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use ins_core::attitude::{Euler, from_euler};
 use ins_core::earth::{Geodetic, LatLon};
-use ins_core::{FixSigma, GnssFix, ImuSample, Solution, Time};
+use ins_core::{FixSigma, GnssFix, ImuSample, Solution};
 use nalgebra::{Vector2, Vector3};
 
 use super::Log;
@@ -13,7 +13,9 @@ use super::check::check;
 use super::error::LogError;
 use super::files::Files;
 use super::meta::Meta;
-use super::table::{Few, Row, Table};
+use super::order::rows;
+use super::samples::{Samples, Store};
+use super::table::{Row, Table};
 
 /// Reads and checks a log. Warnings say what looks suspicious, an error what cannot be meant.
 pub fn read(folder: &Path) -> Result<(Log, Vec<LogError>), LogError> {
@@ -88,21 +90,26 @@ fn optional_truth(folder: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<Sol
     }
 }
 
+/// Largest share of rows that may be unusable: a slip of the logger is rare, more is a format that
+/// is not understood.
+const MOST_LEFT_OUT: f64 = 0.05;
+
 fn read_imu(
     path: &Path,
     axes: BodyAxes,
     warnings: &mut Vec<LogError>,
-) -> Result<Vec<ImuSample>, LogError> {
+) -> Result<Samples, LogError> {
     let table = Table::open(path)?;
     let gyro = columns(&table, ["gyro_x", "gyro_y", "gyro_z"])?;
     let accel = columns(&table, ["accel_x", "accel_y", "accel_z"])?;
-    rows(table, MOST_LEFT_OUT, warnings, |row, time| {
+    let store: Store = rows(table, MOST_LEFT_OUT, warnings, |row, time| {
         Ok(ImuSample {
             time,
             gyro: axes.to_rfu(numbers(row, gyro)?),
             accel: axes.to_rfu(numbers(row, accel)?),
         })
-    })
+    })?;
+    Ok(store.into())
 }
 
 fn read_gnss(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<GnssFix>, LogError> {
@@ -196,205 +203,6 @@ fn read_truth(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<Solution>
             }),
         })
     })
-}
-
-/// Largest share of rows that may be unusable: a slip of the logger is rare, more is a format that
-/// is not understood.
-const MOST_LEFT_OUT: f64 = 0.05;
-
-/// Every usable row of a table, in order of time.
-fn rows<T: PartialEq>(
-    mut table: Table,
-    most_left_out: f64,
-    warnings: &mut Vec<LogError>,
-    mut parse: impl FnMut(&Row, Time) -> Result<T, LogError>,
-) -> Result<Vec<T>, LogError> {
-    let stamp = table.column("t_s")?;
-    let mut order = Order::default();
-    let mut unusable = Few::default();
-    while let Some(row) = table.next_row()? {
-        let parsed = row.and_then(|row| {
-            let time = order.time(&row, stamp)?;
-            let value = parse(&row, time)?;
-            order.take(&row, stamp, time, value);
-            Ok(())
-        });
-        if let Err(defect) = parsed {
-            unusable.add(defect);
-        }
-    }
-    let rows = order.rows.len() + unusable.count;
-    order.settle();
-    // One is a slip even in a short file: the last line, usually.
-    let too_many = |few: &Few| few.count > 1 && few.count as f64 > most_left_out * rows as f64;
-    if order.rows.is_empty() || too_many(&unusable) {
-        return Err(unusable.first.unwrap_or_else(|| table.no_rows()));
-    }
-    for few in [&mut order.clashes, &mut order.disorder] {
-        if too_many(few) {
-            return Err(few.first.take().unwrap_or_else(|| table.no_rows()));
-        }
-    }
-    warnings.extend(table.warnings());
-    warnings.extend(unusable.warning("left out"));
-    Ok(order.in_order(warnings))
-}
-
-/// Puts rows into the order of their stamps.
-struct Order<T> {
-    rows: Vec<(Time, T)>,
-    /// Of clocks that begin anew with the week or the day, added so far.
-    rollovers: Few,
-    added_s: f64,
-    repeated: Few,
-    clashes: Few,
-    disorder: Few,
-}
-
-impl<T> Default for Order<T> {
-    fn default() -> Self {
-        Self {
-            rows: Vec::new(),
-            rollovers: Few::default(),
-            added_s: 0.0,
-            repeated: Few::default(),
-            clashes: Few::default(),
-            disorder: Few::default(),
-        }
-    }
-}
-
-impl<T: PartialEq> Order<T> {
-    /// Stamp of a row, after those that came before where the clock has begun anew.
-    fn time(&mut self, row: &Row, stamp: usize) -> Result<Time, LogError> {
-        let time = time(row, stamp)?;
-        let written = time.plus_seconds(self.added_s);
-        let Some((last, _)) = self.rows.last() else {
-            return Ok(written);
-        };
-        let (now_s, last_s) = (time.as_seconds(), last.as_seconds() - self.added_s);
-        let period_s = PERIODS_S.into_iter().find(|period_s| {
-            (0.0..MARGIN_S).contains(&now_s) && (period_s - MARGIN_S..=*period_s).contains(&last_s)
-        });
-        let Some(period_s) = period_s else {
-            return Ok(written);
-        };
-        let defect = not_increasing(row, stamp, *last, written);
-        let cause = "the clock began anew with the GPS week or the day".into();
-        self.rollovers.add(LogError { cause, ..defect });
-        self.added_s += period_s;
-        Ok(time.plus_seconds(self.added_s))
-    }
-
-    fn take(&mut self, row: &Row, stamp: usize, time: Time, value: T) {
-        match self.rows.last() {
-            Some((last, same)) if *last == time && *same == value => {
-                self.repeated.add(not_increasing(row, stamp, time, time));
-                return;
-            }
-            Some((last, _)) if *last == time => {
-                self.clashes.add(not_increasing(row, stamp, time, time));
-                return;
-            }
-            Some((last, _)) if *last > time => {
-                self.disorder.add(not_increasing(row, stamp, *last, time));
-            }
-            _ => {}
-        }
-        self.rows.push((time, value));
-    }
-
-    /// Leaves out the rows that stand between others of their time.
-    fn settle(&mut self) {
-        if self.disorder.count == 0 {
-            return;
-        }
-        let before = self.rows.len();
-        let mut keep = longest_increasing(&self.rows).into_iter();
-        self.rows.retain(|_| keep.next() == Some(true));
-        self.disorder.count = before - self.rows.len();
-    }
-
-    fn in_order(self, warnings: &mut Vec<LogError>) -> Vec<T> {
-        warnings.extend(self.rollovers.warning("its period was added"));
-        warnings.extend(self.repeated.warning("left out"));
-        warnings.extend(self.clashes.warning("left out"));
-        warnings.extend(self.disorder.warning("left out"));
-        self.rows.into_iter().map(|(_, value)| value).collect()
-    }
-}
-
-/// Which rows belong to the longest sequence of increasing stamps.
-fn longest_increasing<T>(rows: &[(Time, T)]) -> Vec<bool> {
-    // Last rows of the best sequence of each length, and the row before each.
-    let mut ends: Vec<usize> = Vec::new();
-    let mut before: Vec<Option<usize>> = Vec::with_capacity(rows.len());
-    for (index, (time, _)) in rows.iter().enumerate() {
-        let length = ends.partition_point(|&end| rows[end].0 < *time);
-        before.push(length.checked_sub(1).map(|shorter| ends[shorter]));
-        if length == ends.len() {
-            ends.push(index);
-        } else {
-            ends[length] = index;
-        }
-    }
-    let mut keep = vec![false; rows.len()];
-    let mut next = ends.last().copied();
-    while let Some(index) = next {
-        keep[index] = true;
-        next = before[index];
-    }
-    keep
-}
-
-/// Periods of clocks that begin anew, s: the GPS week and the day.
-const PERIODS_S: [f64; 2] = [604_800.0, 86_400.0];
-/// Longest hole at such a moment, s.
-const MARGIN_S: f64 = 60.0;
-
-fn not_increasing(row: &Row, column: usize, last: Time, time: Time) -> LogError {
-    let cause = if time == last {
-        "a sample written twice, or stamps of too few digits"
-    } else {
-        "rows out of order, two logs joined, or a clock that was set back"
-    };
-    let expected = format!("a time after {} s, that of the row before", decimal(last));
-    row.defect(column, &expected, &format!("{} s", decimal(time)), cause)
-}
-
-fn time(row: &Row, column: usize) -> Result<Time, LogError> {
-    let seconds = row.number(column)?;
-    exact_micros(row.cell(column))
-        .map(Time::from_micros)
-        .or_else(|| Time::from_seconds(seconds))
-        .ok_or_else(|| {
-            let cause = "another unit: nanoseconds, say";
-            row.defect(column, "seconds within 1e12", row.cell(column), cause)
-        })
-}
-
-/// Microseconds of a plain decimal, exactly: f64 loses the last one after some decades.
-fn exact_micros(text: &str) -> Option<i64> {
-    let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
-    let negative = whole.starts_with('-');
-    let digits = |s: &str| s.len() <= 12 && s.bytes().all(|b| b.is_ascii_digit());
-    let whole = whole.strip_prefix('-').unwrap_or(whole);
-    // Finer fractions need rounding: left to `Time::from_seconds`.
-    if whole.is_empty() || !digits(whole) || !digits(fraction) || fraction.len() > 6 {
-        return None;
-    }
-    let micros: i64 = format!("{whole}{fraction:0<6}").parse().ok()?;
-    Some(if negative { -micros } else { micros })
-}
-
-/// Seconds with all six decimals.
-pub(super) fn decimal(time: Time) -> String {
-    let micros = time.as_micros();
-    let (whole, fraction) = (
-        micros.unsigned_abs() / 1_000_000,
-        micros.unsigned_abs() % 1_000_000,
-    );
-    format!("{}{whole}.{fraction:06}", if micros < 0 { "-" } else { "" })
 }
 
 fn columns<const N: usize>(table: &Table, names: [&str; N]) -> Result<[usize; N], LogError> {

@@ -7,10 +7,8 @@ use super::Log;
 use super::clock::{Clocks, Shift};
 use super::error::LogError;
 use super::files::Files;
-use super::rates::Rate;
+use super::rates::{Rate, Rates};
 use super::turns::gyro_units;
-use super::typical::median;
-use nalgebra::Vector3;
 
 /// Evidence that readings are others than they are said to be: so much more of it, in all, and
 /// beyond what chance adds to a motion of a minute.
@@ -33,18 +31,16 @@ struct Guess {
 /// Says so where other readings of the channels would explain the motion far better.
 pub(super) fn check_readings(
     log: &Log,
-    rates: &[Rate],
+    rates: &Rates,
     files: &Files,
     warnings: &mut Vec<LogError>,
 ) -> Result<(), LogError> {
-    let tried = &rates[..rates.partition_point(|rate| rate.time_s < TRIED_S)];
-    let mut clocks = Clocks::new(log, tried);
+    let tried = rates.until(TRIED_S);
+    let mut clocks = Clocks::new(log, &tried);
     let as_it_is = clocks.finer(clocks.at(0.0));
     let mut best: Option<(Shift, Guess)> = None;
     for guess in guesses(log, rates) {
-        let mut other = tried.to_vec();
-        other.iter_mut().for_each(&guess.read);
-        clocks.read_anew(&other);
+        clocks.read_anew(&tried.read_as(&guess.read));
         let rough = clocks.at(as_it_is.s);
         if rough.evidence < as_it_is.evidence {
             continue;
@@ -77,7 +73,7 @@ pub(super) fn check_readings(
     Ok(())
 }
 
-fn guesses(log: &Log, rates: &[Rate]) -> Vec<Guess> {
+fn guesses(log: &Log, rates: &Rates) -> Vec<Guess> {
     let axes = log.meta.body_axes;
     let name = |component: usize| {
         let own = (0..3).find(|&axis| axes.rfu_component(axis).0 == component);
@@ -123,8 +119,7 @@ fn guesses(log: &Log, rates: &[Rate]) -> Vec<Guess> {
         swap,
         Box::new(|rate| rate.accel_mps2.swap_rows(0, 1)),
     ));
-    let typical = |axis: usize| median(rates.iter().map(|rate| rate.gyro_radps[axis]));
-    let offset = Vector3::new(typical(0), typical(1), typical(2));
+    let offset = rates.typical.gyro_radps;
     if offset.norm() > NO_OFFSET_RADPS {
         let cause = format!(
             "gyro offsets of {:.1} deg/s, beyond any class",

@@ -1,11 +1,14 @@
 //! Channels of the inertial sensors that spike, stick or run into their stops.
 
+use std::io;
+
 use ins_core::{GnssFix, ImuSample, Time};
 use nalgebra::{Vector2, Vector3};
 
 use super::Log;
 use super::error::LogError;
 use super::files::Files;
+use super::rates::origin;
 
 /// There and back between three samples: 10 g and 20 rad/s, beyond any vehicle.
 const SPIKE_MPS2: f64 = 100.0;
@@ -19,33 +22,33 @@ const HOLE_S: f64 = 10.0;
 /// A peak has one highest sample, or two; a stop has many.
 const STOP_RUN: usize = 5;
 
-/// Leaves out samples that are none, warns of clipped ones.
+/// Leaves out samples that are none, warns of clipped ones. Whether any was left out.
 pub(super) fn mend_sensors(
     log: &mut Log,
     per_second: f64,
     files: &Files,
     warnings: &mut Vec<LogError>,
-) {
+) -> Result<bool, LogError> {
     warn_of_holes(log, files, warnings);
-    leave_out_spikes(log, per_second, files, warnings);
-    leave_out_frozen(log, per_second, files, warnings);
-    warn_of_frozen_channels(log, files, warnings);
-    warn_of_stops(log, per_second, files, warnings);
+    let before = log.imu.len();
+    leave_out_spikes(log, per_second, files, warnings).map_err(|e| LogError::no_room(&e))?;
+    leave_out_frozen(log, per_second, files, warnings).map_err(|e| LogError::no_room(&e))?;
+    warn_of_channels(log, per_second, files, warnings);
+    Ok(log.imu.len() < before)
 }
 
 /// Whatever came before, the navigator finds its way anew after them.
 fn warn_of_holes(log: &Log, files: &Files, warnings: &mut Vec<LogError>) {
     let start = log.imu.first().map(|sample| sample.time);
-    let holes = log.imu.windows(2).filter_map(|pair| {
-        let seconds = pair[1].time.seconds_since(pair[0].time);
-        let at_s = pair[0].time.seconds_since(start?);
+    let mut holes = log.imu.pairs().filter_map(|[last, next]| {
+        let seconds = next.time.seconds_since(last.time);
+        let at_s = last.time.seconds_since(start?);
         (seconds > HOLE_S).then_some((at_s, seconds))
     });
-    let holes: Vec<(f64, f64)> = holes.collect();
-    let Some((at_s, seconds)) = holes.first() else {
+    let Some((at_s, seconds)) = holes.next() else {
         return;
     };
-    let others = match holes.len() - 1 {
+    let others = match holes.count() {
         0 => String::new(),
         more => format!(", and {more} more"),
     };
@@ -59,28 +62,33 @@ fn warn_of_holes(log: &Log, files: &Files, warnings: &mut Vec<LogError>) {
     ));
 }
 
-fn leave_out_spikes(log: &mut Log, per_second: f64, files: &Files, warnings: &mut Vec<LogError>) {
+fn leave_out_spikes(
+    log: &mut Log,
+    per_second: f64,
+    files: &Files,
+    warnings: &mut Vec<LogError>,
+) -> io::Result<()> {
     let jumps = |a: Vector3<f64>, b: Vector3<f64>, c: Vector3<f64>, limit: f64| {
         let (up, down) = ((b - a) * per_second, (b - c) * per_second);
         (0..3)
             .any(|axis| up[axis].abs().min(down[axis].abs()) > limit && up[axis] * down[axis] > 0.0)
     };
-    let spikes: Vec<_> = log
-        .imu
-        .windows(3)
-        .filter(|w| {
-            jumps(w[0].gyro, w[1].gyro, w[2].gyro, SPIKE_RADPS)
-                || jumps(w[0].accel, w[1].accel, w[2].accel, SPIKE_MPS2)
+    let mut last = None;
+    let spikes: Vec<_> = (log.imu.pairs())
+        .filter_map(|[b, c]| {
+            let a = last.replace(b)?;
+            let spike = jumps(a.gyro, b.gyro, c.gyro, SPIKE_RADPS)
+                || jumps(a.accel, b.accel, c.accel, SPIKE_MPS2);
+            spike.then_some(b.time)
         })
-        .map(|w| w[1].time)
+        // Where they are the rule it is another unit, or vibration.
+        .take(log.imu.len() / 100 + 1)
         .collect();
-    // Where they are the rule it is another unit, or vibration.
     if spikes.is_empty() || spikes.len() * 100 > log.imu.len() {
-        return;
+        return Ok(());
     }
     let mut next = spikes.iter().peekable();
-    log.imu
-        .retain(|sample| next.next_if(|time| **time == sample.time).is_none());
+    log.imu = (log.imu).filtered(|sample| next.next_if(|time| **time == sample.time).is_none())?;
     let found = format!(
         "{} that jump there and back by 10 g or 20 rad/s",
         spikes.len()
@@ -92,40 +100,42 @@ fn leave_out_spikes(log: &mut Log, per_second: f64, files: &Files, warnings: &mu
         found,
         cause,
     ));
+    Ok(())
 }
 
 /// Stuck sensors, where GNSS shows motion meanwhile.
-fn leave_out_frozen(log: &mut Log, per_second: f64, files: &Files, warnings: &mut Vec<LogError>) {
-    let same = |a: usize, b: usize| {
-        log.imu[a].gyro == log.imu[b].gyro && log.imu[a].accel == log.imu[b].accel
-    };
+fn leave_out_frozen(
+    log: &mut Log,
+    per_second: f64,
+    files: &Files,
+    warnings: &mut Vec<LogError>,
+) -> io::Result<()> {
     let mut frozen = Vec::new();
-    let mut start = 0;
-    for index in 1..=log.imu.len() {
-        if index < log.imu.len() && same(start, index) {
-            continue;
+    let mut samples = log.imu.iter().peekable();
+    while let Some(start) = samples.next() {
+        let same = |next: &ImuSample| next.gyro == start.gyro && next.accel == start.accel;
+        let mut to = start.time;
+        while let Some(next) = samples.next_if(same) {
+            to = next.time;
         }
-        let (from, to) = (log.imu[start].time, log.imu[index - 1].time);
-        let seconds = to.seconds_since(from);
-        if seconds > FROZEN_S && contradicted(log, from, to, &log.imu[start], per_second) {
-            frozen.push((from, to));
+        let seconds = to.seconds_since(start.time);
+        if seconds > FROZEN_S && contradicted(log, to, &start, per_second) {
+            frozen.push((start.time, to));
         }
-        start = index;
     }
-    if frozen.is_empty() {
-        return;
-    }
+    let Some((first, _)) = frozen.first() else {
+        return Ok(());
+    };
+    let first_s = first.seconds_since(origin(log));
     let total_s: f64 = frozen
         .iter()
         .map(|(from, to)| to.seconds_since(*from))
         .sum();
-    let origin = log.imu[0].time;
-    let first_s = frozen[0].0.seconds_since(origin);
     let mut holes = frozen.iter().peekable();
-    log.imu.retain(|sample| {
+    log.imu = log.imu.filtered(|sample| {
         while holes.next_if(|(_, to)| *to < sample.time).is_some() {}
         holes.peek().is_none_or(|(from, _)| sample.time <= *from)
-    });
+    })?;
     let found = format!(
         "the same in all six channels for {total_s:.0} s, the first time {first_s:.0} s after the \
          start, while GNSS shows motion"
@@ -137,10 +147,12 @@ fn leave_out_frozen(log: &mut Log, per_second: f64, files: &Files, warnings: &mu
         found,
         cause,
     ));
+    Ok(())
 }
 
-/// Whether GNSS turns or speeds up within a time as a constant reading does not.
-fn contradicted(log: &Log, from: Time, to: Time, reading: &ImuSample, per_second: f64) -> bool {
+/// Whether GNSS turns or speeds up, from a reading to a time, as that reading does not.
+fn contradicted(log: &Log, to: Time, reading: &ImuSample, per_second: f64) -> bool {
+    let from = reading.time;
     let first = log.gnss.partition_point(|fix| fix.time < from);
     let last = log.gnss.partition_point(|fix| fix.time <= to).max(first);
     let fixes = &log.gnss[first..last];
@@ -159,84 +171,174 @@ fn contradicted(log: &Log, from: Time, to: Time, reading: &ImuSample, per_second
         || (faster_mps > 2.0 && forced_mps < 0.5 * faster_mps)
 }
 
-type Channel = fn(&ImuSample) -> f64;
+type Channels = [f64; 6];
 
-const CHANNELS: [(&str, Channel); 6] = [
-    ("gyro right", |s| s.gyro.x),
-    ("gyro forward", |s| s.gyro.y),
-    ("gyro up", |s| s.gyro.z),
-    ("accelerometer right", |s| s.accel.x),
-    ("accelerometer forward", |s| s.accel.y),
-    ("accelerometer up", |s| s.accel.z),
+const CHANNELS: [&str; 6] = [
+    "gyro right",
+    "gyro forward",
+    "gyro up",
+    "accelerometer right",
+    "accelerometer forward",
+    "accelerometer up",
 ];
+/// Below some of a rad/s, or 1 g, nothing has its stop: a coarse digit is equal.
+const LEAST_STOP: Channels = [0.15, 0.15, 0.15, 10.2, 10.2, 10.2];
 
-/// A channel that stops where others go on.
-fn warn_of_frozen_channels(log: &Log, files: &Files, warnings: &mut Vec<LogError>) {
-    for (name, channel) in CHANNELS {
-        let same =
-            |read: Channel, a: &ImuSample, b: &ImuSample| read(a).total_cmp(&read(b)).is_eq();
-        let runs = log.imu.chunk_by(|a, b| same(channel, a, b));
-        let span_s = |run: &[ImuSample]| run[run.len() - 1].time.seconds_since(run[0].time);
-        let Some(longest) = runs.max_by(|a, b| span_s(a).total_cmp(&span_s(b))) else {
-            continue;
-        };
-        let goes_on = |other: Channel| longest.iter().any(|s| !same(other, s, &longest[0]));
-        // Several that never move are no sensors, but made up.
-        let throughout = longest.len() == log.imu.len();
-        let made_up = throughout && CHANNELS.iter().filter(|other| goes_on(other.1)).count() < 5;
-        if made_up || span_s(longest) < STUCK_S || !CHANNELS.iter().any(|o| goes_on(o.1)) {
-            continue;
-        }
-        let since_s = longest[0].time.seconds_since(log.imu[0].time);
-        let (found, cause) = if throughout {
-            (
-                "the same throughout, while others change".to_owned(),
-                "the channel is dead: estimates suffer",
-            )
-        } else {
-            (
-                format!(
-                    "the same for {:.0} s, from {since_s:.0} s after the start, while others change",
-                    span_s(longest)
-                ),
-                "the channel or its driver was stuck: estimates from then on suffer",
-            )
-        };
-        let expected = "readings that change";
-        warnings.push(LogError::file(&files.imu, expected, found, cause).in_column(name));
-    }
+fn channels(sample: &ImuSample) -> Channels {
+    let (gyro, accel) = (sample.gyro, sample.accel);
+    [gyro.x, gyro.y, gyro.z, accel.x, accel.y, accel.z]
 }
 
-fn warn_of_stops(log: &Log, per_second: f64, files: &Files, warnings: &mut Vec<LogError>) {
-    for (name, channel) in CHANNELS {
-        for sign in [1.0, -1.0] {
-            let highest = log
-                .imu
-                .iter()
-                .map(|s| sign * channel(s))
-                .fold(f64::MIN, f64::max);
-            let at_stop: Vec<bool> = log
-                .imu
-                .iter()
-                .map(|s| sign * channel(s) >= highest)
-                .collect();
-            let longest = at_stop
-                .chunk_by(|a, b| a == b)
-                .filter(|run| run[0])
-                .map(<[bool]>::len);
-            // Below some of a rad/s, or 1 g, nothing has its stop: a coarse digit is equal.
-            let limit = if name.starts_with("gyro") { 0.15 } else { 10.2 };
-            let long = longest.max().unwrap_or(0) >= STOP_RUN;
-            let constant = 2 * at_stop.iter().filter(|at| **at).count() > at_stop.len();
-            if !long || constant || highest * per_second < limit {
+/// Warns of channels that stick, or run into their stops.
+fn warn_of_channels(log: &Log, per_second: f64, files: &Files, warnings: &mut Vec<LogError>) {
+    let mut runs: [Runs; 6] = Default::default();
+    let mut stops: [[Stop; 2]; 6] = Default::default();
+    for sample in &log.imu {
+        let values = channels(&sample);
+        for (channel, (runs, stops)) in runs.iter_mut().zip(&mut stops).enumerate() {
+            runs.push(channel, sample.time, &values);
+            stops[0].push(values[channel]);
+            stops[1].push(-values[channel]);
+        }
+    }
+    let count = log.imu.len();
+    for (name, runs) in CHANNELS.into_iter().zip(runs) {
+        if let Some((found, cause)) = runs.longest().verdict(origin(log), count) {
+            let expected = "readings that change";
+            warnings.push(LogError::file(&files.imu, expected, found, cause).in_column(name));
+        }
+    }
+    for ((name, stops), least) in CHANNELS.into_iter().zip(stops).zip(LEAST_STOP) {
+        for (stop, sign) in stops.into_iter().zip([1.0, -1.0]) {
+            if !stop.is_one(least / per_second, count) {
                 continue;
             }
-            let count = at_stop.iter().filter(|at| **at).count();
-            let found = format!("{count} at exactly {:.4}", sign * highest);
+            let found = format!("{} at exactly {:.4}", stop.count, sign * stop.highest);
             let cause = "the range of the sensor is too small for the motion: what was beyond it \
                          is lost, and estimates suffer";
             let expected = "readings within the range of the sensor";
             warnings.push(LogError::file(&files.imu, expected, found, cause).in_column(name));
         }
+    }
+}
+
+/// A channel at one value.
+#[derive(Clone, Copy, Default)]
+struct Run {
+    from: Time,
+    to: Time,
+    samples: usize,
+    values: Channels,
+    /// Which channels change meanwhile.
+    go_on: [bool; 6],
+}
+
+impl Run {
+    fn seconds(&self) -> f64 {
+        self.to.seconds_since(self.from)
+    }
+
+    /// What there is to say of the longest one of a channel, and the likely cause.
+    fn verdict(&self, origin: Time, samples: usize) -> Option<(String, &'static str)> {
+        let going_on = self.go_on.iter().filter(|goes_on| **goes_on).count();
+        // Several that never move are no sensors, but made up.
+        let throughout = self.samples == samples;
+        let made_up = throughout && going_on < 5;
+        if made_up || self.seconds() < STUCK_S || going_on == 0 {
+            return None;
+        }
+        if throughout {
+            let found = "the same throughout, while others change".to_owned();
+            return Some((found, "the channel is dead: estimates suffer"));
+        }
+        let found = format!(
+            "the same for {:.0} s, from {:.0} s after the start, while others change",
+            self.seconds(),
+            self.from.seconds_since(origin)
+        );
+        let cause = "the channel or its driver was stuck: estimates from then on suffer";
+        Some((found, cause))
+    }
+}
+
+/// The runs of a channel: the longest so far, and the one that goes on.
+#[derive(Default)]
+struct Runs {
+    longest: Run,
+    now: Run,
+}
+
+impl Runs {
+    fn push(&mut self, channel: usize, time: Time, values: &Channels) {
+        let now = &mut self.now;
+        if now.samples > 0 && values[channel].total_cmp(&now.values[channel]).is_eq() {
+            now.to = time;
+            now.samples += 1;
+            for (other, goes_on) in now.go_on.iter_mut().enumerate() {
+                *goes_on |= values[other].total_cmp(&now.values[other]).is_ne();
+            }
+            return;
+        }
+        *self = Self {
+            longest: std::mem::take(self).longest(),
+            now: Run {
+                from: time,
+                to: time,
+                samples: 1,
+                values: *values,
+                go_on: [false; 6],
+            },
+        };
+    }
+
+    fn longest(self) -> Run {
+        if self.now.seconds() >= self.longest.seconds() {
+            self.now
+        } else {
+            self.longest
+        }
+    }
+}
+
+/// The highest value of a channel, and how it is met.
+struct Stop {
+    highest: f64,
+    count: usize,
+    run: usize,
+    longest_run: usize,
+}
+
+impl Default for Stop {
+    fn default() -> Self {
+        Self {
+            highest: f64::MIN,
+            count: 0,
+            run: 0,
+            longest_run: 0,
+        }
+    }
+}
+
+impl Stop {
+    fn push(&mut self, value: f64) {
+        if value < self.highest {
+            self.run = 0;
+            return;
+        }
+        if value > self.highest {
+            *self = Self {
+                highest: value,
+                ..Self::default()
+            };
+        }
+        self.count += 1;
+        self.run += 1;
+        self.longest_run = self.longest_run.max(self.run);
+    }
+
+    /// Whether a sensor with so many samples ends there.
+    fn is_one(&self, least: f64, samples: usize) -> bool {
+        let constant = 2 * self.count > samples;
+        self.longest_run >= STOP_RUN && !constant && self.highest >= least
     }
 }

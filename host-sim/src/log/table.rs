@@ -267,6 +267,11 @@ impl Row<'_> {
     }
 
     fn parsed(&self, column: usize) -> Result<Option<f64>, LogError> {
+        // Nearly all cells; others may have blanks, quotes or a decimal comma.
+        let bytes = self.table.record.get(column).unwrap_or_default();
+        if let Ok(number) = fast_float2::parse(bytes) {
+            return Ok(Some(number));
+        }
         let cell = self.cell(column);
         if cell.is_empty() {
             return Ok(None);
@@ -396,15 +401,17 @@ struct LimitedLines {
 impl Read for LimitedLines {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let count = self.source.read(buffer)?;
-        for part in buffer[..count].split_inclusive(|&byte| byte == b'\n') {
-            self.line_bytes += part.len();
-            if self.line_bytes > MAX_LINE_BYTES {
-                return Err(io::Error::other(LineTooLong));
-            }
-            if part.ends_with(b"\n") {
-                self.line_bytes = 0;
-            }
+        let read = &buffer[..count];
+        let is_end = |byte: &u8| *byte == b'\n';
+        // Between the first and the last end are lines shorter than what is read at once.
+        let first = read.iter().position(is_end).map_or(count, |end| end + 1);
+        if self.line_bytes + first > MAX_LINE_BYTES {
+            return Err(io::Error::other(LineTooLong));
         }
+        self.line_bytes = match read.iter().rposition(is_end) {
+            Some(end) => count - end - 1,
+            None => self.line_bytes + count,
+        };
         Ok(count)
     }
 }

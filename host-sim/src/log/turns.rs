@@ -1,16 +1,12 @@
 //! Turns seen by the gyros against turns seen by GNSS: unit and sign of the gyros.
 
-use nalgebra::Vector3;
-
 use super::Log;
 use super::curve::{Curve, turned};
 use super::error::LogError;
 use super::files::Files;
-use super::rates::Rate;
-use super::rates::vertical_angles;
+use super::rates::{Rates, origin};
 use super::typical::SHORT_S;
 use super::typical::apart;
-use super::typical::median;
 use super::typical::within;
 
 /// How well the gyros explain the turns of the track.
@@ -22,21 +18,22 @@ pub(super) struct Fit {
 }
 
 /// The rate about the vertical against the turning of the GNSS course; none without turns.
-pub(super) fn turning(log: &Log, rates: &[Rate]) -> Option<Fit> {
+pub(super) fn turning(log: &Log, rates: &Rates) -> Option<Fit> {
     let turns = turns(log);
     let turning = turns.iter().filter(|turn| turn.rate_radps.abs() > 0.05);
     // Ten seconds of turning, or the fit is chance.
     if turning.count() < 10 {
         return None;
     }
-    fit(&turns, &vertical_angles(rates))
+    fit(&turns, &rates.vertical_angles())
 }
 
 /// What the fit says of unit and sign of the gyros.
 pub(super) fn check_turns(
     fit: Option<&Fit>,
     together: bool,
-    rates: &[Rate],
+    duration_s: f64,
+    rates: &Rates,
     files: &Files,
     warnings: &mut Vec<LogError>,
 ) -> Result<(), LogError> {
@@ -54,7 +51,7 @@ pub(super) fn check_turns(
         None => {
             check_range(rates, files)?;
             // A shorter one may be a single turn.
-            if rates.last().is_some_and(|rate| rate.time_s > SHORT_S) {
+            if duration_s > SHORT_S {
                 check_offset(rates, files, warnings);
             }
             Ok(())
@@ -62,9 +59,9 @@ pub(super) fn check_turns(
     }
 }
 
-fn check_range(rates: &[Rate], files: &Files) -> Result<(), LogError> {
+fn check_range(rates: &Rates, files: &Files) -> Result<(), LogError> {
     // Half of the time faster than two turns in three seconds: no vehicle navigates so.
-    let typical = median(rates.iter().map(|rate| rate.gyro_radps.norm()));
+    let typical = rates.typical.gyro_norm_radps;
     if typical < 4.0 {
         return Ok(());
     }
@@ -74,8 +71,8 @@ fn check_range(rates: &[Rate], files: &Files) -> Result<(), LogError> {
     Err(LogError::file(&files.imu, "angular rates in rad/s", found, cause).in_column("gyro"))
 }
 
-fn check_offset(rates: &[Rate], files: &Files, warnings: &mut Vec<LogError>) {
-    let mean = rates.iter().map(|r| r.gyro_radps).sum::<Vector3<f64>>() / rates.len() as f64;
+fn check_offset(rates: &Rates, files: &Files, warnings: &mut Vec<LogError>) {
+    let mean = rates.typical.mean_gyro_radps;
     // 6 deg/s, ten times the bias of a consumer gyro.
     if mean.norm() > 0.1 {
         let expected = "a mean angular rate near zero while GNSS sees no turn";
@@ -95,7 +92,7 @@ fn warn_of_strangers(fit: &Fit, files: &Files, warnings: &mut Vec<LogError>) {
 
 fn check_scale(
     fit: &Fit,
-    rates: &[Rate],
+    rates: &Rates,
     files: &Files,
     warnings: &mut Vec<LogError>,
 ) -> Result<(), LogError> {
@@ -128,8 +125,8 @@ fn check_scale(
 }
 
 /// What gyros are mistaken for, and how many times too much they say then.
-pub(super) fn gyro_units(rates: &[Rate]) -> impl Iterator<Item = (f64, &'static str)> {
-    let interval = median(rates.iter().map(|rate| rate.interval_s));
+pub(super) fn gyro_units(rates: &Rates) -> impl Iterator<Item = (f64, &'static str)> {
+    let interval = rates.typical.interval_s;
     let guesses = [
         (
             57.296,
@@ -170,7 +167,7 @@ struct Turn {
 
 /// Turn rates of the track over intervals of a second or more, in motion.
 fn turns(log: &Log) -> Vec<Turn> {
-    let origin = log.imu[0].time;
+    let origin = origin(log);
     let mut moving = log.gnss.iter().filter_map(|fix| {
         let velocity = fix.velocity_en_mps.filter(|v| v.norm() > 2.0)?;
         Some((fix.time.seconds_since(origin), velocity))

@@ -10,7 +10,7 @@ use ins_core::{GnssFix, ImuSample, Solution};
 use super::Log;
 use super::axes::BodyAxes;
 use super::error::LogError;
-use super::read::decimal;
+use super::order::decimal;
 
 /// Whether the tables are packed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -37,7 +37,7 @@ pub fn write(log: &Log, folder: &Path, compression: Compression) -> Result<(), L
     table(
         "imu.csv",
         "t_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z",
-        &mut log.imu.iter().map(|sample| imu_row(sample, axes)),
+        &mut log.imu.iter().map(|sample| imu_row(&sample, axes)),
     )?;
     table(
         "gnss.csv",

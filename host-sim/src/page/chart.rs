@@ -370,24 +370,57 @@ fn css(RGBColor(red, green, blue): RGBColor, opacity: f64) -> Rgba {
 
 /// The least and the greatest of so many points each that no more than [`MOST_POINTS`] are left.
 pub(crate) fn thinned(points: impl ExactSizeIterator<Item = Point>) -> Vec<Point> {
-    if points.len() <= MOST_POINTS {
-        return points.collect();
-    }
-    let size = points.len().div_ceil(MOST_POINTS / 2);
-    let mut kept = Vec::with_capacity(MOST_POINTS);
-    let mut ends: Option<[Point; 2]> = None;
-    for (index, point) in points.enumerate() {
-        if index % size == 0 {
-            kept.extend(ends.take().into_iter().flat_map(in_order));
+    let mut thinner = Thinner::new(points.len());
+    points.for_each(|point| thinner.push(point));
+    thinner.finish()
+}
+
+/// A curve that is thinned while its points come in.
+pub(crate) struct Thinner {
+    /// So many points give their least and their greatest.
+    size: usize,
+    count: usize,
+    ends: Option<[Point; 2]>,
+    kept: Vec<Point>,
+}
+
+impl Thinner {
+    /// For so many points.
+    pub(crate) fn new(points: usize) -> Self {
+        let size = if points <= MOST_POINTS {
+            1
+        } else {
+            points.div_ceil(MOST_POINTS / 2)
+        };
+        Self {
+            size,
+            count: 0,
+            ends: None,
+            kept: Vec::with_capacity(MOST_POINTS),
         }
-        let [low, high] = ends.unwrap_or([point; 2]);
-        ends = Some([
+    }
+
+    pub(crate) fn push(&mut self, point: Point) {
+        if self.size == 1 {
+            self.kept.push(point);
+            return;
+        }
+        if self.count.is_multiple_of(self.size) {
+            self.kept
+                .extend(self.ends.take().into_iter().flat_map(in_order));
+        }
+        self.count += 1;
+        let [low, high] = self.ends.unwrap_or([point; 2]);
+        self.ends = Some([
             if point.1 < low.1 { point } else { low },
             if point.1 > high.1 { point } else { high },
         ]);
     }
-    kept.extend(ends.into_iter().flat_map(in_order));
-    kept
+
+    pub(crate) fn finish(mut self) -> Vec<Point> {
+        self.kept.extend(self.ends.into_iter().flat_map(in_order));
+        self.kept
+    }
 }
 
 fn in_order(mut ends: [Point; 2]) -> [Point; 2] {

@@ -121,7 +121,7 @@ impl Flown {
     /// Samples and fixes as they arrive; a fix comes after the sample of its own stamp.
     pub fn events(&self) -> impl Iterator<Item = Event<'_>> {
         let mut fixes = self.run.gnss.iter().zip(&self.run.arrivals).peekable();
-        let mut samples = self.run.imu.iter().peekable();
+        let mut samples = self.run.imu.iter().copied().peekable();
         std::iter::from_fn(move || {
             let due = match (samples.peek(), fixes.peek()) {
                 (Some(sample), Some((_, arrival))) => **arrival < sample.time,

@@ -169,12 +169,12 @@ impl Session {
                 }
             };
             let (last, increments) = increments.get_or_insert_with(|| {
-                let increments = Increments::new(told.model.imu.output, sample);
+                let increments = Increments::new(told.model.imu.output, &sample);
                 (flown.start.time, increments)
             });
             let seconds = sample.time.seconds_since(*last);
             if seconds > 0.0 {
-                write_sample(&mut text, sample, &increments.interval(sample, seconds));
+                write_sample(&mut text, &sample, &increments.interval(&sample, seconds));
                 *last = sample.time;
             }
             if let Some(ask) = asks.next_if(|ask| ask.time <= sample.time) {

@@ -67,7 +67,7 @@ pub(crate) fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Resu
     let (log, name) = (&analysis.log, &analysis.summary.log);
     let unusable = |error: ConfigError| miette!("the configuration cannot be used: {}", error);
     let config = analysis.found.config;
-    let observed = drifts(&log.imu, &log.gnss, config).map_err(unusable)?;
+    let observed = drifts(&log.imu.all(), &log.gnss, config).map_err(unusable)?;
     let mut errors = model.clone();
     errors.gnss.rate_hz = Record::new(log, &analysis.found).fix_rate_hz;
     let solutions = &analysis.found.solutions;
@@ -164,7 +164,7 @@ fn drifts(imu: &[ImuSample], gnss: &[GnssFix], config: Config) -> Result<Vec<Dri
             Event::Imu(sample) => sample,
         };
         samples += 1;
-        let _ = navigator.on_imu(sample);
+        let _ = navigator.on_imu(&sample);
         if navigator.phase() != Phase::Navigating {
             navigating_since = None;
             continue;

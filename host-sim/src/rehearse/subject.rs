@@ -102,7 +102,7 @@ fn core(
                 continue;
             }
         };
-        let _ = navigator.on_imu(sample);
+        let _ = navigator.on_imu(&sample);
         if asks.next_if(|ask| ask.time <= sample.time).is_some() {
             let navigates = navigator.phase() == Phase::Navigating;
             solutions.push(navigator.solution().filter(|_| navigates));

@@ -1,7 +1,7 @@
 //! What the plots of the report show.
 
 use ins_core::earth::Geodetic;
-use ins_core::{Estimate, ImuOutput, ImuSample, Manoeuvre, Phase, Solution, SolutionSigma, Time};
+use ins_core::{Estimate, ImuOutput, Manoeuvre, Phase, Solution, SolutionSigma, Time};
 use plotly::common::MarkerSymbol;
 use plotters::style::RGBColor;
 
@@ -19,7 +19,7 @@ use crate::identify::run::Identification;
 use crate::identify::true_errors::Truth;
 use crate::identify::words::{is_used, of_fix};
 use crate::log::BodyAxes;
-use crate::page::chart::{Chart, Figure, MOST_POINTS, Point, Spread, sampled, thinned};
+use crate::page::chart::{Chart, Figure, MOST_POINTS, Point, Spread, Thinner, sampled, thinned};
 use crate::page::html::Section;
 use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED, padded};
 
@@ -438,11 +438,11 @@ impl Charts<'_> {
             let shown = sampled(&refused, MOST_REFUSED);
             chart = chart.marks("refused", RED, MarkerSymbol::X, &shown);
         }
-        let sample_steps = log
-            .imu
-            .windows(2)
-            .map(|pair| step(&[pair[0].time, pair[1].time]));
-        let sample_steps = thinned(sample_steps);
+        let mut sample_steps = Thinner::new(log.imu.len().saturating_sub(1));
+        for [last, sample] in log.imu.pairs() {
+            sample_steps.push(step(&[last.time, sample.time]));
+        }
+        let sample_steps = sample_steps.finish();
         let samples = self
             .over_time("Interval between inertial samples", "s")
             .line("interval", BLUE, &sample_steps)
@@ -469,25 +469,32 @@ impl Charts<'_> {
     fn sensors(&self) -> Vec<Figure> {
         let log = &self.analysis.log;
         let rates = log.meta.imu == ImuOutput::Rates;
-        let figure =
-            |title, unit, scale: f64, reading: fn(&ImuSample) -> &nalgebra::Vector3<f64>| {
-                let mut chart = self.over_time(title, unit);
-                for (axis, (name, colour)) in AXES.into_iter().enumerate() {
-                    let (component, sign) = self.axes.rfu_component(axis);
-                    let points = log.imu.windows(2).map(|pair| {
-                        let seconds = pair[1].time.seconds_since(pair[0].time);
-                        let per_second = if rates { 1.0 } else { seconds.recip() };
-                        let value = sign * scale * per_second * reading(&pair[1])[component];
-                        (since(self.found, pair[1].time), value)
-                    });
-                    let name = format!("{name}, {}", self.axes.direction(axis));
-                    chart = chart.line(&name, colour, &thinned(points));
-                }
-                chart.figure()
-            };
+        let curve = || Thinner::new(log.imu.len().saturating_sub(1));
+        let [mut gyros, mut accels] = [0, 1].map(|_| [0, 1, 2].map(|_| curve()));
+        for [last, sample] in log.imu.pairs() {
+            let seconds = sample.time.seconds_since(last.time);
+            let per_second = if rates { 1.0 } else { seconds.recip() };
+            let time_s = since(self.found, sample.time);
+            let gyro = self
+                .axes
+                .from_rfu(sample.gyro * 1_f64.to_degrees() * per_second);
+            let accel = self.axes.from_rfu(sample.accel * per_second);
+            for axis in 0..3 {
+                gyros[axis].push((time_s, gyro[axis]));
+                accels[axis].push((time_s, accel[axis]));
+            }
+        }
+        let figure = |title, unit, curves: [Thinner; 3]| {
+            let mut chart = self.over_time(title, unit);
+            for (axis, ((name, colour), curve)) in AXES.into_iter().zip(curves).enumerate() {
+                let name = format!("{name}, {}", self.axes.direction(axis));
+                chart = chart.line(&name, colour, &curve.finish());
+            }
+            chart.figure()
+        };
         vec![
-            figure("Gyros", "deg/s", 1_f64.to_degrees(), |s| &s.gyro),
-            figure("Accelerometers", "m/s\u{b2}", 1.0, |s| &s.accel),
+            figure("Gyros", "deg/s", gyros),
+            figure("Accelerometers", "m/s\u{b2}", accels),
         ]
     }
 

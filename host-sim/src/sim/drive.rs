@@ -134,7 +134,7 @@ impl SimulatedDrive {
                 initial_heading_deg: self.given_heading_rad.map(f64::to_degrees),
                 ..Meta::new(axes, output)
             },
-            imu: self.imu,
+            imu: self.imu.into(),
             gnss: self.gnss,
             truth: self.truth,
         }

@@ -12,6 +12,7 @@ use crate::page::digits;
 use crate::page::progress::bar;
 use crate::page::table;
 use crate::page::table::cells;
+use crate::study;
 
 /// What every recorded log gives; `None` if there are none.
 pub(super) fn part(root: &Path, folder: Option<&Path>) -> Result<Option<String>> {
@@ -36,6 +37,31 @@ pub(super) fn part(root: &Path, folder: Option<&Path>) -> Result<Option<String>>
         "times less",
     ]);
     Ok(Some(table::markdown(&header, &rows?)))
+}
+
+/// What is found in every recording of another program, and in every recorded log, without a
+/// hand's help; `None` without recordings.
+pub(super) fn recordings(
+    root: &Path,
+    folder: Option<&Path>,
+    logs: Option<&Path>,
+) -> Option<String> {
+    let folder = folder.map_or_else(|| root.join("../shared/formats"), Path::to_owned);
+    let entries = folder.read_dir().into_iter().flatten().flatten();
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+    if paths.is_empty() {
+        eprintln!(
+            "no recordings in {}: their table stays as it was (--recordings)",
+            folder.display()
+        );
+        return None;
+    }
+    paths.sort();
+    paths.extend(found(root, logs));
+    let rows: Vec<_> = (paths.iter())
+        .flat_map(|path| study::recordings::recordings(path, None))
+        .collect();
+    Some(study::recordings::table(&rows).markdown())
 }
 
 /// The recorded logs, in order of their names; says so if there are none.

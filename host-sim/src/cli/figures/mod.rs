@@ -34,6 +34,9 @@ pub struct Figures {
     /// Folder of recorded logs; `INS_LOGS` or ../shared/data beside the repository unless given.
     #[arg(long)]
     logs: Option<PathBuf>,
+    /// Folder of recordings of other programs; ../shared/formats beside the repository unless given.
+    #[arg(long)]
+    recordings: Option<PathBuf>,
     /// Table printed by another program, taken over into a part of a page.
     #[arg(long, value_name = "PART=FILE", value_parser = insertion)]
     insert: Vec<(String, PathBuf)>,
@@ -59,6 +62,8 @@ enum Part {
     Outages,
     /// Recorded logs.
     Logs,
+    /// Recordings of other programs and recorded logs, without a hand's help.
+    Recordings,
     /// Error models found from drives: units behind it are --runs, 200 at most.
     Recovery,
     /// Accuracy of flights foretold from drives.
@@ -128,6 +133,11 @@ impl Part {
             Self::Kalman => kalman::part(options.runs.min(100)).map(Some),
             Self::Outages => kalman::outages(root, options.logs.as_deref()),
             Self::Logs => logs::part(root, options.logs.as_deref()),
+            Self::Recordings => Ok(logs::recordings(
+                root,
+                options.recordings.as_deref(),
+                options.logs.as_deref(),
+            )),
             Self::Recovery => Ok(Some(identification::recovery(options.runs.clamp(2, 200)))),
             Self::Campaign => identification::campaign(root).map(Some),
             Self::Aircraft => aircraft::performance_table().map(Some),

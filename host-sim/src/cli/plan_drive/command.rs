@@ -97,7 +97,7 @@ impl Target {
         let mut navigator = Navigator::new(config).map_err(unusable)?;
         for event in in_order_of_time(&log.imu, &log.gnss) {
             match event {
-                Event::Imu(sample) => drop(navigator.on_imu(sample)),
+                Event::Imu(sample) => drop(navigator.on_imu(&sample)),
                 Event::Gnss(fix) => drop(navigator.on_gnss(fix)),
             }
         }

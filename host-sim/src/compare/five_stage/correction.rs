@@ -20,7 +20,7 @@ impl Correction {
     pub(super) fn log(&self, log: &Log) -> Log {
         Log {
             meta: log.meta.clone(),
-            imu: self.samples(log),
+            imu: self.samples(log).into(),
             gnss: log.gnss.iter().map(|fix| self.fix(fix)).collect(),
             truth: Vec::new(),
         }

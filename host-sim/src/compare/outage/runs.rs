@@ -52,7 +52,7 @@ pub fn survey(log: &Log, config: Config) -> Result<Survey, ConfigError> {
                 continue;
             }
         };
-        let _ = navigator.on_imu(sample);
+        let _ = navigator.on_imu(&sample);
         if navigator.phase() != Phase::Navigating {
             continue;
         }
@@ -97,15 +97,12 @@ pub fn through<I: Ins>(
     let mut drifts = Vec::new();
     let mut starts = starts.iter().peekable();
     for event in in_order_of_time(&log.imu, &log.gnss) {
-        let now = match event {
-            Event::Imu(sample) => sample.time,
-            Event::Gnss(fix) => fix.time,
-        };
+        let now = event.time();
         while let Some(start) = starts.next_if(|start| **start <= now) {
             drifts.push(blind(log, ins.clone(), *start, reference));
         }
         match event {
-            Event::Imu(sample) => ins.on_imu(sample),
+            Event::Imu(sample) => ins.on_imu(&sample),
             Event::Gnss(fix) => ins.on_gnss(fix),
         }
     }
@@ -115,9 +112,8 @@ pub fn through<I: Ins>(
 /// One outage, from the sample after the last one taken.
 fn blind<I: Ins>(log: &Log, mut ins: I, start: Time, reference: &Reference) -> Drift {
     let mut meter = reference.meter(start, first_stamp(log));
-    let first = log.imu.partition_point(|sample| sample.time < start);
-    for sample in &log.imu[first..] {
-        ins.on_imu(sample);
+    for sample in log.imu.since(start) {
+        ins.on_imu(&sample);
         if ins
             .solution()
             .is_some_and(|solution| !meter.take(&solution))
@@ -142,7 +138,8 @@ pub fn kalman(
     starts: &[Time],
     reference: &Reference,
 ) -> Result<Vec<Drift>, ConfigError> {
-    let mut run = Run::new(&log.imu, &log.gnss, config, noise)?;
+    let imu = log.imu.all();
+    let mut run = Run::new(&imu, &log.gnss, config, noise)?;
     let mut drifts = Vec::new();
     let mut starts = starts.iter().peekable();
     while let Some(time) = run.step(&mut |_, _| {}) {

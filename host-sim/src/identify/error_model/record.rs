@@ -18,6 +18,8 @@ use crate::log::Log;
 const EPOCH_S: f64 = 2.0;
 /// Longest epoch that still counts as whole, s.
 const LONGEST_EPOCH_S: f64 = 1.5 * EPOCH_S;
+/// Most epochs, three hours, for which the likelihood is computed many hundred times: the last ones.
+const MOST_EPOCHS: usize = 5400;
 /// A fix faster than this is not rest, m/s.
 const MOVING_MPS: f64 = 0.6;
 /// Blocks at both ends of a rest that are left out: the vehicle still rocks, and GNSS speed is late.
@@ -107,11 +109,10 @@ pub struct Record {
 impl Record {
     /// Reduces a log; no epochs if its azimuth never became observable.
     pub fn new(log: &Log, found: &Identification) -> Self {
-        let intervals = intervals(log);
-        let rest = rest(log, &intervals);
+        let rest = rest(log);
         let estimates = &found.end.estimates;
         Self {
-            epochs: Reducer::new(log, found, &rest).epochs(&intervals),
+            epochs: Reducer::new(log, found, &rest).epochs(intervals(log)),
             rest: rest.into_iter().map(|span| span.blocks).collect(),
             gyro_reference_radps: values(&estimates.gyro_bias_radps),
             accel_bias_mps2: estimates.accel_bias_mps2,
@@ -143,23 +144,19 @@ struct Timed {
     hole: bool,
 }
 
-fn intervals(log: &Log) -> Vec<Timed> {
-    let Some(first) = log.imu.first() else {
-        return Vec::new();
-    };
-    let mut increments = Increments::new(log.meta.imu, first);
-    (log.imu.windows(2))
-        .map(|pair| {
-            let seconds = pair[1].time.seconds_since(pair[0].time);
-            let hole = increments.has_hole(seconds);
-            let interval = increments.interval(&pair[1], seconds);
-            Timed {
-                end: pair[1].time,
-                interval,
-                hole,
-            }
-        })
-        .collect()
+fn intervals(log: &Log) -> impl Iterator<Item = Timed> {
+    let mut increments = None;
+    log.imu.pairs().map(move |[last, sample]| {
+        let increments = increments.get_or_insert_with(|| Increments::new(log.meta.imu, &last));
+        let seconds = sample.time.seconds_since(last.time);
+        let hole = increments.has_hole(seconds);
+        let interval = increments.interval(&sample, seconds);
+        Timed {
+            end: sample.time,
+            interval,
+            hole,
+        }
+    })
 }
 
 /// A stretch of rest.
@@ -184,18 +181,18 @@ impl RestSpan {
     }
 }
 
-fn rest(log: &Log, intervals: &[Timed]) -> Vec<RestSpan> {
+fn rest(log: &Log) -> Vec<RestSpan> {
     let mut detector = RestDetector::default();
     let mut fixes = log.gnss.iter().peekable();
     let mut spans: Vec<RestSpan> = Vec::new();
-    for Timed { end, interval, .. } in intervals {
-        while let Some(fix) = fixes.next_if(|fix| fix.time <= *end) {
+    for Timed { end, interval, .. } in intervals(log) {
+        while let Some(fix) = fixes.next_if(|fix| fix.time <= end) {
             if fix.speed_mps() > MOVING_MPS {
                 detector.on_motion();
             }
         }
         // The verdict is on the block before the one that ends here, of about the same length.
-        if let Some(Verdict::Rest(block)) = detector.on_interval(interval) {
+        if let Some(Verdict::Rest(block)) = detector.on_interval(&interval) {
             let (start, end) = (
                 end.plus_seconds(-2.0 * block.seconds),
                 end.plus_seconds(-block.seconds),
@@ -219,17 +216,17 @@ fn rest(log: &Log, intervals: &[Timed]) -> Vec<RestSpan> {
 /// Readings of the stretches of rest, sample by sample: gyros, rad/s, and accelerometers, m/s^2.
 pub fn readings_at_rest(log: &Log) -> Vec<Vec<[Vector3<f64>; 2]>> {
     let stretch = |span: &RestSpan| {
-        let inside = |pair: &&[ImuSample]| (span.start..=span.end).contains(&pair[1].time);
-        let reading = |pair: &[ImuSample]| {
+        let inside = |[_, sample]: &[ImuSample; 2]| (span.start..=span.end).contains(&sample.time);
+        let reading = |[last, sample]: [ImuSample; 2]| {
             let seconds = match log.meta.imu {
                 ImuOutput::Rates => 1.0,
-                ImuOutput::Increments => pair[1].time.seconds_since(pair[0].time),
+                ImuOutput::Increments => sample.time.seconds_since(last.time),
             };
-            [pair[1].gyro / seconds, pair[1].accel / seconds]
+            [sample.gyro / seconds, sample.accel / seconds]
         };
-        log.imu.windows(2).filter(inside).map(reading).collect()
+        log.imu.pairs().filter(inside).map(reading).collect()
     };
-    rest(log, &intervals(log)).iter().map(stretch).collect()
+    rest(log).iter().map(stretch).collect()
 }
 
 /// Takes the constants that the navigator has found out of the readings.
@@ -297,14 +294,14 @@ impl<'a> Reducer<'a> {
         }
     }
 
-    fn epochs(&self, intervals: &[Timed]) -> Vec<Epoch> {
+    fn epochs(&self, intervals: impl Iterator<Item = Timed>) -> Vec<Epoch> {
         let mut references = self.references.iter().peekable();
         let mut fixes = self.fixes.iter().peekable();
         let mut epochs = Vec::new();
         let mut going: Option<Going> = None;
         for timed in intervals {
             if let Some(going) = &mut going {
-                going.step(timed, &self.correction, &mut fixes);
+                going.step(&timed, &self.correction, &mut fixes);
             }
             while references.next_if(|next| next.time < timed.end).is_some() {}
             let Some(reference) = references.next_if(|next| next.time == timed.end) else {
@@ -316,6 +313,7 @@ impl<'a> Reducer<'a> {
                 going = Some(Going::new(reference));
             }
         }
+        epochs.drain(..epochs.len().saturating_sub(MOST_EPOCHS));
         drop_outliers(&mut epochs);
         epochs
     }

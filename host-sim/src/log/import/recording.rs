@@ -127,7 +127,7 @@ impl Recording {
         }
         let mut log = Log {
             meta,
-            imu: in_order(samples, &imu.path, |sample| sample.time, &mut warnings),
+            imu: in_order(samples, &imu.path, |sample| sample.time, &mut warnings).into(),
             gnss: in_order(gnss.fixes, &gnss.path, |fix| fix.time, &mut warnings),
             truth: Vec::new(),
         };

@@ -115,7 +115,7 @@ impl LogStudy {
             log: name,
             duration_s: log.duration_s(),
             grade,
-            halves: halves::test(log, &|half| configure::config(half, grade))?,
+            halves: halves::test(log, &found, &|half| configure::config(half, grade))?,
             methods: methods.collect(),
             outages: outages?,
             free: free(&found, end.as_ref()),
@@ -201,7 +201,7 @@ impl<'a> Bench<'a> {
         Ok(Some(Without {
             parameter: optional.name,
             agreement: Agreement::new(optional.name, ours, &theirs),
-            halves: halves::test(log, &|half| {
+            halves: halves::test(log, &found, &|half| {
                 optional.without(configure::config(half, grade))
             })?,
             outage_m: drifts.map(|drifts| drifts.position_rms_m),

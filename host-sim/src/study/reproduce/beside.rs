@@ -126,7 +126,7 @@ impl<'a> Run<'a> {
     fn gyro(&self, axis: usize, truth: &[Vector3<f64>]) -> Course {
         self.course(|point, time_s| {
             let bias = &point.estimates.gyro_bias_radps[axis];
-            let samples = &self.log.imu;
+            let samples = self.log.imu.all();
             let at = samples.partition_point(|sample| sample.time < point.time);
             Some(Seen {
                 time_s,

@@ -1,0 +1,282 @@
+//! The rows of a table in the order of their stamps.
+
+use std::io;
+
+use ins_core::{GnssFix, ImuSample, Solution, Time};
+
+use super::error::LogError;
+use super::samples::Store;
+use super::table::{Few, Row, Table};
+
+/// What has a stamp.
+pub(super) trait Stamped: Copy + PartialEq {
+    fn time(&self) -> Time;
+}
+
+impl Stamped for ImuSample {
+    fn time(&self) -> Time {
+        self.time
+    }
+}
+
+impl Stamped for GnssFix {
+    fn time(&self) -> Time {
+        self.time
+    }
+}
+
+impl Stamped for Solution {
+    fn time(&self) -> Time {
+        self.time
+    }
+}
+
+/// Where rows are kept.
+pub(super) trait Rows: Default {
+    type Row: Stamped;
+    fn push(&mut self, row: Self::Row) -> io::Result<()>;
+    fn times(&self) -> Vec<Time>;
+    fn retain(&mut self, keep: impl FnMut(&Self::Row) -> bool) -> io::Result<()>;
+}
+
+impl<T: Stamped> Rows for Vec<T> {
+    type Row = T;
+
+    fn push(&mut self, row: T) -> io::Result<()> {
+        self.push(row);
+        Ok(())
+    }
+
+    fn times(&self) -> Vec<Time> {
+        self.iter().map(T::time).collect()
+    }
+
+    fn retain(&mut self, keep: impl FnMut(&T) -> bool) -> io::Result<()> {
+        self.retain(keep);
+        Ok(())
+    }
+}
+
+impl Rows for Store {
+    type Row = ImuSample;
+
+    fn push(&mut self, row: ImuSample) -> io::Result<()> {
+        self.push(row)
+    }
+
+    fn times(&self) -> Vec<Time> {
+        self.iter().map(|sample| sample.time).collect()
+    }
+
+    fn retain(&mut self, mut keep: impl FnMut(&ImuSample) -> bool) -> io::Result<()> {
+        *self = Self::of(self.iter().filter(|sample| keep(sample)))?;
+        Ok(())
+    }
+}
+
+/// Every usable row of a table, in order of time.
+pub(super) fn rows<R: Rows>(
+    mut table: Table,
+    most_left_out: f64,
+    warnings: &mut Vec<LogError>,
+    mut parse: impl FnMut(&Row, Time) -> Result<R::Row, LogError>,
+) -> Result<R, LogError> {
+    let stamp = table.column("t_s")?;
+    let mut order = Order::<R>::default();
+    let mut unusable = Few::default();
+    while let Some(row) = table.next_row()? {
+        let parsed = row.and_then(|row| {
+            let value = parse(&row, order.time(&row, stamp)?)?;
+            Ok(order.take(&row, stamp, value))
+        });
+        match parsed {
+            Ok(kept) => kept.map_err(|e| LogError::no_room(&e))?,
+            Err(defect) => unusable.add(defect),
+        }
+    }
+    let rows = order.count + unusable.count;
+    order.settle().map_err(|e| LogError::no_room(&e))?;
+    // One is a slip even in a short file: the last line, usually.
+    let too_many = |few: &Few| few.count > 1 && few.count as f64 > most_left_out * rows as f64;
+    if order.count == 0 || too_many(&unusable) {
+        return Err(unusable.first.unwrap_or_else(|| table.no_rows()));
+    }
+    for few in [&mut order.clashes, &mut order.disorder] {
+        if too_many(few) {
+            return Err(few.first.take().unwrap_or_else(|| table.no_rows()));
+        }
+    }
+    warnings.extend(table.warnings());
+    warnings.extend(unusable.warning("left out"));
+    Ok(order.in_order(warnings))
+}
+
+/// Puts rows into the order of their stamps.
+struct Order<R: Rows> {
+    rows: R,
+    count: usize,
+    last: Option<R::Row>,
+    /// Of clocks that begin anew with the week or the day, added so far.
+    rollovers: Few,
+    added_s: f64,
+    repeated: Few,
+    clashes: Few,
+    disorder: Few,
+}
+
+impl<R: Rows> Default for Order<R> {
+    fn default() -> Self {
+        Self {
+            rows: R::default(),
+            count: 0,
+            last: None,
+            rollovers: Few::default(),
+            added_s: 0.0,
+            repeated: Few::default(),
+            clashes: Few::default(),
+            disorder: Few::default(),
+        }
+    }
+}
+
+impl<R: Rows> Order<R> {
+    /// Stamp of a row, after those that came before where the clock has begun anew.
+    fn time(&mut self, row: &Row, stamp: usize) -> Result<Time, LogError> {
+        let time = time(row, stamp)?;
+        let written = time.plus_seconds(self.added_s);
+        let Some(last) = self.last.map(|last| last.time()) else {
+            return Ok(written);
+        };
+        let (now_s, last_s) = (time.as_seconds(), last.as_seconds() - self.added_s);
+        let period_s = PERIODS_S.into_iter().find(|period_s| {
+            (0.0..MARGIN_S).contains(&now_s) && (period_s - MARGIN_S..=*period_s).contains(&last_s)
+        });
+        let Some(period_s) = period_s else {
+            return Ok(written);
+        };
+        let defect = not_increasing(row, stamp, last, written);
+        let cause = "the clock began anew with the GPS week or the day".into();
+        self.rollovers.add(LogError { cause, ..defect });
+        self.added_s += period_s;
+        Ok(time.plus_seconds(self.added_s))
+    }
+
+    fn take(&mut self, row: &Row, stamp: usize, value: R::Row) -> io::Result<()> {
+        let time = value.time();
+        if let Some(before) = self.last.filter(|last| last.time() >= time) {
+            let defect = not_increasing(row, stamp, before.time(), time);
+            if before == value {
+                self.repeated.add(defect);
+                return Ok(());
+            }
+            if before.time() == time {
+                self.clashes.add(defect);
+                return Ok(());
+            }
+            self.disorder.add(defect);
+        }
+        self.last = Some(value);
+        self.count += 1;
+        self.rows.push(value)
+    }
+
+    /// Leaves out the rows that stand between others of their time.
+    fn settle(&mut self) -> io::Result<()> {
+        if self.disorder.count == 0 {
+            return Ok(());
+        }
+        let keep = longest_increasing(&self.rows.times());
+        let mut each = keep.iter();
+        self.rows.retain(|_| each.next() == Some(&true))?;
+        let kept = keep.iter().filter(|kept| **kept).count();
+        self.disorder.count = self.count - kept;
+        self.count = kept;
+        Ok(())
+    }
+
+    fn in_order(self, warnings: &mut Vec<LogError>) -> R {
+        warnings.extend(self.rollovers.warning("its period was added"));
+        warnings.extend(self.repeated.warning("left out"));
+        warnings.extend(self.clashes.warning("left out"));
+        warnings.extend(self.disorder.warning("left out"));
+        self.rows
+    }
+}
+
+/// Which rows belong to the longest sequence of increasing stamps.
+fn longest_increasing(times: &[Time]) -> Vec<bool> {
+    // Last rows of the best sequence of each length, and the row before each.
+    let mut ends: Vec<usize> = Vec::new();
+    let mut before: Vec<Option<usize>> = Vec::with_capacity(times.len());
+    for (index, time) in times.iter().enumerate() {
+        let length = ends.partition_point(|&end| times[end] < *time);
+        before.push(length.checked_sub(1).map(|shorter| ends[shorter]));
+        if length == ends.len() {
+            ends.push(index);
+        } else {
+            ends[length] = index;
+        }
+    }
+    let mut keep = vec![false; times.len()];
+    let mut next = ends.last().copied();
+    while let Some(index) = next {
+        keep[index] = true;
+        next = before[index];
+    }
+    keep
+}
+
+/// Periods of clocks that begin anew, s: the GPS week and the day.
+const PERIODS_S: [f64; 2] = [604_800.0, 86_400.0];
+/// Longest hole at such a moment, s.
+const MARGIN_S: f64 = 60.0;
+
+fn not_increasing(row: &Row, column: usize, last: Time, time: Time) -> LogError {
+    let cause = if time == last {
+        "a sample written twice, or stamps of too few digits"
+    } else {
+        "rows out of order, two logs joined, or a clock that was set back"
+    };
+    let expected = format!("a time after {} s, that of the row before", decimal(last));
+    row.defect(column, &expected, &format!("{} s", decimal(time)), cause)
+}
+
+fn time(row: &Row, column: usize) -> Result<Time, LogError> {
+    let seconds = row.number(column)?;
+    exact_micros(row.cell(column))
+        .map(Time::from_micros)
+        .or_else(|| Time::from_seconds(seconds))
+        .ok_or_else(|| {
+            let cause = "another unit: nanoseconds, say";
+            row.defect(column, "seconds within 1e12", row.cell(column), cause)
+        })
+}
+
+/// Microseconds of a plain decimal, exactly: f64 loses the last one after some decades.
+fn exact_micros(text: &str) -> Option<i64> {
+    let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
+    let negative = whole.starts_with('-');
+    let digits = |s: &str| s.len() <= 12 && s.bytes().all(|b| b.is_ascii_digit());
+    let whole = whole.strip_prefix('-').unwrap_or(whole);
+    // Finer fractions need rounding: left to `Time::from_seconds`.
+    if whole.is_empty() || !digits(whole) || !digits(fraction) || fraction.len() > 6 {
+        return None;
+    }
+    let number = |digits: &str| {
+        let next = |number, digit| 10 * number + i64::from(digit - b'0');
+        digits.bytes().fold(0, next)
+    };
+    let scale = [1_000_000, 100_000, 10_000, 1_000, 100, 10, 1][fraction.len()];
+    let micros = 1_000_000 * number(whole) + scale * number(fraction);
+    Some(if negative { -micros } else { micros })
+}
+
+/// Seconds with all six decimals.
+pub(super) fn decimal(time: Time) -> String {
+    let micros = time.as_micros();
+    let (whole, fraction) = (
+        micros.unsigned_abs() / 1_000_000,
+        micros.unsigned_abs() % 1_000_000,
+    );
+    format!("{}{whole}.{fraction:06}", if micros < 0 { "-" } else { "" })
+}

@@ -1,0 +1,373 @@
+//! Inertial samples in order of time: few in memory, many in a file without a name.
+
+use std::borrow::Cow;
+use std::fmt;
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use ins_core::{ImuSample, Time};
+use nalgebra::Vector3;
+
+/// Samples that are written and read at once: some 20 s, and less than half a megabyte.
+const BLOCK: usize = 1 << 13;
+/// More than this, 15 MB, are kept in a file.
+const IN_MEMORY: usize = 32 * BLOCK;
+/// Time, gyro and accelerometer, eight bytes each.
+const WORDS: usize = 7;
+const BLOCK_BYTES: u64 = (BLOCK * WORDS * 8) as u64;
+
+/// Inertial samples of a log, or a part of them.
+#[derive(Clone)]
+pub struct Samples {
+    store: Arc<Store>,
+    range: Range<usize>,
+}
+
+impl Samples {
+    /// How many.
+    pub fn len(&self) -> usize {
+        self.range.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.range.is_empty()
+    }
+
+    /// One of them.
+    pub fn get(&self, index: usize) -> Option<ImuSample> {
+        self.walk(index..self.len()).next()
+    }
+
+    /// The first.
+    pub fn first(&self) -> Option<ImuSample> {
+        self.get(0)
+    }
+
+    /// The last.
+    pub fn last(&self) -> Option<ImuSample> {
+        self.get(self.len().checked_sub(1)?)
+    }
+
+    /// All, one after another.
+    pub fn iter(&self) -> Iter<'_> {
+        self.walk(0..self.len())
+    }
+
+    /// Those that are not before a time.
+    pub fn since(&self, time: Time) -> Iter<'_> {
+        self.walk(self.position(time)..self.len())
+    }
+
+    /// Each with the one before it.
+    pub fn pairs(&self) -> impl Iterator<Item = [ImuSample; 2]> {
+        let mut last = None;
+        self.iter()
+            .filter_map(move |sample| Some([last.replace(sample)?, sample]))
+    }
+
+    /// Stamps of all.
+    pub fn times(&self) -> impl Iterator<Item = Time> {
+        self.iter().map(|sample| sample.time)
+    }
+
+    /// Those from one time to before another.
+    #[must_use]
+    pub fn between(&self, from: Time, to: Time) -> Self {
+        let from = self.position(from);
+        let to = self.position(to).max(from);
+        Self {
+            store: Arc::clone(&self.store),
+            range: self.range.start + from..self.range.start + to,
+        }
+    }
+
+    /// Those that are wanted.
+    pub(super) fn filtered(&self, mut wanted: impl FnMut(&ImuSample) -> bool) -> io::Result<Self> {
+        Store::of(self.iter().filter(|sample| wanted(sample))).map(Self::from)
+    }
+
+    /// Index of the first that is not before a time.
+    fn position(&self, time: Time) -> usize {
+        self.store
+            .position(time)
+            .clamp(self.range.start, self.range.end)
+            - self.range.start
+    }
+
+    fn walk(&self, range: Range<usize>) -> Iter<'_> {
+        let from = self.range.start;
+        self.store.walk(from + range.start..from + range.end)
+    }
+
+    /// All of them in memory, for what goes back and forth in them.
+    pub fn all(&self) -> Cow<'_, [ImuSample]> {
+        match self.store.spilled {
+            None => Cow::Borrowed(&self.store.tail[self.range.clone()]),
+            Some(_) => self.iter().collect(),
+        }
+    }
+}
+
+impl From<Vec<ImuSample>> for Samples {
+    fn from(samples: Vec<ImuSample>) -> Self {
+        Self::from(Store {
+            spilled: None,
+            tail: samples,
+        })
+    }
+}
+
+impl From<Store> for Samples {
+    fn from(store: Store) -> Self {
+        Self {
+            range: 0..store.len(),
+            store: Arc::new(store),
+        }
+    }
+}
+
+impl<'a> IntoIterator for &'a Samples {
+    type Item = ImuSample;
+    type IntoIter = Iter<'a>;
+
+    fn into_iter(self) -> Iter<'a> {
+        self.iter()
+    }
+}
+
+impl PartialEq for Samples {
+    fn eq(&self, other: &Self) -> bool {
+        self.len() == other.len() && self.iter().eq(other.iter())
+    }
+}
+
+impl fmt::Debug for Samples {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_list().entries(self.iter()).finish()
+    }
+}
+
+/// A walk over samples.
+#[derive(Clone, Debug)]
+pub struct Iter<'a> {
+    store: &'a Store,
+    left: Range<usize>,
+    block: Cow<'a, [ImuSample]>,
+    block_start: usize,
+}
+
+impl Iterator for Iter<'_> {
+    type Item = ImuSample;
+
+    fn next(&mut self) -> Option<ImuSample> {
+        let index = self.left.next()?;
+        if index >= self.block_start + self.block.len() {
+            (self.block_start, self.block) = self.store.block_of(index);
+        }
+        Some(self.block[index - self.block_start])
+    }
+
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        self.left.size_hint()
+    }
+}
+
+impl ExactSizeIterator for Iter<'_> {}
+
+/// Samples as they come in.
+#[derive(Debug, Default)]
+pub(super) struct Store {
+    spilled: Option<Spilled>,
+    /// What is not, or not yet, in the file.
+    tail: Vec<ImuSample>,
+}
+
+/// Whole blocks in a file that is gone with the last one who reads it.
+#[derive(Debug)]
+struct Spilled {
+    file: Mutex<File>,
+    /// First stamp of each.
+    starts: Vec<Time>,
+}
+
+impl Store {
+    pub(super) fn of(samples: impl Iterator<Item = ImuSample>) -> io::Result<Self> {
+        let mut store = Self::default();
+        for sample in samples {
+            store.push(sample)?;
+        }
+        Ok(store)
+    }
+
+    pub(super) fn iter(&self) -> Iter<'_> {
+        self.walk(0..self.len())
+    }
+
+    fn walk(&self, left: Range<usize>) -> Iter<'_> {
+        Iter {
+            store: self,
+            left,
+            block: Cow::Borrowed(&[]),
+            block_start: 0,
+        }
+    }
+
+    fn len(&self) -> usize {
+        self.in_file() + self.tail.len()
+    }
+
+    fn in_file(&self) -> usize {
+        self.spilled.as_ref().map_or(0, |file| file.starts.len()) * BLOCK
+    }
+
+    pub(super) fn push(&mut self, sample: ImuSample) -> io::Result<()> {
+        self.tail.push(sample);
+        let most = if self.spilled.is_some() {
+            BLOCK
+        } else {
+            IN_MEMORY
+        };
+        if self.tail.len() == most {
+            self.spill()?;
+        }
+        Ok(())
+    }
+
+    fn spill(&mut self) -> io::Result<()> {
+        let spilled = match &mut self.spilled {
+            Some(spilled) => spilled,
+            None => self.spilled.insert(Spilled {
+                file: Mutex::new(tempfile::tempfile()?),
+                starts: Vec::new(),
+            }),
+        };
+        for block in self.tail.chunks(BLOCK) {
+            spilled.write(block)?;
+        }
+        self.tail.clear();
+        self.tail.shrink_to(BLOCK);
+        Ok(())
+    }
+
+    /// The block with a sample, and the index of its first.
+    fn block_of(&self, index: usize) -> (usize, Cow<'_, [ImuSample]>) {
+        match &self.spilled {
+            Some(spilled) if index < self.in_file() => {
+                let block = index / BLOCK;
+                (block * BLOCK, Cow::Owned(spilled.read(block)))
+            }
+            _ => (self.in_file(), Cow::Borrowed(&self.tail)),
+        }
+    }
+
+    /// Index of the first sample that is not before a time.
+    fn position(&self, time: Time) -> usize {
+        let in_file = self.spilled.iter().flat_map(|file| &file.starts);
+        let starts = in_file.chain(self.tail.first().map(|sample| &sample.time));
+        let begun = starts.take_while(|start| **start < time).count();
+        // It is in the last block that begins before the time, or begins the next.
+        let (from, block) = self.block_of((begun * BLOCK).saturating_sub(1));
+        from + block.partition_point(|sample| sample.time < time)
+    }
+}
+
+impl Spilled {
+    fn write(&mut self, block: &[ImuSample]) -> io::Result<()> {
+        let mut bytes = Vec::with_capacity(block.len() * WORDS * 8);
+        for sample in block {
+            bytes.extend(sample.time.as_micros().to_le_bytes());
+            for value in sample.gyro.iter().chain(&sample.accel) {
+                bytes.extend(value.to_le_bytes());
+            }
+        }
+        self.starts.extend(block.first().map(|sample| sample.time));
+        let file = self.file.get_mut().unwrap_or_else(PoisonError::into_inner);
+        file.write_all(&bytes)
+    }
+
+    fn read(&self, block: usize) -> Vec<ImuSample> {
+        let mut bytes = vec![0; BLOCK * WORDS * 8];
+        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+        let read = file
+            .seek(SeekFrom::Start(block as u64 * BLOCK_BYTES))
+            .and_then(|_| file.read_exact(&mut bytes));
+        if let Err(error) = read {
+            // Written by this program a moment ago: the disk itself is failing.
+            panic!("samples cannot be read back from the temporary folder: {error}");
+        }
+        drop(file);
+        let words = bytes.as_chunks::<8>().0;
+        let sample = |words: &[[u8; 8]; WORDS]| {
+            let [time, gx, gy, gz, ax, ay, az] = *words;
+            let vector = |x: [u8; 8], y, z| Vector3::new(x, y, z).map(f64::from_le_bytes);
+            ImuSample {
+                time: Time::from_micros(i64::from_le_bytes(time)),
+                gyro: vector(gx, gy, gz),
+                accel: vector(ax, ay, az),
+            }
+        };
+        words.as_chunks::<WORDS>().0.iter().map(sample).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample(index: usize) -> ImuSample {
+        let value = index as f64;
+        ImuSample {
+            time: Time::from_micros(10 * i64::try_from(index).unwrap()),
+            gyro: Vector3::new(value, -value, 0.1 * value),
+            accel: Vector3::new(f64::MIN_POSITIVE, value.sqrt(), -0.0),
+        }
+    }
+
+    fn spilled(count: usize) -> Samples {
+        let mut store = Store::default();
+        for index in 0..count {
+            store.push(sample(index)).unwrap();
+        }
+        assert!(store.spilled.is_some() && store.tail.len() < BLOCK);
+        store.into()
+    }
+
+    #[test]
+    fn a_file_gives_back_what_memory_does() {
+        for count in [IN_MEMORY, IN_MEMORY + 3 * BLOCK + 7] {
+            let all: Vec<_> = (0..count).map(sample).collect();
+            let (file, memory) = (spilled(count), Samples::from(all));
+            assert_eq!(file.len(), count);
+            assert!(file == memory);
+            let bits = |s: &ImuSample| s.accel.z.to_bits();
+            assert!(file.iter().all(|s| bits(&s) == (-0.0_f64).to_bits()));
+            assert_eq!(file.last(), memory.last());
+            let block = i64::try_from(10 * BLOCK).unwrap();
+            for micros in [
+                -1,
+                0,
+                5,
+                block - 10,
+                block - 5,
+                block,
+                block + 1,
+                40 * block,
+                1 << 50,
+            ] {
+                let time = Time::from_micros(micros);
+                assert!(file.since(time).eq(memory.since(time)), "{micros}");
+                let (part, other) = [&file, &memory]
+                    .map(|s| s.between(Time::from_micros(1000), time))
+                    .into();
+                assert!(part == other, "{micros}");
+                let (part, other) = [&part, &other]
+                    .map(|s| s.since(Time::from_micros(2000)))
+                    .into();
+                assert!(part.eq(other), "{micros}");
+            }
+        }
+    }
+}
