@@ -27,7 +27,7 @@ pub struct Sensors<'a> {
 }
 
 #[derive(Serialize)]
-struct Json<'a> {
+struct Json {
     drives: usize,
     parameters: Vec<Parameter>,
     gyro_noise_at_rest_deg_h: Option<Interval>,
