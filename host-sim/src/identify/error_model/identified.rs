@@ -119,11 +119,19 @@ impl Identified {
             .filter_map(|record| measured(&record.latency_s))
             .collect();
         let rates: f64 = records.iter().map(|record| record.fix_rate_hz).sum();
+        let gyro_at_rest = RestNoise::new(records, |block| block.rate_radps / DEG_H_RADPS);
+        let mut gyro = fit::fit(records, known_noise, law);
+        if let (Some(gyro), Some(rest)) = (&mut gyro, &gyro_at_rest)
+            && class.accel_mps2.scale_sigma > 0.0
+        {
+            // What motion adds is vibration, or the force of turns by a scale that no one knows.
+            gyro.noise.low = gyro.noise.low.min(rest.density.low * DEG_H_RADPS);
+        }
         Self {
             drives: records.len(),
             grade,
-            gyro: fit::fit(records, known_noise, law),
-            gyro_at_rest: RestNoise::new(records, |block| block.rate_radps / DEG_H_RADPS),
+            gyro,
+            gyro_at_rest,
             accel_at_rest,
             accel_sigma: (!accels.is_empty()).then(|| interval::sigma_behind(&accels)),
             latency_s: latency_bounds(&latencies),
