@@ -17,6 +17,9 @@ use crate::study::recovery::{Results, Study, Vehicle, coverage};
 const JSON: &str = "recovery.json";
 const MARKDOWN: &str = "recovery.md";
 
+/// Seeds from one kind of units to the next: no study has so many.
+const KIND_SEEDS: u64 = 1_000_000_000;
+
 /// Options of `recovery`.
 #[derive(Debug, Args)]
 pub struct Recovery {
@@ -99,12 +102,13 @@ pub(crate) fn closure(study: Study) -> Vec<Results> {
     let classes = [Grade::Hg1700, Grade::Mems];
     let kinds =
         classes.map(|class| [Vehicle::Car, Vehicle::Aircraft].map(|vehicle| (class, vehicle)));
-    let of = |(class, vehicle)| {
+    let of = |((class, vehicle), seeds)| {
         both(Study {
             class,
             vehicle,
+            first_seed: study.first_seed + KIND_SEEDS * seeds,
             ..study
         })
     };
-    kinds.into_iter().flatten().flat_map(of).collect()
+    kinds.into_iter().flatten().zip(0..).flat_map(of).collect()
 }
