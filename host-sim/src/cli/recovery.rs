@@ -98,7 +98,7 @@ pub(crate) fn both(study: Study) -> Vec<Results> {
 }
 
 /// Of both classes, in both vehicles.
-pub(crate) fn closure(study: Study) -> Vec<Results> {
+fn closure(study: Study) -> Vec<Results> {
     let classes = [Grade::Hg1700, Grade::Mems];
     let kinds =
         classes.map(|class| [Vehicle::Car, Vehicle::Aircraft].map(|vehicle| (class, vehicle)));

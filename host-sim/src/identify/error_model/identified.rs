@@ -177,14 +177,14 @@ impl Identified {
                 self.accel_sigma,
                 NO_TURN,
             ),
-            known(
-                "gnss.velocity_sigma_mps",
-                "m/s",
-                self.gyro.as_ref().map(|gyro| gyro.gnss_sigma_mps),
-                NO_AZIMUTH,
-            ),
         ]);
         all.extend(times(ACCEL_TIMES, self.accel_at_rest));
+        all.push(known(
+            "gnss.velocity_sigma_mps",
+            "m/s",
+            self.gyro.as_ref().map(|gyro| gyro.gnss_sigma_mps),
+            NO_AZIMUTH,
+        ));
         for (name, which) in [("gnss.latency_s[0]", 0), ("gnss.latency_s[1]", 1)] {
             let bound = self.latency_s.map(|bounds| bounds[which]);
             all.push(known(name, "s", bound, NO_LATENCY));
