@@ -244,9 +244,31 @@ fn threads_kills_and_shards_leave_no_trace() {
     );
     assert!(!home.join("parts/rehearsal.json").exists());
     assert!(run("2", "parts", &[]).status().unwrap().success());
+
+    // The script for Slurm, under plain processes; task 0 adds up.
+    assert!(
+        run("1", "an array", &["--slurm", "2", "--force"])
+            .status()
+            .unwrap()
+            .success()
+    );
+    assert!(!home.join("an array/runs-1-of-2.jsonl").exists());
+    for task in ["1", "2", "0"] {
+        assert!(!home.join("an array/rehearsal.json").exists());
+        let mut job = Command::new("bash");
+        job.arg(home.join("an array/rehearse.sbatch"))
+            .env("HOST_SIM", env!("CARGO_BIN_EXE_host-sim"))
+            .env("SLURM_ARRAY_TASK_ID", task)
+            .stdout(Stdio::null());
+        assert!(job.status().unwrap().success(), "task {task}");
+    }
+    // Between them they have flown everything.
+    assert_eq!(text("an array", "runs.jsonl"), "");
+
     for name in ["rehearsal.json", "errors.csv", "error-model.toml"] {
-        assert_eq!(text("killed", name), text("one", name), "{name}");
-        assert_eq!(text("parts", name), text("one", name), "{name}");
+        for out in ["killed", "parts", "an array"] {
+            assert_eq!(text(out, name), text("one", name), "{out}: {name}");
+        }
     }
     let page = text("one", "report.html");
     assert!(page.contains("What each error costs core") && page.contains("do not show"));

@@ -1,8 +1,9 @@
 //! `host-sim hil` from the command line to its files: on a pseudo-terminal with a simulated board
-//! at its other end, with the firmware in an emulator there, and on the emulator directly.
+//! at its other end, with the firmware in an emulator there, and on the emulator directly; and boards
+//! as the algorithm under test of `rehearse`.
 #![cfg(unix)]
 
-use std::fs::{self, File};
+use std::fs::{self, File, OpenOptions};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::process::{Child, Stdio};
@@ -18,6 +19,7 @@ use ins_tests::cargo::cargo;
 use ins_tests::firmware::image;
 use ins_tests::simulated::drive;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use serde_json::Value;
 use tempfile::TempDir;
 
 type Failure = Box<dyn std::error::Error>;
@@ -63,7 +65,7 @@ fn same_files(home: &TempDir, log: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-fn hil_json(home: &TempDir) -> Result<serde_json::Value, Failure> {
+fn hil_json(home: &TempDir) -> Result<Value, Failure> {
     let text = fs::read_to_string(home.path().join("out/hil.json"))?;
     Ok(serde_json::from_str(&text)?)
 }
@@ -206,6 +208,85 @@ fn a_port_that_is_not_there_is_named() -> Result<(), Failure> {
     Ok(())
 }
 
+// --- as the algorithm under test of a rehearsal ---
+
+const PLAN: &str = "
+    [start]
+    latitude_deg = 56.1
+    longitude_deg = 40.3
+    height_m = 600
+    heading_deg = 60
+    airspeed_mps = 45
+    [flight]
+    duration_s = 90
+    [[leg]]
+    bank_deg = 20
+    duration_s = 40
+    [[leg]]
+    heading_deg = 200
+    duration_s = 30
+    airspeed_mps = 52
+";
+
+/// Flies the core here and on a board: of each flight, what came of both.
+fn rehearsed(home: &TempDir, log: &str, board: &str) -> Result<Vec<[Value; 2]>, Failure> {
+    let (plan, out) = (path(home, "plan.toml"), path(home, "rehearsed"));
+    fs::write(&plan, PLAN)?;
+    let place = ["rehearse", log, "--plan", &plan, "--out", &out];
+    let short = ["--flights", "3", "--minutes-free", "0.5"];
+    let plain = ["--models", "0", "--budget", "0"];
+    let with = ["--with", "core", "--with", board];
+    host_sim(&[&place[..], &short, &plain, &with].concat())?;
+    let lines = fs::read_to_string(Path::new(&out).join("runs.jsonl"))?;
+    let outcomes = |line| -> Result<[Value; 2], Failure> {
+        let line: Value = serde_json::from_str(line)?;
+        Ok([0, 1].map(|subject| line["outcomes"][subject].clone()))
+    };
+    lines.lines().map(outcomes).collect()
+}
+
+/// How many flights the board flew as the core did here; what became of the others.
+fn alike(flights: &[[Value; 2]]) -> (usize, Vec<String>) {
+    let mut failures = Vec::new();
+    for [core, board] in flights {
+        if board["failure"].is_null() {
+            let errors = core["errors"].as_array().expect("a list");
+            assert!(errors.iter().any(|moment| !moment.is_null()));
+            assert_eq!(core["errors"], board["errors"]);
+        } else {
+            failures.push(board["failure"].to_string());
+        }
+    }
+    (flights.len() - failures.len(), failures)
+}
+
+#[test]
+fn flights_take_turns_at_a_port_and_what_is_lost_there_is_told() -> Result<(), Failure> {
+    let (home, log) = with_log(2.0)?;
+    let (near, port) = terminal()?;
+    // Between two flights nobody else holds it.
+    let _far = OpenOptions::new().read(true).write(true).open(&port)?;
+    // Of about 10 000 answers a flight, one of the second is lost.
+    thread::spawn(move || serve(near, |number, reply| (number != 13_000).then_some(reply)));
+    let flights = rehearsed(&home, &log, &format!("hil --port {port}"))?;
+    let (good, failures) = alike(&flights);
+    assert_eq!((good, failures.len()), (2, 1), "{failures:?}");
+    assert!(failures[0].contains("did not get through"), "{failures:?}");
+    Ok(())
+}
+
+#[test]
+fn a_board_that_is_not_there_is_a_row() -> Result<(), Failure> {
+    let (home, log) = with_log(2.0)?;
+    let flights = rehearsed(&home, &log, "hil --port /dev/ttyNONE")?;
+    let (good, failures) = alike(&flights);
+    assert_eq!((good, failures.len()), (0, 3));
+    assert!(failures[0].contains("unusable") && failures[0].contains("/dev/ttyNONE"));
+    let refusal = rehearsed(&home, &log, "hil --qmu").unwrap_err().to_string();
+    assert!(refusal.contains("--qmu"), "{refusal}");
+    Ok(())
+}
+
 // --- the firmware in an emulator ---
 
 /// Runs `hil` with the image of `program` and further arguments, and looks at all it writes.
@@ -235,6 +316,15 @@ fn on_firmware(minutes: f64, image: &Path, arguments: &[&str]) -> Result<(), Fai
 fn on_the_emulated_board() -> Result<(), Failure> {
     let image = image(Board::CortexM7, "console")?;
     on_firmware(3.0, &image, &["--qemu"])
+}
+
+#[test]
+fn the_emulated_board_flies_as_the_core_does() -> Result<(), Failure> {
+    let image = image(Board::CortexM7, "console")?;
+    let (home, log) = with_log(2.0)?;
+    let board = format!("hil --qemu --image '{}'", image.display());
+    assert_eq!(alike(&rehearsed(&home, &log, &board)?), (3, Vec::new()));
+    Ok(())
 }
 
 #[test]

@@ -134,6 +134,8 @@ fn no_height_and_no_vertical_velocity() {
         ..*fix
     });
     assert!(errors.position_m < 1.0 && errors.heading_rad < 2e-3);
+    // The car climbs by a part of a metre a second; without an assumption it would be tens of them.
+    assert!(errors.velocity_mps < 1.0);
 }
 
 #[test]

@@ -18,7 +18,6 @@ use crate::page::progress::bar;
 /// Copy of the plan; marks a folder as that of a campaign.
 const PLAN: &str = "plan.toml";
 const SUMMARY: &str = "campaign.json";
-const SCRIPT: &str = "campaign.sbatch";
 
 /// Options of `campaign`.
 #[derive(Debug, Args)]
@@ -52,10 +51,8 @@ pub fn campaign(options: &Campaign, json: bool, force: bool) -> Result<()> {
     settle(&plan, out, force)?;
     if let Some(jobs) = options.slurm {
         check_parts(&plan, jobs)?;
-        let [plan_file, folder] = [&options.plan, out].map(|path| path.canonicalize());
-        let (plan_file, folder) = (plan_file.into_diagnostic()?, folder.into_diagnostic()?);
-        let script = out.join(SCRIPT);
-        replace(&script, &slurm::script(&plan_file, &folder, jobs))?;
+        let sum = ["merge".to_owned(), out.display().to_string()];
+        let script = slurm::write("campaign", out, jobs, Some(&sum))?;
         println!("{}", script.display());
         return Ok(());
     }

@@ -1,22 +1,19 @@
 //! The command `hil`.
 
-use std::io::{Read, Write};
-use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::path::PathBuf;
 
-use clap::{ArgGroup, Args};
+use clap::Args;
 use ins_core::Time;
-use miette::{IntoDiagnostic, Result, bail, miette};
+use miette::{Result, miette};
 use serde::Serialize;
 
 use crate::cli::identify::print_analysis;
 use crate::cli::options::{GradeChoice, refuse_same};
 use crate::hil::bench::{Bench, ESTIMATES_EVERY, requests};
 use crate::hil::board_log::{self, BoardLog};
-use crate::hil::emulator::{Board, Emulator, Pace, Way};
 use crate::hil::hardware::Hardware;
-use crate::hil::serial;
-use crate::hil::session::{Event, Rate, Session};
+use crate::hil::session::{Event, Rate};
+use crate::hil::target::Target;
 use crate::hil::view::View;
 use crate::identify::analysis::{Analysis, Input, SUMMARY};
 use crate::identify::summary::Summary;
@@ -26,25 +23,11 @@ use crate::report;
 
 /// Options of `hil`.
 #[derive(Debug, Args)]
-#[command(group(ArgGroup::new("where").required(true).args(["port", "qemu"])))]
 pub struct Hil {
     /// Folder of the log.
     log: PathBuf,
-    /// Serial port of the board, say /dev/ttyACM0 or COM3.
-    #[arg(long)]
-    port: Option<String>,
-    /// Bits per second of the port.
-    #[arg(long, default_value_t = 921_600)]
-    baud: u32,
-    /// An emulated board instead.
-    #[arg(long)]
-    qemu: bool,
-    /// The emulated board.
-    #[arg(long, value_enum, default_value_t = Board::CortexM7)]
-    board: Board,
-    /// ELF file that the board runs; needed with --port only to read the board's log.
-    #[arg(long)]
-    image: Option<PathBuf>,
+    #[command(flatten)]
+    target: Target,
     /// When samples are sent.
     #[arg(long, value_enum, default_value_t = Rate::Max)]
     rate: Rate,
@@ -54,37 +37,6 @@ pub struct Hil {
     /// Folder for the results.
     #[arg(long)]
     out: PathBuf,
-}
-
-impl Hil {
-    /// The image to emulate, or to read the log with.
-    fn image(&self) -> Result<Option<PathBuf>> {
-        if self.image.is_some() || !self.qemu {
-            return Ok(self.image.clone());
-        }
-        let (name, config) = (self.board.name(), self.board.cargo_config());
-        let folder = Path::new("firmware-example/target").join(name);
-        let image = folder.join("thumbv7em-none-eabihf/release/console");
-        if image.is_file() {
-            return Ok(Some(image));
-        }
-        Err(miette!(
-            help = format!(
-                "in the folder firmware-example:\n\
-                 cargo build --release --config {config} --target-dir target/{name}\n\
-                 or say where it is with --image"
-            ),
-            "{}: there is no such image",
-            image.display()
-        ))
-    }
-
-    fn board_in_words(&self) -> String {
-        match &self.port {
-            Some(port) => format!("{port}, {} baud", self.baud),
-            None => format!("{} in QEMU", self.board.machine()),
-        }
-    }
 }
 
 /// What `hil --json` prints.
@@ -99,23 +51,12 @@ struct Printed<'a> {
 pub fn hil(options: &Hil, json: bool, force: bool) -> Result<()> {
     output::check_free(&options.out, SUMMARY, force)?;
     refuse_same(&options.log, &options.out)?;
-    let image = options.image()?;
+    let image = options.target.image()?;
     let table = image.as_deref().map(board_log::table).transpose()?;
     let mut log = table.as_ref().map(BoardLog::new);
     let input = Input::read(&options.log, options.grade.told(), &bar())?;
 
-    let (hardware, analysis) = match (&options.port, &image) {
-        (Some(name), _) => {
-            let port = serial::open(name, options.baud).into_diagnostic()?;
-            run(port, input, options, log.as_mut())?
-        }
-        (None, Some(image)) => {
-            let port =
-                Emulator::boot(options.board, image, Way::Console, Pace::Fast).into_diagnostic()?;
-            run(port, input, options, log.as_mut())?
-        }
-        (None, None) => bail!("neither --port nor --qemu"),
-    };
+    let (hardware, analysis) = run(input, options, log.as_mut())?;
 
     output::build(&options.out, SUMMARY, force, |folder| -> Result<()> {
         report::write(&analysis, None, folder)?;
@@ -139,14 +80,13 @@ pub fn hil(options: &Hil, json: bool, force: bool) -> Result<()> {
 }
 
 fn run(
-    port: impl Read + Write,
     input: Input,
     options: &Hil,
     mut log: Option<&mut BoardLog>,
 ) -> Result<(Hardware, Analysis)> {
     let (config, axes) = (input.config, input.log.meta.body_axes);
     let mut bench = Bench::new(config).map_err(|error| miette!("{}", error))?;
-    let mut session = Session::open(port, session_number())?;
+    let mut session = options.target.open()?;
     let started = session.start(config, ESTIMATES_EVERY)?;
     let length = input.log.imu.len() + input.log.gnss.len();
     let first = input.log.imu.first().map_or(Time::default(), |s| s.time);
@@ -176,7 +116,7 @@ fn run(
     // A clock that counts anything else than clocks of a processor tells nothing here.
     let counts_clocks = session.hello.clocks_per_tick == 1;
     let hardware = Hardware {
-        board: options.board_in_words(),
+        board: options.target.in_words(),
         bit_for_bit: bench.comparison.is_exact(),
         comparison: bench.comparison.clone(),
         seconds,
@@ -195,10 +135,4 @@ fn run(
     };
     let found = bench.finish(&input.log, config);
     Ok((hardware, input.with(found)?))
-}
-
-/// Any number that the last session did not have.
-fn session_number() -> u32 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH);
-    since.map_or(0, |since| since.subsec_nanos())
 }

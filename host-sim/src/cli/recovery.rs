@@ -6,13 +6,19 @@ use clap::Args;
 use miette::Result;
 
 use crate::cli::options::minutes;
+use crate::log::Grade;
 use crate::page;
 use crate::page::output::{self};
 use crate::page::progress::bar;
+use crate::page::table::Table;
 use crate::sim::errors::Law;
-use crate::study::recovery::{Results, Study};
+use crate::study::recovery::{Results, Study, Vehicle, coverage};
 
 const JSON: &str = "recovery.json";
+const MARKDOWN: &str = "recovery.md";
+
+/// Seeds from one kind of units to the next: no study has so many.
+const KIND_SEEDS: u64 = 1_000_000_000;
 
 /// Options of `recovery`.
 #[derive(Debug, Args)]
@@ -29,7 +35,10 @@ pub struct Recovery {
     /// Seed of the first drive.
     #[arg(long, default_value_t = 0)]
     first_seed: u64,
-    /// Folder for recovery.json.
+    /// Both classes of sensors, in a car and in an aircraft: only how often intervals hold the truth.
+    #[arg(long)]
+    closure: bool,
+    /// Folder for recovery.json and, in Markdown, recovery.md.
     #[arg(long)]
     out: Option<PathBuf>,
 }
@@ -40,34 +49,66 @@ pub fn recovery(options: &Recovery, json: bool, force: bool) -> Result<()> {
         output::check_free(out, JSON, force)?;
     }
     let study = Study {
+        class: Grade::Hg1700,
+        vehicle: Vehicle::Car,
         units: options.units,
         drives: options.drives,
         minutes: options.minutes,
         first_seed: options.first_seed,
     };
-    let results = both(study);
+    let results = if options.closure {
+        closure(study)
+    } else {
+        both(study)
+    };
+    let tables = if options.closure {
+        vec![coverage(&results)]
+    } else {
+        results.iter().map(Results::table).collect()
+    };
     let text = page::json(&results)?;
     if let Some(out) = &options.out {
         output::build(out, JSON, force, |folder| {
+            output::write(folder, MARKDOWN, printed(&tables, Table::markdown))?;
             output::write(folder, JSON, &text)
         })?;
     }
     if json {
         print!("{text}");
-        return Ok(());
-    }
-    for results in &results {
-        println!("Gyro biases of thesis equation {}:\n", results.gyro_model);
-        println!("{}", results.table().plain());
+    } else {
+        println!("{}", printed(&tables, Table::plain));
     }
     Ok(())
 }
 
+/// Each under its title.
+pub(crate) fn printed(tables: &[Table], form: fn(&Table) -> String) -> String {
+    let text = |table: &Table| format!("{}:\n\n{}", table.title, form(table));
+    tables.iter().map(text).collect::<Vec<_>>().join("\n")
+}
+
 /// Units of both models.
-pub(crate) fn both(study: Study) -> [Results; 2] {
-    [Law::Wave, Law::Continuous].map(|law| {
+pub(crate) fn both(study: Study) -> Vec<Results> {
+    let of = |law| {
         let progress = bar();
         progress.set_message("units");
         study.results(law, &progress)
-    })
+    };
+    [Law::Wave, Law::Continuous].map(of).into()
+}
+
+/// Of both classes, in both vehicles.
+fn closure(study: Study) -> Vec<Results> {
+    let classes = [Grade::Hg1700, Grade::Mems];
+    let kinds =
+        classes.map(|class| [Vehicle::Car, Vehicle::Aircraft].map(|vehicle| (class, vehicle)));
+    let of = |((class, vehicle), seeds)| {
+        both(Study {
+            class,
+            vehicle,
+            first_seed: study.first_seed + KIND_SEEDS * seeds,
+            ..study
+        })
+    };
+    kinds.into_iter().flatten().zip(0..).flat_map(of).collect()
 }

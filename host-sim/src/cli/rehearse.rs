@@ -11,6 +11,7 @@ use miette::{IntoDiagnostic, Report, Result, bail, miette};
 use crate::aircraft::input::{Source, read_text};
 use crate::aircraft::plan::Plan;
 use crate::campaign::run::Shard;
+use crate::campaign::slurm;
 use crate::cli::identify::error_model_of;
 use crate::cli::options::aircraft;
 use crate::cli::options::{GradeChoice, refuse_same};
@@ -58,8 +59,9 @@ pub struct Rehearse {
     /// Folder of the results. A rehearsal that was stopped goes on there.
     #[arg(long)]
     out: PathBuf,
-    /// Algorithm under test: core, core-literal, core-open, kalman, or a program as `COMMAND` or
-    /// `NAME=COMMAND`, see docs/rehearse.md. Several: one table. The core unless given.
+    /// Algorithm under test: core, core-literal, core-open, kalman, a board as `hil --port PORT` or
+    /// `hil --qemu`, or a program as `COMMAND` or `NAME=COMMAND`, see docs/rehearse.md. Several: one
+    /// table. The core unless given.
     #[arg(long, value_name = "ALGORITHM")]
     with: Vec<String>,
     /// Time limit for each answer of a program, s.
@@ -92,6 +94,10 @@ pub struct Rehearse {
     /// Only the K-th of N parts of the flights; without it, what is missing is flown and all added up.
     #[arg(long, value_name = "K/N")]
     shard: Option<Shard>,
+    /// Fly nothing: write a job array of so many shards for Slurm into the folder.
+    #[arg(long, value_name = "JOBS", conflicts_with = "shard",
+          value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    slurm: Option<u32>,
 }
 
 /// Degrees, or none.
@@ -158,6 +164,10 @@ pub fn rehearse(options: &Rehearse, json: bool, force: bool) -> Result<()> {
     };
     let out = &options.out;
     settle(&rehearsal.settings, out, force)?;
+    if let Some(jobs) = options.slurm {
+        let script = slurm::write("rehearse", out, jobs, None)?;
+        return print(&format!("{}\n", script.display()));
+    }
     let sensors = Sensors {
         model: &rehearsal.found,
         at_rest: &AtRest::new(&drives.records),

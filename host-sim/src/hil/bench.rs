@@ -21,10 +21,15 @@ pub fn requests<'a>(
     imu: impl IntoIterator<Item: Borrow<ImuSample>> + 'a,
     gnss: &'a [GnssFix],
 ) -> impl Iterator<Item = Request> + 'a {
-    in_order_of_time(imu, gnss).map(|event| match event {
+    in_order_of_time(imu, gnss).map(request)
+}
+
+/// A sample or a fix as the board is sent it.
+pub fn request(event: Event) -> Request {
+    match event {
         Event::Imu(sample) => Request::Imu(sample),
         Event::Gnss(fix) => Request::Gnss(*fix),
-    })
+    }
 }
 
 /// How the board's answers compare with the host's.

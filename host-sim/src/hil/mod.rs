@@ -6,6 +6,7 @@ pub mod emulator;
 pub(crate) mod hardware;
 pub(crate) mod serial;
 pub mod session;
+pub(crate) mod target;
 pub mod twin;
 pub(crate) mod view;
 

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::io::{self, Read, Write};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
@@ -25,6 +26,21 @@ pub enum HilError {
     #[error("the board cannot be reached: {0}")]
     #[diagnostic(help("the port's name, its permissions, the cable; for --qemu, the image"))]
     Port(#[from] io::Error),
+    /// Nothing to emulate.
+    #[error("{}: there is no such image", .image.display())]
+    #[diagnostic(help(
+        "in the folder firmware-example:\n\
+         cargo build --release --config {config} --target-dir target/{name}\n\
+         or say where it is with --image"
+    ))]
+    NoImage {
+        /// Where it was looked for.
+        image: PathBuf,
+        /// Of the board.
+        name: &'static str,
+        /// Cargo's, to build it with.
+        config: &'static str,
+    },
     /// Nothing comes, or nothing that can be understood.
     #[error(
         "the board does not answer (frames from it: {} corrupt, {} of another version, {} out of order)",

@@ -40,7 +40,7 @@ pub struct Failure {
     pub cause: String,
 }
 
-/// What programs do wrong.
+/// What programs and boards do wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Fault {
@@ -54,6 +54,8 @@ pub enum Fault {
     Late,
     /// What came is no answer to what was asked.
     Wrong,
+    /// Something was lost on the way to a board or back.
+    Lost,
 }
 
 impl Fault {
@@ -64,7 +66,8 @@ impl Fault {
             Self::Crashed => "crashed",
             Self::Hung => "hung",
             Self::Late => "late",
-            Self::Wrong => "wrong line",
+            Self::Wrong => "wrong answer",
+            Self::Lost => "lost on the link",
         }
     }
 }

@@ -6,6 +6,7 @@
 //! was, and shards lie side by side.
 
 pub(crate) mod answers;
+mod board;
 mod budget;
 pub(crate) mod drives;
 pub(crate) mod flight;

@@ -19,6 +19,7 @@ use crate::page::table::cells;
 pub const SUMMARY: &str = "rehearsal.json";
 const TABLE: &str = "errors.csv";
 const PAGE: &str = "report.html";
+const OVERVIEW: &str = "overview.md";
 const TIMES: &str = "times.json";
 
 /// Errors below are drawn here.
@@ -26,7 +27,7 @@ const LEAST: f64 = 1e-3;
 /// Of the algorithms, in turn.
 const COLOURS: [plotters::style::RGBColor; 5] = [BLUE, ORANGE, GREEN, RED, GREY];
 
-/// Writes all files but the model's. Times stand apart: all else is the same to the bit when it is
+/// Writes all files but the model's. Times stand apart: figures are the same to the bit when they are
 /// flown again.
 pub fn write(folder: &Path, summary: &Summary) -> Result<()> {
     #[derive(Serialize)]
@@ -46,7 +47,14 @@ pub fn write(folder: &Path, summary: &Summary) -> Result<()> {
     let page = html(summary).into_diagnostic()?;
     let json = serde_json::to_string_pretty(summary).into_diagnostic()? + "\n";
     let times = serde_json::to_string_pretty(&times).into_diagnostic()? + "\n";
-    for (name, text) in [(TABLE, csv), (PAGE, page), (TIMES, times), (SUMMARY, json)] {
+    let files = [
+        (TABLE, csv),
+        (PAGE, page),
+        (OVERVIEW, for_a_page(summary)),
+        (TIMES, times),
+        (SUMMARY, json),
+    ];
+    for (name, text) in files {
         replace(&folder.join(name), &text)?;
     }
     Ok(())
@@ -312,6 +320,16 @@ fn tables(summary: &Summary) -> Vec<Table> {
 pub fn readable(summary: &Summary) -> String {
     let text = |table: &Table| format!("{}\n\n{}\n", table.title, table.plain());
     tables(summary).iter().map(text).collect()
+}
+
+/// The algorithms beside each other, in Markdown.
+fn for_a_page(summary: &Summary) -> String {
+    let text = |table: Table| format!("{}\n\n{}\n", table.title, table.markdown());
+    [Some(overview(summary)), outcomes(summary)]
+        .into_iter()
+        .flatten()
+        .map(text)
+        .collect()
 }
 
 // --- page ---

@@ -8,9 +8,11 @@ use ins_core::config::{Feedback, Form};
 use ins_core::{Config, Navigator, Phase, Solution};
 
 use super::answers::{Answers, Told};
+use super::board;
 use super::flight::Flown;
 use super::program::Program;
 use crate::compare::kalman::{Noise, Run};
+use crate::hil::target::Target;
 use crate::identify::configure::config_of;
 use crate::identify::run::Event;
 
@@ -21,6 +23,8 @@ pub enum Subject {
     Core(Form, Feedback),
     /// The Kalman filter that the core is compared with, told the model.
     Kalman,
+    /// Firmware on a board, by its name in tables: the core once more, over the link.
+    Board(String, Target),
     /// Anything that speaks the protocol.
     Program(Program),
 }
@@ -36,13 +40,22 @@ pub const AT_HAND: [(&str, Subject); 4] = [
     ("kalman", Subject::Kalman),
 ];
 
+/// The command whose options say which board.
+const BOARD: &str = "hil";
+
 impl FromStr for Subject {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        match AT_HAND.iter().find(|(name, _)| *name == text) {
-            Some((_, subject)) => Ok(subject.clone()),
-            None => text.parse().map(Self::Program),
+        if let Some((_, subject)) = AT_HAND.iter().find(|(name, _)| *name == text) {
+            return Ok(subject.clone());
+        }
+        let program: Program = text.parse()?;
+        match program.command.split_first() {
+            Some((word, options)) if word == BOARD => {
+                Target::of(options).map(|target| Self::Board(program.name, target))
+            }
+            _ => Ok(Self::Program(program)),
         }
     }
 }
@@ -51,7 +64,7 @@ impl Subject {
     /// What stands in tables.
     pub fn name(&self) -> String {
         match self {
-            Self::Program(program) => program.name.clone(),
+            Self::Program(Program { name, .. }) | Self::Board(name, _) => name.clone(),
             _ => (AT_HAND.iter())
                 .find(|(_, subject)| subject == self)
                 .map_or_else(String::new, |(name, _)| (*name).to_owned()),
@@ -64,6 +77,7 @@ impl Subject {
         let solutions = match self {
             Self::Core(form, feedback) => Ok(core(flown, told, *form, *feedback)?),
             Self::Kalman => Ok(kalman(flown, told)?),
+            Self::Board(_, target) => return Ok(board::fly(target, config(flown, told), flown)),
             Self::Program(program) => return Ok(program.fly(flown, told)),
         };
         Ok(Answers {

@@ -5,10 +5,12 @@ use std::path::Path;
 use indicatif::ProgressBar;
 use miette::Result;
 
-use super::super::recovery::both;
+use super::super::recovery::{both, printed};
 use crate::campaign::plan::Plan;
 use crate::campaign::run::{Shard, run};
-use crate::study::recovery::Study;
+use crate::log::Grade;
+use crate::page::table::Table;
+use crate::study::recovery::{Results, Study, Vehicle};
 
 /// Drives of a unit, and their length.
 const DRIVES: u64 = 5;
@@ -17,16 +19,15 @@ const MINUTES: f64 = 40.0;
 /// How well the parameters of error models are found.
 pub(super) fn recovery(units: u64) -> String {
     let study = Study {
+        class: Grade::Hg1700,
+        vehicle: Vehicle::Car,
         units,
         drives: DRIVES,
         minutes: MINUTES,
         first_seed: 0,
     };
-    let tables = both(study).map(|results| {
-        let table = results.table().markdown();
-        format!("Gyro biases of equation {}:\n\n{table}", results.gyro_model)
-    });
-    tables.join("\n")
+    let tables: Vec<Table> = both(study).iter().map(Results::table).collect();
+    printed(&tables, Table::markdown)
 }
 
 /// The campaign of the example plan. What an earlier measurement has finished is not run again.

@@ -3,17 +3,16 @@
 use serde::Serialize;
 
 use super::fit::{self, GyroFit};
-use super::interval::{self, Interval, Measured, sigma_of_squares};
+use super::interval::{self, Interval, Measured};
 use super::record::Record;
+use super::rest_noise::RestNoise;
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::log::Grade;
 use crate::page::number::to_second_digit_of;
 use crate::sim::errors::{BiasModel, Law};
 use crate::sim::noise::Random;
 use crate::sim::{self, ErrorModel};
-use ins_core::rest::RestBlock;
 use ins_core::{Estimate, Observability};
-use nalgebra::Vector3;
 
 /// One parameter of the file, in its unit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -70,7 +69,7 @@ impl Assumed {
     }
 }
 
-/// The value at a path of a model's file; what is not there is zero.
+/// The value at a path of a model's file; what is not there is zero, and a noise once itself.
 pub(crate) fn in_file(model: &ErrorModel, path: &str) -> f64 {
     let mut keys = path.split(['.', '[', ']']).filter(|key| !key.is_empty());
     let file = toml::Value::try_from(model).ok();
@@ -80,7 +79,8 @@ pub(crate) fn in_file(model: &ErrorModel, path: &str) -> f64 {
             Err(_) => at.get(key).cloned(),
         })
     });
-    value.and_then(|value| value.as_float()).unwrap_or(0.0)
+    let absent = f64::from(u8::from(path.contains("noise_times")));
+    value.and_then(|value| value.as_float()).unwrap_or(absent)
 }
 
 /// What drives say of their sensors.
@@ -90,9 +90,9 @@ pub struct Identified {
     pub drives: usize,
     grade: Grade,
     gyro: Option<GyroFit>,
-    /// Gyro noise at rest alone, deg/h/sqrt(Hz): more in motion means vibration.
-    pub gyro_noise_at_rest: Option<Interval>,
-    accel_noise: Option<Interval>,
+    /// Of the gyros, deg/h/sqrt(Hz).
+    gyro_at_rest: Option<RestNoise>,
+    accel_at_rest: Option<RestNoise>,
     accel_sigma: Option<Interval>,
     latency_s: Option<[Interval; 2]>,
     fix_rate_hz: f64,
@@ -102,8 +102,9 @@ impl Identified {
     /// Of at least one drive; `law` is that of the gyro biases, or the likelier.
     pub fn new(records: &[Record], grade: Grade, law: Option<Law>) -> Self {
         let class = class(grade);
-        let accel_noise = noise_at_rest(records, |block| block.force_mps2);
-        let known_noise = accel_noise.map_or(class.accel_mps2.white_noise, |noise| noise.value);
+        let accel_at_rest = RestNoise::new(records, |block| block.force_mps2);
+        let class_noise = class.accel_mps2.white_noise;
+        let known_noise = accel_at_rest.map_or(class_noise, |noise| noise.density.value);
         // A scale error of the up axis is felt as a bias of it.
         let axes = if class.accel_mps2.scale_sigma > 0.0 {
             2
@@ -118,12 +119,20 @@ impl Identified {
             .filter_map(|record| measured(&record.latency_s))
             .collect();
         let rates: f64 = records.iter().map(|record| record.fix_rate_hz).sum();
+        let gyro_at_rest = RestNoise::new(records, |block| block.rate_radps / DEG_H_RADPS);
+        let mut gyro = fit::fit(records, known_noise, law);
+        if let (Some(gyro), Some(rest)) = (&mut gyro, &gyro_at_rest)
+            && class.accel_mps2.scale_sigma > 0.0
+        {
+            // What motion adds is vibration, or the force of turns by a scale that no one knows.
+            gyro.noise.low = gyro.noise.low.min(rest.density.low * DEG_H_RADPS);
+        }
         Self {
             drives: records.len(),
             grade,
-            gyro: fit::fit(records, known_noise, law),
-            gyro_noise_at_rest: noise_at_rest(records, |block| block.rate_radps / DEG_H_RADPS),
-            accel_noise,
+            gyro,
+            gyro_at_rest,
+            accel_at_rest,
             accel_sigma: (!accels.is_empty()).then(|| interval::sigma_behind(&accels)),
             latency_s: latency_bounds(&latencies),
             fix_rate_hz: rates / records.len() as f64,
@@ -135,25 +144,31 @@ impl Identified {
         self.gyro.as_ref()
     }
 
+    /// Gyro noise at rest alone, deg/h/sqrt(Hz): more in motion means vibration.
+    pub fn gyro_noise_at_rest(&self) -> Option<Interval> {
+        self.gyro_at_rest.map(|noise| noise.density)
+    }
+
     /// Gyro noise at rest, rad/s/sqrt(Hz).
     pub fn gyro_noise_radps_at_rest(&self) -> Option<Interval> {
-        self.gyro_noise_at_rest
+        self.gyro_noise_at_rest()
             .map(|noise| noise.scaled(DEG_H_RADPS))
     }
 
     /// Accelerometer noise at rest, m/s^2/sqrt(Hz).
     pub fn accel_noise(&self) -> Option<Interval> {
-        self.accel_noise
+        self.accel_at_rest.map(|noise| noise.density)
     }
 
     /// All parameters in the order of the file.
     pub fn parameters(&self) -> Vec<Parameter> {
         let mut all = self.gyro_parameters();
+        all.extend(times(GYRO_TIMES, self.gyro_at_rest));
         all.extend([
             known(
                 "accel_mps2.white_noise",
                 "m/s^2/sqrt(Hz)",
-                self.accel_noise,
+                self.accel_noise(),
                 NO_REST,
             ),
             spread(
@@ -162,13 +177,14 @@ impl Identified {
                 self.accel_sigma,
                 NO_TURN,
             ),
-            known(
-                "gnss.velocity_sigma_mps",
-                "m/s",
-                self.gyro.as_ref().map(|gyro| gyro.gnss_sigma_mps),
-                NO_AZIMUTH,
-            ),
         ]);
+        all.extend(times(ACCEL_TIMES, self.accel_at_rest));
+        all.push(known(
+            "gnss.velocity_sigma_mps",
+            "m/s",
+            self.gyro.as_ref().map(|gyro| gyro.gnss_sigma_mps),
+            NO_AZIMUTH,
+        ));
         for (name, which) in [("gnss.latency_s[0]", 0), ("gnss.latency_s[1]", 1)] {
             let bound = self.latency_s.map(|bounds| bounds[which]);
             all.push(known(name, "s", bound, NO_LATENCY));
@@ -178,7 +194,7 @@ impl Identified {
 
     fn gyro_parameters(&self) -> Vec<Parameter> {
         let Some(gyro) = &self.gyro else {
-            let rest = self.gyro_noise_at_rest;
+            let rest = self.gyro_noise_at_rest();
             return vec![
                 known("gyro_deg_h.white_noise", NOISE_UNIT, rest, NO_REST),
                 known("gyro_deg_h.bias.initial_sigma", "deg/h", None, NO_AZIMUTH),
@@ -252,8 +268,6 @@ impl Identified {
         }
         Self {
             gyro,
-            gyro_noise_at_rest: self.gyro_noise_at_rest.as_ref().map(&mut draw),
-            accel_noise: self.accel_noise.as_ref().map(&mut draw),
             accel_sigma: self.accel_sigma.as_ref().map(&mut draw),
             latency_s: self.latency_s.map(|[least, most]| {
                 let low = draw(&least);
@@ -264,6 +278,8 @@ impl Identified {
                     [high, low]
                 }
             }),
+            gyro_at_rest: self.gyro_at_rest.map(|noise| noise.drawn(random)),
+            accel_at_rest: self.accel_at_rest.map(|noise| noise.drawn(random)),
             ..self.clone()
         }
     }
@@ -286,7 +302,7 @@ impl Identified {
     /// The model that flights and drives take; what was not found is that of the class.
     pub fn model(&self) -> ErrorModel {
         let mut model = class(self.grade);
-        if let Some(noise) = self.gyro_noise_at_rest {
+        if let Some(noise) = self.gyro_noise_at_rest() {
             model.gyro_deg_h.white_noise = noise.value;
         }
         if let Some(gyro) = &self.gyro {
@@ -294,8 +310,13 @@ impl Identified {
             model.gyro_deg_h.bias = gyro_bias(gyro);
             model.gnss.velocity_sigma_mps = gyro.gnss_sigma_mps.value;
         }
-        if let Some(noise) = self.accel_noise {
-            model.accel_mps2.white_noise = noise.value;
+        if let Some(noise) = &self.gyro_at_rest {
+            let in_motion = model.gyro_deg_h.white_noise / noise.density.value;
+            model.gyro_deg_h.noise_times = noise.model_times(in_motion);
+        }
+        if let Some(noise) = &self.accel_at_rest {
+            model.accel_mps2.white_noise = noise.density.value;
+            model.accel_mps2.noise_times = noise.model_times(1.0);
         }
         if let Some(sigma) = self.accel_sigma {
             model.accel_mps2.bias.set_initial_sigma(sigma.value);
@@ -312,6 +333,7 @@ impl Identified {
 
 const NOISE_UNIT: &str = "deg/h/sqrt(Hz)";
 const NO_REST: &str = "needs some seconds at rest";
+const NO_SCATTER: &str = "needs some seconds at rest in which every axis scatters";
 const NO_TURN: &str = "needs turns and stops, or is below the error of its estimates";
 const NO_AZIMUTH: &str = "needs an observable azimuth";
 const NO_LATENCY: &str = "needs starts and brakings";
@@ -335,6 +357,24 @@ const NOTHING_BETTER: &str = "nothing better to compare positions with";
 const WHITE: &str = "taken for white";
 const NO_TERM: &str = "no term of the model: what the drives had of it is in noise and biases";
 const NO_TIME_SCALE: &str = "needs a larger random part, or more and longer drives";
+
+const GYRO_TIMES: [&str; 3] = [
+    "gyro_deg_h.noise_times[0]",
+    "gyro_deg_h.noise_times[1]",
+    "gyro_deg_h.noise_times[2]",
+];
+const ACCEL_TIMES: [&str; 3] = [
+    "accel_mps2.noise_times[0]",
+    "accel_mps2.noise_times[1]",
+    "accel_mps2.noise_times[2]",
+];
+
+/// How noise is shared among the axes.
+fn times(names: [&'static str; 3], noise: Option<RestNoise>) -> [Parameter; 3] {
+    let found = noise.and_then(|noise| noise.times);
+    let of = |axis: usize| known(names[axis], "1", found.map(|all| all[axis]), NO_SCATTER);
+    [0, 1, 2].map(of)
+}
 
 fn known(
     name: &'static str,
@@ -415,20 +455,6 @@ fn latency_bounds(latencies: &[Measured]) -> Option<[Interval; 2]> {
     Some(interval::uniform_bounds(&values))
 }
 
-/// Root of the density that block means at rest scatter with, about the mean of each rest.
-fn noise_at_rest(records: &[Record], value: fn(&RestBlock) -> Vector3<f64>) -> Option<Interval> {
-    let (mut sum, mut freedom) = (0.0, 0.0);
-    for blocks in records.iter().flat_map(|record| &record.rest) {
-        let count = blocks.len() as f64;
-        let mean = blocks.iter().map(value).sum::<Vector3<f64>>() / count;
-        sum += (blocks.iter())
-            .map(|block| block.seconds * (value(block) - mean).norm_squared())
-            .sum::<f64>();
-        freedom += 3.0 * (count - 1.0);
-    }
-    (freedom > 0.0).then(|| sigma_of_squares(sum, freedom))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -477,8 +503,26 @@ mod tests {
     }
 
     #[test]
+    fn noise_is_shared_among_axes_as_at_rest() {
+        let mut model = ErrorModel::hg1700();
+        (model.gyro_deg_h.noise_times, model.accel_mps2.noise_times) =
+            ([1.5, 0.5, 0.5_f64.sqrt()], [0.5, 0.5_f64.sqrt(), 1.5]);
+        let found = identified(&model, Some(Law::Continuous));
+        for (names, times) in [
+            (GYRO_TIMES, model.gyro_deg_h.noise_times),
+            (ACCEL_TIMES, model.accel_mps2.noise_times),
+        ] {
+            for (name, times) in names.into_iter().zip(times) {
+                assert!(is_near(&found, name, times), "{name}: {:?}", found.table());
+                let in_model = in_file(&found.model(), name);
+                assert!((in_model / times - 1.0).abs() < 0.3, "{name}: {in_model}");
+            }
+        }
+    }
+
+    #[test]
     fn large_jumps_are_counted_and_preferred() {
-        let mut model = truth(Law::Wave);
+        let mut model = truth(Grade::Hg1700, Law::Wave);
         model.gyro_deg_h.white_noise = 1.0;
         let found = identified(&model, None);
         let BiasModel::Wave { interval_s, .. } = found.model().gyro_deg_h.bias else {
@@ -509,7 +553,7 @@ mod tests {
         };
         assert!(!names(&found).contains(&"accel_mps2.white_noise"));
         assert!(names(&found).contains(&"gnss.horizontal_sigma_m"));
-        found.accel_noise = None;
+        found.accel_at_rest = None;
         let all = found.assumed();
         let noise = all
             .iter()

@@ -25,6 +25,7 @@ pub mod interval;
 mod maximum;
 mod output;
 pub mod record;
+mod rest_noise;
 
 pub use identified::{Assumed, Identified, Parameter};
 pub use output::{MODEL, Sensors, toml, write};

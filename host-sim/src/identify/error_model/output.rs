@@ -27,10 +27,10 @@ pub struct Sensors<'a> {
 }
 
 #[derive(Serialize)]
-struct Json<'a> {
+struct Json {
     drives: usize,
     parameters: Vec<Parameter>,
-    gyro_noise_at_rest_deg_h: &'a Option<Interval>,
+    gyro_noise_at_rest_deg_h: Option<Interval>,
 }
 
 /// Writes all files into a folder.
@@ -42,7 +42,7 @@ pub fn write(sensors: Sensors, folder: &Path) -> Result<()> {
     let json = Json {
         drives: found.drives,
         parameters: found.parameters(),
-        gyro_noise_at_rest_deg_h: &found.gyro_noise_at_rest,
+        gyro_noise_at_rest_deg_h: found.gyro_noise_at_rest(),
     };
     output::write(folder, MODEL, toml(found)?)?;
     output::write(folder, JSON, page::json(&json)?)?;

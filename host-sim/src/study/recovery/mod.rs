@@ -1,8 +1,9 @@
-//! How well error models are found: many simulated units, each identified from its drives, against
-//! the models that the drives were made with.
+//! How well error models are found: many simulated units, each identified from its drives or flights,
+//! against the models that these were made with.
 
 mod table;
 
+pub(crate) use table::coverage;
 pub use table::{Results, Row};
 
 use indicatif::ProgressBar;
@@ -12,19 +13,38 @@ use serde::Serialize;
 use crate::identify::configure;
 use crate::identify::error_model::filter::{Candidate, Dynamics};
 use crate::identify::error_model::fit;
+use crate::identify::error_model::identified::class as error_model_of;
 use crate::identify::error_model::{Identified, Parameter, Record};
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::identify::run::identify;
 use crate::log::{BodyAxes, Grade, Log};
 use crate::sim::errors::{BiasModel, Law};
-use crate::sim::{self, DriveConfig, ErrorModel, simulate};
+use crate::sim::plane::{Begin, Plane};
+use crate::sim::{self, DriveConfig, ErrorModel, SimulatedDrive, record, simulate};
 
 /// Seeds from one unit to the next: no unit has so many drives.
 const UNIT_SEEDS: u64 = 1000;
 
+/// Banks of the turns of a flight, rad.
+const BANK_RAD: [f64; 2] = [0.45, 0.7];
+
+/// What units are driven or flown in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Vehicle {
+    /// The simulated car.
+    Car,
+    /// A light aircraft that stands first.
+    Aircraft,
+}
+
 /// Which units are made.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Study {
+    /// Class of the sensors.
+    pub class: Grade,
+    /// What they are driven in.
+    pub vehicle: Vehicle,
     /// Number of units.
     pub units: u64,
     /// Drives of a unit.
@@ -44,20 +64,26 @@ struct Unit {
     rest_freedom: f64,
 }
 
-/// Ring-laser class with gyro biases that move: by some of what the noise of minutes hides.
-pub fn truth(law: Law) -> ErrorModel {
-    let mut model = ErrorModel::hg1700();
+/// A class with gyro biases that move: by some of what the noise of minutes hides in ring lasers, by
+/// more than that in MEMS.
+pub fn truth(class: Grade, law: Law) -> ErrorModel {
+    let mut model = error_model_of(class);
+    let [initial_sigma, moves] = match (class, law) {
+        (Grade::Hg1700, Law::Wave) => [1.0, 2.0],
+        (Grade::Hg1700, Law::Continuous) => [2.0, 2.0],
+        (Grade::Mems, _) => [model.gyro_deg_h.bias.initial_sigma(), 40.0],
+    };
     model.gyro_deg_h.bias = match law {
         Law::Wave => BiasModel::Wave {
-            initial_sigma: 1.0,
+            initial_sigma,
             interval_s: 300.0,
-            jump_mean: 0.3,
-            jump_sigma: 2.0,
+            jump_mean: 0.15 * moves,
+            jump_sigma: moves,
         },
         Law::Continuous => BiasModel::Continuous {
-            initial_sigma: 2.0,
-            slope_sigma_per_s: 0.001,
-            correlated_sigma: 2.0,
+            initial_sigma,
+            slope_sigma_per_s: 0.0005 * moves,
+            correlated_sigma: moves,
             correlation_time_s: 150.0,
         },
     };
@@ -66,12 +92,15 @@ pub fn truth(law: Law) -> ErrorModel {
 
 impl Study {
     fn identified(&self, unit: u64, law: Law) -> Unit {
-        let model = truth(law);
+        let (model, class) = (truth(self.class, law), self.class);
         let first = self.first_seed + UNIT_SEEDS * unit;
         let records: Vec<Record> = (first..first + self.drives)
-            .map(|seed| drive_record(seed, &model, Grade::Hg1700, self.minutes))
+            .map(|seed| match self.vehicle {
+                Vehicle::Car => drive_record(seed, &model, class, self.minutes),
+                Vehicle::Aircraft => flight_record(seed, &model, class, self.minutes),
+            })
             .collect();
-        let found = Identified::new(&records, Grade::Hg1700, Some(law));
+        let found = Identified::new(&records, class, Some(law));
         let accel_noise = model.accel_mps2.white_noise;
         let rest = || records.iter().flat_map(|record| &record.rest);
         Unit {
@@ -84,11 +113,27 @@ impl Study {
 
 /// Drives once with sensors of a model, and keeps what identification needs.
 pub(crate) fn drive_record(seed: u64, model: &ErrorModel, grade: Grade, minutes: f64) -> Record {
+    let config = drive(seed, model, minutes);
+    reduced(simulate(&config), model, grade)
+}
+
+/// The same in the air.
+fn flight_record(seed: u64, model: &ErrorModel, grade: Grade, minutes: f64) -> Record {
+    let recording = drive(seed, model, minutes).recording;
+    let plane = Plane::new(seed, recording.duration_s, BANK_RAD, Begin::OnGround);
+    reduced(record(plane, &recording), model, grade)
+}
+
+fn drive(seed: u64, model: &ErrorModel, minutes: f64) -> DriveConfig {
     let mut config = DriveConfig::new(seed, sim::Grade::default(), minutes);
     config.recording.errors = model.clone();
+    config
+}
+
+fn reduced(run: SimulatedDrive, model: &ErrorModel, grade: Grade) -> Record {
     let log = Log {
         truth: Vec::new(),
-        ..simulate(&config).into_log(BodyAxes::Rfu, model.imu.output)
+        ..run.into_log(BodyAxes::Rfu, model.imu.output)
     };
     let config = configure::config(&log, grade);
     let found = identify(&log, config, &ProgressBar::hidden()).expect("presets are valid");

@@ -73,7 +73,7 @@ impl Study {
 }
 
 fn rows(study: &Study, law: Law, units: &[Unit]) -> Vec<Row> {
-    let model = truth(law);
+    let model = truth(study.class, law);
     let Some(first) = units.first() else {
         return Vec::new();
     };
@@ -179,7 +179,45 @@ impl<'a> Bounds<'a> {
     }
 }
 
+/// Whether models come back: a row for each parameter, a column for each of the results.
+pub(crate) fn coverage(all: &[Results]) -> Table {
+    let mut header = cells([""]);
+    header.extend(all.iter().map(Results::kind));
+    let mut names: Vec<&str> = Vec::new();
+    for row in all.iter().flat_map(|results| &results.rows) {
+        if !names.contains(&row.name) {
+            names.push(row.name);
+        }
+    }
+    let line = |name: &&str| {
+        let of = |results: &Results| results.coverage(name);
+        cells([name])
+            .into_iter()
+            .chain(all.iter().map(of))
+            .collect()
+    };
+    let title = "95 % intervals that hold the truth";
+    Table::new(title, header, names.iter().map(line).collect())
+}
+
 impl Results {
+    fn kind(&self) -> String {
+        let Study { class, vehicle, .. } = self.study;
+        format!("{class:?} {vehicle:?} {}", self.gyro_model).to_lowercase()
+    }
+
+    /// Of one parameter; with the number of units if not all have a value.
+    fn coverage(&self, name: &str) -> String {
+        let Some(row) = self.rows.iter().find(|row| row.name == name) else {
+            return String::new();
+        };
+        match row.units {
+            0 => "no value".to_owned(),
+            units if units as u64 == self.study.units => format!("{:.0} %", row.coverage_percent),
+            units => format!("{:.0} % of {units}", row.coverage_percent),
+        }
+    }
+
     /// A row for each parameter.
     pub(crate) fn table(&self) -> Table {
         let header = cells([
@@ -193,7 +231,8 @@ impl Results {
             "bound",
             "scatter / bound",
         ]);
-        Table::new("", header, self.rows.iter().map(Row::cells).collect())
+        let title = format!("Gyro biases of equation {}", self.gyro_model);
+        Table::new(&title, header, self.rows.iter().map(Row::cells).collect())
     }
 }
 
