@@ -43,9 +43,9 @@ pub struct Residual {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Rival {
     count: f32,
-    /// Squares of one's own residuals and of those of the rival, (m/s)^2.
+    /// Squares of one's own residuals and of its, (m/s)^2.
     own: f32,
-    rival: f32,
+    its: f32,
     /// Their products with what they change by, and of that with itself.
     by_change: Vector2<f32>,
     change: Matrix2<f32>,
@@ -133,7 +133,7 @@ impl Rival {
         let keep = 1.0 - self.count / (MEMORY * MEMORY);
         self.count = keep * self.count + 1.0;
         self.own = keep * self.own + own;
-        self.rival = keep * self.rival + velocity_mps.norm_squared();
+        self.its = keep * self.its + velocity_mps.norm_squared();
         self.by_change = keep * self.by_change + change.tr_mul(velocity_mps);
         self.change = keep * self.change + change.tr_mul(&change);
     }
@@ -148,7 +148,7 @@ impl Rival {
     /// one's own.
     fn best(&self) -> Option<(f64, f64)> {
         let corrections = -self.change.try_inverse()? * self.by_change;
-        let left = self.rival + corrections.dot(&self.by_change);
+        let left = self.its + corrections.dot(&self.by_change);
         let more_s = -f64::from(corrections.x);
         (math::abs(more_s) < SPACING_S && left > 0.0).then(|| {
             let odds = f64::from(self.count) * math::log(f64::from(self.own / left));

@@ -27,7 +27,7 @@ fn after_minutes(own_s: f64, turns: bool) -> (LatencyRivals, Option<f64>) {
             Some(Residual {
                 velocity_mps: velocity(time_s, turns) - gnss,
                 accel_mps2: ahead / 0.02,
-                swing_mps: Vector2::new(0.1 * libm::sinf(number as f32), 0.1),
+                swing_mps: Vector2::new(noise, 0.1),
             })
         };
         won = won.or(rivals.take(&Vector3::y(), own_s, with));
@@ -39,14 +39,17 @@ fn after_minutes(own_s: f64, turns: bool) -> (LatencyRivals, Option<f64>) {
 fn turns_show_that_a_latency_is_a_step_off() {
     let (_, won) = after_minutes(LATENCY_S + PERIOD_S, true);
     // Steps are no sines of time any more where they turn: a hundredth of a second.
-    assert!((won.unwrap() - LATENCY_S).abs() < 0.01, "{won:?}");
+    assert!(
+        won.is_some_and(|won| (won - LATENCY_S).abs() < 0.01),
+        "{won:?}"
+    );
 }
 
 #[test]
 fn the_right_latency_is_let_alone() {
     let (rivals, won) = after_minutes(LATENCY_S, true);
     assert_eq!(won, None);
-    assert_eq!(rivals.open_s(LATENCY_S, 0.002), 0.0);
+    assert!(rivals.open_s(LATENCY_S, 0.002) <= 0.0);
 }
 
 #[test]
@@ -59,5 +62,5 @@ fn what_only_repeats_leaves_it_open() {
     );
     assert!(rivals.open_s(LATENCY_S, 0.002) > 0.4);
     // A spread that admits it says so itself.
-    assert_eq!(rivals.open_s(LATENCY_S, 0.2), 0.0);
+    assert!(rivals.open_s(LATENCY_S, 0.2) <= 0.0);
 }
