@@ -73,7 +73,11 @@ fn recording(path: &Path, imu: Option<usize>, grade: Option<Grade>) -> Recording
     let name = format!("{}{which}", name.to_string_lossy());
     let outcome = match analysis(path, &name, imu, grade) {
         Ok(analysis) => Outcome::Used(Found::new(&analysis)),
-        Err(error) => Outcome::Refused(error.to_string()),
+        Err(error) => {
+            let why = error.to_string();
+            let beside = path.with_file_name("").display().to_string();
+            Outcome::Refused(why.strip_prefix(&beside).unwrap_or(&why).to_owned())
+        }
     };
     Recording {
         name,
@@ -146,12 +150,39 @@ fn row(recording: &Recording) -> Vec<String> {
             digits(found.gnss_hz, found.gnss_hz),
             found.latency_ms.map_or_else(
                 || "not known".to_owned(),
-                |[value, sigma]| format!("{} +- {}", digits(value, sigma), digits(sigma, sigma)),
+                |[value, sigma]| {
+                    let (value, sigma) = (digits(sigma, value), digits(sigma, sigma));
+                    format!("{value} \u{b1} {sigma}")
+                },
             ),
             found.known.to_string(),
             found.warnings.len().to_string(),
             found.against.len().to_string(),
             took,
         ],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_latency_has_the_digits_of_its_sigma() {
+        let found = Found {
+            minutes: 5.5,
+            imu_hz: 50.0,
+            gnss_hz: 5.0,
+            latency_ms: Some([284.682, 8.083]),
+            known: 8,
+            warnings: Vec::new(),
+            against: Vec::new(),
+        };
+        let recording = Recording {
+            name: "flight.bin".to_owned(),
+            outcome: Outcome::Used(found),
+            took_s: 1.0,
+        };
+        assert_eq!(row(&recording)[4], "284.7 \u{b1} 8.1");
     }
 }
