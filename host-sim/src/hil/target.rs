@@ -4,7 +4,7 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use clap::{Args, Parser};
+use clap::{ArgGroup, Args, Parser};
 
 use super::emulator::{Board, Emulator, Pace, Way};
 use super::serial;
@@ -17,15 +17,16 @@ impl<T: Read + Write> Port for T {}
 
 /// A board at a port, or an emulated one.
 #[derive(Args, Clone, Debug, PartialEq, Eq)]
+#[command(group(ArgGroup::new("where").required(true).args(["port", "qemu"])))]
 pub struct Target {
     /// Serial port of the board, say /dev/ttyACM0 or COM3.
-    #[arg(long, required_unless_present = "qemu")]
+    #[arg(long)]
     pub port: Option<String>,
     /// Bits per second of the port.
     #[arg(long, default_value_t = 921_600)]
     pub baud: u32,
     /// An emulated board instead.
-    #[arg(long, conflicts_with = "port")]
+    #[arg(long)]
     pub qemu: bool,
     /// The emulated board.
     #[arg(long, value_enum, default_value_t = Board::CortexM7)]
