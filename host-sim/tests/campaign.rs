@@ -1,4 +1,4 @@
-//! Campaigns from outside: threads, kills and shards leave no trace in the results.
+//! Campaigns from outside: threads and kills leave no trace in the results; `slurm.rs` has shards.
 
 use std::fs;
 use std::path::Path;
@@ -43,7 +43,7 @@ fn sorted_lines(file: &Path) -> Vec<String> {
 }
 
 #[test]
-fn threads_kills_and_shards_leave_no_trace() {
+fn threads_and_kills_leave_no_trace() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     fs::write(home.join("plan.toml"), PLAN).unwrap();
@@ -83,23 +83,4 @@ fn threads_kills_and_shards_leave_no_trace() {
         .current_dir(home)
         .args(["campaign", "other.toml", "--out", "killed"]);
     assert!(!command.stderr(Stdio::null()).status().unwrap().success());
-
-    // The script for Slurm, under plain processes.
-    let mut command = campaign("1", home, "array");
-    assert!(command.args(["--slurm", "2"]).status().unwrap().success());
-    let job = |task: &str| {
-        let mut job = Command::new("bash");
-        job.arg(home.join("array/campaign.sbatch"))
-            .env("HOST_SIM", env!("CARGO_BIN_EXE_host-sim"))
-            .env("SLURM_ARRAY_TASK_ID", task)
-            .stdout(Stdio::null())
-            .stderr(Stdio::null());
-        job.status().unwrap().success()
-    };
-    for task in ["1", "2"] {
-        assert!(!job("0"), "added up before shard {task}");
-        assert!(job(task));
-    }
-    assert!(job("0"));
-    assert_eq!(text(&home.join("array/campaign.json")), summary);
 }
