@@ -3,7 +3,7 @@
 #![cfg(target_os = "linux")]
 
 use std::env;
-use std::fs::{self, File};
+use std::fs;
 use std::net::TcpListener;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
@@ -26,115 +26,67 @@ const PLAN: &str = "
 /// A model, and the flights of a unit with each of its models.
 const RUNS_OF_A_UNIT: usize = 1 + 2 * 4;
 
-/// Of their packages one each, those of the clients together.
-const PROGRAMS: [&str; 5] = ["munged", "mungekey", "slurmctld", "slurmd", "sbatch"];
+/// One of each package.
+const PROGRAMS: [&str; 4] = ["munged", "slurmctld", "slurmd", "sbatch"];
+
+/// Runs the daemons until the test closes its end of the pipe, or dies in whatever way. A job outlives
+/// the daemons, so it is stopped before them.
+const DAEMONS: &str = "
+    mungekey --create --keyfile=$PWD/munge.key
+    munged --foreground --force --key-file=$PWD/munge.key --socket=$PWD/munge.socket \\
+        --pid-file=$PWD/munged.pid --seed-file=$PWD/munge.seed 2>munged.log &
+    for _ in {1..100}; do [ -S munge.socket ] && break; sleep 0.1; done
+    slurmctld -D 2>slurmctld.log &
+    slurmd -D 2>slurmd.log &
+    read -r
+    timeout 10 scancel --partition=test
+    for _ in {1..100}; do [ \"$(timeout 10 squeue --noheader)\" ] || break; sleep 0.1; done
+    kill $(jobs -p)
+    wait
+";
 
 /// Slurm with its files in one folder.
 struct Cluster {
     home: PathBuf,
-    daemons: Vec<Child>,
+    daemons: Child,
 }
 
 impl Cluster {
     fn start(home: PathBuf) -> Self {
-        let mut cluster = Self {
-            home,
-            daemons: Vec::new(),
-        };
         for program in PROGRAMS {
-            let there = path()
-                .split(':')
-                .any(|at| Path::new(at).join(program).is_file());
             assert!(
-                there,
+                env::split_paths(&path()).any(|folder| folder.join(program).is_file()),
                 "{program} is missing: run .ci/install or install Slurm (slurmctld, slurmd, \
                  slurm-client) and munge"
             );
         }
         for folder in ["state", "spool"] {
-            fs::create_dir_all(cluster.home.join(folder)).unwrap();
+            fs::create_dir_all(home.join(folder)).unwrap();
         }
-        fs::write(cluster.home.join("slurm.conf"), cluster.configuration()).unwrap();
-        cluster.start_munge();
-        cluster.start_daemon("slurmctld", &["-D"]);
-        cluster.start_daemon("slurmd", &["-D"]);
+        fs::write(home.join("slurm.conf"), configuration(&home)).unwrap();
+        // A session of its own: Ctrl-C is for the test.
+        let daemons = command(&home, "setsid")
+            .args(["bash", "-c", DAEMONS])
+            .current_dir(&home)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .spawn()
+            .unwrap();
+        let cluster = Self { home, daemons };
         cluster.wait_for("the node to be idle", || {
-            cluster.run("sinfo", &["--noheader", "--format=%T"]).trim() == "idle"
+            let mut sinfo = command(&cluster.home, "sinfo");
+            let output = sinfo.args(["--noheader", "--format=%T"]).output().unwrap();
+            output.stdout == b"idle\n"
         });
         cluster
     }
 
-    fn configuration(&self) -> String {
-        let home = self.home.display();
-        let user = fs::metadata(&self.home).unwrap().uid();
-        let host = fs::read_to_string("/proc/sys/kernel/hostname").unwrap();
-        let host = host.trim().split('.').next().unwrap();
-        // Both at once: two that are free.
-        let ports = [(); 2].map(|()| TcpListener::bind("127.0.0.1:0").unwrap());
-        let [controller, node] = ports.map(|port| port.local_addr().unwrap().port());
-        format!(
-            "ClusterName=test\n\
-             SlurmctldHost={host}(127.0.0.1)\n\
-             SlurmctldPort={controller}\n\
-             SlurmdPort={node}\n\
-             CommunicationParameters=NoInAddrAny,NoCtldInAddrAny\n\
-             SlurmUser={user}\n\
-             SlurmdUser={user}\n\
-             AuthType=auth/munge\n\
-             AuthInfo=socket={home}/munge.socket\n\
-             StateSaveLocation={home}/state\n\
-             SlurmdSpoolDir={home}/spool\n\
-             SlurmctldPidFile={home}/slurmctld.pid\n\
-             SlurmdPidFile={home}/slurmd.pid\n\
-             ProctrackType=proctrack/linuxproc\n\
-             TaskPlugin=task/none\n\
-             JobAcctGatherType=jobacct_gather/none\n\
-             SelectType=select/cons_tres\n\
-             SelectTypeParameters=CR_CPU\n\
-             # Two, whatever the machine has.\n\
-             SlurmdParameters=config_overrides\n\
-             NodeName={host} NodeAddr=127.0.0.1 CPUs=2\n\
-             PartitionName=test Nodes={host} Default=YES\n"
-        )
-    }
-
-    fn start_munge(&mut self) {
-        let file = |name: &str| self.home.join(name).display().to_string();
-        let (key, socket) = (file("munge.key"), file("munge.socket"));
-        self.run("mungekey", &["--create", "--keyfile", &key]);
-        let options = [
-            "--foreground",
-            // The folder is private, but so is the cluster.
-            "--force",
-            &format!("--key-file={key}"),
-            &format!("--socket={socket}"),
-            &format!("--pid-file={}", file("munged.pid")),
-            &format!("--seed-file={}", file("munge.seed")),
-        ];
-        self.start_daemon("munged", &options);
-        self.wait_for("munge", || Path::new(&socket).exists());
-    }
-
-    fn start_daemon(&mut self, program: &str, arguments: &[&str]) {
-        let log = File::create(self.home.join(format!("{program}.log"))).unwrap();
-        let mut command = self.command(program);
-        command.args(arguments).stdout(Stdio::null()).stderr(log);
-        self.daemons.push(command.spawn().unwrap());
-    }
-
-    /// Ends with the test, even if that is killed.
-    fn command(&self, program: &str) -> Command {
-        let mut command = Command::new("setpriv");
-        command
-            .args(["--pdeathsig", "TERM", program])
-            .env("PATH", path())
-            .env("SLURM_CONF", self.home.join("slurm.conf"));
-        command
-    }
-
     /// What it says once it is done.
     fn run(&self, program: &str, arguments: &[&str]) -> String {
-        let output = self.command(program).args(arguments).output().unwrap();
+        let output = command(&self.home, program)
+            .args(arguments)
+            .output()
+            .unwrap();
         let errors = String::from_utf8_lossy(&output.stderr);
         assert!(
             output.status.success(),
@@ -149,7 +101,7 @@ impl Cluster {
         let text = fs::read_to_string(script).unwrap();
         let told = text.lines().filter_map(|line| line.strip_prefix("#   "));
         let commands: Vec<&str> = told.chain(["echo $job"]).collect();
-        let output = (self.command("bash").args(["-euc", &commands.join("\n")]))
+        let output = (command(&self.home, "bash").args(["-euc", &commands.join("\n")]))
             .current_dir(script.parent().unwrap())
             .env("HOST_SIM", HOST_SIM)
             .output()
@@ -198,42 +150,75 @@ impl Cluster {
     }
 }
 
+impl Drop for Cluster {
+    fn drop(&mut self) {
+        // It closes the pipe first.
+        let _ = self.daemons.wait();
+    }
+}
+
+fn configuration(home: &Path) -> String {
+    let user = fs::metadata(home).unwrap().uid();
+    let host = fs::read_to_string("/proc/sys/kernel/hostname").unwrap();
+    let host = host.trim().split('.').next().unwrap();
+    // Both at once: two that are free.
+    let ports = [(); 2].map(|()| TcpListener::bind("127.0.0.1:0").unwrap());
+    let [controller, node] = ports.map(|port| port.local_addr().unwrap().port());
+    let home = home.display();
+    format!(
+        "
+        ClusterName=test
+        SlurmctldHost={host}(127.0.0.1)
+        SlurmctldPort={controller}
+        SlurmdPort={node}
+        CommunicationParameters=NoInAddrAny,NoCtldInAddrAny
+        SlurmUser={user}
+        SlurmdUser={user}
+        AuthType=auth/munge
+        AuthInfo=socket={home}/munge.socket
+        StateSaveLocation={home}/state
+        SlurmdSpoolDir={home}/spool
+        SlurmctldPidFile={home}/slurmctld.pid
+        SlurmdPidFile={home}/slurmd.pid
+        ProctrackType=proctrack/linuxproc
+        TaskPlugin=task/none
+        JobAcctGatherType=jobacct_gather/none
+        SelectType=select/cons_tres
+        SelectTypeParameters=CR_CPU
+        # Two, whatever the machine has.
+        SlurmdParameters=config_overrides
+        NodeName={host} NodeAddr=127.0.0.1 CPUs=2
+        PartitionName=test Nodes={host} Default=YES
+        "
+    )
+}
+
 /// Daemons are where a user need not have them in the path.
 fn path() -> String {
     env::var("PATH").unwrap_or_default() + ":/usr/sbin"
 }
 
-impl Drop for Cluster {
-    fn drop(&mut self) {
-        // A job that runs outlives the daemons.
-        let _ = self.command("scancel").arg("--partition=test").status();
-        let mut left = self.command("squeue");
-        left.arg("--noheader");
-        let start = Instant::now();
-        while (left.output()).is_ok_and(|left| !left.stdout.is_empty())
-            && start.elapsed() < Duration::from_secs(20)
-        {
-            sleep(Duration::from_millis(100));
-        }
-        for daemon in self.daemons.iter_mut().rev() {
-            let _ = daemon.kill();
-            let _ = daemon.wait();
-        }
-    }
+fn command(home: &Path, program: &str) -> Command {
+    let mut command = Command::new(program);
+    command
+        .env("PATH", path())
+        .env("SLURM_CONF", home.join("slurm.conf"));
+    command
 }
 
-fn host_sim(home: &Path, arguments: &[&str]) -> bool {
+/// The error is what it says.
+fn host_sim(home: &Path, arguments: &str) -> Result<(), String> {
     let mut command = Command::new(HOST_SIM);
-    command.current_dir(home).args(arguments);
+    command.current_dir(home).args(arguments.split_whitespace());
     let output = command.output().unwrap();
-    output.status.success()
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    output.status.success().then_some(()).ok_or(said)
 }
 
 /// Of all files of runs.
 fn sorted_runs(folder: &Path) -> Vec<String> {
-    let files = fs::read_dir(folder)
-        .unwrap()
-        .map(|entry| entry.unwrap().path());
+    let files = fs::read_dir(folder).unwrap();
+    let files = files.map(|entry| entry.unwrap().path());
     let runs = files.filter(|file| file.extension().is_some_and(|end| end == "jsonl"));
     let text: String = runs.map(|file| fs::read_to_string(file).unwrap()).collect();
     let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
@@ -246,32 +231,31 @@ fn a_shard_that_is_stopped_and_runs_again_leaves_no_trace() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
     fs::write(home.join("plan.toml"), PLAN).unwrap();
-    let campaign = ["campaign", "plan.toml", "--out"];
-    assert!(host_sim(home, &[&campaign[..], &["one"]].concat()));
-    assert!(host_sim(
-        home,
-        &[&campaign[..], &["array", "--slurm", "2"]].concat()
-    ));
-
     let cluster = Cluster::start(home.join("slurm"));
+    host_sim(home, "campaign plan.toml --out one").unwrap();
+    host_sim(home, "campaign plan.toml --out array --slurm 2").unwrap();
     let [array, sum] = cluster.submit(&home.join("array/campaign.sbatch"));
     let [stopped, other, sum] =
         [(&array, 1), (&array, 2), (&sum, 0)].map(|(job, task)| format!("{job}_{task}"));
-    let runs = || fs::read_to_string(home.join("array/runs-1-of-2.jsonl")).unwrap_or_default();
+    let file = home.join("array/runs-1-of-2.jsonl");
+    let runs = || fs::read_to_string(&file).unwrap_or_default();
     cluster.wait_for("a flight", || runs().matches('\n').count() > 1);
     cluster.run("scontrol", &["requeuehold", &stopped]);
     cluster.wait_for_state(&stopped, "PENDING");
     let before = runs();
-    let before = &before[..=before.rfind('\n').unwrap()];
-    assert!(
-        before.lines().count() < RUNS_OF_A_UNIT,
-        "too late for this test"
-    );
+    let done = before.matches('\n').count();
+    assert!(done < RUNS_OF_A_UNIT, "too late for this test");
+    // Backwards: what is done again would stand in its old place.
+    let mut before: Vec<&str> = before.split_inclusive('\n').take(done).collect();
+    before.reverse();
+    let before = before.concat();
+    fs::write(&file, &before).unwrap();
 
     // With one shard done and one not, Slurm does not add up, and could not.
     cluster.wait_for_state(&other, "COMPLETED");
     assert_eq!(cluster.field(&sum, "State"), "PENDING");
-    assert!(!host_sim(home, &["merge", "array"]));
+    let unfinished = host_sim(home, "merge array").unwrap_err();
+    assert!(unfinished.contains("flights are missing"), "{unfinished}");
 
     // Not minutes later, as Slurm would.
     let job = format!("JobId={stopped}");
@@ -279,7 +263,7 @@ fn a_shard_that_is_stopped_and_runs_again_leaves_no_trace() {
     cluster.run("scontrol", &["release", &stopped]);
     cluster.wait_for_state(&sum, "COMPLETED");
     assert_eq!(cluster.field(&stopped, "RestartCnt"), "1");
-    assert!(runs().starts_with(before), "what was done is done again");
+    assert!(runs().starts_with(&before), "what was done is done again");
 
     let [one, array] = ["one", "array"].map(|folder| home.join(folder));
     assert_eq!(sorted_runs(&one).len(), 2 * RUNS_OF_A_UNIT);
