@@ -62,9 +62,6 @@ const SWING_PER_S4: f64 = 6e4;
 /// Rate and acceleration of an ordinary manoeuvre, which a hole may hide, rad/s and m/s^2.
 const HIDDEN_RADPS: f64 = 0.1;
 const HIDDEN_MPS2: f64 = 1.0;
-/// Fixes in a row, some two seconds of them, that err alike where a bend of the motion is not
-/// accounted for: their mean says no more than one.
-const BENT_ALIKE: f64 = 10.0;
 
 /// What the observer follows, ENU: the error of the INS and the correlated noise of GNSS, with
 /// the sign that it has in INS minus GNSS.
@@ -686,7 +683,7 @@ impl Observer {
         let smoothing_s2 = math::max(self.parameters.value(index::SMOOTHING), 0.0);
         let skew = square(smoothing_s2) * smoothing_s2 / 9.0 * third.norm_squared();
         let bent = square(0.5 * latency) * second.norm_squared();
-        jolt + BENT_ALIKE * (skew + bent) + 0.5 * latency * azimuth * first.norm_squared()
+        jolt + skew + bent + 0.5 * latency * azimuth * first.norm_squared()
     }
 
     /// Carries the observer over a span that ends at `to`, in a frame that turns at `frame_rate`.
