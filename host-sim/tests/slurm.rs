@@ -99,10 +99,12 @@ impl Cluster {
     /// Does as the script says. Returns the numbers of the array and of the job that adds up.
     fn submit(&self, script: &Path) -> [String; 2] {
         let text = fs::read_to_string(script).unwrap();
+        // What jobs print comes to the logs.
+        fs::copy(script, self.home.join(script.file_name().unwrap())).unwrap();
         let told = text.lines().filter_map(|line| line.strip_prefix("#   "));
         let commands: Vec<&str> = told.chain(["echo $job"]).collect();
         let output = (command(&self.home, "bash").args(["-euc", &commands.join("\n")]))
-            .current_dir(script.parent().unwrap())
+            .current_dir(&self.home)
             .env("HOST_SIM", HOST_SIM)
             .output()
             .unwrap();
@@ -144,9 +146,7 @@ impl Cluster {
     }
 
     fn logs(&self) -> String {
-        let files = ["munged.log", "slurmctld.log", "slurmd.log"];
-        let logs = files.map(|file| fs::read_to_string(self.home.join(file)).unwrap_or_default());
-        logs.concat()
+        text_of(&self.home, "log") + &text_of(&self.home, "out")
     }
 }
 
@@ -215,12 +215,18 @@ fn host_sim(home: &Path, arguments: &str) -> Result<(), String> {
     output.status.success().then_some(()).ok_or(said)
 }
 
-/// Of all files of runs.
-fn sorted_runs(folder: &Path) -> Vec<String> {
+/// Of all files in a folder with an extension.
+fn text_of(folder: &Path, extension: &str) -> String {
     let files = fs::read_dir(folder).unwrap();
     let files = files.map(|entry| entry.unwrap().path());
-    let runs = files.filter(|file| file.extension().is_some_and(|end| end == "jsonl"));
-    let text: String = runs.map(|file| fs::read_to_string(file).unwrap()).collect();
+    files
+        .filter(|file| file.extension().is_some_and(|end| end == extension))
+        .map(|file| fs::read_to_string(file).unwrap())
+        .collect()
+}
+
+fn sorted_runs(folder: &Path) -> Vec<String> {
+    let text = text_of(folder, "jsonl");
     let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
     lines.sort();
     lines
