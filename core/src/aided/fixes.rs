@@ -58,17 +58,24 @@ impl<const N: usize> AidedIns<N> {
         outcome
     }
 
-    /// Lets a fix wait; one that has waited longest makes room.
+    /// Lets a fix wait; one that has waited longest makes room if its moment has come, and what goes
+    /// on is brought to an end for it. Else nothing is changed.
     fn queue(&mut self, fix: &GnssFix, tally: &mut Tally, config: &Config) -> GnssOutcome {
         if self.pending.push(*fix).is_ok() {
             return GnssOutcome::Queued;
         }
-        while self.compare(tally, config) {}
-        let room = self.take_waiting(false, tally, config) && self.pending.push(*fix).is_ok();
-        if room {
-            GnssOutcome::Queued
-        } else {
-            GnssOutcome::TooFarAhead
+        let come = self.pending.oldest().is_some_and(|oldest| {
+            let moment = oldest.time.plus_seconds(-self.compensation.latency_s);
+            !matches!(self.history.at(moment, false), Err(Missing::Future))
+        });
+        if !come {
+            return GnssOutcome::TooFarAhead;
+        }
+        // First a comparison that does not take it may have to be closed.
+        while !self.take_waiting(false, tally, config) && self.compare(tally, config) {}
+        match self.pending.push(*fix) {
+            Ok(()) => GnssOutcome::Queued,
+            Err(_) => GnssOutcome::TooFarAhead,
         }
     }
 
