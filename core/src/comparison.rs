@@ -114,6 +114,8 @@ pub struct Comparison {
 impl Comparison {
     /// Where nothing vertical is measured: that it climbs by no more than this.
     pub fn assume_no_climb(&mut self, sigma_mps: f64) {
+        // A vertical velocity of the wrong sign has been left out, and has no part in it.
+        self.velocity_mps.z = self.past.velocity_mps.z;
         self.climb = Part::of(true, None);
         self.climb_variance = sigma_mps * sigma_mps;
         self.climb_assumed = true;
