@@ -193,8 +193,9 @@ impl<const RING: usize> Navigator<RING> {
         if !(heading.heading_rad.is_finite() && heading.sigma_rad.is_finite()) {
             return GnssOutcome::NotFinite;
         }
+        let spreads = LEAST_HEADING_SIGMA_RAD..=core::f64::consts::PI;
         let possible = math::abs(heading.heading_rad) <= core::f64::consts::TAU;
-        if !possible || heading.sigma_rad < LEAST_HEADING_SIGMA_RAD {
+        if !possible || !spreads.contains(&heading.sigma_rad) {
             return GnssOutcome::OutOfRange;
         }
         match &mut self.state.mode {

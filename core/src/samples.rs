@@ -75,7 +75,7 @@ pub struct Heading {
     pub time: Time,
     /// Of the forward axis, clockwise from true north, within a turn of it, rad.
     pub heading_rad: f64,
-    /// One standard deviation, rad; 1e-5 at least.
+    /// One standard deviation, rad; 1e-5 at least and half a turn at most.
     pub sigma_rad: f64,
 }
 
