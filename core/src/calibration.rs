@@ -33,6 +33,8 @@ pub struct Calibration {
     pub turn_scale: Known,
     /// Scale errors of the gyros in all other turns, 1.
     pub gyro_scale: [Known; 3],
+    /// Misalignments of the gyros: what they make of all other turns about the vertical, rad.
+    pub gyro_misalignment_rad: [Known; 3],
     /// GNSS latency, s.
     pub gnss_latency_s: Known,
     /// Growth of the latency, s/s.
@@ -47,7 +49,7 @@ pub struct Calibration {
 
 impl Calibration {
     /// Each group and its first parameter.
-    fn groups(&mut self) -> [(usize, &mut [Known]); 9] {
+    fn groups(&mut self) -> [(usize, &mut [Known]); 10] {
         use core::slice::from_mut;
         [
             (index::LATENCY, from_mut(&mut self.gnss_latency_s)),
@@ -58,6 +60,7 @@ impl Calibration {
             (index::ACCEL_SCALE, &mut self.accel_scale),
             (index::TURN_SCALE, from_mut(&mut self.turn_scale)),
             (index::GYRO_SCALE, &mut self.gyro_scale),
+            (index::GYRO_MISALIGNMENT, &mut self.gyro_misalignment_rad),
             (index::SMOOTHING, from_mut(&mut self.gnss_smoothing_s2)),
         ]
     }

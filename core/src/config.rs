@@ -273,6 +273,11 @@ impl SensorConfig {
         positive(self.accel_range_mps2, "sensors.accel_range_mps2")?;
         around_one(self.noise_range, "sensors.noise_range")
     }
+
+    /// Of what a sensor shows of another axis, 1: as large as scale errors where nothing else is said.
+    pub(crate) fn cross_axis_variance(&self) -> f64 {
+        self.gyro_scale * self.gyro_scale + self.misalignment_rad * self.misalignment_rad
+    }
 }
 
 impl GnssConfig {
@@ -328,6 +333,7 @@ impl Config {
         let (df, dw) = (some(s.accel_bias_mps2, 1e-6), some(s.gyro_bias_radps, 1e-9));
         let (lever, scale) = (some(g.lever_arm_sigma_m, 1e-4), some(s.accel_scale, 1e-7));
         let turn = some(s.gyro_scale, 1e-7);
+        let askew = some(math::sqrt(s.cross_axis_variance()), 1e-7);
         let sigma = SVector::<f64, COUNT>::from([
             1.0,
             some(g.latency_sigma_s, 1e-6),
@@ -348,6 +354,9 @@ impl Config {
             turn,
             turn,
             turn,
+            askew,
+            askew,
+            askew,
             some(g.smoothing_s2, 1e-9),
         ]);
         let mut prior = Parameters {

@@ -196,7 +196,9 @@ impl InsError {
 /// bias is that number at the level attitude of this mount, where `level_force_mps2` is felt; the
 /// scale error acts on what is felt beyond it. The same of the gyros: in level turns their errors
 /// are one about the vertical, and a tilt that is one with the biases of the accelerometers; the
-/// scale error of each acts on what it turns beyond.
+/// scale error of each acts on what it turns beyond. Misalignments do as well; but only what they
+/// make of it about the vertical adds up, over banked turns to the right as to the left, where the
+/// rest comes and goes with the heading: that has no parameter and is noise.
 pub fn for_each_input(
     span: &Span,
     level_force_mps2: &Vector3<f64>,
@@ -220,6 +222,12 @@ pub fn for_each_input(
     }
     let turned = span.attitude_s * (mount_up * (span.turn_rad / seconds));
     visit(index::TURN_SCALE, Input::Tilt(-turned));
+    for (axis, tipped_rad) in tipped_rad.iter().enumerate() {
+        visit(
+            index::GYRO_MISALIGNMENT + axis,
+            Input::Tilt(Vector3::new(0.0, 0.0, -tipped_rad)),
+        );
+    }
 }
 
 /// Body axes' share in the level and in the vertical ones: of white noise with these variances per

@@ -84,6 +84,9 @@ pub struct Estimates {
     pub turn_scale: Estimate,
     /// Scale errors of the x, y and z gyros in all other turns, 1.
     pub gyro_scale: [Estimate; 3],
+    /// Misalignments of the gyros, rad: of what the unit turns beyond about its x, y and z axis, the
+    /// part that they take for a turn about the vertical.
+    pub gyro_misalignment_rad: [Estimate; 3],
     /// Antenna position right, forward and up of the inertial sensors, m.
     pub lever_arm_m: [Estimate; 3],
     /// Specific force in the body at the level attitude of the mount, m/s^2: there the scale
@@ -116,7 +119,8 @@ impl Estimates {
             let turn_rad = up.dot(&interval.angle_rad);
             let tipped_rad = interval.angle_rad - turn_rad * up;
             corrected.angle_rad -= value(&self.turn_scale) * turn_rad * up
-                + vector(&self.gyro_scale).component_mul(&tipped_rad);
+                + vector(&self.gyro_scale).component_mul(&tipped_rad)
+                + vector(&self.gyro_misalignment_rad).dot(&tipped_rad) * up;
         }
         corrected
     }
@@ -162,6 +166,8 @@ impl Estimates {
             turn_scale: known(index::TURN_SCALE, Observability::NeedsTurn),
             gyro_scale: [0, 1, 2]
                 .map(|axis| known(index::GYRO_SCALE + axis, Observability::NeedsTurn)),
+            gyro_misalignment_rad: [0, 1, 2]
+                .map(|axis| known(index::GYRO_MISALIGNMENT + axis, Observability::NeedsTurn)),
             lever_arm_m: [0, 1, 2]
                 .map(|axis| known(index::LEVER_ARM + axis, Observability::NeedsTurn)),
             level_force_mps2: Vector3::zeros(),

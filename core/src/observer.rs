@@ -286,7 +286,7 @@ impl Observer {
         vertical.doubt_position(UNKNOWN_HEIGHT_M * UNKNOWN_HEIGHT_M);
         Self {
             followed,
-            responses: core::array::from_fn(unit_response),
+            responses: UNIT_RESPONSES,
             level,
             assumed,
             trial: NoiseTrial::first(&assumed, &level, config),
@@ -773,12 +773,10 @@ impl Observer {
     /// vehicle is pushed. What has no parameter is noise: of an error that grows with the turn
     /// itself, not with its square root.
     fn doubt_manoeuvre(&mut self, span: &Span, config: &Config) {
-        let s = &config.sensors;
         let up = span.attitude_s.row(2).transpose() / span.seconds;
         let tipped = self.tipped.grow(&(up - self.up), span.seconds);
         self.up = up;
-        // Cross-axis errors are as large as scale errors where nothing else is said of them.
-        let cross = s.gyro_scale * s.gyro_scale + s.misalignment_rad * s.misalignment_rad;
+        let cross = config.sensors.cross_axis_variance();
         let tilt = cross * tipped;
         self.level.doubt(0.0, tilt);
         self.trial.level.doubt(0.0, tilt);
@@ -929,8 +927,8 @@ impl Observer {
             _ => 0.0,
         });
         self.carry_forward(index::AZIMUTH, &azimuth);
-        for (which, response) in self.responses.iter_mut().enumerate() {
-            response.error.tilt_rad.z = unit_response(which).error.tilt_rad.z;
+        for (response, unit) in self.responses.iter_mut().zip(&UNIT_RESPONSES) {
+            response.error.tilt_rad.z = unit.error.tilt_rad.z;
         }
         let mut latency = Row::zeros();
         if let Some(drift) = latency.get_mut(index::CLOCK_DRIFT) {
@@ -1076,14 +1074,21 @@ impl Followed<f32> {
     }
 }
 
-/// Response before anything has happened: the azimuth parameter is the azimuth error.
-fn unit_response(which: usize) -> Followed<f32> {
-    let mut response = Followed::zero();
-    if which == index::AZIMUTH {
-        response.error.tilt_rad.z = 1.0;
-    }
-    response
-}
+/// Responses before anything has happened: the azimuth parameter is the azimuth error.
+const UNIT_RESPONSES: [Followed<f32>; COUNT] = {
+    const NONE: Vector3<f32> = Vector3::new(0.0, 0.0, 0.0);
+    let mut responses = [Followed {
+        error: InsError {
+            position_m: NONE,
+            velocity_mps: NONE,
+            tilt_rad: NONE,
+        },
+        velocity_noise: NONE,
+        position_noise: NONE,
+    }; COUNT];
+    responses[index::AZIMUTH].error.tilt_rad = Vector3::new(0.0, 0.0, 1.0);
+    responses
+};
 
 /// Variance of the INS error that the spreads of the parameters make at the start: that of the
 /// azimuth.

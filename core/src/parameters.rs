@@ -4,7 +4,7 @@ use crate::math;
 use nalgebra::{SVector, Vector3};
 
 /// How many there are.
-pub const COUNT: usize = 20;
+pub const COUNT: usize = 23;
 /// Elements of a triangular matrix over them.
 pub const PAIRS: usize = COUNT * (COUNT + 1) / 2;
 
@@ -32,8 +32,11 @@ pub mod index {
     pub const TURN_SCALE: usize = 15;
     /// First of three scale errors of the gyros in all other turns.
     pub const GYRO_SCALE: usize = 16;
+    /// First of three misalignments: what the gyros make of all other turns, about each axis of the
+    /// body, about the vertical, rad.
+    pub const GYRO_MISALIGNMENT: usize = 19;
     /// Smoothing by the receiver: variance of the times that its output is a mean of, s^2.
-    pub const SMOOTHING: usize = 19;
+    pub const SMOOTHING: usize = 22;
 }
 
 /// Values and standard deviations.

@@ -141,6 +141,7 @@ fn assert_sound(navigator: &Navigator) {
         e.gyro_bias_radps,
         e.accel_scale,
         e.gyro_scale,
+        e.gyro_misalignment_rad,
         e.lever_arm_m,
     ];
     let sound = |e: &Estimate| e.value.is_finite() && e.sigma.is_finite() && e.sigma >= 0.0;

@@ -94,6 +94,7 @@ fn all(e: &Estimates) -> Vec<Estimate> {
     list.extend(e.accel_scale);
     list.push(e.turn_scale);
     list.extend(e.gyro_scale);
+    list.extend(e.gyro_misalignment_rad);
     list.extend(e.lever_arm_m);
     list
 }

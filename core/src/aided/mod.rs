@@ -54,6 +54,8 @@ struct Turned {
     /// A unit of each gyro's scale error, rad: in all turns, and in those about the vertical.
     scales_rad: Vector3<f64>,
     vertical_rad: Vector3<f64>,
+    /// A unit of each misalignment of the gyros: all turns beyond those about the vertical.
+    tipped_rad: Vector3<f64>,
 }
 
 /// What the estimators have to do besides taking fixes.
@@ -321,7 +323,8 @@ impl<const N: usize> AidedIns<N> {
         let vertical = &self.turned.vertical_rad;
         let beyond = self.turned.scales_rad - mount_up.component_mul(vertical);
         let scale = parameters.value(index::TURN_SCALE) * mount_up.dot(vertical)
-            + parameters.vector(index::GYRO_SCALE).dot(&beyond);
+            + parameters.vector(index::GYRO_SCALE).dot(&beyond)
+            + (parameters.vector(index::GYRO_MISALIGNMENT)).dot(&self.turned.tipped_rad);
         self.azimuth_left_rad() - self.turned.controls_rad + drift + scale
     }
 
@@ -502,6 +505,8 @@ impl<const N: usize> AidedIns<N> {
         self.turned.gyros_s += up * dt;
         self.turned.scales_rad += up.component_mul(&interval.angle_rad);
         self.turned.vertical_rad += up * turn_rad;
+        let mount_up = self.estimator.level_force_mps2() * (1.0 / GRAVITY_EQUATOR_MPS2);
+        self.turned.tipped_rad += interval.angle_rad - mount_up * turn_rad;
     }
 
     /// A vehicle at rest turns with the Earth: its gyros read their biases.

@@ -169,12 +169,14 @@ impl Steady {
             .vector(index::ACCEL_SCALE)
             .component_mul(&beyond_level);
         let push = c * (parameters.vector(index::ACCEL) + scaled) + self.control_mps2;
-        let vertical = self.level_force_mps2 / GRAVITY_EQUATOR_MPS2 * self.turn_radps();
-        let turned = vertical * parameters.value(index::TURN_SCALE)
-            + parameters
-                .vector(index::GYRO_SCALE)
-                .component_mul(&(self.rate_radps - vertical));
-        let drift = self.control_radps - c * (parameters.vector(index::GYRO) + turned);
+        let up = self.level_force_mps2 / GRAVITY_EQUATOR_MPS2;
+        let tipped = self.rate_radps - up * self.turn_radps();
+        let turned = up * (parameters.value(index::TURN_SCALE) * self.turn_radps())
+            + parameters.vector(index::GYRO_SCALE).component_mul(&tipped);
+        let askew = parameters.vector(index::GYRO_MISALIGNMENT).dot(&tipped);
+        let drift = self.control_radps
+            - c * (parameters.vector(index::GYRO) + turned)
+            - Vector3::z() * askew;
         let steps = 3000;
         let dt = SECONDS / f64::from(steps);
         let mut error = *start;
@@ -192,8 +194,8 @@ impl Steady {
 
 fn any_parameters() -> impl Strategy<Value = Parameters> {
     let biases = (vector(SMALL_RAD), vector(0.1));
-    let scales = (vector(0.01), vector(1e-3), -1e-3..1e-3);
-    (biases, scales).prop_map(|((gyro, accel), (accel_scale, gyro_scale, turn))| {
+    let scales = (vector(0.01), vector(1e-3), vector(1e-3), -1e-3..1e-3);
+    (biases, scales).prop_map(|((gyro, accel), (accel_scale, gyro_scale, askew, turn))| {
         let mut parameters = Parameters {
             value: SVector::<f64, COUNT>::zeros(),
             sigma: SVector::repeat(1.0),
@@ -203,6 +205,7 @@ fn any_parameters() -> impl Strategy<Value = Parameters> {
             (index::ACCEL, accel),
             (index::ACCEL_SCALE, accel_scale),
             (index::GYRO_SCALE, gyro_scale),
+            (index::GYRO_MISALIGNMENT, askew),
         ] {
             for (axis, value) in values.iter().enumerate() {
                 parameters.set(first + axis, *value, 1.0);

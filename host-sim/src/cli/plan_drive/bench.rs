@@ -235,7 +235,8 @@ impl Bench {
             gyro: sample.gyro
                 + seconds * values(&known.gyro_bias_radps)
                 + known.turn_scale.value * turn * up
-                + values(&known.gyro_scale).component_mul(&tipped),
+                + values(&known.gyro_scale).component_mul(&tipped)
+                + values(&known.gyro_misalignment_rad).dot(&tipped) * up,
             accel: sample.accel
                 + seconds * values(&known.accel_bias_mps2)
                 + values(&known.accel_scale).component_mul(&beyond_level),

@@ -20,10 +20,11 @@ pub enum Kind {
     AccelScale,
     TurnScale,
     GyroScale,
+    GyroMisalignment,
 }
 
 impl Kind {
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Azimuth,
         Self::AccelBias,
         Self::GyroBias,
@@ -32,6 +33,7 @@ impl Kind {
         Self::AccelScale,
         Self::TurnScale,
         Self::GyroScale,
+        Self::GyroMisalignment,
     ];
 
     /// Key in a target file, name, unit, SI value of the unit.
@@ -45,6 +47,7 @@ impl Kind {
             Self::AccelScale => ("accel_scale_percent", "accelerometer scale", "%", 1e-2),
             Self::TurnScale => ("turn_scale_percent", "gyro scale, vertical", "%", 1e-2),
             Self::GyroScale => ("gyro_scale_percent", "gyro scale", "%", 1e-2),
+            Self::GyroMisalignment => ("gyro_misalignment_mrad", "gyro misalignment", "mrad", 1e-3),
         }
     }
 
@@ -98,6 +101,7 @@ impl Quantity {
             Kind::AccelScale => (&estimates.accel_scale[component], 1.0),
             Kind::TurnScale => (&estimates.turn_scale, 1.0),
             Kind::GyroScale => (&estimates.gyro_scale[component], 1.0),
+            Kind::GyroMisalignment => (&estimates.gyro_misalignment_rad[component], sign),
         };
         Known::of(estimate, sign * self.si())
     }

@@ -10,7 +10,7 @@ use indicatif::ProgressBar;
 use ins_core::earth::LocalEarth;
 use ins_core::{Estimate, Estimates, Solution};
 use miette::{IntoDiagnostic, Result};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -222,6 +222,7 @@ fn true_values(
     let at = &end.position;
     let gravity = LocalEarth::at(at.latitude_rad, at.height_m).gravity_mps2;
     let felt = Vector3::from(errors.accel_bias_mps2) + gravity * errors.accel_matrix * up;
+    let cross_axis = errors.gyro_matrix - Matrix3::from_diagonal(&errors.gyro_matrix.diagonal());
     let azimuth_left = (solution.attitude * end.attitude.inverse()).scaled_axis().z;
     let value = |value: f64| Estimate {
         value,
@@ -238,6 +239,7 @@ fn true_values(
         accel_scale: vector(errors.accel_matrix.diagonal()),
         turn_scale: value(up.dot(&(errors.gyro_matrix * up))),
         gyro_scale: vector(errors.gyro_matrix.diagonal()),
+        gyro_misalignment_rad: vector(cross_axis.tr_mul(&up)),
         ..Estimates::default()
     }
 }

@@ -81,11 +81,7 @@ fn try_on<S: Subject>(mut subject: S, world: &World, drive: &SimulatedDrive, tru
                 first_solution_s = Some(time.as_seconds());
             }
             if time >= half && true_now.time == time {
-                let aligned = Solution {
-                    attitude: true_now.attitude * truth.axes,
-                    ..*true_now
-                };
-                let now = solution.map(|solution| Look::new(&solution, &aligned, subject.sigma()));
+                let now = solution.map(|solution| Look::new(&solution, true_now, subject.sigma()));
                 second_half.add(now, world.is_out(time));
             }
         }
@@ -110,7 +106,7 @@ fn check_end(
     truth: &Truth,
     checks: &mut Vec<Check>,
 ) {
-    let off = rotation_between(&(true_end.attitude * truth.axes), &solution.attitude);
+    let off = rotation_between(&true_end.attitude, &solution.attitude);
     let mut add = |quantity: usize, error: f64, claim: &Claim| {
         let si = QUANTITIES[quantity].si;
         checks.push(Check {

@@ -9,7 +9,7 @@ use ins_core::{
     SolutionSigma, Time,
 };
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 
 use super::World;
 use crate::compare::kalman::{self, Filter, index};
@@ -60,11 +60,13 @@ pub trait Subject {
 }
 
 /// What a user of this unit and receiver sets: the class of the sensors, what samples hold, a
-/// heading if one is given, and for a class that is told of neither that the antenna is some way
-/// off and that the clocks are two.
+/// heading if one is given, how far its axes are off by its data sheet, and for a class that is told
+/// of neither that the antenna is some way off and that the clocks are two.
 pub fn config(world: &World, drive: &SimulatedDrive) -> Config {
     let (class, output) = (world.class.class(), world.errors.imu.output);
     let mut config = config_of(class, output, drive.given_heading_rad);
+    config.sensors.misalignment_rad = (world.errors.gyro_deg_h.misalignment_sigma)
+        .max(world.errors.accel_mps2.misalignment_sigma);
     if world.antenna_m.norm() > 0.0 {
         config.gnss.lever_arm_sigma_m = config.gnss.lever_arm_sigma_m.max(ARM_SIGMA_M);
     }
@@ -152,12 +154,6 @@ impl<'a> Kalman<'a> {
         })
     }
 
-    /// The gyros' scale errors, across the vertical: see [`super::truth`].
-    fn across(&self, filter: &Filter) -> Vector3<f64> {
-        let turn = filter.known.gyro_scale.component_mul(&self.up);
-        turn - self.up * self.up.dot(&turn)
-    }
-
     /// The bias that an accelerometer is felt to have, which this filter tells apart: see
     /// [`super::truth`].
     fn felt(&self, filter: &Filter, axis: usize) -> Claim {
@@ -167,15 +163,8 @@ impl<'a> Kalman<'a> {
         if let Some(at) = filter.layout.accel_scale {
             row[at + axis] = GRAVITY_MPS2 * up[axis];
         }
-        if let Some(at) = filter.layout.gyro_scale {
-            for of in 0..3 {
-                let own = if of == axis { up[axis] } else { 0.0 };
-                row[at + of] = -GRAVITY_MPS2 * (own - up[axis] * up[of] * up[of]);
-            }
-        }
-        let scaled = known.accel_scale[axis] * up[axis] - self.across(filter)[axis];
         Claim {
-            value: known.accel_bias_mps2[axis] + GRAVITY_MPS2 * scaled,
+            value: known.accel_bias_mps2[axis] + GRAVITY_MPS2 * known.accel_scale[axis] * up[axis],
             sigma: Some((row.dot(&(&filter.covariance * &row))).max(0.0).sqrt()),
             observable: true,
         }
@@ -189,10 +178,7 @@ impl Subject for Kalman<'_> {
 
     fn solution(&self) -> Option<Solution> {
         let filter = self.run.filter()?;
-        let mut solution = filter.known.solution(filter.time);
-        let tilt = -self.up.cross(&self.across(filter));
-        solution.attitude *= UnitQuaternion::from_scaled_axis(tilt);
-        Some(solution)
+        Some(filter.known.solution(filter.time))
     }
 
     fn sigma(&self) -> Option<SolutionSigma> {

@@ -430,6 +430,21 @@ pub static KINDS: &[Kind] = &[
         },
     ),
     judge(
+        "misaligned_in_circles",
+        MEMS,
+        15.0,
+        "fixed wing, banks of 35 to 60 deg, begins in flight, axes of gyros off by 3 mrad, 4 Hz",
+        |w| {
+            let bank_rad = [35.0, 60.0].map(f64::to_radians);
+            w.vehicle = Vehicle::Plane {
+                bank_rad,
+                begin: Begin::InFlight,
+            };
+            w.errors.gnss.rate_hz = 4.0;
+            w.errors.gyro_deg_h.misalignment_sigma = 0.003;
+        },
+    ),
+    judge(
         "pedestrian_in_town",
         MEMS,
         18.0,
