@@ -54,8 +54,10 @@ struct Turned {
     /// A unit of each gyro's scale error, rad: in all turns, and in those about the vertical.
     scales_rad: Vector3<f64>,
     vertical_rad: Vector3<f64>,
-    /// A unit of each misalignment of the gyros: all turns beyond those about the vertical.
-    tipped_rad: Vector3<f64>,
+    /// All turns, and those about the vertical, rad: a unit of each misalignment of the gyros is what
+    /// the first have beyond the others.
+    angle_rad: Vector3<f64>,
+    turn_rad: f64,
 }
 
 /// What the estimators have to do besides taking fixes.
@@ -322,9 +324,10 @@ impl<const N: usize> AidedIns<N> {
         let mount_up = self.estimator.level_force_mps2() / GRAVITY_EQUATOR_MPS2;
         let vertical = &self.turned.vertical_rad;
         let beyond = self.turned.scales_rad - mount_up.component_mul(vertical);
+        let tipped_rad = self.turned.angle_rad - mount_up * self.turned.turn_rad;
         let scale = parameters.value(index::TURN_SCALE) * mount_up.dot(vertical)
             + parameters.vector(index::GYRO_SCALE).dot(&beyond)
-            + (parameters.vector(index::GYRO_MISALIGNMENT)).dot(&self.turned.tipped_rad);
+            + (parameters.vector(index::GYRO_MISALIGNMENT)).dot(&tipped_rad);
         self.azimuth_left_rad() - self.turned.controls_rad + drift + scale
     }
 
@@ -505,8 +508,8 @@ impl<const N: usize> AidedIns<N> {
         self.turned.gyros_s += up * dt;
         self.turned.scales_rad += up.component_mul(&interval.angle_rad);
         self.turned.vertical_rad += up * turn_rad;
-        let mount_up = self.estimator.level_force_mps2() * (1.0 / GRAVITY_EQUATOR_MPS2);
-        self.turned.tipped_rad += interval.angle_rad - mount_up * turn_rad;
+        self.turned.angle_rad += interval.angle_rad;
+        self.turned.turn_rad += turn_rad;
     }
 
     /// A vehicle at rest turns with the Earth: its gyros read their biases.

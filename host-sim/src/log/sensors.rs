@@ -17,8 +17,9 @@ const SPIKE_RADPS: f64 = 20.0;
 const FROZEN_S: f64 = 1.0;
 /// One channel alone may rest as long as the last digit allows, s.
 const STUCK_S: f64 = 10.0;
-/// Longest hole that goes without a word, s: what holds for the time before may not hold after a longer.
-const HOLE_S: f64 = 10.0;
+/// Longest hole that goes without a word, s: in a longer one a car rounds a corner, and a multirotor
+/// is somewhere else.
+const HOLE_S: f64 = 3.0;
 /// A peak has one highest sample, or two; a stop has many.
 const STOP_RUN: usize = 5;
 
