@@ -131,6 +131,22 @@ mod tests {
     }
 
     #[test]
+    fn what_misaligned_gyros_add_in_every_banked_turn_is_found() {
+        let study = Study {
+            kinds: all().filter(|k| k.name == "misaligned_in_flight").collect(),
+            only: None,
+            first_seed: 0,
+            seeds: 6,
+            with_kalman: false,
+        };
+        let results = study.results(&ProgressBar::hidden());
+        let mut rows = results[0].rows.iter();
+        let row = rows.find(|row| row.quantity.name == "gyro z").unwrap();
+        // Six errors of one sigma come to 1.5 in one of thirty sets; taken for biases these come to 2.3.
+        assert!(row.rms_ratio.unwrap() < 1.5, "{row:?}");
+    }
+
+    #[test]
     fn kinds_have_names_of_their_own_and_half_of_them_judge() {
         let names: std::collections::BTreeSet<&str> = all().map(|kind| kind.name).collect();
         assert_eq!(names.len(), all().count());
