@@ -153,7 +153,7 @@ impl<const RING: usize> Navigator<RING> {
             restarts: 0,
             level_force_mps2: calibration.map_or_else(Vector3::zeros, |c| c.level_force_mps2),
             stopgap: None,
-            mode: Mode::Aligning(Alignment::new(Time::default(), known)),
+            mode: Mode::Aligning(Alignment::new(Time::default(), &known)),
         };
         Ok(Self {
             config,
@@ -454,7 +454,7 @@ impl<const RING: usize> State<RING> {
                 self.level_force_mps2 = ins.level_force_mps2();
                 self.restarts = self.restarts.saturating_add(1);
                 self.stopgap = Some(*ins.mechanization()).filter(is_possible);
-                self.mode = Mode::Aligning(Alignment::resume(time, position, attitude, known));
+                self.mode = Mode::Aligning(Alignment::resume(time, position, attitude, &known));
             }
         }
     }

@@ -128,10 +128,10 @@ pub struct Alignment {
 
 impl Alignment {
     /// Begins with levelling.
-    pub fn new(start: Time, known: Parameters) -> Self {
+    pub fn new(start: Time, known: &Parameters) -> Self {
         Self {
             start,
-            known,
+            known: *known,
             detector: RestDetector::default(),
             rest: RestMean::default(),
             velocity_mps: Vector3::zeros(),
@@ -147,7 +147,7 @@ impl Alignment {
         time: Time,
         position: Geodetic,
         attitude: UnitQuaternion<f64>,
-        known: Parameters,
+        known: &Parameters,
     ) -> Self {
         Self {
             place: Some((time, position)),
@@ -187,7 +187,7 @@ impl Alignment {
         *self = Self {
             velocity_mps: self.velocity_mps,
             place: self.place,
-            ..Self::new(time, self.known)
+            ..Self::new(time, &self.known)
         };
     }
 
