@@ -183,6 +183,13 @@ impl World {
         self.mount = UnitQuaternion::from_axis_angle(&axis, angle);
     }
 
+    /// A fixed wing that banks by this much, least and most, with so many fixes a second.
+    pub fn fixed_wing(&mut self, bank_deg: [f64; 2], begin: Begin, rate_hz: f64) {
+        let bank_rad = bank_deg.map(f64::to_radians);
+        self.vehicle = Vehicle::Plane { bank_rad, begin };
+        self.errors.gnss.rate_hz = rate_hz;
+    }
+
     /// An antenna anywhere within so many metres, right, forward, up.
     pub fn antenna_within(&mut self, reach_m: [f64; 3]) {
         let place = reach_m.map(|reach| self.random.uniform([-reach, reach]));

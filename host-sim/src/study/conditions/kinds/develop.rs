@@ -337,12 +337,7 @@ pub static KINDS: &[Kind] = &[
         15.0,
         "fixed wing, banks of 50 to 55 deg, from the ground",
         |w| {
-            let bank_rad = [50.0, 55.0].map(f64::to_radians);
-            w.vehicle = Vehicle::Plane {
-                bank_rad,
-                begin: Begin::OnGround,
-            };
-            w.errors.gnss.rate_hz = 5.0;
+            w.fixed_wing([50.0, 55.0], Begin::OnGround, 5.0);
         },
     ),
     develop(
@@ -351,12 +346,7 @@ pub static KINDS: &[Kind] = &[
         15.0,
         "fixed wing, banks of 25 to 40 deg, from the ground, axes off by 5 mrad",
         |w| {
-            let bank_rad = [25.0, 40.0].map(f64::to_radians);
-            w.vehicle = Vehicle::Plane {
-                bank_rad,
-                begin: Begin::OnGround,
-            };
-            w.errors.gnss.rate_hz = 5.0;
+            w.fixed_wing([25.0, 40.0], Begin::OnGround, 5.0);
             w.errors.gyro_deg_h.misalignment_sigma = 0.005;
             w.errors.accel_mps2.misalignment_sigma = 0.005;
         },

@@ -419,12 +419,7 @@ pub static KINDS: &[Kind] = &[
         15.0,
         "fixed wing, banks of 35 to 60 deg, begins in flight, antenna 0.5 m away, 4 Hz",
         |w| {
-            let bank_rad = [35.0, 60.0].map(f64::to_radians);
-            w.vehicle = Vehicle::Plane {
-                bank_rad,
-                begin: Begin::InFlight,
-            };
-            w.errors.gnss.rate_hz = 4.0;
+            w.fixed_wing([35.0, 60.0], Begin::InFlight, 4.0);
             w.antenna_within([0.5, 0.5, 0.3]);
             w.velocity_noise(0.05, 0.05, 2.0);
         },
@@ -435,12 +430,7 @@ pub static KINDS: &[Kind] = &[
         15.0,
         "fixed wing, banks of 35 to 60 deg, begins in flight, axes of gyros off by 3 mrad, 4 Hz",
         |w| {
-            let bank_rad = [35.0, 60.0].map(f64::to_radians);
-            w.vehicle = Vehicle::Plane {
-                bank_rad,
-                begin: Begin::InFlight,
-            };
-            w.errors.gnss.rate_hz = 4.0;
+            w.fixed_wing([35.0, 60.0], Begin::InFlight, 4.0);
             w.errors.gyro_deg_h.misalignment_sigma = 0.003;
         },
     ),
