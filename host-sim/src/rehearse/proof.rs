@@ -18,7 +18,8 @@ use crate::identify::analysis::Analysis;
 use crate::identify::error_model::Record;
 use crate::identify::error_model::interval::student;
 use crate::identify::run::{Event, in_order_of_time};
-use crate::page::table::{self, cells};
+use crate::log::Log;
+use crate::page::table::{self, Table, cells};
 use crate::sim::drive::Recording;
 use crate::sim::{ErrorModel, record};
 use crate::study::flights::statistics::rms;
@@ -31,6 +32,8 @@ const STRIDE_S: f64 = 10.0;
 const SETTLE_S: f64 = 30.0;
 /// Age of the last fix at which an outage may begin, s; older, there already is one.
 const FRESH_S: f64 = 1.5;
+/// A drive whose first fix is slower than this begins at rest, m/s.
+const STANDING_MPS: f64 = 0.5;
 /// Quantities that are foretold: position, velocity and attitude, level.
 const FORETOLD: [usize; 4] = [POSITION, 2, 4, HEADING];
 /// Goal: predicted over observed.
@@ -71,7 +74,8 @@ pub(crate) fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Resu
     let mut errors = model.clone();
     errors.gnss.rate_hz = Record::new(log, &analysis.found).fix_rate_hz;
     let solutions = &analysis.found.solutions;
-    let (Some(replay), Some(first)) = (Replay::new(solutions), solutions.get(1)) else {
+    let before_s = rest_before_s(log, solutions);
+    let (Some(replay), Some(first)) = (Replay::new(solutions, before_s), solutions.get(1)) else {
         eprintln!("{name}: never navigates, nothing to compare");
         return Ok(Vec::new());
     };
@@ -116,6 +120,15 @@ pub(crate) fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Resu
         eprintln!("{name}: no outage fits, on the drive or on its simulations");
     }
     Ok(rows)
+}
+
+/// How long before the first solution a drive that begins at rest began, s.
+fn rest_before_s(log: &Log, solutions: &[Solution]) -> f64 {
+    let stood = (log.gnss.first()).is_some_and(|fix| fix.speed_mps() < STANDING_MPS);
+    match (log.imu.first(), solutions.first()) {
+        (Some(sample), Some(first)) if stood => first.time.seconds_since(sample.time),
+        _ => 0.0,
+    }
 }
 
 /// None without outages on either side.
@@ -205,6 +218,27 @@ fn free(mut ins: Navigator, imu: &[ImuSample], start: Time) -> [Option<Solution>
     ends
 }
 
+/// A row for each drive and time: predicted over observed, and what 95 % of drives would have.
+pub(crate) fn overview(rows: &[Row]) -> Table {
+    let mut header = cells(["drive", "without, s", "outages"]);
+    header.extend(FORETOLD.map(|quantity| QUANTITIES[quantity].name.to_owned()));
+    let of_one = |rows: &[Row]| {
+        let mut cells = vec![
+            rows[0].log.clone(),
+            rows[0].without_gnss_s.to_string(),
+            rows[0].outages.to_string(),
+        ];
+        let ratio = |row: &Row| {
+            let [low, high] = row.ratio_95;
+            format!("{:.2} ({low:.2} to {high:.2})", row.ratio)
+        };
+        cells.extend(rows.iter().map(ratio));
+        cells
+    };
+    let all = rows.chunks(FORETOLD.len()).map(of_one).collect();
+    Table::new("Predicted over observed drift", header, all)
+}
+
 /// As a table.
 pub(crate) fn readable(rows: &[Row]) -> String {
     let header = cells([
@@ -230,11 +264,15 @@ pub(crate) fn readable(rows: &[Row]) -> String {
         ]
     };
     let all: Vec<Vec<String>> = rows.iter().map(row).collect();
+    format!("{}\n{}\n", table::plain(&header, &all), verdict(rows))
+}
+
+/// How many ratios are as they should be.
+pub(crate) fn verdict(rows: &[Row]) -> String {
     let good = |row: &&Row| (GOAL[0]..=GOAL[1]).contains(&row.ratio);
     let honest = |row: &&Row| row.ratio_95[0] <= 1.0 && row.ratio_95[1] >= 1.0;
     format!(
-        "{}\n{} of {} ratios within {} to {}; in {} the 95 % hold 1.\n",
-        table::plain(&header, &all),
+        "{} of {} ratios within {} to {}; in {} the 95 % hold 1.",
         rows.iter().filter(good).count(),
         rows.len(),
         GOAL[0],

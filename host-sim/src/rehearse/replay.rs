@@ -1,27 +1,34 @@
 //! A recorded drive as a motion: what a unit on it really went through, without its noise.
 
 use ins_core::Solution;
-use nalgebra::{Quaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use crate::aircraft::dynamics::State;
 use crate::aircraft::trajectory::{Node, Segment};
 use crate::sim::{Kinematics, Motion};
 
-/// Through the solutions of a navigator, from the first on.
+/// How fast a rest ends, m/s^2.
+const DRIVE_OFF_MPS2: f64 = 1.5;
+
+/// Through the solutions of a navigator, from the first on; after a rest, if there was one, that
+/// ends straight ahead.
 #[derive(Clone, Debug)]
 pub struct Replay {
+    before_s: f64,
     nodes: Vec<Node>,
     at: usize,
     segment: Segment,
 }
 
 impl Replay {
-    /// None of fewer than three solutions.
-    pub fn new(solutions: &[Solution]) -> Option<Self> {
+    /// None of fewer than three solutions; `before_s` is how long the vehicle stood and drove off
+    /// before the first.
+    pub fn new(solutions: &[Solution], before_s: f64) -> Option<Self> {
         let nodes = nodes(solutions);
         let (first, second) = (nodes.first()?, nodes.get(1)?);
         let segment = Segment::between(first, second);
         Some(Self {
+            before_s,
             nodes,
             at: 0,
             segment,
@@ -30,7 +37,7 @@ impl Replay {
 
     /// How long it is, s.
     pub fn duration_s(&self) -> f64 {
-        self.nodes.last().map_or(0.0, |node| node.time_s)
+        self.before_s + self.nodes.last().map_or(0.0, |node| node.time_s)
     }
 }
 
@@ -66,8 +73,32 @@ fn nodes(solutions: &[Solution]) -> Vec<Node> {
     solutions.windows(3).map(node).collect()
 }
 
+impl Replay {
+    fn driving_off(&self, seconds_left: f64) -> Kinematics {
+        let first = &self.nodes[0].state;
+        let velocity = first.velocity_enu_mps;
+        let lasts_s = velocity.norm() / DRIVE_OFF_MPS2;
+        let gone = 1.0 - seconds_left / lasts_s;
+        let (gone, acceleration_enu_mps2) = if gone > 0.0 {
+            (gone, velocity / lasts_s)
+        } else {
+            (0.0, Vector3::zeros())
+        };
+        Kinematics {
+            velocity_enu_mps: gone * velocity,
+            acceleration_enu_mps2,
+            attitude: UnitQuaternion::new_normalize(first.attitude),
+            angular_rate_lb_b_radps: Vector3::zeros(),
+        }
+    }
+}
+
 impl Motion for Replay {
     fn kinematics(&mut self, time_s: f64) -> Kinematics {
+        if time_s < self.before_s {
+            return self.driving_off(self.before_s - time_s);
+        }
+        let time_s = time_s - self.before_s;
         while time_s > self.segment.end_s() && self.at + 2 < self.nodes.len() {
             self.at += 1;
             self.segment = Segment::between(&self.nodes[self.at], &self.nodes[self.at + 1]);
@@ -84,10 +115,11 @@ mod tests {
     #[test]
     fn a_simulated_drive_is_driven_again() {
         let truth = simulate(&DriveConfig::new(3, Grade::Ideal, 3.0)).truth;
-        let mut replay = Replay::new(&truth).unwrap();
-        assert!((replay.duration_s() - 179.8).abs() < 0.11);
+        let mut replay = Replay::new(&truth, 5.0).unwrap();
+        assert!((replay.duration_s() - 184.8).abs() < 0.11);
+        assert!(replay.kinematics(1.0).velocity_enu_mps.norm() == 0.0);
         for (count, solution) in truth[1..truth.len() - 1].iter().enumerate() {
-            let shown = replay.kinematics(0.1 * count as f64);
+            let shown = replay.kinematics(5.0 + 0.1 * count as f64);
             assert!((shown.velocity_enu_mps - solution.velocity_enu_mps).norm() < 1e-9);
             assert!(shown.attitude.angle_to(&solution.attitude) < 1e-7);
         }

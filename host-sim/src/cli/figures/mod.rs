@@ -64,6 +64,8 @@ enum Part {
     Logs,
     /// Recordings of other programs and recorded logs, without a hand's help.
     Recordings,
+    /// Drift without GNSS of recorded drives, foretold from others of the same unit.
+    Proof,
     /// Error models found from drives: units behind it are --runs, 200 at most.
     Recovery,
     /// Accuracy of flights foretold from drives.
@@ -138,6 +140,7 @@ impl Part {
                 options.recordings.as_deref(),
                 options.logs.as_deref(),
             )),
+            Self::Proof => identification::proof(root, options.logs.as_deref()),
             Self::Recovery => Ok(Some(identification::recovery(options.runs.clamp(2, 200)))),
             Self::Campaign => identification::campaign(root).map(Some),
             Self::Aircraft => aircraft::performance_table().map(Some),

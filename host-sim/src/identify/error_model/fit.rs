@@ -1,13 +1,21 @@
 //! Maximum likelihood of the gyro models (3) and (4) over all drives at once.
 
-use super::filter::{Answer, Candidate, Dynamics, filter};
-use super::interval::{self, Interval, NORMAL_95};
+use super::filter::{Answer, Candidate, Class, Dynamics, filter};
+use super::interval::{self, Interval, Measured, NORMAL_95};
 use super::maximum::{crossing, curvature, maximum};
 use super::record::Record;
 use crate::sim::errors::Law;
+use crate::sim::receiver::Correlated;
 
 /// Twice the log-likelihood falls by chi-square of one degree of freedom, 95 %: 3.84.
 const DROP: f64 = 1.92;
+/// Of two degrees of freedom: 5.99.
+const DROP_OF_TWO: f64 = 3.0;
+/// Logarithm of a spread that is none.
+const NONE: f64 = -60.0;
+/// Times of a memory of GNSS that are tried, s. Shorter ones are noise to epochs, longer ones
+/// errors of the INS.
+const MEMORIES_S: [f64; 3] = [3.0, 15.0, 100.0];
 /// Log-likelihoods closer than this are equal: on the way, and at the top itself.
 const TOLERANCE: f64 = 0.02;
 const TOP_TOLERANCE: f64 = 0.001;
@@ -15,6 +23,8 @@ const TOP_TOLERANCE: f64 = 0.001;
 const CURVATURE_STEP: f64 = 0.03;
 /// A bound further away than this factor is none.
 const BOUNDLESS: f64 = 1e3;
+/// As far as this factor a parameter without a bound is followed.
+const FAR: f64 = 5.0;
 /// Weight, of the greatest, below which an interval between jumps is out of the question.
 const NEGLIGIBLE: f64 = 1e-3;
 /// Log-likelihood below the greatest at which an interval is not looked at again.
@@ -25,8 +35,9 @@ const REFINEMENTS: usize = 60;
 const WALK_S: f64 = 10.0;
 /// Upper over lower bound beyond which an interval between jumps is not known.
 const VAGUE: f64 = 3.0;
-/// By how much the log-likelihood of (3) must exceed that of (4) to be preferred.
-const PREFERENCE: f64 = 2.0;
+/// By how much the log-likelihood of (3) must exceed that of (4) to be preferred: its interval is the
+/// best of some fifty that differ, ln 50.
+const PREFERENCE: f64 = 4.0;
 
 /// What all drives say of the gyros and of GNSS velocity; SI units.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,6 +46,12 @@ pub struct GyroFit {
     pub noise: Interval,
     /// Noise of a GNSS velocity component, m/s, white with the density that the fixes have.
     pub gnss_sigma_mps: Interval,
+    /// Part of it with a memory, m/s; zero if none is seen.
+    pub gnss_memory_mps: Interval,
+    /// Correlation time of that, s.
+    pub gnss_memory_s: Interval,
+    /// Spread of what gyros make of turns about another axis, rad; none where no turns showed it.
+    pub misalignment: Option<Interval>,
     /// Run-to-run spread at the start, or of the constant, rad/s.
     pub initial_sigma: Interval,
     /// How they move after that: in jumps, or as correlated noise over a trend.
@@ -57,6 +74,11 @@ impl GyroFit {
         self.size.is_spread()
     }
 
+    /// Whether the noise of GNSS velocity was seen to have a memory.
+    pub fn remembers(&self) -> bool {
+        self.gnss_memory_mps.is_spread()
+    }
+
     /// Whether the time scale of that is known.
     pub fn has_time_scale(&self) -> bool {
         self.moves() && self.time_s.high < VAGUE * VAGUE * self.time_s.low
@@ -64,7 +86,12 @@ impl GyroFit {
 }
 
 /// Fits one model, or the likelier of the two.
-pub fn fit(records: &[Record], accel_noise: f64, law: Option<Law>) -> Option<GyroFit> {
+pub fn fit(
+    records: &[Record],
+    accel_noise: f64,
+    class: Class,
+    law: Option<Law>,
+) -> Option<GyroFit> {
     let drives: Vec<&Record> = (records.iter())
         .filter(|record| !record.epochs.is_empty())
         .collect();
@@ -74,13 +101,14 @@ pub fn fit(records: &[Record], accel_noise: f64, law: Option<Law>) -> Option<Gyr
     let fitter = Fitter {
         drives,
         accel_noise,
+        class,
     };
-    let still = fitter.still();
+    let start = fitter.start();
     Some(match law {
-        Some(Law::Wave) => fitter.wave(&still),
-        Some(Law::Continuous) => fitter.continuous(&still),
+        Some(Law::Wave) => fitter.wave(&start),
+        Some(Law::Continuous) => fitter.continuous(&start),
         None => {
-            let (wave, continuous) = (fitter.wave(&still), fitter.continuous(&still));
+            let (wave, continuous) = (fitter.wave(&start), fitter.continuous(&start));
             let gain = wave.log_likelihood - continuous.log_likelihood;
             if wave.has_time_scale() && gain > PREFERENCE {
                 wave
@@ -93,58 +121,92 @@ pub fn fit(records: &[Record], accel_noise: f64, law: Option<Law>) -> Option<Gyr
 
 /// Log-likelihood, its curvature in the logarithms of (noise, GNSS noise, size and time of the
 /// random part) at given values: the information behind the bound of Cramer and Rao.
-pub fn information(records: &[Record], accel_noise: f64, at: &Candidate) -> nalgebra::Matrix4<f64> {
+pub fn information(records: &[Record], at: &Candidate) -> nalgebra::Matrix4<f64> {
     let fitter = Fitter {
         drives: records.iter().collect(),
-        accel_noise,
+        accel_noise: at.accel_noise,
+        class: at.class,
     };
     let Dynamics { law, size, time_s } = at.dynamics;
     let point = [at.gyro_noise, at.gnss_sigma_mps, size, time_s].map(libm::log);
-    let f = |x: &[f64; 4]| fitter.at(x[0], x[1], law, x[2], x[3]);
+    let Correlated { sigma, time_s } = at.gnss_memory;
+    let [memory, memory_time] = [sigma.max(libm::exp(NONE)), time_s.max(1.0)].map(libm::log);
+    let f = |x: &[f64; 4]| {
+        let point = Point {
+            noise: x[0],
+            gnss: x[1],
+            memory,
+            memory_time,
+            size: x[2],
+            time: x[3],
+        };
+        fitter.at(law, &point)
+    };
     -curvature(f, point, CURVATURE_STEP)
 }
 
 struct Fitter<'a> {
     drives: Vec<&'a Record>,
     accel_noise: f64,
+    class: Class,
 }
 
-/// The best point of a model: logarithms of gyro noise, GNSS noise, size and time of the random
-/// part, and the log-likelihood there.
+/// Logarithms of the parameters of a model: gyro noise, GNSS noise, size and time of its memory,
+/// size and time of the random part of the biases.
 #[derive(Clone, Copy)]
-struct Top {
+struct Point {
     noise: f64,
     gnss: f64,
+    memory: f64,
+    memory_time: f64,
     size: f64,
     time: f64,
+}
+
+/// A point and the log-likelihood there.
+#[derive(Clone, Copy)]
+struct Top {
+    at: Point,
     value: f64,
 }
 
+/// Where every model begins.
+struct Start {
+    /// Biases that do not move.
+    still: Top,
+    /// Biases that walk at random.
+    walk: Top,
+}
+
 impl Fitter<'_> {
-    /// From logarithms of the parameters.
-    fn candidate(&self, noise: f64, gnss: f64, law: Law, size: f64, time: f64) -> Candidate {
+    fn candidate(&self, law: Law, point: &Point) -> Candidate {
         Candidate {
-            gyro_noise: libm::exp(noise),
+            gyro_noise: libm::exp(point.noise),
             accel_noise: self.accel_noise,
-            gnss_sigma_mps: libm::exp(gnss),
+            gnss_sigma_mps: libm::exp(point.gnss),
+            gnss_memory: Correlated {
+                sigma: libm::exp(point.memory),
+                time_s: libm::exp(point.memory_time),
+            },
             dynamics: Dynamics {
                 law,
-                size: libm::exp(size),
-                time_s: libm::exp(time),
+                size: libm::exp(point.size),
+                time_s: libm::exp(point.time),
             },
+            class: self.class,
         }
     }
 
-    /// What the drives say at the best point of a model.
-    fn answers(&self, law: Law, top: &Top) -> Vec<Answer> {
-        let candidate = self.candidate(top.noise, top.gnss, law, top.size, top.time);
+    /// What the drives say at a point.
+    fn answers(&self, law: Law, at: &Point) -> Vec<Answer> {
+        let candidate = self.candidate(law, at);
         let filter = |record: &&Record| filter(record, &candidate);
         self.drives.iter().map(filter).collect()
     }
 
-    /// Log-likelihood at logarithms of the parameters.
-    fn at(&self, noise: f64, gnss: f64, law: Law, size: f64, time: f64) -> f64 {
-        let candidate = self.candidate(noise, gnss, law, size, time);
+    /// Log-likelihood at a point.
+    fn at(&self, law: Law, point: &Point) -> f64 {
+        let candidate = self.candidate(law, point);
         let sum: f64 = (self.drives.iter())
             .map(|record| filter(record, &candidate).log_likelihood)
             .sum();
@@ -156,23 +218,92 @@ impl Fitter<'_> {
         }
     }
 
-    /// Biases that do not move: a start for everything else.
+    fn top(&self, law: Law, at: Point) -> Top {
+        let value = self.at(law, &at);
+        Top { at, value }
+    }
+
+    /// The best of the points that so many numbers stand for.
+    fn best<const N: usize>(
+        &self,
+        law: Law,
+        start: [f64; N],
+        step: [f64; N],
+        tolerance: f64,
+        point: impl Fn(&[f64; N]) -> Point,
+    ) -> Top {
+        let (x, value) = maximum(|x| self.at(law, &point(x)), start, step, tolerance);
+        Top {
+            at: point(&x),
+            value,
+        }
+    }
+
+    /// The memory of GNSS is told from biases that move, and both from noise.
+    fn start(&self) -> Start {
+        let still = self.still();
+        let walk = self.walk(&still);
+        let walk = self.with_memory(&walk);
+        let still = self.top(
+            Law::Continuous,
+            Point {
+                memory: walk.at.memory,
+                memory_time: walk.at.memory_time,
+                ..still.at
+            },
+        );
+        Start { still, walk }
+    }
+
+    /// Biases that do not move.
     fn still(&self) -> Top {
-        let none = -60.0;
-        let f = |x: &[f64; 2]| self.at(x[0], x[1], Law::Continuous, none, 5.0);
+        let point = |x: &[f64; 2]| Point {
+            noise: x[0],
+            gnss: x[1],
+            memory: NONE,
+            memory_time: libm::log(MEMORIES_S[1]),
+            size: NONE,
+            time: 5.0,
+        };
         // From lasers to the worst of MEMS: the likelihood has one top, but a long way off.
         let starts = [1e-6, 1e-5, 1e-4, 1e-3].map(libm::log);
         let gnss = libm::log(0.1);
+        let at = |noise: f64| self.at(Law::Continuous, &point(&[noise, gnss]));
         let start = (starts.into_iter())
-            .max_by(|a, b| f(&[*a, gnss]).total_cmp(&f(&[*b, gnss])))
+            .max_by(|a, b| at(*a).total_cmp(&at(*b)))
             .unwrap_or(starts[1]);
-        let ([noise, gnss], value) = maximum(f, [start, gnss], [0.7, 0.3], TOLERANCE);
-        Top {
-            noise,
-            gnss,
-            size: none,
-            time: 5.0,
-            value,
+        let law = Law::Continuous;
+        self.best(law, [start, gnss], [0.7, 0.3], TOLERANCE, point)
+    }
+
+    /// With what noise of GNSS has a memory, if that makes the drives likelier than chance would.
+    fn with_memory(&self, without: &Top) -> Top {
+        let point = |x: &[f64; 5]| Point {
+            noise: x[0],
+            gnss: x[1],
+            size: x[2],
+            memory: x[3],
+            memory_time: x[4].clamp(libm::log(MEMORIES_S[0]), libm::log(MEMORIES_S[2])),
+            ..without.at
+        };
+        let Point {
+            noise, gnss, size, ..
+        } = without.at;
+        let starts = MEMORIES_S.map(|time| [noise, gnss, size, gnss - 2.0, libm::log(time)]);
+        let at = |x: &[f64; 5]| self.at(Law::Wave, &point(x));
+        let start = (starts.into_iter())
+            .max_by(|a, b| at(a).total_cmp(&at(b)))
+            .unwrap_or(starts[1]);
+        // A memory that makes drives less likely by its first bit is none.
+        if at(&start) <= without.value {
+            return *without;
+        }
+        let step = [-0.1, -0.1, -0.2, 0.7, 0.5];
+        let with = self.best(Law::Wave, start, step, TOLERANCE, point);
+        if with.value > without.value + DROP_OF_TWO {
+            with
+        } else {
+            *without
         }
     }
 
@@ -185,46 +316,44 @@ impl Fitter<'_> {
 
     // --- (4) ---
 
-    fn continuous(&self, still: &Top) -> GyroFit {
-        let top = self.continuous_top(still);
-        let size = self.size_interval(Law::Continuous, &top, still.value);
+    fn continuous(&self, start: &Start) -> GyroFit {
+        let top = self.continuous_top(&start.still);
+        let size = self.size_interval(Law::Continuous, &top, start.still.value);
         let time = self.time_interval(&top);
-        let answers = self.answers(Law::Continuous, &top);
-        let trends: Vec<_> = answers.iter().flat_map(|answer| answer.trends).collect();
-        let trend = interval::sigma_behind(&trends);
-        self.assemble(Law::Continuous, &top, &answers, [trend, size, time])
+        self.assemble(Law::Continuous, &top, [size, time])
     }
 
     fn continuous_top(&self, still: &Top) -> Top {
         // What the noise of ten minutes hides.
-        let unit = still.noise - 0.5 * libm::log(600.0);
+        let unit = still.at.noise - 0.5 * libm::log(600.0);
         let longest = libm::log(self.longest_s());
         let sizes = [0.3_f64, 1.0, 3.0, 10.0].map(|by| unit + libm::log(by));
         let times = [20.0_f64, 60.0, 200.0, 600.0, 2000.0].map(libm::log);
-        let mut best = *still;
+        let mut start: Option<Top> = None;
         for size in sizes {
             for time in times.into_iter().filter(|time| *time < longest) {
-                let value = self.at(still.noise, still.gnss, Law::Continuous, size, time);
-                if value > best.value || best.size < unit - 10.0 {
-                    best = Top {
-                        size,
-                        time,
-                        value,
-                        ..*still
-                    };
+                let at = Point {
+                    size,
+                    time,
+                    ..still.at
+                };
+                let top = self.top(Law::Continuous, at);
+                if start.is_none_or(|start| top.value > start.value) {
+                    start = Some(top);
                 }
             }
         }
-        let f = |x: &[f64; 4]| self.at(x[0], x[1], Law::Continuous, x[2], bounded(x[3], longest));
-        let start = [best.noise, best.gnss, best.size, best.time];
-        let (x, value) = maximum(f, start, [-0.1, 0.02, 0.4, 0.6], TOP_TOLERANCE);
-        Top {
+        let start = start.unwrap_or(*still).at;
+        let point = |x: &[f64; 4]| Point {
             noise: x[0],
             gnss: x[1],
             size: x[2],
             time: bounded(x[3], longest),
-            value,
-        }
+            ..start
+        };
+        let from = [start.noise, start.gnss, start.size, start.time];
+        let step = [-0.1, 0.02, 0.4, 0.6];
+        self.best(Law::Continuous, from, step, TOP_TOLERANCE, point)
     }
 
     /// Profile over the size of the random part. The noises are left where they are: they hardly
@@ -232,12 +361,16 @@ impl Fitter<'_> {
     fn size_interval(&self, law: Law, top: &Top, still: f64) -> Interval {
         let longest = libm::log(self.longest_s());
         let profile = |size: f64| {
-            let at = |time: f64| self.at(top.noise, top.gnss, law, size, time);
+            let point = |x: &[f64; 1]| Point {
+                size,
+                time: bounded(x[0], longest),
+                ..top.at
+            };
             let value = match law {
-                Law::Wave => at(top.time),
+                Law::Wave => self.at(law, &Point { size, ..top.at }),
                 Law::Continuous => {
-                    let f = |x: &[f64; 1]| at(bounded(x[0], longest));
-                    maximum(f, [top.time], [0.3], TOLERANCE).1
+                    let from = [top.at.time];
+                    self.best(law, from, [0.3], TOLERANCE, point).value
                 }
             };
             value - top.value + DROP
@@ -245,95 +378,107 @@ impl Fitter<'_> {
         let low = if still - top.value + DROP > 0.0 {
             0.0
         } else {
-            libm::exp(bound(profile, top.size, -0.3))
+            libm::exp(bound(profile, top.at.size, -0.3))
         };
         Interval {
-            value: libm::exp(top.size),
+            value: libm::exp(top.at.size),
             low,
-            high: libm::exp(bound(profile, top.size, 0.3)),
+            high: libm::exp(bound(profile, top.at.size, 0.3)),
         }
     }
 
     fn time_interval(&self, top: &Top) -> Interval {
         let profile = |time: f64| {
-            let f = |x: &[f64; 1]| self.at(top.noise, top.gnss, Law::Continuous, x[0], time);
-            maximum(f, [top.size], [0.2], TOLERANCE).1 - top.value + DROP
+            let point = |x: &[f64; 1]| Point {
+                size: x[0],
+                time,
+                ..top.at
+            };
+            let best = self.best(Law::Continuous, [top.at.size], [0.2], TOLERANCE, point);
+            best.value - top.value + DROP
         };
         Interval {
-            value: libm::exp(top.time),
-            low: libm::exp(bound(profile, top.time, -0.4)),
-            high: libm::exp(bound(profile, top.time, 0.4)),
+            value: libm::exp(top.at.time),
+            low: libm::exp(bound(profile, top.at.time, -0.4)),
+            high: libm::exp(bound(profile, top.at.time, 0.4)),
         }
     }
 
     // --- (3) ---
 
-    fn wave(&self, still: &Top) -> GyroFit {
-        let (top, interval_s) = self.wave_top(still);
-        let jump_sigma = self.size_interval(Law::Wave, &top, still.value);
-        let answers = self.answers(Law::Wave, &top);
-        let trends: Vec<_> = answers.iter().flat_map(|answer| answer.trends).collect();
-        let jump_mean = interval::mean(&trends).unwrap_or(interval::common_value(&trends));
-        let found = [jump_mean, jump_sigma, interval_s];
-        self.assemble(Law::Wave, &top, &answers, found)
+    fn wave(&self, start: &Start) -> GyroFit {
+        let (top, interval_s) = self.wave_top(&start.walk);
+        let jump_sigma = self.size_interval(Law::Wave, &top, start.still.value);
+        self.assemble(Law::Wave, &top, [jump_sigma, interval_s])
     }
 
-    fn wave_top(&self, still: &Top) -> (Top, Interval) {
-        let walk = self.walk(still);
-        let scan = Scan::new(self, &walk);
+    fn wave_top(&self, walk: &Top) -> (Top, Interval) {
+        let scan = Scan::new(self, walk.at);
         let (time, _) = scan.best();
         // Size at that interval, then the interval anew with it.
-        let f = |x: &[f64; 3]| self.at(x[0], x[1], Law::Wave, x[2], time);
-        let start = [walk.noise, walk.gnss, scan.size(time)];
-        let (x, value) = maximum(f, start, [-0.1, 0.02, 0.3], TOP_TOLERANCE);
-        let near = Top {
+        let point = |x: &[f64; 3]| Point {
             noise: x[0],
             gnss: x[1],
             size: x[2],
             time,
-            value,
+            ..walk.at
         };
-        let mut scan = scan.again(&near);
+        let start = [walk.at.noise, walk.at.gnss, scan.size(time)];
+        let near = self.best(Law::Wave, start, [-0.1, 0.02, 0.3], TOP_TOLERANCE, point);
+        let mut scan = scan.again(near.at);
         scan.refine();
         let (time, value) = scan.best();
-        let top = Top {
+        let at = Point {
             size: scan.size(time),
             time,
-            value,
-            ..near
+            ..near.at
         };
-        (top, scan.interval())
+        (Top { at, value }, scan.interval())
     }
 
     /// The bias as a random walk: its rate is known long before its steps are.
     fn walk(&self, still: &Top) -> Top {
-        let time = libm::log(WALK_S);
-        let unit = still.noise - libm::log(600.0) + 0.5 * libm::log(WALK_S);
-        let sizes = [0.3_f64, 1.0, 3.0, 10.0].map(|by| unit + libm::log(by));
-        let at = |size: f64| self.at(still.noise, still.gnss, Law::Wave, size, time);
-        let size = (sizes.into_iter())
-            .max_by(|a, b| at(*a).total_cmp(&at(*b)))
-            .unwrap_or(unit);
-        let f = |x: &[f64; 3]| self.at(x[0], x[1], Law::Wave, x[2], time);
-        let start = [still.noise, still.gnss, size];
-        let (x, value) = maximum(f, start, [-0.1, 0.02, 0.4], TOLERANCE);
-        Top {
+        let Point { noise, gnss, .. } = still.at;
+        let point = |x: &[f64; 3]| Point {
             noise: x[0],
             gnss: x[1],
             size: x[2],
-            time,
-            value,
-        }
+            time: libm::log(WALK_S),
+            ..still.at
+        };
+        let unit = noise - libm::log(600.0) + 0.5 * libm::log(WALK_S);
+        let sizes = [0.3_f64, 1.0, 3.0, 10.0].map(|by| unit + libm::log(by));
+        let at = |size: f64| self.at(Law::Wave, &point(&[noise, gnss, size]));
+        let size = (sizes.into_iter())
+            .max_by(|a, b| at(*a).total_cmp(&at(*b)))
+            .unwrap_or(unit);
+        let start = [noise, gnss, size];
+        self.best(Law::Wave, start, [-0.1, 0.02, 0.4], TOLERANCE, point)
     }
 
     // --- both ---
 
-    /// With drift, size and time of the bias as found.
-    fn assemble(&self, law: Law, top: &Top, answers: &[Answer], found: [Interval; 3]) -> GyroFit {
-        let constants: Vec<_> = answers.iter().flat_map(|answer| answer.constants).collect();
-        let initial_sigma = interval::sigma_behind(&constants);
-        let [noise, gnss_sigma_mps] = self.noise_intervals(law, top);
-        let [drift, size, time_s] = found;
+    /// With size and time of the random part as found.
+    fn assemble(&self, law: Law, top: &Top, [size, time_s]: [Interval; 2]) -> GyroFit {
+        let answers = self.answers(law, &top.at);
+        let open = [
+            bounds(&size).map(|size| Point { size, ..top.at }),
+            bounds(&time_s).map(|time| Point { time, ..top.at }),
+        ]
+        .map(|bounds| bounds.map(|at| self.answers(law, &at)));
+        let all = |of: fn(&Answer) -> [Measured; 3]| widened(&answers, &open, of);
+        let initial_sigma = interval::sigma_behind(&all(|answer| answer.constants));
+        let trends = all(|answer| answer.trends);
+        let drift = match law {
+            Law::Wave => interval::mean(&trends).unwrap_or(interval::common_value(&trends)),
+            Law::Continuous => interval::sigma_behind(&trends),
+        };
+        let misalignments: Vec<_> = (answers.iter())
+            .flat_map(|answer| answer.misalignments)
+            .flatten()
+            .collect();
+        let [noise, gnss_sigma_mps, gnss_memory_mps, gnss_memory_s] =
+            self.noise_intervals(law, top);
         let (trend_mean, trend_sigma) = match law {
             Law::Wave => (drift.value, 0.0),
             Law::Continuous => (0.0, drift.value),
@@ -344,6 +489,9 @@ impl Fitter<'_> {
         GyroFit {
             noise,
             gnss_sigma_mps,
+            gnss_memory_mps,
+            gnss_memory_s,
+            misalignment: interval::spread_of(&misalignments),
             initial_sigma,
             law,
             drift,
@@ -354,24 +502,83 @@ impl Fitter<'_> {
         }
     }
 
-    /// By the curvature in the logarithms, with the size of the random part free.
-    fn noise_intervals(&self, law: Law, top: &Top) -> [Interval; 2] {
-        let f = |x: &[f64; 3]| self.at(x[0], x[1], law, x[2], top.time);
-        let at = [top.noise, top.gnss, top.size];
+    /// By the curvature in the logarithms, with the size of the random part free. A memory that was
+    /// not seen is zero, and has the bound of one of a minute.
+    fn noise_intervals(&self, law: Law, top: &Top) -> [Interval; 4] {
+        let f = |x: &[f64; 5]| {
+            let at = Point {
+                noise: x[0],
+                gnss: x[1],
+                memory: x[2],
+                memory_time: x[3],
+                size: x[4],
+                ..top.at
+            };
+            self.at(law, &at)
+        };
+        let Point {
+            noise,
+            gnss,
+            memory,
+            memory_time,
+            size,
+            ..
+        } = top.at;
+        let at = [noise, gnss, memory, memory_time, size];
         let information = -curvature(f, at, CURVATURE_STEP);
-        // Without a random part its row is flat.
-        let variance = (information + nalgebra::Matrix3::identity() * 1e-6)
+        // Without a random part its row is flat, and so is that of a memory.
+        let variance = (information + nalgebra::Matrix5::identity() * 1e-6)
             .try_inverse()
             .unwrap_or_default();
-        [0, 1].map(|which| {
+        let interval = |which: usize| {
             let half = NORMAL_95 * variance[(which, which)].max(0.0).sqrt();
             Interval {
                 value: libm::exp(at[which]),
                 low: libm::exp(at[which] - half),
                 high: libm::exp(at[which] + half),
             }
-        })
+        };
+        let mut all = [0, 1, 2, 3].map(interval);
+        if memory == NONE {
+            all[2] = self.no_memory(law, top);
+        }
+        all
     }
+
+    fn no_memory(&self, law: Law, top: &Top) -> Interval {
+        let profile = |memory: f64| self.at(law, &Point { memory, ..top.at }) - top.value + DROP;
+        Interval {
+            value: 0.0,
+            low: 0.0,
+            high: libm::exp(bound(profile, top.at.gnss - 3.0, 0.5)),
+        }
+    }
+}
+
+/// Logarithms of both bounds; of a side without one, of what is far.
+fn bounds(interval: &Interval) -> [f64; 2] {
+    let Interval { value, low, high } = *interval;
+    let near = [value / FAR, value * FAR];
+    [low.max(near[0]), high.min(near[1])].map(libm::log)
+}
+
+/// Constants or trends of all drives and axes, with what the random part leaves open of them: by the
+/// answers at both 95 % bounds of its size, and of its time.
+fn widened(
+    answers: &[Answer],
+    open: &[[Vec<Answer>; 2]; 2],
+    of: fn(&Answer) -> [Measured; 3],
+) -> Vec<Measured> {
+    let flat = |answers: &[Answer]| -> Vec<Measured> { answers.iter().flat_map(of).collect() };
+    let mut all = flat(answers);
+    for [low, high] in open {
+        for ((best, low), high) in all.iter_mut().zip(flat(low)).zip(flat(high)) {
+            let between = 0.5 * (high.value - low.value) / NORMAL_95;
+            let within = 0.5 * (high.variance + low.variance) - best.variance;
+            best.variance += between * between + within.max(0.0) / (NORMAL_95 * NORMAL_95);
+        }
+    }
+    all
 }
 
 /// Correlation times that a drive can tell from a constant and a trend, as logarithms.
@@ -398,17 +605,17 @@ fn bound(profile: impl Fn(f64) -> f64, top: f64, step: f64) -> f64 {
 /// Log-likelihood over the interval between jumps, at the rate of a walk.
 struct Scan<'a> {
     fitter: &'a Fitter<'a>,
-    top: Top,
+    top: Point,
     /// Logarithm of the interval, and the value there; ascending.
     points: Vec<(f64, f64)>,
 }
 
 impl<'a> Scan<'a> {
-    fn new(fitter: &'a Fitter<'a>, top: &Top) -> Self {
+    fn new(fitter: &'a Fitter<'a>, top: Point) -> Self {
         let longest_s = fitter.longest_s();
         let mut scan = Self {
             fitter,
-            top: *top,
+            top,
             points: Vec::new(),
         };
         let (mut time, end) = (libm::log(WALK_S), libm::log(0.5 * longest_s));
@@ -423,11 +630,11 @@ impl<'a> Scan<'a> {
     }
 
     /// The likely points anew, about another top.
-    fn again(&self, top: &Top) -> Self {
+    fn again(&self, top: Point) -> Self {
         let least = self.best().1 - UNLIKELY;
         let mut scan = Self {
             fitter: self.fitter,
-            top: *top,
+            top,
             points: Vec::new(),
         };
         // With their neighbours, so that the likely ones lie inside.
@@ -448,8 +655,12 @@ impl<'a> Scan<'a> {
     }
 
     fn value(&self, time: f64) -> f64 {
-        let Top { noise, gnss, .. } = self.top;
-        (self.fitter).at(noise, gnss, Law::Wave, self.size(time), time)
+        let point = Point {
+            size: self.size(time),
+            time,
+            ..self.top
+        };
+        self.fitter.at(Law::Wave, &point)
     }
 
     fn best(&self) -> (f64, f64) {

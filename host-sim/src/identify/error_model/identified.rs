@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::filter::Class;
 use super::fit::{self, GyroFit};
 use super::interval::{self, Interval, Measured};
 use super::record::Record;
@@ -11,6 +12,7 @@ use crate::log::Grade;
 use crate::page::number::to_second_digit_of;
 use crate::sim::errors::{BiasModel, Law};
 use crate::sim::noise::Random;
+use crate::sim::receiver::Correlated;
 use crate::sim::{self, ErrorModel};
 use ins_core::{Estimate, Observability};
 
@@ -94,6 +96,8 @@ pub struct Identified {
     gyro_at_rest: Option<RestNoise>,
     accel_at_rest: Option<RestNoise>,
     accel_sigma: Option<Interval>,
+    gyro_scale: Option<Interval>,
+    accel_scale: Option<Interval>,
     latency_s: Option<[Interval; 2]>,
     fix_rate_hz: f64,
 }
@@ -115,25 +119,24 @@ impl Identified {
             .flat_map(|record| &record.accel_bias_mps2[..axes])
             .filter_map(measured)
             .collect();
+        let all = |of: fn(&Record) -> &Vec<Measured>| -> Vec<Measured> {
+            records.iter().flat_map(of).copied().collect()
+        };
         let latencies: Vec<Measured> = (records.iter())
             .filter_map(|record| measured(&record.latency_s))
             .collect();
         let rates: f64 = records.iter().map(|record| record.fix_rate_hz).sum();
         let gyro_at_rest = RestNoise::new(records, |block| block.rate_radps / DEG_H_RADPS);
-        let mut gyro = fit::fit(records, known_noise, law);
-        if let (Some(gyro), Some(rest)) = (&mut gyro, &gyro_at_rest)
-            && class.accel_mps2.scale_sigma > 0.0
-        {
-            // What motion adds is vibration, or the force of turns by a scale that no one knows.
-            gyro.noise.low = gyro.noise.low.min(rest.density.low * DEG_H_RADPS);
-        }
+        let gyro = fit::fit(records, known_noise, Class::of(&class), law);
         Self {
             drives: records.len(),
             grade,
             gyro,
             gyro_at_rest,
             accel_at_rest,
-            accel_sigma: (!accels.is_empty()).then(|| interval::sigma_behind(&accels)),
+            accel_sigma: interval::spread_of(&accels),
+            gyro_scale: interval::spread_of(&all(|record| &record.gyro_scale)),
+            accel_scale: interval::spread_of(&all(|record| &record.accel_scale)),
             latency_s: latency_bounds(&latencies),
             fix_rate_hz: rates / records.len() as f64,
         }
@@ -165,6 +168,13 @@ impl Identified {
         let mut all = self.gyro_parameters();
         all.extend(times(GYRO_TIMES, self.gyro_at_rest));
         all.extend([
+            spread(GYRO_SCALE, "1", self.gyro_scale, NO_MANOEUVRE),
+            spread(
+                "gyro_deg_h.misalignment_sigma",
+                "rad",
+                self.gyro.as_ref().and_then(|gyro| gyro.misalignment),
+                NO_MANOEUVRE,
+            ),
             known(
                 "accel_mps2.white_noise",
                 "m/s^2/sqrt(Hz)",
@@ -177,14 +187,28 @@ impl Identified {
                 self.accel_sigma,
                 NO_TURN,
             ),
+            spread(ACCEL_SCALE, "1", self.accel_scale, NO_MANOEUVRE),
         ]);
         all.extend(times(ACCEL_TIMES, self.accel_at_rest));
-        all.push(known(
-            "gnss.velocity_sigma_mps",
-            "m/s",
-            self.gyro.as_ref().map(|gyro| gyro.gnss_sigma_mps),
-            NO_AZIMUTH,
-        ));
+        let gnss = |of: fn(&GyroFit) -> Interval| self.gyro.as_ref().map(of);
+        all.extend([
+            known(
+                "gnss.velocity_sigma_mps",
+                "m/s",
+                gnss(|gyro| gyro.gnss_sigma_mps),
+                NO_AZIMUTH,
+            ),
+            spread(
+                "gnss.habits.velocity.sigma",
+                "m/s",
+                gnss(|gyro| gyro.gnss_memory_mps),
+                NOT_ABOVE_NOISE,
+            ),
+        ]);
+        if let Some(gyro) = self.gyro.as_ref().filter(|gyro| gyro.remembers()) {
+            let time_s = Some(gyro.gnss_memory_s);
+            all.push(known("gnss.habits.velocity.time_s", "s", time_s, ""));
+        }
         for (name, which) in [("gnss.latency_s[0]", 0), ("gnss.latency_s[1]", 1)] {
             let bound = self.latency_s.map(|bounds| bounds[which]);
             all.push(known(name, "s", bound, NO_LATENCY));
@@ -260,15 +284,19 @@ impl Identified {
             let others = [
                 &mut gyro.noise,
                 &mut gyro.gnss_sigma_mps,
+                &mut gyro.gnss_memory_mps,
+                &mut gyro.gnss_memory_s,
                 &mut gyro.initial_sigma,
             ];
-            for interval in others.into_iter().chain(bias) {
+            for interval in others.into_iter().chain(bias).chain(&mut gyro.misalignment) {
                 *interval = draw(interval);
             }
         }
         Self {
             gyro,
             accel_sigma: self.accel_sigma.as_ref().map(&mut draw),
+            gyro_scale: self.gyro_scale.as_ref().map(&mut draw),
+            accel_scale: self.accel_scale.as_ref().map(&mut draw),
             latency_s: self.latency_s.map(|[least, most]| {
                 let low = draw(&least);
                 let high = if most == least { low } else { draw(&most) };
@@ -309,6 +337,15 @@ impl Identified {
             model.gyro_deg_h.white_noise = gyro.noise.value / DEG_H_RADPS;
             model.gyro_deg_h.bias = gyro_bias(gyro);
             model.gnss.velocity_sigma_mps = gyro.gnss_sigma_mps.value;
+            if let Some(sigma) = gyro.misalignment.filter(Interval::is_spread) {
+                model.gyro_deg_h.misalignment_sigma = sigma.value;
+            }
+            if gyro.remembers() {
+                model.gnss.habits.velocity = Correlated {
+                    sigma: gyro.gnss_memory_mps.value,
+                    time_s: gyro.gnss_memory_s.value,
+                };
+            }
         }
         if let Some(noise) = &self.gyro_at_rest {
             let in_motion = model.gyro_deg_h.white_noise / noise.density.value;
@@ -320,6 +357,18 @@ impl Identified {
         }
         if let Some(sigma) = self.accel_sigma {
             model.accel_mps2.bias.set_initial_sigma(sigma.value);
+        }
+        for (found, in_model) in [
+            (self.gyro_scale, &mut model.gyro_deg_h.scale_sigma),
+            (self.accel_scale, &mut model.accel_mps2.scale_sigma),
+        ] {
+            if let Some(sigma) = found {
+                *in_model = if sigma.is_spread() {
+                    sigma.value
+                } else {
+                    in_model.min(sigma.high)
+                };
+            }
         }
         if let Some(bounds) = self.latency_s {
             model.gnss.latency_s = bounds.map(|bound| bound.value);
@@ -336,28 +385,27 @@ const NO_REST: &str = "needs some seconds at rest";
 const NO_SCATTER: &str = "needs some seconds at rest in which every axis scatters";
 const NO_TURN: &str = "needs turns and stops, or is below the error of its estimates";
 const NO_AZIMUTH: &str = "needs an observable azimuth";
+const NO_MANOEUVRE: &str =
+    "needs turns for gyros, banks and hard braking for accelerometers, or is below what they show";
 const NO_LATENCY: &str = "needs starts and brakings";
 const NOT_ABOVE_NOISE: &str = "not above what the noise hides: no more than the upper bound";
 /// What no drive shows: path, unit, why.
-const NEVER_SHOWN: [(&str, &str, &str); 9] = [
-    ("gyro_deg_h.scale_sigma", "1", NOT_FITTED),
-    ("gyro_deg_h.misalignment_sigma", "1", NOT_FITTED),
-    ("accel_mps2.scale_sigma", "1", NOT_FITTED),
+const NEVER_SHOWN: [(&str, &str, &str); 5] = [
     ("accel_mps2.misalignment_sigma", "1", NOT_FITTED),
     ("accel_mps2.bias.correlated_sigma", "m/s^2", DROWNED),
     ("gnss.horizontal_sigma_m", "m", NOTHING_BETTER),
     ("gnss.vertical_sigma_m", "m", NOTHING_BETTER),
-    ("gnss.habits.velocity.sigma", "m/s", WHITE),
     ("temperature, vibration rectification", "", NO_TERM),
 ];
 const NO_BOUND: &str = "has no upper bound: models drawn keep the value";
 const NOT_FITTED: &str = "not told from a bias at one attitude";
 const DROWNED: &str = "drowns in the noise of GNSS";
 const NOTHING_BETTER: &str = "nothing better to compare positions with";
-const WHITE: &str = "taken for white";
 const NO_TERM: &str = "no term of the model: what the drives had of it is in noise and biases";
 const NO_TIME_SCALE: &str = "needs a larger random part, or more and longer drives";
 
+const GYRO_SCALE: &str = "gyro_deg_h.scale_sigma";
+const ACCEL_SCALE: &str = "accel_mps2.scale_sigma";
 const GYRO_TIMES: [&str; 3] = [
     "gyro_deg_h.noise_times[0]",
     "gyro_deg_h.noise_times[1]",
@@ -458,7 +506,7 @@ fn latency_bounds(latencies: &[Measured]) -> Option<[Interval; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::recovery::{drive_record, truth};
+    use crate::study::recovery::{drive_record, flight_record, truth};
 
     fn identified(model: &ErrorModel, law: Option<Law>) -> Identified {
         let records = [1, 2].map(|seed| drive_record(seed, model, Grade::Hg1700, 25.0));
@@ -535,6 +583,27 @@ mod tests {
             "{:?}",
             found.table()
         );
+    }
+
+    #[test]
+    fn scales_in_banks_and_the_memory_of_gnss_are_not_taken_for_noise() {
+        let model = truth(Grade::Mems, Law::Continuous);
+        let records = [3, 4].map(|seed| flight_record(seed, &model, Grade::Mems, 20.0));
+        let found = Identified::new(&records, Grade::Mems, Some(Law::Continuous));
+        // Without scales in the likelihood, 13.7 deg/h/sqrt(Hz) came out as 30 with such bounds.
+        for (name, value) in [
+            ("gyro_deg_h.white_noise", model.gyro_deg_h.white_noise),
+            ("gnss.velocity_sigma_mps", model.gnss.velocity_sigma_mps),
+            (
+                "gnss.habits.velocity.sigma",
+                model.gnss.habits.velocity.sigma,
+            ),
+        ] {
+            assert!(is_near(&found, name, value), "{name}: {:?}", found.table());
+        }
+        let memory = found.gyro().unwrap().gnss_memory_mps;
+        assert!(memory.is_spread(), "{memory:?}");
+        assert_eq!(found.model().gnss.habits.velocity.sigma, memory.value);
     }
 
     #[test]

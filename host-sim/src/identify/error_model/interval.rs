@@ -6,6 +6,8 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
 
 /// Chance of each tail.
 const TAIL: f64 = 0.025;
+/// Most of a measurement that may have been believed before.
+const SHOWN: f64 = 0.6;
 /// Normal deviate of 95 %.
 pub const NORMAL_95: f64 = 1.959_964;
 
@@ -97,6 +99,22 @@ pub struct Measured {
     pub value: f64,
     /// Variance of its error.
     pub variance: f64,
+}
+
+impl Measured {
+    /// What it is less what was believed before, zero with a sigma; none if that is most of it.
+    pub fn beyond(&self, believed: f64) -> Option<Self> {
+        let (before, after) = (1.0 / (believed * believed), 1.0 / self.variance);
+        (after * SHOWN > before).then(|| Self {
+            value: self.value * after / (after - before),
+            variance: 1.0 / (after - before),
+        })
+    }
+}
+
+/// Standard deviation about zero of what was measured; none without anything.
+pub fn spread_of(measured: &[Measured]) -> Option<Interval> {
+    (!measured.is_empty()).then(|| sigma_behind(measured))
 }
 
 /// Standard deviation about zero of what was measured, the errors of measurement taken out.

@@ -11,6 +11,7 @@ use ins_core::rest::{RestBlock, RestDetector, Verdict};
 use ins_core::{Estimate, Estimates, GnssFix, ImuOutput, ImuSample, Observability, Solution, Time};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
+use super::interval::Measured;
 use crate::identify::run::Identification;
 use crate::log::Log;
 
@@ -38,6 +39,12 @@ pub struct Epoch {
     pub force_mps: Vector3<f64>,
     /// Integral of `C_B^L`, s.
     pub attitude_s: Matrix3<f64>,
+    /// ENU velocity from what each axis of the body feels beyond the level attitude, m/s.
+    pub scaled_force_mps: Matrix3<f64>,
+    /// ENU rotation about each axis of the body beyond the vertical of the mount, rad.
+    pub scaled_turn_rad: Matrix3<f64>,
+    /// Integral of `C_B^L` over the angle turned about the vertical of the mount, rad.
+    pub attitude_rad: Matrix3<f64>,
     /// Rotation of ENU against inertial space, rad/s.
     pub frame_rate_radps: Vector3<f64>,
     /// By how much the velocity was set back at the end, m/s.
@@ -60,6 +67,9 @@ impl Epoch {
             seconds: part * self.seconds,
             force_mps: part * self.force_mps,
             attitude_s: part * self.attitude_s,
+            scaled_force_mps: part * self.scaled_force_mps,
+            scaled_turn_rad: part * self.scaled_turn_rad,
+            attitude_rad: part * self.attitude_rad,
             ..self.clone()
         };
         let before = Self {
@@ -83,6 +93,8 @@ pub struct Difference {
     pub velocity_mps: Vector2<f64>,
     /// Integral of specific force from the start of the epoch to the fix, m/s.
     pub force_mps: Vector3<f64>,
+    /// Part of the epoch that lies before them.
+    pub part: f64,
     /// Number of fixes.
     pub fixes: f64,
 }
@@ -94,10 +106,16 @@ pub struct Record {
     pub epochs: Vec<Epoch>,
     /// Stretches of rest, block by block, whole log.
     pub rest: Vec<Vec<RestBlock>>,
+    /// The vertical of the mount, body axes.
+    pub up: Vector3<f64>,
     /// Gyro biases that the epochs are free of, body right-forward-up, rad/s.
     pub gyro_reference_radps: Vector3<f64>,
     /// As estimated, m/s^2.
     pub accel_bias_mps2: [Estimate; 3],
+    /// Scale errors of gyros and accelerometers, as far as manoeuvres showed them.
+    pub gyro_scale: Vec<Measured>,
+    /// Of the accelerometers.
+    pub accel_scale: Vec<Measured>,
     /// As estimated, s.
     pub latency_s: Estimate,
     /// Length of the log, s.
@@ -111,11 +129,19 @@ impl Record {
     pub fn new(log: &Log, found: &Identification) -> Self {
         let rest = rest(log);
         let estimates = &found.end.estimates;
+        let sensors = &found.config.sensors;
+        let [turns, tilts] = [
+            std::slice::from_ref(&estimates.turn_scale),
+            &estimates.gyro_scale,
+        ];
         Self {
             epochs: Reducer::new(log, found, &rest).epochs(intervals(log)),
             rest: rest.into_iter().map(|span| span.blocks).collect(),
+            up: up(estimates),
             gyro_reference_radps: values(&estimates.gyro_bias_radps),
             accel_bias_mps2: estimates.accel_bias_mps2,
+            gyro_scale: shown(turns.iter().chain(tilts), sensors.gyro_scale),
+            accel_scale: shown(&estimates.accel_scale, sensors.accel_scale),
             latency_s: estimates.gnss_latency_s,
             duration_s: log.duration_s(),
             fix_rate_hz: fix_rate_hz(&log.gnss),
@@ -123,8 +149,24 @@ impl Record {
     }
 }
 
+fn up(estimates: &Estimates) -> Vector3<f64> {
+    (estimates.level_force_mps2.try_normalize(1.0)).unwrap_or_else(Vector3::z)
+}
+
 fn values(estimates: &[Estimate; 3]) -> Vector3<f64> {
     Vector3::from(estimates.map(|estimate| estimate.value))
+}
+
+/// Estimates that are more than what was believed before.
+fn shown<'a>(all: impl IntoIterator<Item = &'a Estimate>, believed: f64) -> Vec<Measured> {
+    let measured = |estimate: &Estimate| {
+        Measured {
+            value: estimate.value,
+            variance: estimate.sigma * estimate.sigma,
+        }
+        .beyond(believed)
+    };
+    all.into_iter().filter_map(measured).collect()
 }
 
 fn fix_rate_hz(fixes: &[GnssFix]) -> f64 {
@@ -232,12 +274,24 @@ pub fn readings_at_rest(log: &Log) -> Vec<Vec<[Vector3<f64>; 2]>> {
 /// Takes the constants that the navigator has found out of the readings.
 struct Correction {
     estimates: Estimates,
+    /// The vertical of the mount, body axes.
+    up: Vector3<f64>,
     end: Time,
 }
 
 impl Correction {
     fn of(&self, interval: &Interval) -> Interval {
         self.estimates.corrected(interval)
+    }
+
+    /// What the accelerometers feel beyond the level attitude, where scale errors are biases.
+    fn beyond_level_mps(&self, interval: &Interval) -> Vector3<f64> {
+        interval.force_mps - self.estimates.level_force_mps2 * interval.seconds
+    }
+
+    /// Turn about the vertical of the mount.
+    fn turn_rad(&self, interval: &Interval) -> f64 {
+        self.up.dot(&interval.angle_rad)
     }
 
     /// The moment whose motion a fix shows.
@@ -266,6 +320,7 @@ impl<'a> Reducer<'a> {
     fn new(log: &Log, found: &'a Identification, rest: &'a [RestSpan]) -> Self {
         let correction = Correction {
             estimates: found.end.estimates,
+            up: up(&found.end.estimates),
             end: found.end.time,
         };
         let fixes = (log.gnss.iter())
@@ -332,10 +387,14 @@ struct Going {
     angle_rad: Vector3<f64>,
     force_mps: Vector3<f64>,
     attitude_s: Matrix3<f64>,
+    scaled_force_mps: Matrix3<f64>,
+    scaled_turn_rad: Matrix3<f64>,
+    attitude_rad: Matrix3<f64>,
     seconds: f64,
     broken: bool,
     difference_sum: Vector2<f64>,
     force_sum: Vector3<f64>,
+    seconds_sum: f64,
     fixes: f64,
 }
 
@@ -353,10 +412,14 @@ impl Going {
             angle_rad: Vector3::zeros(),
             force_mps: Vector3::zeros(),
             attitude_s: Matrix3::zeros(),
+            scaled_force_mps: Matrix3::zeros(),
+            scaled_turn_rad: Matrix3::zeros(),
+            attitude_rad: Matrix3::zeros(),
             seconds: 0.0,
             broken: false,
             difference_sum: Vector2::zeros(),
             force_sum: Vector3::zeros(),
+            seconds_sum: 0.0,
             fixes: 0.0,
         }
     }
@@ -384,10 +447,16 @@ impl Going {
             let ins = before + part * (self.ins.velocity_enu_mps - before) + antenna;
             self.difference_sum += ins.xy() - velocity;
             self.force_sum += self.force_mps + part * step.force_enu_mps;
+            self.seconds_sum += self.seconds + part * interval.seconds;
             self.fixes += 1.0;
         }
         self.force_mps += step.force_enu_mps;
         self.attitude_s += interval.seconds * step.attitude;
+        let beyond_level = correction.beyond_level_mps(&interval);
+        self.scaled_force_mps += step.attitude * Matrix3::from_diagonal(&beyond_level);
+        let tipped_rad = interval.angle_rad - correction.turn_rad(&interval) * correction.up;
+        self.scaled_turn_rad += step.attitude * Matrix3::from_diagonal(&tipped_rad);
+        self.attitude_rad += correction.turn_rad(&interval) * step.attitude;
         self.angle_rad += interval.rotation_rad();
         self.seconds += interval.seconds;
         self.broken |= timed.hole;
@@ -412,6 +481,9 @@ impl Going {
             seconds: self.seconds,
             force_mps: self.force_mps,
             attitude_s: self.attitude_s,
+            scaled_force_mps: self.scaled_force_mps,
+            scaled_turn_rad: self.scaled_turn_rad,
+            attitude_rad: self.attitude_rad,
             frame_rate_radps: frame_rate,
             velocity_control_mps: velocity_control.xy(),
             tilt_control_rad: turned,
@@ -419,6 +491,7 @@ impl Going {
             difference: (self.fixes > 0.0).then(|| Difference {
                 velocity_mps: self.difference_sum / self.fixes,
                 force_mps: self.force_sum / self.fixes,
+                part: self.seconds_sum / self.fixes / self.seconds,
                 fixes: self.fixes,
             }),
             broken: self.broken || self.seconds > LONGEST_EPOCH_S,

@@ -17,19 +17,22 @@ pub struct RestNoise {
 }
 
 impl RestNoise {
-    /// From the scatter of block means about the mean of each rest; none without two blocks of one.
+    /// From how block means differ from the next, so that biases may move meanwhile; none without
+    /// two blocks of one rest.
     pub fn new(records: &[Record], value: fn(&RestBlock) -> Vector3<f64>) -> Option<Self> {
-        let (mut sums, mut freedom) = (Vector3::zeros(), 0.0);
+        let (mut squares, mut pairs, mut doubt) = (Vector3::zeros(), 0.0, 0.0);
         for blocks in records.iter().flat_map(|record| &record.rest) {
-            let count = blocks.len() as f64;
-            let mean = blocks.iter().map(value).sum::<Vector3<f64>>() / count;
-            for block in blocks {
-                let off = value(block) - mean;
-                sums += block.seconds * off.component_mul(&off);
+            for pair in blocks.windows(2) {
+                let off = value(&pair[1]) - value(&pair[0]);
+                squares += 0.5 * pair[1].seconds * off.component_mul(&off);
+                pairs += 1.0;
             }
-            freedom += count - 1.0;
+            // Variance of the sum in that of a reading: differences with one in common correlate.
+            doubt += (3.0 * blocks.len() as f64 - 4.0).max(0.0);
         }
-        (freedom > 0.0).then(|| Self {
+        let freedom = 2.0 * pairs * pairs / doubt;
+        let sums = squares * (freedom / pairs);
+        (pairs > 0.0).then(|| Self {
             density: sigma_of_squares(sums.sum(), 3.0 * freedom),
             times: (sums.min() > 0.0).then(|| times(&sums, freedom)),
         })

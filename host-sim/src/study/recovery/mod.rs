@@ -11,7 +11,7 @@ use nalgebra::Matrix4;
 use serde::Serialize;
 
 use crate::identify::configure;
-use crate::identify::error_model::filter::{Candidate, Dynamics};
+use crate::identify::error_model::filter::{Candidate, Class, Dynamics};
 use crate::identify::error_model::fit;
 use crate::identify::error_model::identified::class as error_model_of;
 use crate::identify::error_model::{Identified, Parameter, Record};
@@ -20,6 +20,7 @@ use crate::identify::run::identify;
 use crate::log::{BodyAxes, Grade, Log};
 use crate::sim::errors::{BiasModel, Law};
 use crate::sim::plane::{Begin, Plane};
+use crate::sim::receiver::Correlated;
 use crate::sim::{self, DriveConfig, ErrorModel, SimulatedDrive, record, simulate};
 
 /// Seeds from one unit to the next: no unit has so many drives.
@@ -27,6 +28,12 @@ const UNIT_SEEDS: u64 = 1000;
 
 /// Banks of the turns of a flight, rad.
 const BANK_RAD: [f64; 2] = [0.45, 0.7];
+
+/// What of the noise of GNSS velocity has a memory, m/s.
+const GNSS_MEMORY: Correlated = Correlated {
+    sigma: 0.03,
+    time_s: 10.0,
+};
 
 /// What units are driven or flown in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -68,6 +75,7 @@ struct Unit {
 /// more than that in MEMS.
 pub fn truth(class: Grade, law: Law) -> ErrorModel {
     let mut model = error_model_of(class);
+    model.gnss.habits.velocity = GNSS_MEMORY;
     let [initial_sigma, moves] = match (class, law) {
         (Grade::Hg1700, Law::Wave) => [1.0, 2.0],
         (Grade::Hg1700, Law::Continuous) => [2.0, 2.0],
@@ -101,11 +109,10 @@ impl Study {
             })
             .collect();
         let found = Identified::new(&records, class, Some(law));
-        let accel_noise = model.accel_mps2.white_noise;
         let rest = || records.iter().flat_map(|record| &record.rest);
         Unit {
             parameters: found.parameters(),
-            information: fit::information(&records, accel_noise, &candidate(&model)),
+            information: fit::information(&records, &candidate(&model)),
             rest_freedom: rest().map(|blocks| 3.0 * (blocks.len() as f64 - 1.0)).sum(),
         }
     }
@@ -118,7 +125,7 @@ pub(crate) fn drive_record(seed: u64, model: &ErrorModel, grade: Grade, minutes:
 }
 
 /// The same in the air.
-fn flight_record(seed: u64, model: &ErrorModel, grade: Grade, minutes: f64) -> Record {
+pub(crate) fn flight_record(seed: u64, model: &ErrorModel, grade: Grade, minutes: f64) -> Record {
     let recording = drive(seed, model, minutes).recording;
     let plane = Plane::new(seed, recording.duration_s, BANK_RAD, Begin::OnGround);
     reduced(record(plane, &recording), model, grade)
@@ -148,10 +155,12 @@ fn candidate(model: &ErrorModel) -> Candidate {
         gyro_noise: model.gyro_deg_h.white_noise * DEG_H_RADPS,
         accel_noise: model.accel_mps2.white_noise,
         gnss_sigma_mps: model.gnss.velocity_sigma_mps,
+        gnss_memory: model.gnss.habits.velocity,
         dynamics: Dynamics {
             law: bias.law(),
             size: size * DEG_H_RADPS,
             time_s,
         },
+        class: Class::of(model),
     }
 }
