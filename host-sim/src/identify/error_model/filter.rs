@@ -23,15 +23,14 @@ const MEMORY: usize = 8;
 const SIZE: usize = 10;
 
 /// What stays as it is over a drive, three of each: constants and trends of the gyro biases, errors
-/// of the accelerometers and of scales that the navigator has left, and what each gyro makes of
-/// turns about the vertical of the mount.
+/// of the accelerometers and of scales that the navigator has left. What gyros level in the mount
+/// make of turns about its vertical is in those of the accelerometers: no turn tells them apart.
 const CONSTANT: usize = 0;
 const TREND: usize = 3;
 const ACCEL: usize = 6;
 const ACCEL_SCALE: usize = 9;
 const GYRO_SCALE: usize = 12;
-const TURN: usize = 15;
-const PARAMETERS: usize = 18;
+const PARAMETERS: usize = 15;
 /// A row of their effects; the last one is that of the measurements.
 const ROWS: usize = PARAMETERS + 1;
 const MEAN: usize = PARAMETERS;
@@ -56,8 +55,6 @@ pub struct Class {
     pub accel_scale: f64,
     /// Scales of the gyros, 1.
     pub gyro_scale: f64,
-    /// What a gyro makes of turns about another axis, rad: misalignment, and scales that differ.
-    pub misalignment_rad: f64,
 }
 
 impl Class {
@@ -67,10 +64,6 @@ impl Class {
             accel_bias_mps2: model.accel_mps2.bias.initial_sigma(),
             accel_scale: model.accel_mps2.scale_sigma,
             gyro_scale: model.gyro_deg_h.scale_sigma,
-            misalignment_rad: libm::hypot(
-                model.gyro_deg_h.scale_sigma,
-                model.gyro_deg_h.misalignment_sigma,
-            ),
         }
     }
 }
@@ -156,7 +149,6 @@ impl Candidate {
             (ACCEL, self.class.accel_bias_mps2),
             (ACCEL_SCALE, self.class.accel_scale),
             (GYRO_SCALE, self.class.gyro_scale),
-            (TURN, self.class.misalignment_rad),
         ] {
             sigma.fixed_rows_mut::<3>(first).fill(of_three);
         }
@@ -177,8 +169,6 @@ pub struct Answer {
     covariances: [f64; 3],
     /// What a trend was believed to be before, one sigma.
     trend_sigma: f64,
-    /// What gyros level in the mount make of turns about its vertical, rad.
-    pub misalignments: [Option<Measured>; 2],
 }
 
 impl Answer {
@@ -194,7 +184,6 @@ impl Answer {
             trends: [none; 3],
             covariances: [0.0; 3],
             trend_sigma: 1.0,
-            misalignments: [None; 2],
         }
     };
 
@@ -308,12 +297,6 @@ impl State {
             trends: measured(TREND, Vector3::zeros()),
             covariances: [0, 1, 2].map(|axis| covariance[(CONSTANT + axis, TREND + axis)]),
             trend_sigma: prior[TREND],
-            misalignments: level(&record.up).map(|axis| {
-                let turn = mean.fixed_rows::<3>(TURN);
-                let doubt = covariance.fixed_view::<3, 3>(TURN, TURN);
-                let (value, variance) = (axis.dot(&turn), axis.dot(&(doubt * axis)));
-                Measured { value, variance }.beyond(prior[TURN])
-            }),
         }
     }
 
@@ -465,7 +448,6 @@ impl State {
             self.turn(CONSTANT, &epoch.turned_by(&epoch.attitude_s));
             self.turn(TREND, &epoch.turned_by(&(trend * epoch.attitude_s)));
             self.turn(GYRO_SCALE, &epoch.turned_by(&epoch.scaled_turn_rad));
-            self.turn(TURN, &epoch.turned_by(&epoch.attitude_rad));
         }
         // What the gyros read at rest is what turns the platform until it is set back.
         let grown = -epoch.attitude_s * epoch.rest_rate_radps.unwrap_or_default();
@@ -579,12 +561,6 @@ fn add_product<const N: usize, const M: usize>(
     for (to, column) in to.data.0.iter_mut().zip(&columns.data.0[0]) {
         add(to, by * column, &rows.data.0[0]);
     }
-}
-
-/// Two axes across the vertical of a mount.
-fn level(up: &Vector3<f64>) -> [Vector3<f64>; 2] {
-    let right = Vector3::y().cross(up).normalize();
-    [right, up.cross(&right)]
 }
 
 /// East (0) or north (1) component of `f x Phi` by Phi.

@@ -50,8 +50,6 @@ pub struct GyroFit {
     pub gnss_memory_mps: Interval,
     /// Correlation time of that, s.
     pub gnss_memory_s: Interval,
-    /// Spread of what gyros make of turns about another axis, rad; none where no turns showed it.
-    pub misalignment: Option<Interval>,
     /// Run-to-run spread at the start, or of the constant, rad/s.
     pub initial_sigma: Interval,
     /// How they move after that: in jumps, or as correlated noise over a trend.
@@ -473,10 +471,6 @@ impl Fitter<'_> {
             Law::Wave => interval::mean(&trends).unwrap_or(interval::common_value(&trends)),
             Law::Continuous => interval::sigma_behind(&trends),
         };
-        let misalignments: Vec<_> = (answers.iter())
-            .flat_map(|answer| answer.misalignments)
-            .flatten()
-            .collect();
         let [noise, gnss_sigma_mps, gnss_memory_mps, gnss_memory_s] =
             self.noise_intervals(law, top);
         let (trend_mean, trend_sigma) = match law {
@@ -491,7 +485,6 @@ impl Fitter<'_> {
             gnss_sigma_mps,
             gnss_memory_mps,
             gnss_memory_s,
-            misalignment: interval::spread_of(&misalignments),
             initial_sigma,
             law,
             drift,

@@ -127,7 +127,10 @@ impl Identified {
             .collect();
         let rates: f64 = records.iter().map(|record| record.fix_rate_hz).sum();
         let gyro_at_rest = RestNoise::new(records, |block| block.rate_radps / DEG_H_RADPS);
-        let gyro = fit::fit(records, known_noise, Class::of(&class), law);
+        let mut gyro = fit::fit(records, known_noise, Class::of(&class), law);
+        if let (Some(gyro), Some(rest)) = (&mut gyro, &gyro_at_rest) {
+            gyro.noise = no_quieter(gyro.noise, &rest.density.scaled(DEG_H_RADPS));
+        }
         Self {
             drives: records.len(),
             grade,
@@ -169,12 +172,6 @@ impl Identified {
         all.extend(times(GYRO_TIMES, self.gyro_at_rest));
         all.extend([
             spread(GYRO_SCALE, "1", self.gyro_scale, NO_MANOEUVRE),
-            spread(
-                "gyro_deg_h.misalignment_sigma",
-                "rad",
-                self.gyro.as_ref().and_then(|gyro| gyro.misalignment),
-                NO_MANOEUVRE,
-            ),
             known(
                 "accel_mps2.white_noise",
                 "m/s^2/sqrt(Hz)",
@@ -288,7 +285,7 @@ impl Identified {
                 &mut gyro.gnss_memory_s,
                 &mut gyro.initial_sigma,
             ];
-            for interval in others.into_iter().chain(bias).chain(&mut gyro.misalignment) {
+            for interval in others.into_iter().chain(bias) {
                 *interval = draw(interval);
             }
         }
@@ -337,9 +334,6 @@ impl Identified {
             model.gyro_deg_h.white_noise = gyro.noise.value / DEG_H_RADPS;
             model.gyro_deg_h.bias = gyro_bias(gyro);
             model.gnss.velocity_sigma_mps = gyro.gnss_sigma_mps.value;
-            if let Some(sigma) = gyro.misalignment.filter(Interval::is_spread) {
-                model.gyro_deg_h.misalignment_sigma = sigma.value;
-            }
             if gyro.remembers() {
                 model.gnss.habits.velocity = Correlated {
                     sigma: gyro.gnss_memory_mps.value,
@@ -390,7 +384,8 @@ const NO_MANOEUVRE: &str =
 const NO_LATENCY: &str = "needs starts and brakings";
 const NOT_ABOVE_NOISE: &str = "not above what the noise hides: no more than the upper bound";
 /// What no drive shows: path, unit, why.
-const NEVER_SHOWN: [(&str, &str, &str); 5] = [
+const NEVER_SHOWN: [(&str, &str, &str); 6] = [
+    ("gyro_deg_h.misalignment_sigma", "1", NOT_FITTED),
     ("accel_mps2.misalignment_sigma", "1", NOT_FITTED),
     ("accel_mps2.bias.correlated_sigma", "m/s^2", DROWNED),
     ("gnss.horizontal_sigma_m", "m", NOTHING_BETTER),
@@ -489,6 +484,18 @@ fn measured(estimate: &Estimate) -> Option<Measured> {
         value: estimate.value,
         variance: estimate.sigma * estimate.sigma,
     })
+}
+
+/// Motion adds to the noise of a gyro: less than at rest means that the biases hide it.
+fn no_quieter(in_motion: Interval, at_rest: &Interval) -> Interval {
+    if in_motion.value >= at_rest.low {
+        return in_motion;
+    }
+    let bounded = Some(in_motion.high).filter(|high| high.is_finite());
+    Interval {
+        high: bounded.map_or(at_rest.high, |high| high.max(at_rest.high)),
+        ..*at_rest
+    }
 }
 
 /// One value if all drives agree on it, else bounds of what they scatter over.

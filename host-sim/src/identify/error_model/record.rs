@@ -41,10 +41,8 @@ pub struct Epoch {
     pub attitude_s: Matrix3<f64>,
     /// ENU velocity from what each axis of the body feels beyond the level attitude, m/s.
     pub scaled_force_mps: Matrix3<f64>,
-    /// ENU rotation about each axis of the body beyond the vertical of the mount, rad.
+    /// ENU rotation about each axis of the body, rad.
     pub scaled_turn_rad: Matrix3<f64>,
-    /// Integral of `C_B^L` over the angle turned about the vertical of the mount, rad.
-    pub attitude_rad: Matrix3<f64>,
     /// Rotation of ENU against inertial space, rad/s.
     pub frame_rate_radps: Vector3<f64>,
     /// By how much the velocity was set back at the end, m/s.
@@ -69,7 +67,6 @@ impl Epoch {
             attitude_s: part * self.attitude_s,
             scaled_force_mps: part * self.scaled_force_mps,
             scaled_turn_rad: part * self.scaled_turn_rad,
-            attitude_rad: part * self.attitude_rad,
             ..self.clone()
         };
         let before = Self {
@@ -106,8 +103,6 @@ pub struct Record {
     pub epochs: Vec<Epoch>,
     /// Stretches of rest, block by block, whole log.
     pub rest: Vec<Vec<RestBlock>>,
-    /// The vertical of the mount, body axes.
-    pub up: Vector3<f64>,
     /// Gyro biases that the epochs are free of, body right-forward-up, rad/s.
     pub gyro_reference_radps: Vector3<f64>,
     /// As estimated, m/s^2.
@@ -137,7 +132,6 @@ impl Record {
         Self {
             epochs: Reducer::new(log, found, &rest).epochs(intervals(log)),
             rest: rest.into_iter().map(|span| span.blocks).collect(),
-            up: up(estimates),
             gyro_reference_radps: values(&estimates.gyro_bias_radps),
             accel_bias_mps2: estimates.accel_bias_mps2,
             gyro_scale: shown(turns.iter().chain(tilts), sensors.gyro_scale),
@@ -147,10 +141,6 @@ impl Record {
             fix_rate_hz: fix_rate_hz(&log.gnss),
         }
     }
-}
-
-fn up(estimates: &Estimates) -> Vector3<f64> {
-    (estimates.level_force_mps2.try_normalize(1.0)).unwrap_or_else(Vector3::z)
 }
 
 fn values(estimates: &[Estimate; 3]) -> Vector3<f64> {
@@ -274,8 +264,6 @@ pub fn readings_at_rest(log: &Log) -> Vec<Vec<[Vector3<f64>; 2]>> {
 /// Takes the constants that the navigator has found out of the readings.
 struct Correction {
     estimates: Estimates,
-    /// The vertical of the mount, body axes.
-    up: Vector3<f64>,
     end: Time,
 }
 
@@ -287,11 +275,6 @@ impl Correction {
     /// What the accelerometers feel beyond the level attitude, where scale errors are biases.
     fn beyond_level_mps(&self, interval: &Interval) -> Vector3<f64> {
         interval.force_mps - self.estimates.level_force_mps2 * interval.seconds
-    }
-
-    /// Turn about the vertical of the mount.
-    fn turn_rad(&self, interval: &Interval) -> f64 {
-        self.up.dot(&interval.angle_rad)
     }
 
     /// The moment whose motion a fix shows.
@@ -320,7 +303,6 @@ impl<'a> Reducer<'a> {
     fn new(log: &Log, found: &'a Identification, rest: &'a [RestSpan]) -> Self {
         let correction = Correction {
             estimates: found.end.estimates,
-            up: up(&found.end.estimates),
             end: found.end.time,
         };
         let fixes = (log.gnss.iter())
@@ -389,7 +371,6 @@ struct Going {
     attitude_s: Matrix3<f64>,
     scaled_force_mps: Matrix3<f64>,
     scaled_turn_rad: Matrix3<f64>,
-    attitude_rad: Matrix3<f64>,
     seconds: f64,
     broken: bool,
     difference_sum: Vector2<f64>,
@@ -414,7 +395,6 @@ impl Going {
             attitude_s: Matrix3::zeros(),
             scaled_force_mps: Matrix3::zeros(),
             scaled_turn_rad: Matrix3::zeros(),
-            attitude_rad: Matrix3::zeros(),
             seconds: 0.0,
             broken: false,
             difference_sum: Vector2::zeros(),
@@ -454,9 +434,7 @@ impl Going {
         self.attitude_s += interval.seconds * step.attitude;
         let beyond_level = correction.beyond_level_mps(&interval);
         self.scaled_force_mps += step.attitude * Matrix3::from_diagonal(&beyond_level);
-        let tipped_rad = interval.angle_rad - correction.turn_rad(&interval) * correction.up;
-        self.scaled_turn_rad += step.attitude * Matrix3::from_diagonal(&tipped_rad);
-        self.attitude_rad += correction.turn_rad(&interval) * step.attitude;
+        self.scaled_turn_rad += step.attitude * Matrix3::from_diagonal(&interval.angle_rad);
         self.angle_rad += interval.rotation_rad();
         self.seconds += interval.seconds;
         self.broken |= timed.hole;
@@ -483,7 +461,6 @@ impl Going {
             attitude_s: self.attitude_s,
             scaled_force_mps: self.scaled_force_mps,
             scaled_turn_rad: self.scaled_turn_rad,
-            attitude_rad: self.attitude_rad,
             frame_rate_radps: frame_rate,
             velocity_control_mps: velocity_control.xy(),
             tilt_control_rad: turned,
