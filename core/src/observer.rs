@@ -679,7 +679,9 @@ impl Observer {
             }
             Measured::Position => 0.0,
         };
-        let skew = square(self.skew_s3()) * third.norm_squared();
+        // The times of an exponential of variance s have a third moment of 2 s^1.5.
+        let smoothing_s2 = math::max(self.parameters.value(index::SMOOTHING), 0.0);
+        let skew = square(smoothing_s2) * smoothing_s2 / 9.0 * third.norm_squared();
         let bent = square(0.5 * latency) * second.norm_squared();
         jolt + skew + bent + 0.5 * latency * azimuth * first.norm_squared()
     }
@@ -788,13 +790,6 @@ impl Observer {
             .doubt((2.0 * cross + self.level.tilt()) * pulled, 0.0);
     }
 
-    /// A sixth of the third moment of the times that an output is a mean of, s^3: none for a plain
-    /// mean, `s^1.5 / 3` for an exponential of variance `s`; half of that, and as much in doubt.
-    fn skew_s3(&self) -> f64 {
-        let smoothing_s2 = math::max(self.parameters.value(index::SMOOTHING), 0.0);
-        smoothing_s2 * libm::sqrt(smoothing_s2) / 6.0
-    }
-
     /// INS minus GNSS as the parameters would have it.
     fn predicted(&self, past: &Past, measured: Measured, difference: &Difference) -> Vector3<f64> {
         let p = &self.parameters;
@@ -805,8 +800,7 @@ impl Observer {
             Measured::Velocity => (past.accel_mps2, past.attitude_rate),
             Measured::Position => (past.velocity_mps, past.attitude),
         };
-        let smoothed = by_smoothing(past, measured) * p.value(index::SMOOTHING)
-            + by_skew(past, measured) * self.skew_s3();
+        let smoothed = by_smoothing(past, measured) * p.value(index::SMOOTHING);
         self.followed.shows(measured) + late_s * by_latency + smoothed - by_lever * p.lever_arm()
     }
 
@@ -1055,14 +1049,6 @@ fn by_smoothing(past: &Past, measured: Measured) -> Vector3<f64> {
     -0.5 * match measured {
         Measured::Velocity => seen_jerk(past) * past.jerk_mps3,
         Measured::Position => past.accel_mps2,
-    }
-}
-
-/// What a unit of skew adds to INS minus GNSS.
-fn by_skew(past: &Past, measured: Measured) -> Vector3<f64> {
-    match measured {
-        Measured::Velocity => seen_jerk(past) * past.snap_mps4,
-        Measured::Position => past.jerk_mps3,
     }
 }
 

@@ -19,6 +19,8 @@ const MEMORIES_S: [f64; 3] = [3.0, 15.0, 100.0];
 /// Log-likelihoods closer than this are equal: on the way, and at the top itself.
 const TOLERANCE: f64 = 0.02;
 const TOP_TOLERANCE: f64 = 0.001;
+/// And where a bound is sought of which that decides little.
+const ROUGH_TOLERANCE: f64 = 0.1;
 /// Step of the numerical curvature in the logarithm of a parameter.
 const CURVATURE_STEP: f64 = 0.03;
 /// A bound further away than this factor is none.
@@ -281,7 +283,7 @@ impl Fitter<'_> {
             gnss: x[1],
             size: x[2],
             memory: x[3],
-            memory_time: x[4].clamp(libm::log(MEMORIES_S[0]), libm::log(MEMORIES_S[2])),
+            memory_time: remembered(x[4]),
             ..without.at
         };
         let Point {
@@ -315,7 +317,7 @@ impl Fitter<'_> {
     // --- (4) ---
 
     fn continuous(&self, start: &Start) -> GyroFit {
-        let top = self.continuous_top(&start.still);
+        let top = self.polished(Law::Continuous, self.continuous_top(&start.still));
         let size = self.size_interval(Law::Continuous, &top, start.still.value);
         let time = self.time_interval(&top);
         self.assemble(Law::Continuous, &top, [size, time])
@@ -406,6 +408,7 @@ impl Fitter<'_> {
 
     fn wave(&self, start: &Start) -> GyroFit {
         let (top, interval_s) = self.wave_top(&start.walk);
+        let top = self.polished(Law::Wave, top);
         let jump_sigma = self.size_interval(Law::Wave, &top, start.still.value);
         self.assemble(Law::Wave, &top, [jump_sigma, interval_s])
     }
@@ -455,6 +458,32 @@ impl Fitter<'_> {
     }
 
     // --- both ---
+
+    /// With the memory of GNSS found again, now that the biases move as they do.
+    fn polished(&self, law: Law, top: Top) -> Top {
+        let Point {
+            noise,
+            gnss,
+            memory,
+            memory_time,
+            size,
+            ..
+        } = top.at;
+        if memory == NONE {
+            return top;
+        }
+        let point = |x: &[f64; 5]| Point {
+            noise: x[0],
+            gnss: x[1],
+            memory: x[2],
+            memory_time: remembered(x[3]),
+            size: x[4],
+            ..top.at
+        };
+        let start = [noise, gnss, memory, memory_time, size];
+        let step = [-0.5, -0.05, 0.3, 0.8, 0.2];
+        self.best(law, start, step, TOP_TOLERANCE, point)
+    }
 
     /// With size and time of the random part as found.
     fn assemble(&self, law: Law, top: &Top, [size, time_s]: [Interval; 2]) -> GyroFit {
@@ -531,11 +560,48 @@ impl Fitter<'_> {
                 high: libm::exp(at[which] + half),
             }
         };
-        let mut all = [0, 1, 2, 3].map(interval);
-        if memory == NONE {
-            all[2] = self.no_memory(law, top);
-        }
-        all
+        let [memory, memory_time] = if memory == NONE {
+            [self.no_memory(law, top), interval(3)]
+        } else {
+            self.memory_intervals(law, top)
+        };
+        [interval(0), interval(1), memory, memory_time]
+    }
+
+    /// Profiles, for neither is normal: a short memory is a white noise.
+    fn memory_intervals(&self, law: Law, top: &Top) -> [Interval; 2] {
+        let Point {
+            noise,
+            memory,
+            memory_time,
+            ..
+        } = top.at;
+        let below = |start: [f64; 2], point: &dyn Fn(&[f64; 2]) -> Point| {
+            let best = self.best(law, start, [-0.3, 0.3], ROUGH_TOLERANCE, point);
+            best.value - top.value + DROP
+        };
+        let of_size = |memory: f64| {
+            below([noise, memory_time], &|x| Point {
+                noise: x[0],
+                memory,
+                memory_time: remembered(x[1]),
+                ..top.at
+            })
+        };
+        let of_time = |memory_time: f64| {
+            below([noise, memory], &|x| Point {
+                noise: x[0],
+                memory: x[1],
+                memory_time,
+                ..top.at
+            })
+        };
+        let around = |profile: &dyn Fn(f64) -> f64, top: f64| {
+            let [low, high] = [-0.3, 0.3].map(|step| libm::exp(bound(profile, top, step)));
+            let value = libm::exp(top);
+            Interval { value, low, high }
+        };
+        [around(&of_size, memory), around(&of_time, memory_time)]
     }
 
     fn no_memory(&self, law: Law, top: &Top) -> Interval {
@@ -577,6 +643,11 @@ fn widened(
 /// Correlation times that a drive can tell from a constant and a trend, as logarithms.
 fn bounded(time: f64, longest: f64) -> f64 {
     time.clamp(libm::log(2.0), longest + 1.0)
+}
+
+/// Times of a memory that are tried, as logarithms.
+fn remembered(time: f64) -> f64 {
+    time.clamp(libm::log(MEMORIES_S[0]), libm::log(MEMORIES_S[2]))
 }
 
 /// Where a profile falls below zero on the way from its top; infinite if it never does.

@@ -147,7 +147,7 @@ fn values(estimates: &[Estimate; 3]) -> Vector3<f64> {
     Vector3::from(estimates.map(|estimate| estimate.value))
 }
 
-/// Estimates that are more than what was believed before.
+/// Estimates that stand on data, less what was believed before.
 fn shown<'a>(all: impl IntoIterator<Item = &'a Estimate>, believed: f64) -> Vec<Measured> {
     let measured = |estimate: &Estimate| {
         Measured {
@@ -156,7 +156,10 @@ fn shown<'a>(all: impl IntoIterator<Item = &'a Estimate>, believed: f64) -> Vec<
         }
         .beyond(believed)
     };
-    all.into_iter().filter_map(measured).collect()
+    (all.into_iter())
+        .filter(|estimate| estimate.observability == Observability::Observable)
+        .filter_map(measured)
+        .collect()
 }
 
 fn fix_rate_hz(fixes: &[GnssFix]) -> f64 {
