@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::input::Input;
 use super::tracks::{Point, Track};
+use crate::identify::against_truth;
 use crate::identify::quantities::{Quantities, Quantity};
 use crate::log::{Grade, Log};
 
@@ -164,26 +165,7 @@ fn heading_error_deg(solution: &Solution, truth: &Solution) -> f64 {
     wrap_pi(solution.euler().heading_rad - truth.euler().heading_rad).to_degrees()
 }
 
-/// The reference between two of its points.
+/// The reference of a log at a time.
 pub(crate) fn truth_at(log: &Log, time: Time) -> Option<Solution> {
-    let next = log.truth.partition_point(|truth| truth.time < time);
-    let later = log.truth.get(next)?;
-    if later.time == time {
-        return Some(*later);
-    }
-    let earlier = log.truth.get(next.checked_sub(1)?)?;
-    let span_s = later.time.seconds_since(earlier.time);
-    let part = time.seconds_since(earlier.time) / span_s;
-    let mid = |from: f64, to: f64| from + part * (to - from);
-    let mut position = earlier.position;
-    position.latitude_rad = mid(position.latitude_rad, later.position.latitude_rad);
-    position.longitude_rad = mid(position.longitude_rad, later.position.longitude_rad);
-    position.height_m = mid(position.height_m, later.position.height_m);
-    let velocity = earlier.velocity_enu_mps.lerp(&later.velocity_enu_mps, part);
-    (span_s < TRUTH_GAP_S).then(|| Solution {
-        time,
-        position,
-        velocity_enu_mps: velocity,
-        attitude: earlier.attitude.nlerp(&later.attitude, part),
-    })
+    against_truth::truth_at(&log.truth, time, TRUTH_GAP_S)
 }

@@ -111,7 +111,7 @@ fn due(points: &[Point], now: Time) -> bool {
 }
 
 /// The reference at a time, between rows that are no further apart than a hole.
-fn truth_at(truth: &[Solution], time: Time, hole_s: f64) -> Option<Solution> {
+pub(crate) fn truth_at(truth: &[Solution], time: Time, hole_s: f64) -> Option<Solution> {
     let after = truth.partition_point(|row| row.time <= time);
     let before = truth.get(after.checked_sub(1)?)?;
     let since_s = time.seconds_since(before.time);

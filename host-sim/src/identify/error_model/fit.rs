@@ -525,7 +525,7 @@ impl Fitter<'_> {
     }
 
     /// By the curvature in the logarithms, with the size of the random part free. A memory that was
-    /// not seen is zero, and has the bound of one of a minute.
+    /// not seen is zero, and has the bound of one of 15 s.
     fn noise_intervals(&self, law: Law, top: &Top) -> [Interval; 4] {
         let f = |x: &[f64; 5]| {
             let at = Point {
