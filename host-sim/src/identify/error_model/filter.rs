@@ -304,12 +304,15 @@ impl State {
     fn take(&mut self, epoch: &Epoch, rate: Option<Vector3<f64>>, candidate: &Candidate) {
         let middle_s = epoch.start_s + 0.5 * epoch.seconds;
         self.wander(middle_s, candidate);
+        match &epoch.difference {
+            Some(difference) if !epoch.broken => {
+                self.measure_velocity(epoch, difference, candidate);
+            }
+            _ => self.forget(MEMORY..SIZE, step(&candidate.gnss_memory, epoch.seconds)),
+        }
         if epoch.broken {
             self.lose_attitude();
             return;
-        }
-        if let Some(difference) = &epoch.difference {
-            self.measure_velocity(epoch, difference, candidate.gnss_sigma_mps);
         }
         let trend = candidate.dynamics.trend_at(middle_s);
         let noise = candidate.gyro_noise * candidate.gyro_noise;
@@ -345,14 +348,10 @@ impl State {
         }
     }
 
-    /// Carries on what moves at random.
+    /// Carries on the biases.
     fn wander(&mut self, to_s: f64, candidate: &Candidate) {
-        let seconds = to_s - self.time_s;
         let biases = candidate.dynamics.step(self.time_s, to_s);
         self.forget(RANDOM..MEMORY, biases);
-        let Correlated { sigma, time_s } = candidate.gnss_memory;
-        let keep = libm::exp(-seconds / time_s);
-        self.forget(MEMORY..SIZE, (keep, sigma * sigma * (1.0 - keep * keep)));
         self.time_s = to_s;
     }
 
@@ -385,12 +384,13 @@ impl State {
 
     /// `dV` at the fixes: that of the start and what the tilt and the accelerometers have made of
     /// it since.
-    fn measure_velocity(&mut self, epoch: &Epoch, difference: &Difference, sigma_mps: f64) {
-        let variance = sigma_mps * sigma_mps / difference.fixes;
+    fn measure_velocity(&mut self, epoch: &Epoch, difference: &Difference, candidate: &Candidate) {
+        let white = candidate.gnss_sigma_mps * candidate.gnss_sigma_mps / difference.fixes;
+        let mean = MeanOfFixes::new(&candidate.gnss_memory, epoch.seconds, difference.fixes);
         for axis in 0..2 {
             let mut row = Vector::zeros();
             row[VELOCITY + axis] = 1.0;
-            row[MEMORY + axis] = -1.0;
+            row[MEMORY + axis] = -mean.kept;
             row.fixed_rows_mut::<3>(TILT)
                 .copy_from(&force_by_tilt(&difference.force_mps, axis));
             let mut direct = Parameters::zeros();
@@ -398,7 +398,11 @@ impl State {
                 let so_far = difference.part * gained.row(axis).transpose();
                 direct.fixed_rows_mut::<3>(first).copy_from(&so_far);
             }
-            self.measure(&row, &direct, difference.velocity_mps[axis], variance);
+            let noise = white + mean.variance;
+            let mut seen = self.seen(&row, &direct, difference.velocity_mps[axis], noise);
+            self.forget(MEMORY + axis..MEMORY + axis + 1, mean.step);
+            seen.gain[MEMORY + axis] = mean.step.0 * seen.gain[MEMORY + axis] - mean.covariance;
+            self.weigh(&seen);
         }
     }
 
@@ -409,11 +413,12 @@ impl State {
             row[RANDOM + axis] = 1.0;
             direct[CONSTANT + axis] = 1.0;
             direct[TREND + axis] = trend;
-            self.measure(&row, &direct, rate_radps[axis], variance);
+            let seen = self.seen(&row, &direct, rate_radps[axis], variance);
+            self.weigh(&seen);
         }
     }
 
-    fn measure(&mut self, row: &Vector, direct: &Parameters, measured: f64, noise: f64) {
+    fn seen(&self, row: &Vector, direct: &Parameters, measured: f64, noise: f64) -> Seen {
         let mut gain = Vector::zeros();
         for (column, factor) in row.iter().enumerate().filter(|(_, factor)| **factor != 0.0) {
             add(
@@ -427,10 +432,19 @@ impl State {
         let mut of_parameters = foretold.fixed_rows_mut::<PARAMETERS>(0);
         of_parameters += direct;
         foretold[MEAN] -= measured;
-        add_product(&mut self.effects, -1.0 / variance, &foretold, &gain);
-        add_product(&mut self.covariance, -1.0 / variance, &gain, &gain);
-        add_product(&mut self.information, 1.0 / variance, &foretold, &foretold);
-        self.log_variances += libm::log(variance);
+        Seen {
+            gain,
+            foretold,
+            variance,
+        }
+    }
+
+    fn weigh(&mut self, seen: &Seen) {
+        let (gain, foretold, weight) = (&seen.gain, &seen.foretold, 1.0 / seen.variance);
+        add_product(&mut self.effects, -weight, foretold, gain);
+        add_product(&mut self.covariance, -weight, gain, gain);
+        add_product(&mut self.information, weight, foretold, foretold);
+        self.log_variances += libm::log(seen.variance);
     }
 
     /// `dV' = f x Phi + C df`, `Phi' = -w x Phi - C dw`, and the known controls.
@@ -464,6 +478,61 @@ impl State {
     fn turn(&mut self, first: usize, by: &SMatrix<f64, 3, RANDOM>) {
         let mut effects = self.effects.fixed_view_mut::<3, RANDOM>(first, VELOCITY);
         effects += by;
+    }
+}
+
+/// A measurement, before it is made use of.
+struct Seen {
+    /// Covariance of the state with it.
+    gain: Vector,
+    /// What each parameter makes of it, and what it is short of the mean.
+    foretold: SVector<f64, ROWS>,
+    variance: f64,
+}
+
+/// From one time to a later one: what part is kept, and the variance that is added.
+fn step(noise: &Correlated, seconds: f64) -> (f64, f64) {
+    let keep = libm::exp(-seconds / noise.time_s);
+    (keep, noise.sigma * noise.sigma * (1.0 - keep * keep))
+}
+
+/// The mean of a noise with a memory over fixes that share an epoch, each in the middle of its part:
+/// smoother than the noise at any moment, and bound to that at the end.
+struct MeanOfFixes {
+    /// Part of the noise at the start that is in it.
+    kept: f64,
+    /// Variance of the rest of it.
+    variance: f64,
+    /// Covariance of that with the noise at the end.
+    covariance: f64,
+    /// The noise itself, from the start to the end.
+    step: (f64, f64),
+}
+
+impl MeanOfFixes {
+    fn new(noise: &Correlated, seconds: f64, fixes: f64) -> Self {
+        let (keep, added) = step(noise, 0.5 * seconds / fixes);
+        let (mut kept, mut sum_kept) = (1.0, 0.0);
+        // Of the noise and of the sum of the fixes, as far as the start does not tell them.
+        let (mut noise, mut both, mut sum) = (0.0, 0.0, 0.0);
+        for _ in 0..fixes as usize {
+            for ends_part in [false, true] {
+                kept *= keep;
+                noise = keep * keep * noise + added;
+                both *= keep;
+                if !ends_part {
+                    sum_kept += kept;
+                    sum += 2.0 * both + noise;
+                    both += noise;
+                }
+            }
+        }
+        Self {
+            kept: sum_kept / fixes,
+            variance: sum / (fixes * fixes),
+            covariance: both / fixes,
+            step: (kept, noise),
+        }
     }
 }
 
