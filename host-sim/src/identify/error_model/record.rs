@@ -264,7 +264,8 @@ pub fn readings_at_rest(log: &Log) -> Vec<Vec<[Vector3<f64>; 2]>> {
     rest(log).iter().map(stretch).collect()
 }
 
-/// Takes the constants that the navigator has found out of the readings.
+/// Takes the biases that the navigator has found out of the readings. Scales and misalignments stay
+/// in: its split of them is by the vehicle's turns, that of a model by the axes of the body.
 struct Correction {
     estimates: Estimates,
     end: Time,
@@ -272,7 +273,9 @@ struct Correction {
 
 impl Correction {
     fn of(&self, interval: &Interval) -> Interval {
-        self.estimates.corrected(interval)
+        let [gyro, accel] =
+            [&self.estimates.gyro_bias_radps, &self.estimates.accel_bias_mps2].map(values);
+        interval.without_bias(&gyro, &accel)
     }
 
     /// What the accelerometers feel beyond the level attitude, where scale errors are biases.
