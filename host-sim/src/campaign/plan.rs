@@ -196,8 +196,8 @@ mod tests {
             ("units = ", "units = 0 #", "`units = 0`: expected 1 to"),
             ("units = ", "unit = 1 #", "unknown field `unit`"),
             (
-                "errors = \"hg1700\"",
-                "errors = \"mems\"",
+                "output = \"Increments\"",
+                "output = \"Rates\"",
                 "errors.imu.output",
             ),
         ] {

@@ -9,7 +9,7 @@ use std::ops::Range;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::interval::Measured;
-use super::record::{Difference, Epoch, Record};
+use super::record::{Difference, Epoch, Felt, Record};
 use crate::sim::ErrorModel;
 use crate::sim::errors::Law;
 use crate::sim::receiver::Correlated;
@@ -22,15 +22,18 @@ const RANDOM: usize = 5;
 const MEMORY: usize = 8;
 const SIZE: usize = 10;
 
-/// What stays as it is over a drive, three of each: constants and trends of the gyro biases, errors
-/// of the accelerometers and of scales that the navigator has left. What gyros level in the mount
-/// make of turns about its vertical is in those of the accelerometers: no turn tells them apart.
+/// What stays as it is over a drive: constants and trends of the gyro biases, errors of the
+/// accelerometers and of scales, lever arm and latency, less what the navigator has found of them.
+/// What gyros level in the mount make of turns about its vertical is in those of the accelerometers:
+/// no turn tells them apart.
 const CONSTANT: usize = 0;
 const TREND: usize = 3;
 const ACCEL: usize = 6;
 const ACCEL_SCALE: usize = 9;
 const GYRO_SCALE: usize = 12;
-const PARAMETERS: usize = 15;
+const LEVER_ARM: usize = 15;
+const LATENCY: usize = 18;
+const PARAMETERS: usize = 19;
 /// A row of their effects; the last one is that of the measurements.
 const ROWS: usize = PARAMETERS + 1;
 const MEAN: usize = PARAMETERS;
@@ -40,11 +43,13 @@ type Matrix = SMatrix<f64, SIZE, SIZE>;
 type Parameters = SVector<f64, PARAMETERS>;
 
 /// What is believed at the start: m/s, rad, and rad/s for a constant and for what a trend
-/// does over a drive (100 deg/h: nothing, beside what a drive tells).
+/// does over a drive (100 deg/h: nothing, beside what a drive tells, and so are these of m and s).
 const VELOCITY_SIGMA: f64 = 1.0;
 const LEVEL_SIGMA: f64 = 0.01;
 const AZIMUTH_SIGMA: f64 = 0.05;
 const BIAS_SIGMA: f64 = 5e-4;
+const LEVER_ARM_SIGMA: f64 = 1.0;
+const LATENCY_SIGMA: f64 = 0.1;
 
 /// What sensors of a class may be off by, one sigma.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -149,9 +154,11 @@ impl Candidate {
             (ACCEL, self.class.accel_bias_mps2),
             (ACCEL_SCALE, self.class.accel_scale),
             (GYRO_SCALE, self.class.gyro_scale),
+            (LEVER_ARM, LEVER_ARM_SIGMA),
         ] {
             sigma.fixed_rows_mut::<3>(first).fill(of_three);
         }
+        sigma[LATENCY] = LATENCY_SIGMA;
         sigma
     }
 }
@@ -210,16 +217,16 @@ pub fn filter(record: &Record, candidate: &Candidate) -> Answer {
     let mut state = State::new(candidate);
     for epoch in &record.epochs {
         match candidate.dynamics.jump_in(epoch) {
-            Some(part) if epoch.rest_rate_radps.is_none() => {
+            Some(part) => {
                 let (before, after) = epoch.split(part);
                 state.take(&before, None, candidate);
+                if let Some(rate) = epoch.rest_rate_radps.as_ref().filter(|_| !epoch.broken) {
+                    state.measure_biases(rate, candidate, epoch.seconds, Some(1.0 - part));
+                    state.time_s = after.middle_s();
+                }
                 state.take(&after, None, candidate);
             }
-            jump => {
-                // A mean over a jump tells neither bias.
-                let rate = epoch.rest_rate_radps.filter(|_| jump.is_none());
-                state.take(epoch, rate, candidate);
-            }
+            None => state.take(epoch, epoch.rest_rate_radps.as_ref(), candidate),
         }
     }
     state.answer(record, &candidate.prior(record))
@@ -301,8 +308,8 @@ impl State {
     }
 
     /// An epoch, with the biases that gyros read in it.
-    fn take(&mut self, epoch: &Epoch, rate: Option<Vector3<f64>>, candidate: &Candidate) {
-        let middle_s = epoch.start_s + 0.5 * epoch.seconds;
+    fn take(&mut self, epoch: &Epoch, rate: Option<&Vector3<f64>>, candidate: &Candidate) {
+        let middle_s = epoch.middle_s();
         self.wander(middle_s, candidate);
         match &epoch.difference {
             Some(difference) if !epoch.broken => {
@@ -317,7 +324,7 @@ impl State {
         let trend = candidate.dynamics.trend_at(middle_s);
         let noise = candidate.gyro_noise * candidate.gyro_noise;
         if let Some(rate) = rate {
-            self.measure_biases(&rate, trend, noise / epoch.seconds);
+            self.measure_biases(rate, candidate, epoch.seconds, None);
         }
         self.propagate(epoch, trend);
         self.diffuse(epoch, noise * epoch.seconds, candidate.accel_noise);
@@ -332,7 +339,7 @@ impl State {
         if epoch.rest_rate_radps.is_some() {
             return;
         }
-        let by_tilt = [0, 1].map(|axis| force_by_tilt(&epoch.force_mps, axis));
+        let by_tilt = [0, 1].map(|axis| force_by_tilt(&epoch.felt.force_mps, axis));
         for axis in 0..3 {
             self.covariance[(TILT + axis, TILT + axis)] += walked;
         }
@@ -392,12 +399,16 @@ impl State {
             row[VELOCITY + axis] = 1.0;
             row[MEMORY + axis] = -mean.kept;
             row.fixed_rows_mut::<3>(TILT)
-                .copy_from(&force_by_tilt(&difference.force_mps, axis));
+                .copy_from(&force_by_tilt(&difference.felt.force_mps, axis));
             let mut direct = Parameters::zeros();
-            for (first, gained) in epoch.accel_effects() {
-                let so_far = difference.part * gained.row(axis).transpose();
-                direct.fixed_rows_mut::<3>(first).copy_from(&so_far);
+            for (first, gained) in difference.felt.velocity_effects() {
+                direct
+                    .fixed_rows_mut::<3>(first)
+                    .copy_from(&gained.row(axis).transpose());
             }
+            let of_arm = difference.attitude_rate_per_s.row(axis).transpose();
+            direct.fixed_rows_mut::<3>(LEVER_ARM).copy_from(&of_arm);
+            direct[LATENCY] = difference.acceleration_mps2[axis];
             let noise = white + mean.variance;
             let mut seen = self.seen(&row, &direct, difference.velocity_mps[axis], noise);
             self.forget(MEMORY + axis..MEMORY + axis + 1, mean.step);
@@ -406,14 +417,30 @@ impl State {
         }
     }
 
-    /// Gyros of a vehicle at rest read their biases.
-    fn measure_biases(&mut self, rate_radps: &Vector3<f64>, trend: f64, variance: f64) {
+    /// Gyros of a vehicle at rest read their biases: the mean over some seconds, of which a part may
+    /// lie after a jump.
+    fn measure_biases(
+        &mut self,
+        rate_radps: &Vector3<f64>,
+        candidate: &Candidate,
+        seconds: f64,
+        after_jump: Option<f64>,
+    ) {
+        let dynamics = &candidate.dynamics;
+        let white = candidate.gyro_noise * candidate.gyro_noise / seconds;
+        let (part, jump) = match after_jump {
+            Some(part) => (part, dynamics.size * dynamics.size),
+            None => (0.0, 0.0),
+        };
         for axis in 0..3 {
             let (mut row, mut direct) = (Vector::zeros(), Parameters::zeros());
             row[RANDOM + axis] = 1.0;
             direct[CONSTANT + axis] = 1.0;
-            direct[TREND + axis] = trend;
-            let seen = self.seen(&row, &direct, rate_radps[axis], variance);
+            direct[TREND + axis] = dynamics.trend_at(self.time_s) + part;
+            let noise = white + part * part * jump;
+            let mut seen = self.seen(&row, &direct, rate_radps[axis], noise);
+            self.forget(RANDOM + axis..RANDOM + axis + 1, (1.0, jump));
+            seen.gain[RANDOM + axis] += part * jump;
             self.weigh(&seen);
         }
     }
@@ -454,18 +481,20 @@ impl State {
         let carried = carried(&transition, &self.covariance).transpose();
         self.covariance = self::carried(&transition, &carried);
         self.effects = self::carried(&transition, &self.effects);
-        for (first, gained) in epoch.accel_effects() {
+        for (first, gained) in epoch.felt.velocity_effects() {
             let mut effects = self.effects.fixed_view_mut::<3, 2>(first, VELOCITY);
             effects += gained.fixed_rows::<2>(0).transpose();
         }
         if epoch.rest_rate_radps.is_none() {
-            self.turn(CONSTANT, &epoch.turned_by(&epoch.attitude_s));
-            self.turn(TREND, &epoch.turned_by(&(trend * epoch.attitude_s)));
-            self.turn(GYRO_SCALE, &epoch.turned_by(&epoch.scaled_turn_rad));
+            let turned = epoch.felt.turned_by_biases();
+            self.turn(CONSTANT, &turned);
+            self.turn(TREND, &(trend * turned));
+            let mut tilts = self.effects.fixed_view_mut::<3, 3>(GYRO_SCALE, TILT);
+            tilts -= epoch.felt.scaled_turn_rad.transpose();
         }
         // What the gyros read at rest is what turns the platform until it is set back.
-        let grown = -epoch.attitude_s * epoch.rest_rate_radps.unwrap_or_default();
-        let gained = 0.5 * epoch.force_mps.cross(&grown).xy() + epoch.velocity_control_mps;
+        let grown = -epoch.felt.attitude_s * epoch.rest_rate_radps.unwrap_or_default();
+        let gained = 0.5 * epoch.felt.force_mps.cross(&grown).xy() + epoch.velocity_control_mps;
         let mut mean = self.effects.row_mut(MEAN);
         for axis in 0..2 {
             mean[VELOCITY + axis] += gained[axis];
@@ -536,20 +565,22 @@ impl MeanOfFixes {
     }
 }
 
-impl Epoch {
-    /// What biases and scales of the accelerometers do to the velocity, by axes of the body.
-    fn accel_effects(&self) -> [(usize, &Matrix3<f64>); 2] {
+impl Felt {
+    /// What biases and scales of the accelerometers and scales of the gyros do to the velocity, by axes
+    /// of the body.
+    fn velocity_effects(&self) -> [(usize, Matrix3<f64>); 3] {
         [
-            (ACCEL, &self.attitude_s),
-            (ACCEL_SCALE, &self.scaled_force_mps),
+            (ACCEL, self.attitude_s),
+            (ACCEL_SCALE, self.scaled_force_mps),
+            (GYRO_SCALE, -self.scaled_turn_mps),
         ]
     }
 
-    /// What turns of the platform by each axis of the body do to velocity and tilt: half of the tilt
-    /// that an epoch adds is felt in it.
-    fn turned_by(&self, turns: &Matrix3<f64>) -> SMatrix<f64, 3, RANDOM> {
+    /// What gyro biases about each axis of the body do to velocity and tilt: half of the tilt that an
+    /// epoch adds is felt in it.
+    fn turned_by_biases(&self) -> SMatrix<f64, 3, RANDOM> {
         let mut by = SMatrix::zeros();
-        for (other, turn) in turns.column_iter().enumerate() {
+        for (other, turn) in self.attitude_s.column_iter().enumerate() {
             for axis in 0..2 {
                 by[(other, VELOCITY + axis)] =
                     -0.5 * force_by_tilt(&self.force_mps, axis).dot(&turn);
@@ -560,7 +591,9 @@ impl Epoch {
         }
         by
     }
+}
 
+impl Epoch {
     /// What each state makes of others until the end of the epoch.
     fn transition(&self) -> Vec<Coupling> {
         let mut all = Vec::with_capacity(COUPLINGS);
@@ -572,7 +605,7 @@ impl Epoch {
         let turn = -self.seconds * self.frame_rate_radps.cross_matrix();
         for tilt in 0..3 {
             for axis in 0..2 {
-                let by = force_by_tilt(&self.force_mps, axis)[tilt];
+                let by = force_by_tilt(&self.felt.force_mps, axis)[tilt];
                 couple(TILT + tilt, VELOCITY + axis, by);
             }
             for axis in 0..3 {
@@ -580,7 +613,7 @@ impl Epoch {
             }
         }
         if self.rest_rate_radps.is_none() {
-            let by_bias = self.turned_by(&self.attitude_s);
+            let by_bias = self.felt.turned_by_biases();
             for other in 0..3 {
                 for to in VELOCITY..RANDOM {
                     couple(RANDOM + other, to, by_bias[(other, to)]);
@@ -637,5 +670,86 @@ fn force_by_tilt(force: &Vector3<f64>, axis: usize) -> Vector3<f64> {
     match axis {
         0 => Vector3::new(0.0, -force.z, force.y),
         _ => Vector3::new(force.z, 0.0, -force.x),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Against the sums over the correlations of the noise at the fixes; rounding only.
+    #[test]
+    fn the_mean_of_fixes_has_the_moments_of_their_noise() {
+        let noise = Correlated {
+            sigma: 0.3,
+            time_s: 4.0,
+        };
+        let (seconds, fixes) = (2.0, 7.0);
+        let times: Vec<f64> = (0..7)
+            .map(|n| (f64::from(n) + 0.5) * seconds / fixes)
+            .collect();
+        let variance = noise.sigma * noise.sigma;
+        let with = |at: f64| {
+            let one = |time: &f64| libm::exp(-(time - at).abs() / noise.time_s);
+            variance / fixes * times.iter().map(one).sum::<f64>()
+        };
+        let mean = MeanOfFixes::new(&noise, seconds, fixes);
+        let of_mean = times.iter().map(|time| with(*time)).sum::<f64>() / fixes;
+        let found = [
+            mean.kept * variance,
+            mean.kept * mean.kept * variance + mean.variance,
+            mean.kept * mean.step.0 * variance + mean.covariance,
+            mean.step.0 * mean.step.0 * variance + mean.step.1,
+        ];
+        for (found, expected) in
+            found
+                .into_iter()
+                .zip([with(0.0), of_mean, with(seconds), variance])
+        {
+            assert!(
+                (found - expected).abs() < 1e-14,
+                "{found} instead of {expected}"
+            );
+        }
+    }
+
+    /// No measurement is lost where a jump falls into an epoch: the likelihood goes on without a step as
+    /// a jump moves over the border of two.
+    #[test]
+    fn a_jump_at_rest_hides_nothing() {
+        let still = |n: i32| Epoch {
+            start_s: 2.0 * f64::from(n),
+            seconds: 2.0,
+            rest_rate_radps: Some(Vector3::zeros()),
+            ..Epoch::default()
+        };
+        let record = Record {
+            epochs: (0..20).map(still).collect(),
+            duration_s: 40.0,
+            ..Record::default()
+        };
+        let with_jump_at = |time_s: f64| {
+            let candidate = Candidate {
+                gyro_noise: 1e-5,
+                accel_noise: 1e-3,
+                gnss_sigma_mps: 0.1,
+                gnss_memory: Correlated::default(),
+                dynamics: Dynamics {
+                    law: Law::Wave,
+                    size: 1e-5,
+                    time_s,
+                },
+                class: Class {
+                    accel_bias_mps2: 0.01,
+                    accel_scale: 0.0,
+                    gyro_scale: 0.0,
+                },
+            };
+            filter(&record, &candidate).log_likelihood
+        };
+        for border_s in [24.0, 30.0] {
+            let step = with_jump_at(border_s + 1e-6) - with_jump_at(border_s - 1e-6);
+            assert!(step.abs() < 1e-4, "{border_s} s: {step}");
+        }
     }
 }

@@ -488,18 +488,26 @@ impl Fitter<'_> {
     /// With size and time of the random part as found.
     fn assemble(&self, law: Law, top: &Top, [size, time_s]: [Interval; 2]) -> GyroFit {
         let answers = self.answers(law, &top.at);
-        let open = [
-            bounds(&size).map(|size| Point { size, ..top.at }),
-            bounds(&time_s).map(|time| Point { time, ..top.at }),
-        ]
-        .map(|bounds| bounds.map(|at| self.answers(law, &at)));
-        let all = |of: fn(&Answer) -> [Measured; 3]| widened(&answers, &open, of);
-        let initial_sigma = interval::sigma_behind(&all(|answer| answer.constants));
-        let trends = all(|answer| answer.trends);
-        let drift = match law {
-            Law::Wave => interval::mean(&trends).unwrap_or(interval::common_value(&trends)),
-            Law::Continuous => interval::sigma_behind(&trends),
+        let open = (bounds(&size).map(|size| Point { size, ..top.at }).iter())
+            .chain(&bounds(&time_s).map(|time| Point { time, ..top.at }))
+            .map(|at| self.answers(law, at))
+            .collect::<Vec<_>>();
+        let of_all = |of: fn(&Answer) -> [Measured; 3], found: fn(&[Measured]) -> Interval| {
+            let found =
+                |answers: &[Answer]| found(&answers.iter().flat_map(of).collect::<Vec<Measured>>());
+            open.iter()
+                .fold(found(&answers), |best, other| best.reaching(&found(other)))
         };
+        let initial_sigma = of_all(|answer| answer.constants, interval::sigma_behind);
+        let drift = of_all(
+            |answer| answer.trends,
+            match law {
+                Law::Wave => {
+                    |trends| interval::mean(trends).unwrap_or(interval::common_value(trends))
+                }
+                Law::Continuous => interval::sigma_behind,
+            },
+        );
         let [noise, gnss_sigma_mps, gnss_memory_mps, gnss_memory_s] =
             self.noise_intervals(law, top);
         let (trend_mean, trend_sigma) = match law {
@@ -619,25 +627,6 @@ fn bounds(interval: &Interval) -> [f64; 2] {
     let Interval { value, low, high } = *interval;
     let near = [value / FAR, value * FAR];
     [low.max(near[0]), high.min(near[1])].map(libm::log)
-}
-
-/// Constants or trends of all drives and axes, with what the random part leaves open of them: by the
-/// answers at both 95 % bounds of its size, and of its time.
-fn widened(
-    answers: &[Answer],
-    open: &[[Vec<Answer>; 2]; 2],
-    of: fn(&Answer) -> [Measured; 3],
-) -> Vec<Measured> {
-    let flat = |answers: &[Answer]| -> Vec<Measured> { answers.iter().flat_map(of).collect() };
-    let mut all = flat(answers);
-    for [low, high] in open {
-        for ((best, low), high) in all.iter_mut().zip(flat(low)).zip(flat(high)) {
-            let between = 0.5 * (high.value - low.value) / NORMAL_95;
-            let within = 0.5 * (high.variance + low.variance) - best.variance;
-            best.variance += between * between + within.max(0.0) / (NORMAL_95 * NORMAL_95);
-        }
-    }
-    all
 }
 
 /// Correlation times that a drive can tell from a constant and a trend, as logarithms.

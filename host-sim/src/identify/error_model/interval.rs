@@ -33,6 +33,16 @@ impl Interval {
         }
     }
 
+    /// With what else may be true.
+    #[must_use]
+    pub fn reaching(&self, other: &Self) -> Self {
+        Self {
+            value: self.value,
+            low: self.low.min(other.low),
+            high: self.high.max(other.high),
+        }
+    }
+
     /// One of the values that it stands for: normal in the logarithm where it is above zero, and
     /// within two halves of their own widths. A side without a bound is not left open.
     #[must_use]

@@ -6,7 +6,7 @@
 
 use ins_core::earth::LocalEarth;
 use ins_core::increments::{Increments, Interval};
-use ins_core::mechanization::{Controls, Mechanization};
+use ins_core::mechanization::{Controls, Mechanization, Step};
 use ins_core::rest::{RestBlock, RestDetector, Verdict};
 use ins_core::{Estimate, Estimates, GnssFix, ImuOutput, ImuSample, Observability, Solution, Time};
 use nalgebra::{Matrix3, Vector2, Vector3};
@@ -29,20 +29,14 @@ const ROCKING: usize = 2;
 const OUTLIER: f64 = 8.0;
 
 /// Some seconds of a drive.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Epoch {
     /// Start, since the first sample of the log, s.
     pub start_s: f64,
     /// Duration, s.
     pub seconds: f64,
-    /// Integral of specific force, ENU, m/s.
-    pub force_mps: Vector3<f64>,
-    /// Integral of `C_B^L`, s.
-    pub attitude_s: Matrix3<f64>,
-    /// ENU velocity from what each axis of the body feels beyond the level attitude, m/s.
-    pub scaled_force_mps: Matrix3<f64>,
-    /// ENU rotation about each axis of the body, rad.
-    pub scaled_turn_rad: Matrix3<f64>,
+    /// What was felt in it.
+    pub felt: Felt,
     /// Rotation of ENU against inertial space, rad/s.
     pub frame_rate_radps: Vector3<f64>,
     /// By how much the velocity was set back at the end, m/s.
@@ -58,15 +52,17 @@ pub struct Epoch {
 }
 
 impl Epoch {
+    /// Its middle, since the first sample of the log, s.
+    pub fn middle_s(&self) -> f64 {
+        self.start_s + 0.5 * self.seconds
+    }
+
     /// The epoch as two, the first of which is this part of it; the fixes are of the first, the
     /// controls of the second.
     pub fn split(&self, part: f64) -> (Self, Self) {
         let of = |part: f64| Self {
             seconds: part * self.seconds,
-            force_mps: part * self.force_mps,
-            attitude_s: part * self.attitude_s,
-            scaled_force_mps: part * self.scaled_force_mps,
-            scaled_turn_rad: part * self.scaled_turn_rad,
+            felt: self.felt.scaled(part),
             ..self.clone()
         };
         let before = Self {
@@ -83,21 +79,56 @@ impl Epoch {
     }
 }
 
+/// What sensors have felt since the start of an epoch; columns are axes of the body.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Felt {
+    /// Integral of specific force, ENU, m/s.
+    pub force_mps: Vector3<f64>,
+    /// Integral of `C_B^L`, s.
+    pub attitude_s: Matrix3<f64>,
+    /// ENU velocity from what each axis feels beyond the level attitude, m/s.
+    pub scaled_force_mps: Matrix3<f64>,
+    /// ENU rotation about each axis, rad.
+    pub scaled_turn_rad: Matrix3<f64>,
+    /// ENU velocity that the platform would gain if it were turned by that, m/s.
+    pub scaled_turn_mps: Matrix3<f64>,
+}
+
+impl Felt {
+    /// With so much of another one on top.
+    #[must_use]
+    fn plus(&self, part: f64, more: &Self) -> Self {
+        Self {
+            force_mps: self.force_mps + part * more.force_mps,
+            attitude_s: self.attitude_s + part * more.attitude_s,
+            scaled_force_mps: self.scaled_force_mps + part * more.scaled_force_mps,
+            scaled_turn_rad: self.scaled_turn_rad + part * more.scaled_turn_rad,
+            scaled_turn_mps: self.scaled_turn_mps + part * more.scaled_turn_mps,
+        }
+    }
+
+    fn scaled(&self, by: f64) -> Self {
+        Self::default().plus(by, self)
+    }
+}
+
 /// Mean over the fixes of an epoch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
     /// Velocity of the strapdown less that of GNSS, east and north, m/s.
     pub velocity_mps: Vector2<f64>,
-    /// Integral of specific force from the start of the epoch to the fix, m/s.
-    pub force_mps: Vector3<f64>,
-    /// Part of the epoch that lies before them.
-    pub part: f64,
+    /// What was felt until then.
+    pub felt: Felt,
+    /// Acceleration, east and north: what an error of latency makes of them, m/s^2.
+    pub acceleration_mps2: Vector2<f64>,
+    /// `dC/dt`, what a lever arm makes of them, 1/s.
+    pub attitude_rate_per_s: Matrix3<f64>,
     /// Number of fixes.
     pub fixes: f64,
 }
 
 /// One drive.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Record {
     /// In order of time, from when the azimuth is known.
     pub epochs: Vec<Epoch>,
@@ -273,8 +304,11 @@ struct Correction {
 
 impl Correction {
     fn of(&self, interval: &Interval) -> Interval {
-        let [gyro, accel] =
-            [&self.estimates.gyro_bias_radps, &self.estimates.accel_bias_mps2].map(values);
+        let [gyro, accel] = [
+            &self.estimates.gyro_bias_radps,
+            &self.estimates.accel_bias_mps2,
+        ]
+        .map(values);
         interval.without_bias(&gyro, &accel)
     }
 
@@ -373,15 +407,11 @@ struct Going {
     ins: Mechanization,
     earth: LocalEarth,
     angle_rad: Vector3<f64>,
-    force_mps: Vector3<f64>,
-    attitude_s: Matrix3<f64>,
-    scaled_force_mps: Matrix3<f64>,
-    scaled_turn_rad: Matrix3<f64>,
+    felt: Felt,
     seconds: f64,
     broken: bool,
     difference_sum: Vector2<f64>,
-    force_sum: Vector3<f64>,
-    seconds_sum: f64,
+    felt_sum: Felt,
     fixes: f64,
 }
 
@@ -397,15 +427,11 @@ impl Going {
             ins,
             earth: ins.local_earth(),
             angle_rad: Vector3::zeros(),
-            force_mps: Vector3::zeros(),
-            attitude_s: Matrix3::zeros(),
-            scaled_force_mps: Matrix3::zeros(),
-            scaled_turn_rad: Matrix3::zeros(),
+            felt: Felt::default(),
             seconds: 0.0,
             broken: false,
             difference_sum: Vector2::zeros(),
-            force_sum: Vector3::zeros(),
-            seconds_sum: 0.0,
+            felt_sum: Felt::default(),
             fixes: 0.0,
         }
     }
@@ -425,6 +451,7 @@ impl Going {
         let before = self.ins.velocity_enu_mps;
         let step = self.ins.step(&interval, &Controls::default());
         let antenna = correction.antenna_mps(&step.attitude, &interval);
+        let felt = self.felt_by(&step, &interval, correction);
         while let Some((moment, velocity)) = fixes.next_if(|fix| fix.0 <= timed.end) {
             let part = 1.0 - timed.end.seconds_since(*moment) / interval.seconds;
             if part < 0.0 {
@@ -432,18 +459,26 @@ impl Going {
             }
             let ins = before + part * (self.ins.velocity_enu_mps - before) + antenna;
             self.difference_sum += ins.xy() - velocity;
-            self.force_sum += self.force_mps + part * step.force_enu_mps;
-            self.seconds_sum += self.seconds + part * interval.seconds;
+            self.felt_sum = (self.felt_sum.plus(1.0, &self.felt)).plus(part, &felt);
             self.fixes += 1.0;
         }
-        self.force_mps += step.force_enu_mps;
-        self.attitude_s += interval.seconds * step.attitude;
-        let beyond_level = correction.beyond_level_mps(&interval);
-        self.scaled_force_mps += step.attitude * Matrix3::from_diagonal(&beyond_level);
-        self.scaled_turn_rad += step.attitude * Matrix3::from_diagonal(&interval.angle_rad);
+        self.felt = self.felt.plus(1.0, &felt);
         self.angle_rad += interval.rotation_rad();
         self.seconds += interval.seconds;
         self.broken |= timed.hole;
+    }
+
+    fn felt_by(&self, step: &Step, interval: &Interval, correction: &Correction) -> Felt {
+        let beyond_level = correction.beyond_level_mps(interval);
+        let scaled_turn_rad = step.attitude * Matrix3::from_diagonal(&interval.angle_rad);
+        let turned = self.felt.scaled_turn_rad + 0.5 * scaled_turn_rad;
+        Felt {
+            force_mps: step.force_enu_mps,
+            attitude_s: interval.seconds * step.attitude,
+            scaled_force_mps: step.attitude * Matrix3::from_diagonal(&beyond_level),
+            scaled_turn_rad,
+            scaled_turn_mps: step.force_enu_mps.cross_matrix() * turned,
+        }
     }
 
     fn end(self, reference: &Solution, reducer: &Reducer) -> Epoch {
@@ -458,23 +493,25 @@ impl Going {
         // `C' = (I - [Phi x]) C`: turning the platform by Phi is a rotation by -Phi.
         let turned = -(reference.attitude * before.inverse()).scaled_axis();
         let rest_rate =
-            self.angle_rad / self.seconds - self.attitude_s.tr_mul(&frame_rate) / self.seconds;
+            self.angle_rad / self.seconds - self.felt.attitude_s.tr_mul(&frame_rate) / self.seconds;
         let velocity_control = reference.velocity_enu_mps - self.ins.velocity_enu_mps;
+        let gained = self.ins.velocity_enu_mps - self.start.velocity_enu_mps;
+        let [from, to] = [&self.start.attitude, &self.ins.attitude]
+            .map(|attitude| attitude.to_rotation_matrix().into_inner());
+        let turning = to - from;
         Epoch {
             start_s: self.start.time.seconds_since(reducer.first),
             seconds: self.seconds,
-            force_mps: self.force_mps,
-            attitude_s: self.attitude_s,
-            scaled_force_mps: self.scaled_force_mps,
-            scaled_turn_rad: self.scaled_turn_rad,
+            felt: self.felt,
             frame_rate_radps: frame_rate,
             velocity_control_mps: velocity_control.xy(),
             tilt_control_rad: turned,
             rest_rate_radps: at_rest.then_some(rest_rate),
             difference: (self.fixes > 0.0).then(|| Difference {
                 velocity_mps: self.difference_sum / self.fixes,
-                force_mps: self.force_sum / self.fixes,
-                part: self.seconds_sum / self.fixes / self.seconds,
+                felt: self.felt_sum.scaled(1.0 / self.fixes),
+                acceleration_mps2: gained.xy() / self.seconds,
+                attitude_rate_per_s: turning / self.seconds,
                 fixes: self.fixes,
             }),
             broken: self.broken || self.seconds > LONGEST_EPOCH_S,
