@@ -392,7 +392,8 @@ impl State {
     /// `dV` at the fixes: that of the start and what the tilt and the accelerometers have made of
     /// it since.
     fn measure_velocity(&mut self, epoch: &Epoch, difference: &Difference, candidate: &Candidate) {
-        let white = candidate.gnss_sigma_mps * candidate.gnss_sigma_mps / difference.fixes;
+        let fixes = f64::from(difference.fixes);
+        let white = candidate.gnss_sigma_mps * candidate.gnss_sigma_mps / fixes;
         let mean = MeanOfFixes::new(&candidate.gnss_memory, epoch.seconds, difference.fixes);
         for axis in 0..2 {
             let mut row = Vector::zeros();
@@ -539,12 +540,12 @@ struct MeanOfFixes {
 }
 
 impl MeanOfFixes {
-    fn new(noise: &Correlated, seconds: f64, fixes: f64) -> Self {
-        let (keep, added) = step(noise, 0.5 * seconds / fixes);
+    fn new(noise: &Correlated, seconds: f64, fixes: u32) -> Self {
+        let (keep, added) = step(noise, 0.5 * seconds / f64::from(fixes));
         let (mut kept, mut sum_kept) = (1.0, 0.0);
         // Of the noise and of the sum of the fixes, as far as the start does not tell them.
         let (mut noise, mut both, mut sum) = (0.0, 0.0, 0.0);
-        for _ in 0..fixes as usize {
+        for _ in 0..fixes {
             for ends_part in [false, true] {
                 kept *= keep;
                 noise = keep * keep * noise + added;
@@ -556,6 +557,7 @@ impl MeanOfFixes {
                 }
             }
         }
+        let fixes = f64::from(fixes);
         Self {
             kept: sum_kept / fixes,
             variance: sum / (fixes * fixes),
@@ -693,7 +695,7 @@ mod tests {
             let one = |time: &f64| libm::exp(-(time - at).abs() / noise.time_s);
             variance / fixes * times.iter().map(one).sum::<f64>()
         };
-        let mean = MeanOfFixes::new(&noise, seconds, fixes);
+        let mean = MeanOfFixes::new(&noise, seconds, 7);
         let of_mean = times.iter().map(|time| with(*time)).sum::<f64>() / fixes;
         let found = [
             mean.kept * variance,

@@ -124,7 +124,7 @@ pub struct Difference {
     /// `dC/dt`, what a lever arm makes of them, 1/s.
     pub attitude_rate_per_s: Matrix3<f64>,
     /// Number of fixes.
-    pub fixes: f64,
+    pub fixes: u32,
 }
 
 /// One drive.
@@ -412,7 +412,7 @@ struct Going {
     broken: bool,
     difference_sum: Vector2<f64>,
     felt_sum: Felt,
-    fixes: f64,
+    fixes: u32,
 }
 
 impl Going {
@@ -432,7 +432,7 @@ impl Going {
             broken: false,
             difference_sum: Vector2::zeros(),
             felt_sum: Felt::default(),
-            fixes: 0.0,
+            fixes: 0,
         }
     }
 
@@ -460,7 +460,7 @@ impl Going {
             let ins = before + part * (self.ins.velocity_enu_mps - before) + antenna;
             self.difference_sum += ins.xy() - velocity;
             self.felt_sum = (self.felt_sum.plus(1.0, &self.felt)).plus(part, &felt);
-            self.fixes += 1.0;
+            self.fixes += 1;
         }
         self.felt = self.felt.plus(1.0, &felt);
         self.angle_rad += interval.rotation_rad();
@@ -507,9 +507,9 @@ impl Going {
             velocity_control_mps: velocity_control.xy(),
             tilt_control_rad: turned,
             rest_rate_radps: at_rest.then_some(rest_rate),
-            difference: (self.fixes > 0.0).then(|| Difference {
-                velocity_mps: self.difference_sum / self.fixes,
-                felt: self.felt_sum.scaled(1.0 / self.fixes),
+            difference: (self.fixes > 0).then(|| Difference {
+                velocity_mps: self.difference_sum / f64::from(self.fixes),
+                felt: self.felt_sum.scaled(1.0 / f64::from(self.fixes)),
                 acceleration_mps2: gained.xy() / self.seconds,
                 attitude_rate_per_s: turning / self.seconds,
                 fixes: self.fixes,
