@@ -120,8 +120,11 @@ impl Dynamics {
                 (1.0, jumps * self.size * self.size)
             }
             Law::Continuous => {
-                let keep = libm::exp((from_s - to_s) / self.time_s);
-                (keep, self.size * self.size * (1.0 - keep * keep))
+                let noise = Correlated {
+                    sigma: self.size,
+                    time_s: self.time_s,
+                };
+                step(&noise, to_s - from_s)
             }
         }
     }
@@ -478,7 +481,8 @@ impl State {
     /// `dV' = f x Phi + C df`, `Phi' = -w x Phi - C dw`, and the known controls.
     fn propagate(&mut self, epoch: &Epoch, trend: f64) {
         // `P F'`, then the same on its transpose: `F P F'`.
-        let transition = epoch.transition();
+        let turned = epoch.felt.turned_by_biases();
+        let transition = epoch.transition(&turned);
         let carried = carried(&transition, &self.covariance).transpose();
         self.covariance = self::carried(&transition, &carried);
         self.effects = self::carried(&transition, &self.effects);
@@ -487,7 +491,6 @@ impl State {
             effects += gained.fixed_rows::<2>(0).transpose();
         }
         if epoch.rest_rate_radps.is_none() {
-            let turned = epoch.felt.turned_by_biases();
             self.turn(CONSTANT, &turned);
             self.turn(TREND, &(trend * turned));
             let mut tilts = self.effects.fixed_view_mut::<3, 3>(GYRO_SCALE, TILT);
@@ -597,7 +600,7 @@ impl Felt {
 
 impl Epoch {
     /// What each state makes of others until the end of the epoch.
-    fn transition(&self) -> Vec<Coupling> {
+    fn transition(&self, by_bias: &SMatrix<f64, 3, RANDOM>) -> Vec<Coupling> {
         let mut all = Vec::with_capacity(COUPLINGS);
         let mut couple = |from: usize, to: usize, by: f64| {
             if by != 0.0 {
@@ -615,7 +618,6 @@ impl Epoch {
             }
         }
         if self.rest_rate_radps.is_none() {
-            let by_bias = self.felt.turned_by_biases();
             for other in 0..3 {
                 for to in VELOCITY..RANDOM {
                     couple(RANDOM + other, to, by_bias[(other, to)]);
