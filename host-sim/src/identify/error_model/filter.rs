@@ -11,16 +11,17 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use super::interval::Measured;
 use super::record::{Difference, Epoch, Felt, Record};
 use crate::sim::ErrorModel;
-use crate::sim::errors::Law;
+use crate::sim::errors::{BiasModel, Law};
 use crate::sim::receiver::Correlated;
 
-/// Velocity error, tilt, random part of the gyro biases.
+/// Velocity error, tilt, random part of the biases of gyros and accelerometers.
 const VELOCITY: usize = 0;
 const TILT: usize = 2;
 const RANDOM: usize = 5;
+const ACCEL_RANDOM: usize = 8;
 /// Noise of GNSS velocity that has a memory.
-const MEMORY: usize = 8;
-const SIZE: usize = 10;
+const MEMORY: usize = 11;
+const SIZE: usize = 13;
 
 /// What stays as it is over a drive: constants and trends of the gyro biases, errors of the
 /// accelerometers and of scales, lever arm and latency, less what the navigator has found of them.
@@ -56,6 +57,8 @@ const LATENCY_SIGMA: f64 = 0.1;
 pub struct Class {
     /// Accelerometers, m/s^2.
     pub accel_bias_mps2: f64,
+    /// How they move from there, m/s^2.
+    pub accel_dynamics: Dynamics,
     /// Scales of the accelerometers, 1.
     pub accel_scale: f64,
     /// Scales of the gyros, 1.
@@ -67,25 +70,36 @@ impl Class {
     pub fn of(model: &ErrorModel) -> Self {
         Self {
             accel_bias_mps2: model.accel_mps2.bias.initial_sigma(),
+            accel_dynamics: Dynamics::of(&model.accel_mps2.bias),
             accel_scale: model.accel_mps2.scale_sigma,
             gyro_scale: model.gyro_deg_h.scale_sigma,
         }
     }
 }
 
-/// How the random part of a gyro bias moves. SI units.
+/// How the random part of a bias moves. SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dynamics {
     /// Jumps at whole multiples of an interval since the start of the log, or exponentially
     /// correlated.
     pub law: Law,
-    /// Spread of a jump, or standard deviation, rad/s.
+    /// Spread of a jump, or standard deviation, rad/s of gyros.
     pub size: f64,
     /// Interval, or correlation time, s.
     pub time_s: f64,
 }
 
 impl Dynamics {
+    /// In the units of the model.
+    fn of(bias: &BiasModel) -> Self {
+        let (size, time_s) = bias.random_part();
+        Self {
+            law: bias.law(),
+            size,
+            time_s,
+        }
+    }
+
     /// What the trend of a bias is multiplied by: jumps so far, or time.
     fn trend_at(&self, time_s: f64) -> f64 {
         match self.law {
@@ -148,6 +162,14 @@ pub struct Candidate {
 }
 
 impl Candidate {
+    /// What moves the random parts of the biases.
+    fn biases(&self) -> [(Range<usize>, Dynamics); 2] {
+        [
+            (RANDOM..ACCEL_RANDOM, self.dynamics),
+            (ACCEL_RANDOM..MEMORY, self.class.accel_dynamics),
+        ]
+    }
+
     /// One sigma of the parameters before a drive.
     fn prior(&self, record: &Record) -> Parameters {
         let mut sigma = Parameters::zeros();
@@ -264,8 +286,10 @@ impl State {
         sigma.fixed_rows_mut::<2>(TILT).fill(LEVEL_SIGMA);
         sigma[TILT + 2] = AZIMUTH_SIGMA;
         let mut covariance = Matrix::from_diagonal(&sigma.component_mul(&sigma));
-        for axis in RANDOM..MEMORY {
-            covariance[(axis, axis)] = candidate.dynamics.initial_variance();
+        for (axes, dynamics) in candidate.biases() {
+            for axis in axes {
+                covariance[(axis, axis)] = dynamics.initial_variance();
+            }
         }
         let remembered = candidate.gnss_memory.sigma * candidate.gnss_memory.sigma;
         for axis in MEMORY..SIZE {
@@ -360,8 +384,9 @@ impl State {
 
     /// Carries on the biases.
     fn wander(&mut self, to_s: f64, candidate: &Candidate) {
-        let biases = candidate.dynamics.step(self.time_s, to_s);
-        self.forget(RANDOM..MEMORY, biases);
+        for (axes, dynamics) in candidate.biases() {
+            self.forget(axes, dynamics.step(self.time_s, to_s));
+        }
         self.time_s = to_s;
     }
 
@@ -402,10 +427,15 @@ impl State {
             let mut row = Vector::zeros();
             row[VELOCITY + axis] = 1.0;
             row[MEMORY + axis] = -mean.kept;
-            row.fixed_rows_mut::<3>(TILT)
-                .copy_from(&force_by_tilt(&difference.felt.force_mps, axis));
+            let felt = &difference.felt;
+            for (first, by) in [
+                (TILT, force_by_tilt(&felt.force_mps, axis)),
+                (ACCEL_RANDOM, felt.attitude_s.row(axis).transpose()),
+            ] {
+                row.fixed_rows_mut::<3>(first).copy_from(&by);
+            }
             let mut direct = Parameters::zeros();
-            for (first, gained) in difference.felt.velocity_effects() {
+            for (first, gained) in felt.velocity_effects() {
                 direct
                     .fixed_rows_mut::<3>(first)
                     .copy_from(&gained.row(axis).transpose());
@@ -617,8 +647,12 @@ impl Epoch {
                 couple(TILT + tilt, TILT + axis, turn[(axis, tilt)]);
             }
         }
-        if self.rest_rate_radps.is_none() {
-            for other in 0..3 {
+        for other in 0..3 {
+            for axis in 0..2 {
+                let by = self.felt.attitude_s[(axis, other)];
+                couple(ACCEL_RANDOM + other, VELOCITY + axis, by);
+            }
+            if self.rest_rate_radps.is_none() {
                 for to in VELOCITY..RANDOM {
                     couple(RANDOM + other, to, by_bias[(other, to)]);
                 }
@@ -635,8 +669,8 @@ struct Coupling {
     by: f64,
 }
 
-/// Tilts of velocity and of each other, biases of both.
-const COUPLINGS: usize = 3 * 2 + 3 * 3 + 3 * 5;
+/// Tilts of velocity and of each other, biases of gyros of both, of accelerometers of velocity.
+const COUPLINGS: usize = 3 * 2 + 3 * 3 + 3 * 5 + 3 * 2;
 
 /// Rows of a state at the start of an epoch, at its end.
 fn carried<const N: usize>(
@@ -745,6 +779,7 @@ mod tests {
                 },
                 class: Class {
                     accel_bias_mps2: 0.01,
+                    accel_dynamics: Dynamics::of(&BiasModel::constant(0.01)),
                     accel_scale: 0.0,
                     gyro_scale: 0.0,
                 },

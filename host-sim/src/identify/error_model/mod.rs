@@ -9,8 +9,8 @@
 //!   jumps only the rate of the walk. A constant and what is correlated over a whole drive are the
 //!   same thing to that drive.
 //! - Run-to-run spreads stand on three axes a drive: one drive gives them to a factor of two or so.
-//! - Accelerometers: constants from turns and stops, white noise at rest. Their drift and their noise
-//!   in motion drown in the noise of GNSS.
+//! - Accelerometers: constants from turns and stops, white noise at rest. Their noise in motion is not
+//!   told from noise of GNSS with a memory, their drift drowns in both: it is that of the class.
 //! - Latency: its scatter from drive to drive needs several.
 //!
 //! All drives are taken as draws from one model: drives of one unit give the spreads of that unit,
