@@ -70,6 +70,8 @@ enum Part {
     Recovery,
     /// Accuracy of flights foretold from drives.
     Campaign,
+    /// Sigmas foretold of drives, beside what drives reach.
+    PlanDrive,
     /// Performance of the aircraft.
     Aircraft,
     /// Flights without GNSS; some minutes.
@@ -143,6 +145,7 @@ impl Part {
             Self::Proof => identification::proof(root, options.logs.as_deref()),
             Self::Recovery => Ok(Some(identification::recovery(options.runs.clamp(2, 200)))),
             Self::Campaign => identification::campaign(root).map(Some),
+            Self::PlanDrive => super::plan_drive::study::page().map(Some),
             Self::Aircraft => aircraft::performance_table().map(Some),
             Self::Flights => super::flights::page(options.runs.min(200)).map(Some),
             Self::Reproduce => super::reproduce::page().map(Some),

@@ -9,14 +9,15 @@ use clap::Args;
 use indicatif::ProgressBar;
 use ins_core::earth::LocalEarth;
 use ins_core::{Estimate, Estimates, Solution};
-use miette::{IntoDiagnostic, Result};
+use miette::Result;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::{Bench, Driver, Goal, Plan, Target, UNITS, seconds};
 use crate::page::progress::bar;
-use crate::page::table::{cells, plain};
+use crate::cli::options::show;
+use crate::page::table::{cells, markdown, plain};
 use crate::statistics::rms;
 
 /// Goal: predicted over reached.
@@ -98,8 +99,50 @@ struct Row {
     ratio: Option<f64>,
 }
 
-/// Plans, drives, compares.
+impl Row {
+    fn cell(&self) -> String {
+        let ratio = self.ratio.map(|ratio| format!("{ratio:.2}"));
+        ratio.unwrap_or_else(|| "not shown".to_owned())
+    }
+}
+
+/// Plans, drives, compares, prints.
 pub fn study(options: &PlanDrive, json: bool) -> Result<()> {
+    let all = compared(options)?;
+    show(json, &all, || readable(&all))
+}
+
+/// Predicted over reached of the targets that are always tried, for the documentation.
+pub(crate) fn page() -> Result<String> {
+    let all = compared(&PlanDrive {
+        target: Vec::new(),
+        runs: 100,
+        first_seed: 1,
+    })?;
+    let mut header = vec![String::new()];
+    header.extend(all.iter().map(|results| match results.judge {
+        true => format!("judge: {}", results.target),
+        false => results.target.clone(),
+    }));
+    let mut minutes = vec!["minutes".to_owned()];
+    minutes.extend(all.iter().map(|results| format!("{:.1}", results.minutes)));
+    let mut rows = vec![minutes];
+    for Row { quantity, .. } in all.iter().flat_map(|results| &results.rows) {
+        if rows.iter().any(|row| row[0] == *quantity) {
+            continue;
+        }
+        let ratio = |results: &Results| {
+            let mut rows = results.rows.iter();
+            let row = rows.find(|row| row.quantity == *quantity);
+            row.map_or(String::new(), Row::cell)
+        };
+        let cells = std::iter::once(quantity.clone());
+        rows.push(cells.chain(all.iter().map(ratio)).collect());
+    }
+    Ok(format!("{}\n{}", markdown(&header, &rows), verdict(&all)))
+}
+
+fn compared(options: &PlanDrive) -> Result<Vec<Results>> {
     let cases = cases(&options.target)?;
     let progress = bar();
     progress.set_message("driving");
@@ -109,12 +152,7 @@ pub fn study(options: &PlanDrive, json: bool) -> Result<()> {
     };
     let all: Vec<Results> = cases.iter().map(one).collect::<Result<_>>()?;
     progress.finish_and_clear();
-    if json {
-        println!("{}", serde_json::to_string_pretty(&all).into_diagnostic()?);
-    } else {
-        print!("{}", readable(&all));
-    }
-    Ok(())
+    Ok(all)
 }
 
 fn cases(files: &[PathBuf]) -> Result<Vec<(String, bool, Target)>> {
@@ -265,8 +303,7 @@ fn readable(all: &[Results]) -> String {
                 row.target.to_string(),
             ];
             cells.extend([row.predicted, row.stated, row.reached].map(number));
-            let ratio = row.ratio.map(|ratio| format!("{ratio:.2}"));
-            cells.push(ratio.unwrap_or_else(|| "not shown".to_owned()));
+            cells.push(row.cell());
             cells
         };
         let rows: Vec<Vec<String>> = results.rows.iter().map(row).collect();
@@ -279,7 +316,13 @@ fn readable(all: &[Results]) -> String {
             plain(&header, &rows)
         ));
     }
-    for (judge, side) in [(false, "development"), (true, "judges")] {
+    parts.push(verdict(all));
+    parts.concat()
+}
+
+/// How many ratios are as they should be.
+fn verdict(all: &[Results]) -> String {
+    let of_side = |(judge, side): (bool, &str)| {
         let of_side = all.iter().filter(|results| results.judge == judge);
         let ratios: Vec<f64> = of_side
             .flat_map(|r| &r.rows)
@@ -288,13 +331,15 @@ fn readable(all: &[Results]) -> String {
         let good = ratios
             .iter()
             .filter(|ratio| (GOAL[0]..=GOAL[1]).contains(*ratio));
-        parts.push(format!(
+        format!(
             "{side}: {} of {} ratios within {} to {}\n",
             good.count(),
             ratios.len(),
             GOAL[0],
             GOAL[1]
-        ));
-    }
-    parts.concat()
+        )
+    };
+    [(false, "Development"), (true, "Judges")]
+        .map(of_side)
+        .concat()
 }
