@@ -5,7 +5,7 @@ use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use super::Log;
 use super::curve::{Curve, turned};
 use super::error::LogError;
-use super::files::Files;
+use super::findings::Findings;
 use super::rates::{Rates, origin};
 
 /// Shifts that are looked for, in steps of half the shortest manoeuvre, and finer ones from there.
@@ -47,8 +47,7 @@ struct Seen {
 pub(super) fn set_clock(
     log: &mut Log,
     rates: &Rates,
-    files: &Files,
-    warnings: &mut Vec<LogError>,
+    findings: &mut Findings,
 ) -> Result<bool, LogError> {
     let apart_s = apart(log);
     let clocks = Clocks::new(log, rates);
@@ -60,14 +59,14 @@ pub(super) fn set_clock(
     if !best.decides_over(&rival) {
         let explained = [&best, &rival].map(|shift| clocks.explained_by(shift));
         if explained == [true, true] {
-            let answers = two_answers(&best, &rival, files);
+            let answers = two_answers(&best, &rival, findings);
             if !agrees(&best) && !agrees(&rival) {
                 return Err(answers);
             }
             let cause = "manoeuvres that repeat; taken to be on one time scale already".into();
-            warnings.push(LogError { cause, ..answers });
+            findings.warn(LogError { cause, ..answers });
         } else if apart_s.is_some() {
-            return Err(other_origin(log, files));
+            return Err(other_origin(log, findings));
         }
         return Ok(explained[0]);
     }
@@ -79,11 +78,11 @@ pub(super) fn set_clock(
         fix.time = fix.time.plus_seconds(-best.s);
     }
     log.meta.gnss_clock_offset_s += best.s;
-    warnings.push(moved(&best, apart_s.is_some(), files));
+    findings.warn(moved(&best, apart_s.is_some(), findings));
     Ok(true)
 }
 
-fn moved(best: &Shift, apart: bool, files: &Files) -> LogError {
+fn moved(best: &Shift, apart: bool, findings: &Findings) -> LogError {
     let side = if best.s > 0.0 { "late" } else { "early" };
     let found = format!("fixes {:.2} s {side} by the motion both saw", best.s.abs());
     let cause = format!(
@@ -96,7 +95,7 @@ fn moved(best: &Shift, apart: bool, files: &Files) -> LogError {
         -best.s
     );
     let expected = "both files on one time scale";
-    LogError::file(&files.gnss, expected, found, cause).in_column("t_s")
+    findings.gnss(expected, found, cause).in_column("t_s")
 }
 
 fn cause(shift_s: f64) -> &'static str {
@@ -108,13 +107,15 @@ fn cause(shift_s: f64) -> &'static str {
     }
 }
 
-fn two_answers(best: &Shift, other: &Shift, files: &Files) -> LogError {
+fn two_answers(best: &Shift, other: &Shift, findings: &Findings) -> LogError {
     let found = format!(
         "fixes {:+.1} s off or {:+.1} s off, as likely",
         best.s, other.s
     );
     let cause = "clocks that differ, and manoeuvres that repeat: bring both to one scale";
-    LogError::file(&files.gnss, "both files on one time scale", found, cause).in_column("t_s")
+    findings
+        .gnss("both files on one time scale", found, cause)
+        .in_column("t_s")
 }
 
 /// How far the fixes are from the samples, if none is among them: from start to start, s.
@@ -130,7 +131,7 @@ fn reach(log: &Log) -> (f64, f64) {
     (since(&log.gnss[0]), since(&log.gnss[log.gnss.len() - 1]))
 }
 
-fn other_origin(log: &Log, files: &Files) -> LogError {
+fn other_origin(log: &Log, findings: &Findings) -> LogError {
     let (first, last) = reach(log);
     let expected = format!(
         "GNSS fixes within the time of the inertial samples, 0 to {:.3} s",
@@ -147,7 +148,7 @@ fn other_origin(log: &Log, files: &Files) -> LogError {
              little motion to find by how much: bring both to one scale"
         }
     };
-    LogError::file(&files.gnss, expected, found, cause).in_column("t_s")
+    findings.gnss(expected, found, cause).in_column("t_s")
 }
 
 /// A shift of the fixes, how much later their stamps are.

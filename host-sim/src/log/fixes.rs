@@ -6,7 +6,7 @@ use nalgebra::Vector2;
 
 use super::Log;
 use super::error::LogError;
-use super::files::Files;
+use super::findings::Findings;
 use super::typical::median;
 
 /// Speed above which a vehicle moves beyond doubt, m/s: ten times a receiver's noise.
@@ -15,15 +15,10 @@ const MOVING_MPS: f64 = 1.0;
 const UNSEEN_M: f64 = 2.0;
 
 /// Leaves out what is no measurement, turns what is upside down.
-pub(super) fn mend_fixes(
-    log: &mut Log,
-    files: &Files,
-    warnings: &mut Vec<LogError>,
-) -> Result<(), LogError> {
+pub(super) fn mend_fixes(log: &mut Log, findings: &mut Findings) -> Result<(), LogError> {
     let mut mend = Mend {
         fixes: &mut log.gnss,
-        files,
-        warnings,
+        findings,
     };
     mend.rows_without_fix();
     mend.repeated_fixes();
@@ -35,16 +30,15 @@ pub(super) fn mend_fixes(
     mend.what_is_missing()
 }
 
-struct Mend<'a> {
+struct Mend<'a, 'b> {
     fixes: &'a mut Vec<GnssFix>,
-    files: &'a Files,
-    warnings: &'a mut Vec<LogError>,
+    findings: &'a mut Findings<'b>,
 }
 
-impl Mend<'_> {
+impl Mend<'_, '_> {
     fn warn(&mut self, column: &str, expected: &str, found: String, cause: &str) {
-        let defect = LogError::file(&self.files.gnss, expected, found, cause);
-        self.warnings.push(defect.in_column(column));
+        let defect = self.findings.gnss(expected, found, cause);
+        self.findings.warn(defect.in_column(column));
     }
 
     /// Zero latitude and longitude stand for no fix, unless the whole drive is there.
@@ -310,7 +304,7 @@ impl Mend<'_> {
     fn what_is_missing(&mut self) -> Result<(), LogError> {
         if self.fixes.is_empty() {
             let cause = "the receiver never had a fix";
-            return Err(LogError::file(&self.files.gnss, "a fix", "none", cause));
+            return Err(self.findings.gnss("a fix", "none", cause));
         }
         let positions = self.fixes.iter().filter(|f| f.position.is_some()).count();
         let velocities = self

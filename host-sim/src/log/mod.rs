@@ -8,7 +8,7 @@ mod check;
 mod clock;
 mod curve;
 mod error;
-mod files;
+mod findings;
 mod fixes;
 pub mod import;
 mod meta;

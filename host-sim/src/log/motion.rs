@@ -6,8 +6,7 @@ use super::Log;
 use super::axes::BodyAxes;
 use super::curve::Curve;
 use super::curve::turned;
-use super::error::LogError;
-use super::files::Files;
+use super::findings::Findings;
 use super::rates::{Rate, Rates, origin};
 
 /// Correlation from which on a sign is beyond doubt, with the least number of intervals.
@@ -15,11 +14,11 @@ const CLEAR: f64 = 0.6;
 const INTERVALS: usize = 30;
 
 /// Warns where accelerometers show the motion in other axes than they are said to have.
-pub(super) fn check_axes(log: &Log, rates: &Rates, files: &Files, warnings: &mut Vec<LogError>) {
+pub(super) fn check_axes(log: &Log, rates: &Rates, findings: &mut Findings) {
     if let Some(correlation) = along_the_track(log, rates) {
-        check_level_axes(log, &correlation, files, warnings);
+        check_level_axes(log, &correlation, findings);
     }
-    check_turning_gravity(log, rates, files, warnings);
+    check_turning_gravity(log, rates, findings);
 }
 
 /// Accelerations right and forward: felt, and seen by GNSS.
@@ -88,17 +87,12 @@ fn correlation(pairs: &[(f64, f64)]) -> f64 {
     xy / (xx * yy).sqrt()
 }
 
-fn check_level_axes(
-    log: &Log,
-    correlation: &Matrix2<f64>,
-    files: &Files,
-    warnings: &mut Vec<LogError>,
-) {
+fn check_level_axes(log: &Log, correlation: &Matrix2<f64>, findings: &mut Findings) {
     let c = correlation;
     let expected = "accelerometers that feel brakings forward and turns to the right";
     let mut warn = |found: String, cause: String| {
-        let defect = LogError::file(&files.imu, expected, found, cause);
-        warnings.push(defect.in_column("accel"));
+        let defect = findings.imu(expected, found, cause);
+        findings.warn(defect.in_column("accel"));
     };
     let axes = log.meta.body_axes;
     let column = |rfu: usize| {
@@ -157,7 +151,7 @@ fn turned_by(axes: BodyAxes, other: BodyAxes, c: &Matrix2<f64>) -> bool {
 
 /// Gravity turns in the body as the gyros say: where they show plainly the opposite, one of the
 /// two has a sign that it should not have.
-fn check_turning_gravity(log: &Log, rates: &Rates, files: &Files, warnings: &mut Vec<LogError>) {
+fn check_turning_gravity(log: &Log, rates: &Rates, findings: &mut Findings) {
     let mut sums = [Turning::default(); 2];
     let mut last: Option<Block> = None;
     for block in blocks(rates) {
@@ -180,7 +174,11 @@ fn check_turning_gravity(log: &Log, rates: &Rates, files: &Files, warnings: &mut
             log.meta.body_axes
         );
         let expected = "gravity that turns in the body as the gyros say";
-        warnings.push(LogError::file(&files.imu, expected, found, cause).in_column("gyro, accel"));
+        findings.warn(
+            findings
+                .imu(expected, found, cause)
+                .in_column("gyro, accel"),
+        );
     }
 }
 

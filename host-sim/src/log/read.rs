@@ -11,7 +11,7 @@ use super::Log;
 use super::axes::BodyAxes;
 use super::check::check;
 use super::error::LogError;
-use super::files::Files;
+use super::findings::Findings;
 use super::meta::Meta;
 use super::order::rows;
 use super::samples::{Samples, Store};
@@ -30,32 +30,30 @@ pub fn read(folder: &Path) -> Result<(Log, Vec<LogError>), LogError> {
     }
     let mut warnings = Vec::new();
     let meta = Meta::read(&folder.join("meta.toml"), &mut warnings)?;
-    let files = Files {
-        imu: one_of(folder, "imu.csv")?,
-        gnss: one_of(folder, "gnss.csv")?,
-    };
+    let (imu, gnss) = (one_of(folder, "imu.csv")?, one_of(folder, "gnss.csv")?);
     let mut log = Log {
-        imu: read_imu(&files.imu, meta.body_axes, &mut warnings)?,
-        gnss: read_gnss(&files.gnss, &mut warnings)?,
+        imu: read_imu(&imu, meta.body_axes, &mut warnings)?,
+        gnss: read_gnss(&gnss, &mut warnings)?,
         truth: optional_truth(folder, &mut warnings)?,
         meta,
     };
-    check(&mut log, &files, &mut warnings)?;
+    settle(&mut log, &imu, &gnss, &mut warnings)?;
     Ok((log, warnings))
 }
 
-/// Checks and mends a log that was read elsewhere.
+/// Checks and mends a log that was read from two files.
 pub(crate) fn settle(
     log: &mut Log,
     imu: &Path,
     gnss: &Path,
     warnings: &mut Vec<LogError>,
 ) -> Result<(), LogError> {
-    let files = Files {
-        imu: imu.to_owned(),
-        gnss: gnss.to_owned(),
+    let mut findings = Findings {
+        imu,
+        gnss,
+        warnings,
     };
-    check(log, &files, warnings)
+    check(log, &mut findings)
 }
 
 /// The plain or the packed file, whichever is there.

@@ -6,7 +6,7 @@
 use super::Log;
 use super::clock::{Clocks, Shift};
 use super::error::LogError;
-use super::files::Files;
+use super::findings::Findings;
 use super::rates::{Rate, Rates};
 use super::turns::gyro_units;
 
@@ -32,8 +32,7 @@ struct Guess {
 pub(super) fn check_readings(
     log: &Log,
     rates: &Rates,
-    files: &Files,
-    warnings: &mut Vec<LogError>,
+    findings: &mut Findings,
 ) -> Result<(), LogError> {
     let tried = rates.until(TRIED_S);
     let mut clocks = Clocks::new(log, &tried);
@@ -65,11 +64,13 @@ pub(super) fn check_readings(
         "other readings that explain it far better (evidence {:.0} against {:.0})",
         shift.evidence, as_it_is.evidence
     );
-    let defect = LogError::file(&files.imu, expected, found, guess.cause).in_column(guess.column);
+    let defect = findings
+        .imu(expected, found, guess.cause)
+        .in_column(guess.column);
     if guess.refused {
         return Err(defect);
     }
-    warnings.push(defect);
+    findings.warn(defect);
     Ok(())
 }
 

@@ -3,7 +3,7 @@
 use super::Log;
 use super::curve::{Curve, turned};
 use super::error::LogError;
-use super::files::Files;
+use super::findings::Findings;
 use super::rates::{Rates, origin};
 use super::typical::SHORT_S;
 use super::typical::apart;
@@ -34,32 +34,31 @@ pub(super) fn check_turns(
     together: bool,
     duration_s: f64,
     rates: &Rates,
-    files: &Files,
-    warnings: &mut Vec<LogError>,
+    findings: &mut Findings,
 ) -> Result<(), LogError> {
     match fit {
         // Below 0.8 the track does not follow the nose well enough to judge a scale.
-        Some(fit) if fit.correlation.abs() >= 0.8 => check_scale(fit, rates, files, warnings),
+        Some(fit) if fit.correlation.abs() >= 0.8 => check_scale(fit, rates, findings),
         Some(fit) => {
-            check_range(rates, files)?;
+            check_range(rates, findings)?;
             // Half of the turns in common is no chance.
             if !together && fit.correlation.abs() < 0.5 {
-                warn_of_strangers(fit, files, warnings);
+                warn_of_strangers(fit, findings);
             }
             Ok(())
         }
         None => {
-            check_range(rates, files)?;
+            check_range(rates, findings)?;
             // A shorter one may be a single turn.
             if duration_s > SHORT_S {
-                check_offset(rates, files, warnings);
+                check_offset(rates, findings);
             }
             Ok(())
         }
     }
 }
 
-fn check_range(rates: &Rates, files: &Files) -> Result<(), LogError> {
+fn check_range(rates: &Rates, findings: &Findings) -> Result<(), LogError> {
     // Half of the time faster than two turns in three seconds: no vehicle navigates so.
     let typical = rates.typical.gyro_norm_radps;
     if typical < 4.0 {
@@ -68,41 +67,40 @@ fn check_range(rates: &Rates, files: &Files) -> Result<(), LogError> {
     let found = format!("a median rate of {typical:.1} rad/s");
     let cause = "degrees for radians: multiply by 0.0174533; or else deg/h, mdeg/s, or rates for \
                  increments";
-    Err(LogError::file(&files.imu, "angular rates in rad/s", found, cause).in_column("gyro"))
+    Err(findings
+        .imu("angular rates in rad/s", found, cause)
+        .in_column("gyro"))
 }
 
-fn check_offset(rates: &Rates, files: &Files, warnings: &mut Vec<LogError>) {
+fn check_offset(rates: &Rates, findings: &mut Findings) {
     let mean = rates.typical.mean_gyro_radps;
     // 6 deg/s, ten times the bias of a consumer gyro.
     if mean.norm() > 0.1 {
         let expected = "a mean angular rate near zero while GNSS sees no turn";
         let found = format!("{:.3} rad/s", mean.norm());
         let cause = "degrees for radians, or a gyro bias beyond any grade";
-        warnings.push(LogError::file(&files.imu, expected, found, cause).in_column("gyro"));
+        findings.warn(findings.imu(expected, found, cause).in_column("gyro"));
     }
 }
 
-fn warn_of_strangers(fit: &Fit, files: &Files, warnings: &mut Vec<LogError>) {
+fn warn_of_strangers(fit: &Fit, findings: &mut Findings) {
     let found = format!("a correlation of {:.2} between the two", fit.correlation);
     let cause = "files of different drives, clocks that differ, or a vehicle whose nose does not \
                  follow its track (multirotor, boat)";
     let expected = "gyros that turn about the vertical as GNSS does";
-    warnings.push(LogError::file(&files.gnss, expected, found, cause));
+    findings.warn(findings.gnss(expected, found, cause));
 }
 
-fn check_scale(
-    fit: &Fit,
-    rates: &Rates,
-    files: &Files,
-    warnings: &mut Vec<LogError>,
-) -> Result<(), LogError> {
+fn check_scale(fit: &Fit, rates: &Rates, findings: &mut Findings) -> Result<(), LogError> {
     let found = format!(
         "{:.4} times the turn rate of the GNSS track (correlation {:.2})",
         fit.slope, fit.correlation
     );
     let defect = |cause: &str| {
         let expected = "gyros that turn about the vertical as GNSS does";
-        LogError::file(&files.imu, expected, found.clone(), cause).in_column("gyro")
+        findings
+            .imu(expected, found.clone(), cause)
+            .in_column("gyro")
     };
     if fit.slope < 0.0 {
         return Err(defect(
@@ -116,7 +114,7 @@ fn check_scale(
         Some((_, cause)) => Err(defect(cause)),
         None if within(fit.slope, 1.0, 1.5) => Ok(()),
         None => {
-            warnings.push(defect(
+            findings.warn(defect(
                 "another unit, or a track that does not follow the nose",
             ));
             Ok(())
