@@ -10,7 +10,7 @@ use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::flight::Flight;
 use crate::aircraft::plan::Plan;
 use crate::page::table;
-use crate::page::table::cells;
+use crate::page::table::heads;
 use crate::sim::car::Car;
 use crate::sim::{DriveConfig, Grade};
 use crate::study::error_free::{Worst, strapdown};
@@ -29,13 +29,7 @@ pub(super) fn performance_table() -> Result<String> {
             format!("{:+.1} %", 100.0 * (row.ours / row.specification - 1.0)),
         ]
     });
-    let header = cells([
-        "",
-        "specification",
-        "thesis's model",
-        "this model",
-        "off by",
-    ]);
+    let header = heads("| specification | thesis's model | this model | off by");
     Ok(table::markdown(&header, &rows))
 }
 
@@ -45,13 +39,8 @@ pub(super) fn error_free(root: &Path) -> Result<String> {
     for rate_hz in [50, 100, 200, 400] {
         rows.push(row("aircraft", rate_hz, &flight(root, rate_hz)?));
     }
-    let header = cells([
-        "1 h of",
-        "samples, Hz",
-        "position, m",
-        "velocity, mm/s",
-        "attitude, arc seconds",
-    ]);
+    let header =
+        heads("1 h of | samples, Hz | position, m | velocity, mm/s | attitude, arc seconds");
     Ok(table::markdown(&header, &rows))
 }
 

@@ -11,7 +11,7 @@ use crate::identify::words::with_sigma;
 use crate::page::digits;
 use crate::page::progress::bar;
 use crate::page::table;
-use crate::page::table::cells;
+use crate::page::table::heads;
 use crate::study;
 
 /// What every recorded log gives; `None` if there are none.
@@ -24,18 +24,10 @@ pub(super) fn part(root: &Path, folder: Option<&Path>) -> Result<Option<String>>
         .iter()
         .map(|log| Ok(row(&Analysis::of_log(log, None, &bar())?)))
         .collect();
-    let header = cells([
-        "log",
-        "length, s",
-        "azimuth error, deg",
-        "accelerometer x, mg",
-        "accelerometer y, mg",
-        "gyro z, deg/h",
-        "latency, ms",
-        "before, m/s",
-        "after, m/s",
-        "times less",
-    ]);
+    let header = heads(
+        "log | length, s | azimuth error, deg | accelerometer x, mg | accelerometer y, mg \
+         | gyro z, deg/h | latency, ms | before, m/s | after, m/s | times less",
+    );
     Ok(Some(table::markdown(&header, &rows?)))
 }
 
