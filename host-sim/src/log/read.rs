@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use ins_core::attitude::{Euler, from_euler};
 use ins_core::earth::{Geodetic, LatLon};
-use ins_core::{FixSigma, GnssFix, ImuSample, Solution};
+use ins_core::{FixSigma, GnssFix, Solution};
 use nalgebra::{Vector2, Vector3};
 
 use super::Log;
@@ -101,11 +101,7 @@ fn read_imu(
     let gyro = columns(&table, ["gyro_x", "gyro_y", "gyro_z"])?;
     let accel = columns(&table, ["accel_x", "accel_y", "accel_z"])?;
     let store: Store = rows(table, MOST_LEFT_OUT, warnings, |row, time| {
-        Ok(ImuSample {
-            time,
-            gyro: axes.to_rfu(numbers(row, gyro)?),
-            accel: axes.to_rfu(numbers(row, accel)?),
-        })
+        Ok(axes.sample(time, numbers(row, gyro)?, numbers(row, accel)?))
     })?;
     Ok(store.into())
 }

@@ -48,11 +48,39 @@ pub(super) struct Imu {
     pub(super) samples: Vec<ImuSample>,
 }
 
+impl Imu {
+    /// One that gives rates.
+    pub(super) fn of_rates(
+        path: &Path,
+        name: impl Into<String>,
+        axes: BodyAxes,
+        samples: Vec<ImuSample>,
+    ) -> Self {
+        Self {
+            path: path.to_owned(),
+            name: name.into(),
+            axes,
+            output: ImuOutput::Rates,
+            samples,
+        }
+    }
+}
+
 /// One receiver.
 pub(super) struct Receiver {
     pub(super) path: PathBuf,
     pub(super) name: String,
     pub(super) fixes: Vec<GnssFix>,
+}
+
+impl Receiver {
+    pub(super) fn new(path: &Path, name: impl Into<String>, fixes: Vec<GnssFix>) -> Self {
+        Self {
+            path: path.to_owned(),
+            name: name.into(),
+            fixes,
+        }
+    }
 }
 
 /// A file's bytes, unpacked if they are packed.
@@ -275,11 +303,7 @@ pub(super) fn joined(gyro: &[Stamped], accel: &[Stamped], axes: BodyAxes) -> Vec
         } else {
             0.0
         };
-        samples.push(ImuSample {
-            time,
-            gyro: axes.to_rfu(rate),
-            accel: axes.to_rfu(before.1.lerp(&after.1, share)),
-        });
+        samples.push(axes.sample(time, rate, before.1.lerp(&after.1, share)));
     }
     samples
 }
