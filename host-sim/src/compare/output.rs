@@ -220,11 +220,7 @@ fn by_method(
         }));
         row
     };
-    Table {
-        title: title.to_owned(),
-        header,
-        rows: (0..NAMES.len()).map(row).collect(),
-    }
+    Table::new(title, header, (0..NAMES.len()).map(row).collect())
 }
 
 fn trajectories(comparison: &Comparison) -> Option<Table> {
@@ -240,11 +236,9 @@ fn trajectories(comparison: &Comparison) -> Option<Table> {
             Some(row)
         })
         .collect();
-    (!rows.is_empty()).then(|| Table {
-        title: "RMS difference from truth.csv, second half of the log".to_owned(),
-        header: heads("| position, m | velocity, m/s | heading, deg"),
-        rows,
-    })
+    let title = "RMS difference from truth.csv, second half of the log";
+    let header = heads("| position, m | velocity, m/s | heading, deg");
+    (!rows.is_empty()).then(|| Table::new(title, header, rows))
 }
 
 fn costs(comparison: &Comparison) -> Table {
@@ -255,11 +249,9 @@ fn costs(comparison: &Comparison) -> Table {
             format!("{:.1}", cost.ratio),
         ]
     };
-    Table {
-        title: "Cost of an inertial sample with its share of the fixes, on this machine".to_owned(),
-        header: heads("| ns | ratio"),
-        rows: comparison.costs.iter().map(row).collect(),
-    }
+    let title = "Cost of an inertial sample with its share of the fixes, on this machine";
+    let rows = comparison.costs.iter().map(row).collect();
+    Table::new(title, heads("| ns | ratio"), rows)
 }
 
 fn outages(comparison: &Comparison) -> Option<Table> {

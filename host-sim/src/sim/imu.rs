@@ -275,11 +275,8 @@ mod tests {
 
     fn noisy(white_noise: f64, scale_sigma: f64) -> SensorModel {
         SensorModel {
-            bias: BiasModel::constant(0.0),
-            white_noise,
             scale_sigma,
-            misalignment_sigma: 0.0,
-            noise_times: [1.0; 3],
+            ..SensorModel::new(BiasModel::constant(0.0), white_noise)
         }
     }
 
