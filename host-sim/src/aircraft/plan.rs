@@ -10,8 +10,7 @@ use toml::Spanned;
 use super::atmosphere::GRAVITY_MPS2;
 use super::dynamics::Dynamics;
 use super::input::{InputError, Source, read_text};
-use super::performance::{best_climb, max_speed, stall_speed_mps};
-use super::trim::{Condition, Power};
+use super::performance::{best_climb, climb_rate_mps, max_speed, stall_speed_mps};
 use super::wind::Turbulence;
 
 /// A flight plan in SI units.
@@ -435,13 +434,7 @@ impl Checker<'_> {
         let time_s = length_m / (leg.airspeed_mps + plan.wind_enu_mps.norm());
         let needed_mps = rise_m / time_s;
         let highest = from_m.max(leg.height_m);
-        let open = Condition {
-            power: Power::Throttle(1.0),
-            ..Condition::level(leg.airspeed_mps, highest)
-        };
-        let climb_mps = open
-            .trim(self.dynamics)
-            .map_or(0.0, |trim| trim.climb_rate_mps);
+        let climb_mps = climb_rate_mps(self.dynamics, leg.airspeed_mps, highest).unwrap_or(0.0);
         let sink_mps = self.dynamics.parameters.autopilot.maximum_descent_mps;
         if needed_mps > 0.9 * climb_mps || -needed_mps > sink_mps {
             return Err(self.source.error(

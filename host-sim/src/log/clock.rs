@@ -1,12 +1,14 @@
 //! The two clocks of a log, compared by the motion that both saw: accelerations and turns.
 
+use ins_core::GnssFix;
+use ins_core::earth::Geodetic;
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
 use super::Log;
-use super::curve::{Curve, turned};
+use super::curve::{Curve, intervals, turned};
 use super::error::LogError;
 use super::findings::Findings;
-use super::rates::{Rates, origin};
+use super::rates::Rates;
 
 /// Shifts that are looked for, in steps of half the shortest manoeuvre, and finer ones from there.
 const LARGEST_S: f64 = 300.0;
@@ -126,8 +128,8 @@ fn apart(log: &Log) -> Option<f64> {
 
 /// First and last fix, s from the first sample.
 fn reach(log: &Log) -> (f64, f64) {
-    let first = origin(log);
-    let since = |fix: &ins_core::GnssFix| fix.time.seconds_since(first);
+    let first = log.start();
+    let since = |fix: &GnssFix| fix.time.seconds_since(first);
     (since(&log.gnss[0]), since(&log.gnss[log.gnss.len() - 1]))
 }
 
@@ -384,67 +386,45 @@ fn windows(seen: Vec<Seen>) -> Vec<Vec<Seen>> {
     windows
 }
 
-/// A velocity by GNSS: time, level, up.
-type Velocity = (f64, Vector2<f64>, Option<f64>);
+/// A velocity by GNSS, level and up, at a time.
+type Velocity = (f64, (Vector2<f64>, Option<f64>));
 
 fn seen(log: &Log) -> Vec<Seen> {
-    let velocities = velocities(log);
-    let mut seen = Vec::new();
-    let Some((mut start, rest)) = velocities.split_first() else {
-        return seen;
+    let seen = |[from, to]: [Velocity; 2]| {
+        let seconds = to.0 - from.0;
+        let ((before, up_before), (after, up_after)) = (from.1, to.1);
+        let moving = before.norm().min(after.norm()) > 2.0;
+        Seen {
+            from_s: from.0,
+            to_s: to.0,
+            turn_radps: moving.then(|| turned(before, after) / seconds),
+            level_mps2: (after - before) / seconds,
+            up_mps2: up_before.zip(up_after).map(|(a, b)| (b - a) / seconds),
+        }
     };
-    for next in rest {
-        let seconds = next.0 - start.0;
-        if seconds < 0.95 {
-            continue;
-        }
-        if seconds < 3.0 {
-            let moving = start.1.norm().min(next.1.norm()) > 2.0;
-            seen.push(Seen {
-                from_s: start.0,
-                to_s: next.0,
-                turn_radps: moving.then(|| turned(start.1, next.1) / seconds),
-                level_mps2: (next.1 - start.1) / seconds,
-                up_mps2: start.2.zip(next.2).map(|(a, b)| (b - a) / seconds),
-            });
-        }
-        start = next;
-    }
-    seen
+    let velocities = intervals(velocities(log).into_iter());
+    velocities.into_iter().map(seen).collect()
 }
 
 /// As the receiver measures them, or else from its positions.
 fn velocities(log: &Log) -> Vec<Velocity> {
-    let first = origin(log);
-    let since = |fix: &ins_core::GnssFix| fix.time.seconds_since(first);
-    let measured: Vec<Velocity> = log
-        .gnss
-        .iter()
-        .filter_map(|fix| Some((since(fix), fix.velocity_en_mps?, fix.velocity_up_mps)))
+    let first = log.start();
+    let since = |fix: &GnssFix| fix.time.seconds_since(first);
+    let fixes = || log.gnss.iter();
+    let measured: Vec<Velocity> = fixes()
+        .filter_map(|fix| Some((since(fix), (fix.velocity_en_mps?, fix.velocity_up_mps))))
         .collect();
     if 2 * measured.len() > log.gnss.len() {
         return measured;
     }
-    let mut velocities = Vec::new();
-    let mut places = log
-        .gnss
-        .iter()
-        .filter_map(|fix| Some((fix, fix.geodetic_or(0.0)?)));
-    let Some(mut start) = places.next() else {
-        return velocities;
+    let places = fixes().filter_map(|fix| Some((since(fix), (fix, fix.geodetic_or(0.0)?))));
+    let velocity = |[(from_s, (from, start)), (to_s, (to, end))]: [(f64, (&GnssFix, _)); 2]| {
+        let moved = Geodetic::enu_from(&end, &start) / (to_s - from_s);
+        let heights = from.height_m.zip(to.height_m);
+        (
+            0.5 * (from_s + to_s),
+            (moved.xy(), heights.map(|_| moved.z)),
+        )
     };
-    for next in places {
-        let (from_s, to_s) = (since(start.0), since(next.0));
-        if to_s - from_s < 0.95 {
-            continue;
-        }
-        if to_s - from_s < 3.0 {
-            let moved = next.1.enu_from(&start.1) / (to_s - from_s);
-            let heights = start.0.height_m.zip(next.0.height_m);
-            let middle_s = 0.5 * (from_s + to_s);
-            velocities.push((middle_s, moved.xy(), heights.map(|_| moved.z)));
-        }
-        start = next;
-    }
-    velocities
+    intervals(places).into_iter().map(velocity).collect()
 }

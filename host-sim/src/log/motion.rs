@@ -7,7 +7,8 @@ use super::axes::BodyAxes;
 use super::curve::Curve;
 use super::curve::turned;
 use super::findings::Findings;
-use super::rates::{Rate, Rates, origin};
+use super::rates::{Rate, Rates};
+use super::turns::legs;
 
 /// Correlation from which on a sign is beyond doubt, with the least number of intervals.
 const CLEAR: f64 = 0.6;
@@ -35,30 +36,17 @@ fn along_the_track(log: &Log, rates: &Rates) -> Option<Matrix2<f64>> {
             curve.push(rate.time_s, sum[axis]);
         }
     }
-    let origin = origin(log);
     let mut pairs: Vec<Pair> = Vec::new();
-    let mut moving = log.gnss.iter().filter_map(|fix| {
-        let velocity = fix.velocity_en_mps.filter(|v| v.norm() > 2.0)?;
-        Some((fix.time.seconds_since(origin), velocity))
-    });
-    let mut start = moving.next()?;
-    for next in moving {
-        let interval_s = next.0 - start.0;
-        if interval_s < 0.95 {
-            continue;
-        }
-        if interval_s < 3.0 && curves[0].reaches(start.0) && curves[0].reaches(next.0) {
-            let (before, after) = (start.1, next.1);
+    for [(from_s, before), (to_s, after)] in legs(log) {
+        if curves[0].reaches(from_s) && curves[0].reaches(to_s) {
             let speed = 0.5 * (before.norm() + after.norm());
             let right = -speed * turned(before, after);
             let ahead = after.norm() - before.norm();
-            let felt = |axis: usize| curves[axis].at(next.0) - curves[axis].at(start.0);
-            pairs.push((
-                Vector2::new(felt(0), felt(1)) / interval_s,
-                Vector2::new(right, ahead) / interval_s,
-            ));
+            let felt = |axis: usize| curves[axis].at(to_s) - curves[axis].at(from_s);
+            let felt = Vector2::new(felt(0), felt(1));
+            let seconds = to_s - from_s;
+            pairs.push((felt / seconds, Vector2::new(right, ahead) / seconds));
         }
-        start = next;
     }
     // Half a minute of accelerations above those that a slope of the road feigns.
     let strong = |axis: usize| pairs.iter().filter(|p| p.1[axis].abs() > 0.5).count();

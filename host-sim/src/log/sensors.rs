@@ -8,7 +8,6 @@ use nalgebra::{Vector2, Vector3};
 use super::Log;
 use super::error::LogError;
 use super::findings::Findings;
-use super::rates::origin;
 
 /// There and back between three samples: 10 g and 20 rad/s, beyond any vehicle.
 const SPIKE_MPS2: f64 = 100.0;
@@ -106,7 +105,7 @@ fn leave_out_frozen(log: &mut Log, per_second: f64, findings: &mut Findings) -> 
     let Some((first, _)) = frozen.first() else {
         return Ok(());
     };
-    let first_s = first.seconds_since(origin(log));
+    let first_s = first.seconds_since(log.start());
     let total_s: f64 = frozen
         .iter()
         .map(|(from, to)| to.seconds_since(*from))
@@ -178,7 +177,7 @@ fn warn_of_channels(log: &Log, per_second: f64, findings: &mut Findings) {
     }
     let count = log.imu.len();
     for (name, runs) in CHANNELS.into_iter().zip(runs) {
-        if let Some((found, cause)) = runs.longest().verdict(origin(log), count) {
+        if let Some((found, cause)) = runs.longest().verdict(log.start(), count) {
             let expected = "readings that change";
             findings.warn(findings.imu(expected, found, cause).in_column(name));
         }

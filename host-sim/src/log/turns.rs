@@ -1,10 +1,12 @@
 //! Turns seen by the gyros against turns seen by GNSS: unit and sign of the gyros.
 
+use nalgebra::Vector2;
+
 use super::Log;
-use super::curve::{Curve, turned};
+use super::curve::{Curve, intervals, turned};
 use super::error::LogError;
 use super::findings::Findings;
-use super::rates::{Rates, origin};
+use super::rates::Rates;
 use super::typical::SHORT_S;
 use super::typical::apart;
 use super::typical::within;
@@ -19,13 +21,13 @@ pub(super) struct Fit {
 
 /// The rate about the vertical against the turning of the GNSS course; none without turns.
 pub(super) fn turning(log: &Log, rates: &Rates) -> Option<Fit> {
-    let turns = turns(log);
-    let turning = turns.iter().filter(|turn| turn.rate_radps.abs() > 0.05);
+    let legs = legs(log);
+    let turning = legs.iter().filter(|leg| rate_radps(leg).abs() > 0.05);
     // Ten seconds of turning, or the fit is chance.
     if turning.count() < 10 {
         return None;
     }
-    fit(&turns, &rates.vertical_angles())
+    fit(&legs, &rates.vertical_angles())
 }
 
 /// What the fit says of unit and sign of the gyros.
@@ -155,50 +157,32 @@ pub(super) fn gyro_units(rates: &Rates) -> impl Iterator<Item = (f64, &'static s
     guesses.into_iter()
 }
 
-/// A turn rate of the track over a short interval.
-struct Turn {
-    from_s: f64,
-    to_s: f64,
-    /// Counter-clockwise, rad/s.
-    rate_radps: f64,
-}
+/// Velocity at the ends of a short interval, s and m/s.
+pub(super) type Leg = [(f64, Vector2<f64>); 2];
 
-/// Turn rates of the track over intervals of a second or more, in motion.
-fn turns(log: &Log) -> Vec<Turn> {
-    let origin = origin(log);
-    let mut moving = log.gnss.iter().filter_map(|fix| {
+/// Short intervals in motion.
+pub(super) fn legs(log: &Log) -> Vec<Leg> {
+    let origin = log.start();
+    let moving = log.gnss.iter().filter_map(|fix| {
         let velocity = fix.velocity_en_mps.filter(|v| v.norm() > 2.0)?;
         Some((fix.time.seconds_since(origin), velocity))
     });
-    let Some(mut start) = moving.next() else {
-        return Vec::new();
-    };
-    let mut turns = Vec::new();
-    for next in moving {
-        let interval = next.0 - start.0;
-        if interval < 0.95 {
-            continue;
-        }
-        if interval < 3.0 {
-            turns.push(Turn {
-                from_s: start.0,
-                to_s: next.0,
-                rate_radps: turned(start.1, next.1) / interval,
-            });
-        }
-        start = next;
-    }
-    turns
+    intervals(moving)
+}
+
+/// Turn rate of the track, counter-clockwise.
+fn rate_radps([from, to]: &Leg) -> f64 {
+    turned(from.1, to.1) / (to.0 - from.0)
 }
 
 /// Least squares of the gyro's mean rates over the track's.
-fn fit(turns: &[Turn], angles: &Curve) -> Option<Fit> {
-    let pairs: Vec<(f64, f64)> = turns
+fn fit(legs: &[Leg], angles: &Curve) -> Option<Fit> {
+    let pairs: Vec<(f64, f64)> = legs
         .iter()
-        .filter(|turn| angles.reaches(turn.from_s) && angles.reaches(turn.to_s))
-        .map(|turn| {
-            let turned = angles.at(turn.to_s) - angles.at(turn.from_s);
-            (turn.rate_radps, turned / (turn.to_s - turn.from_s))
+        .filter(|[from, to]| angles.reaches(from.0) && angles.reaches(to.0))
+        .map(|leg @ [from, to]| {
+            let turned = angles.at(to.0) - angles.at(from.0);
+            (rate_radps(leg), turned / (to.0 - from.0))
         })
         .collect();
     if pairs.len() < 10 {

@@ -263,6 +263,15 @@ mod tests {
             .collect()
     }
 
+    fn trend() -> BiasModel {
+        BiasModel::Continuous {
+            initial_sigma: 2.0,
+            slope_sigma_per_s: 0.01,
+            correlated_sigma: 0.0,
+            correlation_time_s: 1.0,
+        }
+    }
+
     fn advance(runs: &mut [Bias], step_s: f64) {
         for bias in runs {
             bias.advance(step_s);
@@ -333,13 +342,7 @@ mod tests {
 
     #[test]
     fn the_continuous_model_starts_and_trends_as_it_says() {
-        let model = BiasModel::Continuous {
-            initial_sigma: 2.0,
-            slope_sigma_per_s: 0.01,
-            correlated_sigma: 0.0,
-            correlation_time_s: 1.0,
-        };
-        let mut runs = runs(&model);
+        let mut runs = runs(&trend());
         let start = values(&runs);
         assert_sigma(&start, 2.0);
         for _ in 0..100 {
@@ -405,13 +408,7 @@ mod tests {
             let bracket = 1.0 - (3.0 - 4.0 * (-x).exp() + (-2.0 * x).exp()) / (2.0 * x);
             assert_allan(&correlated, cluster_s, (2.0 * 9.0 / x * bracket).sqrt());
         }
-        let trend = BiasModel::Continuous {
-            initial_sigma: 2.0,
-            slope_sigma_per_s: 0.01,
-            correlated_sigma: 0.0,
-            correlation_time_s: 1.0,
-        };
-        assert_allan(&trend, 50, 0.01 * 50.0 / 2.0_f64.sqrt());
+        assert_allan(&trend(), 50, 0.01 * 50.0 / 2.0_f64.sqrt());
     }
 
     /// Allan deviation of readings at clusters of `size`, without overlap.

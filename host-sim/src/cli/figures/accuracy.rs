@@ -7,8 +7,7 @@ use miette::{Result, miette};
 
 use crate::page::digits;
 use crate::page::progress::bar;
-use crate::page::table;
-use crate::page::table::heads;
+use crate::page::table::{heads, markdown};
 use crate::sim::Grade;
 use crate::study::accuracy::{Results, Study, picture};
 
@@ -80,5 +79,5 @@ pub(super) fn forms(runs: u64) -> Result<String> {
             }
         }
     }
-    Ok(table::markdown(&header, &rows))
+    Ok(markdown(&header, &rows))
 }

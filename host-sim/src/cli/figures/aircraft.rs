@@ -9,8 +9,7 @@ use crate::aircraft::cessna172;
 use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::flight::Flight;
 use crate::aircraft::plan::Plan;
-use crate::page::table;
-use crate::page::table::heads;
+use crate::page::table::{heads, markdown};
 use crate::sim::car::Car;
 use crate::sim::{DriveConfig, Grade};
 use crate::study::error_free::{Worst, strapdown};
@@ -30,7 +29,7 @@ pub(super) fn performance_table() -> Result<String> {
         ]
     });
     let header = heads("| specification | thesis's model | this model | off by");
-    Ok(table::markdown(&header, &rows))
+    Ok(markdown(&header, &rows))
 }
 
 /// An hour of driving and of flying on ideal sensors, at several sample rates.
@@ -41,7 +40,7 @@ pub(super) fn error_free(root: &Path) -> Result<String> {
     }
     let header =
         heads("1 h of | samples, Hz | position, m | velocity, mm/s | attitude, arc seconds");
-    Ok(table::markdown(&header, &rows))
+    Ok(markdown(&header, &rows))
 }
 
 fn drive() -> Worst {

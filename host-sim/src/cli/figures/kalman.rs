@@ -14,8 +14,7 @@ use crate::identify::configure;
 use crate::log::{self, BodyAxes, Log};
 use crate::page::digits;
 use crate::page::progress::bar;
-use crate::page::table;
-use crate::page::table::heads;
+use crate::page::table::{heads, markdown};
 use crate::sim::{DriveConfig, Grade, simulate};
 use crate::study::accuracy::{Results, Study};
 
@@ -47,7 +46,7 @@ pub(super) fn part(runs: u64) -> Result<String> {
         ));
         let rows = 0..studies[0].quantities.len();
         let rows: Vec<_> = rows.map(|which| row(&studies, which)).collect();
-        table::markdown(&header, &rows)
+        markdown(&header, &rows)
     };
     let [ours, theirs, ..] = &studies;
     Ok(format!(
@@ -131,7 +130,7 @@ fn costs() -> Result<String> {
         .iter()
         .map(|cost| vec![cost.method.to_owned(), format!("{:.1}", cost.ratio)])
         .collect();
-    Ok(table::markdown(&header, &rows))
+    Ok(markdown(&header, &rows))
 }
 
 /// Drifts of every navigator in every recorded log; `None` if there are no logs, or no peer.
@@ -167,5 +166,5 @@ pub(super) fn outages(root: &Path, folder: Option<&Path>) -> Result<Option<Strin
     }
     let header =
         heads("log | outages | compensation, m | m/s | Kalman, m | m/s | fusion-nav, m | m/s");
-    Ok((!rows.is_empty()).then(|| table::markdown(&header, &rows)))
+    Ok((!rows.is_empty()).then(|| markdown(&header, &rows)))
 }
