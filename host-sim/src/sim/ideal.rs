@@ -5,6 +5,7 @@ use ins_core::Time;
 use ins_core::earth::{Geodetic, LocalEarth, wrap_pi};
 use nalgebra::Vector3;
 
+use super::cubic::Cubic;
 use super::motion::{Kinematics, Motion};
 
 /// Inner nodes of the four-point Gauss-Lobatto rule on [0, 1], `(1 -+ 1/sqrt 5) / 2`.
@@ -69,14 +70,13 @@ pub fn between(from: &TrueState, to: &TrueState, time_s: f64) -> (Geodetic, Vect
     let start_s = from.solution.time.as_seconds();
     let h = to.solution.time.seconds_since(from.solution.time);
     let u = (time_s - start_s) / h;
-    let (v0, v1) = (from.solution.velocity_enu_mps, to.solution.velocity_enu_mps);
-    let (a0, a1) = (from.acceleration_enu_mps2 * h, to.acceleration_enu_mps2 * h);
-    let cubic = 2.0 * (v0 - v1) + a0 + a1;
-    let square = 3.0 * (v1 - v0) - 2.0 * a0 - a1;
-    let velocity = v0 + u * (a0 + u * (square + u * cubic));
-    let moved = h * u * (v0 + u * (a0 / 2.0 + u * (square / 3.0 + u * cubic / 4.0)));
-    let at = &from.solution.position;
-    (displaced(at, &moved), velocity)
+    let end = |state: &TrueState| {
+        let solution = &state.solution;
+        [solution.velocity_enu_mps, h * state.acceleration_enu_mps2]
+    };
+    let velocity = Cubic::between(end(from), end(to));
+    let moved = h * u * velocity.mean_until(u);
+    (displaced(&from.solution.position, &moved), velocity.at(u).0)
 }
 
 /// The point some metres from another.
