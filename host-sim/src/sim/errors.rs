@@ -384,30 +384,25 @@ impl SensorModel {
         for (axis, times) in self.noise_times.iter().enumerate() {
             spread(&key(&format!("noise_times[{axis}]")), *times)?;
         }
+        spread(&key("bias.initial_sigma"), self.bias.initial_sigma())?;
         match self.bias {
             BiasModel::Wave {
-                initial_sigma,
                 interval_s,
                 jump_mean,
                 jump_sigma,
+                ..
             } => {
-                spread(&key("bias.initial_sigma"), initial_sigma)?;
                 positive(&key("bias.interval_s"), interval_s)?;
-                ensure(
-                    jump_mean.is_finite(),
-                    &key("bias.jump_mean"),
-                    jump_mean,
-                    "a number",
-                )?;
+                let mean_key = key("bias.jump_mean");
+                ensure(jump_mean.is_finite(), &mean_key, jump_mean, "a number")?;
                 spread(&key("bias.jump_sigma"), jump_sigma)
             }
             BiasModel::Continuous {
-                initial_sigma,
                 slope_sigma_per_s,
                 correlated_sigma,
                 correlation_time_s,
+                ..
             } => {
-                spread(&key("bias.initial_sigma"), initial_sigma)?;
                 spread(&key("bias.slope_sigma_per_s"), slope_sigma_per_s)?;
                 spread(&key("bias.correlated_sigma"), correlated_sigma)?;
                 positive(&key("bias.correlation_time_s"), correlation_time_s)
