@@ -111,12 +111,8 @@ impl Mend<'_, '_> {
         );
         let cause = "each fix written several times, or a receiver that was stuck; only the first \
                      is used";
-        self.warn(
-            "lat_deg, lon_deg, ve, vn",
-            "a new fix in every row",
-            found,
-            cause,
-        );
+        let expected = "a new fix in every row";
+        self.warn("lat_deg, lon_deg, ve, vn", expected, found, cause);
     }
 
     /// Positions that stand still while velocity does not.
@@ -153,12 +149,8 @@ impl Mend<'_, '_> {
         let found = format!("{} repeated ones in motion", stuck.len());
         let cause = "positions come less often than velocities, or stopped coming; the repeated \
                      ones are left out";
-        self.warn(
-            "lat_deg, lon_deg",
-            "positions that follow the motion",
-            found,
-            cause,
-        );
+        let expected = "positions that follow the motion";
+        self.warn("lat_deg, lon_deg", expected, found, cause);
     }
 
     /// Velocities that come less often than positions.
@@ -227,12 +219,8 @@ impl Mend<'_, '_> {
             }
             self.warn("vu", expected, found, "it counts down; its sign is turned");
         } else if correlation > 0.8 && !(0.67..1.5).contains(&slope) {
-            self.warn(
-                "vu",
-                expected,
-                found,
-                "another unit, or heights of another source",
-            );
+            let cause = "another unit, or heights of another source";
+            self.warn("vu", expected, found, cause);
         }
     }
 
@@ -293,12 +281,8 @@ impl Mend<'_, '_> {
         let found = format!("the difference of two positions, to {backward:.4} m/s");
         let cause = "computed, not measured: it comes late by half of what lies between and has the \
                      noise of positions; latency found here is that of such velocities";
-        self.warn(
-            "ve, vn",
-            "velocity as the receiver measures it",
-            found,
-            cause,
-        );
+        let expected = "velocity as the receiver measures it";
+        self.warn("ve, vn", expected, found, cause);
     }
 
     fn what_is_missing(&mut self) -> Result<(), LogError> {

@@ -162,11 +162,8 @@ fn check_turning_gravity(log: &Log, rates: &Rates, findings: &mut Findings) {
             log.meta.body_axes
         );
         let expected = "gravity that turns in the body as the gyros say";
-        findings.warn(
-            findings
-                .imu(expected, found, cause)
-                .in_column("gyro, accel"),
-        );
+        let defect = findings.imu(expected, found, cause);
+        findings.warn(defect.in_column("gyro, accel"));
     }
 }
 

@@ -110,25 +110,19 @@ fn read_gnss(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<GnssFix>, 
     let table = Table::open(path)?;
     let parts = FixColumns::find(&table)?;
     rows(table, MOST_LEFT_OUT, warnings, |row, time| {
-        let cell = |column: Option<usize>| column.map_or(Ok(None), |c| row.optional(c));
+        let place = parts.position.map_or(Ok(None), |at| lat_lon(row, at))?;
+        let above = parts.height.map_or(Ok(None), |at| {
+            row.optional(at)?.map(|h| height(row, at, h)).transpose()
+        })?;
+        let level = parts
+            .velocity
+            .map_or(Ok(None), |at| both_or_none(row, at))?;
         Ok(GnssFix {
             time,
-            position: match parts.position {
-                Some(columns) => lat_lon(row, columns)?,
-                None => None,
-            },
-            height_m: match parts.height {
-                Some(column) => row
-                    .optional(column)?
-                    .map(|h| height(row, column, h))
-                    .transpose()?,
-                None => None,
-            },
-            velocity_en_mps: match parts.velocity {
-                Some(columns) => both_or_none(row, columns)?.map(Vector2::from),
-                None => None,
-            },
-            velocity_up_mps: cell(parts.up)?,
+            position: place,
+            height_m: above,
+            velocity_en_mps: level.map(Vector2::from),
+            velocity_up_mps: parts.up.map_or(Ok(None), |at| row.optional(at))?,
             sigma: FixSigma {
                 position_m: sigma(row, &parts.position_sigma)?,
                 height_m: sigma(row, &parts.height_sigma)?,
@@ -252,18 +246,12 @@ fn lat_lon(row: &Row, columns: [usize; 2]) -> Result<Option<LatLon>, LogError> {
 fn on_earth(row: &Row, columns: [usize; 2], cells: [f64; 2]) -> Result<LatLon, LogError> {
     let [latitude, longitude] = cells;
     if latitude.abs() > 90.0 {
-        return Err(out_of_range(
-            row,
-            columns[0],
-            "a latitude from -90 to 90 deg",
-        ));
+        let expected = "a latitude from -90 to 90 deg";
+        return Err(out_of_range(row, columns[0], expected));
     }
     if longitude.abs() > 360.0 {
-        return Err(out_of_range(
-            row,
-            columns[1],
-            "a longitude from -180 to 180 deg",
-        ));
+        let expected = "a longitude from -180 to 180 deg";
+        return Err(out_of_range(row, columns[1], expected));
     }
     Ok(LatLon {
         latitude_rad: latitude.to_radians(),
@@ -277,11 +265,8 @@ fn on_earth(row: &Row, columns: [usize; 2], cells: [f64; 2]) -> Result<LatLon, L
 
 fn height(row: &Row, column: usize, height_m: f64) -> Result<f64, LogError> {
     if height_m.abs() > 1e5 {
-        return Err(out_of_range(
-            row,
-            column,
-            "a height within 100 km of the ellipsoid",
-        ));
+        let expected = "a height within 100 km of the ellipsoid";
+        return Err(out_of_range(row, column, expected));
     }
     Ok(height_m)
 }

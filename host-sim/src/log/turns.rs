@@ -113,7 +113,7 @@ fn check_scale(fit: &Fit, rates: &Rates, findings: &mut Findings) -> Result<(), 
     let off = |value: f64| apart(fit.slope, value);
     let nearest = gyro_units(rates).min_by(|a, b| off(a.0).total_cmp(&off(b.0)));
     match nearest.filter(|(value, _)| within(fit.slope, *value, 1.3)) {
-        Some((_, cause)) => Err(defect(cause)),
+        Some((_, cause)) => Err(defect(&cause)),
         None if within(fit.slope, 1.0, 1.5) => Ok(()),
         None => {
             findings.warn(defect(
@@ -125,36 +125,25 @@ fn check_scale(fit: &Fit, rates: &Rates, findings: &mut Findings) -> Result<(), 
 }
 
 /// What gyros are mistaken for, and how many times too much they say then.
-pub(super) fn gyro_units(rates: &Rates) -> impl Iterator<Item = (f64, &'static str)> {
+pub(super) fn gyro_units(rates: &Rates) -> impl Iterator<Item = (f64, String)> {
     let interval = rates.typical.interval_s;
-    let guesses = [
-        (
-            57.296,
-            "degrees for radians: multiply the gyro columns by 0.0174533",
-        ),
-        (
-            57_296.0,
-            "mdeg/s for rad/s: multiply the gyro columns by 1.74533e-5",
-        ),
-        (
-            206_265.0,
-            "deg/h for rad/s: multiply the gyro columns by 4.84814e-6",
-        ),
-        (
-            1000.0,
-            "mrad/s for rad/s: multiply the gyro columns by 0.001",
-        ),
-        (
-            1.0 / 57.296,
-            "converted from degrees twice: multiply the gyro columns by 57.2958",
-        ),
-        (interval, "increments for rates in the gyro columns only"),
-        (
-            1.0 / interval,
-            "rates for increments in the gyro columns only",
-        ),
+    let units = [
+        (57.296, "degrees for radians", "0.0174533"),
+        (57_296.0, "mdeg/s for rad/s", "1.74533e-5"),
+        (206_265.0, "deg/h for rad/s", "4.84814e-6"),
+        (1000.0, "mrad/s for rad/s", "0.001"),
+        (1.0 / 57.296, "converted from degrees twice", "57.2958"),
     ];
-    guesses.into_iter()
+    let units = units.map(|(times, what, by)| {
+        let cause = format!("{what}: multiply the gyro columns by {by}");
+        (times, cause)
+    });
+    let forms = [
+        (interval, "increments for rates"),
+        (1.0 / interval, "rates for increments"),
+    ];
+    let forms = forms.map(|(times, what)| (times, format!("{what} in the gyro columns only")));
+    units.into_iter().chain(forms)
 }
 
 /// Velocity at the ends of a short interval, s and m/s.

@@ -205,12 +205,8 @@ impl Columns {
             None => Ok(()),
             Some(name) => {
                 let cause = "say which column of the file it is";
-                Err(LogError::file(
-                    meta,
-                    format!("a key `{name}`"),
-                    "none",
-                    cause,
-                ))
+                let expected = format!("a key `{name}`");
+                Err(LogError::file(meta, expected, "none", cause))
             }
         }
     }

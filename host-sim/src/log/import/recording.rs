@@ -192,12 +192,8 @@ fn turned_upright(
     let found = format!("gravity's reaction towards what should be {found}");
     let cause = "mounted on its side or upside down: both sensors are turned by quarter turns \
                  until it is up";
-    warnings.push(LogError::file(
-        path,
-        "gravity's reaction towards up",
-        found,
-        cause,
-    ));
+    let expected = "gravity's reaction towards up";
+    warnings.push(LogError::file(path, expected, found, cause));
     samples
 }
 
@@ -234,12 +230,8 @@ fn chosen(
                 "{} is used; --{option} N of `import` chooses {what}",
                 fastest + 1
             );
-            warnings.push(LogError::file(
-                path,
-                format!("one source of {expected}"),
-                all,
-                cause,
-            ));
+            let expected = format!("one source of {expected}");
+            warnings.push(LogError::file(path, expected, all, cause));
         }
         return Ok(fastest);
     };
