@@ -39,14 +39,10 @@ fn flies_the_route() {
     for time_s in times.take_while(|time_s| *time_s < duration_s) {
         let _ = flight.kinematics(time_s);
         for (near, leg) in nearest_m.iter_mut().zip(&plan.legs) {
-            if let Path2d::To {
-                latitude_rad,
-                longitude_rad,
-            } = leg.path
-            {
+            if let Path2d::To(place) = leg.path {
                 let to = ins_core::earth::Geodetic {
-                    latitude_rad,
-                    longitude_rad,
+                    latitude_rad: place.latitude_rad,
+                    longitude_rad: place.longitude_rad,
                     height_m: 0.0,
                 };
                 *near = flight.position().enu_from(&to).xy().norm().min(*near);

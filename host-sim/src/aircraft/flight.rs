@@ -8,7 +8,7 @@ use super::atmosphere::Density;
 use super::autopilot::{Autopilot, Lateral, Target, Track};
 use super::dynamics::{Derivative, Dynamics, Inputs};
 use super::performance::best_climb;
-use super::plan::{Leg, Path2d, Plan, lead_m};
+use super::plan::{Leg, Path2d, Plan, at, lead_m};
 use super::trajectory::{Node, Segment, euler};
 use super::trim::Condition;
 use super::vibration::{Crank, Vibration};
@@ -220,21 +220,13 @@ impl Flight {
         let lateral = match path {
             Path2d::Heading { heading_rad, .. } => Lateral::Heading(heading_rad),
             Path2d::Bank { bank_rad, .. } => Lateral::Bank(bank_rad),
-            Path2d::To {
-                latitude_rad,
-                longitude_rad,
-            } => {
-                let to = Geodetic {
-                    latitude_rad,
-                    longitude_rad,
-                    height_m,
-                };
+            Path2d::To(place) => {
                 // From the last waypoint if there was one; else from here.
                 let from = match self.target.lateral {
                     Lateral::Track(track) => track.to,
                     _ => self.position,
                 };
-                Lateral::Track(Track::between(&from, &to))
+                Lateral::Track(Track::between(&from, &at(place, height_m)))
             }
         };
         self.leg_patience_s = match &lateral {
@@ -268,7 +260,7 @@ impl Flight {
             (Path2d::Heading { duration_s, .. } | Path2d::Bank { duration_s, .. }, _) => {
                 self.node.time_s >= self.leg_start_s + duration_s
             }
-            (Path2d::To { .. }, Lateral::Track(track)) => {
+            (Path2d::To(_), Lateral::Track(track)) => {
                 let (to_go_m, _) = track.place(&self.position);
                 to_go_m < self.turn_lead_m(track)
             }
@@ -281,19 +273,10 @@ impl Flight {
         let Some(next) = self.next_leg() else {
             return 0.0;
         };
-        let Path2d::To {
-            latitude_rad,
-            longitude_rad,
-        } = self.plan.legs[next].path
-        else {
+        let Path2d::To(place) = self.plan.legs[next].path else {
             return 0.0;
         };
-        let to = Geodetic {
-            latitude_rad,
-            longitude_rad,
-            height_m: track.to.height_m,
-        };
-        let onward = Track::between(&track.to, &to).direction;
+        let onward = Track::between(&track.to, &at(place, track.to.height_m)).direction;
         let angle = libm::atan2(
             track.direction.perp(&onward).abs(),
             track.direction.dot(&onward),

@@ -54,47 +54,22 @@ pub fn of_flight(run: &SimulatedDrive, output: ImuOutput) -> Vec<Picture> {
     };
     let gyro = [0, 1, 2].map(|axis| signal(&|s| s.gyro[axis].to_degrees()));
     let accel = [0, 1, 2].map(|axis| signal(&|s| s.accel[axis]));
+    let drawn = |y_label: &str, series: Vec<Line>| lines("time, min", y_label, series);
+    let axes = "right (blue), forward (orange), up (green)";
+    let speeds = "ground speed (blue), climb (orange), m/s";
     vec![
-        (
-            "profile_height.svg",
-            lines("time, min", "height, m", [(height, BLUE)]),
-        ),
-        (
-            "profile_speed.svg",
-            lines(
-                "time, min",
-                "ground speed (blue), climb (orange), m/s",
-                [(speed, BLUE), (climb, ORANGE)],
-            ),
-        ),
+        ("profile_height.svg", drawn("height, m", vec![height])),
+        ("profile_speed.svg", drawn(speeds, vec![speed, climb])),
         ("track.svg", track(&truth)),
         (
             "attitude.svg",
-            lines(
-                "time, min",
-                "roll (blue), pitch (orange), deg",
-                [(roll, BLUE), (pitch, ORANGE)],
-            ),
+            drawn("roll (blue), pitch (orange), deg", vec![roll, pitch]),
         ),
-        (
-            "heading.svg",
-            lines("time, min", "heading, deg", [(heading, BLUE)]),
-        ),
-        (
-            "gyros.svg",
-            lines(
-                "time, min",
-                "right (blue), forward (orange), up (green), deg/s",
-                in_colours(gyro),
-            ),
-        ),
+        ("heading.svg", drawn("heading, deg", vec![heading])),
+        ("gyros.svg", drawn(&format!("{axes}, deg/s"), gyro.into())),
         (
             "accelerometers.svg",
-            lines(
-                "time, min",
-                "right (blue), forward (orange), up (green), m/s\u{b2}",
-                in_colours(accel),
-            ),
+            drawn(&format!("{axes}, m/s\u{b2}"), accel.into()),
         ),
     ]
 }
@@ -114,50 +89,29 @@ pub fn of_aircraft(dynamics: &Dynamics, slowest_mps: f64, fastest_mps: f64) -> V
         over_speed(&|speed| trim_row(dynamics, speed, 0.0).map(|row| value(&row)))
     };
     let climb = over_speed(&|speed| climb_rate_mps(dynamics, speed, 0.0));
-    let angles = [
-        (row(|r| r.alpha_deg), BLUE),
-        (row(|r| r.elevator_deg), ORANGE),
+    let drawn = |y_label: &str, series: Vec<Line>| lines("airspeed, km/h", y_label, series);
+    let power = row(|r| r.shaft_power_kw);
+    let angles = vec![row(|r| r.alpha_deg), row(|r| r.elevator_deg)];
+    let [of_power, of_angles] = [
+        "shaft power in level flight, kW",
+        "angle of attack (blue), elevator (orange), deg",
     ];
     vec![
         (
             "climb.svg",
-            lines(
-                "airspeed, km/h",
-                "rate of climb, open throttle, m/s",
-                [(climb, BLUE)],
-            ),
+            drawn("rate of climb, open throttle, m/s", vec![climb]),
         ),
-        (
-            "power.svg",
-            lines(
-                "airspeed, km/h",
-                "shaft power in level flight, kW",
-                [(row(|r| r.shaft_power_kw), BLUE)],
-            ),
-        ),
-        (
-            "trim.svg",
-            lines(
-                "airspeed, km/h",
-                "angle of attack (blue), elevator (orange), deg",
-                angles,
-            ),
-        ),
+        ("power.svg", drawn(of_power, vec![power])),
+        ("trim.svg", drawn(of_angles, angles)),
     ]
 }
 
-fn in_colours(
-    [a, b, c]: [Vec<(f64, f64)>; 3],
-) -> [(Vec<(f64, f64)>, plotters::style::RGBColor); 3] {
-    [(a, BLUE), (b, ORANGE), (c, GREEN)]
-}
+/// Points of a line.
+type Line = Vec<(f64, f64)>;
 
-fn lines<const N: usize>(
-    x_label: &str,
-    y_label: &str,
-    series: [(Vec<(f64, f64)>, plotters::style::RGBColor); N],
-) -> String {
-    let all = || series.iter().flat_map(|(points, _)| points);
+/// Up to three lines, in the colours that the label names.
+fn lines(x_label: &str, y_label: &str, series: Vec<Line>) -> String {
+    let all = || series.iter().flatten();
     let (x, y) = (
         padded(all().map(|p| p.0), 1e-3),
         padded(all().map(|p| p.1), 1e-3),
@@ -168,8 +122,7 @@ fn lines<const N: usize>(
         y_label: y_label.to_owned(),
         x,
         y,
-        marks: series
-            .into_iter()
+        marks: (series.into_iter().zip([BLUE, ORANGE, GREEN]))
             .map(|(points, colour)| Mark::Line(points, colour))
             .collect(),
     }

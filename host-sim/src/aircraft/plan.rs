@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ins_core::earth::Geodetic;
+use ins_core::earth::{Geodetic, LatLon};
 use nalgebra::{Vector2, Vector3};
 use serde::Deserialize;
 use toml::Spanned;
@@ -10,8 +10,7 @@ use toml::Spanned;
 use super::atmosphere::GRAVITY_MPS2;
 use super::dynamics::Dynamics;
 use super::input::{InputError, Source, read_text};
-use super::performance::{best_climb, max_speed, stall_speed_mps};
-use super::trim::{Condition, Power};
+use super::performance::{best_climb, climb_rate_mps, max_speed, stall_speed_mps};
 use super::wind::Turbulence;
 
 /// A flight plan in SI units.
@@ -48,10 +47,7 @@ pub struct Leg {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Path2d {
     /// Along the line from the last waypoint to this one.
-    To {
-        latitude_rad: f64,
-        longitude_rad: f64,
-    },
+    To(LatLon),
     /// A heading, for a time.
     Heading { heading_rad: f64, duration_s: f64 },
     /// A turn with a bank, right positive, for a time.
@@ -136,6 +132,38 @@ impl Source<'_> {
             format!("`{key} = {number}`: expected {low} to {high}; {cause}"),
         ))
     }
+
+    /// An angle up to so many degrees either way, rad.
+    fn angle(
+        &self,
+        key: &str,
+        value: &Spanned<f64>,
+        most_deg: f64,
+        cause: &str,
+    ) -> Result<f64, InputError> {
+        let degrees = self.within(key, value, [-most_deg, most_deg], cause)?;
+        Ok(degrees.to_radians())
+    }
+
+    fn place(
+        &self,
+        latitude: &Spanned<f64>,
+        longitude: &Spanned<f64>,
+    ) -> Result<LatLon, InputError> {
+        const CAUSE: &str = "is it in radians, or latitude and longitude swapped?";
+        Ok(LatLon {
+            latitude_rad: self.angle("latitude_deg", latitude, 80.0, CAUSE)?,
+            longitude_rad: self.angle("longitude_deg", longitude, 180.0, CAUSE)?,
+        })
+    }
+
+    fn heading(&self, value: &Spanned<f64>) -> Result<f64, InputError> {
+        self.angle("heading_deg", value, 360.0, "clockwise from north")
+    }
+
+    fn duration(&self, value: &Spanned<f64>) -> Result<f64, InputError> {
+        self.within("duration_s", value, [1.0, LONGEST_S], "it is in seconds")
+    }
 }
 
 impl Plan {
@@ -165,9 +193,8 @@ struct Checker<'a> {
     bank_rad: f64,
 }
 
-const DEGREES: &str = "is it in radians, or latitude and longitude swapped?";
-/// Legs at a fixed heading or bank.
-const LONGEST_LEG_S: f64 = 86_400.0;
+/// Of legs at a fixed heading or bank, and of a flight.
+const LONGEST_S: f64 = 86_400.0;
 
 impl Checker<'_> {
     fn plan(&self, table: &File) -> Result<Plan, InputError> {
@@ -192,15 +219,8 @@ impl Checker<'_> {
             None => 0.0,
         };
         let (sin, cos) = libm::sincos(table.air.wind_from_deg.to_radians());
-        let duration_s = table
-            .flight
-            .duration_s
-            .as_ref()
-            .map(|d| {
-                self.source
-                    .within("duration_s", d, [1.0, LONGEST_LEG_S], "it is in seconds")
-            })
-            .transpose()?;
+        let duration_s = table.flight.duration_s.as_ref();
+        let duration_s = duration_s.map(|s| self.source.duration(s)).transpose()?;
         let mut plan = Plan {
             start,
             wind_enu_mps: -wind_speed_mps * Vector3::new(sin, cos, 0.0),
@@ -228,30 +248,13 @@ impl Checker<'_> {
 
     fn start(&self, table: &StartTable, ground_height_m: f64) -> Result<Start, InputError> {
         let s = &self.source;
-        let position = Geodetic {
-            latitude_rad: s
-                .within("latitude_deg", &table.latitude_deg, [-80.0, 80.0], DEGREES)?
-                .to_radians(),
-            longitude_rad: s
-                .within(
-                    "longitude_deg",
-                    &table.longitude_deg,
-                    [-180.0, 180.0],
-                    DEGREES,
-                )?
-                .to_radians(),
-            height_m: self.height(&table.height_m, ground_height_m)?,
-        };
-        let heading_deg = s.within(
-            "heading_deg",
-            &table.heading_deg,
-            [-360.0, 360.0],
-            "clockwise from north",
-        )?;
+        let place = s.place(&table.latitude_deg, &table.longitude_deg)?;
+        let position = at(place, self.height(&table.height_m, ground_height_m)?);
+        let heading_rad = s.heading(&table.heading_deg)?;
         let airspeed_mps = self.airspeed(&table.airspeed_mps, position.height_m)?;
         Ok(Start {
             position,
-            heading_rad: heading_deg.to_radians(),
+            heading_rad,
             airspeed_mps,
         })
     }
@@ -275,14 +278,14 @@ impl Checker<'_> {
             let carried = Spanned::new(height.span(), *airspeed_mps);
             self.airspeed(&carried, *height_m)?;
         }
-        let duration = || {
-            match &leg.duration_s {
-            Some(d) => s.within("duration_s", d, [1.0, LONGEST_LEG_S], "it is in seconds"),
+        let duration = || match &leg.duration_s {
+            Some(duration) => s.duration(duration),
             None => Err(s.error(
                 spanned.span().start,
-                "leg without `duration_s`: expected one, since a heading or a bank has no end of its own".into(),
+                "leg without `duration_s`: expected one, since a heading or a bank has no end of \
+                 its own"
+                    .into(),
             )),
-        }
         };
         let path = match (
             &leg.latitude_deg,
@@ -291,42 +294,17 @@ impl Checker<'_> {
             &leg.bank_deg,
         ) {
             (Some(latitude), Some(longitude), None, None) if leg.duration_s.is_none() => {
-                Path2d::To {
-                    latitude_rad: s
-                        .within("latitude_deg", latitude, [-80.0, 80.0], DEGREES)?
-                        .to_radians(),
-                    longitude_rad: s
-                        .within("longitude_deg", longitude, [-180.0, 180.0], DEGREES)?
-                        .to_radians(),
-                }
+                Path2d::To(s.place(latitude, longitude)?)
             }
             (None, None, Some(heading), None) => Path2d::Heading {
-                heading_rad: s
-                    .within(
-                        "heading_deg",
-                        heading,
-                        [-360.0, 360.0],
-                        "clockwise from north",
-                    )?
-                    .to_radians(),
+                heading_rad: s.heading(heading)?,
                 duration_s: duration()?,
             },
             (None, None, None, Some(bank)) => {
-                let most = self
-                    .dynamics
-                    .parameters
-                    .autopilot
-                    .maximum_bank_rad
-                    .to_degrees();
+                let most_deg = (self.dynamics.parameters.autopilot.maximum_bank_rad).to_degrees();
+                let cause = "the most that the autopilot may ask for";
                 Path2d::Bank {
-                    bank_rad: s
-                        .within(
-                            "bank_deg",
-                            bank,
-                            [-most, most],
-                            "the most that the autopilot may ask for",
-                        )?
-                        .to_radians(),
+                    bank_rad: s.angle("bank_deg", bank, most_deg, cause)?,
                     duration_s: duration()?,
                 }
             }
@@ -403,21 +381,13 @@ impl Checker<'_> {
         let mut turn_before_m = 0.0;
         let mut last_speed = plan.start.airspeed_mps;
         for (i, (leg, &offset)) in plan.legs.iter().zip(offsets).enumerate() {
-            let Path2d::To {
-                latitude_rad,
-                longitude_rad,
-            } = leg.path
-            else {
+            let Path2d::To(place) = leg.path else {
                 // Where it ends depends on the wind: nothing to check until the next waypoint.
                 course = None;
                 turn_before_m = 0.0;
                 continue;
             };
-            let to = Geodetic {
-                latitude_rad,
-                longitude_rad,
-                height_m: leg.height_m,
-            };
+            let to = at(place, leg.height_m);
             let track = to.enu_from(&from).xy();
             let length_m = track.norm();
             let direction = track / length_m;
@@ -425,27 +395,13 @@ impl Checker<'_> {
                 if i == 0 {
                     turn_before_m = turn_m(plan, last_speed, course, direction);
                 }
-                let next = match plan.legs.get(i + 1) {
-                    Some(Leg {
-                        path:
-                            Path2d::To {
-                                latitude_rad,
-                                longitude_rad,
-                            },
-                        ..
-                    }) => {
-                        let next = Geodetic {
-                            latitude_rad: *latitude_rad,
-                            longitude_rad: *longitude_rad,
-                            height_m: leg.height_m,
-                        };
-                        Some(next.enu_from(&to).xy().normalize())
+                let turn_after_m = match plan.legs.get(i + 1).map(|next| next.path) {
+                    Some(Path2d::To(next)) => {
+                        let next = at(next, leg.height_m).enu_from(&to).xy().normalize();
+                        turn_m(plan, leg.airspeed_mps, Some(direction), next)
                     }
-                    _ => None,
+                    _ => 0.0,
                 };
-                let turn_after_m = next.map_or(0.0, |next| {
-                    turn_m(plan, leg.airspeed_mps, Some(direction), next)
-                });
                 let needed_m = turn_before_m + turn_after_m;
                 if length_m.is_nan() || length_m < needed_m.max(1.0) {
                     return Err(self.source.error(
@@ -478,13 +434,7 @@ impl Checker<'_> {
         let time_s = length_m / (leg.airspeed_mps + plan.wind_enu_mps.norm());
         let needed_mps = rise_m / time_s;
         let highest = from_m.max(leg.height_m);
-        let open = Condition {
-            power: Power::Throttle(1.0),
-            ..Condition::level(leg.airspeed_mps, highest)
-        };
-        let climb_mps = open
-            .trim(self.dynamics)
-            .map_or(0.0, |trim| trim.climb_rate_mps);
+        let climb_mps = climb_rate_mps(self.dynamics, leg.airspeed_mps, highest).unwrap_or(0.0);
         let sink_mps = self.dynamics.parameters.autopilot.maximum_descent_mps;
         if needed_mps > 0.9 * climb_mps || -needed_mps > sink_mps {
             return Err(self.source.error(
@@ -496,6 +446,15 @@ impl Checker<'_> {
             ));
         }
         Ok(())
+    }
+}
+
+/// A place at a height.
+pub(crate) fn at(place: LatLon, height_m: f64) -> Geodetic {
+    Geodetic {
+        latitude_rad: place.latitude_rad,
+        longitude_rad: place.longitude_rad,
+        height_m,
     }
 }
 

@@ -10,6 +10,7 @@ use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
 
 use super::dynamics::State;
 use crate::sim::Kinematics;
+use crate::sim::cubic::Cubic;
 
 /// One node of the integrator.
 #[derive(Clone, Copy, Debug)]
@@ -76,36 +77,6 @@ impl Segment {
     /// What the segment moves the vehicle by, ENU m.
     pub fn displacement_enu_m(&self) -> Vector3<f64> {
         self.step_s * self.velocity.integral()
-    }
-}
-
-/// A cubic on [0, 1].
-#[derive(Clone, Copy, Debug)]
-struct Cubic([Vector3<f64>; 4]);
-
-impl Cubic {
-    /// Through value and derivative at both ends.
-    fn between([v0, d0]: [Vector3<f64>; 2], [v1, d1]: [Vector3<f64>; 2]) -> Self {
-        Self([
-            v0,
-            d0,
-            3.0 * (v1 - v0) - 2.0 * d0 - d1,
-            2.0 * (v0 - v1) + d0 + d1,
-        ])
-    }
-
-    /// Value and derivative.
-    fn at(&self, u: f64) -> (Vector3<f64>, Vector3<f64>) {
-        let [c0, c1, c2, c3] = &self.0;
-        (
-            c0 + u * (c1 + u * (c2 + u * c3)),
-            c1 + u * (2.0 * c2 + 3.0 * u * c3),
-        )
-    }
-
-    fn integral(&self) -> Vector3<f64> {
-        let [c0, c1, c2, c3] = &self.0;
-        c0 + c1 / 2.0 + c2 / 3.0 + c3 / 4.0
     }
 }
 

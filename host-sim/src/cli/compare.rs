@@ -32,12 +32,6 @@ pub fn compare(options: &Compare, json: bool, force: bool) -> Result<()> {
     output::build(&options.out, JSON, force, |folder| comparison.write(folder))?;
     show(json, &comparison, || {
         let report = options.out.join("report.html");
-        format!(
-            "{}
-Report: {}
-",
-            plain(&comparison),
-            report.display()
-        )
+        format!("{}\nReport: {}\n", plain(&comparison), report.display())
     })
 }

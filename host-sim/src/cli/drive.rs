@@ -30,7 +30,8 @@ pub(super) struct Drive {
 pub(super) fn drive(options: &Drive, json: bool, force: bool) -> Result<()> {
     let errors = options.errors.as_deref().map(error_model).transpose()?;
     let truth = write_drive(&options.out, options.options, errors, force)?;
-    print_drive(&options.out, &truth, json)
+    let out = options.out.display();
+    show(json, &truth, || format!("Log written to {out}\n"))
 }
 
 pub(super) fn write_drive(
@@ -50,7 +51,11 @@ pub(super) fn write_drive(
     let truth = Truth::new(&drive.errors, drive.azimuth_error_rad(), BodyAxes::Frd);
     let mut log = drive.into_log(BodyAxes::Frd, config.recording.errors.imu.output);
     log.meta.grade = Some(options.grade);
-    log.meta.document = description(options);
+    let about = &mut log.meta.document;
+    let name = format!("simulated drive, seed {}", options.seed);
+    about.insert("name".into(), name.into());
+    about.insert("real_data".into(), false.into());
+    about.insert("minutes".into(), options.minutes.into());
     let errors = truth.to_toml().into_diagnostic()?;
     output::build(out, true_errors::FILE, force, |folder| -> Result<()> {
         log::write(&log, folder, Compression::Gzip)?;
@@ -58,23 +63,4 @@ pub(super) fn write_drive(
     })?;
     progress.finish_and_clear();
     Ok(truth)
-}
-
-fn description(options: DriveOptions) -> toml::Table {
-    let name = format!("simulated drive, seed {}", options.seed);
-    let entries = [
-        ("name", toml::Value::from(name)),
-        ("real_data", toml::Value::from(false)),
-        ("minutes", toml::Value::from(options.minutes)),
-    ];
-    entries
-        .into_iter()
-        .map(|(key, value)| (key.to_owned(), value))
-        .collect()
-}
-
-fn print_drive(out: &Path, truth: &Truth, json: bool) -> Result<()> {
-    show(json, truth, || {
-        format!("Log written to {}\n", out.display())
-    })
 }

@@ -119,17 +119,12 @@ fn write(
     force: bool,
 ) -> Result<()> {
     let drawn = pictures::of_flight(&run, recording.errors.imu.output);
-    let name = format!("simulated flight, seed {}", options.seed);
-    let entries = [
-        ("name", toml::Value::from(name)),
-        ("real_data", toml::Value::from(false)),
-    ];
     let mut log = run.into_log(BodyAxes::Frd, recording.errors.imu.output);
     // A flight has no rest that would tell.
     log.meta.grade = Some(class(&recording.errors));
-    log.meta.document = (entries.into_iter())
-        .map(|(key, value)| (key.to_owned(), value))
-        .collect();
+    let name = format!("simulated flight, seed {}", options.seed);
+    log.meta.document.insert("name".into(), name.into());
+    log.meta.document.insert("real_data".into(), false.into());
     let true_errors = truth.to_toml().into_diagnostic()?;
     let plan = fs::read(&options.plan).map_err(|e| OutputError::io(&options.plan, e))?;
     output::build(

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use ins_core::Time;
 use miette::{Result, miette};
 use serde::Serialize;
 
@@ -89,7 +88,7 @@ fn run(
     let mut session = options.target.open()?;
     let started = session.start(config, ESTIMATES_EVERY)?;
     let length = input.log.imu.len() + input.log.gnss.len();
-    let first = input.log.imu.first().map_or(Time::default(), |s| s.time);
+    let first = input.log.start();
     let mut view = View::new(bar(), length, first, axes);
     let status = session.stream(
         requests(&input.log.imu, &input.log.gnss),

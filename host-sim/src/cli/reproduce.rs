@@ -58,12 +58,6 @@ pub fn reproduce(options: &Reproduce, json: bool, force: bool) -> Result<()> {
     })?;
     show(json, &reproduction, || {
         let report = options.out.join("report.html");
-        format!(
-            "{}
-Report: {}
-",
-            plain(&reproduction),
-            report.display()
-        )
+        format!("{}\nReport: {}\n", plain(&reproduction), report.display())
     })
 }

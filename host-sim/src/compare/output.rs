@@ -14,7 +14,7 @@ use crate::page::chart::{Chart, Figure, MOST_POINTS, sampled};
 use crate::page::digits;
 use crate::page::html::{Page, Section};
 use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED, padded};
-use crate::page::table::Table;
+use crate::page::table::{Table, heads};
 use crate::page::{self, output};
 
 /// Name of the file that marks the folder as ours.
@@ -62,15 +62,8 @@ impl Comparison {
 
     fn write_quantities(&self, to: impl Write) -> csv::Result<()> {
         let mut to = csv::Writer::from_writer(to);
-        to.write_record([
-            "method",
-            "quantity",
-            "value",
-            "sigma",
-            "observable",
-            "error",
-            "settled_s",
-        ])?;
+        let header = "method,quantity,value,sigma,observable,error,settled_s";
+        to.write_record(header.split(','))?;
         let number = |value: Option<f64>| value.map_or(String::new(), |v| format!("{v:.6}"));
         for method in &self.methods {
             for result in &method.quantities {
@@ -91,14 +84,9 @@ impl Comparison {
 
     fn write_outages(&self, to: impl Write) -> csv::Result<()> {
         let mut to = csv::Writer::from_writer(to);
-        to.write_record([
-            "navigator",
-            "start_s",
-            "position_end_m",
-            "velocity_end_mps",
-            "position_max_m",
-            "velocity_max_mps",
-        ])?;
+        let header = "navigator,start_s,position_end_m,velocity_end_mps,position_max_m,\
+                      velocity_max_mps";
+        to.write_record(header.split(','))?;
         for drifts in self.outages.iter().flat_map(|test| &test.navigators) {
             for drift in &drifts.outages {
                 let numbers = [
@@ -212,10 +200,6 @@ fn tables(comparison: &Comparison) -> Vec<Table> {
     tables
 }
 
-fn texts<const N: usize>(cells: [&str; N]) -> Vec<String> {
-    cells.map(str::to_owned).to_vec()
-}
-
 /// A row for each quantity, a column for each method.
 fn by_method(
     title: &str,
@@ -236,11 +220,7 @@ fn by_method(
         }));
         row
     };
-    Table {
-        title: title.to_owned(),
-        header,
-        rows: (0..NAMES.len()).map(row).collect(),
-    }
+    Table::new(title, header, (0..NAMES.len()).map(row).collect())
 }
 
 fn trajectories(comparison: &Comparison) -> Option<Table> {
@@ -256,11 +236,9 @@ fn trajectories(comparison: &Comparison) -> Option<Table> {
             Some(row)
         })
         .collect();
-    (!rows.is_empty()).then(|| Table {
-        title: "RMS difference from truth.csv, second half of the log".to_owned(),
-        header: texts(["", "position, m", "velocity, m/s", "heading, deg"]),
-        rows,
-    })
+    let title = "RMS difference from truth.csv, second half of the log";
+    let header = heads("| position, m | velocity, m/s | heading, deg");
+    (!rows.is_empty()).then(|| Table::new(title, header, rows))
 }
 
 fn costs(comparison: &Comparison) -> Table {
@@ -271,11 +249,9 @@ fn costs(comparison: &Comparison) -> Table {
             format!("{:.1}", cost.ratio),
         ]
     };
-    Table {
-        title: "Cost of an inertial sample with its share of the fixes, on this machine".to_owned(),
-        header: texts(["", "ns", "ratio"]),
-        rows: comparison.costs.iter().map(row).collect(),
-    }
+    let title = "Cost of an inertial sample with its share of the fixes, on this machine";
+    let rows = comparison.costs.iter().map(row).collect();
+    Table::new(title, heads("| ns | ratio"), rows)
 }
 
 fn outages(comparison: &Comparison) -> Option<Table> {

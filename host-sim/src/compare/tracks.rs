@@ -32,6 +32,16 @@ pub struct Track {
     pub points: Vec<Point>,
 }
 
+impl Track {
+    fn new(method: &str, online: bool, points: Vec<Point>) -> Self {
+        Self {
+            method: method.to_owned(),
+            online,
+            points,
+        }
+    }
+}
+
 /// The methods in the order of the tables.
 pub fn all(input: &Input) -> Result<Vec<Track>, ConfigError> {
     let exact = input.noise;
@@ -62,11 +72,7 @@ fn compensation(method: &str, form: Form, input: &Input) -> Result<Track, Config
         ..input.config
     };
     let found = identify(input.log, config, &ProgressBar::hidden())?;
-    Ok(Track {
-        method: method.to_owned(),
-        online: true,
-        points: points(&found.history),
-    })
+    Ok(Track::new(method, true, points(&found.history)))
 }
 
 /// The core's own rows, from where it navigates.
@@ -84,21 +90,14 @@ pub(crate) fn points(history: &[Row]) -> Vec<Point> {
 /// Navigation with all that the stages have found taken out.
 pub(crate) fn five_stage(method: &str, rounds: usize, input: &Input) -> Result<Track, ConfigError> {
     let found = five_stage::run(input.log, input.config, rounds)?;
-    let points = found.history.iter().filter_map(|row| {
-        Some(Point {
-            time: row.time,
-            estimates: Estimates {
-                azimuth_error_rad: row.estimates.azimuth_error_rad,
-                ..found.estimates
-            },
-            solution: row.solution?,
-        })
-    });
-    Ok(Track {
-        method: method.to_owned(),
-        online: false,
-        points: points.collect(),
-    })
+    let mut points = points(&found.history);
+    for point in &mut points {
+        point.estimates = Estimates {
+            azimuth_error_rad: point.estimates.azimuth_error_rad,
+            ..found.estimates
+        };
+    }
+    Ok(Track::new(method, false, points))
 }
 
 pub(crate) fn kalman(method: &str, noise: Noise, input: &Input) -> Result<Track, ConfigError> {
@@ -110,11 +109,7 @@ pub(crate) fn kalman(method: &str, noise: Noise, input: &Input) -> Result<Track,
             points.push(filtered(filter));
         }
     }
-    Ok(Track {
-        method: method.to_owned(),
-        online: true,
-        points,
-    })
+    Ok(Track::new(method, true, points))
 }
 
 /// Both from one run; the smoother follows the last alignment.
@@ -146,16 +141,8 @@ fn kalman_and_smoother(told: &str, input: &Input) -> Result<[Track; 2], ConfigEr
         }
     }
     Ok([
-        Track {
-            method: format!("Kalman, {told}"),
-            online: true,
-            points,
-        },
-        Track {
-            method: "its smoother".to_owned(),
-            online: false,
-            points: smoothed,
-        },
+        Track::new(&format!("Kalman, {told}"), true, points),
+        Track::new("its smoother", false, smoothed),
     ])
 }
 

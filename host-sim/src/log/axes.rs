@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use ins_core::{ImuSample, Time};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -29,6 +30,15 @@ impl BodyAxes {
             Self::Frd => Vector3::new(v.y, v.x, -v.z),
             Self::Rfu => v,
             Self::Flu => Vector3::new(-v.y, v.x, v.z),
+        }
+    }
+
+    /// A sample in these axes, turned to right-forward-up.
+    pub(super) fn sample(self, time: Time, gyro: Vector3<f64>, accel: Vector3<f64>) -> ImuSample {
+        ImuSample {
+            time,
+            gyro: self.to_rfu(gyro),
+            accel: self.to_rfu(accel),
         }
     }
 

@@ -7,7 +7,7 @@ use super::Log;
 use super::axes::BodyAxes;
 use super::clock::set_clock;
 use super::error::LogError;
-use super::files::Files;
+use super::findings::Findings;
 use super::fixes::mend_fixes;
 use super::motion::check_axes;
 use super::paths::check_paths;
@@ -20,110 +20,82 @@ use super::typical::{SHORT_S, median_interval_s, within};
 const GRAVITY_MPS2: f64 = 9.81;
 
 /// Refuses what cannot be meant, warns of what looks suspicious.
-pub(super) fn check(
-    log: &mut Log,
-    files: &Files,
-    warnings: &mut Vec<LogError>,
-) -> Result<(), LogError> {
+pub(super) fn check(log: &mut Log, findings: &mut Findings) -> Result<(), LogError> {
     let interval_s = median_interval_s(log.imu.times());
-    check_intervals(log, interval_s, files, warnings)?;
-    mend_fixes(log, files, warnings)?;
+    check_intervals(log, interval_s, findings)?;
+    mend_fixes(log, findings)?;
     let mut rates = Rates::of(log, interval_s);
-    check_accelerometer_unit(log, &rates, files, warnings)?;
+    check_accelerometer_unit(log, &rates, findings)?;
     let per_second = match log.meta.imu {
         ImuOutput::Rates => 1.0,
         ImuOutput::Increments => 1.0 / interval_s,
     };
-    if mend_sensors(log, per_second, files, warnings)? {
+    if mend_sensors(log, per_second, findings)? {
         rates = Rates::of(log, median_interval_s(log.imu.times()));
     }
-    check_gravity_axis(log, &rates, files, warnings)?;
-    let together = set_clock(log, &rates, files, warnings)?;
+    check_gravity_axis(log, &rates, findings)?;
+    let together = set_clock(log, &rates, findings)?;
     let turning = turning(log, &rates);
-    check_paths(log, turning.as_ref(), files, warnings)?;
+    check_paths(log, turning.as_ref(), findings)?;
     check_turns(
         turning.as_ref(),
         together,
         log.duration_s(),
         &rates,
-        files,
-        warnings,
+        findings,
     )?;
-    let told = warnings.len();
-    check_axes(log, &rates, files, warnings);
+    let told = findings.warnings.len();
+    check_axes(log, &rates, findings);
     // A track or gravity tells more exactly what the motion as a whole tells of any unit.
-    if warnings.len() == told {
-        check_readings(log, &rates, files, warnings)?;
+    if findings.warnings.len() == told {
+        check_readings(log, &rates, findings)?;
     }
     Ok(())
 }
 
-fn check_intervals(
-    log: &Log,
-    imu: f64,
-    files: &Files,
-    warnings: &mut Vec<LogError>,
-) -> Result<(), LogError> {
+fn check_intervals(log: &Log, imu: f64, findings: &mut Findings) -> Result<(), LogError> {
     let gnss = median_interval_s(log.gnss.iter().map(|fix| fix.time));
     let fixes_s = gnss * log.gnss.len() as f64;
-    let refuse = |path, found: f64, expected: &str, cause: &str| {
-        let digits = format!("{found:.6}");
+    let found = |seconds: f64| {
+        let digits = format!("{seconds:.6}");
         let digits = digits.trim_end_matches('0').trim_end_matches('.');
-        let found = format!("{digits} s from row to row (median)");
-        Err(LogError::file(path, expected, found, cause).in_column("t_s"))
+        format!("{digits} s from row to row (median)")
+    };
+    let refuse_imu = |cause: &str| {
+        let expected = "inertial samples 1 to 100 ms apart";
+        Err(findings.imu(expected, found(imu), cause).in_column("t_s"))
+    };
+    let refuse_gnss = |cause: &str| {
+        let expected = "GNSS fixes 0.05 to 10 s apart";
+        Err(findings.gnss(expected, found(gnss), cause).in_column("t_s"))
     };
     let milliseconds = "milliseconds for seconds: divide t_s by 1000";
     let nanoseconds = "microseconds or nanoseconds for seconds";
     // A strapdown needs ten samples a second at the very least; receivers give 0.1 to 20 fixes.
     match (imu, gnss) {
-        (imu, _) if imu > 200.0 => refuse(
-            &files.imu,
-            imu,
-            "inertial samples 1 to 100 ms apart",
-            nanoseconds,
-        ),
-        (imu, _) if imu > 0.5 => refuse(
-            &files.imu,
-            imu,
-            "inertial samples 1 to 100 ms apart",
-            milliseconds,
-        ),
-        (_, gnss) if gnss > 20_000.0 => refuse(
-            &files.gnss,
-            gnss,
-            "GNSS fixes 0.05 to 10 s apart",
-            nanoseconds,
-        ),
-        (_, gnss) if gnss > 30.0 => refuse(
-            &files.gnss,
-            gnss,
-            "GNSS fixes 0.05 to 10 s apart",
-            milliseconds,
-        ),
+        (imu, _) if imu > 200.0 => refuse_imu(nanoseconds),
+        (imu, _) if imu > 0.5 => refuse_imu(milliseconds),
+        (_, gnss) if gnss > 20_000.0 => refuse_gnss(nanoseconds),
+        (_, gnss) if gnss > 30.0 => refuse_gnss(milliseconds),
         (imu, _)
             if log.imu.len() > 1
                 && (imu < 5e-5 || imu < 5e-4 && fixes_s > 30.0 * log.duration_s()) =>
         {
-            refuse(
-                &files.imu,
-                imu,
-                "inertial samples 1 to 100 ms apart",
-                "minutes or kiloseconds for seconds, or stamps of too few digits",
-            )
+            refuse_imu("minutes or kiloseconds for seconds, or stamps of too few digits")
         }
         _ => {
             if gnss > 3.0 {
                 let found = format!("{gnss:.1} s from row to row (median)");
                 let cause = "too seldom to show turns and brakings: estimates come late, if at all";
                 let expected = "GNSS fixes 0.05 to 2 s apart";
-                let defect = LogError::file(&files.gnss, expected, found, cause);
-                warnings.push(defect.in_column("t_s"));
+                let defect = findings.gnss(expected, found, cause);
+                findings.warn(defect.in_column("t_s"));
             }
             if log.duration_s() < SHORT_S {
                 let found = format!("{:.1} s", log.duration_s());
                 let cause = "too short to align and to manoeuvre: nothing can be found";
                 let expected = "a minute of motion and more";
-                warnings.push(LogError::file(&files.imu, expected, found, cause));
+                findings.warn(findings.imu(expected, found, cause));
             }
             Ok(())
         }
@@ -133,8 +105,7 @@ fn check_intervals(
 fn check_accelerometer_unit(
     log: &Log,
     rates: &Rates,
-    files: &Files,
-    warnings: &mut Vec<LogError>,
+    findings: &mut Findings,
 ) -> Result<(), LogError> {
     let (norm, interval) = (rates.typical.force_norm_mps2, rates.typical.interval_s);
     // Beyond a fifth no unit is near, but a racing multirotor is; a unit is off by three times.
@@ -143,14 +114,10 @@ fn check_accelerometer_unit(
         if !within(norm, GRAVITY_MPS2, 1.05) {
             let cause = "a large scale error, or a vehicle that turns and accelerates throughout";
             let found = format!("{norm:.3} m/s^2");
-            warnings.push(
-                LogError::file(
-                    &files.imu,
-                    "a median specific force near 9.81 m/s^2",
-                    found,
-                    cause,
-                )
-                .in_column("accel"),
+            findings.warn(
+                findings
+                    .imu("a median specific force near 9.81 m/s^2", found, cause)
+                    .in_column("accel"),
             );
         }
         return Ok(());
@@ -196,15 +163,10 @@ fn check_accelerometer_unit(
         ImuOutput::Rates => "a median specific force near 9.81 m/s^2",
         ImuOutput::Increments => "a median specific force (increment / interval) near 9.81 m/s^2",
     };
-    Err(LogError::file(&files.imu, expected, found, cause).in_column("accel"))
+    Err(findings.imu(expected, found, cause).in_column("accel"))
 }
 
-fn check_gravity_axis(
-    log: &Log,
-    rates: &Rates,
-    files: &Files,
-    warnings: &mut Vec<LogError>,
-) -> Result<(), LogError> {
+fn check_gravity_axis(log: &Log, rates: &Rates, findings: &mut Findings) -> Result<(), LogError> {
     // Over minutes the vehicle's own accelerations cancel, and what is left points up.
     let mean = rates.typical.force_mps2;
     let axes = log.meta.body_axes;
@@ -227,13 +189,14 @@ fn check_gravity_axis(
     let z = axes.direction(2);
     let reaction = if z == "up" { '+' } else { '-' };
     let expected = format!("gravity's reaction, {reaction}9.81 m/s^2, on z ({z} in {axes})");
-    let defect =
-        LogError::file(&files.imu, expected, found, gravity_cause(own, axes)).in_column("accel");
+    let defect = findings
+        .imu(expected, found, gravity_cause(own, axes))
+        .in_column("accel");
     // A sensor may well be mounted tilted; beyond 60 degrees another axis is the vertical one.
     if tilt_deg > 60.0 {
         return Err(defect);
     }
-    warnings.push(LogError {
+    findings.warn(LogError {
         cause: format!("sensors mounted {tilt_deg:.0} deg off level; if not, turn the axes").into(),
         ..defect
     });

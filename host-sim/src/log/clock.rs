@@ -1,12 +1,14 @@
 //! The two clocks of a log, compared by the motion that both saw: accelerations and turns.
 
+use ins_core::GnssFix;
+use ins_core::earth::Geodetic;
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
 use super::Log;
-use super::curve::{Curve, turned};
+use super::curve::{Curve, intervals, turned};
 use super::error::LogError;
-use super::files::Files;
-use super::rates::{Rates, origin};
+use super::findings::Findings;
+use super::rates::Rates;
 
 /// Shifts that are looked for, in steps of half the shortest manoeuvre, and finer ones from there.
 const LARGEST_S: f64 = 300.0;
@@ -47,8 +49,7 @@ struct Seen {
 pub(super) fn set_clock(
     log: &mut Log,
     rates: &Rates,
-    files: &Files,
-    warnings: &mut Vec<LogError>,
+    findings: &mut Findings,
 ) -> Result<bool, LogError> {
     let apart_s = apart(log);
     let clocks = Clocks::new(log, rates);
@@ -60,14 +61,14 @@ pub(super) fn set_clock(
     if !best.decides_over(&rival) {
         let explained = [&best, &rival].map(|shift| clocks.explained_by(shift));
         if explained == [true, true] {
-            let answers = two_answers(&best, &rival, files);
+            let answers = two_answers(&best, &rival, findings);
             if !agrees(&best) && !agrees(&rival) {
                 return Err(answers);
             }
             let cause = "manoeuvres that repeat; taken to be on one time scale already".into();
-            warnings.push(LogError { cause, ..answers });
+            findings.warn(LogError { cause, ..answers });
         } else if apart_s.is_some() {
-            return Err(other_origin(log, files));
+            return Err(other_origin(log, findings));
         }
         return Ok(explained[0]);
     }
@@ -79,11 +80,11 @@ pub(super) fn set_clock(
         fix.time = fix.time.plus_seconds(-best.s);
     }
     log.meta.gnss_clock_offset_s += best.s;
-    warnings.push(moved(&best, apart_s.is_some(), files));
+    findings.warn(moved(&best, apart_s.is_some(), findings));
     Ok(true)
 }
 
-fn moved(best: &Shift, apart: bool, files: &Files) -> LogError {
+fn moved(best: &Shift, apart: bool, findings: &Findings) -> LogError {
     let side = if best.s > 0.0 { "late" } else { "early" };
     let found = format!("fixes {:.2} s {side} by the motion both saw", best.s.abs());
     let cause = format!(
@@ -96,7 +97,7 @@ fn moved(best: &Shift, apart: bool, files: &Files) -> LogError {
         -best.s
     );
     let expected = "both files on one time scale";
-    LogError::file(&files.gnss, expected, found, cause).in_column("t_s")
+    findings.gnss(expected, found, cause).in_column("t_s")
 }
 
 fn cause(shift_s: f64) -> &'static str {
@@ -108,13 +109,15 @@ fn cause(shift_s: f64) -> &'static str {
     }
 }
 
-fn two_answers(best: &Shift, other: &Shift, files: &Files) -> LogError {
+fn two_answers(best: &Shift, other: &Shift, findings: &Findings) -> LogError {
     let found = format!(
         "fixes {:+.1} s off or {:+.1} s off, as likely",
         best.s, other.s
     );
     let cause = "clocks that differ, and manoeuvres that repeat: bring both to one scale";
-    LogError::file(&files.gnss, "both files on one time scale", found, cause).in_column("t_s")
+    findings
+        .gnss("both files on one time scale", found, cause)
+        .in_column("t_s")
 }
 
 /// How far the fixes are from the samples, if none is among them: from start to start, s.
@@ -125,12 +128,12 @@ fn apart(log: &Log) -> Option<f64> {
 
 /// First and last fix, s from the first sample.
 fn reach(log: &Log) -> (f64, f64) {
-    let first = origin(log);
-    let since = |fix: &ins_core::GnssFix| fix.time.seconds_since(first);
+    let first = log.start();
+    let since = |fix: &GnssFix| fix.time.seconds_since(first);
     (since(&log.gnss[0]), since(&log.gnss[log.gnss.len() - 1]))
 }
 
-fn other_origin(log: &Log, files: &Files) -> LogError {
+fn other_origin(log: &Log, findings: &Findings) -> LogError {
     let (first, last) = reach(log);
     let expected = format!(
         "GNSS fixes within the time of the inertial samples, 0 to {:.3} s",
@@ -147,7 +150,7 @@ fn other_origin(log: &Log, files: &Files) -> LogError {
              little motion to find by how much: bring both to one scale"
         }
     };
-    LogError::file(&files.gnss, expected, found, cause).in_column("t_s")
+    findings.gnss(expected, found, cause).in_column("t_s")
 }
 
 /// A shift of the fixes, how much later their stamps are.
@@ -383,67 +386,45 @@ fn windows(seen: Vec<Seen>) -> Vec<Vec<Seen>> {
     windows
 }
 
-/// A velocity by GNSS: time, level, up.
-type Velocity = (f64, Vector2<f64>, Option<f64>);
+/// A velocity by GNSS, level and up, at a time.
+type Velocity = (f64, (Vector2<f64>, Option<f64>));
 
 fn seen(log: &Log) -> Vec<Seen> {
-    let velocities = velocities(log);
-    let mut seen = Vec::new();
-    let Some((mut start, rest)) = velocities.split_first() else {
-        return seen;
+    let seen = |[from, to]: [Velocity; 2]| {
+        let seconds = to.0 - from.0;
+        let ((before, up_before), (after, up_after)) = (from.1, to.1);
+        let moving = before.norm().min(after.norm()) > 2.0;
+        Seen {
+            from_s: from.0,
+            to_s: to.0,
+            turn_radps: moving.then(|| turned(before, after) / seconds),
+            level_mps2: (after - before) / seconds,
+            up_mps2: up_before.zip(up_after).map(|(a, b)| (b - a) / seconds),
+        }
     };
-    for next in rest {
-        let seconds = next.0 - start.0;
-        if seconds < 0.95 {
-            continue;
-        }
-        if seconds < 3.0 {
-            let moving = start.1.norm().min(next.1.norm()) > 2.0;
-            seen.push(Seen {
-                from_s: start.0,
-                to_s: next.0,
-                turn_radps: moving.then(|| turned(start.1, next.1) / seconds),
-                level_mps2: (next.1 - start.1) / seconds,
-                up_mps2: start.2.zip(next.2).map(|(a, b)| (b - a) / seconds),
-            });
-        }
-        start = next;
-    }
-    seen
+    let velocities = intervals(velocities(log).into_iter());
+    velocities.into_iter().map(seen).collect()
 }
 
 /// As the receiver measures them, or else from its positions.
 fn velocities(log: &Log) -> Vec<Velocity> {
-    let first = origin(log);
-    let since = |fix: &ins_core::GnssFix| fix.time.seconds_since(first);
-    let measured: Vec<Velocity> = log
-        .gnss
-        .iter()
-        .filter_map(|fix| Some((since(fix), fix.velocity_en_mps?, fix.velocity_up_mps)))
+    let first = log.start();
+    let since = |fix: &GnssFix| fix.time.seconds_since(first);
+    let fixes = || log.gnss.iter();
+    let measured: Vec<Velocity> = fixes()
+        .filter_map(|fix| Some((since(fix), (fix.velocity_en_mps?, fix.velocity_up_mps))))
         .collect();
     if 2 * measured.len() > log.gnss.len() {
         return measured;
     }
-    let mut velocities = Vec::new();
-    let mut places = log
-        .gnss
-        .iter()
-        .filter_map(|fix| Some((fix, fix.geodetic_or(0.0)?)));
-    let Some(mut start) = places.next() else {
-        return velocities;
+    let places = fixes().filter_map(|fix| Some((since(fix), (fix, fix.geodetic_or(0.0)?))));
+    let velocity = |[(from_s, (from, start)), (to_s, (to, end))]: [(f64, (&GnssFix, _)); 2]| {
+        let moved = Geodetic::enu_from(&end, &start) / (to_s - from_s);
+        let heights = from.height_m.zip(to.height_m);
+        (
+            0.5 * (from_s + to_s),
+            (moved.xy(), heights.map(|_| moved.z)),
+        )
     };
-    for next in places {
-        let (from_s, to_s) = (since(start.0), since(next.0));
-        if to_s - from_s < 0.95 {
-            continue;
-        }
-        if to_s - from_s < 3.0 {
-            let moved = next.1.enu_from(&start.1) / (to_s - from_s);
-            let heights = start.0.height_m.zip(next.0.height_m);
-            let middle_s = 0.5 * (from_s + to_s);
-            velocities.push((middle_s, moved.xy(), heights.map(|_| moved.z)));
-        }
-        start = next;
-    }
-    velocities
+    intervals(places).into_iter().map(velocity).collect()
 }

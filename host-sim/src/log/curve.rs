@@ -55,6 +55,25 @@ impl Curve {
     }
 }
 
+/// Ends of successive intervals of a second or so, among what comes in order of time, s; where
+/// nothing comes for three seconds there is none.
+pub(super) fn intervals<T: Copy>(all: impl Iterator<Item = (f64, T)>) -> Vec<[(f64, T); 2]> {
+    let mut intervals = Vec::new();
+    let mut start: Option<(f64, T)> = None;
+    for next in all {
+        let from = *start.get_or_insert(next);
+        let seconds = next.0 - from.0;
+        if seconds < 0.95 {
+            continue;
+        }
+        if seconds < 3.0 {
+            intervals.push([from, next]);
+        }
+        start = Some(next);
+    }
+    intervals
+}
+
 /// Angle from one vector to the next, counter-clockwise.
 pub(super) fn turned(from: Vector2<f64>, to: Vector2<f64>) -> f64 {
     from.perp(&to).atan2(from.dot(&to))

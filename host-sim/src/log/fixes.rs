@@ -6,7 +6,7 @@ use nalgebra::Vector2;
 
 use super::Log;
 use super::error::LogError;
-use super::files::Files;
+use super::findings::Findings;
 use super::typical::median;
 
 /// Speed above which a vehicle moves beyond doubt, m/s: ten times a receiver's noise.
@@ -15,15 +15,10 @@ const MOVING_MPS: f64 = 1.0;
 const UNSEEN_M: f64 = 2.0;
 
 /// Leaves out what is no measurement, turns what is upside down.
-pub(super) fn mend_fixes(
-    log: &mut Log,
-    files: &Files,
-    warnings: &mut Vec<LogError>,
-) -> Result<(), LogError> {
+pub(super) fn mend_fixes(log: &mut Log, findings: &mut Findings) -> Result<(), LogError> {
     let mut mend = Mend {
         fixes: &mut log.gnss,
-        files,
-        warnings,
+        findings,
     };
     mend.rows_without_fix();
     mend.repeated_fixes();
@@ -35,16 +30,15 @@ pub(super) fn mend_fixes(
     mend.what_is_missing()
 }
 
-struct Mend<'a> {
+struct Mend<'a, 'b> {
     fixes: &'a mut Vec<GnssFix>,
-    files: &'a Files,
-    warnings: &'a mut Vec<LogError>,
+    findings: &'a mut Findings<'b>,
 }
 
-impl Mend<'_> {
+impl Mend<'_, '_> {
     fn warn(&mut self, column: &str, expected: &str, found: String, cause: &str) {
-        let defect = LogError::file(&self.files.gnss, expected, found, cause);
-        self.warnings.push(defect.in_column(column));
+        let defect = self.findings.gnss(expected, found, cause);
+        self.findings.warn(defect.in_column(column));
     }
 
     /// Zero latitude and longitude stand for no fix, unless the whole drive is there.
@@ -117,12 +111,8 @@ impl Mend<'_> {
         );
         let cause = "each fix written several times, or a receiver that was stuck; only the first \
                      is used";
-        self.warn(
-            "lat_deg, lon_deg, ve, vn",
-            "a new fix in every row",
-            found,
-            cause,
-        );
+        let expected = "a new fix in every row";
+        self.warn("lat_deg, lon_deg, ve, vn", expected, found, cause);
     }
 
     /// Positions that stand still while velocity does not.
@@ -159,12 +149,8 @@ impl Mend<'_> {
         let found = format!("{} repeated ones in motion", stuck.len());
         let cause = "positions come less often than velocities, or stopped coming; the repeated \
                      ones are left out";
-        self.warn(
-            "lat_deg, lon_deg",
-            "positions that follow the motion",
-            found,
-            cause,
-        );
+        let expected = "positions that follow the motion";
+        self.warn("lat_deg, lon_deg", expected, found, cause);
     }
 
     /// Velocities that come less often than positions.
@@ -233,12 +219,8 @@ impl Mend<'_> {
             }
             self.warn("vu", expected, found, "it counts down; its sign is turned");
         } else if correlation > 0.8 && !(0.67..1.5).contains(&slope) {
-            self.warn(
-                "vu",
-                expected,
-                found,
-                "another unit, or heights of another source",
-            );
+            let cause = "another unit, or heights of another source";
+            self.warn("vu", expected, found, cause);
         }
     }
 
@@ -299,18 +281,14 @@ impl Mend<'_> {
         let found = format!("the difference of two positions, to {backward:.4} m/s");
         let cause = "computed, not measured: it comes late by half of what lies between and has the \
                      noise of positions; latency found here is that of such velocities";
-        self.warn(
-            "ve, vn",
-            "velocity as the receiver measures it",
-            found,
-            cause,
-        );
+        let expected = "velocity as the receiver measures it";
+        self.warn("ve, vn", expected, found, cause);
     }
 
     fn what_is_missing(&mut self) -> Result<(), LogError> {
         if self.fixes.is_empty() {
             let cause = "the receiver never had a fix";
-            return Err(LogError::file(&self.files.gnss, "a fix", "none", cause));
+            return Err(self.findings.gnss("a fix", "none", cause));
         }
         let positions = self.fixes.iter().filter(|f| f.position.is_some()).count();
         let velocities = self

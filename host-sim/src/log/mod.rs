@@ -8,7 +8,7 @@ mod check;
 mod clock;
 mod curve;
 mod error;
-mod files;
+mod findings;
 mod fixes;
 pub mod import;
 mod meta;
@@ -57,6 +57,12 @@ impl Log {
             _ => 0.0,
         }
     }
+
+    /// Stamp of the first inertial sample: differences from it are exact enough in f64.
+    pub fn start(&self) -> Time {
+        self.imu.first().map_or(Time::default(), |first| first.time)
+    }
+
     /// What was recorded from one time to before another.
     #[must_use]
     pub fn between(&self, from: Time, to: Time) -> Self {
@@ -87,8 +93,7 @@ impl Log {
 
     /// Where the second half begins.
     pub fn middle(&self) -> Time {
-        let first = self.imu.first().map_or(Time::default(), |s| s.time);
-        first.plus_seconds(0.5 * self.duration_s())
+        self.start().plus_seconds(0.5 * self.duration_s())
     }
 }
 

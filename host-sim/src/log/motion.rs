@@ -6,20 +6,20 @@ use super::Log;
 use super::axes::BodyAxes;
 use super::curve::Curve;
 use super::curve::turned;
-use super::error::LogError;
-use super::files::Files;
-use super::rates::{Rate, Rates, origin};
+use super::findings::Findings;
+use super::rates::{Rate, Rates};
+use super::turns::legs;
 
 /// Correlation from which on a sign is beyond doubt, with the least number of intervals.
 const CLEAR: f64 = 0.6;
 const INTERVALS: usize = 30;
 
 /// Warns where accelerometers show the motion in other axes than they are said to have.
-pub(super) fn check_axes(log: &Log, rates: &Rates, files: &Files, warnings: &mut Vec<LogError>) {
+pub(super) fn check_axes(log: &Log, rates: &Rates, findings: &mut Findings) {
     if let Some(correlation) = along_the_track(log, rates) {
-        check_level_axes(log, &correlation, files, warnings);
+        check_level_axes(log, &correlation, findings);
     }
-    check_turning_gravity(log, rates, files, warnings);
+    check_turning_gravity(log, rates, findings);
 }
 
 /// Accelerations right and forward: felt, and seen by GNSS.
@@ -36,30 +36,17 @@ fn along_the_track(log: &Log, rates: &Rates) -> Option<Matrix2<f64>> {
             curve.push(rate.time_s, sum[axis]);
         }
     }
-    let origin = origin(log);
     let mut pairs: Vec<Pair> = Vec::new();
-    let mut moving = log.gnss.iter().filter_map(|fix| {
-        let velocity = fix.velocity_en_mps.filter(|v| v.norm() > 2.0)?;
-        Some((fix.time.seconds_since(origin), velocity))
-    });
-    let mut start = moving.next()?;
-    for next in moving {
-        let interval_s = next.0 - start.0;
-        if interval_s < 0.95 {
-            continue;
-        }
-        if interval_s < 3.0 && curves[0].reaches(start.0) && curves[0].reaches(next.0) {
-            let (before, after) = (start.1, next.1);
+    for [(from_s, before), (to_s, after)] in legs(log) {
+        if curves[0].reaches(from_s) && curves[0].reaches(to_s) {
             let speed = 0.5 * (before.norm() + after.norm());
             let right = -speed * turned(before, after);
             let ahead = after.norm() - before.norm();
-            let felt = |axis: usize| curves[axis].at(next.0) - curves[axis].at(start.0);
-            pairs.push((
-                Vector2::new(felt(0), felt(1)) / interval_s,
-                Vector2::new(right, ahead) / interval_s,
-            ));
+            let felt = |axis: usize| curves[axis].at(to_s) - curves[axis].at(from_s);
+            let felt = Vector2::new(felt(0), felt(1));
+            let seconds = to_s - from_s;
+            pairs.push((felt / seconds, Vector2::new(right, ahead) / seconds));
         }
-        start = next;
     }
     // Half a minute of accelerations above those that a slope of the road feigns.
     let strong = |axis: usize| pairs.iter().filter(|p| p.1[axis].abs() > 0.5).count();
@@ -88,17 +75,12 @@ fn correlation(pairs: &[(f64, f64)]) -> f64 {
     xy / (xx * yy).sqrt()
 }
 
-fn check_level_axes(
-    log: &Log,
-    correlation: &Matrix2<f64>,
-    files: &Files,
-    warnings: &mut Vec<LogError>,
-) {
+fn check_level_axes(log: &Log, correlation: &Matrix2<f64>, findings: &mut Findings) {
     let c = correlation;
     let expected = "accelerometers that feel brakings forward and turns to the right";
     let mut warn = |found: String, cause: String| {
-        let defect = LogError::file(&files.imu, expected, found, cause);
-        warnings.push(defect.in_column("accel"));
+        let defect = findings.imu(expected, found, cause);
+        findings.warn(defect.in_column("accel"));
     };
     let axes = log.meta.body_axes;
     let column = |rfu: usize| {
@@ -157,7 +139,7 @@ fn turned_by(axes: BodyAxes, other: BodyAxes, c: &Matrix2<f64>) -> bool {
 
 /// Gravity turns in the body as the gyros say: where they show plainly the opposite, one of the
 /// two has a sign that it should not have.
-fn check_turning_gravity(log: &Log, rates: &Rates, files: &Files, warnings: &mut Vec<LogError>) {
+fn check_turning_gravity(log: &Log, rates: &Rates, findings: &mut Findings) {
     let mut sums = [Turning::default(); 2];
     let mut last: Option<Block> = None;
     for block in blocks(rates) {
@@ -180,7 +162,8 @@ fn check_turning_gravity(log: &Log, rates: &Rates, files: &Files, warnings: &mut
             log.meta.body_axes
         );
         let expected = "gravity that turns in the body as the gyros say";
-        warnings.push(LogError::file(&files.imu, expected, found, cause).in_column("gyro, accel"));
+        let defect = findings.imu(expected, found, cause);
+        findings.warn(defect.in_column("gyro, accel"));
     }
 }
 

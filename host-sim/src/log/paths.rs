@@ -7,7 +7,7 @@ use nalgebra::{Matrix2, Vector2};
 
 use super::Log;
 use super::error::LogError;
-use super::files::Files;
+use super::findings::Findings;
 use super::turns::Fit;
 use super::typical::apart;
 use super::typical::median;
@@ -17,8 +17,7 @@ use super::typical::within;
 pub(super) fn check_paths(
     log: &Log,
     turning: Option<&Fit>,
-    files: &Files,
-    warnings: &mut Vec<LogError>,
+    findings: &mut Findings,
 ) -> Result<(), LogError> {
     let steps = steps(&log.gnss);
     // So many make the median firm against multipath.
@@ -31,7 +30,7 @@ pub(super) fn check_paths(
             .map(|s| s.moved_m.norm() / s.integrated_m.norm()),
     );
     if !within(ratio, 1.0, 1.25) {
-        return unequal_paths(ratio, within_radians(log), files, warnings);
+        return unequal_paths(ratio, within_radians(log), findings);
     }
     let apart = |turn: &Matrix2<f64>| {
         let degrees = |s: &Step| s.moved_m.angle(&(turn * s.integrated_m)).to_degrees();
@@ -48,7 +47,7 @@ pub(super) fn check_paths(
     let defect = |cause: &str| {
         let expected = "velocity along the way from position to position";
         let found = format!("{as_is:.0} deg between them (median)");
-        LogError::file(&files.gnss, expected, found, cause)
+        findings.gnss(expected, found, cause)
     };
     // A route along one diagonal hides swapped columns from its median, but not from a better one.
     if best.0 < 15.0 && as_is > 3.0 * best.0 + 10.0 {
@@ -56,7 +55,7 @@ pub(super) fn check_paths(
     }
     if as_is > 30.0 {
         let cause = "velocity and position of different sources, clocks or axes";
-        warnings.push(defect(cause).in_column("lat_deg, lon_deg, ve, vn"));
+        findings.warn(defect(cause).in_column("lat_deg, lon_deg, ve, vn"));
     }
     Ok(())
 }
@@ -141,8 +140,7 @@ fn within_radians(log: &Log) -> bool {
 fn unequal_paths(
     ratio: f64,
     within_radians: bool,
-    files: &Files,
-    warnings: &mut Vec<LogError>,
+    findings: &mut Findings,
 ) -> Result<(), LogError> {
     let guesses = [
         (1.0 / 3.6, "km/h for m/s in ve and vn"),
@@ -165,10 +163,10 @@ fn unequal_paths(
             .map(|guess| guess.1)
     };
     let cause = likely.unwrap_or("another unit, or positions that do not follow the motion");
-    let defect = LogError::file(&files.gnss, expected, found, cause);
+    let defect = findings.gnss(expected, found, cause);
     if likely.is_some() {
         return Err(defect.in_column("lat_deg, lon_deg, ve, vn"));
     }
-    warnings.push(defect.in_column("lat_deg, lon_deg, ve, vn"));
+    findings.warn(defect.in_column("lat_deg, lon_deg, ve, vn"));
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! Inertial samples as rates, whatever the log holds.
 
-use ins_core::{ImuOutput, Time};
+use ins_core::ImuOutput;
 use nalgebra::Vector3;
 
 use super::curve::Curve;
@@ -14,11 +14,6 @@ pub(super) struct Rate {
     pub(super) interval_s: f64,
     pub(super) gyro_radps: Vector3<f64>,
     pub(super) accel_mps2: Vector3<f64>,
-}
-
-/// Start of a log's own clock: differences from it are exact enough in f64.
-pub(super) fn origin(log: &Log) -> Time {
-    log.imu.first().map_or(Time::default(), |first| first.time)
 }
 
 /// Samples as rates, seconds from the first one, and what is typical of them.

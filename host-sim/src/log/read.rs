@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 
 use ins_core::attitude::{Euler, from_euler};
 use ins_core::earth::{Geodetic, LatLon};
-use ins_core::{FixSigma, GnssFix, ImuSample, Solution};
+use ins_core::{FixSigma, GnssFix, Solution};
 use nalgebra::{Vector2, Vector3};
 
 use super::Log;
 use super::axes::BodyAxes;
 use super::check::check;
 use super::error::LogError;
-use super::files::Files;
+use super::findings::Findings;
 use super::meta::Meta;
 use super::order::rows;
 use super::samples::{Samples, Store};
@@ -30,32 +30,30 @@ pub fn read(folder: &Path) -> Result<(Log, Vec<LogError>), LogError> {
     }
     let mut warnings = Vec::new();
     let meta = Meta::read(&folder.join("meta.toml"), &mut warnings)?;
-    let files = Files {
-        imu: one_of(folder, "imu.csv")?,
-        gnss: one_of(folder, "gnss.csv")?,
-    };
+    let (imu, gnss) = (one_of(folder, "imu.csv")?, one_of(folder, "gnss.csv")?);
     let mut log = Log {
-        imu: read_imu(&files.imu, meta.body_axes, &mut warnings)?,
-        gnss: read_gnss(&files.gnss, &mut warnings)?,
+        imu: read_imu(&imu, meta.body_axes, &mut warnings)?,
+        gnss: read_gnss(&gnss, &mut warnings)?,
         truth: optional_truth(folder, &mut warnings)?,
         meta,
     };
-    check(&mut log, &files, &mut warnings)?;
+    settle(&mut log, &imu, &gnss, &mut warnings)?;
     Ok((log, warnings))
 }
 
-/// Checks and mends a log that was read elsewhere.
+/// Checks and mends a log that was read from two files.
 pub(crate) fn settle(
     log: &mut Log,
     imu: &Path,
     gnss: &Path,
     warnings: &mut Vec<LogError>,
 ) -> Result<(), LogError> {
-    let files = Files {
-        imu: imu.to_owned(),
-        gnss: gnss.to_owned(),
+    let mut findings = Findings {
+        imu,
+        gnss,
+        warnings,
     };
-    check(log, &files, warnings)
+    check(log, &mut findings)
 }
 
 /// The plain or the packed file, whichever is there.
@@ -103,11 +101,7 @@ fn read_imu(
     let gyro = columns(&table, ["gyro_x", "gyro_y", "gyro_z"])?;
     let accel = columns(&table, ["accel_x", "accel_y", "accel_z"])?;
     let store: Store = rows(table, MOST_LEFT_OUT, warnings, |row, time| {
-        Ok(ImuSample {
-            time,
-            gyro: axes.to_rfu(numbers(row, gyro)?),
-            accel: axes.to_rfu(numbers(row, accel)?),
-        })
+        Ok(axes.sample(time, numbers(row, gyro)?, numbers(row, accel)?))
     })?;
     Ok(store.into())
 }
@@ -116,25 +110,19 @@ fn read_gnss(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<GnssFix>, 
     let table = Table::open(path)?;
     let parts = FixColumns::find(&table)?;
     rows(table, MOST_LEFT_OUT, warnings, |row, time| {
-        let cell = |column: Option<usize>| column.map_or(Ok(None), |c| row.optional(c));
+        let place = parts.position.map_or(Ok(None), |at| lat_lon(row, at))?;
+        let above = parts.height.map_or(Ok(None), |at| {
+            row.optional(at)?.map(|h| height(row, at, h)).transpose()
+        })?;
+        let level = parts
+            .velocity
+            .map_or(Ok(None), |at| both_or_none(row, at))?;
         Ok(GnssFix {
             time,
-            position: match parts.position {
-                Some(columns) => lat_lon(row, columns)?,
-                None => None,
-            },
-            height_m: match parts.height {
-                Some(column) => row
-                    .optional(column)?
-                    .map(|h| height(row, column, h))
-                    .transpose()?,
-                None => None,
-            },
-            velocity_en_mps: match parts.velocity {
-                Some(columns) => both_or_none(row, columns)?.map(Vector2::from),
-                None => None,
-            },
-            velocity_up_mps: cell(parts.up)?,
+            position: place,
+            height_m: above,
+            velocity_en_mps: level.map(Vector2::from),
+            velocity_up_mps: parts.up.map_or(Ok(None), |at| row.optional(at))?,
             sigma: FixSigma {
                 position_m: sigma(row, &parts.position_sigma)?,
                 height_m: sigma(row, &parts.height_sigma)?,
@@ -258,18 +246,12 @@ fn lat_lon(row: &Row, columns: [usize; 2]) -> Result<Option<LatLon>, LogError> {
 fn on_earth(row: &Row, columns: [usize; 2], cells: [f64; 2]) -> Result<LatLon, LogError> {
     let [latitude, longitude] = cells;
     if latitude.abs() > 90.0 {
-        return Err(out_of_range(
-            row,
-            columns[0],
-            "a latitude from -90 to 90 deg",
-        ));
+        let expected = "a latitude from -90 to 90 deg";
+        return Err(out_of_range(row, columns[0], expected));
     }
     if longitude.abs() > 360.0 {
-        return Err(out_of_range(
-            row,
-            columns[1],
-            "a longitude from -180 to 180 deg",
-        ));
+        let expected = "a longitude from -180 to 180 deg";
+        return Err(out_of_range(row, columns[1], expected));
     }
     Ok(LatLon {
         latitude_rad: latitude.to_radians(),
@@ -283,11 +265,8 @@ fn on_earth(row: &Row, columns: [usize; 2], cells: [f64; 2]) -> Result<LatLon, L
 
 fn height(row: &Row, column: usize, height_m: f64) -> Result<f64, LogError> {
     if height_m.abs() > 1e5 {
-        return Err(out_of_range(
-            row,
-            column,
-            "a height within 100 km of the ellipsoid",
-        ));
+        let expected = "a height within 100 km of the ellipsoid";
+        return Err(out_of_range(row, column, expected));
     }
     Ok(height_m)
 }

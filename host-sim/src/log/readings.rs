@@ -6,7 +6,7 @@
 use super::Log;
 use super::clock::{Clocks, Shift};
 use super::error::LogError;
-use super::files::Files;
+use super::findings::Findings;
 use super::rates::{Rate, Rates};
 use super::turns::gyro_units;
 
@@ -28,12 +28,22 @@ struct Guess {
     read: Box<dyn Fn(&mut Rate)>,
 }
 
+impl Guess {
+    fn new(column: &'static str, cause: String, read: impl Fn(&mut Rate) + 'static) -> Self {
+        Self {
+            cause,
+            column,
+            refused: false,
+            read: Box::new(read),
+        }
+    }
+}
+
 /// Says so where other readings of the channels would explain the motion far better.
 pub(super) fn check_readings(
     log: &Log,
     rates: &Rates,
-    files: &Files,
-    warnings: &mut Vec<LogError>,
+    findings: &mut Findings,
 ) -> Result<(), LogError> {
     let tried = rates.until(TRIED_S);
     let mut clocks = Clocks::new(log, &tried);
@@ -65,11 +75,13 @@ pub(super) fn check_readings(
         "other readings that explain it far better (evidence {:.0} against {:.0})",
         shift.evidence, as_it_is.evidence
     );
-    let defect = LogError::file(&files.imu, expected, found, guess.cause).in_column(guess.column);
+    let defect = findings
+        .imu(expected, found, guess.cause)
+        .in_column(guess.column);
     if guess.refused {
         return Err(defect);
     }
-    warnings.push(defect);
+    findings.warn(defect);
     Ok(())
 }
 
@@ -79,65 +91,37 @@ fn guesses(log: &Log, rates: &Rates) -> Vec<Guess> {
         let own = (0..3).find(|&axis| axes.rfu_component(axis).0 == component);
         ["x", "y", "z"][own.unwrap_or(component)]
     };
-    let guess = |column, cause: String, read: Box<dyn Fn(&mut Rate)>| Guess {
-        cause,
-        column,
-        refused: false,
-        read,
-    };
-    let mut guesses = vec![guess(
-        "gyro",
-        "all gyros have the wrong sign".to_owned(),
-        Box::new(|rate| rate.gyro_radps *= -1.0),
-    )];
+    let all = "all gyros have the wrong sign".to_owned();
+    let mut guesses = vec![Guess::new("gyro", all, |rate| rate.gyro_radps *= -1.0)];
     for axis in 0..3 {
         let sign = format!("gyro_{} has the wrong sign", name(axis));
-        guesses.push(guess(
-            "gyro",
-            sign,
-            Box::new(move |rate| rate.gyro_radps[axis] *= -1.0),
-        ));
+        let turned = move |rate: &mut Rate| rate.gyro_radps[axis] *= -1.0;
+        guesses.push(Guess::new("gyro", sign, turned));
         let next = (axis + 1) % 3;
         let swap = format!("gyro_{} and gyro_{} are swapped", name(axis), name(next));
-        guesses.push(guess(
-            "gyro",
-            swap,
-            Box::new(move |r| r.gyro_radps.swap_rows(axis, next)),
-        ));
+        let swapped = move |rate: &mut Rate| rate.gyro_radps.swap_rows(axis, next);
+        guesses.push(Guess::new("gyro", swap, swapped));
     }
     for axis in 0..2 {
         let sign = format!("accel_{} has the wrong sign", name(axis));
-        guesses.push(guess(
-            "accel",
-            sign,
-            Box::new(move |rate| rate.accel_mps2[axis] *= -1.0),
-        ));
+        let turned = move |rate: &mut Rate| rate.accel_mps2[axis] *= -1.0;
+        guesses.push(Guess::new("accel", sign, turned));
     }
     let swap = format!("accel_{} and accel_{} are swapped", name(0), name(1));
-    guesses.push(guess(
-        "accel",
-        swap,
-        Box::new(|rate| rate.accel_mps2.swap_rows(0, 1)),
-    ));
+    let swapped = |rate: &mut Rate| rate.accel_mps2.swap_rows(0, 1);
+    guesses.push(Guess::new("accel", swap, swapped));
     let offset = rates.typical.gyro_radps;
     if offset.norm() > NO_OFFSET_RADPS {
         let cause = format!(
             "gyro offsets of {:.1} deg/s, beyond any class",
             offset.norm().to_degrees()
         );
-        guesses.push(guess(
-            "gyro",
-            cause,
-            Box::new(move |rate| rate.gyro_radps -= offset),
-        ));
+        let less = move |rate: &mut Rate| rate.gyro_radps -= offset;
+        guesses.push(Guess::new("gyro", cause, less));
     }
     guesses.extend(gyro_units(rates).map(|(times, cause)| Guess {
         refused: true,
-        ..guess(
-            "gyro",
-            cause.to_owned(),
-            Box::new(move |rate| rate.gyro_radps /= times),
-        )
+        ..Guess::new("gyro", cause, move |rate| rate.gyro_radps /= times)
     }));
     guesses
 }

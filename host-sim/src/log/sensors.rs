@@ -7,8 +7,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::Log;
 use super::error::LogError;
-use super::files::Files;
-use super::rates::origin;
+use super::findings::Findings;
 
 /// There and back between three samples: 10 g and 20 rad/s, beyond any vehicle.
 const SPIKE_MPS2: f64 = 100.0;
@@ -27,19 +26,18 @@ const STOP_RUN: usize = 5;
 pub(super) fn mend_sensors(
     log: &mut Log,
     per_second: f64,
-    files: &Files,
-    warnings: &mut Vec<LogError>,
+    findings: &mut Findings,
 ) -> Result<bool, LogError> {
-    warn_of_holes(log, files, warnings);
+    warn_of_holes(log, findings);
     let before = log.imu.len();
-    leave_out_spikes(log, per_second, files, warnings).map_err(|e| LogError::no_room(&e))?;
-    leave_out_frozen(log, per_second, files, warnings).map_err(|e| LogError::no_room(&e))?;
-    warn_of_channels(log, per_second, files, warnings);
+    leave_out_spikes(log, per_second, findings).map_err(|e| LogError::no_room(&e))?;
+    leave_out_frozen(log, per_second, findings).map_err(|e| LogError::no_room(&e))?;
+    warn_of_channels(log, per_second, findings);
     Ok(log.imu.len() < before)
 }
 
 /// Whatever came before, the navigator finds its way anew after them.
-fn warn_of_holes(log: &Log, files: &Files, warnings: &mut Vec<LogError>) {
+fn warn_of_holes(log: &Log, findings: &mut Findings) {
     let start = log.imu.first().map(|sample| sample.time);
     let mut holes = log.imu.pairs().filter_map(|[last, next]| {
         let seconds = next.time.seconds_since(last.time);
@@ -55,20 +53,10 @@ fn warn_of_holes(log: &Log, files: &Files, warnings: &mut Vec<LogError>) {
     };
     let found = format!("a hole of {seconds:.1} s after {at_s:.1} s{others}");
     let cause = "recording paused or broke off; the solution is found anew after each";
-    warnings.push(LogError::file(
-        &files.imu,
-        "samples without holes",
-        found,
-        cause,
-    ));
+    findings.warn(findings.imu("samples without holes", found, cause));
 }
 
-fn leave_out_spikes(
-    log: &mut Log,
-    per_second: f64,
-    files: &Files,
-    warnings: &mut Vec<LogError>,
-) -> io::Result<()> {
+fn leave_out_spikes(log: &mut Log, per_second: f64, findings: &mut Findings) -> io::Result<()> {
     let jumps = |a: Vector3<f64>, b: Vector3<f64>, c: Vector3<f64>, limit: f64| {
         let (up, down) = ((b - a) * per_second, (b - c) * per_second);
         (0..3)
@@ -95,22 +83,12 @@ fn leave_out_spikes(
         spikes.len()
     );
     let cause = "damaged samples; left out";
-    warnings.push(LogError::file(
-        &files.imu,
-        "samples that follow the motion",
-        found,
-        cause,
-    ));
+    findings.warn(findings.imu("samples that follow the motion", found, cause));
     Ok(())
 }
 
 /// Stuck sensors, where GNSS shows motion meanwhile.
-fn leave_out_frozen(
-    log: &mut Log,
-    per_second: f64,
-    files: &Files,
-    warnings: &mut Vec<LogError>,
-) -> io::Result<()> {
+fn leave_out_frozen(log: &mut Log, per_second: f64, findings: &mut Findings) -> io::Result<()> {
     let mut frozen = Vec::new();
     let mut samples = log.imu.iter().peekable();
     while let Some(start) = samples.next() {
@@ -127,7 +105,7 @@ fn leave_out_frozen(
     let Some((first, _)) = frozen.first() else {
         return Ok(());
     };
-    let first_s = first.seconds_since(origin(log));
+    let first_s = first.seconds_since(log.start());
     let total_s: f64 = frozen
         .iter()
         .map(|(from, to)| to.seconds_since(*from))
@@ -142,12 +120,7 @@ fn leave_out_frozen(
          start, while GNSS shows motion"
     );
     let cause = "sensors or their driver were stuck; left out";
-    warnings.push(LogError::file(
-        &files.imu,
-        "readings that change",
-        found,
-        cause,
-    ));
+    findings.warn(findings.imu("readings that change", found, cause));
     Ok(())
 }
 
@@ -191,7 +164,7 @@ fn channels(sample: &ImuSample) -> Channels {
 }
 
 /// Warns of channels that stick, or run into their stops.
-fn warn_of_channels(log: &Log, per_second: f64, files: &Files, warnings: &mut Vec<LogError>) {
+fn warn_of_channels(log: &Log, per_second: f64, findings: &mut Findings) {
     let mut runs: [Runs; 6] = Default::default();
     let mut stops: [[Stop; 2]; 6] = Default::default();
     for sample in &log.imu {
@@ -204,9 +177,9 @@ fn warn_of_channels(log: &Log, per_second: f64, files: &Files, warnings: &mut Ve
     }
     let count = log.imu.len();
     for (name, runs) in CHANNELS.into_iter().zip(runs) {
-        if let Some((found, cause)) = runs.longest().verdict(origin(log), count) {
+        if let Some((found, cause)) = runs.longest().verdict(log.start(), count) {
             let expected = "readings that change";
-            warnings.push(LogError::file(&files.imu, expected, found, cause).in_column(name));
+            findings.warn(findings.imu(expected, found, cause).in_column(name));
         }
     }
     for ((name, stops), least) in CHANNELS.into_iter().zip(stops).zip(LEAST_STOP) {
@@ -218,7 +191,7 @@ fn warn_of_channels(log: &Log, per_second: f64, files: &Files, warnings: &mut Ve
             let cause = "the range of the sensor is too small for the motion: what was beyond it \
                          is lost, and estimates suffer";
             let expected = "readings within the range of the sensor";
-            warnings.push(LogError::file(&files.imu, expected, found, cause).in_column(name));
+            findings.warn(findings.imu(expected, found, cause).in_column(name));
         }
     }
 }

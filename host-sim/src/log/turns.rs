@@ -1,10 +1,12 @@
 //! Turns seen by the gyros against turns seen by GNSS: unit and sign of the gyros.
 
+use nalgebra::Vector2;
+
 use super::Log;
-use super::curve::{Curve, turned};
+use super::curve::{Curve, intervals, turned};
 use super::error::LogError;
-use super::files::Files;
-use super::rates::{Rates, origin};
+use super::findings::Findings;
+use super::rates::Rates;
 use super::typical::SHORT_S;
 use super::typical::apart;
 use super::typical::within;
@@ -19,13 +21,13 @@ pub(super) struct Fit {
 
 /// The rate about the vertical against the turning of the GNSS course; none without turns.
 pub(super) fn turning(log: &Log, rates: &Rates) -> Option<Fit> {
-    let turns = turns(log);
-    let turning = turns.iter().filter(|turn| turn.rate_radps.abs() > 0.05);
+    let legs = legs(log);
+    let turning = legs.iter().filter(|leg| rate_radps(leg).abs() > 0.05);
     // Ten seconds of turning, or the fit is chance.
     if turning.count() < 10 {
         return None;
     }
-    fit(&turns, &rates.vertical_angles())
+    fit(&legs, &rates.vertical_angles())
 }
 
 /// What the fit says of unit and sign of the gyros.
@@ -34,32 +36,31 @@ pub(super) fn check_turns(
     together: bool,
     duration_s: f64,
     rates: &Rates,
-    files: &Files,
-    warnings: &mut Vec<LogError>,
+    findings: &mut Findings,
 ) -> Result<(), LogError> {
     match fit {
         // Below 0.8 the track does not follow the nose well enough to judge a scale.
-        Some(fit) if fit.correlation.abs() >= 0.8 => check_scale(fit, rates, files, warnings),
+        Some(fit) if fit.correlation.abs() >= 0.8 => check_scale(fit, rates, findings),
         Some(fit) => {
-            check_range(rates, files)?;
+            check_range(rates, findings)?;
             // Half of the turns in common is no chance.
             if !together && fit.correlation.abs() < 0.5 {
-                warn_of_strangers(fit, files, warnings);
+                warn_of_strangers(fit, findings);
             }
             Ok(())
         }
         None => {
-            check_range(rates, files)?;
+            check_range(rates, findings)?;
             // A shorter one may be a single turn.
             if duration_s > SHORT_S {
-                check_offset(rates, files, warnings);
+                check_offset(rates, findings);
             }
             Ok(())
         }
     }
 }
 
-fn check_range(rates: &Rates, files: &Files) -> Result<(), LogError> {
+fn check_range(rates: &Rates, findings: &Findings) -> Result<(), LogError> {
     // Half of the time faster than two turns in three seconds: no vehicle navigates so.
     let typical = rates.typical.gyro_norm_radps;
     if typical < 4.0 {
@@ -68,41 +69,40 @@ fn check_range(rates: &Rates, files: &Files) -> Result<(), LogError> {
     let found = format!("a median rate of {typical:.1} rad/s");
     let cause = "degrees for radians: multiply by 0.0174533; or else deg/h, mdeg/s, or rates for \
                  increments";
-    Err(LogError::file(&files.imu, "angular rates in rad/s", found, cause).in_column("gyro"))
+    Err(findings
+        .imu("angular rates in rad/s", found, cause)
+        .in_column("gyro"))
 }
 
-fn check_offset(rates: &Rates, files: &Files, warnings: &mut Vec<LogError>) {
+fn check_offset(rates: &Rates, findings: &mut Findings) {
     let mean = rates.typical.mean_gyro_radps;
     // 6 deg/s, ten times the bias of a consumer gyro.
     if mean.norm() > 0.1 {
         let expected = "a mean angular rate near zero while GNSS sees no turn";
         let found = format!("{:.3} rad/s", mean.norm());
         let cause = "degrees for radians, or a gyro bias beyond any grade";
-        warnings.push(LogError::file(&files.imu, expected, found, cause).in_column("gyro"));
+        findings.warn(findings.imu(expected, found, cause).in_column("gyro"));
     }
 }
 
-fn warn_of_strangers(fit: &Fit, files: &Files, warnings: &mut Vec<LogError>) {
+fn warn_of_strangers(fit: &Fit, findings: &mut Findings) {
     let found = format!("a correlation of {:.2} between the two", fit.correlation);
     let cause = "files of different drives, clocks that differ, or a vehicle whose nose does not \
                  follow its track (multirotor, boat)";
     let expected = "gyros that turn about the vertical as GNSS does";
-    warnings.push(LogError::file(&files.gnss, expected, found, cause));
+    findings.warn(findings.gnss(expected, found, cause));
 }
 
-fn check_scale(
-    fit: &Fit,
-    rates: &Rates,
-    files: &Files,
-    warnings: &mut Vec<LogError>,
-) -> Result<(), LogError> {
+fn check_scale(fit: &Fit, rates: &Rates, findings: &mut Findings) -> Result<(), LogError> {
     let found = format!(
         "{:.4} times the turn rate of the GNSS track (correlation {:.2})",
         fit.slope, fit.correlation
     );
     let defect = |cause: &str| {
         let expected = "gyros that turn about the vertical as GNSS does";
-        LogError::file(&files.imu, expected, found.clone(), cause).in_column("gyro")
+        findings
+            .imu(expected, found.clone(), cause)
+            .in_column("gyro")
     };
     if fit.slope < 0.0 {
         return Err(defect(
@@ -113,10 +113,10 @@ fn check_scale(
     let off = |value: f64| apart(fit.slope, value);
     let nearest = gyro_units(rates).min_by(|a, b| off(a.0).total_cmp(&off(b.0)));
     match nearest.filter(|(value, _)| within(fit.slope, *value, 1.3)) {
-        Some((_, cause)) => Err(defect(cause)),
+        Some((_, cause)) => Err(defect(&cause)),
         None if within(fit.slope, 1.0, 1.5) => Ok(()),
         None => {
-            warnings.push(defect(
+            findings.warn(defect(
                 "another unit, or a track that does not follow the nose",
             ));
             Ok(())
@@ -125,82 +125,53 @@ fn check_scale(
 }
 
 /// What gyros are mistaken for, and how many times too much they say then.
-pub(super) fn gyro_units(rates: &Rates) -> impl Iterator<Item = (f64, &'static str)> {
+pub(super) fn gyro_units(rates: &Rates) -> impl Iterator<Item = (f64, String)> {
     let interval = rates.typical.interval_s;
-    let guesses = [
-        (
-            57.296,
-            "degrees for radians: multiply the gyro columns by 0.0174533",
-        ),
-        (
-            57_296.0,
-            "mdeg/s for rad/s: multiply the gyro columns by 1.74533e-5",
-        ),
-        (
-            206_265.0,
-            "deg/h for rad/s: multiply the gyro columns by 4.84814e-6",
-        ),
-        (
-            1000.0,
-            "mrad/s for rad/s: multiply the gyro columns by 0.001",
-        ),
-        (
-            1.0 / 57.296,
-            "converted from degrees twice: multiply the gyro columns by 57.2958",
-        ),
-        (interval, "increments for rates in the gyro columns only"),
-        (
-            1.0 / interval,
-            "rates for increments in the gyro columns only",
-        ),
+    let units = [
+        (57.296, "degrees for radians", "0.0174533"),
+        (57_296.0, "mdeg/s for rad/s", "1.74533e-5"),
+        (206_265.0, "deg/h for rad/s", "4.84814e-6"),
+        (1000.0, "mrad/s for rad/s", "0.001"),
+        (1.0 / 57.296, "converted from degrees twice", "57.2958"),
     ];
-    guesses.into_iter()
+    let units = units.map(|(times, what, by)| {
+        let cause = format!("{what}: multiply the gyro columns by {by}");
+        (times, cause)
+    });
+    let forms = [
+        (interval, "increments for rates"),
+        (1.0 / interval, "rates for increments"),
+    ];
+    let forms = forms.map(|(times, what)| (times, format!("{what} in the gyro columns only")));
+    units.into_iter().chain(forms)
 }
 
-/// A turn rate of the track over a short interval.
-struct Turn {
-    from_s: f64,
-    to_s: f64,
-    /// Counter-clockwise, rad/s.
-    rate_radps: f64,
-}
+/// Velocity at the ends of a short interval, s and m/s.
+pub(super) type Leg = [(f64, Vector2<f64>); 2];
 
-/// Turn rates of the track over intervals of a second or more, in motion.
-fn turns(log: &Log) -> Vec<Turn> {
-    let origin = origin(log);
-    let mut moving = log.gnss.iter().filter_map(|fix| {
+/// Short intervals in motion.
+pub(super) fn legs(log: &Log) -> Vec<Leg> {
+    let origin = log.start();
+    let moving = log.gnss.iter().filter_map(|fix| {
         let velocity = fix.velocity_en_mps.filter(|v| v.norm() > 2.0)?;
         Some((fix.time.seconds_since(origin), velocity))
     });
-    let Some(mut start) = moving.next() else {
-        return Vec::new();
-    };
-    let mut turns = Vec::new();
-    for next in moving {
-        let interval = next.0 - start.0;
-        if interval < 0.95 {
-            continue;
-        }
-        if interval < 3.0 {
-            turns.push(Turn {
-                from_s: start.0,
-                to_s: next.0,
-                rate_radps: turned(start.1, next.1) / interval,
-            });
-        }
-        start = next;
-    }
-    turns
+    intervals(moving)
+}
+
+/// Turn rate of the track, counter-clockwise.
+fn rate_radps([from, to]: &Leg) -> f64 {
+    turned(from.1, to.1) / (to.0 - from.0)
 }
 
 /// Least squares of the gyro's mean rates over the track's.
-fn fit(turns: &[Turn], angles: &Curve) -> Option<Fit> {
-    let pairs: Vec<(f64, f64)> = turns
+fn fit(legs: &[Leg], angles: &Curve) -> Option<Fit> {
+    let pairs: Vec<(f64, f64)> = legs
         .iter()
-        .filter(|turn| angles.reaches(turn.from_s) && angles.reaches(turn.to_s))
-        .map(|turn| {
-            let turned = angles.at(turn.to_s) - angles.at(turn.from_s);
-            (turn.rate_radps, turned / (turn.to_s - turn.from_s))
+        .filter(|[from, to]| angles.reaches(from.0) && angles.reaches(to.0))
+        .map(|leg @ [from, to]| {
+            let turned = angles.at(to.0) - angles.at(from.0);
+            (rate_radps(leg), turned / (to.0 - from.0))
         })
         .collect();
     if pairs.len() < 10 {

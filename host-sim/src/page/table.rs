@@ -59,6 +59,11 @@ pub fn plain(header: &[String], rows: &[Vec<String>]) -> String {
     text
 }
 
+/// Column heads, written as in a table of Markdown.
+pub(crate) fn heads(line: &str) -> Vec<String> {
+    line.split('|').map(|head| head.trim().to_owned()).collect()
+}
+
 /// Column heads, or a row.
 pub fn cells<const N: usize>(texts: [&str; N]) -> Vec<String> {
     texts.map(str::to_owned).to_vec()

@@ -10,7 +10,7 @@ use crate::identify::true_errors::Truth;
 use crate::identify::words;
 use crate::page::number::to_second_digit_of as digits;
 use crate::page::table::Table;
-use crate::page::table::cells;
+use crate::page::table::heads;
 
 /// Sigmas that an error may have.
 const SURE: f64 = 4.5;
@@ -92,9 +92,9 @@ fn results(analysis: &Analysis) -> Table {
         });
     }
     let known = analysis.truth.is_some();
-    let mut header = cells(["", "estimate", "unit"]);
+    let mut header = heads("| estimate | unit");
     if known {
-        header.extend(cells(["truth", "error", "error / sigma"]));
+        header.extend(heads("truth | error | error / sigma"));
     }
     header.push("remark".to_owned());
     let rows = rows.iter().map(|row| row.cells(known)).collect();
@@ -182,7 +182,7 @@ fn free(analysis: &Analysis) -> Table {
         "Free INS: horizontal velocity error over a minute, RMS of {} windows",
         errors.windows
     );
-    Table::new(&title, cells(["", "m/s"]), rows)
+    Table::new(&title, heads("| m/s"), rows)
 }
 
 fn against_truth(analysis: &Analysis) -> Table {
@@ -200,7 +200,7 @@ fn against_truth(analysis: &Analysis) -> Table {
     });
     Table::new(
         "Against the truth of the log: horizontal errors over its second half, RMS, at true height",
-        cells(["", "position, m", "velocity, m/s"]),
+        heads("| position, m | velocity, m/s"),
         rows.unwrap_or_default(),
     )
 }
@@ -217,5 +217,5 @@ fn not_used(analysis: &Analysis) -> Table {
         .chain(fixes)
         .map(|(what, count, why)| vec![what.to_owned(), count.to_string(), why.to_owned()]);
     let rows = rows.collect();
-    Table::new("What was not used", cells(["", "number", "why"]), rows)
+    Table::new("What was not used", heads("| number | why"), rows)
 }

@@ -11,7 +11,7 @@ use crate::page::html::{Page, Section};
 use crate::page::number::to_second_digit_of as digits;
 use crate::page::plot::{BLUE, GREY};
 use crate::page::table::Table;
-use crate::page::table::cells;
+use crate::page::table::heads;
 
 /// Logs that agree differ by more than this once in a hundred times.
 const CHANCE: f64 = 0.01;
@@ -170,13 +170,13 @@ fn listed(logs: &[Summary]) -> Table {
         vec![format!("log {number}"), minutes, log.log.clone()]
     };
     let rows = (1..).zip(logs).map(row).collect();
-    Table::new("The logs", cells(["", "min", "name"]), rows)
+    Table::new("The logs", heads("| min | name"), rows)
 }
 
 fn side_by_side(logs: &[Summary], shared: &[Shared]) -> Table {
-    let mut header = cells(["", "unit"]);
+    let mut header = heads("| unit");
     header.extend((1..=logs.len()).map(|number| format!("log {number}")));
-    header.extend(cells(["mean", "do they agree"]));
+    header.extend(heads("mean | do they agree"));
     let row = |one: &Shared| {
         let mut row = vec![one.name.clone(), one.unit.to_owned()];
         row.extend(one.told.iter().map(words::in_words));

@@ -2,12 +2,11 @@
 
 use core::f64::consts::{PI, TAU};
 
-use ins_core::attitude::{Euler, from_euler};
 use nalgebra::Vector3;
 
 use super::motion::{Kinematics, Motion};
 use super::noise::Random;
-use super::path::{Path, body_rate};
+use super::path::{Path, kinematics, level};
 use super::profile::{Local, Profile};
 
 /// Bounds of what the boat does under way.
@@ -115,19 +114,9 @@ impl Motion for Boat {
         let round = -self.rode_m * swing.slope * right;
         let round_rate =
             self.rode_m * (swing.slope * heading.slope * ahead - swing.curvature * right);
-        let angles = Euler {
-            heading_rad: heading.value,
-            ..Euler::default()
-        };
-        let rates = Euler {
-            heading_rad: heading.slope,
-            ..Euler::default()
-        };
-        Kinematics {
-            velocity_enu_mps: path.velocity_mps + round,
-            acceleration_enu_mps2: path.acceleration_mps2 + round_rate,
-            attitude: from_euler(&angles),
-            angular_rate_lb_b_radps: body_rate(&angles, &rates),
-        }
+        let [angles, rates] = level(&heading);
+        let velocity = path.velocity_mps + round;
+        let acceleration = path.acceleration_mps2 + round_rate;
+        kinematics(velocity, acceleration, &angles, &rates)
     }
 }

@@ -3,11 +3,11 @@
 //! Speed and heading are smooth functions of time, grade of the distance travelled, so that every
 //! derivative is exact. A standing car stands still.
 
-use ins_core::attitude::{Euler, from_euler};
+use ins_core::attitude::Euler;
 
 use super::motion::{Kinematics, Motion};
 use super::noise::Random;
-use super::path::{Path, body_rate};
+use super::path::{Path, kinematics};
 use super::profile::Profile;
 
 /// How the car leans: nose up while it gains speed, outwards in a turn. Typical of a family car
@@ -101,12 +101,7 @@ impl Motion for Car {
             pitch_rad: grade_rate + self.lean * PITCH_RAD_PER_MPS2 * along.curvature,
             heading_rad: heading.slope,
         };
-        Kinematics {
-            velocity_enu_mps: path.velocity_mps,
-            acceleration_enu_mps2: path.acceleration_mps2,
-            attitude: from_euler(&angles),
-            angular_rate_lb_b_radps: body_rate(&angles, &rates),
-        }
+        kinematics(path.velocity_mps, path.acceleration_mps2, &angles, &rates)
     }
 }
 
@@ -254,23 +249,6 @@ mod tests {
         (1..)
             .map(move |k| f64::from(k) * step_s)
             .take_while(|t| *t < HOUR_S)
-    }
-
-    #[test]
-    fn rates_are_the_derivatives_of_velocity_and_attitude() {
-        // Central differences over 2 ms: the error is h^2/6 of the third derivative, below 1e-5
-        // for a jerk rate of 10 m/s^4; the rounding of a quaternion over 2 ms is 1e-13.
-        const H: f64 = 1e-3;
-        let mut car = Car::new(7, HOUR_S, Some([30.0, 120.0]));
-        for t in times(0.37) {
-            let [before, now, after] = [t - H, t, t + H].map(|t| car.kinematics(t));
-            let acceleration = (after.velocity_enu_mps - before.velocity_enu_mps) / (2.0 * H);
-            let rate = (before.attitude.inverse() * after.attitude).scaled_axis() / (2.0 * H);
-            let off = (acceleration - now.acceleration_enu_mps2).norm();
-            assert!(off < 2e-5, "acceleration off by {off} at {t} s");
-            let off = (rate - now.angular_rate_lb_b_radps).norm();
-            assert!(off < 2e-5, "angular rate off by {off} at {t} s");
-        }
     }
 
     #[test]

@@ -40,20 +40,16 @@ pub(super) fn ensure(
     }
 }
 
+pub(super) fn in_order(key: &str, [least, most]: [f64; 2]) -> Result<(), ErrorModelError> {
+    ensure(least <= most, key, most, "no less than the first bound")
+}
+
 pub(super) fn spread(key: &str, value: f64) -> Result<(), ErrorModelError> {
-    ensure(
-        value >= 0.0 && value.is_finite(),
-        key,
-        value,
-        "zero or more",
-    )
+    let holds = value >= 0.0 && value.is_finite();
+    ensure(holds, key, value, "zero or more")
 }
 
 pub(super) fn positive(key: &str, value: f64) -> Result<(), ErrorModelError> {
-    ensure(
-        value > 0.0 && value.is_finite(),
-        key,
-        value,
-        "more than zero",
-    )
+    let holds = value > 0.0 && value.is_finite();
+    ensure(holds, key, value, "more than zero")
 }

@@ -7,7 +7,7 @@ use ins_core::{ImuOutput, Time};
 use serde::{Deserialize, Serialize};
 
 pub use super::checks::ErrorModelError;
-use super::checks::{ensure, positive, spread};
+use super::checks::{ensure, in_order, positive, spread};
 use super::receiver::Habits;
 
 /// Everything that lies between the ideal sensors and a log.
@@ -270,32 +270,17 @@ impl ErrorModel {
 
     /// Ideal sensors and receiver.
     pub fn ideal() -> Self {
-        let none = SensorModel {
-            bias: BiasModel::constant(0.0),
-            white_noise: 0.0,
-            scale_sigma: 0.0,
-            misalignment_sigma: 0.0,
-            noise_times: alike(),
-        };
+        let none = SensorModel::new(BiasModel::constant(0.0), 0.0);
         Self {
-            imu: ImuModel {
-                output: ImuOutput::Increments,
-                gyro_range_deg_s: 1e4,
-                accel_range_mps2: 1e4,
-                dropped_fraction: 0.0,
-                stamp_jitter_s: 0.0,
-                holes: Vec::new(),
-            },
+            imu: ImuModel::new(ImuOutput::Increments, 1e4, 1e4),
             gyro_deg_h: none.clone(),
             accel_mps2: none,
             gnss: GnssModel {
-                rate_hz: 10.0,
                 velocity_sigma_mps: 0.0,
                 horizontal_sigma_m: 0.0,
                 vertical_sigma_m: 0.0,
                 latency_s: [0.0, 0.0],
-                outages: Vec::new(),
-                habits: Habits::default(),
+                ..receiver()
             },
             given_heading_sigma_deg: Some(0.0),
         }
@@ -307,28 +292,9 @@ impl ErrorModel {
     /// 0.125 deg/sqrt(h), velocity random walk 0.03 m/s/sqrt(h).
     pub fn hg1700() -> Self {
         Self {
-            imu: ImuModel {
-                output: ImuOutput::Increments,
-                gyro_range_deg_s: 1000.0,
-                accel_range_mps2: 370.0,
-                dropped_fraction: 0.0,
-                stamp_jitter_s: 0.0,
-                holes: Vec::new(),
-            },
-            gyro_deg_h: SensorModel {
-                bias: BiasModel::constant(1.0),
-                white_noise: 0.125 * 60.0,
-                scale_sigma: 0.0,
-                misalignment_sigma: 0.0,
-                noise_times: alike(),
-            },
-            accel_mps2: SensorModel {
-                bias: BiasModel::constant(0.01),
-                white_noise: 0.03 / 60.0,
-                scale_sigma: 0.0,
-                misalignment_sigma: 0.0,
-                noise_times: alike(),
-            },
+            imu: ImuModel::new(ImuOutput::Increments, 1000.0, 370.0),
+            gyro_deg_h: SensorModel::new(BiasModel::constant(1.0), 0.125 * 60.0),
+            accel_mps2: SensorModel::new(BiasModel::constant(0.01), 0.03 / 60.0),
             gnss: receiver(),
             given_heading_sigma_deg: Some(3.0),
         }
@@ -341,27 +307,14 @@ impl ErrorModel {
     /// 2 mm/s^2 correlated over 1000 s, scale errors of a part soldered to a board.
     pub fn mems() -> Self {
         Self {
-            imu: ImuModel {
-                output: ImuOutput::Rates,
-                gyro_range_deg_s: 500.0,
-                accel_range_mps2: 157.0,
-                dropped_fraction: 0.0,
-                stamp_jitter_s: 0.0,
-                holes: Vec::new(),
-            },
+            imu: ImuModel::new(ImuOutput::Rates, 500.0, 157.0),
             gyro_deg_h: SensorModel {
-                bias: BiasModel::drifting(0.3 * 3600.0, 40.0),
-                white_noise: 0.0038 * 3600.0,
                 scale_sigma: 0.005,
-                misalignment_sigma: 0.0,
-                noise_times: alike(),
+                ..SensorModel::new(BiasModel::drifting(0.3 * 3600.0, 40.0), 0.0038 * 3600.0)
             },
             accel_mps2: SensorModel {
-                bias: BiasModel::drifting(0.2, 0.002),
-                white_noise: 110e-6 * 9.8,
                 scale_sigma: 0.015,
-                misalignment_sigma: 0.0,
-                noise_times: alike(),
+                ..SensorModel::new(BiasModel::drifting(0.2, 0.002), 110e-6 * 9.8)
             },
             gnss: receiver(),
             given_heading_sigma_deg: None,
@@ -386,6 +339,18 @@ pub(crate) fn set(file: &mut toml::Table, keys: &toml::Table) {
 }
 
 impl ImuModel {
+    /// All samples there, each at its time.
+    fn new(output: ImuOutput, gyro_range_deg_s: f64, accel_range_mps2: f64) -> Self {
+        Self {
+            output,
+            gyro_range_deg_s,
+            accel_range_mps2,
+            dropped_fraction: 0.0,
+            stamp_jitter_s: 0.0,
+            holes: Vec::new(),
+        }
+    }
+
     /// Whether the sample of an instant is missing.
     pub fn has_hole_at(&self, time: Time) -> bool {
         self.holes.iter().any(|hole| hole.holds(time.as_seconds()))
@@ -400,6 +365,17 @@ impl Outage {
 }
 
 impl SensorModel {
+    /// Three alike, along their axes, without scale errors.
+    pub(super) fn new(bias: BiasModel, white_noise: f64) -> Self {
+        Self {
+            bias,
+            white_noise,
+            scale_sigma: 0.0,
+            misalignment_sigma: 0.0,
+            noise_times: alike(),
+        }
+    }
+
     fn check(&self, table: &str) -> Result<(), ErrorModelError> {
         let key = |name: &str| format!("{table}.{name}");
         spread(&key("white_noise"), self.white_noise)?;
@@ -408,30 +384,25 @@ impl SensorModel {
         for (axis, times) in self.noise_times.iter().enumerate() {
             spread(&key(&format!("noise_times[{axis}]")), *times)?;
         }
+        spread(&key("bias.initial_sigma"), self.bias.initial_sigma())?;
         match self.bias {
             BiasModel::Wave {
-                initial_sigma,
                 interval_s,
                 jump_mean,
                 jump_sigma,
+                ..
             } => {
-                spread(&key("bias.initial_sigma"), initial_sigma)?;
                 positive(&key("bias.interval_s"), interval_s)?;
-                ensure(
-                    jump_mean.is_finite(),
-                    &key("bias.jump_mean"),
-                    jump_mean,
-                    "a number",
-                )?;
+                let mean_key = key("bias.jump_mean");
+                ensure(jump_mean.is_finite(), &mean_key, jump_mean, "a number")?;
                 spread(&key("bias.jump_sigma"), jump_sigma)
             }
             BiasModel::Continuous {
-                initial_sigma,
                 slope_sigma_per_s,
                 correlated_sigma,
                 correlation_time_s,
+                ..
             } => {
-                spread(&key("bias.initial_sigma"), initial_sigma)?;
                 spread(&key("bias.slope_sigma_per_s"), slope_sigma_per_s)?;
                 spread(&key("bias.correlated_sigma"), correlated_sigma)?;
                 positive(&key("bias.correlation_time_s"), correlation_time_s)
@@ -447,24 +418,10 @@ impl GnssModel {
         spread("gnss.horizontal_sigma_m", self.horizontal_sigma_m)?;
         spread("gnss.vertical_sigma_m", self.vertical_sigma_m)?;
         let [least, most] = self.latency_s;
-        ensure(
-            least.abs() <= 10.0,
-            "gnss.latency_s[0]",
-            least,
-            "10 s at most",
-        )?;
-        ensure(
-            most.abs() <= 10.0,
-            "gnss.latency_s[1]",
-            most,
-            "10 s at most",
-        )?;
-        ensure(
-            least <= most,
-            "gnss.latency_s[1]",
-            most,
-            "no less than the first bound",
-        )?;
+        for (key, bound) in [("gnss.latency_s[0]", least), ("gnss.latency_s[1]", most)] {
+            ensure(bound.abs() <= 10.0, key, bound, "10 s at most")?;
+        }
+        in_order("gnss.latency_s[1]", [least, most])?;
         for outage in &self.outages {
             spread("gnss.outages.start_s", outage.start_s)?;
             spread("gnss.outages.duration_s", outage.duration_s)?;

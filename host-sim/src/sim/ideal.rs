@@ -5,6 +5,7 @@ use ins_core::Time;
 use ins_core::earth::{Geodetic, LocalEarth, wrap_pi};
 use nalgebra::Vector3;
 
+use super::cubic::Cubic;
 use super::motion::{Kinematics, Motion};
 
 /// Inner nodes of the four-point Gauss-Lobatto rule on [0, 1], `(1 -+ 1/sqrt 5) / 2`.
@@ -69,14 +70,13 @@ pub fn between(from: &TrueState, to: &TrueState, time_s: f64) -> (Geodetic, Vect
     let start_s = from.solution.time.as_seconds();
     let h = to.solution.time.seconds_since(from.solution.time);
     let u = (time_s - start_s) / h;
-    let (v0, v1) = (from.solution.velocity_enu_mps, to.solution.velocity_enu_mps);
-    let (a0, a1) = (from.acceleration_enu_mps2 * h, to.acceleration_enu_mps2 * h);
-    let cubic = 2.0 * (v0 - v1) + a0 + a1;
-    let square = 3.0 * (v1 - v0) - 2.0 * a0 - a1;
-    let velocity = v0 + u * (a0 + u * (square + u * cubic));
-    let moved = h * u * (v0 + u * (a0 / 2.0 + u * (square / 3.0 + u * cubic / 4.0)));
-    let at = &from.solution.position;
-    (displaced(at, &moved), velocity)
+    let end = |state: &TrueState| {
+        let solution = &state.solution;
+        [solution.velocity_enu_mps, h * state.acceleration_enu_mps2]
+    };
+    let velocity = Cubic::between(end(from), end(to));
+    let moved = h * u * velocity.mean_until(u);
+    (displaced(&from.solution.position, &moved), velocity.at(u).0)
 }
 
 /// The point some metres from another.
@@ -230,8 +230,15 @@ mod tests {
         Time::default().plus_seconds(time_s)
     }
 
-    fn over_10_ms(motion: Steady) -> Increments {
-        IdealSensors::new(motion, ORIGIN, Time::default()).advance(seconds(0.01))
+    /// Mean rate and specific force over 10 ms.
+    fn read(speed_mps: f64, heading_rad: f64, turn_radps: f64) -> [Vector3<f64>; 2] {
+        let motion = Steady {
+            speed_mps,
+            heading_rad,
+            turn_radps,
+        };
+        let gained = IdealSensors::new(motion, ORIGIN, Time::default()).advance(seconds(0.01));
+        [gained.angle_b_rad, gained.velocity_b_mps].map(|gained| gained / 0.01)
     }
 
     fn assert_near(value: &Vector3<f64>, expected: [f64; 3], tolerance: f64) {
@@ -241,24 +248,12 @@ mod tests {
 
     #[test]
     fn at_rest_reads_gravity_and_earth_rate() {
-        let gained = over_10_ms(Steady {
-            speed_mps: 0.0,
-            heading_rad: 0.0,
-            turn_radps: 0.0,
-        });
+        let [turned, felt] = read(0.0, 0.0, 0.0);
         let earth = LocalEarth::at(ORIGIN.latitude_rad, ORIGIN.height_m);
         let (sin, cos) = ORIGIN.latitude_rad.sin_cos();
         let rate = ROTATION_RATE_RADPS;
-        assert_near(
-            &(gained.angle_b_rad / 0.01),
-            [0.0, rate * cos, rate * sin],
-            1e-16,
-        );
-        assert_near(
-            &(gained.velocity_b_mps / 0.01),
-            [0.0, 0.0, earth.gravity_mps2],
-            1e-12,
-        );
+        assert_near(&turned, [0.0, rate * cos, rate * sin], 1e-16);
+        assert_near(&felt, [0.0, 0.0, earth.gravity_mps2], 1e-12);
     }
 
     #[test]
@@ -266,12 +261,7 @@ mod tests {
         // Along a parallel the vehicle circles the Earth's axis: everything follows from one
         // circle of radius RE cos(lat), turned through at Omega + V / (RE cos(lat)).
         let v = 30.0;
-        let east = core::f64::consts::FRAC_PI_2;
-        let gained = over_10_ms(Steady {
-            speed_mps: v,
-            heading_rad: east,
-            turn_radps: 0.0,
-        });
+        let [turned, felt] = read(v, core::f64::consts::FRAC_PI_2, 0.0);
         let earth = LocalEarth::at(ORIGIN.latitude_rad, ORIGIN.height_m);
         let (sin, cos) = ORIGIN.latitude_rad.sin_cos();
         let radius = earth.east_radius_m * cos;
@@ -280,28 +270,17 @@ mod tests {
         // Towards the axis, beyond what gravity already holds at rest.
         let inwards = radius * (moving * moving - at_rest * at_rest);
         // Body axes: right is south, forward east, up.
-        assert_near(
-            &(gained.angle_b_rad / 0.01),
-            [-moving * cos, 0.0, moving * sin],
-            1e-15,
-        );
-        assert_near(
-            &(gained.velocity_b_mps / 0.01),
-            [-inwards * sin, 0.0, earth.gravity_mps2 - inwards * cos],
-            1e-11,
-        );
+        assert_near(&turned, [-moving * cos, 0.0, moving * sin], 1e-15);
+        let up = earth.gravity_mps2 - inwards * cos;
+        assert_near(&felt, [-inwards * sin, 0.0, up], 1e-11);
     }
 
     #[test]
     fn a_steady_right_turn_pulls_right() {
-        let gained = over_10_ms(Steady {
-            speed_mps: 10.0,
-            heading_rad: 1.0,
-            turn_radps: 0.3,
-        });
+        let [turned, felt] = read(10.0, 1.0, 0.3);
         // Coriolis acceleration 2 Omega V stays below 1.5e-3, Earth and transport rate below 8e-5.
-        assert_near(&(gained.velocity_b_mps / 0.01), [3.0, 0.0, 9.812], 3e-3);
-        assert_near(&(gained.angle_b_rad / 0.01), [0.0, 0.0, -0.3], 8e-5);
+        assert_near(&felt, [3.0, 0.0, 9.812], 3e-3);
+        assert_near(&turned, [0.0, 0.0, -0.3], 8e-5);
     }
 
     #[test]

@@ -153,97 +153,76 @@ impl Triad {
 
 /// The bias of one sensor.
 #[derive(Clone, Debug)]
-enum Bias {
-    Wave {
-        value: f64,
-        to_next_jump_s: f64,
-        interval_s: f64,
-        jump_mean: f64,
-        jump_sigma: f64,
-        random: Random,
-    },
-    Continuous {
-        trend: f64,
-        slope_per_s: f64,
-        correlated: f64,
-        sigma: f64,
-        correlation_time_s: f64,
-        random: Random,
-    },
+struct Bias {
+    model: BiasModel,
+    /// SI value of the model's unit.
+    unit: f64,
+    /// What its jumps, or its trend, have come to.
+    constant: f64,
+    slope_per_s: f64,
+    correlated: f64,
+    to_next_jump_s: f64,
+    random: Random,
 }
 
 impl Bias {
     /// Draws the start of a bias; `unit` is the SI value of the model's unit.
     fn new(model: &BiasModel, unit: f64, mut random: Random) -> Self {
-        match *model {
-            BiasModel::Wave {
-                initial_sigma,
-                interval_s,
-                jump_mean,
-                jump_sigma,
-            } => Self::Wave {
-                value: unit * initial_sigma * random.normal(),
-                to_next_jump_s: interval_s,
-                interval_s,
-                jump_mean: unit * jump_mean,
-                jump_sigma: unit * jump_sigma,
-                random,
-            },
+        let mut draw = |sigma: f64| unit * sigma * random.normal();
+        let constant = draw(model.initial_sigma());
+        let (slope_per_s, correlated, to_next_jump_s) = match *model {
+            BiasModel::Wave { interval_s, .. } => (0.0, 0.0, interval_s),
             BiasModel::Continuous {
-                initial_sigma,
                 slope_sigma_per_s,
                 correlated_sigma,
-                correlation_time_s,
-            } => Self::Continuous {
-                trend: unit * initial_sigma * random.normal(),
-                slope_per_s: unit * slope_sigma_per_s * random.normal(),
-                correlated: unit * correlated_sigma * random.normal(),
-                sigma: unit * correlated_sigma,
-                correlation_time_s,
-                random,
-            },
+                ..
+            } => (draw(slope_sigma_per_s), draw(correlated_sigma), 0.0),
+        };
+        Self {
+            model: model.clone(),
+            unit,
+            constant,
+            slope_per_s,
+            correlated,
+            to_next_jump_s,
+            random,
         }
     }
 
     fn value(&self) -> f64 {
-        match self {
-            Self::Wave { value, .. } => *value,
-            Self::Continuous {
-                trend, correlated, ..
-            } => trend + correlated,
+        match self.model {
+            BiasModel::Wave { .. } => self.constant,
+            BiasModel::Continuous { .. } => self.constant + self.correlated,
         }
     }
 
     fn advance(&mut self, step_s: f64) {
-        match self {
-            Self::Wave {
-                value,
-                to_next_jump_s,
+        match self.model {
+            BiasModel::Wave {
                 interval_s,
                 jump_mean,
                 jump_sigma,
-                random,
+                ..
             } => {
-                *to_next_jump_s -= step_s;
+                self.to_next_jump_s -= step_s;
                 // Half a step of tolerance keeps rounding from delaying a jump by one sample.
-                while *to_next_jump_s < 0.5 * step_s {
-                    *value += *jump_mean + *jump_sigma * random.normal();
-                    *to_next_jump_s += *interval_s;
+                while self.to_next_jump_s < 0.5 * step_s {
+                    let random = self.unit * jump_sigma * self.random.normal();
+                    self.constant += self.unit * jump_mean + random;
+                    self.to_next_jump_s += interval_s;
                 }
             }
-            Self::Continuous {
-                trend,
-                slope_per_s,
-                correlated,
-                sigma,
+            BiasModel::Continuous {
+                correlated_sigma,
                 correlation_time_s,
-                random,
+                ..
             } => {
-                *trend += *slope_per_s * step_s;
-                if *sigma > 0.0 {
-                    let keep = libm::exp(-step_s / *correlation_time_s);
-                    *correlated =
-                        keep * *correlated + *sigma * (1.0 - keep * keep).sqrt() * random.normal();
+                self.constant += self.slope_per_s * step_s;
+                let sigma = self.unit * correlated_sigma;
+                if sigma > 0.0 {
+                    let keep = libm::exp(-step_s / correlation_time_s);
+                    let fresh = sigma * (1.0 - keep * keep).sqrt() * self.random.normal();
+                    self.correlated = keep * self.correlated + fresh;
                 }
             }
         }
@@ -263,6 +242,15 @@ mod tests {
             .collect()
     }
 
+    fn trend() -> BiasModel {
+        BiasModel::Continuous {
+            initial_sigma: 2.0,
+            slope_sigma_per_s: 0.01,
+            correlated_sigma: 0.0,
+            correlation_time_s: 1.0,
+        }
+    }
+
     fn advance(runs: &mut [Bias], step_s: f64) {
         for bias in runs {
             bias.advance(step_s);
@@ -275,11 +263,8 @@ mod tests {
 
     fn noisy(white_noise: f64, scale_sigma: f64) -> SensorModel {
         SensorModel {
-            bias: BiasModel::constant(0.0),
-            white_noise,
             scale_sigma,
-            misalignment_sigma: 0.0,
-            noise_times: [1.0; 3],
+            ..SensorModel::new(BiasModel::constant(0.0), white_noise)
         }
     }
 
@@ -336,13 +321,7 @@ mod tests {
 
     #[test]
     fn the_continuous_model_starts_and_trends_as_it_says() {
-        let model = BiasModel::Continuous {
-            initial_sigma: 2.0,
-            slope_sigma_per_s: 0.01,
-            correlated_sigma: 0.0,
-            correlation_time_s: 1.0,
-        };
-        let mut runs = runs(&model);
+        let mut runs = runs(&trend());
         let start = values(&runs);
         assert_sigma(&start, 2.0);
         for _ in 0..100 {
@@ -408,13 +387,7 @@ mod tests {
             let bracket = 1.0 - (3.0 - 4.0 * (-x).exp() + (-2.0 * x).exp()) / (2.0 * x);
             assert_allan(&correlated, cluster_s, (2.0 * 9.0 / x * bracket).sqrt());
         }
-        let trend = BiasModel::Continuous {
-            initial_sigma: 2.0,
-            slope_sigma_per_s: 0.01,
-            correlated_sigma: 0.0,
-            correlation_time_s: 1.0,
-        };
-        assert_allan(&trend, 50, 0.01 * 50.0 / 2.0_f64.sqrt());
+        assert_allan(&trend(), 50, 0.01 * 50.0 / 2.0_f64.sqrt());
     }
 
     /// Allan deviation of readings at clusters of `size`, without overlap.

@@ -3,6 +3,7 @@
 use ins_core::earth::{Geodetic, LocalEarth};
 use nalgebra::Vector3;
 
+use super::cubic::Cubic;
 use super::ideal::{TrueState, between, displaced};
 
 /// Where the antenna is and how it moves.
@@ -31,15 +32,14 @@ impl Antenna {
         }
         let h = to.solution.time.seconds_since(from.solution.time);
         let u = (time_s - from.solution.time.as_seconds()) / h;
-        let (r0, v0) = arm_enu(from, &arm);
-        let (r1, v1) = arm_enu(to, &arm);
-        let (d0, d1) = (h * v0, h * v1);
-        let (square, cube) = (3.0 * (r1 - r0) - 2.0 * d0 - d1, 2.0 * (r0 - r1) + d0 + d1);
-        let reach = r0 + u * (d0 + u * (square + u * cube));
-        let swing = (d0 + u * (2.0 * square + 3.0 * u * cube)) / h;
+        let end = |state: &TrueState| {
+            let (reach, swing) = arm_enu(state, &arm);
+            [reach, h * swing]
+        };
+        let (reach, swing) = Cubic::between(end(from), end(to)).at(u);
         Self {
             position: displaced(&position, &reach),
-            velocity_enu_mps: velocity + swing,
+            velocity_enu_mps: velocity + swing / h,
         }
     }
 }

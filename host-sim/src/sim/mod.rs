@@ -7,6 +7,7 @@
 pub mod boat;
 pub mod car;
 mod checks;
+pub(crate) mod cubic;
 pub mod drive;
 pub mod errors;
 pub mod gnss;

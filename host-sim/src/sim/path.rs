@@ -1,8 +1,9 @@
 //! What vehicles share that move along their heading.
 
-use ins_core::attitude::Euler;
+use ins_core::attitude::{Euler, from_euler};
 use nalgebra::Vector3;
 
+use super::motion::Kinematics;
 use super::profile::Local;
 
 /// Motion along a path over the local frame.
@@ -39,8 +40,31 @@ impl Path {
     }
 }
 
+/// The motion of a vehicle from its velocity, roll, pitch and heading and their derivatives.
+pub(super) fn kinematics(
+    velocity_enu_mps: Vector3<f64>,
+    acceleration_enu_mps2: Vector3<f64>,
+    angles: &Euler,
+    rates: &Euler,
+) -> Kinematics {
+    Kinematics {
+        velocity_enu_mps,
+        acceleration_enu_mps2,
+        attitude: from_euler(angles),
+        angular_rate_lb_b_radps: body_rate(angles, rates),
+    }
+}
+
+/// Level in a heading: angles, and their rates.
+pub(super) fn level(heading: &Local) -> [Euler; 2] {
+    [heading.value, heading.slope].map(|heading_rad| Euler {
+        heading_rad,
+        ..Euler::default()
+    })
+}
+
 /// Angular rate in body axes from the rates of roll, pitch and heading.
-pub(super) fn body_rate(angles: &Euler, rates: &Euler) -> Vector3<f64> {
+fn body_rate(angles: &Euler, rates: &Euler) -> Vector3<f64> {
     let (sin_p, cos_p) = libm::sincos(angles.pitch_rad);
     let (sin_r, cos_r) = libm::sincos(angles.roll_rad);
     let turn = rates.heading_rad * cos_p;

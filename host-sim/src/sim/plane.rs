@@ -1,12 +1,12 @@
 //! A small fixed-wing aircraft that turns in steep banks: a kinematic one, cheap. For forces see
 //! `crate::aircraft`.
 
-use ins_core::attitude::{Euler, from_euler};
+use ins_core::attitude::Euler;
 use nalgebra::Vector3;
 
 use super::motion::{Kinematics, Motion};
 use super::noise::Random;
-use super::path::{Path, body_rate};
+use super::path::{Path, kinematics};
 use super::profile::Profile;
 
 const GRAVITY_MPS2: f64 = 9.81;
@@ -126,11 +126,11 @@ impl Motion for Plane {
             pitch_rad: climb.slope + ATTACK_RAD_PER_G * load_rate,
             heading_rad: heading.slope,
         };
-        Kinematics {
-            velocity_enu_mps: path.velocity_mps + self.wind_mps,
-            acceleration_enu_mps2: path.acceleration_mps2,
-            attitude: from_euler(&angles),
-            angular_rate_lb_b_radps: body_rate(&angles, &rates),
-        }
+        kinematics(
+            path.velocity_mps + self.wind_mps,
+            path.acceleration_mps2,
+            &angles,
+            &rates,
+        )
     }
 }

@@ -2,12 +2,12 @@
 
 use core::f64::consts::PI;
 
-use ins_core::attitude::{Euler, from_euler};
+use ins_core::attitude::Euler;
 use nalgebra::Vector3;
 
 use super::motion::{Kinematics, Motion};
 use super::noise::Random;
-use super::path::body_rate;
+use super::path::kinematics;
 use super::profile::{Local, Profile};
 
 const GRAVITY_MPS2: f64 = 9.81;
@@ -97,12 +97,7 @@ impl Motion for Quadrotor {
         let thrust = acceleration + DRAG_PER_S * velocity + Vector3::new(0.0, 0.0, GRAVITY_MPS2);
         let thrust_rate = three(|x| x.curvature) + DRAG_PER_S * acceleration;
         let (angles, rates) = leaned(&thrust, &thrust_rate, &heading);
-        Kinematics {
-            velocity_enu_mps: velocity,
-            acceleration_enu_mps2: acceleration,
-            attitude: from_euler(&angles),
-            angular_rate_lb_b_radps: body_rate(&angles, &rates),
-        }
+        kinematics(velocity, acceleration, &angles, &rates)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::checks::{ErrorModelError, ensure, positive, spread};
+use super::checks::{ErrorModelError, ensure, in_order, positive, spread};
 
 /// Noise with a memory, a Gauss-Markov process.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -184,12 +184,7 @@ impl Habits {
         spread("gnss.habits.smoothing_s", self.smoothing_s)?;
         let [least, most] = self.delay_s;
         spread("gnss.habits.delay_s[0]", least)?;
-        ensure(
-            least <= most,
-            "gnss.habits.delay_s[1]",
-            most,
-            "no less than the first bound",
-        )?;
+        in_order("gnss.habits.delay_s[1]", [least, most])?;
         ensure(
             (0.0..=1.0).contains(&self.outliers.fraction),
             "gnss.habits.outliers.fraction",

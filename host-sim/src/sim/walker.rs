@@ -2,11 +2,9 @@
 
 use core::f64::consts::PI;
 
-use ins_core::attitude::{Euler, from_euler};
-
 use super::motion::{Kinematics, Motion};
 use super::noise::Random;
-use super::path::{Path, body_rate};
+use super::path::{Path, kinematics, level};
 use super::profile::Profile;
 
 mod habits {
@@ -68,19 +66,7 @@ impl Motion for Walker {
         let along = self.speed.at(time_s);
         let heading = self.heading.at(time_s);
         let path = Path::new(&along, &heading, 0.0, 0.0);
-        let angles = Euler {
-            heading_rad: heading.value,
-            ..Euler::default()
-        };
-        let rates = Euler {
-            heading_rad: heading.slope,
-            ..Euler::default()
-        };
-        Kinematics {
-            velocity_enu_mps: path.velocity_mps,
-            acceleration_enu_mps2: path.acceleration_mps2,
-            attitude: from_euler(&angles),
-            angular_rate_lb_b_radps: body_rate(&angles, &rates),
-        }
+        let [angles, rates] = level(&heading);
+        kinematics(path.velocity_mps, path.acceleration_mps2, &angles, &rates)
     }
 }

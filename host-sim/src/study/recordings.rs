@@ -11,7 +11,7 @@ use crate::log::Grade;
 use crate::log::import::{self, Choice};
 use crate::log::median_interval_s;
 use crate::page::digits;
-use crate::page::table::{Table, cells};
+use crate::page::table::{Table, heads};
 
 /// What became of one recording.
 #[derive(Clone, Debug, Serialize)]
@@ -118,17 +118,10 @@ impl Found {
 
 /// One row a recording.
 pub fn table(recordings: &[Recording]) -> Table {
-    let header = cells([
-        "recording",
-        "min",
-        "IMU Hz",
-        "GNSS Hz",
-        "latency, ms",
-        "known of 8",
-        "warnings",
-        "against the result",
-        "s",
-    ]);
+    let header = heads(
+        "recording | min | IMU Hz | GNSS Hz | latency, ms | known of 8 | warnings \
+         | against the result | s",
+    );
     let rows = recordings.iter().map(row).collect();
     Table::new("Recordings, as they are", header, rows)
 }

@@ -37,7 +37,7 @@ pub fn text(t: &Tuning) -> String {
     format!(
         "{}\n\n{}\nAlong the unit's axes; offsets are to be subtracted from readings. {vehicle}\n{}",
         t.verdict.lines().join("\n"),
-        table::plain(&table::cells(["", "value", "unit"]), &cells),
+        table::plain(&table::heads("| value | unit"), &cells),
         missing.concat(),
     )
 }

@@ -7,8 +7,7 @@ use miette::{Result, miette};
 
 use crate::page::digits;
 use crate::page::progress::bar;
-use crate::page::table;
-use crate::page::table::cells;
+use crate::page::table::{heads, markdown};
 use crate::sim::Grade;
 use crate::study::accuracy::{Results, Study, picture};
 
@@ -60,7 +59,7 @@ pub(super) fn forms(runs: u64) -> Result<String> {
         (Form::Literal, "literal", &[0.3, 0.5, 1.0]),
     ];
     let mut rows = Vec::new();
-    let mut header = cells(["form", "w0, rad/s", "converged"]);
+    let mut header = heads("form | w0, rad/s | converged");
     for (form, name, bandwidths) in studies {
         for bandwidth in bandwidths {
             let results = results(Study {
@@ -80,5 +79,5 @@ pub(super) fn forms(runs: u64) -> Result<String> {
             }
         }
     }
-    Ok(table::markdown(&header, &rows))
+    Ok(markdown(&header, &rows))
 }

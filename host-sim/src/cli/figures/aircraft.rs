@@ -9,8 +9,7 @@ use crate::aircraft::cessna172;
 use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::flight::Flight;
 use crate::aircraft::plan::Plan;
-use crate::page::table;
-use crate::page::table::cells;
+use crate::page::table::{heads, markdown};
 use crate::sim::car::Car;
 use crate::sim::{DriveConfig, Grade};
 use crate::study::error_free::{Worst, strapdown};
@@ -29,14 +28,8 @@ pub(super) fn performance_table() -> Result<String> {
             format!("{:+.1} %", 100.0 * (row.ours / row.specification - 1.0)),
         ]
     });
-    let header = cells([
-        "",
-        "specification",
-        "thesis's model",
-        "this model",
-        "off by",
-    ]);
-    Ok(table::markdown(&header, &rows))
+    let header = heads("| specification | thesis's model | this model | off by");
+    Ok(markdown(&header, &rows))
 }
 
 /// An hour of driving and of flying on ideal sensors, at several sample rates.
@@ -45,14 +38,9 @@ pub(super) fn error_free(root: &Path) -> Result<String> {
     for rate_hz in [50, 100, 200, 400] {
         rows.push(row("aircraft", rate_hz, &flight(root, rate_hz)?));
     }
-    let header = cells([
-        "1 h of",
-        "samples, Hz",
-        "position, m",
-        "velocity, mm/s",
-        "attitude, arc seconds",
-    ]);
-    Ok(table::markdown(&header, &rows))
+    let header =
+        heads("1 h of | samples, Hz | position, m | velocity, mm/s | attitude, arc seconds");
+    Ok(markdown(&header, &rows))
 }
 
 fn drive() -> Worst {

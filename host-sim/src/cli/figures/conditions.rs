@@ -3,7 +3,7 @@
 
 use crate::log;
 use crate::page::progress::bar;
-use crate::page::table::{Table, cells, markdown};
+use crate::page::table::{Table, heads, markdown};
 use crate::sim::Grade;
 use crate::study::conditions::output::{overview_table, short, totals, totals_table, worst_table};
 use crate::study::conditions::{QUANTITIES, Quantity, Results, Row, Study, all};
@@ -34,7 +34,7 @@ pub(super) fn page(results: &[Results]) -> String {
 /// A row for each quantity over the kinds that judge.
 pub(super) fn summary(results: &[Results]) -> String {
     let classes = [Grade::Mems, Grade::Hg1700];
-    let mut header = cells(["", "unit"]);
+    let mut header = heads("| unit");
     for class in classes {
         let class = short(class);
         header.extend(["error", "error/sigma", "wrong and sure"].map(|h| format!("{class}: {h}")));

@@ -14,8 +14,7 @@ use crate::identify::configure;
 use crate::log::{self, BodyAxes, Log};
 use crate::page::digits;
 use crate::page::progress::bar;
-use crate::page::table;
-use crate::page::table::cells;
+use crate::page::table::{heads, markdown};
 use crate::sim::{DriveConfig, Grade, simulate};
 use crate::study::accuracy::{Results, Study};
 
@@ -38,22 +37,16 @@ pub(super) fn part(runs: u64) -> Result<String> {
         compensation(runs, 1.0 / WRONG)?,
         compensation(runs, WRONG)?,
     ];
-    let columns = [
-        "compensation",
-        "Kalman",
-        "Kalman, velocity alone",
-        "Kalman, noise / 3",
-        "Kalman, noise x 3",
-        "compensation, noise / 3",
-        "compensation, noise x 3",
-    ];
     let table = |head: &str, row: fn(&[Results; 7], usize) -> Vec<String>| {
-        let mut header = cells([head]);
-        header.extend(cells(columns));
-        header.extend(cells(["compensation / Kalman"]));
+        let mut header = heads(head);
+        header.extend(heads(
+            "compensation | Kalman | Kalman, velocity alone | Kalman, noise / 3 \
+             | Kalman, noise x 3 | compensation, noise / 3 | compensation, noise x 3 \
+             | compensation / Kalman",
+        ));
         let rows = 0..studies[0].quantities.len();
         let rows: Vec<_> = rows.map(|which| row(&studies, which)).collect();
-        table::markdown(&header, &rows)
+        markdown(&header, &rows)
     };
     let [ours, theirs, ..] = &studies;
     Ok(format!(
@@ -132,12 +125,12 @@ fn costs() -> Result<String> {
     let noise = Noise::of_model(&Grade::Hg1700.errors());
     let costs =
         cost::measure(&log, config, noise).map_err(|error| miette!("cannot be run: {}", error))?;
-    let header = cells(["sample with its share of fixes", "ratio"]);
+    let header = heads("sample with its share of fixes | ratio");
     let rows: Vec<Vec<String>> = costs
         .iter()
         .map(|cost| vec![cost.method.to_owned(), format!("{:.1}", cost.ratio)])
         .collect();
-    Ok(table::markdown(&header, &rows))
+    Ok(markdown(&header, &rows))
 }
 
 /// Drifts of every navigator in every recorded log; `None` if there are no logs, or no peer.
@@ -171,15 +164,7 @@ pub(super) fn outages(root: &Path, folder: Option<&Path>) -> Result<Option<Strin
         }
         rows.push(row);
     }
-    let header = cells([
-        "log",
-        "outages",
-        "compensation, m",
-        "m/s",
-        "Kalman, m",
-        "m/s",
-        "fusion-nav, m",
-        "m/s",
-    ]);
-    Ok((!rows.is_empty()).then(|| table::markdown(&header, &rows)))
+    let header =
+        heads("log | outages | compensation, m | m/s | Kalman, m | m/s | fusion-nav, m | m/s");
+    Ok((!rows.is_empty()).then(|| markdown(&header, &rows)))
 }

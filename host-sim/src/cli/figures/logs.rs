@@ -10,8 +10,7 @@ use crate::identify::quantities::Quantity;
 use crate::identify::words::with_sigma;
 use crate::page::digits;
 use crate::page::progress::bar;
-use crate::page::table;
-use crate::page::table::cells;
+use crate::page::table::{heads, markdown};
 use crate::study;
 
 /// What every recorded log gives; `None` if there are none.
@@ -24,19 +23,11 @@ pub(super) fn part(root: &Path, folder: Option<&Path>) -> Result<Option<String>>
         .iter()
         .map(|log| Ok(row(&Analysis::of_log(log, None, &bar())?)))
         .collect();
-    let header = cells([
-        "log",
-        "length, s",
-        "azimuth error, deg",
-        "accelerometer x, mg",
-        "accelerometer y, mg",
-        "gyro z, deg/h",
-        "latency, ms",
-        "before, m/s",
-        "after, m/s",
-        "times less",
-    ]);
-    Ok(Some(table::markdown(&header, &rows?)))
+    let header = heads(
+        "log | length, s | azimuth error, deg | accelerometer x, mg | accelerometer y, mg \
+         | gyro z, deg/h | latency, ms | before, m/s | after, m/s | times less",
+    );
+    Ok(Some(markdown(&header, &rows?)))
 }
 
 /// What is found in every recording of another program, and in every recorded log, without a

@@ -5,7 +5,8 @@ use ins_core::increments::Interval;
 use ins_core::mechanization::{Mechanization, Step};
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Layout, Noise, Part, StateMatrix, index, times};
+use super::index::{ACCEL, ATTITUDE, GYRO, LATENCY, POSITION, VELOCITY};
+use super::{Layout, Noise, Part, StateMatrix, times};
 
 /// What the INS did since the last covariance step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -82,44 +83,40 @@ impl Span {
         let mut set = |row: usize, column: usize, block: Matrix3<f64>| {
             growth.fixed_view_mut::<3, 3>(row, column).copy_from(&block);
         };
-        set(index::POSITION, index::VELOCITY, t * Matrix3::identity());
+        set(POSITION, VELOCITY, t * Matrix3::identity());
         set(
-            index::VELOCITY,
-            index::VELOCITY,
+            VELOCITY,
+            VELOCITY,
             t * (velocity_cross * transport_by_velocity - coriolis),
         );
+        set(VELOCITY, ATTITUDE, self.force_mps.cross_matrix());
+        set(VELOCITY, ACCEL, self.attitude_s);
+        set(ATTITUDE, VELOCITY, t * transport_by_velocity);
         set(
-            index::VELOCITY,
-            index::ATTITUDE,
-            self.force_mps.cross_matrix(),
-        );
-        set(index::VELOCITY, index::ACCEL, self.attitude_s);
-        set(index::ATTITUDE, index::VELOCITY, t * transport_by_velocity);
-        set(
-            index::ATTITUDE,
-            index::ATTITUDE,
+            ATTITUDE,
+            ATTITUDE,
             -t * (earth_rate + transport_rate).cross_matrix(),
         );
-        set(index::ATTITUDE, index::GYRO, -self.attitude_s);
+        set(ATTITUDE, GYRO, -self.attitude_s);
         if let Some(at) = layout.accel_scale {
-            set(index::VELOCITY, at, self.force_columns_mps);
+            set(VELOCITY, at, self.force_columns_mps);
         }
         if let Some(at) = layout.gyro_scale {
-            set(index::ATTITUDE, at, -self.turn_columns_rad);
+            set(ATTITUDE, at, -self.turn_columns_rad);
         }
         let mut by_north = |row: usize, value: Vector3<f64>| {
             growth
-                .fixed_view_mut::<3, 1>(row, index::POSITION + 1)
+                .fixed_view_mut::<3, 1>(row, POSITION + 1)
                 .copy_from(&(t * value));
         };
         by_north(
-            index::VELOCITY,
+            VELOCITY,
             velocity_mps.cross(&(2.0 * earth_rate_by_north + transport_by_north)),
         );
-        by_north(index::ATTITUDE, earth_rate_by_north + transport_by_north);
-        growth[(index::VELOCITY + 2, index::POSITION + 2)] += t * 2.0 * earth.gravity_mps2 / north;
+        by_north(ATTITUDE, earth_rate_by_north + transport_by_north);
+        growth[(VELOCITY + 2, POSITION + 2)] += t * 2.0 * earth.gravity_mps2 / north;
         if let Some(at) = layout.clock_drift {
-            growth[(index::LATENCY, at)] = t;
+            growth[(LATENCY, at)] = t;
         }
         growth
     }

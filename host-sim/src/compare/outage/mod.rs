@@ -13,7 +13,7 @@ use serde::Serialize;
 use crate::compare::kalman::Noise;
 use crate::log::Log;
 use crate::page::digits;
-use crate::page::table::{Table, cells};
+use crate::page::table::{Table, heads};
 pub use drift::{Drift, Drifts, OUTAGE_S};
 use drift::{FRESH_S, STRIDE_S};
 use reference::Reference;
@@ -130,14 +130,7 @@ impl OutageTest {
             "Horizontal drift over {OUTAGE_S:.0} s without GNSS, against {against}; one outage \
              every {STRIDE_S:.0} s"
         );
-        let header = cells([
-            "",
-            "outages",
-            "RMS, m",
-            "largest, m",
-            "RMS, m/s",
-            "largest, m/s",
-        ]);
+        let header = heads("| outages | RMS, m | largest, m | RMS, m/s | largest, m/s");
         let row = |drifts: &Drifts| {
             let numbers = [
                 drifts.position_rms_m,

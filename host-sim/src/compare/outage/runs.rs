@@ -111,7 +111,7 @@ pub fn through<I: Ins>(
 
 /// One outage, from the sample after the last one taken.
 fn blind<I: Ins>(log: &Log, mut ins: I, start: Time, reference: &Reference) -> Drift {
-    let mut meter = reference.meter(start, first_stamp(log));
+    let mut meter = reference.meter(start, log.start());
     for sample in log.imu.since(start) {
         ins.on_imu(&sample);
         if ins
@@ -122,12 +122,6 @@ fn blind<I: Ins>(log: &Log, mut ins: I, start: Time, reference: &Reference) -> D
         }
     }
     meter.drift()
-}
-
-fn first_stamp(log: &Log) -> Time {
-    log.imu
-        .first()
-        .map_or(Time::default(), |sample| sample.time)
 }
 
 /// The Kalman filter, which stands at the moments of the fixes, not at their stamps.
@@ -148,7 +142,7 @@ pub fn kalman(
         while let Some(start) = starts.next_if(reached) {
             let mut run = run.clone();
             run.take_fixes_until(*start);
-            let mut meter = reference.meter(*start, first_stamp(log));
+            let mut meter = reference.meter(*start, log.start());
             while run.step(&mut |_, _| {}).is_some() {
                 let solution = run.filter().map(|f| f.known.solution(f.time));
                 if solution.is_some_and(|solution| !meter.take(&solution)) {

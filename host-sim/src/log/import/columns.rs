@@ -20,7 +20,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use ins_core::{FixSigma, GnssFix, ImuOutput, ImuSample, Time};
+use ins_core::{FixSigma, GnssFix, ImuOutput, Time};
 use nalgebra::{Vector2, Vector3};
 use serde::Deserialize;
 
@@ -128,34 +128,25 @@ pub(super) fn read(folder: &Path) -> Result<Recording, LogError> {
     let sample = |row: &Vec<f64>| {
         let vector = |names: [&str; 3]| {
             let [x, y, z] = names.map(|name| imu.cell(row, name));
-            Some(axes.to_rfu(Vector3::new(x?, y?, z?)))
+            Some(Vector3::new(x?, y?, z?))
         };
-        Some(ImuSample {
-            time: Time::from_seconds(imu.cell(row, "t_s")?)?,
-            gyro: vector(["gyro_x", "gyro_y", "gyro_z"])?,
-            accel: vector(["accel_x", "accel_y", "accel_z"])?,
-        })
+        let time = Time::from_seconds(imu.cell(row, "t_s")?)?;
+        let gyro = vector(["gyro_x", "gyro_y", "gyro_z"])?;
+        Some(axes.sample(time, gyro, vector(["accel_x", "accel_y", "accel_z"])?))
     };
+    let samples = imu.table.rows.iter().filter_map(sample).collect();
+    let file = &document.columns.imu.file;
     let sensor = Imu {
-        path: folder.join(&document.columns.imu.file),
-        name: document.columns.imu.file.clone(),
-        axes,
         output: match document.log.imu {
             Output::Rates => ImuOutput::Rates,
             Output::Increments => ImuOutput::Increments,
         },
-        samples: imu.table.rows.iter().filter_map(sample).collect(),
+        ..Imu::of_rates(&folder.join(file), file, axes, samples)
     };
-    let receiver = Receiver {
-        path: folder.join(&document.columns.gnss.file),
-        name: document.columns.gnss.file.clone(),
-        fixes: gnss
-            .table
-            .rows
-            .iter()
-            .filter_map(|row| fix(&gnss, row))
-            .collect(),
-    };
+    let rows = gnss.table.rows.iter();
+    let fixes = rows.filter_map(|row| fix(&gnss, row)).collect();
+    let file = &document.columns.gnss.file;
+    let receiver = Receiver::new(&folder.join(file), file, fixes);
     Ok(Recording::of(vec![sensor], vec![receiver]))
 }
 
@@ -214,12 +205,8 @@ impl Columns {
             None => Ok(()),
             Some(name) => {
                 let cause = "say which column of the file it is";
-                Err(LogError::file(
-                    meta,
-                    format!("a key `{name}`"),
-                    "none",
-                    cause,
-                ))
+                let expected = format!("a key `{name}`");
+                Err(LogError::file(meta, expected, "none", cause))
             }
         }
     }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use ardupilot_binlog::{Entry, Reader};
-use ins_core::{FixSigma, GnssFix, ImuOutput, ImuSample, Time};
+use ins_core::{FixSigma, GnssFix, ImuSample, Time};
 use nalgebra::Vector3;
 
 use super::recording::{
@@ -46,11 +46,8 @@ impl Streams {
                     .zip(vector(entry, "Gyr"))
                     .zip(vector(entry, "Acc"));
                 if let Some(((time, gyro), accel)) = sample {
-                    self.imu.entry(instance).or_default().push(ImuSample {
-                        time,
-                        gyro: BodyAxes::Frd.to_rfu(gyro),
-                        accel: BodyAxes::Frd.to_rfu(accel),
-                    });
+                    let sample = BodyAxes::Frd.sample(time, gyro, accel);
+                    self.imu.entry(instance).or_default().push(sample);
                 }
             }
             "GYR" => {
@@ -78,12 +75,8 @@ impl Streams {
     }
 
     fn recording(self, path: &Path) -> Recording {
-        let imu = |name: String, samples: Vec<ImuSample>| Imu {
-            path: path.to_owned(),
-            name,
-            axes: BodyAxes::Frd,
-            output: ImuOutput::Rates,
-            samples,
+        let imu = |name: String, samples: Vec<ImuSample>| {
+            Imu::of_rates(path, name, BodyAxes::Frd, samples)
         };
         let mut imus: Vec<Imu> = self
             .imu
@@ -96,11 +89,7 @@ impl Streams {
                 imus.push(imu(format!("GYR and ACC {instance}"), samples));
             }
         }
-        let receiver = |(instance, fixes)| Receiver {
-            path: path.to_owned(),
-            name: format!("GPS {instance}"),
-            fixes,
-        };
+        let receiver = |(instance, fixes)| Receiver::new(path, format!("GPS {instance}"), fixes);
         Recording {
             parameters: self.parameters,
             ..Recording::of(imus, self.gnss.into_iter().map(receiver).collect())

@@ -2,12 +2,15 @@
 
 use std::path::Path;
 
-use ins_core::{ImuOutput, ImuSample, Time};
+use ins_core::Time;
 use nalgebra::Vector3;
 
 use super::recording::{Imu, Recording};
 use super::text::Table;
 use crate::log::{BodyAxes, LogError};
+
+/// The format names none; the check of gravity says if they are others.
+const AXES: BodyAxes = BodyAxes::Flu;
 
 /// The header names stamp and rates.
 pub(super) fn recognised(start: &[u8]) -> bool {
@@ -20,28 +23,15 @@ pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
     let table = Table::read(path)?;
     let sample = |row: &Vec<f64>| {
         let vector = |at: usize| {
-            Some(Vector3::new(
-                *row.get(at)?,
-                *row.get(at + 1)?,
-                *row.get(at + 2)?,
-            ))
+            let vector: &[f64; 3] = row.get(at..)?.first_chunk()?;
+            Some(Vector3::from(*vector))
         };
         let (gyro, accel) = (vector(1)?, vector(4)?);
         let finite = gyro.iter().chain(&accel).all(|x| x.is_finite());
         let time = Time::from_seconds(1e-9 * row.first()?)?;
-        finite.then(|| ImuSample {
-            time,
-            gyro: BodyAxes::Flu.to_rfu(gyro),
-            accel: BodyAxes::Flu.to_rfu(accel),
-        })
+        finite.then(|| AXES.sample(time, gyro, accel))
     };
-    let imu = Imu {
-        path: path.to_owned(),
-        name: "EuRoC".to_owned(),
-        // The format names none; the check of gravity says if they are others.
-        axes: BodyAxes::Flu,
-        output: ImuOutput::Rates,
-        samples: table.rows.iter().filter_map(sample).collect(),
-    };
+    let samples = table.rows.iter().filter_map(sample).collect();
+    let imu = Imu::of_rates(path, "EuRoC", AXES, samples);
     Ok(Recording::of(vec![imu], Vec::new()))
 }

@@ -1,8 +1,8 @@
 //! Folders of gnss-ins-sim: a table for each quantity, units in the headers, front-right-down.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use ins_core::{GnssFix, ImuOutput, ImuSample, Time};
+use ins_core::{GnssFix, Time};
 use nalgebra::{Vector2, Vector3};
 
 use super::recording::{Imu, Receiver, Recording, degrees};
@@ -28,30 +28,21 @@ pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
         }
         let rows = times.iter().zip(vectors(&gyro)?).zip(vectors(&accel)?);
         let samples = rows.filter_map(|((time, gyro), accel)| {
-            Some(ImuSample {
-                time: Time::from_seconds(*time)?,
-                gyro: BodyAxes::Frd.to_rfu(gyro),
-                accel: BodyAxes::Frd.to_rfu(accel),
-            })
+            Some(BodyAxes::Frd.sample(Time::from_seconds(*time)?, gyro, accel))
         });
-        imus.push(Imu {
-            samples: samples.collect(),
-            path: gyro,
-            name: format!("run {run}"),
-            axes: BodyAxes::Frd,
-            output: ImuOutput::Rates,
-        });
+        let name = format!("run {run}");
+        imus.push(Imu::of_rates(&gyro, name, BodyAxes::Frd, samples.collect()));
         let gps = of("gps");
         if gps.is_file() {
-            receivers.push(receiver(&path.join("gps_time.csv"), gps, run)?);
+            receivers.push(receiver(&path.join("gps_time.csv"), &gps, run)?);
         }
     }
     Ok(Recording::of(imus, receivers))
 }
 
-fn receiver(times: &Path, path: PathBuf, run: i32) -> Result<Receiver, LogError> {
+fn receiver(times: &Path, path: &Path, run: i32) -> Result<Receiver, LogError> {
     let times = column(times)?;
-    let table = Table::read(&path)?;
+    let table = Table::read(path)?;
     let fix = |(time, row): (&f64, &Vec<f64>)| {
         let [latitude, longitude, height, north, east, down] = *row.first_chunk::<6>()?;
         Some(GnssFix {
@@ -63,11 +54,8 @@ fn receiver(times: &Path, path: PathBuf, run: i32) -> Result<Receiver, LogError>
             ..GnssFix::default()
         })
     };
-    Ok(Receiver {
-        fixes: times.iter().zip(&table.rows).filter_map(fix).collect(),
-        path,
-        name: format!("run {run}"),
-    })
+    let fixes = times.iter().zip(&table.rows).filter_map(fix).collect();
+    Ok(Receiver::new(path, format!("run {run}"), fixes))
 }
 
 fn column(path: &Path) -> Result<Vec<f64>, LogError> {

@@ -30,30 +30,22 @@ pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
             .iter()
             .all(|row| row.get(4..7).is_some_and(|s| s.iter().all(|x| *x > 0.0)));
     if fixes {
-        let receiver = Receiver {
-            path: path.to_owned(),
-            name: "KF-GINS".to_owned(),
-            fixes: table.rows.iter().filter_map(|row| fix(row)).collect(),
-        };
+        let fixes = table.rows.iter().filter_map(|row| fix(row)).collect();
+        let receiver = Receiver::new(path, "KF-GINS", fixes);
         return Ok(Recording::of(Vec::new(), vec![receiver]));
     }
+    let samples = table.rows.iter().filter_map(|row| sample(row)).collect();
     let imu = Imu {
-        path: path.to_owned(),
-        name: "KF-GINS".to_owned(),
-        axes: BodyAxes::Frd,
         output: ImuOutput::Increments,
-        samples: table.rows.iter().filter_map(|row| sample(row)).collect(),
+        ..Imu::of_rates(path, "KF-GINS", BodyAxes::Frd, samples)
     };
     Ok(Recording::of(vec![imu], Vec::new()))
 }
 
 fn sample(row: &[f64]) -> Option<ImuSample> {
     let [time, gx, gy, gz, ax, ay, az] = *row.first_chunk::<7>()?;
-    Some(ImuSample {
-        time: Time::from_seconds(time)?,
-        gyro: BodyAxes::Frd.to_rfu(Vector3::new(gx, gy, gz)),
-        accel: BodyAxes::Frd.to_rfu(Vector3::new(ax, ay, az)),
-    })
+    let (gyro, accel) = (Vector3::new(gx, gy, gz), Vector3::new(ax, ay, az));
+    Some(BodyAxes::Frd.sample(Time::from_seconds(time)?, gyro, accel))
 }
 
 fn fix(row: &[f64]) -> Option<GnssFix> {

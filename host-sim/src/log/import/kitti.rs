@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::Path;
 
-use ins_core::{FixSigma, GnssFix, ImuOutput, ImuSample, Time};
+use ins_core::{FixSigma, GnssFix, Time};
 use nalgebra::{Vector2, Vector3};
 
 use super::recording::{Imu, Receiver, Recording, degrees, stated, unreadable};
@@ -29,11 +29,7 @@ pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
             continue;
         };
         let vector = |at: usize| Vector3::new(cells[at], cells[at + 1], cells[at + 2]);
-        samples.push(ImuSample {
-            time,
-            gyro: BodyAxes::Flu.to_rfu(vector(17)),
-            accel: BodyAxes::Flu.to_rfu(vector(11)),
-        });
+        samples.push(BodyAxes::Flu.sample(time, vector(17), vector(11)));
         fixes.push(GnssFix {
             time,
             position: degrees(cells[0], cells[1]),
@@ -47,18 +43,8 @@ pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
             },
         });
     }
-    let imu = Imu {
-        path: folder.clone(),
-        name: "OXTS".to_owned(),
-        axes: BodyAxes::Flu,
-        output: ImuOutput::Rates,
-        samples,
-    };
-    let receiver = Receiver {
-        path: folder,
-        name: "OXTS".to_owned(),
-        fixes,
-    };
+    let imu = Imu::of_rates(&folder, "OXTS", BodyAxes::Flu, samples);
+    let receiver = Receiver::new(&folder, "OXTS", fixes);
     Ok(Recording::of(vec![imu], vec![receiver]))
 }
 

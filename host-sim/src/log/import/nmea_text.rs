@@ -35,11 +35,7 @@ pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
             epochs.take(&result);
         }
     }
-    let receiver = Receiver {
-        path: path.to_owned(),
-        name: "NMEA".to_owned(),
-        fixes: epochs.fixes,
-    };
+    let receiver = Receiver::new(path, "NMEA", epochs.fixes);
     Ok(Recording::of(Vec::new(), vec![receiver]))
 }
 

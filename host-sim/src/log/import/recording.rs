@@ -48,11 +48,39 @@ pub(super) struct Imu {
     pub(super) samples: Vec<ImuSample>,
 }
 
+impl Imu {
+    /// One that gives rates.
+    pub(super) fn of_rates(
+        path: &Path,
+        name: impl Into<String>,
+        axes: BodyAxes,
+        samples: Vec<ImuSample>,
+    ) -> Self {
+        Self {
+            path: path.to_owned(),
+            name: name.into(),
+            axes,
+            output: ImuOutput::Rates,
+            samples,
+        }
+    }
+}
+
 /// One receiver.
 pub(super) struct Receiver {
     pub(super) path: PathBuf,
     pub(super) name: String,
     pub(super) fixes: Vec<GnssFix>,
+}
+
+impl Receiver {
+    pub(super) fn new(path: &Path, name: impl Into<String>, fixes: Vec<GnssFix>) -> Self {
+        Self {
+            path: path.to_owned(),
+            name: name.into(),
+            fixes,
+        }
+    }
 }
 
 /// A file's bytes, unpacked if they are packed.
@@ -164,12 +192,8 @@ fn turned_upright(
     let found = format!("gravity's reaction towards what should be {found}");
     let cause = "mounted on its side or upside down: both sensors are turned by quarter turns \
                  until it is up";
-    warnings.push(LogError::file(
-        path,
-        "gravity's reaction towards up",
-        found,
-        cause,
-    ));
+    let expected = "gravity's reaction towards up";
+    warnings.push(LogError::file(path, expected, found, cause));
     samples
 }
 
@@ -206,12 +230,8 @@ fn chosen(
                 "{} is used; --{option} N of `import` chooses {what}",
                 fastest + 1
             );
-            warnings.push(LogError::file(
-                path,
-                format!("one source of {expected}"),
-                all,
-                cause,
-            ));
+            let expected = format!("one source of {expected}");
+            warnings.push(LogError::file(path, expected, all, cause));
         }
         return Ok(fastest);
     };
@@ -275,11 +295,7 @@ pub(super) fn joined(gyro: &[Stamped], accel: &[Stamped], axes: BodyAxes) -> Vec
         } else {
             0.0
         };
-        samples.push(ImuSample {
-            time,
-            gyro: axes.to_rfu(rate),
-            accel: axes.to_rfu(before.1.lerp(&after.1, share)),
-        });
+        samples.push(axes.sample(time, rate, before.1.lerp(&after.1, share)));
     }
     samples
 }

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use ins_core::{FixSigma, GnssFix, ImuOutput, ImuSample, Time};
+use ins_core::{FixSigma, GnssFix, ImuSample, Time};
 use nalgebra::{Vector2, Vector3};
 
 use super::recording::{Imu, Receiver, Recording, degrees, merged, stated};
@@ -37,18 +37,8 @@ pub(super) fn recording(path: &Path, streams: impl Iterator<Item = (String, Stre
     let (mut imus, mut receivers, mut velocities) = (Vec::new(), Vec::new(), Vec::new());
     for (name, stream) in streams {
         match stream {
-            Stream::Imu(samples) => imus.push(Imu {
-                path: path.to_owned(),
-                name,
-                axes: BodyAxes::Flu,
-                output: ImuOutput::Rates,
-                samples,
-            }),
-            Stream::Position(fixes) => receivers.push(Receiver {
-                path: path.to_owned(),
-                name,
-                fixes,
-            }),
+            Stream::Imu(samples) => imus.push(Imu::of_rates(path, name, BodyAxes::Flu, samples)),
+            Stream::Position(fixes) => receivers.push(Receiver::new(path, name, fixes)),
             Stream::Velocity(fixes) => velocities.extend(fixes),
         }
     }
@@ -95,11 +85,7 @@ fn imu(message: &mut Message) -> Option<ImuSample> {
     message.skip_f64(9)?;
     let accel = message.vector()?;
     let finite = gyro.iter().chain(&accel).all(|x| x.is_finite());
-    finite.then(|| ImuSample {
-        time,
-        gyro: BodyAxes::Flu.to_rfu(gyro),
-        accel: BodyAxes::Flu.to_rfu(accel),
-    })
+    finite.then(|| BodyAxes::Flu.sample(time, gyro, accel))
 }
 
 fn position(message: &mut Message) -> Option<GnssFix> {

@@ -31,11 +31,8 @@ pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
     let text = content(path)?;
     let names = header(&text).unwrap_or_default();
     let rows = text.lines().filter(|line| !line.starts_with('%'));
-    let receiver = Receiver {
-        path: path.to_owned(),
-        name: "RTKLIB".to_owned(),
-        fixes: rows.filter_map(|row| fix(&names, row)).collect(),
-    };
+    let fixes = rows.filter_map(|row| fix(&names, row)).collect();
+    let receiver = Receiver::new(path, "RTKLIB", fixes);
     Ok(Recording::of(Vec::new(), vec![receiver]))
 }
 

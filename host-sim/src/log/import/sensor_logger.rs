@@ -4,7 +4,7 @@
 use std::fs::File;
 use std::path::Path;
 
-use ins_core::{FixSigma, GnssFix, ImuOutput, Time};
+use ins_core::{FixSigma, GnssFix, Time};
 use nalgebra::Vector3;
 use tempfile::TempDir;
 use zip::ZipArchive;
@@ -60,23 +60,13 @@ pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
 
 fn tables(path: &Path) -> Result<Recording, LogError> {
     let gyro = vectors(&path.join("Gyroscope.csv"))?;
-    let imu = Imu {
-        path: path.join("Gyroscope.csv"),
-        name: "phone".to_owned(),
-        axes: BodyAxes::Rfu,
-        output: ImuOutput::Rates,
-        samples: joined(&gyro, &force(path)?, BodyAxes::Rfu),
-    };
+    let samples = joined(&gyro, &force(path)?, BodyAxes::Rfu);
+    let imu = Imu::of_rates(&path.join("Gyroscope.csv"), "phone", BodyAxes::Rfu, samples);
     let location = path.join("Location.csv");
-    let receivers = if location.is_file() {
-        vec![Receiver {
-            fixes: fixes(&location)?,
-            path: location,
-            name: "phone".to_owned(),
-        }]
-    } else {
-        Vec::new()
-    };
+    let mut receivers = Vec::new();
+    if location.is_file() {
+        receivers.push(Receiver::new(&location, "phone", fixes(&location)?));
+    }
     Ok(Recording::of(vec![imu], receivers))
 }
 

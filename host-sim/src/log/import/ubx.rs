@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use ins_core::{FixSigma, GnssFix, ImuOutput, Time};
+use ins_core::{FixSigma, GnssFix, Time};
 use nalgebra::{Vector2, Vector3};
 
 use super::recording::{Imu, Receiver, Recording, Stamped, bytes, degrees, joined, stated};
@@ -93,13 +93,8 @@ impl Ubx {
             return;
         };
         let int = |at: usize| {
-            let bytes = [
-                payload[at],
-                payload[at + 1],
-                payload[at + 2],
-                payload[at + 3],
-            ];
-            f64::from(i32::from_le_bytes(bytes))
+            let bytes = payload[at..].first_chunk().expect("within the payload");
+            f64::from(i32::from_le_bytes(*bytes))
         };
         let (kind, fixed) = (payload[20], payload[21] & 1 == 1);
         let week_s = 1e-3 * int(0);
@@ -148,22 +143,12 @@ impl Ubx {
     }
 
     fn recording(self, path: &Path) -> Recording {
-        let imus = [("ESF-RAW", self.raw), ("ESF-MEAS", self.meas)].map(|(name, tags)| Imu {
-            path: path.to_owned(),
-            name: name.to_owned(),
-            axes: BodyAxes::Frd,
-            output: ImuOutput::Rates,
-            samples: joined(
-                &tags.stamped(&tags.gyro),
-                &tags.stamped(&tags.accel),
-                BodyAxes::Frd,
-            ),
+        let imus = [("ESF-RAW", self.raw), ("ESF-MEAS", self.meas)].map(|(name, tags)| {
+            let (gyro, accel) = (tags.stamped(&tags.gyro), tags.stamped(&tags.accel));
+            let samples = joined(&gyro, &accel, BodyAxes::Frd);
+            Imu::of_rates(path, name, BodyAxes::Frd, samples)
         });
-        let receiver = Receiver {
-            path: path.to_owned(),
-            name: "NAV-PVT".to_owned(),
-            fixes: self.fixes,
-        };
+        let receiver = Receiver::new(path, "NAV-PVT", self.fixes);
         Recording::of(imus.into(), vec![receiver])
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
-use ins_core::{FixSigma, GnssFix, ImuOutput, Time};
+use ins_core::{FixSigma, GnssFix, Time};
 use nalgebra::{Vector2, Vector3};
 use px4_ulog::full_parser::{MultiId, ParsedData, SomeVec, read_file};
 use px4_ulog::stream_parser::{
@@ -26,13 +26,8 @@ pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
     let log = Ulog(read_file(name).map_err(|e| unreadable(path, &e))?);
     let mut imus = Vec::new();
     let mut push = |name: String, gyro: Vec<Stamped>, accel: Vec<Stamped>| {
-        imus.push(Imu {
-            path: path.to_owned(),
-            name,
-            axes: BodyAxes::Frd,
-            output: ImuOutput::Rates,
-            samples: joined(&gyro, &accel, BodyAxes::Frd),
-        });
+        let samples = joined(&gyro, &accel, BodyAxes::Frd);
+        imus.push(Imu::of_rates(path, name, BodyAxes::Frd, samples));
     };
     if let Some(topic) = log.topic("sensor_combined", 0) {
         let time = topic.stamps();
@@ -64,11 +59,8 @@ pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
     for message in ["vehicle_gps_position", "sensor_gps"] {
         for instance in 0..4 {
             if let Some(topic) = log.topic(message, instance) {
-                receivers.push(Receiver {
-                    path: path.to_owned(),
-                    name: format!("{message} {instance}"),
-                    fixes: topic.fixes(),
-                });
+                let name = format!("{message} {instance}");
+                receivers.push(Receiver::new(path, name, topic.fixes()));
             }
         }
     }

@@ -9,7 +9,7 @@ use super::{Check, QUANTITIES, Results, Row, Spread};
 use crate::page::number::to_second_digit_of;
 use crate::page::plot::{BLUE, Mark, ORANGE, Plot};
 use crate::page::sheet::{self, Panel, key};
-use crate::page::table::{Table, cells};
+use crate::page::table::{Table, heads};
 use crate::page::{self, output};
 
 /// Names of the files; the first marks the folder as ours.
@@ -96,15 +96,8 @@ fn capital(text: &str) -> String {
 impl Results {
     /// A row for each quantity.
     pub(crate) fn table(&self) -> Table {
-        let header = cells([
-            "",
-            "RMS error",
-            "RMS sigma",
-            "within 1 sigma",
-            "settled after",
-            "limit",
-            "goal",
-        ]);
+        let header =
+            heads("| RMS error | RMS sigma | within 1 sigma | settled after | limit | goal");
         let limits = self.study.has_limits();
         let rows = self.quantities.iter().map(|row| row.cells(limits));
         Table::new("", header, rows.collect())

@@ -3,7 +3,7 @@
 use std::io::Write;
 
 use super::statistics::{Beside, Results, Row, Totals};
-use crate::page::table::{Table, cells};
+use crate::page::table::{Table, heads};
 use crate::sim::Grade;
 
 /// Quantities that are named as worst.
@@ -45,23 +45,10 @@ pub fn totals(results: &[Results]) -> Vec<Totals> {
 
 /// A row for each kind.
 pub(crate) fn overview_table(results: &[Results]) -> Table {
-    let header = cells([
-        "kind",
-        "class",
-        "use",
-        "runs",
-        "never",
-        "no solution",
-        "first, s",
-        "honest",
-        "wrong and sure",
-        "worst error/sigma",
-        "",
-        "Kalman lost",
-        "near Kalman",
-        "worst over Kalman",
-        "",
-    ]);
+    let header = heads(
+        "kind | class | use | runs | never | no solution | first, s | honest | wrong and sure \
+         | worst error/sigma |  | Kalman lost | near Kalman | worst over Kalman |",
+    );
     Table::new("", header, results.iter().map(overview_row).collect())
 }
 
@@ -95,21 +82,10 @@ fn overview_row(result: &Results) -> Vec<String> {
 
 /// A row for each group.
 pub(crate) fn totals_table(totals: &[Totals]) -> Table {
-    let header = cells([
-        "",
-        "kinds",
-        "all honest",
-        "quantities",
-        "honest",
-        "sure",
-        "wrong and sure",
-        "per 1000",
-        "never",
-        "no solution",
-        "near Kalman",
-        "over Kalman",
-        "Kalman lost",
-    ]);
+    let header = heads(
+        "| kinds | all honest | quantities | honest | sure | wrong and sure | per 1000 | never \
+         | no solution | near Kalman | over Kalman | Kalman lost",
+    );
     let rows = totals
         .iter()
         .map(|total| {
@@ -140,17 +116,10 @@ pub(crate) fn worst_table(results: &[Results]) -> Option<Table> {
     let mut all: Vec<_> = results.iter().flat_map(each).collect();
     all.sort_by(|a, b| f64::total_cmp(&b.2, &a.2));
     all.truncate(WORST);
-    let header = cells([
-        "worst over Kalman",
-        "class",
-        "use",
-        "",
-        "unit",
-        "RMS error",
-        "Kalman",
-        "its error/sigma",
-        "over Kalman",
-    ]);
+    let header = heads(
+        "worst over Kalman | class | use |  | unit | RMS error | Kalman | its error/sigma \
+         | over Kalman",
+    );
     let rows = all.iter().map(|(result, row, _)| {
         let mut cells = names(result).to_vec();
         cells.extend([row.quantity.name, row.quantity.unit].map(str::to_owned));
@@ -164,20 +133,10 @@ pub(crate) fn worst_table(results: &[Results]) -> Option<Table> {
 }
 
 fn kind(result: &Results) -> String {
-    let header = cells([
-        "",
-        "unit",
-        "RMS error",
-        "RMS sigma",
-        "error/sigma",
-        "within 1",
-        "within 3",
-        "observable",
-        "wrong and sure",
-        "Kalman",
-        "its error/sigma",
-        "over Kalman",
-    ]);
+    let header = heads(
+        "| unit | RMS error | RMS sigma | error/sigma | within 1 | within 3 | observable \
+         | wrong and sure | Kalman | its error/sigma | over Kalman",
+    );
     let table = Table::new("", header, result.rows.iter().map(kind_row).collect());
     format!(
         "{}, {}: {}\n{}",
@@ -218,24 +177,10 @@ fn beside_cells(beside: &Beside) -> [String; 3] {
 /// Every kind and quantity, for programs.
 pub fn write_rows(results: &[Results], to: impl Write) -> csv::Result<()> {
     let mut table = csv::Writer::from_writer(to);
-    table.write_record([
-        "kind",
-        "class",
-        "use",
-        "quantity",
-        "unit",
-        "checks",
-        "rms_error",
-        "rms_sigma",
-        "rms_error_over_sigma",
-        "observable",
-        "wrong_and_sure",
-        "compared_runs",
-        "compared_rms_error",
-        "kalman_rms_error",
-        "kalman_rms_error_over_sigma",
-        "over_kalman",
-    ])?;
+    let header = "kind,class,use,quantity,unit,checks,rms_error,rms_sigma,rms_error_over_sigma,\
+                  observable,wrong_and_sure,compared_runs,compared_rms_error,kalman_rms_error,\
+                  kalman_rms_error_over_sigma,over_kalman";
+    table.write_record(header.split(','))?;
     let number = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.6e}"));
     for result in results {
         for row in &result.rows {

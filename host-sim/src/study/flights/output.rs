@@ -9,7 +9,7 @@ use super::run::{BIASES_DEG_H, Run, WALKS_DEG_SQRT_H};
 use super::schuler::{Oscillation, Point};
 use super::summary::{End, NAMES, Summary, THESIS_KM, Walk};
 use crate::page::plot::{BLUE, GREEN, GREY, Mark, ORANGE, Plot, padded};
-use crate::page::table::{Table, cells};
+use crate::page::table::{Table, heads};
 use crate::page::{self, output};
 
 /// File name of the summary; marks the folder as ours.
@@ -179,7 +179,7 @@ fn ends(summary: &Summary) -> Table {
     };
     Table {
         title: "Horizontal error at the end:".to_owned(),
-        header: cells(["", "RMS, km", "95 %", "median, km", "RMS, m/s"]),
+        header: heads("| RMS, km | 95 % | median, km | RMS, m/s"),
         rows: vec![
             row("estimates applied", &summary.with_estimates),
             row(
@@ -194,7 +194,7 @@ fn ends(summary: &Summary) -> Table {
 }
 
 fn grid(summary: &Summary) -> Table {
-    let mut header = cells(["random walk, deg/sqrt(h)"]);
+    let mut header = heads("random walk, deg/sqrt(h)");
     header.extend(BIASES_DEG_H.map(|bias| format!("bias {bias} deg/h")));
     let row = |(row, walk): (usize, &Walk)| {
         let of_walk = (summary.grid.iter().skip(row)).step_by(WALKS_DEG_SQRT_H.len());
@@ -228,12 +228,7 @@ fn walks(summary: &Summary) -> Table {
         title: format!(
             "The random walk alone, and the bias that it leaves room for within {THESIS_KM} km:"
         ),
-        header: cells([
-            "random walk, deg/sqrt(h)",
-            "flown, km",
-            "linear model, km",
-            "bias, deg/h",
-        ]),
+        header: heads("random walk, deg/sqrt(h) | flown, km | linear model, km | bias, deg/h"),
         rows: summary.walks.iter().map(row).collect(),
     }
 }
@@ -264,7 +259,7 @@ fn models(summary: &Summary) -> Table {
              oscillation ({:.2} min by 2 pi sqrt(R/g)):",
             schuler.period_min
         ),
-        header: cells(["", "INS", "(1)-(2)", "with the frame's rotation"]),
+        header: heads("| INS | (1)-(2) | with the frame's rotation"),
         rows: vec![
             percent(
                 "free parts, estimates applied",

@@ -9,7 +9,7 @@ use crate::aircraft::cessna172;
 use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::flight::{Flight, FlightError};
 use crate::aircraft::input::InputError;
-use crate::aircraft::plan::{Leg, Path2d, Plan};
+use crate::aircraft::plan::{Leg, Path2d, Plan, at};
 use crate::sim::ideal::displaced;
 use crate::sim::noise::Random;
 
@@ -74,20 +74,9 @@ fn turned(plan: &Plan, angle_rad: f64) -> Plan {
     let heading = |heading_rad: f64| wrap_pi(heading_rad + angle_rad);
     let start = plan.start.position;
     let path = |leg: &Leg| match leg.path {
-        Path2d::To {
-            latitude_rad,
-            longitude_rad,
-        } => {
-            let to = ins_core::earth::Geodetic {
-                latitude_rad,
-                longitude_rad,
-                height_m: start.height_m,
-            };
-            let to = displaced(&start, &(rotation * to.enu_from(&start)));
-            Path2d::To {
-                latitude_rad: to.latitude_rad,
-                longitude_rad: to.longitude_rad,
-            }
+        Path2d::To(place) => {
+            let to = at(place, start.height_m).enu_from(&start);
+            Path2d::To(displaced(&start, &(rotation * to)).lat_lon())
         }
         Path2d::Heading {
             heading_rad,

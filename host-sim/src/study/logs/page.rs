@@ -9,7 +9,7 @@ use super::{LogStudy, Study, methods};
 use crate::compare::outage::OUTAGE_S;
 use crate::identify::halves::{self, Difference};
 use crate::page::digits;
-use crate::page::table::{Table, cells};
+use crate::page::table::{Table, cells, heads};
 
 /// All tables.
 pub fn plain(study: &Study) -> String {
@@ -136,7 +136,7 @@ const HALVES: [&str; 7] = [
 ];
 
 fn halves_table(study: &Study) -> Table {
-    let mut header = cells(["", "n", "RMS", "plain", ">3", ">4"]);
+    let mut header = heads("| n | RMS | plain | >3 | >4");
     header.extend(cells(HALVES));
     let log = |log: &LogStudy| {
         let halves = log.halves.as_ref()?;
@@ -152,7 +152,7 @@ fn halves_table(study: &Study) -> Table {
 }
 
 fn methods_table(study: &Study) -> Table {
-    let header = cells(["", "n", "RMS", "plain", ">3", ">4", "beyond 3"]);
+    let header = heads("| n | RMS | plain | >3 | >4 | beyond 3");
     let mut names: Vec<&String> = Vec::new();
     for (name, _) in study.summaries.iter().flat_map(|summary| &summary.methods) {
         if !names.contains(&name) {
@@ -185,15 +185,7 @@ fn beyond(differences: &[Difference]) -> String {
 }
 
 fn outages_table(study: &Study) -> Table {
-    let header = cells([
-        "",
-        "outages",
-        "core",
-        "Kalman",
-        "fusion-nav",
-        "core/Kalman",
-        "core/better",
-    ]);
+    let header = heads("| outages | core | Kalman | fusion-nav | core/Kalman | core/better");
     let log = |log: &LogStudy| {
         let outages = log.outages.as_ref()?;
         let metres = |value: f64| digits(value, value);
@@ -222,7 +214,7 @@ fn outages_table(study: &Study) -> Table {
 }
 
 fn free_table(study: &Study) -> Table {
-    let header = cells(["", "before", "after", ""]);
+    let header = heads("| before | after |");
     let log = |log: &LogStudy| {
         let free = log.free?;
         let verdict = match (free.observable, free.after_mps < free.before_mps) {
@@ -245,18 +237,7 @@ fn free_table(study: &Study) -> Table {
 }
 
 fn without_table(study: &Study) -> Table {
-    let header = cells([
-        "",
-        "n",
-        "RMS",
-        "plain",
-        ">3",
-        ">4",
-        "halves RMS",
-        "plain",
-        ">3",
-        "drift ratio",
-    ]);
+    let header = heads("| n | RMS | plain | >3 | >4 | halves RMS | plain | >3 | drift ratio");
     let mut rows = Vec::new();
     for summary in study.summaries.iter().filter(|summary| summary.logs > 0) {
         let role = match summary.role {

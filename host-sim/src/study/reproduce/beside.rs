@@ -76,7 +76,7 @@ impl<'a> Run<'a> {
     fn new(log: &'a Log, config: Config, noise: Noise) -> Result<Self, ConfigError> {
         let (core, end) = record(log, config, &ProgressBar::hidden(), |_, _| {})?;
         let drift_radps = end.estimates.gyro_bias_radps[2].value;
-        let first = log.imu.first().map_or(Time::default(), |s| s.time);
+        let first = log.start();
         let mut kept_rad = Vec::new();
         record(log, open(config), &ProgressBar::hidden(), |ins, time| {
             let turned_rad = drift_radps * time.seconds_since(first);
@@ -98,7 +98,7 @@ impl<'a> Run<'a> {
     }
 
     fn course(&self, seen: impl Fn(&Point, f64) -> Option<Seen>) -> Course {
-        let first = self.log.imu.first().map_or(Time::default(), |s| s.time);
+        let first = self.log.start();
         self.tracks.each_ref().map(|track| {
             let seen = |point| seen(point, point.time.seconds_since(first));
             track.iter().filter_map(seen).collect()

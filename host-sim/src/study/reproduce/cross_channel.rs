@@ -46,12 +46,7 @@ pub(super) fn figure_5(drives: &[Drive]) -> Part {
         ],
         svg: Some(picture(first)),
         csv: csv(
-            &[
-                "time_s",
-                "given_mps",
-                "compensated_mps",
-                "true_attitude_mps",
-            ],
+            "time_s,given_mps,compensated_mps,true_attitude_mps",
             first.iter().map(|gain| {
                 let [given, compensated, exact] = gain.across_mps;
                 vec![gain.end_s, given, compensated, exact]

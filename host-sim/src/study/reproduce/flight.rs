@@ -77,7 +77,7 @@ pub(super) fn hour(settings: &Settings, route: &Route, class: &ErrorModel) -> Re
         numbers: vec![number(walk, 0), number(GOOD_WALK_DEG_SQRT_H, 1)],
         svg: Some(picture(&growths, walk)),
         csv: csv(
-            &["minute", "rms_km", "rms_small_walk_km"],
+            "minute,rms_km,rms_small_walk_km",
             (1..)
                 .zip(growths[0].iter().zip(&growths[1]))
                 .map(|(minute, (a, b))| vec![f64::from(minute), *a, *b]),

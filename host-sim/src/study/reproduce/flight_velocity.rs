@@ -105,15 +105,8 @@ fn data(moments: &[Moment]) -> String {
         row
     });
     csv(
-        &[
-            "time_s",
-            "gnss_east_mps",
-            "gnss_north_mps",
-            "ins_east_mps",
-            "ins_north_mps",
-            "ins_error_east_mps",
-            "ins_error_north_mps",
-        ],
+        "time_s,gnss_east_mps,gnss_north_mps,ins_east_mps,ins_north_mps,ins_error_east_mps,\
+         ins_error_north_mps",
         rows,
     )
 }

@@ -153,13 +153,7 @@ fn data(drive: &Drive, velocities: &Velocities) -> String {
     let after = thinned(drive, &velocities.history);
     let rows = thinned(drive, &velocities.as_read).zip(after);
     csv(
-        &[
-            "time_s",
-            "east_as_read_mps",
-            "north_as_read_mps",
-            "east_after_mps",
-            "north_after_mps",
-        ],
+        "time_s,east_as_read_mps,north_as_read_mps,east_after_mps,north_after_mps",
         rows.map(|((t, before), (_, after))| vec![t, before.x, before.y, after.x, after.y]),
     )
 }

@@ -9,7 +9,7 @@ use super::{Number, Part, Reproduction};
 use crate::page::digits;
 use crate::page::html::fill;
 use crate::page::output;
-use crate::page::table::{Table, cells};
+use crate::page::table::{Table, heads};
 
 /// Name of the file that marks the folder as ours.
 pub const JSON: &str = "reproduce.json";
@@ -81,7 +81,7 @@ impl Reproduction {
                 cells
             })
         });
-        let header = cells(["of the thesis", "what", "thesis", "ours", "ratio"]);
+        let header = heads("of the thesis | what | thesis | ours | ratio");
         Table::new("", header, rows.collect())
     }
 }

@@ -82,8 +82,8 @@ impl Number {
 }
 
 /// Comma-separated text: names, then rows of numbers.
-pub(super) fn csv(header: &[&str], rows: impl Iterator<Item = Vec<f64>>) -> String {
-    let mut text = header.join(",") + "\n";
+pub(super) fn csv(header: &str, rows: impl Iterator<Item = Vec<f64>>) -> String {
+    let mut text = format!("{header}\n");
     for row in rows {
         let cells: Vec<String> = row.iter().map(|value| format!("{value:.6}")).collect();
         text += &cells.join(",");

@@ -162,15 +162,8 @@ fn data(unit: &[Errors; 3]) -> String {
             row
         });
     csv(
-        &[
-            "time_s",
-            "rest_east_mps",
-            "rest_north_mps",
-            "car_east_mps",
-            "car_north_mps",
-            "aircraft_east_mps",
-            "aircraft_north_mps",
-        ],
+        "time_s,rest_east_mps,rest_north_mps,car_east_mps,car_north_mps,aircraft_east_mps,\
+         aircraft_north_mps",
         rows,
     )
 }

@@ -2,7 +2,7 @@
 
 use ins_core::ImuOutput;
 
-use super::kind::{BOTH, Kind, MEMS, develop};
+use super::kind::{BOTH, Kind, MEMS, kinds};
 use super::shakes;
 use crate::sim::boat::Anchored;
 use crate::sim::errors::Outage;
@@ -11,356 +11,174 @@ use crate::sim::receiver::{Outliers, Stated, Up, Wrong};
 use crate::sim::shaken::When;
 use crate::study::conditions::Vehicle;
 
-pub static KINDS: &[Kind] = &[
-    develop(
-        "plain",
-        BOTH,
-        15.0,
-        "car, white noise, nothing wrong",
-        |_| {},
-    ),
+kinds! { judge: false,
+    "plain", BOTH, 15.0, "car, white noise, nothing wrong" => |_| {};
     // --- receivers ---
-    develop(
-        "coloured_velocity",
-        BOTH,
-        15.0,
-        "velocity noise of 0.05 m/s over 2 s beside 0.01 m/s white, no sigma stated",
-        |w| {
-            w.velocity_noise(0.01, 0.05, 2.0);
-            w.position_noise(0.3, 1.0, 60.0);
-            w.habits().stated = Stated::Nothing;
-        },
-    ),
-    develop(
-        "smoothed",
-        BOTH,
-        15.0,
-        "receiver smooths position and velocity over 0.3 s, 5 Hz",
-        |w| {
-            w.errors.gnss.rate_hz = 5.0;
-            w.habits().smoothing_s = 0.3;
-        },
-    ),
-    develop(
-        "slow_fixes",
-        MEMS,
-        15.0,
-        "1 Hz, correlated position noise",
-        |w| {
-            w.errors.gnss.rate_hz = 1.0;
-            w.velocity_noise(0.05, 0.03, 3.0);
-            w.position_noise(1.0, 2.0, 100.0);
-        },
-    ),
-    develop(
-        "no_vertical_velocity",
-        BOTH,
-        15.0,
-        "position, height and level velocity alone (NMEA)",
-        |w| w.habits().up = Up::Missing,
-    ),
-    develop(
-        "vertical_velocity_zero",
-        MEMS,
-        12.0,
-        "vertical velocity written as zero, height true, on hills",
-        |w| w.habits().up = Up::Zero,
-    ),
-    develop(
-        "positions_alone",
-        BOTH,
-        15.0,
-        "no velocity at all, positions good to 1 m white at 5 Hz",
-        |w| {
-            w.errors.gnss.rate_hz = 5.0;
-            w.habits().gives_velocity = false;
-        },
-    ),
-    develop(
-        "no_height",
-        MEMS,
-        12.0,
-        "position without height, velocity with its vertical part",
-        |w| w.habits().gives_height = false,
-    ),
-    develop(
-        "velocity_alone",
-        BOTH,
-        12.0,
-        "velocity in three axes, positions and heights in the first minute alone",
-        |w| w.trouble(&[60.0], w.duration_s(), Wrong::NoPosition),
-    ),
-    develop("late_stamps", BOTH, 12.0, "latency of 0.6 to 1 s", |w| {
+    "coloured_velocity", BOTH, 15.0,
+    "velocity noise of 0.05 m/s over 2 s beside 0.01 m/s white, no sigma stated" => |w| {
+        w.velocity_noise(0.01, 0.05, 2.0);
+        w.position_noise(0.3, 1.0, 60.0);
+        w.habits().stated = Stated::Nothing;
+    };
+    "smoothed", BOTH, 15.0, "receiver smooths position and velocity over 0.3 s, 5 Hz" => |w| {
+        w.errors.gnss.rate_hz = 5.0;
+        w.habits().smoothing_s = 0.3;
+    };
+    "slow_fixes", MEMS, 15.0, "1 Hz, correlated position noise" => |w| {
+        w.errors.gnss.rate_hz = 1.0;
+        w.velocity_noise(0.05, 0.03, 3.0);
+        w.position_noise(1.0, 2.0, 100.0);
+    };
+    "no_vertical_velocity", BOTH, 15.0, "position, height and level velocity alone (NMEA)"
+        => |w| w.habits().up = Up::Missing;
+    "vertical_velocity_zero", MEMS, 12.0,
+    "vertical velocity written as zero, height true, on hills" => |w| w.habits().up = Up::Zero;
+    "positions_alone", BOTH, 15.0,
+    "no velocity at all, positions good to 1 m white at 5 Hz" => |w| {
+        w.errors.gnss.rate_hz = 5.0;
+        w.habits().gives_velocity = false;
+    };
+    "no_height", MEMS, 12.0, "position without height, velocity with its vertical part"
+        => |w| w.habits().gives_height = false;
+    "velocity_alone", BOTH, 12.0,
+    "velocity in three axes, positions and heights in the first minute alone"
+        => |w| w.trouble(&[60.0], w.duration_s(), Wrong::NoPosition);
+    "late_stamps", BOTH, 12.0, "latency of 0.6 to 1 s" => |w| {
         w.errors.gnss.latency_s = [0.6, 1.0];
-    }),
-    develop(
-        "late_arrival",
-        BOTH,
-        12.0,
-        "fixes arrive 0.5 to 0.8 s after their stamps, latency 0.05 to 0.3 s",
-        |w| w.habits().delay_s = [0.5, 0.8],
-    ),
-    develop(
-        "clock_drift",
-        MEMS,
-        15.0,
-        "clocks drift apart by 100 ppm",
-        |w| w.habits().clock_drift = 1e-4 * w.random.sign(),
-    ),
-    develop(
-        "rows_of_zeros",
-        MEMS,
-        12.0,
-        "rows of zeros for 15 s, three or four times a run, and at the start",
-        |w| {
-            let mut times = w.times(60.0, 120.0);
-            times.push(0.0);
-            w.trouble(&times, 15.0, Wrong::Zeros);
-        },
-    ),
-    develop(
-        "logged_four_times",
-        MEMS,
-        12.0,
-        "a fix of 5 Hz logged four times under stamps of its own",
-        |w| {
-            w.errors.gnss.rate_hz = 5.0;
-            w.habits().logged_times = 4;
-        },
-    ),
-    develop(
-        "stuck",
-        MEMS,
-        12.0,
-        "the receiver repeats its last fix for 6 s, every two minutes",
-        |w| {
-            let times = w.times(120.0, 100.0);
-            w.trouble(&times, 6.0, Wrong::Stuck);
-        },
-    ),
-    develop(
-        "zero_velocity_bursts",
-        BOTH,
-        12.0,
-        "zero velocity for 1.2 s at any speed, once or twice a minute",
-        |w| {
-            let times = w.times(100.0, 40.0);
-            w.trouble(&times, 1.2, Wrong::ZeroVelocity);
-        },
-    ),
-    develop(
-        "ten_wrong",
-        BOTH,
-        12.0,
-        "ten fixes in a row off by 20 m/s and 100 m, 20 Hz, every minute or two",
-        |w| {
-            w.errors.gnss.rate_hz = 20.0;
-            for start_s in w.times(100.0, 60.0) {
-                let velocity_mps = w.anywhere(20.0);
-                let position_m = w.anywhere(100.0);
-                let wrong = Wrong::Off {
-                    velocity_mps,
-                    position_m,
-                };
-                w.trouble(&[start_s], 0.5, wrong);
-            }
-        },
-    ),
-    develop(
-        "outliers",
-        BOTH,
-        12.0,
-        "5 % of the fixes off by 2 m/s and 30 m, each by itself",
-        |w| {
-            w.habits().outliers = Outliers {
-                fraction: 0.05,
-                velocity_mps: 2.0,
-                position_m: 30.0,
+    };
+    "late_arrival", BOTH, 12.0,
+    "fixes arrive 0.5 to 0.8 s after their stamps, latency 0.05 to 0.3 s"
+        => |w| w.habits().delay_s = [0.5, 0.8];
+    "clock_drift", MEMS, 15.0, "clocks drift apart by 100 ppm"
+        => |w| w.habits().clock_drift = 1e-4 * w.random.sign();
+    "rows_of_zeros", MEMS, 12.0,
+    "rows of zeros for 15 s, three or four times a run, and at the start" => |w| {
+        let mut times = w.times(60.0, 120.0);
+        times.push(0.0);
+        w.trouble(&times, 15.0, Wrong::Zeros);
+    };
+    "logged_four_times", MEMS, 12.0,
+    "a fix of 5 Hz logged four times under stamps of its own" => |w| {
+        w.errors.gnss.rate_hz = 5.0;
+        w.habits().logged_times = 4;
+    };
+    "stuck", MEMS, 12.0, "the receiver repeats its last fix for 6 s, every two minutes" => |w| {
+        let times = w.times(120.0, 100.0);
+        w.trouble(&times, 6.0, Wrong::Stuck);
+    };
+    "zero_velocity_bursts", BOTH, 12.0,
+    "zero velocity for 1.2 s at any speed, once or twice a minute" => |w| {
+        let times = w.times(100.0, 40.0);
+        w.trouble(&times, 1.2, Wrong::ZeroVelocity);
+    };
+    "ten_wrong", BOTH, 12.0,
+    "ten fixes in a row off by 20 m/s and 100 m, 20 Hz, every minute or two" => |w| {
+        w.errors.gnss.rate_hz = 20.0;
+        for start_s in w.times(100.0, 60.0) {
+            let velocity_mps = w.anywhere(20.0);
+            let position_m = w.anywhere(100.0);
+            let wrong = Wrong::Off {
+                velocity_mps,
+                position_m,
             };
-        },
-    ),
-    develop(
-        "multipath",
-        MEMS,
-        15.0,
-        "position wanders by 6 m over 60 s, velocity by 0.2 m/s over 5 s, white parts stated",
-        |w| {
-            w.errors.gnss.rate_hz = 5.0;
-            w.velocity_noise(0.05, 0.2, 5.0);
-            w.position_noise(0.5, 6.0, 60.0);
-        },
-    ),
-    develop(
-        "outages",
-        BOTH,
-        15.0,
-        "a minute without fixes, every three or four",
-        |w| {
-            let times = w.times(150.0, 150.0);
-            w.outages(&times, 60.0);
-        },
-    ),
-    develop(
-        "antenna_away",
-        BOTH,
-        15.0,
-        "antenna up to 3 m away and 2 m above or below, body that leans twice as far",
-        |w| {
-            w.antenna_within([1.5, 3.0, 2.0]);
-            w.vehicle = Vehicle::Car {
-                rest_s: Some([30.0, 60.0]),
-                lean: 2.0,
-            };
-        },
-    ),
+            w.trouble(&[start_s], 0.5, wrong);
+        }
+    };
+    "outliers", BOTH, 12.0, "5 % of the fixes off by 2 m/s and 30 m, each by itself" => |w| {
+        w.habits().outliers = Outliers {
+            fraction: 0.05,
+            velocity_mps: 2.0,
+            position_m: 30.0,
+        };
+    };
+    "multipath", MEMS, 15.0,
+    "position wanders by 6 m over 60 s, velocity by 0.2 m/s over 5 s, white parts stated" => |w| {
+        w.errors.gnss.rate_hz = 5.0;
+        w.velocity_noise(0.05, 0.2, 5.0);
+        w.position_noise(0.5, 6.0, 60.0);
+    };
+    "outages", BOTH, 15.0, "a minute without fixes, every three or four" => |w| {
+        let times = w.times(150.0, 150.0);
+        w.outages(&times, 60.0);
+    };
+    "antenna_away", BOTH, 15.0,
+    "antenna up to 3 m away and 2 m above or below, body that leans twice as far" => |w| {
+        w.antenna_within([1.5, 3.0, 2.0]);
+        w.vehicle = Vehicle::Car {
+            rest_s: Some([30.0, 60.0]),
+            lean: 2.0,
+        };
+    };
     // --- units and mounts ---
-    develop(
-        "tilted_mount",
-        BOTH,
-        15.0,
-        "unit turned by 5 to 45 deg about any axis",
-        |w| w.tilt_mount([5.0, 45.0]),
-    ),
-    develop(
-        "misaligned",
-        MEMS,
-        15.0,
-        "axes of gyros and accelerometers off by 5 mrad",
-        |w| {
-            w.errors.gyro_deg_h.misalignment_sigma = 0.005;
-            w.errors.accel_mps2.misalignment_sigma = 0.005;
-        },
-    ),
-    develop(
-        "noisy_gyros",
-        MEMS,
-        15.0,
-        "gyros x and y five times as noisy as z, accelerometers y and z six times as x",
-        |w| {
-            w.errors.gyro_deg_h.noise_times = [8.0, 8.0, 1.6];
-            w.errors.accel_mps2.noise_times = [2.0, 12.0, 12.0];
-        },
-    ),
-    develop(
-        "biased_start",
-        MEMS,
-        12.0,
-        "gyro biases of 3 deg/s, begins in motion",
-        |w| {
-            w.errors.gyro_deg_h.bias = crate::sim::errors::BiasModel::drifting(10_800.0, 40.0);
-            w.vehicle = Vehicle::Car {
-                rest_s: None,
-                lean: 1.0,
-            };
-        },
-    ),
-    develop(
-        "inertial_hole",
-        BOTH,
-        12.0,
-        "0.6 s without inertial samples, once, somewhere in the middle",
-        |w| {
-            let start_s = w.random.uniform([0.4, 0.7]) * w.duration_s();
-            w.errors.imu.holes.push(Outage {
-                start_s,
-                duration_s: 0.6,
-            });
-        },
-    ),
-    develop(
-        "jittered_increments",
-        BOTH,
-        12.0,
-        "increments under stamps off by up to 3 ms",
-        |w| {
-            w.errors.imu.output = ImuOutput::Increments;
-            w.errors.imu.stamp_jitter_s = 0.003;
-        },
-    ),
-    develop(
-        "few_samples",
-        MEMS,
-        12.0,
-        "inertial samples at 25 Hz",
-        |w| w.imu_hz = 25.0,
-    ),
+    "tilted_mount", BOTH, 15.0, "unit turned by 5 to 45 deg about any axis"
+        => |w| w.tilt_mount([5.0, 45.0]);
+    "misaligned", MEMS, 15.0, "axes of gyros and accelerometers off by 5 mrad" => |w| {
+        w.errors.gyro_deg_h.misalignment_sigma = 0.005;
+        w.errors.accel_mps2.misalignment_sigma = 0.005;
+    };
+    "noisy_gyros", MEMS, 15.0,
+    "gyros x and y five times as noisy as z, accelerometers y and z six times as x" => |w| {
+        w.errors.gyro_deg_h.noise_times = [8.0, 8.0, 1.6];
+        w.errors.accel_mps2.noise_times = [2.0, 12.0, 12.0];
+    };
+    "biased_start", MEMS, 12.0, "gyro biases of 3 deg/s, begins in motion" => |w| {
+        w.errors.gyro_deg_h.bias = crate::sim::errors::BiasModel::drifting(10_800.0, 40.0);
+        w.vehicle = Vehicle::Car {
+            rest_s: None,
+            lean: 1.0,
+        };
+    };
+    "inertial_hole", BOTH, 12.0,
+    "0.6 s without inertial samples, once, somewhere in the middle" => |w| {
+        let start_s = w.random.uniform([0.4, 0.7]) * w.duration_s();
+        w.errors.imu.holes.push(Outage {
+            start_s,
+            duration_s: 0.6,
+        });
+    };
+    "jittered_increments", BOTH, 12.0, "increments under stamps off by up to 3 ms" => |w| {
+        w.errors.imu.output = ImuOutput::Increments;
+        w.errors.imu.stamp_jitter_s = 0.003;
+    };
+    "few_samples", MEMS, 12.0, "inertial samples at 25 Hz" => |w| w.imu_hz = 25.0;
     // --- vehicles ---
-    develop(
-        "velocity_swing",
-        BOTH,
-        12.0,
-        "velocity swings by 0.05 m/s at 8.7 Hz",
-        |w| w.shakes.push(shakes::velocity_at(8.7, 0.05)),
-    ),
-    develop(
-        "truck",
-        BOTH,
-        15.0,
-        "idles at 28 Hz with 1.5 m/s^2 and rocks by 0.2 deg while it stands",
-        |w| {
-            w.shakes.push(shakes::engine(When::Always, 28.0, 1.5, 0.05));
-            w.shakes.push(shakes::sway(1.1, 0.2));
-        },
-    ),
-    develop(
-        "boat",
-        BOTH,
-        20.0,
-        "swings at anchor by 0.3 deg/s to and fro in 4 min, then sails",
-        |w| {
-            w.vehicle = Vehicle::Boat(Anchored {
-                until_s: 300.0,
-                period_s: 240.0,
-                peak_radps: 0.3_f64.to_radians(),
-            });
-            w.shakes.push(shakes::waves(4.0, 2.0, 0.1));
-        },
-    ),
-    develop(
-        "quadrotor",
-        MEMS,
-        12.0,
-        "small quick manoeuvres, 5 Hz, motors shake the unit",
-        |w| {
-            w.vehicle = Vehicle::Quadrotor {
-                ground_s: Some(20.0),
-            };
-            w.errors.gnss.rate_hz = 5.0;
-            w.velocity_noise(0.05, 0.05, 1.0);
-            w.position_noise(0.5, 1.5, 60.0);
-            w.shakes.push(shakes::engine(When::Always, 87.0, 3.0, 0.1));
-        },
-    ),
-    develop(
-        "steep_banks",
-        BOTH,
-        15.0,
-        "fixed wing, banks of 50 to 55 deg, from the ground",
-        |w| {
-            w.fixed_wing([50.0, 55.0], Begin::OnGround, 5.0);
-        },
-    ),
-    develop(
-        "misaligned_in_flight",
-        MEMS,
-        15.0,
-        "fixed wing, banks of 25 to 40 deg, from the ground, axes off by 5 mrad",
-        |w| {
-            w.fixed_wing([25.0, 40.0], Begin::OnGround, 5.0);
-            w.errors.gyro_deg_h.misalignment_sigma = 0.005;
-            w.errors.accel_mps2.misalignment_sigma = 0.005;
-        },
-    ),
-    develop(
-        "pedestrian",
-        MEMS,
-        15.0,
-        "walks at 0.8 to 1.8 m/s, two steps a second",
-        |w| {
-            w.vehicle = Vehicle::Walker { rest_s: 20.0 };
-            w.velocity_noise(0.03, 0.03, 2.0);
-            w.position_noise(0.5, 1.5, 60.0);
-            w.shakes.push(shakes::steps(2.0, 0.2, 4.0));
-        },
-    ),
-];
+    "velocity_swing", BOTH, 12.0, "velocity swings by 0.05 m/s at 8.7 Hz"
+        => |w| w.shakes.push(shakes::velocity_at(8.7, 0.05));
+    "truck", BOTH, 15.0,
+    "idles at 28 Hz with 1.5 m/s^2 and rocks by 0.2 deg while it stands" => |w| {
+        w.shakes.push(shakes::engine(When::Always, 28.0, 1.5, 0.05));
+        w.shakes.push(shakes::sway(1.1, 0.2));
+    };
+    "boat", BOTH, 20.0, "swings at anchor by 0.3 deg/s to and fro in 4 min, then sails" => |w| {
+        w.vehicle = Vehicle::Boat(Anchored {
+            until_s: 300.0,
+            period_s: 240.0,
+            peak_radps: 0.3_f64.to_radians(),
+        });
+        w.shakes.push(shakes::waves(4.0, 2.0, 0.1));
+    };
+    "quadrotor", MEMS, 12.0, "small quick manoeuvres, 5 Hz, motors shake the unit" => |w| {
+        w.vehicle = Vehicle::Quadrotor {
+            ground_s: Some(20.0),
+        };
+        w.errors.gnss.rate_hz = 5.0;
+        w.velocity_noise(0.05, 0.05, 1.0);
+        w.position_noise(0.5, 1.5, 60.0);
+        w.shakes.push(shakes::engine(When::Always, 87.0, 3.0, 0.1));
+    };
+    "steep_banks", BOTH, 15.0, "fixed wing, banks of 50 to 55 deg, from the ground" => |w| {
+        w.fixed_wing([50.0, 55.0], Begin::OnGround, 5.0);
+    };
+    "misaligned_in_flight", MEMS, 15.0,
+    "fixed wing, banks of 25 to 40 deg, from the ground, axes off by 5 mrad" => |w| {
+        w.fixed_wing([25.0, 40.0], Begin::OnGround, 5.0);
+        w.errors.gyro_deg_h.misalignment_sigma = 0.005;
+        w.errors.accel_mps2.misalignment_sigma = 0.005;
+    };
+    "pedestrian", MEMS, 15.0, "walks at 0.8 to 1.8 m/s, two steps a second" => |w| {
+        w.vehicle = Vehicle::Walker { rest_s: 20.0 };
+        w.velocity_noise(0.03, 0.03, 2.0);
+        w.position_noise(0.5, 1.5, 60.0);
+        w.shakes.push(shakes::steps(2.0, 0.2, 4.0));
+    };
+}

@@ -3,7 +3,7 @@
 
 use ins_core::ImuOutput;
 
-use super::kind::{BOTH, Kind, MEMS, judge};
+use super::kind::{BOTH, Kind, MEMS, kinds};
 use super::shakes;
 use crate::sim::boat::Anchored;
 use crate::sim::errors::{BiasModel, Outage};
@@ -17,435 +17,260 @@ const MOVING_CAR: Vehicle = Vehicle::Car {
     lean: 1.0,
 };
 
-pub static KINDS: &[Kind] = &[
-    judge(
-        "five_hertz",
-        BOTH,
-        18.0,
-        "car, white noise at 5 Hz, begins in motion",
-        |w| {
-            w.errors.gnss.rate_hz = 5.0;
-            w.velocity_noise(0.05, 0.0, 1.0);
-            w.vehicle = MOVING_CAR;
-        },
-    ),
+kinds! { judge: true,
+    "five_hertz", BOTH, 18.0, "car, white noise at 5 Hz, begins in motion" => |w| {
+        w.errors.gnss.rate_hz = 5.0;
+        w.velocity_noise(0.05, 0.0, 1.0);
+        w.vehicle = MOVING_CAR;
+    };
     // --- receivers ---
-    judge(
-        "slow_colour",
-        BOTH,
-        18.0,
-        "velocity noise of 0.08 m/s over 6 s beside 0.02 m/s white, which alone is stated",
-        |w| {
-            w.velocity_noise(0.02, 0.08, 6.0);
-            w.position_noise(0.5, 2.0, 120.0);
-        },
-    ),
-    judge(
-        "heavily_smoothed",
-        BOTH,
-        15.0,
-        "receiver smooths over 0.8 s, 4 Hz, no sigma stated",
-        |w| {
-            w.errors.gnss.rate_hz = 4.0;
-            w.errors.gnss.latency_s = [-0.1, 0.1];
-            w.habits().smoothing_s = 0.8;
-            w.habits().stated = Stated::Nothing;
-        },
-    ),
-    judge(
-        "fast_fixes",
-        MEMS,
-        12.0,
-        "25 Hz, noise of 0.04 m/s over 0.5 s beside 0.02 m/s white",
-        |w| {
-            w.errors.gnss.rate_hz = 25.0;
-            w.velocity_noise(0.02, 0.04, 0.5);
-            w.position_noise(0.05, 0.5, 30.0);
-        },
-    ),
-    judge(
-        "nmea",
-        MEMS,
-        18.0,
-        "1 Hz, level velocity and position without sigmas, height wanders by 4 m, begins in motion",
-        |w| {
-            w.errors.gnss.rate_hz = 1.0;
-            w.velocity_noise(0.05, 0.05, 4.0);
-            w.position_noise(0.8, 2.5, 80.0);
-            w.habits().up = Up::Missing;
-            w.habits().stated = Stated::Nothing;
-            w.vehicle = MOVING_CAR;
-        },
-    ),
-    judge(
-        "vertical_velocity_down",
-        BOTH,
-        12.0,
-        "vertical velocity with the sign of down, heights true, fixed wing that climbs",
-        |w| {
-            let bank_rad = [25.0, 40.0].map(f64::to_radians);
-            w.vehicle = Vehicle::Plane {
-                bank_rad,
-                begin: Begin::OnGround,
+    "slow_colour", BOTH, 18.0,
+    "velocity noise of 0.08 m/s over 6 s beside 0.02 m/s white, which alone is stated" => |w| {
+        w.velocity_noise(0.02, 0.08, 6.0);
+        w.position_noise(0.5, 2.0, 120.0);
+    };
+    "heavily_smoothed", BOTH, 15.0, "receiver smooths over 0.8 s, 4 Hz, no sigma stated" => |w| {
+        w.errors.gnss.rate_hz = 4.0;
+        w.errors.gnss.latency_s = [-0.1, 0.1];
+        w.habits().smoothing_s = 0.8;
+        w.habits().stated = Stated::Nothing;
+    };
+    "fast_fixes", MEMS, 12.0, "25 Hz, noise of 0.04 m/s over 0.5 s beside 0.02 m/s white" => |w| {
+        w.errors.gnss.rate_hz = 25.0;
+        w.velocity_noise(0.02, 0.04, 0.5);
+        w.position_noise(0.05, 0.5, 30.0);
+    };
+    "nmea", MEMS, 18.0,
+    "1 Hz, level velocity and position without sigmas, height wanders by 4 m, begins in motion"
+    => |w| {
+        w.errors.gnss.rate_hz = 1.0;
+        w.velocity_noise(0.05, 0.05, 4.0);
+        w.position_noise(0.8, 2.5, 80.0);
+        w.habits().up = Up::Missing;
+        w.habits().stated = Stated::Nothing;
+        w.vehicle = MOVING_CAR;
+    };
+    "vertical_velocity_down", BOTH, 12.0,
+    "vertical velocity with the sign of down, heights true, fixed wing that climbs" => |w| {
+        let bank_rad = [25.0, 40.0].map(f64::to_radians);
+        w.vehicle = Vehicle::Plane {
+            bank_rad,
+            begin: Begin::OnGround,
+        };
+        w.habits().up = Up::Down;
+    };
+    "slow_positions_alone", BOTH, 20.0,
+    "no velocity, positions at 1 Hz that wander by 1.5 m over 40 s" => |w| {
+        w.errors.gnss.rate_hz = 1.0;
+        w.position_noise(0.4, 1.5, 40.0);
+        w.habits().gives_velocity = false;
+        w.habits().stated = Stated::All;
+    };
+    "level_alone", MEMS, 15.0,
+    "level position and level velocity, nothing vertical, unit tilted by 10 to 30 deg" => |w| {
+        w.habits().gives_height = false;
+        w.habits().up = Up::Missing;
+        w.tilt_mount([10.0, 30.0]);
+    };
+    "level_velocity_alone", MEMS, 15.0,
+    "level velocity at 5 Hz, positions and heights in the first 20 s alone" => |w| {
+        w.errors.gnss.rate_hz = 5.0;
+        w.habits().up = Up::Missing;
+        w.trouble(&[20.0], w.duration_s(), Wrong::NoPosition);
+    };
+    "early_stamps", BOTH, 15.0, "latency of -1 to -0.4 s: the inertial stamps are late"
+        => |w| w.errors.gnss.latency_s = [-1.0, -0.4];
+    "late_both", BOTH, 15.0,
+    "latency of 0.7 to 1 s, and arrival 0.2 to 1 s after the stamp" => |w| {
+        w.errors.gnss.latency_s = [0.7, 1.0];
+        w.habits().delay_s = [0.2, 1.0];
+        w.errors.gnss.rate_hz = 5.0;
+    };
+    "fast_clock_drift", MEMS, 15.0,
+    "clocks 0.2 to 0.5 s apart and drifting by 300 ppm, 4 Hz" => |w| {
+        w.errors.gnss.rate_hz = 4.0;
+        w.errors.gnss.latency_s = [0.2, 0.5];
+        w.habits().clock_drift = 3e-4 * w.random.sign();
+    };
+    "zeros_in_outages", MEMS, 15.0,
+    "rows of zeros for 2 to 40 s, six to ten times a run, begins in motion" => |w| {
+        w.vehicle = MOVING_CAR;
+        for start_s in w.times(30.0, 60.0) {
+            let duration_s = w.random.uniform([2.0, 40.0]);
+            w.trouble(&[start_s], duration_s, Wrong::Zeros);
+        }
+    };
+    "logged_twice_and_stuck", MEMS, 15.0,
+    "a fix of 4 Hz logged twice, and repeated for 3 to 12 s every two minutes" => |w| {
+        w.errors.gnss.rate_hz = 4.0;
+        w.habits().logged_times = 2;
+        for start_s in w.times(100.0, 80.0) {
+            let duration_s = w.random.uniform([3.0, 12.0]);
+            w.trouble(&[start_s], duration_s, Wrong::Stuck);
+        }
+    };
+    "wrong_bursts", BOTH, 15.0,
+    "off by 8 m/s or standing for 0.5 to 2 s, 10 Hz, once or twice a minute" => |w| {
+        for start_s in w.times(90.0, 40.0) {
+            let duration_s = w.random.uniform([0.5, 2.0]);
+            let wrong = if w.random.chance(0.5) {
+                Wrong::ZeroVelocity
+            } else {
+                Wrong::Off {
+                    velocity_mps: w.anywhere(8.0),
+                    position_m: [0.0; 3],
+                }
             };
-            w.habits().up = Up::Down;
-        },
-    ),
-    judge(
-        "slow_positions_alone",
-        BOTH,
-        20.0,
-        "no velocity, positions at 1 Hz that wander by 1.5 m over 40 s",
-        |w| {
-            w.errors.gnss.rate_hz = 1.0;
-            w.position_noise(0.4, 1.5, 40.0);
-            w.habits().gives_velocity = false;
-            w.habits().stated = Stated::All;
-        },
-    ),
-    judge(
-        "level_alone",
-        MEMS,
-        15.0,
-        "level position and level velocity, nothing vertical, unit tilted by 10 to 30 deg",
-        |w| {
-            w.habits().gives_height = false;
-            w.habits().up = Up::Missing;
-            w.tilt_mount([10.0, 30.0]);
-        },
-    ),
-    judge(
-        "level_velocity_alone",
-        MEMS,
-        15.0,
-        "level velocity at 5 Hz, positions and heights in the first 20 s alone",
-        |w| {
-            w.errors.gnss.rate_hz = 5.0;
-            w.habits().up = Up::Missing;
-            w.trouble(&[20.0], w.duration_s(), Wrong::NoPosition);
-        },
-    ),
-    judge(
-        "early_stamps",
-        BOTH,
-        15.0,
-        "latency of -1 to -0.4 s: the inertial stamps are late",
-        |w| w.errors.gnss.latency_s = [-1.0, -0.4],
-    ),
-    judge(
-        "late_both",
-        BOTH,
-        15.0,
-        "latency of 0.7 to 1 s, and arrival 0.2 to 1 s after the stamp",
-        |w| {
-            w.errors.gnss.latency_s = [0.7, 1.0];
-            w.habits().delay_s = [0.2, 1.0];
-            w.errors.gnss.rate_hz = 5.0;
-        },
-    ),
-    judge(
-        "fast_clock_drift",
-        MEMS,
-        15.0,
-        "clocks 0.2 to 0.5 s apart and drifting by 300 ppm, 4 Hz",
-        |w| {
-            w.errors.gnss.rate_hz = 4.0;
-            w.errors.gnss.latency_s = [0.2, 0.5];
-            w.habits().clock_drift = 3e-4 * w.random.sign();
-        },
-    ),
-    judge(
-        "zeros_in_outages",
-        MEMS,
-        15.0,
-        "rows of zeros for 2 to 40 s, six to ten times a run, begins in motion",
-        |w| {
-            w.vehicle = MOVING_CAR;
-            for start_s in w.times(30.0, 60.0) {
-                let duration_s = w.random.uniform([2.0, 40.0]);
-                w.trouble(&[start_s], duration_s, Wrong::Zeros);
-            }
-        },
-    ),
-    judge(
-        "logged_twice_and_stuck",
-        MEMS,
-        15.0,
-        "a fix of 4 Hz logged twice, and repeated for 3 to 12 s every two minutes",
-        |w| {
-            w.errors.gnss.rate_hz = 4.0;
-            w.habits().logged_times = 2;
-            for start_s in w.times(100.0, 80.0) {
-                let duration_s = w.random.uniform([3.0, 12.0]);
-                w.trouble(&[start_s], duration_s, Wrong::Stuck);
-            }
-        },
-    ),
-    judge(
-        "wrong_bursts",
-        BOTH,
-        15.0,
-        "off by 8 m/s or standing for 0.5 to 2 s, 10 Hz, once or twice a minute",
-        |w| {
-            for start_s in w.times(90.0, 40.0) {
-                let duration_s = w.random.uniform([0.5, 2.0]);
-                let wrong = if w.random.chance(0.5) {
-                    Wrong::ZeroVelocity
-                } else {
-                    Wrong::Off {
-                        velocity_mps: w.anywhere(8.0),
-                        position_m: [0.0; 3],
-                    }
-                };
-                w.trouble(&[start_s], duration_s, wrong);
-            }
-        },
-    ),
-    judge(
-        "many_outliers",
-        BOTH,
-        15.0,
-        "10 % of the fixes off by 1 m/s and 10 m, 4 Hz",
-        |w| {
-            w.errors.gnss.rate_hz = 4.0;
-            w.habits().outliers = Outliers {
-                fraction: 0.1,
-                velocity_mps: 1.0,
-                position_m: 10.0,
-            };
-        },
-    ),
-    judge(
-        "canyon",
-        MEMS,
-        18.0,
-        "noise eight times as stated for 10 to 60 s at a time, outages of 5 to 20 s, outliers",
-        |w| {
-            w.errors.gnss.rate_hz = 4.0;
-            w.velocity_noise(0.05, 0.05, 3.0);
-            w.position_noise(0.5, 2.0, 60.0);
-            for start_s in w.times(60.0, 60.0) {
-                let duration_s = w.random.uniform([10.0, 60.0]);
-                w.trouble(&[start_s], duration_s, Wrong::Noisy(8.0));
-            }
-            for start_s in w.times(90.0, 90.0) {
-                let duration_s = w.random.uniform([5.0, 20.0]);
-                w.outages(&[start_s], duration_s);
-            }
-            w.habits().outliers = Outliers {
-                fraction: 0.02,
-                velocity_mps: 3.0,
-                position_m: 50.0,
-            };
-        },
-    ),
-    judge(
-        "long_outages",
-        BOTH,
-        18.0,
-        "two minutes without fixes, twice or thrice, begins in motion",
-        |w| {
-            w.vehicle = MOVING_CAR;
-            let times = w.times(240.0, 240.0);
-            w.outages(&times, 120.0);
-        },
-    ),
-    judge(
-        "antenna_on_truck",
-        BOTH,
-        15.0,
-        "antenna up to 3 m away in every axis, 5 Hz, unit tilted by up to 30 deg",
-        |w| {
-            w.errors.gnss.rate_hz = 5.0;
-            w.antenna_within([3.0, 3.0, 3.0]);
-            w.tilt_mount([0.0, 30.0]);
-            w.velocity_noise(0.03, 0.02, 2.0);
-            w.vehicle = Vehicle::Car {
-                rest_s: Some([30.0, 60.0]),
-                lean: 1.5,
-            };
-        },
-    ),
+            w.trouble(&[start_s], duration_s, wrong);
+        }
+    };
+    "many_outliers", BOTH, 15.0, "10 % of the fixes off by 1 m/s and 10 m, 4 Hz" => |w| {
+        w.errors.gnss.rate_hz = 4.0;
+        w.habits().outliers = Outliers {
+            fraction: 0.1,
+            velocity_mps: 1.0,
+            position_m: 10.0,
+        };
+    };
+    "canyon", MEMS, 18.0,
+    "noise eight times as stated for 10 to 60 s at a time, outages of 5 to 20 s, outliers" => |w| {
+        w.errors.gnss.rate_hz = 4.0;
+        w.velocity_noise(0.05, 0.05, 3.0);
+        w.position_noise(0.5, 2.0, 60.0);
+        for start_s in w.times(60.0, 60.0) {
+            let duration_s = w.random.uniform([10.0, 60.0]);
+            w.trouble(&[start_s], duration_s, Wrong::Noisy(8.0));
+        }
+        for start_s in w.times(90.0, 90.0) {
+            let duration_s = w.random.uniform([5.0, 20.0]);
+            w.outages(&[start_s], duration_s);
+        }
+        w.habits().outliers = Outliers {
+            fraction: 0.02,
+            velocity_mps: 3.0,
+            position_m: 50.0,
+        };
+    };
+    "long_outages", BOTH, 18.0,
+    "two minutes without fixes, twice or thrice, begins in motion" => |w| {
+        w.vehicle = MOVING_CAR;
+        let times = w.times(240.0, 240.0);
+        w.outages(&times, 120.0);
+    };
+    "antenna_on_truck", BOTH, 15.0,
+    "antenna up to 3 m away in every axis, 5 Hz, unit tilted by up to 30 deg" => |w| {
+        w.errors.gnss.rate_hz = 5.0;
+        w.antenna_within([3.0, 3.0, 3.0]);
+        w.tilt_mount([0.0, 30.0]);
+        w.velocity_noise(0.03, 0.02, 2.0);
+        w.vehicle = Vehicle::Car {
+            rest_s: Some([30.0, 60.0]),
+            lean: 1.5,
+        };
+    };
     // --- units and mounts ---
-    judge(
-        "any_mount",
-        BOTH,
-        18.0,
-        "unit turned by up to 180 deg about any axis",
-        |w| w.tilt_mount([45.0, 180.0]),
-    ),
-    judge(
-        "misaligned_and_tilted",
-        MEMS,
-        18.0,
-        "axes off by 3 mrad, gyro scales by 1 %, unit tilted by 15 to 60 deg",
-        |w| {
-            w.errors.gyro_deg_h.misalignment_sigma = 0.003;
-            w.errors.accel_mps2.misalignment_sigma = 0.003;
-            w.errors.gyro_deg_h.scale_sigma = 0.01;
-            w.tilt_mount([15.0, 60.0]);
-        },
-    ),
-    judge(
-        "quiet_sensors",
-        MEMS,
-        15.0,
-        "noise a third of what is usual for the class, drift thrice as fast",
-        |w| {
-            w.errors.gyro_deg_h.noise_times = [0.35, 0.8, 0.5];
-            w.errors.accel_mps2.noise_times = [0.4, 0.3, 0.8];
-            w.errors.gyro_deg_h.bias = BiasModel::drifting(0.3 * 3600.0, 120.0);
-        },
-    ),
-    judge(
-        "noisy_sensors",
-        MEMS,
-        15.0,
-        "gyro y twelve times as noisy as x, accelerometer x fifteen times as z, 5 Hz",
-        |w| {
-            w.errors.gnss.rate_hz = 5.0;
-            w.errors.gyro_deg_h.noise_times = [1.0, 12.0, 5.0];
-            w.errors.accel_mps2.noise_times = [15.0, 4.0, 1.0];
-        },
-    ),
-    judge(
-        "five_degrees_a_second",
-        MEMS,
-        15.0,
-        "gyro biases of 5 deg/s, begins in motion, 2 Hz",
-        |w| {
-            w.errors.gyro_deg_h.bias = BiasModel::drifting(18_000.0, 40.0);
-            w.errors.gnss.rate_hz = 2.0;
-            w.vehicle = MOVING_CAR;
-        },
-    ),
-    judge(
-        "inertial_holes",
-        MEMS,
-        15.0,
-        "0.2 to 1.5 s without inertial samples every minute or two, 3 % of the others lost",
-        |w| {
-            w.errors.imu.dropped_fraction = 0.03;
-            for start_s in w.times(90.0, 60.0) {
-                let duration_s = w.random.uniform([0.2, 1.5]);
-                w.errors.imu.holes.push(Outage {
-                    start_s,
-                    duration_s,
-                });
-            }
-        },
-    ),
-    judge(
-        "jittered_rates",
-        BOTH,
-        12.0,
-        "rates at 50 Hz under stamps off by up to 8 ms",
-        |w| {
-            w.imu_hz = 50.0;
-            w.errors.imu.output = ImuOutput::Rates;
-            w.errors.imu.stamp_jitter_s = 0.008;
-        },
-    ),
-    judge(
-        "many_samples",
-        MEMS,
-        8.0,
-        "inertial samples at 1 kHz, latency of 0.4 to 0.6 s",
-        |w| {
-            w.imu_hz = 1000.0;
-            w.errors.gnss.latency_s = [0.4, 0.6];
-        },
-    ),
-    // --- vehicles ---
-    judge(
-        "two_swings",
-        BOTH,
-        15.0,
-        "velocity swings by 0.04 m/s at 17.3 Hz and by 0.08 m/s at 4.9 Hz, 5 Hz fixes",
-        |w| {
-            w.errors.gnss.rate_hz = 5.0;
-            w.shakes.push(shakes::velocity_at(17.3, 0.04));
-            w.shakes.push(shakes::velocity_at(4.9, 0.08));
-        },
-    ),
-    judge(
-        "rough_truck",
-        MEMS,
-        15.0,
-        "idles at 23 Hz with 4 m/s^2, rocks by 0.5 deg, antenna 2 m away, leans",
-        |w| {
-            w.shakes.push(shakes::engine(When::Always, 23.0, 4.0, 0.15));
-            w.shakes.push(shakes::sway(0.7, 0.5));
-            w.antenna_within([1.0, 2.0, 2.0]);
-            w.vehicle = Vehicle::Car {
-                rest_s: Some([60.0, 120.0]),
-                lean: 1.5,
-            };
-        },
-    ),
-    judge(
-        "boat_in_waves",
-        BOTH,
-        20.0,
-        "swings at anchor by 0.5 deg/s in 2.5 min on waves of 5 deg, then sails, 2 Hz",
-        |w| {
-            w.vehicle = Vehicle::Boat(Anchored {
-                until_s: 240.0,
-                period_s: 150.0,
-                peak_radps: 0.5_f64.to_radians(),
+    "any_mount", BOTH, 18.0, "unit turned by up to 180 deg about any axis"
+        => |w| w.tilt_mount([45.0, 180.0]);
+    "misaligned_and_tilted", MEMS, 18.0,
+    "axes off by 3 mrad, gyro scales by 1 %, unit tilted by 15 to 60 deg" => |w| {
+        w.errors.gyro_deg_h.misalignment_sigma = 0.003;
+        w.errors.accel_mps2.misalignment_sigma = 0.003;
+        w.errors.gyro_deg_h.scale_sigma = 0.01;
+        w.tilt_mount([15.0, 60.0]);
+    };
+    "quiet_sensors", MEMS, 15.0,
+    "noise a third of what is usual for the class, drift thrice as fast" => |w| {
+        w.errors.gyro_deg_h.noise_times = [0.35, 0.8, 0.5];
+        w.errors.accel_mps2.noise_times = [0.4, 0.3, 0.8];
+        w.errors.gyro_deg_h.bias = BiasModel::drifting(0.3 * 3600.0, 120.0);
+    };
+    "noisy_sensors", MEMS, 15.0,
+    "gyro y twelve times as noisy as x, accelerometer x fifteen times as z, 5 Hz" => |w| {
+        w.errors.gnss.rate_hz = 5.0;
+        w.errors.gyro_deg_h.noise_times = [1.0, 12.0, 5.0];
+        w.errors.accel_mps2.noise_times = [15.0, 4.0, 1.0];
+    };
+    "five_degrees_a_second", MEMS, 15.0, "gyro biases of 5 deg/s, begins in motion, 2 Hz" => |w| {
+        w.errors.gyro_deg_h.bias = BiasModel::drifting(18_000.0, 40.0);
+        w.errors.gnss.rate_hz = 2.0;
+        w.vehicle = MOVING_CAR;
+    };
+    "inertial_holes", MEMS, 15.0,
+    "0.2 to 1.5 s without inertial samples every minute or two, 3 % of the others lost" => |w| {
+        w.errors.imu.dropped_fraction = 0.03;
+        for start_s in w.times(90.0, 60.0) {
+            let duration_s = w.random.uniform([0.2, 1.5]);
+            w.errors.imu.holes.push(Outage {
+                start_s,
+                duration_s,
             });
-            w.errors.gnss.rate_hz = 2.0;
-            w.velocity_noise(0.05, 0.05, 2.0);
-            w.shakes.push(shakes::waves(5.5, 5.0, 0.3));
-        },
-    ),
-    judge(
-        "quadrotor_in_flight",
-        MEMS,
-        12.0,
-        "begins in flight, 10 Hz, latency of 0.2 to 0.4 s, unit turned by up to 180 deg",
-        |w| {
-            w.vehicle = Vehicle::Quadrotor { ground_s: None };
-            w.errors.gnss.latency_s = [0.2, 0.4];
-            w.velocity_noise(0.05, 0.08, 2.0);
-            w.position_noise(0.5, 1.5, 60.0);
-            w.tilt_mount([0.0, 180.0]);
-            w.shakes.push(shakes::engine(When::Always, 61.0, 2.0, 0.2));
-        },
-    ),
-    judge(
-        "steeper_banks",
-        BOTH,
-        15.0,
-        "fixed wing, banks of 35 to 60 deg, begins in flight, antenna 0.5 m away, 4 Hz",
-        |w| {
-            w.fixed_wing([35.0, 60.0], Begin::InFlight, 4.0);
-            w.antenna_within([0.5, 0.5, 0.3]);
-            w.velocity_noise(0.05, 0.05, 2.0);
-        },
-    ),
-    judge(
-        "misaligned_in_circles",
-        MEMS,
-        15.0,
-        "fixed wing, banks of 35 to 60 deg, begins in flight, axes of gyros off by 3 mrad, 4 Hz",
-        |w| {
-            w.fixed_wing([35.0, 60.0], Begin::InFlight, 4.0);
-            w.errors.gyro_deg_h.misalignment_sigma = 0.003;
-        },
-    ),
-    judge(
-        "pedestrian_in_town",
-        MEMS,
-        18.0,
-        "walks with a unit held at any angle, 1 Hz, velocity wanders by 0.1 m/s",
-        |w| {
-            w.vehicle = Vehicle::Walker { rest_s: 5.0 };
-            w.errors.gnss.rate_hz = 1.0;
-            w.velocity_noise(0.05, 0.1, 5.0);
-            w.position_noise(1.0, 4.0, 60.0);
-            w.tilt_mount([20.0, 160.0]);
-            w.shakes.push(shakes::steps(1.8, 0.25, 6.0));
-        },
-    ),
-];
+        }
+    };
+    "jittered_rates", BOTH, 12.0, "rates at 50 Hz under stamps off by up to 8 ms" => |w| {
+        w.imu_hz = 50.0;
+        w.errors.imu.output = ImuOutput::Rates;
+        w.errors.imu.stamp_jitter_s = 0.008;
+    };
+    "many_samples", MEMS, 8.0, "inertial samples at 1 kHz, latency of 0.4 to 0.6 s" => |w| {
+        w.imu_hz = 1000.0;
+        w.errors.gnss.latency_s = [0.4, 0.6];
+    };
+    // --- vehicles ---
+    "two_swings", BOTH, 15.0,
+    "velocity swings by 0.04 m/s at 17.3 Hz and by 0.08 m/s at 4.9 Hz, 5 Hz fixes" => |w| {
+        w.errors.gnss.rate_hz = 5.0;
+        w.shakes.push(shakes::velocity_at(17.3, 0.04));
+        w.shakes.push(shakes::velocity_at(4.9, 0.08));
+    };
+    "rough_truck", MEMS, 15.0,
+    "idles at 23 Hz with 4 m/s^2, rocks by 0.5 deg, antenna 2 m away, leans" => |w| {
+        w.shakes.push(shakes::engine(When::Always, 23.0, 4.0, 0.15));
+        w.shakes.push(shakes::sway(0.7, 0.5));
+        w.antenna_within([1.0, 2.0, 2.0]);
+        w.vehicle = Vehicle::Car {
+            rest_s: Some([60.0, 120.0]),
+            lean: 1.5,
+        };
+    };
+    "boat_in_waves", BOTH, 20.0,
+    "swings at anchor by 0.5 deg/s in 2.5 min on waves of 5 deg, then sails, 2 Hz" => |w| {
+        w.vehicle = Vehicle::Boat(Anchored {
+            until_s: 240.0,
+            period_s: 150.0,
+            peak_radps: 0.5_f64.to_radians(),
+        });
+        w.errors.gnss.rate_hz = 2.0;
+        w.velocity_noise(0.05, 0.05, 2.0);
+        w.shakes.push(shakes::waves(5.5, 5.0, 0.3));
+    };
+    "quadrotor_in_flight", MEMS, 12.0,
+    "begins in flight, 10 Hz, latency of 0.2 to 0.4 s, unit turned by up to 180 deg" => |w| {
+        w.vehicle = Vehicle::Quadrotor { ground_s: None };
+        w.errors.gnss.latency_s = [0.2, 0.4];
+        w.velocity_noise(0.05, 0.08, 2.0);
+        w.position_noise(0.5, 1.5, 60.0);
+        w.tilt_mount([0.0, 180.0]);
+        w.shakes.push(shakes::engine(When::Always, 61.0, 2.0, 0.2));
+    };
+    "steeper_banks", BOTH, 15.0,
+    "fixed wing, banks of 35 to 60 deg, begins in flight, antenna 0.5 m away, 4 Hz" => |w| {
+        w.fixed_wing([35.0, 60.0], Begin::InFlight, 4.0);
+        w.antenna_within([0.5, 0.5, 0.3]);
+        w.velocity_noise(0.05, 0.05, 2.0);
+    };
+    "misaligned_in_circles", MEMS, 15.0,
+    "fixed wing, banks of 35 to 60 deg, begins in flight, axes of gyros off by 3 mrad, 4 Hz"
+    => |w| {
+        w.fixed_wing([35.0, 60.0], Begin::InFlight, 4.0);
+        w.errors.gyro_deg_h.misalignment_sigma = 0.003;
+    };
+    "pedestrian_in_town", MEMS, 18.0,
+    "walks with a unit held at any angle, 1 Hz, velocity wanders by 0.1 m/s" => |w| {
+        w.vehicle = Vehicle::Walker { rest_s: 5.0 };
+        w.errors.gnss.rate_hz = 1.0;
+        w.velocity_noise(0.05, 0.1, 5.0);
+        w.position_noise(1.0, 4.0, 60.0);
+        w.tilt_mount([20.0, 160.0]);
+        w.shakes.push(shakes::steps(1.8, 0.25, 6.0));
+    };
+}

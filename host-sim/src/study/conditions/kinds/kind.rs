@@ -20,7 +20,7 @@ pub struct Kind {
     /// Length of a run.
     pub minutes: f64,
     /// What makes it out of a plain world.
-    make: fn(&mut World),
+    pub(super) make: fn(&mut World),
 }
 
 impl Kind {
@@ -32,32 +32,18 @@ impl Kind {
     }
 }
 
-pub(super) const fn develop(
-    name: &'static str,
-    classes: &'static [Grade],
-    minutes: f64,
-    what: &'static str,
-    make: fn(&mut World),
-) -> Kind {
-    Kind {
-        name,
-        what,
-        classes,
-        judge: false,
-        minutes,
-        make,
-    }
+/// Kinds, each with its name, classes, minutes, what it is and what makes it out of a plain world.
+macro_rules! kinds {
+    (judge: $judge:literal,
+     $($name:literal, $classes:expr, $minutes:literal, $what:literal => $make:expr;)*) => {
+        pub static KINDS: &[Kind] = &[$(Kind {
+            name: $name,
+            what: $what,
+            classes: $classes,
+            judge: $judge,
+            minutes: $minutes,
+            make: $make,
+        }),*];
+    };
 }
-
-pub(super) const fn judge(
-    name: &'static str,
-    classes: &'static [Grade],
-    minutes: f64,
-    what: &'static str,
-    make: fn(&mut World),
-) -> Kind {
-    Kind {
-        judge: true,
-        ..develop(name, classes, minutes, what, make)
-    }
-}
+pub(super) use kinds;
