@@ -150,6 +150,19 @@ fn every_impossible_plan_is_refused_with_place_and_cause() {
         ),
         ("height_m = 600", "height_m = nan", 4, &["expected"]),
         ("airspeed_mps = 50", "airspeed_mps = nan", 6, &["expected"]),
+        (
+            "turbulence = \"light\"",
+            "ground_height_m = nan",
+            11,
+            &["expected"],
+        ),
+        (
+            "turbulence = \"light\"",
+            "ground_height_m = 30000",
+            11,
+            &["ellipsoid"],
+        ),
+        ("wind_from_deg = 270", "wind_from_deg = nan", 9, &["north"]),
         ("duration_s = 60", "duration_s = -60", 28, &["seconds"]),
     ] {
         let text = GOOD.replacen(old, new, 1);

@@ -78,10 +78,10 @@ struct StartTable {
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct AirTable {
-    wind_from_deg: f64,
+    wind_from_deg: Option<Spanned<f64>>,
     wind_speed_mps: Option<Spanned<f64>>,
     turbulence: Turbulence,
-    ground_height_m: f64,
+    ground_height_m: Option<Spanned<f64>>,
 }
 
 #[derive(Deserialize)]
@@ -193,12 +193,21 @@ struct Checker<'a> {
     bank_rad: f64,
 }
 
+/// Of the ground, from the Dead Sea to Everest, m.
+const GROUND_M: [f64; 2] = [-500.0, 9000.0];
 /// Of legs at a fixed heading or bank, and of a flight.
 const LONGEST_S: f64 = 86_400.0;
 
 impl Checker<'_> {
     fn plan(&self, table: &File) -> Result<Plan, InputError> {
-        let ground_height_m = table.air.ground_height_m;
+        let ground_height_m = match &table.air.ground_height_m {
+            Some(height) => {
+                let cause = "height of the ground above the ellipsoid";
+                self.source
+                    .within("ground_height_m", height, GROUND_M, cause)?
+            }
+            None => 0.0,
+        };
         let limits = &self.dynamics.parameters.autopilot;
         if !(0.05..=limits.maximum_bank_rad).contains(&self.bank_rad) {
             let most = limits.maximum_bank_rad.to_degrees();
@@ -218,7 +227,14 @@ impl Checker<'_> {
             )?,
             None => 0.0,
         };
-        let (sin, cos) = libm::sincos(table.air.wind_from_deg.to_radians());
+        let wind_from_rad = match &table.air.wind_from_deg {
+            Some(from) => {
+                let cause = "clockwise from north";
+                self.source.angle("wind_from_deg", from, 360.0, cause)?
+            }
+            None => 0.0,
+        };
+        let (sin, cos) = libm::sincos(wind_from_rad);
         let duration_s = table.flight.duration_s.as_ref();
         let duration_s = duration_s.map(|s| self.source.duration(s)).transpose()?;
         let mut plan = Plan {

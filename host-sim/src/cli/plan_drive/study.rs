@@ -15,8 +15,8 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::{Bench, Driver, Goal, Plan, Target, UNITS, seconds};
-use crate::page::progress::bar;
 use crate::cli::options::show;
+use crate::page::progress::bar;
 use crate::page::table::{cells, markdown, plain};
 use crate::statistics::rms;
 
