@@ -120,9 +120,9 @@ pub(crate) fn page() -> Result<String> {
         first_seed: 1,
     })?;
     let mut header = vec![String::new()];
-    header.extend(all.iter().map(|results| match results.judge {
-        true => format!("judge: {}", results.target),
-        false => results.target.clone(),
+    header.extend(all.iter().map(|results| {
+        let side = if results.judge { "judge: " } else { "" };
+        format!("{side}{}", results.target)
     }));
     let mut minutes = vec!["minutes".to_owned()];
     minutes.extend(all.iter().map(|results| format!("{:.1}", results.minutes)));
