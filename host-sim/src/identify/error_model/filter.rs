@@ -118,6 +118,31 @@ impl Dynamics {
         (part > 0.0).then_some(part)
     }
 
+    /// The random part over an epoch, and from when on: in jumps it stays as it is in the middle.
+    fn mean_over(&self, epoch: &Epoch) -> (f64, Mean) {
+        match self.law {
+            Law::Wave => (epoch.middle_s(), Mean::STILL),
+            Law::Continuous => {
+                let noise = Correlated {
+                    sigma: self.size,
+                    time_s: self.time_s,
+                };
+                (epoch.start_s, Mean::new(&noise, epoch.seconds, PARTS))
+            }
+        }
+    }
+
+    /// The same over an epoch with a jump, after which this part of it lies.
+    fn mean_over_jump(&self, part: f64) -> Mean {
+        let jump = self.size * self.size;
+        Mean {
+            kept: 1.0,
+            variance: part * part * jump,
+            covariance: part * jump,
+            step: (1.0, jump),
+        }
+    }
+
     /// Variance at the time 0.
     fn initial_variance(&self) -> f64 {
         match self.law {
@@ -246,7 +271,9 @@ pub fn filter(record: &Record, candidate: &Candidate) -> Answer {
                 let (before, after) = epoch.split(part);
                 state.take(&before, None, candidate);
                 if let Some(rate) = epoch.rest_rate_radps.as_ref().filter(|_| !epoch.broken) {
-                    state.measure_biases(rate, candidate, epoch.seconds, Some(1.0 - part));
+                    let mean = candidate.dynamics.mean_over_jump(1.0 - part);
+                    let trend = candidate.dynamics.trend_at(state.time_s) + 1.0 - part;
+                    state.measure_biases(rate, candidate.gyro_noise, epoch.seconds, (trend, &mean));
                     state.time_s = after.middle_s();
                 }
                 state.take(&after, None, candidate);
@@ -336,8 +363,8 @@ impl State {
 
     /// An epoch, with the biases that gyros read in it.
     fn take(&mut self, epoch: &Epoch, rate: Option<&Vector3<f64>>, candidate: &Candidate) {
-        let middle_s = epoch.middle_s();
-        self.wander(middle_s, candidate);
+        let (from_s, mean) = candidate.dynamics.mean_over(epoch);
+        self.wander(from_s, candidate);
         match &epoch.difference {
             Some(difference) if !epoch.broken => {
                 self.measure_velocity(epoch, difference, candidate);
@@ -348,12 +375,15 @@ impl State {
             self.lose_attitude();
             return;
         }
-        let trend = candidate.dynamics.trend_at(middle_s);
+        let trend = candidate.dynamics.trend_at(epoch.middle_s());
         let noise = candidate.gyro_noise * candidate.gyro_noise;
         if let Some(rate) = rate {
-            self.measure_biases(rate, candidate, epoch.seconds, None);
+            self.measure_biases(rate, candidate.gyro_noise, epoch.seconds, (trend, &mean));
         }
-        self.propagate(epoch, trend);
+        self.propagate(epoch, (trend, &mean));
+        if candidate.dynamics.law == Law::Continuous {
+            self.time_s = epoch.start_s + epoch.seconds;
+        }
         self.diffuse(epoch, noise * epoch.seconds, candidate.accel_noise);
     }
 
@@ -422,7 +452,7 @@ impl State {
     fn measure_velocity(&mut self, epoch: &Epoch, difference: &Difference, candidate: &Candidate) {
         let fixes = f64::from(difference.fixes);
         let white = candidate.gnss_sigma_mps * candidate.gnss_sigma_mps / fixes;
-        let mean = MeanOfFixes::new(&candidate.gnss_memory, epoch.seconds, difference.fixes);
+        let mean = Mean::new(&candidate.gnss_memory, epoch.seconds, difference.fixes);
         for axis in 0..2 {
             let mut row = Vector::zeros();
             row[VELOCITY + axis] = 1.0;
@@ -451,30 +481,23 @@ impl State {
         }
     }
 
-    /// Gyros of a vehicle at rest read their biases: the mean over some seconds, of which a part may
-    /// lie after a jump.
+    /// Gyros of a vehicle at rest read their biases: the mean over some seconds, with this trend.
     fn measure_biases(
         &mut self,
         rate_radps: &Vector3<f64>,
-        candidate: &Candidate,
+        gyro_noise: f64,
         seconds: f64,
-        after_jump: Option<f64>,
+        (trend, mean): (f64, &Mean),
     ) {
-        let dynamics = &candidate.dynamics;
-        let white = candidate.gyro_noise * candidate.gyro_noise / seconds;
-        let (part, jump) = match after_jump {
-            Some(part) => (part, dynamics.size * dynamics.size),
-            None => (0.0, 0.0),
-        };
+        let noise = gyro_noise * gyro_noise / seconds + mean.variance;
         for axis in 0..3 {
             let (mut row, mut direct) = (Vector::zeros(), Parameters::zeros());
-            row[RANDOM + axis] = 1.0;
+            row[RANDOM + axis] = mean.kept;
             direct[CONSTANT + axis] = 1.0;
-            direct[TREND + axis] = dynamics.trend_at(self.time_s) + part;
-            let noise = white + part * part * jump;
+            direct[TREND + axis] = trend;
             let mut seen = self.seen(&row, &direct, rate_radps[axis], noise);
-            self.forget(RANDOM + axis..RANDOM + axis + 1, (1.0, jump));
-            seen.gain[RANDOM + axis] += part * jump;
+            self.forget(RANDOM + axis..RANDOM + axis + 1, mean.step);
+            seen.gain[RANDOM + axis] = mean.step.0 * seen.gain[RANDOM + axis] + mean.covariance;
             self.weigh(&seen);
         }
     }
@@ -509,10 +532,10 @@ impl State {
     }
 
     /// `dV' = f x Phi + C df`, `Phi' = -w x Phi - C dw`, and the known controls.
-    fn propagate(&mut self, epoch: &Epoch, trend: f64) {
+    fn propagate(&mut self, epoch: &Epoch, (trend, mean): (f64, &Mean)) {
         // `P F'`, then the same on its transpose: `F P F'`.
         let turned = epoch.felt.turned_by_biases();
-        let transition = epoch.transition(&turned);
+        let transition = epoch.transition(&(mean.kept * turned));
         let carried = carried(&transition, &self.covariance).transpose();
         self.covariance = self::carried(&transition, &carried);
         self.effects = self::carried(&transition, &self.effects);
@@ -525,6 +548,7 @@ impl State {
             self.turn(TREND, &(trend * turned));
             let mut tilts = self.effects.fixed_view_mut::<3, 3>(GYRO_SCALE, TILT);
             tilts -= epoch.felt.scaled_turn_rad.transpose();
+            self.wander_meanwhile(&turned, mean);
         }
         // What the gyros read at rest is what turns the platform until it is set back.
         let grown = -epoch.felt.attitude_s * epoch.rest_rate_radps.unwrap_or_default();
@@ -536,6 +560,18 @@ impl State {
         for axis in 0..3 {
             mean[TILT + axis] += epoch.tilt_control_rad[axis];
         }
+    }
+
+    /// What biases do in an epoch on top of what they were at its start, and what that turns.
+    fn wander_meanwhile(&mut self, turned: &SMatrix<f64, 3, RANDOM>, mean: &Mean) {
+        self.forget(RANDOM..ACCEL_RANDOM, mean.step);
+        let mut covariance = self.covariance.fixed_view_mut::<RANDOM, RANDOM>(0, 0);
+        covariance += mean.variance * turned.tr_mul(turned);
+        let both = mean.covariance * turned;
+        let mut covariance = self.covariance.fixed_view_mut::<3, RANDOM>(RANDOM, 0);
+        covariance += both;
+        let mut covariance = self.covariance.fixed_view_mut::<RANDOM, 3>(0, RANDOM);
+        covariance += both.transpose();
     }
 
     fn turn(&mut self, first: usize, by: &SMatrix<f64, 3, RANDOM>) {
@@ -559,9 +595,12 @@ fn step(noise: &Correlated, seconds: f64) -> (f64, f64) {
     (keep, noise.sigma * noise.sigma * (1.0 - keep * keep))
 }
 
-/// The mean of a noise with a memory over fixes that share an epoch, each in the middle of its part:
-/// smoother than the noise at any moment, and bound to that at the end.
-struct MeanOfFixes {
+/// Parts of an epoch whose mean stands for that over all of it: their variance is good to 1 / (4 n^2).
+const PARTS: u32 = 6;
+
+/// The mean of a noise with a memory over moments in an epoch, each in the middle of its part, as of
+/// fixes that share it: smoother than the noise at any moment, and bound to that at the end.
+struct Mean {
     /// Part of the noise at the start that is in it.
     kept: f64,
     /// Variance of the rest of it.
@@ -572,7 +611,15 @@ struct MeanOfFixes {
     step: (f64, f64),
 }
 
-impl MeanOfFixes {
+impl Mean {
+    /// Of what does not move.
+    const STILL: Self = Self {
+        kept: 1.0,
+        variance: 0.0,
+        covariance: 0.0,
+        step: (1.0, 0.0),
+    };
+
     fn new(noise: &Correlated, seconds: f64, fixes: u32) -> Self {
         let (keep, added) = step(noise, 0.5 * seconds / f64::from(fixes));
         let (mut kept, mut sum_kept) = (1.0, 0.0);
@@ -715,6 +762,22 @@ fn force_by_tilt(force: &Vector3<f64>, axis: usize) -> Vector3<f64> {
 mod tests {
     use super::*;
 
+    fn with_dynamics(law: Law, size: f64, time_s: f64, gyro_noise: f64) -> Candidate {
+        Candidate {
+            gyro_noise,
+            accel_noise: 1e-3,
+            gnss_sigma_mps: 0.1,
+            gnss_memory: Correlated::default(),
+            dynamics: Dynamics { law, size, time_s },
+            class: Class {
+                accel_bias_mps2: 0.01,
+                accel_dynamics: Dynamics::of(&BiasModel::constant(0.01)),
+                accel_scale: 0.0,
+                gyro_scale: 0.0,
+            },
+        }
+    }
+
     /// Against the sums over the correlations of the noise at the fixes; rounding only.
     #[test]
     fn the_mean_of_fixes_has_the_moments_of_their_noise() {
@@ -731,7 +794,7 @@ mod tests {
             let one = |time: &f64| libm::exp(-(time - at).abs() / noise.time_s);
             variance / fixes * times.iter().map(one).sum::<f64>()
         };
-        let mean = MeanOfFixes::new(&noise, seconds, 7);
+        let mean = Mean::new(&noise, seconds, 7);
         let of_mean = times.iter().map(|time| with(*time)).sum::<f64>() / fixes;
         let found = [
             mean.kept * variance,
@@ -751,6 +814,48 @@ mod tests {
         }
     }
 
+    /// Against the density of the readings as one normal vector, means of what is correlated over a
+    /// constant and a trend; rounding only. Taken for the values in the middle they differ by 2.7.
+    #[test]
+    fn readings_at_rest_are_means_of_biases_that_wander() {
+        let (size, time_s, seconds, noise) = (3e-5, 5.0, 2.0, 1e-5);
+        let readings = [2e-5, -1e-5, 4e-5, 5e-5];
+        let epoch = |n: usize| Epoch {
+            start_s: seconds * n as f64,
+            seconds,
+            rest_rate_radps: Some(Vector3::repeat(readings[n])),
+            ..Epoch::default()
+        };
+        let record = Record {
+            epochs: (0..4).map(epoch).collect(),
+            duration_s: 8.0,
+            ..Record::default()
+        };
+        let candidate = with_dynamics(Law::Continuous, size, time_s, noise);
+        let trend_sigma = trend_sigma(&record, &candidate.dynamics);
+        let moments = |n: usize| {
+            let part = move |k: u32| n as f64 + (f64::from(k) + 0.5) / f64::from(PARTS);
+            (0..PARTS).map(move |k| seconds * part(k))
+        };
+        let expected = SMatrix::<f64, 4, 4>::from_fn(|i, j| {
+            let with = |a: f64| moments(j).map(move |b| libm::exp(-(a - b).abs() / time_s));
+            let pairs = f64::from(PARTS * PARTS);
+            let wander = size * size * moments(i).flat_map(with).sum::<f64>() / pairs;
+            let white = if i == j { noise * noise / seconds } else { 0.0 };
+            let [a, b] = [i, j].map(|n| trend_sigma * seconds * (n as f64 + 0.5));
+            wander + white + BIAS_SIGMA * BIAS_SIGMA + a * b
+        });
+        let factor = expected.cholesky().unwrap();
+        let z = SVector::from(readings);
+        let log_determinant = 2.0 * factor.l().diagonal().map(libm::log).sum();
+        let expected = -1.5 * (log_determinant + z.dot(&factor.solve(&z)));
+        let found = filter(&record, &candidate).log_likelihood;
+        assert!(
+            (found - expected).abs() < 1e-6,
+            "{found} instead of {expected}"
+        );
+    }
+
     /// No measurement is lost where a jump falls into an epoch: the likelihood goes on without a step as
     /// a jump moves over the border of two.
     #[test]
@@ -767,23 +872,7 @@ mod tests {
             ..Record::default()
         };
         let with_jump_at = |time_s: f64| {
-            let candidate = Candidate {
-                gyro_noise: 1e-5,
-                accel_noise: 1e-3,
-                gnss_sigma_mps: 0.1,
-                gnss_memory: Correlated::default(),
-                dynamics: Dynamics {
-                    law: Law::Wave,
-                    size: 1e-5,
-                    time_s,
-                },
-                class: Class {
-                    accel_bias_mps2: 0.01,
-                    accel_dynamics: Dynamics::of(&BiasModel::constant(0.01)),
-                    accel_scale: 0.0,
-                    gyro_scale: 0.0,
-                },
-            };
+            let candidate = with_dynamics(Law::Wave, 1e-5, time_s, 1e-5);
             filter(&record, &candidate).log_likelihood
         };
         for border_s in [24.0, 30.0] {
