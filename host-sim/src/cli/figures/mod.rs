@@ -93,6 +93,7 @@ fn insertion(text: &str) -> Result<(String, PathBuf), String> {
 pub fn write(options: &Figures) -> Result<()> {
     let root = &options.repository;
     let mut pages = Pages::read(root)?;
+    let mut texts = Vec::new();
     let parts = match options.only.as_slice() {
         // With tables to take over and nothing else named, nothing is measured.
         [] if !options.insert.is_empty() => &[],
@@ -104,9 +105,12 @@ pub fn write(options: &Figures) -> Result<()> {
         // A missing marker must show before the work, not after it.
         pages.check(&name)?;
         eprintln!("measuring: {name}");
-        for (name, text) in part.measure(options)? {
-            pages.replace(&name, &text)?;
-        }
+        texts.extend(part.measure(options)?);
+    }
+    // Anew: pages may have been worked on meanwhile.
+    pages = Pages::read(root)?;
+    for (name, text) in texts {
+        pages.replace(&name, &text)?;
     }
     for (part, file) in &options.insert {
         let text = fs::read_to_string(file).map_err(|e| miette!("{}: {e}", file.display()))?;
