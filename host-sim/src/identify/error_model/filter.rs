@@ -100,6 +100,14 @@ impl Dynamics {
         }
     }
 
+    /// As a noise with a memory, which it is in (4).
+    fn correlated(&self) -> Correlated {
+        Correlated {
+            sigma: self.size,
+            time_s: self.time_s,
+        }
+    }
+
     /// What the trend of a bias is multiplied by: jumps so far, or time.
     fn trend_at(&self, time_s: f64) -> f64 {
         match self.law {
@@ -123,11 +131,8 @@ impl Dynamics {
         match self.law {
             Law::Wave => (epoch.middle_s(), Mean::STILL),
             Law::Continuous => {
-                let noise = Correlated {
-                    sigma: self.size,
-                    time_s: self.time_s,
-                };
-                (epoch.start_s, Mean::new(&noise, epoch.seconds, PARTS))
+                let mean = Mean::new(&self.correlated(), epoch.seconds, PARTS);
+                (epoch.start_s, mean)
             }
         }
     }
@@ -158,13 +163,7 @@ impl Dynamics {
                 let jumps = self.trend_at(to_s) - self.trend_at(from_s);
                 (1.0, jumps * self.size * self.size)
             }
-            Law::Continuous => {
-                let noise = Correlated {
-                    sigma: self.size,
-                    time_s: self.time_s,
-                };
-                step(&noise, to_s - from_s)
-            }
+            Law::Continuous => step(&self.correlated(), to_s - from_s),
         }
     }
 }
