@@ -68,7 +68,7 @@ pub fn test(
         return Ok(None);
     }
     let second = log.second_half();
-    let cut = second.imu.first().map_or(Time::default(), |s| s.time);
+    let cut = second.start();
     let config = configure(log);
     let first = if let Some(halfway) = found.halfway.filter(|_| config == found.config) {
         End::halfway(found, &halfway, cut)

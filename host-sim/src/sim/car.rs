@@ -252,6 +252,23 @@ mod tests {
     }
 
     #[test]
+    fn rates_are_the_derivatives_of_velocity_and_attitude() {
+        // Central differences over 2 ms: the error is h^2/6 of the third derivative, below 1e-5
+        // for a jerk rate of 10 m/s^4; the rounding of a quaternion over 2 ms is 1e-13.
+        const H: f64 = 1e-3;
+        let mut car = Car::new(7, HOUR_S, Some([30.0, 120.0]));
+        for t in times(0.37) {
+            let [before, now, after] = [t - H, t, t + H].map(|t| car.kinematics(t));
+            let acceleration = (after.velocity_enu_mps - before.velocity_enu_mps) / (2.0 * H);
+            let rate = (before.attitude.inverse() * after.attitude).scaled_axis() / (2.0 * H);
+            let off = (acceleration - now.acceleration_enu_mps2).norm();
+            assert!(off < 2e-5, "acceleration off by {off} at {t} s");
+            let off = (rate - now.angular_rate_lb_b_radps).norm();
+            assert!(off < 2e-5, "angular rate off by {off} at {t} s");
+        }
+    }
+
+    #[test]
     fn angular_rate_has_no_kinks() {
         // 1 ms apart: an angular acceleration of 1 rad/s^2 at most.
         let mut car = Car::new(3, HOUR_S, None);

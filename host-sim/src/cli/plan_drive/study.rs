@@ -23,6 +23,10 @@ use crate::statistics::rms;
 /// Goal: predicted over reached.
 const GOAL: [f64; 2] = [0.8, 1.25];
 
+/// Drives of each plan, and the seed of the first, unless told.
+const RUNS: u64 = 100;
+const FIRST_SEED: u64 = 1;
+
 /// Targets: name, whether it judges, text.
 const CASES: [(&str, bool, &str); 6] = [
     (
@@ -64,10 +68,10 @@ pub struct PlanDrive {
     #[arg(long, value_name = "FILE", num_args = 1..)]
     target: Vec<PathBuf>,
     /// Drives of each plan.
-    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(2..=100_000))]
+    #[arg(long, default_value_t = RUNS, value_parser = clap::value_parser!(u64).range(2..=100_000))]
     runs: u64,
     /// Seed of the first drive; the others follow. Plans are made with another.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = FIRST_SEED)]
     first_seed: u64,
 }
 
@@ -116,8 +120,8 @@ pub fn study(options: &PlanDrive, json: bool) -> Result<()> {
 pub(crate) fn page() -> Result<String> {
     let all = compared(&PlanDrive {
         target: Vec::new(),
-        runs: 100,
-        first_seed: 1,
+        runs: RUNS,
+        first_seed: FIRST_SEED,
     })?;
     let mut header = vec![String::new()];
     header.extend(all.iter().map(|results| {

@@ -70,7 +70,7 @@ impl Class {
     pub fn of(model: &ErrorModel) -> Self {
         Self {
             accel_bias_mps2: model.accel_mps2.bias.initial_sigma(),
-            accel_dynamics: Dynamics::of(&model.accel_mps2.bias),
+            accel_dynamics: Dynamics::of(&model.accel_mps2.bias, 1.0),
             accel_scale: model.accel_mps2.scale_sigma,
             gyro_scale: model.gyro_deg_h.scale_sigma,
         }
@@ -90,12 +90,12 @@ pub struct Dynamics {
 }
 
 impl Dynamics {
-    /// In the units of the model.
-    fn of(bias: &BiasModel) -> Self {
+    /// Of a model whose unit is so much in SI.
+    pub fn of(bias: &BiasModel, unit: f64) -> Self {
         let (size, time_s) = bias.random_part();
         Self {
             law: bias.law(),
-            size,
+            size: size * unit,
             time_s,
         }
     }
@@ -126,13 +126,13 @@ impl Dynamics {
         (part > 0.0).then_some(part)
     }
 
-    /// The random part over an epoch, and from when on: in jumps it stays as it is in the middle.
-    fn mean_over(&self, epoch: &Epoch) -> (f64, Mean) {
+    /// The random part over an epoch, from when until when: in jumps it stays as it is in the middle.
+    fn mean_over(&self, epoch: &Epoch) -> ([f64; 2], Mean) {
         match self.law {
-            Law::Wave => (epoch.middle_s(), Mean::STILL),
+            Law::Wave => ([epoch.middle_s(); 2], Mean::STILL),
             Law::Continuous => {
                 let mean = Mean::new(&self.correlated(), epoch.seconds, PARTS);
-                (epoch.start_s, mean)
+                ([epoch.start_s, epoch.start_s + epoch.seconds], mean)
             }
         }
     }
@@ -362,7 +362,7 @@ impl State {
 
     /// An epoch, with the biases that gyros read in it.
     fn take(&mut self, epoch: &Epoch, rate: Option<&Vector3<f64>>, candidate: &Candidate) {
-        let (from_s, mean) = candidate.dynamics.mean_over(epoch);
+        let ([from_s, to_s], mean) = candidate.dynamics.mean_over(epoch);
         self.wander(from_s, candidate);
         match &epoch.difference {
             Some(difference) if !epoch.broken => {
@@ -380,9 +380,7 @@ impl State {
             self.measure_biases(rate, candidate.gyro_noise, epoch.seconds, (trend, &mean));
         }
         self.propagate(epoch, (trend, &mean));
-        if candidate.dynamics.law == Law::Continuous {
-            self.time_s = epoch.start_s + epoch.seconds;
-        }
+        self.time_s = to_s;
         self.diffuse(epoch, noise * epoch.seconds, candidate.accel_noise);
     }
 
@@ -563,6 +561,9 @@ impl State {
 
     /// What biases do in an epoch on top of what they were at its start, and what that turns.
     fn wander_meanwhile(&mut self, turned: &SMatrix<f64, 3, RANDOM>, mean: &Mean) {
+        if mean.step == Mean::STILL.step {
+            return;
+        }
         self.forget(RANDOM..ACCEL_RANDOM, mean.step);
         let mut covariance = self.covariance.fixed_view_mut::<RANDOM, RANDOM>(0, 0);
         covariance += mean.variance * turned.tr_mul(turned);
@@ -770,7 +771,7 @@ mod tests {
             dynamics: Dynamics { law, size, time_s },
             class: Class {
                 accel_bias_mps2: 0.01,
-                accel_dynamics: Dynamics::of(&BiasModel::constant(0.01)),
+                accel_dynamics: Dynamics::of(&BiasModel::constant(0.01), 1.0),
                 accel_scale: 0.0,
                 gyro_scale: 0.0,
             },

@@ -360,10 +360,7 @@ impl<'a> Reducer<'a> {
             None => &[],
         };
         Self {
-            first: log
-                .imu
-                .first()
-                .map_or(Time::default(), |sample| sample.time),
+            first: log.start(),
             rest,
             correction,
             references,

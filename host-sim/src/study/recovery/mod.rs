@@ -149,18 +149,12 @@ fn reduced(run: SimulatedDrive, model: &ErrorModel, grade: Grade) -> Record {
 
 /// The true model as the likelihood takes it.
 fn candidate(model: &ErrorModel) -> Candidate {
-    let bias = &model.gyro_deg_h.bias;
-    let (size, time_s) = bias.random_part();
     Candidate {
         gyro_noise: model.gyro_deg_h.white_noise * DEG_H_RADPS,
         accel_noise: model.accel_mps2.white_noise,
         gnss_sigma_mps: model.gnss.velocity_sigma_mps,
         gnss_memory: model.gnss.habits.velocity,
-        dynamics: Dynamics {
-            law: bias.law(),
-            size: size * DEG_H_RADPS,
-            time_s,
-        },
+        dynamics: Dynamics::of(&model.gyro_deg_h.bias, DEG_H_RADPS),
         class: Class::of(model),
     }
 }
