@@ -157,8 +157,8 @@ impl Source<'_> {
         })
     }
 
-    fn heading(&self, value: &Spanned<f64>) -> Result<f64, InputError> {
-        self.angle("heading_deg", value, 360.0, "clockwise from north")
+    fn heading(&self, key: &str, value: &Spanned<f64>) -> Result<f64, InputError> {
+        self.angle(key, value, 360.0, "clockwise from north")
     }
 
     fn duration(&self, value: &Spanned<f64>) -> Result<f64, InputError> {
@@ -228,10 +228,7 @@ impl Checker<'_> {
             None => 0.0,
         };
         let wind_from_rad = match &table.air.wind_from_deg {
-            Some(from) => {
-                let cause = "clockwise from north";
-                self.source.angle("wind_from_deg", from, 360.0, cause)?
-            }
+            Some(from) => self.source.heading("wind_from_deg", from)?,
             None => 0.0,
         };
         let (sin, cos) = libm::sincos(wind_from_rad);
@@ -266,7 +263,7 @@ impl Checker<'_> {
         let s = &self.source;
         let place = s.place(&table.latitude_deg, &table.longitude_deg)?;
         let position = at(place, self.height(&table.height_m, ground_height_m)?);
-        let heading_rad = s.heading(&table.heading_deg)?;
+        let heading_rad = s.heading("heading_deg", &table.heading_deg)?;
         let airspeed_mps = self.airspeed(&table.airspeed_mps, position.height_m)?;
         Ok(Start {
             position,
@@ -313,7 +310,7 @@ impl Checker<'_> {
                 Path2d::To(s.place(latitude, longitude)?)
             }
             (None, None, Some(heading), None) => Path2d::Heading {
-                heading_rad: s.heading(heading)?,
+                heading_rad: s.heading("heading_deg", heading)?,
                 duration_s: duration()?,
             },
             (None, None, None, Some(bank)) => {
