@@ -9,8 +9,9 @@ use crate::samples::GnssFix;
 use crate::time::Time;
 
 /// Fixes closer than this to the last that were compared wait for the next, and are compared as
-/// one, s: the errors of an INS change little meanwhile, and their mean tells as much of them.
-const TOGETHER_S: f64 = 0.15;
+/// one, s: the errors of an INS change little meanwhile, and those of a receiver hardly more, so
+/// that their mean tells as much of both.
+const TOGETHER_S: f64 = 0.3;
 
 /// What is due next for a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,8 +91,6 @@ pub struct Comparison {
     pub latency_applied_s: f64,
     /// INS minus GNSS, ENU, m/s and m.
     pub velocity_mps: Vector3<f64>,
-    /// What the estimators expect of that before they take it.
-    pub expected_mps: Vector3<f64>,
     /// See above.
     pub position_m: Vector3<f64>,
     /// What the fixes have of each kind.

@@ -61,8 +61,6 @@ pub struct SensorConfig {
     /// gyros that stand askew. With zero they are what level accelerometers and gyros together
     /// show, which is what a compensation needs.
     pub misalignment_rad: f64,
-    /// Least and greatest factor by which `gyro_noise` and `accel_noise` may turn out wrong.
-    pub noise_range: [f64; 2],
     /// Largest credible angular rate on one axis, rad/s.
     pub gyro_range_radps: f64,
     /// Largest credible specific force on one axis, m/s^2.
@@ -235,6 +233,15 @@ fn around_one([least, most]: [f64; 2], name: &'static str) -> Result<(), ConfigE
 }
 
 impl Noise {
+    /// The same colour on a white part of another strength.
+    pub(crate) fn as_strong_as(&self, other: &Self) -> Self {
+        Self {
+            white: other.white,
+            correlated: self.correlated / self.white * other.white,
+            correlation_s: self.correlation_s,
+        }
+    }
+
     fn check(&self, name: &'static str) -> Result<(), ConfigError> {
         positive(self.white, name)?;
         not_negative(self.correlated, name)?;
@@ -270,8 +277,7 @@ impl SensorConfig {
         not_negative(self.accel_scale, "sensors.accel_scale")?;
         not_negative(self.misalignment_rad, "sensors.misalignment_rad")?;
         positive(self.gyro_range_radps, "sensors.gyro_range_radps")?;
-        positive(self.accel_range_mps2, "sensors.accel_range_mps2")?;
-        around_one(self.noise_range, "sensors.noise_range")
+        positive(self.accel_range_mps2, "sensors.accel_range_mps2")
     }
 
     /// Of what a sensor shows of another axis, 1: as large as scale errors where nothing else is said.
@@ -415,7 +421,6 @@ impl Config {
                 accel_bias_walk: 0.0,
                 accel_scale: 1e-6,
                 misalignment_rad: 0.0,
-                noise_range: [0.5, 2.0],
                 gyro_range_radps: 18.0,
                 accel_range_mps2: 370.0,
             },
@@ -461,7 +466,6 @@ impl Config {
                 accel_bias_walk: 9e-5,
                 accel_scale: 0.015,
                 misalignment_rad: 0.0,
-                noise_range: [0.25, 8.0],
                 gyro_range_radps: 35.0,
                 accel_range_mps2: 160.0,
             },

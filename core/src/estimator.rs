@@ -14,8 +14,8 @@ use crate::parameters::Parameters;
 use crate::time::Time;
 
 /// Longest piece of the past that the observer steps over at once, s: within it attitude and
-/// force change little.
-const PIECE_S: f64 = 0.3;
+/// force change little. Some more than the fixes that are compared as one take.
+const PIECE_S: f64 = 0.35;
 
 /// The chosen form of the estimators. Both live in place: there is nowhere else.
 #[derive(Clone, Debug, PartialEq)]

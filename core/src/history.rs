@@ -178,19 +178,6 @@ impl Past {
     }
 }
 
-/// The INS at a moment of the past, coarsely.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Coarse {
-    /// East and north, m/s.
-    pub velocity_mps: Vector2<f32>,
-    /// m/s^2.
-    pub accel_mps2: Vector2<f32>,
-    /// m/s^3.
-    pub jerk_mps3: Vector2<f32>,
-    /// Of `C_B^L`, 1/s.
-    pub attitude_rate: Matrix3<f32>,
-}
-
 /// Why a moment cannot be given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Missing {
@@ -322,38 +309,6 @@ impl<const N: usize> History<N> {
         if piece.seconds > 0.0 {
             show(&piece, to);
         }
-    }
-
-    /// Level velocity at `time`, how fast it changes, and the mean attitude's rate of change, as far
-    /// as means over the spacing tell; none where the ring has not two around it.
-    pub fn coarsely_at(&self, time: Time) -> Option<Coarse> {
-        let mut older = self.moments.iter().rev();
-        let mut later = older.next()?;
-        let since_s = |recorded: &Recorded| {
-            time.seconds_since(recorded.time) + 0.5 * f64::from(recorded.span.seconds)
-        };
-        if since_s(later) > 0.0 {
-            return None;
-        }
-        let earlier = older.find(|earlier| {
-            let before = since_s(earlier) >= 0.0;
-            if !before {
-                later = earlier;
-            }
-            before
-        })?;
-        let seconds = math::single(since_s(earlier) - since_s(later));
-        let before = older.next()?;
-        let gained = later.velocity_mps - earlier.velocity_mps;
-        let gained_before = earlier.velocity_mps - before.velocity_mps;
-        let part = math::single(since_s(earlier)) / seconds;
-        let attitude = |recorded: &Recorded| recorded.span.attitude_s / recorded.span.seconds;
-        Some(Coarse {
-            velocity_mps: (earlier.velocity_mps + gained * part).xy(),
-            accel_mps2: gained.xy() / seconds,
-            jerk_mps3: (gained - gained_before).xy() / (seconds * seconds),
-            attitude_rate: (attitude(later) - attitude(earlier)) / seconds,
-        })
     }
 
     /// The INS at `time`, which must lie after the first moment of the ring, and which is best

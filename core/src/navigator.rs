@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use crate::aided::AidedIns;
 use crate::alignment::Alignment;
 use crate::calibration::{Calibration, at_level};
-use crate::config::{Config, ConfigError};
+use crate::config::{Config, ConfigError, Noise};
 use crate::damping::DampingSignals;
 use crate::estimate::Estimates;
 use crate::health::{Health, Tally};
@@ -16,7 +16,6 @@ use crate::increments::{Increments, Interval};
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::mechanization::{Controls, Mechanization};
-use crate::noise_trial::Assumed;
 use crate::outcome::{GnssOutcome, ImuOutcome};
 use crate::samples::{FixSigma, GnssFix, Heading, ImuOutput, ImuSample};
 use crate::solution::{BodyMotion, Phase, Solution, SolutionSigma};
@@ -253,9 +252,10 @@ impl<const RING: usize> Navigator<RING> {
         self.aided()?.tilt_sigma_rad()
     }
 
-    /// What is assumed of the noises; none in the literal form.
-    pub fn assumed_noise(&self) -> Option<Assumed> {
-        self.aided()?.assumed()
+    /// Noise of GNSS velocity, as coloured as it was found to be and as strong as configured; none in
+    /// the literal form.
+    pub fn velocity_noise(&self) -> Option<Noise> {
+        self.aided()?.velocity_noise()
     }
 
     /// One standard deviation of the [solution](Self::solution); none in the literal form. What the

@@ -1,6 +1,6 @@
-//! How strong the noises are, by trial: beside the observer runs a second one that assumes one of
-//! them stronger, weaker or slower, on the same differences. If its innovations are clearly
-//! likelier, its assumption is taken over, and the next is tried.
+//! How coloured the noise of GNSS velocity is, by trial: beside the observer runs a second one that
+//! assumes its correlated part stronger, weaker, slower or faster, on the same differences. If its
+//! innovations are clearly likelier, its assumption is taken over, and the next is tried.
 //!
 //! White innovations of the right variance are the most likely ones, so this tells noise of GNSS
 //! that is correlated from an INS that wanders more than its gyros should: the one comes back, the
@@ -13,7 +13,7 @@ use crate::channel::{Channel, Gains, Growth, Measured, Renewal};
 use crate::config::{Config, Noise};
 use crate::math;
 
-/// Factor of a standard deviation or of a time from one trial to the next.
+/// Factor of the correlated part or of its time from one trial to the next.
 const STEP: f64 = 2.0;
 /// Least correlated part that is tried, against the white one.
 const LEAST_COLOUR: f64 = 0.5;
@@ -30,81 +30,41 @@ const LEAST_COUNT: f64 = 40.0;
 /// Largest square of an innovation, in its variance, that counts: outliers are no noise.
 const ROBUST: f64 = 9.0;
 
-/// What is assumed of the noises beyond what is configured.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Assumed {
-    /// Noise of the gyros and of the accelerometers against the configured one.
-    pub gyro: f64,
-    /// See above.
-    pub accel: f64,
-    /// Correlated part of the noise of GNSS velocity against its white part.
-    pub colour: f64,
-    /// Its correlation time, s.
-    pub correlation_s: f64,
+/// One change of what is assumed of the noise, within the bounds of the user; the same where that is
+/// not allowed.
+fn changed(own: &Noise, change: u8, config: &Config) -> Noise {
+    let within = |value: f64, [least, most]: [f64; 2]| math::max(math::min(value, most), least);
+    let gnss = &config.gnss;
+    let white = own.white;
+    let [_, most] = gnss.noise_range;
+    let mut noise = *own;
+    match change {
+        _ if gnss.trust_stated_sigma => {}
+        0 => {
+            let allowed = [LEAST_COLOUR * white, most * white];
+            noise.correlated = within(noise.correlated * STEP, allowed);
+        }
+        1 if noise.correlated > LEAST_COLOUR * white => noise.correlated /= STEP,
+        1 => noise.correlated = 0.0,
+        // The time of what is not there does not matter.
+        2 | 3 if noise.correlated <= 0.0 => {}
+        2 => noise.correlation_s = within(noise.correlation_s * STEP, CORRELATION_S),
+        3 => noise.correlation_s = within(noise.correlation_s / STEP, CORRELATION_S),
+        // Steps in one direction do not lead everywhere.
+        _ => {
+            noise.correlated = BOLD_COLOUR * white;
+            noise.correlation_s = if change == 4 {
+                gnss.velocity_mps.correlation_s
+            } else {
+                BOLD_CORRELATION_S
+            };
+        }
+    }
+    noise
 }
 
-impl Assumed {
-    /// What is configured.
-    pub fn configured(config: &Config) -> Self {
-        let velocity = &config.gnss.velocity_mps;
-        Self {
-            gyro: 1.0,
-            accel: 1.0,
-            colour: velocity.correlated / velocity.white,
-            correlation_s: velocity.correlation_s,
-        }
-    }
-
-    /// Noise of a velocity of this white part.
-    pub fn velocity(&self, white: f64) -> Noise {
-        Noise {
-            white,
-            correlated: self.colour * white,
-            correlation_s: self.correlation_s,
-        }
-    }
-
-    /// One assumption changed, within the bounds of the user; the same where that is not allowed.
-    fn changed(mut self, change: u8, config: &Config) -> Self {
-        let within = |value: f64, [least, most]: [f64; 2]| math::max(math::min(value, most), least);
-        let sensors = config.sensors.noise_range;
-        match change {
-            0 => self.gyro = within(self.gyro * STEP, sensors),
-            1 => self.gyro = within(self.gyro / STEP, sensors),
-            2 => self.accel = within(self.accel * STEP, sensors),
-            3 => self.accel = within(self.accel / STEP, sensors),
-            _ if config.gnss.trust_stated_sigma => {}
-            4 => {
-                let [_, most] = config.gnss.noise_range;
-                self.colour = within(self.colour * STEP, [LEAST_COLOUR, most]);
-            }
-            5 if self.colour > LEAST_COLOUR => self.colour /= STEP,
-            5 => self.colour = 0.0,
-            6 => self.correlation_s = within(self.correlation_s * STEP, CORRELATION_S),
-            7 => self.correlation_s = within(self.correlation_s / STEP, CORRELATION_S),
-            // What one noise was taken for may be another: steps in one direction do not lead there.
-            8 => {
-                self = Self {
-                    colour: BOLD_COLOUR,
-                    ..Self::configured(config)
-                }
-            }
-            _ => {
-                self = Self {
-                    colour: BOLD_COLOUR,
-                    correlation_s: BOLD_CORRELATION_S,
-                    ..Self::configured(config)
-                }
-            }
-        }
-        self
-    }
-}
-
-const CHANGES: u8 = 10;
-/// Colour that is tried in place of all else.
+const CHANGES: u8 = 6;
+/// Colour that is tried in place of all else, against the white part, and a slow one, s.
 const BOLD_COLOUR: f64 = 4.0;
 const BOLD_CORRELATION_S: f64 = 8.0;
 
@@ -162,7 +122,7 @@ pub struct Own {
 pub struct NoiseTrial {
     change: u8,
     /// What the rival assumes.
-    pub assumed: Assumed,
+    pub noise: Noise,
     /// Its covariance.
     pub level: Channel,
     apart: Apart,
@@ -175,20 +135,19 @@ pub struct NoiseTrial {
 
 impl NoiseTrial {
     /// Tries the next change that the user's bounds allow, beside an observer that assumes `own`.
-    pub fn new(after: u8, own: &Assumed, level: &Channel, config: &Config) -> Self {
+    pub fn new(after: u8, own: &Noise, level: &Channel, config: &Config) -> Self {
         let mut change = after;
-        let mut assumed = *own;
+        let mut noise = *own;
         for _ in 0..CHANGES {
             change = if change + 1 < CHANGES { change + 1 } else { 0 };
-            assumed = own.changed(change, config);
-            // The time of what is not there does not matter.
-            if assumed != *own && (!matches!(change, 6 | 7) || own.colour > 0.0) {
+            noise = changed(own, change, config);
+            if noise != *own {
                 break;
             }
         }
         Self {
             change,
-            assumed,
+            noise,
             level: *level,
             apart: Apart::default(),
             own: Likelihood::default(),
@@ -199,15 +158,15 @@ impl NoiseTrial {
     }
 
     /// The same where the observer has just begun, or begun anew.
-    pub fn after_start(after: u8, own: &Assumed, level: &Channel, config: &Config) -> Self {
+    pub fn after_start(after: u8, own: &Noise, level: &Channel, config: &Config) -> Self {
         Self {
             unsettled_s: SETTLING_S,
             ..Self::new(after, own, level, config)
         }
     }
 
-    /// Begins with the colour of GNSS: an INS that would have to follow it is the worse guess.
-    pub fn first(own: &Assumed, level: &Channel, config: &Config) -> Self {
+    /// The first of all is a colour that few receivers are without.
+    pub fn first(own: &Noise, level: &Channel, config: &Config) -> Self {
         Self::after_start(CHANGES - 3, own, level, config)
     }
 

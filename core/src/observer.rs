@@ -14,6 +14,7 @@ use nalgebra::{RealField, SVector, Scalar, Vector2, Vector3};
 
 use crate::channel::{Channel, Growth, Measured, Renewal};
 use crate::config::{Config, Noise};
+use crate::constancy::Constancy;
 use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::error_model::{Forcing, InsError, Passage, for_each_input, level_and_up};
 use crate::history::{Past, Span};
@@ -22,7 +23,7 @@ use crate::innovations::{
 };
 use crate::least_squares::LeastSquares;
 use crate::math::{self, singles};
-use crate::noise_trial::{Assumed, NoiseTrial, Own};
+use crate::noise_trial::{NoiseTrial, Own};
 use crate::parameters::{AGREES_SIGMAS, COUNT, PAIRS, Parameters, index};
 use crate::solution::SolutionSigma;
 use crate::time::Time;
@@ -233,8 +234,9 @@ pub struct Observer {
     surprise: Surprise,
     /// The same of the vertical, which goes wrong on its own.
     vertical_surprise: Surprise,
-    /// What is assumed of the noises, and what is tried in its place.
-    assumed: Assumed,
+    /// What is assumed of the noise of GNSS velocity, as strong as configured, and what is tried in
+    /// its place.
+    velocity_noise: Noise,
     trial: NoiseTrial,
     /// Corrections to the parameters.
     corrections: LeastSquares<COUNT, PAIRS>,
@@ -249,6 +251,9 @@ pub struct Observer {
     /// INS error.
     next_spread: u8,
     added: InsError<f32>,
+    /// How each parameter moves, and what is to be given back of the one whose turn it is.
+    constancy: [Constancy; COUNT],
+    given_back: Option<f32>,
     /// Since the last solution, s, and the azimuth's walk since then, rad^2.
     unsolved_s: f64,
     azimuth_walk: f64,
@@ -275,7 +280,6 @@ impl Observer {
         let gnss = &config.gnss;
         let mut followed = Followed::zero();
         followed.error.tilt_rad.z = prior.value(index::AZIMUTH);
-        let assumed = Assumed::configured(config);
         let level = Channel::new(
             tilt_sigma_rad * tilt_sigma_rad,
             &gnss.velocity_mps,
@@ -288,8 +292,8 @@ impl Observer {
             followed,
             responses: UNIT_RESPONSES,
             level,
-            assumed,
-            trial: NoiseTrial::first(&assumed, &level, config),
+            velocity_noise: gnss.velocity_mps,
+            trial: NoiseTrial::first(&gnss.velocity_mps, &level, config),
             vertical,
             innovations: [Innovations::default(); 4],
             stated: [StatedNoise::default(); 4],
@@ -302,6 +306,8 @@ impl Observer {
             levelled_s: FIRST_LEVEL_S,
             next_spread: 0,
             added: added_at_start(prior),
+            constancy: [Constancy::NEW; COUNT],
+            given_back: None,
             unsolved_s: 0.0,
             azimuth_walk: 0.0,
             gravity_mps2: level_force_mps2.norm(),
@@ -322,11 +328,6 @@ impl Observer {
     /// The error of the INS at the horizon.
     pub fn error(&self) -> &InsError {
         &self.followed.error
-    }
-
-    /// INS minus GNSS as it is expected now, at the sensors, m/s.
-    pub fn velocity_difference_mps(&self) -> Vector3<f64> {
-        self.followed.shows(Measured::Velocity)
     }
 
     /// What is known of the parameters.
@@ -425,12 +426,11 @@ impl Observer {
         let prior = config.prior();
         for which in index::GYRO..index::GYRO + 6 {
             let changed = LOST_BIAS * prior.sigma(which);
-            self.corrections
-                .diffuse(which, math::single(changed * changed));
+            self.let_walk(which, math::single(changed * changed));
         }
         self.surprise = Surprise::default();
-        self.trial =
-            NoiseTrial::after_start(self.trial.change(), &self.assumed, &self.level, config);
+        let own = &self.velocity_noise;
+        self.trial = NoiseTrial::after_start(self.trial.change(), own, &self.level, config);
     }
 
     /// The same of the vertical alone, with this variance of the velocity more.
@@ -450,24 +450,9 @@ impl Observer {
         for first in [index::ACCEL, index::ACCEL_SCALE, index::LEVER_ARM] {
             for (which, up) in (first..).zip(&up) {
                 let sigma = up * prior.sigma(which);
-                self.corrections.diffuse(which, math::single(sigma * sigma));
+                self.let_walk(which, math::single(sigma * sigma));
             }
         }
-    }
-
-    /// The latency is another; all else that was found with it may be anything.
-    pub fn on_other_latency(&mut self, latency_s: f64, config: &Config) {
-        self.on_lost(config);
-        let by_s = latency_s - self.parameters.value(index::LATENCY);
-        let prior = config.prior();
-        for which in (0..COUNT).filter(|which| *which != index::AZIMUTH) {
-            let sigma = match which {
-                index::LATENCY => by_s,
-                _ => prior.sigma(which),
-            };
-            self.corrections.diffuse(which, math::single(sigma * sigma));
-        }
-        self.parameters.shift(index::LATENCY, by_s);
     }
 
     /// What GNSS was thought to err by explained some of the INS's own error: `kept` says of which
@@ -698,14 +683,12 @@ impl Observer {
         let [velocity, velocity_up, position, position_up] = self.strength;
         let gnss = &config.gnss;
         let renewal = |noise: &Noise, strength| Renewal::over(span.seconds, noise, strength);
-        let coloured = self.assumed.velocity(gnss.velocity_mps.white);
+        let own = &self.velocity_noise;
         let position_noise = renewal(&gnss.position_m, position);
-        let level = [renewal(&coloured, velocity), position_noise];
-        let tried = self.trial.assumed.velocity(gnss.velocity_mps.white);
-        let rival = [renewal(&tried, velocity), position_noise];
-        let coloured = self.assumed.velocity(gnss.velocity_up_mps.white);
+        let level = [renewal(own, velocity), position_noise];
+        let rival = [renewal(&self.trial.noise, velocity), position_noise];
         let up = [
-            renewal(&coloured, velocity_up),
+            renewal(&own.as_strong_as(&gnss.velocity_up_mps), velocity_up),
             renewal(&gnss.height_m, position_up),
         ];
         let kept = |renewals: &[Renewal; 2]| renewals.map(|renewal| renewal.keep);
@@ -733,12 +716,12 @@ impl Observer {
     fn grow_noise(&mut self, span: &Span, noises: [[Renewal; 2]; 3], config: &Config) {
         let [level, rival, up] = noises;
         let s = &config.sensors;
-        let shares = |noise: &[f64; 3], factor: f64| {
-            let noise = factor * Vector3::from(*noise);
+        let shares = |noise: &[f64; 3]| {
+            let noise = Vector3::from(*noise);
             level_and_up(&span.attitude_s, span.seconds, &noise.component_mul(&noise))
         };
-        let (gyro_level, gyro_up) = shares(&s.gyro_noise, self.assumed.gyro);
-        let (accel_level, accel_up) = shares(&s.accel_noise, self.assumed.accel);
+        let (gyro_level, gyro_up) = shares(&s.gyro_noise);
+        let (accel_level, accel_up) = shares(&s.accel_noise);
         let growth = Growth {
             seconds: span.seconds,
             force_up_mps: span.force_mps.z,
@@ -747,13 +730,6 @@ impl Observer {
             gyro_noise: gyro_level,
         };
         self.level.propagate(&growth, level);
-        let gyro = self.trial.assumed.gyro / self.assumed.gyro;
-        let accel = self.trial.assumed.accel / self.assumed.accel;
-        let growth = Growth {
-            accel_noise: accel_level * accel * accel,
-            gyro_noise: gyro_level * gyro * gyro,
-            ..growth
-        };
         self.trial.propagate(&growth, rival);
         self.vertical.propagate(
             &Growth {
@@ -834,30 +810,35 @@ impl Observer {
         by
     }
 
-    /// Ends a trial of the noises that is decided, and begins the next.
+    /// Ends a trial of the noise that is decided, and begins the next.
     fn judge_trial(&mut self, config: &Config) {
         let Some(won) = self.trial.verdict() else {
             return;
         };
         if won {
-            self.assumed = self.trial.assumed;
+            self.velocity_noise = self.trial.noise;
             self.level = self.trial.level;
             for axis in 0..2 {
                 self.followed.correct(axis, &self.trial.apart(axis), 1.0);
             }
         }
-        self.trial = NoiseTrial::new(self.trial.change(), &self.assumed, &self.level, config);
+        let own = &self.velocity_noise;
+        self.trial = NoiseTrial::new(self.trial.change(), own, &self.level, config);
     }
 
-    /// What is assumed of the noises.
-    pub fn assumed(&self) -> &Assumed {
-        &self.assumed
+    /// What is assumed of the noise of GNSS velocity, as strong as configured.
+    pub fn velocity_noise(&self) -> &Noise {
+        &self.velocity_noise
     }
 
-    /// Makes the parameters those of the horizon, before they are solved for.
-    pub fn prepare(&mut self, config: &Config) {
+    /// Makes azimuth and latency those of the horizon, before the parameters are solved for.
+    pub fn come_to_horizon(&mut self, config: &Config) {
         self.judge_trial(config);
         self.come_to_now();
+    }
+
+    /// The same of the biases, and lets all have walked.
+    pub fn prepare(&mut self, config: &Config) {
         self.level_anew();
         self.diffuse(config);
         self.unsolved_s = 0.0;
@@ -873,26 +854,45 @@ impl Observer {
         }
         self.followed.add_scaled(&total, 1.0);
         self.parameters.value += corrections.map(f64::from);
+        for (constancy, by) in self.constancy.iter_mut().zip(&corrections) {
+            constancy.moved(*by);
+        }
     }
 
     /// Brings one spread up to date, each in its turn: of the parameters, and of what they add to
     /// the components of the INS error.
     pub fn spread_next(&mut self) {
         let turn = usize::from(self.next_spread);
-        self.next_spread = if turn + 1 < 2 * COUNT {
-            self.next_spread + 1
-        } else {
-            0
-        };
         let which = turn / 2;
-        if turn % 2 == 0 {
+        if let Some(more) = self.given_back.take() {
+            self.let_walk(which, more);
+        } else if turn % 2 == 0 {
             self.add_up(which % COMPONENTS);
-            return;
+        } else {
+            self.look_at(which);
         }
-        let variance = f64::from(self.corrections.variance(which));
-        let sigma = math::sqrt(variance * self.inflation());
+        // To give something back is a piece of work of its own.
+        if self.given_back.is_none() {
+            self.next_spread = if turn + 1 < 2 * COUNT {
+                self.next_spread + 1
+            } else {
+                0
+            };
+        }
+    }
+
+    /// The spread of a parameter, and whether it moves as that says. The azimuth moves with the
+    /// others, and walks as the gyros do.
+    fn look_at(&mut self, which: usize) {
+        let variance = self.corrections.variance(which);
+        let sigma = math::sqrt(f64::from(variance) * self.inflation_of(which));
         let value = self.parameters.value(which);
         self.parameters.set(which, value, sigma);
+        if let Some(constancy) = self.constancy.get_mut(which)
+            && which != index::AZIMUTH
+        {
+            self.given_back = constancy.look(variance);
+        }
     }
 
     /// What the spreads of the parameters add to the variance of one component.
@@ -920,6 +920,12 @@ impl Observer {
         }
     }
 
+    /// The same, and by what it moves more than it should.
+    fn inflation_of(&self, which: usize) -> f64 {
+        let own = self.constancy.get(which).map_or(1.0, Constancy::inflation);
+        self.inflation() * own
+    }
+
     /// Makes azimuth and latency those of the horizon, where the other parameters have moved them.
     fn come_to_now(&mut self) {
         let azimuth = Row::from_fn(|which, _| match self.responses.get(which) {
@@ -934,7 +940,12 @@ impl Observer {
         if let Some(drift) = latency.get_mut(index::CLOCK_DRIFT) {
             *drift = math::single(self.unsolved_s);
         }
+        let before = self.corrections.variance(index::LATENCY);
         self.carry_forward(index::LATENCY, &latency);
+        let drifted = self.corrections.variance(index::LATENCY) - before;
+        if let Some(constancy) = self.constancy.get_mut(index::LATENCY) {
+            constancy.walked(drifted);
+        }
         let p = &mut self.parameters;
         p.shift(
             index::LATENCY,
@@ -992,8 +1003,16 @@ impl Observer {
         self.azimuth_walk = 0.0;
         for (first, count, variance) in walks {
             for which in first..first + count {
-                self.corrections.diffuse(which, math::single(variance));
+                self.let_walk(which, math::single(variance));
             }
+        }
+    }
+
+    /// Lets a parameter have walked by a variance.
+    fn let_walk(&mut self, which: usize, variance: f32) {
+        self.corrections.diffuse(which, variance);
+        if let Some(constancy) = self.constancy.get_mut(which) {
+            constancy.walked(variance);
         }
     }
 
@@ -1009,7 +1028,8 @@ impl Observer {
         let p = &self.parameters;
         let value = p.value(index::LATENCY) - seconds * p.value(index::CLOCK_DRIFT);
         let variance = f64::from(self.corrections.variance_of(coefficients.into()));
-        (value, math::sqrt(variance * self.inflation()))
+        let inflation = self.inflation_of(index::LATENCY);
+        (value, math::sqrt(variance * inflation))
     }
 
     /// Takes a measured azimuth error that is off by `residual` of what it should be; whether it is

@@ -94,11 +94,4 @@ impl Parameters {
             (*v, *s) = (value, math::single(sigma));
         }
     }
-
-    /// Believes one parameter less, by a spread more.
-    pub fn doubt(&mut self, parameter: usize, more: f64) {
-        let sigma = self.sigma(parameter);
-        let doubted = math::sqrt(sigma * sigma + more * more);
-        self.set(parameter, self.value(parameter), doubted);
-    }
 }

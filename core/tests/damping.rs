@@ -19,11 +19,12 @@ const PLACE: Geodetic = Geodetic {
 const IMU_S: f64 = 0.01;
 /// Ten fixes a second.
 const FIX_EVERY: u32 = 10;
-/// Two fixes are compared as one, once two moments of the ring lie after the second, a step with each
-/// sample; their control is held for the two that follow: on the average 0.35 s of delay, 0.5 s at most.
-const DELAY_S: f64 = 0.5;
-/// Of pairs one in three is asked for its height.
-const HEIGHT_DELAY_S: f64 = DELAY_S + 0.4;
+/// Three fixes are compared as one, once two moments of the ring lie after the last, a step with each
+/// sample; their control is held for the three that follow: on the average half a second of delay,
+/// 0.7 s at most.
+const DELAY_S: f64 = 0.7;
+/// Of threes every other one is asked for its height.
+const HEIGHT_DELAY_S: f64 = DELAY_S + 0.6;
 
 /// By so much the receiver moves down: the INS is as much too high. After minutes of fixes without
 /// noise, ten metres would be refused.

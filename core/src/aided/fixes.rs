@@ -12,11 +12,10 @@ use crate::error_model::InsError;
 use crate::estimator::Estimator;
 use crate::health::Tally;
 use crate::history::{Missing, Past};
-use crate::latency_rivals::Residual;
 #[cfg(feature = "literal")]
 use crate::literal;
 use crate::manoeuvre::Manoeuvre;
-use crate::math::{self, singles};
+use crate::math;
 use crate::observer::Kind;
 use crate::outcome::GnssOutcome;
 use crate::parameters::index;
@@ -147,7 +146,6 @@ impl<const N: usize> AidedIns<N> {
             taken: self.now,
             latency_applied_s: self.compensation.latency_s,
             velocity_mps: past.velocity_mps - fix.velocity_enu_mps(),
-            expected_mps: Vector3::zeros(),
             position_m: self.position_difference(past, fix),
             velocity: Part::of(fix.velocity_en_mps.is_some(), fix.sigma.velocity_mps),
             climb: Part::of(sign_variance.is_some(), fix.sigma.velocity_up_mps),
@@ -213,9 +211,6 @@ impl<const N: usize> AidedIns<N> {
         if moment > self.estimator.horizon() {
             self.advance(moment, config);
         }
-        if let (Some(comparison), Some(observer)) = (&mut self.comparison, self.estimator.exact()) {
-            comparison.expected_mps = observer.velocity_difference_mps();
-        }
     }
 
     /// Lets the estimators take one kind of measurement.
@@ -253,9 +248,6 @@ impl<const N: usize> AidedIns<N> {
         let Some(comparison) = self.comparison.take() else {
             return;
         };
-        if comparison.velocity.used && self.latency_rivals.wants(comparison.interval_s()) {
-            self.try_other_latencies(&comparison, config);
-        }
         let mut differences = self.differences(&comparison, config);
         // Most of all where nothing is taken any more.
         self.doubt(config);
@@ -273,36 +265,6 @@ impl<const N: usize> AidedIns<N> {
             GnssOutcome::Accepted
         };
         tally.fixes(comparison.stamp, comparison.fixes, outcome);
-    }
-
-    /// Holds other latencies against the one that is taken out.
-    #[inline(never)]
-    fn try_other_latencies(&mut self, taken: &Comparison, config: &Config) {
-        let Some(observer) = self.estimator.exact_mut() else {
-            return;
-        };
-        let past = &taken.past;
-        let gnss_mps = past.velocity_mps - taken.velocity_mps;
-        let shown_mps = singles(&(gnss_mps + taken.expected_mps)).xy();
-        let own_s = taken.latency_applied_s;
-        let arm = singles(&observer.parameters().lever_arm());
-        let smoothing_s2 = math::single(observer.parameters().value(index::SMOOTHING));
-        let history = &self.history;
-        let with = |latency_s: f64, way_mps: &Vector3<f32>| {
-            let ins = history.coarsely_at(past.time.plus_seconds(own_s - latency_s))?;
-            let swing = |arm: &Vector3<f32>| (ins.attitude_rate * arm).xy();
-            Some(Residual {
-                velocity_mps: ins.velocity_mps + swing(&arm) - shown_mps
-                    + ins.jerk_mps3 * (0.5 * smoothing_s2),
-                accel_mps2: ins.accel_mps2,
-                swing_mps: swing(way_mps),
-            })
-        };
-        let body_mps = singles(&past.attitude.tr_mul(&past.velocity_mps));
-        if let Some(latency_s) = self.latency_rivals.take(&body_mps, own_s, with) {
-            observer.on_other_latency(latency_s, config);
-            self.doubted = Some(self.now);
-        }
     }
 
     /// What the loops are given: what was taken, at the sensors and not at the antenna. Where only

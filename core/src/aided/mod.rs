@@ -10,7 +10,7 @@ use crate::alignment::rest::{self, RestBlock, RestDetector, Verdict as RestVerdi
 use crate::attitude::matrix;
 use crate::comparison::Comparison;
 use crate::compensation::Compensation;
-use crate::config::{Config, Feedback};
+use crate::config::{Config, Feedback, Noise};
 use crate::damping::DampingSignals;
 use crate::earth::{GRAVITY_EQUATOR_MPS2, wrap_pi};
 use crate::error_model::InsError;
@@ -19,11 +19,9 @@ use crate::estimator::Estimator;
 use crate::health::Tally;
 use crate::history::{History, Missing, Span, Wobble};
 use crate::increments::Interval;
-use crate::latency_rivals::LatencyRivals;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::mechanization::{Controls, Mechanization, Step};
-use crate::noise_trial::Assumed;
 use crate::outcome::GnssOutcome;
 use crate::parameters::{Parameters, index};
 use crate::ring::Ring;
@@ -67,8 +65,9 @@ enum Due {
     Nothing,
     /// One of the spreads is due.
     Spread,
-    /// All parameters are: what comes before, and the solution.
-    Solution,
+    /// All parameters are: what comes before, in two pieces, and the solution.
+    Horizon,
+    Prepare,
     Solve,
 }
 
@@ -100,7 +99,6 @@ pub struct AidedIns<const N: usize> {
     last_coast: Time,
     rest: RestDetector,
     vertical_sign: VerticalSign,
-    latency_rivals: LatencyRivals,
     last_solve: Time,
     due: Due,
     /// Whether a fix that waits may have its moment now.
@@ -155,7 +153,6 @@ impl<const N: usize> AidedIns<N> {
             last_coast: time,
             rest: RestDetector::default(),
             vertical_sign: VerticalSign::default(),
-            latency_rivals: LatencyRivals::default(),
             last_solve: time,
             due: Due::Nothing,
             fixes_due: false,
@@ -195,9 +192,9 @@ impl<const N: usize> AidedIns<N> {
         self.estimator.error_after(&self.since_horizon())
     }
 
-    /// What is assumed of the noises.
-    pub fn assumed(&self) -> Option<Assumed> {
-        Some(*self.estimator.exact()?.assumed())
+    /// What is assumed of the noise of GNSS velocity.
+    pub fn velocity_noise(&self) -> Option<Noise> {
+        Some(*self.estimator.exact()?.velocity_noise())
     }
 
     /// Spread of position, velocity and attitude, ENU.
@@ -282,18 +279,11 @@ impl<const N: usize> AidedIns<N> {
         let mut parameters = *self.known();
         let azimuth = self.azimuth_error_rad();
         parameters.set(index::AZIMUTH, azimuth, parameters.sigma(index::AZIMUTH));
-        let open_s = self.open_latency_s();
-        let arm_m = open_s * self.latency_rivals.way_mps();
-        parameters.doubt(index::LATENCY, open_s);
-        for axis in 0..3 {
-            parameters.doubt(index::LEVER_ARM + axis, arm_m);
-        }
         let mut estimates = Estimates::from_parameters(&parameters, config, Phase::Navigating);
         if let Some(observer) = self.estimator.exact() {
             let run_s = self.now.seconds_since(self.since);
             let latency = &mut estimates.gnss_latency_s;
             (latency.value, latency.sigma) = observer.latency_before(0.5 * run_s);
-            latency.sigma = math::sqrt(latency.sigma * latency.sigma + open_s * open_s);
             estimates.level_force_mps2 = *observer.level_force_mps2();
             let unseen = observer.unseen_accel(config);
             for (accel, unseen) in estimates.accel_bias_mps2.iter_mut().zip(&unseen) {
@@ -301,13 +291,6 @@ impl<const N: usize> AidedIns<N> {
             }
         }
         estimates
-    }
-
-    /// How far off the latency may be, although it looks known, s.
-    fn open_latency_s(&self) -> f64 {
-        let latency_s = self.known().value(index::LATENCY);
-        let sigma_s = self.known().sigma(index::LATENCY);
-        0.5 * self.latency_rivals.open_s(latency_s, sigma_s)
     }
 
     /// Azimuth error that is still in the damped INS, rad.
@@ -389,8 +372,16 @@ impl<const N: usize> AidedIns<N> {
                 }
                 self.due = Due::Nothing;
             }
-            Due::Solution => {
-                self.prepare(config);
+            Due::Horizon => {
+                if let Some(observer) = self.estimator.exact_mut() {
+                    observer.come_to_horizon(config);
+                }
+                self.due = Due::Prepare;
+            }
+            Due::Prepare => {
+                if let Some(observer) = self.estimator.exact_mut() {
+                    observer.prepare(config);
+                }
                 self.due = Due::Solve;
             }
             Due::Solve => {
@@ -427,7 +418,7 @@ impl<const N: usize> AidedIns<N> {
         }
         if self.now.seconds_since(self.last_solve) >= SOLVE_S {
             self.last_solve = self.now;
-            self.due = Due::Solution;
+            self.due = Due::Horizon;
         }
     }
 
@@ -559,14 +550,6 @@ impl<const N: usize> AidedIns<N> {
             GnssOutcome::Accepted
         } else {
             GnssOutcome::Outlier
-        }
-    }
-
-    /// What comes before a solution.
-    #[inline(never)]
-    fn prepare(&mut self, config: &Config) {
-        if let Some(observer) = self.estimator.exact_mut() {
-            observer.prepare(config);
         }
     }
 

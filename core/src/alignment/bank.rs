@@ -191,7 +191,7 @@ impl Bank {
                 return true;
             }
             if seconds < node.seconds() {
-                let misfit = candidate.compare(sighting, self.excess, node, config);
+                let misfit = candidate.compare(sighting, self.excess, node);
                 if leads {
                     self.judge(misfit, sighting);
                 }

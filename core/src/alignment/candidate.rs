@@ -10,6 +10,8 @@
 //! is linear in everything unknown: a heading about which nothing is known starts as
 //! `(c, s) = 0` with variance 1/2 each, exactly the mean and variance of a direction on a circle.
 //! `l` is what the latency exceeds the supposed one by; the first fix is as late as the others.
+//! An antenna `b` away from the sensors moves by `C' b` more: in a steady turn an arm forward looks
+//! like a latency, so that three components of `b` are unknown too, and `- C' b` is in the sum.
 //! `e` grows by (1)-(2): `e' = f x phi`, `phi' = -C b`, with tilt `phi` and gyro biases `b`. What
 //! is found of `e`, `phi`, `b` and `l` goes into the INS at once, so that they stay small.
 //!
@@ -28,7 +30,7 @@
 //! Accelerometer biases are not among the unknowns: at one attitude they are tilt. As the body
 //! turns, they turn against the level frame, and the tilt walks by as much.
 
-use nalgebra::{SVector, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Matrix2x3, Matrix3, SVector, UnitQuaternion, Vector2, Vector3};
 
 use super::covariance::Covariance;
 use super::nodes::Node;
@@ -40,14 +42,15 @@ use crate::math::{self, single};
 use crate::parameters::{Parameters, index};
 use crate::time::Time;
 
-/// The unknowns: velocity error, tilt and turn, gyro biases, cosine and sine, latency.
+/// The unknowns: velocity error, tilt and turn, gyro biases, cosine and sine, latency, lever arm.
 const ERROR: usize = 0;
 const TILT: usize = 2;
 const BIAS: usize = 5;
 const COS: usize = 8;
 const SIN: usize = 9;
 const LATENCY: usize = 10;
-const COUNT: usize = 11;
+const ARM: usize = 11;
+const COUNT: usize = 14;
 const PAIRS: usize = COUNT * (COUNT + 1) / 2;
 
 /// One number for each unknown.
@@ -108,12 +111,15 @@ pub(crate) struct Candidate {
     attitude: UnitQuaternion<f64>,
     gyro_bias_radps: Vector3<f64>,
     latency_s: f32,
+    /// Antenna from the sensors, body, m.
+    lever_arm_m: Vector3<f32>,
     /// What the first sighting saw, E and N, m/s; none before it.
     first_mps: Option<Vector2<f32>>,
     /// Velocity gained since the first sighting, way since the last, and velocity there.
     velocity_mps: Vector2<f32>,
     way_m: Vector2<f32>,
     velocity_before_mps: Vector2<f32>,
+    level_before: Matrix2x3<f32>,
     /// What of it the last sighting is compared with.
     seen_mps: Vector2<f32>,
     /// Gain of GNSS velocity that counts as motion, m/s.
@@ -151,6 +157,7 @@ impl Candidate {
             let sigma = gyro_sigma(known, axis, config);
             single(math::sqrt(sigma * sigma + earth * earth))
         };
+        let arm = |axis| single(known.sigma(index::LEVER_ARM + axis));
         let half = core::f32::consts::FRAC_1_SQRT_2;
         let sigma = [
             0.0,
@@ -164,6 +171,9 @@ impl Candidate {
             half,
             half,
             single(latency_sigma_s),
+            arm(0),
+            arm(1),
+            arm(2),
         ];
         Self {
             node: 0,
@@ -172,10 +182,12 @@ impl Candidate {
             attitude: start.attitude,
             gyro_bias_radps: known.vector(index::GYRO),
             latency_s: single(latency_s),
+            lever_arm_m: known.lever_arm().map(single),
             first_mps: None,
             velocity_mps: Vector2::zeros(),
             way_m: Vector2::zeros(),
             velocity_before_mps: Vector2::zeros(),
+            level_before: Matrix2x3::zeros(),
             seen_mps: Vector2::zeros(),
             moved_mps: Vector2::zeros(),
             mark_mps: Vector2::zeros(),
@@ -217,7 +229,7 @@ impl Candidate {
     }
 
     /// `e' = f x phi`, `phi' = -C b`.
-    fn spread(&mut self, force: &Vector3<f32>, body: &nalgebra::Matrix3<f32>) {
+    fn spread(&mut self, force: &Vector3<f32>, body: &Matrix3<f32>) {
         let p = &mut self.covariance;
         p.shear(ERROR, TILT + 1, -force.z);
         p.shear(ERROR, TILT + 2, force.y);
@@ -260,13 +272,7 @@ impl Candidate {
     /// Compares with what GNSS saw; the moment lies in `node`, which comes next. `excess` is by how
     /// much its noise proved larger, in variance. Returns the mean square of the two residuals
     /// over what they should be.
-    pub(crate) fn compare(
-        &mut self,
-        sighting: &Sighting,
-        excess: f32,
-        node: &Node,
-        config: &Config,
-    ) -> f32 {
+    pub(crate) fn compare(&mut self, sighting: &Sighting, excess: f32, node: &Node) -> f32 {
         self.sighting += 1;
         let seconds = single(self.seconds_to(sighting.time));
         let body = matrix(&self.attitude);
@@ -276,43 +282,47 @@ impl Candidate {
         let velocity = self.velocity_mps + seconds * accel;
         let way = self.way_m + seconds * (self.velocity_mps + 0.5 * seconds * accel);
         self.way_m = -seconds * (self.velocity_mps + 0.5 * seconds * accel);
+        let rate = turn / node.seconds();
+        let swing = level_rows(&(body * rate.cross_matrix()));
+        let level = level_rows(&body);
         let Some(first) = self.first_mps else {
-            self.begin(sighting, velocity);
+            self.level_before = level;
+            self.begin(sighting, velocity, &swing);
             return 1.0;
         };
         let span_s = sighting.span_s;
-        let (seen, pushed, back_s) = if span_s > 0.0 {
+        let (seen, pushed, back_s, swing) = if span_s > 0.0 {
             let mean_accel = (velocity - self.velocity_before_mps) / span_s;
-            (way / span_s, mean_accel, seconds - 0.5 * span_s)
+            let swing = (level - self.level_before) / span_s;
+            (way / span_s, mean_accel, seconds - 0.5 * span_s, swing)
         } else {
-            (velocity, self.accel_mps2, seconds)
+            (velocity, self.accel_mps2, seconds, swing)
         };
         self.velocity_before_mps = velocity;
-        let up_rate = single((body * turn).z) / single(node.seconds());
-        let lever = single(config.gnss.lever_arm_sigma_m) * up_rate;
+        self.level_before = level;
+        let antenna = seen + swing * self.lever_arm_m;
         let white = excess * sighting.sigma_mps * sighting.sigma_mps;
         let d = sighting.velocity_mps - first;
         let since_s = sighting.time.seconds_since(self.last_sighting);
         self.last_sighting = sighting.time;
-        let invented = self.follow(d, seen, white, since_s);
+        let invented = self.follow(d, antenna, white, since_s);
         let moved = self.moved_mps;
         let unknown = self.covariance.variance(COS) + self.covariance.variance(SIN);
         // Second order of the latency: half the jerk times its square.
         let late = self.covariance.variance(LATENCY);
         let jerk = (accel - self.accel_mps2) / single(SMOOTH_S);
         let noise = sighting.alike * white
-            + lever * lever
             + 0.5 * late * late * jerk.norm_squared()
             + 0.5 * unknown * (d - moved).norm_squared();
         let late = pushed - self.first_accel_mps2;
         let rows = [
-            row(0, moved, back_s, &force, late.x),
-            row(1, turned_back(moved), back_s, &force, late.y),
+            row(0, moved, back_s, &force, late.x, &swing),
+            row(1, turned_back(moved), back_s, &force, late.y, &swing),
         ];
         let [x, y] = rows;
         let residual = Vector2::new(
-            seen.x - self.rotation.dot(&d),
-            seen.y - self.rotation.dot(&turned_back(d)),
+            antenna.x - self.rotation.dot(&d),
+            antenna.y - self.rotation.dot(&turned_back(d)),
         );
         let mut correction = Row::zeros();
         let mut misfit = 0.0;
@@ -334,7 +344,7 @@ impl Candidate {
         self.anchor(moved);
         if self.steady_s > STEADY_S && self.is_lost() {
             self.lose();
-            self.begin(sighting, velocity);
+            self.begin(sighting, velocity, &swing);
         }
         misfit
     }
@@ -399,7 +409,7 @@ impl Candidate {
     }
 
     /// The first sighting: velocities count from here.
-    fn begin(&mut self, first: &Sighting, velocity: Vector2<f32>) {
+    fn begin(&mut self, first: &Sighting, velocity: Vector2<f32>, swing: &Matrix2x3<f32>) {
         self.velocity_mps -= velocity;
         self.first_mps = Some(first.velocity_mps);
         self.way_m = Vector2::zeros();
@@ -411,10 +421,15 @@ impl Candidate {
         self.last_sighting = first.time;
         self.first_accel_mps2 = self.accel_mps2;
         let off = 0.5 * first.span_s * FIRST_ACCEL_MPS2;
-        for axis in 0..2 {
-            let noise = first.alike * first.sigma_mps * first.sigma_mps + off * off;
+        let swung = swing.component_mul(swing) * self.arm_variance();
+        for (axis, swung) in swung.iter().enumerate() {
+            let noise = first.alike * first.sigma_mps * first.sigma_mps + off * off + swung;
             self.covariance.renew(ERROR + axis, noise);
         }
+    }
+
+    fn arm_variance(&self) -> Vector3<f32> {
+        Vector3::from([0, 1, 2].map(|axis| self.covariance.variance(ARM + axis)))
     }
 
     /// Takes one residual into covariance and correction; returns its square over the variance
@@ -506,6 +521,7 @@ impl Candidate {
         self.gyro_bias_radps += Vector3::new(wide(BIAS), wide(BIAS + 1), wide(BIAS + 2));
         self.rotation += Vector2::new(at(COS), at(SIN));
         self.latency_s += at(LATENCY);
+        self.lever_arm_m += Vector3::new(at(ARM), at(ARM + 1), at(ARM + 2));
     }
 
     /// What it has found so far.
@@ -597,8 +613,20 @@ pub(crate) struct Found {
     pub(crate) gyro_sigma_radps: Vector3<f64>,
 }
 
+/// East and north of what turns a vector of the body to the level.
+fn level_rows(to_level: &Matrix3<f64>) -> Matrix2x3<f32> {
+    to_level.fixed_rows::<2>(0).map(single)
+}
+
 /// How a component of `u` hangs on the unknowns, `back_s` after the INS's moment.
-fn row(axis: usize, moved: Vector2<f32>, back_s: f32, force: &Vector3<f32>, late: f32) -> Row {
+fn row(
+    axis: usize,
+    moved: Vector2<f32>,
+    back_s: f32,
+    force: &Vector3<f32>,
+    late: f32,
+    swing: &Matrix2x3<f32>,
+) -> Row {
     let (x, y) = (back_s * force.x, back_s * force.y);
     let z = back_s * force.z;
     let (error, tilt) = if axis == 0 {
@@ -608,7 +636,21 @@ fn row(axis: usize, moved: Vector2<f32>, back_s: f32, force: &Vector3<f32>, late
     };
     let [tilt_x, tilt_y, turn] = tilt;
     let [error_x, error_y] = error;
+    let arm = |component: usize| -swing.get((axis, component)).copied().unwrap_or(0.0);
     Row::from([
-        error_x, error_y, tilt_x, tilt_y, turn, 0.0, 0.0, 0.0, moved.x, moved.y, late,
+        error_x,
+        error_y,
+        tilt_x,
+        tilt_y,
+        turn,
+        0.0,
+        0.0,
+        0.0,
+        moved.x,
+        moved.y,
+        late,
+        arm(0),
+        arm(1),
+        arm(2),
     ])
 }

@@ -3,12 +3,14 @@
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::rest::{self, RestBlock};
-use super::swing::{Swing, UNSEEN_RADPS};
 use crate::attitude::{Euler, from_euler};
 use crate::config::SensorConfig;
 use crate::earth::{GRAVITY_EQUATOR_MPS2, LocalEarth};
 use crate::math;
 
+/// Turn about up of a vehicle that passes for rest, rad/s: a third of a degree per second. Nothing
+/// shows it: a boat at anchor swings as smoothly as a gyro bias.
+const UNSEEN_RADPS: f64 = 6e-3;
 /// Rest whose blocks tell noise from waves, s.
 const LEAST_SCATTER_S: f64 = 4.0;
 /// A block further off the mean than so many sigmas has another bias, or another motion.
@@ -26,7 +28,6 @@ pub struct RestMean {
     pub force_mps2: Vector3<f64>,
     /// Sum over blocks of the squared rate's distance from the mean, per axis.
     scatter: Vector3<f64>,
-    swing: Swing,
 }
 
 impl RestMean {
@@ -38,9 +39,6 @@ impl RestMean {
         self.rate_radps += part * off;
         self.scatter += (1.0 - part) * block.seconds * off.component_mul(&off);
         self.force_mps2 += part * (block.force_mps2 - self.force_mps2);
-        if let Some(up) = self.up() {
-            self.swing.add(block.seconds, up.dot(&block.rate_radps));
-        }
     }
 
     /// Whether the rate of a block may be the one so far: a bias that has moved is not.
@@ -65,16 +63,15 @@ impl RestMean {
     /// scatter by (waves), and a slow turn about the up axis, wherever that is in the body.
     pub(crate) fn gyro_variance(&self, sensors: &SensorConfig) -> Vector3<f64> {
         let noise = rest::gyro_variance(sensors, self.seconds);
-        let block = math::sqrt(rest::gyro_variance(sensors, 1.0));
-        let swing = self.swing.variance(block);
-        let up = self.up().unwrap_or_default();
+        let unseen = UNSEEN_RADPS * UNSEEN_RADPS;
         // Of a few blocks the scatter says nothing; a wave may then be all that was read.
         if self.seconds < LEAST_SCATTER_S {
-            return Vector3::repeat(noise + UNSEEN_RADPS * UNSEEN_RADPS);
+            return Vector3::repeat(noise + unseen);
         }
+        let up = self.up().unwrap_or_default();
         let scatter = self.scatter / (self.seconds * (self.seconds - 2.0));
         up.zip_map(&scatter, |part, scatter| {
-            math::max(noise, scatter) + part * part * swing
+            math::max(noise, scatter) + part * part * unseen
         })
     }
 }

@@ -13,7 +13,6 @@ pub mod levelling;
 mod nodes;
 pub mod rest;
 mod sightings;
-mod swing;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 

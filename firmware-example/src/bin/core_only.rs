@@ -71,7 +71,7 @@ fn everything_else(navigator: &mut Navigator) {
     black_box(navigator.body_motion());
     black_box(navigator.health());
     black_box(navigator.sigma());
-    black_box(navigator.assumed_noise());
+    black_box(navigator.velocity_noise());
     black_box(navigator.tilt_sigma_rad());
     black_box(navigator.config());
     black_box(navigator.azimuth_left_rad());

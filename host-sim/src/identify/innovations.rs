@@ -149,10 +149,7 @@ fn noises(fix: &GnssFix, navigator: &Navigator) -> [[f64; 3]; 2] {
         let scale = stated.map_or(1.0, |stated| stated / noise.white);
         scale * noise.variance().sqrt()
     };
-    let white = gnss.velocity_mps.white;
-    let learnt = navigator
-        .assumed_noise()
-        .map(|assumed| assumed.velocity(white));
+    let learnt = navigator.velocity_noise();
     let level_mps = sigma(&learnt.unwrap_or(gnss.velocity_mps), stated.velocity_mps);
     let level_m = sigma(&gnss.position_m, stated.position_m);
     let up_mps = sigma(&gnss.velocity_up_mps, stated.velocity_up_mps);

@@ -136,9 +136,14 @@ impl Tuning {
 impl Tuning {
     fn noise_beyond_class(&self) -> Option<String> {
         let sensors = &self.config.sensors;
+        // Times the noise of its class that no sensor of it has.
+        let most = match self.grade {
+            Grade::Hg1700 => 2.0,
+            Grade::Mems => 8.0,
+        };
         let far = |noise: &Found, typical: f64| {
             let least = noise.value - 3.0 * noise.sigma;
-            noise.is_known() && least > sensors.noise_range[1] * typical
+            noise.is_known() && least > most * typical
         };
         beyond_class(&[
             (
