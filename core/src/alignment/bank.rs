@@ -96,13 +96,14 @@ impl Bank {
     /// Starts all at one moment.
     pub(crate) fn new(start: &Start, known: &Parameters, config: &Config) -> Self {
         let prior_s = math::max(config.gnss.latency_sigma_s, 1e-3);
-        let candidates = LATENCIES_S.map(|latency_s| {
-            let mut candidate = Candidate::new(start, latency_s, LATENCY_SIGMA_S, known, config);
+        // One made and copied: four made would lie on the stack first.
+        let mut candidates =
+            [Candidate::new(start, LATENCY_SIGMA_S, known, config); LATENCIES_S.len()];
+        for (candidate, latency_s) in candidates.iter_mut().zip(LATENCIES_S) {
             // Presets say what is usual, not what is possible: the tails of the prior are long.
             let ratio = latency_s / prior_s;
-            candidate.log_likelihood = -math::single(libm::log(1.0 + ratio * ratio));
-            candidate
-        });
+            candidate.suppose(latency_s, -math::single(libm::log(1.0 + ratio * ratio)));
+        }
         Self {
             start: start.time,
             candidates,

@@ -143,10 +143,9 @@ pub(crate) struct Candidate {
 }
 
 impl Candidate {
-    /// Starts with a latency supposed and its spread.
+    /// Starts with the spread of the latency that it is going to suppose.
     pub(crate) fn new(
         start: &Start,
-        latency_s: f64,
         latency_sigma_s: f64,
         known: &Parameters,
         config: &Config,
@@ -181,7 +180,7 @@ impl Candidate {
             time: start.time,
             attitude: start.attitude,
             gyro_bias_radps: known.vector(index::GYRO),
-            latency_s: single(latency_s),
+            latency_s: 0.0,
             lever_arm_m: known.lever_arm().map(single),
             first_mps: None,
             velocity_mps: Vector2::zeros(),
