@@ -102,7 +102,8 @@ impl Bank {
         for (candidate, latency_s) in candidates.iter_mut().zip(LATENCIES_S) {
             // Presets say what is usual, not what is possible: the tails of the prior are long.
             let ratio = latency_s / prior_s;
-            candidate.suppose(latency_s, -math::single(libm::log(1.0 + ratio * ratio)));
+            candidate.latency_s = math::single(latency_s);
+            candidate.log_likelihood = -math::single(libm::log(1.0 + ratio * ratio));
         }
         Self {
             start: start.time,

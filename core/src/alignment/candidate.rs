@@ -110,7 +110,7 @@ pub(crate) struct Candidate {
     time: Time,
     attitude: UnitQuaternion<f64>,
     gyro_bias_radps: Vector3<f64>,
-    latency_s: f32,
+    pub(crate) latency_s: f32,
     /// Antenna from the sensors, body, m.
     lever_arm_m: Vector3<f32>,
     /// What the first sighting saw, E and N, m/s; none before it.
