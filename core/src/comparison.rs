@@ -10,8 +10,9 @@ use crate::time::Time;
 
 /// Fixes closer than this to the last that were compared wait for the next, and are compared as
 /// one, s: the errors of an INS change little meanwhile, and those of a receiver hardly more, so
-/// that their mean tells as much of both.
-const TOGETHER_S: f64 = 0.3;
+/// that their mean tells as much of both. No multiple of a usual interval: moments move by
+/// microseconds as the latency becomes known.
+const TOGETHER_S: f64 = 0.29;
 
 /// What is due next for a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

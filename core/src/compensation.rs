@@ -14,7 +14,7 @@ const LATENCY_KNOWN: f64 = 0.2;
 const LATENCY_LIMIT_S: f64 = 1.2;
 
 /// Errors taken out of readings and stamps.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Compensation {
     /// Of the gyros.
@@ -28,11 +28,7 @@ pub struct Compensation {
 impl Compensation {
     /// At the start: what alignment has found of gyros and latency.
     pub fn at_start(known: &Parameters, config: &Config) -> Self {
-        let mut start = Self {
-            gyro_radps: Vector3::zeros(),
-            accel_mps2: Vector3::zeros(),
-            latency_s: 0.0,
-        };
+        let mut start = Self::default();
         if config.feedback == Feedback::Closed {
             start.gyro_radps = known.vector(index::GYRO);
             if config.form == Form::Exact {

@@ -30,14 +30,12 @@ pub enum Estimator {
 }
 
 impl Estimator {
-    /// Starts on a level of some spread and with a vertical velocity of some variance, with what is
-    /// believed of the parameters.
+    /// Starts on a level of some spread and with a vertical velocity of some variance.
     pub fn new(
         start: Time,
         tilt_sigma_rad: f64,
         climb_variance: f64,
         level_force_mps2: Vector3<f64>,
-        known: &Parameters,
         config: &Config,
     ) -> Self {
         // Of two values of a `match`, one would be copied over the stack.
@@ -47,7 +45,6 @@ impl Estimator {
             tilt_sigma_rad,
             climb_variance,
             level_force_mps2,
-            known,
             config,
         ));
         #[cfg(feature = "literal")]

@@ -279,6 +279,7 @@ impl<const N: usize> History<N> {
 
     /// Shows all that happened from one moment to another in pieces of at most `longest_s` or of
     /// one moment of the ring.
+    #[inline(never)]
     pub fn between(&self, from: Time, to: Time, longest_s: f64, mut show: impl FnMut(&Span, Time)) {
         let mut piece = Span::default();
         let mut shown = from;

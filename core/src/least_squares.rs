@@ -6,7 +6,7 @@
 //! is that of the rows, not its square as in normal equations, so single precision is enough for
 //! corrections to a solution, and an answer costs one substitution.
 
-use nalgebra::SVector;
+use nalgebra::{ArrayStorage, SVector};
 
 /// Least squares of `N` parameters; `T` is `N (N + 1) / 2`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,12 +33,18 @@ pub struct Added<const R: usize> {
 impl<const N: usize, const T: usize> LeastSquares<N, T> {
     const SIZES_MATCH: () = assert!(T == N * (N + 1) / 2, "T must be N (N + 1) / 2");
 
+    /// Of which nothing is known.
+    pub const NOTHING: Self = Self {
+        weight: SVector::from_array_storage(ArrayStorage([[0.0; N]])),
+        rows: SVector::from_array_storage(ArrayStorage([[0.0; T]])),
+    };
+
     /// Independent prior knowledge: each parameter is zero with a standard deviation (positive).
     pub fn from_prior(sigma: &SVector<f32, N>) -> Self {
         let () = Self::SIZES_MATCH;
         Self {
             weight: sigma.map(|s| 1.0 / (s * s)),
-            rows: SVector::zeros(),
+            ..Self::NOTHING
         }
     }
 
@@ -87,10 +93,15 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
         added
     }
 
-    /// Adds a direct measurement of parameter `index`.
-    pub fn add_direct(&mut self, index: usize, measured: f32, variance: f32) {
-        let mut row = unit(index).map(|coefficient| [coefficient]);
-        self.add(&mut row, [measured], [1.0 / variance]);
+    /// Adds direct measurements of parameters from `first` on, each with the same variance.
+    pub fn add_direct<const R: usize>(&mut self, first: usize, measured: [f32; R], variance: f32) {
+        let mut rows = [[0.0; R]; N];
+        for (axis, row) in rows.iter_mut().skip(first).take(R).enumerate() {
+            if let Some(one) = row.get_mut(axis) {
+                *one = 1.0;
+            }
+        }
+        self.add(&mut rows, measured, [1.0 / variance; R]);
     }
 
     /// Lets parameter `index` have walked: adds `variance` to its spread.

@@ -500,7 +500,10 @@ impl<const RING: usize> State<RING> {
                 at_level(&mut known, &self.level_force_mps2, &level_force_mps2);
             }
             self.stopgap = None;
-            self.mode = Mode::Navigating(AidedIns::new(now, &aligned, &known, config));
+            self.mode = Mode::Navigating(AidedIns::new(now, &aligned, config));
+            if let Mode::Navigating(ins) = &mut self.mode {
+                ins.believe(&known, config);
+            }
         }
     }
 

@@ -213,6 +213,9 @@ impl Manoeuvred {
     }
 }
 
+/// Before anything has moved.
+const CONSTANT: [Constancy; COUNT] = [Constancy::NEW; COUNT];
+
 /// Components of the INS error.
 const COMPONENTS: usize = 9;
 
@@ -267,19 +270,17 @@ pub struct Observer {
 }
 
 impl Observer {
-    /// Starts on a level of some spread and with a vertical velocity of some variance, with what is
-    /// believed of the parameters; `level_force_mps2` is the specific force felt there, body.
+    /// Starts on a level of some spread and with a vertical velocity of some variance;
+    /// `level_force_mps2` is the specific force felt there, body. What is believed of the parameters
+    /// comes by [`Self::believe`].
     pub fn new(
         start: Time,
         tilt_sigma_rad: f64,
         climb_variance: f64,
         level_force_mps2: Vector3<f64>,
-        prior: &Parameters,
         config: &Config,
     ) -> Self {
         let gnss = &config.gnss;
-        let mut followed = Followed::zero();
-        followed.error.tilt_rad.z = prior.value(index::AZIMUTH);
         let level = Channel::new(
             tilt_sigma_rad * tilt_sigma_rad,
             &gnss.velocity_mps,
@@ -289,7 +290,7 @@ impl Observer {
         vertical.doubt(climb_variance, 0.0);
         vertical.doubt_position(UNKNOWN_HEIGHT_M * UNKNOWN_HEIGHT_M);
         Self {
-            followed,
+            followed: Followed::zero(),
             responses: UNIT_RESPONSES,
             level,
             velocity_noise: gnss.velocity_mps,
@@ -300,13 +301,13 @@ impl Observer {
             strength: [1.0; 4],
             surprise: Surprise::default(),
             vertical_surprise: Surprise::default(),
-            corrections: LeastSquares::from_prior(&prior.sigma),
-            parameters: *prior,
+            corrections: LeastSquares::NOTHING,
+            parameters: Parameters::NONE,
             level_force_mps2,
             levelled_s: FIRST_LEVEL_S,
             next_spread: 0,
-            added: added_at_start(prior),
-            constancy: [Constancy::NEW; COUNT],
+            added: InsError::zero(),
+            constancy: CONSTANT,
             given_back: None,
             unsolved_s: 0.0,
             azimuth_walk: 0.0,
@@ -318,6 +319,15 @@ impl Observer {
             last_level: start,
             last_vertical: start,
         }
+    }
+
+    /// Takes over what is believed of the parameters, before anything else.
+    pub fn believe(&mut self, prior: &Parameters) {
+        self.parameters = *prior;
+        self.corrections = LeastSquares::from_prior(&prior.sigma);
+        self.followed.error.tilt_rad.z = prior.value(index::AZIMUTH);
+        let azimuth = prior.sigma(index::AZIMUTH);
+        self.added.tilt_rad.z = math::single(azimuth * azimuth);
     }
 
     /// The moment it stands at.
@@ -832,12 +842,14 @@ impl Observer {
     }
 
     /// Makes azimuth and latency those of the horizon, before the parameters are solved for.
+    #[inline(never)]
     pub fn come_to_horizon(&mut self, config: &Config) {
         self.judge_trial(config);
         self.come_to_now();
     }
 
     /// The same of the biases, and lets all have walked.
+    #[inline(never)]
     pub fn prepare(&mut self, config: &Config) {
         self.level_anew();
         self.diffuse(config);
@@ -845,6 +857,7 @@ impl Observer {
     }
 
     /// Solves for the parameters.
+    #[inline(never)]
     pub fn solve(&mut self) {
         let corrections = self.corrections.solve();
         self.corrections.count_from_solution();
@@ -861,6 +874,7 @@ impl Observer {
 
     /// Brings one spread up to date, each in its turn: of the parameters, and of what they add to
     /// the components of the INS error.
+    #[inline(never)]
     pub fn spread_next(&mut self) {
         let turn = usize::from(self.next_spread);
         let which = turn / 2;
@@ -1055,11 +1069,11 @@ impl Observer {
         true
     }
 
-    /// Adds a direct measurement of one parameter other than the azimuth.
-    pub fn measure_directly(&mut self, parameter: usize, value: f64, variance: f64) {
-        let correction = value - self.parameters.value(parameter);
+    /// Adds a direct measurement of three parameters from `first` on, other than the azimuth.
+    pub fn measure_directly(&mut self, first: usize, value: &Vector3<f64>, variance: f64) {
+        let corrections = singles(&(value - self.parameters.vector(first)));
         self.corrections
-            .add_direct(parameter, math::single(correction), math::single(variance));
+            .add_direct(first, corrections.into(), math::single(variance));
     }
 }
 
@@ -1109,12 +1123,3 @@ const UNIT_RESPONSES: [Followed<f32>; COUNT] = {
     responses[index::AZIMUTH].error.tilt_rad = Vector3::new(0.0, 0.0, 1.0);
     responses
 };
-
-/// Variance of the INS error that the spreads of the parameters make at the start: that of the
-/// azimuth.
-fn added_at_start(prior: &Parameters) -> InsError<f32> {
-    let mut added = InsError::zero();
-    let azimuth = prior.sigma(index::AZIMUTH);
-    added.tilt_rad.z = math::single(azimuth * azimuth);
-    added
-}

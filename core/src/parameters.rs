@@ -1,7 +1,7 @@
 //! The parameters that are estimated jointly.
 
 use crate::math;
-use nalgebra::{SVector, Vector3};
+use nalgebra::{ArrayStorage, SVector, Vector3};
 
 /// How many there are.
 pub const COUNT: usize = 23;
@@ -49,6 +49,12 @@ pub struct Parameters {
     pub sigma: SVector<f32, COUNT>,
 }
 impl Parameters {
+    /// Zeros.
+    pub const NONE: Self = Self {
+        value: SVector::from_array_storage(ArrayStorage([[0.0; COUNT]])),
+        sigma: SVector::from_array_storage(ArrayStorage([[0.0; COUNT]])),
+    };
+
     /// Value of one parameter.
     pub fn value(&self, parameter: usize) -> f64 {
         self.value.get(parameter).copied().unwrap_or(0.0)

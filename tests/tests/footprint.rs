@@ -1,19 +1,20 @@
 //! What the core costs on a microcontroller does not grow unseen.
 
 use host_sim::hil::Board;
-use ins_tests::footprint::ours;
+use ins_tests::footprint::{goal, ours};
 
-/// Not at their goals yet (`ins_tests::footprint::goal`): as measured, and a fiftieth for a change
-/// of the compiler's mind.
-const AMORTISED: u64 = 3_850;
-const WORST: u64 = 17_600;
+/// All but the worst call not at their goals yet (`ins_tests::footprint::goal`): as measured, and a
+/// fiftieth for a change of the compiler's mind.
+const AMORTISED: u64 = 3_690;
+const WORST: u64 = goal::WORST;
 const STATE_BYTES: u64 = 12_900;
-const STACK_BYTES: u64 = 7_700;
+const STACK_BYTES: u64 = 2_680;
 const FLASH_BYTES: u64 = 130_000;
 
 #[test]
 fn the_core_on_cortex_m7_is_within_its_budgets() -> Result<(), Box<dyn std::error::Error>> {
     let footprint = ours(Board::CortexM7)?;
+    println!("{footprint:?}");
     let budgets = [
         ("instructions per sample", footprint.amortised(), AMORTISED),
         ("instructions of the worst call", footprint.worst(), WORST),

@@ -119,13 +119,14 @@ pub struct AidedIns<const N: usize> {
 }
 
 impl<const N: usize> AidedIns<N> {
-    /// Starts where alignment ended, with what it knows of the sensors and of the azimuth.
+    /// Starts where alignment ended; what that knows of the sensors and of the azimuth comes by
+    /// [`Self::believe`].
     #[expect(
         clippy::inline_always,
         reason = "made where it stays: otherwise 2 kB are copied over the stack"
     )]
     #[inline(always)]
-    pub fn new(time: Time, aligned: &Aligned, known: &Parameters, config: &Config) -> Self {
+    pub fn new(time: Time, aligned: &Aligned, config: &Config) -> Self {
         Self {
             mechanization: aligned.ins,
             now: time,
@@ -139,10 +140,9 @@ impl<const N: usize> AidedIns<N> {
                 aligned.tilt_sigma_rad,
                 vertical_sign::unsigned(aligned.ins.velocity_enu_mps.z, config),
                 aligned.level_force_mps2(),
-                known,
                 config,
             ),
-            compensation: Compensation::at_start(known, config),
+            compensation: Compensation::default(),
             controls: Controls::default(),
             controls_until: time,
             pending: Ring::default(),
@@ -165,6 +165,15 @@ impl<const N: usize> AidedIns<N> {
             doubts: 0,
             lost: false,
             misled: false,
+        }
+    }
+
+    /// Takes over what is known at the start: apart from [`Self::new`], for it to be written where it
+    /// stays and not copied over the stack.
+    pub fn believe(&mut self, known: &Parameters, config: &Config) {
+        self.compensation = Compensation::at_start(known, config);
+        if let Some(observer) = self.estimator.exact_mut() {
+            observer.believe(known);
         }
     }
 
@@ -519,9 +528,7 @@ impl<const N: usize> AidedIns<N> {
         if !bias.iter().enumerate().all(agrees) {
             return;
         }
-        for (axis, bias) in bias.iter().enumerate() {
-            observer.measure_directly(index::GYRO + axis, *bias, variance);
-        }
+        observer.measure_directly(index::GYRO, &bias, variance);
     }
 
     /// Takes a measured heading.

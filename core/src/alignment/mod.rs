@@ -182,12 +182,14 @@ impl Alignment {
     }
 
     /// Begins again with levelling; what is known stays.
+    #[inline(never)]
     fn restart(&mut self, time: Time) {
-        *self = Self {
-            velocity_mps: self.velocity_mps,
-            place: self.place,
-            ..Self::new(time, &self.known)
-        };
+        self.start = time;
+        self.detector = RestDetector::default();
+        self.rest = RestMean::default();
+        self.sightings = Sightings::default();
+        self.measured = None;
+        self.stage = Stage::Levelling(CoarseLevel::default());
     }
 
     /// The INS to start from, once it is aligned.
