@@ -9,7 +9,8 @@ pub(crate) use libm::{atan2, log, round, sqrt};
 
 /// Sine and cosine of an angle in radians.
 pub(crate) fn sin_cos(angle_rad: f64) -> (f64, f64) {
-    libm::sincos(angle_rad)
+    // `libm::sincos` makes room for the largest angles on the stack of every call.
+    (libm::sin(angle_rad), libm::cos(angle_rad))
 }
 
 /// The larger of two numbers; `b` if they do not compare (`f64::max` differs on signed zeros).
