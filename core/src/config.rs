@@ -56,7 +56,11 @@ pub struct SensorConfig {
     pub accel_bias_walk: f64,
     /// Scale-factor error of the accelerometers, 1.
     pub accel_scale: f64,
-    /// Angle between the axes of a sensor and the right one, rad. Level accelerometer biases are
+    /// What a gyro, and an accelerometer, shows of the other axes, 1: noise of manoeuvres, and of the
+    /// gyros a parameter.
+    pub cross_axis: f64,
+    /// Angle between the axes of a sensor and the right one, rad, if it matters: in manoeuvres it
+    /// adds to `cross_axis`. Level accelerometer biases are
     /// then no better known than to g times that: a turn about the vertical cannot tell them from
     /// gyros that stand askew. With zero they are what level accelerometers and gyros together
     /// show, which is what a compensation needs.
@@ -275,14 +279,15 @@ impl SensorConfig {
         positive(self.accel_bias_mps2, "sensors.accel_bias_mps2")?;
         not_negative(self.accel_bias_walk, "sensors.accel_bias_walk")?;
         not_negative(self.accel_scale, "sensors.accel_scale")?;
+        not_negative(self.cross_axis, "sensors.cross_axis")?;
         not_negative(self.misalignment_rad, "sensors.misalignment_rad")?;
         positive(self.gyro_range_radps, "sensors.gyro_range_radps")?;
         positive(self.accel_range_mps2, "sensors.accel_range_mps2")
     }
 
-    /// Of what a sensor shows of another axis, 1: as large as scale errors where nothing else is said.
+    /// Of what a sensor shows of another axis, 1.
     pub(crate) fn cross_axis_variance(&self) -> f64 {
-        self.gyro_scale * self.gyro_scale + self.misalignment_rad * self.misalignment_rad
+        self.cross_axis * self.cross_axis + self.misalignment_rad * self.misalignment_rad
     }
 }
 
@@ -420,6 +425,7 @@ impl Config {
                 accel_noise: [5e-4; 3],
                 accel_bias_walk: 0.0,
                 accel_scale: 1e-6,
+                cross_axis: 1e-6,
                 misalignment_rad: 0.0,
                 gyro_range_radps: 18.0,
                 accel_range_mps2: 370.0,
@@ -465,6 +471,7 @@ impl Config {
                 accel_noise: [2e-3; 3],
                 accel_bias_walk: 9e-5,
                 accel_scale: 0.015,
+                cross_axis: 0.005,
                 misalignment_rad: 0.0,
                 gyro_range_radps: 35.0,
                 accel_range_mps2: 160.0,

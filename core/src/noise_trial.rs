@@ -53,7 +53,7 @@ fn changed(own: &Noise, change: u8, config: &Config) -> Noise {
         // Steps in one direction do not lead everywhere.
         _ => {
             noise.correlated = BOLD_COLOUR * white;
-            noise.correlation_s = if change == 4 {
+            noise.correlation_s = if change == FIRST_BOLD {
                 gnss.velocity_mps.correlation_s
             } else {
                 BOLD_CORRELATION_S
@@ -64,7 +64,9 @@ fn changed(own: &Noise, change: u8, config: &Config) -> Noise {
 }
 
 const CHANGES: u8 = 6;
-/// Colour that is tried in place of all else, against the white part, and a slow one, s.
+/// From this one on they are bold: a colour is tried in place of all else.
+const FIRST_BOLD: u8 = 4;
+/// Which, against the white part, and a slow one, s.
 const BOLD_COLOUR: f64 = 4.0;
 const BOLD_CORRELATION_S: f64 = 8.0;
 
@@ -212,13 +214,16 @@ impl NoiseTrial {
         self.rival.add(&(rival - own.explained), variance);
     }
 
-    /// Whether the rival has won; none while the trial goes on.
-    pub fn verdict(&self) -> Option<bool> {
+    /// Whether the rival has won; none while the trial goes on. `inflation` is the number of the
+    /// observer's innovations that tell as much as one that is independent: correlated ones, of
+    /// vibration say, prefer any colour to none, and a bold one has to do better than that.
+    pub fn verdict(&self, inflation: f64) -> Option<bool> {
         if self.own.count < LEAST_COUNT {
             return (self.seconds > 10.0 * LONGEST_S).then_some(false);
         }
         let gain = self.rival.value() - self.own.value();
-        if gain > DECIDED {
+        let bold = self.change >= FIRST_BOLD;
+        if gain > DECIDED * if bold { inflation } else { 1.0 } {
             return Some(true);
         }
         (gain < -DECIDED || self.seconds > LONGEST_S).then_some(false)

@@ -822,7 +822,7 @@ impl Observer {
 
     /// Ends a trial of the noise that is decided, and begins the next.
     fn judge_trial(&mut self, config: &Config) {
-        let Some(won) = self.trial.verdict() else {
+        let Some(won) = self.trial.verdict(self.inflation()) else {
             return;
         };
         if won {

@@ -38,6 +38,7 @@ fn config(drive: &SimulatedDrive) -> Config {
     config.sensors.accel_bias_mps2 = 0.15;
     config.sensors.accel_scale = SCALE;
     config.sensors.gyro_scale = GYRO;
+    config.sensors.cross_axis = 0.0;
     config.sensors.misalignment_rad = GYRO;
     config
 }

@@ -65,6 +65,7 @@ pub trait Subject {
 pub fn config(world: &World, drive: &SimulatedDrive) -> Config {
     let (class, output) = (world.class.class(), world.errors.imu.output);
     let mut config = config_of(class, output, drive.given_heading_rad);
+    config.sensors.cross_axis = 0.0;
     config.sensors.misalignment_rad = (world.errors.gyro_deg_h.misalignment_sigma)
         .max(world.errors.accel_mps2.misalignment_sigma);
     if world.antenna_m.norm() > 0.0 {
