@@ -14,10 +14,10 @@ use super::manoeuvre::Site;
 use super::quantities::{Goal, Kind, Quantity};
 use crate::aircraft::input::{InputError, Source, read_text};
 use crate::cli::options::error_model;
+use crate::identify::configure::config_of;
 use crate::log::{self, BodyAxes};
 use crate::sim::errors::{ErrorModelError, set};
 use crate::sim::{ErrorModel, Grade};
-use crate::study::accuracy::config_of;
 
 const EXAMPLE: &str = "host-sim/targets/drive_target.toml";
 
@@ -236,8 +236,7 @@ impl Target {
                 self.unit.sensors
             )
         })?;
-        let mut config = config_of(grade);
-        config.imu_output = model.imu.output;
+        let mut config = config_of(grade.class(), model.imu.output, None);
         let arm_wanted = self
             .goals
             .iter()

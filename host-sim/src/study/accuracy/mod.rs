@@ -252,9 +252,12 @@ impl Study {
     }
 }
 
-/// The configuration that fits a class of simulated sensors.
+/// The configuration that fits a class of simulated sensors, whose axes are as true as drawn.
 pub fn config_of(grade: Grade) -> Config {
-    configure::config_of(grade.class(), grade.errors().imu.output, None)
+    let errors = grade.errors();
+    let mut config = configure::config_of(grade.class(), errors.imu.output, None);
+    config.sensors.cross_axis = errors.gyro_deg_h.misalignment_sigma;
+    config
 }
 
 fn azimuth_is_right(history: &[Option<[Check; 8]>]) -> bool {
