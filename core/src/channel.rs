@@ -152,6 +152,11 @@ impl Channel {
         self.p.m33 += tilt;
     }
 
+    /// More may be wrong along this error of each state, by a number of this variance.
+    pub fn doubt_along(&mut self, error: &Gains, variance: f64) {
+        self.p += error * error.transpose() * variance;
+    }
+
     /// The position may be wrong by this variance more, m^2.
     pub fn doubt_position(&mut self, variance: f64) {
         self.p.m11 += variance;

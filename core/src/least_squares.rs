@@ -30,6 +30,17 @@ pub struct Added<const R: usize> {
     pub determinant: f32,
 }
 
+/// What is known of a step of a walk once the parameters are: `step + by . x = z`, with a variance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step<const N: usize> {
+    /// See above.
+    pub by: SVector<f32, N>,
+    /// See above.
+    pub z: f32,
+    /// See above.
+    pub variance: f32,
+}
+
 impl<const N: usize, const T: usize> LeastSquares<N, T> {
     const SIZES_MATCH: () = assert!(T == N * (N + 1) / 2, "T must be N (N + 1) / 2");
 
@@ -107,10 +118,10 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
     /// Lets parameter `index` have walked: adds `variance` to its spread.
     ///
     /// The step of the walk is one more unknown, known to be zero with `variance`; it is rotated
-    /// out of all rows that hold it, from the last up, and its own row is dropped.
-    pub fn diffuse(&mut self, index: usize, variance: f32) {
+    /// out of all rows that hold it, from the last up, and its own row is given away.
+    pub fn diffuse(&mut self, index: usize, variance: f32) -> Option<Step<N>> {
         if variance <= 0.0 {
-            return;
+            return None;
         }
         let mut step_weight = 1.0 / variance;
         let mut step = SVector::<f32, N>::zeros();
@@ -123,12 +134,12 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
                 step.as_mut_slice().get_mut(i..),
                 self.weight.get_mut(i),
             ) else {
-                return;
+                return None;
             };
             let (Some((z, row)), Some((own, later))) =
                 (row.split_last_mut(), later.split_first_mut())
             else {
-                return;
+                return None;
             };
             let x = if i == index {
                 -1.0
@@ -145,6 +156,11 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
             *z -= x * step_z;
             step_z += take * *z;
         }
+        Some(Step {
+            by: step,
+            z: step_z,
+            variance: 1.0 / step_weight,
+        })
     }
 
     /// Renames parameter `index`: new = old + `by . x`, where `by` holds later parameters alone.

@@ -123,6 +123,23 @@ impl<T: RealField + Copy> Followed<T> {
         }
     }
 
+    /// The states of one axis, as [`Self::correct`] corrects them.
+    fn states(&self, axis: usize) -> SVector<T, 5> {
+        let of = |v: &Vector3<T>| v.get(axis).copied().unwrap_or_else(T::zero);
+        let tilt = &self.error.tilt_rad;
+        SVector::from([
+            of(&self.error.position_m),
+            of(&self.error.velocity_mps),
+            match axis {
+                0 => -tilt.y,
+                1 => tilt.x,
+                _ => T::zero(),
+            },
+            of(&self.velocity_noise),
+            of(&self.position_noise),
+        ])
+    }
+
     fn add_scaled(&mut self, other: &Self, factor: T) {
         self.error.add_scaled(&other.error, factor);
         self.velocity_noise += other.velocity_noise * factor;
@@ -257,8 +274,10 @@ pub struct Observer {
     /// How each parameter moves, and what is to be given back of the one whose turn it is.
     constancy: [Constancy; COUNT],
     given_back: Option<f32>,
-    /// Since the last solution, s, and the azimuth's walk since then, rad^2.
+    /// Since the horizon that the last solution was for, s; before it since the one before; and the
+    /// azimuth's walk since then, rad^2.
     unsolved_s: f64,
+    elapsed_s: f64,
     azimuth_walk: f64,
     /// The vertical in the body at the horizon, how far it was tipped, and velocity pulled, ENU.
     up: Vector3<f64>,
@@ -310,6 +329,7 @@ impl Observer {
             constancy: CONSTANT,
             given_back: None,
             unsolved_s: 0.0,
+            elapsed_s: 0.0,
             azimuth_walk: 0.0,
             gravity_mps2: level_force_mps2.norm(),
             up: level_force_mps2.normalize(),
@@ -841,19 +861,35 @@ impl Observer {
         &self.velocity_noise
     }
 
-    /// Makes azimuth and latency those of the horizon, before the parameters are solved for.
+    /// Makes azimuth and latency those of the horizon: the first of the pieces that end with a
+    /// solution. Time that passes between them is the next solution's.
     #[inline(never)]
     pub fn come_to_horizon(&mut self, config: &Config) {
         self.judge_trial(config);
         self.come_to_now();
+        self.elapsed_s = self.unsolved_s;
+        self.unsolved_s = 0.0;
     }
 
-    /// The same of the biases, and lets all have walked.
+    /// Lets azimuth and gyros have walked.
     #[inline(never)]
-    pub fn prepare(&mut self, config: &Config) {
-        self.level_anew();
-        self.diffuse(config);
-        self.unsolved_s = 0.0;
+    pub fn let_gyros_walk(&mut self, config: &Config) {
+        let walk = config.sensors.gyro_bias_walk;
+        self.let_walk(index::AZIMUTH, math::single(self.azimuth_walk));
+        self.azimuth_walk = 0.0;
+        self.let_three_walk(index::GYRO, walk);
+    }
+
+    /// The same of the accelerometers.
+    #[inline(never)]
+    pub fn let_accels_walk(&mut self, config: &Config) {
+        self.let_three_walk(index::ACCEL, config.sensors.accel_bias_walk);
+    }
+
+    fn let_three_walk(&mut self, first: usize, walk: f64) {
+        for which in first..first + 3 {
+            self.let_walk(which, math::single(walk * walk * self.elapsed_s));
+        }
     }
 
     /// Solves for the parameters.
@@ -969,9 +1005,10 @@ impl Observer {
 
     /// Makes the biases of the accelerometers those of the mean attitude so far, where their
     /// scale errors have moved them: the first level was that of the biased accelerometers.
-    fn level_anew(&mut self) {
-        self.levelled_s = math::min(self.levelled_s + self.unsolved_s, LEVEL_MEMORY_S);
-        let part = math::min(self.unsolved_s / self.levelled_s, 1.0);
+    #[inline(never)]
+    pub fn level_anew(&mut self) {
+        self.levelled_s = math::min(self.levelled_s + self.elapsed_s, LEVEL_MEMORY_S);
+        let part = math::min(self.elapsed_s / self.levelled_s, 1.0);
         let mean = self
             .level_force_mps2
             .lerp(&(self.up * self.gravity_mps2), part);
@@ -1006,25 +1043,33 @@ impl Observer {
         }
     }
 
-    /// Lets everything random have walked since the last solution.
-    fn diffuse(&mut self, config: &Config) {
-        let (s, dt) = (&config.sensors, self.unsolved_s);
-        let walks = [
-            (index::AZIMUTH, 1, self.azimuth_walk),
-            (index::GYRO, 3, s.gyro_bias_walk * s.gyro_bias_walk * dt),
-            (index::ACCEL, 3, s.accel_bias_walk * s.accel_bias_walk * dt),
-        ];
-        self.azimuth_walk = 0.0;
-        for (first, count, variance) in walks {
-            for which in first..first + count {
-                self.let_walk(which, math::single(variance));
-            }
-        }
-    }
-
     /// Lets a parameter have walked by a variance.
+    ///
+    /// What the INS shows of it was caused by what it was before. That is what it is now less the
+    /// step, of which the least squares know a part: the rest is noise of the INS (Hsieh and Chen,
+    /// Optimal solution of the two-stage Kalman estimator, IEEE TAC 44, 1999).
     fn let_walk(&mut self, which: usize, variance: f32) {
-        self.corrections.diffuse(which, variance);
+        if let (Some(step), Some(mut caused)) = (
+            self.corrections.diffuse(which, variance),
+            self.responses.get(which).copied(),
+        ) {
+            if which == index::AZIMUTH {
+                // The platform has turned with it.
+                caused.error.tilt_rad.z = 0.0;
+            }
+            for (response, by) in self.responses.iter_mut().zip(&step.by) {
+                response.add_scaled(&caused, *by);
+            }
+            let caused = caused.double();
+            self.followed.add_scaled(&caused, -f64::from(step.z));
+            let variance = f64::from(step.variance);
+            for axis in 0..2 {
+                let along = caused.states(axis);
+                self.level.doubt_along(&along, 0.5 * variance);
+                self.trial.level.doubt_along(&along, 0.5 * variance);
+            }
+            self.vertical.doubt_along(&caused.states(2), variance);
+        }
         if let Some(constancy) = self.constancy.get_mut(which) {
             constancy.walked(variance);
         }

@@ -65,9 +65,11 @@ enum Due {
     Nothing,
     /// One of the spreads is due.
     Spread,
-    /// All parameters are: what comes before, in two pieces, and the solution.
+    /// All parameters are: what comes before, in pieces, and the solution.
     Horizon,
-    Prepare,
+    Level,
+    GyroWalk,
+    AccelWalk,
     Solve,
 }
 
@@ -373,31 +375,23 @@ impl<const N: usize> AidedIns<N> {
                 return;
             }
         }
-        match self.due {
-            Due::Nothing => {}
-            Due::Spread => {
-                if let Some(observer) = self.estimator.exact_mut() {
-                    observer.spread_next();
-                }
-                self.due = Due::Nothing;
-            }
-            Due::Horizon => {
-                if let Some(observer) = self.estimator.exact_mut() {
-                    observer.come_to_horizon(config);
-                }
-                self.due = Due::Prepare;
-            }
-            Due::Prepare => {
-                if let Some(observer) = self.estimator.exact_mut() {
-                    observer.prepare(config);
-                }
-                self.due = Due::Solve;
-            }
-            Due::Solve => {
-                self.solve(config);
-                self.due = Due::Nothing;
-            }
+        let next = match self.due {
+            Due::Nothing | Due::Spread | Due::Solve => Due::Nothing,
+            Due::Horizon => Due::Level,
+            Due::Level => Due::GyroWalk,
+            Due::GyroWalk => Due::AccelWalk,
+            Due::AccelWalk => Due::Solve,
+        };
+        match (self.due, self.estimator.exact_mut()) {
+            (Due::Solve, _) => self.solve(config),
+            (_, None) | (Due::Nothing, _) => {}
+            (Due::Spread, Some(observer)) => observer.spread_next(),
+            (Due::Horizon, Some(observer)) => observer.come_to_horizon(config),
+            (Due::Level, Some(observer)) => observer.level_anew(),
+            (Due::GyroWalk, Some(observer)) => observer.let_gyros_walk(config),
+            (Due::AccelWalk, Some(observer)) => observer.let_accels_walk(config),
         }
+        self.due = next;
     }
 
     /// Adds the present to the ring. What the ring is about to forget the estimators must know.

@@ -86,8 +86,22 @@ proptest! {
                     gaussian.measure(&Vector4::ith(index, 1.0), measured, variance);
                 }
                 Step::Diffuse(index, variance) => {
-                    rows.diffuse(index, variance as f32);
+                    let step = rows.diffuse(index, variance as f32).unwrap();
+                    let before = gaussian.covariance;
                     gaussian.covariance[(index, index)] += variance;
+                    // Of the step and the parameters after it: what they tell of it.
+                    let told = variance * gaussian.covariance.try_inverse().unwrap().column(index);
+                    let left = variance * (1.0 - told[index]);
+                    let condition = before.norm() * before.try_inverse().unwrap().norm();
+                    let rounding = 3e-5 * condition.sqrt().max(10.0);
+                    prop_assume!(rounding < 0.05);
+                    let off = step.by.map(f64::from) + told;
+                    prop_assert!(off.norm() < rounding * told.norm().max(1.0), "{off} of {told}");
+                    let of_variance = f64::from(step.variance) / left - 1.0;
+                    prop_assert!(of_variance.abs() < rounding, "{of_variance}");
+                    let z = -told.dot(&gaussian.mean);
+                    let size = told.norm().max(1.0) * gaussian.mean.norm().max(1.0);
+                    prop_assert!((f64::from(step.z) - z).abs() < rounding * size, "{z}");
                 }
                 Step::Redefine(index, mut later) => {
                     later.rows_mut(0, index + 1).fill(0.0);

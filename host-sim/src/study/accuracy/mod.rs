@@ -18,7 +18,7 @@ use serde::Serialize;
 use crate::compare::kalman::{self, Noise, PartNoise};
 use crate::identify::configure;
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
-use crate::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
+use crate::sim::{DriveConfig, ErrorModel, Grade, SimulatedDrive, simulate};
 
 /// Interval at which the errors of a run are looked at, s.
 pub const EVERY_S: f64 = 10.0;
@@ -252,11 +252,22 @@ impl Study {
     }
 }
 
-/// The configuration that fits a class of simulated sensors, whose axes are as true as drawn.
+/// The configuration that fits a class of simulated sensors: its preset, and what a data sheet of
+/// such a unit says of noise and axes.
 pub fn config_of(grade: Grade) -> Config {
-    let errors = grade.errors();
-    let mut config = configure::config_of(grade.class(), errors.imu.output, None);
-    config.sensors.cross_axis = errors.gyro_deg_h.misalignment_sigma;
+    let ErrorModel {
+        imu,
+        gyro_deg_h: gyros,
+        accel_mps2: accels,
+        ..
+    } = grade.errors();
+    let mut config = configure::config_of(grade.class(), imu.output, None);
+    let sensors = &mut config.sensors;
+    sensors.gyro_noise = gyros
+        .noise_times
+        .map(|times| times * gyros.white_noise * DEG_H_RADPS);
+    sensors.accel_noise = accels.noise_times.map(|times| times * accels.white_noise);
+    sensors.cross_axis = gyros.misalignment_sigma;
     config
 }
 

@@ -4,6 +4,7 @@ use core::iter::Peekable;
 use core::slice::Iter;
 
 use ins_core::ConfigError;
+use ins_core::config::HeadingSource;
 use ins_core::{
     Config, Estimate, Estimates, GnssFix, ImuSample, Navigator, Observability, Phase, Solution,
     SolutionSigma, Time,
@@ -13,8 +14,8 @@ use nalgebra::Vector3;
 
 use super::World;
 use crate::compare::kalman::{self, Filter, index};
-use crate::identify::configure::config_of;
 use crate::sim::SimulatedDrive;
+use crate::study::accuracy::config_of;
 
 /// Standard gravity: of an accelerometer's bias to the tilt it makes, m/s^2.
 const GRAVITY_MPS2: f64 = 9.81;
@@ -59,13 +60,15 @@ pub trait Subject {
     fn claims(&self) -> Option<Claims>;
 }
 
-/// What a user of this unit and receiver sets: the class of the sensors, what samples hold, a
-/// heading if one is given, how far its axes are off by its data sheet, and for a class that is told
-/// of neither that the antenna is some way off and that the clocks are two.
+/// What a user of this unit and receiver sets: the class of the sensors with the noise of its data
+/// sheet, what samples hold, a heading if one is given, how far its axes are off, and for a class
+/// that is told of neither that the antenna is some way off and that the clocks are two.
 pub fn config(world: &World, drive: &SimulatedDrive) -> Config {
-    let (class, output) = (world.class.class(), world.errors.imu.output);
-    let mut config = config_of(class, output, drive.given_heading_rad);
-    config.sensors.cross_axis = 0.0;
+    let mut config = config_of(world.class);
+    config.imu_output = world.errors.imu.output;
+    if let Some(heading_rad) = drive.given_heading_rad {
+        config.heading = HeadingSource::Given(heading_rad);
+    }
     config.sensors.misalignment_rad = (world.errors.gyro_deg_h.misalignment_sigma)
         .max(world.errors.accel_mps2.misalignment_sigma);
     if world.antenna_m.norm() > 0.0 {
