@@ -8,7 +8,7 @@
 //! in the same way.
 //! With gains at the noise optimum the innovations are white, so plain least squares over them
 //! is what a Kalman filter with all parameters in its state would find (Friedland's separate-bias
-//! estimation, IEEE TAC 14, 1969).
+//! estimation, IEEE TAC 14, 1969); with parameters that walk, see `Observer::let_walk`.
 
 use nalgebra::{RealField, SVector, Scalar, Vector2, Vector3};
 
