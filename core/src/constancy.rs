@@ -22,53 +22,105 @@ const GIVEN_BACK: f32 = 0.5;
 /// Largest part that is given back: what is less known than before must show that first.
 const MOST_BACK: f32 = 2.0;
 
+/// Sigmas of what has become known that it may have moved by since its variance was twice as large.
+/// Small moves that go on in one direction show there, and in no look.
+const FAR_SIGMAS: f32 = 2.0;
+
+/// A move since some moment, and the variance of then, with what was added since.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Since {
+    moved: f32,
+    variance: f32,
+}
+
+impl Since {
+    /// Sees nothing but the variance, when it is looked at first.
+    const NEVER: Self = Self {
+        moved: 0.0,
+        variance: f32::MAX,
+    };
+
+    fn at(variance: f32) -> Self {
+        Self {
+            moved: 0.0,
+            variance,
+        }
+    }
+}
+
 /// How one parameter has moved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Constancy {
-    /// Since the last look.
-    moved: f32,
-    /// Variance at the last look, with what was added since.
-    before: f32,
-    /// Mean square of its moves, in the variance lost.
+    /// Since the last look, and since its variance was twice as large.
+    near: Since,
+    far: Since,
+    /// Mean square of its moves from look to look, in the variance lost.
     mean: f32,
 }
 
 impl Constancy {
-    /// Before the first look, which sees nothing but the variance.
+    /// Before the first look.
     pub const NEW: Self = Self {
-        moved: 0.0,
-        before: f32::MAX,
+        near: Since::NEVER,
+        far: Since::NEVER,
         mean: 1.0,
     };
 
     /// Its estimate has moved.
     pub fn moved(&mut self, by: f32) {
-        self.moved += by;
+        self.near.moved += by;
+        self.far.moved += by;
     }
 
     /// It may have walked by a variance more.
     pub fn walked(&mut self, variance: f32) {
-        self.before += variance;
+        self.near.variance += variance;
+        self.far.variance += variance;
     }
 
     /// Looks at its variance now; what is to be added to it.
     pub fn look(&mut self, variance: f32) -> Option<f32> {
-        let gained = self.before - variance;
+        let (near, far) = (self.look_near(variance), self.look_far(variance));
+        let more = if near > far { near } else { far };
+        (more > 0.0).then_some(more)
+    }
+
+    fn look_near(&mut self, variance: f32) -> f32 {
+        let Since { moved, variance: v } = self.near;
+        let gained = v - variance;
         if gained <= LEAST_GAIN * variance {
-            return None;
+            return 0.0;
         }
-        let square = self.moved * self.moved / gained;
+        let square = moved * moved / gained;
         let bounded = if square < LARGEST_SQUARE {
             square
         } else {
             LARGEST_SQUARE
         };
         self.mean += (bounded - self.mean) / LOOKS;
-        self.moved = 0.0;
-        self.before = variance;
+        self.near = Since::at(variance);
         let part = GIVEN_BACK * (self.mean - RESTLESS);
-        (part > 0.0).then_some(gained * if part < MOST_BACK { part } else { MOST_BACK })
+        gained * if part < MOST_BACK { part } else { MOST_BACK }
+    }
+
+    /// As much as makes the move that of its sigmas; all that was gained at most.
+    fn look_far(&mut self, variance: f32) -> f32 {
+        let Since { moved, variance: v } = self.far;
+        if v < 2.0 * variance {
+            return 0.0;
+        }
+        let gained = v - variance;
+        let excess = moved * moved / (FAR_SIGMAS * FAR_SIGMAS) - gained;
+        self.far = Since::at(variance);
+        if excess < 0.0 {
+            0.0
+        } else if excess < gained {
+            excess
+        } else {
+            gained
+        }
     }
 
     /// By how much less it is known than its variance says, in variance.

@@ -87,3 +87,21 @@ fn what_walks_is_let_go() {
         assert!(sigma < 20.0 * walk, "{walk}: {sigma}");
     }
 }
+
+/// A variance that halves is as much as was learnt: a move of three sigmas of that shows, in steps
+/// that are each less than a sigma of what a step tells.
+#[test]
+fn small_moves_in_one_direction_add_up() {
+    let given_back = |sigmas: f32| {
+        let mut constancy = Constancy::NEW;
+        let mut given = constancy.look(1.0).unwrap_or(0.0);
+        for step in 1..=50_u16 {
+            constancy.moved(sigmas * 0.5_f32.sqrt() / 50.0);
+            given += constancy.look(1.0 - f32::from(step) / 100.0).unwrap_or(0.0);
+        }
+        given
+    };
+    assert!(given_back(1.9) <= 0.0);
+    assert!((given_back(2.5) - 0.5 * (2.5 * 2.5 / 4.0 - 1.0)).abs() < 1e-3);
+    assert!((given_back(5.0) - 0.5).abs() < 1e-3);
+}
