@@ -12,7 +12,7 @@ const REST_S: f64 = 10.0;
 const REST_SPEED_MPS: f64 = 0.3;
 /// Gyros of a class that feels Earth rate: mean at rest above Earth's, and spread of one-second
 /// means, rad/s. Ring lasers stay below by five times, consumer gyros above by as much.
-const BIAS_RADPS: f64 = 1e-4;
+const MOST_AT_REST_RADPS: f64 = ROTATION_RATE_RADPS + 1e-4;
 const SPREAD_RADPS: f64 = 2e-4;
 
 /// The class of the sensors: as told, as the log's metadata has it, or as the gyros show at rest.
@@ -40,18 +40,26 @@ pub(crate) fn config_of(class: Grade, output: ImuOutput, heading_rad: Option<f64
     }
 }
 
+/// Whether gyros at rest, if there is one, have the biases of the class. What rocks there is the
+/// vehicle's.
+pub fn fits(log: &Log, grade: Grade) -> bool {
+    grade == Grade::Mems || at_rest(log).is_none_or(|[mean, _]| mean < MOST_AT_REST_RADPS)
+}
+
 fn grade_at_rest(log: &Log) -> Grade {
-    let Some(means) = longest_rest(log).map(|rest| second_means(log, rest)) else {
-        return Grade::Mems;
-    };
+    match at_rest(log) {
+        Some([mean, spread]) if mean < MOST_AT_REST_RADPS && spread < SPREAD_RADPS => Grade::Hg1700,
+        _ => Grade::Mems,
+    }
+}
+
+/// Mean angular rate at rest, and spread of its means over seconds, rad/s.
+fn at_rest(log: &Log) -> Option<[f64; 2]> {
+    let means = second_means(log, longest_rest(log)?);
     let count = means.len() as f64;
     let mean = means.iter().sum::<Vector3<f64>>() / count;
     let spread = (means.iter().map(|m| (m - mean).norm_squared()).sum::<f64>() / count).sqrt();
-    if mean.norm() < ROTATION_RATE_RADPS + BIAS_RADPS && spread < SPREAD_RADPS {
-        Grade::Hg1700
-    } else {
-        Grade::Mems
-    }
+    Some([mean.norm(), spread])
 }
 
 /// The longest stretch of fixes that stand still, if long enough.

@@ -6,12 +6,13 @@ use ins_core::Phase;
 use serde::Serialize;
 
 use crate::identify::against_truth::{AgainstTruth, TruthErrors};
+use crate::identify::configure;
 use crate::identify::free_inertial::VelocityErrors;
 use crate::identify::halves::Difference;
 use crate::identify::quantities::{Axes, Quantities, Quantity, in_axes};
 use crate::identify::row::{Answers, Counts};
 use crate::identify::run::Identification;
-use crate::identify::verdict::Verdict;
+use crate::identify::verdict::{Verdict, beyond_class};
 use crate::identify::words;
 use crate::log::{Grade, Log, LogError};
 
@@ -74,7 +75,9 @@ impl Summary {
         let gnss = answers(&found.gnss_outcomes(), words::is_used);
         Self {
             log: name,
-            verdict: Verdict::new(found, &velocity_error_mps, [&imu, &gnss], halves),
+            verdict: Verdict::new(found, &velocity_error_mps, [&imu, &gnss], halves).and(
+                beyond_class(&[("gyros at rest", !configure::fits(log, grade))]),
+            ),
             duration_s: log.duration_s(),
             body_axes: log.meta.body_axes,
             quantities,
