@@ -29,10 +29,8 @@ const LOGS: [&str; 4] = [
 ];
 /// Long enough for halves to be compared.
 const CUT_S: f64 = 310.0;
-/// How far an answer may be from the one without the mutation, in sigmas of both. Of 636 answers
-/// one of normal errors lies beyond 3.2. The latency of `quad_122a` has two answers, 310 ms and
-/// 160 ms: which of them comes out noise decides, at 4.6 sigmas.
-const SIGMAS: f64 = 5.0;
+/// How far an answer may be from the one without the mutation, in sigmas of both.
+const SIGMAS: f64 = 4.5;
 
 const GYRO: [&str; 3] = ["gyro_x", "gyro_y", "gyro_z"];
 const ACCEL: [&str; 3] = ["accel_x", "accel_y", "accel_z"];
