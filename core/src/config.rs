@@ -237,15 +237,6 @@ fn around_one([least, most]: [f64; 2], name: &'static str) -> Result<(), ConfigE
 }
 
 impl Noise {
-    /// The same colour on a white part of another strength.
-    pub(crate) fn as_strong_as(&self, other: &Self) -> Self {
-        Self {
-            white: other.white,
-            correlated: self.correlated / self.white * other.white,
-            correlation_s: self.correlation_s,
-        }
-    }
-
     fn check(&self, name: &'static str) -> Result<(), ConfigError> {
         positive(self.white, name)?;
         not_negative(self.correlated, name)?;
@@ -401,6 +392,12 @@ impl Config {
     /// Ring-laser class of the HG1700: 1 deg/h, 0.01 m/s^2, 0.125 deg/sqrt(h); scale factors
     /// calibrated.
     pub fn hg1700() -> Self {
+        // The correlated part is found: little to begin with, for it shows soon where it is more.
+        let velocity_mps = Noise {
+            white: 0.1,
+            correlated: 0.02,
+            correlation_s: 3.0,
+        };
         Self {
             imu_output: ImuOutput::Rates,
             heading: HeadingSource::Auto,
@@ -431,8 +428,8 @@ impl Config {
                 accel_range_mps2: 370.0,
             },
             gnss: GnssConfig {
-                velocity_mps: Noise::white(0.1),
-                velocity_up_mps: Noise::white(0.1),
+                velocity_mps,
+                velocity_up_mps: velocity_mps,
                 position_m: Noise {
                     white: 1.5,
                     correlated: 1.5,

@@ -17,19 +17,6 @@ pub struct LeastSquares<const N: usize, const T: usize> {
     rows: SVector<f32, T>,
 }
 
-/// What rows were before they were taken in.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Added<const R: usize> {
-    /// What was measured beyond what was known, in each row with those before it known.
-    pub left: [f32; R],
-    /// Squares of what was measured beyond what was known, each in its variance: together, by how
-    /// much the weighted sum of squared residuals rises.
-    pub square: f32,
-    /// Determinant of their covariance, against that of the rows' own: one, and the sum of what the
-    /// parameters add in one direction.
-    pub determinant: f32,
-}
-
 /// What is known of a step of a walk once the parameters are: `step + by . x = z`, with a variance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step<const N: usize> {
@@ -60,14 +47,15 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
     }
 
     /// Adds `R` rows `coefficients . x = measured`, each with its weight; `coefficients` holds
-    /// those of one parameter after those of another, and is used up.
+    /// those of one parameter after those of another, and is used up. Returns the squares of what was
+    /// measured beyond what was known, each in its variance: together, by how much the weighted sum
+    /// of squared residuals rises.
     pub fn add<const R: usize>(
         &mut self,
         coefficients: &mut [[f32; R]; N],
         mut measured: [f32; R],
-        weights: [f32; R],
-    ) -> Added<R> {
-        let mut weight = weights;
+        mut weights: [f32; R],
+    ) -> f32 {
         let mut left = coefficients.as_mut_slice();
         let mut rows = self.rows.as_mut_slice();
         for own in &mut self.weight {
@@ -80,7 +68,7 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
             let matters = pivots.iter().any(|x| *x != 0.0);
             if let (true, Some((z, row))) = (matters, row.split_last_mut()) {
                 let mut takes = [0.0; R];
-                for ((x, weight), take) in pivots.iter().zip(&mut weight).zip(&mut takes) {
+                for ((x, weight), take) in pivots.iter().zip(&mut weights).zip(&mut takes) {
                     let keep;
                     (keep, *take) = rotate(own, *weight, *x);
                     *weight *= keep;
@@ -92,16 +80,8 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
             }
             (left, rows) = (later, below);
         }
-        let mut added = Added {
-            left: measured,
-            square: 0.0,
-            determinant: 1.0,
-        };
-        for (left, (weight, own)) in measured.iter().zip(weight.iter().zip(&weights)) {
-            added.square += weight * left * left;
-            added.determinant *= own / weight;
-        }
-        added
+        let squares = measured.iter().zip(&weights);
+        squares.map(|(left, weight)| weight * left * left).sum()
     }
 
     /// Adds direct measurements of parameters from `first` on, each with the same variance.

@@ -87,11 +87,15 @@ mod alignment;
 pub mod attitude;
 mod calibration;
 mod channel;
+mod colour;
 mod comparison;
 mod compensation;
 pub mod config;
 mod constancy;
 pub mod damping;
+#[cfg(test)]
+#[path = "../tests/unit/deviates.rs"]
+mod deviates;
 pub mod earth;
 mod error_model;
 mod estimate;
@@ -107,7 +111,6 @@ mod manoeuvre;
 mod math;
 pub mod mechanization;
 mod navigator;
-mod noise_trial;
 mod observer;
 mod outcome;
 mod parameters;

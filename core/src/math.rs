@@ -5,7 +5,7 @@
 
 use nalgebra::Vector3;
 
-pub(crate) use libm::{atan2, log, round, sqrt};
+pub(crate) use libm::{atan2, round, sqrt};
 
 /// Sine and cosine of an angle in radians.
 pub(crate) fn sin_cos(angle_rad: f64) -> (f64, f64) {

@@ -255,7 +255,7 @@ impl<const RING: usize> Navigator<RING> {
     /// Noise of GNSS velocity, as coloured as it was found to be and as strong as configured; none in
     /// the literal form.
     pub fn velocity_noise(&self) -> Option<Noise> {
-        self.aided()?.velocity_noise()
+        self.aided()?.velocity_noise(&self.config)
     }
 
     /// One standard deviation of the [solution](Self::solution); none in the literal form. What the

@@ -13,6 +13,7 @@
 use nalgebra::{RealField, SVector, Scalar, Vector2, Vector3};
 
 use crate::channel::{Channel, Growth, Measured, Renewal};
+use crate::colour::Colour;
 use crate::config::{Config, Noise};
 use crate::constancy::Constancy;
 use crate::earth::GRAVITY_EQUATOR_MPS2;
@@ -23,7 +24,6 @@ use crate::innovations::{
 };
 use crate::least_squares::LeastSquares;
 use crate::math::{self, singles};
-use crate::noise_trial::{NoiseTrial, Own};
 use crate::parameters::{AGREES_SIGMAS, COUNT, PAIRS, Parameters, index};
 use crate::solution::SolutionSigma;
 use crate::time::Time;
@@ -140,6 +140,14 @@ impl<T: RealField + Copy> Followed<T> {
         ])
     }
 
+    /// The correlated noise of what is measured.
+    fn noise(&self, measured: Measured) -> &Vector3<T> {
+        match measured {
+            Measured::Velocity => &self.velocity_noise,
+            Measured::Position => &self.position_noise,
+        }
+    }
+
     fn add_scaled(&mut self, other: &Self, factor: T) {
         self.error.add_scaled(&other.error, factor);
         self.velocity_noise += other.velocity_noise * factor;
@@ -249,15 +257,10 @@ pub struct Observer {
     vertical: Channel,
     innovations: [Innovations; 4],
     stated: [StatedNoise; 4],
-    /// Of each kind: how much stronger its noise is than configured, in variance.
-    strength: [f64; 4],
+    colours: [Colour; 4],
     surprise: Surprise,
     /// The same of the vertical, which goes wrong on its own.
     vertical_surprise: Surprise,
-    /// What is assumed of the noise of GNSS velocity, as strong as configured, and what is tried in
-    /// its place.
-    velocity_noise: Noise,
-    trial: NoiseTrial,
     /// Corrections to the parameters.
     corrections: LeastSquares<COUNT, PAIRS>,
     /// Last solution; the latency is that of its moment.
@@ -312,12 +315,10 @@ impl Observer {
             followed: Followed::zero(),
             responses: UNIT_RESPONSES,
             level,
-            velocity_noise: gnss.velocity_mps,
-            trial: NoiseTrial::first(&gnss.velocity_mps, &level, config),
             vertical,
             innovations: [Innovations::default(); 4],
             stated: [StatedNoise::default(); 4],
-            strength: [1.0; 4],
+            colours: [Colour::new(start); 4],
             surprise: Surprise::default(),
             vertical_surprise: Surprise::default(),
             corrections: LeastSquares::NOTHING,
@@ -459,8 +460,6 @@ impl Observer {
             self.let_walk(which, math::single(changed * changed));
         }
         self.surprise = Surprise::default();
-        let own = &self.velocity_noise;
-        self.trial = NoiseTrial::after_start(self.trial.change(), own, &self.level, config);
     }
 
     /// The same of the vertical alone, with this variance of the velocity more.
@@ -558,10 +557,10 @@ impl Observer {
         } else {
             &mut self.level
         };
-        let (Some(innovations), Some(stated), Some(strength)) = (
+        let (Some(innovations), Some(stated), Some(colour)) = (
             self.innovations.get_mut(number),
             self.stated.get_mut(number),
-            self.strength.get_mut(number),
+            self.colours.get_mut(number),
         ) else {
             return false;
         };
@@ -574,10 +573,10 @@ impl Observer {
             None => 1.0,
         };
         let learnt = relative * innovations.scale();
-        *strength = match kind.measured() {
+        colour.scale(match kind.measured() {
             Measured::Velocity => learnt,
             Measured::Position => math::max(learnt, relative),
-        };
+        });
         let noise = described.white * described.white * learnt / difference.fixes;
         let white = noise + bent;
         let predicted = channel.predicted(kind.measured());
@@ -620,33 +619,26 @@ impl Observer {
             }
         }
         let weights = [math::single(1.0 / total); R];
-        let added = self
+        let squares = self
             .corrections
             .add(by, innovation.map(math::single), weights);
-        let square = f64::from(added.square) / components;
+        let square = f64::from(squares) / components;
         surprise.take(square, seconds);
-        if kind.is_up() {
-            self.doubt_vertical(config);
-        // While the parameters themselves are uncertain, innovations say little of the noises.
-        } else if f64::from(added.determinant) < 1.0 + components {
-            let mut explained = pair;
-            for (pair, left) in explained.iter_mut().zip(&added.left) {
-                *pair -= f64::from(*left);
-            }
-            let own = Own {
-                innovation: pair,
-                explained,
-                variance: total,
-                gains,
-            };
-            self.trial.take(kind.measured(), &own, white);
-        }
         // Of something else's variance they say nothing.
         if !gnss.trust_stated_sigma && difference.more_variance < noise {
             let sigmas = pair / math::sqrt(total * 0.5 * components);
-            if let Some(innovations) = self.innovations.get_mut(number) {
-                innovations.learn(square, &sigmas, gnss.noise_range);
-            }
+            innovations.learn(square, &sigmas, gnss.noise_range);
+            let seen = self.followed.noise(kind.measured());
+            let seen = if kind.is_up() {
+                seen.z * seen.z
+            } else {
+                0.5 * seen.xy().norm_squared()
+            };
+            let left = channel.noise(kind.measured());
+            colour.learn(self.horizon, seen, left, described, gnss.noise_range);
+        }
+        if kind.is_up() {
+            self.doubt_vertical(config);
         }
         true
     }
@@ -710,16 +702,17 @@ impl Observer {
         let azimuth = self.followed.error.tilt_rad.z;
         self.parameters.set(index::AZIMUTH, azimuth, azimuth_sigma);
 
-        let [velocity, velocity_up, position, position_up] = self.strength;
+        let [velocity, climb, position, height] = &self.colours;
         let gnss = &config.gnss;
-        let renewal = |noise: &Noise, strength| Renewal::over(span.seconds, noise, strength);
-        let own = &self.velocity_noise;
-        let position_noise = renewal(&gnss.position_m, position);
-        let level = [renewal(own, velocity), position_noise];
-        let rival = [renewal(&self.trial.noise, velocity), position_noise];
+        let renewal =
+            |noise: &Noise, colour: &Colour| Renewal::over(span.seconds, noise, colour.strength());
+        let level = [
+            renewal(&gnss.velocity_mps, velocity),
+            renewal(&gnss.position_m, position),
+        ];
         let up = [
-            renewal(&own.as_strong_as(&gnss.velocity_up_mps), velocity_up),
-            renewal(&gnss.height_m, position_up),
+            renewal(&gnss.velocity_up_mps, climb),
+            renewal(&gnss.height_m, height),
         ];
         let kept = |renewals: &[Renewal; 2]| renewals.map(|renewal| renewal.keep);
         self.followed.renew(kept(&level), kept(&up));
@@ -736,15 +729,13 @@ impl Observer {
                 response.error.feed(&single_passage, &input.single());
             }
         });
-        self.grow_noise(span, [level, rival, up], config);
+        self.grow_noise(span, level, up, config);
         self.unsolved_s += span.seconds;
         self.horizon = to;
     }
 
-    /// Lets the channels grow by the noises, with the correlated ones of GNSS as the observer, its
-    /// rival and the vertical channel assume them.
-    fn grow_noise(&mut self, span: &Span, noises: [[Renewal; 2]; 3], config: &Config) {
-        let [level, rival, up] = noises;
+    /// Lets the channels grow by the noises, with the correlated ones of GNSS.
+    fn grow_noise(&mut self, span: &Span, level: [Renewal; 2], up: [Renewal; 2], config: &Config) {
         let s = &config.sensors;
         let shares = |noise: &[f64; 3]| {
             let noise = Vector3::from(*noise);
@@ -760,7 +751,6 @@ impl Observer {
             gyro_noise: gyro_level,
         };
         self.level.propagate(&growth, level);
-        self.trial.propagate(&growth, rival);
         self.vertical.propagate(
             &Growth {
                 seconds: span.seconds,
@@ -785,12 +775,10 @@ impl Observer {
         let cross = config.sensors.cross_axis_variance();
         let tilt = cross * tipped;
         self.level.doubt(0.0, tilt);
-        self.trial.level.doubt(0.0, tilt);
         self.azimuth_walk += tilt;
         let pull = Vector3::new(span.force_mps.x, span.force_mps.y, 0.0);
         let pulled = self.pulled.grow(&pull, span.seconds);
         self.level.doubt(cross * pulled, 0.0);
-        self.trial.level.doubt(cross * pulled, 0.0);
         // Level force on a tilted platform, as in a steep bank: the channels are otherwise apart.
         self.vertical
             .doubt((2.0 * cross + self.level.tilt()) * pulled, 0.0);
@@ -840,32 +828,20 @@ impl Observer {
         by
     }
 
-    /// Ends a trial of the noise that is decided, and begins the next.
-    fn judge_trial(&mut self, config: &Config) {
-        let Some(won) = self.trial.verdict(self.inflation()) else {
-            return;
-        };
-        if won {
-            self.velocity_noise = self.trial.noise;
-            self.level = self.trial.level;
-            for axis in 0..2 {
-                self.followed.correct(axis, &self.trial.apart(axis), 1.0);
-            }
-        }
-        let own = &self.velocity_noise;
-        self.trial = NoiseTrial::new(self.trial.change(), own, &self.level, config);
-    }
-
     /// What is assumed of the noise of GNSS velocity, as strong as configured.
-    pub fn velocity_noise(&self) -> &Noise {
-        &self.velocity_noise
+    pub fn velocity_noise(&self, config: &Config) -> Noise {
+        let [velocity, ..] = &self.colours;
+        let noise = config.gnss.velocity_mps;
+        Noise {
+            correlated: noise.correlated * math::sqrt(velocity.ratio()),
+            ..noise
+        }
     }
 
     /// Makes azimuth and latency those of the horizon: the first of the pieces that end with a
     /// solution. Time that passes between them is the next solution's.
     #[inline(never)]
-    pub fn come_to_horizon(&mut self, config: &Config) {
-        self.judge_trial(config);
+    pub fn come_to_horizon(&mut self) {
         self.come_to_now();
         self.elapsed_s = self.unsolved_s;
         self.unsolved_s = 0.0;
@@ -1064,9 +1040,7 @@ impl Observer {
             self.followed.add_scaled(&caused, -f64::from(step.z));
             let variance = f64::from(step.variance);
             for axis in 0..2 {
-                let along = caused.states(axis);
-                self.level.doubt_along(&along, 0.5 * variance);
-                self.trial.level.doubt_along(&along, 0.5 * variance);
+                self.level.doubt_along(&caused.states(axis), 0.5 * variance);
             }
             self.vertical.doubt_along(&caused.states(2), variance);
         }

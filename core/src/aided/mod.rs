@@ -204,8 +204,8 @@ impl<const N: usize> AidedIns<N> {
     }
 
     /// What is assumed of the noise of GNSS velocity.
-    pub fn velocity_noise(&self) -> Option<Noise> {
-        Some(*self.estimator.exact()?.velocity_noise())
+    pub fn velocity_noise(&self, config: &Config) -> Option<Noise> {
+        Some(self.estimator.exact()?.velocity_noise(config))
     }
 
     /// Spread of position, velocity and attitude, ENU.
@@ -386,7 +386,7 @@ impl<const N: usize> AidedIns<N> {
             (Due::Solve, _) => self.solve(config),
             (_, None) | (Due::Nothing, _) => {}
             (Due::Spread, Some(observer)) => observer.spread_next(),
-            (Due::Horizon, Some(observer)) => observer.come_to_horizon(config),
+            (Due::Horizon, Some(observer)) => observer.come_to_horizon(),
             (Due::Level, Some(observer)) => observer.level_anew(),
             (Due::GyroWalk, Some(observer)) => observer.let_gyros_walk(config),
             (Due::AccelWalk, Some(observer)) => observer.let_accels_walk(config),

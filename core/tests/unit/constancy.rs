@@ -2,23 +2,7 @@
 #![allow(clippy::disallowed_methods)]
 
 use crate::constancy::Constancy;
-
-/// Normal deviates enough for statistics to a tenth: sums of twelve even ones.
-struct Deviates(u64);
-
-impl Deviates {
-    fn next(&mut self) -> f32 {
-        let mut sum = -6.0;
-        for _ in 0..12 {
-            self.0 = self
-                .0
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1);
-            sum += f32::from(u16::try_from(self.0 >> 48).unwrap_or(0)) / 65_536.0;
-        }
-        sum
-    }
-}
+use crate::deviates::Deviates;
 
 /// Mean square of error over sigma, and mean sigma, of 400 estimates of a value that walks by
 /// `walk` a second, from a measurement a second with white noise of one for ten minutes, by an
