@@ -1,5 +1,5 @@
 //! A correlated noise under a white one, whose strength is found.
-#![allow(clippy::disallowed_methods)]
+#![allow(clippy::disallowed_methods, clippy::cast_precision_loss)]
 
 use crate::channel::Renewal;
 use crate::colour::Colour;
