@@ -17,6 +17,17 @@ pub struct LeastSquares<const N: usize, const T: usize> {
     rows: SVector<f32, T>,
 }
 
+/// What rows were before they were taken in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Added {
+    /// Squares of what was measured beyond what was known, each in its variance: together, by how
+    /// much the weighted sum of squared residuals rises.
+    pub square: f32,
+    /// Determinant of their covariance, against that of the rows' own: one, and the sum of what the
+    /// parameters add in one direction.
+    pub determinant: f32,
+}
+
 /// What is known of a step of a walk once the parameters are: `step + by . x = z`, with a variance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step<const N: usize> {
@@ -47,15 +58,14 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
     }
 
     /// Adds `R` rows `coefficients . x = measured`, each with its weight; `coefficients` holds
-    /// those of one parameter after those of another, and is used up. Returns the squares of what was
-    /// measured beyond what was known, each in its variance: together, by how much the weighted sum
-    /// of squared residuals rises.
+    /// those of one parameter after those of another, and is used up.
     pub fn add<const R: usize>(
         &mut self,
         coefficients: &mut [[f32; R]; N],
         mut measured: [f32; R],
-        mut weights: [f32; R],
-    ) -> f32 {
+        weights: [f32; R],
+    ) -> Added {
+        let mut weight = weights;
         let mut left = coefficients.as_mut_slice();
         let mut rows = self.rows.as_mut_slice();
         for own in &mut self.weight {
@@ -68,7 +78,7 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
             let matters = pivots.iter().any(|x| *x != 0.0);
             if let (true, Some((z, row))) = (matters, row.split_last_mut()) {
                 let mut takes = [0.0; R];
-                for ((x, weight), take) in pivots.iter().zip(&mut weights).zip(&mut takes) {
+                for ((x, weight), take) in pivots.iter().zip(&mut weight).zip(&mut takes) {
                     let keep;
                     (keep, *take) = rotate(own, *weight, *x);
                     *weight *= keep;
@@ -80,8 +90,12 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
             }
             (left, rows) = (later, below);
         }
-        let squares = measured.iter().zip(&weights);
-        squares.map(|(left, weight)| weight * left * left).sum()
+        let squares = measured.iter().zip(&weight);
+        let ratios = weights.iter().zip(&weight);
+        Added {
+            square: squares.map(|(left, weight)| weight * left * left).sum(),
+            determinant: ratios.map(|(own, weight)| own / weight).product(),
+        }
     }
 
     /// Adds direct measurements of parameters from `first` on, each with the same variance.

@@ -49,7 +49,7 @@ pub fn level_accels(
 ) -> f64 {
     let felt = (G * Vector2::new(turned.y, -turned.x) + change * known).cast::<f32>();
     let mut change: [[f32; 2]; 2] = change.cast().into();
-    f64::from(rows.add(&mut change, felt.into(), [1.0; 2]))
+    f64::from(rows.add(&mut change, felt.into(), [1.0; 2]).square)
 }
 
 /// Level gyros (9): `dw_x = w_E^C cos H - w_N^C sin H`, `dw_y = w_E^C sin H + w_N^C cos H`, with

@@ -619,23 +619,26 @@ impl Observer {
             }
         }
         let weights = [math::single(1.0 / total); R];
-        let squares = self
+        let added = self
             .corrections
             .add(by, innovation.map(math::single), weights);
-        let square = f64::from(squares) / components;
+        let square = f64::from(added.square) / components;
         surprise.take(square, seconds);
         // Of something else's variance they say nothing.
         if !gnss.trust_stated_sigma && difference.more_variance < noise {
             let sigmas = pair / math::sqrt(total * 0.5 * components);
             innovations.learn(square, &sigmas, gnss.noise_range);
-            let seen = self.followed.noise(kind.measured());
-            let seen = if kind.is_up() {
-                seen.z * seen.z
-            } else {
-                0.5 * seen.xy().norm_squared()
-            };
-            let left = channel.noise(kind.measured());
-            colour.learn(self.horizon, seen, left, described, gnss.noise_range);
+            // While the parameters themselves are uncertain it says little of the noise.
+            if f64::from(added.determinant) < 1.0 + components {
+                let seen = self.followed.noise(kind.measured());
+                let square = if kind.is_up() {
+                    seen.z * seen.z
+                } else {
+                    0.5 * seen.xy().norm_squared()
+                };
+                let left = channel.noise(kind.measured());
+                colour.learn(self.horizon, square, left, described, gnss.noise_range);
+            }
         }
         if kind.is_up() {
             self.doubt_vertical(config);

@@ -140,7 +140,7 @@ proptest! {
         let mut squares = LeastSquares::<2, 3>::from_prior(&sigma);
         let mut misfit = 0.0;
         for ([a, b], measured) in &rows {
-            misfit += squares.add(&mut [[*a], [*b]], [*measured], [1.0]);
+            misfit += squares.add(&mut [[*a], [*b]], [*measured], [1.0]).square;
         }
         let x = squares.solve();
         let left = rows.iter().map(|([a, b], m)| (a * x.x + b * x.y - m).powi(2)).sum::<f32>();
