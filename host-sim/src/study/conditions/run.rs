@@ -59,15 +59,21 @@ pub fn run(kind: &Kind, class: Grade, seed: u64, with_kalman: bool) -> Tried {
     let kalman = || {
         let (fixes, noise) = (told::fixes(&world, &drive), told::noise(&world, &config));
         let kalman = Kalman::new(&drive.imu, &fixes, config, noise, &truth.up).expect(refused);
-        try_on(kalman, &world, &drive, &truth)
+        try_on(kalman, seed, &world, &drive, &truth)
     };
     Tried {
-        core: try_on(core, &world, &drive, &truth),
+        core: try_on(core, seed, &world, &drive, &truth),
         kalman: with_kalman.then(kalman),
     }
 }
 
-fn try_on<S: Subject>(mut subject: S, world: &World, drive: &SimulatedDrive, truth: &Truth) -> Run {
+fn try_on<S: Subject>(
+    mut subject: S,
+    seed: u64,
+    world: &World,
+    drive: &SimulatedDrive,
+    truth: &Truth,
+) -> Run {
     let half = Time::default().plus_seconds(30.0 * world.minutes);
     let mut truths = drive.truth.iter().peekable();
     let mut second_half = SecondHalf::default();
@@ -92,7 +98,7 @@ fn try_on<S: Subject>(mut subject: S, world: &World, drive: &SimulatedDrive, tru
     }
     checks.extend(second_half.checks());
     Run {
-        seed: world.seed,
+        seed,
         first_solution_s,
         without_solution: second_half.without_solution(),
         checks,

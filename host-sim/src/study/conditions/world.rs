@@ -70,8 +70,10 @@ impl World {
     pub fn plain(class: Grade, seed: u64, minutes: f64, kind: &str) -> Self {
         let mut errors = class.errors();
         errors.gnss.habits.stated = Stated::White;
+        let mut random = Random::stream(seed, kind);
         Self {
-            seed,
+            // Kinds that share units and ways would be right or wrong together.
+            seed: random.whole(),
             class,
             minutes,
             imu_hz: 100.0,
@@ -88,7 +90,7 @@ impl World {
             mount: UnitQuaternion::identity(),
             antenna_m: Vector3::zeros(),
             errors,
-            random: Random::stream(seed, kind),
+            random,
         }
     }
 
