@@ -22,9 +22,9 @@ const ROBUST: f64 = 9.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Colour {
-    /// Its variance against the configured one, if the white part were as configured.
+    /// Its variance against the configured one, were the white part as strong as configured, and as
+    /// strong as it is.
     ratio: f64,
-    /// As both parts are.
     strength: f64,
     information: f64,
     last: Time,
@@ -46,12 +46,12 @@ impl Colour {
         self.strength
     }
 
-    /// The same with both parts as much stronger than configured as the white one is by default.
+    /// The same, were the white part as strong as configured.
     pub fn ratio(&self) -> f64 {
         self.ratio
     }
 
-    /// Both parts are as much stronger, in variance.
+    /// Both parts are stronger by this, in variance.
     pub fn scale(&mut self, both: f64) {
         self.strength = both * self.ratio;
     }

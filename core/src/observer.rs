@@ -596,15 +596,14 @@ impl Observer {
         } else {
             (&mut self.surprise, &mut self.last_level)
         };
-        let seconds = self.horizon.seconds_since(*last);
-        *last = self.horizon;
-        let Credit::Taken(white) = credit else {
-            surprise.take(
-                pair.norm_squared() / (components * (variance + white)),
-                seconds,
-            );
-            self.refuse(kind, credit, config);
-            return false;
+        let white = match credit {
+            Credit::Taken(white) => white,
+            Credit::Lost(variance) => {
+                self.on_lost_by(kind, variance, config);
+                return false;
+            }
+            // One alone says nothing of the INS.
+            Credit::Refused => return false,
         };
         // Both level axes have the same covariance before and the same after.
         let gains = channel.update(kind.measured(), white);
@@ -623,6 +622,8 @@ impl Observer {
             .corrections
             .add(by, innovation.map(math::single), weights);
         let square = f64::from(added.square) / components;
+        let seconds = self.horizon.seconds_since(*last);
+        *last = self.horizon;
         surprise.take(square, seconds);
         // Of something else's variance they say nothing.
         if !gnss.trust_stated_sigma && difference.more_variance < noise {
@@ -646,18 +647,13 @@ impl Observer {
         true
     }
 
-    /// What follows from innovations that were not taken.
-    fn refuse(&mut self, kind: Kind, credit: Credit, config: &Config) {
-        if let Credit::Lost(variance) = credit {
-            match kind {
-                Kind::Position => self.level.doubt_position(variance),
-                Kind::Height => self.vertical.doubt_position(variance),
-                Kind::Climb => self.lose_vertical(variance, config),
-                Kind::Velocity => self.on_lost(config),
-            }
-        }
-        if kind.is_up() {
-            self.doubt_vertical(config);
+    /// What follows from fixes of a kind that were refused for so long that it is the INS which is wrong.
+    fn on_lost_by(&mut self, kind: Kind, variance: f64, config: &Config) {
+        match kind {
+            Kind::Position => self.level.doubt_position(variance),
+            Kind::Height => self.vertical.doubt_position(variance),
+            Kind::Climb => self.lose_vertical(variance, config),
+            Kind::Velocity => self.on_lost(config),
         }
     }
 

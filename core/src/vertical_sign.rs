@@ -16,6 +16,9 @@ const HOLE_S: f64 = 3.0;
 /// Difference of log-likelihoods that decides, odds of one in 3000, and most that is kept.
 const DECIDED: f64 = 8.0;
 const MOST: f64 = 24.0;
+/// Largest square of a height's error, in its variance, that counts: of a wrong one neither sign is
+/// right, and a single one does not decide.
+const ROBUST: f64 = 12.0;
 /// Vertical velocities within this many sigma of zero have no sign.
 const SIGMAS: f64 = 3.0;
 
@@ -84,7 +87,12 @@ impl VerticalSign {
             (window.last, window.last_mps) = (time, up_mps);
             // Two heights, neither as good as is configured for sure.
             let variance = 4.0 * config.gnss.height_m.variance();
-            self.open = 2.0 * window.climbed_m * (height_m - window.height_m) / variance;
+            let rise_m = height_m - window.height_m;
+            let misfit = |climbed_m: f64| {
+                let off_m = rise_m - climbed_m;
+                math::min(off_m * off_m / variance, ROBUST)
+            };
+            self.open = 0.5 * (misfit(-window.climbed_m) - misfit(window.climbed_m));
         }
         if time.seconds_since(window.start) > WINDOW_S || seconds > HOLE_S {
             let odds = self.odds + self.open;

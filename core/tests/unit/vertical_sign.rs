@@ -34,6 +34,22 @@ proptest! {
         prop_assert_eq!(after_a_minute(climb, -1.0, &noise), None);
     }
 
+    /// Heights that are 30 m and more off, one of twenty, do not turn it around.
+    #[test]
+    fn wrong_heights_do_not_turn_a_sign_around(
+        climb in prop_oneof![-3.0..-0.3, 0.3..3.0],
+        noise in prop::collection::vec(-5.0..5.0, 300),
+        wrong in prop::collection::vec((0..300_usize, -100.0..100.0_f64), 15),
+    ) {
+        let mut heights = noise;
+        for (which, by) in wrong {
+            if let Some(height) = heights.get_mut(which) {
+                *height += by + 30.0 * by.signum();
+            }
+        }
+        prop_assert!(after_a_minute(climb, 1.0, &heights).is_some());
+    }
+
     /// On the level nothing is decided, and what is measured counts as before.
     #[test]
     fn no_climb_shows_nothing(noise in prop::collection::vec(-5.0..5.0, 300)) {
