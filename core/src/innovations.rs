@@ -36,11 +36,12 @@ pub enum Credit {
     Lost(f64),
 }
 
-/// Fixes refused that agree with each other.
+/// Fixes refused of which most agree with each other: since when, by how many more, and the last.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Astray {
     since: Time,
+    majority: u8,
     residual: Vector2<f64>,
 }
 
@@ -106,12 +107,18 @@ impl Innovations {
             (innovation - astray.residual).norm_squared()
                 <= ROBUST_SIGMAS * ROBUST_SIGMAS * 2.0 * total
         };
-        let since = self
-            .astray
-            .filter(agrees)
-            .map_or(now, |astray| astray.since);
+        let (since, majority) = match &mut self.astray {
+            Some(astray) if agrees(astray) => (astray.since, astray.majority.saturating_add(1)),
+            // A wrong fix among right ones.
+            Some(astray) if astray.majority > 1 => {
+                astray.majority -= 1;
+                return Credit::Refused;
+            }
+            _ => (now, 1),
+        };
         self.astray = Some(Astray {
             since,
+            majority,
             residual: *innovation,
         });
         if now.seconds_since(since) < LOST_S {

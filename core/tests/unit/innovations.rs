@@ -43,7 +43,7 @@ fn ten_wrong_fixes_in_a_row_do_not_open_the_gate() {
 fn fixes_that_agree_for_a_quarter_of_a_minute_show_that_the_ins_is_wrong() {
     for interval_s in [0.1, 1.0] {
         let mut innovations = Innovations::default();
-        let mut at_s = 0.0;
+        let (mut at_s, mut count) = (0.0, 0);
         let lost = loop {
             // They agree as far as noise lets them.
             let sign = if at_s % (2.0 * interval_s) < interval_s {
@@ -51,11 +51,14 @@ fn fixes_that_agree_for_a_quarter_of_a_minute_show_that_the_ins_is_wrong() {
             } else {
                 -1.0
             };
-            match judge(
-                &mut innovations,
-                at_s,
-                WRONG + sign * Vector2::new(0.1, 0.1),
-            ) {
+            // One of five is wrong on top.
+            count += 1;
+            let wild = if count % 5 == 3 {
+                3.0 * sign
+            } else {
+                0.1 * sign
+            };
+            match judge(&mut innovations, at_s, WRONG + Vector2::repeat(wild)) {
                 Credit::Refused => at_s += interval_s,
                 other => break other,
             }
