@@ -596,14 +596,22 @@ impl Observer {
         } else {
             (&mut self.surprise, &mut self.last_level)
         };
+        let seconds = self.horizon.seconds_since(*last);
+        *last = self.horizon;
         let white = match credit {
             Credit::Taken(white) => white,
             Credit::Lost(variance) => {
                 self.on_lost_by(kind, variance, config);
                 return false;
             }
-            // One alone says nothing of the INS.
-            Credit::Refused => return false,
+            // Of the level they say something once they agree. The vertical a single knock tips.
+            Credit::Refused => {
+                if kind.is_up() {
+                    surprise.take(pair.norm_squared() / (variance + white), seconds);
+                    self.doubt_vertical(config);
+                }
+                return false;
+            }
         };
         // Both level axes have the same covariance before and the same after.
         let gains = channel.update(kind.measured(), white);
@@ -622,8 +630,6 @@ impl Observer {
             .corrections
             .add(by, innovation.map(math::single), weights);
         let square = f64::from(added.square) / components;
-        let seconds = self.horizon.seconds_since(*last);
-        *last = self.horizon;
         surprise.take(square, seconds);
         // Of something else's variance they say nothing.
         if !gnss.trust_stated_sigma && difference.more_variance < noise {
