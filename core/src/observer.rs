@@ -564,8 +564,8 @@ impl Observer {
         ) else {
             return false;
         };
-        // Of positions nothing else tells the slow part of the noise; of velocities the
-        // innovations do.
+        // Of positions nothing else tells what lasts for longer than some minutes; of velocities
+        // the innovations tell all.
         let absolute = gnss.trust_stated_sigma || kind.measured() == Measured::Position;
         let relative = match difference.stated_variance {
             Some(variance) if absolute => against_described(variance, described, gnss.noise_range),
@@ -653,7 +653,7 @@ impl Observer {
         true
     }
 
-    /// What follows from fixes of a kind that were refused for so long that it is the INS which is wrong.
+    /// Fixes of a kind were refused for so long that it is the INS which is wrong, by this variance.
     fn on_lost_by(&mut self, kind: Kind, variance: f64, config: &Config) {
         match kind {
             Kind::Position => self.level.doubt_position(variance),

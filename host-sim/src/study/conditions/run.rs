@@ -26,8 +26,6 @@ pub struct Check {
 /// One run of somebody.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Run {
-    /// Which.
-    pub seed: u64,
     /// When there was a solution first, s.
     pub first_solution_s: Option<f64>,
     /// Part of the second half without a solution.
@@ -59,21 +57,15 @@ pub fn run(kind: &Kind, class: Grade, seed: u64, with_kalman: bool) -> Tried {
     let kalman = || {
         let (fixes, noise) = (told::fixes(&world, &drive), told::noise(&world, &config));
         let kalman = Kalman::new(&drive.imu, &fixes, config, noise, &truth.up).expect(refused);
-        try_on(kalman, seed, &world, &drive, &truth)
+        try_on(kalman, &world, &drive, &truth)
     };
     Tried {
-        core: try_on(core, seed, &world, &drive, &truth),
+        core: try_on(core, &world, &drive, &truth),
         kalman: with_kalman.then(kalman),
     }
 }
 
-fn try_on<S: Subject>(
-    mut subject: S,
-    seed: u64,
-    world: &World,
-    drive: &SimulatedDrive,
-    truth: &Truth,
-) -> Run {
+fn try_on<S: Subject>(mut subject: S, world: &World, drive: &SimulatedDrive, truth: &Truth) -> Run {
     let half = Time::default().plus_seconds(30.0 * world.minutes);
     let mut truths = drive.truth.iter().peekable();
     let mut second_half = SecondHalf::default();
@@ -98,7 +90,6 @@ fn try_on<S: Subject>(
     }
     checks.extend(second_half.checks());
     Run {
-        seed,
         first_solution_s,
         without_solution: second_half.without_solution(),
         checks,

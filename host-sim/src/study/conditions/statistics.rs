@@ -367,7 +367,6 @@ mod tests {
             observable: true,
         };
         Run {
-            seed: 0,
             first_solution_s: Some(1.0),
             without_solution: 0.0,
             checks: vec![heading],
