@@ -65,6 +65,9 @@ pub struct SensorConfig {
     /// gyros that stand askew. With zero they are what level accelerometers and gyros together
     /// show, which is what a compensation needs.
     pub misalignment_rad: f64,
+    /// Least and greatest factor by which `gyro_noise` and `accel_noise` may turn out wrong: each is
+    /// found in motion, all axes together. Ones: nothing is learnt.
+    pub noise_range: [f64; 2],
     /// Largest credible angular rate on one axis, rad/s.
     pub gyro_range_radps: f64,
     /// Largest credible specific force on one axis, m/s^2.
@@ -272,6 +275,7 @@ impl SensorConfig {
         not_negative(self.accel_scale, "sensors.accel_scale")?;
         not_negative(self.cross_axis, "sensors.cross_axis")?;
         not_negative(self.misalignment_rad, "sensors.misalignment_rad")?;
+        around_one(self.noise_range, "sensors.noise_range")?;
         positive(self.gyro_range_radps, "sensors.gyro_range_radps")?;
         positive(self.accel_range_mps2, "sensors.accel_range_mps2")
     }
@@ -424,6 +428,7 @@ impl Config {
                 accel_scale: 1e-6,
                 cross_axis: 1e-6,
                 misalignment_rad: 0.0,
+                noise_range: [0.1, 10.0],
                 gyro_range_radps: 18.0,
                 accel_range_mps2: 370.0,
             },
@@ -470,6 +475,7 @@ impl Config {
                 accel_scale: 0.015,
                 cross_axis: 0.005,
                 misalignment_rad: 0.0,
+                noise_range: [0.1, 10.0],
                 gyro_range_radps: 35.0,
                 accel_range_mps2: 160.0,
             },

@@ -114,6 +114,7 @@ mod navigator;
 mod observer;
 mod outcome;
 mod parameters;
+mod process_noise;
 mod ring;
 mod samples;
 mod solution;

@@ -25,6 +25,7 @@ use crate::innovations::{
 use crate::least_squares::LeastSquares;
 use crate::math::{self, singles};
 use crate::parameters::{AGREES_SIGMAS, COUNT, PAIRS, Parameters, index};
+use crate::process_noise::ProcessNoise;
 use crate::solution::SolutionSigma;
 use crate::time::Time;
 
@@ -258,6 +259,8 @@ pub struct Observer {
     innovations: [Innovations; 4],
     stated: [StatedNoise; 4],
     colours: [Colour; 4],
+    gyro_noise: ProcessNoise,
+    accel_noise: ProcessNoise,
     surprise: Surprise,
     /// The same of the vertical, which goes wrong on its own.
     vertical_surprise: Surprise,
@@ -319,6 +322,8 @@ impl Observer {
             innovations: [Innovations::default(); 4],
             stated: [StatedNoise::default(); 4],
             colours: [Colour::new(start); 4],
+            gyro_noise: ProcessNoise::CONFIGURED,
+            accel_noise: ProcessNoise::CONFIGURED,
             surprise: Surprise::default(),
             vertical_surprise: Surprise::default(),
             corrections: LeastSquares::NOTHING,
@@ -460,6 +465,7 @@ impl Observer {
             self.let_walk(which, math::single(changed * changed));
         }
         self.surprise = Surprise::default();
+        self.gyro_noise.look_anew();
     }
 
     /// The same of the vertical alone, with this variance of the velocity more.
@@ -468,6 +474,7 @@ impl Observer {
         self.vertical = Channel::new(0.0, &gnss.velocity_up_mps, &gnss.height_m);
         self.vertical.doubt(variance, 0.0);
         self.vertical_surprise = Surprise::default();
+        self.accel_noise.look_anew();
         self.forget_noise(&Vector3::new(1.0, 1.0, 0.0));
     }
 
@@ -614,7 +621,9 @@ impl Observer {
             }
         };
         // Both level axes have the same covariance before and the same after.
+        let walked = channel.walked(kind.is_up());
         let gains = channel.update(kind.measured(), white);
+        let left = channel.walked(kind.is_up());
         let total = predicted + white;
         for (axis, innovation) in (first_axis..).zip(innovation) {
             self.followed.correct(axis, &gains, innovation);
@@ -631,6 +640,14 @@ impl Observer {
             .add(by, innovation.map(math::single), weights);
         let square = f64::from(added.square) / components;
         surprise.take(square, seconds);
+        let (process, gain, whole) = if kind.is_up() {
+            (&mut self.accel_noise, gains.y, f64::from(added.determinant))
+        } else {
+            let whole = math::sqrt(f64::from(added.determinant));
+            (&mut self.gyro_noise, gains.z, whole)
+        };
+        process.moved(&pair, total * whole, gain, walked - left);
+        process.look(left, components, config.sensors.noise_range);
         // Of something else's variance they say nothing.
         if !gnss.trust_stated_sigma && difference.more_variance < noise {
             let sigmas = pair / math::sqrt(total * 0.5 * components);
@@ -742,12 +759,17 @@ impl Observer {
     /// Lets the channels grow by the noises, with the correlated ones of GNSS.
     fn grow_noise(&mut self, span: &Span, level: [Renewal; 2], up: [Renewal; 2], config: &Config) {
         let s = &config.sensors;
-        let shares = |noise: &[f64; 3]| {
+        let shares = |noise: &[f64; 3], ratio: f64| {
             let noise = Vector3::from(*noise);
-            level_and_up(&span.attitude_s, span.seconds, &noise.component_mul(&noise))
+            let variance = noise.component_mul(&noise) * ratio;
+            level_and_up(&span.attitude_s, span.seconds, &variance)
         };
-        let (gyro_level, gyro_up) = shares(&s.gyro_noise);
-        let (accel_level, accel_up) = shares(&s.accel_noise);
+        let (gyros, accels) = (self.gyro_noise.ratio(), self.accel_noise.ratio());
+        let (gyro_level, gyro_up) = shares(&s.gyro_noise, gyros);
+        let (accel_level, accel_up) = shares(&s.accel_noise, accels);
+        self.gyro_noise
+            .came(span.seconds, gyro_level * span.seconds);
+        self.accel_noise.came(span.seconds, accel_up * span.seconds);
         let growth = Growth {
             seconds: span.seconds,
             force_up_mps: span.force_mps.z,
