@@ -2,11 +2,19 @@
 
 use nalgebra::Vector3;
 
+use crate::earth::GRAVITY_EQUATOR_MPS2;
+use crate::math;
 use crate::samples::{ImuOutput, ImuSample};
 
 /// Longest interval, as a multiple of the usual one, that still counts as no sample missing. One
-/// missing makes it two; stamps that jitter by a third of an interval at both ends make it 1.67.
+/// missing makes it two, from stamp to stamp as from the moment at which the last was due: stamps
+/// that jitter by less than three eighths of an interval leave one of them below this.
 const MISSING_RATIO: f64 = 1.75;
+/// Largest deviation of a stamp from its due time, in intervals, that is its own jitter.
+const JITTER_RATIO: f64 = 0.5;
+/// Stamps over which their jitter is averaged out, and those over which a usual interval is learnt
+/// where they do not come when due.
+const STAMPS: f64 = 16.0;
 
 /// Half the turn by which the two ends of a hole may disagree, rad: beyond it the heading inside
 /// would have to be found anew anyway.
@@ -72,6 +80,13 @@ pub struct Increments {
     previous_s: f64,
     /// Usual interval, s; zero until known.
     usual_s: f64,
+    /// How much later than due, by those before, the last stamp was, s.
+    late_s: f64,
+    /// Sums of how much longer than usual an interval was by its stamps, times the velocity felt
+    /// beyond that of `g` over the usual one, and times that of `g` over as much longer, m. They are
+    /// alike where stamps are right; where intervals are even the first comes to nothing.
+    longer_felt_m: f64,
+    longer_stamped_m: f64,
 }
 
 impl Increments {
@@ -85,6 +100,9 @@ impl Increments {
             accel_change: Vector3::zeros(),
             previous_s: 0.0,
             usual_s: 0.0,
+            late_s: 0.0,
+            longer_felt_m: 0.0,
+            longer_stamped_m: 0.0,
         }
     }
 
@@ -93,11 +111,25 @@ impl Increments {
         self.gyro = first.gyro;
         self.accel = first.accel;
         self.previous_s = 0.0;
+        self.late_s = 0.0;
+    }
+
+    /// How much later than the last sample its stamp was, s: of increments that are no longer where
+    /// their stamps come later, for the sensor's own intervals are even then. A rate is of its stamp.
+    pub fn stamped_late_s(&self) -> f64 {
+        let even = match self.output {
+            ImuOutput::Increments if self.longer_stamped_m > 0.0 => {
+                1.5 - 2.0 * self.longer_felt_m / self.longer_stamped_m
+            }
+            _ => 0.0,
+        };
+        self.late_s * math::max(math::min(even, 1.0), 0.0)
     }
 
     /// Whether an interval of `seconds` has samples missing in it.
     pub fn has_hole(&self, seconds: f64) -> bool {
-        self.usual_s > 0.0 && seconds > MISSING_RATIO * self.usual_s
+        let longest = MISSING_RATIO * self.usual_s;
+        self.usual_s > 0.0 && seconds > longest && seconds + self.late_s > longest
     }
 
     /// Whether the two ends of a hole of `seconds` before `sample` agree on what happened in it.
@@ -128,7 +160,7 @@ impl Increments {
         if hole { self.usual_s } else { seconds }
     }
 
-    /// The interval of `seconds` (positive) that ends at `sample`.
+    /// The interval that ends at `sample`, stamped `seconds` (positive) after the last.
     ///
     /// Rates are integrated by the parabola through the last three readings, increments as they
     /// are. Coning and sculling are those of rates linear over the interval, or over the last two
@@ -138,6 +170,9 @@ impl Increments {
     #[inline]
     pub fn interval(&mut self, sample: &ImuSample, seconds: f64) -> Interval {
         let hole = self.has_hole(seconds);
+        let (usual_s, late_before_s) = (self.usual_s, self.stamped_late_s());
+        self.follow_stamps(seconds, &sample.accel);
+        let seconds = seconds + late_before_s - self.stamped_late_s();
         let (gyro_change, accel_change) = (sample.gyro - self.gyro, sample.accel - self.accel);
         // A first reading is taken to span an interval like this one.
         let before = if self.previous_s > 0.0 {
@@ -161,7 +196,7 @@ impl Increments {
             ImuOutput::Increments if hole => {
                 let ends = if self.previous_s > 0.0 { 2.0 } else { 1.0 };
                 let previous = ends - 1.0;
-                let fill = (seconds / self.usual_s - 1.0) / ends;
+                let fill = (seconds / usual_s - 1.0) / ends;
                 (
                     sample.gyro + fill * (previous * self.gyro + sample.gyro),
                     sample.accel + fill * (previous * self.accel + sample.accel),
@@ -180,10 +215,9 @@ impl Increments {
         self.gyro_change = gyro_change;
         self.accel_change = accel_change;
         self.previous_s = match self.output {
-            ImuOutput::Increments if hole => self.usual_s,
+            ImuOutput::Increments if hole => usual_s,
             ImuOutput::Rates | ImuOutput::Increments => seconds,
         };
-        self.learn_usual(seconds);
         Interval {
             seconds,
             angle_rad: angle,
@@ -203,18 +237,28 @@ impl Increments {
         seconds * seconds * seconds / (6.0 * (self.previous_s + seconds))
     }
 
-    /// Follows the usual interval slowly, so that one hole does not move it far.
-    fn learn_usual(&mut self, seconds: f64) {
-        self.usual_s = if self.usual_s > 0.0 {
-            let step = seconds - self.usual_s;
-            let bounded = if step > self.usual_s {
-                self.usual_s
-            } else {
-                step
-            };
-            self.usual_s + bounded / 16.0
+    /// Follows stamps that come when due by a loop of second order, critically damped, and others
+    /// slowly, so that one hole does not move the usual interval far.
+    fn follow_stamps(&mut self, seconds: f64, accel: &Vector3<f64>) {
+        if self.usual_s <= 0.0 {
+            self.usual_s = seconds;
+            self.longer_stamped_m = GRAVITY_EQUATOR_MPS2 * seconds * seconds;
+            self.longer_felt_m = self.longer_stamped_m;
+            return;
+        }
+        let longer_s = seconds - self.usual_s;
+        let late_s = longer_s + self.late_s;
+        if math::abs(late_s) < JITTER_RATIO * self.usual_s {
+            self.late_s = late_s * (1.0 - 1.0 / STAMPS);
+            self.usual_s += late_s / (4.0 * STAMPS * STAMPS);
+            let keep = 1.0 - 1.0 / (STAMPS * STAMPS);
+            let felt_mps = accel.norm() - GRAVITY_EQUATOR_MPS2 * self.usual_s;
+            let stamped_mps = GRAVITY_EQUATOR_MPS2 * longer_s;
+            self.longer_felt_m = keep * self.longer_felt_m + longer_s * felt_mps;
+            self.longer_stamped_m = keep * self.longer_stamped_m + longer_s * stamped_mps;
         } else {
-            seconds
-        };
+            self.late_s = 0.0;
+            self.usual_s += math::min(longer_s, self.usual_s) / STAMPS;
+        }
     }
 }

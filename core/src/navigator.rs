@@ -375,19 +375,20 @@ impl<const RING: usize> State<RING> {
         self.interval = increments.interval(sample, seconds);
         let interval = &self.interval;
         *last = sample.time;
+        let now = sample.time.plus_seconds(-increments.stamped_late_s());
         match &mut self.mode {
             Mode::Aligning(alignment) => {
                 if let Some(ins) = &mut self.stopgap {
                     ins.step(&alignment.compensated(interval), &Controls::default());
                     self.stopgap = self.stopgap.filter(is_possible);
                 }
-                alignment.on_interval(sample.time, interval, config);
+                alignment.on_interval(now, interval, config);
             }
             Mode::Navigating(ins) => {
                 if hole {
                     ins.on_hole(seconds);
                 }
-                ins.on_interval(sample.time, interval, config);
+                ins.on_interval(now, interval, config);
             }
         }
         if hole {

@@ -290,6 +290,48 @@ fn a_hole_is_filled_by_its_ends() {
     }
 }
 
+/// Stamps of even intervals of 10 ms, off by up to 3.5 ms to and fro, without a pattern that an
+/// average over sixteen would show; the interval from each to the next.
+fn jittered(count: u32) -> impl Iterator<Item = f64> {
+    let late = |k: u32| 0.0035 * (f64::from(k) * 2.4 + f64::from(k * k % 17)).sin();
+    (0..count).map(move |k| 0.01 + late(k + 1) - late(k))
+}
+
+fn level(seconds: f64) -> ImuSample {
+    sample((Vector3::zeros(), Vector3::new(0.0, 0.0, 9.8 * seconds)))
+}
+
+#[test]
+fn even_increments_are_told_from_uneven_ones_under_the_same_stamps() {
+    let mut even = Increments::new(ImuOutput::Increments, &level(0.01));
+    let mut uneven = even;
+    let mut worst = 0.0_f64;
+    for (k, seconds) in jittered(3000).enumerate() {
+        let interval = even.interval(&level(0.01), seconds);
+        if k > 2000 {
+            worst = worst.max((interval.seconds - 0.01).abs());
+        }
+        let as_stamped = uneven.interval(&level(seconds), seconds);
+        assert!((as_stamped.seconds - seconds).abs() < 1e-15);
+        assert!(uneven.stamped_late_s().abs() < 1e-15);
+    }
+    // Sixteen stamps average a jitter of up to 3.5 ms, and the loop moves by a sixteenth of it.
+    assert!(worst < 0.0004, "{worst}");
+}
+
+#[test]
+fn stamps_that_jitter_hide_no_hole_and_make_none() {
+    for output in [ImuOutput::Rates, ImuOutput::Increments] {
+        let mut increments = Increments::new(output, &level(0.01));
+        for (k, seconds) in jittered(1000).enumerate() {
+            assert!(!increments.has_hole(seconds), "{k}");
+            // Two missing, whatever the jitter of both ends: early in a run its phase is not known.
+            assert!(k < 50 || increments.has_hole(seconds + 0.02), "{k}");
+            let _ = increments.interval(&level(0.01), seconds);
+        }
+    }
+}
+
 #[test]
 fn a_steady_pirouette_gains_the_velocity_of_the_closed_form() {
     let (angle, force) = (
