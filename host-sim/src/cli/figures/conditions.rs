@@ -1,6 +1,8 @@
 //! How honest the core is: every kind of conditions for docs/, and for the README what the judges
 //! say of each quantity.
 
+use std::ops::Range;
+
 use crate::log;
 use crate::page::progress::bar;
 use crate::page::table::{Table, heads, markdown};
@@ -31,7 +33,21 @@ pub(super) fn page(results: &[Results]) -> String {
     tables.join("\n")
 }
 
-/// A row for each quantity over the kinds that judge.
+/// Rows of the README: quantities that are alike go together.
+const SUMMARY: [(&str, Range<usize>); 10] = [
+    ("heading", 0..1),
+    ("roll and pitch", 1..2),
+    ("accelerometers x, y", 2..4),
+    ("accelerometer z", 4..5),
+    ("gyros", 5..8),
+    ("latency", 8..9),
+    ("lever arm", 9..12),
+    ("position", 12..14),
+    ("velocity", 14..16),
+    ("position in outages", 16..18),
+];
+
+/// A row for some quantities over the kinds that judge.
 pub(super) fn summary(results: &[Results]) -> String {
     let classes = [Grade::Mems, Grade::Hg1700];
     let mut header = heads("| unit");
@@ -39,32 +55,30 @@ pub(super) fn summary(results: &[Results]) -> String {
         let class = short(class);
         header.extend(["error", "error/sigma", "wrong and sure"].map(|h| format!("{class}: {h}")));
     }
-    let rows: Vec<Vec<String>> = QUANTITIES
-        .iter()
-        .map(|quantity| {
-            let mut row = vec![quantity.name.to_owned(), quantity.unit.to_owned()];
-            for class in classes {
-                row.extend(over_kinds(results, class, quantity));
-            }
-            row
-        })
-        .collect();
+    let rows = SUMMARY.map(|(name, range)| {
+        let quantities = &QUANTITIES[range];
+        let mut row = vec![name.to_owned(), quantities[0].unit.to_owned()];
+        for class in classes {
+            row.extend(over_kinds(results, class, quantities));
+        }
+        row
+    });
     let seeds = results.first().map_or(0, |results| results.runs);
     format!(
-        "{}\nJudges alone, {seeds} seeds of each kind. Error: RMS of a kind, median over kinds. \
+        "{}\nJudges alone, {seeds} seeds of each kind. Error: RMS of a kind, median over kinds (and axes). \
          Wrong and sure: called observable and more than 4.5 sigma off, of what was called \
          observable.\n",
         markdown(&header, &rows)
     )
 }
 
-/// Median RMS error of a kind, RMS of error over sigma of all, and how many were wrong and sure.
-fn over_kinds(results: &[Results], class: Grade, quantity: &Quantity) -> [String; 3] {
+/// Median RMS error of a kind and quantity, RMS of error over sigma of all, and how many were wrong and sure.
+fn over_kinds(results: &[Results], class: Grade, quantities: &[Quantity]) -> [String; 3] {
     let rows: Vec<&Row> = results
         .iter()
         .filter(|results| results.judge && results.class == class)
         .flat_map(|results| &results.rows)
-        .filter(|row| row.quantity == *quantity && row.observable > 0.0)
+        .filter(|row| quantities.contains(&row.quantity) && row.observable > 0.0)
         .collect();
     if rows.is_empty() {
         return ["not observable", "", ""].map(str::to_owned);
