@@ -141,12 +141,12 @@ fn rotation_between(from: &UnitQuaternion<f64>, to: &UnitQuaternion<f64>) -> Vec
     (to * from.inverse()).scaled_axis()
 }
 
-/// Squares of errors and of stated sigmas at one time: position, height, level and vertical
-/// velocity, tilt, heading.
+/// Squares of errors at one time, and in their stated variances: position, height, level and
+/// vertical velocity, tilt, heading.
 #[derive(Clone, Copy, Debug)]
 struct Look {
     errors2: [f64; 6],
-    sigmas2: Option<[f64; 6]>,
+    ratios2: Option<[f64; 6]>,
 }
 
 impl Look {
@@ -157,14 +157,16 @@ impl Look {
                 let split = three.map(|v| [0.5 * v.xy().norm_squared(), v.z * v.z]);
                 core::array::from_fn(|which| split[which / 2][which % 2])
             };
-        Self {
-            errors2: squares(
-                &solution.position.enu_from(&truth.position),
-                &(solution.velocity_enu_mps - truth.velocity_enu_mps),
-                &rotation_between(&truth.attitude, &solution.attitude),
-            ),
-            sigmas2: sigma.map(|s| squares(&s.position_m, &s.velocity_mps, &s.attitude_rad)),
-        }
+        let errors2 = squares(
+            &solution.position.enu_from(&truth.position),
+            &(solution.velocity_enu_mps - truth.velocity_enu_mps),
+            &rotation_between(&truth.attitude, &solution.attitude),
+        );
+        let ratios2 = sigma.map(|s| {
+            let sigmas2 = squares(&s.position_m, &s.velocity_mps, &s.attitude_rad);
+            core::array::from_fn(|which| errors2[which] / sigmas2[which])
+        });
+        Self { errors2, ratios2 }
     }
 }
 
@@ -174,7 +176,7 @@ struct Sums {
     looks: f64,
     errors2: [f64; 6],
     /// Stated always or never.
-    sigmas2: Option<[f64; 6]>,
+    ratios2: Option<[f64; 6]>,
 }
 
 impl Sums {
@@ -186,20 +188,22 @@ impl Sums {
         };
         self.looks += 1.0;
         add(&mut self.errors2, &look.errors2);
-        if let Some(sigmas2) = &look.sigmas2 {
-            add(self.sigmas2.get_or_insert_default(), sigmas2);
+        if let Some(ratios2) = &look.ratios2 {
+            add(self.ratios2.get_or_insert_default(), ratios2);
         }
     }
 
-    /// The first so many, as quantities from a place on.
+    /// The first so many, as quantities from a place on. The sigma is the one that errs as often: a
+    /// moment of not knowing does not excuse the others.
     fn checks(self, first: usize, count: usize) -> impl Iterator<Item = Check> {
         let check = move |which: usize| {
             let quantity = first + which;
-            let rms = |sum2: f64| (sum2 / self.looks).sqrt() / QUANTITIES[quantity].si;
+            let rms = |sum2: f64| (sum2 / self.looks).sqrt();
+            let error = rms(self.errors2[which]) / QUANTITIES[quantity].si;
             Check {
                 quantity,
-                error: rms(self.errors2[which]),
-                sigma: self.sigmas2.map(|sigmas2| rms(sigmas2[which])),
+                error,
+                sigma: self.ratios2.map(|ratios2| error / rms(ratios2[which])),
                 observable: true,
             }
         };
