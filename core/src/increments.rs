@@ -117,12 +117,10 @@ impl Increments {
     /// How much later than the last sample its stamp was, s: of increments that are no longer where
     /// their stamps come later, for the sensor's own intervals are even then. A rate is of its stamp.
     pub fn stamped_late_s(&self) -> f64 {
-        let even = match self.output {
-            ImuOutput::Increments if self.longer_stamped_m > 0.0 => {
-                1.5 - 2.0 * self.longer_felt_m / self.longer_stamped_m
-            }
-            _ => 0.0,
-        };
+        if self.output == ImuOutput::Rates || self.longer_stamped_m <= 0.0 {
+            return 0.0;
+        }
+        let even = 1.5 - 2.0 * self.longer_felt_m / self.longer_stamped_m;
         self.late_s * math::max(math::min(even, 1.0), 0.0)
     }
 
@@ -251,14 +249,23 @@ impl Increments {
         if math::abs(late_s) < JITTER_RATIO * self.usual_s {
             self.late_s = late_s * (1.0 - 1.0 / STAMPS);
             self.usual_s += late_s / (4.0 * STAMPS * STAMPS);
-            let keep = 1.0 - 1.0 / (STAMPS * STAMPS);
-            let felt_mps = accel.norm() - GRAVITY_EQUATOR_MPS2 * self.usual_s;
-            let stamped_mps = GRAVITY_EQUATOR_MPS2 * longer_s;
-            self.longer_felt_m = keep * self.longer_felt_m + longer_s * felt_mps;
-            self.longer_stamped_m = keep * self.longer_stamped_m + longer_s * stamped_mps;
+            if self.output == ImuOutput::Increments {
+                self.compare_stamps(longer_s, accel);
+            }
         } else {
             self.late_s = 0.0;
             self.usual_s += math::min(longer_s, self.usual_s) / STAMPS;
         }
+    }
+
+    /// Whether an increment is longer where its stamp is later.
+    fn compare_stamps(&mut self, longer_s: f64, accel: &Vector3<f64>) {
+        let usual_mps = GRAVITY_EQUATOR_MPS2 * self.usual_s;
+        // Half the difference of the squares: of what is almost the same there is no need of a root.
+        let felt_mps = 0.5 * (accel.norm_squared() / usual_mps - usual_mps);
+        let stamped_mps = GRAVITY_EQUATOR_MPS2 * longer_s;
+        let keep = 1.0 - 1.0 / (STAMPS * STAMPS);
+        self.longer_felt_m = keep * self.longer_felt_m + longer_s * felt_mps;
+        self.longer_stamped_m = keep * self.longer_stamped_m + longer_s * stamped_mps;
     }
 }

@@ -375,7 +375,12 @@ impl<const RING: usize> State<RING> {
         self.interval = increments.interval(sample, seconds);
         let interval = &self.interval;
         *last = sample.time;
-        let now = sample.time.plus_seconds(-increments.stamped_late_s());
+        let late_s = increments.stamped_late_s();
+        let now = if late_s == 0.0 {
+            sample.time
+        } else {
+            sample.time.plus_seconds(-late_s)
+        };
         match &mut self.mode {
             Mode::Aligning(alignment) => {
                 if let Some(ins) = &mut self.stopgap {
