@@ -12,7 +12,7 @@
 
 use nalgebra::{RealField, SVector, Scalar, Vector2, Vector3};
 
-use crate::channel::{Channel, Growth, Measured, Renewal};
+use crate::channel::{Channel, Gains, Growth, Measured, Renewal};
 use crate::colour::Colour;
 use crate::config::{Config, Noise};
 use crate::constancy::Constancy;
@@ -139,14 +139,6 @@ impl<T: RealField + Copy> Followed<T> {
             of(&self.velocity_noise),
             of(&self.position_noise),
         ])
-    }
-
-    /// The correlated noise of what is measured.
-    fn noise(&self, measured: Measured) -> &Vector3<T> {
-        match measured {
-            Measured::Velocity => &self.velocity_noise,
-            Measured::Position => &self.position_noise,
-        }
     }
 
     fn add_scaled(&mut self, other: &Self, factor: T) {
@@ -623,7 +615,6 @@ impl Observer {
         // Both level axes have the same covariance before and the same after.
         let walked = channel.walked(kind.is_up());
         let gains = channel.update(kind.measured(), white);
-        let left = channel.walked(kind.is_up());
         let total = predicted + white;
         for (axis, innovation) in (first_axis..).zip(innovation) {
             self.followed.correct(axis, &gains, innovation);
@@ -640,34 +631,48 @@ impl Observer {
             .add(by, innovation.map(math::single), weights);
         let square = f64::from(added.square) / components;
         surprise.take(square, seconds);
-        let (process, gain, whole) = if kind.is_up() {
-            (&mut self.accel_noise, gains.y, f64::from(added.determinant))
-        } else {
-            let whole = math::sqrt(f64::from(added.determinant));
-            (&mut self.gyro_noise, gains.z, whole)
-        };
-        process.moved(&pair, total * whole, gain, walked - left);
-        process.look(left, components, config.sensors.noise_range);
         // Of something else's variance they say nothing.
         if !gnss.trust_stated_sigma && difference.more_variance < noise {
             let sigmas = pair / math::sqrt(total * 0.5 * components);
             innovations.learn(square, &sigmas, gnss.noise_range);
             // While the parameters themselves are uncertain it says little of the noise.
             if f64::from(added.determinant) < 1.0 + components {
-                let seen = self.followed.noise(kind.measured());
-                let square = if kind.is_up() {
-                    seen.z * seen.z
-                } else {
-                    0.5 * seen.xy().norm_squared()
-                };
+                let square = self.followed.noise_square(kind);
                 let left = channel.noise(kind.measured());
                 colour.learn(self.horizon, square, left, described, gnss.noise_range);
             }
         }
+        let per_component = if kind.is_up() {
+            f64::from(added.determinant)
+        } else {
+            math::sqrt(f64::from(added.determinant))
+        };
+        self.learn_process(kind, &pair, total * per_component, &gains, walked, config);
         if kind.is_up() {
             self.doubt_vertical(config);
         }
         true
+    }
+
+    /// Learns how noisy the sensors are from an innovation of a variance per component, which was
+    /// taken with these gains by a channel that knew what walks to a variance.
+    fn learn_process(
+        &mut self,
+        kind: Kind,
+        innovation: &Vector2<f64>,
+        variance: f64,
+        gains: &Gains,
+        walked: f64,
+        config: &Config,
+    ) {
+        let (process, channel, gain, components) = if kind.is_up() {
+            (&mut self.accel_noise, &self.vertical, gains.y, 1.0)
+        } else {
+            (&mut self.gyro_noise, &self.level, gains.z, 2.0)
+        };
+        let left = channel.walked(kind.is_up());
+        process.moved(innovation, variance, gain, walked - left);
+        process.look(left, components, config.sensors.noise_range);
     }
 
     /// Fixes of a kind were refused for so long that it is the INS which is wrong, by this variance.
@@ -1137,6 +1142,21 @@ fn by_smoothing(past: &Past, measured: Measured) -> Vector3<f64> {
 fn seen_jerk(past: &Past) -> f64 {
     let jerk = past.jerk_mps3.norm_squared();
     jerk / (jerk + SWING_PER_S4 * past.unseen_velocity + 1e-9)
+}
+
+impl Followed<f64> {
+    /// Mean square of the correlated noise of one kind, per component.
+    fn noise_square(&self, kind: Kind) -> f64 {
+        let noise = match kind.measured() {
+            Measured::Velocity => &self.velocity_noise,
+            Measured::Position => &self.position_noise,
+        };
+        if kind.is_up() {
+            noise.z * noise.z
+        } else {
+            0.5 * noise.xy().norm_squared()
+        }
+    }
 }
 
 impl Followed<f32> {
