@@ -82,6 +82,8 @@ pub struct Increments {
     usual_s: f64,
     /// How much later than due, by those before, the last stamp was, s.
     late_s: f64,
+    /// What of that is the stamp's alone, s.
+    stamped_late_s: f64,
     /// Sums of how much longer than usual an interval was by its stamps, times the velocity felt
     /// beyond that of `g` over the usual one, and times that of `g` over as much longer, m. They are
     /// alike where stamps are right; where intervals are even the first comes to nothing.
@@ -101,6 +103,7 @@ impl Increments {
             previous_s: 0.0,
             usual_s: 0.0,
             late_s: 0.0,
+            stamped_late_s: 0.0,
             longer_felt_m: 0.0,
             longer_stamped_m: 0.0,
         }
@@ -112,16 +115,13 @@ impl Increments {
         self.accel = first.accel;
         self.previous_s = 0.0;
         self.late_s = 0.0;
+        self.stamped_late_s = 0.0;
     }
 
     /// How much later than the last sample its stamp was, s: of increments that are no longer where
     /// their stamps come later, for the sensor's own intervals are even then. A rate is of its stamp.
     pub fn stamped_late_s(&self) -> f64 {
-        if self.output == ImuOutput::Rates || self.longer_stamped_m <= 0.0 {
-            return 0.0;
-        }
-        let even = 1.5 - 2.0 * self.longer_felt_m / self.longer_stamped_m;
-        self.late_s * math::max(math::min(even, 1.0), 0.0)
+        self.stamped_late_s
     }
 
     /// Whether an interval of `seconds` has samples missing in it.
@@ -168,9 +168,12 @@ impl Increments {
     #[inline]
     pub fn interval(&mut self, sample: &ImuSample, seconds: f64) -> Interval {
         let hole = self.has_hole(seconds);
-        let (usual_s, late_before_s) = (self.usual_s, self.stamped_late_s());
-        self.follow_stamps(seconds, &sample.accel);
-        let seconds = seconds + late_before_s - self.stamped_late_s();
+        let (usual_s, late_before_s) = (self.usual_s, self.stamped_late_s);
+        self.follow_stamps(seconds);
+        if self.output == ImuOutput::Increments {
+            self.compare_stamps(seconds, &sample.accel);
+        }
+        let seconds = seconds + late_before_s - self.stamped_late_s;
         let (gyro_change, accel_change) = (sample.gyro - self.gyro, sample.accel - self.accel);
         // A first reading is taken to span an interval like this one.
         let before = if self.previous_s > 0.0 {
@@ -237,35 +240,39 @@ impl Increments {
 
     /// Follows stamps that come when due by a loop of second order, critically damped, and others
     /// slowly, so that one hole does not move the usual interval far.
-    fn follow_stamps(&mut self, seconds: f64, accel: &Vector3<f64>) {
+    fn follow_stamps(&mut self, seconds: f64) {
         if self.usual_s <= 0.0 {
             self.usual_s = seconds;
             self.longer_stamped_m = GRAVITY_EQUATOR_MPS2 * seconds * seconds;
             self.longer_felt_m = self.longer_stamped_m;
             return;
         }
-        let longer_s = seconds - self.usual_s;
-        let late_s = longer_s + self.late_s;
+        let late_s = seconds + self.late_s - self.usual_s;
         if math::abs(late_s) < JITTER_RATIO * self.usual_s {
             self.late_s = late_s * (1.0 - 1.0 / STAMPS);
             self.usual_s += late_s / (4.0 * STAMPS * STAMPS);
-            if self.output == ImuOutput::Increments {
-                self.compare_stamps(longer_s, accel);
-            }
         } else {
             self.late_s = 0.0;
-            self.usual_s += math::min(longer_s, self.usual_s) / STAMPS;
+            self.usual_s += math::min(seconds - self.usual_s, self.usual_s) / STAMPS;
         }
     }
 
-    /// Whether an increment is longer where its stamp is later.
-    fn compare_stamps(&mut self, longer_s: f64, accel: &Vector3<f64>) {
+    /// Whether an increment is longer where its stamp is later, and how late the stamp is therefore;
+    /// never so much that no time would pass.
+    fn compare_stamps(&mut self, seconds: f64, accel: &Vector3<f64>) {
+        let longer_s = seconds - self.usual_s;
         let usual_mps = GRAVITY_EQUATOR_MPS2 * self.usual_s;
         // Half the difference of the squares: of what is almost the same there is no need of a root.
         let felt_mps = 0.5 * (accel.norm_squared() / usual_mps - usual_mps);
         let stamped_mps = GRAVITY_EQUATOR_MPS2 * longer_s;
-        let keep = 1.0 - 1.0 / (STAMPS * STAMPS);
-        self.longer_felt_m = keep * self.longer_felt_m + longer_s * felt_mps;
-        self.longer_stamped_m = keep * self.longer_stamped_m + longer_s * stamped_mps;
+        if math::abs(longer_s) < self.usual_s {
+            let keep = 1.0 - 1.0 / (STAMPS * STAMPS);
+            self.longer_felt_m = keep * self.longer_felt_m + longer_s * felt_mps;
+            self.longer_stamped_m = keep * self.longer_stamped_m + longer_s * stamped_mps;
+        }
+        let even = 1.5 - 2.0 * self.longer_felt_m / self.longer_stamped_m;
+        let late_s = self.late_s * math::max(math::min(even, 1.0), 0.0);
+        let latest_s = self.stamped_late_s + seconds * (1.0 - 1.0 / STAMPS);
+        self.stamped_late_s = math::min(late_s, latest_s);
     }
 }
