@@ -320,6 +320,20 @@ fn even_increments_are_told_from_uneven_ones_under_the_same_stamps() {
 }
 
 #[test]
+fn time_passes_from_sample_to_sample_however_stamps_and_readings_jump() {
+    let mut increments = Increments::new(ImuOutput::Increments, &level(0.01));
+    for seconds in jittered(500) {
+        let _ = increments.interval(&level(0.01), seconds);
+    }
+    for k in 0..5000_u32 {
+        let jump = f64::from(k * 37 % 101) / 101.0;
+        let force = if k % 3 == 0 { 300.0 } else { -300.0 * jump };
+        let interval = increments.interval(&level(0.01 * force), 0.0001 + 0.019 * jump);
+        assert!(interval.seconds > 0.0, "{k}: {interval:?}");
+    }
+}
+
+#[test]
 fn stamps_that_jitter_hide_no_hole_and_make_none() {
     for output in [ImuOutput::Rates, ImuOutput::Increments] {
         let mut increments = Increments::new(output, &level(0.01));
