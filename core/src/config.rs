@@ -455,7 +455,7 @@ impl Config {
             },
             form: Form::Exact,
             feedback: Feedback::Closed,
-            max_gap_s: 0.5,
+            max_gap_s: 2.0,
             climb_sigma_mps: 5.0,
         }
     }

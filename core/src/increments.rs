@@ -130,17 +130,22 @@ impl Increments {
         self.usual_s > 0.0 && seconds > longest && seconds + self.late_s > longest
     }
 
-    /// Whether the two ends of a hole of `seconds` before `sample` agree on what happened in it.
-    pub fn ends_agree(&self, sample: &ImuSample, seconds: f64) -> bool {
+    /// By how much the readings on both sides of a hole before `sample` differ, rad/s and m/s^2.
+    pub fn ends_differ(&self, sample: &ImuSample) -> [f64; 2] {
         let reading_s = match self.output {
             ImuOutput::Rates => 1.0,
             ImuOutput::Increments => self.usual_s,
         };
-        let agrees = |change: Vector3<f64>, bridgeable: f64| {
-            0.5 * seconds * change.amax() <= bridgeable * reading_s
-        };
-        agrees(sample.gyro - self.gyro, BRIDGEABLE_RAD)
-            && agrees(sample.accel - self.accel, BRIDGEABLE_MPS)
+        let changes = [sample.gyro - self.gyro, sample.accel - self.accel];
+        changes.map(|change| change.amax() / reading_s)
+    }
+
+    /// Whether the two ends of a hole of `seconds` before `sample` agree on what happened in it.
+    pub fn ends_agree(&self, sample: &ImuSample, seconds: f64) -> bool {
+        let [rate, accel] = self
+            .ends_differ(sample)
+            .map(|change| 0.5 * seconds * change);
+        rate <= BRIDGEABLE_RAD && accel <= BRIDGEABLE_MPS
     }
 
     /// Whether a reading means a turn that samples `seconds` apart cannot show.

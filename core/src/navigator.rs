@@ -29,6 +29,8 @@ const AWAY_S: f64 = 1.5;
 /// How long stamps must go on in step to be believed after a hole, and before the last one, s. A
 /// few stray ones must not move the clock, nor a buffer of old samples that is sent again.
 const AFTER_HOLE_S: f64 = 0.05;
+/// Longest hole that one stamp is enough to show, and longest interval of stamps in step, s.
+const PLAIN_HOLE_S: f64 = 0.5;
 const SET_BACK_S: f64 = 1.0;
 /// Longer than any increment, s: the interval of the first, or of one after a hole, is not known.
 const LONGEST_READING_S: f64 = 1.0;
@@ -358,20 +360,36 @@ impl<const RING: usize> State<RING> {
             if out_of_range(sample, LONGEST_READING_S, config) {
                 return ImuOutcome::OutOfRange;
             }
-            return self.on_astray(sample, SET_BACK_S, ImuOutcome::TimeNotIncreasing, config);
+            if self.goes_on(sample.time, SET_BACK_S) {
+                self.restart_at(sample, config);
+            }
+            return ImuOutcome::TimeNotIncreasing;
         }
         let hole = increments.has_hole(seconds);
         let reading_s = math::min(increments.reading_seconds(seconds, hole), LONGEST_READING_S);
         if out_of_range(sample, reading_s, config) {
             return ImuOutcome::OutOfRange;
         }
-        if seconds > config.max_gap_s || (hole && !increments.ends_agree(sample, seconds)) {
-            return self.on_astray(sample, AFTER_HOLE_S, ImuOutcome::Gap, config);
-        }
-        if increments.turns_too_far(sample, seconds) {
+        let too_far = increments.turns_too_far(sample, seconds);
+        if too_far && !hole {
             return ImuOutcome::OutOfRange;
         }
+        let filled = !hole || (!too_far && increments.ends_agree(sample, seconds));
+        let bridgeable = filled && seconds <= config.max_gap_s;
+        if !bridgeable || seconds > PLAIN_HOLE_S {
+            if !self.goes_on(sample.time, AFTER_HOLE_S) {
+                return ImuOutcome::Gap;
+            }
+            if !bridgeable {
+                self.restart_at(sample, config);
+                return ImuOutcome::Gap;
+            }
+        }
+        let Some((last, increments)) = &mut self.inertial else {
+            return ImuOutcome::Gap;
+        };
         self.astray = None;
+        let ends_differ = increments.ends_differ(sample);
         self.interval = increments.interval(sample, seconds);
         let interval = &self.interval;
         *last = sample.time;
@@ -391,7 +409,7 @@ impl<const RING: usize> State<RING> {
             }
             Mode::Navigating(ins) => {
                 if hole {
-                    ins.on_hole(seconds);
+                    ins.on_hole(seconds, ends_differ);
                 }
                 ins.on_interval(now, interval, config);
             }
@@ -415,26 +433,16 @@ impl<const RING: usize> State<RING> {
         ImuOutcome::Accepted
     }
 
-    /// A stamp that does not follow the last one: ignored, unless others go on from there for
-    /// `believed_s`. Then the clock was set, or the hole is over, and alignment begins again.
-    fn on_astray(
-        &mut self,
-        sample: &ImuSample,
-        believed_s: f64,
-        outcome: ImuOutcome,
-        config: &Config,
-    ) -> ImuOutcome {
-        let time = sample.time;
+    /// A stamp that does not follow the last one is ignored, unless others go on from there for
+    /// `believed_s`: then the clock was set, or a hole is over.
+    fn goes_on(&mut self, time: Time, believed_s: f64) -> bool {
         let in_step = self.astray.filter(|astray| {
             let seconds = time.seconds_since(astray.last);
-            seconds > 0.0 && seconds <= config.max_gap_s
+            seconds > 0.0 && seconds <= PLAIN_HOLE_S
         });
         let first = in_step.map_or(time, |astray| astray.first);
         self.astray = Some(Astray { first, last: time });
-        if time.seconds_since(first) >= believed_s {
-            self.restart_at(sample, config);
-        }
-        outcome
+        time.seconds_since(first) >= believed_s
     }
 
     #[inline(never)]

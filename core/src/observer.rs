@@ -61,9 +61,11 @@ const UNKNOWN_HEIGHT_M: f64 = 9000.0;
 /// Square of the jerk that a swing of a velocity of unit variance leaves: a third of it is in the
 /// means over a tenth of a second, their second difference is four times that, on two axes.
 const SWING_PER_S4: f64 = 6e4;
-/// Rate and acceleration of an ordinary manoeuvre, which a hole may hide, rad/s and m/s^2.
+/// Rate and acceleration of an ordinary manoeuvre, which a hole of a second may hide, rad/s and m/s^2:
+/// a shorter one hides as much less, and a longer one no more.
 const HIDDEN_RADPS: f64 = 0.1;
 const HIDDEN_MPS2: f64 = 1.0;
+const HIDDEN_S: f64 = 1.0;
 
 /// What the observer follows, ENU: the error of the INS and the correlated noise of GNSS, with
 /// the sign that it has in INS minus GNSS.
@@ -430,10 +432,13 @@ impl Observer {
         }
     }
 
-    /// Inertial samples were missing for `seconds`: what was filled in may be wrong by the rate
-    /// and acceleration of an ordinary manoeuvre.
-    pub fn on_hole(&mut self, seconds: f64) {
-        let (rate, accel) = (HIDDEN_RADPS * seconds, HIDDEN_MPS2 * seconds);
+    /// Inertial samples were missing for `seconds`, between readings that differ by so much, rad/s
+    /// and m/s^2: what was filled in may be wrong by half of that, and by an ordinary manoeuvre.
+    pub fn on_hole(&mut self, seconds: f64, ends_differ: [f64; 2]) {
+        let [rate, accel] = ends_differ;
+        let part = math::min(seconds / HIDDEN_S, 1.0);
+        let rate = (HIDDEN_RADPS * part + 0.5 * rate) * seconds;
+        let accel = (HIDDEN_MPS2 * part + 0.5 * accel) * seconds;
         self.level.doubt(accel * accel, 0.01 * rate * rate);
         self.vertical.doubt(accel * accel, 0.0);
         let moved = 0.5 * accel * seconds;

@@ -325,10 +325,11 @@ impl<const N: usize> AidedIns<N> {
         self.azimuth_left_rad() - self.turned.controls_rad + drift + scale
     }
 
-    /// Inertial samples were missing for `seconds`, and were filled in.
-    pub fn on_hole(&mut self, seconds: f64) {
+    /// Inertial samples were missing for `seconds`, between readings that differ by so much, rad/s and
+    /// m/s^2, and were filled in.
+    pub fn on_hole(&mut self, seconds: f64, ends_differ: [f64; 2]) {
         if let Some(observer) = self.estimator.exact_mut() {
-            observer.on_hole(seconds);
+            observer.on_hole(seconds, ends_differ);
         }
     }
 

@@ -11,6 +11,9 @@ use ins_core::{Config, GnssFix, ImuSample, Navigator, Time};
 use super::filter::{Correction, Filter, Start};
 use super::noise::Noise;
 
+/// Longest hole in the samples that it bridges, s: it has no noise for what happens in one.
+const BRIDGED_S: f64 = 0.5;
+
 /// Inertial samples and fixes, and how far the filter has come in them. Clone it for a snapshot.
 ///
 /// A fix is taken when the INS has just reached the fix's own moment: with latency the filter
@@ -129,7 +132,7 @@ impl<'a> Run<'a> {
         if seconds <= 0.0 {
             return;
         }
-        if seconds > self.config.max_gap_s {
+        if seconds > BRIDGED_S {
             self.align_again(sample);
             return;
         }
