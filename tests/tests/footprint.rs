@@ -5,7 +5,7 @@ use ins_tests::footprint::{goal, ours};
 
 /// All but the worst call not at their goals yet (`ins_tests::footprint::goal`): as measured, and a
 /// fiftieth for a change of the compiler's mind.
-const AMORTISED: u64 = 3_680;
+const AMORTISED: u64 = 3_820;
 const WORST: u64 = goal::WORST;
 const STATE_BYTES: u64 = 12_820;
 const STACK_BYTES: u64 = 2_620;
