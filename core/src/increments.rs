@@ -235,9 +235,10 @@ impl Increments {
 
     /// What a difference of slopes takes from the trapezoid: the parabola through readings at
     /// `-T1`, 0 and `T2` integrates to that less `T2^3 / (6 (T1 + T2))` times the difference of
-    /// its two slopes. None across a hole or without a reading before.
+    /// its two slopes. None across a hole, without a reading before, or with one so much closer than
+    /// the next that its slope would be carried far.
     fn bend(&self, seconds: f64, hole: bool) -> f64 {
-        if hole || self.previous_s <= 0.0 {
+        if hole || self.previous_s < 0.5 * seconds {
             return 0.0;
         }
         seconds * seconds * seconds / (6.0 * (self.previous_s + seconds))
