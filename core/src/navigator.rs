@@ -601,7 +601,10 @@ fn check(fix: &GnssFix) -> Result<(), GnssOutcome> {
         && place.z > LOWEST_M
         && place.z < HIGHEST_M
         && velocity.norm_squared() < FASTEST_MPS * FASTEST_MPS
-        && sigmas.iter().flatten().all(|sigma| *sigma < COARSEST);
+        && sigmas
+            .iter()
+            .flatten()
+            .all(|sigma| math::abs(*sigma) < COARSEST);
     if possible {
         Ok(())
     } else {
