@@ -70,9 +70,8 @@ impl Colour {
         let known = 1.0 - left;
         self.information = math::min(self.information + known * known * new, REMEMBERED);
         let found = math::min(square / assumed, ROBUST) + left;
-        let [least, most] = range;
         let ratio = self.ratio * (1.0 + (found - 1.0) * new / self.information);
-        self.ratio = math::max(math::min(ratio, most * most), least * least);
+        self.ratio = math::variance_within(ratio, range);
     }
 }
 

@@ -131,11 +131,10 @@ impl Innovations {
     /// Learns from an innovation that was taken: its square against its whole variance, per
     /// component, and itself in sigmas.
     pub fn learn(&mut self, square: f64, sigmas: &Vector2<f64>, range: [f64; 2]) {
-        let [least, most] = range;
         // A single wild innovation must not open the gate for the next.
         let bounded = math::min(square, ROBUST_SIGMAS * ROBUST_SIGMAS);
         let scale = self.scale * (1.0 + (bounded - 1.0) / self.memory);
-        self.scale = math::max(math::min(scale, most * most), least * least);
+        self.scale = math::variance_within(scale, range);
         self.memory = math::min(self.memory + 1.0, LONGEST_MEMORY);
         let likeness = 0.5 * sigmas.dot(&self.last);
         let likeness = math::max(math::min(likeness, 3.0), -3.0);
@@ -184,9 +183,7 @@ impl StatedNoise {
 
 /// How many times noisier than described a fix of this stated variance is, in variance.
 pub fn against_described(variance: f64, noise: &Noise, range: [f64; 2]) -> f64 {
-    let [least, most] = range;
-    let relative = variance / noise.variance();
-    math::max(math::min(relative, most * most), least * least)
+    math::variance_within(variance / noise.variance(), range)
 }
 
 /// Whether innovations are, over seconds, what they should be.

@@ -23,6 +23,11 @@ pub(crate) fn min(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
 }
 
+/// A ratio of variances, held within the least and the greatest ratio of standard deviations.
+pub(crate) fn variance_within(ratio: f64, [least, most]: [f64; 2]) -> f64 {
+    max(min(ratio, most * most), least * least)
+}
+
 /// Magnitude.
 pub(crate) fn abs(a: f64) -> f64 {
     libm::fabs(a)

@@ -389,7 +389,7 @@ impl<const RING: usize> State<RING> {
             return ImuOutcome::Gap;
         };
         self.astray = None;
-        let ends_differ = increments.ends_differ(sample);
+        let ends_differ = hole.then(|| increments.ends_differ(sample));
         self.interval = increments.interval(sample, seconds);
         let interval = &self.interval;
         *last = sample.time;
@@ -408,7 +408,7 @@ impl<const RING: usize> State<RING> {
                 alignment.on_interval(now, interval, config);
             }
             Mode::Navigating(ins) => {
-                if hole {
+                if let Some(ends_differ) = ends_differ {
                     ins.on_hole(seconds, ends_differ);
                 }
                 ins.on_interval(now, interval, config);

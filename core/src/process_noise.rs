@@ -97,11 +97,7 @@ impl ProcessNoise {
         let half = 0.5 * components * sensitivity;
         self.information = math::min(self.information + half * sensitivity, REMEMBERED);
         let step = half * (math::min(square, ROBUST) - 1.0) / self.information;
-        let [least, most] = range;
-        self.ratio = math::max(
-            math::min(self.ratio * (1.0 + step), most * most),
-            least * least,
-        );
+        self.ratio = math::variance_within(self.ratio * (1.0 + step), range);
         self.look_anew();
     }
 }
