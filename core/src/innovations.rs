@@ -16,7 +16,7 @@ const ROBUST_SIGMAS: f64 = 3.0;
 const GATE_SIGMAS: f64 = 8.0;
 /// So long must refused fixes agree with each other on where the INS is to be believed, s. Wrong
 /// fixes come in bursts of seconds; an INS that has lost its way stays lost.
-const LOST_S: f64 = 15.0;
+pub const LOST_S: f64 = 15.0;
 /// Time over which surprise is averaged, s: that of an ordinary manoeuvre.
 const SURPRISE_S: f64 = 10.0;
 /// Average square of the innovations, in their variances, beyond which the INS errs.
@@ -36,13 +36,15 @@ pub enum Credit {
     Lost(f64),
 }
 
-/// Fixes refused of which most agree with each other: since when, by how many more, and the last.
+/// Fixes refused of which most agree with each other: since when, by how many more, and the last, with
+/// what had changed since the one before.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Astray {
     since: Time,
     majority: u8,
     residual: Vector2<f64>,
+    change: Vector2<f64>,
 }
 
 /// Whether an innovation of this variance, all components together, is taken as it is.
@@ -60,6 +62,7 @@ pub struct Innovations {
     /// Correlation of neighbours, and the last innovation in its sigmas.
     correlation: f64,
     last: Vector2<f64>,
+    taken: Option<Time>,
     astray: Option<Astray>,
 }
 
@@ -70,6 +73,7 @@ impl Default for Innovations {
             memory: FIRST_MEMORY,
             correlation: 0.0,
             last: Vector2::zeros(),
+            taken: None,
             astray: None,
         }
     }
@@ -95,6 +99,7 @@ impl Innovations {
         let power = innovation.norm_squared();
         if power <= GATE_SIGMAS * GATE_SIGMAS * total {
             self.astray = None;
+            self.taken = Some(now);
             let sigmas = math::sqrt(power / total) / ROBUST_SIGMAS;
             return Credit::Taken(if sigmas > 1.0 {
                 white * sigmas * sigmas
@@ -102,10 +107,12 @@ impl Innovations {
                 white
             });
         }
-        // Two wrong fixes agree if the way the INS went between them explains the change.
+        let ordinary = |residual: Vector2<f64>, fixes: f64| is_ordinary(&residual, fixes * total);
+        // Wrong fixes agree if the way the INS went between them explains the change, or if it runs
+        // away as it did before.
         let agrees = |astray: &Astray| {
-            (innovation - astray.residual).norm_squared()
-                <= ROBUST_SIGMAS * ROBUST_SIGMAS * 2.0 * total
+            let change = innovation - astray.residual;
+            ordinary(change, 2.0) || ordinary(change - astray.change, 6.0)
         };
         let (since, majority) = match &mut self.astray {
             Some(astray) if agrees(astray) => (astray.since, astray.majority.saturating_add(1)),
@@ -116,10 +123,12 @@ impl Innovations {
             }
             _ => (now, 1),
         };
+        let before = self.astray.map_or(*innovation, |astray| astray.residual);
         self.astray = Some(Astray {
             since,
             majority,
             residual: *innovation,
+            change: innovation - before,
         });
         if now.seconds_since(since) < LOST_S {
             return Credit::Refused;
@@ -141,6 +150,22 @@ impl Innovations {
         let memory = math::min(self.memory, CORRELATION_MEMORY);
         self.correlation += (likeness - self.correlation) / memory;
         self.last = *sigmas;
+    }
+
+    /// By how much the INS and fixes that agree on it differ at a moment, while these are refused,
+    /// and at what rate it runs away from them, if its acceleration does not change.
+    pub fn disputed(&self, now: Time) -> [Vector2<f64>; 2] {
+        let agreed = self.astray.filter(|astray| astray.majority > 1);
+        agreed.map_or_else(Default::default, |astray| {
+            let seconds = math::max(now.seconds_since(astray.since), 1.0);
+            [astray.residual, astray.residual * (2.0 / seconds)]
+        })
+    }
+
+    /// Whether one was taken of late: such as others are held against before they are believed.
+    pub fn goes_on(&self, now: Time) -> bool {
+        self.taken
+            .is_some_and(|taken| now.seconds_since(taken) < LOST_S)
     }
 
     /// Whether there were any.
@@ -184,6 +209,38 @@ impl StatedNoise {
 /// How many times noisier than described a fix of this stated variance is, in variance.
 pub fn against_described(variance: f64, noise: &Noise, range: [f64; 2]) -> f64 {
     math::variance_within(variance / noise.variance(), range)
+}
+
+/// How often in a row the INS was doubted.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Doubts {
+    /// The last time.
+    pub last: Option<Time>,
+    in_a_row: u8,
+}
+
+/// Time within which the next doubt shows that the last has not mended the INS, s; and such doubts in
+/// a row after which nothing will.
+const MENDED_S: f64 = 60.0;
+const HOPELESS: u8 = 3;
+
+impl Doubts {
+    /// It is doubted now.
+    pub fn add(&mut self, now: Time) {
+        let recently = |last: Time| now.seconds_since(last) < MENDED_S;
+        self.in_a_row = if self.last.is_some_and(recently) {
+            self.in_a_row.saturating_add(1)
+        } else {
+            1
+        };
+        self.last = Some(now);
+    }
+
+    /// Whether it has to be aligned anew.
+    pub fn is_hopeless(&self) -> bool {
+        self.in_a_row >= HOPELESS
+    }
 }
 
 /// Whether innovations are, over seconds, what they should be.

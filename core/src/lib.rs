@@ -104,6 +104,7 @@ mod health;
 mod history;
 pub mod increments;
 mod innovations;
+mod jump;
 mod least_squares;
 #[cfg(feature = "literal")]
 pub mod literal;

@@ -464,11 +464,17 @@ impl<const RING: usize> State<RING> {
                 let Mechanization {
                     position, attitude, ..
                 } = *ins.mechanization();
-                let known = ins.kept(config);
-                self.level_force_mps2 = ins.level_force_mps2();
                 self.restarts = self.restarts.saturating_add(1);
-                self.stopgap = Some(*ins.mechanization()).filter(is_possible);
-                self.mode = Mode::Aligning(Alignment::resume(time, position, attitude, &known));
+                let alignment = if ins.is_misled() {
+                    self.level_force_mps2 = Vector3::zeros();
+                    self.stopgap = None;
+                    Alignment::new(time, &config.prior())
+                } else {
+                    self.level_force_mps2 = ins.level_force_mps2();
+                    self.stopgap = Some(*ins.mechanization()).filter(is_possible);
+                    Alignment::resume(time, position, attitude, ins.known())
+                };
+                self.mode = Mode::Aligning(alignment);
             }
         }
     }

@@ -20,8 +20,9 @@ use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::error_model::{Forcing, InsError, Passage, for_each_input, level_and_up};
 use crate::history::{Past, Span};
 use crate::innovations::{
-    Credit, Innovations, StatedNoise, Surprise, against_described, is_ordinary,
+    Credit, Doubts, Innovations, LOST_S, StatedNoise, Surprise, against_described, is_ordinary,
 };
+use crate::jump::Jump;
 use crate::least_squares::LeastSquares;
 use crate::math::{self, singles};
 use crate::parameters::{AGREES_SIGMAS, COUNT, PAIRS, Parameters, index};
@@ -40,17 +41,23 @@ const MANOEUVRE_S: f64 = 10.0;
 /// Spread of the velocity of an INS that has lost its way, m/s: a second of braking, or of ten that
 /// it was doubted with a tilt of 0.1 rad; and of its tilt and azimuth, rad.
 const LOST_MPS: f64 = 10.0;
-/// Time for which vertical innovations must be too large before the vertical is doubted, s: longer
-/// than a bump, and no manoeuvre tips the vertical velocity.
-const VERTICAL_DOUBT_S: f64 = 5.0;
 const LOST_TILT_RAD: f64 = 0.05;
 const LOST_AZIMUTH_RAD: f64 = 0.3;
+/// Time for which an INS that is found to be lost has run away at the speed that it has then, s.
+const ASTRAY_S: f64 = 0.5 * LOST_S;
 /// Part of its run-to-run spread by which a bias may have changed then.
 const LOST_BIAS: f64 = 0.1;
+/// Time for which innovations must be too large before the INS is doubted, s; and vertical ones before
+/// the vertical is: longer than a bump, and no manoeuvre tips the vertical velocity.
+const DOUBT_S: f64 = 10.0;
+const VERTICAL_DOUBT_S: f64 = 5.0;
 /// Time over which the level attitude of the mount is averaged, at first and at most, s: some
 /// manoeuvres, and some minutes for which a mount stays as it is.
 const FIRST_LEVEL_S: f64 = 30.0;
 const LEVEL_MEMORY_S: f64 = 600.0;
+/// Angle beyond which up and what is felt as up, on the mean of some manoeuvres, show that the mount
+/// has slipped: a bank tips the one, a long start the other, and a climb both by less.
+const SLIPPED_RAD: f64 = 0.25;
 /// Prior sigmas that no parameter is off by, and a tilt that no levelled INS has, rad.
 const SOUND_SIGMAS: f64 = 30.0;
 const SOUND_TILT_RAD: f64 = 1.0;
@@ -258,6 +265,9 @@ pub struct Observer {
     surprise: Surprise,
     /// The same of the vertical, which goes wrong on its own.
     vertical_surprise: Surprise,
+    doubts: Doubts,
+    vertical_doubts: Doubts,
+    azimuth_jump: Jump,
     /// Corrections to the parameters.
     corrections: LeastSquares<COUNT, PAIRS>,
     /// Last solution; the latency is that of its moment.
@@ -267,6 +277,8 @@ pub struct Observer {
     gravity_mps2: f64,
     /// Time over which that is averaged, s.
     levelled_s: f64,
+    /// How far up and what is felt as up are off that, body, on the mean of some manoeuvres.
+    lately: [Vector3<f64>; 2],
     /// Whose spread is due next, and what the spreads of the parameters add to the variance of the
     /// INS error.
     next_spread: u8,
@@ -279,8 +291,10 @@ pub struct Observer {
     unsolved_s: f64,
     elapsed_s: f64,
     azimuth_walk: f64,
-    /// The vertical in the body at the horizon, how far it was tipped, and velocity pulled, ENU.
+    /// The vertical in the body at the horizon, what is felt as that, how far it was tipped, and
+    /// velocity pulled, ENU.
     up: Vector3<f64>,
+    felt: Vector3<f64>,
     tipped: Manoeuvred,
     pulled: Manoeuvred,
     horizon: Time,
@@ -320,10 +334,14 @@ impl Observer {
             accel_noise: ProcessNoise::CONFIGURED,
             surprise: Surprise::default(),
             vertical_surprise: Surprise::default(),
+            doubts: Doubts::default(),
+            vertical_doubts: Doubts::default(),
+            azimuth_jump: Jump::default(),
             corrections: LeastSquares::NOTHING,
             parameters: Parameters::NONE,
             level_force_mps2,
             levelled_s: FIRST_LEVEL_S,
+            lately: [Vector3::zeros(); 2],
             next_spread: 0,
             added: InsError::zero(),
             constancy: CONSTANT,
@@ -333,6 +351,7 @@ impl Observer {
             azimuth_walk: 0.0,
             gravity_mps2: level_force_mps2.norm(),
             up: level_force_mps2.normalize(),
+            felt: level_force_mps2.normalize(),
             tipped: Manoeuvred::default(),
             pulled: Manoeuvred::default(),
             horizon: start,
@@ -425,6 +444,16 @@ impl Observer {
             |at_horizon: f64, since: f64| math::sqrt(at_horizon * at_horizon + since * since);
         position_m = position_m.zip_map(&(velocity_mps * seconds), grown);
         velocity_mps = velocity_mps.zip_map(&Vector3::new(pulled.y, pulled.x, 0.0), grown);
+        // Either of the two is wrong.
+        let [velocity, climb, position, height] =
+            (self.innovations.each_ref()).map(|kind| kind.disputed(self.horizon));
+        let of = |own: [Vector2<f64>; 2], way: [Vector2<f64>; 2], kind: Kind| {
+            if self.goes_on(kind) { own[0] } else { way[1] }
+        };
+        let level = of(velocity, position, Kind::Velocity);
+        let up = of(climb, height, Kind::Climb);
+        velocity_mps = velocity_mps.zip_map(&level.push(up.x), grown);
+        position_m = position_m.zip_map(&position[0].push(height[0].x), grown);
         SolutionSigma {
             position_m,
             velocity_mps,
@@ -447,12 +476,16 @@ impl Observer {
         self.azimuth_walk += rate * rate;
     }
 
-    /// The INS was found to be wrong: all may be, by what it is when alignment ends and by some
-    /// of its biases.
-    pub fn on_lost(&mut self, config: &Config) {
-        let (gnss, tilt) = (&config.gnss, LOST_TILT_RAD * LOST_TILT_RAD);
+    /// The INS was found to be wrong, its velocity by this variance: all may be, by what it is when
+    /// alignment ends and by some of its biases.
+    fn on_lost(&mut self, variance: f64, config: &Config) {
+        let gnss = &config.gnss;
+        // What has tilted it has made it run away.
+        let variance = math::max(variance, LOST_MPS * LOST_MPS);
+        let tilt = variance * (LOST_TILT_RAD / LOST_MPS) * (LOST_TILT_RAD / LOST_MPS);
         self.level = Channel::new(tilt, &gnss.velocity_mps, &gnss.position_m);
-        self.level.doubt(LOST_MPS * LOST_MPS, 0.0);
+        self.level.doubt(variance, 0.0);
+        self.level.doubt_position(variance * ASTRAY_S * ASTRAY_S);
         self.forget_noise(&Vector3::z());
         self.lose_vertical(LOST_MPS * LOST_MPS, config);
         self.azimuth_walk += LOST_AZIMUTH_RAD * LOST_AZIMUTH_RAD;
@@ -462,6 +495,8 @@ impl Observer {
             self.let_walk(which, math::single(changed * changed));
         }
         self.surprise = Surprise::default();
+        self.doubts.add(self.horizon);
+        self.azimuth_jump = Jump::default();
         self.gyro_noise.look_anew();
     }
 
@@ -497,8 +532,18 @@ impl Observer {
         }
     }
 
+    /// When it was last found to be wrong.
+    pub fn doubted(&self) -> Option<Time> {
+        self.doubts.last.max(self.vertical_doubts.last)
+    }
+
+    /// Whether believing it less does not mend it.
+    pub fn is_hopeless(&self) -> bool {
+        self.doubts.is_hopeless()
+    }
+
     /// Whether all that it says can be: else it has been misled, and must begin anew from what is
-    /// configured.
+    /// configured. No other error than an attitude that is far off keeps pulling the vertical.
     pub fn is_sound(&self, config: &Config) -> bool {
         let prior = config.prior();
         let credible = |(value, (prior, sigma)): (&f64, (&f64, &f32))| {
@@ -507,6 +552,7 @@ impl Observer {
         let parameters = prior.value.iter().zip(&prior.sigma);
         let error = &self.followed.error;
         self.parameters.value.iter().zip(parameters).all(credible)
+            && !self.vertical_doubts.is_hopeless()
             && math::all_finite(&error.position_m)
             && math::all_finite(&error.velocity_mps)
             && error.tilt_rad.norm() < SOUND_TILT_RAD
@@ -602,6 +648,11 @@ impl Observer {
         };
         let seconds = self.horizon.seconds_since(*last);
         *last = self.horizon;
+        if kind == Kind::Velocity {
+            let [azimuth, ..] = by;
+            self.azimuth_jump
+                .take(&innovation, azimuth, predicted + white, seconds);
+        }
         let white = match credit {
             Credit::Taken(white) => white,
             Credit::Lost(variance) => {
@@ -612,7 +663,6 @@ impl Observer {
             Credit::Refused => {
                 if kind.is_up() {
                     surprise.take(pair.norm_squared() / (variance + white), seconds);
-                    self.doubt_vertical(config);
                 }
                 return false;
             }
@@ -653,9 +703,6 @@ impl Observer {
             math::sqrt(f64::from(added.determinant))
         };
         self.learn_process(kind, &pair, total * per_component, &gains, walked, config);
-        if kind.is_up() {
-            self.doubt_vertical(config);
-        }
         true
     }
 
@@ -683,17 +730,33 @@ impl Observer {
     /// Fixes of a kind were refused for so long that it is the INS which is wrong, by this variance.
     fn on_lost_by(&mut self, kind: Kind, variance: f64, config: &Config) {
         match kind {
-            Kind::Position => self.level.doubt_position(variance),
-            Kind::Height => self.vertical.doubt_position(variance),
+            Kind::Position if self.goes_on(Kind::Velocity) => self.level.doubt_position(variance),
+            Kind::Height if self.goes_on(Kind::Climb) => self.vertical.doubt_position(variance),
+            // Nothing else says how fast it is.
+            Kind::Position => self.on_lost(variance / (ASTRAY_S * ASTRAY_S), config),
+            Kind::Height => {
+                self.lose_vertical(variance / (ASTRAY_S * ASTRAY_S), config);
+                self.vertical.doubt_position(variance);
+            }
             Kind::Climb => self.lose_vertical(variance, config),
-            Kind::Velocity => self.on_lost(config),
+            Kind::Velocity => self.on_lost(variance, config),
         }
     }
 
-    /// A vertical whose innovations stay too large is not believed any more.
-    fn doubt_vertical(&mut self, config: &Config) {
+    /// Whether the INS was held against measurements of a kind of late.
+    fn goes_on(&self, kind: Kind) -> bool {
+        let innovations = self.innovations.get(kind as usize);
+        innovations.is_some_and(|kind| kind.goes_on(self.horizon))
+    }
+
+    /// An INS whose innovations stay too large is not believed any more, nor is its vertical.
+    pub fn doubt(&mut self, config: &Config) {
+        if self.surprise.lasting_s >= DOUBT_S {
+            self.on_lost(0.0, config);
+        }
         if self.vertical_surprise.lasting_s > VERTICAL_DOUBT_S {
             self.lose_vertical(LOST_MPS * LOST_MPS, config);
+            self.vertical_doubts.add(self.horizon);
         }
     }
 
@@ -809,6 +872,10 @@ impl Observer {
         let up = span.attitude_s.row(2).transpose() / span.seconds;
         let tipped = self.tipped.grow(&(up - self.up), span.seconds);
         self.up = up;
+        let felt = span.attitude_s.tr_mul(&span.force_mps) / (span.seconds * span.seconds);
+        if let Some(felt) = felt.try_normalize(0.5 * self.gravity_mps2) {
+            self.felt = felt;
+        }
         let cross = config.sensors.cross_axis_variance();
         let tilt = cross * tipped;
         self.level.doubt(0.0, tilt);
@@ -888,6 +955,12 @@ impl Observer {
     #[inline(never)]
     pub fn let_gyros_walk(&mut self, config: &Config) {
         let walk = config.sensors.gyro_bias_walk;
+        let known = self.parameters.sigma(index::AZIMUTH);
+        let known = known * known + self.azimuth_walk;
+        if let Some(jump) = self.azimuth_jump.square(known, self.inflation()) {
+            self.azimuth_walk += jump;
+            self.doubts.last = Some(self.horizon);
+        }
         self.let_walk(index::AZIMUTH, math::single(self.azimuth_walk));
         self.azimuth_walk = 0.0;
         self.let_three_walk(index::GYRO, walk);
@@ -1017,16 +1090,18 @@ impl Observer {
     }
 
     /// Makes the biases of the accelerometers those of the mean attitude so far, where their
-    /// scale errors have moved them: the first level was that of the biased accelerometers.
+    /// scale errors have moved them: the first level was that of the biased accelerometers. Of a
+    /// mount that has slipped it is the mean attitude since, and what their misalignments have
+    /// moved them by is not known.
     #[inline(never)]
-    pub fn level_anew(&mut self) {
+    pub fn level_anew(&mut self, config: &Config) {
+        let slipped = self.slips();
         self.levelled_s = math::min(self.levelled_s + self.elapsed_s, LEVEL_MEMORY_S);
         let part = math::min(self.elapsed_s / self.levelled_s, 1.0);
-        let mean = self
-            .level_force_mps2
-            .lerp(&(self.up * self.gravity_mps2), part);
+        let level = self.level_force_mps2 / self.gravity_mps2;
+        let mean = slipped.unwrap_or_else(|| level.lerp(&self.up, part));
         // The mean of directions is shorter than each, and gravity is not.
-        let Some(mean) = mean.try_normalize(0.5 * self.gravity_mps2) else {
+        let Some(mean) = mean.try_normalize(0.5) else {
             return;
         };
         let step = mean * self.gravity_mps2 - self.level_force_mps2;
@@ -1041,6 +1116,27 @@ impl Observer {
             self.parameters
                 .shift(bias, step * self.parameters.value(scale));
         }
+        if slipped.is_some() {
+            self.levelled_s = FIRST_LEVEL_S;
+            self.lately = [Vector3::zeros(); 2];
+            let moved = config.sensors.cross_axis_variance() * step.norm_squared();
+            for which in index::ACCEL..index::ACCEL + 3 {
+                self.let_walk(which, math::single(moved));
+            }
+        }
+    }
+
+    /// The level attitude of the mount after it has slipped, if it has.
+    fn slips(&mut self) -> Option<Vector3<f64>> {
+        let part = math::min(self.elapsed_s / FIRST_LEVEL_S, 1.0);
+        let level = self.level_force_mps2 / self.gravity_mps2;
+        let mut off = true;
+        for (lately, now) in self.lately.iter_mut().zip([self.up, self.felt]) {
+            *lately += (now - level - *lately) * part;
+            off &= lately.norm_squared() > SLIPPED_RAD * SLIPPED_RAD;
+        }
+        let [up, _] = self.lately;
+        off.then(|| level + up)
     }
 
     /// Makes parameter `which` that of now, where it is greater by `by` times the later ones.

@@ -1,9 +1,11 @@
-//! What scale errors and misalignments of the sensors look like to an INS whose unit is tilted.
+//! What scale errors and misalignments of the sensors look like to an INS whose unit is tilted, and
+//! what becomes of one whose unit is turned without its gyros having seen it.
 
 use host_sim::sim::car::Car;
 use host_sim::sim::errors::BiasModel;
 use host_sim::sim::mounted::Mounted;
-use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, record};
+use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, record, simulate};
+use host_sim::study::accuracy::config_of;
 use ins_core::config::HeadingSource;
 use ins_core::earth::GRAVITY_EQUATOR_MPS2 as G;
 use ins_core::{Config, Navigator};
@@ -84,6 +86,77 @@ fn an_accelerometer_bias_is_what_a_compensation_needs() {
         for (axis, estimate) in estimates.accel_bias_mps2.iter().enumerate() {
             let off = estimate.value - accel[axis];
             assert!(off.abs() < 4.0 * estimate.sigma, "{off} {estimate:?}");
+        }
+    }
+}
+
+/// When a unit is turned, and until when its attitude has to be found again, s: two or three quarters
+/// of a minute in which fixes are refused, an alignment from motion, and until there is some.
+const TURNED_S: f64 = 250.0;
+const FOUND_S: f64 = TURNED_S + 180.0;
+
+/// The navigator at the end, and its attitude error, ENU.
+fn turned(
+    drive: &SimulatedDrive,
+    turn: UnitQuaternion<f64>,
+    velocities: bool,
+) -> (Navigator, Vector3<f64>) {
+    let mut navigator = Navigator::new(config_of(Grade::Hg1700)).unwrap();
+    let mut fixes = drive.gnss.iter().peekable();
+    for sample in &drive.imu {
+        while let Some(fix) = fixes.next_if(|fix| fix.time < sample.time) {
+            let mut fix = *fix;
+            if !velocities && fix.time.as_seconds() > TURNED_S {
+                (fix.velocity_en_mps, fix.velocity_up_mps) = (None, None);
+            }
+            let _ = navigator.on_gnss(&fix);
+        }
+        let mut sample = *sample;
+        if sample.time.as_seconds() > TURNED_S {
+            sample.gyro = turn.inverse() * sample.gyro;
+            sample.accel = turn.inverse() * sample.accel;
+        }
+        let _ = navigator.on_imu(&sample);
+    }
+    let truth = drive.truth.last().unwrap().attitude * turn;
+    let own = navigator.solution().unwrap().attitude;
+    (navigator, (own * truth.inverse()).scaled_axis())
+}
+
+/// By a hand, by a crash, in a hole or beyond the range of the gyros.
+#[test]
+fn a_unit_that_is_turned_unseen_finds_its_attitude_again() {
+    let mut config = DriveConfig::new(3, Grade::Hg1700, FOUND_S / 60.0);
+    config.recording.truth_every = 1;
+    let drive = simulate(&config);
+    for axis in [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()] {
+        for degrees in [5.0, 20.0, 60.0, 180.0_f64] {
+            let turn = UnitQuaternion::from_axis_angle(&axis, degrees.to_radians());
+            let (navigator, error) = turned(&drive, turn, true);
+            let sigma = navigator.sigma().unwrap().attitude_rad;
+            let case = format!("{axis:?} {degrees} deg: {error:?} of {sigma:?}");
+            assert!(error.component_div(&sigma).amax() < 5.0, "{case}");
+            assert!(sigma.amax() < 0.01, "{case}");
+            let health = navigator.health();
+            assert!(health.restarts > 0 || health.doubted.is_some(), "{case}");
+        }
+    }
+}
+
+/// Positions alone tell it later, and heading last.
+#[test]
+fn positions_alone_level_a_unit_that_is_turned_unseen() {
+    let mut config = DriveConfig::new(3, Grade::Hg1700, FOUND_S / 60.0);
+    config.recording.truth_every = 1;
+    let drive = simulate(&config);
+    for axis in [Vector3::x_axis(), Vector3::y_axis()] {
+        for degrees in [5.0, 20.0, 60.0, 180.0_f64] {
+            let turn = UnitQuaternion::from_axis_angle(&axis, degrees.to_radians());
+            let (_, error) = turned(&drive, turn, false);
+            assert!(
+                error.xy().norm() < 0.04,
+                "{axis:?} {degrees} deg: {error:?}"
+            );
         }
     }
 }

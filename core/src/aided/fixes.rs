@@ -20,7 +20,6 @@ use crate::observer::Kind;
 use crate::outcome::GnssOutcome;
 use crate::parameters::index;
 use crate::samples::GnssFix;
-use crate::time::Time;
 
 /// Least time between two fixes that are used, s.
 const LEAST_INTERVAL_S: f64 = 0.01;
@@ -36,12 +35,6 @@ const AZIMUTH_SIGMAS: f64 = 3.0;
 /// Errors of the INS that are taken out at once, m and m/s: the loops are linear, and slow.
 const JUMP_M: f64 = 100.0;
 const JUMP_MPS: f64 = 3.0;
-/// Time for which innovations must be too large before the INS is doubted, s; time within which
-/// the next doubt shows that the last has not mended it, s; and such doubts in a row after which it
-/// is aligned anew.
-const DOUBT_S: f64 = 10.0;
-const MENDED_S: f64 = 60.0;
-const HOPELESS: u8 = 3;
 
 impl<const N: usize> AidedIns<N> {
     /// Takes a fix, or lets it wait.
@@ -250,7 +243,10 @@ impl<const N: usize> AidedIns<N> {
         };
         let mut differences = self.differences(&comparison, config);
         // Most of all where nothing is taken any more.
-        self.doubt(config);
+        if let Some(observer) = self.estimator.exact_mut() {
+            observer.doubt(config);
+            self.lost |= observer.is_hopeless();
+        }
         let outcome = if differences == Differences::default() {
             GnssOutcome::Outlier
         } else {
@@ -302,26 +298,6 @@ impl<const N: usize> AidedIns<N> {
             differences.height_m = Some(position_m.z);
         }
         differences
-    }
-
-    /// Innovations that stay too large show an INS that has lost its way: first it is believed
-    /// less, and where that does not mend it, it is aligned anew.
-    fn doubt(&mut self, config: &Config) {
-        let Some(observer) = self.estimator.exact_mut() else {
-            return;
-        };
-        if observer.surprise().0.lasting_s < DOUBT_S {
-            return;
-        }
-        observer.on_lost(config);
-        let recently = |doubted: Time| self.now.seconds_since(doubted) < MENDED_S;
-        self.doubts = if self.doubted.is_some_and(recently) {
-            self.doubts + 1
-        } else {
-            1
-        };
-        self.doubted = Some(self.now);
-        self.lost |= self.doubts >= HOPELESS;
     }
 
     /// Sets the controls that hold until the next fix.

@@ -112,9 +112,6 @@ pub struct AidedIns<const N: usize> {
     manoeuvre: Manoeuvre,
     /// Stamp and velocity difference of the last fix that was compared, ENU, m/s.
     compared: (Time, Vector3<f64>),
-    /// When it was last doubted, and how often in a row.
-    doubted: Option<Time>,
-    doubts: u8,
     lost: bool,
     /// Not even what it has found can be believed.
     misled: bool,
@@ -163,8 +160,6 @@ impl<const N: usize> AidedIns<N> {
             turned: Turned::default(),
             manoeuvre: Manoeuvre::default(),
             compared: (time, Vector3::zeros()),
-            doubted: None,
-            doubts: 0,
             lost: false,
             misled: false,
         }
@@ -184,13 +179,9 @@ impl<const N: usize> AidedIns<N> {
         self.lost
     }
 
-    /// What an alignment anew may believe of the sensors.
-    pub fn kept(&self, config: &Config) -> Parameters {
-        if self.misled {
-            config.prior()
-        } else {
-            *self.known()
-        }
+    /// Whether what it has found is none to begin anew from either.
+    pub fn is_misled(&self) -> bool {
+        self.misled
     }
 
     /// All that has happened since the estimators' horizon.
@@ -222,7 +213,7 @@ impl<const N: usize> AidedIns<N> {
 
     /// When it was last doubted.
     pub fn doubted(&self) -> Option<Time> {
-        self.doubted
+        self.estimator.exact()?.doubted()
     }
 
     /// Moment of the last fix that was used, if there are no controls any more.
@@ -388,7 +379,7 @@ impl<const N: usize> AidedIns<N> {
             (_, None) | (Due::Nothing, _) => {}
             (Due::Spread, Some(observer)) => observer.spread_next(),
             (Due::Horizon, Some(observer)) => observer.come_to_horizon(),
-            (Due::Level, Some(observer)) => observer.level_anew(),
+            (Due::Level, Some(observer)) => observer.level_anew(config),
             (Due::GyroWalk, Some(observer)) => observer.let_gyros_walk(config),
             (Due::AccelWalk, Some(observer)) => observer.let_accels_walk(config),
         }

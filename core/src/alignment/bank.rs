@@ -257,7 +257,8 @@ impl Bank {
     pub(crate) fn answer(&mut self) -> Answer {
         let mixture = self.mixture();
         self.leader = mixture.best;
-        if !mixture.rotation_sigma_rad.is_finite() {
+        let falls = self.leader().is_some_and(|c| c.falls(self.start));
+        if falls || !mixture.rotation_sigma_rad.is_finite() {
             return Answer::Wrong;
         }
         if !self.has_moved() {

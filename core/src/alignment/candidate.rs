@@ -87,6 +87,9 @@ const PUSH_S: f64 = 1.0;
 /// Time over which the acceleration is smoothed that shows the latency, s: what is faster (steps,
 /// vibration) repeats itself, and would show it a period off.
 const SMOOTH_S: f64 = 0.3;
+/// Downward acceleration that no vehicle keeps up, m/s^2, and for how long, s.
+const FALLING_MPS2: f64 = 2.5;
+const FALLING_S: f64 = 3.0;
 /// Largest tilt found at once that is believed, rad.
 const LARGEST_TURN_RAD: f64 = 0.5;
 
@@ -118,6 +121,8 @@ pub(crate) struct Candidate {
     /// Velocity gained since the first sighting, way since the last, and velocity there.
     velocity_mps: Vector2<f32>,
     way_m: Vector2<f32>,
+    /// Vertical velocity gained since the start, m/s.
+    risen_mps: f32,
     velocity_before_mps: Vector2<f32>,
     level_before: Matrix2x3<f32>,
     /// What of it the last sighting is compared with.
@@ -185,6 +190,7 @@ impl Candidate {
             first_mps: None,
             velocity_mps: Vector2::zeros(),
             way_m: Vector2::zeros(),
+            risen_mps: 0.0,
             velocity_before_mps: Vector2::zeros(),
             level_before: Matrix2x3::zeros(),
             seen_mps: Vector2::zeros(),
@@ -202,6 +208,12 @@ impl Candidate {
         }
     }
 
+    /// Whether it has fallen, since a start, as no vehicle falls: up is elsewhere.
+    pub(crate) fn falls(&self, start: Time) -> bool {
+        let seconds = self.time.seconds_since(start);
+        seconds > FALLING_S && f64::from(self.risen_mps) < -FALLING_MPS2 * seconds
+    }
+
     /// Moment of the INS that a stamp shows, s after where it stands.
     pub(crate) fn seconds_to(&self, stamp: Time) -> f64 {
         stamp.seconds_since(self.time) - f64::from(self.latency_s)
@@ -216,6 +228,7 @@ impl Candidate {
         let dt = single(seconds);
         self.way_m += dt * (self.velocity_mps + 0.5 * force.xy());
         self.velocity_mps += force.xy();
+        self.risen_mps += force.z - dt * single(GRAVITY_EQUATOR_MPS2);
         let part = single(math::min(seconds / SMOOTH_S, 1.0));
         self.accel_mps2 += part * (force.xy() / dt - self.accel_mps2);
         self.spread(&force, &(body.map(single) * dt));

@@ -4,7 +4,7 @@
 
 use crate::Time;
 use crate::config::Noise;
-use crate::innovations::{Credit, Innovations, StatedNoise, Surprise, against_described};
+use crate::innovations::{Credit, Doubts, Innovations, StatedNoise, Surprise, against_described};
 use nalgebra::Vector2;
 
 const RANGE: [f64; 2] = [0.1, 10.0];
@@ -73,6 +73,23 @@ fn fixes_that_agree_for_a_quarter_of_a_minute_show_that_the_ins_is_wrong() {
         // The next burst begins anew.
         assert_eq!(judge(&mut innovations, at_s + 0.1, WRONG), Credit::Refused);
     }
+}
+
+/// An INS that is tilted runs away from all of them: between two by more than noise explains.
+#[test]
+fn an_ins_that_runs_away_is_wrong() {
+    let mut innovations = Innovations::default();
+    for k in 0..150 {
+        let at_s = 0.1 * f64::from(k);
+        let credit = judge(&mut innovations, at_s, WRONG * (1.0 + at_s));
+        assert_eq!(credit, Credit::Refused, "{k}");
+    }
+    let now = Time::default().plus_seconds(14.9);
+    let [apart_mps, runs_mps] = innovations.disputed(now);
+    assert_eq!(apart_mps, WRONG * 15.9);
+    assert_eq!(runs_mps, apart_mps * (2.0 / 14.9));
+    let credit = judge(&mut innovations, 15.1, WRONG * 16.1);
+    assert!(matches!(credit, Credit::Lost(_)), "{credit:?}");
 }
 
 #[test]
@@ -190,6 +207,17 @@ fn what_a_receiver_states_counts_by_its_changes_or_as_it_stands() {
     assert!((against_described(100.0, &noise, RANGE) - 4.0).abs() < 1e-12);
     assert!((against_described(1e18, &noise, RANGE) - 100.0).abs() < 1e-12);
     assert!((against_described(0.0, &noise, RANGE) - 0.01).abs() < 1e-12);
+}
+
+#[test]
+fn doubts_that_do_not_mend_it_leave_no_hope() {
+    let mut doubts = Doubts::default();
+    for at_s in [0.0, 50.0, 120.0, 170.0] {
+        doubts.add(Time::default().plus_seconds(at_s));
+        assert!(!doubts.is_hopeless(), "{at_s}");
+    }
+    doubts.add(Time::default().plus_seconds(220.0));
+    assert!(doubts.is_hopeless());
 }
 
 #[test]

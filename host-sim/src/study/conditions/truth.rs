@@ -27,14 +27,14 @@ pub struct Truth {
     pub latency_s: [f64; 2],
     /// Antenna from the unit.
     pub lever_arm_m: Vector3<f64>,
-    /// Up on the whole.
+    /// Up on the whole, and as it is at the end.
     pub up: Vector3<f64>,
 }
 
 impl Truth {
     /// Of a world that was simulated.
     pub fn new(world: &World, drive: &SimulatedDrive) -> Self {
-        let (errors, up) = (&drive.errors, mean_up(&drive.truth));
+        let (errors, up) = (&drive.errors, mean_up(world, &drive.truth));
         let at = &world.origin;
         let gravity = LocalEarth::at(at.latitude_rad, at.height_m).gravity_mps2;
         let latency_s = errors.gnss_latency_end_s;
@@ -50,7 +50,9 @@ impl Truth {
 }
 
 /// An aircraft flies nose up, a road rises and falls.
-fn mean_up(truth: &[Solution]) -> Vector3<f64> {
-    let ups = truth.iter().map(|s| s.attitude.inverse() * Vector3::z());
+fn mean_up(world: &World, truth: &[Solution]) -> Vector3<f64> {
+    let holds_s = world.slip.map_or(0.0, |s| s.start_s + s.duration_s);
+    let as_at_end = truth.iter().filter(|s| s.time.as_seconds() >= holds_s);
+    let ups = as_at_end.map(|s| s.attitude.inverse() * Vector3::z());
     ups.sum::<Vector3<f64>>().normalize()
 }

@@ -10,7 +10,7 @@ use crate::sim::boat::{Anchored, Boat};
 use crate::sim::car::Car;
 use crate::sim::drive::Recording;
 use crate::sim::errors::{ErrorModel, Outage};
-use crate::sim::mounted::Mounted;
+use crate::sim::mounted::{Mounted, Slip};
 use crate::sim::noise::Random;
 use crate::sim::plane::{Begin, Plane};
 use crate::sim::quadrotor::Quadrotor;
@@ -57,6 +57,8 @@ pub struct World {
     pub shakes: Vec<(When, Vec<Swing>)>,
     /// From the axes of the unit to those of the vehicle.
     pub mount: UnitQuaternion<f64>,
+    /// Whether that slips; the antenna is on the unit then.
+    pub slip: Option<Slip>,
     /// Antenna from the unit in the axes of the vehicle, right, forward, up, m.
     pub antenna_m: Vector3<f64>,
     /// Unit and receiver.
@@ -88,6 +90,7 @@ impl World {
             },
             shakes: Vec::new(),
             mount: UnitQuaternion::identity(),
+            slip: None,
             antenna_m: Vector3::zeros(),
             errors,
             random,
@@ -151,7 +154,7 @@ impl World {
         for (when, swings) in &self.shakes {
             motion = Box::new(Shaken::new(motion, swings, *when, seed));
         }
-        Box::new(Mounted::new(motion, self.mount))
+        Box::new(Mounted::new(motion, self.mount).slipping(self.slip))
     }
 
     // --- what kinds are made of ---
@@ -180,9 +183,30 @@ impl World {
 
     /// A unit turned by an angle between two, deg, about any axis.
     pub fn tilt_mount(&mut self, degrees: [f64; 2]) {
+        self.mount = UnitQuaternion::from_scaled_axis(self.any_turn(degrees));
+    }
+
+    /// A turn by an angle between two, deg, about any axis, rad.
+    fn any_turn(&mut self, degrees: [f64; 2]) -> Vector3<f64> {
         let axis = Unit::new_normalize(Vector3::from(self.random.normal3()));
-        let angle = self.random.uniform(degrees).to_radians();
-        self.mount = UnitQuaternion::from_axis_angle(&axis, angle);
+        axis.into_inner() * self.random.uniform(degrees).to_radians()
+    }
+
+    /// A unit that turns by an angle between two, deg, about any axis, somewhere in the third quarter
+    /// of the run; `seen` by its sensors or not.
+    pub fn slip(&mut self, degrees: [f64; 2], duration_s: f64, seen: bool) {
+        let start_s = self.random.uniform([0.5, 0.65]) * self.duration_s();
+        self.slip = Some(Slip {
+            start_s,
+            duration_s,
+            turn_rad: self.any_turn(degrees),
+        });
+        if !seen {
+            self.errors.imu.holes.push(Outage {
+                start_s,
+                duration_s,
+            });
+        }
     }
 
     /// A fixed wing that banks by this much, least and most, with so many fixes a second.

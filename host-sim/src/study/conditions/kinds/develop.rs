@@ -112,6 +112,9 @@ kinds! { judge: false,
     // --- units and mounts ---
     "tilted_mount", BOTH, 15.0, "unit turned by 5 to 45 deg about any axis"
         => |w| w.tilt_mount([5.0, 45.0]);
+    "turned_unseen", BOTH, 15.0,
+    "unit slips by 5 to 90 deg about any axis within 0.6 s without inertial samples"
+        => |w| w.slip([5.0, 90.0], 0.6, false);
     "misaligned", MEMS, 15.0, "axes of gyros and accelerometers off by 5 mrad" => |w| {
         w.errors.gyro_deg_h.misalignment_sigma = 0.005;
         w.errors.accel_mps2.misalignment_sigma = 0.005;

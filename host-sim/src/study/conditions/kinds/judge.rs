@@ -195,6 +195,11 @@ kinds! { judge: true,
         w.errors.gnss.rate_hz = 2.0;
         w.vehicle = MOVING_CAR;
     };
+    "turned_over_unseen", BOTH, 15.0,
+    "unit turns over, by 60 to 180 deg about any axis, within 1.5 s without inertial samples"
+        => |w| w.slip([60.0, 180.0], 1.5, false);
+    "slipping_mount", MEMS, 15.0, "unit slips by 10 to 60 deg about any axis in half a second"
+        => |w| w.slip([10.0, 60.0], 0.5, true);
     "inertial_holes", MEMS, 15.0,
     "0.2 to 1.5 s without inertial samples every minute or two, 3 % of the others lost" => |w| {
         w.errors.imu.dropped_fraction = 0.03;

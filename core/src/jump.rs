@@ -1,0 +1,80 @@
+//! Whether the azimuth has jumped: a mount that slips, a turn that a hole or a saturated gyro hides.
+//!
+//! What a jump adds to the innovations is known, but for its size: the response to a unit of
+//! azimuth. The size that explains the innovations of the last time best is held against what is
+//! known of the azimuth (generalized likelihood ratio of a jump: Willsky and Jones, IEEE TAC 21,
+//! 1976). Noise learnt from the innovations would explain them as well: not in this direction.
+
+/// Time for which innovations count, s: some manoeuvres.
+const MEMORY_S: f64 = 30.0;
+/// Sigmas of a jump, least part of the squares of the innovations that it explains, and least time
+/// in which it was seen, s: wrong fixes come in bursts, and point anywhere.
+const SIGMAS: f64 = 5.0;
+const EXPLAINED: f64 = 0.5;
+const SEEN_S: f64 = 3.0;
+
+/// Innovations of the last time against the response to a jump.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Jump {
+    /// Of its size: weighted sum of what shows it, and information.
+    score: f64,
+    information: f64,
+    /// Squares of the information in a second, integrated.
+    gathered: f64,
+    /// Squares of the innovations, in their variance.
+    squares: f64,
+}
+
+impl Jump {
+    /// Takes an innovation of this variance per component, `seconds` after the last, to which a unit
+    /// would add `by`.
+    pub fn take<const R: usize>(
+        &mut self,
+        innovation: &[f64; R],
+        by: &[f32; R],
+        variance: f64,
+        seconds: f64,
+    ) {
+        let keep = 1.0 / (1.0 + seconds / MEMORY_S);
+        let (mut shown, mut information, mut square) = (0.0, 0.0, 0.0);
+        for (innovation, by) in innovation.iter().zip(by) {
+            let by = f64::from(*by);
+            shown += by * innovation / variance;
+            information += by * by / variance;
+            square += innovation * innovation / variance;
+        }
+        self.score = keep * self.score + shown;
+        self.information = keep * self.information + information;
+        self.gathered = keep * self.gathered + information * information / seconds;
+        self.squares = keep * self.squares + square;
+    }
+
+    /// The square of its size, if there was one beyond what is known to `variance`; innovations are
+    /// `inflation` times less informative than white ones.
+    pub fn square(&mut self, variance: f64, inflation: f64) -> Option<f64> {
+        let Self {
+            score,
+            information,
+            gathered,
+            squares,
+        } = *self;
+        let explained = score * score / information;
+        let expected = inflation + information * variance;
+        if explained < expected {
+            *self = Self::default();
+            return None;
+        }
+        let jumped = explained > SIGMAS * SIGMAS * expected
+            && explained > EXPLAINED * squares
+            && information * information > SEEN_S * gathered;
+        jumped.then(|| {
+            *self = Self::default();
+            4.0 * explained / information
+        })
+    }
+}
+
+#[cfg(test)]
+#[path = "../tests/unit/jump.rs"]
+mod tests;

@@ -1,0 +1,72 @@
+//! A jump shows in innovations that point where it would; noise and wrong fixes do not.
+#![allow(clippy::disallowed_methods)]
+
+use super::Jump;
+use crate::deviates::Deviates;
+
+/// Ten fixes a second, of this standard deviation.
+const FIX_S: f64 = 0.1;
+const SIGMA: f64 = 0.05;
+/// What is known of the azimuth, rad^2.
+const KNOWN: f64 = 1e-6;
+
+/// What a unit of azimuth adds to a fix: manoeuvres that change direction.
+fn by(fix: u32) -> [f32; 2] {
+    let phase = 0.02 * f64::from(fix);
+    #[expect(clippy::cast_possible_truncation)]
+    let by = [phase.cos(), (1.7 * phase).sin()].map(|by| 5.0 * by as f32);
+    by
+}
+
+/// Fixes until a jump is found, looked for once a second, and its square.
+fn found(fixes: u32, mut wrong: impl FnMut(u32) -> [f64; 2]) -> Option<(u32, f64)> {
+    let (mut jump, mut deviates) = (Jump::default(), Deviates(7));
+    (0..fixes).find_map(|fix| {
+        let innovation = wrong(fix).map(|wrong| wrong + SIGMA * f64::from(deviates.next()));
+        jump.take(&innovation, &by(fix), SIGMA * SIGMA, FIX_S);
+        let look = fix % 10 == 9;
+        let square = look.then(|| jump.square(KNOWN, 1.0)).flatten();
+        square.map(|square| (fix, square))
+    })
+}
+
+#[test]
+fn a_jump_is_found_within_seconds_and_as_large_as_it_is() {
+    for size in [0.03, -0.3] {
+        let shown = |fix| {
+            let after = if fix < 600 { 0.0 } else { size };
+            by(fix).map(|by| after * f64::from(by))
+        };
+        let (fix, square) = found(2000, shown).unwrap_or_default();
+        // The least time, and as much again as noise had made it look back before the jump.
+        assert!((630..700).contains(&fix), "{fix}");
+        // Twice the size, thinned by that.
+        let stated = square.sqrt() / f64::abs(size);
+        assert!((0.5..2.1).contains(&stated), "{stated}");
+    }
+}
+
+/// Ten hours: at five sigmas, and three seconds of agreement, chance has no say.
+#[test]
+fn noise_is_no_jump() {
+    assert_eq!(found(360_000, |_| [0.0; 2]), None);
+}
+
+/// A burst of a second is large in its sigmas, and too short to point where a jump does.
+#[test]
+fn wrong_fixes_are_no_jump() {
+    let one = |fix| [if fix == 700 { 50.0 } else { 0.0 }; 2];
+    assert_eq!(found(2000, one), None);
+    let second = |fix| [if (700..710).contains(&fix) { 2.0 } else { 0.0 }; 2];
+    assert_eq!(found(2000, second), None);
+    // And many, each elsewhere.
+    let many = |fix: u32| {
+        let angle = f64::from(fix / 10 * 10);
+        if fix % 100 < 10 {
+            [2.0 * angle.cos(), 2.0 * angle.sin()]
+        } else {
+            [0.0; 2]
+        }
+    };
+    assert_eq!(found(20_000, many), None);
+}
