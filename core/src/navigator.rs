@@ -468,7 +468,7 @@ impl<const RING: usize> State<RING> {
                 let alignment = if ins.is_misled() {
                     self.level_force_mps2 = Vector3::zeros();
                     self.stopgap = None;
-                    Alignment::new(time, &config.prior())
+                    Alignment::anew(time, &config.prior())
                 } else {
                     self.level_force_mps2 = ins.level_force_mps2();
                     self.stopgap = Some(*ins.mechanization()).filter(is_possible);

@@ -114,6 +114,8 @@ enum Stage {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Alignment {
     start: Time,
+    /// Whether it is the first: a given heading is that of the beginning.
+    first: bool,
     known: Parameters,
     detector: RestDetector,
     rest: RestMean,
@@ -130,6 +132,7 @@ impl Alignment {
     pub fn new(start: Time, known: &Parameters) -> Self {
         Self {
             start,
+            first: true,
             known: *known,
             detector: RestDetector::default(),
             rest: RestMean::default(),
@@ -138,6 +141,14 @@ impl Alignment {
             sightings: Sightings::default(),
             measured: None,
             stage: Stage::Levelling(CoarseLevel::default()),
+        }
+    }
+
+    /// Begins again with levelling after an INS that was misled.
+    pub fn anew(time: Time, known: &Parameters) -> Self {
+        Self {
+            first: false,
+            ..Self::new(time, known)
         }
     }
 
@@ -151,7 +162,7 @@ impl Alignment {
         Self {
             place: Some((time, position)),
             stage: Stage::Begin(resumed(attitude)),
-            ..Self::new(time, known)
+            ..Self::anew(time, known)
         }
     }
 
@@ -276,8 +287,10 @@ impl Alignment {
             return Some((measured.heading_rad - turned_rad, sigma_rad));
         }
         match config.heading {
-            HeadingSource::Given(heading_rad) => Some((heading_rad, HEADING_SIGMA_RAD)),
-            HeadingSource::Auto | HeadingSource::Motion => None,
+            HeadingSource::Given(heading_rad) if self.first => {
+                Some((heading_rad, HEADING_SIGMA_RAD))
+            }
+            _ => None,
         }
     }
 
