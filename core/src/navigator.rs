@@ -224,7 +224,8 @@ impl<const RING: usize> Navigator<RING> {
     /// out here; with open feedback it is the damped INS itself.
     ///
     /// An INS that has lost its way is aligned anew; until that is done the solution is the last
-    /// fix, carried on by the sensors, with a heading that may be wrong.
+    /// fix, carried on by the sensors, with a heading that may be wrong; none where its level is
+    /// wrong too.
     pub fn solution(&self) -> Option<Solution> {
         if let (Some(ins), Some((time, _))) = (&self.state.stopgap, &self.state.inertial) {
             return Some(Solution {
