@@ -27,8 +27,8 @@ pub struct Jump {
 }
 
 impl Jump {
-    /// Takes an innovation of this variance per component, `seconds` after the last, to which a unit
-    /// would add `by`.
+    /// Takes an innovation of this variance per component, `seconds` (positive) after the last, to
+    /// which a unit would add `by`.
     pub fn take<const R: usize>(
         &mut self,
         innovation: &[f64; R],

@@ -277,7 +277,7 @@ pub struct Observer {
     gravity_mps2: f64,
     /// Time over which that is averaged, s.
     levelled_s: f64,
-    /// How far up and what is felt as up are off that, body, on the mean of some manoeuvres.
+    /// How far up, and what is felt as up, are off its direction, body, on the mean of some manoeuvres.
     lately: [Vector3<f64>; 2],
     /// Whose spread is due next, and what the spreads of the parameters add to the variance of the
     /// INS error.
@@ -648,7 +648,7 @@ impl Observer {
         };
         let seconds = self.horizon.seconds_since(*last);
         *last = self.horizon;
-        if kind == Kind::Velocity {
+        if kind == Kind::Velocity && seconds > 0.0 {
             let [azimuth, ..] = by;
             self.azimuth_jump
                 .take(&innovation, azimuth, predicted + white, seconds);
