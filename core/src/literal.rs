@@ -25,8 +25,9 @@ const LEAST_CHANGE_MPS2: f64 = 1.0;
 const STILL_LASTING: f64 = 0.8;
 /// Steady time after a turn until the loop has settled, in units of `1 / w0`.
 const SETTLING: f64 = 3.0;
-/// Fading of (7) from one manoeuvre to the next: the azimuth itself drifts with the gyro.
-const AZIMUTH_KEEP: f64 = 0.9;
+/// Fading of (7) from one manoeuvre to the next, and of (9) and (10) from one block to the next: the
+/// azimuth drifts with the gyro, and of the others the first are those before the compensations.
+const KEEP: f64 = 0.9;
 /// Block over which (9) and (10) are averaged, s.
 const BLOCK_S: f64 = 60.0;
 /// Manoeuvres or blocks without which a scatter says nothing.
@@ -286,6 +287,8 @@ impl Literal {
                 accel_up,
             } = *block;
             let means = gyros / seconds;
+            let all = self.gyros.iter_mut().chain([&mut self.accel_up]);
+            all.for_each(|mean| mean.fade(KEEP));
             let [x, y, z] = &mut self.gyros;
             x.add(means.x, seconds);
             y.add(means.y, seconds);
@@ -395,7 +398,7 @@ impl Literal {
     fn end_acceleration(&mut self, going: &Going, now: &Comparison) {
         let (top, bottom) = going.azimuth;
         if bottom > LEAST_CHANGE_MPS2 * LEAST_CHANGE_MPS2 {
-            self.azimuth.fade(AZIMUTH_KEEP);
+            self.azimuth.fade(KEEP);
             self.azimuth
                 .add(top / bottom + now.azimuth_removed_rad, bottom);
         }

@@ -467,8 +467,10 @@ impl Observer {
         let [rate, accel] = ends_differ;
         let part = math::min(seconds / HIDDEN_S, 1.0);
         let rate = (HIDDEN_RADPS * part + 0.5 * rate) * seconds;
+        // Gravity is felt elsewhere after a turn.
+        let tipped = 0.5 * part * accel / GRAVITY_EQUATOR_MPS2;
         let accel = (HIDDEN_MPS2 * part + 0.5 * accel) * seconds;
-        self.level.doubt(accel * accel, 0.01 * rate * rate);
+        self.level.doubt(accel * accel, 0.01 * rate * rate + tipped * tipped);
         self.vertical.doubt(accel * accel, 0.0);
         let moved = 0.5 * accel * seconds;
         self.level.doubt_position(moved * moved);
