@@ -470,7 +470,8 @@ impl Observer {
         // Gravity is felt elsewhere after a turn.
         let tipped = 0.5 * part * accel / GRAVITY_EQUATOR_MPS2;
         let accel = (HIDDEN_MPS2 * part + 0.5 * accel) * seconds;
-        self.level.doubt(accel * accel, 0.01 * rate * rate + tipped * tipped);
+        self.level
+            .doubt(accel * accel, 0.01 * rate * rate + tipped * tipped);
         self.vertical.doubt(accel * accel, 0.0);
         let moved = 0.5 * accel * seconds;
         self.level.doubt_position(moved * moved);

@@ -66,10 +66,8 @@ pub fn accuracy(options: &Accuracy, json: bool, force: bool) -> Result<()> {
         output::check_free(out, JSON, force)?;
     }
     let study = Study {
-        grade: options.grade.into(),
         minutes: options.minutes,
         first_seed: options.first_seed,
-        runs: options.runs,
         form: match options.form {
             FormChoice::Exact => Form::Exact,
             FormChoice::Literal => Form::Literal,
@@ -77,6 +75,7 @@ pub fn accuracy(options: &Accuracy, json: bool, force: bool) -> Result<()> {
         bandwidth_radps: options.bandwidth,
         kalman_noise: options.kalman,
         kalman_positions: !options.velocity_alone,
+        ..Study::new(options.grade.into(), options.runs)
     };
     let progress = bar();
     progress.set_message("driving");

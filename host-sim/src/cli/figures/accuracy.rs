@@ -9,7 +9,7 @@ use crate::page::digits;
 use crate::page::progress::bar;
 use crate::page::table::{heads, markdown};
 use crate::sim::Grade;
-use crate::study::accuracy::{Results, Study, picture};
+use crate::study::accuracy::{Results, Spared, Study, picture};
 
 fn results(study: Study) -> Result<Results> {
     let progress = bar();
@@ -54,16 +54,37 @@ fn of_all(results: &Results) -> String {
 
 /// RMS errors of both forms over the bandwidth of the horizontal loop.
 pub(super) fn forms(runs: u64) -> Result<String> {
-    let studies = [
-        (Form::Exact, "exact", [0.15, 0.3, 0.5, 1.0, 1.2].as_slice()),
-        (Form::Literal, "literal", &[0.3, 0.5, 1.0]),
+    let exact = [0.15, 0.3, 0.5, 1.0, 1.2].as_slice();
+    let whole = Spared::Nothing;
+    let forms = [
+        (Form::Exact, "exact", whole, exact),
+        (Form::Literal, "literal", whole, &[0.3, 0.5, 1.0]),
+        (
+            Form::Literal,
+            "literal, gyros without biases",
+            Spared::GyroBiases,
+            &[0.5],
+        ),
+        (
+            Form::Literal,
+            "... nor accelerometers, nor latency",
+            Spared::Biases,
+            &[0.5],
+        ),
+        (
+            Form::Literal,
+            "... and a hundredth of the velocity noise",
+            Spared::VelocityNoise,
+            &[0.5],
+        ),
     ];
     let mut rows = Vec::new();
     let mut header = heads("form | w0, rad/s | converged");
-    for (form, name, bandwidths) in studies {
+    for (form, name, spared, bandwidths) in forms {
         for bandwidth in bandwidths {
             let results = results(Study {
                 form,
+                spared,
                 bandwidth_radps: Some(*bandwidth),
                 ..Study::new(Grade::Hg1700, runs)
             })?;

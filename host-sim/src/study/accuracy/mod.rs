@@ -18,6 +18,7 @@ use serde::Serialize;
 use crate::compare::kalman::{self, Noise, PartNoise};
 use crate::identify::configure;
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
+use crate::sim::errors::BiasModel;
 use crate::sim::{DriveConfig, ErrorModel, Grade, SimulatedDrive, simulate};
 
 /// Interval at which the errors of a run are looked at, s.
@@ -84,11 +85,42 @@ pub const QUANTITIES: [Quantity; 8] = [
     quantity("gnss_latency_ms", "GNSS latency", "ms", 1e-3, LATENCY),
 ];
 
+/// What the sensors and the receiver are spared of their errors, each with those before it.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+pub enum Spared {
+    /// Nothing.
+    Nothing,
+    /// Biases of the gyros.
+    GyroBiases,
+    /// Those of the accelerometers, and the latency.
+    Biases,
+    /// All but a hundredth of the noise of velocities.
+    VelocityNoise,
+}
+
+impl Spared {
+    fn of(self, errors: &mut ErrorModel) {
+        if self >= Self::GyroBiases {
+            errors.gyro_deg_h.bias = BiasModel::constant(0.0);
+        }
+        if self >= Self::Biases {
+            errors.accel_mps2.bias = BiasModel::constant(0.0);
+            errors.gnss.latency_s = [0.0; 2];
+        }
+        if self >= Self::VelocityNoise {
+            errors.gnss.velocity_sigma_mps *= 0.01;
+        }
+    }
+}
+
 /// Which drives are run, and with which estimators.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Study {
     /// Class of the sensors.
     pub grade: Grade,
+    /// What they are spared.
+    #[serde(skip)]
+    pub spared: Spared,
     /// Length of a drive.
     pub minutes: f64,
     /// Seed of the first drive; the others follow.
@@ -132,6 +164,7 @@ impl Study {
     pub fn new(grade: Grade, runs: u64) -> Self {
         Self {
             grade,
+            spared: Spared::Nothing,
             minutes: 40.0,
             first_seed: 0,
             runs,
@@ -178,7 +211,9 @@ impl Study {
     }
 
     fn run(&self, seed: u64, tune: &dyn Fn(&mut Config)) -> Result<Run, ConfigError> {
-        let drive = simulate(&DriveConfig::new(seed, self.grade, self.minutes));
+        let mut config = DriveConfig::new(seed, self.grade, self.minutes);
+        self.spared.of(&mut config.recording.errors);
+        let drive = simulate(&config);
         let mut config = self.config(&drive);
         tune(&mut config);
         if let Some(factor) = self.kalman_noise {
