@@ -5,11 +5,11 @@ use ins_tests::footprint::{goal, ours};
 
 /// All but the worst call not at their goals yet (`ins_tests::footprint::goal`): as measured, and a
 /// fiftieth for a change of the compiler's mind.
-const AMORTISED: u64 = 3_820;
+const AMORTISED: u64 = 3_790;
 const WORST: u64 = goal::WORST;
-const STATE_BYTES: u64 = 12_820;
-const STACK_BYTES: u64 = 2_620;
-const FLASH_BYTES: u64 = 125_000;
+const STATE_BYTES: u64 = 13_260;
+const STACK_BYTES: u64 = 2_640;
+const FLASH_BYTES: u64 = 129_400;
 
 #[test]
 fn the_core_on_cortex_m7_is_within_its_budgets() -> Result<(), Box<dyn std::error::Error>> {
