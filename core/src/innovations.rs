@@ -215,8 +215,7 @@ pub fn against_described(variance: f64, noise: &Noise, range: [f64; 2]) -> f64 {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Doubts {
-    /// The last time.
-    pub last: Option<Time>,
+    last: Option<Time>,
     in_a_row: u8,
 }
 
@@ -226,15 +225,24 @@ const MENDED_S: f64 = 60.0;
 const HOPELESS: u8 = 3;
 
 impl Doubts {
-    /// It is doubted now.
-    pub fn add(&mut self, now: Time) {
+    /// Part of it is doubted now, and mended with that.
+    pub fn note(&mut self, now: Time) {
         let recently = |last: Time| now.seconds_since(last) < MENDED_S;
-        self.in_a_row = if self.last.is_some_and(recently) {
-            self.in_a_row.saturating_add(1)
-        } else {
-            1
-        };
+        if !self.last.is_some_and(recently) {
+            self.in_a_row = 0;
+        }
         self.last = Some(now);
+    }
+
+    /// All of it is doubted now.
+    pub fn add(&mut self, now: Time) {
+        self.note(now);
+        self.in_a_row = self.in_a_row.saturating_add(1);
+    }
+
+    /// When it was last.
+    pub fn last(&self) -> Option<Time> {
+        self.last
     }
 
     /// Whether it has to be aligned anew.

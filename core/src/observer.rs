@@ -537,7 +537,7 @@ impl Observer {
 
     /// When it was last found to be wrong.
     pub fn doubted(&self) -> Option<Time> {
-        self.doubts.last.max(self.vertical_doubts.last)
+        self.doubts.last().max(self.vertical_doubts.last())
     }
 
     /// Whether believing it less does not mend it.
@@ -962,22 +962,24 @@ impl Observer {
         let known = known * known + self.azimuth_walk;
         if let Some(jump) = self.azimuth_jump.square(known, self.inflation()) {
             self.azimuth_walk += jump;
-            self.doubts.last = Some(self.horizon);
+            self.doubts.note(self.horizon);
         }
         self.let_walk(index::AZIMUTH, math::single(self.azimuth_walk));
         self.azimuth_walk = 0.0;
-        self.let_three_walk(index::GYRO, walk);
+        self.let_three_walk(index::GYRO, walk * walk * self.elapsed_s);
     }
 
     /// The same of the accelerometers.
     #[inline(never)]
     pub fn let_accels_walk(&mut self, config: &Config) {
-        self.let_three_walk(index::ACCEL, config.sensors.accel_bias_walk);
+        let walk = config.sensors.accel_bias_walk;
+        self.let_three_walk(index::ACCEL, walk * walk * self.elapsed_s);
     }
 
-    fn let_three_walk(&mut self, first: usize, walk: f64) {
+    /// Lets each of three parameters have walked by a variance.
+    fn let_three_walk(&mut self, first: usize, variance: f64) {
         for which in first..first + 3 {
-            self.let_walk(which, math::single(walk * walk * self.elapsed_s));
+            self.let_walk(which, math::single(variance));
         }
     }
 
@@ -1123,9 +1125,7 @@ impl Observer {
             self.levelled_s = FIRST_LEVEL_S;
             self.lately = [Vector3::zeros(); 2];
             let moved = config.sensors.cross_axis_variance() * step.norm_squared();
-            for which in index::ACCEL..index::ACCEL + 3 {
-                self.let_walk(which, math::single(moved));
-            }
+            self.let_three_walk(index::ACCEL, moved);
         }
     }
 

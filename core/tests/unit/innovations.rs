@@ -220,6 +220,18 @@ fn doubts_that_do_not_mend_it_leave_no_hope() {
     assert!(doubts.is_hopeless());
 }
 
+/// Two doubts of long ago and a jump that was mended are no three in a row.
+#[test]
+fn doubts_of_long_ago_do_not_count() {
+    let mut doubts = Doubts::default();
+    for at_s in [0.0, 50.0] {
+        doubts.add(Time::default().plus_seconds(at_s));
+    }
+    doubts.note(Time::default().plus_seconds(600.0));
+    doubts.add(Time::default().plus_seconds(630.0));
+    assert!(!doubts.is_hopeless());
+}
+
 #[test]
 fn surprise_has_to_last() {
     let mut surprise = Surprise::default();
