@@ -435,6 +435,8 @@ impl Config {
             gnss: GnssConfig {
                 velocity_mps,
                 velocity_up_mps: velocity_mps,
+                // Of positions it shows late, over minutes: with little to begin with, what drifts
+                // slowly is taken for the truth.
                 position_m: Noise {
                     white: 1.5,
                     correlated: 1.5,
