@@ -37,6 +37,9 @@ pub struct Conditions {
     /// Beside the core, a Kalman filter that is told the true noise.
     #[arg(long)]
     with_kalman: bool,
+    /// Tell the core too how noisy the receiver is, and where it does not smooth, that it does not.
+    #[arg(long)]
+    receiver_known: bool,
     /// The overview and the totals alone.
     #[arg(long)]
     brief: bool,
@@ -73,6 +76,7 @@ pub fn conditions(options: &Conditions, json: bool) -> Result<()> {
         first_seed: options.first_seed,
         seeds: options.seeds,
         with_kalman: options.with_kalman,
+        receiver_known: options.receiver_known,
     };
     let progress = bar();
     progress.set_message("running");

@@ -18,6 +18,7 @@ pub(super) fn results(seeds: u64) -> Vec<Results> {
         first_seed: 0,
         seeds,
         with_kalman: true,
+        receiver_known: false,
     };
     let progress = bar();
     progress.set_message("running");

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::quantities::{QUANTITIES, index};
 use super::subject::{self, Claim, Claims, Core, Kalman, Subject};
 use super::truth::Truth;
-use super::{Kind, World, told};
+use super::{Kind, Study, World, told};
 use crate::sim::{Grade, SimulatedDrive};
 
 /// One claim against its truth, in the unit of the quantity.
@@ -47,11 +47,14 @@ pub struct Tried {
 ///
 /// # Panics
 /// If the core refuses its own presets.
-pub fn run(kind: &Kind, class: Grade, seed: u64, with_kalman: bool) -> Tried {
+pub fn run(kind: &Kind, class: Grade, seed: u64, study: &Study) -> Tried {
     let world = kind.world(class, seed);
     let drive = world.simulate();
     let truth = Truth::new(&world, &drive);
-    let config = subject::config(&world, &drive);
+    let mut config = subject::config(&world, &drive);
+    if study.receiver_known {
+        config = told::of_receiver(&world, config);
+    }
     let refused = "presets are valid";
     let core = Core::new(config, &drive).expect(refused);
     let kalman = || {
@@ -61,7 +64,7 @@ pub fn run(kind: &Kind, class: Grade, seed: u64, with_kalman: bool) -> Tried {
     };
     Tried {
         core: try_on(core, &world, &drive, &truth),
-        kalman: with_kalman.then(kalman),
+        kalman: study.with_kalman.then(kalman),
     }
 }
 
