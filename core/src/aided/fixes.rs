@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 
 use super::{AidedIns, HOLD_S};
 use crate::comparison::{Comparison, Part, Step};
-use crate::config::{Config, Feedback};
+use crate::config::{Config, Feedback, Noise};
 use crate::damping::{self, Differences};
 use crate::earth::Geodetic;
 use crate::error_model::InsError;
@@ -23,8 +23,8 @@ use crate::samples::GnssFix;
 
 /// Least time between two fixes that are used, s.
 const LEAST_INTERVAL_S: f64 = 0.01;
-/// Least time between two positions that are used beside velocities, s: their noise changes more
-/// slowly.
+/// Least time between two positions that are used beside velocities, s, unless their noise is said
+/// to be white: else it changes more slowly.
 const POSITION_INTERVAL_S: f64 = 0.45;
 /// Time for which a vehicle keeps up a climb, s: what is assumed of it counts once in so long.
 const CLIMB_S: f64 = 10.0;
@@ -184,7 +184,10 @@ impl<const N: usize> AidedIns<N> {
         let Some(comparison) = &mut self.comparison else {
             return;
         };
-        let due = comparison.position_s >= POSITION_INTERVAL_S || !comparison.velocity.has;
+        let drifts = |noise: &Noise| noise.correlated > 0.0;
+        let due = comparison.position_s >= POSITION_INTERVAL_S
+            || !comparison.velocity.has
+            || !drifts(&config.gnss.position_m) && !drifts(&config.gnss.height_m);
         comparison.position.has &= due;
         comparison.height.has &= due;
         if comparison.position.has || comparison.height.has {
