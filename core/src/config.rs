@@ -128,7 +128,8 @@ pub struct GnssConfig {
     pub velocity_mps: Noise,
     /// Noise of the vertical velocity, m/s.
     pub velocity_up_mps: Noise,
-    /// Noise of the position east and north, m.
+    /// Noise of the position east and north, m. Beside velocities two positions a second are used;
+    /// all of them where neither this nor the noise of the height has a correlated part.
     pub position_m: Noise,
     /// Noise of the height, m.
     pub height_m: Noise,
