@@ -184,10 +184,10 @@ impl<const N: usize> AidedIns<N> {
         let Some(comparison) = &mut self.comparison else {
             return;
         };
-        let drifts = |noise: &Noise| noise.correlated > 0.0;
+        let white = |noise: &Noise| noise.correlated <= 0.0;
         let due = comparison.position_s >= POSITION_INTERVAL_S
             || !comparison.velocity.has
-            || !drifts(&config.gnss.position_m) && !drifts(&config.gnss.height_m);
+            || white(&config.gnss.position_m) && white(&config.gnss.height_m);
         comparison.position.has &= due;
         comparison.height.has &= due;
         if comparison.position.has || comparison.height.has {
