@@ -10,7 +10,7 @@ use crate::log::Grade;
 use crate::page::progress::bar;
 use crate::page::{self, output};
 use crate::study::conditions::output::{readable, totals, write_rows};
-use crate::study::conditions::{Kind, Results, Study, Totals, all};
+use crate::study::conditions::{Kind, Results, Study, Totals, Trial, all};
 
 /// Options of `study conditions`.
 #[derive(Debug, Args)]
@@ -75,8 +75,10 @@ pub fn conditions(options: &Conditions, json: bool) -> Result<()> {
         only: options.class.map(Into::into),
         first_seed: options.first_seed,
         seeds: options.seeds,
-        with_kalman: options.with_kalman,
-        receiver_known: options.receiver_known,
+        trial: Trial {
+            with_kalman: options.with_kalman,
+            receiver_known: options.receiver_known,
+        },
     };
     let progress = bar();
     progress.set_message("running");

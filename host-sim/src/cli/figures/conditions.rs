@@ -8,7 +8,7 @@ use crate::page::progress::bar;
 use crate::page::table::{Table, heads, markdown};
 use crate::sim::Grade;
 use crate::study::conditions::output::{overview_table, short, totals, totals_table, worst_table};
-use crate::study::conditions::{QUANTITIES, Quantity, Results, Row, Study, all};
+use crate::study::conditions::{QUANTITIES, Quantity, Results, Row, Study, Trial, all};
 
 /// All kinds over so many seeds, the Kalman filter beside the core.
 pub(super) fn results(seeds: u64) -> Vec<Results> {
@@ -17,8 +17,10 @@ pub(super) fn results(seeds: u64) -> Vec<Results> {
         only: None,
         first_seed: 0,
         seeds,
-        with_kalman: true,
-        receiver_known: false,
+        trial: Trial {
+            with_kalman: true,
+            receiver_known: false,
+        },
     };
     let progress = bar();
     progress.set_message("running");

@@ -13,7 +13,7 @@ mod world;
 
 pub use kinds::{Kind, all};
 pub use quantities::{QUANTITIES, Quantity};
-pub use run::{Check, Run, Tried};
+pub use run::{Check, Run, Trial, Tried};
 pub use statistics::{Beside, KalmanLost, Results, Row, Totals};
 pub use world::{Vehicle, World};
 
@@ -33,11 +33,8 @@ pub struct Study {
     pub first_seed: u64,
     /// Runs of each kind and class.
     pub seeds: u64,
-    /// Whether a Kalman filter that is told the true noise runs beside the core.
-    pub with_kalman: bool,
-    /// Whether the core is told the true noise of the receiver too, and of one that does not smooth
-    /// that it does not.
-    pub receiver_known: bool,
+    /// What is done on each.
+    pub trial: Trial,
 }
 
 impl Study {
@@ -58,7 +55,7 @@ impl Study {
                 cases
                     .par_iter()
                     .map(|(kind, class)| {
-                        let tried = run::run(kind, *class, seed, self);
+                        let tried = self.trial.run(kind, *class, seed);
                         progress.inc(1);
                         tried
                     })
@@ -89,8 +86,7 @@ mod tests {
             only: Some(Grade::Mems),
             first_seed: 3,
             seeds: 2,
-            with_kalman: false,
-            receiver_known: false,
+            trial: Trial::default(),
         };
         let on = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
@@ -144,8 +140,7 @@ mod tests {
             only: None,
             first_seed: 0,
             seeds: 6,
-            with_kalman: false,
-            receiver_known: false,
+            trial: Trial::default(),
         };
         let results = study.results(&ProgressBar::hidden());
         let mut rows = results[0].rows.iter();

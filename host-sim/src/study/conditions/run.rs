@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::quantities::{QUANTITIES, index};
 use super::subject::{self, Claim, Claims, Core, Kalman, Subject};
 use super::truth::Truth;
-use super::{Kind, Study, World, told};
+use super::{Kind, World, told};
 use crate::sim::{Grade, SimulatedDrive};
 
 /// One claim against its truth, in the unit of the quantity.
@@ -43,28 +43,40 @@ pub struct Tried {
     pub kalman: Option<Run>,
 }
 
-/// Simulates and runs one seed.
-///
-/// # Panics
-/// If the core refuses its own presets.
-pub fn run(kind: &Kind, class: Grade, seed: u64, study: &Study) -> Tried {
-    let world = kind.world(class, seed);
-    let drive = world.simulate();
-    let truth = Truth::new(&world, &drive);
-    let mut config = subject::config(&world, &drive);
-    if study.receiver_known {
-        config = told::of_receiver(&world, config);
-    }
-    let refused = "presets are valid";
-    let core = Core::new(config, &drive).expect(refused);
-    let kalman = || {
-        let (fixes, noise) = (told::fixes(&world, &drive), told::noise(&world, &config));
-        let kalman = Kalman::new(&drive.imu, &fixes, config, noise, &truth.up).expect(refused);
-        try_on(kalman, &world, &drive, &truth)
-    };
-    Tried {
-        core: try_on(core, &world, &drive, &truth),
-        kalman: study.with_kalman.then(kalman),
+/// What is done on a seed.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Trial {
+    /// Whether a Kalman filter that is told the true noise runs beside the core.
+    pub with_kalman: bool,
+    /// Whether the core is told the true noise of the receiver too, and of one that does not smooth
+    /// that it does not.
+    pub receiver_known: bool,
+}
+
+impl Trial {
+    /// Simulates and runs one seed.
+    ///
+    /// # Panics
+    /// If the core refuses its own presets.
+    pub fn run(self, kind: &Kind, class: Grade, seed: u64) -> Tried {
+        let world = kind.world(class, seed);
+        let drive = world.simulate();
+        let truth = Truth::new(&world, &drive);
+        let mut config = subject::config(&world, &drive);
+        if self.receiver_known {
+            config = told::of_receiver(&world, config);
+        }
+        let refused = "presets are valid";
+        let core = Core::new(config, &drive).expect(refused);
+        let kalman = || {
+            let (fixes, noise) = (told::fixes(&world, &drive), told::noise(&world, &config));
+            let kalman = Kalman::new(&drive.imu, &fixes, config, noise, &truth.up).expect(refused);
+            try_on(kalman, &world, &drive, &truth)
+        };
+        Tried {
+            core: try_on(core, &world, &drive, &truth),
+            kalman: self.with_kalman.then(kalman),
+        }
     }
 }
 
