@@ -107,8 +107,10 @@ mod tests {
                 only: Some(Grade::Hg1700),
                 first_seed: 0,
                 seeds: 8,
-                with_kalman: true,
-                receiver_known,
+                trial: Trial {
+                    with_kalman: true,
+                    receiver_known,
+                },
             };
             let results = study.results(&ProgressBar::hidden());
             let plain = &results[0];
