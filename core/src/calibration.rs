@@ -110,7 +110,8 @@ impl Calibration {
                 if !(known.value.is_finite() && known.sigma.is_finite()) {
                     return Err(ConfigError::NotFinite("calibration"));
                 }
-                if known.sigma <= 0.0 {
+                let estimated = belief.sigma(which) > 0.0;
+                if known.sigma < 0.0 || (estimated && known.sigma <= 0.0) {
                     return Err(ConfigError::NotPositive("calibration"));
                 }
                 let sigma = math::min(known.sigma, belief.sigma(which));

@@ -2,11 +2,9 @@
 //!
 //! [`Navigator::new`]: crate::Navigator::new
 
-use nalgebra::SVector;
-
 use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::math;
-use crate::parameters::{COUNT, Parameters, index};
+use crate::parameters::{Parameters, index};
 use crate::samples::ImuOutput;
 
 /// Bandwidth and damping ratio of a second-order loop.
@@ -305,6 +303,10 @@ impl GnssConfig {
 }
 
 /// Configuration of a [`Navigator`](crate::Navigator).
+///
+/// A spread of zero says that something is known exactly. Of smoothing, clock drift, lever arm, scale
+/// errors of accelerometers and of gyros, and misalignments, in this order, those after the last that
+/// is not zero are not estimated, and cost nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -332,44 +334,36 @@ pub struct Config {
 
 impl Config {
     /// What is believed of the parameters before any data.
+    #[inline(never)]
     pub(crate) fn prior(&self) -> Parameters {
         let s = &self.sensors;
         let g = &self.gnss;
-        // Nothing is known exactly: a spread of zero would make the equations infinite.
-        let some = |sigma: f64, least: f64| math::max(sigma, least);
-        let (df, dw) = (some(s.accel_bias_mps2, 1e-6), some(s.gyro_bias_radps, 1e-9));
-        let (lever, scale) = (some(g.lever_arm_sigma_m, 1e-4), some(s.accel_scale, 1e-7));
-        let turn = some(s.gyro_scale, 1e-7);
-        let askew = some(math::sqrt(s.cross_axis_variance()), 1e-7);
-        let sigma = SVector::<f64, COUNT>::from([
-            1.0,
-            some(g.latency_sigma_s, 1e-6),
-            dw,
-            dw,
-            dw,
-            df,
-            df,
-            df,
-            some(g.clock_drift_sigma, 1e-12),
-            lever,
-            lever,
-            lever,
-            scale,
-            scale,
-            scale,
-            turn,
-            turn,
-            turn,
-            turn,
-            askew,
-            askew,
-            askew,
-            some(g.smoothing_s2, 1e-9),
-        ]);
-        let mut prior = Parameters {
-            value: SVector::zeros(),
-            sigma: sigma.map(math::single),
-        };
+        let askew = math::sqrt(s.cross_axis_variance());
+        // Spread of each, and the least of one that is estimated: zero would make the equations
+        // infinite.
+        let groups = [
+            (index::AZIMUTH, 1, 1.0, 1.0),
+            (index::LATENCY, 1, g.latency_sigma_s, 1e-6),
+            (index::GYRO, 3, s.gyro_bias_radps, 1e-9),
+            (index::ACCEL, 3, s.accel_bias_mps2, 1e-6),
+            (index::SMOOTHING, 1, g.smoothing_s2, 1e-9),
+            (index::CLOCK_DRIFT, 1, g.clock_drift_sigma, 1e-12),
+            (index::LEVER_ARM, 3, g.lever_arm_sigma_m, 1e-4),
+            (index::ACCEL_SCALE, 3, s.accel_scale, 1e-7),
+            (index::TURN_SCALE, 4, s.gyro_scale, 1e-7),
+            (index::GYRO_MISALIGNMENT, 3, askew, 1e-7),
+        ];
+        let mut prior = Parameters::NONE;
+        let mut needed = false;
+        for (first, count, sigma, least) in groups.into_iter().rev() {
+            // Those before the last that is not known exactly are estimated with it.
+            needed |= sigma > 0.0 || first <= index::ACCEL;
+            if needed {
+                for which in first..first + count {
+                    prior.set(which, 0.0, math::max(sigma, least));
+                }
+            }
+        }
         for (axis, arm) in g.lever_arm_m.iter().enumerate() {
             prior.shift(index::LEVER_ARM + axis, *arm);
         }
@@ -422,12 +416,12 @@ impl Config {
                 gyro_bias_radps: 4.848e-6,
                 gyro_noise: [3.636e-5; 3],
                 gyro_bias_walk: 0.0,
-                gyro_scale: 1e-6,
+                gyro_scale: 0.0,
                 accel_bias_mps2: 0.01,
                 accel_noise: [5e-4; 3],
                 accel_bias_walk: 0.0,
-                accel_scale: 1e-6,
-                cross_axis: 1e-6,
+                accel_scale: 0.0,
+                cross_axis: 0.0,
                 misalignment_rad: 0.0,
                 noise_range: [0.1, 10.0],
                 gyro_range_radps: 18.0,

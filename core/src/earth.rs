@@ -205,5 +205,8 @@ fn normal_gravity(sin2_latitude: f64, inverse_w: f64, height_m: f64) -> f64 {
 
 /// The same angle in [-pi, pi], for angles within a few turns of zero.
 pub fn wrap_pi(angle_rad: f64) -> f64 {
+    if math::abs(angle_rad) <= core::f64::consts::PI {
+        return angle_rad;
+    }
     angle_rad - core::f64::consts::TAU * math::round(angle_rad / core::f64::consts::TAU)
 }

@@ -111,12 +111,12 @@ impl Estimator {
     ) {
         let from = self.horizon();
         match self {
-            Self::Exact(observer) => history.between(from, to, PIECE_S, |piece, end| {
+            Self::Exact(observer) => history.between(from, to, PIECE_S, &mut |piece, end| {
                 observer.propagate(piece, end, frame_rate_radps, config);
             }),
             #[cfg(feature = "literal")]
             Self::Literal(literal) => {
-                history.between(from, to, PIECE_S, |piece, end| {
+                history.between(from, to, PIECE_S, &mut |piece, end| {
                     literal.propagate(piece, end);
                 });
             }

@@ -279,8 +279,9 @@ impl<const N: usize> History<N> {
 
     /// Shows all that happened from one moment to another in pieces of at most `longest_s` or of
     /// one moment of the ring.
+    // Not generic in what is shown to: one copy in flash serves all.
     #[inline(never)]
-    pub fn between(&self, from: Time, to: Time, longest_s: f64, mut show: impl FnMut(&Span, Time)) {
+    pub fn between(&self, from: Time, to: Time, longest_s: f64, show: &mut dyn FnMut(&Span, Time)) {
         let mut piece = Span::default();
         let mut shown = from;
         for recorded in self.moments.iter() {

@@ -137,7 +137,7 @@ impl Increments {
             ImuOutput::Increments => self.usual_s,
         };
         let changes = [sample.gyro - self.gyro, sample.accel - self.accel];
-        changes.map(|change| change.amax() / reading_s)
+        changes.map(|change| math::largest(&change) / reading_s)
     }
 
     /// Whether the two ends of a hole of `seconds` before `sample` agree on what happened in it.
@@ -148,13 +148,13 @@ impl Increments {
         rate <= BRIDGEABLE_RAD && accel <= BRIDGEABLE_MPS
     }
 
-    /// Whether a reading means a turn that samples `seconds` apart cannot show.
-    pub fn turns_too_far(&self, sample: &ImuSample, seconds: f64) -> bool {
+    /// Whether a reading of a gyro means a turn that samples `seconds` apart cannot show.
+    pub fn turns_too_far(&self, gyro: f64, seconds: f64) -> bool {
         let read_s = match self.output {
             ImuOutput::Rates => seconds,
             ImuOutput::Increments => 1.0,
         };
-        read_s * sample.gyro.amax() > AMBIGUOUS_RAD
+        read_s * gyro > AMBIGUOUS_RAD
     }
 
     /// The time that a reading spans which comes `seconds` after the last, s: shorter if samples

@@ -8,10 +8,12 @@
 
 use nalgebra::{ArrayStorage, SVector};
 
-/// Least squares of `N` parameters; `T` is `N (N + 1) / 2`.
+/// Least squares of at most `N` parameters; `T` is `N (N + 1) / 2`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct LeastSquares<const N: usize, const T: usize> {
+    /// How many of them, from the first on, are not known exactly. The others cost nothing.
+    count: usize,
     weight: SVector<f32, N>,
     /// Row by row the later coefficients and, last, `z`.
     rows: SVector<f32, T>,
@@ -42,19 +44,27 @@ pub struct Step<const N: usize> {
 impl<const N: usize, const T: usize> LeastSquares<N, T> {
     const SIZES_MATCH: () = assert!(T == N * (N + 1) / 2, "T must be N (N + 1) / 2");
 
-    /// Of which nothing is known.
+    /// Of no parameter: all zeros, for it to take no flash.
     pub const NOTHING: Self = Self {
+        count: 0,
         weight: SVector::from_array_storage(ArrayStorage([[0.0; N]])),
         rows: SVector::from_array_storage(ArrayStorage([[0.0; T]])),
     };
 
-    /// Independent prior knowledge: each parameter is zero with a standard deviation (positive).
+    /// Independent prior knowledge: each parameter is zero with a standard deviation, which is zero
+    /// of the last ones at most.
     pub fn from_prior(sigma: &SVector<f32, N>) -> Self {
         let () = Self::SIZES_MATCH;
         Self {
-            weight: sigma.map(|s| 1.0 / (s * s)),
+            count: sigma.iter().take_while(|sigma| **sigma > 0.0).count(),
+            weight: sigma.map(|s| if s > 0.0 { 1.0 / (s * s) } else { 0.0 }),
             ..Self::NOTHING
         }
+    }
+
+    /// How many parameters are not known exactly: those from the first on.
+    pub fn count(&self) -> usize {
+        self.count
     }
 
     /// Adds `R` rows `coefficients . x = measured`, each with its weight; `coefficients` holds
@@ -66,7 +76,7 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
         weights: [f32; R],
     ) -> Added {
         let mut weight = weights;
-        let mut left = coefficients.as_mut_slice();
+        let mut left = coefficients.get_mut(..self.count).unwrap_or_default();
         let mut rows = self.rows.as_mut_slice();
         for own in &mut self.weight {
             let Some((pivots, later)) = left.split_first_mut() else {
@@ -124,8 +134,8 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
             let (Some(row), Some(later), Some(weight)) = (
                 self.rows
                     .as_mut_slice()
-                    .get_mut(start::<N>(i)..start::<N>(i + 1)),
-                step.as_mut_slice().get_mut(i..),
+                    .get_mut(start(self.count, i)..start(self.count, i + 1)),
+                step.as_mut_slice().get_mut(i..self.count),
                 self.weight.get_mut(i),
             ) else {
                 return None;
@@ -159,12 +169,15 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
 
     /// Renames parameter `index`: new = old + `by . x`, where `by` holds later parameters alone.
     pub fn redefine(&mut self, index: usize, by: &SVector<f32, N>) {
+        if index >= self.count {
+            return;
+        }
         for i in 0..=index {
             let (Some(row), Some(by)) = (
                 self.rows
                     .as_mut_slice()
-                    .get_mut(start::<N>(i)..start::<N>(i + 1)),
-                by.as_slice().get(i + 1..),
+                    .get_mut(start(self.count, i)..start(self.count, i + 1)),
+                by.as_slice().get(i + 1..self.count),
             ) else {
                 return;
             };
@@ -182,15 +195,18 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
     /// The least-squares value of each parameter.
     pub fn solve(&self) -> SVector<f32, N> {
         let mut x = SVector::zeros();
-        let mut rows = self.rows.as_slice();
-        for i in (0..N).rev() {
-            let Some((above, row)) = rows.split_at_checked(start::<N>(i)) else {
+        let rows = self.rows.as_slice();
+        let Some(mut rows) = rows.get(..start(self.count, self.count)) else {
+            return x;
+        };
+        for i in (0..self.count).rev() {
+            let Some((above, row)) = rows.split_at_checked(start(self.count, i)) else {
                 return x;
             };
             let (Some((z, row)), Some((own, later))) = (
                 row.split_last(),
                 x.as_mut_slice()
-                    .get_mut(i..)
+                    .get_mut(i..self.count)
                     .and_then(<[f32]>::split_first_mut),
             ) else {
                 return x;
@@ -203,8 +219,8 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
 
     /// From here on parameters are counted from the solution: each solves to zero.
     pub fn count_from_solution(&mut self) {
-        for i in 1..=N {
-            if let Some(z) = self.rows.as_mut_slice().get_mut(start::<N>(i) - 1) {
+        for i in 1..=self.count {
+            if let Some(z) = self.rows.as_mut_slice().get_mut(start(self.count, i) - 1) {
                 *z = 0.0;
             }
         }
@@ -229,7 +245,7 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
 
     /// Variance of the sum `coefficients . x`.
     pub fn variance_of(&self, mut coefficients: [f32; N]) -> f32 {
-        let mut left = coefficients.as_mut_slice();
+        let mut left = coefficients.get_mut(..self.count).unwrap_or_default();
         let mut rows = self.rows.as_slice();
         let mut variance = 0.0;
         for weight in &self.weight {
@@ -269,9 +285,9 @@ fn rotate(own: &mut f32, weight: f32, x: f32) -> (f32, f32) {
     (keep, weight * x * inverse)
 }
 
-/// First element of row `i`.
-const fn start<const N: usize>(i: usize) -> usize {
-    i * N - i * (i.saturating_sub(1)) / 2
+/// First element of row `i` of `count`.
+const fn start(count: usize, i: usize) -> usize {
+    i * count - i * (i.saturating_sub(1)) / 2
 }
 
 /// The row that is one parameter alone.

@@ -33,6 +33,11 @@ pub(crate) fn abs(a: f64) -> f64 {
     libm::fabs(a)
 }
 
+/// Magnitude of the largest component, of which none may be NaN.
+pub(crate) fn largest(v: &Vector3<f64>) -> f64 {
+    max(max(abs(v.x), abs(v.y)), abs(v.z))
+}
+
 /// Whether every component is finite.
 pub(crate) fn all_finite(v: &Vector3<f64>) -> bool {
     v.x.is_finite() && v.y.is_finite() && v.z.is_finite()

@@ -127,7 +127,8 @@ impl Navigator {
     /// Where position or heading are known too, give them as a first fix, with their sigmas.
     ///
     /// # Errors
-    /// As [`Self::new`]; also for a calibration that is not finite, or a sigma not above zero.
+    /// As [`Self::new`]; also for a calibration that is not finite, or a sigma not above zero of
+    /// what is estimated.
     pub fn warm(config: Config, calibration: &Calibration) -> Result<Self, ConfigError> {
         Self::with_ring(config, Some(calibration))
     }
@@ -262,7 +263,7 @@ impl<const RING: usize> Navigator<RING> {
     }
 
     /// One standard deviation of the [solution](Self::solution); none in the literal form. What the
-    /// parameters add to it is up to a second old.
+    /// parameters add to it is up to five seconds old.
     pub fn sigma(&self) -> Option<SolutionSigma> {
         if self.state.stopgap.is_some() {
             return Some(STOPGAP_SIGMA);
@@ -356,9 +357,10 @@ impl<const RING: usize> State<RING> {
         let Some((last, increments)) = &mut self.inertial else {
             return self.on_first(sample, config);
         };
+        let largest = Largest::of(sample);
         let seconds = sample.time.seconds_since(*last);
         if seconds <= 0.0 {
-            if out_of_range(sample, LONGEST_READING_S, config) {
+            if largest.out_of_range(LONGEST_READING_S, config) {
                 return ImuOutcome::OutOfRange;
             }
             if self.goes_on(sample.time, SET_BACK_S) {
@@ -368,10 +370,10 @@ impl<const RING: usize> State<RING> {
         }
         let hole = increments.has_hole(seconds);
         let reading_s = math::min(increments.reading_seconds(seconds, hole), LONGEST_READING_S);
-        if out_of_range(sample, reading_s, config) {
+        if largest.out_of_range(reading_s, config) {
             return ImuOutcome::OutOfRange;
         }
-        let too_far = increments.turns_too_far(sample, seconds);
+        let too_far = increments.turns_too_far(largest.gyro, seconds);
         if too_far && !hole {
             return ImuOutcome::OutOfRange;
         }
@@ -424,7 +426,7 @@ impl<const RING: usize> State<RING> {
 
     #[inline(never)]
     fn on_first(&mut self, sample: &ImuSample, config: &Config) -> ImuOutcome {
-        if out_of_range(sample, LONGEST_READING_S, config) {
+        if Largest::of(sample).out_of_range(LONGEST_READING_S, config) {
             return ImuOutcome::OutOfRange;
         }
         self.inertial = Some((sample.time, Increments::new(config.imu_output, sample)));
@@ -565,13 +567,30 @@ impl<const RING: usize> State<RING> {
     }
 }
 
-fn out_of_range(sample: &ImuSample, seconds: f64, config: &Config) -> bool {
-    let scale = match config.imu_output {
-        ImuOutput::Rates => 1.0,
-        ImuOutput::Increments => seconds,
-    };
-    sample.gyro.amax() > scale * config.sensors.gyro_range_radps
-        || sample.accel.amax() > scale * config.sensors.accel_range_mps2
+/// Magnitudes of the largest readings of a sample, all of which are finite.
+#[derive(Clone, Copy, Debug)]
+struct Largest {
+    gyro: f64,
+    accel: f64,
+}
+
+impl Largest {
+    fn of(sample: &ImuSample) -> Self {
+        Self {
+            gyro: math::largest(&sample.gyro),
+            accel: math::largest(&sample.accel),
+        }
+    }
+
+    /// Whether one is beyond what the sensors can show in so many seconds.
+    fn out_of_range(self, seconds: f64, config: &Config) -> bool {
+        let scale = match config.imu_output {
+            ImuOutput::Rates => 1.0,
+            ImuOutput::Increments => seconds,
+        };
+        self.gyro > scale * config.sensors.gyro_range_radps
+            || self.accel > scale * config.sensors.accel_range_mps2
+    }
 }
 
 /// Whether an INS is no faster than vehicles are: faster, it would soon go beyond all numbers.

@@ -481,6 +481,7 @@ impl Observer {
 
     /// The INS was found to be wrong, its velocity by this variance: all may be, by what it is when
     /// alignment ends and by some of its biases.
+    #[inline(never)]
     fn on_lost(&mut self, variance: f64, config: &Config) {
         let gnss = &config.gnss;
         // What has tilted it has made it run away.
@@ -504,6 +505,7 @@ impl Observer {
     }
 
     /// The same of the vertical alone, with this variance of the velocity more.
+    #[inline(never)]
     fn lose_vertical(&mut self, variance: f64, config: &Config) {
         let gnss = &config.gnss;
         self.vertical = Channel::new(0.0, &gnss.velocity_up_mps, &gnss.height_m);
@@ -530,7 +532,7 @@ impl Observer {
     /// axes it is kept, by ones.
     fn forget_noise(&mut self, kept: &Vector3<f64>) {
         self.followed.keep_noise(kept);
-        for response in &mut self.responses {
+        for response in estimated(&mut self.responses, &self.corrections) {
             response.keep_noise(&singles(kept));
         }
     }
@@ -678,7 +680,8 @@ impl Observer {
             self.followed.correct(axis, &gains, innovation);
         }
         let single_gains = gains.map(math::single);
-        for (response, by) in self.responses.iter_mut().zip(by.iter()) {
+        let responses = estimated(&mut self.responses, &self.corrections);
+        for (response, by) in responses.iter_mut().zip(by.iter()) {
             for (axis, by) in (first_axis..).zip(by) {
                 response.correct(axis, &single_gains, -by);
             }
@@ -817,11 +820,11 @@ impl Observer {
 
         let single_passage = passage.single();
         let (level_keep, up_keep) = (kept(&level).map(math::single), kept(&up).map(math::single));
-        for response in &mut self.responses {
+        let responses = estimated(&mut self.responses, &self.corrections);
+        for response in responses.iter_mut() {
             response.error.carry(&single_passage);
             response.renew(level_keep, up_keep);
         }
-        let responses = &mut self.responses;
         for_each_input(span, &self.level_force_mps2, |which, input| {
             if let Some(response) = responses.get_mut(which) {
                 response.error.feed(&single_passage, &input.single());
@@ -907,10 +910,11 @@ impl Observer {
 
     /// What a unit of each parameter more would add to that.
     fn shown_by(&self, past: &Past, measured: Measured) -> [Vector3<f32>; COUNT] {
-        let mut by = self
-            .responses
-            .each_ref()
-            .map(|response| response.shows(measured));
+        let mut by = [Vector3::zeros(); COUNT];
+        let shown = self.responses.iter().take(self.corrections.count());
+        for (by, response) in by.iter_mut().zip(shown) {
+            *by = response.shows(measured);
+        }
         let (by_latency, by_lever) = match measured {
             Measured::Velocity => (
                 singles(&past.accel_mps2),
@@ -989,7 +993,8 @@ impl Observer {
         let corrections = self.corrections.solve();
         self.corrections.count_from_solution();
         let mut total = Followed::<f64>::zero();
-        for (response, by) in self.responses.iter().zip(&corrections) {
+        let responses = estimated(&mut self.responses, &self.corrections);
+        for (response, by) in responses.iter().zip(&corrections) {
             total.add_scaled(&response.double(), f64::from(*by));
         }
         self.followed.add_scaled(&total, 1.0);
@@ -1025,6 +1030,9 @@ impl Observer {
     /// The spread of a parameter, and whether it moves as that says. The azimuth moves with the
     /// others, and walks as the gyros do.
     fn look_at(&mut self, which: usize) {
+        if which >= self.corrections.count() {
+            return;
+        }
         let variance = self.corrections.variance(which);
         let sigma = math::sqrt(f64::from(variance) * self.inflation_of(which));
         let value = self.parameters.value(which);
@@ -1074,7 +1082,8 @@ impl Observer {
             _ => 0.0,
         });
         self.carry_forward(index::AZIMUTH, &azimuth);
-        for (response, unit) in self.responses.iter_mut().zip(&UNIT_RESPONSES) {
+        let responses = estimated(&mut self.responses, &self.corrections);
+        for (response, unit) in responses.iter_mut().zip(&UNIT_RESPONSES) {
             response.error.tilt_rad.z = unit.error.tilt_rad.z;
         }
         let mut latency = Row::zeros();
@@ -1230,6 +1239,14 @@ impl Observer {
         self.corrections
             .add_direct(first, corrections.into(), math::single(variance));
     }
+}
+
+/// The responses to the parameters that are not known exactly.
+fn estimated<'a>(
+    responses: &'a mut [Followed<f32>; COUNT],
+    parameters: &LeastSquares<COUNT, PAIRS>,
+) -> &'a mut [Followed<f32>] {
+    responses.get_mut(..parameters.count()).unwrap_or_default()
 }
 
 /// What a unit of smoothing adds to INS minus GNSS: a mean over times of variance `s` lies by

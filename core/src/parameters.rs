@@ -12,7 +12,8 @@ pub const PAIRS: usize = COUNT * (COUNT + 1) / 2;
 pub(crate) const AGREES_SIGMAS: f64 = 4.0;
 
 /// Where each stands in a parameter vector. Those that change from fix to fix come first, for
-/// there the least squares lets them change at least cost.
+/// there the least squares lets them change at least cost; last come those that fewer sensors and
+/// receivers need, for what is known exactly at the end of the vector costs nothing.
 pub mod index {
     /// Azimuth error `Phi_UP` of the platform now, rad.
     pub const AZIMUTH: usize = 0;
@@ -22,21 +23,21 @@ pub mod index {
     pub const GYRO: usize = 2;
     /// First of three accelerometer biases at the level attitude of the mount, m/s^2.
     pub const ACCEL: usize = 5;
+    /// Smoothing by the receiver: variance of the times that its output is a mean of, s^2.
+    pub const SMOOTHING: usize = 8;
     /// Rate at which the latency grows: what the inertial clock loses on that of GNSS, s/s.
-    pub const CLOCK_DRIFT: usize = 8;
+    pub const CLOCK_DRIFT: usize = 9;
     /// First of three lever-arm components (right, forward, up), m.
-    pub const LEVER_ARM: usize = 9;
+    pub const LEVER_ARM: usize = 10;
     /// First of three scale errors of the accelerometers.
-    pub const ACCEL_SCALE: usize = 12;
+    pub const ACCEL_SCALE: usize = 13;
     /// Scale error of the gyros in turns about the vertical axis of the mount.
-    pub const TURN_SCALE: usize = 15;
+    pub const TURN_SCALE: usize = 16;
     /// First of three scale errors of the gyros in all other turns.
-    pub const GYRO_SCALE: usize = 16;
+    pub const GYRO_SCALE: usize = 17;
     /// First of three misalignments: what the gyros make of all other turns, about each axis of the
     /// body, about the vertical, rad.
-    pub const GYRO_MISALIGNMENT: usize = 19;
-    /// Smoothing by the receiver: variance of the times that its output is a mean of, s^2.
-    pub const SMOOTHING: usize = 22;
+    pub const GYRO_MISALIGNMENT: usize = 20;
 }
 
 /// Values and standard deviations.
@@ -45,9 +46,10 @@ pub mod index {
 pub struct Parameters {
     /// SI units, see [`index`].
     pub value: SVector<f64, COUNT>,
-    /// One standard deviation of each.
+    /// One standard deviation of each; zero: known exactly, and not estimated.
     pub sigma: SVector<f32, COUNT>,
 }
+
 impl Parameters {
     /// Zeros.
     pub const NONE: Self = Self {

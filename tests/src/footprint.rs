@@ -16,6 +16,7 @@ use crate::firmware::{flash_bytes, image, image_with, peer_image};
 type Failure = Box<dyn std::error::Error>;
 
 /// A minute of rest for the gyrocompass and three minutes of driving, of which the last two count.
+/// MEMS have found their heading by then, too.
 const REST_S: f64 = 62.0;
 const MINUTES: f64 = 4.0;
 const COUNTED_FROM_S: f64 = 120.0;
@@ -85,9 +86,10 @@ impl Footprint {
     }
 }
 
-/// Of `ins-core` with everything running.
-pub fn ours(board: Board) -> Result<Footprint, Failure> {
-    let (drive, config) = drive();
+/// Of `ins-core` with all that its preset for a class of sensors estimates: of ring lasers nine
+/// parameters, of MEMS all there are.
+pub fn ours(board: Board, class: Grade) -> Result<Footprint, Failure> {
+    let (drive, config) = drive(class);
     let flash_bytes = flash_bytes(&image(board, "core_only")?)?;
     let requests = requests(&drive.imu, &drive.gnss);
     let image = image_with(board, "console", &["--features", "call-stack"])?;
@@ -101,7 +103,7 @@ pub fn ours(board: Board) -> Result<Footprint, Failure> {
 /// Of a program of `tests/peers` on the Cortex-M7. The peers are told what the core finds: the
 /// heading at the start, and by the stamps of the fixes the latency.
 pub fn peer(program: &str) -> Result<Footprint, Failure> {
-    let (drive, config) = drive();
+    let (drive, config) = drive(Grade::Hg1700);
     let config = Config {
         heading: HeadingSource::Given(drive.truth[0].euler().heading_rad),
         ..config
@@ -122,14 +124,18 @@ pub fn peer(program: &str) -> Result<Footprint, Failure> {
     })
 }
 
-fn drive() -> (SimulatedDrive, Config) {
+fn drive(class: Grade) -> (SimulatedDrive, Config) {
     let drive = DriveConfig {
         initial_rest_s: Some([REST_S, REST_S + 1.0]),
-        ..DriveConfig::new(3, Grade::Hg1700, MINUTES)
+        ..DriveConfig::new(3, class, MINUTES)
+    };
+    let preset = match class {
+        Grade::Ideal | Grade::Hg1700 => Config::hg1700(),
+        Grade::Mems => Config::mems(),
     };
     let config = Config {
         imu_output: drive.recording.errors.imu.output,
-        ..Config::hg1700()
+        ..preset
     };
     (simulate(&drive), config)
 }

@@ -41,7 +41,7 @@ const PIECE_OF_WORK_S: f64 = 0.0101;
 /// Interval at which the parameters are solved for, s.
 const SOLVE_S: f64 = 1.0;
 
-/// What has turned the platform since the start about the vertical, by cause.
+/// What has turned the platform about the vertical, by cause.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Turned {
@@ -56,6 +56,23 @@ struct Turned {
     /// the first have beyond the others.
     angle_rad: Vector3<f64>,
     turn_rad: f64,
+}
+
+impl Turned {
+    /// The same and a span more, over which up hardly turns in the body.
+    #[must_use]
+    fn and(mut self, span: &Span) -> Self {
+        let up_s = span.attitude_s.row(2).transpose();
+        // A span of no length has turned nothing.
+        let up = up_s / math::max(span.seconds, 1e-9);
+        self.controls_rad += span.control_tilt_rad.z;
+        self.gyros_s += up_s;
+        self.scales_rad += up.component_mul(&span.angle_rad);
+        self.vertical_rad += up * span.turn_rad;
+        self.angle_rad += span.angle_rad;
+        self.turn_rad += span.turn_rad;
+        self
+    }
 }
 
 /// What the estimators have to do besides taking fixes.
@@ -108,6 +125,7 @@ pub struct AidedIns<const N: usize> {
     since: Time,
     /// Azimuth taken out since the start, rad.
     azimuth_removed_rad: f64,
+    /// From the start to the newest moment of the ring.
     turned: Turned,
     manoeuvre: Manoeuvre,
     /// Stamp and velocity difference of the last fix that was compared, ENU, m/s.
@@ -305,15 +323,16 @@ impl<const N: usize> AidedIns<N> {
     /// plus what the found errors of the gyros did.
     fn azimuth_error_rad(&self) -> f64 {
         let parameters = self.known();
-        let drift = self.turned.gyros_s.dot(&parameters.vector(index::GYRO));
+        let turned = self.turned.and(&self.current);
+        let drift = turned.gyros_s.dot(&parameters.vector(index::GYRO));
         let mount_up = self.estimator.level_force_mps2() / GRAVITY_EQUATOR_MPS2;
-        let vertical = &self.turned.vertical_rad;
-        let beyond = self.turned.scales_rad - mount_up.component_mul(vertical);
-        let tipped_rad = self.turned.angle_rad - mount_up * self.turned.turn_rad;
+        let vertical = &turned.vertical_rad;
+        let beyond = turned.scales_rad - mount_up.component_mul(vertical);
+        let tipped_rad = turned.angle_rad - mount_up * turned.turn_rad;
         let scale = parameters.value(index::TURN_SCALE) * mount_up.dot(vertical)
             + parameters.vector(index::GYRO_SCALE).dot(&beyond)
             + (parameters.vector(index::GYRO_MISALIGNMENT)).dot(&tipped_rad);
-        self.azimuth_left_rad() - self.turned.controls_rad + drift + scale
+        self.azimuth_left_rad() - turned.controls_rad + drift + scale
     }
 
     /// Inertial samples were missing for `seconds`, between readings that differ by so much, rad/s and
@@ -401,6 +420,7 @@ impl<const N: usize> AidedIns<N> {
             &self.current,
             &self.wobble,
         );
+        self.turned = self.turned.and(&self.current);
         self.moved_m = Vector3::zeros();
         self.current = Span::default();
         self.wobble = Wobble::default();
@@ -425,7 +445,7 @@ impl<const N: usize> AidedIns<N> {
         let mut since = Span::default();
         let forever_s = f64::MAX;
         self.history
-            .between(to, self.now, forever_s, |piece, _| since = *piece);
+            .between(to, self.now, forever_s, &mut |piece, _| since = *piece);
         self.before_current = since;
     }
 
@@ -454,7 +474,6 @@ impl<const N: usize> AidedIns<N> {
         current.control_tilt_rad -= error.tilt_rad;
         current.way_m -= error.position_m;
         self.azimuth_removed_rad += error.tilt_rad.z;
-        self.turned.controls_rad -= error.tilt_rad.z;
     }
 
     /// Rate at which the navigation frame turns, rad/s.
@@ -469,8 +488,7 @@ impl<const N: usize> AidedIns<N> {
         let tilt = dt * (controls.rate_radps + step.attitude * self.compensation.gyro_radps);
         let push = dt * (controls.accel_mps2 - step.attitude * self.compensation.accel_mps2);
         let force = &step.force_enu_mps;
-        let up = step.attitude.row(2).transpose();
-        let turn_rad = up.dot(&interval.angle_rad);
+        let turn_rad = step.attitude.row(2).tr_dot(&interval.angle_rad);
         let bent = force.cross(&tilt);
         let one = Span {
             seconds: dt,
@@ -490,12 +508,6 @@ impl<const N: usize> AidedIns<N> {
         self.moved_m += step.way_m - dt * controls.velocity_mps;
         self.now = time;
         self.azimuth_removed_rad -= dt * controls.rate_radps.z;
-        self.turned.controls_rad += tilt.z;
-        self.turned.gyros_s += up * dt;
-        self.turned.scales_rad += up.component_mul(&interval.angle_rad);
-        self.turned.vertical_rad += up * turn_rad;
-        self.turned.angle_rad += interval.angle_rad;
-        self.turned.turn_rad += turn_rad;
     }
 
     /// A vehicle at rest turns with the Earth: its gyros read their biases.

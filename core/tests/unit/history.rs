@@ -197,7 +197,7 @@ fn ring_of(spans: &[Span]) -> (History<N>, Time) {
 /// All from one moment to another, put together from pieces.
 fn total(history: &History<N>, from: Time, to: Time, longest_s: f64) -> (Span, Vec<Time>) {
     let (mut whole, mut ends) = (Span::default(), Vec::new());
-    history.between(from, to, longest_s, |piece, end| {
+    history.between(from, to, longest_s, &mut |piece, end| {
         whole = whole.then(piece);
         ends.push(end);
     });

@@ -147,6 +147,30 @@ proptest! {
         let expected = left + x.x * x.x + x.y * x.y / 4.0;
         prop_assert!((misfit - expected).abs() < 1e-4 * (1.0 + expected));
     }
+
+    /// The last parameters, if they are known exactly, change no bit of the others.
+    #[test]
+    fn what_is_known_exactly_is_left_out(
+        rows in prop::collection::vec(([-3.0_f32..3.0, -3.0..3.0, -3.0..3.0, -3.0..3.0], -3.0_f32..3.0), 1..20),
+    ) {
+        let mut few = LeastSquares::<2, 3>::from_prior(&Vector2::new(1.0, 2.0));
+        let mut many = LeastSquares::<4, 10>::from_prior(&Vector4::new(1.0, 2.0, 0.0, 0.0));
+        for ([a, b, c, d], measured) in rows {
+            let of_few = few.add(&mut [[a], [b]], [measured], [1.0]);
+            prop_assert_eq!(many.add(&mut [[a], [b], [c], [d]], [measured], [1.0]), of_few);
+            let (of_few, of_many) = (few.diffuse(1, 0.1).unwrap(), many.diffuse(1, 0.1).unwrap());
+            prop_assert_eq!(of_many.by, of_few.by.push(0.0).push(0.0));
+            few.redefine(0, &Vector2::new(0.0, c));
+            many.redefine(0, &Vector4::new(0.0, c, d, a));
+            prop_assert_eq!(many.solve(), few.solve().push(0.0).push(0.0));
+            prop_assert_eq!(many.variance_of([a, b, c, d]), few.variance_of([a, b]));
+        }
+        let before = many;
+        many.diffuse(2, 1.0);
+        many.redefine(2, &Vector4::repeat(1.0));
+        many.add_direct(3, [1.0], 1.0);
+        prop_assert_eq!(many, before);
+    }
 }
 
 #[test]
