@@ -19,7 +19,7 @@ use crate::identify::run::Event;
 /// An algorithm under test.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Subject {
-    /// The core, by the preset of the class of sensors.
+    /// The core, told the model; of what that does not say, the preset of the class of sensors.
     Core(Form, Feedback),
     /// The Kalman filter that the core is compared with, told the model.
     Kalman,
@@ -88,11 +88,11 @@ impl Subject {
 }
 
 fn config(flown: &Flown, told: &Told) -> Config {
-    config_of(
-        told.grade,
-        told.model.imu.output,
-        flown.run.given_heading_rad,
-    )
+    let model = &told.model;
+    let preset = config_of(told.grade, model.imu.output, flown.run.given_heading_rad);
+    let mut config = Noise::of_model(model).tell(preset);
+    config.sensors.cross_axis = model.gyro_deg_h.misalignment_sigma;
+    config
 }
 
 fn core(

@@ -1,6 +1,7 @@
 //! What the filter is told of the sensors and the receiver.
 
 use ins_core::attitude::matrix;
+use ins_core::config::{self, GnssConfig, SensorConfig};
 use ins_core::earth::GRAVITY_EQUATOR_MPS2;
 use ins_core::mechanization::Mechanization;
 use ins_core::{Config, GnssFix};
@@ -56,12 +57,25 @@ impl PartNoise {
     }
 
     /// As the core is told.
-    fn told(noise: &ins_core::config::Noise, believes_stated: bool) -> Self {
+    fn told(noise: &config::Noise, believes_stated: bool) -> Self {
         Self {
             white: noise.white,
             colour: noise.correlated,
             correlation_s: noise.correlation_s,
             believes_stated,
+        }
+    }
+
+    /// The same for the core; where there is no colour, the time that it would have is kept.
+    fn tell(&self, noise: config::Noise) -> config::Noise {
+        config::Noise {
+            white: self.white,
+            correlated: self.colour,
+            correlation_s: if self.colour > 0.0 {
+                self.correlation_s
+            } else {
+                noise.correlation_s
+            },
         }
     }
 
@@ -177,6 +191,44 @@ impl Noise {
             lever_arm_sigma_m: Vector3::repeat(gnss.lever_arm_sigma_m),
             heading_sigma_rad: GIVEN_HEADING_RAD,
             rest_sway_radps: Some(SWAY_RADPS),
+        }
+    }
+
+    /// A configuration of the core by the same knowledge.
+    pub fn tell(&self, config: Config) -> Config {
+        let sensors = SensorConfig {
+            gyro_noise: self.gyro_noise.into(),
+            gyro_bias_walk: self.gyro_bias_walk,
+            gyro_bias_radps: self.gyro_bias_radps,
+            gyro_scale: self.gyro_scale,
+            accel_noise: self.accel_noise.into(),
+            accel_bias_walk: self.accel_bias_walk,
+            accel_bias_mps2: self.accel_bias_mps2,
+            accel_scale: self.accel_scale,
+            ..config.sensors
+        };
+        let gnss = GnssConfig {
+            latency_sigma_s: self.latency_sigma_s,
+            clock_drift_sigma: self.clock_drift_sigma,
+            lever_arm_m: self.lever_arm_m.into(),
+            lever_arm_sigma_m: self.lever_arm_sigma_m.max(),
+            ..self.tell_of_fixes(config.gnss)
+        };
+        Config {
+            sensors,
+            gnss,
+            ..config
+        }
+    }
+
+    /// What the core is told of a receiver, by the noise of its fixes.
+    pub fn tell_of_fixes(&self, gnss: GnssConfig) -> GnssConfig {
+        GnssConfig {
+            velocity_mps: self.velocity.tell(gnss.velocity_mps),
+            velocity_up_mps: self.velocity_up.tell(gnss.velocity_up_mps),
+            position_m: self.position.tell(gnss.position_m),
+            height_m: self.height.tell(gnss.height_m),
+            ..gnss
         }
     }
 

@@ -3,7 +3,6 @@
 //! It has no state for misalignments, and none of its noises for bursts of noise, for vibration or
 //! for stamps off their samples: where a kind has these, its own error over sigma tells.
 
-use ins_core::config::{self, GnssConfig};
 use ins_core::{Config, GnssFix};
 use nalgebra::Vector3;
 
@@ -37,29 +36,11 @@ pub fn noise(world: &World, config: &Config) -> Noise {
 /// What the core is told of the receiver by a user who has its true noise, and knows whether it
 /// smooths.
 pub fn of_receiver(world: &World, config: Config) -> Config {
-    let truth = Noise::of_model(&world.errors);
-    let of = |told: config::Noise, truth: &PartNoise| config::Noise {
-        white: truth.white,
-        correlated: truth.colour,
-        correlation_s: if truth.colour > 0.0 {
-            truth.correlation_s
-        } else {
-            told.correlation_s
-        },
-    };
-    let gnss = config.gnss;
-    let smooths = world.errors.gnss.habits.smoothing_s > 0.0;
-    Config {
-        gnss: GnssConfig {
-            velocity_mps: of(gnss.velocity_mps, &truth.velocity),
-            velocity_up_mps: of(gnss.velocity_up_mps, &truth.velocity_up),
-            position_m: of(gnss.position_m, &truth.position),
-            height_m: of(gnss.height_m, &truth.height),
-            smoothing_s2: if smooths { gnss.smoothing_s2 } else { 0.0 },
-            ..gnss
-        },
-        ..config
+    let mut gnss = Noise::of_model(&world.errors).tell_of_fixes(config.gnss);
+    if world.errors.gnss.habits.smoothing_s <= 0.0 {
+        gnss.smoothing_s2 = 0.0;
     }
+    Config { gnss, ..config }
 }
 
 /// The same fixes without what the receiver is known to do to them, so that their noise is that
