@@ -28,6 +28,11 @@ mod habits {
     pub const CORNER_MPS2: [f64; 2] = [1.5, 3.0];
     pub const BEND_MPS2: [f64; 2] = [0.4, 1.5];
     pub const BEND_RAD: [f64; 2] = [0.05, 0.5];
+    pub const RAMP_RAD: [f64; 2] = [1.5, 4.5];
+    pub const RAMP_MPS2: [f64; 2] = [1.5, 3.0];
+    pub const MOTORWAY_MPS: [f64; 2] = [25.0, 36.0];
+    pub const STRAIGHT_S: [f64; 2] = [25.0, 60.0];
+    pub const LANE_RAD: [f64; 2] = [0.02, 0.05];
     pub const STEERING_S: [f64; 2] = [1.0, 1.6];
     /// How long before the end of one manoeuvre the next begins.
     pub const OVERLAP_S: f64 = 0.4;
@@ -53,6 +58,28 @@ impl Car {
         let mut driver = Driver::new(seed, initial_rest_s);
         while driver.course.now_s < duration_s {
             driver.leg();
+        }
+        let mut car = Self::driven(driver.course);
+        let length_m = car.speed.at(duration_s).integral;
+        car.grade = road(seed, length_m);
+        car
+    }
+
+    /// At least `duration_s` on a motorway, chosen by `seed`: it begins in motion in the bend of a
+    /// ramp, and changes lane and speed every minute or two.
+    pub fn on_motorway(seed: u64, duration_s: f64) -> Self {
+        let mut driver = Driver::new(seed, None);
+        driver.course.now_s = 0.0;
+        let ramp = driver.random.uniform(habits::RAMP_RAD) * driver.random.sign();
+        driver.turn(ramp, habits::RAMP_MPS2);
+        while driver.course.now_s < duration_s {
+            let speed = driver.random.uniform(habits::MOTORWAY_MPS);
+            driver.change_speed(speed);
+            driver.course.now_s += driver.random.uniform(habits::STRAIGHT_S);
+            let lane = driver.random.uniform(habits::LANE_RAD) * driver.random.sign();
+            driver.turn(lane, habits::BEND_MPS2);
+            driver.turn(-lane, habits::BEND_MPS2);
+            driver.course.now_s += driver.random.uniform(habits::STRAIGHT_S);
         }
         let mut car = Self::driven(driver.course);
         let length_m = car.speed.at(duration_s).integral;

@@ -65,6 +65,12 @@ pub struct SensorModel {
     /// accelerometers on the whole, so theirs is symmetrical.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub misalignment_sigma: f64,
+    /// Run-to-run spread of what a bias changes by as the unit warms up, U.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub warming_sigma: f64,
+    /// Time constant of that, s.
+    #[serde(default = "minutes", skip_serializing_if = "are_minutes")]
+    pub warming_s: f64,
     /// The white noise of each axis is so many times `white_noise`.
     #[serde(default = "alike", skip_serializing_if = "are_alike")]
     pub noise_times: [f64; 3],
@@ -113,6 +119,16 @@ pub enum BiasModel {
 
 fn a_second() -> f64 {
     1.0
+}
+
+fn minutes() -> f64 {
+    150.0
+}
+
+// Signature is serde's.
+#[allow(clippy::trivially_copy_pass_by_ref)]
+fn are_minutes(time_s: &f64) -> bool {
+    is_zero(&(time_s - minutes()))
 }
 
 fn alike() -> [f64; 3] {
@@ -372,6 +388,8 @@ impl SensorModel {
             white_noise,
             scale_sigma: 0.0,
             misalignment_sigma: 0.0,
+            warming_sigma: 0.0,
+            warming_s: minutes(),
             noise_times: alike(),
         }
     }
@@ -381,6 +399,8 @@ impl SensorModel {
         spread(&key("white_noise"), self.white_noise)?;
         spread(&key("scale_sigma"), self.scale_sigma)?;
         spread(&key("misalignment_sigma"), self.misalignment_sigma)?;
+        spread(&key("warming_sigma"), self.warming_sigma)?;
+        positive(&key("warming_s"), self.warming_s)?;
         for (axis, times) in self.noise_times.iter().enumerate() {
             spread(&key(&format!("noise_times[{axis}]")), *times)?;
         }

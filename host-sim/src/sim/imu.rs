@@ -81,6 +81,10 @@ impl Imu {
 #[derive(Clone, Debug)]
 pub struct Triad {
     bias: [Bias; 3],
+    /// What the biases change by while the unit warms up, and the part of it that is still to come.
+    warming: Vector3<f64>,
+    cold: f64,
+    warming_s: f64,
     scale: Vector3<f64>,
     cross: Matrix3<f64>,
     noise_density: Vector3<f64>,
@@ -91,11 +95,15 @@ pub struct Triad {
 impl Triad {
     fn new(model: &SensorModel, unit: f64, range: f64, seed: u64, name: &str) -> Self {
         let stream = |part: &str| Random::stream(seed, &format!("{name} {part}"));
+        let mut warming = stream("warming");
         let mut scale = stream("scale");
         let mut cross = stream("misalignment");
         Self {
             bias: ["bias x", "bias y", "bias z"]
                 .map(|axis| Bias::new(&model.bias, unit, stream(axis))),
+            warming: Vector3::from(warming.normal3()) * (unit * model.warming_sigma),
+            cold: 1.0,
+            warming_s: model.warming_s,
             scale: Vector3::from(scale.normal3()) * model.scale_sigma,
             cross: Matrix3::from_fn(|axis, of| {
                 let drawn = cross.normal();
@@ -113,7 +121,8 @@ impl Triad {
 
     /// The biases now.
     pub fn bias(&self) -> Vector3<f64> {
-        Vector3::from([0, 1, 2].map(|axis| self.bias[axis].value()))
+        let drifted = Vector3::from([0, 1, 2].map(|axis| self.bias[axis].value()));
+        drifted + self.warming * (1.0 - self.cold)
     }
 
     /// The scale-factor errors.
@@ -136,6 +145,9 @@ impl Triad {
     fn advance(&mut self, step_s: f64) {
         for bias in &mut self.bias {
             bias.advance(step_s);
+        }
+        if self.warming != Vector3::zeros() {
+            self.cold *= libm::exp(-step_s / self.warming_s);
         }
     }
 

@@ -28,6 +28,8 @@ pub enum Vehicle {
     /// A car that leans so many times as far as a family car; it begins at rest for a time
     /// between the bounds, s, or in motion.
     Car { rest_s: Option<[f64; 2]>, lean: f64 },
+    /// A family car on a motorway, from the bend of its ramp on.
+    Motorway,
     /// A boat at anchor that sails then.
     Boat(Anchored),
     /// An aircraft whose turns are banked between two angles, rad.
@@ -144,6 +146,7 @@ impl World {
             Vehicle::Car { rest_s, lean } => {
                 Box::new(Car::new(seed, duration_s, rest_s).leaning(lean))
             }
+            Vehicle::Motorway => Box::new(Car::on_motorway(seed, duration_s)),
             Vehicle::Boat(anchored) => Box::new(Boat::new(seed, duration_s, anchored)),
             Vehicle::Plane { bank_rad, begin } => {
                 Box::new(Plane::new(seed, duration_s, bank_rad, begin))

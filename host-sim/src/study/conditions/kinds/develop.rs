@@ -4,10 +4,11 @@ use ins_core::ImuOutput;
 
 use super::kind::{BOTH, Kind, MEMS, kinds};
 use super::shakes;
+use crate::sim::Grade;
 use crate::sim::boat::Anchored;
 use crate::sim::errors::Outage;
 use crate::sim::plane::Begin;
-use crate::sim::receiver::{Outliers, Stated, Up, Wrong};
+use crate::sim::receiver::{Correlated, Outliers, Stated, Up, Wrong};
 use crate::sim::shaken::When;
 use crate::study::conditions::Vehicle;
 
@@ -91,6 +92,18 @@ kinds! { judge: false,
             position_m: 30.0,
         };
     };
+    "wandering_height", BOTH, 15.0,
+    "no vertical velocity, height good to 0.3 m and stated so wanders by 8 m over 300 s, 5 Hz"
+    => |w| {
+        w.errors.gnss.rate_hz = 5.0;
+        w.habits().up = Up::Missing;
+        w.position_noise(0.7, 1.0, 60.0);
+        w.errors.gnss.vertical_sigma_m = 0.3;
+        w.habits().vertical = Correlated {
+            sigma: 8.0,
+            time_s: 300.0,
+        };
+    };
     "multipath", MEMS, 15.0,
     "position wanders by 6 m over 60 s, velocity by 0.2 m/s over 5 s, white parts stated" => |w| {
         w.errors.gnss.rate_hz = 5.0;
@@ -124,6 +137,15 @@ kinds! { judge: false,
         w.errors.gyro_deg_h.noise_times = [8.0, 8.0, 1.6];
         w.errors.accel_mps2.noise_times = [2.0, 12.0, 12.0];
     };
+    "warming", BOTH, 15.0,
+    "biases move by some of their run-to-run spread as the unit warms up, within 150 s" => |w| {
+        let (gyro_deg_h, accel_mps2) = match w.class {
+            Grade::Mems => (300.0, 0.05),
+            Grade::Ideal | Grade::Hg1700 => (1.0, 0.005),
+        };
+        w.errors.gyro_deg_h.warming_sigma = gyro_deg_h;
+        w.errors.accel_mps2.warming_sigma = accel_mps2;
+    };
     "biased_start", MEMS, 12.0, "gyro biases of 3 deg/s, begins in motion" => |w| {
         w.errors.gyro_deg_h.bias = crate::sim::errors::BiasModel::drifting(10_800.0, 40.0);
         w.vehicle = Vehicle::Car {
@@ -151,6 +173,14 @@ kinds! { judge: false,
     "idles at 28 Hz with 1.5 m/s^2 and rocks by 0.2 deg while it stands" => |w| {
         w.shakes.push(shakes::engine(When::Always, 28.0, 1.5, 0.05));
         w.shakes.push(shakes::sway(1.1, 0.2));
+    };
+    "motorway", BOTH, 18.0,
+    "begins in the bend of a ramp, then straight on with a change of lane every minute or two, 5 Hz"
+    => |w| {
+        w.vehicle = Vehicle::Motorway;
+        w.errors.gnss.rate_hz = 5.0;
+        w.velocity_noise(0.05, 0.03, 3.0);
+        w.position_noise(0.5, 1.5, 60.0);
     };
     "boat", BOTH, 20.0, "swings at anchor by 0.3 deg/s to and fro in 4 min, then sails" => |w| {
         w.vehicle = Vehicle::Boat(Anchored {

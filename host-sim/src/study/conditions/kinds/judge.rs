@@ -190,6 +190,15 @@ kinds! { judge: true,
         w.errors.gyro_deg_h.noise_times = [1.0, 12.0, 5.0];
         w.errors.accel_mps2.noise_times = [15.0, 4.0, 1.0];
     };
+    "stepping_biases", MEMS, 15.0, "gyro biases jump by 80 deg/h every three minutes, 5 Hz" => |w| {
+        w.errors.gnss.rate_hz = 5.0;
+        w.errors.gyro_deg_h.bias = BiasModel::Wave {
+            initial_sigma: 1000.0,
+            interval_s: 170.0,
+            jump_mean: 0.0,
+            jump_sigma: 80.0,
+        };
+    };
     "five_degrees_a_second", MEMS, 15.0, "gyro biases of 5 deg/s, begins in motion, 2 Hz" => |w| {
         w.errors.gyro_deg_h.bias = BiasModel::drifting(18_000.0, 40.0);
         w.errors.gnss.rate_hz = 2.0;
@@ -248,6 +257,22 @@ kinds! { judge: true,
         w.velocity_noise(0.05, 0.05, 2.0);
         w.shakes.push(shakes::waves(5.5, 5.0, 0.3));
     };
+    "boat_in_short_waves", BOTH, 20.0,
+    "20 Hz, antenna up to 3 m away, swings at anchor by 0.8 deg/s, waves of 4 deg and 3 s, 68 deg north"
+    => |w| {
+        w.vehicle = Vehicle::Boat(Anchored {
+            until_s: 90.0,
+            period_s: 60.0,
+            peak_radps: 0.8_f64.to_radians(),
+        });
+        w.errors.gnss.rate_hz = 20.0;
+        w.velocity_noise(0.02, 0.03, 1.0);
+        w.position_noise(0.4, 1.0, 100.0);
+        w.antenna_within([1.0, 2.0, 3.0]);
+        w.shakes.push(shakes::waves(3.0, 4.0, 0.3));
+        w.origin.latitude_rad = 68.0_f64.to_radians();
+        w.origin.height_m = 40.0;
+    };
     "quadrotor_in_flight", MEMS, 12.0,
     "begins in flight, 10 Hz, latency of 0.2 to 0.4 s, unit turned by up to 180 deg" => |w| {
         w.vehicle = Vehicle::Quadrotor { ground_s: None };
@@ -256,6 +281,12 @@ kinds! { judge: true,
         w.position_noise(0.5, 1.5, 60.0);
         w.tilt_mount([0.0, 180.0]);
         w.shakes.push(shakes::engine(When::Always, 61.0, 2.0, 0.2));
+    };
+    "nothing_vertical_in_flight", BOTH, 15.0,
+    "fixed wing, banks of 25 to 45 deg, from the ground, level position and velocity alone" => |w| {
+        w.fixed_wing([25.0, 45.0], Begin::OnGround, 5.0);
+        w.habits().gives_height = false;
+        w.habits().up = Up::Missing;
     };
     "steeper_banks", BOTH, 15.0,
     "fixed wing, banks of 35 to 60 deg, begins in flight, antenna 0.5 m away, 4 Hz" => |w| {
