@@ -194,19 +194,22 @@ impl InsError {
         let mut error = *self;
         error.carry(passage);
         // Second order: force is longer than its projection. Plus, for it is the one of the
-        // tilted frame. Each by itself: where the INS is held, biases and tilts feel no force
-        // together, and it matters not where these point.
+        // tilted frame. What a tilt and the biases make of it together points elsewhere, too: where
+        // the INS is held that is nothing.
         let up = Vector3::new(0.0, 0.0, self.tilt_rad.z);
-        for phi in [self.tilt_rad - up, up] {
-            error.velocity_mps += 0.5 * phi.cross(&passage.force_mps.cross(&phi));
-        }
+        let level = self.tilt_rad - up;
+        let longer = |phi: Vector3<f64>| 0.5 * phi.cross(&passage.force_mps.cross(&phi));
+        let pushed = forcing.push_mps + passage.force_mps.cross(&level);
+        // What is levelled meanwhile turns with the platform for half of the time, and so on.
+        let platform_rad = forcing.platform_rad();
+        let half_turn = Vector3::new(0.0, 0.0, 0.5 * platform_rad.z);
+        let second = longer(level) + longer(up) + (up + half_turn).cross(&pushed);
+        error.velocity_mps += second;
+        error.position_m += 0.5 * passage.seconds * second;
         error.feed(passage, &Input::Tilt(forcing.drift_rad));
         error.feed(passage, &Input::Velocity(forcing.push_mps));
         error.position_m += forcing.control_position_m;
         error.velocity_mps += forcing.control_velocity_mps;
-        // What is levelled meanwhile turns with the platform for half of the time.
-        let platform_rad = forcing.platform_rad();
-        let half_turn = Vector3::new(0.0, 0.0, 0.5 * platform_rad.z);
         error.tilt_rad += forcing.control_tilt_rad + platform_rad.cross(&half_turn);
         error
     }

@@ -300,6 +300,8 @@ pub struct Observer {
     horizon: Time,
     last_level: Time,
     last_vertical: Time,
+    /// When the biases of each axis last walked.
+    walked: [Time; 3],
 }
 
 impl Observer {
@@ -357,6 +359,7 @@ impl Observer {
             horizon: start,
             last_level: start,
             last_vertical: start,
+            walked: [start; 3],
         }
     }
 
@@ -958,10 +961,9 @@ impl Observer {
         self.unsolved_s = 0.0;
     }
 
-    /// Lets azimuth and gyros have walked.
+    /// Lets the azimuth have walked.
     #[inline(never)]
-    pub fn let_gyros_walk(&mut self, config: &Config) {
-        let walk = config.sensors.gyro_bias_walk;
+    pub fn let_azimuth_walk(&mut self) {
         let known = self.parameters.sigma(index::AZIMUTH);
         let known = known * known + self.azimuth_walk;
         if let Some(jump) = self.azimuth_jump.square(known, self.inflation()) {
@@ -970,14 +972,24 @@ impl Observer {
         }
         self.let_walk(index::AZIMUTH, math::single(self.azimuth_walk));
         self.azimuth_walk = 0.0;
-        self.let_three_walk(index::GYRO, walk * walk * self.elapsed_s);
     }
 
-    /// The same of the accelerometers.
+    /// Lets the biases of one axis have walked, that of which they last did longest ago.
     #[inline(never)]
-    pub fn let_accels_walk(&mut self, config: &Config) {
-        let walk = config.sensors.accel_bias_walk;
-        self.let_three_walk(index::ACCEL, walk * walk * self.elapsed_s);
+    pub fn let_biases_walk(&mut self, config: &Config) {
+        let walked = self.walked.iter_mut().enumerate();
+        let Some((axis, last)) = walked.min_by_key(|(_, last)| **last) else {
+            return;
+        };
+        let seconds = self.horizon.seconds_since(*last);
+        *last = self.horizon;
+        let s = &config.sensors;
+        for (first, walk) in [
+            (index::GYRO, s.gyro_bias_walk),
+            (index::ACCEL, s.accel_bias_walk),
+        ] {
+            self.let_walk(first + axis, math::single(walk * walk * seconds));
+        }
     }
 
     /// Lets each of three parameters have walked by a variance.

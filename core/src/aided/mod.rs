@@ -85,8 +85,8 @@ enum Due {
     /// All parameters are: what comes before, in pieces, and the solution.
     Horizon,
     Level,
-    GyroWalk,
-    AccelWalk,
+    AzimuthWalk,
+    BiasWalk,
     Solve,
 }
 
@@ -389,9 +389,9 @@ impl<const N: usize> AidedIns<N> {
         let next = match self.due {
             Due::Nothing | Due::Spread | Due::Solve => Due::Nothing,
             Due::Horizon => Due::Level,
-            Due::Level => Due::GyroWalk,
-            Due::GyroWalk => Due::AccelWalk,
-            Due::AccelWalk => Due::Solve,
+            Due::Level => Due::AzimuthWalk,
+            Due::AzimuthWalk => Due::BiasWalk,
+            Due::BiasWalk => Due::Solve,
         };
         match (self.due, self.estimator.exact_mut()) {
             (Due::Solve, _) => self.solve(config),
@@ -399,8 +399,8 @@ impl<const N: usize> AidedIns<N> {
             (Due::Spread, Some(observer)) => observer.spread_next(),
             (Due::Horizon, Some(observer)) => observer.come_to_horizon(),
             (Due::Level, Some(observer)) => observer.level_anew(config),
-            (Due::GyroWalk, Some(observer)) => observer.let_gyros_walk(config),
-            (Due::AccelWalk, Some(observer)) => observer.let_accels_walk(config),
+            (Due::AzimuthWalk, Some(observer)) => observer.let_azimuth_walk(),
+            (Due::BiasWalk, Some(observer)) => observer.let_biases_walk(config),
         }
         self.due = next;
     }
@@ -471,7 +471,9 @@ impl<const N: usize> AidedIns<N> {
         let current = &mut self.current;
         current.control_position_m -= error.position_m;
         current.control_velocity_mps -= error.velocity_mps;
-        current.control_tilt_rad -= error.tilt_rad;
+        // The one turn that is both of those.
+        let up = Vector3::new(0.0, 0.0, error.tilt_rad.z);
+        current.control_tilt_rad -= error.tilt_rad - 0.5 * error.tilt_rad.cross(&up);
         current.way_m -= error.position_m;
         self.azimuth_removed_rad += error.tilt_rad.z;
     }
@@ -579,10 +581,12 @@ impl<const N: usize> AidedIns<N> {
     }
 }
 
-/// Takes an error out of an INS.
+/// Takes an error out of an INS: the platform is levelled, then turned.
 fn take_out(ins: &mut Mechanization, error: &InsError) {
     ins.velocity_enu_mps -= error.velocity_mps;
-    ins.turn_platform(&-error.tilt_rad);
+    let up = Vector3::new(0.0, 0.0, error.tilt_rad.z);
+    ins.turn_platform(&(up - error.tilt_rad));
+    ins.turn_platform(&-up);
     let earth = ins.local_earth();
     ins.move_by(&earth, &-error.position_m);
 }
