@@ -100,7 +100,7 @@ fn inspect<T>(
     look: impl FnOnce(&object::File) -> object::Result<T>,
 ) -> Result<T, String> {
     let explain = |error: &dyn std::fmt::Display| format!("{}: {error}", program.display());
-    let bytes = std::fs::read(program).map_err(|error| explain(&error))?;
+    let bytes = fs::read(program).map_err(|error| explain(&error))?;
     object::File::parse(&*bytes)
         .and_then(|file| look(&file))
         .map_err(|error| explain(&error))
