@@ -1,17 +1,15 @@
 //! Clocks that differ by up to two minutes, on recorded logs of what drives, flies and hovers: found
 //! from the motion, and told as a part of the latency. `--nocapture` prints the table.
 
-mod spoilt;
-
 use std::fs;
 use std::path::Path;
 
+use crate::spoilt::{Files, convert};
 use host_sim::identify::configure;
 use host_sim::identify::quantities::{Quantities, Quantity};
 use host_sim::identify::run::identify;
 use host_sim::log::read;
 use indicatif::ProgressBar;
-use spoilt::{Files, convert};
 
 /// Each with what the core's own latency changes by, ms, beyond its sigma, where the clock is moved
 /// by less than a fix's interval: on quick small manoeuvres it settles on one of several values.

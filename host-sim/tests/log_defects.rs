@@ -10,9 +10,7 @@ use std::path::Path;
 use flate2::write::GzEncoder;
 use host_sim::log::{LogError, read};
 
-mod spoilt;
-
-use spoilt::{Files, convert, convert_all, hold, pitch_sensors, set_line, swap_columns};
+use crate::spoilt::{Files, convert, convert_all, hold, pitch_sensors, set_line, swap_columns};
 
 const META: &str = "name = \"test drive\"\n\n[log]\nbody_axes = \"FRD\"\nimu = \"rates\"\n";
 const IMU_STEP_S: f64 = 0.02;

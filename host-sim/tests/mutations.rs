@@ -9,17 +9,17 @@
     clippy::too_many_lines
 )]
 
-mod spoilt;
-
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
+use crate::spoilt::{
+    Files, convert, convert_all, each_row, hold, pitch_sensors, set_line, swap_columns,
+};
 use host_sim::identify::analysis::{Analysis, Input};
 use host_sim::identify::quantities::Quantity;
 use host_sim::log::{LogError, read};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
-use spoilt::{Files, convert, convert_all, each_row, hold, pitch_sensors, set_line, swap_columns};
 
 const LOGS: [&str; 4] = [
     "rtklibexplorer_drive_0708",

@@ -1,7 +1,10 @@
 //! The firmware's images, built as its README says, and run.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::{Mutex, PoisonError};
+use std::{fs, io};
 
 use host_sim::hil::emulator::{Pace, Way};
 use host_sim::hil::{Board, Emulator, Session};
@@ -22,13 +25,37 @@ pub fn peer_image(program: &str) -> Result<PathBuf, String> {
     image_with(Board::CortexM7, program, &manifest)
 }
 
+/// Images by their command: cargo is asked once for each.
+static IMAGES: Mutex<BTreeMap<String, PathBuf>> = Mutex::new(BTreeMap::new());
+
 /// Builds a program of the firmware with more arguments to cargo.
 pub fn image_with(board: Board, program: &str, arguments: &[&str]) -> Result<PathBuf, String> {
-    succeed(build(board, program)?.args(arguments))?;
-    Ok(build_folder(board.cargo_config())
-        .join(TARGET)
-        .join("release")
-        .join(program))
+    let mut images = IMAGES.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut command = build(board, program)?;
+    command.args(arguments);
+    let key = format!("{command:?}");
+    if let Some(image) = images.get(&key) {
+        return Ok(image.clone());
+    }
+    succeed(&mut command)?;
+    let folder = build_folder(board.cargo_config());
+    let built = folder.join(TARGET).join("release").join(program);
+    let image = set_aside(&built, &folder.join("images"), arguments)
+        .map_err(|error| format!("{}: {error}", built.display()))?;
+    images.insert(key, image.clone());
+    Ok(image)
+}
+
+/// Builds that differ in features have one name, and one may run while another is built.
+fn set_aside(built: &Path, folder: &Path, arguments: &[&str]) -> io::Result<PathBuf> {
+    let program = built.file_name().unwrap_or_default().to_string_lossy();
+    let name = format!("{program}{}", arguments.concat()).replace('/', "_");
+    fs::create_dir_all(folder)?;
+    let copy = tempfile::NamedTempFile::new_in(folder)?;
+    fs::copy(built, copy.path())?;
+    let image = folder.join(name);
+    copy.persist(&image)?;
+    Ok(image)
 }
 
 /// The command that builds a program of the firmware.
@@ -73,7 +100,7 @@ fn inspect<T>(
     look: impl FnOnce(&object::File) -> object::Result<T>,
 ) -> Result<T, String> {
     let explain = |error: &dyn std::fmt::Display| format!("{}: {error}", program.display());
-    let bytes = std::fs::read(program).map_err(|error| explain(&error))?;
+    let bytes = fs::read(program).map_err(|error| explain(&error))?;
     object::File::parse(&*bytes)
         .and_then(|file| look(&file))
         .map_err(|error| explain(&error))
