@@ -3,13 +3,14 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use miette::{IntoDiagnostic, Result, bail};
+use miette::{Result, bail};
 use serde::Serialize;
 
+use super::options::show;
 use crate::log::Grade;
+use crate::page::output;
 use crate::page::progress::bar;
-use crate::page::{self, output};
-use crate::study::conditions::output::{readable, totals, write_rows};
+use crate::study::conditions::output::{csv, readable, totals};
 use crate::study::conditions::{Kind, Results, Study, Totals, Trial, all};
 
 /// Options of `study conditions`.
@@ -80,26 +81,17 @@ pub fn conditions(options: &Conditions, json: bool) -> Result<()> {
             receiver_known: options.receiver_known,
         },
     };
-    let progress = bar();
-    progress.set_message("running");
-    let results = study.results(&progress);
+    let results = study.results(&bar().with_message("running"));
     if let Some(file) = &options.csv {
-        let mut lines = Vec::new();
-        write_rows(&results, &mut lines).into_diagnostic()?;
-        output::replace(file, &String::from_utf8(lines).into_diagnostic()?)?;
+        output::replace(file, &csv(&results)?)?;
     }
-    if json {
-        let page = Page {
-            seeds: study.seeds,
-            first_seed: study.first_seed,
-            totals: totals(&results),
-            kinds: results,
-        };
-        print!("{}", page::json(&page)?);
-    } else {
-        print!("{}", readable(&results, !options.brief));
-    }
-    Ok(())
+    let page = Page {
+        seeds: study.seeds,
+        first_seed: study.first_seed,
+        totals: totals(&results),
+        kinds: results,
+    };
+    show(json, &page, || readable(&page.kinds, !options.brief))
 }
 
 impl Conditions {

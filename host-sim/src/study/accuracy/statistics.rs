@@ -61,7 +61,6 @@ impl Study {
     pub fn results(self, progress: &ProgressBar) -> Result<Results, ConfigError> {
         progress.set_length(self.runs);
         let runs = self.drive(&|_| {}, &|| progress.inc(1))?;
-        progress.finish_and_clear();
         Ok(Results::new(self, runs))
     }
 }
