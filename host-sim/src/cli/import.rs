@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::options::show;
 use crate::log::import::{Choice, read};
 use crate::log::{Compression, write};
-use crate::page::output::{self};
+use crate::page::output;
 
 /// What marks a folder as written here.
 const MARK: &str = "import.toml";

@@ -4,9 +4,8 @@
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use ins_core::ConfigError;
 use ins_core::config::Form;
-use ins_core::{Config, Navigator};
+use ins_core::{Config, ConfigError, Navigator};
 use serde::Serialize;
 
 use crate::compare::kalman::{Noise, Record, Run, smooth};

@@ -1,9 +1,8 @@
 //! Every method over the log, looked at once a second.
 
 use indicatif::ProgressBar;
-use ins_core::ConfigError;
 use ins_core::config::Form;
-use ins_core::{Config, Estimates, Solution, Time};
+use ins_core::{Config, ConfigError, Estimates, Solution, Time};
 
 use super::input::Input;
 use crate::compare::five_stage;

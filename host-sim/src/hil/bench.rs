@@ -2,9 +2,8 @@
 
 use std::borrow::Borrow;
 
-use ins_core::ConfigError;
 use ins_core::damping::DampingSignals;
-use ins_core::{Config, Estimates, GnssFix, ImuSample, Manoeuvre, Phase, Time};
+use ins_core::{Config, ConfigError, Estimates, GnssFix, ImuSample, Manoeuvre, Phase, Time};
 use ins_link::{Reply, Report, Request};
 use serde::Serialize;
 

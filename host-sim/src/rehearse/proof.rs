@@ -4,8 +4,9 @@
 //! core goes over both, the recorded and the simulated. Outages are placed all along; drift is
 //! measured against the same core with GNSS, on either side.
 
-use ins_core::ConfigError;
-use ins_core::{Config, GnssFix, ImuSample, Navigator, Observability, Phase, Solution, Time};
+use ins_core::{
+    Config, ConfigError, GnssFix, ImuSample, Navigator, Observability, Phase, Solution, Time,
+};
 use miette::{Result, miette};
 use rayon::prelude::*;
 use serde::Serialize;

@@ -1,7 +1,6 @@
 //! All flights of a rehearsal, or of a shard of it, that are not flown yet.
 
 use std::collections::HashSet;
-use std::fs;
 use std::path::Path;
 
 use indicatif::ProgressBar;
@@ -13,9 +12,8 @@ use super::budget::Case;
 use super::flight::World;
 use super::score::{Line, Outcome, moments};
 use super::settings::Rehearsal;
-use crate::campaign::ledger::{Ledger, read_file};
+use crate::campaign::ledger::{Ledger, read_folder};
 use crate::campaign::run::Shard;
-use crate::page::output::OutputError;
 
 /// Flies what is missing. Which thread does what leaves no trace in the results.
 pub fn run(
@@ -49,7 +47,6 @@ pub fn run(
             progress.inc(1);
             Ok(ledger.add(&line)?)
         })?;
-    progress.finish_and_clear();
     Ok(())
 }
 
@@ -87,15 +84,7 @@ fn fly(
 /// All flights in the files of a folder, each once, in an order that does not depend on who flew.
 pub fn lines(folder: &Path) -> Result<Vec<Line>> {
     let mut all: Vec<Line> = Vec::new();
-    for entry in fs::read_dir(folder).map_err(|e| OutputError::io(folder, e))? {
-        let path = entry.map_err(|e| OutputError::io(folder, e))?.path();
-        if path
-            .extension()
-            .is_some_and(|extension| extension == "jsonl")
-        {
-            read_file(&path, &mut |line| all.push(line))?;
-        }
-    }
+    read_folder(folder, |line| all.push(line))?;
     all.sort_by_key(|line| (line.case, line.flight));
     all.dedup_by_key(|line| (line.case, line.flight));
     Ok(all)

@@ -3,9 +3,8 @@
 use std::str::FromStr;
 use std::time::Instant;
 
-use ins_core::ConfigError;
 use ins_core::config::{Feedback, Form};
-use ins_core::{Config, Navigator, Phase, Solution};
+use ins_core::{Config, ConfigError, Navigator, Phase, Solution};
 
 use super::answers::{Answers, Told};
 use super::board;

@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use ins_core::Navigator;
-use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use miette::{Result, WrapErr, miette};
 
 use super::output::{PLAN, Report};
 use super::{Bench, Driver, Plan, Search, Target, UNITS};
 use crate::cli::identify::error_model_of;
-use crate::cli::options::refuse_same;
+use crate::cli::options::{refuse_same, show};
 use crate::identify::analysis::Analysis;
 use crate::identify::error_model::Record;
 use crate::identify::run::{Event, in_order_of_time};
@@ -52,20 +52,13 @@ pub fn plan_drive(options: &PlanDrive, json: bool, force: bool) -> Result<()> {
     };
     let report = Report::new(&plan, &target.site, log);
     if let Some(out) = &options.out {
-        output::build(out, PLAN, force, |folder| report.write(&plan, folder))?;
+        output::build(out, PLAN, force, |folder| report.write(folder))?;
     }
-    if json {
-        println!(
-            "{}",
-            serde_json::to_string_pretty(&report).into_diagnostic()?
-        );
-    } else {
-        print!("{}", report.readable());
-        if let Some(out) = &options.out {
-            println!("\nReport: {}", out.join("report.html").display());
-        }
-    }
-    Ok(())
+    show(json, &report, || {
+        let page = options.out.as_ref().map(|out| out.join("report.html"));
+        let written = page.map(|page| format!("\nReport: {}\n", page.display()));
+        report.readable() + &written.unwrap_or_default()
+    })
 }
 
 impl Target {

@@ -2,15 +2,17 @@
 
 use core::f64::consts::PI;
 
-use ins_core::{Estimates, Navigator};
+use clap::ValueEnum;
+use ins_core::Estimates;
 use serde::Serialize;
 
+use super::Bench;
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2, Quantity as Known};
 use crate::log::BodyAxes;
 use crate::statistics::rms;
 
 /// Quantities of one kind; the key says the unit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Kind {
     Azimuth,
     AccelBias,
@@ -24,17 +26,10 @@ pub enum Kind {
 }
 
 impl Kind {
-    pub const ALL: [Self; 9] = [
-        Self::Azimuth,
-        Self::AccelBias,
-        Self::GyroBias,
-        Self::Latency,
-        Self::LeverArm,
-        Self::AccelScale,
-        Self::TurnScale,
-        Self::GyroScale,
-        Self::GyroMisalignment,
-    ];
+    /// All of them.
+    pub fn all() -> &'static [Self] {
+        Self::value_variants()
+    }
 
     /// Key in a target file, name, unit, SI value of the unit.
     fn entry(self) -> (&'static str, &'static str, &'static str, f64) {
@@ -126,13 +121,9 @@ pub struct Reached {
 
 impl Goal {
     /// How it stands on several drives alike: RMS of their sigmas, and shown if by all.
-    pub fn reached<'a>(
-        &self,
-        drives: impl IntoIterator<Item = &'a Navigator>,
-        axes: BodyAxes,
-    ) -> Reached {
-        let known = |drive: &Navigator| self.quantity.known(&drive.estimates(), axes);
-        let known: Vec<Known> = drives.into_iter().map(known).collect();
+    pub fn reached(&self, drives: &[Bench], axes: BodyAxes) -> Reached {
+        let known = |drive: &Bench| self.quantity.known(&drive.navigator.estimates(), axes);
+        let known: Vec<Known> = drives.iter().map(known).collect();
         Reached {
             quantity: self.quantity.name(),
             unit: self.quantity.unit(),

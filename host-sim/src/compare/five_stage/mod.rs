@@ -16,9 +16,8 @@ mod gyro_history;
 mod stage;
 
 use indicatif::ProgressBar;
-use ins_core::ConfigError;
 use ins_core::config::{Feedback, Form, HeadingSource};
-use ins_core::{Config, Estimate, Estimates, Observability, Phase, Time};
+use ins_core::{Config, ConfigError, Estimate, Estimates, Observability, Phase, Time};
 use nalgebra::{Matrix2, Vector2};
 
 use crate::identify::row::Row;

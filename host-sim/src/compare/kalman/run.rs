@@ -3,10 +3,9 @@
 use core::iter::Peekable;
 use core::slice::Iter;
 
-use ins_core::ConfigError;
 use ins_core::config::HeadingSource;
 use ins_core::increments::Increments;
-use ins_core::{Config, GnssFix, ImuSample, Navigator, Time};
+use ins_core::{Config, ConfigError, GnssFix, ImuSample, Navigator, Time};
 
 use super::filter::{Correction, Filter, Start};
 use super::noise::Noise;

@@ -6,8 +6,7 @@ mod peer;
 mod reference;
 mod runs;
 
-use ins_core::ConfigError;
-use ins_core::{Config, Time};
+use ins_core::{Config, ConfigError, Time};
 use serde::Serialize;
 
 use crate::compare::kalman::Noise;

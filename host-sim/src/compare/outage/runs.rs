@@ -1,8 +1,9 @@
 //! The navigators through the outages: each runs over the log once, and a copy of it through
 //! every outage without a fix.
 
-use ins_core::ConfigError;
-use ins_core::{Config, GnssFix, ImuSample, Navigator, Observability, Phase, Solution, Time};
+use ins_core::{
+    Config, ConfigError, GnssFix, ImuSample, Navigator, Observability, Phase, Solution, Time,
+};
 
 use super::drift::{Drift, SETTLE_S};
 use super::reference::Reference;

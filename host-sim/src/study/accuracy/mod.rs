@@ -8,10 +8,9 @@ pub use statistics::{Results, Row, Spread};
 
 use core::f64::consts::PI;
 
-use ins_core::ConfigError;
 use ins_core::config::{Form, HeadingSource};
 use ins_core::earth::wrap_pi;
-use ins_core::{Config, Estimates, Navigator, Observability, Phase, Solution};
+use ins_core::{Config, ConfigError, Estimates, Navigator, Observability, Phase, Solution};
 use rayon::prelude::*;
 use serde::Serialize;
 

@@ -3,11 +3,10 @@
 use core::iter::Peekable;
 use core::slice::Iter;
 
-use ins_core::ConfigError;
 use ins_core::config::HeadingSource;
 use ins_core::{
-    Config, Estimate, Estimates, GnssFix, ImuSample, Navigator, Observability, Phase, Solution,
-    SolutionSigma, Time,
+    Config, ConfigError, Estimate, Estimates, GnssFix, ImuSample, Navigator, Observability, Phase,
+    Solution, SolutionSigma, Time,
 };
 
 use nalgebra::Vector3;
