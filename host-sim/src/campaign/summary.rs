@@ -10,7 +10,7 @@ use super::ledger::{Line, With};
 use super::plan::Plan;
 use crate::identify::error_model::interval::{Interval, Measured, mean};
 use crate::page::digits;
-use crate::page::table::{Table, cells};
+use crate::page::table::{Table, heads};
 
 /// Goal: predicted over true accuracy, off by no more than this.
 pub const GOAL: f64 = 0.1;
@@ -135,14 +135,10 @@ impl Summary {
 
     /// For people.
     pub fn table(&self) -> Table {
-        let header = [
-            "RMS error",
-            "after, min",
-            "true models",
-            "predicted",
-            "predicted / true",
-            "units beyond 10 %",
-        ];
+        let header = heads(
+            "RMS error | after, min | true models | predicted | predicted / true \
+             | units beyond 10 %",
+        );
         let row = |row: &Row| {
             let of = |interval: &Interval| {
                 let width = 0.5 * (interval.high - interval.low);
@@ -159,7 +155,7 @@ impl Summary {
                 format!("{} of {}", row.units_beyond_goal, self.plan.units),
             ]
         };
-        Table::new("", cells(header), self.rows.iter().map(row).collect())
+        Table::of("", header, self.rows.iter().map(row))
     }
 }
 
@@ -173,11 +169,9 @@ fn row(plan: &Plan, tally: &Tally, which: usize) -> Option<Row> {
             .collect()
     };
     let [truth, predicted] = [0, 1].map(squares);
-    let ratios: Vec<f64> = truth
-        .iter()
-        .zip(&predicted)
-        .map(|(t, p)| (p / t).sqrt())
-        .collect();
+    let both = truth.iter().zip(&predicted);
+    let ratios: Vec<f64> = both.map(|(t, p)| (p / t).sqrt()).collect();
+    let beyond = |ratio: &&f64| (**ratio - 1.0).abs() > GOAL;
     let minute = (quarter * plan.minutes_free).div_ceil(QUARTERS);
     Some(Row {
         figure,
@@ -186,10 +180,7 @@ fn row(plan: &Plan, tally: &Tally, which: usize) -> Option<Row> {
         truth: rms(&truth)?.scaled(scale),
         predicted: rms(&predicted)?.scaled(scale),
         ratio: by_logarithm(&ratios)?,
-        units_beyond_goal: ratios
-            .iter()
-            .filter(|ratio| (**ratio - 1.0).abs() > GOAL)
-            .count(),
+        units_beyond_goal: ratios.iter().filter(beyond).count(),
     })
 }
 

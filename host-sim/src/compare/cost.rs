@@ -26,52 +26,38 @@ pub struct Cost {
     pub ratio: f64,
 }
 
-type Pass<'a> = (&'static str, Box<dyn Fn() -> Result<(), ConfigError> + 'a>);
+type Pass<'a> = (&'static str, &'a dyn Fn() -> Result<(), ConfigError>);
 
 /// Every method in turn, several times.
 pub(crate) fn measure(log: &Log, config: Config, noise: Noise) -> Result<Vec<Cost>, ConfigError> {
     let imu = log.imu.all();
     let run = || Run::new(&imu, &log.gnss, config, noise);
+    let filter = |mut run: Run| {
+        run.finish();
+        black_box(run.filter());
+        Ok(())
+    };
     let passes: [Pass; 5] = [
-        (
-            "compensation, exact",
-            Box::new(|| navigate(log, config, Form::Exact)),
-        ),
-        (
-            "compensation, literal",
-            Box::new(|| navigate(log, config, Form::Literal)),
-        ),
-        (
-            "Kalman, covariance ten times a second",
-            Box::new(move || {
-                let mut run = run()?;
-                run.finish();
-                black_box(run.filter());
-                Ok(())
-            }),
-        ),
-        (
-            "Kalman, covariance at every sample",
-            Box::new(move || {
-                let mut run = run()?.with_covariance_at_every_sample();
-                run.finish();
-                black_box(run.filter());
-                Ok(())
-            }),
-        ),
-        (
-            "Kalman and smoother",
-            Box::new(move || {
-                let mut run = run()?;
-                let mut records = Vec::new();
-                let record = &mut |filter: &_, correction| {
-                    records.push(Record::new(filter, correction));
-                };
-                while run.step(record).is_some() {}
-                black_box(smooth(&records));
-                Ok(())
-            }),
-        ),
+        ("compensation, exact", &|| {
+            navigate(log, config, Form::Exact)
+        }),
+        ("compensation, literal", &|| {
+            navigate(log, config, Form::Literal)
+        }),
+        ("Kalman, covariance ten times a second", &|| filter(run()?)),
+        ("Kalman, covariance at every sample", &|| {
+            filter(run()?.with_covariance_at_every_sample())
+        }),
+        ("Kalman and smoother", &|| {
+            let mut run = run()?;
+            let mut records = Vec::new();
+            let record = &mut |filter: &_, correction| {
+                records.push(Record::new(filter, correction));
+            };
+            while run.step(record).is_some() {}
+            black_box(smooth(&records));
+            Ok(())
+        }),
     ];
     let mut fastest = [Duration::MAX; 5];
     for _ in 0..PASSES {

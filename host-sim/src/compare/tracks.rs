@@ -43,7 +43,6 @@ impl Track {
 
 /// The methods in the order of the tables.
 pub fn all(input: &Input) -> Result<Vec<Track>, ConfigError> {
-    let exact = input.noise;
     let told = if input.truth.is_some() {
         "exact noise"
     } else {
@@ -56,12 +55,9 @@ pub fn all(input: &Input) -> Result<Vec<Track>, ConfigError> {
         five_stage("five stages, repeated", five_stage::REPEATED, input)?,
     ];
     tracks.extend(kalman_and_smoother(told, input)?);
-    tracks.push(kalman(
-        "Kalman, noise / 3",
-        exact.guessed(1.0 / 3.0),
-        input,
-    )?);
-    tracks.push(kalman("Kalman, noise x 3", exact.guessed(3.0), input)?);
+    for (method, factor) in [("Kalman, noise / 3", 1.0 / 3.0), ("Kalman, noise x 3", 3.0)] {
+        tracks.push(kalman(method, input.noise.guessed(factor), input)?);
+    }
     Ok(tracks)
 }
 

@@ -20,7 +20,7 @@ use crate::identify::error_model::Record;
 use crate::identify::error_model::interval::student;
 use crate::identify::run::{Event, in_order_of_time};
 use crate::log::Log;
-use crate::page::table::{self, Table, cells};
+use crate::page::table::{Table, cells, heads};
 use crate::sim::drive::Recording;
 use crate::sim::{ErrorModel, record};
 use crate::study::flights::statistics::rms;
@@ -236,22 +236,13 @@ pub(crate) fn overview(rows: &[Row]) -> Table {
         cells.extend(rows.iter().map(ratio));
         cells
     };
-    let all = rows.chunks(FORETOLD.len()).map(of_one).collect();
-    Table::new("Predicted over observed drift", header, all)
+    let all = rows.chunks(FORETOLD.len()).map(of_one);
+    Table::of("Predicted over observed drift", header, all)
 }
 
 /// As a table.
 pub(crate) fn readable(rows: &[Row]) -> String {
-    let header = cells([
-        "",
-        "without, s",
-        "",
-        "outages",
-        "observed",
-        "predicted",
-        "ratio",
-        "95 %",
-    ]);
+    let header = heads("| without, s | | outages | observed | predicted | ratio | 95 %");
     let row = |row: &Row| {
         vec![
             row.log.clone(),
@@ -264,8 +255,8 @@ pub(crate) fn readable(rows: &[Row]) -> String {
             format!("{:.2} to {:.2}", row.ratio_95[0], row.ratio_95[1]),
         ]
     };
-    let all: Vec<Vec<String>> = rows.iter().map(row).collect();
-    format!("{}\n{}\n", table::plain(&header, &all), verdict(rows))
+    let table = Table::of("", header, rows.iter().map(row));
+    format!("{}\n{}\n", table.plain(), verdict(rows))
 }
 
 /// How many ratios are as they should be.

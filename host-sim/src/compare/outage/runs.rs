@@ -2,7 +2,8 @@
 //! every outage without a fix.
 
 use ins_core::{
-    Config, ConfigError, GnssFix, ImuSample, Navigator, Observability, Phase, Solution, Time,
+    Config, ConfigError, Estimate, GnssFix, ImuSample, Navigator, Observability, Phase, Solution,
+    Time,
 };
 
 use super::drift::{Drift, SETTLE_S};
@@ -61,31 +62,21 @@ pub fn survey(log: &Log, config: Config) -> Result<Survey, ConfigError> {
         if sample.time.seconds_since(since) >= SETTLE_S {
             settled.get_or_insert(sample.time);
         }
-        if observed.is_none() && observes_azimuth(&navigator) {
+        if observed.is_none() && is_observed(&navigator.estimates().azimuth_error_rad) {
             observed = Some(sample.time);
         }
     }
     // Never observed, it is not waited for.
     survey.first = settled.map(|settled| settled.max(observed.unwrap_or(settled)));
     let latency = navigator.estimates().gnss_latency_s;
-    if latency.observability == Observability::Observable {
+    if is_observed(&latency) {
         survey.latency_s = latency.value;
     }
     Ok(survey)
 }
 
-fn observes_azimuth(navigator: &Navigator) -> bool {
-    navigator.estimates().azimuth_error_rad.observability == Observability::Observable
-}
-
-/// The core as it is, its estimates fed back.
-pub fn core(
-    log: &Log,
-    config: Config,
-    starts: &[Time],
-    reference: &Reference,
-) -> Result<Vec<Drift>, ConfigError> {
-    Ok(through(log, Navigator::new(config)?, starts, reference))
+fn is_observed(estimate: &Estimate) -> bool {
+    estimate.observability == Observability::Observable
 }
 
 /// Any INS through all outages.

@@ -64,6 +64,13 @@ const fn quantity(
     }
 }
 
+impl Quantity {
+    /// Title and unit.
+    pub(crate) fn head(&self) -> String {
+        format!("{}, {}", self.title, self.unit)
+    }
+}
+
 const AZIMUTH: [Option<f64>; 2] = [Some(0.024), Some(0.03)];
 const LEVEL_ACCEL: [Option<f64>; 2] = [Some(0.02), Some(0.04)];
 const LEVEL_GYRO: [Option<f64>; 2] = [Some(0.17), Some(0.2)];
@@ -182,14 +189,12 @@ impl Study {
         done: &(dyn Fn() + Sync),
     ) -> Result<Vec<Run>, ConfigError> {
         let seeds = self.first_seed..self.first_seed.saturating_add(self.runs);
-        seeds
-            .into_par_iter()
-            .map(|seed| {
-                let run = self.run(seed, tune);
-                done();
-                run
-            })
-            .collect()
+        let one = |seed| {
+            let run = self.run(seed, tune);
+            done();
+            run
+        };
+        seeds.into_par_iter().map(one).collect()
     }
 
     /// Whether limits and goals hold for these drives.

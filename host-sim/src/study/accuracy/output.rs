@@ -105,7 +105,7 @@ impl Row {
                 .map_or(String::new(), |value| value.to_string())
         };
         vec![
-            format!("{}, {}", self.quantity.title, self.quantity.unit),
+            self.quantity.head(),
             brief(self.rms_error),
             digits(self.rms_error, self.rms_sigma),
             format!("{:.0} %", self.within_sigma_percent),

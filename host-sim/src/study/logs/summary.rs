@@ -6,6 +6,7 @@ use super::log_study::{LogStudy, Outages};
 use super::methods::OPTIONAL;
 use super::role::Role;
 use super::statistics::Spread;
+use crate::identify::halves::Difference;
 use crate::statistics::geometric_mean;
 
 /// All logs of one role.
@@ -72,24 +73,16 @@ impl Summary {
 }
 
 fn methods(logs: &[&LogStudy]) -> Vec<(String, Spread)> {
-    let agreements = || logs.iter().flat_map(|log| &log.methods);
-    let mut names: Vec<&String> = Vec::new();
-    for agreement in agreements() {
-        if !names.contains(&&agreement.with) {
-            names.push(&agreement.with);
+    let mut named: Vec<(String, Vec<&Difference>)> = Vec::new();
+    for agreement in logs.iter().flat_map(|log| &log.methods) {
+        let differences = &agreement.differences;
+        match named.iter_mut().find(|(name, _)| *name == agreement.with) {
+            Some((_, all)) => all.extend(differences),
+            None => named.push((agreement.with.clone(), differences.iter().collect())),
         }
     }
-    let spread = |name: &String| {
-        let of_it = agreements().filter(move |agreement| agreement.with == *name);
-        Spread::of(
-            of_it
-                .flat_map(|agreement| &agreement.differences)
-                .collect::<Vec<_>>()
-                .into_iter(),
-        )
-    };
-    let named = names.into_iter().map(|name| (name.clone(), spread(name)));
-    named.collect()
+    let spread = |(name, all): (String, Vec<&Difference>)| (name, Spread::of(all.into_iter()));
+    named.into_iter().map(spread).collect()
 }
 
 fn outages(logs: &[&LogStudy]) -> OutageSummary {

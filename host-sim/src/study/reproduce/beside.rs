@@ -12,7 +12,7 @@ use plotters::style::RGBColor;
 use rayon::prelude::*;
 
 use super::drive::{Drive, log_of, open};
-use super::part::{GRADE, Number, Part, Settings};
+use super::part::{GRADE, Number, Part, Settings, here};
 use crate::compare::input::{Input, noise};
 use crate::compare::kalman::Noise;
 use crate::compare::measure::truth_at;
@@ -294,14 +294,16 @@ impl Pair {
                 *worst = sigmas.fold(*worst, f64::max);
             }
             let what = |method: &str| format!("{line}, {method}, {} RMS", self.unit);
-            numbers.push(Number::new(what(METHODS[0]), None, rms[0]));
-            numbers.push(Number::new(what(METHODS[1]), None, rms[1]));
+            numbers.push(here(what(METHODS[0]), rms[0]));
+            numbers.push(here(what(METHODS[1]), rms[1]));
             let what = format!("{line}, compensation / Kalman filter");
-            numbers.push(Number::new(what, None, rms[0] / rms[1]));
+            numbers.push(here(what, rms[0] / rms[1]));
         }
         for (method, worst) in METHODS.into_iter().zip(worst) {
-            let what = format!("{method}, largest error at an end, sigmas");
-            numbers.push(Number::new(what, None, worst));
+            numbers.push(here(
+                format!("{method}, largest error at an end, sigmas"),
+                worst,
+            ));
         }
         numbers
     }
@@ -313,9 +315,8 @@ impl Pair {
             for (method, track) in METHODS.into_iter().zip([ours, theirs]) {
                 if let Some(end) = track.last() {
                     let what = format!("{line} at the end, {method}, {}", self.unit);
-                    numbers.push(Number::new(what, None, end.value));
-                    let what = format!("its sigma, {}", self.unit);
-                    numbers.push(Number::new(what, None, end.sigma));
+                    numbers.push(here(what, end.value));
+                    numbers.push(here(format!("its sigma, {}", self.unit), end.sigma));
                 }
             }
             let apart = second_half(ours).filter_map(|ours| {
@@ -323,7 +324,7 @@ impl Pair {
                 Some(ours.value - theirs.get(next)?.value)
             });
             let what = format!("{line}, difference over the second half, {} RMS", self.unit);
-            numbers.push(Number::new(what, None, rms(apart)));
+            numbers.push(here(what, rms(apart)));
         }
         numbers
     }

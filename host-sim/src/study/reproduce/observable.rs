@@ -1,7 +1,7 @@
 //! Figure 1: when each error shows itself.
 
 use super::drive::Drive;
-use super::part::{Number, Part};
+use super::part::{Part, here};
 use crate::compare::five_stage::Stage;
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::page::plot::{BLUE, GREY, Mark, ORANGE, Plot, padded};
@@ -21,7 +21,7 @@ pub(super) fn figure_1(drive: &Drive) -> Part {
         let seconds = intervals.iter().map(|(from, to)| to.seconds_since(*from));
         let part = 100.0 * seconds.sum::<f64>() / drive.log.duration_s();
         let what = format!("{} observable, % of the drive", stage.title());
-        numbers.push(Number::new(what, None, part));
+        numbers.push(here(what, part));
     }
     Part {
         name: "figure-1",

@@ -81,6 +81,11 @@ impl Number {
     }
 }
 
+/// What the thesis has no number of.
+pub(super) fn here(what: impl Into<String>, value: f64) -> Number {
+    Number::new(what, None, value)
+}
+
 /// Comma-separated text: names, then rows of numbers.
 pub(super) fn csv(header: &str, rows: impl Iterator<Item = Vec<f64>>) -> String {
     let mut text = format!("{header}\n");
