@@ -9,7 +9,7 @@ use ins_core::{Config, ConfigError, Navigator};
 use serde::Serialize;
 
 use crate::compare::kalman::{Noise, Record, Run, smooth};
-use crate::identify::run::{Event, in_order_of_time};
+use crate::identify::run::in_order_of_time;
 use crate::log::Log;
 
 /// Passes of each; the fastest counts.
@@ -79,14 +79,7 @@ pub(crate) fn measure(log: &Log, config: Config, noise: Noise) -> Result<Vec<Cos
 fn navigate(log: &Log, config: Config, form: Form) -> Result<(), ConfigError> {
     let mut navigator = Navigator::new(Config { form, ..config })?;
     for event in in_order_of_time(&log.imu, &log.gnss) {
-        match event {
-            Event::Imu(sample) => {
-                let _ = black_box(navigator.on_imu(&sample));
-            }
-            Event::Gnss(fix) => {
-                let _ = black_box(navigator.on_gnss(fix));
-            }
-        }
+        black_box(event.give_to(&mut navigator));
     }
     black_box(navigator.estimates());
     Ok(())

@@ -169,16 +169,13 @@ fn drifts(imu: &[ImuSample], gnss: &[GnssFix], config: Config) -> Result<Vec<Dri
     let (mut navigating_since, mut last_fix, mut next) = (None, None, None::<Time>);
     let mut samples = 0;
     for event in in_order_of_time(imu, gnss) {
-        let sample = match event {
-            Event::Gnss(fix) => {
-                let _ = navigator.on_gnss(fix);
-                last_fix = fix.velocity_en_mps.map(|_| fix.time).or(last_fix);
-                continue;
-            }
-            Event::Imu(sample) => sample,
+        if let Event::Gnss(fix) = event {
+            last_fix = fix.velocity_en_mps.map(|_| fix.time).or(last_fix);
+        }
+        let Some(sample) = event.give_to(&mut navigator) else {
+            continue;
         };
         samples += 1;
-        let _ = navigator.on_imu(&sample);
         if navigator.phase() != Phase::Navigating {
             navigating_since = None;
             continue;

@@ -12,7 +12,7 @@ use crate::cli::identify::error_model_of;
 use crate::cli::options::{refuse_same, show};
 use crate::identify::analysis::Analysis;
 use crate::identify::error_model::Record;
-use crate::identify::run::{Event, in_order_of_time};
+use crate::identify::run::in_order_of_time;
 use crate::log::BodyAxes;
 use crate::page::output;
 use crate::page::progress::{bar, spinner};
@@ -89,10 +89,7 @@ impl Target {
         let unusable = |error| miette!("the configuration cannot be used: {}", error);
         let mut navigator = Navigator::new(config).map_err(unusable)?;
         for event in in_order_of_time(&log.imu, &log.gnss) {
-            match event {
-                Event::Imu(sample) => drop(navigator.on_imu(&sample)),
-                Event::Gnss(fix) => drop(navigator.on_gnss(fix)),
-            }
+            event.give_to(&mut navigator);
         }
         let records = [Record::new(log, &analysis.found)];
         let mut model = error_model_of(&records, analysis.summary.grade, None).model();

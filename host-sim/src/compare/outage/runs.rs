@@ -47,17 +47,10 @@ pub fn survey(log: &Log, config: Config) -> Result<Survey, ConfigError> {
     let mut survey = Survey::default();
     let (mut since, mut settled, mut observed) = (None, None, None);
     for event in in_order_of_time(&log.imu, &log.gnss) {
-        let sample = match event {
-            Event::Imu(sample) => sample,
-            Event::Gnss(fix) => {
-                let _ = navigator.on_gnss(fix);
-                continue;
-            }
-        };
-        let _ = navigator.on_imu(&sample);
-        if navigator.phase() != Phase::Navigating {
+        let sample = event.give_to(&mut navigator);
+        let Some(sample) = sample.filter(|_| navigator.phase() == Phase::Navigating) else {
             continue;
-        }
+        };
         let since = *since.get_or_insert(sample.time);
         if sample.time.seconds_since(since) >= SETTLE_S {
             settled.get_or_insert(sample.time);

@@ -5,7 +5,7 @@ use std::path::Path;
 use miette::Result;
 
 use super::{Check, QUANTITIES, Results, Row, Run, Spread};
-use crate::page::plot::{BLUE, Mark, ORANGE, Plot};
+use crate::page::plot::{BLUE, Mark, ORANGE};
 use crate::page::sheet::{self, Panel, key};
 use crate::page::table::{Table, heads};
 use crate::page::{self, brief, digits, output};
@@ -61,14 +61,12 @@ fn panel(results: &Results, which: usize) -> Panel {
     let values = || error.iter().chain(&sigma).map(|point| point.1);
     let least = values().filter(|v| *v > 0.0).fold(f64::MAX, f64::min);
     let most = values().fold(least, f64::max);
-    let plot = Plot {
-        size: sheet::CELL,
-        x_label: "time, min".to_owned(),
-        y_label: QUANTITIES[which].unit.to_owned(),
-        x: (0.0, results.study.minutes),
-        y: (0.8 * least, 1.25 * most),
-        marks: vec![Mark::Line(sigma, ORANGE), Mark::Line(error, BLUE)],
-    };
+    let plot = sheet::plot(
+        ["time, min", QUANTITIES[which].unit],
+        (0.0, results.study.minutes),
+        (0.8 * least, 1.25 * most),
+        vec![Mark::Line(sigma, ORANGE), Mark::Line(error, BLUE)],
+    );
     Panel {
         title: capital(QUANTITIES[which].title),
         svg: plot.svg_log_y(),

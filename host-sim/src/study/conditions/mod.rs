@@ -6,7 +6,7 @@ pub(crate) mod output;
 mod quantities;
 mod run;
 mod statistics;
-mod subject;
+pub(crate) mod subject;
 mod told;
 mod truth;
 mod world;

@@ -22,7 +22,7 @@ use crate::identify::quantities::DEG_H_RADPS;
 use crate::identify::run::record;
 use crate::log::Log;
 use crate::page::chart::sampled;
-use crate::page::plot::{BLUE, Mark, ORANGE, Plot, RED, padded};
+use crate::page::plot::{BLUE, Mark, ORANGE, RED, padded};
 use crate::page::sheet::{self, Panel, key};
 use crate::sim::errors::BiasModel;
 use crate::sim::ideal::{Increments, Rates};
@@ -165,9 +165,7 @@ pub(super) fn figures_3_and_4(drives: &[Drive]) -> Result<Part, ConfigError> {
 }
 
 pub(super) fn figures_6_and_7(settings: &Settings) -> Result<Part, ConfigError> {
-    let seeds = settings.seed..settings.seed.saturating_add(settings.drives);
-    let courses = seeds
-        .into_par_iter()
+    let courses = (settings.seeds(settings.drives).into_par_iter())
         .map(|seed| {
             let mut plan = DriveConfig::new(seed, GRADE, settings.minutes);
             plan.recording.errors.gyro_deg_h.bias = WAVE;
@@ -349,14 +347,8 @@ impl Pair {
         let panel = |method: usize| {
             let marks = self.lines.iter().zip(courses);
             let marks = marks.flat_map(|((_, colour), course)| marks_of(&course[method], *colour));
-            let plot = Plot {
-                size: sheet::CELL,
-                x_label: "time, s".to_owned(),
-                y_label: self.unit.to_owned(),
-                x: (0.0, end_s),
-                y,
-                marks: marks.collect(),
-            };
+            let labels = ["time, s", self.unit];
+            let plot = sheet::plot(labels, (0.0, end_s), y, marks.collect());
             Panel {
                 title: format!("Figure {}: {}", self.numbers[method], METHODS[method]),
                 svg: plot.svg(),

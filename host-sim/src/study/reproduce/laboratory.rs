@@ -39,7 +39,7 @@ struct Unit {
 }
 
 pub(super) fn argument(settings: &Settings, route: &Route) -> Result<Part> {
-    let seeds = || (settings.seed..settings.seed.saturating_add(settings.units)).into_par_iter();
+    let seeds = || settings.seeds(settings.units).into_par_iter();
     let minutes = settings.unit_minutes;
     let units = seeds()
         .map(|seed| Unit::new(seed, minutes, route))

@@ -24,6 +24,11 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// The first so many seeds.
+    pub(super) fn seeds(&self, count: u64) -> core::ops::Range<u64> {
+        self.seed..self.seed.saturating_add(count)
+    }
+
     /// What the command does.
     pub fn new(seed: u64) -> Self {
         Self {
