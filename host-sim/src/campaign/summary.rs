@@ -5,8 +5,7 @@
 
 use serde::Serialize;
 
-use super::flown::QUARTERS;
-use super::ledger::{Line, With};
+use super::ledger::{Line, QUARTERS, With};
 use super::plan::Plan;
 use crate::identify::error_model::interval::{Interval, Measured, mean};
 use crate::page::digits;

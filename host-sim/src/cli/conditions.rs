@@ -35,12 +35,8 @@ pub struct Conditions {
     /// Sensors of one class alone.
     #[arg(long, value_enum)]
     class: Option<Grade>,
-    /// Beside the core, a Kalman filter that is told the true noise.
-    #[arg(long)]
-    with_kalman: bool,
-    /// Tell the core too how noisy the receiver is, and where it does not smooth, that it does not.
-    #[arg(long)]
-    receiver_known: bool,
+    #[command(flatten)]
+    trial: Trial,
     /// The overview and the totals alone.
     #[arg(long)]
     brief: bool,
@@ -76,10 +72,7 @@ pub fn conditions(options: &Conditions, json: bool) -> Result<()> {
         only: options.class.map(Into::into),
         first_seed: options.first_seed,
         seeds: options.seeds,
-        trial: Trial {
-            with_kalman: options.with_kalman,
-            receiver_known: options.receiver_known,
-        },
+        trial: options.trial,
     };
     let results = study.results(&bar().with_message("running"));
     if let Some(file) = &options.csv {

@@ -4,8 +4,7 @@ use ins_core::earth::wrap_pi;
 use ins_core::{Solution, Time};
 use serde::Serialize;
 
-use super::input::Input;
-use super::tracks::{Point, Track};
+use super::tracks::{Input, Point, Track};
 use crate::identify::against_truth;
 use crate::identify::quantities::{Quantities, Quantity};
 use crate::log::{Grade, Log};

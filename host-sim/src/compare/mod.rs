@@ -2,7 +2,6 @@
 
 pub(crate) mod cost;
 pub mod five_stage;
-pub(crate) mod input;
 pub mod kalman;
 pub(crate) mod measure;
 pub mod outage;
@@ -22,10 +21,9 @@ use crate::identify::true_errors::Truth;
 use crate::log::import;
 use crate::log::{BodyAxes, Grade};
 pub use cost::Cost;
-use input::{Input, noise};
 pub use measure::{MethodResult, QuantityResult, TrajectoryError};
 pub use output::{JSON, plain};
-use tracks::Track;
+use tracks::{Input, Track, noise};
 
 /// All methods on one log.
 #[derive(Clone, Debug, Serialize)]

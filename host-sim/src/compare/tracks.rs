@@ -4,14 +4,34 @@ use indicatif::ProgressBar;
 use ins_core::config::Form;
 use ins_core::{Config, ConfigError, Estimates, Solution, Time};
 
-use super::input::Input;
 use crate::compare::five_stage;
 use crate::compare::kalman::{Filter, Noise, Record, Run, smooth};
 use crate::identify::row::Row;
 use crate::identify::run::identify;
+use crate::identify::true_errors::Truth;
+use crate::log::{Grade, Log};
+use crate::sim;
 
 /// Interval between looks, s.
 const EVERY_S: f64 = 1.0;
+
+/// What all methods get.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Input<'a> {
+    pub(crate) log: &'a Log,
+    pub(crate) config: Config,
+    pub(crate) noise: Noise,
+    pub(crate) truth: Option<&'a Truth>,
+}
+
+/// What the filter is told: the truth where it is known, that is for a simulated class of sensors.
+pub(crate) fn noise(grade: Grade, config: &Config, simulated: bool) -> Noise {
+    if simulated {
+        Noise::of_model(&sim::Grade::from(grade).errors())
+    } else {
+        Noise::of_config(config)
+    }
+}
 
 /// One method at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -105,14 +105,21 @@ pub(crate) fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Resu
             };
             let seen = values(&observed);
             let each: Vec<Vec<f64>> = simulated.iter().map(|drifts| values(drifts)).collect();
-            if let Some(compared) = compare(&seen, &each) {
+            if let Some((predicted, half)) = foretold(&each)
+                && !seen.is_empty()
+            {
+                let observed = rms(seen.iter().copied());
+                let ratio = predicted / observed;
                 rows.push(Row {
                     log: name.clone(),
                     without_gnss_s,
                     quantity: QUANTITIES[quantity].name,
                     unit: QUANTITIES[quantity].unit,
                     outages: seen.len(),
-                    ..compared
+                    observed,
+                    predicted,
+                    ratio,
+                    ratio_95: [-half, half].map(|bound| ratio * libm::exp(bound)),
                 });
             }
         }
@@ -132,34 +139,24 @@ fn rest_before_s(log: &Log, solutions: &[Solution]) -> f64 {
     }
 }
 
-/// None without outages on either side.
-fn compare(seen: &[f64], simulated: &[Vec<f64>]) -> Option<Row> {
+/// RMS over simulations, and half the width in logarithms that holds 95 % of them; none of fewer than
+/// two with outages.
+fn foretold(simulated: &[Vec<f64>]) -> Option<(f64, f64)> {
     let each: Vec<f64> = (simulated.iter())
         .filter(|values| !values.is_empty())
         .map(|values| rms(values.iter().copied()))
         .collect();
-    if seen.is_empty() || each.len() < 2 {
+    if each.len() < 2 {
         return None;
     }
-    let (observed, predicted) = (rms(seen.iter().copied()), rms(each.iter().copied()));
-    let ratio = predicted / observed;
+    let predicted = rms(each.iter().copied());
     let logarithms: Vec<f64> = each.iter().map(|one| libm::log(one / predicted)).collect();
     let count = logarithms.len() as f64;
     let middle = logarithms.iter().sum::<f64>() / count;
     let squares: f64 = logarithms.iter().map(|l| (l - middle) * (l - middle)).sum();
     // Of one more drive, when so many were simulated.
     let half = student(count - 1.0) * (squares / (count - 1.0) * (1.0 + 1.0 / count)).sqrt();
-    Some(Row {
-        log: String::new(),
-        without_gnss_s: 0.0,
-        quantity: "",
-        unit: "",
-        outages: 0,
-        observed,
-        predicted,
-        ratio,
-        ratio_95: [-half, half].map(|bound| ratio * libm::exp(bound)),
-    })
+    Some((predicted, half))
 }
 
 /// The core through outages all along a drive.

@@ -3,8 +3,7 @@
 use std::fmt::Write as _;
 
 use super::role::Role;
-use super::statistics::Spread;
-use super::summary::Summary;
+use super::summary::{Spread, Summary};
 use super::{LogStudy, Study, methods};
 use crate::compare::outage::OUTAGE_S;
 use crate::identify::halves::{self, Difference};

@@ -13,10 +13,9 @@ use rayon::prelude::*;
 
 use super::drive::{Drive, log_of, open};
 use super::part::{GRADE, Number, Part, Settings, here};
-use crate::compare::input::{Input, noise};
 use crate::compare::kalman::Noise;
 use crate::compare::measure::truth_at;
-use crate::compare::tracks::{Point, kalman, points};
+use crate::compare::tracks::{Input, Point, kalman, noise, points};
 use crate::identify::configure;
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::identify::run::record;
