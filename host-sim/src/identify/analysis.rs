@@ -90,7 +90,7 @@ impl Input {
     }
 }
 
-fn unusable(error: ConfigError) -> miette::Report {
+pub(crate) fn unusable(error: ConfigError) -> miette::Report {
     miette!("the configuration cannot be used: {}", error)
 }
 

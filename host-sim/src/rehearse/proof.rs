@@ -7,7 +7,7 @@
 use ins_core::{
     Config, ConfigError, GnssFix, ImuSample, Navigator, Observability, Phase, Solution, Time,
 };
-use miette::{Result, miette};
+use miette::Result;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -15,7 +15,7 @@ use super::drives::rate_hz;
 use super::output::shown;
 use super::replay::Replay;
 use super::score::{HEADING, POSITION, QUANTITIES, sizes};
-use crate::identify::analysis::Analysis;
+use crate::identify::analysis::{Analysis, unusable};
 use crate::identify::error_model::Record;
 use crate::identify::error_model::interval::student;
 use crate::identify::run::{Event, in_order_of_time};
@@ -69,7 +69,6 @@ type Drift = [Option<[f64; QUANTITIES.len()]>; HORIZONS_S.len()];
 /// Foretells a drive and compares.
 pub(crate) fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<Row>> {
     let (log, name) = (&analysis.log, &analysis.summary.log);
-    let unusable = |error: ConfigError| miette!("the configuration cannot be used: {}", error);
     let config = analysis.found.config;
     let observed = drifts(&log.imu.all(), &log.gnss, config).map_err(unusable)?;
     let mut errors = model.clone();

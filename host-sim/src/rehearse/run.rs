@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::path::Path;
 
 use indicatif::ProgressBar;
-use miette::{IntoDiagnostic, Result, miette};
+use miette::{IntoDiagnostic, Result};
 use rayon::prelude::*;
 
 use super::answers::Told;
@@ -12,8 +12,10 @@ use super::budget::Case;
 use super::flight::World;
 use super::score::{Line, Outcome, moments};
 use super::settings::Rehearsal;
+use super::subject::Subject;
 use crate::campaign::ledger::{Ledger, read_folder};
 use crate::campaign::run::Shard;
+use crate::identify::analysis::unusable;
 
 /// Flies what is missing. Which thread does what leaves no trace in the results.
 pub fn run(
@@ -63,9 +65,8 @@ fn fly(
     let model = rehearsal.model(case).into_diagnostic()?;
     let (outcomes, why) = match world.fly(seed, &model, noise) {
         Ok(flown) => {
-            let outcome = |subject: &super::subject::Subject| {
-                let answers = (subject.fly(&flown, told))
-                    .map_err(|error| miette!("the configuration cannot be used: {}", error))?;
+            let outcome = |subject: &Subject| {
+                let answers = subject.fly(&flown, told).map_err(unusable)?;
                 Ok(Outcome::new(answers, &flown, moments))
             };
             let all: Result<_> = rehearsal.subjects_of(case).iter().map(outcome).collect();

@@ -10,7 +10,7 @@ use super::output::{PLAN, Report};
 use super::{Bench, Driver, Plan, Search, Target, UNITS};
 use crate::cli::identify::error_model_of;
 use crate::cli::options::{refuse_same, show};
-use crate::identify::analysis::Analysis;
+use crate::identify::analysis::{Analysis, unusable};
 use crate::identify::error_model::Record;
 use crate::identify::run::in_order_of_time;
 use crate::log::BodyAxes;
@@ -86,7 +86,6 @@ impl Target {
         let analysis = Analysis::of_log(path, self.unit.class, &bar())?;
         let log = &analysis.log;
         let config = self.with_config(&analysis.found.config)?;
-        let unusable = |error| miette!("the configuration cannot be used: {}", error);
         let mut navigator = Navigator::new(config).map_err(unusable)?;
         for event in in_order_of_time(&log.imu, &log.gnss) {
             event.give_to(&mut navigator);

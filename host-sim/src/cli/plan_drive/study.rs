@@ -28,37 +28,23 @@ const GOAL: [f64; 2] = [0.8, 1.25];
 const RUNS: u64 = 100;
 const FIRST_SEED: u64 = 1;
 
+macro_rules! target {
+    ($name:literal) => {
+        include_str!(concat!("../../../targets/", $name, ".toml"))
+    };
+}
+
 /// Targets: name, whether it judges, text.
 const CASES: [(&str, bool, &str); 6] = [
-    (
-        "mems",
-        false,
-        include_str!("../../../targets/drive_target.toml"),
-    ),
-    (
-        "hg1700",
-        false,
-        include_str!("../../../targets/hg1700.toml"),
-    ),
-    (
-        "mems, tilted, 4 Hz",
-        true,
-        include_str!("../../../targets/judge_mems_tilted.toml"),
-    ),
-    (
-        "mems, 1 Hz, street",
-        true,
-        include_str!("../../../targets/judge_mems_street.toml"),
-    ),
-    (
-        "hg1700, never stops",
-        true,
-        include_str!("../../../targets/judge_hg1700_moving.toml"),
-    ),
+    ("mems", false, target!("drive_target")),
+    ("hg1700", false, target!("hg1700")),
+    ("mems, tilted, 4 Hz", true, target!("judge_mems_tilted")),
+    ("mems, 1 Hz, street", true, target!("judge_mems_street")),
+    ("hg1700, never stops", true, target!("judge_hg1700_moving")),
     (
         "hg1700, antenna away",
         true,
-        include_str!("../../../targets/judge_hg1700_antenna.toml"),
+        target!("judge_hg1700_antenna"),
     ),
 ];
 
