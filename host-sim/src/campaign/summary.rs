@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::ledger::{Line, QUARTERS, With};
 use super::plan::Plan;
-use crate::identify::error_model::interval::{Interval, Measured, mean};
+use crate::identify::error_model::interval::{Interval, plain_mean};
 use crate::page::digits;
 use crate::page::table::{Table, heads};
 
@@ -185,7 +185,7 @@ fn row(plan: &Plan, tally: &Tally, which: usize) -> Option<Row> {
 
 /// Root of the mean over units of mean squares; Student's t over the units.
 fn rms(squares: &[f64]) -> Option<Interval> {
-    let mean = mean(&equally(squares))?;
+    let mean = plain_mean(squares.iter().copied())?;
     Some(Interval {
         value: mean.value.sqrt(),
         low: mean.low.max(0.0).sqrt(),
@@ -195,19 +195,10 @@ fn rms(squares: &[f64]) -> Option<Interval> {
 
 /// Geometric mean.
 fn by_logarithm(ratios: &[f64]) -> Option<Interval> {
-    let logarithms: Vec<f64> = ratios.iter().map(|ratio| libm::log(*ratio)).collect();
-    let mean = mean(&equally(&logarithms))?;
+    let mean = plain_mean(ratios.iter().map(|ratio| libm::log(*ratio)))?;
     Some(Interval {
         value: libm::exp(mean.value),
         low: libm::exp(mean.low),
         high: libm::exp(mean.high),
     })
-}
-
-fn equally(values: &[f64]) -> Vec<Measured> {
-    let one = |value: &f64| Measured {
-        value: *value,
-        variance: 1.0,
-    };
-    values.iter().map(one).collect()
 }

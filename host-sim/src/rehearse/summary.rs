@@ -8,7 +8,7 @@ use super::budget::{Case, SOURCES};
 use super::flight::World;
 use super::score::{HEADING, Line, Outcome, POSITION, QUANTITIES, moments};
 use super::settings::Rehearsal;
-use crate::identify::error_model::interval::{Measured, mean, student};
+use crate::identify::error_model::interval::{plain_mean, student};
 use crate::identify::error_model::{Assumed, Parameter};
 use crate::page::table::Table;
 use crate::study::flights::statistics::{Figure, rms};
@@ -242,13 +242,7 @@ fn model_interval(rms: f64, ratios: &[f64]) -> Option<[f64; 2]> {
         .map(|ratio| libm::log(*ratio))
         .filter(|logarithm| logarithm.is_finite())
         .collect();
-    let equally: Vec<Measured> = (logarithms.iter())
-        .map(|&value| Measured {
-            value,
-            variance: 1.0,
-        })
-        .collect();
-    let middle = mean(&equally)?.value;
+    let middle = plain_mean(logarithms.iter().copied())?.value;
     let count = logarithms.len() as f64;
     let squares: f64 = logarithms.iter().map(|l| (l - middle) * (l - middle)).sum();
     let half = student(count - 1.0) * (squares / (count - 1.0)).sqrt();

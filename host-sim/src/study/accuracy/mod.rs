@@ -3,7 +3,7 @@
 mod output;
 mod statistics;
 
-pub use output::{CSV, JSON, PICTURE, picture, write};
+pub use output::{JSON, picture, write};
 pub use statistics::{Results, Row, Spread};
 
 use core::f64::consts::PI;

@@ -13,9 +13,9 @@ use crate::page::{self, brief, digits, output};
 /// Names of the files; the first marks the folder as ours.
 pub const JSON: &str = "accuracy.json";
 /// Error and sigma of every run at its end.
-pub const CSV: &str = "accuracy.csv";
+const CSV: &str = "accuracy.csv";
 /// RMS error beside RMS sigma over time.
-pub const PICTURE: &str = "accuracy.svg";
+const PICTURE: &str = "accuracy.svg";
 
 /// Writes all files into a folder.
 pub fn write(results: &Results, folder: &Path) -> Result<()> {

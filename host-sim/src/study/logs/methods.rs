@@ -26,24 +26,18 @@ pub struct Optional {
     pub hold: fn(&mut Config),
 }
 
+const fn optional(name: &'static str, hold: fn(&mut Config)) -> Optional {
+    Optional { name, hold }
+}
+
 /// All of them: a prior spread of nothing.
 pub const OPTIONAL: [Optional; 4] = [
-    Optional {
-        name: "clock drift",
-        hold: |config| config.gnss.clock_drift_sigma = 0.0,
-    },
-    Optional {
-        name: "lever arm",
-        hold: |config| config.gnss.lever_arm_sigma_m = 0.0,
-    },
-    Optional {
-        name: "accelerometer scales",
-        hold: |config| config.sensors.accel_scale = 0.0,
-    },
-    Optional {
-        name: "gyro scale and misalignments",
-        hold: |config| config.sensors.gyro_scale = 0.0,
-    },
+    optional("clock drift", |c| c.gnss.clock_drift_sigma = 0.0),
+    optional("lever arm", |c| c.gnss.lever_arm_sigma_m = 0.0),
+    optional("accelerometer scales", |c| c.sensors.accel_scale = 0.0),
+    optional("gyro scale and misalignments", |c| {
+        c.sensors.gyro_scale = 0.0
+    }),
 ];
 
 impl Optional {
