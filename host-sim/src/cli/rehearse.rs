@@ -20,7 +20,7 @@ use crate::identify::error_model::Sensors;
 use crate::identify::error_model::allan::AtRest;
 use crate::identify::error_model::record::readings_at_rest;
 use crate::identify::error_model::{self, Identified};
-use crate::log::import;
+use crate::log::{LogError, import};
 use crate::page;
 use crate::page::output::OutputError;
 use crate::page::progress::bar;
@@ -275,9 +275,7 @@ fn settings(
 /// What the unit puts out at rest, in this log.
 fn recorded_noise(path: &Path, imu_hz: u32) -> Result<RecordedNoise> {
     let (log, warnings) = import::open(path)?;
-    for warning in &warnings {
-        eprintln!("warning: {warning}\n  {}", warning.cause);
-    }
+    LogError::tell(&warnings);
     let (own_hz, wanted_hz) = (rate_hz(&log), f64::from(imu_hz));
     if (own_hz / wanted_hz - 1.0).abs() > 0.02 {
         bail!(
