@@ -10,16 +10,17 @@ use crate::identify::quantities::{Quantities, Quantity};
 use crate::log::{Grade, Log};
 use crate::statistics::root_mean;
 
-/// Names of what is compared: the heading, and all estimates but that of the azimuth.
-pub const NAMES: [&str; 8] = [
-    "heading_deg",
-    "accel_bias_x_mg",
-    "accel_bias_y_mg",
-    "accel_bias_z_mg",
-    "gyro_bias_x_deg_h",
-    "gyro_bias_y_deg_h",
-    "gyro_bias_z_deg_h",
-    "gnss_latency_ms",
+/// What is compared, for programs and for people, with its unit: the heading, and all estimates but
+/// that of the azimuth.
+pub const COMPARED: [(&str, &str, &str); 8] = [
+    ("heading_deg", "Heading", "deg"),
+    ("accel_bias_x_mg", "Accelerometer x", "mg"),
+    ("accel_bias_y_mg", "Accelerometer y", "mg"),
+    ("accel_bias_z_mg", "Accelerometer z", "mg"),
+    ("gyro_bias_x_deg_h", "Gyro x", "deg/h"),
+    ("gyro_bias_y_deg_h", "Gyro y", "deg/h"),
+    ("gyro_bias_z_deg_h", "Gyro z", "deg/h"),
+    ("gnss_latency_ms", "GNSS latency", "ms"),
 ];
 /// Errors below which a quantity counts as found, in its unit: twice to three times what is
 /// promised of ring lasers, and what a good calibration leaves of consumer sensors.
@@ -96,11 +97,11 @@ fn quantities(input: &Input, grade: Grade, track: &Track) -> Vec<QuantityResult>
         Grade::Mems => FOUND_MEMS,
     };
     let ends = columns(input.log.meta.body_axes, end);
-    (0..NAMES.len())
+    (0..COMPARED.len())
         .map(|which| {
             let error = |point: &Point| error(input, point, which);
             QuantityResult {
-                name: NAMES[which],
+                name: COMPARED[which].0,
                 quantity: ends[which],
                 error: error(end).filter(|_| ends[which].observable()),
                 settled_s: settled(input, track, which, found[which]),

@@ -5,7 +5,7 @@ use std::path::Path;
 use miette::{IntoDiagnostic, Result};
 use plotters::style::RGBColor;
 
-use super::measure::{NAMES, columns};
+use super::measure::{COMPARED, columns};
 use super::outage::{Drift, OutageTest};
 use super::tracks::Point;
 use super::{Comparison, MethodResult, QuantityResult};
@@ -18,16 +18,6 @@ use crate::page::{self, brief, digits, output};
 
 /// Name of the file that marks the folder as ours.
 pub const JSON: &str = "compare.json";
-const TITLES: [(&str, &str); 8] = [
-    ("Heading", "deg"),
-    ("Accelerometer x", "mg"),
-    ("Accelerometer y", "mg"),
-    ("Accelerometer z", "mg"),
-    ("Gyro x", "deg/h"),
-    ("Gyro y", "deg/h"),
-    ("Gyro z", "deg/h"),
-    ("GNSS latency", "ms"),
-];
 /// Of the methods, in their order.
 const CURVES: [(&str, RGBColor); 8] = [
     ("exact", BLUE),
@@ -110,7 +100,9 @@ impl Comparison {
             sections: vec![Section {
                 title: "Estimates as they converge",
                 note: "",
-                figures: (1..NAMES.len()).map(|which| self.figure(which)).collect(),
+                figures: (1..COMPARED.len())
+                    .map(|which| self.figure(which))
+                    .collect(),
             }],
         };
         page.html()
@@ -120,7 +112,7 @@ impl Comparison {
     fn figure(&self, which: usize) -> Figure {
         let starts = self.tracks.iter().filter_map(|track| track.points.first());
         let first = starts.map(|p| p.time).min().unwrap_or_default();
-        let (title, unit) = TITLES[which];
+        let (_, title, unit) = COMPARED[which];
         let mut chart = Chart::over_time(title, unit, self.duration_s);
         let mut settled = Vec::new();
         for (track, (method, colour)) in self.tracks.iter().zip(CURVES) {
@@ -190,14 +182,14 @@ impl Comparison {
         let mut header = vec![String::new()];
         header.extend(self.methods.iter().map(|method| method.method.clone()));
         let row = |which: usize| {
-            let mut row = vec![NAMES[which].to_owned()];
+            let mut row = vec![COMPARED[which].0.to_owned()];
             row.extend(
                 (self.methods.iter())
                     .map(|method| method.quantities.get(which).map_or("-".to_owned(), cell)),
             );
             row
         };
-        Table::of(title, header, (0..NAMES.len()).map(row))
+        Table::of(title, header, (0..COMPARED.len()).map(row))
     }
 }
 

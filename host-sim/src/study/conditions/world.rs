@@ -210,11 +210,16 @@ impl World {
             turn_rad: self.any_turn(degrees),
         });
         if !seen {
-            self.errors.imu.holes.push(Outage {
-                start_s,
-                duration_s,
-            });
+            self.hole(start_s, duration_s);
         }
+    }
+
+    /// No inertial samples for so long.
+    pub fn hole(&mut self, start_s: f64, duration_s: f64) {
+        self.errors.imu.holes.push(Outage {
+            start_s,
+            duration_s,
+        });
     }
 
     /// A fixed wing that banks by this much, least and most, with so many fixes a second.

@@ -3,14 +3,14 @@
 use ins_core::Config;
 use serde::Serialize;
 
-use crate::compare::measure::{NAMES, columns};
+use crate::compare::measure::{COMPARED, columns};
 use crate::compare::tracks::Point;
 use crate::identify::halves::Difference;
 use crate::identify::quantities::Quantity;
 use crate::log::BodyAxes;
 
 /// Two estimators share the noise of a log: what parts them is what each leaves out, and neither
-/// states that. By quantity, in the order and units of [`NAMES`]; small beside what the class is
+/// states that. By quantity, in the order and units of [`COMPARED`]; small beside what the class is
 /// used for.
 const ALLOWED: [f64; 8] = [0.3, 0.5, 0.5, 0.5, 10.0, 10.0, 10.0, 3.0];
 
@@ -72,7 +72,7 @@ impl Agreement {
                 let apart = ours.value - theirs.value;
                 let apart = if which == 0 { wrap_deg(apart) } else { apart };
                 let sigmas = [ours.sigma, theirs.sigma];
-                Difference::new(NAMES[which], apart, sigmas, ALLOWED[which])
+                Difference::new(COMPARED[which].0, apart, sigmas, ALLOWED[which])
             });
         Self {
             with: with.to_owned(),

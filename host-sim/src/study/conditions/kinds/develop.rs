@@ -5,7 +5,7 @@ use ins_core::ImuOutput;
 use super::kind::{BOTH, Kind, MEMS, kinds};
 use super::shakes;
 use crate::sim::boat::Anchored;
-use crate::sim::errors::{BiasModel, Outage};
+use crate::sim::errors::BiasModel;
 use crate::sim::plane::Begin;
 use crate::sim::receiver::{Stated, Up, Wrong};
 use crate::sim::shaken::When;
@@ -124,10 +124,7 @@ kinds! { judge: false,
     "inertial_hole", BOTH, 12.0,
     "0.6 s without inertial samples, once, somewhere in the middle" => |w| {
         let start_s = w.random.uniform([0.4, 0.7]) * w.duration_s();
-        w.errors.imu.holes.push(Outage {
-            start_s,
-            duration_s: 0.6,
-        });
+        w.hole(start_s, 0.6);
     };
     "jittered_increments", BOTH, 12.0, "increments under stamps off by up to 3 ms" => |w| {
         w.errors.imu.output = ImuOutput::Increments;

@@ -6,7 +6,7 @@ use ins_core::ImuOutput;
 use super::kind::{BOTH, Kind, MEMS, kinds};
 use super::shakes;
 use crate::sim::boat::Anchored;
-use crate::sim::errors::{BiasModel, Outage};
+use crate::sim::errors::BiasModel;
 use crate::sim::plane::Begin;
 use crate::sim::receiver::{Stated, Up, Wrong};
 use crate::sim::shaken::When;
@@ -180,10 +180,7 @@ kinds! { judge: true,
         w.errors.imu.dropped_fraction = 0.03;
         for start_s in w.times(90.0, 60.0) {
             let duration_s = w.random.uniform([0.2, 1.5]);
-            w.errors.imu.holes.push(Outage {
-                start_s,
-                duration_s,
-            });
+            w.hole(start_s, duration_s);
         }
     };
     "jittered_rates", BOTH, 12.0, "rates at 50 Hz under stamps off by up to 8 ms" => |w| {
