@@ -270,13 +270,13 @@ mod tests {
             Err(LedgerError::Busy(_))
         ));
         drop(ledger);
-        let whole = std::fs::read(&path).unwrap();
-        std::fs::write(&path, &whole[..whole.len() - 7]).unwrap();
+        let whole = fs::read(&path).unwrap();
+        fs::write(&path, &whole[..whole.len() - 7]).unwrap();
         let mut seen = 0;
         let ledger = Ledger::open(&path, |_: Line| seen += 1).unwrap();
         assert_eq!(seen, 2);
         ledger.add(&line(2)).unwrap();
-        assert_eq!(std::fs::read(&path).unwrap(), whole);
+        assert_eq!(fs::read(&path).unwrap(), whole);
         assert_eq!(lines(home.path()).unwrap(), [line(0), line(1), line(2)]);
     }
 
@@ -287,8 +287,8 @@ mod tests {
         let ledger = Ledger::open(&path, |_: Line| {}).unwrap();
         ledger.add(&line(0)).unwrap();
         drop(ledger);
-        let text = std::fs::read_to_string(&path).unwrap() + "{\"run\":\"flight\"}\n";
-        std::fs::write(&path, text).unwrap();
+        let text = fs::read_to_string(&path).unwrap() + "{\"run\":\"flight\"}\n";
+        fs::write(&path, text).unwrap();
         let error = lines(home.path()).unwrap_err().to_string();
         assert!(error.contains("line 2: missing field"), "{error}");
     }

@@ -41,8 +41,8 @@ pub struct Failure {
 }
 
 impl Failure {
-    pub(super) fn new(fault: Fault, at_s: f64, cause: impl ToString) -> Self {
-        let cause = cause.to_string();
+    pub(super) fn new(fault: Fault, at_s: f64, cause: impl Into<String>) -> Self {
+        let cause = cause.into();
         Self { fault, at_s, cause }
     }
 }

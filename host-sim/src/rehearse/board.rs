@@ -33,7 +33,7 @@ fn stream(
     config: Config,
     flown: &Flown,
 ) -> Result<Vec<Option<Solution>>, Failure> {
-    let unusable = |error: HilError| Failure::new(Fault::Unusable, 0.0, error);
+    let unusable = |error: HilError| Failure::new(Fault::Unusable, 0.0, error.to_string());
     let mut session = target.open().map_err(unusable)?;
     // Estimates are not looked at: they need not come.
     session.start(config, 0).map_err(unusable)?;
@@ -106,7 +106,7 @@ impl<'a> Heard<'a> {
                 HilError::Silent(_) => Fault::Hung,
                 _ => Fault::Crashed,
             };
-            Failure::new(fault, self.now_s, error)
+            Failure::new(fault, self.now_s, error.to_string())
         };
         match ended.map(cut_off).or(self.failure) {
             Some(failure) => Err(failure),

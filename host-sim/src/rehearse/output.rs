@@ -58,10 +58,8 @@ fn csv(summary: &Summary) -> Result<String> {
     for quantity in &QUANTITIES {
         let name = quantity.name.replace(' ', "_");
         let unit = quantity.unit.replace("m/s", "mps");
-        for what in ["rms", "median", "below_95"] {
-            names += &format!(",{name}_{what}_{unit}");
-        }
-        names += &format!(",{name}_flights");
+        names.extend(["rms", "median", "below_95"].map(|what| format!(",{name}_{what}_{unit}")));
+        names.extend([",", &name, "_flights"]);
     }
     let row = |tested: &Tested, moment: &Moment| {
         let noise = ["white", "recorded"][usize::from(tested.recorded_noise)];

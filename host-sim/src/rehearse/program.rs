@@ -3,7 +3,7 @@
 
 use std::fmt::Write as _;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
 use std::str::FromStr;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel};
@@ -102,14 +102,15 @@ impl Drop for Session {
     }
 }
 
-fn unusable(cause: impl ToString) -> Failure {
+fn unusable(cause: impl Into<String>) -> Failure {
     Failure::new(Fault::Unusable, 0.0, cause)
 }
 
 impl Session {
     fn begin(program: &Program, flown: &Flown, told: &Told) -> Result<Self, Failure> {
-        let errors = tempfile::tempfile().map_err(unusable)?;
-        let stderr = errors.try_clone().map_err(unusable)?;
+        let no_file = |error: io::Error| unusable(error.to_string());
+        let errors = tempfile::tempfile().map_err(no_file)?;
+        let stderr = errors.try_clone().map_err(no_file)?;
         let mut child = Command::new(&program.command[0])
             .args(&program.command[1..])
             .stdin(Stdio::piped())

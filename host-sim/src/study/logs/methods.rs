@@ -36,7 +36,7 @@ pub const OPTIONAL: [Optional; 4] = [
     optional("lever arm", |c| c.gnss.lever_arm_sigma_m = 0.0),
     optional("accelerometer scales", |c| c.sensors.accel_scale = 0.0),
     optional("gyro scale and misalignments", |c| {
-        c.sensors.gyro_scale = 0.0
+        c.sensors.gyro_scale = 0.0;
     }),
 ];
 
