@@ -21,6 +21,7 @@ pub use quantities::{Goal, Reached};
 pub use target::Target;
 
 use indicatif::ProgressBar;
+use ins_core::Navigator;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -123,7 +124,7 @@ impl Search<'_> {
 
     /// How every quantity stands.
     pub fn reached(&self, drives: &[Bench]) -> Vec<Reached> {
-        let of = |goal: &Goal| goal.reached(drives, self.axes);
+        let of = |goal: &Goal| goal.reached(navigators(drives), self.axes);
         self.goals.iter().map(of).collect()
     }
 
@@ -186,6 +187,10 @@ struct Tried {
     manoeuvre: Manoeuvre,
     times: u32,
     drives: Vec<Bench>,
+}
+
+fn navigators(drives: &[Bench]) -> impl Iterator<Item = &Navigator> {
+    drives.iter().map(|drive| &drive.navigator)
 }
 
 /// How long the first has been driven, s.

@@ -3,10 +3,9 @@
 use core::f64::consts::PI;
 
 use clap::ValueEnum;
-use ins_core::Estimates;
+use ins_core::{Estimates, Navigator};
 use serde::Serialize;
 
-use super::Bench;
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2, Quantity as Known};
 use crate::log::BodyAxes;
 use crate::statistics::rms;
@@ -121,9 +120,13 @@ pub struct Reached {
 
 impl Goal {
     /// How it stands on several drives alike: RMS of their sigmas, and shown if by all.
-    pub fn reached(&self, drives: &[Bench], axes: BodyAxes) -> Reached {
-        let known = |drive: &Bench| self.quantity.known(&drive.navigator.estimates(), axes);
-        let known: Vec<Known> = drives.iter().map(known).collect();
+    pub fn reached<'a>(
+        &self,
+        drives: impl Iterator<Item = &'a Navigator>,
+        axes: BodyAxes,
+    ) -> Reached {
+        let known = |drive: &Navigator| self.quantity.known(&drive.estimates(), axes);
+        let known: Vec<Known> = drives.map(known).collect();
         Reached {
             quantity: self.quantity.name(),
             unit: self.quantity.unit(),

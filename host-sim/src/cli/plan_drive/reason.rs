@@ -1,7 +1,9 @@
 //! Why a quantity does not come to its target.
 
 use super::quantities::{Goal, Kind};
-use super::{AHEAD, Bench, Manoeuvre, Reached, Search, Tried, Unreached, falls, seconds};
+use super::{
+    AHEAD, Bench, Manoeuvre, Reached, Search, Tried, Unreached, falls, navigators, seconds,
+};
 use crate::identify::words::unaligned;
 use crate::page::digits;
 
@@ -41,7 +43,7 @@ impl Search<'_> {
         own: &'t [Tried],
         other: &'t [Tried],
     ) -> String {
-        let after = |drives: &[Bench]| self.goals[which].reached(drives, self.axes);
+        let after = |drives: &[Bench]| self.goals[which].reached(navigators(drives), self.axes);
         let least = |tried: &'t [Tried]| {
             let each = tried.iter().map(|one| (one, after(&one.drives).sigma));
             each.min_by(|a, b| a.1.total_cmp(&b.1))

@@ -14,7 +14,7 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{Bench, Driver, Goal, Plan, Target, UNITS, seconds};
+use super::{Bench, Driver, Goal, Plan, Target, UNITS, navigators, seconds};
 use crate::cli::options::show;
 use crate::page::brief;
 use crate::page::progress::{bar, counted};
@@ -175,7 +175,7 @@ fn results(
     let solved: Vec<Vec<[f64; 2]>> = tried.into_iter().flatten().collect();
     let row = |(which, goal): (usize, &Goal)| {
         let rms_of = |part: usize| rms(solved.iter().map(|run| run[which][part]));
-        let foretold = goal.reached(&plan.end, target.unit.body_axes);
+        let foretold = goal.reached(navigators(&plan.end), target.unit.body_axes);
         let (reached, stated) = (rms_of(0), rms_of(1));
         Row {
             ratio: foretold.observable.then(|| foretold.sigma / reached),

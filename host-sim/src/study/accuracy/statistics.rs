@@ -103,7 +103,8 @@ impl Results {
         })
     }
 
-    /// From when on the RMS error of all runs in a quantity stays below a level, s; `None` if it does not.
+    /// From when on the RMS error of all runs in a quantity stays below a level, s; `None` if it does
+    /// not.
     pub fn settled_s(&self, which: usize, level: f64) -> Option<f64> {
         let settled = |spread: &&Spread| {
             spread.navigating == self.runs.len() && spread.rms_error[which] < level
