@@ -6,7 +6,6 @@
 //! that was stopped goes on where it was. What stays in memory is a model a unit and a bit of
 //! bookkeeping a run.
 
-mod flown;
 pub(crate) mod ledger;
 pub(crate) mod plan;
 pub(crate) mod run;

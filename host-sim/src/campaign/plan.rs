@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::aircraft::input::{InputError, read_text};
+use crate::aircraft::input::{InputError, Source, read_text};
 use crate::sim::errors::BiasModel;
 use crate::sim::noise::Random;
 use crate::sim::{ErrorModel, Grade};
@@ -56,25 +56,16 @@ impl Default for Errors {
 impl Plan {
     /// Reads and checks a plan.
     pub fn read(file: &Path) -> Result<Self, InputError> {
-        let text = read_text(file, "a campaign plan")?;
-        Self::parse(&text).map_err(|(line, message)| InputError {
-            file: file.to_owned(),
-            line,
-            message,
-        })
+        Self::parse(file, &read_text(file, "a campaign plan")?)
     }
 
-    fn parse(text: &str) -> Result<Self, (Option<usize>, String)> {
-        let plan: Self = toml::from_str(text).map_err(|error| {
-            let at = error.span().map_or(0, |span| span.start);
-            let line = 1 + text[..at].matches('\n').count();
-            let example = "host-sim/campaigns/hg1700.toml is a complete example";
-            (
-                Some(line),
-                format!("{}; {example}", error.message().trim_end()),
-            )
+    fn parse(file: &Path, text: &str) -> Result<Self, InputError> {
+        let plan: Self = Source { file, text }.parse("host-sim/campaigns/hg1700.toml")?;
+        plan.check().map_err(|message| InputError {
+            file: file.to_owned(),
+            line: None,
+            message,
         })?;
-        plan.check().map_err(|message| (None, message))?;
         Ok(plan)
     }
 
@@ -90,13 +81,13 @@ impl Plan {
                 return Err(format!("`{key} = {value}`: expected 1 to 100000"));
             }
         }
-        if !(1.0..=1440.0).contains(&self.drive_minutes) {
-            let value = self.drive_minutes;
-            return Err(format!("`drive_minutes = {value}`: expected 1 to 1440"));
-        }
-        if !(0.0..=2.0).contains(&self.unit_spread) {
-            let value = self.unit_spread;
-            return Err(format!("`unit_spread = {value}`: expected 0 to 2"));
+        for (key, value, [low, high]) in [
+            ("drive_minutes", self.drive_minutes, [1.0, 1440.0]),
+            ("unit_spread", self.unit_spread, [0.0, 2.0]),
+        ] {
+            if !(low..=high).contains(&value) {
+                return Err(format!("`{key} = {value}`: expected {low} to {high}"));
+            }
         }
         let model = self.model();
         let text = toml::to_string(&model).map_err(|error| error.to_string())?;
@@ -177,9 +168,13 @@ mod tests {
 
     const EXAMPLE: &str = include_str!("../../campaigns/hg1700.toml");
 
+    fn parse(text: &str) -> Result<Plan, InputError> {
+        Plan::parse(Path::new("plan.toml"), text)
+    }
+
     #[test]
     fn units_differ_and_the_seed_fixes_them() {
-        let plan = Plan::parse(EXAMPLE).unwrap();
+        let plan = parse(EXAMPLE).unwrap();
         assert_eq!(plan.unit(3), plan.unit(3));
         assert_ne!(plan.unit(3), plan.unit(4));
         assert_ne!(plan.flight_seed(0, 1), plan.flight_seed(1, 0));
@@ -202,8 +197,8 @@ mod tests {
             ),
         ] {
             assert!(EXAMPLE.contains(good), "{good}");
-            let (_, error) = Plan::parse(&EXAMPLE.replacen(good, bad, 1)).unwrap_err();
-            assert!(error.contains(message), "{bad}: {error}");
+            let error = parse(&EXAMPLE.replacen(good, bad, 1)).unwrap_err();
+            assert!(error.message.contains(message), "{bad}: {error}");
         }
     }
 }

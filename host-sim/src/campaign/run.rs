@@ -1,5 +1,6 @@
 //! All runs of a campaign, or of a shard of it, that are not done yet.
 
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 use std::str::FromStr;
 
@@ -7,11 +8,11 @@ use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result, miette};
 use rayon::prelude::*;
 
-use super::flown::Flown;
-use super::ledger::{Ledger, LedgerError, Line, With};
+use super::ledger::{Flown, Ledger, LedgerError, Line, With};
 use super::plan::Plan;
 use crate::identify::error_model::{Identified, Record};
 use crate::log::Grade;
+use crate::page::progress::counted;
 use crate::sim::ErrorModel;
 use crate::study::flights::route::Route;
 use crate::study::flights::run::{Settings, run_alone};
@@ -60,58 +61,24 @@ impl FromStr for Shard {
     }
 }
 
-/// What is done already.
-struct Done {
-    models: Vec<Option<String>>,
-    /// By unit, model and flight.
-    flights: Vec<bool>,
-}
-
-impl Done {
-    fn new(plan: &Plan) -> Self {
-        Self {
-            models: vec![None; plan.units as usize],
-            flights: vec![false; (2 * plan.units * plan.flights) as usize],
-        }
-    }
-
-    fn note(&mut self, line: Line, plan: &Plan) {
-        match line {
-            Line::Model { unit, model } => {
-                if let Some(known) = self.models.get_mut(unit as usize) {
-                    *known = Some(model);
-                }
-            }
-            Line::Flight {
-                unit, with, flight, ..
-            } => {
-                if let Some(done) = self.flights.get_mut(place(plan, unit, with, flight)) {
-                    *done = true;
-                }
-            }
-        }
-    }
-}
-
-fn place(plan: &Plan, unit: u32, with: With, flight: u32) -> usize {
-    let second = u32::from(with == With::Identified);
-    ((2 * unit + second) * plan.flights + flight) as usize
-}
-
 /// Runs all that is missing. Which thread does what leaves no trace in the results.
 pub fn run(plan: &Plan, shard: Shard, folder: &Path, progress: &ProgressBar) -> Result<()> {
-    let mut done = Done::new(plan);
-    let ledger = Ledger::open(&folder.join(shard.file()), |line| done.note(line, plan))?;
+    let (mut known, mut flown) = (HashMap::new(), HashSet::new());
+    let ledger = Ledger::open(&folder.join(shard.file()), |line| match line {
+        Line::Model { unit, model } => drop(known.insert(unit, model)),
+        Line::Flight {
+            unit, with, flight, ..
+        } => drop(flown.insert((unit, with, flight))),
+    })?;
     let units: Vec<u32> = (0..plan.units).filter(|unit| shard.has(*unit)).collect();
     let flights = units.len() as u64 * 2 * u64::from(plan.flights);
-    let finished = done.flights.iter().filter(|done| **done).count() as u64;
 
     progress.set_message("identifying");
     progress.set_length(units.len() as u64);
-    let models = identify(plan, &units, &done.models, &ledger, progress)?;
+    let models = identify(plan, &units, &known, &ledger, progress)?;
     progress.set_message("flying");
     progress.set_length(flights);
-    progress.set_position(finished);
+    progress.set_position(flown.len() as u64);
     let route = Route::cessna172()?;
     (0..flights)
         .into_par_iter()
@@ -121,7 +88,7 @@ pub fn run(plan: &Plan, shard: Shard, folder: &Path, progress: &ProgressBar) -> 
             #[allow(clippy::cast_possible_truncation)]
             let (at, flight) = (at as usize, flight as u32);
             let (unit, with) = (units[at / 2], [With::True, With::Identified][at % 2]);
-            if done.flights[place(plan, unit, with, flight)] {
+            if flown.contains(&(unit, with, flight)) {
                 return Ok(());
             }
             let settings = Settings {
@@ -133,7 +100,6 @@ pub fn run(plan: &Plan, shard: Shard, folder: &Path, progress: &ProgressBar) -> 
             progress.inc(1);
             ledger.add(&line)
         })?;
-    progress.finish_and_clear();
     Ok(())
 }
 
@@ -141,30 +107,28 @@ pub fn run(plan: &Plan, shard: Shard, folder: &Path, progress: &ProgressBar) -> 
 fn identify(
     plan: &Plan,
     units: &[u32],
-    known: &[Option<String>],
+    known: &HashMap<u32, String>,
     ledger: &Ledger,
     progress: &ProgressBar,
 ) -> Result<Vec<[ErrorModel; 2]>> {
-    (units.par_iter())
-        .map(|&unit| {
-            let truth = plan.unit(unit);
-            let text = if let Some(text) = &known[unit as usize] {
-                text.clone()
-            } else {
-                let model = toml::to_string(&identified(plan, unit, &truth)).into_diagnostic()?;
-                ledger.add(&Line::Model {
-                    unit,
-                    model: model.clone(),
-                })?;
-                model
-            };
-            progress.inc(1);
-            // Fresh or known, the model goes through its text: the same bits either way.
-            let found = ErrorModel::from_toml(&text)
-                .map_err(|error| miette!("model of unit {unit}: {error}"))?;
-            Ok([truth, found])
-        })
-        .collect()
+    let one = |&unit: &u32| {
+        let truth = plan.unit(unit);
+        let text = if let Some(text) = known.get(&unit) {
+            text.clone()
+        } else {
+            let model = toml::to_string(&identified(plan, unit, &truth)).into_diagnostic()?;
+            ledger.add(&Line::Model {
+                unit,
+                model: model.clone(),
+            })?;
+            model
+        };
+        // Fresh or known, the model goes through its text: the same bits either way.
+        let found = ErrorModel::from_toml(&text)
+            .map_err(|error| miette!("model of unit {unit}: {error}"))?;
+        Ok([truth, found])
+    };
+    units.par_iter().map(counted(progress, one)).collect()
 }
 
 fn identified(plan: &Plan, unit: u32, truth: &ErrorModel) -> ErrorModel {

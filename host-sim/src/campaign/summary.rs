@@ -5,12 +5,11 @@
 
 use serde::Serialize;
 
-use super::flown::QUARTERS;
-use super::ledger::{Line, With};
+use super::ledger::{Line, QUARTERS, With};
 use super::plan::Plan;
-use crate::identify::error_model::interval::{Interval, Measured, mean};
+use crate::identify::error_model::interval::{Interval, plain_mean};
 use crate::page::digits;
-use crate::page::table::{Table, cells};
+use crate::page::table::{Table, heads};
 
 /// Goal: predicted over true accuracy, off by no more than this.
 pub const GOAL: f64 = 0.1;
@@ -135,14 +134,10 @@ impl Summary {
 
     /// For people.
     pub fn table(&self) -> Table {
-        let header = [
-            "RMS error",
-            "after, min",
-            "true models",
-            "predicted",
-            "predicted / true",
-            "units beyond 10 %",
-        ];
+        let header = heads(
+            "RMS error | after, min | true models | predicted | predicted / true \
+             | units beyond 10 %",
+        );
         let row = |row: &Row| {
             let of = |interval: &Interval| {
                 let width = 0.5 * (interval.high - interval.low);
@@ -159,7 +154,7 @@ impl Summary {
                 format!("{} of {}", row.units_beyond_goal, self.plan.units),
             ]
         };
-        Table::new("", cells(header), self.rows.iter().map(row).collect())
+        Table::of("", header, self.rows.iter().map(row))
     }
 }
 
@@ -173,11 +168,9 @@ fn row(plan: &Plan, tally: &Tally, which: usize) -> Option<Row> {
             .collect()
     };
     let [truth, predicted] = [0, 1].map(squares);
-    let ratios: Vec<f64> = truth
-        .iter()
-        .zip(&predicted)
-        .map(|(t, p)| (p / t).sqrt())
-        .collect();
+    let both = truth.iter().zip(&predicted);
+    let ratios: Vec<f64> = both.map(|(t, p)| (p / t).sqrt()).collect();
+    let beyond = |ratio: &&f64| (**ratio - 1.0).abs() > GOAL;
     let minute = (quarter * plan.minutes_free).div_ceil(QUARTERS);
     Some(Row {
         figure,
@@ -186,16 +179,13 @@ fn row(plan: &Plan, tally: &Tally, which: usize) -> Option<Row> {
         truth: rms(&truth)?.scaled(scale),
         predicted: rms(&predicted)?.scaled(scale),
         ratio: by_logarithm(&ratios)?,
-        units_beyond_goal: ratios
-            .iter()
-            .filter(|ratio| (**ratio - 1.0).abs() > GOAL)
-            .count(),
+        units_beyond_goal: ratios.iter().filter(beyond).count(),
     })
 }
 
 /// Root of the mean over units of mean squares; Student's t over the units.
 fn rms(squares: &[f64]) -> Option<Interval> {
-    let mean = mean(&equally(squares))?;
+    let mean = plain_mean(squares.iter().copied())?;
     Some(Interval {
         value: mean.value.sqrt(),
         low: mean.low.max(0.0).sqrt(),
@@ -205,19 +195,10 @@ fn rms(squares: &[f64]) -> Option<Interval> {
 
 /// Geometric mean.
 fn by_logarithm(ratios: &[f64]) -> Option<Interval> {
-    let logarithms: Vec<f64> = ratios.iter().map(|ratio| libm::log(*ratio)).collect();
-    let mean = mean(&equally(&logarithms))?;
+    let mean = plain_mean(ratios.iter().map(|ratio| libm::log(*ratio)))?;
     Some(Interval {
         value: libm::exp(mean.value),
         low: libm::exp(mean.low),
         high: libm::exp(mean.high),
     })
-}
-
-fn equally(values: &[f64]) -> Vec<Measured> {
-    let one = |value: &f64| Measured {
-        value: *value,
-        variance: 1.0,
-    };
-    values.iter().map(one).collect()
 }

@@ -77,10 +77,8 @@ pub fn accuracy(options: &Accuracy, json: bool, force: bool) -> Result<()> {
         kalman_positions: !options.velocity_alone,
         ..Study::new(options.grade.into(), options.runs)
     };
-    let progress = bar();
-    progress.set_message("driving");
     let results = study
-        .results(&progress)
+        .results(&bar().with_message("driving"))
         .map_err(|error| miette!("these options cannot be used: {}", error))?;
     if let Some(out) = &options.out {
         output::build(out, JSON, force, |folder| write(&results, folder))?;

@@ -4,14 +4,14 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
-use miette::{IntoDiagnostic, Result, miette};
+use miette::{Result, miette};
 
-use super::options;
+use super::options::{self, show};
 use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::performance::{Performance, performance};
 use crate::aircraft::pictures;
 use crate::page;
-use crate::page::output::{self};
+use crate::page::output;
 
 /// Options of `aircraft`.
 #[derive(Debug, Args)]
@@ -37,7 +37,6 @@ pub fn aircraft(options: &Aircraft, json: bool, force: bool) -> Result<()> {
             "the {name} cannot fly level at sea level"
         )
     })?;
-    let text = serde_json::to_string_pretty(&table).into_diagnostic()?;
     if let Some(out) = &options.out {
         let slowest_mps = 1.05 * table.clean_stall_speed_kmh / 3.6;
         let drawn = pictures::of_aircraft(&dynamics, slowest_mps, table.max_speed_kmh / 3.6);
@@ -47,12 +46,7 @@ pub fn aircraft(options: &Aircraft, json: bool, force: bool) -> Result<()> {
             Ok(())
         })?;
     }
-    if json {
-        println!("{text}");
-    } else {
-        print!("{}", readable(&dynamics, &table));
-    }
-    Ok(())
+    show(json, &table, || readable(&dynamics, &table))
 }
 
 fn readable(dynamics: &Dynamics, table: &Performance) -> String {
@@ -61,59 +55,42 @@ fn readable(dynamics: &Dynamics, table: &Performance) -> String {
         "{}\n\n{:<34}{:>10}{:>15}\n",
         table.name, "", "model", "specification"
     );
-    let rows = [
-        (
-            "maximum level speed, km/h",
-            table.max_speed_kmh,
-            published.map(|p| p.max_speed_kmh),
-        ),
-        (
-            "stall speed, flaps down, km/h",
-            table.stall_speed_kmh,
-            published.map(|p| p.stall_speed_kmh),
-        ),
-        (
-            "rate of climb, m/s",
-            table.climb_rate_mps,
-            published.map(|p| p.climb_rate_mps),
-        ),
-        (
-            "stall speed, flaps up, km/h",
-            table.clean_stall_speed_kmh,
-            None,
-        ),
-        ("speed of best climb, km/h", table.climb_speed_kmh, None),
-        ("service ceiling, m", table.service_ceiling_m, None),
-        ("ceiling, m", table.ceiling_m, None),
-        (
-            "engine at full speed, rpm",
-            table.engine_rpm_at_max_speed,
-            None,
-        ),
-        ("engine in the climb, rpm", table.engine_rpm_in_climb, None),
-    ];
-    for (name, value, published) in rows {
+    let mut row = |name: &str, value: f64, published: Option<f64>| {
         let published = published.map_or(String::new(), |p| format!("{p:.1}"));
+        // Writing into a string cannot fail.
         let _ = writeln!(text, "{name:<34}{value:>10.1}{published:>15}");
-    }
-    let _ = writeln!(
-        text,
-        "\nSteady level flight at sea level: trim and natural motions\n{:>8}{:>8}{:>9}{:>9}{:>9}{:>14}{:>14}{:>14}{:>8}{:>8}",
-        "m/s",
-        "alpha",
-        "elevator",
-        "throttle",
-        "power",
-        "phugoid",
-        "short period",
-        "Dutch roll",
-        "roll",
-        "spiral"
+    };
+    let [speed, stall, climb] = [
+        published.map(|p| p.max_speed_kmh),
+        published.map(|p| p.stall_speed_kmh),
+        published.map(|p| p.climb_rate_mps),
+    ];
+    row("maximum level speed, km/h", table.max_speed_kmh, speed);
+    row(
+        "stall speed, flaps down, km/h",
+        table.stall_speed_kmh,
+        stall,
     );
+    row("rate of climb, m/s", table.climb_rate_mps, climb);
+    row(
+        "stall speed, flaps up, km/h",
+        table.clean_stall_speed_kmh,
+        None,
+    );
+    row("speed of best climb, km/h", table.climb_speed_kmh, None);
+    row("service ceiling, m", table.service_ceiling_m, None);
+    row("ceiling, m", table.ceiling_m, None);
+    row(
+        "engine at full speed, rpm",
+        table.engine_rpm_at_max_speed,
+        None,
+    );
+    row("engine in the climb, rpm", table.engine_rpm_in_climb, None);
     let _ = writeln!(
         text,
-        "{:>8}{:>8}{:>9}{:>9}{:>9}{:>14}{:>14}{:>14}{:>8}{:>8}",
-        "", "deg", "deg", "", "kW", "s, damping", "s, damping", "s, damping", "s", "s"
+        "\nSteady level flight at sea level: trim and natural motions\n\
+         \x20    m/s   alpha elevator throttle    power       phugoid  short period    Dutch roll    roll  spiral\n\
+         \x20            deg      deg                kW    s, damping    s, damping    s, damping       s       s"
     );
     for row in &table.trims {
         let _ = write!(

@@ -1,18 +1,18 @@
 //! The commands `campaign` and `merge`.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use miette::{IntoDiagnostic, Result, bail, miette};
+use miette::{IntoDiagnostic, Result, bail};
 
-use crate::campaign::ledger::read_file;
+use super::options::show;
+use crate::campaign::ledger;
 use crate::campaign::plan::Plan;
 use crate::campaign::run::{Shard, run};
 use crate::campaign::slurm;
 use crate::campaign::summary::{Summary, Tally};
 use crate::page;
-use crate::page::output::{OutputError, check_free, replace};
+use crate::page::output::replace;
 use crate::page::progress::bar;
 
 /// Copy of the plan; marks a folder as that of a campaign.
@@ -86,40 +86,23 @@ fn check_parts(plan: &Plan, parts: u32) -> Result<()> {
 
 /// Makes the folder with a copy of the plan, or finds that it belongs to this very plan.
 pub(crate) fn settle(plan: &Plan, out: &Path, force: bool) -> Result<()> {
-    let copy = out.join(PLAN);
-    if copy.is_file() && !force {
-        if Plan::read(&copy)? == *plan {
-            return Ok(());
-        }
-        bail!(
-            help = "choose another --out, or drop what is there with --force",
-            "{} holds a campaign of another plan",
-            out.display()
-        );
-    }
-    check_free(out, PLAN, force)?;
-    if copy.is_file() {
-        fs::remove_dir_all(out).map_err(|e| OutputError::io(out, e))?;
-    }
-    fs::create_dir_all(out).map_err(|e| OutputError::io(out, e))?;
     let text = toml::to_string(plan).into_diagnostic()?;
-    Ok(replace(&copy, &text)?)
+    let same = |copy: &Path| Ok(Plan::read(copy)? == *plan);
+    ledger::settle(out, PLAN, &text, force, same, "a campaign of another plan")
 }
 
 fn add_up(folders: &[&PathBuf], json: bool) -> Result<()> {
     let summary = summary(folders)?;
-    let text = page::json(&summary)?;
-    replace(&folders[0].join(SUMMARY), &text)?;
-    if json {
-        print!("{text}");
-        return Ok(());
-    }
-    println!("{}", summary.table().plain());
-    println!(
-        "{} units, {} flights of each with each model; {} flights could not be flown.",
-        summary.plan.units, summary.plan.flights, summary.failed
-    );
-    Ok(())
+    replace(&folders[0].join(SUMMARY), &page::json(&summary)?)?;
+    show(json, &summary, || {
+        format!(
+            "{}\n{} units, {} flights of each with each model; {} flights could not be flown.\n",
+            summary.table().plain(),
+            summary.plan.units,
+            summary.plan.flights,
+            summary.failed
+        )
+    })
 }
 
 /// What the runs in some folders of one plan say.
@@ -143,22 +126,13 @@ fn tally(folders: &[&PathBuf]) -> Result<(Plan, Tally)> {
         if Plan::read(&folder.join(PLAN))? != plan {
             bail!("{} belongs to another plan", folder.display());
         }
-        let entries = fs::read_dir(folder).map_err(|e| OutputError::io(folder, e))?;
-        for entry in entries {
-            let path = entry.map_err(|e| OutputError::io(folder, e))?.path();
-            if path
-                .extension()
-                .is_some_and(|extension| extension == "jsonl")
-            {
-                read_file(&path, &mut |line| tally.add(&line))?;
-            }
-        }
+        ledger::read_folder(folder, |line| tally.add(&line))?;
     }
     if tally.has_repeats(&plan) {
-        return Err(miette!(
+        bail!(
             help = "a folder was given twice, or shards of different numbers lie side by side",
             "there are more runs than the plan has"
-        ));
+        );
     }
     Ok((plan, tally))
 }

@@ -3,13 +3,14 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use miette::{IntoDiagnostic, Result, bail};
+use miette::{Result, bail};
 use serde::Serialize;
 
+use super::options::show;
 use crate::log::Grade;
+use crate::page::output;
 use crate::page::progress::bar;
-use crate::page::{self, output};
-use crate::study::conditions::output::{readable, totals, write_rows};
+use crate::study::conditions::output::{csv, readable, totals};
 use crate::study::conditions::{Kind, Results, Study, Totals, Trial, all};
 
 /// Options of `study conditions`.
@@ -34,12 +35,8 @@ pub struct Conditions {
     /// Sensors of one class alone.
     #[arg(long, value_enum)]
     class: Option<Grade>,
-    /// Beside the core, a Kalman filter that is told the true noise.
-    #[arg(long)]
-    with_kalman: bool,
-    /// Tell the core too how noisy the receiver is, and where it does not smooth, that it does not.
-    #[arg(long)]
-    receiver_known: bool,
+    #[command(flatten)]
+    trial: Trial,
     /// The overview and the totals alone.
     #[arg(long)]
     brief: bool,
@@ -75,31 +72,19 @@ pub fn conditions(options: &Conditions, json: bool) -> Result<()> {
         only: options.class.map(Into::into),
         first_seed: options.first_seed,
         seeds: options.seeds,
-        trial: Trial {
-            with_kalman: options.with_kalman,
-            receiver_known: options.receiver_known,
-        },
+        trial: options.trial,
     };
-    let progress = bar();
-    progress.set_message("running");
-    let results = study.results(&progress);
+    let results = study.results(&bar().with_message("running"));
     if let Some(file) = &options.csv {
-        let mut lines = Vec::new();
-        write_rows(&results, &mut lines).into_diagnostic()?;
-        output::replace(file, &String::from_utf8(lines).into_diagnostic()?)?;
+        output::replace(file, &csv(&results)?)?;
     }
-    if json {
-        let page = Page {
-            seeds: study.seeds,
-            first_seed: study.first_seed,
-            totals: totals(&results),
-            kinds: results,
-        };
-        print!("{}", page::json(&page)?);
-    } else {
-        print!("{}", readable(&results, !options.brief));
-    }
-    Ok(())
+    let page = Page {
+        seeds: study.seeds,
+        first_seed: study.first_seed,
+        totals: totals(&results),
+        kinds: results,
+    };
+    show(json, &page, || readable(&page.kinds, !options.brief))
 }
 
 impl Conditions {

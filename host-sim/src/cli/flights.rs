@@ -67,10 +67,8 @@ fn measure(options: &Flights) -> Result<(Vec<Run>, Summary)> {
     };
     let route = Route::cessna172()?;
     let seeds = options.seed_from..options.seed_from + u64::from(options.runs);
-    let progress = bar(options.runs);
-    let runs = all(seeds, &route, &settings, &progress).into_diagnostic()?;
+    let runs = all(seeds, &route, &settings, &bar(options.runs)).into_diagnostic()?;
     let schuler = schuler(options.seed_from, &route, &settings.errors).into_diagnostic()?;
-    progress.finish_and_clear();
     let summary = Summary::new(&runs, &route, &settings, schuler);
     Ok((runs, summary))
 }

@@ -79,16 +79,18 @@ pub(super) fn identify_log(
     let analysis = Analysis::of_log(folder, grade, &progress)?;
     let records = [Record::new(&analysis.log, &analysis.found)];
     let model = error_model_of(&records, analysis.summary.grade, law);
-    let at_rest = AtRest::new(&records);
     output::build(out, SUMMARY, force, |folder| {
-        let sensors = Sensors {
-            model: &model,
-            at_rest: &at_rest,
-        };
-        report::write(&analysis, Some(&sensors), folder)?;
-        error_model::write(sensors, folder)
+        write(&analysis, &records, &model, folder)
     })?;
     Ok((analysis, model))
+}
+
+/// The report of a log, and its error model.
+fn write(analysis: &Analysis, records: &[Record], model: &Identified, folder: &Path) -> Result<()> {
+    let at_rest = &AtRest::new(records);
+    let sensors = Sensors { model, at_rest };
+    report::write(analysis, Some(&sensors), folder)?;
+    error_model::write(sensors, folder)
 }
 
 pub(super) fn error_model_of(records: &[Record], grade: Grade, law: Option<Law>) -> Identified {
@@ -142,12 +144,7 @@ fn identify_logs(
             let beside = folder.join(format!("{number}-{name}"));
             fs::create_dir(&beside).map_err(|e| OutputError::io(&beside, e))?;
             let own = [record];
-            let sensors = Sensors {
-                model: &error_model_of(&own, this, law),
-                at_rest: &AtRest::new(&own),
-            };
-            report::write(&analysis, Some(&sensors), &beside)?;
-            error_model::write(sensors, &beside)?;
+            write(&analysis, &own, &error_model_of(&own, this, law), &beside)?;
             records.extend(own);
             summaries.push(analysis.summary);
         }

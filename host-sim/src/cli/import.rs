@@ -8,8 +8,8 @@ use serde::Serialize;
 
 use super::options::show;
 use crate::log::import::{Choice, read};
-use crate::log::{Compression, write};
-use crate::page::output::{self};
+use crate::log::{Compression, LogError, write};
+use crate::page::output;
 
 /// What marks a folder as written here.
 const MARK: &str = "import.toml";
@@ -23,12 +23,8 @@ pub struct Import {
     /// Folder of the log.
     #[arg(long)]
     out: PathBuf,
-    /// Which of several inertial sensors, counted from 1.
-    #[arg(long, value_name = "N")]
-    imu: Option<usize>,
-    /// Which of several receivers, counted from 1.
-    #[arg(long, value_name = "N")]
-    gnss: Option<usize>,
+    #[command(flatten)]
+    choice: Choice,
 }
 
 /// What was imported, as it is printed and kept beside the log.
@@ -45,22 +41,13 @@ struct Imported<'a> {
 /// Makes a log of a recording.
 pub fn import(options: &Import, json: bool, force: bool) -> Result<()> {
     output::check_free(&options.out, MARK, force)?;
-    let choice = Choice {
-        imu: options.imu,
-        gnss: options.gnss,
-    };
-    let (log, warnings) = read(&options.files, choice)?;
-    for warning in &warnings {
-        eprintln!("warning: {warning}\n  {}", warning.cause);
-    }
-    let told = |warning: &crate::log::LogError| format!("{warning}: {}", warning.cause);
+    let (log, warnings) = read(&options.files, options.choice)?;
+    LogError::tell(&warnings);
+    let told = |warning: &LogError| format!("{warning}: {}", warning.cause);
+    let source = log.meta.document.get("source");
     let imported = Imported {
         files: &options.files,
-        source: log
-            .meta
-            .document
-            .get("source")
-            .and_then(toml::Value::as_str),
+        source: source.and_then(toml::Value::as_str),
         duration_s: log.duration_s(),
         imu_samples: log.imu.len(),
         gnss_fixes: log.gnss.len(),

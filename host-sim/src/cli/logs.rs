@@ -7,7 +7,7 @@ use miette::Result;
 use rayon::prelude::*;
 
 use super::options::{GradeChoice, show};
-use crate::page::progress::bar;
+use crate::page::progress::{bar, counted};
 use crate::study::logs::page::plain;
 use crate::study::logs::role::{Role, name_of};
 use crate::study::logs::{LogStudy, Study};
@@ -46,18 +46,13 @@ pub fn logs(options: &Logs, json: bool) -> Result<()> {
         .iter()
         .filter(|folder| options.wants(Role::of(&name_of(folder))))
         .collect();
-    let progress = bar();
-    progress.set_message("studying");
+    let progress = bar().with_message("studying");
     progress.set_length(folders.len() as u64);
+    let one = |folder: &&PathBuf| LogStudy::of_folder(folder, options.grade.told(), &progress);
     // Longest work first to whoever is free; results stand in the order of the folders.
-    let studies: Vec<Result<LogStudy>> = folders
-        .par_iter()
+    let studies: Vec<Result<LogStudy>> = (folders.par_iter())
         .with_max_len(1)
-        .map(|folder| {
-            let study = LogStudy::of_folder(folder, options.grade.told(), &progress);
-            progress.inc(1);
-            study
-        })
+        .map(counted(&progress, one))
         .collect();
     progress.finish_and_clear();
     let mut logs = Vec::new();

@@ -6,8 +6,8 @@ use clap::Args;
 use miette::Result;
 
 use super::options::{GradeChoice, show};
-use crate::page::progress::bar;
-use crate::study::recordings::{recordings, table};
+use crate::page::progress::{bar, counted};
+use crate::study::recordings::{Recording, recordings, table};
 
 /// Options of `study recordings`.
 #[derive(Debug, Args)]
@@ -22,14 +22,12 @@ pub struct Recordings {
 
 /// Tries every recording, one after another, for their times are told.
 pub fn study(options: &Recordings, json: bool) -> Result<()> {
-    let progress = bar();
-    progress.set_message("trying");
+    let progress = bar().with_message("trying");
     progress.set_length(options.paths.len() as u64);
-    let mut rows = Vec::new();
-    for path in &options.paths {
-        rows.extend(recordings(path, options.grade.told()));
-        progress.inc(1);
-    }
+    let one = |path: &PathBuf| recordings(path, options.grade.told());
+    let rows: Vec<Recording> = (options.paths.iter())
+        .flat_map(counted(&progress, one))
+        .collect();
     progress.finish_and_clear();
     show(json, &rows, || table(&rows).plain())
 }

@@ -5,12 +5,11 @@ use std::path::PathBuf;
 use clap::Args;
 use miette::Result;
 
-use crate::cli::options::minutes;
+use super::options::{minutes, show};
 use crate::log::Grade;
-use crate::page;
-use crate::page::output::{self};
 use crate::page::progress::bar;
 use crate::page::table::Table;
+use crate::page::{self, output};
 use crate::sim::errors::Law;
 use crate::study::recovery::{Results, Study, Vehicle, coverage};
 
@@ -56,29 +55,22 @@ pub fn recovery(options: &Recovery, json: bool, force: bool) -> Result<()> {
         minutes: options.minutes,
         first_seed: options.first_seed,
     };
-    let results = if options.closure {
-        closure(study)
+    let (results, tables) = if options.closure {
+        let results = closure(study);
+        let table = coverage(&results);
+        (results, vec![table])
     } else {
-        both(study)
+        let results = both(study);
+        let tables = results.iter().map(Results::table).collect();
+        (results, tables)
     };
-    let tables = if options.closure {
-        vec![coverage(&results)]
-    } else {
-        results.iter().map(Results::table).collect()
-    };
-    let text = page::json(&results)?;
     if let Some(out) = &options.out {
-        output::build(out, JSON, force, |folder| {
+        output::build(out, JSON, force, |folder| -> Result<()> {
             output::write(folder, MARKDOWN, printed(&tables, Table::markdown))?;
-            output::write(folder, JSON, &text)
+            Ok(output::write(folder, JSON, page::json(&results)?)?)
         })?;
     }
-    if json {
-        print!("{text}");
-    } else {
-        println!("{}", printed(&tables, Table::plain));
-    }
-    Ok(())
+    show(json, &results, || printed(&tables, Table::plain) + "\n")
 }
 
 /// Each under its title.
@@ -89,11 +81,7 @@ pub(crate) fn printed(tables: &[Table], form: fn(&Table) -> String) -> String {
 
 /// Units of both models.
 pub(crate) fn both(study: Study) -> Vec<Results> {
-    let of = |law| {
-        let progress = bar();
-        progress.set_message("units");
-        study.results(law, &progress)
-    };
+    let of = |law| study.results(law, &bar().with_message("units"));
     [Law::Wave, Law::Continuous].map(of).into()
 }
 

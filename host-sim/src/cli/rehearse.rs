@@ -11,7 +11,7 @@ use miette::{IntoDiagnostic, Report, Result, bail, miette};
 use crate::aircraft::input::{Source, read_text};
 use crate::aircraft::plan::Plan;
 use crate::campaign::run::Shard;
-use crate::campaign::slurm;
+use crate::campaign::{ledger, slurm};
 use crate::cli::identify::error_model_of;
 use crate::cli::options::aircraft;
 use crate::cli::options::{GradeChoice, refuse_same};
@@ -20,9 +20,9 @@ use crate::identify::error_model::Sensors;
 use crate::identify::error_model::allan::AtRest;
 use crate::identify::error_model::record::readings_at_rest;
 use crate::identify::error_model::{self, Identified};
-use crate::log::import;
+use crate::log::{LogError, import};
 use crate::page;
-use crate::page::output::{OutputError, check_free, replace};
+use crate::page::output::OutputError;
 use crate::page::progress::bar;
 use crate::rehearse::answers::Told;
 use crate::rehearse::drives::{Drives, rate_hz};
@@ -30,7 +30,7 @@ use crate::rehearse::flight::World;
 use crate::rehearse::output;
 use crate::rehearse::run::{lines, run};
 use crate::rehearse::settings::{Rehearsal, Settings};
-use crate::rehearse::subject::Subject;
+use crate::rehearse::subject::{AT_HAND, Subject};
 use crate::rehearse::summary::Summary;
 use crate::sim::errors::ErrorModelError;
 use crate::sim::recorded::RecordedNoise;
@@ -119,8 +119,7 @@ fn not_negative(text: &str) -> Result<f64, String> {
 }
 
 fn positive(text: &str) -> Result<f64, String> {
-    not_negative(text)?;
-    let number: Option<f64> = text.parse().ok();
+    let number = Some(not_negative(text)?);
     number
         .filter(|number| *number >= 1e-3)
         .ok_or_else(|| "expected at least 0.001".to_owned())
@@ -200,11 +199,12 @@ fn print(text: &str) -> Result<()> {
 fn subjects(with: &[String]) -> Result<Vec<Subject>> {
     let named = |text: &String| {
         text.parse()
-            .map_err(|error| miette!("--with `{text}`: {error}"))
+            .map_err(|error: String| miette!("--with `{text}`: {error}"))
     };
     let mut subjects: Vec<Subject> = with.iter().map(named).collect::<Result<_>>()?;
     if subjects.is_empty() {
-        subjects.extend(["core".parse().map_err(|error: String| miette!("{error}"))?]);
+        let [(_, core), ..] = AT_HAND;
+        subjects.push(core);
     }
     let mut names: Vec<String> = subjects.iter().map(Subject::name).collect();
     names.sort();
@@ -246,7 +246,6 @@ fn settings(
     found: &Identified,
     set: toml::Table,
 ) -> Result<Settings> {
-    let text = |path: &PathBuf| fs::read_to_string(path).map_err(|e| OutputError::io(path, e));
     let mut model = found.model();
     model.imu.output = drives.output;
     let mut settings = Settings {
@@ -265,8 +264,8 @@ fn settings(
         heading_sigma_deg: options.heading_sigma.0,
         set,
         model: model.clone(),
-        aircraft: options.aircraft.as_ref().map(text).transpose()?,
-        plan: text(&options.plan)?,
+        aircraft: options.aircraft.as_deref().map(read).transpose()?,
+        plan: read(&options.plan)?,
     };
     settings.model =
         (settings.applied(model)).map_err(|error| in_keys(options.set.as_deref(), &error))?;
@@ -276,9 +275,7 @@ fn settings(
 /// What the unit puts out at rest, in this log.
 fn recorded_noise(path: &Path, imu_hz: u32) -> Result<RecordedNoise> {
     let (log, warnings) = import::open(path)?;
-    for warning in &warnings {
-        eprintln!("warning: {warning}\n  {}", warning.cause);
-    }
+    LogError::tell(&warnings);
     let (own_hz, wanted_hz) = (rate_hz(&log), f64::from(imu_hz));
     if (own_hz / wanted_hz - 1.0).abs() > 0.02 {
         bail!(
@@ -304,21 +301,11 @@ fn recorded_noise(path: &Path, imu_hz: u32) -> Result<RecordedNoise> {
 /// Makes the folder, or finds that it belongs to this very rehearsal.
 fn settle(settings: &Settings, out: &Path, force: bool) -> Result<()> {
     let text = page::json(settings)?;
-    let copy = out.join(SETTINGS);
-    if copy.is_file() && !force {
-        if fs::read_to_string(&copy).map_err(|e| OutputError::io(&copy, e))? == text {
-            return Ok(());
-        }
-        bail!(
-            help = "choose another --out, or drop what is there with --force",
-            "{} holds another rehearsal: drives, plan, model or options differ",
-            out.display()
-        );
-    }
-    check_free(out, SETTINGS, force)?;
-    if copy.is_file() {
-        fs::remove_dir_all(out).map_err(|e| OutputError::io(out, e))?;
-    }
-    fs::create_dir_all(out).map_err(|e| OutputError::io(out, e))?;
-    Ok(replace(&copy, &text)?)
+    let same = |copy: &Path| Ok(read(copy)? == text);
+    let other = "another rehearsal: drives, plan, model or options differ";
+    ledger::settle(out, SETTINGS, &text, force, same, other)
+}
+
+fn read(path: &Path) -> Result<String, OutputError> {
+    fs::read_to_string(path).map_err(|e| OutputError::io(path, e))
 }

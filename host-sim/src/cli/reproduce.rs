@@ -7,7 +7,7 @@ use miette::Result;
 
 use super::options::{refuse_same, show};
 use crate::identify::analysis::log_name;
-use crate::log::import;
+use crate::log::{LogError, import};
 use crate::page::output;
 use crate::page::progress::spinner;
 use crate::study::reproduce::output::plain;
@@ -34,9 +34,7 @@ pub fn page() -> Result<String> {
 
 fn read(path: &Path) -> Result<Recorded> {
     let (log, warnings) = import::open(path)?;
-    for warning in &warnings {
-        eprintln!("warning: {warning}\n  {}", warning.cause);
-    }
+    LogError::tell(&warnings);
     Ok(Recorded {
         name: log_name(path, &log),
         log,

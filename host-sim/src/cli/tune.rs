@@ -23,12 +23,8 @@ pub struct Tune {
     /// Whose parameters to print.
     #[arg(long, value_enum, default_value_t = Target::Table)]
     format: Target,
-    /// Which of several inertial sensors, counted from 1.
-    #[arg(long, value_name = "N")]
-    imu: Option<usize>,
-    /// Which of several receivers, counted from 1.
-    #[arg(long, value_name = "N")]
-    gnss: Option<usize>,
+    #[command(flatten)]
+    choice: Choice,
     /// Class of the sensors.
     #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
     grade: GradeChoice,
@@ -36,12 +32,13 @@ pub struct Tune {
 
 /// Identifies a log and prints it as parameters.
 pub fn tune(options: &Tune, json: bool) -> Result<()> {
-    let choice = Choice {
-        imu: options.imu,
-        gnss: options.gnss,
-    };
     let progress = bar();
-    let input = Input::read_all(&options.log, choice, options.grade.told(), &progress)?;
+    let input = Input::read_all(
+        &options.log,
+        options.choice,
+        options.grade.told(),
+        &progress,
+    )?;
     let analysis = Analysis::of_input(input, &progress)?;
     let records = [Record::new(&analysis.log, &analysis.found)];
     let model = error_model_of(&records, analysis.summary.grade, None);

@@ -4,13 +4,12 @@
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use ins_core::ConfigError;
 use ins_core::config::Form;
-use ins_core::{Config, Navigator};
+use ins_core::{Config, ConfigError, Navigator};
 use serde::Serialize;
 
 use crate::compare::kalman::{Noise, Record, Run, smooth};
-use crate::identify::run::{Event, in_order_of_time};
+use crate::identify::run::in_order_of_time;
 use crate::log::Log;
 
 /// Passes of each; the fastest counts.
@@ -27,52 +26,38 @@ pub struct Cost {
     pub ratio: f64,
 }
 
-type Pass<'a> = (&'static str, Box<dyn Fn() -> Result<(), ConfigError> + 'a>);
+type Pass<'a> = (&'static str, &'a dyn Fn() -> Result<(), ConfigError>);
 
 /// Every method in turn, several times.
 pub(crate) fn measure(log: &Log, config: Config, noise: Noise) -> Result<Vec<Cost>, ConfigError> {
     let imu = log.imu.all();
     let run = || Run::new(&imu, &log.gnss, config, noise);
+    let filter = |mut run: Run| {
+        run.finish();
+        black_box(run.filter());
+        Ok(())
+    };
     let passes: [Pass; 5] = [
-        (
-            "compensation, exact",
-            Box::new(|| navigate(log, config, Form::Exact)),
-        ),
-        (
-            "compensation, literal",
-            Box::new(|| navigate(log, config, Form::Literal)),
-        ),
-        (
-            "Kalman, covariance ten times a second",
-            Box::new(move || {
-                let mut run = run()?;
-                run.finish();
-                black_box(run.filter());
-                Ok(())
-            }),
-        ),
-        (
-            "Kalman, covariance at every sample",
-            Box::new(move || {
-                let mut run = run()?.with_covariance_at_every_sample();
-                run.finish();
-                black_box(run.filter());
-                Ok(())
-            }),
-        ),
-        (
-            "Kalman and smoother",
-            Box::new(move || {
-                let mut run = run()?;
-                let mut records = Vec::new();
-                let record = &mut |filter: &_, correction| {
-                    records.push(Record::new(filter, correction));
-                };
-                while run.step(record).is_some() {}
-                black_box(smooth(&records));
-                Ok(())
-            }),
-        ),
+        ("compensation, exact", &|| {
+            navigate(log, config, Form::Exact)
+        }),
+        ("compensation, literal", &|| {
+            navigate(log, config, Form::Literal)
+        }),
+        ("Kalman, covariance ten times a second", &|| filter(run()?)),
+        ("Kalman, covariance at every sample", &|| {
+            filter(run()?.with_covariance_at_every_sample())
+        }),
+        ("Kalman and smoother", &|| {
+            let mut run = run()?;
+            let mut records = Vec::new();
+            let record = &mut |filter: &_, correction| {
+                records.push(Record::new(filter, correction));
+            };
+            while run.step(record).is_some() {}
+            black_box(smooth(&records));
+            Ok(())
+        }),
     ];
     let mut fastest = [Duration::MAX; 5];
     for _ in 0..PASSES {
@@ -94,14 +79,7 @@ pub(crate) fn measure(log: &Log, config: Config, noise: Noise) -> Result<Vec<Cos
 fn navigate(log: &Log, config: Config, form: Form) -> Result<(), ConfigError> {
     let mut navigator = Navigator::new(Config { form, ..config })?;
     for event in in_order_of_time(&log.imu, &log.gnss) {
-        match event {
-            Event::Imu(sample) => {
-                let _ = black_box(navigator.on_imu(&sample));
-            }
-            Event::Gnss(fix) => {
-                let _ = black_box(navigator.on_gnss(fix));
-            }
-        }
+        black_box(event.give_to(&mut navigator));
     }
     black_box(navigator.estimates());
     Ok(())

@@ -4,22 +4,23 @@ use ins_core::earth::wrap_pi;
 use ins_core::{Solution, Time};
 use serde::Serialize;
 
-use super::input::Input;
-use super::tracks::{Point, Track};
+use super::tracks::{Input, Point, Track};
 use crate::identify::against_truth;
 use crate::identify::quantities::{Quantities, Quantity};
 use crate::log::{Grade, Log};
+use crate::statistics::root_mean;
 
-/// Names of what is compared: the heading, and all estimates but that of the azimuth.
-pub const NAMES: [&str; 8] = [
-    "heading_deg",
-    "accel_bias_x_mg",
-    "accel_bias_y_mg",
-    "accel_bias_z_mg",
-    "gyro_bias_x_deg_h",
-    "gyro_bias_y_deg_h",
-    "gyro_bias_z_deg_h",
-    "gnss_latency_ms",
+/// What is compared, for programs and for people, with its unit: the heading, and all estimates but
+/// that of the azimuth.
+pub const COMPARED: [(&str, &str, &str); 8] = [
+    ("heading_deg", "Heading", "deg"),
+    ("accel_bias_x_mg", "Accelerometer x", "mg"),
+    ("accel_bias_y_mg", "Accelerometer y", "mg"),
+    ("accel_bias_z_mg", "Accelerometer z", "mg"),
+    ("gyro_bias_x_deg_h", "Gyro x", "deg/h"),
+    ("gyro_bias_y_deg_h", "Gyro y", "deg/h"),
+    ("gyro_bias_z_deg_h", "Gyro z", "deg/h"),
+    ("gnss_latency_ms", "GNSS latency", "ms"),
 ];
 /// Errors below which a quantity counts as found, in its unit: twice to three times what is
 /// promised of ring lasers, and what a good calibration leaves of consumer sensors.
@@ -96,11 +97,11 @@ fn quantities(input: &Input, grade: Grade, track: &Track) -> Vec<QuantityResult>
         Grade::Mems => FOUND_MEMS,
     };
     let ends = columns(input.log.meta.body_axes, end);
-    (0..NAMES.len())
+    (0..COMPARED.len())
         .map(|which| {
             let error = |point: &Point| error(input, point, which);
             QuantityResult {
-                name: NAMES[which],
+                name: COMPARED[which].0,
                 quantity: ends[which],
                 error: error(end).filter(|_| ends[which].observable()),
                 settled_s: settled(input, track, which, found[which]),
@@ -138,26 +139,25 @@ fn settled(input: &Input, track: &Track, which: usize, found: f64) -> Option<f64
 }
 
 fn trajectory(log: &Log, track: &Track) -> Option<TrajectoryError> {
-    let first = log.imu.first()?;
-    let half = first.time.plus_seconds(0.5 * log.duration_s());
-    let (mut sums, mut count) = ([0.0; 3], 0.0);
-    for point in track.points.iter().filter(|point| point.time >= half) {
-        let Some(truth) = truth_at(log, point.time) else {
-            continue;
-        };
-        let solution = &point.solution;
+    let half = log.imu.first()?.time.plus_seconds(0.5 * log.duration_s());
+    let squares = |point: &Point| {
+        let (solution, truth) = (&point.solution, truth_at(log, point.time)?);
         let position = solution.position.enu_from(&truth.position).xy();
         let velocity = solution.velocity_enu_mps - truth.velocity_enu_mps;
-        sums[0] += position.norm_squared();
-        sums[1] += velocity.norm_squared();
-        sums[2] += heading_error_deg(solution, &truth).powi(2);
-        count += 1.0;
-    }
-    let [position_m, velocity_mps, heading_deg] = sums.map(|sum| (sum / count).sqrt());
-    (count > 0.0).then_some(TrajectoryError {
-        position_m,
-        velocity_mps,
-        heading_deg,
+        let heading_deg = heading_error_deg(solution, &truth);
+        Some([
+            position.norm_squared(),
+            velocity.norm_squared(),
+            heading_deg.powi(2),
+        ])
+    };
+    let second_half = track.points.iter().filter(|point| point.time >= half);
+    let all: Vec<[f64; 3]> = second_half.filter_map(squares).collect();
+    let rms = |which: usize| root_mean(all.iter().map(|squares| squares[which]));
+    (!all.is_empty()).then(|| TrajectoryError {
+        position_m: rms(0),
+        velocity_mps: rms(1),
+        heading_deg: rms(2),
     })
 }
 

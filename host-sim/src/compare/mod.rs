@@ -2,7 +2,6 @@
 
 pub(crate) mod cost;
 pub mod five_stage;
-pub(crate) mod input;
 pub mod kalman;
 pub(crate) mod measure;
 pub mod outage;
@@ -19,13 +18,11 @@ use crate::compare::outage::OutageTest;
 use crate::identify::analysis::log_name;
 use crate::identify::configure;
 use crate::identify::true_errors::Truth;
-use crate::log::import;
-use crate::log::{BodyAxes, Grade};
+use crate::log::{BodyAxes, Grade, LogError, import};
 pub use cost::Cost;
-use input::{Input, noise};
 pub use measure::{MethodResult, QuantityResult, TrajectoryError};
 pub use output::{JSON, plain};
-use tracks::Track;
+use tracks::{Input, Track, noise};
 
 /// All methods on one log.
 #[derive(Clone, Debug, Serialize)]
@@ -56,9 +53,7 @@ impl Comparison {
     /// Reads a log and runs every method over it.
     pub fn of_log(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Self> {
         let (log, warnings) = import::open(folder)?;
-        for warning in &warnings {
-            progress.suspend(|| eprintln!("warning: {warning}\n  {}", warning.cause));
-        }
+        progress.suspend(|| LogError::tell(&warnings));
         let truth = Truth::read(folder)?;
         let grade = configure::grade(&log, grade);
         let config = configure::config(&log, grade);

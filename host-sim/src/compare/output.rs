@@ -1,54 +1,33 @@
 //! `compare.json`, `compare.csv`, `outages.csv`, `report.html`, and the tables for people.
 
-use std::io::Write;
 use std::path::Path;
 
 use miette::{IntoDiagnostic, Result};
 use plotters::style::RGBColor;
 
-use super::measure::{NAMES, columns};
-use super::outage::OutageTest;
+use super::measure::{COMPARED, columns};
+use super::outage::{Drift, OutageTest};
+use super::tracks::Point;
 use super::{Comparison, MethodResult, QuantityResult};
 use crate::identify::words::with_sigma;
 use crate::page::chart::{Chart, Figure, MOST_POINTS, sampled};
-use crate::page::digits;
 use crate::page::html::{Page, Section};
 use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED, padded};
 use crate::page::table::{Table, heads};
-use crate::page::{self, output};
+use crate::page::{self, brief, digits, output};
 
 /// Name of the file that marks the folder as ours.
 pub const JSON: &str = "compare.json";
-const TITLES: [&str; 8] = [
-    "Heading, deg",
-    "Accelerometer x, mg",
-    "Accelerometer y, mg",
-    "Accelerometer z, mg",
-    "Gyro x, deg/h",
-    "Gyro y, deg/h",
-    "Gyro z, deg/h",
-    "GNSS latency, ms",
-];
 /// Of the methods, in their order.
-const SHORT: [&str; 8] = [
-    "exact",
-    "literal",
-    "five stages",
-    "repeated",
-    "Kalman",
-    "smoother",
-    "noise / 3",
-    "noise x 3",
-];
-const COLOURS: [RGBColor; 8] = [
-    BLUE,
-    GREY,
-    RGBColor(190, 170, 60),
-    RGBColor(70, 170, 180),
-    ORANGE,
-    GREEN,
-    RGBColor(150, 90, 180),
-    RGBColor(160, 120, 80),
+const CURVES: [(&str, RGBColor); 8] = [
+    ("exact", BLUE),
+    ("literal", GREY),
+    ("five stages", RGBColor(190, 170, 60)),
+    ("repeated", RGBColor(70, 170, 180)),
+    ("Kalman", ORANGE),
+    ("smoother", GREEN),
+    ("noise / 3", RGBColor(150, 90, 180)),
+    ("noise x 3", RGBColor(160, 120, 80)),
 ];
 
 impl Comparison {
@@ -56,52 +35,54 @@ impl Comparison {
     pub fn write(&self, folder: &Path) -> Result<()> {
         output::write(folder, JSON, page::json(self)?)?;
         output::write(folder, "report.html", self.html().into_diagnostic()?)?;
-        (self.write_quantities(output::create(folder, "compare.csv")?)).into_diagnostic()?;
-        (self.write_outages(output::create(folder, "outages.csv")?)).into_diagnostic()
+        output::write(folder, "compare.csv", self.quantities_csv()?)?;
+        Ok(output::write(folder, "outages.csv", self.outages_csv()?)?)
     }
 
-    fn write_quantities(&self, to: impl Write) -> csv::Result<()> {
-        let mut to = csv::Writer::from_writer(to);
-        let header = "method,quantity,value,sigma,observable,error,settled_s";
-        to.write_record(header.split(','))?;
+    fn quantities_csv(&self) -> Result<String> {
         let number = |value: Option<f64>| value.map_or(String::new(), |v| format!("{v:.6}"));
-        for method in &self.methods {
-            for result in &method.quantities {
-                let quantity = &result.quantity;
-                to.write_record([
-                    method.method.as_str(),
-                    result.name,
-                    &format!("{:.6}", quantity.value),
-                    &format!("{:.6}", quantity.sigma),
-                    if quantity.observable() { "1" } else { "0" },
-                    &number(result.error),
-                    &number(result.settled_s),
-                ])?;
-            }
-        }
-        Ok(to.flush()?)
+        let row = |method: &MethodResult, result: &QuantityResult| {
+            let quantity = &result.quantity;
+            [
+                method.method.clone(),
+                result.name.to_owned(),
+                number(Some(quantity.value)),
+                number(Some(quantity.sigma)),
+                u8::from(quantity.observable()).to_string(),
+                number(result.error),
+                number(result.settled_s),
+            ]
+        };
+        let rows = (self.methods.iter()).flat_map(|method| {
+            method
+                .quantities
+                .iter()
+                .map(move |result| row(method, result))
+        });
+        page::csv(
+            "method,quantity,value,sigma,observable,error,settled_s",
+            rows,
+        )
     }
 
-    fn write_outages(&self, to: impl Write) -> csv::Result<()> {
-        let mut to = csv::Writer::from_writer(to);
-        let header = "navigator,start_s,position_end_m,velocity_end_mps,position_max_m,\
-                      velocity_max_mps";
-        to.write_record(header.split(','))?;
-        for drifts in self.outages.iter().flat_map(|test| &test.navigators) {
-            for drift in &drifts.outages {
-                let numbers = [
-                    drift.start_s,
-                    drift.position_end_m,
-                    drift.velocity_end_mps,
-                    drift.position_max_m,
-                    drift.velocity_max_mps,
-                ];
-                let mut cells = vec![drifts.navigator.to_owned()];
-                cells.extend(numbers.map(|number| format!("{number:.4}")));
-                to.write_record(cells)?;
-            }
-        }
-        Ok(to.flush()?)
+    fn outages_csv(&self) -> Result<String> {
+        let row = |navigator: &str, drift: &Drift| {
+            let numbers = [
+                drift.start_s,
+                drift.position_end_m,
+                drift.velocity_end_mps,
+                drift.position_max_m,
+                drift.velocity_max_mps,
+            ];
+            let mut cells = vec![navigator.to_owned()];
+            cells.extend(numbers.map(|number| format!("{number:.4}")));
+            cells
+        };
+        let all = self.outages.iter().flat_map(|test| &test.navigators);
+        let rows = all.flat_map(|of| of.outages.iter().map(move |drift| row(of.navigator, drift)));
+        let names = "navigator,start_s,position_end_m,velocity_end_mps,position_max_m,\
+                     velocity_max_mps";
+        page::csv(names, rows)
     }
 
     fn html(&self) -> Result<String, minijinja::Error> {
@@ -119,7 +100,9 @@ impl Comparison {
             sections: vec![Section {
                 title: "Estimates as they converge",
                 note: "",
-                figures: (1..NAMES.len()).map(|which| self.figure(which)).collect(),
+                figures: (1..COMPARED.len())
+                    .map(|which| self.figure(which))
+                    .collect(),
             }],
         };
         page.html()
@@ -129,13 +112,11 @@ impl Comparison {
     fn figure(&self, which: usize) -> Figure {
         let starts = self.tracks.iter().filter_map(|track| track.points.first());
         let first = starts.map(|p| p.time).min().unwrap_or_default();
-        let (title, unit) = TITLES[which]
-            .split_once(", ")
-            .unwrap_or((TITLES[which], ""));
+        let (_, title, unit) = COMPARED[which];
         let mut chart = Chart::over_time(title, unit, self.duration_s);
         let mut settled = Vec::new();
-        for ((track, method), colour) in self.tracks.iter().zip(SHORT).zip(COLOURS) {
-            let point = |p: &super::tracks::Point| {
+        for (track, (method, colour)) in self.tracks.iter().zip(CURVES) {
+            let point = |p: &Point| {
                 let value = columns(self.body_axes, p)[which].value;
                 (p.time.seconds_since(first), value)
             };
@@ -162,65 +143,54 @@ pub fn plain(comparison: &Comparison) -> String {
 }
 
 fn tables(comparison: &Comparison) -> Vec<Table> {
+    let by_method = |title: &str, cell: fn(&QuantityResult) -> Option<String>, none: &str| {
+        comparison.by_method(title, &|result| {
+            cell(result).unwrap_or_else(|| none.to_owned())
+        })
+    };
+    let value = |result: &QuantityResult| {
+        let quantity = &result.quantity;
+        quantity.observable().then(|| with_sigma(quantity))
+    };
+    let error = |result: &QuantityResult| Some(digits(result.quantity.sigma, result.error?));
+    let settled = |result: &QuantityResult| Some(format!("{:.0}", result.settled_s?));
     let mut tables = vec![by_method(
         "At the end of the log, one sigma",
-        comparison,
-        &|result| {
-            if result.quantity.observable() {
-                with_sigma(&result.quantity)
-            } else {
-                "not observed".to_owned()
-            }
-        },
+        value,
+        "not observed",
     )];
-    if comparison.simulated {
-        tables.push(by_method("Error", comparison, &|result| {
-            result
-                .error
-                .map_or("-".to_owned(), |error| digits(result.quantity.sigma, error))
-        }));
-    }
     let against = if comparison.simulated {
+        tables.push(by_method("Error", error, "-"));
         "the truth"
     } else {
         "its last value"
     };
     tables.push(by_method(
         &format!("Stays close to {against} from, s"),
-        comparison,
-        &|result| {
-            result
-                .settled_s
-                .map_or("-".to_owned(), |s| format!("{s:.0}"))
-        },
+        settled,
+        "-",
     ));
     tables.extend(trajectories(comparison));
     tables.push(costs(comparison));
-    tables.extend(outages(comparison));
+    tables.extend(comparison.outages.as_ref().map(OutageTest::table));
     tables
 }
 
-/// A row for each quantity, a column for each method.
-fn by_method(
-    title: &str,
-    comparison: &Comparison,
-    cell: &dyn Fn(&QuantityResult) -> String,
-) -> Table {
-    let mut header = vec![String::new()];
-    header.extend(
-        comparison
-            .methods
-            .iter()
-            .map(|method| method.method.clone()),
-    );
-    let row = |which: usize| {
-        let mut row = vec![NAMES[which].to_owned()];
-        row.extend(comparison.methods.iter().map(|method: &MethodResult| {
-            method.quantities.get(which).map_or("-".to_owned(), cell)
-        }));
-        row
-    };
-    Table::new(title, header, (0..NAMES.len()).map(row).collect())
+impl Comparison {
+    /// A row for each quantity, a column for each method.
+    fn by_method(&self, title: &str, cell: &dyn Fn(&QuantityResult) -> String) -> Table {
+        let mut header = vec![String::new()];
+        header.extend(self.methods.iter().map(|method| method.method.clone()));
+        let row = |which: usize| {
+            let mut row = vec![COMPARED[which].0.to_owned()];
+            row.extend(
+                (self.methods.iter())
+                    .map(|method| method.quantities.get(which).map_or("-".to_owned(), cell)),
+            );
+            row
+        };
+        Table::of(title, header, (0..COMPARED.len()).map(row))
+    }
 }
 
 fn trajectories(comparison: &Comparison) -> Option<Table> {
@@ -230,9 +200,7 @@ fn trajectories(comparison: &Comparison) -> Option<Table> {
         .filter_map(|method| {
             let error = method.trajectory?;
             let mut row = vec![method.method.clone()];
-            row.extend(
-                [error.position_m, error.velocity_mps, error.heading_deg].map(|v| digits(v, v)),
-            );
+            row.extend([error.position_m, error.velocity_mps, error.heading_deg].map(brief));
             Some(row)
         })
         .collect();
@@ -250,10 +218,9 @@ fn costs(comparison: &Comparison) -> Table {
         ]
     };
     let title = "Cost of an inertial sample with its share of the fixes, on this machine";
-    let rows = comparison.costs.iter().map(row).collect();
-    Table::new(title, heads("| ns | ratio"), rows)
-}
-
-fn outages(comparison: &Comparison) -> Option<Table> {
-    comparison.outages.as_ref().map(OutageTest::table)
+    Table::of(
+        title,
+        heads("| ns | ratio"),
+        comparison.costs.iter().map(row),
+    )
 }

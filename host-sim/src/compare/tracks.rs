@@ -1,18 +1,37 @@
 //! Every method over the log, looked at once a second.
 
 use indicatif::ProgressBar;
-use ins_core::ConfigError;
 use ins_core::config::Form;
-use ins_core::{Config, Estimates, Solution, Time};
+use ins_core::{Config, ConfigError, Estimates, Solution, Time};
 
-use super::input::Input;
 use crate::compare::five_stage;
 use crate::compare::kalman::{Filter, Noise, Record, Run, smooth};
 use crate::identify::row::Row;
 use crate::identify::run::identify;
+use crate::identify::true_errors::Truth;
+use crate::log::{Grade, Log};
+use crate::sim;
 
 /// Interval between looks, s.
 const EVERY_S: f64 = 1.0;
+
+/// What all methods get.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Input<'a> {
+    pub(crate) log: &'a Log,
+    pub(crate) config: Config,
+    pub(crate) noise: Noise,
+    pub(crate) truth: Option<&'a Truth>,
+}
+
+/// What the filter is told: the truth where it is known, that is for a simulated class of sensors.
+pub(crate) fn noise(grade: Grade, config: &Config, simulated: bool) -> Noise {
+    if simulated {
+        Noise::of_model(&sim::Grade::from(grade).errors())
+    } else {
+        Noise::of_config(config)
+    }
+}
 
 /// One method at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,7 +63,6 @@ impl Track {
 
 /// The methods in the order of the tables.
 pub fn all(input: &Input) -> Result<Vec<Track>, ConfigError> {
-    let exact = input.noise;
     let told = if input.truth.is_some() {
         "exact noise"
     } else {
@@ -57,12 +75,9 @@ pub fn all(input: &Input) -> Result<Vec<Track>, ConfigError> {
         five_stage("five stages, repeated", five_stage::REPEATED, input)?,
     ];
     tracks.extend(kalman_and_smoother(told, input)?);
-    tracks.push(kalman(
-        "Kalman, noise / 3",
-        exact.guessed(1.0 / 3.0),
-        input,
-    )?);
-    tracks.push(kalman("Kalman, noise x 3", exact.guessed(3.0), input)?);
+    for (method, factor) in [("Kalman, noise / 3", 1.0 / 3.0), ("Kalman, noise x 3", 3.0)] {
+        tracks.push(kalman(method, input.noise.guessed(factor), input)?);
+    }
     Ok(tracks)
 }
 

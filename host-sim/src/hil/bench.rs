@@ -2,9 +2,7 @@
 
 use std::borrow::Borrow;
 
-use ins_core::ConfigError;
-use ins_core::damping::DampingSignals;
-use ins_core::{Config, Estimates, GnssFix, ImuSample, Manoeuvre, Phase, Time};
+use ins_core::{Config, ConfigError, GnssFix, ImuSample};
 use ins_link::{Reply, Report, Request};
 use serde::Serialize;
 
@@ -134,15 +132,7 @@ impl Bench {
             twin: Twin::start(config, ESTIMATES_EVERY)?,
             recorder: Recorder::default(),
             comparison: Comparison::default(),
-            latest: Row {
-                time: Time::default(),
-                phase: Phase::default(),
-                manoeuvre: Manoeuvre::default(),
-                estimates: Estimates::default(),
-                signals: DampingSignals::default(),
-                solution: None,
-                sigma: None,
-            },
+            latest: Row::default(),
             sample_ticks: Ticks::default(),
             fix_ticks: Ticks::default(),
         })

@@ -4,7 +4,6 @@ pub mod bench;
 pub(crate) mod board_log;
 pub mod emulator;
 pub(crate) mod hardware;
-pub(crate) mod serial;
 pub mod session;
 pub(crate) mod target;
 pub mod twin;

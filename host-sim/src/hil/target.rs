@@ -1,14 +1,14 @@
 //! Which board, and how it is reached.
 
-use std::io::{Read, Write};
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::{ArgGroup, Args, Parser};
+use serial2::SerialPort;
 
 use super::emulator::{Board, Emulator, Pace, Way};
-use super::serial;
-use super::session::{HilError, Session};
+use super::session::{HilError, POLL, Session};
 
 /// A byte stream to a board and back.
 pub trait Port: Read + Write {}
@@ -75,7 +75,7 @@ impl Target {
     /// Opens a session with it; an emulated board boots for that.
     pub fn open(&self) -> Result<Session<Box<dyn Port>>, HilError> {
         let port: Box<dyn Port> = if let Some(name) = &self.port {
-            Box::new(serial::open(name, self.baud)?)
+            Box::new(serial(name, self.baud)?)
         } else {
             let (image, way) = (self.emulated()?, Way::Console);
             Box::new(Emulator::boot(self.board, &image, way, Pace::Fast)?)
@@ -95,4 +95,26 @@ impl Target {
 fn session_number() -> u32 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH);
     since.map_or(0, |since| since.subsec_nanos())
+}
+
+/// Opens a port: 8 bits, no parity, one stop bit, no flow control.
+fn serial(name: &str, baud: u32) -> io::Result<SerialPort> {
+    let mut port = SerialPort::open(name, baud).map_err(|error| explain(name, &error))?;
+    port.set_read_timeout(POLL)?;
+    // What a board has sent before is to nobody.
+    port.discard_buffers()?;
+    Ok(port)
+}
+
+fn explain(name: &str, error: &io::Error) -> io::Error {
+    let ports = SerialPort::available_ports().unwrap_or_default();
+    let ports: Vec<String> = ports
+        .iter()
+        .map(|path| path.display().to_string())
+        .collect();
+    let ports = match ports.as_slice() {
+        [] => "there is no serial port here".to_owned(),
+        ports => format!("ports here: {}", ports.join(", ")),
+    };
+    io::Error::new(error.kind(), format!("{name}: {error}; {ports}"))
 }

@@ -1,7 +1,6 @@
 //! The same requests to a navigator here, to compare answers bit for bit.
 
-use ins_core::ConfigError;
-use ins_core::Navigator;
+use ins_core::{ConfigError, Navigator};
 use ins_link::{FixReply, FromBoard, Reply, Report, Reporter, Request, SampleReply};
 
 /// A navigator on the host that answers as the firmware does.

@@ -53,9 +53,7 @@ impl Input {
         progress.set_message("reading");
         let (log, warnings) = import::open_all(paths, choice)?;
         let folder = paths.first().map_or(Path::new(""), PathBuf::as_path);
-        for warning in &warnings {
-            progress.suspend(|| eprintln!("warning: {warning}\n  {}", warning.cause));
-        }
+        progress.suspend(|| LogError::tell(&warnings));
         Ok(Self {
             truth: Truth::read(folder)?,
             ..Self::of(log_name(folder, &log), log, warnings, grade)
@@ -90,7 +88,7 @@ impl Input {
     }
 }
 
-fn unusable(error: ConfigError) -> miette::Report {
+pub(crate) fn unusable(error: ConfigError) -> miette::Report {
     miette!("the configuration cannot be used: {}", error)
 }
 

@@ -7,7 +7,7 @@ use ins_core::{Estimates, Manoeuvre, Navigator, Phase, Solution, SolutionSigma, 
 use serde::Serialize;
 
 /// The navigator at one moment.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Row {
     /// Stamp of the inertial sample.
     pub time: Time,

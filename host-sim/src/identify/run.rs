@@ -178,6 +178,20 @@ impl Event<'_> {
             Self::Gnss(fix) => fix.time,
         }
     }
+
+    /// Gives it to a navigator; the sample, if it is one.
+    pub(crate) fn give_to(&self, navigator: &mut Navigator) -> Option<ImuSample> {
+        match self {
+            Self::Imu(sample) => {
+                let _ = navigator.on_imu(sample);
+                Some(*sample)
+            }
+            Self::Gnss(fix) => {
+                let _ = navigator.on_gnss(fix);
+                None
+            }
+        }
+    }
 }
 
 fn copied(sample: impl Borrow<ImuSample>) -> ImuSample {

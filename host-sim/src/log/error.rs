@@ -38,6 +38,13 @@ pub struct LogError {
 }
 
 impl LogError {
+    /// To the standard error, what is no reason to stop.
+    pub(crate) fn tell(warnings: &[Self]) {
+        for warning in warnings {
+            eprintln!("warning: {warning}\n  {}", warning.cause);
+        }
+    }
+
     /// A defect of a whole file.
     pub(crate) fn file(
         path: &Path,

@@ -11,6 +11,11 @@ pub(crate) fn to_second_digit_of(scale: f64, value: f64) -> String {
     format!("{value:.decimals$}")
 }
 
+/// A number down to its own second digit.
+pub(crate) fn brief(value: f64) -> String {
+    to_second_digit_of(value, value)
+}
+
 /// A number rounded to so many digits.
 pub(crate) fn significant(digits: usize, value: f64) -> f64 {
     let decimals = digits.saturating_sub(1);

@@ -11,6 +11,15 @@ pub(crate) fn bar() -> ProgressBar {
     bar
 }
 
+/// Something that is done many times, with a step of the bar after each.
+pub(crate) fn counted<T, R>(bar: &ProgressBar, one: impl Fn(T) -> R) -> impl Fn(T) -> R {
+    move |item| {
+        let done = one(item);
+        bar.inc(1);
+        done
+    }
+}
+
 pub(crate) fn spinner(message: &'static str) -> ProgressBar {
     let spinner = ProgressBar::new_spinner().with_message(message);
     spinner.enable_steady_tick(std::time::Duration::from_millis(120));

@@ -4,6 +4,8 @@ use std::fmt::Write as _;
 
 use plotters::style::RGBColor;
 
+use super::plot::{Mark, Plot};
+
 /// Size of a panel's plot, px.
 pub(crate) const CELL: (u32, u32) = (310, 165);
 const COLUMNS: u32 = 3;
@@ -21,6 +23,23 @@ pub(crate) struct Panel {
 pub(crate) struct Key {
     pub(crate) colour: String,
     pub(crate) text: &'static str,
+}
+
+/// A plot for a panel: labels of its axes, and their ends.
+pub(crate) fn plot(
+    [x_label, y_label]: [&str; 2],
+    x: (f64, f64),
+    y: (f64, f64),
+    marks: Vec<Mark>,
+) -> Plot {
+    Plot {
+        size: CELL,
+        x_label: x_label.to_owned(),
+        y_label: y_label.to_owned(),
+        x,
+        y,
+        marks,
+    }
 }
 
 pub(crate) fn key(colour: RGBColor, text: &'static str) -> Key {

@@ -21,6 +21,19 @@ impl Table {
         }
     }
 
+    /// Row by row.
+    pub(crate) fn of(
+        title: impl Into<String>,
+        header: Vec<String>,
+        rows: impl IntoIterator<Item = Vec<String>>,
+    ) -> Self {
+        Self {
+            title: title.into(),
+            header,
+            rows: rows.into_iter().collect(),
+        }
+    }
+
     /// For a terminal, without the title.
     pub(crate) fn plain(&self) -> String {
         plain(&self.header, &self.rows)

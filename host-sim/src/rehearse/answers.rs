@@ -40,6 +40,13 @@ pub struct Failure {
     pub cause: String,
 }
 
+impl Failure {
+    pub(super) fn new(fault: Fault, at_s: f64, cause: impl Into<String>) -> Self {
+        let cause = cause.into();
+        Self { fault, at_s, cause }
+    }
+}
+
 /// What programs and boards do wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]

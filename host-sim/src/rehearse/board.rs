@@ -33,7 +33,7 @@ fn stream(
     config: Config,
     flown: &Flown,
 ) -> Result<Vec<Option<Solution>>, Failure> {
-    let unusable = |error: HilError| failure(Fault::Unusable, 0.0, error.to_string());
+    let unusable = |error: HilError| Failure::new(Fault::Unusable, 0.0, error.to_string());
     let mut session = target.open().map_err(unusable)?;
     // Estimates are not looked at: they need not come.
     session.start(config, 0).map_err(unusable)?;
@@ -45,10 +45,6 @@ fn stream(
         }
     });
     heard.into_inner().finish(ended.err())
-}
-
-fn failure(fault: Fault, at_s: f64, cause: String) -> Failure {
-    Failure { fault, at_s, cause }
 }
 
 /// What has come from the board.
@@ -78,7 +74,7 @@ impl<'a> Heard<'a> {
         if let Request::Imu(sample) = request {
             self.now_s = sample.time.as_seconds();
         }
-        let wrong = match (request, reply) {
+        let (fault, cause) = match (request, reply) {
             (Request::Imu(_), Some(Reply::Imu(Ok(reply)))) => {
                 let navigates = reply.report.phase == Phase::Navigating;
                 self.note(reply.report.solution.filter(|_| navigates));
@@ -92,8 +88,7 @@ impl<'a> Heard<'a> {
             ),
             _ => (Fault::Wrong, "an answer to something else"),
         };
-        let (fault, cause) = wrong;
-        (self.failure).get_or_insert(failure(fault, self.now_s, cause.to_owned()));
+        (self.failure).get_or_insert(Failure::new(fault, self.now_s, cause));
     }
 
     fn note(&mut self, solution: Option<Solution>) {
@@ -111,7 +106,7 @@ impl<'a> Heard<'a> {
                 HilError::Silent(_) => Fault::Hung,
                 _ => Fault::Crashed,
             };
-            failure(fault, self.now_s, error.to_string())
+            Failure::new(fault, self.now_s, error.to_string())
         };
         match ended.map(cut_off).or(self.failure) {
             Some(failure) => Err(failure),

@@ -1,6 +1,6 @@
 //! The recorded drives of a unit, as far as its model needs them.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use ins_core::ImuOutput;
 use miette::{Result, bail, miette};
@@ -29,7 +29,13 @@ impl Drives {
         for path in paths {
             let analysis = Analysis::of_log(path, grade, &bar())?;
             let this = (analysis.summary.grade, analysis.log.meta.imu);
-            check_alike(*first.get_or_insert(this), this, path)?;
+            if *first.get_or_insert(this) != this {
+                bail!(
+                    help = "drives of one unit, logged alike; or say --grade",
+                    "{}: another class of sensors, or another kind of samples, than the drives before",
+                    path.display()
+                );
+            }
             rates.push(rate_hz(&analysis.log));
             names.push(analysis.summary.log.clone());
             records.push(Record::new(&analysis.log, &analysis.found));
@@ -47,17 +53,6 @@ impl Drives {
             imu_hz,
         })
     }
-}
-
-fn check_alike(first: (Grade, ImuOutput), this: (Grade, ImuOutput), path: &Path) -> Result<()> {
-    if this != first {
-        bail!(
-            help = "drives of one unit, logged alike; or say --grade",
-            "{}: another class of sensors, or another kind of samples, than the drives before",
-            path.display()
-        );
-    }
-    Ok(())
 }
 
 /// Inertial samples per second.

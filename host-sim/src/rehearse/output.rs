@@ -6,14 +6,13 @@ use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
 
 use super::score::{HEADING, POSITION, QUANTITIES};
-use super::summary::{BUDGETED, Cost, Row, Summary, Tested};
+use super::summary::{BUDGETED, Cost, Moment, Row, Summary, Tested};
 use crate::page::chart::{Chart, Figure, Point};
-use crate::page::digits;
 use crate::page::html::{Page, Section};
 use crate::page::output::replace;
 use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED};
-use crate::page::table::Table;
-use crate::page::table::cells;
+use crate::page::table::{Table, cells, heads};
+use crate::page::{self, digits, json};
 
 /// File names; the first says that a rehearsal is over.
 pub const SUMMARY: &str = "rehearsal.json";
@@ -35,24 +34,17 @@ pub fn write(folder: &Path, summary: &Summary) -> Result<()> {
         with: &'a str,
         seconds_a_flight: f64,
     }
-    let took = |tested: &Tested| (tested.with.clone(), tested.took_s);
-    let times: Vec<(String, f64)> = summary.tested.iter().map(took).collect();
-    let times: Vec<Took> = (times.iter())
-        .map(|(with, seconds)| Took {
-            with,
-            seconds_a_flight: *seconds,
-        })
-        .collect();
-    let csv = String::from_utf8(csv(summary).into_diagnostic()?).into_diagnostic()?;
-    let page = html(summary).into_diagnostic()?;
-    let json = serde_json::to_string_pretty(summary).into_diagnostic()? + "\n";
-    let times = serde_json::to_string_pretty(&times).into_diagnostic()? + "\n";
+    let times = summary.tested.iter().map(|tested| Took {
+        with: &tested.with,
+        seconds_a_flight: tested.took_s,
+    });
+    let times: Vec<Took> = times.collect();
     let files = [
-        (TABLE, csv),
-        (PAGE, page),
+        (TABLE, csv(summary)?),
+        (PAGE, html(summary).into_diagnostic()?),
         (OVERVIEW, for_a_page(summary)),
-        (TIMES, times),
-        (SUMMARY, json),
+        (TIMES, json(&times)?),
+        (SUMMARY, json(summary)?),
     ];
     for (name, text) in files {
         replace(&folder.join(name), &text)?;
@@ -61,48 +53,36 @@ pub fn write(folder: &Path, summary: &Summary) -> Result<()> {
 }
 
 /// Errors over time, algorithm by algorithm.
-fn csv(summary: &Summary) -> Result<Vec<u8>, csv::Error> {
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    let mut header = cells(["with", "noise", "time_s", "gnss"]);
+fn csv(summary: &Summary) -> Result<String> {
+    let mut names = "with,noise,time_s,gnss".to_owned();
     for quantity in &QUANTITIES {
         let name = quantity.name.replace(' ', "_");
         let unit = quantity.unit.replace("m/s", "mps");
-        for what in ["rms", "median", "below_95"] {
-            header.push(format!("{name}_{what}_{unit}"));
-        }
-        header.push(format!("{name}_flights"));
+        names.extend(["rms", "median", "below_95"].map(|what| format!(",{name}_{what}_{unit}")));
+        names.extend([",", &name, "_flights"]);
     }
-    writer.write_record(&header)?;
-    for tested in &summary.tested {
-        for moment in &tested.moments {
-            let noise = if tested.recorded_noise {
-                "recorded"
-            } else {
-                "white"
-            };
-            let mut row = vec![
-                tested.with.clone(),
-                noise.to_owned(),
-                moment.time_s.to_string(),
-            ];
-            row.push(u8::from(!moment.free).to_string());
-            for errors in &moment.errors {
-                match errors {
-                    Some(e) => row.extend(
-                        [e.rms, e.median, e.below_95]
-                            .map(|value| format!("{value:.6}"))
-                            .into_iter()
-                            .chain([e.flights.to_string()]),
-                    ),
-                    None => row.extend(cells(["", "", "", "0"])),
+    let row = |tested: &Tested, moment: &Moment| {
+        let noise = ["white", "recorded"][usize::from(tested.recorded_noise)];
+        let mut row = vec![
+            tested.with.clone(),
+            noise.to_owned(),
+            moment.time_s.to_string(),
+            u8::from(!moment.free).to_string(),
+        ];
+        for errors in &moment.errors {
+            match errors {
+                Some(e) => {
+                    row.extend([e.rms, e.median, e.below_95].map(|value| format!("{value:.6}")));
+                    row.push(e.flights.to_string());
                 }
+                None => row.extend(cells(["", "", "", "0"])),
             }
-            writer.write_record(&row)?;
         }
-    }
-    writer
-        .into_inner()
-        .map_err(|error| error.into_error().into())
+        row
+    };
+    let rows = (summary.tested.iter())
+        .flat_map(|tested| tested.moments.iter().map(move |moment| row(tested, moment)));
+    page::csv(&names, rows)
 }
 
 // --- tables ---
@@ -135,14 +115,11 @@ fn seconds(value: f64) -> String {
 /// Every algorithm in one line.
 fn overview(summary: &Summary) -> Table {
     let free_s = (summary.free_s >= 1.0).then(|| summary.free_s.round());
-    let mut header = cells(["RMS", "flights", "with GNSS: position, m", "heading, deg"]);
+    let mut header = heads("RMS | flights | with GNSS: position, m | heading, deg");
     if free_s.is_some() {
-        header.extend(cells([
-            "without: position, m",
-            "95 % of the flights below",
-            "velocity, m/s",
-            "heading, deg",
-        ]));
+        header.extend(heads(
+            "without: position, m | 95 % of the flights below | velocity, m/s | heading, deg",
+        ));
     }
     header.push("s a flight".to_owned());
     let row = |tested: &Tested| {
@@ -172,18 +149,15 @@ fn overview(summary: &Summary) -> Table {
         });
         row
     };
-    Table {
-        title: format!(
-            "{} flights of {}, the last {} without GNSS; model of {} drive{}",
-            summary.flights,
-            seconds(summary.duration_s),
-            seconds(summary.free_s),
-            summary.drives.len(),
-            if summary.drives.len() == 1 { "" } else { "s" }
-        ),
-        header,
-        rows: summary.tested.iter().map(row).collect(),
-    }
+    let title = format!(
+        "{} flights of {}, the last {} without GNSS; model of {} drive{}",
+        summary.flights,
+        seconds(summary.duration_s),
+        seconds(summary.free_s),
+        summary.drives.len(),
+        if summary.drives.len() == 1 { "" } else { "s" }
+    );
+    Table::of(title, header, summary.tested.iter().map(row))
 }
 
 /// One algorithm in full.
@@ -212,54 +186,33 @@ fn details(tested: &Tested) -> Table {
         cells.extend([shown(row.figure.median), shown(row.below_95)]);
         cells
     };
-    Table {
-        title: name(tested),
-        header,
-        rows: tested.rows.iter().map(row).collect(),
-    }
+    Table::of(name(tested), header, tested.rows.iter().map(row))
 }
 
 /// Flights without an answer, and those that the aircraft could not fly.
 fn outcomes(summary: &Summary) -> Option<Table> {
+    let row = |name: &str, outcome: &str, flights: usize, first: &str, cause: &str| {
+        cells([name, outcome, &flights.to_string(), first, cause])
+    };
     let mut rows = Vec::new();
     for tested in &summary.tested {
+        let name = name(tested);
         rows.extend(tested.failures.iter().map(|failed| {
-            vec![
-                name(tested),
-                failed.fault.in_words().to_owned(),
-                failed.flights.to_string(),
-                format!("flight {}, {}", failed.first, seconds(failed.at_s)),
-                failed.cause.clone(),
-            ]
+            let first = format!("flight {}, {}", failed.first, seconds(failed.at_s));
+            let fault = failed.fault.in_words();
+            row(&name, fault, failed.flights, &first, &failed.cause)
         }));
         if tested.has_no_solution() {
-            let never = "never had a solution where one is looked at".to_owned();
-            let count = tested.flights.to_string();
-            rows.push(vec![
-                name(tested),
-                "no solution".to_owned(),
-                count,
-                String::new(),
-                never,
-            ]);
+            let never = "never had a solution where one is looked at";
+            rows.push(row(&name, "no solution", tested.flights, "", never));
         }
     }
     if summary.not_flown > 0 {
-        let cause = "the aircraft could not fly the plan: see runs.jsonl".to_owned();
-        let count = summary.not_flown.to_string();
-        rows.push(vec![
-            "-".to_owned(),
-            "not flown".to_owned(),
-            count,
-            String::new(),
-            cause,
-        ]);
+        let cause = "the aircraft could not fly the plan: see runs.jsonl";
+        rows.push(row("-", "not flown", summary.not_flown, "", cause));
     }
-    (!rows.is_empty()).then(|| Table {
-        title: "Flights without a result".to_owned(),
-        header: cells(["", "outcome", "flights", "first", "cause"]),
-        rows,
-    })
+    let header = heads("| outcome | flights | first | cause");
+    (!rows.is_empty()).then(|| Table::new("Flights without a result", header, rows))
 }
 
 fn budget(summary: &Summary) -> Option<Table> {
@@ -279,34 +232,26 @@ fn budget(summary: &Summary) -> Option<Table> {
         row
     };
     let first = summary.tested.first().map_or("", |tested| &tested.with);
-    (!summary.budget.is_empty()).then(|| Table {
-        title: format!(
-            "What each error costs {first}: RMS with it alone, and what is left without it"
-        ),
-        header,
-        rows: summary.budget.iter().map(row).collect(),
-    })
+    let title =
+        format!("What each error costs {first}: RMS with it alone, and what is left without it");
+    (!summary.budget.is_empty()).then(|| Table::of(title, header, summary.budget.iter().map(row)))
 }
 
 fn assumed(summary: &Summary) -> Table {
     let row = |part: &crate::identify::error_model::Assumed| part.cells().to_vec();
-    Table {
-        title: "What the drives do not show, and what was assumed instead".to_owned(),
-        header: cells(["", "assumed", "why"]),
-        rows: summary.assumed.iter().map(row).collect(),
-    }
+    let title = "What the drives do not show, and what was assumed instead";
+    Table::of(
+        title,
+        heads("| assumed | why"),
+        summary.assumed.iter().map(row),
+    )
 }
 
 fn tables(summary: &Summary) -> Vec<Table> {
     let mut all = vec![overview(summary)];
     all.extend(outcomes(summary));
-    all.extend(
-        summary
-            .tested
-            .iter()
-            .filter(|t| !t.rows.is_empty())
-            .map(details),
-    );
+    let with_rows = summary.tested.iter().filter(|t| !t.rows.is_empty());
+    all.extend(with_rows.map(details));
     all.extend(budget(summary));
     let model = Table {
         title: "The model, with what the drives leave open".to_owned(),

@@ -3,7 +3,7 @@
 
 use std::fmt::Write as _;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
 use std::str::FromStr;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel};
@@ -102,20 +102,15 @@ impl Drop for Session {
     }
 }
 
-fn unusable(cause: String) -> Failure {
-    Failure {
-        fault: Fault::Unusable,
-        at_s: 0.0,
-        cause,
-    }
+fn unusable(cause: impl Into<String>) -> Failure {
+    Failure::new(Fault::Unusable, 0.0, cause)
 }
 
 impl Session {
     fn begin(program: &Program, flown: &Flown, told: &Told) -> Result<Self, Failure> {
-        let errors = tempfile::tempfile().map_err(|error| unusable(error.to_string()))?;
-        let stderr = errors
-            .try_clone()
-            .map_err(|error| unusable(error.to_string()))?;
+        let no_file = |error: io::Error| unusable(error.to_string());
+        let errors = tempfile::tempfile().map_err(no_file)?;
+        let stderr = errors.try_clone().map_err(no_file)?;
         let mut child = Command::new(&program.command[0])
             .args(&program.command[1..])
             .stdin(Stdio::piped())
@@ -124,7 +119,7 @@ impl Session {
             .spawn()
             .map_err(|error| unusable(format!("{} cannot be run: {error}", program.command[0])))?;
         let (Some(stdin), Some(stdout)) = (child.stdin.take(), child.stdout.take()) else {
-            return Err(unusable("no pipes".to_owned()));
+            return Err(unusable("no pipes"));
         };
         let mut session = Self {
             child,
@@ -211,11 +206,7 @@ impl Session {
     }
 
     fn failure(&self, fault: Fault, cause: String) -> Failure {
-        Failure {
-            fault,
-            at_s: self.now_s,
-            cause,
-        }
+        Failure::new(fault, self.now_s, cause)
     }
 
     /// The next line of the program, if it comes in time.

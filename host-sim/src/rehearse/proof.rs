@@ -4,9 +4,10 @@
 //! core goes over both, the recorded and the simulated. Outages are placed all along; drift is
 //! measured against the same core with GNSS, on either side.
 
-use ins_core::ConfigError;
-use ins_core::{Config, GnssFix, ImuSample, Navigator, Observability, Phase, Solution, Time};
-use miette::{Result, miette};
+use ins_core::{
+    Config, ConfigError, GnssFix, ImuSample, Navigator, Observability, Phase, Solution, Time,
+};
+use miette::Result;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -14,12 +15,12 @@ use super::drives::rate_hz;
 use super::output::shown;
 use super::replay::Replay;
 use super::score::{HEADING, POSITION, QUANTITIES, sizes};
-use crate::identify::analysis::Analysis;
+use crate::identify::analysis::{Analysis, unusable};
 use crate::identify::error_model::Record;
 use crate::identify::error_model::interval::student;
 use crate::identify::run::{Event, in_order_of_time};
 use crate::log::Log;
-use crate::page::table::{self, Table, cells};
+use crate::page::table::{Table, cells, heads};
 use crate::sim::drive::Recording;
 use crate::sim::{ErrorModel, record};
 use crate::study::flights::statistics::rms;
@@ -68,7 +69,6 @@ type Drift = [Option<[f64; QUANTITIES.len()]>; HORIZONS_S.len()];
 /// Foretells a drive and compares.
 pub(crate) fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<Row>> {
     let (log, name) = (&analysis.log, &analysis.summary.log);
-    let unusable = |error: ConfigError| miette!("the configuration cannot be used: {}", error);
     let config = analysis.found.config;
     let observed = drifts(&log.imu.all(), &log.gnss, config).map_err(unusable)?;
     let mut errors = model.clone();
@@ -104,14 +104,21 @@ pub(crate) fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Resu
             };
             let seen = values(&observed);
             let each: Vec<Vec<f64>> = simulated.iter().map(|drifts| values(drifts)).collect();
-            if let Some(compared) = compare(&seen, &each) {
+            if let Some((predicted, half)) = foretold(&each)
+                && !seen.is_empty()
+            {
+                let observed = rms(seen.iter().copied());
+                let ratio = predicted / observed;
                 rows.push(Row {
                     log: name.clone(),
                     without_gnss_s,
                     quantity: QUANTITIES[quantity].name,
                     unit: QUANTITIES[quantity].unit,
                     outages: seen.len(),
-                    ..compared
+                    observed,
+                    predicted,
+                    ratio,
+                    ratio_95: [-half, half].map(|bound| ratio * libm::exp(bound)),
                 });
             }
         }
@@ -131,34 +138,24 @@ fn rest_before_s(log: &Log, solutions: &[Solution]) -> f64 {
     }
 }
 
-/// None without outages on either side.
-fn compare(seen: &[f64], simulated: &[Vec<f64>]) -> Option<Row> {
+/// RMS over simulations, and half the width in logarithms that holds 95 % of them; none of fewer than
+/// two with outages.
+fn foretold(simulated: &[Vec<f64>]) -> Option<(f64, f64)> {
     let each: Vec<f64> = (simulated.iter())
         .filter(|values| !values.is_empty())
         .map(|values| rms(values.iter().copied()))
         .collect();
-    if seen.is_empty() || each.len() < 2 {
+    if each.len() < 2 {
         return None;
     }
-    let (observed, predicted) = (rms(seen.iter().copied()), rms(each.iter().copied()));
-    let ratio = predicted / observed;
+    let predicted = rms(each.iter().copied());
     let logarithms: Vec<f64> = each.iter().map(|one| libm::log(one / predicted)).collect();
     let count = logarithms.len() as f64;
     let middle = logarithms.iter().sum::<f64>() / count;
     let squares: f64 = logarithms.iter().map(|l| (l - middle) * (l - middle)).sum();
     // Of one more drive, when so many were simulated.
     let half = student(count - 1.0) * (squares / (count - 1.0) * (1.0 + 1.0 / count)).sqrt();
-    Some(Row {
-        log: String::new(),
-        without_gnss_s: 0.0,
-        quantity: "",
-        unit: "",
-        outages: 0,
-        observed,
-        predicted,
-        ratio,
-        ratio_95: [-half, half].map(|bound| ratio * libm::exp(bound)),
-    })
+    Some((predicted, half))
 }
 
 /// The core through outages all along a drive.
@@ -168,16 +165,13 @@ fn drifts(imu: &[ImuSample], gnss: &[GnssFix], config: Config) -> Result<Vec<Dri
     let (mut navigating_since, mut last_fix, mut next) = (None, None, None::<Time>);
     let mut samples = 0;
     for event in in_order_of_time(imu, gnss) {
-        let sample = match event {
-            Event::Gnss(fix) => {
-                let _ = navigator.on_gnss(fix);
-                last_fix = fix.velocity_en_mps.map(|_| fix.time).or(last_fix);
-                continue;
-            }
-            Event::Imu(sample) => sample,
+        if let Event::Gnss(fix) = event {
+            last_fix = fix.velocity_en_mps.map(|_| fix.time).or(last_fix);
+        }
+        let Some(sample) = event.give_to(&mut navigator) else {
+            continue;
         };
         samples += 1;
-        let _ = navigator.on_imu(&sample);
         if navigator.phase() != Phase::Navigating {
             navigating_since = None;
             continue;
@@ -235,22 +229,13 @@ pub(crate) fn overview(rows: &[Row]) -> Table {
         cells.extend(rows.iter().map(ratio));
         cells
     };
-    let all = rows.chunks(FORETOLD.len()).map(of_one).collect();
-    Table::new("Predicted over observed drift", header, all)
+    let all = rows.chunks(FORETOLD.len()).map(of_one);
+    Table::of("Predicted over observed drift", header, all)
 }
 
 /// As a table.
 pub(crate) fn readable(rows: &[Row]) -> String {
-    let header = cells([
-        "",
-        "without, s",
-        "",
-        "outages",
-        "observed",
-        "predicted",
-        "ratio",
-        "95 %",
-    ]);
+    let header = heads("| without, s | | outages | observed | predicted | ratio | 95 %");
     let row = |row: &Row| {
         vec![
             row.log.clone(),
@@ -263,8 +248,8 @@ pub(crate) fn readable(rows: &[Row]) -> String {
             format!("{:.2} to {:.2}", row.ratio_95[0], row.ratio_95[1]),
         ]
     };
-    let all: Vec<Vec<String>> = rows.iter().map(row).collect();
-    format!("{}\n{}\n", table::plain(&header, &all), verdict(rows))
+    let table = Table::of("", header, rows.iter().map(row));
+    format!("{}\n{}\n", table.plain(), verdict(rows))
 }
 
 /// How many ratios are as they should be.

@@ -39,6 +39,24 @@ impl Replay {
     pub fn duration_s(&self) -> f64 {
         self.before_s + self.nodes.last().map_or(0.0, |node| node.time_s)
     }
+
+    fn driving_off(&self, seconds_left: f64) -> Kinematics {
+        let first = &self.nodes[0].state;
+        let velocity = first.velocity_enu_mps;
+        let lasts_s = velocity.norm() / DRIVE_OFF_MPS2;
+        let gone = 1.0 - seconds_left / lasts_s;
+        let (gone, acceleration_enu_mps2) = if gone > 0.0 {
+            (gone, velocity / lasts_s)
+        } else {
+            (0.0, Vector3::zeros())
+        };
+        Kinematics {
+            velocity_enu_mps: gone * velocity,
+            acceleration_enu_mps2,
+            attitude: UnitQuaternion::new_normalize(first.attitude),
+            angular_rate_lb_b_radps: Vector3::zeros(),
+        }
+    }
 }
 
 /// Accelerations and rates are those of the parabola through three solutions in a row.
@@ -71,26 +89,6 @@ fn nodes(solutions: &[Solution]) -> Vec<Node> {
         }
     };
     solutions.windows(3).map(node).collect()
-}
-
-impl Replay {
-    fn driving_off(&self, seconds_left: f64) -> Kinematics {
-        let first = &self.nodes[0].state;
-        let velocity = first.velocity_enu_mps;
-        let lasts_s = velocity.norm() / DRIVE_OFF_MPS2;
-        let gone = 1.0 - seconds_left / lasts_s;
-        let (gone, acceleration_enu_mps2) = if gone > 0.0 {
-            (gone, velocity / lasts_s)
-        } else {
-            (0.0, Vector3::zeros())
-        };
-        Kinematics {
-            velocity_enu_mps: gone * velocity,
-            acceleration_enu_mps2,
-            attitude: UnitQuaternion::new_normalize(first.attitude),
-            angular_rate_lb_b_radps: Vector3::zeros(),
-        }
-    }
 }
 
 impl Motion for Replay {

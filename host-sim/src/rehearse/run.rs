@@ -1,11 +1,10 @@
 //! All flights of a rehearsal, or of a shard of it, that are not flown yet.
 
 use std::collections::HashSet;
-use std::fs;
 use std::path::Path;
 
 use indicatif::ProgressBar;
-use miette::{IntoDiagnostic, Result, miette};
+use miette::{IntoDiagnostic, Result};
 use rayon::prelude::*;
 
 use super::answers::Told;
@@ -13,9 +12,10 @@ use super::budget::Case;
 use super::flight::World;
 use super::score::{Line, Outcome, moments};
 use super::settings::Rehearsal;
-use crate::campaign::ledger::{Ledger, read_file};
+use super::subject::Subject;
+use crate::campaign::ledger::{Ledger, read_folder};
 use crate::campaign::run::Shard;
-use crate::page::output::OutputError;
+use crate::identify::analysis::unusable;
 
 /// Flies what is missing. Which thread does what leaves no trace in the results.
 pub fn run(
@@ -49,7 +49,6 @@ pub fn run(
             progress.inc(1);
             Ok(ledger.add(&line)?)
         })?;
-    progress.finish_and_clear();
     Ok(())
 }
 
@@ -66,9 +65,8 @@ fn fly(
     let model = rehearsal.model(case).into_diagnostic()?;
     let (outcomes, why) = match world.fly(seed, &model, noise) {
         Ok(flown) => {
-            let outcome = |subject: &super::subject::Subject| {
-                let answers = (subject.fly(&flown, told))
-                    .map_err(|error| miette!("the configuration cannot be used: {}", error))?;
+            let outcome = |subject: &Subject| {
+                let answers = subject.fly(&flown, told).map_err(unusable)?;
                 Ok(Outcome::new(answers, &flown, moments))
             };
             let all: Result<_> = rehearsal.subjects_of(case).iter().map(outcome).collect();
@@ -87,15 +85,7 @@ fn fly(
 /// All flights in the files of a folder, each once, in an order that does not depend on who flew.
 pub fn lines(folder: &Path) -> Result<Vec<Line>> {
     let mut all: Vec<Line> = Vec::new();
-    for entry in fs::read_dir(folder).map_err(|e| OutputError::io(folder, e))? {
-        let path = entry.map_err(|e| OutputError::io(folder, e))?.path();
-        if path
-            .extension()
-            .is_some_and(|extension| extension == "jsonl")
-        {
-            read_file(&path, &mut |line| all.push(line))?;
-        }
-    }
+    read_folder(folder, |line| all.push(line))?;
     all.sort_by_key(|line| (line.case, line.flight));
     all.dedup_by_key(|line| (line.case, line.flight));
     Ok(all)

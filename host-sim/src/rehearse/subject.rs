@@ -3,18 +3,19 @@
 use std::str::FromStr;
 use std::time::Instant;
 
-use ins_core::ConfigError;
 use ins_core::config::{Feedback, Form};
-use ins_core::{Config, Navigator, Phase, Solution};
+use ins_core::{Config, ConfigError, Solution};
+use nalgebra::Vector3;
 
 use super::answers::{Answers, Told};
 use super::board;
 use super::flight::Flown;
 use super::program::Program;
-use crate::compare::kalman::{Noise, Run};
+use crate::compare::kalman::Noise;
 use crate::hil::target::Target;
 use crate::identify::configure::config_of;
-use crate::identify::run::Event;
+use crate::sim::SimulatedDrive;
+use crate::study::conditions::subject::{Core, Kalman, Subject as Driven};
 
 /// An algorithm under test.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,19 +75,33 @@ impl Subject {
     /// Flies it.
     pub fn fly(&self, flown: &Flown, told: &Told) -> Result<Answers, ConfigError> {
         let start = Instant::now();
+        let config = config(flown, told);
         let solutions = match self {
-            Self::Core(form, feedback) => Ok(core(flown, told, *form, *feedback)?),
-            Self::Kalman => Ok(kalman(flown, told)?),
-            Self::Board(_, target) => return Ok(board::fly(target, config(flown, told), flown)),
+            Self::Core(form, feedback) => {
+                let (form, feedback) = (*form, *feedback);
+                let config = Config {
+                    form,
+                    feedback,
+                    ..config
+                };
+                asked(Core::new(config, &flown.run)?, flown)
+            }
+            Self::Kalman => {
+                let (SimulatedDrive { imu, gnss, .. }, up) = (&flown.run, Vector3::z());
+                let noise = Noise::of_model(&told.model);
+                asked(Kalman::new(imu, gnss, config, noise, &up)?, flown)
+            }
+            Self::Board(_, target) => return Ok(board::fly(target, config, flown)),
             Self::Program(program) => return Ok(program.fly(flown, told)),
         };
         Ok(Answers {
-            solutions,
+            solutions: Ok(solutions),
             took: start.elapsed(),
         })
     }
 }
 
+/// The core as it would be configured by the model; what that does not say, by the class.
 fn config(flown: &Flown, told: &Told) -> Config {
     let model = &told.model;
     let preset = config_of(told.grade, model.imu.output, flown.run.given_heading_rad);
@@ -95,46 +110,14 @@ fn config(flown: &Flown, told: &Told) -> Config {
     config
 }
 
-fn core(
-    flown: &Flown,
-    told: &Told,
-    form: Form,
-    feedback: Feedback,
-) -> Result<Vec<Option<Solution>>, ConfigError> {
-    let mut navigator = Navigator::new(Config {
-        form,
-        feedback,
-        ..config(flown, told)
-    })?;
+/// What somebody says whenever he is asked.
+fn asked(mut subject: impl Driven, flown: &Flown) -> Vec<Option<Solution>> {
     let mut asks = flown.asks().iter().peekable();
     let mut solutions = Vec::with_capacity(asks.len());
-    for event in flown.events() {
-        let sample = match event {
-            Event::Imu(sample) => sample,
-            Event::Gnss(fix) => {
-                let _ = navigator.on_gnss(fix);
-                continue;
-            }
-        };
-        let _ = navigator.on_imu(&sample);
-        if asks.next_if(|ask| ask.time <= sample.time).is_some() {
-            let navigates = navigator.phase() == Phase::Navigating;
-            solutions.push(navigator.solution().filter(|_| navigates));
-        }
-    }
-    Ok(solutions)
-}
-
-fn kalman(flown: &Flown, told: &Told) -> Result<Vec<Option<Solution>>, ConfigError> {
-    let noise = Noise::of_model(&told.model);
-    let mut run = Run::new(&flown.run.imu, &flown.run.gnss, config(flown, told), noise)?;
-    let mut asks = flown.asks().iter().peekable();
-    let mut solutions = Vec::with_capacity(asks.len());
-    while let Some(time) = run.step(&mut |_, _| {}) {
+    while let Some(time) = subject.step() {
         if asks.next_if(|ask| ask.time <= time).is_some() {
-            let filter = run.filter();
-            solutions.push(filter.map(|filter| filter.known.solution(filter.time)));
+            solutions.push(subject.solution());
         }
     }
-    Ok(solutions)
+    solutions
 }

@@ -8,10 +8,11 @@ use super::budget::{Case, SOURCES};
 use super::flight::World;
 use super::score::{HEADING, Line, Outcome, POSITION, QUANTITIES, moments};
 use super::settings::Rehearsal;
-use crate::identify::error_model::interval::{Measured, mean, student};
+use crate::identify::error_model::interval::{plain_mean, student};
 use crate::identify::error_model::{Assumed, Parameter};
 use crate::page::table::Table;
-use crate::study::flights::statistics::{Figure, rms};
+use crate::statistics::{rms, rms_of_any};
+use crate::study::flights::statistics::Figure;
 
 /// Parts of the time without GNSS at whose ends errors are looked at.
 const PARTS: [f64; 3] = [0.25, 0.5, 1.0];
@@ -177,12 +178,9 @@ impl Flights<'_> {
         let free = self.moments.len() - aided;
         match place {
             Place::Aided => {
-                let values: Option<Vec<f64>> = (aided / 2..aided)
-                    .map(|moment| Self::value(outcome, moment, quantity))
-                    .collect();
-                values
-                    .filter(|values| !values.is_empty())
-                    .map(|values| rms(values.into_iter()))
+                let value = |moment| Self::value(outcome, moment, quantity);
+                let values: Vec<f64> = (aided / 2..aided).map(value).collect::<Option<_>>()?;
+                rms_of_any(values.into_iter())
             }
             Place::Free(part) => {
                 // Of at most some ten moments: nothing is cut off but the fraction.
@@ -242,13 +240,7 @@ fn model_interval(rms: f64, ratios: &[f64]) -> Option<[f64; 2]> {
         .map(|ratio| libm::log(*ratio))
         .filter(|logarithm| logarithm.is_finite())
         .collect();
-    let equally: Vec<Measured> = (logarithms.iter())
-        .map(|&value| Measured {
-            value,
-            variance: 1.0,
-        })
-        .collect();
-    let middle = mean(&equally)?.value;
+    let middle = plain_mean(logarithms.iter().copied())?.value;
     let count = logarithms.len() as f64;
     let squares: f64 = logarithms.iter().map(|l| (l - middle) * (l - middle)).sum();
     let half = student(count - 1.0) * (squares / (count - 1.0)).sqrt();
@@ -263,20 +255,14 @@ impl Summary {
             lines,
             moments: moments(world),
         };
+        let cases = [
+            Some(Case::Found),
+            rehearsal.noise.as_ref().map(|_| Case::Recorded),
+        ];
         let mut tested = Vec::new();
-        for (subject, with) in rehearsal.subjects.iter().enumerate() {
-            for case in [Case::Found, Case::Recorded] {
-                if case == Case::Recorded && rehearsal.noise.is_none() {
-                    continue;
-                }
-                tested.push(Tested::new(
-                    &flights,
-                    rehearsal,
-                    world,
-                    case,
-                    subject,
-                    with.name(),
-                ));
+        for subject in 0..rehearsal.subjects.len() {
+            for case in cases.into_iter().flatten() {
+                tested.push(Tested::new(&flights, rehearsal, world, case, subject));
             }
         }
         Self {
@@ -302,7 +288,6 @@ impl Tested {
         world: &World,
         case: Case,
         subject: usize,
-        with: String,
     ) -> Self {
         let free = PARTS.iter().map(|part| Place::Free(*part));
         let free = free.filter(|_| world.free_s >= 1.0);
@@ -333,7 +318,7 @@ impl Tested {
         let good: Vec<(u32, &Outcome)> = flights.good(case, subject).collect();
         let took_ms: u64 = good.iter().map(|(_, outcome)| outcome.took_ms).sum();
         Self {
-            with,
+            with: rehearsal.subjects[subject].name(),
             recorded_noise: case == Case::Recorded,
             flights: good.len(),
             rows: all.filter_map(row).collect(),
@@ -397,20 +382,16 @@ fn budget(flights: &Flights) -> Vec<Cost> {
     let place = |free: bool| if free { Place::Free(1.0) } else { Place::Aided };
     let of_case = |case: Case, few: &[u32]| {
         BUDGETED.map(|(quantity, free)| {
-            let values: Vec<f64> = (flights.values(case, 0, place(free), quantity).iter())
-                .filter(|(flight, _)| few.contains(flight))
-                .map(|(_, value)| *value)
-                .collect();
-            (!values.is_empty()).then(|| rms(values.into_iter()))
+            let values = flights.values(case, 0, place(free), quantity).into_iter();
+            let of_few = values.filter(|(flight, _)| few.contains(flight));
+            rms_of_any(of_few.map(|(_, value)| value))
         })
     };
     let mut costs = Vec::new();
     let mut few = Vec::new();
     for (source, (name, _)) in SOURCES.iter().enumerate() {
-        let flown: Vec<u32> = flights
-            .all(Case::Only(source), 0)
-            .map(|(flight, _)| flight)
-            .collect();
+        let only = flights.all(Case::Only(source), 0);
+        let flown: Vec<u32> = only.map(|(flight, _)| flight).collect();
         if flown.is_empty() {
             continue;
         }

@@ -10,8 +10,8 @@ use crate::identify::analysis::{Analysis, Input};
 use crate::log::Grade;
 use crate::log::import::{self, Choice};
 use crate::log::median_interval_s;
-use crate::page::digits;
 use crate::page::table::{Table, heads};
+use crate::page::{brief, digits};
 
 /// What became of one recording.
 #[derive(Clone, Debug, Serialize)]
@@ -122,12 +122,15 @@ pub fn table(recordings: &[Recording]) -> Table {
         "recording | min | IMU Hz | GNSS Hz | latency, ms | known of 8 | warnings \
          | against the result | s",
     );
-    let rows = recordings.iter().map(row).collect();
-    Table::new("Recordings, as they are", header, rows)
+    Table::of(
+        "Recordings, as they are",
+        header,
+        recordings.iter().map(row),
+    )
 }
 
 fn row(recording: &Recording) -> Vec<String> {
-    let took = digits(recording.took_s, recording.took_s);
+    let took = brief(recording.took_s);
     let Recording { name, outcome, .. } = recording;
     match outcome {
         Outcome::Refused(why) => {
@@ -138,15 +141,12 @@ fn row(recording: &Recording) -> Vec<String> {
         }
         Outcome::Used(found) => vec![
             name.clone(),
-            digits(found.minutes, found.minutes),
-            digits(found.imu_hz, found.imu_hz),
-            digits(found.gnss_hz, found.gnss_hz),
+            brief(found.minutes),
+            brief(found.imu_hz),
+            brief(found.gnss_hz),
             found.latency_ms.map_or_else(
                 || "not known".to_owned(),
-                |[value, sigma]| {
-                    let (value, sigma) = (digits(sigma, value), digits(sigma, sigma));
-                    format!("{value} \u{b1} {sigma}")
-                },
+                |[value, sigma]| format!("{} \u{b1} {}", digits(sigma, value), brief(sigma)),
             ),
             found.known.to_string(),
             found.warnings.len().to_string(),

@@ -5,17 +5,15 @@ use std::path::Path;
 use ins_core::config::Form;
 use miette::{Result, miette};
 
-use crate::page::digits;
+use crate::page::brief;
 use crate::page::progress::bar;
-use crate::page::table::{heads, markdown};
+use crate::page::table::{Table, heads};
 use crate::sim::Grade;
 use crate::study::accuracy::{Results, Spared, Study, picture};
 
 fn results(study: Study) -> Result<Results> {
-    let progress = bar();
-    progress.set_message("driving");
     study
-        .results(&progress)
+        .results(&bar().with_message("driving"))
         .map_err(|error| miette!("the study cannot be run: {}", error))
 }
 
@@ -55,24 +53,16 @@ fn of_all(results: &Results) -> String {
 /// RMS errors of both forms over the bandwidth of the horizontal loop.
 pub(super) fn forms(runs: u64) -> Result<String> {
     let exact = [0.15, 0.3, 0.5, 1.0, 1.2].as_slice();
-    let whole = Spared::Nothing;
     let forms = [
-        (Form::Exact, "exact", whole, exact),
-        (Form::Literal, "literal", whole, &[0.3, 0.5, 1.0]),
+        ("exact", Spared::Nothing, exact),
+        ("literal", Spared::Nothing, &[0.3, 0.5, 1.0]),
+        ("literal, gyros without biases", Spared::GyroBiases, &[0.5]),
         (
-            Form::Literal,
-            "literal, gyros without biases",
-            Spared::GyroBiases,
-            &[0.5],
-        ),
-        (
-            Form::Literal,
             "... nor accelerometers, nor latency",
             Spared::Biases,
             &[0.5],
         ),
         (
-            Form::Literal,
             "... and a hundredth of the velocity noise",
             Spared::VelocityNoise,
             &[0.5],
@@ -80,7 +70,12 @@ pub(super) fn forms(runs: u64) -> Result<String> {
     ];
     let mut rows = Vec::new();
     let mut header = heads("form | w0, rad/s | converged");
-    for (form, name, spared, bandwidths) in forms {
+    for (name, spared, bandwidths) in forms {
+        let form = if name == "exact" {
+            Form::Exact
+        } else {
+            Form::Literal
+        };
         for bandwidth in bandwidths {
             let results = results(Study {
                 form,
@@ -90,15 +85,12 @@ pub(super) fn forms(runs: u64) -> Result<String> {
             })?;
             let of = format!("{} of {runs}", results.converged);
             let mut row = vec![name.to_owned(), bandwidth.to_string(), of];
-            row.extend((results.quantities.iter()).map(|row| digits(row.rms_error, row.rms_error)));
+            row.extend((results.quantities.iter()).map(|row| brief(row.rms_error)));
             rows.push(row);
             if header.len() < rows[0].len() {
-                header.extend(
-                    (results.quantities.iter())
-                        .map(|row| format!("{}, {}", row.quantity.title, row.quantity.unit)),
-                );
+                header.extend(results.quantities.iter().map(|row| row.quantity.head()));
             }
         }
     }
-    Ok(markdown(&header, &rows))
+    Ok(Table::new("", header, rows).markdown())
 }

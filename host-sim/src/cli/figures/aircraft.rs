@@ -2,34 +2,34 @@
 
 use std::path::Path;
 
-use ins_core::earth::Geodetic;
 use miette::{Result, miette};
 
 use crate::aircraft::cessna172;
 use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::flight::Flight;
 use crate::aircraft::plan::Plan;
-use crate::page::table::{heads, markdown};
+use crate::page::brief;
+use crate::page::table::{Table, heads};
 use crate::sim::car::Car;
 use crate::sim::{DriveConfig, Grade};
 use crate::study::error_free::{Worst, strapdown};
-use crate::study::reproduce::performance::performance;
+use crate::study::reproduce::performance::{PerformanceRow, performance};
 
 const HOUR_S: u32 = 3600;
 
 /// Specification, the thesis's model, ours.
 pub(super) fn performance_table() -> Result<String> {
-    let rows = performance()?.map(|row| {
-        vec![
-            row.name.to_owned(),
-            format!("{:.1}", row.specification),
-            format!("{:.1}", row.thesis),
-            format!("{:.1}", row.ours),
-            format!("{:+.1} %", 100.0 * (row.ours / row.specification - 1.0)),
-        ]
-    });
+    let row = |row: PerformanceRow| {
+        let mut cells = vec![row.name.to_owned()];
+        cells.extend([row.specification, row.thesis, row.ours].map(|value| format!("{value:.1}")));
+        cells.push(format!(
+            "{:+.1} %",
+            100.0 * (row.ours / row.specification - 1.0)
+        ));
+        cells
+    };
     let header = heads("| specification | thesis's model | this model | off by");
-    Ok(markdown(&header, &rows))
+    Ok(Table::of("", header, performance()?.map(row)).markdown())
 }
 
 /// An hour of driving and of flying on ideal sensors, at several sample rates.
@@ -40,17 +40,14 @@ pub(super) fn error_free(root: &Path) -> Result<String> {
     }
     let header =
         heads("1 h of | samples, Hz | position, m | velocity, mm/s | attitude, arc seconds");
-    Ok(markdown(&header, &rows))
+    Ok(Table::new("", header, rows).markdown())
 }
 
 fn drive() -> Worst {
     let config = DriveConfig::new(1, Grade::Ideal, f64::from(HOUR_S) / 60.0);
-    let car = Car::new(
-        config.recording.seed,
-        config.recording.duration_s,
-        config.initial_rest_s,
-    );
-    strapdown(car, config.recording.origin, 100, HOUR_S)
+    let recording = config.recording;
+    let car = Car::new(recording.seed, recording.duration_s, config.initial_rest_s);
+    strapdown(car, recording.origin, 100, HOUR_S)
 }
 
 fn flight(root: &Path, rate_hz: u32) -> Result<Worst> {
@@ -59,18 +56,16 @@ fn flight(root: &Path, rate_hz: u32) -> Result<Worst> {
     let plan = Plan::read(&file, &dynamics)?;
     let in_plan = |error| miette!("{}: {error}", file.display());
     let flight = Flight::new(&dynamics, &plan, 1).map_err(in_plan)?;
-    let origin: Geodetic = plan.start.position;
-    Ok(strapdown(flight, origin, rate_hz, HOUR_S))
+    Ok(strapdown(flight, plan.start.position, rate_hz, HOUR_S))
 }
 
 fn row(vehicle: &str, rate_hz: u32, worst: &Worst) -> Vec<String> {
     let arc_seconds = 3600.0 * worst.attitude_rad.to_degrees();
-    let number = |value: f64| crate::page::digits(value, value);
     vec![
         vehicle.to_owned(),
         rate_hz.to_string(),
-        number(worst.position_m),
-        number(1e3 * worst.velocity_mps),
-        number(arc_seconds),
+        brief(worst.position_m),
+        brief(1e3 * worst.velocity_mps),
+        brief(arc_seconds),
     ]
 }

@@ -4,8 +4,9 @@
 use std::ops::Range;
 
 use crate::log;
+use crate::page::brief;
 use crate::page::progress::bar;
-use crate::page::table::{Table, heads, markdown};
+use crate::page::table::{Table, heads};
 use crate::sim::Grade;
 use crate::study::conditions::output::{overview_table, short, totals, totals_table, worst_table};
 use crate::study::conditions::{QUANTITIES, Quantity, Results, Row, Study, Trial, all};
@@ -22,9 +23,7 @@ pub(super) fn results(seeds: u64) -> Vec<Results> {
             receiver_known: false,
         },
     };
-    let progress = bar();
-    progress.set_message("running");
-    study.results(&progress)
+    study.results(&bar().with_message("running"))
 }
 
 /// Totals, what is worst beside the Kalman filter, and a row for each kind.
@@ -71,7 +70,7 @@ pub(super) fn summary(results: &[Results]) -> String {
         "{}\nJudges alone, {seeds} seeds of each kind. Error: RMS of a kind, median over kinds (and axes). \
          Wrong and sure: called observable and more than 4.5 sigma off, of what was called \
          observable.\n",
-        markdown(&header, &rows)
+        Table::of("", header, rows).markdown()
     )
 }
 
@@ -93,7 +92,7 @@ fn over_kinds(results: &[Results], class: Grade, quantities: &[Quantity]) -> [St
     let sure: f64 = rows.iter().map(|row| row.sure()).sum();
     let wrong: usize = rows.iter().map(|row| row.wrong_and_sure).sum();
     [
-        crate::page::digits(median, median),
+        brief(median),
         format!("{ratio:.2}"),
         format!("{wrong} of {sure:.0}"),
     ]

@@ -9,7 +9,7 @@ use crate::cli::options::DriveOptions;
 use crate::identify::analysis::Analysis;
 use crate::log::Grade;
 use crate::page::chart::sampled;
-use crate::page::plot::{BLUE, GREY, Mark, Plot, RED};
+use crate::page::plot::{BLUE, GREY, Mark, RED};
 use crate::page::progress::bar;
 use crate::page::sheet::{self, Panel, key};
 use crate::report::charts::{Converging, converging};
@@ -45,14 +45,8 @@ fn panel(estimate: &Converging) -> Panel {
     }
     let line = points.iter().map(|&(t, value, _)| (t, value));
     marks.push(Mark::Line(line.collect(), BLUE));
-    let plot = Plot {
-        size: sheet::CELL,
-        x_label: "time, s".to_owned(),
-        y_label: estimate.unit.to_owned(),
-        x: (0.0, end),
-        y: estimate.settled_range(),
-        marks,
-    };
+    let labels = ["time, s", estimate.unit];
+    let plot = sheet::plot(labels, (0.0, end), estimate.settled_range(), marks);
     Panel {
         title: estimate.title.clone(),
         svg: plot.svg(),

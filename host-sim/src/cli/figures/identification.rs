@@ -34,30 +34,23 @@ pub(super) fn recovery(units: u64) -> String {
     printed(&tables, Table::markdown)
 }
 
+/// Drives of one unit with many turns, and long ones.
+const TURNS: [&str; 3] = [
+    "yk_urban_medium_turn_loop_nominal_001",
+    "yk_urban_short_turn_loop_nominal_001",
+    "yk_urban_stop_go_large_mount_001",
+];
+const LONG: [&str; 2] = [
+    "yk_mixed_road_long_drive_nominal_001",
+    "yk_urban_long_turn_loop_nominal_001",
+];
+
 /// Recorded drives of one unit that its model is of, and others that it is tried on.
 const TRIALS: [(&[&str], &[&str]); 4] = [
+    (&TURNS, &LONG),
     (
-        &[
-            "yk_urban_medium_turn_loop_nominal_001",
-            "yk_urban_short_turn_loop_nominal_001",
-            "yk_urban_stop_go_large_mount_001",
-        ],
-        &[
-            "yk_mixed_road_long_drive_nominal_001",
-            "yk_urban_long_turn_loop_nominal_001",
-        ],
-    ),
-    (
-        &[
-            "yk_mixed_road_long_drive_nominal_001",
-            "yk_urban_long_turn_loop_nominal_001",
-            "yk_parking_lot_circle_turns_nominal_001",
-        ],
-        &[
-            "yk_urban_medium_turn_loop_nominal_001",
-            "yk_urban_short_turn_loop_nominal_001",
-            "yk_urban_stop_go_large_mount_001",
-        ],
+        &[LONG[0], LONG[1], "yk_parking_lot_circle_turns_nominal_001"],
+        &TURNS,
     ),
     (&["quad_joey1"], &["quad_joey1_imu2"]),
     (&["quad_joey1_imu2"], &["quad_joey1"]),

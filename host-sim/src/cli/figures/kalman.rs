@@ -10,11 +10,12 @@ use super::logs;
 use crate::compare::cost;
 use crate::compare::kalman::Noise;
 use crate::compare::outage;
+use crate::identify::analysis::log_name;
 use crate::identify::configure;
 use crate::log::{self, BodyAxes, Log};
-use crate::page::digits;
+use crate::page::brief;
 use crate::page::progress::bar;
-use crate::page::table::{heads, markdown};
+use crate::page::table::{Table, heads};
 use crate::sim::{DriveConfig, Grade, simulate};
 use crate::study::accuracy::{Results, Study};
 
@@ -44,9 +45,8 @@ pub(super) fn part(runs: u64) -> Result<String> {
              | Kalman, noise x 3 | compensation, noise / 3 | compensation, noise x 3 \
              | compensation / Kalman",
         ));
-        let rows = 0..studies[0].quantities.len();
-        let rows: Vec<_> = rows.map(|which| row(&studies, which)).collect();
-        markdown(&header, &rows)
+        let rows = (0..studies[0].quantities.len()).map(|which| row(&studies, which));
+        Table::of("", header, rows).markdown()
     };
     let [ours, theirs, ..] = &studies;
     Ok(format!(
@@ -64,8 +64,8 @@ pub(super) fn part(runs: u64) -> Result<String> {
 fn errors(studies: &[Results; 7], which: usize) -> Vec<String> {
     let rows = studies.each_ref().map(|study| study.quantities[which]);
     let quantity = rows[0].quantity;
-    let mut row = vec![format!("{}, {}", quantity.title, quantity.unit)];
-    row.extend(rows.map(|row| digits(row.rms_error, row.rms_error)));
+    let mut row = vec![quantity.head()];
+    row.extend(rows.map(|row| brief(row.rms_error)));
     row.push(format!("{:.2}", rows[0].rms_error / rows[1].rms_error));
     row
 }
@@ -105,13 +105,11 @@ fn kalman(runs: u64, factor: f64, positions: bool) -> Result<Results> {
 }
 
 fn driven(study: Study, tune: &(dyn Fn(&mut Config) + Sync)) -> Result<Results> {
-    let progress = bar();
-    progress.set_message("driving");
+    let progress = bar().with_message("driving");
     progress.set_length(study.runs);
     let runs = study
         .drive(tune, &|| progress.inc(1))
         .map_err(|error| miette!("the study cannot be run: {}", error))?;
-    progress.finish_and_clear();
     Ok(Results::new(study, runs))
 }
 
@@ -126,11 +124,10 @@ fn costs() -> Result<String> {
     let costs =
         cost::measure(&log, config, noise).map_err(|error| miette!("cannot be run: {}", error))?;
     let header = heads("sample with its share of fixes | ratio");
-    let rows: Vec<Vec<String>> = costs
+    let rows = costs
         .iter()
-        .map(|cost| vec![cost.method.to_owned(), format!("{:.1}", cost.ratio)])
-        .collect();
-    Ok(markdown(&header, &rows))
+        .map(|cost| vec![cost.method.to_owned(), format!("{:.1}", cost.ratio)]);
+    Ok(Table::of("", header, rows).markdown())
 }
 
 /// Drifts of every navigator in every recorded log; `None` if there are no logs, or no peer.
@@ -146,25 +143,15 @@ pub(super) fn outages(root: &Path, folder: Option<&Path>) -> Result<Option<Strin
         let test = outage::test(&log, false, config, Noise::of_config(&config))
             .map_err(|error| miette!("cannot be run: {}", error))?;
         let Some(test) = test else { continue };
-        let name = path
-            .file_name()
-            .map(|name| name.to_string_lossy().into_owned());
-        let mut row = vec![
-            log.meta
-                .name()
-                .map(str::to_owned)
-                .or(name)
-                .unwrap_or_default(),
-            test.navigators[0].count.to_string(),
-        ];
+        let mut row = vec![log_name(&path, &log), test.navigators[0].count.to_string()];
         for drifts in &test.navigators {
-            let (rms, most) = (drifts.position_rms_m, drifts.position_max_m);
-            row.push(format!("{} / {}", digits(rms, rms), digits(most, most)));
-            row.push(digits(drifts.velocity_rms_mps, drifts.velocity_rms_mps));
+            let metres = [drifts.position_rms_m, drifts.position_max_m].map(brief);
+            row.push(metres.join(" / "));
+            row.push(brief(drifts.velocity_rms_mps));
         }
         rows.push(row);
     }
     let header =
         heads("log | outages | compensation, m | m/s | Kalman, m | m/s | fusion-nav, m | m/s");
-    Ok((!rows.is_empty()).then(|| markdown(&header, &rows)))
+    Ok((!rows.is_empty()).then(|| Table::new("", header, rows).markdown()))
 }

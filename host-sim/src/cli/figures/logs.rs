@@ -8,9 +8,9 @@ use miette::Result;
 use crate::identify::analysis::Analysis;
 use crate::identify::quantities::Quantity;
 use crate::identify::words::with_sigma;
-use crate::page::digits;
+use crate::page::brief;
 use crate::page::progress::bar;
-use crate::page::table::{heads, markdown};
+use crate::page::table::{Table, heads};
 use crate::study;
 
 /// What every recorded log gives; `None` if there are none.
@@ -19,15 +19,13 @@ pub(super) fn part(root: &Path, folder: Option<&Path>) -> Result<Option<String>>
     if logs.is_empty() {
         return Ok(None);
     }
-    let rows: Result<Vec<Vec<String>>> = logs
-        .iter()
-        .map(|log| Ok(row(&Analysis::of_log(log, None, &bar())?)))
-        .collect();
+    let row = |log: &PathBuf| Ok(row(&Analysis::of_log(log, None, &bar())?));
+    let rows = logs.iter().map(row).collect::<Result<_>>()?;
     let header = heads(
         "log | length, s | azimuth error, deg | accelerometer x, mg | accelerometer y, mg \
          | gyro z, deg/h | latency, ms | before, m/s | after, m/s | times less",
     );
-    Ok(Some(markdown(&header, &rows?)))
+    Ok(Some(Table::new("", header, rows).markdown()))
 }
 
 /// What is found in every recording of another program, and in every recorded log, without a
@@ -85,11 +83,9 @@ fn row(analysis: &Analysis) -> Vec<String> {
         }
     };
     let error = &summary.velocity_error_mps;
-    let number = |value: Option<f64>| value.map_or("-".to_owned(), |value| digits(value, value));
-    let less = error
-        .before
-        .zip(error.after)
-        .map(|(before, after)| before / after);
+    let number = |value: Option<f64>| value.map_or("-".to_owned(), brief);
+    let both = error.before.zip(error.after);
+    let less = both.map(|(before, after)| before / after);
     vec![
         summary.log.clone(),
         format!("{:.0}", summary.duration_s),

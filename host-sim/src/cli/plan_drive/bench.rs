@@ -16,6 +16,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::manoeuvre::{Driver, Manoeuvre, Site};
 use super::target::Target;
+use crate::identify::analysis::unusable;
 use crate::sim::car::{Car, Course};
 use crate::sim::drive::{Recorder, Recording};
 use crate::sim::errors::BiasModel;
@@ -260,7 +261,7 @@ impl Bench {
 }
 
 fn navigator(config: Config) -> Result<Navigator> {
-    Navigator::new(config).map_err(|error| miette!("the configuration cannot be used: {error}"))
+    Navigator::new(config).map_err(unusable)
 }
 
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]

@@ -4,15 +4,15 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use ins_core::Navigator;
-use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use miette::{Result, WrapErr, miette};
 
 use super::output::{PLAN, Report};
 use super::{Bench, Driver, Plan, Search, Target, UNITS};
 use crate::cli::identify::error_model_of;
-use crate::cli::options::refuse_same;
-use crate::identify::analysis::Analysis;
+use crate::cli::options::{refuse_same, show};
+use crate::identify::analysis::{Analysis, unusable};
 use crate::identify::error_model::Record;
-use crate::identify::run::{Event, in_order_of_time};
+use crate::identify::run::in_order_of_time;
 use crate::log::BodyAxes;
 use crate::page::output;
 use crate::page::progress::{bar, spinner};
@@ -52,20 +52,13 @@ pub fn plan_drive(options: &PlanDrive, json: bool, force: bool) -> Result<()> {
     };
     let report = Report::new(&plan, &target.site, log);
     if let Some(out) = &options.out {
-        output::build(out, PLAN, force, |folder| report.write(&plan, folder))?;
+        output::build(out, PLAN, force, |folder| report.write(folder))?;
     }
-    if json {
-        println!(
-            "{}",
-            serde_json::to_string_pretty(&report).into_diagnostic()?
-        );
-    } else {
-        print!("{}", report.readable());
-        if let Some(out) = &options.out {
-            println!("\nReport: {}", out.join("report.html").display());
-        }
-    }
-    Ok(())
+    show(json, &report, || {
+        let page = options.out.as_ref().map(|out| out.join("report.html"));
+        let written = page.map(|page| format!("\nReport: {}\n", page.display()));
+        report.readable() + &written.unwrap_or_default()
+    })
 }
 
 impl Target {
@@ -93,13 +86,9 @@ impl Target {
         let analysis = Analysis::of_log(path, self.unit.class, &bar())?;
         let log = &analysis.log;
         let config = self.with_config(&analysis.found.config)?;
-        let unusable = |error| miette!("the configuration cannot be used: {}", error);
         let mut navigator = Navigator::new(config).map_err(unusable)?;
         for event in in_order_of_time(&log.imu, &log.gnss) {
-            match event {
-                Event::Imu(sample) => drop(navigator.on_imu(&sample)),
-                Event::Gnss(fix) => drop(navigator.on_gnss(fix)),
-            }
+            event.give_to(&mut navigator);
         }
         let records = [Record::new(log, &analysis.found)];
         let mut model = error_model_of(&records, analysis.summary.grade, None).model();

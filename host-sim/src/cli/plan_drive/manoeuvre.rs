@@ -2,13 +2,14 @@
 
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 
+use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 use crate::sim::car::Course;
 use crate::sim::noise::Random;
 
 /// A minute or so of driving, from whatever speed the last one has left.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Manoeuvre {
     Stand,
@@ -42,16 +43,10 @@ const ROUNDING_M: f64 = 40.0;
 const SCATTER: f64 = 0.1;
 
 impl Manoeuvre {
-    pub const ALL: [Self; 8] = [
-        Self::Stand,
-        Self::StartAndBrake,
-        Self::Cruise,
-        Self::Block,
-        Self::ThereAndBack,
-        Self::Roundabout,
-        Self::FigureEight,
-        Self::Hill,
-    ];
+    /// All of them.
+    pub fn all() -> impl Iterator<Item = Self> {
+        Self::value_variants().iter().copied()
+    }
 
     /// For tables.
     pub fn name(self) -> &'static str {
@@ -185,7 +180,7 @@ impl Default for Site {
     fn default() -> Self {
         let level = |manoeuvre: &Manoeuvre| *manoeuvre != Manoeuvre::Hill;
         Self {
-            manoeuvres: Manoeuvre::ALL.into_iter().filter(level).collect(),
+            manoeuvres: Manoeuvre::all().filter(level).collect(),
             speed_kmh: 50.0,
             acceleration_mps2: 2.0,
             braking_mps2: 2.5,

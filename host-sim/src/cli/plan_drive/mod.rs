@@ -21,6 +21,7 @@ pub use quantities::{Goal, Reached};
 pub use target::Target;
 
 use indicatif::ProgressBar;
+use ins_core::Navigator;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -57,13 +58,14 @@ pub struct Unreached {
 }
 
 /// The drive that is needed.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Plan {
     /// What is known before.
     pub before: Vec<Reached>,
     pub stages: Vec<Stage>,
     pub unreached: Vec<Unreached>,
     /// As driven, the first exactly.
+    #[serde(skip)]
     pub end: Vec<Bench>,
 }
 
@@ -91,26 +93,20 @@ impl Search<'_> {
         };
         let longest_s = 60.0 * self.site.longest_minutes;
         while self.missing(&plan.end) > 0.0 && seconds(&plan.end) < longest_s {
-            let Some(Tried {
-                manoeuvre,
-                times,
-                drives: end,
-            }) = self.next(&plan.end)
-            else {
+            let Some(next) = self.next(&plan.end) else {
                 break;
             };
-            let again = plan.stages.pop_if(|last| last.manoeuvre == manoeuvre);
+            let again = (plan.stages).pop_if(|last| last.manoeuvre == next.manoeuvre);
             plan.stages.push(Stage {
-                manoeuvre,
-                times: times + again.map_or(0, |last| last.times),
-                end_s: seconds(&end),
-                reached: self.reached(&end),
+                manoeuvre: next.manoeuvre,
+                times: next.times + again.map_or(0, |last| last.times),
+                end_s: seconds(&next.drives),
+                reached: self.reached(&next.drives),
             });
-            plan.end = end;
+            plan.end = next.drives;
             progress.inc(1);
         }
         plan.unreached = self.unreached(&plan.end);
-        progress.finish_and_clear();
         plan
     }
 
@@ -128,11 +124,8 @@ impl Search<'_> {
 
     /// How every quantity stands.
     pub fn reached(&self, drives: &[Bench]) -> Vec<Reached> {
-        let goals = self.goals.iter();
-        let navigators = || drives.iter().map(|drive| &drive.navigator);
-        goals
-            .map(|goal| goal.reached(navigators(), self.axes))
-            .collect()
+        let of = |goal: &Goal| goal.reached(navigators(drives), self.axes);
+        self.goals.iter().map(of).collect()
     }
 
     fn missing(&self, drives: &[Bench]) -> f64 {
@@ -160,11 +153,12 @@ impl Search<'_> {
                     (0..times).for_each(|_| bench.drive(*manoeuvre, self.site));
                     bench
                 };
-                let others: Drives = others.par_iter().map(again).collect();
+                let mut drives: Vec<Bench> = others.par_iter().map(again).collect();
+                drives.insert(0, ahead);
                 Some(Tried {
                     manoeuvre: *manoeuvre,
                     times,
-                    drives: std::iter::once(ahead).chain(others).collect(),
+                    drives,
                 })
             })
             .collect()
@@ -192,11 +186,12 @@ impl Search<'_> {
 struct Tried {
     manoeuvre: Manoeuvre,
     times: u32,
-    drives: Drives,
+    drives: Vec<Bench>,
 }
 
-/// Units side by side.
-type Drives = Vec<Bench>;
+fn navigators(drives: &[Bench]) -> impl Iterator<Item = &Navigator> {
+    drives.iter().map(|drive| &drive.navigator)
+}
 
 /// How long the first has been driven, s.
 pub fn seconds(drives: &[Bench]) -> f64 {

@@ -1,6 +1,5 @@
 //! What a plan looks like: tables, a page with the route, and text for the driver.
 
-use std::fs;
 use std::path::Path;
 
 use ins_core::Solution;
@@ -10,12 +9,10 @@ use serde::Serialize;
 use super::{Bench, Manoeuvre, Plan, Reached, Site, Stage, Unreached, seconds};
 use crate::aircraft::pictures::track;
 use crate::page::chart::{Chart, MOST_POINTS, Point, sampled};
-use crate::page::digits;
-
 use crate::page::html::{Page, Section};
-use crate::page::output::OutputError;
 use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED};
-use crate::page::table::{Table, cells, plain};
+use crate::page::table::{Table, cells};
+use crate::page::{brief, json, output};
 
 /// File names; the first marks a folder as that of a plan.
 pub const PLAN: &str = "plan.json";
@@ -29,7 +26,7 @@ const COLUMNS: usize = 8;
 
 /// A plan in words and numbers.
 #[derive(Debug, Serialize)]
-pub struct Report {
+pub struct Report<'a> {
     version: &'static str,
     /// The log that is added to, and what speaks against it.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -38,14 +35,13 @@ pub struct Report {
     verdict: Vec<String>,
     reached: bool,
     minutes: f64,
-    before: Vec<Reached>,
-    stages: Vec<Stage>,
-    unreached: Vec<Unreached>,
+    #[serde(flatten)]
+    plan: &'a Plan,
     drive: Vec<String>,
 }
 
-impl Report {
-    pub fn new(plan: &Plan, site: &Site, log: Option<(String, Vec<String>)>) -> Self {
+impl<'a> Report<'a> {
+    pub fn new(plan: &'a Plan, site: &Site, log: Option<(String, Vec<String>)>) -> Self {
         let (log, verdict) = log.unzip();
         let step = |(number, stage): (usize, &Stage)| {
             let again = times(stage, " All of it", " times.");
@@ -57,9 +53,7 @@ impl Report {
             verdict: verdict.unwrap_or_default(),
             reached: plan.unreached.is_empty(),
             minutes: seconds(&plan.end) / 60.0,
-            before: plan.before.clone(),
-            stages: plan.stages.clone(),
-            unreached: plan.unreached.clone(),
+            plan,
             drive: (1..).zip(&plan.stages).map(step).collect(),
         }
     }
@@ -68,12 +62,12 @@ impl Report {
     fn outcome(&self) -> Vec<String> {
         let added = if self.log.is_some() { " more" } else { "" };
         let minutes = format!("{:.1} min{added}", self.minutes);
-        let first = match (self.reached, self.stages.is_empty()) {
+        let first = match (self.reached, self.plan.stages.is_empty()) {
             (true, true) => "Everything is known as wanted: nothing to add.".to_owned(),
             (true, false) => format!("{minutes} of driving reach the target."),
             (false, _) => format!("{minutes} of driving do not reach the target:"),
         };
-        let unreached = self.unreached.iter().map(|Unreached { last, why }| {
+        let unreached = self.plan.unreached.iter().map(|Unreached { last, why }| {
             let sigma = if last.observable {
                 shown(last)
             } else {
@@ -89,39 +83,31 @@ impl Report {
 
     /// Sigmas after each stage, so many quantities in a table.
     fn tables(&self, columns: usize) -> Vec<Table> {
-        let from = if self.log.is_some() {
-            "in the log"
-        } else {
-            "before"
-        };
-        let all: Vec<usize> = (0..self.before.len()).collect();
+        let from = self.log.as_ref().map_or("before", |_| "in the log");
+        let Plan { before, stages, .. } = self.plan;
+        let all: Vec<usize> = (0..before.len()).collect();
         let chunk = |places: &[usize]| {
             let mut header = cells(["one sigma", "min"]);
             let named = |place: &usize| {
-                let of = &self.before[*place];
+                let of = &before[*place];
                 format!("{}, {}", of.quantity, of.unit)
             };
             header.extend(places.iter().map(named));
-            let row = |name: String, end_s: Option<f64>, cell: &dyn Fn(usize) -> String| {
-                let minutes = end_s.map_or(String::new(), |end_s| format!("{:.1}", end_s / 60.0));
-                let cells = places.iter().map(|place| cell(*place));
+            let wanted = places.iter().map(|place| before[*place].target.to_string());
+            let row = |name: String, end_s: f64, reached: &[Reached]| {
+                let cells = places.iter().map(|place| shown(&reached[*place]));
+                let minutes = format!("{:.1}", end_s / 60.0);
                 [name, minutes].into_iter().chain(cells).collect()
             };
             let mut rows = vec![
-                row("wanted".to_owned(), None, &|place| {
-                    self.before[place].target.to_string()
-                }),
-                row(from.to_owned(), Some(0.0), &|place| {
-                    shown(&self.before[place])
-                }),
+                cells(["wanted", ""]).into_iter().chain(wanted).collect(),
+                row(from.to_owned(), 0.0, before),
             ];
-            for (number, stage) in (1..).zip(&self.stages) {
+            rows.extend((1..).zip(stages).map(|(number, stage)| {
                 let name = stage.manoeuvre.name();
                 let name = format!("{number}. {name}{}", times(stage, " \u{d7}", ""));
-                rows.push(row(name, Some(stage.end_s), &|place| {
-                    shown(&stage.reached[place])
-                }));
-            }
+                row(name, stage.end_s, &stage.reached)
+            }));
             Table::new("What is known after each stage", header, rows)
         };
         all.chunks(columns).map(chunk).collect()
@@ -130,37 +116,31 @@ impl Report {
     /// For a terminal.
     pub fn readable(&self) -> String {
         let mut parts: Vec<String> = self.verdict.iter().cloned().chain(self.outcome()).collect();
-        for table in self.tables(COLUMNS) {
-            parts.push(format!(
-                "\n{}",
-                plain(&table.header, &table.rows).trim_end()
-            ));
-        }
+        let tables = self.tables(COLUMNS).into_iter();
+        parts.extend(tables.map(|table| format!("\n{}", table.plain().trim_end())));
         parts.push("- is not shown yet, * is known as wanted\n".to_owned());
         parts.extend(self.drive.iter().cloned());
         parts.join("\n").trim_end().to_owned() + "\n"
     }
 
     /// Writes all files into a folder.
-    pub fn write(&self, plan: &Plan, folder: &Path) -> Result<()> {
-        let json = serde_json::to_string_pretty(self).into_diagnostic()? + "\n";
-        let truth: Vec<&Solution> = driven(plan).iter().collect();
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        let truth: Vec<&Solution> = driven(self.plan).iter().collect();
         for (name, text) in [
             (DRIVE, self.drive.join("\n") + "\n"),
             (ROUTE, track(&truth)),
-            (PAGE, self.page(plan).html().into_diagnostic()?),
-            (PLAN, json),
+            (PAGE, self.page().html().into_diagnostic()?),
+            (PLAN, json(self)?),
         ] {
-            let path = folder.join(name);
-            fs::write(&path, text).map_err(|e| OutputError::io(&path, e))?;
+            output::write(folder, name, text)?;
         }
         Ok(())
     }
 
-    fn page(&self, plan: &Plan) -> Page {
+    fn page(&self) -> Page {
         let (outcome, steps) = (self.outcome(), cells([""]));
-        let drive = self.drive.iter().map(|line| vec![line.clone()]).collect();
-        let mut tables = vec![Table::new("What to drive", steps, drive)];
+        let drive = self.drive.iter().map(|line| vec![line.clone()]);
+        let mut tables = vec![Table::of("What to drive", steps, drive)];
         tables.extend(self.tables(usize::MAX));
         Page {
             title: "A drive that shows what is wanted".to_owned(),
@@ -170,22 +150,22 @@ impl Report {
             sections: vec![Section {
                 title: "Route and course",
                 note: "The route may lie anywhere: what counts are speeds, turns and times.",
-                figures: vec![self.route(plan).figure(), self.course().figure()],
+                figures: vec![self.route().figure(), self.course().figure()],
             }],
         }
     }
 
-    fn route(&self, plan: &Plan) -> Chart {
-        let truth = sampled(driven(plan), MOST_POINTS);
+    fn route(&self) -> Chart {
+        let truth = sampled(driven(self.plan), MOST_POINTS);
         let mut chart = Chart::map("Route", 1.0).note("east and north of the start, m");
         let Some(start) = truth.first().map(|solution| solution.position) else {
             return chart;
         };
-        let kinds = Manoeuvre::ALL.into_iter().zip(COLOURS.into_iter().cycle());
+        let kinds = Manoeuvre::all().zip(COLOURS.into_iter().cycle());
         for (manoeuvre, colour) in kinds {
             let mut points = Vec::new();
             let mut begin_s = 0.0;
-            for stage in &self.stages {
+            for stage in &self.plan.stages {
                 let during = |solution: &&Solution| {
                     (begin_s..=stage.end_s).contains(&solution.time.as_seconds())
                 };
@@ -211,21 +191,18 @@ impl Report {
         let end_s = 60.0 * self.minutes;
         let title = "Sigma over what is wanted";
         let mut chart = Chart::over_time(title, "", end_s);
-        let mut ends = vec![(0.0, &self.before)];
-        ends.extend(
-            self.stages
-                .iter()
-                .map(|stage| (stage.end_s, &stage.reached)),
-        );
+        let Plan { before, stages, .. } = self.plan;
+        let mut ends = vec![(0.0, before)];
+        ends.extend(stages.iter().map(|stage| (stage.end_s, &stage.reached)));
         let colours = COLOURS.into_iter().cycle();
         let mut all: Vec<f64> = vec![1.0];
-        for (place, colour) in (0..self.before.len()).zip(colours) {
+        for (place, colour) in (0..before.len()).zip(colours) {
             let ratio = |reached: &Reached| reached.sigma / reached.target;
             let points: Vec<Point> = ends
                 .iter()
                 .map(|(s, now)| (*s, ratio(&now[place])))
                 .collect();
-            chart = chart.line(&self.before[place].quantity, colour, &points);
+            chart = chart.line(&before[place].quantity, colour, &points);
             all.extend(points.iter().map(|point| point.1));
         }
         let wanted = [(0.0, 1.0), (end_s, 1.0)];
@@ -243,7 +220,7 @@ fn times(stage: &Stage, before: &str, after: &str) -> String {
 }
 
 fn shown(reached: &Reached) -> String {
-    let sigma = digits(reached.sigma, reached.sigma);
+    let sigma = brief(reached.sigma);
     match (reached.is_met(), reached.observable) {
         (true, _) => sigma + "*",
         (false, true) => sigma,

@@ -2,6 +2,7 @@
 
 use core::f64::consts::PI;
 
+use clap::ValueEnum;
 use ins_core::{Estimates, Navigator};
 use serde::Serialize;
 
@@ -10,7 +11,7 @@ use crate::log::BodyAxes;
 use crate::statistics::rms;
 
 /// Quantities of one kind; the key says the unit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Kind {
     Azimuth,
     AccelBias,
@@ -24,17 +25,10 @@ pub enum Kind {
 }
 
 impl Kind {
-    pub const ALL: [Self; 9] = [
-        Self::Azimuth,
-        Self::AccelBias,
-        Self::GyroBias,
-        Self::Latency,
-        Self::LeverArm,
-        Self::AccelScale,
-        Self::TurnScale,
-        Self::GyroScale,
-        Self::GyroMisalignment,
-    ];
+    /// All of them.
+    pub fn all() -> &'static [Self] {
+        Self::value_variants()
+    }
 
     /// Key in a target file, name, unit, SI value of the unit.
     fn entry(self) -> (&'static str, &'static str, &'static str, f64) {
@@ -128,11 +122,11 @@ impl Goal {
     /// How it stands on several drives alike: RMS of their sigmas, and shown if by all.
     pub fn reached<'a>(
         &self,
-        drives: impl IntoIterator<Item = &'a Navigator>,
+        drives: impl Iterator<Item = &'a Navigator>,
         axes: BodyAxes,
     ) -> Reached {
         let known = |drive: &Navigator| self.quantity.known(&drive.estimates(), axes);
-        let known: Vec<Known> = drives.into_iter().map(known).collect();
+        let known: Vec<Known> = drives.map(known).collect();
         Reached {
             quantity: self.quantity.name(),
             unit: self.quantity.unit(),

@@ -1,7 +1,9 @@
 //! Why a quantity does not come to its target.
 
 use super::quantities::{Goal, Kind};
-use super::{AHEAD, Bench, Manoeuvre, Reached, Search, Tried, Unreached, falls, seconds};
+use super::{
+    AHEAD, Bench, Manoeuvre, Reached, Search, Tried, Unreached, falls, navigators, seconds,
+};
 use crate::identify::words::unaligned;
 use crate::page::digits;
 
@@ -20,8 +22,7 @@ impl Search<'_> {
             return Vec::new();
         }
         let own = self.tried(end, &self.site.manoeuvres, AHEAD[1]);
-        let forbidden: Vec<Manoeuvre> = Manoeuvre::ALL
-            .into_iter()
+        let forbidden: Vec<Manoeuvre> = Manoeuvre::all()
             .filter(|manoeuvre| !self.site.manoeuvres.contains(manoeuvre))
             .collect();
         let other = self.tried(end, &forbidden, AHEAD[1]);
@@ -34,32 +35,26 @@ impl Search<'_> {
             .collect()
     }
 
-    fn why(
+    fn why<'t>(
         &self,
         which: usize,
         last: &Reached,
         end: &[Bench],
-        own: &[Tried],
-        other: &[Tried],
+        own: &'t [Tried],
+        other: &'t [Tried],
     ) -> String {
-        let after = |drives: &[Bench]| {
-            let navigators = drives.iter().map(|drive| &drive.navigator);
-            self.goals[which].reached(navigators, self.axes)
-        };
-        let least = |tried: &[Tried]| {
-            let sigma = |one: &Tried| after(&one.drives).sigma;
-            let place =
-                (0..tried.len()).min_by(|a, b| sigma(&tried[*a]).total_cmp(&sigma(&tried[*b])));
-            place.map(|place| (place, sigma(&tried[place])))
+        let after = |drives: &[Bench]| self.goals[which].reached(navigators(drives), self.axes);
+        let least = |tried: &'t [Tried]| {
+            let each = tried.iter().map(|one| (one, after(&one.drives).sigma));
+            each.min_by(|a, b| a.1.total_cmp(&b.1))
         };
         if let Some(lost) = end.iter().find(|bench| bench.is_aligning()) {
             return unaligned(lost.navigator.phase()).to_owned();
         }
         let own_least = least(own).map_or(last.sigma, |(_, sigma)| sigma);
-        if let Some((place, sigma)) = least(other)
+        if let Some((shows, sigma)) = least(other)
             && sigma < WORTH * own_least
         {
-            let shows = &other[place];
             return format!(
                 "the site does not allow what shows it: {:.1} min of {} would bring it to {} {}",
                 (seconds(&shows.drives) - seconds(end)) / 60.0,

@@ -14,10 +14,11 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{Bench, Driver, Goal, Plan, Target, UNITS, seconds};
+use super::{Bench, Driver, Goal, Plan, Target, UNITS, navigators, seconds};
 use crate::cli::options::show;
-use crate::page::progress::bar;
-use crate::page::table::{cells, markdown, plain};
+use crate::page::brief;
+use crate::page::progress::{bar, counted};
+use crate::page::table::{Table, heads, markdown};
 use crate::statistics::rms;
 
 /// Goal: predicted over reached.
@@ -27,37 +28,23 @@ const GOAL: [f64; 2] = [0.8, 1.25];
 const RUNS: u64 = 100;
 const FIRST_SEED: u64 = 1;
 
+macro_rules! target {
+    ($name:literal) => {
+        include_str!(concat!("../../../targets/", $name, ".toml"))
+    };
+}
+
 /// Targets: name, whether it judges, text.
 const CASES: [(&str, bool, &str); 6] = [
-    (
-        "mems",
-        false,
-        include_str!("../../../targets/drive_target.toml"),
-    ),
-    (
-        "hg1700",
-        false,
-        include_str!("../../../targets/hg1700.toml"),
-    ),
-    (
-        "mems, tilted, 4 Hz",
-        true,
-        include_str!("../../../targets/judge_mems_tilted.toml"),
-    ),
-    (
-        "mems, 1 Hz, street",
-        true,
-        include_str!("../../../targets/judge_mems_street.toml"),
-    ),
-    (
-        "hg1700, never stops",
-        true,
-        include_str!("../../../targets/judge_hg1700_moving.toml"),
-    ),
+    ("mems", false, target!("drive_target")),
+    ("hg1700", false, target!("hg1700")),
+    ("mems, tilted, 4 Hz", true, target!("judge_mems_tilted")),
+    ("mems, 1 Hz, street", true, target!("judge_mems_street")),
+    ("hg1700, never stops", true, target!("judge_hg1700_moving")),
     (
         "hg1700, antenna away",
         true,
-        include_str!("../../../targets/judge_hg1700_antenna.toml"),
+        target!("judge_hg1700_antenna"),
     ),
 ];
 
@@ -148,15 +135,12 @@ pub(crate) fn page() -> Result<String> {
 
 fn compared(options: &PlanDrive) -> Result<Vec<Results>> {
     let cases = cases(&options.target)?;
-    let progress = bar();
-    progress.set_message("driving");
+    let progress = bar().with_message("driving");
     progress.set_length(cases.len() as u64 * options.runs);
     let one = |(name, judge, target): &(String, bool, Target)| {
         results(name, *judge, target, options, &progress)
     };
-    let all: Vec<Results> = cases.iter().map(one).collect::<Result<_>>()?;
-    progress.finish_and_clear();
-    Ok(all)
+    cases.iter().map(one).collect()
 }
 
 fn cases(files: &[PathBuf]) -> Result<Vec<(String, bool, Target)>> {
@@ -184,22 +168,14 @@ fn results(
     // Of units that are not among those that drive.
     let plan = target.plan(options.first_seed.wrapping_sub(UNITS))?;
     let seeds = options.first_seed..options.first_seed.saturating_add(options.runs);
-    let tried: Vec<Option<Vec<[f64; 2]>>> = seeds
-        .into_par_iter()
-        .map(|seed| {
-            let tried = driven(target, &plan, seed);
-            progress.inc(1);
-            tried
-        })
-        .collect::<Result<_>>()?;
+    let tried = (seeds.into_par_iter())
+        .map(counted(progress, |seed| driven(target, &plan, seed)))
+        .collect::<Result<Vec<_>>>()?;
     let runs = tried.len();
     let solved: Vec<Vec<[f64; 2]>> = tried.into_iter().flatten().collect();
     let row = |(which, goal): (usize, &Goal)| {
         let rms_of = |part: usize| rms(solved.iter().map(|run| run[which][part]));
-        let foretold = goal.reached(
-            plan.end.iter().map(|drive| &drive.navigator),
-            target.unit.body_axes,
-        );
+        let foretold = goal.reached(navigators(&plan.end), target.unit.body_axes);
         let (reached, stated) = (rms_of(0), rms_of(1));
         Row {
             ratio: foretold.observable.then(|| foretold.sigma / reached),
@@ -287,41 +263,30 @@ fn true_values(
 }
 
 fn readable(all: &[Results]) -> String {
-    let header = cells([
-        "",
-        "unit",
-        "wanted",
-        "predicted",
-        "stated",
-        "reached",
-        "predicted/reached",
-    ]);
-    let mut parts = Vec::new();
-    for results in all {
+    let row = |row: &Row| {
+        vec![
+            row.quantity.clone(),
+            row.unit.to_owned(),
+            row.target.to_string(),
+            brief(row.predicted),
+            brief(row.stated),
+            brief(row.reached),
+            row.cell(),
+        ]
+    };
+    let part = |results: &Results| {
         let side = if results.judge { "judge" } else { "develop" };
-        let row = |row: &Row| {
-            let number = |value: f64| crate::page::digits(value, value);
-            let mut cells = vec![
-                row.quantity.clone(),
-                row.unit.to_owned(),
-                row.target.to_string(),
-            ];
-            cells.extend([row.predicted, row.stated, row.reached].map(number));
-            cells.push(row.cell());
-            cells
-        };
-        let rows: Vec<Vec<String>> = results.rows.iter().map(row).collect();
-        parts.push(format!(
+        let header = heads("| unit | wanted | predicted | stated | reached | predicted/reached");
+        format!(
             "{} ({side}): {:.1} min, {} drives, {} without a solution\n{}\n",
             results.target,
             results.minutes,
             results.runs,
             results.without_solution,
-            plain(&header, &rows)
-        ));
-    }
-    parts.push(verdict(all));
-    parts.concat()
+            Table::of("", header, results.rows.iter().map(row)).plain()
+        )
+    };
+    all.iter().map(part).collect::<String>() + &verdict(all)
 }
 
 /// How many ratios are as they should be.

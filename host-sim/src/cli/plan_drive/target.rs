@@ -90,14 +90,14 @@ impl Target {
         let source = Source { file, text };
         let read: File = source.parse(EXAMPLE)?;
         let mut goals = Vec::new();
-        for kind in Kind::ALL {
-            if let Some(value) = read.target.get_ref().get(kind.key()) {
-                goals.extend(wanted(&source, kind, value)?);
+        let keys: Vec<&str> = Kind::all().iter().map(|kind| kind.key()).collect();
+        for (kind, key) in Kind::all().iter().zip(&keys) {
+            if let Some(value) = read.target.get_ref().get(*key) {
+                goals.extend(wanted(&source, *kind, value)?);
             }
         }
         for (key, value) in read.target.get_ref() {
-            if Kind::ALL.iter().all(|kind| kind.key() != key) {
-                let keys: Vec<&str> = Kind::ALL.iter().map(|kind| kind.key()).collect();
+            if !keys.contains(&key.as_str()) {
                 let expected = keys.join(", ");
                 let message = format!("`{key}` cannot be wanted; expected one of {expected}");
                 return Err(source.error(value.span().start, message));

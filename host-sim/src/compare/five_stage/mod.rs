@@ -16,9 +16,8 @@ mod gyro_history;
 mod stage;
 
 use indicatif::ProgressBar;
-use ins_core::ConfigError;
 use ins_core::config::{Feedback, Form, HeadingSource};
-use ins_core::{Config, Estimate, Estimates, Observability, Phase, Time};
+use ins_core::{Config, ConfigError, Estimate, Estimates, Observability, Phase, Time};
 use nalgebra::{Matrix2, Vector2};
 
 use crate::identify::row::Row;
@@ -111,6 +110,14 @@ fn take(
     estimates: &mut Estimates,
 ) {
     let found = &end.estimates;
+    let accel = |axis: usize| {
+        let taken_out = &mut correction.accel_mps2[axis];
+        estimates.accel_bias_mps2[axis] = add(&found.accel_bias_mps2[axis], taken_out);
+    };
+    let gyro = |axis: usize| {
+        let taken_out = &mut correction.gyro_radps[axis];
+        estimates.gyro_bias_radps[axis] = add(&found.gyro_bias_radps[axis], taken_out);
+    };
     match stage {
         Stage::Azimuth => {
             let left = Estimate {
@@ -119,27 +126,11 @@ fn take(
             };
             estimates.azimuth_error_rad = add(&left, &mut correction.azimuth_rad);
         }
-        Stage::LevelAccels => {
-            for axis in 0..2 {
-                estimates.accel_bias_mps2[axis] = add(
-                    &found.accel_bias_mps2[axis],
-                    &mut correction.accel_mps2[axis],
-                );
-            }
-        }
-        Stage::LevelGyros => {
-            for axis in 0..2 {
-                estimates.gyro_bias_radps[axis] = add(
-                    &found.gyro_bias_radps[axis],
-                    &mut correction.gyro_radps[axis],
-                );
-            }
-        }
+        Stage::LevelAccels => (0..2).for_each(accel),
+        Stage::LevelGyros => (0..2).for_each(gyro),
         Stage::Vertical => {
-            estimates.accel_bias_mps2[2] =
-                add(&found.accel_bias_mps2[2], &mut correction.accel_mps2.z);
-            estimates.gyro_bias_radps[2] =
-                add(&found.gyro_bias_radps[2], &mut correction.gyro_radps.z);
+            (2..3).for_each(accel);
+            (2..3).for_each(gyro);
         }
         Stage::Latency => {
             estimates.gnss_latency_s = add(&found.gnss_latency_s, &mut correction.latency_s);

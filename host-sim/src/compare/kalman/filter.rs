@@ -60,7 +60,6 @@ pub struct Filter {
     refused: [Refused; 4],
     rest: RestDetector,
     last_fix: Time,
-    log_likelihood: f64,
 }
 
 /// Fixes in a row of which a part was not believed.
@@ -153,7 +152,6 @@ impl Filter {
             refused: [Refused::default(); 4],
             rest: RestDetector::default(),
             last_fix: start.time,
-            log_likelihood: 0.0,
         }
     }
 
@@ -180,12 +178,6 @@ impl Filter {
     pub fn estimates(&self) -> Estimates {
         self.known
             .estimates(&self.covariance, self.run_s(), &self.layout, &self.noise)
-    }
-
-    /// Logarithm of how likely all parts of fixes were, each given those before. Wild ones count
-    /// as under noise whose tails fall off exponentially (Huber): few of them do not decide.
-    pub fn log_likelihood(&self) -> f64 {
-        self.log_likelihood
     }
 
     /// Advances over the interval that ends at `time`; at rest, corrects by what the gyros read.
@@ -264,16 +256,15 @@ impl Filter {
     /// Takes a part of a fix in, or refuses it.
     fn take(&mut self, part: Part, seen: &Seen, update: &mut Update) {
         let refused = self.refused[part as usize];
-        let mut likely = update.likelihood(seen);
+        let mut distance = update.distance(seen);
         let lost = refused.count >= LOST_FIXES
             && self.time.seconds_since(refused.since) >= LOST_S
-            && likely.distance > GATE_SIGMAS;
+            && distance > GATE_SIGMAS;
         if lost {
-            update.doubt(part, likely.distance / ROBUST_SIGMAS, &self.largest);
-            likely = update.likelihood(seen);
+            update.doubt(part, distance / ROBUST_SIGMAS, &self.largest);
+            distance = update.distance(seen);
         }
-        self.log_likelihood += likely.logarithm();
-        if likely.distance > GATE_SIGMAS && !lost {
+        if distance > GATE_SIGMAS && !lost {
             self.refused[part as usize] = Refused {
                 count: refused.count + 1,
                 since: if refused.count == 0 {
@@ -285,15 +276,15 @@ impl Filter {
             return;
         }
         self.refused[part as usize] = Refused::default();
-        update.take(seen, (likely.distance / ROBUST_SIGMAS).max(1.0));
+        update.take(seen, (distance / ROBUST_SIGMAS).max(1.0));
     }
 
     fn correct_at_rest(&mut self, block: &RestBlock) -> Option<Correction> {
         self.step_covariance();
         let (rate, seconds) = (&block.rate_radps, block.seconds);
-        let seen = at_rest(&self.known, rate, seconds, &self.noise, &self.layout)?;
+        let seen = at_rest(&self.known, rate, seconds, &self.noise, &self.layout);
         let mut update = Update::new(&self.covariance);
-        if update.likelihood(&seen).distance > REST_SIGMAS {
+        if update.distance(&seen) > REST_SIGMAS {
             return None;
         }
         update.take(&seen, 1.0);
@@ -339,27 +330,6 @@ struct Update {
     covariance: StateMatrix,
 }
 
-/// How likely a measurement was.
-struct Likelihood {
-    /// Of the innovation from zero, in sigmas of all its components together.
-    distance: f64,
-    /// Of the variance matrix of the innovation.
-    log_determinant: f64,
-    components: f64,
-}
-
-impl Likelihood {
-    fn logarithm(&self) -> f64 {
-        let square = if self.distance > ROBUST_SIGMAS {
-            ROBUST_SIGMAS * (2.0 * self.distance - ROBUST_SIGMAS)
-        } else {
-            self.distance * self.distance
-        };
-        let constant = self.components * libm::log(core::f64::consts::TAU);
-        -0.5 * (square + self.log_determinant + constant)
-    }
-}
-
 impl Update {
     fn new(predicted: &StateMatrix) -> Self {
         Self {
@@ -386,23 +356,14 @@ impl Update {
         [cross, own]
     }
 
-    fn likelihood(&self, seen: &Seen) -> Likelihood {
+    /// Of the innovation from zero, in sigmas of all its components together.
+    fn distance(&self, seen: &Seen) -> f64 {
         let [_, own] = self.variances(seen);
         let innovation = self.innovation(seen);
-        let components = innovation.len() as f64;
         // Without noise and without doubt there is nothing to weigh: whatever comes is wild.
-        own.cholesky().map_or(
-            Likelihood {
-                distance: f64::INFINITY,
-                log_determinant: 0.0,
-                components,
-            },
-            |root| Likelihood {
-                distance: innovation.dot(&root.solve(&innovation)).sqrt(),
-                log_determinant: 2.0 * root.l().diagonal().map(libm::log).sum(),
-                components,
-            },
-        )
+        own.cholesky().map_or(f64::INFINITY, |root| {
+            innovation.dot(&root.solve(&innovation)).sqrt()
+        })
     }
 
     /// Takes a measurement whose innovation has `noisier` times the variance that it should have.

@@ -61,13 +61,9 @@ impl Known {
         // Exactly undone: what gravity makes of the square of a scale error is more than there is
         // doubt of the upright accelerometer.
         let mut interval = raw.without_bias(&self.gyro_bias_radps, &self.accel_bias_mps2);
-        let one = Vector3::repeat(1.0);
-        interval
-            .angle_rad
-            .component_div_assign(&(one + self.gyro_scale));
-        interval
-            .force_mps
-            .component_div_assign(&(one + self.accel_scale));
+        let of = |scale: Vector3<f64>| scale.add_scalar(1.0);
+        (interval.angle_rad).component_div_assign(&of(self.gyro_scale));
+        (interval.force_mps).component_div_assign(&of(self.accel_scale));
         interval
     }
 

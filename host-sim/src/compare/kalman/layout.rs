@@ -57,13 +57,8 @@ impl Part {
 
     /// The errors of the INS that it shows directly.
     pub fn states(self) -> Range<usize> {
-        let first = if self.is_velocity() {
-            index::VELOCITY
-        } else {
-            index::POSITION
-        };
-        let axes = self.axes();
-        first + axes.start..first + axes.end
+        let first = [index::POSITION, index::VELOCITY][usize::from(self.is_velocity())];
+        first + self.axes().start..first + self.axes().end
     }
 }
 

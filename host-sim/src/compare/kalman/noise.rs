@@ -19,8 +19,6 @@ const START_AGE_S: f64 = 0.5;
 const LEVELLING_RAD: f64 = 0.005;
 /// Heading that the user gives, rad; where its spread is not known.
 const GIVEN_HEADING_RAD: f64 = 0.3;
-/// Rate of a vehicle standing with people in it, rad/s in the mean of a second: as in the core.
-const SWAY_RADPS: f64 = 3e-4;
 
 /// Noise of one component of a part of a fix: white, and a Gauss-Markov process beside it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -127,9 +125,6 @@ pub struct Noise {
     pub lever_arm_sigma_m: Vector3<f64>,
     /// Spread of a heading that is given at the start, rad.
     pub heading_sigma_rad: f64,
-    /// What the vehicle turns by while it stands, rad/s in the mean of a second; none: gyros are
-    /// never read at rest.
-    pub rest_sway_radps: Option<f64>,
 }
 
 impl Noise {
@@ -140,7 +135,7 @@ impl Noise {
         let (gyro, accel) = (&model.gyro_deg_h, &model.accel_mps2);
         let gnss = &model.gnss;
         let habits = &gnss.habits;
-        let (least, most) = (gnss.latency_s[0], gnss.latency_s[1]);
+        let [least, most] = gnss.latency_s;
         Self {
             gyro_noise: gyro.white_noise * DEG_H_RADPS * Vector3::from(gyro.noise_times),
             gyro_bias_walk: walk(&gyro.bias) * DEG_H_RADPS,
@@ -162,8 +157,6 @@ impl Noise {
                 .given_heading_sigma_deg
                 .unwrap_or_default()
                 .to_radians(),
-            // Simulated vehicles stand still: what is left is for the gyros' own noise.
-            rest_sway_radps: Some(SWAY_RADPS),
         }
     }
 
@@ -190,7 +183,6 @@ impl Noise {
             lever_arm_m: Vector3::from(gnss.lever_arm_m),
             lever_arm_sigma_m: Vector3::repeat(gnss.lever_arm_sigma_m),
             heading_sigma_rad: GIVEN_HEADING_RAD,
-            rest_sway_radps: Some(SWAY_RADPS),
         }
     }
 
@@ -312,24 +304,16 @@ impl Noise {
         let mut set = |at: usize, values: Vector3<f64>| {
             sigma.fixed_rows_mut::<3>(at).copy_from(&values);
         };
-        set(
-            index::POSITION,
-            2.0 * Vector3::new(level, level, up) + moved,
-        );
+        let place = 2.0 * Vector3::new(level, level, up) + moved;
+        set(index::POSITION, place);
         set(index::VELOCITY, Vector3::repeat(START_VELOCITY_MPS));
         set(index::ATTITUDE, Vector3::new(tilt, tilt, heading_rad));
         set(index::ACCEL, Vector3::repeat(self.accel_bias_mps2));
         set(index::GYRO, gyro_radps.into());
-        let triples = [
-            (layout.lever_arm, self.lever_arm_sigma_m),
-            (layout.accel_scale, Vector3::repeat(self.accel_scale)),
-            (layout.gyro_scale, Vector3::repeat(self.gyro_scale)),
-        ];
-        for (at, values) in triples {
-            if let Some(at) = at {
-                set(at, values);
-            }
-        }
+        let mut set_any = |at: Option<usize>, values| at.into_iter().for_each(|at| set(at, values));
+        set_any(layout.lever_arm, self.lever_arm_sigma_m);
+        set_any(layout.accel_scale, Vector3::repeat(self.accel_scale));
+        set_any(layout.gyro_scale, Vector3::repeat(self.gyro_scale));
         sigma[index::LATENCY] = self.latency_sigma_s;
         if let Some(at) = layout.clock_drift {
             sigma[at] = self.clock_drift_sigma;

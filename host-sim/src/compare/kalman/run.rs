@@ -3,10 +3,9 @@
 use core::iter::Peekable;
 use core::slice::Iter;
 
-use ins_core::ConfigError;
 use ins_core::config::HeadingSource;
 use ins_core::increments::Increments;
-use ins_core::{Config, GnssFix, ImuSample, Navigator, Time};
+use ins_core::{Config, ConfigError, GnssFix, ImuSample, Navigator, Time};
 
 use super::filter::{Correction, Filter, Start};
 use super::noise::Noise;
@@ -26,7 +25,6 @@ pub struct Run<'a> {
     fixes: Peekable<Iter<'a, GnssFix>>,
     fixes_until: Option<Time>,
     covariance_at_every_sample: bool,
-    log_likelihood_before: f64,
     state: State,
     last: Option<(Time, Increments)>,
 }
@@ -52,7 +50,6 @@ impl<'a> Run<'a> {
             fixes: gnss.iter().peekable(),
             fixes_until: None,
             covariance_at_every_sample: false,
-            log_likelihood_before: 0.0,
             state: State::Aligning(Box::new(Navigator::new(config)?)),
             last: None,
         })
@@ -78,11 +75,6 @@ impl<'a> Run<'a> {
             State::Aligning(_) => None,
             State::Filtering(filter) => Some(filter),
         }
-    }
-
-    /// Of all fixes so far, see [`Filter::log_likelihood`]; through new alignments too.
-    pub fn log_likelihood(&self) -> f64 {
-        self.log_likelihood_before + self.filter().map_or(0.0, Filter::log_likelihood)
     }
 
     /// Takes one sample and the fixes whose moments it has passed, and tells of every correction;
@@ -152,7 +144,6 @@ impl<'a> Run<'a> {
 
     /// A hole too long to bridge: from the alignment on, as the core does.
     fn align_again(&mut self, sample: &ImuSample) {
-        self.log_likelihood_before = self.log_likelihood();
         // A heading is given for the first sample, and is another one by now.
         self.config.heading = HeadingSource::Auto;
         // The configuration was accepted before.

@@ -11,6 +11,8 @@ use super::{Known, Layout, Noise, Part, StateMatrix, index};
 /// Climb of a vehicle of whose height and vertical velocity a fix says nothing, m/s: enough to
 /// keep gravity what it is.
 const CLIMB_MPS: f64 = 5.0;
+/// Rate of a vehicle standing with people in it, rad/s in the mean of a second: as in the core.
+const SWAY_RADPS: f64 = 3e-4;
 
 /// Some numbers measured at one time, each with noise of its own.
 #[derive(Clone, Debug, PartialEq)]
@@ -76,18 +78,13 @@ impl AtMoment<'_> {
                 ..self.known.ins.position
             }),
         };
-        let [antenna, by_attitude, by_arm] = self.antenna(part);
-        let ins = if part.is_velocity() {
-            self.velocity_mps()
+        let (antenna, by_attitude, by_arm) = self.antenna(part);
+        let (ins, by_latency) = if part.is_velocity() {
+            (self.velocity_mps(), self.accel_mps2)
         } else {
-            Vector3::zeros()
+            (Vector3::zeros(), self.velocity_mps())
         };
-        let difference = ins + antenna.column(0) - (measured - self.known.colour(part));
-        let by_latency = if part.is_velocity() {
-            self.accel_mps2
-        } else {
-            self.velocity_mps()
-        };
+        let difference = ins + antenna - (measured - self.known.colour(part));
         let by_gyro = self.antenna_by_gyro(part);
         let sigma = noise.white_of(part, fix);
         let mut seen = Seen::new(part.axes().len(), layout);
@@ -124,9 +121,8 @@ impl AtMoment<'_> {
         moved - ins.position.enu_from(place)
     }
 
-    /// What the antenna has beyond the sensors (first column), by attitude, and by the arm:
-    /// `C l` and `C (w x l)`.
-    fn antenna(&self, part: Part) -> [Matrix3<f64>; 3] {
+    /// What the antenna has beyond the sensors, by attitude, and by the arm: `C l` and `C (w x l)`.
+    fn antenna(&self, part: Part) -> (Vector3<f64>, Matrix3<f64>, Matrix3<f64>) {
         let attitude = matrix(&self.known.ins.attitude);
         let turn = if part.is_velocity() {
             attitude * self.rate_radps.cross_matrix()
@@ -135,8 +131,7 @@ impl AtMoment<'_> {
         };
         let antenna = turn * self.known.lever_arm_m;
         // C' u = C u - Phi x C u; the arm is known minus what is left of its error.
-        let columns = Matrix3::from_columns(&[antenna, Vector3::zeros(), Vector3::zeros()]);
-        [columns, antenna.cross_matrix(), -turn]
+        (antenna, antenna.cross_matrix(), -turn)
     }
 
     /// A gyro that reads too much makes the antenna move more: `C (dw x l)`.
@@ -166,8 +161,7 @@ pub fn at_rest(
     seconds: f64,
     noise: &Noise,
     layout: &Layout,
-) -> Option<Seen> {
-    let sway = noise.rest_sway_radps?;
+) -> Seen {
     let attitude = matrix(&known.ins.attitude);
     let earth_rate = known.ins.local_earth().earth_rate();
     let turn = attitude.tr_mul(&earth_rate);
@@ -181,7 +175,7 @@ pub fn at_rest(
         seen.set(axis, index::ATTITUDE, &row);
         seen.by[(axis, index::GYRO + axis)] = 1.0;
         seen.difference[axis] = rate_radps[axis] - turn[axis] - known.gyro_bias_radps[axis];
-        seen.variance[axis] = (power + sway * sway) / seconds;
+        seen.variance[axis] = (power + SWAY_RADPS * SWAY_RADPS) / seconds;
         // The angle that the noise made is minus the error of the platform, in body axes.
         let tilt = -power * attitude.column(axis);
         shared
@@ -189,5 +183,5 @@ pub fn at_rest(
             .copy_from(&tilt);
     }
     seen.shared = Some(shared);
-    Some(seen)
+    seen
 }

@@ -6,13 +6,12 @@ mod peer;
 mod reference;
 mod runs;
 
-use ins_core::ConfigError;
-use ins_core::{Config, Time};
+use ins_core::{Config, ConfigError, Navigator, Time};
 use serde::Serialize;
 
 use crate::compare::kalman::Noise;
 use crate::log::Log;
-use crate::page::digits;
+use crate::page::brief;
 use crate::page::table::{Table, heads};
 pub use drift::{Drift, Drifts, OUTAGE_S};
 use drift::{FRESH_S, STRIDE_S};
@@ -100,7 +99,8 @@ impl<'a> Course<'a> {
 
     /// The core through them.
     pub(crate) fn core(&self, config: Config) -> Result<Drifts, ConfigError> {
-        let drifts = runs::core(self.log, config, &self.starts, &self.reference)?;
+        let core = Navigator::new(config)?;
+        let drifts = runs::through(self.log, core, &self.starts, &self.reference);
         Ok(Drifts::new("compensation", drifts))
     }
 
@@ -139,10 +139,10 @@ impl OutageTest {
                 drifts.velocity_max_mps,
             ];
             let mut cells = vec![drifts.navigator.to_owned(), drifts.count.to_string()];
-            cells.extend(numbers.map(|number| digits(number, number)));
+            cells.extend(numbers.map(brief));
             cells
         };
-        Table::new(&title, header, self.navigators.iter().map(row).collect())
+        Table::of(title, header, self.navigators.iter().map(row))
     }
 }
 

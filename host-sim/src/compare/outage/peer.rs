@@ -9,10 +9,9 @@ use fusion_nav::prelude::{
     Geodetic as Place, ImuSample as Sample, LocalOrigin, Position, PositionNoise, Seconds, State,
     Timestamp, Velocity, VelocityNoise,
 };
-use ins_core::ConfigError;
 use ins_core::earth::Geodetic;
 use ins_core::increments::Increments;
-use ins_core::{Config, GnssFix, ImuOutput, ImuSample, Navigator, Solution, Time};
+use ins_core::{Config, ConfigError, GnssFix, ImuOutput, ImuSample, Navigator, Solution, Time};
 use nalgebra::{Quaternion as Algebraic, Unit, UnitQuaternion, Vector3};
 
 use super::drift::Drift;

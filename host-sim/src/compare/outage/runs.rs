@@ -1,8 +1,10 @@
 //! The navigators through the outages: each runs over the log once, and a copy of it through
 //! every outage without a fix.
 
-use ins_core::ConfigError;
-use ins_core::{Config, GnssFix, ImuSample, Navigator, Observability, Phase, Solution, Time};
+use ins_core::{
+    Config, ConfigError, Estimate, GnssFix, ImuSample, Navigator, Observability, Phase, Solution,
+    Time,
+};
 
 use super::drift::{Drift, SETTLE_S};
 use super::reference::Reference;
@@ -45,46 +47,29 @@ pub fn survey(log: &Log, config: Config) -> Result<Survey, ConfigError> {
     let mut survey = Survey::default();
     let (mut since, mut settled, mut observed) = (None, None, None);
     for event in in_order_of_time(&log.imu, &log.gnss) {
-        let sample = match event {
-            Event::Imu(sample) => sample,
-            Event::Gnss(fix) => {
-                let _ = navigator.on_gnss(fix);
-                continue;
-            }
-        };
-        let _ = navigator.on_imu(&sample);
-        if navigator.phase() != Phase::Navigating {
+        let sample = event.give_to(&mut navigator);
+        let Some(sample) = sample.filter(|_| navigator.phase() == Phase::Navigating) else {
             continue;
-        }
+        };
         let since = *since.get_or_insert(sample.time);
         if sample.time.seconds_since(since) >= SETTLE_S {
             settled.get_or_insert(sample.time);
         }
-        if observed.is_none() && observes_azimuth(&navigator) {
+        if observed.is_none() && is_observed(&navigator.estimates().azimuth_error_rad) {
             observed = Some(sample.time);
         }
     }
     // Never observed, it is not waited for.
     survey.first = settled.map(|settled| settled.max(observed.unwrap_or(settled)));
     let latency = navigator.estimates().gnss_latency_s;
-    if latency.observability == Observability::Observable {
+    if is_observed(&latency) {
         survey.latency_s = latency.value;
     }
     Ok(survey)
 }
 
-fn observes_azimuth(navigator: &Navigator) -> bool {
-    navigator.estimates().azimuth_error_rad.observability == Observability::Observable
-}
-
-/// The core as it is, its estimates fed back.
-pub fn core(
-    log: &Log,
-    config: Config,
-    starts: &[Time],
-    reference: &Reference,
-) -> Result<Vec<Drift>, ConfigError> {
-    Ok(through(log, Navigator::new(config)?, starts, reference))
+fn is_observed(estimate: &Estimate) -> bool {
+    estimate.observability == Observability::Observable
 }
 
 /// Any INS through all outages.

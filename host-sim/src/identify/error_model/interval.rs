@@ -181,6 +181,13 @@ pub fn mean(measured: &[Measured]) -> Option<Interval> {
     })
 }
 
+/// The same of values that are worth alike.
+pub(crate) fn plain_mean(values: impl Iterator<Item = f64>) -> Option<Interval> {
+    let variance = 1.0;
+    let measured: Vec<Measured> = values.map(|value| Measured { value, variance }).collect();
+    mean(&measured)
+}
+
 /// Weighted mean of equal quantities by the errors stated with them.
 pub fn common_value(measured: &[Measured]) -> Interval {
     let weight: f64 = measured.iter().map(|m| 1.0 / m.variance).sum();

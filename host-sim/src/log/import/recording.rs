@@ -1,5 +1,6 @@
 //! What a recording holds, and a log of it; what the formats have in common.
 
+use clap::Args;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -12,11 +13,13 @@ use nalgebra::{UnitQuaternion, Vector3};
 use crate::log::{self, BodyAxes, Log, LogError, Meta};
 
 /// Which of several sensors and receivers, counted from one; the fastest if none is named.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Args, Clone, Copy, Debug, Default)]
 pub struct Choice {
-    /// Inertial sensor.
+    /// Which of several inertial sensors, counted from 1.
+    #[arg(long, value_name = "N")]
     pub imu: Option<usize>,
-    /// Receiver.
+    /// Which of several receivers, counted from 1.
+    #[arg(long, value_name = "N")]
     pub gnss: Option<usize>,
 }
 

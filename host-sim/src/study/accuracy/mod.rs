@@ -3,15 +3,15 @@
 mod output;
 mod statistics;
 
-pub use output::{CSV, JSON, PICTURE, picture, write};
+pub use output::{JSON, picture, write};
 pub use statistics::{Results, Row, Spread};
 
 use core::f64::consts::PI;
+use core::iter::Peekable;
 
-use ins_core::ConfigError;
 use ins_core::config::{Form, HeadingSource};
 use ins_core::earth::wrap_pi;
-use ins_core::{Config, Estimates, Navigator, Observability, Phase, Solution};
+use ins_core::{Config, ConfigError, Estimates, Navigator, Observability, Phase, Solution, Time};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -62,6 +62,13 @@ const fn quantity(
         si,
         limit,
         goal,
+    }
+}
+
+impl Quantity {
+    /// Title and unit.
+    pub(crate) fn head(&self) -> String {
+        format!("{}, {}", self.title, self.unit)
     }
 }
 
@@ -183,14 +190,12 @@ impl Study {
         done: &(dyn Fn() + Sync),
     ) -> Result<Vec<Run>, ConfigError> {
         let seeds = self.first_seed..self.first_seed.saturating_add(self.runs);
-        seeds
-            .into_par_iter()
-            .map(|seed| {
-                let run = self.run(seed, tune);
-                done();
-                run
-            })
-            .collect()
+        let one = |seed| {
+            let run = self.run(seed, tune);
+            done();
+            run
+        };
+        seeds.into_par_iter().map(one).collect()
     }
 
     /// Whether limits and goals hold for these drives.
@@ -228,12 +233,9 @@ impl Study {
                 let _ = navigator.on_gnss(fix);
             }
             let _ = navigator.on_imu(sample);
-            while let Some(truth) = truths.next_if(|truth| truth.time <= sample.time) {
-                let due_s = EVERY_S * (history.len() + 1) as f64;
-                if truth.time == sample.time && sample.time.as_seconds() >= due_s {
-                    history.push(core_checks(&navigator, &drive, truth));
-                }
-            }
+            look(&mut history, &mut truths, sample.time, |truth| {
+                core_checks(&navigator, &drive, truth)
+            });
         }
         let observability = navigator.estimates().azimuth_error_rad.observability;
         Ok(Run {
@@ -265,25 +267,32 @@ impl Study {
         let mut history = Vec::new();
         let mut truths = drive.truth.iter().peekable();
         while let Some(time) = run.step(&mut |_, _| {}) {
-            while let Some(truth) = truths.next_if(|truth| truth.time <= time) {
-                let due_s = EVERY_S * (history.len() + 1) as f64;
-                if truth.time == time && time.as_seconds() >= due_s {
-                    history.push(run.filter().map(|filter| {
-                        checks(
-                            &filter.estimates(),
-                            filter.known.ins.heading_rad(),
-                            drive,
-                            truth,
-                        )
-                    }));
-                }
-            }
+            look(&mut history, &mut truths, time, |truth| {
+                let filter = run.filter()?;
+                let heading_rad = filter.known.ins.heading_rad();
+                Some(checks(&filter.estimates(), heading_rad, drive, truth))
+            });
         }
         Ok(Run {
             seed,
             converged: azimuth_is_right(&history),
             history,
         })
+    }
+}
+
+/// Adds what is due by the time of a sample.
+fn look<'a>(
+    history: &mut Vec<Option<[Check; 8]>>,
+    truths: &mut Peekable<impl Iterator<Item = &'a Solution>>,
+    time: Time,
+    checks: impl Fn(&Solution) -> Option<[Check; 8]>,
+) {
+    while let Some(truth) = truths.next_if(|truth| truth.time <= time) {
+        let due_s = EVERY_S * (history.len() + 1) as f64;
+        if truth.time == time && time.as_seconds() >= due_s {
+            history.push(checks(truth));
+        }
     }
 }
 

@@ -1,40 +1,33 @@
 //! `accuracy.json`, `accuracy.csv`, `accuracy.svg`, and the table for people.
 
-use std::io::Write;
 use std::path::Path;
 
-use miette::{IntoDiagnostic, Result};
+use miette::Result;
 
-use super::{Check, QUANTITIES, Results, Row, Spread};
-use crate::page::number::to_second_digit_of;
-use crate::page::plot::{BLUE, Mark, ORANGE, Plot};
+use super::{Check, QUANTITIES, Results, Row, Run, Spread};
+use crate::page::plot::{BLUE, Mark, ORANGE};
 use crate::page::sheet::{self, Panel, key};
 use crate::page::table::{Table, heads};
-use crate::page::{self, output};
+use crate::page::{self, brief, digits, output};
 
 /// Names of the files; the first marks the folder as ours.
 pub const JSON: &str = "accuracy.json";
 /// Error and sigma of every run at its end.
-pub const CSV: &str = "accuracy.csv";
+const CSV: &str = "accuracy.csv";
 /// RMS error beside RMS sigma over time.
-pub const PICTURE: &str = "accuracy.svg";
+const PICTURE: &str = "accuracy.svg";
 
 /// Writes all files into a folder.
 pub fn write(results: &Results, folder: &Path) -> Result<()> {
     output::write(folder, JSON, page::json(results)?)?;
     output::write(folder, PICTURE, picture(results))?;
-    write_runs(results, output::create(folder, CSV)?).into_diagnostic()
+    Ok(output::write(folder, CSV, of_runs(&results.runs)?)?)
 }
 
-fn write_runs(results: &Results, file: impl Write) -> csv::Result<()> {
-    let mut table = csv::Writer::from_writer(file);
-    let mut header = vec!["seed".to_owned(), "converged".to_owned()];
-    for quantity in QUANTITIES {
-        let name = quantity.name;
-        header.extend([format!("{name}_error"), format!("{name}_sigma")]);
-    }
-    table.write_record(header)?;
-    for run in &results.runs {
+fn of_runs(runs: &[Run]) -> Result<String> {
+    let mut names = "seed,converged".to_owned();
+    names.extend(QUANTITIES.map(|quantity| format!(",{0}_error,{0}_sigma", quantity.name)));
+    let row = |run: &Run| {
         let mut cells = vec![run.seed.to_string(), u8::from(run.converged).to_string()];
         let end = run.history.last().copied().flatten();
         cells.extend(QUANTITIES.iter().enumerate().flat_map(|(which, _)| {
@@ -45,9 +38,9 @@ fn write_runs(results: &Results, file: impl Write) -> csv::Result<()> {
             };
             [cell(|check| check.error), cell(|check| check.sigma)]
         }));
-        table.write_record(cells)?;
-    }
-    Ok(table.flush()?)
+        cells
+    };
+    page::csv(&names, runs.iter().map(row))
 }
 
 /// RMS error beside RMS sigma over time, a panel for each quantity.
@@ -68,14 +61,12 @@ fn panel(results: &Results, which: usize) -> Panel {
     let values = || error.iter().chain(&sigma).map(|point| point.1);
     let least = values().filter(|v| *v > 0.0).fold(f64::MAX, f64::min);
     let most = values().fold(least, f64::max);
-    let plot = Plot {
-        size: sheet::CELL,
-        x_label: "time, min".to_owned(),
-        y_label: QUANTITIES[which].unit.to_owned(),
-        x: (0.0, results.study.minutes),
-        y: (0.8 * least, 1.25 * most),
-        marks: vec![Mark::Line(sigma, ORANGE), Mark::Line(error, BLUE)],
-    };
+    let plot = sheet::plot(
+        ["time, min", QUANTITIES[which].unit],
+        (0.0, results.study.minutes),
+        (0.8 * least, 1.25 * most),
+        vec![Mark::Line(sigma, ORANGE), Mark::Line(error, BLUE)],
+    );
     Panel {
         title: capital(QUANTITIES[which].title),
         svg: plot.svg_log_y(),
@@ -100,7 +91,7 @@ impl Results {
             heads("| RMS error | RMS sigma | within 1 sigma | settled after | limit | goal");
         let limits = self.study.has_limits();
         let rows = self.quantities.iter().map(|row| row.cells(limits));
-        Table::new("", header, rows.collect())
+        Table::of("", header, rows)
     }
 }
 
@@ -112,9 +103,9 @@ impl Row {
                 .map_or(String::new(), |value| value.to_string())
         };
         vec![
-            format!("{}, {}", self.quantity.title, self.quantity.unit),
-            to_second_digit_of(self.rms_error, self.rms_error),
-            to_second_digit_of(self.rms_error, self.rms_sigma),
+            self.quantity.head(),
+            brief(self.rms_error),
+            digits(self.rms_error, self.rms_sigma),
             format!("{:.0} %", self.within_sigma_percent),
             format!("{:.1} min", self.settled_s / 60.0),
             known(self.quantity.limit),

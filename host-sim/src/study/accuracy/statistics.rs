@@ -61,7 +61,6 @@ impl Study {
     pub fn results(self, progress: &ProgressBar) -> Result<Results, ConfigError> {
         progress.set_length(self.runs);
         let runs = self.drive(&|_| {}, &|| progress.inc(1))?;
-        progress.finish_and_clear();
         Ok(Results::new(self, runs))
     }
 }
@@ -73,24 +72,45 @@ impl Results {
         let history: Vec<Spread> = (0..checks)
             .filter_map(|check| spread(&runs, check))
             .collect();
-        let quantities = match history.last() {
-            Some(end) => (0..QUANTITIES.len())
-                .map(|which| row(&runs, &history, end, which))
-                .collect(),
-            None => Vec::new(),
-        };
-        Self {
+        let mut results = Self {
             study,
             converged: runs.iter().filter(|run| run.converged).count(),
-            quantities,
+            quantities: Vec::new(),
             history,
             runs,
-        }
+        };
+        let rows = (0..QUANTITIES.len()).filter_map(|which| results.row(which));
+        results.quantities = rows.collect();
+        results
     }
 
-    /// From when on the RMS error of a quantity stays below a level, s; `None` if it does not.
+    /// `None` if no run navigates at the end.
+    fn row(&self, which: usize) -> Option<Row> {
+        let end = self.history.last()?;
+        let rms_error = end.rms_error[which];
+        let ends = self
+            .runs
+            .iter()
+            .filter_map(|run| run.history.last()?.as_ref());
+        let within = ends.filter(|checks| checks[which].error.abs() < checks[which].sigma);
+        let settled_s = self.settled_s(which, 2.0 * rms_error);
+        Some(Row {
+            quantity: QUANTITIES[which],
+            rms_error,
+            rms_sigma: end.rms_sigma[which],
+            within_sigma_percent: 100.0 * within.count() as f64 / self.runs.len() as f64,
+            settled_s: settled_s.unwrap_or(end.time_s),
+        })
+    }
+
+    /// From when on the RMS error of all runs in a quantity stays below a level, s; `None` if it does
+    /// not.
     pub fn settled_s(&self, which: usize, level: f64) -> Option<f64> {
-        settled_s(&self.history, self.runs.len(), which, level)
+        let settled = |spread: &&Spread| {
+            spread.navigating == self.runs.len() && spread.rms_error[which] < level
+        };
+        let since = self.history.iter().rev().take_while(settled).last();
+        since.map(|spread| spread.time_s)
     }
 
     /// Two standard deviations of the part of honest errors within one sigma, percent.
@@ -115,29 +135,6 @@ fn spread(runs: &[Run], check: usize) -> Option<Spread> {
         rms_error: rms(|check| check.error),
         rms_sigma: rms(|check| check.sigma),
     })
-}
-
-fn row(runs: &[Run], history: &[Spread], end: &Spread, which: usize) -> Row {
-    let rms_error = end.rms_error[which];
-    let within = runs
-        .iter()
-        .filter_map(|run| run.history.last()?.as_ref())
-        .filter(|checks| checks[which].error.abs() < checks[which].sigma)
-        .count();
-    Row {
-        quantity: QUANTITIES[which],
-        rms_error,
-        rms_sigma: end.rms_sigma[which],
-        within_sigma_percent: 100.0 * within as f64 / runs.len() as f64,
-        settled_s: settled_s(history, runs.len(), which, 2.0 * rms_error).unwrap_or(end.time_s),
-    }
-}
-
-/// From when on the RMS error of all runs stays below a level, s.
-fn settled_s(history: &[Spread], runs: usize, which: usize, level: f64) -> Option<f64> {
-    let settled = |spread: &&Spread| spread.navigating == runs && spread.rms_error[which] < level;
-    let since = history.iter().rev().take_while(settled).last();
-    since.map(|spread| spread.time_s)
 }
 
 #[cfg(test)]

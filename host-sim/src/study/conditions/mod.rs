@@ -6,7 +6,7 @@ pub(crate) mod output;
 mod quantities;
 mod run;
 mod statistics;
-mod subject;
+pub(crate) mod subject;
 mod told;
 mod truth;
 mod world;
@@ -20,6 +20,7 @@ pub use world::{Vehicle, World};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 
+use crate::page::progress::counted;
 use crate::sim::Grade;
 
 /// Which kinds are run, how often.
@@ -49,20 +50,11 @@ impl Study {
         let seeds = self.first_seed..self.first_seed.saturating_add(self.seeds);
         progress.set_length(cases.len() as u64 * self.seeds);
         // Seeds of one case are far apart in the work list, so that long cases spread over threads.
-        let tried: Vec<Vec<Tried>> = seeds
-            .into_par_iter()
-            .map(|seed| {
-                cases
-                    .par_iter()
-                    .map(|(kind, class)| {
-                        let tried = self.trial.run(kind, *class, seed);
-                        progress.inc(1);
-                        tried
-                    })
-                    .collect()
-            })
-            .collect();
-        progress.finish_and_clear();
+        let on_seed = |seed| {
+            let one = |(kind, class): &(&Kind, Grade)| self.trial.run(kind, *class, seed);
+            cases.par_iter().map(counted(progress, one)).collect()
+        };
+        let tried: Vec<Vec<Tried>> = seeds.into_par_iter().map(on_seed).collect();
         cases
             .iter()
             .enumerate()

@@ -1,8 +1,9 @@
 //! The results as tables for people.
 
-use std::io::Write;
+use miette::Result;
 
 use super::statistics::{Beside, Results, Row, Totals};
+use crate::page;
 use crate::page::table::{Table, heads};
 use crate::sim::Grade;
 
@@ -49,7 +50,7 @@ pub(crate) fn overview_table(results: &[Results]) -> Table {
         "kind | class | use | runs | never | no solution | first, s | honest | wrong and sure \
          | worst error/sigma |  | Kalman lost | near Kalman | worst over Kalman |",
     );
-    Table::new("", header, results.iter().map(overview_row).collect())
+    Table::of("", header, results.iter().map(overview_row))
 }
 
 fn overview_row(result: &Results) -> Vec<String> {
@@ -86,28 +87,25 @@ pub(crate) fn totals_table(totals: &[Totals]) -> Table {
         "| kinds | all honest | quantities | honest | sure | wrong and sure | per 1000 | never \
          | no solution | near Kalman | over Kalman | Kalman lost",
     );
-    let rows = totals
-        .iter()
-        .map(|total| {
-            let beside = |text: String| total.over_kalman.map_or(String::new(), |_| text);
-            vec![
-                total.name.clone(),
-                total.kinds.to_string(),
-                total.honest_kinds.to_string(),
-                total.quantities.to_string(),
-                total.honest_quantities.to_string(),
-                format!("{:.0}", total.sure),
-                total.wrong_and_sure.to_string(),
-                format!("{:.1}", 1000.0 * total.wrong_and_sure as f64 / total.sure),
-                percent(total.never),
-                percent(total.without_solution),
-                beside(part((total.near_kalman, total.compared))),
-                beside(total.over_kalman.map_or(String::new(), two_digits)),
-                beside(total.kalman_lost.to_string()),
-            ]
-        })
-        .collect();
-    Table::new("", header, rows)
+    let row = |total: &Totals| {
+        let beside = |text: String| total.over_kalman.map_or(String::new(), |_| text);
+        vec![
+            total.name.clone(),
+            total.kinds.to_string(),
+            total.honest_kinds.to_string(),
+            total.quantities.to_string(),
+            total.honest_quantities.to_string(),
+            format!("{:.0}", total.sure),
+            total.wrong_and_sure.to_string(),
+            format!("{:.1}", 1000.0 * total.wrong_and_sure as f64 / total.sure),
+            percent(total.never),
+            percent(total.without_solution),
+            beside(part((total.near_kalman, total.compared))),
+            beside(total.over_kalman.map_or(String::new(), two_digits)),
+            beside(total.kalman_lost.to_string()),
+        ]
+    };
+    Table::of("", header, totals.iter().map(row))
 }
 
 /// Where the core is worst beside the Kalman filter; `None` without one.
@@ -129,7 +127,7 @@ pub(crate) fn worst_table(results: &[Results]) -> Option<Table> {
         }
         cells
     });
-    (!all.is_empty()).then(|| Table::new("", header, rows.collect()))
+    (!all.is_empty()).then(|| Table::of("", header, rows))
 }
 
 fn kind(result: &Results) -> String {
@@ -137,7 +135,7 @@ fn kind(result: &Results) -> String {
         "| unit | RMS error | RMS sigma | error/sigma | within 1 | within 3 | observable \
          | wrong and sure | Kalman | its error/sigma | over Kalman",
     );
-    let table = Table::new("", header, result.rows.iter().map(kind_row).collect());
+    let table = Table::of("", header, result.rows.iter().map(kind_row));
     format!(
         "{}, {}: {}\n{}",
         result.kind,
@@ -175,36 +173,38 @@ fn beside_cells(beside: &Beside) -> [String; 3] {
 }
 
 /// Every kind and quantity, for programs.
-pub fn write_rows(results: &[Results], to: impl Write) -> csv::Result<()> {
-    let mut table = csv::Writer::from_writer(to);
+pub fn csv(results: &[Results]) -> Result<String> {
     let header = "kind,class,use,quantity,unit,checks,rms_error,rms_sigma,rms_error_over_sigma,\
                   observable,wrong_and_sure,compared_runs,compared_rms_error,kalman_rms_error,\
                   kalman_rms_error_over_sigma,over_kalman";
-    table.write_record(header.split(','))?;
     let number = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.6e}"));
-    for result in results {
-        for row in &result.rows {
-            let beside = row.kalman.as_ref();
-            let mut cells = names(result).to_vec();
-            cells.extend([
-                row.quantity.name.to_owned(),
-                row.quantity.unit.to_owned(),
-                row.checks.to_string(),
-                number(Some(row.rms_error)),
-                number(row.rms_sigma),
-                number(row.rms_ratio),
-                number(Some(row.observable)),
-                row.wrong_and_sure.to_string(),
-                beside.map_or(String::new(), |beside| beside.runs.to_string()),
-                number(beside.map(|beside| beside.core_rms_error)),
-                number(beside.map(|beside| beside.rms_error)),
-                number(beside.and_then(|beside| beside.rms_ratio)),
-                number(beside.map(|beside| beside.over)),
-            ]);
-            table.write_record(cells)?;
-        }
-    }
-    Ok(table.flush()?)
+    let row = |result: &Results, row: &Row| {
+        let beside = row.kalman.as_ref();
+        let mut cells = names(result).to_vec();
+        cells.extend([
+            row.quantity.name.to_owned(),
+            row.quantity.unit.to_owned(),
+            row.checks.to_string(),
+            number(Some(row.rms_error)),
+            number(row.rms_sigma),
+            number(row.rms_ratio),
+            number(Some(row.observable)),
+            row.wrong_and_sure.to_string(),
+            beside.map_or(String::new(), |beside| beside.runs.to_string()),
+            number(beside.map(|beside| beside.core_rms_error)),
+            number(beside.map(|beside| beside.rms_error)),
+            number(beside.and_then(|beside| beside.rms_ratio)),
+            number(beside.map(|beside| beside.over)),
+        ]);
+        cells
+    };
+    let rows = (results.iter()).flat_map(|result| {
+        result
+            .rows
+            .iter()
+            .map(move |quantity| row(result, quantity))
+    });
+    page::csv(header, rows)
 }
 
 /// Kind, class and use.

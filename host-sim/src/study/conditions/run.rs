@@ -1,5 +1,6 @@
 //! One seed of one kind: simulated, run, held against the truth.
 
+use clap::Args;
 use ins_core::{Solution, SolutionSigma, Time};
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::Serialize;
@@ -44,12 +45,13 @@ pub struct Tried {
 }
 
 /// What is done on a seed.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Args, Clone, Copy, Debug, Default)]
 pub struct Trial {
-    /// Whether a Kalman filter that is told the true noise runs beside the core.
+    /// Beside the core, a Kalman filter that is told the true noise.
+    #[arg(long)]
     pub with_kalman: bool,
-    /// Whether the core is told the true noise of the receiver too, and of one that does not smooth
-    /// that it does not.
+    /// Tell the core too how noisy the receiver is, and where it does not smooth, that it does not.
+    #[arg(long)]
     pub receiver_known: bool,
 }
 

@@ -125,8 +125,8 @@ impl Row {
         let ratios: Vec<f64> = checks.iter().filter_map(ratio).collect();
         let part = |count: usize, of: usize| count as f64 / of as f64;
         let within = |bound: f64| {
-            let inside = ratios.iter().filter(|ratio| ratio.abs() <= bound).count();
-            part(inside, ratios.len())
+            let inside = ratios.iter().filter(|ratio| ratio.abs() <= bound);
+            part(inside.count(), ratios.len())
         };
         Some(Self {
             quantity: QUANTITIES[quantity],
@@ -245,7 +245,8 @@ impl Results {
     /// The quantity whose error is the most of its sigma.
     pub fn worst(&self) -> Option<&Row> {
         let stated = self.rows.iter().filter(|row| row.rms_ratio.is_some());
-        stated.max_by(|a, b| f64::total_cmp(&a.worst_key(), &b.worst_key()))
+        let key = |row: &Row| row.rms_ratio.unwrap_or_default();
+        stated.max_by(|a, b| f64::total_cmp(&key(a), &key(b)))
     }
 
     /// How often anything was called observable and wrong.
@@ -255,11 +256,8 @@ impl Results {
 
     /// Quantities that are honest, of those with a sigma.
     pub fn honest(&self) -> (usize, usize) {
-        let judged: Vec<bool> = self.rows.iter().filter_map(Row::honest).collect();
-        (
-            judged.iter().filter(|honest| **honest).count(),
-            judged.len(),
-        )
+        let judged = || self.rows.iter().filter_map(Row::honest);
+        (judged().filter(|honest| *honest).count(), judged().count())
     }
 
     /// RMS error over that of the Kalman filter, of each quantity that can be compared.
@@ -277,12 +275,6 @@ impl Results {
             self.over_kalman().filter(near).count(),
             self.over_kalman().count(),
         )
-    }
-}
-
-impl Row {
-    fn worst_key(&self) -> f64 {
-        self.rms_ratio.unwrap_or_default()
     }
 }
 
@@ -322,34 +314,26 @@ impl Totals {
     pub fn new(name: &str, results: &[&Results]) -> Option<Self> {
         let count = results.len() as f64;
         let honest: Vec<(usize, usize)> = results.iter().map(|r| r.honest()).collect();
-        let rows = || results.iter().flat_map(|results| &results.rows);
+        let rows = results.iter().flat_map(|results| &results.rows);
+        let stated = rows.filter(|row| row.rms_sigma.is_some());
+        let lost = results.iter().filter_map(|results| results.kalman_lost);
         let over = results.iter().flat_map(|r| r.over_kalman());
         let both_err = over.filter(|(_, over)| *over > 0.0 && over.is_finite());
         let mean = |part: fn(&Results) -> f64| results.iter().map(|r| part(r)).sum::<f64>() / count;
         (!results.is_empty()).then(|| Self {
             name: name.to_owned(),
             kinds: results.len(),
-            honest_kinds: honest
-                .iter()
-                .filter(|(good, all)| *all > 0 && good == all)
-                .count(),
+            honest_kinds: honest.iter().filter(|h| h.1 > 0 && h.0 == h.1).count(),
             quantities: honest.iter().map(|(_, all)| all).sum(),
             honest_quantities: honest.iter().map(|(good, _)| good).sum(),
-            sure: rows()
-                .filter(|row| row.rms_sigma.is_some())
-                .map(Row::sure)
-                .sum(),
+            sure: stated.map(Row::sure).sum(),
             wrong_and_sure: results.iter().map(|r| r.wrong_and_sure()).sum(),
             never: mean(|r| r.never),
             without_solution: mean(|r| r.without_solution),
             compared: results.iter().map(|r| r.near_kalman().1).sum(),
             near_kalman: results.iter().map(|r| r.near_kalman().0).sum(),
             over_kalman: geometric_mean(both_err.map(|(_, over)| over)),
-            kalman_lost: results
-                .iter()
-                .filter_map(|r| r.kalman_lost)
-                .map(KalmanLost::runs)
-                .sum(),
+            kalman_lost: lost.map(KalmanLost::runs).sum(),
         })
     }
 }

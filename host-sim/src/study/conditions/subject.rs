@@ -3,11 +3,10 @@
 use core::iter::Peekable;
 use core::slice::Iter;
 
-use ins_core::ConfigError;
 use ins_core::config::HeadingSource;
 use ins_core::{
-    Config, Estimate, Estimates, GnssFix, ImuSample, Navigator, Observability, Phase, Solution,
-    SolutionSigma, Time,
+    Config, ConfigError, Estimate, Estimates, GnssFix, ImuSample, Navigator, Observability, Phase,
+    Solution, SolutionSigma, Time,
 };
 
 use nalgebra::Vector3;
@@ -33,6 +32,17 @@ pub struct Claim {
     pub sigma: Option<f64>,
     /// Whether it is said to stand on data.
     pub observable: bool,
+}
+
+impl Claim {
+    /// Something that is said to stand on data.
+    fn sure(value: f64, sigma: Option<f64>) -> Self {
+        Self {
+            value,
+            sigma,
+            observable: true,
+        }
+    }
 }
 
 /// All that is claimed at one time, body axes of the unit.
@@ -167,11 +177,11 @@ impl<'a> Kalman<'a> {
         if let Some(at) = filter.layout.accel_scale {
             row[at + axis] = GRAVITY_MPS2 * up[axis];
         }
-        Claim {
-            value: known.accel_bias_mps2[axis] + GRAVITY_MPS2 * known.accel_scale[axis] * up[axis],
-            sigma: Some((row.dot(&(&filter.covariance * &row))).max(0.0).sqrt()),
-            observable: true,
-        }
+        let variance = row.dot(&(&filter.covariance * &row));
+        Claim::sure(
+            known.accel_bias_mps2[axis] + GRAVITY_MPS2 * known.accel_scale[axis] * up[axis],
+            Some(variance.max(0.0).sqrt()),
+        )
     }
 }
 
@@ -203,11 +213,9 @@ impl Subject for Kalman<'_> {
         claims.tilt.sigma = Some(tilt);
         claims.accel_bias_mps2 = [0, 1, 2].map(|axis| self.felt(filter, axis));
         claims.lever_arm_m = [0, 1, 2].map(|axis| {
-            filter.layout.lever_arm.map(|at| Claim {
-                value: filter.known.lever_arm_m[axis],
-                sigma: Some(sigmas[at + axis]),
-                observable: true,
-            })
+            let arm_m = filter.known.lever_arm_m[axis];
+            let sigma = |at| sigmas[at + axis];
+            (filter.layout.lever_arm).map(|at| Claim::sure(arm_m, Some(sigma(at))))
         });
         Some(claims)
     }
@@ -225,11 +233,7 @@ fn claim(estimate: &Estimate) -> Claim {
 fn claims(estimates: &Estimates) -> Claims {
     Claims {
         heading: claim(&estimates.azimuth_error_rad),
-        tilt: Claim {
-            value: 0.0,
-            sigma: None,
-            observable: true,
-        },
+        tilt: Claim::sure(0.0, None),
         accel_bias_mps2: estimates.accel_bias_mps2.each_ref().map(claim),
         gyro_bias_radps: estimates.gyro_bias_radps.each_ref().map(claim),
         latency_s: claim(&estimates.gnss_latency_now_s),

@@ -14,7 +14,7 @@ use crate::sim::mounted::{Mounted, Slip};
 use crate::sim::noise::Random;
 use crate::sim::plane::{Begin, Plane};
 use crate::sim::quadrotor::Quadrotor;
-use crate::sim::receiver::{Correlated, Habits, Stated, Trouble, Wrong};
+use crate::sim::receiver::{Correlated, Habits, Outliers, Stated, Trouble, Wrong};
 use crate::sim::shaken::{Shaken, Swing, When};
 use crate::sim::walker::Walker;
 use crate::sim::{Grade, Motion, SimulatedDrive, record};
@@ -38,6 +38,14 @@ pub enum Vehicle {
     Quadrotor { ground_s: Option<f64> },
     /// A person who stands for a time first, s.
     Walker { rest_s: f64 },
+}
+
+impl Vehicle {
+    /// A family car that is under way when it begins.
+    pub const MOVING_CAR: Self = Self::Car {
+        rest_s: None,
+        lean: 1.0,
+    };
 }
 
 /// One run's vehicle, mount, unit and receiver.
@@ -205,11 +213,16 @@ impl World {
             turn_rad: self.any_turn(degrees),
         });
         if !seen {
-            self.errors.imu.holes.push(Outage {
-                start_s,
-                duration_s,
-            });
+            self.hole(start_s, duration_s);
         }
+    }
+
+    /// No inertial samples for so long.
+    pub fn hole(&mut self, start_s: f64, duration_s: f64) {
+        self.errors.imu.holes.push(Outage {
+            start_s,
+            duration_s,
+        });
     }
 
     /// A fixed wing that banks by this much, least and most, with so many fixes a second.
@@ -234,6 +247,30 @@ impl World {
             now_s += gap_s + self.random.uniform([0.0, gap_s]);
         }
         times
+    }
+
+    /// A car that leans so many times as far as a family car, after a rest.
+    pub fn leaning(&mut self, lean: f64) {
+        let rest_s = Some([30.0, 60.0]);
+        self.vehicle = Vehicle::Car { rest_s, lean };
+    }
+
+    /// So many of the fixes are off by so much, each by itself.
+    pub fn outliers(&mut self, fraction: f64, velocity_mps: f64, position_m: f64) {
+        self.habits().outliers = Outliers {
+            fraction,
+            velocity_mps,
+            position_m,
+        };
+    }
+
+    /// The same trouble from `from_s` on, `gap_s` apart or up to twice that, each for a time between
+    /// two.
+    pub fn troubles(&mut self, from_s: f64, gap_s: f64, duration_s: [f64; 2], wrong: Wrong) {
+        for start_s in self.times(from_s, gap_s) {
+            let duration_s = self.random.uniform(duration_s);
+            self.trouble(&[start_s], duration_s, wrong);
+        }
     }
 
     /// The same trouble at each of the times.

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use miette::{IntoDiagnostic, Result};
+use miette::Result;
 
 use super::run::{BIASES_DEG_H, Run, WALKS_DEG_SQRT_H};
 use super::schuler::{Oscillation, Point};
@@ -17,17 +17,12 @@ pub const SUMMARY: &str = "flights.json";
 
 /// Writes the summary, a table with one row per flight, and pictures.
 pub fn write(out: &Path, force: bool, runs: &[Run], summary: &Summary) -> Result<()> {
-    let json = page::json(summary)?;
-    let csv = table(runs).into_diagnostic()?;
-    output::build(out, SUMMARY, force, |folder| -> Result<()> {
+    output::build(out, SUMMARY, force, |folder| {
         for (name, contents) in [
-            (SUMMARY, json.into_bytes()),
-            ("flights.csv", csv),
-            (
-                "free_flight.svg",
-                oscillation(&summary.schuler.curves).into_bytes(),
-            ),
-            ("position_error.svg", growth(summary).into_bytes()),
+            (SUMMARY, page::json(summary)?),
+            ("flights.csv", table(runs)?),
+            ("free_flight.svg", oscillation(&summary.schuler.curves)),
+            ("position_error.svg", growth(summary)),
         ] {
             output::write(folder, name, contents)?;
         }
@@ -36,18 +31,12 @@ pub fn write(out: &Path, force: bool, runs: &[Run], summary: &Summary) -> Result
 }
 
 /// One row per flight: errors left in the estimates, errors at the end.
-fn table(runs: &[Run]) -> Result<Vec<u8>, csv::Error> {
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    let mut head: Vec<String> = vec!["seed".into()];
-    for name in ["gyro_left_deg_h", "accel_left_mg"] {
-        head.extend(["x", "y", "z"].map(|axis| format!("{name}_{axis}")));
-    }
-    head.extend(["azimuth_left_deg", "latency_left_ms"].map(String::from));
-    for name in NAMES {
-        head.extend(["position_m", "velocity_mps"].map(|what| format!("{name}_{what}")));
-    }
-    writer.write_record(&head)?;
-    for run in runs {
+fn table(runs: &[Run]) -> Result<String> {
+    let mut names = "seed,gyro_left_deg_h_x,gyro_left_deg_h_y,gyro_left_deg_h_z,accel_left_mg_x,\
+                     accel_left_mg_y,accel_left_mg_z,azimuth_left_deg,latency_left_ms"
+        .to_owned();
+    names.extend(NAMES.map(|name| format!(",{name}_position_m,{name}_velocity_mps")));
+    let row = |run: &Run| {
         let left = &run.left;
         let mut row = vec![run.seed.to_string()];
         let mut add = |value: f64| row.push(format!("{value:.6}"));
@@ -59,11 +48,9 @@ fn table(runs: &[Run]) -> Result<Vec<u8>, csv::Error> {
             add(end.position_m);
             add(end.velocity_mps);
         }
-        writer.write_record(&row)?;
-    }
-    writer
-        .into_inner()
-        .map_err(|error| error.into_error().into())
+        row
+    };
+    page::csv(&names, runs.iter().map(row))
 }
 
 // --- pictures ---
@@ -177,20 +164,16 @@ fn ends(summary: &Summary) -> Table {
         cells.extend([const { String::new() }; 3]);
         cells
     };
-    Table {
-        title: "Horizontal error at the end:".to_owned(),
-        header: heads("| RMS, km | 95 % | median, km | RMS, m/s"),
-        rows: vec![
-            row("estimates applied", &summary.with_estimates),
-            row(
-                "the same, sensors without noise from then on",
-                &summary.without_noise,
-            ),
-            row("readings as they are", &summary.raw),
-            alone("R * 1 deg/h * t", summary.one_deg_h_km),
-            alone("thesis, after 1 h", THESIS_KM),
-        ],
-    }
+    let quiet = "the same, sensors without noise from then on";
+    let rows = [
+        row("estimates applied", &summary.with_estimates),
+        row(quiet, &summary.without_noise),
+        row("readings as they are", &summary.raw),
+        alone("R * 1 deg/h * t", summary.one_deg_h_km),
+        alone("thesis, after 1 h", THESIS_KM),
+    ];
+    let header = heads("| RMS, km | 95 % | median, km | RMS, m/s");
+    Table::of("Horizontal error at the end:", header, rows)
 }
 
 fn grid(summary: &Summary) -> Table {
@@ -205,13 +188,10 @@ fn grid(summary: &Summary) -> Table {
         }));
         cells
     };
-    Table {
-        title: format!(
-            "RMS position error, km, of residual gyro errors alone; * reaches the {THESIS_KM} km of the thesis:"
-        ),
-        header,
-        rows: summary.walks.iter().enumerate().map(row).collect(),
-    }
+    let title = format!(
+        "RMS position error, km, of residual gyro errors alone; * reaches the {THESIS_KM} km of the thesis:"
+    );
+    Table::of(title, header, summary.walks.iter().enumerate().map(row))
 }
 
 fn walks(summary: &Summary) -> Table {
@@ -224,13 +204,11 @@ fn walks(summary: &Summary) -> Table {
             room.map_or("none".to_owned(), |bias| format!("{bias:.3}")),
         ]
     };
-    Table {
-        title: format!(
-            "The random walk alone, and the bias that it leaves room for within {THESIS_KM} km:"
-        ),
-        header: heads("random walk, deg/sqrt(h) | flown, km | linear model, km | bias, deg/h"),
-        rows: summary.walks.iter().map(row).collect(),
-    }
+    let title = format!(
+        "The random walk alone, and the bias that it leaves room for within {THESIS_KM} km:"
+    );
+    let header = heads("random walk, deg/sqrt(h) | flown, km | linear model, km | bias, deg/h");
+    Table::of(title, header, summary.walks.iter().map(row))
 }
 
 /// Velocity errors against the linear model: differences, and the oscillation.

@@ -2,25 +2,25 @@
 
 use core::array;
 
+use indicatif::ProgressBar;
 use ins_core::config::DampingConfig;
 use ins_core::earth::wrap_pi;
 use ins_core::increments::Interval;
 use ins_core::{Config, Estimates, ImuOutput, Navigator, Solution};
 use nalgebra::Vector3;
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::linear::{Agreement, LinearModel, Terms};
 use super::route::Route;
 use super::sensors::{Intervals, RATE_HZ, STEP_S, Sensors, Step};
-use indicatif::ProgressBar;
-use rayon::prelude::*;
-
 use crate::aircraft::flight::FlightError;
 use crate::identify::configure::config_of;
 use crate::identify::free_inertial::value;
 use crate::identify::held_ins::{HeldIns, LevelError};
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
 use crate::log::Grade;
+use crate::page::progress::counted;
 use crate::sim::ErrorModel;
 use crate::sim::noise::Random;
 
@@ -344,12 +344,7 @@ pub fn all(
     settings: &Settings,
     progress: &ProgressBar,
 ) -> Result<Vec<Run>, RunError> {
-    seeds
-        .into_par_iter()
-        .map(|seed| {
-            let run = run(seed, route, settings);
-            progress.inc(1);
-            run
-        })
+    (seeds.into_par_iter())
+        .map(counted(progress, |seed| run(seed, route, settings)))
         .collect()
 }

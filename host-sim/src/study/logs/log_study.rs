@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use indicatif::ProgressBar;
-use ins_core::Config;
 use ins_core::ConfigError;
 use miette::{Result, miette};
 use rayon::prelude::*;
@@ -12,10 +11,9 @@ use serde::Serialize;
 use super::methods::{self, Agreement, OPTIONAL, Optional};
 use super::role::{Role, name_of};
 use crate::compare::five_stage;
-use crate::compare::input::Input;
 use crate::compare::kalman::Noise;
-use crate::compare::outage::{Course, Drifts};
-use crate::compare::tracks;
+use crate::compare::outage::Course;
+use crate::compare::tracks::{self, Input};
 use crate::identify::configure;
 use crate::identify::halves::{self, Difference};
 use crate::identify::quantities::Quantity;
@@ -173,13 +171,11 @@ impl<'a> Bench<'a> {
         grade: Grade,
         end: Option<&[Quantity; 8]>,
     ) -> Result<Vec<Without>, ConfigError> {
-        let free = |optional: &&Optional| optional.is_free(&self.input.config);
-        let optional: Vec<&Optional> = OPTIONAL.iter().filter(free).collect();
-        let rows: Result<Vec<Option<Without>>, ConfigError> = optional
-            .par_iter()
+        let rows = (OPTIONAL.par_iter())
+            .filter(|optional| optional.is_free(&self.input.config))
             .map(|optional| self.without_one(optional, grade, end))
-            .collect();
-        Ok(rows?.into_iter().flatten().collect())
+            .collect::<Result<Vec<_>, _>>()?;
+        Ok(rows.into_iter().flatten().collect())
     }
 
     fn without_one(
@@ -189,15 +185,13 @@ impl<'a> Bench<'a> {
         end: Option<&[Quantity; 8]>,
     ) -> Result<Option<Without>, ConfigError> {
         let log = self.input.log;
-        let config: Config = optional.without(self.input.config);
+        let config = optional.without(self.input.config);
         let found = identify(log, config, &ProgressBar::hidden())?;
         let (Some(ours), Some(theirs)) = (end, self.end(&tracks::points(&found.history))) else {
             return Ok(None);
         };
-        let drifts: Option<Drifts> = match &self.course {
-            Some(course) => Some(course.core(config)?),
-            None => None,
-        };
+        let course = self.course.as_ref();
+        let drifts = course.map(|course| course.core(config)).transpose()?;
         Ok(Some(Without {
             parameter: optional.name,
             agreement: Agreement::new(optional.name, ours, &theirs),

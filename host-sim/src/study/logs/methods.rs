@@ -3,14 +3,14 @@
 use ins_core::Config;
 use serde::Serialize;
 
-use crate::compare::measure::{NAMES, columns};
+use crate::compare::measure::{COMPARED, columns};
 use crate::compare::tracks::Point;
 use crate::identify::halves::Difference;
 use crate::identify::quantities::Quantity;
 use crate::log::BodyAxes;
 
 /// Two estimators share the noise of a log: what parts them is what each leaves out, and neither
-/// states that. By quantity, in the order and units of [`NAMES`]; small beside what the class is
+/// states that. By quantity, in the order and units of [`COMPARED`]; small beside what the class is
 /// used for.
 const ALLOWED: [f64; 8] = [0.3, 0.5, 0.5, 0.5, 10.0, 10.0, 10.0, 3.0];
 
@@ -26,24 +26,18 @@ pub struct Optional {
     pub hold: fn(&mut Config),
 }
 
+const fn optional(name: &'static str, hold: fn(&mut Config)) -> Optional {
+    Optional { name, hold }
+}
+
 /// All of them: a prior spread of nothing.
 pub const OPTIONAL: [Optional; 4] = [
-    Optional {
-        name: "clock drift",
-        hold: |config| config.gnss.clock_drift_sigma = 0.0,
-    },
-    Optional {
-        name: "lever arm",
-        hold: |config| config.gnss.lever_arm_sigma_m = 0.0,
-    },
-    Optional {
-        name: "accelerometer scales",
-        hold: |config| config.sensors.accel_scale = 0.0,
-    },
-    Optional {
-        name: "gyro scale and misalignments",
-        hold: |config| config.sensors.gyro_scale = 0.0,
-    },
+    optional("clock drift", |c| c.gnss.clock_drift_sigma = 0.0),
+    optional("lever arm", |c| c.gnss.lever_arm_sigma_m = 0.0),
+    optional("accelerometer scales", |c| c.sensors.accel_scale = 0.0),
+    optional("gyro scale and misalignments", |c| {
+        c.sensors.gyro_scale = 0.0;
+    }),
 ];
 
 impl Optional {
@@ -78,7 +72,7 @@ impl Agreement {
                 let apart = ours.value - theirs.value;
                 let apart = if which == 0 { wrap_deg(apart) } else { apart };
                 let sigmas = [ours.sigma, theirs.sigma];
-                Difference::new(NAMES[which], apart, sigmas, ALLOWED[which])
+                Difference::new(COMPARED[which].0, apart, sigmas, ALLOWED[which])
             });
         Self {
             with: with.to_owned(),

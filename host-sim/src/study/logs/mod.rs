@@ -9,7 +9,6 @@ mod log_study;
 pub mod methods;
 pub(crate) mod page;
 pub mod role;
-pub mod statistics;
 mod summary;
 
 use serde::Serialize;

@@ -3,13 +3,12 @@
 use std::fmt::Write as _;
 
 use super::role::Role;
-use super::statistics::Spread;
-use super::summary::Summary;
+use super::summary::{Spread, Summary};
 use super::{LogStudy, Study, methods};
 use crate::compare::outage::OUTAGE_S;
 use crate::identify::halves::{self, Difference};
-use crate::page::digits;
 use crate::page::table::{Table, cells, heads};
+use crate::page::{brief, digits};
 
 /// All tables.
 pub fn plain(study: &Study) -> String {
@@ -125,30 +124,24 @@ fn cell(difference: &Difference) -> String {
     format!("{} ({sigmas:+.1})", digits(sigma, value))
 }
 
-const HALVES: [&str; 7] = [
-    "latency_ms",
-    "accel_x_mg",
-    "accel_y_mg",
-    "accel_z_mg",
-    "lever_right_m",
-    "lever_forward_m",
-    "lever_up_m",
-];
-
 fn halves_table(study: &Study) -> Table {
     let mut header = heads("| n | RMS | plain | >3 | >4");
-    header.extend(cells(HALVES));
+    let names = heads(
+        "latency_ms | accel_x_mg | accel_y_mg | accel_z_mg | lever_right_m | lever_forward_m \
+         | lever_up_m",
+    );
+    header.extend(names.iter().cloned());
     let log = |log: &LogStudy| {
         let halves = log.halves.as_ref()?;
         let mut row = spread(&Spread::of(halves.iter()));
-        row.extend(HALVES.map(|name| {
-            let found = halves.iter().find(|difference| difference.name == name);
+        row.extend(names.iter().map(|name| {
+            let found = halves.iter().find(|difference| difference.name == *name);
             found.map_or_else(|| "-".to_owned(), cell)
         }));
         Some(row)
     };
     let rows = by_role(study, log, |summary| spread(&summary.halves));
-    Table::new(&halves_title(), header, rows)
+    Table::of(halves_title(), header, rows)
 }
 
 fn methods_table(study: &Study) -> Table {
@@ -174,7 +167,7 @@ fn methods_table(study: &Study) -> Table {
         };
         rows.extend(by_role(study, log, total));
     }
-    Table::new(&methods_title(), header, rows)
+    Table::of(methods_title(), header, rows)
 }
 
 /// Those that need an explanation.
@@ -188,29 +181,23 @@ fn outages_table(study: &Study) -> Table {
     let header = heads("| outages | core | Kalman | fusion-nav | core/Kalman | core/better");
     let log = |log: &LogStudy| {
         let outages = log.outages.as_ref()?;
-        let metres = |value: f64| digits(value, value);
-        let fusion_nav = outages.fusion_nav_m.map_or_else(|| "-".to_owned(), metres);
         Some(vec![
             outages.count.to_string(),
-            metres(outages.core_m),
-            metres(outages.kalman_m),
-            fusion_nav,
+            brief(outages.core_m),
+            brief(outages.kalman_m),
+            outages.fusion_nav_m.map_or_else(|| "-".to_owned(), brief),
             number(Some(outages.core_m / outages.kalman_m)),
             number(Some(outages.core_m / outages.better_m())),
         ])
     };
     let total = |summary: &Summary| {
         let outages = &summary.outages;
-        vec![
-            format!("best on {} of {}", outages.best, outages.logs),
-            String::new(),
-            String::new(),
-            String::new(),
-            number(outages.core_over_kalman),
-            number(outages.core_over_better),
-        ]
+        let mut row = vec![format!("best on {} of {}", outages.best, outages.logs)];
+        row.extend([const { String::new() }; 3]);
+        row.extend([outages.core_over_kalman, outages.core_over_better].map(number));
+        row
     };
-    Table::new(&outages_title(), header, by_role(study, log, total))
+    Table::of(outages_title(), header, by_role(study, log, total))
 }
 
 fn free_table(study: &Study) -> Table {
@@ -222,16 +209,15 @@ fn free_table(study: &Study) -> Table {
             (true, true) => "better",
             (true, false) => "NOT BETTER",
         };
-        let speed = |value: f64| digits(value, value);
-        Some(vec![
-            speed(free.before_mps),
-            speed(free.after_mps),
-            verdict.to_owned(),
-        ])
+        Some(cells([
+            &brief(free.before_mps),
+            &brief(free.after_mps),
+            verdict,
+        ]))
     };
     let total = |summary: &Summary| {
         let [better, of] = summary.free_better;
-        vec![String::new(), String::new(), format!("{better} of {of}")]
+        cells(["", "", &format!("{better} of {of}")])
     };
     Table::new(FREE, header, by_role(study, log, total))
 }

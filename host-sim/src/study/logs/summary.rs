@@ -5,8 +5,41 @@ use serde::Serialize;
 use super::log_study::{LogStudy, Outages};
 use super::methods::OPTIONAL;
 use super::role::Role;
-use super::statistics::Spread;
-use crate::statistics::geometric_mean;
+use crate::identify::halves::Difference;
+use crate::statistics::{geometric_mean, rms_of_any};
+
+/// Many differences together.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Spread {
+    /// How many.
+    pub count: usize,
+    /// Root mean square, sigmas; honest ones have 1.
+    pub rms: Option<f64>,
+    /// The same as found and as stated, without allowances.
+    pub rms_plain: Option<f64>,
+    /// Beyond three sigmas.
+    pub beyond_3: usize,
+    /// Beyond four.
+    pub beyond_4: usize,
+}
+
+impl Spread {
+    /// Of any number of differences.
+    #[allow(clippy::needless_pass_by_value)] // An iterator, gone through twice.
+    pub fn of<'a>(differences: impl Iterator<Item = &'a Difference> + Clone) -> Self {
+        let beyond = |limit: f64| {
+            let wide = |d: &&Difference| d.sigmas.abs() > limit;
+            differences.clone().filter(wide).count()
+        };
+        Self {
+            count: differences.clone().count(),
+            rms: rms_of_any(differences.clone().map(|d| d.sigmas)),
+            rms_plain: rms_of_any(differences.clone().map(|d| d.plain_sigmas)),
+            beyond_3: beyond(3.0),
+            beyond_4: beyond(4.0),
+        }
+    }
+}
 
 /// All logs of one role.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -72,24 +105,16 @@ impl Summary {
 }
 
 fn methods(logs: &[&LogStudy]) -> Vec<(String, Spread)> {
-    let agreements = || logs.iter().flat_map(|log| &log.methods);
-    let mut names: Vec<&String> = Vec::new();
-    for agreement in agreements() {
-        if !names.contains(&&agreement.with) {
-            names.push(&agreement.with);
+    let mut named: Vec<(String, Vec<&Difference>)> = Vec::new();
+    for agreement in logs.iter().flat_map(|log| &log.methods) {
+        let differences = &agreement.differences;
+        match named.iter_mut().find(|(name, _)| *name == agreement.with) {
+            Some((_, all)) => all.extend(differences),
+            None => named.push((agreement.with.clone(), differences.iter().collect())),
         }
     }
-    let spread = |name: &String| {
-        let of_it = agreements().filter(move |agreement| agreement.with == *name);
-        Spread::of(
-            of_it
-                .flat_map(|agreement| &agreement.differences)
-                .collect::<Vec<_>>()
-                .into_iter(),
-        )
-    };
-    let named = names.into_iter().map(|name| (name.clone(), spread(name)));
-    named.collect()
+    let spread = |(name, all): (String, Vec<&Difference>)| (name, Spread::of(all.into_iter()));
+    named.into_iter().map(spread).collect()
 }
 
 fn outages(logs: &[&LogStudy]) -> OutageSummary {
@@ -132,4 +157,20 @@ fn without(logs: &[&LogStudy]) -> Vec<WithoutSummary> {
         .map(|optional| summary(optional.name))
         .filter(|summary| summary.agreement.count > 0)
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_allowance_widens_what_a_difference_may_be() {
+        let plain = Difference::new("x", 5.0, [0.6, 0.8], 0.0);
+        let allowed = Difference::new("x", 5.0, [0.6, 0.8], libm::sqrt(3.0));
+        assert!((plain.sigmas - 5.0).abs() < 1e-12 && (allowed.sigmas - 2.5).abs() < 1e-12);
+        let spread = Spread::of([plain, allowed].iter());
+        assert_eq!((spread.count, spread.beyond_3, spread.beyond_4), (2, 1, 1));
+        assert!((spread.rms_plain.unwrap() - 5.0).abs() < 1e-12);
+        assert_eq!(Spread::of([].iter()).rms, None);
+    }
 }

@@ -6,10 +6,12 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::{Study, Unit, truth};
+use crate::identify::error_model::Parameter;
 use crate::identify::error_model::identified::in_file;
 use crate::identify::error_model::interval::Interval;
 use crate::page::number::to_second_digit_of;
-use crate::page::table::{Table, cells};
+use crate::page::progress::counted;
+use crate::page::table::{Table, cells, heads};
 use crate::sim::ErrorModel;
 use crate::sim::errors::{BiasModel, Law};
 
@@ -54,13 +56,8 @@ impl Study {
         progress.set_length(self.units);
         let units: Vec<Unit> = (0..self.units)
             .into_par_iter()
-            .map(|unit| {
-                let unit = self.identified(unit, law);
-                progress.inc(1);
-                unit
-            })
+            .map(counted(progress, |unit| self.identified(unit, law)))
             .collect();
-        progress.finish_and_clear();
         Results {
             study: self,
             gyro_model: match law {
@@ -80,12 +77,9 @@ fn rows(study: &Study, law: Law, units: &[Unit]) -> Vec<Row> {
     let bounds = Bounds::new(study, &model, units);
     (first.parameters.iter())
         .map(|parameter| {
+            let same = |p: &&Parameter| p.name == parameter.name;
             let found: Vec<Interval> = (units.iter())
-                .filter_map(|unit| {
-                    let same =
-                        |p: &&crate::identify::error_model::Parameter| p.name == parameter.name;
-                    unit.parameters.iter().find(same)?.found
-                })
+                .filter_map(|unit| unit.parameters.iter().find(same)?.found)
                 .collect();
             let truth = in_file(&model, parameter.name);
             let bound = bounds.of(parameter.name);
@@ -133,11 +127,8 @@ struct Bounds<'a> {
 impl<'a> Bounds<'a> {
     fn new(study: &Study, model: &'a ErrorModel, units: &[Unit]) -> Self {
         let count = units.len() as f64;
-        let mut mean = units
-            .iter()
-            .map(|unit| unit.information)
-            .sum::<Matrix4<f64>>()
-            / count;
+        let sum: Matrix4<f64> = units.iter().map(|unit| unit.information).sum();
+        let mut mean = sum / count;
         let draws = 3.0 * study.drives as f64;
         let mut jumps = 0.0;
         if let BiasModel::Wave { interval_s, .. } = model.gyro_deg_h.bias {
@@ -189,15 +180,13 @@ pub(crate) fn coverage(all: &[Results]) -> Table {
             names.push(row.name);
         }
     }
-    let line = |name: &&str| {
-        let of = |results: &Results| results.coverage(name);
-        cells([name])
-            .into_iter()
-            .chain(all.iter().map(of))
-            .collect()
+    let line = |name: &str| {
+        let mut line = cells([name]);
+        line.extend(all.iter().map(|results| results.coverage(name)));
+        line
     };
     let title = "95 % intervals that hold the truth";
-    Table::new(title, header, names.iter().map(line).collect())
+    Table::of(title, header, names.into_iter().map(line))
 }
 
 impl Results {
@@ -220,19 +209,11 @@ impl Results {
 
     /// A row for each parameter.
     pub(crate) fn table(&self) -> Table {
-        let header = cells([
-            "",
-            "unit",
-            "truth",
-            "bias",
-            "bias by chance",
-            "coverage",
-            "scatter",
-            "bound",
-            "scatter / bound",
-        ]);
+        let header = heads(
+            "| unit | truth | bias | bias by chance | coverage | scatter | bound | scatter / bound",
+        );
         let title = format!("Gyro biases of equation {}", self.gyro_model);
-        Table::new(&title, header, self.rows.iter().map(Row::cells).collect())
+        Table::of(title, header, self.rows.iter().map(Row::cells))
     }
 }
 

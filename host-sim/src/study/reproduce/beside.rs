@@ -12,17 +12,16 @@ use plotters::style::RGBColor;
 use rayon::prelude::*;
 
 use super::drive::{Drive, log_of, open};
-use super::part::{GRADE, Number, Part, Settings};
-use crate::compare::input::{Input, noise};
+use super::part::{GRADE, Number, Part, Settings, here};
 use crate::compare::kalman::Noise;
 use crate::compare::measure::truth_at;
-use crate::compare::tracks::{Point, kalman, points};
+use crate::compare::tracks::{Input, Point, kalman, noise, points};
 use crate::identify::configure;
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::identify::run::record;
 use crate::log::Log;
 use crate::page::chart::sampled;
-use crate::page::plot::{BLUE, Mark, ORANGE, Plot, RED, padded};
+use crate::page::plot::{BLUE, Mark, ORANGE, RED, padded};
 use crate::page::sheet::{self, Panel, key};
 use crate::sim::errors::BiasModel;
 use crate::sim::ideal::{Increments, Rates};
@@ -165,9 +164,7 @@ pub(super) fn figures_3_and_4(drives: &[Drive]) -> Result<Part, ConfigError> {
 }
 
 pub(super) fn figures_6_and_7(settings: &Settings) -> Result<Part, ConfigError> {
-    let seeds = settings.seed..settings.seed.saturating_add(settings.drives);
-    let courses = seeds
-        .into_par_iter()
+    let courses = (settings.seeds(settings.drives).into_par_iter())
         .map(|seed| {
             let mut plan = DriveConfig::new(seed, GRADE, settings.minutes);
             plan.recording.errors.gyro_deg_h.bias = WAVE;
@@ -294,14 +291,16 @@ impl Pair {
                 *worst = sigmas.fold(*worst, f64::max);
             }
             let what = |method: &str| format!("{line}, {method}, {} RMS", self.unit);
-            numbers.push(Number::new(what(METHODS[0]), None, rms[0]));
-            numbers.push(Number::new(what(METHODS[1]), None, rms[1]));
+            numbers.push(here(what(METHODS[0]), rms[0]));
+            numbers.push(here(what(METHODS[1]), rms[1]));
             let what = format!("{line}, compensation / Kalman filter");
-            numbers.push(Number::new(what, None, rms[0] / rms[1]));
+            numbers.push(here(what, rms[0] / rms[1]));
         }
         for (method, worst) in METHODS.into_iter().zip(worst) {
-            let what = format!("{method}, largest error at an end, sigmas");
-            numbers.push(Number::new(what, None, worst));
+            numbers.push(here(
+                format!("{method}, largest error at an end, sigmas"),
+                worst,
+            ));
         }
         numbers
     }
@@ -313,9 +312,8 @@ impl Pair {
             for (method, track) in METHODS.into_iter().zip([ours, theirs]) {
                 if let Some(end) = track.last() {
                     let what = format!("{line} at the end, {method}, {}", self.unit);
-                    numbers.push(Number::new(what, None, end.value));
-                    let what = format!("its sigma, {}", self.unit);
-                    numbers.push(Number::new(what, None, end.sigma));
+                    numbers.push(here(what, end.value));
+                    numbers.push(here(format!("its sigma, {}", self.unit), end.sigma));
                 }
             }
             let apart = second_half(ours).filter_map(|ours| {
@@ -323,7 +321,7 @@ impl Pair {
                 Some(ours.value - theirs.get(next)?.value)
             });
             let what = format!("{line}, difference over the second half, {} RMS", self.unit);
-            numbers.push(Number::new(what, None, rms(apart)));
+            numbers.push(here(what, rms(apart)));
         }
         numbers
     }
@@ -348,14 +346,8 @@ impl Pair {
         let panel = |method: usize| {
             let marks = self.lines.iter().zip(courses);
             let marks = marks.flat_map(|((_, colour), course)| marks_of(&course[method], *colour));
-            let plot = Plot {
-                size: sheet::CELL,
-                x_label: "time, s".to_owned(),
-                y_label: self.unit.to_owned(),
-                x: (0.0, end_s),
-                y,
-                marks: marks.collect(),
-            };
+            let labels = ["time, s", self.unit];
+            let plot = sheet::plot(labels, (0.0, end_s), y, marks.collect());
             Panel {
                 title: format!("Figure {}: {}", self.numbers[method], METHODS[method]),
                 svg: plot.svg(),

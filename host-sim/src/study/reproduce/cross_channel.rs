@@ -4,7 +4,7 @@ use ins_core::Solution;
 use nalgebra::Vector3;
 
 use super::drive::Drive;
-use super::part::{Number, Part, csv};
+use super::part::{Part, csv, here};
 use super::velocity_plot::{Line, panel};
 use crate::compare::five_stage::Stage;
 use crate::identify::row::Row;
@@ -39,10 +39,10 @@ pub(super) fn figure_5(drives: &[Drive]) -> Part {
             drives.len()
         ),
         numbers: vec![
-            Number::new("heading as given, m/s RMS", None, given),
-            Number::new("azimuth compensated, m/s RMS", None, compensated),
-            Number::new("true attitude, m/s RMS", None, exact),
-            Number::new("times less by compensation", None, given / compensated),
+            here("heading as given, m/s RMS", given),
+            here("azimuth compensated, m/s RMS", compensated),
+            here("true attitude, m/s RMS", exact),
+            here("times less by compensation", given / compensated),
         ],
         svg: Some(picture(first)),
         csv: csv(

@@ -1,9 +1,8 @@
 //! A simulated drive, and what was found on it.
 
-use ins_core::ConfigError;
 use ins_core::config::{Feedback, Form};
 use ins_core::increments::Interval;
-use ins_core::{Config, Solution, Time};
+use ins_core::{Config, ConfigError, Solution, Time};
 use nalgebra::{Vector2, Vector3};
 
 use indicatif::ProgressBar;

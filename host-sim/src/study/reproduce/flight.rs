@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::part::{Number, Part, Settings, csv};
 use super::performance::performance;
-use crate::page::plot::{BLUE, GREEN, Mark, Plot, RED, padded};
+use crate::page::plot::{BLUE, GREEN, Mark, RED, padded};
 use crate::page::sheet::{self, Panel, key};
 use crate::sim::ErrorModel;
 use crate::statistics::rms;
@@ -92,9 +92,7 @@ fn growth(settings: &Settings, route: &Route, errors: &ErrorModel) -> Result<Vec
         minutes_free: FREE_MIN,
         errors: errors.clone(),
     };
-    let seeds = settings.seed..settings.seed.saturating_add(settings.flights);
-    let flights = seeds
-        .into_par_iter()
+    let flights = (settings.seeds(settings.flights).into_par_iter())
         .map(|seed| run_alone(seed, route, &flown).map(|(_, errors)| errors))
         .collect::<Result<Vec<_>, _>>()
         .into_diagnostic()?;
@@ -114,18 +112,18 @@ fn picture([class, good]: &[Vec<f64>; 2], walk: f64) -> String {
     let (class, good) = (line(class), line(good));
     let thesis = vec![(0.0, THESIS_KM), (f64::from(FREE_MIN), THESIS_KM)];
     let values = class.iter().chain(&good).map(|point| point.1);
-    let plot = Plot {
-        size: sheet::CELL,
-        x_label: "time without GNSS, min".to_owned(),
-        y_label: "km".to_owned(),
-        x: (0.0, f64::from(FREE_MIN)),
-        y: padded(values.chain([0.0]), 1e-2),
-        marks: vec![
-            Mark::Reference(thesis, RED),
-            Mark::Line(class, BLUE),
-            Mark::Line(good, GREEN),
-        ],
-    };
+    let y = padded(values.chain([0.0]), 1e-2);
+    let marks = vec![
+        Mark::Reference(thesis, RED),
+        Mark::Line(class, BLUE),
+        Mark::Line(good, GREEN),
+    ];
+    let plot = sheet::plot(
+        ["time without GNSS, min", "km"],
+        (0.0, f64::from(FREE_MIN)),
+        y,
+        marks,
+    );
     sheet::svg(&[Panel {
         title: format!("RMS position error, walk {walk} and {GOOD_WALK_DEG_SQRT_H}"),
         svg: plot.svg(),

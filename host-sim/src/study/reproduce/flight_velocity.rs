@@ -4,7 +4,7 @@ use miette::Result;
 use nalgebra::Vector2;
 
 use super::drive::Drive;
-use super::part::{Number, Part, Settings, csv};
+use super::part::{Part, Settings, csv, here};
 use super::spans::{flown, free};
 use super::velocity_plot::{Line, panel};
 use crate::identify::error_model::{Identified, Record};
@@ -65,13 +65,9 @@ pub(super) fn figure_9(settings: &Settings, drives: &[Drive], route: &Route) -> 
             settings.flight_minutes
         ),
         numbers: vec![
-            Number::new("INS velocity error, east, m/s RMS", None, error(0)),
-            Number::new("INS velocity error, north, m/s RMS", None, error(1)),
-            Number::new(
-                "period of the sine that fits it, min",
-                None,
-                found.period_min,
-            ),
+            here("INS velocity error, east, m/s RMS", error(0)),
+            here("INS velocity error, north, m/s RMS", error(1)),
+            here("period of the sine that fits it, min", found.period_min),
         ],
         svg: Some(picture(&moments)),
         csv: data(&moments),

@@ -5,7 +5,7 @@ use nalgebra::{Vector2, Vector3};
 use rayon::prelude::*;
 
 use super::drive::Drive;
-use super::part::{Number, Part, csv};
+use super::part::{Number, Part, csv, here};
 use super::velocity_plot::{Line, panel};
 use crate::identify::row::Row;
 use crate::log::Log;
@@ -44,26 +44,24 @@ pub(super) fn figure_8(drives: &[Drive]) -> Part {
     let history = rms_of(|v| &v.history);
     let late = rms_of(|v| &v.late_as_read);
     let numbers = vec![
-        Number::new("gyros as read, m/s RMS", None, as_read),
-        Number::new("gyro histories taken out, m/s RMS", None, history),
+        here("gyros as read, m/s RMS", as_read),
+        here("gyro histories taken out, m/s RMS", history),
         Number::new("times less", Some(10.0), as_read / history),
-        Number::new(
+        here(
             "times less, one constant per gyro",
-            None,
             as_read / rms_of(|v| &v.constant),
         ),
-        Number::new(
+        here(
             "times less, running estimates from 20 min on",
-            None,
             late / rms_of(|v| &v.running),
         ),
-        Number::new(
+        here(
             "times less, the same on gyros without random walk",
-            None,
             late / rms_of(|v| &v.running_without_walk),
         ),
     ];
     let minutes = drives.first().map_or(0.0, |d| d.log.duration_s() / 60.0);
+    let first = drives.first().zip(all.first());
     Part {
         name: "figure-8",
         title: "Figure 8: free-inertial velocity error before and after".to_owned(),
@@ -78,11 +76,8 @@ pub(super) fn figure_8(drives: &[Drive]) -> Part {
             all.len()
         ),
         numbers,
-        svg: drives.first().zip(all.first()).map(|(d, v)| picture(d, v)),
-        csv: drives
-            .first()
-            .zip(all.first())
-            .map_or(String::new(), |(d, v)| data(d, v)),
+        svg: first.map(|(drive, velocities)| picture(drive, velocities)),
+        csv: first.map_or(String::new(), |(drive, velocities)| data(drive, velocities)),
     }
 }
 

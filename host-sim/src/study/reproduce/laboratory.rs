@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::drive::log_of;
-use super::part::{Number, Part, Settings};
+use super::part::{Part, Settings, here};
 use super::spans::{Errors, flown, free, vehicles};
 use crate::identify::error_model::{Identified, Record};
 use crate::identify::quantities::DEG_H_RADPS;
@@ -39,7 +39,7 @@ struct Unit {
 }
 
 pub(super) fn argument(settings: &Settings, route: &Route) -> Result<Part> {
-    let seeds = || (settings.seed..settings.seed.saturating_add(settings.units)).into_par_iter();
+    let seeds = || settings.seeds(settings.units).into_par_iter();
     let minutes = settings.unit_minutes;
     let units = seeds()
         .map(|seed| Unit::new(seed, minutes, route))
@@ -84,9 +84,7 @@ pub(super) fn argument(settings: &Settings, route: &Route) -> Result<Part> {
             SURROUNDINGS[1][0],
             WARMING_S / 60.0
         ),
-        numbers: numbers
-            .map(|(what, value)| Number::new(what, None, value))
-            .into(),
+        numbers: numbers.map(|(what, value)| here(what, value)).into(),
         svg: None,
         csv,
     })

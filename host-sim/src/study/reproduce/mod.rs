@@ -57,10 +57,8 @@ const NOT_REPRODUCED: [NotReproduced; 1] = [NotReproduced {
 pub fn reproduce(settings: Settings, recorded: Option<&Recorded>) -> Result<Reproduction> {
     // First: it may be unusable, and all else takes minutes.
     let on_recorded = recorded.map(beside::recorded).transpose()?;
-    let Settings { seed, drives, .. } = settings;
     let unusable = |error: ins_core::ConfigError| miette!("{}", error);
-    let drives = (seed..seed.saturating_add(drives))
-        .into_par_iter()
+    let drives = (settings.seeds(settings.drives).into_par_iter())
         .map(|seed| Drive::new(seed, settings.minutes))
         .collect::<Result<Vec<Drive>, _>>()
         .map_err(unusable)?;

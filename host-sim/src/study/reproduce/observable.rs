@@ -1,10 +1,10 @@
 //! Figure 1: when each error shows itself.
 
 use super::drive::Drive;
-use super::part::{Number, Part};
+use super::part::{Part, here};
 use crate::compare::five_stage::Stage;
 use crate::identify::quantities::DEG_H_RADPS;
-use crate::page::plot::{BLUE, GREY, Mark, ORANGE, Plot, padded};
+use crate::page::plot::{BLUE, GREY, Mark, ORANGE, padded};
 use crate::page::sheet::{self, Panel, key};
 
 /// Part of the drive in the picture, s.
@@ -21,7 +21,7 @@ pub(super) fn figure_1(drive: &Drive) -> Part {
         let seconds = intervals.iter().map(|(from, to)| to.seconds_since(*from));
         let part = 100.0 * seconds.sum::<f64>() / drive.log.duration_s();
         let what = format!("{} observable, % of the drive", stage.title());
-        numbers.push(Number::new(what, None, part));
+        numbers.push(here(what, part));
     }
     Part {
         name: "figure-1",
@@ -55,21 +55,14 @@ fn panel(drive: &Drive, title: &str, stage: Stage) -> Panel {
     let lines = [line(0), line(1)];
     let y = padded(lines.iter().flatten().map(|point| point.1), 1.0);
     let [east, north] = lines;
+    let marks = vec![
+        Mark::Shade(shown.collect(), GREY),
+        Mark::Line(east, BLUE),
+        Mark::Line(north, ORANGE),
+    ];
     Panel {
         title: title.to_owned(),
-        svg: Plot {
-            size: sheet::CELL,
-            x_label: "time, s".to_owned(),
-            y_label: "\u{3c9}^C, deg/h".to_owned(),
-            x: SHOWN_S,
-            y,
-            marks: vec![
-                Mark::Shade(shown.collect(), GREY),
-                Mark::Line(east, BLUE),
-                Mark::Line(north, ORANGE),
-            ],
-        }
-        .svg(),
+        svg: sheet::plot(["time, s", "\u{3c9}^C, deg/h"], SHOWN_S, y, marks).svg(),
         keys: vec![
             key(BLUE, "east"),
             key(ORANGE, "north"),

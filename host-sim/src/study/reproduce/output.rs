@@ -6,10 +6,9 @@ use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
 
 use super::{Number, Part, Reproduction};
-use crate::page::digits;
 use crate::page::html::fill;
-use crate::page::output;
 use crate::page::table::{Table, heads};
+use crate::page::{self, brief, output};
 
 /// Name of the file that marks the folder as ours.
 pub const JSON: &str = "reproduce.json";
@@ -17,43 +16,22 @@ pub const JSON: &str = "reproduce.json";
 /// A part as the page shows it.
 #[derive(Serialize)]
 struct Shown<'a> {
-    name: &'a str,
-    title: &'a str,
-    how: &'a str,
+    #[serde(flatten)]
+    part: &'a Part,
     svg: Option<&'a str>,
     rows: Vec<[String; 4]>,
-}
-
-impl<'a> Shown<'a> {
-    fn new(part: &'a Part) -> Self {
-        Self {
-            name: part.name,
-            title: &part.title,
-            how: &part.how,
-            svg: part.svg.as_deref(),
-            rows: part.numbers.iter().map(row).collect(),
-        }
-    }
 }
 
 impl Reproduction {
     /// Writes all files into a folder.
     pub fn write(&self, folder: &Path) -> Result<()> {
-        let json = serde_json::to_string_pretty(self).into_diagnostic()?;
-        let mut files = vec![
-            (JSON.to_owned(), json + "\n"),
-            ("report.html".to_owned(), self.html().into_diagnostic()?),
-        ];
-        for part in &self.parts {
-            files.push((format!("{}.csv", part.name), part.csv.clone()));
-            files.extend(
-                part.svg
-                    .clone()
-                    .map(|svg| (format!("{}.svg", part.name), svg)),
-            );
-        }
-        for (name, text) in files {
-            output::write(folder, &name, text)?;
+        output::write(folder, JSON, page::json(self)?)?;
+        output::write(folder, "report.html", self.html().into_diagnostic()?)?;
+        for Part { name, csv, svg, .. } in &self.parts {
+            output::write(folder, &format!("{name}.csv"), csv)?;
+            if let Some(svg) = svg {
+                output::write(folder, &format!("{name}.svg"), svg)?;
+            }
         }
         Ok(())
     }
@@ -64,9 +42,14 @@ impl Reproduction {
             reproduction: &'a Reproduction,
             parts: Vec<Shown<'a>>,
         }
+        let parts = self.parts.iter().map(|part| Shown {
+            part,
+            svg: part.svg.as_deref(),
+            rows: part.numbers.iter().map(row).collect(),
+        });
         let page = Page {
             reproduction: self,
-            parts: self.parts.iter().map(Shown::new).collect(),
+            parts: parts.collect(),
         };
         fill(include_str!("report.html"), &page)
     }
@@ -75,26 +58,21 @@ impl Reproduction {
     fn table(&self) -> Table {
         let rows = self.parts.iter().flat_map(|part| {
             let source = part.title.split(':').next().unwrap_or_default();
-            part.numbers.iter().map(move |number| {
-                let mut cells = vec![source.to_owned()];
-                cells.extend(row(number));
-                cells
-            })
+            let cells = |number| [&[source.to_owned()][..], &row(number)].concat();
+            part.numbers.iter().map(cells)
         });
         let header = heads("of the thesis | what | thesis | ours | ratio");
-        Table::new("", header, rows.collect())
+        Table::of("", header, rows)
     }
 }
 
 fn row(number: &Number) -> [String; 4] {
-    let shown = |value: Option<f64>| value.map_or(String::new(), |value| digits(value, value));
+    let thesis = number.thesis.map(|value| value.to_string());
     [
         number.what.clone(),
-        number
-            .thesis
-            .map_or(String::new(), |value| value.to_string()),
-        shown(Some(number.ours)),
-        shown(number.ratio),
+        thesis.unwrap_or_default(),
+        brief(number.ours),
+        number.ratio.map_or(String::new(), brief),
     ]
 }
 

@@ -24,6 +24,11 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// The first so many seeds.
+    pub(super) fn seeds(&self, count: u64) -> core::ops::Range<u64> {
+        self.seed..self.seed.saturating_add(count)
+    }
+
     /// What the command does.
     pub fn new(seed: u64) -> Self {
         Self {
@@ -79,6 +84,11 @@ impl Number {
             ratio: thesis.map(|thesis| ours / thesis),
         }
     }
+}
+
+/// What the thesis has no number of.
+pub(super) fn here(what: impl Into<String>, value: f64) -> Number {
+    Number::new(what, None, value)
 }
 
 /// Comma-separated text: names, then rows of numbers.

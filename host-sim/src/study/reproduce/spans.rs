@@ -29,9 +29,7 @@ const VEHICLES: [(&str, [f64; 2]); 3] = [
 pub(super) type Errors = Vec<(f64, Vector2<f64>)>;
 
 pub(super) fn table_1(settings: &Settings, route: &Route) -> Result<Part> {
-    let seeds = settings.seed..settings.seed.saturating_add(settings.units);
-    let units = seeds
-        .into_par_iter()
+    let units = (settings.seeds(settings.units).into_par_iter())
         .map(|seed| {
             let runs = vehicles(seed, settings.unit_minutes, route, &GRADE.errors())?;
             Ok(runs.each_ref().map(free))
@@ -40,14 +38,9 @@ pub(super) fn table_1(settings: &Settings, route: &Route) -> Result<Part> {
     let mut numbers = Vec::new();
     for (which, (vehicle, thesis)) in VEHICLES.into_iter().enumerate() {
         for (axis, direction) in ["east", "north"].into_iter().enumerate() {
-            let mut spans: Vec<f64> = units.iter().map(|unit| span(&unit[which], axis)).collect();
-            spans.sort_by(f64::total_cmp);
+            let spans = units.iter().map(|unit| span(&unit[which], axis));
             let what = format!("span {vehicle}, {direction}, m/s");
-            numbers.push(Number::new(
-                what,
-                Some(thesis[axis]),
-                median(spans.into_iter()),
-            ));
+            numbers.push(Number::new(what, Some(thesis[axis]), median(spans)));
         }
     }
     let first = units.first();

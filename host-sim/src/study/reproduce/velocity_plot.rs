@@ -2,7 +2,7 @@
 
 use plotters::style::RGBColor;
 
-use crate::page::plot::{Mark, Plot, padded};
+use crate::page::plot::{Mark, padded};
 use crate::page::sheet::{self, Panel, key};
 
 /// A named line, m/s over s.
@@ -17,22 +17,14 @@ pub(super) fn panel(title: String, lines: Vec<Line>) -> Panel {
     let points = || lines.iter().flat_map(|line| &line.points);
     let end_s = points().fold(1.0, |end, point| f64::max(end, point.0));
     let y = padded(points().map(|point| point.1), 1e-2);
-    let keys = lines.iter().map(|line| key(line.colour, line.name));
-    let keys = keys.collect();
-    let marks = lines
-        .into_iter()
-        .map(|line| Mark::Line(line.points, line.colour));
-    let plot = Plot {
-        size: sheet::CELL,
-        x_label: "time, s".to_owned(),
-        y_label: "m/s".to_owned(),
-        x: (0.0, end_s),
-        y,
-        marks: marks.collect(),
-    };
+    let keys = lines
+        .iter()
+        .map(|line| key(line.colour, line.name))
+        .collect();
+    let marks = (lines.into_iter()).map(|line| Mark::Line(line.points, line.colour));
     Panel {
         title,
-        svg: plot.svg(),
+        svg: sheet::plot(["time, s", "m/s"], (0.0, end_s), y, marks.collect()).svg(),
         keys,
     }
 }

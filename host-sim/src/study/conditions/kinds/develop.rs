@@ -6,9 +6,9 @@ use super::kind::{BOTH, Kind, MEMS, kinds};
 use super::shakes;
 use crate::sim::Grade;
 use crate::sim::boat::Anchored;
-use crate::sim::errors::Outage;
+use crate::sim::errors::BiasModel;
 use crate::sim::plane::Begin;
-use crate::sim::receiver::{Correlated, Outliers, Stated, Up, Wrong};
+use crate::sim::receiver::{Correlated, Stated, Up, Wrong};
 use crate::sim::shaken::When;
 use crate::study::conditions::Vehicle;
 
@@ -86,11 +86,7 @@ kinds! { judge: false,
         }
     };
     "outliers", BOTH, 12.0, "5 % of the fixes off by 2 m/s and 30 m, each by itself" => |w| {
-        w.habits().outliers = Outliers {
-            fraction: 0.05,
-            velocity_mps: 2.0,
-            position_m: 30.0,
-        };
+        w.outliers(0.05, 2.0, 30.0);
     };
     "wandering_height", BOTH, 15.0,
     "no vertical velocity, height good to 0.3 m and stated so wanders by 8 m over 300 s, 5 Hz"
@@ -117,10 +113,7 @@ kinds! { judge: false,
     "antenna_away", BOTH, 15.0,
     "antenna up to 3 m away and 2 m above or below, body that leans twice as far" => |w| {
         w.antenna_within([1.5, 3.0, 2.0]);
-        w.vehicle = Vehicle::Car {
-            rest_s: Some([30.0, 60.0]),
-            lean: 2.0,
-        };
+        w.leaning(2.0);
     };
     // --- units and mounts ---
     "tilted_mount", BOTH, 15.0, "unit turned by 5 to 45 deg about any axis"
@@ -147,19 +140,13 @@ kinds! { judge: false,
         w.errors.accel_mps2.warming_sigma = accel_mps2;
     };
     "biased_start", MEMS, 12.0, "gyro biases of 3 deg/s, begins in motion" => |w| {
-        w.errors.gyro_deg_h.bias = crate::sim::errors::BiasModel::drifting(10_800.0, 40.0);
-        w.vehicle = Vehicle::Car {
-            rest_s: None,
-            lean: 1.0,
-        };
+        w.errors.gyro_deg_h.bias = BiasModel::drifting(10_800.0, 40.0);
+        w.vehicle = Vehicle::MOVING_CAR;
     };
     "inertial_hole", BOTH, 12.0,
     "0.6 s without inertial samples, once, somewhere in the middle" => |w| {
         let start_s = w.random.uniform([0.4, 0.7]) * w.duration_s();
-        w.errors.imu.holes.push(Outage {
-            start_s,
-            duration_s: 0.6,
-        });
+        w.hole(start_s, 0.6);
     };
     "jittered_increments", BOTH, 12.0, "increments under stamps off by up to 3 ms" => |w| {
         w.errors.imu.output = ImuOutput::Increments;

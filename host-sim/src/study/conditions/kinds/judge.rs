@@ -6,22 +6,17 @@ use ins_core::ImuOutput;
 use super::kind::{BOTH, Kind, MEMS, kinds};
 use super::shakes;
 use crate::sim::boat::Anchored;
-use crate::sim::errors::{BiasModel, Outage};
+use crate::sim::errors::BiasModel;
 use crate::sim::plane::Begin;
-use crate::sim::receiver::{Outliers, Stated, Up, Wrong};
+use crate::sim::receiver::{Stated, Up, Wrong};
 use crate::sim::shaken::When;
 use crate::study::conditions::Vehicle;
-
-const MOVING_CAR: Vehicle = Vehicle::Car {
-    rest_s: None,
-    lean: 1.0,
-};
 
 kinds! { judge: true,
     "five_hertz", BOTH, 18.0, "car, white noise at 5 Hz, begins in motion" => |w| {
         w.errors.gnss.rate_hz = 5.0;
         w.velocity_noise(0.05, 0.0, 1.0);
-        w.vehicle = MOVING_CAR;
+        w.vehicle = Vehicle::MOVING_CAR;
     };
     // --- receivers ---
     "slow_colour", BOTH, 18.0,
@@ -48,7 +43,7 @@ kinds! { judge: true,
         w.position_noise(0.8, 2.5, 80.0);
         w.habits().up = Up::Missing;
         w.habits().stated = Stated::Nothing;
-        w.vehicle = MOVING_CAR;
+        w.vehicle = Vehicle::MOVING_CAR;
     };
     "vertical_velocity_down", BOTH, 12.0,
     "vertical velocity with the sign of down, heights true, fixed wing that climbs" => |w| {
@@ -94,20 +89,14 @@ kinds! { judge: true,
     };
     "zeros_in_outages", MEMS, 15.0,
     "rows of zeros for 2 to 40 s, six to ten times a run, begins in motion" => |w| {
-        w.vehicle = MOVING_CAR;
-        for start_s in w.times(30.0, 60.0) {
-            let duration_s = w.random.uniform([2.0, 40.0]);
-            w.trouble(&[start_s], duration_s, Wrong::Zeros);
-        }
+        w.vehicle = Vehicle::MOVING_CAR;
+        w.troubles(30.0, 60.0, [2.0, 40.0], Wrong::Zeros);
     };
     "logged_twice_and_stuck", MEMS, 15.0,
     "a fix of 4 Hz logged twice, and repeated for 3 to 12 s every two minutes" => |w| {
         w.errors.gnss.rate_hz = 4.0;
         w.habits().logged_times = 2;
-        for start_s in w.times(100.0, 80.0) {
-            let duration_s = w.random.uniform([3.0, 12.0]);
-            w.trouble(&[start_s], duration_s, Wrong::Stuck);
-        }
+        w.troubles(100.0, 80.0, [3.0, 12.0], Wrong::Stuck);
     };
     "wrong_bursts", BOTH, 15.0,
     "off by 8 m/s or standing for 0.5 to 2 s, 10 Hz, once or twice a minute" => |w| {
@@ -126,34 +115,23 @@ kinds! { judge: true,
     };
     "many_outliers", BOTH, 15.0, "10 % of the fixes off by 1 m/s and 10 m, 4 Hz" => |w| {
         w.errors.gnss.rate_hz = 4.0;
-        w.habits().outliers = Outliers {
-            fraction: 0.1,
-            velocity_mps: 1.0,
-            position_m: 10.0,
-        };
+        w.outliers(0.1, 1.0, 10.0);
     };
     "canyon", MEMS, 18.0,
     "noise eight times as stated for 10 to 60 s at a time, outages of 5 to 20 s, outliers" => |w| {
         w.errors.gnss.rate_hz = 4.0;
         w.velocity_noise(0.05, 0.05, 3.0);
         w.position_noise(0.5, 2.0, 60.0);
-        for start_s in w.times(60.0, 60.0) {
-            let duration_s = w.random.uniform([10.0, 60.0]);
-            w.trouble(&[start_s], duration_s, Wrong::Noisy(8.0));
-        }
+        w.troubles(60.0, 60.0, [10.0, 60.0], Wrong::Noisy(8.0));
         for start_s in w.times(90.0, 90.0) {
             let duration_s = w.random.uniform([5.0, 20.0]);
             w.outages(&[start_s], duration_s);
         }
-        w.habits().outliers = Outliers {
-            fraction: 0.02,
-            velocity_mps: 3.0,
-            position_m: 50.0,
-        };
+        w.outliers(0.02, 3.0, 50.0);
     };
     "long_outages", BOTH, 18.0,
     "two minutes without fixes, twice or thrice, begins in motion" => |w| {
-        w.vehicle = MOVING_CAR;
+        w.vehicle = Vehicle::MOVING_CAR;
         let times = w.times(240.0, 240.0);
         w.outages(&times, 120.0);
     };
@@ -163,10 +141,7 @@ kinds! { judge: true,
         w.antenna_within([3.0, 3.0, 3.0]);
         w.tilt_mount([0.0, 30.0]);
         w.velocity_noise(0.03, 0.02, 2.0);
-        w.vehicle = Vehicle::Car {
-            rest_s: Some([30.0, 60.0]),
-            lean: 1.5,
-        };
+        w.leaning(1.5);
     };
     // --- units and mounts ---
     "any_mount", BOTH, 18.0, "unit turned by up to 180 deg about any axis"
@@ -202,7 +177,7 @@ kinds! { judge: true,
     "five_degrees_a_second", MEMS, 15.0, "gyro biases of 5 deg/s, begins in motion, 2 Hz" => |w| {
         w.errors.gyro_deg_h.bias = BiasModel::drifting(18_000.0, 40.0);
         w.errors.gnss.rate_hz = 2.0;
-        w.vehicle = MOVING_CAR;
+        w.vehicle = Vehicle::MOVING_CAR;
     };
     "turned_over_unseen", BOTH, 15.0,
     "unit turns over, by 60 to 180 deg about any axis, within 1.5 s without inertial samples"
@@ -214,10 +189,7 @@ kinds! { judge: true,
         w.errors.imu.dropped_fraction = 0.03;
         for start_s in w.times(90.0, 60.0) {
             let duration_s = w.random.uniform([0.2, 1.5]);
-            w.errors.imu.holes.push(Outage {
-                start_s,
-                duration_s,
-            });
+            w.hole(start_s, duration_s);
         }
     };
     "jittered_rates", BOTH, 12.0, "rates at 50 Hz under stamps off by up to 8 ms" => |w| {
