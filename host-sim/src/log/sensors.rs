@@ -274,23 +274,13 @@ impl Runs {
     }
 }
 
-/// The highest value of a channel, and how it is met.
+/// The highest value of a channel above zero, and how it is met.
+#[derive(Default)]
 struct Stop {
     highest: f64,
     count: usize,
     run: usize,
     longest_run: usize,
-}
-
-impl Default for Stop {
-    fn default() -> Self {
-        Self {
-            highest: f64::MIN,
-            count: 0,
-            run: 0,
-            longest_run: 0,
-        }
-    }
 }
 
 impl Stop {

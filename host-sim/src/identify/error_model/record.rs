@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::interval::Measured;
 use crate::identify::run::Identification;
-use crate::log::Log;
+use crate::log::{Log, median, median_interval_s};
 
 /// Length of an epoch, s. Tilt is felt over some 10 s, so nothing is lost.
 const EPOCH_S: f64 = 2.0;
@@ -194,13 +194,11 @@ fn shown<'a>(all: impl IntoIterator<Item = &'a Estimate>, believed: f64) -> Vec<
 }
 
 fn fix_rate_hz(fixes: &[GnssFix]) -> f64 {
-    let mut steps: Vec<f64> = fixes
-        .windows(2)
-        .map(|pair| pair[1].time.seconds_since(pair[0].time))
-        .collect();
-    steps.sort_by(f64::total_cmp);
     // The median: an outage must not count.
-    steps.get(steps.len() / 2).map_or(0.0, |step| 1.0 / step)
+    match median_interval_s(fixes.iter().map(|fix| fix.time)) {
+        0.0 => 0.0,
+        step_s => 1.0 / step_s,
+    }
 }
 
 /// An interval between samples and the stamp of its end.
@@ -519,11 +517,7 @@ impl Going {
 /// Differences that no receiver noise makes.
 fn drop_outliers(epochs: &mut [Epoch]) {
     let size = |epoch: &Epoch| epoch.difference.as_ref().map(|d| d.velocity_mps.norm());
-    let mut sizes: Vec<f64> = epochs.iter().filter_map(size).collect();
-    sizes.sort_by(f64::total_cmp);
-    let Some(median) = sizes.get(sizes.len() / 2).copied() else {
-        return;
-    };
+    let median = median(epochs.iter().filter_map(size));
     for epoch in epochs {
         if size(epoch).is_some_and(|size| size > OUTLIER * median) {
             epoch.difference = None;

@@ -1,15 +1,13 @@
 //! What a recording holds, and a log of it; what the formats have in common.
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
 
-use flate2::bufread::MultiGzDecoder;
 use ins_core::{GnssFix, ImuOutput, ImuSample, Time};
 use nalgebra::{UnitQuaternion, Vector3};
 
-use crate::log::{self, BodyAxes, Log, LogError, Meta};
+use crate::log::{self, BodyAxes, Log, LogError, Meta, table};
 
 /// Which of several sensors and receivers, counted from one; the fastest if none is named.
 #[derive(Clone, Copy, Debug, Default)]
@@ -84,17 +82,8 @@ impl Receiver {
 }
 
 /// A file's bytes, unpacked if they are packed.
-pub(super) fn unpacked(path: &Path) -> Result<Box<dyn Read>, LogError> {
-    let open = || -> std::io::Result<Box<dyn Read>> {
-        let mut file = BufReader::new(File::open(path)?);
-        // By content: files get renamed, and browsers unpack what they download.
-        if file.fill_buf()?.starts_with(&[0x1f, 0x8b]) {
-            Ok(Box::new(MultiGzDecoder::new(file)))
-        } else {
-            Ok(Box::new(file))
-        }
-    };
-    open().map_err(|e| unreadable(path, &e))
+pub(super) fn unpacked(path: &Path) -> Result<Box<dyn BufRead>, LogError> {
+    table::unpacked(path).map_err(|e| unreadable(path, &e))
 }
 
 /// All of a file.
