@@ -1,7 +1,6 @@
 //! The halves test: what two halves of a log say of constants must agree.
 
-use ins_core::ConfigError;
-use ins_core::{Config, Estimate, Estimates, Navigator, Observability, Phase, Time};
+use ins_core::{Config, ConfigError, Estimate, Estimates, Navigator, Observability, Phase, Time};
 use serde::Serialize;
 
 use super::quantities::MG_MPS2;

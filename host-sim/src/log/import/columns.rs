@@ -20,11 +20,11 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use ins_core::{FixSigma, GnssFix, ImuOutput, Time};
-use nalgebra::{Vector2, Vector3};
+use ins_core::{GnssFix, ImuOutput, Time};
+use nalgebra::Vector3;
 use serde::Deserialize;
 
-use super::recording::{Imu, Receiver, Recording, degrees, over_ground, stated};
+use super::recording::{Imu, Receiver, Recording, degrees, east_north, over_ground, stated};
 use super::text::{Table, content};
 use crate::log::meta::Output;
 use crate::log::{BodyAxes, LogError};
@@ -142,24 +142,15 @@ pub(super) fn read(folder: &Path) -> Result<Recording, LogError> {
 
 fn fix(gnss: &Columns, row: &[f64]) -> Option<GnssFix> {
     let cell = |name: &str| gnss.cell(row, name);
-    let sigma = |name: &str| cell(name).and_then(stated);
-    let place = cell("lat_deg").zip(cell("lon_deg"));
-    let level = cell("ve")
-        .zip(cell("vn"))
-        .map(|(east, north)| Vector2::new(east, north));
+    let level = cell("ve").zip(cell("vn")).map(east_north);
     let ground = cell("speed_mps").zip(cell("course_deg"));
     Some(GnssFix {
         time: Time::from_seconds(cell("t_s")?)?,
-        position: place.and_then(|(latitude, longitude)| degrees(latitude, longitude)),
+        position: cell("lat_deg").zip(cell("lon_deg")).and_then(degrees),
         height_m: cell("h_m"),
-        velocity_en_mps: level.or_else(|| ground.map(|(speed, at)| over_ground(speed, at))),
+        velocity_en_mps: level.or_else(|| ground.map(over_ground)),
         velocity_up_mps: cell("vu"),
-        sigma: FixSigma {
-            position_m: sigma("sd_n"),
-            height_m: sigma("sd_u"),
-            velocity_mps: sigma("sd_v"),
-            velocity_up_mps: sigma("sd_vu"),
-        },
+        sigma: stated(["sd_n", "sd_u", "sd_v", "sd_vu"].map(cell)),
     })
 }
 

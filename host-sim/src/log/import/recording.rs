@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
 
-use ins_core::{GnssFix, ImuOutput, ImuSample, Time};
-use nalgebra::{UnitQuaternion, Vector3};
+use ins_core::earth::LatLon;
+use ins_core::{FixSigma, GnssFix, ImuOutput, ImuSample, Time};
+use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
 use crate::log::{self, BodyAxes, Log, LogError, Meta, table};
 
@@ -310,7 +311,7 @@ fn and(one: &GnssFix, other: &GnssFix) -> GnssFix {
         height_m: one.height_m.or(other.height_m),
         velocity_en_mps: one.velocity_en_mps.or(other.velocity_en_mps),
         velocity_up_mps: one.velocity_up_mps.or(other.velocity_up_mps),
-        sigma: ins_core::FixSigma {
+        sigma: FixSigma {
             position_m: a.position_m.or(b.position_m),
             height_m: a.height_m.or(b.height_m),
             velocity_mps: a.velocity_mps.or(b.velocity_mps),
@@ -320,20 +321,38 @@ fn and(one: &GnssFix, other: &GnssFix) -> GnssFix {
 }
 
 /// Latitude and longitude from degrees; none where they are no place.
-pub(super) fn degrees(latitude: f64, longitude: f64) -> Option<ins_core::earth::LatLon> {
-    (latitude.abs() <= 90.0 && longitude.abs() <= 180.0).then(|| ins_core::earth::LatLon {
+pub(super) fn degrees((latitude, longitude): (f64, f64)) -> Option<LatLon> {
+    (latitude.abs() <= 90.0 && longitude.abs() <= 180.0).then(|| LatLon {
         latitude_rad: latitude.to_radians(),
         longitude_rad: longitude.to_radians(),
     })
 }
 
-/// A velocity from speed and course over ground.
-pub(super) fn over_ground(speed_mps: f64, course_deg: f64) -> nalgebra::Vector2<f64> {
-    let (sin, cos) = course_deg.to_radians().sin_cos();
-    nalgebra::Vector2::new(speed_mps * sin, speed_mps * cos)
+/// A velocity from its components.
+pub(super) fn east_north((east, north): (f64, f64)) -> Vector2<f64> {
+    Vector2::new(east, north)
 }
 
-/// A sigma as stated; receivers say zero or below where they know none.
-pub(super) fn stated(sigma: f64) -> Option<f64> {
-    (sigma > 0.0 && sigma.is_finite()).then_some(sigma)
+/// A velocity from speed and course over ground.
+pub(super) fn over_ground((speed_mps, course_deg): (f64, f64)) -> Vector2<f64> {
+    let (sin, cos) = course_deg.to_radians().sin_cos();
+    Vector2::new(speed_mps * sin, speed_mps * cos)
+}
+
+/// Sigmas of position, height, velocity and vertical velocity as stated; receivers say zero or below
+/// where they know none.
+pub(super) fn stated(sigmas: [Option<f64>; 4]) -> FixSigma {
+    let known = |sigma: Option<f64>| sigma.filter(|s| *s > 0.0 && s.is_finite());
+    let [position_m, height_m, velocity_mps, velocity_up_mps] = sigmas.map(known);
+    FixSigma {
+        position_m,
+        height_m,
+        velocity_mps,
+        velocity_up_mps,
+    }
+}
+
+/// Of two components that have one each.
+pub(super) fn level((a, b): (f64, f64)) -> f64 {
+    (0.5 * (a * a + b * b)).sqrt()
 }

@@ -4,7 +4,7 @@
 use std::fs::File;
 use std::path::Path;
 
-use ins_core::{FixSigma, GnssFix, Time};
+use ins_core::{GnssFix, Time};
 use nalgebra::Vector3;
 use tempfile::TempDir;
 use zip::ZipArchive;
@@ -115,16 +115,16 @@ fn fixes(path: &Path) -> Result<Vec<GnssFix>, LogError> {
         let bearing = cell("bearing").filter(|bearing| *bearing >= 0.0);
         Some(GnssFix {
             time: nanoseconds(*row.get(time)?)?,
-            position: degrees(*row.get(latitude)?, *row.get(longitude)?),
+            position: degrees((*row.get(latitude)?, *row.get(longitude)?)),
             height_m: cell("altitude"),
-            velocity_en_mps: speed.zip(bearing).map(|(speed, at)| over_ground(speed, at)),
+            velocity_en_mps: speed.zip(bearing).map(over_ground),
             velocity_up_mps: None,
-            sigma: FixSigma {
-                position_m: cell("horizontalAccuracy").and_then(stated),
-                height_m: cell("verticalAccuracy").and_then(stated),
-                velocity_mps: cell("speedAccuracy").and_then(stated),
-                velocity_up_mps: None,
-            },
+            sigma: stated([
+                cell("horizontalAccuracy"),
+                cell("verticalAccuracy"),
+                cell("speedAccuracy"),
+                None,
+            ]),
         })
     });
     Ok(fixes.collect())
