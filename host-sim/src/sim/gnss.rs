@@ -40,22 +40,20 @@ impl Gnss {
         let memory = |noise: &Correlated, name: &str| {
             Memory::new(noise, period_s, Random::stream(seed, name))
         };
-        let (v, h, z) = (&habits.velocity, &habits.horizontal, &habits.vertical);
+        let (level, up) = (&habits.horizontal, &habits.vertical);
         Self {
             latency_s: Random::stream(seed, "gnss latency").uniform(model.latency_s),
             next: 0,
             velocity_noise: Random::stream(seed, "gnss velocity"),
             position_noise: Random::stream(seed, "gnss position"),
-            velocity_memory: [
-                memory(v, "gnss velocity east"),
-                memory(v, "gnss velocity north"),
-                memory(v, "gnss velocity up"),
-            ],
+            velocity_memory: ["east", "north", "up"]
+                .map(|axis| memory(&habits.velocity, &format!("gnss velocity {axis}"))),
             position_memory: [
-                memory(h, "gnss position east"),
-                memory(h, "gnss position north"),
-                memory(z, "gnss height"),
-            ],
+                (level, "gnss position east"),
+                (level, "gnss position north"),
+                (up, "gnss height"),
+            ]
+            .map(|(noise, name)| memory(noise, name)),
             outliers: Random::stream(seed, "gnss outliers"),
             smoothed: None,
             last_good: None,

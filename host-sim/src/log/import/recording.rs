@@ -121,12 +121,10 @@ impl Recording {
         self.imus.retain(|imu| !imu.samples.is_empty());
         self.receivers.retain(|receiver| !receiver.fixes.is_empty());
         let mut warnings = self.notes;
-        let names = |imu: &Imu| (imu.name.clone(), imu.samples.len());
-        let listed: Vec<_> = self.imus.iter().map(names).collect();
-        let imu = chosen("imu", &listed, choice.imu, path, &mut warnings)?;
-        let names = |receiver: &Receiver| (receiver.name.clone(), receiver.fixes.len());
-        let listed: Vec<_> = self.receivers.iter().map(names).collect();
-        let gnss = chosen("gnss", &listed, choice.gnss, path, &mut warnings)?;
+        let listed = self.imus.iter().map(|imu| (&imu.name, imu.samples.len()));
+        let imu = chosen("imu", listed, choice.imu, path, &mut warnings)?;
+        let listed = (self.receivers.iter()).map(|from| (&from.name, from.fixes.len()));
+        let gnss = chosen("gnss", listed, choice.gnss, path, &mut warnings)?;
         let (imu, gnss) = (self.imus.swap_remove(imu), self.receivers.swap_remove(gnss));
         let told = warnings.len();
         let samples = turned_upright(imu.samples, &imu.path, &mut warnings);
@@ -188,34 +186,38 @@ fn turned_upright(
 }
 
 /// Index of the one that is asked for, or else of the fastest.
-fn chosen(
+fn chosen<'a>(
     option: &str,
-    listed: &[(String, usize)],
+    listed: impl Iterator<Item = (&'a String, usize)>,
     number: Option<usize>,
     path: &Path,
     warnings: &mut Vec<LogError>,
 ) -> Result<usize, LogError> {
-    let one = |(index, (name, count)): (usize, &(String, usize))| {
-        format!("{} {name} ({count})", index + 1)
-    };
-    let all: Vec<String> = listed.iter().enumerate().map(one).collect();
+    let (names, counts): (Vec<&String>, Vec<usize>) = listed.unzip();
+    let listed = (1..).zip(&names).zip(&counts);
+    let all: Vec<String> = listed
+        .map(|((number, name), count)| format!("{number} {name} ({count})"))
+        .collect();
     let all = all.join(", ");
-    let (expected, what) = match option {
-        "imu" => ("inertial samples", "another inertial sensor"),
-        _ => ("GNSS fixes", "another receiver"),
+    let (expected, what, none) = match option {
+        "imu" => (
+            "inertial samples",
+            "another inertial sensor",
+            "none were logged: give a second file that has them",
+        ),
+        _ => (
+            "GNSS fixes",
+            "another receiver",
+            "no receiver, or never a fix: give a second file that has them",
+        ),
     };
     // The first of the fastest.
-    let most = listed.iter().map(|(_, count)| *count).max().unwrap_or(0);
-    let fastest = listed.iter().position(|(_, count)| *count == most);
-    let Some(fastest) = fastest else {
-        let cause = match option {
-            "imu" => "none were logged: give a second file that has them",
-            _ => "no receiver, or never a fix: give a second file that has them",
-        };
-        return Err(LogError::file(path, expected, "none", cause));
+    let most = counts.iter().max();
+    let Some(fastest) = counts.iter().position(|count| Some(count) == most) else {
+        return Err(LogError::file(path, expected, "none", none));
     };
     let Some(number) = number else {
-        if listed.len() > 1 {
+        if counts.len() > 1 {
             let cause = format!(
                 "{} is used; --{option} N of `import` chooses {what}",
                 fastest + 1
@@ -225,15 +227,11 @@ fn chosen(
         }
         return Ok(fastest);
     };
-    match number.checked_sub(1).filter(|index| *index < listed.len()) {
-        Some(index) => Ok(index),
-        None => Err(LogError::file(
-            path,
-            format!("--{option} from 1 to {}", listed.len()),
-            number.to_string(),
-            all,
-        )),
-    }
+    let index = number.checked_sub(1).filter(|index| *index < counts.len());
+    index.ok_or_else(|| {
+        let expected = format!("--{option} from 1 to {}", counts.len());
+        LogError::file(path, expected, number.to_string(), all)
+    })
 }
 
 /// By their stamps, each once.
