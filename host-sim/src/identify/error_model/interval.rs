@@ -1,7 +1,9 @@
 //! Values with 95 % confidence intervals.
 
 use super::maximum::crossing;
+use crate::identify::free_inertial::known;
 use crate::sim::noise::Random;
+use ins_core::Estimate;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
 
@@ -118,6 +120,14 @@ pub struct Measured {
 }
 
 impl Measured {
+    /// An estimate, if it stands on data.
+    pub(super) fn of(estimate: &Estimate) -> Option<Self> {
+        known(estimate).then_some(Self {
+            value: estimate.value,
+            variance: estimate.sigma * estimate.sigma,
+        })
+    }
+
     /// What it is less what was believed before, zero with a sigma; none if that is most of it.
     pub fn beyond(&self, believed: f64) -> Option<Self> {
         let (before, after) = (1.0 / (believed * believed), 1.0 / self.variance);

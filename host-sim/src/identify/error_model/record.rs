@@ -8,10 +8,11 @@ use ins_core::earth::LocalEarth;
 use ins_core::increments::{Increments, Interval};
 use ins_core::mechanization::{Controls, Mechanization, Step};
 use ins_core::rest::{RestBlock, RestDetector, Verdict};
-use ins_core::{Estimate, Estimates, GnssFix, ImuOutput, ImuSample, Observability, Solution, Time};
+use ins_core::{Estimate, Estimates, GnssFix, ImuOutput, ImuSample, Solution, Time};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::interval::Measured;
+use crate::identify::free_inertial::known;
 use crate::identify::run::Identification;
 use crate::log::{Log, median, median_interval_s};
 
@@ -180,17 +181,8 @@ fn values(estimates: &[Estimate; 3]) -> Vector3<f64> {
 
 /// Estimates that stand on data, less what was believed before.
 fn shown<'a>(all: impl IntoIterator<Item = &'a Estimate>, believed: f64) -> Vec<Measured> {
-    let measured = |estimate: &Estimate| {
-        Measured {
-            value: estimate.value,
-            variance: estimate.sigma * estimate.sigma,
-        }
-        .beyond(believed)
-    };
-    (all.into_iter())
-        .filter(|estimate| estimate.observability == Observability::Observable)
-        .filter_map(measured)
-        .collect()
+    let measured = all.into_iter().filter_map(Measured::of);
+    measured.filter_map(|m| m.beyond(believed)).collect()
 }
 
 fn fix_rate_hz(fixes: &[GnssFix]) -> f64 {
@@ -347,8 +339,7 @@ impl<'a> Reducer<'a> {
             .filter_map(|fix| Some((correction.moment(fix), fix.velocity_en_mps?)))
             .collect();
         let known = |row: &&crate::identify::row::Row| {
-            row.solution.is_some()
-                && row.estimates.azimuth_error_rad.observability == Observability::Observable
+            row.solution.is_some() && known(&row.estimates.azimuth_error_rad)
         };
         let references = match found.history.iter().find(known) {
             Some(row) => {

@@ -47,14 +47,9 @@ pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
     }
     let mut recording = tables(unpacked(path)?.path())?;
     // The unpacked tables are gone: messages name what the user has.
-    recording
-        .imus
-        .iter_mut()
-        .for_each(|imu| path.clone_into(&mut imu.path));
-    recording
-        .receivers
-        .iter_mut()
-        .for_each(|receiver| path.clone_into(&mut receiver.path));
+    let imus = recording.imus.iter_mut().map(|imu| &mut imu.path);
+    let receivers = recording.receivers.iter_mut().map(|from| &mut from.path);
+    (imus.chain(receivers)).for_each(|file| path.clone_into(file));
     Ok(recording)
 }
 
