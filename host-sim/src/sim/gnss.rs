@@ -21,15 +21,9 @@ pub struct Gnss {
     velocity_memory: [Memory; 3],
     position_memory: [Memory; 3],
     outliers: Random,
-    smoothed: Option<Smoothed>,
+    /// What a smoothing receiver remembers of the last epoch.
+    smoothed: Option<Antenna>,
     last_good: Option<GnssFix>,
-}
-
-/// What a smoothing receiver remembers of the last epoch.
-#[derive(Clone, Copy, Debug)]
-struct Smoothed {
-    position: Geodetic,
-    velocity_mps: Vector3<f64>,
 }
 
 impl Gnss {
@@ -105,14 +99,10 @@ impl Gnss {
                 continue;
             }
             let antenna = Antenna::between(from, to, shown_s, &self.model.habits.lever_arm_m);
-            let seen = self.smooth(
-                displaced(&antenna.position, &noise.position_m),
-                antenna.velocity_enu_mps + noise.velocity_mps,
-            );
+            let seen = self.smooth(noise.on(&antenna));
             if !self.is_out(stamp_s) {
-                let position = displaced(&seen.position, &outlier.position_m);
-                let velocity = seen.velocity_mps + outlier.velocity_mps;
-                self.log(stamp_s, &position, &velocity, fixes);
+                let seen = outlier.on(&seen);
+                self.log(stamp_s, &seen.position, &seen.velocity_enu_mps, fixes);
             }
         }
     }
@@ -162,18 +152,16 @@ impl Gnss {
         }
     }
 
-    fn smooth(&mut self, position: Geodetic, velocity_mps: Vector3<f64>) -> Smoothed {
+    fn smooth(&mut self, seen: Antenna) -> Antenna {
         let keep = self.smoothing_keep();
-        let now = match self.smoothed {
-            Some(last) if keep > 0.0 => Smoothed {
-                position: displaced(&position, &(keep * last.position.enu_from(&position))),
-                velocity_mps: velocity_mps + keep * (last.velocity_mps - velocity_mps),
-            },
-            _ => Smoothed {
-                position,
-                velocity_mps,
-            },
-        };
+        let last = self.smoothed.filter(|_| keep > 0.0);
+        let now = last.map_or(seen, |last| {
+            let off = Errors {
+                velocity_mps: keep * (last.velocity_enu_mps - seen.velocity_enu_mps),
+                position_m: keep * last.position.enu_from(&seen.position),
+            };
+            off.on(&seen)
+        });
         self.smoothed = Some(now);
         now
     }
@@ -294,6 +282,15 @@ impl Gnss {
 struct Errors {
     velocity_mps: Vector3<f64>,
     position_m: Vector3<f64>,
+}
+
+impl Errors {
+    fn on(&self, seen: &Antenna) -> Antenna {
+        Antenna {
+            position: displaced(&seen.position, &self.position_m),
+            velocity_enu_mps: seen.velocity_enu_mps + self.velocity_mps,
+        }
+    }
 }
 
 /// A Gauss-Markov process, stationary from the start.
