@@ -36,6 +36,32 @@ pub(crate) fn median(values: impl Iterator<Item = f64>) -> f64 {
     }
 }
 
+/// The straight line through pairs, by least squares.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Line {
+    pub(crate) slope: f64,
+    /// How well it fits; not a number where nothing varies.
+    pub(crate) correlation: f64,
+}
+
+impl Line {
+    pub(crate) fn through(pairs: &[(f64, f64)]) -> Self {
+        let n = pairs.len() as f64;
+        let mean = |of: &dyn Fn(f64, f64) -> f64| {
+            let sum: f64 = pairs.iter().map(|(x, y)| of(*x, *y)).sum();
+            sum / n
+        };
+        let (x0, y0) = (mean(&|x, _| x), mean(&|_, y| y));
+        let xx = mean(&|x, _| (x - x0) * (x - x0));
+        let xy = mean(&|x, y| (x - x0) * (y - y0));
+        let yy = mean(&|_, y| (y - y0) * (y - y0));
+        Self {
+            slope: xy / xx,
+            correlation: xy / (xx * yy).sqrt(),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -3,6 +3,8 @@
 //! Frames as everywhere: East-North-Up and right-forward-up. Aerodynamics speak
 //! forward-right-down; the change of axes is done here and nowhere else.
 
+use std::ops::{Add, Div, Mul};
+
 use nalgebra::{Matrix3, Quaternion, Unit, Vector3};
 
 use super::aerodynamics::{Aerodynamics, Flow, Surfaces};
@@ -239,25 +241,24 @@ impl Dynamics {
         let k2 = self.derivative(&state.advanced(k1, 0.5 * dt), &middle, density);
         let k3 = self.derivative(&state.advanced(&k2, 0.5 * dt), &middle, density);
         let k4 = self.derivative(&state.advanced(&k3, dt), to, density);
+        let all = [k1, &k2, &k3, &k4];
         let mean = Derivative {
-            acceleration_enu_mps2: (k1.acceleration_enu_mps2
-                + 2.0 * (k2.acceleration_enu_mps2 + k3.acceleration_enu_mps2)
-                + k4.acceleration_enu_mps2)
-                / 6.0,
-            attitude: (k1.attitude + (k2.attitude + k3.attitude) * 2.0 + k4.attitude) / 6.0,
-            rate_radps2: (k1.rate_radps2
-                + 2.0 * (k2.rate_radps2 + k3.rate_radps2)
-                + k4.rate_radps2)
-                / 6.0,
-            height_mps: (k1.height_mps + 2.0 * (k2.height_mps + k3.height_mps) + k4.height_mps)
-                / 6.0,
-            engine_rps2: (k1.engine_rps2
-                + 2.0 * (k2.engine_rps2 + k3.engine_rps2)
-                + k4.engine_rps2)
-                / 6.0,
+            acceleration_enu_mps2: weighed(all.map(|k| k.acceleration_enu_mps2)),
+            attitude: weighed(all.map(|k| k.attitude)),
+            rate_radps2: weighed(all.map(|k| k.rate_radps2)),
+            height_mps: weighed(all.map(|k| k.height_mps)),
+            engine_rps2: weighed(all.map(|k| k.engine_rps2)),
         };
         let mut end = state.advanced(&mean, dt);
         end.attitude /= end.attitude.norm();
         end
     }
+}
+
+/// The mean of the four stages.
+fn weighed<T>([k1, k2, k3, k4]: [T; 4]) -> T
+where
+    T: Add<Output = T> + Mul<f64, Output = T> + Div<f64, Output = T>,
+{
+    (k1 + (k2 + k3) * 2.0 + k4) / 6.0
 }

@@ -1,7 +1,7 @@
 //! A planned flight, step by step: autopilot, air, forces; and its motion as a function of time.
 
 use ins_core::attitude::{self, Euler};
-use ins_core::earth::{Geodetic, LocalEarth, wrap_pi};
+use ins_core::earth::Geodetic;
 use nalgebra::Vector3;
 
 use super::atmosphere::Density;
@@ -13,6 +13,7 @@ use super::trajectory::{Node, Segment, euler};
 use super::trim::Condition;
 use super::vibration::{Crank, Vibration};
 use super::wind::AirMass;
+use crate::sim::ideal::displaced;
 use crate::sim::{Kinematics, Motion};
 
 /// Step of the integrator and of the autopilot, s. `step_size_is_small_enough` is the evidence.
@@ -155,20 +156,12 @@ impl Flight {
 
     /// How long the plan takes with this seed, s; flown to the end, without sensors.
     pub fn duration_s(&self) -> Result<f64, FlightError> {
-        if let Some(duration_s) = self.plan.duration_s {
-            let mut trial = self.clone();
-            while trial.node.time_s < duration_s {
-                trial.step();
-                trial.check()?;
-            }
-            return Ok(duration_s);
-        }
-        let mut trial = self.clone();
-        while !trial.over {
+        let (mut trial, told_s) = (self.clone(), self.plan.duration_s);
+        while told_s.map_or(!trial.over, |told_s| trial.node.time_s < told_s) {
             trial.step();
             trial.check()?;
         }
-        Ok(libm::floor(trial.node.time_s))
+        Ok(told_s.unwrap_or(libm::floor(trial.node.time_s)))
     }
 
     /// Where the integrator has come to.
@@ -339,12 +332,10 @@ impl Flight {
 
     /// The flight of the flat Earth, put onto the ellipsoid.
     fn move_position(&mut self) {
-        let moved = self.segment.displacement_enu_m();
-        let earth = LocalEarth::at(self.position.latitude_rad, self.position.height_m);
-        let east_rad = moved.x / (earth.east_radius_m * earth.cos_latitude);
-        self.position.latitude_rad += moved.y / earth.north_radius_m;
-        self.position.longitude_rad = wrap_pi(self.position.longitude_rad + east_rad);
-        self.position.height_m = self.node.state.height_m;
+        self.position = Geodetic {
+            height_m: self.node.state.height_m,
+            ..displaced(&self.position, &self.segment.displacement_enu_m())
+        };
     }
 
     fn crank_now(&self, angle_rad: f64) -> Crank {

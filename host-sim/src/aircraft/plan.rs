@@ -127,10 +127,12 @@ impl Source<'_> {
         if (low..=high).contains(&number) {
             return Ok(number);
         }
-        Err(self.error(
-            value.span().start,
-            format!("`{key} = {number}`: expected {low} to {high}; {cause}"),
-        ))
+        self.refuse(key, value, &format!("expected {low} to {high}; {cause}"))
+    }
+
+    fn refuse<T>(&self, key: &str, value: &Spanned<f64>, why: &str) -> Result<T, InputError> {
+        let message = format!("`{key} = {}`: {why}", value.get_ref());
+        Err(self.error(value.span().start, message))
     }
 
     /// An angle up to so many degrees either way, rad.
@@ -200,14 +202,11 @@ const LONGEST_S: f64 = 86_400.0;
 
 impl Checker<'_> {
     fn plan(&self, table: &File) -> Result<Plan, InputError> {
-        let ground_height_m = match &table.air.ground_height_m {
-            Some(height) => {
-                let cause = "height of the ground above the ellipsoid";
-                self.source
-                    .within("ground_height_m", height, GROUND_M, cause)?
-            }
-            None => 0.0,
-        };
+        let ground = table.air.ground_height_m.as_ref().map(|height| {
+            let cause = "height of the ground above the ellipsoid";
+            (self.source).within("ground_height_m", height, GROUND_M, cause)
+        });
+        let ground_height_m = ground.transpose()?.unwrap_or(0.0);
         let limits = &self.dynamics.parameters.autopilot;
         if !(0.05..=limits.maximum_bank_rad).contains(&self.bank_rad) {
             let most = limits.maximum_bank_rad.to_degrees();
@@ -227,11 +226,9 @@ impl Checker<'_> {
             )?,
             None => 0.0,
         };
-        let wind_from_rad = match &table.air.wind_from_deg {
-            Some(from) => self.source.heading("wind_from_deg", from)?,
-            None => 0.0,
-        };
-        let (sin, cos) = libm::sincos(wind_from_rad);
+        let wind_from = table.air.wind_from_deg.as_ref();
+        let wind_from = wind_from.map(|from| self.source.heading("wind_from_deg", from));
+        let (sin, cos) = libm::sincos(wind_from.transpose()?.unwrap_or(0.0));
         let duration_s = table.flight.duration_s.as_ref();
         let duration_s = duration_s.map(|s| self.source.duration(s)).transpose()?;
         let mut plan = Plan {
@@ -341,18 +338,17 @@ impl Checker<'_> {
         let value = *height.get_ref();
         let lowest = ground_height_m + 50.0;
         if value.is_nan() || value < lowest {
-            return Err(self.source.error(
-                height.span().start,
-                format!("`height_m = {value}`: expected at least {lowest:.0}, 50 m above `ground_height_m`; heights are above the ellipsoid"),
-            ));
+            let why = format!(
+                "expected at least {lowest:.0}, 50 m above `ground_height_m`; heights are above the ellipsoid"
+            );
+            return self.source.refuse("height_m", height, &why);
         }
         let climb = best_climb(self.dynamics, value).map_or(-1.0, |trim| trim.climb_rate_mps);
         if climb < 0.3 {
             let ceiling = super::performance::ceiling_m(self.dynamics, 0.3);
-            return Err(self.source.error(
-                height.span().start,
-                format!("`height_m = {value}`: beyond the ceiling of the {}, {ceiling:.0} m; is it in feet?", self.dynamics.parameters.name),
-            ));
+            let name = &self.dynamics.parameters.name;
+            let why = format!("beyond the ceiling of the {name}, {ceiling:.0} m; is it in feet?");
+            return self.source.refuse("height_m", height, &why);
         }
         Ok(value)
     }
@@ -365,21 +361,20 @@ impl Checker<'_> {
             stall_speed_mps(self.dynamics, height_m, 0.0) / libm::sqrt(libm::cos(self.bank_rad));
         let lowest = p.autopilot.stall_margin * stall;
         if value.is_nan() || value < lowest {
-            return Err(self.source.error(
-                airspeed.span().start,
-                format!(
-                    "`airspeed_mps = {value}`: too slow at {height_m:.0} m: the {} stalls at {stall:.1} m/s in its turns; expected at least {lowest:.1} (true airspeed, margin {})",
-                    p.name, p.autopilot.stall_margin
-                ),
-            ));
+            let why = format!(
+                "too slow at {height_m:.0} m: the {} stalls at {stall:.1} m/s in its turns; expected at least {lowest:.1} (true airspeed, margin {})",
+                p.name, p.autopilot.stall_margin
+            );
+            return self.source.refuse("airspeed_mps", airspeed, &why);
         }
         let most =
             max_speed(self.dynamics, height_m).map_or(0.0, |t| t.state.velocity_enu_mps.norm());
         if value > 0.99 * most {
-            return Err(self.source.error(
-                airspeed.span().start,
-                format!("`airspeed_mps = {value}`: too fast at {height_m:.0} m: the {} reaches {most:.1} m/s in level flight; is it in km/h or knots?", p.name),
-            ));
+            let why = format!(
+                "too fast at {height_m:.0} m: the {} reaches {most:.1} m/s in level flight; is it in km/h or knots?",
+                p.name
+            );
+            return self.source.refuse("airspeed_mps", airspeed, &why);
         }
         Ok(value)
     }

@@ -17,23 +17,14 @@ pub enum Turbulence {
 }
 
 impl Turbulence {
-    /// Wind 6 m above ground (15, 30, 45 kt), m/s: sets the intensity below 1000 ft.
-    fn surface_wind_mps(self) -> f64 {
+    /// Wind 6 m above ground (15, 30, 45 kt), which sets the intensity below 1000 ft, and root mean
+    /// square above 2000 ft (5, 10, 20 ft/s at the low end of the chart), m/s.
+    fn surface_and_free_mps(self) -> [f64; 2] {
         match self {
-            Self::None => 0.0,
-            Self::Light => 7.72,
-            Self::Moderate => 15.43,
-            Self::Severe => 23.15,
-        }
-    }
-
-    /// Root mean square above 2000 ft (5, 10, 20 ft/s at the low end of the chart), m/s.
-    fn free_air_mps(self) -> f64 {
-        match self {
-            Self::None => 0.0,
-            Self::Light => 1.52,
-            Self::Moderate => 3.05,
-            Self::Severe => 6.10,
+            Self::None => [0.0, 0.0],
+            Self::Light => [7.72, 1.52],
+            Self::Moderate => [15.43, 3.05],
+            Self::Severe => [23.15, 6.10],
         }
     }
 }
@@ -51,11 +42,12 @@ impl Spectrum {
     pub fn at(turbulence: Turbulence, height_m: f64) -> Self {
         const LOW_M: f64 = 304.8;
         const FREE_M: f64 = 609.6;
+        let [surface_mps, free_mps] = turbulence.surface_and_free_mps();
         let low = |height_m: f64| {
             let feet = height_m.clamp(3.0, LOW_M) / 0.3048;
             let shape = 0.177 + 0.000_823 * feet;
             let horizontal_m = 0.3048 * feet / libm::pow(shape, 1.2);
-            let vertical_mps = 0.1 * turbulence.surface_wind_mps();
+            let vertical_mps = 0.1 * surface_mps;
             let horizontal_mps = vertical_mps / libm::pow(shape, 0.4);
             Self {
                 length_m: [horizontal_m, horizontal_m, 0.3048 * feet],
@@ -64,7 +56,7 @@ impl Spectrum {
         };
         let free = Self {
             length_m: [533.4; 3],
-            sigma_mps: [turbulence.free_air_mps(); 3],
+            sigma_mps: [free_mps; 3],
         };
         let part = ((height_m - LOW_M) / (FREE_M - LOW_M)).clamp(0.0, 1.0);
         let below = low(height_m);
@@ -309,7 +301,7 @@ mod tests {
         // 20 flights of 2 h: 27 000 scale lengths. The variance of a component scatters by
         // sqrt(2 / 13 000), 1.2 %; bound 5 sigma. Roll gusts are faster, hence closer.
         let all: Vec<Wind> = (0..20).flat_map(|seed| gusts(seed, 360_000)).collect();
-        let sigma = Turbulence::Moderate.free_air_mps();
+        let sigma = Turbulence::Moderate.surface_and_free_mps()[1];
         for (axis, name) in ["lateral", "longitudinal", "vertical"].iter().enumerate() {
             let ratio = variance(all.iter().map(|w| w.gust_mps[axis])) / (sigma * sigma);
             assert!((ratio - 1.0).abs() < 0.06, "{name}: {ratio}");
@@ -325,7 +317,7 @@ mod tests {
     #[test]
     fn spectra_are_those_of_the_standard() {
         let length = 533.4;
-        let sigma = Turbulence::Moderate.free_air_mps();
+        let sigma = Turbulence::Moderate.surface_and_free_mps()[1];
         let segment = 16_384;
         let bins = [3, 10, 30, 100, 300];
         let all: Vec<Wind> = (100..110)

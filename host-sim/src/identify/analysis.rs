@@ -3,16 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use indicatif::ProgressBar;
-use ins_core::Config;
-use ins_core::ConfigError;
+use ins_core::{Config, ConfigError};
 use miette::{Result, miette};
 
-use crate::identify::configure;
-use crate::identify::halves;
 use crate::identify::run::{Identification, identify};
 use crate::identify::summary::Summary;
 use crate::identify::true_errors::Truth;
 use crate::identify::words::in_words;
+use crate::identify::{configure, halves};
 use crate::log::import::{self, Choice};
 use crate::log::{Grade, Log, LogError};
 use crate::page::digits;

@@ -2,8 +2,8 @@
 
 use ins_core::config::HeadingSource;
 use ins_core::earth::ROTATION_RATE_RADPS;
-use ins_core::{Config, ImuOutput, Time};
-use nalgebra::Vector3;
+use ins_core::{Config, GnssFix, ImuOutput, Time};
+use nalgebra::{Vector2, Vector3};
 
 use crate::log::{Grade, Log};
 
@@ -64,25 +64,16 @@ fn at_rest(log: &Log) -> Option<[f64; 2]> {
 
 /// The longest stretch of fixes that stand still, if long enough.
 fn longest_rest(log: &Log) -> Option<(Time, Time)> {
-    let mut longest: Option<(Time, Time)> = None;
-    let mut start = None;
-    for fix in &log.gnss {
-        let rests = fix
-            .velocity_en_mps
-            .is_some_and(|v| v.norm() < REST_SPEED_MPS);
-        start = if rests {
-            start.or(Some(fix.time))
-        } else {
-            None
-        };
-        let span = |(from, to): (Time, Time)| to.seconds_since(from);
-        if let Some(now) = start.map(|start| (start, fix.time)) {
-            longest = longest
-                .filter(|best| span(*best) >= span(now))
-                .or(Some(now));
-        }
-    }
-    longest.filter(|(from, to)| to.seconds_since(*from) >= REST_S)
+    let slow = |v: Vector2<f64>| v.norm() < REST_SPEED_MPS;
+    let rests = |fix: &GnssFix| fix.velocity_en_mps.is_some_and(slow);
+    let seconds = |(from, to): &(Time, Time)| to.seconds_since(*from);
+    let stretches = log.gnss.chunk_by(|a, b| rests(a) && rests(b));
+    let spans = stretches
+        .filter(|fixes| rests(&fixes[0]))
+        .map(|fixes| (fixes[0].time, fixes[fixes.len() - 1].time));
+    // The first of equals.
+    let longest = spans.rev().max_by(|a, b| seconds(a).total_cmp(&seconds(b)));
+    longest.filter(|span| seconds(span) >= REST_S)
 }
 
 /// Means of the angular rate over whole seconds, a second away from both ends, rad/s.

@@ -45,7 +45,8 @@ pub struct Growth {
 /// Velocity difference at a time since the window's start, s and m/s.
 type Error = (f64, Vector2<f64>);
 
-fn known(estimate: &Estimate) -> bool {
+/// Whether an estimate stands on data.
+pub(crate) fn known(estimate: &Estimate) -> bool {
     estimate.observability == Observability::Observable
 }
 

@@ -1,9 +1,9 @@
 //! The halves test: what two halves of a log say of constants must agree.
 
-use ins_core::ConfigError;
-use ins_core::{Config, Estimate, Estimates, Navigator, Observability, Phase, Time};
+use ins_core::{Config, ConfigError, Estimate, Estimates, Navigator, Phase, Time};
 use serde::Serialize;
 
+use super::free_inertial::known;
 use super::quantities::MG_MPS2;
 use super::row::Row;
 use super::run::{Event, HISTORY_S, Identification, due, in_order_of_time};
@@ -157,11 +157,6 @@ impl End {
     }
 }
 
-fn observable(estimates: &[Estimate; 2]) -> bool {
-    let known = |estimate: &Estimate| estimate.observability == Observability::Observable;
-    estimates.iter().all(known)
-}
-
 fn latency(first: &End, second: &End) -> Option<Difference> {
     let latency = [first, second].map(|end| end.estimates.gnss_latency_s);
     let plain = constant("latency_ms", latency, 1e-3, 0.0)?;
@@ -181,7 +176,7 @@ fn constant(
     allowance: f64,
 ) -> Option<Difference> {
     let [first, second] = halves;
-    observable(&halves).then(|| {
+    halves.iter().all(known).then(|| {
         let sigmas = [first.sigma / unit, second.sigma / unit];
         Difference::new(name, (second.value - first.value) / unit, sigmas, allowance)
     })

@@ -3,8 +3,9 @@
 use std::borrow::Borrow;
 
 use indicatif::ProgressBar;
-use ins_core::ConfigError;
-use ins_core::{Config, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Navigator, Solution, Time};
+use ins_core::{
+    Config, ConfigError, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Navigator, Solution, Time,
+};
 
 use crate::identify::against_truth::{self, AgainstTruth};
 use crate::identify::free_inertial::{self, VelocityError};

@@ -6,14 +6,13 @@ use ins_core::Phase;
 use serde::Serialize;
 
 use crate::identify::against_truth::{AgainstTruth, TruthErrors};
-use crate::identify::configure;
 use crate::identify::free_inertial::VelocityErrors;
 use crate::identify::halves::Difference;
 use crate::identify::quantities::{Axes, Quantities, Quantity, in_axes};
 use crate::identify::row::{Answers, Counts};
 use crate::identify::run::Identification;
 use crate::identify::verdict::{Verdict, beyond_class};
-use crate::identify::words;
+use crate::identify::{configure, words};
 use crate::log::{Grade, Log, LogError};
 
 /// The summary of a log.

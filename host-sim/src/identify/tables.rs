@@ -4,11 +4,10 @@ use std::io::Write;
 
 use ins_core::{Observability, Solution, Time};
 
-use crate::identify::run::Identification;
-
 use crate::identify::quantities::Quantities;
 use crate::identify::row::Row;
-use crate::log::Meta;
+use crate::identify::run::Identification;
+use crate::log::{Meta, numbers};
 
 /// Writes the estimates and damping signals, once a second.
 pub fn write_estimates(to: impl Write, found: &Identification, meta: &Meta) -> csv::Result<()> {
@@ -86,24 +85,11 @@ pub fn write_solution(to: impl Write, solutions: &[Solution]) -> csv::Result<()>
     Ok(table.flush()?)
 }
 
-fn solution_cells(solution: &Solution) -> [String; 10] {
-    let (p, v, angles) = (
-        solution.position,
-        solution.velocity_enu_mps,
-        solution.euler(),
-    );
-    [
-        seconds(solution.time),
-        format!("{:.9}", p.latitude_rad.to_degrees()),
-        format!("{:.9}", p.longitude_rad.to_degrees()),
-        format!("{:.3}", p.height_m),
-        format!("{:.4}", v.x),
-        format!("{:.4}", v.y),
-        format!("{:.4}", v.z),
-        format!("{:.4}", angles.roll_rad.to_degrees()),
-        format!("{:.4}", angles.pitch_rad.to_degrees()),
-        format!("{:.4}", angles.heading_rad.to_degrees().rem_euclid(360.0)),
-    ]
+fn solution_cells(solution: &Solution) -> Vec<String> {
+    let digits = [9, 9, 3, 4, 4, 4, 4, 4, 4];
+    let cells = numbers(solution).into_iter().zip(digits);
+    let cells = cells.map(|(number, digits)| format!("{number:.digits$}"));
+    [seconds(solution.time)].into_iter().chain(cells).collect()
 }
 
 fn seconds(time: Time) -> String {

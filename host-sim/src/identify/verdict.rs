@@ -1,10 +1,10 @@
 //! What the estimates of a log are worth.
 
-use ins_core::{Config, Estimate, Observability, Phase};
+use ins_core::{Config, Estimate, Phase};
 use serde::Serialize;
 
 use super::words::unaligned;
-use crate::identify::free_inertial::VelocityErrors;
+use crate::identify::free_inertial::{VelocityErrors, known};
 use crate::identify::halves::Difference;
 use crate::identify::row::Answers;
 use crate::identify::run::Identification;
@@ -130,8 +130,7 @@ fn offsets(found: &Identification) -> Option<String> {
     let (estimates, sensors) = (&found.end.estimates, &found.config.sensors);
     let far = |offsets: &[Estimate], spread: f64| {
         offsets.iter().any(|offset| {
-            offset.observability == Observability::Observable
-                && offset.value.abs() - 3.0 * offset.sigma > OFFSET * spread
+            known(offset) && offset.value.abs() - 3.0 * offset.sigma > OFFSET * spread
         })
     };
     let gyro = far(&estimates.gyro_bias_radps, sensors.gyro_bias_radps);
@@ -161,11 +160,7 @@ fn innovations(found: &Identification) -> Option<String> {
 fn refused(what: &str, answers: &Answers) -> Option<String> {
     let rejected: u64 = answers.rejected.values().sum();
     let part = rejected as f64 / (rejected + answers.accepted).max(1) as f64;
-    let reasons = answers
-        .rejected
-        .keys()
-        .cloned()
-        .collect::<Vec<_>>()
-        .join(", ");
-    (part > REFUSED).then(|| format!("{:.0} % of {what} refused: {reasons}", 100.0 * part))
+    let reasons: Vec<&str> = answers.rejected.keys().map(String::as_str).collect();
+    let (percent, reasons) = (100.0 * part, reasons.join(", "));
+    (part > REFUSED).then(|| format!("{percent:.0} % of {what} refused: {reasons}"))
 }

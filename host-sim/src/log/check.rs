@@ -108,17 +108,14 @@ fn check_accelerometer_unit(
     findings: &mut Findings,
 ) -> Result<(), LogError> {
     let (norm, interval) = (rates.typical.force_norm_mps2, rates.typical.interval_s);
+    let expected = "a median specific force near 9.81 m/s^2";
     // Beyond a fifth no unit is near, but a racing multirotor is; a unit is off by three times.
     if within(norm, GRAVITY_MPS2, 2.0) {
         // 5 %: twice the worst scale error and bias of consumer sensors.
         if !within(norm, GRAVITY_MPS2, 1.05) {
             let cause = "a large scale error, or a vehicle that turns and accelerates throughout";
             let found = format!("{norm:.3} m/s^2");
-            findings.warn(
-                findings
-                    .imu("a median specific force near 9.81 m/s^2", found, cause)
-                    .in_column("accel"),
-            );
+            findings.warn(findings.imu(expected, found, cause).in_column("accel"));
         }
         return Ok(());
     }
@@ -154,13 +151,11 @@ fn check_accelerometer_unit(
     } else {
         fitting.last()
     };
-    let cause = likeliest.map_or(
-        "another unit, or not the accelerometer's columns",
-        |(_, cause)| cause,
-    );
+    let other = "another unit, or not the accelerometer's columns";
+    let cause = likeliest.map_or(other, |(_, cause)| cause);
     let found = format!("{norm:.4}");
     let expected = match log.meta.imu {
-        ImuOutput::Rates => "a median specific force near 9.81 m/s^2",
+        ImuOutput::Rates => expected,
         ImuOutput::Increments => "a median specific force (increment / interval) near 9.81 m/s^2",
     };
     Err(findings.imu(expected, found, cause).in_column("accel"))

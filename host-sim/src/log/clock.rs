@@ -9,6 +9,7 @@ use super::curve::{Curve, intervals, turned};
 use super::error::LogError;
 use super::findings::Findings;
 use super::rates::Rates;
+use crate::statistics::Line;
 
 /// Shifts that are looked for, in steps of half the shortest manoeuvre, and finer ones from there.
 const LARGEST_S: f64 = 300.0;
@@ -250,11 +251,9 @@ impl Clocks {
                 level_evidence(window, &felt) + up_evidence(window, &felt[2])
             })
             .sum();
-        let turns = windows
-            .iter()
-            .flatten()
+        let turns = (windows.iter().flatten())
             .filter_map(|seen| Some((seen.turn_radps?, mean(&self.angle, seen))));
-        let evidence = forces + turn_evidence(turns);
+        let evidence = forces + turn_evidence(&turns.collect::<Vec<_>>());
         Shift { s, evidence }
     }
 }
@@ -304,21 +303,11 @@ fn up_evidence(window: &[&Seen], felt: &[f64]) -> f64 {
 }
 
 /// Of turns about the vertical, which the nose follows or does not: one straight line for all.
-fn turn_evidence(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
-    let (mut n, mut x, mut y, mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-    for (a, b) in pairs {
-        n += 1.0;
-        x += a;
-        y += b;
-        xx += a * a;
-        xy += a * b;
-        yy += b * b;
-    }
-    let (xx, xy, yy) = (xx - x * x / n, xy - x * y / n, yy - y * y / n);
-    if n < 10.0 {
+fn turn_evidence(pairs: &[(f64, f64)]) -> f64 {
+    if pairs.len() < 10 {
         return 0.0;
     }
-    0.5 * n * explained(xy * xy / (xx * yy))
+    0.5 * pairs.len() as f64 * explained(Line::through(pairs).correlation.powi(2))
 }
 
 /// Logarithm of how much smaller a spread becomes by a correlation, of which the square is given.

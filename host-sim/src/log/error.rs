@@ -1,8 +1,7 @@
 //! What is wrong with a log, and where.
 
-use std::fmt;
-use std::io;
 use std::path::Path;
+use std::{fmt, io};
 
 use miette::Diagnostic;
 use thiserror::Error;

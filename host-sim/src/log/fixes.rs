@@ -41,15 +41,21 @@ impl Mend<'_, '_> {
         self.findings.warn(defect.in_column(column));
     }
 
+    fn count(&self, which: impl Fn(&GnssFix) -> bool) -> usize {
+        self.fixes.iter().filter(|fix| which(fix)).count()
+    }
+
+    /// Of fixes and the next.
+    fn count_pairs(&self, which: impl Fn(&GnssFix, &GnssFix) -> bool) -> usize {
+        let pairs = self.fixes.windows(2);
+        pairs.filter(|pair| which(&pair[0], &pair[1])).count()
+    }
+
     /// Zero latitude and longitude stand for no fix, unless the whole drive is there.
     fn rows_without_fix(&mut self) {
         let none = |fix: &GnssFix| fix.position == Some(LatLon::default());
-        let count = self.fixes.iter().filter(|fix| none(fix)).count();
-        let elsewhere = self
-            .fixes
-            .iter()
-            .any(|fix| fix.position.is_some() && !none(fix));
-        if count == 0 || !elsewhere {
+        let count = self.count(|fix| none(fix));
+        if count == 0 || count == self.count(|fix| fix.position.is_some()) {
             return;
         }
         for fix in self.fixes.iter_mut().filter(|fix| none(fix)) {
@@ -79,26 +85,20 @@ impl Mend<'_, '_> {
         let same = |a: &GnssFix, b: &GnssFix| {
             a.position.is_some() && GnssFix { time: a.time, ..*b } == *a && moves(a)
         };
-        let repeated = self.fixes.windows(2).filter(|w| same(&w[0], &w[1])).count();
-        if repeated == 0 {
+        if self.count_pairs(same) == 0 {
             return;
         }
         // At rest fixes may well be equal, but come no faster.
-        let news = self
-            .fixes
-            .windows(2)
-            .filter(|w| moves(&w[0]) && !same(&w[0], &w[1]));
+        let news = (self.fixes.windows(2)).filter(|w| moves(&w[0]) && !same(&w[0], &w[1]));
         let changes: Vec<f64> = news.map(|w| w[1].time.as_seconds()).collect();
         let period_s = median(changes.windows(2).map(|w| w[1] - w[0]));
         let before = self.fixes.len();
         let mut last: Option<GnssFix> = None;
         self.fixes.retain(|fix| {
             let stale = last.is_some_and(|last| {
-                let equal = GnssFix {
-                    time: fix.time,
-                    ..last
-                } == *fix;
-                equal && (moves(fix) || fix.time.seconds_since(last.time) < 0.9 * period_s)
+                let since_s = fix.time.seconds_since(last.time);
+                let time = fix.time;
+                GnssFix { time, ..last } == *fix && (moves(fix) || since_s < 0.9 * period_s)
             });
             if !stale {
                 last = Some(*fix);
@@ -158,8 +158,7 @@ impl Mend<'_, '_> {
         let same = |a: &GnssFix, b: &GnssFix| {
             a.velocity_en_mps == b.velocity_en_mps && a.position != b.position && moves(a)
         };
-        let moving = self.fixes.windows(2).filter(|w| moves(&w[0])).count();
-        let repeated = self.fixes.windows(2).filter(|w| same(&w[0], &w[1])).count();
+        let (moving, repeated) = (self.count_pairs(|a, _| moves(a)), self.count_pairs(same));
         // Written twice they are half of all; a coarse unit alone never gets there.
         if moving < 20 || (repeated as f64) < 0.4 * moving as f64 {
             return;
@@ -180,20 +179,13 @@ impl Mend<'_, '_> {
 
     /// Vertical velocity that is never measured.
     fn empty_climb(&mut self) {
-        let climbs: Vec<f64> = self
-            .fixes
-            .iter()
-            .filter_map(|f| f.velocity_up_mps)
-            .collect();
+        let climbs = self.count(|fix| fix.velocity_up_mps.is_some());
+        let zeros = self.count(|fix| fix.velocity_up_mps == Some(0.0));
         let heights: Vec<f64> = self.fixes.iter().filter_map(|f| f.height_m).collect();
         let range = heights.iter().copied().fold(f64::MIN, f64::max)
             - heights.iter().copied().fold(f64::MAX, f64::min);
         // Three times the noise of a plain receiver's heights.
-        if climbs.len() < 20
-            || heights.len() < 20
-            || range < 10.0
-            || climbs.iter().any(|v| *v != 0.0)
-        {
+        if climbs < 20 || heights.len() < 20 || range < 10.0 || zeros < climbs {
             return;
         }
         for fix in self.fixes.iter_mut() {
@@ -290,17 +282,11 @@ impl Mend<'_, '_> {
             let cause = "the receiver never had a fix";
             return Err(self.findings.gnss("a fix", "none", cause));
         }
-        let positions = self.fixes.iter().filter(|f| f.position.is_some()).count();
-        let velocities = self
-            .fixes
-            .iter()
-            .filter(|f| f.velocity_en_mps.is_some())
-            .count();
-        if positions == 0 {
+        if self.count(|fix| fix.position.is_some()) == 0 {
             let cause = "the receiver writes none: gravity and Earth rate are those of latitude 0";
             self.warn("lat_deg, lon_deg", "positions", "none".to_owned(), cause);
         }
-        if velocities == 0 {
+        if self.count(|fix| fix.velocity_en_mps.is_some()) == 0 {
             let cause = "the receiver writes none: what positions alone show is found, later and \
                          less exactly";
             self.warn("ve, vn", "velocities", "none".to_owned(), cause);

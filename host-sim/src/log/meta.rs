@@ -64,20 +64,21 @@ struct File {
     log: LogTable,
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 struct LogTable {
     body_axes: BodyAxes,
-    imu: ImuText,
+    #[serde(with = "Output")]
+    imu: ImuOutput,
     initial_heading_deg: Option<f64>,
     grade: Option<Grade>,
     lever_arm_m: Option<[f64; 3]>,
-    #[serde(default)]
-    gnss_clock_offset_s: f64,
+    gnss_clock_offset_s: Option<f64>,
 }
 
-#[derive(Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum ImuText {
+/// As it is written.
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "ImuOutput", rename_all = "lowercase")]
+pub(super) enum Output {
     Rates,
     Increments,
 }
@@ -110,16 +111,13 @@ impl Meta {
         let table = file.log;
         let meta = Self {
             body_axes: table.body_axes,
-            imu: match table.imu {
-                ImuText::Rates => ImuOutput::Rates,
-                ImuText::Increments => ImuOutput::Increments,
-            },
+            imu: table.imu,
             initial_heading_deg: table.initial_heading_deg,
             grade: table.grade,
             lever_arm_rfu_m: table
                 .lever_arm_m
                 .map(|arm| table.body_axes.to_rfu(arm.into())),
-            gnss_clock_offset_s: table.gnss_clock_offset_s,
+            gnss_clock_offset_s: table.gnss_clock_offset_s.unwrap_or(0.0),
             document,
         };
         meta.check_numbers(path)?;
@@ -162,32 +160,19 @@ impl Meta {
     }
 
     fn fill(&self, log: &mut toml::Table) {
-        let imu = match self.imu {
-            ImuOutput::Rates => "rates",
-            ImuOutput::Increments => "increments",
+        let arm = self.lever_arm_rfu_m;
+        let table = LogTable {
+            body_axes: self.body_axes,
+            imu: self.imu,
+            initial_heading_deg: self.initial_heading_deg,
+            grade: self.grade,
+            lever_arm_m: arm.map(|arm| self.body_axes.from_rfu(arm).into()),
+            gnss_clock_offset_s: Some(self.gnss_clock_offset_s).filter(|s| *s != 0.0),
         };
-        let grade = self.grade.map(Grade::name);
-        let arm = self.lever_arm_rfu_m.map(|arm| {
-            let arm = self.body_axes.from_rfu(arm);
-            arm.iter()
-                .map(|&x| toml::Value::from(x))
-                .collect::<Vec<_>>()
-        });
-        log.insert("body_axes".into(), self.body_axes.to_string().into());
-        log.insert("imu".into(), imu.into());
-        set(log, "initial_heading_deg", self.initial_heading_deg);
-        set(log, "grade", grade);
-        set(log, "lever_arm_m", arm);
-        let offset = Some(self.gnss_clock_offset_s).filter(|s| *s != 0.0);
-        set(log, "gnss_clock_offset_s", offset);
+        log.retain(|key, _| !KNOWN_KEYS.contains(&key));
+        // Names and numbers can always be written.
+        log.extend(toml::Table::try_from(table).unwrap_or_default());
     }
-}
-
-fn set(table: &mut toml::Table, key: &str, value: Option<impl Into<toml::Value>>) {
-    match value {
-        Some(value) => table.insert(key.into(), value.into()),
-        None => table.remove(key),
-    };
 }
 
 fn missing(path: &Path, error: &std::io::Error) -> LogError {

@@ -31,6 +31,7 @@ pub use meta::{Grade, Meta};
 pub use read::read;
 pub use samples::Samples;
 pub(crate) use typical::{median, median_interval_s};
+pub(crate) use write::numbers;
 pub use write::{Compression, write};
 
 use ins_core::{GnssFix, Solution, Time};

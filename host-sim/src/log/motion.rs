@@ -4,11 +4,11 @@ use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::Log;
 use super::axes::BodyAxes;
-use super::curve::Curve;
-use super::curve::turned;
+use super::curve::{Curve, turned};
 use super::findings::Findings;
 use super::rates::{Rate, Rates};
 use super::turns::legs;
+use crate::statistics::Line;
 
 /// Correlation from which on a sign is beyond doubt, with the least number of intervals.
 const CLEAR: f64 = 0.6;
@@ -55,7 +55,7 @@ fn along_the_track(log: &Log, rates: &Rates) -> Option<Matrix2<f64>> {
     }
     // Turns that go with brakings tell nothing of which is which.
     let of = |pick: &dyn Fn(&Pair) -> (f64, f64)| {
-        correlation(&pairs.iter().map(pick).collect::<Vec<_>>())
+        Line::through(&pairs.iter().map(pick).collect::<Vec<_>>()).correlation
     };
     if of(&|p| (p.1.x, p.1.y)).abs() > 0.5 {
         return None;
@@ -63,16 +63,6 @@ fn along_the_track(log: &Log, rates: &Rates) -> Option<Matrix2<f64>> {
     Some(Matrix2::from_fn(|row, column| {
         of(&|p| (p.0[row], p.1[column]))
     }))
-}
-
-fn correlation(pairs: &[(f64, f64)]) -> f64 {
-    let n = pairs.len() as f64;
-    let sum = |f: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(f).sum::<f64>();
-    let (x, y) = (sum(&|p| p.0) / n, sum(&|p| p.1) / n);
-    let xx = sum(&|p| (p.0 - x) * (p.0 - x));
-    let xy = sum(&|p| (p.0 - x) * (p.1 - y));
-    let yy = sum(&|p| (p.1 - y) * (p.1 - y));
-    xy / (xx * yy).sqrt()
 }
 
 fn check_level_axes(log: &Log, correlation: &Matrix2<f64>, findings: &mut Findings) {

@@ -8,15 +8,13 @@ use nalgebra::{Matrix2, Vector2};
 use super::Log;
 use super::error::LogError;
 use super::findings::Findings;
-use super::turns::Fit;
-use super::typical::apart;
-use super::typical::median;
-use super::typical::within;
+use super::typical::{likeliest, median, within};
+use crate::statistics::Line;
 
 /// Whether the way from position to position is the integral of velocity.
 pub(super) fn check_paths(
     log: &Log,
-    turning: Option<&Fit>,
+    turning: Option<&Line>,
     findings: &mut Findings,
 ) -> Result<(), LogError> {
     let steps = steps(&log.gnss);
@@ -62,7 +60,7 @@ pub(super) fn check_paths(
 
 /// How velocities would have to be turned to go along the positions, and what that means. Gyros
 /// tell a sign of velocity from one of positions: they turn as velocity does, or they do not.
-fn guesses(turning: Option<&Fit>) -> [(Matrix2<f64>, &'static str); 5] {
+fn guesses(turning: Option<&Line>) -> [(Matrix2<f64>, &'static str); 5] {
     let (west, south) = match turning.map(|fit| fit.slope > 0.0) {
         Some(true) => ("the sign of lon_deg is lost", "the sign of lat_deg is lost"),
         Some(false) => ("ve positive to the west", "vn positive to the south"),
@@ -156,11 +154,7 @@ fn unequal_paths(
     let likely = if within_radians && (0.016..0.1).contains(&ratio) {
         Some("radians for degrees in lat_deg and lon_deg")
     } else {
-        guesses
-            .iter()
-            .min_by(|a, b| apart(ratio, a.0).total_cmp(&apart(ratio, b.0)))
-            .filter(|(value, _)| within(ratio, *value, 1.07))
-            .map(|guess| guess.1)
+        likeliest(guesses, ratio, 1.07)
     };
     let cause = likely.unwrap_or("another unit, or positions that do not follow the motion");
     let defect = findings.gnss(expected, found, cause);

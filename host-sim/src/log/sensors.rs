@@ -3,9 +3,10 @@
 use std::io;
 
 use ins_core::{GnssFix, ImuSample, Time};
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector3;
 
 use super::Log;
+use super::curve::turned;
 use super::error::LogError;
 use super::findings::Findings;
 
@@ -136,8 +137,8 @@ fn contradicted(log: &Log, to: Time, reading: &ImuSample, per_second: f64) -> bo
         return false;
     };
     let seconds = to.seconds_since(from);
-    let turn = |pair: &[Vector2<f64>]| pair[0].perp(&pair[1]).atan2(pair[0].dot(&pair[1]));
-    let turned_rad: f64 = velocities.windows(2).map(turn).sum();
+    let turns = velocities.windows(2).map(|pair| turned(pair[0], pair[1]));
+    let turned_rad: f64 = turns.sum();
     let faster_mps = (end.norm() - start.norm()).abs();
     let forced_mps = reading.accel.xy().norm() * per_second * seconds;
     // Half a rad and 2 m/s: beyond what a course and a speed are off by.
@@ -274,23 +275,13 @@ impl Runs {
     }
 }
 
-/// The highest value of a channel, and how it is met.
+/// The highest value of a channel above zero, and how it is met.
+#[derive(Default)]
 struct Stop {
     highest: f64,
     count: usize,
     run: usize,
     longest_run: usize,
-}
-
-impl Default for Stop {
-    fn default() -> Self {
-        Self {
-            highest: f64::MIN,
-            count: 0,
-            run: 0,
-            longest_run: 0,
-        }
-    }
 }
 
 impl Stop {

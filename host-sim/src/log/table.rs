@@ -1,7 +1,6 @@
 //! A table of numbers in a text file, plain or gzip, read line by line with bounded memory.
 
 use std::cell::RefCell;
-use std::fmt;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -64,7 +63,7 @@ pub(super) struct Row<'a> {
 impl Table {
     /// Opens `path` and reads its header.
     pub(super) fn open(path: &Path) -> Result<Self, LogError> {
-        let mut source = open_text(path).map_err(|e| read_failed(path, &e))?;
+        let mut source = unpacked(path).map_err(|e| read_failed(path, &e))?;
         let separator = separator(source.fill_buf().map_err(|e| read_failed(path, &e))?);
         let reader = ReaderBuilder::new()
             .delimiter(separator)
@@ -349,7 +348,8 @@ fn shortened(text: &str) -> String {
     }
 }
 
-fn open_text(path: &Path) -> io::Result<Box<dyn BufRead>> {
+/// A file's bytes, unpacked if they are packed.
+pub(super) fn unpacked(path: &Path) -> io::Result<Box<dyn BufRead>> {
     let mut file = BufReader::new(File::open(path)?);
     // By content: files get renamed, and browsers unpack what they download.
     if file.fill_buf()?.starts_with(&GZIP_MAGIC) {
@@ -416,13 +416,6 @@ impl Read for LimitedLines {
     }
 }
 
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
+#[error("line too long")]
 struct LineTooLong;
-
-impl fmt::Display for LineTooLong {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("line too long")
-    }
-}
-
-impl std::error::Error for LineTooLong {}

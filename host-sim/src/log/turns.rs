@@ -7,20 +7,11 @@ use super::curve::{Curve, intervals, turned};
 use super::error::LogError;
 use super::findings::Findings;
 use super::rates::Rates;
-use super::typical::SHORT_S;
-use super::typical::apart;
-use super::typical::within;
+use super::typical::{SHORT_S, likeliest, within};
+use crate::statistics::Line;
 
-/// How well the gyros explain the turns of the track.
-#[derive(Clone, Copy)]
-pub(super) struct Fit {
-    pub(super) correlation: f64,
-    /// Gyros over track.
-    pub(super) slope: f64,
-}
-
-/// The rate about the vertical against the turning of the GNSS course; none without turns.
-pub(super) fn turning(log: &Log, rates: &Rates) -> Option<Fit> {
+/// The rate about the vertical, over the turning of the GNSS course; none without turns.
+pub(super) fn turning(log: &Log, rates: &Rates) -> Option<Line> {
     let legs = legs(log);
     let turning = legs.iter().filter(|leg| rate_radps(leg).abs() > 0.05);
     // Ten seconds of turning, or the fit is chance.
@@ -32,7 +23,7 @@ pub(super) fn turning(log: &Log, rates: &Rates) -> Option<Fit> {
 
 /// What the fit says of unit and sign of the gyros.
 pub(super) fn check_turns(
-    fit: Option<&Fit>,
+    fit: Option<&Line>,
     together: bool,
     duration_s: f64,
     rates: &Rates,
@@ -85,7 +76,7 @@ fn check_offset(rates: &Rates, findings: &mut Findings) {
     }
 }
 
-fn warn_of_strangers(fit: &Fit, findings: &mut Findings) {
+fn warn_of_strangers(fit: &Line, findings: &mut Findings) {
     let found = format!("a correlation of {:.2} between the two", fit.correlation);
     let cause = "files of different drives, clocks that differ, or a vehicle whose nose does not \
                  follow its track (multirotor, boat)";
@@ -93,7 +84,7 @@ fn warn_of_strangers(fit: &Fit, findings: &mut Findings) {
     findings.warn(findings.gnss(expected, found, cause));
 }
 
-fn check_scale(fit: &Fit, rates: &Rates, findings: &mut Findings) -> Result<(), LogError> {
+fn check_scale(fit: &Line, rates: &Rates, findings: &mut Findings) -> Result<(), LogError> {
     let found = format!(
         "{:.4} times the turn rate of the GNSS track (correlation {:.2})",
         fit.slope, fit.correlation
@@ -110,10 +101,8 @@ fn check_scale(fit: &Fit, rates: &Rates, findings: &mut Findings) -> Result<(), 
              the accelerometers, so check the sign of both against body_axes",
         ));
     }
-    let off = |value: f64| apart(fit.slope, value);
-    let nearest = gyro_units(rates).min_by(|a, b| off(a.0).total_cmp(&off(b.0)));
-    match nearest.filter(|(value, _)| within(fit.slope, *value, 1.3)) {
-        Some((_, cause)) => Err(defect(&cause)),
+    match likeliest(gyro_units(rates), fit.slope, 1.3) {
+        Some(cause) => Err(defect(&cause)),
         None if within(fit.slope, 1.0, 1.5) => Ok(()),
         None => {
             findings.warn(defect(
@@ -165,7 +154,7 @@ fn rate_radps([from, to]: &Leg) -> f64 {
 }
 
 /// Least squares of the gyro's mean rates over the track's.
-fn fit(legs: &[Leg], angles: &Curve) -> Option<Fit> {
+fn fit(legs: &[Leg], angles: &Curve) -> Option<Line> {
     let pairs: Vec<(f64, f64)> = legs
         .iter()
         .filter(|[from, to]| angles.reaches(from.0) && angles.reaches(to.0))
@@ -174,18 +163,6 @@ fn fit(legs: &[Leg], angles: &Curve) -> Option<Fit> {
             (rate_radps(leg), turned / (to.0 - from.0))
         })
         .collect();
-    if pairs.len() < 10 {
-        return None;
-    }
-    let n = pairs.len() as f64;
-    let mean = |f: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(f).sum::<f64>() / n;
-    let (x, y) = (mean(&|p| p.0), mean(&|p| p.1));
-    let xx = mean(&|p| (p.0 - x) * (p.0 - x));
-    let xy = mean(&|p| (p.0 - x) * (p.1 - y));
-    let yy = mean(&|p| (p.1 - y) * (p.1 - y));
-    let correlation = xy / (xx * yy).sqrt();
-    correlation.is_finite().then_some(Fit {
-        correlation,
-        slope: xy / xx,
-    })
+    let line = Line::through(&pairs);
+    (pairs.len() >= 10 && line.correlation.is_finite()).then_some(line)
 }

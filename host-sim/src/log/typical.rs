@@ -13,8 +13,19 @@ pub(super) fn within(value: f64, reference: f64, factor: f64) -> bool {
 }
 
 /// Logarithm of how many times one is the other.
-pub(super) fn apart(value: f64, reference: f64) -> f64 {
+fn apart(value: f64, reference: f64) -> f64 {
     (value / reference).ln().abs()
+}
+
+/// What a value most likely is, of some that are known; none if it is not near.
+pub(super) fn likeliest<T>(
+    known: impl IntoIterator<Item = (f64, T)>,
+    value: f64,
+    factor: f64,
+) -> Option<T> {
+    let off = |guess: &(f64, T)| apart(value, guess.0);
+    let nearest = known.into_iter().min_by(|a, b| off(a).total_cmp(&off(b)))?;
+    within(value, nearest.0, factor).then_some(nearest.1)
 }
 
 /// Median time from one to the next, s; zero of fewer than two.

@@ -89,9 +89,11 @@ fn gnss_row(fix: &GnssFix, sigmas: &[(&str, Part)]) -> String {
     joined(decimal(fix.time), cells.into_iter().chain(sigmas))
 }
 
-fn truth_row(truth: &Solution) -> String {
-    let (p, v, angles) = (truth.position, truth.velocity_enu_mps, truth.euler());
-    let cells = [
+/// Latitude, longitude, height, velocity, roll, pitch, heading: degrees, metres and m/s.
+pub(crate) fn numbers(solution: &Solution) -> [f64; 9] {
+    let (p, v) = (solution.position, solution.velocity_enu_mps);
+    let angles = solution.euler();
+    [
         p.latitude_rad.to_degrees(),
         p.longitude_rad.to_degrees(),
         p.height_m,
@@ -101,8 +103,11 @@ fn truth_row(truth: &Solution) -> String {
         angles.roll_rad.to_degrees(),
         angles.pitch_rad.to_degrees(),
         angles.heading_rad.to_degrees().rem_euclid(360.0),
-    ];
-    joined(decimal(truth.time), cells.into_iter().map(Some))
+    ]
+}
+
+fn truth_row(truth: &Solution) -> String {
+    joined(decimal(truth.time), numbers(truth).into_iter().map(Some))
 }
 
 fn joined(mut row: String, cells: impl Iterator<Item = Option<f64>>) -> String {

@@ -149,23 +149,17 @@ impl Chart {
 
     /// A curve; NaN breaks it.
     pub(crate) fn line(self, name: &str, colour: RGBColor, points: &[Point]) -> Self {
-        let line = Line::new().width(1.5).color(css(colour, 1.0));
-        let curve = self.curve(name, points).line(line);
-        self.with(curve)
+        self.drawn(name, points, stroke(1.5, colour, 1.0))
     }
 
     /// A curve that stays in the background.
     pub(crate) fn reference(self, name: &str, colour: RGBColor, points: &[Point]) -> Self {
-        let line = Line::new().width(1.0).color(css(colour, 0.8));
-        let curve = self.curve(name, points).line(line.dash(DashType::Dot));
-        self.with(curve)
+        self.drawn(name, points, stroke(1.0, colour, 0.8).dash(DashType::Dot))
     }
 
     /// A curve of noise: pale.
     pub(crate) fn noise(self, name: &str, colour: RGBColor, points: &[Point]) -> Self {
-        let line = Line::new().width(1.0).color(css(colour, 0.7));
-        let curve = self.curve(name, points).line(line);
-        self.with(curve)
+        self.drawn(name, points, stroke(1.0, colour, 0.7))
     }
 
     /// One sigma to both sides of zero.
@@ -173,9 +167,7 @@ impl Chart {
         let side = |sign: f64| sigmas.iter().map(move |&(x, sigma)| (x, sign * sigma));
         let gap = (f64::NAN, f64::NAN);
         let both: Vec<Point> = side(1.0).chain([gap]).chain(side(-1.0)).collect();
-        let line = Line::new().width(2.0).color(css(colour, 1.0));
-        let curve = self.curve(name, &both).line(line);
-        self.with(curve)
+        self.drawn(name, &both, stroke(2.0, colour, 1.0))
     }
 
     /// A curve in a band of one sigma; both are switched together.
@@ -184,7 +176,7 @@ impl Chart {
         let values: Vec<Point> = points.iter().map(|p| (p.0, p.1)).collect();
         let line = self
             .curve(name, &values)
-            .line(Line::new().width(1.5).color(css(colour, 1.0)))
+            .line(stroke(1.5, colour, 1.0))
             .custom_data(sigmas)
             .hover_template("%{y} \u{b1} %{customdata}")
             .legend_group(name);
@@ -256,6 +248,11 @@ impl Chart {
             .hover_info(HoverInfo::Skip)
             .y_axis("y2");
         self.with(area)
+    }
+
+    fn drawn(self, name: &str, points: &[Point], line: Line) -> Self {
+        let curve = self.curve(name, points).line(line);
+        self.with(curve)
     }
 
     fn curve(&self, name: &str, points: &[Point]) -> Box<Scatter<f64, f64>> {
@@ -362,6 +359,10 @@ fn logarithmic(axis: Axis, values: impl Iterator<Item = f64>) -> Axis {
         .range(vec![ends.0.log10(), ends.1.log10()])
         .tick_values(decades(ends))
         .tick_format("~g")
+}
+
+fn stroke(width: f64, colour: RGBColor, opacity: f64) -> Line {
+    Line::new().width(width).color(css(colour, opacity))
 }
 
 fn css(RGBColor(red, green, blue): RGBColor, opacity: f64) -> Rgba {

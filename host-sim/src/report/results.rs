@@ -4,13 +4,11 @@ use ins_core::{Observability, Phase};
 
 use crate::identify::analysis::Analysis;
 use crate::identify::error_model::Sensors;
-use crate::identify::held_ins;
 use crate::identify::quantities::{Quantity, in_axes};
 use crate::identify::true_errors::Truth;
-use crate::identify::words;
+use crate::identify::{held_ins, words};
 use crate::page::number::to_second_digit_of as digits;
-use crate::page::table::Table;
-use crate::page::table::heads;
+use crate::page::table::{Table, heads};
 
 /// Sigmas that an error may have.
 const SURE: f64 = 4.5;

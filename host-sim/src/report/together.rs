@@ -10,8 +10,7 @@ use crate::page::chart::{Chart, Spread};
 use crate::page::html::{Page, Section};
 use crate::page::number::to_second_digit_of as digits;
 use crate::page::plot::{BLUE, GREY};
-use crate::page::table::Table;
-use crate::page::table::heads;
+use crate::page::table::{Table, heads};
 
 /// Logs that agree differ by more than this once in a hundred times.
 const CHANCE: f64 = 0.01;

@@ -289,21 +289,18 @@ impl Recorder {
 
     /// The errors that an estimator should find at a time.
     pub(crate) fn errors(&self, end: Time) -> SensorErrors {
-        sensor_errors(&self.unit, &self.receiver, end)
-    }
-}
-
-fn sensor_errors(imu: &Imu, gnss: &Gnss, end: Time) -> SensorErrors {
-    SensorErrors {
-        accel_bias_mps2: imu.accels.bias().into(),
-        gyro_bias_radps: imu.gyros.bias().into(),
-        accel_scale: imu.accels.scale().into(),
-        gyro_scale: imu.gyros.scale().into(),
-        accel_matrix: imu.accels.error_matrix(),
-        gyro_matrix: imu.gyros.error_matrix(),
-        gnss_latency_s: gnss.latency_s(),
-        gnss_latency_end_s: gnss.latency_at_s(end.as_seconds()),
-        gnss_lag_s: gnss.lag_s(),
+        let Imu { gyros, accels, .. } = &self.unit;
+        SensorErrors {
+            accel_bias_mps2: accels.bias().into(),
+            gyro_bias_radps: gyros.bias().into(),
+            accel_scale: accels.scale().into(),
+            gyro_scale: gyros.scale().into(),
+            accel_matrix: accels.error_matrix(),
+            gyro_matrix: gyros.error_matrix(),
+            gnss_latency_s: self.receiver.latency_s(),
+            gnss_latency_end_s: self.receiver.latency_at_s(end.as_seconds()),
+            gnss_lag_s: self.receiver.lag_s(),
+        }
     }
 }
 

@@ -21,15 +21,9 @@ pub struct Gnss {
     velocity_memory: [Memory; 3],
     position_memory: [Memory; 3],
     outliers: Random,
-    smoothed: Option<Smoothed>,
+    /// What a smoothing receiver remembers of the last epoch.
+    smoothed: Option<Antenna>,
     last_good: Option<GnssFix>,
-}
-
-/// What a smoothing receiver remembers of the last epoch.
-#[derive(Clone, Copy, Debug)]
-struct Smoothed {
-    position: Geodetic,
-    velocity_mps: Vector3<f64>,
 }
 
 impl Gnss {
@@ -40,22 +34,20 @@ impl Gnss {
         let memory = |noise: &Correlated, name: &str| {
             Memory::new(noise, period_s, Random::stream(seed, name))
         };
-        let (v, h, z) = (&habits.velocity, &habits.horizontal, &habits.vertical);
+        let (level, up) = (&habits.horizontal, &habits.vertical);
         Self {
             latency_s: Random::stream(seed, "gnss latency").uniform(model.latency_s),
             next: 0,
             velocity_noise: Random::stream(seed, "gnss velocity"),
             position_noise: Random::stream(seed, "gnss position"),
-            velocity_memory: [
-                memory(v, "gnss velocity east"),
-                memory(v, "gnss velocity north"),
-                memory(v, "gnss velocity up"),
-            ],
+            velocity_memory: ["east", "north", "up"]
+                .map(|axis| memory(&habits.velocity, &format!("gnss velocity {axis}"))),
             position_memory: [
-                memory(h, "gnss position east"),
-                memory(h, "gnss position north"),
-                memory(z, "gnss height"),
-            ],
+                (level, "gnss position east"),
+                (level, "gnss position north"),
+                (up, "gnss height"),
+            ]
+            .map(|(noise, name)| memory(noise, name)),
             outliers: Random::stream(seed, "gnss outliers"),
             smoothed: None,
             last_good: None,
@@ -107,14 +99,10 @@ impl Gnss {
                 continue;
             }
             let antenna = Antenna::between(from, to, shown_s, &self.model.habits.lever_arm_m);
-            let seen = self.smooth(
-                displaced(&antenna.position, &noise.position_m),
-                antenna.velocity_enu_mps + noise.velocity_mps,
-            );
+            let seen = self.smooth(noise.on(&antenna));
             if !self.is_out(stamp_s) {
-                let position = displaced(&seen.position, &outlier.position_m);
-                let velocity = seen.velocity_mps + outlier.velocity_mps;
-                self.log(stamp_s, &position, &velocity, fixes);
+                let seen = outlier.on(&seen);
+                self.log(stamp_s, &seen.position, &seen.velocity_enu_mps, fixes);
             }
         }
     }
@@ -164,18 +152,16 @@ impl Gnss {
         }
     }
 
-    fn smooth(&mut self, position: Geodetic, velocity_mps: Vector3<f64>) -> Smoothed {
+    fn smooth(&mut self, seen: Antenna) -> Antenna {
         let keep = self.smoothing_keep();
-        let now = match self.smoothed {
-            Some(last) if keep > 0.0 => Smoothed {
-                position: displaced(&position, &(keep * last.position.enu_from(&position))),
-                velocity_mps: velocity_mps + keep * (last.velocity_mps - velocity_mps),
-            },
-            _ => Smoothed {
-                position,
-                velocity_mps,
-            },
-        };
+        let last = self.smoothed.filter(|_| keep > 0.0);
+        let now = last.map_or(seen, |last| {
+            let off = Errors {
+                velocity_mps: keep * (last.velocity_enu_mps - seen.velocity_enu_mps),
+                position_m: keep * last.position.enu_from(&seen.position),
+            };
+            off.on(&seen)
+        });
         self.smoothed = Some(now);
         now
     }
@@ -296,6 +282,15 @@ impl Gnss {
 struct Errors {
     velocity_mps: Vector3<f64>,
     position_m: Vector3<f64>,
+}
+
+impl Errors {
+    fn on(&self, seen: &Antenna) -> Antenna {
+        Antenna {
+            position: displaced(&seen.position, &self.position_m),
+            velocity_enu_mps: seen.velocity_enu_mps + self.velocity_mps,
+        }
+    }
 }
 
 /// A Gauss-Markov process, stationary from the start.

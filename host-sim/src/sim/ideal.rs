@@ -1,8 +1,7 @@
 //! Sensors without error: any motion on the rotating WGS-84 ellipsoid.
 
-use ins_core::Solution;
-use ins_core::Time;
 use ins_core::earth::{Geodetic, LocalEarth, wrap_pi};
+use ins_core::{Solution, Time};
 use nalgebra::Vector3;
 
 use super::cubic::Cubic;

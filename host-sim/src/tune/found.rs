@@ -1,9 +1,10 @@
 //! A quantity as found, or what would show it.
 
-use ins_core::{Estimate, Observability};
+use ins_core::Estimate;
 use serde::{Serialize, Serializer};
 
 use crate::identify::error_model::interval::{Interval, NORMAL_95};
+use crate::identify::free_inertial::known;
 use crate::log::BodyAxes;
 use crate::page::digits;
 
@@ -42,7 +43,7 @@ impl Found {
         Self {
             value: estimate.value,
             sigma: estimate.sigma,
-            missing: (estimate.observability != Observability::Observable).then_some(missing),
+            missing: (!known(estimate)).then_some(missing),
         }
     }
 

@@ -6,11 +6,12 @@
 
 use ins_core::attitude::{self, Euler};
 use ins_core::earth::{GRAVITY_EQUATOR_MPS2, wrap_pi};
-use ins_core::{Estimates, Observability, Solution};
+use ins_core::{Estimates, Solution};
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
 use super::found::Found;
+use crate::identify::free_inertial::known;
 use crate::identify::row::Row;
 use crate::log;
 
@@ -111,9 +112,8 @@ impl Mount {
             _ => return mount,
         };
         let biases = &end.accel_bias_mps2[..2];
-        let level = |bias: &ins_core::Estimate| bias.observability == Observability::Observable;
         let tilt = biases[0].sigma.hypot(biases[1].sigma) / GRAVITY_EQUATOR_MPS2;
-        let no_level = (!biases.iter().all(level)).then_some(NO_LEVEL);
+        let no_level = (!biases.iter().all(known)).then_some(NO_LEVEL);
         let times = (straight.len() as f64 / INDEPENDENT_S).sqrt();
         let found = |middle: &Middle, systematic: f64| {
             Found::known(
@@ -136,7 +136,6 @@ impl Mount {
 
 /// The middle one of three rows a second apart; none if slow, or before the azimuth is known.
 fn second(rows: &[Row]) -> Option<Second> {
-    let azimuth = &rows[1].estimates.azimuth_error_rad;
     let [before, now, after] = [rows[0].solution?, rows[1].solution?, rows[2].solution?];
     let speed = |solution: &Solution| solution.velocity_enu_mps.xy().norm();
     let course = |s: &Solution| libm::atan2(s.velocity_enu_mps.x, s.velocity_enu_mps.y);
@@ -144,7 +143,7 @@ fn second(rows: &[Row]) -> Option<Second> {
         .iter()
         .all(|solution| speed(solution) > SLOW_MPS);
     let seconds = after.time.seconds_since(before.time);
-    if azimuth.observability != Observability::Observable || !fast || seconds > 3.0 {
+    if !known(&rows[1].estimates.azimuth_error_rad) || !fast || seconds > 3.0 {
         return None;
     }
     let ahead = attitude::from_euler(&Euler {

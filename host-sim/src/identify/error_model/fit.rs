@@ -131,17 +131,7 @@ pub fn information(records: &[Record], at: &Candidate) -> nalgebra::Matrix4<f64>
     let point = [at.gyro_noise, at.gnss_sigma_mps, size, time_s].map(libm::log);
     let Correlated { sigma, time_s } = at.gnss_memory;
     let [memory, memory_time] = [sigma.max(libm::exp(NONE)), time_s.max(1.0)].map(libm::log);
-    let f = |x: &[f64; 4]| {
-        let point = Point {
-            noise: x[0],
-            gnss: x[1],
-            memory,
-            memory_time,
-            size: x[2],
-            time: x[3],
-        };
-        fitter.at(law, &point)
-    };
+    let f = |x: &[f64; 4]| fitter.at(law, &[x[0], x[1], memory, memory_time, x[2], x[3]]);
     -curvature(f, point, CURVATURE_STEP)
 }
 
@@ -151,16 +141,25 @@ struct Fitter<'a> {
     class: Class,
 }
 
-/// Logarithms of the parameters of a model: gyro noise, GNSS noise, size and time of its memory,
-/// size and time of the random part of the biases.
-#[derive(Clone, Copy)]
-struct Point {
-    noise: f64,
-    gnss: f64,
-    memory: f64,
-    memory_time: f64,
-    size: f64,
-    time: f64,
+/// Logarithms of the parameters of a model.
+type Point = [f64; 6];
+
+/// Gyro noise, GNSS noise, size and time of its memory, size and time of the random part of the
+/// biases.
+const NOISE: usize = 0;
+const GNSS: usize = 1;
+const MEMORY: usize = 2;
+const MEMORY_TIME: usize = 3;
+const SIZE: usize = 4;
+const TIME: usize = 5;
+
+/// The point with some coordinates set otherwise.
+fn with<const N: usize>(point: &Point, set: [(usize, f64); N]) -> Point {
+    let mut point = *point;
+    for (which, value) in set {
+        point[which] = value;
+    }
+    point
 }
 
 /// A point and the log-likelihood there.
@@ -180,19 +179,16 @@ struct Start {
 
 impl Fitter<'_> {
     fn candidate(&self, law: Law, point: &Point) -> Candidate {
+        let [gyro_noise, gnss_sigma_mps, memory, memory_s, size, time_s] = point.map(libm::exp);
         Candidate {
-            gyro_noise: libm::exp(point.noise),
+            gyro_noise,
             accel_noise: self.accel_noise,
-            gnss_sigma_mps: libm::exp(point.gnss),
+            gnss_sigma_mps,
             gnss_memory: Correlated {
-                sigma: libm::exp(point.memory),
-                time_s: libm::exp(point.memory_time),
+                sigma: memory,
+                time_s: memory_s,
             },
-            dynamics: Dynamics {
-                law,
-                size: libm::exp(point.size),
-                time_s: libm::exp(point.time),
-            },
+            dynamics: Dynamics { law, size, time_s },
             class: self.class,
         }
     }
@@ -206,10 +202,8 @@ impl Fitter<'_> {
 
     /// Log-likelihood at a point.
     fn at(&self, law: Law, point: &Point) -> f64 {
-        let candidate = self.candidate(law, point);
-        let sum: f64 = (self.drives.iter())
-            .map(|record| filter(record, &candidate).log_likelihood)
-            .sum();
+        let answers = self.answers(law, point);
+        let sum: f64 = answers.iter().map(|answer| answer.log_likelihood).sum();
         // Variances beyond all sense overflow.
         if sum.is_finite() {
             sum
@@ -223,15 +217,25 @@ impl Fitter<'_> {
         Top { at, value }
     }
 
-    /// The best of the points that so many numbers stand for.
+    /// The likeliest of some points.
+    fn likeliest(&self, law: Law, points: impl IntoIterator<Item = Point>) -> Option<Top> {
+        let tops = points.into_iter().map(|at| self.top(law, at));
+        tops.max_by(|a, b| a.value.total_cmp(&b.value))
+    }
+
+    /// The best that some coordinates make of a point, each from a first step.
     fn best<const N: usize>(
         &self,
         law: Law,
-        start: [f64; N],
-        step: [f64; N],
+        from: &Point,
+        free: [(usize, f64); N],
         tolerance: f64,
-        point: impl Fn(&[f64; N]) -> Point,
     ) -> Top {
+        let point = |x: &[f64; N]| {
+            let bounded = |at: usize| (free[at].0, self.bounded(free[at].0, x[at]));
+            with(from, core::array::from_fn::<_, N, _>(bounded))
+        };
+        let (start, step) = (free.map(|(which, _)| from[which]), free.map(|(_, by)| by));
         let (x, value) = maximum(|x| self.at(law, &point(x)), start, step, tolerance);
         Top {
             at: point(&x),
@@ -239,67 +243,65 @@ impl Fitter<'_> {
         }
     }
 
+    /// Times of a memory that are tried, and correlation times that a drive can tell from a constant
+    /// and a trend; all else as it is.
+    fn bounded(&self, which: usize, value: f64) -> f64 {
+        let [least, .., most] = MEMORIES_S;
+        match which {
+            MEMORY_TIME => value.clamp(libm::log(least), libm::log(most)),
+            TIME => value.clamp(libm::log(2.0), libm::log(self.longest_s()) + 1.0),
+            _ => value,
+        }
+    }
+
     /// The memory of GNSS is told from biases that move, and both from noise.
     fn start(&self) -> Start {
         let still = self.still();
-        let walk = self.walk(&still);
-        let walk = self.with_memory(&walk);
-        let still = self.top(
-            Law::Continuous,
-            Point {
-                memory: walk.at.memory,
-                memory_time: walk.at.memory_time,
-                ..still.at
-            },
-        );
+        let walk = self.with_memory(&self.walk(&still));
+        let memory = [MEMORY, MEMORY_TIME].map(|which| (which, walk.at[which]));
+        let still = self.top(Law::Continuous, with(&still.at, memory));
         Start { still, walk }
     }
 
     /// Biases that do not move.
     fn still(&self) -> Top {
-        let point = |x: &[f64; 2]| Point {
-            noise: x[0],
-            gnss: x[1],
-            memory: NONE,
-            memory_time: libm::log(MEMORIES_S[1]),
-            size: NONE,
-            time: 5.0,
-        };
         // From lasers to the worst of MEMS: the likelihood has one top, but a long way off.
-        let starts = [1e-6, 1e-5, 1e-4, 1e-3].map(libm::log);
-        let gnss = libm::log(0.1);
-        let at = |noise: f64| self.at(Law::Continuous, &point(&[noise, gnss]));
-        let start = (starts.into_iter())
-            .max_by(|a, b| at(*a).total_cmp(&at(*b)))
-            .unwrap_or(starts[1]);
-        let law = Law::Continuous;
-        self.best(law, [start, gnss], [0.7, 0.3], TOLERANCE, point)
+        let starts = [1e-6_f64, 1e-5, 1e-4, 1e-3].map(|noise| {
+            let memory_time = libm::log(MEMORIES_S[1]);
+            [
+                libm::log(noise),
+                libm::log(0.1),
+                NONE,
+                memory_time,
+                NONE,
+                5.0,
+            ]
+        });
+        let start = self.likeliest(Law::Continuous, starts);
+        let start = start.map_or(starts[1], |start| start.at);
+        let free = [(NOISE, 0.7), (GNSS, 0.3)];
+        self.best(Law::Continuous, &start, free, TOLERANCE)
     }
 
     /// With what noise of GNSS has a memory, if that makes the drives likelier than chance would.
     fn with_memory(&self, without: &Top) -> Top {
-        let point = |x: &[f64; 5]| Point {
-            noise: x[0],
-            gnss: x[1],
-            size: x[2],
-            memory: x[3],
-            memory_time: remembered(x[4]),
-            ..without.at
-        };
-        let Point {
-            noise, gnss, size, ..
-        } = without.at;
-        let starts = MEMORIES_S.map(|time| [noise, gnss, size, gnss - 2.0, libm::log(time)]);
-        let at = |x: &[f64; 5]| self.at(Law::Wave, &point(x));
-        let start = (starts.into_iter())
-            .max_by(|a, b| at(a).total_cmp(&at(b)))
-            .unwrap_or(starts[1]);
+        let starts = MEMORIES_S.map(|time_s| {
+            let memory = (MEMORY, without.at[GNSS] - 2.0);
+            with(&without.at, [memory, (MEMORY_TIME, libm::log(time_s))])
+        });
+        let start = self.likeliest(Law::Wave, starts).unwrap_or(*without);
         // A memory that makes drives less likely by its first bit is none.
-        if at(&start) <= without.value {
+        if start.value <= without.value {
             return *without;
         }
-        let step = [-0.1, -0.1, -0.2, 0.7, 0.5];
-        let with = self.best(Law::Wave, start, step, TOLERANCE, point);
+        let free = [
+            (NOISE, -0.1),
+            (GNSS, -0.1),
+            (SIZE, -0.2),
+            (MEMORY, 0.7),
+            (MEMORY_TIME, 0.5),
+        ];
+        let with = self.best(Law::Wave, &start.at, free, TOLERANCE);
         if with.value > without.value + DROP_OF_TWO {
             with
         } else {
@@ -319,89 +321,37 @@ impl Fitter<'_> {
     fn continuous(&self, start: &Start) -> GyroFit {
         let top = self.polished(Law::Continuous, self.continuous_top(&start.still));
         let size = self.size_interval(Law::Continuous, &top, start.still.value);
-        let time = self.time_interval(&top);
+        let time = self.profiled(Law::Continuous, &top, TIME, 0.4, TOLERANCE, [(SIZE, 0.2)]);
         self.assemble(Law::Continuous, &top, [size, time])
     }
 
     fn continuous_top(&self, still: &Top) -> Top {
         // What the noise of ten minutes hides.
-        let unit = still.at.noise - 0.5 * libm::log(600.0);
+        let unit = still.at[NOISE] - 0.5 * libm::log(600.0);
         let longest = libm::log(self.longest_s());
         let sizes = [0.3_f64, 1.0, 3.0, 10.0].map(|by| unit + libm::log(by));
         let times = [20.0_f64, 60.0, 200.0, 600.0, 2000.0].map(libm::log);
-        let mut start: Option<Top> = None;
-        for size in sizes {
-            for time in times.into_iter().filter(|time| *time < longest) {
-                let at = Point {
-                    size,
-                    time,
-                    ..still.at
-                };
-                let top = self.top(Law::Continuous, at);
-                if start.is_none_or(|start| top.value > start.value) {
-                    start = Some(top);
-                }
-            }
-        }
-        let start = start.unwrap_or(*still).at;
-        let point = |x: &[f64; 4]| Point {
-            noise: x[0],
-            gnss: x[1],
-            size: x[2],
-            time: bounded(x[3], longest),
-            ..start
-        };
-        let from = [start.noise, start.gnss, start.size, start.time];
-        let step = [-0.1, 0.02, 0.4, 0.6];
-        self.best(Law::Continuous, from, step, TOP_TOLERANCE, point)
+        let times = times.into_iter().filter(|time| *time < longest);
+        let starts =
+            times.flat_map(|time| sizes.map(|size| with(&still.at, [(SIZE, size), (TIME, time)])));
+        let start = self.likeliest(Law::Continuous, starts).unwrap_or(*still);
+        let free = [(NOISE, -0.1), (GNSS, 0.02), (SIZE, 0.4), (TIME, 0.6)];
+        self.best(Law::Continuous, &start.at, free, TOP_TOLERANCE)
     }
 
     /// Profile over the size of the random part. The noises are left where they are: they hardly
     /// move with it.
     fn size_interval(&self, law: Law, top: &Top, still: f64) -> Interval {
-        let longest = libm::log(self.longest_s());
-        let profile = |size: f64| {
-            let point = |x: &[f64; 1]| Point {
-                size,
-                time: bounded(x[0], longest),
-                ..top.at
-            };
-            let value = match law {
-                Law::Wave => self.at(law, &Point { size, ..top.at }),
-                Law::Continuous => {
-                    let from = [top.at.time];
-                    self.best(law, from, [0.3], TOLERANCE, point).value
-                }
-            };
-            value - top.value + DROP
+        let found = match law {
+            Law::Wave => self.profiled(law, top, SIZE, 0.3, TOLERANCE, []),
+            Law::Continuous => self.profiled(law, top, SIZE, 0.3, TOLERANCE, [(TIME, 0.3)]),
         };
         let low = if still - top.value + DROP > 0.0 {
             0.0
         } else {
-            libm::exp(bound(profile, top.at.size, -0.3))
+            found.low
         };
-        Interval {
-            value: libm::exp(top.at.size),
-            low,
-            high: libm::exp(bound(profile, top.at.size, 0.3)),
-        }
-    }
-
-    fn time_interval(&self, top: &Top) -> Interval {
-        let profile = |time: f64| {
-            let point = |x: &[f64; 1]| Point {
-                size: x[0],
-                time,
-                ..top.at
-            };
-            let best = self.best(Law::Continuous, [top.at.size], [0.2], TOLERANCE, point);
-            best.value - top.value + DROP
-        };
-        Interval {
-            value: libm::exp(top.at.time),
-            low: libm::exp(bound(profile, top.at.time, -0.4)),
-            high: libm::exp(bound(profile, top.at.time, 0.4)),
-        }
+        Interval { low, ..found }
     }
 
     // --- (3) ---
@@ -417,81 +367,78 @@ impl Fitter<'_> {
         let scan = Scan::new(self, walk.at);
         let (time, _) = scan.best();
         // Size at that interval, then the interval anew with it.
-        let point = |x: &[f64; 3]| Point {
-            noise: x[0],
-            gnss: x[1],
-            size: x[2],
-            time,
-            ..walk.at
-        };
-        let start = [walk.at.noise, walk.at.gnss, scan.size(time)];
-        let near = self.best(Law::Wave, start, [-0.1, 0.02, 0.3], TOP_TOLERANCE, point);
+        let free = [(NOISE, -0.1), (GNSS, 0.02), (SIZE, 0.3)];
+        let near = self.best(Law::Wave, &scan.at(time), free, TOP_TOLERANCE);
         let mut scan = scan.again(near.at);
         scan.refine();
         let (time, value) = scan.best();
-        let at = Point {
-            size: scan.size(time),
-            time,
-            ..near.at
-        };
+        let at = scan.at(time);
         (Top { at, value }, scan.interval())
     }
 
     /// The bias as a random walk: its rate is known long before its steps are.
     fn walk(&self, still: &Top) -> Top {
-        let Point { noise, gnss, .. } = still.at;
-        let point = |x: &[f64; 3]| Point {
-            noise: x[0],
-            gnss: x[1],
-            size: x[2],
-            time: libm::log(WALK_S),
-            ..still.at
-        };
-        let unit = noise - libm::log(600.0) + 0.5 * libm::log(WALK_S);
-        let sizes = [0.3_f64, 1.0, 3.0, 10.0].map(|by| unit + libm::log(by));
-        let at = |size: f64| self.at(Law::Wave, &point(&[noise, gnss, size]));
-        let size = (sizes.into_iter())
-            .max_by(|a, b| at(*a).total_cmp(&at(*b)))
-            .unwrap_or(unit);
-        let start = [noise, gnss, size];
-        self.best(Law::Wave, start, [-0.1, 0.02, 0.4], TOLERANCE, point)
+        let unit = still.at[NOISE] - libm::log(600.0) + 0.5 * libm::log(WALK_S);
+        let starts = [0.3_f64, 1.0, 3.0, 10.0].map(|by| {
+            let size = (SIZE, unit + libm::log(by));
+            with(&still.at, [size, (TIME, libm::log(WALK_S))])
+        });
+        let start = self.likeliest(Law::Wave, starts).unwrap_or(*still);
+        let free = [(NOISE, -0.1), (GNSS, 0.02), (SIZE, 0.4)];
+        self.best(Law::Wave, &start.at, free, TOLERANCE)
     }
 
     // --- both ---
 
     /// With the memory of GNSS found again, now that the biases move as they do.
     fn polished(&self, law: Law, top: Top) -> Top {
-        let Point {
-            noise,
-            gnss,
-            memory,
-            memory_time,
-            size,
-            ..
-        } = top.at;
-        if memory == NONE {
+        if top.at[MEMORY] == NONE {
             return top;
         }
-        let point = |x: &[f64; 5]| Point {
-            noise: x[0],
-            gnss: x[1],
-            memory: x[2],
-            memory_time: remembered(x[3]),
-            size: x[4],
-            ..top.at
+        let free = [
+            (NOISE, -0.5),
+            (GNSS, -0.05),
+            (MEMORY, 0.3),
+            (MEMORY_TIME, 0.8),
+            (SIZE, 0.2),
+        ];
+        self.best(law, &top.at, free, TOP_TOLERANCE)
+    }
+
+    /// Where the log-likelihood has fallen on both sides of its top, the best of some others found
+    /// anew on the way.
+    fn profiled<const N: usize>(
+        &self,
+        law: Law,
+        top: &Top,
+        which: usize,
+        step: f64,
+        tolerance: f64,
+        free: [(usize, f64); N],
+    ) -> Interval {
+        let profile = |value: f64| {
+            let at = with(&top.at, [(which, value)]);
+            let best = match N {
+                0 => self.at(law, &at),
+                _ => self.best(law, &at, free, tolerance).value,
+            };
+            best - top.value + DROP
         };
-        let start = [noise, gnss, memory, memory_time, size];
-        let step = [-0.5, -0.05, 0.3, 0.8, 0.2];
-        self.best(law, start, step, TOP_TOLERANCE, point)
+        let at = top.at[which];
+        let [low, high] = [-step, step].map(|step| libm::exp(bound(profile, at, step)));
+        let value = libm::exp(at);
+        Interval { value, low, high }
     }
 
     /// With size and time of the random part as found.
     fn assemble(&self, law: Law, top: &Top, [size, time_s]: [Interval; 2]) -> GyroFit {
         let answers = self.answers(law, &top.at);
-        let open = (bounds(&size).map(|size| Point { size, ..top.at }).iter())
-            .chain(&bounds(&time_s).map(|time| Point { time, ..top.at }))
-            .map(|at| self.answers(law, at))
-            .collect::<Vec<_>>();
+        let open = [(SIZE, &size), (TIME, &time_s)]
+            .into_iter()
+            .flat_map(|(which, found)| {
+                bounds(found).map(|end| self.answers(law, &with(&top.at, [(which, end)])))
+            });
+        let open: Vec<_> = open.collect();
         let of_all = |of: fn(&Answer) -> [Measured; 3], found: fn(&[Measured]) -> Interval| {
             let found =
                 |answers: &[Answer]| found(&answers.iter().flat_map(of).collect::<Vec<Measured>>());
@@ -535,26 +482,11 @@ impl Fitter<'_> {
     /// By the curvature in the logarithms, with the size of the random part free. A memory that was
     /// not seen is zero, and has the bound of one of 15 s.
     fn noise_intervals(&self, law: Law, top: &Top) -> [Interval; 4] {
-        let f = |x: &[f64; 5]| {
-            let at = Point {
-                noise: x[0],
-                gnss: x[1],
-                memory: x[2],
-                memory_time: x[3],
-                size: x[4],
-                ..top.at
-            };
-            self.at(law, &at)
+        let [at @ .., time] = top.at;
+        let f = |x: &[f64; TIME]| {
+            let [noise, gnss, memory, memory_time, size] = *x;
+            self.at(law, &[noise, gnss, memory, memory_time, size, time])
         };
-        let Point {
-            noise,
-            gnss,
-            memory,
-            memory_time,
-            size,
-            ..
-        } = top.at;
-        let at = [noise, gnss, memory, memory_time, size];
         let information = -curvature(f, at, CURVATURE_STEP);
         // Without a random part its row is flat, and so is that of a memory.
         let variance = (information + nalgebra::Matrix5::identity() * 1e-6)
@@ -562,62 +494,30 @@ impl Fitter<'_> {
             .unwrap_or_default();
         let interval = |which: usize| {
             let half = NORMAL_95 * variance[(which, which)].max(0.0).sqrt();
-            Interval {
-                value: libm::exp(at[which]),
-                low: libm::exp(at[which] - half),
-                high: libm::exp(at[which] + half),
-            }
-        };
-        let [memory, memory_time] = if memory == NONE {
-            [self.no_memory(law, top), interval(3)]
-        } else {
-            self.memory_intervals(law, top)
-        };
-        [interval(0), interval(1), memory, memory_time]
-    }
-
-    /// Profiles, for neither is normal: a short memory is a white noise.
-    fn memory_intervals(&self, law: Law, top: &Top) -> [Interval; 2] {
-        let Point {
-            noise,
-            memory,
-            memory_time,
-            ..
-        } = top.at;
-        let below = |start: [f64; 2], point: &dyn Fn(&[f64; 2]) -> Point| {
-            let best = self.best(law, start, [-0.3, 0.3], ROUGH_TOLERANCE, point);
-            best.value - top.value + DROP
-        };
-        let of_size = |memory: f64| {
-            below([noise, memory_time], &|x| Point {
-                noise: x[0],
-                memory,
-                memory_time: remembered(x[1]),
-                ..top.at
-            })
-        };
-        let of_time = |memory_time: f64| {
-            below([noise, memory], &|x| Point {
-                noise: x[0],
-                memory: x[1],
-                memory_time,
-                ..top.at
-            })
-        };
-        let around = |profile: &dyn Fn(f64) -> f64, top: f64| {
-            let [low, high] = [-0.3, 0.3].map(|step| libm::exp(bound(profile, top, step)));
-            let value = libm::exp(top);
+            let [value, low, high] = [at[which], at[which] - half, at[which] + half].map(libm::exp);
             Interval { value, low, high }
         };
-        [around(&of_size, memory), around(&of_time, memory_time)]
+        let [memory, memory_time] = if at[MEMORY] == NONE {
+            [self.no_memory(law, top), interval(MEMORY_TIME)]
+        } else {
+            // Profiles, for neither is normal: a short memory is a white noise.
+            [(MEMORY, MEMORY_TIME), (MEMORY_TIME, MEMORY)].map(|(which, other)| {
+                let free = [(NOISE, -0.3), (other, 0.3)];
+                self.profiled(law, top, which, 0.3, ROUGH_TOLERANCE, free)
+            })
+        };
+        [interval(NOISE), interval(GNSS), memory, memory_time]
     }
 
     fn no_memory(&self, law: Law, top: &Top) -> Interval {
-        let profile = |memory: f64| self.at(law, &Point { memory, ..top.at }) - top.value + DROP;
+        let profile = |memory: f64| {
+            let at = with(&top.at, [(MEMORY, memory)]);
+            self.at(law, &at) - top.value + DROP
+        };
         Interval {
             value: 0.0,
             low: 0.0,
-            high: libm::exp(bound(profile, top.at.gnss - 3.0, 0.5)),
+            high: libm::exp(bound(profile, top.at[GNSS] - 3.0, 0.5)),
         }
     }
 }
@@ -627,16 +527,6 @@ fn bounds(interval: &Interval) -> [f64; 2] {
     let Interval { value, low, high } = *interval;
     let near = [value / FAR, value * FAR];
     [low.max(near[0]), high.min(near[1])].map(libm::log)
-}
-
-/// Correlation times that a drive can tell from a constant and a trend, as logarithms.
-fn bounded(time: f64, longest: f64) -> f64 {
-    time.clamp(libm::log(2.0), longest + 1.0)
-}
-
-/// Times of a memory that are tried, as logarithms.
-fn remembered(time: f64) -> f64 {
-    time.clamp(libm::log(MEMORIES_S[0]), libm::log(MEMORIES_S[2]))
 }
 
 /// Where a profile falls below zero on the way from its top; infinite if it never does.
@@ -676,7 +566,7 @@ impl<'a> Scan<'a> {
             scan.points.push((time, scan.value(time)));
             // A jump is seen to within the time that noise needs to hide it; the last one moves
             // by as many intervals as went before.
-            let seen_s = libm::exp(2.0 * (top.noise - scan.size(time)));
+            let seen_s = libm::exp(2.0 * (top[NOISE] - scan.size(time)));
             time += (seen_s / longest_s).clamp(0.008, 0.1);
         }
         scan
@@ -704,16 +594,15 @@ impl<'a> Scan<'a> {
 
     /// Size of the jumps that keeps the rate of the walk.
     fn size(&self, time: f64) -> f64 {
-        self.top.size + 0.5 * (time - self.top.time)
+        self.top[SIZE] + 0.5 * (time - self.top[TIME])
+    }
+
+    fn at(&self, time: f64) -> Point {
+        with(&self.top, [(SIZE, self.size(time)), (TIME, time)])
     }
 
     fn value(&self, time: f64) -> f64 {
-        let point = Point {
-            size: self.size(time),
-            time,
-            ..self.top
-        };
-        self.fitter.at(Law::Wave, &point)
+        self.fitter.at(Law::Wave, &self.at(time))
     }
 
     fn best(&self) -> (f64, f64) {

@@ -14,7 +14,6 @@ use crate::sim::errors::{BiasModel, Law};
 use crate::sim::noise::Random;
 use crate::sim::receiver::Correlated;
 use crate::sim::{self, ErrorModel};
-use ins_core::{Estimate, Observability};
 
 /// One parameter of the file, in its unit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -117,13 +116,13 @@ impl Identified {
         };
         let accels: Vec<Measured> = (records.iter())
             .flat_map(|record| &record.accel_bias_mps2[..axes])
-            .filter_map(measured)
+            .filter_map(Measured::of)
             .collect();
         let all = |of: fn(&Record) -> &Vec<Measured>| -> Vec<Measured> {
             records.iter().flat_map(of).copied().collect()
         };
         let latencies: Vec<Measured> = (records.iter())
-            .filter_map(|record| measured(&record.latency_s))
+            .filter_map(|record| Measured::of(&record.latency_s))
             .collect();
         let rates: f64 = records.iter().map(|record| record.fix_rate_hz).sum();
         let gyro_at_rest = RestNoise::new(records, |block| block.rate_radps / DEG_H_RADPS);
@@ -477,13 +476,6 @@ fn gyro_bias(gyro: &GyroFit) -> BiasModel {
             }
         }
     }
-}
-
-fn measured(estimate: &Estimate) -> Option<Measured> {
-    (estimate.observability == Observability::Observable).then_some(Measured {
-        value: estimate.value,
-        variance: estimate.sigma * estimate.sigma,
-    })
 }
 
 /// Motion adds to the noise of a gyro: less than at rest means that the biases hide it.

@@ -1,6 +1,9 @@
 //! Values with 95 % confidence intervals.
 
+use super::maximum::crossing;
+use crate::identify::free_inertial::known;
 use crate::sim::noise::Random;
+use ins_core::Estimate;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
 
@@ -23,6 +26,15 @@ pub struct Interval {
 }
 
 impl Interval {
+    /// As far to both sides.
+    fn around(value: f64, half: f64) -> Self {
+        Self {
+            value,
+            low: value - half,
+            high: value + half,
+        }
+    }
+
     /// In another unit.
     #[must_use]
     pub fn scaled(&self, by: f64) -> Self {
@@ -61,11 +73,7 @@ impl Interval {
                 value
             }
         };
-        Self {
-            value,
-            low: value,
-            high: value,
-        }
+        Self::around(value, 0.0)
     }
 
     /// Whether it holds a value.
@@ -112,6 +120,14 @@ pub struct Measured {
 }
 
 impl Measured {
+    /// An estimate, if it stands on data.
+    pub(super) fn of(estimate: &Estimate) -> Option<Self> {
+        known(estimate).then_some(Self {
+            value: estimate.value,
+            variance: estimate.sigma * estimate.sigma,
+        })
+    }
+
     /// What it is less what was believed before, zero with a sigma; none if that is most of it.
     pub fn beyond(&self, believed: f64) -> Option<Self> {
         let (before, after) = (1.0 / (believed * believed), 1.0 / self.variance);
@@ -151,33 +167,42 @@ fn sigma_at(measured: &[Measured], wanted: f64) -> f64 {
         return 0.0;
     }
     let squares: f64 = measured.iter().map(|m| m.value * m.value).sum();
-    let (mut low, mut high) = (0.0, (squares / wanted).sqrt());
-    for _ in 0..60 {
-        let middle = 0.5 * (low + high);
-        if sum(middle) > wanted {
-            low = middle;
-        } else {
-            high = middle;
+    let most = (squares / wanted).sqrt();
+    crossing(|sigma| sum(sigma) - wanted, 0.0, most, 60)
+}
+
+/// What was measured, weighed by the errors stated with it.
+struct Weighed {
+    mean: f64,
+    weight: f64,
+    /// Squares of what lies about the mean.
+    scatter: f64,
+    freedom: f64,
+}
+
+impl Weighed {
+    fn new(measured: &[Measured]) -> Self {
+        let sum = |of: &dyn Fn(&Measured) -> f64| {
+            let weighed = |m: &Measured| of(m) / m.variance;
+            measured.iter().map(weighed).sum::<f64>()
+        };
+        let weight = sum(&|_| 1.0);
+        let mean = sum(&|m| m.value) / weight;
+        Self {
+            mean,
+            weight,
+            scatter: sum(&|m| (m.value - mean) * (m.value - mean)),
+            freedom: measured.len() as f64 - 1.0,
         }
     }
-    0.5 * (low + high)
 }
 
 /// Weighted mean by the scatter of what was measured: Student's t.
 pub fn mean(measured: &[Measured]) -> Option<Interval> {
-    let weight: f64 = measured.iter().map(|m| 1.0 / m.variance).sum();
-    let mean = measured.iter().map(|m| m.value / m.variance).sum::<f64>() / weight;
-    let scatter: f64 = (measured.iter())
-        .map(|m| (m.value - mean) * (m.value - mean) / m.variance)
-        .sum();
-    let freedom = measured.len() as f64 - 1.0;
-    (freedom >= 1.0).then(|| {
-        let half = student(freedom) * (scatter / freedom / weight).sqrt();
-        Interval {
-            value: mean,
-            low: mean - half,
-            high: mean + half,
-        }
+    let all = Weighed::new(measured);
+    (all.freedom >= 1.0).then(|| {
+        let spread = (all.scatter / all.freedom / all.weight).sqrt();
+        Interval::around(all.mean, student(all.freedom) * spread)
     })
 }
 
@@ -190,23 +215,14 @@ pub(crate) fn plain_mean(values: impl Iterator<Item = f64>) -> Option<Interval> 
 
 /// Weighted mean of equal quantities by the errors stated with them.
 pub fn common_value(measured: &[Measured]) -> Interval {
-    let weight: f64 = measured.iter().map(|m| 1.0 / m.variance).sum();
-    let mean = measured.iter().map(|m| m.value / m.variance).sum::<f64>() / weight;
-    let half = NORMAL_95 / weight.sqrt();
-    Interval {
-        value: mean,
-        low: mean - half,
-        high: mean + half,
-    }
+    let all = Weighed::new(measured);
+    Interval::around(all.mean, NORMAL_95 / all.weight.sqrt())
 }
 
 /// Whether all may be one and the same quantity, with errors as stated.
 pub fn are_one(measured: &[Measured]) -> bool {
-    let mean = common_value(measured).value;
-    let scatter: f64 = (measured.iter())
-        .map(|m| (m.value - mean) * (m.value - mean) / m.variance)
-        .sum();
-    measured.len() < 2 || scatter < chi_square(measured.len() as f64 - 1.0)[1]
+    let all = Weighed::new(measured);
+    all.freedom < 1.0 || all.scatter < chi_square(all.freedom)[1]
 }
 
 /// Bounds of a uniform distribution from at least two draws, unbiased.
@@ -214,11 +230,8 @@ pub fn are_one(measured: &[Measured]) -> bool {
 /// How far a bound lies beyond the outermost of n draws, over their range, exceeds t with the
 /// chance `(1 + t)^(1 - n)`: exact.
 pub fn uniform_bounds(values: &[f64]) -> [Interval; 2] {
-    let (least, most) = values
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
-            (low.min(*v), high.max(*v))
-        });
+    let least = values.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let (range, freedom) = (most - least, values.len() as f64 - 1.0);
     let beyond = |chance: f64| range * (chance.powf(-1.0 / freedom) - 1.0);
     let (near, best, far) = (beyond(1.0 - TAIL), range / freedom, beyond(TAIL));

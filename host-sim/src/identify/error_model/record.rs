@@ -8,12 +8,13 @@ use ins_core::earth::LocalEarth;
 use ins_core::increments::{Increments, Interval};
 use ins_core::mechanization::{Controls, Mechanization, Step};
 use ins_core::rest::{RestBlock, RestDetector, Verdict};
-use ins_core::{Estimate, Estimates, GnssFix, ImuOutput, ImuSample, Observability, Solution, Time};
+use ins_core::{Estimate, Estimates, GnssFix, ImuOutput, ImuSample, Solution, Time};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::interval::Measured;
+use crate::identify::free_inertial::known;
 use crate::identify::run::Identification;
-use crate::log::Log;
+use crate::log::{Log, median, median_interval_s};
 
 /// Length of an epoch, s. Tilt is felt over some 10 s, so nothing is lost.
 const EPOCH_S: f64 = 2.0;
@@ -180,27 +181,16 @@ fn values(estimates: &[Estimate; 3]) -> Vector3<f64> {
 
 /// Estimates that stand on data, less what was believed before.
 fn shown<'a>(all: impl IntoIterator<Item = &'a Estimate>, believed: f64) -> Vec<Measured> {
-    let measured = |estimate: &Estimate| {
-        Measured {
-            value: estimate.value,
-            variance: estimate.sigma * estimate.sigma,
-        }
-        .beyond(believed)
-    };
-    (all.into_iter())
-        .filter(|estimate| estimate.observability == Observability::Observable)
-        .filter_map(measured)
-        .collect()
+    let measured = all.into_iter().filter_map(Measured::of);
+    measured.filter_map(|m| m.beyond(believed)).collect()
 }
 
 fn fix_rate_hz(fixes: &[GnssFix]) -> f64 {
-    let mut steps: Vec<f64> = fixes
-        .windows(2)
-        .map(|pair| pair[1].time.seconds_since(pair[0].time))
-        .collect();
-    steps.sort_by(f64::total_cmp);
     // The median: an outage must not count.
-    steps.get(steps.len() / 2).map_or(0.0, |step| 1.0 / step)
+    match median_interval_s(fixes.iter().map(|fix| fix.time)) {
+        0.0 => 0.0,
+        step_s => 1.0 / step_s,
+    }
 }
 
 /// An interval between samples and the stamp of its end.
@@ -349,8 +339,7 @@ impl<'a> Reducer<'a> {
             .filter_map(|fix| Some((correction.moment(fix), fix.velocity_en_mps?)))
             .collect();
         let known = |row: &&crate::identify::row::Row| {
-            row.solution.is_some()
-                && row.estimates.azimuth_error_rad.observability == Observability::Observable
+            row.solution.is_some() && known(&row.estimates.azimuth_error_rad)
         };
         let references = match found.history.iter().find(known) {
             Some(row) => {
@@ -519,11 +508,7 @@ impl Going {
 /// Differences that no receiver noise makes.
 fn drop_outliers(epochs: &mut [Epoch]) {
     let size = |epoch: &Epoch| epoch.difference.as_ref().map(|d| d.velocity_mps.norm());
-    let mut sizes: Vec<f64> = epochs.iter().filter_map(size).collect();
-    sizes.sort_by(f64::total_cmp);
-    let Some(median) = sizes.get(sizes.len() / 2).copied() else {
-        return;
-    };
+    let median = median(epochs.iter().filter_map(size));
     for epoch in epochs {
         if size(epoch).is_some_and(|size| size > OUTLIER * median) {
             epoch.difference = None;

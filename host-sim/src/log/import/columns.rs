@@ -20,12 +20,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use ins_core::{FixSigma, GnssFix, ImuOutput, Time};
-use nalgebra::{Vector2, Vector3};
+use ins_core::{GnssFix, ImuOutput, Time};
+use nalgebra::Vector3;
 use serde::Deserialize;
 
-use super::recording::{Imu, Receiver, Recording, degrees, over_ground, stated};
+use super::recording::{Imu, Receiver, Recording, degrees, east_north, over_ground, stated};
 use super::text::{Table, content};
+use crate::log::meta::Output;
 use crate::log::{BodyAxes, LogError};
 
 const META: &str = "meta.toml";
@@ -46,14 +47,8 @@ struct Document {
 #[derive(Deserialize)]
 struct About {
     body_axes: BodyAxes,
-    imu: Output,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum Output {
-    Rates,
-    Increments,
+    #[serde(with = "Output")]
+    imu: ImuOutput,
 }
 
 #[derive(Deserialize)]
@@ -118,12 +113,11 @@ pub(super) fn read(folder: &Path) -> Result<Recording, LogError> {
     let axes = document.log.body_axes;
     let imu = Columns::open(folder, &document.columns.imu, &path)?;
     let gnss = Columns::open(folder, &document.columns.gnss, &path)?;
-    imu.require(
-        &[
-            "t_s", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z",
-        ],
-        &path,
-    )?;
+    let [gyro, accel] = [
+        ["gyro_x", "gyro_y", "gyro_z"],
+        ["accel_x", "accel_y", "accel_z"],
+    ];
+    imu.require(&[&["t_s"], &gyro[..], &accel].concat(), &path)?;
     gnss.require(&["t_s"], &path)?;
     let sample = |row: &Vec<f64>| {
         let vector = |names: [&str; 3]| {
@@ -131,16 +125,12 @@ pub(super) fn read(folder: &Path) -> Result<Recording, LogError> {
             Some(Vector3::new(x?, y?, z?))
         };
         let time = Time::from_seconds(imu.cell(row, "t_s")?)?;
-        let gyro = vector(["gyro_x", "gyro_y", "gyro_z"])?;
-        Some(axes.sample(time, gyro, vector(["accel_x", "accel_y", "accel_z"])?))
+        Some(axes.sample(time, vector(gyro)?, vector(accel)?))
     };
     let samples = imu.table.rows.iter().filter_map(sample).collect();
     let file = &document.columns.imu.file;
     let sensor = Imu {
-        output: match document.log.imu {
-            Output::Rates => ImuOutput::Rates,
-            Output::Increments => ImuOutput::Increments,
-        },
+        output: document.log.imu,
         ..Imu::of_rates(&folder.join(file), file, axes, samples)
     };
     let rows = gnss.table.rows.iter();
@@ -152,24 +142,15 @@ pub(super) fn read(folder: &Path) -> Result<Recording, LogError> {
 
 fn fix(gnss: &Columns, row: &[f64]) -> Option<GnssFix> {
     let cell = |name: &str| gnss.cell(row, name);
-    let sigma = |name: &str| cell(name).and_then(stated);
-    let place = cell("lat_deg").zip(cell("lon_deg"));
-    let level = cell("ve")
-        .zip(cell("vn"))
-        .map(|(east, north)| Vector2::new(east, north));
+    let level = cell("ve").zip(cell("vn")).map(east_north);
     let ground = cell("speed_mps").zip(cell("course_deg"));
     Some(GnssFix {
         time: Time::from_seconds(cell("t_s")?)?,
-        position: place.and_then(|(latitude, longitude)| degrees(latitude, longitude)),
+        position: cell("lat_deg").zip(cell("lon_deg")).and_then(degrees),
         height_m: cell("h_m"),
-        velocity_en_mps: level.or_else(|| ground.map(|(speed, at)| over_ground(speed, at))),
+        velocity_en_mps: level.or_else(|| ground.map(over_ground)),
         velocity_up_mps: cell("vu"),
-        sigma: FixSigma {
-            position_m: sigma("sd_n"),
-            height_m: sigma("sd_u"),
-            velocity_mps: sigma("sd_v"),
-            velocity_up_mps: sigma("sd_vu"),
-        },
+        sigma: stated(["sd_n", "sd_u", "sd_v", "sd_vu"].map(cell)),
     })
 }
 

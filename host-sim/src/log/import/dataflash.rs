@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use ardupilot_binlog::{Entry, Reader};
-use ins_core::{FixSigma, GnssFix, ImuSample, Time};
+use ins_core::{GnssFix, ImuSample, Time};
 use nalgebra::Vector3;
 
 use super::recording::{
@@ -130,13 +130,13 @@ fn fix(entry: &Entry) -> Option<GnssFix> {
     if entry.get_f64("Status")? < FIX_3D {
         return None;
     }
-    let (latitude, longitude) = (entry.get_f64("Lat")?, entry.get_f64("Lng")?);
+    let place = ["Lat", "Lng"].map(|name| entry.get_f64(name).map(|angle| 1e-7 * angle));
     let speed = entry.get_f64("Spd").zip(entry.get_f64("GCrs"));
     Some(GnssFix {
         time: time(entry)?,
-        position: degrees(1e-7 * latitude, 1e-7 * longitude),
+        position: degrees((place[0]?, place[1]?)),
         height_m: entry.get_f64("Alt"),
-        velocity_en_mps: speed.map(|(speed, course)| over_ground(speed, course)),
+        velocity_en_mps: speed.map(over_ground),
         velocity_up_mps: entry.get_f64("VZ").map(|down| -down),
         ..GnssFix::default()
     })
@@ -144,13 +144,8 @@ fn fix(entry: &Entry) -> Option<GnssFix> {
 
 /// The message about the accuracy of the fix before it.
 fn accuracy(entry: &Entry, fix: &mut GnssFix) {
-    let sigma = |name| entry.get_f64(name).and_then(stated);
-    fix.sigma = FixSigma {
-        position_m: sigma("HAcc"),
-        height_m: sigma("VAcc"),
-        velocity_mps: sigma("SAcc"),
-        velocity_up_mps: None,
-    };
+    let [level, up, speed] = ["HAcc", "VAcc", "SAcc"].map(|name| entry.get_f64(name));
+    fix.sigma = stated([level, up, speed, None]);
     if entry.get_f64("VV") == Some(0.0) {
         fix.velocity_up_mps = None;
     }

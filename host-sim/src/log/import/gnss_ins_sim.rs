@@ -47,7 +47,7 @@ fn receiver(times: &Path, path: &Path, run: i32) -> Result<Receiver, LogError> {
         let [latitude, longitude, height, north, east, down] = *row.first_chunk::<6>()?;
         Some(GnssFix {
             time: Time::from_seconds(*time)?,
-            position: degrees(latitude, longitude),
+            position: degrees((latitude, longitude)),
             height_m: Some(height),
             velocity_en_mps: Some(Vector2::new(east, north)),
             velocity_up_mps: Some(-down),

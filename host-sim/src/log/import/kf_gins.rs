@@ -3,10 +3,10 @@
 
 use std::path::Path;
 
-use ins_core::{FixSigma, GnssFix, ImuOutput, ImuSample, Time};
+use ins_core::{GnssFix, ImuOutput, ImuSample, Time};
 use nalgebra::{Vector2, Vector3};
 
-use super::recording::{Imu, Receiver, Recording, degrees, stated};
+use super::recording::{Imu, Receiver, Recording, degrees, level, stated};
 use super::text::{Table, cells, number};
 use crate::log::{BodyAxes, LogError};
 
@@ -52,20 +52,16 @@ fn fix(row: &[f64]) -> Option<GnssFix> {
     let [time, latitude, longitude, height, north, east, down] = *row.first_chunk::<7>()?;
     let mut fix = GnssFix {
         time: Time::from_seconds(time)?,
-        position: degrees(latitude, longitude),
+        position: degrees((latitude, longitude)),
         height_m: Some(height),
-        sigma: FixSigma {
-            position_m: stated((0.5 * (north * north + east * east)).sqrt()),
-            height_m: stated(down),
-            ..FixSigma::default()
-        },
         ..GnssFix::default()
     };
+    let mut sigmas = [Some(level((north, east))), Some(down), None, None];
     if let Some([vn, ve, vd, sn, se, sd]) = row.get(7..).and_then(|rest| rest.first_chunk::<6>()) {
         fix.velocity_en_mps = Some(Vector2::new(*ve, *vn));
         fix.velocity_up_mps = Some(-vd);
-        fix.sigma.velocity_mps = stated((0.5 * (sn * sn + se * se)).sqrt());
-        fix.sigma.velocity_up_mps = stated(*sd);
+        [sigmas[2], sigmas[3]] = [Some(level((*sn, *se))), Some(*sd)];
     }
+    fix.sigma = stated(sigmas);
     Some(fix)
 }

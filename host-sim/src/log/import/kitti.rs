@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::Path;
 
-use ins_core::{FixSigma, GnssFix, Time};
+use ins_core::{GnssFix, Time};
 use nalgebra::{Vector2, Vector3};
 
 use super::recording::{Imu, Receiver, Recording, degrees, stated, unreadable};
@@ -32,15 +32,11 @@ pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
         samples.push(BodyAxes::Flu.sample(time, vector(17), vector(11)));
         fixes.push(GnssFix {
             time,
-            position: degrees(cells[0], cells[1]),
+            position: degrees((cells[0], cells[1])),
             height_m: Some(cells[2]),
             velocity_en_mps: Some(Vector2::new(cells[7], cells[6])),
             velocity_up_mps: Some(cells[10]),
-            sigma: FixSigma {
-                position_m: stated(cells[23]),
-                velocity_mps: stated(cells[24]),
-                ..FixSigma::default()
-            },
+            sigma: stated([Some(cells[23]), None, Some(cells[24]), None]),
         });
     }
     let imu = Imu::of_rates(&folder, "OXTS", BodyAxes::Flu, samples);

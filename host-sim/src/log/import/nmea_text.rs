@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use ins_core::{FixSigma, GnssFix, Time};
+use ins_core::{GnssFix, Time};
 use nmea::ParseResult;
 use nmea::sentences::FixType;
 use nmea::sentences::rmc::RmcStatusOfFix;
 
-use super::recording::{Receiver, Recording, degrees, over_ground, stated};
+use super::recording::{Receiver, Recording, degrees, level, over_ground, stated};
 use super::text::content;
 use crate::log::LogError;
 
@@ -56,8 +56,7 @@ impl Epochs {
                 let Some(fix) = self.epoch(gga.fix_time).filter(|_| fixed) else {
                     return;
                 };
-                let place = gga.latitude.zip(gga.longitude);
-                fix.position = place.and_then(|(latitude, longitude)| degrees(latitude, longitude));
+                fix.position = gga.latitude.zip(gga.longitude).and_then(degrees);
                 // The sentence splits the height above the ellipsoid in two.
                 let height = gga.altitude.map(f64::from);
                 let geoid = gga.geoid_separation.map_or(0.0, f64::from);
@@ -73,11 +72,7 @@ impl Epochs {
                 let Some(fix) = self.epoch(rmc.fix_time).filter(|_| fixed) else {
                     return;
                 };
-                let place = rmc
-                    .lat
-                    .zip(rmc.lon)
-                    .and_then(|(lat, lon)| degrees(lat, lon));
-                fix.position = fix.position.or(place);
+                fix.position = fix.position.or(rmc.lat.zip(rmc.lon).and_then(degrees));
                 velocity(fix, rmc.speed_over_ground, rmc.true_course);
             }
             ParseResult::VTG(vtg) => {
@@ -86,15 +81,10 @@ impl Epochs {
                 }
             }
             ParseResult::GST(gst) => {
-                let sigma = |part: Option<f32>| part.map(f64::from).and_then(stated);
                 if let Some(fix) = self.epoch(gst.time) {
-                    let [north, east] = [gst.lat_sd, gst.long_sd].map(sigma);
-                    let level = north.zip(east).map(|(n, e)| (0.5 * (n * n + e * e)).sqrt());
-                    fix.sigma = FixSigma {
-                        position_m: level,
-                        height_m: sigma(gst.alt_sd),
-                        ..FixSigma::default()
-                    };
+                    let sigmas = [gst.lat_sd, gst.long_sd, gst.alt_sd].map(|s| s.map(f64::from));
+                    let [north, east, up] = sigmas.map(|sigma| sigma.filter(|s| *s > 0.0));
+                    fix.sigma = stated([north.zip(east).map(level), up, None, None]);
                 }
             }
             _ => {}
@@ -140,7 +130,6 @@ fn velocity(fix: &mut GnssFix, speed_kn: Option<f32>, course_deg: Option<f32>) {
     let course_deg = course_deg
         .map(f64::from)
         .or((speed_mps == Some(0.0)).then_some(0.0));
-    if let Some((speed, course)) = speed_mps.zip(course_deg) {
-        fix.velocity_en_mps = Some(over_ground(speed, course));
-    }
+    let measured = speed_mps.zip(course_deg).map(over_ground);
+    fix.velocity_en_mps = measured.or(fix.velocity_en_mps);
 }

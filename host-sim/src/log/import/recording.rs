@@ -2,15 +2,14 @@
 
 use clap::Args;
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
 
-use flate2::bufread::MultiGzDecoder;
-use ins_core::{GnssFix, ImuOutput, ImuSample, Time};
-use nalgebra::{UnitQuaternion, Vector3};
+use ins_core::earth::LatLon;
+use ins_core::{FixSigma, GnssFix, ImuOutput, ImuSample, Time};
+use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
-use crate::log::{self, BodyAxes, Log, LogError, Meta};
+use crate::log::{self, BodyAxes, Log, LogError, Meta, table};
 
 /// Which of several sensors and receivers, counted from one; the fastest if none is named.
 #[derive(Args, Clone, Copy, Debug, Default)]
@@ -87,17 +86,8 @@ impl Receiver {
 }
 
 /// A file's bytes, unpacked if they are packed.
-pub(super) fn unpacked(path: &Path) -> Result<Box<dyn Read>, LogError> {
-    let open = || -> std::io::Result<Box<dyn Read>> {
-        let mut file = BufReader::new(File::open(path)?);
-        // By content: files get renamed, and browsers unpack what they download.
-        if file.fill_buf()?.starts_with(&[0x1f, 0x8b]) {
-            Ok(Box::new(MultiGzDecoder::new(file)))
-        } else {
-            Ok(Box::new(file))
-        }
-    };
-    open().map_err(|e| unreadable(path, &e))
+pub(super) fn unpacked(path: &Path) -> Result<Box<dyn BufRead>, LogError> {
+    table::unpacked(path).map_err(|e| unreadable(path, &e))
 }
 
 /// All of a file.
@@ -134,12 +124,10 @@ impl Recording {
         self.imus.retain(|imu| !imu.samples.is_empty());
         self.receivers.retain(|receiver| !receiver.fixes.is_empty());
         let mut warnings = self.notes;
-        let names = |imu: &Imu| (imu.name.clone(), imu.samples.len());
-        let listed: Vec<_> = self.imus.iter().map(names).collect();
-        let imu = chosen("imu", &listed, choice.imu, path, &mut warnings)?;
-        let names = |receiver: &Receiver| (receiver.name.clone(), receiver.fixes.len());
-        let listed: Vec<_> = self.receivers.iter().map(names).collect();
-        let gnss = chosen("gnss", &listed, choice.gnss, path, &mut warnings)?;
+        let listed = self.imus.iter().map(|imu| (&imu.name, imu.samples.len()));
+        let imu = chosen("imu", listed, choice.imu, path, &mut warnings)?;
+        let listed = (self.receivers.iter()).map(|from| (&from.name, from.fixes.len()));
+        let gnss = chosen("gnss", listed, choice.gnss, path, &mut warnings)?;
         let (imu, gnss) = (self.imus.swap_remove(imu), self.receivers.swap_remove(gnss));
         let told = warnings.len();
         let samples = turned_upright(imu.samples, &imu.path, &mut warnings);
@@ -201,34 +189,38 @@ fn turned_upright(
 }
 
 /// Index of the one that is asked for, or else of the fastest.
-fn chosen(
+fn chosen<'a>(
     option: &str,
-    listed: &[(String, usize)],
+    listed: impl Iterator<Item = (&'a String, usize)>,
     number: Option<usize>,
     path: &Path,
     warnings: &mut Vec<LogError>,
 ) -> Result<usize, LogError> {
-    let one = |(index, (name, count)): (usize, &(String, usize))| {
-        format!("{} {name} ({count})", index + 1)
-    };
-    let all: Vec<String> = listed.iter().enumerate().map(one).collect();
+    let (names, counts): (Vec<&String>, Vec<usize>) = listed.unzip();
+    let listed = (1..).zip(&names).zip(&counts);
+    let all: Vec<String> = listed
+        .map(|((number, name), count)| format!("{number} {name} ({count})"))
+        .collect();
     let all = all.join(", ");
-    let (expected, what) = match option {
-        "imu" => ("inertial samples", "another inertial sensor"),
-        _ => ("GNSS fixes", "another receiver"),
+    let (expected, what, none) = match option {
+        "imu" => (
+            "inertial samples",
+            "another inertial sensor",
+            "none were logged: give a second file that has them",
+        ),
+        _ => (
+            "GNSS fixes",
+            "another receiver",
+            "no receiver, or never a fix: give a second file that has them",
+        ),
     };
     // The first of the fastest.
-    let most = listed.iter().map(|(_, count)| *count).max().unwrap_or(0);
-    let fastest = listed.iter().position(|(_, count)| *count == most);
-    let Some(fastest) = fastest else {
-        let cause = match option {
-            "imu" => "none were logged: give a second file that has them",
-            _ => "no receiver, or never a fix: give a second file that has them",
-        };
-        return Err(LogError::file(path, expected, "none", cause));
+    let most = counts.iter().max();
+    let Some(fastest) = counts.iter().position(|count| Some(count) == most) else {
+        return Err(LogError::file(path, expected, "none", none));
     };
     let Some(number) = number else {
-        if listed.len() > 1 {
+        if counts.len() > 1 {
             let cause = format!(
                 "{} is used; --{option} N of `import` chooses {what}",
                 fastest + 1
@@ -238,15 +230,11 @@ fn chosen(
         }
         return Ok(fastest);
     };
-    match number.checked_sub(1).filter(|index| *index < listed.len()) {
-        Some(index) => Ok(index),
-        None => Err(LogError::file(
-            path,
-            format!("--{option} from 1 to {}", listed.len()),
-            number.to_string(),
-            all,
-        )),
-    }
+    let index = number.checked_sub(1).filter(|index| *index < counts.len());
+    index.ok_or_else(|| {
+        let expected = format!("--{option} from 1 to {}", counts.len());
+        LogError::file(path, expected, number.to_string(), all)
+    })
 }
 
 /// By their stamps, each once.
@@ -324,7 +312,7 @@ fn and(one: &GnssFix, other: &GnssFix) -> GnssFix {
         height_m: one.height_m.or(other.height_m),
         velocity_en_mps: one.velocity_en_mps.or(other.velocity_en_mps),
         velocity_up_mps: one.velocity_up_mps.or(other.velocity_up_mps),
-        sigma: ins_core::FixSigma {
+        sigma: FixSigma {
             position_m: a.position_m.or(b.position_m),
             height_m: a.height_m.or(b.height_m),
             velocity_mps: a.velocity_mps.or(b.velocity_mps),
@@ -334,20 +322,38 @@ fn and(one: &GnssFix, other: &GnssFix) -> GnssFix {
 }
 
 /// Latitude and longitude from degrees; none where they are no place.
-pub(super) fn degrees(latitude: f64, longitude: f64) -> Option<ins_core::earth::LatLon> {
-    (latitude.abs() <= 90.0 && longitude.abs() <= 180.0).then(|| ins_core::earth::LatLon {
+pub(super) fn degrees((latitude, longitude): (f64, f64)) -> Option<LatLon> {
+    (latitude.abs() <= 90.0 && longitude.abs() <= 180.0).then(|| LatLon {
         latitude_rad: latitude.to_radians(),
         longitude_rad: longitude.to_radians(),
     })
 }
 
-/// A velocity from speed and course over ground.
-pub(super) fn over_ground(speed_mps: f64, course_deg: f64) -> nalgebra::Vector2<f64> {
-    let (sin, cos) = course_deg.to_radians().sin_cos();
-    nalgebra::Vector2::new(speed_mps * sin, speed_mps * cos)
+/// A velocity from its components.
+pub(super) fn east_north((east, north): (f64, f64)) -> Vector2<f64> {
+    Vector2::new(east, north)
 }
 
-/// A sigma as stated; receivers say zero or below where they know none.
-pub(super) fn stated(sigma: f64) -> Option<f64> {
-    (sigma > 0.0 && sigma.is_finite()).then_some(sigma)
+/// A velocity from speed and course over ground.
+pub(super) fn over_ground((speed_mps, course_deg): (f64, f64)) -> Vector2<f64> {
+    let (sin, cos) = course_deg.to_radians().sin_cos();
+    Vector2::new(speed_mps * sin, speed_mps * cos)
+}
+
+/// Sigmas of position, height, velocity and vertical velocity as stated; receivers say zero or below
+/// where they know none.
+pub(super) fn stated(sigmas: [Option<f64>; 4]) -> FixSigma {
+    let known = |sigma: Option<f64>| sigma.filter(|s| *s > 0.0 && s.is_finite());
+    let [position_m, height_m, velocity_mps, velocity_up_mps] = sigmas.map(known);
+    FixSigma {
+        position_m,
+        height_m,
+        velocity_mps,
+        velocity_up_mps,
+    }
+}
+
+/// Of two components that have one each.
+pub(super) fn level((a, b): (f64, f64)) -> f64 {
+    (0.5 * (a * a + b * b)).sqrt()
 }

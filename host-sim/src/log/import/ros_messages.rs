@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use ins_core::{FixSigma, GnssFix, ImuSample, Time};
+use ins_core::{GnssFix, ImuSample, Time};
 use nalgebra::{Vector2, Vector3};
 
 use super::recording::{Imu, Receiver, Recording, degrees, merged, stated};
@@ -99,17 +99,14 @@ fn position(message: &mut Message) -> Option<GnssFix> {
         *element = message.f64()?;
     }
     let [known] = message.take()?;
-    let sigma = |variance: f64| Some(variance.sqrt()).filter(|_| known > 0).and_then(stated);
+    let sigma = |variance: f64| Some(variance.sqrt()).filter(|_| known > 0);
+    let level = sigma(0.5 * (covariance[0] + covariance[4]));
     // Below zero: no fix.
     (status.cast_signed() >= 0).then(|| GnssFix {
         time,
-        position: degrees(latitude, longitude),
+        position: degrees((latitude, longitude)),
         height_m: Some(altitude).filter(|height| height.is_finite()),
-        sigma: FixSigma {
-            position_m: sigma(0.5 * (covariance[0] + covariance[4])),
-            height_m: sigma(covariance[8]),
-            ..FixSigma::default()
-        },
+        sigma: stated([level, sigma(covariance[8]), None, None]),
         ..GnssFix::default()
     })
 }

@@ -3,10 +3,9 @@
 use std::path::Path;
 
 use ins_core::earth::{ECCENTRICITY_SQUARED, Geodetic, LocalEarth};
-use ins_core::{FixSigma, GnssFix, Time};
-use nalgebra::Vector2;
+use ins_core::{GnssFix, Time};
 
-use super::recording::{Receiver, Recording, degrees, stated};
+use super::recording::{Receiver, Recording, degrees, east_north, level, stated};
 use super::text::{content, number};
 use crate::log::LogError;
 
@@ -47,8 +46,8 @@ fn fix(names: &[&str], row: &str) -> Option<GnssFix> {
         Some(number(cells.get(index + 1)?)).filter(|value| value.is_finite())
     };
     let place = match cell("latitude(").zip(cell("longitude(")) {
-        Some((latitude, longitude)) => {
-            let place = degrees(latitude, longitude)?;
+        Some(place) => {
+            let place = degrees(place)?;
             Geodetic {
                 latitude_rad: place.latitude_rad,
                 longitude_rad: place.longitude_rad,
@@ -57,23 +56,18 @@ fn fix(names: &[&str], row: &str) -> Option<GnssFix> {
         }
         None => geodetic([cell("x-ecef(")?, cell("y-ecef(")?, cell("z-ecef(")?]),
     };
-    let east_north = cell("ve(").zip(cell("vn("));
-    let sigma = |names: [&str; 2]| {
-        let [a, b] = names.map(cell);
-        a.zip(b)
-            .map(|(a, b)| (0.5 * (a * a + b * b)).sqrt())
-            .and_then(stated)
-    };
+    let velocity = cell("ve(").zip(cell("vn("));
+    let both = |a: &str, b: &str| cell(a).zip(cell(b)).map(level);
     let fix = GnssFix {
         time: time(cells.first()?, cells.get(1)?)?,
-        velocity_en_mps: east_north.map(|(east, north)| Vector2::new(east, north)),
+        velocity_en_mps: velocity.map(east_north),
         velocity_up_mps: cell("vu("),
-        sigma: FixSigma {
-            position_m: sigma(["sdn(", "sde("]),
-            height_m: cell("sdu(").and_then(stated),
-            velocity_mps: sigma(["sdvn", "sdve"]),
-            velocity_up_mps: cell("sdvu").and_then(stated),
-        },
+        sigma: stated([
+            both("sdn(", "sde("),
+            cell("sdu("),
+            both("sdvn", "sdve"),
+            cell("sdvu"),
+        ]),
         ..GnssFix::default()
     };
     Some(fix.at(&place))

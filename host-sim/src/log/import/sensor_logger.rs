@@ -4,7 +4,7 @@
 use std::fs::File;
 use std::path::Path;
 
-use ins_core::{FixSigma, GnssFix, Time};
+use ins_core::{GnssFix, Time};
 use nalgebra::Vector3;
 use tempfile::TempDir;
 use zip::ZipArchive;
@@ -47,14 +47,9 @@ pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
     }
     let mut recording = tables(unpacked(path)?.path())?;
     // The unpacked tables are gone: messages name what the user has.
-    recording
-        .imus
-        .iter_mut()
-        .for_each(|imu| path.clone_into(&mut imu.path));
-    recording
-        .receivers
-        .iter_mut()
-        .for_each(|receiver| path.clone_into(&mut receiver.path));
+    let imus = recording.imus.iter_mut().map(|imu| &mut imu.path);
+    let receivers = recording.receivers.iter_mut().map(|from| &mut from.path);
+    (imus.chain(receivers)).for_each(|file| path.clone_into(file));
     Ok(recording)
 }
 
@@ -115,16 +110,16 @@ fn fixes(path: &Path) -> Result<Vec<GnssFix>, LogError> {
         let bearing = cell("bearing").filter(|bearing| *bearing >= 0.0);
         Some(GnssFix {
             time: nanoseconds(*row.get(time)?)?,
-            position: degrees(*row.get(latitude)?, *row.get(longitude)?),
+            position: degrees((*row.get(latitude)?, *row.get(longitude)?)),
             height_m: cell("altitude"),
-            velocity_en_mps: speed.zip(bearing).map(|(speed, at)| over_ground(speed, at)),
+            velocity_en_mps: speed.zip(bearing).map(over_ground),
             velocity_up_mps: None,
-            sigma: FixSigma {
-                position_m: cell("horizontalAccuracy").and_then(stated),
-                height_m: cell("verticalAccuracy").and_then(stated),
-                velocity_mps: cell("speedAccuracy").and_then(stated),
-                velocity_up_mps: None,
-            },
+            sigma: stated([
+                cell("horizontalAccuracy"),
+                cell("verticalAccuracy"),
+                cell("speedAccuracy"),
+                None,
+            ]),
         })
     });
     Ok(fixes.collect())

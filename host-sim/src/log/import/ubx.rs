@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use ins_core::{FixSigma, GnssFix, Time};
+use ins_core::{GnssFix, Time};
 use nalgebra::{Vector2, Vector3};
 
 use super::recording::{Imu, Receiver, Recording, Stamped, bytes, degrees, joined, stated};
@@ -107,16 +107,11 @@ impl Ubx {
         };
         self.fixes.push(GnssFix {
             time,
-            position: degrees(1e-7 * int(28), 1e-7 * int(24)),
+            position: degrees((1e-7 * int(28), 1e-7 * int(24))),
             height_m: Some(1e-3 * int(32)),
             velocity_en_mps: Some(Vector2::new(1e-3 * int(52), 1e-3 * int(48))),
             velocity_up_mps: Some(-1e-3 * int(56)),
-            sigma: FixSigma {
-                position_m: stated(1e-3 * int(40)),
-                height_m: stated(1e-3 * int(44)),
-                velocity_mps: stated(1e-3 * int(68)),
-                velocity_up_mps: None,
-            },
+            sigma: stated([Some(40), Some(44), Some(68), None].map(|at| Some(1e-3 * int(at?)))),
         });
     }
 

@@ -3,15 +3,16 @@
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
-use ins_core::{FixSigma, GnssFix, Time};
-use nalgebra::{Vector2, Vector3};
+use ins_core::{GnssFix, Time};
+use nalgebra::Vector3;
 use px4_ulog::full_parser::{MultiId, ParsedData, SomeVec, read_file};
 use px4_ulog::stream_parser::{
     Message, ParameterMessage, SimpleCallbackResult, read_file_with_simple_callback,
 };
 
 use super::recording::{
-    Imu, Receiver, Recording, Stamped, concerns_sensors, degrees, joined, stated, unreadable,
+    Imu, Receiver, Recording, Stamped, concerns_sensors, degrees, east_north, joined, stated,
+    unreadable,
 };
 use crate::log::{BodyAxes, LogError};
 
@@ -194,16 +195,11 @@ impl Topic<'_> {
             let place = at(&latitude, row).zip(at(&longitude, row));
             GnssFix {
                 time: stamps[row],
-                position: place.and_then(|(latitude, longitude)| degrees(latitude, longitude)),
+                position: place.and_then(degrees),
                 height_m: at(&height, row),
-                velocity_en_mps: level.map(|(east, north)| Vector2::new(east, north)),
+                velocity_en_mps: level.map(east_north),
                 velocity_up_mps: at(&down, row).filter(|_| velocity).map(|down| -down),
-                sigma: FixSigma {
-                    position_m: at(&eph, row).and_then(stated),
-                    height_m: at(&epv, row).and_then(stated),
-                    velocity_mps: at(&speed, row).and_then(stated),
-                    velocity_up_mps: None,
-                },
+                sigma: stated([at(&eph, row), at(&epv, row), at(&speed, row), None]),
             }
         };
         let fixed = |row: &usize| at(&kind, *row).is_none_or(|kind| kind >= FIX_3D);
