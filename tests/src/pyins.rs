@@ -135,7 +135,7 @@ fn log() -> (Log, Noise) {
     let noise = Noise {
         latency_sigma_s: 0.0,
         // Theirs does not read its gyros at rest.
-        rest_sway_radps: None,
+        reads_rest: false,
         ..Noise::of_model(errors)
     };
     (log, noise)

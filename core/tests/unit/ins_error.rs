@@ -59,7 +59,7 @@ fn off(phi: &Vector3<f64>) -> UnitQuaternion<f64> {
 /// A turn of the platform by `turn` comes from the left of `C'`.
 fn rotated(phi: &Vector3<f64>, turn: &Vector3<f64>) -> Vector3<f64> {
     let off = off(phi) * UnitQuaternion::new(*turn);
-    let azimuth = Vector3::z() * (2.0 * off.k.atan2(off.w));
+    let azimuth = Vector3::z() * (2.0 * crate::math::atan2(off.k, off.w));
     (UnitQuaternion::new(-azimuth) * off).scaled_axis() + azimuth
 }
 

@@ -4,7 +4,9 @@
     clippy::cast_possible_truncation,
     clippy::disallowed_methods,
     clippy::unwrap_used,
-    clippy::indexing_slicing
+    clippy::indexing_slicing,
+    // The very bits are asked for.
+    clippy::float_cmp
 )]
 
 use nalgebra::{Matrix4, Vector2, Vector4};

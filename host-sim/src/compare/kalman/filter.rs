@@ -281,6 +281,9 @@ impl Filter {
 
     fn correct_at_rest(&mut self, block: &RestBlock) -> Option<Correction> {
         self.step_covariance();
+        if !self.noise.reads_rest {
+            return None;
+        }
         let (rate, seconds) = (&block.rate_radps, block.seconds);
         let seen = at_rest(&self.known, rate, seconds, &self.noise, &self.layout);
         let mut update = Update::new(&self.covariance);

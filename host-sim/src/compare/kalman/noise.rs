@@ -125,6 +125,8 @@ pub struct Noise {
     pub lever_arm_sigma_m: Vector3<f64>,
     /// Spread of a heading that is given at the start, rad.
     pub heading_sigma_rad: f64,
+    /// Whether gyros are read at rest.
+    pub reads_rest: bool,
 }
 
 impl Noise {
@@ -157,6 +159,7 @@ impl Noise {
                 .given_heading_sigma_deg
                 .unwrap_or_default()
                 .to_radians(),
+            reads_rest: true,
         }
     }
 
@@ -183,6 +186,7 @@ impl Noise {
             lever_arm_m: Vector3::from(gnss.lever_arm_m),
             lever_arm_sigma_m: Vector3::repeat(gnss.lever_arm_sigma_m),
             heading_sigma_rad: GIVEN_HEADING_RAD,
+            reads_rest: true,
         }
     }
 
