@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use crate::channel::Measured;
 use crate::history::Past;
-use crate::observer::{Difference, Kind};
+use crate::measurement::{Difference, Kind};
 use crate::samples::GnssFix;
 use crate::time::Time;
 

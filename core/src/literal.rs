@@ -15,7 +15,7 @@ use crate::innovations::{Credit, Innovations};
 use crate::least_squares::LeastSquares;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
-use crate::observer::Kind;
+use crate::measurement::Kind;
 use crate::parameters::{Parameters, index};
 use crate::time::Time;
 

@@ -10,7 +10,7 @@
 //! is what a Kalman filter with all parameters in its state would find (Friedland's separate-bias
 //! estimation, IEEE TAC 14, 1969); with parameters that walk, see `Observer::let_walk`.
 
-use nalgebra::{RealField, SVector, Scalar, Vector2, Vector3};
+use nalgebra::{SVector, Vector2, Vector3};
 
 use crate::channel::{Channel, Gains, Growth, Measured, Renewal};
 use crate::colour::Colour;
@@ -18,6 +18,7 @@ use crate::config::{Config, Noise};
 use crate::constancy::Constancy;
 use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::error_model::{Forcing, InsError, Passage, for_each_input, level_and_up};
+use crate::followed::{Followed, UNIT_RESPONSES};
 use crate::history::{Past, Span};
 use crate::innovations::{
     Credit, Doubts, Innovations, LOST_S, StatedNoise, Surprise, against_described, is_ordinary,
@@ -25,6 +26,7 @@ use crate::innovations::{
 use crate::jump::Jump;
 use crate::least_squares::LeastSquares;
 use crate::math::{self, singles};
+use crate::measurement::{Difference, Kind};
 use crate::parameters::{AGREES_SIGMAS, COUNT, PAIRS, Parameters, index};
 use crate::process_noise::ProcessNoise;
 use crate::solution::SolutionSigma;
@@ -73,147 +75,6 @@ const SWING_PER_S4: f64 = 6e4;
 const HIDDEN_RADPS: f64 = 0.1;
 const HIDDEN_MPS2: f64 = 1.0;
 const HIDDEN_S: f64 = 1.0;
-
-/// What the observer follows, ENU: the error of the INS and the correlated noise of GNSS, with
-/// the sign that it has in INS minus GNSS.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Followed<T: Scalar> {
-    error: InsError<T>,
-    velocity_noise: Vector3<T>,
-    position_noise: Vector3<T>,
-}
-
-impl<T: RealField + Copy> Followed<T> {
-    fn zero() -> Self {
-        Self {
-            error: InsError::zero(),
-            velocity_noise: Vector3::zeros(),
-            position_noise: Vector3::zeros(),
-        }
-    }
-
-    /// What it makes of INS minus GNSS.
-    fn shows(&self, measured: Measured) -> Vector3<T> {
-        match measured {
-            Measured::Velocity => self.error.velocity_mps + self.velocity_noise,
-            Measured::Position => self.error.position_m + self.position_noise,
-        }
-    }
-
-    fn keep_noise(&mut self, parts: &Vector3<T>) {
-        self.velocity_noise.component_mul_assign(parts);
-        self.position_noise.component_mul_assign(parts);
-    }
-
-    fn renew(&mut self, level: [T; 2], up: [T; 2]) {
-        let ([velocity, position], [velocity_up, position_up]) = (level, up);
-        self.velocity_noise
-            .component_mul_assign(&Vector3::new(velocity, velocity, velocity_up));
-        self.position_noise
-            .component_mul_assign(&Vector3::new(position, position, position_up));
-    }
-
-    /// Corrects one axis by an innovation: `dV_N' = g Phi_E` and `dV_E' = -g Phi_N`.
-    #[inline]
-    fn correct(&mut self, axis: usize, gains: &SVector<T, 5>, by: T) {
-        let add = |v: &mut Vector3<T>, gain: T| {
-            if let Some(x) = v.get_mut(axis) {
-                *x += gain * by;
-            }
-        };
-        add(&mut self.error.position_m, gains.x);
-        add(&mut self.error.velocity_mps, gains.y);
-        add(&mut self.velocity_noise, gains.w);
-        add(&mut self.position_noise, gains.a);
-        match axis {
-            0 => self.error.tilt_rad.y -= gains.z * by,
-            1 => self.error.tilt_rad.x += gains.z * by,
-            _ => {}
-        }
-    }
-
-    /// The states of one axis, as [`Self::correct`] corrects them.
-    fn states(&self, axis: usize) -> SVector<T, 5> {
-        let of = |v: &Vector3<T>| v.get(axis).copied().unwrap_or_else(T::zero);
-        let tilt = &self.error.tilt_rad;
-        SVector::from([
-            of(&self.error.position_m),
-            of(&self.error.velocity_mps),
-            match axis {
-                0 => -tilt.y,
-                1 => tilt.x,
-                _ => T::zero(),
-            },
-            of(&self.velocity_noise),
-            of(&self.position_noise),
-        ])
-    }
-
-    fn add_scaled(&mut self, other: &Self, factor: T) {
-        self.error.add_scaled(&other.error, factor);
-        self.velocity_noise += other.velocity_noise * factor;
-        self.position_noise += other.position_noise * factor;
-    }
-}
-
-/// One kind of measurement.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Kind {
-    /// Velocity east and north.
-    Velocity,
-    /// Vertical velocity.
-    Climb,
-    /// Position east and north.
-    Position,
-    /// Height.
-    Height,
-}
-
-impl Kind {
-    /// All of them, in the order in which they are taken.
-    pub const ALL: [Self; 4] = [Self::Velocity, Self::Climb, Self::Position, Self::Height];
-
-    /// Velocity or position.
-    pub fn measured(self) -> Measured {
-        match self {
-            Self::Velocity | Self::Climb => Measured::Velocity,
-            Self::Position | Self::Height => Measured::Position,
-        }
-    }
-
-    /// Up, else east and north.
-    pub fn is_up(self) -> bool {
-        matches!(self, Self::Climb | Self::Height)
-    }
-
-    /// What the receiver is configured to have of it.
-    pub fn noise(self, config: &Config) -> &Noise {
-        let gnss = &config.gnss;
-        match self {
-            Self::Velocity => &gnss.velocity_mps,
-            Self::Climb => &gnss.velocity_up_mps,
-            Self::Position => &gnss.position_m,
-            Self::Height => &gnss.height_m,
-        }
-    }
-}
-
-/// INS minus GNSS of one kind, ENU.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Difference {
-    /// m/s or m.
-    pub value: Vector3<f64>,
-    /// How many fixes it is the mean of.
-    pub fixes: f64,
-    /// Variance of one component of one fix as the receiver states it, positive.
-    pub stated_variance: Option<f64>,
-    /// Variance that it has on top.
-    pub more_variance: f64,
-    /// Latency already taken out by the choice of the moment, s.
-    pub latency_applied_s: f64,
-}
 
 /// An error that grows with a vector and is gone when the vector is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -1276,49 +1137,3 @@ fn seen_jerk(past: &Past) -> f64 {
     let jerk = past.jerk_mps3.norm_squared();
     jerk / (jerk + SWING_PER_S4 * past.unseen_velocity + 1e-9)
 }
-
-impl Followed<f64> {
-    /// Mean square of the correlated noise of one kind, per component.
-    fn noise_square(&self, kind: Kind) -> f64 {
-        let noise = match kind.measured() {
-            Measured::Velocity => &self.velocity_noise,
-            Measured::Position => &self.position_noise,
-        };
-        if kind.is_up() {
-            noise.z * noise.z
-        } else {
-            0.5 * noise.xy().norm_squared()
-        }
-    }
-}
-
-impl Followed<f32> {
-    fn double(&self) -> Followed<f64> {
-        let double = |v: &Vector3<f32>| v.map(f64::from);
-        Followed {
-            error: InsError {
-                position_m: double(&self.error.position_m),
-                velocity_mps: double(&self.error.velocity_mps),
-                tilt_rad: double(&self.error.tilt_rad),
-            },
-            velocity_noise: double(&self.velocity_noise),
-            position_noise: double(&self.position_noise),
-        }
-    }
-}
-
-/// Responses before anything has happened: the azimuth parameter is the azimuth error.
-const UNIT_RESPONSES: [Followed<f32>; COUNT] = {
-    const NONE: Vector3<f32> = Vector3::new(0.0, 0.0, 0.0);
-    let mut responses = [Followed {
-        error: InsError {
-            position_m: NONE,
-            velocity_mps: NONE,
-            tilt_rad: NONE,
-        },
-        velocity_noise: NONE,
-        position_noise: NONE,
-    }; COUNT];
-    responses[index::AZIMUTH].error.tilt_rad = Vector3::new(0.0, 0.0, 1.0);
-    responses
-};

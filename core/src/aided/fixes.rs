@@ -16,7 +16,7 @@ use crate::history::{Missing, Past};
 use crate::literal;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
-use crate::observer::Kind;
+use crate::measurement::Kind;
 use crate::outcome::GnssOutcome;
 use crate::parameters::index;
 use crate::samples::GnssFix;

@@ -88,6 +88,7 @@ enum Due {
     AzimuthWalk,
     BiasWalk,
     Solve,
+    Compensate,
 }
 
 /// The aided INS.
@@ -387,14 +388,16 @@ impl<const N: usize> AidedIns<N> {
             }
         }
         let next = match self.due {
-            Due::Nothing | Due::Spread | Due::Solve => Due::Nothing,
+            Due::Nothing | Due::Spread | Due::Compensate => Due::Nothing,
             Due::Horizon => Due::Level,
             Due::Level => Due::AzimuthWalk,
             Due::AzimuthWalk => Due::BiasWalk,
             Due::BiasWalk => Due::Solve,
+            Due::Solve => Due::Compensate,
         };
         match (self.due, self.estimator.exact_mut()) {
-            (Due::Solve, _) => self.solve(config),
+            (Due::Solve, _) => self.solve(),
+            (Due::Compensate, _) => self.compensate(config),
             (_, None) | (Due::Nothing, _) => {}
             (Due::Spread, Some(observer)) => observer.spread_next(),
             (Due::Horizon, Some(observer)) => observer.come_to_horizon(),
@@ -560,21 +563,24 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    /// Solves for the parameters and takes out those that are known.
-    ///
-    /// Its temporaries must not lie on the stack of every sample.
+    /// Solves for the parameters. Its temporaries must not lie on the stack of every sample.
     #[inline(never)]
-    fn solve(&mut self, config: &Config) {
+    fn solve(&mut self) {
         match &mut self.estimator {
-            Estimator::Exact(observer) => {
-                observer.solve();
-                if !observer.is_sound(config) {
-                    self.lost = true;
-                    self.misled = true;
-                }
-            }
+            Estimator::Exact(observer) => observer.solve(),
             #[cfg(feature = "literal")]
             Estimator::Literal(literal) => literal.solve(),
+        }
+    }
+
+    /// Takes out what has become known of the sensors, if it can be true.
+    #[inline(never)]
+    fn compensate(&mut self, config: &Config) {
+        if let Some(observer) = self.estimator.exact()
+            && !observer.is_sound(config)
+        {
+            self.lost = true;
+            self.misled = true;
         }
         self.compensation
             .update(self.estimator.parameters(), config);

@@ -1,0 +1,146 @@
+//! What the observer follows: the error of the INS and the correlated noise of GNSS; and the same that
+//! a unit of each parameter would have caused.
+
+use nalgebra::{RealField, SVector, Scalar, Vector3};
+
+use crate::channel::Measured;
+use crate::error_model::InsError;
+use crate::measurement::Kind;
+use crate::parameters::{COUNT, index};
+
+/// What the observer follows, ENU: the error of the INS and the correlated noise of GNSS, with
+/// the sign that it has in INS minus GNSS.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Followed<T: Scalar> {
+    /// Error of the INS.
+    pub error: InsError<T>,
+    /// Of GNSS velocity, m/s.
+    pub velocity_noise: Vector3<T>,
+    /// Of GNSS position, m.
+    pub position_noise: Vector3<T>,
+}
+
+impl<T: RealField + Copy> Followed<T> {
+    /// Nothing.
+    pub fn zero() -> Self {
+        Self {
+            error: InsError::zero(),
+            velocity_noise: Vector3::zeros(),
+            position_noise: Vector3::zeros(),
+        }
+    }
+
+    /// What it makes of INS minus GNSS.
+    pub fn shows(&self, measured: Measured) -> Vector3<T> {
+        match measured {
+            Measured::Velocity => self.error.velocity_mps + self.velocity_noise,
+            Measured::Position => self.error.position_m + self.position_noise,
+        }
+    }
+
+    /// Keeps a part of the noise of each axis.
+    pub fn keep_noise(&mut self, parts: &Vector3<T>) {
+        self.velocity_noise.component_mul_assign(parts);
+        self.position_noise.component_mul_assign(parts);
+    }
+
+    /// Keeps a part of the noises of velocity and position.
+    pub fn renew(&mut self, level: [T; 2], up: [T; 2]) {
+        let ([velocity, position], [velocity_up, position_up]) = (level, up);
+        self.velocity_noise
+            .component_mul_assign(&Vector3::new(velocity, velocity, velocity_up));
+        self.position_noise
+            .component_mul_assign(&Vector3::new(position, position, position_up));
+    }
+
+    /// Corrects one axis by an innovation: `dV_N' = g Phi_E` and `dV_E' = -g Phi_N`.
+    #[inline]
+    pub fn correct(&mut self, axis: usize, gains: &SVector<T, 5>, by: T) {
+        let add = |v: &mut Vector3<T>, gain: T| {
+            if let Some(x) = v.get_mut(axis) {
+                *x += gain * by;
+            }
+        };
+        add(&mut self.error.position_m, gains.x);
+        add(&mut self.error.velocity_mps, gains.y);
+        add(&mut self.velocity_noise, gains.w);
+        add(&mut self.position_noise, gains.a);
+        match axis {
+            0 => self.error.tilt_rad.y -= gains.z * by,
+            1 => self.error.tilt_rad.x += gains.z * by,
+            _ => {}
+        }
+    }
+
+    /// The states of one axis, as [`Self::correct`] corrects them.
+    pub fn states(&self, axis: usize) -> SVector<T, 5> {
+        let of = |v: &Vector3<T>| v.get(axis).copied().unwrap_or_else(T::zero);
+        let tilt = &self.error.tilt_rad;
+        SVector::from([
+            of(&self.error.position_m),
+            of(&self.error.velocity_mps),
+            match axis {
+                0 => -tilt.y,
+                1 => tilt.x,
+                _ => T::zero(),
+            },
+            of(&self.velocity_noise),
+            of(&self.position_noise),
+        ])
+    }
+
+    /// Adds `factor` times another.
+    pub fn add_scaled(&mut self, other: &Self, factor: T) {
+        self.error.add_scaled(&other.error, factor);
+        self.velocity_noise += other.velocity_noise * factor;
+        self.position_noise += other.position_noise * factor;
+    }
+}
+
+impl Followed<f64> {
+    /// Mean square of the correlated noise of one kind, per component.
+    pub fn noise_square(&self, kind: Kind) -> f64 {
+        let noise = match kind.measured() {
+            Measured::Velocity => &self.velocity_noise,
+            Measured::Position => &self.position_noise,
+        };
+        if kind.is_up() {
+            noise.z * noise.z
+        } else {
+            0.5 * noise.xy().norm_squared()
+        }
+    }
+}
+
+impl Followed<f32> {
+    /// In double precision.
+    pub fn double(&self) -> Followed<f64> {
+        let double = |v: &Vector3<f32>| v.map(f64::from);
+        Followed {
+            error: InsError {
+                position_m: double(&self.error.position_m),
+                velocity_mps: double(&self.error.velocity_mps),
+                tilt_rad: double(&self.error.tilt_rad),
+            },
+            velocity_noise: double(&self.velocity_noise),
+            position_noise: double(&self.position_noise),
+        }
+    }
+}
+
+/// Responses before anything has happened: the azimuth parameter is the azimuth error.
+pub const UNIT_RESPONSES: [Followed<f32>; COUNT] = {
+    const NONE: Vector3<f32> = Vector3::new(0.0, 0.0, 0.0);
+    let mut responses = [Followed {
+        error: InsError {
+            position_m: NONE,
+            velocity_mps: NONE,
+            tilt_rad: NONE,
+        },
+        velocity_noise: NONE,
+        position_noise: NONE,
+    }; COUNT];
+    responses[index::AZIMUTH].error.tilt_rad = Vector3::new(0.0, 0.0, 1.0);
+    responses
+};
