@@ -282,7 +282,7 @@ fn what_is_foretold_is_what_drives_reach() {
         "--target",
         "target.toml",
         "--runs",
-        "12",
+        "48",
         "--json",
     ];
     let mut command = Command::new(env!("CARGO_BIN_EXE_host-sim"));
@@ -296,7 +296,7 @@ fn what_is_foretold_is_what_drives_reach() {
     let rows = results[0]["rows"].as_array().unwrap();
     assert_eq!(rows.len(), 4);
     for row in rows {
-        // Of twelve errors the RMS is good to a fifth; this is three times that.
+        // Of 48 errors the RMS is good to a tenth; azimuths are foretold up to 1.45 times too large.
         let ratio = row["ratio"].as_f64().unwrap();
         assert!((0.6..1.9).contains(&ratio), "{row}");
     }
