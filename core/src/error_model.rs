@@ -15,10 +15,7 @@ pub struct InsError<T: Scalar = f64> {
     pub position_m: Vector3<T>,
     /// dV, m/s.
     pub velocity_mps: Vector3<T>,
-    /// Phi, rad: by its level components is the platform off a level one that points as it does, and
-    /// that by the third off the true one. A bias of an accelerometer and the tilt that it has
-    /// caused both turn with the platform when that is turned about the vertical, by how much it
-    /// may ever have pointed elsewhere: what is found of the azimuth says nothing of either.
+    /// Phi, rad.
     pub tilt_rad: Vector3<T>,
 }
 
@@ -31,12 +28,9 @@ pub struct Passage<T: Scalar = f64> {
     pub force_mps: Vector3<T>,
     /// Integral of that integral, m.
     pub force_moved_m: Vector3<T>,
-    /// Turn of the frame against inertial space, with what the platform turns about the vertical
-    /// against the frame.
+    /// Turn of the frame against inertial space, and half of what the platform turns against the
+    /// frame: rotations do not commute, and Phi is the vector of one (Bortz, IEEE TAES 7, 1971).
     pub turn_rad: Vector3<T>,
-    /// Half of what it turns in level: such turns do not commute, and what comes of it is about the
-    /// vertical.
-    pub half_level_rad: Vector3<T>,
 }
 
 /// What comes into the error of the INS over a span.
@@ -70,23 +64,17 @@ impl Forcing {
         });
         forcing
     }
-
-    /// Turn of the platform by both, rad.
-    fn platform_rad(&self) -> Vector3<f64> {
-        self.control_tilt_rad + self.drift_rad
-    }
 }
 
 impl Passage {
     /// Over a span in a frame that turns at `frame_rate`.
     pub fn over(span: &Span, frame_rate_radps: &Vector3<f64>, forcing: &Forcing) -> Self {
-        let platform_rad = forcing.platform_rad();
+        let platform_rad = forcing.control_tilt_rad + forcing.drift_rad;
         Self {
             seconds: span.seconds,
             force_mps: span.force_mps,
             force_moved_m: span.force_moved_m,
-            turn_rad: frame_rate_radps * span.seconds + Vector3::new(0.0, 0.0, platform_rad.z),
-            half_level_rad: 0.5 * Vector3::new(platform_rad.x, platform_rad.y, 0.0),
+            turn_rad: frame_rate_radps * span.seconds + 0.5 * platform_rad,
         }
     }
 
@@ -97,7 +85,6 @@ impl Passage {
             force_mps: singles(&self.force_mps),
             force_moved_m: singles(&self.force_moved_m),
             turn_rad: singles(&self.turn_rad),
-            half_level_rad: singles(&self.half_level_rad),
         }
     }
 }
@@ -156,10 +143,7 @@ impl<T: RealField + Copy> InsError<T> {
         self.position_m +=
             self.velocity_mps * passage.seconds + passage.force_moved_m.cross(&self.tilt_rad);
         self.velocity_mps += passage.force_mps.cross(&self.tilt_rad);
-        let level = &passage.half_level_rad;
-        let up_rad = self.tilt_rad.x * level.y - self.tilt_rad.y * level.x;
         self.tilt_rad += self.tilt_rad.cross(&passage.turn_rad);
-        self.tilt_rad.z += up_rad;
     }
 
     /// What came in evenly over a span that has been carried over.
@@ -194,23 +178,14 @@ impl InsError {
         let mut error = *self;
         error.carry(passage);
         // Second order: force is longer than its projection. Plus, for it is the one of the
-        // tilted frame. What a tilt and the biases make of it together points elsewhere, too: where
-        // the INS is held that is nothing.
-        let up = Vector3::new(0.0, 0.0, self.tilt_rad.z);
-        let level = self.tilt_rad - up;
-        let longer = |phi: Vector3<f64>| 0.5 * phi.cross(&passage.force_mps.cross(&phi));
-        let pushed = forcing.push_mps + passage.force_mps.cross(&level);
-        // What is levelled meanwhile turns with the platform for half of the time, and so on.
-        let platform_rad = forcing.platform_rad();
-        let half_turn = Vector3::new(0.0, 0.0, 0.5 * platform_rad.z);
-        let second = longer(level) + longer(up) + (up + half_turn).cross(&pushed);
-        error.velocity_mps += second;
-        error.position_m += 0.5 * passage.seconds * second;
+        // tilted frame.
+        let phi = &self.tilt_rad;
+        error.velocity_mps += 0.5 * phi.cross(&passage.force_mps.cross(phi));
         error.feed(passage, &Input::Tilt(forcing.drift_rad));
         error.feed(passage, &Input::Velocity(forcing.push_mps));
         error.position_m += forcing.control_position_m;
         error.velocity_mps += forcing.control_velocity_mps;
-        error.tilt_rad += forcing.control_tilt_rad + platform_rad.cross(&half_turn);
+        error.tilt_rad += forcing.control_tilt_rad;
         error
     }
 }

@@ -474,9 +474,7 @@ impl<const N: usize> AidedIns<N> {
         let current = &mut self.current;
         current.control_position_m -= error.position_m;
         current.control_velocity_mps -= error.velocity_mps;
-        // The one turn that is both of those.
-        let up = Vector3::new(0.0, 0.0, error.tilt_rad.z);
-        current.control_tilt_rad -= error.tilt_rad - 0.5 * error.tilt_rad.cross(&up);
+        current.control_tilt_rad -= error.tilt_rad;
         current.way_m -= error.position_m;
         self.azimuth_removed_rad += error.tilt_rad.z;
     }
@@ -587,12 +585,10 @@ impl<const N: usize> AidedIns<N> {
     }
 }
 
-/// Takes an error out of an INS: the platform is levelled, then turned.
+/// Takes an error out of an INS.
 fn take_out(ins: &mut Mechanization, error: &InsError) {
     ins.velocity_enu_mps -= error.velocity_mps;
-    let up = Vector3::new(0.0, 0.0, error.tilt_rad.z);
-    ins.turn_platform(&(up - error.tilt_rad));
-    ins.turn_platform(&-up);
+    ins.turn_platform(&-error.tilt_rad);
     let earth = ins.local_earth();
     ins.move_by(&earth, &-error.position_m);
 }
