@@ -161,8 +161,6 @@ pub struct Observer {
     horizon: Time,
     last_level: Time,
     last_vertical: Time,
-    /// When the biases of each axis last walked.
-    walked: [Time; 3],
 }
 
 impl Observer {
@@ -220,7 +218,6 @@ impl Observer {
             horizon: start,
             last_level: start,
             last_vertical: start,
-            walked: [start; 3],
         }
     }
 
@@ -835,22 +832,18 @@ impl Observer {
         self.azimuth_walk = 0.0;
     }
 
-    /// Lets the biases of one axis have walked, that of which they last did longest ago.
+    /// Lets the gyros have walked.
     #[inline(never)]
-    pub fn let_biases_walk(&mut self, config: &Config) {
-        let walked = self.walked.iter_mut().enumerate();
-        let Some((axis, last)) = walked.min_by_key(|(_, last)| **last) else {
-            return;
-        };
-        let seconds = self.horizon.seconds_since(*last);
-        *last = self.horizon;
-        let s = &config.sensors;
-        for (first, walk) in [
-            (index::GYRO, s.gyro_bias_walk),
-            (index::ACCEL, s.accel_bias_walk),
-        ] {
-            self.let_walk(first + axis, math::single(walk * walk * seconds));
-        }
+    pub fn let_gyros_walk(&mut self, config: &Config) {
+        let walk = config.sensors.gyro_bias_walk;
+        self.let_three_walk(index::GYRO, walk * walk * self.elapsed_s);
+    }
+
+    /// The same of the accelerometers.
+    #[inline(never)]
+    pub fn let_accels_walk(&mut self, config: &Config) {
+        let walk = config.sensors.accel_bias_walk;
+        self.let_three_walk(index::ACCEL, walk * walk * self.elapsed_s);
     }
 
     /// Lets each of three parameters have walked by a variance.

@@ -86,7 +86,8 @@ enum Due {
     Horizon,
     Level,
     AzimuthWalk,
-    BiasWalk,
+    GyroWalk,
+    AccelWalk,
     Solve,
     Compensate,
 }
@@ -391,8 +392,9 @@ impl<const N: usize> AidedIns<N> {
             Due::Nothing | Due::Spread | Due::Compensate => Due::Nothing,
             Due::Horizon => Due::Level,
             Due::Level => Due::AzimuthWalk,
-            Due::AzimuthWalk => Due::BiasWalk,
-            Due::BiasWalk => Due::Solve,
+            Due::AzimuthWalk => Due::GyroWalk,
+            Due::GyroWalk => Due::AccelWalk,
+            Due::AccelWalk => Due::Solve,
             Due::Solve => Due::Compensate,
         };
         match (self.due, self.estimator.exact_mut()) {
@@ -403,7 +405,8 @@ impl<const N: usize> AidedIns<N> {
             (Due::Horizon, Some(observer)) => observer.come_to_horizon(),
             (Due::Level, Some(observer)) => observer.level_anew(config),
             (Due::AzimuthWalk, Some(observer)) => observer.let_azimuth_walk(),
-            (Due::BiasWalk, Some(observer)) => observer.let_biases_walk(config),
+            (Due::GyroWalk, Some(observer)) => observer.let_gyros_walk(config),
+            (Due::AccelWalk, Some(observer)) => observer.let_accels_walk(config),
         }
         self.due = next;
     }
