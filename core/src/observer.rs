@@ -819,9 +819,9 @@ impl Observer {
         self.unsolved_s = 0.0;
     }
 
-    /// Lets the azimuth have walked.
+    /// Lets azimuth and gyros have walked.
     #[inline(never)]
-    pub fn let_azimuth_walk(&mut self) {
+    pub fn let_gyros_walk(&mut self, config: &Config) {
         let known = self.parameters.sigma(index::AZIMUTH);
         let known = known * known + self.azimuth_walk;
         if let Some(jump) = self.azimuth_jump.square(known, self.inflation()) {
@@ -830,11 +830,6 @@ impl Observer {
         }
         self.let_walk(index::AZIMUTH, math::single(self.azimuth_walk));
         self.azimuth_walk = 0.0;
-    }
-
-    /// Lets the gyros have walked.
-    #[inline(never)]
-    pub fn let_gyros_walk(&mut self, config: &Config) {
         let walk = config.sensors.gyro_bias_walk;
         self.let_three_walk(index::GYRO, walk * walk * self.elapsed_s);
     }

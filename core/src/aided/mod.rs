@@ -85,11 +85,9 @@ enum Due {
     /// All parameters are: what comes before, in pieces, and the solution.
     Horizon,
     Level,
-    AzimuthWalk,
     GyroWalk,
     AccelWalk,
     Solve,
-    Compensate,
 }
 
 /// The aided INS.
@@ -389,22 +387,21 @@ impl<const N: usize> AidedIns<N> {
             }
         }
         let next = match self.due {
-            Due::Nothing | Due::Spread | Due::Compensate => Due::Nothing,
+            Due::Nothing | Due::Spread | Due::Solve => Due::Nothing,
             Due::Horizon => Due::Level,
-            Due::Level => Due::AzimuthWalk,
-            Due::AzimuthWalk => Due::GyroWalk,
+            Due::Level => Due::GyroWalk,
             Due::GyroWalk => Due::AccelWalk,
             Due::AccelWalk => Due::Solve,
-            Due::Solve => Due::Compensate,
         };
         match (self.due, self.estimator.exact_mut()) {
-            (Due::Solve, _) => self.solve(),
-            (Due::Compensate, _) => self.compensate(config),
+            (Due::Solve, _) => {
+                self.solve();
+                self.compensate(config);
+            }
             (_, None) | (Due::Nothing, _) => {}
             (Due::Spread, Some(observer)) => observer.spread_next(),
             (Due::Horizon, Some(observer)) => observer.come_to_horizon(),
             (Due::Level, Some(observer)) => observer.level_anew(config),
-            (Due::AzimuthWalk, Some(observer)) => observer.let_azimuth_walk(),
             (Due::GyroWalk, Some(observer)) => observer.let_gyros_walk(config),
             (Due::AccelWalk, Some(observer)) => observer.let_accels_walk(config),
         }
