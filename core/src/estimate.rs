@@ -15,6 +15,8 @@ use crate::solution::Phase;
 pub enum Observability {
     /// The value stands on data.
     Observable,
+    /// Known exactly beforehand: its spread in the [`Config`] is zero.
+    Given,
     /// Only more running time with GNSS velocity helps.
     #[default]
     NeedsTime,
@@ -31,6 +33,7 @@ impl Observability {
     pub const fn why(self) -> &'static str {
         match self {
             Self::Observable => "observable",
+            Self::Given => "given by the configuration",
             Self::NeedsTime => "needs more time with GNSS velocity",
             Self::NeedsAcceleration => "needs starts and brakings, or turns at speed",
             Self::NeedsTurn => "needs a turn",
@@ -133,8 +136,10 @@ impl Estimates {
             sigma: p.sigma(i),
             observability: if good {
                 Observability::Observable
-            } else {
+            } else if p.sigma(i) > 0.0 {
                 missing
+            } else {
+                Observability::Given
             },
         };
         let known = |i: usize, missing: Observability| {
