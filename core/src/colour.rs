@@ -1,22 +1,25 @@
-//! How strong the correlated part of GNSS noise is, from what the observer takes for it.
+//! How strong the correlated part of GNSS noise is, by the likelihood of the innovations.
 //!
-//! The observer follows that part beside the errors of the INS. Its mean square, and the variance
-//! that is left of it, must come to the variance that is assumed: where they are less, less is
-//! assumed. This is a step of expectation and maximization (Shumway and Stoffer, 1982) with the
-//! filter's estimate in place of the smoother's, divided by the information that the noise has
-//! given of itself so far, as Fisher's scoring has it. An INS that errs more than its sensors should
-//! is told from it by the channel: the one stays, the other comes back within its correlation time.
+//! A noise that is assumed too weak is followed too slowly: innovations go on as the ones before, and
+//! are too large. Each says how much likelier it would be of a stronger noise, by what its variance and
+//! its prediction would be more by. Of one sum that is measured, predicted with a variance `T` and
+//! measured with `R`, both follow from the update `T R / (T + R)` and the gain `T / (T + R)` by
+//! differentiation (sensitivity equations: Gupta and Mehra, IEEE TAC 19, 1974); a step of Fisher's
+//! scoring goes with each. So the noise is found wherever the INS and its parameters end, which the
+//! estimate of the noise itself does not tell: what both may hold, it may hold little of.
 
-use crate::config::Noise;
+use nalgebra::Vector2;
+
+use crate::channel::Renewal;
 use crate::math;
-use crate::time::Time;
 
-/// Information about the logarithm of its variance, in correlation times over which the noise was
-/// seen as if it were alone: what is configured counts for one, and some are remembered.
-const CONFIGURED: f64 = 1.0;
-const REMEMBERED: f64 = 20.0;
-/// Largest square, in its variance, that counts: outliers are no noise.
-const ROBUST: f64 = 9.0;
+/// Information about the logarithm of its variance: what is configured counts for some, a factor of two
+/// in the standard deviation being two sigmas, so that an INS on its way to be found wrong is not taken
+/// for noise in its first innovations; remembered is what makes it good to a sixth.
+const CONFIGURED: f64 = 2.0;
+const REMEMBERED: f64 = 10.0;
+/// Largest step of that logarithm from one fix: an outlier is no noise.
+const LARGEST_STEP: f64 = 0.1;
 
 /// Strength of the correlated part of one kind of noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,19 +30,21 @@ pub struct Colour {
     ratio: f64,
     strength: f64,
     information: f64,
-    last: Time,
+    /// By how much more variance the next measurement would be predicted, and itself be predicted to be
+    /// more, for a unit of the logarithm more.
+    variance: f64,
+    predicted: Vector2<f64>,
 }
 
 impl Colour {
     /// As configured.
-    pub fn new(start: Time) -> Self {
-        Self {
-            ratio: 1.0,
-            strength: 1.0,
-            information: CONFIGURED,
-            last: start,
-        }
-    }
+    pub const CONFIGURED: Self = Self {
+        ratio: 1.0,
+        strength: 1.0,
+        information: CONFIGURED,
+        variance: 0.0,
+        predicted: Vector2::new(0.0, 0.0),
+    };
 
     /// Variance of the correlated part against the configured one.
     pub fn strength(&self) -> f64 {
@@ -56,22 +61,38 @@ impl Colour {
         self.strength = both * self.ratio;
     }
 
-    /// Learns from what the observer takes for this noise after a fix: its mean square, and the
-    /// variance with which it is not known.
-    pub fn learn(&mut self, now: Time, square: f64, left: f64, noise: &Noise, range: [f64; 2]) {
-        let assumed = noise.correlated * noise.correlated * self.strength;
-        if assumed <= 0.0 {
-            return;
-        }
-        let new = math::min(now.seconds_since(self.last) / noise.correlation_s, 1.0);
-        self.last = now;
-        // What was assumed before may be more.
-        let left = math::min(left / assumed, 1.0);
-        let known = 1.0 - left;
-        self.information = math::min(self.information + known * known * new, REMEMBERED);
-        let found = math::min(square / assumed, ROBUST) + left;
-        let ratio = self.ratio * (1.0 + (found - 1.0) * new / self.information);
-        self.ratio = math::variance_within(ratio, range);
+    /// Some of it has gone, and some has come in.
+    pub fn renew(&mut self, renewal: &Renewal) {
+        self.variance = renewal.keep * renewal.keep * self.variance + renewal.new;
+        self.predicted *= renewal.keep;
+    }
+
+    /// Learns from an innovation of so many components and a variance of each, before it is taken.
+    pub fn learn(
+        &mut self,
+        innovation: &Vector2<f64>,
+        components: f64,
+        total: f64,
+        range: [f64; 2],
+    ) {
+        let share = self.variance / total;
+        let square = innovation.norm_squared() / total;
+        let score = self.predicted.dot(innovation) / total + 0.5 * share * (square - components);
+        let new = self.predicted.norm_squared() / total + 0.5 * components * share * share;
+        self.information = math::min(self.information + new, REMEMBERED);
+        let step = math::max(
+            math::min(score / self.information, LARGEST_STEP),
+            -LARGEST_STEP,
+        );
+        self.ratio = math::variance_within(self.ratio * (1.0 + step), range);
+    }
+
+    /// An innovation of a variance per component is taken, of which `white` is white noise.
+    pub fn take(&mut self, innovation: &Vector2<f64>, total: f64, white: f64) {
+        let kept = white / total;
+        let gain = kept * self.variance / total;
+        self.predicted = self.predicted * kept + innovation * gain;
+        self.variance *= kept * kept;
     }
 }
 

@@ -190,7 +190,7 @@ impl Observer {
             vertical,
             innovations: [Innovations::default(); 4],
             stated: [StatedNoise::default(); 4],
-            colours: [Colour::new(start); 4],
+            colours: [Colour::CONFIGURED; 4],
             gyro_noise: ProcessNoise::CONFIGURED,
             accel_noise: ProcessNoise::CONFIGURED,
             surprise: Surprise::default(),
@@ -559,11 +559,10 @@ impl Observer {
             innovations.learn(square, &sigmas, gnss.noise_range);
             // While the parameters themselves are uncertain it says little of the noise.
             if f64::from(added.determinant) < 1.0 + components {
-                let square = self.followed.noise_square(kind);
-                let left = channel.noise(kind.measured());
-                colour.learn(self.horizon, square, left, described, gnss.noise_range);
+                colour.learn(&pair, components, total, gnss.noise_range);
             }
         }
+        colour.take(&pair, total, white);
         let per_component = if kind.is_up() {
             f64::from(added.determinant)
         } else {
@@ -676,6 +675,10 @@ impl Observer {
             renewal(&gnss.velocity_up_mps, climb),
             renewal(&gnss.height_m, height),
         ];
+        let renewals = [level[0], up[0], level[1], up[1]];
+        for (colour, renewal) in self.colours.iter_mut().zip(&renewals) {
+            colour.renew(renewal);
+        }
         let kept = |renewals: &[Renewal; 2]| renewals.map(|renewal| renewal.keep);
         self.followed.renew(kept(&level), kept(&up));
 
