@@ -15,7 +15,10 @@ pub struct InsError<T: Scalar = f64> {
     pub position_m: Vector3<T>,
     /// dV, m/s.
     pub velocity_mps: Vector3<T>,
-    /// Phi, rad.
+    /// Phi, rad: by its level components is the platform off a level one that points as it does, and
+    /// that by the third off the true one. A bias of an accelerometer and the tilt that it has
+    /// caused both turn with the platform when that is turned about the vertical, by how much it
+    /// may ever have pointed elsewhere: what is found of the azimuth says nothing of either.
     pub tilt_rad: Vector3<T>,
 }
 
@@ -24,13 +27,27 @@ pub struct InsError<T: Scalar = f64> {
 pub struct Passage<T: Scalar = f64> {
     /// Duration, s.
     pub seconds: T,
-    /// Integral of specific force, m/s.
+    /// Integral of specific force as the platform has it, m/s.
     pub force_mps: Vector3<T>,
     /// Integral of that integral, m.
     pub force_moved_m: Vector3<T>,
-    /// Turn of the frame against inertial space, and half of what the platform turns against the
-    /// frame: rotations do not commute, and Phi is the vector of one (Bortz, IEEE TAES 7, 1971).
-    pub turn_rad: Vector3<T>,
+    /// By how much the platform points elsewhere, and what it turns about the vertical against the
+    /// frame: cosine and sine.
+    azimuth: [T; 2],
+    turn: [T; 2],
+    /// What a unit of azimuth more does to velocity and position, m/s and m.
+    swung_mps: Vector3<T>,
+    swung_m: Vector3<T>,
+    /// Turn of the frame against inertial space.
+    frame_rad: Vector3<T>,
+    /// Half of what the platform turns in level: such turns do not commute, and what comes of it is
+    /// about the vertical.
+    half_level_rad: Vector3<T>,
+}
+
+/// Turns about the vertical, by an angle of this cosine and sine.
+fn about_up<T: RealField + Copy>(v: &Vector3<T>, [cos, sin]: [T; 2]) -> Vector3<T> {
+    Vector3::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y, v.z)
 }
 
 /// What comes into the error of the INS over a span.
@@ -64,17 +81,42 @@ impl Forcing {
         });
         forcing
     }
+
+    /// Turn of the platform by both, rad.
+    fn platform_rad(&self) -> Vector3<f64> {
+        self.control_tilt_rad + self.drift_rad
+    }
 }
 
 impl Passage {
-    /// Over a span in a frame that turns at `frame_rate`.
-    pub fn over(span: &Span, frame_rate_radps: &Vector3<f64>, forcing: &Forcing) -> Self {
-        let platform_rad = forcing.control_tilt_rad + forcing.drift_rad;
+    /// Over a span in a frame that turns at `frame_rate`, of an INS with such an error.
+    pub fn over(
+        span: &Span,
+        frame_rate_radps: &Vector3<f64>,
+        forcing: &Forcing,
+        tilt_rad: &Vector3<f64>,
+    ) -> Self {
+        let cos_sin = |angle_rad: f64| {
+            let (sin, cos) = math::sin_cos(angle_rad);
+            [cos, sin]
+        };
+        let platform_rad = forcing.platform_rad();
+        let azimuth = cos_sin(tilt_rad.z);
+        let level = level_of(tilt_rad);
+        let swung = |force: &Vector3<f64>, push: Vector3<f64>| {
+            Vector3::z().cross(&about_up(&(force.cross(&level) + push - force), azimuth))
+        };
+        let pushed_m = forcing.push_mps * (0.5 * span.seconds);
         Self {
             seconds: span.seconds,
             force_mps: span.force_mps,
             force_moved_m: span.force_moved_m,
-            turn_rad: frame_rate_radps * span.seconds + 0.5 * platform_rad,
+            azimuth,
+            turn: cos_sin(-platform_rad.z),
+            swung_mps: swung(&span.force_mps, forcing.push_mps),
+            swung_m: swung(&span.force_moved_m, pushed_m),
+            frame_rad: frame_rate_radps * span.seconds,
+            half_level_rad: 0.5 * level_of(&platform_rad),
         }
     }
 
@@ -84,9 +126,19 @@ impl Passage {
             seconds: math::single(self.seconds),
             force_mps: singles(&self.force_mps),
             force_moved_m: singles(&self.force_moved_m),
-            turn_rad: singles(&self.turn_rad),
+            azimuth: self.azimuth.map(math::single),
+            turn: self.turn.map(math::single),
+            swung_mps: singles(&self.swung_mps),
+            swung_m: singles(&self.swung_m),
+            frame_rad: singles(&self.frame_rad),
+            half_level_rad: singles(&self.half_level_rad),
         }
     }
+}
+
+/// Without what is about the vertical.
+fn level_of<T: RealField + Copy>(v: &Vector3<T>) -> Vector3<T> {
+    Vector3::new(v.x, v.y, T::zero())
 }
 
 /// What a unit of a parameter puts into (1)-(2) over a span.
@@ -140,10 +192,21 @@ impl<T: RealField + Copy> InsError<T> {
 
     /// `dp' = dV`, `dV' = f x Phi`, `Phi' = -w_in x Phi`.
     pub fn carry(&mut self, passage: &Passage<T>) {
-        self.position_m +=
-            self.velocity_mps * passage.seconds + passage.force_moved_m.cross(&self.tilt_rad);
-        self.velocity_mps += passage.force_mps.cross(&self.tilt_rad);
-        self.tilt_rad += self.tilt_rad.cross(&passage.turn_rad);
+        self.position_m += self.velocity_mps * passage.seconds;
+        let (tilt, level) = (self.tilt_rad, &passage.half_level_rad);
+        self.pull(passage, &tilt, T::one(), T::one());
+        self.tilt_rad = about_up(&tilt, passage.turn) + tilt.cross(&passage.frame_rad);
+        self.tilt_rad.z += tilt.x * level.y - tilt.y * level.x;
+    }
+
+    /// A tilt pulls, on the whole by these parts of it.
+    fn pull(&mut self, passage: &Passage<T>, tilt: &Vector3<T>, part: T, moved_part: T) {
+        let level = level_of(tilt);
+        let pulled = |force: &Vector3<T>, swung: &Vector3<T>| {
+            about_up(&force.cross(&level), passage.azimuth) + swung * tilt.z
+        };
+        self.velocity_mps += pulled(&passage.force_mps, &passage.swung_mps) * part;
+        self.position_m += pulled(&passage.force_moved_m, &passage.swung_m) * moved_part;
     }
 
     /// What came in evenly over a span that has been carried over.
@@ -152,11 +215,11 @@ impl<T: RealField + Copy> InsError<T> {
         match input {
             Input::Tilt(tilt) => {
                 let third = nalgebra::convert::<f64, T>(1.0 / 3.0);
-                self.position_m += passage.force_moved_m.cross(&(tilt * third));
-                self.velocity_mps += passage.force_mps.cross(&(tilt * half));
+                self.pull(passage, tilt, half, third);
                 self.tilt_rad += tilt;
             }
             Input::Velocity(velocity) => {
+                let velocity = about_up(velocity, passage.azimuth);
                 self.position_m += velocity * (half * passage.seconds);
                 self.velocity_mps += velocity;
             }
@@ -177,15 +240,22 @@ impl InsError {
     pub fn after(&self, passage: &Passage, forcing: &Forcing) -> Self {
         let mut error = *self;
         error.carry(passage);
-        // Second order: force is longer than its projection. Plus, for it is the one of the
-        // tilted frame.
-        let phi = &self.tilt_rad;
-        error.velocity_mps += 0.5 * phi.cross(&passage.force_mps.cross(phi));
+        // Force is longer than its projection. Plus, for it is the one of the tilted frame. And of the
+        // azimuth the whole.
+        let (up, level) = (self.tilt_rad.z, level_of(&self.tilt_rad));
+        let longer = 0.5 * level.cross(&passage.force_mps.cross(&level));
+        let turned = |force: &Vector3<f64>| force - about_up(force, passage.azimuth);
+        error.velocity_mps += about_up(&longer, passage.azimuth) + turned(&passage.force_mps)
+            - passage.swung_mps * up;
+        error.position_m += turned(&passage.force_moved_m) - passage.swung_m * up;
+        // What is levelled meanwhile turns with the platform for half of the time.
+        let platform_rad = forcing.platform_rad();
+        let half_turn = Vector3::new(0.0, 0.0, 0.5 * platform_rad.z);
         error.feed(passage, &Input::Tilt(forcing.drift_rad));
         error.feed(passage, &Input::Velocity(forcing.push_mps));
         error.position_m += forcing.control_position_m;
         error.velocity_mps += forcing.control_velocity_mps;
-        error.tilt_rad += forcing.control_tilt_rad;
+        error.tilt_rad += forcing.control_tilt_rad + platform_rad.cross(&half_turn);
         error
     }
 }

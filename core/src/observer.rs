@@ -429,7 +429,7 @@ impl Observer {
     pub fn error_after(&self, since: &Span) -> InsError {
         let forcing = Forcing::over(since, &self.level_force_mps2, &self.parameters);
         // The horizon is close: the frame stands still.
-        let passage = Passage::over(since, &Vector3::zeros(), &forcing);
+        let passage = Passage::over(since, &Vector3::zeros(), &forcing, &self.error().tilt_rad);
         self.followed.error.after(&passage, &forcing)
     }
 
@@ -657,7 +657,7 @@ impl Observer {
     /// Carries the observer over a span that ends at `to`, in a frame that turns at `frame_rate`.
     pub fn propagate(&mut self, span: &Span, to: Time, frame_rate: &Vector3<f64>, config: &Config) {
         let forcing = Forcing::over(span, &self.level_force_mps2, &self.parameters);
-        let passage = Passage::over(span, frame_rate, &forcing);
+        let passage = Passage::over(span, frame_rate, &forcing, &self.error().tilt_rad);
         self.followed.error = self.followed.error.after(&passage, &forcing);
         let azimuth_sigma = self.parameters.sigma(index::AZIMUTH);
         let azimuth = self.followed.error.tilt_rad.z;

@@ -474,7 +474,9 @@ impl<const N: usize> AidedIns<N> {
         let current = &mut self.current;
         current.control_position_m -= error.position_m;
         current.control_velocity_mps -= error.velocity_mps;
-        current.control_tilt_rad -= error.tilt_rad;
+        // The one turn that is both of those.
+        let up = Vector3::new(0.0, 0.0, error.tilt_rad.z);
+        current.control_tilt_rad -= error.tilt_rad - 0.5 * error.tilt_rad.cross(&up);
         current.way_m -= error.position_m;
         self.azimuth_removed_rad += error.tilt_rad.z;
     }
@@ -585,10 +587,12 @@ impl<const N: usize> AidedIns<N> {
     }
 }
 
-/// Takes an error out of an INS.
+/// Takes an error out of an INS: the platform is levelled, then turned.
 fn take_out(ins: &mut Mechanization, error: &InsError) {
     ins.velocity_enu_mps -= error.velocity_mps;
-    ins.turn_platform(&-error.tilt_rad);
+    let up = Vector3::new(0.0, 0.0, error.tilt_rad.z);
+    ins.turn_platform(&(up - error.tilt_rad));
+    ins.turn_platform(&-up);
     let earth = ins.local_earth();
     ins.move_by(&earth, &-error.position_m);
 }
