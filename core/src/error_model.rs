@@ -59,6 +59,8 @@ pub struct Forcing {
     control_tilt_rad: Vector3<f64>,
     /// Velocity by the parameters, m/s.
     push_mps: Vector3<f64>,
+    /// Of that, what has been taken out of the readings.
+    taken_out_mps: Vector3<f64>,
     /// Velocity by the controls, with what their turn did to it, m/s.
     control_velocity_mps: Vector3<f64>,
     /// Position by the controls, with what both did to it, m.
@@ -66,12 +68,19 @@ pub struct Forcing {
 }
 
 impl Forcing {
-    /// By the controls of a span and by `parameters`.
-    pub fn over(span: &Span, level_force_mps2: &Vector3<f64>, parameters: &Parameters) -> Self {
+    /// By the controls of a span, `accel_mps2` taken out of the accelerometers among them, and by
+    /// `parameters`.
+    pub fn over(
+        span: &Span,
+        level_force_mps2: &Vector3<f64>,
+        parameters: &Parameters,
+        accel_mps2: &Vector3<f64>,
+    ) -> Self {
         let mut forcing = Self {
             drift_rad: Vector3::zeros(),
             control_tilt_rad: span.control_tilt_rad,
             push_mps: Vector3::zeros(),
+            taken_out_mps: span.attitude_s * accel_mps2,
             control_velocity_mps: span.control_velocity_mps,
             control_position_m: span.control_position_m,
         };
@@ -106,14 +115,15 @@ impl Passage {
         let swung = |force: &Vector3<f64>, push: Vector3<f64>| {
             Vector3::z().cross(&about_up(&(force.cross(&level) + push - force), azimuth))
         };
-        let pushed_m = forcing.push_mps * (0.5 * span.seconds);
+        let pushed_mps = forcing.push_mps - forcing.taken_out_mps;
+        let pushed_m = pushed_mps * (0.5 * span.seconds);
         Self {
             seconds: span.seconds,
             force_mps: span.force_mps,
             force_moved_m: span.force_moved_m,
             azimuth,
             turn: cos_sin(-platform_rad.z),
-            swung_mps: swung(&span.force_mps, forcing.push_mps),
+            swung_mps: swung(&span.force_mps, pushed_mps),
             swung_m: swung(&span.force_moved_m, pushed_m),
             frame_rad: frame_rate_radps * span.seconds,
             half_level_rad: 0.5 * level_of(&platform_rad),
@@ -245,9 +255,13 @@ impl InsError {
         let (up, level) = (self.tilt_rad.z, level_of(&self.tilt_rad));
         let longer = 0.5 * level.cross(&passage.force_mps.cross(&level));
         let turned = |force: &Vector3<f64>| force - about_up(force, passage.azimuth);
-        error.velocity_mps += about_up(&longer, passage.azimuth) + turned(&passage.force_mps)
-            - passage.swung_mps * up;
-        error.position_m += turned(&passage.force_moved_m) - passage.swung_m * up;
+        let taken_out_mps = turned(&forcing.taken_out_mps);
+        error.velocity_mps +=
+            about_up(&longer, passage.azimuth) + turned(&passage.force_mps) + taken_out_mps
+                - passage.swung_mps * up;
+        error.position_m += turned(&passage.force_moved_m)
+            + taken_out_mps * (0.5 * passage.seconds)
+            - passage.swung_m * up;
         // What is levelled meanwhile turns with the platform for half of the time.
         let platform_rad = forcing.platform_rad();
         let half_turn = Vector3::new(0.0, 0.0, 0.5 * platform_rad.z);

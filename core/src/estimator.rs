@@ -107,12 +107,13 @@ impl Estimator {
         history: &History<N>,
         to: Time,
         frame_rate_radps: &Vector3<f64>,
+        accel_mps2: &Vector3<f64>,
         config: &Config,
     ) {
         let from = self.horizon();
         match self {
             Self::Exact(observer) => history.between(from, to, PIECE_S, &mut |piece, end| {
-                observer.propagate(piece, end, frame_rate_radps, config);
+                observer.propagate(piece, end, frame_rate_radps, accel_mps2, config);
             }),
             #[cfg(feature = "literal")]
             Self::Literal(literal) => {
@@ -125,9 +126,9 @@ impl Estimator {
 
     /// The error of the INS after what has happened since the horizon, as far as it is known and
     /// not yet taken out.
-    pub fn error_after(&self, since: &Span) -> InsError {
+    pub fn error_after(&self, since: &Span, accel_mps2: &Vector3<f64>) -> InsError {
         match self {
-            Self::Exact(observer) => observer.error_after(since),
+            Self::Exact(observer) => observer.error_after(since, accel_mps2),
             #[cfg(feature = "literal")]
             Self::Literal(literal) => {
                 let mut error = InsError::zero();

@@ -136,6 +136,8 @@ pub struct Observer {
     /// Specific force in the body at the level attitude of the mount, m/s^2.
     level_force_mps2: Vector3<f64>,
     gravity_mps2: f64,
+    /// When the biases of each axis last walked.
+    walked: [Time; 3],
     /// Time over which that is averaged, s.
     levelled_s: f64,
     /// How far up, and what is felt as up, are off its direction, body, on the mean of some manoeuvres.
@@ -201,6 +203,7 @@ impl Observer {
             corrections: LeastSquares::NOTHING,
             parameters: Parameters::NONE,
             level_force_mps2,
+            walked: [start; 3],
             levelled_s: FIRST_LEVEL_S,
             lately: [Vector3::zeros(); 2],
             next_spread: 0,
@@ -426,8 +429,8 @@ impl Observer {
     }
 
     /// The error of the INS after what has happened since the horizon, as estimated.
-    pub fn error_after(&self, since: &Span) -> InsError {
-        let forcing = Forcing::over(since, &self.level_force_mps2, &self.parameters);
+    pub fn error_after(&self, since: &Span, accel_mps2: &Vector3<f64>) -> InsError {
+        let forcing = Forcing::over(since, &self.level_force_mps2, &self.parameters, accel_mps2);
         // The horizon is close: the frame stands still.
         let passage = Passage::over(since, &Vector3::zeros(), &forcing, &self.error().tilt_rad);
         self.followed.error.after(&passage, &forcing)
@@ -655,8 +658,15 @@ impl Observer {
     }
 
     /// Carries the observer over a span that ends at `to`, in a frame that turns at `frame_rate`.
-    pub fn propagate(&mut self, span: &Span, to: Time, frame_rate: &Vector3<f64>, config: &Config) {
-        let forcing = Forcing::over(span, &self.level_force_mps2, &self.parameters);
+    pub fn propagate(
+        &mut self,
+        span: &Span,
+        to: Time,
+        frame_rate: &Vector3<f64>,
+        accel_mps2: &Vector3<f64>,
+        config: &Config,
+    ) {
+        let forcing = Forcing::over(span, &self.level_force_mps2, &self.parameters, accel_mps2);
         let passage = Passage::over(span, frame_rate, &forcing, &self.error().tilt_rad);
         self.followed.error = self.followed.error.after(&passage, &forcing);
         let azimuth_sigma = self.parameters.sigma(index::AZIMUTH);
@@ -822,9 +832,9 @@ impl Observer {
         self.unsolved_s = 0.0;
     }
 
-    /// Lets azimuth and gyros have walked.
+    /// Lets the azimuth have walked.
     #[inline(never)]
-    pub fn let_gyros_walk(&mut self, config: &Config) {
+    pub fn let_azimuth_walk(&mut self) {
         let known = self.parameters.sigma(index::AZIMUTH);
         let known = known * known + self.azimuth_walk;
         if let Some(jump) = self.azimuth_jump.square(known, self.inflation()) {
@@ -833,15 +843,24 @@ impl Observer {
         }
         self.let_walk(index::AZIMUTH, math::single(self.azimuth_walk));
         self.azimuth_walk = 0.0;
-        let walk = config.sensors.gyro_bias_walk;
-        self.let_three_walk(index::GYRO, walk * walk * self.elapsed_s);
     }
 
-    /// The same of the accelerometers.
+    /// Lets the biases of one axis have walked, that of which they last did longest ago.
     #[inline(never)]
-    pub fn let_accels_walk(&mut self, config: &Config) {
-        let walk = config.sensors.accel_bias_walk;
-        self.let_three_walk(index::ACCEL, walk * walk * self.elapsed_s);
+    pub fn let_biases_walk(&mut self, config: &Config) {
+        let walked = self.walked.iter_mut().enumerate();
+        let Some((axis, last)) = walked.min_by_key(|(_, last)| **last) else {
+            return;
+        };
+        let seconds = self.horizon.seconds_since(*last);
+        *last = self.horizon;
+        let s = &config.sensors;
+        for (first, walk) in [
+            (index::GYRO, s.gyro_bias_walk),
+            (index::ACCEL, s.accel_bias_walk),
+        ] {
+            self.let_walk(first + axis, math::single(walk * walk * seconds));
+        }
     }
 
     /// Lets each of three parameters have walked by a variance.

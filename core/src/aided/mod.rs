@@ -85,9 +85,10 @@ enum Due {
     /// All parameters are: what comes before, in pieces, and the solution.
     Horizon,
     Level,
-    GyroWalk,
-    AccelWalk,
+    AzimuthWalk,
+    BiasWalk,
     Solve,
+    Compensate,
 }
 
 /// The aided INS.
@@ -209,7 +210,8 @@ impl<const N: usize> AidedIns<N> {
 
     /// The error of the INS now, as far as it is known and not yet taken out.
     fn error(&self) -> InsError {
-        self.estimator.error_after(&self.since_horizon())
+        self.estimator
+            .error_after(&self.since_horizon(), &self.compensation.accel_mps2)
     }
 
     /// What is assumed of the noise of GNSS velocity.
@@ -387,23 +389,22 @@ impl<const N: usize> AidedIns<N> {
             }
         }
         let next = match self.due {
-            Due::Nothing | Due::Spread | Due::Solve => Due::Nothing,
+            Due::Nothing | Due::Spread | Due::Compensate => Due::Nothing,
             Due::Horizon => Due::Level,
-            Due::Level => Due::GyroWalk,
-            Due::GyroWalk => Due::AccelWalk,
-            Due::AccelWalk => Due::Solve,
+            Due::Level => Due::AzimuthWalk,
+            Due::AzimuthWalk => Due::BiasWalk,
+            Due::BiasWalk => Due::Solve,
+            Due::Solve => Due::Compensate,
         };
         match (self.due, self.estimator.exact_mut()) {
-            (Due::Solve, _) => {
-                self.solve();
-                self.compensate(config);
-            }
+            (Due::Solve, _) => self.solve(),
+            (Due::Compensate, _) => self.compensate(config),
             (_, None) | (Due::Nothing, _) => {}
             (Due::Spread, Some(observer)) => observer.spread_next(),
             (Due::Horizon, Some(observer)) => observer.come_to_horizon(),
             (Due::Level, Some(observer)) => observer.level_anew(config),
-            (Due::GyroWalk, Some(observer)) => observer.let_gyros_walk(config),
-            (Due::AccelWalk, Some(observer)) => observer.let_accels_walk(config),
+            (Due::AzimuthWalk, Some(observer)) => observer.let_azimuth_walk(),
+            (Due::BiasWalk, Some(observer)) => observer.let_biases_walk(config),
         }
         self.due = next;
     }
@@ -443,8 +444,13 @@ impl<const N: usize> AidedIns<N> {
     /// Brings the estimators to a moment of the ring.
     fn advance(&mut self, to: Time, config: &Config) {
         let frame_rate = self.frame_rate();
-        self.estimator
-            .advance(&self.history, to, &frame_rate, config);
+        self.estimator.advance(
+            &self.history,
+            to,
+            &frame_rate,
+            &self.compensation.accel_mps2,
+            config,
+        );
         let mut since = Span::default();
         let forever_s = f64::MAX;
         self.history

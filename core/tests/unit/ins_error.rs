@@ -72,7 +72,7 @@ proptest! {
         drift in vector(LARGEST_RAD / 2.0),
     ) {
         let span = span(Vector3::zeros(), controls);
-        let forcing = Forcing::over(&span, &Vector3::zeros(), &with_gyro_bias(&-drift));
+        let forcing = Forcing::over(&span, &Vector3::zeros(), &with_gyro_bias(&-drift), &Vector3::zeros());
         let passage = Passage::over(&span, &Vector3::zeros(), &forcing, &phi);
         let after = tilted(phi).after(&passage, &forcing).tilt_rad;
         let exact = rotated(&phi, &(controls + drift));
@@ -97,11 +97,36 @@ proptest! {
         force in vector(10.0),
     ) {
         let span = span(force, Vector3::zeros());
-        let forcing = Forcing::over(&span, &Vector3::zeros(), &with_gyro_bias(&Vector3::zeros()));
+        let forcing = Forcing::over(&span, &Vector3::zeros(), &with_gyro_bias(&Vector3::zeros()), &Vector3::zeros());
         let passage = Passage::over(&span, &Vector3::zeros(), &forcing, &phi);
         let after = tilted(phi).after(&passage, &forcing).velocity_mps;
         let exact = force - off(&phi) * force;
         prop_assert!((after - exact).norm() < THIRD_ORDER_RAD * force.norm(), "{after} {exact}");
+    }
+
+    /// A bias that has been taken out is none, wherever the platform points.
+    #[test]
+    fn what_is_taken_out_pushes_no_platform(
+        phi in vector(LARGEST_RAD),
+        (force, bias) in (vector(10.0), vector(0.3)),
+    ) {
+        let mut parameters = with_gyro_bias(&Vector3::zeros());
+        for (axis, bias) in bias.iter().enumerate() {
+            parameters.set(index::ACCEL + axis, *bias, 1.0);
+        }
+        let span = Span {
+            control_velocity_mps: -bias,
+            control_position_m: -0.5 * bias,
+            ..span(force, Vector3::zeros())
+        };
+        let forcing = Forcing::over(&span, &Vector3::zeros(), &parameters, &bias);
+        let passage = Passage::over(&span, &Vector3::zeros(), &forcing, &phi);
+        let after = tilted(phi).after(&passage, &forcing);
+        let exact = force - off(&phi) * force;
+        let off = (after.velocity_mps - exact).norm();
+        prop_assert!(off < THIRD_ORDER_RAD * force.norm(), "{off}");
+        let off = (after.position_m - 0.5 * exact).norm();
+        prop_assert!(off < force.norm() * phi.norm_squared(), "{off}");
     }
 }
 
@@ -238,7 +263,7 @@ proptest! {
     ) {
         let start = InsError { position_m, velocity_mps, tilt_rad };
         let span = steady.span();
-        let forcing = Forcing::over(&span, &steady.level_force_mps2, &parameters);
+        let forcing = Forcing::over(&span, &steady.level_force_mps2, &parameters, &Vector3::zeros());
         let passage = Passage::over(&span, &steady.frame_radps, &forcing, &tilt_rad);
         let after = start.after(&passage, &forcing);
         let exact = steady.integrated(&start, &parameters);
