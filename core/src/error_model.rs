@@ -26,23 +26,68 @@ pub struct InsError<T: Scalar = f64> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Passage<T: Scalar = f64> {
     /// Duration, s.
-    pub seconds: T,
-    /// Integral of specific force as the platform has it, m/s.
-    pub force_mps: Vector3<T>,
-    /// Integral of that integral, m.
-    pub force_moved_m: Vector3<T>,
+    seconds: T,
+    /// What tilts make of the velocity, m/s, and of the position, m.
+    pull_mps: Pull<T>,
+    pull_m: Pull<T>,
     /// By how much the platform points elsewhere, and what it turns about the vertical against the
     /// frame: cosine and sine.
     azimuth: [T; 2],
     turn: [T; 2],
-    /// What a unit of azimuth more does to velocity and position, m/s and m.
-    swung_mps: Vector3<T>,
-    swung_m: Vector3<T>,
     /// Turn of the frame against inertial space.
     frame_rad: Vector3<T>,
     /// Half of what the platform turns in level: such turns do not commute, and what comes of it is
     /// about the vertical.
     half_level_rad: Vector3<T>,
+}
+
+/// What a unit of each tilt makes of the velocity over a span, or of the position: the level ones by
+/// the force that the platform has there, turned by its azimuth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Pull<T> {
+    /// Force up, times cosine and sine of the azimuth.
+    up: [T; 2],
+    /// Force in level.
+    level: [T; 2],
+    /// By the azimuth.
+    swung: [T; 2],
+}
+
+impl Pull<f64> {
+    /// By a force that such a tilt and a push have been part of.
+    fn new(
+        force: &Vector3<f64>,
+        tilt_rad: &Vector3<f64>,
+        push: &Vector3<f64>,
+        azimuth: [f64; 2],
+    ) -> Self {
+        let feigned = force.cross(&level_of(tilt_rad)) + push;
+        let swung = about_up(&(feigned - force), azimuth);
+        Self {
+            up: azimuth.map(|part| part * force.z),
+            level: [force.x, force.y],
+            swung: [-swung.y, swung.x],
+        }
+    }
+
+    fn single(&self) -> Pull<f32> {
+        Pull {
+            up: self.up.map(math::single),
+            level: self.level.map(math::single),
+            swung: self.swung.map(math::single),
+        }
+    }
+}
+
+impl<T: RealField + Copy> Pull<T> {
+    fn by(&self, tilt: &Vector3<T>) -> Vector3<T> {
+        let ([cos, sin], [east, north]) = (self.up, self.level);
+        Vector3::new(
+            self.swung[0] * tilt.z - cos * tilt.y - sin * tilt.x,
+            self.swung[1] * tilt.z + cos * tilt.x - sin * tilt.y,
+            east * tilt.y - north * tilt.x,
+        )
+    }
 }
 
 /// Turns about the vertical, by an angle of this cosine and sine.
@@ -59,7 +104,10 @@ pub struct Forcing {
     control_tilt_rad: Vector3<f64>,
     /// Velocity by the parameters, m/s.
     push_mps: Vector3<f64>,
-    /// Of that, what has been taken out of the readings.
+    /// Specific force as the platform has it, m/s, and its integral, m.
+    force_mps: Vector3<f64>,
+    force_moved_m: Vector3<f64>,
+    /// Velocity that has been taken out of the readings, of that by the controls, m/s.
     taken_out_mps: Vector3<f64>,
     /// Velocity by the controls, with what their turn did to it, m/s.
     control_velocity_mps: Vector3<f64>,
@@ -80,6 +128,8 @@ impl Forcing {
             drift_rad: Vector3::zeros(),
             control_tilt_rad: span.control_tilt_rad,
             push_mps: Vector3::zeros(),
+            force_mps: span.force_mps,
+            force_moved_m: span.force_moved_m,
             taken_out_mps: span.attitude_s * accel_mps2,
             control_velocity_mps: span.control_velocity_mps,
             control_position_m: span.control_position_m,
@@ -105,26 +155,17 @@ impl Passage {
         forcing: &Forcing,
         tilt_rad: &Vector3<f64>,
     ) -> Self {
-        let cos_sin = |angle_rad: f64| {
-            let (sin, cos) = math::sin_cos(angle_rad);
-            [cos, sin]
-        };
         let platform_rad = forcing.platform_rad();
-        let azimuth = cos_sin(tilt_rad.z);
-        let level = level_of(tilt_rad);
-        let swung = |force: &Vector3<f64>, push: Vector3<f64>| {
-            Vector3::z().cross(&about_up(&(force.cross(&level) + push - force), azimuth))
-        };
-        let pushed_mps = forcing.push_mps - forcing.taken_out_mps;
-        let pushed_m = pushed_mps * (0.5 * span.seconds);
+        let (sin, cos) = math::sin_cos(tilt_rad.z);
+        let azimuth = [cos, sin];
+        let push_mps = forcing.push_mps - forcing.taken_out_mps;
+        let push_m = push_mps * (0.5 * span.seconds);
         Self {
             seconds: span.seconds,
-            force_mps: span.force_mps,
-            force_moved_m: span.force_moved_m,
+            pull_mps: Pull::new(&span.force_mps, tilt_rad, &push_mps, azimuth),
+            pull_m: Pull::new(&span.force_moved_m, tilt_rad, &push_m, azimuth),
             azimuth,
-            turn: cos_sin(-platform_rad.z),
-            swung_mps: swung(&span.force_mps, pushed_mps),
-            swung_m: swung(&span.force_moved_m, pushed_m),
+            turn: rotation(-platform_rad.z),
             frame_rad: frame_rate_radps * span.seconds,
             half_level_rad: 0.5 * level_of(&platform_rad),
         }
@@ -134,16 +175,21 @@ impl Passage {
     pub fn single(&self) -> Passage<f32> {
         Passage {
             seconds: math::single(self.seconds),
-            force_mps: singles(&self.force_mps),
-            force_moved_m: singles(&self.force_moved_m),
+            pull_mps: self.pull_mps.single(),
+            pull_m: self.pull_m.single(),
             azimuth: self.azimuth.map(math::single),
             turn: self.turn.map(math::single),
-            swung_mps: singles(&self.swung_mps),
-            swung_m: singles(&self.swung_m),
             frame_rad: singles(&self.frame_rad),
             half_level_rad: singles(&self.half_level_rad),
         }
     }
+}
+
+/// Cosine and sine of an angle to second order, of length one whatever it is.
+fn rotation(angle_rad: f64) -> [f64; 2] {
+    let half = 0.5 * angle_rad;
+    let scale = 1.0 / (1.0 + half * half);
+    [(1.0 - half * half) * scale, angle_rad * scale]
 }
 
 /// Without what is about the vertical.
@@ -202,21 +248,11 @@ impl<T: RealField + Copy> InsError<T> {
 
     /// `dp' = dV`, `dV' = f x Phi`, `Phi' = -w_in x Phi`.
     pub fn carry(&mut self, passage: &Passage<T>) {
-        self.position_m += self.velocity_mps * passage.seconds;
         let (tilt, level) = (self.tilt_rad, &passage.half_level_rad);
-        self.pull(passage, &tilt, T::one(), T::one());
+        self.position_m += self.velocity_mps * passage.seconds + passage.pull_m.by(&tilt);
+        self.velocity_mps += passage.pull_mps.by(&tilt);
         self.tilt_rad = about_up(&tilt, passage.turn) + tilt.cross(&passage.frame_rad);
         self.tilt_rad.z += tilt.x * level.y - tilt.y * level.x;
-    }
-
-    /// A tilt pulls, on the whole by these parts of it.
-    fn pull(&mut self, passage: &Passage<T>, tilt: &Vector3<T>, part: T, moved_part: T) {
-        let level = level_of(tilt);
-        let pulled = |force: &Vector3<T>, swung: &Vector3<T>| {
-            about_up(&force.cross(&level), passage.azimuth) + swung * tilt.z
-        };
-        self.velocity_mps += pulled(&passage.force_mps, &passage.swung_mps) * part;
-        self.position_m += pulled(&passage.force_moved_m, &passage.swung_m) * moved_part;
     }
 
     /// What came in evenly over a span that has been carried over.
@@ -225,7 +261,8 @@ impl<T: RealField + Copy> InsError<T> {
         match input {
             Input::Tilt(tilt) => {
                 let third = nalgebra::convert::<f64, T>(1.0 / 3.0);
-                self.pull(passage, tilt, half, third);
+                self.position_m += passage.pull_m.by(tilt) * third;
+                self.velocity_mps += passage.pull_mps.by(tilt) * half;
                 self.tilt_rad += tilt;
             }
             Input::Velocity(velocity) => {
@@ -252,16 +289,19 @@ impl InsError {
         error.carry(passage);
         // Force is longer than its projection. Plus, for it is the one of the tilted frame. And of the
         // azimuth the whole.
-        let (up, level) = (self.tilt_rad.z, level_of(&self.tilt_rad));
-        let longer = 0.5 * level.cross(&passage.force_mps.cross(&level));
+        let (azimuth, level) = (
+            self.tilt_rad - level_of(&self.tilt_rad),
+            level_of(&self.tilt_rad),
+        );
+        let longer = 0.5 * level.cross(&forcing.force_mps.cross(&level));
         let turned = |force: &Vector3<f64>| force - about_up(force, passage.azimuth);
         let taken_out_mps = turned(&forcing.taken_out_mps);
         error.velocity_mps +=
-            about_up(&longer, passage.azimuth) + turned(&passage.force_mps) + taken_out_mps
-                - passage.swung_mps * up;
-        error.position_m += turned(&passage.force_moved_m)
+            about_up(&longer, passage.azimuth) + turned(&forcing.force_mps) + taken_out_mps
+                - passage.pull_mps.by(&azimuth);
+        error.position_m += turned(&forcing.force_moved_m)
             + taken_out_mps * (0.5 * passage.seconds)
-            - passage.swung_m * up;
+            - passage.pull_m.by(&azimuth);
         // What is levelled meanwhile turns with the platform for half of the time.
         let platform_rad = forcing.platform_rad();
         let half_turn = Vector3::new(0.0, 0.0, 0.5 * platform_rad.z);
