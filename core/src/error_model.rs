@@ -156,8 +156,7 @@ impl Passage {
         tilt_rad: &Vector3<f64>,
     ) -> Self {
         let platform_rad = forcing.platform_rad();
-        let (sin, cos) = math::sin_cos(tilt_rad.z);
-        let azimuth = [cos, sin];
+        let azimuth = rotation(tilt_rad.z);
         let push_mps = forcing.push_mps - forcing.taken_out_mps;
         let push_m = push_mps * (0.5 * span.seconds);
         Self {

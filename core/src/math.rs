@@ -38,9 +38,9 @@ pub(crate) fn largest(v: &Vector3<f64>) -> f64 {
     max(max(abs(v.x), abs(v.y)), abs(v.z))
 }
 
-/// Whether every component is finite.
+/// Whether every component is finite: zero times what is not is NaN.
 pub(crate) fn all_finite(v: &Vector3<f64>) -> bool {
-    v.x.is_finite() && v.y.is_finite() && v.z.is_finite()
+    !(0.0 * v.x + 0.0 * v.y + 0.0 * v.z).is_nan()
 }
 
 /// In single precision.
