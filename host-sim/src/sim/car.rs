@@ -42,6 +42,43 @@ mod habits {
     pub const SLOPE_LENGTH_M: [f64; 2] = [100.0, 500.0];
 }
 
+/// A way of straights and turns, alike from end to end: bounds of what there is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Way {
+    /// Time at rest first, s.
+    pub rest_s: [f64; 2],
+    /// Speeds, m/s.
+    pub speed_mps: [f64; 2],
+    /// Straights, s.
+    pub straight_s: [f64; 2],
+    /// Stops at the ends of straights, s, where there are any.
+    pub stop_s: Option<[f64; 2]>,
+    /// Turns to either side, rad.
+    pub turn_rad: [f64; 2],
+    /// Acceleration across in them, m/s^2.
+    pub lateral_mps2: [f64; 2],
+    /// How far it leans inwards for that, rad/(m/s^2).
+    pub roll_rad_per_mps2: f64,
+    /// So many times as steep as roads for cars are: 4 % at most.
+    pub steep: f64,
+}
+
+impl Way {
+    /// A family car on country roads.
+    pub const ROAD: Self = Self {
+        rest_s: [30.0, 60.0],
+        speed_mps: [8.0, 20.0],
+        straight_s: [5.0, 25.0],
+        stop_s: None,
+        turn_rad: [0.2, 1.5],
+        lateral_mps2: [0.5, 2.0],
+        roll_rad_per_mps2: -ROLL_RAD_PER_MPS2,
+        steep: 1.0,
+    };
+    /// What balances leans until the force is along its up axis.
+    pub const BALANCED: f64 = 1.0 / 9.81;
+}
+
 /// A car on its way.
 #[derive(Clone, Debug)]
 pub struct Car {
@@ -49,6 +86,8 @@ pub struct Car {
     heading: Profile,
     grade: Profile,
     lean: f64,
+    /// Inwards.
+    roll_rad_per_mps2: f64,
 }
 
 impl Car {
@@ -59,10 +98,19 @@ impl Car {
         while driver.course.now_s < duration_s {
             driver.leg();
         }
-        let mut car = Self::driven(driver.course);
-        let length_m = car.speed.at(duration_s).integral;
-        car.grade = road(seed, length_m);
-        car
+        Self::on_road(driver, seed, duration_s, 1.0)
+    }
+
+    /// At least `duration_s` of a way, chosen by `seed`.
+    pub fn on_way(seed: u64, duration_s: f64, way: &Way) -> Self {
+        let mut driver = Driver::new(seed, Some(way.rest_s));
+        while driver.course.now_s < duration_s {
+            driver.stretch(way);
+        }
+        Self {
+            roll_rad_per_mps2: way.roll_rad_per_mps2,
+            ..Self::on_road(driver, seed, duration_s, way.steep)
+        }
     }
 
     /// At least `duration_s` on a motorway, chosen by `seed`: it begins in motion in the bend of a
@@ -81,9 +129,14 @@ impl Car {
             driver.turn(-lane, habits::BEND_MPS2);
             driver.course.now_s += driver.random.uniform(habits::STRAIGHT_S);
         }
+        Self::on_road(driver, seed, duration_s, 1.0)
+    }
+
+    /// A drive on a road that is so many times as steep as roads are.
+    fn on_road(driver: Driver, seed: u64, duration_s: f64, steep: f64) -> Self {
         let mut car = Self::driven(driver.course);
         let length_m = car.speed.at(duration_s).integral;
-        car.grade = road(seed, length_m);
+        car.grade = road(seed, length_m, steep);
         car
     }
 
@@ -100,13 +153,18 @@ impl Car {
             heading,
             grade,
             lean: 1.0,
+            roll_rad_per_mps2: -ROLL_RAD_PER_MPS2,
         }
     }
 
     /// The same drive in a car that leans so many times as far.
     #[must_use]
     pub fn leaning(self, lean: f64) -> Self {
-        Self { lean, ..self }
+        Self {
+            lean,
+            roll_rad_per_mps2: -lean * ROLL_RAD_PER_MPS2,
+            ..self
+        }
     }
 }
 
@@ -119,12 +177,12 @@ impl Motion for Car {
         let grade_rate = grade.slope * along.value;
         let path = Path::new(&along, &heading, grade.value, grade_rate);
         let angles = Euler {
-            roll_rad: -self.lean * ROLL_RAD_PER_MPS2 * path.lateral_mps2,
+            roll_rad: self.roll_rad_per_mps2 * path.lateral_mps2,
             pitch_rad: grade.value + self.lean * PITCH_RAD_PER_MPS2 * along.slope,
             heading_rad: heading.value,
         };
         let rates = Euler {
-            roll_rad: -self.lean * ROLL_RAD_PER_MPS2 * path.lateral_rate_mps3,
+            roll_rad: self.roll_rad_per_mps2 * path.lateral_rate_mps3,
             pitch_rad: grade_rate + self.lean * PITCH_RAD_PER_MPS2 * along.curvature,
             heading_rad: heading.slope,
         };
@@ -133,15 +191,15 @@ impl Motion for Car {
 }
 
 /// Grade along a road of some length.
-fn road(seed: u64, length_m: f64) -> Profile {
+fn road(seed: u64, length_m: f64, steep: f64) -> Profile {
     let mut random = Random::stream(seed, "road");
-    let mut profile = Profile::new(random.uniform(habits::GRADE_RAD));
+    let mut profile = Profile::new(steep * random.uniform(habits::GRADE_RAD));
     let mut at_m = 0.0;
     while at_m < length_m {
         at_m += random.uniform(habits::SLOPE_LENGTH_M);
-        let grade = random.uniform(habits::GRADE_RAD);
+        let grade = steep * random.uniform(habits::GRADE_RAD);
         let rounding_m = random.uniform(habits::GRADE_ROUNDING_M);
-        at_m = profile.step_to(grade, at_m, habits::GRADE_PER_M, rounding_m);
+        at_m = profile.step_to(grade, at_m, steep * habits::GRADE_PER_M, rounding_m);
     }
     profile
 }
@@ -240,6 +298,20 @@ impl Driver {
             self.turn(angle, habits::CORNER_MPS2);
             self.course.now_s -= habits::OVERLAP_S;
         }
+    }
+
+    /// A straight, a stop if there are any, and a turn.
+    fn stretch(&mut self, way: &Way) {
+        let speed = self.random.uniform(way.speed_mps);
+        self.change_speed(speed);
+        self.course.now_s += self.random.uniform(way.straight_s);
+        if let Some(stop_s) = way.stop_s {
+            self.change_speed(0.0);
+            self.course.now_s += self.random.uniform(stop_s);
+            self.change_speed(speed);
+        }
+        let angle = self.random.uniform(way.turn_rad) * self.random.sign();
+        self.turn(angle, way.lateral_mps2);
     }
 
     fn cruise(&mut self) {

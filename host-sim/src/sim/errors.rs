@@ -74,6 +74,9 @@ pub struct SensorModel {
     /// The white noise of each axis is so many times `white_noise`.
     #[serde(default = "alike", skip_serializing_if = "are_alike")]
     pub noise_times: [f64; 3],
+    /// Readings are whole numbers of this, U; zero: they are not rounded.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub resolution: f64,
 }
 
 /// Which of the thesis's models a bias follows.
@@ -391,6 +394,7 @@ impl SensorModel {
             warming_sigma: 0.0,
             warming_s: minutes(),
             noise_times: alike(),
+            resolution: 0.0,
         }
     }
 
@@ -400,6 +404,7 @@ impl SensorModel {
         spread(&key("scale_sigma"), self.scale_sigma)?;
         spread(&key("misalignment_sigma"), self.misalignment_sigma)?;
         spread(&key("warming_sigma"), self.warming_sigma)?;
+        spread(&key("resolution"), self.resolution)?;
         positive(&key("warming_s"), self.warming_s)?;
         for (axis, times) in self.noise_times.iter().enumerate() {
             spread(&key(&format!("noise_times[{axis}]")), *times)?;

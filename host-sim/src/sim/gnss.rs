@@ -23,6 +23,10 @@ pub struct Gnss {
     outliers: Random,
     /// What a smoothing receiver remembers of the last epoch.
     smoothed: Option<Antenna>,
+    /// What one that takes differences does.
+    last_place: Option<Geodetic>,
+    /// Where one that holds still does so.
+    held: Option<Geodetic>,
     last_good: Option<GnssFix>,
 }
 
@@ -47,9 +51,11 @@ impl Gnss {
                 (level, "gnss position north"),
                 (up, "gnss height"),
             ]
-            .map(|(noise, name)| memory(noise, name)),
+            .map(|(noise, name)| memory(noise, name).jumping(habits.position_jumps)),
             outliers: Random::stream(seed, "gnss outliers"),
             smoothed: None,
+            last_place: None,
+            held: None,
             last_good: None,
             model: model.clone(),
         }
@@ -66,11 +72,18 @@ impl Gnss {
     }
 
     /// What the fixes of this receiver lag behind at most, beyond the latency: behind a steady
-    /// change by smoothing, and under the last stamp of a fix that is logged several times.
+    /// change by smoothing or by the mean of a difference, and under the last stamp of a fix that is
+    /// logged several times.
     pub fn lag_s(&self) -> f64 {
         let keep = self.smoothing_keep();
-        let times = f64::from(self.model.habits.logged_times);
-        (keep / (1.0 - keep) + 1.0 - 1.0 / times) / self.model.rate_hz
+        let habits = &self.model.habits;
+        let times = f64::from(habits.logged_times);
+        let half = if habits.velocity_by_differences {
+            0.5
+        } else {
+            0.0
+        };
+        (keep / (1.0 - keep) + 1.0 - 1.0 / times + half) / self.model.rate_hz
     }
 
     /// Part of the last epoch that a smoothed one keeps.
@@ -99,9 +112,10 @@ impl Gnss {
                 continue;
             }
             let antenna = Antenna::between(from, to, shown_s, &self.model.habits.lever_arm_m);
-            let seen = self.smooth(noise.on(&antenna));
+            let differenced = self.differenced(noise.on(&antenna));
+            let seen = self.smooth(differenced);
             if !self.is_out(stamp_s) {
-                let seen = outlier.on(&seen);
+                let seen = self.hold(outlier.on(&seen));
                 self.log(stamp_s, &seen.position, &seen.velocity_enu_mps, fixes);
             }
         }
@@ -158,12 +172,38 @@ impl Gnss {
         let now = last.map_or(seen, |last| {
             let off = Errors {
                 velocity_mps: keep * (last.velocity_enu_mps - seen.velocity_enu_mps),
-                position_m: keep * last.position.enu_from(&seen.position),
+                position_m: if self.model.habits.smooths_position {
+                    keep * last.position.enu_from(&seen.position)
+                } else {
+                    Vector3::zeros()
+                },
             };
             off.on(&seen)
         });
         self.smoothed = Some(now);
         now
+    }
+
+    fn differenced(&mut self, seen: Antenna) -> Antenna {
+        let last = self.last_place.replace(seen.position);
+        match last.filter(|_| self.model.habits.velocity_by_differences) {
+            Some(last) => Antenna {
+                velocity_enu_mps: self.model.rate_hz * seen.position.enu_from(&last),
+                ..seen
+            },
+            None => seen,
+        }
+    }
+
+    fn hold(&mut self, seen: Antenna) -> Antenna {
+        if seen.velocity_enu_mps.norm() >= self.model.habits.holds_below_mps {
+            self.held = None;
+            return seen;
+        }
+        Antenna {
+            position: *self.held.get_or_insert(seen.position),
+            velocity_enu_mps: Vector3::zeros(),
+        }
     }
 
     /// Adds what the log has of one epoch.
@@ -208,6 +248,18 @@ impl Gnss {
                         height_m: None,
                         ..good
                     },
+                    Wrong::Coasting => {
+                        let last = self.last_good;
+                        last.map_or(good, |last| self.coasted(&last, &good))
+                    }
+                    Wrong::Float(position_m) => {
+                        let off = Vector3::from(position_m);
+                        let mut fix = self.fix(time, &displaced(position, &off), velocity);
+                        for sigma in [&mut fix.sigma.position_m, &mut fix.sigma.height_m] {
+                            *sigma = sigma.map(|fixed| fixed.hypot(off.norm()));
+                        }
+                        fix
+                    }
                     Wrong::Noisy(_) => good,
                 }
             }
@@ -220,6 +272,15 @@ impl Gnss {
                 ..fix
             }
         }));
+    }
+
+    /// The last fix, as far on as it has come by the time of another; that one where it had no place.
+    fn coasted(&self, last: &GnssFix, now: &GnssFix) -> GnssFix {
+        let velocity = last.velocity_enu_mps();
+        let way = now.time.seconds_since(last.time) * velocity;
+        last.geodetic_or(0.0).map_or(*now, |place| {
+            self.fix(now.time, &displaced(&place, &way), &velocity)
+        })
     }
 
     /// What is measured, less what this receiver does not give.
@@ -293,12 +354,13 @@ impl Errors {
     }
 }
 
-/// A Gauss-Markov process, stationary from the start.
+/// A Gauss-Markov process, stationary from the start, or one of jumps with the same covariance.
 #[derive(Clone, Debug)]
 struct Memory {
     value: f64,
     keep: f64,
     sigma: f64,
+    jumps: bool,
     random: Random,
 }
 
@@ -308,14 +370,23 @@ impl Memory {
             value: noise.sigma * random.normal(),
             keep: libm::exp(-step_s / noise.time_s),
             sigma: noise.sigma,
+            jumps: false,
             random,
         }
+    }
+
+    fn jumping(self, jumps: bool) -> Self {
+        Self { jumps, ..self }
     }
 
     /// The value now; then one step on.
     fn step(&mut self) -> f64 {
         let now = self.value;
-        if self.sigma > 0.0 {
+        if self.jumps {
+            if !self.random.chance(self.keep) {
+                self.value = self.sigma * self.random.normal();
+            }
+        } else if self.sigma > 0.0 {
             let fresh = (1.0 - self.keep * self.keep).sqrt();
             self.value = self.keep * now + self.sigma * fresh * self.random.normal();
         }
@@ -424,6 +495,76 @@ mod tests {
             }
         }
         assert!(worst[0] < 0.5 * worst[1], "{worst:?}");
+    }
+
+    #[test]
+    fn receivers_hold_still_and_take_differences() {
+        let exact = with(|_| {});
+        let holds = with(|gnss| gnss.habits.holds_below_mps = 8.0);
+        let mut held = None;
+        let mut count = 0;
+        for (exact, fix) in exact.gnss.iter().zip(&holds.gnss) {
+            if exact.velocity_enu_mps().norm() >= 8.0 {
+                assert_eq!(exact, fix);
+                held = None;
+            } else {
+                assert_eq!(fix.velocity_enu_mps(), Vector3::zeros());
+                assert_eq!(fix.position, *held.get_or_insert(exact.position));
+                count += 1;
+            }
+        }
+        assert!(count > 100);
+        let differences = with(|gnss| gnss.habits.velocity_by_differences = true);
+        assert!((differences.errors.gnss_lag_s - 0.5 / RATE_HZ).abs() < 1e-12);
+        for pair in differences.gnss.windows(2) {
+            let [from, to] = [0, 1].map(|at| pair[at].geodetic_or(0.0).unwrap());
+            let off = RATE_HZ * to.enu_from(&from) - pair[1].velocity_enu_mps();
+            assert!(off.norm() < 1e-6, "{off}");
+        }
+    }
+
+    #[test]
+    fn receivers_coast_and_float() {
+        let wrong = with(|gnss| {
+            gnss.horizontal_sigma_m = 0.4;
+            gnss.habits.stated = Stated::White;
+            gnss.habits.troubles = vec![
+                trouble(20.0, 5.0, Wrong::Coasting),
+                trouble(60.0, 5.0, Wrong::Float([0.0, 0.3, 0.0])),
+            ];
+        });
+        let (last, coasted) = (&wrong.gnss[199], &wrong.gnss[249]);
+        assert_eq!(coasted.velocity_en_mps, last.velocity_en_mps);
+        let [from, to] = [last, coasted].map(|fix| fix.geodetic_or(0.0).unwrap());
+        let off = to.enu_from(&from) - 5.0 * last.velocity_enu_mps();
+        assert!(off.norm() < 0.01, "{off}");
+        let stated = |at: usize| wrong.gnss[at].sigma.position_m.unwrap();
+        assert!((stated(620) - 0.5).abs() < 1e-12 && (stated(700) - 0.4).abs() < 1e-12);
+    }
+
+    #[test]
+    fn jumps_have_the_spread_and_memory_of_what_wanders() {
+        let noise = Correlated {
+            sigma: 3.0,
+            time_s: 2.0,
+        };
+        let runs: Vec<[f64; 2]> = (0..5000)
+            .map(|seed| {
+                let mut memory =
+                    Memory::new(&noise, 0.1, Random::stream(seed, "test")).jumping(true);
+                let start = memory.step();
+                let later = (1..=10).map(|_| memory.step()).last();
+                [start, later.unwrap()]
+            })
+            .collect();
+        let at = |which: usize| -> Vec<f64> { runs.iter().map(|run| run[which]).collect() };
+        assert_sigma(&at(1), 3.0);
+        let kept = at(0)
+            .iter()
+            .zip(at(1))
+            .filter(|(a, b)| (*a - b).abs() < 1e-12)
+            .count();
+        assert!((kept as f64 / 5000.0 - libm::exp(-0.5)).abs() < 0.03);
     }
 
     #[test]

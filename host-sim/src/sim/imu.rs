@@ -88,6 +88,7 @@ pub struct Triad {
     scale: Vector3<f64>,
     cross: Matrix3<f64>,
     noise_density: Vector3<f64>,
+    resolution: f64,
     range: f64,
     noise: Random,
 }
@@ -114,6 +115,7 @@ impl Triad {
                 }
             }),
             noise_density: model.white_noise * unit * Vector3::from(model.noise_times),
+            resolution: unit * model.resolution,
             range,
             noise: stream("noise"),
         }
@@ -159,7 +161,12 @@ impl Triad {
     fn read(&self, truth: &Vector3<f64>, noise: &Vector3<f64>) -> Vector3<f64> {
         let proportional = self.scale.component_mul(truth) + self.cross * truth;
         let reading = truth + proportional + self.bias() + noise;
-        reading.map(|value| value.clamp(-self.range, self.range))
+        let rounded = if self.resolution > 0.0 {
+            reading.map(|value| self.resolution * (value / self.resolution).round())
+        } else {
+            reading
+        };
+        rounded.map(|value| value.clamp(-self.range, self.range))
     }
 }
 
@@ -463,6 +470,17 @@ mod tests {
             all.extend(triad.scale().iter());
         }
         assert_sigma(&all, 0.015);
+    }
+
+    #[test]
+    fn readings_are_rounded() {
+        let model = SensorModel {
+            resolution: 0.5,
+            ..noisy(0.0, 0.0)
+        };
+        let triad = Triad::new(&model, 1.0, 39.0, 0, "accel");
+        let reading = triad.read(&Vector3::new(0.2, -0.3, 9.8), &Vector3::zeros());
+        assert_eq!(reading, Vector3::new(0.0, -0.5, 10.0));
     }
 
     #[test]

@@ -74,6 +74,10 @@ pub enum Wrong {
     NoPosition,
     /// Noise, white and correlated, is so many times what it is elsewhere; the stated one is not.
     Noisy(f64),
+    /// The last velocity before goes on, and the position with it: a receiver that bridges a tunnel.
+    Coasting,
+    /// The position is off by so much, ENU, m, and as much is stated: ambiguities are not fixed.
+    Float([f64; 3]),
 }
 
 /// A time at which something is wrong.
@@ -110,6 +114,7 @@ pub struct Outliers {
 /// A receiver's habits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
+#[allow(clippy::struct_excessive_bools)]
 pub struct Habits {
     /// Velocity noise on top of the white one, each component, m/s.
     pub velocity: Correlated,
@@ -117,8 +122,17 @@ pub struct Habits {
     pub horizontal: Correlated,
     /// Noise of height on top of the white one, m.
     pub vertical: Correlated,
+    /// Whether the noise of positions jumps from value to value, as satellites come and go, instead
+    /// of wandering; what it remembers is the same.
+    pub position_jumps: bool,
     /// Time constant with which the receiver smooths position and velocity, s.
     pub smoothing_s: f64,
+    /// Whether it smooths positions too.
+    pub smooths_position: bool,
+    /// Whether a velocity is the way from the last position, by the time between.
+    pub velocity_by_differences: bool,
+    /// Slower than this the position stands still and the velocity is zero, m/s.
+    pub holds_below_mps: f64,
     /// Antenna from the inertial sensors, body axes, m.
     pub lever_arm_m: [f64; 3],
     /// What the receiver's clock gains on that of the inertial stamps, s/s: the latency grows.
@@ -149,7 +163,11 @@ impl Default for Habits {
             velocity: Correlated::default(),
             horizontal: Correlated::default(),
             vertical: Correlated::default(),
+            position_jumps: false,
             smoothing_s: 0.0,
+            smooths_position: true,
+            velocity_by_differences: false,
+            holds_below_mps: 0.0,
             lever_arm_m: [0.0; 3],
             clock_drift: 0.0,
             delay_s: [0.0; 2],
@@ -182,6 +200,7 @@ impl Habits {
             positive(&key("time_s"), noise.time_s)?;
         }
         spread("gnss.habits.smoothing_s", self.smoothing_s)?;
+        spread("gnss.habits.holds_below_mps", self.holds_below_mps)?;
         let [least, most] = self.delay_s;
         spread("gnss.habits.delay_s[0]", least)?;
         in_order("gnss.habits.delay_s[1]", [least, most])?;

@@ -3,7 +3,7 @@
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::boat::{Anchored, Boat};
-use super::car::Car;
+use super::car::{Car, Way};
 use super::motion::Motion;
 use super::mounted::Mounted;
 use super::plane::{Begin, Plane};
@@ -31,6 +31,12 @@ fn vehicles() -> Vec<(&'static str, Box<dyn Motion>)> {
     let mount = UnitQuaternion::from_scaled_axis(Vector3::new(0.5, -1.2, 2.0));
     let (air, ground) = (Begin::InFlight, Begin::OnGround);
     let walker = || Walker::new(7, DURATION_S, 20.0);
+    let way = Way {
+        stop_s: Some([5.0, 10.0]),
+        roll_rad_per_mps2: Way::BALANCED,
+        steep: 3.0,
+        ..Way::ROAD
+    };
     let car = || Car::new(3, DURATION_S, Some([30.0, 60.0])).leaning(2.0);
     vec![
         ("boat", Box::new(boat())),
@@ -54,6 +60,7 @@ fn vehicles() -> Vec<(&'static str, Box<dyn Motion>)> {
             "car",
             Box::new(Shaken::new(car(), &swings, When::Standing(3.0), 2)),
         ),
+        ("way", Box::new(Car::on_way(4, DURATION_S, &way))),
         (
             "mounted",
             Box::new(Mounted::new(

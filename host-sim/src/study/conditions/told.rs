@@ -8,9 +8,10 @@ use nalgebra::Vector3;
 
 use super::World;
 use crate::compare::kalman::{Noise, PartNoise};
+use crate::identify::quantities::DEG_H_RADPS;
 use crate::sim::SimulatedDrive;
 use crate::sim::errors::GnssModel;
-use crate::sim::receiver::Up;
+use crate::sim::receiver::{Habits, Up, Wrong};
 
 /// Spread of the height of places on land, where no fix has one, m.
 const ANY_HEIGHT_M: f64 = 500.0;
@@ -23,7 +24,15 @@ pub fn noise(world: &World, config: &Config) -> Noise {
     } else {
         PartNoise::white(ANY_HEIGHT_M)
     };
+    let (gyro, accel) = (&world.errors.gyro_deg_h, &world.errors.accel_mps2);
+    // A reading rounded is one with noise, uniform over the last digit.
+    let rounding = |resolution: f64| resolution / (12.0 * world.imu_hz).sqrt();
+    let rounded = |noise: Vector3<f64>, resolution: f64| {
+        noise.map(|white| libm::hypot(white, rounding(resolution)))
+    };
     Noise {
+        gyro_noise: rounded(truth.gyro_noise, gyro.resolution * DEG_H_RADPS),
+        accel_noise: rounded(truth.accel_noise, accel.resolution),
         height,
         latency_sigma_s: truth.latency_sigma_s.max(config.gnss.latency_sigma_s),
         clock_drift_sigma: config.gnss.clock_drift_sigma,
@@ -44,8 +53,9 @@ pub fn of_receiver(world: &World, config: Config) -> Config {
 }
 
 /// The same fixes without what the receiver is known to do to them, so that their noise is that
-/// of the model: smoothing undone, a fix that comes again left out, the vertical velocity with
-/// its true sign or, where it is none, missing.
+/// of the model: smoothing undone, a fix that comes again or is made up left out, velocities that
+/// only repeat positions too, the vertical velocity with its true sign or, where it is none,
+/// missing.
 pub fn fixes(world: &World, drive: &SimulatedDrive) -> Vec<GnssFix> {
     let model = &world.errors.gnss;
     let lag_epochs = if model.habits.smoothing_s > 0.0 {
@@ -62,9 +72,9 @@ pub fn fixes(world: &World, drive: &SimulatedDrive) -> Vec<GnssFix> {
                 ..last
             } == *fix
         };
-        if !last.is_some_and(comes_again) {
+        if !last.is_some_and(comes_again) && !is_made_up(fix, &model.habits) {
             let unsmoothed = unsmoothed(fix, last.as_ref(), lag_epochs, model);
-            told.extend(unsmoothed.map(|fix| upright(fix, model.habits.up)));
+            told.extend(unsmoothed.map(|fix| own(fix, &model.habits)));
             last = Some(*fix);
         }
     }
@@ -87,27 +97,41 @@ fn unsmoothed(
     }
     let ahead = |now: f64, before: f64| now + lag_epochs * (now - before);
     let mut told = *fix;
+    if let (Some(now), Some(before)) = (&mut told.velocity_en_mps, last.velocity_en_mps) {
+        *now += lag_epochs * (*now - before);
+    }
+    told.velocity_up_mps =
+        (fix.velocity_up_mps.zip(last.velocity_up_mps)).map(|(now, before)| ahead(now, before));
+    if !model.habits.smooths_position {
+        return Some(told);
+    }
     if let (Some(now), Some(before)) = (&mut told.position, last.position) {
         now.latitude_rad = ahead(now.latitude_rad, before.latitude_rad);
         now.longitude_rad = ahead(now.longitude_rad, before.longitude_rad);
     }
-    if let (Some(now), Some(before)) = (&mut told.velocity_en_mps, last.velocity_en_mps) {
-        *now += lag_epochs * (*now - before);
-    }
     told.height_m = (fix.height_m.zip(last.height_m)).map(|(now, before)| ahead(now, before));
-    told.velocity_up_mps =
-        (fix.velocity_up_mps.zip(last.velocity_up_mps)).map(|(now, before)| ahead(now, before));
     Some(told)
 }
 
-fn upright(fix: GnssFix, up: Up) -> GnssFix {
-    let velocity_up_mps = match up {
+/// Whether the receiver holds still, bridges a hole, or says that it has no fixed ambiguities.
+fn is_made_up(fix: &GnssFix, habits: &Habits) -> bool {
+    let holds = habits.holds_below_mps > 0.0 && fix.velocity_enu_mps() == Vector3::zeros();
+    let mut troubles = habits.troubles.iter();
+    let made_up = |wrong: Wrong| matches!(wrong, Wrong::Coasting | Wrong::Float(_));
+    holds || troubles.any(|t| made_up(t.wrong) && t.holds(fix.time.as_seconds()))
+}
+
+/// What is measured by itself, up positive.
+fn own(fix: GnssFix, habits: &Habits) -> GnssFix {
+    let measured = !habits.velocity_by_differences;
+    let velocity_up_mps = match habits.up {
         Up::Given | Up::Missing => fix.velocity_up_mps,
         Up::Zero => None,
         Up::Down => fix.velocity_up_mps.map(|up| -up),
     };
     GnssFix {
-        velocity_up_mps,
+        velocity_en_mps: fix.velocity_en_mps.filter(|_| measured),
+        velocity_up_mps: velocity_up_mps.filter(|_| measured),
         ..fix
     }
 }
@@ -116,7 +140,6 @@ fn upright(fix: GnssFix, up: Up) -> GnssFix {
 mod tests {
     use super::*;
     use crate::sim::Grade;
-    use crate::sim::receiver::{Habits, Wrong};
 
     /// What the filter gets of a receiver with these habits, and what there is of one without.
     fn told_and_plain(change: impl Fn(&mut World)) -> [Vec<GnssFix>; 2] {
@@ -142,8 +165,12 @@ mod tests {
 
     #[test]
     fn smoothing_repeats_and_signs_are_undone() {
-        let habits: [fn(&mut Habits); 3] = [
+        let habits: [fn(&mut Habits); 4] = [
             |habits| habits.smoothing_s = 0.8,
+            |habits| {
+                habits.smoothing_s = 0.8;
+                habits.smooths_position = false;
+            },
             |habits| habits.logged_times = 3,
             |habits| habits.up = Up::Down,
         ];

@@ -7,7 +7,7 @@ use ins_core::earth::Geodetic;
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 
 use crate::sim::boat::{Anchored, Boat};
-use crate::sim::car::Car;
+use crate::sim::car::{Car, Way};
 use crate::sim::drive::Recording;
 use crate::sim::errors::{ErrorModel, Outage};
 use crate::sim::mounted::{Mounted, Slip};
@@ -30,6 +30,8 @@ pub enum Vehicle {
     Car { rest_s: Option<[f64; 2]>, lean: f64 },
     /// A family car on a motorway, from the bend of its ramp on.
     Motorway,
+    /// What goes straight and turns, on wheels or wings.
+    OnWay(Way),
     /// A boat at anchor that sails then.
     Boat(Anchored),
     /// An aircraft whose turns are banked between two angles, rad.
@@ -155,6 +157,7 @@ impl World {
                 Box::new(Car::new(seed, duration_s, rest_s).leaning(lean))
             }
             Vehicle::Motorway => Box::new(Car::on_motorway(seed, duration_s)),
+            Vehicle::OnWay(way) => Box::new(Car::on_way(seed, duration_s, &way)),
             Vehicle::Boat(anchored) => Box::new(Boat::new(seed, duration_s, anchored)),
             Vehicle::Plane { bank_rad, begin } => {
                 Box::new(Plane::new(seed, duration_s, bank_rad, begin))
@@ -269,6 +272,16 @@ impl World {
     pub fn troubles(&mut self, from_s: f64, gap_s: f64, duration_s: [f64; 2], wrong: Wrong) {
         for start_s in self.times(from_s, gap_s) {
             let duration_s = self.random.uniform(duration_s);
+            self.trouble(&[start_s], duration_s, wrong);
+        }
+    }
+
+    /// Ambiguities are not fixed, `gap_s` apart or up to twice that, each for a time between two:
+    /// positions are off by so much then.
+    pub fn floats(&mut self, gap_s: f64, off_m: f64, duration_s: [f64; 2]) {
+        for start_s in self.times(60.0, gap_s) {
+            let duration_s = self.random.uniform(duration_s);
+            let wrong = Wrong::Float(self.anywhere(off_m));
             self.trouble(&[start_s], duration_s, wrong);
         }
     }

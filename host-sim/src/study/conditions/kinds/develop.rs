@@ -1,11 +1,14 @@
 //! Kinds to develop on.
 
+use core::f64::consts::PI;
+
 use ins_core::ImuOutput;
 
 use super::kind::{BOTH, Kind, MEMS, kinds};
 use super::shakes;
 use crate::sim::Grade;
 use crate::sim::boat::Anchored;
+use crate::sim::car::Way;
 use crate::sim::errors::BiasModel;
 use crate::sim::plane::Begin;
 use crate::sim::receiver::{Correlated, Stated, Up, Wrong};
@@ -106,6 +109,38 @@ kinds! { judge: false,
         w.velocity_noise(0.05, 0.2, 5.0);
         w.position_noise(0.5, 6.0, 60.0);
     };
+    "satellites_change", BOTH, 15.0,
+    "each axis of the position jumps by 4 m and height by 6 m, every 30 s or so, 5 Hz, 0.8 m stated"
+    => |w| {
+        w.errors.gnss.rate_hz = 5.0;
+        w.velocity_noise(0.03, 0.02, 2.0);
+        w.position_noise(0.8, 3.0, 30.0);
+        w.habits().position_jumps = true;
+    };
+    "differences", BOTH, 15.0,
+    "velocity is the difference of positions that wander by 1 m over 60 s, 0.05 m white, 5 Hz"
+    => |w| {
+        w.errors.gnss.rate_hz = 5.0;
+        w.position_noise(0.05, 1.0, 60.0);
+        w.habits().velocity_by_differences = true;
+        w.habits().stated = Stated::Nothing;
+    };
+    "static_hold", MEMS, 15.0,
+    "queue at 1.5 to 7 m/s, stops of 4 to 40 s; below 0.3 m/s no velocity and one place, 5 Hz"
+    => |w| {
+        w.vehicle = Vehicle::OnWay(Way {
+            speed_mps: [1.5, 7.0],
+            straight_s: [5.0, 20.0],
+            stop_s: Some([4.0, 40.0]),
+            turn_rad: [0.03, 0.5],
+            lateral_mps2: [0.3, 1.2],
+            ..Way::ROAD
+        });
+        w.errors.gnss.rate_hz = 5.0;
+        w.velocity_noise(0.05, 0.03, 3.0);
+        w.position_noise(0.5, 1.5, 60.0);
+        w.habits().holds_below_mps = 0.3;
+    };
     "outages", BOTH, 15.0, "a minute without fixes, every three or four" => |w| {
         let times = w.times(150.0, 150.0);
         w.outages(&times, 60.0);
@@ -129,6 +164,11 @@ kinds! { judge: false,
     "gyros x and y five times as noisy as z, accelerometers y and z six times as x" => |w| {
         w.errors.gyro_deg_h.noise_times = [8.0, 8.0, 1.6];
         w.errors.accel_mps2.noise_times = [2.0, 12.0, 12.0];
+    };
+    "coarse_readings", MEMS, 15.0,
+    "gyros read to 0.1 deg/s, accelerometers to 0.03 m/s^2" => |w| {
+        w.errors.gyro_deg_h.resolution = 360.0;
+        w.errors.accel_mps2.resolution = 0.03;
     };
     "warming", BOTH, 15.0,
     "biases move by some of their run-to-run spread as the unit warms up, within 150 s" => |w| {
@@ -169,6 +209,25 @@ kinds! { judge: false,
         w.velocity_noise(0.05, 0.03, 3.0);
         w.position_noise(0.5, 1.5, 60.0);
     };
+    "car_park", BOTH, 14.0, "ten minutes at rest, then four of driving" => |w| {
+        let rest_s = Some([600.0, 600.0]);
+        w.vehicle = Vehicle::Car { rest_s, lean: 1.0 };
+    };
+    "furrows", BOTH, 20.0,
+    "tractor at 2 m/s, to and fro in 40 to 120 s, antenna up to 3 m away, 0.4 m/s^2 at 32 Hz"
+    => |w| {
+        w.vehicle = Vehicle::OnWay(Way {
+            speed_mps: [1.6, 2.6],
+            straight_s: [40.0, 120.0],
+            turn_rad: [PI, PI],
+            lateral_mps2: [0.2, 0.5],
+            ..Way::ROAD
+        });
+        w.velocity_noise(0.03, 0.02, 2.0);
+        w.position_noise(0.3, 0.6, 100.0);
+        w.antenna_within([0.5, 1.0, 3.0]);
+        w.shakes.push(shakes::engine(When::Always, 31.7, 0.4, 0.0));
+    };
     "boat", BOTH, 20.0, "swings at anchor by 0.3 deg/s to and fro in 4 min, then sails" => |w| {
         w.vehicle = Vehicle::Boat(Anchored {
             until_s: 300.0,
@@ -185,6 +244,19 @@ kinds! { judge: false,
         w.velocity_noise(0.05, 0.05, 1.0);
         w.position_noise(0.5, 1.5, 60.0);
         w.shakes.push(shakes::engine(When::Always, 87.0, 3.0, 0.1));
+    };
+    "survey_drone", MEMS, 12.0,
+    "quadrotor, positions to 0.02 m, or off by 0.5 m for 30 s every minute or two and stated so"
+    => |w| {
+        w.vehicle = Vehicle::Quadrotor {
+            ground_s: Some(30.0),
+        };
+        w.velocity_noise(0.03, 0.02, 1.0);
+        w.position_noise(0.015, 0.01, 100.0);
+        w.antenna_within([0.1, 0.1, 0.3]);
+        w.floats(60.0, 0.5, [30.0, 30.0]);
+        w.imu_hz = 250.0;
+        w.shakes.push(shakes::engine(When::Always, 93.0, 3.0, 0.05));
     };
     "steep_banks", BOTH, 15.0, "fixed wing, banks of 50 to 55 deg, from the ground" => |w| {
         w.fixed_wing([50.0, 55.0], Begin::OnGround, 5.0);

@@ -1,11 +1,14 @@
 //! Kinds that judge: the same world with other numbers and in other company. Not to be developed
 //! on.
 
+use core::f64::consts::PI;
+
 use ins_core::ImuOutput;
 
 use super::kind::{BOTH, Kind, MEMS, kinds};
 use super::shakes;
 use crate::sim::boat::Anchored;
+use crate::sim::car::Way;
 use crate::sim::errors::BiasModel;
 use crate::sim::plane::Begin;
 use crate::sim::receiver::{Stated, Up, Wrong};
@@ -129,6 +132,54 @@ kinds! { judge: true,
         }
         w.outliers(0.02, 3.0, 50.0);
     };
+    "tunnels", BOTH, 20.0,
+    "motorway, twice 3 min without fixes after 4 to 10 s of coasted ones, twice the noise for 15 s after"
+    => |w| {
+        w.vehicle = Vehicle::Motorway;
+        w.errors.gnss.rate_hz = 5.0;
+        w.velocity_noise(0.05, 0.03, 3.0);
+        w.position_noise(0.5, 1.5, 60.0);
+        for start_s in w.times(270.0, 300.0) {
+            let bridged_s = w.random.uniform([4.0, 10.0]);
+            w.trouble(&[start_s], bridged_s, Wrong::Coasting);
+            w.outages(&[start_s + bridged_s], 180.0 - bridged_s);
+            w.trouble(&[start_s + 180.0], 15.0, Wrong::Noisy(2.0));
+        }
+    };
+    "mountain_road", BOTH, 15.0,
+    "hairpins, grades up to 12 %; velocity smoothed over 1 s, position not, 5 Hz, no sigma stated"
+    => |w| {
+        w.vehicle = Vehicle::OnWay(Way {
+            speed_mps: [7.0, 16.0],
+            straight_s: [3.0, 20.0],
+            turn_rad: [0.3, 3.0],
+            lateral_mps2: [1.0, 2.5],
+            steep: 3.0,
+            ..Way::ROAD
+        });
+        w.errors.gnss.rate_hz = 5.0;
+        w.velocity_noise(0.05, 0.0, 1.0);
+        w.position_noise(0.8, 2.0, 60.0);
+        w.habits().smoothing_s = 1.0;
+        w.habits().smooths_position = false;
+        w.habits().stated = Stated::Nothing;
+    };
+    "far_north", BOTH, 15.0,
+    "snowmobile, 78 deg north, velocity the difference of positions that wander by 1.5 m, 1 Hz"
+    => |w| {
+        w.vehicle = Vehicle::OnWay(Way {
+            speed_mps: [5.0, 18.0],
+            roll_rad_per_mps2: 0.0,
+            steep: 2.0,
+            ..Way::ROAD
+        });
+        w.origin.latitude_rad = 78.2_f64.to_radians();
+        w.errors.gnss.rate_hz = 1.0;
+        w.position_noise(0.1, 1.5, 40.0);
+        w.habits().velocity_by_differences = true;
+        w.habits().stated = Stated::Nothing;
+        w.shakes.push(shakes::engine(When::Moving(5.0), 43.3, 2.0, 0.0));
+    };
     "long_outages", BOTH, 18.0,
     "two minutes without fixes, twice or thrice, begins in motion" => |w| {
         w.vehicle = Vehicle::MOVING_CAR;
@@ -208,6 +259,54 @@ kinds! { judge: true,
         w.shakes.push(shakes::velocity_at(17.3, 0.04));
         w.shakes.push(shakes::velocity_at(4.9, 0.08));
     };
+    "motorcycle", MEMS, 15.0,
+    "leans by up to 25 deg, vibration of 8.5 m/s^2 clips at 2 g, gyros read to 0.06 deg/s"
+    => |w| {
+        w.vehicle = Vehicle::OnWay(Way {
+            speed_mps: [8.0, 22.0],
+            lateral_mps2: [2.0, 4.5],
+            roll_rad_per_mps2: Way::BALANCED,
+            ..Way::ROAD
+        });
+        w.errors.imu.accel_range_mps2 = 19.6;
+        w.errors.gyro_deg_h.resolution = 216.0;
+        w.shakes.push(shakes::engine(When::Moving(12.0), 43.3, 8.5, 0.0));
+    };
+    "tram", BOTH, 18.0,
+    "stops, wide curves, 7 to 16 m/s; below 0.5 m/s no velocity and one place, 2 Hz"
+    => |w| {
+        w.vehicle = Vehicle::OnWay(Way {
+            rest_s: [60.0, 120.0],
+            speed_mps: [7.0, 16.0],
+            straight_s: [12.0, 50.0],
+            stop_s: Some([12.0, 30.0]),
+            turn_rad: [0.1, 1.2],
+            lateral_mps2: [0.3, 0.9],
+            roll_rad_per_mps2: -0.003,
+            steep: 0.8,
+        });
+        w.errors.gnss.rate_hz = 2.0;
+        w.velocity_noise(0.04, 0.04, 4.0);
+        w.position_noise(0.6, 2.0, 80.0);
+        w.habits().holds_below_mps = 0.5;
+    };
+    "field_robot", MEMS, 20.0,
+    "1 to 2.5 m/s, turns every 8 to 30 s, 5 Hz, positions to 0.02 m, or off by 0.8 m and stated so"
+    => |w| {
+        w.vehicle = Vehicle::OnWay(Way {
+            speed_mps: [1.0, 2.5],
+            straight_s: [8.0, 30.0],
+            turn_rad: [1.2, PI],
+            lateral_mps2: [0.3, 0.8],
+            roll_rad_per_mps2: 0.0,
+            ..Way::ROAD
+        });
+        w.errors.gnss.rate_hz = 5.0;
+        w.velocity_noise(0.02, 0.01, 1.0);
+        w.position_noise(0.012, 0.015, 60.0);
+        w.antenna_within([0.2, 0.4, 1.2]);
+        w.floats(90.0, 0.8, [20.0, 45.0]);
+    };
     "rough_truck", MEMS, 15.0,
     "idles at 23 Hz with 4 m/s^2, rocks by 0.5 deg, antenna 2 m away, leans" => |w| {
         w.shakes.push(shakes::engine(When::Always, 23.0, 4.0, 0.15));
@@ -259,6 +358,24 @@ kinds! { judge: true,
         w.fixed_wing([25.0, 45.0], Begin::OnGround, 5.0);
         w.habits().gives_height = false;
         w.habits().up = Up::Missing;
+    };
+    "glider", BOTH, 18.0,
+    "begins at rest, circles for 1 to 5 min in banks of 17 to 34 deg, 34 deg south, 4 Hz"
+    => |w| {
+        w.vehicle = Vehicle::OnWay(Way {
+            speed_mps: [23.0, 32.0],
+            straight_s: [10.0, 60.0],
+            turn_rad: [10.0, 45.0],
+            lateral_mps2: [3.0, 5.8],
+            roll_rad_per_mps2: Way::BALANCED,
+            steep: 2.0,
+            ..Way::ROAD
+        });
+        w.origin.latitude_rad = -34.0_f64.to_radians();
+        w.origin.height_m = 900.0;
+        w.errors.gnss.rate_hz = 4.0;
+        w.velocity_noise(0.05, 0.03, 2.0);
+        w.position_noise(0.5, 1.5, 60.0);
     };
     "steeper_banks", BOTH, 15.0,
     "fixed wing, banks of 35 to 60 deg, begins in flight, antenna 0.5 m away, 4 Hz" => |w| {
