@@ -95,29 +95,19 @@ fn about_up<T: RealField + Copy>(v: &Vector3<T>, [cos, sin]: [T; 2]) -> Vector3<
     Vector3::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y, v.z)
 }
 
-/// What comes into the error of the INS over a span.
+/// What the parameters put into the error of the INS over a span, and what has been taken out of that.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Forcing {
-    /// Turn of the platform by the parameters, rad.
+    /// Turn of the platform, rad.
     drift_rad: Vector3<f64>,
-    /// Turn of the platform by the controls, rad.
-    control_tilt_rad: Vector3<f64>,
-    /// Velocity by the parameters, m/s.
+    /// Velocity, m/s.
     push_mps: Vector3<f64>,
-    /// Specific force as the platform has it, m/s, and its integral, m.
-    force_mps: Vector3<f64>,
-    force_moved_m: Vector3<f64>,
     /// Velocity that has been taken out of the readings, of that by the controls, m/s.
     taken_out_mps: Vector3<f64>,
-    /// Velocity by the controls, with what their turn did to it, m/s.
-    control_velocity_mps: Vector3<f64>,
-    /// Position by the controls, with what both did to it, m.
-    control_position_m: Vector3<f64>,
 }
 
 impl Forcing {
-    /// By the controls of a span, `accel_mps2` taken out of the accelerometers among them, and by
-    /// `parameters`.
+    /// By `parameters`, where `accel_mps2` is taken out of the accelerometers.
     pub fn over(
         span: &Span,
         level_force_mps2: &Vector3<f64>,
@@ -126,24 +116,14 @@ impl Forcing {
     ) -> Self {
         let mut forcing = Self {
             drift_rad: Vector3::zeros(),
-            control_tilt_rad: span.control_tilt_rad,
             push_mps: Vector3::zeros(),
-            force_mps: span.force_mps,
-            force_moved_m: span.force_moved_m,
             taken_out_mps: span.attitude_s * accel_mps2,
-            control_velocity_mps: span.control_velocity_mps,
-            control_position_m: span.control_position_m,
         };
         for_each_input(span, level_force_mps2, |which, input| match input {
             Input::Tilt(by) => forcing.drift_rad += by * parameters.value(which),
             Input::Velocity(by) => forcing.push_mps += by * parameters.value(which),
         });
         forcing
-    }
-
-    /// Turn of the platform by both, rad.
-    fn platform_rad(&self) -> Vector3<f64> {
-        self.control_tilt_rad + self.drift_rad
     }
 }
 
@@ -155,7 +135,7 @@ impl Passage {
         forcing: &Forcing,
         tilt_rad: &Vector3<f64>,
     ) -> Self {
-        let platform_rad = forcing.platform_rad();
+        let platform_rad = span.control_tilt_rad + forcing.drift_rad;
         let azimuth = rotation(tilt_rad.z);
         let push_mps = forcing.push_mps - forcing.taken_out_mps;
         let push_m = push_mps * (0.5 * span.seconds);
@@ -281,9 +261,9 @@ impl<T: RealField + Copy> InsError<T> {
 }
 
 impl InsError {
-    /// The error at the end of a passage.
+    /// The error at the end of a span, which is such a passage.
     #[must_use]
-    pub fn after(&self, passage: &Passage, forcing: &Forcing) -> Self {
+    pub fn after(&self, span: &Span, passage: &Passage, forcing: &Forcing) -> Self {
         let mut error = *self;
         error.carry(passage);
         // Force is longer than its projection. Plus, for it is the one of the tilted frame. And of the
@@ -292,23 +272,22 @@ impl InsError {
             self.tilt_rad - level_of(&self.tilt_rad),
             level_of(&self.tilt_rad),
         );
-        let longer = 0.5 * level.cross(&forcing.force_mps.cross(&level));
+        let longer = 0.5 * level.cross(&span.force_mps.cross(&level));
         let turned = |force: &Vector3<f64>| force - about_up(force, passage.azimuth);
         let taken_out_mps = turned(&forcing.taken_out_mps);
         error.velocity_mps +=
-            about_up(&longer, passage.azimuth) + turned(&forcing.force_mps) + taken_out_mps
+            about_up(&longer, passage.azimuth) + turned(&span.force_mps) + taken_out_mps
                 - passage.pull_mps.by(&azimuth);
-        error.position_m += turned(&forcing.force_moved_m)
-            + taken_out_mps * (0.5 * passage.seconds)
+        error.position_m += turned(&span.force_moved_m) + taken_out_mps * (0.5 * passage.seconds)
             - passage.pull_m.by(&azimuth);
         // What is levelled meanwhile turns with the platform for half of the time.
-        let platform_rad = forcing.platform_rad();
+        let platform_rad = span.control_tilt_rad + forcing.drift_rad;
         let half_turn = Vector3::new(0.0, 0.0, 0.5 * platform_rad.z);
         error.feed(passage, &Input::Tilt(forcing.drift_rad));
         error.feed(passage, &Input::Velocity(forcing.push_mps));
-        error.position_m += forcing.control_position_m;
-        error.velocity_mps += forcing.control_velocity_mps;
-        error.tilt_rad += forcing.control_tilt_rad + platform_rad.cross(&half_turn);
+        error.position_m += span.control_position_m;
+        error.velocity_mps += span.control_velocity_mps;
+        error.tilt_rad += span.control_tilt_rad + platform_rad.cross(&half_turn);
         error
     }
 }

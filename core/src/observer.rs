@@ -433,7 +433,7 @@ impl Observer {
         let forcing = Forcing::over(since, &self.level_force_mps2, &self.parameters, accel_mps2);
         // The horizon is close: the frame stands still.
         let passage = Passage::over(since, &Vector3::zeros(), &forcing, &self.error().tilt_rad);
-        self.followed.error.after(&passage, &forcing)
+        self.followed.error.after(since, &passage, &forcing)
     }
 
     /// Compares the INS at the horizon, which must be a moment of the past, with a fix; whether it
@@ -668,7 +668,7 @@ impl Observer {
     ) {
         let forcing = Forcing::over(span, &self.level_force_mps2, &self.parameters, accel_mps2);
         let passage = Passage::over(span, frame_rate, &forcing, &self.error().tilt_rad);
-        self.followed.error = self.followed.error.after(&passage, &forcing);
+        self.followed.error = self.followed.error.after(span, &passage, &forcing);
         let azimuth_sigma = self.parameters.sigma(index::AZIMUTH);
         let azimuth = self.followed.error.tilt_rad.z;
         self.parameters.set(index::AZIMUTH, azimuth, azimuth_sigma);

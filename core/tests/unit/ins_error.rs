@@ -74,7 +74,7 @@ proptest! {
         let span = span(Vector3::zeros(), controls);
         let forcing = Forcing::over(&span, &Vector3::zeros(), &with_gyro_bias(&-drift), &Vector3::zeros());
         let passage = Passage::over(&span, &Vector3::zeros(), &forcing, &phi);
-        let after = tilted(phi).after(&passage, &forcing).tilt_rad;
+        let after = tilted(phi).after(&span, &passage, &forcing).tilt_rad;
         let exact = rotated(&phi, &(controls + drift));
         prop_assert!((after - exact).norm() < THIRD_ORDER_RAD, "{after} {exact}");
 
@@ -99,7 +99,7 @@ proptest! {
         let span = span(force, Vector3::zeros());
         let forcing = Forcing::over(&span, &Vector3::zeros(), &with_gyro_bias(&Vector3::zeros()), &Vector3::zeros());
         let passage = Passage::over(&span, &Vector3::zeros(), &forcing, &phi);
-        let after = tilted(phi).after(&passage, &forcing).velocity_mps;
+        let after = tilted(phi).after(&span, &passage, &forcing).velocity_mps;
         let exact = force - off(&phi) * force;
         prop_assert!((after - exact).norm() < THIRD_ORDER_RAD * force.norm(), "{after} {exact}");
     }
@@ -121,7 +121,7 @@ proptest! {
         };
         let forcing = Forcing::over(&span, &Vector3::zeros(), &parameters, &bias);
         let passage = Passage::over(&span, &Vector3::zeros(), &forcing, &phi);
-        let after = tilted(phi).after(&passage, &forcing);
+        let after = tilted(phi).after(&span, &passage, &forcing);
         let exact = force - off(&phi) * force;
         let off = (after.velocity_mps - exact).norm();
         prop_assert!(off < THIRD_ORDER_RAD * force.norm(), "{off}");
@@ -265,7 +265,7 @@ proptest! {
         let span = steady.span();
         let forcing = Forcing::over(&span, &steady.level_force_mps2, &parameters, &Vector3::zeros());
         let passage = Passage::over(&span, &steady.frame_radps, &forcing, &tilt_rad);
-        let after = start.after(&passage, &forcing);
+        let after = start.after(&span, &passage, &forcing);
         let exact = steady.integrated(&start, &parameters);
         // Left out: what squares of tilts of 3e-4 and turns of the frame of 3e-5 do to 3 m/s of
         // force, and to half a metre of its way.
