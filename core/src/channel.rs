@@ -112,6 +112,14 @@ impl Channel {
         if is_up { self.velocity() } else { self.tilt() }
     }
 
+    /// Variance of the correlated noise of what is measured.
+    pub fn noise(&self, measured: Measured) -> f64 {
+        match measured {
+            Measured::Velocity => self.p.m44,
+            Measured::Position => self.p.m55,
+        }
+    }
+
     /// Carries it over a span.
     pub fn propagate(&mut self, growth: &Growth, noises: [Renewal; 2]) {
         let Growth {

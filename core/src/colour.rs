@@ -6,18 +6,26 @@
 //! measured with `R`, both follow from the update `T R / (T + R)` and the gain `T / (T + R)` by
 //! differentiation (sensitivity equations: Gupta and Mehra, IEEE TAC 19, 1974); a step of Fisher's
 //! scoring goes with each. So the noise is found wherever the INS and its parameters end, which the
-//! estimate of the noise itself does not tell: what both may hold, it may hold little of.
+//! estimate of the noise itself does not tell: what both may hold, it may hold little of. So heights are
+//! learnt of; velocities and level positions by that estimate, which is slower, for an INS whose unit was
+//! turned unseen must be found and not be taken for noise.
 
 use nalgebra::Vector2;
 
 use crate::channel::Renewal;
+use crate::config::Noise;
 use crate::math;
+use crate::time::Time;
 
 /// Information about the logarithm of its variance: what is configured counts for some, a factor of two
 /// in the standard deviation being two sigmas, so that an INS on its way to be found wrong is not taken
 /// for noise in its first innovations; remembered is what makes it good to a sixth.
-const CONFIGURED: f64 = 2.0;
+pub const CONFIGURED: f64 = 2.0;
+/// The same of a noise that is learnt of by its estimate: for one correlation time.
+pub const CONFIGURED_ONCE: f64 = 0.5;
 const REMEMBERED: f64 = 10.0;
+/// Largest square of an estimate, in its variance, that counts.
+const LARGEST_SQUARE: f64 = 9.0;
 /// Largest step of that logarithm from one fix: an outlier is no noise.
 const LARGEST_STEP: f64 = 0.1;
 
@@ -34,17 +42,21 @@ pub struct Colour {
     /// more, for a unit of the logarithm more.
     variance: f64,
     predicted: Vector2<f64>,
+    last: Time,
 }
 
 impl Colour {
-    /// As configured.
-    pub const CONFIGURED: Self = Self {
-        ratio: 1.0,
-        strength: 1.0,
-        information: CONFIGURED,
-        variance: 0.0,
-        predicted: Vector2::new(0.0, 0.0),
-    };
+    /// As configured, known by so much information.
+    pub fn new(start: Time, information: f64) -> Self {
+        Self {
+            ratio: 1.0,
+            strength: 1.0,
+            information,
+            variance: 0.0,
+            predicted: Vector2::zeros(),
+            last: start,
+        }
+    }
 
     /// Variance of the correlated part against the configured one.
     pub fn strength(&self) -> f64 {
@@ -85,6 +97,31 @@ impl Colour {
             -LARGEST_STEP,
         );
         self.ratio = math::variance_within(self.ratio * (1.0 + step), range);
+    }
+
+    /// Learns from what the observer takes for this noise after a fix: its mean square, and the
+    /// variance with which it is not known.
+    pub fn learn_of_estimate(
+        &mut self,
+        now: Time,
+        square: f64,
+        left: f64,
+        noise: &Noise,
+        range: [f64; 2],
+    ) {
+        let assumed = noise.correlated * noise.correlated * self.strength;
+        if assumed <= 0.0 {
+            return;
+        }
+        let new = math::min(now.seconds_since(self.last) / noise.correlation_s, 1.0);
+        self.last = now;
+        // What was assumed before may be more.
+        let left = math::min(left / assumed, 1.0);
+        let known = 1.0 - left;
+        self.information = math::min(self.information + 0.5 * known * known * new, REMEMBERED);
+        let found = math::min(square / assumed, LARGEST_SQUARE) + left;
+        let ratio = self.ratio * (1.0 + 0.5 * (found - 1.0) * new / self.information);
+        self.ratio = math::variance_within(ratio, range);
     }
 
     /// An innovation of a variance per component is taken, of which `white` is white noise.

@@ -5,6 +5,7 @@ use nalgebra::{RealField, SVector, Scalar, Vector3};
 
 use crate::channel::Measured;
 use crate::error_model::InsError;
+use crate::measurement::Kind;
 use crate::parameters::{COUNT, index};
 
 /// What the observer follows, ENU: the error of the INS and the correlated noise of GNSS, with
@@ -94,6 +95,21 @@ impl<T: RealField + Copy> Followed<T> {
         self.error.add_scaled(&other.error, factor);
         self.velocity_noise += other.velocity_noise * factor;
         self.position_noise += other.position_noise * factor;
+    }
+}
+
+impl Followed<f64> {
+    /// Mean square of the correlated noise of one kind, per component.
+    pub fn noise_square(&self, kind: Kind) -> f64 {
+        let noise = match kind.measured() {
+            Measured::Velocity => &self.velocity_noise,
+            Measured::Position => &self.position_noise,
+        };
+        if kind.is_up() {
+            noise.z * noise.z
+        } else {
+            0.5 * noise.xy().norm_squared()
+        }
     }
 }
 

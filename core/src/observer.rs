@@ -13,7 +13,7 @@
 use nalgebra::{SVector, Vector2, Vector3};
 
 use crate::channel::{Channel, Gains, Growth, Measured, Renewal};
-use crate::colour::Colour;
+use crate::colour::{self, Colour};
 use crate::config::{Config, Noise};
 use crate::constancy::Constancy;
 use crate::earth::GRAVITY_EQUATOR_MPS2;
@@ -192,7 +192,14 @@ impl Observer {
             vertical,
             innovations: [Innovations::default(); 4],
             stated: [StatedNoise::default(); 4],
-            colours: [Colour::CONFIGURED; 4],
+            colours: Kind::ALL.map(|kind| {
+                let known = if kind == Kind::Height {
+                    colour::CONFIGURED
+                } else {
+                    colour::CONFIGURED_ONCE
+                };
+                Colour::new(start, known)
+            }),
             gyro_noise: ProcessNoise::CONFIGURED,
             accel_noise: ProcessNoise::CONFIGURED,
             surprise: Surprise::default(),
@@ -562,7 +569,19 @@ impl Observer {
             innovations.learn(square, &sigmas, gnss.noise_range);
             // While the parameters themselves are uncertain it says little of the noise.
             if f64::from(added.determinant) < 1.0 + components {
-                colour.learn(&pair, components, total, gnss.noise_range);
+                if kind == Kind::Height {
+                    colour.learn(&pair, components, total, gnss.noise_range);
+                } else {
+                    let square = self.followed.noise_square(kind);
+                    let left = channel.noise(kind.measured());
+                    colour.learn_of_estimate(
+                        self.horizon,
+                        square,
+                        left,
+                        described,
+                        gnss.noise_range,
+                    );
+                }
             }
         }
         colour.take(&pair, total, white);

@@ -4,9 +4,10 @@
 use nalgebra::{Matrix2, Vector2};
 
 use crate::channel::Renewal;
-use crate::colour::Colour;
+use crate::colour::{CONFIGURED as CONFIGURED_INFORMATION, Colour};
 use crate::config::Noise;
 use crate::deviates::Deviates;
+use crate::time::Time;
 
 const CONFIGURED: Noise = Noise {
     white: 1.0,
@@ -20,7 +21,7 @@ const FIXES: usize = 4000;
 /// fixes in 800 s of a noise `times` as strong, of what begins anywhere within `start`.
 fn found(times: f64, start: f64) -> f64 {
     let mut deviates = Deviates(3);
-    let mut colour = Colour::CONFIGURED;
+    let mut colour = Colour::new(Time::default(), CONFIGURED_INFORMATION);
     let (mut truth, constant) = (0.0, start * f64::from(deviates.next()));
     let mut estimate = Vector2::zeros();
     let mut covariance = Matrix2::from_diagonal(&Vector2::new(start * start, 0.25));
@@ -78,9 +79,9 @@ fn it_stays_within_the_bounds_of_the_user() {
 
 #[test]
 fn noise_that_is_said_to_be_white_stays_white() {
-    let mut after = Colour::CONFIGURED;
+    let mut after = Colour::new(Time::default(), CONFIGURED_INFORMATION);
     after.renew(&Renewal::over(1.0, &Noise::white(1.0), 1.0));
     after.learn(&Vector2::new(3.0, 0.0), 1.0, 1.0, RANGE);
     after.take(&Vector2::new(3.0, 0.0), 1.0, 1.0);
-    assert_eq!(after, Colour::CONFIGURED);
+    assert_eq!(after, Colour::new(Time::default(), CONFIGURED_INFORMATION));
 }
