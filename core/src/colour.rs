@@ -38,11 +38,38 @@ pub struct Colour {
     ratio: f64,
     strength: f64,
     information: f64,
-    /// By how much more variance the next measurement would be predicted, and itself be predicted to be
-    /// more, for a unit of the logarithm more.
+    last: Time,
+}
+
+/// By how much more variance the next measurement would be predicted, and itself be predicted to be
+/// more, for a unit of the logarithm of that strength more.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Sensitivity {
     variance: f64,
     predicted: Vector2<f64>,
-    last: Time,
+}
+
+impl Sensitivity {
+    /// Before anything has come in.
+    pub const NONE: Self = Self {
+        variance: 0.0,
+        predicted: Vector2::new(0.0, 0.0),
+    };
+
+    /// Some of the noise has gone, and some has come in.
+    pub fn renew(&mut self, renewal: &Renewal) {
+        self.variance = renewal.keep * renewal.keep * self.variance + renewal.new;
+        self.predicted *= renewal.keep;
+    }
+
+    /// An innovation of a variance per component is taken, of which `white` is white noise.
+    pub fn take(&mut self, innovation: &Vector2<f64>, total: f64, white: f64) {
+        let kept = white / total;
+        let gain = kept * self.variance / total;
+        self.predicted = self.predicted * kept + innovation * gain;
+        self.variance *= kept * kept;
+    }
 }
 
 impl Colour {
@@ -52,8 +79,6 @@ impl Colour {
             ratio: 1.0,
             strength: 1.0,
             information,
-            variance: 0.0,
-            predicted: Vector2::zeros(),
             last: start,
         }
     }
@@ -73,24 +98,23 @@ impl Colour {
         self.strength = both * self.ratio;
     }
 
-    /// Some of it has gone, and some has come in.
-    pub fn renew(&mut self, renewal: &Renewal) {
-        self.variance = renewal.keep * renewal.keep * self.variance + renewal.new;
-        self.predicted *= renewal.keep;
-    }
-
     /// Learns from an innovation of so many components and a variance of each, before it is taken.
     pub fn learn(
         &mut self,
+        sensitivity: &Sensitivity,
         innovation: &Vector2<f64>,
         components: f64,
         total: f64,
         range: [f64; 2],
     ) {
-        let share = self.variance / total;
+        let Sensitivity {
+            variance,
+            predicted,
+        } = sensitivity;
+        let share = variance / total;
         let square = innovation.norm_squared() / total;
-        let score = self.predicted.dot(innovation) / total + 0.5 * share * (square - components);
-        let new = self.predicted.norm_squared() / total + 0.5 * components * share * share;
+        let score = predicted.dot(innovation) / total + 0.5 * share * (square - components);
+        let new = predicted.norm_squared() / total + 0.5 * components * share * share;
         self.information = math::min(self.information + new, REMEMBERED);
         let step = math::max(
             math::min(score / self.information, LARGEST_STEP),
@@ -122,14 +146,6 @@ impl Colour {
         let found = math::min(square / assumed, LARGEST_SQUARE) + left;
         let ratio = self.ratio * (1.0 + 0.5 * (found - 1.0) * new / self.information);
         self.ratio = math::variance_within(ratio, range);
-    }
-
-    /// An innovation of a variance per component is taken, of which `white` is white noise.
-    pub fn take(&mut self, innovation: &Vector2<f64>, total: f64, white: f64) {
-        let kept = white / total;
-        let gain = kept * self.variance / total;
-        self.predicted = self.predicted * kept + innovation * gain;
-        self.variance *= kept * kept;
     }
 }
 

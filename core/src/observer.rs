@@ -13,7 +13,7 @@
 use nalgebra::{SVector, Vector2, Vector3};
 
 use crate::channel::{Channel, Gains, Growth, Measured, Renewal};
-use crate::colour::{self, Colour};
+use crate::colour::{self, Colour, Sensitivity};
 use crate::config::{Config, Noise};
 use crate::constancy::Constancy;
 use crate::earth::GRAVITY_EQUATOR_MPS2;
@@ -121,6 +121,8 @@ pub struct Observer {
     innovations: [Innovations; 4],
     stated: [StatedNoise; 4],
     colours: [Colour; 4],
+    /// To how strong that of heights is.
+    height_sensitivity: Sensitivity,
     gyro_noise: ProcessNoise,
     accel_noise: ProcessNoise,
     surprise: Surprise,
@@ -136,8 +138,6 @@ pub struct Observer {
     /// Specific force in the body at the level attitude of the mount, m/s^2.
     level_force_mps2: Vector3<f64>,
     gravity_mps2: f64,
-    /// When the biases of each axis last walked.
-    walked: [Time; 3],
     /// Time over which that is averaged, s.
     levelled_s: f64,
     /// How far up, and what is felt as up, are off its direction, body, on the mean of some manoeuvres.
@@ -163,6 +163,8 @@ pub struct Observer {
     horizon: Time,
     last_level: Time,
     last_vertical: Time,
+    /// When the biases of each axis last walked.
+    walked: [Time; 3],
 }
 
 impl Observer {
@@ -200,6 +202,7 @@ impl Observer {
                 };
                 Colour::new(start, known)
             }),
+            height_sensitivity: Sensitivity::NONE,
             gyro_noise: ProcessNoise::CONFIGURED,
             accel_noise: ProcessNoise::CONFIGURED,
             surprise: Surprise::default(),
@@ -210,7 +213,6 @@ impl Observer {
             corrections: LeastSquares::NOTHING,
             parameters: Parameters::NONE,
             level_force_mps2,
-            walked: [start; 3],
             levelled_s: FIRST_LEVEL_S,
             lately: [Vector3::zeros(); 2],
             next_spread: 0,
@@ -228,6 +230,7 @@ impl Observer {
             horizon: start,
             last_level: start,
             last_vertical: start,
+            walked: [start; 3],
         }
     }
 
@@ -569,22 +572,12 @@ impl Observer {
             innovations.learn(square, &sigmas, gnss.noise_range);
             // While the parameters themselves are uncertain it says little of the noise.
             if f64::from(added.determinant) < 1.0 + components {
-                if kind == Kind::Height {
-                    colour.learn(&pair, components, total, gnss.noise_range);
-                } else {
-                    let square = self.followed.noise_square(kind);
-                    let left = channel.noise(kind.measured());
-                    colour.learn_of_estimate(
-                        self.horizon,
-                        square,
-                        left,
-                        described,
-                        gnss.noise_range,
-                    );
-                }
+                self.learn_colour(kind, &pair, components, total, config);
             }
         }
-        colour.take(&pair, total, white);
+        if kind == Kind::Height {
+            self.height_sensitivity.take(&pair, total, white);
+        }
         let per_component = if kind.is_up() {
             f64::from(added.determinant)
         } else {
@@ -592,6 +585,35 @@ impl Observer {
         };
         self.learn_process(kind, &pair, total * per_component, &gains, walked, config);
         true
+    }
+
+    /// Learns how strong the correlated noise of a kind is: of heights from an innovation of so many
+    /// components and a variance of each, of the others from what is taken for it.
+    fn learn_colour(
+        &mut self,
+        kind: Kind,
+        innovation: &Vector2<f64>,
+        components: f64,
+        total: f64,
+        config: &Config,
+    ) {
+        let range = config.gnss.noise_range;
+        let Some(colour) = self.colours.get_mut(kind as usize) else {
+            return;
+        };
+        if kind == Kind::Height {
+            let sensitivity = &self.height_sensitivity;
+            colour.learn(sensitivity, innovation, components, total, range);
+            return;
+        }
+        let channel = if kind.is_up() {
+            &self.vertical
+        } else {
+            &self.level
+        };
+        let square = self.followed.noise_square(kind);
+        let left = channel.noise(kind.measured());
+        colour.learn_of_estimate(self.horizon, square, left, kind.noise(config), range);
     }
 
     /// Learns how noisy the sensors are from an innovation of a variance per component, which was
@@ -704,10 +726,7 @@ impl Observer {
             renewal(&gnss.velocity_up_mps, climb),
             renewal(&gnss.height_m, height),
         ];
-        let renewals = [level[0], up[0], level[1], up[1]];
-        for (colour, renewal) in self.colours.iter_mut().zip(&renewals) {
-            colour.renew(renewal);
-        }
+        self.height_sensitivity.renew(&up[1]);
         let kept = |renewals: &[Renewal; 2]| renewals.map(|renewal| renewal.keep);
         self.followed.renew(kept(&level), kept(&up));
 
