@@ -106,12 +106,6 @@ impl Channel {
         self.p.m33
     }
 
-    /// Variance of what noise of the sensors lets walk: the velocity if it is the vertical channel,
-    /// which has no tilt.
-    pub fn walked(&self, is_up: bool) -> f64 {
-        if is_up { self.velocity() } else { self.tilt() }
-    }
-
     /// Variance of the correlated noise of what is measured.
     pub fn noise(&self, measured: Measured) -> f64 {
         match measured {

@@ -63,8 +63,8 @@ pub struct SensorConfig {
     /// gyros that stand askew. With zero they are what level accelerometers and gyros together
     /// show, which is what a compensation needs.
     pub misalignment_rad: f64,
-    /// Least and greatest factor by which `gyro_noise` and `accel_noise` may turn out wrong: each is
-    /// found in motion, all axes together. Ones: nothing is learnt.
+    /// Least and greatest factor by which `gyro_noise` may turn out wrong: it is found in motion, all
+    /// axes together. Ones: nothing is learnt.
     pub noise_range: [f64; 2],
     /// Largest credible angular rate on one axis, rad/s.
     pub gyro_range_radps: f64,

@@ -35,6 +35,8 @@ pub struct FixCounts {
     pub empty: u32,
     /// See [`GnssOutcome::TimeNotIncreasing`].
     pub time_not_increasing: u32,
+    /// See [`GnssOutcome::Repeated`].
+    pub repeated: u32,
     /// See [`GnssOutcome::TooOld`].
     pub too_old: u32,
     /// See [`GnssOutcome::TooFarAhead`].
@@ -101,6 +103,7 @@ impl Tally {
             GnssOutcome::NotFinite => &mut self.fixes.not_finite,
             GnssOutcome::Empty => &mut self.fixes.empty,
             GnssOutcome::TimeNotIncreasing => &mut self.fixes.time_not_increasing,
+            GnssOutcome::Repeated => &mut self.fixes.repeated,
             GnssOutcome::TooOld => &mut self.fixes.too_old,
             GnssOutcome::TooFarAhead => &mut self.fixes.too_far_ahead,
             GnssOutcome::OutOfRange => &mut self.fixes.out_of_range,

@@ -156,8 +156,10 @@ pub struct Past {
     pub unseen_rate: f64,
     /// `C_B^L`.
     pub attitude: Matrix3<f64>,
-    /// Its rate of change, 1/s.
+    /// Its rate of change, 1/s, and how that changes, 1/s^2.
     pub attitude_rate: Matrix3<f64>,
+    /// See above.
+    pub attitude_accel: Matrix3<f64>,
     /// Way of the INS from this moment to the newest of the ring, ENU, m.
     pub way_since_m: Vector3<f64>,
 }
@@ -175,6 +177,7 @@ impl Past {
         self.unseen_rate += (next.unseen_rate - self.unseen_rate) * part;
         self.attitude += (next.attitude - self.attitude) * part;
         self.attitude_rate += (next.attitude_rate - self.attitude_rate) * part;
+        self.attitude_accel += (next.attitude_accel - self.attitude_accel) * part;
     }
 }
 
@@ -385,7 +388,7 @@ impl Around<'_> {
         // And of a ramp about its mean.
         let turning = (here.seconds * bend.rate_radps).norm_squared() / 12.0;
         let attitude = here.attitude + off_s * bend.attitude;
-        let rate = here.rate_radps + off_s * bend.rate_radps;
+        let rate = (here.rate_radps + off_s * bend.rate_radps).cross_matrix();
         Past {
             time,
             velocity_mps,
@@ -398,7 +401,8 @@ impl Around<'_> {
             unseen_rate: (sag * self.unevenness(&here)).norm_squared()
                 + math::max(f64::from(end.rate_wobble) - turning, 0.0),
             attitude,
-            attitude_rate: attitude * rate.cross_matrix(),
+            attitude_rate: attitude * rate,
+            attitude_accel: attitude * (rate * rate + bend.rate_radps.cross_matrix()),
             way_since_m: left + way_after_m,
         }
     }

@@ -3,7 +3,7 @@
 //! Data flows one way: sample, increments, mechanization under the damping controls, ring of past
 //! moments; fix, comparison with its own moment, damping controls, estimators, compensation.
 
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
 use crate::aided::AidedIns;
 use crate::alignment::Alignment;
@@ -95,7 +95,8 @@ struct State<const RING: usize> {
     astray: Option<Astray>,
     /// The last interval as the sensors measured it.
     interval: Interval,
-    last_fix: Option<Time>,
+    /// The last fix that was taken: its stamp and level velocity.
+    last_fix: Option<(Time, Option<Vector2<f64>>)>,
     restarts: u32,
     /// Where the accelerometer biases that alignment knows were found; zero: where it levels.
     level_force_mps2: Vector3<f64>,
@@ -539,7 +540,7 @@ impl<const RING: usize> State<RING> {
         let Some((now, _)) = &self.inertial else {
             return GnssOutcome::NoInertialData;
         };
-        if self.last_fix.is_some_and(|last| fix.time <= last) {
+        if self.last_fix.is_some_and(|(last, _)| fix.time <= last) {
             return GnssOutcome::TimeNotIncreasing;
         }
         let now = *now;
@@ -550,7 +551,11 @@ impl<const RING: usize> State<RING> {
         if ahead_s < -AWAY_S {
             return GnssOutcome::TooOld;
         }
+        let repeats = |(_, velocity)| {
+            velocity == fix.velocity_en_mps && fix.is_moving(config.gnss.velocity_mps.white)
+        };
         let outcome = match &mut self.mode {
+            Mode::Navigating(_) if self.last_fix.is_some_and(repeats) => GnssOutcome::Repeated,
             Mode::Navigating(ins) => ins.on_fix(fix, tally, config),
             Mode::Aligning(alignment) => {
                 alignment.on_fix(now, fix, config);
@@ -561,7 +566,7 @@ impl<const RING: usize> State<RING> {
             }
         };
         if matches!(outcome, GnssOutcome::Accepted | GnssOutcome::Queued) {
-            self.last_fix = Some(fix.time);
+            self.last_fix = Some((fix.time, fix.velocity_en_mps));
         }
         outcome
     }

@@ -10,9 +10,9 @@
 //! is what a Kalman filter with all parameters in its state would find (Friedland's separate-bias
 //! estimation, IEEE TAC 14, 1969); with parameters that walk, see `Observer::let_walk`.
 
-use nalgebra::{SVector, Vector2, Vector3};
+use nalgebra::{Matrix3, SVector, Vector2, Vector3};
 
-use crate::channel::{Channel, Gains, Growth, Measured, Renewal};
+use crate::channel::{Channel, Growth, Measured, Renewal};
 use crate::colour::{self, Colour, Sensitivity};
 use crate::config::{Config, Noise};
 use crate::constancy::Constancy;
@@ -124,7 +124,6 @@ pub struct Observer {
     /// To how strong that of heights is.
     height_sensitivity: Sensitivity,
     gyro_noise: ProcessNoise,
-    accel_noise: ProcessNoise,
     surprise: Surprise,
     /// The same of the vertical, which goes wrong on its own.
     vertical_surprise: Surprise,
@@ -204,7 +203,6 @@ impl Observer {
             }),
             height_sensitivity: Sensitivity::NONE,
             gyro_noise: ProcessNoise::CONFIGURED,
-            accel_noise: ProcessNoise::CONFIGURED,
             surprise: Surprise::default(),
             vertical_surprise: Surprise::default(),
             doubts: Doubts::default(),
@@ -385,7 +383,6 @@ impl Observer {
         self.vertical = Channel::new(0.0, &gnss.velocity_up_mps, &gnss.height_m);
         self.vertical.doubt(variance, 0.0);
         self.vertical_surprise = Surprise::default();
-        self.accel_noise.look_anew();
         self.forget_noise(&Vector3::new(1.0, 1.0, 0.0));
     }
 
@@ -547,7 +544,7 @@ impl Observer {
             }
         };
         // Both level axes have the same covariance before and the same after.
-        let walked = channel.walked(kind.is_up());
+        let tilt = channel.tilt();
         let gains = channel.update(kind.measured(), white);
         let total = predicted + white;
         for (axis, innovation) in (first_axis..).zip(innovation) {
@@ -578,12 +575,10 @@ impl Observer {
         if kind == Kind::Height {
             self.height_sensitivity.take(&pair, total, white);
         }
-        let per_component = if kind.is_up() {
-            f64::from(added.determinant)
-        } else {
-            math::sqrt(f64::from(added.determinant))
-        };
-        self.learn_process(kind, &pair, total * per_component, &gains, walked, config);
+        if !kind.is_up() {
+            let variance = total * math::sqrt(f64::from(added.determinant));
+            self.learn_gyro_noise(&pair, variance, gains.z, tilt, config);
+        }
         true
     }
 
@@ -616,25 +611,20 @@ impl Observer {
         colour.learn_of_estimate(self.horizon, square, left, kind.noise(config), range);
     }
 
-    /// Learns how noisy the sensors are from an innovation of a variance per component, which was
-    /// taken with these gains by a channel that knew what walks to a variance.
-    fn learn_process(
+    /// Learns how noisy the gyros are from a level innovation of a variance per component, which was
+    /// taken with this gain of the tilt, known to a variance before.
+    fn learn_gyro_noise(
         &mut self,
-        kind: Kind,
         innovation: &Vector2<f64>,
         variance: f64,
-        gains: &Gains,
-        walked: f64,
+        gain: f64,
+        tilt: f64,
         config: &Config,
     ) {
-        let (process, channel, gain, components) = if kind.is_up() {
-            (&mut self.accel_noise, &self.vertical, gains.y, 1.0)
-        } else {
-            (&mut self.gyro_noise, &self.level, gains.z, 2.0)
-        };
-        let left = channel.walked(kind.is_up());
-        process.moved(innovation, variance, gain, walked - left);
-        process.look(left, components, config.sensors.noise_range);
+        let left = self.level.tilt();
+        let process = &mut self.gyro_noise;
+        process.moved(innovation, variance, gain, tilt - left);
+        process.look(left, config.sensors.noise_range);
     }
 
     /// Fixes of a kind were refused for so long that it is the INS which is wrong, by this variance.
@@ -755,12 +745,10 @@ impl Observer {
             let variance = noise.component_mul(&noise) * ratio;
             level_and_up(&span.attitude_s, span.seconds, &variance)
         };
-        let (gyros, accels) = (self.gyro_noise.ratio(), self.accel_noise.ratio());
-        let (gyro_level, gyro_up) = shares(&s.gyro_noise, gyros);
-        let (accel_level, accel_up) = shares(&s.accel_noise, accels);
+        let (gyro_level, gyro_up) = shares(&s.gyro_noise, self.gyro_noise.ratio());
+        let (accel_level, accel_up) = shares(&s.accel_noise, 1.0);
         self.gyro_noise
             .came(span.seconds, gyro_level * span.seconds);
-        self.accel_noise.came(span.seconds, accel_up * span.seconds);
         let growth = Growth {
             seconds: span.seconds,
             force_up_mps: span.force_mps.z,
@@ -811,13 +799,10 @@ impl Observer {
         let p = &self.parameters;
         let latency = p.value(index::LATENCY) + self.unsolved_s * p.value(index::CLOCK_DRIFT);
         let late_s = latency - difference.latency_applied_s;
-        // The antenna is C l away from the sensors, and moves by C' l more.
-        let (by_latency, by_lever) = match measured {
-            Measured::Velocity => (past.accel_mps2, past.attitude_rate),
-            Measured::Position => (past.velocity_mps, past.attitude),
-        };
+        let arm = p.lever_arm();
+        let late = by_latency(past, measured, &arm) * late_s;
         let smoothed = by_smoothing(past, measured) * p.value(index::SMOOTHING);
-        self.followed.shows(measured) + late_s * by_latency + smoothed - by_lever * p.lever_arm()
+        self.followed.shows(measured) + late + smoothed - by_lever(past, measured) * arm
     }
 
     /// What a unit of each parameter more would add to that.
@@ -827,13 +812,8 @@ impl Observer {
         for (by, response) in by.iter_mut().zip(shown) {
             *by = response.shows(measured);
         }
-        let (by_latency, by_lever) = match measured {
-            Measured::Velocity => (
-                singles(&past.accel_mps2),
-                past.attitude_rate.map(math::single),
-            ),
-            Measured::Position => (singles(&past.velocity_mps), past.attitude.map(math::single)),
-        };
+        let by_latency = singles(&by_latency(past, measured, &self.parameters.lever_arm()));
+        let by_lever = by_lever(past, measured).map(math::single);
         let mut add = |which: usize, more: Vector3<f32>| {
             if let Some(by) = by.get_mut(which) {
                 *by += more;
@@ -1168,6 +1148,24 @@ fn estimated<'a>(
     parameters: &LeastSquares<COUNT, PAIRS>,
 ) -> &'a mut [Followed<f32>] {
     responses.get_mut(..parameters.count()).unwrap_or_default()
+}
+
+/// What a unit of latency adds to INS minus GNSS, with the antenna on such an arm `l`: by `C l` it is
+/// away from the sensors, and by the derivatives of that it moves otherwise. What swings on an arm of
+/// metres is felt in these more than in what the sensors do.
+fn by_latency(past: &Past, measured: Measured, arm_m: &Vector3<f64>) -> Vector3<f64> {
+    match measured {
+        Measured::Velocity => past.accel_mps2 + past.attitude_accel * arm_m,
+        Measured::Position => past.velocity_mps + past.attitude_rate * arm_m,
+    }
+}
+
+/// What a unit of each component of that arm takes from it.
+fn by_lever(past: &Past, measured: Measured) -> &Matrix3<f64> {
+    match measured {
+        Measured::Velocity => &past.attitude_rate,
+        Measured::Position => &past.attitude,
+    }
 }
 
 /// What a unit of smoothing adds to INS minus GNSS: a mean over times of variance `s` lies by

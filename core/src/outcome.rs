@@ -44,6 +44,9 @@ pub enum GnssOutcome {
     Empty,
     /// The stamp is not later than the last one.
     TimeNotIncreasing,
+    /// While navigating: a vehicle that moves has the velocity of the last fix to the last bit. The
+    /// receiver gives that fix again, is stuck, or coasts, and has measured nothing.
+    Repeated,
     /// Older than the ring of past states.
     TooOld,
     /// Further ahead of the inertial samples than any latency explains.

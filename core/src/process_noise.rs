@@ -1,6 +1,6 @@
-//! How noisy the sensors are, from how far the errors of the INS walk.
+//! How noisy the gyros are, from how far the tilt of the INS walks.
 //!
-//! Over some time the estimate of such an error moves by its corrections. Their variances add up to
+//! Over some time the estimate of the tilt moves by its corrections. Their variances add up to
 //! what the measurements take away of its own: of the noise that came in meanwhile all but what is
 //! left. An estimate that moves farther follows an error that walks farther than is told. At the end
 //! of each such time one step of Fisher's scoring finds by how much.
@@ -42,7 +42,7 @@ impl Meanwhile {
     };
 }
 
-/// Strength of the noise of one kind of sensor.
+/// Strength of the noise of the gyros.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ProcessNoise {
@@ -84,8 +84,8 @@ impl ProcessNoise {
         self.meanwhile = Meanwhile::NOTHING;
     }
 
-    /// Learns, when it is time to; `left` is the variance that is left of each of `components`.
-    pub fn look(&mut self, left: f64, components: f64, range: [f64; 2]) {
+    /// Learns, when it is time to; `left` is the variance that is left of each component.
+    pub fn look(&mut self, left: f64, range: [f64; 2]) {
         let since = &self.meanwhile;
         if since.seconds < LOOK_S || since.expected <= 0.0 {
             return;
@@ -93,10 +93,10 @@ impl ProcessNoise {
         // Of what came in, so much was taken: d(P - P')/dP of P' = 1 / (1 / P + information).
         let part = left / (left + since.taken);
         let sensitivity = since.came * (1.0 - part * part) / since.expected;
-        let square = since.moved.norm_squared() / (components * since.expected);
-        let half = 0.5 * components * sensitivity;
-        self.information = math::min(self.information + half * sensitivity, REMEMBERED);
-        let step = half * (math::min(square, ROBUST) - 1.0) / self.information;
+        let square = since.moved.norm_squared() / (2.0 * since.expected);
+        let information = self.information + sensitivity * sensitivity;
+        self.information = math::min(information, REMEMBERED);
+        let step = sensitivity * (math::min(square, ROBUST) - 1.0) / self.information;
         self.ratio = math::variance_within(self.ratio * (1.0 + step), range);
         self.look_anew();
     }

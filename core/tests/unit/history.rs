@@ -82,8 +82,11 @@ fn a_past_moment_is_exact_for_a_steady_jerk() {
         let accel = ACCEL + t * JERK;
         assert!((past.accel_mps2 - accel).norm() < 100.0 * SINGLE, "{t}");
         assert!((past.attitude - attitude(t)).norm() < 100.0 * SINGLE, "{t}");
-        let rate = attitude(t) * (RATE + t * RATE_GROWTH).cross_matrix();
-        assert!((past.attitude_rate - rate).norm() < 100.0 * SINGLE, "{t}");
+        let rate = (RATE + t * RATE_GROWTH).cross_matrix();
+        let swing = past.attitude_rate - attitude(t) * rate;
+        assert!(swing.norm() < 100.0 * SINGLE, "{t}");
+        let accel = attitude(t) * (rate * rate + RATE_GROWTH.cross_matrix());
+        assert!((past.attitude_accel - accel).norm() < 100.0 * SINGLE, "{t}");
         assert_eq!(past.time, at_s(t));
         // Between moments the chord of the velocity is taken: J h^3 / 12 of less than 0.13 s.
         let coarse = JERK.norm() * 0.13_f64.powi(3) / 12.0;

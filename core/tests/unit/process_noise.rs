@@ -33,7 +33,7 @@ fn found(times: f64, runs: u64) -> f64 {
             estimate += innovation * gain;
             variance *= 1.0 - gain;
             process.moved(&innovation, total, gain, gain * gain * total);
-            process.look(variance, 2.0, RANGE);
+            process.look(variance, RANGE);
         }
         #[expect(clippy::cast_precision_loss)]
         let count = runs as f64;
@@ -59,7 +59,7 @@ fn it_stays_within_the_bounds_of_the_user() {
     let mut trusted = ProcessNoise::CONFIGURED;
     trusted.came(60.0, 1.0);
     trusted.moved(&Vector2::new(100.0, 100.0), 1.0, 1.0, 0.5);
-    trusted.look(0.5, 2.0, [1.0, 1.0]);
+    trusted.look(0.5, [1.0, 1.0]);
     assert!((trusted.ratio() - 1.0).abs() < 1e-12, "{trusted:?}");
 }
 
@@ -69,6 +69,6 @@ fn what_parameters_explain_teaches_little() {
     let mut process = ProcessNoise::CONFIGURED;
     process.came(60.0, 1.0);
     process.moved(&Vector2::new(30.0, 30.0), 900.0, 1.0, 0.5);
-    process.look(0.5, 2.0, RANGE);
+    process.look(0.5, RANGE);
     assert!((process.ratio() - 1.0).abs() < 1e-3, "{process:?}");
 }

@@ -47,6 +47,7 @@ pub(crate) fn of_fix(outcome: GnssOutcome) -> &'static str {
         GnssOutcome::NotFinite => "NaN or infinite",
         GnssOutcome::Empty => "neither position nor velocity",
         GnssOutcome::TimeNotIncreasing => "stamp not later than the last one",
+        GnssOutcome::Repeated => "velocity of the last fix to the last bit, in motion",
         GnssOutcome::TooOld => "older than what the navigator remembers",
         GnssOutcome::TooFarAhead => "stamp far ahead of the inertial samples",
         GnssOutcome::OutOfRange => "where or as fast as no vehicle is",
