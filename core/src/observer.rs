@@ -661,31 +661,50 @@ impl Observer {
     }
 
     /// Variance per component of what is not linear in the parameters: of a latency in a motion that
-    /// bends, and of a latency in a frame that points elsewhere. It goes as they become known; what
-    /// jolts hide between two moments of the ring stays, and so does how skew a receiver smooths.
+    /// bends, of an antenna that swings on an unknown arm, and in a frame that points elsewhere. It goes
+    /// as they become known; what jolts hide between two moments of the ring stays, and so does how skew a
+    /// receiver smooths.
     fn bent_variance(&self, past: &Past, measured: Measured) -> f64 {
         let square = |x: f64| x * x;
-        let latency = square(self.parameters.sigma(index::LATENCY));
-        let azimuth = square(self.parameters.sigma(index::AZIMUTH));
-        let (first, second, third) = match measured {
-            Measured::Velocity => (&past.accel_mps2, &past.jerk_mps3, &past.snap_mps4),
-            Measured::Position => (&past.velocity_mps, &past.accel_mps2, &past.jerk_mps3),
+        let p = &self.parameters;
+        let latency = square(p.sigma(index::LATENCY));
+        let azimuth = square(p.sigma(index::AZIMUTH));
+        let arm_axis = |axis: usize| square(p.sigma(index::LEVER_ARM + axis));
+        let arm = (arm_axis(0) + arm_axis(1) + arm_axis(2)) / 3.0;
+        let (first, second, third, swing) = match measured {
+            Measured::Velocity => (
+                &past.accel_mps2,
+                &past.jerk_mps3,
+                &past.snap_mps4,
+                &past.attitude_accel,
+            ),
+            Measured::Position => (
+                &past.velocity_mps,
+                &past.accel_mps2,
+                &past.jerk_mps3,
+                &past.attitude_rate,
+            ),
         };
-        let jolt = match measured {
-            Measured::Velocity => {
-                let smoothing = 0.5 * self.parameters.sigma(index::SMOOTHING);
-                let unsmoothed = 1.0 - seen_jerk(past);
-                past.unseen_velocity
-                    + past.unseen_rate * self.parameters.lever_arm().norm_squared()
-                    + 0.5 * square(smoothing * unsmoothed) * past.jerk_mps3.norm_squared()
-            }
+        let turned = 0.5 * azimuth * first.norm_squared();
+        let swung = arm * swing.norm_squared() / 3.0;
+        let bent = 0.25 * latency * second.norm_squared();
+        // The times of an exponential of variance s have a third moment of 2 s^1.5.
+        let smoothing_s2 = math::max(p.value(index::SMOOTHING), 0.0);
+        let skew = square(smoothing_s2) * smoothing_s2 / 9.0 * third.norm_squared();
+        let unseen = match measured {
+            Measured::Velocity => self.unseen_variance(past),
             Measured::Position => 0.0,
         };
-        // The times of an exponential of variance s have a third moment of 2 s^1.5.
-        let smoothing_s2 = math::max(self.parameters.value(index::SMOOTHING), 0.0);
-        let skew = square(smoothing_s2) * smoothing_s2 / 9.0 * third.norm_squared();
-        let bent = square(0.5 * latency) * second.norm_squared();
-        jolt + skew + bent + 0.5 * latency * azimuth * first.norm_squared()
+        unseen + skew + latency * (bent + swung + turned)
+    }
+
+    /// Variance of a velocity by what is too fast for the ring.
+    fn unseen_variance(&self, past: &Past) -> f64 {
+        let p = &self.parameters;
+        let smoothing = 0.5 * p.sigma(index::SMOOTHING) * (1.0 - seen_jerk(past));
+        past.unseen_velocity
+            + past.unseen_rate * p.lever_arm().norm_squared()
+            + 0.5 * smoothing * smoothing * past.jerk_mps3.norm_squared()
     }
 
     /// Carries the observer over a span that ends at `to`, in a frame that turns at `frame_rate`.
@@ -801,7 +820,7 @@ impl Observer {
         let late_s = latency - difference.latency_applied_s;
         let arm = p.lever_arm();
         let late = by_latency(past, measured, &arm) * late_s;
-        let smoothed = by_smoothing(past, measured) * p.value(index::SMOOTHING);
+        let smoothed = by_smoothing(past, measured, &arm) * p.value(index::SMOOTHING);
         self.followed.shows(measured) + late + smoothed - by_lever(past, measured) * arm
     }
 
@@ -812,7 +831,8 @@ impl Observer {
         for (by, response) in by.iter_mut().zip(shown) {
             *by = response.shows(measured);
         }
-        let by_latency = singles(&by_latency(past, measured, &self.parameters.lever_arm()));
+        let arm = self.parameters.lever_arm();
+        let by_latency = singles(&by_latency(past, measured, &arm));
         let by_lever = by_lever(past, measured).map(math::single);
         let mut add = |which: usize, more: Vector3<f32>| {
             if let Some(by) = by.get_mut(which) {
@@ -827,7 +847,10 @@ impl Observer {
         for axis in 0..3 {
             add(index::LEVER_ARM + axis, -by_lever.column(axis));
         }
-        add(index::SMOOTHING, singles(&by_smoothing(past, measured)));
+        add(
+            index::SMOOTHING,
+            singles(&by_smoothing(past, measured, &arm)),
+        );
         by
     }
 
@@ -1170,10 +1193,10 @@ fn by_lever(past: &Past, measured: Measured) -> &Matrix3<f64> {
 
 /// What a unit of smoothing adds to INS minus GNSS: a mean over times of variance `s` lies by
 /// `s / 2` times the second derivative off.
-fn by_smoothing(past: &Past, measured: Measured) -> Vector3<f64> {
+fn by_smoothing(past: &Past, measured: Measured, arm_m: &Vector3<f64>) -> Vector3<f64> {
     -0.5 * match measured {
         Measured::Velocity => seen_jerk(past) * past.jerk_mps3,
-        Measured::Position => past.accel_mps2,
+        Measured::Position => by_latency(past, Measured::Velocity, arm_m),
     }
 }
 
