@@ -435,8 +435,11 @@ fn fixes_of_the_future_fill_the_queue_and_no_more() {
     let ahead: Vec<Event> = (0..20)
         .map(|k| {
             let good = good_fix();
+            // To the last bit the same, they would be refused for that.
+            let noise = Vector2::new(1e-3, 0.0) * f64::from(k);
             Event::Gnss(GnssFix {
                 time: good.time.plus_seconds(0.3 + 0.03 * f64::from(k)),
+                velocity_en_mps: good.velocity_en_mps.map(|v| v + noise),
                 ..good
             })
         })
@@ -451,6 +454,40 @@ fn fixes_of_the_future_fill_the_queue_and_no_more() {
         "{answers:?}"
     );
     assert_near_truth(&navigator);
+}
+
+/// A stuck receiver gives all of the last fix again, one that coasts its velocity. At rest many a
+/// receiver says zero, which is true.
+#[test]
+fn what_is_repeated_in_motion_is_refused() {
+    let repeated = |fix: GnssFix| {
+        let at = |seconds: f64| GnssFix {
+            time: fix.time.plus_seconds(seconds),
+            ..fix
+        };
+        let coasted = GnssFix {
+            position: at(0.02).position.map(|place| LatLon {
+                latitude_rad: place.latitude_rad + 1e-6,
+                ..place
+            }),
+            ..at(0.02)
+        };
+        [fix, at(0.01), coasted].map(Event::Gnss)
+    };
+    let (answers, navigator) = after(&repeated(good_fix()), PLACE_S, 5.0);
+    let refused = Answer::Gnss(GnssOutcome::Repeated);
+    assert_ne!(answers[0], refused);
+    assert_eq!(answers[1..], [refused; 2]);
+    // The drive's own that comes next is the one that `good_fix` is made of.
+    assert_eq!(navigator.health().fixes.repeated, 3);
+    assert_near_truth(&navigator);
+
+    let held = GnssFix {
+        velocity_en_mps: Some(Vector2::zeros()),
+        ..good_fix()
+    };
+    let (answers, _) = after(&repeated(held), PLACE_S, 1.0);
+    assert!(!answers.contains(&refused), "{answers:?}");
 }
 
 /// A reading within the range, 20 g upwards for one sample.
