@@ -344,6 +344,39 @@ kinds! { judge: true,
         w.origin.latitude_rad = 68.0_f64.to_radians();
         w.origin.height_m = 40.0;
     };
+    "masthead", BOTH, 15.0,
+    "antenna up to 6 m up a mast, waves of 10 deg and 4 s, sails after two minutes" => |w| {
+        w.vehicle = Vehicle::Boat(Anchored {
+            until_s: 120.0,
+            period_s: 90.0,
+            peak_radps: 0.6_f64.to_radians(),
+        });
+        w.velocity_noise(0.03, 0.04, 1.5);
+        w.position_noise(0.4, 1.0, 80.0);
+        w.antenna_within([0.5, 1.0, 6.0]);
+        w.shakes.push(shakes::waves(4.0, 10.0, 0.4));
+    };
+    "rolling_ship", BOTH, 20.0,
+    "1 Hz, antenna up to 4 m ahead and 6 m above, long waves of 6 deg, latency of 0.1 to 0.3 s" => |w| {
+        w.vehicle = Vehicle::Boat(Anchored {
+            until_s: 150.0,
+            period_s: 200.0,
+            peak_radps: 0.4_f64.to_radians(),
+        });
+        w.errors.gnss.rate_hz = 1.0;
+        w.errors.gnss.latency_s = [0.1, 0.3];
+        w.velocity_noise(0.05, 0.03, 4.0);
+        w.antenna_within([2.0, 4.0, 6.0]);
+        w.shakes.push(shakes::waves(9.0, 6.0, 0.5));
+    };
+    "coasting_in_town", BOTH, 15.0,
+    "car, 5 Hz, each minute or two the receiver coasts for 3 to 8 s, antenna a metre away" => |w| {
+        w.errors.gnss.rate_hz = 5.0;
+        w.velocity_noise(0.05, 0.05, 2.0);
+        w.position_noise(0.5, 1.5, 60.0);
+        w.antenna_within([0.5, 1.0, 1.0]);
+        w.troubles(60.0, 60.0, [3.0, 8.0], Wrong::Coasting);
+    };
     "quadrotor_in_flight", MEMS, 12.0,
     "begins in flight, 10 Hz, latency of 0.2 to 0.4 s, unit turned by up to 180 deg" => |w| {
         w.vehicle = Vehicle::Quadrotor { ground_s: None };
