@@ -360,7 +360,8 @@ impl Around<'_> {
     fn past(&self, time: Time, way_after_m: &Vector3<f64>) -> Past {
         let Self { start, end, .. } = self;
         let here = Means::over(end);
-        let bend = self.bend(&here);
+        let slopes = self.slopes(&here);
+        let bend = slopes.in_the_middle();
         let part = time.seconds_since(start.time) / here.seconds;
         let sag = 0.5 * part * (1.0 - part) * here.seconds * here.seconds;
         let off_s = (part - 0.5) * here.seconds;
@@ -370,7 +371,7 @@ impl Around<'_> {
             jerk_mps3,
         } = self.parabola(&here, &bend.force_mps2);
         // A cubic whose means over the three intervals are zero: it changes none of the parabola's.
-        let snap_mps4 = self.snap(&here, &accel_mps2);
+        let snap_mps4 = slopes.snap(here.seconds, &accel_mps2);
         let flat = 1.25 * here.seconds * here.seconds;
         let velocity = |off_s: f64| {
             middle_mps
@@ -388,7 +389,7 @@ impl Around<'_> {
         // And of a ramp about its mean.
         let turning = (here.seconds * bend.rate_radps).norm_squared() / 12.0;
         let attitude = here.attitude + off_s * bend.attitude;
-        let rate = (here.rate_radps + off_s * bend.rate_radps).cross_matrix();
+        let rate_radps = here.rate_radps + off_s * bend.rate_radps;
         Past {
             time,
             velocity_mps,
@@ -398,11 +399,11 @@ impl Around<'_> {
             jerk_mps3: jerk_mps3 + off_s * snap_mps4,
             snap_mps4,
             unseen_velocity: math::max(f64::from(end.wobble) - explained, 0.0),
-            unseen_rate: (sag * self.unevenness(&here)).norm_squared()
+            unseen_rate: (sag * slopes.unevenness()).norm_squared()
                 + math::max(f64::from(end.rate_wobble) - turning, 0.0),
             attitude,
-            attitude_rate: attitude * rate,
-            attitude_accel: attitude * (rate * rate + bend.rate_radps.cross_matrix()),
+            attitude_rate: attitude * rate_radps.cross_matrix(),
+            attitude_accel: attitude * turn_accel(&rate_radps, &bend.rate_radps),
             way_since_m: left + way_after_m,
         }
     }
@@ -438,46 +439,79 @@ impl Around<'_> {
         }
     }
 
-    /// How the jerk changes, m/s^4, where a moment follows; of what swings too fast for the ring, by
-    /// how it is against the acceleration, nothing.
-    fn snap(&self, here: &Means, accel_mps2: &Vector3<f64>) -> Vector3<f64> {
-        let Some(after) = self.after else {
+    /// How fast the means change on both sides of the interval.
+    fn slopes(&self, here: &Means) -> Slopes {
+        Slopes {
+            at_start: here.slope_from(&Means::over(self.start)),
+            at_end: (self.after).map(|after| Means::over(after).slope_from(here)),
+        }
+    }
+}
+
+/// How fast means change at the start of an interval, and at its end if a moment follows.
+struct Slopes {
+    at_start: Means,
+    at_end: Option<Means>,
+}
+
+impl Slopes {
+    /// How the jerk changes over an interval of so many seconds, m/s^4, where a moment follows; of what
+    /// swings too fast for the ring, by how it is against the acceleration, nothing.
+    fn snap(&self, interval_s: f64, accel_mps2: &Vector3<f64>) -> Vector3<f64> {
+        let Self { at_start, at_end } = self;
+        let Some(at_end) = at_end else {
             return Vector3::zeros();
         };
-        let at_start = here.slope_from(&Means::over(self.start));
-        let at_end = Means::over(after).slope_from(here);
         let snap =
             (at_end.force_mps2 - at_start.force_mps2) / (0.5 * (at_start.seconds + at_end.seconds));
         // Square of the product of a swing's frequency and the spacing.
-        let phase = snap.norm() * here.seconds * here.seconds / (accel_mps2.norm() + 1e-6);
+        let phase = snap.norm() * interval_s * interval_s / (accel_mps2.norm() + 1e-6);
         let ratio = phase * phase / (FASTEST_PHASE * FASTEST_PHASE);
         snap / (1.0 + ratio * ratio)
     }
 
-    /// By how much the angular rate changes faster after the interval than before it, rad/s^3.
-    fn unevenness(&self, here: &Means) -> Vector3<f64> {
-        let at_start = here.slope_from(&Means::over(self.start)).rate_radps;
-        match self.after {
-            Some(after) => Means::over(after).slope_from(here).rate_radps - at_start,
+    /// By how much the angular rate changes faster after the interval than before it, rad/s^2.
+    fn unevenness(&self) -> Vector3<f64> {
+        let at_start = self.at_start.rate_radps;
+        match &self.at_end {
+            Some(at_end) => at_end.rate_radps - at_start,
             None => at_start,
         }
     }
 
-    /// How fast the means change in the middle of the interval. What changes at one end alone
-    /// lets the interpolation lag behind: by 1.4 ms in the gusts of a light aircraft.
-    fn bend(&self, here: &Means) -> Means {
-        let at_start = here.slope_from(&Means::over(self.start));
-        let Some(after) = self.after else {
-            return at_start;
+    /// In the middle of the interval. What changes at one end alone lets the interpolation lag behind: by
+    /// 1.4 ms in the gusts of a light aircraft.
+    fn in_the_middle(&self) -> Means {
+        let Self { at_start, at_end } = self;
+        let Some(at_end) = at_end else {
+            return *at_start;
         };
-        let at_end = Means::over(after).slope_from(here);
         Means {
-            seconds: here.seconds,
+            seconds: at_start.seconds,
             force_mps2: 0.5 * (at_start.force_mps2 + at_end.force_mps2),
             rate_radps: 0.5 * (at_start.rate_radps + at_end.rate_radps),
             attitude: 0.5 * (at_start.attitude + at_end.attitude),
         }
     }
+}
+
+/// `w w + dw/dt`, both rates as cross products: what the second derivative of an attitude is of it.
+fn turn_accel(rate_radps: &Vector3<f64>, growth_radps2: &Vector3<f64>) -> Matrix3<f64> {
+    let (x, y, z) = (rate_radps.x, rate_radps.y, rate_radps.z);
+    let (xx, yy, zz) = (x * x, y * y, z * z);
+    let (xy, xz, yz) = (x * y, x * z, y * z);
+    let growth = growth_radps2;
+    Matrix3::new(
+        -zz - yy,
+        xy - growth.z,
+        xz + growth.y,
+        xy + growth.z,
+        -zz - xx,
+        yz - growth.x,
+        xz - growth.y,
+        yz + growth.x,
+        -yy - xx,
+    )
 }
 
 /// What specific force adds to the mean velocity from one span to the next, m/s.
@@ -494,6 +528,7 @@ struct Parabola {
 }
 
 /// Means between two moments of the ring, or how fast they change.
+#[derive(Clone, Copy)]
 struct Means {
     seconds: f64,
     force_mps2: Vector3<f64>,
