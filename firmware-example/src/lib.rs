@@ -2,5 +2,6 @@
 #![no_std]
 
 pub mod board;
+pub mod console;
 pub mod navigation;
 pub mod service;

@@ -6,6 +6,7 @@
 #![no_main]
 
 use ins_firmware::board::Board;
+use ins_firmware::navigation::Navigation;
 use ins_firmware::service::Service;
 
 #[cortex_m_rt::entry]
@@ -14,10 +15,10 @@ fn main() -> ! {
         unreachable!()
     };
     // In static memory: the stack is for calls.
-    let Some(service) = cortex_m::singleton!(: Option<Service> = None) else {
+    let Some(service) = cortex_m::singleton!(: Option<Service<Navigation>> = None) else {
         unreachable!()
     };
-    let service = service.insert(Service::new(clock));
+    let service = service.insert(Service::new(Navigation::new(), clock));
     loop {
         let Some(byte) = uart.receive() else { continue };
         service.on_lost(uart.take_lost());

@@ -4,11 +4,13 @@ use core::cell::Cell;
 use core::fmt::Write as _;
 
 use critical_section::Mutex;
-use ins_core::Manoeuvre;
 use ins_core::{
-    Estimate, Estimates, GnssOutcome, ImuOutcome, Navigator, Observability, Phase, Solution, Time,
+    Config, Estimate, Estimates, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Manoeuvre, Navigator,
+    Observability, Phase, Solution, Time,
 };
-use ins_link::{FixReply, NotStarted, Report, Reporter, SampleReply, StartError, Started};
+use ins_link::{Answer, NotStarted, Report, Responder, StartError, Started, Timer};
+
+use crate::service::Navigates;
 
 /// Stamp of the last inertial sample, us: the time in the log is the time in the data.
 static NOW: Mutex<Cell<u64>> = Mutex::new(Cell::new(0));
@@ -18,87 +20,55 @@ defmt::timestamp!(
     critical_section::with(|cs| NOW.borrow(cs).get())
 );
 
-/// Measures how long its argument takes.
-pub trait Timer {
-    fn time<T>(&self, work: impl FnOnce() -> T) -> (T, u32);
-}
-
-/// One navigator, told what to do by the link.
+/// One navigator, told what to do by the link, and what is logged of it.
 pub struct Navigation {
-    running: Option<Running>,
-}
-
-struct Running {
-    navigator: Navigator,
-    reporter: Reporter,
-    log: Log,
+    running: Option<(Responder, Log)>,
 }
 
 impl Navigation {
     pub const fn new() -> Self {
         Self { running: None }
     }
+}
 
-    /// A new navigator.
-    pub fn start(
-        &mut self,
-        config: ins_core::Config,
-        estimates_every: u32,
-    ) -> Result<Started, StartError> {
-        let navigator = Navigator::new(config).map_err(|error| {
+impl Navigates for Navigation {
+    fn start(&mut self, config: Config, estimates_every: u32) -> Result<Started, StartError> {
+        let responder = Responder::start(config, estimates_every).map_err(|error| {
             let mut text = heapless::String::new();
             // A longer reason is cut off.
             let _ = write!(text, "{error}");
             StartError(text)
         })?;
-        self.running = Some(Running {
-            navigator,
-            reporter: Reporter::new(estimates_every),
-            log: Log::default(),
-        });
+        self.running = Some((responder, Log::default()));
         defmt::info!("navigator of {} bytes started", size_of::<Navigator>());
         Ok(Started {
             state_bytes: size_of::<Navigator>() as u32,
         })
     }
 
-    /// An inertial sample.
-    pub fn on_imu(
+    fn on_imu(
         &mut self,
-        sample: &ins_core::ImuSample,
+        sample: &ImuSample,
         timer: &impl Timer,
-    ) -> Result<SampleReply, NotStarted> {
-        let running = self.running.as_mut().ok_or(NotStarted)?;
-        let navigator = &mut running.navigator;
+    ) -> Result<Answer<ImuOutcome>, NotStarted> {
+        let (responder, log) = self.running.as_mut().ok_or(NotStarted)?;
         set_now(sample.time);
-        let (outcome, ticks) = timer.time(|| navigator.on_imu(sample));
-        let report = running.reporter.after_sample(navigator);
-        running.log.on_sample(sample.time, outcome);
-        running.log.on_report(&report);
-        Ok(SampleReply {
-            outcome,
-            report,
-            ticks,
-        })
+        let answer = responder.on_imu(sample, timer);
+        log.on_sample(sample.time, answer.outcome);
+        log.on_report(&answer.report);
+        Ok(answer)
     }
 
-    /// A GNSS fix.
-    pub fn on_gnss(
+    fn on_gnss(
         &mut self,
-        fix: &ins_core::GnssFix,
+        fix: &GnssFix,
         timer: &impl Timer,
-    ) -> Result<FixReply, NotStarted> {
-        let running = self.running.as_mut().ok_or(NotStarted)?;
-        let navigator = &mut running.navigator;
-        let (outcome, ticks) = timer.time(|| navigator.on_gnss(fix));
-        let report = running.reporter.after_fix(navigator);
-        running.log.on_fix(fix.time, outcome);
-        running.log.on_report(&report);
-        Ok(FixReply {
-            outcome,
-            report,
-            ticks,
-        })
+    ) -> Result<Answer<GnssOutcome>, NotStarted> {
+        let (responder, log) = self.running.as_mut().ok_or(NotStarted)?;
+        let answer = responder.on_gnss(fix, timer);
+        log.on_fix(fix.time, answer.outcome);
+        log.on_report(&answer.report);
+        Ok(answer)
     }
 }
 

@@ -2,15 +2,33 @@
 
 use core::cell::Cell;
 
-use ins_link::{Decoder, FromBoard, Hello, Reply, Request, Status};
+use ins_core::{Config, GnssFix, GnssOutcome, ImuOutcome, ImuSample};
+use ins_link::{
+    Answer, Decoder, FromBoard, Hello, NotStarted, Reply, Request, StartError, Started, Status,
+    Timer,
+};
 
 use crate::board::{self, Clock};
-use crate::navigation::{Navigation, Timer};
+
+/// What navigates behind the link, told when to begin.
+pub trait Navigates {
+    fn start(&mut self, config: Config, estimates_every: u32) -> Result<Started, StartError>;
+    fn on_imu(
+        &mut self,
+        sample: &ImuSample,
+        timer: &impl Timer,
+    ) -> Result<Answer<ImuOutcome>, NotStarted>;
+    fn on_gnss(
+        &mut self,
+        fix: &GnssFix,
+        timer: &impl Timer,
+    ) -> Result<Answer<GnssOutcome>, NotStarted>;
+}
 
 /// Answers requests.
-pub struct Service {
+pub struct Service<N> {
     decoder: Decoder,
-    navigation: Navigation,
+    navigation: N,
     gauge: Gauge,
     bytes_lost: u32,
     /// Requests and bytes lost as last logged.
@@ -19,11 +37,11 @@ pub struct Service {
     sequence: u32,
 }
 
-impl Service {
-    pub const fn new(clock: Clock) -> Self {
+impl<N: Navigates> Service<N> {
+    pub const fn new(navigation: N, clock: Clock) -> Self {
         Self {
             decoder: Decoder::new(),
-            navigation: Navigation::new(),
+            navigation,
             gauge: Gauge {
                 clock,
                 stack_bytes: Cell::new(0),

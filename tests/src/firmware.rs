@@ -6,7 +6,7 @@ use std::process::Command;
 use std::sync::{Mutex, PoisonError};
 use std::{fs, io};
 
-use host_sim::hil::emulator::{Pace, Way};
+use host_sim::hil::board::{Pace, Way};
 use host_sim::hil::{Board, Emulator, Session};
 use object::{Object as _, ObjectSection as _, ObjectSymbol as _};
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use host_sim::hil::bench::requests;
-use host_sim::hil::emulator::{Pace, Way};
+use host_sim::hil::board::{Pace, Way};
 use host_sim::hil::session::{Event, Rate};
 use host_sim::hil::{Board, Emulator, Session};
 use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, simulate};

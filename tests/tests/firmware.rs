@@ -4,7 +4,7 @@ use std::io::{Read, Write};
 use std::time::Duration;
 
 use host_sim::hil::bench::{Bench, ESTIMATES_EVERY, requests};
-use host_sim::hil::emulator::{Pace, Way};
+use host_sim::hil::board::{Pace, Way};
 use host_sim::hil::session::{Event, Rate};
 use host_sim::hil::{Board, Emulator};
 use host_sim::identify::analysis::Input;

@@ -10,11 +10,11 @@ use std::process::{Child, Stdio};
 use std::thread;
 
 use clap::Parser;
-use host_sim::hil::{Board, Twin};
+use host_sim::hil::Board;
 use host_sim::log::{self, Compression};
 use host_sim::sim::Grade;
 use host_sim::{Cli, run};
-use ins_link::{Decoder, FromBoard, Hello, Reply, Request, Started, Status, encode};
+use ins_link::{Decoder, FromBoard, Hello, Reply, Request, Responder, Started, Status, encode};
 use ins_tests::cargo::cargo;
 use ins_tests::firmware::image;
 use ins_tests::simulated::drive;
@@ -84,7 +84,7 @@ fn terminal() -> Result<(File, String), Failure> {
 /// Answers as the firmware does, at the near end of a terminal; `spoil` may change the answer to
 /// the sample or fix of a number, or drop it.
 fn serve(mut line: File, spoil: impl Fn(usize, Reply) -> Option<Reply>) {
-    let (mut decoder, mut twin) = (Decoder::new(), None);
+    let (mut decoder, mut responder) = (Decoder::new(), None);
     let (mut answered, mut sequence) = (0, 0);
     let mut buffer = [0; 4096];
     // An error is the far end closing.
@@ -104,7 +104,7 @@ fn serve(mut line: File, spoil: impl Fn(usize, Reply) -> Option<Reply>) {
                     config,
                     estimates_every,
                 } => {
-                    twin = Twin::start(config, estimates_every).ok();
+                    responder = Responder::start(config, estimates_every).ok();
                     Some(Reply::Start(Ok(Started { state_bytes: 1 })))
                 }
                 Request::Status => Some(Reply::Status(Status {
@@ -113,7 +113,9 @@ fn serve(mut line: File, spoil: impl Fn(usize, Reply) -> Option<Reply>) {
                 })),
                 Request::Imu(_) | Request::Gnss(_) => {
                     answered += 1;
-                    let reply = twin.as_mut().and_then(|twin| twin.answer(&request));
+                    let reply = responder
+                        .as_mut()
+                        .and_then(|responder| responder.answer(&request));
                     reply.and_then(|reply| spoil(answered, reply))
                 }
             };

@@ -5,12 +5,11 @@ use std::io::Write;
 use std::process::{Command, Stdio};
 use std::sync::Mutex;
 
-use host_sim::hil::Twin;
 use host_sim::hil::bench::{ESTIMATES_EVERY, requests};
 use host_sim::log::Log;
 use host_sim::sim::Grade;
 use ins_core::Config;
-use ins_link::{FromBoard, Reply, Request, encode};
+use ins_link::{FromBoard, Reply, Request, Responder, encode};
 use ins_tests::altered::with_altered_core;
 use ins_tests::cargo::{build_folder, cargo, succeed};
 use ins_tests::simulated::{drive, flight};
@@ -32,7 +31,7 @@ impl Run {
             config: *config,
             estimates_every: ESTIMATES_EVERY,
         };
-        let mut twin = Twin::start(*config, ESTIMATES_EVERY)?;
+        let mut responder = Responder::start(*config, ESTIMATES_EVERY)?;
         let mut run = Self {
             requests: encode(0, &start).expect("short").to_vec(),
             replies: Vec::new(),
@@ -40,7 +39,7 @@ impl Run {
         let mut navigates = false;
         for (to, request) in (1..).zip(requests(&log.imu, &log.gnss)) {
             run.requests.extend(encode(to, &request).expect("short"));
-            let reply = twin.answer(&request).ok_or("no answer")?;
+            let reply = responder.answer(&request).ok_or("no answer")?;
             if let Reply::Imu(Ok(reply)) = &reply {
                 navigates = reply.report.solution.is_some();
             }

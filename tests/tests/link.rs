@@ -4,8 +4,8 @@ use ins_core::damping::DampingSignals;
 use ins_core::earth::{Geodetic, LatLon};
 use ins_core::{Config, Estimates, FixSigma, GnssFix, ImuSample, Solution, Time};
 use ins_link::{
-    Decoder, FromBoard, LOG_BYTES, MAX_FRAME, Receiver, Reply, Report, Request, SampleReply,
-    VERSION, encode,
+    Answer, Decoder, FromBoard, LOG_BYTES, MAX_FRAME, Receiver, Reply, Report, Request, VERSION,
+    encode,
 };
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use proptest::prelude::*;
@@ -169,7 +169,7 @@ fn the_longest_messages_fit() {
         time: Time::from_micros(i64::MIN),
         ..DampingSignals::default()
     };
-    let reply = Reply::Imu(Ok(SampleReply {
+    let reply = Reply::Imu(Ok(Answer {
         outcome: ins_core::ImuOutcome::OutOfRange,
         report: Report {
             phase: ins_core::Phase::Navigating,

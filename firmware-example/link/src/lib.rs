@@ -9,10 +9,12 @@
 mod frame;
 mod message;
 mod receive;
+mod responder;
 
 pub use frame::{Counters, Decoder, EncodeError, MAX_FRAME, Message, VERSION, encode};
 pub use message::{
-    FixReply, FromBoard, Hello, LOG_BYTES, NotStarted, Reply, Report, Reporter, Request,
-    SampleReply, StartError, Started, Status,
+    Answer, FromBoard, Hello, LOG_BYTES, NotStarted, Reply, Report, Request, StartError, Started,
+    Status,
 };
 pub use receive::Receiver;
+pub use responder::{Responder, Timer};

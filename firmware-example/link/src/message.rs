@@ -2,9 +2,7 @@
 
 use ins_core::Manoeuvre;
 use ins_core::damping::DampingSignals;
-use ins_core::{
-    Config, Estimates, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Navigator, Phase, Solution,
-};
+use ins_core::{Config, Estimates, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Phase, Solution};
 use serde::{Deserialize, Serialize};
 
 use crate::frame::{Counters, Message};
@@ -85,9 +83,9 @@ pub enum Reply {
     /// To [`Request::Start`].
     Start(Result<Started, StartError>),
     /// To [`Request::Imu`].
-    Imu(Result<SampleReply, NotStarted>),
+    Imu(Result<Answer<ImuOutcome>, NotStarted>),
     /// To [`Request::Gnss`].
-    Gnss(Result<FixReply, NotStarted>),
+    Gnss(Result<Answer<GnssOutcome>, NotStarted>),
     /// To [`Request::Status`].
     Status(Status),
 }
@@ -99,7 +97,7 @@ pub struct Hello {
     pub session: u32,
     /// Bytes that may be on their way to the firmware before it has answered.
     pub window_bytes: u32,
-    /// Unit of [`SampleReply::ticks`]: a divider of the processor clock.
+    /// Unit of [`Answer::ticks`]: a divider of the processor clock.
     pub clocks_per_tick: u32,
 }
 
@@ -118,22 +116,11 @@ pub struct StartError(pub heapless::String<128>);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NotStarted;
 
-/// After an inertial sample.
+/// After an inertial sample or a GNSS fix.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SampleReply {
-    /// What became of the sample.
-    pub outcome: ImuOutcome,
-    /// The navigator now.
-    pub report: Report,
-    /// Time that the core took.
-    pub ticks: u32,
-}
-
-/// After a GNSS fix.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FixReply {
-    /// What became of the fix.
-    pub outcome: GnssOutcome,
+pub struct Answer<O> {
+    /// What became of it.
+    pub outcome: O,
     /// The navigator now.
     pub report: Report,
     /// Time that the core took.
@@ -153,51 +140,6 @@ pub struct Report {
     pub estimates: Option<Estimates>,
     /// The damping signals of the last fix used, if they have changed.
     pub signals: Option<DampingSignals>,
-}
-
-/// Makes reports of one navigator, and knows what the last ones have said already.
-#[derive(Clone, Debug)]
-pub struct Reporter {
-    estimates_every: u32,
-    samples: u32,
-    estimates: Option<Estimates>,
-    signals: Option<DampingSignals>,
-}
-
-impl Reporter {
-    /// With estimates after every so many samples; 0: never.
-    pub const fn new(estimates_every: u32) -> Self {
-        Self {
-            estimates_every,
-            samples: 0,
-            estimates: None,
-            signals: None,
-        }
-    }
-
-    /// After an inertial sample.
-    pub fn after_sample(&mut self, navigator: &Navigator) -> Report {
-        self.samples = self.samples.wrapping_add(1);
-        self.after_fix(navigator)
-    }
-
-    /// After a GNSS fix.
-    pub fn after_fix(&mut self, navigator: &Navigator) -> Report {
-        let due = self.samples.checked_rem(self.estimates_every) == Some(0);
-        Report {
-            phase: navigator.phase(),
-            manoeuvre: navigator.manoeuvre(),
-            solution: navigator.solution(),
-            estimates: due
-                .then(|| changed(&mut self.estimates, navigator.estimates()))
-                .flatten(),
-            signals: changed(&mut self.signals, navigator.damping_signals()),
-        }
-    }
-}
-
-fn changed<T: Copy + PartialEq>(last: &mut Option<T>, now: T) -> Option<T> {
-    (*last != Some(now)).then(|| *last.insert(now))
 }
 
 /// Health of the firmware since the session began.

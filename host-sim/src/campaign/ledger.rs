@@ -1,124 +1,86 @@
-//! Finished runs: a line each, in a file that only grows.
+//! Finished runs of a campaign or a rehearsal: a line each, in a file that only grows; and the shards
+//! that share the runs out.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{BufRead, BufReader, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::str::FromStr;
+use std::sync::{Mutex, PoisonError};
 
+use indicatif::ProgressBar;
 use miette::{Diagnostic, Result, bail};
+use rayon::prelude::*;
+use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::identify::held_ins::LevelError;
 use crate::page::output::{OutputError, check_free, replace};
-use crate::study::flights::run::Left;
 
-/// Moments of the free part that are looked at, in quarters of it.
-pub(super) const QUARTERS: u32 = 4;
-
-/// One finished run.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(tag = "run", rename_all = "lowercase")]
-pub enum Line {
-    /// A unit was identified.
-    Model {
-        /// Which.
-        unit: u32,
-        /// The model as TOML: its numbers come back bit for bit.
-        model: String,
-    },
-    /// A flight was flown.
-    Flight {
-        /// Whose.
-        unit: u32,
-        /// With which of its models.
-        with: With,
-        /// Which.
-        flight: u32,
-        /// What came out; none if it could not be flown.
-        flown: Option<Flown>,
-        /// Why not.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        why: Option<String>,
-    },
+/// A part of all runs: every `of`th.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard {
+    /// Counted from 1.
+    pub part: u32,
+    pub of: u32,
 }
 
-/// One flight: whole numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Flown {
-    /// Horizontal position error after each quarter of the free part, cm.
-    pub position_cm: [u64; QUARTERS as usize],
-    /// Horizontal velocity error then, mm/s.
-    pub velocity_mmps: [u64; QUARTERS as usize],
-    /// Azimuth error when GNSS went, thousandths of a degree, without its sign.
-    pub azimuth_mdeg: u64,
-}
+impl Shard {
+    /// Everything.
+    pub const ALL: Self = Self { part: 1, of: 1 };
 
-impl Flown {
-    /// Of what was left when GNSS went and the errors at every minute after that.
-    pub fn new(left: &Left, minutes: &[LevelError]) -> Self {
-        // Positive, and below the size of the Earth.
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        let whole = |value: f64| value.abs().round() as u64;
-        let at = |quarter: usize| {
-            let minute = ((quarter + 1) * minutes.len()).div_ceil(QUARTERS as usize);
-            minutes[minute - 1]
-        };
-        Self {
-            position_cm: core::array::from_fn(|q| whole(1e2 * at(q).position_m)),
-            velocity_mmps: core::array::from_fn(|q| whole(1e3 * at(q).velocity_mps)),
-            azimuth_mdeg: whole(1e3 * left.azimuth_deg),
+    /// Whether a run belongs to it.
+    pub fn has(self, run: u32) -> bool {
+        run % self.of == self.part - 1
+    }
+
+    /// Name of its file.
+    pub fn file(self) -> String {
+        match self {
+            Self::ALL => "runs.jsonl".to_owned(),
+            Self { part, of } => format!("runs-{part}-of-{of}.jsonl"),
         }
     }
-
-    /// All figures, in the order of the summary.
-    pub(super) fn figures(&self) -> [u64; 9] {
-        let ([a, b, c, d], [e, f, g, h]) = (self.position_cm, self.velocity_mmps);
-        [self.azimuth_mdeg, a, b, c, d, e, f, g, h]
-    }
 }
 
-/// Model of the sensors on a flight.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum With {
-    /// That the drives were made with.
-    True,
-    /// That was identified from them.
-    Identified,
+impl FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers = text.split_once('/').and_then(|(part, of)| {
+            Some(Self {
+                part: part.parse().ok()?,
+                of: of.parse().ok()?,
+            })
+        });
+        numbers
+            .filter(|shard| (1..=shard.of).contains(&shard.part))
+            .ok_or_else(|| "K/N, the K-th of N, say 1/4".to_owned())
+    }
 }
 
 /// Runs cannot be kept or read.
 #[derive(Debug, Error, Diagnostic)]
 pub enum LedgerError {
-    /// The system refuses.
     #[error("{}: {source}", .file.display())]
     #[diagnostic(help("permissions, or a full disk: nothing that is finished is lost"))]
     Io {
-        /// The file.
         file: PathBuf,
-        /// What it says.
         source: std::io::Error,
     },
-    /// Somebody else writes to it.
     #[error("{} is in use", .0.display())]
     #[diagnostic(help("the same run, or the same shard of it, is going on already"))]
     Busy(PathBuf),
-    /// Not a line of it.
     #[error("{}, line {line}: {message}", .file.display())]
     #[diagnostic(help("written by another version, or changed by hand: remove the line"))]
     Line {
-        /// The file.
         file: PathBuf,
         /// Counted from 1.
         line: usize,
-        /// What is wrong.
         message: String,
     },
 }
 
-/// The file of a campaign or a rehearsal, or of a shard of it, held by one process.
+/// The file of a shard, held by one process.
 #[derive(Debug)]
 pub struct Ledger {
     path: PathBuf,
@@ -126,27 +88,42 @@ pub struct Ledger {
 }
 
 impl Ledger {
-    /// Opens or makes the file, and tells of every line that is in it. A last line without its
+    /// Opens or makes the file of a shard in a folder, and tells of every line that is in it. A last line without its
     /// end is what a kill in the middle of writing leaves: it is cut off.
     pub fn open<L: DeserializeOwned>(
-        path: &Path,
+        folder: &Path,
+        shard: Shard,
         mut known: impl FnMut(L),
     ) -> Result<Self, LedgerError> {
-        let io = |source| io(path, source);
+        let path = folder.join(shard.file());
+        let io = |source| io(&path, source);
         let mut options = OpenOptions::new();
         let mut file = (options.read(true).write(true).create(true).truncate(false))
-            .open(path)
+            .open(&path)
             .map_err(io)?;
         file.try_lock().map_err(|error| match error {
-            fs::TryLockError::WouldBlock => LedgerError::Busy(path.to_owned()),
+            fs::TryLockError::WouldBlock => LedgerError::Busy(path.clone()),
             fs::TryLockError::Error(source) => io(source),
         })?;
-        let whole = read(path, &file, &mut known)?;
+        let whole = read(&path, &file, &mut known)?;
         file.set_len(whole).map_err(io)?;
         file.seek(SeekFrom::End(0)).map_err(io)?;
-        Ok(Self {
-            path: path.to_owned(),
-            file: Mutex::new(file),
+        let file = Mutex::new(file);
+        Ok(Self { path, file })
+    }
+
+    /// Does what is left to do, on all threads, and adds a line for each. Which thread does what
+    /// leaves no trace in the lines but their order.
+    pub fn fill<J: Send, L: Serialize>(
+        &self,
+        left: Vec<J>,
+        progress: &ProgressBar,
+        run: impl Fn(J) -> Result<L> + Sync,
+    ) -> Result<()> {
+        (left.into_par_iter().with_max_len(1)).try_for_each(|job| {
+            let line = run(job)?;
+            progress.inc(1);
+            Ok(self.add(&line)?)
         })
     }
 
@@ -154,10 +131,7 @@ impl Ledger {
     pub fn add<L: Serialize>(&self, line: &L) -> Result<(), LedgerError> {
         let io = |source| io(&self.path, source);
         let text = serde_json::to_string(line).map_err(|error| io(error.into()))? + "\n";
-        let mut file = self
-            .file
-            .lock()
-            .unwrap_or_else(std::sync::PoisonError::into_inner);
+        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
         file.write_all(text.as_bytes()).map_err(io)?;
         file.sync_data().map_err(io)
     }
@@ -239,57 +213,64 @@ fn read<L: DeserializeOwned>(
 
 #[cfg(test)]
 mod tests {
+    use serde::Deserialize;
+
     use super::*;
 
-    fn line(flight: u32) -> Line {
-        Line::Flight {
-            unit: 1,
-            with: With::True,
-            flight,
-            flown: None,
-            why: Some("a reason".to_owned()),
-        }
+    #[derive(Debug, PartialEq, Serialize, Deserialize)]
+    struct Line {
+        run: u32,
     }
 
-    fn lines(home: &Path) -> Result<Vec<Line>> {
+    fn open(home: &Path, known: impl FnMut(Line)) -> Result<Ledger, LedgerError> {
+        Ledger::open(home, Shard::ALL, known)
+    }
+
+    fn lines(home: &Path) -> Result<Vec<u32>> {
         let mut all = Vec::new();
-        read_folder(home, |line| all.push(line))?;
+        read_folder(home, |line: Line| all.push(line.run))?;
         Ok(all)
     }
 
     #[test]
     fn a_torn_line_is_cut_off_and_the_rest_stays() {
         let home = tempfile::tempdir().unwrap();
-        let path = home.path().join("runs.jsonl");
-        let ledger = Ledger::open(&path, |_: Line| panic!("there is none")).unwrap();
-        for flight in 0..3 {
-            ledger.add(&line(flight)).unwrap();
+        let home = home.path();
+        let ledger = open(home, |_| panic!("there is none")).unwrap();
+        for run in 0..3 {
+            ledger.add(&Line { run }).unwrap();
         }
-        assert!(matches!(
-            Ledger::open(&path, |_: Line| {}),
-            Err(LedgerError::Busy(_))
-        ));
+        assert!(matches!(open(home, |_| {}), Err(LedgerError::Busy(_))));
         drop(ledger);
+        let path = home.join("runs.jsonl");
         let whole = fs::read(&path).unwrap();
         fs::write(&path, &whole[..whole.len() - 7]).unwrap();
         let mut seen = 0;
-        let ledger = Ledger::open(&path, |_: Line| seen += 1).unwrap();
+        let ledger = open(home, |_| seen += 1).unwrap();
         assert_eq!(seen, 2);
-        ledger.add(&line(2)).unwrap();
+        ledger.add(&Line { run: 2 }).unwrap();
         assert_eq!(fs::read(&path).unwrap(), whole);
-        assert_eq!(lines(home.path()).unwrap(), [line(0), line(1), line(2)]);
+        assert_eq!(lines(home).unwrap(), [0, 1, 2]);
     }
 
     #[test]
     fn a_damaged_line_is_named() {
         let home = tempfile::tempdir().unwrap();
-        let path = home.path().join("runs.jsonl");
-        let ledger = Ledger::open(&path, |_: Line| {}).unwrap();
-        ledger.add(&line(0)).unwrap();
-        drop(ledger);
-        let text = fs::read_to_string(&path).unwrap() + "{\"run\":\"flight\"}\n";
-        fs::write(&path, text).unwrap();
-        let error = lines(home.path()).unwrap_err().to_string();
+        let home = home.path();
+        fs::write(home.join("runs.jsonl"), "{\"run\":0}\n{\"rum\":1}\n").unwrap();
+        let error = lines(home).unwrap_err().to_string();
         assert!(error.contains("line 2: missing field"), "{error}");
+    }
+
+    #[test]
+    fn every_run_belongs_to_one_shard() {
+        for run in 0..20 {
+            let held = (1..=3).filter(|part| Shard { part: *part, of: 3 }.has(run));
+            assert_eq!(held.count(), 1);
+        }
+        assert_eq!("2/3".parse(), Ok(Shard { part: 2, of: 3 }));
+        for wrong in ["0/3", "4/3", "2", "a/b"] {
+            assert!(wrong.parse::<Shard>().is_err());
+        }
     }
 }

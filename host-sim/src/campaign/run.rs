@@ -1,106 +1,145 @@
-//! All runs of a campaign, or of a shard of it, that are not done yet.
+//! What a campaign does: every run of it, or of a shard of it, that is not done yet.
 
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
-use std::str::FromStr;
 
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result, miette};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
-use super::ledger::{Flown, Ledger, LedgerError, Line, With};
+use super::ledger::{Ledger, Shard};
 use super::plan::Plan;
 use crate::identify::error_model::{Identified, Record};
+use crate::identify::held_ins::LevelError;
 use crate::log::Grade;
 use crate::page::progress::counted;
 use crate::sim::ErrorModel;
 use crate::study::flights::route::Route;
-use crate::study::flights::run::{Settings, run_alone};
+use crate::study::flights::run::{Left, Settings, run_alone};
 use crate::study::recovery::drive_record;
 
-/// A part of a campaign: every `of`th unit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shard {
-    /// Counted from 1.
-    pub part: u32,
-    /// How many there are.
-    pub of: u32,
+/// Moments of the free part that are looked at, in quarters of it.
+pub(super) const QUARTERS: u32 = 4;
+
+/// One finished run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "run", rename_all = "lowercase")]
+pub enum Line {
+    /// A unit was identified.
+    Model {
+        /// Which.
+        unit: u32,
+        /// The model as TOML: its numbers come back bit for bit.
+        model: String,
+    },
+    /// A flight was flown.
+    Flight {
+        /// Whose.
+        unit: u32,
+        /// With which of its models.
+        with: With,
+        /// Which.
+        flight: u32,
+        /// What came out; none if it could not be flown.
+        flown: Option<Flown>,
+        /// Why not.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        why: Option<String>,
+    },
 }
 
-impl Shard {
-    /// Everything.
-    pub const ALL: Self = Self { part: 1, of: 1 };
+/// One flight: whole numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Flown {
+    /// Horizontal position error after each quarter of the free part, cm.
+    pub position_cm: [u64; QUARTERS as usize],
+    /// Horizontal velocity error then, mm/s.
+    pub velocity_mmps: [u64; QUARTERS as usize],
+    /// Azimuth error when GNSS went, thousandths of a degree, without its sign.
+    pub azimuth_mdeg: u64,
+}
 
-    /// Whether a unit belongs to it.
-    pub fn has(self, unit: u32) -> bool {
-        unit % self.of == self.part - 1
-    }
-
-    /// Name of its file.
-    pub fn file(self) -> String {
-        match self {
-            Self::ALL => "runs.jsonl".to_owned(),
-            Self { part, of } => format!("runs-{part}-of-{of}.jsonl"),
+impl Flown {
+    /// Of what was left when GNSS went and the errors at every minute after that.
+    pub fn new(left: &Left, minutes: &[LevelError]) -> Self {
+        // Positive, and below the size of the Earth.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let whole = |value: f64| value.abs().round() as u64;
+        let at = |quarter: usize| {
+            let minute = ((quarter + 1) * minutes.len()).div_ceil(QUARTERS as usize);
+            minutes[minute - 1]
+        };
+        Self {
+            position_cm: core::array::from_fn(|q| whole(1e2 * at(q).position_m)),
+            velocity_mmps: core::array::from_fn(|q| whole(1e3 * at(q).velocity_mps)),
+            azimuth_mdeg: whole(1e3 * left.azimuth_deg),
         }
     }
-}
 
-impl FromStr for Shard {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let numbers = text.split_once('/').and_then(|(part, of)| {
-            Some(Self {
-                part: part.parse().ok()?,
-                of: of.parse().ok()?,
-            })
-        });
-        numbers
-            .filter(|shard| (1..=shard.of).contains(&shard.part))
-            .ok_or_else(|| "K/N, the K-th of N, say 1/4".to_owned())
+    /// All figures, in the order of the summary.
+    pub(super) fn figures(&self) -> [u64; 9] {
+        let ([a, b, c, d], [e, f, g, h]) = (self.position_cm, self.velocity_mmps);
+        [self.azimuth_mdeg, a, b, c, d, e, f, g, h]
     }
 }
 
-/// Runs all that is missing. Which thread does what leaves no trace in the results.
+/// Model of the sensors on a flight.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum With {
+    /// That the drives were made with.
+    True,
+    /// That was identified from them.
+    Identified,
+}
+
+/// Runs all that is missing.
 pub fn run(plan: &Plan, shard: Shard, folder: &Path, progress: &ProgressBar) -> Result<()> {
     let (mut known, mut flown) = (HashMap::new(), HashSet::new());
-    let ledger = Ledger::open(&folder.join(shard.file()), |line| match line {
+    let ledger = Ledger::open(folder, shard, |line| match line {
         Line::Model { unit, model } => drop(known.insert(unit, model)),
         Line::Flight {
             unit, with, flight, ..
         } => drop(flown.insert((unit, with, flight))),
     })?;
     let units: Vec<u32> = (0..plan.units).filter(|unit| shard.has(*unit)).collect();
-    let flights = units.len() as u64 * 2 * u64::from(plan.flights);
-
     progress.set_message("identifying");
     progress.set_length(units.len() as u64);
     let models = identify(plan, &units, &known, &ledger, progress)?;
-    progress.set_message("flying");
-    progress.set_length(flights);
-    progress.set_position(flown.len() as u64);
+
+    let all = units
+        .iter()
+        .zip(&models)
+        .flat_map(|(&unit, [truth, found])| {
+            let models = [(With::True, truth), (With::Identified, found)];
+            let flights =
+                move |(with, model)| (0..plan.flights).map(move |n| (unit, with, n, model));
+            models.into_iter().flat_map(flights)
+        });
+    let left = all.filter(|&(unit, with, flight, _)| !flown.contains(&(unit, with, flight)));
     let route = Route::cessna172()?;
-    (0..flights)
-        .into_par_iter()
-        .try_for_each(|run| -> Result<(), LedgerError> {
-            let (at, flight) = (run / u64::from(plan.flights), run % u64::from(plan.flights));
-            // Both are below the numbers of the plan, which are 32 bits long.
-            #[allow(clippy::cast_possible_truncation)]
-            let (at, flight) = (at as usize, flight as u32);
-            let (unit, with) = (units[at / 2], [With::True, With::Identified][at % 2]);
-            if flown.contains(&(unit, with, flight)) {
-                return Ok(());
-            }
-            let settings = Settings {
-                minutes_aided: plan.minutes_aided,
-                minutes_free: plan.minutes_free,
-                errors: models[at / 2][at % 2].clone(),
-            };
-            let line = fly(plan, unit, with, flight, &route, &settings);
-            progress.inc(1);
-            ledger.add(&line)
-        })?;
-    Ok(())
+    progress.set_message("flying");
+    progress.set_length(2 * units.len() as u64 * u64::from(plan.flights));
+    progress.set_position(flown.len() as u64);
+    ledger.fill(left.collect(), progress, |(unit, with, flight, model)| {
+        let settings = Settings {
+            minutes_aided: plan.minutes_aided,
+            minutes_free: plan.minutes_free,
+            errors: model.clone(),
+        };
+        let (flown, why) = match run_alone(plan.flight_seed(unit, flight), &route, &settings) {
+            Ok((left, errors)) => (Some(Flown::new(&left, &errors)), None),
+            Err(error) => (None, Some(error.to_string())),
+        };
+        Ok(Line::Flight {
+            unit,
+            with,
+            flight,
+            flown,
+            why,
+        })
+    })
 }
 
 /// True and identified model of each unit.
@@ -139,42 +178,4 @@ fn identified(plan: &Plan, unit: u32, truth: &ErrorModel) -> ErrorModel {
         })
         .collect();
     Identified::new(&records, Grade::Hg1700, None).model()
-}
-
-fn fly(
-    plan: &Plan,
-    unit: u32,
-    with: With,
-    flight: u32,
-    route: &Route,
-    settings: &Settings,
-) -> Line {
-    let (flown, why) = match run_alone(plan.flight_seed(unit, flight), route, settings) {
-        Ok((left, errors)) => (Some(Flown::new(&left, &errors)), None),
-        Err(error) => (None, Some(error.to_string())),
-    };
-    Line::Flight {
-        unit,
-        with,
-        flight,
-        flown,
-        why,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_unit_belongs_to_one_shard() {
-        for unit in 0..20 {
-            let held = (1..=3).filter(|part| Shard { part: *part, of: 3 }.has(unit));
-            assert_eq!(held.count(), 1);
-        }
-        assert_eq!("2/3".parse(), Ok(Shard { part: 2, of: 3 }));
-        for wrong in ["0/3", "4/3", "2", "a/b"] {
-            assert!(wrong.parse::<Shard>().is_err());
-        }
-    }
 }

@@ -5,8 +5,8 @@
 
 use serde::Serialize;
 
-use super::ledger::{Line, QUARTERS, With};
 use super::plan::Plan;
+use super::run::{Line, QUARTERS, With};
 use crate::identify::error_model::interval::{Interval, plain_mean};
 use crate::page::digits;
 use crate::page::table::{Table, heads};

@@ -7,8 +7,9 @@ use miette::{IntoDiagnostic, Result, bail};
 
 use super::options::show;
 use crate::campaign::ledger;
+use crate::campaign::ledger::Shard;
 use crate::campaign::plan::Plan;
-use crate::campaign::run::{Shard, run};
+use crate::campaign::run::run;
 use crate::campaign::slurm;
 use crate::campaign::summary::{Summary, Tally};
 use crate::page;

@@ -10,8 +10,8 @@ use super::options::{GradeChoice, show};
 use super::rehearse::{in_keys, keys};
 use crate::identify::analysis::Analysis;
 use crate::page::progress::bar;
-use crate::rehearse::drives::Drives;
 use crate::rehearse::proof::{Row, readable, tried};
+use crate::rehearse::settings::Drives;
 
 /// Options of `study rehearse`.
 #[derive(Debug, Args)]

@@ -3,10 +3,9 @@
 use std::borrow::Borrow;
 
 use ins_core::{Config, ConfigError, GnssFix, ImuSample};
-use ins_link::{Reply, Report, Request};
+use ins_link::{Answer, FromBoard, Reply, Report, Request, Responder};
 use serde::Serialize;
 
-use super::twin::{Twin, difference, same_bits};
 use crate::identify::row::Row;
 use crate::identify::run::{Event, Identification, Recorder, in_order_of_time};
 use crate::log::Log;
@@ -77,6 +76,49 @@ fn name(request: &Request) -> String {
     }
 }
 
+/// Whether two answers are equal in every bit, durations apart.
+fn same_bits(one: &Reply, other: &Reply) -> bool {
+    // The wire carries every bit, -0 and NaN included, which `==` does not tell apart.
+    let bits = |reply: &Reply| {
+        let reply = without_ticks(reply.clone());
+        ins_link::encode(0, &FromBoard::Reply { to: 0, reply })
+    };
+    bits(one) == bits(other)
+}
+
+fn without_ticks(mut reply: Reply) -> Reply {
+    match &mut reply {
+        Reply::Imu(Ok(sample)) => sample.ticks = 0,
+        Reply::Gnss(Ok(fix)) => fix.ticks = 0,
+        _ => {}
+    }
+    reply
+}
+
+/// Where two answers differ, in words.
+fn difference(one: &Reply, other: &Reply) -> &'static str {
+    match (one, other) {
+        (Reply::Imu(Ok(one)), Reply::Imu(Ok(other))) => in_answers(one, other),
+        (Reply::Gnss(Ok(one)), Reply::Gnss(Ok(other))) => in_answers(one, other),
+        (Reply::Imu(Err(_)) | Reply::Gnss(Err(_)), _) => "no navigator: has the board restarted?",
+        _ => "an answer to something else",
+    }
+}
+
+fn in_answers<O: PartialEq>(one: &Answer<O>, other: &Answer<O>) -> &'static str {
+    let (a, b) = (&one.report, &other.report);
+    let parts = [
+        (one.outcome == other.outcome, "outcome"),
+        (a.phase == b.phase, "phase of the alignment"),
+        (a.manoeuvre == b.manoeuvre, "manoeuvre"),
+        (a.solution == b.solution, "solution"),
+        (a.estimates == b.estimates, "estimates"),
+        (a.signals == b.signals, "damping signals"),
+    ];
+    let first = parts.iter().find(|(same, _)| !same);
+    first.map_or("sign of a zero", |(_, name)| name)
+}
+
 /// Time that calls of the core took, in ticks of the board.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ticks {
@@ -87,7 +129,7 @@ pub struct Ticks {
 
 /// The same in short.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Duration {
+pub struct Took {
     /// On average.
     pub mean: u64,
     /// At most.
@@ -102,8 +144,8 @@ impl Ticks {
     }
 
     /// None if nothing was called.
-    pub fn summary(&self) -> Option<Duration> {
-        Some(Duration {
+    pub fn summary(&self) -> Option<Took> {
+        Some(Took {
             mean: self.sum.checked_div(self.count)?,
             worst: self.worst,
         })
@@ -113,7 +155,8 @@ impl Ticks {
 /// What the board has answered so far.
 #[derive(Clone, Debug)]
 pub struct Bench {
-    twin: Twin,
+    /// Answers here as the board has to.
+    twin: Responder,
     recorder: Recorder,
     /// Beside the host's answers.
     pub comparison: Comparison,
@@ -129,7 +172,7 @@ impl Bench {
     /// Beside a board that was started with the same configuration.
     pub fn new(config: Config) -> Result<Self, ConfigError> {
         Ok(Self {
-            twin: Twin::start(config, ESTIMATES_EVERY)?,
+            twin: Responder::start(config, ESTIMATES_EVERY)?,
             recorder: Recorder::default(),
             comparison: Comparison::default(),
             latest: Row::default(),

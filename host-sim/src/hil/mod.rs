@@ -1,14 +1,10 @@
 //! Hardware in the loop: the navigator on a processor, fed from here.
 
 pub mod bench;
+pub mod board;
 pub(crate) mod board_log;
-pub mod emulator;
-pub(crate) mod hardware;
+pub(crate) mod report;
 pub mod session;
-pub(crate) mod target;
-pub mod twin;
-pub(crate) mod view;
 
-pub use emulator::{Board, Emulator};
+pub use board::{Board, Emulator};
 pub use session::{HilError, Session};
-pub use twin::Twin;

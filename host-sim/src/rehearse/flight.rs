@@ -1,13 +1,17 @@
-//! One seeded flight with its sensors, as an algorithm under test gets it.
+//! One seeded flight with its sensors, what an algorithm under test is told, and what it answers.
+
+use std::time::Duration;
 
 use ins_core::Solution;
-use ins_core::earth::Geodetic;
+use ins_core::attitude::{Euler, from_euler};
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::flight::{Flight, FlightError};
 use crate::aircraft::plan::Plan;
 use crate::identify::run::Event;
+use crate::log::Grade;
 use crate::sim::drive::Recording;
 use crate::sim::errors::Outage;
 use crate::sim::ideal::displaced;
@@ -104,11 +108,10 @@ fn told_start(truth: &Solution, heading_rad: Option<f64>, seed: u64) -> Solution
     let [moved, speed] = [START_POSITION_M, START_VELOCITY_MPS].map(&mut draw);
     let tilt = draw(START_LEVEL_DEG.to_radians());
     let angles = truth.euler();
-    let position: Geodetic = displaced(&truth.position, &moved);
     Solution {
-        position,
+        position: displaced(&truth.position, &moved),
         velocity_enu_mps: truth.velocity_enu_mps + speed,
-        attitude: ins_core::attitude::from_euler(&ins_core::attitude::Euler {
+        attitude: from_euler(&Euler {
             roll_rad: angles.roll_rad + tilt.x,
             pitch_rad: angles.pitch_rad + tilt.y,
             heading_rad: heading_rad.unwrap_or(0.0),
@@ -139,5 +142,78 @@ impl Flown {
     /// When a solution is asked for: once a second.
     pub fn asks(&self) -> &[Solution] {
         &self.run.truth[1..]
+    }
+}
+
+// --- what it is told and answers ---
+
+/// What every algorithm under test is told of unit and receiver: the identified model, whatever
+/// model really flies.
+#[derive(Clone, Debug)]
+pub struct Told {
+    /// What the core is configured by.
+    pub grade: Grade,
+    /// The model.
+    pub model: ErrorModel,
+    /// For an answer of a program, s.
+    pub limit: Duration,
+}
+
+/// What came of one flight: a solution for each time asked, where there is one.
+#[derive(Clone, Debug)]
+pub struct Answers {
+    /// In the order of [`Flown::asks`].
+    pub solutions: Result<Vec<Option<Solution>>, Failure>,
+    /// Time that it took.
+    pub took: Duration,
+}
+
+/// Why a flight has no answers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Failure {
+    /// Which kind.
+    pub fault: Fault,
+    /// Time in the flight, s.
+    pub at_s: f64,
+    /// What was seen, in words.
+    pub cause: String,
+}
+
+impl Failure {
+    pub(super) fn new(fault: Fault, at_s: f64, cause: impl Into<String>) -> Self {
+        let cause = cause.into();
+        Self { fault, at_s, cause }
+    }
+}
+
+/// What programs and boards do wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Fault {
+    /// It cannot be run, or not with this protocol.
+    Unusable,
+    /// It ended before its time.
+    Crashed,
+    /// No answer came.
+    Hung,
+    /// An answer came after the limit.
+    Late,
+    /// What came is no answer to what was asked.
+    Wrong,
+    /// Something was lost on the way to a board or back.
+    Lost,
+}
+
+impl Fault {
+    /// In tables.
+    pub fn in_words(self) -> &'static str {
+        match self {
+            Self::Unusable => "unusable",
+            Self::Crashed => "crashed",
+            Self::Hung => "hung",
+            Self::Late => "late",
+            Self::Wrong => "wrong answer",
+            Self::Lost => "lost on the link",
+        }
     }
 }

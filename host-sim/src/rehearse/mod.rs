@@ -5,17 +5,12 @@
 //! A flight is one line in a file that only grows: a rehearsal that was stopped goes on where it
 //! was, and shards lie side by side.
 
-pub(crate) mod answers;
-mod board;
-mod budget;
-pub(crate) mod drives;
 pub(crate) mod flight;
 pub(crate) mod output;
 mod program;
 pub mod proof;
 mod replay;
 pub(crate) mod run;
-mod score;
 pub(crate) mod settings;
 pub(crate) mod subject;
 pub(crate) mod summary;

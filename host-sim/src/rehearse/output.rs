@@ -5,7 +5,7 @@ use std::path::Path;
 use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
 
-use super::score::{HEADING, POSITION, QUANTITIES};
+use super::run::{HEADING, POSITION, QUANTITIES};
 use super::summary::{BUDGETED, Cost, Moment, Row, Summary, Tested};
 use crate::page::chart::{Chart, Figure, Point};
 use crate::page::html::{Page, Section};

@@ -17,7 +17,7 @@ use ins_core::{GnssFix, ImuSample, Solution, Time};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::answers::{Answers, Failure, Fault, Told};
+use super::flight::{Answers, Failure, Fault, Told};
 use super::flight::{Flown, START_LEVEL_DEG, START_POSITION_M, START_VELOCITY_MPS};
 use crate::compare::kalman::Noise;
 use crate::identify::run::Event;

@@ -11,10 +11,10 @@ use miette::Result;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::drives::rate_hz;
 use super::output::shown;
 use super::replay::Replay;
-use super::score::{HEADING, POSITION, QUANTITIES, sizes};
+use super::run::{HEADING, POSITION, QUANTITIES, sizes};
+use super::settings::rate_hz;
 use crate::identify::analysis::{Analysis, unusable};
 use crate::identify::error_model::Record;
 use crate::identify::error_model::interval::student;

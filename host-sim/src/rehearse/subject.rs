@@ -1,18 +1,21 @@
-//! The algorithm under test: what is told to it, and those that are at hand.
+//! The algorithm under test: those that are at hand, firmware on a board, and any program.
 
+use std::cell::RefCell;
 use std::str::FromStr;
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use ins_core::config::{Feedback, Form};
-use ins_core::{Config, ConfigError, Solution};
+use ins_core::{Config, ConfigError, Phase, Solution};
+use ins_link::{Reply, Request};
 use nalgebra::Vector3;
 
-use super::answers::{Answers, Told};
-use super::board;
-use super::flight::Flown;
+use super::flight::{Answers, Failure, Fault, Flown, Told};
 use super::program::Program;
 use crate::compare::kalman::Noise;
-use crate::hil::target::Target;
+use crate::hil::bench;
+use crate::hil::board::Target;
+use crate::hil::session::{Event, HilError, Rate};
 use crate::identify::configure::config_of;
 use crate::sim::SimulatedDrive;
 use crate::study::conditions::subject::{Core, Kalman, Subject as Driven};
@@ -72,8 +75,14 @@ impl Subject {
         }
     }
 
+    fn is_at_a_port(&self) -> bool {
+        matches!(self, Self::Board(_, target) if target.port.is_some())
+    }
+
     /// Flies it.
     pub fn fly(&self, flown: &Flown, told: &Told) -> Result<Answers, ConfigError> {
+        let one_at_a_time = || PORT.lock().unwrap_or_else(PoisonError::into_inner);
+        let _port = self.is_at_a_port().then(one_at_a_time);
         let start = Instant::now();
         let config = config(flown, told);
         let solutions = match self {
@@ -84,18 +93,18 @@ impl Subject {
                     feedback,
                     ..config
                 };
-                asked(Core::new(config, &flown.run)?, flown)
+                Ok(asked(Core::new(config, &flown.run)?, flown))
             }
             Self::Kalman => {
                 let (SimulatedDrive { imu, gnss, .. }, up) = (&flown.run, Vector3::z());
                 let noise = Noise::of_model(&told.model);
-                asked(Kalman::new(imu, gnss, config, noise, &up)?, flown)
+                Ok(asked(Kalman::new(imu, gnss, config, noise, &up)?, flown))
             }
-            Self::Board(_, target) => return Ok(board::fly(target, config, flown)),
+            Self::Board(_, target) => on_board(target, config, flown),
             Self::Program(program) => return Ok(program.fly(flown, told)),
         };
         Ok(Answers {
-            solutions: Ok(solutions),
+            solutions,
             took: start.elapsed(),
         })
     }
@@ -120,4 +129,97 @@ fn asked(mut subject: impl Driven, flown: &Flown) -> Vec<Option<Solution>> {
         }
     }
     solutions
+}
+
+// --- on a board ---
+
+/// There may be only one real board: it flies one flight at a time.
+static PORT: Mutex<()> = Mutex::new(());
+
+/// Flies a board; whatever it does, the flight ends.
+fn on_board(
+    target: &Target,
+    config: Config,
+    flown: &Flown,
+) -> Result<Vec<Option<Solution>>, Failure> {
+    let unusable = |error: HilError| Failure::new(Fault::Unusable, 0.0, error.to_string());
+    let mut session = target.open().map_err(unusable)?;
+    // Estimates are not looked at: they need not come.
+    session.start(config, 0).map_err(unusable)?;
+    let heard = RefCell::new(Heard::new(flown));
+    let requests = (flown.events().map(bench::request)).take_while(|_| heard.borrow().is_well());
+    let ended = session.stream(requests, Rate::Max, |event| {
+        if let Event::Answer { request, reply, .. } = event {
+            heard.borrow_mut().take(&request, reply.as_ref());
+        }
+    });
+    heard.into_inner().finish(ended.err())
+}
+
+/// What has come from the board.
+struct Heard<'a> {
+    /// Solutions asked for and not answered yet.
+    asks: &'a [Solution],
+    solutions: Vec<Option<Solution>>,
+    failure: Option<Failure>,
+    now_s: f64,
+}
+
+impl<'a> Heard<'a> {
+    fn new(flown: &'a Flown) -> Self {
+        Self {
+            asks: flown.asks(),
+            solutions: Vec::new(),
+            failure: None,
+            now_s: 0.0,
+        }
+    }
+
+    fn is_well(&self) -> bool {
+        self.failure.is_none()
+    }
+
+    fn take(&mut self, request: &Request, reply: Option<&Reply>) {
+        if let Request::Imu(sample) = request {
+            self.now_s = sample.time.as_seconds();
+        }
+        let (fault, cause) = match (request, reply) {
+            (Request::Imu(_), Some(Reply::Imu(Ok(reply)))) => {
+                let navigates = reply.report.phase == Phase::Navigating;
+                self.note(reply.report.solution.filter(|_| navigates));
+                return;
+            }
+            (Request::Gnss(_), Some(Reply::Gnss(Ok(_)))) => return,
+            (_, None) => (Fault::Lost, "a request or its answer did not get through"),
+            (_, Some(Reply::Imu(Err(_)) | Reply::Gnss(Err(_)))) => (
+                Fault::Crashed,
+                "it has no navigator any more: has it restarted?",
+            ),
+            _ => (Fault::Wrong, "an answer to something else"),
+        };
+        (self.failure).get_or_insert(Failure::new(fault, self.now_s, cause));
+    }
+
+    fn note(&mut self, solution: Option<Solution>) {
+        if let Some((ask, later)) = self.asks.split_first()
+            && ask.time.as_seconds() <= self.now_s
+        {
+            self.solutions.push(solution);
+            self.asks = later;
+        }
+    }
+
+    fn finish(self, ended: Option<HilError>) -> Result<Vec<Option<Solution>>, Failure> {
+        let cut_off = |error: HilError| {
+            let fault = match error {
+                HilError::Silent(_) => Fault::Hung,
+                _ => Fault::Crashed,
+            };
+            Failure::new(fault, self.now_s, error.to_string())
+        };
+        match ended.map(cut_off).or(self.failure) {
+            Some(failure) => Err(failure),
+            None => Ok(self.solutions),
+        }
+    }
 }

@@ -3,11 +3,11 @@
 
 use serde::Serialize;
 
-use super::answers::Fault;
-use super::budget::{Case, SOURCES};
+use super::flight::Fault;
 use super::flight::World;
-use super::score::{HEADING, Line, Outcome, POSITION, QUANTITIES, moments};
+use super::run::{HEADING, Line, Outcome, POSITION, QUANTITIES, moments};
 use super::settings::Rehearsal;
+use super::settings::{Case, SOURCES};
 use crate::identify::error_model::interval::{plain_mean, student};
 use crate::identify::error_model::{Assumed, Parameter};
 use crate::page::table::Table;

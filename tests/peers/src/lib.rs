@@ -4,15 +4,15 @@
 
 mod fusion;
 mod kinavis;
+mod navigation;
 mod only;
-mod service;
 
 use ins_core::{GnssFix, ImuSample};
 
 pub use fusion::FusionNav;
 pub use kinavis::KinavisIns;
+pub use navigation::serve;
 pub use only::only;
-pub use service::serve;
 
 /// Interval of the samples that the host sends, s.
 const SAMPLE_S: f64 = 0.01;

@@ -3,8 +3,7 @@
 use std::error::Error;
 use std::io::{BufWriter, Read, Write, stdin, stdout};
 
-use ins_core::Navigator;
-use ins_link::{Decoder, FixReply, FromBoard, Reply, Reporter, Request, SampleReply, encode};
+use ins_link::{Decoder, FromBoard, Request, Responder, encode};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut bytes = Vec::new();
@@ -18,24 +17,12 @@ fn main() -> Result<(), Box<dyn Error>> {
             estimates_every,
         } = request
         {
-            let navigator = Navigator::new(config)?;
-            running = Some((navigator, Reporter::new(estimates_every)));
+            running = Some(Responder::start(config, estimates_every)?);
             continue;
         }
-        let (navigator, reporter) = running.as_mut().ok_or("not started")?;
-        let reply = match request {
-            Request::Imu(sample) => Reply::Imu(Ok(SampleReply {
-                outcome: navigator.on_imu(&sample),
-                report: reporter.after_sample(navigator),
-                ticks: 0,
-            })),
-            Request::Gnss(fix) => Reply::Gnss(Ok(FixReply {
-                outcome: navigator.on_gnss(&fix),
-                report: reporter.after_fix(navigator),
-                ticks: 0,
-            })),
-            other => return Err(format!("unexpected {other:?}").into()),
-        };
+        let responder = running.as_mut().ok_or("not started")?;
+        let reply =
+            (responder.answer(&request)).ok_or_else(|| format!("unexpected {request:?}"))?;
         let frame = encode(to, &FromBoard::Reply { to, reply }).map_err(|_| "too long")?;
         replies.write_all(&frame)?;
     }

@@ -16,7 +16,7 @@ use crate::identify::run::in_order_of_time;
 use crate::log::BodyAxes;
 use crate::page::output;
 use crate::page::progress::{bar, spinner};
-use crate::rehearse::drives::rate_hz;
+use crate::rehearse::settings::rate_hz;
 
 /// Options of `plan-drive`.
 #[derive(Debug, Args)]

@@ -1,11 +1,101 @@
-//! What a board did, for `hil.json` and for people.
+//! What a board does, shown while it runs; what it has done, for `hil.json` and for people.
 
 use std::fmt;
+use std::time::{Duration, Instant};
 
+use indicatif::{ProgressBar, ProgressStyle};
+use ins_core::Time;
 use miette::{Result, bail};
 use serde::Serialize;
 
-use super::bench::{Comparison, Duration};
+use super::bench::{Bench, Comparison, Took};
+use crate::identify::quantities::{Axes, Quantities, Quantity};
+use crate::identify::words::with_sigma;
+use crate::log::BodyAxes;
+
+const REFRESH: Duration = Duration::from_millis(200);
+
+/// A bar with some lines about the board.
+pub struct View {
+    /// For lines that stay.
+    pub bar: ProgressBar,
+    axes: BodyAxes,
+    first: Time,
+    start: Instant,
+    shown: Instant,
+}
+
+impl View {
+    /// Of a log that begins at `first` and has so many samples and fixes.
+    pub fn new(bar: ProgressBar, length: usize, first: Time, axes: BodyAxes) -> Self {
+        let style = ProgressStyle::with_template("{bar:40} {percent:>3} % {eta}\n{msg}");
+        if let Ok(style) = style {
+            bar.set_style(style);
+        }
+        bar.set_length(length as u64);
+        bar.set_message("");
+        let now = Instant::now();
+        Self {
+            bar,
+            axes,
+            first,
+            start: now,
+            shown: now,
+        }
+    }
+
+    /// Time since the start, s.
+    pub fn seconds(&self) -> f64 {
+        self.start.elapsed().as_secs_f64()
+    }
+
+    /// Shows how things stand, a few times a second.
+    pub fn show(&mut self, bench: &Bench, waiting: usize) {
+        if self.shown.elapsed() < REFRESH {
+            return;
+        }
+        self.shown = Instant::now();
+        let done = bench.comparison.answers + bench.comparison.missing;
+        self.bar.set_position(done);
+        self.bar.set_message(self.lines(bench, done, waiting));
+    }
+
+    fn lines(&self, bench: &Bench, done: u64, waiting: usize) -> String {
+        let (latest, comparison) = (&bench.latest, &bench.comparison);
+        let seconds = self.seconds();
+        let rate = done as f64 / seconds;
+        let times = latest.time.seconds_since(self.first) / seconds;
+        let q = Quantities::new(&latest.estimates, self.axes);
+        format!(
+            "{rate:.0} samples and fixes/s, {times:.1} times real time; \
+             {waiting} waiting, {} dropped, {} different\n\
+             {:?}, {:?}; azimuth {} deg, latency {} ms\n\
+             accelerometers {} mg; gyros {} deg/h",
+            comparison.missing,
+            comparison.different,
+            latest.phase,
+            latest.manoeuvre,
+            known(&q.azimuth_error_deg),
+            known(&q.gnss_latency_ms),
+            axes(&q.accel_bias_mg),
+            axes(&q.gyro_bias_deg_h),
+        )
+    }
+}
+
+fn axes(axes: &Axes<Quantity>) -> String {
+    axes.named()
+        .map(|(name, quantity)| format!("{name} {}", known(quantity)))
+        .join(", ")
+}
+
+fn known(quantity: &Quantity) -> String {
+    if quantity.observable() {
+        with_sigma(quantity)
+    } else {
+        "?".to_owned()
+    }
+}
 
 /// A board's run over a log.
 #[derive(Debug, Serialize)]
@@ -20,8 +110,8 @@ pub struct Hardware {
     pub seconds: f64,
     pub times_real_time: f64,
     /// Processor clocks of the core's calls, if the board counts them.
-    pub sample_clocks: Option<Duration>,
-    pub fix_clocks: Option<Duration>,
+    pub sample_clocks: Option<Took>,
+    pub fix_clocks: Option<Took>,
     /// RAM of the navigator.
     pub state_bytes: u32,
     /// Deepest stack of the whole program.
@@ -75,7 +165,7 @@ impl fmt::Display for Hardware {
         )?;
         let calls = [("a sample", self.sample_clocks), ("a fix", self.fix_clocks)];
         for (name, clocks) in calls {
-            if let Some(Duration { mean, worst }) = clocks {
+            if let Some(Took { mean, worst }) = clocks {
                 writeln!(
                     f,
                     "Processor clocks of {name}: {mean} on average, {worst} at most"
