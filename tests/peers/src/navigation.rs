@@ -9,7 +9,7 @@ use ins_firmware::console;
 use ins_firmware::service::{Navigates, Service};
 use ins_link::{Answer, NotStarted, Report, StartError, Started, Timer};
 
-use crate::{AtRest, Peer};
+use crate::filters::{AtRest, Peer};
 
 /// Serves until the console closes.
 pub fn serve<P: Peer>() -> ! {

@@ -7,7 +7,7 @@ use ins_core::earth::Geodetic;
 use ins_core::{FixSigma, GnssFix, ImuSample, Time};
 use nalgebra::{Vector2, Vector3};
 
-use crate::{AtRest, Peer};
+use crate::filters::{AtRest, Peer};
 
 /// Calls everything once.
 pub fn only<P: Peer>() -> ! {

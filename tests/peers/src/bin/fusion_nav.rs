@@ -4,5 +4,5 @@
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    ins_peers::serve::<ins_peers::FusionNav>()
+    ins_peers::serve::<ins_peers::filters::FusionNav>()
 }

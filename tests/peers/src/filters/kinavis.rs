@@ -8,9 +8,10 @@ use kinavis_kernel::{
     Angle, Distance, GeodeticPoint, Height, Instant, Ned, Position, Speed, TrueCourse, Utc, Vector3,
 };
 
-use crate::{AtRest, Peer, SAMPLE_S, VELOCITY_SIGMA_MPS, rates_frd, velocity_ned};
+use super::{AtRest, Peer, SAMPLE_S, VELOCITY_SIGMA_MPS, rates_frd, velocity_ned};
 
 /// The filter.
+#[derive(Clone)]
 pub struct KinavisIns(InsFilter);
 
 impl Peer for KinavisIns {

@@ -6,9 +6,10 @@ use fusion_nav::prelude::{
 };
 use ins_core::{GnssFix, Time};
 
-use crate::{AtRest, Peer, SAMPLE_S, VELOCITY_SIGMA_MPS, rates_frd, velocity_ned};
+use super::{AtRest, Peer, SAMPLE_S, VELOCITY_SIGMA_MPS, rates_frd, velocity_ned};
 
 /// The filter.
+#[derive(Clone)]
 pub struct FusionNav(Eskf);
 
 impl Peer for FusionNav {
