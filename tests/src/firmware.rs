@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use std::{fs, io};
 
 use host_sim::hil::board::{Pace, Way};
-use host_sim::hil::{Board, Emulator, Session};
+use host_sim::hil::{Board, Emulator, HilError, Session};
 use object::{Object as _, ObjectSection as _, ObjectSymbol as _};
 
 use crate::cargo::{build_folder, cargo, require_target, succeed};
@@ -68,12 +68,9 @@ pub fn build(board: Board, program: &str) -> Result<Command, String> {
     Ok(command)
 }
 
-/// The firmware on an emulated board, behind the debugger's console.
-pub fn session(board: Board, pace: Pace) -> Result<Session<Emulator>, String> {
-    let image = image(board, "console")?;
-    let emulator = Emulator::boot(board, &image, Way::Console, pace);
-    Session::open(emulator.map_err(|error| error.to_string())?, 1)
-        .map_err(|error| error.to_string())
+/// An image on an emulated board, behind the debugger's console.
+pub fn session(board: Board, image: &Path, pace: Pace) -> Result<Session<Emulator>, HilError> {
+    Session::open(Emulator::boot(board, image, Way::Console, pace)?, 1)
 }
 
 /// Bytes of code and constants in an image.

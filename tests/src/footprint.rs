@@ -2,16 +2,16 @@
 
 use std::path::Path;
 
+use host_sim::hil::Board;
 use host_sim::hil::bench::requests;
-use host_sim::hil::board::{Pace, Way};
+use host_sim::hil::board::Pace;
 use host_sim::hil::session::{Event, Rate};
-use host_sim::hil::{Board, Emulator, Session};
 use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
 use ins_core::config::HeadingSource;
 use ins_core::{Config, GnssOutcome, ImuOutcome, Phase, Time};
 use ins_link::{Reply, Request};
 
-use crate::firmware::{flash_bytes, image, image_with, peer_image};
+use crate::firmware::{flash_bytes, image, image_with, peer_image, session};
 
 type Failure = Box<dyn std::error::Error>;
 
@@ -90,14 +90,10 @@ impl Footprint {
 /// parameters, of MEMS all there are.
 pub fn ours(board: Board, class: Grade) -> Result<Footprint, Failure> {
     let (drive, config) = drive(class);
-    let flash_bytes = flash_bytes(&image(board, "core_only")?)?;
-    let requests = requests(&drive.imu, &drive.gnss);
+    let only = image(board, "core_only")?;
     let image = image_with(board, "console", &["--features", "call-stack"])?;
-    let footprint = measure(board, &image, config, requests)?;
-    Ok(Footprint {
-        flash_bytes,
-        ..footprint
-    })
+    let requests = requests(&drive.imu, &drive.gnss);
+    measure(board, &image, &only, config, requests)
 }
 
 /// Of a program of `tests/peers` on the Cortex-M7. The peers are told what the core finds: the
@@ -115,13 +111,9 @@ pub fn peer(program: &str) -> Result<Footprint, Failure> {
         }
         request
     });
-    let flash_bytes = flash_bytes(&peer_image(&format!("{program}_only"))?)?;
+    let only = peer_image(&format!("{program}_only"))?;
     let image = peer_image(program)?;
-    let footprint = measure(Board::CortexM7, &image, config, requests)?;
-    Ok(Footprint {
-        flash_bytes,
-        ..footprint
-    })
+    measure(Board::CortexM7, &image, &only, config, requests)
 }
 
 fn drive(class: Grade) -> (SimulatedDrive, Config) {
@@ -140,18 +132,20 @@ fn drive(class: Grade) -> (SimulatedDrive, Config) {
     (simulate(&drive), config)
 }
 
+/// Runs `image`; `only` is the program that does nothing but the calls.
 fn measure(
     board: Board,
     image: &Path,
+    only: &Path,
     config: Config,
     requests: impl Iterator<Item = Request>,
 ) -> Result<Footprint, Failure> {
-    let emulator = Emulator::boot(board, image, Way::Console, Pace::Counting)?;
-    let mut session = Session::open(emulator, 1)?;
+    let mut session = session(board, image, Pace::Counting)?;
     let started = session.start(config, 0)?;
     let instructions_per_tick = session.hello.clocks_per_tick.into();
     let mut footprint = Footprint {
         state_bytes: started.state_bytes.into(),
+        flash_bytes: flash_bytes(only)?,
         ..Footprint::default()
     };
     let mut failure = Ok(());

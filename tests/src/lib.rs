@@ -1,12 +1,9 @@
 //! Helpers of the tests that cross crates; the tests are in `tests/tests/`.
 
-pub mod altered;
+pub mod aircraft;
 pub mod cargo;
+pub mod drives;
 pub mod firmware;
 pub mod footprint;
-pub mod jsbsim;
-pub mod published;
 pub mod pyins;
 pub mod python;
-pub mod recorded;
-pub mod simulated;

@@ -8,6 +8,7 @@ use host_sim::sim::{DriveConfig, ErrorModel, Grade, simulate};
 use ins_core::earth::{Geodetic, wrap_pi};
 use nalgebra::{SVector, Vector3};
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
 use crate::python::Environment;
 
@@ -60,39 +61,6 @@ pub struct State {
     gyro_bias_radps: Vector3<f64>,
 }
 
-/// Where `python-ins` begins, and what it is told.
-#[derive(Serialize)]
-struct Start {
-    time_s: f64,
-    state: State,
-    sigma: StartSigma,
-    noise: StartNoise,
-    /// When to tell where it stands.
-    times_s: Vec<f64>,
-}
-
-/// It has one sigma for all axes of most errors.
-#[derive(Serialize)]
-struct StartSigma {
-    position_m: f64,
-    velocity_mps: f64,
-    level_rad: f64,
-    heading_rad: f64,
-    accel_bias_mps2: f64,
-    gyro_bias_radps: [f64; 3],
-}
-
-/// Densities and spreads as in [`Noise`].
-#[derive(Serialize)]
-struct StartNoise {
-    gyro_noise: f64,
-    gyro_bias_walk: f64,
-    accel_noise: f64,
-    accel_bias_walk: f64,
-    velocity_sigma_mps: f64,
-    position_sigma_m: f64,
-}
-
 /// Both filters at every full minute from the second on: ours, theirs.
 ///
 /// # Errors
@@ -104,7 +72,7 @@ pub fn both() -> Result<Vec<(Row, Row)>, String> {
     let (log, noise) = log();
     let times_s: Vec<f64> = (2..MINUTES).map(|minute| f64::from(60 * minute)).collect();
     let (start, ours) = ours(&log, &noise, &times_s);
-    let theirs = theirs(&log, &Start::new(&start, &noise, times_s))?;
+    let theirs = theirs(&log, &told(&start, &noise, &times_s))?;
     assert_eq!(ours.len(), theirs.len());
     Ok(ours.into_iter().zip(theirs).collect())
 }
@@ -164,38 +132,38 @@ fn ours(log: &Log, noise: &Noise, times_s: &[f64]) -> (Filter, Vec<Row>) {
     (start, rows)
 }
 
-fn theirs(log: &Log, start: &Start) -> Result<Vec<Row>, String> {
+fn theirs(log: &Log, start: &Value) -> Result<Vec<Row>, String> {
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     log::write(log, folder.path(), Compression::Plain).map_err(|error| error.to_string())?;
-    let start = serde_json::to_string(start).map_err(|error| error.to_string())?;
+    let start = start.to_string();
     PYTHON.run("reference.py", &[folder.path().as_os_str(), start.as_ref()])
 }
 
-impl Start {
-    fn new(filter: &Filter, noise: &Noise, times_s: Vec<f64>) -> Self {
-        let sigmas = filter.sigmas();
-        Self {
-            time_s: filter.time.as_seconds(),
-            state: State::of(filter),
-            sigma: StartSigma {
-                position_m: sigmas[index::POSITION],
-                velocity_mps: sigmas[index::VELOCITY],
-                level_rad: sigmas[index::ATTITUDE],
-                heading_rad: sigmas[index::ATTITUDE + 2],
-                accel_bias_mps2: sigmas[index::ACCEL],
-                gyro_bias_radps: [0, 1, 2].map(|axis| sigmas[index::GYRO + axis]),
-            },
-            noise: StartNoise {
-                gyro_noise: noise.gyro_noise.x,
-                gyro_bias_walk: noise.gyro_bias_walk,
-                accel_noise: noise.accel_noise.x,
-                accel_bias_walk: noise.accel_bias_walk,
-                velocity_sigma_mps: noise.velocity.white,
-                position_sigma_m: noise.position.white,
-            },
-            times_s,
-        }
-    }
+/// Where `python-ins` begins, what it is told, and when to tell where it stands. It has one sigma for
+/// all axes of most errors; densities and spreads are as in [`Noise`].
+fn told(filter: &Filter, noise: &Noise, times_s: &[f64]) -> Value {
+    let sigmas = filter.sigmas();
+    json!({
+        "time_s": filter.time.as_seconds(),
+        "state": State::of(filter),
+        "sigma": {
+            "position_m": sigmas[index::POSITION],
+            "velocity_mps": sigmas[index::VELOCITY],
+            "level_rad": sigmas[index::ATTITUDE],
+            "heading_rad": sigmas[index::ATTITUDE + 2],
+            "accel_bias_mps2": sigmas[index::ACCEL],
+            "gyro_bias_radps": ([0, 1, 2].map(|axis| sigmas[index::GYRO + axis])),
+        },
+        "noise": {
+            "gyro_noise": noise.gyro_noise.x,
+            "gyro_bias_walk": noise.gyro_bias_walk,
+            "accel_noise": noise.accel_noise.x,
+            "accel_bias_walk": noise.accel_bias_walk,
+            "velocity_sigma_mps": noise.velocity.white,
+            "position_sigma_m": noise.position.white,
+        },
+        "times_s": times_s,
+    })
 }
 
 impl State {

@@ -7,7 +7,7 @@ use host_sim::study::accuracy::{Check, QUANTITIES, Run, Study};
 use indicatif::ProgressBar;
 use ins_core::Config;
 use ins_core::config::HeadingSource;
-use ins_tests::simulated::drive;
+use ins_tests::drives::drive;
 use nalgebra::Vector2;
 
 fn runs(grade: Grade, runs: u64, minutes: f64, tune: &(dyn Fn(&mut Config) + Sync)) -> Vec<Run> {

@@ -2,6 +2,7 @@
 //! runs those of one file.
 
 mod accuracy;
+mod aircraft;
 mod bad_input;
 mod firmware;
 mod footprint;
@@ -10,14 +11,12 @@ mod hil;
 mod host_bits;
 mod images;
 mod interface;
-mod jsbsim;
 mod link;
 mod links;
 mod locks;
 mod mechanization;
 mod mounting;
 mod parts;
-mod published_modes;
 mod pyins;
 mod rest;
 mod targets;

@@ -2,6 +2,7 @@
 
 use std::sync::LazyLock;
 
+use host_sim::identify::run;
 use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
 use host_sim::study::accuracy::config_of;
 use ins_core::config::HeadingSource;
@@ -47,19 +48,6 @@ fn feed(navigator: &mut Navigator, event: &Event) -> Answer {
     }
 }
 
-/// Samples and fixes in the order of their stamps.
-fn merged(drive: &SimulatedDrive) -> Vec<Event> {
-    let mut fixes = drive.gnss.iter().copied().peekable();
-    let mut events = Vec::new();
-    for sample in &drive.imu {
-        while let Some(fix) = fixes.next_if(|fix| fix.time < sample.time) {
-            events.push(Event::Gnss(fix));
-        }
-        events.push(Event::Imu(*sample));
-    }
-    events
-}
-
 /// Five minutes of a car, one of them at rest.
 static DRIVE: LazyLock<SimulatedDrive> = LazyLock::new(|| {
     let mut config = DriveConfig::new(3, Grade::Hg1700, 5.0);
@@ -69,7 +57,15 @@ static DRIVE: LazyLock<SimulatedDrive> = LazyLock::new(|| {
     config.recording.truth_every = 1;
     simulate(&config)
 });
-static EVENTS: LazyLock<Vec<Event>> = LazyLock::new(|| merged(&DRIVE));
+/// By stamp.
+static EVENTS: LazyLock<Vec<Event>> = LazyLock::new(|| {
+    let events = run::in_order_of_time(&DRIVE.imu, &DRIVE.gnss);
+    let owned = |event| match event {
+        run::Event::Imu(sample) => Event::Imu(sample),
+        run::Event::Gnss(fix) => Event::Gnss(*fix),
+    };
+    events.map(owned).collect()
+});
 
 fn config() -> Config {
     let mut config = config_of(Grade::Hg1700);
@@ -563,16 +559,24 @@ fn a_clock_set_back_is_followed() {
     }
 }
 
+fn at(seconds: f64) -> Time {
+    Time::default().plus_seconds(seconds)
+}
+
+/// A reading of rest with a stamp that is none of the drive's.
+fn stray(time: Time) -> Event {
+    Event::Imu(ImuSample {
+        time,
+        gyro: Vector3::zeros(),
+        accel: Vector3::new(0.0, 0.0, 9.8),
+    })
+}
+
 #[test]
 fn a_stray_first_stamp_does_not_stop_the_clock() {
     for micros in [i64::MAX, 3_600_000_000] {
         let mut navigator = navigator();
-        let stray = ImuSample {
-            time: Time::from_micros(micros),
-            gyro: Vector3::zeros(),
-            accel: Vector3::new(0.0, 0.0, 9.8),
-        };
-        let _ = navigator.on_imu(&stray);
+        let _ = feed(&mut navigator, &stray(Time::from_micros(micros)));
         drive_with(&mut navigator, &[]);
         assert_arrived(&navigator);
     }
@@ -580,14 +584,7 @@ fn a_stray_first_stamp_does_not_stop_the_clock() {
 
 #[test]
 fn two_stray_stamps_in_step_do_not_stop_the_clock() {
-    let stray = |ahead_s: f64| {
-        Event::Imu(ImuSample {
-            time: Time::default().plus_seconds(PLACE_S + ahead_s),
-            gyro: Vector3::zeros(),
-            accel: Vector3::new(0.0, 0.0, 9.8),
-        })
-    };
-    let bad = [stray(1_000.0), stray(1_000.01)];
+    let bad = [1_000.0, 1_000.01].map(|ahead_s| stray(at(PLACE_S + ahead_s)));
     let (_, navigator) = after(&bad, PLACE_S, f64::INFINITY);
     assert_arrived(&navigator);
 }
@@ -595,12 +592,7 @@ fn two_stray_stamps_in_step_do_not_stop_the_clock() {
 #[test]
 fn one_stray_stamp_does_not_stop_the_clock() {
     for ahead_s in [0.7, 1_000.0, 9e12] {
-        let stray = Event::Imu(ImuSample {
-            time: Time::default().plus_seconds(PLACE_S + ahead_s),
-            gyro: Vector3::zeros(),
-            accel: Vector3::new(0.0, 0.0, 9.8),
-        });
-        let (answers, navigator) = after(&[stray], PLACE_S, 1.0);
+        let (answers, navigator) = after(&[stray(at(PLACE_S + ahead_s))], PLACE_S, 1.0);
         assert_eq!(answers, [Answer::Imu(ImuOutcome::Gap)]);
         assert_near_truth(&navigator);
     }

@@ -13,16 +13,15 @@ use host_sim::sim::Grade;
 use indicatif::ProgressBar;
 use ins_core::{Config, Phase};
 use ins_link::{Decoder, FromBoard, Reply, Report, Request, encode};
+use ins_tests::drives::{drive, flight, recorded_log};
 use ins_tests::firmware::{image, session};
-use ins_tests::recorded::recorded_log;
-use ins_tests::simulated::{drive, flight};
 
 type Failure = Box<dyn std::error::Error>;
 
 /// Every solution, every estimate and every damping signal after every sample and fix; the run
 /// must have had enough of everything to show something.
 fn every_bit(board: Board, (config, log): &(Config, Log)) -> Result<(), Failure> {
-    let mut session = session(board, Pace::Fast)?;
+    let mut session = session(board, &image(board, "console")?, Pace::Fast)?;
     session.start(*config, ESTIMATES_EVERY)?;
     let mut bench = Bench::new(*config)?;
     let (mut navigated, mut estimated) = (0, 0);

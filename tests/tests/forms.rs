@@ -1,6 +1,7 @@
 //! Choices of the configuration: open or closed, exact or literal; and what it refuses.
 
-use host_sim::sim::{DriveConfig, Grade, simulate};
+use host_sim::identify::run::in_order_of_time;
+use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
 use host_sim::study::accuracy::{Results, Study, config_of};
 use ins_core::config::{Feedback, Form, HeadingSource};
 use ins_core::mechanization::Mechanization;
@@ -8,42 +9,38 @@ use ins_core::{Config, Estimates, Navigator};
 use serde_json::Value;
 
 /// The damped INS and the estimates at every second of a drive.
-fn damped(seed: u64, tune: &dyn Fn(&mut Config)) -> Vec<(Mechanization, Estimates)> {
-    let drive = simulate(&DriveConfig::new(seed, Grade::Hg1700, 6.0));
+fn damped(drive: &SimulatedDrive, tune: &dyn Fn(&mut Config)) -> Vec<(Mechanization, Estimates)> {
     let mut config = config_of(Grade::Hg1700);
     config.heading = HeadingSource::Given(drive.given_heading_rad.unwrap());
     tune(&mut config);
     let mut navigator = Navigator::new(config).unwrap();
-    let mut fixes = drive.gnss.iter().peekable();
-    let mut seen = Vec::new();
-    for (k, sample) in drive.imu.iter().enumerate() {
-        while let Some(fix) = fixes.next_if(|fix| fix.time < sample.time) {
-            let _ = navigator.on_gnss(fix);
-        }
-        let _ = navigator.on_imu(sample);
-        if let (Some(ins), 0) = (navigator.mechanization(), k % 100) {
-            seen.push((*ins, navigator.estimates()));
-        }
-    }
-    seen
+    in_order_of_time(&drive.imu, &drive.gnss)
+        .filter_map(|event| {
+            let sample = event.give_to(&mut navigator)?;
+            let full_second = sample.time.as_micros() % 1_000_000 == 0;
+            let ins = navigator.mechanization().filter(|_| full_second)?;
+            Some((*ins, navigator.estimates()))
+        })
+        .collect()
 }
 
 #[test]
 fn open_estimates_leave_the_damped_ins_alone() {
+    let drive = simulate(&DriveConfig::new(1, Grade::Hg1700, 6.0));
     let open = |config: &mut Config| config.feedback = Feedback::Open;
-    let alone = damped(1, &open);
+    let alone = damped(&drive, &open);
     // Another form, and other beliefs of the sensors: other estimates, the same INS.
-    let literal = damped(1, &|config| {
+    let literal = damped(&drive, &|config| {
         open(config);
         config.form = Form::Literal;
     });
-    let doubtful = damped(1, &|config| {
+    let doubtful = damped(&drive, &|config| {
         open(config);
         config.sensors.gyro_bias_radps *= 10.0;
         config.sensors.accel_bias_mps2 *= 3.0;
         config.gnss.latency_sigma_s = 0.5;
     });
-    let closed = damped(1, &|_| {});
+    let closed = damped(&drive, &|_| {});
     let ins = |seen: &[(Mechanization, Estimates)]| seen.iter().map(|s| s.0).collect::<Vec<_>>();
     assert!(alone.len() > 200);
     assert!(ins(&alone) == ins(&literal), "the form is felt");

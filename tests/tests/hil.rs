@@ -16,8 +16,8 @@ use host_sim::sim::Grade;
 use host_sim::{Cli, run};
 use ins_link::{Decoder, FromBoard, Hello, Reply, Request, Responder, Started, Status, encode};
 use ins_tests::cargo::cargo;
+use ins_tests::drives::drive;
 use ins_tests::firmware::image;
-use ins_tests::simulated::drive;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -212,28 +212,12 @@ fn a_port_that_is_not_there_is_named() -> Result<(), Failure> {
 
 // --- as the algorithm under test of a rehearsal ---
 
-const PLAN: &str = "
-    [start]
-    latitude_deg = 56.1
-    longitude_deg = 40.3
-    height_m = 600
-    heading_deg = 60
-    airspeed_mps = 45
-    [flight]
-    duration_s = 90
-    [[leg]]
-    bank_deg = 20
-    duration_s = 40
-    [[leg]]
-    heading_deg = 200
-    duration_s = 30
-    airspeed_mps = 52
-";
+const PLAN: &str = include_str!("../../host-sim/tests/turns.toml");
 
 /// Flies the core here and on a board: of each flight, what came of both.
 fn rehearsed(home: &TempDir, log: &str, board: &str) -> Result<Vec<[Value; 2]>, Failure> {
     let (plan, out) = (path(home, "plan.toml"), path(home, "rehearsed"));
-    fs::write(&plan, PLAN)?;
+    fs::write(&plan, PLAN.replace("duration_s = 150", "duration_s = 90"))?;
     let place = ["rehearse", log, "--plan", &plan, "--out", &out];
     let short = ["--flights", "3", "--minutes-free", "0.5"];
     let plain = ["--models", "0", "--budget", "0"];

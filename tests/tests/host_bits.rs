@@ -10,9 +10,8 @@ use host_sim::log::Log;
 use host_sim::sim::Grade;
 use ins_core::Config;
 use ins_link::{FromBoard, Reply, Request, Responder, encode};
-use ins_tests::altered::with_altered_core;
-use ins_tests::cargo::{build_folder, cargo, succeed};
-use ins_tests::simulated::{drive, flight};
+use ins_tests::cargo::{build_folder, cargo, succeed, with_altered_core};
+use ins_tests::drives::{drive, flight};
 
 type Failure = Box<dyn std::error::Error>;
 

@@ -3,8 +3,7 @@
 use std::path::Path;
 
 use host_sim::hil::Board;
-use ins_tests::altered::with_altered_core;
-use ins_tests::cargo::succeed;
+use ins_tests::cargo::{succeed, with_altered_core};
 use ins_tests::firmware::{build, image, image_with, symbols};
 
 /// With these features `core_only` links only if no panic can be reached.

@@ -1,22 +1,27 @@
 //! What a porter builds on: health, body rates, headings, calibration kept, state restored.
 
+use std::sync::LazyLock;
+
+use host_sim::identify::run::in_order_of_time;
 use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
 use host_sim::study::accuracy::config_of;
 use ins_core::config::HeadingSource;
 use ins_core::earth::wrap_pi;
 use ins_core::{
     Calibration, Config, GnssFix, GnssOutcome, Heading, ImuOutcome, ImuSample, Navigator, Phase,
-    Time,
 };
-
 use nalgebra::Vector3;
 
 const MINUTES: f64 = 12.0;
 
-fn drive_of(seed: u64) -> SimulatedDrive {
-    let mut drive = DriveConfig::new(seed, Grade::Mems, MINUTES);
+static DRIVE: LazyLock<SimulatedDrive> = LazyLock::new(|| {
+    let mut drive = DriveConfig::new(3, Grade::Mems, MINUTES);
     drive.recording.truth_every = 1;
     simulate(&drive)
+});
+
+fn navigator() -> Navigator {
+    Navigator::new(config_of(Grade::Mems)).unwrap()
 }
 
 /// All of a drive until a time; `each` is asked after every sample.
@@ -26,17 +31,15 @@ fn run(
     span_s: std::ops::Range<f64>,
     mut each: impl FnMut(&mut Navigator, usize, &ImuSample),
 ) {
-    let from = Time::default().plus_seconds(span_s.start);
-    let mut fixes = drive.gnss.iter().filter(|fix| fix.time >= from).peekable();
-    for (count, sample) in drive.imu.iter().enumerate() {
-        if !span_s.contains(&sample.time.as_seconds()) {
-            continue;
+    let before = |sample: &ImuSample| sample.time.as_seconds() < span_s.start;
+    let mut samples = drive.imu.partition_point(before)..;
+    for event in in_order_of_time(&drive.imu, &drive.gnss) {
+        if span_s.contains(&event.time().as_seconds())
+            && let Some(sample) = event.give_to(navigator)
+            && let Some(count) = samples.next()
+        {
+            each(navigator, count, &sample);
         }
-        while let Some(fix) = fixes.next_if(|fix| fix.time < sample.time) {
-            let _ = navigator.on_gnss(fix);
-        }
-        let _ = navigator.on_imu(sample);
-        each(navigator, count, sample);
     }
 }
 
@@ -48,16 +51,16 @@ fn heading_error_rad(navigator: &Navigator, drive: &SimulatedDrive, count: usize
 
 #[test]
 fn a_restored_navigator_goes_on_in_the_same_bits() {
-    let drive = drive_of(3);
+    let drive = &*DRIVE;
     // Levelling, finding the heading, navigating.
     for stop_s in [5.0, 14.0, 300.0] {
-        let mut navigator = Navigator::new(config_of(Grade::Mems)).unwrap();
-        run(&mut navigator, &drive, 0.0..stop_s, |_, _, _| {});
+        let mut navigator = navigator();
+        run(&mut navigator, drive, 0.0..stop_s, |_, _, _| {});
         let bytes = postcard::to_stdvec(&navigator).unwrap();
         let mut restored: Navigator = postcard::from_bytes(&bytes).unwrap();
         assert!(restored == navigator && restored.health() == navigator.health());
         for navigator in [&mut navigator, &mut restored] {
-            run(navigator, &drive, stop_s..stop_s + 60.0, |_, _, _| {});
+            run(navigator, drive, stop_s..stop_s + 60.0, |_, _, _| {});
         }
         assert!(restored == navigator, "{stop_s}");
         assert_eq!(restored.solution(), navigator.solution());
@@ -75,10 +78,10 @@ fn what_is_restored_has_a_usable_configuration() {
 
 #[test]
 fn each_fix_has_one_outcome_in_the_end() {
-    let drive = drive_of(3);
-    let mut navigator = Navigator::new(config_of(Grade::Mems)).unwrap();
+    let drive = &*DRIVE;
+    let mut navigator = navigator();
     let mut settled = Vec::new();
-    run(&mut navigator, &drive, 0.0..200.0, |navigator, _, _| {
+    run(&mut navigator, drive, 0.0..200.0, |navigator, _, _| {
         settled.extend(navigator.health().last_fix);
     });
     let health = navigator.health();
@@ -109,9 +112,9 @@ fn each_fix_has_one_outcome_in_the_end() {
 
 #[test]
 fn health_shows_an_outage_and_refusals() {
-    let drive = drive_of(3);
-    let mut navigator = Navigator::new(config_of(Grade::Mems)).unwrap();
-    run(&mut navigator, &drive, 0.0..120.0, |_, _, _| {});
+    let drive = &*DRIVE;
+    let mut navigator = navigator();
+    run(&mut navigator, drive, 0.0..120.0, |_, _, _| {});
     assert_eq!(navigator.health().coasting_since, None);
     let last = drive
         .imu
@@ -143,14 +146,14 @@ fn health_shows_an_outage_and_refusals() {
 
 #[test]
 fn body_motion_is_that_of_the_body() {
-    let drive = drive_of(3);
-    let mut navigator = Navigator::new(config_of(Grade::Mems)).unwrap();
-    run(&mut navigator, &drive, 0.0..600.0, |_, _, _| {});
+    let drive = &*DRIVE;
+    let mut navigator = navigator();
+    run(&mut navigator, drive, 0.0..600.0, |_, _, _| {});
     let bias = Vector3::from(drive.errors.gyro_bias_radps);
     let mut taken_out = Vector3::zeros();
     run(
         &mut navigator,
-        &drive,
+        drive,
         600.0..660.0,
         |navigator, _, sample| {
             let motion = navigator.body_motion().unwrap();
@@ -167,14 +170,14 @@ fn body_motion_is_that_of_the_body() {
 /// A compass of 1 deg that is right settles the heading; one that is off by many sigmas is refused.
 #[test]
 fn a_measured_heading_counts_as_much_as_it_says() {
-    let drive = drive_of(3);
+    let drive = &*DRIVE;
     let config = Config {
         heading: HeadingSource::Given(drive.truth[0].euler().heading_rad + 0.3),
         ..config_of(Grade::Mems)
     };
     let mut navigator = Navigator::new(config).unwrap();
     // At rest, before GNSS shows any heading.
-    run(&mut navigator, &drive, 0.0..12.0, |_, _, _| {});
+    run(&mut navigator, drive, 0.0..12.0, |_, _, _| {});
     assert_eq!(navigator.phase(), Phase::Navigating);
     let (count, sample) = drive
         .imu
@@ -188,15 +191,15 @@ fn a_measured_heading_counts_as_much_as_it_says() {
         heading_rad,
         sigma_rad: 1_f64.to_radians(),
     };
-    assert!(heading_error_rad(&navigator, &drive, count).abs() > 0.25);
+    assert!(heading_error_rad(&navigator, drive, count).abs() > 0.25);
     assert_eq!(
         navigator.on_heading(&measured(truth_rad + 0.01)),
         GnssOutcome::Accepted
     );
-    run(&mut navigator, &drive, 12.0..16.0, |_, _, _| {});
+    run(&mut navigator, drive, 12.0..16.0, |_, _, _| {});
     let before = |s: &ImuSample| s.time.as_seconds() < 16.0;
     let at = drive.imu.iter().rposition(before).unwrap();
-    let error = heading_error_rad(&navigator, &drive, at);
+    let error = heading_error_rad(&navigator, drive, at);
     let sigma = navigator.sigma().unwrap().attitude_rad.z;
     assert!((error - 0.01).abs() < 0.005, "{error}");
     assert!((0.015..0.02).contains(&sigma), "{sigma}");
@@ -211,10 +214,10 @@ fn a_measured_heading_counts_as_much_as_it_says() {
 /// Given while levelling, it is the heading to start with.
 #[test]
 fn a_measured_heading_ends_alignment() {
-    let drive = drive_of(3);
-    let mut navigator = Navigator::new(config_of(Grade::Mems)).unwrap();
+    let drive = &*DRIVE;
+    let mut navigator = navigator();
     let truth_rad = drive.truth[0].euler().heading_rad;
-    run(&mut navigator, &drive, 0.0..12.0, |navigator, _, sample| {
+    run(&mut navigator, drive, 0.0..12.0, |navigator, _, sample| {
         let _ = navigator.on_heading(&Heading {
             time: sample.time,
             heading_rad: truth_rad,
@@ -228,16 +231,16 @@ fn a_measured_heading_ends_alignment() {
 /// The same unit a second time: what was found the first time is there from the beginning.
 #[test]
 fn a_calibration_kept_is_believed_as_far_as_it_says() {
-    let drive = drive_of(3);
-    let mut first = Navigator::new(config_of(Grade::Mems)).unwrap();
-    run(&mut first, &drive, 0.0..700.0, |_, _, _| {});
+    let drive = &*DRIVE;
+    let mut first = navigator();
+    run(&mut first, drive, 0.0..700.0, |_, _, _| {});
     let text = serde_json::to_string(&first.calibration()).unwrap();
     let kept: Calibration = serde_json::from_str(&text).unwrap();
     let turned_on = kept.after_turn_on(1e-4, 1e-3);
     let mut warm = Navigator::warm(config_of(Grade::Mems), &turned_on).unwrap();
-    let mut cold = Navigator::new(config_of(Grade::Mems)).unwrap();
+    let mut cold = navigator();
     for navigator in [&mut warm, &mut cold] {
-        run(navigator, &drive, 0.0..60.0, |_, _, _| {});
+        run(navigator, drive, 0.0..60.0, |_, _, _| {});
     }
     let sigmas = |navigator: &Navigator| {
         let estimates = navigator.estimates();

@@ -1,6 +1,9 @@
 //! What scale errors and misalignments of the sensors look like to an INS whose unit is tilted, and
 //! what becomes of one whose unit is turned without its gyros having seen it.
 
+use std::sync::LazyLock;
+
+use host_sim::identify::run::{Event, in_order_of_time};
 use host_sim::sim::car::Car;
 use host_sim::sim::errors::BiasModel;
 use host_sim::sim::mounted::Mounted;
@@ -9,7 +12,7 @@ use host_sim::study::accuracy::config_of;
 use ins_core::config::HeadingSource;
 use ins_core::earth::GRAVITY_EQUATOR_MPS2 as G;
 use ins_core::{Config, Navigator};
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, UnitVector3, Vector3};
 
 const MINUTES: f64 = 20.0;
 /// Of an uncalibrated unit; they make of each accelerometer some tenths of m/s^2.
@@ -47,12 +50,8 @@ fn config(drive: &SimulatedDrive) -> Config {
 
 fn navigated(drive: &SimulatedDrive) -> Navigator {
     let mut navigator: Navigator = Navigator::new(config(drive)).unwrap();
-    let mut fixes = drive.gnss.iter().peekable();
-    for sample in &drive.imu {
-        while let Some(fix) = fixes.next_if(|fix| fix.time < sample.time) {
-            let _ = navigator.on_gnss(fix);
-        }
-        let _ = navigator.on_imu(sample);
+    for event in in_order_of_time(&drive.imu, &drive.gnss) {
+        let _ = event.give_to(&mut navigator);
     }
     navigator
 }
@@ -102,61 +101,76 @@ fn turned(
     velocities: bool,
 ) -> (Navigator, Vector3<f64>) {
     let mut navigator = Navigator::new(config_of(Grade::Hg1700)).unwrap();
-    let mut fixes = drive.gnss.iter().peekable();
-    for sample in &drive.imu {
-        while let Some(fix) = fixes.next_if(|fix| fix.time < sample.time) {
-            let mut fix = *fix;
-            if !velocities && fix.time.as_seconds() > TURNED_S {
-                (fix.velocity_en_mps, fix.velocity_up_mps) = (None, None);
+    for event in in_order_of_time(&drive.imu, &drive.gnss) {
+        let turned = event.time().as_seconds() > TURNED_S;
+        match event {
+            Event::Imu(mut sample) => {
+                if turned {
+                    sample.gyro = turn.inverse() * sample.gyro;
+                    sample.accel = turn.inverse() * sample.accel;
+                }
+                let _ = navigator.on_imu(&sample);
             }
-            let _ = navigator.on_gnss(&fix);
+            Event::Gnss(fix) => {
+                let mut fix = *fix;
+                if turned && !velocities {
+                    (fix.velocity_en_mps, fix.velocity_up_mps) = (None, None);
+                }
+                let _ = navigator.on_gnss(&fix);
+            }
         }
-        let mut sample = *sample;
-        if sample.time.as_seconds() > TURNED_S {
-            sample.gyro = turn.inverse() * sample.gyro;
-            sample.accel = turn.inverse() * sample.accel;
-        }
-        let _ = navigator.on_imu(&sample);
     }
     let truth = drive.truth.last().unwrap().attitude * turn;
     let own = navigator.solution().unwrap().attitude;
     (navigator, (own * truth.inverse()).scaled_axis())
 }
 
+static DRIVE: LazyLock<SimulatedDrive> = LazyLock::new(|| {
+    let mut config = DriveConfig::new(3, Grade::Hg1700, FOUND_S / 60.0);
+    config.recording.truth_every = 1;
+    simulate(&config)
+});
+
+/// Turns unseen, by axis and angle, and what became of the navigator.
+fn each_turn(
+    axes: &[UnitVector3<f64>],
+    velocities: bool,
+    check: impl Fn(&str, &Navigator, Vector3<f64>),
+) {
+    for axis in axes {
+        for degrees in [5.0, 20.0, 60.0, 180.0_f64] {
+            let turn = UnitQuaternion::from_axis_angle(axis, degrees.to_radians());
+            let (navigator, error) = turned(&DRIVE, turn, velocities);
+            check(
+                &format!("{axis:?} {degrees} deg: {error:?}"),
+                &navigator,
+                error,
+            );
+        }
+    }
+}
+
 /// By a hand, by a crash, in a hole or beyond the range of the gyros.
 #[test]
 fn a_unit_that_is_turned_unseen_finds_its_attitude_again() {
-    let mut config = DriveConfig::new(3, Grade::Hg1700, FOUND_S / 60.0);
-    config.recording.truth_every = 1;
-    let drive = simulate(&config);
-    for axis in [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()] {
-        for degrees in [5.0, 20.0, 60.0, 180.0_f64] {
-            let turn = UnitQuaternion::from_axis_angle(&axis, degrees.to_radians());
-            let (navigator, error) = turned(&drive, turn, true);
-            let sigma = navigator.sigma().unwrap().attitude_rad;
-            let case = format!("{axis:?} {degrees} deg: {error:?} of {sigma:?}");
-            assert!(error.component_div(&sigma).amax() < 5.0, "{case}");
-            assert!(sigma.amax() < 0.01, "{case}");
-            let health = navigator.health();
-            assert!(health.restarts > 0 || health.doubted.is_some(), "{case}");
-        }
-    }
+    let axes = [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()];
+    each_turn(&axes, true, |case, navigator, error| {
+        let sigma = navigator.sigma().unwrap().attitude_rad;
+        assert!(
+            error.component_div(&sigma).amax() < 5.0,
+            "{case} of {sigma:?}"
+        );
+        assert!(sigma.amax() < 0.01, "{case} of {sigma:?}");
+        let health = navigator.health();
+        assert!(health.restarts > 0 || health.doubted.is_some(), "{case}");
+    });
 }
 
 /// Positions alone tell it later, and heading last.
 #[test]
 fn positions_alone_level_a_unit_that_is_turned_unseen() {
-    let mut config = DriveConfig::new(3, Grade::Hg1700, FOUND_S / 60.0);
-    config.recording.truth_every = 1;
-    let drive = simulate(&config);
-    for axis in [Vector3::x_axis(), Vector3::y_axis()] {
-        for degrees in [5.0, 20.0, 60.0, 180.0_f64] {
-            let turn = UnitQuaternion::from_axis_angle(&axis, degrees.to_radians());
-            let (_, error) = turned(&drive, turn, false);
-            assert!(
-                error.xy().norm() < 0.04,
-                "{axis:?} {degrees} deg: {error:?}"
-            );
-        }
-    }
+    let axes = [Vector3::x_axis(), Vector3::y_axis()];
+    each_turn(&axes, false, |case, _, error| {
+        assert!(error.xy().norm() < 0.04, "{case}");
+    });
 }

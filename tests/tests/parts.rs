@@ -1,5 +1,8 @@
 //! Fixes of which parts are missing: what is there is enough.
 
+use std::sync::LazyLock;
+
+use host_sim::identify::run::in_order_of_time;
 use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
 use host_sim::study::accuracy::config_of;
 use ins_core::config::HeadingSource;
@@ -8,16 +11,11 @@ use ins_core::{Config, GnssFix, Navigator};
 
 const MINUTES: f64 = 20.0;
 
-fn drive() -> (SimulatedDrive, Config) {
+static DRIVE: LazyLock<SimulatedDrive> = LazyLock::new(|| {
     let mut drive = DriveConfig::new(4, Grade::Hg1700, MINUTES);
     drive.recording.truth_every = 1;
-    let simulated = simulate(&drive);
-    let config = Config {
-        heading: HeadingSource::Given(simulated.truth[0].euler().heading_rad + 0.05),
-        ..config_of(Grade::Hg1700)
-    };
-    (simulated, config)
-}
+    simulate(&drive)
+});
 
 /// RMS errors over the last quarter: position, height, velocity, heading; and the same in the
 /// spreads that are stated.
@@ -31,19 +29,27 @@ struct Errors {
 
 /// What is left of each fix by `part`, after `whole_s` of whole ones.
 fn navigate(whole_s: f64, part: impl Fn(&GnssFix) -> GnssFix) -> Errors {
-    let (drive, config) = drive();
+    let drive = &*DRIVE;
+    let config = Config {
+        heading: HeadingSource::Given(drive.truth[0].euler().heading_rad + 0.05),
+        ..config_of(Grade::Hg1700)
+    };
     let mut navigator: Navigator = Navigator::new(config).unwrap();
-    let mut fixes = drive.gnss.iter().peekable();
+    let partly = |fix: &GnssFix| {
+        let whole = fix.time.as_seconds() < whole_s;
+        if whole { *fix } else { part(fix) }
+    };
+    let fixes: Vec<GnssFix> = drive.gnss.iter().map(partly).collect();
+    // The truth begins with the moment before the first increment.
+    let mut truths = drive.truth[1..].iter();
     let mut sums = [0.0; 6];
     let mut count = 0.0;
-    // The truth begins with the moment before the first increment.
-    for (sample, truth) in drive.imu.iter().zip(&drive.truth[1..]) {
+    for event in in_order_of_time(&drive.imu, &fixes) {
+        let Some(sample) = event.give_to(&mut navigator) else {
+            continue;
+        };
+        let truth = truths.next().expect("one for each sample");
         assert_eq!(sample.time, truth.time);
-        while let Some(fix) = fixes.next_if(|fix| fix.time < sample.time) {
-            let whole = fix.time.as_seconds() < whole_s;
-            let _ = navigator.on_gnss(&if whole { *fix } else { part(fix) });
-        }
-        let _ = navigator.on_imu(sample);
         let late = sample.time.as_seconds() > 45.0 * MINUTES;
         if !late || sample.time.as_micros() % 1_000_000 != 0 {
             continue;

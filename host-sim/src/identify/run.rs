@@ -181,7 +181,7 @@ impl Event<'_> {
     }
 
     /// Gives it to a navigator; the sample, if it is one.
-    pub(crate) fn give_to(&self, navigator: &mut Navigator) -> Option<ImuSample> {
+    pub fn give_to(&self, navigator: &mut Navigator) -> Option<ImuSample> {
         match self {
             Self::Imu(sample) => {
                 let _ = navigator.on_imu(sample);

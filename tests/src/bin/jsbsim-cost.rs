@@ -8,13 +8,14 @@ use host_sim::aircraft::cessna172;
 use host_sim::aircraft::dynamics::Dynamics;
 use host_sim::aircraft::flight::Flight;
 use host_sim::aircraft::plan::Plan;
+use host_sim::identify::run::in_order_of_time;
 use host_sim::page::table::markdown;
 use host_sim::sim::drive::{Grade, Recording, SimulatedDrive};
 use host_sim::sim::ideal::IdealSensors;
 use host_sim::sim::{Motion, record};
 use ins_core::{Config, Navigator, Time};
+use ins_tests::aircraft::jsbsim_step_s;
 use ins_tests::cargo::repository;
-use ins_tests::jsbsim::jsbsim_step_s;
 
 const STEPS: u32 = 360_000;
 const STEP_S: f64 = 0.01;
@@ -28,12 +29,8 @@ fn per_step(run: impl FnOnce()) -> f64 {
 /// The core over a flight as firmware would run it.
 fn navigate(run: &SimulatedDrive, config: Config) {
     let mut navigator = Navigator::new(config).expect("the preset is valid");
-    let mut fixes = run.gnss.iter().peekable();
-    for sample in &run.imu {
-        let _ = navigator.on_imu(sample);
-        while let Some(fix) = fixes.next_if(|fix| fix.time <= sample.time) {
-            let _ = navigator.on_gnss(fix);
-        }
+    for event in in_order_of_time(&run.imu, &run.gnss) {
+        let _ = event.give_to(&mut navigator);
     }
     std::hint::black_box(navigator.solution());
 }

@@ -2,8 +2,9 @@
 //! `cargo run -p ins-tests --bin jsbsim-table`.
 
 use host_sim::page::table::{markdown, plain};
-use ins_tests::jsbsim::{ours, ours_with_its_numbers, reference, table};
-use ins_tests::published::{CESSNA_182_MODES, MODE_ROWS, cessna_182};
+use ins_tests::aircraft::{
+    CESSNA_182_MODES, MODE_ROWS, cessna_182, ours, ours_with_its_numbers, reference, table,
+};
 
 fn main() -> Result<(), String> {
     let reference = reference()?;

@@ -1,4 +1,9 @@
-//! Simulated runs that show everything soon, and the configurations for them.
+//! Runs to navigate over: simulated ones that show everything soon, with their configurations, and
+//! recorded logs where they are at hand.
+
+use std::env;
+use std::io::Write as _;
+use std::path::PathBuf;
 
 use host_sim::identify::configure;
 use host_sim::log::{self, BodyAxes, Log};
@@ -6,6 +11,8 @@ use host_sim::sim::drive::Recording;
 use host_sim::sim::{DriveConfig, ErrorModel, Grade, SimulatedDrive, record, simulate};
 use host_sim::study::flights::route::Route;
 use ins_core::Config;
+
+use crate::cargo::repository;
 
 /// A drive: rest, a minute where a gyrocompass wants it, then starts and turns with everything
 /// running.
@@ -39,4 +46,21 @@ pub fn flight(minutes: f64) -> Result<(Config, Log), Box<dyn std::error::Error>>
 fn configured(run: SimulatedDrive, recording: &Recording, class: log::Grade) -> (Config, Log) {
     let log = run.into_log(BodyAxes::Rfu, recording.errors.imu.output);
     (configure::config(&log, class), log)
+}
+
+/// Folder of a recorded log, in that of `INS_LOGS` or in `../shared/data` beside the repository. Says
+/// so, past the test harness, if it is not there.
+pub fn recorded_log(name: &str) -> Option<PathBuf> {
+    let default = || repository().join("../shared/data");
+    let folder = env::var_os("INS_LOGS").map_or_else(default, PathBuf::from);
+    let log = folder.join(name);
+    if log.is_dir() {
+        return Some(log);
+    }
+    let _ = writeln!(
+        std::io::stderr(),
+        "NOT TESTED: no log {}; name the folder of recorded logs in INS_LOGS",
+        log.display()
+    );
+    None
 }
