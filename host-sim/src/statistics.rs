@@ -36,6 +36,14 @@ pub(crate) fn median(values: impl Iterator<Item = f64>) -> f64 {
     }
 }
 
+/// Mean, and variance about it, of a distribution of which some values are known; none of fewer than two.
+pub(crate) fn mean_and_variance(values: &[f64]) -> Option<(f64, f64)> {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let squares: f64 = values.iter().map(|v| (v - mean) * (v - mean)).sum();
+    (values.len() > 1).then(|| (mean, squares / (count - 1.0)))
+}
+
 /// The straight line through pairs, by least squares.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {

@@ -5,7 +5,6 @@ mod aircraft_dynamics;
 mod aircraft_files;
 mod aircraft_flight;
 mod aircraft_performance;
-mod campaign;
 mod clock_offsets;
 mod command_line;
 mod five_stage;

@@ -1,40 +1,23 @@
 //! Rehearsals from outside: programs under test that go wrong, kills, and recorded noise.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-const PLAN: &str = "
-    [start]
-    latitude_deg = 56.1
-    longitude_deg = 40.3
-    height_m = 600
-    heading_deg = 60
-    airspeed_mps = 45
-    [air]
-    turbulence = \"light\"
-    [flight]
-    duration_s = 150
-    [[leg]]
-    bank_deg = 20
-    duration_s = 40
-    [[leg]]
-    heading_deg = 200
-    duration_s = 30
-    airspeed_mps = 52
-";
-
 /// A folder with a plan and a drive of a unit.
 fn home() -> tempfile::TempDir {
     let home = tempfile::tempdir().unwrap();
-    fs::write(home.path().join("plan.toml"), PLAN).unwrap();
+    fs::write(home.path().join("plan.toml"), include_str!("turns.toml")).unwrap();
     let drive = ["drive", "--minutes", "6", "--seed", "2", "--out", "drive"];
-    let mut command = host_sim(home.path());
-    assert!(command.args(drive).status().unwrap().success());
+    succeed(host_sim(home.path()).args(drive));
     home
+}
+
+fn succeed(command: &mut Command) {
+    assert!(command.status().unwrap().success(), "{command:?}");
 }
 
 fn host_sim(home: &Path) -> Command {
@@ -46,15 +29,8 @@ fn host_sim(home: &Path) -> Command {
 fn rehearse(home: &Path, out: &str, flights: &str, options: &[&str]) -> Command {
     let mut command = host_sim(home);
     command
-        .args([
-            "rehearse",
-            "drive",
-            "--plan",
-            "plan.toml",
-            "--minutes-free",
-            "1",
-        ])
-        .args(["--out", out, "--flights", flights])
+        .args(["rehearse", "drive", "--plan", "plan.toml"])
+        .args(["--minutes-free", "1", "--out", out, "--flights", flights])
         .args(options);
     command
 }
@@ -161,12 +137,7 @@ fn whatever_a_program_does_is_a_row_with_its_cause() {
             .flat_map(|(with, ..)| ["--with", with.as_str()]),
     );
     let start = Instant::now();
-    assert!(
-        rehearse(home, "out", "1", &options)
-            .status()
-            .unwrap()
-            .success()
-    );
+    succeed(&mut rehearse(home, "out", "1", &options));
     assert!(start.elapsed() < Duration::from_mins(5));
     let summary = summary(home, "out");
     let tested = summary["tested"].as_array().unwrap();
@@ -212,7 +183,7 @@ fn threads_kills_and_shards_leave_no_trace() {
         command.args(more).env("RAYON_NUM_THREADS", threads);
         command
     };
-    assert!(run("1", "one", &[]).status().unwrap().success());
+    succeed(&mut run("1", "one", &[]));
     let text = |out: &str, name: &str| fs::read_to_string(home.join(out).join(name)).unwrap();
     let whole = flights(&home.join("one/runs.jsonl"));
 
@@ -232,26 +203,16 @@ fn threads_kills_and_shards_leave_no_trace() {
     assert!(done() < whole.len(), "too late for this test");
     let torn = fs::read_to_string(&runs).unwrap() + "{\"case\":\"fou";
     fs::write(&runs, torn).unwrap();
-    assert!(run("2", "killed", &[]).status().unwrap().success());
+    succeed(&mut run("2", "killed", &[]));
     assert_eq!(flights(&runs), whole);
 
     // A shard here, and the rest by whoever comes without one.
-    assert!(
-        run("2", "parts", &["--shard", "2/3"])
-            .status()
-            .unwrap()
-            .success()
-    );
+    succeed(&mut run("2", "parts", &["--shard", "2/3"]));
     assert!(!home.join("parts/rehearsal.json").exists());
-    assert!(run("2", "parts", &[]).status().unwrap().success());
+    succeed(&mut run("2", "parts", &[]));
 
     // The script for Slurm, under plain processes; task 0 adds up.
-    assert!(
-        run("1", "an array", &["--slurm", "2", "--force"])
-            .status()
-            .unwrap()
-            .success()
-    );
+    succeed(&mut run("1", "an array", &["--slurm", "2", "--force"]));
     assert!(!home.join("an array/runs-1-of-2.jsonl").exists());
     for task in ["1", "2", "0"] {
         assert!(!home.join("an array/rehearsal.json").exists());
@@ -260,7 +221,7 @@ fn threads_kills_and_shards_leave_no_trace() {
             .env("HOST_SIM", env!("CARGO_BIN_EXE_host-sim"))
             .env("SLURM_ARRAY_TASK_ID", task)
             .stdout(Stdio::null());
-        assert!(job.status().unwrap().success(), "task {task}");
+        succeed(&mut job);
     }
     // Between them they have flown everything.
     assert_eq!(text("an array", "runs.jsonl"), "");
@@ -284,12 +245,7 @@ fn white_noise_that_was_recorded_costs_as_much_as_white_noise() {
     let home = home();
     let home = home.path();
     let options = ["--models", "0", "--budget", "0", "--noise-from", "drive"];
-    assert!(
-        rehearse(home, "out", "8", &options)
-            .status()
-            .unwrap()
-            .success()
-    );
+    succeed(&mut rehearse(home, "out", "8", &options));
     let summary = summary(home, "out");
     let tested = summary["tested"].as_array().unwrap();
     assert_eq!(tested[1]["recorded_noise"], true);
@@ -307,37 +263,24 @@ fn templates_in_python_c_and_rust_are_one_filter() {
     let home = home();
     let home = home.path();
     let adaptors = Path::new(env!("CARGO_MANIFEST_DIR")).join("adaptors");
-    let shown = |path: PathBuf| path.display().to_string();
-    let compile = |compiler: &str, options: &[&str], file: &str, out: &[&str]| {
+    let compile = |compiler: &str, options: &str, file: &str| {
         let mut command = Command::new(compiler);
-        command
-            .current_dir(home)
-            .args(options)
-            .arg(adaptors.join(file));
-        let status = command.args(out).status();
-        assert!(
-            status.is_ok_and(|status| status.success()),
-            "{compiler} {file}"
-        );
+        command.current_dir(home).arg(adaptors.join(file));
+        succeed(command.args(options.split(' ')));
     };
+    let warnings = "-Wall -Wextra -Werror";
     compile(
         "cc",
-        &["-O2", "-Wall", "-Wextra", "-Werror"],
+        &format!("-O2 {warnings} -o c-filter -lm"),
         "template.c",
-        &["-o", "c-filter", "-lm"],
     );
     let rustc = std::env::var("RUSTC").unwrap_or_else(|_| "rustc".to_owned());
-    compile(
-        &rustc,
-        &["--edition=2024", "-O"],
-        "template.rs",
-        &["-o", "rust-filter"],
-    );
-    let python = format!("python3 '{}'", shown(adaptors.join("template.py")));
+    compile(&rustc, "--edition=2024 -O -o rust-filter", "template.rs");
+    let python = format!("python3 '{}'", adaptors.join("template.py").display());
     let options = ["--models", "0", "--budget", "0", "--with", &python];
     let programs = ["--with", "./c-filter", "--with", "./rust-filter"];
     let all = [&options[..], &programs].concat();
-    assert!(rehearse(home, "out", "1", &all).status().unwrap().success());
+    succeed(&mut rehearse(home, "out", "1", &all));
     let summary = summary(home, "out");
     let [python, c, rust] = [0, 1, 2].map(|which| position_rms(&summary["tested"][which]));
     // With a fix ten times a second it is as good as its receiver.

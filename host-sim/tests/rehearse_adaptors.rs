@@ -18,26 +18,6 @@ use std::process::Command;
 
 use serde_json::Value;
 
-/// Long enough for filters to settle, with turns and changes of speed.
-const PLAN: &str = "
-    [start]
-    latitude_deg = 56.1
-    longitude_deg = 40.3
-    height_m = 600
-    heading_deg = 60
-    airspeed_mps = 45
-    [air]
-    turbulence = \"light\"
-    [flight]
-    duration_s = 240
-    [[leg]]
-    bank_deg = 20
-    duration_s = 40
-    [[leg]]
-    heading_deg = 200
-    duration_s = 30
-    airspeed_mps = 52
-";
 /// With GNSS none is worse than its receiver, whose positions have 1 m, by much.
 const POSITION_M: f64 = 2.0;
 /// Heading is told to 3 deg, and turns show it.
@@ -59,38 +39,27 @@ fn main() -> std::io::Result<()> {
 fn published_filters_fly() {
     let home = tempfile::tempdir().unwrap();
     let home = home.path();
-    fs::write(home.join("plan.toml"), PLAN).unwrap();
+    // Long enough for filters to settle.
+    let plan = include_str!("turns.toml").replace("duration_s = 150", "duration_s = 240");
+    fs::write(home.join("plan.toml"), plan).unwrap();
     // Each fix costs python-ins a tenth of a second, and kinavis-ins takes none of the past.
     let receiver = "gnss.rate_hz = 1.0\ngnss.latency_s = [0.0, 0.0]";
     fs::write(home.join("receiver.toml"), receiver).unwrap();
-    let drive = ["drive", "--minutes", "6", "--seed", "2", "--out", "drive"];
-    host_sim(home, &drive.map(str::to_owned));
+    let words = |text: &str| -> Vec<String> { text.split(' ').map(str::to_owned).collect() };
+    host_sim(home, &words("drive --minutes 6 --seed 2 --out drive"));
     let this = std::env::current_exe().unwrap();
-    let mut options: Vec<String> = ["rehearse", "drive", "--plan", "plan.toml", "--out", "out"]
-        .map(str::to_owned)
-        .to_vec();
-    let few = [
-        "--minutes-free",
-        "1",
-        "--flights",
-        "2",
-        "--models",
-        "0",
-        "--budget",
-        "0",
-        "--set",
-        "receiver.toml",
-    ];
-    options.extend(few.map(str::to_owned));
+    let mut options = words(
+        "rehearse drive --plan plan.toml --out out --minutes-free 1 --flights 2 --models 0 \
+         --budget 0 --set receiver.toml",
+    );
+    let mut with = |filter: String| options.extend(["--with".to_owned(), filter]);
     for name in ["fusion-nav", "kinavis-ins"] {
-        options.push("--with".to_owned());
-        options.push(format!("{name}='{}' {name}", this.display()));
+        with(format!("{name}='{}' {name}", this.display()));
     }
     if let Some(python) = std::env::var_os("PYINS_PYTHON") {
         let adaptor = Path::new(env!("CARGO_MANIFEST_DIR")).join("adaptors/python_ins.py");
-        options.push("--with".to_owned());
-        let python = Path::new(&python).display().to_string();
-        options.push(format!("python-ins='{python}' '{}'", adaptor.display()));
+        let python = Path::new(&python).display();
+        with(format!("python-ins='{python}' '{}'", adaptor.display()));
     } else {
         assert!(std::env::var_os("CI").is_none(), "PYINS_PYTHON is not set");
         println!("python-ins is not tested: PYINS_PYTHON names no Python that has it");

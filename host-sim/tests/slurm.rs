@@ -1,5 +1,6 @@
-//! The job array that `campaign --slurm` writes, under Slurm: a controller and a node of its own on
-//! this machine, stopped at the end. Needs Slurm and munge: `.ci/install`.
+//! Campaigns from outside: threads, kills and shards leave no trace in the results. The shards are those
+//! of the job array that `campaign --slurm` writes, under Slurm: a controller and a node of its own
+//! on this machine, stopped at the end. Needs Slurm and munge: `.ci/install`.
 #![cfg(target_os = "linux")]
 
 use std::env;
@@ -206,10 +207,11 @@ fn command(home: &Path, program: &str) -> Command {
     command
 }
 
-/// The error is what it says.
+/// On two threads, where a job has one. The error is what it says.
 fn host_sim(home: &Path, arguments: &str) -> Result<(), String> {
     let mut command = Command::new(HOST_SIM);
     command.current_dir(home).args(arguments.split_whitespace());
+    command.env("RAYON_NUM_THREADS", "2");
     let output = command.output().unwrap();
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     output.status.success().then_some(()).ok_or(said)
@@ -251,11 +253,11 @@ fn a_shard_that_is_stopped_and_runs_again_leaves_no_trace() {
     let before = runs();
     let done = before.matches('\n').count();
     assert!(done < RUNS_OF_A_UNIT, "too late for this test");
-    // Backwards: what is done again would stand in its old place.
+    // Backwards: what is done again would stand in its old place. And torn in the middle of a line.
     let mut before: Vec<&str> = before.split_inclusive('\n').take(done).collect();
     before.reverse();
     let before = before.concat();
-    fs::write(&file, &before).unwrap();
+    fs::write(&file, before.clone() + "{\"run\":\"fli").unwrap();
 
     // With one shard done and one not, Slurm does not add up, and could not.
     cluster.wait_for_state(&other, "COMPLETED");
@@ -278,4 +280,9 @@ fn a_shard_that_is_stopped_and_runs_again_leaves_no_trace() {
         let [array, one] = [&array, &one].map(|folder| fs::read(folder.join(file)).unwrap());
         assert!(array == one, "{file} differs");
     }
+
+    let other = PLAN.replace("seed = 3", "seed = 4");
+    fs::write(home.join("other.toml"), other).unwrap();
+    let refusal = host_sim(home, "campaign other.toml --out one").unwrap_err();
+    assert!(refusal.contains("a campaign of another plan"), "{refusal}");
 }

@@ -17,7 +17,6 @@ pub struct Plan {
     /// Fixes every random number.
     #[serde(default)]
     pub seed: u64,
-    /// Number of units.
     pub units: u32,
     /// Drives from which a unit is identified.
     pub drives: u32,
@@ -41,9 +40,7 @@ pub struct Plan {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Errors {
-    /// A class.
     Class(Grade),
-    /// In full.
     Model(Box<ErrorModel>),
 }
 
@@ -54,7 +51,6 @@ impl Default for Errors {
 }
 
 impl Plan {
-    /// Reads and checks a plan.
     pub fn read(file: &Path) -> Result<Self, InputError> {
         Self::parse(file, &read_text(file, "a campaign plan")?)
     }
@@ -147,7 +143,6 @@ impl Plan {
         model
     }
 
-    /// Seed of a drive of a unit.
     pub fn drive_seed(&self, unit: u32, drive: u32) -> u64 {
         self.stream(unit, &format!("drive {drive}")).whole()
     }

@@ -26,24 +26,17 @@ pub(super) const QUARTERS: u32 = 4;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "run", rename_all = "lowercase")]
 pub enum Line {
-    /// A unit was identified.
     Model {
-        /// Which.
         unit: u32,
         /// The model as TOML: its numbers come back bit for bit.
         model: String,
     },
-    /// A flight was flown.
     Flight {
-        /// Whose.
         unit: u32,
-        /// With which of its models.
         with: With,
-        /// Which.
         flight: u32,
         /// What came out; none if it could not be flown.
         flown: Option<Flown>,
-        /// Why not.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         why: Option<String>,
     },

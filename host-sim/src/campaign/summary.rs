@@ -50,7 +50,6 @@ impl Tally {
         }
     }
 
-    /// Takes a run.
     pub fn add(&mut self, line: &Line) {
         let Line::Flight {
             unit, with, flown, ..
@@ -89,13 +88,10 @@ impl Tally {
 /// RMS of one figure, with the true models and with the identified ones.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// What.
     pub figure: &'static str,
-    /// Unit.
     pub unit: &'static str,
     /// Since GNSS went, min.
     pub minutes: f64,
-    /// With the true models.
     pub truth: Interval,
     /// With the identified models: what drives foretell.
     pub predicted: Interval,
@@ -108,13 +104,11 @@ pub struct Row {
 /// The results of a campaign.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// What was done.
     pub plan: Plan,
     /// Flights that gave figures.
     pub flown: u64,
     /// Flights that could not be flown.
     pub failed: u64,
-    /// All figures.
     pub rows: Vec<Row>,
 }
 

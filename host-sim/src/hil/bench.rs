@@ -32,7 +32,6 @@ pub fn request(event: Event) -> Request {
 /// How the board's answers compare with the host's.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Comparison {
-    /// Answers compared.
     pub answers: u64,
     /// Of these, not the same in every bit.
     pub different: u64,
@@ -130,9 +129,7 @@ pub struct Ticks {
 /// The same in short.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Took {
-    /// On average.
     pub mean: u64,
-    /// At most.
     pub worst: u32,
 }
 
@@ -162,9 +159,7 @@ pub struct Bench {
     pub comparison: Comparison,
     /// The navigator on the board, as it has last said.
     pub latest: Row,
-    /// Calls with inertial samples.
     pub sample_ticks: Ticks,
-    /// Calls with fixes.
     pub fix_ticks: Ticks,
 }
 

@@ -32,7 +32,6 @@ impl Board {
         }
     }
 
-    /// Short name.
     pub fn name(self) -> &'static str {
         match self {
             Self::CortexM7 => "m7",

@@ -25,7 +25,6 @@ pub fn table(image: &Path) -> Result<Table> {
 /// The log so far.
 pub struct BoardLog<'t> {
     decoder: Box<dyn StreamDecoder + Send + Sync + 't>,
-    /// All lines.
     pub text: String,
     /// Pieces that mean nothing: the board runs another image, or something was lost.
     pub garbled: u32,

@@ -22,11 +22,9 @@ const SILENCE: Duration = Duration::from_secs(10);
 /// What can go wrong with a board.
 #[derive(Debug, Error, Diagnostic)]
 pub enum HilError {
-    /// The port refuses, or is gone.
     #[error("the board cannot be reached: {0}")]
     #[diagnostic(help("the port's name, its permissions, the cable; for --qemu, the image"))]
     Port(#[from] io::Error),
-    /// Nothing to emulate.
     #[error("{}: there is no such image", .image.display())]
     #[diagnostic(help(
         "in the folder firmware-example:\n\
@@ -34,9 +32,7 @@ pub enum HilError {
          or say where it is with --image"
     ))]
     NoImage {
-        /// Where it was looked for.
         image: PathBuf,
-        /// Of the board.
         name: &'static str,
         /// Cargo's, to build it with.
         config: &'static str,
@@ -51,10 +47,8 @@ pub enum HilError {
          With --qemu the image must be the program `console`, built for that board"
     ))]
     Silent(Counters),
-    /// The firmware refused the configuration.
     #[error("the board refuses the configuration: {0}")]
     Refused(String),
-    /// A message too long for the link.
     #[error("a request is longer than a frame")]
     TooLong,
 }
@@ -77,7 +71,6 @@ pub enum Rate {
 pub enum Event {
     /// What became of a request.
     Answer {
-        /// As it was sent.
         request: Request,
         /// None if the request or its reply was lost.
         reply: Option<Reply>,

@@ -153,7 +153,6 @@ impl Flown {
 pub struct Told {
     /// What the core is configured by.
     pub grade: Grade,
-    /// The model.
     pub model: ErrorModel,
     /// For an answer of a program, s.
     pub limit: Duration,
@@ -171,11 +170,9 @@ pub struct Answers {
 /// Why a flight has no answers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Failure {
-    /// Which kind.
     pub fault: Fault,
     /// Time in the flight, s.
     pub at_s: f64,
-    /// What was seen, in words.
     pub cause: String,
 }
 

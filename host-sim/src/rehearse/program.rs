@@ -35,12 +35,10 @@ const LINES_AHEAD: usize = 64;
 /// A program that closed its output is given so long to end.
 const PARTING: Duration = Duration::from_secs(1);
 
-/// A command.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Program {
     /// What stands in tables.
     pub name: String,
-    /// The program and its arguments.
     pub command: Vec<String>,
 }
 

@@ -23,7 +23,7 @@ use crate::log::Log;
 use crate::page::table::{Table, cells, heads};
 use crate::sim::drive::Recording;
 use crate::sim::{ErrorModel, record};
-use crate::study::flights::statistics::rms;
+use crate::statistics::{mean_and_variance, rms};
 
 /// Since GNSS went, s.
 const HORIZONS_S: [f64; 3] = [10.0, 30.0, 60.0];
@@ -43,13 +43,10 @@ const GOAL: [f64; 2] = [0.8, 1.25];
 /// One quantity on one drive after one time.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// Drive.
     pub log: String,
     /// Since GNSS went, s.
     pub without_gnss_s: f64,
-    /// What.
     pub quantity: &'static str,
-    /// Unit.
     pub unit: &'static str,
     /// Outages on the recorded drive.
     pub outages: usize,
@@ -57,7 +54,6 @@ pub struct Row {
     pub observed: f64,
     /// RMS over all simulations.
     pub predicted: f64,
-    /// Predicted over observed.
     pub ratio: f64,
     /// What it would be in 95 % of drives of which the model is true, around itself.
     pub ratio_95: [f64; 2],
@@ -145,16 +141,12 @@ fn foretold(simulated: &[Vec<f64>]) -> Option<(f64, f64)> {
         .filter(|values| !values.is_empty())
         .map(|values| rms(values.iter().copied()))
         .collect();
-    if each.len() < 2 {
-        return None;
-    }
     let predicted = rms(each.iter().copied());
     let logarithms: Vec<f64> = each.iter().map(|one| libm::log(one / predicted)).collect();
+    let (_, variance) = mean_and_variance(&logarithms)?;
     let count = logarithms.len() as f64;
-    let middle = logarithms.iter().sum::<f64>() / count;
-    let squares: f64 = logarithms.iter().map(|l| (l - middle) * (l - middle)).sum();
     // Of one more drive, when so many were simulated.
-    let half = student(count - 1.0) * (squares / (count - 1.0) * (1.0 + 1.0 / count)).sqrt();
+    let half = student(count - 1.0) * (variance * (1.0 + 1.0 / count)).sqrt();
     Some((predicted, half))
 }
 
@@ -233,7 +225,6 @@ pub(crate) fn overview(rows: &[Row]) -> Table {
     Table::of("Predicted over observed drift", header, all)
 }
 
-/// As a table.
 pub(crate) fn readable(rows: &[Row]) -> String {
     let header = heads("| without, s | | outages | observed | predicted | ratio | 95 %");
     let row = |row: &Row| {

@@ -128,13 +128,10 @@ pub struct Outcome {
 /// A finished flight.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Line {
-    /// With what errors.
     pub case: Case,
-    /// Which.
     pub flight: u32,
     /// In the order of the algorithms; empty if it could not be flown.
     pub outcomes: Vec<Outcome>,
-    /// Why not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub why: Option<String>,
 }

@@ -26,7 +26,6 @@ pub struct Drives {
     pub records: Vec<Record>,
     pub grade: Grade,
     pub output: ImuOutput,
-    /// Inertial samples per second.
     pub imu_hz: u32,
 }
 
@@ -64,7 +63,6 @@ impl Drives {
     }
 }
 
-/// Inertial samples per second.
 pub fn rate_hz(log: &Log) -> f64 {
     let steps = log.imu.len().saturating_sub(1);
     steps as f64 / log.duration_s()
@@ -77,7 +75,6 @@ pub struct Settings {
     pub version: &'static str,
     /// Fixes every random number.
     pub seed: u64,
-    /// Names of the drives.
     pub drives: Vec<String>,
     /// Flights with the model that was found.
     pub flights: u32,
@@ -89,7 +86,6 @@ pub struct Settings {
     pub duration_s: f64,
     /// Its last part without GNSS, s.
     pub free_s: f64,
-    /// Inertial samples per second.
     pub imu_hz: u32,
     /// Time limit of an answer, s.
     pub limit_s: f64,
@@ -105,7 +101,6 @@ pub struct Settings {
     pub model: ErrorModel,
     /// Aircraft and plan as they stand in their files.
     pub aircraft: Option<String>,
-    /// See above.
     pub plan: String,
 }
 
@@ -156,7 +151,6 @@ impl Rehearsal {
         jobs
     }
 
-    /// The model of a case.
     pub fn model(&self, case: Case) -> Result<ErrorModel, ErrorModelError> {
         let settings = &self.settings;
         let part = |source, which: usize| {

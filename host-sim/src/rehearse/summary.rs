@@ -8,10 +8,10 @@ use super::flight::World;
 use super::run::{HEADING, Line, Outcome, POSITION, QUANTITIES, moments};
 use super::settings::Rehearsal;
 use super::settings::{Case, SOURCES};
-use crate::identify::error_model::interval::{plain_mean, student};
+use crate::identify::error_model::interval::student;
 use crate::identify::error_model::{Assumed, Parameter};
 use crate::page::table::Table;
-use crate::statistics::{rms, rms_of_any};
+use crate::statistics::{mean_and_variance, rms, rms_of_any};
 use crate::study::flights::statistics::Figure;
 
 /// Parts of the time without GNSS at whose ends errors are looked at.
@@ -22,9 +22,7 @@ const MOST: f64 = 0.95;
 /// Errors of one quantity in one part of the flight.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// What.
     pub quantity: &'static str,
-    /// Its unit.
     pub unit: &'static str,
     /// Since GNSS went, s; none: with GNSS, over the second half of that part.
     pub without_gnss_s: Option<f64>,
@@ -42,7 +40,6 @@ pub struct Row {
 /// Errors of all quantities at one moment.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Moment {
-    /// Since the start, s.
     pub time_s: f64,
     /// Whether it is without GNSS.
     pub free: bool,
@@ -62,21 +59,17 @@ pub struct Spread {
 /// Flights that failed alike.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Failed {
-    /// How.
     pub fault: Fault,
-    /// How many.
     pub flights: usize,
     /// The first of them, and when in it.
     pub first: u32,
     pub at_s: f64,
-    /// In words.
     pub cause: String,
 }
 
 /// One algorithm.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Tested {
-    /// Which.
     pub with: String,
     /// Whether the sensors' noise was recorded, not white.
     pub recorded_noise: bool,
@@ -84,9 +77,7 @@ pub struct Tested {
     pub flights: usize,
     /// Errors, where it had solutions.
     pub rows: Vec<Row>,
-    /// How it failed.
     pub failures: Vec<Failed>,
-    /// Errors over time.
     #[serde(skip)]
     pub moments: Vec<Moment>,
     /// Time of a flight, mean, s: no two runs have the same.
@@ -116,23 +107,18 @@ pub const BUDGETED: [(usize, bool); 4] = [
 /// A rehearsal.
 #[derive(Clone, Debug, Serialize)]
 pub struct Summary {
-    /// Drives that the model is of.
     pub drives: Vec<String>,
     /// Flights asked for.
     pub flights: u32,
     /// Flights that the aircraft could not fly.
     pub not_flown: usize,
-    /// Models drawn.
     pub models: u32,
-    /// Length of a flight, s.
     pub duration_s: f64,
     /// Its last part without GNSS, s.
     pub free_s: f64,
-    /// Algorithms.
     pub tested: Vec<Tested>,
     /// Where the errors of the first come from.
     pub budget: Vec<Cost>,
-    /// The model.
     pub parameters: Vec<Parameter>,
     /// The same for people.
     #[serde(skip)]
@@ -240,15 +226,12 @@ fn model_interval(rms: f64, ratios: &[f64]) -> Option<[f64; 2]> {
         .map(|ratio| libm::log(*ratio))
         .filter(|logarithm| logarithm.is_finite())
         .collect();
-    let middle = plain_mean(logarithms.iter().copied())?.value;
-    let count = logarithms.len() as f64;
-    let squares: f64 = logarithms.iter().map(|l| (l - middle) * (l - middle)).sum();
-    let half = student(count - 1.0) * (squares / (count - 1.0)).sqrt();
+    let (middle, variance) = mean_and_variance(&logarithms)?;
+    let half = student(logarithms.len() as f64 - 1.0) * variance.sqrt();
     Some([middle - half, middle + half].map(|bound| rms * libm::exp(bound)))
 }
 
 impl Summary {
-    /// Of all flights.
     pub fn new(rehearsal: &Rehearsal, world: &World, lines: &[Line]) -> Self {
         let settings = &rehearsal.settings;
         let flights = Flights {
