@@ -12,6 +12,7 @@ use super::board;
 use super::flight::Flown;
 use super::program::Program;
 use crate::compare::kalman::Noise;
+use crate::compare::kalman::noise::tell;
 use crate::hil::target::Target;
 use crate::identify::configure::config_of;
 use crate::sim::SimulatedDrive;
@@ -105,7 +106,7 @@ impl Subject {
 fn config(flown: &Flown, told: &Told) -> Config {
     let model = &told.model;
     let preset = config_of(told.grade, model.imu.output, flown.run.given_heading_rad);
-    let mut config = Noise::of_model(model).tell(preset);
+    let mut config = tell(model, preset);
     config.sensors.cross_axis = model.gyro_deg_h.misalignment_sigma;
     config
 }
