@@ -262,8 +262,8 @@ fn its_covariance_is_honest_with_more_to_find() {
     let sums = sums_of_squares(&model, noise, to_antenna, |filter, truth, drive| {
         let known = &filter.known;
         let arm = Vector3::from(ARM_M) - known.lever_arm_m;
-        let accel = Vector3::from(drive.errors.accel_scale) - known.accel_scale;
-        let gyro = Vector3::from(drive.errors.gyro_scale) - known.gyro_scale;
+        let accel = drive.errors.accel_matrix.diagonal() - known.accel_scale;
+        let gyro = drive.errors.gyro_matrix.diagonal() - known.gyro_scale;
         let mut all: Vec<f64> = errors(known, truth, drive).iter().copied().collect();
         all.push(-known.clock_drift);
         for three in [arm, accel, gyro] {

@@ -10,7 +10,7 @@ use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
 
 use super::dynamics::State;
 use crate::sim::Kinematics;
-use crate::sim::cubic::Cubic;
+use crate::sim::ideal::Cubic;
 
 /// One node of the integrator.
 #[derive(Clone, Copy, Debug)]

@@ -4,9 +4,8 @@ use core::f64::consts::{PI, TAU};
 
 use nalgebra::Vector3;
 
-use super::motion::{Kinematics, Motion};
+use super::motion::{Kinematics, Motion, Path, kinematics, level};
 use super::noise::Random;
-use super::path::{Path, kinematics, level};
 use super::profile::{Local, Profile};
 
 /// Bounds of what the boat does under way.

@@ -5,9 +5,8 @@
 
 use ins_core::attitude::Euler;
 
-use super::motion::{Kinematics, Motion};
+use super::motion::{Kinematics, Motion, Path, kinematics};
 use super::noise::Random;
-use super::path::{Path, kinematics};
 use super::profile::Profile;
 
 /// How the car leans: nose up while it gains speed, outwards in a turn. Typical of a family car

@@ -145,16 +145,12 @@ impl SimulatedDrive {
 /// at the end of the run.
 ///
 /// A scale error of the z accelerometer is felt as a bias of scale times g.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorErrors {
     /// Accelerometer biases.
     pub accel_bias_mps2: [f64; 3],
     /// Gyro biases.
     pub gyro_bias_radps: [f64; 3],
-    /// Scale-factor errors of the accelerometers.
-    pub accel_scale: [f64; 3],
-    /// Scale-factor errors of the gyros.
-    pub gyro_scale: [f64; 3],
     /// What accelerometers read beyond the truth in proportion to it: scale errors and
     /// misalignments.
     pub accel_matrix: Matrix3<f64>,
@@ -293,11 +289,9 @@ impl Recorder {
         SensorErrors {
             accel_bias_mps2: accels.bias().into(),
             gyro_bias_radps: gyros.bias().into(),
-            accel_scale: accels.scale().into(),
-            gyro_scale: gyros.scale().into(),
             accel_matrix: accels.error_matrix(),
             gyro_matrix: gyros.error_matrix(),
-            gnss_latency_s: self.receiver.latency_s(),
+            gnss_latency_s: self.receiver.latency_s,
             gnss_latency_end_s: self.receiver.latency_at_s(end.as_seconds()),
             gnss_lag_s: self.receiver.lag_s(),
         }
@@ -396,7 +390,7 @@ mod tests {
     fn latencies_fill_their_range() {
         let gnss = ErrorModel::hg1700().gnss;
         let all: Vec<f64> = (0..2000)
-            .map(|seed| Gnss::new(&gnss, seed).latency_s())
+            .map(|seed| Gnss::new(&gnss, seed).latency_s)
             .collect();
         assert!(all.iter().all(|tau| (0.05..0.3).contains(tau)));
         assert_mean(&all, 0.175, 0.25 / 12.0_f64.sqrt());

@@ -1,20 +1,20 @@
 //! A GNSS receiver with errors, thesis equation (5).
 
+use ins_core::earth::Geodetic;
 use ins_core::{FixSigma, GnssFix, Time};
 use nalgebra::Vector3;
 
 use super::errors::GnssModel;
-use super::ideal::{TrueState, displaced};
-use super::lever::Antenna;
+use super::ideal::{Antenna, TrueState, displaced};
 use super::noise::Random;
 use super::receiver::{Correlated, Habits, Stated, Up, Wrong};
-use ins_core::earth::Geodetic;
 
 /// The receiver of one run.
 #[derive(Clone, Debug)]
 pub struct Gnss {
     model: GnssModel,
-    latency_s: f64,
+    /// The latency of this run at its start.
+    pub latency_s: f64,
     next: u32,
     velocity_noise: Random,
     position_noise: Random,
@@ -59,11 +59,6 @@ impl Gnss {
             last_good: None,
             model: model.clone(),
         }
-    }
-
-    /// The latency of this run at its start.
-    pub fn latency_s(&self) -> f64 {
-        self.latency_s
     }
 
     /// The latency at a stamp, with what the clock has gained by then.
@@ -114,9 +109,17 @@ impl Gnss {
             let antenna = Antenna::between(from, to, shown_s, &self.model.habits.lever_arm_m);
             let differenced = self.differenced(noise.on(&antenna));
             let seen = self.smooth(differenced);
-            if !self.is_out(stamp_s) {
+            if !self.model.outages.iter().any(|out| out.holds(stamp_s)) {
                 let seen = self.hold(outlier.on(&seen));
-                self.log(stamp_s, &seen.position, &seen.velocity_enu_mps, fixes);
+                let fix = self.logged(stamp_s, &seen);
+                let times = f64::from(self.model.habits.logged_times);
+                fixes.extend((0..self.model.habits.logged_times).map(|copy| {
+                    let later_s = f64::from(copy) / (times * self.model.rate_hz);
+                    GnssFix {
+                        time: Time::default().plus_seconds(stamp_s + later_s),
+                        ..fix
+                    }
+                }));
             }
         }
     }
@@ -144,14 +147,12 @@ impl Gnss {
     }
 
     fn noise_times(&self, stamp_s: f64) -> f64 {
-        let troubles = self.model.habits.troubles.iter();
-        troubles
-            .filter(|trouble| trouble.holds(stamp_s))
-            .find_map(|trouble| match trouble.wrong {
-                Wrong::Noisy(times) => Some(times),
-                _ => None,
-            })
-            .unwrap_or(1.0)
+        let mut troubles = self.model.habits.troubles.iter();
+        let noisy = troubles.find_map(|trouble| match trouble.wrong {
+            Wrong::Noisy(times) if trouble.holds(stamp_s) => Some(times),
+            _ => None,
+        });
+        noisy.unwrap_or(1.0)
     }
 
     fn outlier(&mut self) -> Errors {
@@ -206,72 +207,50 @@ impl Gnss {
         }
     }
 
-    /// Adds what the log has of one epoch.
-    fn log(
-        &mut self,
-        stamp_s: f64,
-        position: &Geodetic,
-        velocity: &Vector3<f64>,
-        fixes: &mut Vec<GnssFix>,
-    ) {
+    /// What is logged of one epoch.
+    fn logged(&mut self, stamp_s: f64, seen: &Antenna) -> GnssFix {
         let time = Time::default().plus_seconds(stamp_s);
+        let (position, velocity) = (&seen.position, &seen.velocity_enu_mps);
         let good = self.fix(time, position, velocity);
-        let habits = &self.model.habits;
-        let trouble = habits
-            .troubles
-            .iter()
+        let mut troubles = self.model.habits.troubles.iter();
+        let trouble = troubles
             .find(|trouble| trouble.holds(stamp_s) && !matches!(trouble.wrong, Wrong::Noisy(_)));
-        let fix = match trouble {
-            None => {
-                self.last_good = Some(good);
-                good
-            }
-            Some(trouble) => {
-                let since_s = stamp_s - trouble.start_s;
-                match trouble.wrong {
-                    Wrong::ZeroVelocity => self.fix(time, position, &Vector3::zeros()),
-                    Wrong::Off {
-                        velocity_mps,
-                        position_m,
-                    } => {
-                        let off = Vector3::from(velocity_mps);
-                        let away = Vector3::from(position_m) + since_s * off;
-                        self.fix(time, &displaced(position, &away), &(velocity + off))
-                    }
-                    Wrong::Zeros => self.fix(time, &Geodetic::default(), &Vector3::zeros()),
-                    Wrong::Stuck => GnssFix {
-                        time,
-                        ..self.last_good.unwrap_or(good)
-                    },
-                    Wrong::NoPosition => GnssFix {
-                        position: None,
-                        height_m: None,
-                        ..good
-                    },
-                    Wrong::Coasting => {
-                        let last = self.last_good;
-                        last.map_or(good, |last| self.coasted(&last, &good))
-                    }
-                    Wrong::Float(position_m) => {
-                        let off = Vector3::from(position_m);
-                        let mut fix = self.fix(time, &displaced(position, &off), velocity);
-                        for sigma in [&mut fix.sigma.position_m, &mut fix.sigma.height_m] {
-                            *sigma = sigma.map(|fixed| fixed.hypot(off.norm()));
-                        }
-                        fix
-                    }
-                    Wrong::Noisy(_) => good,
-                }
-            }
+        let Some(trouble) = trouble else {
+            self.last_good = Some(good);
+            return good;
         };
-        let times = self.model.habits.logged_times;
-        fixes.extend((0..times).map(|copy| {
-            let later_s = f64::from(copy) / (f64::from(times) * self.model.rate_hz);
-            GnssFix {
-                time: Time::default().plus_seconds(stamp_s + later_s),
-                ..fix
+        let last = self.last_good;
+        match trouble.wrong {
+            Wrong::ZeroVelocity => self.fix(time, position, &Vector3::zeros()),
+            Wrong::Off {
+                velocity_mps,
+                position_m,
+            } => {
+                let off = Vector3::from(velocity_mps);
+                let away = Vector3::from(position_m) + (stamp_s - trouble.start_s) * off;
+                self.fix(time, &displaced(position, &away), &(velocity + off))
             }
-        }));
+            Wrong::Zeros => self.fix(time, &Geodetic::default(), &Vector3::zeros()),
+            Wrong::Stuck => GnssFix {
+                time,
+                ..last.unwrap_or(good)
+            },
+            Wrong::NoPosition => GnssFix {
+                position: None,
+                height_m: None,
+                ..good
+            },
+            Wrong::Coasting => last.map_or(good, |last| self.coasted(&last, &good)),
+            Wrong::Float(position_m) => {
+                let off = Vector3::from(position_m);
+                let mut fix = self.fix(time, &displaced(position, &off), velocity);
+                for sigma in [&mut fix.sigma.position_m, &mut fix.sigma.height_m] {
+                    *sigma = sigma.map(|fixed| fixed.hypot(off.norm()));
+                }
+                fix
+            }
+            Wrong::Noisy(_) => good,
+        }
     }
 
     /// The last fix, as far on as it has come by the time of another; that one where it had no place.
@@ -331,10 +310,6 @@ impl Gnss {
             velocity_mps,
             velocity_up_mps: velocity_mps,
         }
-    }
-
-    fn is_out(&self, time_s: f64) -> bool {
-        self.model.outages.iter().any(|out| out.holds(time_s))
     }
 }
 

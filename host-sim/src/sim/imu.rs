@@ -127,11 +127,6 @@ impl Triad {
         drifted + self.warming * (1.0 - self.cold)
     }
 
-    /// The scale-factor errors.
-    pub fn scale(&self) -> Vector3<f64> {
-        self.scale
-    }
-
     /// What a reading has beyond the truth in proportion to it: scale errors and misalignments.
     pub fn error_matrix(&self) -> Matrix3<f64> {
         Matrix3::from_diagonal(&self.scale) + self.cross
@@ -466,8 +461,8 @@ mod tests {
         let (mut all, truth) = (Vec::new(), Vector3::new(1.0, -2.0, 9.8));
         for triad in triads {
             let error = triad.read(&truth, &Vector3::zeros()) - truth;
-            assert!((error - triad.scale().component_mul(&truth)).norm() < 1e-14);
-            all.extend(triad.scale().iter());
+            assert!((error - triad.scale.component_mul(&truth)).norm() < 1e-14);
+            all.extend(triad.scale.iter());
         }
         assert_sigma(&all, 0.015);
     }

@@ -7,17 +7,14 @@
 pub mod boat;
 pub mod car;
 mod checks;
-pub(crate) mod cubic;
 pub mod drive;
 pub mod errors;
 pub mod gnss;
 pub mod ideal;
 pub mod imu;
-pub mod lever;
 pub mod motion;
 pub mod mounted;
 pub mod noise;
-mod path;
 pub mod plane;
 pub mod profile;
 pub mod quadrotor;

@@ -4,9 +4,8 @@
 use ins_core::attitude::Euler;
 use nalgebra::Vector3;
 
-use super::motion::{Kinematics, Motion};
+use super::motion::{Kinematics, Motion, Path, kinematics};
 use super::noise::Random;
-use super::path::{Path, kinematics};
 use super::profile::Profile;
 
 const GRAVITY_MPS2: f64 = 9.81;

@@ -5,9 +5,8 @@ use core::f64::consts::PI;
 use ins_core::attitude::Euler;
 use nalgebra::Vector3;
 
-use super::motion::{Kinematics, Motion};
+use super::motion::{Kinematics, Motion, kinematics};
 use super::noise::Random;
-use super::path::kinematics;
 use super::profile::{Local, Profile};
 
 const GRAVITY_MPS2: f64 = 9.81;

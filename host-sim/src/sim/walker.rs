@@ -2,9 +2,8 @@
 
 use core::f64::consts::PI;
 
-use super::motion::{Kinematics, Motion};
+use super::motion::{Kinematics, Motion, Path, kinematics, level};
 use super::noise::Random;
-use super::path::{Path, kinematics, level};
 use super::profile::Profile;
 
 mod habits {

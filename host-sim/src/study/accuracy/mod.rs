@@ -342,7 +342,7 @@ fn checks(
     let [gx, gy, gz] = estimates.gyro_bias_radps;
     let azimuth_left = wrap_pi(heading_rad - truth.euler().heading_rad);
     // The up accelerometer feels g: its scale error is a bias.
-    let up_bias = errors.accel_bias_mps2[2] + errors.accel_scale[2] * 9.81;
+    let up_bias = errors.accel_bias_mps2[2] + errors.accel_matrix[(2, 2)] * 9.81;
     let pairs = [
         (estimates.azimuth_error_rad, azimuth_left),
         (ax, errors.accel_bias_mps2[0]),
