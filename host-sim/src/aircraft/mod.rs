@@ -12,10 +12,8 @@ pub mod parameters;
 pub mod performance;
 pub(crate) mod pictures;
 pub mod plan;
-pub mod propulsion;
 pub mod trajectory;
 pub mod trim;
-pub mod vibration;
 pub mod wind;
 
 use parameters::Parameters;
