@@ -78,24 +78,18 @@ struct Refused {
 pub struct Correction {
     /// Transition of the errors since the last correction.
     pub transition: StateMatrix,
-    /// Covariance before.
     pub predicted: StateMatrix,
-    /// Covariance after.
     pub corrected: StateMatrix,
     /// Errors found, and taken out.
     pub errors: States,
 }
 
-/// Where the filter begins.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
-    /// When.
     pub time: Time,
-    /// Aligned.
     pub ins: Mechanization,
     /// Spread of its roll and pitch, rad, if that is known.
     pub tilt_sigma_rad: Option<f64>,
-    /// Spread of its heading, rad.
     pub heading_sigma_rad: f64,
     /// Gyro biases as the alignment knows them, rad/s.
     pub gyro_bias_radps: Vector3<f64>,
@@ -188,22 +182,18 @@ impl Filter {
         }
     }
 
-    /// One sigma of each error.
     pub fn sigmas(&self) -> States {
         sigmas(&self.covariance)
     }
 
-    /// Since the start, s.
     pub(super) fn run_s(&self) -> f64 {
         self.time.seconds_since(self.since)
     }
 
-    /// Position, velocity and attitude.
     pub fn solution(&self) -> Solution {
         self.known.solution(self.time)
     }
 
-    /// In the core's terms.
     pub fn estimates(&self) -> Estimates {
         self.known
             .estimates(&self.covariance, self.run_s(), &self.layout, &self.noise)
@@ -331,7 +321,6 @@ impl Filter {
         }
     }
 
-    /// Whether the speed is above its noise.
     fn shows_motion(&self, fix: &GnssFix) -> bool {
         fix.speed_mps() > MOTION_MPS + MOTION_SIGMAS * total(&self.noise.gnss.velocity_mps)
     }

@@ -17,11 +17,8 @@ const AZIMUTH_RAD: f64 = 0.1;
 /// The INS and what is taken out of its readings and stamps, and of fixes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Known {
-    /// Position, velocity and attitude.
     pub ins: Mechanization,
-    /// Accelerometer biases, m/s^2.
     pub accel_bias_mps2: Vector3<f64>,
-    /// Gyro biases, rad/s.
     pub gyro_bias_radps: Vector3<f64>,
     /// A fix stamped t shows the motion at t minus this, s.
     pub latency_s: f64,
@@ -29,9 +26,7 @@ pub struct Known {
     pub clock_drift: f64,
     /// Antenna from the sensors, body, m.
     pub lever_arm_m: Vector3<f64>,
-    /// Scale errors of the accelerometers, 1.
     pub accel_scale: Vector3<f64>,
-    /// Scale errors of the gyros, 1.
     pub gyro_scale: Vector3<f64>,
     /// Coloured noise that is now in the velocity of fixes, ENU, m/s.
     pub velocity_colour_mps: Vector3<f64>,
@@ -188,7 +183,6 @@ impl Known {
         told(value, variance.max(0.0).sqrt(), start)
     }
 
-    /// Position, velocity and attitude.
     pub fn solution(&self, time: Time) -> Solution {
         Solution {
             time,

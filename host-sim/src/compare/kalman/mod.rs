@@ -42,7 +42,6 @@ pub mod index {
     pub const GYRO: usize = 12;
     /// Latency of GNSS, s.
     pub const LATENCY: usize = 15;
-    /// How many there are.
     pub const COUNT: usize = 16;
 }
 
@@ -51,11 +50,9 @@ pub mod index {
 pub enum Part {
     /// East and north velocity.
     Velocity,
-    /// Vertical velocity.
     VelocityUp,
     /// East and north position.
     Position,
-    /// Height.
     Height,
 }
 
@@ -101,7 +98,6 @@ pub struct Layout {
     pub gyro_scale: Option<usize>,
     /// First of the coloured noise of each part of a fix, in the order of [`Part::ALL`].
     pub colour: [Option<usize>; 4],
-    /// How many errors there are.
     pub size: usize,
 }
 

@@ -20,7 +20,6 @@ const SWAY_RADPS: f64 = 3e-4;
 /// What the INS did since the last covariance step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Span {
-    /// Duration, s.
     pub seconds: f64,
     /// Integral of specific force, ENU, m/s.
     force_mps: Vector3<f64>,
@@ -32,7 +31,6 @@ pub struct Span {
 }
 
 impl Span {
-    /// Adds a step of the INS.
     pub fn add(&mut self, interval: &Interval, step: &Step) {
         let read = |reading: &Vector3<f64>| step.attitude * Matrix3::from_diagonal(reading);
         self.seconds += interval.seconds;
@@ -133,7 +131,6 @@ pub struct Seen {
     pub by: StateMatrix,
     /// INS minus measured, or what else is zero but for errors and noise.
     pub difference: DVector<f64>,
-    /// Variance of the noise.
     pub variance: DVector<f64>,
     /// Covariance of errors (rows) and noise (columns); none where a noise is its own.
     pub shared: Option<StateMatrix>,
@@ -163,7 +160,6 @@ pub struct AtMoment<'a> {
     pub known: &'a Known,
     /// How long before that end, s.
     pub since_s: f64,
-    /// Acceleration, ENU, m/s^2.
     pub accel_mps2: Vector3<f64>,
     /// Angular rate against the Earth over that interval, body, rad/s.
     pub rate_radps: Vector3<f64>,

@@ -59,7 +59,6 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// Steps the covariance at every inertial sample.
     #[must_use]
     pub fn with_covariance_at_every_sample(self) -> Self {
         Self {
@@ -73,7 +72,6 @@ impl<'a> Run<'a> {
         self.fixes_until = Some(time);
     }
 
-    /// The filter, once aligned.
     pub fn filter(&self) -> Option<&Filter> {
         match &self.state {
             State::Aligning(_) => None,
@@ -100,7 +98,6 @@ impl<'a> Run<'a> {
         Some(sample.time)
     }
 
-    /// To the end of the log.
     pub fn finish(&mut self) {
         while self.step(&mut |_, _| {}).is_some() {}
     }
@@ -175,7 +172,6 @@ impl<'a> Run<'a> {
 /// The filter just after a correction, kept for the way back.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
-    /// Stamp.
     pub time: Time,
     known: Known,
     layout: Layout,
@@ -186,18 +182,14 @@ pub struct Record {
 /// What all data say of one time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Smoothed {
-    /// Stamp.
     pub time: Time,
-    /// The INS and its sensors.
     pub known: Known,
-    /// Covariance of the errors that are left.
     pub covariance: StateMatrix,
     layout: Layout,
     run_s: f64,
 }
 
 impl Smoothed {
-    /// In the core's terms.
     pub fn estimates(&self, noise: &Noise) -> Estimates {
         self.known
             .estimates(&self.covariance, self.run_s, &self.layout, noise)

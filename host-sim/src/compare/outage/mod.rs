@@ -43,43 +43,31 @@ pub enum Against {
 /// All navigators through the same outages.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OutageTest {
-    /// Measured against.
     pub against: Against,
     /// Root mean square of the drifts of each.
     pub navigators: Vec<Drifts>,
 }
 
-/// Horizontal errors in one outage.
+/// Horizontal errors in one outage: at its end, and the largest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Drift {
     /// Start, since the first sample, s.
     pub start_s: f64,
-    /// Position at the end, m.
     pub position_end_m: f64,
-    /// Velocity at the end, m/s.
     pub velocity_end_mps: f64,
-    /// Largest of the position, m.
     pub position_max_m: f64,
-    /// Largest of the velocity, m/s.
     pub velocity_max_mps: f64,
 }
 
-/// One navigator through all outages.
+/// One navigator through all outages: root mean squares at their ends, and the largest in any.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Drifts {
-    /// Which.
     pub navigator: &'static str,
-    /// Outages.
     pub count: usize,
-    /// Root mean square at the end, m.
     pub position_rms_m: f64,
-    /// Largest in any outage, m.
     pub position_max_m: f64,
-    /// Root mean square at the end, m/s.
     pub velocity_rms_mps: f64,
-    /// Largest in any outage, m/s.
     pub velocity_max_mps: f64,
-    /// The outages themselves.
     #[serde(skip)]
     pub outages: Vec<Drift>,
 }
