@@ -109,7 +109,6 @@ impl Aerodynamics {
             .fold(0.0, f64::max)
     }
 
-    /// Forces and moments.
     pub fn loads(&self, flow: &Flow, surfaces: &Surfaces) -> Loads {
         let p = &self.parameters;
         let speed = flow.airspeed_mps;

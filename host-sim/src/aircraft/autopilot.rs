@@ -34,7 +34,6 @@ pub struct Track {
 }
 
 impl Track {
-    /// From one point to another.
     pub fn between(from: &Geodetic, to: &Geodetic) -> Self {
         Self {
             to: *to,

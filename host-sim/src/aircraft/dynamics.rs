@@ -42,7 +42,6 @@ pub struct Controls {
     pub throttle: f64,
 }
 
-/// The moving air.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wind {
     pub steady_enu_mps: Vector3<f64>,
@@ -52,7 +51,6 @@ pub struct Wind {
     pub gust_rate_radps: Vector3<f64>,
 }
 
-/// Controls and wind at one moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Inputs {
     pub controls: Controls,
@@ -97,7 +95,6 @@ impl State {
         body_to_enu.tr_mul(&(self.velocity_enu_mps - wind.steady_enu_mps)) - wind.gust_mps
     }
 
-    /// Airspeed, angle of attack and sideslip.
     pub fn air_data(&self, wind: &Wind) -> AirData {
         let air = self.air_velocity(wind, &self.body_to_enu());
         let airspeed_mps = air.norm();
@@ -134,7 +131,6 @@ pub struct Dynamics {
 }
 
 impl Dynamics {
-    /// Prepares the equations.
     pub fn new(parameters: &Parameters) -> Self {
         let m = &parameters.mass;
         Self {

@@ -39,7 +39,6 @@ pub enum FlightError {
     NeverThere { time_s: f64, leg: usize },
 }
 
-/// A flight under way.
 #[derive(Clone, Debug)]
 pub struct Flight {
     dynamics: Dynamics,
@@ -382,7 +381,6 @@ impl Vibration {
         }
     }
 
-    /// Motion of the shaken unit.
     fn shake(&self, k: &Kinematics, crank: &Crank) -> Kinematics {
         let (mut velocity, mut acceleration) = (Vector3::zeros(), Vector3::zeros());
         let (mut rotation, mut rate) = (Vector3::zeros(), Vector3::zeros());

@@ -8,7 +8,6 @@ use super::atmosphere::Density;
 use super::dynamics::{Dynamics, State};
 use super::trim::Trim;
 
-/// A damped oscillation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Oscillation {
     pub natural_frequency_radps: f64,
@@ -17,7 +16,6 @@ pub struct Oscillation {
     pub period_s: f64,
 }
 
-/// The five classical modes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Modes {
     pub phugoid: Oscillation,

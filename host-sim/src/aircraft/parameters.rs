@@ -75,7 +75,6 @@ pub struct Geometry {
     pub mean_chord_m: f64,
 }
 
-/// Lift coefficient.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Lift {
@@ -199,7 +198,6 @@ impl Propeller {
         }
     }
 
-    /// Efficiency at an advance ratio.
     pub fn efficiency(&self, advance_ratio: f64) -> f64 {
         let [p0, p1, p2] = self.power;
         let j = advance_ratio;
@@ -262,7 +260,6 @@ pub struct VibrationLine {
     pub rate_radps: [f64; 3],
 }
 
-/// Published figures.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Specification {

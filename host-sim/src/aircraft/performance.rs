@@ -28,7 +28,6 @@ pub struct Performance {
     pub engine_rpm_at_max_speed: f64,
     pub engine_rpm_in_climb: f64,
     pub propeller_efficiency_at_max_speed: f64,
-    /// Steady level flight at several speeds.
     pub trims: Vec<TrimRow>,
 }
 

@@ -450,7 +450,6 @@ impl Checker<'_> {
     }
 }
 
-/// A place at a height.
 pub(crate) fn at(place: LatLon, height_m: f64) -> Geodetic {
     Geodetic {
         latitude_rad: place.latitude_rad,

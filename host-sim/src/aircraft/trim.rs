@@ -27,7 +27,6 @@ pub enum Power {
     Throttle(f64),
 }
 
-/// A steady flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trim {
     pub state: State,
@@ -43,7 +42,6 @@ pub struct Trim {
 type Unknowns = SVector<f64, 8>;
 
 impl Condition {
-    /// Straight and level.
     pub fn level(airspeed_mps: f64, height_m: f64) -> Self {
         Self {
             airspeed_mps,

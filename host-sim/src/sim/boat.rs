@@ -11,12 +11,12 @@ use super::profile::{Local, Profile};
 /// Bounds of what the boat does under way.
 mod habits {
     pub const SPEED_MPS: [f64; 2] = [2.5, 7.0];
-    pub const ACCELERATION_MPS2: [f64; 2] = [0.1, 0.4];
-    pub const THROTTLE_S: [f64; 2] = [2.0, 5.0];
+    /// Acceleration, m/s^2, and the time in which it builds up, s.
+    pub const THROTTLE: [[f64; 2]; 2] = [[0.1, 0.4], [2.0, 5.0]];
     pub const STEADY_S: [f64; 2] = [10.0, 50.0];
     pub const TURN_RAD: [f64; 2] = [0.5, 2.5];
-    pub const TURN_RADPS: [f64; 2] = [0.05, 0.15];
-    pub const HELM_S: [f64; 2] = [3.0, 5.0];
+    /// Rate of turn, rad/s, and the time in which it builds up, s.
+    pub const HELM: [[f64; 2]; 2] = [[0.05, 0.15], [3.0, 5.0]];
     /// From the anchor to the bow, m.
     pub const RODE_M: [f64; 2] = [15.0, 40.0];
     /// Time in which the swinging dies away under way.
@@ -30,11 +30,9 @@ pub struct Anchored {
     pub until_s: f64,
     /// From one end to the same end, s.
     pub period_s: f64,
-    /// Fastest turn, rad/s.
     pub peak_radps: f64,
 }
 
-/// A boat on its way.
 #[derive(Clone, Debug)]
 pub struct Boat {
     speed: Profile,
@@ -68,14 +66,11 @@ impl Boat {
 
     fn leg(&mut self, random: &mut Random, start_s: f64) -> f64 {
         let speed = random.uniform(habits::SPEED_MPS);
-        let acceleration = random.uniform(habits::ACCELERATION_MPS2);
-        let throttle_s = random.uniform(habits::THROTTLE_S);
-        let fast_s = self.speed.step_to(speed, start_s, acceleration, throttle_s);
+        let fast_s = (self.speed).step_drawn(random, speed, start_s, habits::THROTTLE);
         let turn_s = fast_s + random.uniform(habits::STEADY_S);
         let to = self.course.last_value() + random.uniform(habits::TURN_RAD) * random.sign();
-        let rate = random.uniform(habits::TURN_RADPS);
-        let helm_s = random.uniform(habits::HELM_S);
-        self.course.step_to(to, turn_s, rate, helm_s) + random.uniform(habits::STEADY_S)
+        let turned_s = (self.course).step_drawn(random, to, turn_s, habits::HELM);
+        turned_s + random.uniform(habits::STEADY_S)
     }
 
     /// The swing of the heading, with two derivatives.

@@ -44,15 +44,11 @@ mod habits {
 /// A way of straights and turns, alike from end to end: bounds of what there is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Way {
-    /// Time at rest first, s.
     pub rest_s: [f64; 2],
-    /// Speeds, m/s.
     pub speed_mps: [f64; 2],
-    /// Straights, s.
     pub straight_s: [f64; 2],
     /// Stops at the ends of straights, s, where there are any.
     pub stop_s: Option<[f64; 2]>,
-    /// Turns to either side, rad.
     pub turn_rad: [f64; 2],
     /// Acceleration across in them, m/s^2.
     pub lateral_mps2: [f64; 2],
@@ -78,7 +74,6 @@ impl Way {
     pub const BALANCED: f64 = 1.0 / 9.81;
 }
 
-/// A car on its way.
 #[derive(Clone, Debug)]
 pub struct Car {
     speed: Profile,
@@ -224,7 +219,6 @@ impl Course {
         }
     }
 
-    /// The speed at its end.
     pub(crate) fn speed_mps(&self) -> f64 {
         self.speed.last_value()
     }
@@ -347,23 +341,6 @@ mod tests {
         (1..)
             .map(move |k| f64::from(k) * step_s)
             .take_while(|t| *t < HOUR_S)
-    }
-
-    #[test]
-    fn rates_are_the_derivatives_of_velocity_and_attitude() {
-        // Central differences over 2 ms: the error is h^2/6 of the third derivative, below 1e-5
-        // for a jerk rate of 10 m/s^4; the rounding of a quaternion over 2 ms is 1e-13.
-        const H: f64 = 1e-3;
-        let mut car = Car::new(7, HOUR_S, Some([30.0, 120.0]));
-        for t in times(0.37) {
-            let [before, now, after] = [t - H, t, t + H].map(|t| car.kinematics(t));
-            let acceleration = (after.velocity_enu_mps - before.velocity_enu_mps) / (2.0 * H);
-            let rate = (before.attitude.inverse() * after.attitude).scaled_axis() / (2.0 * H);
-            let off = (acceleration - now.acceleration_enu_mps2).norm();
-            assert!(off < 2e-5, "acceleration off by {off} at {t} s");
-            let off = (rate - now.angular_rate_lb_b_radps).norm();
-            assert!(off < 2e-5, "angular rate off by {off} at {t} s");
-        }
     }
 
     #[test]

@@ -19,12 +19,10 @@ use crate::log::{self, BodyAxes, Log, Meta};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Grade {
-    /// No errors.
     Ideal,
     /// Ring-laser class, 1 deg/h.
     #[default]
     Hg1700,
-    /// Consumer MEMS.
     Mems,
 }
 
@@ -46,7 +44,6 @@ impl Grade {
         }
     }
 
-    /// The class's error model.
     pub fn errors(self) -> ErrorModel {
         match self {
             Self::Ideal => ErrorModel::ideal(),
@@ -61,19 +58,14 @@ impl Grade {
 pub struct Recording {
     /// Fixes every random number.
     pub seed: u64,
-    /// How long, s.
     pub duration_s: f64,
-    /// Inertial samples per second.
     pub imu_hz: f64,
     /// The truth is kept at every so many inertial samples.
     pub truth_every: u32,
-    /// Where the motion begins.
     pub origin: Geodetic,
-    /// Sensors.
     pub errors: ErrorModel,
 }
 
-/// A simulated drive.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DriveConfig {
     /// How it is recorded; the seed also chooses the route.
@@ -108,13 +100,11 @@ impl DriveConfig {
 pub struct SimulatedDrive {
     /// As measured, in the output form of the error model.
     pub imu: Vec<ImuSample>,
-    /// As received.
     pub gnss: Vec<GnssFix>,
     /// When each fix arrives, not before its stamp.
     pub arrivals: Vec<Time>,
     /// What really happened, under the stamps of the samples.
     pub truth: Vec<Solution>,
-    /// The errors that an estimator should find.
     pub errors: SensorErrors,
     /// The heading given at the start, with its error, if the model gives one.
     pub given_heading_rad: Option<f64>,
@@ -147,9 +137,7 @@ impl SimulatedDrive {
 /// A scale error of the z accelerometer is felt as a bias of scale times g.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorErrors {
-    /// Accelerometer biases.
     pub accel_bias_mps2: [f64; 3],
-    /// Gyro biases.
     pub gyro_bias_radps: [f64; 3],
     /// What accelerometers read beyond the truth in proportion to it: scale errors and
     /// misalignments.
@@ -171,7 +159,6 @@ pub fn simulate(config: &DriveConfig) -> SimulatedDrive {
     record(car, recording)
 }
 
-/// Records any motion.
 pub fn record<M: Motion>(motion: M, recording: &Recording) -> SimulatedDrive {
     record_with(motion, recording, None)
 }

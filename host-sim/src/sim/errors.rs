@@ -20,7 +20,6 @@ pub struct ErrorModel {
     pub gyro_deg_h: SensorModel,
     /// The three accelerometers, in m/s^2.
     pub accel_mps2: SensorModel,
-    /// The receiver.
     pub gnss: GnssModel,
     /// Spread of the error of the heading given at the start, deg; absent: none is given.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -52,7 +51,6 @@ pub struct ImuModel {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorModel {
-    /// The bias.
     pub bias: BiasModel,
     /// White noise, root of its spectral density P in (3), (4), U/sqrt(Hz): its integral over t
     /// has a standard deviation of this times sqrt(t).
@@ -98,10 +96,8 @@ pub enum BiasModel {
         initial_sigma: f64,
         /// Interval Dt between jumps, s.
         interval_s: f64,
-        /// Mean of a jump, U.
         #[serde(default)]
         jump_mean: f64,
-        /// Spread of a jump, U.
         jump_sigma: f64,
     },
     /// (4): constant + linear trend + exponentially correlated noise.
@@ -111,10 +107,8 @@ pub enum BiasModel {
         /// Run-to-run spread of the trend, U/s.
         #[serde(default)]
         slope_sigma_per_s: f64,
-        /// Standard deviation of the correlated part, U.
         #[serde(default)]
         correlated_sigma: f64,
-        /// Its correlation time, s.
         #[serde(default = "a_second")]
         correlation_time_s: f64,
     },
@@ -169,7 +163,6 @@ impl BiasModel {
         }
     }
 
-    /// Sets the run-to-run spread at the start, U.
     pub fn set_initial_sigma(&mut self, sigma: f64) {
         match self {
             Self::Wave { initial_sigma, .. } | Self::Continuous { initial_sigma, .. } => {
@@ -178,7 +171,6 @@ impl BiasModel {
         }
     }
 
-    /// Which law it follows.
     pub fn law(&self) -> Law {
         match self {
             Self::Wave { .. } => Law::Wave,
@@ -217,18 +209,15 @@ impl BiasModel {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GnssModel {
-    /// Fixes per second.
     pub rate_hz: f64,
     /// White noise of each velocity component, m/s.
     pub velocity_sigma_mps: f64,
     /// White noise of east and north position, m.
     pub horizontal_sigma_m: f64,
-    /// White noise of height, m.
     pub vertical_sigma_m: f64,
     /// Bounds of the latency, drawn once a run: a fix shows the motion of that long before its
     /// stamp. Negative where the inertial stamps are late.
     pub latency_s: [f64; 2],
-    /// Times without fixes.
     #[serde(default)]
     pub outages: Vec<Outage>,
     /// All else that receivers do.
@@ -240,9 +229,7 @@ pub struct GnssModel {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Outage {
-    /// From the start of the run, s.
     pub start_s: f64,
-    /// How long, s.
     pub duration_s: f64,
 }
 
@@ -377,7 +364,6 @@ impl ImuModel {
 }
 
 impl Outage {
-    /// Whether it is going on.
     pub fn holds(&self, time_s: f64) -> bool {
         (self.start_s..self.start_s + self.duration_s).contains(&time_s)
     }

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 
 use super::errors::GnssModel;
 use super::ideal::{Antenna, TrueState, displaced};
-use super::noise::Random;
+use super::noise::{Memory, Random};
 use super::receiver::{Correlated, Habits, Stated, Up, Wrong};
 
 /// The receiver of one run.
@@ -35,8 +35,8 @@ impl Gnss {
     pub fn new(model: &GnssModel, seed: u64) -> Self {
         let habits = &model.habits;
         let period_s = 1.0 / model.rate_hz;
-        let memory = |noise: &Correlated, name: &str| {
-            Memory::new(noise, period_s, Random::stream(seed, name))
+        let memory = |noise: &Correlated, jumps: bool, name: &str| {
+            Memory::new(noise, period_s, jumps, Random::stream(seed, name))
         };
         let (level, up) = (&habits.horizontal, &habits.vertical);
         Self {
@@ -45,13 +45,13 @@ impl Gnss {
             velocity_noise: Random::stream(seed, "gnss velocity"),
             position_noise: Random::stream(seed, "gnss position"),
             velocity_memory: ["east", "north", "up"]
-                .map(|axis| memory(&habits.velocity, &format!("gnss velocity {axis}"))),
+                .map(|axis| memory(&habits.velocity, false, &format!("gnss velocity {axis}"))),
             position_memory: [
                 (level, "gnss position east"),
                 (level, "gnss position north"),
                 (up, "gnss height"),
             ]
-            .map(|(noise, name)| memory(noise, name).jumping(habits.position_jumps)),
+            .map(|(noise, name)| memory(noise, habits.position_jumps, name)),
             outliers: Random::stream(seed, "gnss outliers"),
             smoothed: None,
             last_place: None,
@@ -329,46 +329,6 @@ impl Errors {
     }
 }
 
-/// A Gauss-Markov process, stationary from the start, or one of jumps with the same covariance.
-#[derive(Clone, Debug)]
-struct Memory {
-    value: f64,
-    keep: f64,
-    sigma: f64,
-    jumps: bool,
-    random: Random,
-}
-
-impl Memory {
-    fn new(noise: &Correlated, step_s: f64, mut random: Random) -> Self {
-        Self {
-            value: noise.sigma * random.normal(),
-            keep: libm::exp(-step_s / noise.time_s),
-            sigma: noise.sigma,
-            jumps: false,
-            random,
-        }
-    }
-
-    fn jumping(self, jumps: bool) -> Self {
-        Self { jumps, ..self }
-    }
-
-    /// The value now; then one step on.
-    fn step(&mut self) -> f64 {
-        let now = self.value;
-        if self.jumps {
-            if !self.random.chance(self.keep) {
-                self.value = self.sigma * self.random.normal();
-            }
-        } else if self.sigma > 0.0 {
-            let fresh = (1.0 - self.keep * self.keep).sqrt();
-            self.value = self.keep * now + self.sigma * fresh * self.random.normal();
-        }
-        now
-    }
-}
-
 /// When each fix arrives: later than its stamp by the receiver's delay. None overtakes another.
 pub fn arrivals(fixes: &[GnssFix], habits: &Habits, seed: u64) -> Vec<Time> {
     let mut delays = Random::stream(seed, "gnss delay");
@@ -385,7 +345,7 @@ pub fn arrivals(fixes: &[GnssFix], habits: &Habits, seed: u64) -> Vec<Time> {
 #[cfg(test)]
 mod tests {
     use super::super::drive::{DriveConfig, Grade, SimulatedDrive, simulate};
-    use super::super::noise::statistics::{assert_correlation, assert_mean, assert_sigma};
+    use super::super::noise::statistics::{assert_mean, assert_sigma};
     use super::super::receiver::{Outliers, Trouble};
     use super::*;
 
@@ -404,29 +364,6 @@ mod tests {
             start_s,
             duration_s,
             wrong,
-        }
-    }
-
-    #[test]
-    fn correlated_noise_has_the_covariance_it_says() {
-        let noise = Correlated {
-            sigma: 0.05,
-            time_s: 2.0,
-        };
-        let runs: Vec<Vec<f64>> = (0..5000)
-            .map(|seed| {
-                let mut memory = Memory::new(&noise, 0.1, Random::stream(seed, "test"));
-                (0..100).map(|_| memory.step()).collect()
-            })
-            .collect();
-        let at = |step: usize| -> Vec<f64> { runs.iter().map(|run| run[step]).collect() };
-        let start = at(0);
-        for step in [0, 1, 20, 60, 99] {
-            assert_mean(&at(step), 0.0, 0.05);
-            assert_sigma(&at(step), 0.05);
-            if step > 0 {
-                assert_correlation(&start, &at(step), libm::exp(-0.1 * step as f64 / 2.0));
-            }
         }
     }
 
@@ -515,31 +452,6 @@ mod tests {
         assert!(off.norm() < 0.01, "{off}");
         let stated = |at: usize| wrong.gnss[at].sigma.position_m.unwrap();
         assert!((stated(620) - 0.5).abs() < 1e-12 && (stated(700) - 0.4).abs() < 1e-12);
-    }
-
-    #[test]
-    fn jumps_have_the_spread_and_memory_of_what_wanders() {
-        let noise = Correlated {
-            sigma: 3.0,
-            time_s: 2.0,
-        };
-        let runs: Vec<[f64; 2]> = (0..5000)
-            .map(|seed| {
-                let mut memory =
-                    Memory::new(&noise, 0.1, Random::stream(seed, "test")).jumping(true);
-                let start = memory.step();
-                let later = (1..=10).map(|_| memory.step()).last();
-                [start, later.unwrap()]
-            })
-            .collect();
-        let at = |which: usize| -> Vec<f64> { runs.iter().map(|run| run[which]).collect() };
-        assert_sigma(&at(1), 3.0);
-        let kept = at(0)
-            .iter()
-            .zip(at(1))
-            .filter(|(a, b)| (*a - b).abs() < 1e-12)
-            .count();
-        assert!((kept as f64 / 5000.0 - libm::exp(-0.5)).abs() < 0.03);
     }
 
     #[test]

@@ -19,7 +19,6 @@ const INNER_WEIGHT: f64 = 5.0 / 12.0;
 pub struct Increments {
     /// Integral of the angular rate of the body against inertial space.
     pub angle_b_rad: Vector3<f64>,
-    /// Integral of the specific force.
     pub velocity_b_mps: Vector3<f64>,
 }
 
@@ -52,11 +51,8 @@ impl Rates {
 /// The exact state of the vehicle at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrueState {
-    /// Position, velocity, attitude.
     pub solution: Solution,
-    /// Time derivative of the velocity components.
     pub acceleration_enu_mps2: Vector3<f64>,
-    /// Instantaneous readings.
     pub rates: Rates,
 }
 
@@ -201,7 +197,6 @@ impl<M: Motion> IdealSensors<M> {
         }
     }
 
-    /// The state reached.
     pub fn state(&self) -> &TrueState {
         &self.state
     }

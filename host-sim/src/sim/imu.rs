@@ -14,9 +14,7 @@ const DEG_RAD: f64 = core::f64::consts::PI / 180.0;
 #[derive(Clone, Debug)]
 pub struct Imu {
     output: ImuOutput,
-    /// The gyros, rad/s.
     pub gyros: Triad,
-    /// The accelerometers, m/s^2.
     pub accels: Triad,
     /// What stands in place of their white noise, if anything.
     pub recorded: Option<Resampled>,
@@ -121,7 +119,6 @@ impl Triad {
         }
     }
 
-    /// The biases now.
     pub fn bias(&self) -> Vector3<f64> {
         let drifted = Vector3::from([0, 1, 2].map(|axis| self.bias[axis].value()));
         drifted + self.warming * (1.0 - self.cold)
@@ -165,7 +162,6 @@ impl Triad {
     }
 }
 
-/// The bias of one sensor.
 #[derive(Clone, Debug)]
 struct Bias {
     model: BiasModel,

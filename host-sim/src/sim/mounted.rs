@@ -7,11 +7,8 @@ use super::motion::{Kinematics, Motion};
 /// A unit that comes loose, and holds again.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slip {
-    /// From when, s.
     pub start_s: f64,
-    /// How long it turns, s.
     pub duration_s: f64,
-    /// By what it turns, body, rad.
     pub turn_rad: Vector3<f64>,
 }
 

@@ -16,8 +16,8 @@ const ATTACK_RAD_PER_G: f64 = 0.07;
 /// Bounds between which the pilot chooses.
 mod habits {
     pub const SPEED_MPS: [f64; 2] = [18.0, 28.0];
-    pub const ACCELERATION_MPS2: [f64; 2] = [1.0, 2.0];
-    pub const THROTTLE_S: [f64; 2] = [1.5, 3.0];
+    /// Acceleration, m/s^2, and the time in which it builds up, s.
+    pub const THROTTLE: [[f64; 2]; 2] = [[1.0, 2.0], [1.5, 3.0]];
     pub const TAKE_OFF_MPS2: f64 = 3.0;
     pub const STRAIGHT_S: [f64; 2] = [4.0, 20.0];
     pub const TURN_RAD: [f64; 2] = [0.8, 7.0];
@@ -34,7 +34,6 @@ mod habits {
 pub enum Begin {
     /// Half a minute on the ground, then take-off.
     OnGround,
-    /// In the air.
     InFlight,
 }
 
@@ -65,10 +64,8 @@ impl Plane {
         let mut now_s = random.uniform(habits::STRAIGHT_S);
         if !in_flight {
             now_s += 30.0;
-            let throttle_s = habits::THROTTLE_S[1];
-            now_s = plane
-                .speed
-                .step_to(cruise, now_s, habits::TAKE_OFF_MPS2, throttle_s);
+            let [_, [_, throttle_s]] = habits::THROTTLE;
+            now_s = (plane.speed).step_to(cruise, now_s, habits::TAKE_OFF_MPS2, throttle_s);
             now_s = plane.change_climb(habits::CLIMB_RAD[1], now_s);
         }
         while now_s < duration_s {
@@ -85,9 +82,7 @@ impl Plane {
             now_s = self.change_climb(climb, now_s);
         } else {
             let speed = random.uniform(habits::SPEED_MPS);
-            let acceleration = random.uniform(habits::ACCELERATION_MPS2);
-            let throttle_s = random.uniform(habits::THROTTLE_S);
-            now_s = self.speed.step_to(speed, now_s, acceleration, throttle_s);
+            now_s = (self.speed).step_drawn(random, speed, now_s, habits::THROTTLE);
         }
         now_s += random.uniform(habits::STRAIGHT_S);
         let angle = random.uniform(habits::TURN_RAD) * random.sign();

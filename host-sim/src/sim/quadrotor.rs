@@ -16,19 +16,18 @@ const DRAG_PER_S: f64 = 0.3;
 /// Bounds between which the pilot chooses.
 mod habits {
     pub const LEVEL_MPS: [f64; 2] = [-4.0, 4.0];
-    pub const LEVEL_MPS2: [f64; 2] = [1.0, 4.0];
+    /// Acceleration, m/s^2, and the time of a tilt to it, s.
+    pub const LEVEL: [[f64; 2]; 2] = [[1.0, 4.0], [0.3, 0.7]];
     pub const UP_MPS: [f64; 2] = [-1.0, 1.0];
-    pub const UP_MPS2: [f64; 2] = [0.5, 2.0];
-    pub const TILT_S: [f64; 2] = [0.3, 0.7];
+    pub const UP: [[f64; 2]; 2] = [[0.5, 2.0], [0.3, 0.7]];
     pub const PAUSE_S: [f64; 2] = [0.5, 5.0];
     pub const TURN_RAD: [f64; 2] = [-1.6, 1.6];
-    pub const TURN_RADPS: [f64; 2] = [0.4, 1.5];
-    pub const TURN_S: [f64; 2] = [0.3, 0.6];
+    /// Rate of turn, rad/s, and the time in which it builds up, s.
+    pub const TURN: [[f64; 2]; 2] = [[0.4, 1.5], [0.3, 0.6]];
     pub const STEADY_S: [f64; 2] = [4.0, 20.0];
     pub const TAKE_OFF_MPS: f64 = 1.5;
 }
 
-/// A quadrotor on its way.
 #[derive(Clone, Debug)]
 pub struct Quadrotor {
     east: Profile,
@@ -60,27 +59,23 @@ impl Quadrotor {
                 .step_to(habits::TAKE_OFF_MPS, ground_s, 1.0, 0.7);
             free_s = quadrotor.up.step_to(0.0, up_s + 4.0, 1.0, 0.7);
         }
-        let level = (habits::LEVEL_MPS, habits::LEVEL_MPS2);
-        for (profile, (speeds, accelerations)) in [
-            (&mut quadrotor.east, level),
-            (&mut quadrotor.north, level),
-            (&mut quadrotor.up, (habits::UP_MPS, habits::UP_MPS2)),
+        for (profile, speeds, tilt) in [
+            (&mut quadrotor.east, habits::LEVEL_MPS, habits::LEVEL),
+            (&mut quadrotor.north, habits::LEVEL_MPS, habits::LEVEL),
+            (&mut quadrotor.up, habits::UP_MPS, habits::UP),
         ] {
             let mut now_s = free_s;
             while now_s < duration_s {
                 now_s += random.uniform(habits::PAUSE_S);
                 let speed = random.uniform(speeds);
-                let acceleration = random.uniform(accelerations);
-                now_s = profile.step_to(speed, now_s, acceleration, random.uniform(habits::TILT_S));
+                now_s = profile.step_drawn(&mut random, speed, now_s, tilt);
             }
         }
         let mut now_s = free_s;
         while now_s < duration_s {
             now_s += random.uniform(habits::STEADY_S);
             let to = quadrotor.heading.last_value() + random.uniform(habits::TURN_RAD);
-            let rate = random.uniform(habits::TURN_RADPS);
-            let turn_s = random.uniform(habits::TURN_S);
-            now_s = quadrotor.heading.step_to(to, now_s, rate, turn_s);
+            now_s = (quadrotor.heading).step_drawn(&mut random, to, now_s, habits::TURN);
         }
         quadrotor
     }

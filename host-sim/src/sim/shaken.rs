@@ -10,18 +10,14 @@ use super::noise::Random;
 /// One frequency of a shaking, body axes; amplitudes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Swing {
-    /// Frequency, Hz.
     pub hz: f64,
-    /// Velocity, m/s.
     pub velocity_mps: [f64; 3],
-    /// Rotation, rad.
     pub rotation_rad: [f64; 3],
 }
 
 /// When it shakes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum When {
-    /// Always.
     Always,
     /// The more, the faster; half at this speed, m/s.
     Moving(f64),
@@ -29,7 +25,6 @@ pub enum When {
     Standing(f64),
 }
 
-/// A shaken motion.
 #[derive(Clone, Debug)]
 pub struct Shaken<M> {
     motion: M,

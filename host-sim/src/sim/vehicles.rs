@@ -60,6 +60,7 @@ fn vehicles() -> Vec<(&'static str, Box<dyn Motion>)> {
             "car",
             Box::new(Shaken::new(car(), &swings, When::Standing(3.0), 2)),
         ),
+        ("leaning", Box::new(car())),
         ("way", Box::new(Car::on_way(4, DURATION_S, &way))),
         (
             "mounted",

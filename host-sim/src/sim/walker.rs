@@ -8,15 +8,15 @@ use super::profile::Profile;
 
 mod habits {
     pub const SPEED_MPS: [f64; 2] = [0.8, 1.8];
-    pub const ACCELERATION_MPS2: [f64; 2] = [0.5, 1.2];
-    pub const STEP_S: [f64; 2] = [0.4, 0.8];
+    /// Acceleration, m/s^2, and the time in which it builds up, s.
+    pub const PACE: [[f64; 2]; 2] = [[0.5, 1.2], [0.4, 0.8]];
     pub const STEADY_S: [f64; 2] = [4.0, 25.0];
     pub const STOP_S: [f64; 2] = [2.0, 15.0];
     pub const TURN_RAD: [f64; 2] = [0.3, 1.8];
-    pub const TURN_RADPS: [f64; 2] = [0.5, 1.2];
+    /// Rate of turn, rad/s, and the time in which it builds up, s.
+    pub const TURN: [[f64; 2]; 2] = [[0.5, 1.2], [0.4, 0.8]];
 }
 
-/// Somebody on the way.
 #[derive(Clone, Debug)]
 pub struct Walker {
     speed: Profile,
@@ -42,9 +42,7 @@ impl Walker {
         let mut now_s = self.pace(random, habits::SPEED_MPS, start_s);
         now_s += random.uniform(habits::STEADY_S);
         let to = self.heading.last_value() + random.uniform(habits::TURN_RAD) * random.sign();
-        let rate = random.uniform(habits::TURN_RADPS);
-        let step_s = random.uniform(habits::STEP_S);
-        now_s = self.heading.step_to(to, now_s, rate, step_s);
+        now_s = (self.heading).step_drawn(random, to, now_s, habits::TURN);
         now_s += random.uniform(habits::STEADY_S);
         if random.chance(0.3) {
             now_s = self.pace(random, [0.0; 2], now_s) + random.uniform(habits::STOP_S);
@@ -54,9 +52,7 @@ impl Walker {
 
     fn pace(&mut self, random: &mut Random, speed_mps: [f64; 2], start_s: f64) -> f64 {
         let speed = random.uniform(speed_mps);
-        let acceleration = random.uniform(habits::ACCELERATION_MPS2);
-        let step_s = random.uniform(habits::STEP_S);
-        self.speed.step_to(speed, start_s, acceleration, step_s)
+        (self.speed).step_drawn(random, speed, start_s, habits::PACE)
     }
 }
 
