@@ -4,13 +4,11 @@
 mod aircraft_dynamics;
 mod aircraft_files;
 mod aircraft_flight;
-mod aircraft_performance;
 mod campaign;
 mod clock_offsets;
 mod command_line;
 mod five_stage;
 mod flight_log;
-mod flight_plans;
 mod flights;
 mod identify_logs;
 mod import;
