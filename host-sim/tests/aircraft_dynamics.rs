@@ -4,12 +4,10 @@
 use host_sim::aircraft::aerodynamics::Surfaces;
 use host_sim::aircraft::atmosphere::{self, Density};
 use host_sim::aircraft::cessna172;
-use host_sim::aircraft::dynamics::{Dynamics, Inputs, State};
-use host_sim::aircraft::flight::STEP_S;
-use host_sim::aircraft::modes::modes;
+use host_sim::aircraft::dynamics::{Dynamics, Inputs, STEP_S, State};
 use host_sim::aircraft::performance::{performance, stall_speed_mps};
 use host_sim::aircraft::trajectory::euler;
-use host_sim::aircraft::trim::{Condition, Power, Trim};
+use host_sim::aircraft::trim::{Condition, Power, Trim, modes};
 use nalgebra::Vector3;
 
 const SPEED_MPS: f64 = 52.0;

@@ -2,8 +2,8 @@
 
 use host_sim::aircraft::cessna172;
 use host_sim::aircraft::dynamics::Dynamics;
-use host_sim::aircraft::modes::Modes;
 use host_sim::aircraft::performance::{TrimRow, trim_row};
+use host_sim::aircraft::trim::Modes;
 use serde::Deserialize;
 
 use crate::published::{CESSNA_172, MODE_ROWS};

@@ -12,6 +12,9 @@ use super::atmosphere::{Density, GRAVITY_MPS2};
 use super::parameters::Parameters;
 use ins_core::attitude;
 
+/// Step of the integrator and of the autopilot, s. `step_size_is_small_enough` is the evidence.
+pub const STEP_S: f64 = 0.02;
+
 /// Where the aircraft is in its own mechanics. Latitude and longitude do not matter here.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State {

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 
 use super::atmosphere::Density;
 use super::autopilot::{Autopilot, Lateral, Target, Track};
-use super::dynamics::{Derivative, Dynamics, Inputs};
+use super::dynamics::{Derivative, Dynamics, Inputs, STEP_S};
 use super::parameters::Parameters;
 use super::performance::best_climb;
 use super::plan::{Leg, Path2d, Plan, at, lead_m};
@@ -16,11 +16,9 @@ use super::trajectory::{Node, Segment, euler};
 use super::trim::Condition;
 use super::wind::AirMass;
 use crate::sim::ideal::displaced;
-use crate::sim::shaken::swung;
+use crate::sim::motion::swung;
 use crate::sim::{Kinematics, Motion};
 
-/// Step of the integrator and of the autopilot, s. `step_size_is_small_enough` is the evidence.
-pub const STEP_S: f64 = 0.02;
 /// Guidance runs once in so many steps.
 const GUIDE_EVERY: u64 = 10;
 /// A leg that takes longer than in still air by this factor, and ten minutes, is not to be reached.
@@ -46,7 +44,6 @@ pub struct Flight {
     autopilot: Autopilot,
     air: AirMass,
     vibration: Option<Vibration>,
-    step_s: f64,
     steps: u64,
     /// Where the integrator has come to; controls and wind there.
     pub node: Node,
@@ -69,16 +66,6 @@ pub struct Flight {
 impl Flight {
     /// At the start of the plan, in steady level flight.
     pub fn new(dynamics: &Dynamics, plan: &Plan, seed: u64) -> Result<Self, FlightError> {
-        Self::with_step(dynamics, plan, seed, STEP_S)
-    }
-
-    /// The same with another step of the integrator.
-    pub fn with_step(
-        dynamics: &Dynamics,
-        plan: &Plan,
-        seed: u64,
-        step_s: f64,
-    ) -> Result<Self, FlightError> {
         let start = &plan.start;
         let position = start.position;
         let trim = Condition::level(start.airspeed_mps, position.height_m)
@@ -104,7 +91,6 @@ impl Flight {
             plan.wind_enu_mps,
             plan.turbulence,
             dynamics.parameters.geometry.wing_span_m,
-            step_s,
             seed,
         );
         let wind = air.step(start.airspeed_mps, position.height_m - plan.ground_height_m);
@@ -119,14 +105,13 @@ impl Flight {
             acceleration_enu_mps2: derivative.acceleration_enu_mps2,
         };
         let climb = best_climb(dynamics, position.height_m).map_or(0.0, |trim| trim.climb_rate_mps);
-        let autopilot = Autopilot::new(&dynamics.parameters, &trim, plan.bank_rad, climb, step_s);
+        let autopilot = Autopilot::new(&dynamics.parameters, &trim, plan.bank_rad, climb);
         let mut flight = Self {
             dynamics: dynamics.clone(),
             plan: plan.clone(),
             autopilot,
             air,
             vibration: plan.vibration.then(|| Vibration::new(&dynamics.parameters)),
-            step_s,
             steps: 0,
             node,
             derivative,
@@ -135,7 +120,7 @@ impl Flight {
             segment: Segment::between(
                 &node,
                 &Node {
-                    time_s: step_s,
+                    time_s: STEP_S,
                     ..node
                 },
             ),
@@ -289,13 +274,13 @@ impl Flight {
             &self.inputs,
             &next_inputs,
             &density,
-            self.step_s,
+            STEP_S,
         );
         self.derivative = self.dynamics.derivative(&next, &next_inputs, &density);
         self.inputs = next_inputs;
         self.steps += 1;
         let node = Node {
-            time_s: self.steps as f64 * self.step_s,
+            time_s: self.steps as f64 * STEP_S,
             state: next,
             acceleration_enu_mps2: self.derivative.acceleration_enu_mps2,
         };
@@ -312,7 +297,7 @@ impl Flight {
     /// Over the step, the speed taken linear within it.
     fn turn_crank(&mut self, to_radps: f64) {
         let ([_, from_rad], [_, from_radps]) = (self.crank_rad, self.crank_radps);
-        let turned_rad = from_rad + 0.5 * self.step_s * (from_radps + to_radps);
+        let turned_rad = from_rad + 0.5 * STEP_S * (from_radps + to_radps);
         // All orders are multiples of a half.
         self.crank_rad = [from_rad, libm::fmod(turned_rad, 4.0 * PI)];
         self.crank_radps = [from_radps, to_radps];
@@ -330,8 +315,8 @@ impl Motion for Flight {
             return kinematics;
         };
         let [from_radps, to_radps] = self.crank_radps;
-        let since_s = time_s - (self.segment.end_s() - self.step_s);
-        let rate_radps2 = (to_radps - from_radps) / self.step_s;
+        let since_s = time_s - (self.segment.end_s() - STEP_S);
+        let rate_radps2 = (to_radps - from_radps) / STEP_S;
         let crank = Crank {
             angle_rad: self.crank_rad[0] + since_s * (from_radps + 0.5 * since_s * rate_radps2),
             rate_radps: from_radps + since_s * rate_radps2,

@@ -7,7 +7,6 @@ pub mod autopilot;
 pub mod dynamics;
 pub mod flight;
 pub mod input;
-pub mod modes;
 pub mod parameters;
 pub mod performance;
 pub(crate) mod pictures;

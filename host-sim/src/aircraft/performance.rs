@@ -5,8 +5,7 @@ use serde::Serialize;
 use super::aerodynamics::last_where;
 use super::atmosphere::{self, GRAVITY_MPS2};
 use super::dynamics::Dynamics;
-use super::modes::{Modes, modes};
-use super::trim::{Condition, Power, Trim};
+use super::trim::{Condition, Modes, Power, Trim, modes};
 
 /// Rate of climb that defines the service ceiling (100 ft/min, FAR 23 practice), m/s.
 const SERVICE_CLIMB_MPS: f64 = 0.508;

@@ -28,10 +28,8 @@ pub struct Known {
     pub lever_arm_m: Vector3<f64>,
     pub accel_scale: Vector3<f64>,
     pub gyro_scale: Vector3<f64>,
-    /// Coloured noise that is now in the velocity of fixes, ENU, m/s.
-    pub velocity_colour_mps: Vector3<f64>,
-    /// And in their position, ENU, m.
-    pub position_colour_m: Vector3<f64>,
+    /// Coloured noise that is now in the position and in the velocity of fixes, ENU, m and m/s.
+    pub colour: [Vector3<f64>; 2],
 }
 
 impl Known {
@@ -46,8 +44,7 @@ impl Known {
             lever_arm_m: noise.gnss.lever_arm_m.into(),
             accel_scale: Vector3::zeros(),
             gyro_scale: Vector3::zeros(),
-            velocity_colour_mps: Vector3::zeros(),
-            position_colour_m: Vector3::zeros(),
+            colour: [Vector3::zeros(); 2],
         }
     }
 
@@ -64,19 +61,7 @@ impl Known {
 
     /// Coloured noise of a velocity or position.
     pub(super) fn colour(&self, part: Part) -> &Vector3<f64> {
-        if part.is_velocity() {
-            &self.velocity_colour_mps
-        } else {
-            &self.position_colour_m
-        }
-    }
-
-    fn colour_mut(&mut self, part: Part) -> &mut Vector3<f64> {
-        if part.is_velocity() {
-            &mut self.velocity_colour_mps
-        } else {
-            &mut self.position_colour_m
-        }
+        &self.colour[usize::from(part.is_velocity())]
     }
 
     /// Lets coloured noise fade, and the latency grow.
@@ -85,7 +70,7 @@ impl Known {
         for part in Part::ALL {
             let kept = noise.kept(part, seconds);
             for axis in part.axes() {
-                self.colour_mut(part)[axis] *= kept;
+                self.colour[usize::from(part.is_velocity())][axis] *= kept;
             }
         }
     }
@@ -107,7 +92,7 @@ impl Known {
         self.gyro_scale += optional(layout.gyro_scale);
         for part in Part::ALL {
             for (axis, state) in part.axes().zip(layout.colour(part)) {
-                self.colour_mut(part)[axis] += errors[state];
+                self.colour[usize::from(part.is_velocity())][axis] += errors[state];
             }
         }
         self
