@@ -144,8 +144,9 @@ impl Start {
             (layout.accel_scale, sensors.accel_scale),
             (layout.gyro_scale, sensors.gyro_scale),
         ] {
-            at.into_iter()
-                .for_each(|at| set(at, Vector3::repeat(spread)));
+            if let Some(at) = at {
+                set(at, Vector3::repeat(spread));
+            }
         }
         sigma[index::LATENCY] = gnss.latency_sigma_s;
         if let Some(at) = layout.clock_drift {
