@@ -1,10 +1,14 @@
-//! Aircraft files that cannot be used, and what is said of them.
+//! Aircraft and flight plans that cannot be used, and what is said of them.
 
-use host_sim::aircraft::CESSNA_172_TOML;
+use std::path::Path;
+
+use host_sim::aircraft::dynamics::Dynamics;
 use host_sim::aircraft::input::read_aircraft;
+use host_sim::aircraft::plan::Plan;
+use host_sim::aircraft::{CESSNA_172_TOML, cessna172};
 
 #[test]
-fn bad_files_are_refused_with_place_and_cause() {
+fn bad_aircraft_are_refused_with_place_and_cause() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("aircraft.toml");
     for (good, bad, says) in [
@@ -29,4 +33,193 @@ fn bad_files_are_refused_with_place_and_cause() {
         assert!(error.contains("aircraft.toml, line "), "{bad}: {error}");
         assert!(error.contains(says), "{bad}: {error}");
     }
+}
+
+const GOOD: &str = "\
+[start]
+latitude_deg = 56.0
+longitude_deg = 40.0
+height_m = 600
+heading_deg = 0
+airspeed_mps = 50
+
+[air]
+wind_from_deg = 270
+wind_speed_mps = 5
+turbulence = \"light\"
+
+[flight]
+bank_deg = 20
+
+[[leg]]
+latitude_deg = 56.2
+longitude_deg = 40.0
+
+[[leg]]
+latitude_deg = 56.2
+longitude_deg = 40.4
+height_m = 1000
+airspeed_mps = 45
+
+[[leg]]
+bank_deg = 15
+duration_s = 60
+";
+
+fn parse(text: &str) -> Result<Plan, String> {
+    Plan::parse(Path::new("plan.toml"), text, &Dynamics::new(&cessna172()))
+        .map_err(|error| error.to_string())
+}
+
+#[test]
+fn a_good_plan_is_read() {
+    let plan = parse(GOOD).unwrap();
+    assert_eq!(plan.legs.len(), 3);
+    // Wind from the west blows east.
+    assert!((plan.wind_enu_mps.x - 5.0).abs() < 1e-12 && plan.wind_enu_mps.y.abs() < 1e-12);
+    // What a leg does not say stays as it was.
+    assert!((plan.legs[2].height_m - 1000.0).abs() < 1e-12);
+}
+
+#[test]
+fn the_shipped_plans_are_good() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("plans");
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        Plan::read(&path, &Dynamics::new(&cessna172())).unwrap_or_else(|error| panic!("{error}"));
+    }
+}
+
+#[test]
+fn every_impossible_plan_is_refused_with_place_and_cause() {
+    // Replacement in the good plan, line of the complaint, and what it must say.
+    for (old, new, line, says) in [
+        (
+            "airspeed_mps = 50",
+            "airspeed_mps = 25",
+            6,
+            &["stalls at", "expected at least"][..],
+        ),
+        (
+            "airspeed_mps = 50",
+            "airspeed_mps = 180",
+            6,
+            &["too fast", "km/h"],
+        ),
+        ("airspeed_mps = 45", "airspeed_mps = 30", 24, &["stalls"]),
+        (
+            "height_m = 1000",
+            "height_m = 9000",
+            23,
+            &["ceiling", "feet"],
+        ),
+        ("height_m = 1000", "height_m = 5", 23, &["ground_height_m"]),
+        (
+            "height_m = 1000",
+            "height_m = 3500",
+            20,
+            &["+2900 m", "leg longer"],
+        ),
+        (
+            "latitude_deg = 56.2\nlongitude_deg = 40.4",
+            "latitude_deg = 56.2\nlongitude_deg = 40.003",
+            20,
+            &["too short", "bank"],
+        ),
+        (
+            "latitude_deg = 56.0",
+            "latitude_deg = 95",
+            2,
+            &["-80 to 80", "swapped"],
+        ),
+        (
+            "heading_deg = 0",
+            "heading_deg = \"north\"",
+            5,
+            &["expected f64"],
+        ),
+        (
+            "heading_deg = 0",
+            "heading = 0",
+            5,
+            &["unknown field", "heading_deg"],
+        ),
+        ("bank_deg = 20", "bank_deg = 75", 14, &["expected 3 to 30"]),
+        ("bank_deg = 15", "bank_deg = -80", 27, &["autopilot"]),
+        (
+            "bank_deg = 15\nduration_s = 60",
+            "bank_deg = 15",
+            26,
+            &["duration_s"],
+        ),
+        (
+            "bank_deg = 15\n",
+            "bank_deg = 15\nheading_deg = 3\n",
+            26,
+            &["ambiguous"],
+        ),
+        (
+            "wind_speed_mps = 5",
+            "wind_speed_mps = 60",
+            10,
+            &["half the airspeed", "knots"],
+        ),
+        (
+            "turbulence = \"light\"",
+            "turbulence = \"wild\"",
+            11,
+            &["unknown variant", "light"],
+        ),
+        ("[start]", "[start", 1, &["complete example"]),
+        ("duration_s = 60", "duration_s = -60", 28, &["seconds"]),
+    ] {
+        assert_refused(old, new, line, says);
+    }
+}
+
+#[test]
+fn a_number_that_is_none_or_far_off_is_refused() {
+    for (old, new, line, says) in [
+        ("latitude_deg = 56.0", "latitude_deg = nan", 2, "expected"),
+        ("height_m = 600", "height_m = nan", 4, "expected"),
+        ("airspeed_mps = 50", "airspeed_mps = nan", 6, "expected"),
+        ("wind_from_deg = 270", "wind_from_deg = nan", 9, "north"),
+        (
+            "[flight]",
+            "ground_height_m = nan\n[flight]",
+            13,
+            "ellipsoid",
+        ),
+        (
+            "[flight]",
+            "ground_height_m = 30e3\n[flight]",
+            13,
+            "ellipsoid",
+        ),
+    ] {
+        assert_refused(old, new, line, &[says]);
+    }
+}
+
+/// With something replaced in the good plan.
+fn assert_refused(old: &str, new: &str, line: u32, says: &[&str]) {
+    let text = GOOD.replacen(old, new, 1);
+    assert_ne!(text, GOOD, "{old}");
+    let error = parse(&text).expect_err(new);
+    let place = format!("plan.toml, line {line}:");
+    assert!(error.starts_with(&place), "{new}: {error}");
+    for part in says {
+        assert!(error.contains(part), "{new}: {error:?} lacks {part:?}");
+    }
+}
+
+#[test]
+fn a_missing_plan_is_named() {
+    let error = Plan::read(Path::new("nowhere.toml"), &Dynamics::new(&cessna172())).unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .starts_with("nowhere.toml: cannot be read"),
+        "{error}"
+    );
 }

@@ -34,7 +34,7 @@ fn flies_the_route() {
     let (mut height_error, mut speed_square, mut held, mut sideslip, mut count) =
         (0.0, 0.0, 0.0, 0.0, 0.0);
     let mut steady_since_s = f64::INFINITY;
-    let mut target = *flight.target();
+    let mut target = flight.target;
     let times = (0..).map(|i| 0.1 * f64::from(i));
     for time_s in times.take_while(|time_s| *time_s < duration_s) {
         let _ = flight.kinematics(time_s);
@@ -45,15 +45,15 @@ fn flies_the_route() {
                     longitude_rad: place.longitude_rad,
                     height_m: 0.0,
                 };
-                *near = flight.position().enu_from(&to).xy().norm().min(*near);
+                *near = flight.position.enu_from(&to).xy().norm().min(*near);
             }
         }
-        if *flight.target() != target {
-            target = *flight.target();
+        if flight.target != target {
+            target = flight.target;
             steady_since_s = f64::INFINITY;
         }
-        let state = flight.node().state;
-        let air = state.air_data(&flight.inputs().wind);
+        let state = flight.node.state;
+        let air = state.air_data(&flight.inputs.wind);
         sideslip += air.beta_rad * air.beta_rad;
         count += 1.0;
         let height: f64 = state.height_m - target.height_m;
@@ -85,7 +85,7 @@ fn flies_the_route() {
         "turns are coordinated: {}",
         (sideslip / count).sqrt()
     );
-    let end = euler(&flight.node().state);
+    let end = euler(&flight.node.state);
     assert!(end.roll_rad.abs() < 0.6);
 }
 

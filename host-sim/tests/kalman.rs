@@ -1,14 +1,12 @@
 //! The Kalman filter that the core is compared with: it must be a good one.
 
 use host_sim::compare::kalman::filter::Start;
-use host_sim::compare::kalman::{
-    Filter, Known, Noise, PartNoise, Record, Run, States, index, smooth,
-};
+use host_sim::compare::kalman::{Filter, Known, Noise, Record, Run, States, index, smooth};
 use host_sim::sim::noise::Random;
 use host_sim::sim::{DriveConfig, ErrorModel, Grade, SimulatedDrive, simulate};
 use host_sim::study::accuracy::config_of;
 use ins_core::attitude::matrix;
-use ins_core::config::HeadingSource;
+use ins_core::config::{self, GnssConfig, HeadingSource, SensorConfig};
 use ins_core::earth::Geodetic;
 use ins_core::increments::Interval;
 use ins_core::mechanization::Mechanization;
@@ -132,17 +130,15 @@ fn its_covariance_is_honest() {
     assert!(sums.iter().all(|sum| HONEST.contains(sum)), "{sums:?}");
 }
 
-const VELOCITY: PartNoise = PartNoise {
+const VELOCITY: config::Noise = config::Noise {
     white: 0.02,
-    colour: 0.08,
+    correlated: 0.08,
     correlation_s: 3.0,
-    believes_stated: true,
 };
-const POSITION: PartNoise = PartNoise {
+const POSITION: config::Noise = config::Noise {
     white: 0.3,
-    colour: 2.0,
+    correlated: 2.0,
     correlation_s: 60.0,
-    believes_stated: true,
 };
 
 /// A receiver with the white noise above.
@@ -155,11 +151,11 @@ fn receiver() -> ErrorModel {
 }
 
 /// Steps of a Gauss-Markov process in three axes, from one time to the next.
-fn process(part: PartNoise, mut random: Random) -> impl FnMut(f64) -> Vector3<f64> {
-    let mut state = part.colour * Vector3::from(random.normal3());
+fn process(part: config::Noise, mut random: Random) -> impl FnMut(f64) -> Vector3<f64> {
+    let mut state = part.correlated * Vector3::from(random.normal3());
     move |seconds| {
-        let kept = part.kept(seconds);
-        let fresh = part.colour * Vector3::from(random.normal3());
+        let kept = (-seconds / part.correlation_s).exp();
+        let fresh = part.correlated * Vector3::from(random.normal3());
         state = kept * state + (1.0 - kept * kept).sqrt() * fresh;
         state
     }
@@ -185,38 +181,35 @@ fn colour(drive: &mut SimulatedDrive, seed: u64) {
     }
 }
 
-fn coloured_noise() -> Noise {
-    Noise {
-        velocity: VELOCITY,
-        velocity_up: VELOCITY,
-        position: POSITION,
-        height: POSITION,
-        ..exact()
-    }
+fn with_receiver(velocity: config::Noise, position: config::Noise) -> Noise {
+    let mut noise = exact();
+    noise.gnss = GnssConfig {
+        velocity_mps: velocity,
+        velocity_up_mps: velocity,
+        position_m: position,
+        height_m: position,
+        ..noise.gnss
+    };
+    noise
 }
 
 /// Told of it, the filter is as honest as under white noise; told of as much white noise in its
 /// place, or of the white part alone, it is not.
 #[test]
 fn its_covariance_is_honest_under_coloured_noise() {
-    let sums = sums_of_squares(&receiver(), coloured_noise(), colour, always_there);
+    let sums = sums_of_squares(
+        &receiver(),
+        with_receiver(VELOCITY, POSITION),
+        colour,
+        always_there,
+    );
     assert!(sums.iter().all(|sum| HONEST.contains(sum)), "{sums:?}");
-    let white = |sigma: fn(&PartNoise) -> f64| {
-        let all = |part: &PartNoise| PartNoise {
-            believes_stated: false,
-            ..PartNoise::white(sigma(part))
-        };
-        let (velocity, position) = (all(&VELOCITY), all(&POSITION));
-        Noise {
-            velocity,
-            velocity_up: velocity,
-            position,
-            height: position,
-            ..exact()
-        }
-    };
-    for sigma in [PartNoise::total, |part: &PartNoise| part.white] {
-        let sums = sums_of_squares(&receiver(), white(sigma), colour, always_there);
+    let total = |part: &config::Noise| part.variance().sqrt();
+    for sigma in [total, |part: &config::Noise| part.white] {
+        let [velocity, position] =
+            [VELOCITY, POSITION].map(|part| config::Noise::white(sigma(&part)));
+        let noise = with_receiver(velocity, position);
+        let sums = sums_of_squares(&receiver(), noise, colour, always_there);
         assert!(sums.iter().any(|sum| *sum > HONEST.end), "{sums:?}");
     }
 }
@@ -263,16 +256,14 @@ fn its_covariance_is_honest_with_more_to_find() {
     let mut model = Grade::Hg1700.errors();
     model.gyro_deg_h.scale_sigma = 0.002;
     model.accel_mps2.scale_sigma = 0.003;
-    let noise = Noise {
-        lever_arm_sigma_m: Vector3::repeat(ARM_SIGMA_M),
-        clock_drift_sigma: 1e-5,
-        ..Noise::of_model(&model)
-    };
+    let mut noise = Noise::of_model(&model);
+    noise.gnss.lever_arm_sigma_m = ARM_SIGMA_M;
+    noise.gnss.clock_drift_sigma = 1e-5;
     let sums = sums_of_squares(&model, noise, to_antenna, |filter, truth, drive| {
         let known = &filter.known;
         let arm = Vector3::from(ARM_M) - known.lever_arm_m;
-        let accel = Vector3::from(drive.errors.accel_scale) - known.accel_scale;
-        let gyro = Vector3::from(drive.errors.gyro_scale) - known.gyro_scale;
+        let accel = drive.errors.accel_matrix.diagonal() - known.accel_scale;
+        let gyro = drive.errors.gyro_matrix.diagonal() - known.gyro_scale;
         let mut all: Vec<f64> = errors(known, truth, drive).iter().copied().collect();
         all.push(-known.clock_drift);
         for three in [arm, accel, gyro] {
@@ -347,22 +338,19 @@ fn a_bias_at_rest_is_the_slope_of_a_straight_line() {
     let place = Geodetic::default();
     let ins = Mechanization::new(place, Vector3::zeros(), UnitQuaternion::identity());
     let earth = ins.local_earth();
-    let noise = Noise {
-        gyro_noise: Vector3::zeros(),
+    // Gravity falls with height: a metre is 3e-6 m/s^2.
+    let mut noise = with_receiver(config::Noise::white(SIGMA), config::Noise::white(1.0));
+    noise.sensors = SensorConfig {
+        gyro_noise: [0.0; 3],
         gyro_bias_walk: 0.0,
         gyro_bias_radps: 1e-9,
-        accel_noise: Vector3::zeros(),
+        accel_noise: [0.0; 3],
         accel_bias_walk: 0.0,
         accel_bias_mps2: 1.0,
-        velocity: PartNoise::white(SIGMA),
-        velocity_up: PartNoise::white(SIGMA),
-        // Gravity falls with height: a metre is 3e-6 m/s^2.
-        position: PartNoise::white(1.0),
-        height: PartNoise::white(1.0),
-        latency_sigma_s: 1e-6,
-        heading_sigma_rad: 1e-6,
-        ..exact()
+        ..noise.sensors
     };
+    noise.gnss.latency_sigma_s = 1e-6;
+    noise.heading_sigma_rad = 1e-6;
     let start = Start {
         time: Time::default(),
         ins,

@@ -10,9 +10,8 @@ use host_sim::identify::quantities::DEG_H_RADPS;
 use host_sim::log::{self, BodyAxes, Compression, Grade, Log, Meta};
 use host_sim::sim::car::Car;
 use host_sim::sim::drive::Recording;
-use host_sim::sim::mounted::Mounted;
-use host_sim::sim::plane::{Begin, Plane};
-use host_sim::sim::quadrotor::Quadrotor;
+use host_sim::sim::motion::Mounted;
+use host_sim::sim::vehicles::{Begin, Plane, Quadrotor};
 use host_sim::sim::{ErrorModel, Motion, SimulatedDrive, record};
 use host_sim::tune::targets::{
     self, Target, a_step, ardupilot, gnss_ins_sim, kalibr, kf_gins, px4,

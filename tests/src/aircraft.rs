@@ -4,8 +4,8 @@
 use host_sim::aircraft::cessna172;
 use host_sim::aircraft::dynamics::Dynamics;
 use host_sim::aircraft::input::read_aircraft;
-use host_sim::aircraft::modes::{Modes, Oscillation};
 use host_sim::aircraft::performance::{TrimRow, trim_row};
+use host_sim::aircraft::trim::{Modes, Oscillation};
 use serde::Deserialize;
 
 use crate::cargo::repository;

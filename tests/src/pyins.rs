@@ -100,12 +100,10 @@ fn log() -> (Log, Noise) {
         gnss: run.gnss,
         truth: Vec::new(),
     };
-    let noise = Noise {
-        latency_sigma_s: 0.0,
-        // Theirs does not read its gyros at rest.
-        reads_rest: false,
-        ..Noise::of_model(errors)
-    };
+    let mut noise = Noise::of_model(errors);
+    noise.gnss.latency_sigma_s = 0.0;
+    // Theirs does not read its gyros at rest.
+    noise.reads_rest = false;
     (log, noise)
 }
 
@@ -155,12 +153,12 @@ fn told(filter: &Filter, noise: &Noise, times_s: &[f64]) -> Value {
             "gyro_bias_radps": ([0, 1, 2].map(|axis| sigmas[index::GYRO + axis])),
         },
         "noise": {
-            "gyro_noise": noise.gyro_noise.x,
-            "gyro_bias_walk": noise.gyro_bias_walk,
-            "accel_noise": noise.accel_noise.x,
-            "accel_bias_walk": noise.accel_bias_walk,
-            "velocity_sigma_mps": noise.velocity.white,
-            "position_sigma_m": noise.position.white,
+            "gyro_noise": noise.sensors.gyro_noise[0],
+            "gyro_bias_walk": noise.sensors.gyro_bias_walk,
+            "accel_noise": noise.sensors.accel_noise[0],
+            "accel_bias_walk": noise.sensors.accel_bias_walk,
+            "velocity_sigma_mps": noise.gnss.velocity_mps.white,
+            "position_sigma_m": noise.gnss.position_m.white,
         },
         "times_s": times_s,
     })

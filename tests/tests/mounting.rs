@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use host_sim::identify::run::{Event, in_order_of_time};
 use host_sim::sim::car::Car;
 use host_sim::sim::errors::BiasModel;
-use host_sim::sim::mounted::Mounted;
+use host_sim::sim::motion::Mounted;
 use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, record, simulate};
 use host_sim::study::accuracy::config_of;
 use ins_core::config::HeadingSource;

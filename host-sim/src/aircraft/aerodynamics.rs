@@ -62,23 +62,15 @@ impl Aerodynamics {
 
     /// Angle of attack of half separation for which the largest lift is `maximum`.
     fn stall_for(&self, zero: f64, maximum: f64) -> f64 {
-        let (mut low, mut high) = (0.0, 1.0);
-        for _ in 0..50 {
-            let middle = 0.5 * (low + high);
-            let peak = (0..1000)
-                .map(|i| {
-                    let alpha = 0.001 * f64::from(i);
-                    self.lift_curve(zero, middle, alpha, libm::sin(alpha), libm::cos(alpha))
-                        .0
-                })
-                .fold(0.0, f64::max);
-            if peak > maximum {
-                high = middle;
-            } else {
-                low = middle;
-            }
-        }
-        low
+        let too_little = |stall: f64| {
+            let lift = |alpha: f64| {
+                let (sin, cos) = (libm::sin(alpha), libm::cos(alpha));
+                self.lift_curve(zero, stall, alpha, sin, cos).0
+            };
+            let alphas = (0..1000).map(|i| 0.001 * f64::from(i));
+            alphas.map(lift).fold(0.0, f64::max) <= maximum
+        };
+        last_where(too_little, [0.0, 1.0], 50)
     }
 
     /// Lift coefficient and the separated part of the flow, 0 to 1.
@@ -117,7 +109,6 @@ impl Aerodynamics {
             .fold(0.0, f64::max)
     }
 
-    /// Forces and moments.
     pub fn loads(&self, flow: &Flow, surfaces: &Surfaces) -> Loads {
         let p = &self.parameters;
         let speed = flow.airspeed_mps;
@@ -167,6 +158,23 @@ impl Aerodynamics {
             pitch_per_alpha_rate: chord * chord_time * p.pitch.alpha_rate,
         }
     }
+}
+
+/// Where what holds at first ceases to hold, by halving.
+pub(super) fn last_where(
+    holds: impl Fn(f64) -> bool,
+    [mut first, mut last]: [f64; 2],
+    halvings: u32,
+) -> f64 {
+    for _ in 0..halvings {
+        let middle = 0.5 * (first + last);
+        if holds(middle) {
+            first = middle;
+        } else {
+            last = middle;
+        }
+    }
+    first
 }
 
 /// 0 below 0, 1 above 1, twice differentiable between.

@@ -1,10 +1,8 @@
 //! ICAO standard atmosphere (Doc 7488), troposphere.
 
-/// Sea-level temperature, K.
 const TEMPERATURE_K: f64 = 288.15;
 /// Temperature lapse, K/m.
 const LAPSE_KPM: f64 = 0.0065;
-/// Sea-level density, kg/m^3.
 pub const SEA_LEVEL_DENSITY_KGPM3: f64 = 1.225;
 /// Standard gravity, m/s^2: the gravity of the piloting level.
 pub const GRAVITY_MPS2: f64 = 9.806_65;
@@ -44,7 +42,6 @@ impl Density {
     }
 }
 
-/// Density at a height, kg/m^3.
 pub fn density(height_m: f64) -> f64 {
     Density::around(height_m).reference_kgpm3
 }

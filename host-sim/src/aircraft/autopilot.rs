@@ -5,7 +5,7 @@ use ins_core::earth::{Geodetic, wrap_pi};
 use nalgebra::{Vector2, Vector3};
 
 use super::atmosphere::GRAVITY_MPS2;
-use super::dynamics::{AirData, Controls, State};
+use super::dynamics::{AirData, Controls, STEP_S, State};
 use super::parameters::Parameters;
 use super::trim::Trim;
 
@@ -34,7 +34,6 @@ pub struct Track {
 }
 
 impl Track {
-    /// From one point to another.
     pub fn between(from: &Geodetic, to: &Geodetic) -> Self {
         Self {
             to: *to,
@@ -67,7 +66,6 @@ pub struct Autopilot {
     parameters: Parameters,
     bank_limit_rad: f64,
     climb_limit_mps: f64,
-    step_s: f64,
     bank_wanted_rad: f64,
     airspeed_reference_mps: f64,
     roll_reference_rad: f64,
@@ -84,13 +82,11 @@ impl Autopilot {
         trim: &Trim,
         bank_limit_rad: f64,
         climb_limit_mps: f64,
-        step_s: f64,
     ) -> Self {
         Self {
             parameters: parameters.clone(),
             bank_limit_rad,
             climb_limit_mps,
-            step_s,
             bank_wanted_rad: 0.0,
             airspeed_reference_mps: trim.state.velocity_enu_mps.norm(),
             roll_reference_rad: trim.euler.roll_rad,
@@ -138,7 +134,7 @@ impl Autopilot {
     ) -> Controls {
         let gains = &self.parameters.autopilot;
         let travel = &self.parameters.travel;
-        let dt = self.step_s;
+        let dt = STEP_S;
         let most = AIRSPEED_RATE_MPS2 * dt;
         self.airspeed_reference_mps +=
             (target.airspeed_mps - self.airspeed_reference_mps).clamp(-most, most);

@@ -12,6 +12,9 @@ use super::atmosphere::{Density, GRAVITY_MPS2};
 use super::parameters::Parameters;
 use ins_core::attitude;
 
+/// Step of the integrator and of the autopilot, s. `step_size_is_small_enough` is the evidence.
+pub const STEP_S: f64 = 0.02;
+
 /// Where the aircraft is in its own mechanics. Latitude and longitude do not matter here.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State {
@@ -42,7 +45,6 @@ pub struct Controls {
     pub throttle: f64,
 }
 
-/// The moving air.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wind {
     pub steady_enu_mps: Vector3<f64>,
@@ -52,7 +54,6 @@ pub struct Wind {
     pub gust_rate_radps: Vector3<f64>,
 }
 
-/// Controls and wind at one moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Inputs {
     pub controls: Controls,
@@ -97,7 +98,6 @@ impl State {
         body_to_enu.tr_mul(&(self.velocity_enu_mps - wind.steady_enu_mps)) - wind.gust_mps
     }
 
-    /// Airspeed, angle of attack and sideslip.
     pub fn air_data(&self, wind: &Wind) -> AirData {
         let air = self.air_velocity(wind, &self.body_to_enu());
         let airspeed_mps = air.norm();
@@ -134,7 +134,6 @@ pub struct Dynamics {
 }
 
 impl Dynamics {
-    /// Prepares the equations.
     pub fn new(parameters: &Parameters) -> Self {
         let m = &parameters.mass;
         Self {

@@ -1,23 +1,24 @@
 //! A planned flight, step by step: autopilot, air, forces; and its motion as a function of time.
 
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
 use ins_core::attitude::{self, Euler};
 use ins_core::earth::Geodetic;
 use nalgebra::Vector3;
 
 use super::atmosphere::Density;
 use super::autopilot::{Autopilot, Lateral, Target, Track};
-use super::dynamics::{Derivative, Dynamics, Inputs};
+use super::dynamics::{Derivative, Dynamics, Inputs, STEP_S};
+use super::parameters::Parameters;
 use super::performance::best_climb;
 use super::plan::{Leg, Path2d, Plan, at, lead_m};
 use super::trajectory::{Node, Segment, euler};
 use super::trim::Condition;
-use super::vibration::{Crank, Vibration};
 use super::wind::AirMass;
 use crate::sim::ideal::displaced;
+use crate::sim::motion::swung;
 use crate::sim::{Kinematics, Motion};
 
-/// Step of the integrator and of the autopilot, s. `step_size_is_small_enough` is the evidence.
-pub const STEP_S: f64 = 0.02;
 /// Guidance runs once in so many steps.
 const GUIDE_EVERY: u64 = 10;
 /// A leg that takes longer than in still air by this factor, and ten minutes, is not to be reached.
@@ -36,7 +37,6 @@ pub enum FlightError {
     NeverThere { time_s: f64, leg: usize },
 }
 
-/// A flight under way.
 #[derive(Clone, Debug)]
 pub struct Flight {
     dynamics: Dynamics,
@@ -44,34 +44,28 @@ pub struct Flight {
     autopilot: Autopilot,
     air: AirMass,
     vibration: Option<Vibration>,
-    step_s: f64,
     steps: u64,
-    node: Node,
+    /// Where the integrator has come to; controls and wind there.
+    pub node: Node,
     derivative: Derivative,
-    inputs: Inputs,
-    position: Geodetic,
+    pub inputs: Inputs,
+    /// As the autopilot knows it.
+    pub position: Geodetic,
+    /// From the node before, with angle and speed of the crank at both ends.
     segment: Segment,
-    crank: [Crank; 2],
+    crank_rad: [f64; 2],
+    crank_radps: [f64; 2],
     leg: usize,
     leg_start_s: f64,
     leg_patience_s: f64,
-    target: Target,
+    /// What the autopilot is doing.
+    pub target: Target,
     over: bool,
 }
 
 impl Flight {
     /// At the start of the plan, in steady level flight.
     pub fn new(dynamics: &Dynamics, plan: &Plan, seed: u64) -> Result<Self, FlightError> {
-        Self::with_step(dynamics, plan, seed, STEP_S)
-    }
-
-    /// The same with another step of the integrator.
-    pub fn with_step(
-        dynamics: &Dynamics,
-        plan: &Plan,
-        seed: u64,
-        step_s: f64,
-    ) -> Result<Self, FlightError> {
         let start = &plan.start;
         let position = start.position;
         let trim = Condition::level(start.airspeed_mps, position.height_m)
@@ -97,7 +91,6 @@ impl Flight {
             plan.wind_enu_mps,
             plan.turbulence,
             dynamics.parameters.geometry.wing_span_m,
-            step_s,
             seed,
         );
         let wind = air.step(start.airspeed_mps, position.height_m - plan.ground_height_m);
@@ -112,19 +105,13 @@ impl Flight {
             acceleration_enu_mps2: derivative.acceleration_enu_mps2,
         };
         let climb = best_climb(dynamics, position.height_m).map_or(0.0, |trim| trim.climb_rate_mps);
-        let autopilot = Autopilot::new(&dynamics.parameters, &trim, plan.bank_rad, climb, step_s);
-        let crank = Crank {
-            angle_rad: 0.0,
-            rate_radps: 0.0,
-            rate_radps2: 0.0,
-        };
+        let autopilot = Autopilot::new(&dynamics.parameters, &trim, plan.bank_rad, climb);
         let mut flight = Self {
             dynamics: dynamics.clone(),
             plan: plan.clone(),
             autopilot,
             air,
             vibration: plan.vibration.then(|| Vibration::new(&dynamics.parameters)),
-            step_s,
             steps: 0,
             node,
             derivative,
@@ -133,11 +120,12 @@ impl Flight {
             segment: Segment::between(
                 &node,
                 &Node {
-                    time_s: step_s,
+                    time_s: STEP_S,
                     ..node
                 },
             ),
-            crank: [crank; 2],
+            crank_rad: [0.0; 2],
+            crank_radps: [TAU * state.engine_rps; 2],
             leg: 0,
             leg_start_s: 0.0,
             leg_patience_s: 0.0,
@@ -148,7 +136,6 @@ impl Flight {
             },
             over: false,
         };
-        flight.crank[1] = flight.crank_now(0.0);
         flight.begin_leg(0);
         flight.step();
         Ok(flight)
@@ -162,26 +149,6 @@ impl Flight {
             trial.check()?;
         }
         Ok(told_s.unwrap_or(libm::floor(trial.node.time_s)))
-    }
-
-    /// Where the integrator has come to.
-    pub fn node(&self) -> &Node {
-        &self.node
-    }
-
-    /// Controls and wind there.
-    pub fn inputs(&self) -> &Inputs {
-        &self.inputs
-    }
-
-    /// What the autopilot is doing.
-    pub fn target(&self) -> &Target {
-        &self.target
-    }
-
-    /// Position as the autopilot knows it.
-    pub fn position(&self) -> &Geodetic {
-        &self.position
     }
 
     fn check(&self) -> Result<(), FlightError> {
@@ -270,15 +237,8 @@ impl Flight {
             return 0.0;
         };
         let onward = Track::between(&track.to, &at(place, track.to.height_m)).direction;
-        let angle = libm::atan2(
-            track.direction.perp(&onward).abs(),
-            track.direction.dot(&onward),
-        );
-        lead_m(
-            self.node.state.velocity_enu_mps.xy().norm(),
-            self.plan.bank_rad,
-            angle,
-        )
+        let ground_mps = self.node.state.velocity_enu_mps.xy().norm();
+        lead_m(ground_mps, self.plan.bank_rad, track.direction, onward)
     }
 
     fn guide(&mut self, heading_rad: f64) {
@@ -314,47 +274,33 @@ impl Flight {
             &self.inputs,
             &next_inputs,
             &density,
-            self.step_s,
+            STEP_S,
         );
         self.derivative = self.dynamics.derivative(&next, &next_inputs, &density);
         self.inputs = next_inputs;
         self.steps += 1;
         let node = Node {
-            time_s: self.steps as f64 * self.step_s,
+            time_s: self.steps as f64 * STEP_S,
             state: next,
             acceleration_enu_mps2: self.derivative.acceleration_enu_mps2,
         };
         self.segment = Segment::between(&self.node, &node);
         self.node = node;
-        self.move_position();
-        self.crank = [self.crank[1], self.crank_now(self.crank_angle())];
-    }
-
-    /// The flight of the flat Earth, put onto the ellipsoid.
-    fn move_position(&mut self) {
+        // The flight of the flat Earth, put onto the ellipsoid.
         self.position = Geodetic {
-            height_m: self.node.state.height_m,
+            height_m: next.height_m,
             ..displaced(&self.position, &self.segment.displacement_enu_m())
         };
+        self.turn_crank(TAU * next.engine_rps);
     }
 
-    fn crank_now(&self, angle_rad: f64) -> Crank {
-        Crank {
-            angle_rad,
-            rate_radps: std::f64::consts::TAU * self.node.state.engine_rps,
-            rate_radps2: std::f64::consts::TAU * self.derivative.engine_rps2,
-        }
-    }
-
-    /// Crank angle at the end of the step: the speed taken linear within it.
-    fn crank_angle(&self) -> f64 {
-        let from = &self.crank[1];
-        let to_radps = std::f64::consts::TAU * self.node.state.engine_rps;
-        libm::fmod(
-            from.angle_rad + 0.5 * self.step_s * (from.rate_radps + to_radps),
-            // All orders are multiples of a half.
-            4.0 * std::f64::consts::PI,
-        )
+    /// Over the step, the speed taken linear within it.
+    fn turn_crank(&mut self, to_radps: f64) {
+        let ([_, from_rad], [_, from_radps]) = (self.crank_rad, self.crank_radps);
+        let turned_rad = from_rad + 0.5 * STEP_S * (from_radps + to_radps);
+        // All orders are multiples of a half.
+        self.crank_rad = [from_rad, libm::fmod(turned_rad, 4.0 * PI)];
+        self.crank_radps = [from_radps, to_radps];
     }
 }
 
@@ -368,14 +314,75 @@ impl Motion for Flight {
         let Some(vibration) = &self.vibration else {
             return kinematics;
         };
-        let [from, to] = &self.crank;
-        let since_s = time_s - (self.segment.end_s() - self.step_s);
-        let rate_radps2 = (to.rate_radps - from.rate_radps) / self.step_s;
+        let [from_radps, to_radps] = self.crank_radps;
+        let since_s = time_s - (self.segment.end_s() - STEP_S);
+        let rate_radps2 = (to_radps - from_radps) / STEP_S;
         let crank = Crank {
-            angle_rad: from.angle_rad + since_s * (from.rate_radps + 0.5 * since_s * rate_radps2),
-            rate_radps: from.rate_radps + since_s * rate_radps2,
+            angle_rad: self.crank_rad[0] + since_s * (from_radps + 0.5 * since_s * rate_radps2),
+            rate_radps: from_radps + since_s * rate_radps2,
             rate_radps2,
         };
         vibration.shake(&kinematics, &crank)
+    }
+}
+
+/// Shaking of the inertial unit against the airframe by engine and propeller: a small displacement and rotation, each line a sinusoid of the crank angle.
+///
+/// Amplitudes of displacement are constant: acceleration grows with the square of engine speed.
+#[derive(Clone, Debug)]
+struct Vibration {
+    lines: Vec<Line>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Line {
+    order: f64,
+    displacement_m: Vector3<f64>,
+    rotation_rad: Vector3<f64>,
+}
+
+/// Crank angle and its change at one moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Crank {
+    angle_rad: f64,
+    rate_radps: f64,
+    rate_radps2: f64,
+}
+
+impl Vibration {
+    /// The lines of an aircraft's parameters.
+    fn new(parameters: &Parameters) -> Self {
+        let rated_radps = TAU * parameters.engine.rated_speed_rps;
+        let lines = parameters.vibration.lines.iter().map(|line| {
+            let omega = line.order * rated_radps;
+            Line {
+                order: line.order,
+                displacement_m: Vector3::from(line.acceleration_mps2) / (omega * omega),
+                rotation_rad: Vector3::from(line.rate_radps) / omega,
+            }
+        });
+        Self {
+            lines: lines.collect(),
+        }
+    }
+
+    fn shake(&self, k: &Kinematics, crank: &Crank) -> Kinematics {
+        let (mut velocity, mut acceleration) = (Vector3::zeros(), Vector3::zeros());
+        let (mut rotation, mut rate) = (Vector3::zeros(), Vector3::zeros());
+        for line in &self.lines {
+            // A quarter turn between the axes: the unit describes ellipses, not lines.
+            for axis in 0..3 {
+                let phase = line.order * crank.angle_rad + FRAC_PI_2 * axis as f64;
+                let (sin, cos) = libm::sincos(phase);
+                let omega = line.order * crank.rate_radps;
+                let x = line.displacement_m[axis];
+                velocity[axis] += x * omega * cos;
+                acceleration[axis] +=
+                    x * (line.order * crank.rate_radps2 * cos - omega * omega * sin);
+                rotation[axis] += line.rotation_rad[axis] * sin;
+                rate[axis] += line.rotation_rad[axis] * omega * cos;
+            }
+        }
+        swung(k, [velocity, acceleration], [rotation, rate])
     }
 }

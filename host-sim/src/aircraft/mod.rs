@@ -7,15 +7,12 @@ pub mod autopilot;
 pub mod dynamics;
 pub mod flight;
 pub mod input;
-pub mod modes;
 pub mod parameters;
 pub mod performance;
 pub(crate) mod pictures;
 pub mod plan;
-pub mod propulsion;
 pub mod trajectory;
 pub mod trim;
-pub mod vibration;
 pub mod wind;
 
 use parameters::Parameters;

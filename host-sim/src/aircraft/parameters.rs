@@ -1,41 +1,30 @@
 //! Parameters of an aircraft, as its TOML file gives them. Units stand in the names; angles per
 //! radian; coefficients in the usual non-dimensional form (rates by chord or span over 2 V).
 
+use std::f64::consts::TAU;
+
 use serde::Deserialize;
+
+use super::atmosphere::SEA_LEVEL_DENSITY_KGPM3;
 
 /// Everything that tells one aircraft from another.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Parameters {
-    /// What the aircraft is called.
     pub name: String,
-    /// Mass and moments of inertia.
     pub mass: Mass,
-    /// Reference lengths.
     pub geometry: Geometry,
-    /// Lift.
     pub lift: Lift,
-    /// Drag.
     pub drag: Drag,
-    /// Pitching moment.
     pub pitch: Pitch,
-    /// Side force, rolling and yawing moments.
     pub side: Lateral,
-    /// Rolling moment.
     pub roll: Lateral,
-    /// Yawing moment.
     pub yaw: Lateral,
-    /// What landing flaps add.
     pub flaps: Flaps,
-    /// Travel of the control surfaces.
     pub travel: Travel,
-    /// Piston engine.
     pub engine: Engine,
-    /// Fixed-pitch propeller.
     pub propeller: Propeller,
-    /// What the autopilot may ask for, and its gains.
     pub autopilot: Autopilot,
-    /// Shaking at the inertial unit.
     pub vibration: Vibration,
     /// Published performance to compare with, if there is any.
     pub specification: Option<Specification>,
@@ -86,7 +75,6 @@ pub struct Geometry {
     pub mean_chord_m: f64,
 }
 
-/// Lift coefficient.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Lift {
@@ -168,6 +156,20 @@ pub struct Engine {
     pub rotating_inertia_kgm2: f64,
 }
 
+impl Engine {
+    /// Shaft torque, Nm; negative if the throttle is closed further than friction allows.
+    ///
+    /// Torque at open throttle hardly depends on engine speed. With height and throttle it follows
+    /// the density in the manifold less a constant friction (Gagg and Ferrar 1934):
+    /// `Q = Q0 (ratio sigma - C) / (1 - C)`.
+    pub fn torque_nm(&self, throttle: f64, density_kgpm3: f64) -> f64 {
+        let rated = self.rated_power_w / (TAU * self.rated_speed_rps);
+        let ratio = self.idle_manifold_ratio + (1.0 - self.idle_manifold_ratio) * throttle;
+        let manifold = ratio * density_kgpm3 / SEA_LEVEL_DENSITY_KGPM3;
+        rated * (manifold - self.friction) / (1.0 - self.friction)
+    }
+}
+
 /// Fixed-pitch propeller: power coefficient quadratic in the advance ratio J, thrust coefficient
 /// by the linear propeller polar `CT / J^2 = slope CP / J^2 + intercept`.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
@@ -177,6 +179,38 @@ pub struct Propeller {
     pub power: [f64; 3],
     pub polar_slope: f64,
     pub polar_intercept: f64,
+}
+
+impl Propeller {
+    /// Thrust and absorbed torque at a forward airspeed and an engine speed.
+    pub fn thrust(&self, airspeed_mps: f64, engine_rps: f64, density_kgpm3: f64) -> Thrust {
+        let [p0, p1, p2] = self.power;
+        let d = self.diameter_m;
+        // Multiplied by n^2 throughout, so that a standing propeller needs no special case.
+        let n = engine_rps;
+        let jn = airspeed_mps / d;
+        let power_n2 = p0 * n * n + p1 * jn * n + p2 * jn * jn;
+        let thrust_n2 = self.polar_slope * power_n2 + self.polar_intercept * jn * jn;
+        let d4 = density_kgpm3 * d * d * d * d;
+        Thrust {
+            thrust_n: d4 * thrust_n2,
+            torque_nm: d4 * d * power_n2 / TAU,
+        }
+    }
+
+    pub fn efficiency(&self, advance_ratio: f64) -> f64 {
+        let [p0, p1, p2] = self.power;
+        let j = advance_ratio;
+        let power = p0 + p1 * j + p2 * j * j;
+        j * (self.polar_slope * power + self.polar_intercept * j * j) / power
+    }
+}
+
+/// What the propeller does at one engine speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Thrust {
+    pub thrust_n: f64,
+    pub torque_nm: f64,
 }
 
 /// Limits and gains of the autopilot.
@@ -226,7 +260,6 @@ pub struct VibrationLine {
     pub rate_radps: [f64; 3],
 }
 
-/// Published figures.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Specification {

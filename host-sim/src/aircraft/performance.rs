@@ -2,10 +2,10 @@
 
 use serde::Serialize;
 
+use super::aerodynamics::last_where;
 use super::atmosphere::{self, GRAVITY_MPS2};
 use super::dynamics::Dynamics;
-use super::modes::{Modes, modes};
-use super::trim::{Condition, Power, Trim};
+use super::trim::{Condition, Modes, Power, Trim, modes};
 
 /// Rate of climb that defines the service ceiling (100 ft/min, FAR 23 practice), m/s.
 const SERVICE_CLIMB_MPS: f64 = 0.508;
@@ -27,7 +27,6 @@ pub struct Performance {
     pub engine_rpm_at_max_speed: f64,
     pub engine_rpm_in_climb: f64,
     pub propeller_efficiency_at_max_speed: f64,
-    /// Steady level flight at several speeds.
     pub trims: Vec<TrimRow>,
 }
 
@@ -82,34 +81,22 @@ pub fn best_climb(dynamics: &Dynamics, height_m: f64) -> Option<Trim> {
 /// Largest speed of level flight at a height; `None` above the ceiling.
 pub fn max_speed(dynamics: &Dynamics, height_m: f64) -> Option<Trim> {
     let best = best_climb(dynamics, height_m)?;
-    let mut low = best.state.velocity_enu_mps.norm();
     if best.climb_rate_mps < 0.0 {
         return None;
     }
-    let mut high = 3.0 * low;
-    for _ in 0..50 {
-        let middle = 0.5 * (low + high);
-        match full_throttle(dynamics, middle, height_m) {
-            Some(trim) if trim.climb_rate_mps > 0.0 => low = middle,
-            _ => high = middle,
-        }
-    }
-    full_throttle(dynamics, low, height_m)
+    let slowest = best.state.velocity_enu_mps.norm();
+    let climbs = |speed| climb_rate_mps(dynamics, speed, height_m).is_some_and(|rate| rate > 0.0);
+    let speed = last_where(climbs, [slowest, 3.0 * slowest], 50);
+    full_throttle(dynamics, speed, height_m)
 }
 
 /// Height at which the best climb has fallen to `climb_mps`.
 pub fn ceiling_m(dynamics: &Dynamics, climb_mps: f64) -> f64 {
-    let (mut low, mut high) = (0.0, 11_000.0);
-    for _ in 0..20 {
-        let middle = 0.5 * (low + high);
-        let climb = best_climb(dynamics, middle).map_or(f64::NEG_INFINITY, |t| t.climb_rate_mps);
-        if climb > climb_mps {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    low
+    let climbs = |height_m| {
+        let best = best_climb(dynamics, height_m);
+        best.is_some_and(|trim| trim.climb_rate_mps > climb_mps)
+    };
+    last_where(climbs, [0.0, 11_000.0], 20)
 }
 
 /// Steady level flight; `None` where it is impossible.

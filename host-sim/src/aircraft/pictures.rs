@@ -15,7 +15,6 @@ use crate::sim::SimulatedDrive;
 /// A line has at most so many points: more than there are pixels to see.
 const POINTS: usize = 2000;
 
-/// File name and drawing.
 type Picture = (&'static str, String);
 
 /// Writes pictures into a new folder.
@@ -106,7 +105,6 @@ pub fn of_aircraft(dynamics: &Dynamics, slowest_mps: f64, fastest_mps: f64) -> V
     ]
 }
 
-/// Points of a line.
 type Line = Vec<(f64, f64)>;
 
 /// Up to three lines, in the colours that the label names.

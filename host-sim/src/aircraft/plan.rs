@@ -84,22 +84,12 @@ struct AirTable {
     ground_height_m: Option<Spanned<f64>>,
 }
 
-#[derive(Deserialize)]
+#[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct FlightTable {
-    bank_deg: f64,
+    bank_deg: Option<f64>,
     vibration: bool,
     duration_s: Option<Spanned<f64>>,
-}
-
-impl Default for FlightTable {
-    fn default() -> Self {
-        Self {
-            bank_deg: 20.0,
-            vibration: false,
-            duration_s: None,
-        }
-    }
 }
 
 #[derive(Deserialize)]
@@ -179,22 +169,37 @@ impl Plan {
     pub fn parse(file: &Path, text: &str, dynamics: &Dynamics) -> Result<Self, InputError> {
         let source = Source { file, text };
         let table: File = source.parse("host-sim/plans/route_one_hour.toml")?;
-        let bank_rad = table.flight.bank_deg.to_radians();
+        let cause = "height of the ground above the ellipsoid";
+        let ground = optional(table.air.ground_height_m.as_ref(), |height| {
+            source.within("ground_height_m", height, GROUND_M, cause)
+        });
         let checker = Checker {
+            ground_height_m: ground?.unwrap_or(0.0),
             source,
             dynamics,
-            bank_rad,
+            bank_deg: table.flight.bank_deg.unwrap_or(BANK_DEG),
         };
         checker.plan(&table)
     }
 }
 
+/// Checks what is there.
+fn optional(
+    value: Option<&Spanned<f64>>,
+    check: impl FnOnce(&Spanned<f64>) -> Result<f64, InputError>,
+) -> Result<Option<f64>, InputError> {
+    value.map(check).transpose()
+}
+
 struct Checker<'a> {
     source: Source<'a>,
     dynamics: &'a Dynamics,
-    bank_rad: f64,
+    bank_deg: f64,
+    ground_height_m: f64,
 }
 
+/// Of turns, where the plan does not say.
+const BANK_DEG: f64 = 20.0;
 /// Of the ground, from the Dead Sea to Everest, m.
 const GROUND_M: [f64; 2] = [-500.0, 9000.0];
 /// Of legs at a fixed heading or bank, and of a flight.
@@ -202,64 +207,67 @@ const LONGEST_S: f64 = 86_400.0;
 
 impl Checker<'_> {
     fn plan(&self, table: &File) -> Result<Plan, InputError> {
-        let ground = table.air.ground_height_m.as_ref().map(|height| {
-            let cause = "height of the ground above the ellipsoid";
-            (self.source).within("ground_height_m", height, GROUND_M, cause)
-        });
-        let ground_height_m = ground.transpose()?.unwrap_or(0.0);
-        let limits = &self.dynamics.parameters.autopilot;
-        if !(0.05..=limits.maximum_bank_rad).contains(&self.bank_rad) {
-            let most = limits.maximum_bank_rad.to_degrees();
-            let offset = self.source.text.find("bank_deg").unwrap_or(0);
-            return Err(self.source.error(
-                offset,
-                format!("`bank_deg = {}`: expected 3 to {most:.0}, the most that the autopilot may ask for", table.flight.bank_deg),
-            ));
+        let s = &self.source;
+        let most_rad = self.dynamics.parameters.autopilot.maximum_bank_rad;
+        let bank_rad = self.bank_deg.to_radians();
+        if !(0.05..=most_rad).contains(&bank_rad) {
+            let message = format!(
+                "`bank_deg = {}`: expected 3 to {:.0}, the most that the autopilot may ask for",
+                self.bank_deg,
+                most_rad.to_degrees()
+            );
+            return Err(s.error(s.text.find("bank_deg").unwrap_or(0), message));
         }
-        let start = self.start(&table.start, ground_height_m)?;
-        let wind_speed_mps = match &table.air.wind_speed_mps {
-            Some(speed) => self.source.within(
+        let start = self.start(&table.start)?;
+        let cause = "in more wind than half the airspeed turns and legs are not kept; \
+                     is it in km/h or knots?";
+        let wind_speed_mps = optional(table.air.wind_speed_mps.as_ref(), |speed| {
+            s.within(
                 "wind_speed_mps",
                 speed,
                 [0.0, 0.5 * start.airspeed_mps],
-                "in more wind than half the airspeed turns and legs are not kept; is it in km/h or knots?",
-            )?,
-            None => 0.0,
-        };
-        let wind_from = table.air.wind_from_deg.as_ref();
-        let wind_from = wind_from.map(|from| self.source.heading("wind_from_deg", from));
-        let (sin, cos) = libm::sincos(wind_from.transpose()?.unwrap_or(0.0));
-        let duration_s = table.flight.duration_s.as_ref();
-        let duration_s = duration_s.map(|s| self.source.duration(s)).transpose()?;
-        let mut plan = Plan {
+                cause,
+            )
+        });
+        let wind_speed_mps = wind_speed_mps?.unwrap_or(0.0);
+        let wind_from = optional(table.air.wind_from_deg.as_ref(), |from| {
+            s.heading("wind_from_deg", from)
+        });
+        let (sin, cos) = libm::sincos(wind_from?.unwrap_or(0.0));
+        let duration_s = optional(table.flight.duration_s.as_ref(), |duration| {
+            s.duration(duration)
+        })?;
+        let mut legs: Vec<Leg> = Vec::new();
+        for leg in &table.leg {
+            let before = legs.last();
+            legs.push(self.leg(
+                leg,
+                before.map_or(start.position.height_m, |leg| leg.height_m),
+                before.map_or(start.airspeed_mps, |leg| leg.airspeed_mps),
+            )?);
+        }
+        if legs.is_empty() {
+            return Err(s.error(0, "no legs; expected at least one [[leg]]".into()));
+        }
+        let plan = Plan {
             start,
             wind_enu_mps: -wind_speed_mps * Vector3::new(sin, cos, 0.0),
             turbulence: table.air.turbulence,
-            ground_height_m,
-            bank_rad: self.bank_rad,
+            ground_height_m: self.ground_height_m,
+            bank_rad,
             vibration: table.flight.vibration,
             duration_s,
-            legs: Vec::new(),
+            legs,
         };
-        let (mut height_m, mut airspeed_mps) = (start.position.height_m, start.airspeed_mps);
-        for leg in &table.leg {
-            let leg = self.leg(leg, &mut height_m, &mut airspeed_mps, ground_height_m)?;
-            plan.legs.push(leg);
-        }
-        if plan.legs.is_empty() {
-            return Err(self
-                .source
-                .error(0, "no legs; expected at least one [[leg]]".into()));
-        }
         let offsets: Vec<usize> = table.leg.iter().map(|leg| leg.span().start).collect();
         self.route(&plan, &offsets)?;
         Ok(plan)
     }
 
-    fn start(&self, table: &StartTable, ground_height_m: f64) -> Result<Start, InputError> {
+    fn start(&self, table: &StartTable) -> Result<Start, InputError> {
         let s = &self.source;
         let place = s.place(&table.latitude_deg, &table.longitude_deg)?;
-        let position = at(place, self.height(&table.height_m, ground_height_m)?);
+        let position = at(place, self.height(&table.height_m)?);
         let heading_rad = s.heading("heading_deg", &table.heading_deg)?;
         let airspeed_mps = self.airspeed(&table.airspeed_mps, position.height_m)?;
         Ok(Start {
@@ -269,48 +277,43 @@ impl Checker<'_> {
         })
     }
 
+    /// Height and airspeed are those of the leg before, where it says nothing.
     fn leg(
         &self,
         spanned: &Spanned<LegTable>,
-        height_m: &mut f64,
-        airspeed_mps: &mut f64,
-        ground_height_m: f64,
+        height_before_m: f64,
+        airspeed_before_mps: f64,
     ) -> Result<Leg, InputError> {
         let s = &self.source;
         let leg = spanned.get_ref();
-        if let Some(height) = &leg.height_m {
-            *height_m = self.height(height, ground_height_m)?;
-        }
-        if let Some(airspeed) = &leg.airspeed_mps {
-            *airspeed_mps = self.airspeed(airspeed, *height_m)?;
-        } else if let Some(height) = &leg.height_m {
+        let refused = |message: &str| s.error(spanned.span().start, message.to_owned());
+        let height_m = optional(leg.height_m.as_ref(), |height| self.height(height))?;
+        let height_m = height_m.unwrap_or(height_before_m);
+        let airspeed_mps = match (&leg.airspeed_mps, &leg.height_m) {
+            (Some(airspeed), _) => self.airspeed(airspeed, height_m)?,
             // The speed carried over must do at the new height too.
-            let carried = Spanned::new(height.span(), *airspeed_mps);
-            self.airspeed(&carried, *height_m)?;
-        }
+            (None, Some(height)) => {
+                self.airspeed(&Spanned::new(height.span(), airspeed_before_mps), height_m)?
+            }
+            (None, None) => airspeed_before_mps,
+        };
         let duration = || match &leg.duration_s {
             Some(duration) => s.duration(duration),
-            None => Err(s.error(
-                spanned.span().start,
+            None => Err(refused(
                 "leg without `duration_s`: expected one, since a heading or a bank has no end of \
-                 its own"
-                    .into(),
+                 its own",
             )),
         };
-        let path = match (
-            &leg.latitude_deg,
-            &leg.longitude_deg,
-            &leg.heading_deg,
-            &leg.bank_deg,
-        ) {
-            (Some(latitude), Some(longitude), None, None) if leg.duration_s.is_none() => {
+        let place = (&leg.latitude_deg, &leg.longitude_deg);
+        let path = match (place, &leg.heading_deg, &leg.bank_deg) {
+            ((Some(latitude), Some(longitude)), None, None) if leg.duration_s.is_none() => {
                 Path2d::To(s.place(latitude, longitude)?)
             }
-            (None, None, Some(heading), None) => Path2d::Heading {
+            ((None, None), Some(heading), None) => Path2d::Heading {
                 heading_rad: s.heading("heading_deg", heading)?,
                 duration_s: duration()?,
             },
-            (None, None, None, Some(bank)) => {
+            ((None, None), None, Some(bank)) => {
                 let most_deg = (self.dynamics.parameters.autopilot.maximum_bank_rad).to_degrees();
                 let cause = "the most that the autopilot may ask for";
                 Path2d::Bank {
@@ -319,24 +322,22 @@ impl Checker<'_> {
                 }
             }
             _ => {
-                return Err(s.error(
-                    spanned.span().start,
+                return Err(refused(
                     "leg is ambiguous: expected `latitude_deg` and `longitude_deg`, or `heading_deg` \
-                     and `duration_s`, or `bank_deg` and `duration_s`"
-                        .into(),
+                     and `duration_s`, or `bank_deg` and `duration_s`",
                 ));
             }
         };
         Ok(Leg {
             path,
-            height_m: *height_m,
-            airspeed_mps: *airspeed_mps,
+            height_m,
+            airspeed_mps,
         })
     }
 
-    fn height(&self, height: &Spanned<f64>, ground_height_m: f64) -> Result<f64, InputError> {
+    fn height(&self, height: &Spanned<f64>) -> Result<f64, InputError> {
         let value = *height.get_ref();
-        let lowest = ground_height_m + 50.0;
+        let lowest = self.ground_height_m + 50.0;
         if value.is_nan() || value < lowest {
             let why = format!(
                 "expected at least {lowest:.0}, 50 m above `ground_height_m`; heights are above the ellipsoid"
@@ -357,8 +358,8 @@ impl Checker<'_> {
         let value = *airspeed.get_ref();
         let p = &self.dynamics.parameters;
         // In a turn the stall speed grows with the root of the load factor.
-        let stall =
-            stall_speed_mps(self.dynamics, height_m, 0.0) / libm::sqrt(libm::cos(self.bank_rad));
+        let load_root = libm::sqrt(libm::cos(self.bank_deg.to_radians()));
+        let stall = stall_speed_mps(self.dynamics, height_m, 0.0) / load_root;
         let lowest = p.autopilot.stall_margin * stall;
         if value.is_nan() || value < lowest {
             let why = format!(
@@ -381,51 +382,45 @@ impl Checker<'_> {
 
     /// Waypoints must leave room for turns and for climbs.
     fn route(&self, plan: &Plan, offsets: &[usize]) -> Result<(), InputError> {
-        let mut from = plan.start.position;
-        let mut course = Some(Vector2::new(
-            libm::sin(plan.start.heading_rad),
-            libm::cos(plan.start.heading_rad),
-        ));
+        let (sin, cos) = libm::sincos(plan.start.heading_rad);
+        let mut from = Some(plan.start.position);
         let mut turn_before_m = 0.0;
-        let mut last_speed = plan.start.airspeed_mps;
         for (i, (leg, &offset)) in plan.legs.iter().zip(offsets).enumerate() {
             let Path2d::To(place) = leg.path else {
                 // Where it ends depends on the wind: nothing to check until the next waypoint.
-                course = None;
-                turn_before_m = 0.0;
+                (from, turn_before_m) = (None, 0.0);
                 continue;
             };
             let to = at(place, leg.height_m);
+            let Some(from) = from.replace(to) else {
+                continue;
+            };
             let track = to.enu_from(&from).xy();
             let length_m = track.norm();
             let direction = track / length_m;
-            if course.is_some() {
-                if i == 0 {
-                    turn_before_m = turn_m(plan, last_speed, course, direction);
-                }
-                let turn_after_m = match plan.legs.get(i + 1).map(|next| next.path) {
-                    Some(Path2d::To(next)) => {
-                        let next = at(next, leg.height_m).enu_from(&to).xy().normalize();
-                        turn_m(plan, leg.airspeed_mps, Some(direction), next)
-                    }
-                    _ => 0.0,
-                };
-                let needed_m = turn_before_m + turn_after_m;
-                if length_m.is_nan() || length_m < needed_m.max(1.0) {
-                    return Err(self.source.error(
-                        offset,
-                        format!(
-                            "leg of {length_m:.0} m is too short: the turns at its ends take {needed_m:.0} m at {:.0} m/s and {:.0} deg of bank; move the waypoints apart, fly slower or bank more",
-                            leg.airspeed_mps, plan.bank_rad.to_degrees()
-                        ),
-                    ));
-                }
-                self.climb(plan, leg, from.height_m, length_m, offset)?;
-                turn_before_m = turn_after_m;
+            if i == 0 {
+                let ahead = Vector2::new(sin, cos);
+                turn_before_m = turn_m(plan, plan.start.airspeed_mps, ahead, direction);
             }
-            course = Some(direction);
-            last_speed = leg.airspeed_mps;
-            from = to;
+            let turn_after_m = match plan.legs.get(i + 1).map(|next| next.path) {
+                Some(Path2d::To(next)) => {
+                    let next = at(next, leg.height_m).enu_from(&to).xy().normalize();
+                    turn_m(plan, leg.airspeed_mps, direction, next)
+                }
+                _ => 0.0,
+            };
+            let needed_m = turn_before_m + turn_after_m;
+            if length_m.is_nan() || length_m < needed_m.max(1.0) {
+                return Err(self.source.error(
+                    offset,
+                    format!(
+                        "leg of {length_m:.0} m is too short: the turns at its ends take {needed_m:.0} m at {:.0} m/s and {:.0} deg of bank; move the waypoints apart, fly slower or bank more",
+                        leg.airspeed_mps, plan.bank_rad.to_degrees()
+                    ),
+                ));
+            }
+            self.climb(plan, leg, from.height_m, length_m, offset)?;
+            turn_before_m = turn_after_m;
         }
         Ok(())
     }
@@ -457,7 +452,6 @@ impl Checker<'_> {
     }
 }
 
-/// A place at a height.
 pub(crate) fn at(place: LatLon, height_m: f64) -> Geodetic {
     Geodetic {
         latitude_rad: place.latitude_rad,
@@ -467,19 +461,15 @@ pub(crate) fn at(place: LatLon, height_m: f64) -> Geodetic {
 }
 
 /// Length of a leg that a turn at its end takes: a fly-by turn and the roll into it.
-fn turn_m(plan: &Plan, airspeed_mps: f64, from: Option<Vector2<f64>>, to: Vector2<f64>) -> f64 {
-    let Some(from) = from else { return 0.0 };
-    let angle = libm::atan2(from.perp(&to).abs(), from.dot(&to));
-    lead_m(
-        airspeed_mps + plan.wind_enu_mps.norm(),
-        plan.bank_rad,
-        angle,
-    )
+fn turn_m(plan: &Plan, airspeed_mps: f64, from: Vector2<f64>, to: Vector2<f64>) -> f64 {
+    let fastest_mps = airspeed_mps + plan.wind_enu_mps.norm();
+    lead_m(fastest_mps, plan.bank_rad, from, to)
 }
 
-/// Distance before a waypoint at which the turn onto the next leg begins.
-pub fn lead_m(ground_speed_mps: f64, bank_rad: f64, angle_rad: f64) -> f64 {
+/// Distance before a waypoint at which the turn from one direction to the next begins.
+pub fn lead_m(ground_speed_mps: f64, bank_rad: f64, from: Vector2<f64>, to: Vector2<f64>) -> f64 {
     const ROLL_IN_S: f64 = 3.0;
+    let angle_rad = libm::atan2(from.perp(&to).abs(), from.dot(&to));
     // Sharper than 127 deg the aircraft overshoots the next leg and comes back to it.
     let radius_m = ground_speed_mps * ground_speed_mps / (GRAVITY_MPS2 * libm::tan(bank_rad));
     let half = 0.5 * angle_rad;

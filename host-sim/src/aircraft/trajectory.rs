@@ -10,9 +10,8 @@ use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
 
 use super::dynamics::State;
 use crate::sim::Kinematics;
-use crate::sim::cubic::Cubic;
+use crate::sim::ideal::Cubic;
 
-/// One node of the integrator.
 #[derive(Clone, Copy, Debug)]
 pub struct Node {
     pub time_s: f64,
@@ -20,7 +19,6 @@ pub struct Node {
     pub acceleration_enu_mps2: Vector3<f64>,
 }
 
-/// The flight between two nodes.
 #[derive(Clone, Copy, Debug)]
 pub struct Segment {
     start_s: f64,
@@ -31,7 +29,6 @@ pub struct Segment {
 }
 
 impl Segment {
-    /// Joins two nodes.
     pub fn between(from: &Node, to: &Node) -> Self {
         let step_s = to.time_s - from.time_s;
         let turned = rotation_vector(&(from.state.attitude.conjugate() * to.state.attitude));
@@ -56,7 +53,6 @@ impl Segment {
         }
     }
 
-    /// End of the segment, s.
     pub fn end_s(&self) -> f64 {
         self.start_s + self.step_s
     }
@@ -119,7 +115,6 @@ fn rotation_rate(v: &Vector3<f64>, body: &Vector3<f64>) -> Vector3<f64> {
     body + 0.5 * cross + (1.0 / 12.0 + a2 / 720.0) * v.cross(&cross)
 }
 
-/// Attitude angles of a node.
 pub fn euler(state: &State) -> attitude::Euler {
     attitude::euler(&Unit::new_unchecked(state.attitude))
 }

@@ -18,7 +18,6 @@ const PASSES: usize = 5;
 /// Cost of a method.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Cost {
-    /// Which.
     pub method: &'static str,
     /// Per inertial sample with its share of the fixes, ns.
     pub sample_ns: f64,

@@ -32,7 +32,6 @@ const TRUTH_GAP_S: f64 = 0.6;
 /// A method on the log.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MethodResult {
-    /// Which.
     pub method: String,
     /// What it found.
     pub quantities: Vec<QuantityResult>,
@@ -55,14 +54,11 @@ pub struct QuantityResult {
     pub settled_s: Option<f64>,
 }
 
-/// Root mean squares.
+/// Root mean squares; of the position the horizontal one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TrajectoryError {
-    /// Horizontal position, m.
     pub position_m: f64,
-    /// Velocity, m/s.
     pub velocity_mps: f64,
-    /// Heading, deg.
     pub heading_deg: f64,
 }
 

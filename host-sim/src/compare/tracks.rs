@@ -170,6 +170,6 @@ fn filtered(filter: &Filter) -> Point {
     Point {
         time: filter.time,
         estimates: filter.estimates(),
-        solution: filter.known.solution(filter.time),
+        solution: filter.solution(),
     }
 }

@@ -36,7 +36,7 @@ impl Truth {
         let gravity_mps2 = [0.0, 0.0, 9.806_65];
         let felt = |component: usize| {
             errors.accel_bias_mps2[component]
-                + errors.accel_scale[component] * gravity_mps2[component]
+                + errors.accel_matrix[(component, component)] * gravity_mps2[component]
         };
         let in_axes = |value: &dyn Fn(usize) -> f64, unit: f64| {
             [0, 1, 2].map(|axis| {

@@ -20,6 +20,7 @@ use serde::{Deserialize, Serialize};
 use super::flight::{Answers, Failure, Fault, Told};
 use super::flight::{Flown, START_LEVEL_DEG, START_POSITION_M, START_VELOCITY_MPS};
 use crate::compare::kalman::Noise;
+use crate::compare::kalman::noise::total;
 use crate::identify::run::Event;
 
 /// Of the protocol.
@@ -336,17 +337,18 @@ fn joined<const N: usize>(values: [f64; N]) -> String {
 /// What is said before the flight begins.
 fn greeting(flown: &Flown, told: &Told) -> String {
     let noise = Noise::of_model(&told.model);
+    let (sensors, gnss) = (&noise.sensors, &noise.gnss);
     let [least, most] = told.model.gnss.latency_s;
     let unit = [
-        noise.gyro_noise.mean(),
-        noise.gyro_bias_radps,
-        noise.gyro_bias_walk,
-        noise.accel_noise.mean(),
-        noise.accel_bias_mps2,
-        noise.accel_bias_walk,
-        noise.velocity.total(),
-        noise.position.total(),
-        noise.height.total(),
+        Vector3::from(sensors.gyro_noise).mean(),
+        sensors.gyro_bias_radps,
+        sensors.gyro_bias_walk,
+        Vector3::from(sensors.accel_noise).mean(),
+        sensors.accel_bias_mps2,
+        sensors.accel_bias_walk,
+        total(&gnss.velocity_mps),
+        total(&gnss.position_m),
+        total(&gnss.height_m),
         0.5 * (least + most),
     ];
     let start = &flown.start;

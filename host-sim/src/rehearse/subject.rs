@@ -13,6 +13,7 @@ use nalgebra::Vector3;
 use super::flight::{Answers, Failure, Fault, Flown, Told};
 use super::program::Program;
 use crate::compare::kalman::Noise;
+use crate::compare::kalman::noise::tell;
 use crate::hil::bench;
 use crate::hil::board::Target;
 use crate::hil::session::{Event, HilError, Rate};
@@ -114,7 +115,7 @@ impl Subject {
 fn config(flown: &Flown, told: &Told) -> Config {
     let model = &told.model;
     let preset = config_of(told.grade, model.imu.output, flown.run.given_heading_rad);
-    let mut config = Noise::of_model(model).tell(preset);
+    let mut config = tell(model, preset);
     config.sensors.cross_axis = model.gyro_deg_h.misalignment_sigma;
     config
 }

@@ -5,9 +5,8 @@
 
 use ins_core::attitude::Euler;
 
-use super::motion::{Kinematics, Motion};
+use super::motion::{Kinematics, Motion, Path, kinematics};
 use super::noise::Random;
-use super::path::{Path, kinematics};
 use super::profile::Profile;
 
 /// How the car leans: nose up while it gains speed, outwards in a turn. Typical of a family car
@@ -45,15 +44,11 @@ mod habits {
 /// A way of straights and turns, alike from end to end: bounds of what there is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Way {
-    /// Time at rest first, s.
     pub rest_s: [f64; 2],
-    /// Speeds, m/s.
     pub speed_mps: [f64; 2],
-    /// Straights, s.
     pub straight_s: [f64; 2],
     /// Stops at the ends of straights, s, where there are any.
     pub stop_s: Option<[f64; 2]>,
-    /// Turns to either side, rad.
     pub turn_rad: [f64; 2],
     /// Acceleration across in them, m/s^2.
     pub lateral_mps2: [f64; 2],
@@ -79,7 +74,6 @@ impl Way {
     pub const BALANCED: f64 = 1.0 / 9.81;
 }
 
-/// A car on its way.
 #[derive(Clone, Debug)]
 pub struct Car {
     speed: Profile,
@@ -225,7 +219,6 @@ impl Course {
         }
     }
 
-    /// The speed at its end.
     pub(crate) fn speed_mps(&self) -> f64 {
         self.speed.last_value()
     }
@@ -333,89 +326,5 @@ impl Driver {
         let rate = self.random.uniform(lateral_mps2) / self.course.speed_mps();
         let steering_s = self.random.uniform(habits::STEERING_S);
         self.course.turn(angle_rad, rate, steering_s);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use nalgebra::Vector3;
-
-    use super::*;
-
-    const HOUR_S: f64 = 3600.0;
-
-    fn times(step_s: f64) -> impl Iterator<Item = f64> {
-        (1..)
-            .map(move |k| f64::from(k) * step_s)
-            .take_while(|t| *t < HOUR_S)
-    }
-
-    #[test]
-    fn rates_are_the_derivatives_of_velocity_and_attitude() {
-        // Central differences over 2 ms: the error is h^2/6 of the third derivative, below 1e-5
-        // for a jerk rate of 10 m/s^4; the rounding of a quaternion over 2 ms is 1e-13.
-        const H: f64 = 1e-3;
-        let mut car = Car::new(7, HOUR_S, Some([30.0, 120.0]));
-        for t in times(0.37) {
-            let [before, now, after] = [t - H, t, t + H].map(|t| car.kinematics(t));
-            let acceleration = (after.velocity_enu_mps - before.velocity_enu_mps) / (2.0 * H);
-            let rate = (before.attitude.inverse() * after.attitude).scaled_axis() / (2.0 * H);
-            let off = (acceleration - now.acceleration_enu_mps2).norm();
-            assert!(off < 2e-5, "acceleration off by {off} at {t} s");
-            let off = (rate - now.angular_rate_lb_b_radps).norm();
-            assert!(off < 2e-5, "angular rate off by {off} at {t} s");
-        }
-    }
-
-    #[test]
-    fn angular_rate_has_no_kinks() {
-        // 1 ms apart: an angular acceleration of 1 rad/s^2 at most.
-        let mut car = Car::new(3, HOUR_S, None);
-        let mut last = car.kinematics(0.0).angular_rate_lb_b_radps;
-        for t in times(1e-3).take_while(|t| *t < 600.0) {
-            let rate = car.kinematics(t).angular_rate_lb_b_radps;
-            assert!((rate - last).norm() < 1e-3, "jump at {t} s");
-            last = rate;
-        }
-    }
-
-    #[test]
-    fn drives_like_a_person() {
-        for seed in 0..20 {
-            let mut car = Car::new(seed, HOUR_S, Some([30.0, 120.0]));
-            assert!(times(0.1).take_while(|t| *t < 30.0).all(|t| {
-                let k = car.kinematics(t);
-                k.velocity_enu_mps.norm() == 0.0 && k.angular_rate_lb_b_radps.norm() == 0.0
-            }));
-            let (mut stops, mut turned_rad, mut fastest) = (0, 0.0, 0.0_f64);
-            let mut was_moving = false;
-            for t in times(0.1) {
-                let k = car.kinematics(t);
-                let speed = k.velocity_enu_mps.norm();
-                let up = Vector3::z();
-                let forward = k.attitude * Vector3::y();
-                let along = k.acceleration_enu_mps2.dot(&forward);
-                let across = k.acceleration_enu_mps2.cross(&forward).dot(&up);
-                assert!(
-                    along.abs() < 2.8,
-                    "seed {seed}: {along} m/s^2 along at {t} s"
-                );
-                assert!(
-                    across.abs() < 4.0,
-                    "seed {seed}: {across} m/s^2 across at {t} s"
-                );
-                assert!(k.velocity_enu_mps.z.abs() <= 0.05 * speed);
-                stops += u32::from(was_moving && speed == 0.0);
-                was_moving = speed > 0.0;
-                turned_rad += k.angular_rate_lb_b_radps.z.abs() * 0.1;
-                fastest = fastest.max(speed);
-            }
-            assert!((15..80).contains(&stops), "seed {seed}: {stops} stops");
-            assert!(turned_rad > 50.0, "seed {seed}: {turned_rad} rad");
-            assert!(
-                (15.0..25.5).contains(&fastest),
-                "seed {seed}: {fastest} m/s"
-            );
-        }
     }
 }

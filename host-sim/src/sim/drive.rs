@@ -19,12 +19,10 @@ use crate::log::{self, BodyAxes, Log, Meta};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Grade {
-    /// No errors.
     Ideal,
     /// Ring-laser class, 1 deg/h.
     #[default]
     Hg1700,
-    /// Consumer MEMS.
     Mems,
 }
 
@@ -46,7 +44,6 @@ impl Grade {
         }
     }
 
-    /// The class's error model.
     pub fn errors(self) -> ErrorModel {
         match self {
             Self::Ideal => ErrorModel::ideal(),
@@ -61,19 +58,14 @@ impl Grade {
 pub struct Recording {
     /// Fixes every random number.
     pub seed: u64,
-    /// How long, s.
     pub duration_s: f64,
-    /// Inertial samples per second.
     pub imu_hz: f64,
     /// The truth is kept at every so many inertial samples.
     pub truth_every: u32,
-    /// Where the motion begins.
     pub origin: Geodetic,
-    /// Sensors.
     pub errors: ErrorModel,
 }
 
-/// A simulated drive.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DriveConfig {
     /// How it is recorded; the seed also chooses the route.
@@ -108,13 +100,11 @@ impl DriveConfig {
 pub struct SimulatedDrive {
     /// As measured, in the output form of the error model.
     pub imu: Vec<ImuSample>,
-    /// As received.
     pub gnss: Vec<GnssFix>,
     /// When each fix arrives, not before its stamp.
     pub arrivals: Vec<Time>,
     /// What really happened, under the stamps of the samples.
     pub truth: Vec<Solution>,
-    /// The errors that an estimator should find.
     pub errors: SensorErrors,
     /// The heading given at the start, with its error, if the model gives one.
     pub given_heading_rad: Option<f64>,
@@ -145,16 +135,10 @@ impl SimulatedDrive {
 /// at the end of the run.
 ///
 /// A scale error of the z accelerometer is felt as a bias of scale times g.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorErrors {
-    /// Accelerometer biases.
     pub accel_bias_mps2: [f64; 3],
-    /// Gyro biases.
     pub gyro_bias_radps: [f64; 3],
-    /// Scale-factor errors of the accelerometers.
-    pub accel_scale: [f64; 3],
-    /// Scale-factor errors of the gyros.
-    pub gyro_scale: [f64; 3],
     /// What accelerometers read beyond the truth in proportion to it: scale errors and
     /// misalignments.
     pub accel_matrix: Matrix3<f64>,
@@ -175,7 +159,6 @@ pub fn simulate(config: &DriveConfig) -> SimulatedDrive {
     record(car, recording)
 }
 
-/// Records any motion.
 pub fn record<M: Motion>(motion: M, recording: &Recording) -> SimulatedDrive {
     record_with(motion, recording, None)
 }
@@ -293,140 +276,11 @@ impl Recorder {
         SensorErrors {
             accel_bias_mps2: accels.bias().into(),
             gyro_bias_radps: gyros.bias().into(),
-            accel_scale: accels.scale().into(),
-            gyro_scale: gyros.scale().into(),
             accel_matrix: accels.error_matrix(),
             gyro_matrix: gyros.error_matrix(),
-            gnss_latency_s: self.receiver.latency_s(),
+            gnss_latency_s: self.receiver.latency_s,
             gnss_latency_end_s: self.receiver.latency_at_s(end.as_seconds()),
             gnss_lag_s: self.receiver.lag_s(),
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::errors::Outage;
-    use super::super::noise::statistics::{assert_correlation, assert_mean, assert_sigma};
-    use super::*;
-
-    #[test]
-    fn a_seed_fixes_everything() {
-        let run = |seed| simulate(&DriveConfig::new(seed, Grade::Mems, 3.0));
-        assert_eq!(run(5), run(5));
-        assert_ne!(run(5).imu, run(6).imu);
-    }
-
-    #[test]
-    fn records_the_samples_asked_for() {
-        let run = simulate(&DriveConfig::new(1, Grade::Hg1700, 5.0));
-        assert_eq!(run.imu.len(), 30_000);
-        assert_eq!(run.truth.len(), 3_001);
-        // Fixes of a time before the run are missing, and no other.
-        let first = run.gnss[0].time.as_seconds();
-        assert!((0.0..0.1).contains(&(first - run.errors.gnss_latency_s)));
-        let fixes = 1.0 + (300.0 - first) * 10.0;
-        assert!((run.gnss.len() as f64 - fixes).abs() < 1e-6);
-    }
-
-    #[test]
-    fn fixes_show_the_motion_of_the_latency_ago() {
-        for latency_s in [0.1374, -0.0713] {
-            let mut config = DriveConfig::new(8, Grade::Ideal, 5.0);
-            config.recording.errors.gnss.latency_s = [latency_s; 2];
-            let run = simulate(&config);
-            let mut car = Car::new(8, 300.0, config.initial_rest_s);
-            for fix in &run.gnss {
-                let velocity = car
-                    .kinematics(fix.time.as_seconds() - latency_s)
-                    .velocity_enu_mps;
-                let off = fix.velocity_en_mps.unwrap() - velocity.xy();
-                // The cubic between two samples leaves 3e-9.
-                assert!(off.norm() < 1e-8, "{off} at {:?}", fix.time);
-                assert!((fix.velocity_up_mps.unwrap() - velocity.z).abs() < 1e-8);
-            }
-        }
-    }
-
-    #[test]
-    fn receiver_noise_is_white_and_as_large_as_told() {
-        let noisy = simulate(&DriveConfig::new(8, Grade::Hg1700, 20.0));
-        let mut config = DriveConfig::new(8, Grade::Hg1700, 20.0);
-        config.recording.errors.gnss.velocity_sigma_mps = 0.0;
-        config.recording.errors.gnss.horizontal_sigma_m = 0.0;
-        config.recording.errors.gnss.vertical_sigma_m = 0.0;
-        let exact = simulate(&config);
-        // One source of error changed, the others did not.
-        assert_eq!(noisy.imu, exact.imu);
-        assert_eq!(noisy.errors, exact.errors);
-        let differences = |part: fn(&GnssFix) -> f64| -> Vec<f64> {
-            noisy
-                .gnss
-                .iter()
-                .zip(&exact.gnss)
-                .map(|(n, e)| part(n) - part(e))
-                .collect()
-        };
-        let east = differences(|f| f.velocity_en_mps.unwrap().x);
-        let north = differences(|f| f.velocity_en_mps.unwrap().y);
-        let up = differences(|f| f.velocity_up_mps.unwrap());
-        for x in [&east, &north, &up] {
-            assert_mean(x, 0.0, 0.1);
-            assert_sigma(x, 0.1);
-            assert_correlation(x, &x[1..], 0.0);
-        }
-        assert_correlation(&east, &north, 0.0);
-        assert_correlation(&north, &up, 0.0);
-        let height = differences(|f| f.height_m.unwrap());
-        assert_sigma(&height, 1.5);
-        let [mut right, mut ahead] = [Vec::new(), Vec::new()];
-        for (n, e) in noisy.gnss.iter().zip(&exact.gnss) {
-            let off = n
-                .geodetic_or(0.0)
-                .unwrap()
-                .enu_from(&e.geodetic_or(0.0).unwrap());
-            right.push(off.x);
-            ahead.push(off.y);
-        }
-        assert_sigma(&right, 1.0);
-        assert_sigma(&ahead, 1.0);
-    }
-
-    #[test]
-    fn latencies_fill_their_range() {
-        let gnss = ErrorModel::hg1700().gnss;
-        let all: Vec<f64> = (0..2000)
-            .map(|seed| Gnss::new(&gnss, seed).latency_s())
-            .collect();
-        assert!(all.iter().all(|tau| (0.05..0.3).contains(tau)));
-        assert_mean(&all, 0.175, 0.25 / 12.0_f64.sqrt());
-    }
-
-    #[test]
-    fn outages_and_losses_take_samples_and_change_none() {
-        let whole = simulate(&DriveConfig::new(2, Grade::Mems, 10.0));
-        let mut config = DriveConfig::new(2, Grade::Mems, 10.0);
-        let errors = &mut config.recording.errors;
-        errors.gnss.outages = vec![Outage {
-            start_s: 100.0,
-            duration_s: 30.0,
-        }];
-        errors.imu.dropped_fraction = 0.02;
-        let holed = simulate(&config);
-        assert_eq!(whole.gnss.len() - holed.gnss.len(), 300);
-        assert!(holed.gnss.iter().all(|fix| whole.gnss.contains(fix)));
-        let lost: Vec<f64> = whole
-            .imu
-            .iter()
-            .map(|s| f64::from(holed.imu.binary_search_by_key(&s.time, |h| h.time).is_err()))
-            .collect();
-        assert_mean(&lost, 0.02, (0.02 * 0.98_f64).sqrt());
-        for sample in &holed.imu {
-            let at = whole
-                .imu
-                .binary_search_by_key(&sample.time, |w| w.time)
-                .unwrap();
-            assert_eq!(sample, &whole.imu[at]);
         }
     }
 }

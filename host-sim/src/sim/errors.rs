@@ -20,7 +20,6 @@ pub struct ErrorModel {
     pub gyro_deg_h: SensorModel,
     /// The three accelerometers, in m/s^2.
     pub accel_mps2: SensorModel,
-    /// The receiver.
     pub gnss: GnssModel,
     /// Spread of the error of the heading given at the start, deg; absent: none is given.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -52,7 +51,6 @@ pub struct ImuModel {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorModel {
-    /// The bias.
     pub bias: BiasModel,
     /// White noise, root of its spectral density P in (3), (4), U/sqrt(Hz): its integral over t
     /// has a standard deviation of this times sqrt(t).
@@ -98,10 +96,8 @@ pub enum BiasModel {
         initial_sigma: f64,
         /// Interval Dt between jumps, s.
         interval_s: f64,
-        /// Mean of a jump, U.
         #[serde(default)]
         jump_mean: f64,
-        /// Spread of a jump, U.
         jump_sigma: f64,
     },
     /// (4): constant + linear trend + exponentially correlated noise.
@@ -111,10 +107,8 @@ pub enum BiasModel {
         /// Run-to-run spread of the trend, U/s.
         #[serde(default)]
         slope_sigma_per_s: f64,
-        /// Standard deviation of the correlated part, U.
         #[serde(default)]
         correlated_sigma: f64,
-        /// Its correlation time, s.
         #[serde(default = "a_second")]
         correlation_time_s: f64,
     },
@@ -169,7 +163,6 @@ impl BiasModel {
         }
     }
 
-    /// Sets the run-to-run spread at the start, U.
     pub fn set_initial_sigma(&mut self, sigma: f64) {
         match self {
             Self::Wave { initial_sigma, .. } | Self::Continuous { initial_sigma, .. } => {
@@ -178,7 +171,6 @@ impl BiasModel {
         }
     }
 
-    /// Which law it follows.
     pub fn law(&self) -> Law {
         match self {
             Self::Wave { .. } => Law::Wave,
@@ -217,18 +209,15 @@ impl BiasModel {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GnssModel {
-    /// Fixes per second.
     pub rate_hz: f64,
     /// White noise of each velocity component, m/s.
     pub velocity_sigma_mps: f64,
     /// White noise of east and north position, m.
     pub horizontal_sigma_m: f64,
-    /// White noise of height, m.
     pub vertical_sigma_m: f64,
     /// Bounds of the latency, drawn once a run: a fix shows the motion of that long before its
     /// stamp. Negative where the inertial stamps are late.
     pub latency_s: [f64; 2],
-    /// Times without fixes.
     #[serde(default)]
     pub outages: Vec<Outage>,
     /// All else that receivers do.
@@ -240,9 +229,7 @@ pub struct GnssModel {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Outage {
-    /// From the start of the run, s.
     pub start_s: f64,
-    /// How long, s.
     pub duration_s: f64,
 }
 
@@ -377,7 +364,6 @@ impl ImuModel {
 }
 
 impl Outage {
-    /// Whether it is going on.
     pub fn holds(&self, time_s: f64) -> bool {
         (self.start_s..self.start_s + self.duration_s).contains(&time_s)
     }
@@ -464,128 +450,5 @@ fn receiver() -> GnssModel {
         latency_s: [0.05, 0.3],
         outages: Vec::new(),
         habits: Habits::default(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const WAVE: &str = r#"
-        [imu]
-        output = "Increments"
-        gyro_range_deg_s = 1000.0
-        accel_range_mps2 = 370.0
-        [gyro_deg_h]
-        bias = { model = "wave", initial_sigma = 1.0, interval_s = 60.0, jump_sigma = 0.1 }
-        white_noise = 7.5
-        [accel_mps2]
-        bias = { model = "continuous", initial_sigma = 0.01 }
-        [gnss]
-        rate_hz = 10.0
-        velocity_sigma_mps = 0.1
-        horizontal_sigma_m = 1.0
-        vertical_sigma_m = 1.5
-        latency_s = [0.05, 0.3]
-        outages = [{ start_s = 60.0, duration_s = 10.0 }]
-    "#;
-
-    #[test]
-    fn presets_survive_a_file() {
-        for model in [
-            ErrorModel::ideal(),
-            ErrorModel::hg1700(),
-            ErrorModel::mems(),
-        ] {
-            let text = toml::to_string(&model).unwrap();
-            assert_eq!(ErrorModel::from_toml(&text).unwrap(), model);
-        }
-    }
-
-    #[test]
-    fn the_shipped_model_is_good() {
-        let mut model = ErrorModel::from_toml(include_str!("../../errors/wave.toml")).unwrap();
-        assert!(matches!(model.gyro_deg_h.bias, BiasModel::Wave { .. }));
-        // But for its wandering biases and its outage it is the preset.
-        model.gyro_deg_h.bias = BiasModel::constant(1.0);
-        model.accel_mps2.bias = BiasModel::constant(0.01);
-        model.gnss.outages.clear();
-        assert_eq!(model, ErrorModel::hg1700());
-    }
-
-    #[test]
-    fn a_file_may_leave_out_what_is_zero() {
-        let model = ErrorModel::from_toml(WAVE).unwrap();
-        assert_eq!(model.accel_mps2.bias, BiasModel::constant(0.01));
-        assert_eq!(model.given_heading_sigma_deg, None);
-    }
-
-    #[test]
-    fn keys_are_set_one_by_one_and_checked() {
-        let with = |text: &str| ErrorModel::mems().with(&text.parse().unwrap());
-        let memory = "gnss.habits.velocity = { sigma = 0.05, time_s = 1.0 }";
-        let set = with(&format!("gyro_deg_h.scale_sigma = 0.001\n{memory}")).unwrap();
-        let mut expected = ErrorModel::mems();
-        expected.gyro_deg_h.scale_sigma = 0.001;
-        expected.gnss.habits.velocity.sigma = 0.05;
-        assert_eq!(set, expected);
-        let wave = "model = \"wave\", initial_sigma = 9.0, interval_s = 5.0, jump_sigma = 1.0";
-        let set = with(&format!("gyro_deg_h.bias = {{ {wave} }}")).unwrap();
-        assert!(matches!(set.gyro_deg_h.bias, BiasModel::Wave { .. }));
-        for (text, message) in [
-            (
-                "gnss.rate_hz = -1.0",
-                "gnss.rate_hz = -1: expected more than zero",
-            ),
-            ("gyro.scale_sigma = 0.1", "unknown field `gyro`"),
-        ] {
-            let error = with(text).unwrap_err().to_string();
-            assert!(error.contains(message), "{error}");
-        }
-    }
-
-    #[test]
-    fn bad_files_say_what_is_wrong() {
-        for (good, bad, message) in [
-            (
-                "rate_hz = 10.0",
-                "rate_hz = 0.0",
-                "gnss.rate_hz = 0: expected more than zero",
-            ),
-            ("rate_hz = 10.0", "rate_hz = nan", "gnss.rate_hz = NaN"),
-            (
-                "interval_s = 60.0",
-                "interval_s = -1.0",
-                "gyro_deg_h.bias.interval_s = -1",
-            ),
-            (
-                "[0.05, 0.3]",
-                "[0.3, 0.05]",
-                "gnss.latency_s[1] = 0.05: expected no less",
-            ),
-            (
-                "[0.05, 0.3]",
-                "[50, 300]",
-                "gnss.latency_s[0] = 50: expected 10 s at most",
-            ),
-            (
-                "white_noise = 7.5",
-                "white_noise = -7.5",
-                "gyro_deg_h.white_noise = -7.5",
-            ),
-            (
-                "white_noise = 7.5",
-                "whit_noise = 7.5",
-                "unknown field `whit_noise`",
-            ),
-            ("\"wave\"", "\"waves\"", "unknown variant `waves`"),
-            ("= 7.5", "= ", "line 8"),
-        ] {
-            assert!(WAVE.contains(good));
-            let error = ErrorModel::from_toml(&WAVE.replace(good, bad))
-                .unwrap_err()
-                .to_string();
-            assert!(error.contains(message), "{bad}: {error}");
-        }
     }
 }

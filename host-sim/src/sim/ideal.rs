@@ -4,7 +4,6 @@ use ins_core::earth::{Geodetic, LocalEarth, wrap_pi};
 use ins_core::{Solution, Time};
 use nalgebra::Vector3;
 
-use super::cubic::Cubic;
 use super::motion::{Kinematics, Motion};
 
 /// Inner nodes of the four-point Gauss-Lobatto rule on [0, 1], `(1 -+ 1/sqrt 5) / 2`.
@@ -20,7 +19,6 @@ const INNER_WEIGHT: f64 = 5.0 / 12.0;
 pub struct Increments {
     /// Integral of the angular rate of the body against inertial space.
     pub angle_b_rad: Vector3<f64>,
-    /// Integral of the specific force.
     pub velocity_b_mps: Vector3<f64>,
 }
 
@@ -53,11 +51,8 @@ impl Rates {
 /// The exact state of the vehicle at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrueState {
-    /// Position, velocity, attitude.
     pub solution: Solution,
-    /// Time derivative of the velocity components.
     pub acceleration_enu_mps2: Vector3<f64>,
-    /// Instantaneous readings.
     pub rates: Rates,
 }
 
@@ -96,6 +91,89 @@ fn displaced_on(earth: &LocalEarth, from: &Geodetic, moved_enu_m: &Vector3<f64>)
     }
 }
 
+/// An antenna some way from the inertial sensors: where it is and how it moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Antenna {
+    pub position: Geodetic,
+    pub velocity_enu_mps: Vector3<f64>,
+}
+
+impl Antenna {
+    /// Between two states one sampling interval or less apart.
+    ///
+    /// Sensors and arm are interpolated apart, each by the cubic through its values and
+    /// derivatives at the two states: arm and its velocity are good to h^3 of the turn's fourth
+    /// derivative.
+    pub fn between(from: &TrueState, to: &TrueState, time_s: f64, arm_m: &[f64; 3]) -> Self {
+        let (position, velocity) = between(from, to, time_s);
+        let arm = Vector3::from(*arm_m);
+        if arm.norm_squared() == 0.0 {
+            return Self {
+                position,
+                velocity_enu_mps: velocity,
+            };
+        }
+        let h = to.solution.time.seconds_since(from.solution.time);
+        let u = (time_s - from.solution.time.as_seconds()) / h;
+        let end = |state: &TrueState| {
+            let (reach, swing) = arm_enu(state, &arm);
+            [reach, h * swing]
+        };
+        let (reach, swing) = Cubic::between(end(from), end(to)).at(u);
+        Self {
+            position: displaced(&position, &reach),
+            velocity_enu_mps: velocity + swing / h,
+        }
+    }
+}
+
+/// The arm and its velocity against the Earth, ENU.
+fn arm_enu(state: &TrueState, arm: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+    let at = &state.solution.position;
+    let attitude = state.solution.attitude;
+    let earth_rate = LocalEarth::at(at.latitude_rad, at.height_m).earth_rate();
+    let rate = attitude * state.rates.angular_rate_ib_b_radps - earth_rate;
+    let reach = attitude * arm;
+    (reach, rate.cross(&reach))
+}
+
+/// A vector over a short time: the cubic on [0, 1] by its values and derivatives at both ends.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cubic([Vector3<f64>; 4]);
+
+impl Cubic {
+    /// Through value and derivative at both ends.
+    pub(crate) fn between([v0, d0]: [Vector3<f64>; 2], [v1, d1]: [Vector3<f64>; 2]) -> Self {
+        Self([
+            v0,
+            d0,
+            3.0 * (v1 - v0) - 2.0 * d0 - d1,
+            2.0 * (v0 - v1) + d0 + d1,
+        ])
+    }
+
+    /// Value and derivative.
+    pub(crate) fn at(&self, u: f64) -> (Vector3<f64>, Vector3<f64>) {
+        let [c0, c1, c2, c3] = &self.0;
+        (
+            c0 + u * (c1 + u * (c2 + u * c3)),
+            c1 + u * (2.0 * c2 + 3.0 * u * c3),
+        )
+    }
+
+    /// Mean from the start on.
+    pub(crate) fn mean_until(&self, u: f64) -> Vector3<f64> {
+        let [c0, c1, c2, c3] = &self.0;
+        c0 + u * (c1 / 2.0 + u * (c2 / 3.0 + u * c3 / 4.0))
+    }
+
+    /// Over the whole.
+    pub(crate) fn integral(&self) -> Vector3<f64> {
+        let [c0, c1, c2, c3] = &self.0;
+        c0 + c1 / 2.0 + c2 / 3.0 + c3 / 4.0
+    }
+}
+
 /// A motion with ideal inertial sensors on it.
 #[derive(Clone, Debug)]
 pub struct IdealSensors<M> {
@@ -119,7 +197,6 @@ impl<M: Motion> IdealSensors<M> {
         }
     }
 
-    /// The state reached.
     pub fn state(&self) -> &TrueState {
         &self.state
     }

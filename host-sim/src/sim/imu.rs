@@ -14,9 +14,7 @@ const DEG_RAD: f64 = core::f64::consts::PI / 180.0;
 #[derive(Clone, Debug)]
 pub struct Imu {
     output: ImuOutput,
-    /// The gyros, rad/s.
     pub gyros: Triad,
-    /// The accelerometers, m/s^2.
     pub accels: Triad,
     /// What stands in place of their white noise, if anything.
     pub recorded: Option<Resampled>,
@@ -121,15 +119,9 @@ impl Triad {
         }
     }
 
-    /// The biases now.
     pub fn bias(&self) -> Vector3<f64> {
         let drifted = Vector3::from([0, 1, 2].map(|axis| self.bias[axis].value()));
         drifted + self.warming * (1.0 - self.cold)
-    }
-
-    /// The scale-factor errors.
-    pub fn scale(&self) -> Vector3<f64> {
-        self.scale
     }
 
     /// What a reading has beyond the truth in proportion to it: scale errors and misalignments.
@@ -170,7 +162,6 @@ impl Triad {
     }
 }
 
-/// The bias of one sensor.
 #[derive(Clone, Debug)]
 struct Bias {
     model: BiasModel,
@@ -466,8 +457,8 @@ mod tests {
         let (mut all, truth) = (Vec::new(), Vector3::new(1.0, -2.0, 9.8));
         for triad in triads {
             let error = triad.read(&truth, &Vector3::zeros()) - truth;
-            assert!((error - triad.scale().component_mul(&truth)).norm() < 1e-14);
-            all.extend(triad.scale().iter());
+            assert!((error - triad.scale.component_mul(&truth)).norm() < 1e-14);
+            all.extend(triad.scale.iter());
         }
         assert_sigma(&all, 0.015);
     }

@@ -4,29 +4,19 @@
 //! [`ideal::IdealSensors`], its readings are spoilt by an [`errors::ErrorModel`], and
 //! [`drive::record`] puts the two together into what a logger would have written.
 
-pub mod boat;
 pub mod car;
 mod checks;
-pub(crate) mod cubic;
 pub mod drive;
 pub mod errors;
 pub mod gnss;
 pub mod ideal;
 pub mod imu;
-pub mod lever;
 pub mod motion;
-pub mod mounted;
 pub mod noise;
-mod path;
-pub mod plane;
 pub mod profile;
-pub mod quadrotor;
 pub mod receiver;
 pub mod recorded;
-pub mod shaken;
-#[cfg(test)]
-mod vehicles;
-pub mod walker;
+pub mod vehicles;
 
 pub use drive::{DriveConfig, Grade, SensorErrors, SimulatedDrive, record, record_with, simulate};
 pub use errors::ErrorModel;

@@ -1,7 +1,9 @@
-//! Seeded random numbers.
+//! Seeded random numbers, and noise that remembers.
 
 use rand_core::Rng;
 use rand_pcg::Pcg64;
+
+use super::receiver::Correlated;
 
 /// One named sequence of random numbers.
 ///
@@ -26,7 +28,6 @@ impl Random {
         }
     }
 
-    /// All 64 bits.
     pub fn whole(&mut self) -> u64 {
         self.generator.next_u64()
     }
@@ -36,17 +37,14 @@ impl Random {
         (self.generator.next_u64() >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0)
     }
 
-    /// Uniform between two bounds.
     pub fn uniform(&mut self, [low, high]: [f64; 2]) -> f64 {
         low + (high - low) * self.unit()
     }
 
-    /// True with a probability.
     pub fn chance(&mut self, probability: f64) -> bool {
         self.unit() < probability
     }
 
-    /// -1 or 1.
     pub fn sign(&mut self) -> f64 {
         if self.chance(0.5) { 1.0 } else { -1.0 }
     }
@@ -63,7 +61,6 @@ impl Random {
         radius * cos
     }
 
-    /// Three independent normals.
     pub fn normal3(&mut self) -> [f64; 3] {
         core::array::from_fn(|_| self.normal())
     }
@@ -83,50 +80,45 @@ fn mix(seed: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Bounds that a seeded sample must keep, for the tests of every generator.
-#[cfg(test)]
-pub(super) mod statistics {
-    /// Chance of a false alarm 6e-5 for one check; the seeds are fixed, so it either is one or not.
-    const SIGMAS: f64 = 4.0;
+/// A Gauss-Markov process, stationary from the start, or one of jumps with the same covariance.
+#[derive(Clone, Debug)]
+pub(super) struct Memory {
+    value: f64,
+    keep: f64,
+    sigma: f64,
+    jumps: bool,
+    random: Random,
+}
 
-    pub fn mean(samples: &[f64]) -> f64 {
-        samples.iter().sum::<f64>() / samples.len() as f64
+impl Memory {
+    pub(super) fn new(noise: &Correlated, step_s: f64, jumps: bool, mut random: Random) -> Self {
+        Self {
+            value: noise.sigma * random.normal(),
+            keep: libm::exp(-step_s / noise.time_s),
+            sigma: noise.sigma,
+            jumps,
+            random,
+        }
     }
 
-    /// Mean product of two zero-mean samples.
-    pub fn covariance(a: &[f64], b: &[f64]) -> f64 {
-        a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>() / a.len().min(b.len()) as f64
-    }
-
-    /// The mean of independent samples of standard deviation `sigma`.
-    pub fn assert_mean(samples: &[f64], expected: f64, sigma: f64) {
-        let bound = SIGMAS * sigma / (samples.len() as f64).sqrt();
-        let off = mean(samples) - expected;
-        assert!(off.abs() < bound, "mean off by {off:e}, bound {bound:e}");
-    }
-
-    /// The variance of independent zero-mean normal samples: chi-square, near normal for 500 and
-    /// more, with a relative standard deviation of sqrt(2/n).
-    pub fn assert_sigma(samples: &[f64], expected: f64) {
-        assert!(samples.len() >= 500);
-        let ratio = covariance(samples, samples) / (expected * expected);
-        let bound = SIGMAS * (2.0 / samples.len() as f64).sqrt();
-        assert!(
-            (ratio - 1.0).abs() < bound,
-            "variance {ratio} of {expected}^2, bound {bound}"
-        );
-    }
-
-    /// The correlation of two normal samples; its standard deviation is (1 - r^2)/sqrt(n).
-    pub fn assert_correlation(a: &[f64], b: &[f64], expected: f64) {
-        let r = covariance(a, b) / (covariance(a, a) * covariance(b, b)).sqrt();
-        let bound = SIGMAS * (1.0 - expected * expected) / (a.len().min(b.len()) as f64).sqrt();
-        assert!(
-            (r - expected).abs() < bound,
-            "correlation {r} for {expected}, bound {bound}"
-        );
+    /// The value now; then one step on.
+    pub(super) fn step(&mut self) -> f64 {
+        let now = self.value;
+        if self.jumps {
+            if !self.random.chance(self.keep) {
+                self.value = self.sigma * self.random.normal();
+            }
+        } else if self.sigma > 0.0 {
+            let fresh = (1.0 - self.keep * self.keep).sqrt();
+            self.value = self.keep * now + self.sigma * fresh * self.random.normal();
+        }
+        now
     }
 }
+
+#[cfg(test)]
+#[path = "../../tests/statistics.rs"]
+pub(super) mod statistics;
 
 #[cfg(test)]
 mod tests {
@@ -186,6 +178,53 @@ mod tests {
         assert_sigma(&x, 1.0);
         assert_correlation(&x, &x[1..], 0.0);
         assert_correlation(&x, &y, 0.0);
+    }
+
+    #[test]
+    fn correlated_noise_has_the_covariance_it_says() {
+        let noise = Correlated {
+            sigma: 0.05,
+            time_s: 2.0,
+        };
+        let runs: Vec<Vec<f64>> = (0..5000)
+            .map(|seed| {
+                let mut memory = Memory::new(&noise, 0.1, false, Random::stream(seed, "test"));
+                (0..100).map(|_| memory.step()).collect()
+            })
+            .collect();
+        let at = |step: usize| -> Vec<f64> { runs.iter().map(|run| run[step]).collect() };
+        let start = at(0);
+        for step in [0, 1, 20, 60, 99] {
+            assert_mean(&at(step), 0.0, 0.05);
+            assert_sigma(&at(step), 0.05);
+            if step > 0 {
+                assert_correlation(&start, &at(step), libm::exp(-0.1 * step as f64 / 2.0));
+            }
+        }
+    }
+
+    #[test]
+    fn jumps_have_the_spread_and_memory_of_what_wanders() {
+        let noise = Correlated {
+            sigma: 3.0,
+            time_s: 2.0,
+        };
+        let runs: Vec<[f64; 2]> = (0..5000)
+            .map(|seed| {
+                let mut memory = Memory::new(&noise, 0.1, true, Random::stream(seed, "test"));
+                let start = memory.step();
+                let later = (1..=10).map(|_| memory.step()).last();
+                [start, later.unwrap()]
+            })
+            .collect();
+        let at = |which: usize| -> Vec<f64> { runs.iter().map(|run| run[which]).collect() };
+        assert_sigma(&at(1), 3.0);
+        let kept = at(0)
+            .iter()
+            .zip(at(1))
+            .filter(|(a, b)| (*a - b).abs() < 1e-12)
+            .count();
+        assert!((kept as f64 / 5000.0 - libm::exp(-0.5)).abs() < 0.03);
     }
 
     #[test]

@@ -1,11 +1,12 @@
 //! A quantity that changes in smooth steps, with its exact integral and derivatives.
 
+use super::noise::Random;
+
 /// The quantity at one argument.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Local {
     /// Integral from zero.
     pub integral: f64,
-    /// The quantity.
     pub value: f64,
     /// First derivative.
     pub slope: f64,
@@ -165,7 +166,6 @@ impl Profile {
         }
     }
 
-    /// The value after the last step.
     pub fn last_value(&self) -> f64 {
         self.spans[self.spans.len() - 1].value_after
     }
@@ -190,6 +190,18 @@ impl Profile {
             value_after: value,
         });
         start + step.length()
+    }
+
+    /// The same with a slope and a rise drawn between bounds.
+    pub(super) fn step_drawn(
+        &mut self,
+        random: &mut Random,
+        value: f64,
+        start: f64,
+        [peak, rise]: [[f64; 2]; 2],
+    ) -> f64 {
+        let (peak, rise) = (random.uniform(peak), random.uniform(rise));
+        self.step_to(value, start, peak, rise)
     }
 
     /// The quantity at `x`; a search from the last place, so cheap if `x` grows slowly.

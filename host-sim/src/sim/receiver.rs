@@ -8,9 +8,7 @@ use super::checks::{ErrorModelError, ensure, in_order, positive, spread};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Correlated {
-    /// One standard deviation.
     pub sigma: f64,
-    /// Correlation time, s.
     pub time_s: f64,
 }
 
@@ -30,7 +28,6 @@ pub enum Up {
     /// Vertical velocity.
     #[default]
     Given,
-    /// Nothing.
     Missing,
     /// Zero, whatever it is.
     Zero,
@@ -61,9 +58,7 @@ pub enum Wrong {
     ZeroVelocity,
     /// Velocity and position are off by so much, ENU, and the position by more every second.
     Off {
-        /// Velocity, m/s.
         velocity_mps: [f64; 3],
-        /// Position, m.
         position_m: [f64; 3],
     },
     /// Latitude, longitude, height and velocity are zero.
@@ -84,16 +79,12 @@ pub enum Wrong {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Trouble {
-    /// From the start of the run, s.
     pub start_s: f64,
-    /// How long, s.
     pub duration_s: f64,
-    /// What.
     pub wrong: Wrong,
 }
 
 impl Trouble {
-    /// Whether it is going on.
     pub fn holds(&self, time_s: f64) -> bool {
         (self.start_s..self.start_s + self.duration_s).contains(&time_s)
     }
@@ -105,13 +96,10 @@ impl Trouble {
 pub struct Outliers {
     /// Part of all fixes, 0 to 1.
     pub fraction: f64,
-    /// Spread of their velocity, m/s.
     pub velocity_mps: f64,
-    /// Spread of their position, m.
     pub position_m: f64,
 }
 
-/// A receiver's habits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[allow(clippy::struct_excessive_bools)]
@@ -139,19 +127,12 @@ pub struct Habits {
     pub clock_drift: f64,
     /// How much later than its stamp a fix arrives, s; drawn anew for each, but none overtakes.
     pub delay_s: [f64; 2],
-    /// Whether fixes have latitude and longitude.
     pub gives_position: bool,
-    /// Whether fixes have a height.
     pub gives_height: bool,
-    /// Whether fixes have a level velocity.
     pub gives_velocity: bool,
-    /// Vertical velocity.
     pub up: Up,
-    /// Noise as stated.
     pub stated: Stated,
-    /// Single fixes far off.
     pub outliers: Outliers,
-    /// Times at which something is wrong.
     pub troubles: Vec<Trouble>,
     /// Every fix is logged so often, under stamps of its own until the next.
     pub logged_times: u32,
@@ -184,7 +165,6 @@ impl Default for Habits {
 }
 
 impl Habits {
-    /// Whether there are none.
     pub fn are_none(&self) -> bool {
         *self == Self::default()
     }

@@ -10,9 +10,7 @@ use super::noise::Random;
 pub struct RecordedNoise {
     /// Stretches of rest, sample by sample: gyros, accelerometers.
     stretches: Vec<Vec<[Vector3<f64>; 2]>>,
-    /// Samples in a block.
     block: usize,
-    /// Samples per second.
     pub rate_hz: f64,
 }
 
@@ -55,7 +53,6 @@ pub struct Resampled {
 }
 
 impl Resampled {
-    /// Of run `seed`.
     pub fn new(from: &RecordedNoise, seed: u64) -> Self {
         Self {
             from: from.clone(),

@@ -22,7 +22,7 @@ use crate::sim::drive::{Recorder, Recording};
 use crate::sim::errors::BiasModel;
 use crate::sim::gnss::arrivals;
 use crate::sim::ideal::IdealSensors;
-use crate::sim::mounted::Mounted;
+use crate::sim::motion::Mounted;
 use crate::sim::noise::Random;
 use crate::sim::{ErrorModel, SensorErrors};
 

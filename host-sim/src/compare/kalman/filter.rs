@@ -4,13 +4,16 @@ use ins_core::config::HeadingSource;
 use ins_core::increments::Interval;
 use ins_core::mechanization::{Controls, Mechanization};
 use ins_core::rest::{RestBlock, RestDetector, Verdict};
-use ins_core::{Estimates, GnssFix, Navigator, Time};
+use ins_core::{Estimates, GnssFix, Navigator, Solution, Time};
 use nalgebra::Vector3;
 
-use super::dynamics::Span;
-use super::seen::{AtMoment, Seen, at_rest};
-use super::{Known, Layout, Noise, Part, StateMatrix, States, index, propagated, sigmas, times};
+use super::model::{AtMoment, Seen, Span, at_rest};
+use super::noise::{Noise, total};
+use super::{Known, Layout, Part, StateMatrix, States, index, propagated, sigmas, times};
 
+/// Spread of the velocity at the start, that of an old fix, m/s, and age of its position, s.
+const START_VELOCITY_MPS: f64 = 1.0;
+const START_AGE_S: f64 = 0.5;
 /// Longest step of the covariance, s; a fix ends it earlier.
 const COVARIANCE_STEP_S: f64 = 0.1;
 /// Time constant of the acceleration by which a fix is carried to its own moment, s: short beside
@@ -52,7 +55,8 @@ pub struct Filter {
     since: Time,
     /// Spread of each error beyond which it is never doubted.
     largest: States,
-    covariance_step_s: f64,
+    /// Zero: at every inertial sample, as most filters in firmware do.
+    pub(super) covariance_step_s: f64,
     span: Span,
     transition: StateMatrix,
     accel_mps2: Vector3<f64>,
@@ -74,24 +78,18 @@ struct Refused {
 pub struct Correction {
     /// Transition of the errors since the last correction.
     pub transition: StateMatrix,
-    /// Covariance before.
     pub predicted: StateMatrix,
-    /// Covariance after.
     pub corrected: StateMatrix,
     /// Errors found, and taken out.
     pub errors: States,
 }
 
-/// Where the filter begins.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
-    /// When.
     pub time: Time,
-    /// Aligned.
     pub ins: Mechanization,
     /// Spread of its roll and pitch, rad, if that is known.
     pub tilt_sigma_rad: Option<f64>,
-    /// Spread of its heading, rad.
     pub heading_sigma_rad: f64,
     /// Gyro biases as the alignment knows them, rad/s.
     pub gyro_bias_radps: Vector3<f64>,
@@ -120,22 +118,52 @@ impl Start {
             gyro_bias_sigma_radps: [x.sigma, y.sigma, z.sigma],
         })
     }
+
+    /// Of what is not known there.
+    fn covariance(&self, noise: &Noise, layout: &Layout) -> StateMatrix {
+        let (sensors, gnss) = (&noise.sensors, &noise.gnss);
+        let moved = Vector3::repeat(START_AGE_S * self.ins.velocity_enu_mps.norm());
+        let [level, up] = [&gnss.position_m, &gnss.height_m].map(total);
+        let levelled = noise.levelled_rad();
+        let tilt = self.tilt_sigma_rad.unwrap_or_default().max(levelled);
+        let gyro = self.gyro_bias_sigma_radps;
+        let gyro = gyro.map(|sigma| sigma.min(sensors.gyro_bias_radps));
+        let mut sigma = States::zeros(layout.size);
+        let mut set = |at: usize, values: Vector3<f64>| {
+            sigma.fixed_rows_mut::<3>(at).copy_from(&values);
+        };
+        let place = 2.0 * Vector3::new(level, level, up) + moved;
+        let angles = Vector3::new(tilt, tilt, self.heading_sigma_rad);
+        set(index::POSITION, place);
+        set(index::VELOCITY, Vector3::repeat(START_VELOCITY_MPS));
+        set(index::ATTITUDE, angles);
+        set(index::ACCEL, Vector3::repeat(sensors.accel_bias_mps2));
+        set(index::GYRO, gyro.into());
+        for (at, spread) in [
+            (layout.lever_arm, gnss.lever_arm_sigma_m),
+            (layout.accel_scale, sensors.accel_scale),
+            (layout.gyro_scale, sensors.gyro_scale),
+        ] {
+            if let Some(at) = at {
+                set(at, Vector3::repeat(spread));
+            }
+        }
+        sigma[index::LATENCY] = gnss.latency_sigma_s;
+        if let Some(at) = layout.clock_drift {
+            sigma[at] = gnss.clock_drift_sigma;
+        }
+        for (part, state) in layout.coloured() {
+            sigma[state] = noise.part(part).correlated;
+        }
+        StateMatrix::from_diagonal(&sigma.component_mul(&sigma))
+    }
 }
 
 impl Filter {
     /// Begins on what the alignment found.
     pub fn new(start: &Start, noise: &Noise) -> Self {
-        let gyro_sigma = start
-            .gyro_bias_sigma_radps
-            .map(|sigma| sigma.min(noise.gyro_bias_radps));
         let layout = noise.layout();
-        let covariance = noise.start(
-            &layout,
-            start.ins.velocity_enu_mps.norm(),
-            start.tilt_sigma_rad,
-            start.heading_sigma_rad,
-            gyro_sigma,
-        );
+        let covariance = start.covariance(noise, &layout);
         Self {
             time: start.time,
             known: Known::new(start.ins, start.gyro_bias_radps, noise),
@@ -155,26 +183,18 @@ impl Filter {
         }
     }
 
-    /// Steps the covariance at every inertial sample, as most filters in firmware do.
-    #[must_use]
-    pub fn with_covariance_at_every_sample(self) -> Self {
-        Self {
-            covariance_step_s: 0.0,
-            ..self
-        }
-    }
-
-    /// One sigma of each error.
     pub fn sigmas(&self) -> States {
         sigmas(&self.covariance)
     }
 
-    /// Since the start, s.
     pub(super) fn run_s(&self) -> f64 {
         self.time.seconds_since(self.since)
     }
 
-    /// In the core's terms.
+    pub fn solution(&self) -> Solution {
+        self.known.solution(self.time)
+    }
+
     pub fn estimates(&self) -> Estimates {
         self.known
             .estimates(&self.covariance, self.run_s(), &self.layout, &self.noise)
@@ -213,14 +233,10 @@ impl Filter {
         let growth = 0.5 * seconds * self.noise.growth(&self.layout, &self.known.ins);
         self.covariance += &growth;
         self.covariance = propagated(&transition, &self.covariance) + growth;
-        for part in Part::ALL {
-            let told = self.noise.part(part);
-            let renewed = told.colour * told.colour * (1.0 - told.kept(2.0 * seconds));
-            for state in
-                (self.layout.colour(part).into_iter()).flat_map(|at| at..at + part.axes().len())
-            {
-                self.covariance[(state, state)] += renewed;
-            }
+        for (part, state) in self.layout.coloured() {
+            let colour = self.noise.part(part).correlated;
+            let renewed = colour * colour * (1.0 - self.noise.kept(part, 2.0 * seconds));
+            self.covariance[(state, state)] += renewed;
         }
         make_symmetric(&mut self.covariance);
         self.known.age(seconds, &self.noise);
@@ -306,9 +322,8 @@ impl Filter {
         }
     }
 
-    /// Whether the speed is above its noise.
     fn shows_motion(&self, fix: &GnssFix) -> bool {
-        fix.speed_mps() > MOTION_MPS + MOTION_SIGMAS * self.noise.velocity.total()
+        fix.speed_mps() > MOTION_MPS + MOTION_SIGMAS * total(&self.noise.gnss.velocity_mps)
     }
 }
 

@@ -17,11 +17,8 @@ const AZIMUTH_RAD: f64 = 0.1;
 /// The INS and what is taken out of its readings and stamps, and of fixes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Known {
-    /// Position, velocity and attitude.
     pub ins: Mechanization,
-    /// Accelerometer biases, m/s^2.
     pub accel_bias_mps2: Vector3<f64>,
-    /// Gyro biases, rad/s.
     pub gyro_bias_radps: Vector3<f64>,
     /// A fix stamped t shows the motion at t minus this, s.
     pub latency_s: f64,
@@ -29,14 +26,10 @@ pub struct Known {
     pub clock_drift: f64,
     /// Antenna from the sensors, body, m.
     pub lever_arm_m: Vector3<f64>,
-    /// Scale errors of the accelerometers, 1.
     pub accel_scale: Vector3<f64>,
-    /// Scale errors of the gyros, 1.
     pub gyro_scale: Vector3<f64>,
-    /// Coloured noise that is now in the velocity of fixes, ENU, m/s.
-    pub velocity_colour_mps: Vector3<f64>,
-    /// And in their position, ENU, m.
-    pub position_colour_m: Vector3<f64>,
+    /// Coloured noise that is now in the position and in the velocity of fixes, ENU, m and m/s.
+    pub colour: [Vector3<f64>; 2],
 }
 
 impl Known {
@@ -48,11 +41,10 @@ impl Known {
             gyro_bias_radps,
             latency_s: 0.0,
             clock_drift: 0.0,
-            lever_arm_m: noise.lever_arm_m,
+            lever_arm_m: noise.gnss.lever_arm_m.into(),
             accel_scale: Vector3::zeros(),
             gyro_scale: Vector3::zeros(),
-            velocity_colour_mps: Vector3::zeros(),
-            position_colour_m: Vector3::zeros(),
+            colour: [Vector3::zeros(); 2],
         }
     }
 
@@ -69,28 +61,16 @@ impl Known {
 
     /// Coloured noise of a velocity or position.
     pub(super) fn colour(&self, part: Part) -> &Vector3<f64> {
-        if part.is_velocity() {
-            &self.velocity_colour_mps
-        } else {
-            &self.position_colour_m
-        }
-    }
-
-    fn colour_mut(&mut self, part: Part) -> &mut Vector3<f64> {
-        if part.is_velocity() {
-            &mut self.velocity_colour_mps
-        } else {
-            &mut self.position_colour_m
-        }
+        &self.colour[usize::from(part.is_velocity())]
     }
 
     /// Lets coloured noise fade, and the latency grow.
     pub(super) fn age(&mut self, seconds: f64, noise: &Noise) {
         self.latency_s += self.clock_drift * seconds;
         for part in Part::ALL {
-            let kept = noise.part(part).kept(seconds);
+            let kept = noise.kept(part, seconds);
             for axis in part.axes() {
-                self.colour_mut(part)[axis] *= kept;
+                self.colour[usize::from(part.is_velocity())][axis] *= kept;
             }
         }
     }
@@ -111,11 +91,8 @@ impl Known {
         self.accel_scale += optional(layout.accel_scale);
         self.gyro_scale += optional(layout.gyro_scale);
         for part in Part::ALL {
-            let Some(at) = layout.colour(part) else {
-                continue;
-            };
-            for (which, axis) in part.axes().enumerate() {
-                self.colour_mut(part)[axis] += errors[at + which];
+            for (axis, state) in part.axes().zip(layout.colour(part)) {
+                self.colour[usize::from(part.is_velocity())][axis] += errors[state];
             }
         }
         self
@@ -139,15 +116,23 @@ impl Known {
         };
         let mut estimates = Estimates {
             azimuth_error_rad: estimate(0.0, index::ATTITUDE + 2, AZIMUTH_RAD),
-            accel_bias_mps2: three(self.accel_bias_mps2, index::ACCEL, noise.accel_bias_mps2),
-            gyro_bias_radps: three(self.gyro_bias_radps, index::GYRO, noise.gyro_bias_radps),
-            gnss_latency_s: estimate(self.latency_s, index::LATENCY, noise.latency_sigma_s),
+            accel_bias_mps2: three(
+                self.accel_bias_mps2,
+                index::ACCEL,
+                noise.sensors.accel_bias_mps2,
+            ),
+            gyro_bias_radps: three(
+                self.gyro_bias_radps,
+                index::GYRO,
+                noise.sensors.gyro_bias_radps,
+            ),
+            gnss_latency_s: estimate(self.latency_s, index::LATENCY, noise.gnss.latency_sigma_s),
             ..Estimates::default()
         };
         estimates.accel_bias_mps2[2] = self.upright(covariance, layout, noise);
         estimates.gnss_latency_now_s = estimates.gnss_latency_s;
         if let Some(at) = layout.clock_drift {
-            estimates.clock_drift = estimate(self.clock_drift, at, noise.clock_drift_sigma);
+            estimates.clock_drift = estimate(self.clock_drift, at, noise.gnss.clock_drift_sigma);
             let (back_s, latency) = (0.5 * run_s, index::LATENCY);
             let variance = covariance[(latency, latency)]
                 - 2.0 * back_s * covariance[(latency, at)]
@@ -155,15 +140,11 @@ impl Known {
             estimates.gnss_latency_s = told(
                 self.latency_s - back_s * self.clock_drift,
                 variance.max(0.0).sqrt(),
-                noise.latency_sigma_s,
+                noise.gnss.latency_sigma_s,
             );
         }
         if let Some(at) = layout.lever_arm {
-            let arms = estimates.lever_arm_m.iter_mut().enumerate();
-            for (axis, arm) in arms {
-                let start = noise.lever_arm_sigma_m[axis];
-                *arm = estimate(self.lever_arm_m[axis], at + axis, start);
-            }
+            estimates.lever_arm_m = three(self.lever_arm_m, at, noise.gnss.lever_arm_sigma_m);
         }
         estimates
     }
@@ -174,7 +155,10 @@ impl Known {
         let gravity = GRAVITY_EQUATOR_MPS2 * matrix(&self.ins.attitude).m33;
         let (mut variance, start) = (
             covariance[(bias, bias)],
-            libm::hypot(noise.accel_bias_mps2, noise.accel_scale * gravity),
+            libm::hypot(
+                noise.sensors.accel_bias_mps2,
+                noise.sensors.accel_scale * gravity,
+            ),
         );
         if let Some(scale) = layout.accel_scale.map(|at| at + 2) {
             variance += 2.0 * gravity * covariance[(bias, scale)]
@@ -184,7 +168,6 @@ impl Known {
         told(value, variance.max(0.0).sqrt(), start)
     }
 
-    /// Position, velocity and attitude.
     pub fn solution(&self, time: Time) -> Solution {
         Solution {
             time,

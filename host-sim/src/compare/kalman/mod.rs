@@ -4,25 +4,22 @@
 //! `C' = (I - [Phi x]) C`), what is left of accelerometer and gyro biases and of the latency of
 //! GNSS in the compensated readings. Further ones where [`Noise`] says that there is something to
 //! find: clock drift, lever arm, scale errors, and coloured noise of each part of a fix
-//! ([`Layout`]). The parts of a fix are compared with the INS of the fix's own moment ([`seen`]),
+//! ([`Layout`]). The parts of a fix are compared with the INS of the fix's own moment ([`model`]),
 //! and the errors found are taken out of the INS at once. At rest the gyros are read directly, as
-//! in the core. [`smoother`] goes back over the log.
+//! in the core. [`smooth`] goes back over the log.
 
-pub mod dynamics;
 pub mod filter;
 pub mod known;
-pub mod layout;
+pub mod model;
 pub mod noise;
 pub mod run;
-pub mod seen;
-pub mod smoother;
 
 pub use filter::{Correction, Filter};
 pub use known::Known;
-pub use layout::{Layout, Part, index};
-pub use noise::{Noise, PartNoise};
-pub use run::Run;
-pub use smoother::{Record, Smoothed, smooth};
+pub use noise::Noise;
+pub use run::{Record, Run, Smoothed, smooth};
+
+use core::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
@@ -30,6 +27,92 @@ use nalgebra::{DMatrix, DVector};
 pub type States = DVector<f64>;
 /// Covariance or transition of the errors.
 pub type StateMatrix = DMatrix<f64>;
+
+/// Errors that are always there; the first of three, ENU or right-forward-up.
+pub mod index {
+    /// Position, ENU, m.
+    pub const POSITION: usize = 0;
+    /// Velocity, ENU, m/s.
+    pub const VELOCITY: usize = 3;
+    /// `Phi`, ENU, rad.
+    pub const ATTITUDE: usize = 6;
+    /// Accelerometer biases, body, m/s^2.
+    pub const ACCEL: usize = 9;
+    /// Gyro biases, body, rad/s.
+    pub const GYRO: usize = 12;
+    /// Latency of GNSS, s.
+    pub const LATENCY: usize = 15;
+    pub const COUNT: usize = 16;
+}
+
+/// A part of a fix: what comes together, with a noise of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// East and north velocity.
+    Velocity,
+    VelocityUp,
+    /// East and north position.
+    Position,
+    Height,
+}
+
+impl Part {
+    /// In the order in which they are taken.
+    pub const ALL: [Self; 4] = [
+        Self::Velocity,
+        Self::VelocityUp,
+        Self::Position,
+        Self::Height,
+    ];
+
+    /// Axes of ENU.
+    pub fn axes(self) -> Range<usize> {
+        match self {
+            Self::Velocity | Self::Position => 0..2,
+            Self::VelocityUp | Self::Height => 2..3,
+        }
+    }
+
+    /// Whether it is of the velocity.
+    pub fn is_velocity(self) -> bool {
+        matches!(self, Self::Velocity | Self::VelocityUp)
+    }
+
+    /// The errors of the INS that it shows directly.
+    pub fn states(self) -> Range<usize> {
+        let first = [index::POSITION, index::VELOCITY][usize::from(self.is_velocity())];
+        first + self.axes().start..first + self.axes().end
+    }
+}
+
+/// Places of the errors that may be there; `None` where nothing is unknown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// Growth of the latency, s/s.
+    pub clock_drift: Option<usize>,
+    /// First of three: antenna from the sensors, body, m.
+    pub lever_arm: Option<usize>,
+    /// First of three: scale errors of the accelerometers, body, 1.
+    pub accel_scale: Option<usize>,
+    /// First of three: scale errors of the gyros, body, 1.
+    pub gyro_scale: Option<usize>,
+    /// First of the coloured noise of each part of a fix, in the order of [`Part::ALL`].
+    pub colour: [Option<usize>; 4],
+    pub size: usize,
+}
+
+impl Layout {
+    /// Errors of a part's coloured noise, in the order of its axes; none where it has none.
+    pub(crate) fn colour(&self, part: Part) -> Range<usize> {
+        self.colour[part as usize].map_or(0..0, |first| first..first + part.axes().len())
+    }
+
+    /// All errors that are coloured noise, each with the part of a fix that it is in.
+    pub(crate) fn coloured(&self) -> impl Iterator<Item = (Part, usize)> {
+        let of = |part: Part| self.colour(part).map(move |state| (part, state));
+        Part::ALL.into_iter().flat_map(of)
+    }
+}
 
 /// Product with a matrix that is mostly zero. Written out, for `nalgebra` multiplies large
 /// matrices in an order that depends on the processor.

@@ -1,14 +1,18 @@
-//! The filter run over a log, from the core's own alignment on.
+//! The filter run over a log, from the core's own alignment on; and back over it: the fixed-interval
+//! smoother of Rauch, Tung and Striebel.
+//!
+//! The filter takes out what it finds, so it is errors of its solution that are smoothed: `s` of
+//! the corrected and `s + found` of the predicted one at the same fix.
 
 use core::iter::Peekable;
 use core::slice::Iter;
 
 use ins_core::config::HeadingSource;
-use ins_core::increments::Increments;
-use ins_core::{Config, ConfigError, GnssFix, ImuSample, Navigator, Time};
+use ins_core::increments::{Increments, Interval};
+use ins_core::{Config, ConfigError, Estimates, GnssFix, ImuSample, Navigator, Time};
 
 use super::filter::{Correction, Filter, Start};
-use super::noise::Noise;
+use super::{Known, Layout, Noise, StateMatrix, States, propagated, times};
 
 /// Longest hole in the samples that it bridges, s: it has no noise for what happens in one.
 const BRIDGED_S: f64 = 0.5;
@@ -55,7 +59,6 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// Steps the covariance at every inertial sample.
     #[must_use]
     pub fn with_covariance_at_every_sample(self) -> Self {
         Self {
@@ -69,7 +72,6 @@ impl<'a> Run<'a> {
         self.fixes_until = Some(time);
     }
 
-    /// The filter, once aligned.
     pub fn filter(&self) -> Option<&Filter> {
         match &self.state {
             State::Aligning(_) => None,
@@ -81,16 +83,37 @@ impl<'a> Run<'a> {
     /// the stamp of the sample, or `None` at the end of the log.
     pub fn step(&mut self, corrected: &mut dyn FnMut(&Filter, Correction)) -> Option<Time> {
         let sample = self.samples.next()?;
-        match &mut self.state {
-            State::Aligning(_) => self.align(sample),
-            State::Filtering(_) => self.filter_over(sample, corrected),
+        let last = self.last.as_ref().map_or(sample.time, |(time, _)| *time);
+        let interval = self.interval(sample);
+        match (&self.state, interval) {
+            (State::Aligning(_), _) => self.align(sample),
+            (State::Filtering(_), None) => {}
+            (State::Filtering(_), Some(_)) if sample.time.seconds_since(last) > BRIDGED_S => {
+                self.align_again(sample);
+            }
+            (State::Filtering(_), Some(interval)) => {
+                self.filter_over(sample.time, &interval, corrected);
+            }
         }
         Some(sample.time)
     }
 
-    /// To the end of the log.
     pub fn finish(&mut self) {
         while self.step(&mut |_, _| {}).is_some() {}
+    }
+
+    /// What has come since the sample before; none without one, or with one of the same time.
+    fn interval(&mut self, sample: &ImuSample) -> Option<Interval> {
+        let Some((last, increments)) = &mut self.last else {
+            let increments = Increments::new(self.config.imu_output, sample);
+            self.last = Some((sample.time, increments));
+            return None;
+        };
+        let seconds = sample.time.seconds_since(*last);
+        (seconds > 0.0).then(|| {
+            *last = sample.time;
+            increments.interval(sample, seconds)
+        })
     }
 
     fn align(&mut self, sample: &ImuSample) {
@@ -102,35 +125,25 @@ impl<'a> Run<'a> {
             let _ = navigator.on_gnss(fix);
         }
         let _ = navigator.on_imu(sample);
-        remember(&mut self.last, sample, &self.config);
-        let Some(start) = Start::of(navigator, sample.time, &self.noise) else {
-            return;
-        };
-        let filter = Filter::new(&start, &self.noise);
-        self.state = State::Filtering(Box::new(if self.covariance_at_every_sample {
-            filter.with_covariance_at_every_sample()
-        } else {
-            filter
-        }));
+        if let Some(start) = Start::of(navigator, sample.time, &self.noise) {
+            let mut filter = Filter::new(&start, &self.noise);
+            if self.covariance_at_every_sample {
+                filter.covariance_step_s = 0.0;
+            }
+            self.state = State::Filtering(Box::new(filter));
+        }
     }
 
-    fn filter_over(&mut self, sample: &ImuSample, corrected: &mut dyn FnMut(&Filter, Correction)) {
-        let (State::Filtering(filter), Some((last, increments))) =
-            (&mut self.state, &mut self.last)
-        else {
+    fn filter_over(
+        &mut self,
+        time: Time,
+        interval: &Interval,
+        corrected: &mut dyn FnMut(&Filter, Correction),
+    ) {
+        let State::Filtering(filter) = &mut self.state else {
             return;
         };
-        let seconds = sample.time.seconds_since(*last);
-        if seconds <= 0.0 {
-            return;
-        }
-        if seconds > BRIDGED_S {
-            self.align_again(sample);
-            return;
-        }
-        let interval = increments.interval(sample, seconds);
-        *last = sample.time;
-        if let Some(correction) = filter.predict(sample.time, &interval) {
+        if let Some(correction) = filter.predict(time, interval) {
             corrected(filter, correction);
         }
         while let Some(fix) = self.fixes.next_if(|fix| {
@@ -150,23 +163,100 @@ impl<'a> Run<'a> {
         if let Ok(navigator) = Navigator::new(self.config) {
             self.state = State::Aligning(Box::new(navigator));
             self.last = None;
+            let _ = self.interval(sample);
             self.align(sample);
         }
     }
 }
 
-/// Increments need the sample before.
-fn remember(last: &mut Option<(Time, Increments)>, sample: &ImuSample, config: &Config) {
-    match last {
-        Some((time, increments)) => {
-            let seconds = sample.time.seconds_since(*time);
-            if seconds > 0.0 {
-                let _ = increments.interval(sample, seconds);
-                *time = sample.time;
-            }
-        }
-        None => *last = Some((sample.time, Increments::new(config.imu_output, sample))),
+/// The filter just after a correction, kept for the way back.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Record {
+    pub time: Time,
+    known: Known,
+    layout: Layout,
+    run_s: f64,
+    correction: Correction,
+}
+
+/// What all data say of one time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Smoothed {
+    pub time: Time,
+    pub known: Known,
+    pub covariance: StateMatrix,
+    layout: Layout,
+    run_s: f64,
+}
+
+impl Smoothed {
+    pub fn estimates(&self, noise: &Noise) -> Estimates {
+        self.known
+            .estimates(&self.covariance, self.run_s, &self.layout, noise)
     }
+}
+
+impl Record {
+    /// Of a filter that has just been corrected.
+    pub fn new(filter: &Filter, correction: Correction) -> Self {
+        Self {
+            time: filter.time,
+            known: filter.known,
+            layout: filter.layout,
+            run_s: filter.run_s(),
+            correction,
+        }
+    }
+
+    fn less(&self, errors: &States, covariance: &StateMatrix) -> Smoothed {
+        Smoothed {
+            time: self.time,
+            known: self.known.less(errors, &self.layout),
+            covariance: covariance.clone(),
+            layout: self.layout,
+            run_s: self.run_s,
+        }
+    }
+}
+
+/// Goes back over the records, which must follow one another without a new alignment between.
+pub fn smooth(records: &[Record]) -> Vec<Smoothed> {
+    let Some(last) = records.last() else {
+        return Vec::new();
+    };
+    let mut errors = States::zeros(last.layout.size);
+    let mut covariance = last.correction.corrected.clone();
+    let mut smoothed = vec![last.less(&errors, &covariance)];
+    for pair in records.windows(2).rev() {
+        let (record, next) = (&pair[0], &pair[1].correction);
+        let Some(gain) = gain(&record.correction.corrected, next) else {
+            break;
+        };
+        errors = &gain * (errors + &next.errors);
+        let change = propagated(&gain, &(covariance - &next.predicted));
+        covariance = &record.correction.corrected + change;
+        smoothed.push(record.less(&errors, &covariance));
+    }
+    smoothed.reverse();
+    smoothed
+}
+
+/// `P F^T P'^-1`; `None` if the prediction is singular.
+fn gain(corrected: &StateMatrix, next: &Correction) -> Option<StateMatrix> {
+    // Scaled to correlations first: variances of radians and metres are decades apart.
+    let scale = next
+        .predicted
+        .diagonal()
+        .map(|v| 1.0 / v.max(1e-300).sqrt());
+    let scaled = |matrix: &StateMatrix| {
+        let (rows, columns) = matrix.shape();
+        StateMatrix::from_fn(rows, columns, |row, column| {
+            matrix[(row, column)] * scale[row] * scale[column]
+        })
+    };
+    let inverse = scaled(&next.predicted).cholesky()?.inverse();
+    let cross = times(&next.transition, corrected).transpose();
+    Some(times(&cross, &scaled(&inverse)))
 }
 
 #[cfg(test)]
@@ -194,7 +284,7 @@ mod tests {
         let filter = run.filter().expect("aligned again");
         let truth = drive.truth.last().unwrap();
         assert_eq!(filter.time, truth.time);
-        let attitude = filter.known.solution(filter.time).attitude;
+        let attitude = filter.solution().attitude;
         let turn = (attitude * truth.attitude.inverse()).scaled_axis().z;
         let sigma = filter.sigmas()[index::ATTITUDE + 2];
         assert!(

@@ -1,21 +1,34 @@
 //! GNSS outages placed all along a log: how far an INS drifts that has to do without.
+//!
+//! Each navigator runs over the log once, and a copy of it through every outage without a fix.
 
-mod drift;
 #[cfg(feature = "peers")]
 mod peer;
-mod reference;
-mod runs;
 
-use ins_core::{Config, ConfigError, Navigator, Time};
+use ins_core::earth::Geodetic;
+use ins_core::{
+    Config, ConfigError, Estimate, GnssFix, ImuSample, Navigator, Observability, Phase, Solution,
+    Time,
+};
+use nalgebra::Vector2;
 use serde::Serialize;
 
-use crate::compare::kalman::Noise;
+use crate::compare::kalman::{Filter, Noise, Run};
+use crate::identify::run::{Event, in_order_of_time};
 use crate::log::Log;
 use crate::page::brief;
 use crate::page::table::{Table, heads};
-pub use drift::{Drift, Drifts, OUTAGE_S};
-use drift::{FRESH_S, STRIDE_S};
-use reference::Reference;
+use crate::statistics::rms;
+
+/// Length of an outage, and from start to start, s.
+pub const OUTAGE_S: f64 = 30.0;
+const STRIDE_S: f64 = 10.0;
+/// Navigation before the first outage, s: as much GNSS as is then taken away.
+const SETTLE_S: f64 = OUTAGE_S;
+/// Age of the last fix at which an outage may begin, s; older, there already is one.
+const FRESH_S: f64 = 1.5;
+/// Age at which a point of the reference no longer stands for the end of an outage, s.
+const LATE_S: f64 = 1.5;
 
 /// What the drifts are measured against.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -30,10 +43,49 @@ pub enum Against {
 /// All navigators through the same outages.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OutageTest {
-    /// Measured against.
     pub against: Against,
     /// Root mean square of the drifts of each.
     pub navigators: Vec<Drifts>,
+}
+
+/// Horizontal errors in one outage: at its end, and the largest.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Drift {
+    /// Start, since the first sample, s.
+    pub start_s: f64,
+    pub position_end_m: f64,
+    pub velocity_end_mps: f64,
+    pub position_max_m: f64,
+    pub velocity_max_mps: f64,
+}
+
+/// One navigator through all outages: root mean squares at their ends, and the largest in any.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Drifts {
+    pub navigator: &'static str,
+    pub count: usize,
+    pub position_rms_m: f64,
+    pub position_max_m: f64,
+    pub velocity_rms_mps: f64,
+    pub velocity_max_mps: f64,
+    #[serde(skip)]
+    pub outages: Vec<Drift>,
+}
+
+impl Drifts {
+    fn new(navigator: &'static str, outages: Vec<Drift>) -> Self {
+        let rms = |value: fn(&Drift) -> f64| rms(outages.iter().map(value));
+        let most = |value: fn(&Drift) -> f64| outages.iter().map(value).fold(0.0, f64::max);
+        Self {
+            navigator,
+            count: outages.len(),
+            position_rms_m: rms(|drift| drift.position_end_m),
+            position_max_m: most(|drift| drift.position_max_m),
+            velocity_rms_mps: rms(|drift| drift.velocity_end_mps),
+            velocity_max_mps: most(|drift| drift.velocity_max_mps),
+            outages,
+        }
+    }
 }
 
 /// Places outages all along a log, and takes every navigator through them; `None` where none fits.
@@ -50,73 +102,15 @@ pub fn test(
     let mut navigators = vec![course.core(config)?, course.kalman(config, noise)?];
     #[cfg(feature = "peers")]
     navigators.push(course.peer(config, noise)?);
+    let against = if simulated {
+        Against::Truth
+    } else {
+        Against::Gnss
+    };
     Ok(Some(OutageTest {
-        against: if simulated {
-            Against::Truth
-        } else {
-            Against::Gnss
-        },
+        against,
         navigators,
     }))
-}
-
-/// The outages of a log, and what to measure drifts against.
-#[derive(Clone, Debug)]
-pub(crate) struct Course<'a> {
-    log: &'a Log,
-    #[cfg(feature = "peers")]
-    survey: runs::Survey,
-    starts: Vec<Time>,
-    reference: Reference,
-}
-
-impl<'a> Course<'a> {
-    /// From where the core has settled and, if it ever does, observes the azimuth; `None` where
-    /// no outage fits.
-    ///
-    /// Recorded logs have no truth to trust: there the fixes that are kept from the navigators are
-    /// what they are compared with, at the moments that the latency found by the core gives them.
-    pub(crate) fn new(
-        log: &'a Log,
-        simulated: bool,
-        config: Config,
-    ) -> Result<Option<Self>, ConfigError> {
-        let survey = runs::survey(log, config)?;
-        let reference = if simulated {
-            Reference::of_truth(log)
-        } else {
-            Reference::of_fixes(log, survey.latency_s)
-        };
-        let starts = starts(log, &survey, &reference);
-        Ok((!starts.is_empty()).then_some(Self {
-            log,
-            #[cfg(feature = "peers")]
-            survey,
-            starts,
-            reference,
-        }))
-    }
-
-    /// The core through them.
-    pub(crate) fn core(&self, config: Config) -> Result<Drifts, ConfigError> {
-        let core = Navigator::new(config)?;
-        let drifts = runs::through(self.log, core, &self.starts, &self.reference);
-        Ok(Drifts::new("compensation", drifts))
-    }
-
-    /// The Kalman filter through them.
-    pub(crate) fn kalman(&self, config: Config, noise: Noise) -> Result<Drifts, ConfigError> {
-        let drifts = runs::kalman(self.log, config, noise, &self.starts, &self.reference)?;
-        Ok(Drifts::new("Kalman", drifts))
-    }
-
-    /// The published filter through them.
-    #[cfg(feature = "peers")]
-    pub(crate) fn peer(&self, config: Config, noise: Noise) -> Result<Drifts, ConfigError> {
-        let (starts, reference) = (&self.starts, &self.reference);
-        let drifts = peer::drifts(self.log, config, noise, &self.survey, starts, reference)?;
-        Ok(Drifts::new("fusion-nav", drifts))
-    }
 }
 
 impl OutageTest {
@@ -146,23 +140,232 @@ impl OutageTest {
     }
 }
 
+/// The outages of a log, and what to measure drifts against.
+#[derive(Clone, Debug)]
+pub(crate) struct Course<'a> {
+    log: &'a Log,
+    #[cfg(feature = "peers")]
+    latency_s: f64,
+    starts: Vec<Time>,
+    reference: Vec<Point>,
+}
+
+/// Where the vehicle really was at one moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Point {
+    time: Time,
+    position: Geodetic,
+    velocity_en_mps: Vector2<f64>,
+}
+
+/// An INS that takes samples and fixes by their stamps.
+trait Ins: Clone {
+    fn on_imu(&mut self, sample: &ImuSample);
+    fn on_gnss(&mut self, fix: &GnssFix);
+    fn solution(&self) -> Option<Solution>;
+}
+
+impl Ins for Navigator {
+    fn on_imu(&mut self, sample: &ImuSample) {
+        let _ = self.on_imu(sample);
+    }
+
+    fn on_gnss(&mut self, fix: &GnssFix) {
+        let _ = self.on_gnss(fix);
+    }
+
+    fn solution(&self) -> Option<Solution> {
+        self.solution()
+    }
+}
+
+impl<'a> Course<'a> {
+    /// From where the core has settled and, if it ever does, observes the azimuth; `None` where
+    /// no outage fits.
+    ///
+    /// Recorded logs have no truth to trust: there the fixes that are kept from the navigators are
+    /// what they are compared with, at the moments that the latency found by the core gives them.
+    pub(crate) fn new(
+        log: &'a Log,
+        simulated: bool,
+        config: Config,
+    ) -> Result<Option<Self>, ConfigError> {
+        let (first, latency_s) = survey(log, config)?;
+        let reference: Vec<Point> = if simulated {
+            log.truth.iter().map(true_point).collect()
+        } else {
+            let fixes = log.gnss.iter();
+            fixes.filter_map(|fix| whole(fix, latency_s)).collect()
+        };
+        let course = Self {
+            log,
+            #[cfg(feature = "peers")]
+            latency_s,
+            starts: first.map_or_else(Vec::new, |first| starts(log, first, &reference)),
+            reference,
+        };
+        Ok((!course.starts.is_empty()).then_some(course))
+    }
+
+    /// The core through them.
+    pub(crate) fn core(&self, config: Config) -> Result<Drifts, ConfigError> {
+        let core = Navigator::new(config)?;
+        Ok(Drifts::new("compensation", self.through(core)))
+    }
+
+    /// The published filter through them.
+    #[cfg(feature = "peers")]
+    pub(crate) fn peer(&self, config: Config, noise: Noise) -> Result<Drifts, ConfigError> {
+        let peer = peer::Peer::new(config, noise, self.latency_s)?;
+        Ok(Drifts::new("fusion-nav", self.through(peer)))
+    }
+
+    /// The Kalman filter through them. It stands at the moments of the fixes, not at their stamps.
+    pub(crate) fn kalman(&self, config: Config, noise: Noise) -> Result<Drifts, ConfigError> {
+        let imu = self.log.imu.all();
+        let mut run = Run::new(&imu, &self.log.gnss, config, noise)?;
+        let mut drifts = Vec::new();
+        let mut starts = self.starts.iter().peekable();
+        while let Some(time) = run.step(&mut |_, _| {}) {
+            let latency_s = run.filter().map_or(0.0, |filter| filter.known.latency_s);
+            let reached = |start: &&Time| start.plus_seconds(-latency_s) <= time;
+            while let Some(start) = starts.next_if(reached) {
+                let mut run = run.clone();
+                run.take_fixes_until(*start);
+                drifts.push(self.drift(*start, || {
+                    run.step(&mut |_, _| {})?;
+                    Some(run.filter().map(Filter::solution))
+                }));
+            }
+        }
+        Ok(Drifts::new("Kalman", drifts))
+    }
+
+    /// Any INS through them, each from the sample after the last one taken.
+    fn through<I: Ins>(&self, mut ins: I) -> Vec<Drift> {
+        let log = self.log;
+        let mut drifts = Vec::new();
+        let mut starts = self.starts.iter().peekable();
+        for event in in_order_of_time(&log.imu, &log.gnss) {
+            let now = event.time();
+            while let Some(start) = starts.next_if(|start| **start <= now) {
+                let (mut blind, mut samples) = (ins.clone(), log.imu.since(*start));
+                drifts.push(self.drift(*start, || {
+                    blind.on_imu(&samples.next()?);
+                    Some(blind.solution())
+                }));
+            }
+            match event {
+                Event::Imu(sample) => ins.on_imu(&sample),
+                Event::Gnss(fix) => ins.on_gnss(fix),
+            }
+        }
+        drifts
+    }
+
+    /// Compares an outage that begins at `start`, step by step, until the reference or the log ends.
+    fn drift(&self, start: Time, mut step: impl FnMut() -> Option<Option<Solution>>) -> Drift {
+        let after = |time: Time| self.reference.partition_point(|point| point.time <= time);
+        let outage = after(start)..after(start.plus_seconds(OUTAGE_S));
+        let mut points = self.reference[outage].iter().peekable();
+        let mut drift = Drift {
+            start_s: start.seconds_since(self.log.start()),
+            ..Drift::default()
+        };
+        while points.peek().is_some()
+            && let Some(solution) = step()
+        {
+            let Some(solution) = solution else { continue };
+            while let Some(point) = points.next_if(|point| point.time <= solution.time) {
+                drift.take(&solution, point);
+            }
+        }
+        drift
+    }
+}
+
+impl Drift {
+    /// The next point of the outage; the solution is at most a sample later.
+    fn take(&mut self, solution: &Solution, point: &Point) {
+        let since_s = solution.time.seconds_since(point.time);
+        let velocity = solution.velocity_enu_mps.xy();
+        let position = solution.position.enu_from(&point.position).xy() - since_s * velocity;
+        self.position_end_m = position.norm();
+        self.velocity_end_mps = (velocity - point.velocity_en_mps).norm();
+        self.position_max_m = self.position_max_m.max(self.position_end_m);
+        self.velocity_max_mps = self.velocity_max_mps.max(self.velocity_end_mps);
+    }
+}
+
+/// What the core finds in a whole log: where outages may begin, and the latency at the end, if
+/// observable, s.
+fn survey(log: &Log, config: Config) -> Result<(Option<Time>, f64), ConfigError> {
+    let mut navigator = Navigator::new(config)?;
+    let (mut since, mut settled, mut observed) = (None, None, None);
+    for event in in_order_of_time(&log.imu, &log.gnss) {
+        let sample = event.give_to(&mut navigator);
+        let Some(sample) = sample.filter(|_| navigator.phase() == Phase::Navigating) else {
+            continue;
+        };
+        let since = *since.get_or_insert(sample.time);
+        if sample.time.seconds_since(since) >= SETTLE_S {
+            settled.get_or_insert(sample.time);
+        }
+        if observed.is_none() && is_observed(&navigator.estimates().azimuth_error_rad) {
+            observed = Some(sample.time);
+        }
+    }
+    // Never observed, it is not waited for.
+    let first = settled.map(|settled| settled.max(observed.unwrap_or(settled)));
+    let latency = navigator.estimates().gnss_latency_s;
+    Ok((
+        first,
+        if is_observed(&latency) {
+            latency.value
+        } else {
+            0.0
+        },
+    ))
+}
+
+fn is_observed(estimate: &Estimate) -> bool {
+    estimate.observability == Observability::Observable
+}
+
+fn true_point(truth: &Solution) -> Point {
+    Point {
+        time: truth.time,
+        position: truth.position,
+        velocity_en_mps: truth.velocity_enu_mps.xy(),
+    }
+}
+
+/// A fix at its own moment, if it is whole.
+fn whole(fix: &GnssFix, latency_s: f64) -> Option<Point> {
+    Some(Point {
+        time: fix.time.plus_seconds(-latency_s),
+        position: fix.geodetic_or(0.0)?,
+        velocity_en_mps: fix.velocity_en_mps?,
+    })
+}
+
 /// Beginnings of outages at whole strides, with GNSS before and a reference to the end.
-fn starts(log: &Log, survey: &runs::Survey, reference: &Reference) -> Vec<Time> {
-    let Some(first) = survey.first else {
-        return Vec::new();
-    };
+fn starts(log: &Log, first: Time, reference: &[Point]) -> Vec<Time> {
     let fresh = |start: Time| {
-        let next = log.gnss.partition_point(|fix| fix.time < start);
-        let last = log.gnss[..next]
-            .iter()
-            .rev()
-            .find(|f| f.velocity_en_mps.is_some());
+        let before = &log.gnss[..log.gnss.partition_point(|fix| fix.time < start)];
+        let last = before.iter().rfind(|fix| fix.velocity_en_mps.is_some());
         last.is_some_and(|fix| start.seconds_since(fix.time) < FRESH_S)
+    };
+    let reaches = |end: Time| {
+        let until = &reference[..reference.partition_point(|point| point.time <= end)];
+        until
+            .last()
+            .is_some_and(|point| end.seconds_since(point.time) < LATE_S)
     };
     let last = log.imu.last().map_or(first, |sample| sample.time);
     let next = |start: &Time| Some(start.plus_seconds(STRIDE_S));
     std::iter::successors(Some(first), next)
         .take_while(|start| start.plus_seconds(OUTAGE_S) <= last)
-        .filter(|start| fresh(*start) && reference.reaches(start.plus_seconds(OUTAGE_S)))
+        .filter(|start| fresh(*start) && reaches(start.plus_seconds(OUTAGE_S)))
         .collect()
 }

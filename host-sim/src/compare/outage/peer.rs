@@ -14,12 +14,9 @@ use ins_core::increments::Increments;
 use ins_core::{Config, ConfigError, GnssFix, ImuOutput, ImuSample, Navigator, Solution, Time};
 use nalgebra::{Quaternion as Algebraic, Unit, UnitQuaternion, Vector3};
 
-use super::drift::Drift;
-use super::reference::Reference;
-use super::runs::{Ins, Survey, through};
+use super::Ins;
 use crate::compare::kalman::filter::Start;
 use crate::compare::kalman::{Noise, Part};
-use crate::log::Log;
 
 /// Stamps of fusion-nav cannot be negative: this much later, us.
 const LATER_US: i64 = 1_000_000_000;
@@ -43,7 +40,7 @@ fn timestamp(time: Time) -> Timestamp {
 /// gravity of the place, and no position hold. It starts from the core's alignment, and is told
 /// the latency that the core finds, which it cannot estimate.
 #[derive(Clone, Debug)]
-struct Peer {
+pub(super) struct Peer {
     noise: Noise,
     latency_s: f64,
     output: ImuOutput,
@@ -66,22 +63,16 @@ struct Filtering {
     ahead: VecDeque<GnssFix>,
 }
 
-pub fn drifts(
-    log: &Log,
-    config: Config,
-    noise: Noise,
-    survey: &Survey,
-    starts: &[Time],
-    reference: &Reference,
-) -> Result<Vec<Drift>, ConfigError> {
-    let peer = Peer {
-        noise,
-        latency_s: survey.latency_s,
-        output: config.imu_output,
-        state: Mode::Aligning(Box::new(Navigator::new(config)?)),
-        last: None,
-    };
-    Ok(through(log, peer, starts, reference))
+impl Peer {
+    pub(super) fn new(config: Config, noise: Noise, latency_s: f64) -> Result<Self, ConfigError> {
+        Ok(Self {
+            noise,
+            latency_s,
+            output: config.imu_output,
+            state: Mode::Aligning(Box::new(Navigator::new(config)?)),
+            last: None,
+        })
+    }
 }
 
 impl Ins for Peer {

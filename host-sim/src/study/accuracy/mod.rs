@@ -9,13 +9,13 @@ pub use statistics::{Results, Row, Spread};
 use core::f64::consts::PI;
 use core::iter::Peekable;
 
-use ins_core::config::{Form, HeadingSource};
+use ins_core::config::{self, Form, HeadingSource};
 use ins_core::earth::wrap_pi;
 use ins_core::{Config, ConfigError, Estimates, Navigator, Observability, Phase, Solution, Time};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::compare::kalman::{self, Noise, PartNoise};
+use crate::compare::kalman::{self, Noise};
 use crate::identify::configure;
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
 use crate::sim::errors::BiasModel;
@@ -258,10 +258,7 @@ impl Study {
     ) -> Result<Run, ConfigError> {
         let mut noise = Noise::of_model(&self.grade.errors()).guessed(factor);
         if !self.kalman_positions {
-            noise.position = PartNoise {
-                believes_stated: false,
-                ..PartNoise::white(NO_POSITION_M)
-            };
+            noise.gnss.position_m = config::Noise::white(NO_POSITION_M);
         }
         let mut run = kalman::Run::new(&drive.imu, &drive.gnss, config, noise)?;
         let mut history = Vec::new();
@@ -345,7 +342,7 @@ fn checks(
     let [gx, gy, gz] = estimates.gyro_bias_radps;
     let azimuth_left = wrap_pi(heading_rad - truth.euler().heading_rad);
     // The up accelerometer feels g: its scale error is a bias.
-    let up_bias = errors.accel_bias_mps2[2] + errors.accel_scale[2] * 9.81;
+    let up_bias = errors.accel_bias_mps2[2] + errors.accel_matrix[(2, 2)] * 9.81;
     let pairs = [
         (estimates.azimuth_error_rad, azimuth_left),
         (ax, errors.accel_bias_mps2[0]),

@@ -3,11 +3,12 @@
 //! It has no state for misalignments, and none of its noises for bursts of noise, for vibration or
 //! for stamps off their samples: where a kind has these, its own error over sigma tells.
 
-use ins_core::{Config, GnssFix};
+use ins_core::{Config, GnssFix, config};
 use nalgebra::Vector3;
 
 use super::World;
-use crate::compare::kalman::{Noise, PartNoise};
+use crate::compare::kalman::Noise;
+use crate::compare::kalman::noise::tell_of_fixes;
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::sim::SimulatedDrive;
 use crate::sim::errors::GnssModel;
@@ -18,34 +19,31 @@ const ANY_HEIGHT_M: f64 = 500.0;
 
 /// The true noise of all; antenna and clocks as the core is told, or as far off as they are.
 pub fn noise(world: &World, config: &Config) -> Noise {
-    let truth = Noise::of_model(&world.errors);
-    let height = if world.errors.gnss.habits.gives_height {
-        truth.height
-    } else {
-        PartNoise::white(ANY_HEIGHT_M)
-    };
+    let mut told = Noise::of_model(&world.errors);
     let (gyro, accel) = (&world.errors.gyro_deg_h, &world.errors.accel_mps2);
     // A reading rounded is one with noise, uniform over the last digit.
     let rounding = |resolution: f64| resolution / (12.0 * world.imu_hz).sqrt();
-    let rounded = |noise: Vector3<f64>, resolution: f64| {
+    let rounded = |noise: [f64; 3], resolution: f64| {
         noise.map(|white| libm::hypot(white, rounding(resolution)))
     };
-    Noise {
-        gyro_noise: rounded(truth.gyro_noise, gyro.resolution * DEG_H_RADPS),
-        accel_noise: rounded(truth.accel_noise, accel.resolution),
-        height,
-        latency_sigma_s: truth.latency_sigma_s.max(config.gnss.latency_sigma_s),
-        clock_drift_sigma: config.gnss.clock_drift_sigma,
-        lever_arm_m: Vector3::zeros(),
-        lever_arm_sigma_m: Vector3::repeat(config.gnss.lever_arm_sigma_m),
-        ..truth
+    let sensors = &mut told.sensors;
+    sensors.gyro_noise = rounded(sensors.gyro_noise, gyro.resolution * DEG_H_RADPS);
+    sensors.accel_noise = rounded(sensors.accel_noise, accel.resolution);
+    let gnss = &mut told.gnss;
+    if !world.errors.gnss.habits.gives_height {
+        gnss.height_m = config::Noise::white(ANY_HEIGHT_M);
     }
+    gnss.latency_sigma_s = gnss.latency_sigma_s.max(config.gnss.latency_sigma_s);
+    gnss.clock_drift_sigma = config.gnss.clock_drift_sigma;
+    gnss.lever_arm_m = [0.0; 3];
+    gnss.lever_arm_sigma_m = config.gnss.lever_arm_sigma_m;
+    told
 }
 
 /// What the core is told of the receiver by a user who has its true noise, and knows whether it
 /// smooths.
 pub fn of_receiver(world: &World, config: Config) -> Config {
-    let mut gnss = Noise::of_model(&world.errors).tell_of_fixes(config.gnss);
+    let mut gnss = tell_of_fixes(&world.errors.gnss, config.gnss);
     if world.errors.gnss.habits.smoothing_s <= 0.0 {
         gnss.smoothing_s2 = 0.0;
     }

@@ -6,17 +6,13 @@ use ins_core::Time;
 use ins_core::earth::Geodetic;
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 
-use crate::sim::boat::{Anchored, Boat};
 use crate::sim::car::{Car, Way};
 use crate::sim::drive::Recording;
 use crate::sim::errors::{ErrorModel, Outage};
-use crate::sim::mounted::{Mounted, Slip};
+use crate::sim::motion::{Mounted, Shaken, Slip, Swing, When};
 use crate::sim::noise::Random;
-use crate::sim::plane::{Begin, Plane};
-use crate::sim::quadrotor::Quadrotor;
 use crate::sim::receiver::{Correlated, Habits, Outliers, Stated, Trouble, Wrong};
-use crate::sim::shaken::{Shaken, Swing, When};
-use crate::sim::walker::Walker;
+use crate::sim::vehicles::{Anchored, Begin, Boat, Plane, Quadrotor, Walker};
 use crate::sim::{Grade, Motion, SimulatedDrive, record};
 
 /// The truth is looked at ten times a second.

@@ -62,7 +62,7 @@ impl Sensors {
 
     /// A fix is stamped so long after the motion that it shows, s.
     pub fn latency_s(&self) -> f64 {
-        self.gnss.latency_s()
+        self.gnss.latency_s
     }
 
     /// Flies on to the next sample.

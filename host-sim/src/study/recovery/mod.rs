@@ -19,8 +19,8 @@ use crate::identify::quantities::DEG_H_RADPS;
 use crate::identify::run::identify;
 use crate::log::{BodyAxes, Grade, Log};
 use crate::sim::errors::{BiasModel, Law};
-use crate::sim::plane::{Begin, Plane};
 use crate::sim::receiver::Correlated;
+use crate::sim::vehicles::{Begin, Plane};
 use crate::sim::{self, DriveConfig, ErrorModel, SimulatedDrive, record, simulate};
 
 /// Seeds from one unit to the next: no unit has so many drives.

@@ -170,7 +170,7 @@ pub(super) fn figures_6_and_7(settings: &Settings) -> Result<Part, ConfigError> 
             plan.recording.errors.gyro_deg_h.bias = WAVE;
             let noise = Noise::of_model(&plan.recording.errors);
             let (log, mut config) = log_of(simulate(&plan));
-            config.sensors.gyro_bias_walk = noise.gyro_bias_walk;
+            config.sensors.gyro_bias_walk = noise.sensors.gyro_bias_walk;
             let run = Run::new(&log, config, noise)?;
             let truth = gyro_biases(&plan.recording.errors, seed, &log);
             Ok([0, 1].map(|axis| run.gyro(axis, &truth)).into())

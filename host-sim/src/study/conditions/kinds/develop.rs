@@ -7,12 +7,11 @@ use ins_core::ImuOutput;
 use super::kind::{BOTH, Kind, MEMS, kinds};
 use super::shakes;
 use crate::sim::Grade;
-use crate::sim::boat::Anchored;
 use crate::sim::car::Way;
 use crate::sim::errors::BiasModel;
-use crate::sim::plane::Begin;
+use crate::sim::motion::When;
 use crate::sim::receiver::{Correlated, Stated, Up, Wrong};
-use crate::sim::shaken::When;
+use crate::sim::vehicles::{Anchored, Begin};
 use crate::study::conditions::Vehicle;
 
 kinds! { judge: false,

@@ -1,6 +1,6 @@
 //! What swings on top of the vehicles' motions.
 
-use crate::sim::shaken::{Swing, When};
+use crate::sim::motion::{Swing, When};
 
 type Shake = (When, Vec<Swing>);
 

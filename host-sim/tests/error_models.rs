@@ -1,0 +1,122 @@
+//! Error models as files: what they may hold, what is left out, what is refused.
+
+use host_sim::sim::ErrorModel;
+use host_sim::sim::errors::BiasModel;
+
+const WAVE: &str = r#"
+    [imu]
+    output = "Increments"
+    gyro_range_deg_s = 1000.0
+    accel_range_mps2 = 370.0
+    [gyro_deg_h]
+    bias = { model = "wave", initial_sigma = 1.0, interval_s = 60.0, jump_sigma = 0.1 }
+    white_noise = 7.5
+    [accel_mps2]
+    bias = { model = "continuous", initial_sigma = 0.01 }
+    [gnss]
+    rate_hz = 10.0
+    velocity_sigma_mps = 0.1
+    horizontal_sigma_m = 1.0
+    vertical_sigma_m = 1.5
+    latency_s = [0.05, 0.3]
+    outages = [{ start_s = 60.0, duration_s = 10.0 }]
+"#;
+
+#[test]
+fn presets_survive_a_file() {
+    for model in [
+        ErrorModel::ideal(),
+        ErrorModel::hg1700(),
+        ErrorModel::mems(),
+    ] {
+        let text = toml::to_string(&model).unwrap();
+        assert_eq!(ErrorModel::from_toml(&text).unwrap(), model);
+    }
+}
+
+#[test]
+fn the_shipped_model_is_good() {
+    let mut model = ErrorModel::from_toml(include_str!("../errors/wave.toml")).unwrap();
+    assert!(matches!(model.gyro_deg_h.bias, BiasModel::Wave { .. }));
+    // But for its wandering biases and its outage it is the preset.
+    model.gyro_deg_h.bias = BiasModel::constant(1.0);
+    model.accel_mps2.bias = BiasModel::constant(0.01);
+    model.gnss.outages.clear();
+    assert_eq!(model, ErrorModel::hg1700());
+}
+
+#[test]
+fn a_file_may_leave_out_what_is_zero() {
+    let model = ErrorModel::from_toml(WAVE).unwrap();
+    assert_eq!(model.accel_mps2.bias, BiasModel::constant(0.01));
+    assert_eq!(model.given_heading_sigma_deg, None);
+}
+
+#[test]
+fn keys_are_set_one_by_one_and_checked() {
+    let with = |text: &str| ErrorModel::mems().with(&text.parse().unwrap());
+    let memory = "gnss.habits.velocity = { sigma = 0.05, time_s = 1.0 }";
+    let set = with(&format!("gyro_deg_h.scale_sigma = 0.001\n{memory}")).unwrap();
+    let mut expected = ErrorModel::mems();
+    expected.gyro_deg_h.scale_sigma = 0.001;
+    expected.gnss.habits.velocity.sigma = 0.05;
+    assert_eq!(set, expected);
+    let wave = "model = \"wave\", initial_sigma = 9.0, interval_s = 5.0, jump_sigma = 1.0";
+    let set = with(&format!("gyro_deg_h.bias = {{ {wave} }}")).unwrap();
+    assert!(matches!(set.gyro_deg_h.bias, BiasModel::Wave { .. }));
+    for (text, message) in [
+        (
+            "gnss.rate_hz = -1.0",
+            "gnss.rate_hz = -1: expected more than zero",
+        ),
+        ("gyro.scale_sigma = 0.1", "unknown field `gyro`"),
+    ] {
+        let error = with(text).unwrap_err().to_string();
+        assert!(error.contains(message), "{error}");
+    }
+}
+
+#[test]
+fn bad_files_say_what_is_wrong() {
+    for (good, bad, message) in [
+        (
+            "rate_hz = 10.0",
+            "rate_hz = 0.0",
+            "gnss.rate_hz = 0: expected more than zero",
+        ),
+        ("rate_hz = 10.0", "rate_hz = nan", "gnss.rate_hz = NaN"),
+        (
+            "interval_s = 60.0",
+            "interval_s = -1.0",
+            "gyro_deg_h.bias.interval_s = -1",
+        ),
+        (
+            "[0.05, 0.3]",
+            "[0.3, 0.05]",
+            "gnss.latency_s[1] = 0.05: expected no less",
+        ),
+        (
+            "[0.05, 0.3]",
+            "[50, 300]",
+            "gnss.latency_s[0] = 50: expected 10 s at most",
+        ),
+        (
+            "white_noise = 7.5",
+            "white_noise = -7.5",
+            "gyro_deg_h.white_noise = -7.5",
+        ),
+        (
+            "white_noise = 7.5",
+            "whit_noise = 7.5",
+            "unknown field `whit_noise`",
+        ),
+        ("\"wave\"", "\"waves\"", "unknown variant `waves`"),
+        ("= 7.5", "= ", "line 8"),
+    ] {
+        assert!(WAVE.contains(good));
+        let error = ErrorModel::from_toml(&WAVE.replace(good, bad))
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains(message), "{bad}: {error}");
+    }
+}

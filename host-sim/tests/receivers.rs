@@ -1,0 +1,383 @@
+//! Simulated receivers and drives: each habit does what it says, and nothing else.
+
+use host_sim::sim::car::Car;
+use host_sim::sim::errors::{GnssModel, Outage};
+use host_sim::sim::gnss::Gnss;
+use host_sim::sim::receiver::{Correlated, Outliers, Stated, Trouble, Up, Wrong};
+use host_sim::sim::{DriveConfig, ErrorModel, Grade, Motion, SimulatedDrive, simulate};
+use ins_core::{GnssFix, Time};
+use nalgebra::Vector3;
+
+use super::statistics::{assert_correlation, assert_mean, assert_sigma};
+
+const RATE_HZ: f64 = 10.0;
+
+/// Three minutes in a car with error-free sensors and receiver, but for these habits.
+fn with(change: impl Fn(&mut GnssModel)) -> SimulatedDrive {
+    let mut config = DriveConfig::new(8, Grade::Ideal, 3.0);
+    config.initial_rest_s = None;
+    change(&mut config.recording.errors.gnss);
+    simulate(&config)
+}
+
+fn trouble(start_s: f64, duration_s: f64, wrong: Wrong) -> Trouble {
+    Trouble {
+        start_s,
+        duration_s,
+        wrong,
+    }
+}
+
+#[test]
+fn white_and_correlated_parts_add_up() {
+    let exact = with(|_| {});
+    let noisy = with(|gnss| {
+        gnss.velocity_sigma_mps = 0.03;
+        // Forgotten from fix to fix: samples are independent.
+        gnss.habits.velocity = Correlated {
+            sigma: 0.04,
+            time_s: 1e-3,
+        };
+        gnss.habits.stated = Stated::All;
+    });
+    let off: Vec<f64> = noisy
+        .gnss
+        .iter()
+        .zip(&exact.gnss)
+        .map(|(n, e)| n.velocity_up_mps.unwrap() - e.velocity_up_mps.unwrap())
+        .collect();
+    assert_sigma(&off, 0.05);
+    assert!((noisy.gnss[0].sigma.velocity_mps.unwrap() - 0.05).abs() < 1e-12);
+    assert_eq!(noisy.imu, exact.imu);
+}
+
+#[test]
+fn smoothing_lags_as_far_as_the_latency_says() {
+    let drive = with(|gnss| gnss.habits.smoothing_s = 0.3);
+    let lag_s = drive.errors.gnss_lag_s;
+    // A sampled low-pass lags T e / (1 - e), a little less than its time constant.
+    assert!((0.25..0.3).contains(&lag_s), "{lag_s}");
+    let mut car = Car::new(8, 180.0, None);
+    let mut worst = [0.0_f64; 2];
+    for fix in drive.gnss.iter().skip(50) {
+        let stamp_s = fix.time.as_seconds();
+        for (worst, back_s) in worst.iter_mut().zip([lag_s, 0.0]) {
+            let shown = car.kinematics(stamp_s - back_s).velocity_enu_mps;
+            *worst = worst.max((fix.velocity_enu_mps() - shown).norm());
+        }
+    }
+    assert!(worst[0] < 0.5 * worst[1], "{worst:?}");
+}
+
+#[test]
+fn receivers_hold_still_and_take_differences() {
+    let exact = with(|_| {});
+    let holds = with(|gnss| gnss.habits.holds_below_mps = 8.0);
+    let mut held = None;
+    let mut count = 0;
+    for (exact, fix) in exact.gnss.iter().zip(&holds.gnss) {
+        if exact.velocity_enu_mps().norm() >= 8.0 {
+            assert_eq!(exact, fix);
+            held = None;
+        } else {
+            assert_eq!(fix.velocity_enu_mps(), Vector3::zeros());
+            assert_eq!(fix.position, *held.get_or_insert(exact.position));
+            count += 1;
+        }
+    }
+    assert!(count > 100);
+    let differences = with(|gnss| gnss.habits.velocity_by_differences = true);
+    assert!((differences.errors.gnss_lag_s - 0.5 / RATE_HZ).abs() < 1e-12);
+    for pair in differences.gnss.windows(2) {
+        let [from, to] = [0, 1].map(|at| pair[at].geodetic_or(0.0).unwrap());
+        let off = RATE_HZ * to.enu_from(&from) - pair[1].velocity_enu_mps();
+        assert!(off.norm() < 1e-6, "{off}");
+    }
+}
+
+#[test]
+fn receivers_coast_and_float() {
+    let wrong = with(|gnss| {
+        gnss.horizontal_sigma_m = 0.4;
+        gnss.habits.stated = Stated::White;
+        gnss.habits.troubles = vec![
+            trouble(20.0, 5.0, Wrong::Coasting),
+            trouble(60.0, 5.0, Wrong::Float([0.0, 0.3, 0.0])),
+        ];
+    });
+    let (last, coasted) = (&wrong.gnss[199], &wrong.gnss[249]);
+    assert_eq!(coasted.velocity_en_mps, last.velocity_en_mps);
+    let [from, to] = [last, coasted].map(|fix| fix.geodetic_or(0.0).unwrap());
+    let off = to.enu_from(&from) - 5.0 * last.velocity_enu_mps();
+    assert!(off.norm() < 0.01, "{off}");
+    let stated = |at: usize| wrong.gnss[at].sigma.position_m.unwrap();
+    assert!((stated(620) - 0.5).abs() < 1e-12 && (stated(700) - 0.4).abs() < 1e-12);
+}
+
+#[test]
+fn clocks_drift_apart() {
+    let drive = with(|gnss| gnss.habits.clock_drift = 1e-3);
+    let gained_s = drive.errors.gnss_latency_end_s - drive.errors.gnss_latency_s;
+    assert!((gained_s - 0.18).abs() < 1e-9);
+    let exact = with(|_| {});
+    // 100 s into the run a fix shows what the one 0.1 s before shows without drift.
+    let find = |drive: &SimulatedDrive, stamp_s: f64| {
+        let time = Time::default().plus_seconds(stamp_s);
+        *drive.gnss.iter().find(|fix| fix.time == time).unwrap()
+    };
+    let off = find(&drive, 100.0).velocity_enu_mps() - find(&exact, 99.9).velocity_enu_mps();
+    assert!(off.norm() < 1e-6);
+}
+
+#[test]
+fn the_antenna_is_where_it_is_said_to_be() {
+    let arm_m = [1.5, -2.0, 2.5];
+    let drive = with(|gnss| gnss.habits.lever_arm_m = arm_m);
+    let mut moved_mps = 0.0_f64;
+    for (fix, truth) in drive.gnss.iter().zip(&drive.truth) {
+        assert_eq!(fix.time, truth.time);
+        let place = fix.geodetic_or(0.0).unwrap();
+        let reach = truth.attitude * Vector3::from(arm_m);
+        let off = place.enu_from(&truth.position) - reach;
+        // Metres along the curved frame, to one part in 10^6.
+        assert!(off.norm() < 1e-5, "{off}");
+        moved_mps = moved_mps.max((fix.velocity_enu_mps() - truth.velocity_enu_mps).norm());
+    }
+    assert!(moved_mps > 0.5);
+    // Between samples velocity is the derivative of the position.
+    for pair in drive.gnss.windows(3) {
+        let places = [0, 2].map(|at| pair[at].geodetic_or(0.0).unwrap());
+        let mean = places[1].enu_from(&places[0]) / (2.0 / RATE_HZ);
+        // h^2/6 of the second derivative of a velocity that swings at 3 m/s^2 in half a second.
+        let off = (mean - pair[1].velocity_enu_mps()).norm();
+        assert!(off < 0.05, "{off}");
+    }
+}
+
+#[test]
+fn fixes_have_the_parts_a_receiver_gives() {
+    let drive = with(|gnss| {
+        gnss.habits.gives_height = false;
+        gnss.habits.up = Up::Missing;
+        gnss.velocity_sigma_mps = 0.1;
+        gnss.vertical_sigma_m = 1.0;
+        gnss.habits.stated = Stated::White;
+    });
+    for fix in &drive.gnss {
+        assert!(fix.position.is_some() && fix.velocity_en_mps.is_some());
+        assert!(fix.height_m.is_none() && fix.velocity_up_mps.is_none());
+        assert!(fix.sigma.height_m.is_none() && fix.sigma.velocity_up_mps.is_none());
+        assert!(fix.sigma.velocity_mps.is_some());
+    }
+    let exact = with(|_| {});
+    let down = with(|gnss| gnss.habits.up = Up::Down);
+    let zero = with(|gnss| gnss.habits.up = Up::Zero);
+    for ((exact, down), zero) in exact.gnss.iter().zip(&down.gnss).zip(&zero.gnss) {
+        assert_eq!(down.velocity_up_mps, exact.velocity_up_mps.map(|up| -up));
+        assert_eq!(zero.velocity_up_mps, Some(0.0));
+    }
+}
+
+#[test]
+fn troubles_come_when_they_should_and_change_nothing_else() {
+    let exact = with(|_| {});
+    let off = Wrong::Off {
+        velocity_mps: [3.0, 0.0, 0.0],
+        position_m: [0.0, 40.0, 0.0],
+    };
+    let wrong = with(|gnss| {
+        gnss.habits.troubles = vec![
+            trouble(20.0, 1.2, Wrong::ZeroVelocity),
+            trouble(40.0, 1.0, off),
+            trouble(60.0, 2.0, Wrong::Zeros),
+            trouble(80.0, 5.0, Wrong::Stuck),
+        ];
+    });
+    assert_eq!(exact.gnss.len(), wrong.gnss.len());
+    let differ = |from_s: f64, to_s: f64| {
+        let pairs = exact.gnss.iter().zip(&wrong.gnss);
+        pairs
+            .filter(|(e, _)| (from_s..to_s).contains(&e.time.as_seconds()))
+            .filter(|(e, w)| e != w)
+            .count()
+    };
+    assert_eq!(differ(20.0, 21.2), 12);
+    assert_eq!(differ(40.0, 41.0), 10);
+    assert_eq!(differ(60.0, 62.0), 20);
+    assert_eq!(differ(80.0, 85.0), 50);
+    assert_eq!(differ(0.0, 180.0), 92);
+    let (good, bad) = (&exact.gnss[405], &wrong.gnss[405]);
+    assert!((bad.velocity_enu_mps().x - good.velocity_enu_mps().x - 3.0).abs() < 1e-12);
+    let away = bad.geodetic_or(0.0).unwrap();
+    let away = away.enu_from(&good.geodetic_or(0.0).unwrap());
+    assert!((away - Vector3::new(1.5, 40.0, 0.0)).norm() < 1e-3);
+    let stuck = &wrong.gnss[849];
+    assert_eq!(stuck.position, exact.gnss[799].position);
+    assert_eq!(stuck.time, exact.gnss[849].time);
+    assert_eq!(wrong.gnss[610].velocity_en_mps, Some([0.0; 2].into()));
+}
+
+#[test]
+fn outliers_come_as_often_as_told() {
+    let exact = with(|_| {});
+    let wild = with(|gnss| {
+        gnss.habits.outliers = Outliers {
+            fraction: 0.1,
+            velocity_mps: 5.0,
+            position_m: 0.0,
+        };
+    });
+    let hits: Vec<f64> = exact
+        .gnss
+        .iter()
+        .zip(&wild.gnss)
+        .map(|(e, w)| f64::from(u8::from(e != w)))
+        .collect();
+    assert_mean(&hits, 0.1, 0.3);
+}
+
+#[test]
+fn fixes_are_logged_as_often_and_as_late_as_told() {
+    let drive = with(|gnss| {
+        gnss.rate_hz = 5.0;
+        gnss.habits.logged_times = 4;
+        gnss.habits.delay_s = [0.2, 0.7];
+    });
+    assert_eq!(drive.arrivals.len(), drive.gnss.len());
+    for (fixes, arrivals) in drive
+        .gnss
+        .chunks_exact(4)
+        .zip(drive.arrivals.chunks_exact(4))
+    {
+        for (fix, arrival) in fixes.iter().zip(arrivals) {
+            assert_eq!(fix.velocity_en_mps, fixes[0].velocity_en_mps);
+            let delay_s = arrival.seconds_since(fix.time);
+            assert!((0.2..0.7).contains(&delay_s), "{delay_s}");
+        }
+        let apart_s = fixes[1].time.seconds_since(fixes[0].time);
+        assert!((apart_s - 0.05).abs() < 1e-9);
+    }
+    assert!(drive.arrivals.is_sorted());
+    assert!(drive.gnss.is_sorted_by_key(|fix| fix.time));
+    assert_eq!(with(|_| {}).arrivals.len(), with(|_| {}).gnss.len());
+}
+
+#[test]
+fn a_seed_fixes_everything() {
+    let run = |seed| simulate(&DriveConfig::new(seed, Grade::Mems, 3.0));
+    assert_eq!(run(5), run(5));
+    assert_ne!(run(5).imu, run(6).imu);
+}
+
+#[test]
+fn records_the_samples_asked_for() {
+    let run = simulate(&DriveConfig::new(1, Grade::Hg1700, 5.0));
+    assert_eq!(run.imu.len(), 30_000);
+    assert_eq!(run.truth.len(), 3_001);
+    // Fixes of a time before the run are missing, and no other.
+    let first = run.gnss[0].time.as_seconds();
+    assert!((0.0..0.1).contains(&(first - run.errors.gnss_latency_s)));
+    let fixes = 1.0 + (300.0 - first) * 10.0;
+    assert!((run.gnss.len() as f64 - fixes).abs() < 1e-6);
+}
+
+#[test]
+fn fixes_show_the_motion_of_the_latency_ago() {
+    for latency_s in [0.1374, -0.0713] {
+        let mut config = DriveConfig::new(8, Grade::Ideal, 5.0);
+        config.recording.errors.gnss.latency_s = [latency_s; 2];
+        let run = simulate(&config);
+        let mut car = Car::new(8, 300.0, config.initial_rest_s);
+        for fix in &run.gnss {
+            let velocity = car
+                .kinematics(fix.time.as_seconds() - latency_s)
+                .velocity_enu_mps;
+            let off = fix.velocity_en_mps.unwrap() - velocity.xy();
+            // The cubic between two samples leaves 3e-9.
+            assert!(off.norm() < 1e-8, "{off} at {:?}", fix.time);
+            assert!((fix.velocity_up_mps.unwrap() - velocity.z).abs() < 1e-8);
+        }
+    }
+}
+
+#[test]
+fn receiver_noise_is_white_and_as_large_as_told() {
+    let noisy = simulate(&DriveConfig::new(8, Grade::Hg1700, 20.0));
+    let mut config = DriveConfig::new(8, Grade::Hg1700, 20.0);
+    config.recording.errors.gnss.velocity_sigma_mps = 0.0;
+    config.recording.errors.gnss.horizontal_sigma_m = 0.0;
+    config.recording.errors.gnss.vertical_sigma_m = 0.0;
+    let exact = simulate(&config);
+    // One source of error changed, the others did not.
+    assert_eq!(noisy.imu, exact.imu);
+    assert_eq!(noisy.errors, exact.errors);
+    let differences = |part: fn(&GnssFix) -> f64| -> Vec<f64> {
+        noisy
+            .gnss
+            .iter()
+            .zip(&exact.gnss)
+            .map(|(n, e)| part(n) - part(e))
+            .collect()
+    };
+    let east = differences(|f| f.velocity_en_mps.unwrap().x);
+    let north = differences(|f| f.velocity_en_mps.unwrap().y);
+    let up = differences(|f| f.velocity_up_mps.unwrap());
+    for x in [&east, &north, &up] {
+        assert_mean(x, 0.0, 0.1);
+        assert_sigma(x, 0.1);
+        assert_correlation(x, &x[1..], 0.0);
+    }
+    assert_correlation(&east, &north, 0.0);
+    assert_correlation(&north, &up, 0.0);
+    let height = differences(|f| f.height_m.unwrap());
+    assert_sigma(&height, 1.5);
+    let [mut right, mut ahead] = [Vec::new(), Vec::new()];
+    for (n, e) in noisy.gnss.iter().zip(&exact.gnss) {
+        let off = n
+            .geodetic_or(0.0)
+            .unwrap()
+            .enu_from(&e.geodetic_or(0.0).unwrap());
+        right.push(off.x);
+        ahead.push(off.y);
+    }
+    assert_sigma(&right, 1.0);
+    assert_sigma(&ahead, 1.0);
+}
+
+#[test]
+fn latencies_fill_their_range() {
+    let gnss = ErrorModel::hg1700().gnss;
+    let all: Vec<f64> = (0..2000)
+        .map(|seed| Gnss::new(&gnss, seed).latency_s)
+        .collect();
+    assert!(all.iter().all(|tau| (0.05..0.3).contains(tau)));
+    assert_mean(&all, 0.175, 0.25 / 12.0_f64.sqrt());
+}
+
+#[test]
+fn outages_and_losses_take_samples_and_change_none() {
+    let whole = simulate(&DriveConfig::new(2, Grade::Mems, 10.0));
+    let mut config = DriveConfig::new(2, Grade::Mems, 10.0);
+    let errors = &mut config.recording.errors;
+    errors.gnss.outages = vec![Outage {
+        start_s: 100.0,
+        duration_s: 30.0,
+    }];
+    errors.imu.dropped_fraction = 0.02;
+    let holed = simulate(&config);
+    assert_eq!(whole.gnss.len() - holed.gnss.len(), 300);
+    assert!(holed.gnss.iter().all(|fix| whole.gnss.contains(fix)));
+    let lost: Vec<f64> = whole
+        .imu
+        .iter()
+        .map(|s| f64::from(holed.imu.binary_search_by_key(&s.time, |h| h.time).is_err()))
+        .collect();
+    assert_mean(&lost, 0.02, (0.02 * 0.98_f64).sqrt());
+    for sample in &holed.imu {
+        let at = whole
+            .imu
+            .binary_search_by_key(&sample.time, |w| w.time)
+            .unwrap();
+        assert_eq!(sample, &whole.imu[at]);
+    }
+}
