@@ -5,7 +5,6 @@ use serde::{Serialize, Serializer};
 
 use crate::identify::error_model::interval::{Interval, NORMAL_95};
 use crate::identify::free_inertial::known;
-use crate::log::BodyAxes;
 use crate::page::digits;
 
 /// A quantity as found.
@@ -122,10 +121,7 @@ impl Serialize for Found {
     }
 }
 
-/// Components right, forward, up as those along other axes.
-pub fn along(axes: BodyAxes, rfu: &[Found; 3]) -> [Found; 3] {
-    [0, 1, 2].map(|axis| {
-        let (component, sign) = axes.rfu_component(axis);
-        rfu[component].scaled(sign)
-    })
+/// Components right, forward, up as those forward, right, down.
+pub(super) fn frd([right, forward, up]: &[Found; 3]) -> [Found; 3] {
+    [*forward, *right, up.scaled(-1.0)]
 }

@@ -3,13 +3,12 @@
 //! The core and the error model find it; here it gets one sentence where it is missing, a verdict,
 //! and each target's names, signs, axes and units.
 
-pub mod found;
+mod found;
 mod mount;
-mod table;
 pub mod targets;
 mod tuning;
 
 pub use found::Found;
 pub use mount::{Mount, Vehicle};
 pub use targets::Target;
-pub use tuning::{Tuning, config};
+pub use tuning::Tuning;

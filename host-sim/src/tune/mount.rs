@@ -94,10 +94,8 @@ impl Mount {
             return mount;
         }
         let all = |angle: fn(&Euler) -> f64| -> Vec<f64> {
-            straight
-                .iter()
-                .map(|second| angle(&second.against))
-                .collect()
+            let angles = straight.iter().map(|second| angle(&second.against));
+            angles.collect()
         };
         let (roll, pitch) = (middle(&all(|e| e.roll_rad)), middle(&all(|e| e.pitch_rad)));
         let heading = all(|e| e.heading_rad);
@@ -116,10 +114,8 @@ impl Mount {
         let no_level = (!biases.iter().all(known)).then_some(NO_LEVEL);
         let times = (straight.len() as f64 / INDEPENDENT_S).sqrt();
         let found = |middle: &Middle, systematic: f64| {
-            Found::known(
-                wrap_pi(middle.value),
-                systematic.hypot(middle.spread / times),
-            )
+            let sigma = systematic.hypot(middle.spread / times);
+            Found::known(wrap_pi(middle.value), sigma)
         };
         let azimuth = end.azimuth_error_rad.sigma;
         let is_car = mount.vehicle == Vehicle::Car;
@@ -139,9 +135,8 @@ fn second(rows: &[Row]) -> Option<Second> {
     let [before, now, after] = [rows[0].solution?, rows[1].solution?, rows[2].solution?];
     let speed = |solution: &Solution| solution.velocity_enu_mps.xy().norm();
     let course = |s: &Solution| libm::atan2(s.velocity_enu_mps.x, s.velocity_enu_mps.y);
-    let fast = [&before, &now, &after]
-        .iter()
-        .all(|solution| speed(solution) > SLOW_MPS);
+    let speeds = [&before, &now, &after].map(speed);
+    let fast = speeds.iter().all(|mps| *mps > SLOW_MPS);
     let seconds = after.time.seconds_since(before.time);
     if !known(&rows[1].estimates.azimuth_error_rad) || !fast || seconds > 3.0 {
         return None;

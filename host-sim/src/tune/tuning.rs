@@ -128,12 +128,10 @@ impl Tuning {
             config: found.config,
         };
         tuning.verdict = tuning.verdict.clone().and(tuning.noise_beyond_class());
-        tuning.config = config(&tuning, found.config);
+        tuning.config = tuning.configured();
         tuning
     }
-}
 
-impl Tuning {
     fn noise_beyond_class(&self) -> Option<String> {
         let sensors = &self.config.sensors;
         // Times the noise of its class that no sensor of it has.
@@ -145,18 +143,41 @@ impl Tuning {
             let least = noise.value - 3.0 * noise.sigma;
             noise.is_known() && least > most * typical
         };
-        beyond_class(&[
-            (
-                "gyro noise",
-                far(&self.gyro_noise, sensors.mean_gyro_noise()),
-            ),
-            (
-                "accelerometer noise",
-                far(&self.accel_noise, sensors.mean_accel_noise()),
-            ),
-        ])
+        let gyro = far(&self.gyro_noise, sensors.mean_gyro_noise());
+        let accel = far(&self.accel_noise, sensors.mean_accel_noise());
+        beyond_class(&[("gyro noise", gyro), ("accelerometer noise", accel)])
+    }
+
+    /// A configuration with what was found in place of the class's: units and axes are the core's
+    /// (`ins_core::config`), and noise per root of a second is what a density per root of Hz is.
+    fn configured(&self) -> Config {
+        let mut config = self.config;
+        let set = |value: &mut f64, found: &Found| {
+            if found.is_known() {
+                *value = found.value;
+            }
+        };
+        for axis in 0..3 {
+            set(&mut config.sensors.gyro_noise[axis], &self.gyro_noise);
+            set(&mut config.sensors.accel_noise[axis], &self.accel_noise);
+        }
+        set(&mut config.sensors.gyro_bias_walk, &self.gyro_bias_walk);
+        let white = &mut config.gnss.velocity_mps.white;
+        set(white, &self.gnss_velocity_noise_mps);
+        if self.lever_arm_m.iter().all(Found::is_known) {
+            config.gnss.lever_arm_m = self.lever_arm_m.map(|arm| arm.value);
+            let sigmas = self.lever_arm_m.iter().map(|arm| arm.sigma);
+            config.gnss.lever_arm_sigma_m = sigmas.fold(0.0, f64::max);
+        }
+        if self.gnss_delay_s.is_known() {
+            config.gnss.latency_sigma_s = LATENCY_SIGMAS * self.gnss_delay_s.sigma;
+        }
+        config
     }
 }
+
+/// Spread of a latency that is taken from the stamps, sigmas: it changes from start to start.
+pub(super) const LATENCY_SIGMAS: f64 = 3.0;
 
 /// Walk, wander and correlation time of the gyro biases.
 ///
@@ -169,20 +190,15 @@ fn wandering(model: &Identified) -> [Found; 3] {
         return [unknown; 3];
     };
     let [size, time] = [gyro.size, gyro.time_s].map(|i| Found::within(Some(i), GYRO_WALK));
-    let walk = per_root(&size, &time);
+    let relative = libm::hypot(size.sigma / size.value, 0.5 * time.sigma / time.value);
+    let walk = size.value / time.value.sqrt();
+    let walk = Found::known(walk, walk * relative)
+        .unless(size.missing)
+        .unless(time.missing);
     match gyro.law {
         Law::Wave => [walk, unknown, unknown],
         Law::Continuous => [walk.scaled(std::f64::consts::SQRT_2), size, time],
     }
-}
-
-/// `size / sqrt(time)`.
-fn per_root(size: &Found, time: &Found) -> Found {
-    let value = size.value / time.value.sqrt();
-    let relative = libm::hypot(size.sigma / size.value, 0.5 * time.sigma / time.value);
-    Found::known(value, value * relative)
-        .unless(size.missing)
-        .unless(time.missing)
 }
 
 /// Median rate: holes must not count. Zero of a single sample.
@@ -201,39 +217,4 @@ fn parameters(log: &Log) -> BTreeMap<String, f64> {
     entries
         .filter_map(|(name, value)| Some((name.clone(), value.as_float()?)))
         .collect()
-}
-
-/// Spread of a latency that is taken from the stamps, sigmas: it changes from start to start.
-pub(super) const LATENCY_SIGMAS: f64 = 3.0;
-
-/// A configuration with what was found in place of the class's: units and axes are the core's
-/// (`ins_core::config`), and noise per root of a second is what a density per root of Hz is.
-pub fn config(t: &Tuning, base: Config) -> Config {
-    let mut config = base;
-    let set = |value: &mut f64, found: &Found| {
-        if found.is_known() {
-            *value = found.value;
-        }
-    };
-    for axis in 0..3 {
-        set(&mut config.sensors.gyro_noise[axis], &t.gyro_noise);
-        set(&mut config.sensors.accel_noise[axis], &t.accel_noise);
-    }
-    set(&mut config.sensors.gyro_bias_walk, &t.gyro_bias_walk);
-    set(
-        &mut config.gnss.velocity_mps.white,
-        &t.gnss_velocity_noise_mps,
-    );
-    if t.lever_arm_m.iter().all(Found::is_known) {
-        config.gnss.lever_arm_m = t.lever_arm_m.map(|arm| arm.value);
-        config.gnss.lever_arm_sigma_m = t
-            .lever_arm_m
-            .iter()
-            .map(|arm| arm.sigma)
-            .fold(0.0, f64::max);
-    }
-    if t.gnss_delay_s.is_known() {
-        config.gnss.latency_sigma_s = LATENCY_SIGMAS * t.gnss_delay_s.sigma;
-    }
-    config
 }

@@ -1,21 +1,16 @@
-//! Each target's names, signs, axes and units: a file of each, with its sources.
+//! Each target's names, signs, axes and units; `docs/tune.md` has the source of each.
 //!
 //! What is not known is a comment, never a value. So is what would come on top of a value that the
 //! recording does not hold.
 
-pub mod ardupilot;
-pub mod gnss_ins_sim;
-pub mod kalibr;
-pub mod kf_gins;
-pub mod own;
-pub mod px4;
+mod autopilots;
+mod models;
 mod setting;
+mod table;
 
 use clap::ValueEnum;
 
-use super::table;
 use super::tuning::Tuning;
-pub use setting::a_step;
 
 /// Whose parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -40,25 +35,22 @@ pub enum Target {
     All,
 }
 
-type Print = fn(&Tuning) -> String;
-
 /// What is printed.
-pub fn text(tuning: &Tuning, target: Target) -> serde_json::Result<String> {
-    let all: [(Target, Print); 7] = [
-        (Target::Table, table::text),
-        (Target::Px4, px4::text),
-        (Target::Ardupilot, ardupilot::text),
-        (Target::Kalibr, kalibr::text),
-        (Target::KfGins, kf_gins::text),
-        (Target::GnssInsSim, gnss_ins_sim::text),
-        (Target::Core, own::text),
-    ];
-    if target == Target::Json {
-        return Ok(serde_json::to_string_pretty(tuning)? + "\n");
-    }
-    let wanted = all
-        .iter()
-        .filter(|(this, _)| target == Target::All || target == *this);
-    let texts: Vec<String> = wanted.map(|(_, text)| text(tuning)).collect();
-    Ok(texts.join("\n"))
+pub fn text(t: &Tuning, target: Target) -> serde_json::Result<String> {
+    Ok(match target {
+        Target::Table => table::text(t),
+        Target::Px4 => autopilots::px4(t),
+        Target::Ardupilot => autopilots::ardupilot(t),
+        Target::Kalibr => models::kalibr(t),
+        Target::KfGins => models::kf_gins(t),
+        Target::GnssInsSim => models::gnss_ins_sim(t),
+        Target::Core => models::core(t),
+        Target::Json => serde_json::to_string_pretty(t)? + "\n",
+        Target::All => {
+            let all = Target::value_variants().iter();
+            let printed = all.filter(|this| !matches!(this, Target::Json | Target::All));
+            let texts: Result<Vec<String>, _> = printed.map(|this| text(t, *this)).collect();
+            texts?.join("\n")
+        }
+    })
 }

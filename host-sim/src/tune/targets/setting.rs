@@ -1,8 +1,10 @@
 //! A parameter of one number or three, and files of them.
 
-use crate::log::BodyAxes;
-use crate::tune::found::{Found, along};
+use crate::tune::found::Found;
 use crate::tune::tuning::Tuning;
+
+pub(super) const TURNED: &str =
+    "The sensor was turned upright when it was read: these axes are not its own.";
 
 /// A parameter of one number or three.
 pub(super) struct Setting {
@@ -31,47 +33,31 @@ impl Setting {
 
     /// One of each axis, whose letter is where the name has an `@`.
     pub(super) fn each(name: &str, unit: &'static str, found: &[Found]) -> Vec<Self> {
-        let named = |(axis, found)| Self::new(&name.replace('@', axis), unit, &[found]);
-        let axes = ["X", "Y", "Z"].into_iter();
-        axes.zip(found.iter().copied()).map(named).collect()
+        let axes = ["X", "Y", "Z"].into_iter().zip(found);
+        axes.map(|(axis, found)| Self::new(&name.replace('@', axis), unit, &[*found]))
+            .collect()
     }
 
-    pub(super) fn takes(self, least: f64, most: f64) -> Self {
-        Self {
-            takes: [least, most],
-            ..self
-        }
+    pub(super) fn takes(self, takes: [f64; 2]) -> Self {
+        Self { takes, ..self }
     }
 
-    pub(super) fn note(self, note: String) -> Self {
-        Self {
-            note: Some(note),
-            ..self
-        }
+    pub(super) fn note(self, note: impl Into<String>) -> Self {
+        let note = Some(note.into());
+        Self { note, ..self }
     }
 
     /// One that has acted on the readings already: what is found adds to what was set.
     pub(super) fn on_top(mut self, tuning: &Tuning, hold: Option<&'static str>) -> Self {
         match tuning.parameters.get(&self.name) {
             Some(set) if hold.is_none() => {
-                self.found
-                    .iter_mut()
-                    .for_each(|found| *found = found.plus(*set));
+                for found in &mut self.found {
+                    *found = found.plus(*set);
+                }
             }
             _ => self.hold = hold.or(Some("to be added to what was, which the recording lacks")),
         }
         self
-    }
-
-    fn digits(&self) -> Vec<String> {
-        let one = |found: &Found| {
-            if self.whole {
-                format!("{:.0}", found.value)
-            } else {
-                found.digits()
-            }
-        };
-        self.found.iter().map(one).collect()
     }
 
     /// What is found as a comment, then the line if it may be set.
@@ -80,11 +66,9 @@ impl Setting {
             text.push_str(line);
             text.push('\n');
         };
-        let told = |found: &Found| {
-            found.missing.map_or_else(
-                || format!("{} {}", found.with_sigma(), self.unit),
-                |missing| format!("not known; {missing}"),
-            )
+        let told = |found: &Found| match found.missing {
+            None => format!("{} {}", found.with_sigma(), self.unit),
+            Some(missing) => format!("not known; {missing}"),
         };
         let mut shown: Vec<String> = self.found.iter().map(told).collect();
         shown.dedup();
@@ -92,13 +76,21 @@ impl Setting {
         if !self.found.iter().all(Found::is_known) {
             return;
         }
-        let (digits, [least, most]) = (self.digits(), self.takes);
+        let [least, most] = self.takes;
         let within = |found: &Found| (least..=most).contains(&found.value);
         if let Some(hold) = self.hold {
             line(&format!("{comment} not set: {hold}"));
         } else if !self.found.iter().all(within) {
             line(&format!("{comment} not set: it takes {least} to {most}"));
         } else {
+            let digits = |found: &Found| {
+                if self.whole {
+                    format!("{:.0}", found.value)
+                } else {
+                    found.digits()
+                }
+            };
+            let digits: Vec<String> = self.found.iter().map(digits).collect();
             line(&write(&self.name, &digits));
             if let Some(note) = &self.note {
                 line(&format!("{comment} {note}"));
@@ -120,52 +112,12 @@ pub(super) fn file(
 ) -> String {
     let turned = t.turned_upright.then(|| TURNED.to_owned());
     let head = [title.to_owned()].into_iter().chain(t.verdict.lines());
-    let head: Vec<String> = head
-        .chain(turned)
-        .map(|line| format!("{comment} {line}\n"))
-        .collect();
-    let mut text = head.concat();
+    let head = head.chain(turned).map(|line| format!("{comment} {line}\n"));
+    let mut text: String = head.collect();
     for setting in settings {
         setting.print(&mut text, comment, write);
     }
     text
-}
-
-pub(super) const TURNED: &str =
-    "The sensor was turned upright when it was read: these axes are not its own.";
-
-pub(super) const ROTATED: &str =
-    "the board is rotated: sensors, board and vehicle have different axes";
-
-/// Of noises of the autopilots' filters.
-const LEAST: &str =
-    "white noise alone, so the least; the default also covers scale errors and vibration";
-
-/// Standard deviation a step that lets a variance grow as white noise of a density does, for
-/// filters that add `(sigma dt)^2` at each step.
-pub fn a_step(density: Found, step_s: f64) -> Found {
-    density.scaled(1.0 / step_s.sqrt())
-}
-
-/// Offset of readings that are `(reading - offset) * scale`, forward, right, down.
-pub(super) fn unscaled(bias: &[Found; 3], scale: [f64; 3]) -> [Found; 3] {
-    let bias = along(BodyAxes::Frd, bias);
-    [0, 1, 2].map(|axis| bias[axis].scaled(1.0 / scale[axis]))
-}
-
-/// A noise of an autopilot's filter that steps every `step_s`: never set, for it is the least.
-pub(super) fn noise(
-    name: &str,
-    unit: &'static str,
-    density: Found,
-    takes: [f64; 2],
-    step_s: f64,
-) -> Setting {
-    Setting {
-        hold: Some(LEAST),
-        takes,
-        ..Setting::new(name, unit, &[a_step(density, step_s)])
-    }
 }
 
 /// Three numbers between brackets, or one three times.
