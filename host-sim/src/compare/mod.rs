@@ -276,7 +276,7 @@ fn trajectories(comparison: &Comparison) -> Option<Table> {
         .collect();
     let title = "RMS difference from truth.csv, second half of the log";
     let header = heads("| position, m | velocity, m/s | heading, deg");
-    (!rows.is_empty()).then(|| Table::new(title, header, rows))
+    (!rows.is_empty()).then(|| Table::of(title, header, rows))
 }
 
 fn costs(comparison: &Comparison) -> Table {

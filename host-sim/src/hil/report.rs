@@ -83,10 +83,8 @@ impl View {
     }
 }
 
-fn axes(axes: &Axes<Quantity>) -> String {
-    axes.named()
-        .map(|(name, quantity)| format!("{name} {}", known(quantity)))
-        .join(", ")
+fn axes(Axes { x, y, z }: &Axes) -> String {
+    format!("x {}, y {}, z {}", known(x), known(y), known(z))
 }
 
 fn known(quantity: &Quantity) -> String {

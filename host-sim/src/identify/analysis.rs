@@ -138,11 +138,7 @@ impl Analysis {
             }
             cells
         };
-        Table::new(
-            "",
-            header,
-            columns.into_iter().enumerate().map(row).collect(),
-        )
+        Table::of("", header, columns.into_iter().enumerate().map(row))
     }
 }
 

@@ -18,16 +18,18 @@ const MOST_WINDOWS: usize = 240;
 /// A hole between samples that spoils a window, s.
 const HOLE_S: f64 = 0.5;
 
-/// Horizontal velocity error of a free INS against the aided one.
-#[derive(Clone, Debug, PartialEq)]
-pub struct VelocityError {
-    /// Root mean square, sensors as logged and the first heading's error left in, m/s.
-    pub before_mps: f64,
-    /// Root mean square, the estimates applied, m/s.
-    pub after_mps: f64,
-    /// Windows run.
+/// Horizontal velocity error of a free INS against the aided one, RMS, m/s; none where no window
+/// fits.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct VelocityErrors {
+    /// Sensors as logged and the first heading's error left in.
+    pub before: Option<f64>,
+    /// The estimates applied.
+    pub after: Option<f64>,
+    /// Windows of a minute that it was measured on.
     pub windows: usize,
     /// How both grow within a window.
+    #[serde(skip)]
     pub growth: Vec<Growth>,
 }
 
@@ -55,7 +57,7 @@ pub(crate) fn value(estimate: &Estimate) -> f64 {
     if known(estimate) { estimate.value } else { 0.0 }
 }
 
-/// Runs every window twice; `None` if the log has no minute of navigation.
+/// Runs every window twice.
 ///
 /// A window starts from the navigator's solution of its moment, and is compared with the
 /// solutions that follow: GNSS itself has more noise than there is error to see. The sensors are
@@ -66,7 +68,7 @@ pub fn check(
     solutions: &[Solution],
     history: &[Row],
     found: &Estimates,
-) -> Option<VelocityError> {
+) -> VelocityErrors {
     let azimuth_rad = value(&found.azimuth_error_rad);
     let (mut before, mut after, mut windows) = (Vec::new(), Vec::new(), 0);
     let starts = window_starts(history, known(&found.azimuth_error_rad));
@@ -81,12 +83,13 @@ pub fn check(
             windows += 1;
         }
     }
-    (windows > 0).then(|| VelocityError {
-        before_mps: rms(before.iter()),
-        after_mps: rms(after.iter()),
+    let rms_of = |errors: &[Error]| (windows > 0).then(|| rms(errors.iter()));
+    VelocityErrors {
+        before: rms_of(&before),
+        after: rms_of(&after),
         windows,
         growth: growth(&before, &after),
-    })
+    }
 }
 
 /// An interval less the errors that the navigator knew at a time; as it is before the history.
@@ -179,15 +182,4 @@ fn growth(before: &[Error], after: &[Error]) -> Vec<Growth> {
             })
         })
         .collect()
-}
-
-/// Root mean square of the free-inertial velocity error, m/s.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct VelocityErrors {
-    /// Sensors as logged.
-    pub before: Option<f64>,
-    /// Estimates applied.
-    pub after: Option<f64>,
-    /// Windows of a minute that it was measured on.
-    pub windows: usize,
 }

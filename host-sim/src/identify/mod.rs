@@ -12,7 +12,6 @@ pub mod quantities;
 pub mod row;
 pub mod run;
 pub mod summary;
-pub mod tables;
 pub mod true_errors;
 pub mod verdict;
 pub(crate) mod words;

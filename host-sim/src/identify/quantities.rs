@@ -23,13 +23,36 @@ pub struct Quantity {
 
 /// A quantity per axis of the log.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Axes<T> {
-    /// First column.
-    pub x: T,
-    /// Second column.
-    pub y: T,
-    /// Third column.
-    pub z: T,
+pub struct Axes {
+    pub x: Quantity,
+    pub y: Quantity,
+    pub z: Quantity,
+}
+
+/// Column in the files, name for people and unit of all that is identified.
+pub(crate) const QUANTITIES: [(&str, &str, &str); 8] = [
+    ("azimuth_error_deg", "Azimuth error", "deg"),
+    ("accel_bias_x_mg", "Accelerometer bias x", "mg"),
+    ("accel_bias_y_mg", "Accelerometer bias y", "mg"),
+    ("accel_bias_z_mg", "Accelerometer bias z", "mg"),
+    ("gyro_bias_x_deg_h", "Gyro bias x", "deg/h"),
+    ("gyro_bias_y_deg_h", "Gyro bias y", "deg/h"),
+    ("gyro_bias_z_deg_h", "Gyro bias z", "deg/h"),
+    ("gnss_latency_ms", "GNSS latency", "ms"),
+];
+
+/// Name of one of them, a bias with the direction of its axis.
+pub(crate) fn title(index: usize, axes: BodyAxes) -> String {
+    let (_, name, _) = QUANTITIES[index];
+    match index {
+        1..=6 => format!("{name}, {}", axes.direction((index - 1) % 3)),
+        _ => name.to_owned(),
+    }
+}
+
+/// Name of an axis, and where it points.
+pub(crate) fn axis_name(axis: usize, axes: BodyAxes) -> String {
+    format!("{}, {}", ["x", "y", "z"][axis], axes.direction(axis))
 }
 
 /// Everything that is identified.
@@ -38,9 +61,9 @@ pub struct Quantities {
     /// Heading minus true heading of an INS that keeps the heading it started with, deg.
     pub azimuth_error_deg: Quantity,
     /// To be subtracted from readings, mg.
-    pub accel_bias_mg: Axes<Quantity>,
+    pub accel_bias_mg: Axes,
     /// To be subtracted from readings, deg/h.
-    pub gyro_bias_deg_h: Axes<Quantity>,
+    pub gyro_bias_deg_h: Axes,
     /// A fix stamped t shows the motion at t minus this, ms.
     pub gnss_latency_ms: Quantity,
 }
@@ -80,19 +103,10 @@ impl Serialize for Quantity {
     }
 }
 
-impl<T> Axes<T> {
-    /// From a function of the axis: 0, 1, 2.
-    pub fn from_fn(f: impl Fn(usize) -> T) -> Self {
-        Self {
-            x: f(0),
-            y: f(1),
-            z: f(2),
-        }
-    }
-
-    /// Axis names and what belongs to them.
-    pub fn named(&self) -> [(&'static str, &T); 3] {
-        [("x", &self.x), ("y", &self.y), ("z", &self.z)]
+impl Axes {
+    /// In the order of the axes.
+    pub(crate) fn each(&self) -> [Quantity; 3] {
+        [self.x, self.y, self.z]
     }
 }
 
@@ -116,26 +130,21 @@ impl Quantities {
 
     /// Column names and quantities, in the order of the files.
     pub fn columns(&self) -> [(&'static str, Quantity); 8] {
-        let (a, g) = (&self.accel_bias_mg, &self.gyro_bias_deg_h);
-        [
-            ("azimuth_error_deg", self.azimuth_error_deg),
-            ("accel_bias_x_mg", a.x),
-            ("accel_bias_y_mg", a.y),
-            ("accel_bias_z_mg", a.z),
-            ("gyro_bias_x_deg_h", g.x),
-            ("gyro_bias_y_deg_h", g.y),
-            ("gyro_bias_z_deg_h", g.z),
-            ("gnss_latency_ms", self.gnss_latency_ms),
-        ]
+        let [ax, ay, az] = self.accel_bias_mg.each();
+        let [gx, gy, gz] = self.gyro_bias_deg_h.each();
+        let (azimuth, latency) = (self.azimuth_error_deg, self.gnss_latency_ms);
+        let all = [azimuth, ax, ay, az, gx, gy, gz, latency];
+        core::array::from_fn(|index| (QUANTITIES[index].0, all[index]))
     }
 }
 
 /// A right-forward-up vector in the given axes, in a unit of `unit` SI units.
-pub(crate) fn in_axes(axes: BodyAxes, rfu: &[Estimate; 3], unit: f64) -> Axes<Quantity> {
-    Axes::from_fn(|axis| {
+pub(crate) fn in_axes(axes: BodyAxes, rfu: &[Estimate; 3], unit: f64) -> Axes {
+    let [x, y, z] = [0, 1, 2].map(|axis| {
         let (component, sign) = axes.rfu_component(axis);
         Quantity::of(&rfu[component], sign * unit)
-    })
+    });
+    Axes { x, y, z }
 }
 
 #[cfg(test)]
@@ -154,9 +163,9 @@ mod tests {
             ..Estimates::default()
         };
         let values = |axes| {
-            let a = Quantities::new(&estimates, axes).accel_bias_mg;
-            assert!(a.named().iter().all(|(_, quantity)| quantity.sigma > 0.0));
-            a.named().map(|(_, quantity)| quantity.value)
+            let biases = Quantities::new(&estimates, axes).accel_bias_mg.each();
+            assert!(biases.iter().all(|quantity| quantity.sigma > 0.0));
+            biases.map(|quantity| quantity.value)
         };
         let near = |axes, expected: [f64; 3]| {
             values(axes)

@@ -8,7 +8,7 @@ use ins_core::{
 };
 
 use crate::identify::against_truth::{self, AgainstTruth};
-use crate::identify::free_inertial::{self, VelocityError};
+use crate::identify::free_inertial::{self, VelocityErrors};
 use crate::identify::innovations::{Innovation, Innovations};
 use crate::identify::row::{Counts, Row, add};
 use crate::log::Log;
@@ -38,8 +38,8 @@ pub struct Identification {
     pub fixes: Vec<(Time, GnssOutcome)>,
     /// Fixes against the solution of their moments; none where the navigator runs elsewhere.
     pub innovations: Vec<Innovation>,
-    /// Free-inertial velocity error without and with the estimates; none where no window fits.
-    pub velocity_error: Option<VelocityError>,
+    /// Free-inertial velocity error without and with the estimates.
+    pub velocity_error: VelocityErrors,
     /// Errors of the solution, damped and free; none without a reference motion.
     pub against_truth: Option<AgainstTruth>,
 }

@@ -13,7 +13,7 @@ use crate::identify::row::{Answers, Counts};
 use crate::identify::run::Identification;
 use crate::identify::verdict::{Verdict, beyond_class};
 use crate::identify::{configure, words};
-use crate::log::{Grade, Log, LogError};
+use crate::log::{BodyAxes, Grade, Log, LogError};
 
 /// The summary of a log.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -25,7 +25,7 @@ pub struct Summary {
     /// Span of its inertial samples.
     pub duration_s: f64,
     /// Axes of the biases.
-    pub body_axes: crate::log::BodyAxes,
+    pub body_axes: BodyAxes,
     /// What was identified.
     #[serde(flatten)]
     pub quantities: Quantities,
@@ -33,7 +33,7 @@ pub struct Summary {
     pub heading_end_deg: Quantity,
     /// Antenna as seen from the inertial sensors, m; none where it is taken as configured.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub lever_arm_m: Option<Axes<Quantity>>,
+    pub lever_arm_m: Option<Axes>,
     /// Free-inertial check; empty where no window fits.
     pub velocity_error_mps: VelocityErrors,
     /// Errors of the solution, damped and free, where the log has a reference motion.
@@ -64,26 +64,21 @@ impl Summary {
         halves: Option<&[Difference]>,
     ) -> Self {
         let quantities = Quantities::of_log(&found.end.estimates, &log.meta);
-        let errors = found.velocity_error.as_ref();
-        let velocity_error_mps = VelocityErrors {
-            before: errors.map(|error| error.before_mps),
-            after: errors.map(|error| error.after_mps),
-            windows: errors.map_or(0, |error| error.windows),
-        };
         let imu = answers(&found.imu_outcomes, words::is_integrated);
         let gnss = answers(&found.gnss_outcomes(), words::is_used);
         Self {
             log: name,
-            verdict: Verdict::new(found, &velocity_error_mps, [&imu, &gnss], halves).and(
-                beyond_class(&[("gyros at rest", !configure::fits(log, grade))]),
-            ),
+            verdict: Verdict::new(found, [&imu, &gnss], halves).and(beyond_class(&[(
+                "gyros at rest",
+                !configure::fits(log, grade),
+            )])),
             duration_s: log.duration_s(),
             body_axes: log.meta.body_axes,
             quantities,
             heading_end_deg: heading(found, &quantities.azimuth_error_deg),
             lever_arm_m: (found.config.gnss.lever_arm_sigma_m > 0.0)
                 .then(|| in_axes(log.meta.body_axes, &found.end.estimates.lever_arm_m, 1.0)),
-            velocity_error_mps,
+            velocity_error_mps: found.velocity_error.clone(),
             against_truth: found.against_truth.as_ref().map(AgainstTruth::errors),
             version: env!("CARGO_PKG_VERSION"),
             grade,

@@ -4,11 +4,11 @@ use ins_core::{Config, Estimate, Phase};
 use serde::Serialize;
 
 use super::words::unaligned;
-use crate::identify::free_inertial::{VelocityErrors, known};
+use crate::identify::free_inertial::known;
 use crate::identify::halves::Difference;
 use crate::identify::row::Answers;
 use crate::identify::run::Identification;
-use crate::page::digits;
+use crate::page::{brief, digits};
 
 /// Sigmas by which halves of a log may differ.
 const HALVES: f64 = 3.0;
@@ -31,11 +31,10 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// From a run, its free-inertial check, what became of samples and fixes, and the halves of the
-    /// log, if it is long enough for them.
+    /// From a run, what became of samples and fixes, and the halves of the log, if it is long enough
+    /// for them.
     pub(crate) fn new(
         found: &Identification,
-        errors: &VelocityErrors,
         [imu, gnss]: [&Answers; 2],
         halves: Option<&[Difference]>,
     ) -> Self {
@@ -44,13 +43,14 @@ impl Verdict {
         if phase != Phase::Navigating {
             against.push(unaligned(phase).to_owned());
         }
+        let errors = &found.velocity_error;
         let both = errors.before.zip(errors.after);
         if let Some((before, after)) = both.filter(|(before, after)| after >= before) {
             against.push(format!(
                 "A free INS gains {} m/s in a minute on readings as logged and {} with the \
                  estimates applied: they do not help.",
-                digits(before, before),
-                digits(after, after)
+                brief(before),
+                brief(after)
             ));
         }
         against.extend(halves.into_iter().flatten().filter_map(half));
@@ -151,8 +151,8 @@ fn innovations(found: &Identification) -> Option<String> {
         format!(
             "GNSS and the INS differ by {} m/s on an axis, where {} is the most that is expected: \
              velocities, stamps or axes are not what they are taken for.",
-            digits(sigma, sigma),
-            digits(most, most)
+            brief(sigma),
+            brief(most)
         )
     })
 }

@@ -3,7 +3,7 @@
 use ins_core::{GnssOutcome, ImuOutcome, Phase};
 
 use crate::identify::quantities::Quantity;
-use crate::page::number::to_second_digit_of;
+use crate::page::digits;
 
 pub(crate) fn unaligned(phase: Phase) -> &'static str {
     match phase {
@@ -26,11 +26,8 @@ pub(crate) fn in_words(q: &Quantity) -> String {
 
 /// Both to the second digit of the spread.
 pub(crate) fn with_sigma(q: &Quantity) -> String {
-    format!(
-        "{} \u{b1} {}",
-        to_second_digit_of(q.sigma, q.value),
-        to_second_digit_of(q.sigma, q.sigma)
-    )
+    let [value, sigma] = [q.value, q.sigma].map(|v| digits(q.sigma, v));
+    format!("{value} \u{b1} {sigma}")
 }
 
 /// Whether a fix was used, or will be.

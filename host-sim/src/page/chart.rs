@@ -18,8 +18,8 @@ use plotly::{Plot, Scatter, Trace};
 use plotters::style::RGBColor;
 use serde::Serialize;
 
-use super::number::significant;
 use super::plot::{GREY, decades};
+use super::significant;
 
 /// Points of a curve. An hour has one every two seconds, or the least and the greatest of four.
 pub(crate) const MOST_POINTS: usize = 1800;
@@ -31,6 +31,8 @@ const FINE_DIGITS: usize = 9;
 pub(crate) type Point = (f64, f64);
 /// x, value and one sigma.
 pub(crate) type Spread = (f64, f64, f64);
+/// Between two points it breaks their curve.
+pub(crate) const BREAK: Point = (f64::NAN, f64::NAN);
 
 /// plotly.js, packed and in base64: a third of its size.
 pub(crate) static SCRIPT: LazyLock<String> = LazyLock::new(|| {
@@ -165,8 +167,7 @@ impl Chart {
     /// One sigma to both sides of zero.
     pub(crate) fn expected(self, name: &str, colour: RGBColor, sigmas: &[Point]) -> Self {
         let side = |sign: f64| sigmas.iter().map(move |&(x, sigma)| (x, sign * sigma));
-        let gap = (f64::NAN, f64::NAN);
-        let both: Vec<Point> = side(1.0).chain([gap]).chain(side(-1.0)).collect();
+        let both: Vec<Point> = side(1.0).chain([BREAK]).chain(side(-1.0)).collect();
         self.drawn(name, &both, stroke(2.0, colour, 1.0))
     }
 
@@ -181,11 +182,7 @@ impl Chart {
             .hover_template("%{y} \u{b1} %{customdata}")
             .legend_group(name);
         let area = self
-            .curve(name, &outline(points))
-            .line(Line::new().width(0.0))
-            .fill(Fill::ToSelf)
-            .fill_color(css(colour, 0.18))
-            .hover_info(HoverInfo::Skip)
+            .area(name, &outline(points), css(colour, 0.18))
             .legend_group(name)
             .show_legend(false);
         self.with(area).with(line)
@@ -199,14 +196,8 @@ impl Chart {
         symbol: MarkerSymbol,
         points: &[(Point, String)],
     ) -> Self {
-        let (places, texts): (Vec<Point>, Vec<String>) = points.iter().cloned().unzip();
         let marker = Marker::new().size(9).symbol(symbol).color(css(colour, 1.0));
-        let marks = self
-            .curve(name, &places)
-            .mode(Mode::Markers)
-            .marker(marker)
-            .hover_text_array(texts)
-            .hover_template("%{hovertext}");
+        let marks = self.points(name, marker, points.iter().cloned());
         self.with(marks)
     }
 
@@ -217,36 +208,22 @@ impl Chart {
         colour: RGBColor,
         points: &[(Spread, String)],
     ) -> Self {
-        let places: Vec<Point> = points
-            .iter()
-            .map(|((x, value, _), _)| (*x, *value))
-            .collect();
+        let marker = Marker::new().size(8).color(css(colour, 1.0));
         let sigmas = points.iter().map(|(spread, _)| spread.2).collect();
+        let places = points.iter();
+        let places = places.map(|((x, value, _), text)| ((*x, *value), text.clone()));
         let bars = self
-            .curve(name, &places)
-            .mode(Mode::Markers)
-            .marker(Marker::new().size(8).color(css(colour, 1.0)))
-            .error_y(ErrorData::new(ErrorType::Data).array(sigmas))
-            .hover_text_array(points.iter().map(|(_, text)| text.clone()).collect())
-            .hover_template("%{hovertext}");
+            .points(name, marker, places)
+            .error_y(ErrorData::new(ErrorType::Data).array(sigmas));
         self.with(bars)
     }
 
     /// Intervals of x over the whole height.
     pub(crate) fn shade(mut self, name: &str, intervals: &[Point]) -> Self {
-        let bars = |&(from, to): &Point| {
-            let gap = (f64::NAN, f64::NAN);
-            [(from, 0.0), (from, 1.0), (to, 1.0), (to, 0.0), gap]
-        };
+        let bars = |&(from, to): &Point| [(from, 0.0), (from, 1.0), (to, 1.0), (to, 0.0), BREAK];
         let bars: Vec<Point> = intervals.iter().flat_map(bars).collect();
         self.shaded = true;
-        let area = self
-            .curve(name, &bars)
-            .line(Line::new().width(0.0))
-            .fill(Fill::ToSelf)
-            .fill_color(css(GREY, 0.22))
-            .hover_info(HoverInfo::Skip)
-            .y_axis("y2");
+        let area = self.area(name, &bars, css(GREY, 0.22)).y_axis("y2");
         self.with(area)
     }
 
@@ -262,6 +239,28 @@ impl Chart {
         Scatter::new(xs.collect(), ys.collect())
             .mode(Mode::Lines)
             .name(name)
+    }
+
+    fn area(&self, name: &str, outline: &[Point], colour: Rgba) -> Box<Scatter<f64, f64>> {
+        self.curve(name, outline)
+            .line(Line::new().width(0.0))
+            .fill(Fill::ToSelf)
+            .fill_color(colour)
+            .hover_info(HoverInfo::Skip)
+    }
+
+    fn points(
+        &self,
+        name: &str,
+        marker: Marker,
+        points: impl Iterator<Item = (Point, String)>,
+    ) -> Box<Scatter<f64, f64>> {
+        let (places, texts): (Vec<Point>, Vec<String>) = points.unzip();
+        self.curve(name, &places)
+            .mode(Mode::Markers)
+            .marker(marker)
+            .hover_text_array(texts)
+            .hover_template("%{hovertext}")
     }
 
     fn with(mut self, trace: Box<dyn Trace>) -> Self {
@@ -441,15 +440,10 @@ fn outline(points: &[Spread]) -> Vec<Point> {
     let whole = points.split(|(_, value, sigma)| !(value + sigma).is_finite());
     let around = |part: &[Spread]| {
         let upper = part.iter().map(|&(x, value, sigma)| (x, value + sigma));
-        let lower = part
-            .iter()
-            .rev()
-            .map(|&(x, value, sigma)| (x, value - sigma));
-        let gap = [(f64::NAN, f64::NAN)];
-        upper.chain(lower).chain(gap).collect::<Vec<Point>>()
+        let lower = part.iter().rev();
+        let lower = lower.map(|&(x, value, sigma)| (x, value - sigma));
+        upper.chain(lower).chain([BREAK]).collect::<Vec<Point>>()
     };
-    whole
-        .filter(|part| !part.is_empty())
-        .flat_map(around)
-        .collect()
+    let parts = whole.filter(|part| !part.is_empty());
+    parts.flat_map(around).collect()
 }

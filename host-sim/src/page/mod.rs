@@ -2,17 +2,17 @@
 
 pub(crate) mod chart;
 pub(crate) mod html;
-pub(crate) mod number;
 pub(crate) mod output;
 pub(crate) mod plot;
 pub(crate) mod progress;
 pub(crate) mod sheet;
 pub mod table;
 
+use std::io::Write;
+use std::path::Path;
+
 use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
-
-pub(crate) use number::{brief, to_second_digit_of as digits};
 
 /// A value for programs.
 pub(crate) fn json(value: &impl Serialize) -> Result<String> {
@@ -24,11 +24,73 @@ pub(crate) fn csv<R>(names: &str, rows: impl IntoIterator<Item = R>) -> Result<S
 where
     R: IntoIterator<Item: AsRef<[u8]>>,
 {
-    let mut table = csv::Writer::from_writer(Vec::new());
-    table.write_record(names.split(',')).into_diagnostic()?;
-    for row in rows {
-        table.write_record(row).into_diagnostic()?;
-    }
-    let text = table.into_inner().into_diagnostic()?;
+    let mut text = Vec::new();
+    write_rows(&mut text, names, rows).into_diagnostic()?;
     String::from_utf8(text).into_diagnostic()
+}
+
+/// The same as a file of a folder, row by row.
+pub(crate) fn write_csv<R>(
+    folder: &Path,
+    name: &str,
+    names: &str,
+    rows: impl IntoIterator<Item = R>,
+) -> Result<()>
+where
+    R: IntoIterator<Item: AsRef<[u8]>>,
+{
+    write_rows(output::create(folder, name)?, names, rows).into_diagnostic()
+}
+
+fn write_rows<R>(to: impl Write, names: &str, rows: impl IntoIterator<Item = R>) -> csv::Result<()>
+where
+    R: IntoIterator<Item: AsRef<[u8]>>,
+{
+    let mut table = csv::Writer::from_writer(to);
+    table.write_record(names.split(','))?;
+    for row in rows {
+        table.write_record(row)?;
+    }
+    Ok(table.flush()?)
+}
+
+/// A number down to the second digit of `scale`.
+pub(crate) fn digits(scale: f64, value: f64) -> String {
+    let mut decimals = 0;
+    let mut unit = 10.0;
+    while unit > scale.abs() && decimals < 9 {
+        decimals += 1;
+        unit /= 10.0;
+    }
+    format!("{value:.decimals$}")
+}
+
+/// A number down to its own second digit.
+pub(crate) fn brief(value: f64) -> String {
+    digits(value, value)
+}
+
+/// A number rounded to so many digits.
+pub(crate) fn significant(digits: usize, value: f64) -> f64 {
+    let decimals = digits.saturating_sub(1);
+    // Through text: what is then written has no more digits than these.
+    format!("{value:.decimals$e}").parse().unwrap_or(value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{digits, significant};
+
+    #[test]
+    fn decimals_follow_the_scale() {
+        let shown = [31.0, 2.0, 0.1, 0.034].map(|scale| digits(scale, 1234.56789));
+        assert_eq!(shown, ["1235", "1234.6", "1234.57", "1234.568"]);
+    }
+
+    #[test]
+    fn what_is_drawn_has_few_digits() {
+        let rounded = [1_234.567_89, -0.000_123_456_7, 0.0].map(|v| significant(5, v).to_string());
+        assert_eq!(rounded, ["1234.6", "-0.00012346", "0"]);
+        assert!(significant(5, f64::NAN).is_nan());
+    }
 }

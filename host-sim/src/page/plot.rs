@@ -3,7 +3,7 @@
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 
-use super::number::to_second_digit_of;
+use super::digits;
 
 pub(crate) const BLUE: RGBColor = RGBColor(0x3b, 0x82, 0xc4);
 pub(crate) const ORANGE: RGBColor = RGBColor(0xd9, 0x82, 0x2b);
@@ -177,7 +177,7 @@ pub(crate) fn decades((low, high): (f64, f64)) -> Vec<f64> {
 /// A number with as many decimals as the axis needs.
 fn tick(value: f64, (low, high): (f64, f64)) -> String {
     let span = (high - low).max(f64::MIN_POSITIVE);
-    let text = to_second_digit_of(span, value);
+    let text = digits(span, value);
     let trimmed = if text.contains('.') {
         text.trim_end_matches('0').trim_end_matches('.')
     } else {

@@ -13,14 +13,6 @@ pub struct Table {
 }
 
 impl Table {
-    pub(crate) fn new(title: &str, header: Vec<String>, rows: Vec<Vec<String>>) -> Self {
-        Self {
-            title: title.to_owned(),
-            header,
-            rows,
-        }
-    }
-
     /// Row by row.
     pub(crate) fn of(
         title: impl Into<String>,

@@ -212,7 +212,7 @@ fn outcomes(summary: &Summary) -> Option<Table> {
         rows.push(row("-", "not flown", summary.not_flown, "", cause));
     }
     let header = heads("| outcome | flights | first | cause");
-    (!rows.is_empty()).then(|| Table::new("Flights without a result", header, rows))
+    (!rows.is_empty()).then(|| Table::of("Flights without a result", header, rows))
 }
 
 fn budget(summary: &Summary) -> Option<Table> {

@@ -1,7 +1,7 @@
 //! What the plots of the report show.
 
 use ins_core::earth::Geodetic;
-use ins_core::{Estimate, ImuOutput, Manoeuvre, Phase, Solution, SolutionSigma, Time};
+use ins_core::{ImuOutput, Manoeuvre, Phase, Solution, SolutionSigma, Time};
 use plotly::common::MarkerSymbol;
 use plotters::style::RGBColor;
 
@@ -9,16 +9,20 @@ use crate::compare::five_stage::Stage;
 use crate::identify::against_truth;
 use crate::identify::analysis::Analysis;
 use crate::identify::error_model::{Sensors, allan};
-use crate::identify::free_inertial::WINDOW_S;
+use crate::identify::free_inertial::{Growth, WINDOW_S};
 use crate::identify::held_ins::LevelError;
 use crate::identify::innovations::{Innovation, Off, consistency};
-use crate::identify::quantities::{DEG_H_RADPS, Quantities, Quantity, in_axes};
+use crate::identify::quantities::{
+    DEG_H_RADPS, QUANTITIES, Quantities, Quantity, axis_name, in_axes, title,
+};
 use crate::identify::row::Row;
 use crate::identify::run::Identification;
 use crate::identify::true_errors::Truth;
 use crate::identify::words::{is_used, of_fix};
 use crate::log::BodyAxes;
-use crate::page::chart::{Chart, Figure, MOST_POINTS, Point, Spread, Thinner, sampled, thinned};
+use crate::page::chart::{
+    BREAK, Chart, Figure, MOST_POINTS, Point, Spread, Thinner, sampled, thinned,
+};
 use crate::page::html::Section;
 use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED, padded};
 
@@ -27,8 +31,8 @@ const LEAST_ERROR: f64 = 1e-3;
 /// Most points of a track, and most refused fixes that are marked.
 const MOST_PLACES: usize = 4000;
 const MOST_REFUSED: usize = 500;
-const EAST_NORTH_UP: [(&str, RGBColor); 3] = [("east", BLUE), ("north", ORANGE), ("up", GREEN)];
-const AXES: [(&str, RGBColor); 3] = [("x", BLUE), ("y", ORANGE), ("z", GREEN)];
+const COLOURS: [RGBColor; 3] = [BLUE, ORANGE, GREEN];
+const EAST_NORTH_UP: [&str; 3] = ["east", "north", "up"];
 
 /// An estimate as it converges.
 pub(crate) struct Converging {
@@ -42,6 +46,21 @@ pub(crate) struct Converging {
 }
 
 impl Converging {
+    fn new(
+        title: String,
+        unit: &'static str,
+        estimates: impl Iterator<Item = (f64, Quantity)>,
+    ) -> Self {
+        let spread = |(time_s, q): (f64, Quantity)| (time_s, q.value, q.sigma);
+        Self {
+            title,
+            unit,
+            points: estimates.map(spread).collect(),
+            truth: None,
+            shown: Vec::new(),
+        }
+    }
+
     /// Axis for where the estimate settles, several sigmas wide; the first guesses may run out of
     /// it.
     pub(crate) fn settled_range(&self) -> Point {
@@ -80,49 +99,27 @@ impl Converging {
 
 /// The estimates of the summary, and when each was observable.
 pub(crate) fn converging(analysis: &Analysis) -> Vec<Converging> {
-    let (found, axes) = (&analysis.found, analysis.log.meta.body_axes);
-    let level = Some(Stage::LevelAccels);
-    // The others show all the time.
-    let kinds = [
-        ("Azimuth error", "deg", Some(Stage::Azimuth)),
-        ("Accelerometer bias x", "mg", level),
-        ("Accelerometer bias y", "mg", level),
-        ("Accelerometer bias z", "mg", None),
-        ("Gyro bias x", "deg/h", None),
-        ("Gyro bias y", "deg/h", None),
-        ("Gyro bias z", "deg/h", None),
-        ("GNSS latency", "ms", Some(Stage::Latency)),
-    ];
+    let (found, meta) = (&analysis.found, &analysis.log.meta);
     let truths = analysis.truth.as_ref().map(Truth::columns);
-    let rows: Vec<_> = navigating(found)
-        .map(|row| {
-            (
-                since(found, row.time),
-                Quantities::of_log(&row.estimates, &analysis.log.meta).columns(),
-            )
-        })
-        .collect();
-    let seconds = |(from, to)| (since(found, from), since(found, to));
-    let one = |(index, (title, unit, stage)): (usize, (&str, _, Option<Stage>))| Converging {
-        title: match index {
-            1..=6 => format!("{title}, {}", axes.direction((index - 1) % 3)),
-            _ => title.to_owned(),
-        },
-        unit,
-        points: (rows.iter())
-            .map(|(time, columns)| spread(*time, &columns[index].1))
-            .collect(),
-        truth: truths.and_then(|truths| truths[index]),
-        shown: stage.map_or_else(Vec::new, |stage| {
-            let intervals = stage.intervals(&found.history);
-            intervals.into_iter().map(seconds).collect()
-        }),
+    let quantities = |row: &Row| Some(Quantities::of_log(&row.estimates, meta).columns());
+    let rows: Vec<_> = navigating(found, quantities).collect();
+    let one = |(index, (_, _, unit)): (usize, (&str, &str, &'static str))| {
+        let stage = match index {
+            0 => Some(Stage::Azimuth),
+            1 | 2 => Some(Stage::LevelAccels),
+            7 => Some(Stage::Latency),
+            _ => None, // It shows all the time.
+        };
+        let intervals = stage.map_or_else(Vec::new, |stage| stage.intervals(&found.history));
+        let seconds = |(from, to)| (since(found, from), since(found, to));
+        let estimates = (rows.iter()).map(|(time_s, columns)| (*time_s, columns[index].1));
+        Converging {
+            truth: truths.and_then(|truths| truths[index]),
+            shown: intervals.into_iter().map(seconds).collect(),
+            ..Converging::new(title(index, meta.body_axes), unit, estimates)
+        }
     };
-    kinds.into_iter().enumerate().map(one).collect()
-}
-
-fn spread(time_s: f64, quantity: &Quantity) -> Spread {
-    (time_s, quantity.value, quantity.sigma)
+    QUANTITIES.into_iter().enumerate().map(one).collect()
 }
 
 /// All plots of a log.
@@ -133,33 +130,35 @@ pub(super) fn sections(analysis: &Analysis, sensors: Option<&Sensors>) -> Vec<Se
         axes: analysis.log.meta.body_axes,
         duration_s: since(&analysis.found, analysis.found.end.time).max(1.0),
     };
-    let section = |title, note, figures| Section {
-        title,
-        note,
-        figures,
-    };
-    let mut sections = vec![
-        section("Estimates as they converge", "", charts.estimates()),
-        section("What the estimates are worth", "", charts.worth()),
-        section("Where it went", "", charts.track().into_iter().collect()),
-        section("Attitude, height and speed", "", charts.motion()),
-        section(
+    let expected = "Expected: spread of the solution and noise of the fix, as the receiver states it or as \
+         configured. Root mean square over expectation: 1 where they agree.";
+    let sections = [
+        ("Estimates as they converge", "", charts.estimates()),
+        ("What the estimates are worth", "", charts.worth()),
+        ("Where it went", "", Vec::from_iter(charts.track())),
+        ("Attitude, height and speed", "", charts.motion()),
+        (
             "Innovations: GNSS minus the solution of its moment",
-            "Expected: spread of the solution and noise of the fix, as the receiver states it or as \
-             configured. Root mean square over expectation: 1 where they agree.",
+            expected,
             charts.innovations(),
         ),
-        section("Fixes, gaps and latency", "", charts.stamps()),
-        section("Sensors as logged", "", charts.sensors()),
-        section(
+        ("Fixes, gaps and latency", "", charts.stamps()),
+        ("Sensors as logged", "", charts.sensors()),
+        (
             "Sensors at rest",
             "",
             sensors.map_or_else(Vec::new, allan_figures),
         ),
-        section("Damping signals", "", charts.damping()),
+        ("Damping signals", "", charts.damping()),
     ];
-    sections.retain(|section| !section.figures.is_empty());
+    let sections = sections.into_iter().map(|(title, note, figures)| Section {
+        title,
+        note,
+        figures,
+    });
     sections
+        .filter(|section| !section.figures.is_empty())
+        .collect()
 }
 
 struct Charts<'a> {
@@ -174,24 +173,20 @@ impl Charts<'_> {
         Chart::over_time(title, unit, self.duration_s)
     }
 
-    /// Something of every row of the history in which it navigates.
-    fn rows(&self, value: impl Fn(&Row) -> Spread) -> Vec<Spread> {
-        navigating(self.found).map(value).collect()
+    fn since(&self, time: Time) -> f64 {
+        since(self.found, time)
+    }
+
+    fn rows<T>(&self, value: impl Fn(&Row) -> Option<T>) -> impl Iterator<Item = (f64, T)> {
+        navigating(self.found, value)
     }
 
     fn estimates(&self) -> Vec<Figure> {
         let lever = |axis: usize| {
-            let arm = |row: &Row| {
-                let arm = in_axes(self.axes, &row.estimates.lever_arm_m, 1.0);
-                spread(since(self.found, row.time), arm.named()[axis].1)
-            };
-            Converging {
-                title: format!("Antenna {}, {}", AXES[axis].0, self.axes.direction(axis)),
-                unit: "m",
-                points: self.rows(arm),
-                truth: None,
-                shown: Vec::new(),
-            }
+            let arm =
+                |row: &Row| Some(in_axes(self.axes, &row.estimates.lever_arm_m, 1.0).each()[axis]);
+            let title = format!("Antenna {}", axis_name(axis, self.axes));
+            Converging::new(title, "m", self.rows(arm))
         };
         let mut all = converging(self.analysis);
         if self.analysis.summary.lever_arm_m.is_some() {
@@ -204,19 +199,17 @@ impl Charts<'_> {
     /// A free INS within windows, and against the truth.
     fn worth(&self) -> Vec<Figure> {
         let mut figures = Vec::new();
-        if let Some(error) = &self.found.velocity_error {
-            let growth = |value: fn(&crate::identify::free_inertial::Growth) -> f64| -> Vec<Point> {
+        let error = &self.found.velocity_error;
+        if error.windows > 0 {
+            let growth = |value: fn(&Growth) -> f64| -> Vec<Point> {
                 error.growth.iter().map(|g| (g.since_s, value(g))).collect()
             };
             let title = "Horizontal velocity error of a free INS, RMS";
             let chart = Chart::new(title, "time since GNSS was taken away, s", "m/s")
+                .note(format!("{} windows of {WINDOW_S:.0} s", error.windows))
                 .line("sensors as logged", RED, &growth(|g| g.before_mps))
                 .line("estimates applied", GREEN, &growth(|g| g.after_mps));
-            figures.push(
-                chart
-                    .note(format!("{} windows of {WINDOW_S:.0} s", error.windows))
-                    .figure(),
-            );
+            figures.push(chart.figure());
         }
         let Some(errors) = &self.found.against_truth else {
             return figures;
@@ -224,7 +217,7 @@ impl Charts<'_> {
         let curve = |points: &[against_truth::Point], value: fn(&LevelError) -> f64| {
             // Nothing at zero, which no logarithm shows.
             let point = |(time, error): &(Time, LevelError)| {
-                (since(self.found, *time), value(error).max(LEAST_ERROR))
+                (self.since(*time), value(error).max(LEAST_ERROR))
             };
             thinned(points.iter().map(point))
         };
@@ -246,9 +239,8 @@ impl Charts<'_> {
 
     /// Where it went, coloured by manoeuvre.
     fn track(&self) -> Option<Figure> {
-        let rows: Vec<(Manoeuvre, Point)> = navigating(self.found)
-            .filter_map(|row| Some((row.manoeuvre, place(&row.solution?.position))))
-            .collect();
+        let stay = |row: &Row| Some((row.manoeuvre, place(&row.solution?.position)));
+        let rows: Vec<(Manoeuvre, Point)> = self.rows(stay).map(|(_, stay)| stay).collect();
         let ((_, start), (_, end)) = (*rows.first()?, *rows.last()?);
         let rows = sampled(&rows, MOST_PLACES);
         let fixes: Vec<Point> = (sampled(&self.analysis.log.gnss, MOST_PLACES).iter())
@@ -282,21 +274,23 @@ impl Charts<'_> {
 
     /// The solution in its sigmas, over the reference where there is one.
     fn motion(&self) -> Vec<Figure> {
-        let rows: Vec<(f64, Solution, [f64; 5])> = navigating(self.found)
-            .filter_map(|row| Some((row, row.solution?)))
-            .map(|(row, s)| {
-                let known = row.sigma.map_or([f64::NAN; 5], |sigma| sigmas(&sigma, &s));
-                (since(self.found, row.time), s, known)
-            })
-            .collect();
+        let solution = |row: &Row| {
+            let solution = row.solution?;
+            let known = row.sigma.map(|sigma| sigmas(&sigma, &solution));
+            Some((values(&solution), known.unwrap_or([f64::NAN; 5])))
+        };
+        let rows: Vec<(f64, ([f64; 5], [f64; 5]))> = self.rows(solution).collect();
+        if rows.is_empty() {
+            return Vec::new();
+        }
         let (rows, truth) = (sampled(&rows, MOST_POINTS), &self.analysis.log.truth);
         let truth = sampled(truth, MOST_POINTS);
         let figure = |index: usize, title, unit| {
             let points: Vec<Spread> = (rows.iter())
-                .map(|(time, s, sigmas)| (*time, values(s)[index], sigmas[index]))
+                .map(|(time, (values, sigmas))| (*time, values[index], sigmas[index]))
                 .collect();
             let reference: Vec<Spread> = (truth.iter())
-                .map(|s| (since(self.found, s.time), values(s)[index], 0.0))
+                .map(|s| (self.since(s.time), values(s)[index], 0.0))
                 .collect();
             let mut chart = self.over_time(title, unit);
             if !reference.is_empty() {
@@ -313,9 +307,6 @@ impl Charts<'_> {
             };
             chart.figure()
         };
-        if rows.is_empty() {
-            return Vec::new();
-        }
         let mut figures = vec![
             figure(0, "Roll", "deg"),
             figure(1, "Pitch", "deg"),
@@ -323,24 +314,17 @@ impl Charts<'_> {
             figure(3, "Height above the ellipsoid", "m"),
             figure(4, "Speed over ground", "m/s"),
         ];
-        let enu = ["east", "north", "up"];
-        figures.extend(
-            [
-                self.one_sigma(
-                    "attitude",
-                    "deg",
-                    ["roll", "pitch", "heading"],
-                    |sigma, s| {
-                        let [roll, pitch, heading, ..] = sigmas(sigma, s);
-                        [roll, pitch, heading]
-                    },
-                ),
-                self.one_sigma("position", "m", enu, |sigma, _| sigma.position_m.into()),
-                self.one_sigma("velocity", "m/s", enu, |sigma, _| sigma.velocity_mps.into()),
-            ]
-            .into_iter()
-            .flatten(),
-        );
+        let (angles, enu) = (["roll", "pitch", "heading"], EAST_NORTH_UP);
+        let attitude = |sigma: &SolutionSigma, s: &Solution| {
+            let [roll, pitch, heading, ..] = sigmas(sigma, s);
+            [roll, pitch, heading]
+        };
+        let of_all = [
+            self.one_sigma("attitude", "deg", angles, attitude),
+            self.one_sigma("position", "m", enu, |sigma, _| sigma.position_m.into()),
+            self.one_sigma("velocity", "m/s", enu, |sigma, _| sigma.velocity_mps.into()),
+        ];
+        figures.extend(of_all.into_iter().flatten());
         figures
     }
 
@@ -352,20 +336,12 @@ impl Charts<'_> {
         names: [&str; 3],
         three: impl Fn(&SolutionSigma, &Solution) -> [f64; 3],
     ) -> Option<Figure> {
-        let rows: Vec<(f64, [f64; 3])> = navigating(self.found)
-            .filter_map(|row| {
-                Some((
-                    since(self.found, row.time),
-                    three(&row.sigma?, &row.solution?),
-                ))
-            })
-            .collect();
+        let sigmas = |row: &Row| Some(three(&row.sigma?, &row.solution?));
+        let rows: Vec<(f64, [f64; 3])> = self.rows(sigmas).collect();
+        let curve = |axis: usize| thinned(rows.iter().map(|(t, sigmas)| (*t, sigmas[axis])));
         let values = rows.iter().flat_map(|(_, sigmas)| *sigmas);
-        let mut chart = (self.over_time(format!("One sigma of {of}"), unit)).logarithmic_y(values);
-        for (index, (name, (_, colour))) in names.iter().zip(AXES).enumerate() {
-            let curve = thinned(rows.iter().map(|(t, sigmas)| (*t, sigmas[index])));
-            chart = chart.line(name, colour, &curve);
-        }
+        let chart = self.over_time(format!("One sigma of {of}"), unit);
+        let chart = three_lines(chart.logarithmic_y(values), names, [0, 1, 2].map(curve));
         (!rows.is_empty()).then(|| chart.figure())
     }
 
@@ -378,9 +354,9 @@ impl Charts<'_> {
         ];
         let mut figures = Vec::new();
         for (quantity, unit, component) in kinds {
-            for (axis, (direction, colour)) in EAST_NORTH_UP.into_iter().enumerate() {
+            for (axis, direction) in EAST_NORTH_UP.into_iter().enumerate() {
                 let offs: Vec<(f64, Off)> = (self.found.innovations.iter())
-                    .filter_map(|i| Some((since(self.found, i.time), component(i)[axis]?)))
+                    .filter_map(|i| Some((self.since(i.time), component(i)[axis]?)))
                     .collect();
                 let Some(ratio) = consistency(offs.iter().map(|(_, off)| *off)) else {
                     continue;
@@ -391,9 +367,9 @@ impl Charts<'_> {
                 let chart = self
                     .over_time(format!("{quantity}, {direction}"), unit)
                     .note(format!("RMS over expectation: {ratio:.2}"))
-                    .noise("GNSS minus solution", colour, &curve)
+                    .noise("GNSS minus solution", COLOURS[axis], &curve)
                     .expected("expected, one sigma", RED, &sampled(&sigmas, MOST_POINTS))
-                    .range(inner_range(&[&values]));
+                    .range(inner_range(values));
                 figures.push(chart.figure());
             }
         }
@@ -403,25 +379,19 @@ impl Charts<'_> {
     /// Intervals between stamps, what was refused, and latency as it is at each moment.
     fn stamps(&self) -> Vec<Figure> {
         let log = &self.analysis.log;
-        let step = |pair: &[Time]| {
-            let seconds = pair[1].seconds_since(pair[0]);
-            (since(self.found, pair[1]), seconds.max(1e-6))
-        };
-        let fixes: Vec<Time> = self.found.fixes.iter().map(|fix| fix.0).collect();
-        let fix_steps: Vec<Point> = fixes.windows(2).map(step).collect();
-        let refused: Vec<(Point, String)> = (self.found.fixes.iter())
+        let step = |from: Time, to: Time| (self.since(to), to.seconds_since(from).max(1e-6));
+        let fixes = &self.found.fixes;
+        let fix_steps: Vec<Point> = (fixes.windows(2))
+            .map(|pair| step(pair[0].0, pair[1].0))
+            .collect();
+        let refused: Vec<(Point, String)> = (fixes.iter())
             .filter(|(_, outcome)| !is_used(*outcome))
             .map(|(time, outcome)| {
-                let seconds = since(self.found, *time);
-                let at = fix_steps.partition_point(|step| step.0 < seconds);
-                let height = fix_steps
-                    .get(at)
-                    .or(fix_steps.last())
-                    .map_or(1.0, |step| step.1);
-                (
-                    (seconds, height),
-                    format!("{seconds:.1} s: {}", of_fix(*outcome)),
-                )
+                let time_s = self.since(*time);
+                let next = fix_steps.partition_point(|step| step.0 < time_s);
+                let next = fix_steps.get(next).or(fix_steps.last());
+                let text = format!("{time_s:.1} s: {}", of_fix(*outcome));
+                ((time_s, next.map_or(1.0, |step| step.1)), text)
             })
             .collect();
         let mut chart = self
@@ -439,7 +409,7 @@ impl Charts<'_> {
         }
         let mut sample_steps = Thinner::new(log.imu.len().saturating_sub(1));
         for [last, sample] in log.imu.pairs() {
-            sample_steps.push(step(&[last.time, sample.time]));
+            sample_steps.push(step(last.time, sample.time));
         }
         let sample_steps = sample_steps.finish();
         let samples = self
@@ -447,16 +417,18 @@ impl Charts<'_> {
             .line("interval", BLUE, &sample_steps)
             .logarithmic_y(sample_steps.iter().map(|step| step.1));
         let now = |row: &Row| {
-            let Estimate { value, sigma, .. } = row.estimates.gnss_latency_now_s;
-            (since(self.found, row.time), 1e3 * value, 1e3 * sigma)
+            let now = row.estimates.gnss_latency_now_s;
+            Some(Quantity {
+                value: 1e3 * now.value,
+                sigma: 1e3 * now.sigma,
+                observability: now.observability,
+            })
         };
-        let latency = Converging {
-            title: "GNSS latency at the moment".to_owned(),
-            unit: "ms",
-            points: self.rows(now),
-            truth: None,
-            shown: Vec::new(),
-        };
+        let latency = Converging::new(
+            "GNSS latency at the moment".to_owned(),
+            "ms",
+            self.rows(now),
+        );
         let mut figures = vec![chart.figure(), samples.figure()];
         if !latency.points.is_empty() {
             figures.push(latency.figure(self.duration_s));
@@ -473,7 +445,7 @@ impl Charts<'_> {
         for [last, sample] in log.imu.pairs() {
             let seconds = sample.time.seconds_since(last.time);
             let per_second = if rates { 1.0 } else { seconds.recip() };
-            let time_s = since(self.found, sample.time);
+            let time_s = self.since(sample.time);
             let gyro = self
                 .axes
                 .from_rfu(sample.gyro * 1_f64.to_degrees() * per_second);
@@ -483,13 +455,11 @@ impl Charts<'_> {
                 accels[axis].push((time_s, accel[axis]));
             }
         }
+        let names = [0, 1, 2].map(|axis| axis_name(axis, self.axes));
+        let names = names.each_ref().map(String::as_str);
         let figure = |title, unit, curves: [Thinner; 3]| {
-            let mut chart = self.over_time(title, unit);
-            for (axis, ((name, colour), curve)) in AXES.into_iter().zip(curves).enumerate() {
-                let name = format!("{name}, {}", self.axes.direction(axis));
-                chart = chart.line(&name, colour, &curve.finish());
-            }
-            chart.figure()
+            let chart = self.over_time(title, unit);
+            three_lines(chart, names, curves.map(Thinner::finish)).figure()
         };
         vec![
             figure("Gyros", "deg/s", gyros),
@@ -514,24 +484,20 @@ impl Charts<'_> {
                 row.signals.difference_enu_mps
             }),
         ];
-        if navigating(self.found).next().is_none() {
+        if self.rows(|_| Some(())).next().is_none() {
             return Vec::new();
         }
         let figure = |(title, unit, scale, signal): (&str, &str, f64, Signal)| {
-            let values = |axis: usize| -> Vec<Point> {
-                navigating(self.found)
-                    .map(|row| (since(self.found, row.time), signal(row)[axis] / scale))
-                    .collect()
-            };
-            let curves = [0, 1, 2].map(values);
-            let ys = curves
-                .each_ref()
-                .map(|c| c.iter().map(|p| p.1).collect::<Vec<f64>>());
-            let mut chart = self.over_time(title, unit);
-            for ((name, colour), curve) in EAST_NORTH_UP.into_iter().zip(&curves) {
+            let curves: [Vec<Point>; 3] = [0, 1, 2].map(|axis| {
+                let value = |row: &Row| Some(signal(row)[axis] / scale);
+                self.rows(value).collect()
+            });
+            let values = curves.iter().flatten().map(|point| point.1).collect();
+            let mut chart = self.over_time(title, unit).range(inner_range(values));
+            for ((name, colour), curve) in EAST_NORTH_UP.into_iter().zip(COLOURS).zip(&curves) {
                 chart = chart.noise(name, colour, &thinned(curve.iter().copied()));
             }
-            chart.range(inner_range(&[&ys[0], &ys[1], &ys[2]])).figure()
+            chart.figure()
         };
         kinds.into_iter().map(figure).collect()
     }
@@ -544,18 +510,15 @@ pub(super) fn allan_figures(sensors: &Sensors) -> Vec<Figure> {
         let line = |value: &dyn Fn(&allan::Point) -> f64| -> Vec<Point> {
             points.iter().map(|p| (p.tau_s, value(p))).collect()
         };
-        let deviations = points
-            .iter()
-            .flat_map(|p| p.deviation)
-            .map(|sigma| sigma.value);
-        let mut chart = Chart::new(title, "cluster time, s", unit)
+        let deviations = points.iter().flat_map(|p| p.deviation);
+        let chart = Chart::new(title, "cluster time, s", unit)
             .logarithmic_x(points.iter().map(|p| p.tau_s))
-            .logarithmic_y(deviations);
-        for (axis, (name, (_, colour))) in ["right", "forward", "up"].iter().zip(AXES).enumerate() {
-            chart = chart.line(name, colour, &line(&|p| p.deviation[axis].value));
-        }
+            .logarithmic_y(deviations.map(|sigma| sigma.value));
+        let curves = [0, 1, 2].map(|axis| line(&|p| p.deviation[axis].value));
         let white = line(&|p| noise / p.tau_s.sqrt());
-        chart.reference("white noise found", RED, &white).figure()
+        three_lines(chart, ["right", "forward", "up"], curves)
+            .reference("white noise found", RED, &white)
+            .figure()
     };
     if at_rest.gyro_deg_h.is_empty() {
         return Vec::new();
@@ -574,6 +537,13 @@ pub(super) fn allan_figures(sensors: &Sensors) -> Vec<Figure> {
             model.accel_mps2.white_noise,
         ),
     ]
+}
+
+fn three_lines(mut chart: Chart, names: [&str; 3], curves: [Vec<Point>; 3]) -> Chart {
+    for ((name, colour), curve) in names.into_iter().zip(COLOURS).zip(&curves) {
+        chart = chart.line(name, colour, curve);
+    }
+    chart
 }
 
 /// Roll, pitch, heading, deg; height, m; speed, m/s.
@@ -618,8 +588,7 @@ fn unwound(points: &[Spread]) -> Vec<Spread> {
 }
 
 /// Axis that a few wild values, like those of the start, do not flatten.
-fn inner_range(series: &[&[f64]]) -> Point {
-    let mut values: Vec<f64> = series.iter().flat_map(|s| s.iter().copied()).collect();
+fn inner_range(mut values: Vec<f64>) -> Point {
     values.sort_by(f64::total_cmp);
     let part = values.len() / 200;
     let (low, high) = padded(values[part..values.len() - part].iter().copied(), 1e-3);
@@ -641,16 +610,21 @@ fn runs(rows: &[(Manoeuvre, Point)], which: Manoeuvre) -> Vec<Point> {
         if pair[0].0 == which {
             points.push(pair[0].1);
             if pair[1].0 != which {
-                points.extend([pair[1].1, (f64::NAN, f64::NAN)]);
+                points.extend([pair[1].1, BREAK]);
             }
         }
     }
     points
 }
 
-fn navigating(found: &Identification) -> impl Iterator<Item = &Row> {
+/// Something of every row of the history in which it navigates, after its time.
+fn navigating<T>(
+    found: &Identification,
+    value: impl Fn(&Row) -> Option<T>,
+) -> impl Iterator<Item = (f64, T)> {
     let rows = found.history.iter();
     rows.filter(|row| row.phase == Phase::Navigating)
+        .filter_map(move |row| Some((since(found, row.time), value(row)?)))
 }
 
 /// Seconds since the first sample.

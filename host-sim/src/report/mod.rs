@@ -6,21 +6,34 @@ mod together;
 
 use std::path::Path;
 
+use ins_core::{Solution, Time};
 use miette::{IntoDiagnostic, Result};
 
 use crate::identify::analysis::{Analysis, REPORT, SUMMARY};
 use crate::identify::error_model::Sensors;
+use crate::identify::quantities::{QUANTITIES, Quantities};
+use crate::identify::row::Row;
 use crate::identify::summary::Summary;
-use crate::identify::tables;
+use crate::log::{Meta, numbers};
 use crate::page::html::Page;
 use crate::page::{self, output};
+
+/// Columns of the damping signals in `estimates.csv`.
+const SIGNALS: &str = "dv_e_mps,dv_n_mps,dv_u_mps,fc_e_mps2,fc_n_mps2,fc_u_mps2,\
+    wc_e_radps,wc_n_radps,wc_u_radps";
+/// Columns of `solution.csv`, those of a log's `truth.csv`.
+const SOLUTION: &str =
+    "t_s,lat_deg,lon_deg,h_m,ve_mps,vn_mps,vu_mps,roll_deg,pitch_deg,heading_deg";
 
 /// Writes summary, tables and report into a folder.
 pub(crate) fn write(analysis: &Analysis, sensors: Option<&Sensors>, folder: &Path) -> Result<()> {
     let Analysis { found, log, .. } = analysis;
-    let to = |name| output::create(folder, name);
-    tables::write_estimates(to("estimates.csv")?, found, &log.meta).into_diagnostic()?;
-    tables::write_solution(to("solution.csv")?, &found.solutions).into_diagnostic()?;
+    let of_each = QUANTITIES.map(|(name, ..)| format!("{name},{name}_sigma,{name}_observable"));
+    let names = format!("t_s,phase,manoeuvre,{},{SIGNALS}", of_each.join(","));
+    let rows = found.history.iter().map(|row| estimates(row, &log.meta));
+    page::write_csv(folder, "estimates.csv", &names, rows)?;
+    let rows = found.solutions.iter().map(solution);
+    page::write_csv(folder, "solution.csv", SOLUTION, rows)?;
     let page = html(analysis, sensors).into_diagnostic()?;
     output::write(folder, REPORT, page)?;
     Ok(output::write(
@@ -28,6 +41,33 @@ pub(crate) fn write(analysis: &Analysis, sensors: Option<&Sensors>, folder: &Pat
         SUMMARY,
         page::json(&analysis.summary)?,
     )?)
+}
+
+fn estimates(row: &Row, meta: &Meta) -> Vec<String> {
+    let mut cells = vec![
+        seconds(row.time),
+        format!("{:?}", row.phase),
+        format!("{:?}", row.manoeuvre),
+    ];
+    for (_, quantity) in Quantities::of_log(&row.estimates, meta).columns() {
+        cells.extend([quantity.value, quantity.sigma].map(|number| format!("{number:.6}")));
+        cells.push(u8::from(quantity.observable()).to_string());
+    }
+    let s = &row.signals;
+    let vectors = [s.difference_enu_mps, s.accel_enu_mps2, s.rate_enu_radps];
+    cells.extend((vectors.iter().flatten()).map(|component| format!("{component:.4e}")));
+    cells
+}
+
+fn solution(solution: &Solution) -> Vec<String> {
+    let digits = [9, 9, 3, 4, 4, 4, 4, 4, 4];
+    let cells = numbers(solution).into_iter().zip(digits);
+    let cells = cells.map(|(number, digits)| format!("{number:.digits$}"));
+    [seconds(solution.time)].into_iter().chain(cells).collect()
+}
+
+fn seconds(time: Time) -> String {
+    format!("{:.6}", time.as_seconds())
 }
 
 /// The report of a log.

@@ -4,11 +4,12 @@ use ins_core::{Observability, Phase};
 
 use crate::identify::analysis::Analysis;
 use crate::identify::error_model::Sensors;
-use crate::identify::quantities::{Quantity, in_axes};
+use crate::identify::held_ins::LevelError;
+use crate::identify::quantities::{QUANTITIES, Quantity, axis_name, in_axes, title};
 use crate::identify::true_errors::Truth;
-use crate::identify::{held_ins, words};
-use crate::page::number::to_second_digit_of as digits;
+use crate::identify::words;
 use crate::page::table::{Table, heads};
+use crate::page::{brief, digits};
 
 /// Sigmas that an error may have.
 const SURE: f64 = 4.5;
@@ -45,48 +46,27 @@ fn results(analysis: &Analysis) -> Table {
         .as_ref()
         .map(Truth::columns)
         .unwrap_or_default();
-    let told = in_axes(axes, &analysis.found.end.estimates.lever_arm_m, 1.0);
-    let (q, bias) = (&summary.quantities, "subtract from readings");
-    let mut rows = vec![
-        Row::new(
-            "Azimuth error, clockwise",
-            q.azimuth_error_deg,
-            "deg",
-            "of the heading it started with, carried on",
-        ),
-        Row::new(
-            "Heading at the end, from north",
-            summary.heading_end_deg,
-            "deg",
-            "",
-        ),
-    ];
-    rows[0].truth = truths[0];
-    let kinds = [
-        ("Accelerometer", &q.accel_bias_mg, "mg"),
-        ("Gyro", &q.gyro_bias_deg_h, "deg/h"),
-    ];
-    for (first, (sensor, biases, unit)) in [1, 4].into_iter().zip(kinds) {
-        for (axis, (name, quantity)) in biases.named().into_iter().enumerate() {
-            let subject = format!("{sensor} bias {name}, {}", axes.direction(axis));
-            let mut row = Row::new(&subject, *quantity, unit, bias);
-            row.truth = truths[first + axis];
-            rows.push(row);
-        }
+    let mut rows = Vec::new();
+    for (index, (_, quantity)) in (summary.quantities.columns().into_iter()).enumerate() {
+        let (more, remark) = match index {
+            0 => (", clockwise", "of the heading it started with, carried on"),
+            7 => ("", "a fix stamped t shows the motion at t minus this"),
+            _ => ("", "subtract from readings"),
+        };
+        let subject = title(index, axes) + more;
+        rows.push(Row {
+            truth: truths[index],
+            ..Row::new(subject, quantity, QUANTITIES[index].2, remark)
+        });
     }
-    let latency = "a fix stamped t shows the motion at t minus this";
-    rows.push(Row::new("GNSS latency", q.gnss_latency_ms, "ms", latency));
-    rows[8].truth = truths[7];
-    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
-        let subject = format!("Antenna {name}, {}", axes.direction(axis));
+    let heading = "Heading at the end, from north".to_owned();
+    rows.insert(1, Row::new(heading, summary.heading_end_deg, "deg", ""));
+    let told = in_axes(axes, &analysis.found.end.estimates.lever_arm_m, 1.0);
+    for axis in 0..3 {
+        let subject = format!("Antenna {}", axis_name(axis, axes));
         rows.push(match &summary.lever_arm_m {
-            Some(arm) => Row::new(
-                &subject,
-                *arm.named()[axis].1,
-                "m",
-                "from the inertial sensors",
-            ),
-            None => Row::configured(&subject, told.named()[axis].1.value),
+            Some(arm) => Row::new(subject, arm.each()[axis], "m", "from the inertial sensors"),
+            None => Row::configured(subject, told.each()[axis].value),
         });
     }
     let known = analysis.truth.is_some();
@@ -95,8 +75,7 @@ fn results(analysis: &Analysis) -> Table {
         header.extend(heads("truth | error | error / sigma"));
     }
     header.push("remark".to_owned());
-    let rows = rows.iter().map(|row| row.cells(known)).collect();
-    Table::new("Results", header, rows)
+    Table::of("Results", header, rows.iter().map(|row| row.cells(known)))
 }
 
 struct Row<'a> {
@@ -109,9 +88,9 @@ struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
-    fn new(subject: &str, quantity: Quantity, unit: &'a str, remark: &'a str) -> Self {
+    fn new(subject: String, quantity: Quantity, unit: &'a str, remark: &'a str) -> Self {
         Self {
-            subject: subject.to_owned(),
+            subject,
             quantity,
             unit,
             truth: None,
@@ -121,7 +100,7 @@ impl<'a> Row<'a> {
     }
 
     /// What the navigator was told, or took for granted.
-    fn configured(subject: &str, value_m: f64) -> Self {
+    fn configured(subject: String, value_m: f64) -> Self {
         let quantity = Quantity {
             value: value_m,
             sigma: 0.0,
@@ -168,38 +147,35 @@ impl<'a> Row<'a> {
 /// A free INS over windows of a minute.
 fn free(analysis: &Analysis) -> Table {
     let errors = &analysis.summary.velocity_error_mps;
-    let row = |name: &str, value: f64| vec![name.to_owned(), digits(value, value)];
-    let rows = match (errors.before, errors.after) {
-        (Some(before), Some(after)) => vec![
-            row("sensors as logged", before),
-            row("estimates applied", after),
-        ],
-        _ => Vec::new(),
-    };
+    let rows = [
+        ("sensors as logged", errors.before),
+        ("estimates applied", errors.after),
+    ];
+    let rows =
+        (rows.into_iter()).filter_map(|(name, value)| Some(vec![name.to_owned(), brief(value?)]));
     let title = format!(
         "Free INS: horizontal velocity error over a minute, RMS of {} windows",
         errors.windows
     );
-    Table::new(&title, heads("| m/s"), rows)
+    Table::of(title, heads("| m/s"), rows)
 }
 
 fn against_truth(analysis: &Analysis) -> Table {
-    let row = |name: &str, error: &held_ins::LevelError| {
-        let numbers = [error.position_m, error.velocity_mps].map(|v| digits(v, v));
-        let [position, velocity] = numbers;
+    let row = |(name, error): (&str, LevelError)| {
+        let [position, velocity] = [error.position_m, error.velocity_mps].map(brief);
         vec![name.to_owned(), position, velocity]
     };
-    let rows = analysis.summary.against_truth.as_ref().map(|errors| {
-        vec![
-            row("damped by GNSS", &errors.damped),
-            row("free, less the errors known by then", &errors.free),
-            row("free, readings as logged", &errors.as_logged),
+    let rows = analysis.summary.against_truth.iter().flat_map(|errors| {
+        [
+            ("damped by GNSS", errors.damped),
+            ("free, less the errors known by then", errors.free),
+            ("free, readings as logged", errors.as_logged),
         ]
     });
-    Table::new(
+    Table::of(
         "Against the truth of the log: horizontal errors over its second half, RMS, at true height",
         heads("| position, m | velocity, m/s"),
-        rows.unwrap_or_default(),
+        rows.map(row),
     )
 }
 
@@ -214,6 +190,5 @@ fn not_used(analysis: &Analysis) -> Table {
     let rows = samples
         .chain(fixes)
         .map(|(what, count, why)| vec![what.to_owned(), count.to_string(), why.to_owned()]);
-    let rows = rows.collect();
-    Table::new("What was not used", heads("| number | why"), rows)
+    Table::of("What was not used", heads("| number | why"), rows)
 }

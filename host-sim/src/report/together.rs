@@ -3,12 +3,12 @@
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::identify::error_model::Sensors;
-use crate::identify::quantities::Quantity;
+use crate::identify::quantities::{QUANTITIES, Quantity};
 use crate::identify::summary::Summary;
 use crate::identify::words;
 use crate::page::chart::{Chart, Spread};
+use crate::page::digits;
 use crate::page::html::{Page, Section};
-use crate::page::number::to_second_digit_of as digits;
 use crate::page::plot::{BLUE, GREY};
 use crate::page::table::{Table, heads};
 
@@ -83,36 +83,27 @@ enum Agreement {
 
 /// What should not change from log to log: not the heading.
 fn shared(logs: &[Summary]) -> Vec<Shared> {
-    type Told = fn(&Summary, usize) -> Option<Quantity>;
-    let vectors: [(&str, &'static str, Told); 3] = [
-        ("Accelerometer bias", "mg", |log, axis| {
-            Some(*log.quantities.accel_bias_mg.named()[axis].1)
-        }),
-        ("Gyro bias", "deg/h", |log, axis| {
-            Some(*log.quantities.gyro_bias_deg_h.named()[axis].1)
-        }),
-        ("Antenna", "m", |log, axis| {
-            Some(*log.lever_arm_m.as_ref()?.named()[axis].1)
-        }),
-    ];
-    let mut shared = Vec::new();
-    for (name, unit, told) in vectors {
-        for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
-            // None where the navigator was told instead.
-            let told: Option<Vec<Quantity>> = logs.iter().map(|log| told(log, axis)).collect();
-            let name = format!("{name} {letter}");
-            shared.extend(told.map(|told| Shared { name, unit, told }));
-        }
-    }
-    shared.push(Shared {
-        name: "GNSS latency".to_owned(),
-        unit: "ms",
-        told: logs
-            .iter()
-            .map(|log| log.quantities.gnss_latency_ms)
+    let of_all = |index: usize| Shared {
+        name: QUANTITIES[index].1.to_owned(),
+        unit: QUANTITIES[index].2,
+        told: (logs.iter())
+            .map(|log| log.quantities.columns()[index].1)
             .collect(),
-    });
-    shared
+    };
+    let antenna = |axis: usize| {
+        // None where the navigator was told instead.
+        let told = |log: &Summary| Some(log.lever_arm_m.as_ref()?.each()[axis]);
+        Some(Shared {
+            name: format!("Antenna {}", ["x", "y", "z"][axis]),
+            unit: "m",
+            told: logs.iter().map(told).collect::<Option<_>>()?,
+        })
+    };
+    let biases = (1..=6).map(of_all);
+    biases
+        .chain((0..3).filter_map(antenna))
+        .chain([of_all(7)])
+        .collect()
 }
 
 impl Shared {
@@ -168,8 +159,7 @@ fn listed(logs: &[Summary]) -> Table {
         let minutes = format!("{:.1}", log.duration_s / 60.0);
         vec![format!("log {number}"), minutes, log.log.clone()]
     };
-    let rows = (1..).zip(logs).map(row).collect();
-    Table::new("The logs", heads("| min | name"), rows)
+    Table::of("The logs", heads("| min | name"), (1..).zip(logs).map(row))
 }
 
 fn side_by_side(logs: &[Summary], shared: &[Shared]) -> Table {
@@ -192,11 +182,7 @@ fn side_by_side(logs: &[Summary], shared: &[Shared]) -> Table {
         row.extend([mean, agree.to_owned()]);
         row
     };
-    Table::new(
-        "Estimates side by side",
-        header,
-        shared.iter().map(row).collect(),
-    )
+    Table::of("Estimates side by side", header, shared.iter().map(row))
 }
 
 #[cfg(test)]

@@ -92,5 +92,5 @@ pub(super) fn forms(runs: u64) -> Result<String> {
             }
         }
     }
-    Ok(Table::new("", header, rows).markdown())
+    Ok(Table::of("", header, rows).markdown())
 }

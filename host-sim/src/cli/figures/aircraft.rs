@@ -40,7 +40,7 @@ pub(super) fn error_free(root: &Path) -> Result<String> {
     }
     let header =
         heads("1 h of | samples, Hz | position, m | velocity, mm/s | attitude, arc seconds");
-    Ok(Table::new("", header, rows).markdown())
+    Ok(Table::of("", header, rows).markdown())
 }
 
 fn drive() -> Worst {

@@ -153,5 +153,5 @@ pub(super) fn outages(root: &Path, folder: Option<&Path>) -> Result<Option<Strin
     }
     let header =
         heads("log | outages | compensation, m | m/s | Kalman, m | m/s | fusion-nav, m | m/s");
-    Ok((!rows.is_empty()).then(|| Table::new("", header, rows).markdown()))
+    Ok((!rows.is_empty()).then(|| Table::of("", header, rows).markdown()))
 }

@@ -20,12 +20,12 @@ pub(super) fn part(root: &Path, folder: Option<&Path>) -> Result<Option<String>>
         return Ok(None);
     }
     let row = |log: &PathBuf| Ok(row(&Analysis::of_log(log, None, &bar())?));
-    let rows = logs.iter().map(row).collect::<Result<_>>()?;
+    let rows: Vec<_> = logs.iter().map(row).collect::<Result<_>>()?;
     let header = heads(
         "log | length, s | azimuth error, deg | accelerometer x, mg | accelerometer y, mg \
          | gyro z, deg/h | latency, ms | before, m/s | after, m/s | times less",
     );
-    Ok(Some(Table::new("", header, rows).markdown()))
+    Ok(Some(Table::of("", header, rows).markdown()))
 }
 
 /// What is found in every recording of another program, and in every recorded log, without a

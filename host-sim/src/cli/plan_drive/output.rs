@@ -108,7 +108,7 @@ impl<'a> Report<'a> {
                 let name = format!("{number}. {name}{}", times(stage, " \u{d7}", ""));
                 row(name, stage.end_s, &stage.reached)
             }));
-            Table::new("What is known after each stage", header, rows)
+            Table::of("What is known after each stage", header, rows)
         };
         all.chunks(columns).map(chunk).collect()
     }

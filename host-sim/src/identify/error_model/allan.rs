@@ -1,13 +1,15 @@
 //! Allan deviation of what sensors read at rest, from block means of a second up.
 
-use std::io::Write;
+use std::path::Path;
 
 use ins_core::rest::RestBlock;
+use miette::Result;
 use nalgebra::Vector3;
 
 use super::interval::{Interval, sigma_of_squares};
 use super::record::Record;
 use crate::identify::quantities::DEG_H_RADPS;
+use crate::page;
 
 /// Fewest clusters behind a point.
 const LEAST_CLUSTERS: usize = 3;
@@ -79,23 +81,23 @@ impl AtRest {
     }
 
     /// `allan.csv`.
-    pub fn write(&self, to: impl Write) -> csv::Result<()> {
-        let mut table = csv::Writer::from_writer(to);
-        let mut header = vec!["tau_s".to_owned()];
+    pub(super) fn write(&self, folder: &Path) -> Result<()> {
+        let mut names = "tau_s".to_owned();
         for kind in ["gyro_deg_h", "accel_mps2"] {
             for axis in ["right", "forward", "up"] {
-                header.extend(["", "_low", "_high"].map(|end| format!("{kind}_{axis}{end}")));
+                let name = format!("{kind}_{axis}");
+                names += &format!(",{name},{name}_low,{name}_high");
             }
         }
-        table.write_record(header)?;
-        for (gyro, accel) in self.gyro_deg_h.iter().zip(&self.accel_mps2) {
+        let row = |(gyro, accel): (&Point, &Point)| {
             let mut cells = vec![format!("{:.3}", gyro.tau_s)];
             for sigma in gyro.deviation.iter().chain(&accel.deviation) {
                 cells.extend([sigma.value, sigma.low, sigma.high].map(|v| format!("{v:.4e}")));
             }
-            table.write_record(cells)?;
-        }
-        Ok(table.flush()?)
+            cells
+        };
+        let points = self.gyro_deg_h.iter().zip(&self.accel_mps2);
+        page::write_csv(folder, "allan.csv", &names, points.map(row))
     }
 }
 

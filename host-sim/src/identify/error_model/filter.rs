@@ -43,11 +43,10 @@ type Vector = SVector<f64, SIZE>;
 type Matrix = SMatrix<f64, SIZE, SIZE>;
 type Parameters = SVector<f64, PARAMETERS>;
 
-/// What is believed at the start: m/s, rad, and rad/s for a constant and for what a trend
-/// does over a drive (100 deg/h: nothing, beside what a drive tells, and so are these of m and s).
-const VELOCITY_SIGMA: f64 = 1.0;
-const LEVEL_SIGMA: f64 = 0.01;
-const AZIMUTH_SIGMA: f64 = 0.05;
+/// What is believed at the start of velocity and tilt, m/s and rad.
+const START_SIGMA: [f64; RANDOM] = [1.0, 1.0, 0.01, 0.01, 0.05];
+/// And of the parameters: rad/s for a constant and for what a trend does over a drive (100 deg/h:
+/// nothing, beside what a drive tells, and so are these of m and s).
 const BIAS_SIGMA: f64 = 5e-4;
 const LEVER_ARM_SIGMA: f64 = 1.0;
 const LATENCY_SIGMA: f64 = 0.1;
@@ -307,11 +306,10 @@ struct State {
 
 impl State {
     fn new(candidate: &Candidate) -> Self {
-        let mut sigma = Vector::zeros();
-        sigma.fixed_rows_mut::<2>(VELOCITY).fill(VELOCITY_SIGMA);
-        sigma.fixed_rows_mut::<2>(TILT).fill(LEVEL_SIGMA);
-        sigma[TILT + 2] = AZIMUTH_SIGMA;
-        let mut covariance = Matrix::from_diagonal(&sigma.component_mul(&sigma));
+        let mut covariance = Matrix::zeros();
+        for (axis, sigma) in START_SIGMA.into_iter().enumerate() {
+            covariance[(axis, axis)] = sigma * sigma;
+        }
         for (axes, dynamics) in candidate.biases() {
             for axis in axes {
                 covariance[(axis, axis)] = dynamics.initial_variance();
@@ -431,15 +429,10 @@ impl State {
 
     /// After a hole velocity and attitude begin anew; the biases go on.
     fn lose_attitude(&mut self) {
-        for axis in VELOCITY..RANDOM {
+        for (axis, sigma) in START_SIGMA.into_iter().enumerate() {
             self.effects.column_mut(axis).fill(0.0);
             self.covariance.row_mut(axis).fill(0.0);
             self.covariance.column_mut(axis).fill(0.0);
-            let sigma = match axis {
-                TILT.. if axis == TILT + 2 => AZIMUTH_SIGMA,
-                TILT.. => LEVEL_SIGMA,
-                _ => VELOCITY_SIGMA,
-            };
             self.covariance[(axis, axis)] = sigma * sigma;
         }
     }

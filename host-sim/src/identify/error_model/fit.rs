@@ -64,8 +64,6 @@ pub struct GyroFit {
     pub time_s: Interval,
     /// Log-likelihood, up to a constant that is the same for both models.
     pub log_likelihood: f64,
-    /// Drives behind it.
-    pub drives: usize,
 }
 
 impl GyroFit {
@@ -475,7 +473,6 @@ impl Fitter<'_> {
             size,
             time_s,
             log_likelihood,
-            drives: self.drives.len(),
         }
     }
 

@@ -9,7 +9,7 @@ use super::record::Record;
 use super::rest_noise::RestNoise;
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::log::Grade;
-use crate::page::number::to_second_digit_of;
+use crate::page::digits;
 use crate::sim::errors::{BiasModel, Law};
 use crate::sim::noise::Random;
 use crate::sim::receiver::Correlated;
@@ -55,16 +55,13 @@ impl Assumed {
             why: if bounded { parameter.why } else { NO_BOUND },
         })
     }
-}
 
-impl Assumed {
     /// Name, value with unit, reason.
     pub fn cells(&self) -> [String; 3] {
         let value = if self.value == 0.0 {
             "none".to_owned()
         } else {
-            let scale = 0.1 * self.value;
-            format!("{} {}", to_second_digit_of(scale, self.value), self.unit)
+            format!("{} {}", digits(0.1 * self.value, self.value), self.unit)
         };
         [self.name.to_owned(), value, self.why.to_owned()]
     }
@@ -213,56 +210,43 @@ impl Identified {
     }
 
     fn gyro_parameters(&self) -> Vec<Parameter> {
+        let [noise, sigma] = ["gyro_deg_h.white_noise", "gyro_deg_h.bias.initial_sigma"];
         let Some(gyro) = &self.gyro else {
             let rest = self.gyro_noise_at_rest();
             return vec![
-                known("gyro_deg_h.white_noise", NOISE_UNIT, rest, NO_REST),
-                known("gyro_deg_h.bias.initial_sigma", "deg/h", None, NO_AZIMUTH),
+                known(noise, NOISE_UNIT, rest, NO_REST),
+                known(sigma, "deg/h", None, NO_AZIMUTH),
             ];
         };
-        let deg_h = 1.0 / DEG_H_RADPS;
-        let mut all = vec![
-            known(
-                "gyro_deg_h.white_noise",
-                NOISE_UNIT,
-                Some(gyro.noise.scaled(deg_h)),
-                "",
-            ),
-            spread(
-                "gyro_deg_h.bias.initial_sigma",
-                "deg/h",
-                Some(gyro.initial_sigma.scaled(deg_h)),
-                NOT_ABOVE_NOISE,
-            ),
-        ];
-        let timed = |name, found| Parameter {
-            name,
-            unit: "s",
-            found: Some(found),
-            observable: gyro.has_time_scale(),
-            why: if gyro.has_time_scale() {
-                ""
-            } else {
-                NO_TIME_SCALE
-            },
-        };
-        let [drift, size] = [gyro.drift, gyro.size].map(|found| Some(found.scaled(deg_h)));
+        let deg_h = |found: &Interval| Some(found.scaled(1.0 / DEG_H_RADPS));
         let above_noise = |name, unit, found| spread(name, unit, found, NOT_ABOVE_NOISE);
-        match gyro.law {
-            Law::Wave => all.extend([
-                timed("gyro_deg_h.bias.interval_s", gyro.time_s),
-                Parameter {
-                    observable: gyro.moves(),
-                    ..known("gyro_deg_h.bias.jump_mean", "deg/h", drift, "")
-                },
+        let timed = |name| {
+            let seen = gyro.has_time_scale();
+            parameter(name, "s", Some(gyro.time_s), seen, NO_TIME_SCALE)
+        };
+        let mut all = vec![
+            known(noise, NOISE_UNIT, deg_h(&gyro.noise), ""),
+            above_noise(sigma, "deg/h", deg_h(&gyro.initial_sigma)),
+        ];
+        let (drift, size) = (deg_h(&gyro.drift), deg_h(&gyro.size));
+        all.extend(match gyro.law {
+            Law::Wave => [
+                timed("gyro_deg_h.bias.interval_s"),
+                parameter(
+                    "gyro_deg_h.bias.jump_mean",
+                    "deg/h",
+                    drift,
+                    gyro.moves(),
+                    "",
+                ),
                 above_noise("gyro_deg_h.bias.jump_sigma", "deg/h", size),
-            ]),
-            Law::Continuous => all.extend([
+            ],
+            Law::Continuous => [
                 above_noise("gyro_deg_h.bias.slope_sigma_per_s", "deg/h/s", drift),
                 above_noise("gyro_deg_h.bias.correlated_sigma", "deg/h", size),
-                timed("gyro_deg_h.bias.correlation_time_s", gyro.time_s),
-            ]),
-        }
+                timed("gyro_deg_h.bias.correlation_time_s"),
+            ],
+        });
         all
     }
 
@@ -424,13 +408,7 @@ fn known(
     found: Option<Interval>,
     missing: &'static str,
 ) -> Parameter {
-    Parameter {
-        name,
-        unit,
-        found,
-        observable: found.is_some(),
-        why: if found.is_some() { "" } else { missing },
-    }
+    parameter(name, unit, found, found.is_some(), missing)
 }
 
 /// A spread is observable if it is known to be above zero.
@@ -441,6 +419,16 @@ fn spread(
     missing: &'static str,
 ) -> Parameter {
     let observable = found.is_some_and(|found| found.is_spread());
+    parameter(name, unit, found, observable, missing)
+}
+
+fn parameter(
+    name: &'static str,
+    unit: &'static str,
+    found: Option<Interval>,
+    observable: bool,
+    missing: &'static str,
+) -> Parameter {
     Parameter {
         name,
         unit,

@@ -9,9 +9,8 @@ use serde::Serialize;
 use super::allan::AtRest;
 use super::identified::{Identified, Parameter};
 use super::interval::Interval;
-use crate::page::number::to_second_digit_of;
-use crate::page::table::{Table, cells};
-use crate::page::{self, output};
+use crate::page::table::{Table, heads};
+use crate::page::{self, digits, output};
 
 /// Name of the model file; marks a folder of several logs as ours.
 pub const MODEL: &str = "error-model.toml";
@@ -35,10 +34,7 @@ struct Json {
 
 /// Writes all files into a folder.
 pub fn write(sensors: Sensors, folder: &Path) -> Result<()> {
-    let Sensors {
-        model: found,
-        at_rest,
-    } = sensors;
+    let found = sensors.model;
     let json = Json {
         drives: found.drives,
         parameters: found.parameters(),
@@ -46,7 +42,7 @@ pub fn write(sensors: Sensors, folder: &Path) -> Result<()> {
     };
     output::write(folder, MODEL, toml(found)?)?;
     output::write(folder, JSON, page::json(&json)?)?;
-    (at_rest.write(output::create(folder, "allan.csv")?)).into_diagnostic()
+    sensors.at_rest.write(folder)
 }
 
 /// The model, under a comment with what each value stands on.
@@ -58,8 +54,8 @@ pub fn toml(found: &Identified) -> Result<String> {
         if found.drives == 1 { "" } else { "s" },
     );
     let assumed = found.assumed();
-    let assumed = assumed.iter().map(|part| part.cells().to_vec()).collect();
-    let assumed = Table::new("", cells(["not shown", "assumed", ""]), assumed);
+    let assumed = assumed.iter().map(|part| part.cells().to_vec());
+    let assumed = Table::of("", heads("not shown | assumed |"), assumed);
     let tables = [found.table().plain(), assumed.plain()];
     for line in tables.join("\n").lines() {
         // Writing into a string cannot fail.
@@ -72,33 +68,25 @@ pub fn toml(found: &Identified) -> Result<String> {
 impl Identified {
     /// For people.
     pub fn table(&self) -> Table {
-        let header = cells(["", "value", "from", "to", "unit", ""]);
         let row = |parameter: Parameter| {
-            let cells = parameter.found.map_or_else(Default::default, |found| {
+            let shown = parameter.found.map(|found| {
                 let width = 0.3 * (found.high - found.low);
                 let scale = if width.is_finite() {
                     width
                 } else {
                     0.1 * found.value
                 };
-                [found.value, found.low, found.high].map(|v| to_second_digit_of(scale, v))
+                [found.value, found.low, found.high].map(|v| digits(scale, v))
             });
-            let [value, low, high] = cells;
-            let value = if parameter.observable {
-                value
-            } else {
-                "-".to_owned()
-            };
-            let name = parameter.name.to_owned();
-            vec![
-                name,
-                value,
-                low,
-                high,
-                parameter.unit.to_owned(),
-                parameter.why.to_owned(),
-            ]
+            let [mut value, low, high] = shown.unwrap_or_default();
+            if !parameter.observable {
+                "-".clone_into(&mut value);
+            }
+            let texts = [parameter.name, parameter.unit, parameter.why];
+            let [name, unit, why] = texts.map(str::to_owned);
+            vec![name, value, low, high, unit, why]
         };
-        Table::new("", header, self.parameters().into_iter().map(row).collect())
+        let header = heads("| value | from | to | unit |");
+        Table::of("", header, self.parameters().into_iter().map(row))
     }
 }

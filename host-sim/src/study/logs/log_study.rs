@@ -204,10 +204,9 @@ impl<'a> Bench<'a> {
 }
 
 fn free(found: &Identification, end: Option<&[Quantity; 8]>) -> Option<Free> {
-    let error = found.velocity_error.as_ref()?;
     Some(Free {
-        before_mps: error.before_mps,
-        after_mps: error.after_mps,
+        before_mps: found.velocity_error.before?,
+        after_mps: found.velocity_error.after?,
         observable: end.is_some_and(|end| end.iter().any(Quantity::observable)),
     })
 }

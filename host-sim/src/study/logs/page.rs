@@ -219,7 +219,7 @@ fn free_table(study: &Study) -> Table {
         let [better, of] = summary.free_better;
         cells(["", "", &format!("{better} of {of}")])
     };
-    Table::new(FREE, header, by_role(study, log, total))
+    Table::of(FREE, header, by_role(study, log, total))
 }
 
 fn without_table(study: &Study) -> Table {
@@ -248,5 +248,5 @@ fn without_table(study: &Study) -> Table {
             rows.push(named(&format!("{role}: no {}", without.parameter), row));
         }
     }
-    Table::new(WITHOUT, header, rows)
+    Table::of(WITHOUT, header, rows)
 }

@@ -9,7 +9,7 @@ use super::{Study, Unit, truth};
 use crate::identify::error_model::Parameter;
 use crate::identify::error_model::identified::in_file;
 use crate::identify::error_model::interval::Interval;
-use crate::page::number::to_second_digit_of;
+use crate::page;
 use crate::page::progress::counted;
 use crate::page::table::{Table, cells, heads};
 use crate::sim::ErrorModel;
@@ -219,7 +219,7 @@ impl Results {
 
 impl Row {
     fn cells(&self) -> Vec<String> {
-        let digits = |value: f64| to_second_digit_of(self.scatter, value);
+        let digits = |value: f64| page::digits(self.scatter, value);
         vec![
             self.name.to_owned(),
             self.unit.to_owned(),
