@@ -5,6 +5,7 @@ pub mod cargo;
 pub mod firmware;
 pub mod footprint;
 pub mod jsbsim;
+pub mod pages;
 pub mod published;
 pub mod pyins;
 pub mod python;

@@ -10,7 +10,7 @@ use crate::aircraft::cessna172;
 use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::input::{read_aircraft, read_text};
 use crate::log::Grade;
-use crate::page;
+use crate::page::{self, output};
 use crate::sim::{self, ErrorModel};
 
 #[derive(Clone, Copy, Debug, Args)]
@@ -94,6 +94,33 @@ pub(super) fn error_model(name: &str) -> Result<ErrorModel> {
                 )
             })
         }
+    }
+}
+
+/// Folder of the results where one is wanted, refused before any work is done for it.
+pub(super) struct Out<'a> {
+    folder: Option<&'a Path>,
+    mark: &'static str,
+    force: bool,
+}
+
+impl<'a> Out<'a> {
+    pub(super) fn new(folder: Option<&'a Path>, mark: &'static str, force: bool) -> Result<Self> {
+        if let Some(folder) = folder {
+            output::check_free(folder, mark, force)?;
+        }
+        Ok(Self {
+            folder,
+            mark,
+            force,
+        })
+    }
+
+    pub(super) fn fill(&self, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+        let Some(folder) = self.folder else {
+            return Ok(());
+        };
+        output::build(folder, self.mark, self.force, fill)
     }
 }
 

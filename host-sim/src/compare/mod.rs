@@ -19,7 +19,7 @@ use crate::identify::analysis::log_name;
 use crate::identify::configure;
 use crate::identify::true_errors::Truth;
 use crate::log::{BodyAxes, Grade, LogError, import};
-pub use cost::Cost;
+pub use cost::{Cost, measure as measure_costs};
 pub use measure::{MethodResult, QuantityResult, TrajectoryError};
 pub use output::{JSON, plain};
 use tracks::{Input, Track, noise};

@@ -12,7 +12,7 @@ pub mod table;
 use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
 
-pub(crate) use number::{brief, to_second_digit_of as digits};
+pub use number::{brief, to_second_digit_of as digits};
 
 /// A value for programs.
 pub(crate) fn json(value: &impl Serialize) -> Result<String> {

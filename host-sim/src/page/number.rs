@@ -1,7 +1,7 @@
 //! Numbers with as many digits as they need.
 
 /// A number down to the second digit of `scale`.
-pub(crate) fn to_second_digit_of(scale: f64, value: f64) -> String {
+pub fn to_second_digit_of(scale: f64, value: f64) -> String {
     let mut decimals = 0;
     let mut unit = 10.0;
     while unit > scale.abs() && decimals < 9 {
@@ -12,7 +12,7 @@ pub(crate) fn to_second_digit_of(scale: f64, value: f64) -> String {
 }
 
 /// A number down to its own second digit.
-pub(crate) fn brief(value: f64) -> String {
+pub fn brief(value: f64) -> String {
     to_second_digit_of(value, value)
 }
 

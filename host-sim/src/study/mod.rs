@@ -2,7 +2,6 @@
 
 pub mod accuracy;
 pub mod conditions;
-pub(crate) mod error_free;
 pub mod flights;
 pub mod logs;
 pub mod recordings;

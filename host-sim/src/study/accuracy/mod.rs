@@ -3,7 +3,7 @@
 mod output;
 mod statistics;
 
-pub use output::{JSON, picture, write};
+pub use output::{JSON, picture, readable, write};
 pub use statistics::{Results, Row, Spread};
 
 use core::f64::consts::PI;
@@ -67,7 +67,7 @@ const fn quantity(
 
 impl Quantity {
     /// Title and unit.
-    pub(crate) fn head(&self) -> String {
+    pub fn head(&self) -> String {
         format!("{}, {}", self.title, self.unit)
     }
 }

@@ -2,7 +2,7 @@
 //! simulated over seeds, and every estimate held against its truth and its own sigma.
 
 mod kinds;
-pub(crate) mod output;
+pub mod output;
 mod quantities;
 mod run;
 mod statistics;

@@ -41,6 +41,23 @@ impl Spread {
     }
 }
 
+/// All logs, and what they say together.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Study {
+    /// In the order given.
+    pub logs: Vec<LogStudy>,
+    /// Development logs and judges apart.
+    pub summaries: [Summary; 2],
+}
+
+impl Study {
+    /// Adds up.
+    pub fn new(logs: Vec<LogStudy>) -> Self {
+        let summaries = Role::ALL.map(|role| Summary::of(role, &logs));
+        Self { logs, summaries }
+    }
+}
+
 /// All logs of one role.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {

@@ -10,7 +10,7 @@ mod laboratory;
 mod observable;
 pub(crate) mod output;
 mod part;
-pub(crate) mod performance;
+pub mod performance;
 mod spans;
 mod velocity_plot;
 

@@ -7,16 +7,17 @@ use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::performance::performance as of_aircraft;
 
 /// A line of the thesis's Table 2.
-pub(crate) struct PerformanceRow {
-    pub(crate) name: &'static str,
-    pub(crate) specification: f64,
+#[derive(Debug)]
+pub struct PerformanceRow {
+    pub name: &'static str,
+    pub specification: f64,
     /// The thesis's model.
-    pub(crate) thesis: f64,
-    pub(crate) ours: f64,
+    pub thesis: f64,
+    pub ours: f64,
 }
 
 /// The thesis's Table 2.
-pub(crate) fn performance() -> Result<[PerformanceRow; 3]> {
+pub fn performance() -> Result<[PerformanceRow; 3]> {
     let dynamics = Dynamics::new(&cessna172());
     let ours = of_aircraft(&dynamics).ok_or_else(|| miette!("the aircraft cannot fly level"))?;
     let published = (dynamics.parameters.specification.as_ref())
