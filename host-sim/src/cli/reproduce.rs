@@ -10,7 +10,6 @@ use crate::identify::analysis::log_name;
 use crate::log::{LogError, import};
 use crate::page::output;
 use crate::page::progress::spinner;
-use crate::study::reproduce::output::plain;
 use crate::study::reproduce::{JSON, Recorded, Settings, reproduce as measure};
 
 /// Options of `reproduce-thesis`.
@@ -51,6 +50,10 @@ pub fn reproduce(options: &Reproduce, json: bool, force: bool) -> Result<()> {
     })?;
     show(json, &reproduction, || {
         let report = options.out.join("report.html");
-        format!("{}\nReport: {}\n", plain(&reproduction), report.display())
+        format!(
+            "{}\nReport: {}\n",
+            reproduction.readable(),
+            report.display()
+        )
     })
 }

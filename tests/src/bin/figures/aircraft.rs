@@ -12,7 +12,7 @@ use host_sim::sim::car::Car;
 use host_sim::sim::ideal::IdealSensors;
 use host_sim::sim::{DriveConfig, ErrorModel, Grade, Motion};
 use host_sim::study::flights::{self, Settings};
-use host_sim::study::reproduce::performance::{PerformanceRow, performance};
+use host_sim::study::reproduce::{PerformanceRow, performance};
 use indicatif::ProgressBar;
 use ins_core::earth::Geodetic;
 use ins_core::increments::Increments;

@@ -151,7 +151,7 @@ impl Part {
             Self::Aircraft => aircraft::performance_table().map(Some),
             Self::Flights => aircraft::flights(options.runs.min(200)).map(Some),
             Self::Reproduce => reproduce::reproduce(reproduce::Settings::new(1), None)
-                .map(|reproduction| Some(reproduce::markdown(&reproduction))),
+                .map(|reproduction| Some(reproduction.table().markdown())),
             Self::ErrorFree => aircraft::error_free(root).map(Some),
             Self::Example => pages::example(&root.join("core/src/lib.rs")).map(Some),
         }?;
