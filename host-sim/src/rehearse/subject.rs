@@ -15,7 +15,7 @@ use crate::compare::kalman::Noise;
 use crate::hil::target::Target;
 use crate::identify::configure::config_of;
 use crate::sim::SimulatedDrive;
-use crate::study::conditions::subject::{Core, Kalman, Subject as Driven};
+use crate::study::subject::{Core, Kalman, Subject as Driven};
 
 /// An algorithm under test.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,3 +7,4 @@ pub mod logs;
 pub mod recordings;
 pub mod recovery;
 pub mod reproduce;
+pub(crate) mod subject;

@@ -6,17 +6,19 @@ mod statistics;
 pub use output::{JSON, picture, readable, write};
 pub use statistics::{Results, Row, Spread};
 
+pub use super::subject::config_of;
+
 use core::f64::consts::PI;
-use core::iter::Peekable;
 
 use ins_core::config::{Form, HeadingSource};
 use ins_core::earth::wrap_pi;
-use ins_core::{Config, ConfigError, Estimates, Navigator, Observability, Phase, Solution, Time};
+use ins_core::{Config, ConfigError, Estimates, Observability, Solution};
+use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::compare::kalman::{self, Noise, PartNoise};
-use crate::identify::configure;
+use super::subject::{Core, Kalman, Subject};
+use crate::compare::kalman::{Noise, PartNoise};
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
 use crate::sim::errors::BiasModel;
 use crate::sim::{DriveConfig, ErrorModel, Grade, SimulatedDrive, simulate};
@@ -25,7 +27,6 @@ use crate::sim::{DriveConfig, ErrorModel, Grade, SimulatedDrive, simulate};
 pub const EVERY_S: f64 = 10.0;
 /// Azimuth error above which a run has not converged, deg.
 const LOST_DEG: f64 = 5.0;
-
 /// Positions with so much noise say nothing, m.
 const NO_POSITION_M: f64 = 1e5;
 
@@ -216,103 +217,62 @@ impl Study {
     }
 
     fn run(&self, seed: u64, tune: &dyn Fn(&mut Config)) -> Result<Run, ConfigError> {
-        let mut config = DriveConfig::new(seed, self.grade, self.minutes);
-        self.spared.of(&mut config.recording.errors);
-        let drive = simulate(&config);
+        let mut plan = DriveConfig::new(seed, self.grade, self.minutes);
+        self.spared.of(&mut plan.recording.errors);
+        let drive = simulate(&plan);
         let mut config = self.config(&drive);
         tune(&mut config);
-        if let Some(factor) = self.kalman_noise {
-            return self.run_kalman(seed, &drive, config, factor);
-        }
-        let mut navigator = Navigator::new(config)?;
-        let mut history = Vec::new();
-        let mut fixes = drive.gnss.iter().peekable();
-        let mut truths = drive.truth.iter().peekable();
-        for sample in &drive.imu {
-            while let Some(fix) = fixes.next_if(|fix| fix.time < sample.time) {
-                let _ = navigator.on_gnss(fix);
-            }
-            let _ = navigator.on_imu(sample);
-            look(&mut history, &mut truths, sample.time, |truth| {
-                core_checks(&navigator, &drive, truth)
-            });
-        }
-        let observability = navigator.estimates().azimuth_error_rad.observability;
+        let (converged, history) = if let Some(factor) = self.kalman_noise {
+            let noise = self.told(factor);
+            let mut filter = Kalman::new(&drive.imu, &drive.gnss, config, noise, &Vector3::z())?;
+            (true, look(&mut filter, &drive, kalman_checks))
+        } else {
+            let mut core = Core::new(config, &drive)?;
+            let history = look(&mut core, &drive, core_checks);
+            let azimuth = core.navigator.estimates().azimuth_error_rad;
+            let observable = azimuth.observability == Observability::Observable;
+            (observable && core.solution().is_some(), history)
+        };
         Ok(Run {
             seed,
-            converged: navigator.phase() == Phase::Navigating
-                && observability == Observability::Observable
-                && azimuth_is_right(&history),
+            converged: converged && azimuth_is_right(&history),
             history,
         })
     }
-}
 
-impl Study {
-    fn run_kalman(
-        &self,
-        seed: u64,
-        drive: &SimulatedDrive,
-        config: Config,
-        factor: f64,
-    ) -> Result<Run, ConfigError> {
-        let mut noise = Noise::of_model(&self.grade.errors()).guessed(factor);
-        if !self.kalman_positions {
-            noise.position = PartNoise {
+    /// What the Kalman filter is told.
+    fn told(&self, factor: f64) -> Noise {
+        let noise = Noise::of_model(&self.grade.errors()).guessed(factor);
+        if self.kalman_positions {
+            return noise;
+        }
+        Noise {
+            position: PartNoise {
                 believes_stated: false,
                 ..PartNoise::white(NO_POSITION_M)
-            };
-        }
-        let mut run = kalman::Run::new(&drive.imu, &drive.gnss, config, noise)?;
-        let mut history = Vec::new();
-        let mut truths = drive.truth.iter().peekable();
-        while let Some(time) = run.step(&mut |_, _| {}) {
-            look(&mut history, &mut truths, time, |truth| {
-                let filter = run.filter()?;
-                let heading_rad = filter.known.ins.heading_rad();
-                Some(checks(&filter.estimates(), heading_rad, drive, truth))
-            });
-        }
-        Ok(Run {
-            seed,
-            converged: azimuth_is_right(&history),
-            history,
-        })
-    }
-}
-
-/// Adds what is due by the time of a sample.
-fn look<'a>(
-    history: &mut Vec<Option<[Check; 8]>>,
-    truths: &mut Peekable<impl Iterator<Item = &'a Solution>>,
-    time: Time,
-    checks: impl Fn(&Solution) -> Option<[Check; 8]>,
-) {
-    while let Some(truth) = truths.next_if(|truth| truth.time <= time) {
-        let due_s = EVERY_S * (history.len() + 1) as f64;
-        if truth.time == time && time.as_seconds() >= due_s {
-            history.push(checks(truth));
+            },
+            ..noise
         }
     }
 }
 
-/// The configuration that fits a class of simulated sensors: its preset, and what a data sheet of
-/// such a unit says of noise and axes.
-pub fn config_of(grade: Grade) -> Config {
-    let ErrorModel {
-        imu,
-        gyro_deg_h: gyros,
-        accel_mps2: accels,
-        ..
-    } = grade.errors();
-    let mut config = configure::config_of(grade.class(), imu.output, None);
-    let sensors = &mut config.sensors;
-    sensors.gyro_noise = gyros
-        .noise_times
-        .map(|times| times * gyros.white_noise * DEG_H_RADPS);
-    sensors.accel_noise = accels.noise_times.map(|times| times * accels.white_noise);
-    sensors.cross_axis = gyros.misalignment_sigma;
-    config
+/// Drives, and checks at every [`EVERY_S`].
+fn look<S: Subject>(
+    subject: &mut S,
+    drive: &SimulatedDrive,
+    checks: fn(&S, &SimulatedDrive, &Solution) -> Option<[Check; 8]>,
+) -> Vec<Option<[Check; 8]>> {
+    let mut history = Vec::new();
+    let mut truths = drive.truth.iter().peekable();
+    while let Some(time) = subject.step() {
+        while let Some(truth) = truths.next_if(|truth| truth.time <= time) {
+            let due_s = EVERY_S * (history.len() + 1) as f64;
+            if truth.time == time && time.as_seconds() >= due_s {
+                history.push(checks(subject, drive, truth));
+            }
+        }
+    }
+    history
 }
 
 fn azimuth_is_right(history: &[Option<[Check; 8]>]) -> bool {
@@ -322,15 +282,17 @@ fn azimuth_is_right(history: &[Option<[Check; 8]>]) -> bool {
 
 /// The azimuth is that of the damped INS: what is still in it against what the estimator says is
 /// still in it.
-fn core_checks(
-    navigator: &Navigator,
-    drive: &SimulatedDrive,
-    truth: &Solution,
-) -> Option<[Check; 8]> {
-    let heading_rad = navigator.mechanization()?.heading_rad();
-    let mut estimates = navigator.estimates();
-    estimates.azimuth_error_rad.value = navigator.azimuth_left_rad();
+fn core_checks(core: &Core, drive: &SimulatedDrive, truth: &Solution) -> Option<[Check; 8]> {
+    let heading_rad = core.navigator.mechanization()?.heading_rad();
+    let mut estimates = core.navigator.estimates();
+    estimates.azimuth_error_rad.value = core.navigator.azimuth_left_rad();
     Some(checks(&estimates, heading_rad, drive, truth))
+}
+
+fn kalman_checks(kalman: &Kalman, drive: &SimulatedDrive, truth: &Solution) -> Option<[Check; 8]> {
+    let filter = kalman.run.filter()?;
+    let heading_rad = filter.known.ins.heading_rad();
+    Some(checks(&filter.estimates(), heading_rad, drive, truth))
 }
 
 /// Every estimate against its truth; the azimuth is what is left in a heading.

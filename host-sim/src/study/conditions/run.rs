@@ -6,10 +6,10 @@ use nalgebra::{UnitQuaternion, Vector3};
 use serde::Serialize;
 
 use super::quantities::{QUANTITIES, index};
-use super::subject::{self, Claim, Claims, Core, Kalman, Subject};
 use super::truth::Truth;
 use super::{Kind, World, told};
 use crate::sim::{Grade, SimulatedDrive};
+use crate::study::subject::{Claim, Claims, Core, Kalman, Subject};
 
 /// One claim against its truth, in the unit of the quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -64,7 +64,7 @@ impl Trial {
         let world = kind.world(class, seed);
         let drive = world.simulate();
         let truth = Truth::new(&world, &drive);
-        let mut config = subject::config(&world, &drive);
+        let mut config = told::config(&world, &drive);
         if self.receiver_known {
             config = told::of_receiver(&world, config);
         }
