@@ -6,11 +6,8 @@
 //! that judge it.
 
 mod log_study;
-pub mod methods;
 pub(crate) mod page;
-mod role;
 mod summary;
 
-pub use log_study::LogStudy;
-pub use role::{Role, name_of};
+pub use log_study::{LogStudy, Role, name_of};
 pub use summary::Study;

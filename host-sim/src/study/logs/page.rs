@@ -2,9 +2,8 @@
 
 use std::fmt::Write as _;
 
-use super::role::Role;
-use super::summary::{Spread, Summary};
-use super::{LogStudy, Study, methods};
+use super::log_study::{ALLOWANCE, LogStudy, Role};
+use super::summary::{Spread, Study, Summary};
 use crate::compare::outage::OUTAGE_S;
 use crate::identify::halves::{self, Difference};
 use crate::page::table::{Table, cells, heads};
@@ -56,8 +55,7 @@ fn halves_title() -> String {
 fn methods_title() -> String {
     format!(
         "METHODS: the core minus another at the end of the log, in joint sigmas, of what both \
-         call observable.\nAllowed besides: {}.",
-        methods::ALLOWANCE
+         call observable.\nAllowed besides: {ALLOWANCE}."
     )
 }
 

@@ -2,9 +2,7 @@
 
 use serde::Serialize;
 
-use super::log_study::{LogStudy, Outages};
-use super::methods::OPTIONAL;
-use super::role::Role;
+use super::log_study::{LogStudy, OPTIONAL, Outages, Role};
 use crate::identify::halves::Difference;
 use crate::statistics::{geometric_mean, rms_of_any};
 
@@ -171,7 +169,7 @@ fn without(logs: &[&LogStudy]) -> Vec<WithoutSummary> {
     };
     OPTIONAL
         .iter()
-        .map(|optional| summary(optional.name))
+        .map(|(parameter, _)| summary(parameter))
         .filter(|summary| summary.agreement.count > 0)
         .collect()
 }
