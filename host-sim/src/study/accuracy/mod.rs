@@ -10,6 +10,7 @@ pub use super::subject::config_of;
 
 use core::f64::consts::PI;
 
+use indicatif::ProgressBar;
 use ins_core::config::{Form, HeadingSource};
 use ins_core::earth::wrap_pi;
 use ins_core::{Config, ConfigError, Estimates, Observability, Solution};
@@ -20,7 +21,7 @@ use serde::Serialize;
 use super::subject::{Core, Kalman, Subject};
 use crate::compare::kalman::{Noise, PartNoise};
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
-use crate::sim::errors::BiasModel;
+use crate::page::progress::counted;
 use crate::sim::{DriveConfig, ErrorModel, Grade, SimulatedDrive, simulate};
 
 /// Interval at which the errors of a run are looked at, s.
@@ -93,42 +94,11 @@ pub const QUANTITIES: [Quantity; 8] = [
     quantity("gnss_latency_ms", "GNSS latency", "ms", 1e-3, LATENCY),
 ];
 
-/// What the sensors and the receiver are spared of their errors, each with those before it.
-#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
-pub enum Spared {
-    /// Nothing.
-    Nothing,
-    /// Biases of the gyros.
-    GyroBiases,
-    /// Those of the accelerometers, and the latency.
-    Biases,
-    /// All but a hundredth of the noise of velocities.
-    VelocityNoise,
-}
-
-impl Spared {
-    fn of(self, errors: &mut ErrorModel) {
-        if self >= Self::GyroBiases {
-            errors.gyro_deg_h.bias = BiasModel::constant(0.0);
-        }
-        if self >= Self::Biases {
-            errors.accel_mps2.bias = BiasModel::constant(0.0);
-            errors.gnss.latency_s = [0.0; 2];
-        }
-        if self >= Self::VelocityNoise {
-            errors.gnss.velocity_sigma_mps *= 0.01;
-        }
-    }
-}
-
 /// Which drives are run, and with which estimators.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Study {
     /// Class of the sensors.
     pub grade: Grade,
-    /// What they are spared.
-    #[serde(skip)]
-    pub spared: Spared,
     /// Length of a drive.
     pub minutes: f64,
     /// Seed of the first drive; the others follow.
@@ -172,7 +142,6 @@ impl Study {
     pub fn new(grade: Grade, runs: u64) -> Self {
         Self {
             grade,
-            spared: Spared::Nothing,
             minutes: 40.0,
             first_seed: 0,
             runs,
@@ -183,19 +152,17 @@ impl Study {
         }
     }
 
-    /// Runs all drives, several at a time; what comes out does not depend on how many. `tune` has
-    /// the last word on the configuration, `done` is told of every drive.
+    /// Runs all drives, several at a time; what comes out does not depend on how many. `spoil` has
+    /// the last word on the errors of the sensors, `tune` on the configuration.
     pub fn drive(
         &self,
+        spoil: &(dyn Fn(&mut ErrorModel) + Sync),
         tune: &(dyn Fn(&mut Config) + Sync),
-        done: &(dyn Fn() + Sync),
+        progress: &ProgressBar,
     ) -> Result<Vec<Run>, ConfigError> {
+        progress.set_length(self.runs);
         let seeds = self.first_seed..self.first_seed.saturating_add(self.runs);
-        let one = |seed| {
-            let run = self.run(seed, tune);
-            done();
-            run
-        };
+        let one = counted(progress, |seed| self.run(seed, spoil, tune));
         seeds.into_par_iter().map(one).collect()
     }
 
@@ -216,9 +183,14 @@ impl Study {
         config
     }
 
-    fn run(&self, seed: u64, tune: &dyn Fn(&mut Config)) -> Result<Run, ConfigError> {
+    fn run(
+        &self,
+        seed: u64,
+        spoil: &dyn Fn(&mut ErrorModel),
+        tune: &dyn Fn(&mut Config),
+    ) -> Result<Run, ConfigError> {
         let mut plan = DriveConfig::new(seed, self.grade, self.minutes);
-        self.spared.of(&mut plan.recording.errors);
+        spoil(&mut plan.recording.errors);
         let drive = simulate(&plan);
         let mut config = self.config(&drive);
         tune(&mut config);
@@ -329,7 +301,6 @@ fn checks(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use indicatif::ProgressBar;
 
     #[test]
     fn results_do_not_depend_on_the_number_of_threads() {

@@ -43,29 +43,6 @@ fn mute(study: &Study) -> String {
     format!("No test says anything of {}.\n\n", names.join(", "))
 }
 
-fn halves_title() -> String {
-    format!(
-        "HALVES: second minus first half, in sigmas of what both state, of what is observable in \
-         both.\nAllowed besides: {}.\nPlain: as found and as stated, nothing allowed, nothing \
-         carried.",
-        halves::ALLOWANCE
-    )
-}
-
-fn methods_title() -> String {
-    format!(
-        "METHODS: the core minus another at the end of the log, in joint sigmas, of what both \
-         call observable.\nAllowed besides: {ALLOWANCE}."
-    )
-}
-
-fn outages_title() -> String {
-    format!(
-        "OUTAGES of {OUTAGE_S:.0} s: position at the end, RMS, m. A summary has the geometric means \
-         of the ratios,\nand on how many logs the core drifts no more than the better of the others."
-    )
-}
-
 const FREE: &str = "FREE INS: horizontal velocity error over a minute, RMS, m/s, sensors as \
     logged and with the estimates.\nA summary counts the logs where it is better with them, of \
     those where anything is observable.";
@@ -138,8 +115,14 @@ fn halves_table(study: &Study) -> Table {
         }));
         Some(row)
     };
+    let title = format!(
+        "HALVES: second minus first half, in sigmas of what both state, of what is observable in \
+         both.\nAllowed besides: {}.\nPlain: as found and as stated, nothing allowed, nothing \
+         carried.",
+        halves::ALLOWANCE
+    );
     let rows = by_role(study, log, |summary| spread(&summary.halves));
-    Table::of(halves_title(), header, rows)
+    Table::of(title, header, rows)
 }
 
 fn methods_table(study: &Study) -> Table {
@@ -165,7 +148,11 @@ fn methods_table(study: &Study) -> Table {
         };
         rows.extend(by_role(study, log, total));
     }
-    Table::of(methods_title(), header, rows)
+    let title = format!(
+        "METHODS: the core minus another at the end of the log, in joint sigmas, of what both \
+         call observable.\nAllowed besides: {ALLOWANCE}."
+    );
+    Table::of(title, header, rows)
 }
 
 /// Those that need an explanation.
@@ -195,7 +182,11 @@ fn outages_table(study: &Study) -> Table {
         row.extend([outages.core_over_kalman, outages.core_over_better].map(number));
         row
     };
-    Table::of(outages_title(), header, by_role(study, log, total))
+    let title = format!(
+        "OUTAGES of {OUTAGE_S:.0} s: position at the end, RMS, m. A summary has the geometric means \
+         of the ratios,\nand on how many logs the core drifts no more than the better of the others."
+    );
+    Table::of(title, header, by_role(study, log, total))
 }
 
 fn free_table(study: &Study) -> Table {

@@ -195,9 +195,11 @@ impl Reproduction {
     /// For a terminal.
     pub fn readable(&self) -> String {
         let mut text = self.table().plain();
-        for NotReproduced { what, why } in self.not_reproduced {
-            text += &format!("\nNot reproduced: {what}: {why}.\n");
-        }
+        let missing = self.not_reproduced.iter();
+        text.extend(
+            missing
+                .map(|NotReproduced { what, why }| format!("\nNot reproduced: {what}: {why}.\n")),
+        );
         text
     }
 }

@@ -8,8 +8,9 @@ use host_sim::identify::configure;
 use host_sim::log::{BodyAxes, Log};
 use host_sim::page::brief;
 use host_sim::page::table::{heads, markdown};
-use host_sim::sim::{DriveConfig, Grade, simulate};
-use host_sim::study::accuracy::{Results, Spared, Study, picture};
+use host_sim::sim::errors::BiasModel;
+use host_sim::sim::{DriveConfig, ErrorModel, Grade, simulate};
+use host_sim::study::accuracy::{Results, Study, picture};
 use indicatif::ProgressBar;
 use ins_core::Config;
 use ins_core::config::Form;
@@ -24,14 +25,17 @@ const WRONG: f64 = 3.0;
 const CONVERGED: f64 = 2.0;
 
 fn results(study: Study) -> Result<Results> {
-    driven(study, &|_| {})
+    driven(study, &|_| {}, &|_| {})
 }
 
-/// With another configuration.
-fn driven(study: Study, tune: &(dyn Fn(&mut Config) + Sync)) -> Result<Results> {
-    let progress = ProgressBar::new(study.runs).with_message("driving");
+/// With other sensors, and with another configuration.
+fn driven(
+    study: Study,
+    spoil: &(dyn Fn(&mut ErrorModel) + Sync),
+    tune: &(dyn Fn(&mut Config) + Sync),
+) -> Result<Results> {
     let runs = study
-        .drive(tune, &|| progress.inc(1))
+        .drive(spoil, tune, &ProgressBar::new(study.runs))
         .map_err(|error| miette!("the study cannot be run: {}", error))?;
     Ok(Results::new(study, runs))
 }
@@ -69,39 +73,59 @@ fn of_all(results: &Results) -> String {
     )
 }
 
+/// Gyros without biases.
+fn spare_gyro_biases(errors: &mut ErrorModel) {
+    errors.gyro_deg_h.bias = BiasModel::constant(0.0);
+}
+
+/// Nor have accelerometers any, and there is no latency.
+fn spare_biases(errors: &mut ErrorModel) {
+    spare_gyro_biases(errors);
+    errors.accel_mps2.bias = BiasModel::constant(0.0);
+    errors.gnss.latency_s = [0.0; 2];
+}
+
+/// And a hundredth of the noise of velocities.
+fn spare_velocity_noise(errors: &mut ErrorModel) {
+    spare_biases(errors);
+    errors.gnss.velocity_sigma_mps *= 0.01;
+}
+
 /// RMS errors of both forms over the bandwidth of the horizontal loop.
 pub fn forms(runs: u64) -> Result<String> {
-    let exact = [0.15, 0.3, 0.5, 1.0, 1.2].as_slice();
-    let forms = [
-        ("exact", Spared::Nothing, exact),
-        ("literal", Spared::Nothing, &[0.3, 0.5, 1.0]),
-        ("literal, gyros without biases", Spared::GyroBiases, &[0.5]),
+    type Spoil = fn(&mut ErrorModel);
+    let forms: [(&str, Form, Spoil, &[f64]); 5] = [
+        ("exact", Form::Exact, |_| {}, &[0.15, 0.3, 0.5, 1.0, 1.2]),
+        ("literal", Form::Literal, |_| {}, &[0.3, 0.5, 1.0]),
+        (
+            "literal, gyros without biases",
+            Form::Literal,
+            spare_gyro_biases,
+            &[0.5],
+        ),
         (
             "... nor accelerometers, nor latency",
-            Spared::Biases,
+            Form::Literal,
+            spare_biases,
             &[0.5],
         ),
         (
             "... and a hundredth of the velocity noise",
-            Spared::VelocityNoise,
+            Form::Literal,
+            spare_velocity_noise,
             &[0.5],
         ),
     ];
     let mut rows = Vec::new();
     let mut header = heads("form | w0, rad/s | converged");
-    for (name, spared, bandwidths) in forms {
-        let form = if name == "exact" {
-            Form::Exact
-        } else {
-            Form::Literal
-        };
+    for (name, form, spoil, bandwidths) in forms {
         for bandwidth in bandwidths {
-            let results = results(Study {
+            let study = Study {
                 form,
-                spared,
                 bandwidth_radps: Some(*bandwidth),
                 ..Study::new(Grade::Hg1700, runs)
-            })?;
+            };
+            let results = driven(study, &spoil, &|_| {})?;
             let of = format!("{} of {runs}", results.converged);
             let mut row = vec![name.to_owned(), bandwidth.to_string(), of];
             row.extend((results.quantities.iter()).map(|row| brief(row.rms_error)));
@@ -182,7 +206,7 @@ fn compensation(runs: u64, factor: f64) -> Result<Results> {
         config.sensors.gyro_noise = config.sensors.gyro_noise.map(|noise| noise * factor);
         config.sensors.accel_noise = config.sensors.accel_noise.map(|noise| noise * factor);
     };
-    driven(study, &guess)
+    driven(study, &|_| {}, &guess)
 }
 
 fn filter(runs: u64, factor: f64, positions: bool) -> Result<Results> {
