@@ -3,7 +3,6 @@
 mod aircraft;
 mod campaign;
 mod compare;
-mod demo;
 mod drive;
 mod fly;
 mod hil;
@@ -50,7 +49,7 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Simulate a drive, identify it, and compare with the truth.
-    Demo(demo::Demo),
+    Demo(drive::Demo),
     /// Simulate a car drive and write its log.
     Drive(drive::Drive),
     /// Fly a plan in a simulated aircraft and write its log.
@@ -111,7 +110,7 @@ impl Cli {
 pub fn run(cli: &Cli) -> Result<()> {
     let (json, force) = (cli.json, cli.force);
     match &cli.command {
-        Command::Demo(options) => demo::demo(options, json),
+        Command::Demo(options) => drive::demo(options, json),
         Command::Drive(options) => drive::drive(options, json, force),
         Command::Fly(options) => fly::fly(options, json, force),
         Command::Import(options) => import::import(options, json, force),

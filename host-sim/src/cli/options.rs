@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use clap::{Args, ValueEnum};
+use clap::ValueEnum;
 use miette::{Result, bail, miette};
 use serde::Serialize;
 
@@ -12,19 +12,6 @@ use crate::aircraft::input::{read_aircraft, read_text};
 use crate::log::Grade;
 use crate::page::{self, output};
 use crate::sim::{self, ErrorModel};
-
-#[derive(Clone, Copy, Debug, Args)]
-pub(super) struct DriveOptions {
-    /// Fixes the route and every random number.
-    #[arg(long, default_value_t = 1)]
-    pub(super) seed: u64,
-    /// Class of the sensors.
-    #[arg(long, value_enum, default_value_t = Grade::Hg1700)]
-    pub(super) grade: Grade,
-    /// Length of the drive.
-    #[arg(long, default_value_t = 40.0, value_parser = minutes)]
-    pub(super) minutes: f64,
-}
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(super) enum GradeChoice {

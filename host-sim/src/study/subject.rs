@@ -64,6 +64,21 @@ pub trait Subject {
     fn claims(&self) -> Option<Claims>;
 }
 
+/// Drives on to the end of the samples; `look` sees every truth with the sample at its time or, where
+/// that is missing, the next.
+pub fn drive<S: Subject>(
+    subject: &mut S,
+    truths: &[Solution],
+    mut look: impl FnMut(&S, Time, &Solution),
+) {
+    let mut truths = truths.iter().peekable();
+    while let Some(time) = subject.step() {
+        while let Some(truth) = truths.next_if(|truth| truth.time <= time) {
+            look(subject, time, truth);
+        }
+    }
+}
+
 /// The configuration that fits a class of simulated sensors: its preset, and what a data sheet of
 /// such a unit says of noise and axes.
 pub fn config_of(grade: Grade) -> Config {

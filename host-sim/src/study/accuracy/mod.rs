@@ -18,7 +18,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::subject::{Core, Kalman, Subject};
+use super::subject::{self, Core, Kalman, Subject};
 use crate::compare::kalman::{Noise, PartNoise};
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
 use crate::page::progress::counted;
@@ -235,15 +235,12 @@ fn look<S: Subject>(
     checks: fn(&S, &SimulatedDrive, &Solution) -> Option<[Check; 8]>,
 ) -> Vec<Option<[Check; 8]>> {
     let mut history = Vec::new();
-    let mut truths = drive.truth.iter().peekable();
-    while let Some(time) = subject.step() {
-        while let Some(truth) = truths.next_if(|truth| truth.time <= time) {
-            let due_s = EVERY_S * (history.len() + 1) as f64;
-            if truth.time == time && time.as_seconds() >= due_s {
-                history.push(checks(subject, drive, truth));
-            }
+    subject::drive(subject, &drive.truth, |subject, time, truth| {
+        let due_s = EVERY_S * (history.len() + 1) as f64;
+        if truth.time == time && time.as_seconds() >= due_s {
+            history.push(checks(subject, drive, truth));
         }
-    }
+    });
     history
 }
 

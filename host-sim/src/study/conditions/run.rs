@@ -10,7 +10,7 @@ use super::truth::Truth;
 use super::{Kind, World, told};
 use crate::sim::{Grade, SimulatedDrive};
 use crate::statistics::root_mean;
-use crate::study::subject::{Claim, Claims, Core, Kalman, Subject};
+use crate::study::subject::{self, Claim, Claims, Core, Kalman, Subject};
 
 /// One claim against its truth, in the unit of the quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -85,23 +85,20 @@ impl Trial {
 
 fn try_on<S: Subject>(mut subject: S, world: &World, drive: &SimulatedDrive, truth: &Truth) -> Run {
     let half = Time::default().plus_seconds(30.0 * world.minutes);
-    let mut truths = drive.truth.iter().peekable();
     let mut second_half = SecondHalf::default();
     let (mut first_solution_s, mut end) = (None, None);
-    while let Some(time) = subject.step() {
-        while let Some(true_now) = truths.next_if(|true_now| true_now.time <= time) {
-            // A sample that is missing has a truth and no solution.
-            let solution = subject.solution().filter(|_| true_now.time == time);
-            end = solution.map(|solution| (solution, *true_now));
-            if solution.is_some() && first_solution_s.is_none() {
-                first_solution_s = Some(time.as_seconds());
-            }
-            if time >= half && true_now.time == time {
-                let now = solution.map(|solution| Look::new(&solution, true_now, subject.sigma()));
-                second_half.add(now, world.is_out(time));
-            }
+    subject::drive(&mut subject, &drive.truth, |subject, time, true_now| {
+        // A sample that is missing has a truth and no solution.
+        let solution = subject.solution().filter(|_| true_now.time == time);
+        end = solution.map(|solution| (solution, *true_now));
+        if solution.is_some() && first_solution_s.is_none() {
+            first_solution_s = Some(time.as_seconds());
         }
-    }
+        if time >= half && true_now.time == time {
+            let now = solution.map(|solution| Look::new(&solution, true_now, subject.sigma()));
+            second_half.add(now, world.is_out(time));
+        }
+    });
     let mut checks = Vec::new();
     if let (Some(claims), Some((solution, true_end))) = (subject.claims(), end) {
         check_end(&claims, &solution, &true_end, truth, &mut checks);
