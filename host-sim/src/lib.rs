@@ -44,3 +44,8 @@ pub(crate) mod rehearse;
 mod cli;
 
 pub use cli::{Cli, clean_up_when_stopped, run};
+
+// For `figures` of ins-tests, which measures the tables and pictures of the documentation.
+pub use cli::{campaign_summary, plan_drive_page};
+pub use rehearse::{proof, settings::Drives};
+pub use report::picture as picture_of_estimates;

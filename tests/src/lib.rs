@@ -5,5 +5,6 @@ pub mod cargo;
 pub mod drives;
 pub mod firmware;
 pub mod footprint;
+pub mod pages;
 pub mod pyins;
 pub mod python;

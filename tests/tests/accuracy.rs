@@ -15,7 +15,7 @@ fn runs(grade: Grade, runs: u64, minutes: f64, tune: &(dyn Fn(&mut Config) + Syn
         minutes,
         ..Study::new(grade, runs)
     };
-    study.drive(tune, &|| {}).unwrap()
+    study.drive(&|_| {}, tune, &ProgressBar::hidden()).unwrap()
 }
 
 /// Checks are ten seconds apart.

@@ -16,6 +16,7 @@ mod links;
 mod locks;
 mod mechanization;
 mod mounting;
+mod pages;
 mod parts;
 mod pyins;
 mod rest;

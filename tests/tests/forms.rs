@@ -3,6 +3,7 @@
 use host_sim::identify::run::in_order_of_time;
 use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
 use host_sim::study::accuracy::{Results, Study, config_of};
+use indicatif::ProgressBar;
 use ins_core::config::{Feedback, Form, HeadingSource};
 use ins_core::mechanization::Mechanization;
 use ins_core::{Config, Estimates, Navigator};
@@ -60,7 +61,12 @@ fn the_literal_form_works_and_the_exact_one_is_better() {
             form,
             ..Study::new(Grade::Hg1700, 4)
         };
-        Results::new(study, study.drive(&|_| {}, &|| {}).unwrap())
+        Results::new(
+            study,
+            study
+                .drive(&|_| {}, &|_| {}, &ProgressBar::hidden())
+                .unwrap(),
+        )
     };
     let (exact, literal) = (of(Form::Exact), of(Form::Literal));
     assert_eq!(literal.converged, 4);

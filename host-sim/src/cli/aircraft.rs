@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use miette::{Result, miette};
 
-use super::options::{self, show};
+use super::options::{self, Out, show};
 use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::performance::{Performance, performance};
 use crate::aircraft::pictures;
@@ -29,6 +29,7 @@ const TABLE: &str = "performance.json";
 
 /// Prints the performance table and the modes of an aircraft.
 pub fn aircraft(options: &Aircraft, json: bool, force: bool) -> Result<()> {
+    let out = Out::new(options.out.as_deref(), TABLE, force)?;
     let dynamics = options::aircraft(options.aircraft.as_deref())?;
     let name = &dynamics.parameters.name;
     let table = performance(&dynamics).ok_or_else(|| {
@@ -37,15 +38,12 @@ pub fn aircraft(options: &Aircraft, json: bool, force: bool) -> Result<()> {
             "the {name} cannot fly level at sea level"
         )
     })?;
-    if let Some(out) = &options.out {
+    out.fill(|folder| {
         let slowest_mps = 1.05 * table.clean_stall_speed_kmh / 3.6;
         let drawn = pictures::of_aircraft(&dynamics, slowest_mps, table.max_speed_kmh / 3.6);
-        output::build(out, TABLE, force, |folder| -> Result<()> {
-            output::write(folder, TABLE, page::json(&table)?)?;
-            pictures::write(&drawn, folder)?;
-            Ok(())
-        })?;
-    }
+        output::write(folder, TABLE, page::json(&table)?)?;
+        Ok(pictures::write(&drawn, folder)?)
+    })?;
     show(json, &table, || readable(&dynamics, &table))
 }
 
@@ -55,37 +53,31 @@ fn readable(dynamics: &Dynamics, table: &Performance) -> String {
         "{}\n\n{:<34}{:>10}{:>15}\n",
         table.name, "", "model", "specification"
     );
-    let mut row = |name: &str, value: f64, published: Option<f64>| {
-        let published = published.map_or(String::new(), |p| format!("{p:.1}"));
-        // Writing into a string cannot fail.
-        let _ = writeln!(text, "{name:<34}{value:>10.1}{published:>15}");
-    };
-    let [speed, stall, climb] = [
-        published.map(|p| p.max_speed_kmh),
-        published.map(|p| p.stall_speed_kmh),
-        published.map(|p| p.climb_rate_mps),
-    ];
-    row("maximum level speed, km/h", table.max_speed_kmh, speed);
-    row(
-        "stall speed, flaps down, km/h",
+    let speeds = [
+        table.max_speed_kmh,
         table.stall_speed_kmh,
-        stall,
-    );
-    row("rate of climb, m/s", table.climb_rate_mps, climb);
-    row(
-        "stall speed, flaps up, km/h",
-        table.clean_stall_speed_kmh,
-        None,
-    );
-    row("speed of best climb, km/h", table.climb_speed_kmh, None);
-    row("service ceiling, m", table.service_ceiling_m, None);
-    row("ceiling, m", table.ceiling_m, None);
-    row(
-        "engine at full speed, rpm",
-        table.engine_rpm_at_max_speed,
-        None,
-    );
-    row("engine in the climb, rpm", table.engine_rpm_in_climb, None);
+        table.climb_rate_mps,
+    ];
+    let specified = published.map(|p| [p.max_speed_kmh, p.stall_speed_kmh, p.climb_rate_mps]);
+    let names = [
+        "maximum level speed, km/h",
+        "stall speed, flaps down, km/h",
+        "rate of climb, m/s",
+    ];
+    for (which, (name, value)) in names.into_iter().zip(speeds).enumerate() {
+        let specified = specified.map_or(String::new(), |s| format!("{:.1}", s[which]));
+        let _ = writeln!(text, "{name:<34}{value:>10.1}{specified:>15}");
+    }
+    for (name, value) in [
+        ("stall speed, flaps up, km/h", table.clean_stall_speed_kmh),
+        ("speed of best climb, km/h", table.climb_speed_kmh),
+        ("service ceiling, m", table.service_ceiling_m),
+        ("ceiling, m", table.ceiling_m),
+        ("engine at full speed, rpm", table.engine_rpm_at_max_speed),
+        ("engine in the climb, rpm", table.engine_rpm_in_climb),
+    ] {
+        let _ = writeln!(text, "{name:<34}{value:>10.1}{:>15}", "");
+    }
     let _ = writeln!(
         text,
         "\nSteady level flight at sea level: trim and natural motions\n\

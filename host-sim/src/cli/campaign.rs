@@ -86,7 +86,7 @@ fn check_parts(plan: &Plan, parts: u32) -> Result<()> {
 }
 
 /// Makes the folder with a copy of the plan, or finds that it belongs to this very plan.
-pub(crate) fn settle(plan: &Plan, out: &Path, force: bool) -> Result<()> {
+fn settle(plan: &Plan, out: &Path, force: bool) -> Result<()> {
     let text = toml::to_string(plan).into_diagnostic()?;
     let same = |copy: &Path| Ok(Plan::read(copy)? == *plan);
     ledger::settle(out, PLAN, &text, force, same, "a campaign of another plan")
@@ -107,7 +107,7 @@ fn add_up(folders: &[&PathBuf], json: bool) -> Result<()> {
 }
 
 /// What the runs in some folders of one plan say.
-pub(crate) fn summary(folders: &[&PathBuf]) -> Result<Summary> {
+pub fn summary(folders: &[&PathBuf]) -> Result<Summary> {
     let (plan, tally) = tally(folders)?;
     let missing = tally.missing(&plan);
     if missing > 0 {

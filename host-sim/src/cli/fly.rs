@@ -4,15 +4,16 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use miette::{IntoDiagnostic, Result, miette};
+use miette::{Result, miette};
 use serde::Serialize;
 
+use super::drive::Simulated;
 use super::options::{aircraft, error_model, show};
 use crate::aircraft::flight::Flight;
 use crate::aircraft::pictures;
 use crate::aircraft::plan::Plan;
 use crate::identify::true_errors::{self, Truth};
-use crate::log::{self, BodyAxes, Compression};
+use crate::log::Grade;
 use crate::page::output::{self, OutputError};
 use crate::page::progress::spinner;
 use crate::sim::drive::Recording;
@@ -71,9 +72,19 @@ pub fn fly(options: &Fly, json: bool, force: bool) -> Result<()> {
     };
     let run = record(flight, &recording);
     progress.set_message("writing the log");
-    let truth = Truth::new(&run.errors, run.azimuth_error_rad(), BodyAxes::Frd);
+    let drawn = pictures::of_flight(&run, recording.errors.imu.output);
     let distance_km = 1e-3 * distance_m(&run);
-    write(options, &recording, run, truth, force)?;
+    let name = format!("simulated flight, seed {}", options.seed);
+    // A flight has no rest that would tell.
+    let grade = class(&recording.errors);
+    let flown = Simulated::new(run, &recording.errors, grade, name);
+    let plan = fs::read(&options.plan).map_err(|e| OutputError::io(&options.plan, e))?;
+    let write = |folder: &Path| -> Result<()> {
+        flown.write(folder)?;
+        output::write(folder, "plan.toml", &plan)?;
+        Ok(pictures::write(&drawn, &folder.join("pictures"))?)
+    };
+    output::build(&options.out, true_errors::FILE, force, write)?;
     progress.finish_and_clear();
 
     let summary = FlySummary {
@@ -82,7 +93,7 @@ pub fn fly(options: &Fly, json: bool, force: bool) -> Result<()> {
         seed: options.seed,
         duration_s: recording.duration_s,
         distance_km,
-        errors: &truth,
+        errors: &flown.truth,
     };
     show(json, &summary, || {
         format!(
@@ -95,12 +106,12 @@ pub fn fly(options: &Fly, json: bool, force: bool) -> Result<()> {
 }
 
 /// What a navigator has to be told of sensors: whether its gyros feel the Earth's rate.
-fn class(errors: &ErrorModel) -> log::Grade {
+fn class(errors: &ErrorModel) -> Grade {
     const EARTH_RATE_DEG_H: f64 = 15.0;
     if errors.gyro_deg_h.bias.initial_sigma() < EARTH_RATE_DEG_H {
-        log::Grade::Hg1700
+        Grade::Hg1700
     } else {
-        log::Grade::Mems
+        Grade::Mems
     }
 }
 
@@ -109,34 +120,4 @@ fn distance_m(run: &SimulatedDrive) -> f64 {
         .windows(2)
         .map(|w| w[1].position.enu_from(&w[0].position).xy().norm())
         .sum()
-}
-
-fn write(
-    options: &Fly,
-    recording: &Recording,
-    run: SimulatedDrive,
-    truth: Truth,
-    force: bool,
-) -> Result<()> {
-    let drawn = pictures::of_flight(&run, recording.errors.imu.output);
-    let mut log = run.into_log(BodyAxes::Frd, recording.errors.imu.output);
-    // A flight has no rest that would tell.
-    log.meta.grade = Some(class(&recording.errors));
-    let name = format!("simulated flight, seed {}", options.seed);
-    log.meta.document.insert("name".into(), name.into());
-    log.meta.document.insert("real_data".into(), false.into());
-    let true_errors = truth.to_toml().into_diagnostic()?;
-    let plan = fs::read(&options.plan).map_err(|e| OutputError::io(&options.plan, e))?;
-    output::build(
-        &options.out,
-        true_errors::FILE,
-        force,
-        |folder| -> Result<()> {
-            log::write(&log, folder, Compression::Gzip)?;
-            output::write(folder, true_errors::FILE, &true_errors)?;
-            output::write(folder, "plan.toml", &plan)?;
-            pictures::write(&drawn, &folder.join("pictures"))?;
-            Ok(())
-        },
-    )
 }

@@ -1,24 +1,15 @@
-//! The command line: a file for each command.
+//! The command line: a file for each command, or group of commands.
 
-mod accuracy;
 mod aircraft;
 mod campaign;
 mod compare;
-mod conditions;
-mod demo;
 mod drive;
-mod figures;
-mod flights;
 mod fly;
 mod hil;
 mod identify;
 mod import;
-mod logs;
 mod options;
 mod plan_drive;
-mod proof;
-mod recordings;
-mod recovery;
 mod rehearse;
 mod reproduce;
 mod study;
@@ -34,6 +25,8 @@ use miette::Result;
 
 use crate::page::output::OutputError;
 pub use crate::page::output::clean_up_when_stopped;
+pub use campaign::summary as campaign_summary;
+pub use plan_drive::study::page as plan_drive_page;
 
 /// Name of the program.
 const NAME: &str = "host-sim";
@@ -52,47 +45,40 @@ pub struct Cli {
     force: bool,
 }
 
+/// For use, then for study.
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Simulate a drive, identify it, and compare with the truth.
+    Demo(drive::Demo),
     /// Simulate a car drive and write its log.
     Drive(drive::Drive),
+    /// Fly a plan in a simulated aircraft and write its log.
+    Fly(fly::Fly),
+    /// Make a log of a recording of another program: PX4, ArduPilot, ROS, UBX, NMEA, phones.
+    Import(import::Import),
     /// Find the sensor errors of logs and their error model; write summaries, tables and reports.
     Identify(identify::Identify),
     /// Find delay, antenna offset, mount, offsets and noise in a log, as parameters of PX4, ArduPilot and others.
     Tune(tune::Tune),
-    /// Make a log of a recording of another program: PX4, ArduPilot, ROS, UBX, NMEA, phones.
-    Import(import::Import),
-    /// Run a log through firmware on a board, and compare with the host bit for bit.
-    Hil(hil::Hil),
     /// Compare compensation with a Kalman filter on a log, in navigation and through outages.
     Compare(compare::Compare),
-    /// Identify many simulated units and say how well their error models are found.
-    Recovery(recovery::Recovery),
-    /// Fly a plan in a simulated aircraft and write its log.
-    Fly(fly::Fly),
-    /// Print the performance and the natural motions of an aircraft.
-    Aircraft(aircraft::Aircraft),
-    /// Fly many flights, damped and then free, and report what the estimates are worth.
-    Flights(flights::Flights),
-    /// Run many simulated drives and say how good the estimates are.
-    Accuracy(accuracy::Accuracy),
-    /// Identify many units from drives, fly them, and compare with the accuracy foretold.
-    Campaign(campaign::Campaign),
+    /// Run a log through firmware on a board, and compare with the host bit for bit.
+    Hil(hil::Hil),
     /// Find the drive that shows what is wanted, or what to add to one that was driven.
     PlanDrive(plan_drive::command::PlanDrive),
     /// Rehearse flights: recorded drives of a unit to the accuracy of any algorithm in the air.
     Rehearse(rehearse::Rehearse),
-    /// Add up the shards of a campaign.
-    Merge(campaign::Merge),
-    /// Regenerate the thesis's figures and tables from simulation, its numbers beside ours.
-    Reproduce(reproduce::Reproduce),
-    /// Measure the figures of the README and of docs/ anew and write them there.
-    Figures(figures::Figures),
+    /// Print the performance and the natural motions of an aircraft.
+    Aircraft(aircraft::Aircraft),
     /// Run many and say how good and how honest the results are.
     #[command(subcommand)]
     Study(study::Study),
-    /// Simulate a drive, identify it, and compare with the truth.
-    Demo(demo::Demo),
+    /// Identify many units from drives, fly them, and compare with the accuracy foretold.
+    Campaign(campaign::Campaign),
+    /// Add up the shards of a campaign.
+    Merge(campaign::Merge),
+    /// Regenerate the thesis's figures and tables from simulation, its numbers beside ours.
+    ReproduceThesis(reproduce::Reproduce),
     /// Print completions of the command line for a shell.
     Completions {
         /// bash, zsh, fish and others.
@@ -109,7 +95,8 @@ enum Command {
 impl Cli {
     /// The command line; numbers may be negative.
     pub fn read() -> Self {
-        let command = Self::command().mut_subcommands(|c| c.allow_negative_numbers(true));
+        let negative = |c: clap::Command| c.allow_negative_numbers(true);
+        let command = Self::command().mut_subcommands(|c| negative(c).mut_subcommands(negative));
         Self::from_arg_matches(&command.get_matches()).unwrap_or_else(|error| error.exit())
     }
 
@@ -121,28 +108,23 @@ impl Cli {
 
 /// Runs a command.
 pub fn run(cli: &Cli) -> Result<()> {
+    let (json, force) = (cli.json, cli.force);
     match &cli.command {
-        Command::Drive(options) => drive::drive(options, cli.json, cli.force),
-        Command::Identify(options) => identify::identify(options, cli.json, cli.force),
-        Command::Recovery(options) => recovery::recovery(options, cli.json, cli.force),
-        Command::Tune(options) => tune::tune(options, cli.json),
-        Command::Import(options) => import::import(options, cli.json, cli.force),
-        Command::Hil(options) => hil::hil(options, cli.json, cli.force),
-        Command::Compare(options) => compare::compare(options, cli.json, cli.force),
-        Command::Fly(options) => fly::fly(options, cli.json, cli.force),
-        Command::Aircraft(options) => aircraft::aircraft(options, cli.json, cli.force),
-        Command::Flights(options) => flights::flights(options, cli.json, cli.force),
-        Command::Accuracy(options) => accuracy::accuracy(options, cli.json, cli.force),
-        Command::Campaign(options) => campaign::campaign(options, cli.json, cli.force),
-        Command::PlanDrive(options) => {
-            plan_drive::command::plan_drive(options, cli.json, cli.force)
-        }
-        Command::Rehearse(options) => rehearse::rehearse(options, cli.json, cli.force),
-        Command::Merge(options) => campaign::merge(options, cli.json),
-        Command::Reproduce(options) => reproduce::reproduce(options, cli.json, cli.force),
-        Command::Figures(options) => figures::write(options),
-        Command::Study(study) => study::study(study, cli.json),
-        Command::Demo(options) => demo::demo(options, cli.json),
+        Command::Demo(options) => drive::demo(options, json),
+        Command::Drive(options) => drive::drive(options, json, force),
+        Command::Fly(options) => fly::fly(options, json, force),
+        Command::Import(options) => import::import(options, json, force),
+        Command::Identify(options) => identify::identify(options, json, force),
+        Command::Tune(options) => tune::tune(options, json),
+        Command::Compare(options) => compare::compare(options, json, force),
+        Command::Hil(options) => hil::hil(options, json, force),
+        Command::PlanDrive(options) => plan_drive::command::plan_drive(options, json, force),
+        Command::Rehearse(options) => rehearse::rehearse(options, json, force),
+        Command::Aircraft(options) => aircraft::aircraft(options, json, force),
+        Command::Study(study) => study.run(json, force),
+        Command::Campaign(options) => campaign::campaign(options, json, force),
+        Command::Merge(options) => campaign::merge(options, json),
+        Command::ReproduceThesis(options) => reproduce::reproduce(options, json, force),
         Command::Completions { shell } => {
             clap_complete::generate(*shell, &mut Cli::command(), NAME, &mut io::stdout());
             Ok(())

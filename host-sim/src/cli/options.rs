@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use clap::{Args, ValueEnum};
+use clap::ValueEnum;
 use miette::{Result, bail, miette};
 use serde::Serialize;
 
@@ -10,21 +10,8 @@ use crate::aircraft::cessna172;
 use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::input::{read_aircraft, read_text};
 use crate::log::Grade;
-use crate::page;
+use crate::page::{self, output};
 use crate::sim::{self, ErrorModel};
-
-#[derive(Clone, Copy, Debug, Args)]
-pub(super) struct DriveOptions {
-    /// Fixes the route and every random number.
-    #[arg(long, default_value_t = 1)]
-    pub(super) seed: u64,
-    /// Class of the sensors.
-    #[arg(long, value_enum, default_value_t = Grade::Hg1700)]
-    pub(super) grade: Grade,
-    /// Length of the drive.
-    #[arg(long, default_value_t = 40.0, value_parser = minutes)]
-    pub(super) minutes: f64,
-}
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(super) enum GradeChoice {
@@ -94,6 +81,33 @@ pub(super) fn error_model(name: &str) -> Result<ErrorModel> {
                 )
             })
         }
+    }
+}
+
+/// Folder of the results where one is wanted, refused before any work is done for it.
+pub(super) struct Out<'a> {
+    folder: Option<&'a Path>,
+    mark: &'static str,
+    force: bool,
+}
+
+impl<'a> Out<'a> {
+    pub(super) fn new(folder: Option<&'a Path>, mark: &'static str, force: bool) -> Result<Self> {
+        if let Some(folder) = folder {
+            output::check_free(folder, mark, force)?;
+        }
+        Ok(Self {
+            folder,
+            mark,
+            force,
+        })
+    }
+
+    pub(super) fn fill(&self, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+        let Some(folder) = self.folder else {
+            return Ok(());
+        };
+        output::build(folder, self.mark, self.force, fill)
     }
 }
 

@@ -1,4 +1,4 @@
-//! The command `reproduce`.
+//! The command `reproduce-thesis`.
 
 use std::path::{Path, PathBuf};
 
@@ -10,10 +10,9 @@ use crate::identify::analysis::log_name;
 use crate::log::{LogError, import};
 use crate::page::output;
 use crate::page::progress::spinner;
-use crate::study::reproduce::output::plain;
-use crate::study::reproduce::{JSON, Recorded, Settings, markdown, reproduce as measure};
+use crate::study::reproduce::{JSON, Recorded, Settings, reproduce as measure};
 
-/// Options of `reproduce`.
+/// Options of `reproduce-thesis`.
 #[derive(Debug, Args)]
 pub struct Reproduce {
     /// Folder for drawings, data and report.
@@ -25,11 +24,6 @@ pub struct Reproduce {
     /// A log or recording on which Figures 3, 4, 6 and 7 are drawn too.
     #[arg(long)]
     log: Option<PathBuf>,
-}
-
-/// The numbers, as docs/thesis.md has them.
-pub fn page() -> Result<String> {
-    measure(Settings::new(1), None).map(|reproduction| markdown(&reproduction))
 }
 
 fn read(path: &Path) -> Result<Recorded> {
@@ -56,6 +50,10 @@ pub fn reproduce(options: &Reproduce, json: bool, force: bool) -> Result<()> {
     })?;
     show(json, &reproduction, || {
         let report = options.out.join("report.html");
-        format!("{}\nReport: {}\n", plain(&reproduction), report.display())
+        format!(
+            "{}\nReport: {}\n",
+            reproduction.readable(),
+            report.display()
+        )
     })
 }

@@ -1,32 +1,412 @@
 //! The command group `study`.
 
-use clap::Subcommand;
-use miette::Result;
+use std::path::PathBuf;
 
-use super::{conditions, logs, plan_drive, proof, recordings};
+use clap::{Args, Subcommand, ValueEnum};
+use ins_core::config::Form;
+use miette::{Result, bail, miette};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::identify::error_model_of;
+use super::options::{GradeChoice, Out, minutes, show};
+use super::plan_drive::study::PlanDrive;
+use super::rehearse::{in_keys, keys};
+use crate::identify::analysis::Analysis;
+use crate::log::Grade;
+use crate::page::output::replace;
+use crate::page::progress::{bar, counted};
+use crate::rehearse::proof;
+use crate::rehearse::settings::Drives;
+use crate::sim::ErrorModel;
+use crate::study::{accuracy, conditions, flights, logs, recordings, recovery};
 
 /// What is studied.
 #[derive(Debug, Subcommand)]
 pub enum Study {
+    /// Run many simulated drives and say how good the estimates are.
+    Accuracy(Accuracy),
     /// Try simulated vehicles, mounts and receivers of many kinds over seeds: how honest the core is.
-    Conditions(conditions::Conditions),
+    Conditions(Conditions),
+    /// Fly many flights, damped and then free, and report what the estimates are worth.
+    Flights(Flights),
+    /// Identify many simulated units and say how well their error models are found.
+    Recovery(Recovery),
     /// Say what recorded logs can tell of the core: halves, methods, outages, free INS.
-    Logs(logs::Logs),
+    Logs(Logs),
     /// Try recordings of any format: what is found in each, what is warned of, and the time it takes.
-    Recordings(recordings::Recordings),
+    Recordings(Recordings),
     /// Hold the sigmas that `plan-drive` foretells against the errors of simulated drives.
-    PlanDrive(plan_drive::study::PlanDrive),
+    PlanDrive(PlanDrive),
     /// Foretell the drift of recorded drives without GNSS by a model of other drives, and compare.
-    Rehearse(proof::Proof),
+    Rehearse(Rehearse),
 }
 
-/// Runs a study.
-pub fn study(study: &Study, json: bool) -> Result<()> {
-    match study {
-        Study::Conditions(options) => conditions::conditions(options, json),
-        Study::Logs(options) => logs::logs(options, json),
-        Study::Recordings(options) => recordings::study(options, json),
-        Study::PlanDrive(options) => plan_drive::study::study(options, json),
-        Study::Rehearse(options) => proof::prove(options, json),
+impl Study {
+    /// Runs it.
+    pub fn run(&self, json: bool, force: bool) -> Result<()> {
+        match self {
+            Self::Accuracy(options) => options.run(json, force),
+            Self::Conditions(options) => options.run(json),
+            Self::Flights(options) => options.run(json, force),
+            Self::Recovery(options) => options.run(json, force),
+            Self::Logs(options) => options.run(json),
+            Self::Recordings(options) => options.run(json),
+            Self::PlanDrive(options) => options.run(json),
+            Self::Rehearse(options) => options.run(json),
+        }
+    }
+}
+
+/// Options of `study accuracy`.
+#[derive(Debug, Args)]
+pub struct Accuracy {
+    /// Class of the sensors.
+    #[arg(long, value_enum, default_value_t = Grade::Hg1700)]
+    grade: Grade,
+    /// Number of drives.
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    runs: u64,
+    /// Length of a drive.
+    #[arg(long, default_value_t = 40.0, value_parser = minutes)]
+    minutes: f64,
+    /// Seed of the first drive; the others follow.
+    #[arg(long, default_value_t = 0)]
+    first_seed: u64,
+    /// Bandwidth of the horizontal damping loop, rad/s.
+    #[arg(long)]
+    bandwidth: Option<f64>,
+    /// Form of the estimators.
+    #[arg(long, value_enum, default_value_t = FormChoice::Exact)]
+    form: FormChoice,
+    /// Run a Kalman filter in place of the core, which takes the noise of the inertial sensors for
+    /// FACTOR times what it is.
+    #[arg(long, value_name = "FACTOR", value_parser = factor)]
+    kalman: Option<f64>,
+    /// Give that filter no level positions.
+    #[arg(long, requires = "kalman")]
+    velocity_alone: bool,
+    /// Folder for accuracy.json, accuracy.csv and accuracy.svg.
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum FormChoice {
+    /// Controls undone exactly, all parameters jointly.
+    Exact,
+    /// The thesis's (7) to (11) as printed.
+    Literal,
+}
+
+fn factor(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(factor) if (0.01..=100.0).contains(&factor) => Ok(factor),
+        _ => Err("a factor from 0.01 to 100".to_owned()),
+    }
+}
+
+impl Accuracy {
+    fn run(&self, json: bool, force: bool) -> Result<()> {
+        let out = Out::new(self.out.as_deref(), accuracy::JSON, force)?;
+        let study = accuracy::Study {
+            minutes: self.minutes,
+            first_seed: self.first_seed,
+            form: match self.form {
+                FormChoice::Exact => Form::Exact,
+                FormChoice::Literal => Form::Literal,
+            },
+            bandwidth_radps: self.bandwidth,
+            kalman_noise: self.kalman,
+            kalman_positions: !self.velocity_alone,
+            ..accuracy::Study::new(self.grade.into(), self.runs)
+        };
+        let results = study
+            .results(&bar().with_message("driving"))
+            .map_err(|error| miette!("these options cannot be used: {}", error))?;
+        out.fill(|folder| accuracy::write(&results, folder))?;
+        show(json, &results, || accuracy::readable(&results))
+    }
+}
+
+/// Options of `study conditions`.
+#[derive(Debug, Args)]
+#[allow(clippy::struct_excessive_bools)]
+pub struct Conditions {
+    /// Runs of each kind.
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    seeds: u64,
+    /// Seed of the first run; the others follow.
+    #[arg(long, default_value_t = 0)]
+    first_seed: u64,
+    /// Kinds by name; all unless given.
+    #[arg(long, value_delimiter = ',')]
+    kinds: Vec<String>,
+    /// The kinds that judge, and no other.
+    #[arg(long)]
+    judges: bool,
+    /// The kinds to develop on, and no other.
+    #[arg(long, conflicts_with = "judges")]
+    development: bool,
+    /// Sensors of one class alone.
+    #[arg(long, value_enum)]
+    class: Option<Grade>,
+    #[command(flatten)]
+    trial: conditions::Trial,
+    /// The overview and the totals alone.
+    #[arg(long)]
+    brief: bool,
+    /// File for a line of each kind and quantity, as CSV.
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Print the kinds there are, and run none.
+    #[arg(long)]
+    list: bool,
+}
+
+impl Conditions {
+    fn run(&self, json: bool) -> Result<()> {
+        /// What is printed as JSON.
+        #[derive(Serialize)]
+        struct Page {
+            seeds: u64,
+            first_seed: u64,
+            totals: Vec<conditions::Totals>,
+            kinds: Vec<conditions::Results>,
+        }
+        let kinds = self.chosen()?;
+        if self.list {
+            for kind in kinds {
+                let side = if kind.judge { "judge  " } else { "develop" };
+                println!("{:<26} {side}  {}", kind.name, kind.what);
+            }
+            return Ok(());
+        }
+        let study = conditions::Study {
+            kinds,
+            only: self.class.map(Into::into),
+            first_seed: self.first_seed,
+            seeds: self.seeds,
+            trial: self.trial,
+        };
+        let results = study.results(&bar().with_message("running"));
+        if let Some(file) = &self.csv {
+            replace(file, &conditions::output::csv(&results)?)?;
+        }
+        let page = Page {
+            seeds: study.seeds,
+            first_seed: study.first_seed,
+            totals: conditions::output::totals(&results),
+            kinds: results,
+        };
+        show(json, &page, || {
+            conditions::output::readable(&page.kinds, !self.brief)
+        })
+    }
+
+    fn chosen(&self) -> Result<Vec<&'static conditions::Kind>> {
+        for name in &self.kinds {
+            if !conditions::all().any(|kind| kind.name == *name) {
+                bail!(
+                    help = "`study conditions --list` prints all",
+                    "no kind of conditions is called {name}"
+                );
+            }
+        }
+        let wanted = |kind: &&conditions::Kind| {
+            let named = self.kinds.is_empty() || self.kinds.iter().any(|name| name == kind.name);
+            named && !(self.judges && !kind.judge || self.development && kind.judge)
+        };
+        Ok(conditions::all().filter(wanted).collect())
+    }
+}
+
+/// Options of `study flights`.
+#[derive(Debug, Args)]
+pub struct Flights {
+    /// Number of flights.
+    #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    runs: u32,
+    /// Minutes damped by GNSS.
+    #[arg(long, default_value_t = 40, value_parser = clap::value_parser!(u32).range(1..=600))]
+    minutes_aided: u32,
+    /// Minutes without GNSS after that.
+    #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=600))]
+    minutes_free: u32,
+    /// Seed of the first flight; the others follow.
+    #[arg(long, default_value_t = 0)]
+    seed_from: u64,
+    /// Folder for tables and pictures.
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+impl Flights {
+    fn run(&self, json: bool, force: bool) -> Result<()> {
+        let out = Out::new(self.out.as_deref(), flights::SUMMARY, force)?;
+        let settings = flights::Settings {
+            minutes_aided: self.minutes_aided,
+            minutes_free: self.minutes_free,
+            errors: ErrorModel::hg1700(),
+        };
+        let seeds = self.seed_from..self.seed_from + u64::from(self.runs);
+        let progress = bar().with_message("flights");
+        let (runs, summary) = flights::measure(seeds, &settings, &progress)?;
+        out.fill(|folder| flights::write(folder, &runs, &summary))?;
+        show(json, &summary, || flights::readable(&summary))
+    }
+}
+
+/// Options of `study recovery`.
+#[derive(Debug, Args)]
+pub struct Recovery {
+    /// Number of units, of each model of the gyro biases.
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(2..=100_000))]
+    units: u64,
+    /// Drives of a unit.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=100))]
+    drives: u64,
+    /// Length of a drive.
+    #[arg(long, default_value_t = 40.0, value_parser = minutes)]
+    minutes: f64,
+    /// Seed of the first drive.
+    #[arg(long, default_value_t = 0)]
+    first_seed: u64,
+    /// Both classes of sensors, in a car and in an aircraft: only how often intervals hold the truth.
+    #[arg(long)]
+    closure: bool,
+    /// Folder for recovery.json and, in Markdown, recovery.md.
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+impl Recovery {
+    fn run(&self, json: bool, force: bool) -> Result<()> {
+        let out = Out::new(self.out.as_deref(), recovery::JSON, force)?;
+        let study = recovery::Study {
+            class: Grade::Hg1700,
+            vehicle: recovery::Vehicle::Car,
+            units: self.units,
+            drives: self.drives,
+            minutes: self.minutes,
+            first_seed: self.first_seed,
+        };
+        let results = if self.closure {
+            study.of_all_kinds()
+        } else {
+            study.of_both_laws()
+        };
+        let tables = recovery::tables(&results, self.closure);
+        out.fill(|folder| recovery::write(&results, &tables, folder))?;
+        show(json, &results, || recovery::readable(&tables))
+    }
+}
+
+/// Options of `study logs`.
+#[derive(Debug, Args)]
+pub struct Logs {
+    /// Folders of recorded logs.
+    #[arg(required = true)]
+    #[allow(clippy::struct_field_names)] // Named on the command line.
+    logs: Vec<PathBuf>,
+    /// Only the logs that nothing was developed on: all but the development logs.
+    #[arg(long, conflicts_with = "development")]
+    judges: bool,
+    /// Only the development logs.
+    #[arg(long)]
+    development: bool,
+    /// Class of the sensors.
+    #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
+    grade: GradeChoice,
+}
+
+impl Logs {
+    /// Studies every log; one that cannot be used is named, and the others go on.
+    fn run(&self, json: bool) -> Result<()> {
+        let wanted = |folder: &&PathBuf| match logs::Role::of(&logs::name_of(folder)) {
+            logs::Role::Development => !self.judges,
+            logs::Role::Judge => !self.development,
+        };
+        let folders: Vec<&PathBuf> = self.logs.iter().filter(wanted).collect();
+        let progress = bar().with_message("studying");
+        progress.set_length(folders.len() as u64);
+        let one =
+            |folder: &&PathBuf| logs::LogStudy::of_folder(folder, self.grade.told(), &progress);
+        // Longest work first to whoever is free; results stand in the order of the folders.
+        let studies: Vec<Result<logs::LogStudy>> = (folders.par_iter())
+            .with_max_len(1)
+            .map(counted(&progress, one))
+            .collect();
+        progress.finish_and_clear();
+        let mut used = Vec::new();
+        for (folder, study) in folders.iter().zip(studies) {
+            match study {
+                Ok(study) => used.push(study),
+                Err(error) => eprintln!("{}: {error:?}", folder.display()),
+            }
+        }
+        let study = logs::Study::new(used);
+        show(json, &study, || logs::page::plain(&study))
+    }
+}
+
+/// Options of `study recordings`.
+#[derive(Debug, Args)]
+pub struct Recordings {
+    /// Recordings of any known format, and folders of logs; each is opened on its own.
+    #[arg(required = true)]
+    paths: Vec<PathBuf>,
+    /// Class of the sensors.
+    #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
+    grade: GradeChoice,
+}
+
+impl Recordings {
+    /// Tries every recording, one after another, for their times are told.
+    fn run(&self, json: bool) -> Result<()> {
+        let progress = bar().with_message("trying");
+        progress.set_length(self.paths.len() as u64);
+        let one = |path: &PathBuf| recordings::recordings(path, self.grade.told());
+        let rows: Vec<_> = (self.paths.iter())
+            .flat_map(counted(&progress, one))
+            .collect();
+        progress.finish_and_clear();
+        show(json, &rows, || recordings::table(&rows).plain())
+    }
+}
+
+/// Options of `study rehearse`.
+#[derive(Debug, Args)]
+pub struct Rehearse {
+    /// Drives that the model is of.
+    #[arg(required = true)]
+    drives: Vec<PathBuf>,
+    /// Drives of the same unit on which it is tried.
+    #[arg(long, required = true, num_args = 1..)]
+    against: Vec<PathBuf>,
+    /// TOML with any keys of an error model that stand in place of what was identified or assumed.
+    #[arg(long, value_name = "FILE")]
+    set: Option<PathBuf>,
+    /// Simulations of each of them.
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(2..=1000))]
+    seeds: u64,
+    /// Class of the sensors.
+    #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
+    grade: GradeChoice,
+}
+
+impl Rehearse {
+    fn run(&self, json: bool) -> Result<()> {
+        let drives = Drives::read(&self.drives, self.grade.told())?;
+        let mut model = error_model_of(&drives.records, drives.grade, None).model();
+        model.imu.output = drives.output;
+        let set = self.set.as_deref();
+        let model = (model.with(&keys(set)?)).map_err(|error| in_keys(set, &error))?;
+        let mut rows = Vec::new();
+        for path in &self.against {
+            let analysis = Analysis::of_log(path, Some(drives.grade), &bar())?;
+            rows.extend(proof::tried(&analysis, &model, self.seeds)?);
+        }
+        show(json, &rows, || proof::readable(&rows))
     }
 }

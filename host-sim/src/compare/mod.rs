@@ -25,8 +25,9 @@ use crate::page::html::{Page, Section};
 use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED, padded};
 use crate::page::table::{Table, heads};
 use crate::page::{self, brief, digits, output};
-use cost::Cost;
-use measure::{COMPARED, MethodResult, QuantityResult, columns};
+pub use cost::{Cost, measure as measure_costs};
+use measure::{COMPARED, columns};
+pub use measure::{MethodResult, QuantityResult, TrajectoryError};
 use outage::{Drift, OutageTest};
 use tracks::{Input, Point, Track, noise};
 

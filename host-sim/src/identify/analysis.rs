@@ -143,7 +143,7 @@ impl Analysis {
 }
 
 /// Name of a log: its own, or that of its folder.
-pub(crate) fn log_name(folder: &Path, log: &Log) -> String {
+pub fn log_name(folder: &Path, log: &Log) -> String {
     let folder_name = || {
         folder
             .canonicalize()

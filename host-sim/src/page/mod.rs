@@ -55,7 +55,7 @@ where
 }
 
 /// A number down to the second digit of `scale`.
-pub(crate) fn digits(scale: f64, value: f64) -> String {
+pub fn digits(scale: f64, value: f64) -> String {
     let mut decimals = 0;
     let mut unit = 10.0;
     while unit > scale.abs() && decimals < 9 {
@@ -66,7 +66,7 @@ pub(crate) fn digits(scale: f64, value: f64) -> String {
 }
 
 /// A number down to its own second digit.
-pub(crate) fn brief(value: f64) -> String {
+pub fn brief(value: f64) -> String {
     digits(value, value)
 }
 

@@ -7,9 +7,9 @@ use serde::Serialize;
 /// A table with its title, or none.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Table {
-    pub(crate) title: String,
-    pub(crate) header: Vec<String>,
-    pub(crate) rows: Vec<Vec<String>>,
+    pub title: String,
+    pub header: Vec<String>,
+    pub rows: Vec<Vec<String>>,
 }
 
 impl Table {
@@ -32,7 +32,7 @@ impl Table {
     }
 
     /// For a page of the documentation, without the title.
-    pub(crate) fn markdown(&self) -> String {
+    pub fn markdown(&self) -> String {
         markdown(&self.header, &self.rows)
     }
 }
@@ -65,7 +65,7 @@ pub fn plain(header: &[String], rows: &[Vec<String>]) -> String {
 }
 
 /// Column heads, written as in a table of Markdown.
-pub(crate) fn heads(line: &str) -> Vec<String> {
+pub fn heads(line: &str) -> Vec<String> {
     line.split('|').map(|head| head.trim().to_owned()).collect()
 }
 

@@ -63,7 +63,7 @@ pub struct Row {
 type Drift = [Option<[f64; QUANTITIES.len()]>; HORIZONS_S.len()];
 
 /// Foretells a drive and compares.
-pub(crate) fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<Row>> {
+pub fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<Row>> {
     let (log, name) = (&analysis.log, &analysis.summary.log);
     let config = analysis.found.config;
     let observed = drifts(&log.imu.all(), &log.gnss, config).map_err(unusable)?;
@@ -205,7 +205,7 @@ fn free(mut ins: Navigator, imu: &[ImuSample], start: Time) -> [Option<Solution>
 }
 
 /// A row for each drive and time: predicted over observed, and what 95 % of drives would have.
-pub(crate) fn overview(rows: &[Row]) -> Table {
+pub fn overview(rows: &[Row]) -> Table {
     let mut header = cells(["drive", "without, s", "outages"]);
     header.extend(FORETOLD.map(|quantity| QUANTITIES[quantity].name.to_owned()));
     let of_one = |rows: &[Row]| {
@@ -244,7 +244,7 @@ pub(crate) fn readable(rows: &[Row]) -> String {
 }
 
 /// How many ratios are as they should be.
-pub(crate) fn verdict(rows: &[Row]) -> String {
+pub fn verdict(rows: &[Row]) -> String {
     let good = |row: &&Row| (GOAL[0]..=GOAL[1]).contains(&row.ratio);
     let honest = |row: &&Row| row.ratio_95[0] <= 1.0 && row.ratio_95[1] >= 1.0;
     format!(

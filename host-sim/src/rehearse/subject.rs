@@ -19,7 +19,7 @@ use crate::hil::board::Target;
 use crate::hil::session::{Event, HilError, Rate};
 use crate::identify::configure::config_of;
 use crate::sim::SimulatedDrive;
-use crate::study::conditions::subject::{Core, Kalman, Subject as Driven};
+use crate::study::subject::{Core, Kalman, Subject as Driven};
 
 /// An algorithm under test.
 #[derive(Clone, Debug, PartialEq)]

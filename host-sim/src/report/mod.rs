@@ -1,8 +1,11 @@
 //! `report.html` of a log, or of several.
 
-pub(crate) mod charts;
+mod charts;
+mod picture;
 mod results;
 mod together;
+
+pub use picture::picture;
 
 use std::path::Path;
 

@@ -2,9 +2,9 @@
 
 pub mod accuracy;
 pub mod conditions;
-pub(crate) mod error_free;
 pub mod flights;
 pub mod logs;
 pub mod recordings;
 pub mod recovery;
 pub mod reproduce;
+pub(crate) mod subject;

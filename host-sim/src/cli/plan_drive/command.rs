@@ -9,12 +9,11 @@ use miette::{Result, WrapErr, miette};
 use super::output::{PLAN, Report};
 use super::{Bench, Driver, Plan, Search, Target, UNITS};
 use crate::cli::identify::error_model_of;
-use crate::cli::options::{refuse_same, show};
+use crate::cli::options::{Out, refuse_same, show};
 use crate::identify::analysis::{Analysis, unusable};
 use crate::identify::error_model::Record;
 use crate::identify::run::in_order_of_time;
 use crate::log::BodyAxes;
-use crate::page::output;
 use crate::page::progress::{bar, spinner};
 use crate::rehearse::settings::rate_hz;
 
@@ -36,9 +35,7 @@ pub struct PlanDrive {
 
 /// Plans a drive, or what to add to one.
 pub fn plan_drive(options: &PlanDrive, json: bool, force: bool) -> Result<()> {
-    if let Some(out) = &options.out {
-        output::check_free(out, PLAN, force)?;
-    }
+    let out = Out::new(options.out.as_deref(), PLAN, force)?;
     let target = Target::read(&options.target)?;
     let (plan, log) = match &options.log {
         None => (target.plan(options.seed)?, None),
@@ -51,9 +48,7 @@ pub fn plan_drive(options: &PlanDrive, json: bool, force: bool) -> Result<()> {
         }
     };
     let report = Report::new(&plan, &target.site, log);
-    if let Some(out) = &options.out {
-        output::build(out, PLAN, force, |folder| report.write(folder))?;
-    }
+    out.fill(|folder| report.write(folder))?;
     show(json, &report, || {
         let page = options.out.as_ref().map(|out| out.join("report.html"));
         let written = page.map(|page| format!("\nReport: {}\n", page.display()));

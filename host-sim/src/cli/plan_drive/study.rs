@@ -97,14 +97,16 @@ impl Row {
     }
 }
 
-/// Plans, drives, compares, prints.
-pub fn study(options: &PlanDrive, json: bool) -> Result<()> {
-    let all = compared(options)?;
-    show(json, &all, || readable(&all))
+impl PlanDrive {
+    /// Plans, drives, compares, prints.
+    pub fn run(&self, json: bool) -> Result<()> {
+        let all = compared(self)?;
+        show(json, &all, || readable(&all))
+    }
 }
 
 /// Predicted over reached of the targets that are always tried, for the documentation.
-pub(crate) fn page() -> Result<String> {
+pub fn page() -> Result<String> {
     let all = compared(&PlanDrive {
         target: Vec::new(),
         runs: RUNS,

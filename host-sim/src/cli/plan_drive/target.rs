@@ -15,9 +15,9 @@ use super::quantities::{Goal, Kind, Quantity};
 use crate::aircraft::input::{InputError, Source, read_text};
 use crate::cli::options::error_model;
 use crate::identify::configure::config_of;
-use crate::log::{self, BodyAxes};
+use crate::log::{BodyAxes, Grade};
+use crate::sim::ErrorModel;
 use crate::sim::errors::{ErrorModelError, set};
-use crate::sim::{ErrorModel, Grade};
 
 const EXAMPLE: &str = "host-sim/targets/drive_target.toml";
 
@@ -39,7 +39,7 @@ pub struct Unit {
     /// Class of sensors, or a file with an error model.
     pub sensors: String,
     /// Preset of the core, if the sensors are a file.
-    pub class: Option<log::Grade>,
+    pub class: Option<Grade>,
     pub body_axes: BodyAxes,
     /// How its axes are turned against those of the vehicle.
     pub roll_deg: f64,
@@ -204,11 +204,11 @@ impl Unit {
     }
 
     fn grade(&self) -> Option<Grade> {
-        match (self.class, self.sensors.as_str()) {
-            (Some(log::Grade::Mems), _) | (None, "mems") => Some(Grade::Mems),
-            (Some(log::Grade::Hg1700), _) | (None, "hg1700") => Some(Grade::Hg1700),
-            (None, _) => None,
-        }
+        self.class.or(match self.sensors.as_str() {
+            "mems" => Some(Grade::Mems),
+            "hg1700" => Some(Grade::Hg1700),
+            _ => None,
+        })
     }
 }
 
@@ -236,7 +236,7 @@ impl Target {
                 self.unit.sensors
             )
         })?;
-        let mut config = config_of(grade.class(), model.imu.output, None);
+        let mut config = config_of(grade, model.imu.output, None);
         let arm_wanted = self
             .goals
             .iter()

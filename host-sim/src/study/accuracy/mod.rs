@@ -3,29 +3,31 @@
 mod output;
 mod statistics;
 
-pub use output::{JSON, picture, write};
+pub use output::{JSON, picture, readable, write};
 pub use statistics::{Results, Row, Spread};
 
-use core::f64::consts::PI;
-use core::iter::Peekable;
+pub use super::subject::config_of;
 
+use core::f64::consts::PI;
+
+use indicatif::ProgressBar;
 use ins_core::config::{self, Form, HeadingSource};
 use ins_core::earth::wrap_pi;
-use ins_core::{Config, ConfigError, Estimates, Navigator, Observability, Phase, Solution, Time};
+use ins_core::{Config, ConfigError, Estimates, Observability, Solution};
+use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::compare::kalman::{self, Noise};
-use crate::identify::configure;
+use super::subject::{self, Core, Kalman, Subject};
+use crate::compare::kalman::Noise;
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
-use crate::sim::errors::BiasModel;
+use crate::page::progress::counted;
 use crate::sim::{DriveConfig, ErrorModel, Grade, SimulatedDrive, simulate};
 
 /// Interval at which the errors of a run are looked at, s.
 pub const EVERY_S: f64 = 10.0;
 /// Azimuth error above which a run has not converged, deg.
 const LOST_DEG: f64 = 5.0;
-
 /// Positions with so much noise say nothing, m.
 const NO_POSITION_M: f64 = 1e5;
 
@@ -67,7 +69,7 @@ const fn quantity(
 
 impl Quantity {
     /// Title and unit.
-    pub(crate) fn head(&self) -> String {
+    pub fn head(&self) -> String {
         format!("{}, {}", self.title, self.unit)
     }
 }
@@ -92,42 +94,11 @@ pub const QUANTITIES: [Quantity; 8] = [
     quantity("gnss_latency_ms", "GNSS latency", "ms", 1e-3, LATENCY),
 ];
 
-/// What the sensors and the receiver are spared of their errors, each with those before it.
-#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
-pub enum Spared {
-    /// Nothing.
-    Nothing,
-    /// Biases of the gyros.
-    GyroBiases,
-    /// Those of the accelerometers, and the latency.
-    Biases,
-    /// All but a hundredth of the noise of velocities.
-    VelocityNoise,
-}
-
-impl Spared {
-    fn of(self, errors: &mut ErrorModel) {
-        if self >= Self::GyroBiases {
-            errors.gyro_deg_h.bias = BiasModel::constant(0.0);
-        }
-        if self >= Self::Biases {
-            errors.accel_mps2.bias = BiasModel::constant(0.0);
-            errors.gnss.latency_s = [0.0; 2];
-        }
-        if self >= Self::VelocityNoise {
-            errors.gnss.velocity_sigma_mps *= 0.01;
-        }
-    }
-}
-
 /// Which drives are run, and with which estimators.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Study {
     /// Class of the sensors.
     pub grade: Grade,
-    /// What they are spared.
-    #[serde(skip)]
-    pub spared: Spared,
     /// Length of a drive.
     pub minutes: f64,
     /// Seed of the first drive; the others follow.
@@ -171,7 +142,6 @@ impl Study {
     pub fn new(grade: Grade, runs: u64) -> Self {
         Self {
             grade,
-            spared: Spared::Nothing,
             minutes: 40.0,
             first_seed: 0,
             runs,
@@ -182,19 +152,17 @@ impl Study {
         }
     }
 
-    /// Runs all drives, several at a time; what comes out does not depend on how many. `tune` has
-    /// the last word on the configuration, `done` is told of every drive.
+    /// Runs all drives, several at a time; what comes out does not depend on how many. `spoil` has
+    /// the last word on the errors of the sensors, `tune` on the configuration.
     pub fn drive(
         &self,
+        spoil: &(dyn Fn(&mut ErrorModel) + Sync),
         tune: &(dyn Fn(&mut Config) + Sync),
-        done: &(dyn Fn() + Sync),
+        progress: &ProgressBar,
     ) -> Result<Vec<Run>, ConfigError> {
+        progress.set_length(self.runs);
         let seeds = self.first_seed..self.first_seed.saturating_add(self.runs);
-        let one = |seed| {
-            let run = self.run(seed, tune);
-            done();
-            run
-        };
+        let one = counted(progress, |seed| self.run(seed, spoil, tune));
         seeds.into_par_iter().map(one).collect()
     }
 
@@ -215,101 +183,59 @@ impl Study {
         config
     }
 
-    fn run(&self, seed: u64, tune: &dyn Fn(&mut Config)) -> Result<Run, ConfigError> {
-        let mut config = DriveConfig::new(seed, self.grade, self.minutes);
-        self.spared.of(&mut config.recording.errors);
-        let drive = simulate(&config);
+    fn run(
+        &self,
+        seed: u64,
+        spoil: &dyn Fn(&mut ErrorModel),
+        tune: &dyn Fn(&mut Config),
+    ) -> Result<Run, ConfigError> {
+        let mut plan = DriveConfig::new(seed, self.grade, self.minutes);
+        spoil(&mut plan.recording.errors);
+        let drive = simulate(&plan);
         let mut config = self.config(&drive);
         tune(&mut config);
-        if let Some(factor) = self.kalman_noise {
-            return self.run_kalman(seed, &drive, config, factor);
-        }
-        let mut navigator = Navigator::new(config)?;
-        let mut history = Vec::new();
-        let mut fixes = drive.gnss.iter().peekable();
-        let mut truths = drive.truth.iter().peekable();
-        for sample in &drive.imu {
-            while let Some(fix) = fixes.next_if(|fix| fix.time < sample.time) {
-                let _ = navigator.on_gnss(fix);
-            }
-            let _ = navigator.on_imu(sample);
-            look(&mut history, &mut truths, sample.time, |truth| {
-                core_checks(&navigator, &drive, truth)
-            });
-        }
-        let observability = navigator.estimates().azimuth_error_rad.observability;
+        let (converged, history) = if let Some(factor) = self.kalman_noise {
+            let noise = self.told(factor);
+            let mut filter = Kalman::new(&drive.imu, &drive.gnss, config, noise, &Vector3::z())?;
+            (true, look(&mut filter, &drive, kalman_checks))
+        } else {
+            let mut core = Core::new(config, &drive)?;
+            let history = look(&mut core, &drive, core_checks);
+            let azimuth = core.navigator.estimates().azimuth_error_rad;
+            let observable = azimuth.observability == Observability::Observable;
+            (observable && core.solution().is_some(), history)
+        };
         Ok(Run {
             seed,
-            converged: navigator.phase() == Phase::Navigating
-                && observability == Observability::Observable
-                && azimuth_is_right(&history),
+            converged: converged && azimuth_is_right(&history),
             history,
         })
     }
-}
 
-impl Study {
-    fn run_kalman(
-        &self,
-        seed: u64,
-        drive: &SimulatedDrive,
-        config: Config,
-        factor: f64,
-    ) -> Result<Run, ConfigError> {
+    /// What the Kalman filter is told.
+    fn told(&self, factor: f64) -> Noise {
         let mut noise = Noise::of_model(&self.grade.errors()).guessed(factor);
         if !self.kalman_positions {
             noise.gnss.position_m = config::Noise::white(NO_POSITION_M);
         }
-        let mut run = kalman::Run::new(&drive.imu, &drive.gnss, config, noise)?;
-        let mut history = Vec::new();
-        let mut truths = drive.truth.iter().peekable();
-        while let Some(time) = run.step(&mut |_, _| {}) {
-            look(&mut history, &mut truths, time, |truth| {
-                let filter = run.filter()?;
-                let heading_rad = filter.known.ins.heading_rad();
-                Some(checks(&filter.estimates(), heading_rad, drive, truth))
-            });
-        }
-        Ok(Run {
-            seed,
-            converged: azimuth_is_right(&history),
-            history,
-        })
+        noise
     }
 }
 
-/// Adds what is due by the time of a sample.
-fn look<'a>(
-    history: &mut Vec<Option<[Check; 8]>>,
-    truths: &mut Peekable<impl Iterator<Item = &'a Solution>>,
-    time: Time,
-    checks: impl Fn(&Solution) -> Option<[Check; 8]>,
-) {
-    while let Some(truth) = truths.next_if(|truth| truth.time <= time) {
+/// Drives, and checks at every [`EVERY_S`].
+fn look<S: Subject>(
+    subject: &mut S,
+    drive: &SimulatedDrive,
+    checks: fn(&S, &SimulatedDrive, &Solution) -> Option<[Check; 8]>,
+) -> Vec<Option<[Check; 8]>> {
+    let mut history = Vec::new();
+    subject::drive(subject, &drive.truth, |subject, time, truth| {
         let due_s = EVERY_S * (history.len() + 1) as f64;
         if truth.time == time && time.as_seconds() >= due_s {
-            history.push(checks(truth));
+            history.push(checks(subject, drive, truth));
         }
-    }
-}
-
-/// The configuration that fits a class of simulated sensors: its preset, and what a data sheet of
-/// such a unit says of noise and axes.
-pub fn config_of(grade: Grade) -> Config {
-    let ErrorModel {
-        imu,
-        gyro_deg_h: gyros,
-        accel_mps2: accels,
-        ..
-    } = grade.errors();
-    let mut config = configure::config_of(grade.class(), imu.output, None);
-    let sensors = &mut config.sensors;
-    sensors.gyro_noise = gyros
-        .noise_times
-        .map(|times| times * gyros.white_noise * DEG_H_RADPS);
-    sensors.accel_noise = accels.noise_times.map(|times| times * accels.white_noise);
-    sensors.cross_axis = gyros.misalignment_sigma;
-    config
+    });
+    history
 }
 
 fn azimuth_is_right(history: &[Option<[Check; 8]>]) -> bool {
@@ -319,15 +245,17 @@ fn azimuth_is_right(history: &[Option<[Check; 8]>]) -> bool {
 
 /// The azimuth is that of the damped INS: what is still in it against what the estimator says is
 /// still in it.
-fn core_checks(
-    navigator: &Navigator,
-    drive: &SimulatedDrive,
-    truth: &Solution,
-) -> Option<[Check; 8]> {
-    let heading_rad = navigator.mechanization()?.heading_rad();
-    let mut estimates = navigator.estimates();
-    estimates.azimuth_error_rad.value = navigator.azimuth_left_rad();
+fn core_checks(core: &Core, drive: &SimulatedDrive, truth: &Solution) -> Option<[Check; 8]> {
+    let heading_rad = core.navigator.mechanization()?.heading_rad();
+    let mut estimates = core.navigator.estimates();
+    estimates.azimuth_error_rad.value = core.navigator.azimuth_left_rad();
     Some(checks(&estimates, heading_rad, drive, truth))
+}
+
+fn kalman_checks(kalman: &Kalman, drive: &SimulatedDrive, truth: &Solution) -> Option<[Check; 8]> {
+    let filter = kalman.run.filter()?;
+    let heading_rad = filter.known.ins.heading_rad();
+    Some(checks(&filter.estimates(), heading_rad, drive, truth))
 }
 
 /// Every estimate against its truth; the azimuth is what is left in a heading.
@@ -364,7 +292,6 @@ fn checks(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use indicatif::ProgressBar;
 
     #[test]
     fn results_do_not_depend_on_the_number_of_threads() {

@@ -43,6 +43,27 @@ fn of_runs(runs: &[Run]) -> Result<String> {
     page::csv(&names, runs.iter().map(row))
 }
 
+/// For a terminal.
+pub fn readable(results: &Results) -> String {
+    let study = &results.study;
+    let limits = if study.has_limits() {
+        "limit: a Kalman filter that knows the exact noises, on the linear model.\n"
+    } else {
+        ""
+    };
+    format!(
+        "{} drives of {} min, seeds from {}: {} converged.\n\n{}\n{limits}\
+         Of honest errors {:.0} +- {:.0} % lie within one sigma (95 times out of 100).\n",
+        study.runs,
+        study.minutes,
+        study.first_seed,
+        results.converged,
+        results.table().plain(),
+        68.0,
+        results.coverage_spread_percent(),
+    )
+}
+
 /// RMS error beside RMS sigma over time, a panel for each quantity.
 pub fn picture(results: &Results) -> String {
     let panels: Vec<Panel> = (0..QUANTITIES.len())
@@ -86,7 +107,7 @@ fn capital(text: &str) -> String {
 
 impl Results {
     /// A row for each quantity.
-    pub(crate) fn table(&self) -> Table {
+    pub fn table(&self) -> Table {
         let header =
             heads("| RMS error | RMS sigma | within 1 sigma | settled after | limit | goal");
         let limits = self.study.has_limits();

@@ -59,8 +59,7 @@ pub struct Spread {
 impl Study {
     /// Runs all drives and sums up.
     pub fn results(self, progress: &ProgressBar) -> Result<Results, ConfigError> {
-        progress.set_length(self.runs);
-        let runs = self.drive(&|_| {}, &|| progress.inc(1))?;
+        let runs = self.drive(&|_| {}, &|_| {}, progress)?;
         Ok(Results::new(self, runs))
     }
 }

@@ -2,16 +2,15 @@
 //! simulated over seeds, and every estimate held against its truth and its own sigma.
 
 mod kinds;
-pub(crate) mod output;
+pub mod output;
 mod quantities;
 mod run;
 mod statistics;
-pub(crate) mod subject;
 mod told;
 mod truth;
 mod world;
 
-pub use kinds::{Kind, all};
+pub use kinds::Kind;
 pub use quantities::{QUANTITIES, Quantity};
 pub use run::{Check, Run, Trial, Tried};
 pub use statistics::{Beside, KalmanLost, Results, Row, Totals};
@@ -22,6 +21,11 @@ use rayon::prelude::*;
 
 use crate::page::progress::counted;
 use crate::sim::Grade;
+
+/// Every kind: those to develop on, then those that judge.
+pub fn all() -> impl Iterator<Item = &'static Kind> {
+    kinds::develop::KINDS.iter().chain(kinds::judge::KINDS)
+}
 
 /// Which kinds are run, how often.
 #[derive(Clone, Debug)]
@@ -70,15 +74,21 @@ impl Study {
 mod tests {
     use super::*;
 
+    fn study(named: &[&str], first_seed: u64, seeds: u64) -> Study {
+        Study {
+            kinds: all().filter(|kind| named.contains(&kind.name)).collect(),
+            only: None,
+            first_seed,
+            seeds,
+            trial: Trial::default(),
+        }
+    }
+
     #[test]
     fn results_do_not_depend_on_the_number_of_threads() {
-        let named = |kind: &&Kind| ["ten_wrong", "many_samples"].contains(&kind.name);
         let study = Study {
-            kinds: all().filter(named).collect(),
             only: Some(Grade::Mems),
-            first_seed: 3,
-            seeds: 2,
-            trial: Trial::default(),
+            ..study(&["ten_wrong", "many_samples"], 3, 2)
         };
         let on = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
@@ -95,13 +105,9 @@ mod tests {
     /// Without that, the lever arm came out beyond 4.5 sigmas in half of these.
     #[test]
     fn a_swinging_antenna_shows_the_latency() {
-        let named = |kind: &&Kind| kind.name == "boat_in_short_waves";
         let study = Study {
-            kinds: all().filter(named).collect(),
             only: Some(Grade::Hg1700),
-            first_seed: 500,
-            seeds: 6,
-            trial: Trial::default(),
+            ..study(&["boat_in_short_waves"], 500, 6)
         };
         let [boat] = &study.results(&ProgressBar::hidden())[..] else {
             unreachable!("one kind, one class");
@@ -115,14 +121,12 @@ mod tests {
     fn under_white_noise_core_and_filter_err_alike() {
         for receiver_known in [false, true] {
             let study = Study {
-                kinds: all().filter(|kind| kind.name == "plain").collect(),
                 only: Some(Grade::Hg1700),
-                first_seed: 0,
-                seeds: 8,
                 trial: Trial {
                     with_kalman: true,
                     receiver_known,
                 },
+                ..study(&["plain"], 0, 8)
             };
             let results = study.results(&ProgressBar::hidden());
             let plain = &results[0];
@@ -149,13 +153,7 @@ mod tests {
 
     #[test]
     fn what_misaligned_gyros_add_in_every_banked_turn_is_found() {
-        let study = Study {
-            kinds: all().filter(|k| k.name == "misaligned_in_flight").collect(),
-            only: None,
-            first_seed: 0,
-            seeds: 6,
-            trial: Trial::default(),
-        };
+        let study = study(&["misaligned_in_flight"], 0, 6);
         let results = study.results(&ProgressBar::hidden());
         let mut rows = results[0].rows.iter();
         let row = rows.find(|row| row.quantity.name == "gyro z").unwrap();

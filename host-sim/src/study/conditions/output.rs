@@ -45,7 +45,7 @@ pub fn totals(results: &[Results]) -> Vec<Totals> {
 }
 
 /// A row for each kind.
-pub(crate) fn overview_table(results: &[Results]) -> Table {
+pub fn overview_table(results: &[Results]) -> Table {
     let header = heads(
         "kind | class | use | runs | never | no solution | first, s | honest | wrong and sure \
          | worst error/sigma |  | Kalman lost | near Kalman | worst over Kalman |",
@@ -82,7 +82,7 @@ fn overview_row(result: &Results) -> Vec<String> {
 }
 
 /// A row for each group.
-pub(crate) fn totals_table(totals: &[Totals]) -> Table {
+pub fn totals_table(totals: &[Totals]) -> Table {
     let header = heads(
         "| kinds | all honest | quantities | honest | sure | wrong and sure | per 1000 | never \
          | no solution | near Kalman | over Kalman | Kalman lost",
@@ -109,7 +109,7 @@ pub(crate) fn totals_table(totals: &[Totals]) -> Table {
 }
 
 /// Where the core is worst beside the Kalman filter; `None` without one.
-pub(crate) fn worst_table(results: &[Results]) -> Option<Table> {
+pub fn worst_table(results: &[Results]) -> Option<Table> {
     let each = |result| Results::over_kalman(result).map(move |(row, over)| (result, row, over));
     let mut all: Vec<_> = results.iter().flat_map(each).collect();
     all.sort_by(|a, b| f64::total_cmp(&b.2, &a.2));
@@ -214,7 +214,7 @@ fn names(result: &Results) -> [String; 3] {
 }
 
 /// Name of a class.
-pub(crate) fn short(class: Grade) -> &'static str {
+pub fn short(class: Grade) -> &'static str {
     match class {
         Grade::Ideal => "ideal",
         Grade::Hg1700 => "hg1700",

@@ -6,10 +6,11 @@ use nalgebra::{UnitQuaternion, Vector3};
 use serde::Serialize;
 
 use super::quantities::{QUANTITIES, index};
-use super::subject::{self, Claim, Claims, Core, Kalman, Subject};
 use super::truth::Truth;
 use super::{Kind, World, told};
 use crate::sim::{Grade, SimulatedDrive};
+use crate::statistics::root_mean;
+use crate::study::subject::{self, Claim, Claims, Core, Kalman, Subject};
 
 /// One claim against its truth, in the unit of the quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -64,7 +65,7 @@ impl Trial {
         let world = kind.world(class, seed);
         let drive = world.simulate();
         let truth = Truth::new(&world, &drive);
-        let mut config = subject::config(&world, &drive);
+        let mut config = told::config(&world, &drive);
         if self.receiver_known {
             config = told::of_receiver(&world, config);
         }
@@ -84,23 +85,20 @@ impl Trial {
 
 fn try_on<S: Subject>(mut subject: S, world: &World, drive: &SimulatedDrive, truth: &Truth) -> Run {
     let half = Time::default().plus_seconds(30.0 * world.minutes);
-    let mut truths = drive.truth.iter().peekable();
     let mut second_half = SecondHalf::default();
     let (mut first_solution_s, mut end) = (None, None);
-    while let Some(time) = subject.step() {
-        while let Some(true_now) = truths.next_if(|true_now| true_now.time <= time) {
-            // A sample that is missing has a truth and no solution.
-            let solution = subject.solution().filter(|_| true_now.time == time);
-            end = solution.map(|solution| (solution, *true_now));
-            if solution.is_some() && first_solution_s.is_none() {
-                first_solution_s = Some(time.as_seconds());
-            }
-            if time >= half && true_now.time == time {
-                let now = solution.map(|solution| Look::new(&solution, true_now, subject.sigma()));
-                second_half.add(now, world.is_out(time));
-            }
+    subject::drive(&mut subject, &drive.truth, |subject, time, true_now| {
+        // A sample that is missing has a truth and no solution.
+        let solution = subject.solution().filter(|_| true_now.time == time);
+        end = solution.map(|solution| (solution, *true_now));
+        if solution.is_some() && first_solution_s.is_none() {
+            first_solution_s = Some(time.as_seconds());
         }
-    }
+        if time >= half && true_now.time == time {
+            let now = solution.map(|solution| Look::new(&solution, true_now, subject.sigma()));
+            second_half.add(now, world.is_out(time));
+        }
+    });
     let mut checks = Vec::new();
     if let (Some(claims), Some((solution, true_end))) = (subject.claims(), end) {
         check_end(&claims, &solution, &true_end, truth, &mut checks);
@@ -187,76 +185,53 @@ impl Look {
     }
 }
 
-/// Sums of looks.
-#[derive(Clone, Copy, Debug, Default)]
-struct Sums {
-    looks: f64,
-    errors2: [f64; 6],
-    /// Stated always or never.
-    ratios2: Option<[f64; 6]>,
-}
-
-impl Sums {
-    fn add(&mut self, look: &Look) {
-        let add = |sums: &mut [f64; 6], squares: &[f64; 6]| {
-            for (sum, square) in sums.iter_mut().zip(squares) {
-                *sum += square;
-            }
-        };
-        self.looks += 1.0;
-        add(&mut self.errors2, &look.errors2);
-        if let Some(ratios2) = &look.ratios2 {
-            add(self.ratios2.get_or_insert_default(), ratios2);
-        }
-    }
-
-    /// The first so many, as quantities from a place on. The sigma is the one that errs as often: a
-    /// moment of not knowing does not excuse the others.
-    fn checks(self, first: usize, count: usize) -> impl Iterator<Item = Check> {
-        let check = move |which: usize| {
-            let quantity = first + which;
-            let rms = |sum2: f64| (sum2 / self.looks).sqrt();
-            let error = rms(self.errors2[which]) / QUANTITIES[quantity].si;
-            Check {
-                quantity,
-                error,
-                sigma: self.ratios2.map(|ratios2| error / rms(ratios2[which])),
-                observable: true,
-            }
-        };
-        (0..count).filter(move |_| self.looks > 0.0).map(check)
-    }
-}
-
-/// Sums over the second half.
-#[derive(Clone, Copy, Debug, Default)]
+/// What was seen in the second half of a run.
+#[derive(Clone, Debug, Default)]
 struct SecondHalf {
-    without_solution: f64,
-    aided: Sums,
-    coasting: Sums,
+    without_solution: usize,
+    aided: Vec<Look>,
+    coasting: Vec<Look>,
 }
 
 impl SecondHalf {
     fn add(&mut self, look: Option<Look>, in_outage: bool) {
         match look {
-            None => self.without_solution += 1.0,
-            Some(look) if in_outage => self.coasting.add(&look),
-            Some(look) => self.aided.add(&look),
+            None => self.without_solution += 1,
+            Some(look) if in_outage => self.coasting.push(look),
+            Some(look) => self.aided.push(look),
         }
     }
 
+    /// Part of it; all where nothing was looked at.
     fn without_solution(&self) -> f64 {
-        let looks = self.without_solution + self.aided.looks + self.coasting.looks;
-        if looks > 0.0 {
-            self.without_solution / looks
-        } else {
-            1.0
+        match self.without_solution + self.aided.len() + self.coasting.len() {
+            0 => 1.0,
+            looks => self.without_solution as f64 / looks as f64,
         }
     }
 
     /// Tilt and heading while fixes come are looked at in the end.
     fn checks(&self) -> impl Iterator<Item = Check> {
-        let aided = self.aided.checks(index::AIDED, 4);
-        aided.chain(self.coasting.checks(index::COASTING, 6))
+        let aided = checks(&self.aided, index::AIDED, 4);
+        aided.chain(checks(&self.coasting, index::COASTING, 6))
     }
+}
+
+/// The first so many errors, as quantities from a place on. The sigma, stated always or never, is the
+/// one that errs as often: a moment of not knowing does not excuse the others.
+fn checks(looks: &[Look], first: usize, count: usize) -> impl Iterator<Item = Check> {
+    let check = move |which: usize| {
+        let quantity = first + which;
+        let error = root_mean(looks.iter().map(|look| look.errors2[which]));
+        let error = error / QUANTITIES[quantity].si;
+        let ratios2 = looks.iter().filter_map(|look| Some(look.ratios2?[which]));
+        let is_stated = looks.iter().any(|look| look.ratios2.is_some());
+        Check {
+            quantity,
+            error,
+            sigma: is_stated.then(|| error / root_mean(ratios2)),
+            observable: true,
+        }
+    };
+    (0..count).filter(|_| !looks.is_empty()).map(check)
 }

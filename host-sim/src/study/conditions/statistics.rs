@@ -67,7 +67,8 @@ impl Beside {
         let both: Vec<[Vec<Check>; 2]> = runs
             .iter()
             .filter_map(|tried| {
-                let kalman = tried.kalman.as_ref().filter(|run| run.lost().is_none())?;
+                let compared = |run: &&Run| !run.is_unsolved() && !run.has_diverged();
+                let kalman = tried.kalman.as_ref().filter(compared)?;
                 let both = [&tried.core, kalman].map(|run| run.of(quantity));
                 both.iter().all(|checks| !checks.is_empty()).then_some(both)
             })
@@ -95,26 +96,16 @@ impl Run {
         checks.filter(|check| check.quantity == quantity).collect()
     }
 
-    /// Why nothing can be compared with it, if so.
-    fn lost(&self) -> Option<Lost> {
-        let within = |ratio: f64| ratio.abs() <= DIVERGED_SIGMAS;
-        if self.of(index::HEADING).is_empty() {
-            Some(Lost::WithoutSolution)
-        } else if self.checks.iter().filter_map(ratio).all(within) {
-            None
-        } else {
-            Some(Lost::Diverged)
-        }
+    /// Most of these were never aligned.
+    fn is_unsolved(&self) -> bool {
+        self.of(index::HEADING).is_empty()
     }
-}
 
-/// Why nothing can be compared with a run of the Kalman filter.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Lost {
-    /// It has no solution at the end; most were never aligned.
-    WithoutSolution,
     /// An error is no number, or more than [`DIVERGED_SIGMAS`].
-    Diverged,
+    fn has_diverged(&self) -> bool {
+        let mut ratios = self.checks.iter().filter_map(ratio);
+        !self.is_unsolved() && !ratios.all(|ratio| ratio.abs() <= DIVERGED_SIGMAS)
+    }
 }
 
 impl Row {
@@ -204,10 +195,9 @@ impl KalmanLost {
     fn new(runs: &[&Tried]) -> Option<Self> {
         let kalman: Option<Vec<&Run>> = runs.iter().map(|tried| tried.kalman.as_ref()).collect();
         let kalman = kalman?;
-        let count = |why| kalman.iter().filter(|run| run.lost() == Some(why)).count();
         Some(Self {
-            without_solution: count(Lost::WithoutSolution),
-            diverged: count(Lost::Diverged),
+            without_solution: kalman.iter().filter(|run| run.is_unsolved()).count(),
+            diverged: kalman.iter().filter(|run| run.has_diverged()).count(),
         })
     }
 

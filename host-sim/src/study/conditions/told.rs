@@ -1,9 +1,10 @@
-//! What the Kalman filter is told beyond the core: the truth of the unit and of the receiver.
+//! What core and Kalman filter are told: the filter the truth of the unit and of the receiver.
 //!
-//! It has no state for misalignments, and none of its noises for bursts of noise, for vibration or
+//! The filter has no state for misalignments, and none of its noises for bursts of noise, for vibration or
 //! for stamps off their samples: where a kind has these, its own error over sigma tells.
 
-use ins_core::{Config, GnssFix, config};
+use ins_core::config::{self, HeadingSource};
+use ins_core::{Config, GnssFix};
 use nalgebra::Vector3;
 
 use super::World;
@@ -13,9 +14,35 @@ use crate::identify::quantities::DEG_H_RADPS;
 use crate::sim::SimulatedDrive;
 use crate::sim::errors::GnssModel;
 use crate::sim::receiver::{Habits, Up, Wrong};
+use crate::study::subject::config_of;
 
 /// Spread of the height of places on land, where no fix has one, m.
 const ANY_HEIGHT_M: f64 = 500.0;
+
+/// An antenna that is metres away: what the user of a unit whose preset takes it for close says.
+const ARM_SIGMA_M: f64 = 3.0;
+/// Clocks that are not one: the same of their drift, s/s.
+const DRIFT_SIGMA: f64 = 1e-4;
+
+/// What a user of this unit and receiver sets: the class of the sensors with the noise of its data
+/// sheet, what samples hold, a heading if one is given, how far its axes are off, and for a class
+/// that is told of neither that the antenna is some way off and that the clocks are two.
+pub fn config(world: &World, drive: &SimulatedDrive) -> Config {
+    let mut config = config_of(world.class);
+    config.imu_output = world.errors.imu.output;
+    if let Some(heading_rad) = drive.given_heading_rad {
+        config.heading = HeadingSource::Given(heading_rad);
+    }
+    config.sensors.misalignment_rad = (world.errors.gyro_deg_h.misalignment_sigma)
+        .max(world.errors.accel_mps2.misalignment_sigma);
+    if world.antenna_m.norm() > 0.0 {
+        config.gnss.lever_arm_sigma_m = config.gnss.lever_arm_sigma_m.max(ARM_SIGMA_M);
+    }
+    if world.errors.gnss.habits.clock_drift != 0.0 {
+        config.gnss.clock_drift_sigma = config.gnss.clock_drift_sigma.max(DRIFT_SIGMA);
+    }
+    config
+}
 
 /// The true noise of all; antenna and clocks as the core is told, or as far off as they are.
 pub fn noise(world: &World, config: &Config) -> Noise {

@@ -1,4 +1,4 @@
-//! What `flights` writes and prints.
+//! What `study flights` writes and prints.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -16,18 +16,16 @@ use crate::page::{self, output};
 pub const SUMMARY: &str = "flights.json";
 
 /// Writes the summary, a table with one row per flight, and pictures.
-pub fn write(out: &Path, force: bool, runs: &[Run], summary: &Summary) -> Result<()> {
-    output::build(out, SUMMARY, force, |folder| {
-        for (name, contents) in [
-            (SUMMARY, page::json(summary)?),
-            ("flights.csv", table(runs)?),
-            ("free_flight.svg", oscillation(&summary.schuler.curves)),
-            ("position_error.svg", growth(summary)),
-        ] {
-            output::write(folder, name, contents)?;
-        }
-        Ok(())
-    })
+pub fn write(folder: &Path, runs: &[Run], summary: &Summary) -> Result<()> {
+    for (name, contents) in [
+        (SUMMARY, page::json(summary)?),
+        ("flights.csv", table(runs)?),
+        ("free_flight.svg", oscillation(&summary.schuler.curves)),
+        ("position_error.svg", growth(summary)),
+    ] {
+        output::write(folder, name, contents)?;
+    }
+    Ok(())
 }
 
 /// One row per flight: errors left in the estimates, errors at the end.

@@ -45,7 +45,7 @@ impl Route {
             duration_s: Some(duration_s),
             ..turned(&self.plan, angle_rad)
         };
-        Flight::new(&self.dynamics, &plan, seed)
+        self.fly(&plan, seed)
     }
 
     /// Straight ahead on the first heading for so long.
@@ -64,7 +64,14 @@ impl Route {
             legs: vec![ahead],
             ..self.plan.clone()
         };
-        Flight::new(&self.dynamics, &plan, seed)
+        self.fly(&plan, seed)
+    }
+
+    /// Once without sensors first: what cannot be flown must not end as a figure.
+    fn fly(&self, plan: &Plan, seed: u64) -> Result<Flight, FlightError> {
+        let flight = Flight::new(&self.dynamics, plan, seed)?;
+        flight.duration_s()?;
+        Ok(flight)
     }
 }
 

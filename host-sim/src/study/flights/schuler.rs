@@ -72,7 +72,6 @@ pub fn schuler(seed: u64, route: &Route, errors: &ErrorModel) -> Result<Schuler,
     let flight = route
         .straight(seed, 60.0 * f64::from(MINUTES))
         .map_err(in_flight)?;
-    flight.duration_s().map_err(in_flight)?;
     let origin = route.plan().start.position;
     let mut sensors = Sensors::new(flight, origin, errors, seed);
     let [gyro, accel] = sensors.biases();

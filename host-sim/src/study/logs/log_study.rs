@@ -3,15 +3,14 @@
 use std::path::Path;
 
 use indicatif::ProgressBar;
-use ins_core::ConfigError;
+use ins_core::{Config, ConfigError};
 use miette::{Result, miette};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::methods::{self, Agreement, OPTIONAL, Optional};
-use super::role::{Role, name_of};
 use crate::compare::five_stage;
 use crate::compare::kalman::Noise;
+use crate::compare::measure::{COMPARED, columns};
 use crate::compare::outage::Course;
 use crate::compare::tracks::{self, Input};
 use crate::identify::configure;
@@ -19,6 +18,76 @@ use crate::identify::halves::{self, Difference};
 use crate::identify::quantities::Quantity;
 use crate::identify::run::{Identification, identify};
 use crate::log::{self, Grade, Log};
+
+/// What a log is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Role {
+    /// Looked at while the core changes.
+    Development,
+    /// Looked at to see whether a change was right.
+    Judge,
+}
+
+/// Folder names of the development logs: about half of those at hand, some of each kind of
+/// vehicle, both recordings of one flight together. Any other log judges.
+const DEVELOPMENT: [&str; 7] = [
+    "instinct_vn310_static",
+    "plane_px4",
+    "quad_joey1",
+    "quad_joey1_imu2",
+    "rtklibexplorer_drive_0708",
+    "yk_mixed_road_long_drive_nominal_001",
+    "yk_urban_short_turn_loop_nominal_001",
+];
+
+impl Role {
+    /// Both, in the order of the tables.
+    pub const ALL: [Self; 2] = [Self::Development, Self::Judge];
+
+    /// Of the log in a folder of this name.
+    pub fn of(name: &str) -> Self {
+        if DEVELOPMENT.contains(&name) {
+            Self::Development
+        } else {
+            Self::Judge
+        }
+    }
+}
+
+/// Name of a log's folder.
+pub fn name_of(folder: &Path) -> String {
+    let whole = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+    whole
+        .file_name()
+        .map_or_else(|| "log".to_owned(), |name| name.to_string_lossy().into())
+}
+
+/// Two estimators share the noise of a log: what parts them is what each leaves out, and neither
+/// states that. By quantity, in the order and units of [`COMPARED`]; small beside what the class is
+/// used for.
+const ALLOWED: [f64; 8] = [0.3, 0.5, 0.5, 0.5, 10.0, 10.0, 10.0, 3.0];
+
+/// What the allowances are, for people.
+pub const ALLOWANCE: &str = "heading 0.3 deg, accelerometers 0.5 mg, gyros 10 deg/h, latency 3 ms";
+
+/// A parameter that the core can do without, and what holds it at zero.
+pub type Optional = (&'static str, fn(&mut Config));
+
+/// All of them: a prior spread of nothing.
+pub const OPTIONAL: [Optional; 4] = [
+    ("clock drift", |c| c.gnss.clock_drift_sigma = 0.0),
+    ("lever arm", |c| c.gnss.lever_arm_sigma_m = 0.0),
+    ("accelerometer scales", |c| c.sensors.accel_scale = 0.0),
+    ("gyro scale and misalignments", |c| {
+        c.sensors.gyro_scale = 0.0;
+    }),
+];
+
+fn held(mut config: Config, hold: fn(&mut Config)) -> Config {
+    hold(&mut config);
+    config
+}
 
 /// All tests on one log.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -142,8 +211,10 @@ impl<'a> Bench<'a> {
         })
     }
 
+    /// What a method says at its end; `None` if it never navigated.
     fn end(&self, points: &[tracks::Point]) -> Option<[Quantity; 8]> {
-        methods::end(self.input.log.meta.body_axes, points)
+        let axes = self.input.log.meta.body_axes;
+        points.last().map(|point| columns(axes, point))
     }
 
     fn outages(&self) -> Result<Option<Outages>, ConfigError> {
@@ -172,20 +243,20 @@ impl<'a> Bench<'a> {
         end: Option<&[Quantity; 8]>,
     ) -> Result<Vec<Without>, ConfigError> {
         let rows = (OPTIONAL.par_iter())
-            .filter(|optional| optional.is_free(&self.input.config))
-            .map(|optional| self.without_one(optional, grade, end))
+            .filter(|(_, hold)| held(self.input.config, *hold) != self.input.config)
+            .map(|optional| self.without_one(*optional, grade, end))
             .collect::<Result<Vec<_>, _>>()?;
         Ok(rows.into_iter().flatten().collect())
     }
 
     fn without_one(
         &self,
-        optional: &Optional,
+        (parameter, hold): Optional,
         grade: Grade,
         end: Option<&[Quantity; 8]>,
     ) -> Result<Option<Without>, ConfigError> {
         let log = self.input.log;
-        let config = optional.without(self.input.config);
+        let config = held(self.input.config, hold);
         let found = identify(log, config, &ProgressBar::hidden())?;
         let (Some(ours), Some(theirs)) = (end, self.end(&tracks::points(&found.history))) else {
             return Ok(None);
@@ -193,10 +264,10 @@ impl<'a> Bench<'a> {
         let course = self.course.as_ref();
         let drifts = course.map(|course| course.core(config)).transpose()?;
         Ok(Some(Without {
-            parameter: optional.name,
-            agreement: Agreement::new(optional.name, ours, &theirs),
+            parameter,
+            agreement: Agreement::new(parameter, ours, &theirs),
             halves: halves::test(log, &found, &|half| {
-                optional.without(configure::config(half, grade))
+                held(configure::config(half, grade), hold)
             })?,
             outage_m: drifts.map(|drifts| drifts.position_rms_m),
         }))
@@ -209,4 +280,36 @@ fn free(found: &Identification, end: Option<&[Quantity; 8]>) -> Option<Free> {
         after_mps: found.velocity_error.after?,
         observable: end.is_some_and(|end| end.iter().any(Quantity::observable)),
     })
+}
+
+/// The core minus another method at the end of a log.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Agreement {
+    /// Which other.
+    pub with: String,
+    /// Of what both call observable.
+    pub differences: Vec<Difference>,
+}
+
+impl Agreement {
+    /// Of two ends.
+    pub fn new(with: &str, core: &[Quantity; 8], other: &[Quantity; 8]) -> Self {
+        let differences = core.iter().zip(other).enumerate();
+        let observable = differences
+            .filter(|(_, (ours, theirs))| ours.observable() && theirs.observable())
+            .map(|(which, (ours, theirs))| {
+                let apart = ours.value - theirs.value;
+                let apart = if which == 0 { wrap_deg(apart) } else { apart };
+                let sigmas = [ours.sigma, theirs.sigma];
+                Difference::new(COMPARED[which].0, apart, sigmas, ALLOWED[which])
+            });
+        Self {
+            with: with.to_owned(),
+            differences: observable.collect(),
+        }
+    }
+}
+
+fn wrap_deg(angle: f64) -> f64 {
+    (angle + 180.0).rem_euclid(360.0) - 180.0
 }

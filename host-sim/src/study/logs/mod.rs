@@ -6,33 +6,8 @@
 //! that judge it.
 
 mod log_study;
-pub mod methods;
 pub(crate) mod page;
-pub mod role;
 mod summary;
 
-use serde::Serialize;
-
-pub use log_study::LogStudy;
-use role::Role;
-use summary::Summary;
-
-/// All logs, and what they say together.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Study {
-    /// In the order given.
-    pub logs: Vec<LogStudy>,
-    /// Development logs and judges apart.
-    pub summaries: Vec<Summary>,
-}
-
-impl Study {
-    /// Adds up.
-    pub fn new(logs: Vec<LogStudy>) -> Self {
-        let summaries = Role::ALL.map(|role| Summary::of(role, &logs));
-        Self {
-            logs,
-            summaries: summaries.into(),
-        }
-    }
-}
+pub use log_study::{LogStudy, Role, name_of};
+pub use summary::Study;

@@ -2,9 +2,8 @@
 
 use std::fmt::Write as _;
 
-use super::role::Role;
-use super::summary::{Spread, Summary};
-use super::{LogStudy, Study, methods};
+use super::log_study::{ALLOWANCE, LogStudy, Role};
+use super::summary::{Spread, Study, Summary};
 use crate::compare::outage::OUTAGE_S;
 use crate::identify::halves::{self, Difference};
 use crate::page::table::{Table, cells, heads};
@@ -42,30 +41,6 @@ fn mute(study: &Study) -> String {
         return String::new();
     }
     format!("No test says anything of {}.\n\n", names.join(", "))
-}
-
-fn halves_title() -> String {
-    format!(
-        "HALVES: second minus first half, in sigmas of what both state, of what is observable in \
-         both.\nAllowed besides: {}.\nPlain: as found and as stated, nothing allowed, nothing \
-         carried.",
-        halves::ALLOWANCE
-    )
-}
-
-fn methods_title() -> String {
-    format!(
-        "METHODS: the core minus another at the end of the log, in joint sigmas, of what both \
-         call observable.\nAllowed besides: {}.",
-        methods::ALLOWANCE
-    )
-}
-
-fn outages_title() -> String {
-    format!(
-        "OUTAGES of {OUTAGE_S:.0} s: position at the end, RMS, m. A summary has the geometric means \
-         of the ratios,\nand on how many logs the core drifts no more than the better of the others."
-    )
 }
 
 const FREE: &str = "FREE INS: horizontal velocity error over a minute, RMS, m/s, sensors as \
@@ -140,8 +115,14 @@ fn halves_table(study: &Study) -> Table {
         }));
         Some(row)
     };
+    let title = format!(
+        "HALVES: second minus first half, in sigmas of what both state, of what is observable in \
+         both.\nAllowed besides: {}.\nPlain: as found and as stated, nothing allowed, nothing \
+         carried.",
+        halves::ALLOWANCE
+    );
     let rows = by_role(study, log, |summary| spread(&summary.halves));
-    Table::of(halves_title(), header, rows)
+    Table::of(title, header, rows)
 }
 
 fn methods_table(study: &Study) -> Table {
@@ -167,7 +148,11 @@ fn methods_table(study: &Study) -> Table {
         };
         rows.extend(by_role(study, log, total));
     }
-    Table::of(methods_title(), header, rows)
+    let title = format!(
+        "METHODS: the core minus another at the end of the log, in joint sigmas, of what both \
+         call observable.\nAllowed besides: {ALLOWANCE}."
+    );
+    Table::of(title, header, rows)
 }
 
 /// Those that need an explanation.
@@ -197,7 +182,11 @@ fn outages_table(study: &Study) -> Table {
         row.extend([outages.core_over_kalman, outages.core_over_better].map(number));
         row
     };
-    Table::of(outages_title(), header, by_role(study, log, total))
+    let title = format!(
+        "OUTAGES of {OUTAGE_S:.0} s: position at the end, RMS, m. A summary has the geometric means \
+         of the ratios,\nand on how many logs the core drifts no more than the better of the others."
+    );
+    Table::of(title, header, by_role(study, log, total))
 }
 
 fn free_table(study: &Study) -> Table {

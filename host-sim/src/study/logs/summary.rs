@@ -2,9 +2,7 @@
 
 use serde::Serialize;
 
-use super::log_study::{LogStudy, Outages};
-use super::methods::OPTIONAL;
-use super::role::Role;
+use super::log_study::{LogStudy, OPTIONAL, Outages, Role};
 use crate::identify::halves::Difference;
 use crate::statistics::{geometric_mean, rms_of_any};
 
@@ -38,6 +36,23 @@ impl Spread {
             beyond_3: beyond(3.0),
             beyond_4: beyond(4.0),
         }
+    }
+}
+
+/// All logs, and what they say together.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Study {
+    /// In the order given.
+    pub logs: Vec<LogStudy>,
+    /// Development logs and judges apart.
+    pub summaries: [Summary; 2],
+}
+
+impl Study {
+    /// Adds up.
+    pub fn new(logs: Vec<LogStudy>) -> Self {
+        let summaries = Role::ALL.map(|role| Summary::of(role, &logs));
+        Self { logs, summaries }
     }
 }
 
@@ -154,7 +169,7 @@ fn without(logs: &[&LogStudy]) -> Vec<WithoutSummary> {
     };
     OPTIONAL
         .iter()
-        .map(|optional| summary(optional.name))
+        .map(|(parameter, _)| summary(parameter))
         .filter(|summary| summary.agreement.count > 0)
         .collect()
 }

@@ -1,11 +1,10 @@
 //! A simulated drive, and what was found on it.
 
+use indicatif::ProgressBar;
 use ins_core::config::{Feedback, Form};
 use ins_core::increments::Interval;
 use ins_core::{Config, ConfigError, Solution, Time};
 use nalgebra::{Vector2, Vector3};
-
-use indicatif::ProgressBar;
 
 use super::part::GRADE;
 use crate::compare::five_stage::{self, FiveStage};
@@ -20,6 +19,9 @@ use crate::study::accuracy;
 
 /// Interval between errors kept, s.
 const EVERY_S: f64 = 1.0;
+
+/// East and north, over seconds.
+pub(super) type Velocities = Vec<(f64, Vector2<f64>)>;
 
 /// The drive.
 pub(super) struct Drive {
@@ -85,18 +87,18 @@ impl Drive {
         at.ok().map(|at| &self.log.truth[at])
     }
 
-    /// Velocity error, east and north, of an INS let go at `start` on the readings of `log` less
-    /// `known`, once a second until `end`, and then. Its height is held.
+    /// Velocity error of an INS let go at `start` on the readings of `log` less `known`, once a
+    /// second until `end`, and then; times are since the first sample. Its height is held.
     pub(super) fn free(
         &self,
         log: &Log,
         start: &Solution,
         known: impl Fn(Time) -> [Vector3<f64>; 2],
         end: Time,
-    ) -> Vec<(Time, Vector2<f64>)> {
+    ) -> Velocities {
         let mut ins = HeldIns::new(start);
         let mut height_m = start.position.height_m;
-        let mut errors: Vec<(Time, Vector2<f64>)> = Vec::new();
+        let (mut errors, mut last) = (Velocities::new(), start.time);
         // Samples may end: so do the errors.
         let _ = feed(log, start.time, &[], |interval: &Interval, time| {
             let [gyro, accel] = known(time);
@@ -107,9 +109,9 @@ impl Drive {
             );
             if let Some(truth) = self.truth(time) {
                 height_m = truth.position.height_m;
-                let since = errors.last().map_or(start.time, |last| last.0);
-                if time.seconds_since(since) > EVERY_S - 5e-4 || time >= end {
-                    errors.push((time, ins.velocity_error_mps(truth)));
+                if time.seconds_since(last) > EVERY_S - 5e-4 || time >= end {
+                    errors.push((self.since(time), ins.velocity_error_mps(truth)));
+                    last = time;
                 }
             }
             time < end

@@ -1,10 +1,12 @@
 //! Table 2, and the hour of flight without GNSS.
 
-use miette::{IntoDiagnostic, Result};
+use miette::{IntoDiagnostic, Result, miette};
 use rayon::prelude::*;
 
 use super::part::{Number, Part, Settings, csv};
-use super::performance::performance;
+use crate::aircraft::cessna172;
+use crate::aircraft::dynamics::Dynamics;
+use crate::aircraft::performance::performance as of_aircraft;
 use crate::page::plot::{BLUE, GREEN, Mark, RED, padded};
 use crate::page::sheet::{self, Panel, key};
 use crate::sim::ErrorModel;
@@ -18,6 +20,50 @@ const AIDED_MIN: u32 = 40;
 const FREE_MIN: u32 = 60;
 /// Random walk with which the thesis's figure is reached, deg/sqrt(h).
 const GOOD_WALK_DEG_SQRT_H: f64 = 0.01;
+
+/// A line of the thesis's Table 2.
+#[derive(Debug)]
+pub struct PerformanceRow {
+    pub name: &'static str,
+    pub specification: f64,
+    /// The thesis's model.
+    pub thesis: f64,
+    pub ours: f64,
+}
+
+/// The thesis's Table 2.
+pub fn performance() -> Result<[PerformanceRow; 3]> {
+    let dynamics = Dynamics::new(&cessna172());
+    let ours = of_aircraft(&dynamics).ok_or_else(|| miette!("the aircraft cannot fly level"))?;
+    let published = (dynamics.parameters.specification.as_ref())
+        .ok_or_else(|| miette!("the aircraft has no published performance"))?;
+    let row = |name, specification, thesis, ours| PerformanceRow {
+        name,
+        specification,
+        thesis,
+        ours,
+    };
+    Ok([
+        row(
+            "maximum level speed, km/h",
+            published.max_speed_kmh,
+            240.0,
+            ours.max_speed_kmh,
+        ),
+        row(
+            "stall speed, flaps down, km/h",
+            published.stall_speed_kmh,
+            85.0,
+            ours.stall_speed_kmh,
+        ),
+        row(
+            "rate of climb, m/s",
+            published.climb_rate_mps,
+            5.0,
+            ours.climb_rate_mps,
+        ),
+    ])
+}
 
 pub(super) fn table_2() -> Result<Part> {
     let rows = performance()?;

@@ -7,9 +7,9 @@ use miette::{Result, miette};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::drive::log_of;
+use super::drive::{Velocities, log_of};
 use super::part::{Part, Settings, here};
-use super::spans::{Errors, flown, free, vehicles};
+use super::velocity::{flown, free, size, vehicles};
 use crate::identify::error_model::{Identified, Record};
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::identify::run::identify;
@@ -32,7 +32,7 @@ const SURROUNDINGS: [[f64; 2]; 3] = [[0.0, 0.0], [0.9, 1.0], [1.0, 1.0]];
 
 /// A unit at rest, driven and flown.
 struct Unit {
-    errors: [Errors; 3],
+    errors: [Velocities; 3],
     /// Mean of its gyros in the laboratory less the Earth's rotation.
     in_laboratory_deg_h: Vector3<f64>,
     drive: Record,
@@ -46,7 +46,7 @@ pub(super) fn argument(settings: &Settings, route: &Route) -> Result<Part> {
         .collect::<Result<Vec<Unit>>>()?;
     let foretold = |model: &ErrorModel| {
         let fly = |seed| Ok(free(&flown(seed, minutes, route, model)?));
-        let flights = seeds().map(fly).collect::<Result<Vec<Errors>>>()?;
+        let flights = seeds().map(fly).collect::<Result<Vec<Velocities>>>()?;
         Ok::<_, miette::Report>(size(flights.iter()))
     };
     let models = models(&units);
@@ -159,9 +159,4 @@ fn models(units: &[Unit]) -> [ErrorModel; 2] {
         laboratory,
         Identified::new(&drives, Grade::Hg1700, None).model(),
     ]
-}
-
-/// Horizontal, m/s RMS over all of some runs.
-fn size<'a>(runs: impl Iterator<Item = &'a Errors>) -> f64 {
-    rms(runs.flatten().map(|(_, error)| error.norm()))
 }

@@ -1,8 +1,21 @@
-//! A figure or a table of the thesis, and what goes into it.
+//! Figures and tables of the thesis: what goes into them, and their files: `reproduce.json`,
+//! `report.html`, a drawing and a table of data for each part.
 
+use std::path::Path;
+
+use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
 
+use crate::page::html::fill;
+use crate::page::table::{Table, heads};
+use crate::page::{self, brief, output};
 use crate::sim::Grade;
+
+/// Name of the file that marks the folder as ours.
+pub const JSON: &str = "reproduce.json";
+
+/// The class of sensors that everything here has.
+pub(super) const GRADE: Grade = Grade::Hg1700;
 
 /// How much is simulated.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -42,6 +55,33 @@ impl Settings {
         }
     }
 }
+
+/// All that is reproduced, and what is not.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Reproduction {
+    /// Version of this program.
+    pub version: &'static str,
+    /// What was simulated.
+    pub settings: Settings,
+    /// In the order of the page.
+    pub parts: Vec<Part>,
+    /// Numbers of the thesis that have nothing here.
+    pub not_reproduced: [NotReproduced; 1],
+}
+
+/// Something of the thesis that is not here.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct NotReproduced {
+    /// Which.
+    pub what: &'static str,
+    /// Why.
+    pub why: &'static str,
+}
+
+pub(super) const NOT_REPRODUCED: [NotReproduced; 1] = [NotReproduced {
+    what: "the recordings behind Figures 1 and 3 to 8 and Table 1",
+    why: "they are not public: a simulated unit of the same class stands in for the thesis's",
+}];
 
 /// A figure or a table.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -102,5 +142,74 @@ pub(super) fn csv(header: &str, rows: impl Iterator<Item = Vec<f64>>) -> String 
     text
 }
 
-/// The class of sensors that everything here has.
-pub(super) const GRADE: Grade = Grade::Hg1700;
+impl Reproduction {
+    /// Writes all files into a folder.
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        output::write(folder, JSON, page::json(self)?)?;
+        output::write(folder, "report.html", self.html().into_diagnostic()?)?;
+        for Part { name, csv, svg, .. } in &self.parts {
+            output::write(folder, &format!("{name}.csv"), csv)?;
+            if let Some(svg) = svg {
+                output::write(folder, &format!("{name}.svg"), svg)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn html(&self) -> Result<String, minijinja::Error> {
+        #[derive(Serialize)]
+        struct Shown<'a> {
+            #[serde(flatten)]
+            part: &'a Part,
+            svg: Option<&'a str>,
+            rows: Vec<[String; 4]>,
+        }
+        #[derive(Serialize)]
+        struct Page<'a> {
+            reproduction: &'a Reproduction,
+            parts: Vec<Shown<'a>>,
+        }
+        let parts = self.parts.iter().map(|part| Shown {
+            part,
+            svg: part.svg.as_deref(),
+            rows: part.numbers.iter().map(row).collect(),
+        });
+        let page = Page {
+            reproduction: self,
+            parts: parts.collect(),
+        };
+        fill(include_str!("report.html"), &page)
+    }
+
+    /// All numbers.
+    pub fn table(&self) -> Table {
+        let rows = self.parts.iter().flat_map(|part| {
+            let source = part.title.split(':').next().unwrap_or_default();
+            let cells = |number| [&[source.to_owned()][..], &row(number)].concat();
+            part.numbers.iter().map(cells)
+        });
+        let header = heads("of the thesis | what | thesis | ours | ratio");
+        Table::of("", header, rows)
+    }
+
+    /// For a terminal.
+    pub fn readable(&self) -> String {
+        let mut text = self.table().plain();
+        let missing = self.not_reproduced.iter();
+        text.extend(
+            missing
+                .map(|NotReproduced { what, why }| format!("\nNot reproduced: {what}: {why}.\n")),
+        );
+        text
+    }
+}
+
+fn row(number: &Number) -> [String; 4] {
+    let thesis = number.thesis.map(|value| value.to_string());
+    [
+        number.what.clone(),
+        thesis.unwrap_or_default(),
+        brief(number.ours),
+        number.ratio.map_or(String::new(), brief),
+    ]
+}

@@ -4,8 +4,8 @@ use core::f64::consts::PI;
 
 use ins_core::ImuOutput;
 
-use super::kind::{BOTH, Kind, MEMS, kinds};
 use super::shakes;
+use super::{BOTH, Kind, MEMS, kinds};
 use crate::sim::Grade;
 use crate::sim::car::Way;
 use crate::sim::errors::BiasModel;

@@ -5,8 +5,8 @@ use core::f64::consts::PI;
 
 use ins_core::ImuOutput;
 
-use super::kind::{BOTH, Kind, MEMS, kinds};
 use super::shakes;
+use super::{BOTH, Kind, MEMS, kinds};
 use crate::sim::car::Way;
 use crate::sim::errors::BiasModel;
 use crate::sim::motion::When;

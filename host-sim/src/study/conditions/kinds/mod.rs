@@ -1,13 +1,53 @@
 //! The kinds of conditions there are.
 
-mod develop;
-mod judge;
-mod kind;
+pub mod develop;
+pub mod judge;
 mod shakes;
 
-pub use kind::Kind;
+use crate::sim::Grade;
+use crate::study::conditions::world::World;
 
-/// Every kind: those to develop on, then those that judge.
-pub fn all() -> impl Iterator<Item = &'static Kind> {
-    develop::KINDS.iter().chain(judge::KINDS.iter())
+pub(super) const BOTH: &[Grade] = &[Grade::Mems, Grade::Hg1700];
+pub(super) const MEMS: &[Grade] = &[Grade::Mems];
+
+/// Conditions that one seed differs in by chance alone.
+#[derive(Debug)]
+pub struct Kind {
+    /// Name on the command line.
+    pub name: &'static str,
+    /// In one line.
+    pub what: &'static str,
+    /// Classes of sensors it is tried with.
+    pub classes: &'static [Grade],
+    /// Whether it judges; else it is there to develop on.
+    pub judge: bool,
+    /// Length of a run.
+    pub minutes: f64,
+    /// What makes it out of a plain world.
+    pub(super) make: fn(&mut World),
 }
+
+impl Kind {
+    /// One seed of it.
+    pub fn world(&self, class: Grade, seed: u64) -> World {
+        let mut world = World::plain(class, seed, self.minutes, self.name);
+        (self.make)(&mut world);
+        world
+    }
+}
+
+/// Kinds, each with its name, classes, minutes, what it is and what makes it out of a plain world.
+macro_rules! kinds {
+    (judge: $judge:literal,
+     $($name:literal, $classes:expr, $minutes:literal, $what:literal => $make:expr;)*) => {
+        pub static KINDS: &[Kind] = &[$(Kind {
+            name: $name,
+            what: $what,
+            classes: $classes,
+            judge: $judge,
+            minutes: $minutes,
+            make: $make,
+        }),*];
+    };
+}
+pub(super) use kinds;

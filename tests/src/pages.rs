@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 
 use miette::{Result, miette};
 
-use crate::page::output::{self, OutputError};
-
 /// All pages in memory.
-pub(super) struct Pages(Vec<Page>);
+#[derive(Debug)]
+pub struct Pages(Vec<Page>);
 
+#[derive(Debug)]
 struct Page {
     path: PathBuf,
     text: String,
@@ -44,7 +44,7 @@ impl Page {
 
 impl Pages {
     /// The README in a folder, and the Markdown files of its docs/.
-    pub(super) fn read(root: &Path) -> Result<Self> {
+    pub fn read(root: &Path) -> Result<Self> {
         let mut paths = vec![root.join("README.md")];
         let docs = root.join("docs").read_dir().into_iter().flatten().flatten();
         let docs = docs.map(|entry| entry.path());
@@ -72,11 +72,13 @@ impl Pages {
         })
     }
 
-    pub(super) fn check(&mut self, name: &str) -> Result<()> {
+    /// Fails unless a page has a part.
+    pub fn check(&mut self, name: &str) -> Result<()> {
         self.find(name).map(drop)
     }
 
-    pub(super) fn replace(&mut self, name: &str, text: &str) -> Result<()> {
+    /// Another text for a part.
+    pub fn replace(&mut self, name: &str, text: &str) -> Result<()> {
         let (page, from, to) = self.find(name)?;
         let text = format!("\n{}\n", text.trim());
         page.text.replace_range(from..to, &text);
@@ -85,9 +87,9 @@ impl Pages {
     }
 
     /// Writes those that have changed.
-    pub(super) fn write(&self) -> Result<()> {
+    pub fn write(&self) -> Result<()> {
         for page in self.0.iter().filter(|page| page.changed) {
-            output::replace(&page.path, &page.text)?;
+            write(&page.path, &page.text)?;
         }
         Ok(())
     }
@@ -98,7 +100,7 @@ fn marker(kind: &str, name: &str) -> String {
 }
 
 /// The Markdown tables among what a program has printed, an empty line between two.
-pub(super) fn tables_of(text: &str, file: &Path) -> Result<String> {
+pub fn tables_of(text: &str, file: &Path) -> Result<String> {
     let lines: Vec<&str> = text
         .lines()
         .map(|line| if line.starts_with('|') { line } else { "" })
@@ -116,7 +118,7 @@ pub(super) fn tables_of(text: &str, file: &Path) -> Result<String> {
 }
 
 /// The first example of a crate's documentation, without what it hides from readers.
-pub(super) fn example(file: &Path) -> Result<String> {
+pub fn example(file: &Path) -> Result<String> {
     let text = fs::read_to_string(file).map_err(|e| miette!("{}: {e}", file.display()))?;
     let code: Vec<&str> = text
         .lines()
@@ -134,44 +136,10 @@ pub(super) fn example(file: &Path) -> Result<String> {
 }
 
 /// Writes a picture into docs/.
-pub(super) fn picture(root: &Path, name: &str, svg: &str) -> Result<(), OutputError> {
-    let folder = root.join("docs");
-    fs::create_dir_all(&folder).map_err(|e| OutputError::io(&folder, e))?;
-    output::replace(&folder.join(name), svg)
+pub fn picture(root: &Path, name: &str, svg: &str) -> Result<()> {
+    write(&root.join("docs").join(name), svg)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_part_is_replaced_on_its_page_and_nothing_else() {
-        let page = |path: &str, text: &str| Page {
-            path: path.into(),
-            text: text.to_owned(),
-            changed: false,
-        };
-        let front = "front <!-- begin: y -->";
-        let mut pages = Pages(vec![
-            page("README.md", front),
-            page("docs/a.md", "a\n<!-- begin: x -->\nold\n<!-- end: x -->\nb"),
-        ]);
-        pages.replace("x", "new\n").unwrap();
-        assert!(pages.replace("y", "new").is_err());
-        assert!(pages.replace("z", "new").is_err());
-        let [readme, docs] = pages.0.as_slice() else {
-            panic!("two pages");
-        };
-        assert_eq!((readme.text.as_str(), readme.changed), (front, false));
-        let expected = "a\n<!-- begin: x -->\nnew\n<!-- end: x -->\nb";
-        assert_eq!((docs.text.as_str(), docs.changed), (expected, true));
-    }
-
-    #[test]
-    fn tables_are_found_among_other_output() {
-        let text = "Benchmarking...\n| a |\n|---|\n| 1 |\ntime: 3 s\n\n| b |\n|---|\n";
-        let tables = tables_of(text, Path::new("cost.txt")).unwrap();
-        assert_eq!(tables, "| a |\n|---|\n| 1 |\n\n| b |\n|---|");
-        assert!(tables_of("nothing\n", Path::new("cost.txt")).is_err());
-    }
+fn write(path: &Path, text: &str) -> Result<()> {
+    fs::write(path, text).map_err(|e| miette!("{}: {e}", path.display()))
 }

@@ -1,27 +1,21 @@
-//! Whom the conditions are tried on. All that is known of the core's interface stands here.
+//! Who is driven over simulated logs. All that studies know of the core's interface stands here.
 
 use core::iter::Peekable;
 use core::slice::Iter;
 
-use ins_core::config::HeadingSource;
 use ins_core::{
     Config, ConfigError, Estimate, Estimates, GnssFix, ImuSample, Navigator, Observability, Phase,
     Solution, SolutionSigma, Time,
 };
-
 use nalgebra::Vector3;
 
-use super::World;
 use crate::compare::kalman::{self, Filter, index};
-use crate::sim::SimulatedDrive;
-use crate::study::accuracy::config_of;
+use crate::identify::configure;
+use crate::identify::quantities::DEG_H_RADPS;
+use crate::sim::{ErrorModel, Grade, SimulatedDrive};
 
 /// Standard gravity: of an accelerometer's bias to the tilt it makes, m/s^2.
 const GRAVITY_MPS2: f64 = 9.81;
-/// An antenna that is metres away: what the user of a unit whose preset takes it for close says.
-const ARM_SIGMA_M: f64 = 3.0;
-/// Clocks that are not one: the same of their drift, s/s.
-const DRIFT_SIGMA: f64 = 1e-4;
 
 /// A number that is claimed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,30 +64,44 @@ pub trait Subject {
     fn claims(&self) -> Option<Claims>;
 }
 
-/// What a user of this unit and receiver sets: the class of the sensors with the noise of its data
-/// sheet, what samples hold, a heading if one is given, how far its axes are off, and for a class
-/// that is told of neither that the antenna is some way off and that the clocks are two.
-pub fn config(world: &World, drive: &SimulatedDrive) -> Config {
-    let mut config = config_of(world.class);
-    config.imu_output = world.errors.imu.output;
-    if let Some(heading_rad) = drive.given_heading_rad {
-        config.heading = HeadingSource::Given(heading_rad);
+/// Drives on to the end of the samples; `look` sees every truth with the sample at its time or, where
+/// that is missing, the next.
+pub fn drive<S: Subject>(
+    subject: &mut S,
+    truths: &[Solution],
+    mut look: impl FnMut(&S, Time, &Solution),
+) {
+    let mut truths = truths.iter().peekable();
+    while let Some(time) = subject.step() {
+        while let Some(truth) = truths.next_if(|truth| truth.time <= time) {
+            look(subject, time, truth);
+        }
     }
-    config.sensors.misalignment_rad = (world.errors.gyro_deg_h.misalignment_sigma)
-        .max(world.errors.accel_mps2.misalignment_sigma);
-    if world.antenna_m.norm() > 0.0 {
-        config.gnss.lever_arm_sigma_m = config.gnss.lever_arm_sigma_m.max(ARM_SIGMA_M);
-    }
-    if world.errors.gnss.habits.clock_drift != 0.0 {
-        config.gnss.clock_drift_sigma = config.gnss.clock_drift_sigma.max(DRIFT_SIGMA);
-    }
+}
+
+/// The configuration that fits a class of simulated sensors: its preset, and what a data sheet of
+/// such a unit says of noise and axes.
+pub fn config_of(grade: Grade) -> Config {
+    let ErrorModel {
+        imu,
+        gyro_deg_h: gyros,
+        accel_mps2: accels,
+        ..
+    } = grade.errors();
+    let mut config = configure::config_of(grade.class(), imu.output, None);
+    let sensors = &mut config.sensors;
+    sensors.gyro_noise = gyros
+        .noise_times
+        .map(|times| times * gyros.white_noise * DEG_H_RADPS);
+    sensors.accel_noise = accels.noise_times.map(|times| times * accels.white_noise);
+    sensors.cross_axis = gyros.misalignment_sigma;
     config
 }
 
 /// The core.
 #[derive(Debug)]
 pub struct Core<'a> {
-    navigator: Navigator,
+    pub navigator: Navigator,
     samples: Iter<'a, ImuSample>,
     fixes: Peekable<core::iter::Zip<Iter<'a, GnssFix>, Iter<'a, Time>>>,
 }
@@ -148,13 +156,12 @@ impl Subject for Core<'_> {
 /// The Kalman filter, told the true noise, given the same measurements.
 #[derive(Debug)]
 pub struct Kalman<'a> {
-    run: kalman::Run<'a>,
+    pub run: kalman::Run<'a>,
     up: Vector3<f64>,
 }
 
 impl<'a> Kalman<'a> {
-    /// Before the first sample; fixes and noise are those of [`super::told`], and `up` is where
-    /// the vehicle has it on the whole.
+    /// Before the first sample; `up` is where the vehicle has it on the whole.
     pub fn new(
         imu: &'a [ImuSample],
         fixes: &'a [GnssFix],
@@ -169,7 +176,7 @@ impl<'a> Kalman<'a> {
     }
 
     /// The bias that an accelerometer is felt to have, which this filter tells apart: see
-    /// [`super::truth`].
+    /// [`super::conditions`].
     fn felt(&self, filter: &Filter, axis: usize) -> Claim {
         let (known, up) = (&filter.known, &self.up);
         let mut row = kalman::States::zeros(filter.layout.size);

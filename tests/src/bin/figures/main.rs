@@ -1,26 +1,23 @@
 //! The figures of the README and of docs/: every table and picture measured anew, nothing typed
-//! by hand.
+//! by hand. `cargo run --release -p ins-tests --bin figures -- --help`.
 
-mod accuracy;
 mod aircraft;
 mod conditions;
-mod demo;
-mod identification;
-mod kalman;
-mod logs;
-mod pages;
+mod drives;
+mod program;
+mod recorded;
 
 use std::fs;
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::{Parser, ValueEnum};
+use host_sim::study::reproduce;
+use ins_tests::pages::{self, Pages};
 use miette::{Result, miette};
 
-use pages::Pages;
-
-/// Options of `figures`.
-#[derive(Debug, Args)]
-pub struct Figures {
+/// Measures the figures of the README and of docs/ anew and writes them there.
+#[derive(Debug, Parser)]
+struct Figures {
     /// Top folder of the repository.
     #[arg(long, default_value = ".")]
     repository: PathBuf,
@@ -90,7 +87,8 @@ fn insertion(text: &str) -> Result<(String, PathBuf), String> {
 }
 
 /// Measures the parts that are asked for and rewrites the pages, all at once.
-pub fn write(options: &Figures) -> Result<()> {
+fn main() -> Result<()> {
+    let options = Figures::parse();
     let root = &options.repository;
     let mut pages = Pages::read(root)?;
     let mut texts = Vec::new();
@@ -105,7 +103,7 @@ pub fn write(options: &Figures) -> Result<()> {
         // A missing marker must show before the work, not after it.
         pages.check(&name)?;
         eprintln!("measuring: {name}");
-        texts.extend(part.measure(options)?);
+        texts.extend(part.measure(&options)?);
     }
     // Anew: pages may have been worked on meanwhile.
     pages = Pages::read(root)?;
@@ -127,32 +125,33 @@ impl Part {
 
     /// Texts by the names of their places; what cannot be measured here is left as it is.
     fn measure(self, options: &Figures) -> Result<Vec<(String, String)>> {
-        let root = &options.repository;
+        let (root, logs) = (&options.repository, options.logs.as_deref());
         let text = match self {
-            Self::Demo => demo::part(root).map(Some),
-            Self::AccuracyHg1700 => accuracy::hg1700(root, options.runs).map(Some),
-            Self::AccuracyMems => accuracy::mems(options.runs).map(Some),
+            Self::Demo => program::demo(root).map(Some),
+            Self::AccuracyHg1700 => drives::hg1700(root, options.runs).map(Some),
+            Self::AccuracyMems => drives::mems(options.runs).map(Some),
             Self::Conditions => {
                 let results = conditions::results((options.runs / 20).max(1));
                 let summary = ("summary".to_owned(), conditions::summary(&results));
                 return Ok(vec![summary, (self.name(), conditions::page(&results))]);
             }
-            Self::Forms => accuracy::forms(options.runs.min(100)).map(Some),
-            Self::Kalman => kalman::part(options.runs.min(100)).map(Some),
-            Self::Outages => kalman::outages(root, options.logs.as_deref()),
-            Self::Logs => logs::part(root, options.logs.as_deref()),
-            Self::Recordings => Ok(logs::recordings(
+            Self::Forms => drives::forms(options.runs.min(100)).map(Some),
+            Self::Kalman => drives::kalman(options.runs.min(100)).map(Some),
+            Self::Outages => recorded::outages(root, logs),
+            Self::Logs => recorded::logs(root, logs),
+            Self::Recordings => Ok(recorded::recordings(
                 root,
                 options.recordings.as_deref(),
-                options.logs.as_deref(),
+                logs,
             )),
-            Self::Proof => identification::proof(root, options.logs.as_deref()),
-            Self::Recovery => Ok(Some(identification::recovery(options.runs.clamp(2, 200)))),
-            Self::Campaign => identification::campaign(root).map(Some),
-            Self::PlanDrive => super::plan_drive::study::page().map(Some),
+            Self::Proof => recorded::proof(root, logs),
+            Self::Recovery => program::recovery(options.runs.clamp(2, 200)).map(Some),
+            Self::Campaign => program::campaign(root).map(Some),
+            Self::PlanDrive => host_sim::plan_drive_page().map(Some),
             Self::Aircraft => aircraft::performance_table().map(Some),
-            Self::Flights => super::flights::page(options.runs.min(200)).map(Some),
-            Self::Reproduce => super::reproduce::page().map(Some),
+            Self::Flights => aircraft::flights(options.runs.min(200)).map(Some),
+            Self::Reproduce => reproduce::reproduce(reproduce::Settings::new(1), None)
+                .map(|reproduction| Some(reproduction.table().markdown())),
             Self::ErrorFree => aircraft::error_free(root).map(Some),
             Self::Example => pages::example(&root.join("core/src/lib.rs")).map(Some),
         }?;

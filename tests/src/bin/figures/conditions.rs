@@ -3,16 +3,17 @@
 
 use std::ops::Range;
 
-use crate::log;
-use crate::page::brief;
-use crate::page::progress::bar;
-use crate::page::table::{Table, heads};
-use crate::sim::Grade;
-use crate::study::conditions::output::{overview_table, short, totals, totals_table, worst_table};
-use crate::study::conditions::{QUANTITIES, Quantity, Results, Row, Study, Trial, all};
+use host_sim::page::brief;
+use host_sim::page::table::{Table, heads, markdown};
+use host_sim::sim::Grade;
+use host_sim::study::conditions::output::{
+    overview_table, short, totals, totals_table, worst_table,
+};
+use host_sim::study::conditions::{QUANTITIES, Quantity, Results, Row, Study, Trial, all};
+use indicatif::ProgressBar;
 
 /// All kinds over so many seeds, the Kalman filter beside the core.
-pub(super) fn results(seeds: u64) -> Vec<Results> {
+pub fn results(seeds: u64) -> Vec<Results> {
     let study = Study {
         kinds: all().collect(),
         only: None,
@@ -23,11 +24,11 @@ pub(super) fn results(seeds: u64) -> Vec<Results> {
             receiver_known: false,
         },
     };
-    study.results(&bar().with_message("running"))
+    study.results(&ProgressBar::new(0).with_message("running"))
 }
 
 /// Totals, what is worst beside the Kalman filter, and a row for each kind.
-pub(super) fn page(results: &[Results]) -> String {
+pub fn page(results: &[Results]) -> String {
     let mut tables = vec![totals_table(&totals(results))];
     tables.extend(worst_table(results));
     tables.push(overview_table(results));
@@ -50,7 +51,7 @@ const SUMMARY: [(&str, Range<usize>); 10] = [
 ];
 
 /// A row for some quantities over the kinds that judge.
-pub(super) fn summary(results: &[Results]) -> String {
+pub fn summary(results: &[Results]) -> String {
     let classes = [Grade::Mems, Grade::Hg1700];
     let mut header = heads("| unit");
     for class in classes {
@@ -70,7 +71,7 @@ pub(super) fn summary(results: &[Results]) -> String {
         "{}\nJudges alone, {seeds} seeds of each kind. Error: RMS of a kind, median over kinds (and axes). \
          Wrong and sure: called observable and more than 4.5 sigma off, of what was called \
          observable.\n",
-        Table::of("", header, rows).markdown()
+        markdown(&header, &rows)
     )
 }
 
@@ -85,7 +86,9 @@ fn over_kinds(results: &[Results], class: Grade, quantities: &[Quantity]) -> [St
     if rows.is_empty() {
         return ["not observable", "", ""].map(str::to_owned);
     }
-    let median = log::median(rows.iter().map(|row| row.rms_error));
+    let mut errors: Vec<f64> = rows.iter().map(|row| row.rms_error).collect();
+    errors.sort_by(f64::total_cmp);
+    let median = 0.5 * (errors[(errors.len() - 1) / 2] + errors[errors.len() / 2]);
     let checks: f64 = rows.iter().map(|row| row.checks as f64).sum();
     let square = |row: &&Row| row.checks as f64 * row.rms_ratio.unwrap_or_default().powi(2);
     let ratio = (rows.iter().map(square).sum::<f64>() / checks).sqrt();

@@ -1,33 +1,15 @@
-//! The demo drive.
+//! How the estimates of a log converge, as one drawing.
 
-use std::path::Path;
-
-use miette::{IntoDiagnostic, Result};
-
-use crate::cli::drive::write_drive;
-use crate::cli::options::DriveOptions;
+use super::charts::{Converging, converging};
 use crate::identify::analysis::Analysis;
-use crate::log::Grade;
 use crate::page::chart::sampled;
 use crate::page::plot::{BLUE, GREY, Mark, RED};
-use crate::page::progress::bar;
 use crate::page::sheet::{self, Panel, key};
-use crate::report::charts::{Converging, converging};
 
-/// What `host-sim demo` does and prints, with its picture.
-pub(super) fn part(root: &Path) -> Result<String> {
-    let folder = tempfile::tempdir().into_diagnostic()?;
-    let log = folder.path().join("log");
-    let options = DriveOptions {
-        seed: 1,
-        grade: Grade::Hg1700,
-        minutes: 40.0,
-    };
-    write_drive(&log, options, None, false)?;
-    let analysis = Analysis::of_log(&log, None, &bar())?;
-    let panels: Vec<Panel> = converging(&analysis).iter().map(panel).collect();
-    super::pages::picture(root, "demo.svg", &sheet::svg(&panels))?;
-    Ok(analysis.table().markdown())
+/// A panel for each estimate.
+pub fn picture(analysis: &Analysis) -> String {
+    let panels: Vec<Panel> = converging(analysis).iter().map(panel).collect();
+    sheet::svg(&panels)
 }
 
 fn panel(estimate: &Converging) -> Panel {

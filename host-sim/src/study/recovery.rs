@@ -1,0 +1,439 @@
+//! How well error models are found: many simulated units, each identified from its drives or flights,
+//! against the models that these were made with.
+
+use std::path::Path;
+
+use indicatif::ProgressBar;
+use miette::Result;
+use nalgebra::Matrix4;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::identify::configure;
+use crate::identify::error_model::filter::{Candidate, Class, Dynamics};
+use crate::identify::error_model::fit;
+use crate::identify::error_model::identified::{class as error_model_of, in_file};
+use crate::identify::error_model::interval::Interval;
+use crate::identify::error_model::{Identified, Parameter, Record};
+use crate::identify::quantities::DEG_H_RADPS;
+use crate::identify::run::identify;
+use crate::log::{BodyAxes, Grade, Log};
+use crate::page::progress::{bar, counted};
+use crate::page::table::{Table, cells, heads};
+use crate::page::{self, output};
+use crate::sim::errors::{BiasModel, Law};
+use crate::sim::receiver::Correlated;
+use crate::sim::vehicles::{Begin, Plane};
+use crate::sim::{self, DriveConfig, ErrorModel, SimulatedDrive, record, simulate};
+
+/// Names of the files; the first marks a folder as ours.
+pub const JSON: &str = "recovery.json";
+const MARKDOWN: &str = "recovery.md";
+
+/// Seeds from one unit to the next: no unit has so many drives. From one kind of units to the next:
+/// no study has so many.
+const UNIT_SEEDS: u64 = 1000;
+const KIND_SEEDS: u64 = 1_000_000_000;
+
+/// Banks of the turns of a flight, rad.
+const BANK_RAD: [f64; 2] = [0.45, 0.7];
+
+/// What of the noise of GNSS velocity has a memory, m/s.
+const GNSS_MEMORY: Correlated = Correlated {
+    sigma: 0.03,
+    time_s: 10.0,
+};
+
+/// What units are driven or flown in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Vehicle {
+    /// The simulated car.
+    Car,
+    /// A light aircraft that stands first.
+    Aircraft,
+}
+
+/// Which units are made.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Study {
+    /// Class of the sensors.
+    pub class: Grade,
+    /// What they are driven in.
+    pub vehicle: Vehicle,
+    /// Number of units.
+    pub units: u64,
+    /// Drives of a unit.
+    pub drives: u64,
+    /// Length of a drive, min.
+    pub minutes: f64,
+    /// Seed of the first drive of the first unit.
+    pub first_seed: u64,
+}
+
+/// One unit, identified.
+struct Unit {
+    parameters: Vec<Parameter>,
+    /// Curvature of the log-likelihood at the true values.
+    information: Matrix4<f64>,
+    /// Readings of a second at rest, all axes, less the means that were taken out.
+    rest_freedom: f64,
+}
+
+/// A class with gyro biases that move: by some of what the noise of minutes hides in ring lasers, by
+/// more than that in MEMS.
+pub fn truth(class: Grade, law: Law) -> ErrorModel {
+    let mut model = error_model_of(class);
+    model.gnss.habits.velocity = GNSS_MEMORY;
+    let [initial_sigma, moves] = match (class, law) {
+        (Grade::Hg1700, Law::Wave) => [1.0, 2.0],
+        (Grade::Hg1700, Law::Continuous) => [2.0, 2.0],
+        (Grade::Mems, _) => [model.gyro_deg_h.bias.initial_sigma(), 40.0],
+    };
+    model.gyro_deg_h.bias = match law {
+        Law::Wave => BiasModel::Wave {
+            initial_sigma,
+            interval_s: 300.0,
+            jump_mean: 0.15 * moves,
+            jump_sigma: moves,
+        },
+        Law::Continuous => BiasModel::Continuous {
+            initial_sigma,
+            slope_sigma_per_s: 0.0005 * moves,
+            correlated_sigma: moves,
+            correlation_time_s: 150.0,
+        },
+    };
+    model
+}
+
+/// One parameter over all units.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// Path in the model file.
+    pub name: &'static str,
+    pub unit: &'static str,
+    /// What the units were made with.
+    pub truth: f64,
+    /// Units with a value.
+    pub units: usize,
+    /// Mean error of the estimate.
+    pub bias: f64,
+    /// 95 % bound of what chance alone does to that mean.
+    pub bias_95: f64,
+    /// Intervals that hold the truth, percent.
+    pub coverage_percent: f64,
+    /// Standard deviation of the estimate.
+    pub scatter: f64,
+    /// Bound of Cramer and Rao on that; none where none is known.
+    pub bound: Option<f64>,
+}
+
+/// All units of one kind.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Results {
+    /// What was made.
+    #[serde(flatten)]
+    pub study: Study,
+    /// Thesis equation of the gyro biases.
+    pub gyro_model: &'static str,
+    /// A row for each parameter.
+    pub rows: Vec<Row>,
+}
+
+impl Study {
+    /// Units of both classes, in both vehicles, with gyro biases of both laws.
+    pub fn of_all_kinds(self) -> Vec<Results> {
+        let classes = [Grade::Hg1700, Grade::Mems];
+        let vehicles = [Vehicle::Car, Vehicle::Aircraft];
+        let kinds = classes.map(|class| vehicles.map(|vehicle| (class, vehicle)));
+        let of = |((class, vehicle), place)| {
+            let study = Self {
+                class,
+                vehicle,
+                first_seed: self.first_seed + KIND_SEEDS * place,
+                ..self
+            };
+            study.of_both_laws()
+        };
+        kinds.into_iter().flatten().zip(0..).flat_map(of).collect()
+    }
+
+    /// Units with gyro biases of either law.
+    pub fn of_both_laws(self) -> Vec<Results> {
+        [Law::Wave, Law::Continuous]
+            .map(|law| self.results(law))
+            .into()
+    }
+
+    /// Makes and identifies all units; what comes out does not depend on the number of threads.
+    fn results(self, law: Law) -> Results {
+        let progress = bar().with_message("units");
+        progress.set_length(self.units);
+        let units: Vec<Unit> = (0..self.units)
+            .into_par_iter()
+            .map(counted(&progress, |unit| self.identified(unit, law)))
+            .collect();
+        Results {
+            study: self,
+            gyro_model: match law {
+                Law::Wave => "(3)",
+                Law::Continuous => "(4)",
+            },
+            rows: rows(&self, law, &units),
+        }
+    }
+
+    fn identified(&self, unit: u64, law: Law) -> Unit {
+        let (model, class) = (truth(self.class, law), self.class);
+        let first = self.first_seed + UNIT_SEEDS * unit;
+        let records: Vec<Record> = (first..first + self.drives)
+            .map(|seed| match self.vehicle {
+                Vehicle::Car => drive_record(seed, &model, class, self.minutes),
+                Vehicle::Aircraft => flight_record(seed, &model, class, self.minutes),
+            })
+            .collect();
+        let found = Identified::new(&records, class, Some(law));
+        let rest = || records.iter().flat_map(|record| &record.rest);
+        Unit {
+            parameters: found.parameters(),
+            information: fit::information(&records, &candidate(&model)),
+            rest_freedom: rest().map(|blocks| 3.0 * (blocks.len() as f64 - 1.0)).sum(),
+        }
+    }
+}
+
+/// Drives once with sensors of a model, and keeps what identification needs.
+pub(crate) fn drive_record(seed: u64, model: &ErrorModel, grade: Grade, minutes: f64) -> Record {
+    let config = drive(seed, model, minutes);
+    reduced(simulate(&config), model, grade)
+}
+
+/// The same in the air.
+pub(crate) fn flight_record(seed: u64, model: &ErrorModel, grade: Grade, minutes: f64) -> Record {
+    let recording = drive(seed, model, minutes).recording;
+    let plane = Plane::new(seed, recording.duration_s, BANK_RAD, Begin::OnGround);
+    reduced(record(plane, &recording), model, grade)
+}
+
+fn drive(seed: u64, model: &ErrorModel, minutes: f64) -> DriveConfig {
+    let mut config = DriveConfig::new(seed, sim::Grade::default(), minutes);
+    config.recording.errors = model.clone();
+    config
+}
+
+fn reduced(run: SimulatedDrive, model: &ErrorModel, grade: Grade) -> Record {
+    let log = Log {
+        truth: Vec::new(),
+        ..run.into_log(BodyAxes::Rfu, model.imu.output)
+    };
+    let config = configure::config(&log, grade);
+    let found = identify(&log, config, &ProgressBar::hidden()).expect("presets are valid");
+    Record::new(&log, &found)
+}
+
+/// The true model as the likelihood takes it.
+fn candidate(model: &ErrorModel) -> Candidate {
+    Candidate {
+        gyro_noise: model.gyro_deg_h.white_noise * DEG_H_RADPS,
+        accel_noise: model.accel_mps2.white_noise,
+        gnss_sigma_mps: model.gnss.velocity_sigma_mps,
+        gnss_memory: model.gnss.habits.velocity,
+        dynamics: Dynamics::of(&model.gyro_deg_h.bias, DEG_H_RADPS),
+        class: Class::of(model),
+    }
+}
+
+fn rows(study: &Study, law: Law, units: &[Unit]) -> Vec<Row> {
+    let model = truth(study.class, law);
+    let Some(first) = units.first() else {
+        return Vec::new();
+    };
+    let bounds = Bounds::new(study, &model, units);
+    (first.parameters.iter())
+        .map(|parameter| {
+            let same = |p: &&Parameter| p.name == parameter.name;
+            let found: Vec<Interval> = (units.iter())
+                .filter_map(|unit| unit.parameters.iter().find(same)?.found)
+                .collect();
+            let truth = in_file(&model, parameter.name);
+            let bound = bounds.of(parameter.name);
+            row(parameter.name, parameter.unit, truth, &found, bound)
+        })
+        .collect()
+}
+
+fn row(
+    name: &'static str,
+    unit: &'static str,
+    truth: f64,
+    found: &[Interval],
+    bound: Option<f64>,
+) -> Row {
+    let count = found.len() as f64;
+    let mean = found.iter().map(|f| f.value).sum::<f64>() / count;
+    let squares: f64 = found.iter().map(|f| (f.value - mean).powi(2)).sum();
+    let scatter = (squares / (count - 1.0).max(1.0)).sqrt();
+    let held = found.iter().filter(|f| f.holds(truth)).count();
+    Row {
+        name,
+        unit,
+        truth,
+        units: found.len(),
+        bias: mean - truth,
+        bias_95: 1.96 * scatter / count.sqrt(),
+        coverage_percent: 100.0 * held as f64 / count,
+        scatter,
+        bound,
+    }
+}
+
+/// Bounds of Cramer and Rao: of the likelihood at the true values, averaged over the units, or of
+/// draws seen without error.
+struct Bounds<'a> {
+    model: &'a ErrorModel,
+    /// Relative, of gyro noise, GNSS noise, size and time of the random part.
+    likelihood: [f64; 4],
+    draws: f64,
+    jumps: f64,
+    rest_freedom: f64,
+}
+
+impl<'a> Bounds<'a> {
+    fn new(study: &Study, model: &'a ErrorModel, units: &[Unit]) -> Self {
+        let count = units.len() as f64;
+        let sum: Matrix4<f64> = units.iter().map(|unit| unit.information).sum();
+        let mut mean = sum / count;
+        let draws = 3.0 * study.drives as f64;
+        let mut jumps = 0.0;
+        if let BiasModel::Wave { interval_s, .. } = model.gyro_deg_h.bias {
+            jumps = draws * (60.0 * study.minutes / interval_s).floor();
+            // The times of jumps make steps in the likelihood: no bound, and no part in others.
+            for other in 0..3 {
+                (mean[(3, other)], mean[(other, 3)]) = (0.0, 0.0);
+            }
+        }
+        let variance = mean.try_inverse().unwrap_or_default();
+        Self {
+            model,
+            likelihood: [0, 1, 2, 3].map(|which| variance[(which, which)].max(0.0).sqrt()),
+            draws,
+            jumps,
+            rest_freedom: units.iter().map(|unit| unit.rest_freedom).sum::<f64>() / count,
+        }
+    }
+
+    fn of(&self, name: &str) -> Option<f64> {
+        let truth = in_file(self.model, name);
+        let [gyro, gnss, size, time] = self.likelihood;
+        let of_draws = |count: f64| 1.0 / (2.0 * count).sqrt();
+        Some(match name {
+            "gyro_deg_h.white_noise" => gyro * truth,
+            "gnss.velocity_sigma_mps" => gnss * truth,
+            "gyro_deg_h.bias.jump_sigma" | "gyro_deg_h.bias.correlated_sigma" => size * truth,
+            "gyro_deg_h.bias.correlation_time_s" => time * truth,
+            "gyro_deg_h.bias.initial_sigma"
+            | "gyro_deg_h.bias.slope_sigma_per_s"
+            | "accel_mps2.bias.initial_sigma" => of_draws(self.draws) * truth,
+            "accel_mps2.white_noise" => of_draws(self.rest_freedom) * truth,
+            "gyro_deg_h.bias.jump_mean" => {
+                let sigma = in_file(self.model, "gyro_deg_h.bias.jump_sigma");
+                sigma / self.jumps.sqrt()
+            }
+            _ => return None,
+        })
+    }
+}
+
+// --- tables ---
+
+/// A table for each kind of units; or one of all, that says only how often intervals hold the truth.
+pub fn tables(all: &[Results], coverage_alone: bool) -> Vec<Table> {
+    if coverage_alone {
+        vec![coverage(all)]
+    } else {
+        all.iter().map(Results::table).collect()
+    }
+}
+
+/// For a terminal.
+pub fn readable(tables: &[Table]) -> String {
+    printed(tables, Table::plain) + "\n"
+}
+
+/// Results and tables into a folder.
+pub fn write(results: &[Results], tables: &[Table], folder: &Path) -> Result<()> {
+    output::write(folder, MARKDOWN, printed(tables, Table::markdown))?;
+    Ok(output::write(folder, JSON, page::json(&results)?)?)
+}
+
+/// Each under its title.
+fn printed(tables: &[Table], form: fn(&Table) -> String) -> String {
+    let text = |table: &Table| format!("{}:\n\n{}", table.title, form(table));
+    tables.iter().map(text).collect::<Vec<_>>().join("\n")
+}
+
+/// Whether models come back: a row for each parameter, a column for each of the results.
+fn coverage(all: &[Results]) -> Table {
+    let mut header = cells([""]);
+    header.extend(all.iter().map(Results::kind));
+    let mut names: Vec<&str> = Vec::new();
+    for row in all.iter().flat_map(|results| &results.rows) {
+        if !names.contains(&row.name) {
+            names.push(row.name);
+        }
+    }
+    let line = |name: &str| {
+        let mut line = cells([name]);
+        line.extend(all.iter().map(|results| results.coverage(name)));
+        line
+    };
+    let title = "95 % intervals that hold the truth";
+    Table::of(title, header, names.into_iter().map(line))
+}
+
+impl Results {
+    fn kind(&self) -> String {
+        let Study { class, vehicle, .. } = self.study;
+        format!("{class:?} {vehicle:?} {}", self.gyro_model).to_lowercase()
+    }
+
+    /// Of one parameter; with the number of units if not all have a value.
+    fn coverage(&self, name: &str) -> String {
+        let Some(row) = self.rows.iter().find(|row| row.name == name) else {
+            return String::new();
+        };
+        match row.units {
+            0 => "no value".to_owned(),
+            units if units as u64 == self.study.units => format!("{:.0} %", row.coverage_percent),
+            units => format!("{:.0} % of {units}", row.coverage_percent),
+        }
+    }
+
+    fn table(&self) -> Table {
+        let header = heads(
+            "| unit | truth | bias | bias by chance | coverage | scatter | bound | scatter / bound",
+        );
+        let title = format!("Gyro biases of equation {}", self.gyro_model);
+        Table::of(title, header, self.rows.iter().map(Row::cells))
+    }
+}
+
+impl Row {
+    fn cells(&self) -> Vec<String> {
+        let digits = |value: f64| page::digits(self.scatter, value);
+        vec![
+            self.name.to_owned(),
+            self.unit.to_owned(),
+            self.truth.to_string(),
+            digits(self.bias),
+            format!("± {}", digits(self.bias_95)),
+            format!("{:.0} %", self.coverage_percent),
+            digits(self.scatter),
+            self.bound.map_or("none".to_owned(), digits),
+            (self.bound).map_or(String::new(), |bound| {
+                format!("{:.2}", self.scatter / bound)
+            }),
+        ]
+    }
+}
