@@ -279,7 +279,7 @@ impl Charts<'_> {
             let known = row.sigma.map(|sigma| sigmas(&sigma, &solution));
             Some((values(&solution), known.unwrap_or([f64::NAN; 5])))
         };
-        let rows: Vec<(f64, ([f64; 5], [f64; 5]))> = self.rows(solution).collect();
+        let rows: Vec<_> = self.rows(solution).collect();
         if rows.is_empty() {
             return Vec::new();
         }
@@ -341,7 +341,7 @@ impl Charts<'_> {
         let curve = |axis: usize| thinned(rows.iter().map(|(t, sigmas)| (*t, sigmas[axis])));
         let values = rows.iter().flat_map(|(_, sigmas)| *sigmas);
         let chart = self.over_time(format!("One sigma of {of}"), unit);
-        let chart = three_lines(chart.logarithmic_y(values), names, [0, 1, 2].map(curve));
+        let chart = three_lines(chart.logarithmic_y(values), names, &[0, 1, 2].map(curve));
         (!rows.is_empty()).then(|| chart.figure())
     }
 
@@ -459,7 +459,7 @@ impl Charts<'_> {
         let names = names.each_ref().map(String::as_str);
         let figure = |title, unit, curves: [Thinner; 3]| {
             let chart = self.over_time(title, unit);
-            three_lines(chart, names, curves.map(Thinner::finish)).figure()
+            three_lines(chart, names, &curves.map(Thinner::finish)).figure()
         };
         vec![
             figure("Gyros", "deg/s", gyros),
@@ -516,7 +516,7 @@ pub(super) fn allan_figures(sensors: &Sensors) -> Vec<Figure> {
             .logarithmic_y(deviations.map(|sigma| sigma.value));
         let curves = [0, 1, 2].map(|axis| line(&|p| p.deviation[axis].value));
         let white = line(&|p| noise / p.tau_s.sqrt());
-        three_lines(chart, ["right", "forward", "up"], curves)
+        three_lines(chart, ["right", "forward", "up"], &curves)
             .reference("white noise found", RED, &white)
             .figure()
     };
@@ -539,8 +539,8 @@ pub(super) fn allan_figures(sensors: &Sensors) -> Vec<Figure> {
     ]
 }
 
-fn three_lines(mut chart: Chart, names: [&str; 3], curves: [Vec<Point>; 3]) -> Chart {
-    for ((name, colour), curve) in names.into_iter().zip(COLOURS).zip(&curves) {
+fn three_lines(mut chart: Chart, names: [&str; 3], curves: &[Vec<Point>; 3]) -> Chart {
+    for ((name, colour), curve) in names.into_iter().zip(COLOURS).zip(curves) {
         chart = chart.line(name, colour, curve);
     }
     chart

@@ -86,7 +86,7 @@ impl AtRest {
         for kind in ["gyro_deg_h", "accel_mps2"] {
             for axis in ["right", "forward", "up"] {
                 let name = format!("{kind}_{axis}");
-                names += &format!(",{name},{name}_low,{name}_high");
+                names.extend([",", &name, ",", &name, "_low,", &name, "_high"]);
             }
         }
         let row = |(gyro, accel): (&Point, &Point)| {
