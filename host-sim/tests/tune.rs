@@ -118,8 +118,8 @@ fn models_of_sensors_have_their_own_units() {
     // dataset/kf-gins.yaml: 0.136 m ahead, 0.301 m to the left, 0.184 m above.
     t.lever_arm_m = known([-0.301, 0.136, 0.184]);
     t.gyro_bias_radps = known([1.0, 2.0, 3.0].map(|deg_h| deg_h * DEG_H_RADPS));
-    // 0.01 m/s^2 is 1000 mGal.
-    t.accel_bias_mps2 = known([0.03, 0.02, 0.01]);
+    // 0.011 m/s^2 is 1100 mGal.
+    t.accel_bias_mps2 = known([0.03, 0.02, 0.011]);
     [t.gyro_noise, t.accel_noise] = known([1e-4, 1e-3]);
     [t.gyro_bias_wander, t.gyro_bias_correlation_s] = known([40.0 * DEG_H_RADPS, 1800.0]);
     // Stamped 10.122, it shows 10.000: 10.000 = 10.122 + shift.
@@ -132,14 +132,14 @@ fn models_of_sensors_have_their_own_units() {
     let lines = [
         "antlever: [0.13600, -0.30100, -0.18400]",
         "initgyrbias: [2.0000, 1.0000, -3.0000]",
-        "initaccbias: [2000.0, 3000.0, -1000.0]",
+        "initaccbias: [2000.0, 3000.0, -1100.0]",
         "arw: [0.34377, 0.34377, 0.34377]",
         "vrw: [0.060000, 0.060000, 0.060000]",
         "gbstd: [40.000, 40.000, 40.000]",
         "corrtime: 0.50000",
     ];
     assert_prints(&t, Target::KfGins, &lines);
-    let added = "imu_err['accel_b'] = np.array([0.020000, 0.030000, -0.010000])";
+    let added = "imu_err['accel_b'] = np.array([0.020000, 0.030000, -0.011000])";
     assert_prints(&t, Target::GnssInsSim, &[added]);
 }
 
