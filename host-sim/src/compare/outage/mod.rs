@@ -2,13 +2,13 @@
 //!
 //! Each navigator runs over the log once, and a copy of it through every outage without a fix.
 
+mod ins;
 #[cfg(feature = "peers")]
 mod peer;
 
 use ins_core::earth::Geodetic;
 use ins_core::{
-    Config, ConfigError, Estimate, GnssFix, ImuSample, Navigator, Observability, Phase, Solution,
-    Time,
+    Config, ConfigError, Estimate, GnssFix, Navigator, Observability, Phase, Solution, Time,
 };
 use nalgebra::Vector2;
 use serde::Serialize;
@@ -19,6 +19,7 @@ use crate::log::Log;
 use crate::page::brief;
 use crate::page::table::{Table, heads};
 use crate::statistics::rms;
+use ins::Ins;
 
 /// Length of an outage, and from start to start, s.
 pub const OUTAGE_S: f64 = 30.0;
@@ -156,27 +157,6 @@ struct Point {
     time: Time,
     position: Geodetic,
     velocity_en_mps: Vector2<f64>,
-}
-
-/// An INS that takes samples and fixes by their stamps.
-trait Ins: Clone {
-    fn on_imu(&mut self, sample: &ImuSample);
-    fn on_gnss(&mut self, fix: &GnssFix);
-    fn solution(&self) -> Option<Solution>;
-}
-
-impl Ins for Navigator {
-    fn on_imu(&mut self, sample: &ImuSample) {
-        let _ = self.on_imu(sample);
-    }
-
-    fn on_gnss(&mut self, fix: &GnssFix) {
-        let _ = self.on_gnss(fix);
-    }
-
-    fn solution(&self) -> Option<Solution> {
-        self.solution()
-    }
 }
 
 impl<'a> Course<'a> {

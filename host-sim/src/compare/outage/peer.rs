@@ -14,7 +14,7 @@ use ins_core::increments::Increments;
 use ins_core::{Config, ConfigError, GnssFix, ImuOutput, ImuSample, Navigator, Solution, Time};
 use nalgebra::{Quaternion as Algebraic, Unit, UnitQuaternion, Vector3};
 
-use super::Ins;
+use super::ins::Ins;
 use crate::compare::kalman::filter::Start;
 use crate::compare::kalman::{Noise, Part};
 
@@ -163,7 +163,7 @@ impl Filtering {
             ..State::default()
         };
         let heading = start.heading_sigma_rad as f32;
-        let accel = noise.accel_bias_mps2 as f32;
+        let accel = noise.sensors.accel_bias_mps2 as f32;
         let [gx, gy, gz] = start
             .gyro_bias_sigma_radps
             .map(|sigma| (sigma as f32).max(LEAST_GYRO_RADPS));

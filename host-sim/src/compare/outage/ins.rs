@@ -1,0 +1,24 @@
+//! What is taken through outages.
+
+use ins_core::{GnssFix, ImuSample, Navigator, Solution};
+
+/// An INS that takes samples and fixes by their stamps.
+pub(super) trait Ins: Clone {
+    fn on_imu(&mut self, sample: &ImuSample);
+    fn on_gnss(&mut self, fix: &GnssFix);
+    fn solution(&self) -> Option<Solution>;
+}
+
+impl Ins for Navigator {
+    fn on_imu(&mut self, sample: &ImuSample) {
+        let _ = self.on_imu(sample);
+    }
+
+    fn on_gnss(&mut self, fix: &GnssFix) {
+        let _ = self.on_gnss(fix);
+    }
+
+    fn solution(&self) -> Option<Solution> {
+        self.solution()
+    }
+}
