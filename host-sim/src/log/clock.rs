@@ -5,10 +5,9 @@ use ins_core::earth::Geodetic;
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
 use super::Log;
-use super::curve::{Curve, intervals, turned};
-use super::error::LogError;
-use super::findings::Findings;
+use super::error::{Findings, LogError};
 use super::rates::Rates;
+use super::typical::{Curve, intervals, turned};
 use crate::statistics::Line;
 
 /// Shifts that are looked for, in steps of half the shortest manoeuvre, and finer ones from there.
@@ -34,6 +33,7 @@ const LEAST_INTERVALS: usize = 8;
 /// As many windows, those with the most motion, tell what a day's tell.
 const MOST_WINDOWS: usize = 200;
 const GRAVITY_MPS2: f64 = 9.81;
+const ONE_SCALE: &str = "both files on one time scale";
 
 /// What GNSS saw over a second or so.
 struct Seen {
@@ -97,8 +97,7 @@ fn moved(best: &Shift, apart: bool, findings: &Findings) -> LogError {
         },
         -best.s
     );
-    let expected = "both files on one time scale";
-    findings.gnss(expected, found, cause).in_column("t_s")
+    findings.gnss("t_s", ONE_SCALE, found, cause)
 }
 
 fn cause(shift_s: f64) -> &'static str {
@@ -116,9 +115,7 @@ fn two_answers(best: &Shift, other: &Shift, findings: &Findings) -> LogError {
         best.s, other.s
     );
     let cause = "clocks that differ, and manoeuvres that repeat: bring both to one scale";
-    findings
-        .gnss("both files on one time scale", found, cause)
-        .in_column("t_s")
+    findings.gnss("t_s", ONE_SCALE, found, cause)
 }
 
 /// How far the fixes are from the samples, if none is among them: from start to start, s.
@@ -151,7 +148,7 @@ fn other_origin(log: &Log, findings: &Findings) -> LogError {
              little motion to find by how much: bring both to one scale"
         }
     };
-    findings.gnss(expected, found, cause).in_column("t_s")
+    findings.gnss("t_s", expected, found, cause)
 }
 
 /// A shift of the fixes, how much later their stamps are.

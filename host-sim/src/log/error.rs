@@ -1,32 +1,25 @@
 //! What is wrong with a log, and where.
 
+use std::io;
 use std::path::Path;
-use std::{fmt, io};
 
 use miette::Diagnostic;
 use thiserror::Error;
-
-/// A place inside a file, counted from one.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Cell {
-    /// Line.
-    pub line: Option<u64>,
-    /// Character in the line.
-    pub character: Option<u64>,
-    /// Name of the column or key.
-    pub name: Option<Box<str>>,
-}
 
 /// A defect of a log: where it is, what was expected, what was found, and the likely cause.
 ///
 /// The same type carries a warning, where a log only looks suspicious.
 #[derive(Clone, Debug, PartialEq, Eq, Error, Diagnostic)]
-#[error("{}{cell}: expected {expected}, found {found}", path.display())]
+#[error("{}{}: expected {expected}, found {found}", path.display(), place(*line, *character, name.as_deref()))]
 pub struct LogError {
     /// File or folder.
     pub path: Box<Path>,
-    /// Place inside it.
-    pub cell: Cell,
+    /// Line, counted from one.
+    pub line: Option<u64>,
+    /// Character in the line, counted from one.
+    pub character: Option<u64>,
+    /// Name of the column or key.
+    pub name: Option<Box<str>>,
     /// What should be there.
     pub expected: Box<str>,
     /// What is there.
@@ -53,7 +46,9 @@ impl LogError {
     ) -> Self {
         Self {
             path: path.into(),
-            cell: Cell::default(),
+            line: None,
+            character: None,
+            name: None,
             expected: expected.into(),
             found: found.into(),
             cause: cause.into(),
@@ -64,13 +59,8 @@ impl LogError {
     pub(super) fn no_room(error: &io::Error) -> Self {
         let cause = "a long log is kept in a file that is removed by itself, 56 bytes a sample, and \
                      there is no room for it: TMPDIR names another folder";
-        let folder = std::env::temp_dir();
-        Self::file(
-            &folder,
-            "room for a temporary file",
-            error.to_string(),
-            cause,
-        )
+        let (folder, expected) = (std::env::temp_dir(), "room for a temporary file");
+        Self::file(&folder, expected, error.to_string(), cause)
     }
 
     /// What a TOML parser found, at its place.
@@ -87,34 +77,60 @@ impl LogError {
 
     /// The same defect, at a line.
     pub(super) fn at_line(mut self, line: u64) -> Self {
-        self.cell.line = Some(line);
+        self.line = Some(line);
         self
     }
 
-    /// The same defect, in a named column or key.
+    /// The same defect, in a named column or key; without a name it is in all.
     pub(super) fn in_column(mut self, name: &str) -> Self {
-        self.cell.name = Some(name.into());
+        self.name = (!name.is_empty()).then(|| name.into());
         self
     }
 
     /// The same defect, at a character of its line.
     pub(super) fn at_character(mut self, character: u64) -> Self {
-        self.cell.character = Some(character);
+        self.character = Some(character);
         self
     }
 }
 
-impl fmt::Display for Cell {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Some(line) = self.line {
-            write!(f, ":{line}")?;
-        }
-        if let Some(character) = self.character {
-            write!(f, ":{character}")?;
-        }
-        match &self.name {
-            Some(name) => write!(f, " ({name})"),
-            None => Ok(()),
-        }
+fn place(line: Option<u64>, character: Option<u64>, name: Option<&str>) -> String {
+    let number = |number: Option<u64>| number.map_or(String::new(), |n| format!(":{n}"));
+    let name = name.map_or(String::new(), |name| format!(" ({name})"));
+    number(line) + &number(character) + &name
+}
+
+/// Where the tables of a log came from, and what looks suspicious in them so far.
+pub(super) struct Findings<'a> {
+    pub(super) imu: &'a Path,
+    pub(super) gnss: &'a Path,
+    pub(super) warnings: &'a mut Vec<LogError>,
+}
+
+impl Findings<'_> {
+    /// A defect of some columns of the inertial samples.
+    pub(super) fn imu(
+        &self,
+        columns: &str,
+        expected: impl Into<Box<str>>,
+        found: impl Into<Box<str>>,
+        cause: impl Into<Box<str>>,
+    ) -> LogError {
+        LogError::file(self.imu, expected, found, cause).in_column(columns)
+    }
+
+    /// A defect of some columns of the fixes.
+    pub(super) fn gnss(
+        &self,
+        columns: &str,
+        expected: impl Into<Box<str>>,
+        found: impl Into<Box<str>>,
+        cause: impl Into<Box<str>>,
+    ) -> LogError {
+        LogError::file(self.gnss, expected, found, cause).in_column(columns)
+    }
+
+    pub(super) fn warn(&mut self, defect: LogError) {
+        self.warnings.push(defect);
     }
 }

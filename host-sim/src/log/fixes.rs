@@ -5,8 +5,7 @@ use ins_core::earth::LatLon;
 use nalgebra::Vector2;
 
 use super::Log;
-use super::error::LogError;
-use super::findings::Findings;
+use super::error::{Findings, LogError};
 use super::typical::median;
 
 /// Speed above which a vehicle moves beyond doubt, m/s: ten times a receiver's noise.
@@ -37,8 +36,8 @@ struct Mend<'a, 'b> {
 
 impl Mend<'_, '_> {
     fn warn(&mut self, column: &str, expected: &str, found: String, cause: &str) {
-        let defect = self.findings.gnss(expected, found, cause);
-        self.findings.warn(defect.in_column(column));
+        let defect = self.findings.gnss(column, expected, found, cause);
+        self.findings.warn(defect);
     }
 
     fn count(&self, which: impl Fn(&GnssFix) -> bool) -> usize {
@@ -280,7 +279,7 @@ impl Mend<'_, '_> {
     fn what_is_missing(&mut self) -> Result<(), LogError> {
         if self.fixes.is_empty() {
             let cause = "the receiver never had a fix";
-            return Err(self.findings.gnss("a fix", "none", cause));
+            return Err(self.findings.gnss("", "a fix", "none", cause));
         }
         if self.count(|fix| fix.position.is_some()) == 0 {
             let cause = "the receiver writes none: gravity and Earth rate are those of latitude 0";

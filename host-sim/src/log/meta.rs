@@ -1,14 +1,13 @@
-//! `meta.toml`: how the log was recorded.
+//! `meta.toml`: how the log was recorded, in which axes, by what class of sensors.
 
-use std::fs;
 use std::path::Path;
+use std::{fmt, fs};
 
 use clap::ValueEnum;
-use ins_core::ImuOutput;
+use ins_core::{ImuOutput, ImuSample, Time};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::axes::BodyAxes;
 use super::error::LogError;
 
 const KNOWN_KEYS: [&str; 6] = [
@@ -19,6 +18,85 @@ const KNOWN_KEYS: [&str; 6] = [
     "lever_arm_m",
     "gnss_clock_offset_s",
 ];
+
+/// Directions of the x, y and z columns of a log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum BodyAxes {
+    /// x forward, y right, z down.
+    #[serde(rename = "FRD", alias = "frd")]
+    Frd,
+    /// x right, y forward, z up.
+    #[serde(rename = "RFU", alias = "rfu")]
+    Rfu,
+    /// x forward, y left, z up.
+    #[serde(rename = "FLU", alias = "flu")]
+    Flu,
+}
+
+impl BodyAxes {
+    /// Every one of them.
+    pub const ALL: [Self; 3] = [Self::Frd, Self::Rfu, Self::Flu];
+
+    /// A vector in these axes, turned to right-forward-up.
+    pub fn to_rfu(self, v: Vector3<f64>) -> Vector3<f64> {
+        match self {
+            Self::Frd => Vector3::new(v.y, v.x, -v.z),
+            Self::Rfu => v,
+            Self::Flu => Vector3::new(-v.y, v.x, v.z),
+        }
+    }
+
+    /// A sample in these axes, turned to right-forward-up.
+    pub(super) fn sample(self, time: Time, gyro: Vector3<f64>, accel: Vector3<f64>) -> ImuSample {
+        ImuSample {
+            time,
+            gyro: self.to_rfu(gyro),
+            accel: self.to_rfu(accel),
+        }
+    }
+
+    /// A right-forward-up vector, turned to these axes.
+    pub fn from_rfu(self, v: Vector3<f64>) -> Vector3<f64> {
+        match self {
+            Self::Frd => Vector3::new(v.y, v.x, -v.z),
+            Self::Rfu => v,
+            Self::Flu => Vector3::new(v.y, -v.x, v.z),
+        }
+    }
+
+    /// Component of a right-forward-up vector that an axis (0, 1, 2) shows, and its sign there.
+    pub fn rfu_component(self, axis: usize) -> (usize, f64) {
+        let along = self.to_rfu(Vector3::ith(axis, 1.0));
+        (along.iamax(), along.sum())
+    }
+
+    /// The axis that shows a component of a right-forward-up vector.
+    pub(super) fn letter(self, component: usize) -> &'static str {
+        let own = (0..3).find(|&axis| self.rfu_component(axis).0 == component);
+        ["x", "y", "z"][own.unwrap_or(component)]
+    }
+
+    /// Which way an axis (0, 1, 2) points on the vehicle.
+    pub fn direction(self, axis: usize) -> &'static str {
+        match self.rfu_component(axis) {
+            (0, 1.0) => "right",
+            (0, _) => "left",
+            (1, _) => "forward",
+            (_, 1.0) => "up",
+            _ => "down",
+        }
+    }
+}
+
+impl fmt::Display for BodyAxes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Frd => "FRD",
+            Self::Rfu => "RFU",
+            Self::Flu => "FLU",
+        })
+    }
+}
 
 /// Class of the inertial sensors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
@@ -103,20 +181,26 @@ impl Meta {
     }
 
     pub(super) fn read(path: &Path, warnings: &mut Vec<LogError>) -> Result<Self, LogError> {
-        let bytes = fs::read(path).map_err(|e| missing(path, &e))?;
-        let text = String::from_utf8(bytes).map_err(|_| not_utf8(path))?;
+        let bytes = fs::read(path).map_err(|error| {
+            let cause = "write one with: [log], body_axes = \"FRD\", \"RFU\" or \"FLU\", \
+                         imu = \"rates\" or \"increments\"";
+            LogError::file(path, "a readable meta.toml", error.to_string(), cause)
+        })?;
+        let text = String::from_utf8(bytes).map_err(|_| {
+            let cause = "saved in another encoding: save as UTF-8";
+            LogError::file(path, "UTF-8 text", "other bytes", cause)
+        })?;
         let document: toml::Table = toml::from_str(&text).map_err(|e| bad(path, &text, &e))?;
         let file: File = toml::from_str(&text).map_err(|e| bad(path, &text, &e))?;
         warnings.extend(unread_keys(path, &document));
         let table = file.log;
+        let arm = table.lever_arm_m;
         let meta = Self {
             body_axes: table.body_axes,
             imu: table.imu,
             initial_heading_deg: table.initial_heading_deg,
             grade: table.grade,
-            lever_arm_rfu_m: table
-                .lever_arm_m
-                .map(|arm| table.body_axes.to_rfu(arm.into())),
+            lever_arm_rfu_m: arm.map(|arm| table.body_axes.to_rfu(arm.into())),
             gnss_clock_offset_s: table.gnss_clock_offset_s.unwrap_or(0.0),
             document,
         };
@@ -125,43 +209,28 @@ impl Meta {
     }
 
     fn check_numbers(&self, path: &Path) -> Result<(), LogError> {
-        let out = |key: &str, expected: &str, found: String| {
-            LogError::file(path, expected, found, "a slip of the pen or another unit")
-                .in_column(key)
+        let slip = |key: &str, expected: &str, found: String| {
+            let cause = "a slip of the pen or another unit";
+            Err(LogError::file(path, expected, found, cause).in_column(key))
         };
-        if let Some(heading) = self
-            .initial_heading_deg
-            .filter(|h| !(-360.0..=360.0).contains(h))
+        if let Some(heading) = self.initial_heading_deg
+            && !(-360.0..=360.0).contains(&heading)
         {
             let expected = "degrees clockwise from north, -360 to 360";
-            return Err(out("initial_heading_deg", expected, heading.to_string()));
+            return slip("initial_heading_deg", expected, heading.to_string());
         }
-        match self.lever_arm_rfu_m {
-            Some(arm) if !arm.iter().all(|x| x.abs() <= 100.0) => {
-                let found = format!("{:?}", self.body_axes.from_rfu(arm).as_slice());
-                Err(out("lever_arm_m", "metres, up to 100 per axis", found))
-            }
-            _ => Ok(()),
+        if let Some(arm) = self.lever_arm_rfu_m
+            && !arm.iter().all(|x| x.abs() <= 100.0)
+        {
+            let found = format!("{:?}", self.body_axes.from_rfu(arm).as_slice());
+            return slip("lever_arm_m", "metres, up to 100 per axis", found);
         }
+        Ok(())
     }
 
     pub(super) fn to_toml(&self) -> String {
-        let mut document = self.document.clone();
-        let log = document
-            .entry("log")
-            .or_insert_with(|| toml::Table::new().into());
-        if !log.is_table() {
-            *log = toml::Table::new().into();
-        }
-        if let Some(log) = log.as_table_mut() {
-            self.fill(log);
-        }
-        document.to_string()
-    }
-
-    fn fill(&self, log: &mut toml::Table) {
         let arm = self.lever_arm_rfu_m;
-        let table = LogTable {
+        let known = LogTable {
             body_axes: self.body_axes,
             imu: self.imu,
             initial_heading_deg: self.initial_heading_deg,
@@ -169,29 +238,17 @@ impl Meta {
             lever_arm_m: arm.map(|arm| self.body_axes.from_rfu(arm).into()),
             gnss_clock_offset_s: Some(self.gnss_clock_offset_s).filter(|s| *s != 0.0),
         };
+        let mut document = self.document.clone();
+        let mut log = match document.remove("log") {
+            Some(toml::Value::Table(log)) => log,
+            _ => toml::Table::new(),
+        };
         log.retain(|key, _| !KNOWN_KEYS.contains(&key));
         // Names and numbers can always be written.
-        log.extend(toml::Table::try_from(table).unwrap_or_default());
+        log.extend(toml::Table::try_from(known).unwrap_or_default());
+        document.insert("log".to_owned(), log.into());
+        document.to_string()
     }
-}
-
-fn missing(path: &Path, error: &std::io::Error) -> LogError {
-    LogError::file(
-        path,
-        "a readable meta.toml",
-        error.to_string(),
-        "write one with: [log], body_axes = \"FRD\", \"RFU\" or \"FLU\", \
-         imu = \"rates\" or \"increments\"",
-    )
-}
-
-fn not_utf8(path: &Path) -> LogError {
-    LogError::file(
-        path,
-        "UTF-8 text",
-        "other bytes",
-        "saved in another encoding: save as UTF-8",
-    )
 }
 
 fn bad(path: &Path, text: &str, error: &toml::de::Error) -> LogError {
@@ -205,18 +262,12 @@ fn bad(path: &Path, text: &str, error: &toml::de::Error) -> LogError {
 
 fn unread_keys(path: &Path, document: &toml::Table) -> Vec<LogError> {
     let log = document.get("log").and_then(toml::Value::as_table);
-    let unknown = |key: &&String| !KNOWN_KEYS.contains(&key.as_str());
-    log.into_iter()
-        .flat_map(|table| table.keys().filter(unknown))
+    let keys = log.into_iter().flat_map(toml::Table::keys);
+    keys.filter(|key| !KNOWN_KEYS.contains(&key.as_str()))
         .map(|key| {
-            let known = format!("one of the keys {}", KNOWN_KEYS.join(", "));
-            LogError::file(
-                path,
-                known,
-                format!("`{key}`"),
-                "not read; harmless if meant so",
-            )
-            .in_column(key)
+            let expected = format!("one of the keys {}", KNOWN_KEYS.join(", "));
+            let cause = "not read; harmless if meant so";
+            LogError::file(path, expected, format!("`{key}`"), cause).in_column(key)
         })
         .collect()
 }

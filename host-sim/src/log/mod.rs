@@ -3,31 +3,24 @@
 //! In memory everything is in the core's types: body right-forward-up, SI, integer microseconds.
 //! The log's own axes and units live only in [`read()`] and [`write()`].
 
-mod axes;
 mod check;
 mod clock;
-mod curve;
 mod error;
-mod findings;
 mod fixes;
 pub mod import;
 mod meta;
 mod motion;
 mod order;
-mod paths;
 mod rates;
 mod read;
-mod readings;
 mod samples;
 mod sensors;
 mod table;
-mod turns;
 mod typical;
 mod write;
 
-pub use axes::BodyAxes;
-pub use error::{Cell, LogError};
-pub use meta::{Grade, Meta};
+pub use error::LogError;
+pub use meta::{BodyAxes, Grade, Meta};
 pub use read::read;
 pub use samples::Samples;
 pub(crate) use typical::{median, median_interval_s};
@@ -35,7 +28,6 @@ pub(crate) use write::numbers;
 pub use write::{Compression, write};
 
 use ins_core::{GnssFix, Solution, Time};
-use order::Stamped;
 
 /// A recorded or simulated drive.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,8 +67,8 @@ impl Log {
                 ..self.meta.clone()
             },
             imu: self.imu.between(from, to),
-            gnss: part(&self.gnss, from, to),
-            truth: part(&self.truth, from, to),
+            gnss: part(&self.gnss, |fix| fix.time, from, to),
+            truth: part(&self.truth, |truth| truth.time, from, to),
         }
     }
 
@@ -98,8 +90,8 @@ impl Log {
     }
 }
 
-fn part<T: Stamped>(rows: &[T], from: Time, to: Time) -> Vec<T> {
-    let at = |limit: Time| rows.partition_point(|row| row.time() < limit);
+fn part<T: Clone>(rows: &[T], time: fn(&T) -> Time, from: Time, to: Time) -> Vec<T> {
+    let at = |limit: Time| rows.partition_point(|row| time(row) < limit);
     rows[at(from)..at(to).max(at(from))].to_vec()
 }
 

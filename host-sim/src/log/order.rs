@@ -2,44 +2,21 @@
 
 use std::io;
 
-use ins_core::{GnssFix, ImuSample, Solution, Time};
+use ins_core::{ImuSample, Time};
 
 use super::error::LogError;
 use super::samples::Store;
 use super::table::{Few, Row, Table};
 
-/// What has a stamp.
-pub(super) trait Stamped: Copy + PartialEq {
-    fn time(&self) -> Time;
-}
-
-impl Stamped for ImuSample {
-    fn time(&self) -> Time {
-        self.time
-    }
-}
-
-impl Stamped for GnssFix {
-    fn time(&self) -> Time {
-        self.time
-    }
-}
-
-impl Stamped for Solution {
-    fn time(&self) -> Time {
-        self.time
-    }
-}
-
 /// Where rows are kept.
 pub(super) trait Rows: Default {
-    type Row: Stamped;
+    type Row: Copy + PartialEq;
     fn push(&mut self, row: Self::Row) -> io::Result<()>;
-    fn times(&self) -> Vec<Time>;
+    fn all(&self) -> impl Iterator<Item = Self::Row>;
     fn retain(&mut self, keep: impl FnMut(&Self::Row) -> bool) -> io::Result<()>;
 }
 
-impl<T: Stamped> Rows for Vec<T> {
+impl<T: Copy + PartialEq> Rows for Vec<T> {
     type Row = T;
 
     fn push(&mut self, row: T) -> io::Result<()> {
@@ -47,8 +24,8 @@ impl<T: Stamped> Rows for Vec<T> {
         Ok(())
     }
 
-    fn times(&self) -> Vec<Time> {
-        self.iter().map(T::time).collect()
+    fn all(&self) -> impl Iterator<Item = T> {
+        self.iter().copied()
     }
 
     fn retain(&mut self, keep: impl FnMut(&T) -> bool) -> io::Result<()> {
@@ -64,8 +41,8 @@ impl Rows for Store {
         self.push(row)
     }
 
-    fn times(&self) -> Vec<Time> {
-        self.iter().map(|sample| sample.time).collect()
+    fn all(&self) -> impl Iterator<Item = ImuSample> {
+        self.iter()
     }
 
     fn retain(&mut self, mut keep: impl FnMut(&ImuSample) -> bool) -> io::Result<()> {
@@ -79,14 +56,22 @@ pub(super) fn rows<R: Rows>(
     mut table: Table,
     most_left_out: f64,
     warnings: &mut Vec<LogError>,
+    time: fn(&R::Row) -> Time,
     mut parse: impl FnMut(&Row, Time) -> Result<R::Row, LogError>,
 ) -> Result<R, LogError> {
     let stamp = table.column("t_s")?;
-    let mut order = Order::<R>::default();
+    let mut order = Order::<R> {
+        rows: R::default(),
+        time,
+        count: 0,
+        last: None,
+        added_s: 0.0,
+        told: Told::default(),
+    };
     let mut unusable = Few::default();
     while let Some(row) = table.next_row()? {
         let parsed = row.and_then(|row| {
-            let value = parse(&row, order.time(&row, stamp)?)?;
+            let value = parse(&row, order.stamp(&row, stamp)?)?;
             Ok(order.take(&row, stamp, value))
         });
         match parsed {
@@ -98,53 +83,51 @@ pub(super) fn rows<R: Rows>(
     order.settle().map_err(|e| LogError::no_room(&e))?;
     // One is a slip even in a short file: the last line, usually.
     let too_many = |few: &Few| few.count > 1 && few.count as f64 > most_left_out * rows as f64;
+    let refuse = |few: Few| Err(few.first.unwrap_or_else(|| table.no_rows()));
+    let told = order.told;
     if order.count == 0 || too_many(&unusable) {
-        return Err(unusable.first.unwrap_or_else(|| table.no_rows()));
+        return refuse(unusable);
     }
-    for few in [&mut order.clashes, &mut order.disorder] {
+    for few in [&told.clashes, &told.disorder] {
         if too_many(few) {
-            return Err(few.first.take().unwrap_or_else(|| table.no_rows()));
+            return refuse(few.clone());
         }
     }
     warnings.extend(table.warnings());
     warnings.extend(unusable.warning("left out"));
-    Ok(order.in_order(warnings))
+    warnings.extend(told.rollovers.warning("its period was added"));
+    warnings.extend(told.repeated.warning("left out"));
+    warnings.extend(told.clashes.warning("left out"));
+    warnings.extend(told.disorder.warning("left out"));
+    Ok(order.rows)
 }
 
 /// Puts rows into the order of their stamps.
 struct Order<R: Rows> {
     rows: R,
+    time: fn(&R::Row) -> Time,
     count: usize,
     last: Option<R::Row>,
-    /// Of clocks that begin anew with the week or the day, added so far.
-    rollovers: Few,
+    /// For clocks that begin anew with the week or the day, so far.
     added_s: f64,
+    told: Told,
+}
+
+/// What is said of rows that were not in order.
+#[derive(Default)]
+struct Told {
+    rollovers: Few,
     repeated: Few,
     clashes: Few,
     disorder: Few,
 }
 
-impl<R: Rows> Default for Order<R> {
-    fn default() -> Self {
-        Self {
-            rows: R::default(),
-            count: 0,
-            last: None,
-            rollovers: Few::default(),
-            added_s: 0.0,
-            repeated: Few::default(),
-            clashes: Few::default(),
-            disorder: Few::default(),
-        }
-    }
-}
-
 impl<R: Rows> Order<R> {
     /// Stamp of a row, after those that came before where the clock has begun anew.
-    fn time(&mut self, row: &Row, stamp: usize) -> Result<Time, LogError> {
+    fn stamp(&mut self, row: &Row, stamp: usize) -> Result<Time, LogError> {
         let time = time(row, stamp)?;
         let written = time.plus_seconds(self.added_s);
-        let Some(last) = self.last.map(|last| last.time()) else {
+        let Some(last) = self.last.map(|last| (self.time)(&last)) else {
             return Ok(written);
         };
         let (now_s, last_s) = (time.as_seconds(), last.as_seconds() - self.added_s);
@@ -156,24 +139,25 @@ impl<R: Rows> Order<R> {
         };
         let defect = not_increasing(row, stamp, last, written);
         let cause = "the clock began anew with the GPS week or the day".into();
-        self.rollovers.add(LogError { cause, ..defect });
+        self.told.rollovers.add(LogError { cause, ..defect });
         self.added_s += period_s;
         Ok(time.plus_seconds(self.added_s))
     }
 
     fn take(&mut self, row: &Row, stamp: usize, value: R::Row) -> io::Result<()> {
-        let time = value.time();
-        if let Some(before) = self.last.filter(|last| last.time() >= time) {
-            let defect = not_increasing(row, stamp, before.time(), time);
+        let time = (self.time)(&value);
+        if let Some(before) = self.last.filter(|last| (self.time)(last) >= time) {
+            let last = (self.time)(&before);
+            let defect = not_increasing(row, stamp, last, time);
             if before == value {
-                self.repeated.add(defect);
+                self.told.repeated.add(defect);
                 return Ok(());
             }
-            if before.time() == time {
-                self.clashes.add(defect);
+            if last == time {
+                self.told.clashes.add(defect);
                 return Ok(());
             }
-            self.disorder.add(defect);
+            self.told.disorder.add(defect);
         }
         self.last = Some(value);
         self.count += 1;
@@ -182,24 +166,17 @@ impl<R: Rows> Order<R> {
 
     /// Leaves out the rows that stand between others of their time.
     fn settle(&mut self) -> io::Result<()> {
-        if self.disorder.count == 0 {
+        if self.told.disorder.count == 0 {
             return Ok(());
         }
-        let keep = longest_increasing(&self.rows.times());
+        let times: Vec<Time> = self.rows.all().map(|row| (self.time)(&row)).collect();
+        let keep = longest_increasing(&times);
         let mut each = keep.iter();
         self.rows.retain(|_| each.next() == Some(&true))?;
         let kept = keep.iter().filter(|kept| **kept).count();
-        self.disorder.count = self.count - kept;
+        self.told.disorder.count = self.count - kept;
         self.count = kept;
         Ok(())
-    }
-
-    fn in_order(self, warnings: &mut Vec<LogError>) -> R {
-        warnings.extend(self.rollovers.warning("its period was added"));
-        warnings.extend(self.repeated.warning("left out"));
-        warnings.extend(self.clashes.warning("left out"));
-        warnings.extend(self.disorder.warning("left out"));
-        self.rows
     }
 }
 

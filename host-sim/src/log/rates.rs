@@ -3,8 +3,7 @@
 use ins_core::ImuOutput;
 use nalgebra::Vector3;
 
-use super::curve::Curve;
-use super::typical::Series;
+use super::typical::{Curve, Series};
 use super::{Log, Samples};
 
 /// An inertial sample as rates, whatever the log holds.
@@ -26,7 +25,7 @@ pub(super) struct Rates<'a> {
 }
 
 /// Medians: the few seconds of spikes and manoeuvres do not count.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub(super) struct Typical {
     pub(super) interval_s: f64,
     pub(super) force_mps2: Vector3<f64>,
@@ -82,18 +81,37 @@ impl<'a> Rates<'a> {
         first_interval_s: f64,
         read: &'a dyn Fn(&mut Rate),
     ) -> Self {
-        let typical = Typical::of(iter(&samples, output, first_interval_s, read));
-        Self {
+        let mut rates = Self {
             samples,
             output,
             first_interval_s,
             read,
-            typical,
-        }
+            typical: Typical::default(),
+        };
+        rates.typical = Typical::of(rates.iter());
+        rates
     }
 
     pub(super) fn iter(&self) -> impl Iterator<Item = Rate> {
-        iter(&self.samples, self.output, self.first_interval_s, self.read)
+        let (mut first, mut last) = (None, None);
+        self.samples.iter().map(move |sample| {
+            let since = |last| sample.time.seconds_since(last);
+            let interval_s = last
+                .replace(sample.time)
+                .map_or(self.first_interval_s, since);
+            let scale = match self.output {
+                ImuOutput::Rates => 1.0,
+                ImuOutput::Increments => 1.0 / interval_s,
+            };
+            let mut rate = Rate {
+                time_s: since(*first.get_or_insert(sample.time)),
+                interval_s,
+                gyro_radps: sample.gyro * scale,
+                accel_mps2: sample.accel * scale,
+            };
+            (self.read)(&mut rate);
+            rate
+        })
     }
 
     /// Time and angle turned so far about the typical direction of the specific force.
@@ -105,31 +123,6 @@ impl<'a> Rates<'a> {
             (rate.time_s, angle)
         }))
     }
-}
-
-fn iter(
-    samples: &Samples,
-    output: ImuOutput,
-    first_interval_s: f64,
-    read: &dyn Fn(&mut Rate),
-) -> impl Iterator<Item = Rate> {
-    let (mut first, mut last) = (None, None);
-    samples.iter().map(move |sample| {
-        let since = |last| sample.time.seconds_since(last);
-        let interval_s = last.replace(sample.time).map_or(first_interval_s, since);
-        let scale = match output {
-            ImuOutput::Rates => 1.0,
-            ImuOutput::Increments => 1.0 / interval_s,
-        };
-        let mut rate = Rate {
-            time_s: since(*first.get_or_insert(sample.time)),
-            interval_s,
-            gyro_radps: sample.gyro * scale,
-            accel_mps2: sample.accel * scale,
-        };
-        read(&mut rate);
-        rate
-    })
 }
 
 impl Typical {

@@ -4,15 +4,13 @@ use std::path::{Path, PathBuf};
 
 use ins_core::attitude::{Euler, from_euler};
 use ins_core::earth::{Geodetic, LatLon};
-use ins_core::{FixSigma, GnssFix, Solution};
+use ins_core::{FixSigma, GnssFix, ImuSample, Solution};
 use nalgebra::{Vector2, Vector3};
 
 use super::Log;
-use super::axes::BodyAxes;
 use super::check::check;
 use super::error::LogError;
-use super::findings::Findings;
-use super::meta::Meta;
+use super::meta::{BodyAxes, Meta};
 use super::order::rows;
 use super::samples::{Samples, Store};
 use super::table::{Row, Table};
@@ -30,62 +28,38 @@ pub fn read(folder: &Path) -> Result<(Log, Vec<LogError>), LogError> {
     }
     let mut warnings = Vec::new();
     let meta = Meta::read(&folder.join("meta.toml"), &mut warnings)?;
-    let (imu, gnss) = (one_of(folder, "imu.csv")?, one_of(folder, "gnss.csv")?);
+    let table = |name: &str| {
+        one_of(folder, name)?.ok_or_else(|| {
+            let (expected, cause) = (
+                format!("{name} or {name}.gz"),
+                "a wrong folder or a misspelt name",
+            );
+            LogError::file(folder, expected, "neither", cause)
+        })
+    };
+    let (imu, gnss) = (table("imu.csv")?, table("gnss.csv")?);
     let mut log = Log {
         imu: read_imu(&imu, meta.body_axes, &mut warnings)?,
         gnss: read_gnss(&gnss, &mut warnings)?,
-        truth: optional_truth(folder, &mut warnings)?,
+        truth: match one_of(folder, "truth.csv")? {
+            Some(truth) => read_truth(&truth, &mut warnings)?,
+            None => Vec::new(),
+        },
         meta,
     };
-    settle(&mut log, &imu, &gnss, &mut warnings)?;
+    check(&mut log, &imu, &gnss, &mut warnings)?;
     Ok((log, warnings))
 }
 
-/// Checks and mends a log that was read from two files.
-pub(crate) fn settle(
-    log: &mut Log,
-    imu: &Path,
-    gnss: &Path,
-    warnings: &mut Vec<LogError>,
-) -> Result<(), LogError> {
-    let mut findings = Findings {
-        imu,
-        gnss,
-        warnings,
-    };
-    check(log, &mut findings)
-}
-
 /// The plain or the packed file, whichever is there.
-fn one_of(folder: &Path, name: &str) -> Result<PathBuf, LogError> {
+fn one_of(folder: &Path, name: &str) -> Result<Option<PathBuf>, LogError> {
     let (plain, packed) = (folder.join(name), folder.join(format!("{name}.gz")));
-    match (plain.is_file(), packed.is_file()) {
-        (true, true) => Err(LogError::file(
-            folder,
-            format!("one of {name} and {name}.gz"),
-            "both",
-            "a packed copy was left beside the file: remove the one not meant",
-        )),
-        (false, false) => Err(LogError::file(
-            folder,
-            format!("{name} or {name}.gz"),
-            "neither",
-            "a wrong folder or a misspelt name",
-        )),
-        (false, true) => Ok(packed),
-        (true, false) => Ok(plain),
+    if plain.is_file() && packed.is_file() {
+        let expected = format!("one of {name} and {name}.gz");
+        let cause = "a packed copy was left beside the file: remove the one not meant";
+        return Err(LogError::file(folder, expected, "both", cause));
     }
-}
-
-fn optional_truth(folder: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<Solution>, LogError> {
-    let present = ["truth.csv", "truth.csv.gz"]
-        .iter()
-        .any(|name| folder.join(name).is_file());
-    if present {
-        read_truth(&one_of(folder, "truth.csv")?, warnings)
-    } else {
-        Ok(Vec::new())
-    }
+    Ok([plain, packed].into_iter().find(|path| path.is_file()))
 }
 
 /// Largest share of rows that may be unusable: a slip of the logger is rare, more is a format that
@@ -100,76 +74,61 @@ fn read_imu(
     let table = Table::open(path)?;
     let gyro = columns(&table, ["gyro_x", "gyro_y", "gyro_z"])?;
     let accel = columns(&table, ["accel_x", "accel_y", "accel_z"])?;
-    let store: Store = rows(table, MOST_LEFT_OUT, warnings, |row, time| {
+    let time = |sample: &ImuSample| sample.time;
+    let store: Store = rows(table, MOST_LEFT_OUT, warnings, time, |row, time| {
         Ok(axes.sample(time, numbers(row, gyro)?, numbers(row, accel)?))
     })?;
     Ok(store.into())
 }
 
+/// A receiver need not have all parts of a fix.
 fn read_gnss(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<GnssFix>, LogError> {
     let table = Table::open(path)?;
-    let parts = FixColumns::find(&table)?;
-    rows(table, MOST_LEFT_OUT, warnings, |row, time| {
-        let place = parts.position.map_or(Ok(None), |at| lat_lon(row, at))?;
-        let above = parts.height.map_or(Ok(None), |at| {
-            row.optional(at)?.map(|h| height(row, at, h)).transpose()
-        })?;
-        let level = parts
-            .velocity
-            .map_or(Ok(None), |at| both_or_none(row, at))?;
-        Ok(GnssFix {
-            time,
-            position: place,
-            height_m: above,
-            velocity_en_mps: level.map(Vector2::from),
-            velocity_up_mps: parts.up.map_or(Ok(None), |at| row.optional(at))?,
-            sigma: FixSigma {
-                position_m: sigma(row, &parts.position_sigma)?,
-                height_m: sigma(row, &parts.height_sigma)?,
-                velocity_mps: sigma(row, &parts.velocity_sigma)?,
-                velocity_up_mps: sigma(row, &parts.up_sigma)?,
-            },
-        })
-    })
-}
-
-/// Where the parts of a fix stand; a receiver need not have all of them.
-struct FixColumns {
-    position: Option<[usize; 2]>,
-    height: Option<usize>,
-    velocity: Option<[usize; 2]>,
-    up: Option<usize>,
-    position_sigma: Vec<usize>,
-    height_sigma: Vec<usize>,
-    velocity_sigma: Vec<usize>,
-    up_sigma: Vec<usize>,
-}
-
-impl FixColumns {
-    fn find(table: &Table) -> Result<Self, LogError> {
-        let there = |names: &[&str]| -> Vec<usize> {
-            let columns = names.iter().map(|name| table.optional_column(name));
-            columns.flatten().collect()
-        };
-        let both = |names: [&str; 2]| match there(&names).len() {
-            0 => Ok(None),
-            _ => columns(table, names).map(Some),
-        };
-        let (position, velocity) = (both(["lat_deg", "lon_deg"])?, both(["ve", "vn"])?);
-        if position.is_none() && velocity.is_none() {
-            table.column("lat_deg")?;
-        }
-        Ok(Self {
-            position,
-            height: table.optional_column("h_m"),
-            velocity,
-            up: table.optional_column("vu"),
-            position_sigma: there(&["sd_n", "sd_e"]),
-            height_sigma: there(&["sd_u"]),
-            velocity_sigma: there(&["sd_ve", "sd_vn", "sd_v"]),
-            up_sigma: there(&["sd_vu"]),
-        })
+    let there = |names: &[&str]| -> Vec<usize> {
+        let columns = names.iter().map(|name| table.optional_column(name));
+        columns.flatten().collect()
+    };
+    let both = |names: [&str; 2]| match there(&names).len() {
+        0 => Ok(None),
+        _ => columns(&table, names).map(Some),
+    };
+    let (place, level) = (both(["lat_deg", "lon_deg"])?, both(["ve", "vn"])?);
+    if place.is_none() && level.is_none() {
+        table.column("lat_deg")?;
     }
+    let (above, up) = (table.optional_column("h_m"), table.optional_column("vu"));
+    let (place_sigma, above_sigma) = (there(&["sd_n", "sd_e"]), there(&["sd_u"]));
+    let (level_sigma, up_sigma) = (there(&["sd_ve", "sd_vn", "sd_v"]), there(&["sd_vu"]));
+    rows(
+        table,
+        MOST_LEFT_OUT,
+        warnings,
+        |fix: &GnssFix| fix.time,
+        |row, time| {
+            let optional = |column: Option<usize>| column.map_or(Ok(None), |at| row.optional(at));
+            let both =
+                |columns: Option<[usize; 2]>| columns.map_or(Ok(None), |at| both_or_none(row, at));
+            Ok(GnssFix {
+                time,
+                position: match (place, both(place)?) {
+                    (Some(columns), Some(cells)) => Some(on_earth(row, columns, cells)?),
+                    _ => None,
+                },
+                height_m: match (above, optional(above)?) {
+                    (Some(column), Some(height_m)) => Some(height(row, column, height_m)?),
+                    _ => None,
+                },
+                velocity_en_mps: both(level)?.map(Vector2::from),
+                velocity_up_mps: optional(up)?,
+                sigma: FixSigma {
+                    position_m: sigma(row, &place_sigma)?,
+                    height_m: sigma(row, &above_sigma)?,
+                    velocity_mps: sigma(row, &level_sigma)?,
+                    velocity_up_mps: sigma(row, &up_sigma)?,
+                },
+            })
+        },
+    )
 }
 
 fn read_truth(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<Solution>, LogError> {
@@ -178,19 +137,25 @@ fn read_truth(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<Solution>
     let velocity = columns(&table, ["ve", "vn", "vu"])?;
     let angles = columns(&table, ["roll_deg", "pitch_deg", "heading_deg"])?;
     // Reference systems have holes, and a comparison needs no more than the rest.
-    rows(table, 1.0, warnings, |row, time| {
-        let [roll, pitch, heading] = numbers(row, angles)?.into();
-        Ok(Solution {
-            time,
-            position: geodetic(row, position)?,
-            velocity_enu_mps: numbers(row, velocity)?,
-            attitude: from_euler(&Euler {
-                roll_rad: roll.to_radians(),
-                pitch_rad: pitch.to_radians(),
-                heading_rad: heading.to_radians(),
-            }),
-        })
-    })
+    rows(
+        table,
+        1.0,
+        warnings,
+        |truth: &Solution| truth.time,
+        |row, time| {
+            let [roll, pitch, heading] = numbers(row, angles)?.into();
+            Ok(Solution {
+                time,
+                position: geodetic(row, position)?,
+                velocity_enu_mps: numbers(row, velocity)?,
+                attitude: from_euler(&Euler {
+                    roll_rad: roll.to_radians(),
+                    pitch_rad: pitch.to_radians(),
+                    heading_rad: heading.to_radians(),
+                }),
+            })
+        },
+    )
 }
 
 fn columns<const N: usize>(table: &Table, names: [&str; N]) -> Result<[usize; N], LogError> {
@@ -226,47 +191,46 @@ fn both_or_none(row: &Row, columns: [usize; 2]) -> Result<Option<[f64; 2]>, LogE
 fn geodetic(row: &Row, columns: [usize; 3]) -> Result<Geodetic, LogError> {
     let [latitude, longitude, up] = columns;
     let cells = numbers(row, columns)?;
-    let LatLon {
-        latitude_rad,
-        longitude_rad,
-    } = on_earth(row, [latitude, longitude], [cells.x, cells.y])?;
+    let place = on_earth(row, [latitude, longitude], [cells.x, cells.y])?;
     Ok(Geodetic {
-        latitude_rad,
-        longitude_rad,
+        latitude_rad: place.latitude_rad,
+        longitude_rad: place.longitude_rad,
         height_m: height(row, up, cells.z)?,
     })
 }
 
-fn lat_lon(row: &Row, columns: [usize; 2]) -> Result<Option<LatLon>, LogError> {
-    both_or_none(row, columns)?
-        .map(|cells| on_earth(row, columns, cells))
-        .transpose()
-}
-
 fn on_earth(row: &Row, columns: [usize; 2], cells: [f64; 2]) -> Result<LatLon, LogError> {
-    let [latitude, longitude] = cells;
+    let [latitude, mut longitude] = cells;
     if latitude.abs() > 90.0 {
-        let expected = "a latitude from -90 to 90 deg";
-        return Err(out_of_range(row, columns[0], expected));
+        return Err(out_of_range(
+            row,
+            columns[0],
+            "a latitude from -90 to 90 deg",
+        ));
     }
     if longitude.abs() > 360.0 {
-        let expected = "a longitude from -180 to 180 deg";
-        return Err(out_of_range(row, columns[1], expected));
+        return Err(out_of_range(
+            row,
+            columns[1],
+            "a longitude from -180 to 180 deg",
+        ));
+    }
+    if longitude.abs() > 180.0 {
+        longitude -= 360.0_f64.copysign(longitude);
     }
     Ok(LatLon {
         latitude_rad: latitude.to_radians(),
-        longitude_rad: if longitude.abs() > 180.0 {
-            (longitude - 360.0_f64.copysign(longitude)).to_radians()
-        } else {
-            longitude.to_radians()
-        },
+        longitude_rad: longitude.to_radians(),
     })
 }
 
 fn height(row: &Row, column: usize, height_m: f64) -> Result<f64, LogError> {
     if height_m.abs() > 1e5 {
-        let expected = "a height within 100 km of the ellipsoid";
-        return Err(out_of_range(row, column, expected));
+        return Err(out_of_range(
+            row,
+            column,
+            "a height within 100 km of the ellipsoid",
+        ));
     }
     Ok(height_m)
 }

@@ -225,15 +225,11 @@ impl Store {
 
     pub(super) fn push(&mut self, sample: ImuSample) -> io::Result<()> {
         self.tail.push(sample);
-        let most = if self.spilled.is_some() {
-            BLOCK
-        } else {
-            IN_MEMORY
-        };
-        if self.tail.len() == most {
-            self.spill()?;
+        match self.spilled {
+            None if self.tail.len() == IN_MEMORY => self.spill(),
+            Some(_) if self.tail.len() == BLOCK => self.spill(),
+            _ => Ok(()),
         }
-        Ok(())
     }
 
     fn spill(&mut self) -> io::Result<()> {
@@ -346,17 +342,8 @@ mod tests {
             assert!(file.iter().all(|s| bits(&s) == (-0.0_f64).to_bits()));
             assert_eq!(file.last(), memory.last());
             let block = i64::try_from(10 * BLOCK).unwrap();
-            for micros in [
-                -1,
-                0,
-                5,
-                block - 10,
-                block - 5,
-                block,
-                block + 1,
-                40 * block,
-                1 << 50,
-            ] {
+            let ends = [block - 10, block - 5, block, block + 1];
+            for micros in [-1, 0, 5, 40 * block, 1 << 50].into_iter().chain(ends) {
                 let time = Time::from_micros(micros);
                 assert!(file.since(time).eq(memory.since(time)), "{micros}");
                 let (part, other) = [&file, &memory]

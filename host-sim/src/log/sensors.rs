@@ -6,9 +6,8 @@ use ins_core::{GnssFix, ImuSample, Time};
 use nalgebra::Vector3;
 
 use super::Log;
-use super::curve::turned;
-use super::error::LogError;
-use super::findings::Findings;
+use super::error::{Findings, LogError};
+use super::typical::turned;
 
 /// There and back between three samples: 10 g and 20 rad/s, beyond any vehicle.
 const SPIKE_MPS2: f64 = 100.0;
@@ -54,7 +53,7 @@ fn warn_of_holes(log: &Log, findings: &mut Findings) {
     };
     let found = format!("a hole of {seconds:.1} s after {at_s:.1} s{others}");
     let cause = "recording paused or broke off; the solution is found anew after each";
-    findings.warn(findings.imu("samples without holes", found, cause));
+    findings.warn(findings.imu("", "samples without holes", found, cause));
 }
 
 fn leave_out_spikes(log: &mut Log, per_second: f64, findings: &mut Findings) -> io::Result<()> {
@@ -84,7 +83,7 @@ fn leave_out_spikes(log: &mut Log, per_second: f64, findings: &mut Findings) -> 
         spikes.len()
     );
     let cause = "damaged samples; left out";
-    findings.warn(findings.imu("samples that follow the motion", found, cause));
+    findings.warn(findings.imu("", "samples that follow the motion", found, cause));
     Ok(())
 }
 
@@ -121,7 +120,7 @@ fn leave_out_frozen(log: &mut Log, per_second: f64, findings: &mut Findings) -> 
          start, while GNSS shows motion"
     );
     let cause = "sensors or their driver were stuck; left out";
-    findings.warn(findings.imu("readings that change", found, cause));
+    findings.warn(findings.imu("", "readings that change", found, cause));
     Ok(())
 }
 
@@ -180,7 +179,7 @@ fn warn_of_channels(log: &Log, per_second: f64, findings: &mut Findings) {
     for (name, runs) in CHANNELS.into_iter().zip(runs) {
         if let Some((found, cause)) = runs.longest().verdict(log.start(), count) {
             let expected = "readings that change";
-            findings.warn(findings.imu(expected, found, cause).in_column(name));
+            findings.warn(findings.imu(name, expected, found, cause));
         }
     }
     for ((name, stops), least) in CHANNELS.into_iter().zip(stops).zip(LEAST_STOP) {
@@ -192,7 +191,7 @@ fn warn_of_channels(log: &Log, per_second: f64, findings: &mut Findings) {
             let cause = "the range of the sensor is too small for the motion: what was beyond it \
                          is lost, and estimates suffer";
             let expected = "readings within the range of the sensor";
-            findings.warn(findings.imu(expected, found, cause).in_column(name));
+            findings.warn(findings.imu(name, expected, found, cause));
         }
     }
 }

@@ -29,7 +29,7 @@ pub(super) struct Table {
 }
 
 /// Defects of one kind: the first, and how many.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Few {
     pub(super) first: Option<LogError>,
     pub(super) count: usize,

@@ -8,8 +8,8 @@ use flate2::write::GzEncoder;
 use ins_core::{GnssFix, ImuSample, Solution};
 
 use super::Log;
-use super::axes::BodyAxes;
 use super::error::LogError;
+use super::meta::BodyAxes;
 use super::order::decimal;
 
 /// Whether the tables are packed.
@@ -25,31 +25,25 @@ pub enum Compression {
 /// Writes a log into an existing folder, in the axes its metadata names.
 pub fn write(log: &Log, folder: &Path, compression: Compression) -> Result<(), LogError> {
     let axes = log.meta.body_axes;
-    let sigmas: Vec<_> = SIGMAS
-        .into_iter()
-        .filter(|(_, part)| log.gnss.iter().any(|fix| part(fix).is_some()))
-        .collect();
-    let names: Vec<_> = sigmas.iter().map(|(name, _)| *name).collect();
-    let names = [&["t_s,lat_deg,lon_deg,h_m,ve,vn,vu"], names.as_slice()].concat();
+    let mut sigmas = SIGMAS.to_vec();
+    sigmas.retain(|(_, part)| log.gnss.iter().any(|fix| part(fix).is_some()));
+    let mut fixes = "t_s,lat_deg,lon_deg,h_m,ve,vn,vu".to_owned();
+    for (name, _) in &sigmas {
+        fixes = fixes + "," + name;
+    }
     let table = |name: &str, header: &str, rows: &mut dyn Iterator<Item = String>| {
         write_table(folder, name, compression, header, rows)
     };
-    table(
-        "imu.csv",
-        "t_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z",
-        &mut log.imu.iter().map(|sample| imu_row(&sample, axes)),
-    )?;
-    table(
-        "gnss.csv",
-        &names.join(","),
-        &mut log.gnss.iter().map(|fix| gnss_row(fix, &sigmas)),
-    )?;
+    let samples = "t_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z";
+    let mut rows = log.imu.iter().map(|sample| imu_row(&sample, axes));
+    table("imu.csv", samples, &mut rows)?;
+    let mut rows = log.gnss.iter().map(|fix| gnss_row(fix, &sigmas));
+    table("gnss.csv", &fixes, &mut rows)?;
     if !log.truth.is_empty() {
-        table(
-            "truth.csv",
-            "t_s,lat_deg,lon_deg,h_m,ve,vn,vu,roll_deg,pitch_deg,heading_deg",
-            &mut log.truth.iter().map(truth_row),
-        )?;
+        let motion = "t_s,lat_deg,lon_deg,h_m,ve,vn,vu,roll_deg,pitch_deg,heading_deg";
+        let row =
+            |truth: &Solution| joined(decimal(truth.time), numbers(truth).into_iter().map(Some));
+        table("truth.csv", motion, &mut log.truth.iter().map(row))?;
     }
     let path = folder.join("meta.toml");
     std::fs::write(&path, log.meta.to_toml()).map_err(|e| cannot_write(&path, &e))
@@ -57,10 +51,8 @@ pub fn write(log: &Log, folder: &Path, compression: Compression) -> Result<(), L
 
 fn imu_row(sample: &ImuSample, axes: BodyAxes) -> String {
     let (gyro, accel) = (axes.from_rfu(sample.gyro), axes.from_rfu(sample.accel));
-    joined(
-        decimal(sample.time),
-        gyro.iter().chain(&accel).map(|&x| Some(x)),
-    )
+    let cells = gyro.iter().chain(&accel).map(|&x| Some(x));
+    joined(decimal(sample.time), cells)
 }
 
 type Part = fn(&GnssFix) -> Option<f64>;
@@ -106,10 +98,6 @@ pub(crate) fn numbers(solution: &Solution) -> [f64; 9] {
     ]
 }
 
-fn truth_row(truth: &Solution) -> String {
-    joined(decimal(truth.time), numbers(truth).into_iter().map(Some))
-}
-
 fn joined(mut row: String, cells: impl Iterator<Item = Option<f64>>) -> String {
     for cell in cells {
         row.push(',');
@@ -128,23 +116,22 @@ fn write_table(
     header: &str,
     rows: &mut dyn Iterator<Item = String>,
 ) -> Result<(), LogError> {
-    let suffix = if compression == Compression::Gzip {
-        ".gz"
-    } else {
-        ""
+    let suffix = match compression {
+        Compression::Plain => "",
+        Compression::Gzip => ".gz",
     };
     let path = folder.join(format!("{name}{suffix}"));
-    let file = File::create(&path).map_err(|e| cannot_write(&path, &e))?;
-    let result = match compression {
-        Compression::Plain => write_lines(BufWriter::new(file), header, rows).map(drop),
-        Compression::Gzip => {
-            let packed = GzEncoder::new(BufWriter::new(file), flate2::Compression::default());
-            write_lines(packed, header, rows)
-                .and_then(GzEncoder::finish)
-                .and_then(|mut w| w.flush())
+    let mut write = || {
+        let file = BufWriter::new(File::create(&path)?);
+        match compression {
+            Compression::Plain => write_lines(file, header, rows).map(drop),
+            Compression::Gzip => {
+                let packed = GzEncoder::new(file, flate2::Compression::default());
+                write_lines(packed, header, rows)?.finish()?.flush()
+            }
         }
     };
-    result.map_err(|e| cannot_write(&path, &e))
+    write().map_err(|e| cannot_write(&path, &e))
 }
 
 fn write_lines<W: Write>(
@@ -161,10 +148,6 @@ fn write_lines<W: Write>(
 }
 
 fn cannot_write(path: &Path, error: &io::Error) -> LogError {
-    LogError::file(
-        path,
-        "to write this file",
-        error.to_string(),
-        "a missing folder, permissions or a full disk",
-    )
+    let cause = "a missing folder, permissions or a full disk";
+    LogError::file(path, "to write this file", error.to_string(), cause)
 }

@@ -24,8 +24,8 @@ use ins_core::{GnssFix, ImuOutput, Time};
 use nalgebra::Vector3;
 use serde::Deserialize;
 
-use super::recording::{Imu, Receiver, Recording, degrees, east_north, over_ground, stated};
-use super::text::{Table, content};
+use super::recording::{Imu, Recording, degrees, east_north, over_ground, stated};
+use super::texts::{Table, content};
 use crate::log::meta::Output;
 use crate::log::{BodyAxes, LogError};
 
@@ -129,15 +129,16 @@ pub(super) fn read(folder: &Path) -> Result<Recording, LogError> {
     };
     let samples = imu.table.rows.iter().filter_map(sample).collect();
     let file = &document.columns.imu.file;
-    let sensor = Imu {
+    let mut recording = Recording::default();
+    recording.imus.push(Imu {
         output: document.log.imu,
         ..Imu::of_rates(&folder.join(file), file, axes, samples)
-    };
+    });
     let rows = gnss.table.rows.iter();
     let fixes = rows.filter_map(|row| fix(&gnss, row)).collect();
     let file = &document.columns.gnss.file;
-    let receiver = Receiver::new(&folder.join(file), file, fixes);
-    Ok(Recording::of(vec![sensor], vec![receiver]))
+    recording.add_receiver(&folder.join(file), file, fixes);
+    Ok(recording)
 }
 
 fn fix(gnss: &Columns, row: &[f64]) -> Option<GnssFix> {

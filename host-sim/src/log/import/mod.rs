@@ -1,24 +1,16 @@
 //! Recordings of other programs: told by their content, made a [`Log`].
 //!
-//! Each format has a file of its own, which gives the inertial sensors and the receivers that it
-//! finds as they are; what is common to all is here.
+//! A file for each kin of formats gives the inertial sensors and the receivers that it finds as they
+//! are; what is common to all is here.
 
+mod autopilots;
 mod columns;
-mod dataflash;
-mod euroc;
-mod gnss_ins_sim;
-mod kf_gins;
-mod kitti;
-mod mcap;
-mod nmea_text;
+mod receivers;
 mod recording;
-mod ros1;
-mod ros_messages;
-mod rtklib;
+mod ros;
 mod sensor_logger;
-mod text;
+mod texts;
 mod ubx;
-mod ulog;
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -54,16 +46,11 @@ pub fn read(paths: &[PathBuf], choice: Choice) -> Result<(Log, Vec<LogError>), L
     let mut all = Recording::default();
     for path in paths {
         let (_, read) = format(path)?.ok_or_else(|| unknown(path))?;
-        let Recording {
-            imus,
-            receivers,
-            parameters,
-            notes,
-        } = read(path)?;
-        all.imus.extend(imus);
-        all.receivers.extend(receivers);
-        all.parameters.extend(parameters);
-        all.notes.extend(notes);
+        let recording = read(path)?;
+        all.imus.extend(recording.imus);
+        all.receivers.extend(recording.receivers);
+        all.parameters.extend(recording.parameters);
+        all.notes.extend(recording.notes);
     }
     let path = paths.first().map_or(Path::new(""), PathBuf::as_path);
     all.log(path, choice)
@@ -77,25 +64,19 @@ type Format = (
 
 /// Those that are sure first.
 const FORMATS: [Format; 13] = [
-    (|_, start| start.starts_with(ulog::MAGIC), ulog::read),
-    (
-        |_, start| start.starts_with(dataflash::MAGIC),
-        dataflash::read,
-    ),
-    (|_, start| start.starts_with(ros1::MAGIC), ros1::read),
-    (|_, start| start.starts_with(mcap::MAGIC), mcap::read),
-    (
-        |_, start| start.windows(2).take(1024).any(|two| two == ubx::MAGIC),
-        ubx::read,
-    ),
+    (autopilots::is_ulog, autopilots::read_ulog),
+    (autopilots::is_dataflash, autopilots::read_dataflash),
+    (ros::is_bag, ros::read_bag),
+    (ros::is_mcap, ros::read_mcap),
+    (ubx::recognised, ubx::read),
     (columns::recognised, columns::read),
     (sensor_logger::recognised, sensor_logger::read),
-    (gnss_ins_sim::recognised, gnss_ins_sim::read),
-    (kitti::recognised, kitti::read),
-    (|_, start| nmea_text::recognised(start), nmea_text::read),
-    (|_, start| rtklib::recognised(start), rtklib::read),
-    (|_, start| euroc::recognised(start), euroc::read),
-    (|_, start| kf_gins::recognised(start), kf_gins::read),
+    (texts::is_gnss_ins_sim, texts::read_gnss_ins_sim),
+    (texts::is_kitti, texts::read_kitti),
+    (receivers::is_nmea, receivers::read_nmea),
+    (receivers::is_rtklib, receivers::read_rtklib),
+    (texts::is_euroc, texts::read_euroc),
+    (texts::is_kf_gins, texts::read_kf_gins),
 ];
 
 /// The format of a file or folder; none for a log folder or something unknown.
@@ -107,9 +88,8 @@ fn format(path: &Path) -> Result<Option<&'static Format>, LogError> {
     } else if !path.is_dir() {
         return Ok(None);
     }
-    Ok(FORMATS
-        .iter()
-        .find(|(recognised, _)| recognised(path, &start)))
+    let mut formats = FORMATS.iter();
+    Ok(formats.find(|(recognised, _)| recognised(path, &start)))
 }
 
 fn unknown(path: &Path) -> LogError {

@@ -32,14 +32,6 @@ pub(super) struct Recording {
     pub(super) notes: Vec<LogError>,
 }
 
-/// Parameters about inertial sensors and GNSS, of either autopilot; the other thousand are left.
-pub(super) fn concerns_sensors(parameter: &str) -> bool {
-    let starts = [
-        "EKF2_", "SENS_", "CAL_ACC", "CAL_GYRO", "GPS", "INS_", "AHRS_", "EK3_",
-    ];
-    starts.iter().any(|start| parameter.starts_with(start))
-}
-
 /// One inertial sensor.
 pub(super) struct Imu {
     pub(super) path: PathBuf,
@@ -71,18 +63,8 @@ impl Imu {
 /// One receiver.
 pub(super) struct Receiver {
     pub(super) path: PathBuf,
-    pub(super) name: String,
+    name: String,
     pub(super) fixes: Vec<GnssFix>,
-}
-
-impl Receiver {
-    pub(super) fn new(path: &Path, name: impl Into<String>, fixes: Vec<GnssFix>) -> Self {
-        Self {
-            path: path.to_owned(),
-            name: name.into(),
-            fixes,
-        }
-    }
 }
 
 /// A file's bytes, unpacked if they are packed.
@@ -99,21 +81,33 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, LogError> {
 }
 
 pub(super) fn unreadable(path: &Path, error: &std::io::Error) -> LogError {
-    LogError::file(
-        path,
-        "a readable file",
-        error.to_string(),
-        "permissions, the disk, or a damaged file",
-    )
+    let cause = "permissions, the disk, or a damaged file";
+    LogError::file(path, "a readable file", error.to_string(), cause)
 }
 
 impl Recording {
-    pub(super) fn of(imus: Vec<Imu>, receivers: Vec<Receiver>) -> Self {
-        Self {
-            imus,
-            receivers,
-            ..Self::default()
-        }
+    /// An inertial sensor that gives rates.
+    pub(super) fn add_imu(
+        &mut self,
+        path: &Path,
+        name: impl Into<String>,
+        axes: BodyAxes,
+        samples: Vec<ImuSample>,
+    ) {
+        self.imus.push(Imu::of_rates(path, name, axes, samples));
+    }
+
+    pub(super) fn add_receiver(
+        &mut self,
+        path: &Path,
+        name: impl Into<String>,
+        fixes: Vec<GnssFix>,
+    ) {
+        self.receivers.push(Receiver {
+            path: path.to_owned(),
+            name: name.into(),
+            fixes,
+        });
     }
 
     pub(super) fn log(
@@ -150,7 +144,7 @@ impl Recording {
             gnss: in_order(gnss.fixes, &gnss.path, |fix| fix.time, &mut warnings),
             truth: Vec::new(),
         };
-        log::read::settle(&mut log, &imu.path, &gnss.path, &mut warnings)?;
+        log::check::check(&mut log, &imu.path, &gnss.path, &mut warnings)?;
         Ok((log, warnings))
     }
 }

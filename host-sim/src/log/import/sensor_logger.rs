@@ -9,10 +9,8 @@ use nalgebra::Vector3;
 use tempfile::TempDir;
 use zip::ZipArchive;
 
-use super::recording::{
-    Imu, Receiver, Recording, Stamped, degrees, joined, over_ground, stated, unreadable,
-};
-use super::text::Table;
+use super::recording::{Recording, Stamped, degrees, joined, over_ground, stated, unreadable};
+use super::texts::Table;
 use crate::log::{BodyAxes, LogError};
 
 pub(super) fn recognised(path: &Path, start: &[u8]) -> bool {
@@ -56,13 +54,14 @@ pub(super) fn read(path: &Path) -> Result<Recording, LogError> {
 fn tables(path: &Path) -> Result<Recording, LogError> {
     let gyro = vectors(&path.join("Gyroscope.csv"))?;
     let samples = joined(&gyro, &force(path)?, BodyAxes::Rfu);
-    let imu = Imu::of_rates(&path.join("Gyroscope.csv"), "phone", BodyAxes::Rfu, samples);
+    let mut recording = Recording::default();
+    let sensor = path.join("Gyroscope.csv");
+    recording.add_imu(&sensor, "phone", BodyAxes::Rfu, samples);
     let location = path.join("Location.csv");
-    let mut receivers = Vec::new();
     if location.is_file() {
-        receivers.push(Receiver::new(&location, "phone", fixes(&location)?));
+        recording.add_receiver(&location, "phone", fixes(&location)?);
     }
-    Ok(Recording::of(vec![imu], receivers))
+    Ok(recording)
 }
 
 /// Specific force: as it is, or of its two parts as the phone's system divides it.

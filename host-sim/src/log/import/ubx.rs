@@ -8,11 +8,15 @@ use std::path::Path;
 use ins_core::{GnssFix, Time};
 use nalgebra::{Vector2, Vector3};
 
-use super::recording::{Imu, Receiver, Recording, Stamped, bytes, degrees, joined, stated};
+use super::recording::{Recording, Stamped, bytes, degrees, joined, stated};
 use crate::log::{BodyAxes, LogError};
 
 /// What every frame begins with.
-pub(super) const MAGIC: &[u8] = &[0xb5, 0x62];
+const MAGIC: &[u8] = &[0xb5, 0x62];
+
+pub(super) fn recognised(_: &Path, start: &[u8]) -> bool {
+    start.windows(2).take(1024).any(|two| two == MAGIC)
+}
 
 const NAV_PVT: [u8; 2] = [0x01, 0x07];
 const ESF_MEAS: [u8; 2] = [0x10, 0x02];
@@ -138,13 +142,14 @@ impl Ubx {
     }
 
     fn recording(self, path: &Path) -> Recording {
-        let imus = [("ESF-RAW", self.raw), ("ESF-MEAS", self.meas)].map(|(name, tags)| {
+        let mut recording = Recording::default();
+        for (name, tags) in [("ESF-RAW", self.raw), ("ESF-MEAS", self.meas)] {
             let (gyro, accel) = (tags.stamped(&tags.gyro), tags.stamped(&tags.accel));
             let samples = joined(&gyro, &accel, BodyAxes::Frd);
-            Imu::of_rates(path, name, BodyAxes::Frd, samples)
-        });
-        let receiver = Receiver::new(path, "NAV-PVT", self.fixes);
-        Recording::of(imus.into(), vec![receiver])
+            recording.add_imu(path, name, BodyAxes::Frd, samples);
+        }
+        recording.add_receiver(path, "NAV-PVT", self.fixes);
+        recording
     }
 }
 

@@ -1,0 +1,406 @@
+//! ROS 1 bags, and MCAP, as ROS 2 records and ROS 1 bags are converted to.
+//!
+//! Messages of both generations hold samples, positions, velocities. Axes are those of REP 103: x
+//! forward, y left, z up; velocities east, north, up.
+
+use std::collections::{BTreeMap, HashMap};
+use std::io::{self, Read};
+use std::path::Path;
+
+use bzip2::read::BzDecoder;
+use ins_core::{GnssFix, ImuSample, Time};
+use lz4_flex::frame::FrameDecoder;
+use nalgebra::{Vector2, Vector3};
+use ruzstd::decoding::StreamingDecoder;
+
+use super::recording::{Recording, bytes, degrees, merged, stated, unreadable};
+use crate::log::{BodyAxes, LogError};
+
+/// What a topic carries, as it comes.
+struct Topic {
+    name: String,
+    stream: Stream,
+    /// CDR, behind four bytes: each number at a multiple of its size. Without it one number follows the
+    /// other, and the header has one more.
+    cdr: bool,
+}
+
+enum Stream {
+    Imu(Vec<ImuSample>),
+    Position(Vec<GnssFix>),
+    Velocity(Vec<GnssFix>),
+}
+
+impl Topic {
+    /// None of what is not read. A twist may also be the body's own, so its name has to speak of GNSS.
+    fn new(kind: &str, name: &str, cdr: bool) -> Option<Self> {
+        let gnss = ["gps", "gnss", "navsat", "fix", "ublox"];
+        let gnss = gnss.iter().any(|word| name.contains(word));
+        // The second generation says what kind of type it is.
+        let stream = match kind.replace("/msg/", "/").as_str() {
+            "sensor_msgs/Imu" => Stream::Imu(Vec::new()),
+            "sensor_msgs/NavSatFix" => Stream::Position(Vec::new()),
+            "geometry_msgs/TwistStamped" | "geometry_msgs/TwistWithCovarianceStamped" if gnss => {
+                Stream::Velocity(Vec::new())
+            }
+            _ => return None,
+        };
+        let name = name.to_owned();
+        Some(Self { name, stream, cdr })
+    }
+
+    fn take(&mut self, bytes: &[u8]) {
+        let head = if self.cdr { 4 } else { 0 };
+        let mut message = Cursor {
+            bytes: bytes.get(head..).unwrap_or_default(),
+            at: 0,
+            aligned: self.cdr,
+        };
+        match &mut self.stream {
+            Stream::Imu(samples) => samples.extend(imu(&mut message)),
+            Stream::Position(fixes) => fixes.extend(position(&mut message)),
+            Stream::Velocity(fixes) => fixes.extend(velocity(&mut message)),
+        }
+    }
+}
+
+/// One sensor for each topic of samples; one receiver for each of positions, with the velocities.
+fn recording(path: &Path, topics: impl Iterator<Item = Topic>) -> Recording {
+    let mut recording = Recording::default();
+    let mut velocities = Vec::new();
+    for Topic { name, stream, .. } in topics {
+        match stream {
+            Stream::Imu(samples) => recording.add_imu(path, name, BodyAxes::Flu, samples),
+            Stream::Position(fixes) => recording.add_receiver(path, name, fixes),
+            Stream::Velocity(fixes) => velocities.extend(fixes),
+        }
+    }
+    for receiver in &mut recording.receivers {
+        receiver.fixes.extend(&velocities);
+        receiver.fixes = merged(std::mem::take(&mut receiver.fixes));
+    }
+    recording
+}
+
+fn imu(message: &mut Cursor) -> Option<ImuSample> {
+    let time = message.header()?;
+    // Orientation and its covariance.
+    message.f64s::<13>()?;
+    let gyro = message.vector()?;
+    message.f64s::<9>()?;
+    let accel = message.vector()?;
+    let finite = gyro.iter().chain(&accel).all(|x| x.is_finite());
+    finite.then(|| BodyAxes::Flu.sample(time, gyro, accel))
+}
+
+fn position(message: &mut Cursor) -> Option<GnssFix> {
+    let time = message.header()?;
+    let [status] = message.take()?;
+    // Service.
+    let _: [u8; 2] = message.take()?;
+    let [latitude, longitude, altitude] = message.f64s()?;
+    let covariance: [f64; 9] = message.f64s()?;
+    let [known] = message.take()?;
+    let sigma = |variance: f64| Some(variance.sqrt()).filter(|_| known > 0);
+    let level = sigma(0.5 * (covariance[0] + covariance[4]));
+    // Below zero: no fix.
+    (status.cast_signed() >= 0).then(|| GnssFix {
+        time,
+        position: degrees((latitude, longitude)),
+        height_m: Some(altitude).filter(|height| height.is_finite()),
+        sigma: stated([level, sigma(covariance[8]), None, None]),
+        ..GnssFix::default()
+    })
+}
+
+fn velocity(message: &mut Cursor) -> Option<GnssFix> {
+    let time = message.header()?;
+    let velocity = message.vector()?;
+    let finite = velocity.iter().all(|x| x.is_finite());
+    finite.then(|| GnssFix {
+        time,
+        velocity_en_mps: Some(Vector2::new(velocity.x, velocity.y)),
+        velocity_up_mps: Some(velocity.z),
+        ..GnssFix::default()
+    })
+}
+
+/// Bytes, little end first, and how far they are read.
+struct Cursor<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    aligned: bool,
+}
+
+impl<'a> Cursor<'a> {
+    fn new(bytes: &'a [u8]) -> Self {
+        Self {
+            bytes,
+            at: 0,
+            aligned: false,
+        }
+    }
+
+    fn rest(&self) -> &'a [u8] {
+        self.bytes.get(self.at..).unwrap_or_default()
+    }
+
+    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
+        if self.aligned {
+            self.at = self.at.next_multiple_of(N);
+        }
+        let bytes = *self.rest().first_chunk::<N>()?;
+        self.at += N;
+        Some(bytes)
+    }
+
+    fn slice(&mut self, length: u64) -> Option<&'a [u8]> {
+        let length = usize::try_from(length).ok()?;
+        let (bytes, _) = self.rest().split_at_checked(length)?;
+        self.at += length;
+        Some(bytes)
+    }
+
+    /// Bytes behind their number.
+    fn sized(&mut self) -> Option<&'a [u8]> {
+        let length = self.take().map(u32::from_le_bytes)?;
+        self.slice(length.into())
+    }
+
+    fn text(&mut self) -> Option<&'a str> {
+        std::str::from_utf8(self.sized()?).ok()
+    }
+
+    fn u16(&mut self) -> Option<u16> {
+        self.take().map(u16::from_le_bytes)
+    }
+
+    fn f64s<const N: usize>(&mut self) -> Option<[f64; N]> {
+        let mut values = [0.0; N];
+        for value in &mut values {
+            *value = self.take().map(f64::from_le_bytes)?;
+        }
+        Some(values)
+    }
+
+    fn vector(&mut self) -> Option<Vector3<f64>> {
+        self.f64s().map(|values: [f64; 3]| values.into())
+    }
+
+    /// Stamp of the header; number and frame are passed over.
+    fn header(&mut self) -> Option<Time> {
+        if !self.aligned {
+            let _: [u8; 4] = self.take()?;
+        }
+        let [seconds, nanoseconds] = [self.take()?, self.take()?].map(u32::from_le_bytes);
+        self.sized()?;
+        let micros = i64::from(seconds) * 1_000_000 + i64::from(nanoseconds / 1000);
+        Some(Time::from_micros(micros))
+    }
+}
+
+/// What a chunk holds.
+fn unpacked(compression: &[u8], packed: &[u8]) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    match compression {
+        b"bz2" => BzDecoder::new(packed).read_to_end(&mut bytes)?,
+        b"lz4" => FrameDecoder::new(packed).read_to_end(&mut bytes)?,
+        b"zstd" => {
+            let decoder = StreamingDecoder::new(packed);
+            decoder.map_err(io::Error::other)?.read_to_end(&mut bytes)?
+        }
+        _ => return Ok(packed.to_vec()),
+    };
+    Ok(bytes)
+}
+
+// --- ROS 1 bags ---
+
+/// The head of the file.
+const BAG: &[u8] = b"#ROSBAG V2.0";
+
+pub(super) fn is_bag(_: &Path, start: &[u8]) -> bool {
+    start.starts_with(BAG)
+}
+
+pub(super) fn read_bag(path: &Path) -> Result<Recording, LogError> {
+    const MESSAGE: u8 = 2;
+    const CHUNK: u8 = 5;
+    const CONNECTION: u8 = 7;
+    let bytes = bytes(path)?;
+    let body = &bytes[bytes.len().min(BAG.len() + 1)..];
+    let mut bag = Bag::default();
+    // Where the recording broke off there is no index, and what is whole is used.
+    for record in records(body).filter(|record| record.operation() == Some(CONNECTION)) {
+        bag.connect(&record);
+    }
+    for record in records(body).filter(|record| record.operation() == Some(CHUNK)) {
+        let compression = record.field("compression").unwrap_or_default();
+        let chunk = unpacked(compression, record.data).map_err(|e| unreadable(path, &e))?;
+        for record in records(&chunk) {
+            match record.operation() {
+                Some(CONNECTION) => bag.connect(&record),
+                Some(MESSAGE) => bag.take(&record),
+                _ => {}
+            }
+        }
+    }
+    Ok(recording(path, bag.topics.into_values()))
+}
+
+/// By connection.
+#[derive(Default)]
+struct Bag {
+    topics: BTreeMap<u32, Topic>,
+}
+
+impl Bag {
+    fn connect(&mut self, record: &Record) {
+        let text = |bytes| std::str::from_utf8(bytes).ok();
+        let kind = field(record.data, "type").and_then(text);
+        let name = record.field("topic").and_then(text);
+        if let (Some(id), Some(name), Some(kind)) = (record.connection(), name, kind)
+            && let Some(topic) = Topic::new(kind, name, false)
+        {
+            self.topics.entry(id).or_insert(topic);
+        }
+    }
+
+    fn take(&mut self, record: &Record) {
+        let topic = record.connection().and_then(|id| self.topics.get_mut(&id));
+        if let Some(topic) = topic {
+            topic.take(record.data);
+        }
+    }
+}
+
+struct Record<'a> {
+    header: &'a [u8],
+    data: &'a [u8],
+}
+
+/// One after the other, as far as they are whole.
+fn records(bytes: &[u8]) -> impl Iterator<Item = Record<'_>> {
+    let mut rest = Cursor::new(bytes);
+    std::iter::from_fn(move || {
+        let (header, data) = (rest.sized()?, rest.sized()?);
+        Some(Record { header, data })
+    })
+}
+
+impl<'a> Record<'a> {
+    fn field(&self, name: &str) -> Option<&'a [u8]> {
+        field(self.header, name)
+    }
+
+    fn operation(&self) -> Option<u8> {
+        self.field("op")?.first().copied()
+    }
+
+    fn connection(&self) -> Option<u32> {
+        let id = self.field("conn")?.first_chunk()?;
+        Some(u32::from_le_bytes(*id))
+    }
+}
+
+/// The value of a field among others, each `name=value` behind its length.
+fn field<'a>(fields: &'a [u8], name: &str) -> Option<&'a [u8]> {
+    let mut fields = Cursor::new(fields);
+    let mut all = std::iter::from_fn(|| fields.sized());
+    all.find_map(|field| field.strip_prefix(name.as_bytes())?.strip_prefix(b"="))
+}
+
+// --- MCAP ---
+
+/// The head of the file.
+const MCAP: &[u8] = b"\x89MCAP0\r\n";
+
+pub(super) fn is_mcap(_: &Path, start: &[u8]) -> bool {
+    start.starts_with(MCAP)
+}
+
+pub(super) fn read_mcap(path: &Path) -> Result<Recording, LogError> {
+    let bytes = bytes(path)?;
+    let mut log = Mcap::default();
+    log.records(bytes.get(MCAP.len()..).unwrap_or_default(), false)
+        .map_err(|e| unreadable(path, &e))?;
+    Ok(recording(path, log.channels.into_values()))
+}
+
+#[derive(Default)]
+struct Mcap {
+    /// Names of types.
+    schemas: HashMap<u16, String>,
+    channels: BTreeMap<u16, Topic>,
+}
+
+impl Mcap {
+    /// Records one after the other, as far as they are whole: without the index at the end, which a
+    /// recording that broke off has not.
+    fn records(&mut self, bytes: &[u8], in_chunk: bool) -> io::Result<()> {
+        const SCHEMA: u8 = 3;
+        const CHANNEL: u8 = 4;
+        const MESSAGE: u8 = 5;
+        const CHUNK: u8 = 6;
+        let mut rest = Cursor::new(bytes);
+        while let Some((operation, content)) = record(&mut rest) {
+            let mut fields = Cursor::new(content);
+            match operation {
+                SCHEMA => {
+                    if let (Some(id), Some(name)) = (fields.u16(), fields.text()) {
+                        self.schemas.insert(id, name.to_owned());
+                    }
+                }
+                CHANNEL => {
+                    self.channel(&mut fields);
+                }
+                MESSAGE => {
+                    self.message(&mut fields);
+                }
+                // The format has none, and each level would take more of the stack.
+                CHUNK if in_chunk => return Err(io::Error::other("a chunk within a chunk")),
+                CHUNK => {
+                    if let Some((compression, packed)) = chunk(&mut fields) {
+                        self.records(&unpacked(compression, packed)?, true)?;
+                    }
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn channel(&mut self, fields: &mut Cursor) -> Option<()> {
+        let (id, schema) = (fields.u16()?, fields.u16()?);
+        let (name, encoding) = (fields.text()?, fields.text()?);
+        if !["cdr", "ros1"].contains(&encoding) {
+            return None;
+        }
+        let topic = Topic::new(self.schemas.get(&schema)?, name, encoding == "cdr")?;
+        self.channels.entry(id).or_insert(topic);
+        Some(())
+    }
+
+    fn message(&mut self, fields: &mut Cursor) -> Option<()> {
+        let topic = self.channels.get_mut(&fields.u16()?)?;
+        // Number, and times of recording and of sending.
+        let _: [u8; 20] = fields.take()?;
+        topic.take(fields.rest());
+        Some(())
+    }
+}
+
+fn record<'a>(rest: &mut Cursor<'a>) -> Option<(u8, &'a [u8])> {
+    let [operation] = rest.take()?;
+    let length = u64::from_le_bytes(rest.take()?);
+    Some((operation, rest.slice(length)?))
+}
+
+/// Compression and packed records.
+fn chunk<'a>(fields: &mut Cursor<'a>) -> Option<(&'a [u8], &'a [u8])> {
+    // First and last time, size and checksum.
+    let _: [u8; 28] = fields.take()?;
+    let compression = fields.sized()?;
+    let length = u64::from_le_bytes(fields.take()?);
+    Some((compression, fields.slice(length)?))
+}

@@ -1,0 +1,265 @@
+//! Tables of numbers as datasets, simulators and other programs write them: `EuRoC`, KITTI,
+//! gnss-ins-sim, KF-GINS.
+
+use std::fs;
+use std::path::Path;
+
+use ins_core::{GnssFix, ImuOutput, ImuSample, Time};
+use nalgebra::{Vector2, Vector3};
+
+use super::recording::{Imu, Recording, bytes, degrees, level, stated, unreadable};
+use crate::log::{BodyAxes, LogError};
+
+/// Named columns of numbers; not a number where a cell holds none.
+pub(super) struct Table {
+    pub(super) names: Vec<String>,
+    pub(super) rows: Vec<Vec<f64>>,
+}
+
+impl Table {
+    /// Reads a file; the first line names the columns if it holds a letter.
+    pub(super) fn read(path: &Path) -> Result<Self, LogError> {
+        let text = content(path)?;
+        let lines = text.lines().filter(|line| !line.trim().is_empty());
+        let mut lines = lines.peekable();
+        let names = lines
+            .next_if(|line| cells(line).iter().any(|cell| number(cell).is_nan()))
+            .map(|line| cells(line.trim_start_matches(['#', '%', '\u{feff}'])))
+            .unwrap_or_default();
+        let row = |line: &str| cells(line).iter().map(|cell| number(cell)).collect();
+        Ok(Self {
+            names: names.iter().map(|name| (*name).to_owned()).collect(),
+            rows: lines.map(row).collect(),
+        })
+    }
+
+    /// Index of a column.
+    pub(super) fn column(&self, name: &str) -> Option<usize> {
+        let is = |own: &String| own.eq_ignore_ascii_case(name);
+        self.names.iter().position(is)
+    }
+
+    /// Index of a column that must be there.
+    pub(super) fn required(&self, name: &str, path: &Path) -> Result<usize, LogError> {
+        self.column(name).ok_or_else(|| {
+            let found = format!("columns {}", self.names.join(", "));
+            let cause = "another version of the program, or another file";
+            LogError::file(path, format!("a column `{name}`"), found, cause)
+        })
+    }
+}
+
+/// A text whatever its encoding: what is no UTF-8 is no number either.
+pub(super) fn content(path: &Path) -> Result<String, LogError> {
+    Ok(String::from_utf8_lossy(&bytes(path)?).into_owned())
+}
+
+/// Cells between commas, semicolons or tabs, or else between blanks.
+fn cells(line: &str) -> Vec<&str> {
+    let line = line.trim();
+    let quotes: &[char] = &['"', ' '];
+    let mut separators = [',', ';', '\t'].into_iter();
+    match separators.find(|separator| line.contains(*separator)) {
+        Some(separator) => {
+            let cells = line.split(separator);
+            cells.map(|cell| cell.trim_matches(quotes)).collect()
+        }
+        None => line.split_whitespace().collect(),
+    }
+}
+
+pub(super) fn number(cell: &str) -> f64 {
+    cell.parse().unwrap_or(f64::NAN)
+}
+
+/// Three cells of a row.
+fn vector(row: &[f64], at: usize) -> Option<Vector3<f64>> {
+    let vector: &[f64; 3] = row.get(at..)?.first_chunk()?;
+    Some(Vector3::from(*vector))
+}
+
+// --- EuRoC (ASL), as Kalibr and VINS take it: inertial samples, with a GNSS file beside ---
+
+/// The format names none; the check of gravity says if they are others.
+const EUROC_AXES: BodyAxes = BodyAxes::Flu;
+
+/// The header names stamp and rates.
+pub(super) fn is_euroc(_: &Path, start: &[u8]) -> bool {
+    let text = String::from_utf8_lossy(start);
+    let header = text.lines().next().unwrap_or_default();
+    header.starts_with("#timestamp") && header.contains("w_RS_S_x")
+}
+
+pub(super) fn read_euroc(path: &Path) -> Result<Recording, LogError> {
+    let sample = |row: &Vec<f64>| {
+        let (gyro, accel) = (vector(row, 1)?, vector(row, 4)?);
+        let finite = gyro.iter().chain(&accel).all(|x| x.is_finite());
+        let time = Time::from_seconds(1e-9 * row.first()?)?;
+        finite.then(|| EUROC_AXES.sample(time, gyro, accel))
+    };
+    let samples = Table::read(path)?.rows.iter().filter_map(sample).collect();
+    let mut recording = Recording::default();
+    recording.add_imu(path, "EuRoC", EUROC_AXES, samples);
+    Ok(recording)
+}
+
+// --- KITTI raw drives: a folder `oxts` with stamps and a text of numbers for each moment; forward, left,
+// up. Position and velocity are the OXTS unit's own solution, not those of a receiver. ---
+
+pub(super) fn is_kitti(path: &Path, _: &[u8]) -> bool {
+    path.join("oxts/timestamps.txt").is_file()
+}
+
+pub(super) fn read_kitti(path: &Path) -> Result<Recording, LogError> {
+    let folder = path.join("oxts");
+    let stamps = content(&folder.join("timestamps.txt"))?;
+    let data = folder.join("data");
+    let entries = fs::read_dir(&data).map_err(|e| unreadable(&data, &e))?;
+    let mut files: Vec<_> = entries.flatten().map(|entry| entry.path()).collect();
+    files.sort();
+    let (mut samples, mut fixes) = (Vec::new(), Vec::new());
+    for (stamp, file) in stamps.lines().zip(&files) {
+        let cells: Vec<f64> = content(file)?.split_whitespace().map(number).collect();
+        let time = date_and_time(stamp.trim(), "%Y-%m-%d %H:%M:%S%.f");
+        let (Some(time), Some(cells)) = (time, cells.first_chunk::<25>()) else {
+            continue;
+        };
+        let vector = |at: usize| Vector3::new(cells[at], cells[at + 1], cells[at + 2]);
+        samples.push(BodyAxes::Flu.sample(time, vector(17), vector(11)));
+        fixes.push(GnssFix {
+            time,
+            position: degrees((cells[0], cells[1])),
+            height_m: Some(cells[2]),
+            velocity_en_mps: Some(Vector2::new(cells[7], cells[6])),
+            velocity_up_mps: Some(cells[10]),
+            sigma: stated([Some(cells[23]), None, Some(cells[24]), None]),
+        });
+    }
+    let mut recording = Recording::default();
+    recording.add_imu(&folder, "OXTS", BodyAxes::Flu, samples);
+    recording.add_receiver(&folder, "OXTS", fixes);
+    Ok(recording)
+}
+
+/// Time since 1970.
+pub(super) fn date_and_time(text: &str, format: &str) -> Option<Time> {
+    let time = chrono::NaiveDateTime::parse_from_str(text, format).ok()?;
+    Some(Time::from_micros(time.and_utc().timestamp_micros()))
+}
+
+// --- gnss-ins-sim: a folder with a table for each quantity, units in the headers, front-right-down ---
+
+pub(super) fn is_gnss_ins_sim(path: &Path, _: &[u8]) -> bool {
+    let tables = ["time.csv", "gyro-0.csv", "accel-0.csv"];
+    tables.iter().all(|name| path.join(name).is_file())
+}
+
+pub(super) fn read_gnss_ins_sim(path: &Path) -> Result<Recording, LogError> {
+    let times = column(&path.join("time.csv"))?;
+    let mut recording = Recording::default();
+    // One of each for every run of the simulation.
+    for run in 0.. {
+        let of = |name: &str| path.join(format!("{name}-{run}.csv"));
+        let (gyro, accel, gps) = (of("gyro"), of("accel"), of("gps"));
+        if !gyro.is_file() || !accel.is_file() {
+            break;
+        }
+        let rows = times.iter().zip(vectors(&gyro)?).zip(vectors(&accel)?);
+        let samples = rows.filter_map(|((time, gyro), accel)| {
+            Some(BodyAxes::Frd.sample(Time::from_seconds(*time)?, gyro, accel))
+        });
+        let name = format!("run {run}");
+        recording.add_imu(&gyro, &name, BodyAxes::Frd, samples.collect());
+        if gps.is_file() {
+            let times = column(&path.join("gps_time.csv"))?;
+            let rows = Table::read(&gps)?.rows;
+            let fixes = times.iter().zip(&rows);
+            let fixes = fixes.filter_map(|(time, row)| simulated_fix(*time, row));
+            recording.add_receiver(&gps, &name, fixes.collect());
+        }
+    }
+    Ok(recording)
+}
+
+fn simulated_fix(time_s: f64, row: &[f64]) -> Option<GnssFix> {
+    let [latitude, longitude, height, north, east, down] = *row.first_chunk::<6>()?;
+    Some(GnssFix {
+        time: Time::from_seconds(time_s)?,
+        position: degrees((latitude, longitude)),
+        height_m: Some(height),
+        velocity_en_mps: Some(Vector2::new(east, north)),
+        velocity_up_mps: Some(-down),
+        ..GnssFix::default()
+    })
+}
+
+fn column(path: &Path) -> Result<Vec<f64>, LogError> {
+    let table = Table::read(path)?;
+    let first = |row: &Vec<f64>| row.first().copied();
+    Ok(table.rows.iter().filter_map(first).collect())
+}
+
+/// Rates in rad/s where the header has degrees.
+fn vectors(path: &Path) -> Result<Vec<Vector3<f64>>, LogError> {
+    let table = Table::read(path)?;
+    let degrees = table.names.first().is_some_and(|name| name.contains("deg"));
+    let scale = if degrees { 1_f64.to_radians() } else { 1.0 };
+    let scaled = |row: &Vec<f64>| vector(row, 0).map(|v| scale * v);
+    Ok(table.rows.iter().filter_map(scaled).collect())
+}
+
+// --- KF-GINS: rows of seconds of the GPS week with angles and velocities gained, front-right-down; and
+// rows of fixes with their sigmas ---
+
+/// Seven numbers between blanks, or thirteen for fixes with velocity, and no header.
+pub(super) fn is_kf_gins(_: &Path, start: &[u8]) -> bool {
+    let text = String::from_utf8_lossy(start);
+    let mut rows = text.lines().take(3).map(cells);
+    let fits = |row: Vec<&str>| {
+        let numbers = row.iter().all(|cell| number(cell).is_finite());
+        matches!(row.len(), 7 | 13) && numbers && (0.0..604_800.0).contains(&number(row[0]))
+    };
+    text.lines().nth(2).is_some() && !text.contains(',') && rows.all(fits)
+}
+
+pub(super) fn read_kf_gins(path: &Path) -> Result<Recording, LogError> {
+    let rows = Table::read(path)?.rows;
+    // A place is degrees and metres, a gain of velocity is small.
+    let place = |row: &Vec<f64>| row.get(4..7).is_some_and(|s| s.iter().all(|x| *x > 0.0));
+    let fixes = rows.first().is_some_and(|row| row.len() == 13) || rows.iter().all(place);
+    let mut recording = Recording::default();
+    if fixes {
+        let fixes = rows.iter().filter_map(|row| kf_gins_fix(row)).collect();
+        recording.add_receiver(path, "KF-GINS", fixes);
+    } else {
+        let samples = rows.iter().filter_map(|row| kf_gins_sample(row)).collect();
+        recording.imus.push(Imu {
+            output: ImuOutput::Increments,
+            ..Imu::of_rates(path, "KF-GINS", BodyAxes::Frd, samples)
+        });
+    }
+    Ok(recording)
+}
+
+fn kf_gins_sample(row: &[f64]) -> Option<ImuSample> {
+    let time = Time::from_seconds(*row.first()?)?;
+    Some(BodyAxes::Frd.sample(time, vector(row, 1)?, vector(row, 4)?))
+}
+
+fn kf_gins_fix(row: &[f64]) -> Option<GnssFix> {
+    let [time, latitude, longitude, height, north, east, down] = *row.first_chunk::<7>()?;
+    let mut fix = GnssFix {
+        time: Time::from_seconds(time)?,
+        position: degrees((latitude, longitude)),
+        height_m: Some(height),
+        ..GnssFix::default()
+    };
+    let mut sigmas = [Some(level((north, east))), Some(down), None, None];
+    if let Some([vn, ve, vd, sn, se, sd]) = row.get(7..).and_then(|rest| rest.first_chunk::<6>()) {
+        fix.velocity_en_mps = Some(Vector2::new(*ve, *vn));
+        fix.velocity_up_mps = Some(-vd);
+        [sigmas[2], sigmas[3]] = [Some(level((*sn, *se))), Some(*sd)];
+    }
+    fix.sigma = stated(sigmas);
+    Some(fix)
+}
