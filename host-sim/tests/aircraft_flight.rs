@@ -9,10 +9,7 @@ use host_sim::aircraft::plan::{Path2d, Plan};
 use host_sim::aircraft::trajectory::euler;
 use host_sim::aircraft::wind::Turbulence;
 use host_sim::sim::Motion;
-use host_sim::sim::ideal::IdealSensors;
-use ins_core::increments::Increments;
-use ins_core::mechanization::{Controls, Mechanization};
-use ins_core::{ImuOutput, ImuSample, Time};
+use host_sim::sim::ideal;
 
 fn route() -> (Dynamics, Plan) {
     let dynamics = Dynamics::new(&cessna172());
@@ -92,34 +89,7 @@ fn flies_the_route() {
 /// Largest errors of position (m), velocity (m/s) and attitude (rad) of an error-free strapdown.
 fn strapdown_errors(dynamics: &Dynamics, plan: &Plan, rate_hz: u32, duration_s: u32) -> [f64; 3] {
     let flight = Flight::new(dynamics, plan, 7).unwrap();
-    let mut sensors = IdealSensors::new(flight, plan.start.position, Time::default());
-    let start = sensors.state().solution;
-    let mut ins = Mechanization::new(start.position, start.velocity_enu_mps, start.attitude);
-    let mut increments: Option<Increments> = None;
-    let mut worst = [0.0_f64; 3];
-    let seconds = 1.0 / f64::from(rate_hz);
-    for i in 1..=rate_hz * duration_s {
-        let time = Time::default().plus_seconds(f64::from(i) * seconds);
-        let gained = sensors.advance(time);
-        let sample = ImuSample {
-            time,
-            gyro: gained.angle_b_rad,
-            accel: gained.velocity_b_mps,
-        };
-        let increments =
-            increments.get_or_insert_with(|| Increments::new(ImuOutput::Increments, &sample));
-        ins.step(&increments.interval(&sample, seconds), &Controls::default());
-        let truth = sensors.state().solution;
-        let errors = [
-            ins.position.enu_from(&truth.position).norm(),
-            (ins.velocity_enu_mps - truth.velocity_enu_mps).norm(),
-            ins.attitude.angle_to(&truth.attitude),
-        ];
-        for (worst, error) in worst.iter_mut().zip(errors) {
-            *worst = worst.max(error);
-        }
-    }
-    worst
+    ideal::strapdown_errors(flight, plan.start.position, rate_hz, duration_s)
 }
 
 const ARC_SECOND: f64 = std::f64::consts::PI / 180.0 / 3600.0;

@@ -69,18 +69,20 @@ fn vehicles() -> Vec<(&'static str, Box<dyn Motion>)> {
 
 #[test]
 fn rates_are_the_derivatives_of_velocity_and_attitude() {
-    // Central differences over 1 ms: h^2/6 of the third derivative, 4e-8 times 500 m/s^4 for what
-    // swings at 2 Hz and for quintic pieces of 0.3 s, and 1e-13 / h of rounding.
+    // Central differences over 1 ms: h^2/6 of the third derivative, and 1e-13 / h of rounding. What
+    // swings at 2 Hz and quintic pieces of 0.3 s have 500 m/s^4, what is on wheels alone a fifth.
     const H: f64 = 5e-4;
     for (name, mut vehicle) in vehicles() {
+        let wheels = ["car", "leaning", "way"].contains(&name);
+        let bound = if wheels { 2e-5 } else { 1e-4 };
         for t in (1..1600).map(|k| 0.37 * f64::from(k)) {
             let [before, now, after] = [t - H, t, t + H].map(|t| vehicle.kinematics(t));
             let acceleration = (after.velocity_enu_mps - before.velocity_enu_mps) / (2.0 * H);
             let rate = (before.attitude.inverse() * after.attitude).scaled_axis() / (2.0 * H);
             let off = (acceleration - now.acceleration_enu_mps2).norm();
-            assert!(off < 1e-4, "{name}: acceleration off by {off} at {t} s");
+            assert!(off < bound, "{name}: acceleration off by {off} at {t} s");
             let off = (rate - now.angular_rate_lb_b_radps).norm();
-            assert!(off < 1e-4, "{name}: angular rate off by {off} at {t} s");
+            assert!(off < bound, "{name}: angular rate off by {off} at {t} s");
         }
     }
 }

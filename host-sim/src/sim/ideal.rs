@@ -1,7 +1,9 @@
 //! Sensors without error: any motion on the rotating WGS-84 ellipsoid.
 
 use ins_core::earth::{Geodetic, LocalEarth, wrap_pi};
-use ins_core::{Solution, Time};
+use ins_core::increments;
+use ins_core::mechanization::{Controls, Mechanization};
+use ins_core::{ImuOutput, ImuSample, Solution, Time};
 use nalgebra::Vector3;
 
 use super::motion::{Kinematics, Motion};
@@ -260,6 +262,44 @@ fn true_state(
 
 fn integral(h: f64, [start, early, late, end]: &[Vector3<f64>; 4]) -> Vector3<f64> {
     h * (END_WEIGHT * (start + end) + INNER_WEIGHT * (early + late))
+}
+
+/// Largest errors over a run of position (m), velocity (m/s) and attitude (rad) of a strapdown without
+/// errors, fed by ideal sensors, `rate_hz` increments a second.
+pub fn strapdown_errors(
+    motion: impl Motion,
+    origin: Geodetic,
+    rate_hz: u32,
+    duration_s: u32,
+) -> [f64; 3] {
+    let mut sensors = IdealSensors::new(motion, origin, Time::default());
+    let start = sensors.state().solution;
+    let mut ins = Mechanization::new(start.position, start.velocity_enu_mps, start.attitude);
+    let mut before: Option<increments::Increments> = None;
+    let mut worst = [0.0_f64; 3];
+    let interval_s = 1.0 / f64::from(rate_hz);
+    for count in 1..=rate_hz * duration_s {
+        let time = Time::default().plus_seconds(f64::from(count) * interval_s);
+        let gained = sensors.advance(time);
+        let sample = ImuSample {
+            time,
+            gyro: gained.angle_b_rad,
+            accel: gained.velocity_b_mps,
+        };
+        let before = before
+            .get_or_insert_with(|| increments::Increments::new(ImuOutput::Increments, &sample));
+        ins.step(&before.interval(&sample, interval_s), &Controls::default());
+        let truth = sensors.state().solution;
+        let errors = [
+            ins.position.enu_from(&truth.position).norm(),
+            (ins.velocity_enu_mps - truth.velocity_enu_mps).norm(),
+            ins.attitude.angle_to(&truth.attitude),
+        ];
+        for (worst, error) in worst.iter_mut().zip(errors) {
+            *worst = worst.max(error);
+        }
+    }
+    worst
 }
 
 #[cfg(test)]

@@ -9,15 +9,11 @@ use host_sim::aircraft::plan::Plan;
 use host_sim::page::brief;
 use host_sim::page::table::{heads, markdown};
 use host_sim::sim::car::Car;
-use host_sim::sim::ideal::IdealSensors;
-use host_sim::sim::{DriveConfig, ErrorModel, Grade, Motion};
+use host_sim::sim::ideal::strapdown_errors;
+use host_sim::sim::{DriveConfig, ErrorModel, Grade};
 use host_sim::study::flights::{self, Settings};
 use host_sim::study::reproduce::{PerformanceRow, performance};
 use indicatif::ProgressBar;
-use ins_core::earth::Geodetic;
-use ins_core::increments::Increments;
-use ins_core::mechanization::{Controls, Mechanization};
-use ins_core::{ImuOutput, ImuSample, Time};
 use miette::{Result, miette};
 
 const HOUR_S: u32 = 3600;
@@ -50,81 +46,44 @@ pub fn flights(runs: u64) -> Result<String> {
 
 /// An hour of driving and of flying on ideal sensors, at several sample rates.
 pub fn error_free(root: &Path) -> Result<String> {
-    let mut rows = vec![row("car", 100, &drive())];
+    let mut rows = vec![row("car", 100, drive())];
     for rate_hz in [50, 100, 200, 400] {
-        rows.push(row("aircraft", rate_hz, &flight(root, rate_hz)?));
+        rows.push(row("aircraft", rate_hz, flight(root, rate_hz)?));
     }
     let header =
         heads("1 h of | samples, Hz | position, m | velocity, mm/s | attitude, arc seconds");
     Ok(markdown(&header, &rows))
 }
 
-fn drive() -> Worst {
+fn drive() -> [f64; 3] {
     let config = DriveConfig::new(1, Grade::Ideal, f64::from(HOUR_S) / 60.0);
     let recording = config.recording;
     let car = Car::new(recording.seed, recording.duration_s, config.initial_rest_s);
-    strapdown(car, recording.origin, 100, HOUR_S)
+    strapdown_errors(car, recording.origin, 100, HOUR_S)
 }
 
-fn flight(root: &Path, rate_hz: u32) -> Result<Worst> {
+fn flight(root: &Path, rate_hz: u32) -> Result<[f64; 3]> {
     let dynamics = Dynamics::new(&cessna172());
     let file = root.join("host-sim/plans/route_one_hour.toml");
     let plan = Plan::read(&file, &dynamics)?;
     let in_plan = |error| miette!("{}: {error}", file.display());
     let flight = Flight::new(&dynamics, &plan, 1).map_err(in_plan)?;
-    Ok(strapdown(flight, plan.start.position, rate_hz, HOUR_S))
+    Ok(strapdown_errors(
+        flight,
+        plan.start.position,
+        rate_hz,
+        HOUR_S,
+    ))
 }
 
-fn row(vehicle: &str, rate_hz: u32, worst: &Worst) -> Vec<String> {
-    let arc_seconds = 3600.0 * worst.attitude_rad.to_degrees();
+fn row(vehicle: &str, rate_hz: u32, worst: [f64; 3]) -> Vec<String> {
+    let [position_m, velocity_mps, attitude_rad] = worst;
+    let arc_seconds = 3600.0 * attitude_rad.to_degrees();
     vec![
         vehicle.to_owned(),
         rate_hz.to_string(),
-        brief(worst.position_m),
-        brief(1e3 * worst.velocity_mps),
+        brief(position_m),
+        brief(1e3 * velocity_mps),
         brief(arc_seconds),
     ]
-}
-
-/// Largest errors of a run.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Worst {
-    /// Distance from the true position, m.
-    position_m: f64,
-    /// Velocity, m/s.
-    velocity_mps: f64,
-    /// Angle from the true attitude, rad.
-    attitude_rad: f64,
-}
-
-/// Runs an error-free strapdown, fed by ideal sensors, along a motion, `rate_hz` increments a second.
-fn strapdown(motion: impl Motion, origin: Geodetic, rate_hz: u32, duration_s: u32) -> Worst {
-    let mut sensors = IdealSensors::new(motion, origin, Time::default());
-    let start = sensors.state().solution;
-    let mut ins = Mechanization::new(start.position, start.velocity_enu_mps, start.attitude);
-    let mut increments: Option<Increments> = None;
-    let mut worst = Worst::default();
-    let interval_s = 1.0 / f64::from(rate_hz);
-    for count in 1..=rate_hz * duration_s {
-        let time = Time::default().plus_seconds(f64::from(count) * interval_s);
-        let gained = sensors.advance(time);
-        let sample = ImuSample {
-            time,
-            gyro: gained.angle_b_rad,
-            accel: gained.velocity_b_mps,
-        };
-        let increments =
-            increments.get_or_insert_with(|| Increments::new(ImuOutput::Increments, &sample));
-        let interval = increments.interval(&sample, interval_s);
-        ins.step(&interval, &Controls::default());
-        let truth = sensors.state().solution;
-        let position_m = ins.position.enu_from(&truth.position).norm();
-        let velocity_mps = (ins.velocity_enu_mps - truth.velocity_enu_mps).norm();
-        worst.position_m = worst.position_m.max(position_m);
-        worst.velocity_mps = worst.velocity_mps.max(velocity_mps);
-        worst.attitude_rad = worst
-            .attitude_rad
-            .max(ins.attitude.angle_to(&truth.attitude));
-    }
-    worst
 }
