@@ -2,7 +2,7 @@
 //!
 //! Every estimator gets the same simulated drive: 10 min to be warm, then a minute that is timed
 //! again and again, with its starts, turns and stops. `cargo bench -p host-sim --bench imu_step`
-//! prints a table of medians and ratios.
+//! prints a table of medians and ratios at its end.
 
 #[allow(clippy::cast_possible_truncation, reason = "fusion-nav takes f32")]
 #[allow(dead_code, reason = "here nothing has to be levelled")]
@@ -10,8 +10,10 @@
 mod filters;
 
 use std::hint::black_box;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use criterion::{BenchmarkId, Criterion, SamplingMode};
 use host_sim::page::table::markdown;
 use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
 use ins_core::{Config, GnssFix, GnssOutcome, ImuOutcome, ImuOutput, ImuSample, Navigator, Time};
@@ -20,8 +22,6 @@ use filters::{AtRest, FusionNav, KinavisIns, Peer};
 
 const WARM_MIN: f64 = 10.0;
 const TIMED_MIN: f64 = 1.0;
-/// Times that the timed minute is run.
-const RUNS: usize = 200;
 
 /// Ours, as shipped for the class of the simulated sensors; it aligns itself.
 impl Peer for Navigator {
@@ -125,8 +125,17 @@ fn warm<P: Peer>(mut filter: P, epochs: &[Epoch<P>]) -> P {
     filter
 }
 
-/// Medians of a sample, of a fix, and of a sample with its share of fixes, ns.
-fn medians_ns<P: Peer>(drive: &SimulatedDrive, told_latency_s: f64) -> [f64; 3] {
+/// A part of what an epoch takes, and calls of it in the timed minute.
+type Part = (&'static str, fn([Duration; 2]) -> Duration, usize);
+
+/// Times the filter over the minute; medians of each part's call, ns, none where criterion was told
+/// to leave it out.
+fn measure<P: Peer>(
+    criterion: &mut Criterion,
+    name: &str,
+    drive: &SimulatedDrive,
+    told_latency_s: f64,
+) -> [Option<f64>; 3] {
     let truth = drive.truth[0].euler();
     let start = AtRest {
         time: drive.truth[0].time,
@@ -137,30 +146,53 @@ fn medians_ns<P: Peer>(drive: &SimulatedDrive, told_latency_s: f64) -> [f64; 3] 
     };
     let [warming, timed] = epochs::<P>(drive, told_latency_s);
     let filter = warm(P::new(&start).expect("a finite start"), &warming);
-    let runs: Vec<[Duration; 2]> = (0..RUNS).map(|_| run(filter.clone(), &timed)).collect();
-    let samples: usize = timed.iter().map(|epoch| epoch.samples.len()).sum();
-    let median_ns = |of: fn(&[Duration; 2]) -> Duration, calls: usize| {
-        let mut all: Vec<Duration> = runs.iter().map(of).collect();
-        all.sort();
-        all[RUNS / 2].as_secs_f64() * 1e9 / calls as f64
-    };
-    [
-        median_ns(|[imu, _]| *imu, samples),
-        median_ns(|[_, gnss]| *gnss, timed.len()),
-        median_ns(|[imu, gnss]| *imu + *gnss, samples),
-    ]
+    let samples = timed.iter().map(|epoch| epoch.samples.len()).sum();
+    let parts: [Part; 3] = [
+        ("imu", |[imu, _]| imu, samples),
+        ("gnss", |[_, gnss]| gnss, timed.len()),
+        ("both", |[imu, gnss]| imu + gnss, samples),
+    ];
+    let mut group = criterion.benchmark_group("minute");
+    group.sampling_mode(SamplingMode::Flat);
+    for (what, part, _) in parts {
+        group.bench_function(BenchmarkId::new(name, what), |bencher| {
+            bencher.iter_custom(|minutes| {
+                (0..minutes)
+                    .map(|_| part(run(filter.clone(), &timed)))
+                    .sum()
+            });
+        });
+    }
+    group.finish();
+    parts.map(|(what, _, calls)| Some(median_ns(name, what)? / calls as f64))
+}
+
+/// Median of a benchmark of this run, ns for the whole minute.
+fn median_ns(name: &str, what: &str) -> Option<f64> {
+    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(
+        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../target"),
+        PathBuf::from,
+    );
+    let file = target.join(format!("criterion/minute/{name}/{what}/new/estimates.json"));
+    let estimates: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(file).ok()?).ok()?;
+    estimates["median"]["point_estimate"].as_f64()
 }
 
 fn main() {
+    let mut criterion = Criterion::default()
+        .warm_up_time(Duration::from_secs(1))
+        .measurement_time(Duration::from_secs(3))
+        .sample_size(20)
+        .configure_from_args();
+    let c = &mut criterion;
     let drive = simulate(&DriveConfig::new(7, Grade::Hg1700, WARM_MIN + TIMED_MIN));
     // Ours finds the latency.
-    let latency_s = drive.errors.gnss_latency_s;
-    let ours = medians_ns::<Navigator>(&drive, 0.0);
-    let all = [
-        ("ins-core", ours),
-        ("fusion-nav", medians_ns::<FusionNav>(&drive, latency_s)),
-        ("kinavis-ins", medians_ns::<KinavisIns>(&drive, latency_s)),
-    ];
+    let told_s = drive.errors.gnss_latency_s;
+    let ours = measure::<Navigator>(c, "ins-core", &drive, 0.0);
+    let fusion_nav = measure::<FusionNav>(c, "fusion-nav", &drive, told_s);
+    let kinavis_ins = measure::<KinavisIns>(c, "kinavis-ins", &drive, told_s);
+    criterion.final_summary();
     let header = [
         "",
         "IMU sample, ns",
@@ -170,12 +202,21 @@ fn main() {
         "sample with its share of fixes, ns",
         "ratio",
     ];
-    let rows = all.map(|(name, its)| {
+    let row = |name: &str, its: [Option<f64>; 3]| -> Option<Vec<String>> {
         let mut cells = vec![name.to_owned()];
         for (its, ours) in its.into_iter().zip(ours) {
-            cells.extend([format!("{its:.0}"), format!("{:.1}", its / ours)]);
+            cells.extend([format!("{:.0}", its?), format!("{:.1}", its? / ours?)]);
         }
-        cells
-    });
-    println!("{}", markdown(&header.map(str::to_owned), &rows));
+        Some(cells)
+    };
+    let rows: Option<Vec<_>> = [
+        row("ins-core", ours),
+        row("fusion-nav", fusion_nav),
+        row("kinavis-ins", kinavis_ins),
+    ]
+    .into_iter()
+    .collect();
+    if let Some(rows) = rows {
+        println!("\n{}", markdown(&header.map(str::to_owned), &rows));
+    }
 }
