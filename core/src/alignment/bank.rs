@@ -95,15 +95,12 @@ pub(crate) enum Answer {
 impl Bank {
     /// Starts all at one moment.
     pub(crate) fn new(start: &Start, known: &Parameters, config: &Config) -> Self {
-        let prior_s = math::max(config.gnss.latency_sigma_s, 1e-3);
         // One made and copied: four made would lie on the stack first.
         let mut candidates =
             [Candidate::new(start, LATENCY_SIGMA_S, known, config); LATENCIES_S.len()];
         for (candidate, latency_s) in candidates.iter_mut().zip(LATENCIES_S) {
-            // Presets say what is usual, not what is possible: the tails of the prior are long.
-            let ratio = latency_s / prior_s;
             candidate.latency_s = math::single(latency_s);
-            candidate.log_likelihood = -math::single(libm::log(1.0 + ratio * ratio));
+            candidate.log_likelihood = prior(latency_s, config);
         }
         Self {
             start: start.time,
@@ -147,14 +144,20 @@ impl Bank {
     }
 
     /// Does one piece of work; true if there is a new answer.
-    pub(crate) fn work(&mut self, nodes: &Nodes, sightings: &Sightings, config: &Config) -> bool {
+    pub(crate) fn work(
+        &mut self,
+        nodes: &Nodes,
+        sightings: &Sightings,
+        known: &Parameters,
+        config: &Config,
+    ) -> bool {
         if self.due {
             self.due = false;
             return true;
         }
         for _ in 0..LATENCIES_S.len() {
             self.turn = if self.turn < LAST { self.turn + 1 } else { 0 };
-            if self.work_on(self.turn, nodes, sightings, config) {
+            if self.work_on(self.turn, nodes, sightings, known, config) {
                 break;
             }
         }
@@ -171,6 +174,7 @@ impl Bank {
         which: u8,
         nodes: &Nodes,
         sightings: &Sightings,
+        known: &Parameters,
         config: &Config,
     ) -> bool {
         let leads = self.leader == which;
@@ -195,6 +199,9 @@ impl Bank {
             if seconds < node.seconds() {
                 let misfit = candidate.compare(sighting, self.excess, node);
                 if leads {
+                    if candidate.contradicts_itself() {
+                        self.begin_anew(known, config);
+                    }
                     self.judge(misfit, sighting);
                 }
                 return true;
@@ -204,6 +211,13 @@ impl Bank {
         }
         candidate.advance(node, f64::from(self.up_rate_radps), config);
         true
+    }
+
+    /// All begin anew: what has misled the likeliest has misled all.
+    fn begin_anew(&mut self, known: &Parameters, config: &Config) {
+        for (candidate, latency_s) in self.candidates.iter_mut().zip(LATENCIES_S) {
+            candidate.begin_anew(known, prior(latency_s, config));
+        }
     }
 
     /// Follows how much larger the residuals are than told.
@@ -315,6 +329,13 @@ impl Bank {
             latency_sigma_s: math::sqrt(math::max(variance, 0.0)),
         }
     }
+}
+
+/// Logarithm of how likely a latency is beforehand. Presets say what is usual, not what is possible:
+/// the tails are long.
+fn prior(latency_s: f64, config: &Config) -> f32 {
+    let ratio = latency_s / math::max(config.gnss.latency_sigma_s, 1e-3);
+    -math::single(libm::log(1.0 + ratio * ratio))
 }
 
 /// Logarithm of how likely a candidate is, with the length that its cosine and sine must have.

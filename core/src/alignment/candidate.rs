@@ -21,6 +21,11 @@
 //! nothing, any rotation being as likely as another; later it is linear over one interval of
 //! fixes instead of the whole search.
 //!
+//! Nothing but `e` and `a` are felt by the unit, so an antenna that swings on an arm while the unit
+//! hardly moves is explained by no rotation and no arm, `(c, s) = b = 0`, as well as by the true ones,
+//! and better where the latency is off: its sine and cosine then leave the length 1 that they have.
+//! Who has been led so far begins anew.
+//!
 //! `d` stands beside unknowns and is noisy. Noise there that is uncorrelated with `u` looks like
 //! proof that `c` and `s` are zero. Hence a steady `d` is held, what the noise proves is given
 //! back, and once the angle is known `d` is taken from the INS.
@@ -76,6 +81,8 @@ const MEAN_S: f64 = 0.2;
 const UNDERSTATED: f32 = 2.0;
 /// What the length of cosine and sine is off by the scale errors of both sensors.
 const LENGTH_ERROR: f64 = 0.05;
+/// Sigmas by which they are too short for any angle.
+const SHORT_SIGMAS: f64 = 3.0;
 /// Walk of the latency, s/sqrt(s): what was found while it was far off is worth less.
 const LATENCY_WALK: f64 = 0.02;
 /// Spread of the gyro biases of units of which nothing is known yet, in those of the preset.
@@ -407,6 +414,26 @@ impl Candidate {
             core::f64::consts::PI
         };
         f64::from(self.angle_sigma_rad) > limit
+    }
+
+    /// Whether cosine and sine are shorter than those of any angle.
+    pub(crate) fn contradicts_itself(&self) -> bool {
+        let short = 1.0 - math::sqrt(f64::from(self.rotation.norm_squared()));
+        let [cos, sin] = [COS, SIN].map(|i| f64::from(self.covariance.variance(i)));
+        let sigma = math::sqrt(math::max(cos, sin)) + LENGTH_ERROR;
+        !self.knows_angle() && short > SHORT_SIGMAS * sigma
+    }
+
+    /// Begins anew with the next sighting, but for what it has found of tilt, gyros and latency.
+    pub(crate) fn begin_anew(&mut self, known: &Parameters, log_likelihood: f32) {
+        self.lose();
+        self.first_mps = None;
+        self.lever_arm_m = known.lever_arm().map(single);
+        for axis in 0..3 {
+            let sigma = single(known.sigma(index::LEVER_ARM + axis));
+            self.covariance.renew(ARM + axis, sigma * sigma);
+        }
+        self.log_likelihood = log_likelihood;
     }
 
     /// Forgets a heading that is hardly known, in steady motion: beyond some angle the equations

@@ -489,7 +489,10 @@ impl Alignment {
         for _ in 0..=(WORK_PER_S * interval.seconds) as u32 + u32::from(ended) {
             let nodes = &finding.nodes;
             match finding.found {
-                None if finding.bank.work(nodes, &self.sightings, config) => {
+                None if finding
+                    .bank
+                    .work(nodes, &self.sightings, &self.known, config) =>
+                {
                     return self.ask(time);
                 }
                 None => {}

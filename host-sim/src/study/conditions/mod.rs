@@ -117,6 +117,20 @@ mod tests {
         }
     }
 
+    /// Up a mast at anchor the antenna moves and the unit does not, which "no rotation and no arm"
+    /// explains. Searches that were led so never found a heading, in all of these.
+    #[test]
+    fn a_mast_at_anchor_does_not_mislead_the_search_for_the_heading() {
+        let study = Study {
+            only: Some(Grade::Mems),
+            ..study(&["masthead"], 500, 6)
+        };
+        let [boat] = &study.results(&ProgressBar::hidden())[..] else {
+            unreachable!("one kind, one class");
+        };
+        assert!(boat.never < 1e-9, "{} never aligned", boat.never);
+    }
+
     #[test]
     fn under_white_noise_core_and_filter_err_alike() {
         for receiver_known in [false, true] {
