@@ -452,8 +452,9 @@ impl Observer {
         difference: &Difference,
         config: &Config,
     ) -> bool {
-        let residual = difference.value - self.predicted(past, kind.measured(), difference);
-        let by = self.shown_by(past, kind.measured());
+        let direct = self.shown_directly(past, kind.measured());
+        let residual = difference.value - self.predicted(&direct, kind.measured(), difference);
+        let by = self.shown_by(&direct, kind.measured());
         let bent = self.bent_variance(past, kind.measured()) + difference.more_variance;
         if kind.is_up() {
             let mut by = by.map(|by| [by.z]);
@@ -813,27 +814,40 @@ impl Observer {
             .doubt((2.0 * cross + self.level.tilt()) * pulled, 0.0);
     }
 
+    /// What receiver and antenna add to INS minus GNSS.
+    fn shown_directly<'a>(&self, past: &'a Past, measured: Measured) -> Direct<'a> {
+        let arm_m = self.parameters.lever_arm();
+        Direct {
+            arm_m,
+            by_latency: by_latency(past, measured, &arm_m),
+            by_smoothing: by_smoothing(past, measured, &arm_m),
+            by_lever: by_lever(past, measured),
+        }
+    }
+
     /// INS minus GNSS as the parameters would have it.
-    fn predicted(&self, past: &Past, measured: Measured, difference: &Difference) -> Vector3<f64> {
+    fn predicted(
+        &self,
+        direct: &Direct<'_>,
+        measured: Measured,
+        difference: &Difference,
+    ) -> Vector3<f64> {
         let p = &self.parameters;
         let latency = p.value(index::LATENCY) + self.unsolved_s * p.value(index::CLOCK_DRIFT);
-        let late_s = latency - difference.latency_applied_s;
-        let arm = p.lever_arm();
-        let late = by_latency(past, measured, &arm) * late_s;
-        let smoothed = by_smoothing(past, measured, &arm) * p.value(index::SMOOTHING);
-        self.followed.shows(measured) + late + smoothed - by_lever(past, measured) * arm
+        let late = direct.by_latency * (latency - difference.latency_applied_s);
+        let smoothed = direct.by_smoothing * p.value(index::SMOOTHING);
+        self.followed.shows(measured) + late + smoothed - direct.by_lever * direct.arm_m
     }
 
     /// What a unit of each parameter more would add to that.
-    fn shown_by(&self, past: &Past, measured: Measured) -> [Vector3<f32>; COUNT] {
+    fn shown_by(&self, direct: &Direct<'_>, measured: Measured) -> [Vector3<f32>; COUNT] {
         let mut by = [Vector3::zeros(); COUNT];
         let shown = self.responses.iter().take(self.corrections.count());
         for (by, response) in by.iter_mut().zip(shown) {
             *by = response.shows(measured);
         }
-        let arm = self.parameters.lever_arm();
-        let by_latency = singles(&by_latency(past, measured, &arm));
-        let by_lever = by_lever(past, measured).map(math::single);
+        let by_latency = singles(&direct.by_latency);
+        let by_lever = direct.by_lever.map(math::single);
         let mut add = |which: usize, more: Vector3<f32>| {
             if let Some(by) = by.get_mut(which) {
                 *by += more;
@@ -847,10 +861,7 @@ impl Observer {
         for axis in 0..3 {
             add(index::LEVER_ARM + axis, -by_lever.column(axis));
         }
-        add(
-            index::SMOOTHING,
-            singles(&by_smoothing(past, measured, &arm)),
-        );
+        add(index::SMOOTHING, singles(&direct.by_smoothing));
         by
     }
 
@@ -1171,6 +1182,15 @@ fn estimated<'a>(
     parameters: &LeastSquares<COUNT, PAIRS>,
 ) -> &'a mut [Followed<f32>] {
     responses.get_mut(..parameters.count()).unwrap_or_default()
+}
+
+/// What a unit of latency and of smoothing adds to INS minus GNSS, and of the arm takes from it, with the
+/// antenna on that arm.
+struct Direct<'a> {
+    arm_m: Vector3<f64>,
+    by_latency: Vector3<f64>,
+    by_smoothing: Vector3<f64>,
+    by_lever: &'a Matrix3<f64>,
 }
 
 /// What a unit of latency adds to INS minus GNSS, with the antenna on such an arm `l`: by `C l` it is
