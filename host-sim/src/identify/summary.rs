@@ -68,7 +68,7 @@ impl Summary {
         let gnss = answers(&found.gnss_outcomes(), words::is_used);
         Self {
             log: name,
-            verdict: Verdict::new(found, [&imu, &gnss], halves).and(beyond_class(&[(
+            verdict: Verdict::new(found, halves).and(beyond_class(&[(
                 "gyros at rest",
                 !configure::fits(log, grade),
             )])),

@@ -3,10 +3,10 @@
 use ins_core::{Config, Estimate, Phase};
 use serde::Serialize;
 
-use super::words::unaligned;
+use super::words::{self, unaligned};
 use crate::identify::free_inertial::known;
 use crate::identify::halves::Difference;
-use crate::identify::row::Answers;
+use crate::identify::row::Counts;
 use crate::identify::run::Identification;
 use crate::page::{brief, digits};
 
@@ -31,13 +31,8 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// From a run, what became of samples and fixes, and the halves of the log, if it is long enough
-    /// for them.
-    pub(crate) fn new(
-        found: &Identification,
-        [imu, gnss]: [&Answers; 2],
-        halves: Option<&[Difference]>,
-    ) -> Self {
+    /// From a run, and the halves of the log, if it is long enough for them.
+    pub(crate) fn new(found: &Identification, halves: Option<&[Difference]>) -> Self {
         let phase = found.end.phase;
         let mut against = Vec::new();
         if phase != Phase::Navigating {
@@ -70,8 +65,15 @@ impl Verdict {
         if !halved {
             notes.push("the log has no two halves that can be compared".to_owned());
         }
-        notes.extend(refused("inertial samples", imu));
-        notes.extend(refused("fixes", gnss));
+        let (imu, gnss) = (&found.imu_outcomes, found.gnss_outcomes());
+        let samples = "inertial samples";
+        notes.extend(refused(
+            samples,
+            imu,
+            words::is_integrated,
+            words::of_sample,
+        ));
+        notes.extend(refused("fixes", &gnss, words::is_used, words::of_fix));
         Self {
             trusted: against.is_empty(),
             against,
@@ -157,10 +159,17 @@ fn innovations(found: &Identification) -> Option<String> {
     })
 }
 
-fn refused(what: &str, answers: &Answers) -> Option<String> {
-    let rejected: u64 = answers.rejected.values().sum();
-    let part = rejected as f64 / (rejected + answers.accepted).max(1) as f64;
-    let reasons: Vec<&str> = answers.rejected.keys().map(String::as_str).collect();
-    let (percent, reasons) = (100.0 * part, reasons.join(", "));
+/// How many were refused, and why, if they are many.
+fn refused<T: Copy>(
+    what: &str,
+    counts: &Counts<T>,
+    taken: fn(T) -> bool,
+    why: fn(T) -> &'static str,
+) -> Option<String> {
+    let all: u64 = counts.iter().map(|(_, count)| count).sum();
+    let refused = || counts.iter().filter(|(outcome, _)| !taken(*outcome));
+    let part = refused().map(|(_, count)| count).sum::<u64>() as f64 / all.max(1) as f64;
+    let reasons: Vec<&str> = refused().map(|(outcome, _)| why(*outcome)).collect();
+    let (percent, reasons) = (100.0 * part, reasons.join("; "));
     (part > REFUSED).then(|| format!("{percent:.0} % of {what} refused: {reasons}"))
 }

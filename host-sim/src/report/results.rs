@@ -1,6 +1,6 @@
 //! The results as tables.
 
-use ins_core::{Observability, Phase};
+use ins_core::Observability;
 
 use crate::identify::analysis::Analysis;
 use crate::identify::error_model::Sensors;
@@ -30,13 +30,11 @@ pub(super) fn tables(analysis: &Analysis, sensors: Option<&Sensors>) -> Vec<Tabl
     tables
 }
 
-/// How far the navigator came, if not all the way, and what speaks against its estimates or the log.
+/// What speaks against the estimates or the log.
 pub(super) fn verdicts(analysis: &Analysis) -> Vec<String> {
-    let phase = analysis.found.end.phase;
-    let unaligned = (phase != Phase::Navigating).then(|| words::unaligned(phase).to_owned());
     let summary = &analysis.summary;
-    let against = summary.verdict.against.iter().chain(&summary.warnings);
-    unaligned.into_iter().chain(against.cloned()).collect()
+    let against = summary.verdict.against.iter();
+    against.chain(&summary.warnings).cloned().collect()
 }
 
 fn results(analysis: &Analysis) -> Table {

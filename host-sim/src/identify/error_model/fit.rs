@@ -637,7 +637,15 @@ impl<'a> Scan<'a> {
     /// Where 95 % of the likelihood lie.
     fn interval(&self) -> Interval {
         let (best, top) = self.best();
-        let mut sums = vec![(self.points[0].0, 0.0)];
+        // A drive too short for two jumps says nothing of what lies between them.
+        let [first, _, ..] = self.points[..] else {
+            return Interval {
+                value: libm::exp(best),
+                low: 0.0,
+                high: f64::INFINITY,
+            };
+        };
+        let mut sums = vec![(first.0, 0.0)];
         let mut sum = 0.0;
         for pair in self.points.windows(2) {
             let weight = libm::exp(pair[0].1 - top) + libm::exp(pair[1].1 - top);

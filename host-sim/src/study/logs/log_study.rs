@@ -8,6 +8,7 @@ use miette::{Result, miette};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::altered::{self, Altered};
 use crate::compare::five_stage;
 use crate::compare::kalman::Noise;
 use crate::compare::measure::{COMPARED, columns};
@@ -104,6 +105,8 @@ pub struct LogStudy {
     pub halves: Option<Vec<Difference>>,
     /// The core minus other methods.
     pub methods: Vec<Agreement>,
+    /// The log altered in known ways; none where it never navigated.
+    pub altered: Vec<Altered>,
     /// Drifts; none where no outage fits.
     pub outages: Option<Outages>,
     /// Velocity error of a free INS; none where no window fits.
@@ -167,7 +170,9 @@ impl LogStudy {
             || tracks::kalman("Kalman", bench.input.noise, &bench.input),
         );
         let (found, kalman) = (found?, kalman?);
-        let end = bench.end(&tracks::points(&found.history));
+        let points = tracks::points(&found.history);
+        let end = bench.end(&points);
+        let altered = points.last().map(|end| altered::test(log, grade, end));
         let (stages, outages) = rayon::join(
             || tracks::five_stage("five stages", five_stage::REPEATED, &bench.input),
             || bench.outages(),
@@ -184,10 +189,18 @@ impl LogStudy {
             grade,
             halves: halves::test(log, &found, &|half| configure::config(half, grade))?,
             methods: methods.collect(),
+            altered: altered.transpose()?.unwrap_or_default(),
             outages: outages?,
             free: free(&found, end.as_ref()),
             without: bench.without(grade, end.as_ref())?,
         })
+    }
+}
+
+impl LogStudy {
+    /// Of all alterations.
+    pub fn altered_differences(&self) -> impl Iterator<Item = &Difference> + Clone {
+        self.altered.iter().flat_map(|altered| &altered.differences)
     }
 }
 

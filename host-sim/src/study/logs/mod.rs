@@ -1,10 +1,11 @@
 //! What recorded logs, which have no truth, can tell of the core.
 //!
-//! Four tests on every log: the constants that its two halves show; the core beside the Kalman
-//! filter, the five stages, and itself with a parameter less; outages of 30 s; and a free INS with
-//! and without the estimates. Logs on which the core is developed are counted apart from those
+//! Five tests on every log: the constants that its two halves show; the core beside the Kalman
+//! filter, the five stages, and itself with a parameter less; what it finds where the log is altered in
+//! a known way; outages of 30 s; and a free INS with and without the estimates. Logs on which the core is developed are counted apart from those
 //! that judge it.
 
+mod altered;
 mod log_study;
 pub(crate) mod page;
 mod summary;

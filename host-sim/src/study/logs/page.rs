@@ -14,6 +14,7 @@ pub fn plain(study: &Study) -> String {
     let parts = [
         halves_table(study),
         methods_table(study),
+        altered_table(study),
         outages_table(study),
         free_table(study),
         without_table(study),
@@ -31,6 +32,7 @@ fn mute(study: &Study) -> String {
     let says_nothing = |log: &&LogStudy| {
         log.halves.is_none()
             && log.methods.iter().all(|row| row.differences.is_empty())
+            && log.altered_differences().next().is_none()
             && log.outages.is_none()
             && log.free.is_none()
     };
@@ -42,6 +44,11 @@ fn mute(study: &Study) -> String {
     }
     format!("No test says anything of {}.\n\n", names.join(", "))
 }
+
+const ALTERED: &str = "ALTERED: each log in ten ways whose effect is known (stamps, biases, mount, fewer \
+    fixes or samples, no height,\nno vertical velocity, the world turned): latency and biases less what they \
+    should be, in joint sigmas, of what is\nobservable in both. They share the noise of the log: well below 1 is \
+    right. Lost: not observable any more.";
 
 const FREE: &str = "FREE INS: horizontal velocity error over a minute, RMS, m/s, sensors as \
     logged and with the estimates.\nA summary counts the logs where it is better with them, of \
@@ -160,6 +167,28 @@ fn beyond(differences: &[Difference]) -> String {
     let wide = differences.iter().filter(|d| d.sigmas.abs() > 3.0);
     let words: Vec<String> = wide.map(|d| format!("{} {}", d.name, cell(d))).collect();
     words.join(", ")
+}
+
+fn altered_table(study: &Study) -> Table {
+    let header = heads("| n | RMS | >3 | >4 | lost | largest");
+    // Nothing is allowed besides.
+    let spread = |all: &Spread| {
+        let mut cells = spread(all);
+        cells.remove(2);
+        cells
+    };
+    let log = |log: &LogStudy| {
+        let all = (log.altered.iter())
+            .flat_map(|altered| altered.differences.iter().map(move |d| (altered.how, d)));
+        let (how, largest) = all.max_by(|a, b| a.1.sigmas.abs().total_cmp(&b.1.sigmas.abs()))?;
+        let lost: usize = log.altered.iter().map(|altered| altered.lost).sum();
+        let mut row = spread(&Spread::of(log.altered_differences()));
+        row.push(lost.to_string());
+        row.push(format!("{} {}: {how}", largest.name, cell(largest)));
+        Some(row)
+    };
+    let total = |summary: &Summary| spread(&summary.altered);
+    Table::of(ALTERED, header, by_role(study, log, total))
 }
 
 fn outages_table(study: &Study) -> Table {

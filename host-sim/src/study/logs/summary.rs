@@ -67,6 +67,8 @@ pub struct Summary {
     pub halves: Spread,
     /// The core beside each other method.
     pub methods: Vec<(String, Spread)>,
+    /// Altered logs.
+    pub altered: Spread,
     /// Drifts.
     pub outages: OutageSummary,
     /// Logs whose free INS is better with the estimates, of those where anything is observable.
@@ -112,6 +114,7 @@ impl Summary {
             logs: logs.len(),
             halves: Spread::of(logs.iter().flat_map(|log| log.halves.iter().flatten())),
             methods: methods(&logs),
+            altered: Spread::of(logs.iter().flat_map(|log| log.altered_differences())),
             outages: outages(&logs),
             free_better: [better.count(), observable().count()],
             without: without(&logs),

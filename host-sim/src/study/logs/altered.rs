@@ -1,0 +1,312 @@
+//! Truth for recorded data: the log altered in ways whose effect is known.
+//!
+//! What is found of latency and of six biases has to follow. Both runs share the noise of the log, so
+//! that honest differences stay well below the joint sigma that they are held against.
+
+use indicatif::ProgressBar;
+use ins_core::earth::{Geodetic, LatLon};
+use ins_core::{ConfigError, GnssFix, ImuOutput, ImuSample};
+use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::compare::measure::{COMPARED, columns};
+use crate::compare::tracks;
+use crate::identify::configure;
+use crate::identify::halves::Difference;
+use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2, Quantity};
+use crate::identify::run::identify;
+use crate::log::{BodyAxes, Grade, Log};
+use crate::sim::ideal::displaced;
+
+const GYRO_RADPS: [f64; 3] = [
+    0.4_f64.to_radians(),
+    -0.5_f64.to_radians(),
+    0.6_f64.to_radians(),
+];
+const ACCEL_MPS2: [f64; 3] = [0.2, -0.25, 0.3];
+
+/// What a change does to what should be found, right-forward-up.
+#[derive(Clone, Copy)]
+enum Effect {
+    Nothing,
+    LatencyS(f64),
+    Biases,
+    Turned,
+}
+
+/// A change of a log.
+struct Alteration {
+    name: &'static str,
+    effect: Effect,
+    alter: fn(&mut Log),
+}
+
+const ALTERATIONS: [Alteration; 10] = [
+    Alteration {
+        name: "fixes stamped 0.15 s later",
+        effect: Effect::LatencyS(0.15),
+        alter: |log| stamp(log, 0.15),
+    },
+    Alteration {
+        name: "0.2 s earlier",
+        effect: Effect::LatencyS(-0.2),
+        alter: |log| stamp(log, -0.2),
+    },
+    Alteration {
+        name: "0.5 s later",
+        effect: Effect::LatencyS(0.5),
+        alter: |log| stamp(log, 0.5),
+    },
+    Alteration {
+        name: "half a degree a second and 20 to 30 mg more",
+        effect: Effect::Biases,
+        alter: bias,
+    },
+    Alteration {
+        name: "unit turned by 70, -20 and 30 deg",
+        effect: Effect::Turned,
+        alter: turn,
+    },
+    Alteration {
+        name: "every second fix",
+        effect: Effect::Nothing,
+        alter: |log| log.gnss = log.gnss.iter().step_by(2).copied().collect(),
+    },
+    Alteration {
+        name: "every second sample",
+        effect: Effect::Nothing,
+        alter: halve,
+    },
+    Alteration {
+        name: "no height",
+        effect: Effect::Nothing,
+        alter: |log| each_fix(log, |fix| fix.height_m = None),
+    },
+    Alteration {
+        name: "no vertical velocity",
+        effect: Effect::Nothing,
+        alter: |log| each_fix(log, |fix| fix.velocity_up_mps = None),
+    },
+    Alteration {
+        name: "world turned by 90 deg",
+        effect: Effect::Nothing,
+        alter: turn_world,
+    },
+];
+
+/// What an altered log says, less what it should say.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Altered {
+    /// How it was altered.
+    pub how: &'static str,
+    /// Of what is observable in both.
+    pub differences: Vec<Difference>,
+    /// Quantities that are observable in the log as it is and not in the altered one.
+    pub lost: usize,
+}
+
+/// Tries all changes of a log of a class, whose last word is `end`.
+pub fn test(log: &Log, grade: Grade, end: &tracks::Point) -> Result<Vec<Altered>, ConfigError> {
+    let found = columns(BodyAxes::Rfu, end);
+    let altered = ALTERATIONS.par_iter().map(|alteration| {
+        let mut altered = log.clone();
+        (alteration.alter)(&mut altered);
+        let config = configure::config(&altered, grade);
+        let run = identify(&altered, config, &ProgressBar::hidden())?;
+        let end = tracks::points(&run.history).pop();
+        let is = end.map(|end| columns(BodyAxes::Rfu, &end));
+        Ok(compare(
+            alteration.name,
+            &alteration.effect.on(&found),
+            is.as_ref(),
+        ))
+    });
+    altered.collect()
+}
+
+/// All but the heading, which two of the changes redefine.
+fn compare(name: &'static str, should: &[Quantity; 8], is: Option<&[Quantity; 8]>) -> Altered {
+    let mut altered = Altered {
+        how: name,
+        differences: Vec::new(),
+        lost: 0,
+    };
+    for (which, should) in should.iter().enumerate().skip(1) {
+        let Some(is) = is.map(|is| is[which]).filter(Quantity::observable) else {
+            altered.lost += usize::from(should.observable());
+            continue;
+        };
+        if should.observable() {
+            let sigmas = [should.sigma, is.sigma];
+            let apart = is.value - should.value;
+            let difference = Difference::new(COMPARED[which].0, apart, sigmas, 0.0);
+            altered.differences.push(difference);
+        }
+    }
+    altered
+}
+
+impl Effect {
+    /// What should be found where this was.
+    fn on(self, found: &[Quantity; 8]) -> [Quantity; 8] {
+        let mut should = *found;
+        match self {
+            Self::Nothing => {}
+            Self::LatencyS(seconds) => should[7].value += 1e3 * seconds,
+            Self::Biases => {
+                for axis in 0..3 {
+                    should[1 + axis].value += ACCEL_MPS2[axis] / MG_MPS2;
+                    should[4 + axis].value += GYRO_RADPS[axis] / DEG_H_RADPS;
+                }
+            }
+            Self::Turned => {
+                for first in [1, 4] {
+                    turn_three(&mut should, first);
+                }
+            }
+        }
+        should
+    }
+}
+
+/// Three components from a place on, in the axes of the turned unit; observable if all are.
+fn turn_three(quantities: &mut [Quantity; 8], first: usize) {
+    let [x, y, z] = [first, first + 1, first + 2].map(|which| quantities[which]);
+    let turned = mount() * Vector3::new(x.value, y.value, z.value);
+    let squares = mount().component_mul(&mount());
+    let sigmas = Vector3::new(x.sigma, y.sigma, z.sigma);
+    let variances = squares * sigmas.component_mul(&sigmas);
+    let worst = [x, y, z].into_iter().find(|one| !one.observable());
+    for axis in 0..3 {
+        quantities[first + axis] = Quantity {
+            value: turned[axis],
+            sigma: libm::sqrt(variances[axis]),
+            observability: worst.unwrap_or(x).observability,
+        };
+    }
+}
+
+fn mount() -> Matrix3<f64> {
+    let [roll, pitch, yaw] = [30.0_f64, -20.0, 70.0].map(f64::to_radians);
+    *Rotation3::from_euler_angles(roll, pitch, yaw).matrix()
+}
+
+fn stamp(log: &mut Log, seconds: f64) {
+    each_fix(log, |fix| fix.time = fix.time.plus_seconds(seconds));
+}
+
+fn each_fix(log: &mut Log, change: impl Fn(&mut GnssFix)) {
+    log.gnss.iter_mut().for_each(change);
+}
+
+fn each_sample(log: &mut Log, change: impl Fn(&mut ImuSample)) {
+    let mut samples: Vec<_> = log.imu.iter().collect();
+    samples.iter_mut().for_each(change);
+    log.imu = samples.into();
+}
+
+fn bias(log: &mut Log) {
+    let (gyro, accel) = (Vector3::from(GYRO_RADPS), Vector3::from(ACCEL_MPS2));
+    let output = log.meta.imu;
+    let mut last = None;
+    let mut samples: Vec<_> = log.imu.iter().collect();
+    for sample in &mut samples {
+        let times = match (output, last.replace(sample.time)) {
+            (ImuOutput::Rates, _) => 1.0,
+            (ImuOutput::Increments, Some(last)) => sample.time.seconds_since(last),
+            // Since when it gathers is not known.
+            (ImuOutput::Increments, None) => 0.0,
+        };
+        sample.gyro += times * gyro;
+        sample.accel += times * accel;
+    }
+    log.imu = samples.into();
+}
+
+fn turn(log: &mut Log) {
+    log.meta.initial_heading_deg = None;
+    let mount = mount();
+    each_sample(log, |sample| {
+        sample.gyro = mount * sample.gyro;
+        sample.accel = mount * sample.accel;
+    });
+}
+
+/// Of increments the sums of two: what turns between them is a millionth of them.
+fn halve(log: &mut Log) {
+    let samples: Vec<_> = log.imu.iter().collect();
+    let increments = log.meta.imu == ImuOutput::Increments;
+    let halved = samples
+        .chunks_exact(2)
+        .map(|pair| match (increments, pair) {
+            (true, [first, second]) => ImuSample {
+                time: second.time,
+                gyro: first.gyro + second.gyro,
+                accel: first.accel + second.accel,
+            },
+            _ => pair[1],
+        });
+    log.imu = halved.collect::<Vec<_>>().into();
+}
+
+/// About the first position, clockwise: east becomes south.
+fn turn_world(log: &mut Log) {
+    log.meta.initial_heading_deg = None;
+    let turned = |v: Vector2<f64>| Vector2::new(v.y, -v.x);
+    let Some(first) = log.gnss.iter().find_map(|fix| fix.position) else {
+        return each_fix(log, |fix| {
+            fix.velocity_en_mps = fix.velocity_en_mps.map(turned)
+        });
+    };
+    let on_ground = |place: LatLon| Geodetic {
+        latitude_rad: place.latitude_rad,
+        longitude_rad: place.longitude_rad,
+        height_m: 0.0,
+    };
+    let origin = on_ground(first);
+    each_fix(log, |fix| {
+        fix.velocity_en_mps = fix.velocity_en_mps.map(turned);
+        fix.position = fix.position.map(|place| {
+            let away = turned(on_ground(place).enu_from(&origin).xy());
+            displaced(&origin, &Vector3::new(away.x, away.y, 0.0)).lat_lon()
+        });
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::{self, DriveConfig, simulate};
+
+    fn end(log: &Log) -> tracks::Point {
+        let config = configure::config(log, Grade::Mems);
+        let found = identify(log, config, &ProgressBar::hidden()).unwrap();
+        tracks::points(&found.history).pop().unwrap()
+    }
+
+    #[test]
+    fn what_is_found_follows_a_log_that_is_altered() {
+        let drive = simulate(&DriveConfig::new(3, sim::Grade::Mems, 12.0));
+        let log = drive.into_log(BodyAxes::Rfu, ImuOutput::Rates);
+        let end = end(&log);
+        let altered = test(&log, Grade::Mems, &end).unwrap();
+        for altered in &altered {
+            assert_eq!(
+                (altered.lost, altered.differences.len()),
+                (0, 7),
+                "{}",
+                altered.how
+            );
+            for difference in &altered.differences {
+                let Difference { name, sigmas, .. } = difference;
+                assert!(sigmas.abs() < 3.0, "{}: {name} {sigmas}", altered.how);
+            }
+        }
+        // What does not follow shows.
+        let mut late = log;
+        stamp(&mut late, 0.15);
+        let [as_it_was, is] = [end, self::end(&late)].map(|end| columns(BodyAxes::Rfu, &end));
+        assert!(compare("", &as_it_was, Some(&is)).differences[6].sigmas > 10.0);
+    }
+}
