@@ -287,10 +287,7 @@ impl<const N: usize> History<N> {
     pub fn between(&self, from: Time, to: Time, longest_s: f64, show: &mut dyn FnMut(&Span, Time)) {
         let mut piece = Span::default();
         let mut shown = from;
-        for recorded in self.moments.iter() {
-            if recorded.time <= from {
-                continue;
-            }
+        for recorded in self.moments.from_first(|recorded| recorded.time > from) {
             let seconds = f64::from(recorded.span.seconds);
             let end_s = recorded.time.seconds_since(from);
             let start_s = end_s - seconds;
@@ -303,7 +300,9 @@ impl<const N: usize> History<N> {
             if inside_s < seconds {
                 part = part.part(inside_s / seconds);
             }
-            if piece.seconds > 0.0 && piece.seconds + part.seconds > longest_s {
+            if piece.seconds <= 0.0 {
+                piece = part;
+            } else if piece.seconds + part.seconds > longest_s {
                 shown = shown.plus_seconds(piece.seconds);
                 show(&piece, shown);
                 piece = part;

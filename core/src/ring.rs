@@ -38,6 +38,14 @@ impl<T, const N: usize> Ring<T, N> {
         self.items.iter()
     }
 
+    /// Items from the first on that is `later`, where all after such a one are.
+    pub(crate) fn from_first(&self, later: impl Fn(&T) -> bool) -> impl Iterator<Item = &T> {
+        let (front, back) = self.items.as_slices();
+        let from = |items: &[T]| items.partition_point(|item| !later(item));
+        let (skipped, more) = (from(front), from(back));
+        front.iter().skip(skipped).chain(back.iter().skip(more))
+    }
+
     /// How many items there are.
     pub(crate) fn len(&self) -> usize {
         self.items.len()
