@@ -6,24 +6,26 @@ use ins_tests::footprint::{goal, ours};
 
 /// Where a goal is not reached yet (`ins_tests::footprint::goal`): as measured, and a fiftieth for a
 /// change of the compiler's mind. Of ring lasers the fewest parameters are estimated, of MEMS all.
-const AMORTISED_OF_FEWEST: u64 = 3_090;
-const AMORTISED_OF_ALL: u64 = 3_920;
-const WORST_OF_ALL: u64 = 12_970;
+const AMORTISED_OF_ALL: u64 = 3_910;
 const STATE_BYTES: u64 = 13_260;
 const STACK_BYTES: u64 = 2_770;
-const FLASH_BYTES: u64 = 129_400;
+const FLASH_BYTES: u64 = 133_000;
 
 #[test]
 fn the_core_on_cortex_m7_is_within_its_budgets() -> Result<(), Box<dyn std::error::Error>> {
-    for (class, amortised, worst) in [
-        (Grade::Hg1700, AMORTISED_OF_FEWEST, goal::WORST),
-        (Grade::Mems, AMORTISED_OF_ALL, WORST_OF_ALL),
+    for (class, amortised) in [
+        (Grade::Hg1700, goal::AMORTISED),
+        (Grade::Mems, AMORTISED_OF_ALL),
     ] {
         let footprint = ours(Board::CortexM7, class)?;
         println!("{footprint:?}, {} a sample", footprint.amortised());
         let budgets = [
             ("instructions per sample", footprint.amortised(), amortised),
-            ("instructions of the worst call", footprint.worst(), worst),
+            (
+                "instructions of the worst call",
+                footprint.worst(),
+                goal::WORST,
+            ),
             ("bytes of state", footprint.state_bytes, STATE_BYTES),
             ("bytes of stack", footprint.stack_bytes, STACK_BYTES),
             ("bytes of flash", footprint.flash_bytes, FLASH_BYTES),

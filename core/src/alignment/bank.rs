@@ -214,6 +214,7 @@ impl Bank {
     }
 
     /// All begin anew: what has misled the likeliest has misled all.
+    #[inline(never)]
     fn begin_anew(&mut self, known: &Parameters, config: &Config) {
         for (candidate, latency_s) in self.candidates.iter_mut().zip(LATENCIES_S) {
             candidate.begin_anew(known, prior(latency_s, config));
