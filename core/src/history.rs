@@ -287,7 +287,7 @@ impl<const N: usize> History<N> {
     pub fn between(&self, from: Time, to: Time, longest_s: f64, show: &mut dyn FnMut(&Span, Time)) {
         let mut piece = Span::default();
         let mut shown = from;
-        for recorded in self.moments.from_first(|recorded| recorded.time > from) {
+        for recorded in self.moments.since_first(|recorded| recorded.time > from) {
             let seconds = f64::from(recorded.span.seconds);
             let end_s = recorded.time.seconds_since(from);
             let start_s = end_s - seconds;

@@ -39,7 +39,7 @@ impl<T, const N: usize> Ring<T, N> {
     }
 
     /// Items from the first on that is `later`, where all after such a one are.
-    pub(crate) fn from_first(&self, later: impl Fn(&T) -> bool) -> impl Iterator<Item = &T> {
+    pub(crate) fn since_first(&self, later: impl Fn(&T) -> bool) -> impl Iterator<Item = &T> {
         let (front, back) = self.items.as_slices();
         let from = |items: &[T]| items.partition_point(|item| !later(item));
         let (skipped, more) = (from(front), from(back));

@@ -254,10 +254,11 @@ fn halve(log: &mut Log) {
 fn turn_world(log: &mut Log) {
     log.meta.initial_heading_deg = None;
     let turned = |v: Vector2<f64>| Vector2::new(v.y, -v.x);
+    each_fix(log, |fix| {
+        fix.velocity_en_mps = fix.velocity_en_mps.map(turned);
+    });
     let Some(first) = log.gnss.iter().find_map(|fix| fix.position) else {
-        return each_fix(log, |fix| {
-            fix.velocity_en_mps = fix.velocity_en_mps.map(turned)
-        });
+        return;
     };
     let on_ground = |place: LatLon| Geodetic {
         latitude_rad: place.latitude_rad,
@@ -266,7 +267,6 @@ fn turn_world(log: &mut Log) {
     };
     let origin = on_ground(first);
     each_fix(log, |fix| {
-        fix.velocity_en_mps = fix.velocity_en_mps.map(turned);
         fix.position = fix.position.map(|place| {
             let away = turned(on_ground(place).enu_from(&origin).xy());
             displaced(&origin, &Vector3::new(away.x, away.y, 0.0)).lat_lon()
