@@ -199,7 +199,7 @@ impl Bank {
             if seconds < node.seconds() {
                 let misfit = candidate.compare(sighting, self.excess, node);
                 if leads {
-                    if candidate.contradicts_itself() {
+                    if candidate.is_misled() {
                         self.begin_anew(known, config);
                     }
                     self.judge(misfit, sighting);

@@ -24,7 +24,7 @@
 //! Nothing but `e` and `a` are felt by the unit, so an antenna that swings on an arm while the unit
 //! hardly moves is explained by no rotation and no arm, `(c, s) = b = 0`, as well as by the true ones,
 //! and better where the latency is off: its sine and cosine then leave the length 1 that they have.
-//! Who has been led so far begins anew.
+//! Where that is so while the unit felt little of what GNSS saw, all begin anew.
 //!
 //! `d` stands beside unknowns and is noisy. Noise there that is uncorrelated with `u` looks like
 //! proof that `c` and `s` are zero. Hence a steady `d` is held, what the noise proves is given
@@ -83,6 +83,8 @@ const UNDERSTATED: f32 = 2.0;
 const LENGTH_ERROR: f64 = 0.05;
 /// Sigmas by which they are too short for any angle.
 const SHORT_SIGMAS: f64 = 3.0;
+/// Part of the motion below which the unit felt little of it.
+const UNFELT: f32 = 0.5;
 /// Walk of the latency, s/sqrt(s): what was found while it was far off is worth less.
 const LATENCY_WALK: f64 = 0.02;
 /// Spread of the gyro biases of units of which nothing is known yet, in those of the preset.
@@ -136,6 +138,9 @@ pub(crate) struct Candidate {
     seen_mps: Vector2<f32>,
     /// Gain of GNSS velocity that counts as motion, m/s.
     moved_mps: Vector2<f32>,
+    /// Sums of the squares of what the unit felt of the motion and of what GNSS saw of it, (m/s)^2.
+    felt_mps2: f32,
+    saw_mps2: f32,
     /// The last gain that differed by more than noise, and for how long none did.
     mark_mps: Vector2<f32>,
     steady_s: f32,
@@ -202,6 +207,8 @@ impl Candidate {
             level_before: Matrix2x3::zeros(),
             seen_mps: Vector2::zeros(),
             moved_mps: Vector2::zeros(),
+            felt_mps2: 0.0,
+            saw_mps2: 0.0,
             mark_mps: Vector2::zeros(),
             steady_s: 0.0,
             last_sighting: start.time,
@@ -322,6 +329,8 @@ impl Candidate {
         let antenna = seen + swing * self.lever_arm_m;
         let white = excess * sighting.sigma_mps * sighting.sigma_mps;
         let d = sighting.velocity_mps - first;
+        self.felt_mps2 += seen.norm_squared();
+        self.saw_mps2 += d.norm_squared();
         let since_s = sighting.time.seconds_since(self.last_sighting);
         self.last_sighting = sighting.time;
         let invented = self.follow(d, antenna, white, since_s);
@@ -416,12 +425,14 @@ impl Candidate {
         f64::from(self.angle_sigma_rad) > limit
     }
 
-    /// Whether cosine and sine are shorter than those of any angle.
-    pub(crate) fn contradicts_itself(&self) -> bool {
+    /// Whether cosine and sine are shorter than those of any angle, while the unit felt little of what
+    /// GNSS saw.
+    pub(crate) fn is_misled(&self) -> bool {
         let short = 1.0 - math::sqrt(f64::from(self.rotation.norm_squared()));
         let [cos, sin] = [COS, SIN].map(|i| f64::from(self.covariance.variance(i)));
         let sigma = math::sqrt(math::max(cos, sin)) + LENGTH_ERROR;
-        !self.knows_angle() && short > SHORT_SIGMAS * sigma
+        let unfelt = self.felt_mps2 < UNFELT * UNFELT * self.saw_mps2;
+        unfelt && !self.knows_angle() && short > SHORT_SIGMAS * sigma
     }
 
     /// Begins anew with the next sighting, but for what it has found of tilt, gyros and latency.
@@ -455,6 +466,8 @@ impl Candidate {
         self.velocity_before_mps = Vector2::zeros();
         self.seen_mps = Vector2::zeros();
         self.moved_mps = Vector2::zeros();
+        self.felt_mps2 = 0.0;
+        self.saw_mps2 = 0.0;
         self.mark_mps = Vector2::zeros();
         self.steady_s = 0.0;
         self.last_sighting = first.time;
