@@ -73,7 +73,7 @@ fn rates_are_the_derivatives_of_velocity_and_attitude() {
     // swings at 2 Hz and quintic pieces of 0.3 s have 500 m/s^4, what is on wheels alone a fifth.
     const H: f64 = 5e-4;
     for (name, mut vehicle) in vehicles() {
-        let wheels = ["car", "leaning", "way"].contains(&name);
+        let wheels = ["leaning", "way"].contains(&name);
         let bound = if wheels { 2e-5 } else { 1e-4 };
         for t in (1..1600).map(|k| 0.37 * f64::from(k)) {
             let [before, now, after] = [t - H, t, t + H].map(|t| vehicle.kinematics(t));
