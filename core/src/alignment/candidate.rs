@@ -139,8 +139,8 @@ pub(crate) struct Candidate {
     /// Gain of GNSS velocity that counts as motion, m/s.
     moved_mps: Vector2<f32>,
     /// Sums of the squares of what the unit felt of the motion and of what GNSS saw of it, (m/s)^2.
-    felt_mps2: f32,
-    saw_mps2: f32,
+    felt: f32,
+    saw: f32,
     /// The last gain that differed by more than noise, and for how long none did.
     mark_mps: Vector2<f32>,
     steady_s: f32,
@@ -207,8 +207,8 @@ impl Candidate {
             level_before: Matrix2x3::zeros(),
             seen_mps: Vector2::zeros(),
             moved_mps: Vector2::zeros(),
-            felt_mps2: 0.0,
-            saw_mps2: 0.0,
+            felt: 0.0,
+            saw: 0.0,
             mark_mps: Vector2::zeros(),
             steady_s: 0.0,
             last_sighting: start.time,
@@ -329,8 +329,8 @@ impl Candidate {
         let antenna = seen + swing * self.lever_arm_m;
         let white = excess * sighting.sigma_mps * sighting.sigma_mps;
         let d = sighting.velocity_mps - first;
-        self.felt_mps2 += seen.norm_squared();
-        self.saw_mps2 += d.norm_squared();
+        self.felt += seen.norm_squared();
+        self.saw += d.norm_squared();
         let since_s = sighting.time.seconds_since(self.last_sighting);
         self.last_sighting = sighting.time;
         let invented = self.follow(d, antenna, white, since_s);
@@ -431,7 +431,7 @@ impl Candidate {
         let short = 1.0 - math::sqrt(f64::from(self.rotation.norm_squared()));
         let [cos, sin] = [COS, SIN].map(|i| f64::from(self.covariance.variance(i)));
         let sigma = math::sqrt(math::max(cos, sin)) + LENGTH_ERROR;
-        let unfelt = self.felt_mps2 < UNFELT * UNFELT * self.saw_mps2;
+        let unfelt = self.felt < UNFELT * UNFELT * self.saw;
         unfelt && !self.knows_angle() && short > SHORT_SIGMAS * sigma
     }
 
@@ -466,8 +466,8 @@ impl Candidate {
         self.velocity_before_mps = Vector2::zeros();
         self.seen_mps = Vector2::zeros();
         self.moved_mps = Vector2::zeros();
-        self.felt_mps2 = 0.0;
-        self.saw_mps2 = 0.0;
+        self.felt = 0.0;
+        self.saw = 0.0;
         self.mark_mps = Vector2::zeros();
         self.steady_s = 0.0;
         self.last_sighting = first.time;

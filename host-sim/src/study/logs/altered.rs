@@ -200,7 +200,7 @@ fn each_fix(log: &mut Log, change: impl Fn(&mut GnssFix)) {
     log.gnss.iter_mut().for_each(change);
 }
 
-fn each_sample(log: &mut Log, change: impl Fn(&mut ImuSample)) {
+fn each_sample(log: &mut Log, change: impl FnMut(&mut ImuSample)) {
     let mut samples: Vec<_> = log.imu.iter().collect();
     samples.iter_mut().for_each(change);
     log.imu = samples.into();
@@ -210,8 +210,7 @@ fn bias(log: &mut Log) {
     let (gyro, accel) = (Vector3::from(GYRO_RADPS), Vector3::from(ACCEL_MPS2));
     let output = log.meta.imu;
     let mut last = None;
-    let mut samples: Vec<_> = log.imu.iter().collect();
-    for sample in &mut samples {
+    each_sample(log, |sample| {
         let times = match (output, last.replace(sample.time)) {
             (ImuOutput::Rates, _) => 1.0,
             (ImuOutput::Increments, Some(last)) => sample.time.seconds_since(last),
@@ -220,8 +219,7 @@ fn bias(log: &mut Log) {
         };
         sample.gyro += times * gyro;
         sample.accel += times * accel;
-    }
-    log.imu = samples.into();
+    });
 }
 
 fn turn(log: &mut Log) {
