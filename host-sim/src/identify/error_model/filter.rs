@@ -217,7 +217,7 @@ pub struct Answer {
     /// Logarithm of the restricted likelihood, up to a constant.
     pub log_likelihood: f64,
     /// Constants of the biases, body axes, rad/s.
-    pub constants: [Measured; 3],
+    constants: [Measured; 3],
     /// Trends, rad/s per second or per jump.
     pub trends: [Measured; 3],
     /// Covariance of the two.
@@ -241,6 +241,19 @@ impl Answer {
             trend_sigma: 1.0,
         }
     };
+
+    /// Constants, with trends drawn as a model says instead of unknown.
+    pub fn constants_given(&self, trend_mean: f64, trend_sigma: f64) -> [Measured; 3] {
+        [0, 1, 2].map(|axis| {
+            let (constant, trend) = (self.constants[axis], self.trends[axis]);
+            let both = self.covariances[axis];
+            let by = both / (trend.variance + trend_sigma * trend_sigma);
+            Measured {
+                value: constant.value + by * (trend_mean - trend.value),
+                variance: constant.variance - by * both,
+            }
+        })
+    }
 
     /// Log-likelihood with constants and trends drawn as a model says, instead of unknown.
     pub fn marginal(&self, constant_sigma: f64, trend_mean: f64, trend_sigma: f64) -> f64 {

@@ -1,7 +1,7 @@
 //! Maximum likelihood of the gyro models (3) and (4) over all drives at once.
 
 use super::filter::{Answer, Candidate, Class, Dynamics, filter};
-use super::interval::{self, Interval, Measured, NORMAL_95};
+use super::interval::{self, Interval, NORMAL_95};
 use super::maximum::{crossing, curvature, maximum};
 use super::record::Record;
 use crate::sim::errors::Law;
@@ -430,37 +430,57 @@ impl Fitter<'_> {
 
     /// With size and time of the random part as found.
     fn assemble(&self, law: Law, top: &Top, [size, time_s]: [Interval; 2]) -> GyroFit {
-        let answers = self.answers(law, &top.at);
+        let likeliest = self.answers(law, &top.at);
+        // What is not above the noise is none in the model, and constants hold what it may be.
+        let answers = if size.is_spread() {
+            likeliest.clone()
+        } else {
+            self.answers(law, &with(&top.at, [(SIZE, NONE)]))
+        };
         let open = [(SIZE, &size), (TIME, &time_s)]
             .into_iter()
             .flat_map(|(which, found)| {
                 bounds(found).map(|end| self.answers(law, &with(&top.at, [(which, end)])))
             });
         let open: Vec<_> = open.collect();
-        let of_all = |of: fn(&Answer) -> [Measured; 3], found: fn(&[Measured]) -> Interval| {
-            let found =
-                |answers: &[Answer]| found(&answers.iter().flat_map(of).collect::<Vec<Measured>>());
+        let of_all = |found: &dyn Fn(&[Answer]) -> Interval| {
             open.iter()
                 .fold(found(&answers), |best, other| best.reaching(&found(other)))
         };
-        let initial_sigma = of_all(|answer| answer.constants, interval::sigma_behind);
-        let drift = of_all(
-            |answer| answer.trends,
+        let drift = of_all(&|answers| {
+            let trends: Vec<_> = answers.iter().flat_map(|answer| answer.trends).collect();
             match law {
-                Law::Wave => {
-                    |trends| interval::mean(trends).unwrap_or(interval::common_value(trends))
-                }
-                Law::Continuous => interval::sigma_behind,
-            },
-        );
+                Law::Wave => interval::mean(&trends).unwrap_or(interval::common_value(&trends)),
+                Law::Continuous => interval::sigma_behind(&trends),
+            }
+        });
+        let trend = |drift: f64| match law {
+            Law::Wave => (drift, 0.0),
+            Law::Continuous => (0.0, drift),
+        };
+        // Beside a trend that is free little is left of a constant.
+        let beside = |answers: &[Answer], drift: f64| {
+            let (mean, sigma) = trend(drift);
+            let constants = |answer: &Answer| answer.constants_given(mean, sigma);
+            interval::sigma_behind(&answers.iter().flat_map(constants).collect::<Vec<_>>())
+        };
+        let in_model = if law == Law::Wave || drift.is_spread() {
+            drift.value
+        } else {
+            0.0
+        };
+        let initial_sigma = of_all(&|answers| {
+            let best = beside(answers, in_model);
+            [drift.low, drift.high]
+                .into_iter()
+                .fold(best, |best, end| best.reaching(&beside(answers, end)))
+        });
         let [noise, gnss_sigma_mps, gnss_memory_mps, gnss_memory_s] =
             self.noise_intervals(law, top);
-        let (trend_mean, trend_sigma) = match law {
-            Law::Wave => (drift.value, 0.0),
-            Law::Continuous => (0.0, drift.value),
-        };
-        let log_likelihood = (answers.iter())
-            .map(|answer| answer.marginal(initial_sigma.value, trend_mean, trend_sigma))
+        let (trend_mean, trend_sigma) = trend(drift.value);
+        let constant_sigma = beside(&likeliest, drift.value).value;
+        let log_likelihood = (likeliest.iter())
+            .map(|answer| answer.marginal(constant_sigma, trend_mean, trend_sigma))
             .sum();
         GyroFit {
             noise,
