@@ -132,10 +132,7 @@ impl Increments {
 
     /// By how much the readings on both sides of a hole before `sample` differ, rad/s and m/s^2.
     pub fn ends_differ(&self, sample: &ImuSample) -> [f64; 2] {
-        let reading_s = match self.output {
-            ImuOutput::Rates => 1.0,
-            ImuOutput::Increments => self.usual_s,
-        };
+        let reading_s = self.output.per_rate(self.usual_s);
         let changes = [sample.gyro - self.gyro, sample.accel - self.accel];
         changes.map(|change| math::largest(&change) / reading_s)
     }

@@ -17,7 +17,7 @@ use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::mechanization::{Controls, Mechanization};
 use crate::outcome::{GnssOutcome, ImuOutcome};
-use crate::samples::{FixSigma, GnssFix, Heading, ImuOutput, ImuSample};
+use crate::samples::{FixSigma, GnssFix, Heading, ImuSample};
 use crate::solution::{BodyMotion, Phase, Solution, SolutionSigma};
 use crate::time::Time;
 
@@ -589,10 +589,7 @@ impl Largest {
 
     /// Whether one is beyond what the sensors can show in so many seconds.
     fn out_of_range(self, seconds: f64, config: &Config) -> bool {
-        let scale = match config.imu_output {
-            ImuOutput::Rates => 1.0,
-            ImuOutput::Increments => seconds,
-        };
+        let scale = config.imu_output.per_rate(seconds);
         self.gyro > scale * config.sensors.gyro_range_radps
             || self.accel > scale * config.sensors.accel_range_mps2
     }

@@ -17,6 +17,17 @@ pub enum ImuOutput {
     Increments,
 }
 
+impl ImuOutput {
+    /// What a reading is per unit of a rate that holds over an interval, s: 1 of rates, that interval
+    /// of increments.
+    pub fn per_rate(self, interval_s: f64) -> f64 {
+        match self {
+            Self::Rates => 1.0,
+            Self::Increments => interval_s,
+        }
+    }
+}
+
 /// One reading of the inertial sensors, body axes right-forward-up.
 ///
 /// Units follow [`ImuOutput`] of the configuration.

@@ -19,6 +19,9 @@ pub mod aircraft;
 // The core over a log: estimates, their worth, the model of the sensors' errors.
 pub mod identify;
 
+// Which drive shows what is wanted of a unit: planned, or what a log lacks.
+pub(crate) mod plan_drive;
+
 // Other methods on the same log: Kalman filter and smoother, the five stages, outages.
 pub mod compare;
 
@@ -46,6 +49,7 @@ mod cli;
 pub use cli::{Cli, clean_up_when_stopped, run};
 
 // For `figures` of ins-tests, which measures the tables and pictures of the documentation.
-pub use cli::{campaign_summary, plan_drive_page};
+pub use cli::campaign_summary;
 pub use rehearse::{proof, settings::Drives};
 pub use report::picture as picture_of_estimates;
+pub use study::plan_drive::page as plan_drive_page;

@@ -2,10 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use miette::{Result, miette};
 use serde::de::DeserializeOwned;
 
 use super::dynamics::Dynamics;
 use super::parameters::Parameters;
+use crate::sim::{self, ErrorModel};
 
 /// A file that cannot be read or used: what is wrong where, what was expected, the likely cause.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error, miette::Diagnostic)]
@@ -54,6 +56,25 @@ pub fn read_text(file: &Path, what: &str) -> Result<String, InputError> {
         line: None,
         message: format!("cannot be read ({error}); expected {what} in TOML"),
     })
+}
+
+/// The error model of a preset by its name, or of a file.
+pub(crate) fn error_model(name: &str) -> Result<ErrorModel> {
+    match name {
+        "ideal" => Ok(sim::Grade::Ideal.errors()),
+        "hg1700" => Ok(sim::Grade::Hg1700.errors()),
+        "mems" => Ok(sim::Grade::Mems.errors()),
+        file => {
+            let path = Path::new(file);
+            let text = read_text(path, "ideal, hg1700, mems or an error model")?;
+            ErrorModel::from_toml(&text).map_err(|error| {
+                miette!(
+                    help = "host-sim/errors/wave.toml is a complete example",
+                    "{file}: {error}"
+                )
+            })
+        }
+    }
 }
 
 /// The aircraft of a file, ready to fly.

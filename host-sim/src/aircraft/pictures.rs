@@ -43,7 +43,7 @@ pub fn of_flight(run: &SimulatedDrive, output: ImuOutput) -> Vec<Picture> {
     // What increments are made of: rates, from the step between two stamps.
     let imu = thinned(&run.imu);
     let step_s = match (run.imu.first(), run.imu.get(1)) {
-        (Some(a), Some(b)) if output == ImuOutput::Increments => b.time.seconds_since(a.time),
+        (Some(a), Some(b)) => output.per_rate(b.time.seconds_since(a.time)),
         _ => 1.0,
     };
     let signal = |value: &dyn Fn(&ImuSample) -> f64| -> Vec<(f64, f64)> {

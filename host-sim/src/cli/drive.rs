@@ -6,7 +6,8 @@ use clap::Args;
 use miette::{IntoDiagnostic, Result};
 
 use super::identify::{identify_log, print_analysis};
-use super::options::{error_model, minutes, show};
+use super::options::{minutes, show};
+use crate::aircraft::input::error_model;
 use crate::identify::analysis::SUMMARY;
 use crate::identify::true_errors::{self, Truth};
 use crate::log::{self, BodyAxes, Compression, Grade, Log};

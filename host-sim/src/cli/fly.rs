@@ -8,8 +8,9 @@ use miette::{Result, miette};
 use serde::Serialize;
 
 use super::drive::Simulated;
-use super::options::{aircraft, error_model, show};
+use super::options::{aircraft, show};
 use crate::aircraft::flight::Flight;
+use crate::aircraft::input::error_model;
 use crate::aircraft::pictures;
 use crate::aircraft::plan::Plan;
 use crate::identify::true_errors::{self, Truth};

@@ -26,7 +26,6 @@ use miette::Result;
 use crate::page::output::OutputError;
 pub use crate::page::output::clean_up_when_stopped;
 pub use campaign::summary as campaign_summary;
-pub use plan_drive::study::page as plan_drive_page;
 
 /// Name of the program.
 const NAME: &str = "host-sim";
@@ -65,7 +64,7 @@ enum Command {
     /// Run a log through firmware on a board, and compare with the host bit for bit.
     Hil(hil::Hil),
     /// Find the drive that shows what is wanted, or what to add to one that was driven.
-    PlanDrive(plan_drive::command::PlanDrive),
+    PlanDrive(plan_drive::PlanDrive),
     /// Rehearse flights: recorded drives of a unit to the accuracy of any algorithm in the air.
     Rehearse(rehearse::Rehearse),
     /// Print the performance and the natural motions of an aircraft.
@@ -118,7 +117,7 @@ pub fn run(cli: &Cli) -> Result<()> {
         Command::Tune(options) => tune::tune(options, json),
         Command::Compare(options) => compare::compare(options, json, force),
         Command::Hil(options) => hil::hil(options, json, force),
-        Command::PlanDrive(options) => plan_drive::command::plan_drive(options, json, force),
+        Command::PlanDrive(options) => plan_drive::plan_drive(options, json, force),
         Command::Rehearse(options) => rehearse::rehearse(options, json, force),
         Command::Aircraft(options) => aircraft::aircraft(options, json, force),
         Command::Study(study) => study.run(json, force),

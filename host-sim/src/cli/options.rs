@@ -3,15 +3,14 @@
 use std::path::Path;
 
 use clap::ValueEnum;
-use miette::{Result, bail, miette};
+use miette::{Result, bail};
 use serde::Serialize;
 
 use crate::aircraft::cessna172;
 use crate::aircraft::dynamics::Dynamics;
-use crate::aircraft::input::{read_aircraft, read_text};
+use crate::aircraft::input::read_aircraft;
 use crate::log::Grade;
 use crate::page::{self, output};
-use crate::sim::{self, ErrorModel};
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(super) enum GradeChoice {
@@ -62,25 +61,6 @@ pub(super) fn aircraft(file: Option<&Path>) -> Result<Dynamics> {
     match file {
         Some(file) => Ok(read_aircraft(file)?),
         None => Ok(Dynamics::new(&cessna172())),
-    }
-}
-
-/// A preset by its name, or a file.
-pub(super) fn error_model(name: &str) -> Result<ErrorModel> {
-    match name {
-        "ideal" => Ok(sim::Grade::Ideal.errors()),
-        "hg1700" => Ok(sim::Grade::Hg1700.errors()),
-        "mems" => Ok(sim::Grade::Mems.errors()),
-        file => {
-            let path = Path::new(file);
-            let text = read_text(path, "ideal, hg1700, mems or an error model")?;
-            ErrorModel::from_toml(&text).map_err(|error| {
-                miette!(
-                    help = "host-sim/errors/wave.toml is a complete example",
-                    "{file}: {error}"
-                )
-            })
-        }
     }
 }
 

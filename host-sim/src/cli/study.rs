@@ -10,7 +10,6 @@ use serde::Serialize;
 
 use super::identify::error_model_of;
 use super::options::{GradeChoice, Out, minutes, show};
-use super::plan_drive::study::PlanDrive;
 use super::rehearse::{in_keys, keys};
 use crate::identify::analysis::Analysis;
 use crate::log::Grade;
@@ -19,6 +18,7 @@ use crate::page::progress::{bar, counted};
 use crate::rehearse::proof;
 use crate::rehearse::settings::Drives;
 use crate::sim::ErrorModel;
+use crate::study::plan_drive::{self, PlanDrive};
 use crate::study::{accuracy, conditions, flights, logs, recordings, recovery};
 
 /// What is studied.
@@ -52,7 +52,10 @@ impl Study {
             Self::Recovery(options) => options.run(json, force),
             Self::Logs(options) => options.run(json),
             Self::Recordings(options) => options.run(json),
-            Self::PlanDrive(options) => options.run(json),
+            Self::PlanDrive(options) => {
+                let all = plan_drive::compared(options)?;
+                show(json, &all, || plan_drive::readable(&all))
+            }
             Self::Rehearse(options) => options.run(json),
         }
     }

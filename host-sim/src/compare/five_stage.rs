@@ -15,7 +15,7 @@ use indicatif::ProgressBar;
 use ins_core::attitude::matrix;
 use ins_core::config::{Feedback, Form, HeadingSource};
 use ins_core::{
-    Config, ConfigError, Estimate, Estimates, GnssFix, ImuOutput, ImuSample, Manoeuvre, Navigator,
+    Config, ConfigError, Estimate, Estimates, GnssFix, ImuSample, Manoeuvre, Navigator,
     Observability, Phase, Time,
 };
 use nalgebra::{Matrix2, Vector2, Vector3};
@@ -292,10 +292,7 @@ impl Correction {
         let corrected = log.imu.iter().map(|sample| {
             let interval_s = last.map_or(0.0, |last| sample.time.seconds_since(last));
             last = Some(sample.time);
-            let held = match log.meta.imu {
-                ImuOutput::Rates => 1.0,
-                ImuOutput::Increments => interval_s,
-            };
+            let held = log.meta.imu.per_rate(interval_s);
             ImuSample {
                 time: sample.time,
                 gyro: sample.gyro - held * self.gyro_radps,

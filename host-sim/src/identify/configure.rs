@@ -88,10 +88,7 @@ fn second_means(log: &Log, (from, to): (Time, Time)) -> Vec<Vector3<f64>> {
             continue;
         }
         sum += sample.gyro;
-        weight += match log.meta.imu {
-            ImuOutput::Rates => 1.0,
-            ImuOutput::Increments => time.seconds_since(last.time),
-        };
+        weight += (log.meta.imu).per_rate(time.seconds_since(last.time));
         if time.seconds_since(start) >= 1.0 {
             means.push(sum / weight);
             (sum, weight, start) = (Vector3::zeros(), 0.0, time);

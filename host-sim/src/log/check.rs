@@ -37,10 +37,7 @@ pub(super) fn check(
     mend_fixes(log, findings)?;
     let mut rates = Rates::of(log, interval_s);
     check_accelerometer_unit(log, &rates, findings)?;
-    let per_second = match log.meta.imu {
-        ImuOutput::Rates => 1.0,
-        ImuOutput::Increments => 1.0 / interval_s,
-    };
+    let per_second = 1.0 / log.meta.imu.per_rate(interval_s);
     if mend_sensors(log, per_second, findings)? {
         rates = Rates::of(log, median_interval_s(log.imu.times()));
     }

@@ -23,7 +23,8 @@ pub use error::LogError;
 pub use meta::{BodyAxes, Grade, Meta};
 pub use read::read;
 pub use samples::Samples;
-pub(crate) use typical::{median, median_interval_s};
+pub(crate) use typical::median;
+use typical::median_interval_s;
 pub(crate) use write::numbers;
 pub use write::{Compression, write};
 
@@ -72,6 +73,16 @@ impl Log {
         }
     }
 
+    /// Typical rate of the inertial samples: holes do not count. Zero of a single one.
+    pub fn imu_rate_hz(&self) -> f64 {
+        rate_hz(self.imu.times())
+    }
+
+    /// The same of the fixes.
+    pub fn fix_rate_hz(&self) -> f64 {
+        rate_hz(self.gnss.iter().map(|fix| fix.time))
+    }
+
     /// The log up to the middle of its inertial samples; fixes from before them go with it.
     #[must_use]
     pub fn first_half(&self) -> Self {
@@ -87,6 +98,13 @@ impl Log {
     /// Where the second half begins.
     pub fn middle(&self) -> Time {
         self.start().plus_seconds(0.5 * self.duration_s())
+    }
+}
+
+fn rate_hz(times: impl Iterator<Item = Time>) -> f64 {
+    match median_interval_s(times) {
+        0.0 => 0.0,
+        interval_s => 1.0 / interval_s,
     }
 }
 

@@ -99,10 +99,7 @@ impl<'a> Rates<'a> {
             let interval_s = last
                 .replace(sample.time)
                 .map_or(self.first_interval_s, since);
-            let scale = match self.output {
-                ImuOutput::Rates => 1.0,
-                ImuOutput::Increments => 1.0 / interval_s,
-            };
+            let scale = 1.0 / self.output.per_rate(interval_s);
             let mut rate = Rate {
                 time_s: since(*first.get_or_insert(sample.time)),
                 interval_s,

@@ -9,7 +9,6 @@ use serde::Serialize;
 use crate::identify::analysis::{Analysis, Input};
 use crate::log::Grade;
 use crate::log::import::{self, Choice};
-use crate::log::median_interval_s;
 use crate::page::table::{Table, heads};
 use crate::page::{brief, digits};
 
@@ -104,8 +103,8 @@ impl Found {
         let known = summary.quantities.columns();
         Self {
             minutes: summary.duration_s / 60.0,
-            imu_hz: 1.0 / median_interval_s(log.imu.iter().map(|sample| sample.time)),
-            gnss_hz: 1.0 / median_interval_s(log.gnss.iter().map(|fix| fix.time)),
+            imu_hz: log.imu_rate_hz(),
+            gnss_hz: log.fix_rate_hz(),
             latency_ms: latency
                 .observable()
                 .then_some([latency.value, latency.sigma]),

@@ -11,7 +11,7 @@ use crate::identify::analysis::Analysis;
 use crate::identify::error_model::Identified;
 use crate::identify::error_model::fit::GyroFit;
 use crate::identify::verdict::{Verdict, beyond_class};
-use crate::log::{Grade, Log, median_interval_s};
+use crate::log::{Grade, Log};
 use crate::sim::errors::Law;
 
 /// All that is found. Axes are those of the unit, right, forward, up; units are SI.
@@ -108,7 +108,7 @@ impl Tuning {
             log: summary.log.clone(),
             source: text("source").unwrap_or_default().to_owned(),
             duration_s: summary.duration_s,
-            imu_rate_hz: rate_hz(log),
+            imu_rate_hz: log.imu_rate_hz(),
             grade: summary.grade,
             gnss_delay_s: Found::of(&e.gnss_latency_s, DELAY).plus(log.meta.gnss_clock_offset_s),
             lever_arm_m: e.lever_arm_m.map(|arm| Found::of(&arm, no_lever)),
@@ -198,16 +198,6 @@ fn wandering(model: &Identified) -> [Found; 3] {
     match gyro.law {
         Law::Wave => [walk, unknown, unknown],
         Law::Continuous => [walk.scaled(std::f64::consts::SQRT_2), size, time],
-    }
-}
-
-/// Median rate: holes must not count. Zero of a single sample.
-fn rate_hz(log: &Log) -> f64 {
-    let interval_s = median_interval_s(log.imu.iter().map(|sample| sample.time));
-    if interval_s > 0.0 {
-        1.0 / interval_s
-    } else {
-        0.0
     }
 }
 

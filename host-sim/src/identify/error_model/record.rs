@@ -8,13 +8,13 @@ use ins_core::earth::LocalEarth;
 use ins_core::increments::{Increments, Interval};
 use ins_core::mechanization::{Controls, Mechanization, Step};
 use ins_core::rest::{RestBlock, RestDetector, Verdict};
-use ins_core::{Estimate, Estimates, GnssFix, ImuOutput, ImuSample, Solution, Time};
+use ins_core::{Estimate, Estimates, GnssFix, ImuSample, Solution, Time};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::interval::Measured;
 use crate::identify::free_inertial::known;
 use crate::identify::run::Identification;
-use crate::log::{Log, median, median_interval_s};
+use crate::log::{Log, median};
 
 /// Length of an epoch, s. Tilt is felt over some 10 s, so nothing is lost.
 const EPOCH_S: f64 = 2.0;
@@ -170,7 +170,7 @@ impl Record {
             accel_scale: shown(&estimates.accel_scale, sensors.accel_scale),
             latency_s: estimates.gnss_latency_s,
             duration_s: log.duration_s(),
-            fix_rate_hz: fix_rate_hz(&log.gnss),
+            fix_rate_hz: log.fix_rate_hz(),
         }
     }
 }
@@ -183,14 +183,6 @@ fn values(estimates: &[Estimate; 3]) -> Vector3<f64> {
 fn shown<'a>(all: impl IntoIterator<Item = &'a Estimate>, believed: f64) -> Vec<Measured> {
     let measured = all.into_iter().filter_map(Measured::of);
     measured.filter_map(|m| m.beyond(believed)).collect()
-}
-
-fn fix_rate_hz(fixes: &[GnssFix]) -> f64 {
-    // The median: an outage must not count.
-    match median_interval_s(fixes.iter().map(|fix| fix.time)) {
-        0.0 => 0.0,
-        step_s => 1.0 / step_s,
-    }
 }
 
 /// An interval between samples and the stamp of its end.
@@ -274,10 +266,7 @@ pub fn readings_at_rest(log: &Log) -> Vec<Vec<[Vector3<f64>; 2]>> {
     let stretch = |span: &RestSpan| {
         let inside = |[_, sample]: &[ImuSample; 2]| (span.start..=span.end).contains(&sample.time);
         let reading = |[last, sample]: [ImuSample; 2]| {
-            let seconds = match log.meta.imu {
-                ImuOutput::Rates => 1.0,
-                ImuOutput::Increments => sample.time.seconds_since(last.time),
-            };
+            let seconds = (log.meta.imu).per_rate(sample.time.seconds_since(last.time));
             [sample.gyro / seconds, sample.accel / seconds]
         };
         log.imu.pairs().filter(inside).map(reading).collect()

@@ -12,8 +12,7 @@ use toml::{Spanned, Value};
 
 use super::manoeuvre::Site;
 use super::quantities::{Goal, Kind, Quantity};
-use crate::aircraft::input::{InputError, Source, read_text};
-use crate::cli::options::error_model;
+use crate::aircraft::input::{InputError, Source, error_model, read_text};
 use crate::identify::configure::config_of;
 use crate::log::{BodyAxes, Grade};
 use crate::sim::ErrorModel;

@@ -8,9 +8,7 @@ use std::collections::VecDeque;
 use ins_core::attitude::{Euler, from_euler};
 use ins_core::config::HeadingSource;
 use ins_core::earth::Geodetic;
-use ins_core::{
-    Config, Estimates, GnssFix, ImuOutput, ImuSample, Navigator, Phase, Solution, Time,
-};
+use ins_core::{Config, Estimates, GnssFix, ImuSample, Navigator, Phase, Solution, Time};
 use miette::{Result, miette};
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -219,10 +217,7 @@ impl Bench {
         let Some(known) = &self.known else {
             return ImuSample { time, ..*sample };
         };
-        let seconds = match self.recording.errors.imu.output {
-            ImuOutput::Rates => 1.0,
-            ImuOutput::Increments => 1.0 / self.recording.imu_hz,
-        };
+        let seconds = (self.recording.errors.imu.output).per_rate(1.0 / self.recording.imu_hz);
         let values = |three: &[ins_core::Estimate; 3]| Vector3::from(three.map(|one| one.value));
         let beyond_level = sample.accel - seconds * known.level_force_mps2;
         let up = known

@@ -6,13 +6,12 @@
 //! finds, and on when it finds its heading: so several units are driven side by side, the first
 //! exactly as the plan says, the others as people drive.
 
+mod begin;
 mod bench;
-pub mod command;
 mod manoeuvre;
-mod output;
+pub mod output;
 mod quantities;
 mod reason;
-pub mod study;
 mod target;
 
 pub use bench::Bench;
@@ -189,7 +188,8 @@ struct Tried {
     drives: Vec<Bench>,
 }
 
-fn navigators(drives: &[Bench]) -> impl Iterator<Item = &Navigator> {
+/// Those of all drives.
+pub fn navigators(drives: &[Bench]) -> impl Iterator<Item = &Navigator> {
     drives.iter().map(|drive| &drive.navigator)
 }
 

@@ -14,11 +14,10 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{Bench, Driver, Goal, Plan, Target, UNITS, navigators, seconds};
-use crate::cli::options::show;
 use crate::page::brief;
-use crate::page::progress::{bar, counted};
+use crate::page::progress::{bar, counted, spinner};
 use crate::page::table::{Table, heads, markdown};
+use crate::plan_drive::{Bench, Driver, Goal, Plan, Target, UNITS, navigators, seconds};
 use crate::statistics::rms;
 
 /// Goal: predicted over reached.
@@ -30,7 +29,7 @@ const FIRST_SEED: u64 = 1;
 
 macro_rules! target {
     ($name:literal) => {
-        include_str!(concat!("../../../targets/", $name, ".toml"))
+        include_str!(concat!("../../targets/", $name, ".toml"))
     };
 }
 
@@ -64,7 +63,7 @@ pub struct PlanDrive {
 
 /// The plan for one target, and what its drives reach.
 #[derive(Debug, Serialize)]
-struct Results {
+pub struct Results {
     target: String,
     judge: bool,
     minutes: f64,
@@ -94,14 +93,6 @@ impl Row {
     fn cell(&self) -> String {
         let ratio = self.ratio.map(|ratio| format!("{ratio:.2}"));
         ratio.unwrap_or_else(|| "not shown".to_owned())
-    }
-}
-
-impl PlanDrive {
-    /// Plans, drives, compares, prints.
-    pub fn run(&self, json: bool) -> Result<()> {
-        let all = compared(self)?;
-        show(json, &all, || readable(&all))
     }
 }
 
@@ -135,7 +126,8 @@ pub fn page() -> Result<String> {
     Ok(format!("{}\n{}", markdown(&header, &rows), verdict(&all)))
 }
 
-fn compared(options: &PlanDrive) -> Result<Vec<Results>> {
+/// Plans, drives, compares.
+pub fn compared(options: &PlanDrive) -> Result<Vec<Results>> {
     let cases = cases(&options.target)?;
     let progress = bar().with_message("driving");
     progress.set_length(cases.len() as u64 * options.runs);
@@ -168,7 +160,7 @@ fn results(
     progress: &ProgressBar,
 ) -> Result<Results> {
     // Of units that are not among those that drive.
-    let plan = target.plan(options.first_seed.wrapping_sub(UNITS))?;
+    let plan = target.plan(options.first_seed.wrapping_sub(UNITS), &spinner("planning"))?;
     let seeds = options.first_seed..options.first_seed.saturating_add(options.runs);
     let tried = (seeds.into_par_iter())
         .map(counted(progress, |seed| driven(target, &plan, seed)))
@@ -264,7 +256,8 @@ fn true_values(
     }
 }
 
-fn readable(all: &[Results]) -> String {
+/// As text.
+pub fn readable(all: &[Results]) -> String {
     let row = |row: &Row| {
         vec![
             row.quantity.clone(),

@@ -1,0 +1,66 @@
+//! The command `plan-drive`.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use miette::{Result, WrapErr};
+
+use super::identify::error_model_of;
+use super::options::{Out, refuse_same, show};
+use crate::identify::analysis::Analysis;
+use crate::identify::error_model::Record;
+use crate::page::progress::{bar, spinner};
+use crate::plan_drive::output::{PLAN, Report};
+use crate::plan_drive::{Plan, Target};
+use crate::rehearse::settings::rate_hz;
+
+/// Options of `plan-drive`.
+#[derive(Debug, Args)]
+pub struct PlanDrive {
+    /// What is wanted, of which unit, and what the site allows, TOML.
+    #[arg(long)]
+    target: PathBuf,
+    /// A drive: folder of a log, or a recording of a known format. What it lacks is added to it.
+    log: Option<PathBuf>,
+    /// Folder for the plan as text, page, drawn route and JSON.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Fixes the noise of the simulated drive.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+}
+
+/// Plans a drive, or what to add to one.
+pub fn plan_drive(options: &PlanDrive, json: bool, force: bool) -> Result<()> {
+    let out = Out::new(options.out.as_deref(), PLAN, force)?;
+    let target = Target::read(&options.target)?;
+    let (plan, log) = match &options.log {
+        None => (target.plan(options.seed, &spinner("planning"))?, None),
+        Some(log) => {
+            if let Some(out) = &options.out {
+                refuse_same(log, out)?;
+            }
+            let (plan, about) = added_to(log, &target, options.seed)?;
+            (plan, Some(about))
+        }
+    };
+    let report = Report::new(&plan, &target.site, log);
+    out.fill(|folder| report.write(folder))?;
+    show(json, &report, || {
+        let page = options.out.as_ref().map(|out| out.join("report.html"));
+        let written = page.map(|page| format!("\nReport: {}\n", page.display()));
+        report.readable() + &written.unwrap_or_default()
+    })
+}
+
+/// What a log lacks; its name, and what speaks against it.
+fn added_to(log: &Path, target: &Target, seed: u64) -> Result<(Plan, (String, Vec<String>))> {
+    let analysis = Analysis::of_log(log, target.unit.class, &bar())?;
+    let records = [Record::new(&analysis.log, &analysis.found)];
+    let model = error_model_of(&records, analysis.summary.grade, None).model();
+    let imu_hz = rate_hz(&analysis.log);
+    let plan = (target.added_to(&analysis, model, imu_hz, seed, &spinner("planning")))
+        .wrap_err_with(|| log.display().to_string())?;
+    let summary = analysis.summary;
+    Ok((plan, (summary.log, summary.verdict.lines())))
+}

@@ -1,0 +1,67 @@
+//! Where a plan begins: switched on, or at the end of a log.
+
+use indicatif::ProgressBar;
+use ins_core::Navigator;
+use miette::{Result, miette};
+
+use super::{Bench, Driver, Plan, Search, Target, UNITS};
+use crate::identify::analysis::{Analysis, unusable};
+use crate::identify::run::in_order_of_time;
+use crate::log::BodyAxes;
+use crate::sim::ErrorModel;
+
+impl Target {
+    /// The drive from the start.
+    pub fn plan(&self, seed: u64, progress: &ProgressBar) -> Result<Plan> {
+        let model = self.error_model()?;
+        let config = self.config(&model)?;
+        let start = drives(seed, |seed, driver| {
+            Bench::switched_on(self, &model, config, seed, driver)
+        })?;
+        Ok(self.search(self.unit.body_axes).plan(start, progress))
+    }
+
+    fn search(&self, axes: BodyAxes) -> Search<'_> {
+        Search {
+            goals: &self.goals,
+            site: &self.site,
+            axes,
+        }
+    }
+
+    /// What a log lacks, of a unit of that model.
+    pub fn added_to(
+        &self,
+        analysis: &Analysis,
+        mut model: ErrorModel,
+        imu_hz: f64,
+        seed: u64,
+        progress: &ProgressBar,
+    ) -> Result<Plan> {
+        let log = &analysis.log;
+        let config = self.with_config(&analysis.found.config)?;
+        let mut navigator = Navigator::new(config).map_err(unusable)?;
+        for event in in_order_of_time(&log.imu, &log.gnss) {
+            event.give_to(&mut navigator);
+        }
+        model.imu.output = log.meta.imu;
+        let model = (self.with_errors(&model)).map_err(|error| miette!("[errors]: {error}"))?;
+        let so_far = || (navigator.clone(), log.duration_s());
+        let start = drives(seed, |seed, driver| {
+            Bench::after(so_far(), &model, imu_hz, seed, driver)
+        })?;
+        Ok(self.search(log.meta.body_axes).plan(start, progress))
+    }
+}
+
+/// One that drives exactly, and others.
+fn drives(seed: u64, drive: impl Fn(u64, Driver) -> Result<Bench>) -> Result<Vec<Bench>> {
+    let driver = |unit| match unit {
+        0 => Driver::exact(),
+        _ => Driver::human(seed.wrapping_add(unit)),
+    };
+    let units = 0..UNITS;
+    units
+        .map(|unit| drive(seed.wrapping_add(unit), driver(unit)))
+        .collect()
+}
