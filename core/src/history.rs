@@ -362,7 +362,6 @@ impl Around<'_> {
         let slopes = self.slopes(&here);
         let bend = slopes.in_the_middle();
         let part = time.seconds_since(start.time) / here.seconds;
-        let sag = 0.5 * part * (1.0 - part) * here.seconds * here.seconds;
         let off_s = (part - 0.5) * here.seconds;
         let Parabola {
             middle_mps,
@@ -398,8 +397,7 @@ impl Around<'_> {
             jerk_mps3: jerk_mps3 + off_s * snap_mps4,
             snap_mps4,
             unseen_velocity: math::max(f64::from(end.wobble) - explained, 0.0),
-            unseen_rate: (sag * slopes.unevenness()).norm_squared()
-                + math::max(f64::from(end.rate_wobble) - turning, 0.0),
+            unseen_rate: math::max(f64::from(end.rate_wobble) - turning, 0.0),
             attitude,
             attitude_rate: attitude * rate_radps.cross_matrix(),
             attitude_accel: attitude * turn_accel(&rate_radps, &bend.rate_radps),
@@ -467,15 +465,6 @@ impl Slopes {
         let phase = snap.norm() * interval_s * interval_s / (accel_mps2.norm() + 1e-6);
         let ratio = phase * phase / (FASTEST_PHASE * FASTEST_PHASE);
         snap / (1.0 + ratio * ratio)
-    }
-
-    /// By how much the angular rate changes faster after the interval than before it, rad/s^2.
-    fn unevenness(&self) -> Vector3<f64> {
-        let at_start = self.at_start.rate_radps;
-        match &self.at_end {
-            Some(at_end) => at_end.rate_radps - at_start,
-            None => at_start,
-        }
     }
 
     /// In the middle of the interval. What changes at one end alone lets the interpolation lag behind: by
