@@ -538,6 +538,20 @@ mod tests {
     }
 
     #[test]
+    fn what_may_move_as_slowly_as_a_drive_lasts_is_not_lost_from_the_constants() {
+        // Here a memory of hours is as likely as constants; beside it none was left for these.
+        let records =
+            [114, 115].map(|seed| drive_record(seed, &ErrorModel::hg1700(), Grade::Hg1700, 25.0));
+        let found = Identified::new(&records, Grade::Hg1700, Some(Law::Continuous));
+        let gyro = found.gyro().unwrap();
+        let slowly = gyro.size.value / DEG_H_RADPS;
+        assert!(slowly > 0.5 && !gyro.moves(), "{:?}", found.table());
+        // Of six draws, whose spread is good to 29 %.
+        let in_model = found.model().gyro_deg_h.bias.initial_sigma();
+        assert!((in_model - 1.0).abs() < 3.0 * 0.29, "{in_model}");
+    }
+
+    #[test]
     fn noise_is_shared_among_axes_as_at_rest() {
         let mut model = ErrorModel::hg1700();
         (model.gyro_deg_h.noise_times, model.accel_mps2.noise_times) =

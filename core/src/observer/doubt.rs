@@ -1,0 +1,173 @@
+//! What was not seen, and an INS that is found to be wrong.
+
+use nalgebra::Vector3;
+
+use super::{Observer, estimated};
+use crate::channel::Channel;
+use crate::config::Config;
+use crate::earth::GRAVITY_EQUATOR_MPS2;
+use crate::innovations::{LOST_S, Surprise};
+use crate::jump::Jump;
+use crate::math::{self, singles};
+use crate::measurement::Kind;
+use crate::parameters::index;
+use crate::time::Time;
+
+/// Spread of the velocity of an INS that has lost its way, m/s: a second of braking, or of ten that
+/// it was doubted with a tilt of 0.1 rad; and of its tilt and azimuth, rad.
+const LOST_MPS: f64 = 10.0;
+const LOST_TILT_RAD: f64 = 0.05;
+const LOST_AZIMUTH_RAD: f64 = 0.3;
+/// Time for which an INS that is found to be lost has run away at the speed that it has then, s.
+const ASTRAY_S: f64 = 0.5 * LOST_S;
+/// Part of its run-to-run spread by which a bias may have changed then.
+const LOST_BIAS: f64 = 0.1;
+/// Time for which innovations must be too large before the INS is doubted, s; and vertical ones before
+/// the vertical is: longer than a bump, and no manoeuvre tips the vertical velocity.
+const DOUBT_S: f64 = 10.0;
+const VERTICAL_DOUBT_S: f64 = 5.0;
+/// Prior sigmas that no parameter is off by, and a tilt that no levelled INS has, rad.
+const SOUND_SIGMAS: f64 = 30.0;
+const SOUND_TILT_RAD: f64 = 1.0;
+/// Rate and acceleration of an ordinary manoeuvre, which a hole of a second may hide, rad/s and m/s^2:
+/// a shorter one hides as much less, and a longer one no more.
+const HIDDEN_RADPS: f64 = 0.1;
+const HIDDEN_MPS2: f64 = 1.0;
+const HIDDEN_S: f64 = 1.0;
+
+impl Observer {
+    /// Inertial samples were missing for `seconds`, between readings that differ by so much, rad/s
+    /// and m/s^2: what was filled in may be wrong by half of that, and by an ordinary manoeuvre.
+    pub fn on_hole(&mut self, seconds: f64, ends_differ: [f64; 2]) {
+        let [rate, accel] = ends_differ;
+        let part = math::min(seconds / HIDDEN_S, 1.0);
+        let rate = (HIDDEN_RADPS * part + 0.5 * rate) * seconds;
+        // Gravity is felt elsewhere after a turn.
+        let tipped = 0.5 * part * accel / GRAVITY_EQUATOR_MPS2;
+        let accel = (HIDDEN_MPS2 * part + 0.5 * accel) * seconds;
+        self.level
+            .doubt(accel * accel, 0.01 * rate * rate + tipped * tipped);
+        self.vertical.doubt(accel * accel, 0.0);
+        let moved = 0.5 * accel * seconds;
+        self.level.doubt_position(moved * moved);
+        self.vertical.doubt_position(moved * moved);
+        self.azimuth_walk += rate * rate;
+    }
+
+    /// The INS was found to be wrong, its velocity by this variance: all may be, by what it is when
+    /// alignment ends and by some of its biases.
+    #[inline(never)]
+    fn on_lost(&mut self, variance: f64, config: &Config) {
+        let gnss = &config.gnss;
+        // What has tilted it has made it run away.
+        let variance = math::max(variance, LOST_MPS * LOST_MPS);
+        let tilt = variance * (LOST_TILT_RAD / LOST_MPS) * (LOST_TILT_RAD / LOST_MPS);
+        self.level = Channel::new(tilt, &gnss.velocity_mps, &gnss.position_m);
+        self.level.doubt(variance, 0.0);
+        self.level.doubt_position(variance * ASTRAY_S * ASTRAY_S);
+        self.forget_noise(&Vector3::z());
+        self.lose_vertical(LOST_MPS * LOST_MPS, config);
+        self.azimuth_walk += LOST_AZIMUTH_RAD * LOST_AZIMUTH_RAD;
+        let prior = config.prior();
+        for which in index::GYRO..index::GYRO + 6 {
+            let changed = LOST_BIAS * prior.sigma(which);
+            self.let_walk(which, math::single(changed * changed));
+        }
+        self.surprise = Surprise::default();
+        self.doubts.add(self.horizon);
+        self.azimuth_jump = Jump::default();
+        self.gyro_noise.look_anew();
+    }
+
+    /// The same of the vertical alone, with this variance of the velocity more.
+    #[inline(never)]
+    fn lose_vertical(&mut self, variance: f64, config: &Config) {
+        let gnss = &config.gnss;
+        self.vertical = Channel::new(0.0, &gnss.velocity_up_mps, &gnss.height_m);
+        self.vertical.doubt(variance, 0.0);
+        self.vertical_surprise = Surprise::default();
+        self.forget_noise(&Vector3::new(1.0, 1.0, 0.0));
+    }
+
+    /// Vertical velocities so far were wrong, and what they have shown.
+    pub fn forget_vertical(&mut self, config: &Config) {
+        self.lose_vertical(LOST_MPS * LOST_MPS, config);
+        let prior = config.prior();
+        let up = self.level_force_mps2 / GRAVITY_EQUATOR_MPS2;
+        for first in [index::ACCEL, index::ACCEL_SCALE, index::LEVER_ARM] {
+            for (which, up) in (first..).zip(&up) {
+                let sigma = up * prior.sigma(which);
+                self.let_walk(which, math::single(sigma * sigma));
+            }
+        }
+    }
+
+    /// What GNSS was thought to err by explained some of the INS's own error: `kept` says of which
+    /// axes it is kept, by ones.
+    fn forget_noise(&mut self, kept: &Vector3<f64>) {
+        self.followed.keep_noise(kept);
+        for response in estimated(&mut self.responses, &self.corrections) {
+            response.keep_noise(&singles(kept));
+        }
+    }
+
+    /// When it was last found to be wrong.
+    pub fn doubted(&self) -> Option<Time> {
+        self.doubts.last().max(self.vertical_doubts.last())
+    }
+
+    /// Whether believing it less does not mend it.
+    pub fn is_hopeless(&self) -> bool {
+        self.doubts.is_hopeless()
+    }
+
+    /// Whether all that it says can be: else it has been misled, and must begin anew from what is
+    /// configured. No other error than an attitude that is far off keeps pulling the vertical.
+    pub fn is_sound(&self, config: &Config) -> bool {
+        let prior = config.prior();
+        let credible = |(value, (prior, sigma)): (&f64, (&f64, &f32))| {
+            math::abs(value - prior) <= SOUND_SIGMAS * f64::from(*sigma)
+        };
+        let parameters = prior.value.iter().zip(&prior.sigma);
+        let error = &self.followed.error;
+        self.parameters.value.iter().zip(parameters).all(credible)
+            && !self.vertical_doubts.is_hopeless()
+            && math::all_finite(&error.position_m)
+            && math::all_finite(&error.velocity_mps)
+            && error.tilt_rad.norm() < SOUND_TILT_RAD
+            && self.level.tilt().is_finite()
+    }
+
+    /// Fixes of a kind were refused for so long that it is the INS which is wrong, by this variance.
+    pub(super) fn on_lost_by(&mut self, kind: Kind, variance: f64, config: &Config) {
+        match kind {
+            Kind::Position if self.goes_on(Kind::Velocity) => self.level.doubt_position(variance),
+            Kind::Height if self.goes_on(Kind::Climb) => self.vertical.doubt_position(variance),
+            // Nothing else says how fast it is.
+            Kind::Position => self.on_lost(variance / (ASTRAY_S * ASTRAY_S), config),
+            Kind::Height => {
+                self.lose_vertical(variance / (ASTRAY_S * ASTRAY_S), config);
+                self.vertical.doubt_position(variance);
+            }
+            Kind::Climb => self.lose_vertical(variance, config),
+            Kind::Velocity => self.on_lost(variance, config),
+        }
+    }
+
+    /// Whether the INS was held against measurements of a kind of late.
+    pub(super) fn goes_on(&self, kind: Kind) -> bool {
+        let innovations = self.innovations.get(kind as usize);
+        innovations.is_some_and(|kind| kind.goes_on(self.horizon))
+    }
+
+    /// An INS whose innovations stay too large is not believed any more, nor is its vertical.
+    pub fn doubt(&mut self, config: &Config) {
+        if self.surprise.lasting_s >= DOUBT_S {
+            self.on_lost(0.0, config);
+        }
+        if self.vertical_surprise.lasting_s > VERTICAL_DOUBT_S {
+            self.lose_vertical(LOST_MPS * LOST_MPS, config);
+            self.vertical_doubts.add(self.horizon);
+        }
+    }
+}

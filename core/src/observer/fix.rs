@@ -1,0 +1,357 @@
+//! What a fix shows of INS and parameters, and what both learn of it.
+
+use nalgebra::{Matrix3, Vector2, Vector3};
+
+use super::{Observer, estimated};
+use crate::channel::Measured;
+use crate::config::{Config, Noise};
+use crate::history::Past;
+use crate::innovations::{Credit, against_described, is_ordinary};
+use crate::math::{self, singles};
+use crate::measurement::{Difference, Kind};
+use crate::parameters::{COUNT, index};
+
+/// What a unit of each parameter adds to `R` measured components.
+type By<const R: usize> = [[f32; R]; COUNT];
+
+/// Square of the jerk that a swing of a velocity of unit variance leaves: a third of it is in the
+/// means over a tenth of a second, their second difference is four times that, on two axes.
+const SWING_PER_S4: f64 = 6e4;
+
+impl Observer {
+    /// Compares the INS at the horizon, which must be a moment of the past, with a fix; whether it
+    /// is taken.
+    pub fn take(
+        &mut self,
+        past: &Past,
+        kind: Kind,
+        difference: &Difference,
+        config: &Config,
+    ) -> bool {
+        let direct = self.shown_directly(past, kind.measured());
+        let residual = difference.value - self.predicted(&direct, kind.measured(), difference);
+        let by = self.shown_by(&direct, kind.measured());
+        let bent = self.bent_variance(past, kind.measured()) + difference.more_variance;
+        if kind.is_up() {
+            let mut by = by.map(|by| [by.z]);
+            self.measure(kind, &mut by, [residual.z], difference, bent, config)
+        } else {
+            let mut by = by.map(|by| [by.x, by.y]);
+            let residual = [residual.x, residual.y];
+            self.measure(kind, &mut by, residual, difference, bent, config)
+        }
+    }
+
+    /// Takes the innovations of one kind, one for each of its axes.
+    fn measure<const R: usize>(
+        &mut self,
+        kind: Kind,
+        by: &mut By<R>,
+        innovation: [f64; R],
+        difference: &Difference,
+        bent: f64,
+        config: &Config,
+    ) -> bool {
+        let gnss = &config.gnss;
+        let described = kind.noise(config);
+        let number = kind as usize;
+        let channel = if kind.is_up() {
+            &mut self.vertical
+        } else {
+            &mut self.level
+        };
+        let (Some(innovations), Some(stated), Some(colour)) = (
+            self.innovations.get_mut(number),
+            self.stated.get_mut(number),
+            self.colours.get_mut(number),
+        ) else {
+            return false;
+        };
+        // Of positions nothing else tells what lasts for longer than some minutes; of velocities
+        // the innovations tell all.
+        let absolute = gnss.trust_stated_sigma || kind.measured() == Measured::Position;
+        let relative = match difference.stated_variance {
+            Some(variance) if absolute => against_described(variance, described, gnss.noise_range),
+            Some(variance) => stated.against_average(variance),
+            None => 1.0,
+        };
+        let learnt = relative * innovations.scale();
+        colour.scale(match kind.measured() {
+            Measured::Velocity => learnt,
+            Measured::Position => math::max(learnt, relative),
+        });
+        let noise = described.white * described.white * learnt / difference.fixes;
+        let white = noise + bent;
+        let predicted = channel.predicted(kind.measured());
+        let (first_axis, components) = if kind.is_up() { (2, 1.0) } else { (0, 2.0) };
+        let pair = Vector2::new(
+            innovation.first().copied().unwrap_or(0.0),
+            innovation.get(1).copied().unwrap_or(0.0),
+        );
+        // What the spread of the parameters adds is asked for only where it decides.
+        let mut variance = predicted;
+        if !is_ordinary(&pair, components * (predicted + white)) {
+            variance += self.corrections.mean_variance(by);
+        }
+        let credit = innovations.judge(self.horizon, &pair, components, variance, white);
+        let (surprise, last) = if kind.is_up() {
+            (&mut self.vertical_surprise, &mut self.last_vertical)
+        } else {
+            (&mut self.surprise, &mut self.last_level)
+        };
+        let seconds = self.horizon.seconds_since(*last);
+        *last = self.horizon;
+        if kind == Kind::Velocity && seconds > 0.0 {
+            let [azimuth, ..] = by;
+            self.azimuth_jump
+                .take(&innovation, azimuth, predicted + white, seconds);
+        }
+        let white = match credit {
+            Credit::Taken(white) => white,
+            Credit::Lost(variance) => {
+                self.on_lost_by(kind, variance, config);
+                return false;
+            }
+            // Of the level they say something once they agree. The vertical a single knock tips.
+            Credit::Refused => {
+                if kind.is_up() {
+                    surprise.take(pair.norm_squared() / (variance + white), seconds);
+                }
+                return false;
+            }
+        };
+        // Both level axes have the same covariance before and the same after.
+        let tilt = channel.tilt();
+        let gains = channel.update(kind.measured(), white);
+        let total = predicted + white;
+        for (axis, innovation) in (first_axis..).zip(innovation) {
+            self.followed.correct(axis, &gains, innovation);
+        }
+        let single_gains = gains.map(math::single);
+        let responses = estimated(&mut self.responses, &self.corrections);
+        for (response, by) in responses.iter_mut().zip(by.iter()) {
+            for (axis, by) in (first_axis..).zip(by) {
+                response.correct(axis, &single_gains, -by);
+            }
+        }
+        let weights = [math::single(1.0 / total); R];
+        let added = self
+            .corrections
+            .add(by, innovation.map(math::single), weights);
+        let square = f64::from(added.square) / components;
+        surprise.take(square, seconds);
+        // Of something else's variance they say nothing.
+        if !gnss.trust_stated_sigma && difference.more_variance < noise {
+            let sigmas = pair / math::sqrt(total * 0.5 * components);
+            innovations.learn(square, &sigmas, gnss.noise_range);
+            // While the parameters themselves are uncertain it says little of the noise.
+            if f64::from(added.determinant) < 1.0 + components {
+                self.learn_colour(kind, &pair, components, total, config);
+            }
+        }
+        if kind == Kind::Height {
+            self.height_sensitivity.take(&pair, total, white);
+        }
+        if !kind.is_up() {
+            let variance = total * math::sqrt(f64::from(added.determinant));
+            self.learn_gyro_noise(&pair, variance, gains.z, tilt, config);
+        }
+        true
+    }
+
+    /// Learns how strong the correlated noise of a kind is: of heights from an innovation of so many
+    /// components and a variance of each, of the others from what is taken for it.
+    fn learn_colour(
+        &mut self,
+        kind: Kind,
+        innovation: &Vector2<f64>,
+        components: f64,
+        total: f64,
+        config: &Config,
+    ) {
+        let range = config.gnss.noise_range;
+        let Some(colour) = self.colours.get_mut(kind as usize) else {
+            return;
+        };
+        if kind == Kind::Height {
+            let sensitivity = &self.height_sensitivity;
+            colour.learn(sensitivity, innovation, components, total, range);
+            return;
+        }
+        let channel = if kind.is_up() {
+            &self.vertical
+        } else {
+            &self.level
+        };
+        let square = self.followed.noise_square(kind);
+        let left = channel.noise(kind.measured());
+        colour.learn_of_estimate(self.horizon, square, left, kind.noise(config), range);
+    }
+
+    /// Learns how noisy the gyros are from a level innovation of a variance per component, which was
+    /// taken with this gain of the tilt, known to a variance before.
+    fn learn_gyro_noise(
+        &mut self,
+        innovation: &Vector2<f64>,
+        variance: f64,
+        gain: f64,
+        tilt: f64,
+        config: &Config,
+    ) {
+        let left = self.level.tilt();
+        let process = &mut self.gyro_noise;
+        process.moved(innovation, variance, gain, tilt - left);
+        process.look(left, config.sensors.noise_range);
+    }
+
+    /// Variance per component of what is not linear in the parameters: of a latency in a motion that
+    /// bends, of an antenna that swings on an unknown arm, and in a frame that points elsewhere. It goes
+    /// as they become known; what jolts hide between two moments of the ring stays, and so does how skew a
+    /// receiver smooths.
+    fn bent_variance(&self, past: &Past, measured: Measured) -> f64 {
+        let square = |x: f64| x * x;
+        let p = &self.parameters;
+        let latency = square(p.sigma(index::LATENCY));
+        let azimuth = square(p.sigma(index::AZIMUTH));
+        let arm_axis = |axis: usize| square(p.sigma(index::LEVER_ARM + axis));
+        let arm = (arm_axis(0) + arm_axis(1) + arm_axis(2)) / 3.0;
+        let (first, second, third, swing) = match measured {
+            Measured::Velocity => (
+                &past.accel_mps2,
+                &past.jerk_mps3,
+                &past.snap_mps4,
+                &past.attitude_accel,
+            ),
+            Measured::Position => (
+                &past.velocity_mps,
+                &past.accel_mps2,
+                &past.jerk_mps3,
+                &past.attitude_rate,
+            ),
+        };
+        let turned = 0.5 * azimuth * first.norm_squared();
+        let swung = arm * swing.norm_squared() / 3.0;
+        let bent = 0.25 * latency * second.norm_squared();
+        // The times of an exponential of variance s have a third moment of 2 s^1.5.
+        let smoothing_s2 = math::max(p.value(index::SMOOTHING), 0.0);
+        let skew = square(smoothing_s2) * smoothing_s2 / 9.0 * third.norm_squared();
+        let unseen = match measured {
+            Measured::Velocity => self.unseen_variance(past),
+            Measured::Position => 0.0,
+        };
+        unseen + skew + latency * (bent + swung + turned)
+    }
+
+    /// Variance of a velocity by what is too fast for the ring.
+    fn unseen_variance(&self, past: &Past) -> f64 {
+        let p = &self.parameters;
+        let smoothing = 0.5 * p.sigma(index::SMOOTHING) * (1.0 - seen_jerk(past));
+        past.unseen_velocity
+            + past.unseen_rate * p.lever_arm().norm_squared()
+            + 0.5 * smoothing * smoothing * past.jerk_mps3.norm_squared()
+    }
+
+    /// What receiver and antenna add to INS minus GNSS.
+    fn shown_directly<'a>(&self, past: &'a Past, measured: Measured) -> Direct<'a> {
+        let arm_m = self.parameters.lever_arm();
+        Direct {
+            arm_m,
+            by_latency: by_latency(past, measured, &arm_m),
+            by_smoothing: by_smoothing(past, measured, &arm_m),
+            by_lever: by_lever(past, measured),
+        }
+    }
+
+    /// INS minus GNSS as the parameters would have it.
+    fn predicted(
+        &self,
+        direct: &Direct<'_>,
+        measured: Measured,
+        difference: &Difference,
+    ) -> Vector3<f64> {
+        let p = &self.parameters;
+        let latency = p.value(index::LATENCY) + self.unsolved_s * p.value(index::CLOCK_DRIFT);
+        let late = direct.by_latency * (latency - difference.latency_applied_s);
+        let smoothed = direct.by_smoothing * p.value(index::SMOOTHING);
+        self.followed.shows(measured) + late + smoothed - direct.by_lever * direct.arm_m
+    }
+
+    /// What a unit of each parameter more would add to that.
+    fn shown_by(&self, direct: &Direct<'_>, measured: Measured) -> [Vector3<f32>; COUNT] {
+        let mut by = [Vector3::zeros(); COUNT];
+        let shown = self.responses.iter().take(self.corrections.count());
+        for (by, response) in by.iter_mut().zip(shown) {
+            *by = response.shows(measured);
+        }
+        let by_latency = singles(&direct.by_latency);
+        let by_lever = direct.by_lever.map(math::single);
+        let mut add = |which: usize, more: Vector3<f32>| {
+            if let Some(by) = by.get_mut(which) {
+                *by += more;
+            }
+        };
+        add(index::LATENCY, by_latency);
+        add(
+            index::CLOCK_DRIFT,
+            by_latency * math::single(self.unsolved_s),
+        );
+        for axis in 0..3 {
+            add(index::LEVER_ARM + axis, -by_lever.column(axis));
+        }
+        add(index::SMOOTHING, singles(&direct.by_smoothing));
+        by
+    }
+
+    /// What is assumed of the noise of GNSS velocity, as strong as configured.
+    pub fn velocity_noise(&self, config: &Config) -> Noise {
+        let [velocity, ..] = &self.colours;
+        let noise = config.gnss.velocity_mps;
+        Noise {
+            correlated: noise.correlated * math::sqrt(velocity.ratio()),
+            ..noise
+        }
+    }
+}
+
+/// What a unit of latency and of smoothing adds to INS minus GNSS, and of the arm takes from it, with the
+/// antenna on that arm.
+struct Direct<'a> {
+    arm_m: Vector3<f64>,
+    by_latency: Vector3<f64>,
+    by_smoothing: Vector3<f64>,
+    by_lever: &'a Matrix3<f64>,
+}
+
+/// What a unit of latency adds to INS minus GNSS, with the antenna on such an arm `l`: by `C l` it is
+/// away from the sensors, and by the derivatives of that it moves otherwise. What swings on an arm of
+/// metres is felt in these more than in what the sensors do.
+fn by_latency(past: &Past, measured: Measured, arm_m: &Vector3<f64>) -> Vector3<f64> {
+    match measured {
+        Measured::Velocity => past.accel_mps2 + past.attitude_accel * arm_m,
+        Measured::Position => past.velocity_mps + past.attitude_rate * arm_m,
+    }
+}
+
+/// What a unit of each component of that arm takes from it.
+fn by_lever(past: &Past, measured: Measured) -> &Matrix3<f64> {
+    match measured {
+        Measured::Velocity => &past.attitude_rate,
+        Measured::Position => &past.attitude,
+    }
+}
+
+/// What a unit of smoothing adds to INS minus GNSS: a mean over times of variance `s` lies by
+/// `s / 2` times the second derivative off.
+fn by_smoothing(past: &Past, measured: Measured, arm_m: &Vector3<f64>) -> Vector3<f64> {
+    -0.5 * match measured {
+        Measured::Velocity => seen_jerk(past) * past.jerk_mps3,
+        Measured::Position => by_latency(past, Measured::Velocity, arm_m),
+    }
+}
+
+/// Part of the jerk that is the vehicle's, and not what swings faster than the ring leave in it:
+/// they show in the fixes as well, and would be taken for smoothing.
+fn seen_jerk(past: &Past) -> f64 {
+    let jerk = past.jerk_mps3.norm_squared();
+    jerk / (jerk + SWING_PER_S4 * past.unseen_velocity + 1e-9)
+}

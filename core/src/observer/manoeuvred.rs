@@ -1,0 +1,34 @@
+//! What is off in proportion to a manoeuvre, and gone with it.
+
+use nalgebra::Vector3;
+
+use crate::math::{self, singles};
+
+/// How long an error of scale or misalignment that a manoeuvre has caused is told from others, s:
+/// then the observer has taken it for a tilt.
+const MANOEUVRE_S: f64 = 10.0;
+
+/// An error that grows with a vector and is gone when the vector is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Manoeuvred {
+    vector: Vector3<f32>,
+    /// Square of it that is accounted for.
+    square: f32,
+}
+
+impl Manoeuvred {
+    /// By how much its square grows over a span that adds `change`, beyond what is accounted for:
+    /// swinging to and fro adds nothing.
+    pub fn grow(&mut self, change: &Vector3<f64>, seconds: f64) -> f64 {
+        let keep = math::single(1.0 / (1.0 + seconds / MANOEUVRE_S));
+        self.vector = self.vector * keep + singles(change);
+        self.square *= keep * keep;
+        let growth = self.vector.norm_squared() - self.square;
+        if growth <= 0.0 {
+            return 0.0;
+        }
+        self.square += growth;
+        f64::from(growth)
+    }
+}

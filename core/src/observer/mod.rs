@@ -1,0 +1,396 @@
+//! The exact form of the compensation estimators: every control undone, all parameters jointly.
+//!
+//! Equation (6) of the thesis drops `K1 dV` and `dV'`, so (7) and (8) depend on the loop. Nothing
+//! need be dropped, since every control is known. An observer follows the error of the damped INS
+//! by the exact (1)-(2), `dV' = f x Phi + C df`, `Phi' = -w_in x Phi - C dw`, with the controls as
+//! known inputs: its innovations do not depend on the loops. They are linear in corrections to
+//! the parameters, through the error that a unit of each would cause, which the observer follows
+//! in the same way.
+//! With gains at the noise optimum the innovations are white, so plain least squares over them
+//! is what a Kalman filter with all parameters in its state would find (Friedland's separate-bias
+//! estimation, IEEE TAC 14, 1969); with parameters that walk, see `Observer::let_walk`.
+
+mod doubt;
+mod fix;
+mod level;
+mod manoeuvred;
+mod passage;
+mod spread;
+
+use nalgebra::{SVector, Vector3};
+
+use self::manoeuvred::Manoeuvred;
+use crate::channel::Channel;
+use crate::colour::{self, Colour, Sensitivity};
+use crate::config::Config;
+use crate::constancy::Constancy;
+use crate::error_model::InsError;
+use crate::followed::{Followed, UNIT_RESPONSES};
+use crate::innovations::{Doubts, Innovations, StatedNoise, Surprise};
+use crate::jump::Jump;
+use crate::least_squares::LeastSquares;
+use crate::math::{self, singles};
+use crate::measurement::Kind;
+use crate::parameters::{AGREES_SIGMAS, COUNT, PAIRS, Parameters, index};
+use crate::process_noise::ProcessNoise;
+use crate::time::Time;
+
+/// One number for each parameter.
+type Row = SVector<f32, COUNT>;
+
+/// Time over which the level attitude of the mount is averaged at first, s: some manoeuvres.
+const FIRST_LEVEL_S: f64 = 30.0;
+/// Heights on Earth, above and below where an INS begins that has not been told one, m.
+const UNKNOWN_HEIGHT_M: f64 = 9000.0;
+
+/// Before anything has moved.
+const CONSTANT: [Constancy; COUNT] = [Constancy::NEW; COUNT];
+
+/// Observer of the INS error and running least squares of the parameters behind it.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Observer {
+    /// As it is at the horizon with the parameters as they are known. The azimuth error is the
+    /// first parameter.
+    followed: Followed<f64>,
+    /// What a unit of each parameter more would make of it.
+    responses: [Followed<f32>; COUNT],
+    level: Channel,
+    vertical: Channel,
+    innovations: [Innovations; 4],
+    stated: [StatedNoise; 4],
+    colours: [Colour; 4],
+    /// To how strong that of heights is.
+    height_sensitivity: Sensitivity,
+    gyro_noise: ProcessNoise,
+    surprise: Surprise,
+    /// The same of the vertical, which goes wrong on its own.
+    vertical_surprise: Surprise,
+    doubts: Doubts,
+    vertical_doubts: Doubts,
+    azimuth_jump: Jump,
+    /// Corrections to the parameters.
+    corrections: LeastSquares<COUNT, PAIRS>,
+    /// Last solution; the latency is that of its moment.
+    parameters: Parameters,
+    /// Specific force in the body at the level attitude of the mount, m/s^2.
+    level_force_mps2: Vector3<f64>,
+    gravity_mps2: f64,
+    /// Time over which that is averaged, s.
+    levelled_s: f64,
+    /// How far up, and what is felt as up, are off its direction, body, on the mean of some manoeuvres.
+    lately: [Vector3<f64>; 2],
+    /// Whose spread is due next, and what the spreads of the parameters add to the variance of the
+    /// INS error.
+    next_spread: u8,
+    added: InsError<f32>,
+    /// How each parameter moves, and what is to be given back of the one whose turn it is.
+    constancy: [Constancy; COUNT],
+    given_back: Option<f32>,
+    /// Since the horizon that the last solution was for, s; before it since the one before; and the
+    /// azimuth's walk since then, rad^2.
+    unsolved_s: f64,
+    elapsed_s: f64,
+    azimuth_walk: f64,
+    /// The vertical in the body at the horizon, what is felt as that, how far it was tipped, and
+    /// velocity pulled, ENU.
+    up: Vector3<f64>,
+    felt: Vector3<f64>,
+    tipped: Manoeuvred,
+    pulled: Manoeuvred,
+    horizon: Time,
+    last_level: Time,
+    last_vertical: Time,
+    /// When the biases of each axis last walked.
+    walked: [Time; 3],
+}
+
+impl Observer {
+    /// Starts on a level of some spread and with a vertical velocity of some variance;
+    /// `level_force_mps2` is the specific force felt there, body. What is believed of the parameters
+    /// comes by [`Self::believe`].
+    pub fn new(
+        start: Time,
+        tilt_sigma_rad: f64,
+        climb_variance: f64,
+        level_force_mps2: Vector3<f64>,
+        config: &Config,
+    ) -> Self {
+        let gnss = &config.gnss;
+        let level = Channel::new(
+            tilt_sigma_rad * tilt_sigma_rad,
+            &gnss.velocity_mps,
+            &gnss.position_m,
+        );
+        let mut vertical = Channel::new(0.0, &gnss.velocity_up_mps, &gnss.height_m);
+        vertical.doubt(climb_variance, 0.0);
+        vertical.doubt_position(UNKNOWN_HEIGHT_M * UNKNOWN_HEIGHT_M);
+        Self {
+            followed: Followed::zero(),
+            responses: UNIT_RESPONSES,
+            level,
+            vertical,
+            innovations: [Innovations::default(); 4],
+            stated: [StatedNoise::default(); 4],
+            colours: Kind::ALL.map(|kind| {
+                let known = if kind == Kind::Height {
+                    colour::CONFIGURED
+                } else {
+                    colour::CONFIGURED_ONCE
+                };
+                Colour::new(start, known)
+            }),
+            height_sensitivity: Sensitivity::NONE,
+            gyro_noise: ProcessNoise::CONFIGURED,
+            surprise: Surprise::default(),
+            vertical_surprise: Surprise::default(),
+            doubts: Doubts::default(),
+            vertical_doubts: Doubts::default(),
+            azimuth_jump: Jump::default(),
+            corrections: LeastSquares::NOTHING,
+            parameters: Parameters::NONE,
+            level_force_mps2,
+            levelled_s: FIRST_LEVEL_S,
+            lately: [Vector3::zeros(); 2],
+            next_spread: 0,
+            added: InsError::zero(),
+            constancy: CONSTANT,
+            given_back: None,
+            unsolved_s: 0.0,
+            elapsed_s: 0.0,
+            azimuth_walk: 0.0,
+            gravity_mps2: level_force_mps2.norm(),
+            up: level_force_mps2.normalize(),
+            felt: level_force_mps2.normalize(),
+            tipped: Manoeuvred::default(),
+            pulled: Manoeuvred::default(),
+            horizon: start,
+            last_level: start,
+            last_vertical: start,
+            walked: [start; 3],
+        }
+    }
+
+    /// Takes over what is believed of the parameters, before anything else.
+    pub fn believe(&mut self, prior: &Parameters) {
+        self.parameters = *prior;
+        self.corrections = LeastSquares::from_prior(&prior.sigma);
+        self.followed.error.tilt_rad.z = prior.value(index::AZIMUTH);
+        let azimuth = prior.sigma(index::AZIMUTH);
+        self.added.tilt_rad.z = math::single(azimuth * azimuth);
+    }
+
+    /// The moment it stands at.
+    pub fn horizon(&self) -> Time {
+        self.horizon
+    }
+
+    /// The error of the INS at the horizon.
+    pub fn error(&self) -> &InsError {
+        &self.followed.error
+    }
+
+    /// What is known of the parameters.
+    pub fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    /// Specific force in the body at the level attitude of the mount, m/s^2.
+    pub fn level_force_mps2(&self) -> &Vector3<f64> {
+        &self.level_force_mps2
+    }
+
+    /// How the level innovations compare with what they should be, and the vertical ones.
+    pub fn surprise(&self) -> (&Surprise, &Surprise) {
+        (&self.surprise, &self.vertical_surprise)
+    }
+
+    /// Makes azimuth and latency those of the horizon: the first of the pieces that end with a
+    /// solution. Time that passes between them is the next solution's.
+    #[inline(never)]
+    pub fn come_to_horizon(&mut self) {
+        self.come_to_now();
+        self.elapsed_s = self.unsolved_s;
+        self.unsolved_s = 0.0;
+    }
+
+    /// Lets the azimuth have walked.
+    #[inline(never)]
+    pub fn let_azimuth_walk(&mut self) {
+        let known = self.parameters.sigma(index::AZIMUTH);
+        let known = known * known + self.azimuth_walk;
+        if let Some(jump) = self.azimuth_jump.square(known, self.inflation()) {
+            self.azimuth_walk += jump;
+            self.doubts.note(self.horizon);
+        }
+        self.let_walk(index::AZIMUTH, math::single(self.azimuth_walk));
+        self.azimuth_walk = 0.0;
+    }
+
+    /// Lets the biases of one axis have walked, that of which they last did longest ago.
+    #[inline(never)]
+    pub fn let_biases_walk(&mut self, config: &Config) {
+        let walked = self.walked.iter_mut().enumerate();
+        let Some((axis, last)) = walked.min_by_key(|(_, last)| **last) else {
+            return;
+        };
+        let seconds = self.horizon.seconds_since(*last);
+        *last = self.horizon;
+        let s = &config.sensors;
+        for (first, walk) in [
+            (index::GYRO, s.gyro_bias_walk),
+            (index::ACCEL, s.accel_bias_walk),
+        ] {
+            self.let_walk(first + axis, math::single(walk * walk * seconds));
+        }
+    }
+
+    /// Lets each of three parameters have walked by a variance.
+    pub(super) fn let_three_walk(&mut self, first: usize, variance: f64) {
+        for which in first..first + 3 {
+            self.let_walk(which, math::single(variance));
+        }
+    }
+
+    /// Solves for the parameters.
+    #[inline(never)]
+    pub fn solve(&mut self) {
+        let corrections = self.corrections.solve();
+        self.corrections.count_from_solution();
+        let mut total = Followed::<f64>::zero();
+        let responses = estimated(&mut self.responses, &self.corrections);
+        for (response, by) in responses.iter().zip(&corrections) {
+            total.add_scaled(&response.double(), f64::from(*by));
+        }
+        self.followed.add_scaled(&total, 1.0);
+        self.parameters.value += corrections.map(f64::from);
+        for (constancy, by) in self.constancy.iter_mut().zip(&corrections) {
+            constancy.moved(*by);
+        }
+    }
+
+    /// Makes azimuth and latency those of the horizon, where the other parameters have moved them.
+    fn come_to_now(&mut self) {
+        let azimuth = Row::from_fn(|which, _| match self.responses.get(which) {
+            Some(response) if which != index::AZIMUTH => response.error.tilt_rad.z,
+            _ => 0.0,
+        });
+        self.carry_forward(index::AZIMUTH, &azimuth);
+        let responses = estimated(&mut self.responses, &self.corrections);
+        for (response, unit) in responses.iter_mut().zip(&UNIT_RESPONSES) {
+            response.error.tilt_rad.z = unit.error.tilt_rad.z;
+        }
+        let mut latency = Row::zeros();
+        if let Some(drift) = latency.get_mut(index::CLOCK_DRIFT) {
+            *drift = math::single(self.unsolved_s);
+        }
+        let before = self.corrections.variance(index::LATENCY);
+        self.carry_forward(index::LATENCY, &latency);
+        let drifted = self.corrections.variance(index::LATENCY) - before;
+        if let Some(constancy) = self.constancy.get_mut(index::LATENCY) {
+            constancy.walked(drifted);
+        }
+        let p = &mut self.parameters;
+        p.shift(
+            index::LATENCY,
+            self.unsolved_s * p.value(index::CLOCK_DRIFT),
+        );
+    }
+
+    /// Makes parameter `which` that of now, where it is greater by `by` times the later ones.
+    pub(super) fn carry_forward(&mut self, which: usize, by: &Row) {
+        self.corrections.redefine(which, by);
+        let Some(own) = self.responses.get(which).copied() else {
+            return;
+        };
+        for (response, by) in self.responses.iter_mut().zip(by) {
+            if *by != 0.0 {
+                response.add_scaled(&own, -by);
+            }
+        }
+    }
+
+    /// Lets a parameter have walked by a variance.
+    ///
+    /// What the INS shows of it was caused by what it was before. That is what it is now less the
+    /// step, of which the least squares know a part: the rest is noise of the INS (Hsieh and Chen,
+    /// Optimal solution of the two-stage Kalman estimator, IEEE TAC 44, 1999).
+    pub(super) fn let_walk(&mut self, which: usize, variance: f32) {
+        if let (Some(step), Some(mut caused)) = (
+            self.corrections.diffuse(which, variance),
+            self.responses.get(which).copied(),
+        ) {
+            if which == index::AZIMUTH {
+                // The platform has turned with it.
+                caused.error.tilt_rad.z = 0.0;
+            }
+            for (response, by) in self.responses.iter_mut().zip(&step.by) {
+                response.add_scaled(&caused, *by);
+            }
+            let caused = caused.double();
+            self.followed.add_scaled(&caused, -f64::from(step.z));
+            let variance = f64::from(step.variance);
+            for axis in 0..2 {
+                self.level.doubt_along(&caused.states(axis), 0.5 * variance);
+            }
+            self.vertical.doubt_along(&caused.states(2), variance);
+        }
+        if let Some(constancy) = self.constancy.get_mut(which) {
+            constancy.walked(variance);
+        }
+    }
+
+    /// Latency `seconds` before the horizon and its spread, s.
+    pub fn latency_before(&self, seconds: f64) -> (f64, f64) {
+        let mut coefficients = Row::zeros();
+        if let Some(now) = coefficients.get_mut(index::LATENCY) {
+            *now = 1.0;
+        }
+        if let Some(drift) = coefficients.get_mut(index::CLOCK_DRIFT) {
+            *drift = -math::single(seconds);
+        }
+        let p = &self.parameters;
+        let value = p.value(index::LATENCY) - seconds * p.value(index::CLOCK_DRIFT);
+        let variance = f64::from(self.corrections.variance_of(coefficients.into()));
+        let inflation = self.inflation_of(index::LATENCY);
+        (value, math::sqrt(variance * inflation))
+    }
+
+    /// Takes a measured azimuth error that is off by `residual` of what it should be; whether it is
+    /// credible.
+    pub fn take_azimuth(&mut self, residual_rad: f64, sigma_rad: f64) -> bool {
+        let by: [f32; COUNT] = core::array::from_fn(|which| {
+            self.responses
+                .get(which)
+                .map_or(0.0, |r| r.error.tilt_rad.z)
+        });
+        let noise = sigma_rad * sigma_rad;
+        let own =
+            f64::from(self.corrections.variance_of(by)) * self.inflation() + self.azimuth_walk;
+        if residual_rad * residual_rad > AGREES_SIGMAS * AGREES_SIGMAS * (own + noise) {
+            return false;
+        }
+        let mut row = by.map(|by| [by]);
+        self.corrections.add(
+            &mut row,
+            [math::single(residual_rad)],
+            [math::single(1.0 / noise)],
+        );
+        true
+    }
+
+    /// Adds a direct measurement of three parameters from `first` on, other than the azimuth.
+    pub fn measure_directly(&mut self, first: usize, value: &Vector3<f64>, variance: f64) {
+        let corrections = singles(&(value - self.parameters.vector(first)));
+        self.corrections
+            .add_direct(first, corrections.into(), math::single(variance));
+    }
+}
+
+/// The responses to the parameters that are not known exactly.
+fn estimated<'a>(
+    responses: &'a mut [Followed<f32>; COUNT],
+    parameters: &LeastSquares<COUNT, PAIRS>,
+) -> &'a mut [Followed<f32>] {
+    responses.get_mut(..parameters.count()).unwrap_or_default()
+}

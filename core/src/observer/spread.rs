@@ -1,0 +1,157 @@
+//! How well all is known.
+
+use nalgebra::{Vector2, Vector3};
+
+use super::Observer;
+use crate::config::Config;
+use crate::constancy::Constancy;
+use crate::earth::GRAVITY_EQUATOR_MPS2;
+use crate::math;
+use crate::measurement::Kind;
+use crate::parameters::{COUNT, index};
+use crate::solution::SolutionSigma;
+
+/// Gravity falls by this with height, `2 g / R`, 1/s^2.
+const GRADIENT_PER_S2: f64 = 3.1e-6;
+/// Components of the INS error.
+const COMPONENTS: usize = 9;
+
+impl Observer {
+    /// Variance of the tilt that scale errors and misalignments of the gyros leave in turns about
+    /// the vertical, along each body axis, rad^2. Gyros that read `p` of such a turn in a level
+    /// direction tilt the platform by as much, and the level accelerometers seem biased by `-g p`:
+    /// turns never tell one from the other, so it is neither estimated nor forgotten. With scale
+    /// errors `s`, `p_k = u_k (s_k - sum s_j u_j^2)` on a unit whose up axis is `u`.
+    pub fn unseen_tilt(&self, config: &Config) -> Vector3<f64> {
+        let s = &config.sensors;
+        let u2 = self
+            .level_force_mps2
+            .map(|f| (f / GRAVITY_EQUATOR_MPS2) * (f / GRAVITY_EQUATOR_MPS2));
+        let u4 = u2.norm_squared();
+        let misaligned = s.misalignment_rad * s.misalignment_rad;
+        u2.map(|u2| {
+            let scale = s.gyro_scale * s.gyro_scale * u2 * math::max(1.0 - 2.0 * u2 + u4, 0.0);
+            scale + misaligned * math::max(1.0 - u2, 0.0)
+        })
+    }
+
+    /// What else the biases of the accelerometers may hold, as a variance along each body axis,
+    /// `(m/s^2)^2`: `g` times that tilt, and the gravity of a height that is not known.
+    pub fn unseen_accel(&self, config: &Config) -> Vector3<f64> {
+        let tilted = GRAVITY_EQUATOR_MPS2 * GRAVITY_EQUATOR_MPS2;
+        let up = self.level_force_mps2 / GRAVITY_EQUATOR_MPS2;
+        let lighter = GRADIENT_PER_S2 * GRADIENT_PER_S2 * self.vertical.position();
+        self.unseen_tilt(config) * tilted + up.component_mul(&up) * lighter
+    }
+
+    /// Spread of position, velocity and attitude, ENU, `seconds` after the horizon.
+    pub fn sigma(&self, seconds: f64, config: &Config) -> SolutionSigma {
+        let unseen = 0.5 * self.unseen_tilt(config).sum();
+        let (level, up) = (&self.level, &self.vertical);
+        let sigma = |level: f64, up: f64, added: &Vector3<f32>| {
+            (Vector3::new(level, level, up) + added.map(f64::from) * self.inflation())
+                .map(math::sqrt)
+        };
+        let Self { added, .. } = self;
+        let attitude_rad = sigma(level.tilt() + unseen, self.azimuth_walk, &added.tilt_rad);
+        let mut velocity_mps = sigma(level.velocity(), up.velocity(), &added.velocity_mps);
+        let mut position_m = sigma(level.position(), up.position(), &added.position_m);
+        // A tilt pulls, and a velocity moves, the same way all the time.
+        let pulled = GRAVITY_EQUATOR_MPS2 * seconds * attitude_rad;
+        let grown =
+            |at_horizon: f64, since: f64| math::sqrt(at_horizon * at_horizon + since * since);
+        position_m = position_m.zip_map(&(velocity_mps * seconds), grown);
+        velocity_mps = velocity_mps.zip_map(&Vector3::new(pulled.y, pulled.x, 0.0), grown);
+        // Either of the two is wrong.
+        let [velocity, climb, position, height] =
+            (self.innovations.each_ref()).map(|kind| kind.disputed(self.horizon));
+        let of = |own: [Vector2<f64>; 2], way: [Vector2<f64>; 2], kind: Kind| {
+            if self.goes_on(kind) { own[0] } else { way[1] }
+        };
+        let level = of(velocity, position, Kind::Velocity);
+        let up = of(climb, height, Kind::Climb);
+        velocity_mps = velocity_mps.zip_map(&level.push(up.x), grown);
+        position_m = position_m.zip_map(&position[0].push(height[0].x), grown);
+        SolutionSigma {
+            position_m,
+            velocity_mps,
+            attitude_rad,
+        }
+    }
+
+    /// Spread of roll and pitch, rad, with all parameters known.
+    pub fn tilt_sigma_rad(&self) -> f64 {
+        math::sqrt(self.level.tilt())
+    }
+
+    /// Brings one spread up to date, each in its turn: of the parameters, and of what they add to
+    /// the components of the INS error.
+    #[inline(never)]
+    pub fn spread_next(&mut self) {
+        let turn = usize::from(self.next_spread);
+        let which = turn / 2;
+        if let Some(more) = self.given_back.take() {
+            self.let_walk(which, more);
+        } else if turn % 2 == 0 {
+            self.add_up(which % COMPONENTS);
+        } else {
+            self.look_at(which);
+        }
+        // To give something back is a piece of work of its own.
+        if self.given_back.is_none() {
+            self.next_spread = if turn + 1 < 2 * COUNT {
+                self.next_spread + 1
+            } else {
+                0
+            };
+        }
+    }
+
+    /// The spread of a parameter, and whether it moves as that says. The azimuth moves with the
+    /// others, and walks as the gyros do.
+    fn look_at(&mut self, which: usize) {
+        if which >= self.corrections.count() {
+            return;
+        }
+        let variance = self.corrections.variance(which);
+        let sigma = math::sqrt(f64::from(variance) * self.inflation_of(which));
+        let value = self.parameters.value(which);
+        self.parameters.set(which, value, sigma);
+        if let Some(constancy) = self.constancy.get_mut(which)
+            && which != index::AZIMUTH
+        {
+            self.given_back = constancy.look(variance);
+        }
+    }
+
+    /// What the spreads of the parameters add to the variance of one component.
+    fn add_up(&mut self, component: usize) {
+        let by: [f32; COUNT] = core::array::from_fn(|which| {
+            self.responses
+                .get(which)
+                .and_then(|response| response.error.component(component))
+                .copied()
+                .unwrap_or(0.0)
+        });
+        let variance = self.corrections.variance_of(by);
+        if let Some(added) = self.added.component_mut(component) {
+            *added = variance;
+        }
+    }
+
+    /// Factor by which colour that the model does not hold makes variances too small.
+    pub(super) fn inflation(&self) -> f64 {
+        let [velocity, _, position, _] = &self.innovations;
+        if velocity.has_learnt() {
+            velocity.inflation()
+        } else {
+            position.inflation()
+        }
+    }
+
+    /// The same, and by what it moves more than it should.
+    pub(super) fn inflation_of(&self, which: usize) -> f64 {
+        let own = self.constancy.get(which).map_or(1.0, Constancy::inflation);
+        self.inflation() * own
+    }
+}
