@@ -87,11 +87,7 @@ mod alignment;
 pub mod attitude;
 mod calibration;
 mod channel;
-mod colour;
-mod comparison;
-mod compensation;
 pub mod config;
-mod constancy;
 pub mod damping;
 #[cfg(test)]
 #[path = "../tests/unit/deviates.rs"]
@@ -99,13 +95,10 @@ mod deviates;
 pub mod earth;
 mod error_model;
 mod estimate;
-mod estimator;
-mod followed;
 mod health;
 mod history;
 pub mod increments;
 mod innovations;
-mod jump;
 mod least_squares;
 #[cfg(feature = "literal")]
 pub mod literal;
@@ -117,12 +110,10 @@ mod navigator;
 mod observer;
 mod outcome;
 mod parameters;
-mod process_noise;
 mod ring;
 mod samples;
 mod solution;
 mod time;
-mod vertical_sign;
 
 pub use alignment::rest;
 pub use calibration::{Calibration, Known};

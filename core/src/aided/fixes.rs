@@ -3,13 +3,13 @@
 
 use nalgebra::Vector3;
 
+use super::comparison::{Comparison, Part, Step};
+use super::estimator::Estimator;
 use super::{AidedIns, HOLD_S};
-use crate::comparison::{Comparison, Part, Step};
 use crate::config::{Config, Feedback, Noise};
 use crate::damping::{self, Differences};
 use crate::earth::Geodetic;
 use crate::error_model::InsError;
-use crate::estimator::Estimator;
 use crate::health::Tally;
 use crate::history::{Missing, Past};
 #[cfg(feature = "literal")]

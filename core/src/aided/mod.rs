@@ -1,21 +1,26 @@
 //! The aided INS: mechanization under the damping controls, compared with GNSS at the moments of
 //! the fixes, with the estimators on top and their results taken out of the readings.
 
+mod comparison;
+mod compensation;
+mod estimator;
 mod fixes;
+mod vertical_sign;
 
 use nalgebra::Vector3;
 
+use self::comparison::Comparison;
+use self::compensation::Compensation;
+use self::estimator::Estimator;
+use self::vertical_sign::VerticalSign;
 use crate::alignment::Aligned;
 use crate::alignment::rest::{self, RestBlock, RestDetector, Verdict as RestVerdict};
 use crate::attitude::matrix;
-use crate::comparison::Comparison;
-use crate::compensation::Compensation;
 use crate::config::{Config, Feedback, Noise};
 use crate::damping::DampingSignals;
 use crate::earth::{GRAVITY_EQUATOR_MPS2, wrap_pi};
 use crate::error_model::InsError;
 use crate::estimate::Estimates;
-use crate::estimator::Estimator;
 use crate::health::Tally;
 use crate::history::{History, Missing, Span, Wobble};
 use crate::increments::Interval;
@@ -28,7 +33,6 @@ use crate::ring::Ring;
 use crate::samples::{GnssFix, Heading};
 use crate::solution::{Phase, Solution, SolutionSigma};
 use crate::time::Time;
-use crate::vertical_sign::{self, VerticalSign};
 
 /// Fixes that may wait for their moment.
 const PENDING: usize = 10;

@@ -2,12 +2,12 @@
 
 use nalgebra::Vector3;
 
+use super::jump::Jump;
 use super::{Observer, estimated};
 use crate::channel::Channel;
 use crate::config::Config;
 use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::innovations::{LOST_S, Surprise};
-use crate::jump::Jump;
 use crate::math::{self, singles};
 use crate::measurement::Kind;
 use crate::parameters::index;

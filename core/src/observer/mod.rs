@@ -10,29 +10,34 @@
 //! is what a Kalman filter with all parameters in its state would find (Friedland's separate-bias
 //! estimation, IEEE TAC 14, 1969); with parameters that walk, see `Observer::let_walk`.
 
+mod colour;
+mod constancy;
 mod doubt;
 mod fix;
+mod followed;
+mod jump;
 mod level;
 mod manoeuvred;
 mod passage;
+mod process_noise;
 mod spread;
 
 use nalgebra::{SVector, Vector3};
 
+use self::colour::{Colour, Sensitivity};
+use self::constancy::Constancy;
+use self::followed::{Followed, UNIT_RESPONSES};
+use self::jump::Jump;
 use self::manoeuvred::Manoeuvred;
+use self::process_noise::ProcessNoise;
 use crate::channel::Channel;
-use crate::colour::{self, Colour, Sensitivity};
 use crate::config::Config;
-use crate::constancy::Constancy;
 use crate::error_model::InsError;
-use crate::followed::{Followed, UNIT_RESPONSES};
 use crate::innovations::{Doubts, Innovations, StatedNoise, Surprise};
-use crate::jump::Jump;
 use crate::least_squares::LeastSquares;
 use crate::math::{self, singles};
 use crate::measurement::Kind;
 use crate::parameters::{AGREES_SIGMAS, COUNT, PAIRS, Parameters, index};
-use crate::process_noise::ProcessNoise;
 use crate::time::Time;
 
 /// One number for each parameter.

@@ -2,9 +2,9 @@
 
 use nalgebra::Vector3;
 
+use super::colour::Colour;
 use super::{Observer, estimated};
 use crate::channel::{Growth, Renewal};
-use crate::colour::Colour;
 use crate::config::{Config, Noise};
 use crate::error_model::{Forcing, InsError, Passage, for_each_input, level_and_up};
 use crate::history::Span;

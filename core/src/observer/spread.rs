@@ -3,8 +3,8 @@
 use nalgebra::{Vector2, Vector3};
 
 use super::Observer;
+use super::constancy::Constancy;
 use crate::config::Config;
-use crate::constancy::Constancy;
 use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::math;
 use crate::measurement::Kind;

@@ -4,9 +4,11 @@
 use nalgebra::{Matrix2, Vector2};
 
 use crate::channel::Renewal;
-use crate::colour::{CONFIGURED as CONFIGURED_INFORMATION, CONFIGURED_ONCE, Colour, Sensitivity};
 use crate::config::Noise;
 use crate::deviates::Deviates;
+use crate::observer::colour::{
+    CONFIGURED as CONFIGURED_INFORMATION, CONFIGURED_ONCE, Colour, Sensitivity,
+};
 use crate::time::Time;
 
 const CONFIGURED: Noise = Noise {

@@ -1,8 +1,8 @@
 //! An estimate whose moves are held against what it has become known by.
 #![allow(clippy::disallowed_methods)]
 
-use crate::constancy::Constancy;
 use crate::deviates::Deviates;
+use crate::observer::constancy::Constancy;
 
 /// Mean square of error over sigma, and mean sigma, of 400 estimates of a value that walks by
 /// `walk` a second, from a measurement a second with white noise of one for ten minutes, by an

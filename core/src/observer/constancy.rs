@@ -134,5 +134,5 @@ impl Constancy {
 }
 
 #[cfg(test)]
-#[path = "../tests/unit/constancy.rs"]
+#[path = "../../tests/unit/constancy.rs"]
 mod tests;

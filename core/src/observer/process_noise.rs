@@ -103,5 +103,5 @@ impl ProcessNoise {
 }
 
 #[cfg(test)]
-#[path = "../tests/unit/process_noise.rs"]
+#[path = "../../tests/unit/process_noise.rs"]
 mod tests;

@@ -76,5 +76,5 @@ impl Jump {
 }
 
 #[cfg(test)]
-#[path = "../tests/unit/jump.rs"]
+#[path = "../../tests/unit/jump.rs"]
 mod tests;

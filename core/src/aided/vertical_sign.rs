@@ -111,5 +111,5 @@ pub fn unsigned(up_mps: f64, config: &Config) -> f64 {
 }
 
 #[cfg(test)]
-#[path = "../tests/unit/vertical_sign.rs"]
+#[path = "../../tests/unit/vertical_sign.rs"]
 mod tests;

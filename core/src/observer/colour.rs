@@ -150,5 +150,5 @@ impl Colour {
 }
 
 #[cfg(test)]
-#[path = "../tests/unit/colour.rs"]
+#[path = "../../tests/unit/colour.rs"]
 mod tests;
