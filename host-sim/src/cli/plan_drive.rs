@@ -12,7 +12,6 @@ use crate::identify::error_model::Record;
 use crate::page::progress::{bar, spinner};
 use crate::plan_drive::output::{PLAN, Report};
 use crate::plan_drive::{Plan, Target};
-use crate::rehearse::settings::rate_hz;
 
 /// Options of `plan-drive`.
 #[derive(Debug, Args)]
@@ -58,8 +57,7 @@ fn added_to(log: &Path, target: &Target, seed: u64) -> Result<(Plan, (String, Ve
     let analysis = Analysis::of_log(log, target.unit.class, &bar())?;
     let records = [Record::new(&analysis.log, &analysis.found)];
     let model = error_model_of(&records, analysis.summary.grade, None).model();
-    let imu_hz = rate_hz(&analysis.log);
-    let plan = (target.added_to(&analysis, model, imu_hz, seed, &spinner("planning")))
+    let plan = (target.added_to(&analysis, model, seed, &spinner("planning")))
         .wrap_err_with(|| log.display().to_string())?;
     let summary = analysis.summary;
     Ok((plan, (summary.log, summary.verdict.lines())))

@@ -28,7 +28,7 @@ use crate::rehearse::flight::Told;
 use crate::rehearse::flight::World;
 use crate::rehearse::output;
 use crate::rehearse::run::{lines, run};
-use crate::rehearse::settings::{Drives, rate_hz};
+use crate::rehearse::settings::Drives;
 use crate::rehearse::settings::{Rehearsal, Settings};
 use crate::rehearse::subject::{AT_HAND, Subject};
 use crate::rehearse::summary::Summary;
@@ -276,7 +276,7 @@ fn settings(
 fn recorded_noise(path: &Path, imu_hz: u32) -> Result<RecordedNoise> {
     let (log, warnings) = import::open(path)?;
     LogError::tell(&warnings);
-    let (own_hz, wanted_hz) = (rate_hz(&log), f64::from(imu_hz));
+    let (own_hz, wanted_hz) = (log.imu_rate_hz(), f64::from(imu_hz));
     if (own_hz / wanted_hz - 1.0).abs() > 0.02 {
         bail!(
             help = "noise of the same unit at the same rate",

@@ -34,7 +34,6 @@ impl Target {
         &self,
         analysis: &Analysis,
         mut model: ErrorModel,
-        imu_hz: f64,
         seed: u64,
         progress: &ProgressBar,
     ) -> Result<Plan> {
@@ -48,7 +47,7 @@ impl Target {
         let model = (self.with_errors(&model)).map_err(|error| miette!("[errors]: {error}"))?;
         let so_far = || (navigator.clone(), log.duration_s());
         let start = drives(seed, |seed, driver| {
-            Bench::after(so_far(), &model, imu_hz, seed, driver)
+            Bench::after(so_far(), &model, log.imu_rate_hz(), seed, driver)
         })?;
         Ok(self.search(log.meta.body_axes).plan(start, progress))
     }

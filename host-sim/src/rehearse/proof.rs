@@ -14,7 +14,6 @@ use serde::Serialize;
 use super::output::shown;
 use super::replay::Replay;
 use super::run::{HEADING, POSITION, QUANTITIES, sizes};
-use super::settings::rate_hz;
 use crate::identify::analysis::{Analysis, unusable};
 use crate::identify::error_model::Record;
 use crate::identify::error_model::interval::student;
@@ -81,7 +80,7 @@ pub fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<
             let recording = Recording {
                 seed,
                 duration_s: replay.duration_s(),
-                imu_hz: rate_hz(log),
+                imu_hz: log.imu_rate_hz(),
                 truth_every: 10,
                 origin: first.position,
                 errors: errors.clone(),

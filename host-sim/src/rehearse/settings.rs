@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::subject::Subject;
 use crate::identify::analysis::Analysis;
 use crate::identify::error_model::{Identified, Record};
-use crate::log::{Grade, Log};
+use crate::log::Grade;
 use crate::page::progress::bar;
 use crate::sim::errors::{ErrorModel, ErrorModelError, GnssModel, SensorModel};
 use crate::sim::noise::Random;
@@ -44,7 +44,7 @@ impl Drives {
                     path.display()
                 );
             }
-            rates.push(rate_hz(&analysis.log));
+            rates.push(analysis.log.imu_rate_hz());
             names.push(analysis.summary.log.clone());
             records.push(Record::new(&analysis.log, &analysis.found));
         }
@@ -61,11 +61,6 @@ impl Drives {
             imu_hz,
         })
     }
-}
-
-pub fn rate_hz(log: &Log) -> f64 {
-    let steps = log.imu.len().saturating_sub(1);
-    steps as f64 / log.duration_s()
 }
 
 /// All choices; as text it tells whether a folder belongs to this rehearsal.
