@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use miette::{Result, WrapErr};
+use miette::{Result, WrapErr, miette};
 
 use super::identify::error_model_of;
 use super::options::{Out, refuse_same, show};
@@ -55,9 +55,13 @@ pub fn plan_drive(options: &PlanDrive, json: bool, force: bool) -> Result<()> {
 /// What a log lacks; its name, and what speaks against it.
 fn added_to(log: &Path, target: &Target, seed: u64) -> Result<(Plan, (String, Vec<String>))> {
     let analysis = Analysis::of_log(log, target.unit.class, &bar())?;
+    let navigator = target.navigator_after(&analysis)?;
     let records = [Record::new(&analysis.log, &analysis.found)];
-    let model = error_model_of(&records, analysis.summary.grade, None).model();
-    let plan = (target.added_to(&analysis, model, seed, &spinner("planning")))
+    let mut model = error_model_of(&records, analysis.summary.grade, None).model();
+    model.imu.output = analysis.log.meta.imu;
+    let model = (target.with_errors(&model)).map_err(|error| miette!("[errors]: {error}"))?;
+    let progress = spinner("planning");
+    let plan = (target.added_to(&analysis.log, &navigator, &model, seed, &progress))
         .wrap_err_with(|| log.display().to_string())?;
     let summary = analysis.summary;
     Ok((plan, (summary.log, summary.verdict.lines())))

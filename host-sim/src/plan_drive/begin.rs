@@ -2,12 +2,12 @@
 
 use indicatif::ProgressBar;
 use ins_core::Navigator;
-use miette::{Result, miette};
+use miette::Result;
 
 use super::{Bench, Driver, Plan, Search, Target, UNITS};
 use crate::identify::analysis::{Analysis, unusable};
 use crate::identify::run::in_order_of_time;
-use crate::log::BodyAxes;
+use crate::log::{BodyAxes, Log};
 use crate::sim::ErrorModel;
 
 impl Target {
@@ -29,25 +29,29 @@ impl Target {
         }
     }
 
-    /// What a log lacks, of a unit of that model.
+    /// The core at the end of a log, with what `[config]` says.
+    pub fn navigator_after(&self, analysis: &Analysis) -> Result<Navigator> {
+        let config = self.with_config(&analysis.found.config)?;
+        let mut navigator = Navigator::new(config).map_err(unusable)?;
+        for event in in_order_of_time(&analysis.log.imu, &analysis.log.gnss) {
+            event.give_to(&mut navigator);
+        }
+        Ok(navigator)
+    }
+
+    /// What a log lacks at whose end the core is, of a unit of that model.
     pub fn added_to(
         &self,
-        analysis: &Analysis,
-        mut model: ErrorModel,
+        log: &Log,
+        navigator: &Navigator,
+        model: &ErrorModel,
         seed: u64,
         progress: &ProgressBar,
     ) -> Result<Plan> {
-        let log = &analysis.log;
-        let config = self.with_config(&analysis.found.config)?;
-        let mut navigator = Navigator::new(config).map_err(unusable)?;
-        for event in in_order_of_time(&log.imu, &log.gnss) {
-            event.give_to(&mut navigator);
-        }
-        model.imu.output = log.meta.imu;
-        let model = (self.with_errors(&model)).map_err(|error| miette!("[errors]: {error}"))?;
-        let so_far = || (navigator.clone(), log.duration_s());
+        let (duration_s, imu_hz) = (log.duration_s(), log.imu_rate_hz());
         let start = drives(seed, |seed, driver| {
-            Bench::after(so_far(), &model, log.imu_rate_hz(), seed, driver)
+            let so_far = (navigator.clone(), duration_s);
+            Bench::after(so_far, model, imu_hz, seed, driver)
         })?;
         Ok(self.search(log.meta.body_axes).plan(start, progress))
     }

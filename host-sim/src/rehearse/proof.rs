@@ -15,7 +15,6 @@ use super::output::shown;
 use super::replay::Replay;
 use super::run::{HEADING, POSITION, QUANTITIES, sizes};
 use crate::identify::analysis::{Analysis, unusable};
-use crate::identify::error_model::Record;
 use crate::identify::error_model::interval::student;
 use crate::identify::run::{Event, in_order_of_time};
 use crate::log::Log;
@@ -67,7 +66,8 @@ pub fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<
     let config = analysis.found.config;
     let observed = drifts(&log.imu.all(), &log.gnss, config).map_err(unusable)?;
     let mut errors = model.clone();
-    errors.gnss.rate_hz = Record::new(log, &analysis.found).fix_rate_hz;
+    errors.gnss.rate_hz = log.fix_rate_hz();
+    let imu_hz = log.imu_rate_hz();
     let solutions = &analysis.found.solutions;
     let before_s = rest_before_s(log, solutions);
     let (Some(replay), Some(first)) = (Replay::new(solutions, before_s), solutions.get(1)) else {
@@ -80,7 +80,7 @@ pub fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<
             let recording = Recording {
                 seed,
                 duration_s: replay.duration_s(),
-                imu_hz: log.imu_rate_hz(),
+                imu_hz,
                 truth_every: 10,
                 origin: first.position,
                 errors: errors.clone(),

@@ -464,11 +464,11 @@ impl Fitter<'_> {
             let constants = |answer: &Answer| answer.constants_given(mean, sigma);
             interval::sigma_behind(&answers.iter().flat_map(constants).collect::<Vec<_>>())
         };
-        let has_trend = match law {
-            Law::Wave => size.is_spread(),
-            Law::Continuous => drift.is_spread(),
+        let in_model = match law {
+            Law::Wave if size.is_spread() => drift.value,
+            Law::Wave => 0.0,
+            Law::Continuous => drift.spread_or_none(),
         };
-        let in_model = if has_trend { drift.value } else { 0.0 };
         let initial_sigma = of_all(&|answers| {
             let best = beside(answers, in_model);
             [drift.low, drift.high]

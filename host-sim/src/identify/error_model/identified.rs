@@ -454,15 +454,12 @@ fn gyro_bias(gyro: &GyroFit) -> BiasModel {
             jump_sigma: deg_h * gyro.size.value,
         },
         Law::Wave => BiasModel::constant(initial_sigma),
-        Law::Continuous => {
-            let above_noise = |sigma: &Interval| if sigma.is_spread() { sigma.value } else { 0.0 };
-            BiasModel::Continuous {
-                initial_sigma,
-                slope_sigma_per_s: deg_h * above_noise(&gyro.drift),
-                correlated_sigma: deg_h * above_noise(&gyro.size),
-                correlation_time_s: gyro.time_s.value,
-            }
-        }
+        Law::Continuous => BiasModel::Continuous {
+            initial_sigma,
+            slope_sigma_per_s: deg_h * gyro.drift.spread_or_none(),
+            correlated_sigma: deg_h * gyro.size.spread_or_none(),
+            correlation_time_s: gyro.time_s.value,
+        },
     }
 }
 

@@ -85,6 +85,11 @@ impl Interval {
     pub fn is_spread(&self) -> bool {
         self.low > 0.0 && self.high.is_finite()
     }
+
+    /// The value of a spread that is; of what is not known to be there, none.
+    pub fn spread_or_none(&self) -> f64 {
+        if self.is_spread() { self.value } else { 0.0 }
+    }
 }
 
 /// Quantiles of chi-square at both ends of 95 %.
