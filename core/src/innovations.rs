@@ -17,8 +17,8 @@ const GATE_SIGMAS: f64 = 8.0;
 /// So long must refused fixes agree with each other on where the INS is to be believed, s. Wrong
 /// fixes come in bursts of seconds; an INS that has lost its way stays lost.
 pub const LOST_S: f64 = 15.0;
-/// Time over which surprise is averaged, s: that of an ordinary manoeuvre.
-const SURPRISE_S: f64 = 10.0;
+/// An ordinary manoeuvre takes so long, s, and surprise is averaged over it.
+pub const MANOEUVRE_S: f64 = 10.0;
 /// Average square of the innovations, in their variances, beyond which the INS errs.
 const SURPRISING: f64 = 9.0;
 /// Memory of the correlation of neighbours, in fixes.
@@ -168,6 +168,11 @@ impl Innovations {
             .is_some_and(|taken| now.seconds_since(taken) < LOST_S)
     }
 
+    /// When the last one was taken.
+    pub fn taken(&self) -> Option<Time> {
+        self.taken
+    }
+
     /// Whether there were any.
     pub fn has_learnt(&self) -> bool {
         self.memory > FIRST_MEMORY
@@ -264,7 +269,7 @@ impl Surprise {
     /// Takes the square of an innovation in its variances, `seconds` after the last.
     pub fn take(&mut self, square: f64, seconds: f64) {
         let bounded = math::min(square, GATE_SIGMAS * GATE_SIGMAS);
-        self.mean += (bounded - self.mean) * seconds / (seconds + SURPRISE_S);
+        self.mean += (bounded - self.mean) * seconds / (seconds + MANOEUVRE_S);
         if self.mean > SURPRISING {
             self.lasting_s += seconds;
         } else {

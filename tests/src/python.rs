@@ -54,7 +54,7 @@ impl Environment {
         let make = || {
             let venv = ["-m", "venv", "--clear"];
             succeed(Command::new("python3").args(venv).arg(&folder))?;
-            let pip = ["-m", "pip", "install", "--quiet"];
+            let pip = ["-m", "pip", "install", "--quiet", "--no-cache-dir"];
             succeed(Command::new(&python).args(pip).args(self.packages))?;
             std::fs::write(&complete, "")
                 .map_err(|error| format!("{}: {error}", complete.display()))

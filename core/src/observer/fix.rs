@@ -6,7 +6,7 @@ use super::{Observer, estimated};
 use crate::channel::Measured;
 use crate::config::{Config, Noise};
 use crate::history::Past;
-use crate::innovations::{Credit, against_described, is_ordinary};
+use crate::innovations::{Credit, Innovations, MANOEUVRE_S, against_described, is_ordinary};
 use crate::math::{self, singles};
 use crate::measurement::{Difference, Kind};
 use crate::parameters::{COUNT, index};
@@ -31,7 +31,7 @@ impl Observer {
         let direct = self.shown_directly(past, kind.measured());
         let residual = difference.value - self.predicted(&direct, kind.measured(), difference);
         let by = self.shown_by(&direct, kind.measured());
-        let bent = self.bent_variance(past, kind.measured()) + difference.more_variance;
+        let bent = self.bent_variance(past, kind) + difference.more_variance;
         if kind.is_up() {
             let mut by = by.map(|by| [by.z]);
             self.measure(kind, &mut by, [residual.z], difference, bent, config)
@@ -208,14 +208,25 @@ impl Observer {
     /// bends, of an antenna that swings on an unknown arm, and in a frame that points elsewhere. It goes
     /// as they become known; what jolts hide between two moments of the ring stays, and so does how skew a
     /// receiver smooths.
-    fn bent_variance(&self, past: &Past, measured: Measured) -> f64 {
+    fn bent_variance(&self, past: &Past, kind: Kind) -> f64 {
         let square = |x: f64| x * x;
+        let mean_square = |v: &Vector3<f64>| {
+            if kind.is_up() {
+                v.z * v.z
+            } else {
+                0.5 * v.xy().norm_squared()
+            }
+        };
         let p = &self.parameters;
         let latency = square(p.sigma(index::LATENCY));
-        let azimuth = square(p.sigma(index::AZIMUTH));
+        let azimuth = if kind.is_up() {
+            0.0
+        } else {
+            square(p.sigma(index::AZIMUTH))
+        };
         let arm_axis = |axis: usize| square(p.sigma(index::LEVER_ARM + axis));
         let arm = (arm_axis(0) + arm_axis(1) + arm_axis(2)) / 3.0;
-        let (first, second, third, swing) = match measured {
+        let (first, second, third, swing) = match kind.measured() {
             Measured::Velocity => (
                 &past.accel_mps2,
                 &past.jerk_mps3,
@@ -229,17 +240,34 @@ impl Observer {
                 &past.attitude_rate,
             ),
         };
-        let turned = 0.5 * azimuth * first.norm_squared();
-        let swung = arm * swing.norm_squared() / 3.0;
-        let bent = 0.25 * latency * second.norm_squared();
-        // The times of an exponential of variance s have a third moment of 2 s^1.5.
-        let smoothing_s2 = math::max(p.value(index::SMOOTHING), 0.0);
-        let skew = square(smoothing_s2) * smoothing_s2 / 9.0 * third.norm_squared();
-        let unseen = match measured {
+        let turned = azimuth * mean_square(first);
+        let swung = arm
+            * (swing.column_iter())
+                .map(|column| mean_square(&column.into_owned()))
+                .sum::<f64>();
+        let bent = 0.5 * latency * mean_square(second);
+        let unseen = match kind.measured() {
             Measured::Velocity => self.unseen_variance(past),
             Measured::Position => 0.0,
         };
-        unseen + skew + latency * (bent + swung + turned)
+        unseen + self.skew_variance(third, kind) + latency * (bent + swung + turned)
+    }
+
+    /// What the third derivative adds: the times of an exponential of variance `s` have a third moment
+    /// of `2 s^1.5`, a sixth of which goes with it. In a turn that is a lateral velocity for as long as
+    /// the turn lasts, just as the bias of an accelerometer makes one: it counts once, and not with each
+    /// fix, and lies all in one direction.
+    fn skew_variance(&self, third: &Vector3<f64>, kind: Kind) -> f64 {
+        let third2 = if kind.is_up() {
+            third.z * third.z
+        } else {
+            third.xy().norm_squared()
+        };
+        let smoothing_s2 = math::max(self.parameters.value(index::SMOOTHING), 0.0);
+        let last = (self.innovations.get(kind as usize)).and_then(Innovations::taken);
+        let since_s = last.map_or(MANOEUVRE_S, |last| self.horizon.seconds_since(last));
+        let fixes = math::max(MANOEUVRE_S / math::max(since_s, 1e-3), 1.0);
+        fixes * smoothing_s2 * smoothing_s2 * smoothing_s2 / 9.0 * third2
     }
 
     /// Variance of a velocity by what is too fast for the ring.

@@ -30,7 +30,7 @@ pub struct Claim {
 
 impl Claim {
     /// Something that is said to stand on data.
-    fn sure(value: f64, sigma: Option<f64>) -> Self {
+    pub fn sure(value: f64, sigma: Option<f64>) -> Self {
         Self {
             value,
             sigma,
@@ -44,8 +44,6 @@ impl Claim {
 pub struct Claims {
     /// Spread of the solution's heading.
     pub heading: Claim,
-    /// Spread of its roll and pitch, each.
-    pub tilt: Claim,
     pub accel_bias_mps2: [Claim; 3],
     pub gyro_bias_radps: [Claim; 3],
     pub latency_s: Claim,
@@ -142,7 +140,6 @@ impl Subject for Core<'_> {
         let navigator = &self.navigator;
         let mut claims = claims(&navigator.estimates());
         if let Some(sigma) = navigator.sigma() {
-            claims.tilt.sigma = Some(sigma.attitude_rad.x);
             claims.heading.sigma = Some(sigma.attitude_rad.z);
         }
         if navigator.config().gnss.lever_arm_sigma_m == 0.0 {
@@ -216,8 +213,6 @@ impl Subject for Kalman<'_> {
         let filter = self.run.filter()?;
         let sigmas = filter.sigmas();
         let mut claims = claims(&filter.estimates());
-        let tilt = sigmas[index::ATTITUDE].max(sigmas[index::ATTITUDE + 1]);
-        claims.tilt.sigma = Some(tilt);
         claims.accel_bias_mps2 = [0, 1, 2].map(|axis| self.felt(filter, axis));
         claims.lever_arm_m = [0, 1, 2].map(|axis| {
             let arm_m = filter.known.lever_arm_m[axis];
@@ -236,11 +231,10 @@ fn claim(estimate: &Estimate) -> Claim {
     }
 }
 
-/// Heading and tilt are those of the solution, which has all in it that is known.
+/// The heading is that of the solution, which has all in it that is known.
 fn claims(estimates: &Estimates) -> Claims {
     Claims {
         heading: claim(&estimates.azimuth_error_rad),
-        tilt: Claim::sure(0.0, None),
         accel_bias_mps2: estimates.accel_bias_mps2.each_ref().map(claim),
         gyro_bias_radps: estimates.gyro_bias_radps.each_ref().map(claim),
         latency_s: claim(&estimates.gnss_latency_now_s),

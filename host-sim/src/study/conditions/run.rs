@@ -101,7 +101,9 @@ fn try_on<S: Subject>(mut subject: S, world: &World, drive: &SimulatedDrive, tru
     });
     let mut checks = Vec::new();
     if let (Some(claims), Some((solution, true_end))) = (subject.claims(), end) {
-        check_end(&claims, &solution, &true_end, truth, &mut checks);
+        let off = rotation_between(&true_end.attitude, &solution.attitude);
+        let sigma = subject.sigma().map(|sigma| sigma.attitude_rad);
+        check_end(&claims, &off, sigma.as_ref(), truth, &mut checks);
     }
     checks.extend(second_half.checks());
     Run {
@@ -111,14 +113,14 @@ fn try_on<S: Subject>(mut subject: S, world: &World, drive: &SimulatedDrive, tru
     }
 }
 
+/// With an attitude that is off by this, ENU, and known to that.
 fn check_end(
     claims: &Claims,
-    solution: &Solution,
-    true_end: &Solution,
+    off: &Vector3<f64>,
+    sigma_rad: Option<&Vector3<f64>>,
     truth: &Truth,
     checks: &mut Vec<Check>,
 ) {
-    let off = rotation_between(&true_end.attitude, &solution.attitude);
     let mut add = |quantity: usize, error: f64, claim: &Claim| {
         let si = QUANTITIES[quantity].si;
         checks.push(Check {
@@ -129,8 +131,11 @@ fn check_end(
         });
     };
     add(index::HEADING, off.z, &claims.heading);
-    add(index::TILT, off.x, &claims.tilt);
-    add(index::TILT, off.y, &claims.tilt);
+    // A road that runs straight shows one of roll and pitch alone.
+    for axis in 0..2 {
+        let sigma_rad = sigma_rad.map(|sigma| sigma[axis]);
+        add(index::TILT, off[axis], &Claim::sure(0.0, sigma_rad));
+    }
     for axis in 0..3 {
         let (accel, gyro) = (claims.accel_bias_mps2[axis], claims.gyro_bias_radps[axis]);
         let true_accel = truth.accel_bias_mps2[axis];

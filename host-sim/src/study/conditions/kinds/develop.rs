@@ -27,6 +27,15 @@ kinds! { judge: false,
         w.errors.gnss.rate_hz = 5.0;
         w.habits().smoothing_s = 0.3;
     };
+    "smoothed_velocity", BOTH, 15.0,
+    "velocity smoothed over 0.6 s, position not, 5 Hz, no sigma stated" => |w| {
+        w.errors.gnss.rate_hz = 5.0;
+        w.velocity_noise(0.03, 0.0, 1.0);
+        w.position_noise(0.5, 1.5, 60.0);
+        w.habits().smoothing_s = 0.6;
+        w.habits().smooths_position = false;
+        w.habits().stated = Stated::Nothing;
+    };
     "slow_fixes", MEMS, 15.0, "1 Hz, correlated position noise" => |w| {
         w.errors.gnss.rate_hz = 1.0;
         w.velocity_noise(0.05, 0.03, 3.0);
