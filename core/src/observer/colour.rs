@@ -24,6 +24,8 @@ pub const CONFIGURED: f64 = 2.0;
 /// The same of a noise that is learnt of by its estimate: for one correlation time.
 pub const CONFIGURED_ONCE: f64 = 0.5;
 const REMEMBERED: f64 = 10.0;
+/// What lasts for so many correlation times is no such noise, but an INS that errs.
+const LASTING: f64 = 10.0;
 /// Largest square of an estimate, in its variance, that counts.
 const LARGEST_SQUARE: f64 = 9.0;
 /// Largest step of that logarithm from one fix: an outlier is no noise.
@@ -39,6 +41,8 @@ pub struct Colour {
     strength: f64,
     information: f64,
     last: Time,
+    /// What lasts of its estimate.
+    lasting: Vector2<f64>,
 }
 
 /// By how much more variance the next measurement would be predicted, and itself be predicted to be
@@ -80,6 +84,7 @@ impl Colour {
             strength: 1.0,
             information,
             last: start,
+            lasting: Vector2::zeros(),
         }
     }
 
@@ -123,12 +128,13 @@ impl Colour {
         self.ratio = math::variance_within(self.ratio * (1.0 + step), range);
     }
 
-    /// Learns from what the observer takes for this noise after a fix: its mean square, and the
-    /// variance with which it is not known.
+    /// Learns from what the observer takes for this noise after a fix, in so many components, and the
+    /// variance with which each is not known.
     pub fn learn_of_estimate(
         &mut self,
         now: Time,
-        square: f64,
+        estimate: &Vector2<f64>,
+        components: f64,
         left: f64,
         noise: &Noise,
         range: [f64; 2],
@@ -139,6 +145,9 @@ impl Colour {
         }
         let new = math::min(now.seconds_since(self.last) / noise.correlation_s, 1.0);
         self.last = now;
+        self.lasting += (estimate - self.lasting) * (new / LASTING);
+        // Less its mean over a while, noise is smaller by as much.
+        let square = (estimate - self.lasting).norm_squared() / components * (1.0 + 1.0 / LASTING);
         // What was assumed before may be more.
         let left = math::min(left / assumed, 1.0);
         let known = 1.0 - left;

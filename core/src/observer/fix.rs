@@ -183,9 +183,16 @@ impl Observer {
         } else {
             &self.level
         };
-        let square = self.followed.noise_square(kind);
+        let estimate = self.followed.noise(kind);
         let left = channel.noise(kind.measured());
-        colour.learn_of_estimate(self.horizon, square, left, kind.noise(config), range);
+        colour.learn_of_estimate(
+            self.horizon,
+            &estimate,
+            components,
+            left,
+            kind.noise(config),
+            range,
+        );
     }
 
     /// Learns how noisy the gyros are from a level innovation of a variance per component, which was

@@ -1,7 +1,7 @@
 //! What the observer follows: the error of the INS and the correlated noise of GNSS; and the same that
 //! a unit of each parameter would have caused.
 
-use nalgebra::{RealField, SVector, Scalar, Vector3};
+use nalgebra::{RealField, SVector, Scalar, Vector2, Vector3};
 
 use crate::channel::Measured;
 use crate::error_model::InsError;
@@ -99,16 +99,16 @@ impl<T: RealField + Copy> Followed<T> {
 }
 
 impl Followed<f64> {
-    /// Mean square of the correlated noise of one kind, per component.
-    pub fn noise_square(&self, kind: Kind) -> f64 {
+    /// The correlated noise of one kind.
+    pub fn noise(&self, kind: Kind) -> Vector2<f64> {
         let noise = match kind.measured() {
             Measured::Velocity => &self.velocity_noise,
             Measured::Position => &self.position_noise,
         };
         if kind.is_up() {
-            noise.z * noise.z
+            Vector2::new(noise.z, 0.0)
         } else {
-            0.5 * noise.xy().norm_squared()
+            noise.xy()
         }
     }
 }

@@ -89,13 +89,14 @@ fn noise_that_is_said_to_be_white_stays_white() {
     sensitivity.take(&Vector2::new(3.0, 0.0), 1.0, 1.0);
     assert_eq!((after, sensitivity), (before, Sensitivity::NONE));
     let now = Time::from_micros(1_000_000);
-    after.learn_of_estimate(now, 1.0, 0.0, &Noise::white(1.0), RANGE);
+    let estimate = Vector2::new(1.0, 0.0);
+    after.learn_of_estimate(now, &estimate, 1.0, 0.0, &Noise::white(1.0), RANGE);
     assert_eq!(after, before);
 }
 
 /// Geometric mean of what is found, against the configured variance, over the second half of 4000
-/// fixes in 800 s of a noise `times` as strong, all else known.
-fn found_by_estimate(times: f64) -> f64 {
+/// fixes in 800 s of a noise `times` as strong, all else known but an INS that is `off` by some.
+fn found_by_estimate(times: f64, off: f64) -> f64 {
     let mut deviates = Deviates(3);
     let mut colour = Colour::new(Time::default(), CONFIGURED_ONCE);
     let (mut truth, mut estimate, mut variance) = (0.0, 0.0, 0.25);
@@ -107,10 +108,11 @@ fn found_by_estimate(times: f64) -> f64 {
         estimate *= assumed.keep;
         variance = assumed.keep * assumed.keep * variance + assumed.new;
         let gain = variance / (variance + 1.0);
-        estimate += gain * (truth + f64::from(deviates.next()) - estimate);
+        estimate += gain * (off + truth + f64::from(deviates.next()) - estimate);
         variance *= 1.0 - gain;
         let now = Time::from_seconds(0.2 * (fix + 1) as f64).unwrap_or_default();
-        colour.learn_of_estimate(now, estimate * estimate, variance, &CONFIGURED, RANGE);
+        let taken = Vector2::new(estimate, 0.0);
+        colour.learn_of_estimate(now, &taken, 1.0, variance, &CONFIGURED, RANGE);
         colour.scale(1.0);
         if fix >= FIXES / 2 {
             logarithms += colour.ratio().ln() / (FIXES / 2) as f64;
@@ -124,19 +126,26 @@ fn found_by_estimate(times: f64) -> f64 {
 #[test]
 fn by_its_estimate_the_strength_is_found_from_above_and_below() {
     for times in [0.7, 1.0, 2.0, 5.0] {
-        let off = found_by_estimate(times) / (times * times);
+        let off = found_by_estimate(times, 0.0) / (times * times);
         assert!((0.7..1.5).contains(&off), "{times}: {off}");
     }
 }
 
 #[test]
 fn by_its_estimate_what_is_not_there_fades() {
-    let left = found_by_estimate(0.0);
+    let left = found_by_estimate(0.0, 0.0);
     assert!((0.01..0.1).contains(&left), "{left}");
 }
 
 #[test]
 fn by_its_estimate_it_stays_within_the_bounds_of_the_user() {
-    let strongest = found_by_estimate(20.0);
+    let strongest = found_by_estimate(20.0, 0.0);
     assert!((50.0..=100.0).contains(&strongest), "{strongest}");
+}
+
+/// An INS that errs by five times the noise would make it 25 times as strong.
+#[test]
+fn what_lasts_is_not_taken_for_noise() {
+    let found = found_by_estimate(1.0, 5.0);
+    assert!((0.7..1.5).contains(&found), "{found}");
 }
