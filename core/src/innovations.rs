@@ -168,11 +168,6 @@ impl Innovations {
             .is_some_and(|taken| now.seconds_since(taken) < LOST_S)
     }
 
-    /// When the last one was taken.
-    pub fn taken(&self) -> Option<Time> {
-        self.taken
-    }
-
     /// Whether there were any.
     pub fn has_learnt(&self) -> bool {
         self.memory > FIRST_MEMORY

@@ -6,10 +6,11 @@ use super::{Observer, estimated};
 use crate::channel::Measured;
 use crate::config::{Config, Noise};
 use crate::history::Past;
-use crate::innovations::{Credit, Innovations, MANOEUVRE_S, against_described, is_ordinary};
+use crate::innovations::{Credit, MANOEUVRE_S, against_described, is_ordinary};
 use crate::math::{self, singles};
 use crate::measurement::{Difference, Kind};
 use crate::parameters::{COUNT, index};
+use crate::time::Time;
 
 /// What a unit of each parameter adds to `R` measured components.
 type By<const R: usize> = [[f32; R]; COUNT];
@@ -17,6 +18,39 @@ type By<const R: usize> = [[f32; R]; COUNT];
 /// Square of the jerk that a swing of a velocity of unit variance leaves: a third of it is in the
 /// means over a tenth of a second, their second difference is four times that, on two axes.
 const SWING_PER_S4: f64 = 6e4;
+
+/// Measurements no further apart are of one moment, s.
+const ONE_MOMENT_S: f64 = 1e-3;
+
+/// How often level or vertical measurements come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Pace {
+    last: Time,
+    /// Since the measurement before, which may be of the same moment.
+    seconds: f64,
+    /// How many moments like the last an ordinary manoeuvre has.
+    per_manoeuvre: f64,
+}
+
+impl Pace {
+    /// Before the first.
+    pub fn new(start: Time) -> Self {
+        Self {
+            last: start,
+            seconds: 0.0,
+            per_manoeuvre: 1.0,
+        }
+    }
+
+    fn step(&mut self, now: Time) {
+        self.seconds = now.seconds_since(self.last);
+        self.last = now;
+        if self.seconds > ONE_MOMENT_S {
+            self.per_manoeuvre = math::max(MANOEUVRE_S / self.seconds, 1.0);
+        }
+    }
+}
 
 impl Observer {
     /// Compares the INS at the horizon, which must be a moment of the past, with a fix; whether it
@@ -28,10 +62,19 @@ impl Observer {
         difference: &Difference,
         config: &Config,
     ) -> bool {
+        let pace = if kind.is_up() {
+            &mut self.vertical_pace
+        } else {
+            &mut self.level_pace
+        };
+        pace.step(self.horizon);
+        let per_manoeuvre = pace.per_manoeuvre;
         let direct = self.shown_directly(past, kind.measured());
         let residual = difference.value - self.predicted(&direct, kind.measured(), difference);
         let by = self.shown_by(&direct, kind.measured());
-        let bent = self.bent_variance(past, kind) + difference.more_variance;
+        let bent = self.bent_variance(past, kind, &direct)
+            + per_manoeuvre * self.skew_variance(past, kind)
+            + difference.more_variance;
         if kind.is_up() {
             let mut by = by.map(|by| [by.z]);
             self.measure(kind, &mut by, [residual.z], difference, bent, config)
@@ -94,13 +137,12 @@ impl Observer {
             variance += self.corrections.mean_variance(by);
         }
         let credit = innovations.judge(self.horizon, &pair, components, variance, white);
-        let (surprise, last) = if kind.is_up() {
-            (&mut self.vertical_surprise, &mut self.last_vertical)
+        let (surprise, pace) = if kind.is_up() {
+            (&mut self.vertical_surprise, &self.vertical_pace)
         } else {
-            (&mut self.surprise, &mut self.last_level)
+            (&mut self.surprise, &self.level_pace)
         };
-        let seconds = self.horizon.seconds_since(*last);
-        *last = self.horizon;
+        let seconds = pace.seconds;
         if kind == Kind::Velocity && seconds > 0.0 {
             let [azimuth, ..] = by;
             self.azimuth_jump
@@ -213,86 +255,64 @@ impl Observer {
 
     /// Variance per component of what is not linear in the parameters: of a latency in a motion that
     /// bends, of an antenna that swings on an unknown arm, and in a frame that points elsewhere. It goes
-    /// as they become known; what jolts hide between two moments of the ring stays, and so does how skew a
-    /// receiver smooths.
-    fn bent_variance(&self, past: &Past, kind: Kind) -> f64 {
+    /// as they become known; what jolts hide between two moments of the ring stays.
+    fn bent_variance(&self, past: &Past, kind: Kind, direct: &Direct<'_>) -> f64 {
         let square = |x: f64| x * x;
-        let mean_square = |v: &Vector3<f64>| {
-            if kind.is_up() {
-                v.z * v.z
-            } else {
-                0.5 * v.xy().norm_squared()
-            }
-        };
         let p = &self.parameters;
         let latency = square(p.sigma(index::LATENCY));
-        let azimuth = if kind.is_up() {
-            0.0
-        } else {
-            square(p.sigma(index::AZIMUTH))
-        };
+        let azimuth = square(p.sigma(index::AZIMUTH));
         let arm_axis = |axis: usize| square(p.sigma(index::LEVER_ARM + axis));
         let arm = (arm_axis(0) + arm_axis(1) + arm_axis(2)) / 3.0;
-        let (first, second, third, swing) = match kind.measured() {
-            Measured::Velocity => (
-                &past.accel_mps2,
-                &past.jerk_mps3,
-                &past.snap_mps4,
-                &past.attitude_accel,
-            ),
-            Measured::Position => (
-                &past.velocity_mps,
-                &past.accel_mps2,
-                &past.jerk_mps3,
-                &past.attitude_rate,
-            ),
+        let (first, second, swing) = match kind.measured() {
+            Measured::Velocity => (&past.accel_mps2, &past.jerk_mps3, &past.attitude_accel),
+            Measured::Position => (&past.velocity_mps, &past.accel_mps2, &past.attitude_rate),
         };
-        let turned = azimuth * mean_square(first);
-        let swung = arm
-            * (swing.column_iter())
-                .map(|column| mean_square(&column.into_owned()))
-                .sum::<f64>();
-        let bent = 0.5 * latency * mean_square(second);
+        let turned = 0.5 * azimuth * first.norm_squared();
+        let swung = arm * swing.norm_squared() / 3.0;
+        let bent = 0.25 * latency * second.norm_squared();
         let unseen = match kind.measured() {
-            Measured::Velocity => self.unseen_variance(past),
+            Measured::Velocity => self.unseen_variance(past, direct),
             Measured::Position => 0.0,
         };
-        unseen + self.skew_variance(third, kind) + latency * (bent + swung + turned)
+        unseen + latency * (bent + swung + turned)
     }
 
     /// What the third derivative adds: the times of an exponential of variance `s` have a third moment
     /// of `2 s^1.5`, a sixth of which goes with it. In a turn that is a lateral velocity for as long as
     /// the turn lasts, just as the bias of an accelerometer makes one: it counts once, and not with each
     /// fix, and lies all in one direction.
-    fn skew_variance(&self, third: &Vector3<f64>, kind: Kind) -> f64 {
+    fn skew_variance(&self, past: &Past, kind: Kind) -> f64 {
+        let third = match kind.measured() {
+            Measured::Velocity => &past.snap_mps4,
+            Measured::Position => &past.jerk_mps3,
+        };
         let third2 = if kind.is_up() {
             third.z * third.z
         } else {
             third.xy().norm_squared()
         };
         let smoothing_s2 = math::max(self.parameters.value(index::SMOOTHING), 0.0);
-        let last = (self.innovations.get(kind as usize)).and_then(Innovations::taken);
-        let since_s = last.map_or(MANOEUVRE_S, |last| self.horizon.seconds_since(last));
-        let fixes = math::max(MANOEUVRE_S / math::max(since_s, 1e-3), 1.0);
-        fixes * smoothing_s2 * smoothing_s2 * smoothing_s2 / 9.0 * third2
+        smoothing_s2 * smoothing_s2 * smoothing_s2 / 9.0 * third2
     }
 
     /// Variance of a velocity by what is too fast for the ring.
-    fn unseen_variance(&self, past: &Past) -> f64 {
-        let p = &self.parameters;
-        let smoothing = 0.5 * p.sigma(index::SMOOTHING) * (1.0 - seen_jerk(past));
+    fn unseen_variance(&self, past: &Past, direct: &Direct<'_>) -> f64 {
+        let sigma = self.parameters.sigma(index::SMOOTHING);
+        let smoothing = 0.5 * sigma * (1.0 - direct.seen_jerk);
         past.unseen_velocity
-            + past.unseen_rate * p.lever_arm().norm_squared()
+            + past.unseen_rate * direct.arm_m.norm_squared()
             + 0.5 * smoothing * smoothing * past.jerk_mps3.norm_squared()
     }
 
     /// What receiver and antenna add to INS minus GNSS.
     fn shown_directly<'a>(&self, past: &'a Past, measured: Measured) -> Direct<'a> {
         let arm_m = self.parameters.lever_arm();
+        let seen_jerk = seen_jerk(past);
         Direct {
             arm_m,
+            seen_jerk,
             by_latency: by_latency(past, measured, &arm_m),
-            by_smoothing: by_smoothing(past, measured, &arm_m),
+            by_smoothing: by_smoothing(past, measured, &arm_m, seen_jerk),
             by_lever: by_lever(past, measured),
         }
     }
@@ -352,6 +372,7 @@ impl Observer {
 /// antenna on that arm.
 struct Direct<'a> {
     arm_m: Vector3<f64>,
+    seen_jerk: f64,
     by_latency: Vector3<f64>,
     by_smoothing: Vector3<f64>,
     by_lever: &'a Matrix3<f64>,
@@ -377,9 +398,14 @@ fn by_lever(past: &Past, measured: Measured) -> &Matrix3<f64> {
 
 /// What a unit of smoothing adds to INS minus GNSS: a mean over times of variance `s` lies by
 /// `s / 2` times the second derivative off.
-fn by_smoothing(past: &Past, measured: Measured, arm_m: &Vector3<f64>) -> Vector3<f64> {
+fn by_smoothing(
+    past: &Past,
+    measured: Measured,
+    arm_m: &Vector3<f64>,
+    seen_jerk: f64,
+) -> Vector3<f64> {
     -0.5 * match measured {
-        Measured::Velocity => seen_jerk(past) * past.jerk_mps3,
+        Measured::Velocity => seen_jerk * past.jerk_mps3,
         Measured::Position => by_latency(past, Measured::Velocity, arm_m),
     }
 }

@@ -26,6 +26,7 @@ use nalgebra::{SVector, Vector3};
 
 use self::colour::{Colour, Sensitivity};
 use self::constancy::Constancy;
+use self::fix::Pace;
 use self::followed::{Followed, UNIT_RESPONSES};
 use self::jump::Jump;
 use self::manoeuvred::Manoeuvred;
@@ -104,8 +105,8 @@ pub struct Observer {
     tipped: Manoeuvred,
     pulled: Manoeuvred,
     horizon: Time,
-    last_level: Time,
-    last_vertical: Time,
+    level_pace: Pace,
+    vertical_pace: Pace,
     /// When the biases of each axis last walked.
     walked: [Time; 3],
 }
@@ -170,8 +171,8 @@ impl Observer {
             tipped: Manoeuvred::default(),
             pulled: Manoeuvred::default(),
             horizon: start,
-            last_level: start,
-            last_vertical: start,
+            level_pace: Pace::new(start),
+            vertical_pace: Pace::new(start),
             walked: [start; 3],
         }
     }
