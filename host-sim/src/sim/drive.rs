@@ -1,8 +1,8 @@
 //! Simulated runs: a motion, sensors on it, their errors, and what a logger would have written.
 
-use ins_core::earth::{Geodetic, wrap_pi};
+use ins_core::earth::{Geodetic, LocalEarth, wrap_pi};
 use ins_core::{GnssFix, ImuOutput, ImuSample, Solution, Time};
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::car::Car;
@@ -150,6 +150,21 @@ pub struct SensorErrors {
     pub gnss_latency_end_s: f64,
     /// What smoothing and repeated fixes lag behind at most, on top.
     pub gnss_lag_s: f64,
+}
+
+impl SensorErrors {
+    /// What the accelerometers read too much of gravity at a place, where this is up in their axes,
+    /// biases included: at one attitude nobody tells the one from the other.
+    pub fn felt_accel_bias_mps2(&self, at: &Geodetic, up: &Vector3<f64>) -> Vector3<f64> {
+        let gravity_mps2 = LocalEarth::at(at.latitude_rad, at.height_m).gravity_mps2;
+        Vector3::from(self.accel_bias_mps2) + gravity_mps2 * self.accel_matrix * up
+    }
+}
+
+/// Up on the whole, in the axes of the unit.
+pub fn mean_up<'a>(truth: impl Iterator<Item = &'a Solution>) -> Vector3<f64> {
+    let ups = truth.map(|s| s.attitude.inverse() * Vector3::z());
+    ups.sum::<Vector3<f64>>().normalize()
 }
 
 /// Drives the car of `config.recording.seed` and records it.

@@ -18,6 +18,8 @@ pub mod receiver;
 pub mod recorded;
 pub mod vehicles;
 
-pub use drive::{DriveConfig, Grade, SensorErrors, SimulatedDrive, record, record_with, simulate};
+pub use drive::{
+    DriveConfig, Grade, SensorErrors, SimulatedDrive, mean_up, record, record_with, simulate,
+};
 pub use errors::ErrorModel;
 pub use motion::{Kinematics, Motion};

@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use indicatif::ProgressBar;
-use ins_core::earth::LocalEarth;
 use ins_core::{Estimate, Estimates, Solution};
 use miette::Result;
 use nalgebra::{Matrix3, Vector3};
@@ -18,6 +17,7 @@ use crate::page::brief;
 use crate::page::progress::{bar, counted, spinner};
 use crate::page::table::{Table, heads, markdown};
 use crate::plan_drive::{Bench, Driver, Goal, Plan, Target, UNITS, navigators, seconds};
+use crate::sim::mean_up;
 use crate::statistics::rms;
 
 /// Goal: predicted over reached.
@@ -226,14 +226,8 @@ fn true_values(
     solution: &Solution,
 ) -> Estimates {
     let (errors, end) = (bench.errors(), bench.end());
-    let ups = bench
-        .truth()
-        .iter()
-        .map(|s| s.attitude.inverse() * Vector3::z());
-    let up = ups.sum::<Vector3<f64>>().normalize();
-    let at = &end.position;
-    let gravity = LocalEarth::at(at.latitude_rad, at.height_m).gravity_mps2;
-    let felt = Vector3::from(errors.accel_bias_mps2) + gravity * errors.accel_matrix * up;
+    let up = mean_up(bench.truth().iter());
+    let felt = errors.felt_accel_bias_mps2(&end.position, &up);
     let cross_axis = errors.gyro_matrix - Matrix3::from_diagonal(&errors.gyro_matrix.diagonal());
     let azimuth_left = (solution.attitude * end.attitude.inverse()).scaled_axis().z;
     let value = |value: f64| Estimate {

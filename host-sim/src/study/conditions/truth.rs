@@ -9,11 +9,10 @@
 //! sigma has it in there.
 
 use ins_core::Solution;
-use ins_core::earth::LocalEarth;
 use nalgebra::Vector3;
 
 use super::World;
-use crate::sim::SimulatedDrive;
+use crate::sim::{SimulatedDrive, mean_up};
 
 /// The truth of one run, body axes of the unit, SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,25 +33,18 @@ pub struct Truth {
 impl Truth {
     /// Of a world that was simulated.
     pub fn new(world: &World, drive: &SimulatedDrive) -> Self {
-        let (errors, up) = (&drive.errors, mean_up(world, &drive.truth));
-        let at = &world.origin;
-        let gravity = LocalEarth::at(at.latitude_rad, at.height_m).gravity_mps2;
+        let errors = &drive.errors;
+        let holds_s = world.slip.map_or(0.0, |s| s.start_s + s.duration_s);
+        let as_at_end = |s: &&Solution| s.time.as_seconds() >= holds_s;
+        // An aircraft flies nose up, a road rises and falls.
+        let up = mean_up(drive.truth.iter().filter(as_at_end));
         let latency_s = errors.gnss_latency_end_s;
-        let proportional = gravity * errors.accel_matrix * up;
         Self {
-            accel_bias_mps2: Vector3::from(errors.accel_bias_mps2) + proportional,
+            accel_bias_mps2: errors.felt_accel_bias_mps2(&world.origin, &up),
             gyro_bias_radps: errors.gyro_bias_radps.into(),
             latency_s: [latency_s, latency_s + errors.gnss_lag_s],
             lever_arm_m: world.lever_arm_m(),
             up,
         }
     }
-}
-
-/// An aircraft flies nose up, a road rises and falls.
-fn mean_up(world: &World, truth: &[Solution]) -> Vector3<f64> {
-    let holds_s = world.slip.map_or(0.0, |s| s.start_s + s.duration_s);
-    let as_at_end = truth.iter().filter(|s| s.time.as_seconds() >= holds_s);
-    let ups = as_at_end.map(|s| s.attitude.inverse() * Vector3::z());
-    ups.sum::<Vector3<f64>>().normalize()
 }
