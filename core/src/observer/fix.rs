@@ -6,11 +6,10 @@ use super::{Observer, estimated};
 use crate::channel::Measured;
 use crate::config::{Config, Noise};
 use crate::history::Past;
-use crate::innovations::{Credit, MANOEUVRE_S, against_described, is_ordinary};
+use crate::innovations::{Credit, against_described, is_ordinary};
 use crate::math::{self, singles};
 use crate::measurement::{Difference, Kind};
 use crate::parameters::{COUNT, index};
-use crate::time::Time;
 
 /// What a unit of each parameter adds to `R` measured components.
 type By<const R: usize> = [[f32; R]; COUNT];
@@ -18,39 +17,6 @@ type By<const R: usize> = [[f32; R]; COUNT];
 /// Square of the jerk that a swing of a velocity of unit variance leaves: a third of it is in the
 /// means over a tenth of a second, their second difference is four times that, on two axes.
 const SWING_PER_S4: f64 = 6e4;
-
-/// Measurements no further apart are of one moment, s.
-const ONE_MOMENT_S: f64 = 1e-3;
-
-/// How often level or vertical measurements come.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Pace {
-    last: Time,
-    /// Since the measurement before, which may be of the same moment.
-    seconds: f64,
-    /// How many moments like the last an ordinary manoeuvre has.
-    per_manoeuvre: f64,
-}
-
-impl Pace {
-    /// Before the first.
-    pub fn new(start: Time) -> Self {
-        Self {
-            last: start,
-            seconds: 0.0,
-            per_manoeuvre: 1.0,
-        }
-    }
-
-    fn step(&mut self, now: Time) {
-        self.seconds = now.seconds_since(self.last);
-        self.last = now;
-        if self.seconds > ONE_MOMENT_S {
-            self.per_manoeuvre = math::max(MANOEUVRE_S / self.seconds, 1.0);
-        }
-    }
-}
 
 impl Observer {
     /// Compares the INS at the horizon, which must be a moment of the past, with a fix; whether it
