@@ -20,8 +20,6 @@ const LOST_TILT_RAD: f64 = 0.05;
 const LOST_AZIMUTH_RAD: f64 = 0.3;
 /// Time for which an INS that is found to be lost has run away at the speed that it has then, s.
 const ASTRAY_S: f64 = 0.5 * LOST_S;
-/// Part of its run-to-run spread by which a bias may have changed then.
-const LOST_BIAS: f64 = 0.1;
 /// Time for which innovations must be too large before the INS is doubted, s; and vertical ones before
 /// the vertical is: longer than a bump, and no manoeuvre tips the vertical velocity.
 const DOUBT_S: f64 = 10.0;
@@ -54,8 +52,21 @@ impl Observer {
         self.azimuth_walk += rate * rate;
     }
 
+    /// The azimuth has jumped, by this variance, and for as long as it has shown: some of what the INS errs
+    /// by it has caused as it is now, and some as it was.
+    #[inline(never)]
+    pub(super) fn on_jump(&mut self, variance: f64) {
+        self.corrections
+            .diffuse(index::AZIMUTH, math::single(variance));
+        let [azimuth, ..] = &self.responses;
+        let caused = azimuth.double();
+        self.doubt_along(&caused, variance);
+        self.widen_azimuth(variance);
+        self.doubts.note(self.horizon);
+    }
+
     /// The INS was found to be wrong, its velocity by this variance: all may be, by what it is when
-    /// alignment ends and by some of its biases.
+    /// alignment ends, and its biases, which have been learnt of meanwhile, by all that was believed of them.
     #[inline(never)]
     fn on_lost(&mut self, variance: f64, config: &Config) {
         let gnss = &config.gnss;
@@ -70,8 +81,8 @@ impl Observer {
         self.azimuth_walk += LOST_AZIMUTH_RAD * LOST_AZIMUTH_RAD;
         let prior = config.prior();
         for which in index::GYRO..index::GYRO + 6 {
-            let changed = LOST_BIAS * prior.sigma(which);
-            self.let_walk(which, math::single(changed * changed));
+            let sigma = prior.sigma(which);
+            self.let_walk(which, math::single(sigma * sigma));
         }
         self.surprise = Surprise::default();
         self.doubts.add(self.horizon);

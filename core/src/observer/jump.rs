@@ -7,8 +7,8 @@
 
 /// Time for which innovations count, s: some manoeuvres.
 const MEMORY_S: f64 = 30.0;
-/// Sigmas of a jump, least part of the squares of the innovations that it explains, and least time
-/// in which it was seen, s: wrong fixes come in bursts, and point anywhere.
+/// Sigmas of a jump, least part of what is too much in the squares of the innovations that it explains,
+/// and least time in which it was seen, s: wrong fixes come in bursts, and point anywhere.
 const SIGMAS: f64 = 5.0;
 const EXPLAINED: f64 = 0.5;
 const SEEN_S: f64 = 3.0;
@@ -22,8 +22,9 @@ pub struct Jump {
     information: f64,
     /// Squares of the information in a second, integrated.
     gathered: f64,
-    /// Squares of the innovations, in their variance.
+    /// Squares of the innovations, in their variance, and how many: what noise makes of them.
     squares: f64,
+    count: f64,
 }
 
 impl Jump {
@@ -37,17 +38,19 @@ impl Jump {
         seconds: f64,
     ) {
         let keep = 1.0 / (1.0 + seconds / MEMORY_S);
-        let (mut shown, mut information, mut square) = (0.0, 0.0, 0.0);
+        let (mut shown, mut information, mut square, mut count) = (0.0, 0.0, 0.0, 0.0);
         for (innovation, by) in innovation.iter().zip(by) {
             let by = f64::from(*by);
             shown += by * innovation / variance;
             information += by * by / variance;
             square += innovation * innovation / variance;
+            count += 1.0;
         }
         self.score = keep * self.score + shown;
         self.information = keep * self.information + information;
         self.gathered = keep * self.gathered + information * information / seconds;
         self.squares = keep * self.squares + square;
+        self.count = keep * self.count + count;
     }
 
     /// The square of its size, if there was one beyond what is known to `variance`; innovations are
@@ -58,6 +61,7 @@ impl Jump {
             information,
             gathered,
             squares,
+            count,
         } = *self;
         let explained = score * score / information;
         let expected = inflation + information * variance;
@@ -66,7 +70,7 @@ impl Jump {
             return None;
         }
         let jumped = explained > SIGMAS * SIGMAS * expected
-            && explained > EXPLAINED * squares
+            && explained > EXPLAINED * (squares - count)
             && information * information > SEEN_S * gathered;
         jumped.then(|| {
             *self = Self::default();

@@ -227,8 +227,7 @@ impl Observer {
         let known = self.parameters.sigma(index::AZIMUTH);
         let known = known * known + self.azimuth_walk;
         if let Some(jump) = self.azimuth_jump.square(known, self.inflation()) {
-            self.azimuth_walk += jump;
-            self.doubts.note(self.horizon);
+            self.on_jump(jump);
         }
         self.let_walk(index::AZIMUTH, math::single(self.azimuth_walk));
         self.azimuth_walk = 0.0;
@@ -336,15 +335,31 @@ impl Observer {
             }
             let caused = caused.double();
             self.followed.add_scaled(&caused, -f64::from(step.z));
-            let variance = f64::from(step.variance);
-            for axis in 0..2 {
-                self.level.doubt_along(&caused.states(axis), 0.5 * variance);
-            }
-            self.vertical.doubt_along(&caused.states(2), variance);
+            self.doubt_along(&caused, f64::from(step.variance));
+        }
+        if which == index::AZIMUTH {
+            self.widen_azimuth(f64::from(variance));
         }
         if let Some(constancy) = self.constancy.get_mut(which) {
             constancy.walked(variance);
         }
+    }
+
+    /// The INS may err by `error` more, times a number of this variance.
+    pub(super) fn doubt_along(&mut self, error: &Followed<f64>, variance: f64) {
+        for axis in 0..2 {
+            self.level.doubt_along(&error.states(axis), 0.5 * variance);
+        }
+        self.vertical.doubt_along(&error.states(2), variance);
+    }
+
+    /// States the azimuth with this variance more, before its turn has come.
+    pub(super) fn widen_azimuth(&mut self, variance: f64) {
+        self.added.tilt_rad.z += math::single(variance);
+        let p = &mut self.parameters;
+        let sigma = p.sigma(index::AZIMUTH);
+        let sigma = math::sqrt(sigma * sigma + variance);
+        p.set(index::AZIMUTH, p.value(index::AZIMUTH), sigma);
     }
 
     /// Latency `seconds` before the horizon and its spread, s.
