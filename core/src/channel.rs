@@ -61,9 +61,7 @@ pub struct Renewal {
 impl Renewal {
     /// Of noise `factor` times as strong, in variance, as described.
     pub fn over(seconds: f64, noise: &Noise, factor: f64) -> Self {
-        // exp(-x) to second order, for any x between 0 and 1.
-        let x = seconds / noise.correlation_s;
-        let keep = 1.0 / (1.0 + x + 0.5 * x * x);
+        let keep = math::decayed(seconds / noise.correlation_s);
         let new = noise.correlated * noise.correlated * factor * (1.0 - keep * keep);
         Self { keep, new }
     }

@@ -28,6 +28,12 @@ pub(crate) fn variance_within(ratio: f64, [least, most]: [f64; 2]) -> f64 {
     max(min(ratio, most * most), least * least)
 }
 
+/// What is left after so many time constants, not negative: `exp(-x)` to second order, between 0 and 1
+/// for any of them.
+pub(crate) fn decayed(x: f64) -> f64 {
+    1.0 / (1.0 + x + 0.5 * x * x)
+}
+
 /// Magnitude.
 pub(crate) fn abs(a: f64) -> f64 {
     libm::fabs(a)

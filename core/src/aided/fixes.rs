@@ -89,7 +89,7 @@ impl<const N: usize> AidedIns<N> {
     #[inline(never)]
     fn gather(&mut self, fix: &GnssFix, wait: bool, config: &Config) -> Option<GnssOutcome> {
         let moment = fix.time.plus_seconds(-self.compensation.latency_s);
-        let past = match self.history.at(moment, wait) {
+        let mut past = match self.history.at(moment, wait) {
             Ok(past) => past,
             Err(Missing::Future) => return None,
             Err(Missing::TooOld) => return Some(GnssOutcome::TooOld),
@@ -105,6 +105,13 @@ impl<const N: usize> AidedIns<N> {
                 comparison.step = Step::Advance;
             }
             return None;
+        }
+        if let Some(observer) = self.estimator.exact() {
+            let smoothing_s2 = observer.parameters().value(index::SMOOTHING);
+            let memory_s = math::sqrt(math::max(smoothing_s2, 0.0));
+            // It is late by as much.
+            let memory_s = math::min(memory_s, self.compensation.latency_s);
+            self.history.smooth(&mut past, memory_s);
         }
         let next = self.beside(&past, fix, config);
         self.newest = moment;
