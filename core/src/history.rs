@@ -149,13 +149,10 @@ pub struct Past {
     pub velocity_mps: Vector3<f64>,
     /// Acceleration of the vehicle as the accelerometers feel it, ENU, m/s^2.
     pub accel_mps2: Vector3<f64>,
-    /// How that changes, m/s^3.
+    /// How that changes, m/s^3; of what a receiver smooths, see [`History::smooth`].
     pub jerk_mps3: Vector3<f64>,
     /// And of that, m/s^4.
     pub snap_mps4: Vector3<f64>,
-    /// By how much the velocity is above its mean over times about this moment, for a unit of their
-    /// variance, m/s^3: see [`History::smooth`].
-    pub above_mean_mps3: Vector3<f64>,
     /// Variance of a level velocity by what the vehicle does between two moments of the ring and
     /// the interpolation does not see: jolts and vibration, (m/s)^2.
     pub unseen_velocity: f64,
@@ -180,7 +177,6 @@ impl Past {
         self.accel_mps2 += (next.accel_mps2 - self.accel_mps2) * part;
         self.jerk_mps3 += (next.jerk_mps3 - self.jerk_mps3) * part;
         self.snap_mps4 += (next.snap_mps4 - self.snap_mps4) * part;
-        self.above_mean_mps3 += (next.above_mean_mps3 - self.above_mean_mps3) * part;
         self.unseen_velocity += (next.unseen_velocity - self.unseen_velocity) * part;
         self.unseen_rate += (next.unseen_rate - self.unseen_rate) * part;
         self.attitude += (next.attitude - self.attitude) * part;
@@ -354,16 +350,17 @@ impl<const N: usize> History<N> {
 }
 
 impl<const N: usize> History<N> {
-    /// Has the mean that a receiver which smooths makes of velocities, instead of its second derivative
-    /// alone, where a quick turn would need more of them: a low pass of first order with this time
-    /// constant, and as much sooner as it is late in a steady acceleration.
+    /// Has the jerk as a receiver shows it that smooths with this time constant, where a quick turn would
+    /// need more derivatives: its mean, for which a mean over times of variance `s` is `s / 2` times the jerk
+    /// off. The receiver is a low pass of first order, taken as much sooner as it is late in a steady
+    /// acceleration.
     pub fn smooth(&self, past: &mut Past, memory_s: f64) {
         if memory_s < LONG_S {
             return;
         }
-        // What is not yet seen of each gain of velocity, and would not be if it were only late. Outside
-        // the ring all goes on as at its ends.
-        let mut above_mps = Vector3::zeros();
+        // What is seen of each gain of velocity, and would be if it were only late. Outside the ring all
+        // goes on as at its ends.
+        let mut beyond_mps = Vector3::zeros();
         let (mut end_s, mut missed) = (memory_s, 1.0);
         let mut older = self.moments.iter().rev().peekable();
         while let Some(recorded) = older.next() {
@@ -378,10 +375,10 @@ impl<const N: usize> History<N> {
             };
             let late_s = math::max(end_s, 0.0) - math::max(start_s, 0.0);
             let force_mps2 = recorded.span.force_mps.map(f64::from) / seconds;
-            above_mps += (memory_s * (missed - missed_before) - late_s) * force_mps2;
+            beyond_mps += (late_s - memory_s * (missed - missed_before)) * force_mps2;
             (end_s, missed) = (start_s, missed_before);
         }
-        past.above_mean_mps3 = above_mps / (memory_s * memory_s);
+        past.jerk_mps3 = beyond_mps * (2.0 / (memory_s * memory_s));
     }
 }
 
@@ -428,16 +425,14 @@ impl Around<'_> {
         let turning = (here.seconds * bend.rate_radps).norm_squared() / 12.0;
         let attitude = here.attitude + off_s * bend.attitude;
         let rate_radps = here.rate_radps + off_s * bend.rate_radps;
-        let jerk_here_mps3 = jerk_mps3 + off_s * snap_mps4;
         Past {
             time,
             velocity_mps,
             accel_mps2: accel_mps2
                 + off_s * jerk_mps3
                 + (0.5 * off_s * off_s - flat / 6.0) * snap_mps4,
-            jerk_mps3: jerk_here_mps3,
+            jerk_mps3: jerk_mps3 + off_s * snap_mps4,
             snap_mps4,
-            above_mean_mps3: -0.5 * jerk_here_mps3,
             unseen_velocity: math::max(f64::from(end.wobble) - explained, 0.0),
             unseen_rate: math::max(f64::from(end.rate_wobble) - turning, 0.0),
             attitude,

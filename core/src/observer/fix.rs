@@ -362,17 +362,17 @@ fn by_lever(past: &Past, measured: Measured) -> &Matrix3<f64> {
     }
 }
 
-/// What a unit of smoothing adds to INS minus GNSS. A mean over times of variance `s` lies by `s / 2` times
-/// the second derivative off, if they are short.
+/// What a unit of smoothing adds to INS minus GNSS: a mean over times of variance `s` lies by
+/// `s / 2` times the second derivative off.
 fn by_smoothing(
     past: &Past,
     measured: Measured,
     arm_m: &Vector3<f64>,
     seen_jerk: f64,
 ) -> Vector3<f64> {
-    match measured {
-        Measured::Velocity => seen_jerk * past.above_mean_mps3,
-        Measured::Position => -0.5 * by_latency(past, Measured::Velocity, arm_m),
+    -0.5 * match measured {
+        Measured::Velocity => seen_jerk * past.jerk_mps3,
+        Measured::Position => by_latency(past, Measured::Velocity, arm_m),
     }
 }
 

@@ -22,9 +22,8 @@ pub struct Jump {
     information: f64,
     /// Squares of the information in a second, integrated.
     gathered: f64,
-    /// Squares of the innovations, in their variance, and how many: what noise makes of them.
+    /// Squares of the innovations, in their variance, less what noise makes of them.
     squares: f64,
-    count: f64,
 }
 
 impl Jump {
@@ -38,19 +37,17 @@ impl Jump {
         seconds: f64,
     ) {
         let keep = 1.0 / (1.0 + seconds / MEMORY_S);
-        let (mut shown, mut information, mut square, mut count) = (0.0, 0.0, 0.0, 0.0);
+        let (mut shown, mut information, mut square) = (0.0, 0.0, 0.0);
         for (innovation, by) in innovation.iter().zip(by) {
             let by = f64::from(*by);
             shown += by * innovation / variance;
             information += by * by / variance;
-            square += innovation * innovation / variance;
-            count += 1.0;
+            square += innovation * innovation / variance - 1.0;
         }
         self.score = keep * self.score + shown;
         self.information = keep * self.information + information;
         self.gathered = keep * self.gathered + information * information / seconds;
         self.squares = keep * self.squares + square;
-        self.count = keep * self.count + count;
     }
 
     /// The square of its size, if there was one beyond what is known to `variance`; innovations are
@@ -61,7 +58,6 @@ impl Jump {
             information,
             gathered,
             squares,
-            count,
         } = *self;
         let explained = score * score / information;
         let expected = inflation + information * variance;
@@ -70,7 +66,7 @@ impl Jump {
             return None;
         }
         let jumped = explained > SIGMAS * SIGMAS * expected
-            && explained > EXPLAINED * (squares - count)
+            && explained > EXPLAINED * squares
             && information * information > SEEN_S * gathered;
         jumped.then(|| {
             *self = Self::default();

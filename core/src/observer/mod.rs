@@ -224,13 +224,18 @@ impl Observer {
     /// Lets the azimuth have walked.
     #[inline(never)]
     pub fn let_azimuth_walk(&mut self) {
-        let known = self.parameters.sigma(index::AZIMUTH);
-        let known = known * known + self.azimuth_walk;
-        if let Some(jump) = self.azimuth_jump.square(known, self.inflation()) {
-            self.on_jump(jump);
-        }
-        self.let_walk(index::AZIMUTH, math::single(self.azimuth_walk));
+        let sigma = self.parameters.sigma(index::AZIMUTH);
+        let (known, walked) = (sigma * sigma, self.azimuth_walk);
+        self.let_walk(index::AZIMUTH, math::single(walked));
         self.azimuth_walk = 0.0;
+        // By a hole, or lost.
+        if walked > known {
+            self.widen_azimuth(walked);
+        }
+        let jump = self.azimuth_jump.square(known + walked, self.inflation());
+        if let Some(variance) = jump {
+            self.on_jump(variance);
+        }
     }
 
     /// Lets the biases of one axis have walked, that of which they last did longest ago.
@@ -336,9 +341,6 @@ impl Observer {
             let caused = caused.double();
             self.followed.add_scaled(&caused, -f64::from(step.z));
             self.doubt_along(&caused, f64::from(step.variance));
-        }
-        if which == index::AZIMUTH {
-            self.widen_azimuth(f64::from(variance));
         }
         if let Some(constancy) = self.constancy.get_mut(which) {
             constancy.walked(variance);

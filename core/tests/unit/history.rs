@@ -135,8 +135,8 @@ fn above_mean(memory_s: f64, at: f64, east_mps: impl Fn(f64) -> f64) -> f64 {
     }
     let mut past = history.at(at_s(at), false).unwrap();
     history.smooth(&mut past, memory_s);
-    assert!(past.above_mean_mps3.yz().norm() < SINGLE);
-    memory_s * memory_s * past.above_mean_mps3.x
+    assert!(past.jerk_mps3.yz().norm() < 1000.0 * SINGLE);
+    -0.5 * memory_s * memory_s * past.jerk_mps3.x
 }
 
 #[test]
