@@ -52,8 +52,8 @@ impl Observer {
         self.azimuth_walk += rate * rate;
     }
 
-    /// The azimuth has jumped, by this variance, and for as long as it has shown: some of what the INS errs
-    /// by it has caused as it is now, and some as it was.
+    /// The azimuth has jumped, by a size of this variance, some time before it was found: of what the INS
+    /// errs by it has caused one part as it is, and one as it was.
     #[inline(never)]
     pub(super) fn on_jump(&mut self, variance: f64) {
         self.corrections
