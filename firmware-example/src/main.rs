@@ -18,7 +18,7 @@ fn main() -> ! {
     let Some(service) = cortex_m::singleton!(: Option<Service<Navigation>> = None) else {
         unreachable!()
     };
-    let service = service.insert(Service::new(Navigation::new(), clock));
+    let service = Service::place(service, Navigation::new, clock);
     loop {
         let Some(byte) = uart.receive() else { continue };
         service.on_lost(uart.take_lost());

@@ -52,6 +52,17 @@ impl<N: Navigates> Service<N> {
         }
     }
 
+    /// Makes one in static memory. What that takes of the stack is given back: built for size, a
+    /// compiler makes it there first.
+    #[inline(never)]
+    pub fn place(
+        slot: &'static mut Option<Self>,
+        navigation: impl FnOnce() -> N,
+        clock: Clock,
+    ) -> &'static mut Self {
+        slot.insert(Self::new(navigation(), clock))
+    }
+
     /// Takes the next byte; with the last one of a request sends the frame of the reply, and those
     /// of what has been logged meanwhile.
     pub fn on_byte(&mut self, byte: u8, mut send: impl FnMut(&[u8])) {

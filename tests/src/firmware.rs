@@ -14,6 +14,9 @@ use crate::cargo::{build_folder, cargo, require_target, succeed};
 
 const TARGET: &str = "thumbv7em-none-eabihf";
 
+/// More arguments to cargo: of the size of flash rather than of time.
+pub const FOR_SIZE: [&str; 2] = ["--config", "profile.release.opt-level='s'"];
+
 /// Builds a program of the firmware for a board.
 pub fn image(board: Board, program: &str) -> Result<PathBuf, String> {
     image_with(board, program, &[])

@@ -11,7 +11,7 @@ use ins_core::config::HeadingSource;
 use ins_core::{Config, GnssOutcome, ImuOutcome, Phase, Time};
 use ins_link::{Reply, Request};
 
-use crate::firmware::{flash_bytes, image, image_with, peer_image, session};
+use crate::firmware::{flash_bytes, image_with, peer_image, session};
 
 type Failure = Box<dyn std::error::Error>;
 
@@ -87,11 +87,12 @@ impl Footprint {
 }
 
 /// Of `ins-core` with all that its preset for a class of sensors estimates: of ring lasers nine
-/// parameters, of MEMS all there are.
-pub fn ours(board: Board, class: Grade) -> Result<Footprint, Failure> {
+/// parameters, of MEMS all there are. Built with more arguments to cargo.
+pub fn ours(board: Board, class: Grade, built: &[&str]) -> Result<Footprint, Failure> {
     let (drive, config) = drive(class);
-    let only = image(board, "core_only")?;
-    let image = image_with(board, "console", &["--features", "call-stack"])?;
+    let only = image_with(board, "core_only", built)?;
+    let counting = [&["--features", "call-stack"], built].concat();
+    let image = image_with(board, "console", &counting)?;
     let requests = requests(&drive.imu, &drive.gnss);
     measure(board, &image, &only, config, requests)
 }

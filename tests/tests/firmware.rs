@@ -1,6 +1,7 @@
 //! The firmware on emulated processors computes what the host computes, bit for bit.
 
 use std::io::{Read, Write};
+use std::path::Path;
 use std::time::Duration;
 
 use host_sim::hil::bench::{Bench, ESTIMATES_EVERY, requests};
@@ -14,14 +15,18 @@ use indicatif::ProgressBar;
 use ins_core::{Config, Phase};
 use ins_link::{Decoder, FromBoard, Reply, Report, Request, encode};
 use ins_tests::drives::{drive, flight, recorded_log};
-use ins_tests::firmware::{image, session};
+use ins_tests::firmware::{FOR_SIZE, image, image_with, session};
 
 type Failure = Box<dyn std::error::Error>;
 
 /// Every solution, every estimate and every damping signal after every sample and fix; the run
 /// must have had enough of everything to show something.
-fn every_bit(board: Board, (config, log): &(Config, Log)) -> Result<(), Failure> {
-    let mut session = session(board, &image(board, "console")?, Pace::Fast)?;
+fn every_bit(board: Board, case: &(Config, Log)) -> Result<(), Failure> {
+    every_bit_of(&image(board, "console")?, board, case)
+}
+
+fn every_bit_of(image: &Path, board: Board, (config, log): &(Config, Log)) -> Result<(), Failure> {
+    let mut session = session(board, image, Pace::Fast)?;
     session.start(*config, ESTIMATES_EVERY)?;
     let mut bench = Bench::new(*config)?;
     let (mut navigated, mut estimated) = (0, 0);
@@ -55,6 +60,14 @@ fn report(reply: &Reply) -> Option<&Report> {
 #[test]
 fn a_drive_on_cortex_m7() -> Result<(), Failure> {
     every_bit(Board::CortexM7, &drive(Grade::Hg1700, 10.0))
+}
+
+/// Such an image takes more of the stack, which nothing guards.
+#[test]
+fn a_drive_of_an_image_built_for_size() -> Result<(), Failure> {
+    let board = Board::CortexM7;
+    let image = image_with(board, "console", &FOR_SIZE)?;
+    every_bit_of(&image, board, &drive(Grade::Hg1700, 10.0))
 }
 
 #[test]

@@ -17,7 +17,7 @@ fn the_core_on_cortex_m7_is_within_its_budgets() -> Result<(), Box<dyn std::erro
         (Grade::Hg1700, goal::AMORTISED),
         (Grade::Mems, AMORTISED_OF_ALL),
     ] {
-        let footprint = ours(Board::CortexM7, class)?;
+        let footprint = ours(Board::CortexM7, class, &[])?;
         println!("{footprint:?}, {} a sample", footprint.amortised());
         let budgets = [
             ("instructions per sample", footprint.amortised(), amortised),

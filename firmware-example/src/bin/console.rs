@@ -15,5 +15,5 @@ fn main() -> ! {
     let Some(service) = cortex_m::singleton!(: Option<Service<Navigation>> = None) else {
         unreachable!()
     };
-    console::run(service.insert(Service::new(Navigation::new(), clock)))
+    console::run(Service::place(service, Navigation::new, clock))
 }
