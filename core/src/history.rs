@@ -347,9 +347,7 @@ impl<const N: usize> History<N> {
         }
         Err(Missing::TooOld)
     }
-}
 
-impl<const N: usize> History<N> {
     /// Has the jerk as a receiver shows it that smooths with this time constant, where a quick turn would
     /// need more derivatives: its mean, for which a mean over times of variance `s` is `s / 2` times the jerk
     /// off. The receiver is a low pass of first order, taken as much sooner as it is late in a steady
