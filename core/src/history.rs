@@ -147,7 +147,7 @@ pub struct Past {
     pub time: Time,
     /// Velocity, ENU, m/s.
     pub velocity_mps: Vector3<f64>,
-    /// Acceleration of the vehicle as the accelerometers feel it, ENU, m/s^2.
+    /// Acceleration of the vehicle as the accelerometers feel it on a platform that may lean, ENU, m/s^2.
     pub accel_mps2: Vector3<f64>,
     /// How that changes, m/s^3; of what a receiver smooths, see [`History::smooth`].
     pub jerk_mps3: Vector3<f64>,

@@ -4,6 +4,7 @@ use host_sim::identify::run::{Identification, identify};
 use host_sim::sim::Grade;
 use host_sim::sim::noise::Random;
 use host_sim::study::accuracy::{Check, QUANTITIES, Run, Study};
+use host_sim::study::conditions::{self, Trial};
 use indicatif::ProgressBar;
 use ins_core::Config;
 use ins_core::config::HeadingSource;
@@ -128,4 +129,27 @@ fn fixes_that_are_said_to_be_noisy_count_for_less() {
     // Weights by variance against equal ones: sqrt((1 + 2 / 25) (1 + 2 * 25)) / 3 = 2.5 times
     // less; that wild innovations count for less anyway takes some of it.
     assert!(known.sigma < 0.6 * guessed.sigma, "{known:?} {guessed:?}");
+}
+
+/// A platform that GNSS holds leans as that errs, and felt gravity then goes with the next error: taken for
+/// the vehicle's motion, it draws the latency of one that hardly moves to one side, by two sigmas.
+#[test]
+fn correlated_noise_draws_no_latency_to_one_side() {
+    let kind = conditions::all().find(|kind| kind.name == "furrows");
+    let kind = kind.expect("a slow vehicle");
+    let latency = |check: &&conditions::Check| {
+        conditions::QUANTITIES[check.quantity].name == "latency" && check.observable
+    };
+    let sigmas: Vec<f64> = (0..16)
+        .filter_map(|seed| {
+            let run = Trial::default().run(kind, Grade::Hg1700, seed).core;
+            let check = *run.checks.iter().find(latency)?;
+            Some(check.error / check.sigma?)
+        })
+        .collect();
+    let mean = sigmas.iter().sum::<f64>() / sigmas.len() as f64;
+    println!("{mean} sigmas: {sigmas:?}");
+    assert!(sigmas.len() > 12);
+    // The mean of sixteen is good to a quarter, and what the noise of the tilt itself draws is a half.
+    assert!(mean.abs() < 1.25, "{mean}");
 }

@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 use super::{Observer, estimated};
 use crate::channel::Measured;
 use crate::config::{Config, Noise};
+use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::history::Past;
 use crate::innovations::{Credit, against_described, is_ordinary};
 use crate::math::{self, singles};
@@ -274,11 +275,23 @@ impl Observer {
     fn shown_directly<'a>(&self, past: &'a Past, measured: Measured) -> Direct<'a> {
         let arm_m = self.parameters.lever_arm();
         let seen_jerk = seen_jerk(past);
+        // A platform held by GNSS leans as that errs, and gravity would be taken for a motion that goes
+        // with the error to come: errors in variables, 2 sigmas of the latency of a slow vehicle.
+        let force_mps2 = past.accel_mps2 + Vector3::z() * GRAVITY_EQUATOR_MPS2;
+        let leaning_mps2 = force_mps2.cross(&self.followed.error.tilt_rad);
+        let accel_mps2 = past.accel_mps2 - leaning_mps2 + past.attitude_accel * arm_m;
+        let (by_latency, by_smoothing) = match measured {
+            Measured::Velocity => (accel_mps2, -0.5 * seen_jerk * past.jerk_mps3),
+            Measured::Position => (
+                past.velocity_mps + past.attitude_rate * arm_m,
+                -0.5 * accel_mps2,
+            ),
+        };
         Direct {
             arm_m,
             seen_jerk,
-            by_latency: by_latency(past, measured, &arm_m),
-            by_smoothing: by_smoothing(past, measured, &arm_m, seen_jerk),
+            by_latency,
+            by_smoothing,
             by_lever: by_lever(past, measured),
         }
     }
@@ -334,24 +347,17 @@ impl Observer {
     }
 }
 
-/// What a unit of latency and of smoothing adds to INS minus GNSS, and of the arm takes from it, with the
-/// antenna on that arm.
+/// What a unit of latency and of smoothing adds to INS minus GNSS, and of the arm takes from it.
 struct Direct<'a> {
     arm_m: Vector3<f64>,
     seen_jerk: f64,
+    /// With the antenna on such an arm `l`: by `C l` it is away from the sensors, and by the derivatives
+    /// of that it moves otherwise. What swings on an arm of metres is felt in these more than in what the
+    /// sensors do.
     by_latency: Vector3<f64>,
+    /// A mean over times of variance `s` lies by `s / 2` times the second derivative off.
     by_smoothing: Vector3<f64>,
     by_lever: &'a Matrix3<f64>,
-}
-
-/// What a unit of latency adds to INS minus GNSS, with the antenna on such an arm `l`: by `C l` it is
-/// away from the sensors, and by the derivatives of that it moves otherwise. What swings on an arm of
-/// metres is felt in these more than in what the sensors do.
-fn by_latency(past: &Past, measured: Measured, arm_m: &Vector3<f64>) -> Vector3<f64> {
-    match measured {
-        Measured::Velocity => past.accel_mps2 + past.attitude_accel * arm_m,
-        Measured::Position => past.velocity_mps + past.attitude_rate * arm_m,
-    }
 }
 
 /// What a unit of each component of that arm takes from it.
@@ -359,20 +365,6 @@ fn by_lever(past: &Past, measured: Measured) -> &Matrix3<f64> {
     match measured {
         Measured::Velocity => &past.attitude_rate,
         Measured::Position => &past.attitude,
-    }
-}
-
-/// What a unit of smoothing adds to INS minus GNSS: a mean over times of variance `s` lies by
-/// `s / 2` times the second derivative off.
-fn by_smoothing(
-    past: &Past,
-    measured: Measured,
-    arm_m: &Vector3<f64>,
-    seen_jerk: f64,
-) -> Vector3<f64> {
-    -0.5 * match measured {
-        Measured::Velocity => seen_jerk * past.jerk_mps3,
-        Measured::Position => by_latency(past, Measured::Velocity, arm_m),
     }
 }
 
