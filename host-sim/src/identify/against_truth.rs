@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::identify::free_inertial::feed;
 use crate::identify::held_ins::{HeldIns, LevelError};
-use crate::identify::row::Row;
+use crate::identify::row::{self, Row};
 use crate::log::Log;
 use crate::sim::ideal::displaced;
 use crate::statistics::rms;
@@ -106,8 +106,7 @@ pub fn check(
 }
 
 fn due(points: &[Point], now: Time) -> bool {
-    let last = points.last();
-    last.is_none_or(|(last, _)| now.seconds_since(*last) > EVERY_S - 5e-4)
+    row::due(points.last().map(|(last, _)| *last), now, EVERY_S)
 }
 
 /// The reference at a time, between rows that are no further apart than a hole.

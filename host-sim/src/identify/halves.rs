@@ -1,12 +1,13 @@
 //! The halves test: what two halves of a log say of constants must agree.
 
-use ins_core::{Config, ConfigError, Estimate, Estimates, Navigator, Phase, Time};
+use indicatif::ProgressBar;
+use ins_core::{Config, ConfigError, Estimate, Estimates, Phase, Time};
 use serde::Serialize;
 
 use super::free_inertial::known;
 use super::quantities::MG_MPS2;
 use super::row::Row;
-use super::run::{Event, HISTORY_S, Identification, due, in_order_of_time};
+use super::run::{Identification, record};
 use crate::log::Log;
 
 /// Shortest log worth cutting, s: either half has to align, and to turn and brake some times.
@@ -71,7 +72,7 @@ pub fn test(
     let cut = second.start();
     let config = configure(log);
     let first = if let Some(halfway) = found.halfway.filter(|_| config == found.config) {
-        End::halfway(found, &halfway, cut)
+        End::new(&found.history, &halfway, cut)
     } else {
         let half = log.first_half();
         End::of(&half, configure(&half), cut)?
@@ -111,37 +112,16 @@ struct End {
 impl End {
     /// `None` if the half never navigates.
     fn of(half: &Log, config: Config, cut: Time) -> Result<Option<Self>, ConfigError> {
-        let mut navigator = Navigator::new(config)?;
-        // Looked at as often as the history is kept.
-        let (mut looked, mut since) = (None, None);
-        let mut last = Time::default();
-        for event in in_order_of_time(&half.imu, &half.gnss) {
-            match event {
-                Event::Imu(sample) => {
-                    last = sample.time;
-                    let _ = navigator.on_imu(&sample);
-                    if since.is_none() && due(looked, last, HISTORY_S) {
-                        looked = Some(last);
-                        since = looked.filter(|_| navigator.phase() == Phase::Navigating);
-                    }
-                }
-                Event::Gnss(fix) => drop(navigator.on_gnss(fix)),
-            }
-        }
-        Ok(Self::new(since, &Row::of(last, &navigator), cut))
+        let (run, end) = record(half, config, &ProgressBar::hidden(), |_, _| {})?;
+        Ok(Self::new(&run.history, &end, cut))
     }
 
-    /// Of the first half.
-    fn halfway(found: &Identification, end: &Row, cut: Time) -> Option<Self> {
-        let mut before = found.history.iter().take_while(|row| row.time <= end.time);
-        let since = before.find(|row| row.phase == Phase::Navigating);
-        Self::new(since.map(|row| row.time), end, cut)
-    }
-
-    fn new(since: Option<Time>, end: &Row, cut: Time) -> Option<Self> {
-        let since = since.filter(|_| end.phase == Phase::Navigating)?;
+    /// `None` if it does not navigate then.
+    fn new(history: &[Row], end: &Row, cut: Time) -> Option<Self> {
+        let mut before = history.iter().take_while(|row| row.time <= end.time);
+        let since = before.find(|row| row.phase == Phase::Navigating)?.time;
         let middle = since.plus_seconds(0.5 * end.time.seconds_since(since));
-        Some(Self {
+        (end.phase == Phase::Navigating).then(|| Self {
             estimates: end.estimates,
             to_cut_s: cut.seconds_since(middle),
         })

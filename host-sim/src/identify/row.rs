@@ -40,6 +40,11 @@ impl Row {
     }
 }
 
+/// Whether an interval has passed, to within half a millisecond of jitter.
+pub(super) fn due(last: Option<Time>, now: Time, interval_s: f64) -> bool {
+    last.is_none_or(|last| now.seconds_since(last) > interval_s - 5e-4)
+}
+
 /// How often each answer was given.
 pub type Counts<T> = Vec<(T, u64)>;
 

@@ -10,11 +10,11 @@ use ins_core::{
 use crate::identify::against_truth::{self, AgainstTruth};
 use crate::identify::free_inertial::{self, VelocityErrors};
 use crate::identify::innovations::{Innovation, Innovations};
-use crate::identify::row::{Counts, Row, add};
+use crate::identify::row::{Counts, Row, add, due};
 use crate::log::Log;
 
 /// Interval between rows of the history, and between solutions kept, s.
-pub(super) const HISTORY_S: f64 = 1.0;
+const HISTORY_S: f64 = 1.0;
 const SOLUTION_S: f64 = 0.1;
 /// Events from one step of the progress bar to the next.
 const PROGRESS_EVERY: u64 = 4096;
@@ -156,11 +156,6 @@ impl Recorder {
             against_truth,
         }
     }
-}
-
-/// Whether an interval has passed, to within half a millisecond of jitter.
-pub(super) fn due(last: Option<Time>, now: Time, interval_s: f64) -> bool {
-    last.is_none_or(|last| now.seconds_since(last) > interval_s - 5e-4)
 }
 
 /// A sample or a fix.
