@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
@@ -33,21 +34,14 @@ struct File {
 impl Truth {
     /// The errors of a simulated run, for a log in the given axes.
     pub fn new(errors: &SensorErrors, azimuth_error_rad: Option<f64>, axes: BodyAxes) -> Self {
-        let gravity_mps2 = [0.0, 0.0, 9.806_65];
-        let felt = |component: usize| {
-            errors.accel_bias_mps2[component]
-                + errors.accel_matrix[(component, component)] * gravity_mps2[component]
-        };
-        let in_axes = |value: &dyn Fn(usize) -> f64, unit: f64| {
-            [0, 1, 2].map(|axis| {
-                let (component, sign) = axes.rfu_component(axis);
-                sign * value(component) / unit
-            })
-        };
+        let gravity_mps2 = Vector3::new(0.0, 0.0, 9.806_65);
+        let scaled_mps2 = errors.accel_matrix.diagonal().component_mul(&gravity_mps2);
+        let felt_mps2 = Vector3::from(errors.accel_bias_mps2) + scaled_mps2;
+        let in_axes = |rfu: Vector3<f64>, unit: f64| (axes.from_rfu(rfu) / unit).into();
         Self {
             azimuth_error_deg: azimuth_error_rad.map(f64::to_degrees),
-            accel_bias_mg: in_axes(&felt, MG_MPS2),
-            gyro_bias_deg_h: in_axes(&|i| errors.gyro_bias_radps[i], DEG_H_RADPS),
+            accel_bias_mg: in_axes(felt_mps2, MG_MPS2),
+            gyro_bias_deg_h: in_axes(errors.gyro_bias_radps.into(), DEG_H_RADPS),
             gnss_latency_ms: 1e3 * errors.gnss_latency_s,
         }
     }
