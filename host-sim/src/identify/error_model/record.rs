@@ -114,7 +114,7 @@ impl Felt {
 }
 
 /// Mean over the fixes of an epoch.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Difference {
     /// Velocity of the strapdown less that of GNSS, east and north, m/s.
     pub velocity_mps: Vector2<f64>,
@@ -382,12 +382,9 @@ struct Going {
     ins: Mechanization,
     earth: LocalEarth,
     angle_rad: Vector3<f64>,
-    felt: Felt,
-    seconds: f64,
-    broken: bool,
-    difference_sum: Vector2<f64>,
-    felt_sum: Felt,
-    fixes: u32,
+    epoch: Epoch,
+    /// Sums over the fixes.
+    sum: Difference,
 }
 
 impl Going {
@@ -402,18 +399,14 @@ impl Going {
             ins,
             earth: ins.local_earth(),
             angle_rad: Vector3::zeros(),
-            felt: Felt::default(),
-            seconds: 0.0,
-            broken: false,
-            difference_sum: Vector2::zeros(),
-            felt_sum: Felt::default(),
-            fixes: 0,
+            epoch: Epoch::default(),
+            sum: Difference::default(),
         }
     }
 
     /// Whether the next reference ends it; references come ten times a second.
     fn is_over(&self) -> bool {
-        self.seconds > EPOCH_S - 0.05
+        self.epoch.seconds > EPOCH_S - 0.05
     }
 
     fn step<'f>(
@@ -433,20 +426,21 @@ impl Going {
                 continue; // It shows a time before this epoch.
             }
             let ins = before + part * (self.ins.velocity_enu_mps - before) + antenna;
-            self.difference_sum += ins.xy() - velocity;
-            self.felt_sum = (self.felt_sum.plus(1.0, &self.felt)).plus(part, &felt);
-            self.fixes += 1;
+            self.sum.velocity_mps += ins.xy() - velocity;
+            self.sum.felt = (self.sum.felt.plus(1.0, &self.epoch.felt)).plus(part, &felt);
+            self.sum.fixes += 1;
         }
-        self.felt = self.felt.plus(1.0, &felt);
         self.angle_rad += interval.rotation_rad();
-        self.seconds += interval.seconds;
-        self.broken |= timed.hole;
+        let epoch = &mut self.epoch;
+        epoch.felt = epoch.felt.plus(1.0, &felt);
+        epoch.seconds += interval.seconds;
+        epoch.broken |= timed.hole;
     }
 
     fn felt_by(&self, step: &Step, interval: &Interval, correction: &Correction) -> Felt {
         let beyond_level = correction.beyond_level_mps(interval);
         let scaled_turn_rad = step.attitude * Matrix3::from_diagonal(&interval.angle_rad);
-        let turned = self.felt.scaled_turn_rad + 0.5 * scaled_turn_rad;
+        let turned = self.epoch.felt.scaled_turn_rad + 0.5 * scaled_turn_rad;
         Felt {
             force_mps: step.force_enu_mps,
             attitude_s: interval.seconds * step.attitude,
@@ -457,6 +451,7 @@ impl Going {
     }
 
     fn end(self, reference: &Solution, reducer: &Reducer) -> Epoch {
+        let (seconds, fixes) = (self.epoch.seconds, f64::from(self.sum.fixes));
         let frame_rate =
             self.earth.earth_rate() + self.earth.transport_rate(&self.start.velocity_enu_mps);
         let at_rest = reducer.at_rest(self.start.time, reference.time);
@@ -468,7 +463,7 @@ impl Going {
         // `C' = (I - [Phi x]) C`: turning the platform by Phi is a rotation by -Phi.
         let turned = -(reference.attitude * before.inverse()).scaled_axis();
         let rest_rate =
-            self.angle_rad / self.seconds - self.felt.attitude_s.tr_mul(&frame_rate) / self.seconds;
+            self.angle_rad / seconds - self.epoch.felt.attitude_s.tr_mul(&frame_rate) / seconds;
         let velocity_control = reference.velocity_enu_mps - self.ins.velocity_enu_mps;
         let gained = self.ins.velocity_enu_mps - self.start.velocity_enu_mps;
         let [from, to] = [&self.start.attitude, &self.ins.attitude]
@@ -476,20 +471,19 @@ impl Going {
         let turning = to - from;
         Epoch {
             start_s: self.start.time.seconds_since(reducer.first),
-            seconds: self.seconds,
-            felt: self.felt,
             frame_rate_radps: frame_rate,
             velocity_control_mps: velocity_control.xy(),
             tilt_control_rad: turned,
             rest_rate_radps: at_rest.then_some(rest_rate),
-            difference: (self.fixes > 0).then(|| Difference {
-                velocity_mps: self.difference_sum / f64::from(self.fixes),
-                felt: self.felt_sum.scaled(1.0 / f64::from(self.fixes)),
-                acceleration_mps2: gained.xy() / self.seconds,
-                attitude_rate_per_s: turning / self.seconds,
-                fixes: self.fixes,
+            difference: (fixes > 0.0).then(|| Difference {
+                velocity_mps: self.sum.velocity_mps / fixes,
+                felt: self.sum.felt.scaled(1.0 / fixes),
+                acceleration_mps2: gained.xy() / seconds,
+                attitude_rate_per_s: turning / seconds,
+                fixes: self.sum.fixes,
             }),
-            broken: self.broken || self.seconds > LONGEST_EPOCH_S,
+            broken: self.epoch.broken || seconds > LONGEST_EPOCH_S,
+            ..self.epoch
         }
     }
 }
