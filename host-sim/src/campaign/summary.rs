@@ -135,8 +135,7 @@ impl Summary {
         let row = |row: &Row| {
             let of = |interval: &Interval| {
                 let width = 0.5 * (interval.high - interval.low);
-                let [value, low, high] =
-                    [interval.value, interval.low, interval.high].map(|v| digits(width, v));
+                let [value, low, high] = interval.each().map(|v| digits(width, v));
                 format!("{value} ({low} to {high})")
             };
             vec![
@@ -180,19 +179,11 @@ fn row(plan: &Plan, tally: &Tally, which: usize) -> Option<Row> {
 /// Root of the mean over units of mean squares; Student's t over the units.
 fn rms(squares: &[f64]) -> Option<Interval> {
     let mean = plain_mean(squares.iter().copied())?;
-    Some(Interval {
-        value: mean.value.sqrt(),
-        low: mean.low.max(0.0).sqrt(),
-        high: mean.high.sqrt(),
-    })
+    Some(mean.map(|square| square.max(0.0).sqrt()))
 }
 
 /// Geometric mean.
 fn by_logarithm(ratios: &[f64]) -> Option<Interval> {
     let mean = plain_mean(ratios.iter().map(|ratio| libm::log(*ratio)))?;
-    Some(Interval {
-        value: libm::exp(mean.value),
-        low: libm::exp(mean.low),
-        high: libm::exp(mean.high),
-    })
+    Some(mean.map(libm::exp))
 }

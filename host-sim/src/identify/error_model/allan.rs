@@ -92,7 +92,7 @@ impl AtRest {
         let row = |(gyro, accel): (&Point, &Point)| {
             let mut cells = vec![format!("{:.3}", gyro.tau_s)];
             for sigma in gyro.deviation.iter().chain(&accel.deviation) {
-                cells.extend([sigma.value, sigma.low, sigma.high].map(|v| format!("{v:.4e}")));
+                cells.extend(sigma.each().map(|v| format!("{v:.4e}")));
             }
             cells
         };

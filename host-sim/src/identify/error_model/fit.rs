@@ -423,9 +423,8 @@ impl Fitter<'_> {
             best - top.value + DROP
         };
         let at = top.at[which];
-        let [low, high] = [-step, step].map(|step| libm::exp(bound(profile, at, step)));
-        let value = libm::exp(at);
-        Interval { value, low, high }
+        let [low, high] = [-step, step].map(|step| bound(profile, at, step));
+        [at, low, high].map(libm::exp).into()
     }
 
     /// With size and time of the random part as found.
@@ -511,8 +510,8 @@ impl Fitter<'_> {
             .unwrap_or_default();
         let interval = |which: usize| {
             let half = NORMAL_95 * variance[(which, which)].max(0.0).sqrt();
-            let [value, low, high] = [at[which], at[which] - half, at[which] + half].map(libm::exp);
-            Interval { value, low, high }
+            let ends = [at[which], at[which] - half, at[which] + half];
+            ends.map(libm::exp).into()
         };
         let [memory, memory_time] = if at[MEMORY] == NONE {
             [self.no_memory(law, top), interval(MEMORY_TIME)]
@@ -531,17 +530,14 @@ impl Fitter<'_> {
             let at = with(&top.at, [(MEMORY, memory)]);
             self.at(law, &at) - top.value + DROP
         };
-        Interval {
-            value: 0.0,
-            low: 0.0,
-            high: libm::exp(bound(profile, top.at[GNSS] - 3.0, 0.5)),
-        }
+        let high = bound(profile, top.at[GNSS] - 3.0, 0.5);
+        [0.0, 0.0, libm::exp(high)].into()
     }
 }
 
 /// Logarithms of both bounds; of a side without one, of what is far.
 fn bounds(interval: &Interval) -> [f64; 2] {
-    let Interval { value, low, high } = *interval;
+    let [value, low, high] = interval.each();
     let near = [value / FAR, value * FAR];
     [low.max(near[0]), high.min(near[1])].map(libm::log)
 }
@@ -560,6 +556,11 @@ fn bound(profile: impl Fn(f64) -> f64, top: f64, step: f64) -> f64 {
             return f64::INFINITY * step.signum();
         }
     }
+}
+
+/// Of two points together, that of the top being one.
+fn weight(pair: &[(f64, f64)], top: f64) -> f64 {
+    libm::exp(pair[0].1 - top) + libm::exp(pair[1].1 - top)
 }
 
 /// Log-likelihood over the interval between jumps, at the rate of a walk.
@@ -634,7 +635,7 @@ impl<'a> Scan<'a> {
         for _ in 0..REFINEMENTS {
             let top = self.best().1;
             let mass = |pair: &[(f64, f64)]| {
-                let weight = libm::exp(pair[0].1 - top) + libm::exp(pair[1].1 - top);
+                let weight = weight(pair, top);
                 if weight > NEGLIGIBLE {
                     weight * (pair[1].0 - pair[0].0)
                 } else {
@@ -644,12 +645,9 @@ impl<'a> Scan<'a> {
             let widest = (self.points.windows(2).enumerate())
                 .max_by(|a, b| mass(a.1).total_cmp(&mass(b.1)))
                 .map(|(at, pair)| (at, 0.5 * (pair[0].0 + pair[1].0), mass(pair)));
-            let Some((at, time, mass)) = widest else {
+            let Some((at, time, _)) = widest.filter(|(_, _, mass)| *mass > 0.0) else {
                 return;
             };
-            if mass <= 0.0 {
-                return;
-            }
             self.points.insert(at + 1, (time, self.value(time)));
         }
     }
@@ -659,17 +657,12 @@ impl<'a> Scan<'a> {
         let (best, top) = self.best();
         // A drive too short for two jumps says nothing of what lies between them.
         let [first, _, ..] = self.points[..] else {
-            return Interval {
-                value: libm::exp(best),
-                low: 0.0,
-                high: f64::INFINITY,
-            };
+            return [libm::exp(best), 0.0, f64::INFINITY].into();
         };
         let mut sums = vec![(first.0, 0.0)];
         let mut sum = 0.0;
         for pair in self.points.windows(2) {
-            let weight = libm::exp(pair[0].1 - top) + libm::exp(pair[1].1 - top);
-            sum += 0.5 * weight * (pair[1].0 - pair[0].0);
+            sum += 0.5 * weight(pair, top) * (pair[1].0 - pair[0].0);
             sums.push((pair[1].0, sum));
         }
         let quantile = |part: f64| {
@@ -683,10 +676,6 @@ impl<'a> Scan<'a> {
             };
             libm::exp(from + inside * (to - from))
         };
-        Interval {
-            value: libm::exp(best),
-            low: quantile(0.025),
-            high: quantile(0.975),
-        }
+        [libm::exp(best), quantile(0.025), quantile(0.975)].into()
     }
 }

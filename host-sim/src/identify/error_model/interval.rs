@@ -28,21 +28,24 @@ pub struct Interval {
 impl Interval {
     /// As far to both sides.
     fn around(value: f64, half: f64) -> Self {
-        Self {
-            value,
-            low: value - half,
-            high: value + half,
-        }
+        [value, value - half, value + half].into()
+    }
+
+    /// Value and both bounds.
+    pub fn each(&self) -> [f64; 3] {
+        [self.value, self.low, self.high]
+    }
+
+    /// Of a function that rises.
+    #[must_use]
+    pub fn map(&self, f: impl Fn(f64) -> f64) -> Self {
+        self.each().map(f).into()
     }
 
     /// In another unit.
     #[must_use]
     pub fn scaled(&self, by: f64) -> Self {
-        Self {
-            value: by * self.value,
-            low: by * self.low,
-            high: by * self.high,
-        }
+        self.map(|value| by * value)
     }
 
     /// With what else may be true.
@@ -92,6 +95,12 @@ impl Interval {
     }
 }
 
+impl From<[f64; 3]> for Interval {
+    fn from([value, low, high]: [f64; 3]) -> Self {
+        Self { value, low, high }
+    }
+}
+
 /// Quantiles of chi-square at both ends of 95 %.
 fn chi_square(freedom: f64) -> [f64; 2] {
     match ChiSquared::new(freedom) {
@@ -108,11 +117,7 @@ pub fn student(freedom: f64) -> f64 {
 /// Standard deviation from a sum of squares of `freedom` independent normals.
 pub fn sigma_of_squares(sum: f64, freedom: f64) -> Interval {
     let [few, many] = chi_square(freedom);
-    Interval {
-        value: (sum / freedom).sqrt(),
-        low: (sum / many).sqrt(),
-        high: (sum / few).sqrt(),
-    }
+    [freedom, many, few].map(|by| (sum / by).sqrt()).into()
 }
 
 /// A value and the variance of its error.
@@ -154,11 +159,7 @@ pub fn spread_of(measured: &[Measured]) -> Option<Interval> {
 pub fn sigma_behind(measured: &[Measured]) -> Interval {
     let count = measured.len() as f64;
     let [few, many] = chi_square(count);
-    Interval {
-        value: sigma_at(measured, count),
-        low: sigma_at(measured, many),
-        high: sigma_at(measured, few),
-    }
+    [count, many, few].map(|sum| sigma_at(measured, sum)).into()
 }
 
 /// The sigma at which the weighted sum of squares has a value; zero if it is below even there.
@@ -241,16 +242,8 @@ pub fn uniform_bounds(values: &[f64]) -> [Interval; 2] {
     let beyond = |chance: f64| range * (chance.powf(-1.0 / freedom) - 1.0);
     let (near, best, far) = (beyond(1.0 - TAIL), range / freedom, beyond(TAIL));
     [
-        Interval {
-            value: least - best,
-            low: least - far,
-            high: least - near,
-        },
-        Interval {
-            value: most + best,
-            low: most + near,
-            high: most + far,
-        },
+        [least - best, least - far, least - near].into(),
+        [most + best, most + near, most + far].into(),
     ]
 }
 
@@ -315,8 +308,7 @@ mod tests {
 
     #[test]
     fn draws_stay_within_as_often_as_intervals_say() {
-        let interval = |value, low, high| Interval { value, low, high };
-        for drawn_from in [interval(2.0, 1.0, 8.0), interval(-0.1, -0.2, 0.3)] {
+        for drawn_from in [[2.0, 1.0, 8.0], [-0.1, -0.2, 0.3]].map(Interval::from) {
             assert_covers("drawn", |random| {
                 drawn_from.holds(drawn_from.drawn(random).value)
             });
@@ -324,8 +316,8 @@ mod tests {
         let mut random = Random::stream(3, "drawn");
         for _ in 0..1000 {
             // A spread stays one, and what has no bound stays where it is.
-            assert!(interval(0.1, 0.0, 1.0).drawn(&mut random).value >= 0.0);
-            let open = interval(1.0, 0.5, f64::INFINITY).drawn(&mut random);
+            assert!(Interval::from([0.1, 0.0, 1.0]).drawn(&mut random).value >= 0.0);
+            let open = Interval::from([1.0, 0.5, f64::INFINITY]).drawn(&mut random);
             assert!((0.1..=1.0).contains(&open.value));
         }
     }

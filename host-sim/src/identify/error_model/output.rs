@@ -76,7 +76,7 @@ impl Identified {
                 } else {
                     0.1 * found.value
                 };
-                [found.value, found.low, found.high].map(|v| digits(scale, v))
+                found.each().map(|v| digits(scale, v))
             });
             let [mut value, low, high] = shown.unwrap_or_default();
             if !parameter.observable {

@@ -66,10 +66,6 @@ fn times(sums: &Vector3<f64>, freedom: f64) -> [Interval; 3] {
         let variance = (1.0 - 2.0 * share + shares.norm_squared()) / (2.0 * freedom);
         let value = (3.0 * share).sqrt();
         let factor = libm::exp(NORMAL_95 * variance.sqrt());
-        Interval {
-            value,
-            low: value / factor,
-            high: value * factor,
-        }
+        [value, value / factor, value * factor].into()
     })
 }
