@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use clap::ValueEnum;
 use ins_core::Config;
 use ins_core::attitude::{Euler, from_euler};
 use miette::{Result, miette};
@@ -203,11 +204,7 @@ impl Unit {
     }
 
     fn grade(&self) -> Option<Grade> {
-        self.class.or(match self.sensors.as_str() {
-            "mems" => Some(Grade::Mems),
-            "hg1700" => Some(Grade::Hg1700),
-            _ => None,
-        })
+        (self.class).or_else(|| Grade::from_str(&self.sensors, false).ok())
     }
 }
 

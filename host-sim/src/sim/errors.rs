@@ -40,7 +40,7 @@ pub struct ImuModel {
     #[serde(default)]
     pub dropped_fraction: f64,
     /// Stamps are off by up to this, s; the samples themselves come regularly.
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub stamp_jitter_s: f64,
     /// Times without samples.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -61,10 +61,10 @@ pub struct SensorModel {
     pub scale_sigma: f64,
     /// Run-to-run spread of what each axis feels of each other, 1. Body axes are those of the
     /// accelerometers on the whole, so theirs is symmetrical.
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub misalignment_sigma: f64,
     /// Run-to-run spread of what a bias changes by as the unit warms up, U.
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub warming_sigma: f64,
     /// Time constant of that, s.
     #[serde(default = "minutes", skip_serializing_if = "are_minutes")]
@@ -73,7 +73,7 @@ pub struct SensorModel {
     #[serde(default = "alike", skip_serializing_if = "are_alike")]
     pub noise_times: [f64; 3],
     /// Readings are whole numbers of this, U; zero: they are not rounded.
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub resolution: f64,
 }
 
@@ -125,7 +125,7 @@ fn minutes() -> f64 {
 // Signature is serde's.
 #[allow(clippy::trivially_copy_pass_by_ref)]
 fn are_minutes(time_s: &f64) -> bool {
-    is_zero(&(time_s - minutes()))
+    is_default(&(time_s - minutes()))
 }
 
 fn alike() -> [f64; 3] {
@@ -133,13 +133,12 @@ fn alike() -> [f64; 3] {
 }
 
 fn are_alike(times: &[f64; 3]) -> bool {
-    times.iter().all(|times| is_zero(&(times - 1.0)))
+    times.iter().all(|times| is_default(&(times - 1.0)))
 }
 
-// Signature is serde's.
-#[allow(clippy::trivially_copy_pass_by_ref)]
-fn is_zero(value: &f64) -> bool {
-    *value == 0.0
+/// Zero, of numbers.
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 impl BiasModel {
@@ -221,7 +220,7 @@ pub struct GnssModel {
     #[serde(default)]
     pub outages: Vec<Outage>,
     /// All else that receivers do.
-    #[serde(default, skip_serializing_if = "Habits::are_none")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub habits: Habits,
 }
 

@@ -165,10 +165,6 @@ impl Default for Habits {
 }
 
 impl Habits {
-    pub fn are_none(&self) -> bool {
-        *self == Self::default()
-    }
-
     pub(super) fn check(&self) -> Result<(), ErrorModelError> {
         for (name, noise) in [
             ("velocity", &self.velocity),
