@@ -43,7 +43,8 @@ pub struct Flight {
     plan: Plan,
     autopilot: Autopilot,
     air: AirMass,
-    vibration: Option<Vibration>,
+    /// Lines of its spectrum.
+    vibration: Option<Vec<Line>>,
     steps: u64,
     /// Where the integrator has come to; controls and wind there.
     pub node: Node,
@@ -111,7 +112,7 @@ impl Flight {
             plan: plan.clone(),
             autopilot,
             air,
-            vibration: plan.vibration.then(|| Vibration::new(&dynamics.parameters)),
+            vibration: plan.vibration.then(|| vibration(&dynamics.parameters)),
             steps: 0,
             node,
             derivative,
@@ -311,7 +312,7 @@ impl Motion for Flight {
             self.step();
         }
         let kinematics = self.segment.kinematics(time_s);
-        let Some(vibration) = &self.vibration else {
+        let Some(lines) = &self.vibration else {
             return kinematics;
         };
         let [from_radps, to_radps] = self.crank_radps;
@@ -322,18 +323,14 @@ impl Motion for Flight {
             rate_radps: from_radps + since_s * rate_radps2,
             rate_radps2,
         };
-        vibration.shake(&kinematics, &crank)
+        shaken(&kinematics, lines, &crank)
     }
 }
 
-/// Shaking of the inertial unit against the airframe by engine and propeller: a small displacement and rotation, each line a sinusoid of the crank angle.
+/// Shaking of the inertial unit against the airframe by engine and propeller: a small displacement and
+/// rotation, each line a sinusoid of the crank angle.
 ///
 /// Amplitudes of displacement are constant: acceleration grows with the square of engine speed.
-#[derive(Clone, Debug)]
-struct Vibration {
-    lines: Vec<Line>,
-}
-
 #[derive(Clone, Copy, Debug)]
 struct Line {
     order: f64,
@@ -349,40 +346,35 @@ struct Crank {
     rate_radps2: f64,
 }
 
-impl Vibration {
-    /// The lines of an aircraft's parameters.
-    fn new(parameters: &Parameters) -> Self {
-        let rated_radps = TAU * parameters.engine.rated_speed_rps;
-        let lines = parameters.vibration.lines.iter().map(|line| {
-            let omega = line.order * rated_radps;
-            Line {
-                order: line.order,
-                displacement_m: Vector3::from(line.acceleration_mps2) / (omega * omega),
-                rotation_rad: Vector3::from(line.rate_radps) / omega,
-            }
-        });
-        Self {
-            lines: lines.collect(),
+/// The lines of an aircraft's parameters.
+fn vibration(parameters: &Parameters) -> Vec<Line> {
+    let rated_radps = TAU * parameters.engine.rated_speed_rps;
+    let lines = parameters.vibration.lines.iter().map(|line| {
+        let omega = line.order * rated_radps;
+        Line {
+            order: line.order,
+            displacement_m: Vector3::from(line.acceleration_mps2) / (omega * omega),
+            rotation_rad: Vector3::from(line.rate_radps) / omega,
         }
-    }
+    });
+    lines.collect()
+}
 
-    fn shake(&self, k: &Kinematics, crank: &Crank) -> Kinematics {
-        let (mut velocity, mut acceleration) = (Vector3::zeros(), Vector3::zeros());
-        let (mut rotation, mut rate) = (Vector3::zeros(), Vector3::zeros());
-        for line in &self.lines {
-            // A quarter turn between the axes: the unit describes ellipses, not lines.
-            for axis in 0..3 {
-                let phase = line.order * crank.angle_rad + FRAC_PI_2 * axis as f64;
-                let (sin, cos) = libm::sincos(phase);
-                let omega = line.order * crank.rate_radps;
-                let x = line.displacement_m[axis];
-                velocity[axis] += x * omega * cos;
-                acceleration[axis] +=
-                    x * (line.order * crank.rate_radps2 * cos - omega * omega * sin);
-                rotation[axis] += line.rotation_rad[axis] * sin;
-                rate[axis] += line.rotation_rad[axis] * omega * cos;
-            }
+fn shaken(k: &Kinematics, lines: &[Line], crank: &Crank) -> Kinematics {
+    let (mut velocity, mut acceleration) = (Vector3::zeros(), Vector3::zeros());
+    let (mut rotation, mut rate) = (Vector3::zeros(), Vector3::zeros());
+    for line in lines {
+        // A quarter turn between the axes: the unit describes ellipses, not lines.
+        for axis in 0..3 {
+            let phase = line.order * crank.angle_rad + FRAC_PI_2 * axis as f64;
+            let (sin, cos) = libm::sincos(phase);
+            let omega = line.order * crank.rate_radps;
+            let x = line.displacement_m[axis];
+            velocity[axis] += x * omega * cos;
+            acceleration[axis] += x * (line.order * crank.rate_radps2 * cos - omega * omega * sin);
+            rotation[axis] += line.rotation_rad[axis] * sin;
+            rate[axis] += line.rotation_rad[axis] * omega * cos;
         }
-        swung(k, [velocity, acceleration], [rotation, rate])
     }
+    swung(k, [velocity, acceleration], [rotation, rate])
 }

@@ -170,9 +170,9 @@ impl Plan {
         let source = Source { file, text };
         let table: File = source.parse("host-sim/plans/route_one_hour.toml")?;
         let cause = "height of the ground above the ellipsoid";
-        let ground = optional(table.air.ground_height_m.as_ref(), |height| {
-            source.within("ground_height_m", height, GROUND_M, cause)
-        });
+        let ground = (table.air.ground_height_m.as_ref())
+            .map(|height| source.within("ground_height_m", height, GROUND_M, cause))
+            .transpose();
         let checker = Checker {
             ground_height_m: ground?.unwrap_or(0.0),
             source,
@@ -181,14 +181,6 @@ impl Plan {
         };
         checker.plan(&table)
     }
-}
-
-/// Checks what is there.
-fn optional(
-    value: Option<&Spanned<f64>>,
-    check: impl FnOnce(&Spanned<f64>) -> Result<f64, InputError>,
-) -> Result<Option<f64>, InputError> {
-    value.map(check).transpose()
 }
 
 struct Checker<'a> {
@@ -221,22 +213,19 @@ impl Checker<'_> {
         let start = self.start(&table.start)?;
         let cause = "in more wind than half the airspeed turns and legs are not kept; \
                      is it in km/h or knots?";
-        let wind_speed_mps = optional(table.air.wind_speed_mps.as_ref(), |speed| {
-            s.within(
-                "wind_speed_mps",
-                speed,
-                [0.0, 0.5 * start.airspeed_mps],
-                cause,
-            )
-        });
-        let wind_speed_mps = wind_speed_mps?.unwrap_or(0.0);
-        let wind_from = optional(table.air.wind_from_deg.as_ref(), |from| {
-            s.heading("wind_from_deg", from)
-        });
-        let (sin, cos) = libm::sincos(wind_from?.unwrap_or(0.0));
-        let duration_s = optional(table.flight.duration_s.as_ref(), |duration| {
-            s.duration(duration)
-        })?;
+        let most = [0.0, 0.5 * start.airspeed_mps];
+        let wind_speed_mps = (table.air.wind_speed_mps.as_ref())
+            .map(|speed| s.within("wind_speed_mps", speed, most, cause))
+            .transpose()?
+            .unwrap_or(0.0);
+        let wind_from = (table.air.wind_from_deg.as_ref())
+            .map(|from| s.heading("wind_from_deg", from))
+            .transpose()?;
+        let (sin, cos) = libm::sincos(wind_from.unwrap_or(0.0));
+        let duration_s = table.flight.duration_s.as_ref();
+        let duration_s = duration_s
+            .map(|duration| s.duration(duration))
+            .transpose()?;
         let mut legs: Vec<Leg> = Vec::new();
         for leg in &table.leg {
             let before = legs.last();
@@ -287,8 +276,8 @@ impl Checker<'_> {
         let s = &self.source;
         let leg = spanned.get_ref();
         let refused = |message: &str| s.error(spanned.span().start, message.to_owned());
-        let height_m = optional(leg.height_m.as_ref(), |height| self.height(height))?;
-        let height_m = height_m.unwrap_or(height_before_m);
+        let height_m = leg.height_m.as_ref();
+        let height_m = height_m.map_or(Ok(height_before_m), |height| self.height(height))?;
         let airspeed_mps = match (&leg.airspeed_mps, &leg.height_m) {
             (Some(airspeed), _) => self.airspeed(airspeed, height_m)?,
             // The speed carried over must do at the new height too.

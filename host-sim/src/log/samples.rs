@@ -26,32 +26,26 @@ pub struct Samples {
 }
 
 impl Samples {
-    /// How many.
     pub fn len(&self) -> usize {
         self.range.len()
     }
 
-    /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.range.is_empty()
     }
 
-    /// One of them.
     pub fn get(&self, index: usize) -> Option<ImuSample> {
         self.walk(index..self.len()).next()
     }
 
-    /// The first.
     pub fn first(&self) -> Option<ImuSample> {
         self.get(0)
     }
 
-    /// The last.
     pub fn last(&self) -> Option<ImuSample> {
         self.get(self.len().checked_sub(1)?)
     }
 
-    /// All, one after another.
     pub fn iter(&self) -> Iter<'_> {
         self.walk(0..self.len())
     }
@@ -68,7 +62,6 @@ impl Samples {
             .filter_map(move |sample| Some([last.replace(sample)?, sample]))
     }
 
-    /// Stamps of all.
     pub fn times(&self) -> impl Iterator<Item = Time> {
         self.iter().map(|sample| sample.time)
     }
@@ -84,7 +77,6 @@ impl Samples {
         }
     }
 
-    /// Those that are wanted.
     pub(super) fn filtered(&self, mut wanted: impl FnMut(&ImuSample) -> bool) -> io::Result<Self> {
         Store::of(self.iter().filter(|sample| wanted(sample))).map(Self::from)
     }
@@ -150,7 +142,6 @@ impl fmt::Debug for Samples {
     }
 }
 
-/// A walk over samples.
 #[derive(Clone, Debug)]
 pub struct Iter<'a> {
     store: &'a Store,
@@ -174,8 +165,6 @@ impl Iterator for Iter<'_> {
         self.left.size_hint()
     }
 }
-
-impl ExactSizeIterator for Iter<'_> {}
 
 /// Samples as they come in.
 #[derive(Debug, Default)]

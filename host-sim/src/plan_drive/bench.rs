@@ -17,7 +17,6 @@ use super::target::Target;
 use crate::identify::analysis::unusable;
 use crate::sim::car::{Car, Course};
 use crate::sim::drive::{Recorder, Recording};
-use crate::sim::errors::BiasModel;
 use crate::sim::gnss::arrivals;
 use crate::sim::ideal::IdealSensors;
 use crate::sim::motion::Mounted;
@@ -270,9 +269,7 @@ fn without_drawn_errors(model: &ErrorModel, known: &Estimates) -> ErrorModel {
     for sensors in [&mut model.gyro_deg_h, &mut model.accel_mps2] {
         sensors.scale_sigma = 0.0;
         sensors.misalignment_sigma = 0.0;
-        let (BiasModel::Continuous { initial_sigma, .. } | BiasModel::Wave { initial_sigma, .. }) =
-            &mut sensors.bias;
-        *initial_sigma = 0.0;
+        sensors.bias.set_initial_sigma(0.0);
     }
     let latency_s = known.gnss_latency_now_s.value;
     model.gnss.latency_s = [latency_s; 2];

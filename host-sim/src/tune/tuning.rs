@@ -10,6 +10,7 @@ use super::mount::Mount;
 use crate::identify::analysis::Analysis;
 use crate::identify::error_model::Identified;
 use crate::identify::error_model::fit::GyroFit;
+use crate::identify::quantities::DEG_H_RADPS;
 use crate::identify::verdict::{Verdict, beyond_class};
 use crate::log::{Grade, Log};
 use crate::sim::errors::Law;
@@ -17,17 +18,14 @@ use crate::sim::errors::Law;
 /// All that is found. Axes are those of the unit, right, forward, up; units are SI.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Tuning {
-    /// What it is worth.
     pub verdict: Verdict,
     /// What looked suspicious in the log; on the terminal the standard error has it.
     pub warnings: Vec<String>,
-    /// Name of the log.
     pub log: String,
     /// Sensor and receiver of the recording; empty for a log folder.
     pub source: String,
     /// Span of the inertial samples.
     pub duration_s: f64,
-    /// Samples per second.
     pub imu_rate_hz: f64,
     /// Class of sensors assumed.
     pub grade: Grade,
@@ -35,7 +33,6 @@ pub struct Tuning {
     pub gnss_delay_s: Found,
     /// Antenna from the unit.
     pub lever_arm_m: [Found; 3],
-    /// Unit against the vehicle.
     pub mount: Mount,
     /// To be subtracted from readings.
     pub gyro_bias_radps: [Found; 3],
@@ -93,9 +90,10 @@ impl Tuning {
         } else {
             AT_ANTENNA
         };
-        let gyro = model.gyro();
+        let gyro = model.gyro.as_ref();
         let noise = gyro.map(|gyro| gyro.noise);
-        let noise = noise.or(model.gyro_noise_radps_at_rest());
+        let at_rest = model.gyro_noise_at_rest();
+        let noise = noise.or(at_rest.map(|noise| noise.scaled(DEG_H_RADPS)));
         let [walk, wander, correlation] = wandering(model);
         let level_up = |estimates: &[ins_core::Estimate; 3], level, up| {
             let missing = [level, level, up];
@@ -186,7 +184,7 @@ pub(super) const LATENCY_SIGMAS: f64 = 3.0;
 fn wandering(model: &Identified) -> [Found; 3] {
     let unknown = Found::unknown(GYRO_WALK);
     let slow = |gyro: &&GyroFit| gyro.has_time_scale() && gyro.time_s.value > LEAST_CORRELATION_S;
-    let Some(gyro) = model.gyro().filter(slow) else {
+    let Some(gyro) = model.gyro.as_ref().filter(slow) else {
         return [unknown; 3];
     };
     let [size, time] = [gyro.size, gyro.time_s].map(|i| Found::within(Some(i), GYRO_WALK));

@@ -20,7 +20,6 @@ use crate::sim::{self, ErrorModel};
 pub struct Parameter {
     /// Path in the file.
     pub name: &'static str,
-    /// Unit.
     pub unit: &'static str,
     /// Value and 95 % interval; none without any data.
     #[serde(flatten)]
@@ -36,7 +35,6 @@ pub struct Parameter {
 pub struct Assumed {
     /// Path in the file, or what has none.
     pub name: &'static str,
-    /// Unit.
     pub unit: &'static str,
     /// What the model has.
     pub value: f64,
@@ -84,10 +82,10 @@ pub(crate) fn in_file(model: &ErrorModel, path: &str) -> f64 {
 /// What drives say of their sensors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identified {
-    /// Number of drives.
     pub drives: usize,
     grade: Grade,
-    gyro: Option<GyroFit>,
+    /// The gyros and GNSS velocity; none if the azimuth never became observable.
+    pub(crate) gyro: Option<GyroFit>,
     /// Of the gyros, deg/h/sqrt(Hz).
     gyro_at_rest: Option<RestNoise>,
     accel_at_rest: Option<RestNoise>,
@@ -141,20 +139,9 @@ impl Identified {
         }
     }
 
-    /// The gyros and GNSS velocity; none if the azimuth never became observable.
-    pub fn gyro(&self) -> Option<&GyroFit> {
-        self.gyro.as_ref()
-    }
-
     /// Gyro noise at rest alone, deg/h/sqrt(Hz): more in motion means vibration.
     pub fn gyro_noise_at_rest(&self) -> Option<Interval> {
         self.gyro_at_rest.map(|noise| noise.density)
-    }
-
-    /// Gyro noise at rest, rad/s/sqrt(Hz).
-    pub fn gyro_noise_radps_at_rest(&self) -> Option<Interval> {
-        self.gyro_noise_at_rest()
-            .map(|noise| noise.scaled(DEG_H_RADPS))
     }
 
     /// Accelerometer noise at rest, m/s^2/sqrt(Hz).
@@ -540,7 +527,7 @@ mod tests {
         let records =
             [114, 115].map(|seed| drive_record(seed, &ErrorModel::hg1700(), Grade::Hg1700, 25.0));
         let found = Identified::new(&records, Grade::Hg1700, Some(Law::Continuous));
-        let gyro = found.gyro().unwrap();
+        let gyro = found.gyro.as_ref().unwrap();
         let slowly = gyro.size.value / DEG_H_RADPS;
         assert!(slowly > 0.5 && !gyro.moves(), "{:?}", found.table());
         // Of six draws, whose spread is good to 29 %.
@@ -599,7 +586,7 @@ mod tests {
         ] {
             assert!(is_near(&found, name, value), "{name}: {:?}", found.table());
         }
-        let memory = found.gyro().unwrap().gnss_memory_mps;
+        let memory = found.gyro.as_ref().unwrap().gnss_memory_mps;
         assert!(memory.is_spread(), "{memory:?}");
         let in_model = found.model().gnss.habits.velocity.sigma;
         assert!((in_model - memory.value).abs() < 1e-12);

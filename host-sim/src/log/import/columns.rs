@@ -24,7 +24,7 @@ use ins_core::{GnssFix, ImuOutput, Time};
 use nalgebra::Vector3;
 use serde::Deserialize;
 
-use super::recording::{Imu, Recording, degrees, east_north, over_ground, stated};
+use super::recording::{Recording, degrees, east_north, over_ground, stated};
 use super::texts::{Table, content};
 use crate::log::meta::Output;
 use crate::log::{BodyAxes, LogError};
@@ -130,10 +130,8 @@ pub(super) fn read(folder: &Path) -> Result<Recording, LogError> {
     let samples = imu.table.rows.iter().filter_map(sample).collect();
     let file = &document.columns.imu.file;
     let mut recording = Recording::default();
-    recording.imus.push(Imu {
-        output: document.log.imu,
-        ..Imu::of_rates(&folder.join(file), file, axes, samples)
-    });
+    recording.add_imu(&folder.join(file), file, axes, samples);
+    recording.imus[0].output = document.log.imu;
     let rows = gnss.table.rows.iter();
     let fixes = rows.filter_map(|row| fix(&gnss, row)).collect();
     let file = &document.columns.gnss.file;

@@ -22,7 +22,6 @@ pub struct Choice {
     pub gnss: Option<usize>,
 }
 
-/// What a recording holds.
 #[derive(Default)]
 pub(super) struct Recording {
     pub(super) imus: Vec<Imu>,
@@ -32,7 +31,6 @@ pub(super) struct Recording {
     pub(super) notes: Vec<LogError>,
 }
 
-/// One inertial sensor.
 pub(super) struct Imu {
     pub(super) path: PathBuf,
     pub(super) name: String,
@@ -42,25 +40,6 @@ pub(super) struct Imu {
     pub(super) samples: Vec<ImuSample>,
 }
 
-impl Imu {
-    /// One that gives rates.
-    pub(super) fn of_rates(
-        path: &Path,
-        name: impl Into<String>,
-        axes: BodyAxes,
-        samples: Vec<ImuSample>,
-    ) -> Self {
-        Self {
-            path: path.to_owned(),
-            name: name.into(),
-            axes,
-            output: ImuOutput::Rates,
-            samples,
-        }
-    }
-}
-
-/// One receiver.
 pub(super) struct Receiver {
     pub(super) path: PathBuf,
     name: String,
@@ -72,7 +51,6 @@ pub(super) fn unpacked(path: &Path) -> Result<Box<dyn BufRead>, LogError> {
     table::unpacked(path).map_err(|e| unreadable(path, &e))
 }
 
-/// All of a file.
 pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, LogError> {
     let mut bytes = Vec::new();
     let read = unpacked(path)?.read_to_end(&mut bytes);
@@ -94,7 +72,13 @@ impl Recording {
         axes: BodyAxes,
         samples: Vec<ImuSample>,
     ) {
-        self.imus.push(Imu::of_rates(path, name, axes, samples));
+        self.imus.push(Imu {
+            path: path.to_owned(),
+            name: name.into(),
+            axes,
+            output: ImuOutput::Rates,
+            samples,
+        });
     }
 
     pub(super) fn add_receiver(
@@ -323,12 +307,10 @@ pub(super) fn degrees((latitude, longitude): (f64, f64)) -> Option<LatLon> {
     })
 }
 
-/// A velocity from its components.
 pub(super) fn east_north((east, north): (f64, f64)) -> Vector2<f64> {
     Vector2::new(east, north)
 }
 
-/// A velocity from speed and course over ground.
 pub(super) fn over_ground((speed_mps, course_deg): (f64, f64)) -> Vector2<f64> {
     let (sin, cos) = course_deg.to_radians().sin_cos();
     Vector2::new(speed_mps * sin, speed_mps * cos)

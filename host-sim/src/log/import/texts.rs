@@ -7,7 +7,7 @@ use std::path::Path;
 use ins_core::{GnssFix, ImuOutput, ImuSample, Time};
 use nalgebra::{Vector2, Vector3};
 
-use super::recording::{Imu, Recording, bytes, degrees, level, stated, unreadable};
+use super::recording::{Recording, bytes, degrees, level, stated, unreadable};
 use crate::log::{BodyAxes, LogError};
 
 /// Named columns of numbers; not a number where a cell holds none.
@@ -33,7 +33,6 @@ impl Table {
         })
     }
 
-    /// Index of a column.
     pub(super) fn column(&self, name: &str) -> Option<usize> {
         let is = |own: &String| own.eq_ignore_ascii_case(name);
         self.names.iter().position(is)
@@ -72,7 +71,6 @@ pub(super) fn number(cell: &str) -> f64 {
     cell.parse().unwrap_or(f64::NAN)
 }
 
-/// Three cells of a row.
 fn vector(row: &[f64], at: usize) -> Option<Vector3<f64>> {
     let vector: &[f64; 3] = row.get(at..)?.first_chunk()?;
     Some(Vector3::from(*vector))
@@ -233,10 +231,8 @@ pub(super) fn read_kf_gins(path: &Path) -> Result<Recording, LogError> {
         recording.add_receiver(path, "KF-GINS", fixes);
     } else {
         let samples = rows.iter().filter_map(|row| kf_gins_sample(row)).collect();
-        recording.imus.push(Imu {
-            output: ImuOutput::Increments,
-            ..Imu::of_rates(path, "KF-GINS", BodyAxes::Frd, samples)
-        });
+        recording.add_imu(path, "KF-GINS", BodyAxes::Frd, samples);
+        recording.imus[0].output = ImuOutput::Increments;
     }
     Ok(recording)
 }
