@@ -25,7 +25,6 @@ pub struct Shard {
 }
 
 impl Shard {
-    /// Everything.
     pub const ALL: Self = Self { part: 1, of: 1 };
 
     /// Whether a run belongs to it.
@@ -33,7 +32,6 @@ impl Shard {
         run % self.of == self.part - 1
     }
 
-    /// Name of its file.
     pub fn file(self) -> String {
         match self {
             Self::ALL => "runs.jsonl".to_owned(),

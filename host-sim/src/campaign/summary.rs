@@ -43,7 +43,6 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Nothing yet.
     pub fn new(plan: &Plan) -> Self {
         Self {
             units: vec![[Sums::default(); 2]; plan.units as usize],
@@ -113,7 +112,6 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Of a whole campaign.
     pub fn new(plan: &Plan, tally: &Tally) -> Self {
         let sum = |count: fn(&Sums) -> u64| tally.units.iter().flatten().map(count).sum();
         Self {
@@ -126,7 +124,6 @@ impl Summary {
         }
     }
 
-    /// For people.
     pub fn table(&self) -> Table {
         let header = heads(
             "RMS error | after, min | true models | predicted | predicted / true \

@@ -128,7 +128,6 @@ impl<P: Read + Write> Session<P> {
         Ok(this)
     }
 
-    /// Sets up a new navigator.
     pub fn start(&mut self, config: Config, estimates_every: u32) -> Result<Started, HilError> {
         let start = Request::Start {
             config,
@@ -141,7 +140,6 @@ impl<P: Read + Write> Session<P> {
         started.map_err(|refusal| HilError::Refused(refusal.0.as_str().into()))
     }
 
-    /// Health of the board.
     pub fn status(&mut self) -> Result<Status, HilError> {
         self.ask(&Request::Status, |reply| match reply {
             Reply::Status(status) => Some(status),

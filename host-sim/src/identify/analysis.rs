@@ -19,13 +19,11 @@ use crate::page::table::Table;
 /// File name of the summary; marks a folder of results as ours.
 pub const SUMMARY: &str = "summary.json";
 
-/// File name of the page for people.
 pub const REPORT: &str = "report.html";
 
 /// A log, and how it is going to be run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Input {
-    /// As read.
     pub log: Log,
     /// What the navigator is told.
     pub config: Config,
@@ -93,11 +91,9 @@ pub(crate) fn unusable(error: ConfigError) -> miette::Report {
 /// A log and what came out of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Analysis {
-    /// As read.
     pub log: Log,
     /// The core's run over it.
     pub found: Identification,
-    /// What is written for programs.
     pub summary: Summary,
     /// The true errors, if the log is simulated.
     pub truth: Option<Truth>,
@@ -109,7 +105,6 @@ impl Analysis {
         Self::of_input(Input::read(folder, grade, progress)?, progress)
     }
 
-    /// Runs the core over a log.
     pub fn of_input(input: Input, progress: &ProgressBar) -> Result<Self> {
         progress.set_message("identifying");
         let found = identify(&input.log, input.config, progress).map_err(unusable)?;

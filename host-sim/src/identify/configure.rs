@@ -21,7 +21,6 @@ pub fn grade(log: &Log, told: Option<Grade>) -> Grade {
         .unwrap_or_else(|| grade_at_rest(log))
 }
 
-/// Configuration for a log of a class of sensors.
 pub fn config(log: &Log, grade: Grade) -> Config {
     let heading_rad = log.meta.initial_heading_deg.map(f64::to_radians);
     config_of(grade, log.meta.imu, heading_rad)

@@ -30,7 +30,6 @@ pub const ALLOWANCE: &str = "accelerometers: their bias walk as configured, over
 pub struct Difference {
     /// Of which quantity, with its unit.
     pub name: &'static str,
-    /// The difference.
     pub value: f64,
     /// Joint sigma of both sides as they state them.
     pub joint_sigma: f64,

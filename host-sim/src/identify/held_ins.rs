@@ -11,14 +11,11 @@ use serde::Serialize;
 /// Horizontal error of an INS.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct LevelError {
-    /// Position, m.
     pub position_m: f64,
-    /// Velocity, m/s.
     pub velocity_mps: f64,
 }
 
 impl LevelError {
-    /// What a solution is off by.
     pub fn of(solution: &Solution, truth: &Solution) -> Self {
         let velocity = solution.velocity_enu_mps - truth.velocity_enu_mps;
         Self {
@@ -58,7 +55,6 @@ impl HeldIns {
         (self.0.velocity_enu_mps - truth.velocity_enu_mps).xy()
     }
 
-    /// What it is off by.
     pub fn error(&self, truth: &Solution) -> LevelError {
         LevelError {
             position_m: self.0.position.enu_from(&truth.position).xy().norm(),

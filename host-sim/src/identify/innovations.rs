@@ -26,11 +26,8 @@ pub struct Off {
 /// A fix minus the solution of its moment, antenna against antenna, east-north-up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Innovation {
-    /// Stamp of the fix.
     pub time: Time,
-    /// Velocity, m/s.
     pub velocity_mps: [Option<Off>; 3],
-    /// Position, m.
     pub position_m: [Option<Off>; 3],
 }
 

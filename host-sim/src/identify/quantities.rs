@@ -13,7 +13,6 @@ pub const DEG_H_RADPS: f64 = std::f64::consts::PI / 180.0 / 3600.0;
 /// An estimate in some unit; without a value in JSON unless observable.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quantity {
-    /// Best value.
     pub value: f64,
     /// One standard deviation.
     pub sigma: f64,
@@ -55,7 +54,6 @@ pub(crate) fn axis_name(axis: usize, axes: BodyAxes) -> String {
     format!("{}, {}", ["x", "y", "z"][axis], axes.direction(axis))
 }
 
-/// Everything that is identified.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Quantities {
     /// Heading minus true heading of an INS that keeps the heading it started with, deg.
@@ -104,7 +102,6 @@ impl Serialize for Quantity {
 }
 
 impl Axes {
-    /// In the order of the axes.
     pub(crate) fn each(&self) -> [Quantity; 3] {
         [self.x, self.y, self.z]
     }

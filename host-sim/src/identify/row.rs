@@ -13,20 +13,16 @@ pub struct Row {
     pub time: Time,
     /// How far the alignment had come.
     pub phase: Phase,
-    /// What the vehicle did.
     pub manoeuvre: Manoeuvre,
-    /// Errors of the sensors as known.
     pub estimates: Estimates,
     /// Damping signals of the last fix.
     pub signals: DampingSignals,
-    /// Position, velocity and attitude.
     pub solution: Option<Solution>,
     /// Spread of the solution, ENU, where it is known.
     pub sigma: Option<SolutionSigma>,
 }
 
 impl Row {
-    /// What it says now.
     pub(crate) fn of(time: Time, navigator: &Navigator) -> Self {
         Self {
             time,
@@ -48,7 +44,6 @@ pub(super) fn due(last: Option<Time>, now: Time, interval_s: f64) -> bool {
 /// How often each answer was given.
 pub type Counts<T> = Vec<(T, u64)>;
 
-/// Counts an answer.
 pub(crate) fn add<T: PartialEq>(counts: &mut Counts<T>, outcome: T) {
     match counts.iter_mut().find(|(known, _)| *known == outcome) {
         Some((_, count)) => *count += 1,
@@ -59,7 +54,6 @@ pub(crate) fn add<T: PartialEq>(counts: &mut Counts<T>, outcome: T) {
 /// How many samples were taken, and how many not, by reason.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Answers {
-    /// Used.
     pub accepted: u64,
     /// Not used, or only to begin again.
     pub rejected: BTreeMap<String, u64>,

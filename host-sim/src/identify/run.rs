@@ -22,7 +22,6 @@ const PROGRESS_EVERY: u64 = 4096;
 /// What came out of a log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identification {
-    /// What the navigator was told.
     pub config: Config,
     /// The navigator once a second.
     pub history: Vec<Row>,
@@ -32,9 +31,7 @@ pub struct Identification {
     pub halfway: Option<Row>,
     /// Solutions ten times a second.
     pub solutions: Vec<Solution>,
-    /// Answers to inertial samples.
     pub imu_outcomes: Counts<ImuOutcome>,
-    /// Stamps of the fixes and the answers to them.
     pub fixes: Vec<(Time, GnssOutcome)>,
     /// Fixes against the solution of their moments; none where the navigator runs elsewhere.
     pub innovations: Vec<Innovation>,
@@ -45,7 +42,6 @@ pub struct Identification {
 }
 
 impl Identification {
-    /// Answers to fixes.
     pub fn gnss_outcomes(&self) -> Counts<GnssOutcome> {
         let mut counts = Counts::new();
         for (_, outcome) in &self.fixes {
@@ -132,7 +128,6 @@ impl Recorder {
         }
     }
 
-    /// After a fix.
     pub fn on_fix(&mut self, time: Time, outcome: GnssOutcome) {
         self.fixes.push((time, outcome));
     }
@@ -158,7 +153,6 @@ impl Recorder {
     }
 }
 
-/// A sample or a fix.
 #[derive(Clone, Copy, Debug)]
 #[allow(missing_docs)]
 pub enum Event<'a> {
@@ -167,7 +161,6 @@ pub enum Event<'a> {
 }
 
 impl Event<'_> {
-    /// Stamp.
     pub fn time(&self) -> Time {
         match self {
             Self::Imu(sample) => sample.time,

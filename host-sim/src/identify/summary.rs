@@ -15,18 +15,14 @@ use crate::identify::verdict::{Verdict, beyond_class};
 use crate::identify::{configure, words};
 use crate::log::{BodyAxes, Grade, Log, LogError};
 
-/// The summary of a log.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// Name of the log.
     pub log: String,
-    /// What it is worth.
     pub verdict: Verdict,
     /// Span of its inertial samples.
     pub duration_s: f64,
     /// Axes of the biases.
     pub body_axes: BodyAxes,
-    /// What was identified.
     #[serde(flatten)]
     pub quantities: Quantities,
     /// Heading of the solution at the last sample, clockwise from north.
@@ -43,18 +39,14 @@ pub struct Summary {
     pub version: &'static str,
     /// Class of sensors that the navigator was told.
     pub grade: Grade,
-    /// How far the navigator came.
     pub phase: Phase,
-    /// What became of the inertial samples.
     pub imu: Answers,
-    /// What became of the fixes.
     pub gnss: Answers,
     /// What looked suspicious in the log.
     pub warnings: Vec<String>,
 }
 
 impl Summary {
-    /// Puts together what is known of a log.
     pub fn new(
         name: String,
         log: &Log,

@@ -10,7 +10,6 @@ use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
 use crate::log::{BodyAxes, LogError};
 use crate::sim::SensorErrors;
 
-/// Name of the file.
 pub const FILE: &str = "errors.toml";
 
 /// True errors, in the log's own axes.
@@ -54,7 +53,6 @@ impl Truth {
         [self.azimuth_error_deg, ax, ay, az, gx, gy, gz, latency]
     }
 
-    /// The text of `errors.toml`.
     pub fn to_toml(self) -> Result<String, toml::ser::Error> {
         toml::to_string(&File { truth: self })
     }

@@ -26,7 +26,6 @@ pub struct Verdict {
     pub trusted: bool,
     /// Why not.
     pub against: Vec<String>,
-    /// What else is good to know.
     pub notes: Vec<String>,
 }
 
@@ -89,7 +88,6 @@ impl Verdict {
         self
     }
 
-    /// The lines that come first.
     pub fn lines(&self) -> Vec<String> {
         let first = if self.trusted {
             "Verdict: nothing speaks against these estimates."

@@ -20,9 +20,7 @@ pub struct LogError {
     pub character: Option<u64>,
     /// Name of the column or key.
     pub name: Option<Box<str>>,
-    /// What should be there.
     pub expected: Box<str>,
-    /// What is there.
     pub found: Box<str>,
     /// Why it most likely came about, and what to do.
     #[help]

@@ -34,7 +34,6 @@ pub enum BodyAxes {
 }
 
 impl BodyAxes {
-    /// Every one of them.
     pub const ALL: [Self; 3] = [Self::Frd, Self::Rfu, Self::Flu];
 
     /// A vector in these axes, turned to right-forward-up.
@@ -127,7 +126,6 @@ pub struct Meta {
     pub imu: ImuOutput,
     /// Heading at the first sample, if the logger knew it, deg clockwise from north.
     pub initial_heading_deg: Option<f64>,
-    /// Class of the sensors, if stated.
     pub grade: Option<Grade>,
     /// Antenna position from the inertial sensors, right-forward-up, m, if stated.
     pub lever_arm_rfu_m: Option<Vector3<f64>>,
@@ -175,7 +173,6 @@ impl Meta {
         }
     }
 
-    /// Name of the log, if the file gives one.
     pub fn name(&self) -> Option<&str> {
         self.document.get("name")?.as_str()
     }

@@ -33,7 +33,6 @@ use ins_core::{GnssFix, Solution, Time};
 /// A recorded or simulated drive.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Log {
-    /// How it was recorded.
     pub meta: Meta,
     /// Inertial samples, in order of time.
     pub imu: Samples,

@@ -322,7 +322,6 @@ impl Turning {
     }
 }
 
-/// Successive blocks.
 fn blocks(rates: &Rates) -> impl Iterator<Item = Block> {
     #[allow(clippy::cast_possible_truncation)] // Seconds of a log.
     let number = |rate: &Rate| (rate.time_s / BLOCK_S) as i64;

@@ -293,14 +293,12 @@ impl Row<'_> {
         self.defect(column, "a finite number", &quoted, cause)
     }
 
-    /// The text of a cell.
     pub(super) fn cell(&self, column: usize) -> &str {
         // `next_row` has checked both the width and the encoding.
         let bytes = self.table.record.get(column).unwrap_or_default();
         unquoted(std::str::from_utf8(bytes).unwrap_or_default())
     }
 
-    /// A defect of one cell of this row.
     pub(super) fn defect(
         &self,
         column: usize,

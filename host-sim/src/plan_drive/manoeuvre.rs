@@ -43,7 +43,6 @@ const ROUNDING_M: f64 = 40.0;
 const SCATTER: f64 = 0.1;
 
 impl Manoeuvre {
-    /// All of them.
     pub fn all() -> impl Iterator<Item = Self> {
         Self::value_variants().iter().copied()
     }

@@ -113,7 +113,6 @@ impl<'a> Report<'a> {
         all.chunks(columns).map(chunk).collect()
     }
 
-    /// For a terminal.
     pub fn readable(&self) -> String {
         let mut parts: Vec<String> = self.verdict.iter().cloned().chain(self.outcome()).collect();
         let tables = self.tables(COLUMNS).into_iter();
@@ -123,7 +122,6 @@ impl<'a> Report<'a> {
         parts.join("\n").trim_end().to_owned() + "\n"
     }
 
-    /// Writes all files into a folder.
     pub fn write(&self, folder: &Path) -> Result<()> {
         let truth: Vec<&Solution> = driven(self.plan).iter().collect();
         for (name, text) in [

@@ -25,7 +25,6 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// All of them.
     pub fn all() -> &'static [Self] {
         Self::value_variants()
     }
@@ -64,7 +63,6 @@ pub struct Quantity {
 }
 
 impl Quantity {
-    /// In words.
     pub fn name(self) -> String {
         let (_, name, ..) = self.kind.entry();
         if self.kind.has_axes() {

@@ -33,11 +33,9 @@ pub struct World {
     pub duration_s: f64,
     /// The last part of it is without GNSS, s.
     pub free_s: f64,
-    /// Inertial samples per second.
     pub imu_hz: u32,
 }
 
-/// A flight as recorded.
 #[derive(Clone, Debug)]
 pub struct Flown {
     /// Readings, fixes, and the truth once a second.
@@ -65,7 +63,6 @@ impl World {
         })
     }
 
-    /// With GNSS, s.
     pub fn aided_s(&self) -> f64 {
         self.duration_s - self.free_s
     }
@@ -163,7 +160,6 @@ pub struct Told {
 pub struct Answers {
     /// In the order of [`Flown::asks`].
     pub solutions: Result<Vec<Option<Solution>>, Failure>,
-    /// Time that it took.
     pub took: Duration,
 }
 

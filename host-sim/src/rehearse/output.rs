@@ -261,7 +261,6 @@ fn tables(summary: &Summary) -> Vec<Table> {
     all
 }
 
-/// For a terminal.
 pub fn readable(summary: &Summary) -> String {
     let text = |table: &Table| format!("{}\n\n{}\n", table.title, table.plain());
     tables(summary).iter().map(text).collect()

@@ -35,7 +35,6 @@ impl Replay {
         })
     }
 
-    /// How long it is, s.
     pub fn duration_s(&self) -> f64 {
         self.before_s + self.nodes.last().map_or(0.0, |node| node.time_s)
     }

@@ -121,11 +121,9 @@ pub struct Outcome {
     /// Why there are none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failure: Option<Failure>,
-    /// Time that it took, ms.
     pub took_ms: u64,
 }
 
-/// A finished flight.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Line {
     pub case: Case,

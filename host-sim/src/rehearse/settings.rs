@@ -77,7 +77,6 @@ pub struct Settings {
     pub models: u32,
     /// Flights for each line of the budget.
     pub budget: u32,
-    /// Length of a flight, s.
     pub duration_s: f64,
     /// Its last part without GNSS, s.
     pub free_s: f64,

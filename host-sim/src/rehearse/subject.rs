@@ -80,7 +80,6 @@ impl Subject {
         matches!(self, Self::Board(_, target) if target.port.is_some())
     }
 
-    /// Flies it.
     pub fn fly(&self, flown: &Flown, told: &Told) -> Result<Answers, ConfigError> {
         let one_at_a_time = || PORT.lock().unwrap_or_else(PoisonError::into_inner);
         let _port = self.is_at_a_port().then(one_at_a_time);

@@ -67,7 +67,6 @@ pub struct Failed {
     pub cause: String,
 }
 
-/// One algorithm.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Tested {
     pub with: String,
@@ -104,7 +103,6 @@ pub const BUDGETED: [(usize, bool); 4] = [
     (HEADING, true),
 ];
 
-/// A rehearsal.
 #[derive(Clone, Debug, Serialize)]
 pub struct Summary {
     pub drives: Vec<String>,
@@ -316,7 +314,6 @@ impl Tested {
         self.flights > 0 && self.rows.is_empty()
     }
 
-    /// A row by its quantity and place.
     pub fn row(&self, quantity: usize, without_gnss_s: Option<f64>) -> Option<&Row> {
         (self.rows.iter()).find(|row| {
             row.quantity == QUANTITIES[quantity].name && row.without_gnss_s == without_gnss_s

@@ -28,7 +28,6 @@ impl Found {
         }
     }
 
-    /// Not known.
     pub fn unknown(missing: &'static str) -> Self {
         Self {
             value: 0.0,
@@ -37,7 +36,6 @@ impl Found {
         }
     }
 
-    /// The core's estimate.
     pub fn of(estimate: &Estimate, missing: &'static str) -> Self {
         Self {
             value: estimate.value,
@@ -85,7 +83,6 @@ impl Found {
         }
     }
 
-    /// Whether it is known.
     pub fn is_known(&self) -> bool {
         self.missing.is_none()
     }
@@ -95,7 +92,6 @@ impl Found {
         digits(self.sigma, self.value)
     }
 
-    /// Value and sigma.
     pub fn with_sigma(&self) -> String {
         format!("{} +- {}", self.digits(), digits(self.sigma, self.sigma))
     }

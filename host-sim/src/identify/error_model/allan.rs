@@ -17,7 +17,6 @@ const LEAST_CLUSTERS: usize = 3;
 /// Deviation at one cluster time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
-    /// Cluster time, s.
     pub tau_s: f64,
     /// Of each axis. The interval counts clusters that do not overlap: it is a little too wide.
     pub deviation: [Interval; 3],
@@ -58,7 +57,6 @@ pub fn allan(series: &[Vec<Vector3<f64>>], step_s: f64) -> Vec<Point> {
 pub struct AtRest {
     /// The gyros, body axes right-forward-up, deg/h.
     pub gyro_deg_h: Vec<Point>,
-    /// The accelerometers, m/s^2.
     pub accel_mps2: Vec<Point>,
 }
 
@@ -80,7 +78,6 @@ impl AtRest {
         }
     }
 
-    /// `allan.csv`.
     pub(super) fn write(&self, folder: &Path) -> Result<()> {
         let mut names = "tau_s".to_owned();
         for kind in ["gyro_deg_h", "accel_mps2"] {

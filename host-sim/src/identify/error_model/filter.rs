@@ -54,7 +54,6 @@ const LATENCY_SIGMA: f64 = 0.1;
 /// What sensors of a class may be off by, one sigma.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Class {
-    /// Accelerometers, m/s^2.
     pub accel_bias_mps2: f64,
     /// How they move from there, m/s^2.
     pub accel_dynamics: Dynamics,
@@ -147,7 +146,6 @@ impl Dynamics {
         }
     }
 
-    /// Variance at the time 0.
     fn initial_variance(&self) -> f64 {
         match self.law {
             Law::Wave => 0.0,
@@ -273,7 +271,6 @@ impl Answer {
     }
 }
 
-/// Filters a drive.
 pub fn filter(record: &Record, candidate: &Candidate) -> Answer {
     let mut state = State::new(candidate);
     for epoch in &record.epochs {

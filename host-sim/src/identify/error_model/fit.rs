@@ -307,7 +307,6 @@ impl Fitter<'_> {
         }
     }
 
-    /// Length of the longest drive, s.
     fn longest_s(&self) -> f64 {
         (self.drives.iter())
             .map(|record| record.duration_s)

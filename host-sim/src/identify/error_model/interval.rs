@@ -17,9 +17,7 @@ pub const NORMAL_95: f64 = 1.959_964;
 /// An estimate and its 95 % confidence interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Interval {
-    /// Best value.
     pub value: f64,
-    /// Lower bound.
     pub low: f64,
     /// Upper bound; infinite if the data set none.
     pub high: f64,
@@ -79,7 +77,6 @@ impl Interval {
         Self::around(value, 0.0)
     }
 
-    /// Whether it holds a value.
     pub fn holds(&self, value: f64) -> bool {
         (self.low..=self.high).contains(&value)
     }
@@ -123,7 +120,6 @@ pub fn sigma_of_squares(sum: f64, freedom: f64) -> Interval {
 /// A value and the variance of its error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measured {
-    /// Value.
     pub value: f64,
     /// Variance of its error.
     pub variance: f64,

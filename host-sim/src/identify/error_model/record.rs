@@ -34,7 +34,6 @@ const OUTLIER: f64 = 8.0;
 pub struct Epoch {
     /// Start, since the first sample of the log, s.
     pub start_s: f64,
-    /// Duration, s.
     pub seconds: f64,
     /// What was felt in it.
     pub felt: Felt,
@@ -124,7 +123,6 @@ pub struct Difference {
     pub acceleration_mps2: Vector2<f64>,
     /// `dC/dt`, what a lever arm makes of them, 1/s.
     pub attitude_rate_per_s: Matrix3<f64>,
-    /// Number of fixes.
     pub fixes: u32,
 }
 
@@ -141,7 +139,6 @@ pub struct Record {
     pub accel_bias_mps2: [Estimate; 3],
     /// Scale errors of gyros and accelerometers, as far as manoeuvres showed them.
     pub gyro_scale: Vec<Measured>,
-    /// Of the accelerometers.
     pub accel_scale: Vec<Measured>,
     /// As estimated, s.
     pub latency_s: Estimate,
@@ -207,7 +204,6 @@ fn intervals(log: &Log) -> impl Iterator<Item = Timed> {
     })
 }
 
-/// A stretch of rest.
 struct RestSpan {
     start: Time,
     end: Time,

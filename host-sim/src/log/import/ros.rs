@@ -216,7 +216,6 @@ fn unpacked(compression: &[u8], packed: &[u8]) -> io::Result<Vec<u8>> {
 
 // --- ROS 1 bags ---
 
-/// The head of the file.
 const BAG: &[u8] = b"#ROSBAG V2.0";
 
 pub(super) fn is_bag(_: &Path, start: &[u8]) -> bool {
@@ -312,7 +311,6 @@ fn field<'a>(fields: &'a [u8], name: &str) -> Option<&'a [u8]> {
 
 // --- MCAP ---
 
-/// The head of the file.
 const MCAP: &[u8] = b"\x89MCAP0\r\n";
 
 pub(super) fn is_mcap(_: &Path, start: &[u8]) -> bool {
