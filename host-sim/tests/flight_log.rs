@@ -90,7 +90,7 @@ fn a_start_in_the_air_keeps_its_heading() {
         let mut navigator = Navigator::new(configure::config(&log, Grade::Hg1700)).unwrap();
         let (mut fixes, mut truths) = (log.gnss.iter().peekable(), log.truth.iter().peekable());
         let (mut errors_deg, mut sigmas) = (Vec::new(), Vec::new());
-        for sample in &log.imu {
+        for sample in log.imu.iter() {
             while let Some(fix) = fixes.next_if(|fix| fix.time < sample.time) {
                 let _ = navigator.on_gnss(fix);
             }

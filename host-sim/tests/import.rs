@@ -1108,7 +1108,7 @@ fn a_real_flight_imports_as_its_log() {
             (log.imu.len(), log.gnss.len()),
             (made.imu.len(), made.gnss.len())
         );
-        for (a, b) in log.imu.iter().zip(&made.imu) {
+        for (a, b) in log.imu.iter().zip(made.imu.iter()) {
             assert_eq!(a.time, b.time);
             assert!((a.gyro - b.gyro).amax() < 1e-7 && (a.accel - b.accel).amax() < 1e-6);
         }

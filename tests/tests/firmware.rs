@@ -30,7 +30,7 @@ fn every_bit_of(image: &Path, board: Board, (config, log): &(Config, Log)) -> Re
     session.start(*config, ESTIMATES_EVERY)?;
     let mut bench = Bench::new(*config)?;
     let (mut navigated, mut estimated) = (0, 0);
-    let status = session.stream(requests(&log.imu, &log.gnss), Rate::Max, |event| {
+    let status = session.stream(requests(log.imu.iter(), &log.gnss), Rate::Max, |event| {
         let Event::Answer { request, reply, .. } = event else {
             return;
         };

@@ -36,7 +36,7 @@ impl Run {
             replies: Vec::new(),
         };
         let mut navigates = false;
-        for (to, request) in (1..).zip(requests(&log.imu, &log.gnss)) {
+        for (to, request) in (1..).zip(requests(log.imu.iter(), &log.gnss)) {
             run.requests.extend(encode(to, &request).expect("short"));
             let reply = responder.answer(&request).ok_or("no answer")?;
             if let Reply::Imu(Ok(reply)) = &reply {

@@ -90,7 +90,7 @@ fn run(
     let first = input.log.start();
     let mut view = View::new(bar(), length, first, axes);
     let status = session.stream(
-        requests(&input.log.imu, &input.log.gnss),
+        requests(input.log.imu.iter(), &input.log.gnss),
         options.rate,
         |event| match event {
             Event::Answer {

@@ -77,7 +77,7 @@ pub fn measure(log: &Log, config: Config, noise: Noise) -> Result<Vec<Cost>, Con
 
 fn navigate(log: &Log, config: Config, form: Form) -> Result<(), ConfigError> {
     let mut navigator = Navigator::new(Config { form, ..config })?;
-    for event in in_order_of_time(&log.imu, &log.gnss) {
+    for event in in_order_of_time(log.imu.iter(), &log.gnss) {
         black_box(event.give_to(&mut navigator));
     }
     black_box(navigator.estimates());

@@ -75,7 +75,7 @@ pub(crate) fn record(
     let mut navigator = Navigator::new(config)?;
     let mut run = Recorder::default();
     let (middle, mut last) = (log.middle(), Time::default());
-    for (count, event) in (1_u64..).zip(in_order_of_time(&log.imu, &log.gnss)) {
+    for (count, event) in (1_u64..).zip(in_order_of_time(log.imu.iter(), &log.gnss)) {
         if run.halfway.is_none() && event.time() >= middle {
             run.halfway = Some(Row::of(last, &navigator));
         }

@@ -46,12 +46,12 @@ impl Samples {
         self.get(self.len().checked_sub(1)?)
     }
 
-    pub fn iter(&self) -> Iter<'_> {
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = ImuSample> {
         self.walk(0..self.len())
     }
 
     /// Those that are not before a time.
-    pub fn since(&self, time: Time) -> Iter<'_> {
+    pub fn since(&self, time: Time) -> impl Iterator<Item = ImuSample> {
         self.walk(self.position(time)..self.len())
     }
 
@@ -89,7 +89,7 @@ impl Samples {
             - self.range.start
     }
 
-    fn walk(&self, range: Range<usize>) -> Iter<'_> {
+    fn walk(&self, range: Range<usize>) -> impl ExactSizeIterator<Item = ImuSample> {
         let from = self.range.start;
         self.store.walk(from + range.start..from + range.end)
     }
@@ -121,15 +121,6 @@ impl From<Store> for Samples {
     }
 }
 
-impl<'a> IntoIterator for &'a Samples {
-    type Item = ImuSample;
-    type IntoIter = Iter<'a>;
-
-    fn into_iter(self) -> Iter<'a> {
-        self.iter()
-    }
-}
-
 impl PartialEq for Samples {
     fn eq(&self, other: &Self) -> bool {
         self.len() == other.len() && self.iter().eq(other.iter())
@@ -139,30 +130,6 @@ impl PartialEq for Samples {
 impl fmt::Debug for Samples {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_list().entries(self.iter()).finish()
-    }
-}
-
-#[derive(Clone, Debug)]
-pub struct Iter<'a> {
-    store: &'a Store,
-    left: Range<usize>,
-    block: Cow<'a, [ImuSample]>,
-    block_start: usize,
-}
-
-impl Iterator for Iter<'_> {
-    type Item = ImuSample;
-
-    fn next(&mut self) -> Option<ImuSample> {
-        let index = self.left.next()?;
-        if index >= self.block_start + self.block.len() {
-            (self.block_start, self.block) = self.store.block_of(index);
-        }
-        Some(self.block[index - self.block_start])
-    }
-
-    fn size_hint(&self) -> (usize, Option<usize>) {
-        self.left.size_hint()
     }
 }
 
@@ -191,17 +158,18 @@ impl Store {
         Ok(store)
     }
 
-    pub(super) fn iter(&self) -> Iter<'_> {
+    pub(super) fn iter(&self) -> impl Iterator<Item = ImuSample> {
         self.walk(0..self.len())
     }
 
-    fn walk(&self, left: Range<usize>) -> Iter<'_> {
-        Iter {
-            store: self,
-            left,
-            block: Cow::Borrowed(&[]),
-            block_start: 0,
-        }
+    fn walk(&self, range: Range<usize>) -> impl ExactSizeIterator<Item = ImuSample> {
+        let (mut start, mut block) = (0, Cow::Borrowed(&[][..]));
+        range.map(move |index| {
+            if index >= start + block.len() {
+                (start, block) = self.block_of(index);
+            }
+            block[index - start]
+        })
     }
 
     fn len(&self) -> usize {

@@ -87,8 +87,8 @@ fn leave_out_spikes(log: &mut Log, per_second: f64, findings: &mut Findings) -> 
     Ok(())
 }
 
-/// Stuck sensors, where GNSS shows motion meanwhile.
-fn leave_out_frozen(log: &mut Log, per_second: f64, findings: &mut Findings) -> io::Result<()> {
+/// From when until when sensors are stuck, where GNSS shows motion meanwhile.
+fn frozen(log: &Log, per_second: f64) -> Vec<(Time, Time)> {
     let mut frozen = Vec::new();
     let mut samples = log.imu.iter().peekable();
     while let Some(start) = samples.next() {
@@ -102,6 +102,11 @@ fn leave_out_frozen(log: &mut Log, per_second: f64, findings: &mut Findings) -> 
             frozen.push((start.time, to));
         }
     }
+    frozen
+}
+
+fn leave_out_frozen(log: &mut Log, per_second: f64, findings: &mut Findings) -> io::Result<()> {
+    let frozen = frozen(log, per_second);
     let Some((first, _)) = frozen.first() else {
         return Ok(());
     };
@@ -167,7 +172,7 @@ fn channels(sample: &ImuSample) -> Channels {
 fn warn_of_channels(log: &Log, per_second: f64, findings: &mut Findings) {
     let mut runs: [Runs; 6] = Default::default();
     let mut stops: [[Stop; 2]; 6] = Default::default();
-    for sample in &log.imu {
+    for sample in log.imu.iter() {
         let values = channels(&sample);
         for (channel, (runs, stops)) in runs.iter_mut().zip(&mut stops).enumerate() {
             runs.push(channel, sample.time, &values);

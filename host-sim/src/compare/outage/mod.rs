@@ -226,7 +226,7 @@ impl<'a> Course<'a> {
         let log = self.log;
         let mut drifts = Vec::new();
         let mut starts = self.starts.iter().peekable();
-        for event in in_order_of_time(&log.imu, &log.gnss) {
+        for event in in_order_of_time(log.imu.iter(), &log.gnss) {
             let now = event.time();
             while let Some(start) = starts.next_if(|start| **start <= now) {
                 let (mut blind, mut samples) = (ins.clone(), log.imu.since(*start));
@@ -282,7 +282,7 @@ impl Drift {
 fn survey(log: &Log, config: Config) -> Result<(Option<Time>, f64), ConfigError> {
     let mut navigator = Navigator::new(config)?;
     let (mut since, mut settled, mut observed) = (None, None, None);
-    for event in in_order_of_time(&log.imu, &log.gnss) {
+    for event in in_order_of_time(log.imu.iter(), &log.gnss) {
         let sample = event.give_to(&mut navigator);
         let Some(sample) = sample.filter(|_| navigator.phase() == Phase::Navigating) else {
             continue;
