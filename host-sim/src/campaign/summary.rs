@@ -1,12 +1,11 @@
 //! What a campaign says: the accuracy that the models foretell.
 //!
-//! Sums of whole numbers, so that the order in which runs were finished leaves no trace and the
-//! memory does not grow with them.
+//! Sums of whole numbers, so that the order in which runs were finished leaves no trace.
 
 use serde::Serialize;
 
 use super::plan::Plan;
-use super::run::{Line, QUARTERS, With};
+use super::run::{Flown, Line, QUARTERS, With};
 use crate::identify::error_model::interval::{Interval, plain_mean};
 use crate::page::digits;
 use crate::page::table::{Table, heads};
@@ -27,60 +26,41 @@ const FIGURES: [(&str, &str, f64, u32); 9] = [
     ("velocity", "m/s", 1e-3, 4),
 ];
 
-/// Sums over the flights of one unit with one model.
-#[derive(Clone, Copy, Debug, Default)]
-struct Sums {
-    flown: u64,
-    failed: u64,
-    squares: [u128; 9],
-}
-
-/// Sums as runs come in.
+/// Flights as they come in.
 #[derive(Clone, Debug)]
 pub struct Tally {
-    /// By unit, and there by model.
-    units: Vec<[Sums; 2]>,
+    /// By unit, and there by model; none could not be flown.
+    units: Vec<[Vec<Option<Flown>>; 2]>,
 }
 
 impl Tally {
     pub fn new(plan: &Plan) -> Self {
         Self {
-            units: vec![[Sums::default(); 2]; plan.units as usize],
+            units: vec![Default::default(); plan.units as usize],
         }
     }
 
     pub fn add(&mut self, line: &Line) {
-        let Line::Flight {
+        if let Line::Flight {
             unit, with, flown, ..
         } = line
-        else {
-            return;
-        };
-        let Some(models) = self.units.get_mut(*unit as usize) else {
-            return;
-        };
-        let sums = &mut models[usize::from(*with == With::Identified)];
-        let Some(flown) = flown else {
-            sums.failed += 1;
-            return;
-        };
-        sums.flown += 1;
-        for (sum, value) in sums.squares.iter_mut().zip(flown.figures()) {
-            *sum += u128::from(value) * u128::from(value);
+            && let Some(models) = self.units.get_mut(*unit as usize)
+        {
+            models[usize::from(*with == With::Identified)].push(*flown);
         }
     }
 
     /// Whether a unit has more flights than it should.
     pub fn has_repeats(&self, plan: &Plan) -> bool {
-        let all = u64::from(plan.flights);
-        (self.units.iter().flatten()).any(|sums| sums.flown + sums.failed > all)
+        let mut each = self.units.iter().flatten();
+        each.any(|flights| flights.len() > plan.flights as usize)
     }
 
     /// Flights that a plan asks for and that are not there.
     pub fn missing(&self, plan: &Plan) -> u64 {
-        let there = |sums: &Sums| sums.flown + sums.failed;
         let all = 2 * u64::from(plan.units) * u64::from(plan.flights);
-        all.saturating_sub(self.units.iter().flatten().map(there).sum())
+        let there: usize = self.units.iter().flatten().map(Vec::len).sum();
+        all.saturating_sub(there as u64)
     }
 }
 
@@ -105,19 +85,20 @@ pub struct Row {
 pub struct Summary {
     pub plan: Plan,
     /// Flights that gave figures.
-    pub flown: u64,
+    pub flown: usize,
     /// Flights that could not be flown.
-    pub failed: u64,
+    pub failed: usize,
     pub rows: Vec<Row>,
 }
 
 impl Summary {
     pub fn new(plan: &Plan, tally: &Tally) -> Self {
-        let sum = |count: fn(&Sums) -> u64| tally.units.iter().flatten().map(count).sum();
+        let all = || tally.units.iter().flatten().flatten();
+        let flown = all().flatten().count();
         Self {
             plan: plan.clone(),
-            flown: sum(|sums| sums.flown),
-            failed: sum(|sums| sums.failed),
+            flown,
+            failed: all().count() - flown,
             rows: (0..FIGURES.len())
                 .filter_map(|which| row(plan, tally, which))
                 .collect(),
@@ -151,12 +132,16 @@ impl Summary {
 /// None with fewer than two units flown: nothing to draw an interval from.
 fn row(plan: &Plan, tally: &Tally, which: usize) -> Option<Row> {
     let (figure, unit, scale, quarter) = FIGURES[which];
-    let squares = |model: usize| -> Vec<f64> {
-        (tally.units.iter())
-            .filter(|models| models.iter().all(|sums| sums.flown > 0))
-            .map(|models| models[model].squares[which] as f64 / models[model].flown as f64)
-            .collect()
+    let mean_square = |flights: &Vec<Option<Flown>>| {
+        let figures = flights.iter().flatten().map(|f| f.figures()[which]);
+        let sum: u128 = figures.clone().map(|f| u128::from(f).pow(2)).sum();
+        let count = figures.count();
+        (count > 0).then(|| sum as f64 / count as f64)
     };
+    let units: Vec<[f64; 2]> = (tally.units.iter())
+        .filter_map(|[truth, found]| Some([mean_square(truth)?, mean_square(found)?]))
+        .collect();
+    let squares = |model: usize| -> Vec<f64> { units.iter().map(|unit| unit[model]).collect() };
     let [truth, predicted] = [0, 1].map(squares);
     let both = truth.iter().zip(&predicted);
     let ratios: Vec<f64> = both.map(|(t, p)| (p / t).sqrt()).collect();
