@@ -170,30 +170,6 @@ impl BiasModel {
         }
     }
 
-    pub fn law(&self) -> Law {
-        match self {
-            Self::Wave { .. } => Law::Wave,
-            Self::Continuous { .. } => Law::Continuous,
-        }
-    }
-
-    /// Size and time of its random part: spread of a jump and interval, U and s; or standard
-    /// deviation and correlation time.
-    pub fn random_part(&self) -> (f64, f64) {
-        match *self {
-            Self::Wave {
-                jump_sigma,
-                interval_s,
-                ..
-            } => (jump_sigma, interval_s),
-            Self::Continuous {
-                correlated_sigma,
-                correlation_time_s,
-                ..
-            } => (correlated_sigma, correlation_time_s),
-        }
-    }
-
     /// Run-to-run spread at the start, U.
     pub fn initial_sigma(&self) -> f64 {
         match self {

@@ -90,12 +90,20 @@ pub struct Dynamics {
 impl Dynamics {
     /// Of a model whose unit is so much in SI.
     pub fn of(bias: &BiasModel, unit: f64) -> Self {
-        let (size, time_s) = bias.random_part();
-        Self {
-            law: bias.law(),
-            size: size * unit,
-            time_s,
-        }
+        let (law, size, time_s) = match *bias {
+            BiasModel::Wave {
+                jump_sigma,
+                interval_s,
+                ..
+            } => (Law::Wave, jump_sigma, interval_s),
+            BiasModel::Continuous {
+                correlated_sigma,
+                correlation_time_s,
+                ..
+            } => (Law::Continuous, correlated_sigma, correlation_time_s),
+        };
+        let size = size * unit;
+        Self { law, size, time_s }
     }
 
     /// As a noise with a memory, which it is in (4).
