@@ -58,11 +58,11 @@ pub struct TrueState {
     pub rates: Rates,
 }
 
-/// Position and velocity between two states one sampling interval or less apart.
+/// Where the sensors are and how they move between two states one sampling interval or less apart.
 ///
 /// Velocity is the cubic with the states' velocities and accelerations at its ends (error
 /// h^4/384 of its fourth derivative: some 1e-9 m/s for a car at 100 Hz), position its integral.
-pub fn between(from: &TrueState, to: &TrueState, time_s: f64) -> (Geodetic, Vector3<f64>) {
+fn between(from: &TrueState, to: &TrueState, time_s: f64) -> Antenna {
     let start_s = from.solution.time.as_seconds();
     let h = to.solution.time.seconds_since(from.solution.time);
     let u = (time_s - start_s) / h;
@@ -72,7 +72,10 @@ pub fn between(from: &TrueState, to: &TrueState, time_s: f64) -> (Geodetic, Vect
     };
     let velocity = Cubic::between(end(from), end(to));
     let moved = h * u * velocity.mean_until(u);
-    (displaced(&from.solution.position, &moved), velocity.at(u).0)
+    Antenna {
+        position: displaced(&from.solution.position, &moved),
+        velocity_enu_mps: velocity.at(u).0,
+    }
 }
 
 /// The point some metres from another.
@@ -107,13 +110,10 @@ impl Antenna {
     /// derivatives at the two states: arm and its velocity are good to h^3 of the turn's fourth
     /// derivative.
     pub fn between(from: &TrueState, to: &TrueState, time_s: f64, arm_m: &[f64; 3]) -> Self {
-        let (position, velocity) = between(from, to, time_s);
+        let sensors = between(from, to, time_s);
         let arm = Vector3::from(*arm_m);
         if arm.norm_squared() == 0.0 {
-            return Self {
-                position,
-                velocity_enu_mps: velocity,
-            };
+            return sensors;
         }
         let h = to.solution.time.seconds_since(from.solution.time);
         let u = (time_s - from.solution.time.as_seconds()) / h;
@@ -123,8 +123,8 @@ impl Antenna {
         };
         let (reach, swing) = Cubic::between(end(from), end(to)).at(u);
         Self {
-            position: displaced(&position, &reach),
-            velocity_enu_mps: velocity + swing / h,
+            position: displaced(&sensors.position, &reach),
+            velocity_enu_mps: sensors.velocity_enu_mps + swing / h,
         }
     }
 }
@@ -427,15 +427,15 @@ mod tests {
             let before = *sensors.state();
             let time_s = f64::from(k) * 0.01 - 0.0063;
             sensors.advance(seconds(f64::from(k) * 0.01));
-            let (position, velocity) = between(&before, sensors.state(), time_s);
+            let found = between(&before, sensors.state(), time_s);
             exact.advance(seconds(time_s));
             assert_near(
-                &velocity,
+                &found.velocity_enu_mps,
                 car.kinematics(time_s).velocity_enu_mps.into(),
                 1e-8,
             );
             // Both positions round latitude to 1e-16 rad, 1 nm, at each of 60000 steps.
-            let off = position.enu_from(&exact.state().solution.position);
+            let off = found.position.enu_from(&exact.state().solution.position);
             assert!(off.norm() < 1e-6, "{off} at {time_s} s");
         }
     }
