@@ -139,15 +139,13 @@ fn other_origin(log: &Log, findings: &Findings) -> LogError {
     );
     let found = format!("fixes from {first:.3} to {last:.3} s, counted from the first sample");
     let cause = match cause(first) {
-        leap if leap.starts_with("leap") => {
-            "leap seconds: one file counts UTC, the other GPS time (18 s ahead since 2017): bring \
-             both to one scale"
-        }
+        leap if leap.starts_with("leap") => leap,
         _ => {
             "the two files count from different origins (UTC, GPS week, boot), and there is too \
-             little motion to find by how much: bring both to one scale"
+             little motion to find by how much"
         }
     };
+    let cause = format!("{cause}: bring both to one scale");
     findings.gnss("t_s", expected, found, cause)
 }
 

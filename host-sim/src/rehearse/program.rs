@@ -17,8 +17,9 @@ use ins_core::{GnssFix, ImuSample, Solution, Time};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::flight::{Answers, Failure, Fault, Told};
-use super::flight::{Flown, START_LEVEL_DEG, START_POSITION_M, START_VELOCITY_MPS};
+use super::flight::{
+    Answers, Failure, Fault, Flown, START_LEVEL_DEG, START_POSITION_M, START_VELOCITY_MPS, Told,
+};
 use crate::compare::kalman::Noise;
 use crate::compare::kalman::noise::total;
 use crate::identify::run::Event;

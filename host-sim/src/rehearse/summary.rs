@@ -3,11 +3,9 @@
 
 use serde::Serialize;
 
-use super::flight::Fault;
-use super::flight::World;
+use super::flight::{Fault, World};
 use super::run::{HEADING, Line, Outcome, POSITION, QUANTITIES, moments};
-use super::settings::Rehearsal;
-use super::settings::{Case, SOURCES};
+use super::settings::{Case, Rehearsal, SOURCES};
 use crate::identify::error_model::interval::student;
 use crate::identify::error_model::{Assumed, Parameter};
 use crate::page::table::Table;

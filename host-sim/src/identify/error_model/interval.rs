@@ -66,15 +66,11 @@ impl Interval {
         let value = if self.low > 0.0 {
             self.value * libm::pow(bound / self.value, deviate.abs())
         } else {
-            let value = self.value + deviate.abs() * (bound - self.value);
-            // A spread.
-            if self.low == 0.0 {
-                value.max(0.0)
-            } else {
-                value
-            }
+            self.value + deviate.abs() * (bound - self.value)
         };
-        Self::around(value, 0.0)
+        // A spread stays one.
+        let signed = self.low < 0.0;
+        Self::around(if signed { value } else { value.max(0.0) }, 0.0)
     }
 
     pub fn holds(&self, value: f64) -> bool {
