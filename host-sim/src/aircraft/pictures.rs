@@ -116,8 +116,7 @@ fn lines(x_label: &str, y_label: &str, series: Vec<Line>) -> String {
     );
     Plot {
         size: (900, 300),
-        x_label: x_label.to_owned(),
-        y_label: y_label.to_owned(),
+        labels: [x_label, y_label],
         x,
         y,
         marks: (series.into_iter().zip([BLUE, ORANGE, GREEN]))
@@ -144,8 +143,7 @@ pub(crate) fn track(truth: &[&Solution]) -> String {
     let start = vec![(-0.02 * half, 0.0), (0.02 * half, 0.0)];
     Plot {
         size: (640, 620),
-        x_label: "east of the start, km".to_owned(),
-        y_label: "north of the start, km".to_owned(),
+        labels: ["east of the start, km", "north of the start, km"],
         x: around(x),
         y: around(y),
         marks: vec![Mark::Line(points, BLUE), Mark::Reference(start, GREY)],

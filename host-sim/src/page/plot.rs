@@ -24,13 +24,11 @@ pub(crate) enum Mark {
 }
 
 /// Axes and what is drawn in them.
-pub(crate) struct Plot {
+pub(crate) struct Plot<'a> {
     /// Width and height, px.
     pub(crate) size: (u32, u32),
-    /// Quantity and unit along x.
-    pub(crate) x_label: String,
-    /// Quantity and unit along y.
-    pub(crate) y_label: String,
+    /// Quantity and unit along x and y.
+    pub(crate) labels: [&'a str; 2],
     /// Ends of the x axis.
     pub(crate) x: (f64, f64),
     /// Ends of the y axis; what lies beyond is drawn at the edge.
@@ -39,7 +37,7 @@ pub(crate) struct Plot {
     pub(crate) marks: Vec<Mark>,
 }
 
-impl Plot {
+impl Plot<'_> {
     /// The drawing as an SVG element; an empty string if it cannot be drawn.
     pub(crate) fn svg(&self) -> String {
         self.svg_on(self.y.0..self.y.1, |y| tick(y, self.y))
@@ -89,8 +87,8 @@ impl Plot {
             .axis_style(GREY.mix(0.6))
             .x_labels(6)
             .y_labels(5)
-            .x_desc(&self.x_label)
-            .y_desc(&self.y_label)
+            .x_desc(self.labels[0])
+            .y_desc(self.labels[1])
             .x_label_formatter(&|x| tick(*x, self.x))
             .y_label_formatter(&|y| y_tick(*y))
             .label_style(label.clone())

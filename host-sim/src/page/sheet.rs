@@ -19,33 +19,17 @@ pub(crate) struct Panel {
     pub(crate) keys: Vec<Key>,
 }
 
-/// What a colour means.
-pub(crate) struct Key {
-    pub(crate) colour: String,
-    pub(crate) text: &'static str,
-}
+/// A colour and what it means.
+pub(crate) type Key = (RGBColor, &'static str);
 
 /// A plot for a panel: labels of its axes, and their ends.
-pub(crate) fn plot(
-    [x_label, y_label]: [&str; 2],
-    x: (f64, f64),
-    y: (f64, f64),
-    marks: Vec<Mark>,
-) -> Plot {
+pub(crate) fn plot(labels: [&str; 2], x: (f64, f64), y: (f64, f64), marks: Vec<Mark>) -> Plot<'_> {
     Plot {
         size: CELL,
-        x_label: x_label.to_owned(),
-        y_label: y_label.to_owned(),
+        labels,
         x,
         y,
         marks,
-    }
-}
-
-pub(crate) fn key(colour: RGBColor, text: &'static str) -> Key {
-    Key {
-        colour: format!("#{:02x}{:02x}{:02x}", colour.0, colour.1, colour.2),
-        text,
     }
 }
 
@@ -84,15 +68,15 @@ fn cell(panel: &Panel, (x, y): (u32, u32)) -> String {
 fn keys(panels: &[Panel], (x, y): (u32, u32)) -> String {
     let mut text = String::new();
     let keys = panels.first().into_iter().flat_map(|panel| &panel.keys);
-    for (line, key) in (3..).zip(keys) {
-        let (left, base, colour) = (x + 60, y + 24 * line, &key.colour);
+    for (line, (RGBColor(red, green, blue), meaning)) in (3..).zip(keys) {
+        let (left, base) = (x + 60, y + 24 * line);
         let (bar, words) = (base - 6, left + 30);
         // Writing into a string cannot fail.
         let _ = writeln!(
             text,
-            "<rect x=\"{left}\" y=\"{bar}\" width=\"22\" height=\"4\" fill=\"{colour}\"/>\
-             <text x=\"{words}\" y=\"{base}\">{}</text>",
-            key.text
+            "<rect x=\"{left}\" y=\"{bar}\" width=\"22\" height=\"4\" \
+             fill=\"#{red:02x}{green:02x}{blue:02x}\"/>\
+             <text x=\"{words}\" y=\"{base}\">{meaning}</text>"
         );
     }
     text

@@ -4,7 +4,7 @@ use super::charts::{Converging, converging};
 use crate::identify::analysis::Analysis;
 use crate::page::chart::sampled;
 use crate::page::plot::{BLUE, GREY, Mark, RED};
-use crate::page::sheet::{self, Panel, key};
+use crate::page::sheet::{self, Panel};
 
 /// A panel for each estimate.
 pub fn picture(analysis: &Analysis) -> String {
@@ -33,9 +33,9 @@ fn panel(estimate: &Converging) -> Panel {
         title: estimate.title.clone(),
         svg: plot.svg(),
         keys: vec![
-            key(BLUE, "estimate, band: one sigma"),
-            key(GREY, "grey: manoeuvres that show it"),
-            key(RED, "truth"),
+            (BLUE, "estimate, band: one sigma"),
+            (GREY, "grey: manoeuvres that show it"),
+            (RED, "truth"),
         ],
     }
 }

@@ -6,7 +6,7 @@ use miette::Result;
 
 use super::{Check, QUANTITIES, Results, Row, Run, Spread};
 use crate::page::plot::{BLUE, Mark, ORANGE};
-use crate::page::sheet::{self, Panel, key};
+use crate::page::sheet::{self, Panel};
 use crate::page::table::{Table, heads};
 use crate::page::{self, brief, digits, output};
 
@@ -92,8 +92,8 @@ fn panel(results: &Results, which: usize) -> Panel {
         title: capital(QUANTITIES[which].title),
         svg: plot.svg_log_y(),
         keys: vec![
-            key(BLUE, "RMS error of the runs"),
-            key(ORANGE, "RMS of the stated sigma"),
+            (BLUE, "RMS error of the runs"),
+            (ORANGE, "RMS of the stated sigma"),
         ],
     }
 }

@@ -64,8 +64,11 @@ fn oscillation(curves: &[Point]) -> String {
     let all = || curves.iter().flat_map(|point| point.errors_mps);
     Plot {
         size: (900, 420),
-        x_label: "time without GNSS, min: east (blue), north (orange), by (1)-(2) (grey), with the rotation of the frame (green)".to_owned(),
-        y_label: "velocity error, m/s".to_owned(),
+        labels: [
+            "time without GNSS, min: east (blue), north (orange), by (1)-(2) (grey), with the \
+             rotation of the frame (green)",
+            "velocity error, m/s",
+        ],
         x: padded(curves.iter().map(|point| point.time_s / 60.0), 1.0),
         y: padded(all().flat_map(|error| [error.x, error.y]), 0.1),
         marks: vec![
@@ -95,8 +98,11 @@ fn growth(summary: &Summary) -> String {
     let thesis = vec![(0.0, THESIS_KM), (minutes, THESIS_KM)];
     Plot {
         size: (900, 340),
-        x_label: "time without GNSS, min: estimates applied (blue), without noise (orange), thesis after 1 h (grey)".to_owned(),
-        y_label: "RMS position error, km".to_owned(),
+        labels: [
+            "time without GNSS, min: estimates applied (blue), without noise (orange), thesis \
+             after 1 h (grey)",
+            "RMS position error, km",
+        ],
         x: (0.0, minutes),
         y: padded(applied.iter().map(|p| p.1).chain([0.0, THESIS_KM]), 1.0),
         marks: vec![

@@ -22,7 +22,7 @@ use crate::identify::run::record;
 use crate::log::Log;
 use crate::page::chart::sampled;
 use crate::page::plot::{BLUE, Mark, ORANGE, RED, padded};
-use crate::page::sheet::{self, Panel, key};
+use crate::page::sheet::{self, Key, Panel};
 use crate::sim::errors::BiasModel;
 use crate::sim::ideal::{Increments, Rates};
 use crate::sim::imu::Imu;
@@ -143,8 +143,8 @@ struct Pair {
     numbers: [u8; 2],
     title: String,
     unit: &'static str,
-    /// What the curves are, and their colours.
-    lines: Vec<(&'static str, RGBColor)>,
+    /// Colours of the curves, and what these are.
+    lines: Vec<Key>,
 }
 
 pub(super) fn figures_3_and_4(drives: &[Drive]) -> Result<Part, ConfigError> {
@@ -220,7 +220,7 @@ fn azimuth_pair(name: &'static str, on: &str) -> Pair {
         numbers: [3, 4],
         title: format!("Figures 3 and 4{on}: azimuth error, as each method finds it"),
         unit: "deg",
-        lines: vec![("azimuth", BLUE)],
+        lines: vec![(BLUE, "azimuth")],
     }
 }
 
@@ -230,7 +230,7 @@ fn gyro_pair(name: &'static str, on: &str) -> Pair {
         numbers: [6, 7],
         title: format!("Figures 6 and 7{on}: biases of the level gyros, as each method finds them"),
         unit: "deg/h",
-        lines: vec![("gyro right", BLUE), ("gyro forward", ORANGE)],
+        lines: vec![(BLUE, "gyro right"), (ORANGE, "gyro forward")],
     }
 }
 
@@ -278,7 +278,7 @@ impl Pair {
     /// Against the truth.
     fn errors(&self, drives: &[Vec<Course>]) -> Vec<Number> {
         let (mut numbers, mut worst) = (Vec::new(), [0.0; 2]);
-        for (which, (line, _)) in self.lines.iter().enumerate() {
+        for (which, (_, line)) in self.lines.iter().enumerate() {
             let courses = || drives.iter().map(|courses| &courses[which]);
             let error = |seen: &Seen| Some(seen.value - seen.truth?);
             let rms = [0, 1].map(|method| {
@@ -308,7 +308,7 @@ impl Pair {
     /// Of the two methods, where nobody knows the truth.
     fn differences(&self, courses: &[Course]) -> Vec<Number> {
         let mut numbers = Vec::new();
-        for ((line, _), [ours, theirs]) in self.lines.iter().zip(courses) {
+        for ((_, line), [ours, theirs]) in self.lines.iter().zip(courses) {
             for (method, track) in METHODS.into_iter().zip([ours, theirs]) {
                 if let Some(end) = track.last() {
                     let what = format!("{line} at the end, {method}, {}", self.unit);
@@ -337,15 +337,13 @@ impl Pair {
             band.into_iter().chain(seen.truth)
         });
         let y = padded(y, 1e-2);
-        let mut keys: Vec<_> = (self.lines.iter())
-            .map(|(line, colour)| key(*colour, line))
-            .collect();
+        let mut keys = self.lines.clone();
         if all().flatten().any(|seen| seen.truth.is_some()) {
-            keys.push(key(RED, "truth"));
+            keys.push((RED, "truth"));
         }
         let panel = |method: usize| {
             let marks = self.lines.iter().zip(courses);
-            let marks = marks.flat_map(|((_, colour), course)| marks_of(&course[method], *colour));
+            let marks = marks.flat_map(|((colour, _), course)| marks_of(&course[method], *colour));
             let labels = ["time, s", self.unit];
             let plot = sheet::plot(labels, (0.0, end_s), y, marks.collect());
             Panel {
@@ -361,7 +359,7 @@ impl Pair {
 
     fn csv(&self, courses: &[Course]) -> String {
         let mut text = "quantity,method,time_s,value,sigma,truth\n".to_owned();
-        for ((line, _), course) in self.lines.iter().zip(courses) {
+        for ((_, line), course) in self.lines.iter().zip(courses) {
             for (method, track) in METHODS.into_iter().zip(course) {
                 for seen in track {
                     let truth = seen

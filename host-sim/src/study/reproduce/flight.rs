@@ -8,7 +8,7 @@ use crate::aircraft::cessna172;
 use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::performance::performance as of_aircraft;
 use crate::page::plot::{BLUE, GREEN, Mark, RED, padded};
-use crate::page::sheet::{self, Panel, key};
+use crate::page::sheet::{self, Panel};
 use crate::sim::ErrorModel;
 use crate::statistics::rms;
 use crate::study::flights::route::Route;
@@ -174,9 +174,9 @@ fn picture([class, good]: &[Vec<f64>; 2], walk: f64) -> String {
         title: format!("RMS position error, walk {walk} and {GOOD_WALK_DEG_SQRT_H}"),
         svg: plot.svg(),
         keys: vec![
-            key(BLUE, "typical walk of the class"),
-            key(GREEN, "small walk"),
-            key(RED, "thesis, after an hour"),
+            (BLUE, "typical walk of the class"),
+            (GREEN, "small walk"),
+            (RED, "thesis, after an hour"),
         ],
     }])
 }

@@ -5,7 +5,7 @@ use super::part::{Part, here};
 use crate::compare::five_stage::Stage;
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::page::plot::{BLUE, GREY, Mark, ORANGE, padded};
-use crate::page::sheet::{self, Panel, key};
+use crate::page::sheet::{self, Panel};
 
 /// Part of the drive in the picture, s.
 const SHOWN_S: (f64, f64) = (600.0, 900.0);
@@ -64,9 +64,9 @@ fn panel(drive: &Drive, title: &str, stage: Stage) -> Panel {
         title: title.to_owned(),
         svg: sheet::plot(["time, s", "\u{3c9}^C, deg/h"], SHOWN_S, y, marks).svg(),
         keys: vec![
-            key(BLUE, "east"),
-            key(ORANGE, "north"),
-            key(GREY, "grey: manoeuvres that show it"),
+            (BLUE, "east"),
+            (ORANGE, "north"),
+            (GREY, "grey: manoeuvres that show it"),
         ],
     }
 }

@@ -16,7 +16,7 @@ use crate::identify::quantities::DEG_H_RADPS;
 use crate::identify::row::Row;
 use crate::log::{self, Log};
 use crate::page::plot::{BLUE, GREEN, GREY, Mark, ORANGE, RED, padded};
-use crate::page::sheet::{self, Panel, key};
+use crate::page::sheet::{self, Panel};
 use crate::sim::car::Car;
 use crate::sim::drive::Recording;
 use crate::sim::{DriveConfig, ErrorModel, SimulatedDrive, record};
@@ -441,7 +441,7 @@ fn panel(title: &str, lines: Vec<Line>) -> Panel {
     let end_s = points().fold(1.0, |end, point| f64::max(end, point.0));
     let y = padded(points().map(|point| point.1), 1e-2);
     let keys = (lines.iter())
-        .map(|(name, colour, _)| key(*colour, name))
+        .map(|(name, colour, _)| (*colour, *name))
         .collect();
     let marks = (lines.into_iter()).map(|(_, colour, points)| Mark::Line(points, colour));
     Panel {
