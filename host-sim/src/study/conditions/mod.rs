@@ -74,22 +74,25 @@ impl Study {
 mod tests {
     use super::*;
 
-    fn study(named: &[&str], first_seed: u64, seeds: u64) -> Study {
+    fn study(named: &[&str], class: Grade, first_seed: u64, seeds: u64) -> Study {
         Study {
             kinds: all().filter(|kind| named.contains(&kind.name)).collect(),
-            only: None,
+            only: Some(class),
             first_seed,
             seeds,
             trial: Trial::default(),
         }
     }
 
+    /// One kind with one class of sensors.
+    fn of_kind(kind: &str, class: Grade, first_seed: u64, seeds: u64) -> Results {
+        let study = study(&[kind], class, first_seed, seeds);
+        study.results(&ProgressBar::hidden()).remove(0)
+    }
+
     #[test]
     fn results_do_not_depend_on_the_number_of_threads() {
-        let study = Study {
-            only: Some(Grade::Mems),
-            ..study(&["ten_wrong", "many_samples"], 3, 2)
-        };
+        let study = study(&["ten_wrong", "many_samples"], Grade::Mems, 3, 2);
         let on = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
             let results = || study.results(&ProgressBar::hidden());
@@ -105,14 +108,7 @@ mod tests {
     /// Without that, the lever arm came out beyond 4.5 sigmas in half of these.
     #[test]
     fn a_swinging_antenna_shows_the_latency() {
-        let study = Study {
-            only: Some(Grade::Hg1700),
-            ..study(&["boat_in_short_waves"], 500, 6)
-        };
-        let [boat] = &study.results(&ProgressBar::hidden())[..] else {
-            unreachable!("one kind, one class");
-        };
-        for row in &boat.rows {
+        for row in of_kind("boat_in_short_waves", Grade::Hg1700, 500, 6).rows {
             assert_eq!(row.wrong_and_sure, 0, "{}", row.quantity.name);
         }
     }
@@ -121,13 +117,7 @@ mod tests {
     /// explains. Searches that were led so never found a heading, in all of these.
     #[test]
     fn a_mast_at_anchor_does_not_mislead_the_search_for_the_heading() {
-        let study = Study {
-            only: Some(Grade::Mems),
-            ..study(&["masthead"], 500, 6)
-        };
-        let [boat] = &study.results(&ProgressBar::hidden())[..] else {
-            unreachable!("one kind, one class");
-        };
+        let boat = of_kind("masthead", Grade::Mems, 500, 6);
         assert!(boat.never < 1e-9, "{} never aligned", boat.never);
     }
 
@@ -135,12 +125,11 @@ mod tests {
     fn under_white_noise_core_and_filter_err_alike() {
         for receiver_known in [false, true] {
             let study = Study {
-                only: Some(Grade::Hg1700),
                 trial: Trial {
                     with_kalman: true,
                     receiver_known,
                 },
-                ..study(&["plain"], 0, 8)
+                ..study(&["plain"], Grade::Hg1700, 0, 8)
             };
             let results = study.results(&ProgressBar::hidden());
             let plain = &results[0];
@@ -174,12 +163,8 @@ mod tests {
 
     /// Over its sigma, RMS.
     fn ratio(kind: &str, class: Grade, first_seed: u64, seeds: u64, quantity: &str) -> f64 {
-        let study = Study {
-            only: Some(class),
-            ..study(&[kind], first_seed, seeds)
-        };
-        let results = study.results(&ProgressBar::hidden());
-        let mut rows = results[0].rows.iter();
+        let results = of_kind(kind, class, first_seed, seeds);
+        let mut rows = results.rows.iter();
         let row = rows.find(|row| row.quantity.name == quantity).unwrap();
         row.rms_ratio.unwrap()
     }

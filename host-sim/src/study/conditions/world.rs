@@ -231,6 +231,22 @@ impl World {
         self.errors.gnss.rate_hz = rate_hz;
     }
 
+    /// A boat that swings at anchor so fast, deg/s, and then sails.
+    pub fn boat(&mut self, until_s: f64, period_s: f64, peak_deg_s: f64) {
+        let peak_radps = peak_deg_s.to_radians();
+        self.vehicle = Vehicle::Boat(Anchored {
+            until_s,
+            period_s,
+            peak_radps,
+        });
+    }
+
+    /// Axes of gyros and accelerometers off by so much, rad.
+    pub fn misaligned(&mut self, sigma_rad: f64) {
+        self.errors.gyro_deg_h.misalignment_sigma = sigma_rad;
+        self.errors.accel_mps2.misalignment_sigma = sigma_rad;
+    }
+
     /// An antenna anywhere within so many metres, right, forward, up.
     pub fn antenna_within(&mut self, reach_m: [f64; 3]) {
         let place = reach_m.map(|reach| self.random.uniform([-reach, reach]));
@@ -284,13 +300,12 @@ impl World {
 
     /// The same trouble at each of the times.
     pub fn trouble(&mut self, times: &[f64], duration_s: f64, wrong: Wrong) {
-        self.habits()
-            .troubles
-            .extend(times.iter().map(|start_s| Trouble {
-                start_s: *start_s,
-                duration_s,
-                wrong,
-            }));
+        let troubles = times.iter().map(|start_s| Trouble {
+            start_s: *start_s,
+            duration_s,
+            wrong,
+        });
+        self.habits().troubles.extend(troubles);
     }
 
     /// No fixes for so long at each of the times.

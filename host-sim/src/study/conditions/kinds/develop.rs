@@ -11,7 +11,7 @@ use crate::sim::car::Way;
 use crate::sim::errors::BiasModel;
 use crate::sim::motion::When;
 use crate::sim::receiver::{Correlated, Stated, Up, Wrong};
-use crate::sim::vehicles::{Anchored, Begin};
+use crate::sim::vehicles::Begin;
 use crate::study::conditions::Vehicle;
 
 kinds! { judge: false,
@@ -165,8 +165,7 @@ kinds! { judge: false,
     "unit slips by 5 to 90 deg about any axis within 0.6 s without inertial samples"
         => |w| w.slip([5.0, 90.0], 0.6, false);
     "misaligned", MEMS, 15.0, "axes of gyros and accelerometers off by 5 mrad" => |w| {
-        w.errors.gyro_deg_h.misalignment_sigma = 0.005;
-        w.errors.accel_mps2.misalignment_sigma = 0.005;
+        w.misaligned(0.005);
     };
     "noisy_gyros", MEMS, 15.0,
     "gyros x and y five times as noisy as z, accelerometers y and z six times as x" => |w| {
@@ -237,11 +236,7 @@ kinds! { judge: false,
         w.shakes.push(shakes::engine(When::Always, 31.7, 0.4, 0.0));
     };
     "boat", BOTH, 20.0, "swings at anchor by 0.3 deg/s to and fro in 4 min, then sails" => |w| {
-        w.vehicle = Vehicle::Boat(Anchored {
-            until_s: 300.0,
-            period_s: 240.0,
-            peak_radps: 0.3_f64.to_radians(),
-        });
+        w.boat(300.0, 240.0, 0.3);
         w.shakes.push(shakes::waves(4.0, 2.0, 0.1));
     };
     "quadrotor", MEMS, 12.0, "small quick manoeuvres, 5 Hz, motors shake the unit" => |w| {
@@ -272,8 +267,7 @@ kinds! { judge: false,
     "misaligned_in_flight", MEMS, 15.0,
     "fixed wing, banks of 25 to 40 deg, from the ground, axes off by 5 mrad" => |w| {
         w.fixed_wing([25.0, 40.0], Begin::OnGround, 5.0);
-        w.errors.gyro_deg_h.misalignment_sigma = 0.005;
-        w.errors.accel_mps2.misalignment_sigma = 0.005;
+        w.misaligned(0.005);
     };
     "pedestrian", MEMS, 15.0, "walks at 0.8 to 1.8 m/s, two steps a second" => |w| {
         w.vehicle = Vehicle::Walker { rest_s: 20.0 };

@@ -11,7 +11,7 @@ use crate::sim::car::Way;
 use crate::sim::errors::BiasModel;
 use crate::sim::motion::When;
 use crate::sim::receiver::{Stated, Up, Wrong};
-use crate::sim::vehicles::{Anchored, Begin};
+use crate::sim::vehicles::Begin;
 use crate::study::conditions::Vehicle;
 
 kinds! { judge: true,
@@ -49,11 +49,7 @@ kinds! { judge: true,
     };
     "vertical_velocity_down", BOTH, 12.0,
     "vertical velocity with the sign of down, heights true, fixed wing that climbs" => |w| {
-        let bank_rad = [25.0, 40.0].map(f64::to_radians);
-        w.vehicle = Vehicle::Plane {
-            bank_rad,
-            begin: Begin::OnGround,
-        };
+        w.fixed_wing([25.0, 40.0], Begin::OnGround, 10.0);
         w.habits().up = Up::Down;
     };
     "slow_positions_alone", BOTH, 20.0,
@@ -198,8 +194,7 @@ kinds! { judge: true,
         => |w| w.tilt_mount([45.0, 180.0]);
     "misaligned_and_tilted", MEMS, 18.0,
     "axes off by 3 mrad, gyro scales by 1 %, unit tilted by 15 to 60 deg" => |w| {
-        w.errors.gyro_deg_h.misalignment_sigma = 0.003;
-        w.errors.accel_mps2.misalignment_sigma = 0.003;
+        w.misaligned(0.003);
         w.errors.gyro_deg_h.scale_sigma = 0.01;
         w.tilt_mount([15.0, 60.0]);
     };
@@ -318,11 +313,7 @@ kinds! { judge: true,
     };
     "boat_in_waves", BOTH, 20.0,
     "swings at anchor by 0.5 deg/s in 2.5 min on waves of 5 deg, then sails, 2 Hz" => |w| {
-        w.vehicle = Vehicle::Boat(Anchored {
-            until_s: 240.0,
-            period_s: 150.0,
-            peak_radps: 0.5_f64.to_radians(),
-        });
+        w.boat(240.0, 150.0, 0.5);
         w.errors.gnss.rate_hz = 2.0;
         w.velocity_noise(0.05, 0.05, 2.0);
         w.shakes.push(shakes::waves(5.5, 5.0, 0.3));
@@ -330,11 +321,7 @@ kinds! { judge: true,
     "boat_in_short_waves", BOTH, 20.0,
     "20 Hz, antenna up to 3 m away, swings at anchor by 0.8 deg/s, waves of 4 deg and 3 s, 68 deg north"
     => |w| {
-        w.vehicle = Vehicle::Boat(Anchored {
-            until_s: 90.0,
-            period_s: 60.0,
-            peak_radps: 0.8_f64.to_radians(),
-        });
+        w.boat(90.0, 60.0, 0.8);
         w.errors.gnss.rate_hz = 20.0;
         w.velocity_noise(0.02, 0.03, 1.0);
         w.position_noise(0.4, 1.0, 100.0);
@@ -345,11 +332,7 @@ kinds! { judge: true,
     };
     "masthead", BOTH, 15.0,
     "antenna up to 6 m up a mast, waves of 10 deg and 4 s, sails after two minutes" => |w| {
-        w.vehicle = Vehicle::Boat(Anchored {
-            until_s: 120.0,
-            period_s: 90.0,
-            peak_radps: 0.6_f64.to_radians(),
-        });
+        w.boat(120.0, 90.0, 0.6);
         w.velocity_noise(0.03, 0.04, 1.5);
         w.position_noise(0.4, 1.0, 80.0);
         w.antenna_within([0.5, 1.0, 6.0]);
@@ -357,11 +340,7 @@ kinds! { judge: true,
     };
     "rolling_ship", BOTH, 20.0,
     "1 Hz, antenna up to 4 m ahead and 6 m above, long waves of 6 deg, latency of 0.1 to 0.3 s" => |w| {
-        w.vehicle = Vehicle::Boat(Anchored {
-            until_s: 150.0,
-            period_s: 200.0,
-            peak_radps: 0.4_f64.to_radians(),
-        });
+        w.boat(150.0, 200.0, 0.4);
         w.errors.gnss.rate_hz = 1.0;
         w.errors.gnss.latency_s = [0.1, 0.3];
         w.velocity_noise(0.05, 0.03, 4.0);
