@@ -35,64 +35,36 @@ enum Effect {
     Turned,
 }
 
-/// A change of a log.
-struct Alteration {
-    name: &'static str,
-    effect: Effect,
-    alter: fn(&mut Log),
-}
+/// A change of a log: its name, what it does to what should be found, and how it is made.
+type Alteration = (&'static str, Effect, fn(&mut Log));
 
 const ALTERATIONS: [Alteration; 10] = [
-    Alteration {
-        name: "fixes stamped 0.15 s later",
-        effect: Effect::LatencyS(0.15),
-        alter: |log| stamp(log, 0.15),
-    },
-    Alteration {
-        name: "0.2 s earlier",
-        effect: Effect::LatencyS(-0.2),
-        alter: |log| stamp(log, -0.2),
-    },
-    Alteration {
-        name: "0.5 s later",
-        effect: Effect::LatencyS(0.5),
-        alter: |log| stamp(log, 0.5),
-    },
-    Alteration {
-        name: "half a degree a second and 20 to 30 mg more",
-        effect: Effect::Biases,
-        alter: bias,
-    },
-    Alteration {
-        name: "unit turned by 70, -20 and 30 deg",
-        effect: Effect::Turned,
-        alter: turn,
-    },
-    Alteration {
-        name: "every second fix",
-        effect: Effect::Nothing,
-        alter: |log| log.gnss = log.gnss.iter().step_by(2).copied().collect(),
-    },
-    Alteration {
-        name: "every second sample",
-        effect: Effect::Nothing,
-        alter: halve,
-    },
-    Alteration {
-        name: "no height",
-        effect: Effect::Nothing,
-        alter: |log| each_fix(log, |fix| fix.height_m = None),
-    },
-    Alteration {
-        name: "no vertical velocity",
-        effect: Effect::Nothing,
-        alter: |log| each_fix(log, |fix| fix.velocity_up_mps = None),
-    },
-    Alteration {
-        name: "world turned by 90 deg",
-        effect: Effect::Nothing,
-        alter: turn_world,
-    },
+    (
+        "fixes stamped 0.15 s later",
+        Effect::LatencyS(0.15),
+        |log| stamp(log, 0.15),
+    ),
+    ("0.2 s earlier", Effect::LatencyS(-0.2), |log| {
+        stamp(log, -0.2);
+    }),
+    ("0.5 s later", Effect::LatencyS(0.5), |log| stamp(log, 0.5)),
+    (
+        "half a degree a second and 20 to 30 mg more",
+        Effect::Biases,
+        bias,
+    ),
+    ("unit turned by 70, -20 and 30 deg", Effect::Turned, turn),
+    ("every second fix", Effect::Nothing, |log| {
+        log.gnss = log.gnss.iter().step_by(2).copied().collect();
+    }),
+    ("every second sample", Effect::Nothing, halve),
+    ("no height", Effect::Nothing, |log| {
+        each_fix(log, |fix| fix.height_m = None);
+    }),
+    ("no vertical velocity", Effect::Nothing, |log| {
+        each_fix(log, |fix| fix.velocity_up_mps = None);
+    }),
+    ("world turned by 90 deg", Effect::Nothing, turn_world),
 ];
 
 /// What an altered log says, less what it should say.
@@ -109,18 +81,14 @@ pub struct Altered {
 /// Tries all changes of a log of a class, whose last word is `end`.
 pub fn test(log: &Log, grade: Grade, end: &tracks::Point) -> Result<Vec<Altered>, ConfigError> {
     let found = columns(BodyAxes::Rfu, end);
-    let altered = ALTERATIONS.par_iter().map(|alteration| {
+    let altered = ALTERATIONS.par_iter().map(|(name, effect, alter)| {
         let mut altered = log.clone();
-        (alteration.alter)(&mut altered);
+        alter(&mut altered);
         let config = configure::config(&altered, grade);
         let run = identify(&altered, config, &ProgressBar::hidden())?;
         let end = tracks::points(&run.history).pop();
         let is = end.map(|end| columns(BodyAxes::Rfu, &end));
-        Ok(compare(
-            alteration.name,
-            &alteration.effect.on(&found),
-            is.as_ref(),
-        ))
+        Ok(compare(name, &effect.on(&found), is.as_ref()))
     });
     altered.collect()
 }
