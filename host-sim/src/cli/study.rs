@@ -17,7 +17,6 @@ use crate::page::output::replace;
 use crate::page::progress::{bar, counted};
 use crate::rehearse::proof;
 use crate::rehearse::settings::Drives;
-use crate::sim::ErrorModel;
 use crate::study::plan_drive::{self, PlanDrive};
 use crate::study::{accuracy, conditions, flights, logs, recordings, recovery};
 
@@ -29,7 +28,7 @@ pub enum Study {
     /// Try simulated vehicles, mounts and receivers of many kinds over seeds: how honest the core is.
     Conditions(Conditions),
     /// Fly many flights, damped and then free, and report what the estimates are worth.
-    Flights(Flights),
+    Flights(Box<Flights>),
     /// Identify many simulated units and say how well their error models are found.
     Recovery(Recovery),
     /// Say what recorded logs can tell of the core: halves, methods, outages, free INS.
@@ -230,12 +229,8 @@ pub struct Flights {
     /// Number of flights.
     #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     runs: u32,
-    /// Minutes damped by GNSS.
-    #[arg(long, default_value_t = 40, value_parser = clap::value_parser!(u32).range(1..=600))]
-    minutes_aided: u32,
-    /// Minutes without GNSS after that.
-    #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=600))]
-    minutes_free: u32,
+    #[command(flatten)]
+    settings: flights::Settings,
     /// Seed of the first flight; the others follow.
     #[arg(long, default_value_t = 0)]
     seed_from: u64,
@@ -247,14 +242,9 @@ pub struct Flights {
 impl Flights {
     fn run(&self, json: bool, force: bool) -> Result<()> {
         let out = Out::new(self.out.as_deref(), flights::SUMMARY, force)?;
-        let settings = flights::Settings {
-            minutes_aided: self.minutes_aided,
-            minutes_free: self.minutes_free,
-            errors: ErrorModel::hg1700(),
-        };
         let seeds = self.seed_from..self.seed_from + u64::from(self.runs);
         let progress = bar().with_message("flights");
-        let (runs, summary) = flights::measure(seeds, &settings, &progress)?;
+        let (runs, summary) = flights::measure(seeds, &self.settings, &progress)?;
         out.fill(|folder| flights::write(folder, &runs, &summary))?;
         show(json, &summary, || flights::readable(&summary))
     }

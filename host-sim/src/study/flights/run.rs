@@ -2,6 +2,7 @@
 
 use core::array;
 
+use clap::Args;
 use indicatif::ProgressBar;
 use ins_core::config::DampingConfig;
 use ins_core::earth::wrap_pi;
@@ -37,13 +38,16 @@ const MINUTE: u32 = 6000;
 const SECOND: u32 = 100;
 
 /// How the flights go.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Args, Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Damped by GNSS, min.
+    /// Minutes damped by GNSS.
+    #[arg(long, default_value_t = 40, value_parser = clap::value_parser!(u32).range(1..=600))]
     pub minutes_aided: u32,
-    /// Free after that, min.
+    /// Minutes without GNSS after that.
+    #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=600))]
     pub minutes_free: u32,
     /// Sensors; their output must be increments.
+    #[arg(skip = ErrorModel::hg1700())]
     pub errors: ErrorModel,
 }
 
