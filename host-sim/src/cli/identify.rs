@@ -11,6 +11,7 @@ use super::options::{GradeChoice, refuse_same};
 use crate::identify::analysis::{Analysis, REPORT, SUMMARY};
 use crate::identify::error_model::allan::AtRest;
 use crate::identify::error_model::{self, Identified, Record, Sensors};
+use crate::identify::summary::Summary;
 use crate::log::Grade;
 use crate::page;
 use crate::page::output::{self, OutputError};
@@ -113,9 +114,8 @@ fn identify_logs(
     for log in &options.log {
         refuse_same(log, out)?;
     }
-    let (mut model, mut summaries) = (None, Vec::new());
-    output::build(out, error_model::MODEL, force, |folder| -> Result<()> {
-        let (mut records, mut class) = (Vec::new(), grade);
+    let fill = |folder: &Path| -> Result<(Identified, Vec<Summary>)> {
+        let (mut records, mut summaries, mut class) = (Vec::new(), Vec::new(), grade);
         let mut given: Vec<(&Path, [Option<ImuSample>; 2])> = Vec::new();
         for (number, log) in (1..).zip(&options.log) {
             let progress = bar();
@@ -156,12 +156,12 @@ fn identify_logs(
         error_model::write(sensors, folder)?;
         let page = report::html_of_all(&summaries, &sensors).into_diagnostic()?;
         output::write(folder, REPORT, page)?;
-        model = Some(found);
-        Ok(())
-    })?;
+        Ok((found, summaries))
+    };
+    let (model, summaries) = output::build(out, error_model::MODEL, force, fill)?;
     if json {
         print!("{}", page::json(&summaries)?);
-    } else if let Some(model) = model {
+    } else {
         print_model(&model, out);
         println!("Report: {}", out.join(REPORT).display());
     }

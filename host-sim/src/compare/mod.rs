@@ -207,11 +207,9 @@ impl Comparison {
 
 /// All tables, for a terminal.
 pub fn plain(comparison: &Comparison) -> String {
-    let texts: Vec<String> = tables(comparison)
-        .iter()
-        .map(|t| format!("{}\n\n{}", t.title, t.plain()))
-        .collect();
-    texts.join("\n")
+    let tables = tables(comparison);
+    let texts = tables.iter().map(|table| table.titled(Table::plain));
+    texts.collect::<Vec<_>>().join("\n")
 }
 
 fn tables(comparison: &Comparison) -> Vec<Table> {

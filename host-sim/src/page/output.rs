@@ -81,12 +81,12 @@ pub fn check_free(folder: &Path, mark: &str, force: bool) -> Result<(), OutputEr
 }
 
 /// Fills a hidden folder beside the wanted one, and gives it the name only when it is whole.
-pub fn build<E: From<OutputError>>(
+pub fn build<T, E: From<OutputError>>(
     folder: &Path,
     mark: &str,
     force: bool,
-    fill: impl FnOnce(&Path) -> Result<(), E>,
-) -> Result<(), E> {
+    fill: impl FnOnce(&Path) -> Result<T, E>,
+) -> Result<T, E> {
     check_free(folder, mark, force)?;
     let parent = match folder.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
@@ -98,7 +98,7 @@ pub fn build<E: From<OutputError>>(
         .tempdir_in(parent)
         .map_err(|e| OutputError::io(parent, e))?;
     building().push(hidden.path().to_owned());
-    fill(hidden.path())?;
+    let filled = fill(hidden.path())?;
     share(hidden.path()).map_err(|e| OutputError::io(hidden.path(), e))?;
     // Whoever stops the program now waits until the folder has its name.
     let mut building = building();
@@ -108,7 +108,7 @@ pub fn build<E: From<OutputError>>(
     let whole = hidden.keep();
     fs::rename(&whole, folder).map_err(|e| OutputError::io(folder, e))?;
     building.retain(|path| *path != whole);
-    Ok(())
+    Ok(filled)
 }
 
 /// Writes a file of a folder.
@@ -184,7 +184,7 @@ mod tests {
         let out = home.path().join("out");
         let fail = |folder: &Path| {
             fs::write(folder.join(MARK), "half").unwrap();
-            Err(OutputError::io(folder, io::Error::other("disk full")))
+            Err::<(), _>(OutputError::io(folder, io::Error::other("disk full")))
         };
         assert!(build(&out, MARK, false, fail).is_err());
         assert!(is_empty(home.path()));

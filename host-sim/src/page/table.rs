@@ -35,6 +35,11 @@ impl Table {
     pub fn markdown(&self) -> String {
         markdown(&self.header, &self.rows)
     }
+
+    /// In either form, under the title.
+    pub(crate) fn titled(&self, form: fn(&Self) -> String) -> String {
+        format!("{}\n\n{}", self.title, form(self))
+    }
 }
 
 /// Aligned with spaces: the first column to the left, the others to the right.

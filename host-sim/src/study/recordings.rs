@@ -27,7 +27,6 @@ pub struct Recording {
 #[derive(Clone, Debug, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// It could be used.
     Used(Found),
     /// It could not; the first sentence of why.
     Refused(String),
@@ -36,19 +35,15 @@ pub enum Outcome {
 /// Of a recording that could be used.
 #[derive(Clone, Debug, Serialize)]
 pub struct Found {
-    /// Span of the inertial samples, min.
     pub minutes: f64,
-    /// Inertial samples a second.
     pub imu_hz: f64,
-    /// Fixes a second.
     pub gnss_hz: f64,
     /// Latency and its sigma, clocks' difference included, ms; none if not known.
     pub latency_ms: Option<[f64; 2]>,
     /// How many of latency, azimuth and six biases are known.
     pub known: usize,
-    /// Of the log, and against the result.
+    /// Of the log; those against the result stand below.
     pub warnings: Vec<String>,
-    /// See above.
     pub against: Vec<String>,
 }
 

@@ -48,7 +48,6 @@ const GNSS_MEMORY: Correlated = Correlated {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Vehicle {
-    /// The simulated car.
     Car,
     /// A light aircraft that stands first.
     Aircraft,
@@ -57,13 +56,10 @@ pub enum Vehicle {
 /// Which units are made.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Study {
-    /// Class of the sensors.
     pub class: Grade,
     /// What they are driven in.
     pub vehicle: Vehicle,
-    /// Number of units.
     pub units: u64,
-    /// Drives of a unit.
     pub drives: u64,
     /// Length of a drive, min.
     pub minutes: f64,
@@ -132,12 +128,10 @@ pub struct Row {
 /// All units of one kind.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Results {
-    /// What was made.
     #[serde(flatten)]
     pub study: Study,
     /// Thesis equation of the gyro biases.
     pub gyro_model: &'static str,
-    /// A row for each parameter.
     pub rows: Vec<Row>,
 }
 
@@ -369,8 +363,8 @@ pub fn write(results: &[Results], tables: &[Table], folder: &Path) -> Result<()>
 
 /// Each under its title.
 fn printed(tables: &[Table], form: fn(&Table) -> String) -> String {
-    let text = |table: &Table| format!("{}:\n\n{}", table.title, form(table));
-    tables.iter().map(text).collect::<Vec<_>>().join("\n")
+    let texts = tables.iter().map(|table| table.titled(form));
+    texts.collect::<Vec<_>>().join("\n")
 }
 
 /// Whether models come back: a row for each parameter, a column for each of the results.
@@ -388,7 +382,7 @@ fn coverage(all: &[Results]) -> Table {
         line.extend(all.iter().map(|results| results.coverage(name)));
         line
     };
-    let title = "95 % intervals that hold the truth";
+    let title = "95 % intervals that hold the truth:";
     Table::of(title, header, names.into_iter().map(line))
 }
 
@@ -414,7 +408,7 @@ impl Results {
         let header = heads(
             "| unit | truth | bias | bias by chance | coverage | scatter | bound | scatter / bound",
         );
-        let title = format!("Gyro biases of equation {}", self.gyro_model);
+        let title = format!("Gyro biases of equation {}:", self.gyro_model);
         Table::of(title, header, self.rows.iter().map(Row::cells))
     }
 }

@@ -38,7 +38,6 @@ pub struct Quantity {
     pub name: &'static str,
     /// Name for people.
     pub title: &'static str,
-    /// Unit.
     pub unit: &'static str,
     /// SI value of one unit.
     #[serde(skip)]
@@ -97,15 +96,11 @@ pub const QUANTITIES: [Quantity; 8] = [
 /// Which drives are run, and with which estimators.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Study {
-    /// Class of the sensors.
     pub grade: Grade,
-    /// Length of a drive.
     pub minutes: f64,
     /// Seed of the first drive; the others follow.
     pub first_seed: u64,
-    /// Number of drives.
     pub runs: u64,
-    /// Form of the estimators.
     pub form: Form,
     /// Bandwidth of the horizontal loop, rad/s; the preset's unless given.
     pub bandwidth_radps: Option<f64>,
@@ -128,7 +123,6 @@ pub struct Check {
 /// One drive.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Run {
-    /// Its seed.
     pub seed: u64,
     /// Whether it was navigating at the end, on an observable azimuth that is right to some
     /// degrees.

@@ -13,12 +13,10 @@ const WITHIN_SIGMA: f64 = 0.6827;
 /// All runs of a study, and what they say together.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Results {
-    /// What was run.
     #[serde(flatten)]
     pub study: Study,
     /// Runs that ended on an azimuth that is right.
     pub converged: usize,
-    /// One row for each quantity.
     pub quantities: Vec<Row>,
     /// The same over time.
     pub history: Vec<Spread>,
@@ -30,12 +28,9 @@ pub struct Results {
 /// A quantity at the end of the runs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// Which.
     #[serde(flatten)]
     pub quantity: Quantity,
-    /// Root mean square of the errors.
     pub rms_error: f64,
-    /// Root mean square of the stated sigmas.
     pub rms_sigma: f64,
     /// Part of the errors within one stated sigma, percent.
     pub within_sigma_percent: f64,
@@ -50,9 +45,7 @@ pub struct Spread {
     pub time_s: f64,
     /// Runs that navigate; those before are left out.
     pub navigating: usize,
-    /// Root mean square of the errors over the runs.
     pub rms_error: [f64; 8],
-    /// Root mean square of the stated sigmas.
     pub rms_sigma: [f64; 8],
 }
 

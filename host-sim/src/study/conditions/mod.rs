@@ -36,9 +36,7 @@ pub struct Study {
     pub only: Option<Grade>,
     /// Seed of the first run; the others follow.
     pub first_seed: u64,
-    /// Runs of each kind and class.
     pub seeds: u64,
-    /// What is done on each.
     pub trial: Trial,
 }
 

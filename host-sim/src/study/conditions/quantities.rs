@@ -9,9 +9,7 @@ use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
 /// A quantity and the engineering unit it is reported in.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Quantity {
-    /// Name for people and programs.
     pub name: &'static str,
-    /// Unit.
     pub unit: &'static str,
     /// SI value of one unit.
     #[serde(skip)]

@@ -39,9 +39,7 @@ pub struct Run {
 /// Both who were tried on one seed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tried {
-    /// The core.
     pub core: Run,
-    /// The Kalman filter, if asked for.
     pub kalman: Option<Run>,
 }
 

@@ -20,20 +20,16 @@ pub const DIVERGED_SIGMAS: f64 = 10.0;
 /// A quantity over the runs of a kind, in its unit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// Which.
     #[serde(flatten)]
     pub quantity: Quantity,
     /// Claims that were checked.
     pub checks: usize,
-    /// Root mean square of the errors.
     pub rms_error: f64,
-    /// Root mean square of the stated sigmas.
     pub rms_sigma: Option<f64>,
     /// Root mean square of error over sigma.
     pub rms_ratio: Option<f64>,
     /// Part of the errors within one stated sigma.
     pub within_one: f64,
-    /// Part within three.
     pub within_three: f64,
     /// Part called observable.
     pub observable: f64,
@@ -47,7 +43,6 @@ pub struct Row {
 /// is not lost.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Beside {
-    /// How many.
     pub runs: usize,
     /// Root mean square of the core's errors in these.
     pub core_rms_error: f64,
@@ -160,15 +155,12 @@ fn wrong_and_sure(check: &Check) -> bool {
 /// A kind with one class of sensors.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Results {
-    /// Name of the kind.
     pub kind: &'static str,
     /// What it is.
     pub what: &'static str,
     /// Whether it judges; else it is there to develop on.
     pub judge: bool,
-    /// Class of the sensors.
     pub class: Grade,
-    /// How many.
     pub runs: usize,
     /// Part of the runs that never had a solution.
     pub never: f64,
@@ -271,7 +263,6 @@ impl Results {
 /// Many kinds together.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Totals {
-    /// Which.
     pub name: String,
     /// Kinds, each class apart.
     pub kinds: usize,

@@ -51,15 +51,11 @@ impl Vehicle {
 pub struct World {
     /// Fixes every random number.
     pub seed: u64,
-    /// Class of the sensors.
     pub class: Grade,
-    /// Length.
     pub minutes: f64,
-    /// Inertial samples per second.
     pub imu_hz: f64,
     /// Where it begins.
     pub origin: Geodetic,
-    /// What moves.
     pub vehicle: Vehicle,
     /// What swings on top.
     pub shakes: Vec<(When, Vec<Swing>)>,

@@ -1,6 +1,5 @@
 //! What `study flights` writes and prints.
 
-use std::fmt::Write as _;
 use std::path::Path;
 
 use miette::Result;
@@ -141,14 +140,8 @@ fn in_words(summary: &Summary, text_of: fn(&Table) -> String) -> String {
         left.azimuth_deg,
         left.latency_ms
     );
-    for table in [
-        ends(summary),
-        grid(summary),
-        walks(summary),
-        models(summary),
-    ] {
-        let _ = write!(text, "\n{}\n\n{}", table.title, text_of(&table));
-    }
+    let tables = [ends, grid, walks, models].map(|table| table(summary));
+    text.extend(tables.map(|table| format!("\n{}", table.titled(text_of))));
     text
 }
 

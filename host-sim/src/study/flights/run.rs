@@ -56,16 +56,10 @@ pub struct Settings {
 pub enum RunError {
     /// It came down.
     #[error("flight of seed {seed}: {error}")]
-    Flight {
-        /// Which.
-        seed: u64,
-        /// Why.
-        error: FlightError,
-    },
+    Flight { seed: u64, error: FlightError },
     /// The alignment was not over when GNSS went.
     #[error("flight of seed {seed}: still aligning after {minutes} min; raise --minutes-aided")]
     Aligning {
-        /// Which.
         seed: u64,
         /// Length of the damped part.
         minutes: u32,
@@ -75,13 +69,10 @@ pub enum RunError {
 /// Errors left when GNSS goes: estimate minus truth.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Left {
-    /// Gyro biases x, y, z.
     pub gyro_deg_h: [f64; 3],
-    /// Accelerometer biases x, y, z.
     pub accel_mg: [f64; 3],
     /// Heading of the solution.
     pub azimuth_deg: f64,
-    /// GNSS latency.
     pub latency_ms: f64,
 }
 
@@ -102,7 +93,6 @@ pub const VARIANTS: [Variant; 3] = [Variant::Estimates, Variant::WithoutNoise, V
 /// One flight's figures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Run {
-    /// Which flight.
     pub seed: u64,
     /// Errors left in the estimates.
     pub left: Left,

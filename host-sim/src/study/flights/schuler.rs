@@ -19,14 +19,12 @@ const EVERY: u32 = 1000;
 /// Periods that are tried, min.
 const PERIODS_MIN: [f64; 2] = [60.0, 120.0];
 
-/// What oscillates: constant, trend and one sine in each channel, one period for both.
+/// What oscillates: constant, trend and one sine in each channel, one period for both; amplitudes of the
+/// sines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Oscillation {
-    /// Period, min.
     pub period_min: f64,
-    /// Amplitude east, m/s.
     pub east_mps: f64,
-    /// Amplitude north, m/s.
     pub north_mps: f64,
 }
 
@@ -37,7 +35,6 @@ pub struct Schuler {
     pub minutes: u32,
     /// Gyro biases, right, forward, up.
     pub gyro_bias_deg_h: [f64; 3],
-    /// Accelerometer biases.
     pub accel_bias_mps2: [f64; 3],
     /// `2 pi sqrt(R/g)`, min.
     pub period_min: f64,

@@ -11,11 +11,9 @@ const RESAMPLES: usize = 4000;
 /// What many runs say of one error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Figure {
-    /// Root mean square.
     pub rms: f64,
     /// 95 % confidence interval of it: bootstrap, percentiles.
     pub rms_95: [f64; 2],
-    /// Median.
     pub median: f64,
 }
 

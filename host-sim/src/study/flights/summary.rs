@@ -18,9 +18,7 @@ pub const THESIS_KM: f64 = 3.7;
 /// All figures of the command.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// Flights.
     pub runs: usize,
-    /// First seed.
     pub seed_from: u64,
     /// Damped part.
     pub minutes_aided: u32,
@@ -32,11 +30,9 @@ pub struct Summary {
     pub one_deg_h_km: f64,
     /// RMS of what the estimates leave.
     pub left: Left,
-    /// Estimates applied.
     pub with_estimates: End,
     /// The same without the noise of the free part.
     pub without_noise: End,
-    /// Readings as they are.
     pub raw: End,
     /// RMS at every minute of the free part.
     pub growth: Vec<Growth>,
@@ -53,9 +49,7 @@ pub struct Summary {
 /// Errors at the end of the free part.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct End {
-    /// Horizontal position, km.
     pub position_km: Figure,
-    /// Horizontal velocity, m/s.
     pub velocity_mps: Figure,
 }
 
@@ -64,11 +58,9 @@ pub struct End {
 pub struct Growth {
     /// Of the free part.
     pub minute: usize,
-    /// Estimates applied.
     pub with_estimates_km: f64,
     /// The same without the noise of the free part.
     pub without_noise_km: f64,
-    /// Readings as they are.
     pub raw_km: f64,
 }
 

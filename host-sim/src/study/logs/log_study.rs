@@ -118,11 +118,8 @@ pub struct LogStudy {
 /// Position at the end of outages, RMS, m.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Outages {
-    /// How many.
     pub count: usize,
-    /// The core.
     pub core_m: f64,
-    /// The Kalman filter.
     pub kalman_m: f64,
     /// fusion-nav, where it is built in.
     pub fusion_nav_m: Option<f64>,
@@ -142,7 +139,6 @@ pub struct Free {
 /// The core with one parameter held at zero.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Without {
-    /// Which.
     pub parameter: &'static str,
     /// The core minus itself without it.
     pub agreement: Agreement,
@@ -298,7 +294,6 @@ fn free(found: &Identification, end: Option<&[Quantity; 8]>) -> Option<Free> {
 /// The core minus another method at the end of a log.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Agreement {
-    /// Which other.
     pub with: String,
     /// Of what both call observable.
     pub differences: Vec<Difference>,

@@ -1,7 +1,5 @@
 //! The study as text: one table a test, development logs and judges apart.
 
-use std::fmt::Write as _;
-
 use super::log_study::{ALLOWANCE, LogStudy, Role};
 use super::summary::{Spread, Study, Summary};
 use crate::compare::outage::OUTAGE_S;
@@ -20,10 +18,7 @@ pub fn plain(study: &Study) -> String {
         without_table(study),
     ];
     let mut text = mute(study);
-    for table in parts {
-        // Writing into a string cannot fail.
-        let _ = writeln!(text, "{}\n\n{}", table.title, table.plain());
-    }
+    text.extend(parts.map(|table| table.titled(Table::plain) + "\n"));
     text
 }
 

@@ -9,7 +9,6 @@ use crate::statistics::{geometric_mean, rms_of_any};
 /// Many differences together.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Spread {
-    /// How many.
     pub count: usize,
     /// Root mean square, sigmas; honest ones have 1.
     pub rms: Option<f64>,
@@ -59,17 +58,12 @@ impl Study {
 /// All logs of one role.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// Which.
     pub role: Role,
-    /// How many.
     pub logs: usize,
-    /// The halves test.
     pub halves: Spread,
     /// The core beside each other method.
     pub methods: Vec<(String, Spread)>,
-    /// Altered logs.
     pub altered: Spread,
-    /// Drifts.
     pub outages: OutageSummary,
     /// Logs whose free INS is better with the estimates, of those where anything is observable.
     pub free_better: [usize; 2],
@@ -93,7 +87,6 @@ pub struct OutageSummary {
 /// One parameter held at zero over many logs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WithoutSummary {
-    /// Which.
     pub parameter: &'static str,
     /// The core beside itself without it.
     pub agreement: Spread,

@@ -44,9 +44,7 @@ const WAVE: BiasModel = BiasModel::Wave {
 /// A drive that was recorded.
 #[derive(Clone, Debug)]
 pub struct Recorded {
-    /// Its name.
     pub name: String,
-    /// What was recorded.
     pub log: Log,
 }
 

@@ -37,31 +37,19 @@ pub fn performance() -> Result<[PerformanceRow; 3]> {
     let ours = of_aircraft(&dynamics).ok_or_else(|| miette!("the aircraft cannot fly level"))?;
     let published = (dynamics.parameters.specification.as_ref())
         .ok_or_else(|| miette!("the aircraft has no published performance"))?;
-    let row = |name, specification, thesis, ours| PerformanceRow {
+    let row = |(name, thesis), [specification, ours]: [f64; 2]| PerformanceRow {
         name,
         specification,
         thesis,
         ours,
     };
+    let speed = [published.max_speed_kmh, ours.max_speed_kmh];
+    let stall = [published.stall_speed_kmh, ours.stall_speed_kmh];
+    let climb = [published.climb_rate_mps, ours.climb_rate_mps];
     Ok([
-        row(
-            "maximum level speed, km/h",
-            published.max_speed_kmh,
-            240.0,
-            ours.max_speed_kmh,
-        ),
-        row(
-            "stall speed, flaps down, km/h",
-            published.stall_speed_kmh,
-            85.0,
-            ours.stall_speed_kmh,
-        ),
-        row(
-            "rate of climb, m/s",
-            published.climb_rate_mps,
-            5.0,
-            ours.climb_rate_mps,
-        ),
+        row(("maximum level speed, km/h", 240.0), speed),
+        row(("stall speed, flaps down, km/h", 85.0), stall),
+        row(("rate of climb, m/s", 5.0), climb),
     ])
 }
 

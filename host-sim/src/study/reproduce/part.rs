@@ -59,9 +59,7 @@ impl Settings {
 /// All that is reproduced, and what is not.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Reproduction {
-    /// Version of this program.
     pub version: &'static str,
-    /// What was simulated.
     pub settings: Settings,
     /// In the order of the page.
     pub parts: Vec<Part>,
@@ -72,9 +70,7 @@ pub struct Reproduction {
 /// Something of the thesis that is not here.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct NotReproduced {
-    /// Which.
     pub what: &'static str,
-    /// Why.
     pub why: &'static str,
 }
 
@@ -88,11 +84,9 @@ pub(super) const NOT_REPRODUCED: [NotReproduced; 1] = [NotReproduced {
 pub struct Part {
     /// Stem of its files.
     pub name: &'static str,
-    /// Heading.
     pub title: String,
     /// Over what and how it was measured.
     pub how: String,
-    /// Numbers.
     pub numbers: Vec<Number>,
     /// Drawing, if there is one.
     #[serde(skip)]
@@ -109,9 +103,7 @@ pub struct Number {
     pub what: String,
     /// As published; none where the thesis gives none, or none that is known here.
     pub thesis: Option<f64>,
-    /// As measured.
     pub ours: f64,
-    /// Ours over the thesis's.
     pub ratio: Option<f64>,
 }
 

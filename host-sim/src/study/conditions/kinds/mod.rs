@@ -21,7 +21,6 @@ pub struct Kind {
     pub classes: &'static [Grade],
     /// Whether it judges; else it is there to develop on.
     pub judge: bool,
-    /// Length of a run.
     pub minutes: f64,
     /// What makes it out of a plain world.
     pub(super) make: fn(&mut World),
