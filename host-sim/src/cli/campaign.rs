@@ -6,8 +6,7 @@ use clap::Args;
 use miette::{IntoDiagnostic, Result, bail};
 
 use super::options::show;
-use crate::campaign::ledger;
-use crate::campaign::ledger::Shard;
+use crate::campaign::ledger::{self, Shard};
 use crate::campaign::plan::Plan;
 use crate::campaign::run::run;
 use crate::campaign::slurm;

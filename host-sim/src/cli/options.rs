@@ -1,5 +1,6 @@
 //! Options that several commands have, and what they mean.
 
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use clap::ValueEnum;
@@ -33,11 +34,16 @@ impl GradeChoice {
     }
 }
 
+/// A number within a range, or what is wanted.
+pub(super) fn within(text: &str, range: RangeInclusive<f64>, wanted: &str) -> Result<f64, String> {
+    let number = text.parse().ok();
+    number
+        .filter(|number| range.contains(number))
+        .ok_or_else(|| wanted.to_owned())
+}
+
 pub(super) fn minutes(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(minutes) if (1.0..=1440.0).contains(&minutes) => Ok(minutes),
-        _ => Err("minutes from 1 to 1440".to_owned()),
-    }
+    within(text, 1.0..=1440.0, "minutes from 1 to 1440")
 }
 
 /// The log's folder must not become the results' one.

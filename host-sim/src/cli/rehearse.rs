@@ -13,8 +13,7 @@ use crate::aircraft::plan::Plan;
 use crate::campaign::ledger::Shard;
 use crate::campaign::{ledger, slurm};
 use crate::cli::identify::error_model_of;
-use crate::cli::options::aircraft;
-use crate::cli::options::{GradeChoice, refuse_same};
+use crate::cli::options::{GradeChoice, aircraft, refuse_same, within};
 use crate::identify::analysis::log_name;
 use crate::identify::error_model::Sensors;
 use crate::identify::error_model::allan::AtRest;
@@ -24,12 +23,10 @@ use crate::log::{LogError, import};
 use crate::page;
 use crate::page::output::OutputError;
 use crate::page::progress::bar;
-use crate::rehearse::flight::Told;
-use crate::rehearse::flight::World;
+use crate::rehearse::flight::{Told, World};
 use crate::rehearse::output;
 use crate::rehearse::run::{lines, run};
-use crate::rehearse::settings::Drives;
-use crate::rehearse::settings::{Rehearsal, Settings};
+use crate::rehearse::settings::{Drives, Rehearsal, Settings};
 use crate::rehearse::subject::{AT_HAND, Subject};
 use crate::rehearse::summary::Summary;
 use crate::sim::errors::ErrorModelError;
@@ -112,10 +109,7 @@ fn heading(text: &str) -> Result<HeadingSigma, String> {
 }
 
 fn not_negative(text: &str) -> Result<f64, String> {
-    let number = text.parse().ok();
-    number
-        .filter(|number| (0.0..=1e4).contains(number))
-        .ok_or_else(|| "expected a number from 0 to 10000".to_owned())
+    within(text, 0.0..=1e4, "expected a number from 0 to 10000")
 }
 
 fn positive(text: &str) -> Result<f64, String> {

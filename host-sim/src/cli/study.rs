@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::identify::error_model_of;
-use super::options::{GradeChoice, Out, minutes, show};
+use super::options::{GradeChoice, Out, minutes, show, within};
 use super::rehearse::{in_keys, keys};
 use crate::identify::analysis::Analysis;
 use crate::log::Grade;
@@ -102,10 +102,7 @@ enum FormChoice {
 }
 
 fn factor(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(factor) if (0.01..=100.0).contains(&factor) => Ok(factor),
-        _ => Err("a factor from 0.01 to 100".to_owned()),
-    }
+    within(text, 0.01..=100.0, "a factor from 0.01 to 100")
 }
 
 impl Accuracy {

@@ -69,6 +69,28 @@ pub fn plain(header: &[String], rows: &[Vec<String>]) -> String {
     text
 }
 
+/// A row for each name, in the order in which they come first, with what each of some columns has under
+/// it.
+pub(crate) fn side_by_side(columns: &[Vec<(String, String)>]) -> Vec<Vec<String>> {
+    let mut rows: Vec<Vec<String>> = Vec::new();
+    for (name, _) in columns.iter().flatten() {
+        if rows.iter().any(|row| row[0] == *name) {
+            continue;
+        }
+        let cell = |column: &Vec<(String, String)>| {
+            let found = column.iter().find(|(other, _)| other == name);
+            found.map_or(String::new(), |(_, cell)| cell.clone())
+        };
+        rows.push(
+            [name.clone()]
+                .into_iter()
+                .chain(columns.iter().map(cell))
+                .collect(),
+        );
+    }
+    rows
+}
+
 /// Column heads, written as in a table of Markdown.
 pub fn heads(line: &str) -> Vec<String> {
     line.split('|').map(|head| head.trim().to_owned()).collect()

@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use crate::page::brief;
 use crate::page::progress::{bar, counted, spinner};
-use crate::page::table::{Table, heads, markdown};
+use crate::page::table::{Table, heads, markdown, side_by_side};
 use crate::plan_drive::{Bench, Driver, Goal, Plan, Target, UNITS, navigators, seconds};
 use crate::sim::mean_up;
 use crate::statistics::rms;
@@ -108,21 +108,13 @@ pub fn page() -> Result<String> {
         let side = if results.judge { "judge: " } else { "" };
         format!("{side}{}", results.target)
     }));
-    let mut minutes = vec!["minutes".to_owned()];
-    minutes.extend(all.iter().map(|results| format!("{:.1}", results.minutes)));
-    let mut rows = vec![minutes];
-    for Row { quantity, .. } in all.iter().flat_map(|results| &results.rows) {
-        if rows.iter().any(|row| row[0] == *quantity) {
-            continue;
-        }
-        let ratio = |results: &Results| {
-            let mut rows = results.rows.iter();
-            let row = rows.find(|row| row.quantity == *quantity);
-            row.map_or(String::new(), Row::cell)
-        };
-        let cells = std::iter::once(quantity.clone());
-        rows.push(cells.chain(all.iter().map(ratio)).collect());
-    }
+    let column = |results: &Results| {
+        let minutes = ("minutes".to_owned(), format!("{:.1}", results.minutes));
+        let rows = results.rows.iter();
+        let rows = rows.map(|row| (row.quantity.clone(), row.cell()));
+        [minutes].into_iter().chain(rows).collect()
+    };
+    let rows = side_by_side(&all.iter().map(column).collect::<Vec<_>>());
     Ok(format!("{}\n{}", markdown(&header, &rows), verdict(&all)))
 }
 

@@ -19,7 +19,7 @@ use crate::identify::quantities::DEG_H_RADPS;
 use crate::identify::run::identify;
 use crate::log::{BodyAxes, Grade, Log};
 use crate::page::progress::{bar, counted};
-use crate::page::table::{Table, cells, heads};
+use crate::page::table::{Table, cells, heads, side_by_side};
 use crate::page::{self, output};
 use crate::sim::errors::{BiasModel, Law};
 use crate::sim::receiver::Correlated;
@@ -371,37 +371,19 @@ fn printed(tables: &[Table], form: fn(&Table) -> String) -> String {
 fn coverage(all: &[Results]) -> Table {
     let mut header = cells([""]);
     header.extend(all.iter().map(Results::kind));
-    let mut names: Vec<&str> = Vec::new();
-    for row in all.iter().flat_map(|results| &results.rows) {
-        if !names.contains(&row.name) {
-            names.push(row.name);
-        }
-    }
-    let line = |name: &str| {
-        let mut line = cells([name]);
-        line.extend(all.iter().map(|results| results.coverage(name)));
-        line
+    let column = |results: &Results| {
+        let cell = |row: &Row| (row.name.to_owned(), row.coverage(results.study.units));
+        results.rows.iter().map(cell).collect()
     };
+    let rows = side_by_side(&all.iter().map(column).collect::<Vec<_>>());
     let title = "95 % intervals that hold the truth:";
-    Table::of(title, header, names.into_iter().map(line))
+    Table::of(title, header, rows)
 }
 
 impl Results {
     fn kind(&self) -> String {
         let Study { class, vehicle, .. } = self.study;
         format!("{class:?} {vehicle:?} {}", self.gyro_model).to_lowercase()
-    }
-
-    /// Of one parameter; with the number of units if not all have a value.
-    fn coverage(&self, name: &str) -> String {
-        let Some(row) = self.rows.iter().find(|row| row.name == name) else {
-            return String::new();
-        };
-        match row.units {
-            0 => "no value".to_owned(),
-            units if units as u64 == self.study.units => format!("{:.0} %", row.coverage_percent),
-            units => format!("{:.0} % of {units}", row.coverage_percent),
-        }
     }
 
     fn table(&self) -> Table {
@@ -414,6 +396,15 @@ impl Results {
 }
 
 impl Row {
+    /// With the number of units if not all have a value.
+    fn coverage(&self, of_units: u64) -> String {
+        match self.units {
+            0 => "no value".to_owned(),
+            units if units as u64 == of_units => format!("{:.0} %", self.coverage_percent),
+            units => format!("{:.0} % of {units}", self.coverage_percent),
+        }
+    }
+
     fn cells(&self) -> Vec<String> {
         let digits = |value: f64| page::digits(self.scatter, value);
         vec![

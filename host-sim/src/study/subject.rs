@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 use crate::compare::kalman::{self, Filter, index};
 use crate::identify::configure;
 use crate::identify::quantities::DEG_H_RADPS;
-use crate::sim::{ErrorModel, Grade, SimulatedDrive};
+use crate::sim::{Grade, SimulatedDrive};
 
 /// Standard gravity: of an accelerometer's bias to the tilt it makes, m/s^2.
 const GRAVITY_MPS2: f64 = 9.81;
@@ -80,17 +80,11 @@ pub fn drive<S: Subject>(
 /// The configuration that fits a class of simulated sensors: its preset, and what a data sheet of
 /// such a unit says of noise and axes.
 pub fn config_of(grade: Grade) -> Config {
-    let ErrorModel {
-        imu,
-        gyro_deg_h: gyros,
-        accel_mps2: accels,
-        ..
-    } = grade.errors();
-    let mut config = configure::config_of(grade.class(), imu.output, None);
+    let errors = grade.errors();
+    let (gyros, accels) = (&errors.gyro_deg_h, &errors.accel_mps2);
+    let mut config = configure::config_of(grade.class(), errors.imu.output, None);
     let sensors = &mut config.sensors;
-    sensors.gyro_noise = gyros
-        .noise_times
-        .map(|times| times * gyros.white_noise * DEG_H_RADPS);
+    sensors.gyro_noise = (gyros.noise_times).map(|times| times * gyros.white_noise * DEG_H_RADPS);
     sensors.accel_noise = accels.noise_times.map(|times| times * accels.white_noise);
     sensors.cross_axis = gyros.misalignment_sigma;
     config
@@ -195,8 +189,7 @@ impl Subject for Kalman<'_> {
     }
 
     fn solution(&self) -> Option<Solution> {
-        let filter = self.run.filter()?;
-        Some(filter.known.solution(filter.time))
+        self.run.filter().map(Filter::solution)
     }
 
     fn sigma(&self) -> Option<SolutionSigma> {

@@ -275,12 +275,13 @@ fn checks(
         (gz, errors.gyro_bias_radps[2]),
         (estimates.gnss_latency_s, errors.gnss_latency_s),
     ];
-    let mut checks = [Check::default(); 8];
-    for ((check, (estimate, truth)), quantity) in checks.iter_mut().zip(pairs).zip(QUANTITIES) {
-        check.error = (estimate.value - truth) / quantity.si;
-        check.sigma = estimate.sigma / quantity.si;
-    }
-    checks
+    core::array::from_fn(|which| {
+        let ((estimate, truth), si) = (pairs[which], QUANTITIES[which].si);
+        Check {
+            error: (estimate.value - truth) / si,
+            sigma: estimate.sigma / si,
+        }
+    })
 }
 
 #[cfg(test)]
