@@ -8,9 +8,6 @@ pub(crate) mod progress;
 pub(crate) mod sheet;
 pub mod table;
 
-use std::io::Write;
-use std::path::Path;
-
 use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
 
@@ -24,34 +21,13 @@ pub(crate) fn csv<R>(names: &str, rows: impl IntoIterator<Item = R>) -> Result<S
 where
     R: IntoIterator<Item: AsRef<[u8]>>,
 {
-    let mut text = Vec::new();
-    write_rows(&mut text, names, rows).into_diagnostic()?;
-    String::from_utf8(text).into_diagnostic()
-}
-
-/// The same as a file of a folder, row by row.
-pub(crate) fn write_csv<R>(
-    folder: &Path,
-    name: &str,
-    names: &str,
-    rows: impl IntoIterator<Item = R>,
-) -> Result<()>
-where
-    R: IntoIterator<Item: AsRef<[u8]>>,
-{
-    write_rows(output::create(folder, name)?, names, rows).into_diagnostic()
-}
-
-fn write_rows<R>(to: impl Write, names: &str, rows: impl IntoIterator<Item = R>) -> csv::Result<()>
-where
-    R: IntoIterator<Item: AsRef<[u8]>>,
-{
-    let mut table = csv::Writer::from_writer(to);
-    table.write_record(names.split(','))?;
+    let mut table = csv::Writer::from_writer(Vec::new());
+    table.write_record(names.split(',')).into_diagnostic()?;
     for row in rows {
-        table.write_record(row)?;
+        table.write_record(row).into_diagnostic()?;
     }
-    Ok(table.flush()?)
+    let text = table.into_inner().into_diagnostic()?;
+    String::from_utf8(text).into_diagnostic()
 }
 
 /// A number down to the second digit of `scale`.

@@ -1,7 +1,7 @@
 //! Output folders that are either whole or not there.
 
-use std::fs::{self, File};
-use std::io::{self, BufWriter};
+use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::process::exit;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -115,13 +115,6 @@ pub fn build<T, E: From<OutputError>>(
 pub fn write(folder: &Path, name: &str, contents: impl AsRef<[u8]>) -> Result<(), OutputError> {
     let path = folder.join(name);
     fs::write(&path, contents).map_err(|e| OutputError::io(&path, e))
-}
-
-/// Begins a file of a folder.
-pub fn create(folder: &Path, name: &str) -> Result<BufWriter<File>, OutputError> {
-    let path = folder.join(name);
-    let file = File::create(&path).map_err(|e| OutputError::io(&path, e))?;
-    Ok(BufWriter::new(file))
 }
 
 /// Replaces a file by another text; a reader sees the old one or the new one, never half.

@@ -38,41 +38,31 @@ pub(crate) struct Plot<'a> {
 }
 
 impl Plot<'_> {
-    /// The drawing as an SVG element; an empty string if it cannot be drawn.
+    /// The drawing as an SVG element; an empty string if it cannot be drawn, on axes without extent, which
+    /// `padded` prevents.
     pub(crate) fn svg(&self) -> String {
-        self.svg_on(self.y.0..self.y.1, |y| tick(y, self.y))
+        let drawn = self.draw(self.y.0..self.y.1, &|y| tick(*y, self.y));
+        drawn.unwrap_or_default()
     }
 
     /// The same over a logarithmic y axis; both of its ends must be positive.
     pub(crate) fn svg_log_y(&self) -> String {
         let axis = (self.y.0..self.y.1).log_scale();
-        self.svg_on(axis.with_key_points(decades(self.y)), |y| y.to_string())
+        let drawn = self.draw(axis.with_key_points(decades(self.y)), &f64::to_string);
+        drawn.unwrap_or_default()
     }
 
-    fn svg_on<Y>(&self, y_axis: Y, y_tick: impl Fn(f64) -> String) -> String
+    fn draw<Y>(
+        &self,
+        y_axis: Y,
+        y_tick: &dyn Fn(&f64) -> String,
+    ) -> Result<String, Box<dyn std::error::Error>>
     where
         Y: AsRangedCoord<Value = f64>,
         Y::CoordDescType: Ranged<ValueType = f64> + ValueFormatter<f64>,
     {
         let mut text = String::new();
-        // Drawing into a string fails only on axes without extent, which `padded` prevents.
-        match self.draw(&mut text, y_axis, &y_tick) {
-            Ok(()) => scalable(&text),
-            Err(_) => String::new(),
-        }
-    }
-
-    fn draw<Y>(
-        &self,
-        text: &mut String,
-        y_axis: Y,
-        y_tick: &dyn Fn(f64) -> String,
-    ) -> Result<(), Box<dyn std::error::Error>>
-    where
-        Y: AsRangedCoord<Value = f64>,
-        Y::CoordDescType: Ranged<ValueType = f64> + ValueFormatter<f64>,
-    {
-        let root = SVGBackend::with_string(text, self.size).into_drawing_area();
+        let root = SVGBackend::with_string(&mut text, self.size).into_drawing_area();
         let mut chart = ChartBuilder::on(&root)
             .margin(8)
             .margin_right(14)
@@ -90,7 +80,7 @@ impl Plot<'_> {
             .x_desc(self.labels[0])
             .y_desc(self.labels[1])
             .x_label_formatter(&|x| tick(*x, self.x))
-            .y_label_formatter(&|y| y_tick(*y))
+            .y_label_formatter(&y_tick)
             .label_style(label.clone())
             .axis_desc_style(label)
             .draw()?;
@@ -118,7 +108,8 @@ impl Plot<'_> {
             }
         }
         root.present()?;
-        Ok(())
+        drop((chart, root));
+        Ok(scalable(&text))
     }
 
     fn inside(&self, points: &[(f64, f64)]) -> Vec<(f64, f64)> {

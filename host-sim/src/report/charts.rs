@@ -97,39 +97,9 @@ impl Converging {
     }
 }
 
-/// The estimates of the summary, and when each was observable.
-pub(crate) fn converging(analysis: &Analysis) -> Vec<Converging> {
-    let (found, meta) = (&analysis.found, &analysis.log.meta);
-    let truths = analysis.truth.as_ref().map(Truth::columns);
-    let quantities = |row: &Row| Some(Quantities::of_log(&row.estimates, meta).columns());
-    let rows: Vec<_> = navigating(found, quantities).collect();
-    let one = |(index, (_, _, unit)): (usize, (&str, &str, &'static str))| {
-        let stage = match index {
-            0 => Some(Stage::Azimuth),
-            1 | 2 => Some(Stage::LevelAccels),
-            7 => Some(Stage::Latency),
-            _ => None, // It shows all the time.
-        };
-        let intervals = stage.map_or_else(Vec::new, |stage| stage.intervals(&found.history));
-        let seconds = |(from, to)| (since(found, from), since(found, to));
-        let estimates = (rows.iter()).map(|(time_s, columns)| (*time_s, columns[index].1));
-        Converging {
-            truth: truths.and_then(|truths| truths[index]),
-            shown: intervals.into_iter().map(seconds).collect(),
-            ..Converging::new(title(index, meta.body_axes), unit, estimates)
-        }
-    };
-    QUANTITIES.into_iter().enumerate().map(one).collect()
-}
-
 /// All plots of a log.
 pub(super) fn sections(analysis: &Analysis, sensors: Option<&Sensors>) -> Vec<Section> {
-    let charts = Charts {
-        analysis,
-        found: &analysis.found,
-        axes: analysis.log.meta.body_axes,
-        duration_s: since(&analysis.found, analysis.found.end.time).max(1.0),
-    };
+    let charts = Charts::new(analysis);
     let expected = "Expected: spread of the solution and noise of the fix, as the receiver states it or as \
          configured. Root mean square over expectation: 1 where they agree.";
     let sections = [
@@ -161,24 +131,67 @@ pub(super) fn sections(analysis: &Analysis, sensors: Option<&Sensors>) -> Vec<Se
         .collect()
 }
 
-struct Charts<'a> {
+pub(super) struct Charts<'a> {
     analysis: &'a Analysis,
     found: &'a Identification,
     axes: BodyAxes,
     duration_s: f64,
 }
 
-impl Charts<'_> {
+impl<'a> Charts<'a> {
+    pub(super) fn new(analysis: &'a Analysis) -> Self {
+        let mut charts = Self {
+            analysis,
+            found: &analysis.found,
+            axes: analysis.log.meta.body_axes,
+            duration_s: 1.0,
+        };
+        charts.duration_s = charts.since(analysis.found.end.time).max(1.0);
+        charts
+    }
+
     fn over_time(&self, title: impl Into<String>, unit: &str) -> Chart {
         Chart::over_time(title, unit, self.duration_s)
     }
 
+    /// Seconds since the first sample.
     fn since(&self, time: Time) -> f64 {
-        since(self.found, time)
+        let first = self.found.history.first();
+        first.map_or(0.0, |first| time.seconds_since(first.time))
     }
 
+    /// Something of every row of the history in which it navigates, after its time.
     fn rows<T>(&self, value: impl Fn(&Row) -> Option<T>) -> impl Iterator<Item = (f64, T)> {
-        navigating(self.found, value)
+        let rows = self.found.history.iter();
+        rows.filter(|row| row.phase == Phase::Navigating)
+            .filter_map(move |row| Some((self.since(row.time), value(row)?)))
+    }
+
+    /// The estimates of the summary, and when each was observable.
+    pub(super) fn converging(&self) -> Vec<Converging> {
+        let meta = &self.analysis.log.meta;
+        let truths = self.analysis.truth.as_ref().map(Truth::columns);
+        let quantities = |row: &Row| Some(Quantities::of_log(&row.estimates, meta).columns());
+        let rows: Vec<_> = self.rows(quantities).collect();
+        let one = |(index, (_, _, unit)): (usize, (&str, &str, &'static str))| {
+            let stage = match index {
+                0 => Some(Stage::Azimuth),
+                1 | 2 => Some(Stage::LevelAccels),
+                7 => Some(Stage::Latency),
+                _ => None, // It shows all the time.
+            };
+            let intervals = stage.map(|stage| stage.intervals(&self.found.history));
+            let intervals = intervals.into_iter().flatten();
+            let estimates = (rows.iter()).map(|(time_s, columns)| (*time_s, columns[index].1));
+            Converging {
+                truth: truths.and_then(|truths| truths[index]),
+                shown: intervals
+                    .map(|(from, to)| (self.since(from), self.since(to)))
+                    .collect(),
+                ..Converging::new(title(index, self.axes), unit, estimates)
+            }
+        };
+        QUANTITIES.into_iter().enumerate().map(one).collect()
     }
 
     fn estimates(&self) -> Vec<Figure> {
@@ -188,7 +201,7 @@ impl Charts<'_> {
             let title = format!("Antenna {}", axis_name(axis, self.axes));
             Converging::new(title, "m", self.rows(arm))
         };
-        let mut all = converging(self.analysis);
+        let mut all = self.converging();
         if self.analysis.summary.lever_arm_m.is_some() {
             all.extend((0..3).map(lever));
         }
@@ -615,20 +628,4 @@ fn runs(rows: &[(Manoeuvre, Point)], which: Manoeuvre) -> Vec<Point> {
         }
     }
     points
-}
-
-/// Something of every row of the history in which it navigates, after its time.
-fn navigating<T>(
-    found: &Identification,
-    value: impl Fn(&Row) -> Option<T>,
-) -> impl Iterator<Item = (f64, T)> {
-    let rows = found.history.iter();
-    rows.filter(|row| row.phase == Phase::Navigating)
-        .filter_map(move |row| Some((since(found, row.time), value(row)?)))
-}
-
-/// Seconds since the first sample.
-fn since(found: &Identification, time: Time) -> f64 {
-    let first = found.history.first();
-    first.map_or(0.0, |first| time.seconds_since(first.time))
 }

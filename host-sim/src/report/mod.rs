@@ -34,16 +34,13 @@ pub(crate) fn write(analysis: &Analysis, sensors: Option<&Sensors>, folder: &Pat
     let of_each = QUANTITIES.map(|(name, ..)| format!("{name},{name}_sigma,{name}_observable"));
     let names = format!("t_s,phase,manoeuvre,{},{SIGNALS}", of_each.join(","));
     let rows = found.history.iter().map(|row| estimates(row, &log.meta));
-    page::write_csv(folder, "estimates.csv", &names, rows)?;
+    output::write(folder, "estimates.csv", page::csv(&names, rows)?)?;
     let rows = found.solutions.iter().map(solution);
-    page::write_csv(folder, "solution.csv", SOLUTION, rows)?;
+    output::write(folder, "solution.csv", page::csv(SOLUTION, rows)?)?;
     let page = html(analysis, sensors).into_diagnostic()?;
     output::write(folder, REPORT, page)?;
-    Ok(output::write(
-        folder,
-        SUMMARY,
-        page::json(&analysis.summary)?,
-    )?)
+    let summary = page::json(&analysis.summary)?;
+    Ok(output::write(folder, SUMMARY, summary)?)
 }
 
 fn estimates(row: &Row, meta: &Meta) -> Vec<String> {

@@ -1,6 +1,6 @@
 //! How the estimates of a log converge, as one drawing.
 
-use super::charts::{Converging, converging};
+use super::charts::{Charts, Converging};
 use crate::identify::analysis::Analysis;
 use crate::page::chart::sampled;
 use crate::page::plot::{BLUE, GREY, Mark, RED};
@@ -8,7 +8,8 @@ use crate::page::sheet::{self, Panel};
 
 /// A panel for each estimate.
 pub fn picture(analysis: &Analysis) -> String {
-    let panels: Vec<Panel> = converging(analysis).iter().map(panel).collect();
+    let estimates = Charts::new(analysis).converging();
+    let panels: Vec<Panel> = estimates.iter().map(panel).collect();
     sheet::svg(&panels)
 }
 

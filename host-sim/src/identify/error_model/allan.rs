@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use super::interval::{Interval, sigma_of_squares};
 use super::record::Record;
 use crate::identify::quantities::DEG_H_RADPS;
-use crate::page;
+use crate::page::{self, output};
 
 /// Fewest clusters behind a point.
 const LEAST_CLUSTERS: usize = 3;
@@ -94,7 +94,8 @@ impl AtRest {
             cells
         };
         let points = self.gyro_deg_h.iter().zip(&self.accel_mps2);
-        page::write_csv(folder, "allan.csv", &names, points.map(row))
+        let text = page::csv(&names, points.map(row))?;
+        Ok(output::write(folder, "allan.csv", text)?)
     }
 }
 
