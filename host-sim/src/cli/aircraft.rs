@@ -13,7 +13,6 @@ use crate::aircraft::pictures;
 use crate::page;
 use crate::page::output;
 
-/// Options of `aircraft`.
 #[derive(Debug, Args)]
 pub struct Aircraft {
     /// Aircraft, TOML; the Cessna 172 unless given.

@@ -19,7 +19,6 @@ use crate::page::progress::bar;
 const PLAN: &str = "plan.toml";
 const SUMMARY: &str = "campaign.json";
 
-/// Options of `campaign`.
 #[derive(Debug, Args)]
 pub struct Campaign {
     /// What to do; host-sim/campaigns/hg1700.toml is an example.
@@ -36,7 +35,6 @@ pub struct Campaign {
     slurm: Option<u32>,
 }
 
-/// Options of `merge`.
 #[derive(Debug, Args)]
 pub struct Merge {
     /// Folder of a campaign whose shards are done. Further folders: shards that ran elsewhere.

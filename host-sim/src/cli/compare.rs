@@ -10,7 +10,6 @@ use crate::compare::{Comparison, JSON, plain};
 use crate::page::output;
 use crate::page::progress::spinner;
 
-/// Options of `compare`.
 #[derive(Debug, Args)]
 pub struct Compare {
     /// Folder of a log, or a recording of a known format.

@@ -15,7 +15,6 @@ use crate::page::output;
 use crate::page::progress::spinner;
 use crate::sim::{self, DriveConfig, ErrorModel, SimulatedDrive};
 
-/// Options of `drive`.
 #[derive(Debug, Args)]
 pub(super) struct Drive {
     /// Folder of the log.
@@ -29,7 +28,6 @@ pub(super) struct Drive {
     errors: Option<String>,
 }
 
-/// Options of `demo`.
 #[derive(Debug, Args)]
 pub(super) struct Demo {
     /// Folder for log and report.

@@ -23,7 +23,6 @@ use crate::sim::{ErrorModel, SimulatedDrive, record};
 /// Inertial samples per second.
 const IMU_HZ: f64 = 100.0;
 
-/// Options of `fly`.
 #[derive(Debug, Args)]
 pub struct Fly {
     /// Flight plan, TOML.

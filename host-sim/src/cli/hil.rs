@@ -19,7 +19,6 @@ use crate::page::progress::bar;
 use crate::page::{self, output};
 use crate::report;
 
-/// Options of `hil`.
 #[derive(Debug, Args)]
 pub struct Hil {
     /// Folder of the log.

@@ -19,7 +19,6 @@ use crate::page::progress::{bar, spinner};
 use crate::report;
 use crate::sim::errors::Law;
 
-/// Options of `identify`.
 #[derive(Debug, Args)]
 pub(super) struct Identify {
     /// Folder of a log, or a recording of a known format. Several: drives of one kind of unit, for one error model of all.
@@ -154,7 +153,8 @@ fn identify_logs(
             at_rest: &AtRest::new(&records),
         };
         error_model::write(sensors, folder)?;
-        let page = report::html_of_all(&summaries, &sensors).into_diagnostic()?;
+        let page = report::together::page(&summaries, &sensors).html();
+        let page = page.into_diagnostic()?;
         output::write(folder, REPORT, page)?;
         Ok((found, summaries))
     };

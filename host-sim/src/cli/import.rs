@@ -14,7 +14,6 @@ use crate::page::output;
 /// What marks a folder as written here.
 const MARK: &str = "import.toml";
 
-/// Options.
 #[derive(Debug, Args)]
 pub struct Import {
     /// A recording, or one of inertial sensors and one of GNSS.

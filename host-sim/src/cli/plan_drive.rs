@@ -13,7 +13,6 @@ use crate::page::progress::{bar, spinner};
 use crate::plan_drive::output::{PLAN, Report};
 use crate::plan_drive::{Plan, Target};
 
-/// Options of `plan-drive`.
 #[derive(Debug, Args)]
 pub struct PlanDrive {
     /// What is wanted, of which unit, and what the site allows, TOML.

@@ -37,7 +37,6 @@ const SETTINGS: &str = "settings.json";
 /// Recorded noise is resampled in blocks of so long, s: slower colour than that is lost.
 const BLOCK_S: f64 = 2.0;
 
-/// Options of `rehearse`.
 #[derive(Debug, Args)]
 pub struct Rehearse {
     /// Recorded drives of the unit: folders of logs, or recordings of a known format.

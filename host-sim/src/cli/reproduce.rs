@@ -12,7 +12,6 @@ use crate::page::output;
 use crate::page::progress::spinner;
 use crate::study::reproduce::{JSON, Recorded, Settings, reproduce as measure};
 
-/// Options of `reproduce-thesis`.
 #[derive(Debug, Args)]
 pub struct Reproduce {
     /// Folder for drawings, data and report.

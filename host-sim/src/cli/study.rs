@@ -60,7 +60,6 @@ impl Study {
     }
 }
 
-/// Options of `study accuracy`.
 #[derive(Debug, Args)]
 pub struct Accuracy {
     /// Class of the sensors.
@@ -128,7 +127,6 @@ impl Accuracy {
     }
 }
 
-/// Options of `study conditions`.
 #[derive(Debug, Args)]
 #[allow(clippy::struct_excessive_bools)]
 pub struct Conditions {
@@ -220,7 +218,6 @@ impl Conditions {
     }
 }
 
-/// Options of `study flights`.
 #[derive(Debug, Args)]
 pub struct Flights {
     /// Number of flights.
@@ -247,7 +244,6 @@ impl Flights {
     }
 }
 
-/// Options of `study recovery`.
 #[derive(Debug, Args)]
 pub struct Recovery {
     /// Number of units, of each model of the gyro biases.
@@ -292,7 +288,6 @@ impl Recovery {
     }
 }
 
-/// Options of `study logs`.
 #[derive(Debug, Args)]
 pub struct Logs {
     /// Folders of recorded logs.
@@ -340,7 +335,6 @@ impl Logs {
     }
 }
 
-/// Options of `study recordings`.
 #[derive(Debug, Args)]
 pub struct Recordings {
     /// Recordings of any known format, and folders of logs; each is opened on its own.
@@ -365,7 +359,6 @@ impl Recordings {
     }
 }
 
-/// Options of `study rehearse`.
 #[derive(Debug, Args)]
 pub struct Rehearse {
     /// Drives that the model is of.

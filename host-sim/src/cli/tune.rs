@@ -14,7 +14,6 @@ use crate::page::progress::bar;
 use crate::tune::Tuning;
 use crate::tune::targets::{self, Target};
 
-/// Options.
 #[derive(Debug, Args)]
 pub struct Tune {
     /// Folder of a log, or a recording of a known format; or one of inertial sensors and one of GNSS.

@@ -1,7 +1,7 @@
 //! What the plots of the report show.
 
 use ins_core::earth::Geodetic;
-use ins_core::{ImuOutput, Manoeuvre, Phase, Solution, SolutionSigma, Time};
+use ins_core::{Manoeuvre, Phase, Solution, SolutionSigma, Time};
 use plotly::common::MarkerSymbol;
 use plotters::style::RGBColor;
 
@@ -452,12 +452,11 @@ impl<'a> Charts<'a> {
     /// Gyros and accelerometers in the axes of the log.
     fn sensors(&self) -> Vec<Figure> {
         let log = &self.analysis.log;
-        let rates = log.meta.imu == ImuOutput::Rates;
         let curve = || Thinner::new(log.imu.len().saturating_sub(1));
         let [mut gyros, mut accels] = [0, 1].map(|_| [0, 1, 2].map(|_| curve()));
         for [last, sample] in log.imu.pairs() {
-            let seconds = sample.time.seconds_since(last.time);
-            let per_second = if rates { 1.0 } else { seconds.recip() };
+            let held = log.meta.imu.per_rate(sample.time.seconds_since(last.time));
+            let per_second = held.recip();
             let time_s = self.since(sample.time);
             let gyro = self
                 .axes

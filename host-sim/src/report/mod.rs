@@ -3,7 +3,7 @@
 mod charts;
 mod picture;
 mod results;
-mod together;
+pub(crate) mod together;
 
 pub use picture::picture;
 
@@ -16,7 +16,6 @@ use crate::identify::analysis::{Analysis, REPORT, SUMMARY};
 use crate::identify::error_model::Sensors;
 use crate::identify::quantities::{QUANTITIES, Quantities};
 use crate::identify::row::Row;
-use crate::identify::summary::Summary;
 use crate::log::{Meta, numbers};
 use crate::page::html::Page;
 use crate::page::{self, output};
@@ -90,9 +89,4 @@ pub fn html(analysis: &Analysis, sensors: Option<&Sensors>) -> Result<String, mi
         sections: charts::sections(analysis, sensors),
     };
     page.html()
-}
-
-/// The report of several logs of one unit.
-pub fn html_of_all(logs: &[Summary], sensors: &Sensors) -> Result<String, minijinja::Error> {
-    together::page(logs, sensors).html()
 }

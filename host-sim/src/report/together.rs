@@ -16,7 +16,7 @@ use crate::page::table::{Table, heads};
 const CHANCE: f64 = 0.01;
 
 /// The page of all logs.
-pub(super) fn page(logs: &[Summary], sensors: &Sensors) -> Page {
+pub(crate) fn page(logs: &[Summary], sensors: &Sensors) -> Page {
     let shared: Vec<Shared> = shared(logs);
     let named = |summary: &Summary| {
         let about = summary.log.clone();

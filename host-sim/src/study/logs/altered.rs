@@ -179,14 +179,11 @@ fn bias(log: &mut Log) {
     let output = log.meta.imu;
     let mut last = None;
     each_sample(log, |sample| {
-        let times = match (output, last.replace(sample.time)) {
-            (ImuOutput::Rates, _) => 1.0,
-            (ImuOutput::Increments, Some(last)) => sample.time.seconds_since(last),
-            // Since when it gathers is not known.
-            (ImuOutput::Increments, None) => 0.0,
-        };
-        sample.gyro += times * gyro;
-        sample.accel += times * accel;
+        // Since when the first gathers is not known.
+        let last = last.replace(sample.time).unwrap_or(sample.time);
+        let held = output.per_rate(sample.time.seconds_since(last));
+        sample.gyro += held * gyro;
+        sample.accel += held * accel;
     });
 }
 
