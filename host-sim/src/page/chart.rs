@@ -47,7 +47,7 @@ pub(crate) static SCRIPT: LazyLock<String> = LazyLock::new(|| {
 });
 
 /// A plot as the page takes it.
-#[derive(Serialize)]
+#[derive(Default, Serialize)]
 pub(crate) struct Figure {
     title: String,
     /// What is to be known of it.
@@ -62,12 +62,9 @@ pub(crate) struct Figure {
 
 /// A plot that is being put together, from back to front.
 pub(crate) struct Chart {
-    title: String,
-    note: String,
+    figure: Figure,
     x: Axis,
     y: Axis,
-    over_time: bool,
-    tall: bool,
     shaded: bool,
     plot: Plot,
 }
@@ -77,30 +74,30 @@ impl Chart {
     pub(crate) fn over_time(title: impl Into<String>, unit: &str, duration_s: f64) -> Self {
         let mut chart = Self::new(title, "time, s", unit);
         chart.x = chart.x.range(vec![0.0, duration_s]);
-        chart.over_time = true;
+        chart.figure.over_time = true;
         chart
     }
 
     /// Over anything.
     pub(crate) fn new(title: impl Into<String>, x: &str, y: &str) -> Self {
         Self {
-            title: title.into(),
-            note: String::new(),
+            figure: Figure {
+                title: title.into(),
+                ..Figure::default()
+            },
             x: axis(x),
             // Labels keep off those of the x axis in the corner.
             y: axis(y)
                 .ticks(TicksDirection::Outside)
                 .tick_length(5)
                 .tick_color(NONE),
-            over_time: false,
-            tall: false,
             shaded: false,
             plot: Plot::new(),
         }
     }
 
     pub(crate) fn note(mut self, note: impl Into<String>) -> Self {
-        self.note = note.into();
+        self.figure.note = note.into();
         self
     }
 
@@ -136,7 +133,8 @@ impl Chart {
 
     /// Over longitude and latitude; a degree of latitude is so many times as long.
     pub(crate) fn map(title: &str, ratio: f64) -> Self {
-        let map = Self::new(title, "", "").note("longitude and latitude, deg");
+        let mut map = Self::new(title, "", "").note("longitude and latitude, deg");
+        map.figure.tall = true;
         Self {
             x: map.x.tick_format(".5~f").n_ticks(5),
             y: map
@@ -144,7 +142,6 @@ impl Chart {
                 .tick_format(".5~f")
                 .scale_anchor("x")
                 .scale_ratio(ratio),
-            tall: true,
             ..map
         }
     }
@@ -233,7 +230,11 @@ impl Chart {
     }
 
     fn curve(&self, name: &str, points: &[Point]) -> Box<Scatter<f64, f64>> {
-        let digits = if self.tall { FINE_DIGITS } else { DIGITS };
+        let digits = if self.figure.tall {
+            FINE_DIGITS
+        } else {
+            DIGITS
+        };
         let xs = points.iter().map(|p| significant(FINE_DIGITS, p.0));
         let ys = points.iter().map(|p| significant(digits, p.1));
         Scatter::new(xs.collect(), ys.collect())
@@ -273,7 +274,7 @@ impl Chart {
         let mut layout = Layout::new()
             .x_axis(self.x)
             .y_axis(self.y)
-            .hover_mode(if self.tall {
+            .hover_mode(if self.figure.tall {
                 HoverMode::Closest
             } else {
                 HoverMode::XUnified
@@ -321,12 +322,9 @@ impl Chart {
                 ]),
         );
         Figure {
-            title: self.title,
-            note: self.note,
             // The page must not end where a name has a tag.
             json: plot.to_json().replace('<', "\\u003c"),
-            over_time: self.over_time,
-            tall: self.tall,
+            ..self.figure
         }
     }
 }

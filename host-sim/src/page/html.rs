@@ -1,7 +1,7 @@
 //! One self-contained page that works without a network.
 
-use minijinja::value::Serde;
-use minijinja::{AutoEscape, Environment};
+use minijinja::value::{Serde, Value};
+use minijinja::{AutoEscape, Environment, context};
 use serde::Serialize;
 
 use super::chart::{Figure, SCRIPT};
@@ -32,25 +32,15 @@ pub(crate) struct Section {
 impl Page {
     /// The page, as text.
     pub(crate) fn html(&self) -> Result<String, minijinja::Error> {
-        #[derive(Serialize)]
-        struct Filled<'a> {
-            page: &'a Page,
-            script: &'a str,
-        }
-        fill(
-            TEMPLATE,
-            &Filled {
-                page: self,
-                script: &SCRIPT,
-            },
-        )
+        let page = Value::from(Serde(self));
+        fill(TEMPLATE, context! { page, script => SCRIPT.as_str() })
     }
 }
 
 /// A template that may include the style, filled.
-pub(crate) fn fill(template: &str, with: &impl Serialize) -> Result<String, minijinja::Error> {
+pub(crate) fn fill(template: &str, with: Value) -> Result<String, minijinja::Error> {
     let mut environment = Environment::new();
     environment.set_auto_escape_callback(|_| AutoEscape::Html);
     environment.add_template("style", STYLE)?;
-    environment.render_str(template, Serde(with))
+    environment.render_str(template, with)
 }

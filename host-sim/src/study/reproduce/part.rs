@@ -4,6 +4,8 @@
 use std::path::Path;
 
 use miette::{IntoDiagnostic, Result};
+use minijinja::context;
+use minijinja::value::{Serde, Value};
 use serde::Serialize;
 
 use crate::page::html::fill;
@@ -149,28 +151,17 @@ impl Reproduction {
     }
 
     fn html(&self) -> Result<String, minijinja::Error> {
-        #[derive(Serialize)]
-        struct Shown<'a> {
-            #[serde(flatten)]
-            part: &'a Part,
-            svg: Option<&'a str>,
-            rows: Vec<[String; 4]>,
-        }
-        #[derive(Serialize)]
-        struct Page<'a> {
-            reproduction: &'a Reproduction,
-            parts: Vec<Shown<'a>>,
-        }
-        let parts = self.parts.iter().map(|part| Shown {
-            part,
-            svg: part.svg.as_deref(),
-            rows: part.numbers.iter().map(row).collect(),
-        });
-        let page = Page {
-            reproduction: self,
-            parts: parts.collect(),
+        let part = |part: &Part| {
+            let rows: Vec<[String; 4]> = part.numbers.iter().map(row).collect();
+            let (rows, svg) = (Value::from(Serde(rows)), part.svg.as_deref());
+            context! { rows, svg, ..Value::from(Serde(part)) }
         };
-        fill(include_str!("report.html"), &page)
+        let parts: Vec<Value> = self.parts.iter().map(part).collect();
+        let reproduction = Value::from(Serde(self));
+        fill(
+            include_str!("report.html"),
+            context! { reproduction, parts },
+        )
     }
 
     /// All numbers.
