@@ -143,20 +143,18 @@ pub fn run(log: &Log, config: Config, rounds: usize) -> Result<FiveStage, Config
             correction.azimuth_rad = 0.0;
         }
         for (stage, intervals) in Stage::ALL.into_iter().zip(&mut intervals) {
-            let (run, end) = record(
-                &correction.log(log),
-                Config {
-                    feedback: stage.feedback(),
-                    ..correction.config(config)
-                },
-                &ProgressBar::hidden(),
-                |_, _| {},
-            )?;
+            let feedback = stage.feedback();
+            let config = correction.config(Config { feedback, ..config });
+            let (log, hidden) = (correction.log(log), ProgressBar::hidden());
+            let (run, end) = record(&log, config, &hidden, |_, _| {})?;
             *intervals = stage.intervals(&run.history);
             take(stage, &run.history, &end, &mut correction, &mut estimates);
         }
     }
-    let mut gyros = GyroHistory::new(correction.gyro_radps);
+    let mut gyros = GyroHistory {
+        constant_radps: correction.gyro_radps,
+        ..GyroHistory::default()
+    };
     let mut slow = Config {
         feedback: Feedback::Closed,
         ..correction.config(config)
@@ -306,7 +304,7 @@ impl Correction {
 /// Piecewise constant biases in body axes that turn a platform as `w^C` did, over every interval:
 /// `INT C dw = INT w^C`. Means of (9) itself would not, where the vehicle has turned meanwhile. The
 /// walk of the angle is part of them, as far as GNSS shows it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct GyroHistory {
     /// Taken out of the readings before.
     constant_radps: Vector3<f64>,
@@ -321,17 +319,6 @@ pub struct GyroHistory {
 }
 
 impl GyroHistory {
-    fn new(constant_radps: Vector3<f64>) -> Self {
-        Self {
-            constant_radps,
-            biases: Vec::new(),
-            seconds: 0.0,
-            attitude_s: Matrix2::zeros(),
-            turned_rad: Vector2::zeros(),
-            last: None,
-        }
-    }
-
     /// After an inertial sample; the control is that of the next.
     fn on_sample(&mut self, navigator: &Navigator, time: Time) {
         let Some(ins) = navigator.mechanization() else {

@@ -61,13 +61,13 @@ pub struct Filter {
     transition: StateMatrix,
     accel_mps2: Vector3<f64>,
     rate_radps: Vector3<f64>,
-    refused: [Refused; 4],
+    refused: [Option<Refused>; 4],
     rest: RestDetector,
     last_fix: Time,
 }
 
 /// Fixes in a row of which a part was not believed.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Refused {
     count: u32,
     since: Time,
@@ -177,7 +177,7 @@ impl Filter {
             transition: StateMatrix::identity(layout.size, layout.size),
             accel_mps2: Vector3::zeros(),
             rate_radps: Vector3::zeros(),
-            refused: [Refused::default(); 4],
+            refused: [None; 4],
             rest: RestDetector::default(),
             last_fix: start.time,
         }
@@ -271,27 +271,22 @@ impl Filter {
 
     /// Takes a part of a fix in, or refuses it.
     fn take(&mut self, part: Part, seen: &Seen, update: &mut Update) {
-        let refused = self.refused[part as usize];
+        let refused = &mut self.refused[part as usize];
         let mut distance = update.distance(seen);
-        let lost = refused.count >= LOST_FIXES
-            && self.time.seconds_since(refused.since) >= LOST_S
-            && distance > GATE_SIGMAS;
+        let is_long = |refused: &Refused| {
+            refused.count >= LOST_FIXES && self.time.seconds_since(refused.since) >= LOST_S
+        };
+        let lost = refused.as_ref().is_some_and(is_long) && distance > GATE_SIGMAS;
         if lost {
             update.doubt(part, distance / ROBUST_SIGMAS, &self.largest);
             distance = update.distance(seen);
         }
         if distance > GATE_SIGMAS && !lost {
-            self.refused[part as usize] = Refused {
-                count: refused.count + 1,
-                since: if refused.count == 0 {
-                    self.time
-                } else {
-                    refused.since
-                },
-            };
+            let since = self.time;
+            refused.get_or_insert(Refused { count: 0, since }).count += 1;
             return;
         }
-        self.refused[part as usize] = Refused::default();
+        *refused = None;
         update.take(seen, (distance / ROBUST_SIGMAS).max(1.0));
     }
 

@@ -215,11 +215,7 @@ fn names(result: &Results) -> [String; 3] {
 
 /// Name of a class.
 pub fn short(class: Grade) -> &'static str {
-    match class {
-        Grade::Ideal => "ideal",
-        Grade::Hg1700 => "hg1700",
-        Grade::Mems => "mems",
-    }
+    class.class().name()
 }
 
 fn part((of, all): (usize, usize)) -> String {
