@@ -287,12 +287,15 @@ impl Observer {
                 -0.5 * accel_mps2,
             ),
         };
+        let by_lever = by_lever(past, measured);
+        let seen_arm = by_lever * arm_m;
         Direct {
             arm_m,
             seen_jerk,
             by_latency,
             by_smoothing,
-            by_lever: by_lever(past, measured),
+            by_lever,
+            by_arm: -(seen_arm + self.followed.error.tilt_rad.cross(&seen_arm)),
         }
     }
 
@@ -307,7 +310,7 @@ impl Observer {
         let latency = p.value(index::LATENCY) + self.unsolved_s * p.value(index::CLOCK_DRIFT);
         let late = direct.by_latency * (latency - difference.latency_applied_s);
         let smoothed = direct.by_smoothing * p.value(index::SMOOTHING);
-        self.followed.shows(measured) + late + smoothed - direct.by_lever * direct.arm_m
+        self.followed.shows(measured) + late + smoothed + direct.by_arm
     }
 
     /// What a unit of each parameter more would add to that.
@@ -324,6 +327,8 @@ impl Observer {
                 *by += more;
             }
         };
+        // What swings on the arm shows where the INS points.
+        add(index::AZIMUTH, singles(&Vector3::z().cross(&direct.by_arm)));
         add(index::LATENCY, by_latency);
         add(
             index::CLOCK_DRIFT,
@@ -358,6 +363,8 @@ struct Direct<'a> {
     /// A mean over times of variance `s` lies by `s / 2` times the second derivative off.
     by_smoothing: Vector3<f64>,
     by_lever: &'a Matrix3<f64>,
+    /// By the arm as it is, where it points and not where the INS has it.
+    by_arm: Vector3<f64>,
 }
 
 /// What a unit of each component of that arm takes from it.

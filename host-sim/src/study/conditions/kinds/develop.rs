@@ -239,6 +239,13 @@ kinds! { judge: false,
         w.boat(300.0, 240.0, 0.3);
         w.shakes.push(shakes::waves(4.0, 2.0, 0.1));
     };
+    "mast", BOTH, 17.0, "antenna up to 5 m up a mast or below, waves of 8 deg and 3.5 s" => |w| {
+        w.boat(150.0, 100.0, 0.5);
+        w.velocity_noise(0.03, 0.03, 1.5);
+        w.position_noise(0.4, 1.0, 80.0);
+        w.antenna_within([0.7, 1.5, 5.0]);
+        w.shakes.push(shakes::waves(3.5, 8.0, 0.3));
+    };
     "quadrotor", MEMS, 12.0, "small quick manoeuvres, 5 Hz, motors shake the unit" => |w| {
         w.vehicle = Vehicle::Quadrotor {
             ground_s: Some(20.0),
