@@ -127,14 +127,14 @@ mod tests {
                     with_kalman: true,
                     receiver_known,
                 },
-                ..study(&["plain"], Grade::Hg1700, 0, 8)
+                ..study(&["plain"], Grade::Hg1700, 0, 16)
             };
             let results = study.results(&ProgressBar::hidden());
             let plain = &results[0];
             assert_eq!(plain.kalman_lost.map(KalmanLost::runs), Some(0));
             assert_eq!(plain.near_kalman().1, plain.rows.len());
-            // Both are near the best there is, on the same noise: what is left is the chance of eight
-            // runs, a quarter of a ratio in the worst of three sets of seeds. Positions are so if
+            // Both are near the best there is, on the same noise: what is left is the chance of sixteen
+            // runs, a fifth of a ratio; of eight it was up to a third. Positions are so if
             // the core is told the same: else it takes part of their noise for correlated, which
             // here is white. So is the vertical velocity, which hangs on the height.
             let of_positions = ["level position", "height", "vertical velocity"];
