@@ -49,6 +49,7 @@ impl Verdict {
         }
         against.extend(halves.into_iter().flatten().filter_map(half));
         against.extend(offsets(found));
+        against.extend(latency(found));
         against.extend(innovations(found));
         let halved = halves.is_some_and(|halves| !halves.is_empty());
         if both.is_none() && !halved && phase == Phase::Navigating {
@@ -136,6 +137,20 @@ fn offsets(found: &Identification) -> Option<String> {
     let gyro = far(&estimates.gyro_bias_radps, sensors.gyro_bias_radps);
     let accel = far(&estimates.accel_bias_mps2, sensors.accel_bias_mps2);
     beyond_class(&[("gyro offsets", gyro), ("accelerometer offsets", accel)])
+}
+
+/// A latency that no receiver of its kind has: what smooths over seconds comes to one as well.
+fn latency(found: &Identification) -> Option<String> {
+    let latency = &found.end.estimates.gnss_latency_s;
+    let most = OFFSET * found.config.gnss.latency_sigma_s;
+    (known(latency) && latency.value.abs() - 3.0 * latency.sigma > most).then(|| {
+        format!(
+            "GNSS is {} s late, where {} is the most that is expected: stamps of another clock, or \
+             velocities averaged over seconds.",
+            digits(latency.sigma, latency.value),
+            brief(most)
+        )
+    })
 }
 
 /// Velocity of GNSS against that of the INS, where it is more than the noise of GNSS may be.
