@@ -38,15 +38,14 @@ impl Observer {
         let per_manoeuvre = pace.per_manoeuvre;
         let direct = self.shown_directly(past, kind.measured());
         let residual = difference.value - self.predicted(&direct, kind.measured(), difference);
-        let by = self.shown_by(&direct, kind.measured());
         let bent = self.bent_variance(past, kind, &direct)
             + per_manoeuvre * self.skew_variance(past, kind)
             + difference.more_variance;
         if kind.is_up() {
-            let mut by = by.map(|by| [by.z]);
+            let mut by = self.shown_by(&direct, kind.measured(), |by| [by.z]);
             self.measure(kind, &mut by, [residual.z], difference, bent, config)
         } else {
-            let mut by = by.map(|by| [by.x, by.y]);
+            let mut by = self.shown_by(&direct, kind.measured(), |by| [by.x, by.y]);
             let residual = [residual.x, residual.y];
             self.measure(kind, &mut by, residual, difference, bent, config)
         }
@@ -277,9 +276,11 @@ impl Observer {
         let seen_jerk = seen_jerk(past);
         // A platform held by GNSS leans as that errs, and gravity would be taken for a motion that goes
         // with the error to come: errors in variables, 2 sigmas of the latency of a slow vehicle.
-        let force_mps2 = past.accel_mps2 + Vector3::z() * GRAVITY_EQUATOR_MPS2;
-        let leaning_mps2 = force_mps2.cross(&self.followed.error.tilt_rad);
-        let accel_mps2 = past.accel_mps2 - leaning_mps2 + past.attitude_accel * arm_m;
+        let (force_mps2, tilt) = (&past.accel_mps2, &self.followed.error.tilt_rad);
+        let up_mps2 = force_mps2.z + GRAVITY_EQUATOR_MPS2;
+        let mut accel_mps2 = past.accel_mps2 + past.attitude_accel * arm_m;
+        accel_mps2.x += up_mps2 * tilt.y - force_mps2.y * tilt.z;
+        accel_mps2.y += force_mps2.x * tilt.z - up_mps2 * tilt.x;
         let (by_latency, by_smoothing) = match measured {
             Measured::Velocity => (accel_mps2, -0.5 * seen_jerk * past.jerk_mps3),
             Measured::Position => (
@@ -289,13 +290,15 @@ impl Observer {
         };
         let by_lever = by_lever(past, measured);
         let seen_arm = by_lever * arm_m;
+        let by_azimuth = Vector3::new(seen_arm.y, -seen_arm.x, 0.0);
         Direct {
             arm_m,
             seen_jerk,
             by_latency,
             by_smoothing,
             by_lever,
-            by_arm: -(seen_arm + self.followed.error.tilt_rad.cross(&seen_arm)),
+            by_arm: by_azimuth * self.followed.error.tilt_rad.z - seen_arm,
+            by_azimuth,
         }
     }
 
@@ -313,31 +316,36 @@ impl Observer {
         self.followed.shows(measured) + late + smoothed + direct.by_arm
     }
 
-    /// What a unit of each parameter more would add to that.
-    fn shown_by(&self, direct: &Direct<'_>, measured: Measured) -> [Vector3<f32>; COUNT] {
-        let mut by = [Vector3::zeros(); COUNT];
+    /// What a unit of each parameter more would add to that, of the axes that `of` gives.
+    fn shown_by<const R: usize>(
+        &self,
+        direct: &Direct<'_>,
+        measured: Measured,
+        of: impl Fn(&Vector3<f32>) -> [f32; R],
+    ) -> By<R> {
+        let mut by = [[0.0; R]; COUNT];
         let shown = self.responses.iter().take(self.corrections.count());
         for (by, response) in by.iter_mut().zip(shown) {
-            *by = response.shows(measured);
+            *by = of(&response.shows(measured));
         }
-        let by_latency = singles(&direct.by_latency);
-        let by_lever = direct.by_lever.map(math::single);
-        let mut add = |which: usize, more: Vector3<f32>| {
+        let mut add = |which: usize, more: &Vector3<f32>| {
             if let Some(by) = by.get_mut(which) {
-                *by += more;
+                for (by, more) in by.iter_mut().zip(of(more)) {
+                    *by += more;
+                }
             }
         };
         // What swings on the arm shows where the INS points.
-        add(index::AZIMUTH, singles(&Vector3::z().cross(&direct.by_arm)));
-        add(index::LATENCY, by_latency);
-        add(
-            index::CLOCK_DRIFT,
-            by_latency * math::single(self.unsolved_s),
-        );
+        add(index::AZIMUTH, &singles(&direct.by_azimuth));
+        let by_latency = singles(&direct.by_latency);
+        add(index::LATENCY, &by_latency);
+        let drifted = by_latency * math::single(self.unsolved_s);
+        add(index::CLOCK_DRIFT, &drifted);
+        let by_lever = direct.by_lever.map(math::single);
         for axis in 0..3 {
-            add(index::LEVER_ARM + axis, -by_lever.column(axis));
+            add(index::LEVER_ARM + axis, &-by_lever.column(axis));
         }
-        add(index::SMOOTHING, singles(&direct.by_smoothing));
+        add(index::SMOOTHING, &singles(&direct.by_smoothing));
         by
     }
 
@@ -363,8 +371,9 @@ struct Direct<'a> {
     /// A mean over times of variance `s` lies by `s / 2` times the second derivative off.
     by_smoothing: Vector3<f64>,
     by_lever: &'a Matrix3<f64>,
-    /// By the arm as it is, where it points and not where the INS has it.
+    /// By the arm as it is, where it points and not where the INS has it, and by a unit of that.
     by_arm: Vector3<f64>,
+    by_azimuth: Vector3<f64>,
 }
 
 /// What a unit of each component of that arm takes from it.
