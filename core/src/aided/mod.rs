@@ -315,6 +315,13 @@ impl<const N: usize> AidedIns<N> {
             for (accel, unseen) in estimates.accel_bias_mps2.iter_mut().zip(&unseen) {
                 accel.sigma = math::sqrt(accel.sigma * accel.sigma + unseen);
             }
+            // What swings on an arm shows it in the scale of the gyros.
+            let scale = &config.sensors.gyro_scale;
+            let off = scale * scale + config.sensors.cross_axis_variance();
+            for arm in &mut estimates.lever_arm_m {
+                let grown = math::sqrt(arm.sigma * arm.sigma + off * arm.value * arm.value);
+                arm.sigma = math::min(grown, config.gnss.lever_arm_sigma_m);
+            }
         }
         estimates
     }

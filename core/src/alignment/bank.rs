@@ -2,8 +2,10 @@
 //! GNSS saw.
 //!
 //! A latency is found by small corrections only where the motion does not change much meanwhile,
-//! and a quadrotor's darts are over in a second. Candidates a part of that apart cover a second
-//! to either side; each corrects its own. What they say together is the mean of their mixture,
+//! and a quadrotor's darts are over in a second. Candidates a part of that apart cover from a second
+//! of a receiver that is late to half a second of inertial stamps that are, where only buffers make
+//! them late; each corrects its own. One that supposes more sees an antenna that swings the wrong way
+//! round, and sure of it. What they say together is the mean of their mixture,
 //! and its variance holds what they disagree by. All start at one moment and take the same
 //! sightings, each when the motion of that moment, as it supposes, has been integrated. Work is
 //! one node or one sighting of one candidate at a time.
@@ -20,9 +22,9 @@ use crate::parameters::Parameters;
 use crate::time::Time;
 
 /// Latencies supposed, s, and the spread of each: half the distance of two.
-const LATENCIES_S: [f64; 4] = [0.25, -0.25, 0.75, -0.75];
+const LATENCIES_S: [f64; 3] = [0.25, -0.25, 0.75];
 const LATENCY_SIGMA_S: f64 = 0.25;
-const LAST: u8 = 3;
+const LAST: u8 = 2;
 /// Moments before the first sighting that is taken, s: every candidate must have begun.
 const LEAD_S: f64 = 1.0;
 /// Time over which residuals are judged, s.
@@ -95,7 +97,7 @@ pub(crate) enum Answer {
 impl Bank {
     /// Starts all at one moment.
     pub(crate) fn new(start: &Start, known: &Parameters, config: &Config) -> Self {
-        // One made and copied: four made would lie on the stack first.
+        // One made and copied: all made would lie on the stack first.
         let mut candidates =
             [Candidate::new(start, LATENCY_SIGMA_S, known, config); LATENCIES_S.len()];
         for (candidate, latency_s) in candidates.iter_mut().zip(LATENCIES_S) {

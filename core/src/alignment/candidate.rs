@@ -3,7 +3,7 @@
 //! A levelled INS without a heading sees the velocity gained since the first fix, `u`, in a level
 //! frame that points anywhere. GNSS sees `v`, and of its gain `d = v - v_1` the same frame sees
 //! `c d + s d'`, with `(c, s)` the cosine and sine of the rotation that is sought and
-//! `d' = (d_N, -d_E)`. So, `e` being the error of `u` and `a` the acceleration,
+//! `d' = (d_N, -d_E)`. So, `e` being the error of `u` and `a` the acceleration of the antenna,
 //!
 //! `u = e + c d + s d' + l (a - a_1)`
 //!
@@ -148,6 +148,8 @@ pub(crate) struct Candidate {
     /// Acceleration, smoothed, and at the first sighting.
     accel_mps2: Vector2<f32>,
     first_accel_mps2: Vector2<f32>,
+    /// How the antenna swung in the last node, per unit of its arm, 1/s.
+    swing_radps: Matrix2x3<f32>,
     /// Spread of the angle of cosine and sine, rad.
     angle_sigma_rad: f32,
     /// Whether it was ever known.
@@ -214,6 +216,7 @@ impl Candidate {
             last_sighting: start.time,
             accel_mps2: Vector2::zeros(),
             first_accel_mps2: Vector2::zeros(),
+            swing_radps: Matrix2x3::zeros(),
             angle_sigma_rad: f32::INFINITY,
             knew_angle: false,
             rotation: Vector2::zeros(),
@@ -243,8 +246,12 @@ impl Candidate {
         self.way_m += dt * (self.velocity_mps + 0.5 * force.xy());
         self.velocity_mps += force.xy();
         self.risen_mps += force.z - dt * single(GRAVITY_EQUATOR_MPS2);
+        let swing = swing_of(&body, &(turn / seconds));
+        let swung = (swing - self.swing_radps) * self.lever_arm_m;
+        self.swing_radps = swing;
         let part = single(math::min(seconds / SMOOTH_S, 1.0));
-        self.accel_mps2 += part * (force.xy() / dt - self.accel_mps2);
+        let accel = (force.xy() + swung) / dt;
+        self.accel_mps2 += part * (accel - self.accel_mps2);
         self.spread(&force, &(body.map(single) * dt));
         self.walk(seconds, &turn, &force, config);
         let earth = Vector3::new(0.0, 0.0, -seconds * up_rate_radps);
@@ -308,8 +315,8 @@ impl Candidate {
         let velocity = self.velocity_mps + seconds * accel;
         let way = self.way_m + seconds * (self.velocity_mps + 0.5 * seconds * accel);
         self.way_m = -seconds * (self.velocity_mps + 0.5 * seconds * accel);
-        let rate = turn / node.seconds();
-        let swing = level_rows(&(body * rate.cross_matrix()));
+        let swing = swing_of(&body, &(turn / node.seconds()));
+        let swing_rate = (swing - self.swing_radps) / single(node.seconds());
         let level = level_rows(&body);
         let Some(first) = self.first_mps else {
             self.level_before = level;
@@ -338,7 +345,7 @@ impl Candidate {
         let unknown = self.covariance.variance(COS) + self.covariance.variance(SIN);
         // Second order of the latency: half the jerk times its square.
         let late = self.covariance.variance(LATENCY);
-        let jerk = (accel - self.accel_mps2) / single(SMOOTH_S);
+        let jerk = (accel + swing_rate * self.lever_arm_m - self.accel_mps2) / single(SMOOTH_S);
         let noise = sighting.alike * white
             + 0.5 * late * late * jerk.norm_squared()
             + 0.5 * unknown * (d - moved).norm_squared();
@@ -663,6 +670,11 @@ pub(crate) struct Found {
     pub(crate) latency_sigma_s: f64,
     pub(crate) gyro_bias_radps: Vector3<f64>,
     pub(crate) gyro_sigma_radps: Vector3<f64>,
+}
+
+/// How an antenna swings, east and north, per unit of its arm, 1/s.
+fn swing_of(to_level: &Matrix3<f64>, rate_radps: &Vector3<f64>) -> Matrix2x3<f32> {
+    level_rows(&(to_level * rate_radps.cross_matrix()))
 }
 
 /// East and north of what turns a vector of the body to the level.
