@@ -145,9 +145,10 @@ fn latency(found: &Identification) -> Option<String> {
     let most = OFFSET * found.config.gnss.latency_sigma_s;
     (known(latency) && latency.value.abs() - 3.0 * latency.sigma > most).then(|| {
         format!(
-            "GNSS is {} s late, where {} is the most that is expected: stamps of another clock, or \
+            "GNSS is {} s {}, where {} is the most that is expected: stamps of another clock, or \
              velocities averaged over seconds.",
-            digits(latency.sigma, latency.value),
+            digits(latency.sigma, latency.value.abs()),
+            if latency.value < 0.0 { "early" } else { "late" },
             brief(most)
         )
     })
