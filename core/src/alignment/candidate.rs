@@ -307,36 +307,28 @@ impl Candidate {
     /// over what they should be.
     pub(crate) fn compare(&mut self, sighting: &Sighting, excess: f32, node: &Node) -> f32 {
         self.sighting += 1;
-        let seconds = single(self.seconds_to(sighting.time));
-        let body = matrix(&self.attitude);
-        let (turn, gained) = node.without_bias(&self.gyro_bias_radps, &Vector3::zeros());
-        let force = (body * gained).map(single) / single(node.seconds());
-        let accel = force.xy();
-        let velocity = self.velocity_mps + seconds * accel;
-        let way = self.way_m + seconds * (self.velocity_mps + 0.5 * seconds * accel);
-        self.way_m = -seconds * (self.velocity_mps + 0.5 * seconds * accel);
-        let swing = swing_of(&body, &(turn / node.seconds()));
-        let swing_rate = (swing - self.swing_radps) / single(node.seconds());
-        let level = level_rows(&body);
+        let moment = self.moment(sighting, node);
+        let velocity_before = self.velocity_before_mps;
+        let level_before = core::mem::replace(&mut self.level_before, moment.level);
         let Some(first) = self.first_mps else {
-            self.level_before = level;
-            self.begin(sighting, velocity, &swing);
+            self.begin(sighting, moment.velocity_mps, &moment.swing_radps);
             return 1.0;
         };
-        let span_s = sighting.span_s;
-        let (seen, pushed, back_s, swing) = if span_s > 0.0 {
-            let mean_accel = (velocity - self.velocity_before_mps) / span_s;
-            let swing = (level - self.level_before) / span_s;
-            (way / span_s, mean_accel, seconds - 0.5 * span_s, swing)
+        self.velocity_before_mps = moment.velocity_mps;
+        let shown = if sighting.span_s > 0.0 {
+            moment.mean(sighting.span_s, velocity_before, &level_before)
         } else {
-            (velocity, self.accel_mps2, seconds, swing)
+            Shown {
+                velocity_mps: moment.velocity_mps,
+                accel_mps2: self.accel_mps2,
+                back_s: moment.seconds,
+                swing_radps: moment.swing_radps,
+            }
         };
-        self.velocity_before_mps = velocity;
-        self.level_before = level;
-        let antenna = seen + swing * self.lever_arm_m;
+        let antenna = shown.velocity_mps + shown.swing_radps * self.lever_arm_m;
         let white = excess * sighting.sigma_mps * sighting.sigma_mps;
         let d = sighting.velocity_mps - first;
-        self.felt += seen.norm_squared();
+        self.felt += shown.velocity_mps.norm_squared();
         self.saw += d.norm_squared();
         let since_s = sighting.time.seconds_since(self.last_sighting);
         self.last_sighting = sighting.time;
@@ -345,25 +337,62 @@ impl Candidate {
         let unknown = self.covariance.variance(COS) + self.covariance.variance(SIN);
         // Second order of the latency: half the jerk times its square.
         let late = self.covariance.variance(LATENCY);
-        let jerk = (accel + swing_rate * self.lever_arm_m - self.accel_mps2) / single(SMOOTH_S);
         let noise = sighting.alike * white
-            + 0.5 * late * late * jerk.norm_squared()
+            + 0.5 * late * late * moment.jerk_mps3.norm_squared()
             + 0.5 * unknown * (d - moved).norm_squared();
-        let late = pushed - self.first_accel_mps2;
+        let late = shown.accel_mps2 - self.first_accel_mps2;
+        let (force, swing) = (&moment.force_mps2, &shown.swing_radps);
         let rows = [
-            row(0, moved, back_s, &force, late.x, &swing),
-            row(1, turned_back(moved), back_s, &force, late.y, &swing),
+            row(0, moved, shown.back_s, force, late.x, swing),
+            row(1, turned_back(moved), shown.back_s, force, late.y, swing),
         ];
-        let [x, y] = rows;
-        let residual = Vector2::new(
+        let residual = [
             antenna.x - self.rotation.dot(&d),
             antenna.y - self.rotation.dot(&turned_back(d)),
-        );
+        ];
+        self.seen_mps = shown.velocity_mps;
+        let misfit = self.take(&rows, residual, noise, invented);
+        self.normalize();
+        self.anchor(moved);
+        if self.steady_s > STEADY_S && self.is_lost() {
+            self.lose();
+            self.begin(sighting, moment.velocity_mps, swing);
+        }
+        misfit
+    }
+
+    /// The motion at the moment of a sighting, from where the way of the next one counts.
+    fn moment(&mut self, sighting: &Sighting, node: &Node) -> Moment {
+        let seconds = single(self.seconds_to(sighting.time));
+        let node_s = single(node.seconds());
+        let body = matrix(&self.attitude);
+        let (turn, gained) = node.without_bias(&self.gyro_bias_radps, &Vector3::zeros());
+        let force_mps2 = (body * gained).map(single) / node_s;
+        let accel = force_mps2.xy();
+        let way = seconds * (self.velocity_mps + 0.5 * seconds * accel);
+        let way_m = self.way_m + way;
+        self.way_m = -way;
+        let swing_radps = swing_of(&body, &(turn / node.seconds()));
+        let swung = (swing_radps - self.swing_radps) / node_s * self.lever_arm_m;
+        Moment {
+            seconds,
+            force_mps2,
+            velocity_mps: self.velocity_mps + seconds * accel,
+            way_m,
+            level: level_rows(&body),
+            swing_radps,
+            jerk_mps3: (accel + swung - self.accel_mps2) / single(SMOOTH_S),
+        }
+    }
+
+    /// Takes both residuals, of one variance of noise, part of it `invented` by what stands beside
+    /// cosine and sine. Returns their mean square over what it should be.
+    fn take(&mut self, rows: &[Row; 2], residual: [f32; 2], noise: f32, invented: f32) -> f32 {
         let mut correction = Row::zeros();
         let mut misfit = 0.0;
         let mut expected = 0.0;
         let before = [COS, SIN].map(|i| self.covariance.variance(i));
-        for (h, residual) in [(&x, residual.x), (&y, residual.y)] {
+        for (h, residual) in rows.iter().zip(residual) {
             let (ratio, variance) = self.weigh(h, residual, noise, &mut correction);
             let log = single(libm::log(f64::from(variance)));
             self.log_likelihood -= 0.5 * (limited(ratio) + log);
@@ -373,14 +402,7 @@ impl Candidate {
         for (unknown, before) in [COS, SIN].into_iter().zip(before) {
             self.unlearn(unknown, before, 2.0 * invented / expected);
         }
-        self.seen_mps = seen;
         self.correct(&correction);
-        self.normalize();
-        self.anchor(moved);
-        if self.steady_s > STEADY_S && self.is_lost() {
-            self.lose();
-            self.begin(sighting, velocity, &swing);
-        }
         misfit
     }
 
@@ -654,6 +676,41 @@ pub(crate) fn widest_gyro_sigma(known: &Parameters, config: &Config) -> f64 {
     (0..3).fold(0.0, |widest, axis| {
         math::max(widest, gyro_sigma(known, axis, config))
     })
+}
+
+/// The motion at the moment of a sighting, in the frame that points anywhere.
+struct Moment {
+    /// After where the INS stands, s.
+    seconds: f32,
+    force_mps2: Vector3<f32>,
+    velocity_mps: Vector2<f32>,
+    /// Since the last sighting, m.
+    way_m: Vector2<f32>,
+    level: Matrix2x3<f32>,
+    swing_radps: Matrix2x3<f32>,
+    /// Of the antenna, m/s^3.
+    jerk_mps3: Vector2<f32>,
+}
+
+impl Moment {
+    /// The mean over the time since the last sighting, at which velocity and attitude were these.
+    fn mean(&self, span_s: f32, velocity_mps: Vector2<f32>, level: &Matrix2x3<f32>) -> Shown {
+        Shown {
+            velocity_mps: self.way_m / span_s,
+            accel_mps2: (self.velocity_mps - velocity_mps) / span_s,
+            back_s: self.seconds - 0.5 * span_s,
+            swing_radps: (self.level - level) / span_s,
+        }
+    }
+}
+
+/// What of the motion a sighting is compared with.
+struct Shown {
+    velocity_mps: Vector2<f32>,
+    accel_mps2: Vector2<f32>,
+    /// How long after where the INS stands, s.
+    back_s: f32,
+    swing_radps: Matrix2x3<f32>,
 }
 
 /// What a candidate has found.
