@@ -54,8 +54,8 @@ const RESUMED_TILT_RAD: f64 = 0.1;
 const HEADING_SIGMA_RAD: f64 = 0.3;
 /// Sigmas by which the rate about up at rest may miss that of the Earth for a gyrocompass.
 const COMPASS_SIGMAS: f64 = 4.0;
-/// Pieces of work a second on nodes, sightings and answers: half as many again as arise.
-const WORK_PER_S: f64 = 90.0;
+/// Pieces of work a second on nodes, sightings and answers: twice as many as arise.
+const WORK_PER_S: f64 = 120.0;
 /// Age at which a measured heading counts no more while aligning, s, and least spread of one that
 /// is so old, rad.
 const MEASURED_S: f64 = 1.0;
