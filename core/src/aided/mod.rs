@@ -316,11 +316,13 @@ impl<const N: usize> AidedIns<N> {
                 accel.sigma = math::sqrt(accel.sigma * accel.sigma + unseen);
             }
             // What swings on an arm shows it in the scale of the gyros.
-            let scale = &config.sensors.gyro_scale;
+            let scale = config.sensors.gyro_scale;
             let off = scale * scale + config.sensors.cross_axis_variance();
             for arm in &mut estimates.lever_arm_m {
                 let grown = math::sqrt(arm.sigma * arm.sigma + off * arm.value * arm.value);
-                arm.sigma = math::min(grown, config.gnss.lever_arm_sigma_m);
+                // Of one that was told, no more than what was told; never less than what is known.
+                let most = math::max(arm.sigma, config.gnss.lever_arm_sigma_m);
+                arm.sigma = math::min(grown, most);
             }
         }
         estimates

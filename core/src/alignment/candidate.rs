@@ -21,7 +21,7 @@
 //! nothing, any rotation being as likely as another; later it is linear over one interval of
 //! fixes instead of the whole search.
 //!
-//! Nothing but `e` and `a` are felt by the unit, so an antenna that swings on an arm while the unit
+//! Nothing but `e` and `u` are felt by the unit, so an antenna that swings on an arm while the unit
 //! hardly moves is explained by no rotation and no arm, `(c, s) = b = 0`, as well as by the true ones,
 //! and better where the latency is off: its sine and cosine then leave the length 1 that they have.
 //! Where that is so while the unit felt little of what GNSS saw, all begin anew.
@@ -145,7 +145,7 @@ pub(crate) struct Candidate {
     mark_mps: Vector2<f32>,
     steady_s: f32,
     last_sighting: Time,
-    /// Acceleration, smoothed, and at the first sighting.
+    /// Acceleration of the antenna, smoothed, and at the first sighting.
     accel_mps2: Vector2<f32>,
     first_accel_mps2: Vector2<f32>,
     /// How the antenna swung in the last node, per unit of its arm, 1/s.
