@@ -37,6 +37,8 @@ pub struct Calibration {
     pub gyro_misalignment_rad: [Known; 3],
     /// GNSS latency, s.
     pub gnss_latency_s: Known,
+    /// By how much positions are later than the velocities beside them, s.
+    pub gnss_position_delay_s: Known,
     /// Growth of the latency, s/s.
     pub clock_drift: Known,
     /// Smoothing by the receiver, s^2.
@@ -49,12 +51,16 @@ pub struct Calibration {
 
 impl Calibration {
     /// Each group and its first parameter.
-    fn groups(&mut self) -> [(usize, &mut [Known]); 10] {
+    fn groups(&mut self) -> [(usize, &mut [Known]); 11] {
         use core::slice::from_mut;
         [
             (index::LATENCY, from_mut(&mut self.gnss_latency_s)),
             (index::GYRO, &mut self.gyro_bias_radps),
             (index::ACCEL, &mut self.accel_bias_mps2),
+            (
+                index::POSITION_DELAY,
+                from_mut(&mut self.gnss_position_delay_s),
+            ),
             (index::CLOCK_DRIFT, from_mut(&mut self.clock_drift)),
             (index::LEVER_ARM, &mut self.lever_arm_m),
             (index::ACCEL_SCALE, &mut self.accel_scale),

@@ -138,6 +138,9 @@ pub struct GnssConfig {
     pub trust_stated_sigma: bool,
     /// Spread of the unknown latency, s.
     pub latency_sigma_s: f64,
+    /// Spread of by how much positions are later than the velocities beside them, s: a receiver that
+    /// filters one and not the other, or makes velocities of positions, delays them apart. Zero: not.
+    pub position_delay_sigma_s: f64,
     /// Spread of the rate of the inertial clock against GNSS time, s/s; zero where both are
     /// stamped by one clock.
     pub clock_drift_sigma: f64,
@@ -296,6 +299,7 @@ impl GnssConfig {
             finite(arm, "gnss.lever_arm_m")?;
         }
         not_negative(self.latency_sigma_s, "gnss.latency_sigma_s")?;
+        not_negative(self.position_delay_sigma_s, "gnss.position_delay_sigma_s")?;
         not_negative(self.clock_drift_sigma, "gnss.clock_drift_sigma")?;
         not_negative(self.lever_arm_sigma_m, "gnss.lever_arm_sigma_m")?;
         not_negative(self.smoothing_s2, "gnss.smoothing_s2")
@@ -304,7 +308,7 @@ impl GnssConfig {
 
 /// Configuration of a [`Navigator`](crate::Navigator).
 ///
-/// A spread of zero says that something is known exactly. Of smoothing, clock drift, lever arm, scale
+/// A spread of zero says that something is known exactly. Of smoothing, delay of positions, clock drift, lever arm, scale
 /// errors of accelerometers and of gyros, and misalignments, in this order, those after the last that
 /// is not zero are not estimated, and cost nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -347,6 +351,7 @@ impl Config {
             (index::GYRO, 3, s.gyro_bias_radps, 1e-9),
             (index::ACCEL, 3, s.accel_bias_mps2, 1e-6),
             (index::SMOOTHING, 1, g.smoothing_s2, 1e-9),
+            (index::POSITION_DELAY, 1, g.position_delay_sigma_s, 1e-6),
             (index::CLOCK_DRIFT, 1, g.clock_drift_sigma, 1e-12),
             (index::LEVER_ARM, 3, g.lever_arm_sigma_m, 1e-4),
             (index::ACCEL_SCALE, 3, s.accel_scale, 1e-7),
@@ -445,6 +450,7 @@ impl Config {
                 noise_range: [0.1, 10.0],
                 trust_stated_sigma: false,
                 latency_sigma_s: 0.2,
+                position_delay_sigma_s: 0.2,
                 clock_drift_sigma: 0.0,
                 lever_arm_m: [0.0; 3],
                 lever_arm_sigma_m: 0.0,

@@ -76,6 +76,8 @@ pub struct Estimates {
     pub gnss_latency_s: Estimate,
     /// The latency at the last fix, s.
     pub gnss_latency_now_s: Estimate,
+    /// By how much positions are later than the velocities beside them, s; negative: earlier.
+    pub gnss_position_delay_s: Estimate,
     /// Growth of the latency, s/s: the inertial clock loses this on GNSS time.
     pub clock_drift: Estimate,
     /// Smoothing by the receiver: variance of the times that one output is a mean of, s^2.
@@ -164,6 +166,7 @@ impl Estimates {
             ],
             gnss_latency_s: known(index::LATENCY, Observability::NeedsAcceleration),
             gnss_latency_now_s: known(index::LATENCY, Observability::NeedsAcceleration),
+            gnss_position_delay_s: known(index::POSITION_DELAY, Observability::NeedsAcceleration),
             clock_drift: known(index::CLOCK_DRIFT, Observability::NeedsTime),
             gnss_smoothing_s2: known(index::SMOOTHING, Observability::NeedsAcceleration),
             accel_scale: [0, 1, 2]

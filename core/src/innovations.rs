@@ -138,13 +138,14 @@ impl Innovations {
     }
 
     /// Learns from an innovation that was taken: its square against its whole variance, per
-    /// component, and itself in sigmas.
-    pub fn learn(&mut self, square: f64, sigmas: &Vector2<f64>, range: [f64; 2]) {
+    /// component, the share that white noise has of that variance, and itself in sigmas. A step of
+    /// Fisher's scoring: where the INS is uncertain little is said of the noise.
+    pub fn learn(&mut self, square: f64, share: f64, sigmas: &Vector2<f64>, range: [f64; 2]) {
         // A single wild innovation must not open the gate for the next.
         let bounded = math::min(square, ROBUST_SIGMAS * ROBUST_SIGMAS);
-        let scale = self.scale * (1.0 + (bounded - 1.0) / self.memory);
+        let scale = self.scale * (1.0 + share * (bounded - 1.0) / self.memory);
         self.scale = math::variance_within(scale, range);
-        self.memory = math::min(self.memory + 1.0, LONGEST_MEMORY);
+        self.memory = math::min(self.memory + share * share, LONGEST_MEMORY);
         let likeness = 0.5 * sigmas.dot(&self.last);
         let likeness = math::max(math::min(likeness, 3.0), -3.0);
         let memory = math::min(self.memory, CORRELATION_MEMORY);

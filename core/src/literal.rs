@@ -472,7 +472,7 @@ fn credible(
     };
     let sigmas = innovation / math::sqrt(variance);
     let square = sigmas.norm_squared() / components;
-    innovations.learn(square, &sigmas, config.gnss.noise_range);
+    innovations.learn(square, 1.0, &sigmas, config.gnss.noise_range);
     true
 }
 

@@ -59,6 +59,8 @@ pub struct Difference {
     pub stated_variance: Option<f64>,
     /// Variance that it has on top.
     pub more_variance: f64,
+    /// Whether velocities come with it: positions may be later than these.
+    pub beside_velocity: bool,
     /// Latency already taken out by the choice of the moment, s.
     pub latency_applied_s: f64,
 }

@@ -4,7 +4,7 @@ use crate::math;
 use nalgebra::{ArrayStorage, SVector, Vector3};
 
 /// How many there are.
-pub const COUNT: usize = 23;
+pub const COUNT: usize = 24;
 /// Elements of a triangular matrix over them.
 pub const PAIRS: usize = COUNT * (COUNT + 1) / 2;
 
@@ -25,19 +25,21 @@ pub mod index {
     pub const ACCEL: usize = 5;
     /// Smoothing by the receiver: variance of the times that its output is a mean of, s^2.
     pub const SMOOTHING: usize = 8;
+    /// By how much positions are later than the velocities beside them, s.
+    pub const POSITION_DELAY: usize = 9;
     /// Rate at which the latency grows: what the inertial clock loses on that of GNSS, s/s.
-    pub const CLOCK_DRIFT: usize = 9;
+    pub const CLOCK_DRIFT: usize = 10;
     /// First of three lever-arm components (right, forward, up), m.
-    pub const LEVER_ARM: usize = 10;
+    pub const LEVER_ARM: usize = 11;
     /// First of three scale errors of the accelerometers.
-    pub const ACCEL_SCALE: usize = 13;
+    pub const ACCEL_SCALE: usize = 14;
     /// Scale error of the gyros in turns about the vertical axis of the mount.
-    pub const TURN_SCALE: usize = 16;
+    pub const TURN_SCALE: usize = 17;
     /// First of three scale errors of the gyros in all other turns.
-    pub const GYRO_SCALE: usize = 17;
+    pub const GYRO_SCALE: usize = 18;
     /// First of three misalignments: what the gyros make of all other turns, about each axis of the
     /// body, about the vertical, rad.
-    pub const GYRO_MISALIGNMENT: usize = 20;
+    pub const GYRO_MISALIGNMENT: usize = 21;
 }
 
 /// Values and standard deviations.

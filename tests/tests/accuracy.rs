@@ -1,12 +1,14 @@
 //! What the running estimators reach on a few seeded drives: enough to see a broken one at once.
 
 use host_sim::identify::run::{Identification, identify};
+use host_sim::log::Log;
 use host_sim::sim::Grade;
 use host_sim::sim::noise::Random;
 use host_sim::study::accuracy::{Check, QUANTITIES, Run, Study};
 use host_sim::study::conditions::{self, Trial};
 use indicatif::ProgressBar;
 use ins_core::Config;
+use ins_core::Observability;
 use ins_core::config::HeadingSource;
 use ins_tests::drives::drive;
 use nalgebra::Vector2;
@@ -129,6 +131,37 @@ fn fixes_that_are_said_to_be_noisy_count_for_less() {
     // Weights by variance against equal ones: sqrt((1 + 2 / 25) (1 + 2 * 25)) / 3 = 2.5 times
     // less; that wild innovations count for less anyway takes some of it.
     assert!(known.sigma < 0.6 * guessed.sigma, "{known:?} {guessed:?}");
+}
+
+/// Each fix with the velocity of four fixes ago, 0.4 s late, and a position that is not.
+#[test]
+fn positions_that_are_not_as_late_as_velocities_are_told_apart() {
+    const LATE_S: f64 = 0.4;
+    let (config, mut log) = drive(Grade::Hg1700, 15.0);
+    let delays = |log: &Log| {
+        let found = identify(log, config, &ProgressBar::hidden()).unwrap();
+        let estimates = found.end.estimates;
+        (estimates.gnss_latency_s, estimates.gnss_position_delay_s)
+    };
+    let (latency, delay) = delays(&log);
+    let own = log.gnss.clone();
+    for (fix, before) in log.gnss.iter_mut().skip(4).zip(own) {
+        assert!((fix.time.seconds_since(before.time) - LATE_S).abs() < 1e-5);
+        fix.velocity_en_mps = before.velocity_en_mps;
+        fix.velocity_up_mps = before.velocity_up_mps;
+    }
+    let (late, early) = delays(&log);
+    println!("{latency:?} {delay:?}, {late:?} {early:?}");
+    for (found, off_s) in [
+        (delay, delay.value),
+        (early, early.value + LATE_S),
+        (late, late.value - latency.value - LATE_S),
+    ] {
+        assert!(found.observability == Observability::Observable);
+        // What 0.05 m/s and 1.5 m show at 15 m/s in a quarter of an hour is good to some milliseconds.
+        assert!(found.sigma < 0.01, "{found:?}");
+        assert!(off_s.abs() < 3.5 * found.sigma, "{found:?}: {off_s}");
+    }
 }
 
 /// Latency and lever arm at the end of a run of a kind, in sigmas, where they are observable.

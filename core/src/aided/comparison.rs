@@ -195,6 +195,7 @@ impl Comparison {
             } else {
                 0.0
             },
+            beside_velocity: self.velocity.has,
             latency_applied_s: self.latency_applied_s,
         }
     }

@@ -36,7 +36,7 @@ impl Observer {
         };
         pace.step(self.horizon);
         let per_manoeuvre = pace.per_manoeuvre;
-        let direct = self.shown_directly(past, kind.measured());
+        let direct = self.shown_directly(past, kind.measured(), difference);
         let residual = difference.value - self.predicted(&direct, kind.measured(), difference);
         let bent = self.bent_variance(past, kind, &direct)
             + per_manoeuvre * self.skew_variance(past, kind)
@@ -92,7 +92,7 @@ impl Observer {
         let noise = described.white * described.white * learnt / difference.fixes;
         let white = noise + bent;
         let predicted = channel.predicted(kind.measured());
-        let (first_axis, components) = if kind.is_up() { (2, 1.0) } else { (0, 2.0) };
+        let components = if kind.is_up() { 1.0 } else { 2.0 };
         let pair = Vector2::new(
             innovation.first().copied().unwrap_or(0.0),
             innovation.get(1).copied().unwrap_or(0.0),
@@ -132,15 +132,11 @@ impl Observer {
         let tilt = channel.tilt();
         let gains = channel.update(kind.measured(), white);
         let total = predicted + white;
-        for (axis, innovation) in (first_axis..).zip(innovation) {
-            self.followed.correct(axis, &gains, innovation);
-        }
+        self.followed.correct(&gains, &innovation);
         let single_gains = gains.map(math::single);
         let responses = estimated(&mut self.responses, &self.corrections);
         for (response, by) in responses.iter_mut().zip(by.iter()) {
-            for (axis, by) in (first_axis..).zip(by) {
-                response.correct(axis, &single_gains, -by);
-            }
+            response.correct(&single_gains, &by.map(|by| -by));
         }
         let weights = [math::single(1.0 / total); R];
         let added = self
@@ -151,7 +147,7 @@ impl Observer {
         // Of something else's variance they say nothing.
         if !gnss.trust_stated_sigma && difference.more_variance < noise {
             let sigmas = pair / math::sqrt(total * 0.5 * components);
-            innovations.learn(square, &sigmas, gnss.noise_range);
+            innovations.learn(square, noise / total, &sigmas, gnss.noise_range);
             // While the parameters themselves are uncertain it says little of the noise.
             if f64::from(added.determinant) < 1.0 + components {
                 self.learn_colour(kind, &pair, components, total, config);
@@ -225,7 +221,12 @@ impl Observer {
     fn bent_variance(&self, past: &Past, kind: Kind, direct: &Direct<'_>) -> f64 {
         let square = |x: f64| x * x;
         let p = &self.parameters;
-        let latency = square(p.sigma(index::LATENCY));
+        let own_delay = if direct.delays {
+            square(p.sigma(index::POSITION_DELAY))
+        } else {
+            0.0
+        };
+        let latency = square(p.sigma(index::LATENCY)) + own_delay;
         let azimuth = square(p.sigma(index::AZIMUTH));
         let arm_axis = |axis: usize| square(p.sigma(index::LEVER_ARM + axis));
         let arm = (arm_axis(0) + arm_axis(1) + arm_axis(2)) / 3.0;
@@ -236,8 +237,11 @@ impl Observer {
         let turned = 0.5 * azimuth * first.norm_squared();
         let swung = arm * swing.norm_squared() / 3.0;
         let bent = 0.25 * latency * second.norm_squared();
+        // Of what is too fast for the ring, which positions hardly show.
         let unseen = match kind.measured() {
-            Measured::Velocity => self.unseen_variance(past, direct),
+            Measured::Velocity => {
+                past.unseen_velocity + past.unseen_rate * direct.arm_m.norm_squared()
+            }
             Measured::Position => 0.0,
         };
         unseen + latency * (bent + swung + turned)
@@ -261,19 +265,14 @@ impl Observer {
         smoothing_s2 * smoothing_s2 * smoothing_s2 / 9.0 * third2
     }
 
-    /// Variance of a velocity by what is too fast for the ring.
-    fn unseen_variance(&self, past: &Past, direct: &Direct<'_>) -> f64 {
-        let sigma = self.parameters.sigma(index::SMOOTHING);
-        let smoothing = 0.5 * sigma * (1.0 - direct.seen_jerk);
-        past.unseen_velocity
-            + past.unseen_rate * direct.arm_m.norm_squared()
-            + 0.5 * smoothing * smoothing * past.jerk_mps3.norm_squared()
-    }
-
     /// What receiver and antenna add to INS minus GNSS.
-    fn shown_directly<'a>(&self, past: &'a Past, measured: Measured) -> Direct<'a> {
+    fn shown_directly<'a>(
+        &self,
+        past: &'a Past,
+        measured: Measured,
+        difference: &Difference,
+    ) -> Direct<'a> {
         let arm_m = self.parameters.lever_arm();
-        let seen_jerk = seen_jerk(past);
         // A platform held by GNSS leans as that errs, and gravity would be taken for a motion that goes
         // with the error to come: errors in variables, 2 sigmas of the latency of a slow vehicle.
         let (force_mps2, tilt) = (&past.accel_mps2, &self.followed.error.tilt_rad);
@@ -281,10 +280,16 @@ impl Observer {
         let mut accel_mps2 = past.accel_mps2 + past.attitude_accel * arm_m;
         accel_mps2.x += up_mps2 * tilt.y - force_mps2.y * tilt.z;
         accel_mps2.y += force_mps2.x * tilt.z - up_mps2 * tilt.x;
+        let delays = measured == Measured::Position && difference.beside_velocity;
+        let delay_s = if delays {
+            self.parameters.value(index::POSITION_DELAY)
+        } else {
+            0.0
+        };
         let (by_latency, by_smoothing) = match measured {
-            Measured::Velocity => (accel_mps2, -0.5 * seen_jerk * past.jerk_mps3),
+            Measured::Velocity => (accel_mps2, -0.5 * seen_jerk(past) * past.jerk_mps3),
             Measured::Position => (
-                past.velocity_mps + past.attitude_rate * arm_m,
+                past.velocity_mps + past.attitude_rate * arm_m - accel_mps2 * delay_s,
                 -0.5 * accel_mps2,
             ),
         };
@@ -293,8 +298,10 @@ impl Observer {
         let by_azimuth = Vector3::new(seen_arm.y, -seen_arm.x, 0.0);
         Direct {
             arm_m,
-            seen_jerk,
             by_latency,
+            delays,
+            // Of half a second the second order is decimetres.
+            delayed: (by_latency + 0.5 * accel_mps2 * delay_s) * delay_s,
             by_smoothing,
             by_lever,
             by_arm: by_azimuth * self.followed.error.tilt_rad.z - seen_arm,
@@ -313,7 +320,7 @@ impl Observer {
         let latency = p.value(index::LATENCY) + self.unsolved_s * p.value(index::CLOCK_DRIFT);
         let late = direct.by_latency * (latency - difference.latency_applied_s);
         let smoothed = direct.by_smoothing * p.value(index::SMOOTHING);
-        self.followed.shows(measured) + late + smoothed + direct.by_arm
+        self.followed.shows(measured) + late + direct.delayed + smoothed + direct.by_arm
     }
 
     /// What a unit of each parameter more would add to that, of the axes that `of` gives.
@@ -339,6 +346,9 @@ impl Observer {
         add(index::AZIMUTH, &singles(&direct.by_azimuth));
         let by_latency = singles(&direct.by_latency);
         add(index::LATENCY, &by_latency);
+        if direct.delays {
+            add(index::POSITION_DELAY, &by_latency);
+        }
         let drifted = by_latency * math::single(self.unsolved_s);
         add(index::CLOCK_DRIFT, &drifted);
         let by_lever = direct.by_lever.map(math::single);
@@ -363,11 +373,14 @@ impl Observer {
 /// What a unit of latency and of smoothing adds to INS minus GNSS, and of the arm takes from it.
 struct Direct<'a> {
     arm_m: Vector3<f64>,
-    seen_jerk: f64,
     /// With the antenna on such an arm `l`: by `C l` it is away from the sensors, and by the derivatives
     /// of that it moves otherwise. What swings on an arm of metres is felt in these more than in what the
     /// sensors do.
     by_latency: Vector3<f64>,
+    /// Whether it is a position that may be later than the latency by a delay of its own, which shows
+    /// as the latency does, and what that delay as it is adds.
+    delays: bool,
+    delayed: Vector3<f64>,
     /// A mean over times of variance `s` lies by `s / 2` times the second derivative off.
     by_smoothing: Vector3<f64>,
     by_lever: &'a Matrix3<f64>,

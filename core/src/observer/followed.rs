@@ -54,21 +54,34 @@ impl<T: RealField + Copy> Followed<T> {
             .component_mul_assign(&Vector3::new(position, position, position_up));
     }
 
-    /// Corrects one axis by an innovation: `dV_N' = g Phi_E` and `dV_E' = -g Phi_N`.
+    /// Corrects east and north, or up, by an innovation of each: `dV_N' = g Phi_E` and `dV_E' = -g Phi_N`.
     #[inline]
-    pub fn correct(&mut self, axis: usize, gains: &SVector<T, 5>, by: T) {
-        let add = |v: &mut Vector3<T>, gain: T| {
-            if let Some(x) = v.get_mut(axis) {
-                *x += gain * by;
+    pub fn correct<const R: usize>(&mut self, gains: &SVector<T, 5>, by: &[T; R]) {
+        let Self {
+            error,
+            velocity_noise,
+            position_noise,
+        } = self;
+        let of_axes = [
+            (&mut error.position_m, gains.x),
+            (&mut error.velocity_mps, gains.y),
+            (velocity_noise, gains.w),
+            (position_noise, gains.a),
+        ];
+        match by.as_slice() {
+            [east, north] => {
+                for (v, gain) in of_axes {
+                    v.x += gain * *east;
+                    v.y += gain * *north;
+                }
+                error.tilt_rad.y -= gains.z * *east;
+                error.tilt_rad.x += gains.z * *north;
             }
-        };
-        add(&mut self.error.position_m, gains.x);
-        add(&mut self.error.velocity_mps, gains.y);
-        add(&mut self.velocity_noise, gains.w);
-        add(&mut self.position_noise, gains.a);
-        match axis {
-            0 => self.error.tilt_rad.y -= gains.z * by,
-            1 => self.error.tilt_rad.x += gains.z * by,
+            [up] => {
+                for (v, gain) in of_axes {
+                    v.z += gain * *up;
+                }
+            }
             _ => {}
         }
     }

@@ -155,7 +155,7 @@ fn the_strength_of_noise_is_learnt_within_its_range() {
         let mut mean = 0.0;
         for (k, sigmas) in noise(20_000).enumerate() {
             let square = true_scale / innovations.scale() * sigmas.norm_squared() / 2.0;
-            innovations.learn(square, &sigmas, RANGE);
+            innovations.learn(square, 1.0, &sigmas, RANGE);
             if k >= 4000 {
                 mean += innovations.scale() / 16_000.0;
             }
@@ -168,6 +168,26 @@ fn the_strength_of_noise_is_learnt_within_its_range() {
     }
 }
 
+/// Where three quarters of the variance are the INS's own the noise takes sixteen times as long to be
+/// learnt of, and what is learnt is not made a quarter of.
+#[test]
+fn an_uncertain_ins_says_little_of_the_noise() {
+    let mut innovations = Innovations::default();
+    for (k, sigmas) in noise(20_000).enumerate() {
+        let total = 3.0 + innovations.scale();
+        let square = (3.0 + 0.25) / total * sigmas.norm_squared() / 2.0;
+        innovations.learn(square, innovations.scale() / total, &sigmas, RANGE);
+        if k == 100 {
+            assert!(innovations.scale() > 0.6, "{}", innovations.scale());
+        }
+    }
+    assert!(
+        (0.1..0.5).contains(&innovations.scale()),
+        "{}",
+        innovations.scale()
+    );
+}
+
 #[test]
 fn colour_is_seen() {
     // Each is 0.6 of the one before and what is new: variance one.
@@ -175,7 +195,7 @@ fn colour_is_seen() {
     let mut coloured = Vector2::zeros();
     for new in noise(5000) {
         coloured = 0.6 * coloured + 0.8 * new;
-        innovations.learn(coloured.norm_squared() / 2.0, &coloured, RANGE);
+        innovations.learn(coloured.norm_squared() / 2.0, 1.0, &coloured, RANGE);
     }
     // A mean of such numbers varies by (1 + 0.6) / (1 - 0.6) times what one of white ones does;
     // 200 pairs tell 0.6 to 0.06.
@@ -186,7 +206,7 @@ fn colour_is_seen() {
 #[test]
 fn one_wild_innovation_does_not_open_the_gate_for_the_next() {
     let mut innovations = Innovations::default();
-    innovations.learn(1e12, &Vector2::repeat(1e6), RANGE);
+    innovations.learn(1e12, 1.0, &Vector2::repeat(1e6), RANGE);
     assert!(innovations.scale() < 1.3, "{}", innovations.scale());
     assert!(innovations.inflation().is_finite());
 }

@@ -68,11 +68,16 @@ pub fn noise(world: &World, config: &Config) -> Noise {
 }
 
 /// What the core is told of the receiver by a user who has its true noise, and knows whether it
-/// smooths.
+/// smooths, and delays velocities and positions apart.
 pub fn of_receiver(world: &World, config: Config) -> Config {
     let mut gnss = tell_of_fixes(&world.errors.gnss, config.gnss);
-    if world.errors.gnss.habits.smoothing_s <= 0.0 {
+    let habits = &world.errors.gnss.habits;
+    let smooths = habits.smoothing_s > 0.0;
+    if !smooths {
         gnss.smoothing_s2 = 0.0;
+    }
+    if !habits.velocity_by_differences && (habits.smooths_position || !smooths) {
+        gnss.position_delay_sigma_s = 0.0;
     }
     Config { gnss, ..config }
 }

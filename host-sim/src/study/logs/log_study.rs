@@ -76,7 +76,10 @@ pub const ALLOWANCE: &str = "heading 0.3 deg, accelerometers 0.5 mg, gyros 10 de
 pub type Optional = (&'static str, fn(&mut Config));
 
 /// All of them: a prior spread of nothing.
-pub const OPTIONAL: [Optional; 4] = [
+pub const OPTIONAL: [Optional; 5] = [
+    ("delay of positions", |c| {
+        c.gnss.position_delay_sigma_s = 0.0;
+    }),
     ("clock drift", |c| c.gnss.clock_drift_sigma = 0.0),
     ("lever arm", |c| c.gnss.lever_arm_sigma_m = 0.0),
     ("accelerometer scales", |c| c.sensors.accel_scale = 0.0),
