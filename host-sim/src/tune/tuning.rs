@@ -31,6 +31,8 @@ pub struct Tuning {
     pub grade: Grade,
     /// A fix stamped t shows the motion at t minus this.
     pub gnss_delay_s: Found,
+    /// By how much positions are later than the velocities beside them; negative: earlier.
+    pub gnss_position_delay_s: Found,
     /// Antenna from the unit.
     pub lever_arm_m: [Found; 3],
     pub mount: Mount,
@@ -109,6 +111,7 @@ impl Tuning {
             imu_rate_hz: log.imu_rate_hz(),
             grade: summary.grade,
             gnss_delay_s: Found::of(&e.gnss_latency_s, DELAY).plus(log.meta.gnss_clock_offset_s),
+            gnss_position_delay_s: Found::of(&e.gnss_position_delay_s, DELAY),
             lever_arm_m: e.lever_arm_m.map(|arm| Found::of(&arm, no_lever)),
             mount: Mount::new(&found.history, e),
             gyro_bias_radps: level_up(&e.gyro_bias_radps, LEVEL_GYRO, VERTICAL_GYRO),

@@ -57,6 +57,12 @@ fn rows(t: &Tuning) -> Vec<Row> {
     let white = t.gnss_velocity_noise_mps;
     [
         one("GNSS delay", t.gnss_delay_s, 1e3, "ms"),
+        one(
+            "positions after velocities",
+            t.gnss_position_delay_s,
+            1e3,
+            "ms",
+        ),
         each("antenna", &t.lever_arm_m, 1.0, "m"),
         one("mount roll, right down", roll, deg, "deg"),
         one("mount pitch, nose up", pitch, deg, "deg"),
