@@ -308,9 +308,9 @@ impl GnssConfig {
 
 /// Configuration of a [`Navigator`](crate::Navigator).
 ///
-/// A spread of zero says that something is known exactly. Of smoothing, delay of positions, clock drift, lever arm, scale
-/// errors of accelerometers and of gyros, and misalignments, in this order, those after the last that
-/// is not zero are not estimated, and cost nothing.
+/// A spread of zero says that something is known exactly. Of smoothing, delay of positions, clock
+/// drift, lever arm, scale errors of accelerometers and of gyros, and misalignments, in this order,
+/// those after the last that is not zero are not estimated, and cost nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
