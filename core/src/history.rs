@@ -285,10 +285,16 @@ impl<const N: usize> History<N> {
     }
 
     /// Shows all that happened from one moment to another in pieces of at most `longest_s` or of
-    /// one moment of the ring.
+    /// one moment of the ring, for as long as more is wanted.
     // Not generic in what is shown to: one copy in flash serves all.
     #[inline(never)]
-    pub fn between(&self, from: Time, to: Time, longest_s: f64, show: &mut dyn FnMut(&Span, Time)) {
+    pub fn between(
+        &self,
+        from: Time,
+        to: Time,
+        longest_s: f64,
+        show: &mut dyn FnMut(&Span, Time) -> bool,
+    ) {
         let mut piece = Span::default();
         let mut shown = from;
         for recorded in self.moments.since_first(|recorded| recorded.time > from) {
@@ -308,7 +314,9 @@ impl<const N: usize> History<N> {
                 piece = part;
             } else if piece.seconds + part.seconds > longest_s {
                 shown = shown.plus_seconds(piece.seconds);
-                show(&piece, shown);
+                if !show(&piece, shown) {
+                    return;
+                }
                 piece = part;
             } else {
                 piece.extend(&part);

@@ -101,7 +101,7 @@ impl Estimator {
         }
     }
 
-    /// Brings the horizon to a later moment of the past.
+    /// Brings the horizon to a later moment of the past, or a piece of the way there.
     pub fn advance<const N: usize>(
         &mut self,
         history: &History<N>,
@@ -114,11 +114,13 @@ impl Estimator {
         match self {
             Self::Exact(observer) => history.between(from, to, PIECE_S, &mut |piece, end| {
                 observer.propagate(piece, end, frame_rate_radps, accel_mps2, config);
+                false
             }),
             #[cfg(feature = "literal")]
             Self::Literal(literal) => {
                 history.between(from, to, PIECE_S, &mut |piece, end| {
                     literal.propagate(piece, end);
+                    false
                 });
             }
         }

@@ -186,8 +186,18 @@ impl<const N: usize> AidedIns<N> {
         true
     }
 
-    /// Brings the estimators to the moment of the comparison.
+    /// Brings the estimators a piece nearer to the moment of the comparison; once they are there, says
+    /// what of it is to be taken.
     fn come_to_comparison(&mut self, config: &Config) {
+        let from = self.estimator.horizon();
+        if let Some(moment) = self.comparison.as_ref().map(|own| own.past.time)
+            && moment > from
+        {
+            self.advance(moment, config);
+            if self.estimator.horizon() > from {
+                return;
+            }
+        }
         let Some(comparison) = &mut self.comparison else {
             return;
         };
@@ -210,10 +220,6 @@ impl<const N: usize> AidedIns<N> {
         }
         self.manoeuvre = Manoeuvre::of(&comparison.past);
         comparison.go_on(None);
-        let moment = comparison.past.time;
-        if moment > self.estimator.horizon() {
-            self.advance(moment, config);
-        }
     }
 
     /// Lets the estimators take one kind of measurement.

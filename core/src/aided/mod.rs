@@ -454,7 +454,7 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    /// Brings the estimators to a moment of the ring.
+    /// Brings the estimators to a moment of the ring, or a piece of the way there.
     fn advance(&mut self, to: Time, config: &Config) {
         let frame_rate = self.frame_rate();
         self.estimator.advance(
@@ -464,10 +464,14 @@ impl<const N: usize> AidedIns<N> {
             &self.compensation.accel_mps2,
             config,
         );
+        let at = self.estimator.horizon();
         let mut since = Span::default();
         let forever_s = f64::MAX;
         self.history
-            .between(to, self.now, forever_s, &mut |piece, _| since = *piece);
+            .between(at, self.now, forever_s, &mut |piece, _| {
+                since = *piece;
+                false
+            });
         self.before_current = since;
     }
 

@@ -241,6 +241,7 @@ fn total(history: &History<N>, from: Time, to: Time, longest_s: f64) -> (Span, V
     history.between(from, to, longest_s, &mut |piece, end| {
         whole = whole.then(piece);
         ends.push(end);
+        true
     });
     (whole, ends)
 }
