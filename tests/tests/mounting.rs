@@ -1,8 +1,6 @@
 //! What scale errors and misalignments of the sensors look like to an INS whose unit is tilted, and
 //! what becomes of one whose unit is turned without its gyros having seen it.
 
-use std::sync::LazyLock;
-
 use host_sim::identify::run::{Event, in_order_of_time};
 use host_sim::sim::car::Car;
 use host_sim::sim::errors::BiasModel;
@@ -11,7 +9,7 @@ use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, record, simulate};
 use host_sim::study::accuracy::config_of;
 use ins_core::config::HeadingSource;
 use ins_core::earth::GRAVITY_EQUATOR_MPS2 as G;
-use ins_core::{Config, Navigator};
+use ins_core::{Config, Navigator, Phase};
 use nalgebra::{Matrix3, UnitQuaternion, UnitVector3, Vector3};
 
 const MINUTES: f64 = 20.0;
@@ -121,26 +119,30 @@ fn turned(
         }
     }
     let truth = drive.truth.last().unwrap().attitude * turn;
-    let own = navigator.solution().unwrap().attitude;
-    (navigator, (own * truth.inverse()).scaled_axis())
+    // Without a solution nothing is said of it.
+    let error = (navigator.solution()).map_or(Vector3::repeat(f64::NAN), |own| {
+        (own.attitude * truth.inverse()).scaled_axis()
+    });
+    (navigator, error)
 }
 
-static DRIVE: LazyLock<SimulatedDrive> = LazyLock::new(|| {
-    let mut config = DriveConfig::new(3, Grade::Hg1700, FOUND_S / 60.0);
+fn drive_to_turn(seed: u64) -> SimulatedDrive {
+    let mut config = DriveConfig::new(seed, Grade::Hg1700, FOUND_S / 60.0);
     config.recording.truth_every = 1;
     simulate(&config)
-});
+}
 
-/// Turns unseen, by axis and angle, and what became of the navigator.
+/// Turns unseen on a drive, by axis and angle, and what became of the navigator.
 fn each_turn(
+    drive: &SimulatedDrive,
     axes: &[UnitVector3<f64>],
     velocities: bool,
-    check: impl Fn(&str, &Navigator, Vector3<f64>),
+    mut check: impl FnMut(&str, &Navigator, Vector3<f64>),
 ) {
     for axis in axes {
         for degrees in [5.0, 20.0, 60.0, 180.0_f64] {
             let turn = UnitQuaternion::from_axis_angle(axis, degrees.to_radians());
-            let (navigator, error) = turned(&DRIVE, turn, velocities);
+            let (navigator, error) = turned(drive, turn, velocities);
             check(
                 &format!("{axis:?} {degrees} deg: {error:?}"),
                 &navigator,
@@ -154,7 +156,7 @@ fn each_turn(
 #[test]
 fn a_unit_that_is_turned_unseen_finds_its_attitude_again() {
     let axes = [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()];
-    each_turn(&axes, true, |case, navigator, error| {
+    each_turn(&drive_to_turn(3), &axes, true, |case, navigator, error| {
         let sigma = navigator.sigma().unwrap().attitude_rad;
         assert!(
             error.component_div(&sigma).amax() < 5.0,
@@ -167,11 +169,28 @@ fn a_unit_that_is_turned_unseen_finds_its_attitude_again() {
     });
 }
 
-/// Positions alone tell it later, and heading last.
+/// Positions alone tell it later, and heading last: one unit in twenty is still being aligned, and says
+/// so. Of 48 more than seven are one time in a hundred.
 #[test]
 fn positions_alone_level_a_unit_that_is_turned_unseen() {
     let axes = [Vector3::x_axis(), Vector3::y_axis()];
-    each_turn(&axes, false, |case, _, error| {
-        assert!(error.xy().norm() < 0.04, "{case}");
-    });
+    let (mut turns, mut level) = (0, 0);
+    for seed in 3..9 {
+        each_turn(
+            &drive_to_turn(seed),
+            &axes,
+            false,
+            |case, navigator, error| {
+                turns += 1;
+                if error.xy().norm() < 0.04 {
+                    level += 1;
+                    return;
+                }
+                let phase = navigator.health().phase;
+                println!("{seed}, {case}, {phase:?}");
+                assert_ne!(phase, Phase::Navigating, "{seed}, {case}");
+            },
+        );
+    }
+    assert!(level + 7 >= turns, "{level} of {turns}");
 }
