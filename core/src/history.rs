@@ -284,19 +284,11 @@ impl<const N: usize> History<N> {
         });
     }
 
-    /// Shows all that happened from one moment to another in pieces of at most `longest_s` or of
-    /// one moment of the ring, for as long as more is wanted.
-    // Not generic in what is shown to: one copy in flash serves all.
+    /// What happened first from one moment to another, and until when: as much as `longest_s` holds, or
+    /// one moment of the ring.
     #[inline(never)]
-    pub fn between(
-        &self,
-        from: Time,
-        to: Time,
-        longest_s: f64,
-        show: &mut dyn FnMut(&Span, Time) -> bool,
-    ) {
+    pub fn piece(&self, from: Time, to: Time, longest_s: f64) -> Option<(Span, Time)> {
         let mut piece = Span::default();
-        let mut shown = from;
         for recorded in self.moments.since_first(|recorded| recorded.time > from) {
             let seconds = f64::from(recorded.span.seconds);
             let end_s = recorded.time.seconds_since(from);
@@ -313,18 +305,12 @@ impl<const N: usize> History<N> {
             if piece.seconds <= 0.0 {
                 piece = part;
             } else if piece.seconds + part.seconds > longest_s {
-                shown = shown.plus_seconds(piece.seconds);
-                if !show(&piece, shown) {
-                    return;
-                }
-                piece = part;
+                return Some((piece, from.plus_seconds(piece.seconds)));
             } else {
                 piece.extend(&part);
             }
         }
-        if piece.seconds > 0.0 {
-            show(&piece, to);
-        }
+        (piece.seconds > 0.0).then_some((piece, to))
     }
 
     /// The INS at `time`, which must lie after the first moment of the ring, and which is best

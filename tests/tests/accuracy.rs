@@ -7,9 +7,8 @@ use host_sim::sim::noise::Random;
 use host_sim::study::accuracy::{Check, QUANTITIES, Run, Study};
 use host_sim::study::conditions::{self, Trial};
 use indicatif::ProgressBar;
-use ins_core::Config;
-use ins_core::Observability;
 use ins_core::config::HeadingSource;
+use ins_core::{Config, Observability};
 use ins_tests::drives::drive;
 use nalgebra::Vector2;
 

@@ -169,8 +169,8 @@ fn a_unit_that_is_turned_unseen_finds_its_attitude_again() {
     });
 }
 
-/// Positions alone tell it later, and heading last: one unit in twenty is still being aligned, and says
-/// so. Of 48 more than seven are one time in a hundred.
+/// Positions alone tell it later, and heading last: one unit in sixteen is still being aligned, and
+/// says so. Of 48 more than seven are one time in a hundred.
 #[test]
 fn positions_alone_level_a_unit_that_is_turned_unseen() {
     let axes = [Vector3::x_axis(), Vector3::y_axis()];

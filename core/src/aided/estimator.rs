@@ -110,19 +110,15 @@ impl Estimator {
         accel_mps2: &Vector3<f64>,
         config: &Config,
     ) {
-        let from = self.horizon();
+        let Some((piece, end)) = history.piece(self.horizon(), to, PIECE_S) else {
+            return;
+        };
         match self {
-            Self::Exact(observer) => history.between(from, to, PIECE_S, &mut |piece, end| {
-                observer.propagate(piece, end, frame_rate_radps, accel_mps2, config);
-                false
-            }),
-            #[cfg(feature = "literal")]
-            Self::Literal(literal) => {
-                history.between(from, to, PIECE_S, &mut |piece, end| {
-                    literal.propagate(piece, end);
-                    false
-                });
+            Self::Exact(observer) => {
+                observer.propagate(&piece, end, frame_rate_radps, accel_mps2, config);
             }
+            #[cfg(feature = "literal")]
+            Self::Literal(literal) => literal.propagate(&piece, end),
         }
     }
 

@@ -464,15 +464,9 @@ impl<const N: usize> AidedIns<N> {
             &self.compensation.accel_mps2,
             config,
         );
-        let at = self.estimator.horizon();
-        let mut since = Span::default();
-        let forever_s = f64::MAX;
-        self.history
-            .between(at, self.now, forever_s, &mut |piece, _| {
-                since = *piece;
-                false
-            });
-        self.before_current = since;
+        let horizon = self.estimator.horizon();
+        let since = self.history.piece(horizon, self.now, f64::MAX);
+        self.before_current = since.map_or_else(Span::default, |(since, _)| since);
     }
 
     /// Without GNSS the loops are open: what the observer sees in the INS is taken out at once,

@@ -238,11 +238,12 @@ fn ring_of(spans: &[Span]) -> (History<N>, Time) {
 /// All from one moment to another, put together from pieces.
 fn total(history: &History<N>, from: Time, to: Time, longest_s: f64) -> (Span, Vec<Time>) {
     let (mut whole, mut ends) = (Span::default(), Vec::new());
-    history.between(from, to, longest_s, &mut |piece, end| {
-        whole = whole.then(piece);
+    let mut at = from;
+    while let Some((piece, end)) = history.piece(at, to, longest_s) {
+        whole = whole.then(&piece);
         ends.push(end);
-        true
-    });
+        at = end;
+    }
     (whole, ends)
 }
 
