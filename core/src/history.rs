@@ -130,7 +130,7 @@ impl Span<f32> {
 
 /// Least time between two moments in the ring, s: short against manoeuvres, and the receiver's
 /// own smoothing is no shorter.
-const SPACING_S: f64 = 0.095;
+pub const SPACING_S: f64 = 0.095;
 
 /// Time over which a receiver smooths from which on one derivative is too few, s: of a turn at 1 rad/s
 /// the next one adds a fifth to it.

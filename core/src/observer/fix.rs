@@ -6,7 +6,7 @@ use super::{Observer, estimated};
 use crate::channel::Measured;
 use crate::config::{Config, Noise};
 use crate::earth::GRAVITY_EQUATOR_MPS2;
-use crate::history::Past;
+use crate::history::{Past, SPACING_S};
 use crate::innovations::{Credit, against_described, is_ordinary};
 use crate::math::{self, singles};
 use crate::measurement::{Difference, Kind};
@@ -18,6 +18,10 @@ type By<const R: usize> = [[f32; R]; COUNT];
 /// Square of the jerk that a swing of a velocity of unit variance leaves: a third of it is in the
 /// means over a tenth of a second, their second difference is four times that, on two axes.
 const SWING_PER_S4: f64 = 6e4;
+
+/// Sigmas of the noise of a gyro, in its mean between two moments of the ring, within which a rate shows
+/// nothing: beyond, the noise of all three is a thirtieth of its square.
+const NOISE_SIGMAS: f64 = 10.0;
 
 impl Observer {
     /// Compares the INS at the horizon, which must be a moment of the past, with a fix; whether it
@@ -36,7 +40,7 @@ impl Observer {
         };
         pace.step(self.horizon);
         let per_manoeuvre = pace.per_manoeuvre;
-        let direct = self.shown_directly(past, kind.measured(), difference);
+        let direct = self.shown_directly(past, kind.measured(), difference, config);
         let residual = difference.value - self.predicted(&direct, kind.measured(), difference);
         let bent = self.bent_variance(past, kind, &direct)
             + per_manoeuvre * self.skew_variance(past, kind)
@@ -218,7 +222,7 @@ impl Observer {
     /// Variance per component of what is not linear in the parameters: of a latency in a motion that
     /// bends, of an antenna that swings on an unknown arm, and in a frame that points elsewhere. It goes
     /// as they become known; what jolts hide between two moments of the ring stays.
-    fn bent_variance(&self, past: &Past, kind: Kind, direct: &Direct<'_>) -> f64 {
+    fn bent_variance(&self, past: &Past, kind: Kind, direct: &Direct) -> f64 {
         let square = |x: f64| x * x;
         let p = &self.parameters;
         let own_delay = if direct.delays {
@@ -266,12 +270,13 @@ impl Observer {
     }
 
     /// What receiver and antenna add to INS minus GNSS.
-    fn shown_directly<'a>(
+    fn shown_directly(
         &self,
-        past: &'a Past,
+        past: &Past,
         measured: Measured,
         difference: &Difference,
-    ) -> Direct<'a> {
+        config: &Config,
+    ) -> Direct {
         let arm_m = self.parameters.lever_arm();
         // A platform held by GNSS leans as that errs, and gravity would be taken for a motion that goes
         // with the error to come: errors in variables, 2 sigmas of the latency of a slow vehicle.
@@ -293,9 +298,8 @@ impl Observer {
                 -0.5 * accel_mps2,
             ),
         };
-        let by_lever = by_lever(past, measured);
+        let by_lever = self.by_lever(past, measured, config);
         let seen_arm = by_lever * arm_m;
-        let by_azimuth = Vector3::new(seen_arm.y, -seen_arm.x, 0.0);
         Direct {
             arm_m,
             by_latency,
@@ -304,15 +308,33 @@ impl Observer {
             delayed: (by_latency + 0.5 * accel_mps2 * delay_s) * delay_s,
             by_smoothing,
             by_lever,
-            by_arm: by_azimuth * self.followed.error.tilt_rad.z - seen_arm,
-            by_azimuth,
+            by_arm: -seen_arm,
+            by_azimuth: Vector3::new(seen_arm.y, -seen_arm.x, 0.0),
         }
+    }
+
+    /// What a unit of each component of the arm takes from it. The platform leans as the noise of GNSS
+    /// has made it lean, and gyros at rest read noise, which drives the INS as well: either would show an
+    /// arm that is not there (errors in variables).
+    fn by_lever(&self, past: &Past, measured: Measured, config: &Config) -> Matrix3<f64> {
+        let seen = match measured {
+            Measured::Velocity => {
+                let noise = NOISE_SIGMAS * config.sensors.mean_gyro_noise();
+                let least = noise * noise * self.gyro_noise.ratio() / SPACING_S;
+                if 0.5 * past.attitude_rate.norm_squared() < least {
+                    return Matrix3::zeros();
+                }
+                &past.attitude_rate
+            }
+            Measured::Position => &past.attitude,
+        };
+        seen + self.followed.error.tilt_rad.cross_matrix() * seen
     }
 
     /// INS minus GNSS as the parameters would have it.
     fn predicted(
         &self,
-        direct: &Direct<'_>,
+        direct: &Direct,
         measured: Measured,
         difference: &Difference,
     ) -> Vector3<f64> {
@@ -326,7 +348,7 @@ impl Observer {
     /// What a unit of each parameter more would add to that, of the axes that `of` gives.
     fn shown_by<const R: usize>(
         &self,
-        direct: &Direct<'_>,
+        direct: &Direct,
         measured: Measured,
         of: impl Fn(&Vector3<f32>) -> [f32; R],
     ) -> By<R> {
@@ -371,7 +393,7 @@ impl Observer {
 }
 
 /// What a unit of latency and of smoothing adds to INS minus GNSS, and of the arm takes from it.
-struct Direct<'a> {
+struct Direct {
     arm_m: Vector3<f64>,
     /// With the antenna on such an arm `l`: by `C l` it is away from the sensors, and by the derivatives
     /// of that it moves otherwise. What swings on an arm of metres is felt in these more than in what the
@@ -383,18 +405,10 @@ struct Direct<'a> {
     delayed: Vector3<f64>,
     /// A mean over times of variance `s` lies by `s / 2` times the second derivative off.
     by_smoothing: Vector3<f64>,
-    by_lever: &'a Matrix3<f64>,
-    /// By the arm as it is, where it points and not where the INS has it, and by a unit of that.
+    by_lever: Matrix3<f64>,
+    /// By the arm as it is, where it points and not where the INS has it, and by a unit of azimuth.
     by_arm: Vector3<f64>,
     by_azimuth: Vector3<f64>,
-}
-
-/// What a unit of each component of that arm takes from it.
-fn by_lever(past: &Past, measured: Measured) -> &Matrix3<f64> {
-    match measured {
-        Measured::Velocity => &past.attitude_rate,
-        Measured::Position => &past.attitude,
-    }
 }
 
 /// Part of the jerk that is the vehicle's, and not what swings faster than the ring leave in it:
