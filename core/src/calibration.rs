@@ -6,6 +6,12 @@ use crate::config::{Config, ConfigError};
 use crate::math;
 use crate::parameters::{Parameters, index};
 
+/// Least part of a configured spread that is left of it: single precision holds no less, and nothing is
+/// known a million times better than its data sheet.
+const LEAST: f64 = 1e-6;
+/// Time for which clocks may have drifted apart before the unit was switched off, s.
+const RUN_S: f64 = 3600.0;
+
 /// A value and one standard deviation of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -88,7 +94,8 @@ impl Calibration {
     }
 
     /// The same, for a unit that has been switched off and on: its biases are others now by what
-    /// the data sheet calls run-to-run (turn-on) repeatability, rad/s and m/s^2.
+    /// the data sheet calls run-to-run (turn-on) repeatability, rad/s and m/s^2. Clocks that drift
+    /// apart begin anew as well: the latency is another by what they do in an hour.
     #[must_use]
     pub fn after_turn_on(mut self, gyro_radps: f64, accel_mps2: f64) -> Self {
         let widen = |known: &mut Known, by: f64| {
@@ -102,6 +109,8 @@ impl Calibration {
             widen(gyro, gyro_radps);
             widen(accel, accel_mps2);
         }
+        let drifted_s = RUN_S * self.clock_drift.value;
+        widen(&mut self.gnss_latency_s, drifted_s);
         self
     }
 
@@ -116,12 +125,15 @@ impl Calibration {
                 if !(known.value.is_finite() && known.sigma.is_finite()) {
                     return Err(ConfigError::NotFinite("calibration"));
                 }
-                let estimated = belief.sigma(which) > 0.0;
-                if known.sigma < 0.0 || (estimated && known.sigma <= 0.0) {
+                let prior = belief.sigma(which);
+                if known.sigma < 0.0 || (prior > 0.0 && known.sigma <= 0.0) {
                     return Err(ConfigError::NotPositive("calibration"));
                 }
-                let sigma = math::min(known.sigma, belief.sigma(which));
-                belief.set(which, known.value, sigma);
+                // What is not estimated is as configured.
+                if prior > 0.0 {
+                    let sigma = math::min(math::max(known.sigma, LEAST * prior), prior);
+                    belief.set(which, known.value, sigma);
+                }
             }
         }
         Ok(belief)

@@ -133,8 +133,8 @@ pub struct GnssConfig {
     pub height_m: Noise,
     /// Least and greatest factor by which these standard deviations may turn out wrong.
     pub noise_range: [f64; 2],
-    /// Whether the sigma that a fix states is to be believed as it stands, and nothing learnt.
-    /// Else its changes are.
+    /// Whether the sigma that a fix states is to be believed as it stands, within that range, and nothing
+    /// learnt. Else its changes are.
     pub trust_stated_sigma: bool,
     /// Spread of the unknown latency, s.
     pub latency_sigma_s: f64,
@@ -340,27 +340,10 @@ impl Config {
     /// What is believed of the parameters before any data.
     #[inline(never)]
     pub(crate) fn prior(&self) -> Parameters {
-        let s = &self.sensors;
         let g = &self.gnss;
-        let askew = math::sqrt(s.cross_axis_variance());
-        // Spread of each, and the least of one that is estimated: zero would make the equations
-        // infinite.
-        let groups = [
-            (index::AZIMUTH, 1, 1.0, 1.0),
-            (index::LATENCY, 1, g.latency_sigma_s, 1e-6),
-            (index::GYRO, 3, s.gyro_bias_radps, 1e-9),
-            (index::ACCEL, 3, s.accel_bias_mps2, 1e-6),
-            (index::SMOOTHING, 1, g.smoothing_s2, 1e-9),
-            (index::POSITION_DELAY, 1, g.position_delay_sigma_s, 1e-6),
-            (index::CLOCK_DRIFT, 1, g.clock_drift_sigma, 1e-12),
-            (index::LEVER_ARM, 3, g.lever_arm_sigma_m, 1e-4),
-            (index::ACCEL_SCALE, 3, s.accel_scale, 1e-7),
-            (index::TURN_SCALE, 4, s.gyro_scale, 1e-7),
-            (index::GYRO_MISALIGNMENT, 3, askew, 1e-7),
-        ];
         let mut prior = Parameters::NONE;
         let mut needed = false;
-        for (first, count, sigma, least) in groups.into_iter().rev() {
+        for (first, count, sigma, least) in self.spreads().into_iter().rev() {
             // Those before the last that is not known exactly are estimated with it.
             needed |= sigma > 0.0 || first <= index::ACCEL;
             if needed {
@@ -373,6 +356,35 @@ impl Config {
             prior.shift(index::LEVER_ARM + axis, *arm);
         }
         prior
+    }
+
+    /// Whether a parameter is given, and not to be found.
+    pub(crate) fn gives(&self, parameter: usize) -> bool {
+        let of = |(first, count, sigma, _): &(usize, usize, f64, f64)| {
+            (*first..first + count).contains(&parameter) && *sigma <= 0.0
+        };
+        self.spreads().iter().any(of)
+    }
+
+    /// First of each group of parameters, how many there are, their spread, and the least of one that is
+    /// estimated: zero would make the equations infinite.
+    fn spreads(&self) -> [(usize, usize, f64, f64); 11] {
+        let s = &self.sensors;
+        let g = &self.gnss;
+        let askew = math::sqrt(s.cross_axis_variance());
+        [
+            (index::AZIMUTH, 1, 1.0, 1.0),
+            (index::LATENCY, 1, g.latency_sigma_s, 1e-6),
+            (index::GYRO, 3, s.gyro_bias_radps, 1e-9),
+            (index::ACCEL, 3, s.accel_bias_mps2, 1e-6),
+            (index::SMOOTHING, 1, g.smoothing_s2, 1e-9),
+            (index::POSITION_DELAY, 1, g.position_delay_sigma_s, 1e-6),
+            (index::CLOCK_DRIFT, 1, g.clock_drift_sigma, 1e-12),
+            (index::LEVER_ARM, 3, g.lever_arm_sigma_m, 1e-4),
+            (index::ACCEL_SCALE, 3, s.accel_scale, 1e-7),
+            (index::TURN_SCALE, 4, s.gyro_scale, 1e-7),
+            (index::GYRO_MISALIGNMENT, 3, askew, 1e-7),
+        ]
     }
 
     /// Tilt that a levelling leaves, rad: that of the accelerometer biases, and some.

@@ -138,10 +138,10 @@ impl Estimates {
             sigma: p.sigma(i),
             observability: if good {
                 Observability::Observable
-            } else if p.sigma(i) > 0.0 {
-                missing
-            } else {
+            } else if config.gives(i) {
                 Observability::Given
+            } else {
+                missing
             },
         };
         let known = |i: usize, missing: Observability| {

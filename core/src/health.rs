@@ -126,7 +126,7 @@ impl Tally {
 pub struct Health {
     /// How far the alignment has come.
     pub phase: Phase,
-    /// Moment of the last fix that was used, if the INS is on its own since then.
+    /// Since when the INS is on its own, if it is: when the last fix that was used had been compared.
     pub coasting_since: Option<Time>,
     /// The last fix whose outcome is known. Ask after each call: none settles more than one, or
     /// those that were compared as one.

@@ -108,7 +108,8 @@ impl Mechanization {
         self.move_by(&earth, &way_m);
 
         // `Phi` turns the platform itself: a control turns it with the sign of the frame rate.
-        let turn = dt * (frame_rate_mid(&earth, &earth_rate, &mean_velocity) + controls.rate_radps);
+        let frame_rate = earth_rate + earth.transport_rate(&mean_velocity);
+        let turn = dt * (frame_rate + controls.rate_radps);
         self.attitude = renormalized(
             small_rotation(&-turn)
                 * self.attitude.as_ref()
@@ -146,13 +147,4 @@ impl Mechanization {
     pub fn turn_platform(&mut self, phi_rad: &Vector3<f64>) {
         self.attitude = renormalized(small_rotation(&-phi_rad) * self.attitude.as_ref());
     }
-}
-
-/// Rotation rate of the frame at the velocity in the middle of the interval.
-fn frame_rate_mid(
-    earth: &LocalEarth,
-    earth_rate: &Vector3<f64>,
-    velocity: &Vector3<f64>,
-) -> Vector3<f64> {
-    earth_rate + earth.transport_rate(velocity)
 }

@@ -125,7 +125,7 @@ impl Navigator {
 
     /// A navigator that knows what an earlier run has found out about the same unit.
     ///
-    /// Where position or heading are known too, give them as a first fix, with their sigmas.
+    /// Where the position is known too, give it as a first fix; a heading by [`Navigator::on_heading`].
     ///
     /// # Errors
     /// As [`Self::new`]; also for a calibration that is not finite, or a sigma not above zero of
@@ -372,6 +372,12 @@ impl<const RING: usize> State<RING> {
         let hole = increments.has_hole(seconds);
         let reading_s = math::min(increments.reading_seconds(seconds, hole), LONGEST_READING_S);
         if largest.out_of_range(reading_s, config) {
+            // Increments over longer intervals than before are larger.
+            let rarer = hole && !largest.out_of_range(seconds, config);
+            if rarer && self.goes_on(sample.time, AFTER_HOLE_S) {
+                self.restart_at(sample, config);
+                self.inertial = Some((sample.time, Increments::new(config.imu_output, sample)));
+            }
             return ImuOutcome::OutOfRange;
         }
         let too_far = increments.turns_too_far(largest.gyro, seconds);
@@ -558,7 +564,7 @@ impl<const RING: usize> State<RING> {
             Mode::Navigating(_) if self.last_fix.is_some_and(repeats) => GnssOutcome::Repeated,
             Mode::Navigating(ins) => ins.on_fix(fix, tally, config),
             Mode::Aligning(alignment) => {
-                alignment.on_fix(now, fix, config);
+                alignment.on_fix(fix, config);
                 if let Some(ins) = &mut self.stopgap {
                     *ins = ins.at_fix(fix);
                 }

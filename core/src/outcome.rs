@@ -42,7 +42,8 @@ pub enum GnssOutcome {
     NotFinite,
     /// Neither position nor velocity.
     Empty,
-    /// The stamp is not later than the last one.
+    /// The stamp is not later than the last one by 10 ms: what a receiver has of one moment goes into one
+    /// fix.
     TimeNotIncreasing,
     /// While navigating: a vehicle that moves has the velocity of the last fix to the last bit. The
     /// receiver gives that fix again, is stuck, or coasts, and has measured nothing.

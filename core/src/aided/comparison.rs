@@ -107,8 +107,10 @@ pub struct Comparison {
     pub climb_variance: f64,
     /// The climb is not measured, but assumed to be none, within that.
     pub climb_assumed: bool,
-    /// Since the last position, s.
+    /// Since the last position, and since the last height, s.
     pub position_s: f64,
+    /// See above.
+    pub height_s: f64,
 }
 
 impl Comparison {

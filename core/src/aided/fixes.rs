@@ -154,6 +154,7 @@ impl<const N: usize> AidedIns<N> {
             position: Part::of(fix.position.is_some(), fix.sigma.position_m),
             height: Part::of(fix.height_m.is_some(), fix.sigma.height_m),
             position_s: past.time.seconds_since(self.last_position),
+            height_s: past.time.seconds_since(self.last_height),
         }
     }
 
@@ -202,13 +203,15 @@ impl<const N: usize> AidedIns<N> {
             return;
         };
         let white = |noise: &Noise| noise.correlated <= 0.0;
-        let due = comparison.position_s >= POSITION_INTERVAL_S
-            || !comparison.velocity.has
+        let at_once = !comparison.velocity.has
             || white(&config.gnss.position_m) && white(&config.gnss.height_m);
-        comparison.position.has &= due;
-        comparison.height.has &= due;
-        if comparison.position.has || comparison.height.has {
+        comparison.position.has &= at_once || comparison.position_s >= POSITION_INTERVAL_S;
+        comparison.height.has &= at_once || comparison.height_s >= POSITION_INTERVAL_S;
+        if comparison.position.has {
             self.last_position = comparison.newest;
+        }
+        if comparison.height.has {
+            self.last_height = comparison.newest;
         }
         let since_s = comparison.newest.seconds_since(self.last_vertical);
         let told = comparison.climb.has || comparison.height.has;
@@ -289,29 +292,30 @@ impl<const N: usize> AidedIns<N> {
             Feedback::Open => config.gnss.lever_arm_m.into(),
         };
         let mut differences = Differences::default();
-        let held = math::min(taken.position_s, HOLD_S) / math::min(taken.interval_s(), HOLD_S);
+        let held = |since_s: f64| math::min(since_s, HOLD_S) / math::min(taken.interval_s(), HOLD_S);
+        let (level_held, up_held) = (held(taken.position_s), held(taken.height_s));
         let velocity_mps = taken.velocity_mps + past.attitude_rate * arm;
-        let position_m = (taken.position_m + past.attitude * arm) * held;
+        let position_m = taken.position_m + past.attitude * arm;
         let followed = self.estimator.exact().map(|observer| *observer.error());
         let by_position =
             |used: bool, has_velocity: bool| followed.filter(|_| used && !has_velocity);
         if taken.velocity.used {
             differences.velocity_en_mps = Some(velocity_mps.xy());
         } else if let Some(error) = by_position(taken.position.used, taken.velocity.has) {
-            differences.velocity_en_mps = Some(error.velocity_mps.xy() * held);
+            differences.velocity_en_mps = Some(error.velocity_mps.xy() * level_held);
         }
         if taken.climb_assumed {
             differences.velocity_up_mps = followed.map(|error| error.velocity_mps.z);
         } else if taken.climb.used {
             differences.velocity_up_mps = Some(velocity_mps.z);
         } else if let Some(error) = by_position(taken.height.used, taken.climb.has) {
-            differences.velocity_up_mps = Some(error.velocity_mps.z * held);
+            differences.velocity_up_mps = Some(error.velocity_mps.z * up_held);
         }
         if taken.position.used {
-            differences.position_en_m = Some(position_m.xy());
+            differences.position_en_m = Some(position_m.xy() * level_held);
         }
         if taken.height.used {
-            differences.height_m = Some(position_m.z);
+            differences.height_m = Some(position_m.z * up_held);
         }
         differences
     }

@@ -13,7 +13,7 @@ use self::comparison::Comparison;
 use self::compensation::Compensation;
 use self::estimator::Estimator;
 use self::vertical_sign::VerticalSign;
-use crate::alignment::Aligned;
+use crate::alignment::{Aligned, MOVING_MPS};
 use crate::alignment::rest::{self, RestBlock, RestDetector, Verdict as RestVerdict};
 use crate::attitude::matrix;
 use crate::config::{Config, Feedback, Noise};
@@ -117,6 +117,7 @@ pub struct AidedIns<const N: usize> {
     /// Moment of the newest fix that was taken, and of the last position.
     newest: Time,
     last_position: Time,
+    last_height: Time,
     /// Of the last fix that told something vertical, or after which something was assumed.
     last_vertical: Time,
     /// When errors were last taken out of an INS without fixes.
@@ -171,6 +172,7 @@ impl<const N: usize> AidedIns<N> {
             comparison: None,
             newest: time,
             last_position: time,
+            last_height: time,
             last_vertical: time,
             last_coast: time,
             rest: RestDetector::default(),
@@ -240,7 +242,7 @@ impl<const N: usize> AidedIns<N> {
         self.estimator.exact()?.doubted()
     }
 
-    /// Moment of the last fix that was used, if there are no controls any more.
+    /// When the last controls were set, if there are none any more.
     pub fn coasting_since(&self) -> Option<Time> {
         (self.now > self.controls_until).then(|| self.controls_until.plus_seconds(-HOLD_S))
     }
@@ -538,6 +540,11 @@ impl<const N: usize> AidedIns<N> {
         let Some(observer) = self.estimator.exact_mut() else {
             return;
         };
+        // Where GNSS has no velocity, the INS that it holds has one.
+        let level_mps = self.mechanization.velocity_enu_mps.xy();
+        if level_mps.norm_squared() > MOVING_MPS * MOVING_MPS {
+            return;
+        }
         let earth_rate = self.mechanization.local_earth().earth_rate();
         let bias = block.rate_radps - matrix(&self.mechanization.attitude).tr_mul(&earth_rate);
         let variance = rest::gyro_variance(&config.sensors, block.seconds);

@@ -240,7 +240,7 @@ impl Candidate {
     pub(crate) fn advance(&mut self, node: &Node, up_rate_radps: f64, config: &Config) {
         let seconds = node.seconds();
         let body = matrix(&self.attitude);
-        let (turn, gained) = node.without_bias(&self.gyro_bias_radps, &Vector3::zeros());
+        let (turn, gained) = node.without_bias(&self.gyro_bias_radps);
         let force = (body * gained).map(single);
         let dt = single(seconds);
         self.way_m += dt * (self.velocity_mps + 0.5 * force.xy());
@@ -366,7 +366,7 @@ impl Candidate {
         let seconds = single(self.seconds_to(sighting.time));
         let node_s = single(node.seconds());
         let body = matrix(&self.attitude);
-        let (turn, gained) = node.without_bias(&self.gyro_bias_radps, &Vector3::zeros());
+        let (turn, gained) = node.without_bias(&self.gyro_bias_radps);
         let force_mps2 = (body * gained).map(single) / node_s;
         let accel = force_mps2.xy();
         let way = seconds * (self.velocity_mps + 0.5 * seconds * accel);

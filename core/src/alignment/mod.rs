@@ -44,10 +44,12 @@ const LEAST_REST_S: f64 = 2.0;
 const WAIT_S: f64 = 20.0;
 const WAIT_MOVING_S: f64 = 3.0;
 /// Speed that shows motion beyond doubt, m/s.
-const MOVING_MPS: f64 = 1.0;
+pub(crate) const MOVING_MPS: f64 = 1.0;
 /// Tilt of a level in motion that the search for the heading can start from, rad: beyond it the
 /// equations are not linear.
 const COARSE_TILT_RAD: f64 = 0.15;
+/// How many times better a latency must be known than the search finds it, to stand against it.
+const KNOWN_BETTER: f64 = 4.0;
 /// Tilt after a hole or with the level of a search that failed, rad.
 const RESUMED_TILT_RAD: f64 = 0.1;
 /// Largest spread of a heading that is good enough to navigate on, rad.
@@ -232,8 +234,10 @@ impl Alignment {
 
     /// Takes a fix; `now` is the last inertial stamp.
     #[inline(never)]
-    pub fn on_fix(&mut self, _now: Time, fix: &GnssFix, config: &Config) {
-        self.velocity_mps = fix.velocity_enu_mps();
+    pub fn on_fix(&mut self, fix: &GnssFix, config: &Config) {
+        let last = &self.velocity_mps;
+        let level = fix.velocity_en_mps.unwrap_or(last.xy());
+        self.velocity_mps = level.push(fix.velocity_up_mps.unwrap_or(last.z));
         let height_m = self.place.map_or(0.0, |(_, place)| place.height_m);
         if let Some(place) = fix.geodetic_or(height_m) {
             self.place = Some((fix.time, place));
@@ -523,8 +527,13 @@ impl Alignment {
         let found = &mixture.found;
         self.known
             .set(index::AZIMUTH, 0.0, mixture.rotation_sigma_rad);
-        self.known
-            .set(index::LATENCY, mixture.latency_s, mixture.latency_sigma_s);
+        let (latency_s, sigma_s) = (mixture.latency_s, mixture.latency_sigma_s);
+        // What was known much better the search has not asked for.
+        let known_s = self.known.sigma(index::LATENCY);
+        let stands = self.known.agrees(index::LATENCY, latency_s, sigma_s * sigma_s);
+        if !(stands && KNOWN_BETTER * known_s < sigma_s) {
+            self.known.set(index::LATENCY, latency_s, sigma_s);
+        }
         let gyros = found.gyro_bias_radps.iter().zip(&found.gyro_sigma_radps);
         for (axis, (bias, sigma)) in gyros.enumerate() {
             if *sigma < self.known.sigma(index::GYRO + axis) {
@@ -551,7 +560,7 @@ impl Alignment {
         let velocity = Vector3::new(level.x, level.y, self.velocity_mps.z);
         let mut ins = Mechanization::new(place, velocity, *candidate.attitude());
         let age_s = time.seconds_since(fixed) + self.known.value(index::LATENCY);
-        if age_s < OLDEST_FIX_S {
+        if math::abs(age_s) < OLDEST_FIX_S {
             ins.move_by(&ins.local_earth(), &(age_s * velocity));
         }
         ins.turn_heading(-found.rotation_rad);

@@ -35,16 +35,11 @@ impl Node {
         1e-6 * f64::from(self.micros)
     }
 
-    /// Rotation and velocity gained less those of constant biases, over `seconds`.
-    ///
-    /// Within the node the gyro bias turned the axes of the force by half of its angle.
-    pub(crate) fn without_bias(
-        &self,
-        gyro_radps: &Vector3<f64>,
-        accel_mps2: &Vector3<f64>,
-    ) -> (Vector3<f64>, Vector3<f64>) {
+    /// Rotation and velocity gained less what a constant gyro bias adds. Within the node it turned the
+    /// axes of the force by half of its angle.
+    pub(crate) fn without_bias(&self, gyro_radps: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let seconds = self.seconds();
-        let velocity = self.velocity_mps.map(f64::from) - seconds * accel_mps2;
+        let velocity = self.velocity_mps.map(f64::from);
         let turned = 0.5 * seconds * gyro_radps;
         (
             self.rotation_rad.map(f64::from) - seconds * gyro_radps,

@@ -10,7 +10,7 @@ use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::innovations::{LOST_S, Surprise};
 use crate::math::{self, singles};
 use crate::measurement::Kind;
-use crate::parameters::index;
+use crate::parameters::{COUNT, index};
 use crate::time::Time;
 
 /// Spread of the velocity of an INS that has lost its way, m/s: a second of braking, or of ten that
@@ -24,8 +24,10 @@ const ASTRAY_S: f64 = 0.5 * LOST_S;
 /// the vertical is: longer than a bump, and no manoeuvre tips the vertical velocity.
 const DOUBT_S: f64 = 10.0;
 const VERTICAL_DOUBT_S: f64 = 5.0;
-/// Prior sigmas that no parameter is off by, and a tilt that no levelled INS has, rad.
+/// Prior sigmas that no parameter is off by, least of them of the latency, s: 3 s is more than the ring
+/// holds; and a tilt that no levelled INS has, rad.
 const SOUND_SIGMAS: f64 = 30.0;
+const LATE_S: f64 = 0.1;
 const SOUND_TILT_RAD: f64 = 1.0;
 /// Rate and acceleration of an ordinary manoeuvre, which a hole of a second may hide, rad/s and m/s^2:
 /// a shorter one hides as much less, and a longer one no more.
@@ -136,12 +138,18 @@ impl Observer {
     /// configured. No other error than an attitude that is far off keeps pulling the vertical.
     pub fn is_sound(&self, config: &Config) -> bool {
         let prior = config.prior();
-        let credible = |(value, (prior, sigma)): (&f64, (&f64, &f32))| {
-            math::abs(value - prior) <= SOUND_SIGMAS * f64::from(*sigma)
+        let credible = |which: usize| {
+            let sigma = prior.sigma(which);
+            // Clocks drift apart, and the search for the heading finds the latency by itself.
+            let sigma = if which == index::LATENCY {
+                math::max(sigma, LATE_S)
+            } else {
+                sigma
+            };
+            math::abs(self.parameters.value(which) - prior.value(which)) <= SOUND_SIGMAS * sigma
         };
-        let parameters = prior.value.iter().zip(&prior.sigma);
         let error = &self.followed.error;
-        self.parameters.value.iter().zip(parameters).all(credible)
+        (0..COUNT).all(credible)
             && !self.vertical_doubts.is_hopeless()
             && math::all_finite(&error.position_m)
             && math::all_finite(&error.velocity_mps)

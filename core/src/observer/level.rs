@@ -46,7 +46,9 @@ impl Observer {
             self.levelled_s = FIRST_LEVEL_S;
             self.lately = [Vector3::zeros(); 2];
             let moved = config.sensors.cross_axis_variance() * step.norm_squared();
-            self.let_three_walk(index::ACCEL, moved);
+            for which in index::ACCEL..index::ACCEL + 3 {
+                self.let_walk(which, math::single(moved));
+            }
         }
     }
 

@@ -256,13 +256,6 @@ impl Observer {
         }
     }
 
-    /// Lets each of three parameters have walked by a variance.
-    pub(super) fn let_three_walk(&mut self, first: usize, variance: f64) {
-        for which in first..first + 3 {
-            self.let_walk(which, math::single(variance));
-        }
-    }
-
     /// Solves for the parameters.
     #[inline(never)]
     pub fn solve(&mut self) {
@@ -398,7 +391,7 @@ impl Observer {
         self.corrections.add(
             &mut row,
             [math::single(residual_rad)],
-            [math::single(1.0 / noise)],
+            [math::single(1.0 / (noise + self.azimuth_walk))],
         );
         true
     }
