@@ -8,7 +8,8 @@ use host_sim::study::accuracy::config_of;
 use ins_core::config::HeadingSource;
 use ins_core::earth::wrap_pi;
 use ins_core::{
-    Calibration, Config, GnssFix, GnssOutcome, Heading, ImuOutcome, ImuSample, Navigator, Phase,
+    Calibration, Config, GnssFix, GnssOutcome, Heading, ImuOutcome, ImuOutput, ImuSample,
+    Navigator, Observability, Phase,
 };
 use nalgebra::Vector3;
 
@@ -256,4 +257,105 @@ fn a_calibration_kept_is_believed_as_far_as_it_says() {
     let mut broken = kept;
     broken.clock_drift.sigma = 0.0;
     assert!(Navigator::warm(Config::mems(), &broken).is_err());
+}
+
+/// A sigma that single precision does not hold, and values that another configuration gives.
+#[test]
+fn any_calibration_that_is_taken_is_survived() {
+    let drive = &*DRIVE;
+    let kept = {
+        let mut navigator = navigator();
+        run(&mut navigator, drive, 0.0..200.0, |_, _, _| {});
+        navigator.calibration()
+    };
+    for sigma in [1e-50, 1e-20] {
+        let mut small = kept;
+        small.gyro_bias_radps[2].sigma = sigma;
+        small.gnss_latency_s.sigma = sigma;
+        let mut warm = Navigator::warm(config_of(Grade::Mems), &small).unwrap();
+        run(&mut warm, drive, 0.0..120.0, |navigator, _, _| {
+            let solution = navigator.solution();
+            assert!(solution.is_none_or(|s| s.attitude.coords.iter().all(|q| q.is_finite())));
+        });
+        let arm = warm.estimates().lever_arm_m;
+        assert!(arm.iter().all(|axis| axis.sigma < 2.0), "{arm:?}");
+    }
+    let mut config = config_of(Grade::Mems);
+    let antenna = [0.5, 1.0, 1.5];
+    config.gnss.lever_arm_m = antenna;
+    config.gnss.lever_arm_sigma_m = 0.0;
+    config.sensors.accel_scale = 0.0;
+    config.sensors.gyro_scale = 0.0;
+    config.sensors.cross_axis = 0.0;
+    let warm = Navigator::warm(config, &kept).unwrap();
+    assert_eq!(warm.estimates().lever_arm_m.map(|axis| axis.value), antenna);
+    let given = |estimate: ins_core::Estimate| estimate.observability == Observability::Given;
+    assert!(warm.estimates().lever_arm_m.into_iter().all(given));
+}
+
+/// Nothing is begun anew because the search for the heading finds less than what is known.
+#[test]
+fn a_latency_that_is_known_stays_so() {
+    let mut drive = DriveConfig::new(5, Grade::Mems, 5.0);
+    drive.recording.errors.gnss.latency_s = [0.0, 0.0];
+    let drive = simulate(&drive);
+    let mut config = config_of(Grade::Mems);
+    config.heading = HeadingSource::Motion;
+    config.gnss.latency_sigma_s = 1e-3;
+    let mut navigator = Navigator::new(config).unwrap();
+    run(&mut navigator, &drive, 0.0..300.0, |_, _, _| {});
+    let health = navigator.health();
+    assert_eq!((health.phase, health.restarts), (Phase::Navigating, 0));
+    let latency = navigator.estimates().gnss_latency_s;
+    assert!(
+        latency.value.abs() < 0.004 && latency.sigma <= 0.001,
+        "{latency:?}"
+    );
+}
+
+/// As of a barometer: heights between fixes leave these what they have.
+#[test]
+fn heights_between_do_not_keep_positions_out() {
+    let mut navigator = navigator();
+    let mut next_s = 0.0;
+    run(
+        &mut navigator,
+        &DRIVE,
+        0.0..200.0,
+        |navigator, count, sample| {
+            if sample.time.as_seconds() >= next_s {
+                next_s += 0.2;
+                let _ = navigator.on_gnss(&GnssFix {
+                    time: sample.time,
+                    height_m: Some(DRIVE.truth[count + 1].position.height_m),
+                    ..GnssFix::default()
+                });
+            }
+        },
+    );
+    let sigma = navigator.sigma().unwrap();
+    assert!(sigma.position_m.xy().norm() < 5.0, "{sigma:?}");
+}
+
+/// Increments that come at a twentieth of the rate are twenty times as large: a new start, and no end.
+#[test]
+fn increments_may_come_more_rarely() {
+    let mut drive = DriveConfig::new(3, Grade::Mems, 1.0);
+    drive.recording.errors.imu.output = ImuOutput::Increments;
+    let imu = simulate(&drive).imu;
+    let mut config = config_of(Grade::Mems);
+    config.imu_output = ImuOutput::Increments;
+    let mut navigator = Navigator::new(config).unwrap();
+    for sample in &imu[..3000] {
+        let _ = navigator.on_imu(sample);
+    }
+    let mut last = None;
+    for some in imu[3000..].chunks_exact(20) {
+        last = Some(navigator.on_imu(&ImuSample {
+            time: some[19].time,
+            gyro: some.iter().map(|sample| sample.gyro).sum(),
+            accel: some.iter().map(|sample| sample.accel).sum(),
+        }));
+    }
+    assert_eq!(last, Some(ImuOutcome::Accepted));
 }

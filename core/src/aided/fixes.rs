@@ -292,7 +292,8 @@ impl<const N: usize> AidedIns<N> {
             Feedback::Open => config.gnss.lever_arm_m.into(),
         };
         let mut differences = Differences::default();
-        let held = |since_s: f64| math::min(since_s, HOLD_S) / math::min(taken.interval_s(), HOLD_S);
+        let held =
+            |since_s: f64| math::min(since_s, HOLD_S) / math::min(taken.interval_s(), HOLD_S);
         let (level_held, up_held) = (held(taken.position_s), held(taken.height_s));
         let velocity_mps = taken.velocity_mps + past.attitude_rate * arm;
         let position_m = taken.position_m + past.attitude * arm;

@@ -530,7 +530,9 @@ impl Alignment {
         let (latency_s, sigma_s) = (mixture.latency_s, mixture.latency_sigma_s);
         // What was known much better the search has not asked for.
         let known_s = self.known.sigma(index::LATENCY);
-        let stands = self.known.agrees(index::LATENCY, latency_s, sigma_s * sigma_s);
+        let stands = self
+            .known
+            .agrees(index::LATENCY, latency_s, sigma_s * sigma_s);
         if !(stands && KNOWN_BETTER * known_s < sigma_s) {
             self.known.set(index::LATENCY, latency_s, sigma_s);
         }
