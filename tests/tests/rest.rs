@@ -1,8 +1,10 @@
 //! What the gyros of a standing vehicle tell, and what they do not.
 
+use std::f64::consts::TAU;
+
 use ins_core::config::HeadingSource;
-use ins_core::earth::{Geodetic, LocalEarth};
-use ins_core::{Config, GnssFix, ImuSample, Navigator, Phase, Time};
+use ins_core::earth::{Geodetic, LocalEarth, wrap_pi};
+use ins_core::{Config, GnssFix, GnssOutcome, Heading, ImuSample, Navigator, Phase, Time};
 use nalgebra::{Vector2, Vector3};
 
 const PLACE: Geodetic = Geodetic {
@@ -82,4 +84,38 @@ fn a_bias_that_moves_before_the_start_is_not_held_for_known() {
         (gyro - 0.5).abs() < 3.0 * sigma + 0.005,
         "{gyro} of {sigma}"
     );
+}
+
+/// At anchor it turns slowly for minutes, as a bias of the gyro would: what headings say counts more.
+#[test]
+fn a_swing_is_no_bias_where_headings_are_measured() {
+    let mut navigator = Navigator::new(Config {
+        heading: HeadingSource::Given(0.0),
+        ..Config::mems()
+    })
+    .unwrap();
+    let (swing_rad, radps) = (11.5_f64.to_radians(), TAU / 240.0);
+    let (mut refused, mut off) = (0, 0.0);
+    for second in 0_i32..1200 {
+        let phase = radps * (f64::from(second) + 0.5);
+        let (from_s, to_s) = (i64::from(second), i64::from(second) + 1);
+        stand(
+            &mut navigator,
+            from_s,
+            to_s,
+            swing_rad * radps * phase.cos(),
+        );
+        // Up is to the left.
+        let heading_rad = -swing_rad * (radps * f64::from(second + 1)).sin();
+        let outcome = navigator.on_heading(&Heading {
+            time: Time::from_micros(1_000_000 * to_s),
+            heading_rad,
+            sigma_rad: 0.5_f64.to_radians(),
+        });
+        refused += i32::from(outcome == GnssOutcome::Outlier);
+        if let (Some(solution), Some(sigma)) = (navigator.solution(), navigator.sigma()) {
+            off = wrap_pi(solution.euler().heading_rad - heading_rad) / sigma.attitude_rad.z;
+        }
+    }
+    assert!(refused == 0 && off.abs() < 4.5, "{refused} {off}");
 }

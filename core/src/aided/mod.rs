@@ -13,6 +13,7 @@ use self::comparison::Comparison;
 use self::compensation::Compensation;
 use self::estimator::Estimator;
 use self::vertical_sign::VerticalSign;
+use crate::alignment::levelling::UNSEEN_RADPS;
 use crate::alignment::rest::{self, RestBlock, RestDetector, Verdict as RestVerdict};
 use crate::alignment::{Aligned, MOVING_MPS};
 use crate::attitude::matrix;
@@ -38,6 +39,9 @@ use crate::time::Time;
 const PENDING: usize = 10;
 /// Longest time that controls are held without a new fix, s.
 const HOLD_S: f64 = 1.5;
+/// Time for which a measured heading tells what the up gyro does, and rest, which may be a slow turn, does
+/// not, s.
+const HEADED_S: f64 = 30.0;
 /// Interval at which an INS without fixes is corrected, s.
 const COAST_S: f64 = 0.5;
 /// Time for which there is one piece of work, s: at ten fixes a second two thirds of these are busy.
@@ -118,6 +122,8 @@ pub struct AidedIns<const N: usize> {
     newest: Time,
     last_position: Time,
     last_height: Time,
+    /// When a heading was measured last.
+    headed: Time,
     /// Of the last fix that told something vertical, or after which something was assumed.
     last_vertical: Time,
     /// When errors were last taken out of an INS without fixes.
@@ -173,6 +179,7 @@ impl<const N: usize> AidedIns<N> {
             newest: time,
             last_position: time,
             last_height: time,
+            headed: time.plus_seconds(-HEADED_S),
             last_vertical: time,
             last_coast: time,
             rest: RestDetector::default(),
@@ -547,20 +554,27 @@ impl<const N: usize> AidedIns<N> {
         }
         let earth_rate = self.mechanization.local_earth().earth_rate();
         let bias = block.rate_radps - matrix(&self.mechanization.attitude).tr_mul(&earth_rate);
-        let variance = rest::gyro_variance(&config.sensors, block.seconds);
+        let noise = rest::gyro_variance(&config.sensors, block.seconds);
+        let mut variance = Vector3::repeat(noise);
+        if self.now.seconds_since(self.headed) < HEADED_S {
+            let up = matrix(&self.mechanization.attitude).row(2).transpose();
+            variance += up.component_mul(&up) * (UNSEEN_RADPS * UNSEEN_RADPS);
+        }
         // Quiet sensors may also be those of a slow turn: of a vehicle that is pushed, or afloat.
         let known = observer.parameters();
-        let agrees =
-            |(axis, bias): (usize, &f64)| known.agrees(index::GYRO + axis, *bias, variance);
-        if !bias.iter().enumerate().all(agrees) {
+        let agrees = |(axis, (bias, variance)): (usize, (&f64, &f64))| {
+            known.agrees(index::GYRO + axis, *bias, *variance)
+        };
+        if !bias.iter().zip(&variance).enumerate().all(agrees) {
             return;
         }
-        observer.measure_directly(index::GYRO, &bias, variance);
+        observer.measure_directly(index::GYRO, &bias, &variance);
     }
 
     /// Takes a measured heading.
     #[inline(never)]
     pub fn on_heading(&mut self, measured: &Heading) -> GnssOutcome {
+        self.headed = self.now;
         let ago_s = self.now.seconds_since(measured.time);
         let own_rad = match self.history.at(measured.time, false) {
             Ok(past) => math::atan2(past.attitude.m12, past.attitude.m22),

@@ -10,7 +10,7 @@ use crate::math;
 
 /// Turn about up of a vehicle that passes for rest, rad/s: a third of a degree per second. Nothing
 /// shows it: a boat at anchor swings as smoothly as a gyro bias.
-const UNSEEN_RADPS: f64 = 6e-3;
+pub(crate) const UNSEEN_RADPS: f64 = 6e-3;
 /// Rest whose blocks tell noise from waves, s.
 const LEAST_SCATTER_S: f64 = 4.0;
 /// A block further off the mean than so many sigmas has another bias, or another motion.

@@ -397,10 +397,15 @@ impl Observer {
     }
 
     /// Adds a direct measurement of three parameters from `first` on, other than the azimuth.
-    pub fn measure_directly(&mut self, first: usize, value: &Vector3<f64>, variance: f64) {
+    pub fn measure_directly(
+        &mut self,
+        first: usize,
+        value: &Vector3<f64>,
+        variance: &Vector3<f64>,
+    ) {
         let corrections = singles(&(value - self.parameters.vector(first)));
         self.corrections
-            .add_direct(first, corrections.into(), math::single(variance));
+            .add_direct(first, corrections.into(), singles(variance).into());
     }
 }
 

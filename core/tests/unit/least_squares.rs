@@ -84,7 +84,7 @@ proptest! {
                     gaussian.measure(&b, measured[1], variance[1]);
                 }
                 Step::Direct(index, measured, variance) => {
-                    rows.add_direct(index, [measured as f32], variance as f32);
+                    rows.add_direct(index, [measured as f32], [variance as f32]);
                     gaussian.measure(&Vector4::ith(index, 1.0), measured, variance);
                 }
                 Step::Diffuse(index, variance) => {
@@ -170,7 +170,7 @@ proptest! {
         let before = many;
         many.diffuse(2, 1.0);
         many.redefine(2, &Vector4::repeat(1.0));
-        many.add_direct(3, [1.0], 1.0);
+        many.add_direct(3, [1.0], [1.0]);
         prop_assert_eq!(many, before);
     }
 }
@@ -179,7 +179,7 @@ proptest! {
 fn an_index_that_does_not_exist_changes_nothing() {
     let before = LeastSquares::<2, 3>::from_prior(&Vector2::repeat(1.0));
     let mut after = before;
-    after.add_direct(2, [1.0], 1.0);
+    after.add_direct(2, [1.0], [1.0]);
     after.diffuse(2, 1.0);
     after.redefine(2, &Vector2::zeros());
     assert_eq!(after, before);
