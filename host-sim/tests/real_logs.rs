@@ -5,8 +5,13 @@ use std::path::{Path, PathBuf};
 
 use host_sim::compare::kalman::Noise;
 use host_sim::compare::outage;
+use host_sim::identify::analysis::Analysis;
 use host_sim::identify::configure;
+use host_sim::identify::error_model::{Identified, Record};
 use host_sim::log::read;
+use host_sim::sim::ErrorModel;
+use host_sim::sim::noise::Random;
+use indicatif::ProgressBar;
 
 fn logs() -> Vec<PathBuf> {
     let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
@@ -68,4 +73,27 @@ fn without_gnss_the_core_drifts_as_little_as_a_kalman_filter() {
     }
     let mean = ratios.iter().map(|ratio| ratio.ln()).sum::<f64>() / ratios.len().max(1) as f64;
     assert!(ratios.is_empty() || mean.exp() < 1.1, "{ratios:?}");
+}
+
+/// What the drives do not bound is not called known: on some of these the likelihood is flat.
+#[test]
+fn noises_called_observable_have_bounds_that_mean_something() {
+    for path in logs() {
+        let analysis = Analysis::of_log(&path, None, &ProgressBar::hidden()).unwrap();
+        let records = [Record::new(&analysis.log, &analysis.found)];
+        let found = Identified::new(&records, analysis.summary.grade, None);
+        let flown = found.drawn(&mut Random::stream(1, "drawn")).model();
+        let text = toml::to_string(&flown).unwrap();
+        assert_eq!(ErrorModel::from_toml(&text).unwrap(), flown);
+        for parameter in found.parameters() {
+            let noise = ["gyro_deg_h.white_noise", "gnss.velocity_sigma_mps"];
+            if !noise.contains(&parameter.name) || !parameter.observable {
+                continue;
+            }
+            let interval = parameter.found.unwrap();
+            let ratio = interval.high / interval.low;
+            println!("{}: {} {interval:?}", path.display(), parameter.name);
+            assert!((1.02..100.0).contains(&ratio), "{parameter:?}");
+        }
+    }
 }

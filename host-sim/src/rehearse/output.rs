@@ -162,7 +162,7 @@ fn overview(summary: &Summary) -> Table {
 
 /// One algorithm in full.
 fn details(tested: &Tested) -> Table {
-    let with_model = tested.rows.iter().any(|row| row.model_95.is_some());
+    let with_model = tested.models.is_some();
     let mut header = cells(["error", "", "flights", "RMS", "95 %, flights"]);
     if with_model {
         header.push("95 %, model".to_owned());
@@ -205,6 +205,13 @@ fn outcomes(summary: &Summary) -> Option<Table> {
         if tested.has_no_solution() {
             let never = "never had a solution where one is looked at";
             rows.push(row(&name, "no solution", tested.flights, "", never));
+        }
+        for models in tested.models.iter().filter(|models| models.without > 0) {
+            let cause = format!(
+                "with {} of {} models drawn: the intervals of the model are of the others",
+                models.without, models.drawn
+            );
+            rows.push(cells([&name, "no solution", "", "", &cause]));
         }
     }
     if summary.not_flown > 0 {

@@ -65,6 +65,14 @@ pub struct Failed {
     pub cause: String,
 }
 
+/// Models drawn from what the drives leave open.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Models {
+    pub drawn: u32,
+    /// Without a solution at the end of any flight.
+    pub without: usize,
+}
+
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Tested {
     pub with: String,
@@ -74,6 +82,9 @@ pub struct Tested {
     pub flights: usize,
     /// Errors, where it had solutions.
     pub rows: Vec<Row>,
+    /// Models drawn that it flew; the first algorithm's alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub models: Option<Models>,
     pub failures: Vec<Failed>,
     #[serde(skip)]
     pub moments: Vec<Moment>,
@@ -271,13 +282,15 @@ impl Tested {
         let free = PARTS.iter().map(|part| Place::Free(*part));
         let free = free.filter(|_| world.free_s >= 1.0);
         let places: Vec<Place> = [Place::Aided].into_iter().chain(free).collect();
+        let drawn = rehearsal.settings.models;
+        let of_models = subject == 0 && case == Case::Found && drawn > 0;
         let row = |(place, quantity): (Place, usize)| {
             let values = flights.values(case, subject, place, quantity);
             let values: Vec<f64> = values.into_iter().map(|(_, value)| value).collect();
             let spread = spread(&values)?;
             let figure = Figure::of(&values);
-            let ratios: Vec<f64> = (0..rehearsal.settings.models)
-                .filter(|_| subject == 0 && case == Case::Found)
+            let ratios: Vec<f64> = (0..drawn)
+                .filter(|_| of_models)
                 .filter_map(|draw| flights.ratio(Case::Drawn(draw), place, quantity))
                 .collect();
             Some(Row {
@@ -295,12 +308,22 @@ impl Tested {
         };
         let all = (0..QUANTITIES.len()).flat_map(|q| places.iter().map(move |place| (*place, q)));
         let good: Vec<(u32, &Outcome)> = flights.good(case, subject).collect();
+        let last = places.last().copied().unwrap_or(Place::Aided);
+        let without = |draw: &u32| {
+            let values = flights.values(Case::Drawn(*draw), 0, last, POSITION);
+            values.is_empty()
+        };
+        let models = of_models.then(|| Models {
+            drawn,
+            without: (0..drawn).filter(without).count(),
+        });
         let took_ms: u64 = good.iter().map(|(_, outcome)| outcome.took_ms).sum();
         Self {
             with: rehearsal.subjects[subject].name(),
             recorded_noise: case == Case::Recorded,
             flights: good.len(),
             rows: all.filter_map(row).collect(),
+            models,
             failures: failures(flights.all(case, subject)),
             moments: over_time(flights, &good),
             took_s: 1e-3 * took_ms as f64 / good.len() as f64,

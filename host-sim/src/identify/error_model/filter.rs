@@ -261,6 +261,13 @@ impl Answer {
         })
     }
 
+    /// Trends that the drive shows: what was believed before is none.
+    pub fn shown_trends(&self) -> impl Iterator<Item = Measured> {
+        let believed = self.trend_sigma;
+        let shown = move |trend: &Measured| trend.beyond(believed).is_some();
+        self.trends.into_iter().filter(shown)
+    }
+
     /// Log-likelihood with constants and trends drawn as a model says, instead of unknown.
     pub fn marginal(&self, constant_sigma: f64, trend_mean: f64, trend_sigma: f64) -> f64 {
         let axis = |axis: usize| {
@@ -277,6 +284,11 @@ impl Answer {
         };
         self.log_likelihood + (0..3).map(axis).sum::<f64>()
     }
+}
+
+/// Whether a drive shows a constant, and it is not what was believed before.
+pub fn is_shown(constant: &Measured) -> bool {
+    constant.beyond(BIAS_SIGMA).is_some()
 }
 
 pub fn filter(record: &Record, candidate: &Candidate) -> Answer {

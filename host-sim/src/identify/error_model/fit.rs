@@ -1,7 +1,7 @@
 //! Maximum likelihood of the gyro models (3) and (4) over all drives at once.
 
-use super::filter::{Answer, Candidate, Class, Dynamics, filter};
-use super::interval::{self, Interval, NORMAL_95};
+use super::filter::{Answer, Candidate, Class, Dynamics, filter, is_shown};
+use super::interval::{self, Interval, Measured, NORMAL_95};
 use super::maximum::{crossing, curvature, maximum};
 use super::record::Record;
 use crate::sim::errors::Law;
@@ -23,6 +23,8 @@ const TOP_TOLERANCE: f64 = 0.001;
 const ROUGH_TOLERANCE: f64 = 0.1;
 /// Step of the numerical curvature in the logarithm of a parameter.
 const CURVATURE_STEP: f64 = 0.03;
+/// A likelihood that falls by this factor more or less than a normal one is not normal.
+const NOT_NORMAL: f64 = 2.0;
 /// A bound further away than this factor is none.
 const BOUNDLESS: f64 = 1e3;
 /// As far as this factor a parameter without a bound is followed.
@@ -440,27 +442,35 @@ impl Fitter<'_> {
             .flat_map(|(which, found)| {
                 bounds(found).map(|end| self.answers(law, &with(&top.at, [(which, end)])))
             });
-        let open: Vec<_> = open.collect();
+        // Of a noise that is not known to be there constants are known to what it may hide.
+        let [noise, gnss_sigma_mps, gnss_memory_mps, gnss_memory_s] =
+            self.noise_intervals(law, top);
+        let noisy = Some(noise.high).filter(|high| !noise.is_spread() && high.is_finite());
+        let noisy = noisy.map(|high| self.answers(law, &with(&top.at, [(NOISE, libm::log(high))])));
+        let open: Vec<_> = open.chain(noisy).collect();
         let of_all = |found: &dyn Fn(&[Answer]) -> Interval| {
             open.iter()
                 .fold(found(&answers), |best, other| best.reaching(&found(other)))
         };
         let drift = of_all(&|answers| {
-            let trends: Vec<_> = answers.iter().flat_map(|answer| answer.trends).collect();
-            match law {
-                Law::Wave => interval::mean(&trends).unwrap_or(interval::common_value(&trends)),
-                Law::Continuous => interval::sigma_behind(&trends),
+            if law == Law::Continuous {
+                return spread_or_unknown(answers.iter().flat_map(Answer::shown_trends));
             }
+            let trends: Vec<_> = answers.iter().flat_map(|answer| answer.trends).collect();
+            interval::mean(&trends).unwrap_or(interval::common_value(&trends))
         });
         let trend = |drift: f64| match law {
             Law::Wave => (drift, 0.0),
             Law::Continuous => (0.0, drift),
         };
         // Beside a trend that is free little is left of a constant.
-        let beside = |answers: &[Answer], drift: f64| {
+        let constants = |answers: &[Answer], drift: f64| -> Vec<Measured> {
             let (mean, sigma) = trend(drift);
             let constants = |answer: &Answer| answer.constants_given(mean, sigma);
-            interval::sigma_behind(&answers.iter().flat_map(constants).collect::<Vec<_>>())
+            answers.iter().flat_map(constants).collect()
+        };
+        let beside = |answers: &[Answer], drift: f64| {
+            spread_or_unknown(constants(answers, drift).into_iter().filter(is_shown))
         };
         let in_model = match law {
             Law::Wave if size.is_spread() => drift.value,
@@ -473,10 +483,9 @@ impl Fitter<'_> {
                 .into_iter()
                 .fold(best, |best, end| best.reaching(&beside(answers, end)))
         });
-        let [noise, gnss_sigma_mps, gnss_memory_mps, gnss_memory_s] =
-            self.noise_intervals(law, top);
         let (trend_mean, trend_sigma) = trend(drift.value);
-        let constant_sigma = beside(&likeliest, drift.value).value;
+        let constants = constants(&likeliest, drift.value);
+        let constant_sigma = interval::sigma_behind(&constants).value;
         let log_likelihood = (likeliest.iter())
             .map(|answer| answer.marginal(constant_sigma, trend_mean, trend_sigma))
             .sum();
@@ -494,8 +503,8 @@ impl Fitter<'_> {
         }
     }
 
-    /// By the curvature in the logarithms, with the size of the random part free. A memory that was
-    /// not seen is zero, and has the bound of one of 15 s.
+    /// With the size of the random part free. A memory that was not seen is zero, and has the bound of
+    /// one of 15 s.
     fn noise_intervals(&self, law: Law, top: &Top) -> [Interval; 4] {
         let [at @ .., time] = top.at;
         let f = |x: &[f64; TIME]| {
@@ -504,16 +513,21 @@ impl Fitter<'_> {
         };
         let information = -curvature(f, at, CURVATURE_STEP);
         // Without a random part its row is flat, and so is that of a memory.
-        let variance = (information + nalgebra::Matrix5::identity() * 1e-6)
-            .try_inverse()
-            .unwrap_or_default();
-        let interval = |which: usize| {
-            let half = NORMAL_95 * variance[(which, which)].max(0.0).sqrt();
-            let ends = [at[which], at[which] - half, at[which] + half];
-            ends.map(libm::exp).into()
-        };
+        let variance = (information + nalgebra::Matrix5::identity() * 1e-6).try_inverse();
+        let [noise, gnss] = [(NOISE, GNSS), (GNSS, NOISE)].map(|(which, other)| {
+            let by_curvature = variance.and_then(|variance| {
+                let along = variance.column(which) / variance[(which, which)].sqrt();
+                let value = |deviate: f64| f(&core::array::from_fn(|i| at[i] + deviate * along[i]));
+                by_curvature(value, at[which], along[which], top.value)
+            });
+            by_curvature.unwrap_or_else(|| {
+                let free = [(other, 0.3), (MEMORY, 0.3), (SIZE, 0.3)];
+                self.profiled(law, top, which, 0.3, ROUGH_TOLERANCE, free)
+            })
+        });
         let [memory, memory_time] = if at[MEMORY] == NONE {
-            [self.no_memory(law, top), interval(MEMORY_TIME)]
+            let unseen = [libm::exp(at[MEMORY_TIME]), 0.0, f64::INFINITY];
+            [self.no_memory(law, top), unseen.into()]
         } else {
             // Profiles, for neither is normal: a short memory is a white noise.
             [(MEMORY, MEMORY_TIME), (MEMORY_TIME, MEMORY)].map(|(which, other)| {
@@ -521,7 +535,7 @@ impl Fitter<'_> {
                 self.profiled(law, top, which, 0.3, ROUGH_TOLERANCE, free)
             })
         };
-        [interval(NOISE), interval(GNSS), memory, memory_time]
+        [noise, gnss, memory, memory_time]
     }
 
     fn no_memory(&self, law: Law, top: &Top) -> Interval {
@@ -534,11 +548,29 @@ impl Fitter<'_> {
     }
 }
 
+/// Standard deviation about zero of what drives show.
+fn spread_or_unknown(shown: impl Iterator<Item = Measured>) -> Interval {
+    interval::spread_of(&shown.collect::<Vec<_>>()).unwrap_or(Interval::UNKNOWN)
+}
+
 /// Logarithms of both bounds; of a side without one, of what is far.
 fn bounds(interval: &Interval) -> [f64; 2] {
     let [value, low, high] = interval.each();
     let near = [value / FAR, value * FAR];
     [low.max(near[0]), high.min(near[1])].map(libm::log)
+}
+
+/// The interval of a logarithm whose error is normal: none where the likelihood, along the way that the
+/// other parameters go with it, does not fall at both bounds as it does for a normal error. A curvature
+/// next to none, or of the wrong sign, is no proof of anything.
+fn by_curvature(value: impl Fn(f64) -> f64, at: f64, sigma: f64, top: f64) -> Option<Interval> {
+    let half = NORMAL_95 * sigma;
+    let normal = |deviate: f64| {
+        let fallen = (top - value(deviate)) / DROP;
+        (1.0 / NOT_NORMAL..NOT_NORMAL).contains(&fallen)
+    };
+    (half.is_finite() && normal(-NORMAL_95) && normal(NORMAL_95))
+        .then(|| [at, at - half, at + half].map(libm::exp).into())
 }
 
 /// Where a profile falls below zero on the way from its top; infinite if it never does.
@@ -676,5 +708,23 @@ impl<'a> Scan<'a> {
             libm::exp(from + inside * (to - from))
         };
         [libm::exp(best), quantile(0.025), quantile(0.975)].into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_curvature_is_believed_only_where_the_likelihood_falls_with_it() {
+        let normal = |deviate: f64| -0.5 * deviate * deviate;
+        let found = by_curvature(normal, 1.0, 0.1, 0.0).unwrap();
+        let half = libm::log(found.high / found.low) / 2.0;
+        assert!((half - 0.1 * NORMAL_95).abs() < 1e-12);
+        // Flat, falling to one side alone, and with a variance below zero.
+        assert_eq!(by_curvature(|_| 0.0, 1.0, 40.0, 0.0), None);
+        let one_sided = |deviate: f64| normal(deviate.max(0.0));
+        assert_eq!(by_curvature(one_sided, 1.0, 0.1, 0.0), None);
+        assert_eq!(by_curvature(normal, 1.0, (-0.1_f64).sqrt(), 0.0), None);
     }
 }

@@ -84,7 +84,7 @@ pub(crate) fn in_file(model: &ErrorModel, path: &str) -> f64 {
 pub struct Identified {
     pub drives: usize,
     grade: Grade,
-    /// The gyros and GNSS velocity; none if the azimuth never became observable.
+    /// The gyros and GNSS velocity; none if the azimuth never became observable, or for too short.
     pub(crate) gyro: Option<GyroFit>,
     /// Of the gyros, deg/h/sqrt(Hz).
     gyro_at_rest: Option<RestNoise>,
@@ -121,7 +121,12 @@ impl Identified {
             .collect();
         let rates: f64 = records.iter().map(|record| record.fix_rate_hz).sum();
         let gyro_at_rest = RestNoise::new(records, |block| block.rate_radps / DEG_H_RADPS);
-        let mut gyro = fit::fit(records, known_noise, Class::of(&class), law);
+        // Where no noise is seen, or bounded below what the class has, nothing else of it means a thing.
+        let told = |found: &Interval, of_class: f64| found.is_spread() || found.high < of_class;
+        let mut gyro = fit::fit(records, known_noise, Class::of(&class), law).filter(|gyro| {
+            told(&gyro.noise, class.gyro_deg_h.white_noise * DEG_H_RADPS)
+                || told(&gyro.gnss_sigma_mps, class.gnss.velocity_sigma_mps)
+        });
         if let (Some(gyro), Some(rest)) = (&mut gyro, &gyro_at_rest) {
             gyro.noise = no_quieter(gyro.noise, &rest.density.scaled(DEG_H_RADPS));
         }
@@ -172,22 +177,21 @@ impl Identified {
         all.extend(times(ACCEL_TIMES, self.accel_at_rest));
         let gnss = |of: fn(&GyroFit) -> Interval| self.gyro.as_ref().map(of);
         all.extend([
-            known(
+            above_noise(
                 "gnss.velocity_sigma_mps",
                 "m/s",
                 gnss(|gyro| gyro.gnss_sigma_mps),
-                NO_AZIMUTH,
             ),
-            spread(
+            above_noise(
                 "gnss.habits.velocity.sigma",
                 "m/s",
                 gnss(|gyro| gyro.gnss_memory_mps),
-                NOT_ABOVE_NOISE,
             ),
         ]);
         if let Some(gyro) = self.gyro.as_ref().filter(|gyro| gyro.remembers()) {
             let time_s = Some(gyro.gnss_memory_s);
-            all.push(known("gnss.habits.velocity.time_s", "s", time_s, ""));
+            let name = "gnss.habits.velocity.time_s";
+            all.push(spread(name, "s", time_s, NO_TIME_SCALE));
         }
         for (name, which) in [("gnss.latency_s[0]", 0), ("gnss.latency_s[1]", 1)] {
             let bound = self.latency_s.map(|bounds| bounds[which]);
@@ -206,13 +210,12 @@ impl Identified {
             ];
         };
         let deg_h = |found: &Interval| Some(found.scaled(1.0 / DEG_H_RADPS));
-        let above_noise = |name, unit, found| spread(name, unit, found, NOT_ABOVE_NOISE);
         let timed = |name| {
             let seen = gyro.has_time_scale();
             parameter(name, "s", Some(gyro.time_s), seen, NO_TIME_SCALE)
         };
         let mut all = vec![
-            known(noise, NOISE_UNIT, deg_h(&gyro.noise), ""),
+            above_noise(noise, NOISE_UNIT, deg_h(&gyro.noise)),
             above_noise(sigma, "deg/h", deg_h(&gyro.initial_sigma)),
         ];
         let (drift, size) = (deg_h(&gyro.drift), deg_h(&gyro.size));
@@ -238,24 +241,30 @@ impl Identified {
     }
 
     /// One of the models that the drives leave open: every value drawn from its interval, each on
-    /// its own. What has no upper bound stays as it is: see [`Self::assumed`].
+    /// its own. What has no upper bound stays as it is, and so do noises and times that are not seen:
+    /// see [`Self::assumed`].
     #[must_use]
     pub fn drawn(&self, random: &mut Random) -> Self {
         let mut draw = |interval: &Interval| interval.drawn(random);
         let mut gyro = self.gyro.clone();
         if let Some(gyro) = &mut gyro {
-            let bias = match gyro.law {
-                Law::Wave => [&mut gyro.time_s, &mut gyro.drift, &mut gyro.size],
-                Law::Continuous => [&mut gyro.drift, &mut gyro.size, &mut gyro.time_s],
-            };
-            let others = [
+            let may_be_none = [
+                &mut gyro.initial_sigma,
+                &mut gyro.drift,
+                &mut gyro.size,
+                &mut gyro.gnss_memory_mps,
+            ];
+            let never_none = [
                 &mut gyro.noise,
                 &mut gyro.gnss_sigma_mps,
-                &mut gyro.gnss_memory_mps,
+                &mut gyro.time_s,
                 &mut gyro.gnss_memory_s,
-                &mut gyro.initial_sigma,
             ];
-            for interval in others.into_iter().chain(bias) {
+            let bounded = may_be_none
+                .into_iter()
+                .filter(|found| found.high.is_finite());
+            let seen = never_none.into_iter().filter(|found| found.is_spread());
+            for interval in bounded.chain(seen) {
                 *interval = draw(interval);
             }
         }
@@ -301,9 +310,16 @@ impl Identified {
             model.gyro_deg_h.white_noise = noise.value;
         }
         if let Some(gyro) = &self.gyro {
-            model.gyro_deg_h.white_noise = gyro.noise.value / DEG_H_RADPS;
-            model.gyro_deg_h.bias = gyro_bias(gyro);
-            model.gnss.velocity_sigma_mps = gyro.gnss_sigma_mps.value;
+            for (found, in_model) in [
+                (
+                    gyro.noise.scaled(1.0 / DEG_H_RADPS),
+                    &mut model.gyro_deg_h.white_noise,
+                ),
+                (gyro.gnss_sigma_mps, &mut model.gnss.velocity_sigma_mps),
+            ] {
+                *in_model = seen_or(*in_model, &found);
+            }
+            model.gyro_deg_h.bias = gyro_bias(gyro, model.gyro_deg_h.bias.initial_sigma());
             if gyro.remembers() {
                 model.gnss.habits.velocity = Correlated {
                     sigma: gyro.gnss_memory_mps.value,
@@ -327,11 +343,7 @@ impl Identified {
             (self.accel_scale, &mut model.accel_mps2.scale_sigma),
         ] {
             if let Some(sigma) = found {
-                *in_model = if sigma.is_spread() {
-                    sigma.value
-                } else {
-                    in_model.min(sigma.high)
-                };
+                *in_model = seen_or(*in_model, &sigma);
             }
         }
         if let Some(bounds) = self.latency_s {
@@ -348,7 +360,7 @@ const NOISE_UNIT: &str = "deg/h/sqrt(Hz)";
 const NO_REST: &str = "needs some seconds at rest";
 const NO_SCATTER: &str = "needs some seconds at rest in which every axis scatters";
 const NO_TURN: &str = "needs turns and stops, or is below the error of its estimates";
-const NO_AZIMUTH: &str = "needs an observable azimuth";
+const NO_AZIMUTH: &str = "needs some minutes with an observable azimuth";
 const NO_MANOEUVRE: &str =
     "needs turns for gyros, banks and hard braking for accelerometers, or is below what they show";
 const NO_LATENCY: &str = "needs starts and brakings";
@@ -362,6 +374,7 @@ const NEVER_SHOWN: [(&str, &str, &str); 6] = [
     ("gnss.vertical_sigma_m", "m", NOTHING_BETTER),
     ("temperature, vibration rectification", "", NO_TERM),
 ];
+const NOT_BOUNDED: &str = "needs longer drives: in these nothing bounds it";
 const NO_BOUND: &str = "has no upper bound: models drawn keep the value";
 const NOT_FITTED: &str = "not told from a bias at one attitude";
 const DROWNED: &str = "drowns in the noise of GNSS";
@@ -409,6 +422,25 @@ fn spread(
     parameter(name, unit, found, observable, missing)
 }
 
+/// What is not seen is below the upper bound, if there is one.
+fn above_noise(name: &'static str, unit: &'static str, found: Option<Interval>) -> Parameter {
+    let missing = match found {
+        Some(found) if found.high.is_finite() => NOT_ABOVE_NOISE,
+        Some(_) => NOT_BOUNDED,
+        None => NO_AZIMUTH,
+    };
+    spread(name, unit, found, missing)
+}
+
+/// What the drives show, else what is assumed, as far as their bounds allow it.
+fn seen_or(assumed: f64, found: &Interval) -> f64 {
+    if found.is_spread() {
+        found.value
+    } else {
+        assumed.max(found.low).min(found.high)
+    }
+}
+
 fn parameter(
     name: &'static str,
     unit: &'static str,
@@ -430,9 +462,14 @@ pub fn class(grade: Grade) -> ErrorModel {
     sim::Grade::from(grade).errors()
 }
 
-fn gyro_bias(gyro: &GyroFit) -> BiasModel {
+/// With the spread of the class where nothing bounds that of the unit.
+fn gyro_bias(gyro: &GyroFit, of_class: f64) -> BiasModel {
     let deg_h = 1.0 / DEG_H_RADPS;
-    let initial_sigma = deg_h * gyro.initial_sigma.value;
+    let initial_sigma = if gyro.initial_sigma.high.is_finite() {
+        deg_h * gyro.initial_sigma.value
+    } else {
+        of_class
+    };
     match gyro.law {
         Law::Wave if gyro.moves() => BiasModel::Wave {
             initial_sigma,
@@ -450,14 +487,14 @@ fn gyro_bias(gyro: &GyroFit) -> BiasModel {
     }
 }
 
-/// Motion adds to the noise of a gyro: less than at rest means that the biases hide it.
+/// Motion adds to the noise of a gyro: less than at rest, or none, means that the biases hide it. How
+/// much it adds only motion tells.
 fn no_quieter(in_motion: Interval, at_rest: &Interval) -> Interval {
-    if in_motion.value >= at_rest.low {
+    if in_motion.low > 0.0 && in_motion.value >= at_rest.low {
         return in_motion;
     }
-    let bounded = Some(in_motion.high).filter(|high| high.is_finite());
     Interval {
-        high: bounded.map_or(at_rest.high, |high| high.max(at_rest.high)),
+        high: in_motion.high.max(at_rest.high),
         ..*at_rest
     }
 }
@@ -590,6 +627,52 @@ mod tests {
         assert!(memory.is_spread(), "{memory:?}");
         let in_model = found.model().gnss.habits.velocity.sigma;
         assert!((in_model - memory.value).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_a_short_drive_leaves_open_is_not_called_known() {
+        // Of some of these the curvature of the likelihood gave bounds of zero width, or none at all.
+        for (grade, model) in [
+            (Grade::Hg1700, ErrorModel::hg1700()),
+            (Grade::Mems, ErrorModel::mems()),
+        ] {
+            for seed in 1..=8 {
+                let mut record = drive_record(seed, &model, grade, 4.0);
+                // A drive that stands nowhere, and is short.
+                record
+                    .epochs
+                    .retain(|epoch| epoch.rest_rate_radps.is_none());
+                let before = record.epochs.len().saturating_sub(20);
+                record.epochs.drain(..before);
+                let found = Identified::new(&[record], grade, None);
+                let table = found.table();
+                let of = |name: &str| {
+                    let mut all = found.parameters().into_iter();
+                    all.find(|one| one.name == name).unwrap()
+                };
+                for (name, value) in [
+                    ("gyro_deg_h.white_noise", model.gyro_deg_h.white_noise),
+                    ("gnss.velocity_sigma_mps", model.gnss.velocity_sigma_mps),
+                ] {
+                    let Some(interval) = of(name).found else {
+                        continue;
+                    };
+                    let Interval { low, high, .. } = interval;
+                    assert_eq!(of(name).observable, interval.is_spread(), "{table:?}");
+                    if of(name).observable {
+                        assert!((1.05..300.0).contains(&(high / low)), "{table:?}");
+                    }
+                    // Where bounds miss, they miss by little.
+                    assert!((0.5 * low..2.0 * high).contains(&value), "{table:?}");
+                    // What stands in the model is allowed by both.
+                    let drawn = found.drawn(&mut Random::stream(seed, "drawn")).model();
+                    for model in [found.model(), drawn] {
+                        let in_model = in_file(&model, name);
+                        assert!(in_model > 0.0 && in_model < 100.0 * value, "{table:?}");
+                    }
+                }
+            }
+        }
     }
 
     #[test]

@@ -24,6 +24,13 @@ pub struct Interval {
 }
 
 impl Interval {
+    /// A spread of which nothing is known.
+    pub const UNKNOWN: Self = Self {
+        value: 0.0,
+        low: 0.0,
+        high: f64::INFINITY,
+    };
+
     /// As far to both sides.
     fn around(value: f64, half: f64) -> Self {
         [value, value - half, value + half].into()
