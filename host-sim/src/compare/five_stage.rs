@@ -123,6 +123,8 @@ pub struct FiveStage {
     pub gyros: GyroHistory,
     /// That run: an INS damped slowly, its azimuth too.
     pub history: Vec<Row>,
+    /// It after the last sample.
+    pub end: Row,
 }
 
 /// Runs a log through all stages, `rounds` times.
@@ -160,7 +162,7 @@ pub fn run(log: &Log, config: Config, rounds: usize) -> Result<FiveStage, Config
         ..correction.config(config)
     };
     slow.damping.horizontal.bandwidth_radps = SLOW_RADPS;
-    let (run, _) = record(
+    let (run, end) = record(
         &correction.log(log),
         slow,
         &ProgressBar::hidden(),
@@ -171,6 +173,7 @@ pub fn run(log: &Log, config: Config, rounds: usize) -> Result<FiveStage, Config
         intervals,
         gyros,
         history: run.history,
+        end,
     })
 }
 

@@ -1,4 +1,4 @@
-//! Every method over the log, looked at once a second.
+//! Every method over the log, looked at once a second and at the last sample.
 
 use indicatif::ProgressBar;
 use ins_core::config::Form;
@@ -87,25 +87,33 @@ fn compensation(method: &str, form: Form, input: &Input) -> Result<Track, Config
         ..input.config
     };
     let found = identify(input.log, config, &ProgressBar::hidden())?;
-    Ok(Track::new(method, true, points(&found.history)))
+    Ok(Track::new(method, true, points(&found.history, &found.end)))
 }
 
-/// The core's own rows, from where it navigates.
-pub(crate) fn points(history: &[Row]) -> Vec<Point> {
-    let points = history.iter().filter_map(|row| {
+/// The core's own rows, from where it navigates, until the last sample.
+pub(crate) fn points(history: &[Row], end: &Row) -> Vec<Point> {
+    let point = |row: &Row| {
         Some(Point {
             time: row.time,
             estimates: row.estimates,
             solution: row.solution?,
         })
-    });
-    points.collect()
+    };
+    let mut points = history.iter().filter_map(point).collect();
+    close(&mut points, point(end));
+    points
+}
+
+/// All methods are compared at one moment, though their seconds begin at different ones.
+fn close(points: &mut Vec<Point>, end: Option<Point>) {
+    let last = points.last().map(|last| last.time);
+    points.extend(end.filter(|end| last.is_none_or(|last| last < end.time)));
 }
 
 /// Navigation with all that the stages have found taken out.
 pub(crate) fn five_stage(method: &str, rounds: usize, input: &Input) -> Result<Track, ConfigError> {
     let found = five_stage::run(input.log, input.config, rounds)?;
-    let mut points = points(&found.history);
+    let mut points = points(&found.history, &found.end);
     for point in &mut points {
         point.estimates = Estimates {
             azimuth_error_rad: point.estimates.azimuth_error_rad,
@@ -124,6 +132,7 @@ pub(crate) fn kalman(method: &str, noise: Noise, input: &Input) -> Result<Track,
             points.push(filtered(filter));
         }
     }
+    close(&mut points, run.filter().map(filtered));
     Ok(Track::new(method, true, points))
 }
 
@@ -155,6 +164,10 @@ fn kalman_and_smoother(told: &str, input: &Input) -> Result<[Track; 2], ConfigEr
             });
         }
     }
+    // At the last sample nothing comes after that a smoother could know better by.
+    for track in [&mut points, &mut smoothed] {
+        close(track, run.filter().map(filtered));
+    }
     Ok([
         Track::new(&format!("Kalman, {told}"), true, points),
         Track::new("its smoother", false, smoothed),
@@ -171,5 +184,41 @@ fn filtered(filter: &Filter) -> Point {
         time: filter.time,
         estimates: filter.estimates(),
         solution: filter.solution(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::identify::configure;
+    use crate::log::BodyAxes;
+    use crate::sim::{DriveConfig, simulate};
+
+    #[test]
+    fn all_methods_end_at_the_last_sample() {
+        let drive = DriveConfig::new(3, sim::Grade::default(), 6.0);
+        let output = drive.recording.errors.imu.output;
+        let mut log = simulate(&drive).into_log(BodyAxes::Rfu, output);
+        // A log seldom ends with a fix, nor after whole seconds.
+        let end = log.imu.last().map(|sample| sample.time).unwrap_or_default();
+        log.gnss.retain(|fix| end.seconds_since(fix.time) > 0.7);
+        let grade = configure::grade(&log, None);
+        let config = configure::config(&log, grade);
+        let input = Input {
+            log: &log,
+            config,
+            noise: noise(grade, &config, false),
+            truth: None,
+        };
+        for track in all(&input).unwrap() {
+            let last = track.points.last().unwrap();
+            let late_s = end.seconds_since(last.time);
+            assert!(
+                late_s.abs() < 0.02,
+                "{}: {late_s} s before the end",
+                track.method
+            );
+            assert_eq!(last.time, last.solution.time, "{}", track.method);
+        }
     }
 }

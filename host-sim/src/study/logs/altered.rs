@@ -86,7 +86,7 @@ pub fn test(log: &Log, grade: Grade, end: &tracks::Point) -> Result<Vec<Altered>
         alter(&mut altered);
         let config = configure::config(&altered, grade);
         let run = identify(&altered, config, &ProgressBar::hidden())?;
-        let end = tracks::points(&run.history).pop();
+        let end = tracks::points(&run.history, &run.end).pop();
         let is = end.map(|end| columns(BodyAxes::Rfu, &end));
         Ok(compare(name, &effect.on(&found), is.as_ref()))
     });
@@ -245,7 +245,7 @@ mod tests {
     fn end(log: &Log) -> tracks::Point {
         let config = configure::config(log, Grade::Mems);
         let found = identify(log, config, &ProgressBar::hidden()).unwrap();
-        tracks::points(&found.history).pop().unwrap()
+        tracks::points(&found.history, &found.end).pop().unwrap()
     }
 
     #[test]

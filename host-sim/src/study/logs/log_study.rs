@@ -169,7 +169,7 @@ impl LogStudy {
             || tracks::kalman("Kalman", bench.input.noise, &bench.input),
         );
         let (found, kalman) = (found?, kalman?);
-        let points = tracks::points(&found.history);
+        let points = tracks::points(&found.history, &found.end);
         let end = bench.end(&points);
         let altered = points.last().map(|end| altered::test(log, grade, end));
         let (stages, outages) = rayon::join(
@@ -270,7 +270,9 @@ impl<'a> Bench<'a> {
         let log = self.input.log;
         let config = held(self.input.config, hold);
         let found = identify(log, config, &ProgressBar::hidden())?;
-        let (Some(ours), Some(theirs)) = (end, self.end(&tracks::points(&found.history))) else {
+        let (Some(ours), Some(theirs)) =
+            (end, self.end(&tracks::points(&found.history, &found.end)))
+        else {
             return Ok(None);
         };
         let course = self.course.as_ref();

@@ -90,7 +90,7 @@ impl<'a> Run<'a> {
         Ok(Self {
             log,
             kept_rad,
-            tracks: [points(&core.history), filter.points],
+            tracks: [points(&core.history, &end), filter.points],
         })
     }
 
