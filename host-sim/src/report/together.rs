@@ -6,7 +6,7 @@ use crate::identify::error_model::Sensors;
 use crate::identify::quantities::{QUANTITIES, Quantity};
 use crate::identify::summary::Summary;
 use crate::identify::words;
-use crate::page::chart::{Chart, Spread};
+use crate::page::chart::{Chart, Figure, Spread};
 use crate::page::digits;
 use crate::page::html::{Page, Section};
 use crate::page::plot::{BLUE, GREY};
@@ -18,6 +18,7 @@ const CHANCE: f64 = 0.01;
 /// The page of all logs.
 pub(crate) fn page(logs: &[Summary], sensors: &Sensors) -> Page {
     let shared: Vec<Shared> = shared(logs);
+    let names: Vec<&str> = logs.iter().map(|log| log.log.as_str()).collect();
     let named = |summary: &Summary| {
         let about = summary.log.clone();
         let warnings = summary.verdict.against.iter().chain(&summary.warnings);
@@ -55,7 +56,7 @@ pub(crate) fn page(logs: &[Summary], sensors: &Sensors) -> Page {
             Section {
                 title: "Side by side",
                 note: "Biases change from switch-on to switch-on: where logs differ, so may the unit.",
-                figures: shared.iter().map(|one| one.chart(logs).figure()).collect(),
+                figures: shared.iter().map(|one| one.figure(&names)).collect(),
             },
             Section {
                 title: "Sensors at rest, all logs",
@@ -133,24 +134,25 @@ impl Shared {
         }
     }
 
-    fn chart(&self, logs: &[Summary]) -> Chart {
-        let told = self.told.iter().zip(logs).enumerate();
+    fn figure(&self, names: &[&str]) -> Figure {
+        let told = self.told.iter().zip(names).enumerate();
         let bars: Vec<(Spread, String)> = told
             .filter(|(_, (quantity, _))| quantity.observable())
-            .map(|(index, (quantity, log))| {
+            .map(|(index, (quantity, name))| {
                 let spread = ((index + 1) as f64, quantity.value, quantity.sigma);
-                let text = format!("{}: {}", log.log, words::with_sigma(quantity));
+                let text = format!("{name}: {}", words::with_sigma(quantity));
                 (spread, text)
             })
             .collect();
-        let (mean, sigma) = self.mean();
-        let band: Vec<Spread> = [0.5, logs.len() as f64 + 0.5]
-            .map(|x| (x, mean, sigma))
-            .into();
-        Chart::new(&self.name, "log", self.unit)
-            .whole_numbers()
-            .band("mean, one sigma", GREY, &band)
+        let mut chart = Chart::new(&self.name, "log", self.unit).whole_numbers();
+        if self.agreement() == Agreement::Agree {
+            let (mean, sigma) = self.mean();
+            let ends = [0.5, names.len() as f64 + 0.5];
+            chart = chart.band("mean, one sigma", GREY, &ends.map(|x| (x, mean, sigma)));
+        }
+        chart
             .error_bars("estimate, one sigma", BLUE, &bars)
+            .figure()
     }
 }
 
@@ -211,5 +213,16 @@ mod tests {
         assert_eq!(known(&[3.0]), Agreement::Unknown);
         let unknown = told(&[0.0, 9.0], Observability::NeedsTurn);
         assert_eq!(unknown.agreement(), Agreement::Unknown);
+    }
+
+    #[test]
+    fn a_mean_is_drawn_only_of_logs_that_agree() {
+        let drawn = |values: &[f64]| {
+            let shared = told(values, Observability::Observable);
+            let page = serde_json::to_string(&shared.figure(&["a", "b"])).unwrap();
+            page.contains("mean, one sigma")
+        };
+        assert!(drawn(&[0.0, 1.0]));
+        assert!(!drawn(&[0.0, 9.0]));
     }
 }
