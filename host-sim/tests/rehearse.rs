@@ -239,6 +239,31 @@ fn threads_kills_and_shards_leave_no_trace() {
     assert!(!other.stderr(Stdio::null()).status().unwrap().success());
 }
 
+#[test]
+fn drives_that_are_not_to_be_trusted_are_named_first() {
+    let home = tempfile::tempdir().unwrap();
+    let home = home.path();
+    fs::write(home.join("plan.toml"), include_str!("turns.toml")).unwrap();
+    let drive = ["drive", "--minutes", "6", "--errors", "mems"];
+    succeed(host_sim(home).args(drive).args(["--out", "drive"]));
+    let mut options = vec!["--models", "0", "--budget", "0", "--with", "core"];
+    // No ring laser is as bad.
+    options.extend(["--grade", "hg1700"]);
+    let output = rehearse(home, "out", "1", &options)
+        .stdout(Stdio::piped())
+        .output()
+        .unwrap();
+    assert!(output.status.success());
+    let words = "simulated drive, seed 1: Verdict: do NOT trust these estimates as they stand.";
+    let told = String::from_utf8(output.stdout).unwrap();
+    assert!(told.starts_with(words), "{told}");
+    let summary = summary(home, "out");
+    assert_eq!(summary["verdicts"][0]["trusted"], false);
+    assert!(!summary["verdicts"][0]["against"][0].is_null());
+    let page = fs::read_to_string(home.join("out/report.html")).unwrap();
+    assert!(page.contains(words));
+}
+
 /// The noise of this unit is white: flown as recorded at rest, it costs the same.
 #[test]
 fn white_noise_that_was_recorded_costs_as_much_as_white_noise() {

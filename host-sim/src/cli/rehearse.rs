@@ -145,6 +145,7 @@ pub fn rehearse(options: &Rehearse, json: bool, force: bool) -> Result<()> {
         .transpose()?;
     let rehearsal = Rehearsal {
         settings: settings(options, &world, &drives, &found, set)?,
+        verdicts: drives.verdicts.clone(),
         found,
         noise,
         subjects,

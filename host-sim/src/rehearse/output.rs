@@ -6,6 +6,7 @@ use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
 
 use super::run::{HEADING, POSITION, QUANTITIES};
+use super::settings::Judged;
 use super::summary::{BUDGETED, Cost, Moment, Row, Summary, Tested};
 use crate::page::chart::{Chart, Figure, Point};
 use crate::page::html::{Page, Section};
@@ -270,7 +271,13 @@ fn tables(summary: &Summary) -> Vec<Table> {
 
 pub fn readable(summary: &Summary) -> String {
     let text = |table: &Table| format!("{}\n\n{}\n", table.title, table.plain());
-    tables(summary).iter().map(text).collect()
+    let tables: String = tables(summary).iter().map(text).collect();
+    verdicts(summary).join("\n") + "\n\n" + &tables
+}
+
+/// First of all whether the drives are to be trusted.
+fn verdicts(summary: &Summary) -> Vec<String> {
+    summary.verdicts.iter().flat_map(Judged::lines).collect()
 }
 
 /// The algorithms beside each other, in Markdown.
@@ -293,7 +300,7 @@ fn html(summary: &Summary) -> Result<String, minijinja::Error> {
             summary.drives.join(", "),
             env!("CARGO_PKG_VERSION")
         ),
-        verdicts: Vec::new(),
+        verdicts: verdicts(summary),
         tables: tables(summary),
         sections: vec![Section {
             title: "Errors over time",

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::subject::Subject;
 use crate::identify::analysis::Analysis;
 use crate::identify::error_model::{Identified, Record};
+use crate::identify::verdict::Verdict;
 use crate::log::Grade;
 use crate::page::progress::bar;
 use crate::sim::errors::{ErrorModel, ErrorModelError, GnssModel, SensorModel};
@@ -19,10 +20,31 @@ use crate::sim::recorded::RecordedNoise;
 /// Flights of which each drawn model flies the first ones.
 const FLIGHTS_OF_A_DRAW: u32 = 5;
 
+/// What a drive's estimates are worth: what is rehearsed stands on them.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Judged {
+    pub log: String,
+    #[serde(flatten)]
+    pub verdict: Verdict,
+}
+
+impl Judged {
+    /// The verdict in words, under the name of the drive.
+    pub fn lines(&self) -> Vec<String> {
+        let mut lines = self.verdict.lines();
+        if let Some(first) = lines.first_mut() {
+            *first = format!("{}: {first}", self.log);
+        }
+        lines
+    }
+}
+
 /// What the drives give.
 #[derive(Debug)]
 pub struct Drives {
     pub names: Vec<String>,
+    /// What each is worth.
+    pub verdicts: Vec<Judged>,
     pub records: Vec<Record>,
     pub grade: Grade,
     pub output: ImuOutput,
@@ -33,6 +55,7 @@ impl Drives {
     /// Reads and identifies them one after the other.
     pub fn read(paths: &[PathBuf], grade: Option<Grade>) -> Result<Self> {
         let (mut names, mut records, mut rates) = (Vec::new(), Vec::new(), Vec::new());
+        let mut verdicts = Vec::new();
         let mut first: Option<(Grade, ImuOutput)> = None;
         for path in paths {
             let analysis = Analysis::of_log(path, grade, &bar())?;
@@ -46,6 +69,10 @@ impl Drives {
             }
             rates.push(analysis.log.imu_rate_hz());
             names.push(analysis.summary.log.clone());
+            verdicts.push(Judged {
+                log: analysis.summary.log.clone(),
+                verdict: analysis.summary.verdict.clone(),
+            });
             records.push(Record::new(&analysis.log, &analysis.found));
         }
         rates.sort_by(f64::total_cmp);
@@ -55,6 +82,7 @@ impl Drives {
         let imu_hz = rates[rates.len() / 2].round().max(1.0) as u32;
         Ok(Self {
             names,
+            verdicts,
             records,
             grade,
             output,
@@ -102,6 +130,8 @@ pub struct Settings {
 #[derive(Debug)]
 pub struct Rehearsal {
     pub settings: Settings,
+    /// What the drives are worth.
+    pub verdicts: Vec<Judged>,
     pub found: Identified,
     pub noise: Option<RecordedNoise>,
     pub subjects: Vec<Subject>,

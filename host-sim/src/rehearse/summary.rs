@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::flight::{Fault, World};
 use super::run::{HEADING, Line, Outcome, POSITION, QUANTITIES, moments};
-use super::settings::{Case, Rehearsal, SOURCES};
+use super::settings::{Case, Judged, Rehearsal, SOURCES};
 use crate::identify::error_model::interval::student;
 use crate::identify::error_model::{Assumed, Parameter};
 use crate::page::table::Table;
@@ -115,6 +115,8 @@ pub const BUDGETED: [(usize, bool); 4] = [
 #[derive(Clone, Debug, Serialize)]
 pub struct Summary {
     pub drives: Vec<String>,
+    /// What speaks against them.
+    pub verdicts: Vec<Judged>,
     /// Flights asked for.
     pub flights: u32,
     /// Flights that the aircraft could not fly.
@@ -257,6 +259,7 @@ impl Summary {
         }
         Self {
             drives: settings.drives.clone(),
+            verdicts: rehearsal.verdicts.clone(),
             flights: settings.flights,
             not_flown: lines.iter().filter(|line| line.why.is_some()).count(),
             models: settings.models,
