@@ -112,6 +112,94 @@ fn ardupilot_counts_forward_right_down() {
 }
 
 #[test]
+fn parameters_are_those_of_the_sensor_and_the_receiver_that_were_read() {
+    let mut t = unknown();
+    [t.gnss_delay_s] = known([0.12]);
+    t.lever_arm_m = known([0.0, 0.5, 0.0]);
+    t.gyro_bias_radps = known([0.0, 0.0012, 0.0]);
+    for (name, value) in [
+        ("INS_GYROFFS_X", 0.1),
+        ("INS_GYR3OFFS_X", 0.2),
+        ("INS4_GYROFFS_X", 0.3),
+        ("CAL_GYRO0_XOFF", 0.1),
+        ("CAL_GYRO1_XOFF", 0.2),
+    ] {
+        t.parameters.insert(name.to_owned(), value);
+    }
+    let not_known = "# not set: which number the autopilot's parameters give this one is not known";
+    for (target, source, lines, first) in [
+        (
+            Target::Ardupilot,
+            "IMU 4 and GPS 2",
+            vec!["INS4_GYROFFS_X,0.3012000", "GPS2_DELAY_MS,120"],
+            "INS_GYROFFS_X",
+        ),
+        (
+            Target::Ardupilot,
+            "GYR and ACC 3 and GPS 2",
+            vec![
+                "INS_GYR3OFFS_X,0.2012000",
+                "# before 4.6 GPS_DELAY_MS2",
+                "# before 4.6 GPS_POS2_X",
+            ],
+            "GPS1_",
+        ),
+        (
+            Target::Ardupilot,
+            "IMU 1 and GPS 3",
+            vec!["INS_GYROFFS_X,0.1012000", not_known],
+            "\nGPS",
+        ),
+        (
+            Target::Px4,
+            "vehicle_imu 1 and sensor_gps 1",
+            vec![
+                "# CAL_GYRO1_XOFF: 0.0012000 +- 0.0000012 rad/s",
+                not_known,
+                "param set SENS_GPS1_DELAY 120",
+                "param set SENS_GPS1_OFFX 0.50000",
+            ],
+            "CAL_GYRO0",
+        ),
+        (
+            Target::Px4,
+            "sensor_gyro and sensor_accel 1 and sensor_gps 2",
+            vec![not_known, "# SENS_GPS2_DELAY: 120.00 +- 0.12 ms"],
+            "param set SENS_GPS",
+        ),
+    ] {
+        t.source = source.to_owned();
+        assert_prints(&t, target, &lines);
+        let text = targets::text(&t, target).unwrap();
+        assert!(!text.contains(first), "{source}: {text}");
+    }
+    // Any of several is the one that was used.
+    t.parameters.insert("CAL_GYRO1_ID".to_owned(), 5.0);
+    t.source = "sensor_combined and vehicle_gps_position 0".to_owned();
+    let text = targets::text(&t, Target::Px4).unwrap();
+    assert!(!text.contains("param set CAL_"), "{text}");
+    // Numbers that are bound to identities need not be those of the messages.
+    t.parameters.insert("SENS_GPS0_ID".to_owned(), 7.0);
+    t.source = "vehicle_imu 0 and sensor_gps 1".to_owned();
+    let text = targets::text(&t, Target::Px4).unwrap();
+    assert!(!text.contains("param set SENS_GPS"), "{text}");
+}
+
+#[test]
+fn an_antenna_is_counted_from_where_the_autopilot_has_the_unit() {
+    let mut t = unknown();
+    t.lever_arm_m = known([0.0, -0.062, 0.0]);
+    for name in ["EKF2_IMU_POS_X", "INS_POS1_X", "INS_POS3_X"] {
+        let place = if name == "INS_POS3_X" { 2.5 } else { 1.5 };
+        t.parameters.insert(name.to_owned(), place);
+    }
+    assert_prints(&t, Target::Px4, &["param set SENS_GPS0_OFFX 1.438000"]);
+    assert_prints(&t, Target::Ardupilot, &["GPS1_POS_X,1.438000"]);
+    t.source = "IMU 3 and GPS 1".to_owned();
+    assert_prints(&t, Target::Ardupilot, &["GPS1_POS_X,2.438000"]);
+}
+
+#[test]
 fn models_of_sensors_have_their_own_units() {
     let mut t = unknown();
     [t.gnss_delay_s] = known([0.122]);

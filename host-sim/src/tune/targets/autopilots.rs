@@ -1,8 +1,8 @@
 //! PX4, of its source as of 2026, and `ArduPilot`, as of 4.6.
 //!
-//! Both take the antenna from the unit where their own place of the unit (`EKF2_IMU_POS`, `INS_POS1`)
-//! is zero, and correct readings by `(reading - offset) * scale`: what is found in corrected ones
-//! comes on top of the offset, unscaled.
+//! Both count the antenna from where they have the unit itself (`EKF2_IMU_POS`, `INS_POS1`), and correct
+//! readings by `(reading - offset) * scale`: what is found in corrected ones comes on top of the
+//! offset, unscaled.
 
 use super::setting::{Setting, TURNED, file};
 use crate::tune::found::{Found, frd};
@@ -14,14 +14,24 @@ const PX4_STEP_S: f64 = 0.01;
 const ARDUPILOT_STEP_S: f64 = 0.012;
 
 const ROTATED: &str = "the board is rotated: sensors, board and vehicle have different axes";
+const NO_NUMBER: &str = "which number the autopilot's parameters give this one is not known";
 const LEAST: &str =
     "white noise alone, so the least; the default also covers scale errors and vibration";
 
 pub(super) fn px4(t: &Tuning) -> String {
     let set = |name: &str| t.parameters.get(name).copied();
+    // Sensors have parameters by their identity: only the first is sure to have those of its number.
+    let sensor = number(t, ["vehicle_imu ", "sensor_accel "]).unwrap_or(0);
+    let one_of_several =
+        t.source.starts_with("sensor_combined") && set("CAL_GYRO1_ID").is_some_and(|id| id != 0.0);
+    let no_slot = (sensor > 0 || one_of_several).then_some(NO_NUMBER);
+    let receiver = number(t, ["vehicle_gps_position ", "sensor_gps "]).unwrap_or(0);
+    let bound = [0, 1].map(|n| set(&format!("SENS_GPS{n}_ID")).is_some_and(|id| id != 0.0));
+    let no_receiver = (receiver > 1 || receiver == 1 && bound.contains(&true)).then_some(NO_NUMBER);
     // What was set is taken from the stamps of this message before they are logged.
     let stamped = t.source.contains("vehicle_gps_position");
-    let delayed_ms = set("SENS_GPS0_DELAY").filter(|_| stamped);
+    let delay_name = format!("SENS_GPS{receiver}_DELAY");
+    let delayed_ms = set(&delay_name).filter(|_| stamped);
     let delay = t.gnss_delay_s.scaled(1e3).plus(delayed_ms.unwrap_or(0.0));
     let rotations = ["ROT", "X_OFF", "Y_OFF", "Z_OFF"].map(|which| format!("SENS_BOARD_{which}"));
     let rotated = (rotations.iter()).any(|name| set(name).is_some_and(|value| value != 0.0));
@@ -38,17 +48,22 @@ pub(super) fn px4(t: &Tuning) -> String {
         }
     };
     let scale = ["X", "Y", "Z"].map(|axis| {
-        let scale = set(&format!("CAL_ACC0_{axis}SCALE"));
+        let scale = set(&format!("CAL_ACC{sensor}_{axis}SCALE"));
         scale.filter(|_| !raw).unwrap_or(1.0)
     });
 
     let note = "before 2026 EKF2_GPS_DELAY; EKF2_DELAY_MAX must not be less";
-    let mut all = vec![delay_ms("SENS_GPS0_DELAY", delay, [0.0, 300.0], note)];
-    let antenna = Setting::each("SENS_GPS0_OFF@", "m", &frd(&t.lever_arm_m)).into_iter();
-    all.extend(antenna.map(|antenna| {
-        let former = antenna.name.replace("SENS_GPS0_OFF", "EKF2_GPS_POS_");
+    let delay = delay_ms(&delay_name, delay, [0.0, 300.0], note);
+    let mut all = vec![Setting {
+        hold: no_receiver,
+        ..delay
+    }];
+    let name = format!("SENS_GPS{receiver}_OFF");
+    let antenna = antenna(t, &format!("{name}@"), "EKF2_IMU_POS_@");
+    all.extend(antenna.into_iter().map(|antenna| {
+        let former = antenna.name.replace(&name, "EKF2_GPS_POS_");
         Setting {
-            hold: own_axes,
+            hold: own_axes.or(no_receiver),
             ..antenna.note(format!("before 2026 {former}"))
         }
     }));
@@ -56,8 +71,9 @@ pub(super) fn px4(t: &Tuning) -> String {
     let board_deg = board.map(|angle| angle.scaled(1_f64.to_degrees()));
     let board = Setting::each("SENS_BOARD_@_OFF", "deg", &board_deg).into_iter();
     all.extend(board.map(|board| acted(board.takes([-45.0, 45.0]), own_axes)));
-    let offsets = offsets(t, ["CAL_GYRO0_@OFF", "CAL_ACC0_@OFF"], scale);
-    all.extend(offsets.map(|offset| acted(offset, hold)));
+    let names = ["GYRO", "ACC"].map(|kind| format!("CAL_{kind}{sensor}_@OFF"));
+    let offsets = offsets(t, [&names[0], &names[1]], scale);
+    all.extend(offsets.map(|offset| acted(offset, hold.or(no_slot))));
     let noises = [
         ("EKF2_GYR_NOISE", [1e-4, 0.1]),
         ("EKF2_ACC_NOISE", [0.01, 1.0]),
@@ -72,38 +88,50 @@ pub(super) fn px4(t: &Tuning) -> String {
 
 pub(super) fn ardupilot(t: &Tuning) -> String {
     let set = |name: &str| t.parameters.get(name).copied();
-    // The first sensor has no number in its names.
-    let number = t
-        .source
-        .split_whitespace()
-        .find_map(|word| word.parse().ok());
-    let number = number.filter(|number| matches!(number, 2..=3_u8));
-    let number = number.map_or(String::new(), |number| number.to_string());
+    let sensor = number(t, ["IMU ", "GYR and ACC "]).unwrap_or(1);
+    // The first has no number in its names but in that of its place, the fourth has it in front.
+    let (group, number) = match sensor {
+        1 => ("INS_".to_owned(), String::new()),
+        2..=3 => ("INS_".to_owned(), sensor.to_string()),
+        _ => (format!("INS{sensor}_"), String::new()),
+    };
+    let place = match sensor {
+        1..=3 => format!("INS_POS{sensor}_@"),
+        _ => format!("{group}POS_@"),
+    };
+    let receiver = self::number(t, ["GPS "; 2]).unwrap_or(1);
+    let no_receiver = (receiver > 2).then_some(NO_NUMBER);
     let rotated = set("AHRS_ORIENTATION").is_some_and(|rotation| rotation != 0.0);
     let turned = t.turned_upright.then_some(TURNED);
     let hold = rotated.then_some(ROTATED).or(turned);
     let scale = ["X", "Y", "Z"].map(|axis| {
-        let scale = set(&format!("INS_ACC{number}SCAL_{axis}"));
+        let scale = set(&format!("{group}ACC{number}SCAL_{axis}"));
         scale.filter(|scale| *scale > 0.0).unwrap_or(1.0)
     });
 
     // Zero stands for the driver's own.
     let (delay, takes) = (t.gnss_delay_s.scaled(1e3), [1.0, 250.0]);
-    let mut all = vec![delay_ms(
-        "GPS1_DELAY_MS",
-        delay,
-        takes,
-        "before 4.6 GPS_DELAY_MS",
-    )];
-    let antenna = Setting::each("GPS1_POS_@", "m", &frd(&t.lever_arm_m)).into_iter();
-    all.extend(antenna.map(|antenna| {
-        let former = antenna.name.replace("GPS1_POS", "GPS_POS1");
-        let note = format!("before 4.6 {former}");
-        antenna.takes([-5.0, 5.0]).note(note)
+    let former = ["before 4.6 GPS_DELAY_MS", "before 4.6 GPS_DELAY_MS2"];
+    let former = former[usize::from(receiver > 1)];
+    let delay = delay_ms(&format!("GPS{receiver}_DELAY_MS"), delay, takes, former);
+    let mut all = vec![Setting {
+        hold: no_receiver,
+        ..delay
+    }];
+    let name = format!("GPS{receiver}_POS");
+    let antenna = antenna(t, &format!("{name}_@"), &place);
+    all.extend(antenna.into_iter().map(|antenna| {
+        let former = antenna.name.replace(&name, &format!("GPS_POS{receiver}"));
+        Setting {
+            hold: no_receiver,
+            ..antenna
+                .takes([-5.0, 5.0])
+                .note(format!("before 4.6 {former}"))
+        }
     }));
     let trim = Setting::each("AHRS_TRIM_@", "rad", &[t.mount.roll, t.mount.pitch]).into_iter();
     all.extend(trim.map(|trim| trim.takes([-0.1745, 0.1745])));
-    let names = ["GYR", "ACC"].map(|kind| format!("INS_{kind}{number}OFFS_@"));
+    let names = ["GYR", "ACC"].map(|kind| format!("{group}{kind}{number}OFFS_@"));
     let offsets = offsets(t, [&names[0], &names[1]], scale);
     all.extend(offsets.map(|offset| offset.takes([-3.5, 3.5]).on_top(t, hold)));
     let noises = [
@@ -116,6 +144,25 @@ pub(super) fn ardupilot(t: &Tuning) -> String {
     let title = "ArduPilot: a parameter file; gyro offsets stay only where INS_GYR_CAL is 0";
     let write = |name: &str, values: &[String]| format!("{name},{}", values.concat());
     file(t, title, "#", write, &all)
+}
+
+/// The number behind one of these words in the name of the source.
+fn number(t: &Tuning, words: [&str; 2]) -> Option<u8> {
+    let behind = |word: &str| {
+        let (_, behind) = t.source.split_once(word)?;
+        behind.split_whitespace().next()?.parse().ok()
+    };
+    words.into_iter().find_map(behind)
+}
+
+/// The antenna from where the autopilot counts: from the unit, and where parameters have that.
+fn antenna(t: &Tuning, name: &str, place: &str) -> Vec<Setting> {
+    let axes = ["X", "Y", "Z"].into_iter().zip(frd(&t.lever_arm_m));
+    let arm = axes.map(|(axis, arm)| {
+        let set = t.parameters.get(&place.replace('@', axis));
+        arm.plus(set.copied().unwrap_or(0.0))
+    });
+    Setting::each(name, "m", &arm.collect::<Vec<_>>())
 }
 
 /// Subtracted from the stamps of fixes, so the latency itself.
