@@ -217,7 +217,10 @@ fn models_of_sensors_have_their_own_units() {
         Target::Kalibr,
         &[shift, "gyroscope_noise_density: 0.000100000"],
     );
+    // Positions that are 50 ms later than velocities.
+    t.gnss_position_delay_s = Found::known(0.05, 0.000_159);
     let lines = [
+        "# delay of positions: 0.17200 +- 0.00020 s",
         "antlever: [0.13600, -0.30100, -0.18400]",
         "initgyrbias: [2.0000, 1.0000, -3.0000]",
         "initaccbias: [2000.0, 3000.0, -1100.0]",

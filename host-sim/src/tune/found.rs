@@ -83,6 +83,16 @@ impl Found {
         }
     }
 
+    /// The sum of two, as if found apart.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            value: self.value + other.value,
+            sigma: self.sigma.hypot(other.sigma),
+            missing: self.missing.or(other.missing),
+        }
+    }
+
     pub fn is_known(&self) -> bool {
         self.missing.is_none()
     }

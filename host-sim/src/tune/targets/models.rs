@@ -39,7 +39,9 @@ pub(super) fn kalibr(t: &Tuning) -> String {
 pub(super) fn kf_gins(t: &Tuning) -> String {
     let mgal = frd(&t.accel_bias_mps2).map(|found| found.scaled(1.0 / MGAL_MPS2));
     let correlation_h = t.gyro_bias_correlation_s.scaled(1.0 / 3600.0);
-    let mut delay = Setting::new("delay of GNSS", "s", &[t.gnss_delay_s]);
+    // Its GNSS file holds positions and nothing else.
+    let delay_s = t.gnss_delay_s.and(t.gnss_position_delay_s);
+    let mut delay = Setting::new("delay of positions", "s", &[delay_s]);
     delay.hold = Some("KF-GINS has no delay; subtract it from the stamps of the GNSS file");
     let initial = [
         delay,
