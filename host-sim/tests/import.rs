@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use host_sim::log::Log;
+use host_sim::log::{Grade, Log};
 use host_sim::log::import::{Choice, open, read};
 use ins_core::{GnssFix, ImuOutput};
 use lz4_flex::frame::FrameEncoder;
@@ -1009,6 +1010,24 @@ fn tables_of_any_columns_read_as_the_drive() {
 
 #[test]
 fn slips_in_names_of_columns_are_explained() {
+#[test]
+fn what_is_said_beside_columns_is_heard_as_in_a_plain_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = "imu = \"rates\"\ninitial_heading_deg = 90\ngrade = \"hg1700\"\n\
+                lever_arm_m = [1, 2, 3]\ngnss_clock_offset_s = 0.25\nheading = 1\n";
+    tables(folder.path(), &COLUMNS.replace("imu = \"rates\"\n", said));
+    let (log, warnings) = open(folder.path()).unwrap();
+    let meta = &log.meta;
+    assert_eq!(meta.initial_heading_deg, Some(90.0));
+    assert_eq!(meta.grade, Some(Grade::Hg1700));
+    assert_eq!(meta.lever_arm_rfu_m, Some(Vector3::new(2.0, 1.0, -3.0)));
+    assert!((meta.gnss_clock_offset_s - 0.25).abs() < 1e-12);
+    // The log that is made of it has columns of its own.
+    assert!(!meta.document.contains_key("columns"));
+    let found: Vec<&str> = warnings.iter().map(|w| &*w.found).collect();
+    assert_eq!(found, ["`heading`"]);
+}
+
     let folder = tempfile::tempdir().unwrap();
     let said = |from: &str, to: &str| {
         tables(folder.path(), &COLUMNS.replace(from, to));
@@ -1025,7 +1044,26 @@ fn slips_in_names_of_columns_are_explained() {
     );
     assert_eq!(
         said("gyro_z =", "gyro_zed ="),
-        "expected a key `gyro_z`, found none"
+    let gyro = "gyro_z = { column = \"wz\", unit = \"deg/s\", sign = -1 }\n";
+    assert_eq!(said(gyro, ""), "expected a key `gyro_z`, found none");
+        "expected one of the columns t_s, gyro_x, gyro_y, gyro_z, accel_x, accel_y, accel_z, found \
+         `gyro_zed`"
+    );
+    // What may be missing is not lost by a slip.
+    assert!(said("h_m =", "height =").ends_with("sd_v, sd_vu, found `height`"));
+    assert_eq!(
+        said("course_deg = \"course\"\n", ""),
+        "expected a key `course_deg`, found none"
+    );
+    assert_eq!(
+        said("sign = -1", "sign = 7"),
+        "expected a sign of `gyro_z`, 1 or -1, found 7"
+    );
+    assert!(said("sign = -1", "scale = 7").starts_with("expected a valid entry"));
+    // A unit of something else.
+    assert_eq!(
+        said("\"g\"", "\"deg\""),
+        "expected a unit of `accel_x`, found deg"
     );
 }
 

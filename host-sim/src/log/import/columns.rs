@@ -26,8 +26,7 @@ use serde::Deserialize;
 
 use super::recording::{Recording, degrees, east_north, over_ground, stated};
 use super::texts::{Table, content};
-use crate::log::meta::Output;
-use crate::log::{BodyAxes, LogError};
+use crate::log::{LogError, Meta};
 
 const META: &str = "meta.toml";
 
@@ -40,18 +39,11 @@ pub(super) fn recognised(path: &Path, _: &[u8]) -> bool {
 
 #[derive(Deserialize)]
 struct Document {
-    log: About,
     columns: Tables,
 }
 
 #[derive(Deserialize)]
-struct About {
-    body_axes: BodyAxes,
-    #[serde(with = "Output")]
-    imu: ImuOutput,
-}
-
-#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Tables {
     imu: TableColumns,
     gnss: TableColumns,
@@ -65,7 +57,7 @@ struct TableColumns {
 }
 
 #[derive(Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, deny_unknown_fields)]
 enum Source {
     Name(String),
     Scaled {
@@ -75,33 +67,73 @@ enum Source {
     },
 }
 
-/// What one of a unit is in the log's own.
-const UNITS: [(&str, f64); 24] = [
+/// Units, and what one of each is in the log's own.
+type Units = &'static [(&'static str, f64)];
+
+const TIME: Units = &[
     ("s", 1.0),
     ("ms", 1e-3),
     ("us", 1e-6),
     ("ns", 1e-9),
     ("min", 60.0),
+];
+const RATE: Units = &[
     ("rad/s", 1.0),
     ("deg/s", 0.017_453_292_519_943_295),
     ("mdeg/s", 1.745_329_251_994_329_5e-5),
     ("deg/h", 4.848_136_811_095_36e-6),
-    ("rad", 1.0),
-    ("m/s^2", 1.0),
-    ("g", 9.806_65),
-    ("mg", 9.806_65e-3),
+];
+const TURN: Units = &[("rad", 1.0), ("deg", 0.017_453_292_519_943_295)];
+const FORCE: Units = &[("m/s^2", 1.0), ("g", 9.806_65), ("mg", 9.806_65e-3)];
+const SPEED: Units = &[
     ("m/s", 1.0),
     ("cm/s", 1e-2),
     ("mm/s", 1e-3),
     ("km/h", 1.0 / 3.6),
     ("kn", 1852.0 / 3600.0),
+];
+const ANGLE: Units = &[
     ("deg", 1.0),
     ("1e-7 deg", 1e-7),
-    ("m", 1.0),
-    ("cm", 1e-2),
-    ("mm", 1e-3),
-    ("ft", 0.3048),
+    ("rad", 57.295_779_513_082_32),
 ];
+const LENGTH: Units = &[("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("ft", 0.3048)];
+
+const GYRO: [&str; 3] = ["gyro_x", "gyro_y", "gyro_z"];
+const ACCEL: [&str; 3] = ["accel_x", "accel_y", "accel_z"];
+const GNSS: [(&str, Units); 16] = [
+    ("t_s", TIME),
+    ("lat_deg", ANGLE),
+    ("lon_deg", ANGLE),
+    ("h_m", LENGTH),
+    ("ve", SPEED),
+    ("vn", SPEED),
+    ("vu", SPEED),
+    ("speed_mps", SPEED),
+    ("course_deg", ANGLE),
+    ("sd_n", LENGTH),
+    ("sd_e", LENGTH),
+    ("sd_u", LENGTH),
+    ("sd_ve", SPEED),
+    ("sd_vn", SPEED),
+    ("sd_v", SPEED),
+    ("sd_vu", SPEED),
+];
+
+/// Names of the inertial table; increments are angles and speeds.
+fn inertial(output: ImuOutput) -> Vec<(&'static str, Units)> {
+    let (gyro, accel) = match output {
+        ImuOutput::Rates => (RATE, FORCE),
+        ImuOutput::Increments => (TURN, SPEED),
+    };
+    let gyro = GYRO.map(|name| (name, gyro));
+    let accel = ACCEL.map(|name| (name, accel));
+    [("t_s", TIME)]
+        .into_iter()
+        .chain(gyro)
+        .chain(accel)
+        .collect()
+}
 
 pub(super) fn read(folder: &Path) -> Result<Recording, LogError> {
     let path = folder.join(META);
@@ -110,28 +142,37 @@ pub(super) fn read(folder: &Path) -> Result<Recording, LogError> {
                  { column = \"...\", unit = \"...\", sign = -1 }";
     let document: Document =
         toml::from_str(&text).map_err(|e| LogError::toml(&path, &text, &e, cause))?;
-    let axes = document.log.body_axes;
-    let imu = Columns::open(folder, &document.columns.imu, &path)?;
-    let gnss = Columns::open(folder, &document.columns.gnss, &path)?;
-    let [gyro, accel] = [
-        ["gyro_x", "gyro_y", "gyro_z"],
-        ["accel_x", "accel_y", "accel_z"],
-    ];
-    imu.require(&[&["t_s"], &gyro[..], &accel].concat(), &path)?;
+    let mut recording = Recording::default();
+    let mut about = Meta::read(&path, &mut recording.notes)?;
+    // The log that is made of it has the columns of all logs.
+    about.document.remove("columns");
+    let axes = about.body_axes;
+    let imu = Columns::open(folder, &document.columns.imu, &inertial(about.imu), &path)?;
+    let gnss = Columns::open(folder, &document.columns.gnss, &GNSS, &path)?;
+    imu.require(&[&["t_s"], &GYRO[..], &ACCEL].concat(), &path)?;
     gnss.require(&["t_s"], &path)?;
+    for pair in [
+        ["lat_deg", "lon_deg"],
+        ["ve", "vn"],
+        ["speed_mps", "course_deg"],
+    ] {
+        if pair.iter().any(|name| gnss.of.contains_key(*name)) {
+            gnss.require(&pair, &path)?;
+        }
+    }
     let sample = |row: &Vec<f64>| {
         let vector = |names: [&str; 3]| {
             let [x, y, z] = names.map(|name| imu.cell(row, name));
             Some(Vector3::new(x?, y?, z?))
         };
         let time = Time::from_seconds(imu.cell(row, "t_s")?)?;
-        Some(axes.sample(time, vector(gyro)?, vector(accel)?))
+        Some(axes.sample(time, vector(GYRO)?, vector(ACCEL)?))
     };
     let samples = imu.table.rows.iter().filter_map(sample).collect();
     let file = &document.columns.imu.file;
-    let mut recording = Recording::default();
     recording.add_imu(&folder.join(file), file, axes, samples);
-    recording.imus[0].output = document.log.imu;
+    recording.imus[0].output = about.imu;
+    recording.about = Some(about);
     let rows = gnss.table.rows.iter();
     let fixes = rows.filter_map(|row| fix(&gnss, row)).collect();
     let file = &document.columns.gnss.file;
@@ -141,6 +182,13 @@ pub(super) fn read(folder: &Path) -> Result<Recording, LogError> {
 
 fn fix(gnss: &Columns, row: &[f64]) -> Option<GnssFix> {
     let cell = |name: &str| gnss.cell(row, name);
+    // As of a log's own columns: the root mean square of those stated.
+    let sigma = |names: &[&str]| {
+        let stated = names.iter().filter_map(|name| cell(name));
+        let squares: Vec<f64> = stated.filter(|s| *s > 0.0).map(|s| s * s).collect();
+        let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+        (!squares.is_empty()).then(|| mean.sqrt())
+    };
     let level = cell("ve").zip(cell("vn")).map(east_north);
     let ground = cell("speed_mps").zip(cell("course_deg"));
     Some(GnssFix {
@@ -149,7 +197,12 @@ fn fix(gnss: &Columns, row: &[f64]) -> Option<GnssFix> {
         height_m: cell("h_m"),
         velocity_en_mps: level.or_else(|| ground.map(over_ground)),
         velocity_up_mps: cell("vu"),
-        sigma: stated(["sd_n", "sd_u", "sd_v", "sd_vu"].map(cell)),
+        sigma: stated([
+            sigma(&["sd_n", "sd_e"]),
+            sigma(&["sd_u"]),
+            sigma(&["sd_ve", "sd_vn", "sd_v"]),
+            sigma(&["sd_vu"]),
+        ]),
     })
 }
 
@@ -160,20 +213,35 @@ struct Columns {
 }
 
 impl Columns {
-    fn open(folder: &Path, columns: &TableColumns, meta: &Path) -> Result<Self, LogError> {
+    fn open(
+        folder: &Path,
+        columns: &TableColumns,
+        known: &[(&str, Units)],
+        meta: &Path,
+    ) -> Result<Self, LogError> {
         let path = folder.join(&columns.file);
         let table = Table::read(&path)?;
         let mut of = BTreeMap::new();
         for (name, source) in &columns.columns {
+            let own = known.iter().find(|(own, _)| own == name);
+            let (_, units) = own.ok_or_else(|| unknown_name(name, known, meta))?;
             let (column, unit, sign) = match source {
                 Source::Name(column) => (column, None, 1.0),
                 Source::Scaled { column, unit, sign } => {
                     (column, unit.as_deref(), sign.unwrap_or(1.0))
                 }
             };
+            if ![1.0, -1.0].contains(&sign) {
+                let (expected, found) = (format!("a sign of `{name}`, 1 or -1"), sign.to_string());
+                let cause = "a factor is the unit's: say which unit it is";
+                return Err(LogError::file(meta, expected, found, cause));
+            }
             let scale = match unit {
                 None => 1.0,
-                Some(unit) => factor(unit).ok_or_else(|| unknown_unit(unit, name, meta))?,
+                Some(unit) => factor(unit, units).ok_or_else(|| {
+                    let cause = format!("known units: {}", listed(units));
+                    LogError::file(meta, format!("a unit of `{name}`"), unit, cause)
+                })?,
             };
             of.insert(name.clone(), (table.required(column, &path)?, sign * scale));
         }
@@ -199,15 +267,18 @@ impl Columns {
     }
 }
 
-fn factor(unit: &str) -> Option<f64> {
-    UNITS
-        .iter()
-        .find(|(name, _)| *name == unit)
-        .map(|(_, factor)| *factor)
+fn factor(unit: &str, units: Units) -> Option<f64> {
+    let own = units.iter().find(|(name, _)| *name == unit);
+    own.map(|(_, factor)| *factor)
 }
 
-fn unknown_unit(unit: &str, name: &str, meta: &Path) -> LogError {
-    let units: Vec<&str> = UNITS.iter().map(|(name, _)| *name).collect();
-    let cause = format!("known units: {}", units.join(", "));
-    LogError::file(meta, format!("a unit of `{name}`"), unit, cause)
+fn unknown_name(name: &str, known: &[(&str, Units)], meta: &Path) -> LogError {
+    let expected = format!("one of the columns {}", listed(known));
+    let cause = "misspelt, or of the other table: nothing would be read from it";
+    LogError::file(meta, expected, format!("`{name}`"), cause)
+}
+
+fn listed<T>(named: &[(&str, T)]) -> String {
+    let names: Vec<&str> = named.iter().map(|(name, _)| *name).collect();
+    names.join(", ")
 }

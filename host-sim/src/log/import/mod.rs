@@ -49,6 +49,7 @@ pub fn read(paths: &[PathBuf], choice: Choice) -> Result<(Log, Vec<LogError>), L
         let recording = read(path)?;
         all.imus.extend(recording.imus);
         all.receivers.extend(recording.receivers);
+        all.about = all.about.or(recording.about);
         all.parameters.extend(recording.parameters);
         all.notes.extend(recording.notes);
     }

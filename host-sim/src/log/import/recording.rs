@@ -26,6 +26,8 @@ pub struct Choice {
 pub(super) struct Recording {
     pub(super) imus: Vec<Imu>,
     pub(super) receivers: Vec<Receiver>,
+    /// What whoever made it says of it.
+    pub(super) about: Option<Meta>,
     /// The autopilot's own, as they were set.
     pub(super) parameters: BTreeMap<String, f64>,
     pub(super) notes: Vec<LogError>,
@@ -110,9 +112,14 @@ impl Recording {
         let told = warnings.len();
         let samples = turned_upright(imu.samples, &imu.path, &mut warnings);
         let turned = warnings.len() > told;
-        let mut meta = Meta::new(imu.axes, imu.output);
+        let plain = || Meta::new(imu.axes, imu.output);
+        let mut meta = self.about.unwrap_or_else(plain);
+        if turned {
+            forget_axes(&mut meta, path, &mut warnings);
+        }
         if let Some(name) = path.file_stem().and_then(|name| name.to_str()) {
-            meta.document.insert("name".into(), name.into());
+            let own = meta.document.entry("name");
+            own.or_insert(name.into());
         }
         let source = format!("{} and {}", imu.name, gnss.name);
         meta.document.insert("source".into(), source.into());
@@ -164,6 +171,20 @@ fn turned_upright(
     let expected = "gravity's reaction towards up";
     warnings.push(LogError::file(path, expected, found, cause));
     samples
+}
+
+/// Leaves out what was said along axes that have been turned.
+fn forget_axes(meta: &mut Meta, path: &Path, warnings: &mut Vec<LogError>) {
+    let heading = meta
+        .initial_heading_deg
+        .take()
+        .map(|_| "initial_heading_deg");
+    let arm = meta.lever_arm_rfu_m.take().map(|_| "lever_arm_m");
+    for found in heading.into_iter().chain(arm) {
+        let expected = "axes of which z is the vertical one";
+        let cause = "said along axes that had to be turned: not used; turn the columns instead";
+        warnings.push(LogError::file(path, expected, found, cause));
+    }
 }
 
 /// Index of the one that is asked for, or else of the fastest.
