@@ -271,6 +271,9 @@ fn meta_cases() -> Vec<Case> {
         text("lever arm in millimetres", |f| {
             f.meta.push_str("lever_arm_m = [0, 1200, 800]\n");
         }),
+        text("clocks an infinity apart", |f| {
+            f.meta.push_str("gnss_clock_offset_s = inf\n");
+        }),
         text("a key that is not read", |f| {
             f.meta.push_str("heading_deg = 12.0\n");
         }),

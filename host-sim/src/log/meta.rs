@@ -222,6 +222,10 @@ impl Meta {
             let found = format!("{:?}", self.body_axes.from_rfu(arm).as_slice());
             return slip("lever_arm_m", "metres, up to 100 per axis", found);
         }
+        let offset_s = self.gnss_clock_offset_s;
+        if !offset_s.is_finite() {
+            return slip("gnss_clock_offset_s", "seconds", offset_s.to_string());
+        }
         Ok(())
     }
 
