@@ -429,6 +429,22 @@ fn receiver_cases() -> Vec<Case> {
                 set_line(&mut f.gnss, line, &format!("{time:.3},0,0,0,0,0,0,0"));
             }
         }),
+        hilly("zeros in every row", |f| {
+            let all = ["lat_deg", "lon_deg", "h_m", "ve", "vn", "vu"];
+            convert_all(&mut f.gnss, &all, |_| 0.0);
+        }),
+        hilly("positions in the first row alone", |f| {
+            let rows = f.gnss.lines().enumerate().map(|(line, row)| {
+                let cells: Vec<&str> = row.split(',').collect();
+                let place = if line < 2 {
+                    cells[1..4].join(",")
+                } else {
+                    ",,".to_owned()
+                };
+                format!("{},{place},{}\n", cells[0], cells[4..].join(","))
+            });
+            f.gnss = rows.collect();
+        }),
         hilly("each fix four times, new stamps", |f| {
             hold(&mut f.gnss, 1..7, |row| row - row % 4);
         }),

@@ -13,13 +13,15 @@ const MOVING_MPS: f64 = 1.0;
 /// Way that no receiver can go without another position, m: the coarsest ones write 1e-5 deg.
 const UNSEEN_M: f64 = 2.0;
 
+const NEVER: &str = "the receiver never had a fix";
+
 /// Leaves out what is no measurement, turns what is upside down.
 pub(super) fn mend_fixes(log: &mut Log, findings: &mut Findings) -> Result<(), LogError> {
     let mut mend = Mend {
         fixes: &mut log.gnss,
         findings,
     };
-    mend.rows_without_fix();
+    mend.rows_without_fix()?;
     mend.repeated_fixes();
     mend.stuck_positions();
     mend.repeated_velocities();
@@ -51,11 +53,17 @@ impl Mend<'_, '_> {
     }
 
     /// Zero latitude and longitude stand for no fix, unless the whole drive is there.
-    fn rows_without_fix(&mut self) {
+    fn rows_without_fix(&mut self) -> Result<(), LogError> {
         let none = |fix: &GnssFix| fix.position == Some(LatLon::default());
         let count = self.count(|fix| none(fix));
+        let still = |fix: &GnssFix| fix.velocity_en_mps.is_none_or(|v| v == Vector2::zeros());
+        if count > 1 && self.fixes.iter().all(|fix| none(fix) && still(fix)) {
+            let found = "zeros in every row";
+            let columns = "lat_deg, lon_deg, ve, vn";
+            return Err(self.findings.gnss(columns, "a fix", found, NEVER));
+        }
         if count == 0 || count == self.count(|fix| fix.position.is_some()) {
-            return;
+            return Ok(());
         }
         for fix in self.fixes.iter_mut().filter(|fix| none(fix)) {
             // Velocity and height of a receiver without a position are none either.
@@ -68,6 +76,7 @@ impl Mend<'_, '_> {
         let found = format!("latitude and longitude 0 in {count} rows");
         let cause = "rows of zeros where the receiver had no fix; left out";
         self.warn("lat_deg, lon_deg", "positions of the drive", found, cause);
+        Ok(())
     }
 
     fn drop_empty(&mut self) {
@@ -278,8 +287,7 @@ impl Mend<'_, '_> {
 
     fn what_is_missing(&mut self) -> Result<(), LogError> {
         if self.fixes.is_empty() {
-            let cause = "the receiver never had a fix";
-            return Err(self.findings.gnss("", "a fix", "none", cause));
+            return Err(self.findings.gnss("", "a fix", "none", NEVER));
         }
         if self.count(|fix| fix.position.is_some()) == 0 {
             let cause = "the receiver writes none: gravity and Earth rate are those of latitude 0";
