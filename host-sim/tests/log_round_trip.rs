@@ -88,12 +88,13 @@ fn meta() -> impl Strategy<Value = Meta> {
 }
 
 prop_compose! {
-    /// A log that passes the checks: 100 Hz, gravity on the up axis, stamps of any scale.
+    /// A log that passes the checks: 100 Hz, gravity on the up axis, a position, stamps of any scale.
     fn log()(
         meta in meta(),
         start in -1_000_000_000_000_000_i64..1_000_000_000_000_000,
         sensors in prop::collection::vec((vector(3.0), vector(1.0)), 20..40),
         mut gnss in prop::collection::vec(fix(), 1..8),
+        place in position(),
         mut truth in prop::collection::vec(truth(), 0..8),
     ) -> Log {
         let stamp = |index: usize, step: i64| {
@@ -103,6 +104,7 @@ prop_compose! {
         let imu = sensors.iter().enumerate().map(|(index, (gyro, accel))| {
             ImuSample { time: stamp(index, 10_001), gyro: *gyro, accel: accel + gravity }
         }).collect::<Vec<_>>().into();
+        gnss[0].position = Some(place.lat_lon());
         for (index, fix) in gnss.iter_mut().enumerate() {
             fix.time = stamp(index, 100_003);
         }

@@ -295,7 +295,7 @@ fn files_and_forms() -> Vec<Mutation> {
         usable("no velocities", |f| {
             rename(&mut f.gnss, "ve,vn,vu", "x,y,z");
         }),
-        usable("no positions", |f| {
+        doubtful("no positions", |f| {
             rename(&mut f.gnss, "lat_deg,lon_deg", "x,y");
         }),
         usable("every other velocity empty", |f| {

@@ -290,8 +290,10 @@ impl Mend<'_, '_> {
             return Err(self.findings.gnss("", "a fix", "none", NEVER));
         }
         if self.count(|fix| fix.position.is_some()) == 0 {
-            let cause = "the receiver writes none: gravity and Earth rate are those of latitude 0";
-            self.warn("lat_deg, lon_deg", "positions", "none".to_owned(), cause);
+            let cause = "gravity and the Earth's rate hang on the latitude, and without nothing can \
+                         begin: write the place, to a kilometre, into the first row";
+            let (columns, expected) = ("lat_deg, lon_deg", "one position at least");
+            return Err(self.findings.gnss(columns, expected, "none", cause));
         }
         if self.count(|fix| fix.velocity_en_mps.is_some()) == 0 {
             let cause = "the receiver writes none: what positions alone show is found, later and \
