@@ -107,6 +107,47 @@ fn a_shell_completes_and_a_manual_explains() {
     let out = home.path().to_str().unwrap();
     assert!(run(&["man", "--out", out]).status.success());
     let page = fs::read_to_string(home.path().join("host-sim-identify.1")).unwrap();
+#[test]
+fn a_study_of_nothing_fails() {
+    let nothing = run(&["study", "conditions", "--kinds", "boat", "--judges"]);
+    assert!(!nothing.status.success() && nothing.stdout.is_empty());
+    assert!(said(&nothing).contains("no kind of boat judges"));
+    let home = tempfile::tempdir().unwrap();
+    let nowhere = home.path().join("nowhere");
+    let nowhere = nowhere.to_str().unwrap();
+    let failed = run(&["study", "logs", nowhere]);
+    assert!(!failed.status.success());
+    assert!(said(&failed).contains("1 of 1 logs cannot be used"));
+    let nothing = run(&["study", "logs", nowhere, "--development"]);
+    assert!(!nothing.status.success() && nothing.stdout.is_empty());
+    assert!(said(&nothing).contains("no log of those given is developed on"));
+}
+
+#[test]
+fn a_table_goes_over_nothing_unless_forced() {
+    let home = tempfile::tempdir().unwrap();
+    let file = home.path().join("mine.csv");
+    fs::write(&file, "precious").unwrap();
+    let study = |csv: &Path, more: &[&str]| {
+        let mut command = host_sim();
+        let brief = ["study", "conditions", "--kinds", "boat", "--seeds", "1"];
+        let brief = command
+            .args(brief)
+            .args(["--class", "mems", "--brief", "--csv"]);
+        brief.arg(csv).args(more).output().unwrap()
+    };
+    // Before anything is run.
+    let refused = study(&file, &[]);
+    assert!(!refused.status.success() && refused.stdout.is_empty());
+    assert!(said(&refused).contains("exists already"));
+    assert_eq!(fs::read_to_string(&file).unwrap(), "precious");
+    let refused = study(&home.path().join("nowhere/mine.csv"), &[]);
+    assert!(!refused.status.success() && refused.stdout.is_empty());
+    assert!(study(&file, &["--force"]).status.success());
+    assert!(fs::read_to_string(&file).unwrap().starts_with("kind,"));
+    assert_eq!(entries(home.path()), ["mine.csv"]);
+}
+
     assert!(page.contains("\\-\\-bias\\-model"), "{page}");
 }
 

@@ -13,7 +13,7 @@ use super::options::{GradeChoice, Out, minutes, show, within};
 use super::rehearse::{in_keys, keys};
 use crate::identify::analysis::Analysis;
 use crate::log::Grade;
-use crate::page::output::replace;
+use crate::page::output::{check_free_file, replace};
 use crate::page::progress::{bar, counted};
 use crate::rehearse::proof;
 use crate::rehearse::settings::Drives;
@@ -46,7 +46,7 @@ impl Study {
     pub fn run(&self, json: bool, force: bool) -> Result<()> {
         match self {
             Self::Accuracy(options) => options.run(json, force),
-            Self::Conditions(options) => options.run(json),
+            Self::Conditions(options) => options.run(json, force),
             Self::Flights(options) => options.run(json, force),
             Self::Recovery(options) => options.run(json, force),
             Self::Logs(options) => options.run(json),
@@ -162,7 +162,7 @@ pub struct Conditions {
 }
 
 impl Conditions {
-    fn run(&self, json: bool) -> Result<()> {
+    fn run(&self, json: bool, force: bool) -> Result<()> {
         /// What is printed as JSON.
         #[derive(Serialize)]
         struct Page {
@@ -179,6 +179,9 @@ impl Conditions {
             }
             return Ok(());
         }
+        if let Some(file) = &self.csv {
+            check_free_file(file, force)?;
+        }
         let study = conditions::Study {
             kinds,
             only: self.class.map(Into::into),
@@ -187,9 +190,7 @@ impl Conditions {
             trial: self.trial,
         };
         let results = study.results(&bar().with_message("running"));
-        if let Some(file) = &self.csv {
-            replace(file, &conditions::output::csv(&results)?)?;
-        }
+        let table = conditions::output::csv(&results)?;
         let page = Page {
             seeds: study.seeds,
             first_seed: study.first_seed,
@@ -198,7 +199,12 @@ impl Conditions {
         };
         show(json, &page, || {
             conditions::output::readable(&page.kinds, !self.brief)
-        })
+        })?;
+        // Last: hours of work are shown even if the disk is full by now.
+        if let Some(file) = &self.csv {
+            replace(file, &table)?;
+        }
+        Ok(())
     }
 
     fn chosen(&self) -> Result<Vec<&'static conditions::Kind>> {
@@ -214,7 +220,20 @@ impl Conditions {
             let named = self.kinds.is_empty() || self.kinds.iter().any(|name| name == kind.name);
             named && !(self.judges && !kind.judge || self.development && kind.judge)
         };
-        Ok(conditions::all().filter(wanted).collect())
+        let chosen: Vec<&conditions::Kind> = conditions::all().filter(wanted).collect();
+        if chosen.is_empty() {
+            let side = if self.judges {
+                "judges"
+            } else {
+                "is developed on"
+            };
+            bail!(
+                help = "`study conditions --list` prints all, and on which side they are",
+                "no kind of {} {side}",
+                self.kinds.join(", ")
+            );
+        }
+        Ok(chosen)
     }
 }
 
@@ -313,6 +332,14 @@ impl Logs {
             logs::Role::Judge => !self.development,
         };
         let folders: Vec<&PathBuf> = self.logs.iter().filter(wanted).collect();
+        if folders.is_empty() {
+            let side = if self.judges {
+                "judges"
+            } else {
+                "is developed on"
+            };
+            bail!("no log of those given {side}");
+        }
         let progress = bar().with_message("studying");
         progress.set_length(folders.len() as u64);
         let one =
@@ -323,15 +350,20 @@ impl Logs {
             .map(counted(&progress, one))
             .collect();
         progress.finish_and_clear();
-        let mut used = Vec::new();
+        let (mut used, all) = (Vec::new(), folders.len());
         for (folder, study) in folders.iter().zip(studies) {
             match study {
                 Ok(study) => used.push(study),
                 Err(error) => eprintln!("{}: {error:?}", folder.display()),
             }
         }
+        let failed = all - used.len();
         let study = logs::Study::new(used);
-        show(json, &study, || logs::page::plain(&study))
+        show(json, &study, || logs::page::plain(&study))?;
+        match failed {
+            0 => Ok(()),
+            _ => bail!("{failed} of {all} logs cannot be used"),
+        }
     }
 }
 

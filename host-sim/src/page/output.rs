@@ -36,7 +36,7 @@ pub fn clean_up_when_stopped() {
 pub enum OutputError {
     /// It is there, and nobody said that it may go.
     #[error("{} exists already", .0.display())]
-    #[diagnostic(help("choose another --out, or replace it with --force"))]
+    #[diagnostic(help("choose another name, or replace it with --force"))]
     Exists(PathBuf),
     /// It is something else than a folder this program has written.
     #[error("{} is not a folder that this program has written", .0.display())]
@@ -120,10 +120,9 @@ pub fn write(folder: &Path, name: &str, contents: impl AsRef<[u8]>) -> Result<()
 /// Replaces a file by another text; a reader sees the old one or the new one, never half.
 pub fn replace(file: &Path, text: &str) -> Result<(), OutputError> {
     let io = |source| OutputError::io(file, source);
-    let mut name = file.as_os_str().to_owned();
-    name.push(".new");
-    fs::write(&name, text).map_err(io)?;
-    fs::rename(&name, file).map_err(io)
+    let new = beside(file);
+    fs::write(&new, text).map_err(io)?;
+    fs::rename(&new, file).map_err(io)
 }
 
 /// Temporary folders are private; results are as open as any new folder.
@@ -132,6 +131,23 @@ fn share(folder: &Path) -> io::Result<()> {
     use std::os::unix::fs::PermissionsExt;
     fs::set_permissions(folder, fs::Permissions::from_mode(0o755))
 }
+/// Refuses a file early that [`replace`] could not write, or that nobody said may go.
+pub fn check_free_file(file: &Path, force: bool) -> Result<(), OutputError> {
+    if file.is_dir() || (file.exists() && !force) {
+        return Err(OutputError::Exists(file.to_owned()));
+    }
+    let new = beside(file);
+    let tried = fs::write(&new, "").and_then(|()| fs::remove_file(&new));
+    tried.map_err(|source| OutputError::io(file, source))
+}
+
+/// Where a file is written before it has its name.
+fn beside(file: &Path) -> PathBuf {
+    let mut name = file.as_os_str().to_owned();
+    name.push(".new");
+    name.into()
+}
+
 
 #[cfg(not(unix))]
 fn share(_: &Path) -> io::Result<()> {
