@@ -11,6 +11,15 @@ pub(crate) const GREEN: RGBColor = RGBColor(0x2e, 0x9e, 0x6b);
 pub(crate) const RED: RGBColor = RGBColor(0xd0, 0x4a, 0x4a);
 pub(crate) const GREY: RGBColor = RGBColor(0x88, 0x88, 0x88);
 
+/// One of so many colours that all differ, and none of which is grey.
+pub(crate) fn one_of(place: usize, many: usize) -> RGBColor {
+    // Neighbours differ in lightness besides.
+    let lightness = if place.is_multiple_of(2) { 0.42 } else { 0.6 };
+    let colour = HSLColor(place as f64 / many as f64, 0.6, lightness);
+    let RGBAColor(red, green, blue, _) = colour.to_rgba();
+    RGBColor(red, green, blue)
+}
+
 /// Something drawn in the coordinates of the axes.
 pub(crate) enum Mark {
     /// A line through points.
@@ -184,5 +193,21 @@ fn scalable(svg: &str) -> String {
     match svg.find("viewBox") {
         Some(view) => format!("<svg {}", &svg[view..]),
         None => svg.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_of_many_differ() {
+        for many in 1..=40 {
+            let mut all: Vec<_> = (0..many).map(|place| one_of(place, many)).collect();
+            all.push(GREY);
+            all.sort_by_key(|colour| (colour.0, colour.1, colour.2));
+            all.dedup();
+            assert_eq!(all.len(), many + 1);
+        }
     }
 }

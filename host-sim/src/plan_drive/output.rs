@@ -10,7 +10,7 @@ use super::{Bench, Manoeuvre, Plan, Reached, Site, Stage, Unreached, seconds};
 use crate::aircraft::pictures::track;
 use crate::page::chart::{Chart, MOST_POINTS, Point, sampled};
 use crate::page::html::{Page, Section};
-use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED};
+use crate::page::plot::{GREY, one_of};
 use crate::page::table::{Table, cells};
 use crate::page::{brief, json, output};
 
@@ -19,8 +19,6 @@ pub const PLAN: &str = "plan.json";
 const PAGE: &str = "report.html";
 const DRIVE: &str = "drive.txt";
 const ROUTE: &str = "route.svg";
-/// Of curves, in turn.
-const COLOURS: [plotters::style::RGBColor; 5] = [BLUE, ORANGE, GREEN, RED, GREY];
 /// Quantities side by side in a terminal.
 const COLUMNS: usize = 8;
 
@@ -159,8 +157,8 @@ impl<'a> Report<'a> {
         let Some(start) = truth.first().map(|solution| solution.position) else {
             return chart;
         };
-        let kinds = Manoeuvre::all().zip(COLOURS.into_iter().cycle());
-        for (manoeuvre, colour) in kinds {
+        let many = Manoeuvre::all().count();
+        for (place, manoeuvre) in Manoeuvre::all().enumerate() {
             let mut points = Vec::new();
             let mut begin_s = 0.0;
             for stage in &self.plan.stages {
@@ -178,7 +176,7 @@ impl<'a> Report<'a> {
                 begin_s = stage.end_s;
             }
             if !points.is_empty() {
-                chart = chart.line(manoeuvre.name(), colour, &points);
+                chart = chart.line(manoeuvre.name(), one_of(place, many), &points);
             }
         }
         chart
@@ -192,14 +190,14 @@ impl<'a> Report<'a> {
         let Plan { before, stages, .. } = self.plan;
         let mut ends = vec![(0.0, before)];
         ends.extend(stages.iter().map(|stage| (stage.end_s, &stage.reached)));
-        let colours = COLOURS.into_iter().cycle();
         let mut all: Vec<f64> = vec![1.0];
-        for (place, colour) in (0..before.len()).zip(colours) {
+        for place in 0..before.len() {
             let ratio = |reached: &Reached| reached.sigma / reached.target;
             let points: Vec<Point> = ends
                 .iter()
                 .map(|(s, now)| (*s, ratio(&now[place])))
                 .collect();
+            let colour = one_of(place, before.len());
             chart = chart.line(&before[place].quantity, colour, &points);
             all.extend(points.iter().map(|point| point.1));
         }

@@ -2,9 +2,9 @@
 
 use super::quantities::{Goal, Kind};
 use super::{
-    AHEAD, Bench, Manoeuvre, Reached, Search, Tried, Unreached, falls, navigators, seconds,
+    AHEAD, Bench, Manoeuvre, Reached, Search, Tried, Unreached, aligning, falls, navigators,
+    seconds,
 };
-use crate::identify::words::unaligned;
 use crate::page::digits;
 
 /// A manoeuvre that the site does not allow is worth a word if it brings a sigma below this part of
@@ -48,8 +48,21 @@ impl Search<'_> {
             let each = tried.iter().map(|one| (one, after(&one.drives).sigma));
             each.min_by(|a, b| a.1.total_cmp(&b.1))
         };
-        if let Some(lost) = end.iter().find(|bench| bench.is_aligning()) {
-            return unaligned(lost.navigator.phase()).to_owned();
+        if aligning(end) {
+            let shown = other.iter().filter(|tried| !aligning(&tried.drives));
+            let soonest =
+                |a: &&Tried, b: &&Tried| seconds(&a.drives).total_cmp(&seconds(&b.drives));
+            return match shown.min_by(soonest) {
+                Some(shows) => format!(
+                    "the site does not allow what shows it: level and heading are found in {:.1} min \
+                     of {}",
+                    (seconds(&shows.drives) - seconds(end)) / 60.0,
+                    shows.manoeuvre.name()
+                ),
+                None => "level and heading are not found: it needs a start or a braking, or gyros \
+                         that feel the Earth's rate"
+                    .to_owned(),
+            };
         }
         let own_least = least(own).map_or(last.sigma, |(_, sigma)| sigma);
         if let Some((shows, sigma)) = least(other)

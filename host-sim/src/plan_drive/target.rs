@@ -254,12 +254,23 @@ impl Target {
         };
         let mut table = toml::Table::try_from(config).map_err(|error| refused(&error))?;
         set(&mut table, &self.config);
-        let read: Config = (table.clone().try_into()).map_err(|e: toml::de::Error| refused(&e))?;
+        let read: Config = (table.try_into()).map_err(|e: toml::de::Error| refused(&e))?;
         let known = toml::Table::try_from(read).map_err(|error| refused(&error))?;
-        if known == table {
-            Ok(read)
-        } else {
-            Err(refused(&"a key is not known"))
+        match unknown(&self.config, &known) {
+            None => Ok(read),
+            Some(key) => Err(refused(&format!("`{key}` is not known"))),
         }
     }
+}
+
+/// The first key that is not among those known, with the tables it is in.
+fn unknown(keys: &toml::Table, known: &toml::Table) -> Option<String> {
+    keys.iter()
+        .find_map(|(key, value)| match (value, known.get(key)) {
+            (_, None) => Some(key.clone()),
+            (Value::Table(keys), Some(Value::Table(known))) => {
+                Some(format!("{key}.{}", unknown(keys, known)?))
+            }
+            _ => None,
+        })
 }
