@@ -155,6 +155,37 @@ fn whatever_a_program_does_is_a_row_with_its_cause() {
     }
 }
 
+#[test]
+fn who_answers_after_the_end_has_the_time_of_all_answers_and_no_more() {
+    let home = home();
+    let home = home.path();
+    let stops = "
+import sys, time
+first = None
+for line in sys.stdin:
+    fields = line.strip().split(',')
+    if fields[0] == 'start':
+        print('ready,1,after', flush=True)
+    if fields[0] == 'ask':
+        first = first or fields[1]
+    if fields[0] == 'end':
+        print(f'none,{first}', flush=True)
+        time.sleep(600)
+";
+    fs::write(home.join("stops.py"), stops).unwrap();
+    let mut options = vec!["--time-limit", "0.1", "--models", "0", "--budget", "0"];
+    options.extend(["--with", "stops=python3 stops.py"]);
+    succeed(&mut rehearse(home, "out", "1", &options));
+    let failure = &summary(home, "out")["tested"][0]["failures"][0];
+    assert_eq!(failure["fault"], "hung", "{failure}");
+    let cause = failure["cause"].as_str().unwrap();
+    let seconds: Vec<f64> = (cause.split(' '))
+        .filter_map(|word| word.parse().ok())
+        .collect();
+    // Waited for, and the limit.
+    assert!((seconds[0] - seconds[1]).abs() < 1e-9, "{cause}");
+}
+
 /// Lines of finished flights without the time they took, which is never the same.
 fn flights(file: &Path) -> Vec<String> {
     let text = fs::read_to_string(file).unwrap();

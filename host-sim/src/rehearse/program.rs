@@ -131,7 +131,8 @@ impl Session {
             now_s: 0.0,
         };
         session.send(greeting(flown, told));
-        let line = session.line(START_LIMITS * told.limit)?;
+        let limit = START_LIMITS * told.limit;
+        let line = session.line(limit, PATIENCE * limit)?;
         session.after = match *line.split(',').collect::<Vec<_>>() {
             ["ready", "1"] => false,
             ["ready", "1", "after"] => true,
@@ -179,21 +180,23 @@ impl Session {
                 self.send(core::mem::take(&mut text));
                 if !self.after {
                     let start = Instant::now();
-                    solutions.push(self.answer(ask.time, self.limit)?);
+                    let patience = PATIENCE * self.limit;
+                    solutions.push(self.answer(ask.time, self.limit, patience)?);
                     *took += start.elapsed();
                 }
             }
         }
         self.send("end\n".to_owned());
         if self.after {
-            // The limit is of an answer; here of all of them together.
+            // The limit is of an answer; here of all of them together, and nothing beyond it is waited
+            // for: that may be an hour already.
             let asks = flown.asks();
             let count = u32::try_from(asks.len()).unwrap_or(u32::MAX);
             let end = begin + count * self.limit;
             for ask in asks {
                 self.now_s = ask.time.as_seconds();
                 let left = end.saturating_duration_since(Instant::now());
-                solutions.push(self.answer(ask.time, left.max(self.limit))?);
+                solutions.push(self.answer(ask.time, left, left)?);
             }
             *took = begin.elapsed();
         }
@@ -209,10 +212,10 @@ impl Session {
         Failure::new(fault, self.now_s, cause)
     }
 
-    /// The next line of the program, if it comes in time.
-    fn line(&mut self, limit: Duration) -> Result<String, Failure> {
+    /// The next line of the program, if it comes in time; one that is late is waited for so long.
+    fn line(&mut self, limit: Duration, patience: Duration) -> Result<String, Failure> {
         let start = Instant::now();
-        match self.lines.recv_timeout(PATIENCE * limit) {
+        match self.lines.recv_timeout(patience) {
             Ok(line) if start.elapsed() <= limit => Ok(line),
             Ok(_) => Err(self.failure(
                 Fault::Late,
@@ -226,7 +229,7 @@ impl Session {
                 Fault::Hung,
                 format!(
                     "no answer in {:.2} s, the limit is {:.2} s",
-                    (PATIENCE * limit).as_secs_f64(),
+                    patience.as_secs_f64(),
                     limit.as_secs_f64()
                 ),
             )),
@@ -275,8 +278,13 @@ impl Session {
         last.unwrap_or_default().trim().to_owned()
     }
 
-    fn answer(&mut self, asked: Time, limit: Duration) -> Result<Option<Solution>, Failure> {
-        let line = self.line(limit)?;
+    fn answer(
+        &mut self,
+        asked: Time,
+        limit: Duration,
+        patience: Duration,
+    ) -> Result<Option<Solution>, Failure> {
+        let line = self.line(limit, patience)?;
         parse(&line, asked).map_err(|expected| {
             let shown: String = line.chars().take(80).collect();
             self.failure(Fault::Wrong, format!("answered `{shown}`: {expected}"))
