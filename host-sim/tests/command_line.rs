@@ -58,14 +58,16 @@ fn what_is_stopped_leaves_nothing_half_done() {
 #[test]
 #[cfg(target_os = "linux")]
 fn a_full_disk_behind_the_output_is_no_panic() {
-    let full = File::options().write(true).open("/dev/full").unwrap();
-    let output = host_sim().arg("aircraft").stdout(full).output().unwrap();
-    let said = said(&output);
-    assert_eq!(output.status.code(), Some(1), "{said}");
-    assert!(
-        said.contains("No space left") && !said.contains("panicked"),
-        "{said}"
-    );
+    for arguments in [&["aircraft"][..], &["completions", "bash"]] {
+        let full = File::options().write(true).open("/dev/full").unwrap();
+        let output = host_sim().args(arguments).stdout(full).output().unwrap();
+        let said = said(&output);
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(
+            said.contains("No space left") && !said.contains("panicked"),
+            "{said}"
+        );
+    }
 }
 
 #[test]
@@ -99,14 +101,6 @@ fn arguments_that_cannot_be_used_are_named() {
     assert!(negative.contains("minutes from 1 to 1440"), "{negative}");
 }
 
-#[test]
-fn a_shell_completes_and_a_manual_explains() {
-    let completions = run(&["completions", "bash"]);
-    assert!(String::from_utf8_lossy(&completions.stdout).contains("identify"));
-    let home = tempfile::tempdir().unwrap();
-    let out = home.path().to_str().unwrap();
-    assert!(run(&["man", "--out", out]).status.success());
-    let page = fs::read_to_string(home.path().join("host-sim-identify.1")).unwrap();
 #[test]
 fn a_study_of_nothing_fails() {
     let nothing = run(&["study", "conditions", "--kinds", "boat", "--judges"]);
@@ -154,6 +148,14 @@ fn a_table_goes_over_nothing_unless_forced() {
 #[test]
 fn of_recordings_each_has_its_row() {
     let home = tempfile::tempdir().unwrap();
+#[test]
+fn a_shell_completes_and_a_manual_explains() {
+    let completions = run(&["completions", "bash"]);
+    assert!(String::from_utf8_lossy(&completions.stdout).contains("identify"));
+    let home = tempfile::tempdir().unwrap();
+    let out = home.path().to_str().unwrap();
+    assert!(run(&["man", "--out", out]).status.success());
+    let page = fs::read_to_string(home.path().join("host-sim-identify.1")).unwrap();
     let drive = host_sim()
         .current_dir(home.path())
         .args(["drive", "--minutes", "6", "--seed", "2", "--out", "drive"])

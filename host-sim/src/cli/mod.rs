@@ -16,12 +16,12 @@ mod study;
 mod tune;
 
 use std::fs;
-use std::io;
+use std::io::{self, Write};
 use std::path::PathBuf;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
-use miette::Result;
+use miette::{IntoDiagnostic, Result};
 
 use crate::page::output::OutputError;
 pub use crate::page::output::clean_up_when_stopped;
@@ -125,8 +125,10 @@ pub fn run(cli: &Cli) -> Result<()> {
         Command::Merge(options) => campaign::merge(options, json),
         Command::ReproduceThesis(options) => reproduce::reproduce(options, json, force),
         Command::Completions { shell } => {
-            clap_complete::generate(*shell, &mut Cli::command(), NAME, &mut io::stdout());
-            Ok(())
+            // Writing into memory cannot fail, as the generator takes for granted.
+            let mut text = Vec::new();
+            clap_complete::generate(*shell, &mut Cli::command(), NAME, &mut text);
+            io::stdout().write_all(&text).into_diagnostic()
         }
         Command::Man { out } => {
             fs::create_dir_all(out).map_err(|e| OutputError::io(out, e))?;
