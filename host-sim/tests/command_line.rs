@@ -28,16 +28,22 @@ fn entries(folder: &Path) -> Vec<String> {
 #[test]
 #[cfg(unix)]
 fn what_is_stopped_leaves_nothing_half_done() {
+    for (command, out, within) in [("drive", "log", "."), ("demo", "a/b", "a/b")] {
+        stopped_in_the_middle(&[command, "--minutes", "120", "--out", out], within);
+    }
+}
+
+/// Stops a command while a folder is being written.
+#[cfg(unix)]
+fn stopped_in_the_middle(arguments: &[&str], within: &str) {
     let home = tempfile::tempdir().unwrap();
-    let arguments = ["drive", "--minutes", "120", "--out", "log"];
     let mut drive = host_sim()
         .current_dir(home.path())
         .args(arguments)
         .spawn()
         .unwrap();
     let start = Instant::now();
-    // A folder is being written.
-    while !entries(home.path())
+    while !entries(&home.path().join(within))
         .iter()
         .any(|name| name.starts_with(".building-"))
     {
@@ -142,12 +148,6 @@ fn a_table_goes_over_nothing_unless_forced() {
     assert_eq!(entries(home.path()), ["mine.csv"]);
 }
 
-    assert!(page.contains("\\-\\-bias\\-model"), "{page}");
-}
-
-#[test]
-fn of_recordings_each_has_its_row() {
-    let home = tempfile::tempdir().unwrap();
 #[test]
 fn a_shell_completes_and_a_manual_explains() {
     let completions = run(&["completions", "bash"]);
@@ -156,6 +156,12 @@ fn a_shell_completes_and_a_manual_explains() {
     let out = home.path().to_str().unwrap();
     assert!(run(&["man", "--out", out]).status.success());
     let page = fs::read_to_string(home.path().join("host-sim-identify.1")).unwrap();
+    assert!(page.contains("\\-\\-bias\\-model"), "{page}");
+}
+
+#[test]
+fn of_recordings_each_has_its_row() {
+    let home = tempfile::tempdir().unwrap();
     let drive = host_sim()
         .current_dir(home.path())
         .args(["drive", "--minutes", "6", "--seed", "2", "--out", "drive"])

@@ -10,13 +10,20 @@ use miette::Diagnostic;
 use thiserror::Error;
 
 /// Folders that are being filled.
-static BUILDING: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+static BUILDING: Mutex<Vec<Building>> = Mutex::new(Vec::new());
+
+struct Building {
+    folder: PathBuf,
+    /// Folders that were made for it to stand in, the innermost first.
+    made: Vec<PathBuf>,
+}
+
 /// How often a folder is removed that is still being written into.
 const REMOVALS: u32 = 100;
 /// What a shell says of a program that was interrupted.
 const INTERRUPTED: i32 = 130;
 
-fn building() -> MutexGuard<'static, Vec<PathBuf>> {
+fn building() -> MutexGuard<'static, Vec<Building>> {
     BUILDING.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -24,8 +31,10 @@ fn building() -> MutexGuard<'static, Vec<PathBuf>> {
 pub fn clean_up_when_stopped() {
     // Without a handler nothing is missed but this.
     let _ = ctrlc::set_handler(|| {
-        for folder in building().iter() {
+        for Building { folder, made } in building().iter() {
             let _ = (0..REMOVALS).find(|_| fs::remove_dir_all(folder).is_ok());
+            // As far as they are empty.
+            let _ = made.iter().all(|made| fs::remove_dir(made).is_ok());
         }
         exit(INTERRUPTED);
     });
@@ -92,12 +101,18 @@ pub fn build<T, E: From<OutputError>>(
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
+    let absent = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
+    let made = parent.ancestors().take_while(absent);
+    let made = made.map(Path::to_owned).collect();
     fs::create_dir_all(parent).map_err(|e| OutputError::io(parent, e))?;
     let hidden = tempfile::Builder::new()
         .prefix(".building-")
         .tempdir_in(parent)
         .map_err(|e| OutputError::io(parent, e))?;
-    building().push(hidden.path().to_owned());
+    building().push(Building {
+        folder: hidden.path().to_owned(),
+        made,
+    });
     let filled = fill(hidden.path())?;
     share(hidden.path()).map_err(|e| OutputError::io(hidden.path(), e))?;
     // Whoever stops the program now waits until the folder has its name.
@@ -107,7 +122,7 @@ pub fn build<T, E: From<OutputError>>(
     }
     let whole = hidden.keep();
     fs::rename(&whole, folder).map_err(|e| OutputError::io(folder, e))?;
-    building.retain(|path| *path != whole);
+    building.retain(|one| one.folder != whole);
     Ok(filled)
 }
 
@@ -117,20 +132,6 @@ pub fn write(folder: &Path, name: &str, contents: impl AsRef<[u8]>) -> Result<()
     fs::write(&path, contents).map_err(|e| OutputError::io(&path, e))
 }
 
-/// Replaces a file by another text; a reader sees the old one or the new one, never half.
-pub fn replace(file: &Path, text: &str) -> Result<(), OutputError> {
-    let io = |source| OutputError::io(file, source);
-    let new = beside(file);
-    fs::write(&new, text).map_err(io)?;
-    fs::rename(&new, file).map_err(io)
-}
-
-/// Temporary folders are private; results are as open as any new folder.
-#[cfg(unix)]
-fn share(folder: &Path) -> io::Result<()> {
-    use std::os::unix::fs::PermissionsExt;
-    fs::set_permissions(folder, fs::Permissions::from_mode(0o755))
-}
 /// Refuses a file early that [`replace`] could not write, or that nobody said may go.
 pub fn check_free_file(file: &Path, force: bool) -> Result<(), OutputError> {
     if file.is_dir() || (file.exists() && !force) {
@@ -148,6 +149,20 @@ fn beside(file: &Path) -> PathBuf {
     name.into()
 }
 
+/// Replaces a file by another text; a reader sees the old one or the new one, never half.
+pub fn replace(file: &Path, text: &str) -> Result<(), OutputError> {
+    let io = |source| OutputError::io(file, source);
+    let new = beside(file);
+    fs::write(&new, text).map_err(io)?;
+    fs::rename(&new, file).map_err(io)
+}
+
+/// Temporary folders are private; results are as open as any new folder.
+#[cfg(unix)]
+fn share(folder: &Path) -> io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    fs::set_permissions(folder, fs::Permissions::from_mode(0o755))
+}
 
 #[cfg(not(unix))]
 fn share(_: &Path) -> io::Result<()> {
