@@ -8,9 +8,8 @@ use std::path::{Path, PathBuf};
 
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use host_sim::log::Log;
-use host_sim::log::{Grade, Log};
 use host_sim::log::import::{Choice, open, read};
+use host_sim::log::{Grade, Log};
 use ins_core::{GnssFix, ImuOutput};
 use lz4_flex::frame::FrameEncoder;
 use nalgebra::{Vector2, Vector3};
@@ -264,6 +263,9 @@ fn dataflash_reads_as_the_drive() {
         warnings[0].found.contains("1 IMU 1 (3000), 2 IMU 2 (3000)"),
         "{warnings:?}"
     );
+    // Both commands that have the option are named.
+    let cause = "1 is used; --imu N of `import` and `tune` chooses another inertial sensor";
+    assert_eq!(&*warnings[0].cause, cause);
 }
 
 #[test]
@@ -1009,8 +1011,6 @@ fn tables_of_any_columns_read_as_the_drive() {
 }
 
 #[test]
-fn slips_in_names_of_columns_are_explained() {
-#[test]
 fn what_is_said_beside_columns_is_heard_as_in_a_plain_log() {
     let folder = tempfile::tempdir().unwrap();
     let said = "imu = \"rates\"\ninitial_heading_deg = 90\ngrade = \"hg1700\"\n\
@@ -1028,6 +1028,8 @@ fn what_is_said_beside_columns_is_heard_as_in_a_plain_log() {
     assert_eq!(found, ["`heading`"]);
 }
 
+#[test]
+fn slips_in_names_of_columns_are_explained() {
     let folder = tempfile::tempdir().unwrap();
     let said = |from: &str, to: &str| {
         tables(folder.path(), &COLUMNS.replace(from, to));
@@ -1042,10 +1044,10 @@ fn what_is_said_beside_columns_is_heard_as_in_a_plain_log() {
         said("\"km/h\"", "\"kmh\""),
         "expected a unit of `speed_mps`, found kmh"
     );
-    assert_eq!(
-        said("gyro_z =", "gyro_zed ="),
     let gyro = "gyro_z = { column = \"wz\", unit = \"deg/s\", sign = -1 }\n";
     assert_eq!(said(gyro, ""), "expected a key `gyro_z`, found none");
+    assert_eq!(
+        said("gyro_z =", "gyro_zed ="),
         "expected one of the columns t_s, gyro_x, gyro_y, gyro_z, accel_x, accel_y, accel_z, found \
          `gyro_zed`"
     );

@@ -221,7 +221,7 @@ fn chosen<'a>(
     let Some(number) = number else {
         if counts.len() > 1 {
             let cause = format!(
-                "{} is used; --{option} N of `import` chooses {what}",
+                "{} is used; --{option} N of `import` and `tune` chooses {what}",
                 fastest + 1
             );
             let expected = format!("one source of {expected}");
