@@ -615,6 +615,15 @@ fn unit_cases() -> Vec<Case> {
         text("inertial time in milliseconds", |f| {
             convert(&mut f.imu, "t_s", |x| x * 1e3);
         }),
+        text("all times in milliseconds", |f| {
+            convert(&mut f.imu, "t_s", |x| x * 1e3);
+            convert(&mut f.gnss, "t_s", |x| x * 1e3);
+        }),
+        text("inertial samples once a second", |f| {
+            let (header, rows) = f.imu.split_once('\n').unwrap();
+            let rows: Vec<&str> = rows.lines().step_by(50).collect();
+            f.imu = format!("{header}\n{}\n", rows.join("\n"));
+        }),
         text("inertial time in minutes", |f| {
             convert(&mut f.imu, "t_s", |x| x / 60.0);
         }),

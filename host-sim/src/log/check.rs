@@ -79,7 +79,10 @@ fn check_intervals(log: &Log, imu_s: f64, findings: &mut Findings) -> Result<(),
     if imu_s > 200.0 {
         return imu(nanoseconds);
     } else if imu_s > 0.5 {
-        return imu(milliseconds);
+        // Seconds are right where both files last as long.
+        let slow = "too slow for inertial navigation, which needs ten samples a second and more";
+        let as_long = gnss_s < 30.0 && within(fixes_s, log.duration_s(), 2.0);
+        return imu(if as_long { slow } else { milliseconds });
     } else if gnss_s > 20_000.0 {
         return gnss(nanoseconds);
     } else if gnss_s > 30.0 {
