@@ -111,7 +111,12 @@ impl Tuning {
             imu_rate_hz: log.imu_rate_hz(),
             grade: summary.grade,
             gnss_delay_s: Found::of(&e.gnss_latency_s, DELAY).plus(log.meta.gnss_clock_offset_s),
-            gnss_position_delay_s: Found::of(&e.gnss_position_delay_s, DELAY),
+            gnss_position_delay_s: if log.gnss.iter().any(|fix| fix.velocity_en_mps.is_some()) {
+                Found::of(&e.gnss_position_delay_s, DELAY)
+            } else {
+                // The delay of positions alone is their own.
+                Found::known(0.0, 0.0)
+            },
             lever_arm_m: e.lever_arm_m.map(|arm| Found::of(&arm, no_lever)),
             mount: Mount::new(&found.history, e),
             gyro_bias_radps: level_up(&e.gyro_bias_radps, LEVEL_GYRO, VERTICAL_GYRO),
