@@ -300,6 +300,7 @@ impl Observer {
         };
         let by_lever = self.by_lever(past, measured, config);
         let seen_arm = by_lever * arm_m;
+        let by_azimuth = Vector3::new(seen_arm.y, -seen_arm.x, 0.0);
         Direct {
             arm_m,
             by_latency,
@@ -308,14 +309,14 @@ impl Observer {
             delayed: (by_latency + 0.5 * accel_mps2 * delay_s) * delay_s,
             by_smoothing,
             by_lever,
-            by_arm: -seen_arm,
-            by_azimuth: Vector3::new(seen_arm.y, -seen_arm.x, 0.0),
+            by_arm: by_azimuth * tilt.z - seen_arm,
+            by_azimuth,
         }
     }
 
-    /// What a unit of each component of the arm takes from it. The platform leans as the noise of GNSS
-    /// has made it lean, and gyros at rest read noise, which drives the INS as well: either would show an
-    /// arm that is not there (errors in variables).
+    /// What a unit of each component of the arm takes from it, with the azimuth as the INS has it. The
+    /// platform leans as the noise of GNSS has made it lean, and gyros at rest read noise, which drives the
+    /// INS as well: either would show an arm that is not there (errors in variables).
     fn by_lever(&self, past: &Past, measured: Measured, config: &Config) -> Matrix3<f64> {
         let seen = match measured {
             Measured::Velocity => {
@@ -328,7 +329,9 @@ impl Observer {
             }
             Measured::Position => &past.attitude,
         };
-        seen + self.followed.error.tilt_rad.cross_matrix() * seen
+        let tilt = &self.followed.error.tilt_rad;
+        let level = Vector3::new(tilt.x, tilt.y, 0.0);
+        seen + level.cross_matrix() * seen
     }
 
     /// INS minus GNSS as the parameters would have it.
