@@ -108,7 +108,7 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
         }
     }
 
-    /// Adds direct measurements of parameters from `first` on, each with the same variance.
+    /// Adds direct measurements of parameters from `first` on, each with its variance.
     pub fn add_direct<const R: usize>(
         &mut self,
         first: usize,

@@ -232,7 +232,7 @@ impl Alignment {
         }
     }
 
-    /// Takes a fix; `now` is the last inertial stamp.
+    /// Takes a fix: of what it does not have, the last one stays.
     #[inline(never)]
     pub fn on_fix(&mut self, fix: &GnssFix, config: &Config) {
         let last = &self.velocity_mps;
