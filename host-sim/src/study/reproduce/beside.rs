@@ -119,7 +119,8 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// Bias of a level gyro, deg/h; the truth is that of each sample, if it is known.
+    /// Bias of a level gyro, deg/h; the truth is that of the sample before, if it is known: a jump with the
+    /// last one of a drive nobody has seen.
     fn gyro(&self, axis: usize, truth: &[Vector3<f64>]) -> Course {
         self.course(|point, time_s| {
             let bias = &point.estimates.gyro_bias_radps[axis];
@@ -129,7 +130,9 @@ impl<'a> Run<'a> {
                 time_s,
                 value: bias.value / DEG_H_RADPS,
                 sigma: bias.sigma / DEG_H_RADPS,
-                truth: truth.get(at).map(|truth| truth[axis] / DEG_H_RADPS),
+                truth: truth
+                    .get(at.saturating_sub(1))
+                    .map(|truth| truth[axis] / DEG_H_RADPS),
             })
         })
     }
