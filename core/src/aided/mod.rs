@@ -553,11 +553,12 @@ impl<const N: usize> AidedIns<N> {
             return;
         }
         let earth_rate = self.mechanization.local_earth().earth_rate();
-        let bias = block.rate_radps - matrix(&self.mechanization.attitude).tr_mul(&earth_rate);
+        let attitude = matrix(&self.mechanization.attitude);
+        let bias = block.rate_radps - attitude.tr_mul(&earth_rate);
         let noise = rest::gyro_variance(&config.sensors, block.seconds);
         let mut variance = Vector3::repeat(noise);
         if self.now.seconds_since(self.headed) < HEADED_S {
-            let up = matrix(&self.mechanization.attitude).row(2).transpose();
+            let up = attitude.row(2).transpose();
             variance += up.component_mul(&up) * (UNSEEN_RADPS * UNSEEN_RADPS);
         }
         // Quiet sensors may also be those of a slow turn: of a vehicle that is pushed, or afloat.

@@ -222,15 +222,11 @@ impl Conditions {
         };
         let chosen: Vec<&conditions::Kind> = conditions::all().filter(wanted).collect();
         if chosen.is_empty() {
-            let side = if self.judges {
-                "judges"
-            } else {
-                "is developed on"
-            };
             bail!(
                 help = "`study conditions --list` prints all, and on which side they are",
-                "no kind of {} {side}",
-                self.kinds.join(", ")
+                "no kind of {} {}",
+                self.kinds.join(", "),
+                side(self.judges)
             );
         }
         Ok(chosen)
@@ -307,6 +303,11 @@ impl Recovery {
     }
 }
 
+/// What kinds and logs of one side are there for.
+fn side(judges: bool) -> &'static str {
+    if judges { "judges" } else { "is developed on" }
+}
+
 #[derive(Debug, Args)]
 pub struct Logs {
     /// Folders of recorded logs.
@@ -333,12 +334,7 @@ impl Logs {
         };
         let folders: Vec<&PathBuf> = self.logs.iter().filter(wanted).collect();
         if folders.is_empty() {
-            let side = if self.judges {
-                "judges"
-            } else {
-                "is developed on"
-            };
-            bail!("no log of those given {side}");
+            bail!("no log of those given {}", side(self.judges));
         }
         let progress = bar().with_message("studying");
         progress.set_length(folders.len() as u64);

@@ -27,6 +27,7 @@ use serde::Deserialize;
 use super::recording::{Recording, degrees, east_north, over_ground, stated};
 use super::texts::{Table, content};
 use crate::log::{LogError, Meta};
+use crate::statistics::rms_of_any;
 
 const META: &str = "meta.toml";
 
@@ -185,9 +186,7 @@ fn fix(gnss: &Columns, row: &[f64]) -> Option<GnssFix> {
     // As of a log's own columns: the root mean square of those stated.
     let sigma = |names: &[&str]| {
         let stated = names.iter().filter_map(|name| cell(name));
-        let squares: Vec<f64> = stated.filter(|s| *s > 0.0).map(|s| s * s).collect();
-        let mean = squares.iter().sum::<f64>() / squares.len() as f64;
-        (!squares.is_empty()).then(|| mean.sqrt())
+        rms_of_any(stated.filter(|sigma| *sigma > 0.0))
     };
     let level = cell("ve").zip(cell("vn")).map(east_north);
     let ground = cell("speed_mps").zip(cell("course_deg"));
