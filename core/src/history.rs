@@ -128,9 +128,10 @@ impl Span<f32> {
     }
 }
 
-/// Least time between two moments in the ring, s: short against manoeuvres, and the receiver's
-/// own smoothing is no shorter.
-pub const SPACING_S: f64 = 0.095;
+/// Least time between two moments in the ring, s: short against manoeuvres, and the receiver's own
+/// smoothing is no shorter. Out of step with fixes at round rates: were each as far from the moments around
+/// it as the last, what swings nearly as fast as the ring would show a latency that is not there.
+pub const SPACING_S: f64 = 0.105;
 
 /// Time over which a receiver smooths from which on one derivative is too few, s: of a turn at 1 rad/s
 /// the next one adds a fifth to it.
@@ -259,11 +260,13 @@ pub struct History<const N: usize> {
 }
 
 impl<const N: usize> History<N> {
-    /// Whether enough time has passed since the newest moment for the next.
-    pub fn wants(&self, time: Time) -> bool {
-        self.moments
-            .newest()
-            .is_none_or(|newest| time.seconds_since(newest.time) >= SPACING_S)
+    /// Whether enough time has passed since the newest moment for the next, of samples at such an
+    /// interval: rare ones are not skipped.
+    pub fn wants(&self, time: Time, interval_s: f64) -> bool {
+        self.moments.newest().is_none_or(|newest| {
+            let since_s = time.seconds_since(newest.time);
+            since_s >= SPACING_S || since_s + interval_s > 1.5 * SPACING_S
+        })
     }
 
     /// What the next moment drops: the end of the oldest span, if the ring is full.

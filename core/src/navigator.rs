@@ -23,7 +23,7 @@ use crate::time::Time;
 
 /// Moments of the past that are remembered unless the user chooses: two seconds, for a latency and
 /// a late arrival of one second each.
-pub const RING_MOMENTS: usize = 24;
+pub const RING_MOMENTS: usize = 22;
 /// Furthest a fix may lie before or after the inertial samples, s.
 const AWAY_S: f64 = 1.5;
 /// How long stamps must go on in step to be believed after a hole, and before the last one, s. A

@@ -389,7 +389,7 @@ impl<const N: usize> AidedIns<N> {
     #[inline(never)]
     pub fn follow_up(&mut self, seconds: f64, tally: &mut Tally, config: &Config) {
         let mut left_s = seconds;
-        if self.history.wants(self.now) {
+        if self.history.wants(self.now, seconds) {
             self.remember(config);
             left_s -= PIECE_OF_WORK_S;
         }

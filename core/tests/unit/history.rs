@@ -57,7 +57,7 @@ fn filled(times: &[f64]) -> History<N> {
     let mut history = History::default();
     let mut before = -0.1;
     for t in times {
-        assert!(history.wants(at_s(*t)));
+        assert!(history.wants(at_s(*t), 0.01));
         history.push(
             at_s(*t),
             &((way(*t) - way(before)) / (t - before)),
@@ -114,8 +114,10 @@ fn what_lies_outside_is_not_invented() {
     assert!(at(&history, 10.57).is_ok());
     assert_eq!(at(&history, 10.55), Err(Missing::TooOld));
     assert_eq!(history.next_dropped(), Some(at_s(10.56)));
-    assert!(!history.wants(at_s(11.97)));
-    assert!(history.wants(at_s(11.98)));
+    assert!(!history.wants(at_s(11.98), 0.01));
+    assert!(history.wants(at_s(11.99), 0.01));
+    // Of 10 Hz none is skipped.
+    assert!(history.wants(at_s(11.98), 0.1));
 }
 
 /// A velocity to the east, and how far it is above its mean over the times of a low pass of this time
@@ -310,5 +312,56 @@ fn a_part_of_a_steady_span_is_what_happened_in_it() {
     for (from, to) in [(0.0, 0.05), (0.03, 0.07), (0.05, 0.12)] {
         let (part, _) = total(&history, at_s(from), at_s(to), 1.0);
         assert_same(&part, &steady(to - from, &force, &rate, &push), SINGLE);
+    }
+}
+
+/// Latency that regular fixes without noise would show, s, of a vehicle whose velocity swings nearly as fast
+/// as the ring while it accelerates by some m/s^2.
+fn latency_shown(hz: f64, fixes_hz: f64, first_s: f64) -> f64 {
+    use std::f64::consts::TAU;
+    let (slow, fast) = (0.1 * TAU, hz * TAU);
+    let velocity = |t: f64| 3.0 * (slow * t).sin() + 0.08 * (fast * t).sin();
+    let way = |t: f64| -3.0 / slow * (slow * t).cos() - 0.08 / fast * (fast * t).cos();
+    let mut history = History::<4>::default();
+    let (mut last, mut fix) = (0.0, first_s);
+    let mut shown = [0.0; 2];
+    for sample in 1..30_000 {
+        let now = 0.01 * f64::from(sample);
+        if !history.wants(at_s(now), 0.01) {
+            continue;
+        }
+        let seconds = now - last;
+        let gained = velocity(now) - velocity(last);
+        let moved = way(now) - way(last) - velocity(last) * seconds;
+        let up = Vector3::z() * GRAVITY_EQUATOR_MPS2;
+        let span = Span {
+            seconds,
+            force_mps: Vector3::x() * gained + up * seconds,
+            force_moved_m: Vector3::x() * moved + up * (0.5 * seconds * seconds),
+            attitude_s: Matrix3::identity() * seconds,
+            way_m: Vector3::x() * (way(now) - way(last)),
+            ..Span::default()
+        };
+        let mean = span.way_m / seconds;
+        history.push(at_s(now), &mean, &span, &Wobble::default());
+        last = now;
+        while let Ok(past) = history.at(at_s(fix), true) {
+            let accel = past.accel_mps2.x;
+            shown[0] += (past.velocity_mps.x - velocity(fix)) * accel;
+            shown[1] += accel * accel;
+            fix += 1.0 / fixes_hz;
+        }
+    }
+    shown[0] / shown[1]
+}
+
+#[test]
+fn a_swing_nearly_as_fast_as_the_ring_shows_no_latency() {
+    // By where the fixes lie, RMS. With a moment of the ring every tenth of a second it is 3 to 7 ms: each
+    // fix is then as far from the moments around it as the last.
+    for (hz, fixes_hz) in [(4.1, 5.0), (4.9, 10.0), (4.7, 1.0), (6.1, 5.0)] {
+        let shown = (0..20).map(|k| latency_shown(hz, fixes_hz, 1.0 + 0.0055 * f64::from(k)));
+        let rms_s = (shown.map(|s| s * s).sum::<f64>() / 20.0).sqrt();
+        assert!(rms_s < 2e-3, "{hz} Hz, fixes at {fixes_hz} Hz: {rms_s} s");
     }
 }
