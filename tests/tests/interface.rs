@@ -212,6 +212,34 @@ fn a_measured_heading_counts_as_much_as_it_says() {
     assert_eq!(navigator.on_heading(&wrong), GnssOutcome::Outlier);
 }
 
+/// While the platform is turned by what the first of them showed, others come in from before.
+#[test]
+fn a_late_heading_is_compared_with_what_was_left_then() {
+    let drive = &*DRIVE;
+    let config = Config {
+        heading: HeadingSource::Given(drive.truth[0].euler().heading_rad + 0.3),
+        ..config_of(Grade::Mems)
+    };
+    let mut navigator = Navigator::new(config).unwrap();
+    run(&mut navigator, drive, 0.0..12.0, |_, _, _| {});
+    run(&mut navigator, drive, 12.0..20.0, |navigator, count, _| {
+        if count % 10 == 0 {
+            // 0.8 s late.
+            let then = count - 80;
+            let outcome = navigator.on_heading(&Heading {
+                time: drive.imu[then].time,
+                heading_rad: drive.truth[then + 1].euler().heading_rad,
+                sigma_rad: 0.005,
+            });
+            assert_eq!(outcome, GnssOutcome::Accepted, "{:?}", drive.imu[then].time);
+        }
+    });
+    let before = |s: &ImuSample| s.time.as_seconds() < 20.0;
+    let at = drive.imu.iter().rposition(before).unwrap();
+    let error = heading_error_rad(&navigator, drive, at);
+    assert!(error.abs() < 0.002, "{error}");
+}
+
 /// Given while levelling, it is the heading to start with.
 #[test]
 fn a_measured_heading_ends_alignment() {

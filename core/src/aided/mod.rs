@@ -577,8 +577,12 @@ impl<const N: usize> AidedIns<N> {
     pub fn on_heading(&mut self, measured: &Heading) -> GnssOutcome {
         self.headed = self.now;
         let ago_s = self.now.seconds_since(measured.time);
+        let mut turned_rad = 0.0;
         let own_rad = match self.history.at(measured.time, false) {
-            Ok(past) => math::atan2(past.attitude.m12, past.attitude.m22),
+            Ok(past) => {
+                turned_rad = self.turned_since(measured.time);
+                math::atan2(past.attitude.m12, past.attitude.m22)
+            }
             // Since the newest moment of the ring it turns evenly.
             Err(Missing::Future) if ago_s >= 0.0 && self.current.seconds > 0.0 => {
                 let turn_radps = self.current.turn_rad / self.current.seconds;
@@ -590,7 +594,7 @@ impl<const N: usize> AidedIns<N> {
         };
         // A platform turned by `Phi_UP` makes north appear further to the left by as much.
         let azimuth = wrap_pi(own_rad - measured.heading_rad);
-        let believed = self.azimuth_left_rad();
+        let believed = self.azimuth_left_rad() - turned_rad;
         let taken = self
             .estimator
             .exact_mut()
@@ -600,6 +604,16 @@ impl<const N: usize> AidedIns<N> {
         } else {
             GnssOutcome::Outlier
         }
+    }
+
+    /// How far the loops have turned the platform since a moment of the ring, rad.
+    fn turned_since(&self, time: Time) -> f64 {
+        let piece = self.history.piece(time, self.now, f64::INFINITY);
+        let since = piece
+            .map_or(Span::default(), |(span, _)| span)
+            .then(&self.current);
+        let compensated = since.attitude_s * self.compensation.gyro_radps;
+        since.control_tilt_rad.z - compensated.z
     }
 
     /// Solves for the parameters. Its temporaries must not lie on the stack of every sample.

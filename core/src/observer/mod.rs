@@ -393,6 +393,8 @@ impl Observer {
             [math::single(residual_rad)],
             [math::single(1.0 / (noise + self.azimuth_walk))],
         );
+        // The next one is compared with what this one shows.
+        self.solve();
         true
     }
 
