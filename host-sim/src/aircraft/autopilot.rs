@@ -9,7 +9,6 @@ use super::dynamics::{AirData, Controls, STEP_S, State};
 use super::parameters::Parameters;
 use super::trim::Trim;
 
-/// What the autopilot is to do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Target {
     pub height_m: f64,
@@ -60,7 +59,6 @@ const AIRSPEED_RATE_MPS2: f64 = 0.5;
 /// Height error taken out per second, 1/s.
 const HEIGHT_RATE: f64 = 0.12;
 
-/// The controllers and their integrals.
 #[derive(Clone, Debug)]
 pub struct Autopilot {
     parameters: Parameters,
@@ -124,7 +122,6 @@ impl Autopilot {
         self.bank_wanted_rad = bank.clamp(-self.bank_limit_rad, self.bank_limit_rad);
     }
 
-    /// Controls for the next moment.
     pub fn control(
         &mut self,
         target: &Target,

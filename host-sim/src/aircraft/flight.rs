@@ -59,7 +59,6 @@ pub struct Flight {
     leg: usize,
     leg_start_s: f64,
     leg_patience_s: f64,
-    /// What the autopilot is doing.
     pub target: Target,
     over: bool,
 }
@@ -254,7 +253,6 @@ impl Flight {
             .guide(&self.target, &self.position, &velocity, heading_rad);
     }
 
-    /// One step of everything.
     fn step(&mut self) {
         let state = self.node.state;
         let angles = euler(&state);

@@ -248,7 +248,6 @@ pub struct Vibration {
     pub lines: Vec<VibrationLine>,
 }
 
-/// One line of the vibration spectrum.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct VibrationLine {

@@ -17,7 +17,6 @@ const POINTS: usize = 2000;
 
 type Picture = (&'static str, String);
 
-/// Writes pictures into a new folder.
 pub fn write(pictures: &[Picture], folder: &Path) -> Result<(), OutputError> {
     fs::create_dir_all(folder).map_err(|e| OutputError::io(folder, e))?;
     (pictures.iter()).try_for_each(|(name, svg)| output::write(folder, name, svg))

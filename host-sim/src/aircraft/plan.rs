@@ -13,7 +13,6 @@ use super::input::{InputError, Source, read_text};
 use super::performance::{best_climb, climb_rate_mps, max_speed, stall_speed_mps};
 use super::wind::Turbulence;
 
-/// A flight plan in SI units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     pub start: Start,
@@ -43,7 +42,6 @@ pub struct Leg {
     pub airspeed_mps: f64,
 }
 
-/// What a leg does over the ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Path2d {
     /// Along the line from the last waypoint to this one.
@@ -159,7 +157,6 @@ impl Source<'_> {
 }
 
 impl Plan {
-    /// Reads and checks a plan.
     pub fn read(file: &Path, dynamics: &Dynamics) -> Result<Self, InputError> {
         let text = read_text(file, "a flight plan")?;
         Self::parse(file, &text, dynamics)

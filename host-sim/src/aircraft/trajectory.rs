@@ -79,7 +79,6 @@ impl Segment {
 // The series below are for the rotation of one step, some hundredths of a radian: their error is
 // below 1e-16 for 0.05 rad and 1e-9 for 0.5 rad, faster than any aircraft here rolls.
 
-/// Quaternion of a rotation vector.
 fn rotation_by(v: &Vector3<f64>) -> Quaternion<f64> {
     let h2 = 0.25 * v.norm_squared();
     let sinc = 0.5 * (1.0 - h2 / 6.0 * (1.0 - h2 / 20.0 * (1.0 - h2 / 42.0)));

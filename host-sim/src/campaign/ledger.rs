@@ -27,7 +27,6 @@ pub struct Shard {
 impl Shard {
     pub const ALL: Self = Self { part: 1, of: 1 };
 
-    /// Whether a run belongs to it.
     pub fn has(self, run: u32) -> bool {
         run % self.of == self.part - 1
     }

@@ -105,7 +105,6 @@ impl Plan {
         }
     }
 
-    /// The true model of a unit.
     pub fn unit(&self, unit: u32) -> ErrorModel {
         let mut model = self.model();
         let scale = |sigma: &mut f64, name: &str| {

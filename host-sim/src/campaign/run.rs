@@ -22,7 +22,6 @@ use crate::study::recovery::drive_record;
 /// Moments of the free part that are looked at, in quarters of it.
 pub(super) const QUARTERS: u32 = 4;
 
-/// One finished run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "run", rename_all = "lowercase")]
 pub enum Line {
@@ -87,7 +86,6 @@ pub enum With {
     Identified,
 }
 
-/// Runs all that is missing.
 pub fn run(plan: &Plan, shard: Shard, folder: &Path, progress: &ProgressBar) -> Result<()> {
     let (mut known, mut flown) = (HashMap::new(), HashSet::new());
     let ledger = Ledger::open(folder, shard, |line| match line {

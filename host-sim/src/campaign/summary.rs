@@ -26,7 +26,6 @@ const FIGURES: [(&str, &str, f64, u32); 9] = [
     ("velocity", "m/s", 1e-3, 4),
 ];
 
-/// Flights as they come in.
 #[derive(Clone, Debug)]
 pub struct Tally {
     /// By unit, and there by model; none could not be flown.
@@ -80,7 +79,6 @@ pub struct Row {
     pub units_beyond_goal: usize,
 }
 
-/// The results of a campaign.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
     pub plan: Plan,

@@ -65,7 +65,6 @@ pub fn campaign(options: &Campaign, json: bool, force: bool) -> Result<()> {
     }
 }
 
-/// Adds up shards.
 pub fn merge(options: &Merge, json: bool) -> Result<()> {
     let folders: Vec<&PathBuf> = options.folders.iter().collect();
     add_up(&folders, json)

@@ -37,7 +37,6 @@ struct Imported<'a> {
     warnings: Vec<String>,
 }
 
-/// Makes a log of a recording.
 pub fn import(options: &Import, json: bool, force: bool) -> Result<()> {
     output::check_free(&options.out, MARK, force)?;
     let (log, warnings) = read(&options.files, options.choice)?;

@@ -27,7 +27,6 @@ use crate::page::output::OutputError;
 pub use crate::page::output::clean_up_when_stopped;
 pub use campaign::summary as campaign_summary;
 
-/// Name of the program.
 const NAME: &str = "host-sim";
 
 /// Finds the errors of inertial sensors and GNSS from a recorded or simulated drive.
@@ -105,7 +104,6 @@ impl Cli {
     }
 }
 
-/// Runs a command.
 pub fn run(cli: &Cli) -> Result<()> {
     let (json, force) = (cli.json, cli.force);
     match &cli.command {

@@ -24,7 +24,6 @@ pub(super) enum GradeChoice {
 }
 
 impl GradeChoice {
-    /// The class, if one is chosen.
     pub(super) fn told(self) -> Option<Grade> {
         match self {
             Self::Auto => None,

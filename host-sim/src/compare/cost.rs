@@ -15,7 +15,6 @@ use crate::log::Log;
 /// Passes of each; the fastest counts.
 const PASSES: usize = 5;
 
-/// Cost of a method.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Cost {
     pub method: &'static str,

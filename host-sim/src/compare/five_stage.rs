@@ -55,7 +55,6 @@ pub enum Stage {
 }
 
 impl Stage {
-    /// All, in order.
     pub const ALL: [Self; 5] = [
         Self::Azimuth,
         Self::LevelAccels,
@@ -64,7 +63,6 @@ impl Stage {
         Self::Latency,
     ];
 
-    /// Name for people.
     pub const fn title(self) -> &'static str {
         match self {
             Self::Azimuth => "azimuth",
@@ -112,7 +110,6 @@ impl Stage {
     }
 }
 
-/// What the stages found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FiveStage {
     /// The five estimates; the azimuth is that of the heading at the start.

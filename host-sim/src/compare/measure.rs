@@ -29,17 +29,14 @@ const FOUND_MEMS: [f64; 8] = [0.5, 2.0, 2.0, 2.0, 30.0, 30.0, 30.0, 10.0];
 /// Longest distance between points of the truth that is bridged, s.
 const TRUTH_GAP_S: f64 = 0.6;
 
-/// A method on the log.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MethodResult {
     pub method: String,
-    /// What it found.
     pub quantities: Vec<QuantityResult>,
     /// Its navigation against the reference of the log, over the second half.
     pub trajectory: Option<TrajectoryError>,
 }
 
-/// One quantity at the end of the log.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct QuantityResult {
     /// Which, with its unit.
@@ -161,7 +158,6 @@ fn heading_error_deg(solution: &Solution, truth: &Solution) -> f64 {
     wrap_pi(solution.euler().heading_rad - truth.euler().heading_rad).to_degrees()
 }
 
-/// The reference of a log at a time.
 pub(crate) fn truth_at(log: &Log, time: Time) -> Option<Solution> {
     against_truth::truth_at(&log.truth, time, TRUTH_GAP_S)
 }

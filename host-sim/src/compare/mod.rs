@@ -45,7 +45,6 @@ const CURVES: [(&str, RGBColor); 8] = [
     ("noise x 3", RGBColor(160, 120, 80)),
 ];
 
-/// All methods on one log.
 #[derive(Clone, Debug, Serialize)]
 pub struct Comparison {
     pub log: String,
@@ -103,7 +102,6 @@ impl Comparison {
             truth,
         })
     }
-    /// Writes all files into a folder.
     pub fn write(&self, folder: &Path) -> Result<()> {
         output::write(folder, JSON, page::json(self)?)?;
         output::write(folder, "report.html", self.html().into_diagnostic()?)?;

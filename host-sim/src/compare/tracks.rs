@@ -15,7 +15,6 @@ use crate::sim;
 /// Interval between looks, s.
 const EVERY_S: f64 = 1.0;
 
-/// What all methods get.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Input<'a> {
     pub(crate) log: &'a Log,
@@ -33,7 +32,6 @@ pub(crate) fn noise(grade: Grade, config: &Config, simulated: bool) -> Noise {
     }
 }
 
-/// One method at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
     pub time: Time,
@@ -42,7 +40,6 @@ pub struct Point {
     pub solution: Solution,
 }
 
-/// One method over the log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Track {
     pub method: String,

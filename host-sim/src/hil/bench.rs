@@ -176,7 +176,6 @@ impl Bench {
         })
     }
 
-    /// Takes what became of a request.
     pub fn take(&mut self, request: &Request, reply: Option<&Reply>) {
         if let Some(expected) = self.twin.answer(request) {
             self.comparison.add(request, reply, &expected);

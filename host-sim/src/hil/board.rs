@@ -12,7 +12,6 @@ use serial2::SerialPort;
 
 use super::session::{HilError, POLL, Session};
 
-/// The boards that the firmware is built for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Board {
     /// Cortex-M7 with f64 in hardware: MPS2 with image AN500.

@@ -104,7 +104,6 @@ pub struct Hardware {
     pub bit_for_bit: bool,
     #[serde(flatten)]
     pub comparison: Comparison,
-    /// How long it took.
     pub seconds: f64,
     pub times_real_time: f64,
     /// Processor clocks of the core's calls, if the board counts them.

@@ -19,7 +19,6 @@ const TRIES: usize = 6;
 /// Longest that a stream may go without an answer, on a busy computer.
 const SILENCE: Duration = Duration::from_secs(10);
 
-/// What can go wrong with a board.
 #[derive(Debug, Error, Diagnostic)]
 pub enum HilError {
     #[error("the board cannot be reached: {0}")]
@@ -62,7 +61,6 @@ pub enum Rate {
     Max,
 }
 
-/// What comes from the board.
 #[derive(Clone, Debug)]
 #[allow(
     clippy::large_enum_variant,

@@ -25,7 +25,6 @@ pub const REPORT: &str = "report.html";
 #[derive(Clone, Debug, PartialEq)]
 pub struct Input {
     pub log: Log,
-    /// What the navigator is told.
     pub config: Config,
     name: String,
     grade: Grade,
@@ -88,11 +87,9 @@ pub(crate) fn unusable(error: ConfigError) -> miette::Report {
     miette!("the configuration cannot be used: {}", error)
 }
 
-/// A log and what came out of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Analysis {
     pub log: Log,
-    /// The core's run over it.
     pub found: Identification,
     pub summary: Summary,
     /// The true errors, if the log is simulated.

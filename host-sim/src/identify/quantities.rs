@@ -5,16 +5,13 @@ use serde::{Serialize, Serializer};
 
 use crate::log::{BodyAxes, Meta};
 
-/// One mg, m/s^2.
 pub const MG_MPS2: f64 = 9.806_65e-3;
-/// One deg/h, rad/s.
 pub const DEG_H_RADPS: f64 = std::f64::consts::PI / 180.0 / 3600.0;
 
 /// An estimate in some unit; without a value in JSON unless observable.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quantity {
     pub value: f64,
-    /// One standard deviation.
     pub sigma: f64,
     /// Whether the value stands on data.
     pub observability: Observability,

@@ -6,7 +6,6 @@ use ins_core::damping::DampingSignals;
 use ins_core::{Estimates, Manoeuvre, Navigator, Phase, Solution, SolutionSigma, Time};
 use serde::Serialize;
 
-/// The navigator at one moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Row {
     /// Stamp of the inertial sample.

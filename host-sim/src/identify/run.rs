@@ -19,13 +19,11 @@ const SOLUTION_S: f64 = 0.1;
 /// Events from one step of the progress bar to the next.
 const PROGRESS_EVERY: u64 = 4096;
 
-/// What came out of a log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identification {
     pub config: Config,
     /// The navigator once a second.
     pub history: Vec<Row>,
-    /// The navigator after the last sample.
     pub end: Row,
     /// After the first half of the log; none where it runs elsewhere.
     pub halfway: Option<Row>,

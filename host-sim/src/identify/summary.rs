@@ -35,7 +35,6 @@ pub struct Summary {
     /// Errors of the solution, damped and free, where the log has a reference motion.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub against_truth: Option<TruthErrors>,
-    /// Version of this program.
     pub version: &'static str,
     /// Class of sensors that the navigator was told.
     pub grade: Grade,

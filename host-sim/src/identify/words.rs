@@ -35,7 +35,6 @@ pub(crate) fn is_used(outcome: GnssOutcome) -> bool {
     matches!(outcome, GnssOutcome::Accepted | GnssOutcome::Queued)
 }
 
-/// What became of a fix.
 pub(crate) fn of_fix(outcome: GnssOutcome) -> &'static str {
     match outcome {
         GnssOutcome::Accepted => "used",
@@ -52,7 +51,6 @@ pub(crate) fn of_fix(outcome: GnssOutcome) -> &'static str {
     }
 }
 
-/// What became of an inertial sample.
 pub(crate) fn of_sample(outcome: ImuOutcome) -> &'static str {
     match outcome {
         ImuOutcome::Accepted => "used",
@@ -64,7 +62,6 @@ pub(crate) fn of_sample(outcome: ImuOutcome) -> &'static str {
     }
 }
 
-/// Whether an inertial sample was used.
 pub(crate) fn is_integrated(outcome: ImuOutcome) -> bool {
     matches!(outcome, ImuOutcome::Accepted | ImuOutcome::Bridged)
 }

@@ -30,7 +30,6 @@ pub use write::{Compression, write};
 
 use ins_core::{GnssFix, Solution, Time};
 
-/// A recorded or simulated drive.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Log {
     pub meta: Meta,

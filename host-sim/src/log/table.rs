@@ -61,7 +61,6 @@ pub(super) struct Row<'a> {
 }
 
 impl Table {
-    /// Opens `path` and reads its header.
     pub(super) fn open(path: &Path) -> Result<Self, LogError> {
         let mut source = unpacked(path).map_err(|e| read_failed(path, &e))?;
         let separator = separator(source.fill_buf().map_err(|e| read_failed(path, &e))?);

@@ -143,7 +143,6 @@ impl Curve {
         }
     }
 
-    /// Whether a time is within.
     pub(super) fn reaches(&self, time_s: f64) -> bool {
         let step = (time_s - self.start_s) / Self::STEP_S;
         step >= 0.0 && step + 1.0 < self.values.len() as f64
@@ -154,7 +153,6 @@ impl Curve {
         (self.reaches(from_s) && self.reaches(to_s)).then(|| self.at(to_s) - self.at(from_s))
     }
 
-    /// The value at a time within.
     pub(super) fn at(&self, time_s: f64) -> f64 {
         let step = (time_s - self.start_s) / Self::STEP_S;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // Within, as promised.

@@ -27,7 +27,6 @@ pub(crate) const MOST_POINTS: usize = 1800;
 const DIGITS: usize = 5;
 const FINE_DIGITS: usize = 9;
 
-/// x and y.
 pub(crate) type Point = (f64, f64);
 /// x, value and one sigma.
 pub(crate) type Spread = (f64, f64, f64);
@@ -383,7 +382,6 @@ pub(crate) struct Thinner {
 }
 
 impl Thinner {
-    /// For so many points.
     pub(crate) fn new(points: usize) -> Self {
         let size = if points <= MOST_POINTS {
             1

@@ -8,7 +8,6 @@ use super::chart::{Figure, SCRIPT};
 use super::table::Table;
 
 const TEMPLATE: &str = include_str!("report.html");
-/// How pages look.
 const STYLE: &str = include_str!("style.css");
 
 /// What a page shows: first what is to be known before all, then numbers, then plots.
@@ -21,7 +20,6 @@ pub(crate) struct Page {
     pub(crate) sections: Vec<Section>,
 }
 
-/// Plots of one kind.
 #[derive(Serialize)]
 pub(crate) struct Section {
     pub(crate) title: &'static str,
@@ -30,7 +28,6 @@ pub(crate) struct Section {
 }
 
 impl Page {
-    /// The page, as text.
     pub(crate) fn html(&self) -> Result<String, minijinja::Error> {
         let page = Value::from(Serde(self));
         fill(TEMPLATE, context! { page, script => SCRIPT.as_str() })

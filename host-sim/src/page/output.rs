@@ -126,7 +126,6 @@ pub fn build<T, E: From<OutputError>>(
     Ok(filled)
 }
 
-/// Writes a file of a folder.
 pub fn write(folder: &Path, name: &str, contents: impl AsRef<[u8]>) -> Result<(), OutputError> {
     let path = folder.join(name);
     fs::write(&path, contents).map_err(|e| OutputError::io(&path, e))

@@ -22,7 +22,6 @@ pub(crate) fn one_of(place: usize, many: usize) -> RGBColor {
 
 /// Something drawn in the coordinates of the axes.
 pub(crate) enum Mark {
-    /// A line through points.
     Line(Vec<(f64, f64)>, RGBColor),
     /// A thin line for reference.
     Reference(Vec<(f64, f64)>, RGBColor),
@@ -32,7 +31,6 @@ pub(crate) enum Mark {
     Shade(Vec<(f64, f64)>, RGBColor),
 }
 
-/// Axes and what is drawn in them.
 pub(crate) struct Plot<'a> {
     /// Width and height, px.
     pub(crate) size: (u32, u32),

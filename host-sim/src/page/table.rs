@@ -13,7 +13,6 @@ pub struct Table {
 }
 
 impl Table {
-    /// Row by row.
     pub(crate) fn of(
         title: impl Into<String>,
         header: Vec<String>,
@@ -101,7 +100,6 @@ pub fn cells<const N: usize>(texts: [&str; N]) -> Vec<String> {
     texts.map(str::to_owned).to_vec()
 }
 
-/// In Markdown.
 pub fn markdown(header: &[String], rows: &[Vec<String>]) -> String {
     let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
     let rule = format!("|{}\n", "---|".repeat(header.len()));

@@ -171,7 +171,6 @@ impl Bench {
         self.before_s + self.seconds()
     }
 
-    /// Drives on.
     pub fn drive(&mut self, manoeuvre: Manoeuvre, site: &Site) {
         manoeuvre.drive(&mut self.course, site, &mut self.driver);
         let motion = Mounted::new(Car::driven(self.course.clone()), self.mount);

@@ -245,7 +245,6 @@ impl Driver {
     }
 }
 
-/// Lays down what is driven.
 struct Laying<'a> {
     course: &'a mut Course,
     site: &'a Site,

@@ -56,10 +56,8 @@ pub struct Unreached {
     pub why: String,
 }
 
-/// The drive that is needed.
 #[derive(Clone, Debug, Serialize)]
 pub struct Plan {
-    /// What is known before.
     pub before: Vec<Reached>,
     pub stages: Vec<Stage>,
     pub unreached: Vec<Unreached>,
@@ -72,7 +70,6 @@ pub struct Plan {
 /// sigmas then differ by a factor of two: so many that a mean of both is good to some 15 %.
 pub const UNITS: u64 = 10;
 
-/// What is searched for, and where.
 #[derive(Clone, Copy, Debug)]
 pub struct Search<'a> {
     pub goals: &'a [Goal],
@@ -81,7 +78,6 @@ pub struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Adds to what has been driven.
     pub fn plan(&self, start: Vec<Bench>, progress: &ProgressBar) -> Plan {
         let before = self.reached(&start);
         let mut plan = Plan {
@@ -121,7 +117,6 @@ impl Search<'_> {
             .find_map(|steps| self.best(from, self.tried(from, site, steps)))
     }
 
-    /// How every quantity stands.
     pub fn reached(&self, drives: &[Bench]) -> Vec<Reached> {
         let of = |goal: &Goal| goal.reached(navigators(drives), self.axes);
         self.goals.iter().map(of).collect()

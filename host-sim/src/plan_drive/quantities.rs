@@ -48,13 +48,11 @@ impl Kind {
         self.entry().0
     }
 
-    /// Whether there is one for each axis.
     pub fn has_axes(self) -> bool {
         !matches!(self, Self::Azimuth | Self::Latency | Self::TurnScale)
     }
 }
 
-/// A number that may be wanted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Quantity {
     pub kind: Kind,

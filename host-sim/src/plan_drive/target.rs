@@ -21,7 +21,6 @@ use crate::sim::errors::{ErrorModelError, set};
 
 const EXAMPLE: &str = "host-sim/targets/drive_target.toml";
 
-/// All that a target file says.
 #[derive(Clone, Debug)]
 pub struct Target {
     pub goals: Vec<Goal>,
@@ -80,7 +79,6 @@ struct File {
 }
 
 impl Target {
-    /// Reads and checks a file.
     pub fn read(file: &Path) -> Result<Self, InputError> {
         Self::parse(file, &read_text(file, "the target of a drive")?)
     }
@@ -217,7 +215,6 @@ impl Target {
             .map_err(|error| miette!("[errors] of the target: {error}"))
     }
 
-    /// A model with the keys of `[errors]`.
     pub fn with_errors(&self, model: &ErrorModel) -> Result<ErrorModel, ErrorModelError> {
         model.with(&self.errors)
     }
@@ -244,7 +241,6 @@ impl Target {
         self.with_config(&config)
     }
 
-    /// A configuration with the keys of `[config]`.
     pub fn with_config(&self, config: &Config) -> Result<Config> {
         let refused = |error: &dyn std::fmt::Display| {
             miette!(

@@ -163,7 +163,6 @@ pub struct Answers {
     pub took: Duration,
 }
 
-/// Why a flight has no answers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Failure {
     pub fault: Fault,

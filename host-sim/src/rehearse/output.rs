@@ -113,7 +113,6 @@ fn seconds(value: f64) -> String {
     format!("{value:.0} s")
 }
 
-/// Every algorithm in one line.
 fn overview(summary: &Summary) -> Table {
     let free_s = (summary.free_s >= 1.0).then(|| summary.free_s.round());
     let mut header = heads("RMS | flights | with GNSS: position, m | heading, deg");
@@ -161,7 +160,6 @@ fn overview(summary: &Summary) -> Table {
     Table::of(title, header, summary.tested.iter().map(row))
 }
 
-/// One algorithm in full.
 fn details(tested: &Tested) -> Table {
     let with_model = tested.models.is_some();
     let mut header = cells(["error", "", "flights", "RMS", "95 %, flights"]);

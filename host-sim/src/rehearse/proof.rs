@@ -60,7 +60,6 @@ pub struct Row {
 /// Sizes of the errors of one outage at each horizon; none after the end of the log.
 type Drift = [Option<[f64; QUANTITIES.len()]>; HORIZONS_S.len()];
 
-/// Foretells a drive and compares.
 pub fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<Row>> {
     let (log, name) = (&analysis.log, &analysis.summary.log);
     let config = analysis.found.config;

@@ -17,7 +17,6 @@ use super::subject::Subject;
 use crate::campaign::ledger::{Ledger, Shard, read_folder};
 use crate::identify::analysis::unusable;
 
-/// Flies what is missing.
 pub fn run(
     rehearsal: &Rehearsal,
     world: &World,
@@ -151,7 +150,6 @@ pub fn moments(world: &World) -> Vec<(usize, bool)> {
 }
 
 impl Outcome {
-    /// Compares answers with the truth.
     pub fn new(answers: Answers, flown: &Flown, moments: &[(usize, bool)]) -> Self {
         let took_ms = u64::try_from(answers.took.as_millis()).unwrap_or(u64::MAX);
         let (errors, failure) = match answers.solutions {

@@ -39,7 +39,6 @@ impl Judged {
     }
 }
 
-/// What the drives give.
 #[derive(Debug)]
 pub struct Drives {
     pub names: Vec<String>,

@@ -21,7 +21,6 @@ use crate::identify::configure::config_of;
 use crate::sim::SimulatedDrive;
 use crate::study::subject::{Core, Kalman, Subject as Driven};
 
-/// An algorithm under test.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Subject {
     /// The core, told the model; of what that does not say, the preset of the class of sensors.
@@ -34,7 +33,6 @@ pub enum Subject {
     Program(Program),
 }
 
-/// Those at hand, by name.
 pub const AT_HAND: [(&str, Subject); 4] = [
     ("core", Subject::Core(Form::Exact, Feedback::Closed)),
     (

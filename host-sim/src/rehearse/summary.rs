@@ -35,7 +35,6 @@ pub struct Row {
     pub model_95: Option<[f64; 2]>,
 }
 
-/// Errors of all quantities at one moment.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Moment {
     pub time_s: f64,
@@ -45,7 +44,6 @@ pub struct Moment {
     pub errors: [Option<Spread>; QUANTITIES.len()],
 }
 
-/// Errors of many flights.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Spread {
     pub flights: usize,

@@ -34,7 +34,6 @@ const MOST_REFUSED: usize = 500;
 const COLOURS: [RGBColor; 3] = [BLUE, ORANGE, GREEN];
 const EAST_NORTH_UP: [&str; 3] = ["east", "north", "up"];
 
-/// An estimate as it converges.
 pub(crate) struct Converging {
     pub(crate) title: String,
     pub(crate) unit: &'static str,
@@ -97,7 +96,6 @@ impl Converging {
     }
 }
 
-/// All plots of a log.
 pub(super) fn sections(analysis: &Analysis, sensors: Option<&Sensors>) -> Vec<Section> {
     let charts = Charts::new(analysis);
     let expected = "Expected: spread of the solution and noise of the fix, as the receiver states it or as \

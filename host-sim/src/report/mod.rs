@@ -69,7 +69,6 @@ fn seconds(time: Time) -> String {
     format!("{:.6}", time.as_seconds())
 }
 
-/// The report of a log.
 pub fn html(analysis: &Analysis, sensors: Option<&Sensors>) -> Result<String, minijinja::Error> {
     let summary = &analysis.summary;
     let page = Page {

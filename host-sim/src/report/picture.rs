@@ -6,7 +6,6 @@ use crate::page::chart::sampled;
 use crate::page::plot::{BLUE, GREY, Mark, RED};
 use crate::page::sheet::{self, Panel};
 
-/// A panel for each estimate.
 pub fn picture(analysis: &Analysis) -> String {
     let estimates = Charts::new(analysis).converging();
     let panels: Vec<Panel> = estimates.iter().map(panel).collect();

@@ -15,7 +15,6 @@ use crate::page::table::{Table, heads};
 /// Logs that agree differ by more than this once in a hundred times.
 const CHANCE: f64 = 0.01;
 
-/// The page of all logs.
 pub(crate) fn page(logs: &[Summary], sensors: &Sensors) -> Page {
     let shared: Vec<Shared> = shared(logs);
     let names: Vec<&str> = logs.iter().map(|log| log.log.as_str()).collect();

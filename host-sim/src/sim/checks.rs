@@ -2,7 +2,6 @@
 
 use thiserror::Error;
 
-/// Why an error model cannot be used.
 #[derive(Debug, Error)]
 pub enum ErrorModelError {
     /// Not TOML, or not these keys; the message shows the place.
@@ -16,9 +15,7 @@ pub enum ErrorModelError {
     Value {
         /// Dotted path of the key.
         key: String,
-        /// What it is set to.
         value: f64,
-        /// What it may be.
         expected: &'static str,
     },
 }

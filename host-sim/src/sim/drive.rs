@@ -53,7 +53,6 @@ impl Grade {
     }
 }
 
-/// How a motion is recorded.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     /// Fixes every random number.

@@ -86,7 +86,6 @@ pub enum Law {
     Continuous,
 }
 
-/// How a bias behaves.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "model", rename_all = "lowercase", deny_unknown_fields)]
 pub enum BiasModel {
@@ -200,7 +199,6 @@ pub struct GnssModel {
     pub habits: Habits,
 }
 
-/// A time without fixes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Outage {
@@ -209,7 +207,6 @@ pub struct Outage {
 }
 
 impl ErrorModel {
-    /// Reads an error-model file.
     pub fn from_toml(text: &str) -> Result<Self, ErrorModelError> {
         let model: Self = toml::from_str(text)?;
         model.check()?;
@@ -249,7 +246,6 @@ impl ErrorModel {
         )
     }
 
-    /// Ideal sensors and receiver.
     pub fn ideal() -> Self {
         let none = SensorModel::new(BiasModel::constant(0.0), 0.0);
         Self {

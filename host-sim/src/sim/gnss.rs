@@ -9,7 +9,6 @@ use super::ideal::{Antenna, TrueState, displaced};
 use super::noise::{Memory, Random};
 use super::receiver::{Correlated, Habits, Stated, Up, Wrong};
 
-/// The receiver of one run.
 #[derive(Clone, Debug)]
 pub struct Gnss {
     model: GnssModel,
@@ -31,7 +30,6 @@ pub struct Gnss {
 }
 
 impl Gnss {
-    /// Draws the errors of run `seed`.
     pub fn new(model: &GnssModel, seed: u64) -> Self {
         let habits = &model.habits;
         let period_s = 1.0 / model.rate_hz;
@@ -207,7 +205,6 @@ impl Gnss {
         }
     }
 
-    /// What is logged of one epoch.
     fn logged(&mut self, stamp_s: f64, seen: &Antenna) -> GnssFix {
         let time = Time::default().plus_seconds(stamp_s);
         let (position, velocity) = (&seen.position, &seen.velocity_enu_mps);

@@ -24,7 +24,6 @@ pub struct Increments {
     pub velocity_b_mps: Vector3<f64>,
 }
 
-/// What sensors would read at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rates {
     /// Angular rate of the body against inertial space.

@@ -10,7 +10,6 @@ use super::recorded::Resampled;
 
 const DEG_RAD: f64 = core::f64::consts::PI / 180.0;
 
-/// Gyros and accelerometers of one run.
 #[derive(Clone, Debug)]
 pub struct Imu {
     output: ImuOutput,
@@ -21,7 +20,6 @@ pub struct Imu {
 }
 
 impl Imu {
-    /// Draws the errors of run `seed`.
     pub fn new(model: &ErrorModel, seed: u64) -> Self {
         let gyro_range = model.imu.gyro_range_deg_s * DEG_RAD;
         let deg_h = DEG_RAD / 3600.0;
@@ -75,7 +73,6 @@ impl Imu {
     }
 }
 
-/// Three sensors of a kind.
 #[derive(Clone, Debug)]
 pub struct Triad {
     bias: [Bias; 3],

@@ -22,7 +22,6 @@ pub struct Kinematics {
     pub angular_rate_lb_b_radps: Vector3<f64>,
 }
 
-/// A vehicle's motion as a function of time.
 pub trait Motion {
     /// The motion at `time_s`. Called at times that do not decrease.
     ///
@@ -37,7 +36,6 @@ impl<M: Motion + ?Sized> Motion for Box<M> {
     }
 }
 
-/// Motion along a path over the local frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Path {
     /// ENU, m/s.

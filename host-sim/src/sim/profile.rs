@@ -2,15 +2,12 @@
 
 use super::noise::Random;
 
-/// The quantity at one argument.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Local {
     /// Integral from zero.
     pub integral: f64,
     pub value: f64,
-    /// First derivative.
     pub slope: f64,
-    /// Second derivative.
     pub curvature: f64,
 }
 

@@ -181,7 +181,6 @@ impl Motion for Walker {
     }
 }
 
-/// How a flight begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Begin {
     /// Half a minute on the ground, then take-off.

@@ -73,7 +73,6 @@ pub struct Results {
     rows: Vec<Row>,
 }
 
-/// One quantity.
 #[derive(Debug, Serialize)]
 struct Row {
     quantity: String,
@@ -118,7 +117,6 @@ pub fn page() -> Result<String> {
     Ok(format!("{}\n{}", markdown(&header, &rows), verdict(&all)))
 }
 
-/// Plans, drives, compares.
 pub fn compared(options: &PlanDrive) -> Result<Vec<Results>> {
     let cases = cases(&options.target)?;
     let progress = bar().with_message("driving");
@@ -242,7 +240,6 @@ fn true_values(
     }
 }
 
-/// As text.
 pub fn readable(all: &[Results]) -> String {
     let row = |row: &Row| {
         vec![

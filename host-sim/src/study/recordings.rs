@@ -12,7 +12,6 @@ use crate::log::import::{self, Choice};
 use crate::page::table::{Table, heads};
 use crate::page::{brief, digits};
 
-/// What became of one recording.
 #[derive(Clone, Debug, Serialize)]
 pub struct Recording {
     /// Name of the file or folder, and which of its inertial sensors.
@@ -23,7 +22,6 @@ pub struct Recording {
     pub took_s: f64,
 }
 
-/// What was found in a recording.
 #[derive(Clone, Debug, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
@@ -110,7 +108,6 @@ impl Found {
     }
 }
 
-/// One row a recording.
 pub fn table(recordings: &[Recording]) -> Table {
     let header = heads(
         "recording | min | IMU Hz | GNSS Hz | latency, ms | known of 8 | warnings \

@@ -44,7 +44,6 @@ const GNSS_MEMORY: Correlated = Correlated {
     time_s: 10.0,
 };
 
-/// What units are driven or flown in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Vehicle {
@@ -53,7 +52,6 @@ pub enum Vehicle {
     Aircraft,
 }
 
-/// Which units are made.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Study {
     pub class: Grade,
@@ -67,7 +65,6 @@ pub struct Study {
     pub first_seed: u64,
 }
 
-/// One unit, identified.
 struct Unit {
     parameters: Vec<Parameter>,
     /// Curvature of the log-likelihood at the true values.
@@ -103,7 +100,6 @@ pub fn truth(class: Grade, law: Law) -> ErrorModel {
     model
 }
 
-/// One parameter over all units.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// Path in the model file.
@@ -125,7 +121,6 @@ pub struct Row {
     pub bound: Option<f64>,
 }
 
-/// All units of one kind.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Results {
     #[serde(flatten)]
@@ -361,7 +356,6 @@ pub fn write(results: &[Results], tables: &[Table], folder: &Path) -> Result<()>
     Ok(output::write(folder, JSON, page::json(&results)?)?)
 }
 
-/// Each under its title.
 fn printed(tables: &[Table], form: fn(&Table) -> String) -> String {
     let texts = tables.iter().map(|table| table.titled(form));
     texts.collect::<Vec<_>>().join("\n")

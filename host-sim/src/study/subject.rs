@@ -17,12 +17,10 @@ use crate::sim::{Grade, SimulatedDrive};
 /// Standard gravity: of an accelerometer's bias to the tilt it makes, m/s^2.
 const GRAVITY_MPS2: f64 = 9.81;
 
-/// A number that is claimed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Claim {
     /// Value, SI.
     pub value: f64,
-    /// One sigma, if any is stated.
     pub sigma: Option<f64>,
     /// Whether it is said to stand on data.
     pub observable: bool,
@@ -54,7 +52,6 @@ pub struct Claims {
 pub trait Subject {
     /// Takes one inertial sample and what has arrived by then; its stamp, or `None` at the end.
     fn step(&mut self) -> Option<Time>;
-    /// The solution now.
     fn solution(&self) -> Option<Solution>;
     /// How well it is said to be known.
     fn sigma(&self) -> Option<SolutionSigma>;
@@ -90,7 +87,6 @@ pub fn config_of(grade: Grade) -> Config {
     config
 }
 
-/// The core.
 #[derive(Debug)]
 pub struct Core<'a> {
     pub navigator: Navigator,

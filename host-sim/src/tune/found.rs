@@ -7,12 +7,10 @@ use crate::identify::error_model::interval::{Interval, NORMAL_95};
 use crate::identify::free_inertial::known;
 use crate::page::digits;
 
-/// A quantity as found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found {
     /// Best value; means nothing unless known.
     pub value: f64,
-    /// One standard deviation.
     pub sigma: f64,
     /// What to drive or fly so that it becomes known; none if it is.
     pub missing: Option<&'static str>,

@@ -78,7 +78,6 @@ struct Middle {
 }
 
 impl Mount {
-    /// From a navigator's history.
     pub fn new(history: &[Row], end: &Estimates) -> Self {
         let mut mount = Self {
             vehicle: Vehicle::Other,

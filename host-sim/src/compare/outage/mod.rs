@@ -115,7 +115,6 @@ pub fn test(
 }
 
 impl OutageTest {
-    /// A row for each navigator.
     pub(crate) fn table(&self) -> Table {
         let against = match self.against {
             Against::Truth => "the truth",

@@ -14,7 +14,6 @@ use crate::page::{self, output};
 /// Fewest clusters behind a point.
 const LEAST_CLUSTERS: usize = 3;
 
-/// Deviation at one cluster time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
     pub tau_s: f64,

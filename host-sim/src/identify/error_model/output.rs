@@ -19,9 +19,7 @@ const JSON: &str = "error-model.json";
 /// What drives say of their sensors.
 #[derive(Clone, Copy, Debug)]
 pub struct Sensors<'a> {
-    /// The error model.
     pub model: &'a Identified,
-    /// Readings at rest.
     pub at_rest: &'a AtRest,
 }
 
@@ -32,7 +30,6 @@ struct Json {
     gyro_noise_at_rest_deg_h: Option<Interval>,
 }
 
-/// Writes all files into a folder.
 pub fn write(sensors: Sensors, folder: &Path) -> Result<()> {
     let found = sensors.model;
     let json = Json {
@@ -66,7 +63,6 @@ pub fn toml(found: &Identified) -> Result<String> {
 }
 
 impl Identified {
-    /// For people.
     pub fn table(&self) -> Table {
         let row = |parameter: Parameter| {
             let shown = parameter.found.map(|found| {

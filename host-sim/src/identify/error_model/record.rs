@@ -29,13 +29,11 @@ const ROCKING: usize = 2;
 /// Epochs whose velocity difference is further out than this many median deviations are left out.
 const OUTLIER: f64 = 8.0;
 
-/// Some seconds of a drive.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Epoch {
     /// Start, since the first sample of the log, s.
     pub start_s: f64,
     pub seconds: f64,
-    /// What was felt in it.
     pub felt: Felt,
     /// Rotation of ENU against inertial space, rad/s.
     pub frame_rate_radps: Vector3<f64>,
@@ -126,7 +124,6 @@ pub struct Difference {
     pub fixes: u32,
 }
 
-/// One drive.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Record {
     /// In order of time, from when the azimuth is known.
@@ -142,7 +139,6 @@ pub struct Record {
     pub accel_scale: Vec<Measured>,
     /// As estimated, s.
     pub latency_s: Estimate,
-    /// Length of the log, s.
     pub duration_s: f64,
     /// Fixes per second.
     pub fix_rate_hz: f64,

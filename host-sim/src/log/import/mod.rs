@@ -25,7 +25,6 @@ pub fn open(path: &Path) -> Result<(Log, Vec<LogError>), LogError> {
     open_all(&[path.to_owned()], Choice::default())
 }
 
-/// Reads a log folder, or what [`read`] does.
 pub fn open_all(paths: &[PathBuf], choice: Choice) -> Result<(Log, Vec<LogError>), LogError> {
     match paths {
         [folder] if !folder.is_file() && format(folder)?.is_none() => {

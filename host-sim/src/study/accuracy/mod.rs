@@ -36,7 +36,6 @@ const NO_POSITION_M: f64 = 1e5;
 pub struct Quantity {
     /// Name as in the columns of `estimates.csv`.
     pub name: &'static str,
-    /// Name for people.
     pub title: &'static str,
     pub unit: &'static str,
     /// SI value of one unit.
@@ -116,11 +115,9 @@ pub struct Study {
 pub struct Check {
     /// Estimate minus truth.
     pub error: f64,
-    /// One sigma as stated.
     pub sigma: f64,
 }
 
-/// One drive.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Run {
     pub seed: u64,

@@ -17,7 +17,6 @@ const CSV: &str = "accuracy.csv";
 /// RMS error beside RMS sigma over time.
 const PICTURE: &str = "accuracy.svg";
 
-/// Writes all files into a folder.
 pub fn write(results: &Results, folder: &Path) -> Result<()> {
     output::write(folder, JSON, page::json(results)?)?;
     output::write(folder, PICTURE, picture(results))?;
@@ -106,7 +105,6 @@ fn capital(text: &str) -> String {
 }
 
 impl Results {
-    /// A row for each quantity.
     pub fn table(&self) -> Table {
         let header =
             heads("| RMS error | RMS sigma | within 1 sigma | settled after | limit | goal");

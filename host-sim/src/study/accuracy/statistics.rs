@@ -25,7 +25,6 @@ pub struct Results {
     pub runs: Vec<Run>,
 }
 
-/// A quantity at the end of the runs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Row {
     #[serde(flatten)]
@@ -50,7 +49,6 @@ pub struct Spread {
 }
 
 impl Study {
-    /// Runs all drives and sums up.
     pub fn results(self, progress: &ProgressBar) -> Result<Results, ConfigError> {
         let runs = self.drive(&|_| {}, &|_| {}, progress)?;
         Ok(Results::new(self, runs))

@@ -27,7 +27,6 @@ pub fn all() -> impl Iterator<Item = &'static Kind> {
     kinds::develop::KINDS.iter().chain(kinds::judge::KINDS)
 }
 
-/// Which kinds are run, how often.
 #[derive(Clone, Debug)]
 pub struct Study {
     /// Kinds, each with every class of sensors it is for.

@@ -44,7 +44,6 @@ pub fn totals(results: &[Results]) -> Vec<Totals> {
     each.flatten().collect()
 }
 
-/// A row for each kind.
 pub fn overview_table(results: &[Results]) -> Table {
     let header = heads(
         "kind | class | use | runs | never | no solution | first, s | honest | wrong and sure \
@@ -81,7 +80,6 @@ fn overview_row(result: &Results) -> Vec<String> {
     cells
 }
 
-/// A row for each group.
 pub fn totals_table(totals: &[Totals]) -> Table {
     let header = heads(
         "| kinds | all honest | quantities | honest | sure | wrong and sure | per 1000 | never \
@@ -213,7 +211,6 @@ fn names(result: &Results) -> [String; 3] {
     [result.kind, short(result.class), side].map(str::to_owned)
 }
 
-/// Name of a class.
 pub fn short(class: Grade) -> &'static str {
     class.class().name()
 }

@@ -19,13 +19,11 @@ pub struct Check {
     pub quantity: usize,
     /// Claimed minus true.
     pub error: f64,
-    /// One sigma, if stated.
     pub sigma: Option<f64>,
     /// Whether it is said to stand on data.
     pub observable: bool,
 }
 
-/// One run of somebody.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Run {
     /// When there was a solution first, s.
@@ -36,7 +34,6 @@ pub struct Run {
     pub checks: Vec<Check>,
 }
 
-/// Both who were tried on one seed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tried {
     pub core: Run,

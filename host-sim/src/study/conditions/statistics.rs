@@ -152,11 +152,9 @@ fn wrong_and_sure(check: &Check) -> bool {
     check.observable && !right
 }
 
-/// A kind with one class of sensors.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Results {
     pub kind: &'static str,
-    /// What it is.
     pub what: &'static str,
     /// Whether it judges; else it is there to develop on.
     pub judge: bool,
@@ -260,7 +258,6 @@ impl Results {
     }
 }
 
-/// Many kinds together.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Totals {
     pub name: String,

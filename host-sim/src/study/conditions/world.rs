@@ -18,7 +18,6 @@ use crate::sim::{Grade, Motion, SimulatedDrive, record};
 /// The truth is looked at ten times a second.
 const TRUTH_HZ: f64 = 10.0;
 
-/// What moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Vehicle {
     /// A car that leans so many times as far as a family car; it begins at rest for a time
@@ -49,12 +48,10 @@ impl Vehicle {
 /// One run's vehicle, mount, unit and receiver.
 #[derive(Clone, Debug)]
 pub struct World {
-    /// Fixes every random number.
     pub seed: u64,
     pub class: Grade,
     pub minutes: f64,
     pub imu_hz: f64,
-    /// Where it begins.
     pub origin: Geodetic,
     pub vehicle: Vehicle,
     /// What swings on top.
@@ -65,7 +62,6 @@ pub struct World {
     pub slip: Option<Slip>,
     /// Antenna from the unit in the axes of the vehicle, right, forward, up, m.
     pub antenna_m: Vector3<f64>,
-    /// Unit and receiver.
     pub errors: ErrorModel,
     /// What a kind draws from.
     pub random: Random,
@@ -101,7 +97,6 @@ impl World {
         }
     }
 
-    /// Length, s.
     pub fn duration_s(&self) -> f64 {
         60.0 * self.minutes
     }
@@ -121,7 +116,6 @@ impl World {
         self.mount.inverse() * self.antenna_m
     }
 
-    /// Records it.
     pub fn simulate(&self) -> SimulatedDrive {
         let mut errors = self.errors.clone();
         errors.gnss.habits.lever_arm_m = self.lever_arm_m().into();
@@ -141,7 +135,6 @@ impl World {
         record(self.motion(), &recording)
     }
 
-    /// The motion of the unit.
     pub fn motion(&self) -> Box<dyn Motion> {
         let (seed, duration_s) = (self.seed, self.duration_s());
         let mut motion: Box<dyn Motion> = match self.vehicle {
@@ -165,7 +158,6 @@ impl World {
 
     // --- what kinds are made of ---
 
-    /// The receiver's habits.
     pub fn habits(&mut self) -> &mut Habits {
         &mut self.errors.gnss.habits
     }

@@ -101,7 +101,6 @@ pub struct Agreement {
 }
 
 impl Agreement {
-    /// Adds one moment.
     pub fn add(&mut self, model: &LinearModel, error_mps: &Vector2<f64>) {
         self.difference += (model.velocity_mps.xy() - error_mps).norm_squared();
         self.error += error_mps.norm_squared();

@@ -82,7 +82,6 @@ fn oscillation(curves: &[Point]) -> String {
     .svg()
 }
 
-/// Growth of the position error.
 fn growth(summary: &Summary) -> String {
     let line = |value: &dyn Fn(usize) -> f64| -> Vec<(f64, f64)> {
         (0..summary.growth.len())
@@ -115,12 +114,10 @@ fn growth(summary: &Summary) -> String {
 
 // --- tables ---
 
-/// The figures for a person.
 pub fn readable(summary: &Summary) -> String {
     in_words(summary, Table::plain)
 }
 
-/// The figures for a page.
 pub fn markdown(summary: &Summary) -> String {
     in_words(summary, Table::markdown)
 }

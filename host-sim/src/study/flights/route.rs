@@ -31,7 +31,6 @@ impl Route {
         Ok(Self { dynamics, plan })
     }
 
-    /// The plan as it stands.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }

@@ -51,7 +51,6 @@ pub struct Settings {
     pub errors: ErrorModel,
 }
 
-/// Why a flight gives no figures.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum RunError {
     /// It came down.
@@ -90,7 +89,6 @@ pub enum Variant {
 /// All of them, in the order of [`Run::free`].
 pub const VARIANTS: [Variant; 3] = [Variant::Estimates, Variant::WithoutNoise, Variant::Raw];
 
-/// One flight's figures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Run {
     pub seed: u64,
@@ -104,7 +102,6 @@ pub struct Run {
     pub grid_m: [f64; CELLS],
 }
 
-/// Flies one seed.
 pub fn run(seed: u64, route: &Route, settings: &Settings) -> Result<Run, RunError> {
     let (mut sensors, navigator, start) = aided(seed, route, settings)?;
     let estimates = navigator.estimates();
@@ -161,7 +158,6 @@ fn aided(
     Ok((sensors, navigator, start))
 }
 
-/// The damped part of a flight.
 fn damped(seed: u64, sensors: &mut Sensors, settings: &Settings) -> Navigator {
     let heading_error_deg = settings.errors.given_heading_sigma_deg.unwrap_or(0.0)
         * Random::stream(seed, "given heading").normal();

@@ -28,10 +28,8 @@ pub struct Oscillation {
     pub north_mps: f64,
 }
 
-/// The comparison's figures.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Schuler {
-    /// Length of the flight.
     pub minutes: u32,
     /// Gyro biases, right, forward, up.
     pub gyro_bias_deg_h: [f64; 3],
@@ -48,12 +46,10 @@ pub struct Schuler {
     pub model_difference: f64,
     /// The same with the rotation of the frame.
     pub rotating_model_difference: f64,
-    /// Velocity errors over time.
     #[serde(skip)]
     pub curves: Vec<Point>,
 }
 
-/// One moment of the flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
     /// Since the start, s.

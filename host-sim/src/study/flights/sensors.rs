@@ -27,7 +27,6 @@ pub struct Step {
     pub ideal: ImuSample,
 }
 
-/// Sensors on a flight.
 #[derive(Clone, Debug)]
 pub struct Sensors {
     ideal: IdealSensors<Flight>,
@@ -50,7 +49,6 @@ impl Sensors {
         }
     }
 
-    /// Truth now.
     pub fn truth(&self) -> &Solution {
         &self.ideal.state().solution
     }
@@ -65,7 +63,6 @@ impl Sensors {
         self.gnss.latency_s
     }
 
-    /// Flies on to the next sample.
     pub fn step(&mut self) -> Step {
         self.count += 1;
         let time = Time::default().plus_seconds(f64::from(self.count) * STEP_S);

@@ -15,7 +15,6 @@ use crate::identify::held_ins::LevelError;
 /// RMS position error after 1 h of free flight in the thesis, km.
 pub const THESIS_KM: f64 = 3.7;
 
-/// All figures of the command.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
     pub runs: usize,
@@ -73,13 +72,11 @@ pub struct Cell {
     pub random_walk_deg_sqrt_h: f64,
     /// RMS at the end and its 95 % interval.
     pub position_km: f64,
-    /// 95 % interval of it.
     pub position_km_95: [f64; 2],
     /// Whether the thesis's figure is reached.
     pub reached: bool,
 }
 
-/// One angular random walk.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Walk {
     /// Of each gyro.

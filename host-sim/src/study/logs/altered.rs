@@ -70,7 +70,6 @@ const ALTERATIONS: [Alteration; 10] = [
 /// What an altered log says, less what it should say.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Altered {
-    /// How it was altered.
     pub how: &'static str,
     /// Of what is observable in both.
     pub differences: Vec<Difference>,

@@ -93,10 +93,8 @@ fn held(mut config: Config, hold: fn(&mut Config)) -> Config {
     config
 }
 
-/// All tests on one log.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LogStudy {
-    /// Name of its folder.
     pub log: String,
     /// What it is for.
     pub role: Role,
@@ -161,7 +159,6 @@ impl LogStudy {
         Self::of_log(name, &log, grade).map_err(|error| miette!("cannot be used: {}", error))
     }
 
-    /// Runs all tests.
     pub fn of_log(name: String, log: &Log, grade: Grade) -> Result<Self, ConfigError> {
         let bench = Bench::new(log, grade)?;
         let (found, kalman) = rayon::join(
@@ -197,7 +194,6 @@ impl LogStudy {
 }
 
 impl LogStudy {
-    /// Of all alterations.
     pub fn altered_differences(&self) -> impl Iterator<Item = &Difference> + Clone {
         self.altered.iter().flat_map(|altered| &altered.differences)
     }
@@ -305,7 +301,6 @@ pub struct Agreement {
 }
 
 impl Agreement {
-    /// Of two ends.
     pub fn new(with: &str, core: &[Quantity; 8], other: &[Quantity; 8]) -> Self {
         let differences = core.iter().zip(other).enumerate();
         let observable = differences

@@ -7,7 +7,6 @@ use crate::identify::halves::{self, Difference};
 use crate::page::table::{Table, cells, heads};
 use crate::page::{brief, digits};
 
-/// All tables.
 pub fn plain(study: &Study) -> String {
     let parts = [
         halves_table(study),

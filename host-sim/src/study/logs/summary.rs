@@ -6,7 +6,6 @@ use super::log_study::{LogStudy, OPTIONAL, Outages, Role};
 use crate::identify::halves::Difference;
 use crate::statistics::{geometric_mean, rms_of_any};
 
-/// Many differences together.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Spread {
     pub count: usize,
@@ -14,9 +13,7 @@ pub struct Spread {
     pub rms: Option<f64>,
     /// The same as found and as stated, without allowances.
     pub rms_plain: Option<f64>,
-    /// Beyond three sigmas.
     pub beyond_3: usize,
-    /// Beyond four.
     pub beyond_4: usize,
 }
 
@@ -48,14 +45,12 @@ pub struct Study {
 }
 
 impl Study {
-    /// Adds up.
     pub fn new(logs: Vec<LogStudy>) -> Self {
         let summaries = Role::ALL.map(|role| Summary::of(role, &logs));
         Self { logs, summaries }
     }
 }
 
-/// All logs of one role.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
     pub role: Role,
@@ -97,7 +92,6 @@ pub struct WithoutSummary {
 }
 
 impl Summary {
-    /// Of the logs of a role.
     pub fn of(role: Role, logs: &[LogStudy]) -> Self {
         let logs: Vec<&LogStudy> = logs.iter().filter(|log| log.role == role).collect();
         let observable = || (logs.iter()).filter_map(|log| log.free.filter(|free| free.observable));

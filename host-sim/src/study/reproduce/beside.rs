@@ -41,7 +41,6 @@ const WAVE: BiasModel = BiasModel::Wave {
     jump_sigma: 1.0,
 };
 
-/// A drive that was recorded.
 #[derive(Clone, Debug)]
 pub struct Recorded {
     pub name: String,

@@ -23,7 +23,6 @@ const EVERY_S: f64 = 1.0;
 /// East and north, over seconds.
 pub(super) type Velocities = Vec<(f64, Vector2<f64>)>;
 
-/// The drive.
 pub(super) struct Drive {
     /// With its truth.
     pub(super) log: Log,

@@ -19,7 +19,6 @@ pub const JSON: &str = "reproduce.json";
 /// The class of sensors that everything here has.
 pub(super) const GRADE: Grade = Grade::Hg1700;
 
-/// How much is simulated.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Settings {
     /// First seed; others follow.
@@ -81,7 +80,6 @@ pub(super) const NOT_REPRODUCED: [NotReproduced; 1] = [NotReproduced {
     why: "they are not public: a simulated unit of the same class stands in for the thesis's",
 }];
 
-/// A figure or a table.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Part {
     /// Stem of its files.
@@ -137,7 +135,6 @@ pub(super) fn csv(header: &str, rows: impl Iterator<Item = Vec<f64>>) -> String 
 }
 
 impl Reproduction {
-    /// Writes all files into a folder.
     pub fn write(&self, folder: &Path) -> Result<()> {
         output::write(folder, JSON, page::json(self)?)?;
         output::write(folder, "report.html", self.html().into_diagnostic()?)?;
@@ -164,7 +161,6 @@ impl Reproduction {
         )
     }
 
-    /// All numbers.
     pub fn table(&self) -> Table {
         let rows = self.parts.iter().flat_map(|part| {
             let source = part.title.split(':').next().unwrap_or_default();

@@ -128,7 +128,6 @@ fn gains(drive: &Drive) -> Vec<Gain> {
 
 // --- Figure 8: before and after the gyros' errors are taken out ---
 
-/// Of one drive.
 struct Compensated {
     /// Gyros as they are, and less their history: over the whole drive.
     as_read: Velocities,
@@ -357,7 +356,6 @@ pub(super) fn vehicles(
     Ok([rest, car, flown(seed, minutes, route, errors)?])
 }
 
-/// A route flight.
 pub(super) fn flown(
     seed: u64,
     minutes: f64,
@@ -422,7 +420,6 @@ fn of_axis(velocities: &Velocities, axis: usize) -> Vec<(f64, f64)> {
     velocities.iter().map(|(t, v)| (*t, v[axis])).collect()
 }
 
-/// A panel for each axis.
 fn east_and_north(
     titles: [&str; 2],
     velocities: &[(&'static str, RGBColor, &Velocities)],

@@ -35,7 +35,6 @@ pub enum Target {
     All,
 }
 
-/// What is printed.
 pub fn text(t: &Tuning, target: Target) -> serde_json::Result<String> {
     Ok(match target {
         Target::Table => table::text(t),

@@ -6,7 +6,6 @@ use crate::tune::tuning::Tuning;
 pub(super) const TURNED: &str =
     "The sensor was turned upright when it was read: these axes are not its own.";
 
-/// A parameter of one number or three.
 pub(super) struct Setting {
     pub(super) name: String,
     pub(super) unit: &'static str,

@@ -13,9 +13,7 @@ pub(super) const MEMS: &[Grade] = &[Grade::Mems];
 /// Conditions that one seed differs in by chance alone.
 #[derive(Debug)]
 pub struct Kind {
-    /// Name on the command line.
     pub name: &'static str,
-    /// In one line.
     pub what: &'static str,
     /// Classes of sensors it is tried with.
     pub classes: &'static [Grade],
@@ -27,7 +25,6 @@ pub struct Kind {
 }
 
 impl Kind {
-    /// One seed of it.
     pub fn world(&self, class: Grade, seed: u64) -> World {
         let mut world = World::plain(class, seed, self.minutes, self.name);
         (self.make)(&mut world);
