@@ -6,7 +6,6 @@
 //! finds, and on when it finds its heading: so several units are driven side by side, the first
 //! exactly as the plan says, the others as people drive.
 
-mod begin;
 mod bench;
 mod manoeuvre;
 pub mod output;
@@ -21,10 +20,14 @@ pub use target::Target;
 
 use indicatif::ProgressBar;
 use ins_core::Navigator;
+use miette::Result;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::log::BodyAxes;
+use crate::identify::analysis::{Analysis, unusable};
+use crate::identify::run::in_order_of_time;
+use crate::log::{BodyAxes, Log};
+use crate::sim::ErrorModel;
 
 /// White noise gives in half the logarithm of time. What falls less than this part of that has
 /// come to what is not noise.
@@ -70,15 +73,68 @@ pub struct Plan {
 /// sigmas then differ by a factor of two: so many that a mean of both is good to some 15 %.
 pub const UNITS: u64 = 10;
 
+impl Target {
+    /// The drive from the start.
+    pub fn plan(&self, seed: u64, progress: &ProgressBar) -> Result<Plan> {
+        let model = self.error_model()?;
+        let config = self.config(&model)?;
+        let start = drives(seed, |seed, driver| {
+            Bench::switched_on(self, &model, config, seed, driver)
+        })?;
+        let (target, axes) = (self, self.unit.body_axes);
+        Ok(Search { target, axes }.plan(start, progress))
+    }
+
+    /// The core at the end of a log, with what `[config]` says.
+    pub fn navigator_after(&self, analysis: &Analysis) -> Result<Navigator> {
+        let config = self.with_config(&analysis.found.config)?;
+        let mut navigator = Navigator::new(config).map_err(unusable)?;
+        for event in in_order_of_time(analysis.log.imu.iter(), &analysis.log.gnss) {
+            event.give_to(&mut navigator);
+        }
+        Ok(navigator)
+    }
+
+    /// What a log lacks at whose end the core is, of a unit of that model.
+    pub fn added_to(
+        &self,
+        log: &Log,
+        navigator: &Navigator,
+        model: &ErrorModel,
+        seed: u64,
+        progress: &ProgressBar,
+    ) -> Result<Plan> {
+        let (duration_s, imu_hz) = (log.duration_s(), log.imu_rate_hz());
+        let start = drives(seed, |seed, driver| {
+            let so_far = (navigator.clone(), duration_s);
+            Bench::after(so_far, model, imu_hz, seed, driver)
+        })?;
+        let (target, axes) = (self, log.meta.body_axes);
+        Ok(Search { target, axes }.plan(start, progress))
+    }
+}
+
+/// One that drives exactly, and others.
+fn drives(seed: u64, drive: impl Fn(u64, Driver) -> Result<Bench>) -> Result<Vec<Bench>> {
+    let driver = |unit| match unit {
+        0 => Driver::exact(),
+        _ => Driver::human(seed.wrapping_add(unit)),
+    };
+    let units = 0..UNITS;
+    units
+        .map(|unit| drive(seed.wrapping_add(unit), driver(unit)))
+        .collect()
+}
+
+/// What is searched for, the axes of the unit being these.
 #[derive(Clone, Copy, Debug)]
-pub struct Search<'a> {
-    pub goals: &'a [Goal],
-    pub site: &'a Site,
-    pub axes: BodyAxes,
+struct Search<'a> {
+    target: &'a Target,
+    axes: BodyAxes,
 }
 
 impl Search<'_> {
-    pub fn plan(&self, start: Vec<Bench>, progress: &ProgressBar) -> Plan {
+    fn plan(&self, start: Vec<Bench>, progress: &ProgressBar) -> Plan {
         let before = self.reached(&start);
         let mut plan = Plan {
             before,
@@ -86,7 +142,7 @@ impl Search<'_> {
             unreached: Vec::new(),
             end: start,
         };
-        let longest_s = 60.0 * self.site.longest_minutes;
+        let longest_s = 60.0 * self.target.site.longest_minutes;
         while self.missing(&plan.end) > 0.0 && seconds(&plan.end) < longest_s {
             let Some(next) = self.next(&plan.end) else {
                 break;
@@ -107,7 +163,7 @@ impl Search<'_> {
 
     /// What is driven next; none if nothing helps.
     fn next(&self, from: &[Bench]) -> Option<Tried> {
-        let site = &self.site.manoeuvres;
+        let site = &self.target.site.manoeuvres;
         if seconds(from) == 0.0 && site.contains(&Manoeuvre::Stand) && aligning(from) {
             // Level and gyros are best found at rest, and a car stands anyway.
             return self.tried(from, &[Manoeuvre::Stand], 1).pop();
@@ -117,9 +173,9 @@ impl Search<'_> {
             .find_map(|steps| self.best(from, self.tried(from, site, steps)))
     }
 
-    pub fn reached(&self, drives: &[Bench]) -> Vec<Reached> {
+    fn reached(&self, drives: &[Bench]) -> Vec<Reached> {
         let of = |goal: &Goal| goal.reached(navigators(drives), self.axes);
-        self.goals.iter().map(of).collect()
+        self.target.goals.iter().map(of).collect()
     }
 
     fn missing(&self, drives: &[Bench]) -> f64 {
@@ -139,12 +195,12 @@ impl Search<'_> {
                 let mut ahead = first.clone();
                 let gained_s = |ahead: &Bench| ahead.seconds() - first.seconds();
                 while times < steps || gained_s(&ahead) < f64::from(steps) * least_s {
-                    ahead.drive(*manoeuvre, self.site);
+                    ahead.drive(*manoeuvre, &self.target.site);
                     times += 1;
                 }
                 let again = |bench: &Bench| {
                     let mut bench = bench.clone();
-                    (0..times).for_each(|_| bench.drive(*manoeuvre, self.site));
+                    (0..times).for_each(|_| bench.drive(*manoeuvre, &self.target.site));
                     bench
                 };
                 let mut drives: Vec<Bench> = others.par_iter().map(again).collect();

@@ -21,9 +21,9 @@ impl Search<'_> {
         if last.iter().all(Reached::is_met) {
             return Vec::new();
         }
-        let own = self.tried(end, &self.site.manoeuvres, AHEAD[1]);
+        let own = self.tried(end, &self.target.site.manoeuvres, AHEAD[1]);
         let forbidden: Vec<Manoeuvre> = Manoeuvre::all()
-            .filter(|manoeuvre| !self.site.manoeuvres.contains(manoeuvre))
+            .filter(|manoeuvre| !self.target.site.manoeuvres.contains(manoeuvre))
             .collect();
         let other = self.tried(end, &forbidden, AHEAD[1]);
         let each = last.into_iter().enumerate();
@@ -43,7 +43,8 @@ impl Search<'_> {
         own: &'t [Tried],
         other: &'t [Tried],
     ) -> String {
-        let after = |drives: &[Bench]| self.goals[which].reached(navigators(drives), self.axes);
+        let after =
+            |drives: &[Bench]| self.target.goals[which].reached(navigators(drives), self.axes);
         let least = |tried: &'t [Tried]| {
             let each = tried.iter().map(|one| (one, after(&one.drives).sigma));
             each.min_by(|a, b| a.1.total_cmp(&b.1))
@@ -87,7 +88,7 @@ impl Search<'_> {
                 (needed_s - known_s) / 60.0
             );
         }
-        Self::floor(&self.goals[which], last, end)
+        Self::floor(&self.target.goals[which], last, end)
     }
 
     /// What a sigma comes to that falls no more.
