@@ -3,8 +3,6 @@
 mod aircraft;
 mod campaign;
 mod compare;
-mod drive;
-mod fly;
 mod hil;
 mod identify;
 mod import;
@@ -12,6 +10,7 @@ mod options;
 mod plan_drive;
 mod rehearse;
 mod reproduce;
+mod simulate;
 mod study;
 mod tune;
 
@@ -47,11 +46,11 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Simulate a drive, identify it, and compare with the truth.
-    Demo(drive::Demo),
+    Demo(simulate::Demo),
     /// Simulate a car drive and write its log.
-    Drive(drive::Drive),
+    Drive(simulate::Drive),
     /// Fly a plan in a simulated aircraft and write its log.
-    Fly(fly::Fly),
+    Fly(simulate::Fly),
     /// Make a log of a recording of another program: PX4, ArduPilot, ROS, UBX, NMEA, phones.
     Import(import::Import),
     /// Find the sensor errors of logs and their error model; write summaries, tables and reports.
@@ -107,9 +106,9 @@ impl Cli {
 pub fn run(cli: &Cli) -> Result<()> {
     let (json, force) = (cli.json, cli.force);
     match &cli.command {
-        Command::Demo(options) => drive::demo(options, json),
-        Command::Drive(options) => drive::drive(options, json, force),
-        Command::Fly(options) => fly::fly(options, json, force),
+        Command::Demo(options) => simulate::demo(options, json),
+        Command::Drive(options) => simulate::drive(options, json, force),
+        Command::Fly(options) => simulate::fly(options, json, force),
         Command::Import(options) => import::import(options, json, force),
         Command::Identify(options) => identify::identify(options, json, force),
         Command::Tune(options) => tune::tune(options, json),

@@ -1,0 +1,223 @@
+//! The commands that simulate: `drive`, `demo` and `fly`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use miette::{IntoDiagnostic, Result, miette};
+use serde::Serialize;
+
+use super::identify::{identify_log, print_analysis};
+use super::options::{aircraft, minutes, show};
+use crate::aircraft::flight::Flight;
+use crate::aircraft::input::error_model;
+use crate::aircraft::pictures;
+use crate::aircraft::plan::Plan;
+use crate::identify::analysis::SUMMARY;
+use crate::identify::true_errors::{self, Truth};
+use crate::log::{self, BodyAxes, Compression, Grade, Log};
+use crate::page::output::{self, OutputError};
+use crate::page::progress::spinner;
+use crate::sim::drive::Recording;
+use crate::sim::{DriveConfig, ErrorModel, SimulatedDrive, record, simulate};
+
+#[derive(Debug, Args)]
+pub(super) struct Drive {
+    /// Folder of the log.
+    #[arg(long)]
+    out: PathBuf,
+    #[command(flatten)]
+    options: DriveOptions,
+    /// Errors of the sensors if not those of their class: ideal, hg1700, mems or an error-model
+    /// file.
+    #[arg(long, value_name = "MODEL")]
+    errors: Option<String>,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Demo {
+    /// Folder for log and report.
+    #[arg(long, default_value = "out/demo")]
+    out: PathBuf,
+    #[command(flatten)]
+    drive: DriveOptions,
+}
+
+#[derive(Clone, Copy, Debug, Args)]
+struct DriveOptions {
+    /// Fixes the route and every random number.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Class of the sensors.
+    #[arg(long, value_enum, default_value_t = Grade::Hg1700)]
+    grade: Grade,
+    /// Length of the drive.
+    #[arg(long, default_value_t = 40.0, value_parser = minutes)]
+    minutes: f64,
+}
+
+/// Simulates a drive and writes its log.
+pub(super) fn drive(options: &Drive, json: bool, force: bool) -> Result<()> {
+    let errors = options.errors.as_deref().map(error_model).transpose()?;
+    let truth = write_drive(&options.out, options.options, errors, force)?;
+    let out = options.out.display();
+    show(json, &truth, || format!("Log written to {out}\n"))
+}
+
+/// Simulates a drive, identifies it, and compares with the truth.
+pub(super) fn demo(options: &Demo, json: bool) -> Result<()> {
+    let (log, results) = (options.out.join("log"), options.out.join("report"));
+    // An earlier demo can be had again at any time.
+    let force = true;
+    // Both before either, so that nothing is simulated in vain.
+    output::check_free(&log, true_errors::FILE, force)?;
+    output::check_free(&results, SUMMARY, force)?;
+    write_drive(&log, options.drive, None, force)?;
+    let (analysis, model) = identify_log(&log, &results, None, None, force)?;
+    print_analysis(&analysis, Some(&model), &results, json)
+}
+
+fn write_drive(
+    out: &Path,
+    options: DriveOptions,
+    errors: Option<ErrorModel>,
+    force: bool,
+) -> Result<Truth> {
+    output::check_free(out, true_errors::FILE, force)?;
+    let progress = spinner("simulating the drive");
+    let mut config = DriveConfig::new(options.seed, options.grade.into(), options.minutes);
+    if let Some(errors) = errors {
+        config.recording.errors = errors;
+    }
+    let run = simulate(&config);
+    progress.set_message("writing the log");
+    let name = format!("simulated drive, seed {}", options.seed);
+    let mut drive = Simulated::new(run, &config.recording.errors, options.grade, name);
+    let about = &mut drive.log.meta.document;
+    about.insert("minutes".into(), options.minutes.into());
+    output::build(out, true_errors::FILE, force, |folder| drive.write(folder))?;
+    progress.finish_and_clear();
+    Ok(drive.truth)
+}
+
+/// What was simulated, as the log of a unit, and its true errors.
+struct Simulated {
+    truth: Truth,
+    log: Log,
+}
+
+impl Simulated {
+    fn new(run: SimulatedDrive, errors: &ErrorModel, grade: Grade, name: String) -> Self {
+        let truth = Truth::new(&run.errors, run.azimuth_error_rad(), BodyAxes::Frd);
+        let mut log = run.into_log(BodyAxes::Frd, errors.imu.output);
+        log.meta.grade = Some(grade);
+        log.meta.document.insert("name".into(), name.into());
+        log.meta.document.insert("real_data".into(), false.into());
+        Self { truth, log }
+    }
+
+    fn write(&self, folder: &Path) -> Result<()> {
+        log::write(&self.log, folder, Compression::Gzip)?;
+        let errors = self.truth.to_toml().into_diagnostic()?;
+        Ok(output::write(folder, true_errors::FILE, errors)?)
+    }
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Fly {
+    /// Flight plan, TOML.
+    #[arg(long)]
+    plan: PathBuf,
+    /// Fixes turbulence and sensor errors.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Folder of the log.
+    #[arg(long)]
+    out: PathBuf,
+    /// Sensor errors: ideal, hg1700, mems, or a file with an error model.
+    #[arg(long, default_value = "hg1700")]
+    errors: String,
+    /// Aircraft, TOML; the Cessna 172 unless given.
+    #[arg(long)]
+    aircraft: Option<PathBuf>,
+}
+
+/// What `fly --json` prints.
+#[derive(Serialize)]
+struct FlySummary<'a> {
+    log: &'a Path,
+    aircraft: &'a str,
+    seed: u64,
+    duration_s: f64,
+    distance_km: f64,
+    errors: &'a Truth,
+}
+
+/// Flies a plan and writes its log, with truth and pictures.
+pub(super) fn fly(options: &Fly, json: bool, force: bool) -> Result<()> {
+    output::check_free(&options.out, true_errors::FILE, force)?;
+    let dynamics = aircraft(options.aircraft.as_deref())?;
+    let errors = error_model(&options.errors)?;
+    let plan = Plan::read(&options.plan, &dynamics)?;
+    let progress = spinner("flying");
+    let in_plan = |error| miette!("{}: {error}", options.plan.display());
+    let flight = Flight::new(&dynamics, &plan, options.seed).map_err(in_plan)?;
+    let recording = Recording {
+        seed: options.seed,
+        duration_s: flight.duration_s().map_err(in_plan)?,
+        imu_hz: 100.0,
+        truth_every: 10,
+        origin: plan.start.position,
+        errors,
+    };
+    let run = record(flight, &recording);
+    progress.set_message("writing the log");
+    let drawn = pictures::of_flight(&run, recording.errors.imu.output);
+    let distance_km = 1e-3 * distance_m(&run);
+    let name = format!("simulated flight, seed {}", options.seed);
+    // A flight has no rest that would tell.
+    let grade = class(&recording.errors);
+    let flown = Simulated::new(run, &recording.errors, grade, name);
+    let plan = fs::read(&options.plan).map_err(|e| OutputError::io(&options.plan, e))?;
+    let write = |folder: &Path| -> Result<()> {
+        flown.write(folder)?;
+        output::write(folder, "plan.toml", &plan)?;
+        Ok(pictures::write(&drawn, &folder.join("pictures"))?)
+    };
+    output::build(&options.out, true_errors::FILE, force, write)?;
+    progress.finish_and_clear();
+
+    let summary = FlySummary {
+        log: &options.out,
+        aircraft: &dynamics.parameters.name,
+        seed: options.seed,
+        duration_s: recording.duration_s,
+        distance_km,
+        errors: &flown.truth,
+    };
+    show(json, &summary, || {
+        format!(
+            "{}: {:.0} s, {distance_km:.1} km. Log and pictures written to {}\n",
+            summary.aircraft,
+            summary.duration_s,
+            options.out.display()
+        )
+    })
+}
+
+/// What a navigator has to be told of sensors: whether its gyros feel the Earth's rate.
+fn class(errors: &ErrorModel) -> Grade {
+    const EARTH_RATE_DEG_H: f64 = 15.0;
+    if errors.gyro_deg_h.bias.initial_sigma() < EARTH_RATE_DEG_H {
+        Grade::Hg1700
+    } else {
+        Grade::Mems
+    }
+}
+
+fn distance_m(run: &SimulatedDrive) -> f64 {
+    run.truth
+        .windows(2)
+        .map(|w| w[1].position.enu_from(&w[0].position).xy().norm())
+        .sum()
+}
