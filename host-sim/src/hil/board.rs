@@ -23,27 +23,24 @@ pub enum Board {
 }
 
 impl Board {
-    /// QEMU's name.
-    pub fn machine(self) -> &'static str {
+    /// On the command line, QEMU's, and that of the firmware's cargo configuration.
+    fn names(self) -> [&'static str; 3] {
         match self {
-            Self::CortexM7 => "mps2-an500",
-            Self::CortexM4 => "mps2-an386",
+            Self::CortexM7 => ["m7", "mps2-an500", "cortex-m7.toml"],
+            Self::CortexM4 => ["m4f", "mps2-an386", "cortex-m4.toml"],
         }
     }
 
     pub fn name(self) -> &'static str {
-        match self {
-            Self::CortexM7 => "m7",
-            Self::CortexM4 => "m4f",
-        }
+        self.names()[0]
     }
 
-    /// The cargo configuration of the firmware that builds for it.
+    pub fn machine(self) -> &'static str {
+        self.names()[1]
+    }
+
     pub fn cargo_config(self) -> &'static str {
-        match self {
-            Self::CortexM7 => "cortex-m7.toml",
-            Self::CortexM4 => "cortex-m4.toml",
-        }
+        self.names()[2]
     }
 }
 
