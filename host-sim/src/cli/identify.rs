@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use ins_core::ImuSample;
-use miette::{IntoDiagnostic, Result, bail};
+use miette::{Result, bail};
 
 use super::options::{GradeChoice, refuse_same};
 use crate::identify::analysis::{Analysis, REPORT, SUMMARY};
@@ -153,9 +153,8 @@ fn identify_logs(
             at_rest: &AtRest::new(&records),
         };
         error_model::write(sensors, folder)?;
-        let page = report::together::page(&summaries, &sensors).html();
-        let page = page.into_diagnostic()?;
-        output::write(folder, REPORT, page)?;
+        let page = report::together::page(&summaries, &sensors);
+        output::write(folder, REPORT, page.html()?)?;
         Ok((found, summaries))
     };
     let (model, summaries) = output::build(out, error_model::MODEL, force, fill)?;

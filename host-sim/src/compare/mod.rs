@@ -11,7 +11,7 @@ pub(crate) mod tracks;
 use std::path::Path;
 
 use indicatif::ProgressBar;
-use miette::{IntoDiagnostic, Result, miette};
+use miette::{Result, miette};
 use plotters::style::RGBColor;
 use serde::Serialize;
 
@@ -104,7 +104,7 @@ impl Comparison {
     }
     pub fn write(&self, folder: &Path) -> Result<()> {
         output::write(folder, JSON, page::json(self)?)?;
-        output::write(folder, "report.html", self.html().into_diagnostic()?)?;
+        output::write(folder, "report.html", self.page().html()?)?;
         output::write(folder, "compare.csv", self.quantities_csv()?)?;
         Ok(output::write(folder, "outages.csv", self.outages_csv()?)?)
     }
@@ -155,8 +155,8 @@ impl Comparison {
         page::csv(names, rows)
     }
 
-    fn html(&self) -> Result<String, minijinja::Error> {
-        let page = Page {
+    fn page(&self) -> Page {
+        Page {
             title: format!("{}: compensation and Kalman", self.log),
             facts: format!(
                 "{:.1} min \u{b7} body axes {} \u{b7} sensor class {} \u{b7} all methods on the same \
@@ -174,8 +174,7 @@ impl Comparison {
                     .map(|which| self.figure(which))
                     .collect(),
             }],
-        };
-        page.html()
+        }
     }
 
     /// One estimate by every method, as it converges.

@@ -1,5 +1,6 @@
 //! One self-contained page that works without a network.
 
+use miette::{IntoDiagnostic, Result};
 use minijinja::value::{Serde, Value};
 use minijinja::{AutoEscape, Environment, context};
 use serde::Serialize;
@@ -28,16 +29,17 @@ pub(crate) struct Section {
 }
 
 impl Page {
-    pub(crate) fn html(&self) -> Result<String, minijinja::Error> {
+    pub(crate) fn html(&self) -> Result<String> {
         let page = Value::from(Serde(self));
         fill(TEMPLATE, context! { page, script => SCRIPT.as_str() })
     }
 }
 
 /// A template that may include the style, filled.
-pub(crate) fn fill(template: &str, with: Value) -> Result<String, minijinja::Error> {
+pub(crate) fn fill(template: &str, with: Value) -> Result<String> {
     let mut environment = Environment::new();
     environment.set_auto_escape_callback(|_| AutoEscape::Html);
-    environment.add_template("style", STYLE)?;
-    environment.render_str(template, with)
+    (environment.add_template("style", STYLE))
+        .and_then(|()| environment.render_str(template, with))
+        .into_diagnostic()
 }

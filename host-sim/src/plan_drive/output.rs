@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ins_core::Solution;
-use miette::{IntoDiagnostic, Result};
+use miette::Result;
 use serde::Serialize;
 
 use super::{Bench, Manoeuvre, Plan, Reached, Site, Stage, Unreached, seconds};
@@ -125,7 +125,7 @@ impl<'a> Report<'a> {
         for (name, text) in [
             (DRIVE, self.drive.join("\n") + "\n"),
             (ROUTE, track(&truth)),
-            (PAGE, self.page().html().into_diagnostic()?),
+            (PAGE, self.page().html()?),
             (PLAN, json(self)?),
         ] {
             output::write(folder, name, text)?;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use miette::{IntoDiagnostic, Result};
+use miette::Result;
 use serde::Serialize;
 
 use super::run::{HEADING, POSITION, QUANTITIES};
@@ -42,7 +42,7 @@ pub fn write(folder: &Path, summary: &Summary) -> Result<()> {
     let times: Vec<Took> = times.collect();
     let files = [
         (TABLE, csv(summary)?),
-        (PAGE, html(summary).into_diagnostic()?),
+        (PAGE, page_of(summary).html()?),
         (OVERVIEW, for_a_page(summary)),
         (TIMES, json(&times)?),
         (SUMMARY, json(summary)?),
@@ -268,8 +268,10 @@ fn tables(summary: &Summary) -> Vec<Table> {
 }
 
 pub fn readable(summary: &Summary) -> String {
-    let text = |table: &Table| format!("{}\n\n{}\n", table.title, table.plain());
-    let tables: String = tables(summary).iter().map(text).collect();
+    let tables = tables(summary).into_iter();
+    let tables: String = tables
+        .map(|table| table.titled(Table::plain) + "\n")
+        .collect();
     verdicts(summary).join("\n") + "\n\n" + &tables
 }
 
@@ -280,18 +282,17 @@ fn verdicts(summary: &Summary) -> Vec<String> {
 
 /// The algorithms beside each other, in Markdown.
 fn for_a_page(summary: &Summary) -> String {
-    let text = |table: Table| format!("{}\n\n{}\n", table.title, table.markdown());
-    [Some(overview(summary)), outcomes(summary)]
-        .into_iter()
-        .flatten()
-        .map(text)
+    let tables = [Some(overview(summary)), outcomes(summary)];
+    let tables = tables.into_iter().flatten();
+    tables
+        .map(|table| table.titled(Table::markdown) + "\n")
         .collect()
 }
 
 // --- page ---
 
-fn html(summary: &Summary) -> Result<String, minijinja::Error> {
-    let page = Page {
+fn page_of(summary: &Summary) -> Page {
+    Page {
         title: "Rehearsal: how accurate it will be in the air".to_owned(),
         facts: format!(
             "model of {} \u{b7} host-sim {}",
@@ -307,8 +308,7 @@ fn html(summary: &Summary) -> Result<String, minijinja::Error> {
                 .map(|quantity| figure(summary, quantity))
                 .collect(),
         }],
-    };
-    page.html()
+    }
 }
 
 /// RMS of one quantity over time, by every algorithm.

@@ -10,7 +10,7 @@ pub use picture::picture;
 use std::path::Path;
 
 use ins_core::{Solution, Time};
-use miette::{IntoDiagnostic, Result};
+use miette::Result;
 
 use crate::identify::analysis::{Analysis, REPORT, SUMMARY};
 use crate::identify::error_model::Sensors;
@@ -36,8 +36,7 @@ pub(crate) fn write(analysis: &Analysis, sensors: Option<&Sensors>, folder: &Pat
     output::write(folder, "estimates.csv", page::csv(&names, rows)?)?;
     let rows = found.solutions.iter().map(solution);
     output::write(folder, "solution.csv", page::csv(SOLUTION, rows)?)?;
-    let page = html(analysis, sensors).into_diagnostic()?;
-    output::write(folder, REPORT, page)?;
+    output::write(folder, REPORT, page(analysis, sensors).html()?)?;
     let summary = page::json(&analysis.summary)?;
     Ok(output::write(folder, SUMMARY, summary)?)
 }
@@ -69,9 +68,9 @@ fn seconds(time: Time) -> String {
     format!("{:.6}", time.as_seconds())
 }
 
-pub fn html(analysis: &Analysis, sensors: Option<&Sensors>) -> Result<String, minijinja::Error> {
+fn page(analysis: &Analysis, sensors: Option<&Sensors>) -> Page {
     let summary = &analysis.summary;
-    let page = Page {
+    Page {
         title: summary.log.clone(),
         facts: format!(
             "{:.1} min \u{b7} body axes {} \u{b7} sensor class {} \u{b7} {} inertial samples, {} \
@@ -86,6 +85,5 @@ pub fn html(analysis: &Analysis, sensors: Option<&Sensors>) -> Result<String, mi
         verdicts: results::verdicts(analysis),
         tables: results::tables(analysis, sensors),
         sections: charts::sections(analysis, sensors),
-    };
-    page.html()
+    }
 }

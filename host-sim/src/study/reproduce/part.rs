@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use miette::{IntoDiagnostic, Result};
+use miette::Result;
 use minijinja::context;
 use minijinja::value::{Serde, Value};
 use serde::Serialize;
@@ -137,7 +137,7 @@ pub(super) fn csv(header: &str, rows: impl Iterator<Item = Vec<f64>>) -> String 
 impl Reproduction {
     pub fn write(&self, folder: &Path) -> Result<()> {
         output::write(folder, JSON, page::json(self)?)?;
-        output::write(folder, "report.html", self.html().into_diagnostic()?)?;
+        output::write(folder, "report.html", self.html()?)?;
         for Part { name, csv, svg, .. } in &self.parts {
             output::write(folder, &format!("{name}.csv"), csv)?;
             if let Some(svg) = svg {
@@ -147,7 +147,7 @@ impl Reproduction {
         Ok(())
     }
 
-    fn html(&self) -> Result<String, minijinja::Error> {
+    fn html(&self) -> Result<String> {
         let part = |part: &Part| {
             let rows: Vec<[String; 4]> = part.numbers.iter().map(row).collect();
             let (rows, svg) = (Value::from(Serde(rows)), part.svg.as_deref());
