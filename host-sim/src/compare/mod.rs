@@ -27,7 +27,7 @@ use crate::page::table::{Table, heads};
 use crate::page::{self, brief, digits, output};
 pub use cost::{Cost, measure as measure_costs};
 use measure::{COMPARED, columns};
-pub use measure::{MethodResult, QuantityResult, TrajectoryError};
+pub use measure::{MethodResult, QuantityResult};
 use outage::{Drift, OutageTest};
 use tracks::{Input, Point, Track, noise};
 

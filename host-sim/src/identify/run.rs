@@ -152,7 +152,6 @@ impl Recorder {
 }
 
 #[derive(Clone, Copy, Debug)]
-#[allow(missing_docs)]
 pub enum Event<'a> {
     Imu(ImuSample),
     Gnss(&'a GnssFix),

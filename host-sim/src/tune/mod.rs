@@ -9,6 +9,5 @@ pub mod targets;
 mod tuning;
 
 pub use found::Found;
-pub use mount::{Mount, Vehicle};
-pub use targets::Target;
+pub use mount::Vehicle;
 pub use tuning::Tuning;

@@ -14,10 +14,10 @@ pub mod model;
 pub mod noise;
 pub mod run;
 
-pub use filter::{Correction, Filter};
+pub use filter::Filter;
 pub use known::Known;
 pub use noise::Noise;
-pub use run::{Record, Run, Smoothed, smooth};
+pub use run::{Record, Run, smooth};
 
 use core::ops::Range;
 
