@@ -66,18 +66,13 @@ impl Plan {
     }
 
     fn check(&self) -> Result<(), String> {
-        for (key, value) in [
-            ("units", self.units),
-            ("drives", self.drives),
-            ("flights", self.flights),
-            ("minutes_aided", self.minutes_aided),
-            ("minutes_free", self.minutes_free),
-        ] {
-            if !(1..=100_000).contains(&value) {
-                return Err(format!("`{key} = {value}`: expected 1 to 100000"));
-            }
-        }
+        const COUNT: [f64; 2] = [1.0, 100_000.0];
         for (key, value, [low, high]) in [
+            ("units", self.units.into(), COUNT),
+            ("drives", self.drives.into(), COUNT),
+            ("flights", self.flights.into(), COUNT),
+            ("minutes_aided", self.minutes_aided.into(), COUNT),
+            ("minutes_free", self.minutes_free.into(), COUNT),
             ("drive_minutes", self.drive_minutes, [1.0, 1440.0]),
             ("unit_spread", self.unit_spread, [0.0, 2.0]),
         ] {

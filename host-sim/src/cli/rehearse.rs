@@ -245,7 +245,7 @@ fn settings(
     let mut settings = Settings {
         version: env!("CARGO_PKG_VERSION"),
         seed: options.seed,
-        drives: drives.names.clone(),
+        drives: drives.verdicts.iter().map(|of| of.log.clone()).collect(),
         flights: options.flights,
         models: options.models,
         budget: options.budget,

@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::identify::error_model_of;
 use super::options::{GradeChoice, Out, minutes, show, within};
 use super::rehearse::{in_keys, keys};
-use crate::identify::analysis::Analysis;
+use crate::identify::analysis::{Analysis, folder_name};
 use crate::log::Grade;
 use crate::page::output::{check_free_file, replace};
 use crate::page::progress::{bar, counted};
@@ -328,7 +328,7 @@ pub struct Logs {
 impl Logs {
     /// Studies every log; one that cannot be used is named, and the others go on.
     fn run(&self, json: bool) -> Result<()> {
-        let wanted = |folder: &&PathBuf| match logs::Role::of(&logs::name_of(folder)) {
+        let wanted = |folder: &&PathBuf| match logs::Role::of(&folder_name(folder)) {
             logs::Role::Development => !self.judges,
             logs::Role::Judge => !self.development,
         };

@@ -6,7 +6,7 @@ use ins_core::{Config, ConfigError, Estimates, Solution, Time};
 
 use crate::compare::five_stage;
 use crate::compare::kalman::{Filter, Noise, Record, Run, smooth};
-use crate::identify::row::Row;
+use crate::identify::row::{self, Row};
 use crate::identify::run::identify;
 use crate::identify::true_errors::Truth;
 use crate::log::{Grade, Log};
@@ -172,8 +172,7 @@ fn kalman_and_smoother(told: &str, input: &Input) -> Result<[Track; 2], ConfigEr
 }
 
 fn due(points: &[Point], time: Time) -> bool {
-    let last = points.last();
-    last.is_none_or(|last| time.seconds_since(last.time) > EVERY_S - 5e-4)
+    row::due(points.last().map(|last| last.time), time, EVERY_S)
 }
 
 fn filtered(filter: &Filter) -> Point {

@@ -136,17 +136,12 @@ impl Analysis {
 
 /// Name of a log: its own, or that of its folder.
 pub fn log_name(folder: &Path, log: &Log) -> String {
-    let folder_name = || {
-        folder
-            .canonicalize()
-            .ok()?
-            .file_name()?
-            .to_str()
-            .map(str::to_owned)
-    };
-    log.meta
-        .name()
-        .map(str::to_owned)
-        .or_else(folder_name)
-        .unwrap_or_else(|| "log".to_owned())
+    let own = log.meta.name().map(str::to_owned);
+    own.unwrap_or_else(|| folder_name(folder))
+}
+
+pub(crate) fn folder_name(folder: &Path) -> String {
+    let whole = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+    let name = whole.file_name().map(|name| name.to_string_lossy().into());
+    name.unwrap_or_else(|| "log".to_owned())
 }

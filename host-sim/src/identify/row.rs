@@ -36,7 +36,7 @@ impl Row {
 }
 
 /// Whether an interval has passed, to within half a millisecond of jitter.
-pub(super) fn due(last: Option<Time>, now: Time, interval_s: f64) -> bool {
+pub(crate) fn due(last: Option<Time>, now: Time, interval_s: f64) -> bool {
     last.is_none_or(|last| now.seconds_since(last) > interval_s - 5e-4)
 }
 

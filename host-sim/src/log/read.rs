@@ -14,6 +14,7 @@ use super::meta::{BodyAxes, Meta};
 use super::order::rows;
 use super::samples::{Samples, Store};
 use super::table::{Row, Table};
+use crate::statistics::rms_of_any;
 
 /// Reads and checks a log. Warnings say what looks suspicious, an error what cannot be meant.
 pub fn read(folder: &Path) -> Result<(Log, Vec<LogError>), LogError> {
@@ -242,13 +243,9 @@ fn out_of_range(row: &Row, column: usize, expected: &str) -> LogError {
 
 /// One sigma of a component: the root mean square of those stated.
 fn sigma(row: &Row, columns: &[usize]) -> Result<Option<f64>, LogError> {
-    let mut sum = 0.0;
-    let mut count = 0;
-    for &column in columns {
-        if let Some(sigma) = row.optional(column)?.filter(|&sigma| sigma > 0.0) {
-            sum += sigma * sigma;
-            count += 1;
-        }
-    }
-    Ok((count > 0).then(|| (sum / f64::from(count)).sqrt()))
+    let sigmas = columns.iter().map(|&column| row.optional(column));
+    let sigmas: Vec<_> = sigmas.collect::<Result<_, _>>()?;
+    Ok(rms_of_any(
+        sigmas.into_iter().flatten().filter(|sigma| *sigma > 0.0),
+    ))
 }

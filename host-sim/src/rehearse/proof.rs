@@ -4,9 +4,7 @@
 //! core goes over both, the recorded and the simulated. Outages are placed all along; drift is
 //! measured against the same core with GNSS, on either side.
 
-use ins_core::{
-    Config, ConfigError, GnssFix, ImuSample, Navigator, Observability, Phase, Solution, Time,
-};
+use ins_core::{Config, ConfigError, GnssFix, ImuSample, Navigator, Phase, Solution, Time};
 use miette::Result;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -16,6 +14,7 @@ use super::replay::Replay;
 use super::run::{HEADING, POSITION, QUANTITIES, sizes};
 use crate::identify::analysis::{Analysis, unusable};
 use crate::identify::error_model::interval::student;
+use crate::identify::free_inertial::known;
 use crate::identify::run::{Event, in_order_of_time};
 use crate::log::Log;
 use crate::page::table::{Table, cells, heads};
@@ -168,9 +167,8 @@ fn drifts(imu: &[ImuSample], gnss: &[GnssFix], config: Config) -> Result<Vec<Dri
         }
         aided.extend(navigator.solution());
         let since = *navigating_since.get_or_insert(sample.time);
-        let azimuth = navigator.estimates().azimuth_error_rad.observability;
         let settled = sample.time.seconds_since(since) >= SETTLE_S
-            && azimuth == Observability::Observable
+            && known(&navigator.estimates().azimuth_error_rad)
             && last_fix.is_some_and(|fix| sample.time.seconds_since(fix) < FRESH_S);
         if settled && next.is_none_or(|next| sample.time >= next) {
             blind.push(free(navigator.clone(), &imu[samples..], sample.time));

@@ -41,8 +41,7 @@ impl Judged {
 
 #[derive(Debug)]
 pub struct Drives {
-    pub names: Vec<String>,
-    /// What each is worth.
+    /// What each is worth, under its name.
     pub verdicts: Vec<Judged>,
     pub records: Vec<Record>,
     pub grade: Grade,
@@ -53,8 +52,7 @@ pub struct Drives {
 impl Drives {
     /// Reads and identifies them one after the other.
     pub fn read(paths: &[PathBuf], grade: Option<Grade>) -> Result<Self> {
-        let (mut names, mut records, mut rates) = (Vec::new(), Vec::new(), Vec::new());
-        let mut verdicts = Vec::new();
+        let (mut verdicts, mut records, mut rates) = (Vec::new(), Vec::new(), Vec::new());
         let mut first: Option<(Grade, ImuOutput)> = None;
         for path in paths {
             let analysis = Analysis::of_log(path, grade, &bar())?;
@@ -67,12 +65,11 @@ impl Drives {
                 );
             }
             rates.push(analysis.log.imu_rate_hz());
-            names.push(analysis.summary.log.clone());
-            verdicts.push(Judged {
-                log: analysis.summary.log.clone(),
-                verdict: analysis.summary.verdict.clone(),
-            });
             records.push(Record::new(&analysis.log, &analysis.found));
+            verdicts.push(Judged {
+                log: analysis.summary.log,
+                verdict: analysis.summary.verdict,
+            });
         }
         rates.sort_by(f64::total_cmp);
         let (grade, output) = first.ok_or_else(|| miette!("no drive is named"))?;
@@ -80,7 +77,6 @@ impl Drives {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let imu_hz = rates[rates.len() / 2].round().max(1.0) as u32;
         Ok(Self {
-            names,
             verdicts,
             records,
             grade,

@@ -4,13 +4,14 @@ use core::iter::Peekable;
 use core::slice::Iter;
 
 use ins_core::{
-    Config, ConfigError, Estimate, Estimates, GnssFix, ImuSample, Navigator, Observability, Phase,
-    Solution, SolutionSigma, Time,
+    Config, ConfigError, Estimate, Estimates, GnssFix, ImuSample, Navigator, Phase, Solution,
+    SolutionSigma, Time,
 };
 use nalgebra::Vector3;
 
 use crate::compare::kalman::{self, Filter, index};
 use crate::identify::configure;
+use crate::identify::free_inertial::known;
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::sim::{Grade, SimulatedDrive};
 
@@ -216,7 +217,7 @@ fn claim(estimate: &Estimate) -> Claim {
     Claim {
         value: estimate.value,
         sigma: Some(estimate.sigma),
-        observable: estimate.observability == Observability::Observable,
+        observable: known(estimate),
     }
 }
 

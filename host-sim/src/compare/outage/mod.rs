@@ -7,13 +7,12 @@ mod ins;
 mod peer;
 
 use ins_core::earth::Geodetic;
-use ins_core::{
-    Config, ConfigError, Estimate, GnssFix, Navigator, Observability, Phase, Solution, Time,
-};
+use ins_core::{Config, ConfigError, GnssFix, Navigator, Phase, Solution, Time};
 use nalgebra::Vector2;
 use serde::Serialize;
 
 use crate::compare::kalman::{Filter, Noise, Run};
+use crate::identify::free_inertial::{known, value};
 use crate::identify::run::{Event, in_order_of_time};
 use crate::log::Log;
 use crate::page::brief;
@@ -290,25 +289,13 @@ fn survey(log: &Log, config: Config) -> Result<(Option<Time>, f64), ConfigError>
         if sample.time.seconds_since(since) >= SETTLE_S {
             settled.get_or_insert(sample.time);
         }
-        if observed.is_none() && is_observed(&navigator.estimates().azimuth_error_rad) {
+        if observed.is_none() && known(&navigator.estimates().azimuth_error_rad) {
             observed = Some(sample.time);
         }
     }
     // Never observed, it is not waited for.
     let first = settled.map(|settled| settled.max(observed.unwrap_or(settled)));
-    let latency = navigator.estimates().gnss_latency_s;
-    Ok((
-        first,
-        if is_observed(&latency) {
-            latency.value
-        } else {
-            0.0
-        },
-    ))
-}
-
-fn is_observed(estimate: &Estimate) -> bool {
-    estimate.observability == Observability::Observable
+    Ok((first, value(&navigator.estimates().gnss_latency_s)))
 }
 
 fn true_point(truth: &Solution) -> Point {

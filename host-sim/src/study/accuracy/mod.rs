@@ -13,13 +13,14 @@ use core::f64::consts::PI;
 use indicatif::ProgressBar;
 use ins_core::config::{self, Form, HeadingSource};
 use ins_core::earth::wrap_pi;
-use ins_core::{Config, ConfigError, Estimates, Observability, Solution};
+use ins_core::{Config, ConfigError, Estimates, Solution};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::subject::{self, Core, Kalman, Subject};
 use crate::compare::kalman::Noise;
+use crate::identify::free_inertial::known;
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
 use crate::page::progress::counted;
 use crate::sim::{DriveConfig, ErrorModel, Grade, SimulatedDrive, simulate};
@@ -193,8 +194,7 @@ impl Study {
             let mut core = Core::new(config, &drive)?;
             let history = look(&mut core, &drive, core_checks);
             let azimuth = core.navigator.estimates().azimuth_error_rad;
-            let observable = azimuth.observability == Observability::Observable;
-            (observable && core.solution().is_some(), history)
+            (known(&azimuth) && core.solution().is_some(), history)
         };
         Ok(Run {
             seed,

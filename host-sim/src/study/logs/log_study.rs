@@ -14,6 +14,7 @@ use crate::compare::kalman::Noise;
 use crate::compare::measure::{COMPARED, columns};
 use crate::compare::outage::Course;
 use crate::compare::tracks::{self, Input};
+use crate::identify::analysis::folder_name;
 use crate::identify::configure;
 use crate::identify::halves::{self, Difference};
 use crate::identify::quantities::Quantity;
@@ -54,14 +55,6 @@ impl Role {
             Self::Judge
         }
     }
-}
-
-/// Name of a log's folder.
-pub fn name_of(folder: &Path) -> String {
-    let whole = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
-    whole
-        .file_name()
-        .map_or_else(|| "log".to_owned(), |name| name.to_string_lossy().into())
 }
 
 /// Two estimators share the noise of a log: what parts them is what each leaves out, and neither
@@ -152,7 +145,7 @@ pub struct Without {
 impl LogStudy {
     /// Reads a log and runs all tests.
     pub fn of_folder(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Self> {
-        let name = name_of(folder);
+        let name = folder_name(folder);
         let (log, _) = log::read(folder)?;
         let grade = configure::grade(&log, grade);
         progress.set_message(name.clone());

@@ -10,5 +10,5 @@ mod log_study;
 pub(crate) mod page;
 mod summary;
 
-pub use log_study::{LogStudy, Role, name_of};
+pub use log_study::{LogStudy, Role};
 pub use summary::Study;

@@ -65,13 +65,17 @@ fn by_role(
                 rows.push(named(&study.log, row));
             }
         }
-        let name = match summary.role {
-            Role::Development => "= development",
-            Role::Judge => "= judges",
-        };
-        rows.push(named(name, total(summary)));
+        let name = format!("= {}", side(summary.role));
+        rows.push(named(&name, total(summary)));
     }
     rows
+}
+
+fn side(role: Role) -> &'static str {
+    match role {
+        Role::Development => "development",
+        Role::Judge => "judges",
+    }
 }
 
 fn named(name: &str, mut row: Vec<String>) -> Vec<String> {
@@ -238,10 +242,7 @@ fn without_table(study: &Study) -> Table {
     let header = heads("| n | RMS | plain | >3 | >4 | halves RMS | plain | >3 | drift ratio");
     let mut rows = Vec::new();
     for summary in study.summaries.iter().filter(|summary| summary.logs > 0) {
-        let role = match summary.role {
-            Role::Development => "development",
-            Role::Judge => "judges",
-        };
+        let role = side(summary.role);
         let halves = |halves: &Spread| {
             vec![
                 number(halves.rms),

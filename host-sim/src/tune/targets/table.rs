@@ -1,7 +1,7 @@
 //! For people to read.
 
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
-use crate::page::table;
+use crate::page::table::{Table, heads};
 use crate::tune::found::Found;
 use crate::tune::mount::Vehicle;
 use crate::tune::tuning::Tuning;
@@ -16,7 +16,6 @@ pub(super) fn text(t: &Tuning) -> String {
         };
         vec![name.clone(), value, (*unit).to_owned()]
     };
-    let cells: Vec<_> = rows.iter().map(cells).collect();
     let vehicle = match t.mount.vehicle {
         Vehicle::Car => "It moves like a car.",
         Vehicle::Aircraft => "It moves like an aircraft.",
@@ -36,7 +35,7 @@ pub(super) fn text(t: &Tuning) -> String {
     format!(
         "{}\n\n{}\nAlong the unit's axes; offsets are to be subtracted from readings. {vehicle}\n{}",
         t.verdict.lines().join("\n"),
-        table::plain(&table::heads("| value | unit"), &cells),
+        Table::of("", heads("| value | unit"), rows.iter().map(cells)).plain(),
         missing.concat(),
     )
 }
