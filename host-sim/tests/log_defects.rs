@@ -239,6 +239,11 @@ fn file_cases() -> Vec<Case> {
         text("absurdly long line", |f| {
             set_line(&mut f.imu, 100, &"1".repeat(50_000_000));
         }),
+        folder("truth.csv of another time", |f| {
+            let header = "t_s,lat_deg,lon_deg,h_m,ve,vn,vu,roll_deg,pitch_deg,heading_deg";
+            let rows = "1000,45,9,200,4,9,0,0,0,23\n1001,45,9,200,4,9,0,0,0,23";
+            fs::write(f.join("truth.csv"), format!("{header}\n{rows}\n")).unwrap();
+        }),
         text("line ends lost", |f| f.imu = f.imu.replace('\n', " ")),
     ]
 }

@@ -11,7 +11,7 @@ use super::Log;
 use super::check::check;
 use super::error::LogError;
 use super::meta::{BodyAxes, Meta};
-use super::order::rows;
+use super::order::{decimal, rows};
 use super::samples::{Samples, Store};
 use super::table::{Row, Table};
 use crate::statistics::rms_of_any;
@@ -39,17 +39,34 @@ pub fn read(folder: &Path) -> Result<(Log, Vec<LogError>), LogError> {
         })
     };
     let (imu, gnss) = (table("imu.csv")?, table("gnss.csv")?);
+    let truth = one_of(folder, "truth.csv")?;
     let mut log = Log {
         imu: read_imu(&imu, meta.body_axes, &mut warnings)?,
         gnss: read_gnss(&gnss, &mut warnings)?,
-        truth: match one_of(folder, "truth.csv")? {
-            Some(truth) => read_truth(&truth, &mut warnings)?,
+        truth: match &truth {
+            Some(truth) => read_truth(truth, &mut warnings)?,
             None => Vec::new(),
         },
         meta,
     };
     check(&mut log, &imu, &gnss, &mut warnings)?;
+    warnings.extend(truth.and_then(|truth| of_another_time(&truth, &log)));
     Ok((log, warnings))
+}
+
+/// A reference without a moment in common with the samples: nothing is compared with it.
+fn of_another_time(truth: &Path, log: &Log) -> Option<LogError> {
+    let [first, last] = [log.imu.first()?.time, log.imu.last()?.time];
+    let [from, to] = [log.truth.first()?.time, log.truth.last()?.time];
+    let span = |from, to| format!("{} to {} s", decimal(from), decimal(to));
+    let expected = format!(
+        "a reference within the time of the inertial samples, {}",
+        span(first, last)
+    );
+    let found = format!("one from {}", span(from, to));
+    let cause = "another time scale (UTC, GPS week, boot) or another drive: not used";
+    let defect = LogError::file(truth, expected, found, cause).in_column("t_s");
+    (to < first || from > last).then_some(defect)
 }
 
 /// The plain or the packed file, whichever is there.
