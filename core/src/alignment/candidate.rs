@@ -71,6 +71,9 @@ const KNOWN_ANGLE_RAD: f64 = 0.35;
 /// Spread beyond which it is given up, and length below which cosine and sine show no angle.
 const LOST_ANGLE_RAD: f64 = 0.6;
 const SEEN_LENGTH: f64 = 0.2;
+/// Spread of an angle of which nothing is known, rad: beyond any, and still a number, for not every
+/// format that a state is written down in has infinities.
+const UNKNOWN_ANGLE_RAD: f32 = f32::MAX;
 /// Time without a change of velocity after which motion is steady, s.
 const STEADY_S: f32 = 5.0;
 /// Time after such a change in which it may go on below the noise, and time over which the mean
@@ -217,7 +220,7 @@ impl Candidate {
             accel_mps2: Vector2::zeros(),
             first_accel_mps2: Vector2::zeros(),
             swing_radps: Matrix2x3::zeros(),
-            angle_sigma_rad: f32::INFINITY,
+            angle_sigma_rad: UNKNOWN_ANGLE_RAD,
             knew_angle: false,
             rotation: Vector2::zeros(),
             covariance: Covariance::from_sigma(&Row::from(sigma)),
@@ -480,7 +483,7 @@ impl Candidate {
     /// are not linear, and a heading that is not known at all has an exact beginning.
     fn lose(&mut self) {
         self.rotation = Vector2::zeros();
-        self.angle_sigma_rad = f32::INFINITY;
+        self.angle_sigma_rad = UNKNOWN_ANGLE_RAD;
         self.knew_angle = false;
         for unknown in [COS, SIN] {
             self.covariance.renew(unknown, 0.5);
@@ -536,7 +539,11 @@ impl Candidate {
         let (turn, grow) = self.directions();
         let angle = self.covariance.sigma_of(&turn);
         let seen = math::sqrt(f64::from(self.rotation.norm_squared())) > SEEN_LENGTH;
-        self.angle_sigma_rad = if seen { single(angle) } else { f32::INFINITY };
+        self.angle_sigma_rad = if seen {
+            single(angle)
+        } else {
+            UNKNOWN_ANGLE_RAD
+        };
         let length = self.covariance.sigma_of(&grow);
         self.knew_angle |= self.knows_angle();
         if !(self.knows_angle() && length > LENGTH_ERROR) {
