@@ -40,6 +40,9 @@ const HIGHEST_M: f64 = 100_000.0;
 const FASTEST_MPS: f64 = 3_000.0;
 /// Less than any heading is known by, rad.
 const LEAST_HEADING_SIGMA_RAD: f64 = 1e-5;
+/// Least time between two fixes that are alike, s: each takes a piece of work, of which there are a hundred
+/// a second, and the estimators want theirs.
+const LEAST_INTERVAL_S: f64 = 0.015;
 /// More than any receiver states of a fix it gives, m or m/s: 2^32 mm is the largest number of some.
 const COARSEST: f64 = 1e7;
 
@@ -546,7 +549,11 @@ impl<const RING: usize> State<RING> {
         let Some((now, _)) = &self.inertial else {
             return GnssOutcome::NoInertialData;
         };
-        if self.last_fix.is_some_and(|(last, _)| fix.time <= last) {
+        let follows = |(last, velocity): (Time, Option<_>)| {
+            let alike = velocity.is_some() == fix.velocity_en_mps.is_some();
+            fix.time > last && !(alike && fix.time.seconds_since(last) < LEAST_INTERVAL_S)
+        };
+        if !self.last_fix.is_none_or(follows) {
             return GnssOutcome::TimeNotIncreasing;
         }
         let now = *now;

@@ -42,8 +42,8 @@ pub enum GnssOutcome {
     NotFinite,
     /// Neither position nor velocity.
     Empty,
-    /// The stamp is not later than the last one by 10 ms: what a receiver has of one moment goes into one
-    /// fix.
+    /// The stamp is not later than the last one by 10 ms, or by 15 ms if both have a velocity or neither:
+    /// what a receiver has of one moment goes into one fix, and more than 66 a second are not taken.
     TimeNotIncreasing,
     /// While navigating: a vehicle that moves has the velocity of the last fix to the last bit. The
     /// receiver gives that fix again, is stuck, or coasts, and has measured nothing.

@@ -261,6 +261,25 @@ fn a_measured_heading_ends_alignment() {
     assert!(navigator.sigma().unwrap().attitude_rad.z < 0.021);
 }
 
+/// Fixes as frequent as samples leave the estimators nothing to work in.
+#[test]
+fn a_receiver_may_be_as_fast_as_the_sensors() {
+    let mut config = DriveConfig::new(3, Grade::Mems, 6.0);
+    config.recording.truth_every = 1;
+    config.recording.errors.gnss.rate_hz = config.recording.imu_hz;
+    let drive = simulate(&config);
+    let mut navigator = navigator();
+    let mut worst: f64 = 0.0;
+    run(&mut navigator, &drive, 0.0..360.0, |navigator, count, _| {
+        if let (Some(solution), Some(sigma)) = (navigator.solution(), navigator.sigma()) {
+            let off = solution.velocity_enu_mps - drive.truth[count + 1].velocity_enu_mps;
+            worst = worst.max(off.norm() / sigma.velocity_mps.norm());
+        }
+    });
+    assert_eq!(navigator.phase(), Phase::Navigating);
+    assert!(worst < 5.0, "{worst}");
+}
+
 /// The same unit a second time: what was found the first time is there from the beginning.
 #[test]
 fn a_calibration_kept_is_believed_as_far_as_it_says() {

@@ -21,7 +21,7 @@ use crate::outcome::GnssOutcome;
 use crate::parameters::index;
 use crate::samples::GnssFix;
 
-/// Least time between two fixes that are used, s.
+/// Least time between the moments of two fixes, s: with the latency they move.
 const LEAST_INTERVAL_S: f64 = 0.01;
 /// Least time between two positions that are used beside velocities, s, unless their noise is said
 /// to be white: else it changes more slowly.
