@@ -52,7 +52,7 @@ pub enum GnssOutcome {
     TooOld,
     /// Further ahead of the inertial samples than any latency explains.
     TooFarAhead,
-    /// Latitude, height or speed no vehicle on Earth has.
+    /// Latitude, height or speed no vehicle on Earth has; a heading that is none to begin with.
     OutOfRange,
     /// Nothing of it was near enough to the INS to be true. Fixes that agree with each other for 15 s
     /// show that it is the INS which is wrong.

@@ -9,7 +9,7 @@ use ins_core::config::HeadingSource;
 use ins_core::earth::wrap_pi;
 use ins_core::{
     Calibration, Config, GnssFix, GnssOutcome, Heading, ImuOutcome, ImuOutput, ImuSample,
-    Navigator, Observability, Phase,
+    Navigator, Observability, Phase, Solution,
 };
 use nalgebra::Vector3;
 
@@ -257,6 +257,43 @@ fn a_measured_heading_ends_alignment() {
             sigma_rad: 0.02,
         });
     });
+    assert_eq!(navigator.phase(), Phase::Navigating);
+    assert!(navigator.sigma().unwrap().attitude_rad.z < 0.021);
+}
+
+/// Two antennas agree on a heading half a minute after all else, and a vehicle that stands shows none.
+#[test]
+fn a_measured_heading_ends_a_search_for_one() {
+    let drive = &*DRIVE;
+    let first = drive.imu[0].time;
+    let measured = |sample: &ImuSample, heading_rad, sigma_rad| Heading {
+        time: sample.time,
+        heading_rad,
+        sigma_rad,
+    };
+    let truth_rad = drive.truth[0].euler().heading_rad;
+    let moves = |truth: &Solution| truth.velocity_enu_mps.norm() > 0.1;
+    let start_s = drive.truth.iter().find(|truth| moves(truth)).unwrap().time;
+    let rest_s = start_s.seconds_since(first);
+    assert!(rest_s > 25.0, "{rest_s}");
+    let mut navigator = navigator();
+    run(&mut navigator, drive, 0.0..14.0, |navigator, _, sample| {
+        // Until then they say that they do not know.
+        let unknown = measured(sample, truth_rad + 2.0, 1.5);
+        let outcome = navigator.on_heading(&unknown);
+        assert_eq!(outcome, GnssOutcome::OutOfRange);
+    });
+    assert_eq!(navigator.phase(), Phase::FindingHeading);
+    run(
+        &mut navigator,
+        drive,
+        14.0..24.5,
+        |navigator, count, sample| {
+            if count % 20 == 0 {
+                let _ = navigator.on_heading(&measured(sample, truth_rad, 0.02));
+            }
+        },
+    );
     assert_eq!(navigator.phase(), Phase::Navigating);
     assert!(navigator.sigma().unwrap().attitude_rad.z < 0.021);
 }

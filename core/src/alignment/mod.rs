@@ -276,6 +276,15 @@ impl Alignment {
         if ago_s < -MEASURED_S {
             return GnssOutcome::TooFarAhead;
         }
+        if heading.sigma_rad > HEADING_SIGMA_RAD {
+            return GnssOutcome::OutOfRange;
+        }
+        // If even now the one before is not too old, there will be one at the end of levelling, too.
+        let follows = |last: Heading| now.seconds_since(last.time) <= MEASURED_S;
+        let seeks = matches!(self.stage, Stage::Finding(Finding { found: None, .. }));
+        if seeks && self.measured.is_some_and(follows) {
+            self.restart(now);
+        }
         self.measured = Some(*heading);
         GnssOutcome::Accepted
     }
