@@ -115,6 +115,11 @@ fn whatever_a_program_does_is_a_row_with_its_cause() {
         ),
         ("deaf=sleep 60".to_owned(), "hung", "no answer in 45.00 s"),
         (
+            "stays=sh -c 'ulimit -f 1; python3 stays.py; true'".to_owned(),
+            "hung",
+            "no answer in 1.50 s",
+        ),
+        (
             "gone=./no-such-program".to_owned(),
             "unusable",
             "cannot be run",
@@ -128,6 +133,15 @@ fn whatever_a_program_does_is_a_row_with_its_cause() {
     // It leaves while megabytes are being written to it.
     let leaves = "import sys\nsys.stdin.readline()\nprint('ready,1,after', flush=True)\n";
     fs::write(home.join("leaves.py"), leaves).unwrap();
+    // A script and what it starts, which has no room for a file and much to say.
+    let stays = "
+import os, sys, time
+open('stays.pid', 'w').write(str(os.getpid()))
+print('all is well\\n' * 100_000, file=sys.stderr, flush=True)
+print('ready,1', flush=True)
+time.sleep(600)
+";
+    fs::write(home.join("stays.py"), stays).unwrap();
     let good = with("none", "pass");
     let mut options = vec!["--time-limit", "0.5", "--models", "0", "--budget", "0"];
     options.extend(["--with", "core", "--with", &good]);
@@ -153,6 +167,9 @@ fn whatever_a_program_does_is_a_row_with_its_cause() {
         assert!(told.contains(cause), "{with}: {told}");
         assert_eq!(tested["flights"], 0);
     }
+    let pid = fs::read_to_string(home.join("stays.pid")).unwrap();
+    let state = fs::read_to_string(Path::new("/proc").join(pid).join("stat")).unwrap_or_default();
+    assert!(state.is_empty() || state.contains(") Z "), "{state}");
 }
 
 #[test]

@@ -2,11 +2,13 @@
 //! docs/rehearse.md has them.
 
 use std::fmt::Write as _;
-use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
-use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
+use std::io::{BufRead, BufReader, Read, Write};
+#[cfg(unix)]
+use std::os::unix::process::CommandExt as _;
+use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
 use std::str::FromStr;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -83,10 +85,11 @@ impl Program {
     }
 }
 
-/// A program that runs. It is killed when this goes.
+/// A program that runs. It is killed when this goes, with all that it has started: a script may be
+/// what was named.
 struct Session {
     child: Child,
-    errors: File,
+    errors: Errors,
     requests: Sender<String>,
     lines: Receiver<String>,
     limit: Duration,
@@ -97,6 +100,11 @@ struct Session {
 
 impl Drop for Session {
     fn drop(&mut self) {
+        #[cfg(unix)]
+        let _ = rustix::process::kill_process_group(
+            rustix::process::Pid::from_child(&self.child),
+            rustix::process::Signal::KILL,
+        );
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -108,22 +116,24 @@ fn unusable(cause: impl Into<String>) -> Failure {
 
 impl Session {
     fn begin(program: &Program, flown: &Flown, told: &Told) -> Result<Self, Failure> {
-        let no_file = |error: io::Error| unusable(error.to_string());
-        let errors = tempfile::tempfile().map_err(no_file)?;
-        let stderr = errors.try_clone().map_err(no_file)?;
-        let mut child = Command::new(&program.command[0])
+        let mut command = Command::new(&program.command[0]);
+        command
             .args(&program.command[1..])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
-            .stderr(stderr)
+            .stderr(Stdio::piped());
+        #[cfg(unix)]
+        command.process_group(0);
+        let mut child = command
             .spawn()
             .map_err(|error| unusable(format!("{} cannot be run: {error}", program.command[0])))?;
-        let (Some(stdin), Some(stdout)) = (child.stdin.take(), child.stdout.take()) else {
+        let pipes = (child.stdin.take(), child.stdout.take(), child.stderr.take());
+        let (Some(stdin), Some(stdout), Some(stderr)) = pipes else {
             return Err(unusable("no pipes"));
         };
         let mut session = Self {
             child,
-            errors,
+            errors: Errors::read_from(stderr),
             requests: written_to(stdin),
             lines: read_from(stdout),
             limit: told.limit,
@@ -253,7 +263,7 @@ impl Session {
             || "closed its output and goes on".to_owned(),
             |status: ExitStatus| format!("ended: {status}"),
         );
-        let said = self.last_words();
+        let said = self.errors.last_line();
         self.failure(
             Fault::Crashed,
             if said.is_empty() {
@@ -262,20 +272,6 @@ impl Session {
                 format!("{how}: {said}")
             },
         )
-    }
-
-    /// The last line that the program wrote on standard error.
-    fn last_words(&mut self) -> String {
-        let mut text = String::new();
-        let length = self.errors.seek(SeekFrom::End(0)).unwrap_or(0);
-        let _ = self
-            .errors
-            .seek(SeekFrom::Start(length.saturating_sub(LONGEST_LINE)));
-        let _ = (&mut self.errors)
-            .take(LONGEST_LINE)
-            .read_to_string(&mut text);
-        let last = text.lines().rfind(|line| !line.trim().is_empty());
-        last.unwrap_or_default().trim().to_owned()
     }
 
     fn answer(
@@ -289,6 +285,42 @@ impl Session {
             let shown: String = line.chars().take(80).collect();
             self.failure(Fault::Wrong, format!("answered `{shown}`: {expected}"))
         })
+    }
+}
+
+/// The end of what a program writes on standard error, read on a thread of its own. The rest is not kept:
+/// one that complains without end must not fill a disk.
+struct Errors {
+    last: Arc<Mutex<Vec<u8>>>,
+    /// Nothing is sent; it is closed when all is read.
+    all: Receiver<()>,
+}
+
+impl Errors {
+    fn read_from(mut stderr: ChildStderr) -> Self {
+        let last = Arc::<Mutex<Vec<u8>>>::default();
+        let (reading, all) = channel();
+        let kept = Arc::clone(&last);
+        thread::spawn(move || {
+            let _reading = reading;
+            let mut bytes = [0; LONGEST_LINE as usize];
+            while let Ok(length @ 1..) = stderr.read(&mut bytes) {
+                let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
+                kept.extend_from_slice(&bytes[..length]);
+                let surplus = kept.len().saturating_sub(bytes.len());
+                kept.drain(..surplus);
+            }
+        });
+        Self { last, all }
+    }
+
+    /// The last line that is not empty, once the program has ended.
+    fn last_line(&self) -> String {
+        let _ = self.all.recv_timeout(PARTING);
+        let last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        let text = String::from_utf8_lossy(&last);
+        let line = text.lines().rfind(|line| !line.trim().is_empty());
+        line.unwrap_or_default().trim().to_owned()
     }
 }
 
