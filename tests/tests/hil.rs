@@ -4,13 +4,14 @@
 #![cfg(unix)]
 
 use std::fs::{self, File, OpenOptions};
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::process::{Child, Stdio};
 use std::thread;
 
 use clap::Parser;
-use host_sim::hil::Board;
+use host_sim::hil::session::POLL;
+use host_sim::hil::{Board, Session};
 use host_sim::log::{self, Compression};
 use host_sim::sim::Grade;
 use host_sim::{Cli, run};
@@ -199,6 +200,33 @@ fn silence_is_an_error_and_leaves_nothing() -> Result<(), Failure> {
     assert!(refusal.contains("does not answer"), "{refusal}");
     assert!(!Path::new(&out).exists());
     Ok(())
+}
+
+/// A receiver, say, at the port that was named.
+struct Chatter;
+
+impl Read for Chatter {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        thread::sleep(POLL);
+        buffer.fill(b'$');
+        Ok(buffer.len())
+    }
+}
+
+impl Write for Chatter {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn who_never_stops_talking_is_no_board() {
+    let refusal = Session::open(Chatter, 1).err().map(|why| why.to_string());
+    assert!(refusal.is_some_and(|why| why.contains("does not answer")));
 }
 
 #[test]

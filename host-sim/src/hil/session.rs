@@ -38,8 +38,9 @@ pub enum HilError {
     },
     /// Nothing comes, or nothing that can be understood.
     #[error(
-        "the board does not answer (frames from it: {} corrupt, {} of another version, {} out of order)",
-        .0.corrupt, .0.other_version, .0.out_of_order
+        "the board does not answer (frames from it: {} corrupt, {} of another version, {} without a message, \
+         {} out of order)",
+        .0.corrupt, .0.other_version, .0.malformed, .0.out_of_order
     )]
     #[diagnostic(help(
         "is it powered, does it run this version of the firmware, is the baud rate right? \
@@ -279,13 +280,18 @@ impl<P: Read + Write> Session<P> {
             }
             match self.port.read(&mut buffer) {
                 Ok(0) => return Err(io::Error::other("it has closed the connection").into()),
-                Ok(length) => buffer[..length].iter().for_each(|byte| self.take(*byte)),
-                Err(error) if is_timeout(&error) => {
-                    if Instant::now() >= until {
-                        return Ok(None);
+                Ok(length) => {
+                    buffer[..length].iter().for_each(|byte| self.take(*byte));
+                    // All that has come is taken in first, unless it is no board that goes on and on.
+                    if self.heard.elapsed() < SILENCE {
+                        continue;
                     }
                 }
+                Err(error) if is_timeout(&error) => {}
                 Err(error) => return Err(error.into()),
+            }
+            if self.events.is_empty() && Instant::now() >= until {
+                return Ok(None);
             }
         }
     }
