@@ -213,7 +213,16 @@ fn a_measured_heading_counts_as_much_as_it_says() {
         time: last.time,
         ..measured(truth_rad + 0.5)
     };
+    let before = navigator.clone();
     assert_eq!(navigator.on_heading(&wrong), GnssOutcome::Outlier);
+    let (old, ahead) = (wrong.time.plus_seconds(-5.0), wrong.time.plus_seconds(0.5));
+    for (time, refused) in [
+        (old, GnssOutcome::TooOld),
+        (ahead, GnssOutcome::TooFarAhead),
+    ] {
+        assert_eq!(navigator.on_heading(&Heading { time, ..wrong }), refused);
+    }
+    assert!(navigator == before, "a refusal left a trace");
 }
 
 /// While the platform is turned by what the first of them showed, others come in from before.

@@ -575,7 +575,6 @@ impl<const N: usize> AidedIns<N> {
     /// Takes a measured heading.
     #[inline(never)]
     pub fn on_heading(&mut self, measured: &Heading) -> GnssOutcome {
-        self.headed = self.now;
         let ago_s = self.now.seconds_since(measured.time);
         let mut turned_rad = 0.0;
         let own_rad = match self.history.at(measured.time, false) {
@@ -600,6 +599,7 @@ impl<const N: usize> AidedIns<N> {
             .exact_mut()
             .is_some_and(|observer| observer.take_azimuth(azimuth - believed, measured.sigma_rad));
         if taken {
+            self.headed = self.now;
             GnssOutcome::Accepted
         } else {
             GnssOutcome::Outlier
