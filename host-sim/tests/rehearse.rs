@@ -63,6 +63,15 @@ for line in sys.stdin:
         print(good, flush=True)
 ";
 
+/// Says much, though there is no room for a file, and stays: a script has started it.
+const STAYS: &str = "
+import os, sys, time
+open('stays.pid', 'w').write(str(os.getpid()))
+print('all is well\\n' * 100_000, file=sys.stderr, flush=True)
+print('ready,1', flush=True)
+time.sleep(600)
+";
+
 #[test]
 fn whatever_a_program_does_is_a_row_with_its_cause() {
     let home = home();
@@ -133,15 +142,7 @@ fn whatever_a_program_does_is_a_row_with_its_cause() {
     // It leaves while megabytes are being written to it.
     let leaves = "import sys\nsys.stdin.readline()\nprint('ready,1,after', flush=True)\n";
     fs::write(home.join("leaves.py"), leaves).unwrap();
-    // A script and what it starts, which has no room for a file and much to say.
-    let stays = "
-import os, sys, time
-open('stays.pid', 'w').write(str(os.getpid()))
-print('all is well\\n' * 100_000, file=sys.stderr, flush=True)
-print('ready,1', flush=True)
-time.sleep(600)
-";
-    fs::write(home.join("stays.py"), stays).unwrap();
+    fs::write(home.join("stays.py"), STAYS).unwrap();
     let good = with("none", "pass");
     let mut options = vec!["--time-limit", "0.5", "--models", "0", "--budget", "0"];
     options.extend(["--with", "core", "--with", &good]);
@@ -167,7 +168,12 @@ time.sleep(600)
         assert!(told.contains(cause), "{with}: {told}");
         assert_eq!(tested["flights"], 0);
     }
-    let pid = fs::read_to_string(home.join("stays.pid")).unwrap();
+    assert_ended(&home.join("stays.pid"));
+}
+
+/// A process that wrote its number into a file is gone, as far as the system tells.
+fn assert_ended(file: &Path) {
+    let pid = fs::read_to_string(file).unwrap();
     let state = fs::read_to_string(Path::new("/proc").join(pid).join("stat")).unwrap_or_default();
     assert!(state.is_empty() || state.contains(") Z "), "{state}");
 }

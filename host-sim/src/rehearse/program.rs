@@ -33,7 +33,7 @@ const START_LIMITS: u32 = 30;
 /// After so many times the limit an answer that is late is not waited for.
 const PATIENCE: u32 = 3;
 /// Longer lines are no answers.
-const LONGEST_LINE: u64 = 4096;
+const LONGEST_LINE: usize = 4096;
 /// Lines that may wait to be looked at.
 const LINES_AHEAD: usize = 64;
 /// A program that closed its output is given so long to end.
@@ -303,11 +303,11 @@ impl Errors {
         let kept = Arc::clone(&last);
         thread::spawn(move || {
             let _reading = reading;
-            let mut bytes = [0; LONGEST_LINE as usize];
+            let mut bytes = [0; LONGEST_LINE];
             while let Ok(length @ 1..) = stderr.read(&mut bytes) {
                 let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
                 kept.extend_from_slice(&bytes[..length]);
-                let surplus = kept.len().saturating_sub(bytes.len());
+                let surplus = kept.len().saturating_sub(LONGEST_LINE);
                 kept.drain(..surplus);
             }
         });
@@ -350,7 +350,7 @@ fn read_from(stdout: ChildStdout) -> Receiver<String> {
             let mut line = Vec::new();
             let length = reader
                 .by_ref()
-                .take(LONGEST_LINE)
+                .take(LONGEST_LINE as u64)
                 .read_until(b'\n', &mut line);
             if !length.is_ok_and(|length| length > 0) {
                 return;
