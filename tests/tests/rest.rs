@@ -86,6 +86,33 @@ fn a_bias_that_moves_before_the_start_is_not_held_for_known() {
     );
 }
 
+/// Whether it simply stands, or is shaken for longer than rest is waited for.
+#[test]
+fn gyros_that_resolve_the_earth_rate_are_a_compass() {
+    for shaken_s in [0, 30] {
+        let mut navigator = Navigator::new(Config::hg1700()).unwrap();
+        for from_s in 0..shaken_s {
+            stand(
+                &mut navigator,
+                from_s,
+                from_s + 1,
+                0.1 * f64::from(from_s as i32 % 3 - 1),
+            );
+        }
+        stand(&mut navigator, shaken_s, shaken_s + 55, 0.0);
+        assert_ne!(navigator.phase(), Phase::Navigating);
+        stand(&mut navigator, shaken_s + 55, shaken_s + 75, 0.0);
+        assert_eq!(navigator.phase(), Phase::Navigating, "{shaken_s}");
+        let off = wrap_pi(navigator.solution().unwrap().euler().heading_rad);
+        let sigma = navigator.sigma().unwrap().attitude_rad.z;
+        // 1 deg/h of bias, of 8.5 that point north.
+        assert!(
+            off.abs() < 0.01 && (0.05..0.2).contains(&sigma),
+            "{off} {sigma}"
+        );
+    }
+}
+
 /// At anchor it turns slowly for minutes, as a bias of the gyro would: what headings say counts more.
 #[test]
 fn a_swing_is_no_bias_where_headings_are_measured() {

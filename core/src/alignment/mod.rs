@@ -40,7 +40,7 @@ const LEVEL_S: f64 = 8.0;
 const GYROCOMPASS_S: f64 = 60.0;
 /// Rest that is enough if motion ends it, s.
 const LEAST_REST_S: f64 = 2.0;
-/// Longest wait for rest, s; shorter when GNSS shows motion.
+/// Longest wait for rest beside the rest itself, s; shorter when GNSS shows motion.
 const WAIT_S: f64 = 20.0;
 const WAIT_MOVING_S: f64 = 3.0;
 /// Speed that shows motion beyond doubt, m/s.
@@ -355,7 +355,7 @@ impl Alignment {
     fn level_in_motion(&self, time: Time, moving: bool, config: &Config) -> Option<Levelled> {
         let waited = time.seconds_since(self.start);
         let speed = self.sightings.speed_mps();
-        let in_vain = waited > WAIT_S;
+        let in_vain = waited - self.rest.seconds > WAIT_S;
         let moves = waited > WAIT_MOVING_S && moving && speed > MOVING_MPS;
         if !in_vain && !moves {
             return None;
@@ -461,7 +461,11 @@ impl Alignment {
                 };
                 let earth = LocalEarth::at(place.latitude_rad, place.height_m);
                 let levelled = self.level_from_rest(time, &earth, config);
-                self.find(time, &levelled.level, config);
+                if self.rest.seconds < GYROCOMPASS_S {
+                    self.find(time, &levelled.level, config);
+                } else {
+                    self.end_levelling(time, &levelled, config);
+                }
             }
             Verdict::Rest(_) | Verdict::Perhaps => {}
         }
