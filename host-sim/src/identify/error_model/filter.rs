@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector3, Vector6};
 
 use super::interval::Measured;
 use super::record::{Difference, Epoch, Felt, Record};
@@ -222,73 +222,97 @@ impl Candidate {
 pub struct Answer {
     /// Logarithm of the restricted likelihood, up to a constant.
     pub log_likelihood: f64,
-    /// Constants of the biases, body axes, rad/s.
-    constants: [Measured; 3],
-    /// Trends, rad/s per second or per jump.
-    pub trends: [Measured; 3],
-    /// Covariance of the two.
-    covariances: [f64; 3],
+    /// Constants of the biases, body axes, rad/s, and trends, rad/s per second or per jump.
+    biases: Vector6<f64>,
+    /// Of their errors.
+    covariance: Matrix6<f64>,
     /// What a trend was believed to be before, one sigma.
     trend_sigma: f64,
 }
 
 impl Answer {
     /// To a candidate beyond all sense.
-    const NONE: Self = {
-        let none = Measured {
-            value: 0.0,
-            variance: f64::INFINITY,
-        };
+    fn none() -> Self {
         Self {
             log_likelihood: f64::NEG_INFINITY,
-            constants: [none; 3],
-            trends: [none; 3],
-            covariances: [0.0; 3],
+            biases: Vector6::zeros(),
+            covariance: Matrix6::from_diagonal_element(f64::INFINITY),
             trend_sigma: 1.0,
         }
-    };
+    }
 
     /// Constants, with trends drawn as a model says instead of unknown.
     pub fn constants_given(&self, trend_mean: f64, trend_sigma: f64) -> [Measured; 3] {
-        [0, 1, 2].map(|axis| {
-            let (constant, trend) = (self.constants[axis], self.trends[axis]);
-            let both = self.covariances[axis];
-            let by = both / (trend.variance + trend_sigma * trend_sigma);
-            Measured {
-                value: constant.value + by * (trend_mean - trend.value),
-                variance: constant.variance - by * both,
-            }
+        let (constants, trends) = (self.three(CONSTANT), self.three(TREND));
+        let both = self.covariance.fixed_view::<3, 3>(CONSTANT, TREND);
+        let drawn = Matrix3::from_diagonal_element(trend_sigma * trend_sigma);
+        let by = both * (trends.1 + drawn).try_inverse().unwrap_or_default();
+        let value = constants.0 + by * (Vector3::repeat(trend_mean) - trends.0);
+        independent(&value, &(constants.1 - by * both.transpose()))
+    }
+
+    /// The same that the drive shows.
+    pub fn shown_constants(&self, trend_mean: f64, trend_sigma: f64) -> Vec<Measured> {
+        shown(self.constants_given(trend_mean, trend_sigma), BIAS_SIGMA)
+    }
+
+    /// Trends that the drive shows.
+    pub fn shown_trends(&self) -> Vec<Measured> {
+        let (value, covariance) = self.three(TREND);
+        shown(independent(&value, &covariance), self.trend_sigma)
+    }
+
+    /// Trends, each on its own.
+    pub fn trends(&self) -> [Measured; 3] {
+        let (value, covariance) = self.three(TREND);
+        [0, 1, 2].map(|axis| Measured {
+            value: value[axis],
+            variance: covariance[(axis, axis)],
         })
     }
 
-    /// Trends that the drive shows: what was believed before is none.
-    pub fn shown_trends(&self) -> impl Iterator<Item = Measured> {
-        let believed = self.trend_sigma;
-        let shown = move |trend: &Measured| trend.beyond(believed).is_some();
-        self.trends.into_iter().filter(shown)
+    fn three(&self, first: usize) -> (Vector3<f64>, Matrix3<f64>) {
+        (
+            self.biases.fixed_rows::<3>(first).into_owned(),
+            self.covariance
+                .fixed_view::<3, 3>(first, first)
+                .into_owned(),
+        )
     }
 
     /// Log-likelihood with constants and trends drawn as a model says, instead of unknown.
     pub fn marginal(&self, constant_sigma: f64, trend_mean: f64, trend_sigma: f64) -> f64 {
-        let axis = |axis: usize| {
-            let (constant, trend) = (self.constants[axis], self.trends[axis]);
-            let (x, y) = (constant.value, trend.value - trend_mean);
-            let xx = constant.variance + constant_sigma * constant_sigma;
-            let yy = trend.variance + trend_sigma * trend_sigma;
-            let xy = self.covariances[axis];
-            let determinant = xx * yy - xy * xy;
-            let square = (yy * x * x - 2.0 * xy * x * y + xx * y * y) / determinant;
-            // The density of what was believed before, which is flat.
-            let before = libm::log(BIAS_SIGMA * self.trend_sigma);
-            before - 0.5 * (libm::log(determinant) + square)
+        let mut off = self.biases;
+        let mut covariance = self.covariance;
+        for axis in 0..3 {
+            off[TREND + axis] -= trend_mean;
+            covariance[(CONSTANT + axis, CONSTANT + axis)] += constant_sigma * constant_sigma;
+            covariance[(TREND + axis, TREND + axis)] += trend_sigma * trend_sigma;
+        }
+        let Some(factor) = covariance.cholesky() else {
+            return f64::NEG_INFINITY;
         };
-        self.log_likelihood + (0..3).map(axis).sum::<f64>()
+        let root = factor.l_dirty().diagonal().map(libm::log).sum();
+        // The density of what was believed before, which is flat.
+        let before = 3.0 * libm::log(BIAS_SIGMA * self.trend_sigma);
+        self.log_likelihood + before - root - 0.5 * off.dot(&factor.solve(&off))
     }
 }
 
-/// Whether a drive shows a constant, and it is not what was believed before.
-pub fn is_shown(constant: &Measured) -> bool {
-    constant.beyond(BIAS_SIGMA).is_some()
+/// Along axes whose errors do not go together: spreads are alike along all.
+fn independent(value: &Vector3<f64>, covariance: &Matrix3<f64>) -> [Measured; 3] {
+    let axes = covariance.symmetric_eigen();
+    let value = axes.eigenvectors.tr_mul(value);
+    [0, 1, 2].map(|axis| Measured {
+        value: value[axis],
+        variance: axes.eigenvalues[axis].max(f64::MIN_POSITIVE),
+    })
+}
+
+/// What a drive shows: what was believed before is none.
+fn shown(all: [Measured; 3], believed: f64) -> Vec<Measured> {
+    let shown = |one: &Measured| one.beyond(believed).is_some();
+    all.into_iter().filter(shown).collect()
 }
 
 pub fn filter(record: &Record, candidate: &Candidate) -> Answer {
@@ -367,23 +391,21 @@ impl State {
         let scaled = SMatrix::identity() + spread * within * spread;
         let pull: Parameters = spread * seen;
         let Some(factor) = scaled.cholesky() else {
-            return Answer::NONE;
+            return Answer::none();
         };
         let log_determinant = 2.0 * factor.l_dirty().diagonal().map(libm::log).sum();
         let mean = spread * factor.solve(&pull);
         let covariance = spread * factor.inverse() * spread;
         let square = self.information[(MEAN, MEAN)] - pull.dot(&factor.solve(&pull));
-        let measured = |first: usize, offset: Vector3<f64>| {
-            [0, 1, 2].map(|axis| Measured {
-                value: offset[axis] + mean[first + axis],
-                variance: covariance[(first + axis, first + axis)],
-            })
-        };
+        let mut biases = mean.fixed_rows::<6>(CONSTANT).into_owned();
+        let mut constants = biases.fixed_rows_mut::<3>(CONSTANT);
+        constants += record.gyro_reference_radps;
         Answer {
             log_likelihood: -0.5 * (self.log_variances + log_determinant + square),
-            constants: measured(CONSTANT, record.gyro_reference_radps),
-            trends: measured(TREND, Vector3::zeros()),
-            covariances: [0, 1, 2].map(|axis| covariance[(CONSTANT + axis, TREND + axis)]),
+            biases,
+            covariance: covariance
+                .fixed_view::<6, 6>(CONSTANT, CONSTANT)
+                .into_owned(),
             trend_sigma: prior[TREND],
         }
     }

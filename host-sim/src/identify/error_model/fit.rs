@@ -1,6 +1,6 @@
 //! Maximum likelihood of the gyro models (3) and (4) over all drives at once.
 
-use super::filter::{Answer, Candidate, Class, Dynamics, filter, is_shown};
+use super::filter::{Answer, Candidate, Class, Dynamics, filter};
 use super::interval::{self, Interval, Measured, NORMAL_95};
 use super::maximum::{crossing, curvature, maximum};
 use super::record::Record;
@@ -456,7 +456,7 @@ impl Fitter<'_> {
             if law == Law::Continuous {
                 return spread_or_unknown(answers.iter().flat_map(Answer::shown_trends));
             }
-            let trends: Vec<_> = answers.iter().flat_map(|answer| answer.trends).collect();
+            let trends: Vec<_> = answers.iter().flat_map(Answer::trends).collect();
             interval::mean(&trends).unwrap_or(interval::common_value(&trends))
         });
         let trend = |drift: f64| match law {
@@ -464,13 +464,11 @@ impl Fitter<'_> {
             Law::Continuous => (0.0, drift),
         };
         // Beside a trend that is free little is left of a constant.
-        let constants = |answers: &[Answer], drift: f64| -> Vec<Measured> {
-            let (mean, sigma) = trend(drift);
-            let constants = |answer: &Answer| answer.constants_given(mean, sigma);
-            answers.iter().flat_map(constants).collect()
-        };
         let beside = |answers: &[Answer], drift: f64| {
-            spread_or_unknown(constants(answers, drift).into_iter().filter(is_shown))
+            let (mean, sigma) = trend(drift);
+            spread_or_unknown(
+                (answers.iter()).flat_map(|answer| answer.shown_constants(mean, sigma)),
+            )
         };
         let in_model = match law {
             Law::Wave if size.is_spread() => drift.value,
@@ -484,7 +482,9 @@ impl Fitter<'_> {
                 .fold(best, |best, end| best.reaching(&beside(answers, end)))
         });
         let (trend_mean, trend_sigma) = trend(drift.value);
-        let constants = constants(&likeliest, drift.value);
+        let constants: Vec<_> = (likeliest.iter())
+            .flat_map(|answer| answer.constants_given(trend_mean, trend_sigma))
+            .collect();
         let constant_sigma = interval::sigma_behind(&constants).value;
         let log_likelihood = (likeliest.iter())
             .map(|answer| answer.marginal(constant_sigma, trend_mean, trend_sigma))
