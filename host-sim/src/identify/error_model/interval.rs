@@ -154,11 +154,18 @@ pub fn spread_of(measured: &[Measured]) -> Option<Interval> {
 
 /// Standard deviation about zero of what was measured, the errors of measurement taken out.
 ///
-/// Exact: `sum x^2 / (sigma^2 + s^2)` is chi-square at the true sigma, and falls with it.
+/// Exact: `sum x^2 / (sigma^2 + s^2)` is chi-square at the true sigma, and falls with it. What lies closer
+/// together than its errors shows no less than errors alone would: the upper bound is no lower.
 pub fn sigma_behind(measured: &[Measured]) -> Interval {
     let count = measured.len() as f64;
     let [few, many] = chi_square(count);
-    [count, many, few].map(|sum| sigma_at(measured, sum)).into()
+    let [value, low, high] = [count, many, few].map(|sum| sigma_at(measured, sum));
+    let of_errors = |one: &Measured| Measured {
+        value: one.variance.sqrt(),
+        ..*one
+    };
+    let errors: Vec<_> = measured.iter().map(of_errors).collect();
+    [value, low, high.max(sigma_at(&errors, few))].into()
 }
 
 /// The sigma at which the weighted sum of squares has a value; zero if it is below even there.
