@@ -44,7 +44,9 @@ impl Found {
 
     /// A spread with a 95 % interval; one that is vaguer than by a factor of two is not known.
     pub fn within(interval: Option<Interval>, missing: &'static str) -> Self {
-        let known = |found: &Interval| found.low > 0.0 && found.high < 16.0 * found.low;
+        let known = |found: &Interval| {
+            found.low > 0.0 && found.low < found.high && found.high < 16.0 * found.low
+        };
         interval
             .filter(known)
             .map_or(Self::unknown(missing), |found| {
