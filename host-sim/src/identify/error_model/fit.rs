@@ -1,8 +1,8 @@
 //! Maximum likelihood of the gyro models (3) and (4) over all drives at once.
 
 use super::filter::{Answer, Candidate, Class, Dynamics, filter};
-use super::interval::{self, Interval, Measured, NORMAL_95};
-use super::maximum::{crossing, curvature, maximum};
+use super::interval::{self, Interval, Measured};
+use super::maximum::{climbed, curvature, maximum};
 use super::record::Record;
 use crate::sim::errors::Law;
 use crate::sim::receiver::Correlated;
@@ -16,15 +16,20 @@ const NONE: f64 = -60.0;
 /// Times of a memory of GNSS that are tried, s. Shorter ones are noise to epochs, longer ones
 /// errors of the INS.
 const MEMORIES_S: [f64; 3] = [3.0, 15.0, 100.0];
-/// Log-likelihoods closer than this are equal: on the way, and at the top itself.
+/// Correlation times of biases that are tried, s.
+const CORRELATIONS_S: [f64; 5] = [20.0, 60.0, 200.0, 600.0, 2000.0];
+/// Log-likelihoods closer than this are equal: on the way, and at a top.
 const TOLERANCE: f64 = 0.02;
-const TOP_TOLERANCE: f64 = 0.001;
-/// And where a bound is sought of which that decides little.
-const ROUGH_TOLERANCE: f64 = 0.1;
+const TOP_TOLERANCE: f64 = 0.005;
+/// Tops whose parameters differ by less than this in the logarithm are one.
+const SAME: f64 = 0.2;
 /// Step of the numerical curvature in the logarithm of a parameter.
 const CURVATURE_STEP: f64 = 0.03;
-/// A likelihood that falls by this factor more or less than a normal one is not normal.
-const NOT_NORMAL: f64 = 2.0;
+/// First step towards a bound where the curvature tells none, and the longest.
+const BOUND_STEP: f64 = 0.7;
+/// A bound is found to this part of its distance, in so many steps at most.
+const BOUND_TOLERANCE: f64 = 0.03;
+const BOUND_STEPS: u32 = 20;
 /// A bound further away than this factor is none.
 const BOUNDLESS: f64 = 1e3;
 /// As far as this factor a parameter without a bound is followed.
@@ -167,6 +172,26 @@ fn with<const N: usize>(point: &Point, set: [(usize, f64); N]) -> Point {
 struct Top {
     at: Point,
     value: f64,
+}
+
+impl Top {
+    /// Whether it is the same as another one.
+    fn is_at(&self, other: &Self) -> bool {
+        (self.at.iter().zip(other.at)).all(|(a, b)| (a - b).abs() < SAME)
+    }
+}
+
+/// The top of a model, from which intervals are sought.
+struct Peak {
+    law: Law,
+    top: Top,
+    /// Others that chance may prefer to it.
+    others: Vec<Top>,
+    /// Of the log-likelihood there.
+    curvature: nalgebra::Matrix6<f64>,
+    /// Which coordinates move with others: not the times of jumps, which make steps in the likelihood,
+    /// nor a memory that is none.
+    free: [bool; 6],
 }
 
 /// Where every model begins.
@@ -318,10 +343,9 @@ impl Fitter<'_> {
     // --- (4) ---
 
     fn continuous(&self, start: &Start) -> GyroFit {
-        let top = self.polished(Law::Continuous, self.continuous_top(&start.still));
-        let size = self.size_interval(Law::Continuous, &top, start.still.value);
-        let time = self.profiled(Law::Continuous, &top, TIME, 0.4, TOLERANCE, [(SIZE, 0.2)]);
-        self.assemble(Law::Continuous, &top, [size, time])
+        let peak = self.peak(Law::Continuous, &self.continuous_top(&start.still));
+        let time = self.profiled(&peak, TIME, NONE);
+        self.assemble(&peak, time)
     }
 
     fn continuous_top(&self, still: &Top) -> Top {
@@ -329,37 +353,20 @@ impl Fitter<'_> {
         let unit = still.at[NOISE] - 0.5 * libm::log(600.0);
         let longest = libm::log(self.longest_s());
         let sizes = [0.3_f64, 1.0, 3.0, 10.0].map(|by| unit + libm::log(by));
-        let times = [20.0_f64, 60.0, 200.0, 600.0, 2000.0].map(libm::log);
+        let times = CORRELATIONS_S.map(libm::log);
         let times = times.into_iter().filter(|time| *time < longest);
         let starts =
             times.flat_map(|time| sizes.map(|size| with(&still.at, [(SIZE, size), (TIME, time)])));
         let start = self.likeliest(Law::Continuous, starts).unwrap_or(*still);
         let free = [(NOISE, -0.1), (GNSS, 0.02), (SIZE, 0.4), (TIME, 0.6)];
-        self.best(Law::Continuous, &start.at, free, TOP_TOLERANCE)
-    }
-
-    /// Profile over the size of the random part. The noises are left where they are: they hardly
-    /// move with it.
-    fn size_interval(&self, law: Law, top: &Top, still: f64) -> Interval {
-        let found = match law {
-            Law::Wave => self.profiled(law, top, SIZE, 0.3, TOLERANCE, []),
-            Law::Continuous => self.profiled(law, top, SIZE, 0.3, TOLERANCE, [(TIME, 0.3)]),
-        };
-        let low = if still - top.value + DROP > 0.0 {
-            0.0
-        } else {
-            found.low
-        };
-        Interval { low, ..found }
+        self.best(Law::Continuous, &start.at, free, TOLERANCE)
     }
 
     // --- (3) ---
 
     fn wave(&self, start: &Start) -> GyroFit {
         let (top, interval_s) = self.wave_top(&start.walk);
-        let top = self.polished(Law::Wave, top);
-        let jump_sigma = self.size_interval(Law::Wave, &top, start.still.value);
-        self.assemble(Law::Wave, &top, [jump_sigma, interval_s])
+        self.assemble(&self.peak(Law::Wave, &top), interval_s)
     }
 
     fn wave_top(&self, walk: &Top) -> (Top, Interval) {
@@ -389,47 +396,105 @@ impl Fitter<'_> {
 
     // --- both ---
 
-    /// With the memory of GNSS found again, now that the biases move as they do.
-    fn polished(&self, law: Law, top: Top) -> Top {
-        if top.at[MEMORY] == NONE {
-            return top;
+    /// With all found again, now that the biases move as they do.
+    fn peak(&self, law: Law, near: &Top) -> Peak {
+        let curvature = curvature(|at| self.at(law, at), near.at, CURVATURE_STEP);
+        let mut free = [true; 6];
+        free[TIME] = law == Law::Continuous;
+        if near.at[MEMORY] == NONE {
+            (free[MEMORY], free[MEMORY_TIME]) = (false, false);
         }
-        let free = [
-            (NOISE, -0.5),
-            (GNSS, -0.05),
-            (MEMORY, 0.3),
-            (MEMORY_TIME, 0.8),
-            (SIZE, 0.2),
-        ];
-        self.best(law, &top.at, free, TOP_TOLERANCE)
+        let mut tops = vec![self.climbed(law, near.at, &curvature, free, TOP_TOLERANCE)];
+        // There are others at other times, far below or above.
+        for (which, times) in [(MEMORY_TIME, &MEMORIES_S[..]), (TIME, &CORRELATIONS_S)] {
+            let from = tops[0];
+            for time_s in times.iter().filter(|_| free[which]) {
+                let mut held = free;
+                held[which] = false;
+                let time = self.bounded(which, libm::log(*time_s));
+                let start = with(&from.at, [(which, time)]);
+                let near = self.climbed(law, start, &curvature, held, TOLERANCE);
+                if near.value > from.value - UNLIKELY {
+                    tops.push(self.climbed(law, near.at, &curvature, free, TOP_TOLERANCE));
+                }
+            }
+            tops.sort_by(|a, b| b.value.total_cmp(&a.value));
+        }
+        let top = tops.remove(0);
+        tops.retain(|other| other.value > top.value - DROP && !other.is_at(&top));
+        Peak {
+            law,
+            top,
+            others: tops,
+            curvature,
+            free,
+        }
     }
 
-    /// Where the log-likelihood has fallen on both sides of its top, the best of some others found
-    /// anew on the way.
-    fn profiled<const N: usize>(
+    fn climbed(
         &self,
         law: Law,
-        top: &Top,
-        which: usize,
-        step: f64,
+        from: Point,
+        curvature: &nalgebra::Matrix6<f64>,
+        free: [bool; 6],
         tolerance: f64,
-        free: [(usize, f64); N],
-    ) -> Interval {
-        let profile = |value: f64| {
-            let at = with(&top.at, [(which, value)]);
-            let best = match N {
-                0 => self.at(law, &at),
-                _ => self.best(law, &at, free, tolerance).value,
+    ) -> Top {
+        let bounded = |x: &Point| -> Point {
+            let one = |at: usize| {
+                if free[at] {
+                    self.bounded(at, x[at])
+                } else {
+                    x[at]
+                }
             };
-            best - top.value + DROP
+            core::array::from_fn(one)
         };
-        let at = top.at[which];
-        let [low, high] = [-step, step].map(|step| bound(profile, at, step));
+        let f = |x: &Point| self.at(law, &bounded(x));
+        let (x, value) = climbed(f, from, curvature, free, tolerance);
+        Top {
+            at: bounded(&x),
+            value,
+        }
+    }
+
+    /// Where the log-likelihood has fallen on both sides of its top, all others found anew on the way.
+    /// From below `least` nothing is told apart.
+    fn profiled(&self, peak: &Peak, which: usize, least: f64) -> Interval {
+        let mut free = peak.free;
+        free[which] = false;
+        let at = peak.top.at[which];
+        // Not a number where there is no curvature: then the longest.
+        let sigma = (1.0 / -peak.curvature[(which, which)]).sqrt();
+        let step = (2.0 * sigma).min(BOUND_STEP);
+        let side = |from: &Top, step: f64| {
+            let mut near = from.at;
+            let fallen = |value: f64| {
+                let start = with(&near, [(which, value)]);
+                let best = self.climbed(peak.law, start, &peak.curvature, free, TOLERANCE);
+                near = best.at;
+                peak.top.value - best.value
+            };
+            let from = from.at[which];
+            if step > 0.0 {
+                bound(fallen, from.max(least), step)
+            } else if from < least {
+                f64::NEG_INFINITY
+            } else {
+                bound(fallen, from, step)
+            }
+        };
+        let all = || peak.others.iter().chain([&peak.top]);
+        let low = all().map(|top| side(top, -step)).fold(at, f64::min);
+        let high = all().map(|top| side(top, step)).fold(at, f64::max);
         [at, low, high].map(libm::exp).into()
     }
 
-    /// With size and time of the random part as found.
-    fn assemble(&self, law: Law, top: &Top, [size, time_s]: [Interval; 2]) -> GyroFit {
+    /// With the time of the random part as found.
+    fn assemble(&self, peak: &Peak, time_s: Interval) -> GyroFit {
+        let (law, top) = (peak.law, &peak.top);
+        // Less than a tenth of what the noise of ten minutes hides is none.
+        let hidden = top.at[NOISE] - 0.5 * libm::log(600.0) - libm::log(10.0);
+        let size = self.profiled(peak, SIZE, hidden);
         let likeliest = self.answers(law, &top.at);
         // What is not above the noise is none in the model, and constants hold what it may be.
         let answers = if size.is_spread() {
@@ -443,8 +508,7 @@ impl Fitter<'_> {
                 bounds(found).map(|end| self.answers(law, &with(&top.at, [(which, end)])))
             });
         // Of a noise that is not known to be there constants are known to what it may hide.
-        let [noise, gnss_sigma_mps, gnss_memory_mps, gnss_memory_s] =
-            self.noise_intervals(law, top);
+        let [noise, gnss_sigma_mps, gnss_memory_mps, gnss_memory_s] = self.noise_intervals(peak);
         let noisy = Some(noise.high).filter(|high| !noise.is_spread() && high.is_finite());
         let noisy = noisy.map(|high| self.answers(law, &with(&top.at, [(NOISE, libm::log(high))])));
         let open: Vec<_> = open.chain(noisy).collect();
@@ -503,48 +567,22 @@ impl Fitter<'_> {
         }
     }
 
-    /// With the size of the random part free. A memory that was not seen is zero, and has the bound of
-    /// one of 15 s.
-    fn noise_intervals(&self, law: Law, top: &Top) -> [Interval; 4] {
-        let [at @ .., time] = top.at;
-        let f = |x: &[f64; TIME]| {
-            let [noise, gnss, memory, memory_time, size] = *x;
-            self.at(law, &[noise, gnss, memory, memory_time, size, time])
-        };
-        let information = -curvature(f, at, CURVATURE_STEP);
-        // Without a random part its row is flat, and so is that of a memory.
-        let variance = (information + nalgebra::Matrix5::identity() * 1e-6).try_inverse();
-        let [noise, gnss] = [(NOISE, GNSS), (GNSS, NOISE)].map(|(which, other)| {
-            let by_curvature = variance.and_then(|variance| {
-                let along = variance.column(which) / variance[(which, which)].sqrt();
-                let value = |deviate: f64| f(&core::array::from_fn(|i| at[i] + deviate * along[i]));
-                by_curvature(value, at[which], along[which], top.value)
-            });
-            by_curvature.unwrap_or_else(|| {
-                let free = [(other, 0.3), (MEMORY, 0.3), (SIZE, 0.3)];
-                self.profiled(law, top, which, 0.3, ROUGH_TOLERANCE, free)
-            })
+    /// A memory that was not seen is zero, and has the bound of one of 15 s.
+    fn noise_intervals(&self, peak: &Peak) -> [Interval; 4] {
+        let at = peak.top.at;
+        let mut all = [NOISE, GNSS, MEMORY, MEMORY_TIME].map(|which| {
+            let least = if which == MEMORY {
+                at[GNSS] - 3.0
+            } else {
+                NONE
+            };
+            self.profiled(peak, which, least)
         });
-        let [memory, memory_time] = if at[MEMORY] == NONE {
-            let unseen = [libm::exp(at[MEMORY_TIME]), 0.0, f64::INFINITY];
-            [self.no_memory(law, top), unseen.into()]
-        } else {
-            // Profiles, for neither is normal: a short memory is a white noise.
-            [(MEMORY, MEMORY_TIME), (MEMORY_TIME, MEMORY)].map(|(which, other)| {
-                let free = [(NOISE, -0.3), (other, 0.3)];
-                self.profiled(law, top, which, 0.3, ROUGH_TOLERANCE, free)
-            })
-        };
-        [noise, gnss, memory, memory_time]
-    }
-
-    fn no_memory(&self, law: Law, top: &Top) -> Interval {
-        let profile = |memory: f64| {
-            let at = with(&top.at, [(MEMORY, memory)]);
-            self.at(law, &at) - top.value + DROP
-        };
-        let high = bound(profile, top.at[GNSS] - 3.0, 0.5);
-        [0.0, 0.0, libm::exp(high)].into()
+        if at[MEMORY] == NONE {
+            all[2].value = 0.0;
+            all[3] = [libm::exp(at[MEMORY_TIME]), 0.0, f64::INFINITY].into();
+        }
+        all
     }
 }
 
@@ -560,33 +598,33 @@ fn bounds(interval: &Interval) -> [f64; 2] {
     [low.max(near[0]), high.min(near[1])].map(libm::log)
 }
 
-/// The interval of a logarithm whose error is normal: none where the likelihood, along the way that the
-/// other parameters go with it, does not fall at both bounds as it does for a normal error. A curvature
-/// next to none, or of the wrong sign, is no proof of anything.
-fn by_curvature(value: impl Fn(f64) -> f64, at: f64, sigma: f64, top: f64) -> Option<Interval> {
-    let half = NORMAL_95 * sigma;
-    let normal = |deviate: f64| {
-        let fallen = (top - value(deviate)) / DROP;
-        (1.0 / NOT_NORMAL..NOT_NORMAL).contains(&fallen)
-    };
-    (half.is_finite() && normal(-NORMAL_95) && normal(NORMAL_95))
-        .then(|| [at, at - half, at + half].map(libm::exp).into())
-}
-
-/// Where a profile falls below zero on the way from its top; infinite if it never does.
-fn bound(profile: impl Fn(f64) -> f64, top: f64, step: f64) -> f64 {
-    let (mut inside, mut step) = (top, step);
-    loop {
-        let next = inside + step;
-        if profile(next) < 0.0 {
-            return crossing(profile, inside, next, 4);
+/// Where a profile has fallen as far as chance takes it, from a point near its top; infinite if it never
+/// does. Its root is about a straight line.
+fn bound(mut fallen: impl FnMut(f64) -> f64, from: f64, first: f64) -> f64 {
+    let (mut inside, mut outside) = ((0.0, 0.0), None);
+    let mut step = first;
+    for _ in 0..BOUND_STEPS {
+        let root = (fallen(from + step) / DROP).max(0.0).sqrt();
+        if (root - 1.0).abs() < BOUND_TOLERANCE {
+            return from + step;
         }
-        inside = next;
-        step *= 1.6;
-        if (inside - top).abs() > libm::log(BOUNDLESS) {
-            return f64::INFINITY * step.signum();
+        if root < 1.0 {
+            inside = (step, root);
+        } else {
+            outside = Some((step, root));
+        }
+        step = match outside {
+            Some((far, above)) => {
+                let part: f64 = (1.0 - inside.1) / (above - inside.1);
+                inside.0 + part.clamp(0.1, 0.9) * (far - inside.0)
+            }
+            None => step * (1.0 / root).clamp(1.2, 2.5),
+        };
+        if step.abs() > libm::log(BOUNDLESS) {
+            break;
         }
     }
+    outside.map_or(f64::INFINITY * first, |(far, _)| from + far)
 }
 
 /// Of two points together, that of the top being one.
@@ -716,15 +754,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_curvature_is_believed_only_where_the_likelihood_falls_with_it() {
-        let normal = |deviate: f64| -0.5 * deviate * deviate;
-        let found = by_curvature(normal, 1.0, 0.1, 0.0).unwrap();
-        let half = libm::log(found.high / found.low) / 2.0;
-        assert!((half - 0.1 * NORMAL_95).abs() < 1e-12);
-        // Flat, falling to one side alone, and with a variance below zero.
-        assert_eq!(by_curvature(|_| 0.0, 1.0, 40.0, 0.0), None);
-        let one_sided = |deviate: f64| normal(deviate.max(0.0));
-        assert_eq!(by_curvature(one_sided, 1.0, 0.1, 0.0), None);
-        assert_eq!(by_curvature(normal, 1.0, (-0.1_f64).sqrt(), 0.0), None);
+    fn a_bound_is_where_the_likelihood_has_fallen() {
+        let square = |value: f64| 0.5 * (value - 1.0) * (value - 1.0);
+        for step in [-0.01, 0.5, 20.0, 1.5] {
+            let off = bound(square, 1.0, step) - 1.0;
+            assert!((off / step.signum() - 1.96).abs() < 0.07, "{off}");
+        }
+        // Flat, and never falling far enough.
+        assert_eq!(bound(|_| 0.0, 1.0, 0.5), f64::INFINITY);
+        assert_eq!(
+            bound(|value| 0.8 * DROP * (1.0 - value.exp()), 0.0, -0.5),
+            f64::NEG_INFINITY
+        );
     }
 }

@@ -1,7 +1,16 @@
 //! Maxima of functions that are only known by their values.
 
+use nalgebra::{SMatrix, SVector};
+
 /// Moves of the simplex after which it is small enough, or never will be.
 const MOST_MOVES: u32 = 400;
+/// Steps of a climb after which it is at the top, or never will be.
+const MOST_STEPS: u32 = 20;
+/// Step of its gradients.
+const GRADIENT_STEP: f64 = 0.01;
+/// Least and first damping of its steps, none of which is longer than one in any coordinate.
+const LEAST_DAMPING: f64 = 1e-3;
+const DAMPING: f64 = 0.1;
 
 /// The point with the greatest value, from a start and a first step per coordinate
 /// (Nelder and Mead, 1965).
@@ -61,12 +70,72 @@ pub fn maximum<const N: usize>(
     simplex[0]
 }
 
+/// The top near a point where the curvature is about known, held in some coordinates: Newton's steps,
+/// damped where they do not climb (Levenberg, 1944), with the curvature that their gradients show.
+pub fn climbed<const N: usize>(
+    f: impl Fn(&[f64; N]) -> f64,
+    start: [f64; N],
+    curvature: &SMatrix<f64, N, N>,
+    free: [bool; N],
+    tolerance: f64,
+) -> ([f64; N], f64) {
+    let f = |at: &SVector<f64, N>| f(&at.data.0[0]);
+    let gradient = |at: &SVector<f64, N>, value: f64, curvature: &SMatrix<f64, N, N>| {
+        SVector::<f64, N>::from_fn(|axis, _| {
+            if !free[axis] {
+                return 0.0;
+            }
+            let mut next = *at;
+            next[axis] += GRADIENT_STEP;
+            (f(&next) - value) / GRADIENT_STEP - 0.5 * GRADIENT_STEP * curvature[(axis, axis)]
+        })
+    };
+    let mut curvature = SMatrix::from_fn(|i, j| {
+        if free[i] && free[j] {
+            curvature[(i, j)]
+        } else {
+            0.0
+        }
+    });
+    let mut at = SVector::from(start);
+    let mut value = f(&at);
+    let mut slope = gradient(&at, value, &curvature);
+    let mut damping = DAMPING;
+    for _ in 0..MOST_STEPS {
+        let Some(factor) = (SMatrix::identity() * damping - curvature).cholesky() else {
+            damping *= 10.0;
+            continue;
+        };
+        let step = factor.solve(&slope);
+        let step = step / step.amax().max(1.0);
+        if slope.dot(&step) < 2.0 * tolerance {
+            break;
+        }
+        let next = at + step;
+        let climbed = f(&next);
+        if climbed <= value {
+            damping *= 10.0;
+            continue;
+        }
+        let there = gradient(&next, climbed, &curvature);
+        // The correction of rank one that explains the change.
+        let off = there - slope - curvature * step;
+        let along = off.dot(&step);
+        if along.abs() > 1e-3 * off.norm() * step.norm() {
+            curvature += off * off.transpose() / along;
+        }
+        (at, value, slope) = (next, climbed, there);
+        damping = (0.1 * damping).max(LEAST_DAMPING);
+    }
+    (at.into(), value)
+}
+
 /// Second derivatives of a function at a point, by central differences.
 pub fn curvature<const N: usize>(
     f: impl Fn(&[f64; N]) -> f64,
     at: [f64; N],
     step: f64,
-) -> nalgebra::SMatrix<f64, N, N> {
+) -> SMatrix<f64, N, N> {
     let shifted = |moves: &[(usize, f64)]| {
         let mut point = at;
         for (coordinate, by) in moves {
@@ -75,15 +144,17 @@ pub fn curvature<const N: usize>(
         f(&point)
     };
     let centre = f(&at);
-    nalgebra::SMatrix::from_fn(|i, j| {
-        let second = if i == j {
-            shifted(&[(i, 1.0)]) - 2.0 * centre + shifted(&[(i, -1.0)])
-        } else {
+    let mut second = SMatrix::zeros();
+    for i in 0..N {
+        second[(i, i)] = shifted(&[(i, 1.0)]) - 2.0 * centre + shifted(&[(i, -1.0)]);
+        for j in 0..i {
             let cross = |a: f64, b: f64| shifted(&[(i, a), (j, b)]);
-            0.25 * (cross(1.0, 1.0) - cross(1.0, -1.0) - cross(-1.0, 1.0) + cross(-1.0, -1.0))
-        };
-        second / (step * step)
-    })
+            second[(i, j)] =
+                0.25 * (cross(1.0, 1.0) - cross(1.0, -1.0) - cross(-1.0, 1.0) + cross(-1.0, -1.0));
+            second[(j, i)] = second[(i, j)];
+        }
+    }
+    second / (step * step)
 }
 
 /// Where a falling function crosses zero between two points.
@@ -109,6 +180,12 @@ mod tests {
         let f = |x: &[f64; 2]| -(1.0 - x[0]).powi(2) - 100.0 * (x[1] - x[0] * x[0]).powi(2);
         let (at, value) = maximum(f, [-1.2, 1.0], [0.5, 0.5], 1e-12);
         assert!(value > -1e-9 && (at[0] - 1.0).abs() < 1e-3, "{at:?}");
+        // From near by, along the valley and across it.
+        let near = curvature(f, [0.9, 0.8], 1e-3);
+        let (at, value) = climbed(f, [0.9, 0.8], &near, [true; 2], 1e-6);
+        assert!(value > -0.01, "{at:?}");
+        let (at, value) = climbed(f, [0.9, 0.8], &near, [false, true], 1e-6);
+        assert!(value > -0.0101 && (at[0] - 0.9).abs() < 1e-12, "{at:?}");
         let second = curvature(f, [1.0, 1.0], 1e-3);
         let expected = [[-802.0, 400.0], [400.0, -200.0]];
         for (i, row) in expected.iter().enumerate() {
