@@ -494,7 +494,12 @@ impl Fitter<'_> {
         let (law, top) = (peak.law, &peak.top);
         // Less than a tenth of what the noise of ten minutes hides is none.
         let hidden = top.at[NOISE] - 0.5 * libm::log(600.0) - libm::log(10.0);
-        let size = self.profiled(peak, SIZE, hidden);
+        let mut size = self.profiled(peak, SIZE, hidden);
+        if law == Law::Wave {
+            // The rate of the walk is known, and its steps no better than their number.
+            size.low *= (time_s.low / time_s.value).sqrt();
+            size.high *= (time_s.high / time_s.value).sqrt();
+        }
         let likeliest = self.answers(law, &top.at);
         // What is not above the noise is none in the model, and constants hold what it may be.
         let answers = if size.is_spread() {
@@ -721,7 +726,7 @@ impl<'a> Scan<'a> {
         }
     }
 
-    /// Where 95 % of the likelihood lie.
+    /// Where 95 % of the likelihood lie, and what chance makes the best of some fifty better than.
     fn interval(&self) -> Interval {
         let (best, top) = self.best();
         // A drive too short for two jumps says nothing of what lies between them.
@@ -745,7 +750,11 @@ impl<'a> Scan<'a> {
             };
             libm::exp(from + inside * (to - from))
         };
-        [libm::exp(best), quantile(0.025), quantile(0.975)].into()
+        let others = (self.points.iter()).filter(|point| point.1 > top - DROP - PREFERENCE);
+        let all = Interval::from([libm::exp(best), quantile(0.025), quantile(0.975)]);
+        others.fold(all, |all, point| {
+            all.reaching(&[libm::exp(point.0); 3].into())
+        })
     }
 }
 
