@@ -750,7 +750,9 @@ impl<'a> Scan<'a> {
             };
             libm::exp(from + inside * (to - from))
         };
-        let others = (self.points.iter()).filter(|point| point.1 > top - DROP - PREFERENCE);
+        // Up to the first points that are out of the question: nothing is known before.
+        let likely = |pair: &&[(f64, f64)]| pair[0].1.max(pair[1].1) > top - DROP - PREFERENCE;
+        let others = self.points.windows(2).filter(likely).flatten();
         let all = Interval::from([libm::exp(best), quantile(0.025), quantile(0.975)]);
         others.fold(all, |all, point| {
             all.reaching(&[libm::exp(point.0); 3].into())
