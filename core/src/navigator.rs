@@ -499,7 +499,7 @@ impl<const RING: usize> State<RING> {
         match &mut self.mode {
             Mode::Aligning(_) => self.navigate_once_aligned(config),
             Mode::Navigating(ins) => {
-                ins.follow_up(self.interval.seconds, tally, config);
+                ins.follow_up(&self.interval, tally, config);
                 self.align_again_if_lost(config);
             }
         }

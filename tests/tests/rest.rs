@@ -92,12 +92,8 @@ fn gyros_that_resolve_the_earth_rate_are_a_compass() {
     for shaken_s in [0, 30] {
         let mut navigator = Navigator::new(Config::hg1700()).unwrap();
         for from_s in 0..shaken_s {
-            stand(
-                &mut navigator,
-                from_s,
-                from_s + 1,
-                0.1 * f64::from(from_s as i32 % 3 - 1),
-            );
+            let turn_radps = if from_s % 2 == 0 { 0.1 } else { -0.1 };
+            stand(&mut navigator, from_s, from_s + 1, turn_radps);
         }
         stand(&mut navigator, shaken_s, shaken_s + 55, 0.0);
         assert_ne!(navigator.phase(), Phase::Navigating);

@@ -370,26 +370,27 @@ impl<const N: usize> AidedIns<N> {
     /// Advances over the interval that ends at `time`.
     #[inline(never)]
     pub fn on_interval(&mut self, time: Time, raw: &Interval, config: &Config) {
-        let coasts = time > self.controls_until;
-        if coasts {
+        if time > self.controls_until {
             self.coast(config);
         }
         let interval = self.compensated(raw);
         let step = self.mechanization.step(&interval, &self.controls);
         self.total(time, &interval, &step);
-        // Only GNSS tells rest from steady motion.
-        match self.rest.on_interval(raw) {
-            Some(RestVerdict::Rest(block)) if !coasts => self.measure_rest(&block, config),
-            _ => {}
-        }
     }
 
     /// What is left to do after an interval, a piece at a time to keep the longest call short: more
     /// pieces where samples are rare.
     #[inline(never)]
-    pub fn follow_up(&mut self, seconds: f64, tally: &mut Tally, config: &Config) {
-        let mut left_s = seconds;
-        if self.history.wants(self.now, seconds) {
+    pub fn follow_up(&mut self, raw: &Interval, tally: &mut Tally, config: &Config) {
+        let mut left_s = raw.seconds;
+        // Only GNSS tells rest from steady motion.
+        if let Some(RestVerdict::Rest(block)) = self.rest.on_interval(raw)
+            && self.now <= self.controls_until
+        {
+            self.measure_rest(&block, config);
+            left_s -= PIECE_OF_WORK_S;
+        }
+        if self.history.wants(self.now, raw.seconds) {
             self.remember(config);
             left_s -= PIECE_OF_WORK_S;
         }
