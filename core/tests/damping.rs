@@ -19,10 +19,10 @@ const PLACE: Geodetic = Geodetic {
 const IMU_S: f64 = 0.01;
 /// Ten fixes a second.
 const FIX_EVERY: u32 = 10;
-/// Three fixes are compared as one, once two moments of the ring lie after the last, a step with each
-/// sample; their control is held for the three that follow: on the average half a second of delay,
-/// 0.7 s at most.
-const DELAY_S: f64 = 0.7;
+/// Three fixes are compared as one, once two moments of the ring, 0.11 s apart, lie after the last, a step
+/// with each of up to eight samples; their control is held for the three that follow: 0.2, 0.22, 0.08 and
+/// 0.3 s at most.
+const DELAY_S: f64 = 0.8;
 /// Of threes every other one is asked for its height.
 const HEIGHT_DELAY_S: f64 = DELAY_S + 0.6;
 
