@@ -172,18 +172,23 @@ fn body_motion_is_that_of_the_body() {
     );
 }
 
-/// A compass of 1 deg that is right settles the heading; one that is off by many sigmas is refused.
-#[test]
-fn a_measured_heading_counts_as_much_as_it_says() {
-    let drive = &*DRIVE;
+/// After 12 s at rest, before GNSS shows any heading: that which was given is 0.3 rad off.
+fn turned(drive: &SimulatedDrive) -> Navigator {
     let config = Config {
         heading: HeadingSource::Given(drive.truth[0].euler().heading_rad + 0.3),
         ..config_of(Grade::Mems)
     };
     let mut navigator = Navigator::new(config).unwrap();
-    // At rest, before GNSS shows any heading.
     run(&mut navigator, drive, 0.0..12.0, |_, _, _| {});
     assert_eq!(navigator.phase(), Phase::Navigating);
+    navigator
+}
+
+/// A compass of 1 deg that is right settles the heading; one that is off by many sigmas is refused.
+#[test]
+fn a_measured_heading_counts_as_much_as_it_says() {
+    let drive = &*DRIVE;
+    let mut navigator = turned(drive);
     let (count, sample) = drive
         .imu
         .iter()
@@ -229,12 +234,7 @@ fn a_measured_heading_counts_as_much_as_it_says() {
 #[test]
 fn a_late_heading_is_compared_with_what_was_left_then() {
     let drive = &*DRIVE;
-    let config = Config {
-        heading: HeadingSource::Given(drive.truth[0].euler().heading_rad + 0.3),
-        ..config_of(Grade::Mems)
-    };
-    let mut navigator = Navigator::new(config).unwrap();
-    run(&mut navigator, drive, 0.0..12.0, |_, _, _| {});
+    let mut navigator = turned(drive);
     run(&mut navigator, drive, 12.0..20.0, |navigator, count, _| {
         if count % 10 == 0 {
             // 0.8 s late.
