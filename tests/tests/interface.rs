@@ -137,10 +137,10 @@ fn health_shows_an_outage_and_refusals() {
     }
     let health = navigator.health();
     let since = health.coasting_since.expect("no fix for ten seconds");
-    assert!(
-        (last.time.seconds_since(since) - 0.2).abs() < 0.3,
-        "{since:?}"
-    );
+    // The last fix is of the tenth of a second before, and is compared within 0.3 s, as core/tests/damping.rs
+    // counts them.
+    let after_s = since.seconds_since(last.time);
+    assert!((-0.1..0.3).contains(&after_s), "{after_s}");
     let report = health.last_fix.unwrap();
     assert_eq!(
         (report.time, report.outcome),
