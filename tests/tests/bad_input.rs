@@ -462,13 +462,13 @@ fn what_is_repeated_in_motion_is_refused() {
             ..fix
         };
         let coasted = GnssFix {
-            position: at(0.02).position.map(|place| LatLon {
+            position: at(0.04).position.map(|place| LatLon {
                 latitude_rad: place.latitude_rad + 1e-6,
                 ..place
             }),
-            ..at(0.02)
+            ..at(0.04)
         };
-        [fix, at(0.01), coasted].map(Event::Gnss)
+        [fix, at(0.02), coasted].map(Event::Gnss)
     };
     let (answers, navigator) = after(&repeated(good_fix()), PLACE_S, 5.0);
     let refused = Answer::Gnss(GnssOutcome::Repeated);
