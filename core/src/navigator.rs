@@ -139,7 +139,7 @@ impl Navigator {
 }
 
 impl<const RING: usize> Navigator<RING> {
-    /// A navigator that remembers `RING` moments of its past, a tenth of a second apart: fixes
+    /// A navigator that remembers `RING` moments of its past, a good tenth of a second apart: fixes
     /// that show an older moment, by their latency and late arrival together, are lost. Each takes
     /// 160 bytes.
     ///
