@@ -42,7 +42,7 @@ const FASTEST_MPS: f64 = 3_000.0;
 const LEAST_HEADING_SIGMA_RAD: f64 = 1e-5;
 /// Least time between two fixes that are alike, s: each takes a piece of work, of which there are a hundred
 /// a second, and the estimators want theirs.
-const LEAST_INTERVAL_S: f64 = 0.015;
+const LEAST_ALIKE_S: f64 = 0.015;
 /// More than any receiver states of a fix it gives, m or m/s: 2^32 mm is the largest number of some.
 const COARSEST: f64 = 1e7;
 
@@ -553,7 +553,7 @@ impl<const RING: usize> State<RING> {
         };
         let follows = |(last, velocity): (Time, Option<_>)| {
             let alike = velocity.is_some() == fix.velocity_en_mps.is_some();
-            fix.time > last && !(alike && fix.time.seconds_since(last) < LEAST_INTERVAL_S)
+            fix.time > last && !(alike && fix.time.seconds_since(last) < LEAST_ALIKE_S)
         };
         if !self.last_fix.is_none_or(follows) {
             return GnssOutcome::TimeNotIncreasing;

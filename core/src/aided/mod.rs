@@ -577,18 +577,17 @@ impl<const N: usize> AidedIns<N> {
     #[inline(never)]
     pub fn on_heading(&mut self, measured: &Heading) -> GnssOutcome {
         let ago_s = self.now.seconds_since(measured.time);
-        let mut turned_rad = 0.0;
-        let own_rad = match self.history.at(measured.time, false) {
-            Ok(past) => {
-                turned_rad = self.turned_since(measured.time);
-                math::atan2(past.attitude.m12, past.attitude.m22)
-            }
+        let (own_rad, turned_rad) = match self.history.at(measured.time, false) {
+            Ok(past) => (
+                math::atan2(past.attitude.m12, past.attitude.m22),
+                self.turned_since(measured.time),
+            ),
             // Since the newest moment of the ring it turns evenly.
             Err(Missing::Future) if ago_s >= 0.0 && self.current.seconds > 0.0 => {
                 let turn_radps = self.current.turn_rad / self.current.seconds;
-                self.mechanization.heading_rad() + turn_radps * ago_s
+                (self.mechanization.heading_rad() + turn_radps * ago_s, 0.0)
             }
-            Err(Missing::Future) if ago_s >= 0.0 => self.mechanization.heading_rad(),
+            Err(Missing::Future) if ago_s >= 0.0 => (self.mechanization.heading_rad(), 0.0),
             Err(Missing::Future) => return GnssOutcome::TooFarAhead,
             Err(Missing::TooOld) => return GnssOutcome::TooOld,
         };
