@@ -17,7 +17,6 @@ use crate::page::brief;
 use crate::page::progress::{bar, counted, spinner};
 use crate::page::table::{Table, heads, markdown, side_by_side};
 use crate::plan_drive::{Bench, Driver, Goal, Plan, Target, UNITS, navigators, seconds};
-use crate::sim::mean_up;
 use crate::statistics::rms;
 
 /// Goal: predicted over reached.
@@ -208,7 +207,7 @@ fn driven(target: &Target, plan: &Plan, seed: u64) -> Result<Option<Vec<[f64; 2]
 }
 
 /// What the core should have found, in its own terms: a bias of an accelerometer is what it reads
-/// too much in a level vehicle.
+/// too much at the attitude that `found` is of.
 fn true_values(
     bench: &Bench,
     target: &Target,
@@ -216,7 +215,7 @@ fn true_values(
     solution: &Solution,
 ) -> Estimates {
     let (errors, end) = (bench.errors(), bench.end());
-    let up = mean_up(bench.truth().iter());
+    let up = found.level_force_mps2.normalize();
     let felt = errors.felt_accel_bias_mps2(&end.position, &up);
     let cross_axis = errors.gyro_matrix - Matrix3::from_diagonal(&errors.gyro_matrix.diagonal());
     let azimuth_left = (solution.attitude * end.attitude.inverse()).scaled_axis().z;

@@ -44,6 +44,8 @@ pub struct Claims {
     /// Spread of the solution's heading.
     pub heading: Claim,
     pub accel_bias_mps2: [Claim; 3],
+    /// Where up is at the attitude that those are said to be of.
+    pub up: Vector3<f64>,
     pub gyro_bias_radps: [Claim; 3],
     pub latency_s: Claim,
     pub lever_arm_m: [Option<Claim>; 3],
@@ -129,7 +131,8 @@ impl Subject for Core<'_> {
     fn claims(&self) -> Option<Claims> {
         self.solution()?;
         let navigator = &self.navigator;
-        let mut claims = claims(&navigator.estimates());
+        let estimates = navigator.estimates();
+        let mut claims = claims(&estimates, estimates.level_force_mps2.normalize());
         if let Some(sigma) = navigator.sigma() {
             claims.heading.sigma = Some(sigma.attitude_rad.z);
         }
@@ -202,7 +205,7 @@ impl Subject for Kalman<'_> {
     fn claims(&self) -> Option<Claims> {
         let filter = self.run.filter()?;
         let sigmas = filter.sigmas();
-        let mut claims = claims(&filter.estimates());
+        let mut claims = claims(&filter.estimates(), self.up);
         claims.accel_bias_mps2 = [0, 1, 2].map(|axis| self.felt(filter, axis));
         claims.lever_arm_m = [0, 1, 2].map(|axis| {
             let arm_m = filter.known.lever_arm_m[axis];
@@ -222,10 +225,11 @@ fn claim(estimate: &Estimate) -> Claim {
 }
 
 /// The heading is that of the solution, which has all in it that is known.
-fn claims(estimates: &Estimates) -> Claims {
+fn claims(estimates: &Estimates, up: Vector3<f64>) -> Claims {
     Claims {
         heading: claim(&estimates.azimuth_error_rad),
         accel_bias_mps2: estimates.accel_bias_mps2.each_ref().map(claim),
+        up,
         gyro_bias_radps: estimates.gyro_bias_radps.each_ref().map(claim),
         latency_s: claim(&estimates.gnss_latency_now_s),
         lever_arm_m: estimates.lever_arm_m.each_ref().map(|arm| Some(claim(arm))),

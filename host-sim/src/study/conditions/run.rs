@@ -131,12 +131,20 @@ fn check_end(
         let sigma_rad = sigma_rad.map(|sigma| sigma[axis]);
         add(index::TILT, off[axis], &Claim::sure(0.0, sigma_rad));
     }
+    let true_accel_mps2 = truth.accel_bias_mps2(&claims.up);
+    let true_gyro_radps = truth.sensors.gyro_bias_radps;
     for axis in 0..3 {
         let (accel, gyro) = (claims.accel_bias_mps2[axis], claims.gyro_bias_radps[axis]);
-        let true_accel = truth.accel_bias_mps2[axis];
-        let true_gyro = truth.gyro_bias_radps[axis];
-        add(index::ACCEL + axis, accel.value - true_accel, &accel);
-        add(index::GYRO + axis, gyro.value - true_gyro, &gyro);
+        add(
+            index::ACCEL + axis,
+            accel.value - true_accel_mps2[axis],
+            &accel,
+        );
+        add(
+            index::GYRO + axis,
+            gyro.value - true_gyro_radps[axis],
+            &gyro,
+        );
         if let Some(arm) = claims.lever_arm_m[axis] {
             add(
                 index::LEVER + axis,

@@ -2,25 +2,27 @@
 //!
 //! A vehicle that stays about level shows of accelerometers only what they read there. With the
 //! matrix `A` of their scale errors and misalignments, `u` the mean up direction in the axes of the
-//! unit and `g` gravity, a bias `b` is felt as `b + g A u`.
+//! unit and `g` gravity, a bias `b` is felt as `b + g A u`. Who states a bias says of which `u`: one
+//! that circles to the left for ten minutes and then to the right has two.
 //!
 //! Gyros with such a matrix `G`, turning about `u`, keep a platform tilted by what of `G u` is across
 //! `u`, and the accelerometers seem biased by as much of `g`: nobody sees it, and who states a
 //! sigma has it in there.
 
 use ins_core::Solution;
+use ins_core::earth::Geodetic;
 use nalgebra::Vector3;
 
 use super::World;
-use crate::sim::{SimulatedDrive, mean_up};
+use crate::sim::{SensorErrors, SimulatedDrive, mean_up};
 
 /// The truth of one run, body axes of the unit, SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Truth {
-    /// As felt by the level vehicle.
-    pub accel_bias_mps2: Vector3<f64>,
-    /// At the end.
-    pub gyro_bias_radps: Vector3<f64>,
+    /// Of gyros and accelerometers, at the end.
+    pub sensors: SensorErrors,
+    /// Where gravity is that of the run.
+    pub origin: Geodetic,
     /// At the end. A receiver that smooths lags by what depends on the motion, and one whose fixes
     /// are logged several times shows several: anything between is right.
     pub latency_s: [f64; 2],
@@ -40,11 +42,16 @@ impl Truth {
         let up = mean_up(drive.truth.iter().filter(as_at_end));
         let latency_s = errors.gnss_latency_end_s;
         Self {
-            accel_bias_mps2: errors.felt_accel_bias_mps2(&world.origin, &up),
-            gyro_bias_radps: errors.gyro_bias_radps.into(),
+            sensors: *errors,
+            origin: world.origin,
             latency_s: [latency_s, latency_s + errors.gnss_lag_s],
             lever_arm_m: world.lever_arm_m(),
             up,
         }
+    }
+
+    /// What the accelerometers are felt to be biased by where this is up.
+    pub fn accel_bias_mps2(&self, up: &Vector3<f64>) -> Vector3<f64> {
+        self.sensors.felt_accel_bias_mps2(&self.origin, up)
     }
 }
