@@ -66,7 +66,7 @@ impl Interval {
 }
 
 /// Turns readings, rates or increments, into [`Interval`]s; remembers one reading.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Increments {
@@ -98,14 +98,7 @@ impl Increments {
             output,
             gyro: first.gyro,
             accel: first.accel,
-            gyro_change: Vector3::zeros(),
-            accel_change: Vector3::zeros(),
-            previous_s: 0.0,
-            usual_s: 0.0,
-            late_s: 0.0,
-            stamped_late_s: 0.0,
-            longer_felt_m: 0.0,
-            longer_stamped_m: 0.0,
+            ..Self::default()
         }
     }
 
@@ -274,7 +267,7 @@ impl Increments {
             self.longer_stamped_m = keep * self.longer_stamped_m + longer_s * stamped_mps;
         }
         let even = 1.5 - 2.0 * self.longer_felt_m / self.longer_stamped_m;
-        let late_s = self.late_s * math::max(math::min(even, 1.0), 0.0);
+        let late_s = self.late_s * math::within(even, [0.0, 1.0]);
         let latest_s = self.stamped_late_s + seconds * (1.0 - 1.0 / STAMPS);
         self.stamped_late_s = math::min(late_s, latest_s);
     }

@@ -5,7 +5,7 @@
 
 use nalgebra::Vector3;
 
-pub(crate) use libm::{atan2, round, sqrt};
+pub(crate) use libm::{atan2, fabs as abs, round, sqrt};
 
 /// Sine and cosine of an angle in radians.
 pub(crate) fn sin_cos(angle_rad: f64) -> (f64, f64) {
@@ -14,29 +14,29 @@ pub(crate) fn sin_cos(angle_rad: f64) -> (f64, f64) {
 }
 
 /// The larger of two numbers; `b` if they do not compare (`f64::max` differs on signed zeros).
-pub(crate) fn max(a: f64, b: f64) -> f64 {
+pub(crate) fn max<T: PartialOrd>(a: T, b: T) -> T {
     if a > b { a } else { b }
 }
 
 /// The smaller of two numbers; `b` if they do not compare.
-pub(crate) fn min(a: f64, b: f64) -> f64 {
+pub(crate) fn min<T: PartialOrd>(a: T, b: T) -> T {
     if a < b { a } else { b }
+}
+
+/// A number, held within the least and the most.
+pub(crate) fn within(x: f64, [least, most]: [f64; 2]) -> f64 {
+    max(min(x, most), least)
 }
 
 /// A ratio of variances, held within the least and the greatest ratio of standard deviations.
 pub(crate) fn variance_within(ratio: f64, [least, most]: [f64; 2]) -> f64 {
-    max(min(ratio, most * most), least * least)
+    within(ratio, [least * least, most * most])
 }
 
 /// What is left after so many time constants, not negative: `exp(-x)` to second order, between 0 and 1
 /// for any of them.
 pub(crate) fn decayed(x: f64) -> f64 {
     1.0 / (1.0 + x + 0.5 * x * x)
-}
-
-/// Magnitude.
-pub(crate) fn abs(a: f64) -> f64 {
-    libm::fabs(a)
 }
 
 /// Magnitude of the largest component, of which none may be NaN.
@@ -49,13 +49,11 @@ pub(crate) fn all_finite(v: &Vector3<f64>) -> bool {
     !(0.0 * v.x + 0.0 * v.y + 0.0 * v.z).is_nan()
 }
 
-/// In single precision.
 #[allow(clippy::cast_possible_truncation)]
 pub(crate) fn single(x: f64) -> f32 {
     x as f32
 }
 
-/// A vector in single precision.
 pub(crate) fn singles(v: &Vector3<f64>) -> Vector3<f32> {
     v.map(single)
 }

@@ -95,8 +95,7 @@ impl VerticalSign {
             self.open = 0.5 * (misfit(-window.climbed_m) - misfit(window.climbed_m));
         }
         if time.seconds_since(window.start) > WINDOW_S || seconds > HOLE_S {
-            let odds = self.odds + self.open;
-            self.odds = math::max(math::min(odds, MOST), -MOST);
+            self.odds = math::within(self.odds + self.open, [-MOST, MOST]);
             self.open = 0.0;
             *window = fresh;
         }

@@ -26,12 +26,10 @@ impl<const N: usize, const T: usize> Covariance<N, T> {
         covariance
     }
 
-    /// Covariance of two unknowns.
     fn get(&self, i: usize, j: usize) -> f32 {
         self.lower.get(place(i, j)).copied().unwrap_or(0.0)
     }
 
-    /// Variance of one unknown.
     pub(crate) fn variance(&self, i: usize) -> f32 {
         self.get(i, i)
     }
@@ -102,7 +100,7 @@ impl<const N: usize, const T: usize> Covariance<N, T> {
                 *p -= gain * with_j;
             }
             if let Some(own) = row.last_mut() {
-                *own = if *own > least { *own } else { least };
+                *own = math::max(*own, least);
             }
             rest = later;
         }

@@ -7,6 +7,8 @@
 //! vibration, a unit that slips. Then some of what it has gained is taken back, again and again,
 //! until it moves as it should; and it is stated to be known by as much less.
 
+use crate::math;
+
 /// Part of its variance that it must have lost to be looked at: less is lost in rounding.
 const LEAST_GAIN: f32 = 0.02;
 /// Largest square of a move that counts, in the variance lost: of normal ones one in 16,000 is
@@ -36,12 +38,9 @@ struct Since {
 
 impl Since {
     /// Sees nothing but the variance, when it is looked at first.
-    const NEVER: Self = Self {
-        moved: 0.0,
-        variance: f32::MAX,
-    };
+    const NEVER: Self = Self::at(f32::MAX);
 
-    fn at(variance: f32) -> Self {
+    const fn at(variance: f32) -> Self {
         Self {
             moved: 0.0,
             variance,
@@ -82,8 +81,7 @@ impl Constancy {
 
     /// Looks at its variance now; what is to be added to it.
     pub fn look(&mut self, variance: f32) -> Option<f32> {
-        let (near, far) = (self.look_near(variance), self.look_far(variance));
-        let more = if near > far { near } else { far };
+        let more = math::max(self.look_near(variance), self.look_far(variance));
         (more > 0.0).then_some(more)
     }
 
@@ -93,16 +91,10 @@ impl Constancy {
         if gained <= LEAST_GAIN * variance {
             return 0.0;
         }
-        let square = moved * moved / gained;
-        let bounded = if square < LARGEST_SQUARE {
-            square
-        } else {
-            LARGEST_SQUARE
-        };
+        let bounded = math::min(moved * moved / gained, LARGEST_SQUARE);
         self.mean += (bounded - self.mean) / LOOKS;
         self.near = Since::at(variance);
-        let part = GIVEN_BACK * (self.mean - RESTLESS);
-        gained * if part < MOST_BACK { part } else { MOST_BACK }
+        gained * math::min(GIVEN_BACK * (self.mean - RESTLESS), MOST_BACK)
     }
 
     /// As much as makes the move that of its sigmas; all that was gained at most.
@@ -114,22 +106,12 @@ impl Constancy {
         let gained = v - variance;
         let excess = moved * moved / (FAR_SIGMAS * FAR_SIGMAS) - gained;
         self.far = Since::at(variance);
-        if excess < 0.0 {
-            0.0
-        } else if excess < gained {
-            excess
-        } else {
-            gained
-        }
+        math::min(math::max(excess, 0.0), gained)
     }
 
     /// By how much less it is known than its variance says, in variance.
     pub fn inflation(&self) -> f64 {
-        f64::from(if self.mean > RESTLESS {
-            self.mean / RESTLESS
-        } else {
-            1.0
-        })
+        f64::from(math::max(self.mean, RESTLESS) / RESTLESS)
     }
 }
 
