@@ -90,40 +90,20 @@ impl<T: nalgebra::RealField + Copy> Span<T> {
             way_m: self.way_m * fraction,
         }
     }
-}
 
-impl Span {
-    /// In single precision: a span in the ring is short.
-    fn stored(&self) -> Span<f32> {
+    /// In another precision: a span in the ring is short.
+    fn map<U: nalgebra::Scalar>(&self, to: impl Fn(T) -> U + Copy) -> Span<U> {
         Span {
-            seconds: math::single(self.seconds),
-            force_mps: singles(&self.force_mps),
-            force_moved_m: singles(&self.force_moved_m),
-            attitude_s: self.attitude_s.map(math::single),
-            angle_rad: singles(&self.angle_rad),
-            turn_rad: math::single(self.turn_rad),
-            control_tilt_rad: singles(&self.control_tilt_rad),
-            control_velocity_mps: singles(&self.control_velocity_mps),
-            control_position_m: singles(&self.control_position_m),
-            way_m: singles(&self.way_m),
-        }
-    }
-}
-
-impl Span<f32> {
-    fn recalled(&self) -> Span {
-        let double = |v: &Vector3<f32>| v.map(f64::from);
-        Span {
-            seconds: f64::from(self.seconds),
-            force_mps: double(&self.force_mps),
-            force_moved_m: double(&self.force_moved_m),
-            attitude_s: self.attitude_s.map(f64::from),
-            angle_rad: double(&self.angle_rad),
-            turn_rad: f64::from(self.turn_rad),
-            control_tilt_rad: double(&self.control_tilt_rad),
-            control_velocity_mps: double(&self.control_velocity_mps),
-            control_position_m: double(&self.control_position_m),
-            way_m: double(&self.way_m),
+            seconds: to(self.seconds),
+            force_mps: self.force_mps.map(to),
+            force_moved_m: self.force_moved_m.map(to),
+            attitude_s: self.attitude_s.map(to),
+            angle_rad: self.angle_rad.map(to),
+            turn_rad: to(self.turn_rad),
+            control_tilt_rad: self.control_tilt_rad.map(to),
+            control_velocity_mps: self.control_velocity_mps.map(to),
+            control_position_m: self.control_position_m.map(to),
+            way_m: self.way_m.map(to),
         }
     }
 }
@@ -163,7 +143,6 @@ pub struct Past {
     pub attitude: Matrix3<f64>,
     /// Its rate of change, 1/s, and how that changes, 1/s^2.
     pub attitude_rate: Matrix3<f64>,
-    /// See above.
     pub attitude_accel: Matrix3<f64>,
     /// Way of the INS from this moment to the newest of the ring, ENU, m.
     pub way_since_m: Vector3<f64>,
@@ -283,7 +262,7 @@ impl<const N: usize> History<N> {
             wobble: wobble.variance(),
             rate_wobble: wobble.rate_variance(span),
             velocity_mps: singles(velocity_mps),
-            span: span.stored(),
+            span: span.map(math::single),
         });
     }
 
@@ -301,7 +280,7 @@ impl<const N: usize> History<N> {
             if inside_s <= 0.0 {
                 break;
             }
-            let mut part = recorded.span.recalled();
+            let mut part = recorded.span.map(f64::from);
             if inside_s < seconds {
                 part = part.part(inside_s / seconds);
             }
@@ -389,17 +368,16 @@ impl Around<'_> {
     /// at single moments take part in swings that are faster than the ring, at phases which, fixes
     /// being as regular, look like an acceleration.
     fn past(&self, time: Time, way_after_m: &Vector3<f64>) -> Past {
-        let Self { start, end, .. } = self;
+        let Self { start, end, after } = self;
         let here = Means::over(end);
-        let slopes = self.slopes(&here);
+        let slopes = Slopes {
+            at_start: here.slope_from(&Means::over(start)),
+            at_end: after.map(|after| Means::over(after).slope_from(&here)),
+        };
         let bend = slopes.in_the_middle();
         let part = time.seconds_since(start.time) / here.seconds;
         let off_s = (part - 0.5) * here.seconds;
-        let Parabola {
-            middle_mps,
-            accel_mps2,
-            jerk_mps3,
-        } = self.parabola(&here, &bend.force_mps2);
+        let [middle_mps, accel_mps2, jerk_mps3] = self.parabola(&here, &bend.force_mps2);
         // A cubic whose means over the three intervals are zero: it changes none of the parabola's.
         let snap_mps4 = slopes.snap(here.seconds, &accel_mps2);
         let flat = 1.25 * here.seconds * here.seconds;
@@ -437,10 +415,10 @@ impl Around<'_> {
         }
     }
 
-    /// Velocity about the middle of the interval, from the means of three intervals; of two, and
+    /// Velocity in the middle of the interval, acceleration and jerk, from the means of three intervals; of two, and
     /// the change of specific force, where no moment follows. How the means differ is told by
     /// specific force: the velocity itself also follows the noise of GNSS, by its controls.
-    fn parabola(&self, here: &Means, force_slope: &Vector3<f64>) -> Parabola {
+    fn parabola(&self, here: &Means, force_slope: &Vector3<f64>) -> [Vector3<f64>; 3] {
         let square = here.seconds * here.seconds;
         // Time of another interval's middle, how its mean differs, and the jerk's part in that.
         let beside = |other: &Recorded, gained_mps: &Vector3<f64>, side: f64| {
@@ -461,19 +439,9 @@ impl Around<'_> {
             }
             None => *force_slope,
         };
-        Parabola {
-            middle_mps: self.end.velocity_mps.map(f64::from) - square / 24.0 * jerk_mps3,
-            accel_mps2: (before - before_bent * jerk_mps3) / before_s,
-            jerk_mps3,
-        }
-    }
-
-    /// How fast the means change on both sides of the interval.
-    fn slopes(&self, here: &Means) -> Slopes {
-        Slopes {
-            at_start: here.slope_from(&Means::over(self.start)),
-            at_end: (self.after).map(|after| Means::over(after).slope_from(here)),
-        }
+        let middle_mps = self.end.velocity_mps.map(f64::from) - square / 24.0 * jerk_mps3;
+        let accel_mps2 = (before - before_bent * jerk_mps3) / before_s;
+        [middle_mps, accel_mps2, jerk_mps3]
     }
 }
 
@@ -538,13 +506,6 @@ fn turn_accel(rate_radps: &Vector3<f64>, growth_radps2: &Vector3<f64>) -> Matrix
 fn gained_between(first: &Span<f32>, second: &Span<f32>) -> Vector3<f64> {
     let gained = first.force_mps - first.force_moved_m / first.seconds;
     (gained + second.force_moved_m / second.seconds).map(f64::from)
-}
-
-/// Velocity about the middle of an interval.
-struct Parabola {
-    middle_mps: Vector3<f64>,
-    accel_mps2: Vector3<f64>,
-    jerk_mps3: Vector3<f64>,
 }
 
 /// Means between two moments of the ring, or how fast they change.
