@@ -414,18 +414,23 @@ impl Config {
             correlated: 0.02,
             correlation_s: 3.0,
         };
+        // Of positions it shows late, over minutes: with little to begin with, what drifts slowly is
+        // taken for the truth.
+        let wandering = |sigma| Noise {
+            white: sigma,
+            correlated: sigma,
+            correlation_s: 60.0,
+        };
+        let order = SecondOrder {
+            bandwidth_radps: 0.5,
+            damping_ratio: 0.7,
+        };
         Self {
             imu_output: ImuOutput::Rates,
             heading: HeadingSource::Auto,
             damping: DampingConfig {
-                horizontal: SecondOrder {
-                    bandwidth_radps: 0.5,
-                    damping_ratio: 0.7,
-                },
-                vertical: SecondOrder {
-                    bandwidth_radps: 0.5,
-                    damping_ratio: 0.7,
-                },
+                horizontal: order,
+                vertical: order,
                 position_radps: 0.1,
                 azimuth_radps: 0.5,
             },
@@ -447,18 +452,8 @@ impl Config {
             gnss: GnssConfig {
                 velocity_mps,
                 velocity_up_mps: velocity_mps,
-                // Of positions it shows late, over minutes: with little to begin with, what drifts
-                // slowly is taken for the truth.
-                position_m: Noise {
-                    white: 1.5,
-                    correlated: 1.5,
-                    correlation_s: 60.0,
-                },
-                height_m: Noise {
-                    white: 3.0,
-                    correlated: 3.0,
-                    correlation_s: 60.0,
-                },
+                position_m: wandering(1.5),
+                height_m: wandering(3.0),
                 noise_range: [0.1, 10.0],
                 trust_stated_sigma: false,
                 latency_sigma_s: 0.2,
@@ -489,14 +484,12 @@ impl Config {
                 accel_bias_walk: 9e-5,
                 accel_scale: 0.015,
                 cross_axis: 0.005,
-                misalignment_rad: 0.0,
-                noise_range: [0.1, 10.0],
                 gyro_range_radps: 35.0,
                 accel_range_mps2: 160.0,
+                ..base.sensors
             },
             gnss: GnssConfig {
                 lever_arm_sigma_m: 3.0,
-                smoothing_s2: 0.03,
                 clock_drift_sigma: 1e-4,
                 ..base.gnss
             },

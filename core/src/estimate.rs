@@ -145,12 +145,10 @@ impl Estimates {
             },
         };
         let known = |i: usize, missing: Observability| {
-            estimate(
-                i,
-                navigating && p.sigma(i) < KNOWN * prior.sigma(i),
-                missing,
-            )
+            let good = navigating && p.sigma(i) < KNOWN * prior.sigma(i);
+            estimate(i, good, missing)
         };
+        let three = |first: usize, missing| [0, 1, 2].map(|axis| known(first + axis, missing));
         let azimuth = navigating && p.sigma(index::AZIMUTH) < AZIMUTH_SIGMA_RAD;
         Self {
             azimuth_error_rad: estimate(index::AZIMUTH, azimuth, Observability::NeedsAcceleration),
@@ -169,15 +167,11 @@ impl Estimates {
             gnss_position_delay_s: known(index::POSITION_DELAY, Observability::NeedsAcceleration),
             clock_drift: known(index::CLOCK_DRIFT, Observability::NeedsTime),
             gnss_smoothing_s2: known(index::SMOOTHING, Observability::NeedsAcceleration),
-            accel_scale: [0, 1, 2]
-                .map(|axis| known(index::ACCEL_SCALE + axis, Observability::NeedsAcceleration)),
+            accel_scale: three(index::ACCEL_SCALE, Observability::NeedsAcceleration),
             turn_scale: known(index::TURN_SCALE, Observability::NeedsTurn),
-            gyro_scale: [0, 1, 2]
-                .map(|axis| known(index::GYRO_SCALE + axis, Observability::NeedsTurn)),
-            gyro_misalignment_rad: [0, 1, 2]
-                .map(|axis| known(index::GYRO_MISALIGNMENT + axis, Observability::NeedsTurn)),
-            lever_arm_m: [0, 1, 2]
-                .map(|axis| known(index::LEVER_ARM + axis, Observability::NeedsTurn)),
+            gyro_scale: three(index::GYRO_SCALE, Observability::NeedsTurn),
+            gyro_misalignment_rad: three(index::GYRO_MISALIGNMENT, Observability::NeedsTurn),
+            lever_arm_m: three(index::LEVER_ARM, Observability::NeedsTurn),
             level_force_mps2: Vector3::zeros(),
         }
     }

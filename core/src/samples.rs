@@ -100,13 +100,10 @@ impl GnssFix {
     /// The antenna's place, if latitude, longitude and height are all known, or `height_m` where
     /// the fix has none.
     pub fn geodetic_or(&self, height_m: f64) -> Option<Geodetic> {
-        let LatLon {
-            latitude_rad,
-            longitude_rad,
-        } = self.position?;
+        let place = self.position?;
         Some(Geodetic {
-            latitude_rad,
-            longitude_rad,
+            latitude_rad: place.latitude_rad,
+            longitude_rad: place.longitude_rad,
             height_m: self.height_m.unwrap_or(height_m),
         })
     }
