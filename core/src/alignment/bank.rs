@@ -24,7 +24,6 @@ use crate::time::Time;
 /// Latencies supposed, s, and the spread of each: half the distance of two.
 const LATENCIES_S: [f64; 3] = [0.25, -0.25, 0.75];
 const LATENCY_SIGMA_S: f64 = 0.25;
-const LAST: u8 = 2;
 /// Moments before the first sighting that is taken, s: every candidate must have begun.
 const LEAD_S: f64 = 1.0;
 /// Time over which residuals are judged, s.
@@ -158,7 +157,8 @@ impl Bank {
             return true;
         }
         for _ in 0..LATENCIES_S.len() {
-            self.turn = if self.turn < LAST { self.turn + 1 } else { 0 };
+            let last = usize::from(self.turn) + 1 == LATENCIES_S.len();
+            self.turn = if last { 0 } else { self.turn + 1 };
             if self.work_on(self.turn, nodes, sightings, known, config) {
                 break;
             }
@@ -228,8 +228,7 @@ impl Bank {
         let since_s = math::max(f64::from(sighting.span_s), 0.2);
         let part = math::single(math::min(since_s / JUDGED_S, 0.5));
         // One residual cannot do more than the window allows.
-        let bounded = if misfit < 9.0 { misfit } else { 9.0 };
-        let excess = self.excess * (1.0 + part * (bounded - 1.0));
+        let excess = self.excess * (1.0 + part * (math::min(misfit, 9.0) - 1.0));
         let least = if sighting.span_s > 0.0 {
             LEAST_EXCESS_OF_MEANS
         } else {
@@ -243,7 +242,6 @@ impl Bank {
         self.candidate(self.leader)
     }
 
-    /// A candidate.
     pub(crate) fn candidate(&self, which: u8) -> Option<&Candidate> {
         self.candidates.get(usize::from(which))
     }

@@ -289,17 +289,15 @@ impl Candidate {
         let s = &config.sensors;
         let turned = math::sqrt(turn_rad.norm_squared());
         let bias = s.accel_bias_mps2 / GRAVITY_EQUATOR_MPS2;
-        let tilt = s.mean_gyro_noise() * s.mean_gyro_noise() * seconds
-            + (bias * bias + s.gyro_scale * s.gyro_scale) * turned;
+        let (gyro, accel) = (s.mean_gyro_noise(), s.mean_accel_noise());
+        let tilt = gyro * gyro * seconds + (bias * bias + s.gyro_scale * s.gyro_scale) * turned;
         let push = f64::from(force.xy().norm_squared()) * PUSH_S / seconds;
-        let velocity = s.mean_accel_noise() * s.mean_accel_noise() * seconds
-            + s.accel_scale * s.accel_scale * push;
+        let velocity = accel * accel * seconds + s.accel_scale * s.accel_scale * push;
         for axis in 0..2 {
             self.covariance.widen(ERROR + axis, single(velocity));
             self.covariance.widen(TILT + axis, single(tilt));
         }
-        let heading = s.mean_gyro_noise() * s.mean_gyro_noise() * seconds
-            + s.gyro_scale * s.gyro_scale * turned;
+        let heading = gyro * gyro * seconds + s.gyro_scale * s.gyro_scale * turned;
         self.covariance.widen(TILT + 2, single(heading));
         self.covariance
             .widen(LATENCY, single(LATENCY_WALK * LATENCY_WALK * seconds));
@@ -435,8 +433,7 @@ impl Candidate {
     /// zero: `P n^2 P / S` less variance a measurement. That is given back.
     fn unlearn(&mut self, unknown: usize, before: f32, noise: f32) {
         let room = 0.5 - self.covariance.variance(unknown);
-        let back = before * before * noise;
-        let back = if back < room { back } else { room };
+        let back = math::min(before * before * noise, room);
         if back > 0.0 {
             self.covariance.widen(unknown, back);
         }
@@ -513,7 +510,9 @@ impl Candidate {
     }
 
     fn arm_variance(&self) -> Vector3<f32> {
-        Vector3::from([0, 1, 2].map(|axis| self.covariance.variance(ARM + axis)))
+        [0, 1, 2]
+            .map(|axis| self.covariance.variance(ARM + axis))
+            .into()
     }
 
     /// Takes one residual into covariance and correction; returns its square over the variance
@@ -523,12 +522,7 @@ impl Candidate {
         let with = self.covariance.with(h);
         let expected = with.dot(h) + noise;
         let ratio = left * left / expected;
-        let variance = expected * ratio / limited(ratio);
-        let variance = if variance > expected {
-            variance
-        } else {
-            expected
-        };
+        let variance = math::max(expected * ratio / limited(ratio), expected);
         self.covariance.measure(&with, variance);
         *correction += with * (left / variance);
         (ratio, expected)
@@ -627,11 +621,7 @@ impl Candidate {
             latency_s: f64::from(self.latency_s),
             latency_sigma_s: deviation(LATENCY),
             gyro_bias_radps: self.gyro_bias_radps,
-            gyro_sigma_radps: Vector3::new(
-                deviation(BIAS),
-                deviation(BIAS + 1),
-                deviation(BIAS + 2),
-            ),
+            gyro_sigma_radps: [0, 1, 2].map(|axis| deviation(BIAS + axis)).into(),
         }
     }
 
@@ -652,8 +642,7 @@ impl Candidate {
 
 /// A squared residual, in sigmas, that cannot say more than an outlier does.
 fn limited(ratio: f32) -> f32 {
-    let limit = OUTLIER_SIGMAS * OUTLIER_SIGMAS;
-    if ratio < limit { ratio } else { limit }
+    math::min(ratio, OUTLIER_SIGMAS * OUTLIER_SIGMAS)
 }
 
 /// What stands beside the sine for the second component.
@@ -661,17 +650,11 @@ fn turned_back(d: Vector2<f32>) -> Vector2<f32> {
     Vector2::new(d.y, -d.x)
 }
 
-/// Whether nothing is known yet of a gyro bias beyond the preset.
-fn is_unknown(known: &Parameters, axis: usize, config: &Config) -> bool {
-    let parameter = index::GYRO + axis;
-    let preset = single(config.sensors.gyro_bias_radps);
-    known.value(parameter) == 0.0 && known.sigma(parameter) >= f64::from(preset)
-}
-
 /// Spread of a gyro bias, rad/s. The preset says what is usual of units, not what one may be.
 fn gyro_sigma(known: &Parameters, axis: usize, config: &Config) -> f64 {
     let sigma = known.sigma(index::GYRO + axis);
-    if is_unknown(known, axis, config) {
+    let preset = single(config.sensors.gyro_bias_radps);
+    if known.value(index::GYRO + axis) == 0.0 && sigma >= f64::from(preset) {
         UNUSUAL * sigma
     } else {
         sigma
@@ -755,15 +738,12 @@ fn row(
     late: f32,
     swing: &Matrix2x3<f32>,
 ) -> Row {
-    let (x, y) = (back_s * force.x, back_s * force.y);
-    let z = back_s * force.z;
-    let (error, tilt) = if axis == 0 {
-        ([1.0, 0.0], [0.0, -z, y])
+    let (x, y, z) = (back_s * force.x, back_s * force.y, back_s * force.z);
+    let [error_x, error_y, tilt_x, tilt_y, turn] = if axis == 0 {
+        [1.0, 0.0, 0.0, -z, y]
     } else {
-        ([0.0, 1.0], [z, 0.0, -x])
+        [0.0, 1.0, z, 0.0, -x]
     };
-    let [tilt_x, tilt_y, turn] = tilt;
-    let [error_x, error_y] = error;
     let arm = |component: usize| -swing.get((axis, component)).copied().unwrap_or(0.0);
     Row::from([
         error_x,

@@ -6,7 +6,7 @@
 //! frame by `b T / 2` in the mean over `T`, and by as much again since. So long means are good in
 //! turns, short ones with poor gyros, and the sum of both says when it is time.
 
-use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
 use super::levelling::level;
 use crate::attitude::{euler, matrix, renormalized, small_rotation};
@@ -29,7 +29,7 @@ pub(crate) struct CoarseLevel {
     /// Heading turned in the means before, rad.
     turned_before_rad: f64,
     /// Body of now to body of the beginning.
-    turned: Option<Quaternion<f64>>,
+    turned: Option<UnitQuaternion<f64>>,
     /// Velocity gained from specific force, axes of the beginning, m/s.
     force_mps: Vector3<f64>,
     /// Velocity at the beginning, E and N.
@@ -56,11 +56,10 @@ impl CoarseLevel {
                 ..Self::default()
             };
         }
-        let turned = self.turned.unwrap_or_else(Quaternion::identity);
-        let attitude = UnitQuaternion::new_unchecked(turned);
-        self.force_mps += matrix(&attitude) * interval.velocity_mps();
-        let next = turned * small_rotation(&interval.rotation_rad());
-        self.turned = Some(*renormalized(next).as_ref());
+        let turned = self.turned.unwrap_or_default();
+        self.force_mps += matrix(&turned) * interval.velocity_mps();
+        let next = turned.as_ref() * small_rotation(&interval.rotation_rad());
+        self.turned = Some(renormalized(next));
         self.seconds += interval.seconds;
     }
 
@@ -73,7 +72,7 @@ impl CoarseLevel {
     /// The attitude now, with the heading of the first interval of all for zero.
     fn attitude(&self) -> Option<UnitQuaternion<f64>> {
         let up = level(&self.force_mps, self.turned_before_rad);
-        Some(renormalized(up.as_ref() * self.turned?))
+        Some(renormalized(up.as_ref() * self.turned?.as_ref()))
     }
 
     /// The attitude now, if the mean is long enough; gyro biases have a spread of `bias_radps`.

@@ -31,7 +31,6 @@ pub struct RestMean {
 }
 
 impl RestMean {
-    /// Adds a block.
     pub fn add(&mut self, block: &RestBlock) {
         self.seconds += block.seconds;
         let part = block.seconds / self.seconds;
@@ -54,11 +53,6 @@ impl RestMean {
                 .all(|(off, variance)| off * off <= limit * (variance + noise))
     }
 
-    /// Up in body axes.
-    fn up(&self) -> Option<Vector3<f64>> {
-        self.force_mps2.try_normalize(GRAVITY_EQUATOR_MPS2 / 2.0)
-    }
-
     /// Variance of the mean rate as a gyro bias, per axis, `(rad/s)^2`: noise or what the blocks
     /// scatter by (waves), and a slow turn about the up axis, wherever that is in the body.
     pub(crate) fn gyro_variance(&self, sensors: &SensorConfig) -> Vector3<f64> {
@@ -68,9 +62,9 @@ impl RestMean {
         if self.seconds < LEAST_SCATTER_S {
             return Vector3::repeat(noise + unseen);
         }
-        let up = self.up().unwrap_or_default();
+        let up = self.force_mps2.try_normalize(GRAVITY_EQUATOR_MPS2 / 2.0);
         let scatter = self.scatter / (self.seconds * (self.seconds - 2.0));
-        up.zip_map(&scatter, |part, scatter| {
+        up.unwrap_or_default().zip_map(&scatter, |part, scatter| {
             math::max(noise, scatter) + part * part * unseen
         })
     }

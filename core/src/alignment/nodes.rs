@@ -7,7 +7,7 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use crate::attitude::{matrix, renormalized, small_rotation};
 use crate::increments::Interval;
-use crate::math::single;
+use crate::math::{self, single};
 
 /// Length of a node, s: darts of a small quadrotor last half a second.
 const NODE_S: f64 = 0.1;
@@ -30,7 +30,6 @@ pub(crate) struct Node {
 }
 
 impl Node {
-    /// Duration, s.
     pub(crate) fn seconds(&self) -> f64 {
         1e-6 * f64::from(self.micros)
     }
@@ -49,26 +48,14 @@ impl Node {
 }
 
 /// The last nodes, numbered from the first one ever, and the one being gathered.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Nodes {
     kept: [Node; KEPT as usize],
     count: u32,
     seconds: f64,
-    rotation: Quaternion<f64>,
+    rotation: UnitQuaternion<f64>,
     velocity_mps: Vector3<f64>,
-}
-
-impl Default for Nodes {
-    fn default() -> Self {
-        Self {
-            kept: [Node::default(); KEPT as usize],
-            count: 0,
-            seconds: 0.0,
-            rotation: Quaternion::identity(),
-            velocity_mps: Vector3::zeros(),
-        }
-    }
 }
 
 impl Nodes {
@@ -88,10 +75,9 @@ impl Nodes {
 
     /// Adds an interval; true if a node has ended with it.
     pub(crate) fn add(&mut self, interval: &Interval) -> bool {
-        let attitude = UnitQuaternion::new_unchecked(self.rotation);
-        self.velocity_mps += matrix(&attitude) * interval.velocity_mps();
-        let turned = self.rotation * small_rotation(&interval.rotation_rad());
-        self.rotation = *renormalized(turned).as_ref();
+        self.velocity_mps += matrix(&self.rotation) * interval.velocity_mps();
+        let turned = self.rotation.as_ref() * small_rotation(&interval.rotation_rad());
+        self.rotation = renormalized(turned);
         self.seconds += interval.seconds;
         if self.seconds < NODE_S - 0.25 * interval.seconds {
             return false;
@@ -103,7 +89,7 @@ impl Nodes {
     /// The end of a node to the microsecond; what is cut off belongs to the next.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     fn close(&mut self) {
-        let micros = crate::math::round(self.seconds * 1e6) as u32;
+        let micros = math::round(self.seconds * 1e6) as u32;
         let node = Node {
             micros,
             rotation_rad: rotation_vector(&self.rotation).map(single),
@@ -114,7 +100,7 @@ impl Nodes {
         }
         self.count += 1;
         self.seconds -= 1e-6 * f64::from(micros);
-        self.rotation = Quaternion::identity();
+        self.rotation = UnitQuaternion::identity();
         self.velocity_mps = Vector3::zeros();
     }
 }
@@ -122,9 +108,9 @@ impl Nodes {
 /// Rotation vector of a quaternion, for angles below a turn.
 fn rotation_vector(q: &Quaternion<f64>) -> Vector3<f64> {
     let axis = Vector3::new(q.i, q.j, q.k);
-    let sin = crate::math::sqrt(axis.norm_squared());
+    let sin = math::sqrt(axis.norm_squared());
     if sin < 1e-6 {
         return 2.0 * axis;
     }
-    2.0 * crate::math::atan2(sin, q.w) / sin * axis
+    2.0 * math::atan2(sin, q.w) / sin * axis
 }

@@ -64,7 +64,6 @@ pub(crate) struct Sightings {
 }
 
 impl Sightings {
-    /// Number of sightings.
     pub(crate) fn count(&self) -> u32 {
         self.count
     }
