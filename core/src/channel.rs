@@ -35,13 +35,12 @@ const START_M: f64 = 100.0;
 const START_MPS: f64 = 1.0;
 
 /// What a span does to a channel.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Growth {
     /// Duration, s.
     pub seconds: f64,
     /// Integral of specific force up, m/s, and of that integral, m.
     pub force_up_mps: f64,
-    /// See above.
     pub force_up_moved_m: f64,
     /// Power density of accelerometer noise, (m/s)^2/s.
     pub accel_noise: f64,

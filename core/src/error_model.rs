@@ -8,7 +8,7 @@ use crate::math::{self, singles};
 use crate::parameters::{Parameters, index};
 
 /// Error of the INS, ENU: INS minus truth.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct InsError<T: Scalar = f64> {
     /// Position, m; its third component is dh.
@@ -150,7 +150,6 @@ impl Passage {
         }
     }
 
-    /// In single precision.
     pub fn single(&self) -> Passage<f32> {
         Passage {
             seconds: math::single(self.seconds),
@@ -186,7 +185,6 @@ pub enum Input<T: Scalar = f64> {
 }
 
 impl Input {
-    /// In single precision.
     pub fn single(&self) -> Input<f32> {
         match self {
             Self::Tilt(tilt) => Input::Tilt(singles(tilt)),
@@ -196,27 +194,8 @@ impl Input {
 }
 
 impl<T: RealField + Copy> InsError<T> {
-    /// No error.
-    pub fn zero() -> Self {
-        Self {
-            position_m: Vector3::zeros(),
-            velocity_mps: Vector3::zeros(),
-            tilt_rad: Vector3::zeros(),
-        }
-    }
-
     /// One of its nine components.
-    pub fn component(&self, which: usize) -> Option<&T> {
-        let vector = match which / 3 {
-            0 => &self.position_m,
-            1 => &self.velocity_mps,
-            _ => &self.tilt_rad,
-        };
-        vector.get(which % 3)
-    }
-
-    /// One of its nine components, to be changed.
-    pub fn component_mut(&mut self, which: usize) -> Option<&mut T> {
+    pub fn component(&mut self, which: usize) -> Option<&mut T> {
         let vector = match which / 3 {
             0 => &mut self.position_m,
             1 => &mut self.velocity_mps,
@@ -268,10 +247,8 @@ impl InsError {
         error.carry(passage);
         // Force is longer than its projection. Plus, for it is the one of the tilted frame. And of the
         // azimuth the whole.
-        let (azimuth, level) = (
-            self.tilt_rad - level_of(&self.tilt_rad),
-            level_of(&self.tilt_rad),
-        );
+        let level = level_of(&self.tilt_rad);
+        let azimuth = self.tilt_rad - level;
         let longer = 0.5 * level.cross(&span.force_mps.cross(&level));
         let turned = |force: &Vector3<f64>| force - about_up(force, passage.azimuth);
         let taken_out_mps = turned(&forcing.taken_out_mps);

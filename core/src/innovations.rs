@@ -23,6 +23,10 @@ pub const MANOEUVRE_S: f64 = 10.0;
 const SURPRISING: f64 = 9.0;
 /// Memory of the correlation of neighbours, in fixes.
 const CORRELATION_MEMORY: f64 = 200.0;
+/// Fixes over which the stated noise is averaged, and range of its ratio to the average, in
+/// variance.
+const STATED_MEMORY: f64 = 100.0;
+const STATED_RANGE: [f64; 2] = [0.1, 100.0];
 
 /// How a fix of one kind is taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,9 +60,11 @@ pub fn is_ordinary(innovation: &Vector2<f64>, total: f64) -> bool {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Innovations {
-    /// Variance of GNSS noise against the configured one.
-    scale: f64,
+    /// Variance of GNSS noise against the configured one, as measured.
+    pub scale: f64,
     memory: f64,
+    /// Variance that the receiver states, on average; zero before it does.
+    stated: f64,
     /// Correlation of neighbours, and the last innovation in its sigmas.
     correlation: f64,
     last: Vector2<f64>,
@@ -71,6 +77,7 @@ impl Default for Innovations {
         Self {
             scale: 1.0,
             memory: FIRST_MEMORY,
+            stated: 0.0,
             correlation: 0.0,
             last: Vector2::zeros(),
             taken: None,
@@ -80,11 +87,6 @@ impl Default for Innovations {
 }
 
 impl Innovations {
-    /// Variance of GNSS noise against the configured one, as measured.
-    pub fn scale(&self) -> f64 {
-        self.scale
-    }
-
     /// Judges an innovation at a moment: of `components`, with this variance of each from the INS
     /// and from GNSS noise that is not white, and with `white` noise on top.
     pub fn judge(
@@ -100,12 +102,8 @@ impl Innovations {
         if power <= GATE_SIGMAS * GATE_SIGMAS * total {
             self.astray = None;
             self.taken = Some(now);
-            let sigmas = math::sqrt(power / total) / ROBUST_SIGMAS;
-            return Credit::Taken(if sigmas > 1.0 {
-                white * sigmas * sigmas
-            } else {
-                white
-            });
+            let beyond = math::max(math::sqrt(power / total) / ROBUST_SIGMAS, 1.0);
+            return Credit::Taken(white * beyond * beyond);
         }
         let ordinary = |residual: Vector2<f64>, fixes: f64| is_ordinary(&residual, fixes * total);
         // Wrong fixes agree if the way the INS went between them explains the change, or if it runs
@@ -137,6 +135,17 @@ impl Innovations {
         Credit::Lost(power / components)
     }
 
+    /// How many times noisier than others a fix of this stated variance is, in variance. The scale of
+    /// what is stated is not believed unless the user says so, its changes are.
+    pub fn against_average(&mut self, variance: f64) -> f64 {
+        if self.stated <= 0.0 {
+            self.stated = variance;
+        }
+        let relative = math::within(variance / self.stated, STATED_RANGE);
+        self.stated += (relative - 1.0) * self.stated / STATED_MEMORY;
+        relative
+    }
+
     /// Learns from an innovation that was taken: its square against its whole variance, per
     /// component, the share that white noise has of that variance, and itself in sigmas. A step of
     /// Fisher's scoring: where the INS is uncertain little is said of the noise.
@@ -146,8 +155,7 @@ impl Innovations {
         let scale = self.scale * (1.0 + share * (bounded - 1.0) / self.memory);
         self.scale = math::variance_within(scale, range);
         self.memory = math::min(self.memory + share * share, LONGEST_MEMORY);
-        let likeness = 0.5 * sigmas.dot(&self.last);
-        let likeness = math::max(math::min(likeness, 3.0), -3.0);
+        let likeness = math::within(0.5 * sigmas.dot(&self.last), [-3.0, 3.0]);
         let memory = math::min(self.memory, CORRELATION_MEMORY);
         self.correlation += (likeness - self.correlation) / memory;
         self.last = *sigmas;
@@ -176,34 +184,8 @@ impl Innovations {
 
     /// Factor by which colour makes rows less informative than white ones.
     pub fn inflation(&self) -> f64 {
-        let rho = math::max(math::min(self.correlation, 0.9), 0.0);
+        let rho = math::within(self.correlation, [0.0, 0.9]);
         (1.0 + rho) / (1.0 - rho)
-    }
-}
-
-/// The velocity noise that the receiver states, on average. Its scale is not believed unless the
-/// user says so, its changes are.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct StatedNoise {
-    variance: f64,
-}
-
-/// Fixes over which the stated noise is averaged, and range of its ratio to the average, in
-/// variance.
-const STATED_MEMORY: f64 = 100.0;
-const STATED_RANGE: [f64; 2] = [0.1, 100.0];
-
-impl StatedNoise {
-    /// How many times noisier than others a fix of this stated variance is, in variance.
-    pub fn against_average(&mut self, variance: f64) -> f64 {
-        if self.variance <= 0.0 {
-            self.variance = variance;
-        }
-        let [least, most] = STATED_RANGE;
-        let relative = math::max(math::min(variance / self.variance, most), least);
-        self.variance += (relative - 1.0) * self.variance / STATED_MEMORY;
-        relative
     }
 }
 
@@ -216,7 +198,8 @@ pub fn against_described(variance: f64, noise: &Noise, range: [f64; 2]) -> f64 {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Doubts {
-    last: Option<Time>,
+    /// When it was last.
+    pub last: Option<Time>,
     in_a_row: u8,
 }
 
@@ -241,11 +224,6 @@ impl Doubts {
         self.in_a_row = self.in_a_row.saturating_add(1);
     }
 
-    /// When it was last.
-    pub fn last(&self) -> Option<Time> {
-        self.last
-    }
-
     /// Whether it has to be aligned anew.
     pub fn is_hopeless(&self) -> bool {
         self.in_a_row >= HOPELESS
@@ -256,7 +234,8 @@ impl Doubts {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Surprise {
-    mean: f64,
+    /// Average square, 1 where all is well.
+    pub mean: f64,
     /// Time for which they have not been.
     pub lasting_s: f64,
 }
@@ -271,11 +250,6 @@ impl Surprise {
         } else {
             self.lasting_s = 0.0;
         }
-    }
-
-    /// Average square, 1 where all is well.
-    pub fn mean(&self) -> f64 {
-        self.mean
     }
 }
 

@@ -33,11 +33,8 @@ pub struct Added {
 /// What is known of a step of a walk once the parameters are: `step + by . x = z`, with a variance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step<const N: usize> {
-    /// See above.
     pub by: SVector<f32, N>,
-    /// See above.
     pub z: f32,
-    /// See above.
     pub variance: f32,
 }
 
@@ -231,7 +228,6 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
         }
     }
 
-    /// Variance of parameter `index`.
     pub fn variance(&self, index: usize) -> f32 {
         self.variance_of(unit(index))
     }

@@ -247,11 +247,14 @@ impl Literal {
             let level = now.difference_mps.xy();
             (&mut self.level_innovations, level, 2.0)
         };
-        let variance = kind.noise(config).variance();
-        let time = self.now.time;
-        if !credible(innovations, time, &difference, components, variance, config) {
+        let variance = kind.noise(config).variance() * innovations.scale;
+        let credit = innovations.judge(self.now.time, &difference, components, 0.0, variance);
+        if !matches!(credit, Credit::Taken(_)) {
             return false;
         }
+        let sigmas = difference / math::sqrt(variance);
+        let square = sigmas.norm_squared() / components;
+        innovations.learn(square, 1.0, &sigmas, config.gnss.noise_range);
         if !kind.is_up() {
             if let Some(last) = self.last {
                 self.average(&last, now);
@@ -276,17 +279,13 @@ impl Literal {
         if self.going.is_none() {
             return;
         }
-        let block = &mut self.block;
-        block.seconds += dt;
-        block.gyros += Vector3::new(level.x, level.y, up);
-        block.accel_up += accel_up;
-        if block.seconds >= BLOCK_S {
-            let Block {
-                seconds,
-                gyros,
-                accel_up,
-            } = *block;
-            let means = gyros / seconds;
+        self.block.seconds += dt;
+        self.block.gyros += Vector3::new(level.x, level.y, up);
+        self.block.accel_up += accel_up;
+        let seconds = self.block.seconds;
+        if seconds >= BLOCK_S {
+            let block = core::mem::take(&mut self.block);
+            let means = block.gyros / seconds;
             let all = self.gyros.iter_mut().chain([&mut self.accel_up]);
             all.for_each(|mean| mean.fade(KEEP));
             let [x, y, z] = &mut self.gyros;
@@ -296,9 +295,8 @@ impl Literal {
             if self.azimuth.count >= LEAST_COUNT {
                 z.add(means.z, seconds);
             }
-            self.accel_up
-                .add(accel_up / seconds + now.accel_compensation_mps2.z, seconds);
-            self.block = Block::default();
+            let accel_up = block.accel_up / seconds + now.accel_compensation_mps2.z;
+            self.accel_up.add(accel_up, seconds);
         }
     }
 
@@ -362,8 +360,7 @@ impl Literal {
     }
 
     fn gyro_drift(&self) -> Vector3<f64> {
-        let [x, y, z] = &self.gyros;
-        Vector3::new(x.value, y.value, z.value)
+        self.gyros.map(|gyro| gyro.value).into()
     }
 
     fn measure_acceleration(&self, going: &mut Going, now: &Comparison) {
@@ -455,25 +452,6 @@ impl Literal {
             }
         }
     }
-}
-
-/// Whether an innovation of some components is credible, and what it says of their noise.
-fn credible(
-    innovations: &mut Innovations,
-    now: Time,
-    innovation: &Vector2<f64>,
-    components: f64,
-    variance: f64,
-    config: &Config,
-) -> bool {
-    let variance = variance * innovations.scale();
-    let Credit::Taken(_) = innovations.judge(now, innovation, components, 0.0, variance) else {
-        return false;
-    };
-    let sigmas = innovation / math::sqrt(variance);
-    let square = sigmas.norm_squared() / components;
-    innovations.learn(square, 1.0, &sigmas, config.gnss.noise_range);
-    true
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@ use crate::increments::{Increments, Interval};
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::mechanization::{Controls, Mechanization};
+use crate::observer::Observer;
 use crate::outcome::{GnssOutcome, ImuOutcome};
 use crate::samples::{FixSigma, GnssFix, Heading, ImuSample};
 use crate::solution::{BodyMotion, Phase, Solution, SolutionSigma};
@@ -259,13 +260,13 @@ impl<const RING: usize> Navigator<RING> {
     /// Spread of roll and pitch of the damped INS, rad, apart from what the level accelerometers
     /// tilt it by; none in the literal form.
     pub fn tilt_sigma_rad(&self) -> Option<f64> {
-        self.aided()?.tilt_sigma_rad()
+        Some(self.observer()?.tilt_sigma_rad())
     }
 
     /// Noise of GNSS velocity, as coloured as it was found to be and as strong as configured; none in
     /// the literal form.
     pub fn velocity_noise(&self) -> Option<Noise> {
-        self.aided()?.velocity_noise(&self.config)
+        Some(self.observer()?.velocity_noise(&self.config))
     }
 
     /// One standard deviation of the [solution](Self::solution); none in the literal form. What the
@@ -294,23 +295,17 @@ impl<const RING: usize> Navigator<RING> {
 
     /// How it goes.
     pub fn health(&self) -> Health {
-        let aided = self.aided();
-        let surprise = aided.and_then(AidedIns::surprise);
-        let Tally {
-            samples,
-            fixes,
-            last_fix,
-        } = self.tally;
+        let observer = self.observer();
         Health {
             phase: self.phase(),
-            coasting_since: aided.and_then(AidedIns::coasting_since),
-            last_fix,
-            level_innovation: surprise.map(|(level, _)| level),
-            vertical_innovation: surprise.map(|(_, vertical)| vertical),
-            doubted: aided.and_then(AidedIns::doubted),
+            coasting_since: self.aided().and_then(AidedIns::coasting_since),
+            last_fix: self.tally.last_fix,
+            level_innovation: observer.map(|own| own.surprise.mean),
+            vertical_innovation: observer.map(|own| own.vertical_surprise.mean),
+            doubted: observer.and_then(Observer::doubted),
             restarts: self.state.restarts,
-            fixes,
-            samples,
+            fixes: self.tally.fixes,
+            samples: self.tally.samples,
         }
     }
 
@@ -337,7 +332,7 @@ impl<const RING: usize> Navigator<RING> {
     /// The manoeuvre going on.
     pub fn manoeuvre(&self) -> Manoeuvre {
         self.aided()
-            .map_or_else(Manoeuvre::default, AidedIns::manoeuvre)
+            .map_or_else(Manoeuvre::default, |ins| ins.manoeuvre)
     }
 
     /// The damping signals of the last fix.
@@ -351,6 +346,10 @@ impl<const RING: usize> Navigator<RING> {
             Mode::Aligning(_) => None,
             Mode::Navigating(ins) => Some(ins),
         }
+    }
+
+    fn observer(&self) -> Option<&Observer> {
+        self.aided()?.observer()
     }
 }
 
@@ -442,9 +441,7 @@ impl<const RING: usize> State<RING> {
             return ImuOutcome::OutOfRange;
         }
         self.inertial = Some((sample.time, Increments::new(config.imu_output, sample)));
-        if let Mode::Aligning(alignment) = &mut self.mode {
-            alignment.begin_at(sample.time);
-        }
+        self.align_again(sample.time, config);
         ImuOutcome::Accepted
     }
 
@@ -474,20 +471,17 @@ impl<const RING: usize> State<RING> {
     #[inline(never)]
     fn align_again(&mut self, time: Time, config: &Config) {
         match &mut self.mode {
-            Mode::Aligning(alignment) => alignment.on_hole(time),
+            Mode::Aligning(alignment) => alignment.begin_at(time),
             Mode::Navigating(ins) => {
-                let Mechanization {
-                    position, attitude, ..
-                } = *ins.mechanization();
                 self.restarts = self.restarts.saturating_add(1);
-                let alignment = if ins.is_misled() {
+                let alignment = if ins.misled {
                     self.level_force_mps2 = Vector3::zeros();
                     self.stopgap = None;
                     Alignment::anew(time, &config.prior())
                 } else {
                     self.level_force_mps2 = ins.level_force_mps2();
                     self.stopgap = Some(*ins.mechanization()).filter(is_possible);
-                    Alignment::resume(time, position, attitude, ins.known())
+                    Alignment::resume(time, ins.mechanization(), ins.known())
                 };
                 self.mode = Mode::Aligning(alignment);
             }
@@ -500,17 +494,13 @@ impl<const RING: usize> State<RING> {
             Mode::Aligning(_) => self.navigate_once_aligned(config),
             Mode::Navigating(ins) => {
                 ins.follow_up(&self.interval, tally, config);
-                self.align_again_if_lost(config);
+                if let Some((now, _)) = &self.inertial
+                    && (ins.lost || !is_possible(ins.mechanization()))
+                {
+                    let now = *now;
+                    self.align_again(now, config);
+                }
             }
-        }
-    }
-
-    fn align_again_if_lost(&mut self, config: &Config) {
-        if let (Mode::Navigating(ins), Some((now, _))) = (&self.mode, &self.inertial)
-            && (ins.is_lost() || !is_possible(ins.mechanization()))
-        {
-            let now = *now;
-            self.align_again(now, config);
         }
     }
 
@@ -648,9 +638,5 @@ fn check(fix: &GnssFix) -> Result<(), GnssOutcome> {
             .iter()
             .flatten()
             .all(|sigma| math::abs(*sigma) < COARSEST);
-    if possible {
-        Ok(())
-    } else {
-        Err(GnssOutcome::OutOfRange)
-    }
+    possible.then_some(()).ok_or(GnssOutcome::OutOfRange)
 }

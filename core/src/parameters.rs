@@ -59,12 +59,10 @@ impl Parameters {
         sigma: SVector::from_array_storage(ArrayStorage([[0.0; COUNT]])),
     };
 
-    /// Value of one parameter.
     pub fn value(&self, parameter: usize) -> f64 {
         self.value.get(parameter).copied().unwrap_or(0.0)
     }
 
-    /// Standard deviation of one parameter.
     pub fn sigma(&self, parameter: usize) -> f64 {
         self.sigma
             .get(parameter)
@@ -73,11 +71,7 @@ impl Parameters {
 
     /// Three values from `first` on.
     pub fn vector(&self, first: usize) -> Vector3<f64> {
-        Vector3::new(
-            self.value(first),
-            self.value(first + 1),
-            self.value(first + 2),
-        )
+        [0, 1, 2].map(|axis| self.value(first + axis)).into()
     }
 
     /// Lever arm, right, forward and up, m.
@@ -85,7 +79,6 @@ impl Parameters {
         self.vector(index::LEVER_ARM)
     }
 
-    /// Moves one value.
     pub fn shift(&mut self, parameter: usize, by: f64) {
         if let Some(value) = self.value.get_mut(parameter) {
             *value += by;
@@ -98,7 +91,6 @@ impl Parameters {
         off * off < AGREES_SIGMAS * AGREES_SIGMAS * (sigma * sigma + variance)
     }
 
-    /// Sets value and spread of one parameter.
     pub fn set(&mut self, parameter: usize, value: f64, sigma: f64) {
         if let (Some(v), Some(s)) = (self.value.get_mut(parameter), self.sigma.get_mut(parameter)) {
             (*v, *s) = (value, math::single(sigma));

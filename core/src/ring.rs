@@ -46,17 +46,14 @@ impl<T, const N: usize> Ring<T, N> {
         front.iter().skip(skipped).chain(back.iter().skip(more))
     }
 
-    /// How many items there are.
     pub(crate) fn len(&self) -> usize {
         self.items.len()
     }
 
-    /// The oldest item.
     pub(crate) fn oldest(&self) -> Option<&T> {
         self.items.front()
     }
 
-    /// The newest item.
     pub(crate) fn newest(&self) -> Option<&T> {
         self.items.back()
     }

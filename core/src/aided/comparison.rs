@@ -82,9 +82,7 @@ pub struct Comparison {
     pub fixes: u8,
     /// Stamp of the newest fix, its moment, and that of the last one of the comparison before.
     pub stamp: Time,
-    /// See above.
     pub newest: Time,
-    /// See above.
     pub before: Time,
     /// When it came.
     pub taken: Time,
@@ -92,15 +90,11 @@ pub struct Comparison {
     pub latency_applied_s: f64,
     /// INS minus GNSS, ENU, m/s and m.
     pub velocity_mps: Vector3<f64>,
-    /// See above.
     pub position_m: Vector3<f64>,
     /// What the fixes have of each kind.
     pub velocity: Part,
-    /// See above.
     pub climb: Part,
-    /// See above.
     pub position: Part,
-    /// See above.
     pub height: Part,
     /// Variance that the climb has on top, (m/s)^2: that of the first fix, which the noise of these
     /// has no part in.
@@ -109,7 +103,6 @@ pub struct Comparison {
     pub climb_assumed: bool,
     /// Since the last position, and since the last height, s.
     pub position_s: f64,
-    /// See above.
     pub height_s: f64,
 }
 

@@ -3,7 +3,6 @@
 use nalgebra::Vector3;
 
 use crate::config::{Config, Feedback, Form};
-use crate::increments::Interval;
 use crate::math;
 use crate::parameters::{Parameters, index};
 
@@ -47,17 +46,14 @@ impl Compensation {
         let known = |i: usize, part: f64| parameters.sigma(i) < part * prior.sigma(i);
         // (9) reads gyro biases from controls that a compensation would empty.
         let exact = config.form == Form::Exact;
-        for axis in 0..3 {
-            if let Some(gyro) = self.gyro_radps.get_mut(axis)
-                && exact
-                && known(index::GYRO + axis, BIAS_KNOWN)
-            {
-                *gyro = parameters.value(index::GYRO + axis);
+        for (which, gyro) in (index::GYRO..).zip(&mut self.gyro_radps) {
+            if exact && known(which, BIAS_KNOWN) {
+                *gyro = parameters.value(which);
             }
-            if let Some(accel) = self.accel_mps2.get_mut(axis)
-                && known(index::ACCEL + axis, BIAS_KNOWN)
-            {
-                *accel = parameters.value(index::ACCEL + axis);
+        }
+        for (which, accel) in (index::ACCEL..).zip(&mut self.accel_mps2) {
+            if known(which, BIAS_KNOWN) {
+                *accel = parameters.value(which);
             }
         }
         // However little is known of it: what is left is all that has to be linear.
@@ -65,15 +61,10 @@ impl Compensation {
             self.latency_s = credible_latency(parameters);
         }
     }
-
-    /// A measured interval as the INS takes it.
-    pub fn compensated(&self, raw: &Interval) -> Interval {
-        raw.without_bias(&self.gyro_radps, &self.accel_mps2)
-    }
 }
 
 /// Latency, s, as far as the ring can serve it.
 fn credible_latency(parameters: &Parameters) -> f64 {
-    let latency_s = parameters.value(index::LATENCY);
-    math::max(math::min(latency_s, LATENCY_LIMIT_S), -LATENCY_LIMIT_S)
+    let limits = [-LATENCY_LIMIT_S, LATENCY_LIMIT_S];
+    math::within(parameters.value(index::LATENCY), limits)
 }

@@ -64,7 +64,6 @@ impl Estimator {
         }
     }
 
-    /// The same, to be changed.
     #[cfg_attr(not(feature = "literal"), expect(clippy::unnecessary_wraps))]
     pub fn exact_mut(&mut self) -> Option<&mut Observer> {
         match self {
@@ -74,7 +73,6 @@ impl Estimator {
         }
     }
 
-    /// What is known of the parameters.
     pub fn parameters(&self) -> &Parameters {
         match self {
             Self::Exact(observer) => observer.parameters(),
@@ -92,7 +90,6 @@ impl Estimator {
         }
     }
 
-    /// The moment it stands at.
     pub fn horizon(&self) -> Time {
         match self {
             Self::Exact(observer) => observer.horizon(),
@@ -129,7 +126,7 @@ impl Estimator {
             Self::Exact(observer) => observer.error_after(since, accel_mps2),
             #[cfg(feature = "literal")]
             Self::Literal(literal) => {
-                let mut error = InsError::zero();
+                let mut error = InsError::default();
                 error.tilt_rad.z = literal.azimuth_left_rad(since);
                 error
             }

@@ -17,7 +17,7 @@ use crate::alignment::levelling::UNSEEN_RADPS;
 use crate::alignment::rest::{self, RestBlock, RestDetector, Verdict as RestVerdict};
 use crate::alignment::{Aligned, MOVING_MPS};
 use crate::attitude::matrix;
-use crate::config::{Config, Feedback, Noise};
+use crate::config::{Config, Feedback};
 use crate::damping::DampingSignals;
 use crate::earth::{GRAVITY_EQUATOR_MPS2, wrap_pi};
 use crate::error_model::InsError;
@@ -28,6 +28,7 @@ use crate::increments::Interval;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::mechanization::{Controls, Mechanization, Step};
+use crate::observer::Observer;
 use crate::outcome::GnssOutcome;
 use crate::parameters::{Parameters, index};
 use crate::ring::Ring;
@@ -139,12 +140,14 @@ pub struct AidedIns<const N: usize> {
     azimuth_removed_rad: f64,
     /// From the start to the newest moment of the ring.
     turned: Turned,
-    manoeuvre: Manoeuvre,
+    /// The one going on.
+    pub manoeuvre: Manoeuvre,
     /// Stamp and velocity difference of the last fix that was compared, ENU, m/s.
     compared: (Time, Vector3<f64>),
-    lost: bool,
+    /// It has lost its way, and has to be aligned anew.
+    pub lost: bool,
     /// Not even what it has found can be believed.
-    misled: bool,
+    pub misled: bool,
 }
 
 impl<const N: usize> AidedIns<N> {
@@ -206,16 +209,6 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    /// Whether it has lost its way, and has to be aligned anew.
-    pub fn is_lost(&self) -> bool {
-        self.lost
-    }
-
-    /// Whether what it has found is none to begin anew from either.
-    pub fn is_misled(&self) -> bool {
-        self.misled
-    }
-
     /// All that has happened since the estimators' horizon.
     fn since_horizon(&self) -> Span {
         self.before_current.then(&self.current)
@@ -227,26 +220,15 @@ impl<const N: usize> AidedIns<N> {
             .error_after(&self.since_horizon(), &self.compensation.accel_mps2)
     }
 
-    /// What is assumed of the noise of GNSS velocity.
-    pub fn velocity_noise(&self, config: &Config) -> Option<Noise> {
-        Some(self.estimator.exact()?.velocity_noise(config))
+    /// The exact form of its estimators, if it is that.
+    pub fn observer(&self) -> Option<&Observer> {
+        self.estimator.exact()
     }
 
     /// Spread of position, velocity and attitude, ENU.
     pub fn sigma(&self, config: &Config) -> Option<SolutionSigma> {
         let since_s = self.since_horizon().seconds;
         Some(self.estimator.exact()?.sigma(since_s, config))
-    }
-
-    /// Mean square of the level and of the vertical innovations, in their variances.
-    pub fn surprise(&self) -> Option<(f64, f64)> {
-        let (level, vertical) = self.estimator.exact()?.surprise();
-        Some((level.mean(), vertical.mean()))
-    }
-
-    /// When it was last doubted.
-    pub fn doubted(&self) -> Option<Time> {
-        self.estimator.exact()?.doubted()
     }
 
     /// When the last controls were set, if there are none any more.
@@ -256,20 +238,14 @@ impl<const N: usize> AidedIns<N> {
 
     /// A measured interval as the INS takes it.
     pub fn compensated(&self, raw: &Interval) -> Interval {
-        self.compensation.compensated(raw)
+        let out = &self.compensation;
+        raw.without_bias(&out.gyro_radps, &out.accel_mps2)
     }
 
-    /// Specific force in the body at the level attitude of the mount, m/s^2.
     pub fn level_force_mps2(&self) -> Vector3<f64> {
         self.estimator.level_force_mps2()
     }
 
-    /// Spread of its roll and pitch, rad.
-    pub fn tilt_sigma_rad(&self) -> Option<f64> {
-        Some(self.estimator.exact()?.tilt_sigma_rad())
-    }
-
-    /// The damped INS.
     pub fn mechanization(&self) -> &Mechanization {
         &self.mechanization
     }
@@ -277,11 +253,6 @@ impl<const N: usize> AidedIns<N> {
     /// What has been found of the sensors.
     pub fn known(&self) -> &Parameters {
         self.estimator.parameters()
-    }
-
-    /// The manoeuvre going on.
-    pub fn manoeuvre(&self) -> Manoeuvre {
-        self.manoeuvre
     }
 
     /// The last comparison with GNSS and what acts on the INS.
@@ -309,7 +280,6 @@ impl<const N: usize> AidedIns<N> {
         }
     }
 
-    /// Errors of the sensors.
     pub fn estimates(&self, config: &Config) -> Estimates {
         let mut parameters = *self.known();
         let azimuth = self.azimuth_error_rad();
@@ -337,7 +307,6 @@ impl<const N: usize> AidedIns<N> {
         estimates
     }
 
-    /// Azimuth error that is still in the damped INS, rad.
     pub fn azimuth_left_rad(&self) -> f64 {
         self.error().tilt_rad.z
     }
@@ -508,7 +477,6 @@ impl<const N: usize> AidedIns<N> {
         self.azimuth_removed_rad += error.tilt_rad.z;
     }
 
-    /// Rate at which the navigation frame turns, rad/s.
     fn frame_rate(&self) -> Vector3<f64> {
         let earth = self.mechanization.local_earth();
         earth.earth_rate() + earth.transport_rate(&self.mechanization.velocity_enu_mps)
@@ -573,7 +541,6 @@ impl<const N: usize> AidedIns<N> {
         observer.measure_directly(index::GYRO, &bias, &variance);
     }
 
-    /// Takes a measured heading.
     #[inline(never)]
     pub fn on_heading(&mut self, measured: &Heading) -> GnssOutcome {
         let ago_s = self.now.seconds_since(measured.time);

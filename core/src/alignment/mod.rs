@@ -155,15 +155,10 @@ impl Alignment {
     }
 
     /// Begins again after a hole: roll and pitch are kept as a start, heading has to be found.
-    pub fn resume(
-        time: Time,
-        position: Geodetic,
-        attitude: UnitQuaternion<f64>,
-        known: &Parameters,
-    ) -> Self {
+    pub fn resume(time: Time, ins: &Mechanization, known: &Parameters) -> Self {
         Self {
-            place: Some((time, position)),
-            stage: Stage::Begin(resumed(attitude)),
+            place: Some((time, ins.position)),
+            stage: Stage::Begin(resumed(ins.attitude)),
             ..Self::anew(time, known)
         }
     }
@@ -181,8 +176,8 @@ impl Alignment {
         &self.known
     }
 
-    /// Inertial samples are missing before `time`.
-    pub fn on_hole(&mut self, time: Time) {
+    /// Begins at `time`, before which inertial samples are missing or have not been yet.
+    pub fn begin_at(&mut self, time: Time) {
         let level = match &self.stage {
             Stage::Begin(level) => Some(*level),
             Stage::Finding(finding) => finding.bank.leader().map(|c| resumed(*c.attitude())),
@@ -260,11 +255,6 @@ impl Alignment {
             }) => bank.on_sighting(&sighting, self.sightings.count() - 1),
             _ => {}
         }
-    }
-
-    /// The first sample has come.
-    pub fn begin_at(&mut self, start: Time) {
-        self.start = start;
     }
 
     /// Takes a measured heading; `now` is the last inertial stamp.
@@ -483,10 +473,10 @@ impl Alignment {
         let rate = earth.earth_rate();
         let bias = rest.rate_radps - attitude.tr_mul(&Vector3::new(0.0, 0.0, rate.z));
         let variance = rest.gyro_variance(&config.sensors);
-        for (axis, (bias, variance)) in bias.iter().zip(&variance).enumerate() {
+        for (which, (bias, variance)) in (index::GYRO..).zip(bias.iter().zip(&variance)) {
             let sigma = math::sqrt(variance + rate.y * rate.y);
-            if sigma < self.known.sigma(index::GYRO + axis) {
-                self.known.set(index::GYRO + axis, *bias, sigma);
+            if sigma < self.known.sigma(which) {
+                self.known.set(which, *bias, sigma);
             }
         }
     }
@@ -550,9 +540,9 @@ impl Alignment {
             self.known.set(index::LATENCY, latency_s, sigma_s);
         }
         let gyros = found.gyro_bias_radps.iter().zip(&found.gyro_sigma_radps);
-        for (axis, (bias, sigma)) in gyros.enumerate() {
-            if *sigma < self.known.sigma(index::GYRO + axis) {
-                self.known.set(index::GYRO + axis, *bias, *sigma);
+        for (which, (bias, sigma)) in (index::GYRO..).zip(gyros) {
+            if *sigma < self.known.sigma(which) {
+                self.known.set(which, *bias, *sigma);
             }
         }
     }

@@ -37,8 +37,8 @@ const LARGEST_STEP: f64 = 0.1;
 pub struct Colour {
     /// Its variance against the configured one, were the white part as strong as configured, and as
     /// strong as it is.
-    ratio: f64,
-    strength: f64,
+    pub ratio: f64,
+    pub strength: f64,
     information: f64,
     last: Time,
     /// What lasts of its estimate.
@@ -47,7 +47,7 @@ pub struct Colour {
 
 /// By how much more variance the next measurement would be predicted, and itself be predicted to be
 /// more, for a unit of the logarithm of that strength more.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Sensitivity {
     variance: f64,
@@ -55,12 +55,6 @@ pub struct Sensitivity {
 }
 
 impl Sensitivity {
-    /// Before anything has come in.
-    pub const NONE: Self = Self {
-        variance: 0.0,
-        predicted: Vector2::new(0.0, 0.0),
-    };
-
     /// Some of the noise has gone, and some has come in.
     pub fn renew(&mut self, renewal: &Renewal) {
         self.variance = renewal.keep * renewal.keep * self.variance + renewal.new;
@@ -88,16 +82,6 @@ impl Colour {
         }
     }
 
-    /// Variance of the correlated part against the configured one.
-    pub fn strength(&self) -> f64 {
-        self.strength
-    }
-
-    /// The same, were the white part as strong as configured.
-    pub fn ratio(&self) -> f64 {
-        self.ratio
-    }
-
     /// Both parts are stronger by this, in variance.
     pub fn scale(&mut self, both: f64) {
         self.strength = both * self.ratio;
@@ -121,10 +105,7 @@ impl Colour {
         let score = predicted.dot(innovation) / total + 0.5 * share * (square - components);
         let new = predicted.norm_squared() / total + 0.5 * components * share * share;
         self.information = math::min(self.information + new, REMEMBERED);
-        let step = math::max(
-            math::min(score / self.information, LARGEST_STEP),
-            -LARGEST_STEP,
-        );
+        let step = math::within(score / self.information, [-LARGEST_STEP, LARGEST_STEP]);
         self.ratio = math::variance_within(self.ratio * (1.0 + step), range);
     }
 

@@ -1,14 +1,12 @@
 //! What was not seen, and an INS that is found to be wrong.
 
-use nalgebra::Vector3;
-
 use super::jump::Jump;
 use super::{Observer, estimated};
 use crate::channel::Channel;
 use crate::config::Config;
 use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::innovations::{LOST_S, Surprise};
-use crate::math::{self, singles};
+use crate::math;
 use crate::measurement::Kind;
 use crate::parameters::{COUNT, index};
 use crate::time::Time;
@@ -78,7 +76,7 @@ impl Observer {
         self.level = Channel::new(tilt, &gnss.velocity_mps, &gnss.position_m);
         self.level.doubt(variance, 0.0);
         self.level.doubt_position(variance * ASTRAY_S * ASTRAY_S);
-        self.forget_noise(&Vector3::z());
+        self.forget_noise(0.0, 1.0);
         self.lose_vertical(LOST_MPS * LOST_MPS, config);
         self.azimuth_walk += LOST_AZIMUTH_RAD * LOST_AZIMUTH_RAD;
         let prior = config.prior();
@@ -99,7 +97,7 @@ impl Observer {
         self.vertical = Channel::new(0.0, &gnss.velocity_up_mps, &gnss.height_m);
         self.vertical.doubt(variance, 0.0);
         self.vertical_surprise = Surprise::default();
-        self.forget_noise(&Vector3::new(1.0, 1.0, 0.0));
+        self.forget_noise(1.0, 0.0);
     }
 
     /// Vertical velocities so far were wrong, and what they have shown.
@@ -115,18 +113,17 @@ impl Observer {
         }
     }
 
-    /// What GNSS was thought to err by explained some of the INS's own error: `kept` says of which
-    /// axes it is kept, by ones.
-    fn forget_noise(&mut self, kept: &Vector3<f64>) {
-        self.followed.keep_noise(kept);
+    /// What GNSS was thought to err by explained some of the INS's own error: parts of it that are kept.
+    fn forget_noise(&mut self, level: f32, up: f32) {
+        self.followed.renew([level.into(); 2], [up.into(); 2]);
         for response in estimated(&mut self.responses, &self.corrections) {
-            response.keep_noise(&singles(kept));
+            response.renew([level; 2], [up; 2]);
         }
     }
 
     /// When it was last found to be wrong.
     pub fn doubted(&self) -> Option<Time> {
-        self.doubts.last().max(self.vertical_doubts.last())
+        self.doubts.last.max(self.vertical_doubts.last)
     }
 
     /// Whether believing it less does not mend it.

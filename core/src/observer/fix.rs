@@ -73,9 +73,8 @@ impl Observer {
         } else {
             &mut self.level
         };
-        let (Some(innovations), Some(stated), Some(colour)) = (
+        let (Some(innovations), Some(colour)) = (
             self.innovations.get_mut(number),
-            self.stated.get_mut(number),
             self.colours.get_mut(number),
         ) else {
             return false;
@@ -85,10 +84,10 @@ impl Observer {
         let absolute = gnss.trust_stated_sigma || kind.measured() == Measured::Position;
         let relative = match difference.stated_variance {
             Some(variance) if absolute => against_described(variance, described, gnss.noise_range),
-            Some(variance) => stated.against_average(variance),
+            Some(variance) => innovations.against_average(variance),
             None => 1.0,
         };
-        let learnt = relative * innovations.scale();
+        let learnt = relative * innovations.scale;
         colour.scale(match kind.measured() {
             Measured::Velocity => learnt,
             Measured::Position => math::max(learnt, relative),
@@ -97,10 +96,7 @@ impl Observer {
         let white = noise + bent;
         let predicted = channel.predicted(kind.measured());
         let components = if kind.is_up() { 1.0 } else { 2.0 };
-        let pair = Vector2::new(
-            innovation.first().copied().unwrap_or(0.0),
-            innovation.get(1).copied().unwrap_or(0.0),
-        );
+        let pair = Vector2::from([0, 1].map(|axis| innovation.get(axis).copied().unwrap_or(0.0)));
         // What the spread of the parameters adds is asked for only where it decides.
         let mut variance = predicted;
         if !is_ordinary(&pair, components * (predicted + white)) {
@@ -162,7 +158,10 @@ impl Observer {
         }
         if !kind.is_up() {
             let variance = total * math::sqrt(f64::from(added.determinant));
-            self.learn_gyro_noise(&pair, variance, gains.z, tilt, config);
+            let left = self.level.tilt();
+            let process = &mut self.gyro_noise;
+            process.moved(&pair, variance, gains.z, tilt - left);
+            process.look(left, config.sensors.noise_range);
         }
         true
     }
@@ -203,22 +202,6 @@ impl Observer {
         );
     }
 
-    /// Learns how noisy the gyros are from a level innovation of a variance per component, which was
-    /// taken with this gain of the tilt, known to a variance before.
-    fn learn_gyro_noise(
-        &mut self,
-        innovation: &Vector2<f64>,
-        variance: f64,
-        gain: f64,
-        tilt: f64,
-        config: &Config,
-    ) {
-        let left = self.level.tilt();
-        let process = &mut self.gyro_noise;
-        process.moved(innovation, variance, gain, tilt - left);
-        process.look(left, config.sensors.noise_range);
-    }
-
     /// Variance per component of what is not linear in the parameters: of a latency in a motion that
     /// bends, of an antenna that swings on an unknown arm, and in a frame that points elsewhere. It goes
     /// as they become known; what jolts hide between two moments of the ring stays.
@@ -234,20 +217,24 @@ impl Observer {
         let azimuth = square(p.sigma(index::AZIMUTH));
         let arm_axis = |axis: usize| square(p.sigma(index::LEVER_ARM + axis));
         let arm = (arm_axis(0) + arm_axis(1) + arm_axis(2)) / 3.0;
-        let (first, second, swing) = match kind.measured() {
-            Measured::Velocity => (&past.accel_mps2, &past.jerk_mps3, &past.attitude_accel),
-            Measured::Position => (&past.velocity_mps, &past.accel_mps2, &past.attitude_rate),
+        // Of what is too fast for the ring positions hardly show anything.
+        let (first, second, swing, unseen) = match kind.measured() {
+            Measured::Velocity => (
+                &past.accel_mps2,
+                &past.jerk_mps3,
+                &past.attitude_accel,
+                past.unseen_velocity + past.unseen_rate * direct.arm_m.norm_squared(),
+            ),
+            Measured::Position => (
+                &past.velocity_mps,
+                &past.accel_mps2,
+                &past.attitude_rate,
+                0.0,
+            ),
         };
         let turned = 0.5 * azimuth * first.norm_squared();
         let swung = arm * swing.norm_squared() / 3.0;
         let bent = 0.25 * latency * second.norm_squared();
-        // Of what is too fast for the ring, which positions hardly show.
-        let unseen = match kind.measured() {
-            Measured::Velocity => {
-                past.unseen_velocity + past.unseen_rate * direct.arm_m.norm_squared()
-            }
-            Measured::Position => 0.0,
-        };
         unseen + latency * (bent + swung + turned)
     }
 
@@ -321,7 +308,7 @@ impl Observer {
         let seen = match measured {
             Measured::Velocity => {
                 let noise = NOISE_SIGMAS * config.sensors.mean_gyro_noise();
-                let least = noise * noise * self.gyro_noise.ratio() / SPACING_S;
+                let least = noise * noise * self.gyro_noise.ratio / SPACING_S;
                 if 0.5 * past.attitude_rate.norm_squared() < least {
                     return Matrix3::zeros();
                 }
@@ -389,7 +376,7 @@ impl Observer {
         let [velocity, ..] = &self.colours;
         let noise = config.gnss.velocity_mps;
         Noise {
-            correlated: noise.correlated * math::sqrt(velocity.ratio()),
+            correlated: noise.correlated * math::sqrt(velocity.ratio),
             ..noise
         }
     }

@@ -10,7 +10,7 @@ use crate::parameters::{COUNT, index};
 
 /// What the observer follows, ENU: the error of the INS and the correlated noise of GNSS, with
 /// the sign that it has in INS minus GNSS.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Followed<T: Scalar> {
     /// Error of the INS.
@@ -22,27 +22,12 @@ pub struct Followed<T: Scalar> {
 }
 
 impl<T: RealField + Copy> Followed<T> {
-    /// Nothing.
-    pub fn zero() -> Self {
-        Self {
-            error: InsError::zero(),
-            velocity_noise: Vector3::zeros(),
-            position_noise: Vector3::zeros(),
-        }
-    }
-
     /// What it makes of INS minus GNSS.
     pub fn shows(&self, measured: Measured) -> Vector3<T> {
         match measured {
             Measured::Velocity => self.error.velocity_mps + self.velocity_noise,
             Measured::Position => self.error.position_m + self.position_noise,
         }
-    }
-
-    /// Keeps a part of the noise of each axis.
-    pub fn keep_noise(&mut self, parts: &Vector3<T>) {
-        self.velocity_noise.component_mul_assign(parts);
-        self.position_noise.component_mul_assign(parts);
     }
 
     /// Keeps a part of the noises of velocity and position.
@@ -127,7 +112,6 @@ impl Followed<f64> {
 }
 
 impl Followed<f32> {
-    /// In double precision.
     pub fn double(&self) -> Followed<f64> {
         let double = |v: &Vector3<f32>| v.map(f64::from);
         Followed {

@@ -53,21 +53,16 @@ impl Jump {
     /// The square of its size, if there was one beyond what is known to `variance`; innovations are
     /// `inflation` times less informative than white ones.
     pub fn square(&mut self, variance: f64, inflation: f64) -> Option<f64> {
-        let Self {
-            score,
-            information,
-            gathered,
-            squares,
-        } = *self;
-        let explained = score * score / information;
+        let information = self.information;
+        let explained = self.score * self.score / information;
         let expected = inflation + information * variance;
         if explained < expected {
             *self = Self::default();
             return None;
         }
         let jumped = explained > SIGMAS * SIGMAS * expected
-            && explained > EXPLAINED * squares
-            && information * information > SEEN_S * gathered;
+            && explained > EXPLAINED * self.squares
+            && information * information > SEEN_S * self.gathered;
         jumped.then(|| {
             *self = Self::default();
             4.0 * explained / information

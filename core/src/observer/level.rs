@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{FIRST_LEVEL_S, Observer, Row};
+use super::{FIRST_LEVEL_S, Observer, row};
 use crate::config::Config;
 use crate::math;
 use crate::parameters::index;
@@ -34,11 +34,7 @@ impl Observer {
         self.level_force_mps2 += step;
         for (axis, step) in step.iter().enumerate() {
             let (bias, scale) = (index::ACCEL + axis, index::ACCEL_SCALE + axis);
-            let mut by = Row::zeros();
-            if let Some(by) = by.get_mut(scale) {
-                *by = math::single(*step);
-            }
-            self.carry_forward(bias, &by);
+            self.carry_forward(bias, &row([(scale, math::single(*step))]));
             self.parameters
                 .shift(bias, step * self.parameters.value(scale));
         }

@@ -24,10 +24,7 @@ impl Manoeuvred {
         let keep = math::single(1.0 / (1.0 + seconds / MANOEUVRE_S));
         self.vector = self.vector * keep + singles(change);
         self.square *= keep * keep;
-        let growth = self.vector.norm_squared() - self.square;
-        if growth <= 0.0 {
-            return 0.0;
-        }
+        let growth = math::max(self.vector.norm_squared() - self.square, 0.0);
         self.square += growth;
         f64::from(growth)
     }

@@ -35,7 +35,7 @@ use self::process_noise::ProcessNoise;
 use crate::channel::Channel;
 use crate::config::Config;
 use crate::error_model::InsError;
-use crate::innovations::{Doubts, Innovations, StatedNoise, Surprise};
+use crate::innovations::{Doubts, Innovations, Surprise};
 use crate::least_squares::LeastSquares;
 use crate::math::{self, singles};
 use crate::measurement::Kind;
@@ -65,14 +65,14 @@ pub struct Observer {
     level: Channel,
     vertical: Channel,
     innovations: [Innovations; 4],
-    stated: [StatedNoise; 4],
     colours: [Colour; 4],
     /// To how strong that of heights is.
     height_sensitivity: Sensitivity,
     gyro_noise: ProcessNoise,
-    surprise: Surprise,
-    /// The same of the vertical, which goes wrong on its own.
-    vertical_surprise: Surprise,
+    /// How the level innovations compare with what they should be, and those of the vertical, which goes
+    /// wrong on its own.
+    pub surprise: Surprise,
+    pub vertical_surprise: Surprise,
     doubts: Doubts,
     vertical_doubts: Doubts,
     azimuth_jump: Jump,
@@ -133,12 +133,11 @@ impl Observer {
         vertical.doubt(climb_variance, 0.0);
         vertical.doubt_position(UNKNOWN_HEIGHT_M * UNKNOWN_HEIGHT_M);
         Self {
-            followed: Followed::zero(),
+            followed: Followed::default(),
             responses: UNIT_RESPONSES,
             level,
             vertical,
             innovations: [Innovations::default(); 4],
-            stated: [StatedNoise::default(); 4],
             colours: Kind::ALL.map(|kind| {
                 let known = if kind == Kind::Height {
                     colour::CONFIGURED
@@ -147,8 +146,8 @@ impl Observer {
                 };
                 Colour::new(start, known)
             }),
-            height_sensitivity: Sensitivity::NONE,
-            gyro_noise: ProcessNoise::CONFIGURED,
+            height_sensitivity: Sensitivity::default(),
+            gyro_noise: ProcessNoise::configured(),
             surprise: Surprise::default(),
             vertical_surprise: Surprise::default(),
             doubts: Doubts::default(),
@@ -160,7 +159,7 @@ impl Observer {
             levelled_s: FIRST_LEVEL_S,
             lately: [Vector3::zeros(); 2],
             next_spread: 0,
-            added: InsError::zero(),
+            added: InsError::default(),
             constancy: CONSTANT,
             given_back: None,
             unsolved_s: 0.0,
@@ -205,11 +204,6 @@ impl Observer {
     /// Specific force in the body at the level attitude of the mount, m/s^2.
     pub fn level_force_mps2(&self) -> &Vector3<f64> {
         &self.level_force_mps2
-    }
-
-    /// How the level innovations compare with what they should be, and the vertical ones.
-    pub fn surprise(&self) -> (&Surprise, &Surprise) {
-        (&self.surprise, &self.vertical_surprise)
     }
 
     /// Makes azimuth and latency those of the horizon: the first of the pieces that end with a
@@ -261,7 +255,7 @@ impl Observer {
     pub fn solve(&mut self) {
         let corrections = self.corrections.solve();
         self.corrections.count_from_solution();
-        let mut total = Followed::<f64>::zero();
+        let mut total = Followed::default();
         let responses = estimated(&mut self.responses, &self.corrections);
         for (response, by) in responses.iter().zip(&corrections) {
             total.add_scaled(&response.double(), f64::from(*by));
@@ -284,10 +278,7 @@ impl Observer {
         for (response, unit) in responses.iter_mut().zip(&UNIT_RESPONSES) {
             response.error.tilt_rad.z = unit.error.tilt_rad.z;
         }
-        let mut latency = Row::zeros();
-        if let Some(drift) = latency.get_mut(index::CLOCK_DRIFT) {
-            *drift = math::single(self.unsolved_s);
-        }
+        let latency = row([(index::CLOCK_DRIFT, math::single(self.unsolved_s))]);
         let before = self.corrections.variance(index::LATENCY);
         self.carry_forward(index::LATENCY, &latency);
         let drifted = self.corrections.variance(index::LATENCY) - before;
@@ -359,13 +350,8 @@ impl Observer {
 
     /// Latency `seconds` before the horizon and its spread, s.
     pub fn latency_before(&self, seconds: f64) -> (f64, f64) {
-        let mut coefficients = Row::zeros();
-        if let Some(now) = coefficients.get_mut(index::LATENCY) {
-            *now = 1.0;
-        }
-        if let Some(drift) = coefficients.get_mut(index::CLOCK_DRIFT) {
-            *drift = -math::single(seconds);
-        }
+        let drift = -math::single(seconds);
+        let coefficients = row([(index::LATENCY, 1.0), (index::CLOCK_DRIFT, drift)]);
         let p = &self.parameters;
         let value = p.value(index::LATENCY) - seconds * p.value(index::CLOCK_DRIFT);
         let variance = f64::from(self.corrections.variance_of(coefficients.into()));
@@ -409,6 +395,17 @@ impl Observer {
         self.corrections
             .add_direct(first, corrections.into(), singles(variance).into());
     }
+}
+
+/// A number for each of some parameters, zero for all others.
+fn row<const N: usize>(of: [(usize, f32); N]) -> Row {
+    let mut row = Row::zeros();
+    for (which, number) in of {
+        if let Some(own) = row.get_mut(which) {
+            *own = number;
+        }
+    }
+    row
 }
 
 /// The responses to the parameters that are not known exactly.

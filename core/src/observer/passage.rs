@@ -40,7 +40,7 @@ impl Observer {
         let [velocity, climb, position, height] = &self.colours;
         let gnss = &config.gnss;
         let renewal =
-            |noise: &Noise, colour: &Colour| Renewal::over(span.seconds, noise, colour.strength());
+            |noise: &Noise, colour: &Colour| Renewal::over(span.seconds, noise, colour.strength);
         let level = [
             renewal(&gnss.velocity_mps, velocity),
             renewal(&gnss.position_m, position),
@@ -78,7 +78,7 @@ impl Observer {
             let variance = noise.component_mul(&noise) * ratio;
             level_and_up(&span.attitude_s, span.seconds, &variance)
         };
-        let (gyro_level, gyro_up) = shares(&s.gyro_noise, self.gyro_noise.ratio());
+        let (gyro_level, gyro_up) = shares(&s.gyro_noise, self.gyro_noise.ratio);
         let (accel_level, accel_up) = shares(&s.accel_noise, 1.0);
         self.gyro_noise
             .came(span.seconds, gyro_level * span.seconds);
@@ -93,10 +93,8 @@ impl Observer {
         self.vertical.propagate(
             &Growth {
                 seconds: span.seconds,
-                force_up_mps: 0.0,
-                force_up_moved_m: 0.0,
                 accel_noise: accel_up,
-                gyro_noise: 0.0,
+                ..Growth::default()
             },
             up,
         );

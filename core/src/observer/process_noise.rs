@@ -20,7 +20,7 @@ const REMEMBERED: f64 = 20.0;
 const ROBUST: f64 = 9.0;
 
 /// What has happened since the last look.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Meanwhile {
     seconds: f64,
@@ -32,37 +32,24 @@ struct Meanwhile {
     expected: f64,
 }
 
-impl Meanwhile {
-    const NOTHING: Self = Self {
-        seconds: 0.0,
-        came: 0.0,
-        taken: 0.0,
-        moved: Vector2::new(0.0, 0.0),
-        expected: 0.0,
-    };
-}
-
 /// Strength of the noise of the gyros.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ProcessNoise {
     /// Its variance against the configured one.
-    ratio: f64,
+    pub ratio: f64,
     information: f64,
     meanwhile: Meanwhile,
 }
 
 impl ProcessNoise {
     /// As configured.
-    pub const CONFIGURED: Self = Self {
-        ratio: 1.0,
-        information: CONFIGURED,
-        meanwhile: Meanwhile::NOTHING,
-    };
-
-    /// Its variance against the configured one.
-    pub fn ratio(&self) -> f64 {
-        self.ratio
+    pub fn configured() -> Self {
+        Self {
+            ratio: 1.0,
+            information: CONFIGURED,
+            meanwhile: Meanwhile::default(),
+        }
     }
 
     /// It has come in.
@@ -81,7 +68,7 @@ impl ProcessNoise {
 
     /// Something else has moved it.
     pub fn look_anew(&mut self) {
-        self.meanwhile = Meanwhile::NOTHING;
+        self.meanwhile = Meanwhile::default();
     }
 
     /// Learns, when it is time to; `left` is the variance that is left of each component.

@@ -127,14 +127,12 @@ impl Observer {
     /// What the spreads of the parameters add to the variance of one component.
     fn add_up(&mut self, component: usize) {
         let by: [f32; COUNT] = core::array::from_fn(|which| {
-            self.responses
-                .get(which)
-                .and_then(|response| response.error.component(component))
-                .copied()
-                .unwrap_or(0.0)
+            let response = self.responses.get_mut(which);
+            let shown = response.and_then(|own| own.error.component(component));
+            shown.copied().unwrap_or(0.0)
         });
         let variance = self.corrections.variance_of(by);
-        if let Some(added) = self.added.component_mut(component) {
+        if let Some(added) = self.added.component(component) {
             *added = variance;
         }
     }

@@ -24,7 +24,7 @@ const FIXES: usize = 4000;
 fn found(times: f64, start: f64) -> f64 {
     let mut deviates = Deviates(3);
     let mut colour = Colour::new(Time::default(), CONFIGURED_INFORMATION);
-    let mut sensitivity = Sensitivity::NONE;
+    let mut sensitivity = Sensitivity::default();
     let (mut truth, constant) = (0.0, start * f64::from(deviates.next()));
     let mut estimate = Vector2::zeros();
     let mut covariance = Matrix2::from_diagonal(&Vector2::new(start * start, 0.25));
@@ -33,7 +33,7 @@ fn found(times: f64, start: f64) -> f64 {
     for fix in 0..FIXES {
         let real = Renewal::over(0.2, &CONFIGURED, times * times);
         truth = real.keep * truth + real.new.sqrt() * f64::from(deviates.next());
-        let assumed = Renewal::over(0.2, &CONFIGURED, colour.strength());
+        let assumed = Renewal::over(0.2, &CONFIGURED, colour.strength);
         let keep = Matrix2::from_diagonal(&Vector2::new(1.0, assumed.keep));
         estimate = keep * estimate;
         covariance = keep * covariance * keep;
@@ -50,7 +50,7 @@ fn found(times: f64, start: f64) -> f64 {
         sensitivity.take(&innovation, total, 1.0);
         colour.scale(1.0);
         if fix >= FIXES / 2 {
-            logarithms += colour.ratio().ln() / (FIXES / 2) as f64;
+            logarithms += colour.ratio.ln() / (FIXES / 2) as f64;
         }
     }
     logarithms.exp()
@@ -83,11 +83,11 @@ fn it_stays_within_the_bounds_of_the_user() {
 #[test]
 fn noise_that_is_said_to_be_white_stays_white() {
     let before = Colour::new(Time::default(), CONFIGURED_INFORMATION);
-    let (mut after, mut sensitivity) = (before, Sensitivity::NONE);
+    let (mut after, mut sensitivity) = (before, Sensitivity::default());
     sensitivity.renew(&Renewal::over(1.0, &Noise::white(1.0), 1.0));
     after.learn(&sensitivity, &Vector2::new(3.0, 0.0), 1.0, 1.0, RANGE);
     sensitivity.take(&Vector2::new(3.0, 0.0), 1.0, 1.0);
-    assert_eq!((after, sensitivity), (before, Sensitivity::NONE));
+    assert_eq!((after, sensitivity), (before, Sensitivity::default()));
     let now = Time::from_micros(1_000_000);
     let estimate = Vector2::new(1.0, 0.0);
     after.learn_of_estimate(now, &estimate, 1.0, 0.0, &Noise::white(1.0), RANGE);
@@ -104,7 +104,7 @@ fn found_by_estimate(times: f64, off: f64) -> f64 {
     for fix in 0..FIXES {
         let real = Renewal::over(0.2, &CONFIGURED, times * times);
         truth = real.keep * truth + real.new.sqrt() * f64::from(deviates.next());
-        let assumed = Renewal::over(0.2, &CONFIGURED, colour.strength());
+        let assumed = Renewal::over(0.2, &CONFIGURED, colour.strength);
         estimate *= assumed.keep;
         variance = assumed.keep * assumed.keep * variance + assumed.new;
         let gain = variance / (variance + 1.0);
@@ -115,7 +115,7 @@ fn found_by_estimate(times: f64, off: f64) -> f64 {
         colour.learn_of_estimate(now, &taken, 1.0, variance, &CONFIGURED, RANGE);
         colour.scale(1.0);
         if fix >= FIXES / 2 {
-            logarithms += colour.ratio().ln() / (FIXES / 2) as f64;
+            logarithms += colour.ratio.ln() / (FIXES / 2) as f64;
         }
     }
     logarithms.exp()

@@ -4,7 +4,7 @@
 
 use crate::Time;
 use crate::config::Noise;
-use crate::innovations::{Credit, Doubts, Innovations, StatedNoise, Surprise, against_described};
+use crate::innovations::{Credit, Doubts, Innovations, Surprise, against_described};
 use nalgebra::Vector2;
 
 const RANGE: [f64; 2] = [0.1, 10.0];
@@ -154,10 +154,10 @@ fn the_strength_of_noise_is_learnt_within_its_range() {
         let mut innovations = Innovations::default();
         let mut mean = 0.0;
         for (k, sigmas) in noise(20_000).enumerate() {
-            let square = true_scale / innovations.scale() * sigmas.norm_squared() / 2.0;
+            let square = true_scale / innovations.scale * sigmas.norm_squared() / 2.0;
             innovations.learn(square, 1.0, &sigmas, RANGE);
             if k >= 4000 {
-                mean += innovations.scale() / 16_000.0;
+                mean += innovations.scale / 16_000.0;
             }
         }
         // Over its memory of 400 pairs it scatters by a twentieth, and squares beyond nine sigma
@@ -174,17 +174,17 @@ fn the_strength_of_noise_is_learnt_within_its_range() {
 fn an_uncertain_ins_says_little_of_the_noise() {
     let mut innovations = Innovations::default();
     for (k, sigmas) in noise(20_000).enumerate() {
-        let total = 3.0 + innovations.scale();
+        let total = 3.0 + innovations.scale;
         let square = (3.0 + 0.25) / total * sigmas.norm_squared() / 2.0;
-        innovations.learn(square, innovations.scale() / total, &sigmas, RANGE);
+        innovations.learn(square, innovations.scale / total, &sigmas, RANGE);
         if k == 100 {
-            assert!(innovations.scale() > 0.6, "{}", innovations.scale());
+            assert!(innovations.scale > 0.6, "{}", innovations.scale);
         }
     }
     assert!(
-        (0.1..0.5).contains(&innovations.scale()),
+        (0.1..0.5).contains(&innovations.scale),
         "{}",
-        innovations.scale()
+        innovations.scale
     );
 }
 
@@ -207,13 +207,13 @@ fn colour_is_seen() {
 fn one_wild_innovation_does_not_open_the_gate_for_the_next() {
     let mut innovations = Innovations::default();
     innovations.learn(1e12, 1.0, &Vector2::repeat(1e6), RANGE);
-    assert!(innovations.scale() < 1.3, "{}", innovations.scale());
+    assert!(innovations.scale < 1.3, "{}", innovations.scale);
     assert!(innovations.inflation().is_finite());
 }
 
 #[test]
 fn what_a_receiver_states_counts_by_its_changes_or_as_it_stands() {
-    let mut stated = StatedNoise::default();
+    let mut stated = Innovations::default();
     for _ in 0..100 {
         assert!((stated.against_average(0.4 * 0.4) - 1.0).abs() < 1e-12);
     }

@@ -46,7 +46,7 @@ fn with_gyro_bias(bias_radps: &Vector3<f64>) -> Parameters {
 fn tilted(tilt_rad: Vector3<f64>) -> InsError {
     InsError {
         tilt_rad,
-        ..InsError::zero()
+        ..InsError::default()
     }
 }
 

@@ -18,13 +18,13 @@ fn found(times: f64, runs: u64) -> f64 {
     let mut logarithms = 0.0;
     for run in 0..runs {
         let mut deviates = Deviates(run);
-        let mut process = ProcessNoise::CONFIGURED;
+        let mut process = ProcessNoise::configured();
         let mut next = || f64::from(deviates.next());
         let (mut truth, mut estimate) = (Vector2::<f64>::zeros(), Vector2::<f64>::zeros());
         let mut variance = 1.0;
         for _ in 0..FIXES {
             truth += Vector2::new(next(), next()) * (times * f64::sqrt(0.2 * WALK));
-            let came = 0.2 * WALK * process.ratio();
+            let came = 0.2 * WALK * process.ratio;
             process.came(0.2, came);
             variance += came;
             let innovation = truth + Vector2::new(next(), next()) - estimate;
@@ -37,7 +37,7 @@ fn found(times: f64, runs: u64) -> f64 {
         }
         #[expect(clippy::cast_precision_loss)]
         let count = runs as f64;
-        logarithms += process.ratio().ln() / count;
+        logarithms += process.ratio.ln() / count;
     }
     logarithms.exp()
 }
@@ -56,19 +56,19 @@ fn the_strength_is_found_from_above_and_below() {
 fn it_stays_within_the_bounds_of_the_user() {
     let strongest = found(30.0, 1);
     assert!((50.0..100.1).contains(&strongest), "{strongest}");
-    let mut trusted = ProcessNoise::CONFIGURED;
+    let mut trusted = ProcessNoise::configured();
     trusted.came(60.0, 1.0);
     trusted.moved(&Vector2::new(100.0, 100.0), 1.0, 1.0, 0.5);
     trusted.look(0.5, [1.0, 1.0]);
-    assert!((trusted.ratio() - 1.0).abs() < 1e-12, "{trusted:?}");
+    assert!((trusted.ratio - 1.0).abs() < 1e-12, "{trusted:?}");
 }
 
 /// A move that parameters explain, by what they add to its variance, says nothing of the noise.
 #[test]
 fn what_parameters_explain_teaches_little() {
-    let mut process = ProcessNoise::CONFIGURED;
+    let mut process = ProcessNoise::configured();
     process.came(60.0, 1.0);
     process.moved(&Vector2::new(30.0, 30.0), 900.0, 1.0, 0.5);
     process.look(0.5, RANGE);
-    assert!((process.ratio() - 1.0).abs() < 1e-3, "{process:?}");
+    assert!((process.ratio - 1.0).abs() < 1e-3, "{process:?}");
 }
