@@ -86,7 +86,7 @@ impl Footprint {
     }
 }
 
-/// Of `ins-core` with all that its preset for a class of sensors estimates: of ring lasers nine
+/// Of `ins-core` with all that its preset for a class of sensors estimates: of ring lasers ten
 /// parameters, of MEMS all there are. Built with more arguments to cargo.
 pub fn ours(board: Board, class: Grade, built: &[&str]) -> Result<Footprint, Failure> {
     let (drive, config) = drive(class);
