@@ -49,6 +49,7 @@ pub(crate) fn all_finite(v: &Vector3<f64>) -> bool {
     !(0.0 * v.x + 0.0 * v.y + 0.0 * v.z).is_nan()
 }
 
+#[inline]
 #[allow(clippy::cast_possible_truncation)]
 pub(crate) fn single(x: f64) -> f32 {
     x as f32
