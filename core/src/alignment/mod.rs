@@ -473,10 +473,10 @@ impl Alignment {
         let rate = earth.earth_rate();
         let bias = rest.rate_radps - attitude.tr_mul(&Vector3::new(0.0, 0.0, rate.z));
         let variance = rest.gyro_variance(&config.sensors);
-        for (which, (bias, variance)) in (index::GYRO..).zip(bias.iter().zip(&variance)) {
+        for (axis, (bias, variance)) in bias.iter().zip(&variance).enumerate() {
             let sigma = math::sqrt(variance + rate.y * rate.y);
-            if sigma < self.known.sigma(which) {
-                self.known.set(which, *bias, sigma);
+            if sigma < self.known.sigma(index::GYRO + axis) {
+                self.known.set(index::GYRO + axis, *bias, sigma);
             }
         }
     }
@@ -540,9 +540,9 @@ impl Alignment {
             self.known.set(index::LATENCY, latency_s, sigma_s);
         }
         let gyros = found.gyro_bias_radps.iter().zip(&found.gyro_sigma_radps);
-        for (which, (bias, sigma)) in (index::GYRO..).zip(gyros) {
-            if *sigma < self.known.sigma(which) {
-                self.known.set(which, *bias, *sigma);
+        for (axis, (bias, sigma)) in gyros.enumerate() {
+            if *sigma < self.known.sigma(index::GYRO + axis) {
+                self.known.set(index::GYRO + axis, *bias, *sigma);
             }
         }
     }
