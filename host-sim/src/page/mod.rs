@@ -34,11 +34,21 @@ where
 pub fn digits(scale: f64, value: f64) -> String {
     let mut decimals = 0;
     let mut unit = 10.0;
-    while unit > scale.abs() && decimals < 9 {
+    let nothing = scale == 0.0 && value == 0.0;
+    while unit > scale.abs() && decimals < 9 && !nothing {
         decimals += 1;
         unit /= 10.0;
     }
-    format!("{value:.decimals$}")
+    fixed(decimals, value)
+}
+
+/// A number with so many decimals, and no sign where these are all zero.
+pub(crate) fn fixed(decimals: usize, value: f64) -> String {
+    let text = format!("{value:.decimals$}");
+    match text.strip_prefix('-') {
+        Some(size) if size.chars().all(|c| matches!(c, '0' | '.')) => size.to_owned(),
+        _ => text,
+    }
 }
 
 /// A number down to its own second digit.
@@ -49,8 +59,8 @@ pub fn brief(value: f64) -> String {
 /// A number rounded to so many digits.
 pub(crate) fn significant(digits: usize, value: f64) -> f64 {
     let decimals = digits.saturating_sub(1);
-    // Through text: what is then written has no more digits than these.
-    format!("{value:.decimals$e}").parse().unwrap_or(value)
+    // Through text: what is then written has no more digits than these. A zero loses its sign.
+    format!("{value:.decimals$e}").parse().unwrap_or(value) + 0.0
 }
 
 #[cfg(test)]
@@ -61,6 +71,15 @@ mod tests {
     fn decimals_follow_the_scale() {
         let shown = [31.0, 2.0, 0.1, 0.034].map(|scale| digits(scale, 1234.56789));
         assert_eq!(shown, ["1235", "1234.6", "1234.57", "1234.568"]);
+        assert_eq!(digits(0.0, 0.0), "0");
+    }
+
+    #[test]
+    fn no_zero_has_a_sign() {
+        let shown = [-0.0, -0.004, -0.006, 0.004].map(|value| digits(0.15, value));
+        assert_eq!(shown, ["0.00", "0.00", "-0.01", "0.00"]);
+        assert!(significant(5, -0.0).is_sign_positive());
+        assert_eq!(digits(1.0, f64::NEG_INFINITY), "-inf");
     }
 
     #[test]

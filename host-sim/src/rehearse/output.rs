@@ -103,9 +103,6 @@ fn interval([low, high]: [f64; 2]) -> String {
 
 /// Three digits.
 pub(super) fn shown(value: f64) -> String {
-    if value == 0.0 {
-        return "0".to_owned();
-    }
     digits(0.1 * value, value)
 }
 

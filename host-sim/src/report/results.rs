@@ -9,7 +9,7 @@ use crate::identify::quantities::{QUANTITIES, Quantity, axis_name, in_axes, titl
 use crate::identify::true_errors::Truth;
 use crate::identify::words;
 use crate::page::table::{Table, heads};
-use crate::page::{brief, digits};
+use crate::page::{brief, digits, fixed};
 
 /// Sigmas that an error may have.
 const SURE: f64 = 4.5;
@@ -113,7 +113,7 @@ impl<'a> Row<'a> {
     fn cells(&self, known: bool) -> Vec<String> {
         let q = &self.quantity;
         let estimate = match (self.estimated, q.observable()) {
-            (false, _) => format!("{:.3}", q.value),
+            (false, _) => fixed(3, q.value),
             (true, true) => words::with_sigma(q),
             (true, false) => "not observable".to_owned(),
         };
@@ -125,7 +125,7 @@ impl<'a> Row<'a> {
         if known {
             let shown = [self.truth, error].map(|v| v.map(|v| digits(q.sigma, v)));
             cells.extend(shown.map(Option::unwrap_or_default));
-            cells.push(error.map_or_else(String::new, |e| format!("{:.1}", e / q.sigma)));
+            cells.push(error.map_or_else(String::new, |e| fixed(1, e / q.sigma)));
         }
         cells.push(self.remark(error).to_owned());
         cells

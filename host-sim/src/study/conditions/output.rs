@@ -93,7 +93,7 @@ pub fn totals_table(totals: &[Totals]) -> Table {
             total.honest_kinds.to_string(),
             total.quantities.to_string(),
             total.honest_quantities.to_string(),
-            format!("{:.0}", total.sure),
+            page::fixed(0, total.sure),
             total.wrong_and_sure.to_string(),
             format!("{:.1}", 1000.0 * total.wrong_and_sure as f64 / total.sure),
             percent(total.never),
