@@ -1,15 +1,19 @@
 //! Several logs, one error model, and the model used again.
 
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::{Command, Output, Stdio};
 
 fn host_sim(home: &Path, arguments: &[&str]) -> bool {
+    command(home, arguments).status.success()
+}
+
+fn command(home: &Path, arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_host-sim"));
     command
         .current_dir(home)
         .args(arguments)
-        .stdout(Stdio::null());
-    command.status().unwrap().success()
+        .stderr(Stdio::inherit());
+    command.output().unwrap()
 }
 
 #[test]
@@ -20,10 +24,10 @@ fn a_model_of_several_logs_drives_again() {
         let drive = ["drive", "--minutes", "8", "--seed", seed, "--out", out];
         assert!(host_sim(home, &drive));
     }
-    assert!(host_sim(
-        home,
-        &["identify", "a/log", "b/log", "--out", "found"]
-    ));
+    let found = command(home, &["identify", "a/log", "b/log", "--out", "found"]);
+    let told = String::from_utf8(found.stdout).unwrap();
+    let verdicts = ["seed 1", "seed 2"].map(|seed| format!("simulated drive, {seed}: Verdict: "));
+    assert!(verdicts.iter().all(|one| told.contains(one)), "{told}");
     let model = home.join("found/error-model.toml");
     assert!(model.is_file() && home.join("found/report.html").is_file());
     let folders = std::fs::read_dir(home.join("found")).unwrap();

@@ -316,6 +316,16 @@ fn drives_that_are_not_to_be_trusted_are_named_first() {
     assert!(!summary["verdicts"][0]["against"][0].is_null());
     let page = fs::read_to_string(home.join("out/report.html")).unwrap();
     assert!(page.contains(words));
+
+    let study = ["study", "rehearse", "drive", "--against", "drive"];
+    let output = host_sim(home)
+        .args(study)
+        .args(["--seeds", "2", "--grade", "hg1700"])
+        .stdout(Stdio::piped())
+        .output()
+        .unwrap();
+    let told = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(told.matches(words).count(), 2, "{told}");
 }
 
 /// The noise of this unit is white: flown as recorded at rest, it costs the same.

@@ -161,6 +161,8 @@ fn identify_logs(
     if json {
         print!("{}", page::json(&summaries)?);
     } else {
+        let told = (summaries.iter()).flat_map(|one| one.verdict.lines_of(&one.log));
+        println!("{}\n", told.collect::<Vec<_>>().join("\n"));
         print_model(&model, out);
         println!("Report: {}", out.join(REPORT).display());
     }

@@ -16,7 +16,7 @@ use crate::log::Grade;
 use crate::page::output::{check_free_file, replace};
 use crate::page::progress::{bar, counted};
 use crate::rehearse::proof;
-use crate::rehearse::settings::Drives;
+use crate::rehearse::settings::{Drives, Judged};
 use crate::study::plan_drive::{self, PlanDrive};
 use crate::study::{accuracy, conditions, flights, logs, recordings, recovery};
 
@@ -408,16 +408,33 @@ pub struct Rehearse {
 
 impl Rehearse {
     fn run(&self, json: bool) -> Result<()> {
+        /// What is printed as JSON.
+        #[derive(Serialize)]
+        struct Proof {
+            /// Of all drives: first those of the model.
+            verdicts: Vec<Judged>,
+            rows: Vec<proof::Row>,
+        }
         let drives = Drives::read(&self.drives, self.grade.told())?;
         let mut model = error_model_of(&drives.records, drives.grade, None).model();
         model.imu.output = drives.output;
         let set = self.set.as_deref();
         let model = (model.with(&keys(set)?)).map_err(|error| in_keys(set, &error))?;
-        let mut rows = Vec::new();
+        let mut proof = Proof {
+            verdicts: drives.verdicts,
+            rows: Vec::new(),
+        };
         for path in &self.against {
             let analysis = Analysis::of_log(path, Some(drives.grade), &bar())?;
-            rows.extend(proof::tried(&analysis, &model, self.seeds)?);
+            proof
+                .rows
+                .extend(proof::tried(&analysis, &model, self.seeds)?);
+            proof.verdicts.push(Judged::of(analysis.summary));
         }
-        show(json, &rows, || proof::readable(&rows))
+        show(json, &proof, || {
+            let told = proof.verdicts.iter().flat_map(Judged::lines);
+            let told = told.collect::<Vec<_>>().join("\n");
+            format!("{told}\n\n{}", proof::readable(&proof.rows))
+        })
     }
 }

@@ -89,6 +89,13 @@ impl Verdict {
         self
     }
 
+    /// The same in words, under the name of the log.
+    pub fn lines_of(&self, log: &str) -> Vec<String> {
+        let mut lines = self.lines();
+        lines[0] = format!("{log}: {}", lines[0]);
+        lines
+    }
+
     pub fn lines(&self) -> Vec<String> {
         let first = if self.trusted {
             "Verdict: nothing speaks against these estimates."

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::subject::Subject;
 use crate::identify::analysis::Analysis;
 use crate::identify::error_model::{Identified, Record};
+use crate::identify::summary::Summary;
 use crate::identify::verdict::Verdict;
 use crate::log::Grade;
 use crate::page::progress::bar;
@@ -29,13 +30,15 @@ pub struct Judged {
 }
 
 impl Judged {
-    /// The verdict in words, under the name of the drive.
-    pub fn lines(&self) -> Vec<String> {
-        let mut lines = self.verdict.lines();
-        if let Some(first) = lines.first_mut() {
-            *first = format!("{}: {first}", self.log);
+    pub fn of(summary: Summary) -> Self {
+        Self {
+            log: summary.log,
+            verdict: summary.verdict,
         }
-        lines
+    }
+
+    pub fn lines(&self) -> Vec<String> {
+        self.verdict.lines_of(&self.log)
     }
 }
 
@@ -66,10 +69,7 @@ impl Drives {
             }
             rates.push(analysis.log.imu_rate_hz());
             records.push(Record::new(&analysis.log, &analysis.found));
-            verdicts.push(Judged {
-                log: analysis.summary.log,
-                verdict: analysis.summary.verdict,
-            });
+            verdicts.push(Judged::of(analysis.summary));
         }
         rates.sort_by(f64::total_cmp);
         let (grade, output) = first.ok_or_else(|| miette!("no drive is named"))?;
