@@ -647,7 +647,20 @@ fn unit_cases() -> Vec<Case> {
         text("velocity in knots", |f| {
             convert_all(&mut f.gnss, &["ve", "vn"], |x| x / 0.514_444);
         }),
+        text("velocity in cm/s, positions as noisy as they are", |f| {
+            convert_all(&mut f.gnss, &["lat_deg", "lon_deg"], with_noise);
+            convert_all(&mut f.gnss, &["ve", "vn"], |x| 100.0 * x);
+        }),
+        text("velocity in mm/s, positions as noisy as they are", |f| {
+            convert_all(&mut f.gnss, &["lat_deg", "lon_deg"], with_noise);
+            convert_all(&mut f.gnss, &["ve", "vn"], |x| 1000.0 * x);
+        }),
     ]
+}
+
+/// Off by a metre, now here, now there.
+fn with_noise(degrees: f64) -> f64 {
+    degrees + 1e-5 * (1e9 * degrees).sin()
 }
 
 fn axis_cases() -> Vec<Case> {

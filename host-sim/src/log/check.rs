@@ -215,15 +215,22 @@ pub(super) fn check_paths(
     turning: Option<&Line>,
     findings: &mut Findings,
 ) -> Result<(), LogError> {
-    let steps = steps(&log.gnss);
+    let ratio_of = |steps: &[Step]| {
+        let ratios = steps.iter();
+        median(ratios.map(|s| s.moved_m.norm() / s.integrated_m.norm()))
+    };
     // So many make the median firm against multipath.
-    if steps.len() < 10 {
+    let steps_of = |length| Some(steps(&log.gnss, length)).filter(|steps| steps.len() >= 10);
+    let Some(steps) = steps_of(STEP_M) else {
         return Ok(());
+    };
+    let mut ratio = ratio_of(&steps);
+    // Steps in a far smaller unit are so short that they show the noise of positions.
+    if ratio < 0.1
+        && let Some(longer) = steps_of(4.0 * STEP_M / ratio)
+    {
+        ratio = ratio_of(&longer);
     }
-    let ratios = steps
-        .iter()
-        .map(|s| s.moved_m.norm() / s.integrated_m.norm());
-    let ratio = median(ratios);
     if !within(ratio, 1.0, 1.25) {
         return unequal_paths(ratio, within_radians(log), findings);
     }
@@ -285,8 +292,8 @@ struct Step {
 /// Length of a step, m: ten times the noise of a plain receiver's positions.
 const STEP_M: f64 = 20.0;
 
-/// Cuts the way into steps; holes of three seconds are left out.
-fn steps(fixes: &[GnssFix]) -> Vec<Step> {
+/// Cuts the way into steps of so many metres of velocity; holes of three seconds are left out.
+fn steps(fixes: &[GnssFix], length_m: f64) -> Vec<Step> {
     let mut steps = Vec::new();
     let mut start = fixes[0];
     let mut integrated_m = Vector2::zeros();
@@ -299,7 +306,7 @@ fn steps(fixes: &[GnssFix]) -> Vec<Step> {
             continue;
         };
         integrated_m += 0.5 * (a + b) * interval_s;
-        if integrated_m.norm() > STEP_M {
+        if integrated_m.norm() > length_m {
             let moved_m = to.enu_from(&from).xy();
             steps.push(Step {
                 moved_m,
