@@ -333,6 +333,12 @@ fn form_cases() -> Vec<Case> {
         text("capital headers", |f| {
             f.imu = f.imu.replacen("t_s,gyro_x,gyro_y", "T_s,Gyro_X,GYRO_Y", 1);
         }),
+        text("remarks before the header", |f| {
+            f.imu.insert_str(0, "# logger 7, of 2026\n# at 50 Hz\n");
+        }),
+        text("a header that looks like a remark", |f| {
+            f.imu = format!("# logger 7, of 2026\n# {}", f.imu.replace(',', ";"));
+        }),
         text("quoted headers", |f| {
             let header = f.imu.lines().next().unwrap().to_owned();
             f.imu = f

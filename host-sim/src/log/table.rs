@@ -14,6 +14,11 @@ use super::error::LogError;
 const MAX_LINE_BYTES: usize = 16 * 1024;
 const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
 
+/// The column that every table has.
+const TIME: &str = "t_s";
+/// What a line that is none of the table begins with.
+const REMARK: char = '#';
+
 /// A file with a header line and rows of numbers.
 pub(super) struct Table {
     path: PathBuf,
@@ -84,14 +89,20 @@ impl Table {
             lost: RefCell::default(),
             broken_off: None,
         };
-        if !table.advance()? {
-            let cause = "the logger never wrote to it, or a copy failed";
-            return Err(table.defect("a header line and rows", "an empty file", cause));
+        // Remarks may stand before the header, which may look like one.
+        loop {
+            if !table.advance()? {
+                let cause = "the logger never wrote to it, or a copy failed";
+                return Err(table.defect("a header line and rows", "an empty file", cause));
+            }
+            let header = table.text()?;
+            let remark = header[0].starts_with(REMARK);
+            let bare = |cell: &&str| unquoted(cell.trim_start_matches(REMARK)).to_ascii_lowercase();
+            table.header = header.iter().map(bare).collect();
+            if !remark || table.optional_column(TIME).is_some() {
+                return Ok(table);
+            }
         }
-        let header = table.text()?;
-        let name = |cell: &&str| unquoted(cell).to_ascii_lowercase();
-        table.header = header.iter().map(name).collect();
-        Ok(table)
     }
 
     /// What was read in another way than it is written.
@@ -320,12 +331,16 @@ fn unquoted(cell: &str) -> &str {
     inner.unwrap_or(cell).trim()
 }
 
-/// What parts the cells of the first line.
+/// What parts the cells of the header: behind remarks, or the first line.
 fn separator(start: &[u8]) -> u8 {
-    let line = start
-        .split(|&byte| byte == b'\n')
-        .next()
-        .unwrap_or_default();
+    let lines = || start.split(|&byte| byte == b'\n');
+    let names_time = |line: &&[u8]| {
+        line.to_ascii_lowercase()
+            .windows(3)
+            .any(|w| w == TIME.as_bytes())
+    };
+    let header = lines().find(names_time).or_else(|| lines().next());
+    let line = header.unwrap_or_default();
     let count = |separator: u8| line.split(|&byte| byte == separator).count();
     *[b'\t', b';', b',']
         .iter()
