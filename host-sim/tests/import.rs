@@ -400,23 +400,31 @@ fn esf_meas(sample: &Sample, tag_ms: u32) -> Vec<u8> {
 #[test]
 fn ubx_reads_as_the_drive() {
     let folder = tempfile::tempdir().unwrap();
-    let Drive { imu, gnss } = drive();
-    let mut bytes = b"noise before".to_vec();
-    for (index, sample) in imu.iter().enumerate() {
-        if index % (IMU_HZ / FIX_HZ) == 0 {
-            bytes.extend(nav_pvt(&gnss[index / (IMU_HZ / FIX_HZ)]));
+    let week_s = 604_800.0;
+    // The second drives over the end of a week, where the receiver's time begins anew.
+    for clock_s in [0.0, week_s - 20.0] {
+        let Drive { imu, mut gnss } = drive();
+        for fix in &mut gnss {
+            fix.time_s = (fix.time_s + clock_s) % week_s;
         }
-        bytes.extend(esf_meas(sample, millis(sample.time_s) + 77_000));
+        let mut bytes = b"noise before".to_vec();
+        for (index, sample) in imu.iter().enumerate() {
+            if index % (IMU_HZ / FIX_HZ) == 0 {
+                bytes.extend(nav_pvt(&gnss[index / (IMU_HZ / FIX_HZ)]));
+            }
+            bytes.extend(esf_meas(sample, millis(sample.time_s) + 77_000));
+        }
+        let path = file(folder.path(), "drive.ubx", bytes);
+        let (log, _) = open(&path).unwrap();
+        assert_is_the_drive(
+            &log,
+            Expected {
+                within: 1.5e-3,
+                clock_s,
+                ..EXACT
+            },
+        );
     }
-    let path = file(folder.path(), "drive.ubx", bytes);
-    let (log, _) = open(&path).unwrap();
-    assert_is_the_drive(
-        &log,
-        Expected {
-            within: 1.5e-3,
-            ..EXACT
-        },
-    );
 }
 
 // --- ROS ---

@@ -131,14 +131,11 @@ impl<R: Rows> Order<R> {
             return Ok(written);
         };
         let (now_s, last_s) = (time.as_seconds(), last.as_seconds() - self.added_s);
-        let period_s = PERIODS_S.into_iter().find(|period_s| {
-            (0.0..MARGIN_S).contains(&now_s) && (period_s - MARGIN_S..=*period_s).contains(&last_s)
-        });
-        let Some(period_s) = period_s else {
+        let Some(period_s) = begun_anew(last_s, now_s) else {
             return Ok(written);
         };
         let defect = not_increasing(row, stamp, last, written);
-        let cause = "the clock began anew with the GPS week or the day".into();
+        let cause = BEGUN_ANEW.into();
         self.told.rollovers.add(LogError { cause, ..defect });
         self.added_s += period_s;
         Ok(time.plus_seconds(self.added_s))
@@ -207,6 +204,14 @@ fn longest_increasing(times: &[Time]) -> Vec<bool> {
 const PERIODS_S: [f64; 2] = [604_800.0, 86_400.0];
 /// Longest hole at such a moment, s.
 const MARGIN_S: f64 = 60.0;
+pub(super) const BEGUN_ANEW: &str = "the clock began anew with the GPS week or the day";
+
+/// Period of a clock that has begun anew between two stamps, s.
+pub(super) fn begun_anew(last_s: f64, now_s: f64) -> Option<f64> {
+    PERIODS_S.into_iter().find(|period_s| {
+        (0.0..MARGIN_S).contains(&now_s) && (period_s - MARGIN_S..=*period_s).contains(&last_s)
+    })
+}
 
 fn not_increasing(row: &Row, column: usize, last: Time, time: Time) -> LogError {
     let cause = if time == last {

@@ -9,6 +9,7 @@ use ins_core::earth::LatLon;
 use ins_core::{FixSigma, GnssFix, ImuOutput, ImuSample, Time};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
+use crate::log::order::{BEGUN_ANEW, begun_anew};
 use crate::log::{self, BodyAxes, Log, LogError, Meta, table};
 
 /// Which of several sensors and receivers, counted from one; the fastest if none is named.
@@ -131,8 +132,8 @@ impl Recording {
         }
         let mut log = Log {
             meta,
-            imu: in_order(samples, &imu.path, |sample| sample.time, &mut warnings).into(),
-            gnss: in_order(gnss.fixes, &gnss.path, |fix| fix.time, &mut warnings),
+            imu: in_order(samples, &imu.path, |one| &mut one.time, &mut warnings).into(),
+            gnss: in_order(gnss.fixes, &gnss.path, |one| &mut one.time, &mut warnings),
             truth: Vec::new(),
         };
         log::check::check(&mut log, &imu.path, &gnss.path, &mut warnings)?;
@@ -237,18 +238,20 @@ fn chosen<'a>(
 }
 
 /// By their stamps, each once.
-fn in_order<T>(
+fn in_order<T: Copy>(
     mut rows: Vec<T>,
     path: &Path,
-    time: impl Fn(&T) -> Time,
+    stamp: fn(&mut T) -> &mut Time,
     warnings: &mut Vec<LogError>,
 ) -> Vec<T> {
+    count_on(&mut rows, path, stamp, warnings);
+    let time = |row: &T| *stamp(&mut { *row });
     let before = rows.len();
     let behind = rows
         .windows(2)
         .filter(|w| time(&w[1]) < time(&w[0]))
         .count();
-    rows.sort_by_key(&time);
+    rows.sort_by_key(time);
     rows.dedup_by_key(|row| time(row));
     let twice = before - rows.len();
     if behind > 0 || twice > 0 {
@@ -257,6 +260,28 @@ fn in_order<T>(
         warnings.push(LogError::file(path, "stamps that increase", found, cause));
     }
     rows
+}
+
+/// Where the clock begins anew with the week or the day its period is added.
+fn count_on<T>(
+    rows: &mut [T],
+    path: &Path,
+    stamp: fn(&mut T) -> &mut Time,
+    warnings: &mut Vec<LogError>,
+) {
+    let (mut last_s, mut added_s) = (None, 0.0);
+    for row in rows {
+        let time = stamp(row);
+        let now_s = time.as_seconds();
+        let last_s = last_s.replace(now_s);
+        if let Some(period_s) = last_s.and_then(|last_s| begun_anew(last_s, now_s)) {
+            added_s += period_s;
+            let found = format!("{now_s:.3} s after {:.3} s", last_s.unwrap_or_default());
+            let cause = format!("{BEGUN_ANEW}; its period was added");
+            warnings.push(LogError::file(path, "stamps that increase", found, cause));
+        }
+        *time = time.plus_seconds(added_s);
+    }
 }
 
 /// A vector at a time.
