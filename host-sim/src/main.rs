@@ -3,6 +3,8 @@
 use std::panic;
 use std::process::exit;
 
+use miette::MietteHandlerOpts;
+
 use host_sim::{Cli, clean_up_when_stopped, run};
 
 fn main() -> miette::Result<()> {
@@ -12,8 +14,19 @@ fn main() -> miette::Result<()> {
         sigpipe::reset();
     }
     explain_full_output();
+    say_errors_plainly();
     clean_up_when_stopped();
     run(&cli)
+}
+
+/// Once, for each message has its cause in it, and in lines that are not broken: they are copied from
+/// and searched.
+fn say_errors_plainly() {
+    let plain = MietteHandlerOpts::new()
+        .without_cause_chain()
+        .wrap_lines(false);
+    let hook = miette::set_hook(Box::new(move |_| Box::new(plain.clone().build())));
+    hook.expect("the first");
 }
 
 /// A full disk behind the standard output is no defect of the program.

@@ -108,6 +108,19 @@ fn arguments_that_cannot_be_used_are_named() {
 }
 
 #[test]
+fn an_error_is_said_once_and_in_lines_that_can_be_copied() {
+    let home = tempfile::tempdir().unwrap();
+    let file = home
+        .path()
+        .join("a file whose name is so long that a line of eighty would break it");
+    fs::write(&file, "").unwrap();
+    let file = file.to_str().unwrap();
+    let told = said(&run(&["man", "--out", file]));
+    assert_eq!(told.matches("os error").count(), 1, "{told}");
+    assert!(told.contains(&format!("cannot write {file}: ")), "{told}");
+}
+
+#[test]
 fn a_study_of_nothing_fails() {
     let nothing = run(&["study", "conditions", "--kinds", "boat", "--judges"]);
     assert!(!nothing.status.success() && nothing.stdout.is_empty());

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use miette::{Result, WrapErr, miette};
+use miette::{Result, miette};
 
 use super::identify::error_model_of;
 use super::options::{Out, refuse_same, show};
@@ -61,7 +61,7 @@ fn added_to(log: &Path, target: &Target, seed: u64) -> Result<(Plan, (String, Ve
     let model = (target.with_errors(&model)).map_err(|error| miette!("[errors]: {error}"))?;
     let progress = spinner("planning");
     let plan = (target.added_to(&analysis.log, &navigator, &model, seed, &progress))
-        .wrap_err_with(|| log.display().to_string())?;
+        .map_err(|error| miette!("{}: {error}", log.display()))?;
     let summary = analysis.summary;
     Ok((plan, (summary.log, summary.verdict.lines())))
 }
