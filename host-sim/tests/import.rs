@@ -1105,6 +1105,13 @@ fn an_unknown_file_is_named_with_what_is_known() {
     let error = read(&[path], Choice::default()).unwrap_err();
     assert!(error.expected.starts_with("PX4 ULog, ArduPilot DataFlash"));
     assert!(error.cause.contains("[columns]"));
+    // What belongs to a log is told from what is foreign.
+    let notes = file(folder.path(), "imu.csv", "nothing of the kind");
+    file(folder.path(), "meta.toml", "[log]\n");
+    let cause = |paths: &[PathBuf]| read(paths, Choice::default()).unwrap_err().cause;
+    assert!(cause(std::slice::from_ref(&notes)).ends_with("give the folder"));
+    let both = [folder.path().to_owned(), notes];
+    assert!(cause(&both).ends_with("give it alone"));
 }
 
 /// Damage anywhere must be survived: an error or a log, and no panic.

@@ -242,7 +242,11 @@ impl Columns {
                     LogError::file(meta, format!("a unit of `{name}`"), unit, cause)
                 })?,
             };
-            of.insert(name.clone(), (table.required(column, &path)?, sign * scale));
+            let place = table.required(column, &path).map_err(|defect| LogError {
+                cause: "misspelt in [columns] of meta.toml, or another file".into(),
+                ..defect
+            })?;
+            of.insert(name.clone(), (place, sign * scale));
         }
         Ok(Self { table, of })
     }

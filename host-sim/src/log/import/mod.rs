@@ -93,16 +93,23 @@ fn format(path: &Path) -> Result<Option<&'static Format>, LogError> {
 }
 
 fn unknown(path: &Path) -> LogError {
-    let found = if path.exists() {
-        "none of them"
+    let is_log = |folder: &Path| folder.join("meta.toml").is_file();
+    let cause =
+        "for any other table write a meta.toml beside it, with [columns], and give the folder";
+    let (found, cause) = if is_log(path) {
+        ("a log folder", "it has sensors and receiver: give it alone")
+    } else if path.parent().is_some_and(is_log) {
+        ("a file of a log folder", "give the folder")
+    } else if path.exists() {
+        ("none of them", cause)
     } else {
-        "nothing of this name"
+        ("nothing of this name", cause)
     };
     LogError::file(
         path,
         "PX4 ULog, ArduPilot DataFlash, ROS 1 bag, MCAP, UBX, NMEA, RTKLIB .pos, EuRoC, KF-GINS, or a \
          folder of Sensor Logger, gnss-ins-sim or KITTI",
         found,
-        "for any other table write a meta.toml beside it, with [columns], and give the folder",
+        cause,
     )
 }
