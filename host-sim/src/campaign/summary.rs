@@ -93,13 +93,15 @@ impl Summary {
     pub fn new(plan: &Plan, tally: &Tally) -> Self {
         let all = || tally.units.iter().flatten().flatten();
         let flown = all().flatten().count();
+        let rows = (0..FIGURES.len()).filter_map(|which| row(plan, tally, which));
+        let mut rows: Vec<Row> = rows.collect();
+        // Quarters of a short flight end in the same minute.
+        rows.dedup_by_key(|row| (row.figure, row.minutes.to_bits()));
         Self {
             plan: plan.clone(),
             flown,
             failed: all().count() - flown,
-            rows: (0..FIGURES.len())
-                .filter_map(|which| row(plan, tally, which))
-                .collect(),
+            rows,
         }
     }
 
@@ -166,4 +168,44 @@ fn rms(squares: &[f64]) -> Option<Interval> {
 fn by_logarithm(ratios: &[f64]) -> Option<Interval> {
     let mean = plain_mean(ratios.iter().map(|ratio| libm::log(*ratio)))?;
     Some(mean.map(libm::exp))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quarters_that_end_in_one_minute_are_one_row() {
+        let plan = |minutes_free: u32| -> Plan {
+            let text = format!(
+                "units = 2\ndrives = 1\ndrive_minutes = 1\nflights = 1\nminutes_aided = 1\n\
+                 minutes_free = {minutes_free}\n"
+            );
+            toml::from_str(&text).unwrap()
+        };
+        let minutes = |plan: &Plan| -> Vec<f64> {
+            let mut tally = Tally::new(plan);
+            for (unit, size) in [(0, 1), (1, 2)] {
+                for with in [With::True, With::Identified] {
+                    let flown = Some(Flown {
+                        position_cm: [size; QUARTERS as usize],
+                        velocity_mmps: [size; QUARTERS as usize],
+                        azimuth_mdeg: size,
+                    });
+                    let (flight, why) = (0, None);
+                    tally.add(&Line::Flight {
+                        unit,
+                        with,
+                        flight,
+                        flown,
+                        why,
+                    });
+                }
+            }
+            let rows = Summary::new(plan, &tally).rows;
+            rows.iter().map(|row| row.minutes).collect()
+        };
+        assert_eq!(minutes(&plan(2)), [0.0, 1.0, 2.0, 1.0, 2.0]);
+        assert_eq!(minutes(&plan(8)).len(), FIGURES.len());
+    }
 }
