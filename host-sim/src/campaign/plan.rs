@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::aircraft::input::{InputError, Source, read_text};
 use crate::sim::errors::BiasModel;
@@ -37,11 +38,26 @@ pub struct Plan {
 }
 
 /// A model by name or in full.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Errors {
     Class(Grade),
     Model(Box<ErrorModel>),
+}
+
+/// What is wrong with a model stays the model's own message, which serde's choice among variants forgets.
+impl<'de> Deserialize<'de> for Errors {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let value = toml::Value::deserialize(deserializer)?;
+        if value.is_str() {
+            value.try_into().map(Self::Class)
+        } else {
+            value.try_into().map(|model| Self::Model(Box::new(model)))
+        }
+        .map_err(|error: toml::de::Error| {
+            D::Error::custom(error.to_string().trim_end().replace('\n', " "))
+        })
+    }
 }
 
 impl Default for Errors {
@@ -179,6 +195,11 @@ mod tests {
         for (good, bad, message) in [
             ("units = ", "units = 0 #", "`units = 0`: expected 1 to"),
             ("units = ", "unit = 1 #", "unknown field `unit`"),
+            (
+                "velocity_sigma_mps",
+                "velocity_sigma",
+                "unknown field `velocity_sigma`",
+            ),
             (
                 "output = \"Increments\"",
                 "output = \"Rates\"",
