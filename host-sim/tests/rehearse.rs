@@ -290,7 +290,12 @@ fn threads_kills_and_shards_leave_no_trace() {
 
     // Another rehearsal does not go on there.
     let mut other = run("1", "one", &["--seed", "5"]);
-    assert!(!other.stderr(Stdio::null()).status().unwrap().success());
+    let other = other.output().unwrap();
+    let told = String::from_utf8(other.stderr).unwrap();
+    assert!(
+        !other.status.success() && told.contains("with other settings: seed\n"),
+        "{told}"
+    );
 }
 
 #[test]

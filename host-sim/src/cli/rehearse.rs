@@ -296,8 +296,20 @@ fn recorded_noise(path: &Path, imu_hz: u32) -> Result<RecordedNoise> {
 fn settle(settings: &Settings, out: &Path, force: bool) -> Result<()> {
     let text = page::json(settings)?;
     let same = |copy: &Path| Ok(read(copy)? == text);
-    let other = "another rehearsal: drives, plan, model or options differ";
-    ledger::settle(out, SETTINGS, &text, force, same, other)
+    let before = fs::read_to_string(out.join(SETTINGS)).unwrap_or_default();
+    let differ = differing(&text, &before).join(", ");
+    let other = format!("another rehearsal, with other settings: {differ}");
+    ledger::settle(out, SETTINGS, &text, force, same, &other)
+}
+
+/// Keys of settings whose values are others in an earlier text.
+fn differing(text: &str, before: &str) -> Vec<String> {
+    let [now, before] = [text, before]
+        .map(|text| serde_json::from_str::<serde_json::Map<_, _>>(text).unwrap_or_default());
+    let other = now
+        .into_iter()
+        .filter(|(key, value)| before.get(key) != Some(value));
+    other.map(|(key, _)| key).collect()
 }
 
 fn read(path: &Path) -> Result<String, OutputError> {
