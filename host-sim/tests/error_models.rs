@@ -86,6 +86,11 @@ fn bad_files_say_what_is_wrong() {
         ),
         ("rate_hz = 10.0", "rate_hz = nan", "gnss.rate_hz = NaN"),
         (
+            "rate_hz = 10.0",
+            "rate_hz = 1e9",
+            "gnss.rate_hz = 1000000000: expected 1000 at most",
+        ),
+        (
             "interval_s = 60.0",
             "interval_s = -1.0",
             "gyro_deg_h.bias.interval_s = -1",

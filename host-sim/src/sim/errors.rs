@@ -396,6 +396,12 @@ impl SensorModel {
 impl GnssModel {
     fn check(&self) -> Result<(), ErrorModelError> {
         positive("gnss.rate_hz", self.rate_hz)?;
+        ensure(
+            self.rate_hz <= 1000.0,
+            "gnss.rate_hz",
+            self.rate_hz,
+            "1000 at most",
+        )?;
         spread("gnss.velocity_sigma_mps", self.velocity_sigma_mps)?;
         spread("gnss.horizontal_sigma_m", self.horizontal_sigma_m)?;
         spread("gnss.vertical_sigma_m", self.vertical_sigma_m)?;
