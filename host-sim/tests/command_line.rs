@@ -103,6 +103,19 @@ fn arguments_that_cannot_be_used_are_named() {
         nowhere.contains("--port") && nowhere.contains("--qemu"),
         "{nowhere}"
     );
+    let seed = u64::MAX.to_string();
+    let seeds = said(&run(&[
+        "study",
+        "flights",
+        "--runs",
+        "1",
+        "--first-seed",
+        &seed,
+    ]));
+    assert!(seeds.contains("--first-seed"), "{seeds}");
+    let place = ["rehearse", "drive", "--plan", "plan.toml", "--out", "out"];
+    let renamed = said(&run(&[&place[..], &["--with", "mine=core"]].concat()));
+    assert!(renamed.contains("core goes by its own name"), "{renamed}");
     let negative = said(&run(&["drive", "--minutes", "-1", "--out", "log"]));
     assert!(negative.contains("minutes from 1 to 1440"), "{negative}");
 }

@@ -20,6 +20,9 @@ use crate::rehearse::settings::{Drives, Judged};
 use crate::study::plan_drive::{self, PlanDrive};
 use crate::study::{accuracy, conditions, flights, logs, recordings, recovery};
 
+/// Seeds are counted up from the first.
+const MOST_SEED: u64 = u64::MAX / 2;
+
 /// What is studied.
 #[derive(Debug, Subcommand)]
 pub enum Study {
@@ -72,7 +75,7 @@ pub struct Accuracy {
     #[arg(long, default_value_t = 40.0, value_parser = minutes)]
     minutes: f64,
     /// Seed of the first drive; the others follow.
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
     first_seed: u64,
     /// Bandwidth of the horizontal damping loop, rad/s.
     #[arg(long)]
@@ -134,7 +137,7 @@ pub struct Conditions {
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     seeds: u64,
     /// Seed of the first run; the others follow.
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
     first_seed: u64,
     /// Kinds by name; all unless given.
     #[arg(long, value_delimiter = ',')]
@@ -241,8 +244,9 @@ pub struct Flights {
     #[command(flatten)]
     settings: flights::Settings,
     /// Seed of the first flight; the others follow.
-    #[arg(long, default_value_t = 0)]
-    seed_from: u64,
+    #[arg(long, alias = "seed-from", default_value_t = 0,
+          value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
+    first_seed: u64,
     /// Folder for tables and pictures.
     #[arg(long)]
     out: Option<PathBuf>,
@@ -251,7 +255,7 @@ pub struct Flights {
 impl Flights {
     fn run(&self, json: bool, force: bool) -> Result<()> {
         let out = Out::new(self.out.as_deref(), flights::SUMMARY, force)?;
-        let seeds = self.seed_from..self.seed_from + u64::from(self.runs);
+        let seeds = self.first_seed..self.first_seed + u64::from(self.runs);
         let progress = bar().with_message("flights");
         let (runs, summary) = flights::measure(seeds, &self.settings, &progress)?;
         out.fill(|folder| flights::write(folder, &runs, &summary))?;
@@ -271,7 +275,7 @@ pub struct Recovery {
     #[arg(long, default_value_t = 40.0, value_parser = minutes)]
     minutes: f64,
     /// Seed of the first drive.
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
     first_seed: u64,
     /// Both classes of sensors, in a car and in an aircraft: only how often intervals hold the truth.
     #[arg(long)]

@@ -54,7 +54,9 @@ impl FromStr for Subject {
             return Ok(subject.clone());
         }
         let program: Program = text.parse()?;
+        let at_hand = |word: &String| AT_HAND.iter().any(|(name, _)| name == word);
         match program.command.split_first() {
+            Some((word, [])) if at_hand(word) => Err(format!("{word} goes by its own name alone")),
             Some((word, options)) if word == BOARD => {
                 Target::of(options).map(|target| Self::Board(program.name, target))
             }
