@@ -106,9 +106,9 @@ impl Chart {
         self
     }
 
-    /// Counts along x.
-    pub(crate) fn whole_numbers(mut self) -> Self {
-        self.x = self.x.dtick(1.0);
+    /// Counts from one to so many along x.
+    pub(crate) fn counted(mut self, most: usize) -> Self {
+        self.x = self.x.dtick(1.0).range(vec![0.5, most as f64 + 0.5]);
         self
     }
 

@@ -143,7 +143,7 @@ impl Shared {
                 (spread, text)
             })
             .collect();
-        let mut chart = Chart::new(&self.name, "log", self.unit).whole_numbers();
+        let mut chart = Chart::new(&self.name, "log", self.unit).counted(names.len());
         if self.agreement() == Agreement::Agree {
             let (mean, sigma) = self.mean();
             let ends = [0.5, names.len() as f64 + 0.5];
