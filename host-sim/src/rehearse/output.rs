@@ -98,6 +98,10 @@ fn name(tested: &Tested) -> String {
 
 fn interval([low, high]: [f64; 2]) -> String {
     let width = 0.5 * (high - low);
+    // One flight tells nothing of others.
+    if width <= 0.0 {
+        return "-".to_owned();
+    }
     format!("{} to {}", digits(width, low), digits(width, high))
 }
 
@@ -108,6 +112,10 @@ pub(super) fn shown(value: f64) -> String {
 
 fn seconds(value: f64) -> String {
     format!("{value:.0} s")
+}
+
+fn plural(count: usize) -> &'static str {
+    if count == 1 { "" } else { "s" }
 }
 
 fn overview(summary: &Summary) -> Table {
@@ -147,12 +155,13 @@ fn overview(summary: &Summary) -> Table {
         row
     };
     let title = format!(
-        "{} flights of {}, the last {} without GNSS; model of {} drive{}",
+        "{} flight{} of {}, the last {} without GNSS; model of {} drive{}",
         summary.flights,
+        plural(summary.flights as usize),
         seconds(summary.duration_s),
         seconds(summary.free_s),
         summary.drives.len(),
-        if summary.drives.len() == 1 { "" } else { "s" }
+        plural(summary.drives.len())
     );
     Table::of(title, header, summary.tested.iter().map(row))
 }
@@ -296,7 +305,9 @@ fn page_of(summary: &Summary) -> Page {
             summary.drives.join(", "),
             env!("CARGO_PKG_VERSION")
         ),
-        verdicts: verdicts(summary),
+        verdicts: (verdicts(summary).iter())
+            .map(|line| line.trim_start_matches("- ").to_owned())
+            .collect(),
         tables: tables(summary),
         sections: vec![Section {
             title: "Errors over time",
