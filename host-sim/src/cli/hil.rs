@@ -21,7 +21,7 @@ use crate::report;
 
 #[derive(Debug, Args)]
 pub struct Hil {
-    /// Folder of the log.
+    /// Folder of a log, or a recording of a known format.
     log: PathBuf,
     #[command(flatten)]
     target: Target,

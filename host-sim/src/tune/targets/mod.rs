@@ -19,7 +19,7 @@ pub enum Target {
     Table,
     /// PX4, for its console.
     Px4,
-    /// `ArduPilot`, a parameter file.
+    /// ArduPilot, a parameter file.
     Ardupilot,
     /// Kalibr's imu.yaml.
     Kalibr,
