@@ -694,6 +694,11 @@ fn euroc(drive: &Drive) -> String {
 }
 
 fn nmea(drive: &Drive) -> String {
+    nmea_from(drive, 0.0)
+}
+
+/// From so many seconds after midnight on; over the next one with the date before all else.
+fn nmea_from(drive: &Drive, clock_s: f64) -> String {
     let mut text = String::new();
     let mut say = |body: String| {
         let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
@@ -709,16 +714,19 @@ fn nmea(drive: &Drive) -> String {
             minutes(fix.lat_deg, 2),
             minutes(fix.lon_deg, 3)
         );
-        let time = format!("0000{:06.3}", fix.time_s);
+        let seconds = clock_s + fix.time_s;
+        let (day, of_day) = (1.0 + (seconds / 86_400.0).floor(), seconds % 86_400.0);
+        let (hour, minute) = ((of_day / 3600.0).floor(), (of_day / 60.0).floor() % 60.0);
+        let time = format!("{hour:02.0}{minute:02.0}{:06.3}", of_day % 60.0);
         let (speed, course) = speed_and_course(fix);
         let knots = speed * 3600.0 / 1852.0;
-        say(format!(
-            "GNGGA,{time},{place},1,09,1.0,{:.3},M,50.0,M,,",
-            fix.height_m - 50.0
-        ));
-        say(format!(
-            "GNRMC,{time},A,{place},{knots:.5},{course:.5},010170,,,A"
-        ));
+        let height = fix.height_m - 50.0;
+        let mut both = [
+            format!("GNGGA,{time},{place},1,09,1.0,{height:.3},M,50.0,M,,"),
+            format!("GNRMC,{time},A,{place},{knots:.5},{course:.5},{day:02.0}0170,,,A"),
+        ];
+        both.rotate_left(usize::from(clock_s > 0.0));
+        both.into_iter().for_each(&mut say);
         say(format!("GNGST,{time},1.0,,,,3.0,4.0,7.0"));
     }
     text
@@ -728,8 +736,15 @@ fn nmea(drive: &Drive) -> String {
 fn nmea_beside_inertial_samples_reads_as_the_drive() {
     let folder = tempfile::tempdir().unwrap();
     let imu = file(folder.path(), "imu0.csv", euroc(&drive()));
-    let gnss = file(folder.path(), "log.nmea", nmea(&drive()));
-    let (mut log, _) = read(&[imu, gnss], Choice::default()).unwrap();
+    for clock_s in [0.0, 86_380.0] {
+        let text = nmea_from(&drive(), clock_s);
+        let gnss = file(folder.path(), "log.nmea", text);
+        assert_nmea_is_the_drive(&[imu.clone(), gnss]);
+    }
+}
+
+fn assert_nmea_is_the_drive(files: &[PathBuf]) {
+    let (mut log, _) = read(files, Choice::default()).unwrap();
     // The shift from one origin to the other is whole; motion shows it to a part of a second.
     let offset_s = log.meta.gnss_clock_offset_s;
     let off_s = offset_s - offset_s.round();

@@ -100,6 +100,9 @@ impl Epochs {
             for fix in &mut self.fixes {
                 fix.time = fix.time.plus_seconds(day_s);
             }
+        } else if day_s > self.day_s {
+            // The day is new already: its first time must not begin another.
+            self.last_s = None;
         }
         self.day_s = day_s;
     }
