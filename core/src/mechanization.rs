@@ -66,11 +66,10 @@ impl Mechanization {
     /// The same attitude where a fix says that the vehicle is, and as fast.
     #[must_use]
     pub fn at_fix(&self, fix: &GnssFix) -> Self {
-        let position = fix.geodetic_or(self.position.height_m);
         let own = &self.velocity_enu_mps;
         let level = fix.velocity_en_mps.unwrap_or_else(|| own.xy());
         let velocity = level.push(fix.velocity_up_mps.unwrap_or(own.z));
-        Self::new(position.unwrap_or(self.position), velocity, self.attitude)
+        Self::new(fix.place_or(&self.position), velocity, self.attitude)
     }
 
     /// The Earth at the present position.

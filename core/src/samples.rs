@@ -100,12 +100,21 @@ impl GnssFix {
     /// The antenna's place, if latitude, longitude and height are all known, or `height_m` where
     /// the fix has none.
     pub fn geodetic_or(&self, height_m: f64) -> Option<Geodetic> {
-        let place = self.position?;
-        Some(Geodetic {
+        let own = Geodetic {
+            height_m,
+            ..Geodetic::default()
+        };
+        self.position.map(|_| self.place_or(&own))
+    }
+
+    /// The antenna's place, with what the fix does not have of `own`.
+    pub(crate) fn place_or(&self, own: &Geodetic) -> Geodetic {
+        let place = self.position.unwrap_or(own.lat_lon());
+        Geodetic {
             latitude_rad: place.latitude_rad,
             longitude_rad: place.longitude_rad,
-            height_m: self.height_m.unwrap_or(height_m),
-        })
+            height_m: self.height_m.unwrap_or(own.height_m),
+        }
     }
 
     /// The same fix with the antenna at a place.

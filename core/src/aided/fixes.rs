@@ -8,7 +8,6 @@ use super::estimator::Estimator;
 use super::{AidedIns, HOLD_S};
 use crate::config::{Config, Feedback, Noise};
 use crate::damping::{self, Differences};
-use crate::earth::Geodetic;
 use crate::error_model::InsError;
 use crate::health::Tally;
 use crate::history::{Missing, Past};
@@ -162,14 +161,8 @@ impl<const N: usize> AidedIns<N> {
     fn position_difference(&self, past: &Past, fix: &GnssFix) -> Vector3<f64> {
         let ins = &self.mechanization;
         let own = ins.position;
-        let place = fix.position.unwrap_or(own.lat_lon());
-        let gnss = Geodetic {
-            latitude_rad: place.latitude_rad,
-            longitude_rad: place.longitude_rad,
-            height_m: fix.height_m.unwrap_or(own.height_m),
-        };
         let way_m = past.way_since_m + self.current.way_m;
-        ins.local_earth().enu_between(&gnss, &own) - way_m
+        ins.local_earth().enu_between(&fix.place_or(&own), &own) - way_m
     }
 
     /// The next step of the comparison going on; whether there was one.

@@ -121,9 +121,11 @@ pub struct Alignment {
     known: Parameters,
     detector: RestDetector,
     rest: RestMean,
-    /// Last velocity known, ENU, and last position, and of which time.
+    /// Last velocity known, ENU, and last place, of which the height may be known first, and of which
+    /// time its position.
     velocity_mps: Vector3<f64>,
-    place: Option<(Time, Geodetic)>,
+    place: Geodetic,
+    placed: Option<Time>,
     sightings: Sightings,
     measured: Option<Heading>,
     stage: Stage,
@@ -139,7 +141,8 @@ impl Alignment {
             detector: RestDetector::default(),
             rest: RestMean::default(),
             velocity_mps: Vector3::zeros(),
-            place: None,
+            place: Geodetic::default(),
+            placed: None,
             sightings: Sightings::default(),
             measured: None,
             stage: Stage::Levelling(CoarseLevel::default()),
@@ -157,7 +160,8 @@ impl Alignment {
     /// Begins again after a hole: roll and pitch are kept as a start, heading has to be found.
     pub fn resume(time: Time, ins: &Mechanization, known: &Parameters) -> Self {
         Self {
-            place: Some((time, ins.position)),
+            place: ins.position,
+            placed: Some(time),
             stage: Stage::Begin(resumed(ins.attitude)),
             ..Self::anew(time, known)
         }
@@ -233,9 +237,9 @@ impl Alignment {
         let last = &self.velocity_mps;
         let level = fix.velocity_en_mps.unwrap_or(last.xy());
         self.velocity_mps = level.push(fix.velocity_up_mps.unwrap_or(last.z));
-        let height_m = self.place.map_or(0.0, |(_, place)| place.height_m);
-        if let Some(place) = fix.geodetic_or(height_m) {
-            self.place = Some((fix.time, place));
+        self.place = fix.place_or(&self.place);
+        if fix.position.is_some() {
+            self.placed = Some(fix.time);
         }
         if fix.is_moving(config.gnss.velocity_mps.white) {
             self.detector.on_motion();
@@ -328,8 +332,7 @@ impl Alignment {
         if let Verdict::Rest(block) = verdict {
             self.rest_on(&block, config);
         }
-        let (_, place) = self.place?;
-        let earth = LocalEarth::at(place.latitude_rad, place.height_m);
+        let earth = self.earth()?;
         let moving = verdict == Verdict::Motion;
         let compass = config.heading == HeadingSource::Auto
             && levelling::gyrocompass_sigma(&config.sensors, &earth, GYROCOMPASS_S)
@@ -394,6 +397,16 @@ impl Alignment {
         }
     }
 
+    /// The Earth at the last place, once there is one.
+    fn earth(&self) -> Option<LocalEarth> {
+        let Geodetic {
+            latitude_rad,
+            height_m,
+            ..
+        } = self.place;
+        self.placed.map(|_| LocalEarth::at(latitude_rad, height_m))
+    }
+
     /// Ends levelling: with a heading, or else by looking for one.
     fn end_levelling(&mut self, time: Time, levelled: &Levelled, config: &Config) {
         let level = &levelled.level;
@@ -401,14 +414,11 @@ impl Alignment {
             self.find(time, level, config);
             return;
         };
-        let Some((_, place)) = self.place else {
-            return;
-        };
         self.known.set(index::AZIMUTH, 0.0, sigma_rad);
         let attitude = turned(&level.attitude, heading_rad);
         let tilt = config.level_sigma();
         self.stage = Stage::Aligned(Aligned {
-            ins: Mechanization::new(place, self.velocity_mps, attitude),
+            ins: Mechanization::new(self.place, self.velocity_mps, attitude),
             tilt_sigma_rad: math::max(level.tilt_sigma_rad, tilt),
         });
     }
@@ -416,10 +426,10 @@ impl Alignment {
     /// Begins to look for the heading.
     #[inline(never)]
     fn find(&mut self, time: Time, level: &Level, config: &Config) {
-        let Some((_, place)) = self.place else {
+        let Some(earth) = self.earth() else {
             return;
         };
-        let rate = LocalEarth::at(place.latitude_rad, place.height_m).earth_rate();
+        let rate = earth.earth_rate();
         let start = Start {
             time,
             attitude: level.attitude,
@@ -446,10 +456,9 @@ impl Alignment {
             Verdict::Motion => self.rest = RestMean::default(),
             Verdict::Rest(block) if !bank.has_moved() => {
                 self.rest_on(&block, config);
-                let Some((_, place)) = self.place else {
+                let Some(earth) = self.earth() else {
                     return;
                 };
-                let earth = LocalEarth::at(place.latitude_rad, place.height_m);
                 let levelled = self.level_from_rest(time, &earth, config);
                 if self.rest.seconds < GYROCOMPASS_S {
                     self.find(time, &levelled.level, config);
@@ -550,8 +559,7 @@ impl Alignment {
     /// Hands over, at the end of a node.
     #[inline(never)]
     fn finish(&mut self, time: Time, best: u8, config: &Config) {
-        let (Stage::Finding(Finding { bank, .. }), Some((fixed, place))) =
-            (&self.stage, self.place)
+        let (Stage::Finding(Finding { bank, .. }), Some(placed)) = (&self.stage, self.placed)
         else {
             return;
         };
@@ -563,8 +571,8 @@ impl Alignment {
         };
         let found = candidate.found();
         let velocity = Vector3::new(level.x, level.y, self.velocity_mps.z);
-        let mut ins = Mechanization::new(place, velocity, *candidate.attitude());
-        let age_s = time.seconds_since(fixed) + self.known.value(index::LATENCY);
+        let mut ins = Mechanization::new(self.place, velocity, *candidate.attitude());
+        let age_s = time.seconds_since(placed) + self.known.value(index::LATENCY);
         if math::abs(age_s) < OLDEST_FIX_S {
             ins.move_by(&ins.local_earth(), &(age_s * velocity));
         }

@@ -1,0 +1,127 @@
+//! What a port feeds, and no recording holds.
+#![allow(clippy::disallowed_methods, clippy::unwrap_used, clippy::expect_used)] // Reference values.
+
+use std::f64::consts::TAU;
+
+use ins_core::earth::Geodetic;
+use ins_core::{Config, GnssFix, ImuSample, Navigator, Phase, Time};
+use nalgebra::{Vector2, Vector3};
+
+const GRAVITY_MPS2: f64 = 9.8;
+const STEP_S: f64 = 0.01;
+
+/// Speed and acceleration, rate of turn.
+type Drive = fn(f64) -> (f64, f64, f64);
+
+/// Ten seconds at rest, a start, then bends and changes of speed.
+fn bends(time_s: f64) -> (f64, f64, f64) {
+    let t = (time_s - 10.0).max(0.0);
+    let started = (t / 8.0).min(1.0);
+    let start = 12.0 * (started - (TAU * started).sin() / TAU);
+    let push = 1.5 * (1.0 - (TAU * started).cos());
+    let turn = if t > 8.0 { 0.2 * (0.35 * t).sin() } else { 0.0 };
+    (
+        start + 2.0 * (0.25 * t).sin() * started,
+        push + 0.5 * (0.25 * t).cos() * started,
+        turn,
+    )
+}
+
+/// A vehicle on a flat Earth that does not turn.
+struct Car {
+    drive: Drive,
+    count: u32,
+    heading_rad: f64,
+    way_m: Vector2<f64>,
+    navigator: Navigator,
+}
+
+impl Car {
+    fn new(drive: Drive) -> Self {
+        Self {
+            drive,
+            count: 0,
+            heading_rad: 0.4,
+            way_m: Vector2::zeros(),
+            navigator: Navigator::new(Config::mems()).unwrap(),
+        }
+    }
+
+    fn time_s(&self) -> f64 {
+        STEP_S * f64::from(self.count)
+    }
+
+    fn time(&self) -> Time {
+        Time::from_seconds(self.time_s()).unwrap()
+    }
+
+    fn velocity_mps(&self) -> Vector2<f64> {
+        let (speed, ..) = (self.drive)(self.time_s());
+        speed * Vector2::new(self.heading_rad.sin(), self.heading_rad.cos())
+    }
+
+    /// A fix of now, rounded as receivers do.
+    fn fix(&self) -> GnssFix {
+        let round = |v: f64| (v * 20.0).round() / 20.0;
+        let velocity_mps = self.velocity_mps().map(round);
+        GnssFix {
+            time: self.time(),
+            velocity_en_mps: Some(velocity_mps),
+            ..GnssFix::default()
+        }
+        .at(&Geodetic {
+            latitude_rad: self.way_m.y / 6.336e6,
+            longitude_rad: self.way_m.x / 6.378e6,
+            height_m: 0.0,
+        })
+    }
+
+    /// Drives on until a time, with five fixes a second of those parts that `of` leaves.
+    fn until(&mut self, time_s: f64, sampled: bool, of: impl Fn(GnssFix) -> Option<GnssFix>) {
+        while self.time_s() < time_s {
+            self.count += 1;
+            let (speed, accel, turn) = (self.drive)(self.time_s());
+            self.heading_rad += STEP_S * turn;
+            self.way_m += STEP_S * self.velocity_mps();
+            if sampled {
+                let _ = self.navigator.on_imu(&ImuSample {
+                    time: self.time(),
+                    gyro: Vector3::new(2e-3, -3e-3, 4e-3 - turn),
+                    accel: Vector3::new(speed * turn, accel, GRAVITY_MPS2),
+                });
+            }
+            if self.count.is_multiple_of(20)
+                && let Some(fix) = of(self.fix())
+            {
+                let _ = self.navigator.on_gnss(&fix);
+            }
+        }
+    }
+
+    fn off_m(&self) -> Vector3<f64> {
+        let own = self.navigator.solution().unwrap().position;
+        own.enu_from(&self.fix().geodetic_or(0.0).unwrap())
+    }
+}
+
+#[test]
+fn a_height_may_be_known_before_the_position() {
+    let mut car = Car::new(bends);
+    car.until(1.0, true, |fix| {
+        Some(GnssFix {
+            height_m: Some(2500.0),
+            position: None,
+            velocity_en_mps: None,
+            ..fix
+        })
+    });
+    car.until(60.0, true, |fix| {
+        Some(GnssFix {
+            height_m: None,
+            ..fix
+        })
+    });
+    assert_eq!(car.navigator.phase(), Phase::Navigating);
+    let off_m = car.off_m().z - 2500.0;
+    assert!(off_m.abs() < 100.0, "{off_m}");
+}
