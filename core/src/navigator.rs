@@ -10,6 +10,7 @@ use crate::alignment::Alignment;
 use crate::calibration::{Calibration, at_level};
 use crate::config::{Config, ConfigError, Noise};
 use crate::damping::DampingSignals;
+use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::estimate::Estimates;
 use crate::health::{Health, Tally};
 use crate::increments::{Increments, Interval};
@@ -47,13 +48,10 @@ const LEAST_ALIKE_S: f64 = 0.015;
 /// More than any receiver states of a fix it gives, m or m/s: 2^32 mm is the largest number of some.
 const COARSEST: f64 = 1e7;
 
-/// Spread of a solution that is the last fix, carried on for up to some seconds by an INS that has
-/// lost its way, ENU, m, m/s, rad.
-const STOPGAP_SIGMA: SolutionSigma = SolutionSigma {
-    position_m: Vector3::new(20.0, 20.0, 20.0),
-    velocity_mps: Vector3::new(5.0, 5.0, 5.0),
-    attitude_rad: Vector3::new(0.1, 0.1, 1.0),
-};
+/// Spread of a solution that is the last fix, m, m/s and rad of tilt, which pulls it away since then.
+const STOPGAP_M: f64 = 20.0;
+const STOPGAP_MPS: f64 = 5.0;
+const STOPGAP_RAD: f64 = 0.1;
 
 /// Strapdown INS damped by GNSS velocity, with running estimators of its sensors' errors.
 ///
@@ -104,8 +102,9 @@ struct State<const RING: usize> {
     restarts: u32,
     /// Where the accelerometer biases that alignment knows were found; zero: where it levels.
     level_force_mps2: Vector3<f64>,
-    /// While an INS that was lost is aligned anew: what is left of it, set right by each fix.
-    stopgap: Option<Mechanization>,
+    /// While an INS that was lost is aligned anew: what is left of it, set right by each fix, and when
+    /// its position was last.
+    stopgap: Option<(Time, Mechanization)>,
     mode: Mode<RING>,
 }
 
@@ -235,7 +234,7 @@ impl<const RING: usize> Navigator<RING> {
     /// fix, carried on by the sensors, with a heading that may be wrong; none where its level is
     /// wrong too.
     pub fn solution(&self) -> Option<Solution> {
-        if let (Some(ins), Some((time, _))) = (&self.state.stopgap, &self.state.inertial) {
+        if let (Some((_, ins)), Some((time, _))) = (&self.state.stopgap, &self.state.inertial) {
             return Some(Solution {
                 time: *time,
                 position: ins.position,
@@ -272,8 +271,8 @@ impl<const RING: usize> Navigator<RING> {
     /// One standard deviation of the [solution](Self::solution); none in the literal form. What the
     /// parameters add to it is up to five seconds old.
     pub fn sigma(&self) -> Option<SolutionSigma> {
-        if self.state.stopgap.is_some() {
-            return Some(STOPGAP_SIGMA);
+        if let (Some((since, _)), Some((time, _))) = (&self.state.stopgap, &self.state.inertial) {
+            return Some(stopgap_sigma(time.seconds_since(*since)));
         }
         self.aided()?.sigma(&self.config)
     }
@@ -415,9 +414,9 @@ impl<const RING: usize> State<RING> {
         };
         match &mut self.mode {
             Mode::Aligning(alignment) => {
-                if let Some(ins) = &mut self.stopgap {
+                if let Some((_, ins)) = &mut self.stopgap {
                     ins.step(&alignment.compensated(interval), &Controls::default());
-                    self.stopgap = self.stopgap.filter(is_possible);
+                    self.stopgap = self.stopgap.filter(|(_, ins)| is_possible(ins));
                 }
                 alignment.on_interval(now, interval, config);
             }
@@ -480,7 +479,9 @@ impl<const RING: usize> State<RING> {
                     Alignment::anew(time, &config.prior())
                 } else {
                     self.level_force_mps2 = ins.level_force_mps2();
-                    self.stopgap = Some(*ins.mechanization()).filter(is_possible);
+                    let since = ins.coasting_since().unwrap_or(time);
+                    let left = Some(*ins.mechanization()).filter(is_possible);
+                    self.stopgap = left.map(|ins| (since, ins));
                     Alignment::resume(time, ins.mechanization(), ins.known())
                 };
                 self.mode = Mode::Aligning(alignment);
@@ -564,8 +565,11 @@ impl<const RING: usize> State<RING> {
             Mode::Navigating(ins) => ins.on_fix(fix, tally, config),
             Mode::Aligning(alignment) => {
                 alignment.on_fix(fix, config);
-                if let Some(ins) = &mut self.stopgap {
+                if let Some((since, ins)) = &mut self.stopgap {
                     *ins = ins.at_fix(fix);
+                    if fix.position.is_some() {
+                        *since = fix.time;
+                    }
                 }
                 GnssOutcome::Accepted
             }
@@ -597,6 +601,18 @@ impl Largest {
         let scale = config.imu_output.per_rate(seconds);
         self.gyro > scale * config.sensors.gyro_range_radps
             || self.accel > scale * config.sensors.accel_range_mps2
+    }
+}
+
+/// Spread of a stopgap whose position was set right so many seconds ago, ENU.
+fn stopgap_sigma(seconds: f64) -> SolutionSigma {
+    let seconds = math::max(seconds, 0.0);
+    let pulled_mps = GRAVITY_EQUATOR_MPS2 * STOPGAP_RAD * seconds;
+    let moved_m = (STOPGAP_MPS + 0.5 * pulled_mps) * seconds;
+    SolutionSigma {
+        position_m: Vector3::repeat(STOPGAP_M + moved_m),
+        velocity_mps: Vector3::repeat(STOPGAP_MPS + pulled_mps),
+        attitude_rad: Vector3::new(STOPGAP_RAD, STOPGAP_RAD, 1.0),
     }
 }
 

@@ -125,3 +125,24 @@ fn a_height_may_be_known_before_the_position() {
     let off_m = car.off_m().z - 2500.0;
     assert!(off_m.abs() < 100.0, "{off_m}");
 }
+
+#[test]
+fn what_is_left_after_a_hole_is_less_known_with_time() {
+    let mut car = Car::new(bends);
+    car.until(90.0, true, Some);
+    car.until(100.0, true, |_| None);
+    car.until(103.0, false, |_| None);
+    for time_s in [110.0, 130.0, 160.0] {
+        car.until(time_s, true, |_| None);
+        let (off_m, sigma) = (car.off_m(), car.navigator.sigma().unwrap());
+        let honest = off_m.iter().zip(&sigma.position_m);
+        assert!(
+            honest
+                .into_iter()
+                .all(|(off, sigma)| off.abs() < 3.0 * sigma),
+            "{off_m} {sigma:?}"
+        );
+    }
+    car.until(162.0, true, Some);
+    assert!(car.navigator.sigma().unwrap().position_m.x < 40.0);
+}
