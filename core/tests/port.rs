@@ -3,7 +3,7 @@
 
 use std::f64::consts::TAU;
 
-use ins_core::earth::Geodetic;
+use ins_core::earth::{Geodetic, wrap_pi};
 use ins_core::{Config, GnssFix, ImuSample, Navigator, Phase, Time};
 use nalgebra::{Vector2, Vector3};
 
@@ -72,7 +72,8 @@ impl Car {
         .at(&Geodetic {
             latitude_rad: self.way_m.y / 6.336e6,
             longitude_rad: self.way_m.x / 6.378e6,
-            height_m: 0.0,
+            // A row of zeros would be none.
+            height_m: 1.0,
         })
     }
 
@@ -145,4 +146,32 @@ fn what_is_left_after_a_hole_is_less_known_with_time() {
     }
     car.until(162.0, true, Some);
     assert!(car.navigator.sigma().unwrap().position_m.x < 40.0);
+}
+
+/// Stands, starts, and drives in even bends on a smooth road.
+fn even_bends(time_s: f64) -> (f64, f64, f64) {
+    let (speed, accel, _) = bends(time_s.min(18.0));
+    let turn = if (30.0..60.0).contains(&time_s) {
+        0.2
+    } else {
+        0.0
+    };
+    if time_s < 90.0 {
+        return (speed, if time_s < 18.0 { accel } else { 0.0 }, turn);
+    }
+    let (speed_now, accel, turn) = bends(time_s - 72.0);
+    (speed_now, accel, turn)
+}
+
+#[test]
+fn an_even_turn_that_no_fix_sees_is_no_gyro_bias() {
+    let mut car = Car::new(even_bends);
+    car.until(9.0, true, Some);
+    car.until(80.0, true, |_| None);
+    let known = car.navigator.estimates().gyro_bias_radps[2];
+    assert!((known.value - 4e-3).abs() < 3.0 * known.sigma, "{known:?}");
+    car.until(140.0, true, Some);
+    let heading_rad = car.navigator.solution().unwrap().euler().heading_rad;
+    let off_rad = wrap_pi(heading_rad - car.heading_rad);
+    assert!(off_rad.abs() < 0.05, "{off_rad}");
 }

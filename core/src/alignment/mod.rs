@@ -19,7 +19,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 use self::bank::{Answer, Bank, Mixture};
 use self::candidate::{Start, widest_gyro_sigma};
 use self::coarse::{CoarseLevel, Level};
-use self::levelling::RestMean;
+use self::levelling::{RestMean, UNSEEN_RADPS};
 use self::nodes::Nodes;
 use self::rest::{RestBlock, RestDetector, Verdict};
 use self::sightings::Sightings;
@@ -30,7 +30,7 @@ use crate::increments::Interval;
 use crate::math;
 use crate::mechanization::Mechanization;
 use crate::outcome::GnssOutcome;
-use crate::parameters::{Parameters, index};
+use crate::parameters::{AGREES_SIGMAS, Parameters, index};
 use crate::samples::{GnssFix, Heading};
 use crate::solution::Phase;
 use crate::time::Time;
@@ -54,6 +54,8 @@ const KNOWN_BETTER: f64 = 4.0;
 const RESUMED_TILT_RAD: f64 = 0.1;
 /// Largest spread of a heading that is good enough to navigate on, rad.
 const HEADING_SIGMA_RAD: f64 = 0.3;
+/// Time for which a fix tells rest from an even turn, s.
+const HEARD_S: f64 = 3.0;
 /// Sigmas by which the rate about up at rest may miss that of the Earth for a gyrocompass.
 const COMPASS_SIGMAS: f64 = 4.0;
 /// Pieces of work a second on nodes, sightings and answers: twice as many as arise.
@@ -330,7 +332,7 @@ impl Alignment {
     #[inline(never)]
     fn level(&mut self, time: Time, verdict: Verdict, config: &Config) -> Option<Levelled> {
         if let Verdict::Rest(block) = verdict {
-            self.rest_on(&block, config);
+            self.rest_on(time, &block, config);
         }
         let earth = self.earth()?;
         let moving = verdict == Verdict::Motion;
@@ -364,9 +366,18 @@ impl Alignment {
         })
     }
 
-    /// Takes a block of rest; where the gyros have moved, what was known of them is forgotten.
-    fn rest_on(&mut self, block: &RestBlock, config: &Config) {
-        if !self.rest.agrees(block, &config.sensors) {
+    /// Takes a block of rest; where the gyros have moved, what was known of them is forgotten. An even
+    /// turn looks like that: only GNSS tells it from rest. Whether it was taken.
+    fn rest_on(&mut self, time: Time, block: &RestBlock, config: &Config) -> bool {
+        let agrees = self.rest.agrees(block, &config.sensors);
+        let off = math::largest(&(block.rate_radps - self.known.vector(index::GYRO)));
+        let credible = UNSEEN_RADPS + widest_gyro_sigma(&self.known, config);
+        let heard = |last: Time| time.seconds_since(last) < HEARD_S;
+        if !((agrees && off < AGREES_SIGMAS * credible) || self.sightings.last().is_some_and(heard))
+        {
+            return false;
+        }
+        if !agrees {
             self.rest = RestMean::default();
             let prior = config.prior();
             for which in index::GYRO..index::GYRO + 3 {
@@ -375,6 +386,7 @@ impl Alignment {
             }
         }
         self.rest.add(block);
+        true
     }
 
     fn level_from_rest(&mut self, time: Time, earth: &LocalEarth, config: &Config) -> Levelled {
@@ -454,8 +466,7 @@ impl Alignment {
         };
         match verdict {
             Verdict::Motion => self.rest = RestMean::default(),
-            Verdict::Rest(block) if !bank.has_moved() => {
-                self.rest_on(&block, config);
+            Verdict::Rest(block) if !bank.has_moved() && self.rest_on(time, &block, config) => {
                 let Some(earth) = self.earth() else {
                     return;
                 };

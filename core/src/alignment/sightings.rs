@@ -68,6 +68,11 @@ impl Sightings {
         self.count
     }
 
+    /// When the last was.
+    pub(crate) fn last(&self) -> Option<Time> {
+        self.last
+    }
+
     /// Speed of the last, m/s.
     pub(crate) fn speed_mps(&self) -> f64 {
         let last = self.count.checked_sub(1).and_then(|last| self.get(last));
