@@ -36,7 +36,7 @@ pub enum GnssOutcome {
     /// Compared in the course of the next samples, when they have reached its moment. What becomes of
     /// it then, [`Health::last_fix`](crate::Health::last_fix) tells.
     Queued,
-    /// No inertial sample yet.
+    /// No inertial sample yet, or a hole of more than 0.3 s around its moment.
     NoInertialData,
     /// A component is NaN or infinite.
     NotFinite,

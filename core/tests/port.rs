@@ -175,3 +175,25 @@ fn an_even_turn_that_no_fix_sees_is_no_gyro_bias() {
     let off_rad = wrap_pi(heading_rad - car.heading_rad);
     assert!(off_rad.abs() < 0.05, "{off_rad}");
 }
+
+#[test]
+fn what_a_hole_hides_is_doubted_where_it_was() {
+    let mut car = Car::new(bends);
+    for start_s in [100.0, 137.0, 174.0, 211.0] {
+        car.until(start_s, true, Some);
+        car.until(start_s + 1.9, false, Some);
+        car.until(start_s + 2.0, true, Some);
+        for tenth in 1..200 {
+            car.until(start_s + 2.0 + 0.1 * f64::from(tenth), true, Some);
+            let euler = car.navigator.solution().unwrap().euler();
+            let tilt_rad = euler.roll_rad.hypot(euler.pitch_rad);
+            let sigma_rad = car.navigator.sigma().unwrap().attitude_rad.x;
+            assert!(
+                tilt_rad < 5.0 * sigma_rad,
+                "{} {tilt_rad} {sigma_rad}",
+                car.time_s()
+            );
+        }
+    }
+    assert_eq!(car.navigator.health().samples.bridged, 4);
+}

@@ -97,6 +97,9 @@ impl<const N: usize> AidedIns<N> {
         {
             return Some(GnssOutcome::TimeNotIncreasing);
         }
+        if self.hole.is_some_and(|hole| hole.holds(moment)) {
+            return Some(GnssOutcome::NoInertialData);
+        }
         if let Some(comparison) = &mut self.comparison
             && !comparison.takes(fix, moment)
         {

@@ -23,12 +23,12 @@ use crate::earth::{GRAVITY_EQUATOR_MPS2, wrap_pi};
 use crate::error_model::InsError;
 use crate::estimate::Estimates;
 use crate::health::Tally;
-use crate::history::{History, Missing, Span, Wobble};
+use crate::history::{History, Missing, SPACING_S, Span, Wobble};
 use crate::increments::Interval;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::mechanization::{Controls, Mechanization, Step};
-use crate::observer::Observer;
+use crate::observer::{Hole, Observer};
 use crate::outcome::GnssOutcome;
 use crate::parameters::{Parameters, index};
 use crate::ring::Ring;
@@ -40,6 +40,8 @@ use crate::time::Time;
 const PENDING: usize = 10;
 /// Longest time that controls are held without a new fix, s.
 const HOLD_S: f64 = 1.5;
+/// A hole that is longer may have fixes of its own, s.
+const LONG_HOLE_S: f64 = 0.3;
 /// Time for which a measured heading tells what the up gyro does, and rest, which may be a slow turn, does
 /// not, s.
 const HEADED_S: f64 = 30.0;
@@ -144,6 +146,8 @@ pub struct AidedIns<const N: usize> {
     pub manoeuvre: Manoeuvre,
     /// Stamp and velocity difference of the last fix that was compared, ENU, m/s.
     compared: (Time, Vector3<f64>),
+    /// A hole whose end the estimators have not come to.
+    hole: Option<Hole>,
     /// It has lost its way, and has to be aligned anew.
     pub lost: bool,
     /// Not even what it has found can be believed.
@@ -195,6 +199,7 @@ impl<const N: usize> AidedIns<N> {
             turned: Turned::default(),
             manoeuvre: Manoeuvre::default(),
             compared: (time, Vector3::zeros()),
+            hole: None,
             lost: false,
             misled: false,
         }
@@ -228,7 +233,8 @@ impl<const N: usize> AidedIns<N> {
     /// Spread of position, velocity and attitude, ENU.
     pub fn sigma(&self, config: &Config) -> Option<SolutionSigma> {
         let since_s = self.since_horizon().seconds;
-        Some(self.estimator.exact()?.sigma(since_s, config))
+        let sigma = self.estimator.exact()?.sigma(since_s, config);
+        Some(self.hole.map_or(sigma, |hole| hole.widen(&sigma)))
     }
 
     /// When the last controls were set, if there are none any more.
@@ -329,10 +335,17 @@ impl<const N: usize> AidedIns<N> {
     }
 
     /// Inertial samples were missing for `seconds`, between readings that differ by so much, rad/s and
-    /// m/s^2, and were filled in.
+    /// m/s^2, and were filled in. The estimators doubt that when they come to its end: fixes of before
+    /// know nothing of it.
     pub fn on_hole(&mut self, seconds: f64, ends_differ: [f64; 2]) {
-        if let Some(observer) = self.estimator.exact_mut() {
-            observer.on_hole(seconds, ends_differ);
+        let hole = Hole::after(self.now, seconds, ends_differ);
+        let before = if seconds > LONG_HOLE_S {
+            self.hole.replace(hole)
+        } else {
+            Some(hole)
+        };
+        if let (Some(hole), Some(observer)) = (before, self.estimator.exact_mut()) {
+            observer.on_hole(&hole);
         }
     }
 
@@ -444,6 +457,10 @@ impl<const N: usize> AidedIns<N> {
             config,
         );
         let horizon = self.estimator.horizon();
+        let passed = self.hole.take_if(|hole| hole.end <= horizon);
+        if let (Some(hole), Some(observer)) = (passed, self.estimator.exact_mut()) {
+            observer.on_hole(&hole);
+        }
         let since = self.history.piece(horizon, self.now, f64::MAX);
         self.before_current = since.map_or_else(Span::default, |(since, _)| since);
     }

@@ -5,10 +5,12 @@ use super::{Observer, estimated};
 use crate::channel::Channel;
 use crate::config::Config;
 use crate::earth::GRAVITY_EQUATOR_MPS2;
+use crate::history::SPACING_S;
 use crate::innovations::{LOST_S, Surprise};
 use crate::math;
 use crate::measurement::Kind;
 use crate::parameters::{COUNT, index};
+use crate::solution::SolutionSigma;
 use crate::time::Time;
 
 /// Spread of the velocity of an INS that has lost its way, m/s: a second of braking, or of ten that
@@ -33,23 +35,65 @@ const HIDDEN_RADPS: f64 = 0.1;
 const HIDDEN_MPS2: f64 = 1.0;
 const HIDDEN_S: f64 = 1.0;
 
-impl Observer {
-    /// Inertial samples were missing for `seconds`, between readings that differ by so much, rad/s
-    /// and m/s^2: what was filled in may be wrong by half of that, and by an ordinary manoeuvre.
-    pub fn on_hole(&mut self, seconds: f64, ends_differ: [f64; 2]) {
-        let [rate, accel] = ends_differ;
+/// Inertial samples that are missing, and the variances of what was filled in: it may be wrong by half of
+/// what the readings at both ends differ by, and by an ordinary manoeuvre.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Hole {
+    start: Time,
+    /// The first sample after it.
+    pub end: Time,
+    position: f64,
+    velocity: f64,
+    tilt: f64,
+    azimuth: f64,
+}
+
+impl Hole {
+    /// Begins at a sample and lasts for `seconds`; the readings differ by rad/s and m/s^2.
+    pub fn after(start: Time, seconds: f64, [rate, accel]: [f64; 2]) -> Self {
         let part = math::min(seconds / HIDDEN_S, 1.0);
         let rate = (HIDDEN_RADPS * part + 0.5 * rate) * seconds;
         // Gravity is felt elsewhere after a turn.
         let tipped = 0.5 * part * accel / GRAVITY_EQUATOR_MPS2;
         let accel = (HIDDEN_MPS2 * part + 0.5 * accel) * seconds;
-        self.level
-            .doubt(accel * accel, 0.01 * rate * rate + tipped * tipped);
-        self.vertical.doubt(accel * accel, 0.0);
         let moved = 0.5 * accel * seconds;
-        self.level.doubt_position(moved * moved);
-        self.vertical.doubt_position(moved * moved);
-        self.azimuth_walk += rate * rate;
+        Self {
+            start,
+            end: start.plus_seconds(seconds),
+            position: moved * moved,
+            velocity: accel * accel,
+            tilt: 0.01 * rate * rate + tipped * tipped,
+            azimuth: rate * rate,
+        }
+    }
+
+    /// Whether what the INS did at a moment is interpolated over it.
+    pub fn holds(&self, moment: Time) -> bool {
+        let before_s = self.start.seconds_since(moment);
+        before_s < 2.0 * SPACING_S && moment.seconds_since(self.end) < SPACING_S
+    }
+
+    /// The spread of an INS that has gone through it.
+    pub fn widen(&self, sigma: &SolutionSigma) -> SolutionSigma {
+        let wider = |sigma: f64, variance: f64| math::sqrt(sigma * sigma + variance);
+        let attitude = Vector3::new(self.tilt, self.tilt, self.azimuth);
+        SolutionSigma {
+            position_m: sigma.position_m.map(|own| wider(own, self.position)),
+            velocity_mps: sigma.velocity_mps.map(|own| wider(own, self.velocity)),
+            attitude_rad: sigma.attitude_rad.zip_map(&attitude, wider),
+        }
+    }
+}
+
+impl Observer {
+    /// The horizon has come to the end of a hole.
+    pub fn on_hole(&mut self, hole: &Hole) {
+        self.level.doubt(hole.velocity, hole.tilt);
+        self.vertical.doubt(hole.velocity, 0.0);
+        self.level.doubt_position(hole.position);
+        self.vertical.doubt_position(hole.position);
+        self.azimuth_walk += hole.azimuth;
     }
 
     /// The azimuth has jumped, by a size of this variance, some time before it was found: of what the INS

@@ -27,6 +27,7 @@ use nalgebra::{SVector, Vector3};
 
 use self::colour::{Colour, Sensitivity};
 use self::constancy::Constancy;
+pub use self::doubt::Hole;
 use self::followed::{Followed, UNIT_RESPONSES};
 use self::jump::Jump;
 use self::manoeuvred::Manoeuvred;
