@@ -137,7 +137,8 @@ pub struct Health {
     pub level_innovation: Option<f64>,
     /// The same of the vertical.
     pub vertical_innovation: Option<f64>,
-    /// When the INS, its vertical or its azimuth was last doubted: their spreads were widened then.
+    /// When the INS, its vertical, its azimuth or the latency was last doubted: their spreads were widened
+    /// then.
     pub doubted: Option<Time>,
     /// How often an INS that had lost its way was aligned anew.
     pub restarts: u32,

@@ -197,3 +197,21 @@ fn what_a_hole_hides_is_doubted_where_it_was() {
     }
     assert_eq!(car.navigator.health().samples.bridged, 4);
 }
+
+#[test]
+fn a_latency_that_jumps_is_found_again() {
+    let mut car = Car::new(bends);
+    car.until(100.0, true, Some);
+    for late_s in [0.5, -0.3] {
+        let until_s = car.time_s() + 60.0;
+        car.until(until_s, true, |fix| {
+            Some(GnssFix {
+                time: fix.time.plus_seconds(late_s),
+                ..fix
+            })
+        });
+        let found = car.navigator.estimates().gnss_latency_s.value;
+        assert!((found - late_s).abs() < 0.05, "{found} {late_s}");
+    }
+    assert_eq!(car.navigator.health().restarts, 0);
+}

@@ -408,7 +408,7 @@ impl<const N: usize> AidedIns<N> {
             (Due::Spread, Some(observer)) => observer.spread_next(),
             (Due::Horizon, Some(observer)) => observer.come_to_horizon(),
             (Due::Level, Some(observer)) => observer.level_anew(config),
-            (Due::AzimuthWalk, Some(observer)) => observer.let_azimuth_walk(),
+            (Due::AzimuthWalk, Some(observer)) => observer.let_azimuth_walk(config),
             (Due::BiasWalk, Some(observer)) => observer.let_biases_walk(config),
         }
         self.due = next;

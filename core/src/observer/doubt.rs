@@ -1,5 +1,8 @@
 //! What was not seen, and an INS that is found to be wrong.
 
+use nalgebra::Vector3;
+
+use super::followed::Followed;
 use super::jump::Jump;
 use super::{Observer, estimated};
 use crate::channel::Channel;
@@ -96,16 +99,14 @@ impl Observer {
         self.azimuth_walk += hole.azimuth;
     }
 
-    /// The azimuth has jumped, by a size of this variance, some time before it was found: of what the INS
+    /// A parameter has jumped, by a size of this variance, some time before it was found: of what the INS
     /// errs by it has caused one part as it is, and one as it was.
     #[inline(never)]
-    pub(super) fn on_jump(&mut self, variance: f64) {
-        self.corrections
-            .diffuse(index::AZIMUTH, math::single(variance));
-        let [azimuth, ..] = &self.responses;
-        let caused = azimuth.double();
-        self.doubt_along(&caused, variance);
-        self.widen_azimuth(variance);
+    pub(super) fn on_jump(&mut self, which: usize, variance: f64) {
+        self.corrections.diffuse(which, math::single(variance));
+        let caused = self.responses.get(which).map(Followed::double);
+        self.doubt_along(&caused.unwrap_or_else(Followed::zero), variance);
+        self.widen(which, variance);
         self.doubts.note(self.horizon);
     }
 
@@ -130,7 +131,7 @@ impl Observer {
         }
         self.surprise = Surprise::default();
         self.doubts.add(self.horizon);
-        self.azimuth_jump = Jump::default();
+        self.jumps = [Jump::default(); 2];
         self.gyro_noise.look_anew();
     }
 

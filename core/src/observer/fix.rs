@@ -110,9 +110,9 @@ impl Observer {
         };
         let seconds = pace.seconds;
         if kind == Kind::Velocity && seconds > 0.0 {
-            let [azimuth, ..] = by;
-            self.azimuth_jump
-                .take(&innovation, azimuth, predicted + white, seconds);
+            for (jump, by) in self.jumps.iter_mut().zip(&*by) {
+                jump.take(&innovation, by, predicted + white, seconds);
+            }
         }
         let white = match credit {
             Credit::Taken(white) => white,

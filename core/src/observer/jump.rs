@@ -1,17 +1,19 @@
-//! Whether the azimuth has jumped: a mount that slips, a turn that a hole or a saturated gyro hides.
+//! Whether azimuth or latency has jumped: a mount that slips, a turn that a hole or a saturated gyro hides;
+//! a clock that was set, a receiver that was switched on again.
 //!
-//! What a jump adds to the innovations is known, but for its size: the response to a unit of
-//! azimuth. The size that explains the innovations of the last time best is held against what is
-//! known of the azimuth (generalized likelihood ratio of a jump: Willsky and Jones, IEEE TAC 21,
+//! What a jump adds to the innovations is known, but for its size: the response to a unit of the
+//! parameter. The size that explains the innovations of the last time best is held against what is
+//! known of it (generalized likelihood ratio of a jump: Willsky and Jones, IEEE TAC 21,
 //! 1976). Noise learnt from the innovations would explain them as well: not in this direction.
 
 /// Time for which innovations count, s: some manoeuvres.
 const MEMORY_S: f64 = 30.0;
-/// Sigmas of a jump, least part of what is too much in the squares of the innovations that it explains,
-/// and least time in which it was seen, s: wrong fixes come in bursts, and point anywhere.
+/// Sigmas of a jump, and least part of what is too much in the squares of the innovations that it
+/// explains.
 const SIGMAS: f64 = 5.0;
 const EXPLAINED: f64 = 0.5;
-const SEEN_S: f64 = 3.0;
+/// Least time in which it was seen, s: wrong fixes come in bursts, and point anywhere.
+pub const SEEN_S: f64 = 3.0;
 
 /// Innovations of the last time against the response to a jump.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -50,9 +52,9 @@ impl Jump {
         self.squares = keep * self.squares + square;
     }
 
-    /// The square of its size, if there was one beyond what is known to `variance`; innovations are
-    /// `inflation` times less informative than white ones.
-    pub fn square(&mut self, variance: f64, inflation: f64) -> Option<f64> {
+    /// The square of its size, if there was one beyond what is known to `variance`, seen for so long at
+    /// least; innovations are `inflation` times less informative than white ones.
+    pub fn square(&mut self, variance: f64, inflation: f64, seen_s: f64) -> Option<f64> {
         let information = self.information;
         let explained = self.score * self.score / information;
         let expected = inflation + information * variance;
@@ -62,7 +64,7 @@ impl Jump {
         }
         let jumped = explained > SIGMAS * SIGMAS * expected
             && explained > EXPLAINED * self.squares
-            && information * information > SEEN_S * self.gathered;
+            && information * information > seen_s * self.gathered;
         jumped.then(|| {
             *self = Self::default();
             4.0 * explained / information

@@ -76,7 +76,8 @@ pub struct Observer {
     pub vertical_surprise: Surprise,
     doubts: Doubts,
     vertical_doubts: Doubts,
-    azimuth_jump: Jump,
+    /// Of azimuth and latency.
+    jumps: [Jump; 2],
     /// Corrections to the parameters.
     corrections: LeastSquares<COUNT, PAIRS>,
     /// Last solution; the latency is that of its moment.
@@ -153,7 +154,7 @@ impl Observer {
             vertical_surprise: Surprise::default(),
             doubts: Doubts::default(),
             vertical_doubts: Doubts::default(),
-            azimuth_jump: Jump::default(),
+            jumps: [Jump::default(); 2],
             corrections: LeastSquares::NOTHING,
             parameters: Parameters::NONE,
             level_force_mps2,
@@ -218,18 +219,27 @@ impl Observer {
 
     /// Lets the azimuth have walked.
     #[inline(never)]
-    pub fn let_azimuth_walk(&mut self) {
+    pub fn let_azimuth_walk(&mut self, config: &Config) {
         let sigma = self.parameters.sigma(index::AZIMUTH);
         let (known, walked) = (sigma * sigma, self.azimuth_walk);
         self.let_walk(index::AZIMUTH, math::single(walked));
         self.azimuth_walk = 0.0;
         // By a hole, or lost.
         if walked > known {
-            self.widen_azimuth(walked);
+            self.widen(index::AZIMUTH, walked);
         }
-        let jump = self.azimuth_jump.square(known + walked, self.inflation());
-        if let Some(variance) = jump {
-            self.on_jump(variance);
+        let latency = self.parameters.sigma(index::LATENCY);
+        let inflation = self.inflation();
+        // A burst of wrong fixes looks like a latency, and so does what a hard braking does to sensors.
+        let [of_azimuth, of_latency] = &mut self.jumps;
+        let azimuth = of_azimuth.square(known + walked, inflation, jump::SEEN_S);
+        let latency = of_latency.square(latency * latency, inflation, 3.0 * jump::SEEN_S);
+        for (which, jump) in [(index::AZIMUTH, azimuth), (index::LATENCY, latency)] {
+            if let Some(variance) = jump
+                && !config.gives(which)
+            {
+                self.on_jump(which, variance);
+            }
         }
     }
 
@@ -340,13 +350,14 @@ impl Observer {
         self.vertical.doubt_along(&error.states(2), variance);
     }
 
-    /// States the azimuth with this variance more, before its turn has come.
-    pub(super) fn widen_azimuth(&mut self, variance: f64) {
-        self.added.tilt_rad.z += math::single(variance);
+    /// States a parameter with this variance more, before its turn has come.
+    pub(super) fn widen(&mut self, which: usize, variance: f64) {
+        if which == index::AZIMUTH {
+            self.added.tilt_rad.z += math::single(variance);
+        }
         let p = &mut self.parameters;
-        let sigma = p.sigma(index::AZIMUTH);
-        let sigma = math::sqrt(sigma * sigma + variance);
-        p.set(index::AZIMUTH, p.value(index::AZIMUTH), sigma);
+        let sigma = math::sqrt(p.sigma(which) * p.sigma(which) + variance);
+        p.set(which, p.value(which), sigma);
     }
 
     /// Latency `seconds` before the horizon and its spread, s.
