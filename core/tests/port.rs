@@ -4,7 +4,7 @@
 use std::f64::consts::TAU;
 
 use ins_core::earth::{Geodetic, wrap_pi};
-use ins_core::{Config, GnssFix, ImuSample, Navigator, Phase, Time};
+use ins_core::{Config, GnssFix, GnssOutcome, Heading, ImuSample, Navigator, Phase, Time};
 use nalgebra::{Vector2, Vector3};
 
 const GRAVITY_MPS2: f64 = 9.8;
@@ -214,4 +214,24 @@ fn a_latency_that_jumps_is_found_again() {
         assert!((found - late_s).abs() < 0.05, "{found} {late_s}");
     }
     assert_eq!(car.navigator.health().restarts, 0);
+}
+
+#[test]
+fn a_heading_may_come_before_the_sample_of_its_moment() {
+    let mut car = Car::new(bends);
+    car.until(90.0, true, Some);
+    for _ in 0..50 {
+        let until_s = car.time_s() + 0.2;
+        car.until(until_s, true, Some);
+        let (_, _, turn) = (car.drive)(car.time_s());
+        let outcome = car.navigator.on_heading(&Heading {
+            time: car.time().plus_seconds(0.02),
+            heading_rad: car.heading_rad + 0.02 * turn,
+            sigma_rad: 1e-3,
+        });
+        assert_eq!(outcome, GnssOutcome::Accepted);
+    }
+    let heading_rad = car.navigator.solution().unwrap().euler().heading_rad;
+    let off_rad = wrap_pi(heading_rad - car.heading_rad);
+    assert!(off_rad.abs() < 1e-3, "{off_rad}");
 }

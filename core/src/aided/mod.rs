@@ -566,12 +566,11 @@ impl<const N: usize> AidedIns<N> {
                 math::atan2(past.attitude.m12, past.attitude.m22),
                 self.turned_since(measured.time),
             ),
-            // Since the newest moment of the ring it turns evenly.
-            Err(Missing::Future) if ago_s >= 0.0 && self.current.seconds > 0.0 => {
-                let turn_radps = self.current.turn_rad / self.current.seconds;
+            // Since the newest moment of the ring it turns evenly, and until the next.
+            Err(Missing::Future) if ago_s >= -SPACING_S => {
+                let turn_radps = self.current.turn_rad / math::max(self.current.seconds, 1e-9);
                 (self.mechanization.heading_rad() + turn_radps * ago_s, 0.0)
             }
-            Err(Missing::Future) if ago_s >= 0.0 => (self.mechanization.heading_rad(), 0.0),
             Err(Missing::Future) => return GnssOutcome::TooFarAhead,
             Err(Missing::TooOld) => return GnssOutcome::TooOld,
         };
