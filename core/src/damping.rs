@@ -42,10 +42,13 @@ pub struct Differences {
     pub azimuth_rad: Option<f64>,
 }
 
-/// Coefficients of `s^2 + 2 zeta w0 s + w0^2`, slowed down where fixes are rare or late.
+/// Coefficients of `s^2 + 2 zeta w0 s + w0^2`, slowed down where fixes are rare or late: the first is a
+/// rate, too.
 fn second_order(loop_config: &SecondOrder, lag_s: f64) -> (f64, f64) {
-    let w0 = math::min(loop_config.bandwidth_radps, LAGGED_BANDWIDTH / lag_s);
-    (2.0 * loop_config.damping_ratio * w0, w0 * w0)
+    let fastest = LAGGED_BANDWIDTH / lag_s;
+    let w0 = math::min(loop_config.bandwidth_radps, fastest);
+    let damping = loop_config.damping_ratio * w0;
+    (2.0 * math::min(damping, fastest), w0 * w0)
 }
 
 /// The controls that hold until the next fix; `lag_s` is how long until then since the moment that

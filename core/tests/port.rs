@@ -235,3 +235,15 @@ fn a_heading_may_come_before_the_sample_of_its_moment() {
     let off_rad = wrap_pi(heading_rad - car.heading_rad);
     assert!(off_rad.abs() < 1e-3, "{off_rad}");
 }
+
+#[test]
+fn loops_of_any_damping_are_stable() {
+    let mut car = Car::new(bends);
+    let mut config = Config::mems();
+    config.damping.horizontal.damping_ratio = 20.0;
+    config.damping.vertical.damping_ratio = 20.0;
+    car.navigator = Navigator::new(config).unwrap();
+    car.until(150.0, true, Some);
+    let off_mps = car.navigator.mechanization().unwrap().velocity_enu_mps.xy() - car.velocity_mps();
+    assert!(off_mps.norm() < 0.2, "{off_mps}");
+}
