@@ -4,7 +4,9 @@
 use std::f64::consts::TAU;
 
 use ins_core::earth::{Geodetic, wrap_pi};
-use ins_core::{Config, GnssFix, GnssOutcome, Heading, ImuSample, Navigator, Phase, Time};
+use ins_core::{
+    Config, FixSigma, GnssFix, GnssOutcome, Heading, ImuSample, Navigator, Phase, Time,
+};
 use nalgebra::{Vector2, Vector3};
 
 const GRAVITY_MPS2: f64 = 9.8;
@@ -246,4 +248,20 @@ fn loops_of_any_damping_are_stable() {
     car.until(150.0, true, Some);
     let off_mps = car.navigator.mechanization().unwrap().velocity_enu_mps.xy() - car.velocity_mps();
     assert!(off_mps.norm() < 0.2, "{off_mps}");
+}
+
+/// Some state tens of metres a second, always.
+#[test]
+fn what_a_receiver_states_does_not_keep_the_heading_from_being_found() {
+    let mut car = Car::new(bends);
+    car.until(60.0, true, |fix| {
+        Some(GnssFix {
+            sigma: FixSigma {
+                velocity_mps: Some(50.0),
+                ..FixSigma::default()
+            },
+            ..fix
+        })
+    });
+    assert_eq!(car.navigator.phase(), Phase::Navigating);
 }

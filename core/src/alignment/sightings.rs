@@ -117,7 +117,8 @@ impl Sightings {
             return None;
         }
         let stated = fix.sigma.velocity_mps.unwrap_or(0.0);
-        let sigma = math::max(stated, config.gnss.velocity_mps.white);
+        let (white, [_, most]) = (config.gnss.velocity_mps.white, config.gnss.noise_range);
+        let sigma = math::min(math::max(stated, white), most * white);
         let shared = math::max(ALIKE_S / since_s, 1.0);
         Some(Sighting {
             time: fix.time,
