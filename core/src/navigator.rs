@@ -268,8 +268,9 @@ impl<const RING: usize> Navigator<RING> {
         Some(self.observer()?.velocity_noise(&self.config))
     }
 
-    /// One standard deviation of the [solution](Self::solution); none in the literal form. What the
-    /// parameters add to it is up to five seconds old.
+    /// One standard deviation of the [solution](Self::solution), with open feedback less the errors that
+    /// the estimators see in it; none in the literal form. What the parameters add to it is up to five
+    /// seconds old.
     pub fn sigma(&self) -> Option<SolutionSigma> {
         if let (Some((since, _)), Some((time, _))) = (&self.state.stopgap, &self.state.inertial) {
             return Some(stopgap_sigma(time.seconds_since(*since)));
