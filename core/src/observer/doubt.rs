@@ -104,8 +104,9 @@ impl Observer {
     #[inline(never)]
     pub(super) fn on_jump(&mut self, which: usize, variance: f64) {
         self.corrections.diffuse(which, math::single(variance));
-        let caused = self.responses.get(which).map(Followed::double);
-        self.doubt_along(&caused.unwrap_or_else(Followed::zero), variance);
+        if let Some(caused) = self.responses.get(which).map(Followed::double) {
+            self.doubt_along(&caused, variance);
+        }
         self.widen(which, variance);
         self.doubts.note(self.horizon);
     }
