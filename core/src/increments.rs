@@ -15,6 +15,9 @@ const JITTER_RATIO: f64 = 0.5;
 /// Stamps over which their jitter is averaged out, and those over which a usual interval is learnt
 /// where they do not come when due.
 const STAMPS: f64 = 16.0;
+/// Holes in a row that are no loss of samples but show that they come more rarely: of a loss of one sample in
+/// five there are so many once in an hour.
+const HOLES: u8 = 8;
 
 /// Half the turn by which the two ends of a hole may disagree, rad: beyond it the heading inside
 /// would have to be found anew anyway.
@@ -80,6 +83,8 @@ pub struct Increments {
     previous_s: f64,
     /// Usual interval, s; zero until known.
     usual_s: f64,
+    /// How many intervals in a row have had samples missing.
+    holes: u8,
     /// How much later than due, by those before, the last stamp was, s.
     late_s: f64,
     /// What of that is the stamp's alone, s.
@@ -164,7 +169,7 @@ impl Increments {
     pub fn interval(&mut self, sample: &ImuSample, seconds: f64) -> Interval {
         let hole = self.has_hole(seconds);
         let (usual_s, late_before_s) = (self.usual_s, self.stamped_late_s);
-        self.follow_stamps(seconds);
+        self.follow_stamps(seconds, hole);
         if self.output == ImuOutput::Increments {
             self.compare_stamps(seconds, &sample.accel);
         }
@@ -235,8 +240,13 @@ impl Increments {
     }
 
     /// Follows stamps that come when due by a loop of second order, critically damped, and others
-    /// slowly, so that one hole does not move the usual interval far.
-    fn follow_stamps(&mut self, seconds: f64) {
+    /// slowly; a few holes say nothing of the usual interval.
+    fn follow_stamps(&mut self, seconds: f64, hole: bool) {
+        self.holes = if hole {
+            self.holes.saturating_add(1)
+        } else {
+            0
+        };
         if self.usual_s <= 0.0 {
             self.usual_s = seconds;
             self.longer_stamped_m = GRAVITY_EQUATOR_MPS2 * seconds * seconds;
@@ -249,7 +259,9 @@ impl Increments {
             self.usual_s += late_s / (4.0 * STAMPS * STAMPS);
         } else {
             self.late_s = 0.0;
-            self.usual_s += math::min(seconds - self.usual_s, self.usual_s) / STAMPS;
+            if !(1..HOLES).contains(&self.holes) {
+                self.usual_s += math::min(seconds - self.usual_s, self.usual_s) / STAMPS;
+            }
         }
     }
 

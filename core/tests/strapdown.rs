@@ -290,6 +290,30 @@ fn a_hole_is_filled_by_its_ends() {
     }
 }
 
+#[test]
+fn samples_lost_at_random_are_filled_in_and_a_slower_rate_is_learnt() {
+    let mut increments = Increments::new(ImuOutput::Increments, &level(0.01));
+    let (mut state, mut seconds, mut filled, mut shown) = (1_u32, 0.0, 0.0, 0.0_f64);
+    for count in 0..20_000 {
+        seconds += 0.01;
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        // One of ten.
+        if count > 100 && state < u32::MAX / 10 {
+            continue;
+        }
+        shown += seconds;
+        filled += increments.interval(&level(0.01), seconds).force_mps.z;
+        seconds = 0.0;
+    }
+    // What rounding leaves of the mean acceleration.
+    let off_mps2 = (filled - 9.8 * shown) / shown;
+    assert!(off_mps2.abs() < 1e-9, "{off_mps2}");
+    for _ in 0..30 {
+        let _ = increments.interval(&level(0.02), 0.02);
+    }
+    assert!(!increments.has_hole(0.02));
+}
+
 /// Stamps of even intervals of 10 ms, off by up to 3.5 ms to and fro, without a pattern that an
 /// average over sixteen would show; the interval from each to the next.
 fn jittered(count: u32) -> impl Iterator<Item = f64> {
