@@ -86,7 +86,8 @@ pub struct Heading {
     pub time: Time,
     /// Of the forward axis, clockwise from true north, within a turn of it, rad.
     pub heading_rad: f64,
-    /// One standard deviation, rad; 1e-5 at least and half a turn at most.
+    /// One standard deviation, rad; 1e-5 at least and half a turn at most. It holds by how much the line of
+    /// the antennas, or the compass, may be off the forward axis: there is no parameter for that.
     pub sigma_rad: f64,
 }
 

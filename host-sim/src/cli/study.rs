@@ -244,7 +244,7 @@ pub struct Flights {
     #[command(flatten)]
     settings: flights::Settings,
     /// Seed of the first flight; the others follow.
-    #[arg(long, alias = "seed-from", default_value_t = 0,
+    #[arg(long, default_value_t = 0,
           value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
     first_seed: u64,
     /// Folder for tables and pictures.

@@ -18,7 +18,7 @@ pub const THESIS_KM: f64 = 3.7;
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
     pub runs: usize,
-    pub seed_from: u64,
+    pub first_seed: u64,
     /// Damped part.
     pub minutes_aided: u32,
     /// Free part.
@@ -114,7 +114,7 @@ impl Summary {
         };
         Self {
             runs: runs.len(),
-            seed_from: runs[0].seed,
+            first_seed: runs[0].seed,
             minutes_aided: settings.minutes_aided,
             minutes_free: settings.minutes_free,
             thesis_position_km: THESIS_KM,
