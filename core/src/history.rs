@@ -415,8 +415,8 @@ impl Around<'_> {
         }
     }
 
-    /// Velocity in the middle of the interval, acceleration and jerk, from the means of three intervals; of two, and
-    /// the change of specific force, where no moment follows. How the means differ is told by
+    /// Velocity in the middle of the interval, acceleration and jerk, from the means of three intervals; of
+    /// two, and the change of specific force, where no moment follows. How the means differ is told by
     /// specific force: the velocity itself also follows the noise of GNSS, by its controls.
     fn parabola(&self, here: &Means, force_slope: &Vector3<f64>) -> [Vector3<f64>; 3] {
         let square = here.seconds * here.seconds;
