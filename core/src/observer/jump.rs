@@ -13,7 +13,10 @@ const MEMORY_S: f64 = 30.0;
 const SIGMAS: f64 = 5.0;
 const EXPLAINED: f64 = 0.5;
 /// Least time in which it was seen, s: wrong fixes come in bursts, and point anywhere.
-pub const SEEN_S: f64 = 3.0;
+pub const AZIMUTH_SEEN_S: f64 = 3.0;
+/// The same of a latency: a burst of wrong fixes looks like one, and so does what a hard braking does to
+/// sensors.
+pub const LATENCY_SEEN_S: f64 = 9.0;
 
 /// Innovations of the last time against the response to a jump.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

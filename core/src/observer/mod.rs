@@ -217,7 +217,7 @@ impl Observer {
         self.unsolved_s = 0.0;
     }
 
-    /// Lets the azimuth have walked.
+    /// Lets the azimuth have walked, and looks whether it or the latency has jumped.
     #[inline(never)]
     pub fn let_azimuth_walk(&mut self, config: &Config) {
         let sigma = self.parameters.sigma(index::AZIMUTH);
@@ -230,10 +230,9 @@ impl Observer {
         }
         let latency = self.parameters.sigma(index::LATENCY);
         let inflation = self.inflation();
-        // A burst of wrong fixes looks like a latency, and so does what a hard braking does to sensors.
         let [of_azimuth, of_latency] = &mut self.jumps;
-        let azimuth = of_azimuth.square(known + walked, inflation, jump::SEEN_S);
-        let latency = of_latency.square(latency * latency, inflation, 3.0 * jump::SEEN_S);
+        let azimuth = of_azimuth.square(known + walked, inflation, jump::AZIMUTH_SEEN_S);
+        let latency = of_latency.square(latency * latency, inflation, jump::LATENCY_SEEN_S);
         for (which, jump) in [(index::AZIMUTH, azimuth), (index::LATENCY, latency)] {
             if let Some(variance) = jump
                 && !config.gives(which)

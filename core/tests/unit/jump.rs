@@ -1,7 +1,7 @@
 //! A jump shows in innovations that point where it would; noise and wrong fixes do not.
 #![allow(clippy::disallowed_methods)]
 
-use super::{Jump, SEEN_S};
+use super::{AZIMUTH_SEEN_S, Jump};
 use crate::deviates::Deviates;
 
 /// Ten fixes a second, of this standard deviation.
@@ -25,7 +25,9 @@ fn found(fixes: u32, mut wrong: impl FnMut(u32) -> [f64; 2]) -> Option<(u32, f64
         let innovation = wrong(fix).map(|wrong| wrong + SIGMA * f64::from(deviates.next()));
         jump.take(&innovation, &by(fix), SIGMA * SIGMA, FIX_S);
         let look = fix % 10 == 9;
-        let square = look.then(|| jump.square(KNOWN, 1.0, SEEN_S)).flatten();
+        let square = look
+            .then(|| jump.square(KNOWN, 1.0, AZIMUTH_SEEN_S))
+            .flatten();
         square.map(|square| (fix, square))
     })
 }
