@@ -256,6 +256,8 @@ impl Recorder {
     pub(crate) fn go_on<M: Motion>(&mut self, sensors: &mut IdealSensors<M>, end: Time) {
         let imu_hz = self.recording.imu_hz;
         let model = &self.recording.errors.imu;
+        // Stamps stay in order.
+        let jitter_s = model.stamp_jitter_s.min(0.49 / imu_hz);
         let stamp = |count: u32| Time::default().plus_seconds(f64::from(count) / imu_hz);
         while stamp(self.count + 1) <= end {
             self.count += 1;
@@ -265,8 +267,7 @@ impl Recorder {
             let gained = sensors.advance(time);
             let now = sensors.state();
             let (gyro, accel) = self.unit.measure(&gained, &now.rates, step_s);
-            let stamped =
-                time.plus_seconds(model.stamp_jitter_s * self.jitter.uniform([-1.0, 1.0]));
+            let stamped = time.plus_seconds(jitter_s * self.jitter.uniform([-1.0, 1.0]));
             if !self.losses.chance(model.dropped_fraction) && !model.has_hole_at(time) {
                 self.imu.push(ImuSample {
                     time: stamped,

@@ -49,6 +49,12 @@ impl Random {
         if self.chance(0.5) { 1.0 } else { -1.0 }
     }
 
+    /// One of some, of which there is one at least, each as likely as another.
+    #[allow(clippy::cast_possible_truncation)]
+    pub fn one_of<'a, T>(&mut self, some: &'a [T]) -> &'a T {
+        &some[(self.whole() % some.len() as u64) as usize]
+    }
+
     /// Normal with zero mean and unit variance (Box-Muller; the pair is used up in turn).
     pub fn normal(&mut self) -> f64 {
         if let Some(spare) = self.spare_normal.take() {

@@ -5,7 +5,7 @@ use core::f64::consts::PI;
 use ins_core::ImuOutput;
 
 use super::shakes;
-use super::{BOTH, Kind, MEMS, kinds};
+use super::{BOTH, Kind, MEMS, in_company, kinds};
 use crate::sim::Grade;
 use crate::sim::car::Way;
 use crate::sim::errors::BiasModel;
@@ -282,4 +282,7 @@ kinds! { judge: false,
         w.position_noise(0.5, 1.5, 60.0);
         w.shakes.push(shakes::steps(2.0, 0.2, 4.0));
     };
+    // --- all of these ---
+    "in_company", BOTH, 15.0, "two of the other kinds at once, drawn anew for each seed"
+        => |w| in_company(w, KINDS);
 }

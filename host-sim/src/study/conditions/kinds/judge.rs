@@ -6,7 +6,7 @@ use core::f64::consts::PI;
 use ins_core::ImuOutput;
 
 use super::shakes;
-use super::{BOTH, Kind, MEMS, kinds};
+use super::{BOTH, Kind, MEMS, in_company, kinds};
 use crate::sim::car::Way;
 use crate::sim::errors::BiasModel;
 use crate::sim::motion::When;
@@ -409,4 +409,7 @@ kinds! { judge: true,
         w.tilt_mount([20.0, 160.0]);
         w.shakes.push(shakes::steps(1.8, 0.25, 6.0));
     };
+    // --- all of these ---
+    "in_other_company", BOTH, 15.0, "two of the other kinds at once, drawn anew for each seed"
+        => |w| in_company(w, KINDS);
 }

@@ -47,3 +47,16 @@ macro_rules! kinds {
     };
 }
 pub(super) use kinds;
+
+/// Two kinds of a class at once, of all but the last, which is this one: what both change is as the second
+/// has it.
+pub(super) fn in_company(world: &mut World, kinds: &[Kind]) {
+    let others = kinds.iter().take(kinds.len() - 1);
+    let of_class: Vec<_> = others
+        .filter(|kind| kind.classes.contains(&world.class))
+        .collect();
+    for _ in 0..2 {
+        let kind = *world.random.one_of(&of_class);
+        (kind.make)(world);
+    }
+}
