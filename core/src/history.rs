@@ -141,9 +141,10 @@ pub struct Past {
     pub unseen_rate: f64,
     /// `C_B^L`.
     pub attitude: Matrix3<f64>,
-    /// Its rate of change, 1/s, and how that changes, 1/s^2.
+    /// Its rate of change, 1/s, how that changes, 1/s^2, and that again, 1/s^3, like the jerk.
     pub attitude_rate: Matrix3<f64>,
     pub attitude_accel: Matrix3<f64>,
+    pub attitude_jerk: Matrix3<f64>,
     /// Way of the INS from this moment to the newest of the ring, ENU, m.
     pub way_since_m: Vector3<f64>,
 }
@@ -162,6 +163,7 @@ impl Past {
         self.attitude += (next.attitude - self.attitude) * part;
         self.attitude_rate += (next.attitude_rate - self.attitude_rate) * part;
         self.attitude_accel += (next.attitude_accel - self.attitude_accel) * part;
+        self.attitude_jerk += (next.attitude_jerk - self.attitude_jerk) * part;
     }
 }
 
@@ -324,10 +326,10 @@ impl<const N: usize> History<N> {
         Err(Missing::TooOld)
     }
 
-    /// Has the jerk as a receiver shows it that smooths with this time constant, where a quick turn would
-    /// need more derivatives: its mean, for which a mean over times of variance `s` is `s / 2` times the jerk
-    /// off. The receiver is a low pass of first order, taken as much sooner as it is late in a steady
-    /// acceleration.
+    /// Has the jerk, and that of an arm, as a receiver shows it that smooths with this time constant, where
+    /// a quick turn would need more derivatives: its mean, for which a mean over times of variance `s` is
+    /// `s / 2` times the jerk off. The receiver is a low pass of first order, taken as much sooner as it is
+    /// late in a steady acceleration.
     pub fn smooth(&self, past: &mut Past, memory_s: f64) {
         if memory_s < LONG_S {
             return;
@@ -335,24 +337,36 @@ impl<const N: usize> History<N> {
         // What is seen of each gain of velocity, and would be if it were only late. Outside the ring all
         // goes on as at its ends.
         let mut beyond_mps = Vector3::zeros();
+        let mut swung_beyond = Matrix3::zeros();
+        let (mut turns, mut swing) = (None, Matrix3::zeros());
         let (mut end_s, mut missed) = (memory_s, 1.0);
         let mut older = self.moments.iter().rev().peekable();
         while let Some(recorded) = older.next() {
-            let seconds = f64::from(recorded.span.seconds);
-            let start_s = recorded.time.seconds_since(past.time) - seconds;
+            let means = Means::over(recorded);
+            let start_s = recorded.time.seconds_since(past.time) - means.seconds;
+            // How an attitude turns where a span begins and ends is what an arm of unit length swings by.
+            let slope_from = |older: &Recorded| means.slope_from(&Means::over(older)).attitude;
+            let at_start = older.peek().map(|older| slope_from(older));
+            let at_end = core::mem::replace(&mut turns, at_start);
             if start_s >= memory_s {
                 continue;
             }
-            let missed_before = match older.peek() {
+            let missed_before = match at_start {
                 Some(_) => missed * math::decayed((end_s - start_s) / memory_s),
                 None => 0.0,
             };
             let late_s = math::max(end_s, 0.0) - math::max(start_s, 0.0);
-            let force_mps2 = recorded.span.force_mps.map(f64::from) / seconds;
-            beyond_mps += (late_s - memory_s * (missed - missed_before)) * force_mps2;
+            let beyond_s = late_s - memory_s * (missed - missed_before);
+            beyond_mps += beyond_s * means.force_mps2;
+            if let (Some(at_start), Some(at_end)) = (at_start, at_end) {
+                swing = (at_end - at_start) / means.seconds;
+            }
+            swung_beyond += beyond_s * swing;
             (end_s, missed) = (start_s, missed_before);
         }
-        past.jerk_mps3 = beyond_mps * (2.0 / (memory_s * memory_s));
+        let per_square = 2.0 / (memory_s * memory_s);
+        past.jerk_mps3 = beyond_mps * per_square;
+        past.attitude_jerk = swung_beyond * per_square;
     }
 }
 
@@ -396,6 +410,12 @@ impl Around<'_> {
         let explained = height.norm_squared() / 240.0;
         // And of a ramp about its mean.
         let turning = (here.seconds * bend.rate_radps).norm_squared() / 12.0;
+        // What an arm swings by, from mean to mean.
+        let swing = |means: &Means| means.attitude * means.rate_radps.cross_matrix();
+        let attitude_jerk = after.map_or_else(Matrix3::zeros, |after| {
+            let beside = swing(&Means::over(start)) + swing(&Means::over(after));
+            (beside - 2.0 * swing(&here)) / (here.seconds * here.seconds)
+        });
         let attitude = here.attitude + off_s * bend.attitude;
         let rate_radps = here.rate_radps + off_s * bend.rate_radps;
         Past {
@@ -411,6 +431,7 @@ impl Around<'_> {
             attitude,
             attitude_rate: attitude * rate_radps.cross_matrix(),
             attitude_accel: attitude * turn_accel(&rate_radps, &bend.rate_radps),
+            attitude_jerk,
             way_since_m: left + way_after_m,
         }
     }

@@ -43,7 +43,7 @@ impl Observer {
         let direct = self.shown_directly(past, kind.measured(), difference, config);
         let residual = difference.value - self.predicted(&direct, kind.measured(), difference);
         let bent = self.bent_variance(past, kind, &direct)
-            + per_manoeuvre * self.skew_variance(past, kind)
+            + per_manoeuvre * self.skew_variance(past, kind, &direct)
             + difference.more_variance;
         if kind.is_up() {
             let mut by = self.shown_by(&direct, kind.measured(), |by| [by.z]);
@@ -242,7 +242,7 @@ impl Observer {
     /// of `2 s^1.5`, a sixth of which goes with it. In a turn that is a lateral velocity for as long as
     /// the turn lasts, just as the bias of an accelerometer makes one: it counts once, and not with each
     /// fix, and lies all in one direction.
-    fn skew_variance(&self, past: &Past, kind: Kind) -> f64 {
+    fn skew_variance(&self, past: &Past, kind: Kind, direct: &Direct) -> f64 {
         let third = match kind.measured() {
             Measured::Velocity => &past.snap_mps4,
             Measured::Position => &past.jerk_mps3,
@@ -253,7 +253,7 @@ impl Observer {
             third.xy().norm_squared()
         };
         let smoothing_s2 = math::max(self.parameters.value(index::SMOOTHING), 0.0);
-        smoothing_s2 * smoothing_s2 * smoothing_s2 / 9.0 * third2
+        smoothing_s2 * smoothing_s2 * smoothing_s2 / 9.0 * (third2 + direct.arm_third2)
     }
 
     /// What receiver and antenna add to INS minus GNSS.
@@ -278,15 +278,19 @@ impl Observer {
         } else {
             0.0
         };
+        let [seen, bent] = self.seen_lever(past, measured, config);
+        let (arm_jerk_mps3, seen_arm) = (bent * arm_m, seen * arm_m);
+        let jerk_mps3 = past.jerk_mps3 + arm_jerk_mps3;
+        let part = 0.5 * seen_jerk(past, &jerk_mps3);
         let (by_latency, by_smoothing) = match measured {
-            Measured::Velocity => (accel_mps2, -0.5 * seen_jerk(past) * past.jerk_mps3),
+            Measured::Velocity => (accel_mps2, -part * jerk_mps3),
             Measured::Position => (
                 past.velocity_mps + past.attitude_rate * arm_m - accel_mps2 * delay_s,
                 -0.5 * accel_mps2,
             ),
         };
-        let by_lever = self.by_lever(past, measured, config);
-        let seen_arm = by_lever * arm_m;
+        let smoothing_s2 = math::max(self.parameters.value(index::SMOOTHING), 0.0);
+        let jerk2 = arm_jerk_mps3.norm_squared();
         let by_azimuth = Vector3::new(seen_arm.y, -seen_arm.x, 0.0);
         Direct {
             arm_m,
@@ -295,30 +299,32 @@ impl Observer {
             // Of half a second the second order is decimetres.
             delayed: (by_latency + 0.5 * accel_mps2 * delay_s) * delay_s,
             by_smoothing,
-            by_lever,
+            by_lever: seen + bent * (part * smoothing_s2),
             by_arm: by_azimuth * tilt.z - seen_arm,
             by_azimuth,
+            arm_third2: jerk2 * math::sqrt(jerk2 / (seen_arm.norm_squared() + 1e-6)),
         }
     }
 
-    /// What a unit of each component of the arm takes from it, with the azimuth as the INS has it. The
-    /// platform leans as the noise of GNSS has made it lean, and gyros at rest read noise, which drives the
-    /// INS as well: either would show an arm that is not there (errors in variables).
-    fn by_lever(&self, past: &Past, measured: Measured, config: &Config) -> Matrix3<f64> {
+    /// What a unit of each component of the arm takes from it, with the azimuth as the INS has it, and the
+    /// second derivative of that, of which a receiver that smooths shows a part. The platform leans as the
+    /// noise of GNSS has made it lean, and gyros at rest read noise, which drives the INS as well: either
+    /// would show an arm that is not there (errors in variables).
+    fn seen_lever(&self, past: &Past, measured: Measured, config: &Config) -> [Matrix3<f64>; 2] {
         let seen = match measured {
             Measured::Velocity => {
                 let noise = NOISE_SIGMAS * config.sensors.mean_gyro_noise();
                 let least = noise * noise * self.gyro_noise.ratio / SPACING_S;
                 if 0.5 * past.attitude_rate.norm_squared() < least {
-                    return Matrix3::zeros();
+                    return [Matrix3::zeros(); 2];
                 }
-                &past.attitude_rate
+                [past.attitude_rate, past.attitude_jerk]
             }
-            Measured::Position => &past.attitude,
+            Measured::Position => [past.attitude, Matrix3::zeros()],
         };
         let tilt = &self.followed.error.tilt_rad;
         let level = Vector3::new(tilt.x, tilt.y, 0.0);
-        seen + level.cross_matrix() * seen
+        seen.map(|seen| seen + level.cross_matrix() * seen)
     }
 
     /// INS minus GNSS as the parameters would have it.
@@ -399,11 +405,13 @@ struct Direct {
     /// By the arm as it is, where it points and not where the INS has it, and by a unit of azimuth.
     by_arm: Vector3<f64>,
     by_azimuth: Vector3<f64>,
+    /// Square of the third derivative of an arm that swings, as fast as its jerk shows, (m/s^4)^2.
+    arm_third2: f64,
 }
 
 /// Part of the jerk that is the vehicle's, and not what swings faster than the ring leave in it:
 /// they show in the fixes as well, and would be taken for smoothing.
-fn seen_jerk(past: &Past) -> f64 {
-    let jerk = past.jerk_mps3.norm_squared();
+fn seen_jerk(past: &Past, jerk_mps3: &Vector3<f64>) -> f64 {
+    let jerk = jerk_mps3.norm_squared();
     jerk / (jerk + SWING_PER_S4 * past.unseen_velocity + 1e-9)
 }

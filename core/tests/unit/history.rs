@@ -121,16 +121,23 @@ fn what_lies_outside_is_not_invented() {
 }
 
 /// A velocity to the east, and how far it is above its mean over the times of a low pass of this time
-/// constant that is not late.
-fn above_mean(memory_s: f64, at: f64, east_mps: impl Fn(f64) -> f64) -> f64 {
+/// constant that is not late; by that an antenna goes as well, on an arm of unit length.
+fn above_mean(
+    memory_s: f64,
+    at: f64,
+    east_m: impl Fn(f64) -> f64,
+    east_mps: impl Fn(f64) -> f64,
+) -> f64 {
     let mut history = History::<24>::default();
     for k in 1..=30 {
         let (from, to) = (0.1 * f64::from(k - 1), 0.1 * f64::from(k));
         let gained = Vector3::new(east_mps(to) - east_mps(from), 0.0, 0.0);
+        let mut attitude = Matrix3::identity();
+        attitude.m12 = east_m(0.5 * (from + to));
         let span = Span {
             seconds: 0.1,
             force_mps: gained + Vector3::z() * (0.1 * GRAVITY_EQUATOR_MPS2),
-            attitude_s: Matrix3::identity() * 0.1,
+            attitude_s: attitude * 0.1,
             ..Span::default()
         };
         history.push(at_s(to), &Vector3::zeros(), &span, &Wobble::default());
@@ -138,24 +145,30 @@ fn above_mean(memory_s: f64, at: f64, east_mps: impl Fn(f64) -> f64) -> f64 {
     let mut past = history.at(at_s(at), false).unwrap();
     history.smooth(&mut past, memory_s);
     assert!(past.jerk_mps3.yz().norm() < 1000.0 * SINGLE);
-    -0.5 * memory_s * memory_s * past.jerk_mps3.x
+    let above = |jerk: f64| -0.5 * memory_s * memory_s * jerk;
+    // Between means a swing is some thousandths smaller than where they end.
+    let on_arm = above(past.attitude_jerk.m12);
+    assert!((on_arm - above(past.jerk_mps3.x)).abs() < 0.01, "{on_arm}");
+    above(past.jerk_mps3.x)
 }
 
 #[test]
 fn a_smoothed_velocity_is_that_of_a_low_pass() {
     let (memory_s, rate) = (0.5_f64, 2.0_f64);
     let swing = |t: f64| (rate * t).sin();
+    let swung = |t: f64| -(rate * t).cos() / rate;
     let phase = rate * memory_s;
     let passed = |t: f64| (swing(t) - phase * (rate * t).cos()) / (1.0 + phase * phase);
     for t in [2.1, 2.24, 2.37] {
-        let above = above_mean(memory_s, t, swing);
+        let above = above_mean(memory_s, t, swung, swing);
         let expected = swing(t) - passed(t + memory_s);
         // Even accelerations over the intervals, a decay to second order, and what lies before the ring:
         // some hundredths. By its second derivative alone it is twice as much.
         assert!((above - expected).abs() < 0.04, "{t}: {above} {expected}");
     }
     // A steady acceleration only makes it late.
-    assert!(above_mean(memory_s, 2.24, |t| 3.0 * t).abs() < SINGLE);
+    let late = above_mean(memory_s, 2.24, |t| 1.5 * t * t, |t| 3.0 * t);
+    assert!(late.abs() < SINGLE);
 }
 
 /// Everything a span holds, in one list.
