@@ -162,14 +162,25 @@ impl World {
         &mut self.errors.gnss.habits
     }
 
-    /// Velocity noise: white, and correlated over a time.
-    pub fn velocity_noise(&mut self, white_mps: f64, sigma: f64, time_s: f64) {
+    /// Fixes a second, and the noise of their velocities and positions.
+    pub fn receiver(&mut self, rate_hz: f64, velocity: [f64; 3], position: [f64; 3]) {
+        self.errors.gnss.rate_hz = rate_hz;
+        self.noise(velocity, position);
+    }
+
+    /// Of velocity and position: white, and correlated over a time.
+    pub fn noise(&mut self, velocity: [f64; 3], position: [f64; 3]) {
+        self.velocity_noise(velocity);
+        self.position_noise(position);
+    }
+
+    pub fn velocity_noise(&mut self, [white_mps, sigma, time_s]: [f64; 3]) {
         self.errors.gnss.velocity_sigma_mps = white_mps;
         self.habits().velocity = Correlated { sigma, time_s };
     }
 
-    /// Position noise: white, and correlated over a time; that of height half as large again.
-    pub fn position_noise(&mut self, white_m: f64, sigma: f64, time_s: f64) {
+    /// That of height is half as large again.
+    pub fn position_noise(&mut self, [white_m, sigma, time_s]: [f64; 3]) {
         self.errors.gnss.horizontal_sigma_m = white_m;
         self.errors.gnss.vertical_sigma_m = 1.5 * white_m;
         self.habits().horizontal = Correlated { sigma, time_s };

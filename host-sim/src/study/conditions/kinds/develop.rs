@@ -19,8 +19,7 @@ kinds! { judge: false,
     // --- receivers ---
     "coloured_velocity", BOTH, 15.0,
     "velocity noise of 0.05 m/s over 2 s beside 0.01 m/s white, no sigma stated" => |w| {
-        w.velocity_noise(0.01, 0.05, 2.0);
-        w.position_noise(0.3, 1.0, 60.0);
+        w.noise([0.01, 0.05, 2.0], [0.3, 1.0, 60.0]);
         w.habits().stated = Stated::Nothing;
     };
     "smoothed", BOTH, 15.0, "receiver smooths position and velocity over 0.3 s, 5 Hz" => |w| {
@@ -29,18 +28,13 @@ kinds! { judge: false,
     };
     "smoothed_velocity", BOTH, 15.0,
     "velocity smoothed over 0.6 s, position not, 5 Hz, no sigma stated" => |w| {
-        w.errors.gnss.rate_hz = 5.0;
-        w.velocity_noise(0.03, 0.0, 1.0);
-        w.position_noise(0.5, 1.5, 60.0);
+        w.receiver(5.0, [0.03, 0.0, 1.0], [0.5, 1.5, 60.0]);
         w.habits().smoothing_s = 0.6;
         w.habits().smooths_position = false;
         w.habits().stated = Stated::Nothing;
     };
-    "slow_fixes", MEMS, 15.0, "1 Hz, correlated position noise" => |w| {
-        w.errors.gnss.rate_hz = 1.0;
-        w.velocity_noise(0.05, 0.03, 3.0);
-        w.position_noise(1.0, 2.0, 100.0);
-    };
+    "slow_fixes", MEMS, 15.0, "1 Hz, correlated position noise"
+        => |w| w.receiver(1.0, [0.05, 0.03, 3.0], [1.0, 2.0, 100.0]);
     "no_vertical_velocity", BOTH, 15.0, "position, height and level velocity alone (NMEA)"
         => |w| w.habits().up = Up::Missing;
     "vertical_velocity_zero", MEMS, 12.0,
@@ -55,9 +49,7 @@ kinds! { judge: false,
     "velocity_alone", BOTH, 12.0,
     "velocity in three axes, positions and heights in the first minute alone"
         => |w| w.trouble(&[60.0], w.duration_s(), Wrong::NoPosition);
-    "late_stamps", BOTH, 12.0, "latency of 0.6 to 1 s" => |w| {
-        w.errors.gnss.latency_s = [0.6, 1.0];
-    };
+    "late_stamps", BOTH, 12.0, "latency of 0.6 to 1 s" => |w| w.errors.gnss.latency_s = [0.6, 1.0];
     "late_arrival", BOTH, 12.0,
     "fixes arrive 0.5 to 0.8 s after their stamps, latency 0.05 to 0.3 s"
         => |w| w.habits().delay_s = [0.5, 0.8];
@@ -96,15 +88,14 @@ kinds! { judge: false,
             w.trouble(&[start_s], 0.5, wrong);
         }
     };
-    "outliers", BOTH, 12.0, "5 % of the fixes off by 2 m/s and 30 m, each by itself" => |w| {
-        w.outliers(0.05, 2.0, 30.0);
-    };
+    "outliers", BOTH, 12.0, "5 % of the fixes off by 2 m/s and 30 m, each by itself"
+        => |w| w.outliers(0.05, 2.0, 30.0);
     "wandering_height", BOTH, 15.0,
     "no vertical velocity, height good to 0.3 m and stated so wanders by 8 m over 300 s, 5 Hz"
     => |w| {
         w.errors.gnss.rate_hz = 5.0;
         w.habits().up = Up::Missing;
-        w.position_noise(0.7, 1.0, 60.0);
+        w.position_noise([0.7, 1.0, 60.0]);
         w.errors.gnss.vertical_sigma_m = 0.3;
         w.habits().vertical = Correlated {
             sigma: 8.0,
@@ -112,24 +103,19 @@ kinds! { judge: false,
         };
     };
     "multipath", MEMS, 15.0,
-    "position wanders by 6 m over 60 s, velocity by 0.2 m/s over 5 s, white parts stated" => |w| {
-        w.errors.gnss.rate_hz = 5.0;
-        w.velocity_noise(0.05, 0.2, 5.0);
-        w.position_noise(0.5, 6.0, 60.0);
-    };
+    "position wanders by 6 m over 60 s, velocity by 0.2 m/s over 5 s, white parts stated"
+        => |w| w.receiver(5.0, [0.05, 0.2, 5.0], [0.5, 6.0, 60.0]);
     "satellites_change", BOTH, 15.0,
     "each axis of the position jumps by 4 m and height by 6 m, every 30 s or so, 5 Hz, 0.8 m stated"
     => |w| {
-        w.errors.gnss.rate_hz = 5.0;
-        w.velocity_noise(0.03, 0.02, 2.0);
-        w.position_noise(0.8, 3.0, 30.0);
+        w.receiver(5.0, [0.03, 0.02, 2.0], [0.8, 3.0, 30.0]);
         w.habits().position_jumps = true;
     };
     "differences", BOTH, 15.0,
     "velocity is the difference of positions that wander by 1 m over 60 s, 0.05 m white, 5 Hz"
     => |w| {
         w.errors.gnss.rate_hz = 5.0;
-        w.position_noise(0.05, 1.0, 60.0);
+        w.position_noise([0.05, 1.0, 60.0]);
         w.habits().velocity_by_differences = true;
         w.habits().stated = Stated::Nothing;
     };
@@ -144,9 +130,7 @@ kinds! { judge: false,
             lateral_mps2: [0.3, 1.2],
             ..Way::ROAD
         });
-        w.errors.gnss.rate_hz = 5.0;
-        w.velocity_noise(0.05, 0.03, 3.0);
-        w.position_noise(0.5, 1.5, 60.0);
+        w.receiver(5.0, [0.05, 0.03, 3.0], [0.5, 1.5, 60.0]);
         w.habits().holds_below_mps = 0.3;
     };
     "outages", BOTH, 15.0, "a minute without fixes, every three or four" => |w| {
@@ -164,9 +148,8 @@ kinds! { judge: false,
     "turned_unseen", BOTH, 15.0,
     "unit slips by 5 to 90 deg about any axis within 0.6 s without inertial samples"
         => |w| w.slip([5.0, 90.0], 0.6, false);
-    "misaligned", MEMS, 15.0, "axes of gyros and accelerometers off by 5 mrad" => |w| {
-        w.misaligned(0.005);
-    };
+    "misaligned", MEMS, 15.0, "axes of gyros and accelerometers off by 5 mrad"
+        => |w| w.misaligned(0.005);
     "noisy_gyros", MEMS, 15.0,
     "gyros x and y five times as noisy as z, accelerometers y and z six times as x" => |w| {
         w.errors.gyro_deg_h.noise_times = [8.0, 8.0, 1.6];
@@ -212,9 +195,7 @@ kinds! { judge: false,
     "begins in the bend of a ramp, then straight on with a change of lane every minute or two, 5 Hz"
     => |w| {
         w.vehicle = Vehicle::Motorway;
-        w.errors.gnss.rate_hz = 5.0;
-        w.velocity_noise(0.05, 0.03, 3.0);
-        w.position_noise(0.5, 1.5, 60.0);
+        w.receiver(5.0, [0.05, 0.03, 3.0], [0.5, 1.5, 60.0]);
     };
     "car_park", BOTH, 14.0, "ten minutes at rest, then four of driving" => |w| {
         let rest_s = Some([600.0, 600.0]);
@@ -230,8 +211,7 @@ kinds! { judge: false,
             lateral_mps2: [0.2, 0.5],
             ..Way::ROAD
         });
-        w.velocity_noise(0.03, 0.02, 2.0);
-        w.position_noise(0.3, 0.6, 100.0);
+        w.noise([0.03, 0.02, 2.0], [0.3, 0.6, 100.0]);
         w.antenna_within([0.5, 1.0, 3.0]);
         w.shakes.push(shakes::engine(When::Always, 31.7, 0.4, 0.0));
     };
@@ -241,8 +221,7 @@ kinds! { judge: false,
     };
     "mast", BOTH, 17.0, "antenna up to 5 m up a mast or below, waves of 8 deg and 3.5 s" => |w| {
         w.boat(150.0, 100.0, 0.5);
-        w.velocity_noise(0.03, 0.03, 1.5);
-        w.position_noise(0.4, 1.0, 80.0);
+        w.noise([0.03, 0.03, 1.5], [0.4, 1.0, 80.0]);
         w.antenna_within([0.7, 1.5, 5.0]);
         w.shakes.push(shakes::waves(3.5, 8.0, 0.3));
     };
@@ -250,9 +229,7 @@ kinds! { judge: false,
         w.vehicle = Vehicle::Quadrotor {
             ground_s: Some(20.0),
         };
-        w.errors.gnss.rate_hz = 5.0;
-        w.velocity_noise(0.05, 0.05, 1.0);
-        w.position_noise(0.5, 1.5, 60.0);
+        w.receiver(5.0, [0.05, 0.05, 1.0], [0.5, 1.5, 60.0]);
         w.shakes.push(shakes::engine(When::Always, 87.0, 3.0, 0.1));
     };
     "survey_drone", MEMS, 12.0,
@@ -261,16 +238,14 @@ kinds! { judge: false,
         w.vehicle = Vehicle::Quadrotor {
             ground_s: Some(30.0),
         };
-        w.velocity_noise(0.03, 0.02, 1.0);
-        w.position_noise(0.015, 0.01, 100.0);
+        w.noise([0.03, 0.02, 1.0], [0.015, 0.01, 100.0]);
         w.antenna_within([0.1, 0.1, 0.3]);
         w.floats(60.0, 0.5, [30.0, 30.0]);
         w.imu_hz = 250.0;
         w.shakes.push(shakes::engine(When::Always, 93.0, 3.0, 0.05));
     };
-    "steep_banks", BOTH, 15.0, "fixed wing, banks of 50 to 55 deg, from the ground" => |w| {
-        w.fixed_wing([50.0, 55.0], Begin::OnGround, 5.0);
-    };
+    "steep_banks", BOTH, 15.0, "fixed wing, banks of 50 to 55 deg, from the ground"
+        => |w| w.fixed_wing([50.0, 55.0], Begin::OnGround, 5.0);
     "misaligned_in_flight", MEMS, 15.0,
     "fixed wing, banks of 25 to 40 deg, from the ground, axes off by 5 mrad" => |w| {
         w.fixed_wing([25.0, 40.0], Begin::OnGround, 5.0);
@@ -278,8 +253,7 @@ kinds! { judge: false,
     };
     "pedestrian", MEMS, 15.0, "walks at 0.8 to 1.8 m/s, two steps a second" => |w| {
         w.vehicle = Vehicle::Walker { rest_s: 20.0 };
-        w.velocity_noise(0.03, 0.03, 2.0);
-        w.position_noise(0.5, 1.5, 60.0);
+        w.noise([0.03, 0.03, 2.0], [0.5, 1.5, 60.0]);
         w.shakes.push(shakes::steps(2.0, 0.2, 4.0));
     };
     // --- all of these ---

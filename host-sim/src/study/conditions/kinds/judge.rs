@@ -17,32 +17,25 @@ use crate::study::conditions::Vehicle;
 kinds! { judge: true,
     "five_hertz", BOTH, 18.0, "car, white noise at 5 Hz, begins in motion" => |w| {
         w.errors.gnss.rate_hz = 5.0;
-        w.velocity_noise(0.05, 0.0, 1.0);
+        w.velocity_noise([0.05, 0.0, 1.0]);
         w.vehicle = Vehicle::MOVING_CAR;
     };
     // --- receivers ---
     "slow_colour", BOTH, 18.0,
-    "velocity noise of 0.08 m/s over 6 s beside 0.02 m/s white, which alone is stated" => |w| {
-        w.velocity_noise(0.02, 0.08, 6.0);
-        w.position_noise(0.5, 2.0, 120.0);
-    };
+    "velocity noise of 0.08 m/s over 6 s beside 0.02 m/s white, which alone is stated"
+        => |w| w.noise([0.02, 0.08, 6.0], [0.5, 2.0, 120.0]);
     "heavily_smoothed", BOTH, 15.0, "receiver smooths over 0.8 s, 4 Hz, no sigma stated" => |w| {
         w.errors.gnss.rate_hz = 4.0;
         w.errors.gnss.latency_s = [-0.1, 0.1];
         w.habits().smoothing_s = 0.8;
         w.habits().stated = Stated::Nothing;
     };
-    "fast_fixes", MEMS, 12.0, "25 Hz, noise of 0.04 m/s over 0.5 s beside 0.02 m/s white" => |w| {
-        w.errors.gnss.rate_hz = 25.0;
-        w.velocity_noise(0.02, 0.04, 0.5);
-        w.position_noise(0.05, 0.5, 30.0);
-    };
+    "fast_fixes", MEMS, 12.0, "25 Hz, noise of 0.04 m/s over 0.5 s beside 0.02 m/s white"
+        => |w| w.receiver(25.0, [0.02, 0.04, 0.5], [0.05, 0.5, 30.0]);
     "nmea", MEMS, 18.0,
     "1 Hz, level velocity and position without sigmas, height wanders by 4 m, begins in motion"
     => |w| {
-        w.errors.gnss.rate_hz = 1.0;
-        w.velocity_noise(0.05, 0.05, 4.0);
-        w.position_noise(0.8, 2.5, 80.0);
+        w.receiver(1.0, [0.05, 0.05, 4.0], [0.8, 2.5, 80.0]);
         w.habits().up = Up::Missing;
         w.habits().stated = Stated::Nothing;
         w.vehicle = Vehicle::MOVING_CAR;
@@ -55,7 +48,7 @@ kinds! { judge: true,
     "slow_positions_alone", BOTH, 20.0,
     "no velocity, positions at 1 Hz that wander by 1.5 m over 40 s" => |w| {
         w.errors.gnss.rate_hz = 1.0;
-        w.position_noise(0.4, 1.5, 40.0);
+        w.position_noise([0.4, 1.5, 40.0]);
         w.habits().gives_velocity = false;
         w.habits().stated = Stated::All;
     };
@@ -117,9 +110,7 @@ kinds! { judge: true,
     };
     "canyon", MEMS, 18.0,
     "noise eight times as stated for 10 to 60 s at a time, outages of 5 to 20 s, outliers" => |w| {
-        w.errors.gnss.rate_hz = 4.0;
-        w.velocity_noise(0.05, 0.05, 3.0);
-        w.position_noise(0.5, 2.0, 60.0);
+        w.receiver(4.0, [0.05, 0.05, 3.0], [0.5, 2.0, 60.0]);
         w.troubles(60.0, 60.0, [10.0, 60.0], Wrong::Noisy(8.0));
         for start_s in w.times(90.0, 90.0) {
             let duration_s = w.random.uniform([5.0, 20.0]);
@@ -131,9 +122,7 @@ kinds! { judge: true,
     "motorway, twice 3 min without fixes after 4 to 10 s of coasted ones, twice the noise for 15 s after"
     => |w| {
         w.vehicle = Vehicle::Motorway;
-        w.errors.gnss.rate_hz = 5.0;
-        w.velocity_noise(0.05, 0.03, 3.0);
-        w.position_noise(0.5, 1.5, 60.0);
+        w.receiver(5.0, [0.05, 0.03, 3.0], [0.5, 1.5, 60.0]);
         for start_s in w.times(270.0, 300.0) {
             let bridged_s = w.random.uniform([4.0, 10.0]);
             w.trouble(&[start_s], bridged_s, Wrong::Coasting);
@@ -152,9 +141,7 @@ kinds! { judge: true,
             steep: 3.0,
             ..Way::ROAD
         });
-        w.errors.gnss.rate_hz = 5.0;
-        w.velocity_noise(0.05, 0.0, 1.0);
-        w.position_noise(0.8, 2.0, 60.0);
+        w.receiver(5.0, [0.05, 0.0, 1.0], [0.8, 2.0, 60.0]);
         w.habits().smoothing_s = 1.0;
         w.habits().smooths_position = false;
         w.habits().stated = Stated::Nothing;
@@ -170,7 +157,7 @@ kinds! { judge: true,
         });
         w.origin.latitude_rad = 78.2_f64.to_radians();
         w.errors.gnss.rate_hz = 1.0;
-        w.position_noise(0.1, 1.5, 40.0);
+        w.position_noise([0.1, 1.5, 40.0]);
         w.habits().velocity_by_differences = true;
         w.habits().stated = Stated::Nothing;
         w.shakes.push(shakes::engine(When::Moving(5.0), 43.3, 2.0, 0.0));
@@ -186,7 +173,7 @@ kinds! { judge: true,
         w.errors.gnss.rate_hz = 5.0;
         w.antenna_within([3.0, 3.0, 3.0]);
         w.tilt_mount([0.0, 30.0]);
-        w.velocity_noise(0.03, 0.02, 2.0);
+        w.velocity_noise([0.03, 0.02, 2.0]);
         w.leaning(1.5);
     };
     // --- units and mounts ---
@@ -279,9 +266,7 @@ kinds! { judge: true,
             roll_rad_per_mps2: -0.003,
             steep: 0.8,
         });
-        w.errors.gnss.rate_hz = 2.0;
-        w.velocity_noise(0.04, 0.04, 4.0);
-        w.position_noise(0.6, 2.0, 80.0);
+        w.receiver(2.0, [0.04, 0.04, 4.0], [0.6, 2.0, 80.0]);
         w.habits().holds_below_mps = 0.5;
     };
     "field_robot", MEMS, 20.0,
@@ -295,9 +280,7 @@ kinds! { judge: true,
             roll_rad_per_mps2: 0.0,
             ..Way::ROAD
         });
-        w.errors.gnss.rate_hz = 5.0;
-        w.velocity_noise(0.02, 0.01, 1.0);
-        w.position_noise(0.012, 0.015, 60.0);
+        w.receiver(5.0, [0.02, 0.01, 1.0], [0.012, 0.015, 60.0]);
         w.antenna_within([0.2, 0.4, 1.2]);
         w.floats(90.0, 0.8, [20.0, 45.0]);
     };
@@ -315,16 +298,14 @@ kinds! { judge: true,
     "swings at anchor by 0.5 deg/s in 2.5 min on waves of 5 deg, then sails, 2 Hz" => |w| {
         w.boat(240.0, 150.0, 0.5);
         w.errors.gnss.rate_hz = 2.0;
-        w.velocity_noise(0.05, 0.05, 2.0);
+        w.velocity_noise([0.05, 0.05, 2.0]);
         w.shakes.push(shakes::waves(5.5, 5.0, 0.3));
     };
     "boat_in_short_waves", BOTH, 20.0,
     "20 Hz, antenna up to 3 m away, swings at anchor by 0.8 deg/s, waves of 4 deg and 3 s, 68 deg north"
     => |w| {
         w.boat(90.0, 60.0, 0.8);
-        w.errors.gnss.rate_hz = 20.0;
-        w.velocity_noise(0.02, 0.03, 1.0);
-        w.position_noise(0.4, 1.0, 100.0);
+        w.receiver(20.0, [0.02, 0.03, 1.0], [0.4, 1.0, 100.0]);
         w.antenna_within([1.0, 2.0, 3.0]);
         w.shakes.push(shakes::waves(3.0, 4.0, 0.3));
         w.origin.latitude_rad = 68.0_f64.to_radians();
@@ -333,8 +314,7 @@ kinds! { judge: true,
     "masthead", BOTH, 15.0,
     "antenna up to 6 m up a mast, waves of 10 deg and 4 s, sails after two minutes" => |w| {
         w.boat(120.0, 90.0, 0.6);
-        w.velocity_noise(0.03, 0.04, 1.5);
-        w.position_noise(0.4, 1.0, 80.0);
+        w.noise([0.03, 0.04, 1.5], [0.4, 1.0, 80.0]);
         w.antenna_within([0.5, 1.0, 6.0]);
         w.shakes.push(shakes::waves(4.0, 10.0, 0.4));
     };
@@ -343,15 +323,13 @@ kinds! { judge: true,
         w.boat(150.0, 200.0, 0.4);
         w.errors.gnss.rate_hz = 1.0;
         w.errors.gnss.latency_s = [0.1, 0.3];
-        w.velocity_noise(0.05, 0.03, 4.0);
+        w.velocity_noise([0.05, 0.03, 4.0]);
         w.antenna_within([2.0, 4.0, 6.0]);
         w.shakes.push(shakes::waves(9.0, 6.0, 0.5));
     };
     "coasting_in_town", BOTH, 15.0,
     "car, 5 Hz, each minute or two the receiver coasts for 3 to 8 s, antenna a metre away" => |w| {
-        w.errors.gnss.rate_hz = 5.0;
-        w.velocity_noise(0.05, 0.05, 2.0);
-        w.position_noise(0.5, 1.5, 60.0);
+        w.receiver(5.0, [0.05, 0.05, 2.0], [0.5, 1.5, 60.0]);
         w.antenna_within([0.5, 1.0, 1.0]);
         w.troubles(60.0, 60.0, [3.0, 8.0], Wrong::Coasting);
     };
@@ -359,8 +337,7 @@ kinds! { judge: true,
     "begins in flight, 10 Hz, latency of 0.2 to 0.4 s, unit turned by up to 180 deg" => |w| {
         w.vehicle = Vehicle::Quadrotor { ground_s: None };
         w.errors.gnss.latency_s = [0.2, 0.4];
-        w.velocity_noise(0.05, 0.08, 2.0);
-        w.position_noise(0.5, 1.5, 60.0);
+        w.noise([0.05, 0.08, 2.0], [0.5, 1.5, 60.0]);
         w.tilt_mount([0.0, 180.0]);
         w.shakes.push(shakes::engine(When::Always, 61.0, 2.0, 0.2));
     };
@@ -384,15 +361,13 @@ kinds! { judge: true,
         });
         w.origin.latitude_rad = -34.0_f64.to_radians();
         w.origin.height_m = 900.0;
-        w.errors.gnss.rate_hz = 4.0;
-        w.velocity_noise(0.05, 0.03, 2.0);
-        w.position_noise(0.5, 1.5, 60.0);
+        w.receiver(4.0, [0.05, 0.03, 2.0], [0.5, 1.5, 60.0]);
     };
     "steeper_banks", BOTH, 15.0,
     "fixed wing, banks of 35 to 60 deg, begins in flight, antenna 0.5 m away, 4 Hz" => |w| {
         w.fixed_wing([35.0, 60.0], Begin::InFlight, 4.0);
         w.antenna_within([0.5, 0.5, 0.3]);
-        w.velocity_noise(0.05, 0.05, 2.0);
+        w.velocity_noise([0.05, 0.05, 2.0]);
     };
     "misaligned_in_circles", MEMS, 15.0,
     "fixed wing, banks of 35 to 60 deg, begins in flight, axes of gyros off by 3 mrad, 4 Hz"
@@ -403,9 +378,7 @@ kinds! { judge: true,
     "pedestrian_in_town", MEMS, 18.0,
     "walks with a unit held at any angle, 1 Hz, velocity wanders by 0.1 m/s" => |w| {
         w.vehicle = Vehicle::Walker { rest_s: 5.0 };
-        w.errors.gnss.rate_hz = 1.0;
-        w.velocity_noise(0.05, 0.1, 5.0);
-        w.position_noise(1.0, 4.0, 60.0);
+        w.receiver(1.0, [0.05, 0.1, 5.0], [1.0, 4.0, 60.0]);
         w.tilt_mount([20.0, 160.0]);
         w.shakes.push(shakes::steps(1.8, 0.25, 6.0));
     };
