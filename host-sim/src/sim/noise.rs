@@ -153,22 +153,6 @@ mod tests {
     }
 
     #[test]
-    fn uniforms_fill_their_range_evenly() {
-        let mut random = Random::stream(1, "uniform");
-        let x: Vec<f64> = (0..COUNT).map(|_| random.uniform([-3.0, 2.0])).collect();
-        let expected = COUNT as f64 / 100.0;
-        let chi2: f64 = (0..100)
-            .map(|bin| {
-                let low = -3.0 + 0.05 * f64::from(bin);
-                let count = x.iter().filter(|x| (low..low + 0.05).contains(*x)).count() as f64;
-                (count - expected) * (count - expected) / expected
-            })
-            .sum();
-        // 99 degrees of freedom: mean 99, standard deviation 14.
-        assert!((43.0..155.0).contains(&chi2), "chi-square {chi2}");
-    }
-
-    #[test]
     fn streams_and_seeds_are_independent() {
         let a = normals(1, "a");
         assert_correlation(&a, &a[1..], 0.0);

@@ -260,10 +260,4 @@ mod tests {
             }
         );
     }
-
-    #[test]
-    #[should_panic(expected = "overlaps")]
-    fn refuses_overlapping_steps() {
-        profile().step_to(1.0, 14.0, 1.0, 1.0);
-    }
 }

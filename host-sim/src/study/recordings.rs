@@ -146,27 +146,3 @@ fn row(recording: &Recording) -> Vec<String> {
         ],
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_latency_has_the_digits_of_its_sigma() {
-        let found = Found {
-            minutes: 5.5,
-            imu_hz: 50.0,
-            gnss_hz: 5.0,
-            latency_ms: Some([284.682, 8.083]),
-            known: 8,
-            warnings: Vec::new(),
-            against: Vec::new(),
-        };
-        let recording = Recording {
-            name: "flight.bin".to_owned(),
-            outcome: Outcome::Used(found),
-            took_s: 1.0,
-        };
-        assert_eq!(row(&recording)[4], "284.7 \u{b1} 8.1");
-    }
-}

@@ -67,7 +67,6 @@ const fn quantity(
 }
 
 impl Quantity {
-    /// Title and unit.
     pub fn head(&self) -> String {
         format!("{}, {}", self.title, self.unit)
     }
@@ -203,7 +202,6 @@ impl Study {
         })
     }
 
-    /// What the Kalman filter is told.
     fn told(&self, factor: f64) -> Noise {
         let mut noise = Noise::of_model(&self.grade.errors()).guessed(factor);
         if !self.kalman_positions {
@@ -213,7 +211,6 @@ impl Study {
     }
 }
 
-/// Drives, and checks at every [`EVERY_S`].
 fn look<S: Subject>(
     subject: &mut S,
     drive: &SimulatedDrive,
@@ -279,28 +276,4 @@ fn checks(
             sigma: estimate.sigma / si,
         }
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn results_do_not_depend_on_the_number_of_threads() {
-        let study = Study {
-            minutes: 4.0,
-            first_seed: 7,
-            ..Study::new(Grade::Hg1700, 3)
-        };
-        let on = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-            let results = || study.results(&ProgressBar::hidden());
-            pool.build().unwrap().install(results).unwrap()
-        };
-        let results = on(1);
-        assert_eq!(results, on(3));
-        let seeds: Vec<u64> = results.runs.iter().map(|run| run.seed).collect();
-        assert_eq!(seeds, [7, 8, 9]);
-        assert!((15..=24).contains(&results.history.len()));
-    }
 }

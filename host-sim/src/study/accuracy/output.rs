@@ -42,7 +42,6 @@ fn of_runs(runs: &[Run]) -> Result<String> {
     page::csv(&names, runs.iter().map(row))
 }
 
-/// For a terminal.
 pub fn readable(results: &Results) -> String {
     let study = &results.study;
     let limits = if study.has_limits() {

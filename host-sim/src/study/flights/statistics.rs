@@ -38,7 +38,6 @@ impl Figure {
         }
     }
 
-    /// In another unit.
     #[must_use]
     pub fn scaled(&self, by: f64) -> Self {
         Self {
@@ -52,14 +51,6 @@ impl Figure {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn figures_of_a_few_values() {
-        let figure = Figure::of(&[3.0, 4.0, 5.0, 4.0]);
-        assert!((figure.rms - 16.5_f64.sqrt()).abs() < 1e-12);
-        assert!((figure.median - 4.0).abs() < 1e-12);
-        assert!(figure.rms_95[0] >= 3.0 && figure.rms_95[1] <= 5.0);
-    }
 
     /// The interval holds the true RMS of normal errors about as often as it says.
     #[test]

@@ -38,7 +38,6 @@ impl Spread {
 /// All logs, and what they say together.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Study {
-    /// In the order given.
     pub logs: Vec<LogStudy>,
     /// Development logs and judges apart.
     pub summaries: [Summary; 2],
@@ -85,7 +84,6 @@ pub struct WithoutSummary {
     pub parameter: &'static str,
     /// The core beside itself without it.
     pub agreement: Spread,
-    /// The halves without it.
     pub halves: Spread,
     /// Drift without it over drift with it, geometric mean.
     pub outage_ratio: Option<f64>,
@@ -162,20 +160,4 @@ fn without(logs: &[&LogStudy]) -> Vec<WithoutSummary> {
         .map(|(parameter, _)| summary(parameter))
         .filter(|summary| summary.agreement.count > 0)
         .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_allowance_widens_what_a_difference_may_be() {
-        let plain = Difference::new("x", 5.0, [0.6, 0.8], 0.0);
-        let allowed = Difference::new("x", 5.0, [0.6, 0.8], libm::sqrt(3.0));
-        assert!((plain.sigmas - 5.0).abs() < 1e-12 && (allowed.sigmas - 2.5).abs() < 1e-12);
-        let spread = Spread::of([plain, allowed].iter());
-        assert_eq!((spread.count, spread.beyond_3, spread.beyond_4), (2, 1, 1));
-        assert!((spread.rms_plain.unwrap() - 5.0).abs() < 1e-12);
-        assert_eq!(Spread::of([].iter()).rms, None);
-    }
 }
