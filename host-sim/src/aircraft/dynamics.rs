@@ -27,7 +27,6 @@ pub struct State {
     pub engine_rps: f64,
 }
 
-/// How a [`State`] changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Derivative {
     pub acceleration_enu_mps2: Vector3<f64>,
@@ -61,7 +60,6 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// Half way to another moment.
     fn half_way(&self, to: &Self) -> Self {
         let mid = |a: f64, b: f64| 0.5 * (a + b);
         let (s, t) = (&self.controls.surfaces, &to.controls.surfaces);
@@ -124,7 +122,6 @@ impl State {
     }
 }
 
-/// The equations of motion of one aircraft.
 #[derive(Clone, Debug)]
 pub struct Dynamics {
     pub parameters: Parameters,

@@ -24,7 +24,6 @@ const GUIDE_EVERY: u64 = 10;
 /// A leg that takes longer than in still air by this factor, and ten minutes, is not to be reached.
 const PATIENCE: f64 = 3.0;
 
-/// Why a flight could not be flown to its end.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum FlightError {
     #[error("no steady flight at the start: {airspeed_mps:.1} m/s at {height_m:.0} m")]

@@ -77,7 +77,6 @@ pub(crate) fn error_model(name: &str) -> Result<ErrorModel> {
     }
 }
 
-/// The aircraft of a file, ready to fly.
 pub fn read_aircraft(file: &Path) -> Result<Dynamics, InputError> {
     let text = read_text(file, "an aircraft")?;
     let source = Source { file, text: &text };

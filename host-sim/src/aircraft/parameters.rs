@@ -7,7 +7,6 @@ use serde::Deserialize;
 
 use super::atmosphere::SEA_LEVEL_DENSITY_KGPM3;
 
-/// Everything that tells one aircraft from another.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Parameters {
@@ -213,7 +212,6 @@ pub struct Thrust {
     pub torque_nm: f64,
 }
 
-/// Limits and gains of the autopilot.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Autopilot {

@@ -57,7 +57,6 @@ impl Segment {
         self.start_s + self.step_s
     }
 
-    /// The motion at a time within the segment.
     pub fn kinematics(&self, time_s: f64) -> Kinematics {
         let u = (time_s - self.start_s) / self.step_s;
         let (velocity_enu_mps, change) = self.velocity.at(u);
@@ -70,7 +69,6 @@ impl Segment {
         }
     }
 
-    /// What the segment moves the vehicle by, ENU m.
     pub fn displacement_enu_m(&self) -> Vector3<f64> {
         self.step_s * self.velocity.integral()
     }

@@ -55,7 +55,6 @@ impl FromStr for Shard {
     }
 }
 
-/// Runs cannot be kept or read.
 #[derive(Debug, Error, Diagnostic)]
 pub enum LedgerError {
     #[error("{}: {source}", .file.display())]

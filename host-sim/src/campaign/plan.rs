@@ -21,13 +21,10 @@ pub struct Plan {
     pub units: u32,
     /// Drives from which a unit is identified.
     pub drives: u32,
-    /// Length of a drive, min.
     pub drive_minutes: f64,
     /// Flights of a unit with its true model, and as many with the identified one.
     pub flights: u32,
-    /// Damped part of a flight, min.
     pub minutes_aided: u32,
-    /// Free part after that, min.
     pub minutes_free: u32,
     /// Spread of the logarithm of each noise and sigma from unit to unit.
     #[serde(default)]

@@ -82,9 +82,7 @@ pub struct Row {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
     pub plan: Plan,
-    /// Flights that gave figures.
     pub flown: usize,
-    /// Flights that could not be flown.
     pub failed: usize,
     pub rows: Vec<Row>,
 }

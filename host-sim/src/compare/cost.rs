@@ -26,7 +26,6 @@ pub struct Cost {
 
 type Pass<'a> = (&'static str, &'a dyn Fn() -> Result<(), ConfigError>);
 
-/// Every method in turn, several times.
 pub fn measure(log: &Log, config: Config, noise: Noise) -> Result<Vec<Cost>, ConfigError> {
     let imu = log.imu.all();
     let run = || Run::new(&imu, &log.gnss, config, noise);

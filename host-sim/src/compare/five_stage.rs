@@ -39,7 +39,6 @@ const INTERVAL_S: f64 = 10.0;
 /// has done nothing that could be seen.
 const LEAST_MEAN: f64 = 0.5;
 
-/// Each finds one thing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// (7): azimuth error at the start.
@@ -120,7 +119,6 @@ pub struct FiveStage {
     pub gyros: GyroHistory,
     /// That run: an INS damped slowly, its azimuth too.
     pub history: Vec<Row>,
-    /// It after the last sample.
     pub end: Row,
 }
 

@@ -39,7 +39,6 @@ pub struct MethodResult {
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct QuantityResult {
-    /// Which, with its unit.
     pub name: &'static str,
     /// Value and stated spread; empty where it was not observed.
     #[serde(flatten)]
@@ -59,7 +58,6 @@ pub struct TrajectoryError {
     pub heading_deg: f64,
 }
 
-/// Every track in the same way.
 pub fn results(input: &Input, grade: Grade, tracks: &[Track]) -> Vec<MethodResult> {
     tracks
         .iter()

@@ -48,7 +48,6 @@ const CURVES: [(&str, RGBColor); 8] = [
 #[derive(Clone, Debug, Serialize)]
 pub struct Comparison {
     pub log: String,
-    /// Span of its inertial samples.
     pub duration_s: f64,
     /// Axes of the biases.
     pub body_axes: BodyAxes,
@@ -68,7 +67,6 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Reads a log and runs every method over it.
     pub fn of_log(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Self> {
         let (log, warnings) = import::open(folder)?;
         progress.suspend(|| LogError::tell(&warnings));
@@ -202,7 +200,6 @@ impl Comparison {
     }
 }
 
-/// All tables, for a terminal.
 pub fn plain(comparison: &Comparison) -> String {
     let tables = tables(comparison);
     let texts = tables.iter().map(|table| table.titled(Table::plain));

@@ -58,7 +58,6 @@ impl Track {
     }
 }
 
-/// The methods in the order of the tables.
 pub fn all(input: &Input) -> Result<Vec<Track>, ConfigError> {
     let told = if input.truth.is_some() {
         "exact noise"

@@ -44,7 +44,6 @@ impl View {
         }
     }
 
-    /// Time since the start, s.
     pub fn seconds(&self) -> f64 {
         self.start.elapsed().as_secs_f64()
     }

@@ -21,7 +21,6 @@ const HOLE_S: f64 = 2.0;
 pub struct AgainstTruth {
     /// From here on nothing damps the free ones.
     pub free_from: Time,
-    /// Damped by GNSS.
     pub damped: Vec<Point>,
     /// Free, less the errors of the sensors as known by then.
     pub free: Vec<Point>,
@@ -35,7 +34,6 @@ pub type Point = (Time, LevelError);
 /// Root mean squares over the second half of the solution.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TruthErrors {
-    /// Damped by GNSS.
     pub damped: LevelError,
     /// Free, less the errors of the sensors as known when GNSS goes.
     pub free: LevelError,

@@ -92,7 +92,6 @@ pub struct Analysis {
     pub log: Log,
     pub found: Identification,
     pub summary: Summary,
-    /// The true errors, if the log is simulated.
     pub truth: Option<Truth>,
 }
 

@@ -36,7 +36,6 @@ pub struct VelocityErrors {
 /// Root mean square over all windows at one time since their start.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Growth {
-    /// Time since the start of the window, s.
     pub since_s: f64,
     /// Sensors as logged, m/s.
     pub before_mps: f64,

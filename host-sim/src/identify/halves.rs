@@ -28,7 +28,6 @@ pub const ALLOWANCE: &str = "accelerometers: their bias walk as configured, over
 /// A difference that should be zero, and its sigma.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Difference {
-    /// Of which quantity, with its unit.
     pub name: &'static str,
     pub value: f64,
     /// Joint sigma of both sides as they state them.
@@ -42,7 +41,6 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// Of two values with a sigma each.
     pub fn new(name: &'static str, value: f64, sigmas: [f64; 2], allowance: f64) -> Self {
         let joint_sigma = libm::hypot(sigmas[0], sigmas[1]);
         Self {

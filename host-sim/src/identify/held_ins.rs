@@ -30,7 +30,6 @@ impl LevelError {
 pub struct HeldIns(Mechanization);
 
 impl HeldIns {
-    /// Free from a solution on.
     pub fn new(start: &Solution) -> Self {
         Self(Mechanization::new(
             start.position,
@@ -50,7 +49,6 @@ impl HeldIns {
         self.0.step(interval, &controls);
     }
 
-    /// Velocity east and north, less the true one.
     pub fn velocity_error_mps(&self, truth: &Solution) -> Vector2<f64> {
         (self.0.velocity_enu_mps - truth.velocity_enu_mps).xy()
     }

@@ -73,7 +73,6 @@ impl Quantity {
         }
     }
 
-    /// Whether the value stands on data.
     pub fn observable(&self) -> bool {
         self.observability == Observability::Observable
     }

@@ -19,7 +19,6 @@ use crate::log::{BodyAxes, Grade, Log, LogError};
 pub struct Summary {
     pub log: String,
     pub verdict: Verdict,
-    /// Span of its inertial samples.
     pub duration_s: f64,
     /// Axes of the biases.
     pub body_axes: BodyAxes,
@@ -41,7 +40,6 @@ pub struct Summary {
     pub phase: Phase,
     pub imu: Answers,
     pub gnss: Answers,
-    /// What looked suspicious in the log.
     pub warnings: Vec<String>,
 }
 

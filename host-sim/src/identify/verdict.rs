@@ -22,9 +22,7 @@ const MEDIAN_OF_TWO: f64 = 1.177;
 /// What speaks against the estimates.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Verdict {
-    /// Nothing does.
     pub trusted: bool,
-    /// Why not.
     pub against: Vec<String>,
     pub notes: Vec<String>,
 }

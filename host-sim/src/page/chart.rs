@@ -77,7 +77,6 @@ impl Chart {
         chart
     }
 
-    /// Over anything.
     pub(crate) fn new(title: impl Into<String>, x: &str, y: &str) -> Self {
         Self {
             figure: Figure {
@@ -112,13 +111,11 @@ impl Chart {
         self
     }
 
-    /// A logarithmic y axis that holds these values.
     pub(crate) fn logarithmic_y(mut self, values: impl Iterator<Item = f64>) -> Self {
         self.y = logarithmic(self.y, values);
         self
     }
 
-    /// A logarithmic x axis that holds these values.
     pub(crate) fn logarithmic_x(mut self, values: impl Iterator<Item = f64>) -> Self {
         self.x = logarithmic(self.x, values);
         self
@@ -268,7 +265,6 @@ impl Chart {
         self
     }
 
-    /// Ready for the page.
     pub(crate) fn figure(self) -> Figure {
         let mut layout = Layout::new()
             .x_axis(self.x)

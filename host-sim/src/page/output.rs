@@ -40,7 +40,6 @@ pub fn clean_up_when_stopped() {
     });
 }
 
-/// An output folder cannot be made.
 #[derive(Debug, Error, Diagnostic)]
 pub enum OutputError {
     /// It is there, and nobody said that it may go.
@@ -53,19 +52,12 @@ pub enum OutputError {
         "--force replaces only simulated logs by logs and reports by reports: choose another --out"
     ))]
     Foreign(PathBuf),
-    /// The system refuses.
     #[error("cannot write {}: {source}", .path.display())]
     #[diagnostic(help("permissions, a missing parent folder or a full disk"))]
-    Io {
-        /// File or folder.
-        path: PathBuf,
-        /// What it says.
-        source: io::Error,
-    },
+    Io { path: PathBuf, source: io::Error },
 }
 
 impl OutputError {
-    /// A refusal of the system at a path.
     pub fn io(path: &Path, source: io::Error) -> Self {
         Self::Io {
             path: path.to_owned(),

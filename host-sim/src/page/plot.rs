@@ -36,7 +36,6 @@ pub(crate) struct Plot<'a> {
     pub(crate) size: (u32, u32),
     /// Quantity and unit along x and y.
     pub(crate) labels: [&'a str; 2],
-    /// Ends of the x axis.
     pub(crate) x: (f64, f64),
     /// Ends of the y axis; what lies beyond is drawn at the edge.
     pub(crate) y: (f64, f64),

@@ -156,7 +156,6 @@ impl Bench {
         })
     }
 
-    /// Whether there is no solution yet.
     pub fn is_aligning(&self) -> bool {
         self.navigator.phase() != Phase::Navigating
     }
@@ -247,7 +246,6 @@ impl Bench {
         &self.last
     }
 
-    /// Errors as drawn.
     pub fn errors(&self) -> SensorErrors {
         self.recorder.errors(self.last.time)
     }

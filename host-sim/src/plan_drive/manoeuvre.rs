@@ -110,7 +110,6 @@ impl Manoeuvre {
         }
     }
 
-    /// What it adds to a drive.
     pub(crate) fn drive(self, course: &mut Course, site: &Site, driver: &mut Driver) {
         let mut lay = Laying {
             course,
@@ -219,7 +218,6 @@ impl Site {
 pub struct Driver(Option<Random>);
 
 impl Driver {
-    /// Does exactly what is asked for.
     pub fn exact() -> Self {
         Self(None)
     }

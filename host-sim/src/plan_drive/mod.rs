@@ -239,7 +239,6 @@ struct Tried {
     drives: Vec<Bench>,
 }
 
-/// Those of all drives.
 pub fn navigators(drives: &[Bench]) -> impl Iterator<Item = &Navigator> {
     drives.iter().map(|drive| &drive.navigator)
 }

@@ -74,7 +74,6 @@ impl Quantity {
         self.kind.entry().2
     }
 
-    /// SI value of the unit.
     pub fn si(self) -> f64 {
         self.kind.entry().3
     }

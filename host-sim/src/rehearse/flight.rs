@@ -184,11 +184,8 @@ impl Failure {
 pub enum Fault {
     /// It cannot be run, or not with this protocol.
     Unusable,
-    /// It ended before its time.
     Crashed,
-    /// No answer came.
     Hung,
-    /// An answer came after the limit.
     Late,
     /// What came is no answer to what was asked.
     Wrong,

@@ -26,7 +26,6 @@ use crate::compare::kalman::Noise;
 use crate::compare::kalman::noise::total;
 use crate::identify::run::Event;
 
-/// Of the protocol.
 const VERSION: u32 = 1;
 /// A first line may take so many times the limit: interpreters and libraries are slow to load.
 const START_LIMITS: u32 = 30;

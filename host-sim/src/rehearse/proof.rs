@@ -41,7 +41,6 @@ const GOAL: [f64; 2] = [0.8, 1.25];
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
     pub log: String,
-    /// Since GNSS went, s.
     pub without_gnss_s: f64,
     pub quantity: &'static str,
     pub unit: &'static str,

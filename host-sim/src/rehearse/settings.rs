@@ -104,7 +104,6 @@ pub struct Settings {
     /// Its last part without GNSS, s.
     pub free_s: f64,
     pub imu_hz: u32,
-    /// Time limit of an answer, s.
     pub limit_s: f64,
     /// Algorithms under test, as given.
     pub with: Vec<String>,
@@ -125,7 +124,6 @@ pub struct Settings {
 #[derive(Debug)]
 pub struct Rehearsal {
     pub settings: Settings,
-    /// What the drives are worth.
     pub verdicts: Vec<Judged>,
     pub found: Identified,
     pub noise: Option<RecordedNoise>,
@@ -198,7 +196,6 @@ impl Rehearsal {
 
 // --- errors of a flight ---
 
-/// The errors of a flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Case {

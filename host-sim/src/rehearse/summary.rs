@@ -29,7 +29,6 @@ pub struct Row {
     /// RMS, its 95 % interval from flight to flight, and median.
     #[serde(flatten)]
     pub figure: Figure,
-    /// 95 % of the flights stay below.
     pub below_95: f64,
     /// 95 % interval of the RMS over models that the drives allow; the first algorithm's alone.
     pub model_95: Option<[f64; 2]>,
@@ -117,7 +116,6 @@ pub struct Summary {
     pub verdicts: Vec<Judged>,
     /// Flights asked for.
     pub flights: u32,
-    /// Flights that the aircraft could not fly.
     pub not_flown: usize,
     pub models: u32,
     pub duration_s: f64,

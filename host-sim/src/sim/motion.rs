@@ -12,7 +12,6 @@ use super::profile::Local;
 /// The motion of a vehicle against its local East-North-Up frame at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Kinematics {
-    /// Velocity against the Earth.
     pub velocity_enu_mps: Vector3<f64>,
     /// Time derivatives of the three components of `velocity_enu_mps`.
     pub acceleration_enu_mps2: Vector3<f64>,

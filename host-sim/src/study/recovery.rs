@@ -345,12 +345,10 @@ pub fn tables(all: &[Results], coverage_alone: bool) -> Vec<Table> {
     }
 }
 
-/// For a terminal.
 pub fn readable(tables: &[Table]) -> String {
     printed(tables, Table::plain) + "\n"
 }
 
-/// Results and tables into a folder.
 pub fn write(results: &[Results], tables: &[Table], folder: &Path) -> Result<()> {
     output::write(folder, MARKDOWN, printed(tables, Table::markdown))?;
     Ok(output::write(folder, JSON, page::json(&results)?)?)

@@ -23,7 +23,6 @@ pub struct Claim {
     /// Value, SI.
     pub value: f64,
     pub sigma: Option<f64>,
-    /// Whether it is said to stand on data.
     pub observable: bool,
 }
 
@@ -98,7 +97,6 @@ pub struct Core<'a> {
 }
 
 impl<'a> Core<'a> {
-    /// Before the first sample.
     pub fn new(config: Config, drive: &'a SimulatedDrive) -> Result<Self, ConfigError> {
         Ok(Self {
             navigator: Navigator::new(config)?,

@@ -51,7 +51,6 @@ pub enum Vehicle {
 /// Attitude of the unit against the vehicle, rad: right side down, nose up, clockwise.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Mount {
-    /// How it moves.
     pub vehicle: Vehicle,
     /// About the forward axis.
     pub roll: Found,

@@ -49,7 +49,6 @@ pub struct Filter {
     pub known: Known,
     /// Covariance of the errors that are left, as of the last covariance step.
     pub covariance: StateMatrix,
-    /// Where each error stands in it.
     pub layout: Layout,
     noise: Noise,
     since: Time,
@@ -80,7 +79,6 @@ pub struct Correction {
     pub transition: StateMatrix,
     pub predicted: StateMatrix,
     pub corrected: StateMatrix,
-    /// Errors found, and taken out.
     pub errors: States,
 }
 
@@ -93,7 +91,6 @@ pub struct Start {
     pub heading_sigma_rad: f64,
     /// Gyro biases as the alignment knows them, rad/s.
     pub gyro_bias_radps: Vector3<f64>,
-    /// Their spreads, rad/s.
     pub gyro_bias_sigma_radps: [f64; 3],
 }
 
@@ -119,7 +116,6 @@ impl Start {
         })
     }
 
-    /// Of what is not known there.
     fn covariance(&self, noise: &Noise, layout: &Layout) -> StateMatrix {
         let (sensors, gnss) = (&noise.sensors, &noise.gnss);
         let moved = Vector3::repeat(START_AGE_S * self.ins.velocity_enu_mps.norm());
@@ -160,7 +156,6 @@ impl Start {
 }
 
 impl Filter {
-    /// Begins on what the alignment found.
     pub fn new(start: &Start, noise: &Noise) -> Self {
         let layout = noise.layout();
         let covariance = start.covariance(noise, &layout);
@@ -269,7 +264,6 @@ impl Filter {
         self.finish(update)
     }
 
-    /// Takes a part of a fix in, or refuses it.
     fn take(&mut self, part: Part, seen: &Seen, update: &mut Update) {
         let refused = &mut self.refused[part as usize];
         let mut distance = update.distance(seen);

@@ -48,7 +48,6 @@ impl Known {
         }
     }
 
-    /// Readings less their errors.
     pub(super) fn corrected(&self, raw: &Interval) -> Interval {
         // Exactly undone: what gravity makes of the square of a scale error is more than there is
         // doubt of the upright accelerometer.
@@ -59,7 +58,6 @@ impl Known {
         interval
     }
 
-    /// Coloured noise of a velocity or position.
     pub(super) fn colour(&self, part: Part) -> &Vector3<f64> {
         &self.colour[usize::from(part.is_velocity())]
     }
@@ -75,7 +73,6 @@ impl Known {
         }
     }
 
-    /// The same less errors that were found.
     pub(super) fn less(mut self, errors: &States, layout: &Layout) -> Self {
         let three = |at: usize| errors.fixed_rows::<3>(at).into_owned();
         let optional = |at: Option<usize>| at.map_or_else(Vector3::zeros, three);

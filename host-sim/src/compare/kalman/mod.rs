@@ -23,24 +23,18 @@ use core::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
-/// One value for each error.
 pub type States = DVector<f64>;
 /// Covariance or transition of the errors.
 pub type StateMatrix = DMatrix<f64>;
 
 /// Errors that are always there; the first of three, ENU or right-forward-up.
 pub mod index {
-    /// Position, ENU, m.
     pub const POSITION: usize = 0;
-    /// Velocity, ENU, m/s.
     pub const VELOCITY: usize = 3;
     /// `Phi`, ENU, rad.
     pub const ATTITUDE: usize = 6;
-    /// Accelerometer biases, body, m/s^2.
     pub const ACCEL: usize = 9;
-    /// Gyro biases, body, rad/s.
     pub const GYRO: usize = 12;
-    /// Latency of GNSS, s.
     pub const LATENCY: usize = 15;
     pub const COUNT: usize = 16;
 }
@@ -73,7 +67,6 @@ impl Part {
         }
     }
 
-    /// Whether it is of the velocity.
     pub fn is_velocity(self) -> bool {
         matches!(self, Self::Velocity | Self::VelocityUp)
     }
@@ -142,7 +135,6 @@ pub(crate) fn propagated(transition: &StateMatrix, covariance: &StateMatrix) -> 
     times(transition, &half.transpose())
 }
 
-/// One sigma of each error.
 pub(crate) fn sigmas(covariance: &StateMatrix) -> States {
     covariance
         .diagonal()

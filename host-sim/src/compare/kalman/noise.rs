@@ -31,7 +31,6 @@ pub struct Noise {
     pub believes_stated: bool,
     /// Spread of a heading that is given at the start, rad.
     pub heading_sigma_rad: f64,
-    /// Whether gyros are read at rest.
     pub reads_rest: bool,
 }
 

@@ -197,7 +197,6 @@ impl Smoothed {
 }
 
 impl Record {
-    /// Of a filter that has just been corrected.
     pub fn new(filter: &Filter, correction: Correction) -> Self {
         Self {
             time: filter.time,

@@ -30,7 +30,6 @@ const FRESH_S: f64 = 1.5;
 /// Age at which a point of the reference no longer stands for the end of an outage, s.
 const LATE_S: f64 = 1.5;
 
-/// What the drifts are measured against.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Against {
@@ -185,13 +184,11 @@ impl<'a> Course<'a> {
         Ok((!course.starts.is_empty()).then_some(course))
     }
 
-    /// The core through them.
     pub(crate) fn core(&self, config: Config) -> Result<Drifts, ConfigError> {
         let core = Navigator::new(config)?;
         Ok(Drifts::new("compensation", self.through(core)))
     }
 
-    /// The published filter through them.
     #[cfg(feature = "peers")]
     pub(crate) fn peer(&self, config: Config, noise: Noise) -> Result<Drifts, ConfigError> {
         let peer = peer::Peer::new(config, noise, self.latency_s)?;

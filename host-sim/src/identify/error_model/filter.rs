@@ -57,14 +57,11 @@ pub struct Class {
     pub accel_bias_mps2: f64,
     /// How they move from there, m/s^2.
     pub accel_dynamics: Dynamics,
-    /// Scales of the accelerometers, 1.
     pub accel_scale: f64,
-    /// Scales of the gyros, 1.
     pub gyro_scale: f64,
 }
 
 impl Class {
-    /// Of sensors that come out of a model.
     pub fn of(model: &ErrorModel) -> Self {
         Self {
             accel_bias_mps2: model.accel_mps2.bias.initial_sigma(),
@@ -191,7 +188,6 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// What moves the random parts of the biases.
     fn biases(&self) -> [(Range<usize>, Dynamics); 2] {
         [
             (RANDOM..ACCEL_RANDOM, self.dynamics),
@@ -251,18 +247,15 @@ impl Answer {
         independent(&value, &(constants.1 - by * both.transpose()))
     }
 
-    /// The same that the drive shows.
     pub fn shown_constants(&self, trend_mean: f64, trend_sigma: f64) -> Vec<Measured> {
         shown(self.constants_given(trend_mean, trend_sigma), BIAS_SIGMA)
     }
 
-    /// Trends that the drive shows.
     pub fn shown_trends(&self) -> Vec<Measured> {
         let (value, covariance) = self.three(TREND);
         shown(independent(&value, &covariance), self.trend_sigma)
     }
 
-    /// Trends, each on its own.
     pub fn trends(&self) -> [Measured; 3] {
         let (value, covariance) = self.three(TREND);
         [0, 1, 2].map(|axis| Measured {
@@ -459,7 +452,6 @@ impl State {
         }
     }
 
-    /// Carries on the biases.
     fn wander(&mut self, to_s: f64, candidate: &Candidate) {
         for (axes, dynamics) in candidate.biases() {
             self.forget(axes, dynamics.step(self.time_s, to_s));

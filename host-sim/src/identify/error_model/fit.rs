@@ -84,7 +84,6 @@ impl GyroFit {
         self.gnss_memory_mps.is_spread()
     }
 
-    /// Whether the time scale of that is known.
     pub fn has_time_scale(&self) -> bool {
         self.moves() && self.time_s.high < VAGUE * VAGUE * self.time_s.low
     }
@@ -175,7 +174,6 @@ struct Top {
 }
 
 impl Top {
-    /// Whether it is the same as another one.
     fn is_at(&self, other: &Self) -> bool {
         (self.at.iter().zip(other.at)).all(|(a, b)| (a - b).abs() < SAME)
     }
@@ -242,7 +240,6 @@ impl Fitter<'_> {
         Top { at, value }
     }
 
-    /// The likeliest of some points.
     fn likeliest(&self, law: Law, points: impl IntoIterator<Item = Point>) -> Option<Top> {
         let tops = points.into_iter().map(|at| self.top(law, at));
         tops.max_by(|a, b| a.value.total_cmp(&b.value))
@@ -288,7 +285,6 @@ impl Fitter<'_> {
         Start { still, walk }
     }
 
-    /// Biases that do not move.
     fn still(&self) -> Top {
         // From lasers to the worst of MEMS: the likelihood has one top, but a long way off.
         let starts = [1e-6_f64, 1e-5, 1e-4, 1e-3].map(|noise| {

@@ -24,7 +24,6 @@ pub struct Parameter {
     /// Value and 95 % interval; none without any data.
     #[serde(flatten)]
     pub found: Option<Interval>,
-    /// Whether the value stands on data.
     pub observable: bool,
     /// What is missing if not, or what the value stands on.
     pub why: &'static str,
@@ -395,7 +394,6 @@ const ACCEL_TIMES: [&str; 3] = [
     "accel_mps2.noise_times[2]",
 ];
 
-/// How noise is shared among the axes.
 fn times(names: [&'static str; 3], noise: Option<RestNoise>) -> [Parameter; 3] {
     let found = noise.and_then(|noise| noise.times);
     let of = |axis: usize| known(names[axis], "1", found.map(|all| all[axis]), NO_SCATTER);
@@ -457,7 +455,6 @@ fn parameter(
     }
 }
 
-/// The preset of a class.
 pub fn class(grade: Grade) -> ErrorModel {
     sim::Grade::from(grade).errors()
 }

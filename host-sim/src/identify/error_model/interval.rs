@@ -36,7 +36,6 @@ impl Interval {
         [value, value - half, value + half].into()
     }
 
-    /// Value and both bounds.
     pub fn each(&self) -> [f64; 3] {
         [self.value, self.low, self.high]
     }
@@ -47,7 +46,6 @@ impl Interval {
         self.each().map(f).into()
     }
 
-    /// In another unit.
     #[must_use]
     pub fn scaled(&self, by: f64) -> Self {
         self.map(|value| by * value)
@@ -124,7 +122,6 @@ pub fn sigma_of_squares(sum: f64, freedom: f64) -> Interval {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measured {
     pub value: f64,
-    /// Variance of its error.
     pub variance: f64,
 }
 

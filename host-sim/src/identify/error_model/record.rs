@@ -50,7 +50,6 @@ pub struct Epoch {
 }
 
 impl Epoch {
-    /// Its middle, since the first sample of the log, s.
     pub fn middle_s(&self) -> f64 {
         self.start_s + 0.5 * self.seconds
     }
@@ -132,15 +131,12 @@ pub struct Record {
     pub rest: Vec<Vec<RestBlock>>,
     /// Gyro biases that the epochs are free of, body right-forward-up, rad/s.
     pub gyro_reference_radps: Vector3<f64>,
-    /// As estimated, m/s^2.
     pub accel_bias_mps2: [Estimate; 3],
     /// Scale errors of gyros and accelerometers, as far as manoeuvres showed them.
     pub gyro_scale: Vec<Measured>,
     pub accel_scale: Vec<Measured>,
-    /// As estimated, s.
     pub latency_s: Estimate,
     pub duration_s: f64,
-    /// Fixes per second.
     pub fix_rate_hz: f64,
 }
 
@@ -375,7 +371,6 @@ struct Going {
     earth: LocalEarth,
     angle_rad: Vector3<f64>,
     epoch: Epoch,
-    /// Sums over the fixes.
     sum: Difference,
 }
 

@@ -38,7 +38,6 @@ impl RestNoise {
         })
     }
 
-    /// With values drawn from the intervals.
     pub(super) fn drawn(&self, random: &mut Random) -> Self {
         Self {
             density: self.density.drawn(random),

@@ -20,7 +20,6 @@ pub struct Check {
     /// Claimed minus true.
     pub error: f64,
     pub sigma: Option<f64>,
-    /// Whether it is said to stand on data.
     pub observable: bool,
 }
 

@@ -22,7 +22,6 @@ pub const DIVERGED_SIGMAS: f64 = 10.0;
 pub struct Row {
     #[serde(flatten)]
     pub quantity: Quantity,
-    /// Claims that were checked.
     pub checks: usize,
     pub rms_error: f64,
     pub rms_sigma: Option<f64>,
@@ -175,7 +174,6 @@ pub struct Results {
 /// Runs of the Kalman filter that cannot be compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct KalmanLost {
-    /// Without a solution at the end.
     pub without_solution: usize,
     /// With an error of more than [`DIVERGED_SIGMAS`], or none that is a number.
     pub diverged: usize,
@@ -198,7 +196,6 @@ impl KalmanLost {
 }
 
 impl Results {
-    /// Sums up, in the order of the runs.
     pub fn new(kind: &Kind, class: Grade, runs: &[&Tried]) -> Self {
         let mut firsts: Vec<f64> = runs
             .iter()

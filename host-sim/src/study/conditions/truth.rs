@@ -33,7 +33,6 @@ pub struct Truth {
 }
 
 impl Truth {
-    /// Of a world that was simulated.
     pub fn new(world: &World, drive: &SimulatedDrive) -> Self {
         let errors = &drive.errors;
         let holds_s = world.slip.map_or(0.0, |s| s.start_s + s.duration_s);

@@ -24,12 +24,10 @@ pub struct LinearModel {
     pub velocity_mps: Vector3<f64>,
     /// Phi.
     tilt_rad: Vector3<f64>,
-    /// North position error.
     north_m: f64,
 }
 
 impl LinearModel {
-    /// Starts from the errors of an INS.
     pub fn new(terms: Terms, ins: &Solution, truth: &Solution) -> Self {
         let velocity = ins.velocity_enu_mps - truth.velocity_enu_mps;
         Self {

@@ -58,11 +58,7 @@ pub enum RunError {
     Flight { seed: u64, error: FlightError },
     /// The alignment was not over when GNSS went.
     #[error("flight of seed {seed}: still aligning after {minutes} min; raise --minutes-aided")]
-    Aligning {
-        seed: u64,
-        /// Length of the damped part.
-        minutes: u32,
-    },
+    Aligning { seed: u64, minutes: u32 },
 }
 
 /// Errors left when GNSS goes: estimate minus truth.

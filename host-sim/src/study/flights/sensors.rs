@@ -96,7 +96,6 @@ impl Sensors {
 pub struct Intervals(Option<Increments>);
 
 impl Intervals {
-    /// The interval that ends at a sample.
     pub fn of(&mut self, sample: &ImuSample) -> Interval {
         self.0
             .get_or_insert_with(|| Increments::new(ImuOutput::Increments, sample))

@@ -19,9 +19,7 @@ pub const THESIS_KM: f64 = 3.7;
 pub struct Summary {
     pub runs: usize,
     pub first_seed: u64,
-    /// Damped part.
     pub minutes_aided: u32,
-    /// Free part.
     pub minutes_free: u32,
     /// What the thesis has after 1 h, km.
     pub thesis_position_km: f64,

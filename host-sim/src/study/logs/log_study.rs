@@ -89,9 +89,7 @@ fn held(mut config: Config, hold: fn(&mut Config)) -> Config {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LogStudy {
     pub log: String,
-    /// What it is for.
     pub role: Role,
-    /// Span of its inertial samples.
     pub duration_s: f64,
     /// Class of sensors that the core was told.
     pub grade: Grade,
@@ -136,7 +134,6 @@ pub struct Without {
     pub parameter: &'static str,
     /// The core minus itself without it.
     pub agreement: Agreement,
-    /// The halves without it.
     pub halves: Option<Vec<Difference>>,
     /// Position at the end of the same outages, RMS, m.
     pub outage_m: Option<f64>,

@@ -38,7 +38,6 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The first so many seeds.
     pub(super) fn seeds(&self, count: u64) -> core::ops::Range<u64> {
         self.seed..self.seed.saturating_add(count)
     }
@@ -62,13 +61,11 @@ impl Settings {
 pub struct Reproduction {
     pub version: &'static str,
     pub settings: Settings,
-    /// In the order of the page.
     pub parts: Vec<Part>,
     /// Numbers of the thesis that have nothing here.
     pub not_reproduced: [NotReproduced; 1],
 }
 
-/// Something of the thesis that is not here.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct NotReproduced {
     pub what: &'static str,
@@ -88,10 +85,8 @@ pub struct Part {
     /// Over what and how it was measured.
     pub how: String,
     pub numbers: Vec<Number>,
-    /// Drawing, if there is one.
     #[serde(skip)]
     pub svg: Option<String>,
-    /// Its data as CSV.
     #[serde(skip)]
     pub csv: String,
 }
@@ -171,7 +166,6 @@ impl Reproduction {
         Table::of("", header, rows)
     }
 
-    /// For a terminal.
     pub fn readable(&self) -> String {
         let mut text = self.table().plain();
         let missing = self.not_reproduced.iter();
