@@ -1,6 +1,8 @@
 //! What values of an error model may be.
 
+use serde::Serialize;
 use thiserror::Error;
+use toml::Value;
 
 #[derive(Debug, Error)]
 pub enum ErrorModelError {
@@ -20,7 +22,68 @@ pub enum ErrorModelError {
     },
 }
 
-pub(super) fn ensure(
+/// Any number may stand under these.
+const ANY: [&str; 6] = [
+    "gnss.habits.clock_drift",
+    "gnss.habits.delay_s[1]",
+    "gnss.habits.lever_arm_m",
+    "gnss.habits.outliers.position_m",
+    "gnss.habits.outliers.velocity_mps",
+    "gnss.habits.troubles",
+];
+
+/// Looks at every number of an error model, as it stands in its file.
+pub(super) fn check(model: &impl Serialize) -> Result<(), ErrorModelError> {
+    walk("", &Value::try_from(model)?)
+}
+
+fn walk(path: &str, value: &Value) -> Result<(), ErrorModelError> {
+    match value {
+        Value::Table(table) => (table.iter()).try_for_each(|(key, value)| match path {
+            "" => walk(key, value),
+            _ => walk(&format!("{path}.{key}"), value),
+        }),
+        Value::Array(all) => {
+            (all.iter().enumerate()).try_for_each(|(place, value)| match value {
+                Value::Table(_) => walk(path, value),
+                _ => walk(&format!("{path}[{place}]"), value),
+            })?;
+            // Two are bounds.
+            match all[..] {
+                [Value::Float(least), Value::Float(most)] => {
+                    let key = format!("{path}[1]");
+                    ensure(least <= most, &key, most, "no less than the first bound")
+                }
+                _ => Ok(()),
+            }
+        }
+        Value::Float(number) => number_under(path, *number),
+        Value::Integer(number) => number_under(path, *number as f64),
+        _ => Ok(()),
+    }
+}
+
+/// Most are spreads and durations: zero or more.
+fn number_under(path: &str, value: f64) -> Result<(), ErrorModelError> {
+    if ANY.iter().any(|any| path.starts_with(any)) {
+        return Ok(());
+    }
+    let (holds, expected) = match path.rsplit('.').next().unwrap_or_default() {
+        "jump_mean" => (value.is_finite(), "a number"),
+        "dropped_fraction" => ((0.0..1.0).contains(&value), "0 to below 1"),
+        "fraction" => ((0.0..=1.0).contains(&value), "0 to 1"),
+        "latency_s[0]" | "latency_s[1]" => (value.abs() <= 10.0, "10 s at most"),
+        "rate_hz" if value > 1000.0 && value.is_finite() => (false, "1000 at most"),
+        "rate_hz" | "gyro_range_deg_s" | "accel_range_mps2" | "warming_s" | "interval_s"
+        | "correlation_time_s" | "time_s" | "logged_times" => {
+            (value > 0.0 && value.is_finite(), "more than zero")
+        }
+        _ => (value >= 0.0 && value.is_finite(), "zero or more"),
+    };
+    ensure(holds, path, value, expected)
+}
+
+fn ensure(
     holds: bool,
     key: &str,
     value: f64,
@@ -35,18 +98,4 @@ pub(super) fn ensure(
             expected,
         })
     }
-}
-
-pub(super) fn in_order(key: &str, [least, most]: [f64; 2]) -> Result<(), ErrorModelError> {
-    ensure(least <= most, key, most, "no less than the first bound")
-}
-
-pub(super) fn spread(key: &str, value: f64) -> Result<(), ErrorModelError> {
-    let holds = value >= 0.0 && value.is_finite();
-    ensure(holds, key, value, "zero or more")
-}
-
-pub(super) fn positive(key: &str, value: f64) -> Result<(), ErrorModelError> {
-    let holds = value > 0.0 && value.is_finite();
-    ensure(holds, key, value, "more than zero")
 }

@@ -7,7 +7,7 @@ use ins_core::{ImuOutput, Time};
 use serde::{Deserialize, Serialize};
 
 pub use super::checks::ErrorModelError;
-use super::checks::{ensure, in_order, positive, spread};
+use super::checks::check;
 use super::receiver::Habits;
 
 /// Everything that lies between the ideal sensors and a log.
@@ -16,9 +16,7 @@ use super::receiver::Habits;
 pub struct ErrorModel {
     /// Output form, ranges and losses of the inertial unit.
     pub imu: ImuModel,
-    /// The three gyros, in deg/h.
     pub gyro_deg_h: SensorModel,
-    /// The three accelerometers, in m/s^2.
     pub accel_mps2: SensorModel,
     pub gnss: GnssModel,
     /// Spread of the error of the heading given at the start, deg; absent: none is given.
@@ -30,7 +28,6 @@ pub struct ErrorModel {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ImuModel {
-    /// What a sample holds.
     pub output: ImuOutput,
     /// Gyro readings saturate here, deg/s.
     pub gyro_range_deg_s: f64,
@@ -42,7 +39,6 @@ pub struct ImuModel {
     /// Stamps are off by up to this, s; the samples themselves come regularly.
     #[serde(default, skip_serializing_if = "is_default")]
     pub stamp_jitter_s: f64,
-    /// Times without samples.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub holes: Vec<Outage>,
 }
@@ -209,7 +205,7 @@ pub struct Outage {
 impl ErrorModel {
     pub fn from_toml(text: &str) -> Result<Self, ErrorModelError> {
         let model: Self = toml::from_str(text)?;
-        model.check()?;
+        check(&model)?;
         Ok(model)
     }
 
@@ -218,32 +214,8 @@ impl ErrorModel {
         let mut file = toml::Table::try_from(self)?;
         set(&mut file, keys);
         let model: Self = file.try_into()?;
-        model.check()?;
+        check(&model)?;
         Ok(model)
-    }
-
-    fn check(&self) -> Result<(), ErrorModelError> {
-        positive("imu.gyro_range_deg_s", self.imu.gyro_range_deg_s)?;
-        positive("imu.accel_range_mps2", self.imu.accel_range_mps2)?;
-        let dropped = self.imu.dropped_fraction;
-        ensure(
-            (0.0..1.0).contains(&dropped),
-            "imu.dropped_fraction",
-            dropped,
-            "0 to below 1",
-        )?;
-        spread("imu.stamp_jitter_s", self.imu.stamp_jitter_s)?;
-        for hole in &self.imu.holes {
-            spread("imu.holes.start_s", hole.start_s)?;
-            spread("imu.holes.duration_s", hole.duration_s)?;
-        }
-        self.gyro_deg_h.check("gyro_deg_h")?;
-        self.accel_mps2.check("accel_mps2")?;
-        self.gnss.check()?;
-        spread(
-            "given_heading_sigma_deg",
-            self.given_heading_sigma_deg.unwrap_or(0.0),
-        )
     }
 
     pub fn ideal() -> Self {
@@ -328,7 +300,6 @@ impl ImuModel {
         }
     }
 
-    /// Whether the sample of an instant is missing.
     pub fn has_hole_at(&self, time: Time) -> bool {
         self.holes.iter().any(|hole| hole.holds(time.as_seconds()))
     }
@@ -353,68 +324,6 @@ impl SensorModel {
             noise_times: alike(),
             resolution: 0.0,
         }
-    }
-
-    fn check(&self, table: &str) -> Result<(), ErrorModelError> {
-        let key = |name: &str| format!("{table}.{name}");
-        spread(&key("white_noise"), self.white_noise)?;
-        spread(&key("scale_sigma"), self.scale_sigma)?;
-        spread(&key("misalignment_sigma"), self.misalignment_sigma)?;
-        spread(&key("warming_sigma"), self.warming_sigma)?;
-        spread(&key("resolution"), self.resolution)?;
-        positive(&key("warming_s"), self.warming_s)?;
-        for (axis, times) in self.noise_times.iter().enumerate() {
-            spread(&key(&format!("noise_times[{axis}]")), *times)?;
-        }
-        spread(&key("bias.initial_sigma"), self.bias.initial_sigma())?;
-        match self.bias {
-            BiasModel::Wave {
-                interval_s,
-                jump_mean,
-                jump_sigma,
-                ..
-            } => {
-                positive(&key("bias.interval_s"), interval_s)?;
-                let mean_key = key("bias.jump_mean");
-                ensure(jump_mean.is_finite(), &mean_key, jump_mean, "a number")?;
-                spread(&key("bias.jump_sigma"), jump_sigma)
-            }
-            BiasModel::Continuous {
-                slope_sigma_per_s,
-                correlated_sigma,
-                correlation_time_s,
-                ..
-            } => {
-                spread(&key("bias.slope_sigma_per_s"), slope_sigma_per_s)?;
-                spread(&key("bias.correlated_sigma"), correlated_sigma)?;
-                positive(&key("bias.correlation_time_s"), correlation_time_s)
-            }
-        }
-    }
-}
-
-impl GnssModel {
-    fn check(&self) -> Result<(), ErrorModelError> {
-        positive("gnss.rate_hz", self.rate_hz)?;
-        ensure(
-            self.rate_hz <= 1000.0,
-            "gnss.rate_hz",
-            self.rate_hz,
-            "1000 at most",
-        )?;
-        spread("gnss.velocity_sigma_mps", self.velocity_sigma_mps)?;
-        spread("gnss.horizontal_sigma_m", self.horizontal_sigma_m)?;
-        spread("gnss.vertical_sigma_m", self.vertical_sigma_m)?;
-        let [least, most] = self.latency_s;
-        for (key, bound) in [("gnss.latency_s[0]", least), ("gnss.latency_s[1]", most)] {
-            ensure(bound.abs() <= 10.0, key, bound, "10 s at most")?;
-        }
-        in_order("gnss.latency_s[1]", [least, most])?;
-        for outage in &self.outages {
-            spread("gnss.outages.start_s", outage.start_s)?;
-            spread("gnss.outages.duration_s", outage.duration_s)?;
-        }
-        self.habits.check()
     }
 }
 

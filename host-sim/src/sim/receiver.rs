@@ -2,8 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::checks::{ErrorModelError, ensure, in_order, positive, spread};
-
 /// Noise with a memory, a Gauss-Markov process.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -25,7 +23,6 @@ impl Default for Correlated {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Up {
-    /// Vertical velocity.
     #[default]
     Given,
     Missing,
@@ -39,7 +36,6 @@ pub enum Up {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Stated {
-    /// None.
     Nothing,
     /// That of level velocity, its white part.
     #[default]
@@ -115,7 +111,6 @@ pub struct Habits {
     pub position_jumps: bool,
     /// Time constant with which the receiver smooths position and velocity, s.
     pub smoothing_s: f64,
-    /// Whether it smooths positions too.
     pub smooths_position: bool,
     /// Whether a velocity is the way from the last position, by the time between.
     pub velocity_by_differences: bool,
@@ -161,31 +156,5 @@ impl Default for Habits {
             troubles: Vec::new(),
             logged_times: 1,
         }
-    }
-}
-
-impl Habits {
-    pub(super) fn check(&self) -> Result<(), ErrorModelError> {
-        for (name, noise) in [
-            ("velocity", &self.velocity),
-            ("horizontal", &self.horizontal),
-            ("vertical", &self.vertical),
-        ] {
-            let key = |part: &str| format!("gnss.habits.{name}.{part}");
-            spread(&key("sigma"), noise.sigma)?;
-            positive(&key("time_s"), noise.time_s)?;
-        }
-        spread("gnss.habits.smoothing_s", self.smoothing_s)?;
-        spread("gnss.habits.holds_below_mps", self.holds_below_mps)?;
-        let [least, most] = self.delay_s;
-        spread("gnss.habits.delay_s[0]", least)?;
-        in_order("gnss.habits.delay_s[1]", [least, most])?;
-        ensure(
-            (0.0..=1.0).contains(&self.outliers.fraction),
-            "gnss.habits.outliers.fraction",
-            self.outliers.fraction,
-            "0 to 1",
-        )?;
-        positive("gnss.habits.logged_times", f64::from(self.logged_times))
     }
 }
