@@ -224,24 +224,15 @@ impl Session {
     /// The next line of the program, if it comes in time; one that is late is waited for so long.
     fn line(&mut self, limit: Duration, patience: Duration) -> Result<String, Failure> {
         let start = Instant::now();
+        let late = |fault, what: &str, waited: Duration| {
+            let [waited, limit] = [waited, limit].map(|time| time.as_secs_f64());
+            let cause = format!("{what} {waited:.2} s, the limit is {limit:.2} s");
+            self.failure(fault, cause)
+        };
         match self.lines.recv_timeout(patience) {
             Ok(line) if start.elapsed() <= limit => Ok(line),
-            Ok(_) => Err(self.failure(
-                Fault::Late,
-                format!(
-                    "answered after {:.2} s, the limit is {:.2} s",
-                    start.elapsed().as_secs_f64(),
-                    limit.as_secs_f64()
-                ),
-            )),
-            Err(RecvTimeoutError::Timeout) => Err(self.failure(
-                Fault::Hung,
-                format!(
-                    "no answer in {:.2} s, the limit is {:.2} s",
-                    patience.as_secs_f64(),
-                    limit.as_secs_f64()
-                ),
-            )),
+            Ok(_) => Err(late(Fault::Late, "answered after", start.elapsed())),
+            Err(RecvTimeoutError::Timeout) => Err(late(Fault::Hung, "no answer in", patience)),
             Err(RecvTimeoutError::Disconnected) => Err(self.ended()),
         }
     }

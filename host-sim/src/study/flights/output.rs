@@ -4,9 +4,9 @@ use std::path::Path;
 
 use miette::Result;
 
-use super::run::{BIASES_DEG_H, Run, WALKS_DEG_SQRT_H};
+use super::run::{BIASES_DEG_H, Run, VARIANTS, WALKS_DEG_SQRT_H};
 use super::schuler::{Oscillation, Point};
-use super::summary::{End, NAMES, Summary, THESIS_KM, Walk};
+use super::summary::{End, Summary, THESIS_KM, Walk};
 use crate::page::plot::{BLUE, GREEN, GREY, Mark, ORANGE, Plot, padded};
 use crate::page::table::{Table, heads};
 use crate::page::{self, output};
@@ -32,7 +32,7 @@ fn table(runs: &[Run]) -> Result<String> {
     let mut names = "seed,gyro_left_deg_h_x,gyro_left_deg_h_y,gyro_left_deg_h_z,accel_left_mg_x,\
                      accel_left_mg_y,accel_left_mg_z,azimuth_left_deg,latency_left_ms"
         .to_owned();
-    names.extend(NAMES.map(|name| format!(",{name}_position_m,{name}_velocity_mps")));
+    names.extend(VARIANTS.map(|name| format!(",{name}_position_m,{name}_velocity_mps")));
     let row = |run: &Run| {
         let left = &run.left;
         let mut row = vec![run.seed.to_string()];

@@ -71,26 +71,17 @@ pub struct Left {
     pub latency_ms: f64,
 }
 
-/// The free INS that fly side by side.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Variant {
-    /// Estimates taken out of the readings.
-    Estimates,
-    /// The same without the noise of the free part: what the errors of the estimates do.
-    WithoutNoise,
-    /// Readings as they are, from the same start.
-    Raw,
-}
-
-/// All of them, in the order of [`Run::free`].
-pub const VARIANTS: [Variant; 3] = [Variant::Estimates, Variant::WithoutNoise, Variant::Raw];
+/// The free INS that fly side by side, in the order of [`Run::free`]: estimates taken out of the
+/// readings; the same without the noise of the free part, which is what the errors of the estimates
+/// do; readings as they are, from the same start.
+pub const VARIANTS: [&str; 3] = ["with_estimates", "without_noise", "raw"];
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Run {
     pub seed: u64,
     /// Errors left in the estimates.
     pub left: Left,
-    /// Errors of each [`Variant`] at every minute of the free part.
+    /// Errors of each of [`VARIANTS`] at every minute of the free part.
     pub free: [Vec<LevelError>; 3],
     /// Velocity error against the model in both [`Terms`]: estimates, then raw.
     pub agreement: [[Agreement; 2]; 2],
@@ -233,11 +224,11 @@ impl Free {
         let height_m = step.before.solution.position.height_m;
         let measured = self.measured.of(&step.sample);
         let ideal = self.ideal.of(&step.ideal);
-        let intervals = VARIANTS.map(|variant| match variant {
-            Variant::Estimates => measured.without_bias(&self.known[0], &self.known[1]),
-            Variant::WithoutNoise => ideal.without_bias(&self.off[0], &self.off[1]),
-            Variant::Raw => measured,
-        });
+        let intervals = [
+            measured.without_bias(&self.known[0], &self.known[1]),
+            ideal.without_bias(&self.off[0], &self.off[1]),
+            measured,
+        ];
         for (ins, interval) in self.ins.iter_mut().zip(&intervals) {
             ins.step(interval, height_m, &self.damping);
         }

@@ -5,9 +5,7 @@ use serde::Serialize;
 
 use super::linear::{Agreement, random_walk_position_m};
 use super::route::Route;
-use super::run::{
-    BIASES_DEG_H, DEG_SQRT_H, Left, Run, Settings, VARIANTS, WALKS_DEG_SQRT_H, cell_errors,
-};
+use super::run::{BIASES_DEG_H, DEG_SQRT_H, Left, Run, Settings, WALKS_DEG_SQRT_H, cell_errors};
 use super::schuler::Schuler;
 use super::statistics::{Figure, rms};
 use crate::identify::held_ins::LevelError;
@@ -216,6 +214,3 @@ fn walks(grid: &[Cell], linear_model_km: &dyn Fn(f64) -> f64) -> Vec<Walk> {
         })
         .collect()
 }
-
-/// Names of the variants in tables, in the order of [`VARIANTS`].
-pub(super) const NAMES: [&str; VARIANTS.len()] = ["with_estimates", "without_noise", "raw"];
