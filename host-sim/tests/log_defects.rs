@@ -84,7 +84,7 @@ fn travel(motion: &Motion) -> Files {
     } = *motion;
     let mut height_m = 200.0;
     let mut imu = "t_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n".to_owned();
-    let mut gnss = "t_s,lat_deg,lon_deg,h_m,ve,vn,vu,nsat\n".to_owned();
+    let mut gnss = "t_s,lat_deg,lon_deg,h_m,ve,vn,vu\n".to_owned();
     let (mut course, mut east_m, mut north_m) = (0.4_f64, 0.0, 0.0);
     for step in 0..6000_i32 {
         let time = f64::from(step) * IMU_STEP_S;
@@ -106,7 +106,7 @@ fn travel(motion: &Motion) -> Files {
             let (lat, lon) = (45.0 + north_m / 111_130.0, 9.0 + east_m / 78_850.0);
             writeln!(
                 gnss,
-                "{time:.3},{lat:.9},{lon:.9},{height_m:.2},{ve:.4},{vn:.4},{up:.3},9"
+                "{time:.3},{lat:.9},{lon:.9},{height_m:.2},{ve:.4},{vn:.4},{up:.3}"
             )
             .unwrap();
         }
@@ -153,8 +153,11 @@ fn said(case: &Case) -> String {
         Err(error) => told(&error, folder.path()),
         Ok((_, warnings)) if warnings.is_empty() => "no message".to_owned(),
         Ok((_, warnings)) => {
-            let told: Vec<String> = warnings.iter().map(|w| told(w, folder.path())).collect();
-            format!("warning: {}", told.join("\nwarning: "))
+            let told = warnings.iter().map(|warning| {
+                let kind = if warning.doubt { "doubt" } else { "warning" };
+                format!("{kind}: {}", told(warning, folder.path()))
+            });
+            told.collect::<Vec<_>>().join("\n")
         }
     }
 }
@@ -292,13 +295,13 @@ fn row_cases() -> Vec<Case> {
         }),
         text("NaN", |f| set_line(&mut f.imu, 5, "0.06,0,0,0,nan,0,-9.8")),
         text("infinite", |f| {
-            set_line(&mut f.gnss, 5, "0.6,45,9,200,-inf,0,0,9");
+            set_line(&mut f.gnss, 5, "0.6,45,9,200,-inf,0,0");
         }),
         text("empty cell", |f| {
             set_line(&mut f.imu, 5, "0.06,0,0,0,0,,-9.8");
         }),
         text("no height", |f| {
-            set_line(&mut f.gnss, 5, "0.6,45,9,,10,0,0,9");
+            set_line(&mut f.gnss, 5, "0.6,45,9,,10,0,0");
         }),
         text("no heights", |f| f.gnss = f.gnss.replace(",200.00,", ",,")),
         text("no column of heights", |f| {
@@ -319,10 +322,10 @@ fn row_cases() -> Vec<Case> {
                 .replace("lat_deg,lon_deg,h_m,ve,vn,vu", "a,b,c,d,e,f");
         }),
         text("half a position", |f| {
-            set_line(&mut f.gnss, 5, "0.6,45,,200,10,0,0,9");
+            set_line(&mut f.gnss, 5, "0.6,45,,200,10,0,0");
         }),
         text("nan in fixes", |f| {
-            set_line(&mut f.gnss, 5, "0.6,nan,nan,nan,nan,nan,nan,9");
+            set_line(&mut f.gnss, 5, "0.6,nan,nan,nan,nan,nan,nan");
         }),
     ]
 }
@@ -353,7 +356,7 @@ fn form_cases() -> Vec<Case> {
             f.imu = f.imu.replace(',', ";").replace('.', ",");
         }),
         text("two columns of one name", |f| {
-            f.gnss = f.gnss.replacen("nsat", "ve", 1);
+            f.gnss = f.gnss.replacen("vu", "ve", 1);
         }),
         text("rows of text throughout", |f| {
             f.imu = f.imu.replace("0.001", "n/a");
@@ -387,7 +390,7 @@ fn form_cases() -> Vec<Case> {
             f.gnss = f.gnss.lines().step_by(25).collect::<Vec<_>>().join("\n");
         }),
         text("half a velocity", |f| {
-            set_line(&mut f.gnss, 5, "0.6,45,9,200,10,,0,9");
+            set_line(&mut f.gnss, 5, "0.6,45,9,200,10,,0");
         }),
         text("missing column", |f| f.imu = f.imu.replace("gyro_z", "wz")),
         text("no header", |f| {
@@ -405,10 +408,10 @@ fn form_cases() -> Vec<Case> {
             set_line(&mut f.imu, 5, "0.04,0,0,0,0,0,-9.8");
         }),
         text("time reversed", |f| {
-            set_line(&mut f.gnss, 5, "0.2,45,9,200,10,0,0,9");
+            set_line(&mut f.gnss, 5, "0.2,45,9,200,10,0,0");
         }),
         text("time beyond all scales", |f| {
-            set_line(&mut f.gnss, 5, "1.7e18,45,9,200,10,0,0,9");
+            set_line(&mut f.gnss, 5, "1.7e18,45,9,200,10,0,0");
         }),
         text("latitude and longitude swapped", |f| {
             convert(&mut f.gnss, "lon_deg", |x| x - 114.0);
@@ -419,6 +422,26 @@ fn form_cases() -> Vec<Case> {
         }),
         text("height in millimetres", |f| {
             convert(&mut f.gnss, "h_m", |x| x * 1e3);
+        }),
+    ]
+}
+
+fn column_cases() -> Vec<Case> {
+    vec![
+        text("columns misspelt", |f| {
+            f.gnss = f.gnss.replacen("h_m,ve,vn,vu", "hm,ve,vn,vu_mps", 1);
+        }),
+        text("a column that is not read", |f| {
+            f.gnss = f
+                .gnss
+                .replacen("vu\n", "vu,nsat\n", 1)
+                .replace(",0.000\n", ",0.000,9\n");
+        }),
+        text("units in the names of columns", |f| {
+            f.imu = f.imu.replacen("gyro_x", "gyro_x [rad/s]", 1);
+        }),
+        text("dates for times", |f| {
+            f.gnss = f.gnss.replace('\n', "\n2026-05-04T10:00:0");
         }),
     ]
 }
@@ -437,7 +460,7 @@ fn receiver_cases() -> Vec<Case> {
         hilly("rows of zeros without a fix", |f| {
             for line in 100..120 {
                 let time = 0.2 * (line as f64 - 2.0);
-                set_line(&mut f.gnss, line, &format!("{time:.3},0,0,0,0,0,0,0"));
+                set_line(&mut f.gnss, line, &format!("{time:.3},0,0,0,0,0,0"));
             }
         }),
         hilly("zeros in every row", |f| {
@@ -488,7 +511,7 @@ fn receiver_cases() -> Vec<Case> {
                 // The ellipsoid's metres per degree at 45 degrees north.
                 let (ve, vn) = (moved(2, 78_849.4), moved(1, 111_132.1));
                 let text = format!(
-                    "{},{},{},{},{ve},{vn},{},9",
+                    "{},{},{},{},{ve},{vn},{}",
                     row[0], row[1], row[2], row[3], row[6]
                 );
                 set_line(&mut f.gnss, line + 3, &text);
@@ -635,6 +658,11 @@ fn unit_cases() -> Vec<Case> {
             let rows: Vec<&str> = rows.lines().step_by(50).collect();
             f.imu = format!("{header}\n{}\n", rows.join("\n"));
         }),
+        text("inertial samples ten times a second", |f| {
+            let (header, rows) = f.imu.split_once('\n').unwrap();
+            let rows: Vec<&str> = rows.lines().step_by(5).collect();
+            f.imu = format!("{header}\n{}\n", rows.join("\n"));
+        }),
         text("inertial time in minutes", |f| {
             convert(&mut f.imu, "t_s", |x| x / 60.0);
         }),
@@ -768,6 +796,7 @@ fn every_kind_of_bad_log_gets_its_message() {
         meta_cases(),
         row_cases(),
         form_cases(),
+        column_cases(),
         receiver_cases(),
         sensor_cases(),
         unit_cases(),

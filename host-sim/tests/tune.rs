@@ -7,7 +7,7 @@ use std::process::Command;
 use host_sim::identify::analysis::{Analysis, Input};
 use host_sim::identify::error_model::{Identified, Record};
 use host_sim::identify::quantities::DEG_H_RADPS;
-use host_sim::log::{self, BodyAxes, Compression, Grade, Log, Meta};
+use host_sim::log::{self, BodyAxes, Compression, Grade, Log, LogError, Meta};
 use host_sim::sim::car::Car;
 use host_sim::sim::drive::Recording;
 use host_sim::sim::motion::Mounted;
@@ -438,6 +438,25 @@ fn sensors_of_another_class_are_told_in_the_verdict() {
     println!("{}\n{}", lines[0], lines[1]);
     assert!(lines[0].starts_with("Verdict: nothing speaks against"));
     assert!(lines[1].starts_with("Verdict: do NOT trust"));
+}
+
+#[test]
+fn a_log_that_is_doubted_is_not_trusted() {
+    let warning = LogError {
+        path: Path::new("imu.csv").into(),
+        line: None,
+        character: None,
+        name: None,
+        expected: "sensors that feel the motion".into(),
+        found: "others".into(),
+        cause: "gyro_x and gyro_y are swapped".into(),
+        doubt: true,
+    };
+    let log = log_of(&plain_drive(), Grade::Mems);
+    let input = Input::of(String::new(), log, vec![warning], None);
+    let analysis = Analysis::of_input(input, &ProgressBar::hidden()).unwrap();
+    let verdict = analysis.summary.verdict;
+    assert!(!verdict.trusted && verdict.lines()[1].contains("swapped"));
 }
 
 #[test]

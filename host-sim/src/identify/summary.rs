@@ -55,12 +55,15 @@ impl Summary {
         let quantities = Quantities::of_log(&found.end.estimates, &log.meta);
         let imu = answers(&found.imu_outcomes, words::is_integrated);
         let gnss = answers(&found.gnss_outcomes(), words::is_used);
+        let doubted = warnings.iter().find(|warning| warning.doubt);
         Self {
             log: name,
-            verdict: Verdict::new(found, halves).and(beyond_class(&[(
-                "gyros at rest",
-                !configure::fits(log, grade),
-            )])),
+            verdict: Verdict::new(found, halves)
+                .and(beyond_class(&[(
+                    "gyros at rest",
+                    !configure::fits(log, grade),
+                )]))
+                .and(doubted.map(|warning| format!("Of the log: {}.", warning.cause))),
             duration_s: log.duration_s(),
             body_axes: log.meta.body_axes,
             quantities,

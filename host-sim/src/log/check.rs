@@ -90,6 +90,12 @@ fn check_intervals(log: &Log, imu_s: f64, findings: &mut Findings) -> Result<(),
     } else if dense && log.imu.len() > 1 {
         return imu("minutes or kiloseconds for seconds, or stamps of too few digits");
     }
+    if imu_s > 0.045 {
+        let cause = "right where each reading is the mean over its interval or an increment; of \
+                     faster readings every tenth, say, shows neither turns nor vibration";
+        let expected = "inertial samples 1 to 40 ms apart";
+        findings.warn(findings.imu("t_s", expected, found(imu_s), cause));
+    }
     if gnss_s > 3.0 {
         let found = format!("{gnss_s:.1} s from row to row (median)");
         let cause = "too seldom to show turns and brakings: estimates come late, if at all";

@@ -25,6 +25,8 @@ pub struct LogError {
     /// Why it most likely came about, and what to do.
     #[help]
     pub cause: Box<str>,
+    /// Whether it speaks against what is found all the same.
+    pub doubt: bool,
 }
 
 impl LogError {
@@ -50,6 +52,7 @@ impl LogError {
             expected: expected.into(),
             found: found.into(),
             cause: cause.into(),
+            doubt: false,
         }
     }
 

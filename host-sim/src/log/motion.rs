@@ -408,7 +408,10 @@ pub(super) fn check_readings(
     if guess.refused {
         return Err(defect);
     }
-    findings.warn(defect);
+    findings.warn(LogError {
+        doubt: true,
+        ..defect
+    });
     Ok(())
 }
 

@@ -224,7 +224,17 @@ fn not_increasing(row: &Row, column: usize, last: Time, time: Time) -> LogError 
 }
 
 fn time(row: &Row, column: usize) -> Result<Time, LogError> {
-    let seconds = row.number(column)?;
+    let seconds = row.number(column).map_err(|defect| {
+        if !row.cell(column).contains(':') {
+            return defect;
+        }
+        let cause = "a date or a time of day: write seconds of any origin, the same in both files";
+        LogError {
+            expected: "seconds".into(),
+            cause: cause.into(),
+            ..defect
+        }
+    })?;
     exact_micros(row.cell(column))
         .map(Time::from_micros)
         .or_else(|| Time::from_seconds(seconds))

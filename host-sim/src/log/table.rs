@@ -16,6 +16,7 @@ const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
 
 /// The column that every table has.
 const TIME: &str = "t_s";
+const NAME_THEM: &str = "name the columns in meta.toml, [columns]";
 /// What a line that is none of the table begins with.
 const REMARK: char = '#';
 
@@ -24,6 +25,8 @@ pub(super) struct Table {
     path: PathBuf,
     reader: csv::Reader<LimitedLines>,
     header: Vec<String>,
+    /// Columns that somebody reads, or would.
+    known: RefCell<Vec<String>>,
     record: ByteRecord,
     line: u64,
     separator: u8,
@@ -83,6 +86,7 @@ impl Table {
             path: path.to_path_buf(),
             reader,
             header: Vec::new(),
+            known: vec![TIME.to_owned()].into(),
             record: ByteRecord::new(),
             line: 0,
             separator,
@@ -99,7 +103,7 @@ impl Table {
             let remark = header[0].starts_with(REMARK);
             let bare = |cell: &&str| unquoted(cell.trim_start_matches(REMARK)).to_ascii_lowercase();
             table.header = header.iter().map(bare).collect();
-            if !remark || table.optional_column(TIME).is_some() {
+            if !remark || table.header.iter().any(|name| name == TIME) {
                 return Ok(table);
             }
         }
@@ -117,21 +121,44 @@ impl Table {
             );
             warnings.push(defect.at_line(1).in_column(name));
         }
+        warnings.extend(self.unread());
         warnings.extend(self.broken_off.clone());
         let lost = std::mem::take(&mut *self.lost.borrow_mut());
         warnings.extend(lost.warning("taken as empty"));
         warnings
     }
 
+    /// Columns that nobody reads, and what they may be meant for.
+    fn unread(&self) -> Option<LogError> {
+        let known = self.known.borrow();
+        let other = |name: &&String| !name.is_empty() && !known.contains(name);
+        let unread: Vec<&String> = self.header.iter().filter(other).collect();
+        let meant = unread.iter().filter_map(|name| {
+            let missing = known.iter().filter(|known| !self.header.contains(known));
+            let near = missing.filter(|known| are_alike(known, name));
+            let nearest = near.min_by_key(|known| strsim::osa_distance(known, name))?;
+            Some(format!("`{nearest}` by `{name}`"))
+        });
+        let meant = meant.collect::<Vec<_>>().join(", ");
+        let cause = match meant.as_str() {
+            "" => "not read; harmless if meant so".to_owned(),
+            _ => format!("not read; did you mean {meant}?"),
+        };
+        let names = unread.iter().map(|name| format!("`{name}`"));
+        let found = names.collect::<Vec<_>>().join(", ");
+        let expected = format!("columns {}", known.join(", "));
+        let defect = || self.defect(&expected, &found, &cause).at_line(1);
+        (!unread.is_empty()).then(defect)
+    }
+
     /// Index of a column that must be there.
     pub(super) fn column(&self, name: &str) -> Result<usize, LogError> {
         self.optional_column(name).ok_or_else(|| {
-            let cause = match self.header.len() {
-                1 => "cells must be separated by commas, semicolons or tabs",
-                _ => {
-                    "a column of another name or a headerless file: name the columns in \
-                     meta.toml, [columns]"
-                }
+            let near = self.header.iter().find(|other| other.starts_with(name));
+            let cause = match (self.header.len(), near) {
+                (1, _) => "cells must be separated by commas, semicolons or tabs",
+                (_, Some(near)) => &format!("is it `{near}`? {NAME_THEM}"),
+                _ => &format!("a column of another name or a headerless file: {NAME_THEM}"),
             };
             let found = format!("columns {}", shortened(&self.header.join(", ")));
             self.defect(&format!("a column `{name}`"), &found, cause)
@@ -141,6 +168,10 @@ impl Table {
 
     /// Index of a column that may be missing.
     pub(super) fn optional_column(&self, name: &str) -> Option<usize> {
+        let mut known = self.known.borrow_mut();
+        if !known.iter().any(|known| known == name) {
+            known.push(name.to_owned());
+        }
         self.header.iter().position(|column| column == name)
     }
 
@@ -322,6 +353,11 @@ impl Row<'_> {
             .at_character(self.table.character(column))
             .in_column(&self.table.header[column])
     }
+}
+
+/// Whether one name may stand for another: a slip of the pen, or a unit behind it.
+fn are_alike(a: &str, b: &str) -> bool {
+    strsim::osa_distance(a, b) < 2 || a.starts_with(b) || b.starts_with(a)
 }
 
 /// A cell without its blanks and its pair of quotes.
