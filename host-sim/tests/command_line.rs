@@ -210,3 +210,11 @@ fn of_recordings_each_has_its_row() {
     assert!((40.0..310.0).contains(&latency_ms), "{rows}");
     assert!(rows[1]["outcome"]["refused"].is_string(), "{rows}");
 }
+
+#[test]
+fn force_is_refused_where_nothing_is_replaced() {
+    for command in [&["tune"][..], &["study", "logs"]] {
+        let output = run(&[command, &["nowhere", "--force"]].concat());
+        assert!(said(&output).contains("--force"), "{}", said(&output));
+    }
+}

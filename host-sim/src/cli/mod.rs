@@ -20,7 +20,7 @@ use std::path::PathBuf;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
-use miette::{IntoDiagnostic, Result};
+use miette::{IntoDiagnostic, Result, bail};
 
 use crate::page::output::OutputError;
 pub use crate::page::output::clean_up_when_stopped;
@@ -89,6 +89,21 @@ enum Command {
     },
 }
 
+impl Command {
+    fn replaces_nothing(&self) -> bool {
+        use study::Study::{Logs, PlanDrive, Recordings, Rehearse};
+        matches!(
+            self,
+            Self::Study(Logs(_) | PlanDrive(_) | Recordings(_) | Rehearse(_))
+                | Self::Demo(_)
+                | Self::Tune(_)
+                | Self::Merge(_)
+                | Self::Completions { .. }
+                | Self::Man { .. }
+        )
+    }
+}
+
 impl Cli {
     /// The command line; numbers may be negative.
     pub fn read() -> Self {
@@ -105,6 +120,9 @@ impl Cli {
 
 pub fn run(cli: &Cli) -> Result<()> {
     let (json, force) = (cli.json, cli.force);
+    if force && cli.command.replaces_nothing() {
+        bail!("--force is of no use here: nothing stands in the way of this command");
+    }
     match &cli.command {
         Command::Demo(options) => simulate::demo(options, json),
         Command::Drive(options) => simulate::drive(options, json, force),
