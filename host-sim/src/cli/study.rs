@@ -351,10 +351,10 @@ impl Logs {
             .collect();
         progress.finish_and_clear();
         let (mut used, all) = (Vec::new(), folders.len());
-        for (folder, study) in folders.iter().zip(studies) {
+        for study in studies {
             match study {
                 Ok(study) => used.push(study),
-                Err(error) => eprintln!("{}: {error:?}", folder.display()),
+                Err(error) => eprintln!("{error:?}"),
             }
         }
         let failed = all - used.len();
