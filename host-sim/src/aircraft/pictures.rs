@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use ins_core::earth::{Geodetic, wrap_pi};
+use ins_core::earth::Geodetic;
 use ins_core::{ImuOutput, ImuSample, Solution};
 
 use super::dynamics::Dynamics;
@@ -37,7 +37,7 @@ pub fn of_flight(run: &SimulatedDrive, output: ImuOutput) -> Vec<Picture> {
     let [roll, pitch, heading] = [
         over_time(&|s| s.euler().roll_rad.to_degrees()),
         over_time(&|s| s.euler().pitch_rad.to_degrees()),
-        over_time(&|s| wrap_pi(s.euler().heading_rad).to_degrees()),
+        unwrapped(over_time(&|s| s.euler().heading_rad.to_degrees())),
     ];
     // What increments are made of: rates, from the step between two stamps.
     let imu = thinned(&run.imu);
@@ -125,6 +125,15 @@ fn lines(x_label: &str, y_label: &str, series: Vec<Line>) -> String {
     .svg()
 }
 
+/// Angles that go on beyond a whole turn, deg.
+fn unwrapped(mut line: Line) -> Line {
+    for index in 1..line.len() {
+        let step = line[index].1 - line[index - 1].1;
+        line[index].1 -= 360.0 * (step / 360.0).round();
+    }
+    line
+}
+
 /// Ground track, the same scale both ways.
 pub(crate) fn track(truth: &[&Solution]) -> String {
     let origin = truth.first().map_or(Geodetic::default(), |s| s.position);
@@ -155,4 +164,17 @@ fn thinned<T>(all: &[T]) -> Vec<&T> {
     all.iter()
         .step_by(all.len().div_ceil(POINTS).max(1))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_heading_goes_on_through_south() {
+        let line = |angles: [f64; 5]| angles.map(|angle| (0.0, angle)).to_vec();
+        let wrapped = line([170.0, -170.0, -10.0, 170.0, -175.0]);
+        let whole = line([170.0, 190.0, 350.0, 530.0, 545.0]);
+        assert_eq!(unwrapped(wrapped), whole);
+    }
 }
