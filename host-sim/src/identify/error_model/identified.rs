@@ -373,7 +373,7 @@ const NEVER_SHOWN: [(&str, &str, &str); 6] = [
     ("gnss.vertical_sigma_m", "m", NOTHING_BETTER),
     ("temperature, vibration rectification", "", NO_TERM),
 ];
-const NOT_BOUNDED: &str = "needs longer drives: in these nothing bounds it";
+const NOT_BOUNDED: &str = "has no upper bound: more drives would set one, or longer ones";
 const NO_BOUND: &str = "has no upper bound: models drawn keep the value";
 const NOT_FITTED: &str = "not told from a bias at one attitude";
 const DROWNED: &str = "drowns in the noise of GNSS";
