@@ -41,7 +41,7 @@ impl Table {
     }
 }
 
-/// Aligned with spaces: the first column to the left, the others to the right.
+/// Aligned with spaces: the first column and sentences to the left, the others to the right.
 pub fn plain(header: &[String], rows: &[Vec<String>]) -> String {
     let all = || std::iter::once(header).chain(rows.iter().map(Vec::as_slice));
     let width = |column: usize| {
@@ -52,14 +52,19 @@ pub fn plain(header: &[String], rows: &[Vec<String>]) -> String {
             .unwrap_or(0)
     };
     let widths: Vec<usize> = (0..header.len()).map(width).collect();
+    let is_prose = |cell: &String| cell.split(' ').count() > 5;
+    let is_left = |column| column == 0 || all().filter_map(|row| row.get(column)).any(is_prose);
+    let left: Vec<bool> = (0..header.len()).map(is_left).collect();
     let mut text = String::new();
     for row in all() {
         let mut line = String::new();
         for (column, (cell, width)) in row.iter().zip(&widths).enumerate() {
             // Writing into a string cannot fail.
-            let _ = match column {
-                0 => write!(line, "{cell:<width$}"),
-                _ => write!(line, "  {cell:>width$}"),
+            let gap = if column == 0 { "" } else { "  " };
+            let _ = if left[column] {
+                write!(line, "{gap}{cell:<width$}")
+            } else {
+                write!(line, "{gap}{cell:>width$}")
             };
         }
         text.push_str(line.trim_end());
