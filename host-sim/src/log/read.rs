@@ -82,7 +82,7 @@ fn one_of(folder: &Path, name: &str) -> Result<Option<PathBuf>, LogError> {
 
 /// Largest share of rows that may be unusable: a slip of the logger is rare, more is a format that
 /// is not understood.
-const MOST_LEFT_OUT: f64 = 0.05;
+pub(super) const MOST_LEFT_OUT: f64 = 0.05;
 
 fn read_imu(
     path: &Path,

@@ -26,6 +26,7 @@ use serde::Deserialize;
 
 use super::recording::{Recording, degrees, east_north, over_ground, stated};
 use super::texts::{Table, content};
+use crate::log::read::MOST_LEFT_OUT;
 use crate::log::{LogError, Meta};
 use crate::statistics::rms_of_any;
 
@@ -169,15 +170,16 @@ pub(super) fn read(folder: &Path) -> Result<Recording, LogError> {
         let time = Time::from_seconds(imu.cell(row, "t_s")?)?;
         Some(axes.sample(time, vector(GYRO)?, vector(ACCEL)?))
     };
-    let samples = imu.table.rows.iter().filter_map(sample).collect();
     let file = &document.columns.imu.file;
-    recording.add_imu(&folder.join(file), file, axes, samples);
+    let path = folder.join(file);
+    let samples = imu.all(sample, &path, &mut recording.notes)?;
+    recording.add_imu(&path, file, axes, samples);
     recording.imus[0].output = about.imu;
     recording.about = Some(about);
-    let rows = gnss.table.rows.iter();
-    let fixes = rows.filter_map(|row| fix(&gnss, row)).collect();
     let file = &document.columns.gnss.file;
-    recording.add_receiver(&folder.join(file), file, fixes);
+    let path = folder.join(file);
+    let fixes = gnss.all(|row| fix(&gnss, row), &path, &mut recording.notes)?;
+    recording.add_receiver(&path, file, fixes);
     Ok(recording)
 }
 
@@ -260,6 +262,33 @@ impl Columns {
                 Err(LogError::file(meta, expected, "none", cause))
             }
         }
+    }
+
+    /// What every row says; those that cannot be read are named, and refused if they are many.
+    fn all<T>(
+        &self,
+        of_row: impl Fn(&Vec<f64>) -> Option<T>,
+        path: &Path,
+        notes: &mut Vec<LogError>,
+    ) -> Result<Vec<T>, LogError> {
+        let rows = &self.table.rows;
+        let read: Vec<T> = rows.iter().filter_map(&of_row).collect();
+        let lost = rows.len() - read.len();
+        if let Some(first) = rows.iter().position(|row| of_row(row).is_none()) {
+            let found = format!(
+                "others in {lost} of {}, first in row {}",
+                rows.len(),
+                first + 1
+            );
+            let cause = "text or empty cells in the columns that meta.toml names, or dates for \
+                         seconds; left out";
+            let defect = LogError::file(path, "rows of numbers", found, cause);
+            if lost as f64 > MOST_LEFT_OUT * rows.len() as f64 {
+                return Err(defect);
+            }
+            notes.push(defect);
+        }
+        Ok(read)
     }
 
     fn cell(&self, row: &[f64], name: &str) -> Option<f64> {

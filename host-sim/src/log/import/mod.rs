@@ -97,7 +97,10 @@ fn unknown(path: &Path) -> LogError {
     let cause =
         "for any other table write a meta.toml beside it, with [columns], and give the folder";
     let (found, cause) = if is_log(path) {
-        ("a log folder", "it has sensors and receiver: give it alone")
+        (
+            "a log folder",
+            "a log already, with sensors and receiver: give it alone, to any command but `import`",
+        )
     } else if path.parent().is_some_and(is_log) {
         ("a file of a log folder", "give the folder")
     } else if path.exists() {

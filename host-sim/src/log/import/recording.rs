@@ -62,7 +62,10 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, LogError> {
 }
 
 pub(super) fn unreadable(path: &Path, error: &std::io::Error) -> LogError {
-    let cause = "permissions, the disk, or a damaged file";
+    let cause = match error.kind() {
+        std::io::ErrorKind::NotFound => "a wrong folder or a misspelt name",
+        _ => "permissions, the disk, or a damaged file",
+    };
     LogError::file(path, "a readable file", error.to_string(), cause)
 }
 
@@ -206,12 +209,12 @@ fn chosen<'a>(
         "imu" => (
             "inertial samples",
             "another inertial sensor",
-            "none were logged: give a second file that has them",
+            "none were logged: `import` takes a second file that has them",
         ),
         _ => (
             "GNSS fixes",
             "another receiver",
-            "no receiver, or never a fix: give a second file that has them",
+            "no receiver, or never a fix: `import` takes a second file that has them",
         ),
     };
     // The first of the fastest.

@@ -53,11 +53,11 @@ pub(super) fn content(path: &Path) -> Result<String, LogError> {
     Ok(String::from_utf8_lossy(&bytes(path)?).into_owned())
 }
 
-/// Cells between commas, semicolons or tabs, or else between blanks.
+/// Cells between semicolons, tabs or commas, or else between blanks.
 fn cells(line: &str) -> Vec<&str> {
     let line = line.trim();
     let quotes: &[char] = &['"', ' '];
-    let mut separators = [',', ';', '\t'].into_iter();
+    let mut separators = [';', '\t', ','].into_iter();
     match separators.find(|separator| line.contains(*separator)) {
         Some(separator) => {
             let cells = line.split(separator);
@@ -67,8 +67,9 @@ fn cells(line: &str) -> Vec<&str> {
     }
 }
 
+/// A comma that parts no cells is a decimal one.
 pub(super) fn number(cell: &str) -> f64 {
-    cell.parse().unwrap_or(f64::NAN)
+    cell.replace(',', ".").parse().unwrap_or(f64::NAN)
 }
 
 fn vector(row: &[f64], at: usize) -> Option<Vector3<f64>> {
