@@ -127,10 +127,16 @@ impl Chart {
         self
     }
 
+    /// Room for many curves, or for a map.
+    pub(crate) fn tall(mut self) -> Self {
+        self.figure.tall = true;
+        self
+    }
+
     /// Over longitude and latitude; a degree of latitude is so many times as long.
     pub(crate) fn map(title: &str, ratio: f64) -> Self {
-        let mut map = Self::new(title, "", "").note("longitude and latitude, deg");
-        map.figure.tall = true;
+        let map = Self::new(title, "", "").note("longitude and latitude, deg");
+        let map = map.tall();
         Self {
             x: map.x.tick_format(".5~f").n_ticks(5),
             y: map

@@ -203,6 +203,7 @@ impl<'a> Report<'a> {
         }
         let wanted = [(0.0, 1.0), (end_s, 1.0)];
         chart
+            .tall()
             .reference("wanted", GREY, &wanted)
             .logarithmic_y(all.into_iter())
     }

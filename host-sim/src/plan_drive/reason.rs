@@ -85,7 +85,7 @@ impl Search<'_> {
                 "it still falls as noise does; {} alone would take some {:.0} min more, if that \
                  went on",
                 tried.manoeuvre.name(),
-                (needed_s - known_s) / 60.0
+                ((needed_s - known_s) / 60.0).ceil()
             );
         }
         Self::floor(&self.target.goals[which], last, end)
