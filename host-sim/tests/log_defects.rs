@@ -431,6 +431,9 @@ fn column_cases() -> Vec<Case> {
         text("columns misspelt", |f| {
             f.gnss = f.gnss.replacen("h_m,ve,vn,vu", "hm,ve,vn,vu_mps", 1);
         }),
+        text("a first line for spreadsheets", |f| {
+            f.imu = format!("sep=;\n{}", f.imu.replace(',', ";").replace('.', ","));
+        }),
         text("a column that is not read", |f| {
             f.gnss = f
                 .gnss

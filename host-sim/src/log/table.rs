@@ -17,8 +17,9 @@ const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
 /// The column that every table has.
 const TIME: &str = "t_s";
 const NAME_THEM: &str = "name the columns in meta.toml, [columns]";
-/// What a line that is none of the table begins with.
+/// What a line that is none of the table begins with; the other tells a spreadsheet what parts cells.
 const REMARK: char = '#';
+const SEPARATOR: &str = "sep=";
 
 /// A file with a header line and rows of numbers.
 pub(super) struct Table {
@@ -100,7 +101,7 @@ impl Table {
                 return Err(table.defect("a header line and rows", "an empty file", cause));
             }
             let header = table.text()?;
-            let remark = header[0].starts_with(REMARK);
+            let remark = header[0].starts_with(REMARK) || header[0].starts_with(SEPARATOR);
             let bare = |cell: &&str| unquoted(cell.trim_start_matches(REMARK)).to_ascii_lowercase();
             table.header = header.iter().map(bare).collect();
             if !remark || table.header.iter().any(|name| name == TIME) {
