@@ -286,3 +286,13 @@ fn a_shard_that_is_stopped_and_runs_again_leaves_no_trace() {
     let refusal = host_sim(home, "campaign other.toml --out one").unwrap_err();
     assert!(refusal.contains("a campaign of another plan"), "{refusal}");
 }
+
+#[test]
+fn a_campaign_goes_on_where_a_shard_has_ended() {
+    let home = tempfile::tempdir().unwrap();
+    let home = home.path();
+    fs::write(home.join("plan.toml"), PLAN).unwrap();
+    host_sim(home, "campaign plan.toml --out one --shard 1/2").unwrap();
+    host_sim(home, "campaign plan.toml --out one").unwrap();
+    assert_eq!(sorted_runs(&home.join("one")).len(), 2 * RUNS_OF_A_UNIT);
+}

@@ -8,7 +8,7 @@ use miette::{IntoDiagnostic, Result, miette};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::ledger::{Ledger, Shard};
+use super::ledger::{Ledger, Shard, read_folder};
 use super::plan::Plan;
 use crate::identify::error_model::{Identified, Record};
 use crate::identify::held_ins::LevelError;
@@ -88,7 +88,9 @@ pub enum With {
 
 pub fn run(plan: &Plan, shard: Shard, folder: &Path, progress: &ProgressBar) -> Result<()> {
     let (mut known, mut flown) = (HashMap::new(), HashSet::new());
-    let ledger = Ledger::open(folder, shard, |line| match line {
+    let ledger = Ledger::open(folder, shard, |_: Line| {})?;
+    // Whoever ran it.
+    read_folder(folder, |line| match line {
         Line::Model { unit, model } => drop(known.insert(unit, model)),
         Line::Flight {
             unit, with, flight, ..
@@ -109,11 +111,12 @@ pub fn run(plan: &Plan, shard: Shard, folder: &Path, progress: &ProgressBar) -> 
             models.into_iter().flat_map(flights)
         });
     let left = all.filter(|&(unit, with, flight, _)| !flown.contains(&(unit, with, flight)));
+    let left: Vec<_> = left.collect();
     let route = Route::cessna172()?;
     progress.set_message("flying");
-    progress.set_length(2 * units.len() as u64 * u64::from(plan.flights));
-    progress.set_position(flown.len() as u64);
-    ledger.fill(left.collect(), progress, |(unit, with, flight, model)| {
+    progress.set_length(left.len() as u64);
+    progress.set_position(0);
+    ledger.fill(left, progress, |(unit, with, flight, model)| {
         let settings = Settings {
             minutes_aided: plan.minutes_aided,
             minutes_free: plan.minutes_free,
