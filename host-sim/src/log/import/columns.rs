@@ -281,7 +281,7 @@ impl Columns {
                 first + 1
             );
             let cause = "text or empty cells in the columns that meta.toml names, or dates for \
-                         seconds; left out";
+                         seconds";
             let defect = LogError::file(path, "rows of numbers", found, cause);
             if lost as f64 > MOST_LEFT_OUT * rows.len() as f64 {
                 return Err(defect);
