@@ -197,11 +197,11 @@ pub enum Feedback {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ConfigError {
-    /// Must be finite and greater than zero.
+    /// Must be greater than zero, and less than 1e15.
     NotPositive(&'static str),
-    /// Must be finite and not below zero.
+    /// Must not be below zero, and be less than 1e15.
     Negative(&'static str),
-    /// Must be finite.
+    /// Must be finite: of a size below 1e15.
     NotFinite(&'static str),
     /// Must be a least factor of one or less, above zero, and a greatest of one or more.
     RangeWithoutOne(&'static str),
@@ -210,8 +210,8 @@ pub enum ConfigError {
 impl core::fmt::Display for ConfigError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let (value, must) = match self {
-            Self::NotPositive(value) => (value, "must be finite and greater than zero"),
-            Self::Negative(value) => (value, "must be finite and not negative"),
+            Self::NotPositive(value) => (value, "must be greater than zero and less than 1e15"),
+            Self::Negative(value) => (value, "must not be negative, and be less than 1e15"),
             Self::NotFinite(value) => (value, "must be finite"),
             Self::RangeWithoutOne(value) => (value, "must be a range of factors around one"),
         };
@@ -221,23 +221,26 @@ impl core::fmt::Display for ConfigError {
 
 impl core::error::Error for ConfigError {}
 
+/// More than any of these is in SI units; single precision holds its square.
+const LARGEST: f64 = 1e15;
+
 fn positive(value: f64, name: &'static str) -> Result<(), ConfigError> {
-    let good = value.is_finite() && value > 0.0;
+    let good = value > 0.0 && value < LARGEST;
     good.then_some(()).ok_or(ConfigError::NotPositive(name))
 }
 
 fn not_negative(value: f64, name: &'static str) -> Result<(), ConfigError> {
-    let good = value.is_finite() && value >= 0.0;
+    let good = (0.0..LARGEST).contains(&value);
     good.then_some(()).ok_or(ConfigError::Negative(name))
 }
 
 fn finite(value: f64, name: &'static str) -> Result<(), ConfigError> {
-    let good = value.is_finite();
+    let good = math::abs(value) < LARGEST;
     good.then_some(()).ok_or(ConfigError::NotFinite(name))
 }
 
 fn around_one([least, most]: [f64; 2], name: &'static str) -> Result<(), ConfigError> {
-    let good = least > 0.0 && least <= 1.0 && most >= 1.0 && most.is_finite();
+    let good = (1.0 / LARGEST..=1.0).contains(&least) && (1.0..LARGEST).contains(&most);
     good.then_some(()).ok_or(ConfigError::RangeWithoutOne(name))
 }
 

@@ -265,3 +265,19 @@ fn what_a_receiver_states_does_not_keep_the_heading_from_being_found() {
     });
     assert_eq!(car.navigator.phase(), Phase::Navigating);
 }
+
+/// A factor of 1e30, by a slip of units: its square is more than single precision holds.
+#[test]
+fn what_is_too_large_to_reckon_with_is_refused() {
+    let set: [fn(&mut Config); 4] = [
+        |config| config.sensors.gyro_bias_walk = 1e30,
+        |config| config.sensors.accel_bias_mps2 = 1e30,
+        |config| config.gnss.lever_arm_m[0] = -1e30,
+        |config| config.gnss.noise_range[1] = 1e30,
+    ];
+    for set in set {
+        let mut config = Config::mems();
+        set(&mut config);
+        assert!(Navigator::new(config).is_err(), "{config:?}");
+    }
+}
