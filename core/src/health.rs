@@ -126,10 +126,11 @@ impl Tally {
 pub struct Health {
     /// How far the alignment has come.
     pub phase: Phase,
-    /// Since when the INS is on its own, if it is: when the last fix that was used had been compared.
+    /// Since when the INS is on its own, if it is: when the last fix with a level velocity or a position that
+    /// was used had been compared.
     pub coasting_since: Option<Time>,
-    /// The last fix whose outcome is known. Ask after each call: none settles more than one, or
-    /// those that were compared as one.
+    /// The last fix whose outcome is known. Ask after each call: none settles more than one, those that
+    /// were compared as one, or all that wait when an INS is aligned anew.
     pub last_fix: Option<FixReport>,
     /// Mean square of the level innovations of the last ten seconds, in the variances that they
     /// should have: about 1, and beyond 9 the INS is doubted. None while aligning, nor in the

@@ -172,7 +172,7 @@ impl<const RING: usize> Navigator<RING> {
     // Never inlined, nor is the next: what they cost, on the stack too, is then not the caller's.
     #[inline(never)]
     pub fn on_imu(&mut self, sample: &ImuSample) -> ImuOutcome {
-        let outcome = self.state.on_imu(sample, &self.config);
+        let outcome = self.state.on_imu(sample, &mut self.tally, &self.config);
         self.tally.sample(outcome);
         if matches!(outcome, ImuOutcome::Accepted | ImuOutcome::Bridged) {
             self.state.follow_up(&mut self.tally, &self.config);
@@ -355,12 +355,12 @@ impl<const RING: usize> Navigator<RING> {
 
 impl<const RING: usize> State<RING> {
     #[inline(never)]
-    fn on_imu(&mut self, sample: &ImuSample, config: &Config) -> ImuOutcome {
+    fn on_imu(&mut self, sample: &ImuSample, tally: &mut Tally, config: &Config) -> ImuOutcome {
         if !(math::all_finite(&sample.gyro) && math::all_finite(&sample.accel)) {
             return ImuOutcome::NotFinite;
         }
         let Some((last, increments)) = &mut self.inertial else {
-            return self.on_first(sample, config);
+            return self.on_first(sample, tally, config);
         };
         let largest = Largest::of(sample);
         let seconds = sample.time.seconds_since(*last);
@@ -369,7 +369,7 @@ impl<const RING: usize> State<RING> {
                 return ImuOutcome::OutOfRange;
             }
             if self.goes_on(sample.time, SET_BACK_S) {
-                self.restart_at(sample, config);
+                self.restart_at(sample, tally, config);
             }
             return ImuOutcome::TimeNotIncreasing;
         }
@@ -379,7 +379,7 @@ impl<const RING: usize> State<RING> {
             // Increments over longer intervals than before are larger.
             let rarer = hole && !largest.out_of_range(seconds, config);
             if rarer && self.goes_on(sample.time, AFTER_HOLE_S) {
-                self.restart_at(sample, config);
+                self.restart_at(sample, tally, config);
                 self.inertial = Some((sample.time, Increments::new(config.imu_output, sample)));
             }
             return ImuOutcome::OutOfRange;
@@ -395,7 +395,7 @@ impl<const RING: usize> State<RING> {
                 return ImuOutcome::Gap;
             }
             if !bridgeable {
-                self.restart_at(sample, config);
+                self.restart_at(sample, tally, config);
                 return ImuOutcome::Gap;
             }
         }
@@ -436,12 +436,12 @@ impl<const RING: usize> State<RING> {
     }
 
     #[inline(never)]
-    fn on_first(&mut self, sample: &ImuSample, config: &Config) -> ImuOutcome {
+    fn on_first(&mut self, sample: &ImuSample, tally: &mut Tally, config: &Config) -> ImuOutcome {
         if Largest::of(sample).out_of_range(LONGEST_READING_S, config) {
             return ImuOutcome::OutOfRange;
         }
         self.inertial = Some((sample.time, Increments::new(config.imu_output, sample)));
-        self.align_again(sample.time, config);
+        self.align_again(sample.time, tally, config);
         ImuOutcome::Accepted
     }
 
@@ -458,22 +458,25 @@ impl<const RING: usize> State<RING> {
     }
 
     #[inline(never)]
-    fn restart_at(&mut self, sample: &ImuSample, config: &Config) {
+    fn restart_at(&mut self, sample: &ImuSample, tally: &mut Tally, config: &Config) {
         self.astray = None;
         self.last_fix = None;
         if let Some((last, increments)) = &mut self.inertial {
             *last = sample.time;
             increments.restart(sample);
         }
-        self.align_again(sample.time, config);
+        self.align_again(sample.time, tally, config);
     }
 
     #[inline(never)]
-    fn align_again(&mut self, time: Time, config: &Config) {
+    fn align_again(&mut self, time: Time, tally: &mut Tally, config: &Config) {
         match &mut self.mode {
             Mode::Aligning(alignment) => alignment.begin_at(time),
             Mode::Navigating(ins) => {
                 self.restarts = self.restarts.saturating_add(1);
+                if let Some((newest, fixes)) = ins.unsettled() {
+                    tally.fixes(newest, fixes, GnssOutcome::TooOld);
+                }
                 let alignment = if ins.misled {
                     self.level_force_mps2 = Vector3::zeros();
                     self.stopgap = None;
@@ -500,7 +503,7 @@ impl<const RING: usize> State<RING> {
                     && (ins.lost || !is_possible(ins.mechanization()))
                 {
                     let now = *now;
-                    self.align_again(now, config);
+                    self.align_again(now, tally, config);
                 }
             }
         }

@@ -48,7 +48,7 @@ pub enum GnssOutcome {
     /// While navigating: a vehicle that moves has the velocity of the last fix to the last bit. The
     /// receiver gives that fix again, is stuck, or coasts, and has measured nothing.
     Repeated,
-    /// Older than the ring of past states.
+    /// Older than the ring of past states, or waiting when that was given up.
     TooOld,
     /// Further ahead of the inertial samples than any latency explains.
     TooFarAhead,

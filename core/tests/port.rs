@@ -281,3 +281,40 @@ fn what_is_too_large_to_reckon_with_is_refused() {
         assert!(Navigator::new(config).is_err(), "{config:?}");
     }
 }
+
+#[test]
+fn each_fix_has_an_outcome_when_it_is_aligned_anew() {
+    let mut car = Car::new(bends);
+    car.until(90.0, true, Some);
+    // Fixes go on while samples are missing.
+    for tenth in 1..100 {
+        let sampled = !(30..70).contains(&tenth);
+        car.until(90.0 + 0.1 * f64::from(tenth), sampled, |_| None);
+        let fix = GnssFix {
+            time: car.time().plus_seconds(0.4),
+            ..car.fix()
+        };
+        let _ = car.navigator.on_gnss(&fix);
+    }
+    let health = car.navigator.health();
+    assert_eq!(health.restarts, 1);
+    let counts = health.fixes;
+    let settled = counts.accepted + counts.too_old + counts.too_far_ahead + counts.outlier;
+    let others = counts.no_inertial_data + counts.time_not_increasing + counts.repeated;
+    assert_eq!(settled + others, 450 + 99, "{counts:?}");
+}
+
+#[test]
+fn with_heights_alone_the_level_coasts() {
+    let mut car = Car::new(bends);
+    car.until(90.0, true, Some);
+    car.until(100.0, true, |fix| {
+        Some(GnssFix {
+            position: None,
+            velocity_en_mps: None,
+            ..fix
+        })
+    });
+    let since_s = car.navigator.health().coasting_since.unwrap().as_seconds();
+    assert!((90.0..91.0).contains(&since_s), "{since_s}");
+}

@@ -19,6 +19,7 @@ use crate::measurement::Kind;
 use crate::outcome::GnssOutcome;
 use crate::parameters::index;
 use crate::samples::GnssFix;
+use crate::time::Time;
 
 /// Least time between the moments of two fixes, s: with the latency they move.
 const LEAST_INTERVAL_S: f64 = 0.01;
@@ -68,6 +69,15 @@ impl<const N: usize> AidedIns<N> {
             Ok(()) => GnssOutcome::Queued,
             Err(_) => GnssOutcome::TooFarAhead,
         }
+    }
+
+    /// Stamp of the newest fix that has no outcome yet, and how many have none.
+    pub fn unsettled(&self) -> Option<(Time, u8)> {
+        let compared = self.comparison.as_ref();
+        (self.pending.iter()).fold(compared.map(|own| (own.stamp, own.fixes)), |before, fix| {
+            let fixes = before.map_or(0, |(_, fixes)| fixes);
+            Some((fix.time, fixes.saturating_add(1)))
+        })
     }
 
     /// Takes the fix that has waited longest, if its moment has passed.
@@ -331,6 +341,9 @@ impl<const N: usize> AidedIns<N> {
         let lag_s = math::min(taken.interval_s(), HOLD_S) + self.now.seconds_since(taken.past.time);
         self.controls = damping::controls(&differences, lag_s, &config.damping);
         self.controls_until = self.now.plus_seconds(HOLD_S);
+        if differences.velocity_en_mps.is_some() || differences.position_en_m.is_some() {
+            self.level_until = self.controls_until;
+        }
         let level = differences.velocity_en_mps.unwrap_or_default();
         let up = differences.velocity_up_mps.unwrap_or_default();
         self.compared = (taken.stamp, level.push(up));

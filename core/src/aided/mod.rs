@@ -118,7 +118,9 @@ pub struct AidedIns<const N: usize> {
     estimator: Estimator,
     compensation: Compensation,
     controls: Controls,
+    /// Until when there are controls, and level ones.
     controls_until: Time,
+    level_until: Time,
     pending: Ring<GnssFix, PENDING>,
     comparison: Option<Comparison>,
     /// Moment of the newest fix that was taken, and of the last position.
@@ -181,6 +183,7 @@ impl<const N: usize> AidedIns<N> {
             compensation: Compensation::default(),
             controls: Controls::default(),
             controls_until: time,
+            level_until: time,
             pending: Ring::default(),
             comparison: None,
             newest: time,
@@ -237,9 +240,9 @@ impl<const N: usize> AidedIns<N> {
         Some(self.hole.map_or(sigma, |hole| hole.widen(&sigma)))
     }
 
-    /// When the last controls were set, if there are none any more.
+    /// When the last level controls were set, if there are none any more.
     pub fn coasting_since(&self) -> Option<Time> {
-        (self.now > self.controls_until).then(|| self.controls_until.plus_seconds(-HOLD_S))
+        (self.now > self.level_until).then(|| self.level_until.plus_seconds(-HOLD_S))
     }
 
     /// A measured interval as the INS takes it.
@@ -367,7 +370,7 @@ impl<const N: usize> AidedIns<N> {
         let mut left_s = raw.seconds;
         // Only GNSS tells rest from steady motion.
         if let Some(RestVerdict::Rest(block)) = self.rest.on_interval(raw)
-            && self.now <= self.controls_until
+            && self.now <= self.level_until
         {
             self.measure_rest(&block, config);
             left_s -= PIECE_OF_WORK_S;
