@@ -35,6 +35,8 @@ struct Car {
     count: u32,
     heading_rad: f64,
     way_m: Vector2<f64>,
+    /// What the upper accelerometer reads of the right one.
+    askew: f64,
     navigator: Navigator,
 }
 
@@ -45,6 +47,7 @@ impl Car {
             count: 0,
             heading_rad: 0.4,
             way_m: Vector2::zeros(),
+            askew: 0.0,
             navigator: Navigator::new(Config::mems()).unwrap(),
         }
     }
@@ -90,7 +93,11 @@ impl Car {
                 let _ = self.navigator.on_imu(&ImuSample {
                     time: self.time(),
                     gyro: Vector3::new(2e-3, -3e-3, 4e-3 - turn),
-                    accel: Vector3::new(speed * turn, accel, GRAVITY_MPS2),
+                    accel: Vector3::new(
+                        speed * turn,
+                        accel,
+                        GRAVITY_MPS2 + self.askew * speed * turn,
+                    ),
                 });
             }
             if self.count.is_multiple_of(20)
@@ -317,4 +324,19 @@ fn with_heights_alone_the_level_coasts() {
     });
     let since_s = car.navigator.health().coasting_since.unwrap().as_seconds();
     assert!((90.0..91.0).contains(&since_s), "{since_s}");
+}
+
+/// Stands, starts, and drives in circles.
+fn circles(time_s: f64) -> (f64, f64, f64) {
+    let (speed, accel, _) = bends(time_s);
+    (speed, accel, if time_s < 18.0 { 0.0 } else { 0.25 })
+}
+
+#[test]
+fn accelerometers_that_stand_askew_show_it_in_turns_to_one_side() {
+    let mut car = Car::new(circles);
+    car.askew = 0.01;
+    car.until(200.0, true, Some);
+    let known = car.navigator.estimates().accel_bias_mps2[2];
+    assert!(known.value.abs() < 4.0 * known.sigma, "{known:?}");
 }

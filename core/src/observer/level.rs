@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::{FIRST_LEVEL_S, Observer, row};
 use crate::config::Config;
-use crate::math;
+use crate::math::{self, singles};
 use crate::parameters::index;
 
 /// Time over which the level attitude of the mount is averaged at most, s: for some minutes a mount
@@ -32,6 +32,9 @@ impl Observer {
         };
         let step = mean * self.gravity_mps2 - self.level_force_mps2;
         self.level_force_mps2 += step;
+        let felt = singles(&(self.felt - self.level_force_mps2));
+        self.beyond_mps2 -= singles(&step);
+        self.beyond_mps2 += (felt - self.beyond_mps2) * math::single(part);
         for (axis, step) in step.iter().enumerate() {
             let (bias, scale) = (index::ACCEL + axis, index::ACCEL_SCALE + axis);
             self.carry_forward(bias, &row([(scale, math::single(*step))]));
@@ -41,6 +44,7 @@ impl Observer {
         if slipped.is_some() {
             self.levelled_s = FIRST_LEVEL_S;
             self.lately = [Vector3::zeros(); 2];
+            self.beyond_mps2 = Vector3::zeros();
             let moved = config.sensors.cross_axis_variance() * step.norm_squared();
             for which in index::ACCEL..index::ACCEL + 3 {
                 self.let_walk(which, math::single(moved));
@@ -53,7 +57,8 @@ impl Observer {
         let part = math::min(self.elapsed_s / FIRST_LEVEL_S, 1.0);
         let level = self.level_force_mps2 / self.gravity_mps2;
         let mut off = true;
-        for (lately, now) in self.lately.iter_mut().zip([self.up, self.felt]) {
+        let felt = self.felt.try_normalize(0.5 * self.gravity_mps2);
+        for (lately, now) in (self.lately.iter_mut()).zip([self.up, felt.unwrap_or(level)]) {
             *lately += (now - level - *lately) * part;
             off &= lately.norm_squared() > SLIPPED_RAD * SLIPPED_RAD;
         }

@@ -101,10 +101,11 @@ pub struct Observer {
     unsolved_s: f64,
     elapsed_s: f64,
     azimuth_walk: f64,
-    /// The vertical in the body at the horizon, what is felt as that, how far it was tipped, and
-    /// velocity pulled, ENU.
+    /// The vertical in the body at the horizon, the force felt there, m/s^2, and its mean beyond that at the
+    /// level attitude; how far the vertical was tipped, and velocity pulled, ENU.
     up: Vector3<f64>,
     felt: Vector3<f64>,
+    beyond_mps2: Vector3<f32>,
     tipped: Manoeuvred,
     pulled: Manoeuvred,
     horizon: Time,
@@ -169,7 +170,8 @@ impl Observer {
             azimuth_walk: 0.0,
             gravity_mps2: level_force_mps2.norm(),
             up: level_force_mps2.normalize(),
-            felt: level_force_mps2.normalize(),
+            felt: level_force_mps2,
+            beyond_mps2: Vector3::zeros(),
             tipped: Manoeuvred::default(),
             pulled: Manoeuvred::default(),
             horizon: start,

@@ -109,10 +109,7 @@ impl Observer {
         let up = span.attitude_s.row(2).transpose() / span.seconds;
         let tipped = self.tipped.grow(&(up - self.up), span.seconds);
         self.up = up;
-        let felt = span.attitude_s.tr_mul(&span.force_mps) / (span.seconds * span.seconds);
-        if let Some(felt) = felt.try_normalize(0.5 * self.gravity_mps2) {
-            self.felt = felt;
-        }
+        self.felt = span.attitude_s.tr_mul(&span.force_mps) / (span.seconds * span.seconds);
         let cross = config.sensors.cross_axis_variance();
         let tilt = cross * tipped;
         self.level.doubt(0.0, tilt);

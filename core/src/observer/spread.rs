@@ -36,12 +36,15 @@ impl Observer {
     }
 
     /// What else the biases of the accelerometers may hold, as a variance along each body axis,
-    /// `(m/s^2)^2`: `g` times that tilt, and the gravity of a height that is not known.
+    /// `(m/s^2)^2`: `g` times that tilt, the gravity of a height that is not known, and what misalignments
+    /// make of a force that was not that of the level attitude on the mean, as in turns to one side.
     pub fn unseen_accel(&self, config: &Config) -> Vector3<f64> {
         let tilted = GRAVITY_EQUATOR_MPS2 * GRAVITY_EQUATOR_MPS2;
         let up = self.level_force_mps2 / GRAVITY_EQUATOR_MPS2;
         let lighter = GRADIENT_PER_S2 * GRADIENT_PER_S2 * self.vertical.position();
-        self.unseen_tilt(config) * tilted + up.component_mul(&up) * lighter
+        let beyond2 = self.beyond_mps2.map(|beyond| f64::from(beyond * beyond));
+        let across = beyond2.map(|own| beyond2.sum() - own) * config.sensors.cross_axis_variance();
+        self.unseen_tilt(config) * tilted + up.component_mul(&up) * lighter + across
     }
 
     /// Spread of position, velocity and attitude, ENU, `seconds` after the horizon.
