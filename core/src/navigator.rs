@@ -192,7 +192,8 @@ impl<const RING: usize> Navigator<RING> {
     /// Takes a measured heading, at any time, up to a tenth of a second before the sample of its moment.
     /// While aligning it is the heading to start with, if levelling ends within a second; headings that
     /// never are a second old end a search for one, and it is levelled anew. One of more than 0.3 rad is
-    /// [`GnssOutcome::OutOfRange`] until then: motion shows it better. The literal form takes none later.
+    /// [`GnssOutcome::OutOfRange`] until then: motion shows it better. Of those that agreed with an INS that
+    /// was lost all are [`GnssOutcome::Outlier`] until motion has shown it. The literal form takes none later.
     #[inline(never)]
     pub fn on_heading(&mut self, heading: &Heading) -> GnssOutcome {
         let Some((now, _)) = self.state.inertial else {
@@ -477,7 +478,8 @@ impl<const RING: usize> State<RING> {
                 if let Some((newest, fixes)) = ins.unsettled() {
                     tally.fixes(newest, fixes, GnssOutcome::TooOld);
                 }
-                let alignment = if ins.misled {
+                let misheaded = ins.lost && ins.is_headed();
+                let mut alignment = if ins.misled {
                     self.level_force_mps2 = Vector3::zeros();
                     self.stopgap = None;
                     Alignment::anew(time, &config.prior())
@@ -488,6 +490,7 @@ impl<const RING: usize> State<RING> {
                     self.stopgap = left.map(|ins| (since, ins));
                     Alignment::resume(time, ins.mechanization(), ins.known())
                 };
+                alignment.misheaded = misheaded;
                 self.mode = Mode::Aligning(alignment);
             }
         }

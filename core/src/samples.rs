@@ -87,7 +87,8 @@ pub struct Heading {
     /// Of the forward axis, clockwise from true north, within a turn of it, rad.
     pub heading_rad: f64,
     /// One standard deviation, rad; 1e-5 at least and half a turn at most. It holds by how much the line of
-    /// the antennas, or the compass, may be off the forward axis: there is no parameter for that.
+    /// the antennas, or the compass, may be off the forward axis: there is no parameter for that, and however
+    /// many headings come, they show where the vehicle points no better than to this.
     pub sigma_rad: f64,
 }
 

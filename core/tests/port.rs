@@ -242,7 +242,8 @@ fn a_heading_may_come_before_the_sample_of_its_moment() {
     }
     let heading_rad = car.navigator.solution().unwrap().euler().heading_rad;
     let off_rad = wrap_pi(heading_rad - car.heading_rad);
-    assert!(off_rad.abs() < 1e-3, "{off_rad}");
+    // Fifty of 1e-3 are known to that; a stamp that is not believed makes 4e-3.
+    assert!(off_rad.abs() < 2e-3, "{off_rad}");
 }
 
 #[test]
@@ -339,4 +340,31 @@ fn accelerometers_that_stand_askew_show_it_in_turns_to_one_side() {
     car.until(200.0, true, Some);
     let known = car.navigator.estimates().accel_bias_mps2[2];
     assert!(known.value.abs() < 4.0 * known.sigma, "{known:?}");
+}
+
+/// The line of the antennas is three degrees off the forward axis, or the front one is the rear one.
+#[test]
+fn headings_that_manoeuvres_contradict_are_not_believed() {
+    for (off_rad, sigma_rad, least_s) in [(0.05, 0.01, 200.0), (3.1, 0.01, 80.0)] {
+        let mut car = Car::new(bends);
+        while car.time_s() < 300.0 {
+            let until_s = car.time_s() + 0.2;
+            car.until(until_s, true, Some);
+            let heading_rad = wrap_pi(car.heading_rad + off_rad);
+            let _ = car.navigator.on_heading(&Heading {
+                time: car.time(),
+                heading_rad,
+                sigma_rad,
+            });
+            if let Some(solution) = car.navigator.solution()
+                && car.time_s() > least_s
+            {
+                let off_rad = wrap_pi(solution.euler().heading_rad - car.heading_rad);
+                let sigma_rad = car.navigator.sigma().unwrap().attitude_rad.z;
+                let known = off_rad.abs() < 4.5 * sigma_rad;
+                assert!(known, "{} {off_rad} {sigma_rad}", car.time_s());
+            }
+        }
+        assert_eq!(car.navigator.phase(), Phase::Navigating);
+    }
 }

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 
 use super::comparison::{Comparison, Part, Step};
 use super::estimator::Estimator;
-use super::{AidedIns, HOLD_S};
+use super::{AidedIns, HOLD_S, LOST_MPS};
 use crate::config::{Config, Feedback, Noise};
 use crate::damping::{self, Differences};
 use crate::error_model::InsError;
@@ -271,6 +271,17 @@ impl<const N: usize> AidedIns<N> {
         if let Some(observer) = self.estimator.exact_mut() {
             observer.doubt(config);
             self.lost |= observer.is_hopeless();
+            // Off by more than all that the vehicle does, it points anywhere: what is linear does not mend
+            // that, nor is what it has found meanwhile true.
+            let off_mps = comparison.velocity_mps.xy();
+            let speed_mps = (comparison.past.velocity_mps.xy() - off_mps).norm();
+            if comparison.velocity.has
+                && observer.doubted() == Some(observer.horizon())
+                && off_mps.norm() > math::max(speed_mps, LOST_MPS)
+            {
+                self.lost = true;
+                self.misled = true;
+            }
         }
         let outcome = if differences == Differences::default() {
             GnssOutcome::Outlier

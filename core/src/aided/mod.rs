@@ -28,7 +28,7 @@ use crate::increments::Interval;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::mechanization::{Controls, Mechanization, Step};
-use crate::observer::{Hole, Observer};
+use crate::observer::{AZIMUTH_SEEN_S, Hole, LOST_MPS, Observer};
 use crate::outcome::GnssOutcome;
 use crate::parameters::{Parameters, index};
 use crate::ring::Ring;
@@ -245,6 +245,11 @@ impl<const N: usize> AidedIns<N> {
         (self.now > self.level_until).then(|| self.level_until.plus_seconds(-HOLD_S))
     }
 
+    /// Whether it agrees with headings that are measured, and did while it went wrong, should it have.
+    pub fn is_headed(&self) -> bool {
+        self.now.seconds_since(self.headed) < AZIMUTH_SEEN_S
+    }
+
     /// A measured interval as the INS takes it.
     pub fn compensated(&self, raw: &Interval) -> Interval {
         let out = &self.compensation;
@@ -404,6 +409,7 @@ impl<const N: usize> AidedIns<N> {
             Due::BiasWalk => Due::Solve,
             Due::Solve => Due::Compensate,
         };
+        let headed = self.is_headed();
         match (self.due, self.estimator.exact_mut()) {
             (Due::Solve, _) => self.solve(),
             (Due::Compensate, _) => self.compensate(config),
@@ -411,7 +417,7 @@ impl<const N: usize> AidedIns<N> {
             (Due::Spread, Some(observer)) => observer.spread_next(),
             (Due::Horizon, Some(observer)) => observer.come_to_horizon(),
             (Due::Level, Some(observer)) => observer.level_anew(config),
-            (Due::AzimuthWalk, Some(observer)) => observer.let_azimuth_walk(config),
+            (Due::AzimuthWalk, Some(observer)) => observer.let_azimuth_walk(headed, config),
             (Due::BiasWalk, Some(observer)) => observer.let_biases_walk(config),
         }
         self.due = next;

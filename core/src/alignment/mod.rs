@@ -120,6 +120,8 @@ pub struct Alignment {
     start: Time,
     /// Whether it is the first: a given heading is that of the beginning.
     first: bool,
+    /// Whether measured headings have misled the INS before it.
+    pub misheaded: bool,
     known: Parameters,
     detector: RestDetector,
     rest: RestMean,
@@ -139,6 +141,7 @@ impl Alignment {
         Self {
             start,
             first: true,
+            misheaded: false,
             known: *known,
             detector: RestDetector::default(),
             rest: RestMean::default(),
@@ -274,6 +277,9 @@ impl Alignment {
         }
         if heading.sigma_rad > HEADING_SIGMA_RAD {
             return GnssOutcome::OutOfRange;
+        }
+        if self.misheaded {
+            return GnssOutcome::Outlier;
         }
         // If even now the one before is not too old, there will be one at the end of levelling, too.
         let follows = |last: Heading| now.seconds_since(last.time) <= MEASURED_S;

@@ -18,7 +18,7 @@ use crate::time::Time;
 
 /// Spread of the velocity of an INS that has lost its way, m/s: a second of braking, or of ten that
 /// it was doubted with a tilt of 0.1 rad; and of its tilt and azimuth, rad.
-const LOST_MPS: f64 = 10.0;
+pub const LOST_MPS: f64 = 10.0;
 const LOST_TILT_RAD: f64 = 0.05;
 const LOST_AZIMUTH_RAD: f64 = 0.3;
 /// Time for which an INS that is found to be lost has run away at the speed that it has then, s.

@@ -27,9 +27,10 @@ use nalgebra::{SVector, Vector3};
 
 use self::colour::{Colour, Sensitivity};
 use self::constancy::Constancy;
-pub use self::doubt::Hole;
+pub use self::doubt::{Hole, LOST_MPS};
 use self::followed::{Followed, UNIT_RESPONSES};
-use self::jump::Jump;
+pub use self::jump::AZIMUTH_SEEN_S;
+use self::jump::{Jump, LATENCY_SEEN_S};
 use self::manoeuvred::Manoeuvred;
 use self::pace::Pace;
 use self::process_noise::ProcessNoise;
@@ -78,6 +79,8 @@ pub struct Observer {
     vertical_doubts: Doubts,
     /// Of azimuth and latency.
     jumps: [Jump; 2],
+    /// Variance of an offset that all measured headings share beyond what they state, rad^2.
+    heading_offset: f32,
     /// Corrections to the parameters.
     corrections: LeastSquares<COUNT, PAIRS>,
     /// Last solution; the latency is that of its moment.
@@ -156,6 +159,7 @@ impl Observer {
             doubts: Doubts::default(),
             vertical_doubts: Doubts::default(),
             jumps: [Jump::default(); 2],
+            heading_offset: 0.0,
             corrections: LeastSquares::NOTHING,
             parameters: Parameters::NONE,
             level_force_mps2,
@@ -219,9 +223,10 @@ impl Observer {
         self.unsolved_s = 0.0;
     }
 
-    /// Lets the azimuth have walked, and looks whether it or the latency has jumped.
+    /// Lets the azimuth have walked, and looks whether it or the latency has jumped. Where it is `headed`,
+    /// agrees with measured headings, these are off by what seems to be a jump of the azimuth.
     #[inline(never)]
-    pub fn let_azimuth_walk(&mut self, config: &Config) {
+    pub fn let_azimuth_walk(&mut self, headed: bool, config: &Config) {
         let sigma = self.parameters.sigma(index::AZIMUTH);
         let (known, walked) = (sigma * sigma, self.azimuth_walk);
         self.let_walk(index::AZIMUTH, math::single(walked));
@@ -233,13 +238,16 @@ impl Observer {
         let latency = self.parameters.sigma(index::LATENCY);
         let inflation = self.inflation();
         let [of_azimuth, of_latency] = &mut self.jumps;
-        let azimuth = of_azimuth.square(known + walked, inflation, jump::AZIMUTH_SEEN_S);
-        let latency = of_latency.square(latency * latency, inflation, jump::LATENCY_SEEN_S);
+        let azimuth = of_azimuth.square(known + walked, inflation, AZIMUTH_SEEN_S);
+        let latency = of_latency.square(latency * latency, inflation, LATENCY_SEEN_S);
         for (which, jump) in [(index::AZIMUTH, azimuth), (index::LATENCY, latency)] {
             if let Some(variance) = jump
                 && !config.gives(which)
             {
                 self.on_jump(which, variance);
+                if which == index::AZIMUTH && headed {
+                    self.heading_offset += math::single(variance);
+                }
             }
         }
     }
@@ -380,12 +388,17 @@ impl Observer {
                 .get(which)
                 .map_or(0.0, |r| r.error.tilt_rad.z)
         });
-        let noise = sigma_rad * sigma_rad;
+        // However many there are, they tell the azimuth no better than to this.
+        let offset = math::max(f64::from(self.heading_offset), sigma_rad * sigma_rad);
         let own =
             f64::from(self.corrections.variance_of(by)) * self.inflation() + self.azimuth_walk;
-        if residual_rad * residual_rad > AGREES_SIGMAS * AGREES_SIGMAS * (own + noise) {
+        if residual_rad * residual_rad > AGREES_SIGMAS * AGREES_SIGMAS * (own + offset) {
             return false;
         }
+        if own <= offset {
+            return true;
+        }
+        let noise = offset * own / (own - offset);
         let mut row = by.map(|by| [by]);
         self.corrections.add(
             &mut row,
