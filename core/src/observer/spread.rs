@@ -6,6 +6,7 @@ use super::Observer;
 use super::constancy::Constancy;
 use crate::config::Config;
 use crate::earth::GRAVITY_EQUATOR_MPS2;
+use crate::innovations::Innovations;
 use crate::math;
 use crate::measurement::Kind;
 use crate::parameters::{COUNT, index};
@@ -56,9 +57,13 @@ impl Observer {
                 .map(math::sqrt)
         };
         let Self { added, .. } = self;
-        let attitude_rad = sigma(level.tilt() + unseen, self.azimuth_walk, &added.tilt_rad);
-        let mut velocity_mps = sigma(level.velocity(), up.velocity(), &added.velocity_mps);
-        let mut position_m = sigma(level.position(), up.position(), &added.position_m);
+        let tilt = level.tilt() * self.inflation() + unseen;
+        let attitude_rad = sigma(tilt, self.azimuth_walk, &added.tilt_rad);
+        let [velocity, climb, position, height] = self.inflations();
+        let moves = [level.velocity() * velocity, up.velocity() * climb];
+        let lies = [level.position() * position, up.position() * height];
+        let mut velocity_mps = sigma(moves[0], moves[1], &added.velocity_mps);
+        let mut position_m = sigma(lies[0], lies[1], &added.position_m);
         // A tilt pulls, and a velocity moves, the same way all the time.
         let pulled = GRAVITY_EQUATOR_MPS2 * seconds * attitude_rad;
         let grown =
@@ -140,14 +145,30 @@ impl Observer {
         }
     }
 
-    /// Factor by which colour that the model does not hold makes variances too small.
+    /// Factors by which colour that the model does not hold makes variances too small, of each kind: where
+    /// there are no velocities, positions hold the velocity, too.
+    fn inflations(&self) -> [f64; 4] {
+        let [velocity, climb, position, height] = &self.innovations;
+        let learnt = |own: &Innovations, other: f64| {
+            if own.has_learnt() {
+                own.inflation()
+            } else {
+                other
+            }
+        };
+        let (position, height) = (position.inflation(), height.inflation());
+        [
+            learnt(velocity, position),
+            learnt(climb, height),
+            position,
+            height,
+        ]
+    }
+
+    /// That of what is level.
     pub(super) fn inflation(&self) -> f64 {
-        let [velocity, _, position, _] = &self.innovations;
-        if velocity.has_learnt() {
-            velocity.inflation()
-        } else {
-            position.inflation()
-        }
+        let [level, ..] = self.inflations();
+        level
     }
 
     /// The same, and by what it moves more than it should.
