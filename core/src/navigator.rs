@@ -52,6 +52,8 @@ const COARSEST: f64 = 1e7;
 const STOPGAP_M: f64 = 20.0;
 const STOPGAP_MPS: f64 = 5.0;
 const STOPGAP_RAD: f64 = 0.1;
+/// Sigmas of that tilt by which gravity is felt elsewhere after a hole, of a unit that has slipped.
+const TIPPED_SIGMAS: f64 = 4.0;
 
 /// Strapdown INS damped by GNSS velocity, with running estimators of its sensors' errors.
 ///
@@ -442,7 +444,7 @@ impl<const RING: usize> State<RING> {
             return ImuOutcome::OutOfRange;
         }
         self.inertial = Some((sample.time, Increments::new(config.imu_output, sample)));
-        self.align_again(sample.time, tally, config);
+        self.align_again(sample.time, false, tally, config);
         ImuOutcome::Accepted
     }
 
@@ -462,15 +464,19 @@ impl<const RING: usize> State<RING> {
     fn restart_at(&mut self, sample: &ImuSample, tally: &mut Tally, config: &Config) {
         self.astray = None;
         self.last_fix = None;
+        let mut tipped = false;
         if let Some((last, increments)) = &mut self.inertial {
             *last = sample.time;
+            let [_, accel_mps2] = increments.ends_differ(sample);
+            tipped = accel_mps2 > TIPPED_SIGMAS * STOPGAP_RAD * GRAVITY_EQUATOR_MPS2;
             increments.restart(sample);
         }
-        self.align_again(sample.time, tally, config);
+        self.align_again(sample.time, tipped, tally, config);
     }
 
+    /// Where gravity is felt elsewhere than before, the level is not kept either: it may have been `tipped`.
     #[inline(never)]
-    fn align_again(&mut self, time: Time, tally: &mut Tally, config: &Config) {
+    fn align_again(&mut self, time: Time, tipped: bool, tally: &mut Tally, config: &Config) {
         match &mut self.mode {
             Mode::Aligning(alignment) => alignment.begin_at(time),
             Mode::Navigating(ins) => {
@@ -483,6 +489,10 @@ impl<const RING: usize> State<RING> {
                     self.level_force_mps2 = Vector3::zeros();
                     self.stopgap = None;
                     Alignment::anew(time, &config.prior())
+                } else if tipped {
+                    self.level_force_mps2 = ins.level_force_mps2();
+                    self.stopgap = None;
+                    Alignment::anew(time, ins.known())
                 } else {
                     self.level_force_mps2 = ins.level_force_mps2();
                     let since = ins.coasting_since().unwrap_or(time);
@@ -506,7 +516,7 @@ impl<const RING: usize> State<RING> {
                     && (ins.lost || !is_possible(ins.mechanization()))
                 {
                     let now = *now;
-                    self.align_again(now, tally, config);
+                    self.align_again(now, false, tally, config);
                 }
             }
         }

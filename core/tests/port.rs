@@ -387,3 +387,21 @@ fn innovations_that_go_on_as_those_before_widen_what_they_are_of() {
     // A bias that walks ten times as fast as configured; 13 with the variance that whiteness would leave.
     assert!(worst < 8.0, "{worst}");
 }
+
+#[test]
+fn a_level_that_a_hole_has_tipped_is_not_kept() {
+    let mut car = Car::new(bends);
+    car.until(90.0, true, Some);
+    car.until(92.5, false, Some);
+    // The unit lies on its side.
+    for count in 0..50 {
+        let time = car.time().plus_seconds(STEP_S * f64::from(count));
+        let _ = car.navigator.on_imu(&ImuSample {
+            time,
+            gyro: Vector3::new(2e-3, -3e-3, 4e-3),
+            accel: Vector3::new(GRAVITY_MPS2, 0.0, 0.0),
+        });
+    }
+    assert_eq!(car.navigator.health().restarts, 1);
+    assert!(car.navigator.solution().is_none());
+}
