@@ -485,7 +485,7 @@ impl<const RING: usize> State<RING> {
                     tally.fixes(newest, fixes, GnssOutcome::TooOld);
                 }
                 let misheaded = ins.lost && ins.is_headed();
-                let mut alignment = if ins.misled {
+                let alignment = if ins.misled {
                     self.level_force_mps2 = Vector3::zeros();
                     self.stopgap = None;
                     Alignment::anew(time, &config.prior())
@@ -500,8 +500,11 @@ impl<const RING: usize> State<RING> {
                     self.stopgap = left.map(|ins| (since, ins));
                     Alignment::resume(time, ins.mechanization(), ins.known())
                 };
-                alignment.misheaded = misheaded;
                 self.mode = Mode::Aligning(alignment);
+                // Where it stays: changed before, it would be copied over the stack.
+                if let Mode::Aligning(alignment) = &mut self.mode {
+                    alignment.misheaded = misheaded;
+                }
             }
         }
     }
