@@ -18,7 +18,7 @@ use super::sightings::{Sighting, Sightings};
 use crate::config::Config;
 use crate::earth::wrap_pi;
 use crate::math;
-use crate::parameters::Parameters;
+use crate::parameters::{Parameters, index};
 use crate::time::Time;
 
 /// Latencies supposed, s, and the spread of each: half the distance of two.
@@ -101,7 +101,6 @@ impl Bank {
             [Candidate::new(start, LATENCY_SIGMA_S, known, config); LATENCIES_S.len()];
         for (candidate, latency_s) in candidates.iter_mut().zip(LATENCIES_S) {
             candidate.latency_s = math::single(latency_s);
-            candidate.log_likelihood = prior(latency_s, config);
         }
         Self {
             start: start.time,
@@ -202,7 +201,7 @@ impl Bank {
                 let misfit = candidate.compare(sighting, self.excess, node);
                 if leads {
                     if candidate.is_misled() {
-                        self.begin_anew(known, config);
+                        self.begin_anew(known);
                     }
                     self.judge(misfit, sighting);
                 }
@@ -217,9 +216,9 @@ impl Bank {
 
     /// All begin anew: what has misled the likeliest has misled all.
     #[inline(never)]
-    fn begin_anew(&mut self, known: &Parameters, config: &Config) {
-        for (candidate, latency_s) in self.candidates.iter_mut().zip(LATENCIES_S) {
-            candidate.begin_anew(known, prior(latency_s, config));
+    fn begin_anew(&mut self, known: &Parameters) {
+        for candidate in &mut self.candidates {
+            candidate.begin_anew(known);
         }
     }
 
@@ -269,8 +268,8 @@ impl Bank {
 
     /// Whether they have found enough.
     #[inline(never)]
-    pub(crate) fn answer(&mut self) -> Answer {
-        let mixture = self.mixture();
+    pub(crate) fn answer(&mut self, known: &Parameters) -> Answer {
+        let mixture = self.mixture(known);
         self.leader = mixture.best;
         let falls = self.leader().is_some_and(|c| c.falls(self.start));
         if falls || !mixture.rotation_sigma_rad.is_finite() {
@@ -297,10 +296,10 @@ impl Bank {
     }
 
     /// The mean of the mixture, and its variance about the best.
-    fn mixture(&self) -> Mixture {
+    fn mixture(&self, known: &Parameters) -> Mixture {
         let all = self.candidates.each_ref().map(|candidate| {
             let found = candidate.found();
-            (evidence(candidate, &found), found)
+            (evidence(candidate, &found, known), found)
         });
         let [(mut top, mut found), ..] = all;
         let mut best = 0;
@@ -332,16 +331,19 @@ impl Bank {
     }
 }
 
-/// Logarithm of how likely a latency is beforehand. Presets say what is usual, not what is possible:
-/// the tails are long.
-fn prior(latency_s: f64, config: &Config) -> f32 {
-    let ratio = latency_s / math::max(config.gnss.latency_sigma_s, 1e-3);
-    -math::single(libm::log(1.0 + ratio * ratio))
+/// Logarithm of how likely a latency is by what is known of it. That says what is usual, or was so far, not
+/// what is possible: the tails are long.
+fn prior(found: &Found, known: &Parameters) -> f64 {
+    let off_s = found.latency_s - known.value(index::LATENCY);
+    let [known_s, found_s] = [known.sigma(index::LATENCY), found.latency_sigma_s];
+    let variance = math::max(known_s * known_s + found_s * found_s, 1e-6);
+    -libm::log(1.0 + off_s * off_s / variance)
 }
 
-/// Logarithm of how likely a candidate is, with the length that its cosine and sine must have.
-fn evidence(candidate: &Candidate, found: &Found) -> f64 {
+/// Logarithm of how likely a candidate is, with the length that its cosine and sine must have and what is
+/// known of the latency.
+fn evidence(candidate: &Candidate, found: &Found, known: &Parameters) -> f64 {
     let off = (found.length - 1.0) / (found.length_sigma + LENGTH_ERROR);
     let unlikely = math::min(off * off, LENGTH_SIGMAS * LENGTH_SIGMAS);
-    f64::from(candidate.log_likelihood) - 0.5 * unlikely
+    f64::from(candidate.log_likelihood) - 0.5 * unlikely + prior(found, known)
 }

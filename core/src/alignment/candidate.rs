@@ -465,7 +465,7 @@ impl Candidate {
     }
 
     /// Begins anew with the next sighting, but for what it has found of tilt, gyros and latency.
-    pub(crate) fn begin_anew(&mut self, known: &Parameters, log_likelihood: f32) {
+    pub(crate) fn begin_anew(&mut self, known: &Parameters) {
         self.lose();
         self.first_mps = None;
         self.lever_arm_m = known.lever_arm().map(single);
@@ -473,7 +473,7 @@ impl Candidate {
             let sigma = single(known.sigma(index::LEVER_ARM + axis));
             self.covariance.renew(ARM + axis, sigma * sigma);
         }
-        self.log_likelihood = log_likelihood;
+        self.log_likelihood = 0.0;
     }
 
     /// Forgets a heading that is hardly known, in steady motion: beyond some angle the equations

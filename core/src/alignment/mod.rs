@@ -542,7 +542,7 @@ impl Alignment {
         let Stage::Finding(finding) = &mut self.stage else {
             return;
         };
-        match finding.bank.answer() {
+        match finding.bank.answer(&self.known) {
             Answer::Wait => {}
             Answer::Ready(mixture) => {
                 finding.found = Some(mixture.best);

@@ -4,7 +4,9 @@
 //! What a jump adds to the innovations is known, but for its size: the response to a unit of the
 //! parameter. The size that explains the innovations of the last time best is held against what is
 //! known of it (generalized likelihood ratio of a jump: Willsky and Jones, IEEE TAC 21,
-//! 1976). Noise learnt from the innovations would explain them as well: not in this direction.
+//! 1976). Noise learnt from the innovations would explain them as well: not in this direction. But a level
+//! that has been tipped pulls all the time the same way, and leans on what the accelerometers feel, by which
+//! a latency shows: of that only what changes counts, as if such a pull were estimated beside it.
 
 /// Time for which innovations count, s: some manoeuvres.
 const MEMORY_S: f64 = 30.0;
@@ -29,6 +31,10 @@ pub struct Jump {
     gathered: f64,
     /// Squares of the innovations, in their variance, less what noise makes of them.
     squares: f64,
+    /// Of a pull that stays: information, and of each component what shows it, and what it shares with a jump.
+    weight: f64,
+    pull: [f64; 2],
+    shared: [f64; 2],
 }
 
 impl Jump {
@@ -43,8 +49,12 @@ impl Jump {
     ) {
         let keep = 1.0 / (1.0 + seconds / MEMORY_S);
         let (mut shown, mut information, mut square) = (0.0, 0.0, 0.0);
-        for (innovation, by) in innovation.iter().zip(by) {
+        self.weight = keep * self.weight + 1.0 / variance;
+        let pulls = self.pull.iter_mut().zip(&mut self.shared);
+        for ((innovation, by), (pull, shared)) in innovation.iter().zip(by).zip(pulls) {
             let by = f64::from(*by);
+            *pull = keep * *pull + innovation / variance;
+            *shared = keep * *shared + by / variance;
             shown += by * innovation / variance;
             information += by * by / variance;
             square += innovation * innovation / variance - 1.0;
@@ -56,18 +66,33 @@ impl Jump {
     }
 
     /// The square of its size, if there was one beyond what is known to `variance`, seen for so long at
-    /// least; innovations are `inflation` times less informative than white ones.
-    pub fn square(&mut self, variance: f64, inflation: f64, seen_s: f64) -> Option<f64> {
-        let information = self.information;
-        let explained = self.score * self.score / information;
-        let expected = inflation + information * variance;
-        if explained < expected {
+    /// least, beside a pull that stays or not; innovations are `inflation` times less informative than white
+    /// ones.
+    pub fn square(
+        &mut self,
+        variance: f64,
+        inflation: f64,
+        seen_s: f64,
+        beside_a_pull: bool,
+    ) -> Option<f64> {
+        let expected = inflation + self.information * variance;
+        if self.score * self.score < expected * self.information {
             *self = Self::default();
             return None;
         }
+        let [mut score, mut information, mut squares] =
+            [self.score, self.information, self.squares];
+        if beside_a_pull {
+            for (pull, shared) in self.pull.iter().zip(&self.shared) {
+                score -= shared * pull / self.weight;
+                information -= shared * shared / self.weight;
+                squares -= pull * pull / self.weight;
+            }
+        }
+        let explained = score * score / information;
         let jumped = explained > SIGMAS * SIGMAS * expected
-            && explained > EXPLAINED * self.squares
-            && information * information > seen_s * self.gathered;
+            && explained > EXPLAINED * squares
+            && self.information * self.information > seen_s * self.gathered;
         jumped.then(|| {
             *self = Self::default();
             4.0 * explained / information

@@ -238,8 +238,8 @@ impl Observer {
         let latency = self.parameters.sigma(index::LATENCY);
         let inflation = self.inflation();
         let [of_azimuth, of_latency] = &mut self.jumps;
-        let azimuth = of_azimuth.square(known + walked, inflation, AZIMUTH_SEEN_S);
-        let latency = of_latency.square(latency * latency, inflation, LATENCY_SEEN_S);
+        let azimuth = of_azimuth.square(known + walked, inflation, AZIMUTH_SEEN_S, false);
+        let latency = of_latency.square(latency * latency, inflation, LATENCY_SEEN_S, true);
         for (which, jump) in [(index::AZIMUTH, azimuth), (index::LATENCY, latency)] {
             if let Some(variance) = jump
                 && !config.gives(which)

@@ -26,7 +26,7 @@ fn found(fixes: u32, mut wrong: impl FnMut(u32) -> [f64; 2]) -> Option<(u32, f64
         jump.take(&innovation, &by(fix), SIGMA * SIGMA, FIX_S);
         let look = fix % 10 == 9;
         let square = look
-            .then(|| jump.square(KNOWN, 1.0, AZIMUTH_SEEN_S))
+            .then(|| jump.square(KNOWN, 1.0, AZIMUTH_SEEN_S, false))
             .flatten();
         square.map(|square| (fix, square))
     })
@@ -82,4 +82,28 @@ fn wrong_fixes_are_no_jump() {
         }
     };
     assert_eq!(found(20_000, many), None);
+}
+
+/// A platform that was tipped leans on what it feels: that goes on the same way, as a latency's jump does
+/// while a vehicle gathers speed. Beside such a pull only what changes counts.
+#[test]
+fn what_stays_as_it_is_is_no_jump_of_a_latency() {
+    let looked = |beside_a_pull: bool, wrong: f64| {
+        let (mut jump, mut deviates) = (Jump::default(), Deviates(3));
+        (0..400).any(|fix| {
+            let swing = 0.3 * (0.05 * f64::from(fix)).sin();
+            #[expect(clippy::cast_possible_truncation)]
+            let by = [2.0 + swing, -1.0].map(|by| by as f32);
+            let innovation = [0.4 + wrong * swing, -0.2].map(|shown| {
+                let noise = f64::from(deviates.next());
+                shown + SIGMA * noise
+            });
+            jump.take(&innovation, &by, SIGMA * SIGMA, FIX_S);
+            jump.square(KNOWN, 1.0, AZIMUTH_SEEN_S, beside_a_pull)
+                .is_some()
+        })
+    };
+    assert!(looked(false, 0.0));
+    assert!(!looked(true, 0.0));
+    assert!(looked(true, 0.3));
 }
