@@ -108,6 +108,19 @@ impl<T: nalgebra::RealField + Copy> Span<T> {
     }
 }
 
+impl Span<f32> {
+    /// What an antenna swings by, per unit of its arm, 1/s: a mean.
+    fn swing(&self) -> Matrix3<f32> {
+        self.attitude_s * self.angle_rad.cross_matrix() / (self.seconds * self.seconds)
+    }
+
+    /// How fast the mean attitude changes from an earlier span to this, 1/s.
+    fn turned_from(&self, earlier: &Self) -> Matrix3<f32> {
+        let change = self.attitude_s / self.seconds - earlier.attitude_s / earlier.seconds;
+        change / (0.5 * (self.seconds + earlier.seconds))
+    }
+}
+
 /// Least time between two moments in the ring, s: short against manoeuvres, and the receiver's own
 /// smoothing is no shorter. Out of step with fixes at round rates: were each as far from the moments around
 /// it as the last, what swings nearly as fast as the ring would show a latency that is not there.
@@ -144,7 +157,7 @@ pub struct Past {
     /// Its rate of change, 1/s, how that changes, 1/s^2, and that again, 1/s^3, like the jerk.
     pub attitude_rate: Matrix3<f64>,
     pub attitude_accel: Matrix3<f64>,
-    pub attitude_jerk: Matrix3<f64>,
+    pub attitude_jerk: Matrix3<f32>,
     /// Way of the INS from this moment to the newest of the ring, ENU, m.
     pub way_since_m: Vector3<f64>,
 }
@@ -163,7 +176,7 @@ impl Past {
         self.attitude += (next.attitude - self.attitude) * part;
         self.attitude_rate += (next.attitude_rate - self.attitude_rate) * part;
         self.attitude_accel += (next.attitude_accel - self.attitude_accel) * part;
-        self.attitude_jerk += (next.attitude_jerk - self.attitude_jerk) * part;
+        self.attitude_jerk += (next.attitude_jerk - self.attitude_jerk) * math::single(part);
     }
 }
 
@@ -342,11 +355,11 @@ impl<const N: usize> History<N> {
         let (mut end_s, mut missed) = (memory_s, 1.0);
         let mut older = self.moments.iter().rev().peekable();
         while let Some(recorded) = older.next() {
-            let means = Means::over(recorded);
-            let start_s = recorded.time.seconds_since(past.time) - means.seconds;
+            let span = &recorded.span;
+            let seconds = f64::from(span.seconds);
+            let start_s = recorded.time.seconds_since(past.time) - seconds;
             // How an attitude turns where a span begins and ends is what an arm of unit length swings by.
-            let slope_from = |older: &Recorded| means.slope_from(&Means::over(older)).attitude;
-            let at_start = older.peek().map(|older| slope_from(older));
+            let at_start = older.peek().map(|older| span.turned_from(&older.span));
             let at_end = core::mem::replace(&mut turns, at_start);
             if start_s >= memory_s {
                 continue;
@@ -356,17 +369,17 @@ impl<const N: usize> History<N> {
                 None => 0.0,
             };
             let late_s = math::max(end_s, 0.0) - math::max(start_s, 0.0);
-            let beyond_s = late_s - memory_s * (missed - missed_before);
-            beyond_mps += beyond_s * means.force_mps2;
+            let beyond = (late_s - memory_s * (missed - missed_before)) / seconds;
+            beyond_mps += beyond * span.force_mps.map(f64::from);
             if let (Some(at_start), Some(at_end)) = (at_start, at_end) {
-                swing = (at_end - at_start) / means.seconds;
+                swing = at_end - at_start;
             }
-            swung_beyond += beyond_s * swing;
+            swung_beyond += swing * math::single(beyond);
             (end_s, missed) = (start_s, missed_before);
         }
         let per_square = 2.0 / (memory_s * memory_s);
         past.jerk_mps3 = beyond_mps * per_square;
-        past.attitude_jerk = swung_beyond * per_square;
+        past.attitude_jerk = swung_beyond * math::single(per_square);
     }
 }
 
@@ -410,12 +423,6 @@ impl Around<'_> {
         let explained = height.norm_squared() / 240.0;
         // And of a ramp about its mean.
         let turning = (here.seconds * bend.rate_radps).norm_squared() / 12.0;
-        // What an arm swings by, from mean to mean.
-        let swing = |means: &Means| means.attitude * means.rate_radps.cross_matrix();
-        let attitude_jerk = after.map_or_else(Matrix3::zeros, |after| {
-            let beside = swing(&Means::over(start)) + swing(&Means::over(after));
-            (beside - 2.0 * swing(&here)) / (here.seconds * here.seconds)
-        });
         let attitude = here.attitude + off_s * bend.attitude;
         let rate_radps = here.rate_radps + off_s * bend.rate_radps;
         Past {
@@ -431,9 +438,19 @@ impl Around<'_> {
             attitude,
             attitude_rate: attitude * rate_radps.cross_matrix(),
             attitude_accel: attitude * turn_accel(&rate_radps, &bend.rate_radps),
-            attitude_jerk,
+            attitude_jerk: self.swing_bent(),
             way_since_m: left + way_after_m,
         }
+    }
+
+    /// Second derivative of what an antenna swings by, per unit of its arm, from mean to mean.
+    fn swing_bent(&self) -> Matrix3<f32> {
+        let Some(after) = self.after else {
+            return Matrix3::zeros();
+        };
+        let here = &self.end.span;
+        let bent = self.start.span.swing() + after.span.swing() - here.swing() * 2.0;
+        bent / (here.seconds * here.seconds)
     }
 
     /// Velocity in the middle of the interval, acceleration and jerk, from the means of three intervals; of

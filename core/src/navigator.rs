@@ -485,25 +485,23 @@ impl<const RING: usize> State<RING> {
                     tally.fixes(newest, fixes, GnssOutcome::TooOld);
                 }
                 let misheaded = ins.lost && ins.is_headed();
-                let alignment = if ins.misled {
-                    self.level_force_mps2 = Vector3::zeros();
-                    self.stopgap = None;
-                    Alignment::anew(time, &config.prior())
-                } else if tipped {
-                    self.level_force_mps2 = ins.level_force_mps2();
-                    self.stopgap = None;
-                    Alignment::anew(time, ins.known())
+                let known = if ins.misled {
+                    config.prior()
                 } else {
-                    self.level_force_mps2 = ins.level_force_mps2();
-                    let since = ins.coasting_since().unwrap_or(time);
-                    let left = Some(*ins.mechanization()).filter(is_possible);
-                    self.stopgap = left.map(|ins| (since, ins));
-                    Alignment::resume(time, ins.mechanization(), ins.known())
+                    *ins.known()
                 };
-                self.mode = Mode::Aligning(alignment);
-                // Where it stays: changed before, it would be copied over the stack.
+                self.level_force_mps2 = if ins.misled {
+                    Vector3::zeros()
+                } else {
+                    ins.level_force_mps2()
+                };
+                let since = ins.coasting_since().unwrap_or(time);
+                let left = (!ins.misled && !tipped).then(|| *ins.mechanization());
+                self.stopgap = left.filter(is_possible).map(|ins| (since, ins));
+                // Made where it stays, and changed there: else it would be copied over the stack.
+                self.mode = Mode::Aligning(Alignment::new(time, &known));
                 if let Mode::Aligning(alignment) = &mut self.mode {
-                    alignment.misheaded = misheaded;
+                    alignment.begin_again(misheaded, left.as_ref());
                 }
             }
         }

@@ -7,9 +7,9 @@ use ins_tests::footprint::{goal, ours};
 /// Where a goal is not reached yet (`ins_tests::footprint::goal`): as measured, and a fiftieth for a
 /// change of the compiler's mind. Of ring lasers the fewest parameters are estimated, of MEMS all.
 const AMORTISED_OF_ALL: u64 = 3_730;
-const STATE_BYTES: u64 = 13_200;
-const STACK_BYTES: u64 = 2_510;
-const FLASH_BYTES: u64 = 137_500;
+const STATE_BYTES: u64 = 13_350;
+const STACK_BYTES: u64 = 2_830;
+const FLASH_BYTES: u64 = 141_500;
 
 #[test]
 fn the_core_on_cortex_m7_is_within_its_budgets() -> Result<(), Box<dyn std::error::Error>> {

@@ -271,14 +271,7 @@ impl<const N: usize> AidedIns<N> {
         if let Some(observer) = self.estimator.exact_mut() {
             observer.doubt(config);
             self.lost |= observer.is_hopeless();
-            // Off by more than all that the vehicle does, it points anywhere: what is linear does not mend
-            // that, nor is what it has found meanwhile true.
-            let off_mps = comparison.velocity_mps.xy();
-            let speed_mps = (comparison.past.velocity_mps.xy() - off_mps).norm();
-            if comparison.velocity.has
-                && observer.doubted() == Some(observer.horizon())
-                && off_mps.norm() > math::max(speed_mps, LOST_MPS)
-            {
+            if observer.doubted() == Some(observer.horizon()) && points_anywhere(&comparison) {
                 self.lost = true;
                 self.misled = true;
             }
@@ -359,4 +352,12 @@ impl<const N: usize> AidedIns<N> {
         let up = differences.velocity_up_mps.unwrap_or_default();
         self.compared = (taken.stamp, level.push(up));
     }
+}
+
+/// Whether an INS is off by more than all that the vehicle does: what is linear does not mend that, nor is
+/// what it has found meanwhile true.
+fn points_anywhere(compared: &Comparison) -> bool {
+    let off_mps = compared.velocity_mps.xy();
+    let speed_mps = (compared.past.velocity_mps.xy() - off_mps).norm();
+    compared.velocity.has && off_mps.norm() > math::max(speed_mps, LOST_MPS)
 }

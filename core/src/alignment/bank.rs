@@ -335,9 +335,8 @@ impl Bank {
 /// what is possible: the tails are long.
 fn prior(found: &Found, known: &Parameters) -> f64 {
     let off_s = found.latency_s - known.value(index::LATENCY);
-    let [known_s, found_s] = [known.sigma(index::LATENCY), found.latency_sigma_s];
-    let variance = math::max(known_s * known_s + found_s * found_s, 1e-6);
-    -libm::log(1.0 + off_s * off_s / variance)
+    let ratio = off_s / math::max(known.sigma(index::LATENCY), 1e-3);
+    -libm::log(1.0 + ratio * ratio)
 }
 
 /// Logarithm of how likely a candidate is, with the length that its cosine and sine must have and what is

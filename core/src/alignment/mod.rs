@@ -121,7 +121,7 @@ pub struct Alignment {
     /// Whether it is the first: a given heading is that of the beginning.
     first: bool,
     /// Whether measured headings have misled the INS before it.
-    pub misheaded: bool,
+    misheaded: bool,
     known: Parameters,
     detector: RestDetector,
     rest: RestMean,
@@ -154,21 +154,15 @@ impl Alignment {
         }
     }
 
-    /// Begins again with levelling after an INS that was misled.
-    pub fn anew(time: Time, known: &Parameters) -> Self {
-        Self {
-            first: false,
-            ..Self::new(time, known)
-        }
-    }
-
-    /// Begins again after a hole: roll and pitch are kept as a start, heading has to be found.
-    pub fn resume(time: Time, ins: &Mechanization, known: &Parameters) -> Self {
-        Self {
-            place: ins.position,
-            placed: Some(time),
-            stage: Stage::Begin(resumed(ins.attitude)),
-            ..Self::anew(time, known)
+    /// It follows on an INS that measured headings have misled, or not; roll and pitch of one that has only
+    /// been lost are kept as a start.
+    pub fn begin_again(&mut self, misheaded: bool, left: Option<&Mechanization>) {
+        self.first = false;
+        self.misheaded = misheaded;
+        if let Some(ins) = left {
+            self.place = ins.position;
+            self.placed = Some(self.start);
+            self.stage = Stage::Begin(resumed(ins.attitude));
         }
     }
 

@@ -318,7 +318,7 @@ impl Observer {
                 if 0.5 * past.attitude_rate.norm_squared() < least {
                     return [Matrix3::zeros(); 2];
                 }
-                [past.attitude_rate, past.attitude_jerk]
+                [past.attitude_rate, past.attitude_jerk.map(f64::from)]
             }
             Measured::Position => [past.attitude, Matrix3::zeros()],
         };

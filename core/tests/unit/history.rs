@@ -147,7 +147,7 @@ fn above_mean(
     assert!(past.jerk_mps3.yz().norm() < 1000.0 * SINGLE);
     let above = |jerk: f64| -0.5 * memory_s * memory_s * jerk;
     // Between means a swing is some thousandths smaller than where they end.
-    let on_arm = above(past.attitude_jerk.m12);
+    let on_arm = above(f64::from(past.attitude_jerk.m12));
     assert!((on_arm - above(past.jerk_mps3.x)).abs() < 0.01, "{on_arm}");
     above(past.jerk_mps3.x)
 }
