@@ -51,12 +51,16 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
     /// Independent prior knowledge: each parameter is zero with a standard deviation, which is zero
     /// of the last ones at most.
     pub fn from_prior(sigma: &SVector<f32, N>) -> Self {
+        let mut own = Self::NOTHING;
+        own.believe(sigma);
+        own
+    }
+
+    /// Takes over prior knowledge where there was [`Self::NOTHING`]: many are large, and not to be copied.
+    pub fn believe(&mut self, sigma: &SVector<f32, N>) {
         let () = Self::SIZES_MATCH;
-        Self {
-            count: sigma.iter().take_while(|sigma| **sigma > 0.0).count(),
-            weight: sigma.map(|s| if s > 0.0 { 1.0 / (s * s) } else { 0.0 }),
-            ..Self::NOTHING
-        }
+        self.count = sigma.iter().take_while(|sigma| **sigma > 0.0).count();
+        self.weight = sigma.map(|s| if s > 0.0 { 1.0 / (s * s) } else { 0.0 });
     }
 
     /// How many parameters are not known exactly: those from the first on.

@@ -188,7 +188,7 @@ impl Observer {
     /// Takes over what is believed of the parameters, before anything else.
     pub fn believe(&mut self, prior: &Parameters) {
         self.parameters = *prior;
-        self.corrections = LeastSquares::from_prior(&prior.sigma);
+        self.corrections.believe(&prior.sigma);
         self.followed.error.tilt_rad.z = prior.value(index::AZIMUTH);
         let azimuth = prior.sigma(index::AZIMUTH);
         self.added.tilt_rad.z = math::single(azimuth * azimuth);
