@@ -8,8 +8,8 @@ use ins_tests::footprint::{goal, ours};
 /// change of the compiler's mind. Of ring lasers the fewest parameters are estimated, of MEMS all.
 const AMORTISED_OF_ALL: u64 = 3_730;
 const STATE_BYTES: u64 = 13_350;
-const STACK_BYTES: u64 = 2_830;
-const FLASH_BYTES: u64 = 141_500;
+const STACK_BYTES: u64 = 2_885;
+const FLASH_BYTES: u64 = 140_200;
 
 #[test]
 fn the_core_on_cortex_m7_is_within_its_budgets() -> Result<(), Box<dyn std::error::Error>> {
