@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 
 use super::comparison::{Comparison, Part, Step};
 use super::estimator::Estimator;
-use super::{AidedIns, HOLD_S, LOST_MPS};
+use super::{AidedIns, HOLD_S};
 use crate::config::{Config, Feedback, Noise};
 use crate::damping::{self, Differences};
 use crate::error_model::InsError;
@@ -16,6 +16,7 @@ use crate::literal;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::measurement::Kind;
+use crate::observer::LOST_MPS;
 use crate::outcome::GnssOutcome;
 use crate::parameters::index;
 use crate::samples::GnssFix;
@@ -119,8 +120,7 @@ impl<const N: usize> AidedIns<N> {
             return None;
         }
         if let Some(observer) = self.estimator.exact() {
-            let smoothing_s2 = observer.parameters().value(index::SMOOTHING);
-            let memory_s = math::sqrt(math::max(smoothing_s2, 0.0));
+            let memory_s = math::sqrt(observer.smoothing_s2());
             // It is late by as much.
             let memory_s = math::min(memory_s, self.compensation.latency_s);
             self.history.smooth(&mut past, memory_s);

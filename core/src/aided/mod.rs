@@ -28,7 +28,7 @@ use crate::increments::Interval;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::mechanization::{Controls, Mechanization, Step};
-use crate::observer::{AZIMUTH_SEEN_S, Hole, LOST_MPS, Observer};
+use crate::observer::{AZIMUTH_SEEN_S, Hole, Observer};
 use crate::outcome::GnssOutcome;
 use crate::parameters::{Parameters, index};
 use crate::ring::Ring;
@@ -245,7 +245,7 @@ impl<const N: usize> AidedIns<N> {
         (self.now > self.level_until).then(|| self.level_until.plus_seconds(-HOLD_S))
     }
 
-    /// Whether it agrees with headings that are measured, and did while it went wrong, should it have.
+    /// Whether a measured heading has agreed with it of late: within the time in which a jump is found.
     pub fn is_headed(&self) -> bool {
         self.now.seconds_since(self.headed) < AZIMUTH_SEEN_S
     }

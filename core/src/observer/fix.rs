@@ -252,7 +252,7 @@ impl Observer {
         } else {
             third.xy().norm_squared()
         };
-        let smoothing_s2 = math::max(self.parameters.value(index::SMOOTHING), 0.0);
+        let smoothing_s2 = self.smoothing_s2();
         smoothing_s2 * smoothing_s2 * smoothing_s2 / 9.0 * (third2 + direct.arm_third2)
     }
 
@@ -289,7 +289,6 @@ impl Observer {
                 -0.5 * accel_mps2,
             ),
         };
-        let smoothing_s2 = math::max(self.parameters.value(index::SMOOTHING), 0.0);
         let jerk2 = arm_jerk_mps3.norm_squared();
         let by_azimuth = Vector3::new(seen_arm.y, -seen_arm.x, 0.0);
         Direct {
@@ -299,7 +298,7 @@ impl Observer {
             // Of half a second the second order is decimetres.
             delayed: (by_latency + 0.5 * accel_mps2 * delay_s) * delay_s,
             by_smoothing,
-            by_lever: seen + bent * (part * smoothing_s2),
+            by_lever: seen + bent * (part * self.smoothing_s2()),
             by_arm: by_azimuth * tilt.z - seen_arm,
             by_azimuth,
             arm_third2: jerk2 * math::sqrt(jerk2 / (seen_arm.norm_squared() + 1e-6)),
@@ -375,6 +374,11 @@ impl Observer {
         }
         add(index::SMOOTHING, &singles(&direct.by_smoothing));
         by
+    }
+
+    /// Variance of the times that one output of the receiver is a mean of, s^2.
+    pub fn smoothing_s2(&self) -> f64 {
+        math::max(self.parameters.value(index::SMOOTHING), 0.0)
     }
 
     /// What is assumed of the noise of GNSS velocity, as strong as configured.

@@ -271,10 +271,9 @@ impl Columns {
         path: &Path,
         notes: &mut Vec<LogError>,
     ) -> Result<Vec<T>, LogError> {
-        let rows = &self.table.rows;
-        let read: Vec<T> = rows.iter().filter_map(&of_row).collect();
-        let lost = rows.len() - read.len();
-        if let Some(first) = rows.iter().position(|row| of_row(row).is_none()) {
+        let rows: Vec<Option<T>> = self.table.rows.iter().map(of_row).collect();
+        if let Some(first) = rows.iter().position(Option::is_none) {
+            let lost = rows.iter().filter(|row| row.is_none()).count();
             let found = format!(
                 "others in {lost} of {}, first in row {}",
                 rows.len(),
@@ -288,7 +287,7 @@ impl Columns {
             }
             notes.push(defect);
         }
-        Ok(read)
+        Ok(rows.into_iter().flatten().collect())
     }
 
     fn cell(&self, row: &[f64], name: &str) -> Option<f64> {
