@@ -167,6 +167,13 @@ impl Channel {
         self.p.m11 += variance;
     }
 
+    /// The correlated noise of positions is another one now, of this variance.
+    pub fn renew_position_noise(&mut self, variance: f64) {
+        self.p.column_mut(POSITION_NOISE).fill(0.0);
+        self.p.row_mut(POSITION_NOISE).fill(0.0);
+        self.p.m55 = variance;
+    }
+
     /// Covariance of each error with what is measured.
     fn covariance_with(&self, measured: Measured) -> Gains {
         match measured {

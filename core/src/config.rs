@@ -131,7 +131,8 @@ pub struct GnssConfig {
     pub position_m: Noise,
     /// Noise of the height, m.
     pub height_m: Noise,
-    /// Least and greatest factor by which these standard deviations may turn out wrong.
+    /// Least and greatest factor by which these standard deviations may turn out wrong; and the correlation
+    /// time of heights, greatest only, where no vertical velocities are given.
     pub noise_range: [f64; 2],
     /// Whether the sigma that a fix states is to be believed as it stands, within that range, and nothing
     /// learnt. Else its changes are.

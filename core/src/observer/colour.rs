@@ -24,6 +24,8 @@ pub const CONFIGURED: f64 = 2.0;
 /// The same of a noise that is learnt of by its estimate: for one correlation time.
 pub const CONFIGURED_ONCE: f64 = 0.5;
 const REMEMBERED: f64 = 10.0;
+/// The same of a correlation time, which is known from data sheets worse than the noise itself is.
+const CONFIGURED_TIME: f64 = 0.5;
 /// What lasts for so many correlation times is no such noise, but an INS that errs.
 const LASTING: f64 = 10.0;
 /// Largest square of an estimate, in its variance, that counts.
@@ -45,8 +47,18 @@ pub struct Colour {
     lasting: Vector2<f64>,
 }
 
+/// How many times longer than configured the correlated part lasts, with as much that comes in: `sigma^2 /
+/// tau` is what innovations tell in seconds, and how far it wanders what they tell in minutes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Persistence {
+    pub ratio: f64,
+    information: f64,
+    sensitivity: Sensitivity,
+}
+
 /// By how much more variance the next measurement would be predicted, and itself be predicted to be
-/// more, for a unit of the logarithm of that strength more.
+/// more, for a unit more of the logarithm of what is found.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Sensitivity {
@@ -67,6 +79,75 @@ impl Sensitivity {
         let gain = kept * self.variance / total;
         self.predicted = self.predicted * kept + innovation * gain;
         self.variance *= kept * kept;
+    }
+
+    /// Step of the logarithm that an innovation of so many components and a variance of each asks for,
+    /// before it is taken.
+    fn step(
+        &self,
+        information: &mut f64,
+        innovation: &Vector2<f64>,
+        components: f64,
+        total: f64,
+    ) -> f64 {
+        let share = self.variance / total;
+        let square = innovation.norm_squared() / total;
+        let score = self.predicted.dot(innovation) / total + 0.5 * share * (square - components);
+        let new = self.predicted.norm_squared() / total + 0.5 * components * share * share;
+        *information = math::min(*information + new, REMEMBERED);
+        math::within(score / *information, [-LARGEST_STEP, LARGEST_STEP])
+    }
+}
+
+impl Default for Persistence {
+    fn default() -> Self {
+        Self {
+            ratio: 1.0,
+            information: CONFIGURED_TIME,
+            sensitivity: Sensitivity::default(),
+        }
+    }
+}
+
+impl Persistence {
+    /// The noise that is assumed, of which heights are configured to have this.
+    pub fn of(&self, noise: &Noise) -> Noise {
+        Noise {
+            correlated: noise.correlated * math::sqrt(self.ratio),
+            correlation_s: noise.correlation_s * self.ratio,
+            ..*noise
+        }
+    }
+
+    /// Some of the noise has gone in a part of its correlation time, and some has come in; of its `sigma`,
+    /// squared, an estimate was known but for a variance `left`.
+    pub fn renew(
+        &mut self,
+        renewal: &Renewal,
+        part: f64,
+        sigma2: f64,
+        estimate: &Vector2<f64>,
+        left: f64,
+    ) {
+        let Renewal { keep, new } = *renewal;
+        let longer = keep * part;
+        let s = &mut self.sensitivity;
+        s.variance = keep * keep * s.variance + 2.0 * keep * longer * (left - sigma2) + new;
+        s.predicted = s.predicted * keep + estimate * longer;
+    }
+
+    /// Learns from an innovation of a variance, before it is taken. A shorter time than configured is never
+    /// believed: what it is for, an honest spread of the height, errs to the safe side without it.
+    pub fn learn(&mut self, innovation: &Vector2<f64>, total: f64, [_, most]: [f64; 2]) {
+        let step = self
+            .sensitivity
+            .step(&mut self.information, innovation, 1.0, total);
+        self.ratio = math::within(self.ratio * (1.0 + step), [1.0, most]);
+    }
+
+    /// An innovation of a variance is taken, of which `white` is white noise.
+    pub fn take(&mut self, innovation: &Vector2<f64>, total: f64, white: f64) {
+        self.sensitivity.take(innovation, total, white);
     }
 }
 
@@ -96,17 +177,22 @@ impl Colour {
         total: f64,
         range: [f64; 2],
     ) {
-        let Sensitivity {
-            variance,
-            predicted,
-        } = sensitivity;
-        let share = variance / total;
-        let square = innovation.norm_squared() / total;
-        let score = predicted.dot(innovation) / total + 0.5 * share * (square - components);
-        let new = predicted.norm_squared() / total + 0.5 * components * share * share;
-        self.information = math::min(self.information + new, REMEMBERED);
-        let step = math::within(score / self.information, [-LARGEST_STEP, LARGEST_STEP]);
+        let step = sensitivity.step(&mut self.information, innovation, components, total);
         self.ratio = math::variance_within(self.ratio * (1.0 + step), range);
+    }
+
+    /// It is another one now than a short while ago, by a variance of each component.
+    pub fn learn_of_jump(&mut self, square: f64, components: f64, noise: &Noise, range: [f64; 2]) {
+        let assumed = noise.correlated * noise.correlated * self.strength;
+        if assumed <= 0.0 {
+            return;
+        }
+        let new = 0.5 * components;
+        self.information = math::min(self.information + new, REMEMBERED);
+        // Two of them differ by twice as much.
+        let found = math::min(0.5 * square / assumed, LARGEST_SQUARE);
+        let ratio = self.ratio * (1.0 + new * (found - 1.0) / self.information);
+        self.ratio = math::variance_within(ratio, range);
     }
 
     /// Learns from what the observer takes for this noise after a fix, in so many components, and the

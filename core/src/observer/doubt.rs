@@ -122,7 +122,7 @@ impl Observer {
         self.level = Channel::new(tilt, &gnss.velocity_mps, &gnss.position_m);
         self.level.doubt(variance, 0.0);
         self.level.doubt_position(variance * ASTRAY_S * ASTRAY_S);
-        self.forget_noise(0.0, 1.0);
+        self.renew_noise([0.0; 2], [1.0; 2]);
         self.lose_vertical(LOST_MPS * LOST_MPS, config);
         self.azimuth_walk += LOST_AZIMUTH_RAD * LOST_AZIMUTH_RAD;
         let prior = config.prior();
@@ -143,7 +143,7 @@ impl Observer {
         self.vertical = Channel::new(0.0, &gnss.velocity_up_mps, &gnss.height_m);
         self.vertical.doubt(variance, 0.0);
         self.vertical_surprise = Surprise::default();
-        self.forget_noise(1.0, 0.0);
+        self.renew_noise([1.0; 2], [0.0; 2]);
     }
 
     /// Vertical velocities so far were wrong, and what they have shown.
@@ -159,11 +159,12 @@ impl Observer {
         }
     }
 
-    /// What GNSS was thought to err by explained some of the INS's own error: parts of it that are kept.
-    fn forget_noise(&mut self, level: f32, up: f32) {
-        self.followed.renew([level.into(); 2], [up.into(); 2]);
+    /// What GNSS was thought to err by explained some of the INS's own error: parts of it that are kept, of
+    /// velocity and position.
+    fn renew_noise(&mut self, level: [f32; 2], up: [f32; 2]) {
+        self.followed.renew(level.map(f64::from), up.map(f64::from));
         for response in estimated(&mut self.responses, &self.corrections) {
-            response.renew([level; 2], [up; 2]);
+            response.renew(level, up);
         }
     }
 
@@ -203,8 +204,12 @@ impl Observer {
     /// Fixes of a kind were refused for so long that it is the INS which is wrong, by this variance.
     pub(super) fn on_lost_by(&mut self, kind: Kind, variance: f64, config: &Config) {
         match kind {
-            Kind::Position if self.goes_on(Kind::Velocity) => self.level.doubt_position(variance),
-            Kind::Height if self.goes_on(Kind::Climb) => self.vertical.doubt_position(variance),
+            Kind::Position if self.goes_on(Kind::Velocity) => {
+                self.on_position_jump(kind, variance, config);
+            }
+            Kind::Height if self.goes_on(Kind::Climb) => {
+                self.on_position_jump(kind, variance, config);
+            }
             // Nothing else says how fast it is.
             Kind::Position => self.on_lost(variance / (ASTRAY_S * ASTRAY_S), config),
             Kind::Height => {
@@ -214,6 +219,24 @@ impl Observer {
             Kind::Climb => self.lose_vertical(variance, config),
             Kind::Velocity => self.on_lost(variance, config),
         }
+    }
+
+    /// Positions lie elsewhere by this variance while velocities go on: the receiver sees other satellites,
+    /// or the INS lay off all the time. Which of the two, the next minutes tell.
+    fn on_position_jump(&mut self, kind: Kind, variance: f64, config: &Config) {
+        let (channel, components) = if kind.is_up() {
+            (&mut self.vertical, 1.0)
+        } else {
+            (&mut self.level, 2.0)
+        };
+        channel.renew_position_noise(variance);
+        channel.doubt_position(variance);
+        if let Some(colour) = self.colours.get_mut(kind as usize) {
+            let range = config.gnss.noise_range;
+            colour.learn_of_jump(variance, components, kind.noise(config), range);
+        }
+        let [level, up] = if kind.is_up() { [1.0, 0.0] } else { [0.0, 1.0] };
+        self.renew_noise([1.0, level], [1.0, up]);
     }
 
     /// Whether the INS was held against measurements of a kind of late.

@@ -155,6 +155,7 @@ impl Observer {
         }
         if kind == Kind::Height {
             self.height_sensitivity.take(&pair, total, white);
+            self.height_persistence.take(&pair, total, white);
         }
         if !kind.is_up() {
             let variance = total * math::sqrt(f64::from(added.determinant));
@@ -183,6 +184,9 @@ impl Observer {
         if kind == Kind::Height {
             let sensitivity = &self.height_sensitivity;
             colour.learn(sensitivity, innovation, components, total, range);
+            if !self.goes_on(Kind::Climb) {
+                self.height_persistence.learn(innovation, total, range);
+            }
             return;
         }
         let channel = if kind.is_up() {

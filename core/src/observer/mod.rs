@@ -25,7 +25,7 @@ mod spread;
 
 use nalgebra::{SVector, Vector3};
 
-use self::colour::{Colour, Sensitivity};
+use self::colour::{Colour, Persistence, Sensitivity};
 use self::constancy::Constancy;
 pub use self::doubt::{Hole, LOST_MPS};
 use self::followed::{Followed, UNIT_RESPONSES};
@@ -68,8 +68,9 @@ pub struct Observer {
     vertical: Channel,
     innovations: [Innovations; 4],
     colours: [Colour; 4],
-    /// To how strong that of heights is.
+    /// To how strong that of heights is, and how long it lasts.
     height_sensitivity: Sensitivity,
+    height_persistence: Persistence,
     gyro_noise: ProcessNoise,
     /// How the level innovations compare with what they should be, and those of the vertical, which goes
     /// wrong on its own.
@@ -153,6 +154,7 @@ impl Observer {
                 Colour::new(start, known)
             }),
             height_sensitivity: Sensitivity::default(),
+            height_persistence: Persistence::default(),
             gyro_noise: ProcessNoise::configured(),
             surprise: Surprise::default(),
             vertical_surprise: Surprise::default(),

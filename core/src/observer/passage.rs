@@ -4,11 +4,12 @@ use nalgebra::Vector3;
 
 use super::colour::Colour;
 use super::{Observer, estimated};
-use crate::channel::{Growth, Renewal};
+use crate::channel::{Growth, Measured, Renewal};
 use crate::config::{Config, Noise};
 use crate::error_model::{Forcing, InsError, Passage, for_each_input, level_and_up};
 use crate::history::Span;
 use crate::math;
+use crate::measurement::Kind;
 use crate::parameters::index;
 use crate::time::Time;
 
@@ -45,11 +46,20 @@ impl Observer {
             renewal(&gnss.velocity_mps, velocity),
             renewal(&gnss.position_m, position),
         ];
+        let wander = self.height_persistence.of(&gnss.height_m);
         let up = [
             renewal(&gnss.velocity_up_mps, climb),
-            renewal(&gnss.height_m, height),
+            renewal(&wander, height),
         ];
         self.height_sensitivity.renew(&up[1]);
+        let sigma2 = wander.correlated * wander.correlated * height.strength;
+        self.height_persistence.renew(
+            &up[1],
+            span.seconds / wander.correlation_s,
+            sigma2,
+            &self.followed.noise(Kind::Height),
+            self.vertical.noise(Measured::Position),
+        );
         let kept = |renewals: &[Renewal; 2]| renewals.map(|renewal| renewal.keep);
         self.followed.renew(kept(&level), kept(&up));
 

@@ -7,7 +7,7 @@ use crate::channel::Renewal;
 use crate::config::Noise;
 use crate::deviates::Deviates;
 use crate::observer::colour::{
-    CONFIGURED as CONFIGURED_INFORMATION, CONFIGURED_ONCE, Colour, Sensitivity,
+    CONFIGURED as CONFIGURED_INFORMATION, CONFIGURED_ONCE, Colour, Persistence, Sensitivity,
 };
 use crate::time::Time;
 
@@ -22,18 +22,33 @@ const FIXES: usize = 4000;
 /// Geometric mean of what is found, against the configured variance, over the second half of 4000
 /// fixes in 800 s of a noise `times` as strong, of what begins anywhere within `start`.
 fn found(times: f64, start: f64) -> f64 {
+    let [strength, _] = found_of(times, 1.0, start, [1.0, 1.0]);
+    strength
+}
+
+/// The same of a noise that lasts for `lasts` correlation times, with the time that is found within a range.
+fn found_of(times: f64, lasts: f64, start: f64, time_range: [f64; 2]) -> [f64; 2] {
     let mut deviates = Deviates(3);
+    let mut persistence = Persistence::default();
+    let noise = Noise {
+        correlation_s: lasts * CONFIGURED.correlation_s,
+        ..CONFIGURED
+    };
     let mut colour = Colour::new(Time::default(), CONFIGURED_INFORMATION);
     let mut sensitivity = Sensitivity::default();
     let (mut truth, constant) = (0.0, start * f64::from(deviates.next()));
     let mut estimate = Vector2::zeros();
     let mut covariance = Matrix2::from_diagonal(&Vector2::new(start * start, 0.25));
     let shows = Vector2::new(1.0, 1.0);
-    let mut logarithms = 0.0;
+    let mut logarithms = [0.0; 2];
     for fix in 0..FIXES {
-        let real = Renewal::over(0.2, &CONFIGURED, times * times);
+        let real = Renewal::over(0.2, &noise, times * times);
         truth = real.keep * truth + real.new.sqrt() * f64::from(deviates.next());
-        let assumed = Renewal::over(0.2, &CONFIGURED, colour.strength);
+        let described = persistence.of(&CONFIGURED);
+        let assumed = Renewal::over(0.2, &described, colour.strength);
+        let sigma2 = described.correlated * described.correlated * colour.strength;
+        let (part, known) = (0.2 / described.correlation_s, Vector2::new(estimate.y, 0.0));
+        persistence.renew(&assumed, part, sigma2, &known, covariance.m22);
         let keep = Matrix2::from_diagonal(&Vector2::new(1.0, assumed.keep));
         estimate = keep * estimate;
         covariance = keep * covariance * keep;
@@ -49,11 +64,27 @@ fn found(times: f64, start: f64) -> f64 {
         colour.learn(&sensitivity, &innovation, 1.0, total, RANGE);
         sensitivity.take(&innovation, total, 1.0);
         colour.scale(1.0);
+        persistence.learn(&innovation, total, time_range);
+        persistence.take(&innovation, total, 1.0);
         if fix >= FIXES / 2 {
-            logarithms += colour.ratio.ln() / (FIXES / 2) as f64;
+            let part = 1.0 / (FIXES / 2) as f64;
+            logarithms[0] += part * (colour.ratio * persistence.ratio).ln();
+            logarithms[1] += part * persistence.ratio.ln();
         }
     }
-    logarithms.exp()
+    logarithms.map(f64::exp)
+}
+
+/// Eighty to four hundred correlation times: both to a fifth at best, and no better than the information
+/// that is remembered, as above.
+#[test]
+fn how_long_it_lasts_is_found() {
+    for (times, lasts) in [(1.0, 1.0), (1.0, 5.0), (2.0, 5.0)] {
+        let [variance, time] = found_of(times, lasts, 0.0, RANGE);
+        let off = [variance / (times * times), time / lasts];
+        let all = off.iter().all(|off| (0.5..2.0).contains(off));
+        assert!(all, "{times} {lasts}: {off:?}");
+    }
 }
 
 /// Information of ten is remembered: a variance good to a third, and over the second half of the time
