@@ -14,8 +14,9 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use criterion::{BenchmarkId, Criterion, SamplingMode};
+use host_sim::log::Grade;
 use host_sim::page::table::markdown;
-use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
+use host_sim::sim::{DriveConfig, SimulatedDrive, simulate};
 use ins_core::{Config, GnssFix, GnssOutcome, ImuOutcome, ImuOutput, ImuSample, Navigator, Time};
 
 use filters::{AtRest, FusionNav, KinavisIns, Peer};

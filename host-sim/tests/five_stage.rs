@@ -2,8 +2,8 @@
 
 use host_sim::compare::five_stage::{self, FiveStage, PUBLISHED, REPEATED, Stage};
 use host_sim::identify::quantities::{DEG_H_RADPS, MG_MPS2};
-use host_sim::log::{BodyAxes, Log, Meta};
-use host_sim::sim::{DriveConfig, Grade, SensorErrors, simulate};
+use host_sim::log::{BodyAxes, Grade, Log, Meta};
+use host_sim::sim::{DriveConfig, SensorErrors, simulate};
 use host_sim::study::accuracy::config_of;
 use ins_core::config::HeadingSource;
 use ins_core::{Config, Observability};

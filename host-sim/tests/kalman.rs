@@ -2,8 +2,9 @@
 
 use host_sim::compare::kalman::filter::Start;
 use host_sim::compare::kalman::{Filter, Known, Noise, Record, Run, States, index, smooth};
+use host_sim::log::Grade;
 use host_sim::sim::noise::Random;
-use host_sim::sim::{DriveConfig, ErrorModel, Grade, SimulatedDrive, simulate};
+use host_sim::sim::{DriveConfig, ErrorModel, SimulatedDrive, simulate};
 use host_sim::study::accuracy::config_of;
 use ins_core::attitude::matrix;
 use ins_core::config::{self, GnssConfig, HeadingSource, SensorConfig};

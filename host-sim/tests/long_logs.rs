@@ -8,8 +8,8 @@ use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
 
-use host_sim::log::{self, BodyAxes, Compression, Log};
-use host_sim::sim::{DriveConfig, Grade, simulate};
+use host_sim::log::{self, BodyAxes, Compression, Grade, Log};
+use host_sim::sim::{DriveConfig, simulate};
 
 const MINUTES: f64 = 20.0;
 const IMU_HZ: f64 = 1000.0;

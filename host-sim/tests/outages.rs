@@ -4,8 +4,8 @@ use host_sim::compare::Comparison;
 use host_sim::compare::kalman::Noise;
 use host_sim::compare::outage::{Against, OutageTest, test};
 use host_sim::identify::true_errors::Truth;
-use host_sim::log::{self, BodyAxes, Compression, Log, Meta};
-use host_sim::sim::{DriveConfig, Grade, simulate};
+use host_sim::log::{self, BodyAxes, Compression, Grade, Log, Meta};
+use host_sim::sim::{DriveConfig, simulate};
 use host_sim::study::accuracy::config_of;
 use indicatif::ProgressBar;
 use ins_core::Config;
@@ -16,10 +16,7 @@ fn driven(grade: Grade, minutes: f64) -> (Log, Truth, Config) {
     let drive = simulate(&DriveConfig::new(4, grade, minutes));
     let mut config = config_of(grade);
     let mut meta = Meta::new(BodyAxes::Frd, config.imu_output);
-    meta.grade = Some(match grade {
-        Grade::Mems => log::Grade::Mems,
-        Grade::Hg1700 | Grade::Ideal => log::Grade::Hg1700,
-    });
+    meta.grade = Some(grade);
     if let Some(heading) = drive.given_heading_rad {
         config.heading = HeadingSource::Given(heading);
         meta.initial_heading_deg = Some(heading.to_degrees());

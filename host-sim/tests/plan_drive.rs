@@ -4,10 +4,10 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use host_sim::log::{self, BodyAxes, Compression, Log, Meta};
+use host_sim::log::{self, BodyAxes, Compression, Grade, Log, Meta};
 use host_sim::sim::drive::Recording;
 use host_sim::sim::profile::Profile;
-use host_sim::sim::{DriveConfig, Grade, Kinematics, Motion, record};
+use host_sim::sim::{DriveConfig, Kinematics, Motion, record};
 use nalgebra::{UnitQuaternion, Vector3};
 use serde_json::Value;
 
@@ -215,7 +215,7 @@ fn straight_log(folder: &Path) {
     let drive = record(Straight(speed), &recording);
     let log = Log {
         meta: Meta {
-            grade: Some(log::Grade::Mems),
+            grade: Some(Grade::Mems),
             ..Meta::new(BodyAxes::Frd, recording.errors.imu.output)
         },
         imu: drive.imu.into(),

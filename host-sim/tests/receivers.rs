@@ -1,10 +1,11 @@
 //! Simulated receivers and drives: each habit does what it says, and nothing else.
 
+use host_sim::log::Grade;
 use host_sim::sim::car::Car;
 use host_sim::sim::errors::{GnssModel, Outage};
 use host_sim::sim::gnss::Gnss;
 use host_sim::sim::receiver::{Correlated, Outliers, Stated, Trouble, Up, Wrong};
-use host_sim::sim::{DriveConfig, ErrorModel, Grade, Motion, SimulatedDrive, simulate};
+use host_sim::sim::{DriveConfig, ErrorModel, Motion, SimulatedDrive, simulate};
 use ins_core::{GnssFix, Time};
 use nalgebra::Vector3;
 
@@ -14,7 +15,7 @@ const RATE_HZ: f64 = 10.0;
 
 /// Three minutes in a car with error-free sensors and receiver, but for these habits.
 fn with(change: impl Fn(&mut GnssModel)) -> SimulatedDrive {
-    let mut config = DriveConfig::new(8, Grade::Ideal, 3.0);
+    let mut config = DriveConfig::ideal(8, 3.0);
     config.initial_rest_s = None;
     change(&mut config.recording.errors.gnss);
     simulate(&config)
@@ -284,7 +285,7 @@ fn records_the_samples_asked_for() {
 #[test]
 fn fixes_show_the_motion_of_the_latency_ago() {
     for latency_s in [0.1374, -0.0713] {
-        let mut config = DriveConfig::new(8, Grade::Ideal, 5.0);
+        let mut config = DriveConfig::ideal(8, 5.0);
         config.recording.errors.gnss.latency_s = [latency_s; 2];
         let run = simulate(&config);
         let mut car = Car::new(8, 300.0, config.initial_rest_s);

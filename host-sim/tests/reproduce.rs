@@ -1,7 +1,7 @@
 //! The thesis's figures from simulation.
 
-use host_sim::log::{BodyAxes, Log, Meta};
-use host_sim::sim::{DriveConfig, Grade, simulate};
+use host_sim::log::{BodyAxes, Grade, Log, Meta};
+use host_sim::sim::{DriveConfig, simulate};
 use host_sim::study::reproduce::{Recorded, Reproduction, Settings, reproduce};
 
 /// A drive whose truth nobody knows.

@@ -6,7 +6,8 @@ use host_sim::hil::Board;
 use host_sim::hil::bench::requests;
 use host_sim::hil::board::Pace;
 use host_sim::hil::session::{Event, Rate};
-use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
+use host_sim::log::Grade;
+use host_sim::sim::{DriveConfig, SimulatedDrive, simulate};
 use ins_core::config::HeadingSource;
 use ins_core::{Config, GnssOutcome, ImuOutcome, Phase, Time};
 use ins_link::{Reply, Request};
@@ -123,7 +124,7 @@ fn drive(class: Grade) -> (SimulatedDrive, Config) {
         ..DriveConfig::new(3, class, MINUTES)
     };
     let preset = match class {
-        Grade::Ideal | Grade::Hg1700 => Config::hg1700(),
+        Grade::Hg1700 => Config::hg1700(),
         Grade::Mems => Config::mems(),
     };
     let config = Config {

@@ -2,9 +2,9 @@
 
 use host_sim::compare::kalman::{self, Filter, Noise, index};
 use host_sim::identify::configure;
-use host_sim::log::{self, BodyAxes, Compression, Log, Meta};
+use host_sim::log::{self, BodyAxes, Compression, Grade, Log, Meta};
 use host_sim::sim::errors::BiasModel;
-use host_sim::sim::{DriveConfig, ErrorModel, Grade, simulate};
+use host_sim::sim::{DriveConfig, ErrorModel, simulate};
 use ins_core::earth::{Geodetic, wrap_pi};
 use nalgebra::{SVector, Vector3};
 use serde::{Deserialize, Serialize};
@@ -109,7 +109,7 @@ fn log() -> (Log, Noise) {
 
 /// Our filter as it begins, and after the fixes of `times_s`.
 fn ours(log: &Log, noise: &Noise, times_s: &[f64]) -> (Filter, Vec<Row>) {
-    let config = configure::config(log, log::Grade::Hg1700);
+    let config = configure::config(log, Grade::Hg1700);
     let imu = log.imu.all();
     let mut run =
         kalman::Run::new(&imu, &log.gnss, config, *noise).expect("the configuration is a preset");

@@ -1,8 +1,7 @@
 //! What the running estimators reach on a few seeded drives: enough to see a broken one at once.
 
 use host_sim::identify::run::{Identification, identify};
-use host_sim::log::Log;
-use host_sim::sim::Grade;
+use host_sim::log::{Grade, Log};
 use host_sim::sim::noise::Random;
 use host_sim::study::accuracy::{Check, QUANTITIES, Run, Study};
 use host_sim::study::conditions::{self, Trial};

@@ -1,7 +1,7 @@
 //! What the core costs on a microcontroller does not grow unseen.
 
 use host_sim::hil::Board;
-use host_sim::sim::Grade;
+use host_sim::log::Grade;
 use ins_tests::footprint::{goal, ours};
 
 /// Where a goal is not reached yet (`ins_tests::footprint::goal`): as measured, and a fiftieth for a

@@ -1,7 +1,8 @@
 //! Choices of the configuration: open or closed, exact or literal; and what it refuses.
 
 use host_sim::identify::run::in_order_of_time;
-use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
+use host_sim::log::Grade;
+use host_sim::sim::{DriveConfig, SimulatedDrive, simulate};
 use host_sim::study::accuracy::{Results, Study, config_of};
 use indicatif::ProgressBar;
 use ins_core::config::{Feedback, Form, HeadingSource};

@@ -6,8 +6,7 @@ use std::process::{Command, Stdio};
 use std::sync::Mutex;
 
 use host_sim::hil::bench::{ESTIMATES_EVERY, requests};
-use host_sim::log::Log;
-use host_sim::sim::Grade;
+use host_sim::log::{Grade, Log};
 use ins_core::Config;
 use ins_link::{FromBoard, Reply, Request, Responder, encode};
 use ins_tests::cargo::{build_folder, cargo, succeed, with_altered_core};

@@ -3,7 +3,8 @@
 use std::sync::LazyLock;
 
 use host_sim::identify::run::in_order_of_time;
-use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
+use host_sim::log::Grade;
+use host_sim::sim::{DriveConfig, SimulatedDrive, simulate};
 use host_sim::study::accuracy::config_of;
 use ins_core::config::HeadingSource;
 use ins_core::earth::wrap_pi;

@@ -1,6 +1,6 @@
 //! The mechanization against an hour of a simulated car with sensors that have no error.
 
-use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, simulate};
+use host_sim::sim::{DriveConfig, SimulatedDrive, simulate};
 use ins_core::increments::Increments;
 use ins_core::mechanization::{Controls, Mechanization};
 use ins_core::{ImuOutput, Solution};
@@ -14,7 +14,7 @@ struct Limits {
 }
 
 fn an_hour(seed: u64, output: ImuOutput, imu_hz: f64) -> SimulatedDrive {
-    let mut config = DriveConfig::new(seed, Grade::Ideal, 60.0);
+    let mut config = DriveConfig::ideal(seed, 60.0);
     config.recording.imu_hz = imu_hz;
     config.recording.errors.imu.output = output;
     simulate(&config)

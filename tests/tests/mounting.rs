@@ -2,10 +2,11 @@
 //! what becomes of one whose unit is turned without its gyros having seen it.
 
 use host_sim::identify::run::{Event, in_order_of_time};
+use host_sim::log::Grade;
 use host_sim::sim::car::Car;
 use host_sim::sim::errors::BiasModel;
 use host_sim::sim::motion::Mounted;
-use host_sim::sim::{DriveConfig, Grade, SimulatedDrive, record, simulate};
+use host_sim::sim::{DriveConfig, SimulatedDrive, record, simulate};
 use host_sim::study::accuracy::config_of;
 use ins_core::config::HeadingSource;
 use ins_core::earth::GRAVITY_EQUATOR_MPS2 as G;

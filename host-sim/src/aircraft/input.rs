@@ -7,7 +7,7 @@ use serde::de::DeserializeOwned;
 
 use super::dynamics::Dynamics;
 use super::parameters::Parameters;
-use crate::sim::{self, ErrorModel};
+use crate::sim::ErrorModel;
 
 /// A file that cannot be read or used: what is wrong where, what was expected, the likely cause.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error, miette::Diagnostic)]
@@ -61,9 +61,9 @@ pub fn read_text(file: &Path, what: &str) -> Result<String, InputError> {
 /// The error model of a preset by its name, or of a file.
 pub(crate) fn error_model(name: &str) -> Result<ErrorModel> {
     match name {
-        "ideal" => Ok(sim::Grade::Ideal.errors()),
-        "hg1700" => Ok(sim::Grade::Hg1700.errors()),
-        "mems" => Ok(sim::Grade::Mems.errors()),
+        "ideal" => Ok(ErrorModel::ideal()),
+        "hg1700" => Ok(ErrorModel::hg1700()),
+        "mems" => Ok(ErrorModel::mems()),
         file => {
             let path = Path::new(file);
             let text = read_text(path, "ideal, hg1700, mems or an error model")?;

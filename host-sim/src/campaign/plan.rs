@@ -6,9 +6,10 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::aircraft::input::{InputError, Source, read_text};
+use crate::log::Grade;
+use crate::sim::ErrorModel;
 use crate::sim::errors::BiasModel;
 use crate::sim::noise::Random;
-use crate::sim::{ErrorModel, Grade};
 use ins_core::ImuOutput;
 
 /// What a campaign does. All random numbers follow from the seed.

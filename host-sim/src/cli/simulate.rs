@@ -85,7 +85,7 @@ fn write_drive(
 ) -> Result<Truth> {
     output::check_free(out, true_errors::FILE, force)?;
     let progress = spinner("simulating the drive");
-    let mut config = DriveConfig::new(options.seed, options.grade.into(), options.minutes);
+    let mut config = DriveConfig::new(options.seed, options.grade, options.minutes);
     if let Some(errors) = errors {
         config.recording.errors = errors;
     }

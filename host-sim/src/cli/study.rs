@@ -120,7 +120,7 @@ impl Accuracy {
             bandwidth_radps: self.bandwidth,
             kalman_noise: self.kalman,
             kalman_positions: !self.velocity_alone,
-            ..accuracy::Study::new(self.grade.into(), self.runs)
+            ..accuracy::Study::new(self.grade, self.runs)
         };
         let results = study
             .results(&bar().with_message("driving"))
@@ -187,7 +187,7 @@ impl Conditions {
         }
         let study = conditions::Study {
             kinds,
-            only: self.class.map(Into::into),
+            only: self.class,
             first_seed: self.first_seed,
             seeds: self.seeds,
             trial: self.trial,

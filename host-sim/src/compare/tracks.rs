@@ -10,7 +10,6 @@ use crate::identify::row::{self, Row};
 use crate::identify::run::identify;
 use crate::identify::true_errors::Truth;
 use crate::log::{Grade, Log};
-use crate::sim;
 
 /// Interval between looks, s.
 const EVERY_S: f64 = 1.0;
@@ -26,7 +25,7 @@ pub(crate) struct Input<'a> {
 /// What the filter is told: the truth where it is known, that is for a simulated class of sensors.
 pub(crate) fn noise(grade: Grade, config: &Config, simulated: bool) -> Noise {
     if simulated {
-        Noise::of_model(&sim::Grade::from(grade).errors())
+        Noise::of_model(&grade.errors())
     } else {
         Noise::of_config(config)
     }
@@ -191,7 +190,7 @@ mod tests {
 
     #[test]
     fn all_methods_end_at_the_last_sample() {
-        let drive = DriveConfig::new(3, sim::Grade::default(), 6.0);
+        let drive = DriveConfig::new(3, Grade::Hg1700, 6.0);
         let output = drive.recording.errors.imu.output;
         let mut log = simulate(&drive).into_log(BodyAxes::Rfu, output);
         // A log seldom ends with a fix, nor after whole seconds.

@@ -107,11 +107,11 @@ impl Motion for Replay {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::{DriveConfig, Grade, simulate};
+    use crate::sim::{DriveConfig, simulate};
 
     #[test]
     fn a_simulated_drive_is_driven_again() {
-        let truth = simulate(&DriveConfig::new(3, Grade::Ideal, 3.0)).truth;
+        let truth = simulate(&DriveConfig::ideal(3, 3.0)).truth;
         let mut replay = Replay::new(&truth, 5.0).unwrap();
         assert!((replay.duration_s() - 184.8).abs() < 0.11);
         assert!(replay.kinematics(1.0).velocity_enu_mps.norm() == 0.0);

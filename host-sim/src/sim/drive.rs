@@ -3,7 +3,6 @@
 use ins_core::earth::{Geodetic, LocalEarth, wrap_pi};
 use ins_core::{GnssFix, ImuOutput, ImuSample, Solution, Time};
 use nalgebra::{Matrix3, Vector3};
-use serde::{Deserialize, Serialize};
 
 use super::car::Car;
 use super::errors::ErrorModel;
@@ -13,40 +12,12 @@ use super::imu::Imu;
 use super::motion::Motion;
 use super::noise::Random;
 use super::recorded::{RecordedNoise, Resampled};
-use crate::log::{self, BodyAxes, Log, Meta};
-
-/// Ready-made sensor classes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Grade {
-    Ideal,
-    /// Ring-laser class, 1 deg/h.
-    #[default]
-    Hg1700,
-    Mems,
-}
-
-impl From<log::Grade> for Grade {
-    fn from(class: log::Grade) -> Self {
-        match class {
-            log::Grade::Hg1700 => Self::Hg1700,
-            log::Grade::Mems => Self::Mems,
-        }
-    }
-}
+use crate::log::{BodyAxes, Grade, Log, Meta};
 
 impl Grade {
-    /// What a navigator is told.
-    pub fn class(self) -> log::Grade {
-        match self {
-            Self::Ideal | Self::Hg1700 => log::Grade::Hg1700,
-            Self::Mems => log::Grade::Mems,
-        }
-    }
-
+    /// Those of a ready-made simulated unit.
     pub fn errors(self) -> ErrorModel {
         match self {
-            Self::Ideal => ErrorModel::ideal(),
             Self::Hg1700 => ErrorModel::hg1700(),
             Self::Mems => ErrorModel::mems(),
         }
@@ -91,6 +62,13 @@ impl DriveConfig {
             },
             initial_rest_s: Some([30.0, 120.0]),
         }
+    }
+
+    /// The same with sensors and a receiver without errors.
+    pub fn ideal(seed: u64, minutes: f64) -> Self {
+        let mut config = Self::new(seed, Grade::Hg1700, minutes);
+        config.recording.errors = ErrorModel::ideal();
+        config
     }
 }
 

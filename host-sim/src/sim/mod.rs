@@ -19,7 +19,7 @@ pub mod recorded;
 pub mod vehicles;
 
 pub use drive::{
-    DriveConfig, Grade, SensorErrors, SimulatedDrive, mean_up, record, record_with, simulate,
+    DriveConfig, SensorErrors, SimulatedDrive, mean_up, record, record_with, simulate,
 };
 pub use errors::ErrorModel;
 pub use motion::{Kinematics, Motion};

@@ -12,7 +12,7 @@ use serde::Serialize;
 use crate::identify::configure;
 use crate::identify::error_model::filter::{Candidate, Class, Dynamics};
 use crate::identify::error_model::fit;
-use crate::identify::error_model::identified::{class as error_model_of, in_file};
+use crate::identify::error_model::identified::in_file;
 use crate::identify::error_model::interval::Interval;
 use crate::identify::error_model::{Identified, Parameter, Record};
 use crate::identify::quantities::DEG_H_RADPS;
@@ -24,7 +24,7 @@ use crate::page::{self, output};
 use crate::sim::errors::{BiasModel, Law};
 use crate::sim::receiver::Correlated;
 use crate::sim::vehicles::{Begin, Plane};
-use crate::sim::{self, DriveConfig, ErrorModel, SimulatedDrive, record, simulate};
+use crate::sim::{DriveConfig, ErrorModel, SimulatedDrive, record, simulate};
 
 /// Names of the files; the first marks a folder as ours.
 pub const JSON: &str = "recovery.json";
@@ -76,7 +76,7 @@ struct Unit {
 /// A class with gyro biases that move: by some of what the noise of minutes hides in ring lasers, by
 /// more than that in MEMS.
 pub fn truth(class: Grade, law: Law) -> ErrorModel {
-    let mut model = error_model_of(class);
+    let mut model = class.errors();
     model.gnss.habits.velocity = GNSS_MEMORY;
     let [initial_sigma, moves] = match (class, law) {
         (Grade::Hg1700, Law::Wave) => [1.0, 2.0],
@@ -206,7 +206,7 @@ pub(crate) fn flight_record(seed: u64, model: &ErrorModel, grade: Grade, minutes
 }
 
 fn drive(seed: u64, model: &ErrorModel, minutes: f64) -> DriveConfig {
-    let mut config = DriveConfig::new(seed, sim::Grade::default(), minutes);
+    let mut config = DriveConfig::new(seed, Grade::Hg1700, minutes);
     config.recording.errors = model.clone();
     config
 }

@@ -13,7 +13,8 @@ use crate::compare::kalman::{self, Filter, index};
 use crate::identify::configure;
 use crate::identify::free_inertial::known;
 use crate::identify::quantities::DEG_H_RADPS;
-use crate::sim::{Grade, SimulatedDrive};
+use crate::log::Grade;
+use crate::sim::SimulatedDrive;
 
 /// Standard gravity: of an accelerometer's bias to the tilt it makes, m/s^2.
 const GRAVITY_MPS2: f64 = 9.81;
@@ -81,7 +82,7 @@ pub fn drive<S: Subject>(
 pub fn config_of(grade: Grade) -> Config {
     let errors = grade.errors();
     let (gyros, accels) = (&errors.gyro_deg_h, &errors.accel_mps2);
-    let mut config = configure::config_of(grade.class(), errors.imu.output, None);
+    let mut config = configure::config_of(grade, errors.imu.output, None);
     let sensors = &mut config.sensors;
     sensors.gyro_noise = (gyros.noise_times).map(|times| times * gyros.white_noise * DEG_H_RADPS);
     sensors.accel_noise = accels.noise_times.map(|times| times * accels.white_noise);

@@ -6,8 +6,8 @@
 use std::process::ExitCode;
 
 use host_sim::hil::Board;
+use host_sim::log::Grade;
 use host_sim::page::table::markdown;
-use host_sim::sim::Grade;
 use ins_tests::firmware::FOR_SIZE;
 use ins_tests::footprint::{Footprint, goal, ours, peer};
 

@@ -263,8 +263,9 @@ mod tests {
     use super::*;
     use crate::compare::kalman::index;
     use crate::identify::configure::config_of;
+    use crate::log::Grade;
     use crate::sim::errors::Outage;
-    use crate::sim::{DriveConfig, Grade, simulate};
+    use crate::sim::{DriveConfig, simulate};
 
     #[test]
     fn the_heading_of_the_start_is_not_given_again_after_a_hole() {
@@ -277,7 +278,7 @@ mod tests {
         let noise = Noise::of_model(model);
         let output = model.imu.output;
         let drive = simulate(&with_hole);
-        let config = config_of(Grade::Hg1700.class(), output, drive.given_heading_rad);
+        let config = config_of(Grade::Hg1700, output, drive.given_heading_rad);
         let mut run = Run::new(&drive.imu, &drive.gnss, config, noise).unwrap();
         run.finish();
         let filter = run.filter().expect("aligned again");

@@ -10,10 +10,10 @@ use super::rest_noise::RestNoise;
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::log::Grade;
 use crate::page::digits;
+use crate::sim::ErrorModel;
 use crate::sim::errors::{BiasModel, Law};
 use crate::sim::noise::Random;
 use crate::sim::receiver::Correlated;
-use crate::sim::{self, ErrorModel};
 
 /// One parameter of the file, in its unit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -98,7 +98,7 @@ pub struct Identified {
 impl Identified {
     /// Of at least one drive; `law` is that of the gyro biases, or the likelier.
     pub fn new(records: &[Record], grade: Grade, law: Option<Law>) -> Self {
-        let class = class(grade);
+        let class = grade.errors();
         let accel_at_rest = RestNoise::new(records, |block| block.force_mps2);
         let class_noise = class.accel_mps2.white_noise;
         let known_noise = accel_at_rest.map_or(class_noise, |noise| noise.density.value);
@@ -304,7 +304,7 @@ impl Identified {
 
     /// The model that flights and drives take; what was not found is that of the class.
     pub fn model(&self) -> ErrorModel {
-        let mut model = class(self.grade);
+        let mut model = self.grade.errors();
         if let Some(noise) = self.gyro_noise_at_rest() {
             model.gyro_deg_h.white_noise = noise.value;
         }
@@ -453,10 +453,6 @@ fn parameter(
         observable,
         why: if observable { "" } else { missing },
     }
-}
-
-pub fn class(grade: Grade) -> ErrorModel {
-    sim::Grade::from(grade).errors()
 }
 
 /// With the spread of the class where nothing bounds that of the unit.

@@ -22,8 +22,9 @@ use super::subject::{self, Core, Kalman, Subject};
 use crate::compare::kalman::Noise;
 use crate::identify::free_inertial::known;
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
+use crate::log::Grade;
 use crate::page::progress::counted;
-use crate::sim::{DriveConfig, ErrorModel, Grade, SimulatedDrive, simulate};
+use crate::sim::{DriveConfig, ErrorModel, SimulatedDrive, simulate};
 
 /// Interval at which the errors of a run are looked at, s.
 pub const EVERY_S: f64 = 10.0;

@@ -129,7 +129,7 @@ fn spread(runs: &[Run], check: usize) -> Option<Spread> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::Grade;
+    use crate::log::Grade;
 
     /// Runs whose errors are the given ones, for every quantity alike; sigma is 1.
     fn runs(errors: &[&[f64]]) -> Vec<Run> {

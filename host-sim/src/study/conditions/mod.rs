@@ -19,8 +19,8 @@ pub use world::{Vehicle, World};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 
+use crate::log::Grade;
 use crate::page::progress::counted;
-use crate::sim::Grade;
 
 /// Every kind: those to develop on, then those that judge.
 pub fn all() -> impl Iterator<Item = &'static Kind> {

@@ -3,9 +3,9 @@
 use miette::Result;
 
 use super::statistics::{Beside, Results, Row, Totals};
+use crate::log::Grade;
 use crate::page;
 use crate::page::table::{Table, heads};
-use crate::sim::Grade;
 
 /// Quantities that are named as worst.
 const WORST: usize = 10;
@@ -34,7 +34,7 @@ pub fn totals(results: &[Results]) -> Vec<Totals> {
     let one = |(judge, name): (bool, &str), class: Option<Grade>| {
         let of = |r: &&Results| r.judge == judge && class.is_none_or(|class| r.class == class);
         let group: Vec<&Results> = results.iter().filter(of).collect();
-        let name = class.map_or(name.to_owned(), |class| format!("{name}, {}", short(class)));
+        let name = class.map_or(name.to_owned(), |class| format!("{name}, {}", class.name()));
         Totals::new(&name, &group)
     };
     let each = groups.into_iter().flat_map(|group| {
@@ -137,7 +137,7 @@ fn kind(result: &Results) -> String {
     format!(
         "{}, {}: {}\n{}",
         result.kind,
-        short(result.class),
+        result.class.name(),
         result.what,
         table.plain()
     )
@@ -208,11 +208,7 @@ pub fn csv(results: &[Results]) -> Result<String> {
 /// Kind, class and use.
 fn names(result: &Results) -> [String; 3] {
     let side = if result.judge { "judge" } else { "develop" };
-    [result.kind, short(result.class), side].map(str::to_owned)
-}
-
-pub fn short(class: Grade) -> &'static str {
-    class.class().name()
+    [result.kind, result.class.name(), side].map(str::to_owned)
 }
 
 fn part((of, all): (usize, usize)) -> String {

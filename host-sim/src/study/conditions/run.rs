@@ -8,7 +8,8 @@ use serde::Serialize;
 use super::quantities::{QUANTITIES, index};
 use super::truth::Truth;
 use super::{Kind, World, told};
-use crate::sim::{Grade, SimulatedDrive};
+use crate::log::Grade;
+use crate::sim::SimulatedDrive;
 use crate::statistics::root_mean;
 use crate::study::subject::{self, Claim, Claims, Core, Kalman, Subject};
 

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::quantities::{QUANTITIES, index};
 use super::run::{Check, Run, Tried};
 use super::{Kind, Quantity};
-use crate::sim::Grade;
+use crate::log::Grade;
 use crate::statistics::{geometric_mean, rms_of_any};
 
 /// An error beyond so many of its own sigmas is wrong.

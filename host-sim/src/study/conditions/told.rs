@@ -169,7 +169,7 @@ fn own(fix: GnssFix, habits: &Habits) -> GnssFix {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::Grade;
+    use crate::log::Grade;
 
     /// What the filter gets of a receiver with these habits, and what there is of one without.
     fn told_and_plain(change: impl Fn(&mut World)) -> [Vec<GnssFix>; 2] {

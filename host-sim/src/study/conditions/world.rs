@@ -6,6 +6,7 @@ use ins_core::Time;
 use ins_core::earth::Geodetic;
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 
+use crate::log::Grade;
 use crate::sim::car::{Car, Way};
 use crate::sim::drive::Recording;
 use crate::sim::errors::{ErrorModel, Outage};
@@ -13,7 +14,7 @@ use crate::sim::motion::{Mounted, Shaken, Slip, Swing, When};
 use crate::sim::noise::Random;
 use crate::sim::receiver::{Correlated, Habits, Outliers, Stated, Trouble, Wrong};
 use crate::sim::vehicles::{Anchored, Begin, Boat, Plane, Quadrotor, Walker};
-use crate::sim::{Grade, Motion, SimulatedDrive, record};
+use crate::sim::{Motion, SimulatedDrive, record};
 
 /// The truth is looked at ten times a second.
 const TRUTH_HZ: f64 = 10.0;

@@ -239,7 +239,7 @@ fn turn_world(log: &mut Log) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::{self, DriveConfig, simulate};
+    use crate::sim::{DriveConfig, simulate};
 
     fn end(log: &Log) -> tracks::Point {
         let config = configure::config(log, Grade::Mems);
@@ -249,7 +249,7 @@ mod tests {
 
     #[test]
     fn what_is_found_follows_a_log_that_is_altered() {
-        let drive = simulate(&DriveConfig::new(3, sim::Grade::Mems, 12.0));
+        let drive = simulate(&DriveConfig::new(3, Grade::Mems, 12.0));
         let log = drive.into_log(BodyAxes::Rfu, ImuOutput::Rates);
         let end = end(&log);
         let altered = test(&log, Grade::Mems, &end).unwrap();

@@ -39,7 +39,7 @@ pub(super) struct Drive {
 /// A drive as a log, and what a navigator is told of it.
 pub(super) fn log_of(drive: SimulatedDrive) -> (Log, Config) {
     let output = accuracy::config_of(GRADE).imu_output;
-    let config = config_of(GRADE.class(), output, drive.given_heading_rad);
+    let config = config_of(GRADE, output, drive.given_heading_rad);
     (drive.into_log(BodyAxes::Rfu, output), config)
 }
 

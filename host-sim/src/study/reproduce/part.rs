@@ -8,10 +8,10 @@ use minijinja::context;
 use minijinja::value::{Serde, Value};
 use serde::Serialize;
 
+use crate::log::Grade;
 use crate::page::html::fill;
 use crate::page::table::{Table, heads};
 use crate::page::{self, brief, output};
-use crate::sim::Grade;
 
 /// Name of the file that marks the folder as ours.
 pub const JSON: &str = "reproduce.json";

@@ -14,7 +14,7 @@ use crate::identify::error_model::{Identified, Record};
 use crate::identify::held_ins::HeldIns;
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::identify::row::Row;
-use crate::log::{self, Log};
+use crate::log::Log;
 use crate::page::plot::{BLUE, GREEN, GREY, Mark, ORANGE, RED, padded};
 use crate::page::sheet::{self, Panel};
 use crate::sim::car::Car;
@@ -230,7 +230,7 @@ pub(super) fn figure_9(settings: &Settings, drives: &[Drive], route: &Route) -> 
     let records: Vec<Record> = (drives.iter())
         .map(|drive| Record::new(&drive.log, &drive.found))
         .collect();
-    let model = Identified::new(&records, log::Grade::Hg1700, None).model();
+    let model = Identified::new(&records, GRADE, None).model();
     let run = flown(settings.seed, settings.flight_minutes, route, &model)?;
     let errors = free(&run);
     // Horizontal velocities of GNSS and of the INS, and the error of the latter.

@@ -10,7 +10,7 @@ use host_sim::page::brief;
 use host_sim::page::table::{heads, markdown};
 use host_sim::sim::car::Car;
 use host_sim::sim::ideal::strapdown_errors;
-use host_sim::sim::{DriveConfig, ErrorModel, Grade};
+use host_sim::sim::{DriveConfig, ErrorModel};
 use host_sim::study::flights::{self, Settings};
 use host_sim::study::reproduce::{PerformanceRow, performance};
 use indicatif::ProgressBar;
@@ -56,7 +56,7 @@ pub fn error_free(root: &Path) -> Result<String> {
 }
 
 fn drive() -> [f64; 3] {
-    let config = DriveConfig::new(1, Grade::Ideal, f64::from(HOUR_S) / 60.0);
+    let config = DriveConfig::ideal(1, f64::from(HOUR_S) / 60.0);
     let recording = config.recording;
     let car = Car::new(recording.seed, recording.duration_s, config.initial_rest_s);
     strapdown_errors(car, recording.origin, 100, HOUR_S)

@@ -3,12 +3,10 @@
 
 use std::ops::Range;
 
+use host_sim::log::Grade;
 use host_sim::page::brief;
 use host_sim::page::table::{Table, heads, markdown};
-use host_sim::sim::Grade;
-use host_sim::study::conditions::output::{
-    overview_table, short, totals, totals_table, worst_table,
-};
+use host_sim::study::conditions::output::{overview_table, totals, totals_table, worst_table};
 use host_sim::study::conditions::{QUANTITIES, Quantity, Results, Row, Study, Trial, all};
 use indicatif::ProgressBar;
 
@@ -55,7 +53,7 @@ pub fn summary(results: &[Results]) -> String {
     let classes = [Grade::Mems, Grade::Hg1700];
     let mut header = heads("| unit");
     for class in classes {
-        let class = short(class);
+        let class = class.name();
         header.extend(["error", "error/sigma", "wrong and sure"].map(|h| format!("{class}: {h}")));
     }
     let rows = SUMMARY.map(|(name, range)| {

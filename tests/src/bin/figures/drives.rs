@@ -5,11 +5,11 @@ use std::path::Path;
 use host_sim::compare::kalman::Noise;
 use host_sim::compare::{Cost, measure_costs};
 use host_sim::identify::configure;
-use host_sim::log::{BodyAxes, Log};
+use host_sim::log::{BodyAxes, Grade, Log};
 use host_sim::page::brief;
 use host_sim::page::table::{heads, markdown};
 use host_sim::sim::errors::BiasModel;
-use host_sim::sim::{DriveConfig, ErrorModel, Grade, simulate};
+use host_sim::sim::{DriveConfig, ErrorModel, simulate};
 use host_sim::study::accuracy::{Results, Study, picture};
 use indicatif::ProgressBar;
 use ins_core::Config;
@@ -224,7 +224,7 @@ fn costs() -> Result<String> {
         truth: Vec::new(),
         ..drive.into_log(BodyAxes::Rfu, Grade::Hg1700.errors().imu.output)
     };
-    let config = configure::config(&log, Grade::Hg1700.class());
+    let config = configure::config(&log, Grade::Hg1700);
     let noise = Noise::of_model(&Grade::Hg1700.errors());
     let costs =
         measure_costs(&log, config, noise).map_err(|error| miette!("cannot be run: {}", error))?;

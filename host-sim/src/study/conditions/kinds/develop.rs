@@ -6,7 +6,7 @@ use ins_core::ImuOutput;
 
 use super::shakes;
 use super::{BOTH, Kind, MEMS, in_company, kinds};
-use crate::sim::Grade;
+use crate::log::Grade;
 use crate::sim::car::Way;
 use crate::sim::errors::BiasModel;
 use crate::sim::motion::When;
@@ -164,7 +164,7 @@ kinds! { judge: false,
     "biases move by some of their run-to-run spread as the unit warms up, within 150 s" => |w| {
         let (gyro_deg_h, accel_mps2) = match w.class {
             Grade::Mems => (300.0, 0.05),
-            Grade::Ideal | Grade::Hg1700 => (1.0, 0.005),
+            Grade::Hg1700 => (1.0, 0.005),
         };
         w.errors.gyro_deg_h.warming_sigma = gyro_deg_h;
         w.errors.accel_mps2.warming_sigma = accel_mps2;

@@ -4,7 +4,7 @@ pub mod develop;
 pub mod judge;
 mod shakes;
 
-use crate::sim::Grade;
+use crate::log::Grade;
 use crate::study::conditions::world::World;
 
 pub(super) const BOTH: &[Grade] = &[Grade::Mems, Grade::Hg1700];
