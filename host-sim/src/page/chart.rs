@@ -7,16 +7,9 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use plotly::color::Rgba;
-use plotly::common::{
-    Anchor, AxisSide, DashType, ErrorData, ErrorType, ExponentFormat, Fill, Font, HoverInfo, Label,
-    Line, Marker, MarkerSymbol, Mode, Orientation,
-};
-use plotly::configuration::{Configuration, ModeBarButtonName};
-use plotly::layout::{Axis, AxisType, HoverMode, Layout, Legend, Margin, ModeBar, TicksDirection};
-use plotly::{Plot, Scatter, Trace};
 use plotters::style::RGBColor;
 use serde::Serialize;
+use serde_json::{Value, json};
 
 use super::plot::{GREY, decades};
 use super::significant;
@@ -35,7 +28,7 @@ pub(crate) const BREAK: Point = (f64::NAN, f64::NAN);
 
 /// plotly.js, packed and in base64: a third of its size.
 pub(crate) static SCRIPT: LazyLock<String> = LazyLock::new(|| {
-    let sources = Plot::offline_js_sources();
+    let sources = plotly::Plot::offline_js_sources();
     // The first of two scripts; the other sets formulas, which no plot has.
     let script = sources.split("</script>").next().unwrap_or_default();
     let code = script.split_once('>').map_or("", |(_, code)| code);
@@ -59,38 +52,36 @@ pub(crate) struct Figure {
     tall: bool,
 }
 
-/// A plot that is being put together, from back to front.
+/// A plot that is being put together, from back to front: objects of plotly.js.
 pub(crate) struct Chart {
     figure: Figure,
-    x: Axis,
-    y: Axis,
+    x: Value,
+    y: Value,
     shaded: bool,
-    plot: Plot,
+    data: Vec<Value>,
 }
 
 impl Chart {
     /// Over the time since the first sample.
     pub(crate) fn over_time(title: impl Into<String>, unit: &str, duration_s: f64) -> Self {
         let mut chart = Self::new(title, "time, s", unit);
-        chart.x = chart.x.range(vec![0.0, duration_s]);
+        chart.x = and(chart.x, json!({ "range": [0.0, duration_s] }));
         chart.figure.over_time = true;
         chart
     }
 
     pub(crate) fn new(title: impl Into<String>, x: &str, y: &str) -> Self {
+        // Labels keep off those of the x axis in the corner.
+        let ticks = json!({ "ticks": "outside", "ticklen": 5, "tickcolor": NONE });
         Self {
             figure: Figure {
                 title: title.into(),
                 ..Figure::default()
             },
             x: axis(x),
-            // Labels keep off those of the x axis in the corner.
-            y: axis(y)
-                .ticks(TicksDirection::Outside)
-                .tick_length(5)
-                .tick_color(NONE),
+            y: and(axis(y), ticks),
             shaded: false,
-            plot: Plot::new(),
+            data: Vec::new(),
         }
     }
 
@@ -101,29 +92,30 @@ impl Chart {
 
     /// Ends of the y axis; without, all is shown.
     pub(crate) fn range(mut self, (low, high): (f64, f64)) -> Self {
-        self.y = self.y.range(vec![low, high]);
+        self.y = and(self.y, json!({ "range": [low, high] }));
         self
     }
 
     /// Counts from one to so many along x.
     pub(crate) fn counted(mut self, most: usize) -> Self {
-        self.x = self.x.dtick(1.0).range(vec![0.5, most as f64 + 0.5]);
+        let counts = json!({ "dtick": 1.0, "range": [0.5, most as f64 + 0.5] });
+        self.x = and(self.x, counts);
         self
     }
 
     pub(crate) fn logarithmic_y(mut self, values: impl Iterator<Item = f64>) -> Self {
-        self.y = logarithmic(self.y, values);
+        self.y = and(self.y, logarithmic(values));
         self
     }
 
     pub(crate) fn logarithmic_x(mut self, values: impl Iterator<Item = f64>) -> Self {
-        self.x = logarithmic(self.x, values);
+        self.x = and(self.x, logarithmic(values));
         self
     }
 
     /// Degrees of a circle along y.
     pub(crate) fn circle(mut self) -> Self {
-        self.y = self.y.range(vec![-10.0, 370.0]).dtick(90.0);
+        self.y = and(self.y, json!({ "range": [-10.0, 370.0], "dtick": 90.0 }));
         self
     }
 
@@ -137,67 +129,62 @@ impl Chart {
     pub(crate) fn map(title: &str, ratio: f64) -> Self {
         let map = Self::new(title, "", "").note("longitude and latitude, deg");
         let map = map.tall();
+        let scale = json!({ "tickformat": ".5~f", "scaleanchor": "x", "scaleratio": ratio });
         Self {
-            x: map.x.tick_format(".5~f").n_ticks(5),
-            y: map
-                .y
-                .tick_format(".5~f")
-                .scale_anchor("x")
-                .scale_ratio(ratio),
+            x: and(map.x, json!({ "tickformat": ".5~f", "nticks": 5 })),
+            y: and(map.y, scale),
             ..map
         }
     }
 
     /// A curve; NaN breaks it.
     pub(crate) fn line(self, name: &str, colour: RGBColor, points: &[Point]) -> Self {
-        self.drawn(name, points, stroke(1.5, colour, 1.0))
+        self.curve(name, points, stroke(1.5, colour, 1.0))
     }
 
     /// A curve that stays in the background.
     pub(crate) fn reference(self, name: &str, colour: RGBColor, points: &[Point]) -> Self {
-        self.drawn(name, points, stroke(1.0, colour, 0.8).dash(DashType::Dot))
+        let mut thin = stroke(1.0, colour, 0.8);
+        thin["line"]["dash"] = "dot".into();
+        self.curve(name, points, thin)
     }
 
     /// A curve of noise: pale.
     pub(crate) fn noise(self, name: &str, colour: RGBColor, points: &[Point]) -> Self {
-        self.drawn(name, points, stroke(1.0, colour, 0.7))
+        self.curve(name, points, stroke(1.0, colour, 0.7))
     }
 
     /// One sigma to both sides of zero.
     pub(crate) fn expected(self, name: &str, colour: RGBColor, sigmas: &[Point]) -> Self {
         let side = |sign: f64| sigmas.iter().map(move |&(x, sigma)| (x, sign * sigma));
         let both: Vec<Point> = side(1.0).chain([BREAK]).chain(side(-1.0)).collect();
-        self.drawn(name, &both, stroke(2.0, colour, 1.0))
+        self.curve(name, &both, stroke(2.0, colour, 1.0))
     }
 
     /// A curve in a band of one sigma; both are switched together.
     pub(crate) fn band(self, name: &str, colour: RGBColor, points: &[Spread]) -> Self {
         let sigmas: Vec<f64> = points.iter().map(|p| significant(2, p.2)).collect();
         let values: Vec<Point> = points.iter().map(|p| (p.0, p.1)).collect();
-        let line = self
-            .curve(name, &values)
-            .line(stroke(1.5, colour, 1.0))
-            .custom_data(sigmas)
-            .hover_template("%{y} \u{b1} %{customdata}")
-            .legend_group(name);
-        let area = self
-            .area(name, &outline(points), css(colour, 0.18))
-            .legend_group(name)
-            .show_legend(false);
-        self.with(area).with(line)
+        let around = json!({ "legendgroup": name, "showlegend": false });
+        let line = json!({
+            "legendgroup": name,
+            "customdata": sigmas,
+            "hovertemplate": "%{y} \u{b1} %{customdata}",
+        });
+        self.area(name, &outline(points), &css(colour, 0.18), around)
+            .curve(name, &values, and(stroke(1.5, colour, 1.0), line))
     }
 
-    /// Points by themselves, each with a text.
+    /// Points by themselves, each with a text; symbols have plotly's names.
     pub(crate) fn marks(
         self,
         name: &str,
         colour: RGBColor,
-        symbol: MarkerSymbol,
+        symbol: &str,
         points: &[(Point, String)],
     ) -> Self {
-        let marker = Marker::new().size(9).symbol(symbol).color(css(colour, 1.0));
-        let marks = self.points(name, marker, points.iter().cloned());
-        self.with(marks)
+        let marker = json!({ "size": 9, "symbol": symbol, "color": css(colour, 1.0) });
+        self.points(name, json!({ "marker": marker }), points.iter().cloned())
     }
 
     /// Points with one sigma each, and a text.
@@ -207,14 +194,14 @@ impl Chart {
         colour: RGBColor,
         points: &[(Spread, String)],
     ) -> Self {
-        let marker = Marker::new().size(8).color(css(colour, 1.0));
-        let sigmas = points.iter().map(|(spread, _)| spread.2).collect();
+        let sigmas: Vec<f64> = points.iter().map(|(spread, _)| spread.2).collect();
+        let look = json!({
+            "marker": { "size": 8, "color": css(colour, 1.0) },
+            "error_y": { "type": "data", "array": sigmas },
+        });
         let places = points.iter();
         let places = places.map(|((x, value, _), text)| ((*x, *value), text.clone()));
-        let bars = self
-            .points(name, marker, places)
-            .error_y(ErrorData::new(ErrorType::Data).array(sigmas));
-        self.with(bars)
+        self.points(name, look, places)
     }
 
     /// Intervals of x over the whole height.
@@ -222,16 +209,35 @@ impl Chart {
         let bars = |&(from, to): &Point| [(from, 0.0), (from, 1.0), (to, 1.0), (to, 0.0), BREAK];
         let bars: Vec<Point> = intervals.iter().flat_map(bars).collect();
         self.shaded = true;
-        let area = self.area(name, &bars, css(GREY, 0.22)).y_axis("y2");
-        self.with(area)
+        self.area(name, &bars, &css(GREY, 0.22), json!({ "yaxis": "y2" }))
     }
 
-    fn drawn(self, name: &str, points: &[Point], line: Line) -> Self {
-        let curve = self.curve(name, points).line(line);
-        self.with(curve)
+    fn area(self, name: &str, outline: &[Point], colour: &str, look: Value) -> Self {
+        let area = json!({
+            "line": { "width": 0.0 },
+            "fill": "toself",
+            "fillcolor": colour,
+            "hoverinfo": "skip",
+        });
+        self.curve(name, outline, and(area, look))
     }
 
-    fn curve(&self, name: &str, points: &[Point]) -> Box<Scatter<f64, f64>> {
+    fn points(
+        self,
+        name: &str,
+        look: Value,
+        points: impl Iterator<Item = (Point, String)>,
+    ) -> Self {
+        let (places, texts): (Vec<Point>, Vec<String>) = points.unzip();
+        let marks = json!({
+            "mode": "markers",
+            "hovertext": texts,
+            "hovertemplate": "%{hovertext}",
+        });
+        self.curve(name, &places, and(marks, look))
+    }
+
+    fn curve(mut self, name: &str, points: &[Point], look: Value) -> Self {
         let digits = if self.figure.tall {
             FINE_DIGITS
         } else {
@@ -239,92 +245,57 @@ impl Chart {
         };
         let xs = points.iter().map(|p| significant(FINE_DIGITS, p.0));
         let ys = points.iter().map(|p| significant(digits, p.1));
-        Scatter::new(xs.collect(), ys.collect())
-            .mode(Mode::Lines)
-            .name(name)
-    }
-
-    fn area(&self, name: &str, outline: &[Point], colour: Rgba) -> Box<Scatter<f64, f64>> {
-        self.curve(name, outline)
-            .line(Line::new().width(0.0))
-            .fill(Fill::ToSelf)
-            .fill_color(colour)
-            .hover_info(HoverInfo::Skip)
-    }
-
-    fn points(
-        &self,
-        name: &str,
-        marker: Marker,
-        points: impl Iterator<Item = (Point, String)>,
-    ) -> Box<Scatter<f64, f64>> {
-        let (places, texts): (Vec<Point>, Vec<String>) = points.unzip();
-        self.curve(name, &places)
-            .mode(Mode::Markers)
-            .marker(marker)
-            .hover_text_array(texts)
-            .hover_template("%{hovertext}")
-    }
-
-    fn with(mut self, trace: Box<dyn Trace>) -> Self {
-        self.plot.add_trace(trace);
+        let curve = json!({
+            "type": "scatter",
+            "mode": "lines",
+            "name": name,
+            "x": xs.collect::<Vec<_>>(),
+            "y": ys.collect::<Vec<_>>(),
+        });
+        self.data.push(and(curve, look));
         self
     }
 
     pub(crate) fn figure(self) -> Figure {
-        let mut layout = Layout::new()
-            .x_axis(self.x)
-            .y_axis(self.y)
-            .hover_mode(if self.figure.tall {
-                HoverMode::Closest
-            } else {
-                HoverMode::XUnified
-            })
-            .hover_label(
-                Label::new()
-                    .background_color(css(RGBColor(255, 255, 255), 0.95))
-                    .font(Font::new().color(css(RGBColor(31, 35, 40), 1.0))),
-            )
-            .margin(Margin::new().left(64).right(12).top(8).bottom(44))
-            .show_legend(true)
-            .legend(
-                Legend::new()
-                    .orientation(Orientation::Horizontal)
-                    .x(0.0)
-                    .y(1.02)
-                    .y_anchor(Anchor::Bottom),
-            )
-            .mode_bar(
-                ModeBar::new()
-                    .orientation(Orientation::Vertical)
-                    .background_color(NONE),
-            )
-            .font(Font::new().size(12).color(css(GREY, 1.0)))
-            .paper_background_color(NONE)
-            .plot_background_color(NONE);
+        let hover = if self.figure.tall {
+            "closest"
+        } else {
+            "x unified"
+        };
+        let mut layout = json!({
+            "xaxis": self.x,
+            "yaxis": self.y,
+            "hovermode": hover,
+            "hoverlabel": {
+                "bgcolor": "rgba(255, 255, 255, 0.95)",
+                "font": { "color": "rgba(31, 35, 40, 1)" },
+            },
+            "margin": { "l": 64, "r": 12, "t": 8, "b": 44 },
+            "showlegend": true,
+            "legend": { "orientation": "h", "x": 0.0, "y": 1.02, "yanchor": "bottom" },
+            "modebar": { "orientation": "v", "bgcolor": NONE },
+            "font": { "size": 12, "color": css(GREY, 1.0) },
+            "paper_bgcolor": NONE,
+            "plot_bgcolor": NONE,
+        });
         if self.shaded {
-            let whole = Axis::new()
-                .overlaying("y")
-                .side(AxisSide::Right)
-                .range(vec![0.0, 1.0])
-                .fixed_range(true)
-                .visible(false);
-            layout = layout.y_axis2(whole);
+            layout["yaxis2"] = json!({
+                "overlaying": "y",
+                "side": "right",
+                "range": [0.0, 1.0],
+                "fixedrange": true,
+                "visible": false,
+            });
         }
-        let mut plot = self.plot;
-        plot.set_layout(layout);
-        plot.set_configuration(
-            Configuration::new()
-                .responsive(true)
-                .display_logo(false)
-                .mode_bar_buttons_to_remove(vec![
-                    ModeBarButtonName::Select2d,
-                    ModeBarButtonName::Lasso2d,
-                ]),
-        );
+        let config = json!({
+            "responsive": true,
+            "displaylogo": false,
+            "modeBarButtonsToRemove": ["select2d", "lasso2d"],
+        });
+        let plot = json!({ "data": self.data, "layout": layout, "config": config });
         Figure {
             // The page must not end where a name has a tag.
-            json: plot.to_json().replace('<', "\\u003c"),
+            json: plot.to_string().replace('<', "\\u003c"),
             ..self.figure
         }
     }
@@ -332,18 +303,27 @@ impl Chart {
 
 const NONE: &str = "rgba(0,0,0,0)";
 
-fn axis(title: &str) -> Axis {
-    Axis::new()
-        .title(title)
-        .auto_margin(true)
-        .zero_line(false)
-        .grid_color(css(GREY, 0.25))
-        .exponent_format(ExponentFormat::None)
-        .n_ticks(7)
+/// An object with more keys.
+fn and(mut object: Value, more: Value) -> Value {
+    if let (Value::Object(keys), Value::Object(more)) = (&mut object, more) {
+        keys.extend(more);
+    }
+    object
+}
+
+fn axis(title: &str) -> Value {
+    json!({
+        "title": { "text": title },
+        "automargin": true,
+        "zeroline": false,
+        "gridcolor": css(GREY, 0.25),
+        "exponentformat": "none",
+        "nticks": 7,
+    })
 }
 
 /// With so few labels that they stand apart.
-fn logarithmic(axis: Axis, values: impl Iterator<Item = f64>) -> Axis {
+fn logarithmic(values: impl Iterator<Item = f64>) -> Value {
     let positive = values.filter(|value| *value > 0.0);
     let (low, high) = positive.fold((f64::MAX, 0.0), |(low, high): Point, value| {
         (low.min(value), high.max(value))
@@ -353,18 +333,20 @@ fn logarithmic(axis: Axis, values: impl Iterator<Item = f64>) -> Axis {
     } else {
         (0.1, 10.0)
     };
-    axis.type_(AxisType::Log)
-        .range(vec![ends.0.log10(), ends.1.log10()])
-        .tick_values(decades(ends))
-        .tick_format("~g")
+    json!({
+        "type": "log",
+        "range": [ends.0.log10(), ends.1.log10()],
+        "tickvals": decades(ends),
+        "tickformat": "~g",
+    })
 }
 
-fn stroke(width: f64, colour: RGBColor, opacity: f64) -> Line {
-    Line::new().width(width).color(css(colour, opacity))
+fn stroke(width: f64, colour: RGBColor, opacity: f64) -> Value {
+    json!({ "line": { "width": width, "color": css(colour, opacity) } })
 }
 
-fn css(RGBColor(red, green, blue): RGBColor, opacity: f64) -> Rgba {
-    Rgba::new(red, green, blue, opacity)
+fn css(RGBColor(red, green, blue): RGBColor, opacity: f64) -> String {
+    format!("rgba({red}, {green}, {blue}, {opacity})")
 }
 
 /// The least and the greatest of so many points each that no more than [`MOST_POINTS`] are left.

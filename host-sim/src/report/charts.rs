@@ -2,7 +2,6 @@
 
 use ins_core::earth::Geodetic;
 use ins_core::{Manoeuvre, Phase, Solution, SolutionSigma, Time};
-use plotly::common::MarkerSymbol;
 use plotters::style::RGBColor;
 
 use crate::compare::five_stage::Stage;
@@ -273,13 +272,8 @@ impl<'a> Charts<'a> {
         }
         let mark = |place, text: &str| [(place, text.to_owned())];
         chart = chart
-            .marks(
-                "start",
-                GREEN,
-                MarkerSymbol::TriangleUp,
-                &mark(start, "start"),
-            )
-            .marks("end", RED, MarkerSymbol::Square, &mark(end, "end"));
+            .marks("start", GREEN, "triangle-up", &mark(start, "start"))
+            .marks("end", RED, "square", &mark(end, "end"));
         Some(chart.figure())
     }
 
@@ -416,7 +410,7 @@ impl<'a> Charts<'a> {
             .logarithmic_y(fix_steps.iter().map(|step| step.1));
         if !refused.is_empty() {
             let shown = sampled(&refused, MOST_REFUSED);
-            chart = chart.marks("refused", RED, MarkerSymbol::X, &shown);
+            chart = chart.marks("refused", RED, "x", &shown);
         }
         let mut sample_steps = Thinner::new(log.imu.len().saturating_sub(1));
         for [last, sample] in log.imu.pairs() {
