@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use miette::{Result, miette};
 
-use super::options::{self, Out, show};
+use super::options::{self, Out, Print};
 use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::performance::{Performance, performance};
 use crate::aircraft::pictures;
@@ -21,14 +21,19 @@ pub struct Aircraft {
     /// Folder for pictures and the table.
     #[arg(long)]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    print: Print,
+    /// Replace what an earlier run wrote.
+    #[arg(long, requires = "out")]
+    force: bool,
 }
 
 /// File name of the table; marks the folder as ours.
 const TABLE: &str = "performance.json";
 
 /// Prints the performance table and the modes of an aircraft.
-pub fn aircraft(options: &Aircraft, json: bool, force: bool) -> Result<()> {
-    let out = Out::new(options.out.as_deref(), TABLE, force)?;
+pub fn aircraft(options: &Aircraft) -> Result<()> {
+    let out = Out::new(options.out.as_deref(), TABLE, options.force)?;
     let dynamics = options::aircraft(options.aircraft.as_deref())?;
     let name = &dynamics.parameters.name;
     let table = performance(&dynamics).ok_or_else(|| {
@@ -43,7 +48,7 @@ pub fn aircraft(options: &Aircraft, json: bool, force: bool) -> Result<()> {
         output::write(folder, TABLE, page::json(&table)?)?;
         Ok(pictures::write(&drawn, folder)?)
     })?;
-    show(json, &table, || readable(&dynamics, &table))
+    options.print.result(&table, || readable(&dynamics, &table))
 }
 
 fn readable(dynamics: &Dynamics, table: &Performance) -> String {

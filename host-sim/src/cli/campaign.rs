@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use miette::{IntoDiagnostic, Result, bail};
 
-use super::options::show;
+use super::options::{Output, Print, print};
 use crate::campaign::ledger::{self, Shard};
 use crate::campaign::plan::Plan;
 use crate::campaign::run::run;
@@ -33,6 +33,8 @@ pub struct Campaign {
     #[arg(long, value_name = "JOBS", conflicts_with = "shard",
           value_parser = clap::value_parser!(u32).range(1..=10_000))]
     slurm: Option<u32>,
+    #[command(flatten)]
+    output: Output,
 }
 
 #[derive(Debug, Args)]
@@ -40,34 +42,34 @@ pub struct Merge {
     /// Folder of a campaign whose shards are done. Further folders: shards that ran elsewhere.
     #[arg(required = true)]
     folders: Vec<PathBuf>,
+    #[command(flatten)]
+    print: Print,
 }
 
 /// Runs what is missing of a campaign and says what it shows.
-pub fn campaign(options: &Campaign, json: bool, force: bool) -> Result<()> {
+pub fn campaign(options: &Campaign) -> Result<()> {
     let plan = Plan::read(&options.plan)?;
     let out = &options.out;
-    settle(&plan, out, force)?;
+    settle(&plan, out, options.output.force)?;
     if let Some(jobs) = options.slurm {
         check_parts(&plan, jobs)?;
         let sum = ["merge".to_owned(), out.display().to_string()];
         let script = slurm::write("campaign", out, jobs, Some(&sum))?;
-        println!("{}", script.display());
-        return Ok(());
+        return print(&format!("{}\n", script.display()));
     }
     let shard = options.shard.unwrap_or(Shard::ALL);
     check_parts(&plan, shard.of)?;
     run(&plan, shard, out, &bar())?;
     if shard == Shard::ALL {
-        add_up(&[out], json)
+        add_up(&[out], options.output.print)
     } else {
-        println!("{} is done", out.join(shard.file()).display());
-        Ok(())
+        print(&format!("{} is done\n", out.join(shard.file()).display()))
     }
 }
 
-pub fn merge(options: &Merge, json: bool) -> Result<()> {
+pub fn merge(options: &Merge) -> Result<()> {
     let folders: Vec<&PathBuf> = options.folders.iter().collect();
-    add_up(&folders, json)
+    add_up(&folders, options.print)
 }
 
 fn check_parts(plan: &Plan, parts: u32) -> Result<()> {
@@ -88,10 +90,10 @@ fn settle(plan: &Plan, out: &Path, force: bool) -> Result<()> {
     ledger::settle(out, PLAN, &text, force, same, "a campaign of another plan")
 }
 
-fn add_up(folders: &[&PathBuf], json: bool) -> Result<()> {
+fn add_up(folders: &[&PathBuf], print: Print) -> Result<()> {
     let summary = summary(folders)?;
     replace(&folders[0].join(SUMMARY), &page::json(&summary)?)?;
-    show(json, &summary, || {
+    print.result(&summary, || {
         format!(
             "{}\n{} units, {} flights of each with each model; {} flights could not be flown.\n",
             summary.table().plain(),

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use miette::Result;
 
-use super::options::{GradeChoice, refuse_same, show};
+use super::options::{GradeChoice, Output, refuse_same};
 use crate::compare::{Comparison, JSON, plain};
 use crate::page::output;
 use crate::page::progress::spinner;
@@ -20,16 +20,20 @@ pub struct Compare {
     /// Class of the sensors.
     #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
     grade: GradeChoice,
+    #[command(flatten)]
+    output: Output,
 }
 
 /// Runs every method over a log and writes how they compare.
-pub fn compare(options: &Compare, json: bool, force: bool) -> Result<()> {
-    output::check_free(&options.out, JSON, force)?;
+pub fn compare(options: &Compare) -> Result<()> {
+    output::check_free(&options.out, JSON, options.output.force)?;
     refuse_same(&options.log, &options.out)?;
     let progress = spinner("reading");
     let comparison = Comparison::of_log(&options.log, options.grade.told(), &progress)?;
-    output::build(&options.out, JSON, force, |folder| comparison.write(folder))?;
-    show(json, &comparison, || {
+    output::build(&options.out, JSON, options.output.force, |folder| {
+        comparison.write(folder)
+    })?;
+    options.output.print.result(&comparison, || {
         let report = options.out.join("report.html");
         format!("{}\nReport: {}\n", plain(&comparison), report.display())
     })

@@ -6,8 +6,8 @@ use clap::Args;
 use miette::{Result, miette};
 use serde::Serialize;
 
-use crate::cli::identify::print_analysis;
-use crate::cli::options::{GradeChoice, refuse_same};
+use crate::cli::identify::words;
+use crate::cli::options::{GradeChoice, Output, refuse_same};
 use crate::hil::bench::{Bench, ESTIMATES_EVERY, requests};
 use crate::hil::board::Target;
 use crate::hil::board_log::{self, BoardLog};
@@ -34,6 +34,8 @@ pub struct Hil {
     /// Folder for the results.
     #[arg(long)]
     out: PathBuf,
+    #[command(flatten)]
+    output: Output,
 }
 
 /// What `hil --json` prints.
@@ -45,8 +47,8 @@ struct Printed<'a> {
 
 /// Runs a log through a board, writes what the board has found, and fails unless every answer is
 /// the host's.
-pub fn hil(options: &Hil, json: bool, force: bool) -> Result<()> {
-    output::check_free(&options.out, SUMMARY, force)?;
+pub fn hil(options: &Hil) -> Result<()> {
+    output::check_free(&options.out, SUMMARY, options.output.force)?;
     refuse_same(&options.log, &options.out)?;
     let image = options.target.image()?;
     let table = image.as_deref().map(board_log::table).transpose()?;
@@ -55,24 +57,27 @@ pub fn hil(options: &Hil, json: bool, force: bool) -> Result<()> {
 
     let (hardware, analysis) = run(input, options, log.as_mut())?;
 
-    output::build(&options.out, SUMMARY, force, |folder| -> Result<()> {
-        report::write(&analysis, None, folder)?;
-        output::write(folder, "hil.json", page::json(&hardware)?)?;
-        if let Some(log) = log {
-            output::write(folder, "log.txt", log.text)?;
-        }
-        Ok(())
+    output::build(
+        &options.out,
+        SUMMARY,
+        options.output.force,
+        |folder| -> Result<()> {
+            report::write(&analysis, None, folder)?;
+            output::write(folder, "hil.json", page::json(&hardware)?)?;
+            if let Some(log) = log {
+                output::write(folder, "log.txt", log.text)?;
+            }
+            Ok(())
+        },
+    )?;
+    let printed = Printed {
+        summary: &analysis.summary,
+        hardware: &hardware,
+    };
+    options.output.print.result(&printed, || {
+        let found = words(&analysis, None, &options.out);
+        format!("{found}\n{hardware}")
     })?;
-    if json {
-        let printed = Printed {
-            summary: &analysis.summary,
-            hardware: &hardware,
-        };
-        print!("{}", page::json(&printed)?);
-    } else {
-        print_analysis(&analysis, None, &options.out, false)?;
-        print!("\n{hardware}");
-    }
     hardware.verdict()
 }
 

@@ -7,13 +7,12 @@ use clap::{Args, ValueEnum};
 use ins_core::ImuSample;
 use miette::{Result, bail};
 
-use super::options::{GradeChoice, refuse_same};
+use super::options::{GradeChoice, Output, refuse_same};
 use crate::identify::analysis::{Analysis, REPORT, SUMMARY};
 use crate::identify::error_model::allan::AtRest;
 use crate::identify::error_model::{self, Identified, Record, Sensors};
 use crate::identify::summary::Summary;
 use crate::log::Grade;
-use crate::page;
 use crate::page::output::{self, OutputError};
 use crate::page::progress::{bar, spinner};
 use crate::report;
@@ -33,6 +32,8 @@ pub(super) struct Identify {
     /// How gyro biases move.
     #[arg(long, value_enum, default_value_t = BiasChoice::Auto)]
     bias_model: BiasChoice,
+    #[command(flatten)]
+    output: Output,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -56,13 +57,15 @@ impl From<BiasChoice> for Option<Law> {
 }
 
 /// Identifies a log, or several.
-pub(super) fn identify(options: &Identify, json: bool, force: bool) -> Result<()> {
+pub(super) fn identify(options: &Identify) -> Result<()> {
     let (grade, law) = (options.grade.told(), options.bias_model.into());
     if let [log] = options.log.as_slice() {
+        let Output { print, force } = options.output;
         let (analysis, model) = identify_log(log, &options.out, grade, law, force)?;
-        print_analysis(&analysis, Some(&model), &options.out, json)
+        let told = || words(&analysis, Some(&model), &options.out);
+        print.result(&analysis.summary, told)
     } else {
-        identify_logs(options, grade, law, json, force)
+        identify_logs(options, grade, law)
     }
 }
 
@@ -101,14 +104,8 @@ pub(super) fn error_model_of(records: &[Record], grade: Grade, law: Option<Law>)
 }
 
 /// A folder for each log, and the error model of all beside them.
-fn identify_logs(
-    options: &Identify,
-    grade: Option<Grade>,
-    law: Option<Law>,
-    json: bool,
-    force: bool,
-) -> Result<()> {
-    let out = &options.out;
+fn identify_logs(options: &Identify, grade: Option<Grade>, law: Option<Law>) -> Result<()> {
+    let (out, Output { print, force }) = (&options.out, options.output);
     output::check_free(out, error_model::MODEL, force)?;
     for log in &options.log {
         refuse_same(log, out)?;
@@ -158,47 +155,46 @@ fn identify_logs(
         Ok((found, summaries))
     };
     let (model, summaries) = output::build(out, error_model::MODEL, force, fill)?;
-    if json {
-        print!("{}", page::json(&summaries)?);
-    } else {
+    print.result(&summaries, || {
         let told = (summaries.iter()).flat_map(|one| one.verdict.lines_of(&one.log));
-        println!("{}\n", told.collect::<Vec<_>>().join("\n"));
-        print_model(&model, out);
-        println!("Report: {}", out.join(REPORT).display());
-    }
-    Ok(())
+        let told = told.collect::<Vec<_>>().join("\n");
+        format!(
+            "{told}\n\n{}{}",
+            model_in_words(&model, out),
+            report_line(out)
+        )
+    })
 }
 
-fn print_model(model: &Identified, out: &Path) {
-    print!("{}", model.table().plain());
-    println!("\nError model: {}", out.join(error_model::MODEL).display());
+fn model_in_words(model: &Identified, out: &Path) -> String {
+    let file = out.join(error_model::MODEL);
+    format!(
+        "{}\nError model: {}\n",
+        model.table().plain(),
+        file.display()
+    )
 }
 
-pub(super) fn print_analysis(
-    analysis: &Analysis,
-    model: Option<&Identified>,
-    out: &Path,
-    json: bool,
-) -> Result<()> {
+fn report_line(out: &Path) -> String {
+    format!("Report: {}\n", out.join(REPORT).display())
+}
+
+/// What was found, and where it is written.
+pub(super) fn words(analysis: &Analysis, model: Option<&Identified>, out: &Path) -> String {
     let summary = &analysis.summary;
-    if json {
-        print!("{}", page::json(summary)?);
-        return Ok(());
-    }
-    println!("{}\n", summary.verdict.lines().join("\n"));
-    print!("{}", analysis.table().plain());
-    if let (Some(before), Some(after)) = (
-        summary.velocity_error_mps.before,
-        summary.velocity_error_mps.after,
-    ) {
-        println!(
-            "\nFree-inertial velocity error over a minute: {before:.3} m/s before, {after:.3} m/s after"
-        );
-    }
-    if let Some(model) = model {
-        println!();
-        print_model(model, out);
-    }
-    println!("Report: {}", out.join(REPORT).display());
-    Ok(())
+    let error = &summary.velocity_error_mps;
+    let free = error.before.zip(error.after).map(|(before, after)| {
+        format!(
+            "\nFree-inertial velocity error over a minute: {before:.3} m/s before, {after:.3} m/s after\n"
+        )
+    });
+    let model = model.map(|model| format!("\n{}", model_in_words(model, out)));
+    [
+        summary.verdict.lines().join("\n") + "\n\n",
+        analysis.table().plain(),
+        free.unwrap_or_default(),
+        model.unwrap_or_default(),
+        report_line(out),
+    ]
+    .concat()
 }

@@ -6,7 +6,7 @@ use clap::Args;
 use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
 
-use super::options::show;
+use super::options::Output;
 use crate::log::import::{Choice, read};
 use crate::log::{Compression, LogError, write};
 use crate::page::output;
@@ -24,6 +24,8 @@ pub struct Import {
     out: PathBuf,
     #[command(flatten)]
     choice: Choice,
+    #[command(flatten)]
+    output: Output,
 }
 
 /// What was imported, as it is printed and kept beside the log.
@@ -37,8 +39,8 @@ struct Imported<'a> {
     warnings: Vec<String>,
 }
 
-pub fn import(options: &Import, json: bool, force: bool) -> Result<()> {
-    output::check_free(&options.out, MARK, force)?;
+pub fn import(options: &Import) -> Result<()> {
+    output::check_free(&options.out, MARK, options.output.force)?;
     let (log, warnings) = read(&options.files, options.choice)?;
     LogError::tell(&warnings);
     let told = |warning: &LogError| format!("{warning}: {}", warning.cause);
@@ -52,11 +54,16 @@ pub fn import(options: &Import, json: bool, force: bool) -> Result<()> {
         warnings: warnings.iter().map(told).collect(),
     };
     let text = toml::to_string(&imported).into_diagnostic()?;
-    output::build(&options.out, MARK, force, |folder| -> Result<()> {
-        write(&log, folder, Compression::Gzip)?;
-        Ok(output::write(folder, MARK, text)?)
-    })?;
-    show(json, &imported, || {
+    output::build(
+        &options.out,
+        MARK,
+        options.output.force,
+        |folder| -> Result<()> {
+            write(&log, folder, Compression::Gzip)?;
+            Ok(output::write(folder, MARK, text)?)
+        },
+    )?;
+    options.output.print.result(&imported, || {
         format!(
             "Log of {:.1} s, {} samples and {} fixes written to {}\n",
             imported.duration_s,

@@ -15,12 +15,11 @@ mod study;
 mod tune;
 
 use std::fs;
-use std::io::{self, Write};
 use std::path::PathBuf;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
-use miette::{IntoDiagnostic, Result, bail};
+use miette::Result;
 
 use crate::page::output::OutputError;
 pub use crate::page::output::clean_up_when_stopped;
@@ -34,12 +33,6 @@ const NAME: &str = "host-sim";
 pub struct Cli {
     #[command(subcommand)]
     command: Command,
-    /// Print the summary as JSON.
-    #[arg(long, global = true)]
-    json: bool,
-    /// Replace what an earlier run wrote.
-    #[arg(long, global = true)]
-    force: bool,
 }
 
 /// For use, then for study.
@@ -89,21 +82,6 @@ enum Command {
     },
 }
 
-impl Command {
-    fn replaces_nothing(&self) -> bool {
-        use study::Study::{Logs, PlanDrive, Recordings, Rehearse};
-        matches!(
-            self,
-            Self::Study(Logs(_) | PlanDrive(_) | Recordings(_) | Rehearse(_))
-                | Self::Demo(_)
-                | Self::Tune(_)
-                | Self::Merge(_)
-                | Self::Completions { .. }
-                | Self::Man { .. }
-        )
-    }
-}
-
 impl Cli {
     /// The command line; numbers may be negative.
     pub fn read() -> Self {
@@ -111,39 +89,30 @@ impl Cli {
         let command = Self::command().mut_subcommands(|c| negative(c).mut_subcommands(negative));
         Self::from_arg_matches(&command.get_matches()).unwrap_or_else(|error| error.exit())
     }
-
-    /// Whether it runs programs of the user's.
-    pub fn runs_programs(&self) -> bool {
-        matches!(self.command, Command::Rehearse(_))
-    }
 }
 
 pub fn run(cli: &Cli) -> Result<()> {
-    let (json, force) = (cli.json, cli.force);
-    if force && cli.command.replaces_nothing() {
-        bail!("--force is of no use here: nothing stands in the way of this command");
-    }
     match &cli.command {
-        Command::Demo(options) => simulate::demo(options, json),
-        Command::Drive(options) => simulate::drive(options, json, force),
-        Command::Fly(options) => simulate::fly(options, json, force),
-        Command::Import(options) => import::import(options, json, force),
-        Command::Identify(options) => identify::identify(options, json, force),
-        Command::Tune(options) => tune::tune(options, json),
-        Command::Compare(options) => compare::compare(options, json, force),
-        Command::Hil(options) => hil::hil(options, json, force),
-        Command::PlanDrive(options) => plan_drive::plan_drive(options, json, force),
-        Command::Rehearse(options) => rehearse::rehearse(options, json, force),
-        Command::Aircraft(options) => aircraft::aircraft(options, json, force),
-        Command::Study(study) => study.run(json, force),
-        Command::Campaign(options) => campaign::campaign(options, json, force),
-        Command::Merge(options) => campaign::merge(options, json),
-        Command::ReproduceThesis(options) => reproduce::reproduce(options, json, force),
+        Command::Demo(options) => simulate::demo(options),
+        Command::Drive(options) => simulate::drive(options),
+        Command::Fly(options) => simulate::fly(options),
+        Command::Import(options) => import::import(options),
+        Command::Identify(options) => identify::identify(options),
+        Command::Tune(options) => tune::tune(options),
+        Command::Compare(options) => compare::compare(options),
+        Command::Hil(options) => hil::hil(options),
+        Command::PlanDrive(options) => plan_drive::plan_drive(options),
+        Command::Rehearse(options) => rehearse::rehearse(options),
+        Command::Aircraft(options) => aircraft::aircraft(options),
+        Command::Study(study) => study.run(),
+        Command::Campaign(options) => campaign::campaign(options),
+        Command::Merge(options) => campaign::merge(options),
+        Command::ReproduceThesis(options) => reproduce::reproduce(options),
         Command::Completions { shell } => {
             // Writing into memory cannot fail, as the generator takes for granted.
             let mut text = Vec::new();
             clap_complete::generate(*shell, &mut Cli::command(), NAME, &mut text);
-            io::stdout().write_all(&text).into_diagnostic()
+            options::print(&String::from_utf8_lossy(&text))
         }
         Command::Man { out } => {
             fs::create_dir_all(out).map_err(|e| OutputError::io(out, e))?;

@@ -1,9 +1,10 @@
 //! Options that several commands have, and what they mean.
 
+use std::io::{self, Write};
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-use clap::ValueEnum;
+use clap::{Args, ValueEnum};
 use miette::{Result, bail};
 use serde::Serialize;
 
@@ -96,13 +97,46 @@ impl<'a> Out<'a> {
     }
 }
 
-/// Prints a result, for programs or for people.
-pub(super) fn show(
-    json: bool,
-    value: &impl Serialize,
-    text: impl FnOnce() -> String,
-) -> Result<()> {
-    let text = if json { page::json(value)? } else { text() };
-    print!("{text}");
-    Ok(())
+/// How a result is printed.
+#[derive(Args, Clone, Copy, Debug)]
+pub(super) struct Print {
+    /// Print the summary as JSON.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+impl Print {
+    /// Prints a result, for programs or for people.
+    pub(super) fn result(
+        self,
+        value: &impl Serialize,
+        text: impl FnOnce() -> String,
+    ) -> Result<()> {
+        print(&if self.json {
+            page::json(value)?
+        } else {
+            text()
+        })
+    }
+}
+
+/// How a result is printed that is also written.
+#[derive(Args, Clone, Copy, Debug)]
+pub(super) struct Output {
+    #[command(flatten)]
+    pub(super) print: Print,
+    /// Replace what an earlier run wrote.
+    #[arg(long)]
+    pub(super) force: bool,
+}
+
+/// To the standard output. Whoever reads it may stop, as `head` does.
+pub(super) fn print(text: &str) -> Result<()> {
+    let mut output = io::stdout();
+    match (output.write_all(text.as_bytes())).and_then(|()| output.flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            bail!("cannot write to the standard output: {error}")
+        }
+        _ => Ok(()),
+    }
 }

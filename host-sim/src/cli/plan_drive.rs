@@ -6,7 +6,7 @@ use clap::Args;
 use miette::{Result, miette};
 
 use super::identify::error_model_of;
-use super::options::{Out, refuse_same, show};
+use super::options::{Out, Print, refuse_same};
 use crate::identify::analysis::Analysis;
 use crate::identify::error_model::Record;
 use crate::page::progress::{bar, spinner};
@@ -26,11 +26,16 @@ pub struct PlanDrive {
     /// Fixes the noise of the simulated drive.
     #[arg(long, default_value_t = 0)]
     seed: u64,
+    #[command(flatten)]
+    print: Print,
+    /// Replace what an earlier run wrote.
+    #[arg(long, requires = "out")]
+    force: bool,
 }
 
 /// Plans a drive, or what to add to one.
-pub fn plan_drive(options: &PlanDrive, json: bool, force: bool) -> Result<()> {
-    let out = Out::new(options.out.as_deref(), PLAN, force)?;
+pub fn plan_drive(options: &PlanDrive) -> Result<()> {
+    let out = Out::new(options.out.as_deref(), PLAN, options.force)?;
     let target = Target::read(&options.target)?;
     let (plan, log) = match &options.log {
         None => (target.plan(options.seed, &spinner("planning"))?, None),
@@ -44,7 +49,7 @@ pub fn plan_drive(options: &PlanDrive, json: bool, force: bool) -> Result<()> {
     };
     let report = Report::new(&plan, &target.site, log);
     out.fill(|folder| report.write(folder))?;
-    show(json, &report, || {
+    options.print.result(&report, || {
         let page = options.out.as_ref().map(|out| out.join("report.html"));
         let written = page.map(|page| format!("\nReport: {}\n", page.display()));
         report.readable() + &written.unwrap_or_default()

@@ -1,19 +1,18 @@
 //! The command `rehearse`.
 
 use std::fs;
-use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
-use miette::{IntoDiagnostic, Report, Result, bail, miette};
+use miette::{Report, Result, bail, miette};
 
 use crate::aircraft::input::{Source, read_text};
 use crate::aircraft::plan::Plan;
 use crate::campaign::ledger::Shard;
 use crate::campaign::{ledger, slurm};
 use crate::cli::identify::error_model_of;
-use crate::cli::options::{GradeChoice, aircraft, refuse_same, within};
+use crate::cli::options::{GradeChoice, Output, aircraft, print, refuse_same, within};
 use crate::identify::analysis::log_name;
 use crate::identify::error_model::Sensors;
 use crate::identify::error_model::allan::AtRest;
@@ -94,6 +93,8 @@ pub struct Rehearse {
     #[arg(long, value_name = "JOBS", conflicts_with = "shard",
           value_parser = clap::value_parser!(u32).range(1..=10_000))]
     slurm: Option<u32>,
+    #[command(flatten)]
+    output: Output,
 }
 
 /// Degrees, or none.
@@ -119,7 +120,7 @@ fn positive(text: &str) -> Result<f64, String> {
 }
 
 /// Flies what is missing and says what it shows.
-pub fn rehearse(options: &Rehearse, json: bool, force: bool) -> Result<()> {
+pub fn rehearse(options: &Rehearse) -> Result<()> {
     let subjects = subjects(&options.with)?;
     let dynamics = aircraft(options.aircraft.as_deref())?;
     let plan = Plan::read(&options.plan, &dynamics)?;
@@ -156,7 +157,7 @@ pub fn rehearse(options: &Rehearse, json: bool, force: bool) -> Result<()> {
         limit: Duration::from_secs_f64(options.time_limit),
     };
     let out = &options.out;
-    settle(&rehearsal.settings, out, force)?;
+    settle(&rehearsal.settings, out, options.output.force)?;
     if let Some(jobs) = options.slurm {
         let script = slurm::write("rehearse", out, jobs, None)?;
         return print(&format!("{}\n", script.display()));
@@ -173,21 +174,10 @@ pub fn rehearse(options: &Rehearse, json: bool, force: bool) -> Result<()> {
     }
     let summary = Summary::new(&rehearsal, &world, &lines(out)?);
     output::write(out, &summary)?;
-    print(&if json {
-        page::json(&summary)?
-    } else {
+    options.output.print.result(&summary, || {
         let report = out.join("report.html");
         output::readable(&summary) + &format!("Report: {}\n", report.display())
     })
-}
-
-/// To the standard output. Whoever reads it may stop: here that is no signal, see
-/// [`Cli::runs_programs`](crate::cli::Cli::runs_programs).
-fn print(text: &str) -> Result<()> {
-    match io::stdout().write_all(text.as_bytes()) {
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error).into_diagnostic(),
-        _ => Ok(()),
-    }
 }
 
 fn subjects(with: &[String]) -> Result<Vec<Subject>> {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use miette::Result;
 
-use super::options::{refuse_same, show};
+use super::options::{Output, refuse_same};
 use crate::identify::analysis::log_name;
 use crate::log::{LogError, import};
 use crate::page::output;
@@ -23,6 +23,8 @@ pub struct Reproduce {
     /// A log or recording on which Figures 3, 4, 6 and 7 are drawn too.
     #[arg(long)]
     log: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
 }
 
 fn read(path: &Path) -> Result<Recorded> {
@@ -35,8 +37,8 @@ fn read(path: &Path) -> Result<Recorded> {
 }
 
 /// Regenerates the thesis's figures and tables.
-pub fn reproduce(options: &Reproduce, json: bool, force: bool) -> Result<()> {
-    output::check_free(&options.out, JSON, force)?;
+pub fn reproduce(options: &Reproduce) -> Result<()> {
+    output::check_free(&options.out, JSON, options.output.force)?;
     if let Some(log) = &options.log {
         refuse_same(log, &options.out)?;
     }
@@ -44,10 +46,10 @@ pub fn reproduce(options: &Reproduce, json: bool, force: bool) -> Result<()> {
     let progress = spinner("simulating drives and flights");
     let reproduction = measure(Settings::new(options.seed), recorded.as_ref())?;
     progress.finish_and_clear();
-    output::build(&options.out, JSON, force, |folder| {
+    output::build(&options.out, JSON, options.output.force, |folder| {
         reproduction.write(folder)
     })?;
-    show(json, &reproduction, || {
+    options.output.print.result(&reproduction, || {
         let report = options.out.join("report.html");
         format!(
             "{}\nReport: {}\n",

@@ -7,8 +7,8 @@ use clap::Args;
 use miette::{IntoDiagnostic, Result, miette};
 use serde::Serialize;
 
-use super::identify::{identify_log, print_analysis};
-use super::options::{aircraft, minutes, show};
+use super::identify::{identify_log, words};
+use super::options::{Output, Print, aircraft, minutes};
 use crate::aircraft::flight::Flight;
 use crate::aircraft::input::error_model;
 use crate::aircraft::pictures;
@@ -32,6 +32,8 @@ pub(super) struct Drive {
     /// file.
     #[arg(long, value_name = "MODEL")]
     errors: Option<String>,
+    #[command(flatten)]
+    output: Output,
 }
 
 #[derive(Debug, Args)]
@@ -41,6 +43,8 @@ pub(super) struct Demo {
     out: PathBuf,
     #[command(flatten)]
     drive: DriveOptions,
+    #[command(flatten)]
+    print: Print,
 }
 
 #[derive(Clone, Copy, Debug, Args)]
@@ -57,15 +61,16 @@ struct DriveOptions {
 }
 
 /// Simulates a drive and writes its log.
-pub(super) fn drive(options: &Drive, json: bool, force: bool) -> Result<()> {
+pub(super) fn drive(options: &Drive) -> Result<()> {
     let errors = options.errors.as_deref().map(error_model).transpose()?;
+    let Output { print, force } = options.output;
     let truth = write_drive(&options.out, options.options, errors, force)?;
     let out = options.out.display();
-    show(json, &truth, || format!("Log written to {out}\n"))
+    print.result(&truth, || format!("Log written to {out}\n"))
 }
 
 /// Simulates a drive, identifies it, and compares with the truth.
-pub(super) fn demo(options: &Demo, json: bool) -> Result<()> {
+pub(super) fn demo(options: &Demo) -> Result<()> {
     let (log, results) = (options.out.join("log"), options.out.join("report"));
     // An earlier demo can be had again at any time.
     let force = true;
@@ -74,7 +79,8 @@ pub(super) fn demo(options: &Demo, json: bool) -> Result<()> {
     output::check_free(&results, SUMMARY, force)?;
     write_drive(&log, options.drive, None, force)?;
     let (analysis, model) = identify_log(&log, &results, None, None, force)?;
-    print_analysis(&analysis, Some(&model), &results, json)
+    let told = || words(&analysis, Some(&model), &results);
+    options.print.result(&analysis.summary, told)
 }
 
 fn write_drive(
@@ -140,6 +146,8 @@ pub(super) struct Fly {
     /// Aircraft, TOML; the Cessna 172 unless given.
     #[arg(long)]
     aircraft: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
 }
 
 /// What `fly --json` prints.
@@ -154,7 +162,8 @@ struct FlySummary<'a> {
 }
 
 /// Flies a plan and writes its log, with truth and pictures.
-pub(super) fn fly(options: &Fly, json: bool, force: bool) -> Result<()> {
+pub(super) fn fly(options: &Fly) -> Result<()> {
+    let Output { print, force } = options.output;
     output::check_free(&options.out, true_errors::FILE, force)?;
     let dynamics = aircraft(options.aircraft.as_deref())?;
     let errors = error_model(&options.errors)?;
@@ -195,7 +204,7 @@ pub(super) fn fly(options: &Fly, json: bool, force: bool) -> Result<()> {
         distance_km,
         errors: &flown.truth,
     };
-    show(json, &summary, || {
+    print.result(&summary, || {
         format!(
             "{}: {:.0} s, {distance_km:.1} km. Log and pictures written to {}\n",
             summary.aircraft,

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::identify::error_model_of;
-use super::options::{GradeChoice, Out, minutes, show, within};
+use super::options::{GradeChoice, Out, Print, minutes, print, within};
 use super::rehearse::{in_keys, keys};
 use crate::identify::analysis::{Analysis, folder_name};
 use crate::log::Grade;
@@ -17,8 +17,8 @@ use crate::page::output::{check_free_file, replace};
 use crate::page::progress::{bar, counted};
 use crate::rehearse::proof;
 use crate::rehearse::settings::{Drives, Judged};
-use crate::study::plan_drive::{self, PlanDrive};
-use crate::study::{accuracy, conditions, flights, logs, recordings, recovery};
+
+use crate::study::{accuracy, conditions, flights, logs, plan_drive, recordings, recovery};
 
 /// Seeds are counted up from the first.
 const MOST_SEED: u64 = u64::MAX / 2;
@@ -39,26 +39,31 @@ pub enum Study {
     /// Try recordings of any format: what is found in each, what is warned of, and the time it takes.
     Recordings(Recordings),
     /// Hold the sigmas that `plan-drive` foretells against the errors of simulated drives.
-    PlanDrive(PlanDrive),
+    PlanDrive {
+        #[command(flatten)]
+        options: plan_drive::Options,
+        #[command(flatten)]
+        print: Print,
+    },
     /// Foretell the drift of recorded drives without GNSS by a model of other drives, and compare.
     Rehearse(Rehearse),
 }
 
 impl Study {
     /// Runs it.
-    pub fn run(&self, json: bool, force: bool) -> Result<()> {
+    pub fn run(&self) -> Result<()> {
         match self {
-            Self::Accuracy(options) => options.run(json, force),
-            Self::Conditions(options) => options.run(json, force),
-            Self::Flights(options) => options.run(json, force),
-            Self::Recovery(options) => options.run(json, force),
-            Self::Logs(options) => options.run(json),
-            Self::Recordings(options) => options.run(json),
-            Self::PlanDrive(options) => {
+            Self::Accuracy(options) => options.run(),
+            Self::Conditions(options) => options.run(),
+            Self::Flights(options) => options.run(),
+            Self::Recovery(options) => options.run(),
+            Self::Logs(options) => options.run(),
+            Self::Recordings(options) => options.run(),
+            Self::PlanDrive { options, print } => {
                 let all = plan_drive::compared(options)?;
-                show(json, &all, || plan_drive::readable(&all))
+                print.result(&all, || plan_drive::readable(&all))
             }
-            Self::Rehearse(options) => options.run(json),
+            Self::Rehearse(options) => options.run(),
         }
     }
 }
@@ -93,6 +98,11 @@ pub struct Accuracy {
     /// Folder for accuracy.json, accuracy.csv and accuracy.svg.
     #[arg(long)]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    print: Print,
+    /// Replace what an earlier run wrote.
+    #[arg(long, requires = "out")]
+    force: bool,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -108,8 +118,8 @@ fn factor(text: &str) -> Result<f64, String> {
 }
 
 impl Accuracy {
-    fn run(&self, json: bool, force: bool) -> Result<()> {
-        let out = Out::new(self.out.as_deref(), accuracy::JSON, force)?;
+    fn run(&self) -> Result<()> {
+        let out = Out::new(self.out.as_deref(), accuracy::JSON, self.force)?;
         let study = accuracy::Study {
             minutes: self.minutes,
             first_seed: self.first_seed,
@@ -126,7 +136,7 @@ impl Accuracy {
             .results(&bar().with_message("driving"))
             .map_err(|error| miette!("these options cannot be used: {}", error))?;
         out.fill(|folder| accuracy::write(&results, folder))?;
-        show(json, &results, || accuracy::readable(&results))
+        self.print.result(&results, || accuracy::readable(&results))
     }
 }
 
@@ -162,10 +172,15 @@ pub struct Conditions {
     /// Print the kinds there are, and run none.
     #[arg(long)]
     list: bool,
+    #[command(flatten)]
+    print: Print,
+    /// Replace what an earlier run wrote.
+    #[arg(long, requires = "csv")]
+    force: bool,
 }
 
 impl Conditions {
-    fn run(&self, json: bool, force: bool) -> Result<()> {
+    fn run(&self) -> Result<()> {
         /// What is printed as JSON.
         #[derive(Serialize)]
         struct Page {
@@ -176,14 +191,14 @@ impl Conditions {
         }
         let kinds = self.chosen()?;
         if self.list {
-            for kind in kinds {
+            let line = |kind: &conditions::Kind| {
                 let side = if kind.judge { "judge  " } else { "develop" };
-                println!("{:<26} {side}  {}", kind.name, kind.what);
-            }
-            return Ok(());
+                format!("{:<26} {side}  {}\n", kind.name, kind.what)
+            };
+            return print(&kinds.into_iter().map(line).collect::<String>());
         }
         if let Some(file) = &self.csv {
-            check_free_file(file, force)?;
+            check_free_file(file, self.force)?;
         }
         let study = conditions::Study {
             kinds,
@@ -200,7 +215,7 @@ impl Conditions {
             totals: conditions::output::totals(&results),
             kinds: results,
         };
-        show(json, &page, || {
+        self.print.result(&page, || {
             conditions::output::readable(&page.kinds, !self.brief)
         })?;
         // Last: hours of work are shown even if the disk is full by now.
@@ -250,16 +265,21 @@ pub struct Flights {
     /// Folder for tables and pictures.
     #[arg(long)]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    print: Print,
+    /// Replace what an earlier run wrote.
+    #[arg(long, requires = "out")]
+    force: bool,
 }
 
 impl Flights {
-    fn run(&self, json: bool, force: bool) -> Result<()> {
-        let out = Out::new(self.out.as_deref(), flights::SUMMARY, force)?;
+    fn run(&self) -> Result<()> {
+        let out = Out::new(self.out.as_deref(), flights::SUMMARY, self.force)?;
         let seeds = self.first_seed..self.first_seed + u64::from(self.runs);
         let progress = bar().with_message("flights");
         let (runs, summary) = flights::measure(seeds, &self.settings, &progress)?;
         out.fill(|folder| flights::write(folder, &runs, &summary))?;
-        show(json, &summary, || flights::readable(&summary))
+        self.print.result(&summary, || flights::readable(&summary))
     }
 }
 
@@ -283,11 +303,16 @@ pub struct Recovery {
     /// Folder for recovery.json and, in Markdown, recovery.md.
     #[arg(long)]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    print: Print,
+    /// Replace what an earlier run wrote.
+    #[arg(long, requires = "out")]
+    force: bool,
 }
 
 impl Recovery {
-    fn run(&self, json: bool, force: bool) -> Result<()> {
-        let out = Out::new(self.out.as_deref(), recovery::JSON, force)?;
+    fn run(&self) -> Result<()> {
+        let out = Out::new(self.out.as_deref(), recovery::JSON, self.force)?;
         let study = recovery::Study {
             class: Grade::Hg1700,
             vehicle: recovery::Vehicle::Car,
@@ -303,7 +328,7 @@ impl Recovery {
         };
         let tables = recovery::tables(&results, self.closure);
         out.fill(|folder| recovery::write(&results, &tables, folder))?;
-        show(json, &results, || recovery::readable(&tables))
+        self.print.result(&results, || recovery::readable(&tables))
     }
 }
 
@@ -327,11 +352,13 @@ pub struct Logs {
     /// Class of the sensors.
     #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
     grade: GradeChoice,
+    #[command(flatten)]
+    print: Print,
 }
 
 impl Logs {
     /// Studies every log; one that cannot be used is named, and the others go on.
-    fn run(&self, json: bool) -> Result<()> {
+    fn run(&self) -> Result<()> {
         let wanted = |folder: &&PathBuf| match logs::Role::of(&folder_name(folder)) {
             logs::Role::Development => !self.judges,
             logs::Role::Judge => !self.development,
@@ -359,7 +386,7 @@ impl Logs {
         }
         let failed = all - used.len();
         let study = logs::Study::new(used);
-        show(json, &study, || logs::page::plain(&study))?;
+        self.print.result(&study, || logs::page::plain(&study))?;
         match failed {
             0 => Ok(()),
             _ => bail!("{failed} of {all} logs cannot be used"),
@@ -375,11 +402,13 @@ pub struct Recordings {
     /// Class of the sensors.
     #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
     grade: GradeChoice,
+    #[command(flatten)]
+    print: Print,
 }
 
 impl Recordings {
     /// Tries every recording, one after another, for their times are told.
-    fn run(&self, json: bool) -> Result<()> {
+    fn run(&self) -> Result<()> {
         let progress = bar().with_message("trying");
         progress.set_length(self.paths.len() as u64);
         let one = |path: &PathBuf| recordings::recordings(path, self.grade.told());
@@ -387,7 +416,8 @@ impl Recordings {
             .flat_map(counted(&progress, one))
             .collect();
         progress.finish_and_clear();
-        show(json, &rows, || recordings::table(&rows).plain())
+        self.print
+            .result(&rows, || recordings::table(&rows).plain())
     }
 }
 
@@ -408,10 +438,12 @@ pub struct Rehearse {
     /// Class of the sensors.
     #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
     grade: GradeChoice,
+    #[command(flatten)]
+    print: Print,
 }
 
 impl Rehearse {
-    fn run(&self, json: bool) -> Result<()> {
+    fn run(&self) -> Result<()> {
         /// What is printed as JSON.
         #[derive(Serialize)]
         struct Proof {
@@ -435,7 +467,7 @@ impl Rehearse {
                 .extend(proof::tried(&analysis, &model, self.seeds)?);
             proof.verdicts.push(Judged::of(analysis.summary));
         }
-        show(json, &proof, || {
+        self.print.result(&proof, || {
             let told = proof.verdicts.iter().flat_map(Judged::lines);
             let told = told.collect::<Vec<_>>().join("\n");
             format!("{told}\n\n{}", proof::readable(&proof.rows))

@@ -6,7 +6,7 @@ use clap::Args;
 use miette::{IntoDiagnostic, Result};
 
 use crate::cli::identify::error_model_of;
-use crate::cli::options::GradeChoice;
+use crate::cli::options::{GradeChoice, Print, print};
 use crate::identify::analysis::{Analysis, Input};
 use crate::identify::error_model::Record;
 use crate::log::import::Choice;
@@ -27,10 +27,12 @@ pub struct Tune {
     /// Class of the sensors.
     #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
     grade: GradeChoice,
+    #[command(flatten)]
+    print: Print,
 }
 
 /// Identifies a log and prints it as parameters.
-pub fn tune(options: &Tune, json: bool) -> Result<()> {
+pub fn tune(options: &Tune) -> Result<()> {
     let progress = bar();
     let input = Input::read_all(
         &options.log,
@@ -42,8 +44,11 @@ pub fn tune(options: &Tune, json: bool) -> Result<()> {
     let records = [Record::new(&analysis.log, &analysis.found)];
     let model = error_model_of(&records, analysis.summary.grade, None);
     let tuning = Tuning::new(&analysis, &model);
-    let target = if json { Target::Json } else { options.format };
+    let target = if options.print.json {
+        Target::Json
+    } else {
+        options.format
+    };
     // All of it, or nothing.
-    print!("{}", targets::text(&tuning, target).into_diagnostic()?);
-    Ok(())
+    print(&targets::text(&tuning, target).into_diagnostic()?)
 }

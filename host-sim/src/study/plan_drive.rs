@@ -48,7 +48,7 @@ const CASES: [(&str, bool, &str); 6] = [
 
 /// Options of `study plan-drive`.
 #[derive(Debug, Args)]
-pub struct PlanDrive {
+pub struct Options {
     /// Targets, as for `plan-drive`; two to develop on and four that judge unless given.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     target: Vec<PathBuf>,
@@ -96,7 +96,7 @@ impl Row {
 
 /// Predicted over reached of the targets that are always tried, for the documentation.
 pub fn page() -> Result<String> {
-    let all = compared(&PlanDrive {
+    let all = compared(&Options {
         target: Vec::new(),
         runs: RUNS,
         first_seed: FIRST_SEED,
@@ -116,7 +116,7 @@ pub fn page() -> Result<String> {
     Ok(format!("{}\n{}", markdown(&header, &rows), verdict(&all)))
 }
 
-pub fn compared(options: &PlanDrive) -> Result<Vec<Results>> {
+pub fn compared(options: &Options) -> Result<Vec<Results>> {
     let cases = cases(&options.target)?;
     let progress = bar().with_message("driving");
     progress.set_length(cases.len() as u64 * options.runs);
@@ -145,7 +145,7 @@ fn results(
     name: &str,
     judge: bool,
     target: &Target,
-    options: &PlanDrive,
+    options: &Options,
     progress: &ProgressBar,
 ) -> Result<Results> {
     // Of units that are not among those that drive.
