@@ -1,7 +1,6 @@
 //! Options that several commands have, and what they mean.
 
 use std::io::{self, Write};
-use std::ops::RangeInclusive;
 use std::path::Path;
 
 use clap::{Args, ValueEnum};
@@ -32,18 +31,6 @@ impl GradeChoice {
             Self::Mems => Some(Grade::Mems),
         }
     }
-}
-
-/// A number within a range, or what is wanted.
-pub(super) fn within(text: &str, range: RangeInclusive<f64>, wanted: &str) -> Result<f64, String> {
-    let number = text.parse().ok();
-    number
-        .filter(|number| range.contains(number))
-        .ok_or_else(|| wanted.to_owned())
-}
-
-pub(super) fn minutes(text: &str) -> Result<f64, String> {
-    within(text, 1.0..=1440.0, "minutes from 1 to 1440")
 }
 
 /// The log's folder must not become the results' one.

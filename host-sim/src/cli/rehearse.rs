@@ -12,7 +12,7 @@ use crate::aircraft::plan::Plan;
 use crate::campaign::ledger::Shard;
 use crate::campaign::{ledger, slurm};
 use crate::cli::identify::error_model_of;
-use crate::cli::options::{GradeChoice, Output, aircraft, print, refuse_same, within};
+use crate::cli::options::{GradeChoice, Output, aircraft, print, refuse_same};
 use crate::identify::analysis::log_name;
 use crate::identify::error_model::Sensors;
 use crate::identify::error_model::allan::AtRest;
@@ -30,6 +30,7 @@ use crate::rehearse::subject::{AT_HAND, Subject};
 use crate::rehearse::summary::Summary;
 use crate::sim::errors::ErrorModelError;
 use crate::sim::recorded::RecordedNoise;
+use crate::study::options::within;
 
 /// Marks a folder as that of a rehearsal, and says of which.
 const SETTINGS: &str = "settings.json";

@@ -8,7 +8,7 @@ use miette::{IntoDiagnostic, Result, miette};
 use serde::Serialize;
 
 use super::identify::{identify_log, words};
-use super::options::{Output, Print, aircraft, minutes};
+use super::options::{Output, Print, aircraft};
 use crate::aircraft::flight::Flight;
 use crate::aircraft::input::error_model;
 use crate::aircraft::pictures;
@@ -20,6 +20,7 @@ use crate::page::output::{self, OutputError};
 use crate::page::progress::spinner;
 use crate::sim::drive::Recording;
 use crate::sim::{DriveConfig, ErrorModel, SimulatedDrive, record, simulate};
+use crate::study::options::minutes;
 
 #[derive(Debug, Args)]
 pub(super) struct Drive {

@@ -2,14 +2,13 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand, ValueEnum};
-use ins_core::config::Form;
+use clap::{Args, Subcommand};
 use miette::{Result, bail, miette};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::identify::error_model_of;
-use super::options::{GradeChoice, Out, Print, minutes, print, within};
+use super::options::{GradeChoice, Out, Print, print};
 use super::rehearse::{in_keys, keys};
 use crate::identify::analysis::{Analysis, folder_name};
 use crate::log::Grade;
@@ -18,10 +17,8 @@ use crate::page::progress::{bar, counted};
 use crate::rehearse::proof;
 use crate::rehearse::settings::{Drives, Judged};
 
+use crate::study::options::MOST_SEED;
 use crate::study::{accuracy, conditions, flights, logs, plan_drive, recordings, recovery};
-
-/// Seeds are counted up from the first.
-const MOST_SEED: u64 = u64::MAX / 2;
 
 /// What is studied.
 #[derive(Debug, Subcommand)]
@@ -70,31 +67,8 @@ impl Study {
 
 #[derive(Debug, Args)]
 pub struct Accuracy {
-    /// Class of the sensors.
-    #[arg(long, value_enum, default_value_t = Grade::Hg1700)]
-    grade: Grade,
-    /// Number of drives.
-    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=100_000))]
-    runs: u64,
-    /// Length of a drive.
-    #[arg(long, default_value_t = 40.0, value_parser = minutes)]
-    minutes: f64,
-    /// Seed of the first drive; the others follow.
-    #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
-    first_seed: u64,
-    /// Bandwidth of the horizontal damping loop, rad/s.
-    #[arg(long)]
-    bandwidth: Option<f64>,
-    /// Form of the estimators.
-    #[arg(long, value_enum, default_value_t = FormChoice::Exact)]
-    form: FormChoice,
-    /// Run a Kalman filter in place of the core, which takes the noise of the inertial sensors for
-    /// FACTOR times what it is.
-    #[arg(long, value_name = "FACTOR", value_parser = factor)]
-    kalman: Option<f64>,
-    /// Give that filter no level positions.
-    #[arg(long, requires = "kalman")]
-    velocity_alone: bool,
+    #[command(flatten)]
+    study: accuracy::Study,
     /// Folder for accuracy.json, accuracy.csv and accuracy.svg.
     #[arg(long)]
     out: Option<PathBuf>,
@@ -105,35 +79,11 @@ pub struct Accuracy {
     force: bool,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum FormChoice {
-    /// Controls undone exactly, all parameters jointly.
-    Exact,
-    /// The thesis's (7) to (11) as printed.
-    Literal,
-}
-
-fn factor(text: &str) -> Result<f64, String> {
-    within(text, 0.01..=100.0, "a factor from 0.01 to 100")
-}
-
 impl Accuracy {
     fn run(&self) -> Result<()> {
         let out = Out::new(self.out.as_deref(), accuracy::JSON, self.force)?;
-        let study = accuracy::Study {
-            minutes: self.minutes,
-            first_seed: self.first_seed,
-            form: match self.form {
-                FormChoice::Exact => Form::Exact,
-                FormChoice::Literal => Form::Literal,
-            },
-            bandwidth_radps: self.bandwidth,
-            kalman_noise: self.kalman,
-            kalman_positions: !self.velocity_alone,
-            ..accuracy::Study::new(self.grade, self.runs)
-        };
-        let results = study
-            .results(&bar().with_message("driving"))
+        let progress = bar().with_message("driving");
+        let results = (self.study.results(&progress))
             .map_err(|error| miette!("these options cannot be used: {}", error))?;
         out.fill(|folder| accuracy::write(&results, folder))?;
         self.print.result(&results, || accuracy::readable(&results))
@@ -285,18 +235,8 @@ impl Flights {
 
 #[derive(Debug, Args)]
 pub struct Recovery {
-    /// Number of units, of each model of the gyro biases.
-    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(2..=100_000))]
-    units: u64,
-    /// Drives of a unit.
-    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=100))]
-    drives: u64,
-    /// Length of a drive.
-    #[arg(long, default_value_t = 40.0, value_parser = minutes)]
-    minutes: f64,
-    /// Seed of the first drive.
-    #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
-    first_seed: u64,
+    #[command(flatten)]
+    study: recovery::Study,
     /// Both classes of sensors, in a car and in an aircraft: only how often intervals hold the truth.
     #[arg(long)]
     closure: bool,
@@ -313,18 +253,10 @@ pub struct Recovery {
 impl Recovery {
     fn run(&self) -> Result<()> {
         let out = Out::new(self.out.as_deref(), recovery::JSON, self.force)?;
-        let study = recovery::Study {
-            class: Grade::Hg1700,
-            vehicle: recovery::Vehicle::Car,
-            units: self.units,
-            drives: self.drives,
-            minutes: self.minutes,
-            first_seed: self.first_seed,
-        };
         let results = if self.closure {
-            study.of_all_kinds()
+            self.study.of_all_kinds()
         } else {
-            study.of_both_laws()
+            self.study.of_both_laws()
         };
         let tables = recovery::tables(&results, self.closure);
         out.fill(|folder| recovery::write(&results, &tables, folder))?;

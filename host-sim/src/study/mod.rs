@@ -4,6 +4,7 @@ pub mod accuracy;
 pub mod conditions;
 pub mod flights;
 pub mod logs;
+pub(crate) mod options;
 pub mod plan_drive;
 pub mod recordings;
 pub mod recovery;

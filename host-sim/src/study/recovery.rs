@@ -3,6 +3,7 @@
 
 use std::path::Path;
 
+use clap::Args;
 use indicatif::ProgressBar;
 use miette::Result;
 use nalgebra::Matrix4;
@@ -25,6 +26,7 @@ use crate::sim::errors::{BiasModel, Law};
 use crate::sim::receiver::Correlated;
 use crate::sim::vehicles::{Begin, Plane};
 use crate::sim::{DriveConfig, ErrorModel, SimulatedDrive, record, simulate};
+use crate::study::options::{MOST_SEED, minutes};
 
 /// Names of the files; the first marks a folder as ours.
 pub const JSON: &str = "recovery.json";
@@ -52,16 +54,24 @@ pub enum Vehicle {
     Aircraft,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Args, Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Study {
+    #[arg(skip = Grade::Hg1700)]
     pub class: Grade,
     /// What they are driven in.
+    #[arg(skip = Vehicle::Car)]
     pub vehicle: Vehicle,
+    /// Number of units, of each model of the gyro biases.
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(2..=100_000))]
     pub units: u64,
+    /// Drives of a unit.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=100))]
     pub drives: u64,
-    /// Length of a drive, min.
+    /// Length of a drive.
+    #[arg(long, default_value_t = 40.0, value_parser = minutes)]
     pub minutes: f64,
     /// Seed of the first drive of the first unit.
+    #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
     pub first_seed: u64,
 }
 

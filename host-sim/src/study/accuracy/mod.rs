@@ -10,6 +10,8 @@ pub use super::subject::config_of;
 
 use core::f64::consts::PI;
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::{ArgAction, Args};
 use indicatif::ProgressBar;
 use ins_core::config::{self, Form, HeadingSource};
 use ins_core::earth::wrap_pi;
@@ -18,6 +20,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::options::{MOST_SEED, minutes, within};
 use super::subject::{self, Core, Kalman, Subject};
 use crate::compare::kalman::Noise;
 use crate::identify::free_inertial::known;
@@ -94,21 +97,51 @@ pub const QUANTITIES: [Quantity; 8] = [
 ];
 
 /// Which drives are run, and with which estimators.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Args, Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Study {
+    /// Class of the sensors.
+    #[arg(long, value_enum, default_value_t = Grade::Hg1700)]
     pub grade: Grade,
+    /// Length of a drive.
+    #[arg(long, default_value_t = 40.0, value_parser = minutes)]
     pub minutes: f64,
     /// Seed of the first drive; the others follow.
+    #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
     pub first_seed: u64,
+    /// Number of drives.
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     pub runs: u64,
+    /// Form of the estimators.
+    #[arg(long, default_value = "exact", value_parser = forms())]
     pub form: Form,
-    /// Bandwidth of the horizontal loop, rad/s; the preset's unless given.
+    /// Bandwidth of the horizontal damping loop, rad/s; the preset's unless given.
+    #[arg(long = "bandwidth")]
     pub bandwidth_radps: Option<f64>,
-    /// A Kalman filter in place of the core, which takes the noise of the inertial sensors for
-    /// this many times what it is.
+    /// Run a Kalman filter in place of the core, which takes the noise of the inertial sensors for
+    /// FACTOR times what it is.
+    #[arg(long = "kalman", value_name = "FACTOR", value_parser = factor)]
     pub kalman_noise: Option<f64>,
-    /// Whether that filter takes level positions besides velocities and height.
+    /// Give that filter no level positions, velocities and height alone; false then.
+    #[arg(long = "velocity-alone", action = ArgAction::SetFalse, requires = "kalman_noise")]
     pub kalman_positions: bool,
+}
+
+/// By their names.
+fn forms() -> impl TypedValueParser<Value = Form> {
+    let exact = "Controls undone exactly, all parameters jointly";
+    let names = [
+        ("exact", exact),
+        ("literal", "The thesis's (7) to (11) as printed"),
+    ];
+    let names = names.map(|(name, what)| PossibleValue::new(name).help(what));
+    PossibleValuesParser::new(names).map(|name| match name.as_str() {
+        "literal" => Form::Literal,
+        _ => Form::Exact,
+    })
+}
+
+fn factor(text: &str) -> Result<f64, String> {
+    within(text, 0.01..=100.0, "a factor from 0.01 to 100")
 }
 
 /// Error and stated spread of a quantity at one time, in its unit.
