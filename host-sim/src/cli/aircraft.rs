@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use miette::{Result, miette};
 
-use super::options::{self, Out, Print};
+use super::options::{self, Folder};
 use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::performance::{Performance, performance};
 use crate::aircraft::pictures;
@@ -14,18 +14,13 @@ use crate::page;
 use crate::page::output;
 
 #[derive(Debug, Args)]
+#[command(mut_arg("out", |out| out.help("Folder for pictures and the table")))]
 pub struct Aircraft {
     /// Aircraft, TOML; the Cessna 172 unless given.
     #[arg(long)]
     aircraft: Option<PathBuf>,
-    /// Folder for pictures and the table.
-    #[arg(long)]
-    out: Option<PathBuf>,
     #[command(flatten)]
-    print: Print,
-    /// Replace what an earlier run wrote.
-    #[arg(long, requires = "out")]
-    force: bool,
+    folder: Folder,
 }
 
 /// File name of the table; marks the folder as ours.
@@ -33,7 +28,7 @@ const TABLE: &str = "performance.json";
 
 /// Prints the performance table and the modes of an aircraft.
 pub fn aircraft(options: &Aircraft) -> Result<()> {
-    let out = Out::new(options.out.as_deref(), TABLE, options.force)?;
+    options.folder.check(TABLE)?;
     let dynamics = options::aircraft(options.aircraft.as_deref())?;
     let name = &dynamics.parameters.name;
     let table = performance(&dynamics).ok_or_else(|| {
@@ -42,13 +37,16 @@ pub fn aircraft(options: &Aircraft) -> Result<()> {
             "the {name} cannot fly level at sea level"
         )
     })?;
-    out.fill(|folder| {
+    options.folder.fill(TABLE, |folder| {
         let slowest_mps = 1.05 * table.clean_stall_speed_kmh / 3.6;
         let drawn = pictures::of_aircraft(&dynamics, slowest_mps, table.max_speed_kmh / 3.6);
         output::write(folder, TABLE, page::json(&table)?)?;
         Ok(pictures::write(&drawn, folder)?)
     })?;
-    options.print.result(&table, || readable(&dynamics, &table))
+    options
+        .folder
+        .print
+        .result(&table, || readable(&dynamics, &table))
 }
 
 fn readable(dynamics: &Dynamics, table: &Performance) -> String {

@@ -1,7 +1,7 @@
 //! Options that several commands have, and what they mean.
 
 use std::io::{self, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use miette::{Result, bail};
@@ -57,33 +57,6 @@ pub(super) fn aircraft(file: Option<&Path>) -> Result<Dynamics> {
     }
 }
 
-/// Folder of the results where one is wanted, refused before any work is done for it.
-pub(super) struct Out<'a> {
-    folder: Option<&'a Path>,
-    mark: &'static str,
-    force: bool,
-}
-
-impl<'a> Out<'a> {
-    pub(super) fn new(folder: Option<&'a Path>, mark: &'static str, force: bool) -> Result<Self> {
-        if let Some(folder) = folder {
-            output::check_free(folder, mark, force)?;
-        }
-        Ok(Self {
-            folder,
-            mark,
-            force,
-        })
-    }
-
-    pub(super) fn fill(&self, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
-        let Some(folder) = self.folder else {
-            return Ok(());
-        };
-        output::build(folder, self.mark, self.force, fill)
-    }
-}
-
 /// How a result is printed.
 #[derive(Args, Clone, Copy, Debug)]
 pub(super) struct Print {
@@ -115,6 +88,32 @@ pub(super) struct Output {
     /// Replace what an earlier run wrote.
     #[arg(long)]
     pub(super) force: bool,
+}
+
+/// The same where nothing is written unless a folder is named.
+#[derive(Args, Debug)]
+pub(super) struct Folder {
+    /// Folder for the results.
+    #[arg(long)]
+    pub(super) out: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) print: Print,
+    /// Replace what an earlier run wrote.
+    #[arg(long, requires = "out")]
+    force: bool,
+}
+
+impl Folder {
+    /// Refuses it before any work is done for it.
+    pub(super) fn check(&self, mark: &str) -> Result<()> {
+        let check = |folder: &PathBuf| output::check_free(folder, mark, self.force);
+        Ok(self.out.as_ref().map_or(Ok(()), check)?)
+    }
+
+    pub(super) fn fill(&self, mark: &str, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+        let build = |folder: &PathBuf| output::build(folder, mark, self.force, fill);
+        self.out.as_ref().map_or(Ok(()), build)
+    }
 }
 
 /// To the standard output. Whoever reads it may stop, as `head` does.

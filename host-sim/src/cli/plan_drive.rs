@@ -6,7 +6,7 @@ use clap::Args;
 use miette::{Result, miette};
 
 use super::identify::error_model_of;
-use super::options::{Out, Print, refuse_same};
+use super::options::{Folder, refuse_same};
 use crate::identify::analysis::Analysis;
 use crate::identify::error_model::Record;
 use crate::page::progress::{bar, spinner};
@@ -14,33 +14,29 @@ use crate::plan_drive::output::{PLAN, Report};
 use crate::plan_drive::{Plan, Target};
 
 #[derive(Debug, Args)]
+#[command(mut_arg("out", |out| out.help("Folder for the plan as text, page, drawn route and JSON")))]
 pub struct PlanDrive {
     /// What is wanted, of which unit, and what the site allows, TOML.
     #[arg(long)]
     target: PathBuf,
     /// A drive: folder of a log, or a recording of a known format. What it lacks is added to it.
     log: Option<PathBuf>,
-    /// Folder for the plan as text, page, drawn route and JSON.
-    #[arg(long)]
-    out: Option<PathBuf>,
     /// Fixes the noise of the simulated drive.
     #[arg(long, default_value_t = 0)]
     seed: u64,
     #[command(flatten)]
-    print: Print,
-    /// Replace what an earlier run wrote.
-    #[arg(long, requires = "out")]
-    force: bool,
+    folder: Folder,
 }
 
 /// Plans a drive, or what to add to one.
 pub fn plan_drive(options: &PlanDrive) -> Result<()> {
-    let out = Out::new(options.out.as_deref(), PLAN, options.force)?;
+    let folder = &options.folder;
+    folder.check(PLAN)?;
     let target = Target::read(&options.target)?;
     let (plan, log) = match &options.log {
         None => (target.plan(options.seed, &spinner("planning"))?, None),
         Some(log) => {
-            if let Some(out) = &options.out {
+            if let Some(out) = &folder.out {
                 refuse_same(log, out)?;
             }
             let (plan, about) = added_to(log, &target, options.seed)?;
@@ -48,9 +44,9 @@ pub fn plan_drive(options: &PlanDrive) -> Result<()> {
         }
     };
     let report = Report::new(&plan, &target.site, log);
-    out.fill(|folder| report.write(folder))?;
-    options.print.result(&report, || {
-        let page = options.out.as_ref().map(|out| out.join("report.html"));
+    folder.fill(PLAN, |folder| report.write(folder))?;
+    folder.print.result(&report, || {
+        let page = folder.out.as_ref().map(|out| out.join("report.html"));
         let written = page.map(|page| format!("\nReport: {}\n", page.display()));
         report.readable() + &written.unwrap_or_default()
     })

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::identify::error_model_of;
-use super::options::{GradeChoice, Out, Print, print};
+use super::options::{Folder, GradeChoice, Print, print};
 use super::rehearse::{in_keys, keys};
 use crate::identify::analysis::{Analysis, folder_name};
 use crate::log::Grade;
@@ -66,27 +66,25 @@ impl Study {
 }
 
 #[derive(Debug, Args)]
+#[command(mut_arg("out", |out| out.help("Folder for accuracy.json, accuracy.csv and accuracy.svg")))]
 pub struct Accuracy {
     #[command(flatten)]
     study: accuracy::Study,
-    /// Folder for accuracy.json, accuracy.csv and accuracy.svg.
-    #[arg(long)]
-    out: Option<PathBuf>,
     #[command(flatten)]
-    print: Print,
-    /// Replace what an earlier run wrote.
-    #[arg(long, requires = "out")]
-    force: bool,
+    folder: Folder,
 }
 
 impl Accuracy {
     fn run(&self) -> Result<()> {
-        let out = Out::new(self.out.as_deref(), accuracy::JSON, self.force)?;
+        self.folder.check(accuracy::JSON)?;
         let progress = bar().with_message("driving");
         let results = (self.study.results(&progress))
             .map_err(|error| miette!("these options cannot be used: {}", error))?;
-        out.fill(|folder| accuracy::write(&results, folder))?;
-        self.print.result(&results, || accuracy::readable(&results))
+        self.folder
+            .fill(accuracy::JSON, |folder| accuracy::write(&results, folder))?;
+        self.folder
+            .print
+            .result(&results, || accuracy::readable(&results))
     }
 }
 
@@ -202,6 +200,7 @@ impl Conditions {
 }
 
 #[derive(Debug, Args)]
+#[command(mut_arg("out", |out| out.help("Folder for tables and pictures")))]
 pub struct Flights {
     /// Number of flights.
     #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..=100_000))]
@@ -212,55 +211,52 @@ pub struct Flights {
     #[arg(long, default_value_t = 0,
           value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
     first_seed: u64,
-    /// Folder for tables and pictures.
-    #[arg(long)]
-    out: Option<PathBuf>,
     #[command(flatten)]
-    print: Print,
-    /// Replace what an earlier run wrote.
-    #[arg(long, requires = "out")]
-    force: bool,
+    folder: Folder,
 }
 
 impl Flights {
     fn run(&self) -> Result<()> {
-        let out = Out::new(self.out.as_deref(), flights::SUMMARY, self.force)?;
+        self.folder.check(flights::SUMMARY)?;
         let seeds = self.first_seed..self.first_seed + u64::from(self.runs);
         let progress = bar().with_message("flights");
         let (runs, summary) = flights::measure(seeds, &self.settings, &progress)?;
-        out.fill(|folder| flights::write(folder, &runs, &summary))?;
-        self.print.result(&summary, || flights::readable(&summary))
+        self.folder.fill(flights::SUMMARY, |folder| {
+            flights::write(folder, &runs, &summary)
+        })?;
+        self.folder
+            .print
+            .result(&summary, || flights::readable(&summary))
     }
 }
 
 #[derive(Debug, Args)]
+#[command(mut_arg("out", |out| out.help("Folder for recovery.json and, in Markdown, recovery.md")))]
 pub struct Recovery {
     #[command(flatten)]
     study: recovery::Study,
     /// Both classes of sensors, in a car and in an aircraft: only how often intervals hold the truth.
     #[arg(long)]
     closure: bool,
-    /// Folder for recovery.json and, in Markdown, recovery.md.
-    #[arg(long)]
-    out: Option<PathBuf>,
     #[command(flatten)]
-    print: Print,
-    /// Replace what an earlier run wrote.
-    #[arg(long, requires = "out")]
-    force: bool,
+    folder: Folder,
 }
 
 impl Recovery {
     fn run(&self) -> Result<()> {
-        let out = Out::new(self.out.as_deref(), recovery::JSON, self.force)?;
+        self.folder.check(recovery::JSON)?;
         let results = if self.closure {
             self.study.of_all_kinds()
         } else {
             self.study.of_both_laws()
         };
         let tables = recovery::tables(&results, self.closure);
-        out.fill(|folder| recovery::write(&results, &tables, folder))?;
-        self.print.result(&results, || recovery::readable(&tables))
+        self.folder.fill(recovery::JSON, |folder| {
+            recovery::write(&results, &tables, folder)
+        })?;
+        self.folder
+            .print
+            .result(&results, || recovery::readable(&tables))
     }
 }
 
