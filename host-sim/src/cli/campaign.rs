@@ -20,12 +20,10 @@ const PLAN: &str = "plan.toml";
 const SUMMARY: &str = "campaign.json";
 
 #[derive(Debug, Args)]
+#[command(mut_arg("out", |out| out.help("Folder of the results. A campaign that was stopped goes on there")))]
 pub struct Campaign {
     /// What to do; host-sim/campaigns/hg1700.toml is an example.
     plan: PathBuf,
-    /// Folder of the results. A campaign that was stopped goes on there.
-    #[arg(long)]
-    out: PathBuf,
     /// Only the K-th of N parts; `merge` adds them up.
     #[arg(long, value_name = "K/N")]
     shard: Option<Shard>,
@@ -49,7 +47,7 @@ pub struct Merge {
 /// Runs what is missing of a campaign and says what it shows.
 pub fn campaign(options: &Campaign) -> Result<()> {
     let plan = Plan::read(&options.plan)?;
-    let out = &options.out;
+    let out = &options.output.out;
     settle(&plan, out, options.output.force)?;
     if let Some(jobs) = options.slurm {
         check_parts(&plan, jobs)?;

@@ -31,9 +31,6 @@ pub struct Hil {
     /// Class of the sensors.
     #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
     grade: GradeChoice,
-    /// Folder for the results.
-    #[arg(long)]
-    out: PathBuf,
     #[command(flatten)]
     output: Output,
 }
@@ -48,8 +45,8 @@ struct Printed<'a> {
 /// Runs a log through a board, writes what the board has found, and fails unless every answer is
 /// the host's.
 pub fn hil(options: &Hil) -> Result<()> {
-    output::check_free(&options.out, SUMMARY, options.output.force)?;
-    refuse_same(&options.log, &options.out)?;
+    options.output.check(SUMMARY)?;
+    refuse_same(&options.log, &options.output.out)?;
     let image = options.target.image()?;
     let table = image.as_deref().map(board_log::table).transpose()?;
     let mut log = table.as_ref().map(BoardLog::new);
@@ -57,25 +54,20 @@ pub fn hil(options: &Hil) -> Result<()> {
 
     let (hardware, analysis) = run(input, options, log.as_mut())?;
 
-    output::build(
-        &options.out,
-        SUMMARY,
-        options.output.force,
-        |folder| -> Result<()> {
-            report::write(&analysis, None, folder)?;
-            output::write(folder, "hil.json", page::json(&hardware)?)?;
-            if let Some(log) = log {
-                output::write(folder, "log.txt", log.text)?;
-            }
-            Ok(())
-        },
-    )?;
+    options.output.fill(SUMMARY, |folder| {
+        report::write(&analysis, None, folder)?;
+        output::write(folder, "hil.json", page::json(&hardware)?)?;
+        if let Some(log) = log {
+            output::write(folder, "log.txt", log.text)?;
+        }
+        Ok(())
+    })?;
     let printed = Printed {
         summary: &analysis.summary,
         hardware: &hardware,
     };
     options.output.print.result(&printed, || {
-        let found = words(&analysis, None, &options.out);
+        let found = words(&analysis, None, &options.output.out);
         format!("{found}\n{hardware}")
     })?;
     hardware.verdict()

@@ -23,9 +23,6 @@ pub(super) struct Identify {
     /// Folder of a log, or a recording of a known format. Several: drives of one kind of unit, for one error model of all.
     #[arg(required = true)]
     log: Vec<PathBuf>,
-    /// Folder for the results.
-    #[arg(long)]
-    out: PathBuf,
     /// Class of the sensors.
     #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
     grade: GradeChoice,
@@ -60,9 +57,9 @@ impl From<BiasChoice> for Option<Law> {
 pub(super) fn identify(options: &Identify) -> Result<()> {
     let (grade, law) = (options.grade.told(), options.bias_model.into());
     if let [log] = options.log.as_slice() {
-        let Output { print, force } = options.output;
-        let (analysis, model) = identify_log(log, &options.out, grade, law, force)?;
-        let told = || words(&analysis, Some(&model), &options.out);
+        let Output { out, print, force } = &options.output;
+        let (analysis, model) = identify_log(log, out, grade, law, *force)?;
+        let told = || words(&analysis, Some(&model), out);
         print.result(&analysis.summary, told)
     } else {
         identify_logs(options, grade, law)
@@ -105,8 +102,8 @@ pub(super) fn error_model_of(records: &[Record], grade: Grade, law: Option<Law>)
 
 /// A folder for each log, and the error model of all beside them.
 fn identify_logs(options: &Identify, grade: Option<Grade>, law: Option<Law>) -> Result<()> {
-    let (out, Output { print, force }) = (&options.out, options.output);
-    output::check_free(out, error_model::MODEL, force)?;
+    let (out, print) = (&options.output.out, options.output.print);
+    options.output.check(error_model::MODEL)?;
     for log in &options.log {
         refuse_same(log, out)?;
     }
@@ -154,7 +151,7 @@ fn identify_logs(options: &Identify, grade: Option<Grade>, law: Option<Law>) -> 
         output::write(folder, REPORT, page.html()?)?;
         Ok((found, summaries))
     };
-    let (model, summaries) = output::build(out, error_model::MODEL, force, fill)?;
+    let (model, summaries) = options.output.fill(error_model::MODEL, fill)?;
     print.result(&summaries, || {
         let told = (summaries.iter()).flat_map(|one| one.verdict.lines_of(&one.log));
         let told = told.collect::<Vec<_>>().join("\n");

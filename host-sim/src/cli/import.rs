@@ -15,13 +15,11 @@ use crate::page::output;
 const MARK: &str = "import.toml";
 
 #[derive(Debug, Args)]
+#[command(mut_arg("out", |out| out.help("Folder of the log")))]
 pub struct Import {
     /// A recording, or one of inertial sensors and one of GNSS.
     #[arg(required = true)]
     files: Vec<PathBuf>,
-    /// Folder of the log.
-    #[arg(long)]
-    out: PathBuf,
     #[command(flatten)]
     choice: Choice,
     #[command(flatten)]
@@ -40,7 +38,7 @@ struct Imported<'a> {
 }
 
 pub fn import(options: &Import) -> Result<()> {
-    output::check_free(&options.out, MARK, options.output.force)?;
+    options.output.check(MARK)?;
     let (log, warnings) = read(&options.files, options.choice)?;
     LogError::tell(&warnings);
     let told = |warning: &LogError| format!("{warning}: {}", warning.cause);
@@ -54,22 +52,17 @@ pub fn import(options: &Import) -> Result<()> {
         warnings: warnings.iter().map(told).collect(),
     };
     let text = toml::to_string(&imported).into_diagnostic()?;
-    output::build(
-        &options.out,
-        MARK,
-        options.output.force,
-        |folder| -> Result<()> {
-            write(&log, folder, Compression::Gzip)?;
-            Ok(output::write(folder, MARK, text)?)
-        },
-    )?;
+    options.output.fill(MARK, |folder| {
+        write(&log, folder, Compression::Gzip)?;
+        Ok(output::write(folder, MARK, text)?)
+    })?;
     options.output.print.result(&imported, || {
         format!(
             "Log of {:.1} s, {} samples and {} fixes written to {}\n",
             imported.duration_s,
             imported.imu_samples,
             imported.gnss_fixes,
-            options.out.display()
+            options.output.out.display()
         )
     })
 }

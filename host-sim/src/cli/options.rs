@@ -80,14 +80,28 @@ impl Print {
     }
 }
 
-/// How a result is printed that is also written.
-#[derive(Args, Clone, Copy, Debug)]
+/// Where results go, and how they are printed.
+#[derive(Args, Debug)]
 pub(super) struct Output {
+    /// Folder for the results.
+    #[arg(long)]
+    pub(super) out: PathBuf,
     #[command(flatten)]
     pub(super) print: Print,
     /// Replace what an earlier run wrote.
     #[arg(long)]
     pub(super) force: bool,
+}
+
+impl Output {
+    /// Refuses the folder before any work is done for it.
+    pub(super) fn check(&self, mark: &str) -> Result<()> {
+        Ok(output::check_free(&self.out, mark, self.force)?)
+    }
+
+    pub(super) fn fill<T>(&self, mark: &str, fill: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
+        output::build(&self.out, mark, self.force, fill)
+    }
 }
 
 /// The same where nothing is written unless a folder is named.

@@ -38,6 +38,7 @@ const SETTINGS: &str = "settings.json";
 const BLOCK_S: f64 = 2.0;
 
 #[derive(Debug, Args)]
+#[command(mut_arg("out", |out| out.help("Folder of the results. A rehearsal that was stopped goes on there")))]
 pub struct Rehearse {
     /// Recorded drives of the unit: folders of logs, or recordings of a known format.
     #[arg(required = true)]
@@ -52,9 +53,6 @@ pub struct Rehearse {
     /// another receiver, a calibrated scale.
     #[arg(long, value_name = "FILE")]
     set: Option<PathBuf>,
-    /// Folder of the results. A rehearsal that was stopped goes on there.
-    #[arg(long)]
-    out: PathBuf,
     /// Algorithm under test: core, core-literal, core-open, kalman, a board as `hil --port PORT` or
     /// `hil --qemu`, or a program as `COMMAND` or `NAME=COMMAND`, see docs/rehearse.md. Several: one
     /// table. The core unless given.
@@ -127,7 +125,7 @@ pub fn rehearse(options: &Rehearse) -> Result<()> {
     let plan = Plan::read(&options.plan, &dynamics)?;
     let set = keys(options.set.as_deref())?;
     for drive in &options.drives {
-        refuse_same(drive, &options.out)?;
+        refuse_same(drive, &options.output.out)?;
     }
     let drives = Drives::read(&options.drives, options.grade.told())?;
     let free_s = 60.0 * options.minutes_free;
@@ -157,7 +155,7 @@ pub fn rehearse(options: &Rehearse) -> Result<()> {
         model: rehearsal.settings.model.clone(),
         limit: Duration::from_secs_f64(options.time_limit),
     };
-    let out = &options.out;
+    let out = &options.output.out;
     settle(&rehearsal.settings, out, options.output.force)?;
     if let Some(jobs) = options.slurm {
         let script = slurm::write("rehearse", out, jobs, None)?;

@@ -8,15 +8,12 @@ use miette::Result;
 use super::options::{Output, refuse_same};
 use crate::identify::analysis::log_name;
 use crate::log::{LogError, import};
-use crate::page::output;
 use crate::page::progress::spinner;
 use crate::study::reproduce::{JSON, Recorded, Settings, reproduce as measure};
 
 #[derive(Debug, Args)]
+#[command(mut_arg("out", |out| out.help("Folder for drawings, data and report")))]
 pub struct Reproduce {
-    /// Folder for drawings, data and report.
-    #[arg(long)]
-    out: PathBuf,
     /// Fixes every drive, unit and flight.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -38,19 +35,19 @@ fn read(path: &Path) -> Result<Recorded> {
 
 /// Regenerates the thesis's figures and tables.
 pub fn reproduce(options: &Reproduce) -> Result<()> {
-    output::check_free(&options.out, JSON, options.output.force)?;
+    options.output.check(JSON)?;
     if let Some(log) = &options.log {
-        refuse_same(log, &options.out)?;
+        refuse_same(log, &options.output.out)?;
     }
     let recorded = options.log.as_deref().map(read).transpose()?;
     let progress = spinner("simulating drives and flights");
     let reproduction = measure(Settings::new(options.seed), recorded.as_ref())?;
     progress.finish_and_clear();
-    output::build(&options.out, JSON, options.output.force, |folder| {
-        reproduction.write(folder)
-    })?;
+    options
+        .output
+        .fill(JSON, |folder| reproduction.write(folder))?;
     options.output.print.result(&reproduction, || {
-        let report = options.out.join("report.html");
+        let report = options.output.out.join("report.html");
         format!(
             "{}\nReport: {}\n",
             reproduction.readable(),

@@ -23,10 +23,8 @@ use crate::sim::{DriveConfig, ErrorModel, SimulatedDrive, record, simulate};
 use crate::study::options::minutes;
 
 #[derive(Debug, Args)]
+#[command(mut_arg("out", |out| out.help("Folder of the log")))]
 pub(super) struct Drive {
-    /// Folder of the log.
-    #[arg(long)]
-    out: PathBuf,
     #[command(flatten)]
     options: DriveOptions,
     /// Errors of the sensors if not those of their class: ideal, hg1700, mems or an error-model
@@ -64,9 +62,9 @@ struct DriveOptions {
 /// Simulates a drive and writes its log.
 pub(super) fn drive(options: &Drive) -> Result<()> {
     let errors = options.errors.as_deref().map(error_model).transpose()?;
-    let Output { print, force } = options.output;
-    let truth = write_drive(&options.out, options.options, errors, force)?;
-    let out = options.out.display();
+    let Output { out, print, force } = &options.output;
+    let truth = write_drive(out, options.options, errors, *force)?;
+    let out = out.display();
     print.result(&truth, || format!("Log written to {out}\n"))
 }
 
@@ -131,6 +129,7 @@ impl Simulated {
 }
 
 #[derive(Debug, Args)]
+#[command(mut_arg("out", |out| out.help("Folder of the log")))]
 pub(super) struct Fly {
     /// Flight plan, TOML.
     #[arg(long)]
@@ -138,9 +137,6 @@ pub(super) struct Fly {
     /// Fixes turbulence and sensor errors.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Folder of the log.
-    #[arg(long)]
-    out: PathBuf,
     /// Sensor errors: ideal, hg1700, mems, or a file with an error model.
     #[arg(long, default_value = "hg1700")]
     errors: String,
@@ -164,8 +160,7 @@ struct FlySummary<'a> {
 
 /// Flies a plan and writes its log, with truth and pictures.
 pub(super) fn fly(options: &Fly) -> Result<()> {
-    let Output { print, force } = options.output;
-    output::check_free(&options.out, true_errors::FILE, force)?;
+    options.output.check(true_errors::FILE)?;
     let dynamics = aircraft(options.aircraft.as_deref())?;
     let errors = error_model(&options.errors)?;
     let plan = Plan::read(&options.plan, &dynamics)?;
@@ -194,23 +189,23 @@ pub(super) fn fly(options: &Fly) -> Result<()> {
         output::write(folder, "plan.toml", &plan)?;
         Ok(pictures::write(&drawn, &folder.join("pictures"))?)
     };
-    output::build(&options.out, true_errors::FILE, force, write)?;
+    options.output.fill(true_errors::FILE, write)?;
     progress.finish_and_clear();
 
     let summary = FlySummary {
-        log: &options.out,
+        log: &options.output.out,
         aircraft: &dynamics.parameters.name,
         seed: options.seed,
         duration_s: recording.duration_s,
         distance_km,
         errors: &flown.truth,
     };
-    print.result(&summary, || {
+    options.output.print.result(&summary, || {
         format!(
             "{}: {:.0} s, {distance_km:.1} km. Log and pictures written to {}\n",
             summary.aircraft,
             summary.duration_s,
-            options.out.display()
+            options.output.out.display()
         )
     })
 }
