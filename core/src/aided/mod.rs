@@ -416,7 +416,7 @@ impl<const N: usize> AidedIns<N> {
             (_, None) | (Due::Nothing, _) => {}
             (Due::Spread, Some(observer)) => observer.spread_next(),
             (Due::Horizon, Some(observer)) => observer.come_to_horizon(),
-            (Due::Level, Some(observer)) => observer.level_anew(config),
+            (Due::Level, Some(observer)) => observer.level_anew(),
             (Due::AzimuthWalk, Some(observer)) => observer.let_azimuth_walk(headed, config),
             (Due::BiasWalk, Some(observer)) => observer.let_biases_walk(config),
         }

@@ -91,8 +91,6 @@ pub struct Observer {
     gravity_mps2: f64,
     /// Time over which that is averaged, s.
     levelled_s: f64,
-    /// How far up, and what is felt as up, are off its direction, body, on the mean of some manoeuvres.
-    lately: [Vector3<f64>; 2],
     /// Whose spread is due next, and what the spreads of the parameters add to the variance of the
     /// INS error.
     next_spread: u8,
@@ -166,7 +164,6 @@ impl Observer {
             parameters: Parameters::NONE,
             level_force_mps2,
             levelled_s: FIRST_LEVEL_S,
-            lately: [Vector3::zeros(); 2],
             next_spread: 0,
             added: InsError::default(),
             constancy: CONSTANT,
