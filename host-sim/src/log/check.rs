@@ -43,6 +43,7 @@ pub(super) fn check(
     }
     check_gravity_axis(log, &rates, findings)?;
     let together = set_clock(log, &rates, findings)?;
+    keep_place(log);
     let turning = turning(log, &rates);
     let turning = turning.as_ref();
     check_paths(log, turning, findings)?;
@@ -54,6 +55,19 @@ pub(super) fn check(
         check_readings(log, &rates, findings)?;
     }
     Ok(())
+}
+
+/// The one place of a receiver that writes none may stand before the first sample, where the core takes
+/// no fix.
+fn keep_place(log: &mut Log) {
+    let start = log.start();
+    let early = log.gnss.partition_point(|fix| fix.time < start);
+    let (early, rest) = log.gnss.split_at_mut(early);
+    let place = early.iter().rev().find_map(|fix| fix.position);
+    let later = rest.iter().any(|fix| fix.position.is_some());
+    if let Some(first) = rest.first_mut().filter(|_| !later) {
+        first.position = place;
+    }
 }
 
 fn check_intervals(log: &Log, imu_s: f64, findings: &mut Findings) -> Result<(), LogError> {
