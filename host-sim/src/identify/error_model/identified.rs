@@ -92,6 +92,8 @@ pub struct Identified {
     gyro_scale: Option<Interval>,
     accel_scale: Option<Interval>,
     latency_s: Option<[Interval; 2]>,
+    /// Fixes of a drive were moved in time, and the latency is what was left.
+    moved: bool,
     fix_rate_hz: f64,
 }
 
@@ -139,6 +141,7 @@ impl Identified {
             gyro_scale: interval::spread_of(&all(|record| &record.gyro_scale)),
             accel_scale: interval::spread_of(&all(|record| &record.accel_scale)),
             latency_s: latency_bounds(&latencies),
+            moved: records.iter().any(|record| record.clock_offset_s != 0.0),
             fix_rate_hz: rates / records.len() as f64,
         }
     }
@@ -293,12 +296,16 @@ impl Identified {
         let mut all: Vec<Assumed> = (self.parameters().into_iter())
             .filter_map(|parameter| Assumed::of(&parameter, &model))
             .collect();
-        all.extend(NEVER_SHOWN.map(|(name, unit, why)| Assumed {
-            name,
-            unit,
-            value: in_file(&model, name),
-            why,
-        }));
+        let moved = self.moved.then_some(("gnss.latency_s[1]", "s", CLOCKS));
+        for (name, unit, why) in moved.into_iter().chain(NEVER_SHOWN) {
+            let value = in_file(&model, name);
+            all.push(Assumed {
+                name,
+                unit,
+                value,
+                why,
+            });
+        }
         all
     }
 
@@ -375,6 +382,8 @@ const NEVER_SHOWN: [(&str, &str, &str); 6] = [
 ];
 const NOT_BOUNDED: &str = "has no upper bound: more drives would set one, or longer ones";
 const NO_BOUND: &str = "has no upper bound: models drawn keep the value";
+const CLOCKS: &str =
+    "without the shift by which the fixes were moved: that is taken for one of clocks";
 const NOT_FITTED: &str = "not told from a bias at one attitude";
 const DROWNED: &str = "drowns in the noise of GNSS";
 const NOTHING_BETTER: &str = "nothing better to compare positions with";

@@ -136,6 +136,8 @@ pub struct Record {
     pub gyro_scale: Vec<Measured>,
     pub accel_scale: Vec<Measured>,
     pub latency_s: Estimate,
+    /// What the stamps of the fixes were moved by before, taken for clocks that differ.
+    pub clock_offset_s: f64,
     pub duration_s: f64,
     pub fix_rate_hz: f64,
 }
@@ -158,6 +160,7 @@ impl Record {
             gyro_scale: shown(turns.iter().chain(tilts), sensors.gyro_scale),
             accel_scale: shown(&estimates.accel_scale, sensors.accel_scale),
             latency_s: estimates.gnss_latency_s,
+            clock_offset_s: log.meta.gnss_clock_offset_s,
             duration_s: log.duration_s(),
             fix_rate_hz: log.fix_rate_hz(),
         }
