@@ -336,7 +336,11 @@ impl Candidate {
         let invented = self.follow(d, antenna, white, since_s);
         let moved = self.moved_mps;
         let unknown = self.covariance.variance(COS) + self.covariance.variance(SIN);
-        let noise = sighting.alike * white + 0.5 * unknown * (d - moved).norm_squared();
+        // Second order of the latency: half the jerk times its square.
+        let late = self.covariance.variance(LATENCY);
+        let noise = sighting.alike * white
+            + 0.5 * late * late * moment.jerk_mps3.norm_squared()
+            + 0.5 * unknown * (d - moved).norm_squared();
         let late = shown.accel_mps2 - self.first_accel_mps2;
         let (force, swing) = (&moment.force_mps2, &shown.swing_radps);
         let rows = [
@@ -370,6 +374,7 @@ impl Candidate {
         let way_m = self.way_m + way;
         self.way_m = -way;
         let swing_radps = swing_of(&body, &(turn / node.seconds()));
+        let swung = (swing_radps - self.swing_radps) / node_s * self.lever_arm_m;
         Moment {
             seconds,
             force_mps2,
@@ -377,6 +382,7 @@ impl Candidate {
             way_m,
             level: level_rows(&body),
             swing_radps,
+            jerk_mps3: (accel + swung - self.accel_mps2) / single(SMOOTH_S),
         }
     }
 
@@ -672,6 +678,8 @@ struct Moment {
     way_m: Vector2<f32>,
     level: Matrix2x3<f32>,
     swing_radps: Matrix2x3<f32>,
+    /// Of the antenna, m/s^3.
+    jerk_mps3: Vector2<f32>,
 }
 
 impl Moment {
