@@ -2,9 +2,11 @@
 //!
 //! [`Navigator::new`]: crate::Navigator::new
 
+use nalgebra::SVector;
+
 use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::math;
-use crate::parameters::{Parameters, index};
+use crate::parameters::{COUNT, Parameters, index};
 use crate::samples::ImuOutput;
 
 /// Bandwidth and damping ratio of a second-order loop.
@@ -344,20 +346,29 @@ impl Config {
     /// What is believed of the parameters before any data.
     #[inline(never)]
     pub(crate) fn prior(&self) -> Parameters {
-        let g = &self.gnss;
-        let mut prior = Parameters::NONE;
+        let mut prior = Parameters {
+            sigma: self.prior_sigma(),
+            ..Parameters::NONE
+        };
+        for (axis, arm) in self.gnss.lever_arm_m.iter().enumerate() {
+            prior.shift(index::LEVER_ARM + axis, *arm);
+        }
+        prior
+    }
+
+    /// The spreads of that.
+    #[inline(never)]
+    pub(crate) fn prior_sigma(&self) -> SVector<f32, COUNT> {
+        let mut prior = SVector::<f32, COUNT>::zeros();
         let mut needed = false;
         for (first, count, sigma, least) in self.spreads().into_iter().rev() {
             // Those before the last that is not known exactly are estimated with it.
             needed |= sigma > 0.0 || first <= index::ACCEL;
             if needed {
-                for which in first..first + count {
-                    prior.set(which, 0.0, math::max(sigma, least));
+                for own in prior.iter_mut().skip(first).take(count) {
+                    *own = math::single(math::max(sigma, least));
                 }
             }
-        }
-        for (axis, arm) in g.lever_arm_m.iter().enumerate() {
-            prior.shift(index::LEVER_ARM + axis, *arm);
         }
         prior
     }

@@ -131,7 +131,7 @@ impl Estimates {
     }
 
     pub(crate) fn from_parameters(p: &Parameters, config: &Config, phase: Phase) -> Self {
-        let prior = config.prior();
+        let prior = config.prior_sigma();
         let navigating = phase == Phase::Navigating;
         let estimate = |i: usize, good: bool, missing: Observability| Estimate {
             value: p.value(i),
@@ -145,7 +145,8 @@ impl Estimates {
             },
         };
         let known = |i: usize, missing: Observability| {
-            let good = navigating && p.sigma(i) < KNOWN * prior.sigma(i);
+            let believed = prior.get(i).map_or(0.0, |sigma| f64::from(*sigma));
+            let good = navigating && p.sigma(i) < KNOWN * believed;
             estimate(i, good, missing)
         };
         let three = |first: usize, missing| [0, 1, 2].map(|axis| known(first + axis, missing));

@@ -310,19 +310,22 @@ impl<const N: usize> History<N> {
         (piece.seconds > 0.0).then_some((piece, to))
     }
 
+    /// Whether a moment is not after the newest of the ring.
+    pub fn reaches(&self, time: Time) -> bool {
+        (self.moments.newest()).is_some_and(|newest| time <= newest.time)
+    }
+
     /// The INS at `time`, which must lie after the first moment of the ring, and which is best
     /// known once a moment follows those around it: `wait` asks for that.
     ///
     /// # Errors
     /// [`Missing`] if it does not.
+    #[inline(never)]
     pub fn at(&self, time: Time, wait: bool) -> Result<Past, Missing> {
         let mut older = self.moments.iter().rev();
-        let Some(mut end) = older.next() else {
+        let Some(mut end) = older.next().filter(|newest| time <= newest.time) else {
             return Err(Missing::Future);
         };
-        if time > end.time {
-            return Err(Missing::Future);
-        }
         let mut after = None;
         let mut way_since_m = Vector3::zeros();
         for start in older {
@@ -343,6 +346,7 @@ impl<const N: usize> History<N> {
     /// a quick turn would need more derivatives: its mean, for which a mean over times of variance `s` is
     /// `s / 2` times the jerk off. The receiver is a low pass of first order, taken as much sooner as it is
     /// late in a steady acceleration.
+    #[inline(never)]
     pub fn smooth(&self, past: &mut Past, memory_s: f64) {
         if memory_s < LONG_S {
             return;

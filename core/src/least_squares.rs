@@ -50,6 +50,7 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
 
     /// Independent prior knowledge: each parameter is zero with a standard deviation, which is zero
     /// of the last ones at most.
+    #[cfg(any(test, feature = "literal"))]
     pub fn from_prior(sigma: &SVector<f32, N>) -> Self {
         let mut own = Self::NOTHING;
         own.believe(sigma);

@@ -89,6 +89,13 @@ struct Astray {
     last: Time,
 }
 
+/// A hole that was filled in, and by how much the readings at both ends differ, rad/s and m/s^2.
+#[derive(Clone, Copy, Debug)]
+struct Bridged {
+    seconds: f64,
+    ends_differ: [f64; 2],
+}
+
 /// All that changes.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -174,11 +181,17 @@ impl<const RING: usize> Navigator<RING> {
     // Never inlined, nor is the next: what they cost, on the stack too, is then not the caller's.
     #[inline(never)]
     pub fn on_imu(&mut self, sample: &ImuSample) -> ImuOutcome {
-        let outcome = self.state.on_imu(sample, &mut self.tally, &self.config);
+        let (state, config) = (&mut self.state, &self.config);
+        // One after the other: within each other their stacks would add up.
+        let outcome = match state.on_imu(sample, &mut self.tally, config) {
+            Ok(hole) => {
+                state.on_interval(hole, config);
+                state.follow_up(&mut self.tally, config);
+                hole.map_or(ImuOutcome::Accepted, |_| ImuOutcome::Bridged)
+            }
+            Err(outcome) => outcome,
+        };
         self.tally.sample(outcome);
-        if matches!(outcome, ImuOutcome::Accepted | ImuOutcome::Bridged) {
-            self.state.follow_up(&mut self.tally, &self.config);
-        }
         outcome
     }
 
@@ -357,24 +370,31 @@ impl<const RING: usize> Navigator<RING> {
 }
 
 impl<const RING: usize> State<RING> {
+    /// Makes the interval that ends with a sample; `Ok` holds the hole that it bridges, and `Err` what
+    /// became of a sample that ends none.
     #[inline(never)]
-    fn on_imu(&mut self, sample: &ImuSample, tally: &mut Tally, config: &Config) -> ImuOutcome {
+    fn on_imu(
+        &mut self,
+        sample: &ImuSample,
+        tally: &mut Tally,
+        config: &Config,
+    ) -> Result<Option<Bridged>, ImuOutcome> {
         if !(math::all_finite(&sample.gyro) && math::all_finite(&sample.accel)) {
-            return ImuOutcome::NotFinite;
+            return Err(ImuOutcome::NotFinite);
         }
         let Some((last, increments)) = &mut self.inertial else {
-            return self.on_first(sample, tally, config);
+            return Err(self.on_first(sample, config));
         };
         let largest = Largest::of(sample);
         let seconds = sample.time.seconds_since(*last);
         if seconds <= 0.0 {
             if largest.out_of_range(LONGEST_READING_S, config) {
-                return ImuOutcome::OutOfRange;
+                return Err(ImuOutcome::OutOfRange);
             }
             if self.goes_on(sample.time, SET_BACK_S) {
                 self.restart_at(sample, tally, config);
             }
-            return ImuOutcome::TimeNotIncreasing;
+            return Err(ImuOutcome::TimeNotIncreasing);
         }
         let hole = increments.has_hole(seconds);
         let reading_s = math::min(increments.reading_seconds(seconds, hole), LONGEST_READING_S);
@@ -385,66 +405,72 @@ impl<const RING: usize> State<RING> {
                 self.restart_at(sample, tally, config);
                 self.inertial = Some((sample.time, Increments::new(config.imu_output, sample)));
             }
-            return ImuOutcome::OutOfRange;
+            return Err(ImuOutcome::OutOfRange);
         }
         let too_far = increments.turns_too_far(largest.gyro, seconds);
         if too_far && !hole {
-            return ImuOutcome::OutOfRange;
+            return Err(ImuOutcome::OutOfRange);
         }
         let filled = !hole || (!too_far && increments.ends_agree(sample, seconds));
         let bridgeable = filled && seconds <= config.max_gap_s;
         if !bridgeable || seconds > PLAIN_HOLE_S {
             if !self.goes_on(sample.time, AFTER_HOLE_S) {
-                return ImuOutcome::Gap;
+                return Err(ImuOutcome::Gap);
             }
             if !bridgeable {
                 self.restart_at(sample, tally, config);
-                return ImuOutcome::Gap;
+                return Err(ImuOutcome::Gap);
             }
         }
         let Some((last, increments)) = &mut self.inertial else {
-            return ImuOutcome::Gap;
+            return Err(ImuOutcome::Gap);
         };
         self.astray = None;
-        let ends_differ = hole.then(|| increments.ends_differ(sample));
+        let bridged = hole.then(|| Bridged {
+            seconds,
+            ends_differ: increments.ends_differ(sample),
+        });
         self.interval = increments.interval(sample, seconds);
-        let interval = &self.interval;
         *last = sample.time;
+        Ok(bridged)
+    }
+
+    /// Carries on over the interval that was made last.
+    #[inline(never)]
+    fn on_interval(&mut self, bridged: Option<Bridged>, config: &Config) {
+        let Some((last, increments)) = &self.inertial else {
+            return;
+        };
+        let interval = &self.interval;
         let late_s = increments.stamped_late_s();
         let now = if late_s == 0.0 {
-            sample.time
+            *last
         } else {
-            sample.time.plus_seconds(-late_s)
+            last.plus_seconds(-late_s)
         };
         match &mut self.mode {
             Mode::Aligning(alignment) => {
-                if let Some((_, ins)) = &mut self.stopgap {
-                    ins.step(&alignment.compensated(interval), &Controls::default());
-                    self.stopgap = self.stopgap.filter(|(_, ins)| is_possible(ins));
-                }
+                carry_on(&mut self.stopgap, alignment, interval);
                 alignment.on_interval(now, interval, config);
             }
             Mode::Navigating(ins) => {
-                if let Some(ends_differ) = ends_differ {
-                    ins.on_hole(seconds, ends_differ);
+                if let Some(hole) = bridged {
+                    ins.on_hole(hole.seconds, hole.ends_differ);
                 }
                 ins.on_interval(now, interval, config);
             }
         }
-        if hole {
-            ImuOutcome::Bridged
-        } else {
-            ImuOutcome::Accepted
-        }
     }
 
     #[inline(never)]
-    fn on_first(&mut self, sample: &ImuSample, tally: &mut Tally, config: &Config) -> ImuOutcome {
+    fn on_first(&mut self, sample: &ImuSample, config: &Config) -> ImuOutcome {
         if Largest::of(sample).out_of_range(LONGEST_READING_S, config) {
             return ImuOutcome::OutOfRange;
         }
         self.inertial = Some((sample.time, Increments::new(config.imu_output, sample)));
-        self.align_again(sample.time, false, tally, config);
+        if let Mode::Aligning(alignment) = &mut self.mode {
+            alignment.begin_at(sample.time);
+        }
         ImuOutcome::Accepted
     }
 
@@ -507,7 +533,7 @@ impl<const RING: usize> State<RING> {
         }
     }
 
-    /// What is left to do once a sample is integrated. Not within [`Self::on_imu`]: stacks add up.
+    /// What is left to do once a sample is integrated.
     fn follow_up(&mut self, tally: &mut Tally, config: &Config) {
         match &mut self.mode {
             Mode::Aligning(_) => self.navigate_once_aligned(config),
@@ -634,12 +660,26 @@ fn stopgap_sigma(seconds: f64) -> SolutionSigma {
     }
 }
 
+/// Carries a stopgap over an interval.
+#[inline(never)]
+fn carry_on(
+    stopgap: &mut Option<(Time, Mechanization)>,
+    alignment: &Alignment,
+    interval: &Interval,
+) {
+    if let Some((_, ins)) = stopgap {
+        ins.step(&alignment.compensated(interval), &Controls::default());
+        *stopgap = stopgap.filter(|(_, ins)| is_possible(ins));
+    }
+}
+
 /// Whether an INS is no faster than vehicles are: faster, it would soon go beyond all numbers.
 fn is_possible(ins: &Mechanization) -> bool {
     ins.velocity_enu_mps.norm_squared() < FASTEST_MPS * FASTEST_MPS
 }
 
 /// Whether a fix can be of this Earth.
+#[inline(never)]
 fn check(fix: &GnssFix) -> Result<(), GnssOutcome> {
     let velocity = fix.velocity_enu_mps();
     let position = fix.position.unwrap_or_default();

@@ -8,8 +8,7 @@ use ins_tests::footprint::{goal, ours};
 /// change of the compiler's mind. Of ring lasers the fewest parameters are estimated, of MEMS all.
 const AMORTISED_OF_ALL: u64 = 3_730;
 const STATE_BYTES: u64 = 13_350;
-const STACK_BYTES: u64 = 2_885;
-const FLASH_BYTES: u64 = 140_200;
+const FLASH_BYTES: u64 = 143_000;
 
 #[test]
 fn the_core_on_cortex_m7_is_within_its_budgets() -> Result<(), Box<dyn std::error::Error>> {
@@ -27,7 +26,7 @@ fn the_core_on_cortex_m7_is_within_its_budgets() -> Result<(), Box<dyn std::erro
                 goal::WORST,
             ),
             ("bytes of state", footprint.state_bytes, STATE_BYTES),
-            ("bytes of stack", footprint.stack_bytes, STACK_BYTES),
+            ("bytes of stack", footprint.stack_bytes, goal::STACK_BYTES),
             ("bytes of flash", footprint.flash_bytes, FLASH_BYTES),
         ];
         for (what, measured, budget) in budgets {

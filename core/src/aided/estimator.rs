@@ -31,6 +31,11 @@ pub enum Estimator {
 
 impl Estimator {
     /// Starts on a level of some spread and with a vertical velocity of some variance.
+    #[expect(
+        clippy::inline_always,
+        reason = "made where it stays: otherwise it is copied over the stack"
+    )]
+    #[inline(always)]
     pub fn new(
         start: Time,
         tilt_sigma_rad: f64,
@@ -99,6 +104,7 @@ impl Estimator {
     }
 
     /// Brings the horizon to a later moment of the past, or a piece of the way there.
+    #[inline(never)]
     pub fn advance<const N: usize>(
         &mut self,
         history: &History<N>,
@@ -107,15 +113,16 @@ impl Estimator {
         accel_mps2: &Vector3<f64>,
         config: &Config,
     ) {
-        let Some((piece, end)) = history.piece(self.horizon(), to, PIECE_S) else {
+        // Looked at where it lies: it is large.
+        let Some((piece, end)) = &history.piece(self.horizon(), to, PIECE_S) else {
             return;
         };
         match self {
             Self::Exact(observer) => {
-                observer.propagate(&piece, end, frame_rate_radps, accel_mps2, config);
+                observer.propagate(piece, *end, frame_rate_radps, accel_mps2, config);
             }
             #[cfg(feature = "literal")]
-            Self::Literal(literal) => literal.propagate(&piece, end),
+            Self::Literal(literal) => literal.propagate(piece, *end),
         }
     }
 

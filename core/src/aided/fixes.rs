@@ -53,13 +53,14 @@ impl<const N: usize> AidedIns<N> {
 
     /// Lets a fix wait; one that has waited longest makes room if its moment has come, and what goes
     /// on is brought to an end for it. Else nothing is changed.
+    #[inline(never)]
     fn queue(&mut self, fix: &GnssFix, tally: &mut Tally, config: &Config) -> GnssOutcome {
         if self.pending.push(*fix).is_ok() {
             return GnssOutcome::Queued;
         }
         let come = self.pending.oldest().is_some_and(|oldest| {
             let moment = oldest.time.plus_seconds(-self.compensation.latency_s);
-            !matches!(self.history.at(moment, false), Err(Missing::Future))
+            self.history.reaches(moment)
         });
         if !come {
             return GnssOutcome::TooFarAhead;
@@ -99,7 +100,9 @@ impl<const N: usize> AidedIns<N> {
     #[inline(never)]
     fn gather(&mut self, fix: &GnssFix, wait: bool, config: &Config) -> Option<GnssOutcome> {
         let moment = fix.time.plus_seconds(-self.compensation.latency_s);
-        let mut past = match self.history.at(moment, wait) {
+        let mut found = self.history.at(moment, wait);
+        // Where it lies: it is large.
+        let past = match &mut found {
             Ok(past) => past,
             Err(Missing::Future) => return None,
             Err(Missing::TooOld) => return Some(GnssOutcome::TooOld),
@@ -123,32 +126,35 @@ impl<const N: usize> AidedIns<N> {
             let memory_s = math::sqrt(observer.smoothing_s2());
             // It is late by as much.
             let memory_s = math::min(memory_s, self.compensation.latency_s);
-            self.history.smooth(&mut past, memory_s);
+            self.history.smooth(past, memory_s);
         }
-        let next = self.beside(&past, fix, config);
+        let climb_variance = self.believe_vertical(fix, config);
+        self.put_beside(past, fix, climb_variance);
         self.newest = moment;
-        let comparison = match &mut self.comparison {
-            Some(comparison) => {
-                comparison.add(&next);
-                comparison
-            }
-            None => self.comparison.insert(next),
-        };
-        comparison.close(self.now);
+        if let Some(comparison) = &mut self.comparison {
+            comparison.close(self.now);
+        }
         Some(GnssOutcome::Queued)
     }
 
-    /// A fix and the INS of its moment.
-    fn beside(&mut self, past: &Past, fix: &GnssFix, config: &Config) -> Comparison {
+    /// What the vertical velocity of a fix is to be believed with, if it is; once its sign is found to be
+    /// wrong, all that was learnt of it is forgotten.
+    fn believe_vertical(&mut self, fix: &GnssFix, config: &Config) -> Option<f64> {
         let was_wrong = self.vertical_sign.is_wrong();
-        let sign_variance = self.vertical_sign.take(fix, config);
+        let variance = self.vertical_sign.take(fix, config);
         if self.vertical_sign.is_wrong()
             && !was_wrong
             && let Some(observer) = self.estimator.exact_mut()
         {
             observer.forget_vertical(config);
         }
-        Comparison {
+        variance
+    }
+
+    /// Compares a fix with the INS of its moment, together with those that are being compared.
+    #[inline(never)]
+    fn put_beside(&mut self, past: &Past, fix: &GnssFix, climb_variance: Option<f64>) {
+        let next = Comparison {
             step: Step::Gather,
             past: *past,
             fixes: 1,
@@ -160,13 +166,17 @@ impl<const N: usize> AidedIns<N> {
             velocity_mps: past.velocity_mps - fix.velocity_enu_mps(),
             position_m: self.position_difference(past, fix),
             velocity: Part::of(fix.velocity_en_mps.is_some(), fix.sigma.velocity_mps),
-            climb: Part::of(sign_variance.is_some(), fix.sigma.velocity_up_mps),
-            climb_variance: sign_variance.unwrap_or_default(),
+            climb: Part::of(climb_variance.is_some(), fix.sigma.velocity_up_mps),
+            climb_variance: climb_variance.unwrap_or_default(),
             climb_assumed: false,
             position: Part::of(fix.position.is_some(), fix.sigma.position_m),
             height: Part::of(fix.height_m.is_some(), fix.sigma.height_m),
             position_s: past.time.seconds_since(self.last_position),
             height_s: past.time.seconds_since(self.last_height),
+        };
+        match &mut self.comparison {
+            Some(comparison) => comparison.add(&next),
+            None => self.comparison = Some(next),
         }
     }
 
@@ -188,7 +198,11 @@ impl<const N: usize> AidedIns<N> {
             Step::Gather => return false,
             Step::Advance => self.come_to_comparison(config),
             Step::Take(kind) => self.observe(kind, config),
-            Step::Damp => self.conclude(tally, config),
+            Step::Damp => {
+                if self.conclude(tally, config) {
+                    self.take_out_error();
+                }
+            }
         }
         true
     }
@@ -260,11 +274,12 @@ impl<const N: usize> AidedIns<N> {
         comparison.go_on(Some(kind));
     }
 
-    /// Gives the loops what was taken, and says what became of the fixes.
+    /// Gives the loops what was taken, and says what became of the fixes; whether the INS is off by more
+    /// than the loops are for.
     #[inline(never)]
-    fn conclude(&mut self, tally: &mut Tally, config: &Config) {
+    fn conclude(&mut self, tally: &mut Tally, config: &Config) -> bool {
         let Some(comparison) = self.comparison.take() else {
-            return;
+            return false;
         };
         let mut differences = self.differences(&comparison, config);
         // Most of all where nothing is taken any more.
@@ -276,20 +291,20 @@ impl<const N: usize> AidedIns<N> {
                 self.misled = true;
             }
         }
-        let outcome = if differences == Differences::default() {
-            GnssOutcome::Outlier
-        } else {
-            let jump = |error: &InsError| {
-                error.velocity_mps.norm() > JUMP_MPS || error.position_m.xy().norm() > JUMP_M
-            };
-            if config.feedback == Feedback::Closed && jump(&self.error()) {
-                self.take_out_error();
-                differences = Differences::default();
-            }
-            self.damp(&comparison, &differences, config);
-            GnssOutcome::Accepted
+        if differences == Differences::default() {
+            tally.fixes(comparison.stamp, comparison.fixes, GnssOutcome::Outlier);
+            return false;
+        }
+        let far = |error: &InsError| {
+            error.velocity_mps.norm() > JUMP_MPS || error.position_m.xy().norm() > JUMP_M
         };
-        tally.fixes(comparison.stamp, comparison.fixes, outcome);
+        let jumps = config.feedback == Feedback::Closed && far(&self.error());
+        if jumps {
+            differences = Differences::default();
+        }
+        self.damp(&comparison, &differences, config);
+        tally.fixes(comparison.stamp, comparison.fixes, GnssOutcome::Accepted);
+        jumps
     }
 
     /// What the loops are given: what was taken, at the sensors and not at the antenna. Where only

@@ -363,6 +363,11 @@ impl<const N: usize> AidedIns<N> {
         if time > self.controls_until {
             self.coast(config);
         }
+        self.integrate(time, raw);
+    }
+
+    #[inline(never)]
+    fn integrate(&mut self, time: Time, raw: &Interval) {
         let interval = self.compensated(raw);
         let step = self.mechanization.step(&interval, &self.controls);
         self.total(time, &interval, &step);
@@ -381,7 +386,8 @@ impl<const N: usize> AidedIns<N> {
             left_s -= PIECE_OF_WORK_S;
         }
         if self.history.wants(self.now, raw.seconds) {
-            self.remember(config);
+            self.make_room(config);
+            self.remember();
             left_s -= PIECE_OF_WORK_S;
         }
         while left_s > 0.0 {
@@ -423,14 +429,18 @@ impl<const N: usize> AidedIns<N> {
         self.due = next;
     }
 
-    /// Adds the present to the ring. What the ring is about to forget the estimators must know.
-    #[inline(never)]
-    fn remember(&mut self, config: &Config) {
+    /// What the ring is about to forget the estimators must know.
+    fn make_room(&mut self, config: &Config) {
         if let Some(dropped) = self.history.next_dropped()
             && dropped > self.estimator.horizon()
         {
             self.advance(dropped, config);
         }
+    }
+
+    /// Adds the present to the ring.
+    #[inline(never)]
+    fn remember(&mut self) {
         self.before_current.extend(&self.current);
         self.history.push(
             self.now,
@@ -456,6 +466,7 @@ impl<const N: usize> AidedIns<N> {
     }
 
     /// Brings the estimators to a moment of the ring, or a piece of the way there.
+    #[inline(never)]
     fn advance(&mut self, to: Time, config: &Config) {
         let frame_rate = self.frame_rate();
         self.estimator.advance(
@@ -470,6 +481,11 @@ impl<const N: usize> AidedIns<N> {
         if let (Some(hole), Some(observer)) = (passed, self.estimator.exact_mut()) {
             observer.on_hole(&hole);
         }
+        self.sum_up(horizon);
+    }
+
+    #[inline(never)]
+    fn sum_up(&mut self, horizon: Time) {
         let since = self.history.piece(horizon, self.now, f64::MAX);
         self.before_current = since.map_or_else(Span::default, |(since, _)| since);
     }
@@ -509,6 +525,7 @@ impl<const N: usize> AidedIns<N> {
     }
 
     /// Adds a step to what has happened since the newest moment of the ring.
+    #[inline(never)]
     fn total(&mut self, time: Time, interval: &Interval, step: &Step) {
         let (dt, controls) = (interval.seconds, &self.controls);
         let tilt = dt * (controls.rate_radps + step.attitude * self.compensation.gyro_radps);

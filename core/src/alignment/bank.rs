@@ -144,6 +144,7 @@ impl Bank {
     }
 
     /// Does one piece of work; true if there is a new answer.
+    #[inline(never)]
     pub(crate) fn work(
         &mut self,
         nodes: &Nodes,

@@ -306,6 +306,7 @@ impl Candidate {
     /// Compares with what GNSS saw; the moment lies in `node`, which comes next. `excess` is by how
     /// much its noise proved larger, in variance. Returns the mean square of the two residuals
     /// over what they should be.
+    #[inline(never)]
     pub(crate) fn compare(&mut self, sighting: &Sighting, excess: f32, node: &Node) -> f32 {
         self.sighting += 1;
         let moment = self.moment(sighting, node);

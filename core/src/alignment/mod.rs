@@ -137,6 +137,11 @@ pub struct Alignment {
 
 impl Alignment {
     /// Begins with levelling.
+    #[expect(
+        clippy::inline_always,
+        reason = "made where it stays: otherwise it is copied over the stack"
+    )]
+    #[inline(always)]
     pub fn new(start: Time, known: &Parameters) -> Self {
         Self {
             start,
@@ -312,6 +317,7 @@ impl Alignment {
     }
 
     /// Levelling takes an interval.
+    #[inline(never)]
     fn level_on(
         &mut self,
         time: Time,
@@ -379,10 +385,10 @@ impl Alignment {
         }
         if !agrees {
             self.rest = RestMean::default();
-            let prior = config.prior();
-            for which in index::GYRO..index::GYRO + 3 {
+            let prior = config.prior_sigma();
+            for (which, sigma) in prior.iter().enumerate().skip(index::GYRO).take(3) {
                 let value = self.known.value(which);
-                self.known.set(which, value, prior.sigma(which));
+                self.known.set(which, value, f64::from(*sigma));
             }
         }
         self.rest.add(block);
@@ -436,7 +442,6 @@ impl Alignment {
     }
 
     /// Begins to look for the heading.
-    #[inline(never)]
     fn find(&mut self, time: Time, level: &Level, config: &Config) {
         let Some(earth) = self.earth() else {
             return;
@@ -448,9 +453,14 @@ impl Alignment {
             tilt_sigma_rad: level.tilt_sigma_rad,
             earth_rate_radps: Vector2::new(rate.y, rate.z),
         };
+        self.find_from(&start, config);
+    }
+
+    #[inline(never)]
+    fn find_from(&mut self, start: &Start, config: &Config) {
         self.stage = Stage::Finding(Finding {
             nodes: Nodes::default(),
-            bank: Bank::new(&start, &self.known, config),
+            bank: Bank::new(start, &self.known, config),
             found: None,
         });
     }
@@ -503,6 +513,7 @@ impl Alignment {
 
     /// The search takes an interval: works off nodes and sightings, as many as its time brings.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    #[inline(never)]
     fn find_on(&mut self, time: Time, interval: &Interval, config: &Config) {
         let force_mps = self.compensated(interval).force_mps;
         let Stage::Finding(finding) = &mut self.stage else {

@@ -53,7 +53,7 @@ impl Sighting {
 }
 
 /// The last sightings, numbered from the first one ever.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Sightings {
     kept: [Sighting; KEPT as usize],
@@ -61,6 +61,18 @@ pub(crate) struct Sightings {
     last: Option<Time>,
     /// Position that the next difference starts from.
     before: Option<(Time, Geodetic)>,
+}
+
+impl Default for Sightings {
+    fn default() -> Self {
+        Self {
+            // Not copied over the stack, as one by one.
+            kept: [Sighting::default(); KEPT as usize],
+            count: 0,
+            last: None,
+            before: None,
+        }
+    }
 }
 
 impl Sightings {

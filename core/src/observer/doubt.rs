@@ -125,10 +125,9 @@ impl Observer {
         self.renew_noise([0.0; 2], [1.0; 2]);
         self.lose_vertical(LOST_MPS * LOST_MPS, config);
         self.azimuth_walk += LOST_AZIMUTH_RAD * LOST_AZIMUTH_RAD;
-        let prior = config.prior();
-        for which in index::GYRO..index::GYRO + 6 {
-            let sigma = prior.sigma(which);
-            self.let_walk(which, math::single(sigma * sigma));
+        let prior = config.prior_sigma();
+        for (which, sigma) in prior.iter().enumerate().skip(index::GYRO).take(6) {
+            self.let_walk(which, sigma * sigma);
         }
         self.surprise = Surprise::default();
         self.doubts.add(self.horizon);
@@ -149,11 +148,11 @@ impl Observer {
     /// Vertical velocities so far were wrong, and what they have shown.
     pub fn forget_vertical(&mut self, config: &Config) {
         self.lose_vertical(LOST_MPS * LOST_MPS, config);
-        let prior = config.prior();
+        let prior = config.prior_sigma();
         let up = self.level_force_mps2 / GRAVITY_EQUATOR_MPS2;
         for first in [index::ACCEL, index::ACCEL_SCALE, index::LEVER_ARM] {
-            for (which, up) in (first..).zip(&up) {
-                let sigma = up * prior.sigma(which);
+            for ((which, sigma), up) in prior.iter().enumerate().skip(first).zip(&up) {
+                let sigma = up * f64::from(*sigma);
                 self.let_walk(which, math::single(sigma * sigma));
             }
         }

@@ -33,6 +33,25 @@ impl Observer {
         difference: &Difference,
         config: &Config,
     ) -> bool {
+        match self.learn(past, kind, difference, config) {
+            Credit::Taken(_) => true,
+            Credit::Refused => false,
+            Credit::Lost(variance) => {
+                self.on_lost_by(kind, variance, config);
+                false
+            }
+        }
+    }
+
+    /// Learns from a fix what it is given credit for.
+    #[inline(never)]
+    fn learn(
+        &mut self,
+        past: &Past,
+        kind: Kind,
+        difference: &Difference,
+        config: &Config,
+    ) -> Credit {
         let pace = if kind.is_up() {
             &mut self.vertical_pace
         } else {
@@ -64,7 +83,7 @@ impl Observer {
         difference: &Difference,
         bent: f64,
         config: &Config,
-    ) -> bool {
+    ) -> Credit {
         let gnss = &config.gnss;
         let described = kind.noise(config);
         let number = kind as usize;
@@ -77,7 +96,7 @@ impl Observer {
             self.innovations.get_mut(number),
             self.colours.get_mut(number),
         ) else {
-            return false;
+            return Credit::Refused;
         };
         // Of positions nothing else tells what lasts for longer than some minutes; of velocities
         // the innovations tell all.
@@ -114,19 +133,12 @@ impl Observer {
                 jump.take(&innovation, by, predicted + white, seconds);
             }
         }
-        let white = match credit {
-            Credit::Taken(white) => white,
-            Credit::Lost(variance) => {
-                self.on_lost_by(kind, variance, config);
-                return false;
-            }
+        let Credit::Taken(white) = credit else {
             // Of the level they say something once they agree. The vertical a single knock tips.
-            Credit::Refused => {
-                if kind.is_up() {
-                    surprise.take(pair.norm_squared() / (variance + white), seconds);
-                }
-                return false;
+            if credit == Credit::Refused && kind.is_up() {
+                surprise.take(pair.norm_squared() / (variance + white), seconds);
             }
+            return credit;
         };
         // Both level axes have the same covariance before and the same after.
         let tilt = channel.tilt();
@@ -164,7 +176,7 @@ impl Observer {
             process.moved(&pair, variance, gains.z, tilt - left);
             process.look(left, config.sensors.noise_range);
         }
-        true
+        credit
     }
 
     /// Learns how strong the correlated noise of a kind is: of heights from an innovation of so many

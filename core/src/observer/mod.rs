@@ -121,6 +121,11 @@ impl Observer {
     /// Starts on a level of some spread and with a vertical velocity of some variance;
     /// `level_force_mps2` is the specific force felt there, body. What is believed of the parameters
     /// comes by [`Self::believe`].
+    #[expect(
+        clippy::inline_always,
+        reason = "made where it stays: otherwise it is copied over the stack"
+    )]
+    #[inline(always)]
     pub fn new(
         start: Time,
         tilt_sigma_rad: f64,

@@ -23,6 +23,7 @@ impl Observer {
     }
 
     /// Carries the observer over a span that ends at `to`, in a frame that turns at `frame_rate`.
+    #[inline(never)]
     pub fn propagate(
         &mut self,
         span: &Span,
@@ -81,6 +82,7 @@ impl Observer {
     }
 
     /// Lets the channels grow by the noises, with the correlated ones of GNSS.
+    #[inline(never)]
     fn grow_noise(&mut self, span: &Span, level: [Renewal; 2], up: [Renewal; 2], config: &Config) {
         let s = &config.sensors;
         let shares = |noise: &[f64; 3], ratio: f64| {
