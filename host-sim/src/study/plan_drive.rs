@@ -266,23 +266,21 @@ pub fn readable(all: &[Results]) -> String {
     all.iter().map(part).collect::<String>() + &verdict(all)
 }
 
-/// How many ratios are as they should be.
+/// How many ratios are as they should be: to the errors, and to the sigmas that the core states.
 fn verdict(all: &[Results]) -> String {
     let of_side = |(judge, side): (bool, &str)| {
-        let of_side = all.iter().filter(|results| results.judge == judge);
-        let ratios: Vec<f64> = of_side
-            .flat_map(|r| &r.rows)
-            .filter_map(|r| r.ratio)
-            .collect();
-        let good = ratios
-            .iter()
-            .filter(|ratio| (GOAL[0]..=GOAL[1]).contains(*ratio));
+        let shown = || {
+            let of_side = all.iter().filter(|results| results.judge == judge);
+            let rows = of_side.flat_map(|results| &results.rows);
+            rows.filter_map(|row| Some((row.ratio?, row.predicted / row.stated)))
+        };
+        let good = |ratio: f64| (GOAL[0]..=GOAL[1]).contains(&ratio);
+        let [least, most] = GOAL;
         format!(
-            "{side}: {} of {} ratios within {} to {}\n",
-            good.count(),
-            ratios.len(),
-            GOAL[0],
-            GOAL[1]
+            "{side}: within {least} to {most} are {} of {} ratios to what is reached, {} to what is stated\n",
+            shown().filter(|(reached, _)| good(*reached)).count(),
+            shown().count(),
+            shown().filter(|(_, stated)| good(*stated)).count(),
         )
     };
     [(false, "Development"), (true, "Judges")]

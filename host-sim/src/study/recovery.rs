@@ -250,14 +250,15 @@ fn rows(study: &Study, law: Law, units: &[Unit]) -> Vec<Row> {
     };
     let bounds = Bounds::new(study, &model, units);
     (first.parameters.iter())
-        .map(|parameter| {
+        .filter_map(|parameter| {
             let same = |p: &&Parameter| p.name == parameter.name;
             let found: Vec<Interval> = (units.iter())
                 .filter_map(|unit| unit.parameters.iter().find(same)?.found)
                 .collect();
             let truth = in_file(&model, parameter.name);
             let bound = bounds.of(parameter.name);
-            row(parameter.name, parameter.unit, truth, &found, bound)
+            // Scales that the core does not estimate, say.
+            (!found.is_empty()).then(|| row(parameter.name, parameter.unit, truth, &found, bound))
         })
         .collect()
 }
