@@ -61,7 +61,14 @@ type Drift = [Option<[f64; QUANTITIES.len()]>; HORIZONS_S.len()];
 pub fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<Row>> {
     let (log, name) = (&analysis.log, &analysis.summary.log);
     let config = analysis.found.config;
-    let observed = drifts(&log.imu.all(), &log.gnss, config).map_err(unusable)?;
+    let imu = log.imu.all();
+    let of_log = |begins| drifts(&imu, &log.gnss, config, begins).map_err(unusable);
+    let mut begins = Begins::Headed;
+    let mut observed = of_log(begins)?;
+    if observed.is_empty() {
+        begins = Begins::Settled;
+        observed = of_log(begins)?;
+    }
     let mut errors = model.clone();
     errors.gnss.rate_hz = log.fix_rate_hz();
     let imu_hz = log.imu_rate_hz();
@@ -83,7 +90,7 @@ pub fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<
                 errors: errors.clone(),
             };
             let run = record(replay.clone(), &recording);
-            drifts(&run.imu, &run.gnss, config)
+            drifts(&run.imu, &run.gnss, config, begins)
         })
         .collect::<Result<_, ConfigError>>()
         .map_err(unusable)?;
@@ -146,8 +153,22 @@ fn foretold(simulated: &[Vec<f64>]) -> Option<(f64, f64)> {
     Some((predicted, half))
 }
 
+/// When outages may begin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Begins {
+    /// Once the core has settled and knows its azimuth.
+    Headed,
+    /// Once it has settled: on a drive whose azimuth it never knows.
+    Settled,
+}
+
 /// The core through outages all along a drive.
-fn drifts(imu: &[ImuSample], gnss: &[GnssFix], config: Config) -> Result<Vec<Drift>, ConfigError> {
+fn drifts(
+    imu: &[ImuSample],
+    gnss: &[GnssFix],
+    config: Config,
+    begins: Begins,
+) -> Result<Vec<Drift>, ConfigError> {
     let mut navigator = Navigator::new(config)?;
     let (mut aided, mut blind): (Vec<Solution>, Vec<[Option<Solution>; 3]>) = Default::default();
     let (mut navigating_since, mut last_fix, mut next) = (None, None, None::<Time>);
@@ -167,7 +188,7 @@ fn drifts(imu: &[ImuSample], gnss: &[GnssFix], config: Config) -> Result<Vec<Dri
         aided.extend(navigator.solution());
         let since = *navigating_since.get_or_insert(sample.time);
         let settled = sample.time.seconds_since(since) >= SETTLE_S
-            && known(&navigator.estimates().azimuth_error_rad)
+            && (begins == Begins::Settled || known(&navigator.estimates().azimuth_error_rad))
             && last_fix.is_some_and(|fix| sample.time.seconds_since(fix) < FRESH_S);
         if settled && next.is_none_or(|next| sample.time >= next) {
             blind.push(free(navigator.clone(), &imu[samples..], sample.time));

@@ -43,7 +43,7 @@ type Vector = SVector<f64, SIZE>;
 type Matrix = SMatrix<f64, SIZE, SIZE>;
 type Parameters = SVector<f64, PARAMETERS>;
 
-/// What is believed at the start of velocity and tilt, m/s and rad.
+/// What is believed at the start of velocity and tilt, m/s and rad; of the azimuth at least.
 const START_SIGMA: [f64; RANDOM] = [1.0, 1.0, 0.01, 0.01, 0.05];
 /// And of the parameters: rad/s for a constant and for what a trend does over a drive (100 deg/h:
 /// nothing, beside what a drive tells, and so are these of m and s).
@@ -309,7 +309,7 @@ fn shown(all: [Measured; 3], believed: f64) -> Vec<Measured> {
 }
 
 pub fn filter(record: &Record, candidate: &Candidate) -> Answer {
-    let mut state = State::new(candidate);
+    let mut state = State::new(record, candidate);
     for epoch in &record.epochs {
         match candidate.dynamics.jump_in(epoch) {
             Some(part) => {
@@ -342,6 +342,7 @@ fn trend_sigma(record: &Record, dynamics: &Dynamics) -> f64 {
 /// second has their effects on it.
 struct State {
     time_s: f64,
+    start_sigma: [f64; RANDOM],
     covariance: Matrix,
     /// What one of each parameter makes of the state, a row each; the mean without any.
     effects: SMatrix<f64, ROWS, SIZE>,
@@ -352,9 +353,12 @@ struct State {
 }
 
 impl State {
-    fn new(candidate: &Candidate) -> Self {
+    fn new(record: &Record, candidate: &Candidate) -> Self {
+        let [east, north, tilt_east, tilt_north, azimuth] = START_SIGMA;
+        let azimuth = azimuth.max(record.azimuth_sigma_rad);
+        let start_sigma = [east, north, tilt_east, tilt_north, azimuth];
         let mut covariance = Matrix::zeros();
-        for (axis, sigma) in START_SIGMA.into_iter().enumerate() {
+        for (axis, sigma) in start_sigma.into_iter().enumerate() {
             covariance[(axis, axis)] = sigma * sigma;
         }
         for (axes, dynamics) in candidate.biases() {
@@ -368,6 +372,7 @@ impl State {
         }
         Self {
             time_s: 0.0,
+            start_sigma,
             covariance,
             effects: SMatrix::zeros(),
             information: SMatrix::zeros(),
@@ -473,7 +478,7 @@ impl State {
 
     /// After a hole velocity and attitude begin anew; the biases go on.
     fn lose_attitude(&mut self) {
-        for (axis, sigma) in START_SIGMA.into_iter().enumerate() {
+        for (axis, sigma) in self.start_sigma.into_iter().enumerate() {
             self.effects.column_mut(axis).fill(0.0);
             self.covariance.row_mut(axis).fill(0.0);
             self.covariance.column_mut(axis).fill(0.0);

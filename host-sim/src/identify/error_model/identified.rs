@@ -83,7 +83,7 @@ pub(crate) fn in_file(model: &ErrorModel, path: &str) -> f64 {
 pub struct Identified {
     pub drives: usize,
     grade: Grade,
-    /// The gyros and GNSS velocity; none if the azimuth never became observable, or for too short.
+    /// The gyros and GNSS velocity; none of drives that are too short.
     pub(crate) gyro: Option<GyroFit>,
     /// Of the gyros, deg/h/sqrt(Hz).
     gyro_at_rest: Option<RestNoise>,
@@ -208,7 +208,7 @@ impl Identified {
             let rest = self.gyro_noise_at_rest();
             return vec![
                 known(noise, NOISE_UNIT, rest, NO_REST),
-                known(sigma, "deg/h", None, NO_AZIMUTH),
+                known(sigma, "deg/h", None, NO_MINUTES),
             ];
         };
         let deg_h = |found: &Interval| Some(found.scaled(1.0 / DEG_H_RADPS));
@@ -366,7 +366,7 @@ const NOISE_UNIT: &str = "deg/h/sqrt(Hz)";
 const NO_REST: &str = "needs some seconds at rest";
 const NO_SCATTER: &str = "needs some seconds at rest in which every axis scatters";
 const NO_TURN: &str = "needs turns and stops, or is below the error of its estimates";
-const NO_AZIMUTH: &str = "needs some minutes with an observable azimuth";
+const NO_MINUTES: &str = "needs some minutes of navigation";
 const NO_MANOEUVRE: &str =
     "needs turns for gyros, banks and hard braking for accelerometers, or is below what they show";
 const NO_LATENCY: &str = "needs starts and brakings";
@@ -434,7 +434,7 @@ fn above_noise(name: &'static str, unit: &'static str, found: Option<Interval>) 
     let missing = match found {
         Some(found) if found.high.is_finite() => NOT_ABOVE_NOISE,
         Some(_) => NOT_BOUNDED,
-        None => NO_AZIMUTH,
+        None => NO_MINUTES,
     };
     spread(name, unit, found, missing)
 }

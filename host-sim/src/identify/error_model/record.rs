@@ -13,6 +13,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::interval::Measured;
 use crate::identify::free_inertial::known;
+use crate::identify::row::Row;
 use crate::identify::run::Identification;
 use crate::log::{Log, median};
 
@@ -26,6 +27,8 @@ const MOST_EPOCHS: usize = 5400;
 const MOVING_MPS: f64 = 0.6;
 /// Blocks at both ends of a rest that are left out: the vehicle still rocks, and GNSS speed is late.
 const ROCKING: usize = 2;
+/// Time after the first solution at which a core that never knows its azimuth is as good as it will be, s.
+const SETTLE_S: f64 = 60.0;
 /// Epochs whose velocity difference is further out than this many median deviations are left out.
 const OUTLIER: f64 = 8.0;
 
@@ -125,8 +128,10 @@ pub struct Difference {
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Record {
-    /// In order of time, from when the azimuth is known.
+    /// In order of time, from when the azimuth is known, or else from when the core has settled.
     pub epochs: Vec<Epoch>,
+    /// Spread of the azimuth then, rad.
+    pub azimuth_sigma_rad: f64,
     /// Stretches of rest, block by block, whole log.
     pub rest: Vec<Vec<RestBlock>>,
     /// Gyro biases that the epochs are free of, body right-forward-up, rad/s.
@@ -143,7 +148,7 @@ pub struct Record {
 }
 
 impl Record {
-    /// Reduces a log; no epochs if its azimuth never became observable.
+    /// Reduces a log; no epochs if it never navigated for long.
     pub fn new(log: &Log, found: &Identification) -> Self {
         let rest = rest(log);
         let estimates = &found.end.estimates;
@@ -152,8 +157,10 @@ impl Record {
             std::slice::from_ref(&estimates.turn_scale),
             &estimates.gyro_scale,
         ];
+        let reducer = Reducer::new(log, found, &rest);
         Self {
-            epochs: Reducer::new(log, found, &rest).epochs(intervals(log)),
+            epochs: reducer.epochs(intervals(log)),
+            azimuth_sigma_rad: reducer.azimuth_sigma_rad,
             rest: rest.into_iter().map(|span| span.blocks).collect(),
             gyro_reference_radps: values(&estimates.gyro_bias_radps),
             accel_bias_mps2: estimates.accel_bias_mps2,
@@ -305,6 +312,7 @@ struct Reducer<'a> {
     first: Time,
     correction: Correction,
     references: &'a [Solution],
+    azimuth_sigma_rad: f64,
     fixes: Vec<(Time, Vector2<f64>)>,
     rest: &'a [RestSpan],
 }
@@ -318,21 +326,23 @@ impl<'a> Reducer<'a> {
         let fixes = (log.gnss.iter())
             .filter_map(|fix| Some((correction.moment(fix), fix.velocity_en_mps?)))
             .collect();
-        let known = |row: &&crate::identify::row::Row| {
-            row.solution.is_some() && known(&row.estimates.azimuth_error_rad)
+        let navigates = || found.history.iter().filter(|row| row.solution.is_some());
+        let settled = |row: &&Row| {
+            let first = navigates().next();
+            first.is_some_and(|first| row.time.seconds_since(first.time) >= SETTLE_S)
         };
-        let references = match found.history.iter().find(known) {
-            Some(row) => {
-                let from = (found.solutions).partition_point(|solution| solution.time < row.time);
-                &found.solutions[from..]
-            }
-            None => &[],
-        };
+        let begins = (navigates().find(|row| known(&row.estimates.azimuth_error_rad)))
+            .or_else(|| navigates().find(settled));
+        let references = begins.map_or(&[][..], |row| {
+            let from = (found.solutions).partition_point(|solution| solution.time < row.time);
+            &found.solutions[from..]
+        });
         Self {
             first: log.start(),
             rest,
             correction,
             references,
+            azimuth_sigma_rad: begins.map_or(0.0, |row| row.estimates.azimuth_error_rad.sigma),
             fixes,
         }
     }
@@ -486,5 +496,37 @@ fn drop_outliers(epochs: &mut [Epoch]) {
         if size(epoch).is_some_and(|size| size > OUTLIER * median) {
             epoch.difference = None;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use indicatif::ProgressBar;
+    use ins_core::Observability;
+
+    use super::*;
+    use crate::identify::configure;
+    use crate::identify::run::identify;
+    use crate::log::{BodyAxes, Grade};
+    use crate::sim::{DriveConfig, simulate};
+
+    #[test]
+    fn a_drive_whose_azimuth_is_never_known_tells_of_its_noise_once_settled() {
+        let drive = simulate(&DriveConfig::new(1, Grade::Mems, 5.0));
+        let log = drive.into_log(BodyAxes::Rfu, ins_core::ImuOutput::Rates);
+        let config = configure::config(&log, Grade::Mems);
+        let mut found = identify(&log, config, &ProgressBar::hidden()).unwrap();
+        let headed = Record::new(&log, &found);
+        for row in &mut found.history {
+            let azimuth = &mut row.estimates.azimuth_error_rad;
+            azimuth.observability = Observability::NeedsAcceleration;
+            azimuth.sigma = 0.3;
+        }
+        let settled = Record::new(&log, &found);
+        let start_s = found.solutions[0].time.seconds_since(log.start());
+        assert!((settled.epochs[0].start_s - start_s - SETTLE_S).abs() < EPOCH_S);
+        assert!(headed.epochs[0].start_s < settled.epochs[0].start_s);
+        assert!(headed.azimuth_sigma_rad < 0.035);
+        assert!((settled.azimuth_sigma_rad - 0.3).abs() < 1e-12);
     }
 }
