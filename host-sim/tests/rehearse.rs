@@ -168,14 +168,48 @@ fn whatever_a_program_does_is_a_row_with_its_cause() {
         assert!(told.contains(cause), "{with}: {told}");
         assert_eq!(tested["flights"], 0);
     }
-    assert_ended(&home.join("stays.pid"));
+    assert!(has_ended(&home.join("stays.pid")));
 }
 
-/// A process that wrote its number into a file is gone, as far as the system tells.
-fn assert_ended(file: &Path) {
+/// Whether a process that wrote its number into a file is gone, as far as the system tells.
+fn has_ended(file: &Path) -> bool {
     let pid = fs::read_to_string(file).unwrap();
     let state = fs::read_to_string(Path::new("/proc").join(pid).join("stat")).unwrap_or_default();
-    assert!(state.is_empty() || state.contains(") Z "), "{state}");
+    state.is_empty() || state.contains(") Z ")
+}
+
+/// It computes on and on, whatever it is told.
+const COMPUTES: &str = "
+import os, signal
+for number in [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]:
+    signal.signal(number, signal.SIG_IGN)
+print('ready,1', flush=True)
+open('computes.new', 'w').write(str(os.getpid()))
+os.rename('computes.new', 'computes.pid')
+while True:
+    pass
+";
+
+#[test]
+fn a_program_ends_with_the_rehearsal_that_is_stopped() {
+    let home = home();
+    let home = home.path();
+    fs::write(home.join("computes.py"), COMPUTES).unwrap();
+    let with = ["--with", "python3 computes.py", "--time-limit", "600"];
+    let mut stopped = rehearse(home, "out", "1", &with).spawn().unwrap();
+    let number = home.join("computes.pid");
+    wait_until(|| number.exists());
+    succeed(Command::new("kill").arg(stopped.id().to_string()));
+    assert_eq!(stopped.wait().unwrap().code(), Some(130));
+    wait_until(|| has_ended(&number));
+}
+
+fn wait_until(done: impl Fn() -> bool) {
+    let start = Instant::now();
+    while !done() {
+        assert!(start.elapsed() < Duration::from_mins(5), "too late");
+        std::thread::sleep(Duration::from_millis(2));
+    }
 }
 
 #[test]
@@ -244,14 +278,7 @@ fn threads_kills_and_shards_leave_no_trace() {
     let mut killed = run("2", "killed", &[]).spawn().unwrap();
     let runs = home.join("killed/runs.jsonl");
     let done = || fs::read_to_string(&runs).map_or(0, |text| text.matches('\n').count());
-    let start = Instant::now();
-    while done() < 3 {
-        assert!(
-            start.elapsed() < Duration::from_mins(5),
-            "nothing gets done"
-        );
-        std::thread::sleep(Duration::from_millis(2));
-    }
+    wait_until(|| done() >= 3);
     killed.kill().unwrap();
     killed.wait().unwrap();
     assert!(done() < whole.len(), "too late for this test");

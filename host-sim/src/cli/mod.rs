@@ -21,8 +21,8 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 use miette::Result;
 
-use crate::page::output::OutputError;
-pub use crate::page::output::clean_up_when_stopped;
+use crate::page::output::{self, OutputError};
+use crate::rehearse::program;
 pub use campaign::summary as campaign_summary;
 
 const NAME: &str = "host-sim";
@@ -80,6 +80,11 @@ enum Command {
         #[arg(long)]
         out: PathBuf,
     },
+}
+
+/// Leaves neither half a result nor a program under test behind.
+pub fn clean_up_when_stopped() {
+    output::clean_up_when_stopped(program::kill_all);
 }
 
 impl Cli {

@@ -27,10 +27,12 @@ fn building() -> MutexGuard<'static, Vec<Building>> {
     BUILDING.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Leaves nothing half done behind when the user stops the program, or the system does.
-pub fn clean_up_when_stopped() {
+/// Leaves nothing half done behind when the user stops the program, or the system does, after ending
+/// whatever else goes on.
+pub fn clean_up_when_stopped(end_others: fn()) {
     // Without a handler nothing is missed but this.
-    let _ = ctrlc::set_handler(|| {
+    let _ = ctrlc::set_handler(move || {
+        end_others();
         for Building { folder, made } in building().iter() {
             let _ = (0..REMOVALS).find(|_| fs::remove_dir_all(folder).is_ok());
             // As far as they are empty.

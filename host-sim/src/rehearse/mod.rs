@@ -7,7 +7,7 @@
 
 pub(crate) mod flight;
 pub(crate) mod output;
-mod program;
+pub(crate) mod program;
 pub mod proof;
 mod replay;
 pub(crate) mod run;

@@ -8,7 +8,7 @@ use std::os::unix::process::CommandExt as _;
 use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
 use std::str::FromStr;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -84,6 +84,35 @@ impl Program {
     }
 }
 
+/// Numbers of the programs that run.
+static RUNNING: Mutex<Vec<u32>> = Mutex::new(Vec::new());
+
+fn running() -> MutexGuard<'static, Vec<u32>> {
+    RUNNING.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Kills all programs that run, when this process is about to end: one that computes on and on would
+/// not see that its input is closed.
+pub fn kill_all() {
+    let running = running();
+    running.iter().copied().for_each(kill_group);
+    // No other is begun.
+    std::mem::forget(running);
+}
+
+/// Kills a program with all that it has started.
+fn kill_group(number: u32) {
+    #[cfg(unix)]
+    if let Some(group) = i32::try_from(number)
+        .ok()
+        .and_then(rustix::process::Pid::from_raw)
+    {
+        let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL);
+    }
+    #[cfg(not(unix))]
+    let _ = number;
+}
+
 /// A program that runs. It is killed when this goes, with all that it has started: a script may be
 /// what was named.
 struct Session {
@@ -99,11 +128,11 @@ struct Session {
 
 impl Drop for Session {
     fn drop(&mut self) {
-        #[cfg(unix)]
-        let _ = rustix::process::kill_process_group(
-            rustix::process::Pid::from_child(&self.child),
-            rustix::process::Signal::KILL,
-        );
+        let number = self.child.id();
+        let mut running = running();
+        running.retain(|other| *other != number);
+        kill_group(number);
+        drop(running);
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -123,9 +152,12 @@ impl Session {
             .stderr(Stdio::piped());
         #[cfg(unix)]
         command.process_group(0);
+        let mut running = running();
         let mut child = command
             .spawn()
             .map_err(|error| unusable(format!("{} cannot be run: {error}", program.command[0])))?;
+        running.push(child.id());
+        drop(running);
         let pipes = (child.stdin.take(), child.stdout.take(), child.stderr.take());
         let (Some(stdin), Some(stdout), Some(stderr)) = pipes else {
             return Err(unusable("no pipes"));
