@@ -247,6 +247,15 @@ fn a_target_file_is_refused_with_its_place() {
             "[target]\nazimuth_deg = 1\n[site]\nspeed_kmh = 5",
             "line 4: `speed_kmh = 5`: expected 10 to 250",
         ),
+        // A comment may name the key, too.
+        (
+            "# speed_kmh: slow\n[target]\nazimuth_deg = 1\n[site]\nspeed_kmh = 5",
+            "line 5: `speed_kmh = 5`: expected 10 to 250",
+        ),
+        (
+            "[target]\nazimuth_deg = 1\n[unit]\nantenna_m = [nan, 0, 0]",
+            "line 4: `antenna_m = NaN`: expected -30 to 30",
+        ),
         (
             "[target]\nazimuth_deg = 1\n[site]\nmanoeuvres = [\"loop\"]",
             "line 4: unknown variant `loop`",

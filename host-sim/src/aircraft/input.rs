@@ -36,6 +36,19 @@ impl Source<'_> {
         }
     }
 
+    /// Where a key is set: comments may name it before.
+    pub fn key(&self, key: &str) -> usize {
+        let mut start = 0;
+        for line in self.text.split_inclusive('\n') {
+            let set = line.split_once('=').map(|(name, _)| name.trim());
+            if set.is_some_and(|name| name.rsplit('.').next() == Some(key)) {
+                return start;
+            }
+            start += line.len();
+        }
+        self.text.find(key).unwrap_or(0)
+    }
+
     /// The text as TOML; `example` says where a complete one is found.
     pub fn parse<T: DeserializeOwned>(&self, example: &str) -> Result<T, InputError> {
         toml::from_str(self.text).map_err(|error| {
@@ -83,9 +96,8 @@ pub fn read_aircraft(file: &Path) -> Result<Dynamics, InputError> {
     let parameters: Parameters = source.parse("host-sim/aircraft/cessna172.toml")?;
     for (key, value) in parameters.must_be_positive() {
         if value.is_nan() || value <= 0.0 || value.is_infinite() {
-            let offset = text.find(key).unwrap_or(0);
             return Err(source.error(
-                offset,
+                source.key(key),
                 format!("`{key} = {value}`: expected a positive number"),
             ));
         }

@@ -205,7 +205,7 @@ impl Checker<'_> {
                 self.bank_deg,
                 most_rad.to_degrees()
             );
-            return Err(s.error(s.text.find("bank_deg").unwrap_or(0), message));
+            return Err(s.error(s.key("bank_deg"), message));
         }
         let start = self.start(&table.start)?;
         let cause = "in more wind than half the airspeed turns and legs are not kept; \

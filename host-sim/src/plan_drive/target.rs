@@ -167,21 +167,18 @@ fn check_numbers(source: &Source, read: &File) -> Result<(), InputError> {
         ("pitch_deg", unit.pitch_deg, [-90.0, 90.0]),
         ("heading_deg", unit.heading_deg, [-360.0, 360.0]),
         ("imu_hz", unit.imu_hz, [20.0, 1000.0]),
-        (
-            "antenna_m",
-            unit.antenna_m.map(f64::abs).into_iter().fold(0.0, f64::max),
-            [0.0, 30.0],
-        ),
+        ("antenna_m", unit.antenna_m[0], [-30.0, 30.0]),
+        ("antenna_m", unit.antenna_m[1], [-30.0, 30.0]),
+        ("antenna_m", unit.antenna_m[2], [-30.0, 30.0]),
     ] {
         if !(low..=high).contains(&value) {
             let message = format!("`{key} = {value}`: expected {low} to {high}");
-            return Err(source.error(source.text.find(key).unwrap_or(0), message));
+            return Err(source.error(source.key(key), message));
         }
     }
     if site.manoeuvres.is_empty() {
         let message = "no manoeuvre is allowed: expected at least one";
-        let offset = source.text.find("manoeuvres").unwrap_or(0);
-        return Err(source.error(offset, message.to_owned()));
+        return Err(source.error(source.key("manoeuvres"), message.to_owned()));
     }
     Ok(())
 }
