@@ -35,8 +35,7 @@ pub fn clean_up_when_stopped(end_others: fn()) {
         end_others();
         for Building { folder, made } in building().iter() {
             let _ = (0..REMOVALS).find(|_| fs::remove_dir_all(folder).is_ok());
-            // As far as they are empty.
-            let _ = made.iter().all(|made| fs::remove_dir(made).is_ok());
+            remove_empty(made);
         }
         exit(INTERRUPTED);
     });
@@ -83,6 +82,11 @@ pub fn check_free(folder: &Path, mark: &str, force: bool) -> Result<(), OutputEr
     }
 }
 
+/// The innermost first, as far as they are empty.
+fn remove_empty(folders: &[PathBuf]) {
+    let _ = folders.iter().all(|folder| fs::remove_dir(folder).is_ok());
+}
+
 /// Fills a hidden folder beside the wanted one, and gives it the name only when it is whole.
 pub fn build<T, E: From<OutputError>>(
     folder: &Path,
@@ -97,7 +101,7 @@ pub fn build<T, E: From<OutputError>>(
     };
     let absent = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
     let made = parent.ancestors().take_while(absent);
-    let made = made.map(Path::to_owned).collect();
+    let made: Vec<PathBuf> = made.map(Path::to_owned).collect();
     fs::create_dir_all(parent).map_err(|e| OutputError::io(parent, e))?;
     let hidden = tempfile::Builder::new()
         .prefix(".building-")
@@ -105,9 +109,16 @@ pub fn build<T, E: From<OutputError>>(
         .map_err(|e| OutputError::io(parent, e))?;
     building().push(Building {
         folder: hidden.path().to_owned(),
-        made,
+        made: made.clone(),
     });
-    let filled = fill(hidden.path())?;
+    let filled = match fill(hidden.path()) {
+        Ok(filled) => filled,
+        Err(error) => {
+            drop(hidden);
+            remove_empty(&made);
+            return Err(error);
+        }
+    };
     share(hidden.path()).map_err(|e| OutputError::io(hidden.path(), e))?;
     // Whoever stops the program now waits until the folder has its name.
     let mut building = building();
@@ -146,8 +157,11 @@ fn beside(file: &Path) -> PathBuf {
 pub fn replace(file: &Path, text: &str) -> Result<(), OutputError> {
     let io = |source| OutputError::io(file, source);
     let new = beside(file);
-    fs::write(&new, text).map_err(io)?;
-    fs::rename(&new, file).map_err(io)
+    let written = fs::write(&new, text).and_then(|()| fs::rename(&new, file));
+    written.map_err(|error| {
+        let _ = fs::remove_file(&new);
+        io(error)
+    })
 }
 
 /// Temporary folders are private; results are as open as any new folder.
@@ -198,7 +212,7 @@ mod tests {
     #[test]
     fn nothing_is_left_of_a_failure() {
         let home = tempfile::tempdir().unwrap();
-        let out = home.path().join("out");
+        let out = home.path().join("results/out");
         let fail = |folder: &Path| {
             fs::write(folder.join(MARK), "half").unwrap();
             Err::<(), _>(OutputError::io(folder, io::Error::other("disk full")))
