@@ -51,7 +51,11 @@ impl FromStr for Program {
     /// `NAME=COMMAND`, or a command, named by its program. Quotes as in a shell.
     fn from_str(text: &str) -> Result<Self, String> {
         let (name, command) = match text.split_once('=') {
-            Some((name, command)) if name.chars().all(|c| c.is_alphanumeric() || c == '-') => {
+            Some((name, command))
+                if name
+                    .chars()
+                    .all(|c| c.is_alphanumeric() || "-_".contains(c)) =>
+            {
                 (Some(name), command)
             }
             _ => (None, text),
@@ -583,8 +587,8 @@ mod tests {
 
     #[test]
     fn commands_have_names_and_quotes() {
-        let program: Program = "mine=python3 'my filter.py' --fast".parse().unwrap();
-        assert_eq!(program.name, "mine");
+        let program: Program = "my_own-1=python3 'my filter.py' --fast".parse().unwrap();
+        assert_eq!(program.name, "my_own-1");
         assert_eq!(program.command, ["python3", "my filter.py", "--fast"]);
         let program: Program = "./a/filter.bin --gain=2".parse().unwrap();
         assert_eq!(program.name, "filter");
