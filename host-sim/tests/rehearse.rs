@@ -129,6 +129,11 @@ fn whatever_a_program_does_is_a_row_with_its_cause() {
             "no answer in 1.50 s",
         ),
         (
+            "heir=sh -c 'echo ready,1; sleep 600 & exit 7'".to_owned(),
+            "crashed",
+            "exit status: 7",
+        ),
+        (
             "gone=./no-such-program".to_owned(),
             "unusable",
             "cannot be run",

@@ -260,12 +260,17 @@ impl Session {
     /// The next line of the program, if it comes in time; one that is late is waited for so long.
     fn line(&mut self, limit: Duration, patience: Duration) -> Result<String, Failure> {
         let start = Instant::now();
+        let answer = self.lines.recv_timeout(patience);
+        // It may have left its output to a child that goes on.
+        if answer.is_err() && matches!(self.child.try_wait(), Ok(Some(_))) {
+            return Err(self.ended());
+        }
         let late = |fault, what: &str, waited: Duration| {
             let [waited, limit] = [waited, limit].map(|time| time.as_secs_f64());
             let cause = format!("{what} {waited:.2} s, the limit is {limit:.2} s");
             self.failure(fault, cause)
         };
-        match self.lines.recv_timeout(patience) {
+        match answer {
             Ok(line) if start.elapsed() <= limit => Ok(line),
             Ok(_) => Err(late(Fault::Late, "answered after", start.elapsed())),
             Err(RecvTimeoutError::Timeout) => Err(late(Fault::Hung, "no answer in", patience)),
