@@ -98,9 +98,9 @@ fn whatever_a_program_does_is_a_row_with_its_cause() {
         ),
         (with("late", late), "late", "the limit is 0.50 s"),
         (
-            with("nonsense", "good = 'forty-two'"),
+            with("nonsense", "good = 'forty\x1b[2Jtwo'"),
             "wrong",
-            "answered `forty-two`: expected `solution,1,` and 9 numbers, or `none,1`",
+            "answered `forty [2Jtwo`: expected `solution,1,` and 9 numbers, or `none,1`",
         ),
         (
             with("not-finite", "good = f'solution,{t},56,40,nan,0,0,0,0,0,0'"),

@@ -106,7 +106,10 @@ pub fn cells<const N: usize>(texts: [&str; N]) -> Vec<String> {
 }
 
 pub fn markdown(header: &[String], rows: &[Vec<String>]) -> String {
-    let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
+    let line = |cells: &[String]| {
+        let cells: Vec<String> = cells.iter().map(|cell| cell.replace('|', "\\|")).collect();
+        format!("| {} |\n", cells.join(" | "))
+    };
     let rule = format!("|{}\n", "---|".repeat(header.len()));
     let rows: String = rows.iter().map(|row| line(row)).collect();
     line(header) + &rule + &rows
@@ -125,5 +128,7 @@ mod tests {
             markdown(&header, &rows),
             "|  | ms |\n|---|---|\n| tau | 121.8 |\n"
         );
+        let bar = [cells(["a | b", "1"])];
+        assert!(markdown(&header, &bar).ends_with("| a \\| b | 1 |\n"));
     }
 }

@@ -183,7 +183,8 @@ impl Session {
             ["ready", "1", "after"] => true,
             _ => {
                 return Err(unusable(format!(
-                    "answered `{line}`: expected `ready,{VERSION}` or `ready,{VERSION},after`"
+                    "answered `{}`: expected `ready,{VERSION}` or `ready,{VERSION},after`",
+                    shown(&line)
                 )));
             }
         };
@@ -313,8 +314,8 @@ impl Session {
     ) -> Result<Option<Solution>, Failure> {
         let line = self.line(limit, patience)?;
         parse(&line, asked).map_err(|expected| {
-            let shown: String = line.chars().take(80).collect();
-            self.failure(Fault::Wrong, format!("answered `{shown}`: {expected}"))
+            let cause = format!("answered `{}`: {expected}", shown(&line));
+            self.failure(Fault::Wrong, cause)
         })
     }
 }
@@ -351,7 +352,7 @@ impl Errors {
         let last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         let text = String::from_utf8_lossy(&last);
         let line = text.lines().rfind(|line| !line.trim().is_empty());
-        line.unwrap_or_default().trim().to_owned()
+        printable(line.unwrap_or_default())
     }
 }
 
@@ -386,13 +387,23 @@ fn read_from(stdout: ChildStdout) -> Receiver<String> {
             if !length.is_ok_and(|length| length > 0) {
                 return;
             }
-            let text = String::from_utf8_lossy(&line).trim().to_owned();
+            let text = printable(&String::from_utf8_lossy(&line));
             if sender.send(text).is_err() {
                 return;
             }
         }
     });
     lines
+}
+
+/// Without what would move the cursor or change the colours of whoever reads it in a table.
+fn printable(text: &str) -> String {
+    text.trim().replace(char::is_control, " ")
+}
+
+/// As much of a line as tells what it is.
+fn shown(line: &str) -> String {
+    line.chars().take(80).collect()
 }
 
 // --- lines to the program ---
