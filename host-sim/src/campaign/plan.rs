@@ -70,8 +70,10 @@ impl Plan {
     }
 
     fn parse(file: &Path, text: &str) -> Result<Self, InputError> {
-        let plan: Self = Source { file, text }.parse("host-sim/campaigns/hg1700.toml")?;
-        plan.check().map_err(|message| InputError {
+        let source = Source { file, text };
+        let plan: Self = source.parse("host-sim/campaigns/hg1700.toml")?;
+        plan.check_numbers(&source)?;
+        plan.check_model().map_err(|message| InputError {
             file: file.to_owned(),
             line: None,
             message,
@@ -79,7 +81,7 @@ impl Plan {
         Ok(plan)
     }
 
-    fn check(&self) -> Result<(), String> {
+    fn check_numbers(&self, source: &Source) -> Result<(), InputError> {
         const COUNT: [f64; 2] = [1.0, 100_000.0];
         for (key, value, [low, high]) in [
             ("units", self.units.into(), COUNT),
@@ -91,9 +93,14 @@ impl Plan {
             ("unit_spread", self.unit_spread, [0.0, 2.0]),
         ] {
             if !(low..=high).contains(&value) {
-                return Err(format!("`{key} = {value}`: expected {low} to {high}"));
+                let message = format!("`{key} = {value}`: expected {low} to {high}");
+                return Err(source.error(source.key(key), message));
             }
         }
+        Ok(())
+    }
+
+    fn check_model(&self) -> Result<(), String> {
         let model = self.model();
         let text = toml::to_string(&model).map_err(|error| error.to_string())?;
         ErrorModel::from_toml(&text).map_err(|error| format!("errors: {error}"))?;
@@ -191,7 +198,11 @@ mod tests {
     #[test]
     fn bad_plans_say_what_is_wrong() {
         for (good, bad, message) in [
-            ("units = ", "units = 0 #", "`units = 0`: expected 1 to"),
+            (
+                "units = ",
+                "units = 0 #",
+                "line 4: `units = 0`: expected 1 to",
+            ),
             ("units = ", "unit = 1 #", "unknown field `unit`"),
             (
                 "velocity_sigma_mps",
@@ -206,7 +217,7 @@ mod tests {
         ] {
             assert!(EXAMPLE.contains(good), "{good}");
             let error = parse(&EXAMPLE.replacen(good, bad, 1)).unwrap_err();
-            assert!(error.message.contains(message), "{bad}: {error}");
+            assert!(error.to_string().contains(message), "{bad}: {error}");
         }
     }
 }

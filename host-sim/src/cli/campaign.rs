@@ -48,15 +48,14 @@ pub struct Merge {
 pub fn campaign(options: &Campaign) -> Result<()> {
     let plan = Plan::read(&options.plan)?;
     let out = &options.output.out;
+    let shard = options.shard.unwrap_or(Shard::ALL);
+    check_parts(&plan, options.slurm.unwrap_or(shard.of))?;
     settle(&plan, out, options.output.force)?;
     if let Some(jobs) = options.slurm {
-        check_parts(&plan, jobs)?;
         let sum = ["merge".to_owned(), out.display().to_string()];
         let script = slurm::write("campaign", out, jobs, Some(&sum))?;
         return print(&format!("{}\n", script.display()));
     }
-    let shard = options.shard.unwrap_or(Shard::ALL);
-    check_parts(&plan, shard.of)?;
     run(&plan, shard, out, &bar())?;
     if shard == Shard::ALL {
         add_up(&[out], options.output.print)
