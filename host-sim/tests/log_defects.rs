@@ -548,6 +548,9 @@ fn sensor_cases() -> Vec<Case> {
         hilly("frozen half way", |f| {
             hold(&mut f.imu, 1..7, |row| row.min(2999));
         }),
+        hilly("frozen from the start", |f| {
+            hold(&mut f.imu, 1..7, |_| 0);
+        }),
         hilly("gyro up frozen half way", |f| {
             hold(&mut f.imu, 3..4, |row| row.min(2999));
         }),

@@ -31,7 +31,7 @@ pub(super) fn mend_sensors(
     warn_of_holes(log, findings);
     let before = log.imu.len();
     leave_out_spikes(log, per_second, findings).map_err(|e| LogError::no_room(&e))?;
-    leave_out_frozen(log, per_second, findings).map_err(|e| LogError::no_room(&e))?;
+    leave_out_frozen(log, per_second, findings)?;
     warn_of_channels(log, per_second, findings);
     Ok(log.imu.len() < before)
 }
@@ -105,7 +105,11 @@ fn frozen(log: &Log, per_second: f64) -> Vec<(Time, Time)> {
     frozen
 }
 
-fn leave_out_frozen(log: &mut Log, per_second: f64, findings: &mut Findings) -> io::Result<()> {
+fn leave_out_frozen(
+    log: &mut Log,
+    per_second: f64,
+    findings: &mut Findings,
+) -> Result<(), LogError> {
     let frozen = frozen(log, per_second);
     let Some((first, _)) = frozen.first() else {
         return Ok(());
@@ -116,16 +120,23 @@ fn leave_out_frozen(log: &mut Log, per_second: f64, findings: &mut Findings) -> 
         .map(|(from, to)| to.seconds_since(*from))
         .sum();
     let mut holes = frozen.iter().peekable();
-    log.imu = log.imu.filtered(|sample| {
+    let moving = log.imu.filtered(|sample| {
         while holes.next_if(|(_, to)| *to < sample.time).is_some() {}
         holes.peek().is_none_or(|(from, _)| sample.time <= *from)
-    })?;
+    });
+    let moving = moving.map_err(|e| LogError::no_room(&e))?;
     let found = format!(
         "the same in all six channels for {total_s:.0} s, the first time {first_s:.0} s after the \
          start, while GNSS shows motion"
     );
+    let expected = "readings that change";
+    if moving.len() < 2 {
+        let cause = "sensors or their driver were stuck";
+        return Err(findings.imu("", expected, found, cause));
+    }
+    log.imu = moving;
     let cause = "sensors or their driver were stuck; left out";
-    findings.warn(findings.imu("", "readings that change", found, cause));
+    findings.warn(findings.imu("", expected, found, cause));
     Ok(())
 }
 
