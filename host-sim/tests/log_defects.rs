@@ -554,6 +554,9 @@ fn sensor_cases() -> Vec<Case> {
         hilly("gyro up frozen half way", |f| {
             hold(&mut f.imu, 3..4, |row| row.min(2999));
         }),
+        text("accelerometers in mm/s^2", |f| {
+            convert_all(&mut f.imu, &ACCEL, |x| x * 1000.0);
+        }),
         text("gyro offset of 20 deg/s", |f| {
             convert(&mut f.imu, "gyro_x", |x| x + 0.35);
         }),

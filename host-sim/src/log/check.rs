@@ -150,6 +150,7 @@ fn check_accelerometer_unit(
             [
                 (1.0, "g for m/s^2: multiply by 9.80665"),
                 (1000.0, "mg for m/s^2: multiply by 0.00980665"),
+                (1000.0 * g, "mm/s^2 for m/s^2: multiply by 0.001"),
                 (g * interval, to_increments),
             ],
         ),
@@ -158,6 +159,7 @@ fn check_accelerometer_unit(
             [
                 (1.0, "g s for m/s: multiply by 9.80665"),
                 (1000.0, "mg s for m/s: multiply by 0.00980665"),
+                (1000.0 * g, "mm/s for m/s: multiply by 0.001"),
                 (g / interval, to_rates),
             ],
         ),
