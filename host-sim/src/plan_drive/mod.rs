@@ -87,7 +87,7 @@ impl Target {
 
     /// The core at the end of a log, with what `[config]` says.
     pub fn navigator_after(&self, analysis: &Analysis) -> Result<Navigator> {
-        let config = self.with_config(&analysis.found.config)?;
+        let config = self.with_config(analysis.found.config)?;
         let mut navigator = Navigator::new(config).map_err(unusable)?;
         for event in in_order_of_time(analysis.log.imu.iter(), &analysis.log.gnss) {
             event.give_to(&mut navigator);

@@ -227,18 +227,17 @@ impl Target {
             )
         })?;
         let mut config = config_of(grade, model.imu.output, None);
-        let arm_wanted = self
-            .goals
-            .iter()
-            .any(|goal| goal.quantity.kind == Kind::LeverArm);
-        if arm_wanted || self.unit.lever_arm_m().norm() > 0.0 {
-            let unknown = Config::mems().gnss.lever_arm_sigma_m;
-            config.gnss.lever_arm_sigma_m = config.gnss.lever_arm_sigma_m.max(unknown);
+        if self.unit.lever_arm_m().norm() > 0.0 {
+            let_antenna_be_unknown(&mut config);
         }
-        self.with_config(&config)
+        self.with_config(config)
     }
 
-    pub fn with_config(&self, config: &Config) -> Result<Config> {
+    /// Such a configuration for what is wanted, and with what `[config]` says.
+    pub fn with_config(&self, mut config: Config) -> Result<Config> {
+        if (self.goals.iter()).any(|goal| goal.quantity.kind == Kind::LeverArm) {
+            let_antenna_be_unknown(&mut config);
+        }
         let refused = |error: &dyn std::fmt::Display| {
             miette!(
                 help = "keys are those of `Config` in core/src/config.rs",
@@ -254,6 +253,11 @@ impl Target {
             Some(key) => Err(refused(&format!("`{key}` is not known"))),
         }
     }
+}
+
+fn let_antenna_be_unknown(config: &mut Config) {
+    let unknown = Config::mems().gnss.lever_arm_sigma_m;
+    config.gnss.lever_arm_sigma_m = config.gnss.lever_arm_sigma_m.max(unknown);
 }
 
 /// The first key that is not among those known, with the tables it is in.
