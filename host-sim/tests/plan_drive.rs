@@ -186,6 +186,20 @@ fn a_log_of_straight_driving_is_told_to_turn() {
     assert!(why(&plan, "accelerometer y").contains("the site does not allow what shows it"));
 }
 
+/// Ring lasers are taken to be at the antenna, and to be better than what is wanted here.
+#[test]
+fn a_log_shows_an_antenna_that_is_wanted_and_what_is_sharper_than_wanted() {
+    let home = tempfile::tempdir().unwrap();
+    let mut drive = Command::new(env!("CARGO_BIN_EXE_host-sim"));
+    let drive = drive.current_dir(home.path());
+    let drive = drive.args(["drive", "--minutes", "6", "--seed", "2", "--out", "log"]);
+    assert!(drive.output().unwrap().status.success());
+    let target = "[target]\nlever_arm_m = { x = 0.1 }\ngyro_bias_deg_h = { x = 30.0 }";
+    let plan = planned(home.path(), target, &["log"]);
+    assert_eq!(plan["reached"], true, "{plan:#}");
+    assert!(!manoeuvres(&plan).is_empty());
+}
+
 /// Starts and brakings along a straight road.
 struct Straight(Profile);
 

@@ -132,8 +132,9 @@ impl Goal {
     }
 }
 
-/// Left of what is as sharp as wanted and yet does not stand on data, nepers.
+/// Left of what is as sharp as wanted and yet does not stand on data, nepers; and of what is much sharper.
 const NOT_SHOWN: f64 = 1.0;
+const NOT_SHOWN_AT_ALL: f64 = 1e-3;
 
 impl Reached {
     /// A value that does not stand on data is not given, whatever its sigma.
@@ -148,7 +149,7 @@ impl Reached {
             left.max(0.0)
         } else {
             // Never nothing, and less with every bit that the sigma falls.
-            (NOT_SHOWN + left).max(f64::MIN_POSITIVE)
+            (NOT_SHOWN + left).max(NOT_SHOWN_AT_ALL * self.sigma / self.target)
         }
     }
 }

@@ -79,12 +79,17 @@ impl Search<'_> {
         }
         let falling = |tried: &&Tried| falls(last, &after(&tried.drives), end, &tried.drives);
         if let Some(tried) = own.iter().find(falling) {
+            let manoeuvre = tried.manoeuvre.name();
+            if last.sigma <= last.target {
+                return format!(
+                    "it still falls as noise does, and {manoeuvre} would show it in the end"
+                );
+            }
             let known_s = end.first().map_or(0.0, Bench::known_seconds);
             let needed_s = (last.sigma / last.target).powi(2) * known_s;
             return format!(
-                "it still falls as noise does; {} alone would take some {:.0} min more, if that \
+                "it still falls as noise does; {manoeuvre} alone would take some {:.0} min more, if that \
                  went on",
-                tried.manoeuvre.name(),
                 ((needed_s - known_s) / 60.0).ceil()
             );
         }
