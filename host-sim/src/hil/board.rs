@@ -2,8 +2,8 @@
 
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
 use std::thread;
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -178,7 +178,7 @@ pub enum Way {
 #[derive(Debug)]
 pub struct Emulator {
     process: Child,
-    to_board: ChildStdin,
+    to_board: Sender<Vec<u8>>,
     from_board: Receiver<Vec<u8>>,
     received: Vec<u8>,
 }
@@ -186,12 +186,20 @@ pub struct Emulator {
 impl Emulator {
     /// Boots `image`.
     pub fn boot(board: Board, image: &Path, way: Way, pace: Pace) -> io::Result<Self> {
-        let mut process = qemu(board, image, way, pace).spawn().map_err(explain)?;
-        let (Some(to_board), Some(stdout)) = (process.stdin.take(), process.stdout.take()) else {
+        Self::of(&mut qemu(board, image, way, pace))
+    }
+
+    fn of(command: &mut Command) -> io::Result<Self> {
+        let pipes = command.stdin(Stdio::piped()).stdout(Stdio::piped());
+        let mut process = pipes.spawn().map_err(explain)?;
+        let (Some(mut stdin), Some(stdout)) = (process.stdin.take(), process.stdout.take()) else {
             unreachable!("both are piped")
         };
         let (sender, from_board) = sync_channel(1024);
         thread::spawn(move || forward(stdout, &sender));
+        let (to_board, bytes) = channel::<Vec<u8>>();
+        // One that does not read must not stop us: it is noticed by its silence.
+        thread::spawn(move || bytes.iter().try_for_each(|bytes| stdin.write_all(&bytes)));
         Ok(Self {
             process,
             to_board,
@@ -208,9 +216,7 @@ fn qemu(board: Board, image: &Path, way: Way, pace: Pace) -> Command {
         .args(["-display", "none", "-monitor", "none"])
         .args(["-semihosting-config", "enable=on,target=native"])
         .arg("-kernel")
-        .arg(image)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped());
+        .arg(image);
     let uart = match way {
         Way::Uart => "stdio",
         Way::Console => "none",
@@ -263,11 +269,13 @@ impl Read for Emulator {
 
 impl Write for Emulator {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.to_board.write(bytes)
+        let sent = self.to_board.send(bytes.to_vec());
+        sent.map_err(|_| io::ErrorKind::BrokenPipe)?;
+        Ok(bytes.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.to_board.flush()
+        Ok(())
     }
 }
 
@@ -276,5 +284,19 @@ impl Drop for Emulator {
         // Nothing can be done about a process that is gone already.
         let _ = self.process.kill();
         let _ = self.process.wait();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_emulator_that_is_stopped_stops_nobody() {
+        let mut emulator = Emulator::of(Command::new("sleep").arg("600")).unwrap();
+        // More than a pipe holds.
+        emulator.write_all(&vec![0; 1 << 20]).unwrap();
+        let error = emulator.read(&mut [0]).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::TimedOut);
     }
 }
