@@ -3,6 +3,8 @@
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
+use serde_json::Value;
+
 fn host_sim(home: &Path, arguments: &[&str]) -> bool {
     command(home, arguments).status.success()
 }
@@ -54,4 +56,20 @@ fn a_model_of_several_logs_drives_again() {
         home,
         &["identify", "a/log", "a/log", "--out", "twice"]
     ));
+}
+
+/// What `tune` says of a drive of so many minutes.
+fn tuned(home: &Path, minutes: &str, more: &[&str]) -> Value {
+    let drive = [&["drive", "--minutes", minutes, "--out", "log"], more].concat();
+    assert!(host_sim(home, &drive));
+    let tuned = command(home, &["tune", "log", "--format", "json"]);
+    serde_json::from_slice(&tuned.stdout).unwrap()
+}
+
+/// Positions that are noisy and near each other differ by much more than velocities, those further apart by less.
+#[test]
+fn velocities_of_a_minute_are_not_taken_for_differences_of_positions() {
+    let home = tempfile::tempdir().unwrap();
+    let tuned = tuned(home.path(), "1", &[]);
+    assert_eq!(tuned["warnings"], Value::Array(Vec::new()));
 }

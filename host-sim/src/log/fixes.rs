@@ -270,14 +270,17 @@ impl Mend<'_, '_> {
             let off: Vec<f64> = pairs.collect();
             (!off.is_empty()).then(|| median(off.into_iter()))
         };
-        // Independent velocities differ from those of positions by the noise of both.
-        let central = against(1, |before, after| 0.5 * (before + after));
-        let backward = (1..=10).filter_map(|apart| against(apart, |_, after| after));
-        let backward = backward.fold(f64::MAX, f64::min);
-        let differenced = |central: f64| central > 0.02 && backward < 0.1 * central;
-        if self.fixes.len() < 50 || !central.is_some_and(differenced) {
+        // Independent velocities differ from those of positions by the noise of both, the less the further
+        // these are apart, whichever end they are of.
+        let differenced = (1..=10).filter_map(|apart| {
+            let central = against(apart, |before, after| 0.5 * (before + after))?;
+            let backward = against(apart, |_, after| after)?;
+            (central > 0.02 && backward < 0.1 * central).then_some(backward)
+        });
+        let many = self.fixes.len() >= 50;
+        let Some(backward) = differenced.min_by(f64::total_cmp).filter(|_| many) else {
             return;
-        }
+        };
         let found = format!("the difference of two positions, to {backward:.4} m/s");
         let cause = "computed, not measured: it comes late by half of what lies between and has the \
                      noise of positions; latency found here is that of such velocities";
