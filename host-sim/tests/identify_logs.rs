@@ -1,8 +1,11 @@
 //! Several logs, one error model, and the model used again.
 
+use std::fs;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
+use host_sim::sim::ErrorModel;
+use host_sim::sim::errors::Outage;
 use serde_json::Value;
 
 fn host_sim(home: &Path, arguments: &[&str]) -> bool {
@@ -32,7 +35,7 @@ fn a_model_of_several_logs_drives_again() {
     assert!(verdicts.iter().all(|one| told.contains(one)), "{told}");
     let model = home.join("found/error-model.toml");
     assert!(model.is_file() && home.join("found/report.html").is_file());
-    let folders = std::fs::read_dir(home.join("found")).unwrap();
+    let folders = fs::read_dir(home.join("found")).unwrap();
     let reports = folders.map(|entry| entry.unwrap().path()).filter(|path| {
         path.join("report.html").is_file() && path.join("error-model.toml").is_file()
     });
@@ -72,4 +75,27 @@ fn velocities_of_a_minute_are_not_taken_for_differences_of_positions() {
     let home = tempfile::tempdir().unwrap();
     let tuned = tuned(home.path(), "1", &[]);
     assert_eq!(tuned["warnings"], Value::Array(Vec::new()));
+}
+
+#[test]
+fn a_drive_that_gnss_does_not_see_is_not_taken_for_rest() {
+    let home = tempfile::tempdir().unwrap();
+    let mut model = ErrorModel::hg1700();
+    model.gnss.outages = vec![Outage {
+        start_s: 100.0,
+        duration_s: 1000.0,
+    }];
+    let text = toml::to_string(&model).unwrap();
+    fs::write(home.path().join("outage.toml"), text).unwrap();
+    let tuned = tuned(
+        home.path(),
+        "6",
+        &["--errors", "outage.toml", "--seed", "2"],
+    );
+    // Of 7.5 deg/h/sqrt(Hz), in rad/s/sqrt(Hz).
+    let noise = tuned["gyro_noise"]["value"].as_f64();
+    assert!(
+        noise.is_none_or(|noise| (2.5e-5..5e-5).contains(&noise)),
+        "{noise:?}"
+    );
 }

@@ -25,6 +25,9 @@ const LONGEST_EPOCH_S: f64 = 1.5 * EPOCH_S;
 const MOST_EPOCHS: usize = 5400;
 /// A fix faster than this is not rest, m/s.
 const MOVING_MPS: f64 = 0.6;
+/// What moved at the last fix, this long ago and more, s, is taken to move still: on a smooth road nothing
+/// but GNSS tells it from rest.
+const UNSEEN_S: f64 = 2.0;
 /// Blocks at both ends of a rest that are left out: the vehicle still rocks, and GNSS speed is late.
 const ROCKING: usize = 2;
 /// Time after the first solution at which a core that never knows its azimuth is as good as it will be, s.
@@ -230,12 +233,18 @@ impl RestSpan {
 fn rest(log: &Log) -> Vec<RestSpan> {
     let mut detector = RestDetector::default();
     let mut fixes = log.gnss.iter().peekable();
+    let mut last: Option<&GnssFix> = None;
     let mut spans: Vec<RestSpan> = Vec::new();
     for Timed { end, interval, .. } in intervals(log) {
         while let Some(fix) = fixes.next_if(|fix| fix.time <= end) {
+            last = Some(fix);
             if fix.speed_mps() > MOVING_MPS {
                 detector.on_motion();
             }
+        }
+        let moved = last.filter(|fix| fix.speed_mps() > MOVING_MPS);
+        if moved.is_some_and(|fix| end.seconds_since(fix.time) > UNSEEN_S) {
+            detector.on_motion();
         }
         // The verdict is on the block before the one that ends here, of about the same length.
         if let Some(Verdict::Rest(block)) = detector.on_interval(&interval) {
