@@ -4,8 +4,10 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
-use host_sim::sim::ErrorModel;
+use host_sim::log::{self, BodyAxes, Compression, Grade, Log, Meta};
 use host_sim::sim::errors::Outage;
+use host_sim::sim::{DriveConfig, ErrorModel, SimulatedDrive, simulate};
+use ins_core::ImuSample;
 use serde_json::Value;
 
 fn host_sim(home: &Path, arguments: &[&str]) -> bool {
@@ -98,4 +100,29 @@ fn a_drive_that_gnss_does_not_see_is_not_taken_for_rest() {
         noise.is_none_or(|noise| (2.5e-5..5e-5).contains(&noise)),
         "{noise:?}"
     );
+}
+
+/// A hole that the log ends with is no log that never levelled.
+#[test]
+fn a_log_that_ends_after_a_hole_is_told_what_it_lost() {
+    let home = tempfile::tempdir().unwrap();
+    let config = DriveConfig::new(2, Grade::Hg1700, 3.0);
+    let SimulatedDrive { mut imu, gnss, .. } = simulate(&config);
+    let later = |sample: &ImuSample| ImuSample {
+        time: sample.time.plus_seconds(300.0),
+        ..*sample
+    };
+    let after: Vec<ImuSample> = imu[..100].iter().map(later).collect();
+    imu.extend(after);
+    let log = Log {
+        meta: Meta::new(BodyAxes::Frd, config.recording.errors.imu.output),
+        imu: imu.into(),
+        gnss,
+        truth: Vec::new(),
+    };
+    log::write(&log, home.path(), Compression::Plain).unwrap();
+    let tuned = command(home.path(), &["tune", ".", "--format", "json"]);
+    let tuned: Value = serde_json::from_slice(&tuned.stdout).unwrap();
+    let against = tuned["verdict"]["against"].to_string();
+    assert!(against.contains("not found anew"), "{against}");
 }

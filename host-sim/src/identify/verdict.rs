@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::words::{self, unaligned};
 use crate::identify::free_inertial::known;
 use crate::identify::halves::Difference;
-use crate::identify::row::Counts;
+use crate::identify::row::{Counts, Row};
 use crate::identify::run::Identification;
 use crate::page::{brief, digits};
 
@@ -33,7 +33,9 @@ impl Verdict {
         let phase = found.end.phase;
         let mut against = Vec::new();
         if phase != Phase::Navigating {
-            against.push(unaligned(phase).to_owned());
+            let navigated = |row: &Row| row.phase == Phase::Navigating;
+            let before = found.history.iter().any(navigated);
+            against.push(unaligned(phase, before).to_owned());
         }
         let errors = &found.velocity_error;
         let both = errors.before.zip(errors.after);

@@ -5,8 +5,13 @@ use ins_core::{GnssOutcome, ImuOutcome, Phase};
 use crate::identify::quantities::Quantity;
 use crate::page::digits;
 
-pub(crate) fn unaligned(phase: Phase) -> &'static str {
+/// Why nothing navigates at the end; `before`: whether it did.
+pub(crate) fn unaligned(phase: Phase, before: bool) -> &'static str {
     match phase {
+        _ if before => {
+            "Level or heading were lost, and not found anew before the end: the samples have a hole, or \
+             do not hold the motion that GNSS shows."
+        }
         Phase::Levelling => "Never levelled: the log is too short or too restless.",
         _ => {
             "Heading never found: it needs a start or a braking with GNSS velocity, gyros that \
