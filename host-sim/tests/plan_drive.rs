@@ -179,8 +179,10 @@ fn a_log_of_straight_driving_is_told_to_turn() {
     assert!(told.len() <= 2, "{told:?}");
     // Nothing is added to what shows everything, and a site without turns cannot help.
     let easy = "[target]\nazimuth_deg = 1.5";
-    let plan = planned(home.path(), easy, &["straight"]);
+    let plan = planned(home.path(), easy, &["straight", "--out", "easy"]);
     assert!(plan["reached"] == true && manoeuvres(&plan).is_empty());
+    let page = fs::read_to_string(home.path().join("easy/report.html")).unwrap();
+    assert!(page.contains("after straight") && !page.contains("Route and course"));
     let no_turns = format!("{target}\n[site]\nmanoeuvres = [\"stand\", \"start_and_brake\"]");
     let plan = planned(home.path(), &no_turns, &["straight"]);
     assert!(why(&plan, "accelerometer y").contains("the site does not allow what shows it"));

@@ -136,18 +136,25 @@ impl<'a> Report<'a> {
     fn page(&self) -> Page {
         let (outcome, steps) = (self.outcome(), cells([""]));
         let drive = self.drive.iter().map(|line| vec![line.clone()]);
-        let mut tables = vec![Table::of("What to drive", steps, drive)];
-        tables.extend(self.tables(usize::MAX));
+        let driven = !self.drive.is_empty();
+        let to_drive = driven.then(|| Table::of("What to drive", steps, drive));
+        let route = driven.then(|| Section {
+            title: "Route and course",
+            note: "The route may lie anywhere: what counts are speeds, turns and times.",
+            figures: vec![self.route().figure(), self.course().figure()],
+        });
+        let before =
+            (self.log.as_ref()).map_or(String::new(), |log| format!("after {log} \u{b7} "));
+        let verdict = self.verdict.iter();
+        let verdict = verdict.map(|line| line.trim_start_matches("- ").to_owned());
         Page {
             title: "A drive that shows what is wanted".to_owned(),
-            facts: format!("host-sim {}", self.version),
-            verdicts: self.verdict.iter().cloned().chain(outcome).collect(),
-            tables,
-            sections: vec![Section {
-                title: "Route and course",
-                note: "The route may lie anywhere: what counts are speeds, turns and times.",
-                figures: vec![self.route().figure(), self.course().figure()],
-            }],
+            facts: format!("{before}host-sim {}", self.version),
+            verdicts: verdict.chain(outcome).collect(),
+            tables: (to_drive.into_iter())
+                .chain(self.tables(usize::MAX))
+                .collect(),
+            sections: route.into_iter().collect(),
         }
     }
 
