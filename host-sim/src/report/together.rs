@@ -55,7 +55,10 @@ pub(crate) fn page(logs: &[Summary], sensors: &Sensors) -> Page {
             Section {
                 title: "Side by side",
                 note: "Biases change from switch-on to switch-on: where logs differ, so may the unit.",
-                figures: shared.iter().map(|one| one.figure(&names)).collect(),
+                figures: (shared.iter())
+                    .filter(|one| one.known().next().is_some())
+                    .map(|one| one.figure(&names))
+                    .collect(),
             },
             Section {
                 title: "Sensors at rest, all logs",
