@@ -96,6 +96,9 @@ impl Tally {
 
     /// Counts some that were compared as one; `time` is that of the newest.
     pub(crate) fn fixes(&mut self, time: Time, fixes: u8, outcome: GnssOutcome) {
+        if fixes == 0 {
+            return;
+        }
         let count = match outcome {
             GnssOutcome::Queued => return,
             GnssOutcome::Accepted => &mut self.fixes.accepted,

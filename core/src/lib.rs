@@ -123,6 +123,6 @@ pub use health::{FixCounts, FixReport, Health, SampleCounts};
 pub use manoeuvre::Manoeuvre;
 pub use navigator::{Navigator, RING_MOMENTS};
 pub use outcome::{GnssOutcome, ImuOutcome};
-pub use samples::{FixSigma, GnssFix, Heading, ImuOutput, ImuSample};
+pub use samples::{BaroHeight, FixSigma, GnssFix, Heading, ImuOutput, ImuSample};
 pub use solution::{BodyMotion, Phase, Solution, SolutionSigma};
 pub use time::Time;

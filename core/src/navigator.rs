@@ -5,7 +5,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use crate::aided::AidedIns;
+use crate::aided::{AidedIns, Barometer};
 use crate::alignment::Alignment;
 use crate::calibration::{Calibration, at_level};
 use crate::config::{Config, ConfigError, Noise};
@@ -19,7 +19,7 @@ use crate::math;
 use crate::mechanization::{Controls, Mechanization};
 use crate::observer::Observer;
 use crate::outcome::{GnssOutcome, ImuOutcome};
-use crate::samples::{FixSigma, GnssFix, Heading, ImuSample};
+use crate::samples::{BaroHeight, FixSigma, GnssFix, Heading, ImuSample};
 use crate::solution::{BodyMotion, Phase, Solution, SolutionSigma};
 use crate::time::Time;
 
@@ -108,6 +108,7 @@ struct State<const RING: usize> {
     interval: Interval,
     /// The last fix that was taken: its stamp and level velocity.
     last_fix: Option<(Time, Option<Vector2<f64>>)>,
+    barometer: Barometer,
     restarts: u32,
     /// Where the accelerometer biases that alignment knows were found; zero: where it levels.
     level_force_mps2: Vector3<f64>,
@@ -165,6 +166,7 @@ impl<const RING: usize> Navigator<RING> {
             astray: None,
             interval: Interval::default(),
             last_fix: None,
+            barometer: Barometer::default(),
             restarts: 0,
             level_force_mps2: calibration.map_or_else(Vector3::zeros, |c| c.level_force_mps2),
             stopgap: None,
@@ -226,6 +228,18 @@ impl<const RING: usize> Navigator<RING> {
             Mode::Aligning(alignment) => alignment.on_heading(now, heading),
             Mode::Navigating(ins) => ins.on_heading(heading),
         }
+    }
+
+    /// Takes the height of a barometer, in order of time: what it climbs by in two seconds holds the
+    /// vertical while no fix tells it. The literal form makes nothing of it.
+    /// [`GnssOutcome::Repeated`]: the same to the last bit as two seconds ago, of a barometer that is stuck
+    /// or too coarse.
+    #[inline(never)]
+    pub fn on_baro(&mut self, height: &BaroHeight) -> GnssOutcome {
+        self.state
+            .on_baro(height)
+            .err()
+            .unwrap_or(GnssOutcome::Accepted)
     }
 
     /// The configuration it runs with.
@@ -490,6 +504,7 @@ impl<const RING: usize> State<RING> {
     fn restart_at(&mut self, sample: &ImuSample, tally: &mut Tally, config: &Config) {
         self.astray = None;
         self.last_fix = None;
+        self.barometer = Barometer::default();
         let mut tipped = false;
         if let Some((last, increments)) = &mut self.inertial {
             *last = sample.time;
@@ -593,13 +608,8 @@ impl<const RING: usize> State<RING> {
         if !self.last_fix.is_none_or(follows) {
             return GnssOutcome::TimeNotIncreasing;
         }
-        let now = *now;
-        let ahead_s = fix.time.seconds_since(now);
-        if ahead_s > AWAY_S {
-            return GnssOutcome::TooFarAhead;
-        }
-        if ahead_s < -AWAY_S {
-            return GnssOutcome::TooOld;
+        if let Err(outcome) = near(fix.time, *now) {
+            return outcome;
         }
         let repeats = |(_, velocity)| {
             velocity == fix.velocity_en_mps && fix.is_moving(config.gnss.velocity_mps.white)
@@ -622,6 +632,37 @@ impl<const RING: usize> State<RING> {
             self.last_fix = Some((fix.time, fix.velocity_en_mps));
         }
         outcome
+    }
+
+    fn on_baro(&mut self, height: &BaroHeight) -> Result<(), GnssOutcome> {
+        let Some((now, _)) = &self.inertial else {
+            return Err(GnssOutcome::NoInertialData);
+        };
+        if !(height.height_m.is_finite() && height.sigma_m.is_finite()) {
+            return Err(GnssOutcome::NotFinite);
+        }
+        let possible = height.height_m > LOWEST_M && height.height_m < HIGHEST_M;
+        if !possible || height.sigma_m <= 0.0 || height.sigma_m >= COARSEST {
+            return Err(GnssOutcome::OutOfRange);
+        }
+        near(height.time, *now)?;
+        let climb = self.barometer.take(height)?;
+        if let (Mode::Navigating(ins), Some(climb)) = (&mut self.mode, climb) {
+            ins.on_climb(&climb);
+        }
+        Ok(())
+    }
+}
+
+/// Whether what is stamped with a time can belong to what is known of the motion.
+fn near(time: Time, now: Time) -> Result<(), GnssOutcome> {
+    let ahead_s = time.seconds_since(now);
+    if ahead_s > AWAY_S {
+        Err(GnssOutcome::TooFarAhead)
+    } else if ahead_s < -AWAY_S {
+        Err(GnssOutcome::TooOld)
+    } else {
+        Ok(())
     }
 }
 

@@ -46,13 +46,15 @@ pub enum GnssOutcome {
     /// what a receiver has of one moment goes into one fix, and more than 66 a second are not taken.
     TimeNotIncreasing,
     /// While navigating: a vehicle that moves has the velocity of the last fix to the last bit. The
-    /// receiver gives that fix again, is stuck, or coasts, and has measured nothing.
+    /// receiver gives that fix again, is stuck, or coasts, and has measured nothing. Of a barometer: the
+    /// height of two seconds ago.
     Repeated,
     /// Older than the ring of past states, or waiting when that was given up.
     TooOld,
     /// Further ahead of the inertial samples than any latency explains.
     TooFarAhead,
-    /// Latitude, height or speed no vehicle on Earth has; a heading that is none to begin with.
+    /// Latitude, height or speed no vehicle on Earth has; a heading that is none to begin with; a sigma that
+    /// is none.
     OutOfRange,
     /// Nothing of it was near enough to the INS to be true. Fixes that agree with each other for 15 s
     /// show that it is the INS which is wrong.

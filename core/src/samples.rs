@@ -92,6 +92,21 @@ pub struct Heading {
     pub sigma_rad: f64,
 }
 
+/// Height that a barometer shows, above any level: what it changes by counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct BaroHeight {
+    /// Moment that it shows, on the scale of the inertial stamps.
+    pub time: Time,
+    /// Of a standard atmosphere, m.
+    pub height_m: f64,
+    /// One standard deviation of the noise of one reading, m: with what wind and the flow about the
+    /// vehicle change within two seconds; above zero. That air is warmer or colder than standard is
+    /// allowed for on top.
+    pub sigma_m: f64,
+}
+
 /// Speed above which a vertical velocity of exactly zero is none, m/s.
 const PLACEHOLDER_MPS: f64 = 1.0;
 /// Speed above which GNSS says that the vehicle moves, m/s, and sigmas of its noise on top.

@@ -5,7 +5,7 @@
 use ins_core::config::{Feedback, HeadingSource};
 use ins_core::earth::LatLon;
 use ins_core::{
-    Config, Estimate, FixSigma, GnssFix, Heading, ImuOutput, ImuSample, Navigator, Time,
+    BaroHeight, Config, Estimate, FixSigma, GnssFix, Heading, ImuOutput, ImuSample, Navigator, Time,
 };
 use proptest::prelude::*;
 
@@ -169,6 +169,13 @@ fn feed(octets: &[u8]) {
                 time,
                 heading_rad: rest.number(10),
                 sigma_rad: rest.number(12),
+            });
+        }
+        if kind.is_multiple_of(7) {
+            let _ = navigator.on_baro(&BaroHeight {
+                time,
+                height_m: rest.number(10),
+                sigma_m: rest.number(12),
             });
         }
         if kind.is_multiple_of(3) {

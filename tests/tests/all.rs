@@ -4,6 +4,7 @@
 mod accuracy;
 mod aircraft;
 mod bad_input;
+mod barometer;
 mod firmware;
 mod footprint;
 mod forms;

@@ -78,7 +78,7 @@ pub struct Comparison {
     pub step: Step,
     /// The INS of the moment.
     pub past: Past,
-    /// How many fixes.
+    /// How many fixes; none: it is of the barometer alone.
     pub fixes: u8,
     /// Stamp of the newest fix, its moment, and that of the last one of the comparison before.
     pub stamp: Time,
@@ -99,7 +99,7 @@ pub struct Comparison {
     /// Variance that the climb has on top, (m/s)^2: that of the first fix, which the noise of these
     /// has no part in.
     pub climb_variance: f64,
-    /// The climb is not measured, but assumed to be none, within that.
+    /// No fix measures the climb: it is assumed, within that.
     pub climb_assumed: bool,
     /// Since the last position, and since the last height, s.
     pub position_s: f64,
@@ -107,12 +107,12 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Where nothing vertical is measured: that it climbs by no more than this.
-    pub fn assume_no_climb(&mut self, sigma_mps: f64) {
-        // A vertical velocity of the wrong sign has been left out, and has no part in it.
-        self.velocity_mps.z = self.past.velocity_mps.z;
+    /// Where no fix measures the vertical: INS minus its velocity as something else has it, and the
+    /// variance of that. A vertical velocity of the wrong sign has been left out, and has no part in it.
+    pub fn assume_climb(&mut self, difference_mps: f64, variance: f64) {
+        self.velocity_mps.z = difference_mps;
         self.climb = Part::of(true, None);
-        self.climb_variance = sigma_mps * sigma_mps;
+        self.climb_variance = variance;
         self.climb_assumed = true;
     }
 
@@ -183,13 +183,14 @@ impl Comparison {
                 Measured::Velocity => self.velocity_mps,
                 Measured::Position => self.position_m,
             },
-            fixes: f64::from(self.fixes),
+            fixes: f64::from(self.fixes.max(1)),
             stated_variance: self.part(kind).stated,
             more_variance: if kind == Kind::Climb {
                 self.climb_variance
             } else {
                 0.0
             },
+            of_receiver: !(kind == Kind::Climb && self.climb_assumed),
             beside_velocity: self.velocity.has,
             latency_applied_s: self.latency_applied_s,
         }

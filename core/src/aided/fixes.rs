@@ -3,6 +3,7 @@
 
 use nalgebra::Vector3;
 
+use super::barometer::Climb;
 use super::comparison::{Comparison, Part, Step};
 use super::estimator::Estimator;
 use super::{AidedIns, HOLD_S};
@@ -188,6 +189,28 @@ impl<const N: usize> AidedIns<N> {
         ins.local_earth().enu_between(&fix.place_or(&own), &own) - way_m
     }
 
+    /// Takes a climb of the barometer: with the next fixes, or by itself where there are none.
+    pub fn on_climb(&mut self, climb: &Climb) {
+        let Ok(past) = self.history.at(climb.time, false) else {
+            return;
+        };
+        self.climb = Some(climb.against(&past));
+        let alone = self.comparison.is_none() && self.pending.oldest().is_none();
+        let after = climb.time > self.newest && climb.time >= self.estimator.horizon();
+        if alone && after && self.now > self.controls_until {
+            let nothing = GnssFix {
+                time: climb.time,
+                ..GnssFix::default()
+            };
+            self.put_beside(&past, &nothing, None);
+            self.newest = climb.time;
+            if let Some(comparison) = &mut self.comparison {
+                comparison.fixes = 0;
+                comparison.step = Step::Advance;
+            }
+        }
+    }
+
     /// The next step of the comparison going on; whether there was one.
     #[inline(never)]
     pub(super) fn compare(&mut self, tally: &mut Tally, config: &Config) -> bool {
@@ -235,8 +258,20 @@ impl<const N: usize> AidedIns<N> {
         }
         let since_s = comparison.newest.seconds_since(self.last_vertical);
         let told = comparison.climb.has || comparison.height.has;
-        if !told && since_s > CLIMB_S && self.estimator.exact().is_some() {
-            comparison.assume_no_climb(config.climb_sigma_mps);
+        if !told && self.estimator.exact().is_some() {
+            let moment = comparison.past.time;
+            if let Some(climb) = self.climb.take_if(|climb| climb.time <= moment) {
+                let since = self.history.piece(climb.time, moment, f64::INFINITY);
+                // By the loops: what is compensated is the error of the sensors.
+                let pushed_mps = since.map_or(0.0, |(since, _)| {
+                    let compensated = since.attitude_s * self.compensation.accel_mps2;
+                    since.control_velocity_mps.z + compensated.z
+                });
+                comparison.assume_climb(climb.mps + pushed_mps, climb.variance);
+            } else if since_s > CLIMB_S {
+                let sigma_mps = config.climb_sigma_mps;
+                comparison.assume_climb(comparison.past.velocity_mps.z, sigma_mps * sigma_mps);
+            }
         }
         if comparison.climb.has || comparison.height.has {
             self.last_vertical = comparison.newest;

@@ -1,6 +1,7 @@
 //! The aided INS: mechanization under the damping controls, compared with GNSS at the moments of
 //! the fixes, with the estimators on top and their results taken out of the readings.
 
+mod barometer;
 mod comparison;
 mod compensation;
 mod estimator;
@@ -9,6 +10,8 @@ mod vertical_sign;
 
 use nalgebra::Vector3;
 
+pub use self::barometer::Barometer;
+use self::barometer::ClimbDifference;
 use self::comparison::Comparison;
 use self::compensation::Compensation;
 use self::estimator::Estimator;
@@ -123,6 +126,8 @@ pub struct AidedIns<const N: usize> {
     level_until: Time,
     pending: Ring<GnssFix, PENDING>,
     comparison: Option<Comparison>,
+    /// By the barometer, for the next fixes that do not tell the vertical.
+    climb: Option<ClimbDifference>,
     /// Moment of the newest fix that was taken, and of the last position.
     newest: Time,
     last_position: Time,
@@ -186,6 +191,7 @@ impl<const N: usize> AidedIns<N> {
             level_until: time,
             pending: Ring::default(),
             comparison: None,
+            climb: None,
             newest: time,
             last_position: time,
             last_height: time,

@@ -280,6 +280,9 @@ impl Observer {
         difference: &Difference,
         config: &Config,
     ) -> Direct {
+        if !difference.of_receiver {
+            return Direct::default();
+        }
         let arm_m = self.parameters.lever_arm();
         // A platform held by GNSS leans as that errs, and gravity would be taken for a motion that goes
         // with the error to come: errors in variables, 2 sigmas of the latency of a slow vehicle.
@@ -409,6 +412,7 @@ impl Observer {
 }
 
 /// What a unit of latency and of smoothing adds to INS minus GNSS, and of the arm takes from it.
+#[derive(Default)]
 struct Direct {
     arm_m: Vector3<f64>,
     /// With the antenna on such an arm `l`: by `C l` it is away from the sensors, and by the derivatives

@@ -57,12 +57,17 @@ fn navigate(navigator: &mut Navigator) {
 
 #[cfg(feature = "panic-never")]
 fn everything_else(navigator: &mut Navigator) {
-    use ins_core::{Heading, attitude, earth};
+    use ins_core::{BaroHeight, Heading, attitude, earth};
 
     let _ = black_box(navigator.on_heading(&black_box(Heading {
         time: Time::from_micros(1),
         heading_rad: 0.1,
         sigma_rad: 0.01,
+    })));
+    let _ = black_box(navigator.on_baro(&black_box(BaroHeight {
+        time: Time::from_micros(1),
+        height_m: 100.0,
+        sigma_m: 0.3,
     })));
     let kept = black_box(navigator.calibration()).after_turn_on(black_box(1e-3), black_box(1e-2));
     if let Ok(warm) = Navigator::warm(black_box(Config::mems()), &kept) {

@@ -1,7 +1,7 @@
 //! Simulated runs: a motion, sensors on it, their errors, and what a logger would have written.
 
 use ins_core::earth::{Geodetic, LocalEarth, wrap_pi};
-use ins_core::{GnssFix, ImuOutput, ImuSample, Solution, Time};
+use ins_core::{BaroHeight, GnssFix, ImuOutput, ImuSample, Solution, Time};
 use nalgebra::{Matrix3, Vector3};
 
 use super::car::Car;
@@ -80,6 +80,8 @@ pub struct SimulatedDrive {
     pub gnss: Vec<GnssFix>,
     /// When each fix arrives, not before its stamp.
     pub arrivals: Vec<Time>,
+    /// Of the barometer, if there is one, as it reads them.
+    pub baro: Vec<BaroHeight>,
     /// What really happened, under the stamps of the samples.
     pub truth: Vec<Solution>,
     pub errors: SensorErrors,
@@ -179,6 +181,7 @@ pub fn record_with<M: Motion>(
         errors: recorder.errors(end),
         imu: recorder.imu,
         gnss: recorder.gnss,
+        baro: (errors.barometer).map_or_else(Vec::new, |model| model.read(&recorder.truth, *seed)),
         truth: recorder.truth,
         given_heading_rad,
     }

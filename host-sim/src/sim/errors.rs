@@ -6,6 +6,7 @@
 use ins_core::{ImuOutput, Time};
 use serde::{Deserialize, Serialize};
 
+use super::barometer::BarometerModel;
 pub use super::checks::ErrorModelError;
 use super::checks::check;
 use super::receiver::Habits;
@@ -19,6 +20,9 @@ pub struct ErrorModel {
     pub gyro_deg_h: SensorModel,
     pub accel_mps2: SensorModel,
     pub gnss: GnssModel,
+    /// Absent: there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub barometer: Option<BarometerModel>,
     /// Spread of the error of the heading given at the start, deg; absent: none is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub given_heading_sigma_deg: Option<f64>,
@@ -231,6 +235,7 @@ impl ErrorModel {
                 latency_s: [0.0, 0.0],
                 ..receiver()
             },
+            barometer: None,
             given_heading_sigma_deg: Some(0.0),
         }
     }
@@ -245,6 +250,7 @@ impl ErrorModel {
             gyro_deg_h: SensorModel::new(BiasModel::constant(1.0), 0.125 * 60.0),
             accel_mps2: SensorModel::new(BiasModel::constant(0.01), 0.03 / 60.0),
             gnss: receiver(),
+            barometer: None,
             given_heading_sigma_deg: Some(3.0),
         }
     }
@@ -266,6 +272,7 @@ impl ErrorModel {
                 ..SensorModel::new(BiasModel::drifting(0.2, 0.002), 110e-6 * 9.8)
             },
             gnss: receiver(),
+            barometer: None,
             given_heading_sigma_deg: None,
         }
     }

@@ -4,6 +4,7 @@
 //! [`ideal::IdealSensors`], its readings are spoilt by an [`errors::ErrorModel`], and
 //! [`drive::record`] puts the two together into what a logger would have written.
 
+pub mod barometer;
 pub mod car;
 mod checks;
 pub mod drive;

@@ -4,8 +4,8 @@ use core::iter::Peekable;
 use core::slice::Iter;
 
 use ins_core::{
-    Config, ConfigError, Estimate, Estimates, GnssFix, ImuSample, Navigator, Phase, Solution,
-    SolutionSigma, Time,
+    BaroHeight, Config, ConfigError, Estimate, Estimates, GnssFix, ImuSample, Navigator, Phase,
+    Solution, SolutionSigma, Time,
 };
 use nalgebra::Vector3;
 
@@ -94,6 +94,7 @@ pub fn config_of(grade: Grade) -> Config {
 pub struct Core<'a> {
     pub navigator: Navigator,
     samples: Iter<'a, ImuSample>,
+    heights: Peekable<Iter<'a, BaroHeight>>,
     fixes: Peekable<core::iter::Zip<Iter<'a, GnssFix>, Iter<'a, Time>>>,
 }
 
@@ -102,6 +103,7 @@ impl<'a> Core<'a> {
         Ok(Self {
             navigator: Navigator::new(config)?,
             samples: drive.imu.iter(),
+            heights: drive.baro.iter().peekable(),
             fixes: drive.gnss.iter().zip(&drive.arrivals).peekable(),
         })
     }
@@ -114,6 +116,9 @@ impl Subject for Core<'_> {
             let _ = self.navigator.on_gnss(fix);
         }
         let _ = self.navigator.on_imu(sample);
+        while let Some(height) = self.heights.next_if(|height| height.time <= sample.time) {
+            let _ = self.navigator.on_baro(height);
+        }
         Some(sample.time)
     }
 

@@ -73,7 +73,8 @@ impl Trial {
         };
         Tried {
             core: try_on(core, &world, &drive, &truth),
-            kalman: self.with_kalman.then(kalman),
+            // It knows no barometer.
+            kalman: (self.with_kalman && drive.baro.is_empty()).then(kalman),
         }
     }
 }

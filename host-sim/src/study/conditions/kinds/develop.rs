@@ -7,6 +7,7 @@ use ins_core::ImuOutput;
 use super::shakes;
 use super::{BOTH, Kind, MEMS, in_company, kinds};
 use crate::log::Grade;
+use crate::sim::barometer::BarometerModel;
 use crate::sim::car::Way;
 use crate::sim::errors::BiasModel;
 use crate::sim::motion::When;
@@ -255,6 +256,22 @@ kinds! { judge: false,
         w.vehicle = Vehicle::Walker { rest_s: 20.0 };
         w.noise([0.03, 0.03, 2.0], [0.5, 1.5, 60.0]);
         w.shakes.push(shakes::steps(2.0, 0.2, 4.0));
+    };
+    // --- a barometer beside the receiver ---
+    "barometer_in_outages", BOTH, 15.0,
+    "fixed wing, twice or thrice 2 min without fixes but with a barometer" => |w| {
+        w.fixed_wing([25.0, 40.0], Begin::OnGround, 5.0);
+        w.errors.barometer = Some(BarometerModel::ON_BOARD);
+        let times = w.times(240.0, 200.0);
+        w.outages(&times, 120.0);
+    };
+    "barometer_alone_vertical", BOTH, 15.0,
+    "hills, level position and velocity at 1 Hz, nothing vertical but a barometer" => |w| {
+        w.vehicle = Vehicle::OnWay(Way { steep: 2.0, ..Way::ROAD });
+        w.receiver(1.0, [0.05, 0.03, 3.0], [0.8, 2.0, 60.0]);
+        w.habits().gives_height = false;
+        w.habits().up = Up::Missing;
+        w.errors.barometer = Some(BarometerModel::ON_BOARD);
     };
     // --- all of these ---
     "in_company", BOTH, 15.0, "two of the other kinds at once, drawn anew for each seed"

@@ -7,6 +7,7 @@ use ins_core::ImuOutput;
 
 use super::shakes;
 use super::{BOTH, Kind, MEMS, in_company, kinds};
+use crate::sim::barometer::BarometerModel;
 use crate::sim::car::Way;
 use crate::sim::errors::BiasModel;
 use crate::sim::motion::When;
@@ -381,6 +382,47 @@ kinds! { judge: true,
         w.receiver(1.0, [0.05, 0.1, 5.0], [1.0, 4.0, 60.0]);
         w.tilt_mount([20.0, 160.0]);
         w.shakes.push(shakes::steps(1.8, 0.25, 6.0));
+    };
+    // --- a barometer beside the receiver ---
+    "barometer_in_tunnels", BOTH, 20.0,
+    "mountain road, 1 to 4 min without fixes every few minutes, barometer in another weather, 2 Hz"
+    => |w| {
+        w.vehicle = Vehicle::OnWay(Way {
+            speed_mps: [7.0, 22.0],
+            straight_s: [5.0, 40.0],
+            turn_rad: [0.2, 2.5],
+            steep: 2.5,
+            ..Way::ROAD
+        });
+        w.receiver(2.0, [0.05, 0.03, 3.0], [0.8, 2.0, 60.0]);
+        w.errors.barometer = Some(BarometerModel {
+            noise_m: 0.4,
+            drift_sigma_mps: 0.03,
+            air_sigma: 0.06,
+            flow_sigma: 0.05,
+            ..BarometerModel::ON_BOARD
+        });
+        for start_s in w.times(200.0, 240.0) {
+            let duration_s = w.random.uniform([60.0, 240.0]);
+            w.outages(&[start_s], duration_s);
+        }
+    };
+    "barometer_on_a_drone", MEMS, 12.0,
+    "quadrotor, nothing vertical but a barometer to 0.5 m, half a minute without fixes every two or three"
+    => |w| {
+        w.vehicle = Vehicle::Quadrotor {
+            ground_s: Some(30.0),
+        };
+        w.noise([0.05, 0.05, 2.0], [0.5, 1.5, 60.0]);
+        w.habits().gives_height = false;
+        w.habits().up = Up::Missing;
+        w.errors.barometer = Some(BarometerModel {
+            noise_m: 0.5,
+            flow_sigma: 0.1,
+            ..BarometerModel::ON_BOARD
+        });
+        let times = w.times(120.0, 90.0);
+        w.outages(&times, 30.0);
     };
     // --- all of these ---
     "in_other_company", BOTH, 15.0, "two of the other kinds at once, drawn anew for each seed"

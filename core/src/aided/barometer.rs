@@ -1,0 +1,95 @@
+//! Climb by a barometer, for as long as no fix tells the vertical.
+//!
+//! Where its zero lies nobody knows: weather, temperature and the flow about the vehicle move it. What it
+//! climbs by within seconds is known, and holds the vertical channel as the vertical velocity of a fix does.
+
+use crate::history::Past;
+use crate::outcome::GnssOutcome;
+use crate::samples::BaroHeight;
+use crate::time::Time;
+
+/// Time over which it climbs, s: the middle lies a second back, for fixes that come as late to be later. And
+/// longest such time, for the ring to hold that middle.
+const INTERVAL_S: f64 = 2.0;
+const LONGEST_S: f64 = 3.0;
+/// By how much air is warmer or colder than a standard atmosphere, and taller for it, one sigma, 1: 12 K. It
+/// is so for as long as a climb lasts, s.
+const WARMER: f64 = 0.04;
+const CLIMBS_S: f64 = 60.0;
+
+/// The height that the next climb begins with.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Barometer {
+    last: Option<BaroHeight>,
+}
+
+/// A climb, and the noise of its velocity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Climb {
+    /// In its middle.
+    pub time: Time,
+    mps: f64,
+    variance: f64,
+    seconds: f64,
+}
+
+/// INS minus barometer in a climb.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct ClimbDifference {
+    pub time: Time,
+    pub mps: f64,
+    /// Of the barometer, (m/s)^2.
+    pub variance: f64,
+}
+
+impl Barometer {
+    /// Takes a height; a climb ends with some.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn take(&mut self, height: &BaroHeight) -> Result<Option<Climb>, GnssOutcome> {
+        let Some(last) = self.last else {
+            self.last = Some(*height);
+            return Ok(None);
+        };
+        let seconds = height.time.seconds_since(last.time);
+        if seconds <= 0.0 {
+            return Err(GnssOutcome::TimeNotIncreasing);
+        }
+        if seconds < INTERVAL_S {
+            return Ok(None);
+        }
+        let rise_m = height.height_m - last.height_m;
+        if rise_m != 0.0 || seconds > LONGEST_S {
+            self.last = Some(*height);
+        }
+        if rise_m == 0.0 {
+            return Err(GnssOutcome::Repeated);
+        }
+        let mps = rise_m / seconds;
+        let read_m2 = last.sigma_m * last.sigma_m + height.sigma_m * height.sigma_m;
+        let warmer_mps = WARMER * mps;
+        let climb = Climb {
+            time: last.time.plus_seconds(0.5 * seconds),
+            mps,
+            variance: read_m2 / (seconds * seconds) + warmer_mps * warmer_mps * CLIMBS_S / seconds,
+            seconds,
+        };
+        Ok((seconds <= LONGEST_S).then_some(climb))
+    }
+}
+
+impl Climb {
+    /// The INS in the middle against it.
+    pub fn against(&self, ins: &Past) -> ClimbDifference {
+        // A mean is not what is in the middle where the climb bends.
+        let bent_mps = ins.jerk_mps3.z * self.seconds * self.seconds / 24.0;
+        ClimbDifference {
+            time: self.time,
+            mps: ins.velocity_mps.z - self.mps,
+            variance: self.variance + bent_mps * bent_mps,
+        }
+    }
+}

@@ -1,0 +1,190 @@
+//! A barometer holds the vertical while no fix tells it.
+
+use std::sync::LazyLock;
+
+use host_sim::log::Grade;
+use host_sim::sim::barometer::BarometerModel;
+use host_sim::sim::car::{Car, Way};
+use host_sim::sim::{DriveConfig, SimulatedDrive, record};
+use host_sim::study::accuracy::config_of;
+use ins_core::{BaroHeight, GnssOutcome, Navigator, Phase, Time};
+
+const END_S: f64 = 600.0;
+const OUTAGE_S: std::ops::Range<f64> = 360.0..540.0;
+
+/// A quarter of the grades of a mountain road, sensors that want three minutes of fixes.
+static DRIVE: LazyLock<SimulatedDrive> = LazyLock::new(|| {
+    let mut config = DriveConfig::new(5, Grade::Mems, END_S / 60.0).recording;
+    config.errors.barometer = Some(BarometerModel::ON_BOARD);
+    let way = Way {
+        steep: 2.0,
+        ..Way::ROAD
+    };
+    record(Car::on_way(config.seed, END_S, &way), &config)
+});
+
+/// Fixes that come so late, none in the outage, and heights as they are read; `each` sees the navigator
+/// beside the truth, and what became of a height.
+fn drive(
+    late_s: f64,
+    read: impl Fn(&BaroHeight) -> Option<BaroHeight>,
+    mut each: impl FnMut(&Navigator, Time, f64, Option<GnssOutcome>),
+) -> Navigator {
+    let mut navigator = Navigator::new(config_of(Grade::Mems)).unwrap();
+    let mut fixes = DRIVE.gnss.iter().peekable();
+    let mut heights = DRIVE.baro.iter().zip(&DRIVE.truth).peekable();
+    for sample in &DRIVE.imu {
+        let arrived = sample.time.plus_seconds(-late_s);
+        while let Some(fix) = fixes.next_if(|fix| fix.time < arrived) {
+            if !OUTAGE_S.contains(&fix.time.as_seconds()) {
+                let _ = navigator.on_gnss(fix);
+            }
+        }
+        let _ = navigator.on_imu(sample);
+        while let Some((height, truth)) = heights.next_if(|(height, _)| height.time <= sample.time)
+        {
+            let outcome = read(height).map(|height| navigator.on_baro(&height));
+            each(&navigator, sample.time, truth.position.height_m, outcome);
+        }
+    }
+    navigator
+}
+
+/// Error and sigma of the height at the end of the outage, m.
+fn after_outage(read: impl Fn(&BaroHeight) -> Option<BaroHeight>) -> (f64, f64) {
+    let mut last = (f64::NAN, f64::NAN);
+    drive(0.0, read, |navigator, time, true_m, _| {
+        if OUTAGE_S.contains(&time.as_seconds()) {
+            let (solution, sigma) = (navigator.solution().unwrap(), navigator.sigma().unwrap());
+            last = (solution.position.height_m - true_m, sigma.position_m.z);
+        }
+    });
+    last
+}
+
+#[test]
+fn it_holds_the_height_through_an_outage() {
+    let (error_m, sigma_m) = after_outage(|_| None);
+    assert!(error_m.abs() < 3.0 * sigma_m, "{error_m} of {sigma_m}");
+    let (held_m, held_sigma_m) = after_outage(|height| Some(*height));
+    println!("alone {error_m} of {sigma_m}, held {held_m} of {held_sigma_m}");
+    // Of a barometer whose zero is off by 60 m and more.
+    assert!(
+        held_m.abs() < 3.0 * held_sigma_m,
+        "{held_m} of {held_sigma_m}"
+    );
+    assert!(
+        held_sigma_m < 10.0 && held_sigma_m < 0.3 * sigma_m,
+        "{held_sigma_m} of {sigma_m}"
+    );
+}
+
+#[test]
+fn one_that_is_stuck_holds_nothing() {
+    let stuck = |height: &BaroHeight| {
+        Some(BaroHeight {
+            height_m: 432.1,
+            ..*height
+        })
+    };
+    let mut outcomes = Vec::new();
+    drive(0.0, stuck, |_, _, _, outcome| outcomes.extend(outcome));
+    let repeated = |outcome: &&GnssOutcome| **outcome == GnssOutcome::Repeated;
+    let part = outcomes.iter().filter(repeated).count() as f64 / outcomes.len() as f64;
+    // One in two seconds to three is told.
+    assert!(part > 0.2, "{part}");
+    assert_eq!(after_outage(stuck), after_outage(|_| None));
+}
+
+/// The moment of a climb lies a second back.
+#[test]
+fn it_does_not_lock_out_a_late_receiver() {
+    let mut back_s = None;
+    let navigator = drive(
+        0.9,
+        |height| Some(*height),
+        |navigator, time, _, _| {
+            let fix = navigator.health().last_fix;
+            let fresh = fix.is_some_and(|fix| {
+                fix.time.as_seconds() > OUTAGE_S.end && fix.outcome == GnssOutcome::Accepted
+            });
+            if fresh && back_s.is_none() {
+                back_s = Some(time.as_seconds() - OUTAGE_S.end);
+            }
+        },
+    );
+    // Late by 0.9 s, compared with the next but one, which is a third of a second later.
+    assert!(back_s.is_some_and(|back_s| back_s < 2.0), "{back_s:?}");
+    // A climb is no fix.
+    let fixes = DRIVE
+        .gnss
+        .iter()
+        .filter(|fix| !OUTAGE_S.contains(&fix.time.as_seconds()));
+    assert!(navigator.health().fixes.accepted as usize <= fixes.count());
+}
+
+#[test]
+fn a_height_that_cannot_be_is_refused() {
+    let time = |seconds| Time::from_seconds(seconds).unwrap();
+    let good = BaroHeight {
+        time: time(END_S),
+        height_m: 150.0,
+        sigma_m: 0.2,
+    };
+    let mut fresh = Navigator::new(config_of(Grade::Mems)).unwrap();
+    assert_eq!(fresh.on_baro(&good), GnssOutcome::NoInertialData);
+    let before = drive(0.0, |_| None, |_, _, _, _| ());
+    assert_eq!(before.phase(), Phase::Navigating);
+    let refusals = [
+        (
+            BaroHeight {
+                height_m: f64::NAN,
+                ..good
+            },
+            GnssOutcome::NotFinite,
+        ),
+        (
+            BaroHeight {
+                sigma_m: f64::INFINITY,
+                ..good
+            },
+            GnssOutcome::NotFinite,
+        ),
+        (
+            BaroHeight {
+                sigma_m: 0.0,
+                ..good
+            },
+            GnssOutcome::OutOfRange,
+        ),
+        (
+            BaroHeight {
+                height_m: 2e5,
+                ..good
+            },
+            GnssOutcome::OutOfRange,
+        ),
+        (
+            BaroHeight {
+                time: time(END_S - 5.0),
+                ..good
+            },
+            GnssOutcome::TooOld,
+        ),
+        (
+            BaroHeight {
+                time: time(END_S + 5.0),
+                ..good
+            },
+            GnssOutcome::TooFarAhead,
+        ),
+    ];
+    for (height, outcome) in refusals {
+        let mut navigator = before.clone();
+        assert_eq!(navigator.on_baro(&height), outcome, "{height:?}");
+        assert!(navigator == before, "{height:?}");
+    }
+    let mut navigator = before.clone();
+    assert_eq!(navigator.on_baro(&good), GnssOutcome::Accepted);
+    assert_eq!(navigator.on_baro(&good), GnssOutcome::TimeNotIncreasing);
+}
