@@ -2,12 +2,16 @@
 
 use std::sync::LazyLock;
 
-use host_sim::log::Grade;
+use ardupilot_binlog::Reader;
+use host_sim::identify::configure;
+use host_sim::identify::run::{Event, in_order_of_time};
+use host_sim::log::{Grade, import};
 use host_sim::sim::barometer::BarometerModel;
 use host_sim::sim::car::{Car, Way};
 use host_sim::sim::{DriveConfig, SimulatedDrive, record};
 use host_sim::study::accuracy::config_of;
 use ins_core::{BaroHeight, GnssOutcome, Navigator, Phase, Time};
+use ins_tests::cargo::repository;
 
 const END_S: f64 = 600.0;
 const OUTAGE_S: std::ops::Range<f64> = 360.0..540.0;
@@ -187,4 +191,74 @@ fn a_height_that_cannot_be_is_refused() {
     let mut navigator = before.clone();
     assert_eq!(navigator.on_baro(&good), GnssOutcome::Accepted);
     assert_eq!(navigator.on_baro(&good), GnssOutcome::TimeNotIncreasing);
+}
+
+/// A quadrotor's own, with two minutes without fixes, begun anew every 20 s: what stands in its log is read
+/// in centimetres.
+#[test]
+fn a_recorded_one_holds_the_height() {
+    let path = repository().join("../shared/formats/arducopter_3.1_joey1.bin");
+    let Ok(file) = std::fs::read(&path) else {
+        eprintln!("NOT TESTED: no recording {}", path.display());
+        return;
+    };
+    let heights: Vec<BaroHeight> = Reader::new(file.as_slice())
+        .flatten()
+        .filter(|entry| entry.name == "CTUN")
+        .filter_map(|entry| {
+            Some(BaroHeight {
+                time: Time::from_seconds(1e-3 * entry.get_f64("TimeMS")?)?,
+                height_m: entry.get_f64("BarAlt")?,
+                sigma_m: 0.3,
+            })
+        })
+        .collect();
+    assert!(heights.len() > 3000, "{}", heights.len());
+    let (log, _) = import::open(&path).unwrap();
+    let config = configure::config(&log, Grade::Mems);
+    // Error and sigma at the end, for each start; how high it is the receiver says, to some metres.
+    let after = |heights: &[BaroHeight], start_s: f64| {
+        let out = log.start().plus_seconds(start_s);
+        let end = out.plus_seconds(120.0);
+        let mut navigator: Navigator = Navigator::new(config).unwrap();
+        let mut heights = heights.iter().peekable();
+        for event in in_order_of_time(log.imu.iter(), &log.gnss) {
+            if event.time() > end {
+                break;
+            }
+            if !matches!(event, Event::Gnss(fix) if fix.time > out) {
+                event.give_to(&mut navigator);
+            }
+            while let Some(height) = heights.next_if(|height| height.time <= event.time()) {
+                let _ = navigator.on_baro(height);
+            }
+        }
+        let near = log
+            .gnss
+            .iter()
+            .filter(|fix| fix.time.seconds_since(end).abs() < 1.0);
+        let true_m: Vec<f64> = near.filter_map(|fix| fix.height_m).collect();
+        let true_m = true_m.iter().sum::<f64>() / true_m.len() as f64;
+        let (solution, sigma) = (navigator.solution().unwrap(), navigator.sigma().unwrap());
+        (solution.position.height_m - true_m, sigma.position_m.z)
+    };
+    let rms = |errors: &[(f64, f64)]| {
+        let square = errors.iter().map(|(error, _)| error * error).sum::<f64>();
+        (square / errors.len() as f64).sqrt()
+    };
+    let starts = [60.0, 80.0, 100.0, 120.0, 140.0, 160.0, 180.0, 200.0];
+    let alone = starts.map(|start_s| after(&[], start_s));
+    let held = starts.map(|start_s| after(&heights, start_s));
+    println!(
+        "alone {:.1} m, held {:.1} m: {held:.1?}",
+        rms(&alone),
+        rms(&held)
+    );
+    assert!(rms(&alone) > 50.0, "{alone:?}");
+    assert!(rms(&held) < 10.0, "{held:?}");
+    // Two are one in twenty, and the receiver's own metres are in it.
+    assert!(
+        held.iter().all(|(error, sigma)| error.abs() < 2.5 * sigma),
+        "{held:?}"
+    );
 }
