@@ -81,6 +81,13 @@ impl Barometer {
     }
 }
 
+impl ClimbDifference {
+    /// Whether it still says something at a later moment: the ring holds what has happened since.
+    pub fn lasts_until(&self, moment: Time) -> bool {
+        moment.seconds_since(self.time) < INTERVAL_S
+    }
+}
+
 impl Climb {
     /// The INS in the middle against it.
     pub fn against(&self, ins: &Past) -> ClimbDifference {

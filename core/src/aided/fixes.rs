@@ -256,28 +256,38 @@ impl<const N: usize> AidedIns<N> {
         if comparison.height.has {
             self.last_height = comparison.newest;
         }
-        let since_s = comparison.newest.seconds_since(self.last_vertical);
-        let told = comparison.climb.has || comparison.height.has;
-        if !told && self.estimator.exact().is_some() {
-            let moment = comparison.past.time;
-            if let Some(climb) = self.climb.take_if(|climb| climb.time <= moment) {
-                let since = self.history.piece(climb.time, moment, f64::INFINITY);
-                // By the loops: what is compensated is the error of the sensors.
-                let pushed_mps = since.map_or(0.0, |(since, _)| {
-                    let compensated = since.attitude_s * self.compensation.accel_mps2;
-                    since.control_velocity_mps.z + compensated.z
-                });
-                comparison.assume_climb(climb.mps + pushed_mps, climb.variance);
-            } else if since_s > CLIMB_S {
-                let sigma_mps = config.climb_sigma_mps;
-                comparison.assume_climb(comparison.past.velocity_mps.z, sigma_mps * sigma_mps);
-            }
-        }
-        if comparison.climb.has || comparison.height.has {
-            self.last_vertical = comparison.newest;
-        }
         self.manoeuvre = Manoeuvre::of(&comparison.past);
-        comparison.go_on(None);
+        if !(comparison.climb.has || comparison.height.has) && self.estimator.exact().is_some() {
+            self.assume_climb(config);
+        }
+        if let Some(comparison) = &mut self.comparison {
+            if comparison.climb.has || comparison.height.has {
+                self.last_vertical = comparison.newest;
+            }
+            comparison.go_on(None);
+        }
+    }
+
+    /// Of fixes that do not tell the vertical: a climb of the barometer, or none for long.
+    #[inline(never)]
+    fn assume_climb(&mut self, config: &Config) {
+        let Some(comparison) = &mut self.comparison else {
+            return;
+        };
+        let moment = comparison.past.time;
+        let come = self.climb.take_if(|climb| climb.time <= moment);
+        if let Some(climb) = come.filter(|climb| climb.lasts_until(moment)) {
+            let since = self.history.piece(climb.time, moment, f64::INFINITY);
+            // By the loops: what is compensated is the error of the sensors.
+            let pushed_mps = since.map_or(0.0, |(since, _)| {
+                let compensated = since.attitude_s * self.compensation.accel_mps2;
+                since.control_velocity_mps.z + compensated.z
+            });
+            comparison.assume_climb(climb.mps + pushed_mps, climb.variance);
+        } else if comparison.newest.seconds_since(self.last_vertical) > CLIMB_S {
+            let sigma_mps = config.climb_sigma_mps;
+            comparison.assume_climb(comparison.past.velocity_mps.z, sigma_mps * sigma_mps);
+        }
     }
 
     /// Lets the estimators take one kind of measurement.
