@@ -151,6 +151,40 @@ impl Recorder {
     }
 }
 
+/// From when an INS counts as settled: it has navigated for so long, and it knows its azimuth.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Settling {
+    since: Option<Time>,
+    /// When first it had navigated for so long.
+    pub settled: Option<Time>,
+    /// When first it knew its azimuth; where it never does, that is not waited for.
+    pub headed: Option<Time>,
+}
+
+impl Settling {
+    /// Takes the next moment; whether it has navigated for `after_s` by then.
+    pub fn take(
+        &mut self,
+        now: Time,
+        navigates: bool,
+        after_s: f64,
+        knows_azimuth: impl FnOnce() -> bool,
+    ) -> bool {
+        if !navigates {
+            self.since = None;
+            return false;
+        }
+        let settled = now.seconds_since(*self.since.get_or_insert(now)) >= after_s;
+        if settled {
+            self.settled.get_or_insert(now);
+        }
+        if self.headed.is_none() && knows_azimuth() {
+            self.headed = Some(now);
+        }
+        settled
+    }
+}
+
 #[derive(Clone, Copy, Debug)]
 pub enum Event<'a> {
     Imu(ImuSample),

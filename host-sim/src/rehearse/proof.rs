@@ -15,7 +15,7 @@ use super::run::{HEADING, POSITION, QUANTITIES, sizes};
 use crate::identify::analysis::{Analysis, unusable};
 use crate::identify::error_model::interval::student;
 use crate::identify::free_inertial::known;
-use crate::identify::run::{Event, in_order_of_time};
+use crate::identify::run::{Event, Settling, in_order_of_time};
 use crate::log::Log;
 use crate::page::table::{Table, cells, heads};
 use crate::sim::drive::Recording;
@@ -171,7 +171,7 @@ fn drifts(
 ) -> Result<Vec<Drift>, ConfigError> {
     let mut navigator = Navigator::new(config)?;
     let (mut aided, mut blind): (Vec<Solution>, Vec<[Option<Solution>; 3]>) = Default::default();
-    let (mut navigating_since, mut last_fix, mut next) = (None, None, None::<Time>);
+    let (mut settling, mut last_fix, mut next) = (Settling::default(), None, None::<Time>);
     let mut samples = 0;
     for event in in_order_of_time(imu, gnss) {
         if let Event::Gnss(fix) = event {
@@ -181,14 +181,14 @@ fn drifts(
             continue;
         };
         samples += 1;
-        if navigator.phase() != Phase::Navigating {
-            navigating_since = None;
-            continue;
+        let navigates = navigator.phase() == Phase::Navigating;
+        if navigates {
+            aided.extend(navigator.solution());
         }
-        aided.extend(navigator.solution());
-        let since = *navigating_since.get_or_insert(sample.time);
-        let settled = sample.time.seconds_since(since) >= SETTLE_S
-            && (begins == Begins::Settled || known(&navigator.estimates().azimuth_error_rad))
+        let headed =
+            || begins == Begins::Settled || known(&navigator.estimates().azimuth_error_rad);
+        let settled = settling.take(sample.time, navigates, SETTLE_S, headed)
+            && headed()
             && last_fix.is_some_and(|fix| sample.time.seconds_since(fix) < FRESH_S);
         if settled && next.is_none_or(|next| sample.time >= next) {
             blind.push(free(navigator.clone(), &imu[samples..], sample.time));

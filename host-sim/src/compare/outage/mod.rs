@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use crate::compare::kalman::{Filter, Noise, Run};
 use crate::identify::free_inertial::{known, value};
-use crate::identify::run::{Event, in_order_of_time};
+use crate::identify::run::{Event, Settling, in_order_of_time};
 use crate::log::Log;
 use crate::page::brief;
 use crate::page::table::{Table, heads};
@@ -276,22 +276,19 @@ impl Drift {
 /// observable, s.
 fn survey(log: &Log, config: Config) -> Result<(Option<Time>, f64), ConfigError> {
     let mut navigator = Navigator::new(config)?;
-    let (mut since, mut settled, mut observed) = (None, None, None);
+    let mut settling = Settling::default();
     for event in in_order_of_time(log.imu.iter(), &log.gnss) {
-        let sample = event.give_to(&mut navigator);
-        let Some(sample) = sample.filter(|_| navigator.phase() == Phase::Navigating) else {
-            continue;
-        };
-        let since = *since.get_or_insert(sample.time);
-        if sample.time.seconds_since(since) >= SETTLE_S {
-            settled.get_or_insert(sample.time);
-        }
-        if observed.is_none() && known(&navigator.estimates().azimuth_error_rad) {
-            observed = Some(sample.time);
+        if let Some(sample) = event.give_to(&mut navigator) {
+            let navigates = navigator.phase() == Phase::Navigating;
+            settling.take(sample.time, navigates, SETTLE_S, || {
+                known(&navigator.estimates().azimuth_error_rad)
+            });
         }
     }
-    // Never observed, it is not waited for.
-    let first = settled.map(|settled| settled.max(observed.unwrap_or(settled)));
+    let Settling {
+        settled, headed, ..
+    } = settling;
+    let first = settled.map(|settled| settled.max(headed.unwrap_or(settled)));
     Ok((first, value(&navigator.estimates().gnss_latency_s)))
 }
 

@@ -13,8 +13,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::interval::Measured;
 use crate::identify::free_inertial::known;
-use crate::identify::row::Row;
-use crate::identify::run::Identification;
+use crate::identify::run::{Identification, Settling};
 use crate::log::{Log, median};
 
 /// Length of an epoch, s. Tilt is felt over some 10 s, so nothing is lost.
@@ -335,15 +334,16 @@ impl<'a> Reducer<'a> {
         let fixes = (log.gnss.iter())
             .filter_map(|fix| Some((correction.moment(fix), fix.velocity_en_mps?)))
             .collect();
-        let navigates = || found.history.iter().filter(|row| row.solution.is_some());
-        let settled = |row: &&Row| {
-            let first = navigates().next();
-            first.is_some_and(|first| row.time.seconds_since(first.time) >= SETTLE_S)
-        };
-        let begins = (navigates().find(|row| known(&row.estimates.azimuth_error_rad)))
-            .or_else(|| navigates().find(settled));
-        let references = begins.map_or(&[][..], |row| {
-            let from = (found.solutions).partition_point(|solution| solution.time < row.time);
+        let mut settling = Settling::default();
+        for row in &found.history {
+            settling.take(row.time, row.solution.is_some(), SETTLE_S, || {
+                known(&row.estimates.azimuth_error_rad)
+            });
+        }
+        let begins = settling.headed.or(settling.settled);
+        let row = found.history.iter().find(|row| Some(row.time) == begins);
+        let references = begins.map_or(&[][..], |time| {
+            let from = (found.solutions).partition_point(|solution| solution.time < time);
             &found.solutions[from..]
         });
         Self {
@@ -351,7 +351,7 @@ impl<'a> Reducer<'a> {
             rest,
             correction,
             references,
-            azimuth_sigma_rad: begins.map_or(0.0, |row| row.estimates.azimuth_error_rad.sigma),
+            azimuth_sigma_rad: row.map_or(0.0, |row| row.estimates.azimuth_error_rad.sigma),
             fixes,
         }
     }
