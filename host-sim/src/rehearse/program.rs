@@ -56,12 +56,13 @@ impl FromStr for Program {
                     .chars()
                     .all(|c| c.is_alphanumeric() || "-_".contains(c)) =>
             {
-                (Some(name), command)
+                (Some(name).filter(|name| !name.is_empty()), command)
             }
             _ => (None, text),
         };
         let command = shlex::split(command).ok_or("a quote is not closed")?;
-        let program = command.first().ok_or("no program is named")?;
+        let program =
+            (command.first().filter(|program| !program.is_empty())).ok_or("no program is named")?;
         let own_name = || {
             let stem = std::path::Path::new(program).file_stem();
             stem.map_or_else(
@@ -608,6 +609,9 @@ mod tests {
         assert_eq!(program.command, ["python3", "my filter.py", "--fast"]);
         let program: Program = "./a/filter.bin --gain=2".parse().unwrap();
         assert_eq!(program.name, "filter");
-        assert!("x='".parse::<Program>().is_err());
+        assert_eq!("=cat".parse::<Program>().unwrap().name, "cat");
+        for none in ["x='", "x=", "''"] {
+            assert!(none.parse::<Program>().is_err(), "{none}");
+        }
     }
 }
