@@ -278,16 +278,16 @@ fn a_target_file_is_refused_with_its_place() {
         ),
         (
             "[target]\nazimuth_deg = 1\n[errors]\ngnss.rate_hz = 0",
-            "gnss.rate_hz = 0: expected more than zero",
+            "target.toml, line 4: [errors]: gnss.rate_hz = 0: expected more than zero",
         ),
         (
             "[target]\nazimuth_deg = 1\n[config]\ngnss.rate_hz = 1",
-            "[config] of the target: `gnss.rate_hz` is not known",
+            "target.toml, line 4: [config]: `gnss.rate_hz` is not known",
         ),
         // A whole number is a number: it is the other key that is refused.
         (
             "[target]\nazimuth_deg = 1\n[unit]\nsensors = \"mems\"\n[config]\nmax_gap_s = 1\nmax_gap = 1",
-            "[config] of the target: `max_gap` is not known",
+            "target.toml, line 7: [config]: `max_gap` is not known",
         ),
     ] {
         let output = plan_drive(home.path(), target, &["--out", "plan"]);

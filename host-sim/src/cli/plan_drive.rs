@@ -59,7 +59,7 @@ fn added_to(log: &Path, target: &Target, seed: u64) -> Result<(Plan, (String, Ve
     let records = [Record::new(&analysis.log, &analysis.found)];
     let mut model = error_model_of(&records, analysis.summary.grade, None).model();
     model.imu.output = analysis.log.meta.imu;
-    let model = (target.with_errors(&model)).map_err(|error| miette!("[errors]: {error}"))?;
+    let model = target.with_errors(&model)?;
     let progress = spinner("planning");
     let plan = (target.added_to(&analysis.log, &navigator, &model, seed, &progress))
         .map_err(|error| miette!("{}: {error}", log.display()))?;

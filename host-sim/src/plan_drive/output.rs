@@ -63,7 +63,10 @@ impl<'a> Report<'a> {
         let first = match (self.reached, self.plan.stages.is_empty()) {
             (true, true) => "Everything is known as wanted: nothing to add.".to_owned(),
             (true, false) => format!("{minutes} of driving reach the target."),
-            (false, _) => format!("{minutes} of driving do not reach the target:"),
+            (false, true) => {
+                "Nothing that may be driven brings it nearer to the target:".to_owned()
+            }
+            (false, false) => format!("{minutes} of driving do not reach the target:"),
         };
         let unreached = self.plan.unreached.iter().map(|Unreached { last, why }| {
             let sigma = if last.observable {

@@ -1,7 +1,7 @@
 //! Target files: what is wanted, of which unit, and what the site allows.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use ins_core::Config;
@@ -17,7 +17,7 @@ use crate::aircraft::input::{InputError, Source, error_model, read_text};
 use crate::identify::configure::config_of;
 use crate::log::{BodyAxes, Grade};
 use crate::sim::ErrorModel;
-use crate::sim::errors::{ErrorModelError, set};
+use crate::sim::errors::set;
 
 const EXAMPLE: &str = "host-sim/targets/drive_target.toml";
 
@@ -29,6 +29,8 @@ pub struct Target {
     /// Keys of an error model, and of the core's configuration, in place of those of the class.
     pub errors: toml::Table,
     pub config: toml::Table,
+    file: PathBuf,
+    text: String,
 }
 
 /// The unit and its place in the vehicle.
@@ -112,6 +114,8 @@ impl Target {
             site: read.site,
             errors: read.errors,
             config: read.config,
+            file: file.to_owned(),
+            text: text.to_owned(),
         })
     }
 }
@@ -208,12 +212,33 @@ impl Target {
     pub fn error_model(&self) -> Result<ErrorModel> {
         let mut model = error_model(&self.unit.sensors)?;
         model.gnss.habits.lever_arm_m = self.unit.lever_arm_m().into();
-        self.with_errors(&model)
-            .map_err(|error| miette!("[errors] of the target: {error}"))
+        Ok(self.with_errors(&model)?)
     }
 
-    pub fn with_errors(&self, model: &ErrorModel) -> Result<ErrorModel, ErrorModelError> {
-        model.with(&self.errors)
+    pub fn with_errors(&self, model: &ErrorModel) -> Result<ErrorModel, InputError> {
+        (model.with(&self.errors)).map_err(|error| self.refused("[errors", &error.to_string()))
+    }
+
+    /// An error in a section: where a key is set that the message names, or else at its head.
+    fn refused(&self, section: &str, message: &str) -> InputError {
+        let (mut start, mut head) = (0, None);
+        for line in self.text.split_inclusive('\n') {
+            let (key, value) = line.split_once('=').unwrap_or((line, ""));
+            let name = key.trim().rsplit('.').next().unwrap_or_default();
+            if head.is_none() && line.trim_start().starts_with(section) {
+                head = Some(start);
+            } else if head.is_some() && !value.is_empty() && message.contains(name) {
+                head = Some(start);
+                break;
+            }
+            start += line.len();
+        }
+        let source = Source {
+            file: &self.file,
+            text: &self.text,
+        };
+        let message = format!("{section}]: {}", message.trim_end().replace('\n', " "));
+        source.error(head.unwrap_or(0), message)
     }
 
     /// What the core is told of such a unit: the preset of its class, that the antenna is not known
@@ -239,9 +264,10 @@ impl Target {
             let_antenna_be_unknown(&mut config);
         }
         let refused = |error: &dyn std::fmt::Display| {
-            miette!(
-                help = "keys are those of `Config` in core/src/config.rs",
-                "[config] of the target: {error}"
+            let keys = "keys are those of `Config` in core/src/config.rs";
+            self.refused(
+                "[config",
+                &format!("{}; {keys}", error.to_string().trim_end()),
             )
         };
         let mut table = toml::Table::try_from(config).map_err(|error| refused(&error))?;
@@ -250,7 +276,7 @@ impl Target {
         let known = toml::Table::try_from(read).map_err(|error| refused(&error))?;
         match unknown(&self.config, &known) {
             None => Ok(read),
-            Some(key) => Err(refused(&format!("`{key}` is not known"))),
+            Some(key) => Err(refused(&format!("`{key}` is not known")).into()),
         }
     }
 }
