@@ -196,10 +196,12 @@ fn of_recordings_each_has_its_row() {
     fs::write(home.path().join("letter.txt"), "Dear log,\n").unwrap();
     let study = host_sim()
         .current_dir(home.path())
-        .args(["study", "recordings", "drive", "letter.txt", "--json"])
+        .args(["study", "recordings", "drive", "./drive", "letter.txt"])
+        .arg("--json")
         .output();
     let study = study.unwrap();
     assert!(study.status.success(), "{}", said(&study));
+    assert!(said(&study).contains("./drive: named twice, counted once"));
     let rows: serde_json::Value = serde_json::from_slice(&study.stdout).unwrap();
     let used = &rows[0]["outcome"]["used"];
     // Of eight, gyros of 1 deg/h take longer.

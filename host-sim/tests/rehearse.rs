@@ -382,6 +382,21 @@ fn white_noise_that_was_recorded_costs_as_much_as_white_noise() {
         let ratio = recorded / white;
         assert!((0.6..1.67).contains(&ratio), "{white} m, {recorded} m");
     }
+    // The same recording elsewhere goes on; another one in its place does not.
+    fs::rename(home.join("drive"), home.join("rest")).unwrap();
+    let again = ["drive", "--minutes", "6", "--seed", "2", "--out", "drive"];
+    succeed(host_sim(home).args(again));
+    let options = ["--models", "0", "--budget", "0", "--noise-from", "rest"];
+    succeed(&mut rehearse(home, "out", "8", &options));
+    let other = ["drive", "--minutes", "6", "--seed", "3", "--out", "rest"];
+    succeed(host_sim(home).args(other).arg("--force"));
+    let output = rehearse(home, "out", "8", &options).output().unwrap();
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert!(told.contains("with other settings: noise_from"), "{told}");
+    // A drive that is given twice would make the model surer than it is.
+    let output = rehearse(home, "twice", "1", &["./drive"]).output().unwrap();
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert!(told.contains("the same recording as drive"), "{told}");
 }
 
 #[test]

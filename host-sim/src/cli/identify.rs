@@ -4,11 +4,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use ins_core::ImuSample;
 use miette::{Result, bail};
 
 use super::options::{GradeChoice, Output, refuse_same};
-use crate::identify::analysis::{Analysis, REPORT, SUMMARY};
+use crate::identify::analysis::{Analysis, Given, REPORT, SUMMARY};
 use crate::identify::error_model::allan::AtRest;
 use crate::identify::error_model::{self, Identified, Record, Sensors};
 use crate::identify::summary::Summary;
@@ -109,7 +108,7 @@ fn identify_logs(options: &Identify, grade: Option<Grade>, law: Option<Law>) -> 
     }
     let fill = |folder: &Path| -> Result<(Identified, Vec<Summary>)> {
         let (mut records, mut summaries, mut class) = (Vec::new(), Vec::new(), grade);
-        let mut given: Vec<(&Path, [Option<ImuSample>; 2])> = Vec::new();
+        let mut given = Given::default();
         for (number, log) in (1..).zip(&options.log) {
             let progress = bar();
             // One log at a time: only what the error model needs of it is kept.
@@ -122,16 +121,7 @@ fn identify_logs(options: &Identify, grade: Option<Grade>, law: Option<Law>) -> 
                     log.display()
                 );
             }
-            let ends = [analysis.log.imu.first(), analysis.log.imu.last()];
-            if let Some((same, _)) = given.iter().find(|(_, other)| *other == ends) {
-                bail!(
-                    help = "give each once: what is counted twice looks surer than it is",
-                    "{}: the same recording as {}",
-                    log.display(),
-                    same.display()
-                );
-            }
-            given.push((log, ends));
+            given.take(log, &analysis.log)?;
             let record = Record::new(&analysis.log, &analysis.found);
             let name = analysis.summary.log.replace(['/', '\\'], "-");
             let beside = folder.join(format!("{number}-{name}"));

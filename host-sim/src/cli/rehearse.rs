@@ -144,7 +144,7 @@ pub fn rehearse(options: &Rehearse) -> Result<()> {
         .map(|log| recorded_noise(log, drives.imu_hz))
         .transpose()?;
     let rehearsal = Rehearsal {
-        settings: settings(options, &world, &drives, &found, set)?,
+        settings: settings(options, &world, &drives, &found, noise.as_ref(), set)?,
         verdicts: drives.verdicts.clone(),
         found,
         noise,
@@ -227,6 +227,7 @@ fn settings(
     world: &World,
     drives: &Drives,
     found: &Identified,
+    noise: Option<&RecordedNoise>,
     set: toml::Table,
 ) -> Result<Settings> {
     let mut model = found.model();
@@ -243,7 +244,7 @@ fn settings(
         imu_hz: world.imu_hz,
         limit_s: options.time_limit,
         with: options.with.clone(),
-        noise_from: (options.noise_from.as_ref()).map(|path| path.display().to_string()),
+        noise_from: noise.map(RecordedNoise::rms),
         heading_sigma_deg: options.heading_sigma.0,
         set,
         model: model.clone(),

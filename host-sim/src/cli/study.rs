@@ -260,6 +260,21 @@ impl Recovery {
     }
 }
 
+/// Paths without those that name again what is named before, which are told.
+fn once(paths: &[PathBuf]) -> Vec<&PathBuf> {
+    let mut known = Vec::new();
+    let first = |path: &&PathBuf| {
+        let place = path.canonicalize().unwrap_or_else(|_| (*path).clone());
+        let again = known.contains(&place);
+        if again {
+            eprintln!("{}: named twice, counted once", path.display());
+        }
+        known.push(place);
+        !again
+    };
+    paths.iter().filter(first).collect()
+}
+
 /// What kinds and logs of one side are there for.
 fn side(judges: bool) -> &'static str {
     if judges { "judges" } else { "is developed on" }
@@ -291,7 +306,7 @@ impl Logs {
             logs::Role::Development => !self.judges,
             logs::Role::Judge => !self.development,
         };
-        let folders: Vec<&PathBuf> = self.logs.iter().filter(wanted).collect();
+        let folders: Vec<&PathBuf> = once(&self.logs).into_iter().filter(wanted).collect();
         if folders.is_empty() {
             bail!("no log of those given {}", side(self.judges));
         }
@@ -338,9 +353,10 @@ impl Recordings {
     /// Tries every recording, one after another, for their times are told.
     fn run(&self) -> Result<()> {
         let progress = bar().with_message("trying");
-        progress.set_length(self.paths.len() as u64);
+        let paths = once(&self.paths);
+        progress.set_length(paths.len() as u64);
         let one = |path: &PathBuf| recordings::recordings(path, self.grade.told());
-        let rows: Vec<_> = (self.paths.iter())
+        let rows: Vec<_> = (paths.into_iter())
             .flat_map(counted(&progress, one))
             .collect();
         progress.finish_and_clear();

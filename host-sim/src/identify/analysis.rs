@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use indicatif::ProgressBar;
-use ins_core::{Config, ConfigError};
-use miette::{Result, miette};
+use ins_core::{Config, ConfigError, ImuSample};
+use miette::{Result, bail, miette};
 
 use crate::identify::run::{Identification, identify};
 use crate::identify::summary::Summary;
@@ -130,6 +130,26 @@ impl Analysis {
             cells
         };
         Table::of("", header, columns.into_iter().enumerate().map(row))
+    }
+}
+
+/// Recordings of which each must be another.
+#[derive(Default)]
+pub(crate) struct Given(Vec<(PathBuf, [Option<ImuSample>; 2])>);
+
+impl Given {
+    pub fn take(&mut self, path: &Path, log: &Log) -> Result<()> {
+        let ends = [log.imu.first(), log.imu.last()];
+        if let Some((same, _)) = self.0.iter().find(|(_, other)| *other == ends) {
+            bail!(
+                help = "give each once: what is counted twice looks surer than it is",
+                "{}: the same recording as {}",
+                path.display(),
+                same.display()
+            );
+        }
+        self.0.push((path.to_owned(), ends));
+        Ok(())
     }
 }
 

@@ -5,10 +5,11 @@ use std::path::PathBuf;
 
 use ins_core::ImuOutput;
 use miette::{Result, bail, miette};
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::subject::Subject;
-use crate::identify::analysis::Analysis;
+use crate::identify::analysis::{Analysis, Given};
 use crate::identify::error_model::{Identified, Record};
 use crate::identify::summary::Summary;
 use crate::identify::verdict::Verdict;
@@ -56,7 +57,7 @@ impl Drives {
     /// Reads and identifies them one after the other.
     pub fn read(paths: &[PathBuf], grade: Option<Grade>) -> Result<Self> {
         let (mut verdicts, mut records, mut rates) = (Vec::new(), Vec::new(), Vec::new());
-        let mut first: Option<(Grade, ImuOutput)> = None;
+        let (mut first, mut given) = (None::<(Grade, ImuOutput)>, Given::default());
         for path in paths {
             let analysis = Analysis::of_log(path, grade, &bar())?;
             let this = (analysis.summary.grade, analysis.log.meta.imu);
@@ -67,6 +68,7 @@ impl Drives {
                     path.display()
                 );
             }
+            given.take(path, &analysis.log)?;
             rates.push(analysis.log.imu_rate_hz());
             records.push(Record::new(&analysis.log, &analysis.found));
             verdicts.push(Judged::of(analysis.summary));
@@ -107,8 +109,8 @@ pub struct Settings {
     pub limit_s: f64,
     /// Algorithms under test, as given.
     pub with: Vec<String>,
-    /// Log of the recorded noise.
-    pub noise_from: Option<String>,
+    /// Root mean squares of the recorded noise: by them one recording is told from another.
+    pub noise_from: Option<[Vector3<f64>; 2]>,
     /// Error of the heading given at the start, deg; none: none is given.
     pub heading_sigma_deg: Option<f64>,
     /// Keys of the error model that the user sets himself.

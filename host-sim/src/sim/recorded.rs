@@ -4,6 +4,7 @@
 use nalgebra::Vector3;
 
 use super::noise::Random;
+use crate::statistics::rms;
 
 /// Readings at rest less their mean, rad/s and m/s^2, body axes right-forward-up.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,6 +39,15 @@ impl RecordedNoise {
             stretches,
             block,
             rate_hz,
+        })
+    }
+
+    /// Root mean squares, gyros and accelerometers: those of another recording are others.
+    pub fn rms(&self) -> [Vector3<f64>; 2] {
+        let all = || self.stretches.iter().flatten();
+        [0, 1].map(|kind| {
+            let of = |axis: usize| rms(all().map(|reading| reading[kind][axis]));
+            Vector3::new(of(0), of(1), of(2))
         })
     }
 }
