@@ -59,6 +59,17 @@ fn the_core_drifts_no_further_than_its_estimates_say() {
     }
 }
 
+#[test]
+fn a_log_without_navigation_has_no_curves_and_says_so() {
+    let (log, ..) = driven(Grade::Mems, 0.1);
+    let (home, out) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    log::write(&log, home.path(), Compression::Gzip).unwrap();
+    let comparison = Comparison::of_log(home.path(), None, &ProgressBar::hidden()).unwrap();
+    comparison.write(out.path()).unwrap();
+    let page = std::fs::read_to_string(out.path().join("report.html")).unwrap();
+    assert!(page.contains("No method ever navigates") && !page.contains("<figcaption>"));
+}
+
 /// Every number of the comparison is that of the run it names, and all files are there.
 #[test]
 fn a_comparison_says_what_each_method_found() {

@@ -397,6 +397,13 @@ impl Thinner {
         ]);
     }
 
+    /// Breaks the curve before the next point.
+    pub(crate) fn cut(&mut self) {
+        (self.kept).extend(self.ends.take().into_iter().flat_map(in_order));
+        self.kept.push(BREAK);
+        self.count = 0;
+    }
+
     pub(crate) fn finish(mut self) -> Vec<Point> {
         self.kept.extend(self.ends.into_iter().flat_map(in_order));
         self.kept
@@ -426,4 +433,31 @@ fn outline(points: &[Spread]) -> Vec<Point> {
     };
     let parts = whole.filter(|part| !part.is_empty());
     parts.flat_map(around).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_curve_is_broken_at_a_hole_and_keeps_its_ends() {
+        for points in [8, 8 * MOST_POINTS] {
+            let mut thinner = Thinner::new(points);
+            for at in 0..points {
+                if at == points / 4 + 1 {
+                    thinner.cut();
+                }
+                thinner.push((at as f64, at as f64));
+            }
+            let curve = thinner.finish();
+            let hole = curve.iter().position(|point| point.0.is_nan()).unwrap();
+            assert_eq!(curve.iter().filter(|point| point.0.is_nan()).count(), 1);
+            let ends = [curve[hole - 1].0, curve[hole + 1].0];
+            assert_eq!(
+                format!("{ends:?}"),
+                format!("[{}.0, {}.0]", points / 4, points / 4 + 1)
+            );
+            assert!(curve.len() <= MOST_POINTS + 3);
+        }
+    }
 }

@@ -30,6 +30,8 @@ const LEAST_ERROR: f64 = 1e-3;
 /// Most points of a track, and most refused fixes that are marked.
 const MOST_PLACES: usize = 4000;
 const MOST_REFUSED: usize = 500;
+/// A longer hole of the samples breaks their curve, s.
+const LONGEST_JOINED_S: f64 = 0.5;
 const COLOURS: [RGBColor; 3] = [BLUE, ORANGE, GREEN];
 const EAST_NORTH_UP: [&str; 3] = ["east", "north", "up"];
 
@@ -434,7 +436,10 @@ impl<'a> Charts<'a> {
             "ms",
             self.rows(now),
         );
-        let mut figures = vec![chart.figure(), samples.figure()];
+        let mut figures = vec![samples.figure()];
+        if fixes.len() > 1 {
+            figures.insert(0, chart.figure());
+        }
         if !latency.points.is_empty() {
             figures.push(latency.figure(self.duration_s));
         }
@@ -446,8 +451,14 @@ impl<'a> Charts<'a> {
         let log = &self.analysis.log;
         let curve = || Thinner::new(log.imu.len().saturating_sub(1));
         let [mut gyros, mut accels] = [0, 1].map(|_| [0, 1, 2].map(|_| curve()));
+        // A hole that is narrower than a point cannot be seen.
+        let visible_s = LONGEST_JOINED_S.max(self.duration_s / MOST_POINTS as f64);
         for [last, sample] in log.imu.pairs() {
-            let held = log.meta.imu.per_rate(sample.time.seconds_since(last.time));
+            let seconds = sample.time.seconds_since(last.time);
+            if seconds > visible_s {
+                gyros.iter_mut().chain(&mut accels).for_each(Thinner::cut);
+            }
+            let held = log.meta.imu.per_rate(seconds);
             let per_second = held.recip();
             let time_s = self.since(sample.time);
             let gyro = self
