@@ -151,34 +151,28 @@ impl Recorder {
     }
 }
 
-/// From when an INS counts as settled: it has navigated for so long, and it knows its azimuth.
-#[derive(Clone, Copy, Debug, Default)]
+/// From when an INS counts as settled: it has navigated for so long and, if it ever does, knows its azimuth.
+#[derive(Default)]
 pub(crate) struct Settling {
     since: Option<Time>,
-    /// When first it had navigated for so long.
+    /// First moments of either.
     pub settled: Option<Time>,
-    /// When first it knew its azimuth; where it never does, that is not waited for.
     pub headed: Option<Time>,
 }
 
 impl Settling {
-    /// Takes the next moment; whether it has navigated for `after_s` by then.
-    pub fn take(
+    /// Takes the next moment; whether it has navigated for so long by then.
+    pub fn at(
         &mut self,
         now: Time,
         navigates: bool,
         after_s: f64,
-        knows_azimuth: impl FnOnce() -> bool,
+        headed: impl Fn() -> bool,
     ) -> bool {
-        if !navigates {
-            self.since = None;
-            return false;
-        }
-        let settled = now.seconds_since(*self.since.get_or_insert(now)) >= after_s;
-        if settled {
-            self.settled.get_or_insert(now);
-        }
-        if self.headed.is_none() && knows_azimuth() {
+        self.since = navigates.then(|| self.since.unwrap_or(now));
+        let settled = (self.since).is_some_and(|since| now.seconds_since(since) >= after_s);
+        self.settled = self.settled.or(settled.then_some(now));
+        if navigates && self.headed.is_none() && headed() {
             self.headed = Some(now);
         }
         settled

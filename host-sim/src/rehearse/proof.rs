@@ -12,6 +12,7 @@ use serde::Serialize;
 use super::output::shown;
 use super::replay::Replay;
 use super::run::{HEADING, POSITION, QUANTITIES, sizes};
+use crate::compare::outage::{FRESH_S, SETTLE_S, STRIDE_S};
 use crate::identify::analysis::{Analysis, unusable};
 use crate::identify::error_model::interval::student;
 use crate::identify::free_inertial::known;
@@ -24,12 +25,6 @@ use crate::statistics::{mean_and_variance, rms};
 
 /// Since GNSS went, s.
 const HORIZONS_S: [f64; 3] = [10.0, 30.0, 60.0];
-/// From outage to outage, s.
-const STRIDE_S: f64 = 10.0;
-/// Navigation before the first outage, s.
-const SETTLE_S: f64 = 30.0;
-/// Age of the last fix at which an outage may begin, s; older, there already is one.
-const FRESH_S: f64 = 1.5;
 /// A drive whose first fix is slower than this begins at rest, m/s.
 const STANDING_MPS: f64 = 0.5;
 /// Quantities that are foretold: position, velocity and attitude, level.
@@ -62,12 +57,11 @@ pub fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<
     let (log, name) = (&analysis.log, &analysis.summary.log);
     let config = analysis.found.config;
     let imu = log.imu.all();
-    let of_log = |begins| drifts(&imu, &log.gnss, config, begins).map_err(unusable);
-    let mut begins = Begins::Headed;
-    let mut observed = of_log(begins)?;
-    if observed.is_empty() {
-        begins = Begins::Settled;
-        observed = of_log(begins)?;
+    let of_log = |headed| drifts(&imu, &log.gnss, config, headed).map_err(unusable);
+    let mut observed = of_log(true)?;
+    let headed = !observed.is_empty();
+    if !headed {
+        observed = of_log(false)?;
     }
     let mut errors = model.clone();
     errors.gnss.rate_hz = log.fix_rate_hz();
@@ -90,7 +84,7 @@ pub fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<
                 errors: errors.clone(),
             };
             let run = record(replay.clone(), &recording);
-            drifts(&run.imu, &run.gnss, config, begins)
+            drifts(&run.imu, &run.gnss, config, headed)
         })
         .collect::<Result<_, ConfigError>>()
         .map_err(unusable)?;
@@ -153,21 +147,13 @@ fn foretold(simulated: &[Vec<f64>]) -> Option<(f64, f64)> {
     Some((predicted, half))
 }
 
-/// When outages may begin.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Begins {
-    /// Once the core has settled and knows its azimuth.
-    Headed,
-    /// Once it has settled: on a drive whose azimuth it never knows.
-    Settled,
-}
-
-/// The core through outages all along a drive.
+/// The core through outages all along a drive, once it has settled and, unless it never does, knows its
+/// azimuth.
 fn drifts(
     imu: &[ImuSample],
     gnss: &[GnssFix],
     config: Config,
-    begins: Begins,
+    headed: bool,
 ) -> Result<Vec<Drift>, ConfigError> {
     let mut navigator = Navigator::new(config)?;
     let (mut aided, mut blind): (Vec<Solution>, Vec<[Option<Solution>; 3]>) = Default::default();
@@ -185,10 +171,9 @@ fn drifts(
         if navigates {
             aided.extend(navigator.solution());
         }
-        let headed =
-            || begins == Begins::Settled || known(&navigator.estimates().azimuth_error_rad);
-        let settled = settling.take(sample.time, navigates, SETTLE_S, headed)
-            && headed()
+        let is_headed = || !headed || known(&navigator.estimates().azimuth_error_rad);
+        let settled = settling.at(sample.time, navigates, SETTLE_S, is_headed)
+            && is_headed()
             && last_fix.is_some_and(|fix| sample.time.seconds_since(fix) < FRESH_S);
         if settled && next.is_none_or(|next| sample.time >= next) {
             blind.push(free(navigator.clone(), &imu[samples..], sample.time));

@@ -22,11 +22,11 @@ use ins::Ins;
 
 /// Length of an outage, and from start to start, s.
 pub const OUTAGE_S: f64 = 30.0;
-const STRIDE_S: f64 = 10.0;
+pub(crate) const STRIDE_S: f64 = 10.0;
 /// Navigation before the first outage, s: as much GNSS as is then taken away.
-const SETTLE_S: f64 = OUTAGE_S;
+pub(crate) const SETTLE_S: f64 = OUTAGE_S;
 /// Age of the last fix at which an outage may begin, s; older, there already is one.
-const FRESH_S: f64 = 1.5;
+pub(crate) const FRESH_S: f64 = 1.5;
 /// Age at which a point of the reference no longer stands for the end of an outage, s.
 const LATE_S: f64 = 1.5;
 
@@ -280,7 +280,7 @@ fn survey(log: &Log, config: Config) -> Result<(Option<Time>, f64), ConfigError>
     for event in in_order_of_time(log.imu.iter(), &log.gnss) {
         if let Some(sample) = event.give_to(&mut navigator) {
             let navigates = navigator.phase() == Phase::Navigating;
-            settling.take(sample.time, navigates, SETTLE_S, || {
+            settling.at(sample.time, navigates, SETTLE_S, || {
                 known(&navigator.estimates().azimuth_error_rad)
             });
         }

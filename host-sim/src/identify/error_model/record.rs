@@ -336,7 +336,7 @@ impl<'a> Reducer<'a> {
             .collect();
         let mut settling = Settling::default();
         for row in &found.history {
-            settling.take(row.time, row.solution.is_some(), SETTLE_S, || {
+            settling.at(row.time, row.solution.is_some(), SETTLE_S, || {
                 known(&row.estimates.azimuth_error_rad)
             });
         }
