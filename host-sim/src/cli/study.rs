@@ -1,5 +1,6 @@
 //! The command group `study`.
 
+use std::collections::HashSet;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
@@ -262,15 +263,13 @@ impl Recovery {
 
 /// Paths without those that name again what is named before, which are told.
 fn once(paths: &[PathBuf]) -> Vec<&PathBuf> {
-    let mut known = Vec::new();
+    let mut known = HashSet::new();
     let first = |path: &&PathBuf| {
-        let place = path.canonicalize().unwrap_or_else(|_| (*path).clone());
-        let again = known.contains(&place);
-        if again {
+        let new = known.insert(path.canonicalize().unwrap_or_else(|_| (*path).clone()));
+        if !new {
             eprintln!("{}: named twice, counted once", path.display());
         }
-        known.push(place);
-        !again
+        new
     };
     paths.iter().filter(first).collect()
 }
@@ -326,6 +325,9 @@ impl Logs {
                 Ok(study) => used.push(study),
                 Err(error) => eprintln!("{error:?}"),
             }
+        }
+        if used.is_empty() {
+            bail!("{all} of {all} logs cannot be used");
         }
         let failed = all - used.len();
         let study = logs::Study::new(used);

@@ -221,24 +221,19 @@ impl Target {
 
     /// An error in a section: where a key is set that the message names, or else at its head.
     fn refused(&self, section: &str, message: &str) -> InputError {
-        let (mut start, mut head) = (0, None);
-        for line in self.text.split_inclusive('\n') {
-            let (key, value) = line.split_once('=').unwrap_or((line, ""));
-            let name = key.trim().rsplit('.').next().unwrap_or_default();
-            if head.is_none() && line.trim_start().starts_with(section) {
-                head = Some(start);
-            } else if head.is_some() && !value.is_empty() && message.contains(name) {
-                head = Some(start);
-                break;
-            }
-            start += line.len();
-        }
+        let head = self.text.find(section).unwrap_or(0);
+        let text = &self.text[head..];
+        let named = |line: &&str| {
+            let key = line.split_once('=').map(|(key, _)| key.trim());
+            key.is_some_and(|key| message.contains(key.rsplit('.').next().unwrap_or(key)))
+        };
+        let place = text.lines().find(named).and_then(|line| text.find(line));
         let source = Source {
             file: &self.file,
             text: &self.text,
         };
-        let message = format!("{section}]: {}", message.trim_end().replace('\n', " "));
-        source.error(head.unwrap_or(0), message)
+        let message = message.trim_end().replace('\n', " ");
+        source.error(head + place.unwrap_or(0), format!("{section}]: {message}"))
     }
 
     /// What the core is told of such a unit: the preset of its class, that the antenna is not known

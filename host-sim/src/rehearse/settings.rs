@@ -5,7 +5,6 @@ use std::path::PathBuf;
 
 use ins_core::ImuOutput;
 use miette::{Result, bail, miette};
-use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::subject::Subject;
@@ -110,7 +109,7 @@ pub struct Settings {
     /// Algorithms under test, as given.
     pub with: Vec<String>,
     /// Root mean squares of the recorded noise: by them one recording is told from another.
-    pub noise_from: Option<[Vector3<f64>; 2]>,
+    pub noise_from: Option<[f64; 2]>,
     /// Error of the heading given at the start, deg; none: none is given.
     pub heading_sigma_deg: Option<f64>,
     /// Keys of the error model that the user sets himself.

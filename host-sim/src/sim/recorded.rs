@@ -43,12 +43,9 @@ impl RecordedNoise {
     }
 
     /// Root mean squares, gyros and accelerometers: those of another recording are others.
-    pub fn rms(&self) -> [Vector3<f64>; 2] {
+    pub fn rms(&self) -> [f64; 2] {
         let all = || self.stretches.iter().flatten();
-        [0, 1].map(|kind| {
-            let of = |axis: usize| rms(all().map(|reading| reading[kind][axis]));
-            Vector3::new(of(0), of(1), of(2))
-        })
+        [0, 1].map(|kind| rms(all().map(|reading| reading[kind].norm())))
     }
 }
 
