@@ -153,21 +153,9 @@ impl Comparison {
         page::csv(names, rows)
     }
 
-    /// What is to be known before all.
-    fn never(&self) -> Option<String> {
-        let never = self.tracks.iter().all(|track| track.points.is_empty());
-        never.then(|| "No method ever navigates: there is nothing to compare.".to_owned())
-    }
-
     fn page(&self) -> Page {
-        let never = self.never();
-        let converging = Section {
-            title: "Estimates as they converge",
-            note: "",
-            figures: (1..COMPARED.len())
-                .map(|which| self.figure(which))
-                .collect(),
-        };
+        let navigates = self.tracks.iter().any(|track| !track.points.is_empty());
+        let never = "No method ever navigates: there is nothing to compare.";
         Page {
             title: format!("{}: compensation and Kalman", self.log),
             facts: format!(
@@ -177,9 +165,15 @@ impl Comparison {
                 self.body_axes,
                 self.grade.name()
             ),
+            verdicts: Vec::from_iter((!navigates).then(|| never.to_owned())),
             tables: tables(self),
-            sections: Vec::from_iter(never.is_none().then_some(converging)),
-            verdicts: Vec::from_iter(never),
+            sections: vec![Section {
+                title: "Estimates as they converge",
+                note: "",
+                figures: (1..COMPARED.len())
+                    .map(|which| self.figure(which))
+                    .collect(),
+            }],
         }
     }
 
@@ -211,9 +205,7 @@ impl Comparison {
 pub fn plain(comparison: &Comparison) -> String {
     let tables = tables(comparison);
     let texts = tables.iter().map(|table| table.titled(Table::plain));
-    let mut parts = Vec::from_iter(comparison.never().map(|never| never + "\n"));
-    parts.extend(texts);
-    parts.join("\n")
+    texts.collect::<Vec<_>>().join("\n")
 }
 
 fn tables(comparison: &Comparison) -> Vec<Table> {

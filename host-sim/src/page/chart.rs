@@ -44,7 +44,7 @@ pub(crate) struct Figure {
     title: String,
     /// What is to be known of it.
     note: String,
-    /// Data, layout and configuration.
+    /// Data, layout and configuration. Empty, and not on the page, where no curve or mark has a point.
     json: String,
     /// Zoomed together with the others over time.
     over_time: bool,
@@ -208,7 +208,7 @@ impl Chart {
     pub(crate) fn shade(mut self, name: &str, intervals: &[Point]) -> Self {
         let bars = |&(from, to): &Point| [(from, 0.0), (from, 1.0), (to, 1.0), (to, 0.0), BREAK];
         let bars: Vec<Point> = intervals.iter().flat_map(bars).collect();
-        self.shaded = true;
+        self.shaded |= !intervals.is_empty();
         self.area(name, &bars, &css(GREY, 0.22), json!({ "yaxis": "y2" }))
     }
 
@@ -238,6 +238,9 @@ impl Chart {
     }
 
     fn curve(mut self, name: &str, points: &[Point], look: Value) -> Self {
+        if points.is_empty() {
+            return self;
+        }
         let digits = if self.figure.tall {
             FINE_DIGITS
         } else {
@@ -257,6 +260,10 @@ impl Chart {
     }
 
     pub(crate) fn figure(self) -> Figure {
+        let in_front = |of: &Value| of["fill"].is_null() && of["line"]["dash"].is_null();
+        if !self.data.iter().any(in_front) {
+            return self.figure;
+        }
         let hover = if self.figure.tall {
             "closest"
         } else {

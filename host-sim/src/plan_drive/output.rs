@@ -185,9 +185,7 @@ impl<'a> Report<'a> {
                 }
                 begin_s = stage.end_s;
             }
-            if !points.is_empty() {
-                chart = chart.line(manoeuvre.name(), one_of(place, many), &points);
-            }
+            chart = chart.line(manoeuvre.name(), one_of(place, many), &points);
         }
         chart
     }

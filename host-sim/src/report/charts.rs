@@ -81,15 +81,10 @@ impl Converging {
     }
 
     fn figure(&self, duration_s: f64) -> Figure {
-        let mut chart = Chart::over_time(&self.title, self.unit, duration_s);
-        if !self.shown.is_empty() {
-            chart = chart.shade("manoeuvres that show it", &self.shown);
-        }
-        chart = chart.band(
-            "estimate, one sigma",
-            BLUE,
-            &sampled(&self.points, MOST_POINTS),
-        );
+        let points = sampled(&self.points, MOST_POINTS);
+        let mut chart = Chart::over_time(&self.title, self.unit, duration_s)
+            .shade("manoeuvres that show it", &self.shown)
+            .band("estimate, one sigma", BLUE, &points);
         if let Some(truth) = self.truth {
             chart = chart.reference("truth", RED, &[(0.0, truth), (duration_s, truth)]);
         }
@@ -120,14 +115,12 @@ pub(super) fn sections(analysis: &Analysis, sensors: Option<&Sensors>) -> Vec<Se
         ),
         ("Damping signals", "", charts.damping()),
     ];
-    let sections = sections.into_iter().map(|(title, note, figures)| Section {
+    let section = |(title, note, figures)| Section {
         title,
         note,
         figures,
-    });
-    sections
-        .filter(|section| !section.figures.is_empty())
-        .collect()
+    };
+    sections.into_iter().map(section).collect()
 }
 
 pub(super) struct Charts<'a> {
@@ -204,7 +197,6 @@ impl<'a> Charts<'a> {
         if self.analysis.summary.lever_arm_m.is_some() {
             all.extend((0..3).map(lever));
         }
-        all.retain(|one| !one.points.is_empty());
         all.iter().map(|one| one.figure(self.duration_s)).collect()
     }
 
@@ -267,10 +259,7 @@ impl<'a> Charts<'a> {
             (Manoeuvre::Braking, "braking", RED),
             (Manoeuvre::Turning, "turning", ORANGE),
         ] {
-            let runs = runs(&rows, manoeuvre);
-            if !runs.is_empty() {
-                chart = chart.line(name, colour, &runs);
-            }
+            chart = chart.line(name, colour, &runs(&rows, manoeuvre));
         }
         let mark = |place, text: &str| [(place, text.to_owned())];
         chart = chart
@@ -287,9 +276,6 @@ impl<'a> Charts<'a> {
             Some((values(&solution), known.unwrap_or([f64::NAN; 5])))
         };
         let rows: Vec<_> = self.rows(solution).collect();
-        if rows.is_empty() {
-            return Vec::new();
-        }
         let (rows, truth) = (sampled(&rows, MOST_POINTS), &self.analysis.log.truth);
         let truth = sampled(truth, MOST_POINTS);
         let figure = |index: usize, title, unit| {
@@ -299,14 +285,12 @@ impl<'a> Charts<'a> {
             let reference: Vec<Spread> = (truth.iter())
                 .map(|s| (self.since(s.time), values(s)[index], 0.0))
                 .collect();
-            let mut chart = self.over_time(title, unit);
-            if !reference.is_empty() {
-                let curve: Vec<Point> = unwound(&reference).iter().map(|p| (p.0, p.1)).collect();
-                chart = chart.reference("reference", RED, &curve);
-            }
+            let curve: Vec<Point> = unwound(&reference).iter().map(|p| (p.0, p.1)).collect();
             // The first sigmas would flatten the rest.
             let inner = padded(points.iter().map(|point| point.1), 1e-3);
-            chart = chart.band("solution, one sigma", BLUE, &unwound(&points));
+            let chart = (self.over_time(title, unit))
+                .reference("reference", RED, &curve)
+                .band("solution, one sigma", BLUE, &unwound(&points));
             let chart = if index == 2 {
                 chart.circle()
             } else {
@@ -326,30 +310,28 @@ impl<'a> Charts<'a> {
             let [roll, pitch, heading, ..] = sigmas(sigma, s);
             [roll, pitch, heading]
         };
-        let of_all = [
+        figures.extend([
             self.one_sigma("attitude", "deg", angles, attitude),
             self.one_sigma("position", "m", enu, |sigma, _| sigma.position_m.into()),
             self.one_sigma("velocity", "m/s", enu, |sigma, _| sigma.velocity_mps.into()),
-        ];
-        figures.extend(of_all.into_iter().flatten());
+        ]);
         figures
     }
 
-    /// Three sigmas of the solution; none where they are not known.
+    /// Three sigmas of the solution.
     fn one_sigma(
         &self,
         of: &str,
         unit: &str,
         names: [&str; 3],
         three: impl Fn(&SolutionSigma, &Solution) -> [f64; 3],
-    ) -> Option<Figure> {
+    ) -> Figure {
         let sigmas = |row: &Row| Some(three(&row.sigma?, &row.solution?));
         let rows: Vec<(f64, [f64; 3])> = self.rows(sigmas).collect();
         let curve = |axis: usize| thinned(rows.iter().map(|(t, sigmas)| (*t, sigmas[axis])));
         let values = rows.iter().flat_map(|(_, sigmas)| *sigmas);
         let chart = self.over_time(format!("One sigma of {of}"), unit);
-        let chart = three_lines(chart.logarithmic_y(values), names, &[0, 1, 2].map(curve));
-        (!rows.is_empty()).then(|| chart.figure())
+        three_lines(chart.logarithmic_y(values), names, &[0, 1, 2].map(curve)).figure()
     }
 
     /// Each component of the fixes against the solution of its moment.
@@ -401,7 +383,7 @@ impl<'a> Charts<'a> {
                 ((time_s, next.map_or(1.0, |step| step.1)), text)
             })
             .collect();
-        let mut chart = self
+        let chart = self
             .over_time("Interval between fixes", "s")
             .note(format!(
                 "{} used, {} refused",
@@ -409,11 +391,8 @@ impl<'a> Charts<'a> {
                 refused.len()
             ))
             .line("interval", BLUE, &thinned(fix_steps.iter().copied()))
-            .logarithmic_y(fix_steps.iter().map(|step| step.1));
-        if !refused.is_empty() {
-            let shown = sampled(&refused, MOST_REFUSED);
-            chart = chart.marks("refused", RED, "x", &shown);
-        }
+            .logarithmic_y(fix_steps.iter().map(|step| step.1))
+            .marks("refused", RED, "x", &sampled(&refused, MOST_REFUSED));
         let mut sample_steps = Thinner::new(log.imu.len().saturating_sub(1));
         for [last, sample] in log.imu.pairs() {
             sample_steps.push(step(last.time, sample.time));
@@ -436,14 +415,8 @@ impl<'a> Charts<'a> {
             "ms",
             self.rows(now),
         );
-        let mut figures = vec![samples.figure()];
-        if fixes.len() > 1 {
-            figures.insert(0, chart.figure());
-        }
-        if !latency.points.is_empty() {
-            figures.push(latency.figure(self.duration_s));
-        }
-        figures
+        let latency = latency.figure(self.duration_s);
+        vec![chart.figure(), samples.figure(), latency]
     }
 
     /// Gyros and accelerometers in the axes of the log.
@@ -499,9 +472,6 @@ impl<'a> Charts<'a> {
                 row.signals.difference_enu_mps
             }),
         ];
-        if self.rows(|_| Some(())).next().is_none() {
-            return Vec::new();
-        }
         let figure = |(title, unit, scale, signal): (&str, &str, f64, Signal)| {
             let curves: [Vec<Point>; 3] = [0, 1, 2].map(|axis| {
                 let value = |row: &Row| Some(signal(row)[axis] / scale);
@@ -535,9 +505,6 @@ pub(super) fn allan_figures(sensors: &Sensors) -> Vec<Figure> {
             .reference("white noise found", RED, &white)
             .figure()
     };
-    if at_rest.gyro_deg_h.is_empty() {
-        return Vec::new();
-    }
     vec![
         figure(
             "Gyros at rest, Allan deviation",
