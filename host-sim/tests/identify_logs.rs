@@ -48,6 +48,11 @@ fn a_model_of_several_logs_drives_again() {
         home,
         &[&again[..], &["found/error-model.toml"]].concat()
     ));
+    // A log says of what class its sensors are, not of what class a drive's are by default.
+    let consumer = ["drive", "--minutes", "1", "--out", "d", "--errors", "mems"];
+    assert!(host_sim(home, &consumer));
+    let meta = fs::read_to_string(home.join("d/meta.toml")).unwrap();
+    assert!(meta.contains("grade = \"mems\""), "{meta}");
     assert!(!host_sim(
         home,
         &["identify", "a/log", "b/log", "--out", "found"]

@@ -51,9 +51,9 @@ struct DriveOptions {
     /// Fixes the route and every random number.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Class of the sensors.
-    #[arg(long, value_enum, default_value_t = Grade::Hg1700)]
-    grade: Grade,
+    /// Class of the sensors, hg1700 unless their errors are of another.
+    #[arg(long, value_enum)]
+    grade: Option<Grade>,
     /// Length of the drive.
     #[arg(long, default_value_t = 40.0, value_parser = minutes)]
     minutes: f64,
@@ -90,14 +90,16 @@ fn write_drive(
 ) -> Result<Truth> {
     output::check_free(out, true_errors::FILE, force)?;
     let progress = spinner("simulating the drive");
-    let mut config = DriveConfig::new(options.seed, options.grade, options.minutes);
+    let class = || errors.as_ref().map_or(Grade::Hg1700, class);
+    let grade = options.grade.unwrap_or_else(class);
+    let mut config = DriveConfig::new(options.seed, grade, options.minutes);
     if let Some(errors) = errors {
         config.recording.errors = errors;
     }
     let run = simulate(&config);
     progress.set_message("writing the log");
     let name = format!("simulated drive, seed {}", options.seed);
-    let mut drive = Simulated::new(run, &config.recording.errors, options.grade, name);
+    let mut drive = Simulated::new(run, &config.recording.errors, grade, name);
     let about = &mut drive.log.meta.document;
     about.insert("minutes".into(), options.minutes.into());
     output::build(out, true_errors::FILE, force, |folder| drive.write(folder))?;
