@@ -53,7 +53,8 @@ pub fn plain(header: &[String], rows: &[Vec<String>]) -> String {
     };
     let widths: Vec<usize> = (0..header.len()).map(width).collect();
     let is_prose = |cell: &String| cell.split(' ').count() > 5;
-    let is_left = |column| column == 0 || all().filter_map(|row| row.get(column)).any(is_prose);
+    let in_rows = |column: usize| rows.iter().filter_map(move |row| row.get(column));
+    let is_left = |column| column == 0 || in_rows(column).any(is_prose);
     let left: Vec<bool> = (0..header.len()).map(is_left).collect();
     let mut text = String::new();
     for row in all() {
@@ -128,6 +129,9 @@ mod tests {
             markdown(&header, &rows),
             "|  | ms |\n|---|---|\n| tau | 121.8 |\n"
         );
+        let header = cells(["", "of a long name of many words"]);
+        let text = plain(&header, &rows);
+        assert!(text.lines().all(|line| line.len() == 33), "{text}");
         let bar = [cells(["a | b", "1"])];
         assert!(markdown(&header, &bar).ends_with("| a \\| b | 1 |\n"));
     }
