@@ -14,6 +14,8 @@ use crate::log::Log;
 
 /// Passes of each; the fastest counts.
 const PASSES: usize = 5;
+/// Of a log so long that they take this, they are as many as have begun by then.
+const ENOUGH: Duration = Duration::from_secs(5);
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Cost {
@@ -57,7 +59,8 @@ pub fn measure(log: &Log, config: Config, noise: Noise) -> Result<Vec<Cost>, Con
         }),
     ];
     let mut fastest = [Duration::MAX; 5];
-    for _ in 0..PASSES {
+    let begun = Instant::now();
+    for _ in (0..PASSES).take_while(|_| begun.elapsed() < ENOUGH) {
         for ((_, pass), fastest) in passes.iter().zip(&mut fastest) {
             let start = Instant::now();
             pass()?;
