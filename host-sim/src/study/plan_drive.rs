@@ -283,7 +283,7 @@ fn verdict(all: &[Results]) -> String {
             shown().filter(|(_, stated)| good(*stated)).count(),
         )
     };
-    [(false, "Development"), (true, "Judges")]
-        .map(of_side)
-        .concat()
+    let there = |side: &(bool, &str)| all.iter().any(|results| results.judge == side.0);
+    let sides = [(false, "Development"), (true, "Judges")].into_iter();
+    sides.filter(there).map(of_side).collect()
 }
