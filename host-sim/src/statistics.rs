@@ -44,6 +44,12 @@ pub(crate) fn mean_and_variance(values: &[f64]) -> Option<(f64, f64)> {
     (values.len() > 1).then(|| (mean, squares / (count - 1.0)))
 }
 
+/// A count, or a place among some, from a number that is not negative: nothing is cut off but the fraction.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+pub(crate) fn whole(number: f64) -> usize {
+    number as usize
+}
+
 /// The straight line through pairs, by least squares.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {

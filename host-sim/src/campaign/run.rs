@@ -15,6 +15,7 @@ use crate::identify::held_ins::LevelError;
 use crate::log::Grade;
 use crate::page::progress::counted;
 use crate::sim::ErrorModel;
+use crate::statistics::whole;
 use crate::study::flights::route::Route;
 use crate::study::flights::run::{Left, Settings, run_alone};
 use crate::study::recovery::drive_record;
@@ -55,9 +56,7 @@ pub struct Flown {
 impl Flown {
     /// Of what was left when GNSS went and the errors at every minute after that.
     pub fn new(left: &Left, minutes: &[LevelError]) -> Self {
-        // Positive, and below the size of the Earth.
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        let whole = |value: f64| value.abs().round() as u64;
+        let whole = |value: f64| whole(value.abs().round()) as u64;
         let at = |quarter: usize| {
             let minute = ((quarter + 1) * minutes.len()).div_ceil(QUARTERS as usize);
             minutes[minute - 1]

@@ -30,6 +30,7 @@ use crate::rehearse::subject::{AT_HAND, Subject};
 use crate::rehearse::summary::Summary;
 use crate::sim::errors::ErrorModelError;
 use crate::sim::recorded::RecordedNoise;
+use crate::statistics::whole;
 use crate::study::options::within;
 
 /// Marks a folder as that of a rehearsal, and says of which.
@@ -268,11 +269,8 @@ fn recorded_noise(path: &Path, imu_hz: u32) -> Result<RecordedNoise> {
             path.display()
         );
     }
-    // Some hundred samples: nothing is cut off but the fraction.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    let block = (BLOCK_S * wanted_hz) as usize;
     let stretches = readings_at_rest(&log);
-    RecordedNoise::new(stretches, block, wanted_hz).ok_or_else(|| {
+    RecordedNoise::new(stretches, whole(BLOCK_S * wanted_hz), wanted_hz).ok_or_else(|| {
         miette!(
             help = "leave the unit standing for a minute, engine running, and log that",
             "{}: {} has no rest of {BLOCK_S:.0} s beyond its ends",

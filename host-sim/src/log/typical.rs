@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use ins_core::Time;
 use nalgebra::Vector2;
 
+use crate::statistics::whole;
+
 /// Alignment alone takes that long.
 pub(super) const SHORT_S: f64 = 20.0;
 
@@ -155,8 +157,7 @@ impl Curve {
 
     pub(super) fn at(&self, time_s: f64) -> f64 {
         let step = (time_s - self.start_s) / Self::STEP_S;
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // Within, as promised.
-        let index = (step as usize).min(self.values.len() - 2);
+        let index = whole(step).min(self.values.len() - 2);
         let (a, b) = (self.values[index], self.values[index + 1]);
         a + (b - a) * (step - index as f64)
     }

@@ -16,15 +16,12 @@ use super::manoeuvre::{Driver, Manoeuvre, Site};
 use super::target::Target;
 use crate::identify::analysis::unusable;
 use crate::sim::car::{Car, Course};
-use crate::sim::drive::{Recorder, Recording};
+use crate::sim::drive::{Recorder, Recording, ten_a_second};
 use crate::sim::gnss::arrivals;
 use crate::sim::ideal::IdealSensors;
 use crate::sim::motion::Mounted;
 use crate::sim::noise::Random;
 use crate::sim::{ErrorModel, SensorErrors};
-
-/// The truth is kept ten times a second.
-const TRUTH_HZ: f64 = 10.0;
 
 /// One unit and whoever drives it.
 #[derive(Clone, Debug)]
@@ -59,7 +56,7 @@ impl Bench {
             seed,
             duration_s: 0.0,
             imu_hz: target.unit.imu_hz,
-            truth_every: every(target.unit.imu_hz),
+            truth_every: ten_a_second(target.unit.imu_hz),
             origin: Geodetic {
                 latitude_rad: 50.0_f64.to_radians(),
                 longitude_rad: 10.0_f64.to_radians(),
@@ -116,7 +113,7 @@ impl Bench {
             seed,
             duration_s: 0.0,
             imu_hz,
-            truth_every: every(imu_hz),
+            truth_every: ten_a_second(imu_hz),
             origin: end.position,
             errors: without_drawn_errors(model, &known),
         };
@@ -253,11 +250,6 @@ impl Bench {
 
 fn navigator(config: Config) -> Result<Navigator> {
     Navigator::new(config).map_err(unusable)
-}
-
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-fn every(imu_hz: f64) -> u32 {
-    (imu_hz / TRUTH_HZ).round().max(1.0) as u32
 }
 
 /// Noise and what moves remain.

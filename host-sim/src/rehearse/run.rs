@@ -16,6 +16,7 @@ use super::settings::{Case, Rehearsal};
 use super::subject::Subject;
 use crate::campaign::ledger::{Ledger, Shard, read_folder};
 use crate::identify::analysis::unusable;
+use crate::statistics::whole;
 
 pub fn run(
     rehearsal: &Rehearsal,
@@ -141,9 +142,7 @@ fn evenly(count: usize) -> impl Iterator<Item = usize> {
 
 /// The moments that are kept: which of [`Flown::asks`], and whether it is without GNSS.
 pub fn moments(world: &World) -> Vec<(usize, bool)> {
-    // Of a flight: nothing is cut off but the fraction.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    let [aided, all] = [world.aided_s(), world.duration_s].map(|seconds| seconds as usize);
+    let [aided, all] = [world.aided_s(), world.duration_s].map(whole);
     let aided_ones = evenly(aided).map(|at| (at, false));
     let free_ones = evenly(all - aided).map(|at| (aided + at, true));
     aided_ones.chain(free_ones).collect()
@@ -172,9 +171,9 @@ impl Outcome {
 
 fn errors(solution: &Solution, truth: &Solution) -> Errors {
     let sizes = sizes(solution, truth);
-    // Positive; what is beyond all counts stays the greatest.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    core::array::from_fn(|which| (sizes[which].abs() / QUANTITIES[which].count).round() as u64)
+    // What is beyond all counts stays the greatest.
+    let counts = |which: usize| sizes[which].abs() / QUANTITIES[which].count;
+    core::array::from_fn(|which| whole(counts(which).round()) as u64)
 }
 
 /// What a solution is off by, in the order and the units of [`QUANTITIES`].

@@ -9,7 +9,7 @@ use super::settings::{Case, Judged, Rehearsal, SOURCES};
 use crate::identify::error_model::interval::student;
 use crate::identify::error_model::{Assumed, Parameter};
 use crate::page::table::Table;
-use crate::statistics::{mean_and_variance, rms, rms_of_any};
+use crate::statistics::{mean_and_variance, rms, rms_of_any, whole};
 use crate::study::flights::statistics::Figure;
 
 /// Parts of the time without GNSS at whose ends errors are looked at.
@@ -174,9 +174,7 @@ impl Flights<'_> {
                 rms_of_any(values.into_iter())
             }
             Place::Free(part) => {
-                // Of at most some ten moments: nothing is cut off but the fraction.
-                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-                let moment = (part * free as f64).ceil() as usize;
+                let moment = whole((part * free as f64).ceil());
                 Self::value(outcome, (aided + moment).checked_sub(1)?, quantity)
                     .filter(|_| free > 0)
             }
@@ -211,9 +209,7 @@ fn spread(values: &[f64]) -> Option<Spread> {
     let last = sorted.len().checked_sub(1)?;
     let at = |part: f64| {
         let place = part * last as f64;
-        // Below the count of flights.
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        let below = place as usize;
+        let below = whole(place);
         let above = sorted[(below + 1).min(last)];
         sorted[below] + (place - below as f64) * (above - sorted[below])
     };

@@ -36,6 +36,12 @@ pub struct Recording {
     pub errors: ErrorModel,
 }
 
+/// Every so many samples, for the truth some ten times a second.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+pub(crate) fn ten_a_second(imu_hz: f64) -> u32 {
+    (imu_hz / 10.0).round().max(1.0) as u32
+}
+
 #[derive(Clone, Debug, PartialEq)]
 pub struct DriveConfig {
     /// How it is recorded; the seed also chooses the route.

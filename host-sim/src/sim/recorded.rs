@@ -4,7 +4,7 @@
 use nalgebra::Vector3;
 
 use super::noise::Random;
-use crate::statistics::rms;
+use crate::statistics::{rms, whole};
 
 /// Readings at rest less their mean, rad/s and m/s^2, body axes right-forward-up.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,9 +86,7 @@ impl Resampled {
         let block = self.from.block;
         let starts = |stretch: &Vec<_>| stretch.len() + 1 - block;
         let all: usize = self.from.stretches.iter().map(starts).sum();
-        // Below the number of samples: nothing is cut off but the fraction.
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        let mut start = (self.random.unit() * all as f64) as usize;
+        let mut start = whole(self.random.unit() * all as f64);
         self.stretch = 0;
         while start >= starts(&self.from.stretches[self.stretch]) {
             start -= starts(&self.from.stretches[self.stretch]);

@@ -8,16 +8,13 @@ use nalgebra::{Unit, UnitQuaternion, Vector3};
 
 use crate::log::Grade;
 use crate::sim::car::{Car, Way};
-use crate::sim::drive::Recording;
+use crate::sim::drive::{Recording, ten_a_second};
 use crate::sim::errors::{ErrorModel, Outage};
 use crate::sim::motion::{Mounted, Shaken, Slip, Swing, When};
 use crate::sim::noise::Random;
 use crate::sim::receiver::{Correlated, Habits, Outliers, Stated, Trouble, Wrong};
 use crate::sim::vehicles::{Anchored, Begin, Boat, Plane, Quadrotor, Walker};
 use crate::sim::{Motion, SimulatedDrive, record};
-
-/// The truth is looked at ten times a second.
-const TRUTH_HZ: f64 = 10.0;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Vehicle {
@@ -129,7 +126,7 @@ impl World {
             seed: self.seed,
             duration_s: self.duration_s(),
             imu_hz: self.imu_hz,
-            truth_every: whole(self.imu_hz / TRUTH_HZ).max(1),
+            truth_every: ten_a_second(self.imu_hz),
             origin: self.origin,
             errors,
         };
@@ -322,9 +319,4 @@ impl World {
         let (sin, cos) = libm::sincos(PI * self.random.uniform([-1.0, 1.0]));
         [length * sin, length * cos, 0.0]
     }
-}
-
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-fn whole(ratio: f64) -> u32 {
-    ratio.round() as u32
 }

@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use crate::sim::noise::Random;
-use crate::statistics::median;
 pub use crate::statistics::rms;
+use crate::statistics::{median, whole};
 
 const RESAMPLES: usize = 4000;
 
@@ -23,9 +23,7 @@ impl Figure {
     pub fn of(values: &[f64]) -> Self {
         let mut random = Random::stream(0, "bootstrap");
         let count = values.len();
-        // Below the count, which is small: nothing is cut off but the fraction.
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        let mut draw = || values[(random.unit() * count as f64) as usize];
+        let mut draw = || values[whole(random.unit() * count as f64)];
         let mut resampled: Vec<f64> = (0..RESAMPLES)
             .map(|_| rms((0..count).map(|_| draw())))
             .collect();

@@ -42,7 +42,7 @@ pub(super) fn px4(t: &Tuning) -> String {
     let hold = turned.or((rotated && !raw).then_some(ROTATED));
     let acted = |setting: Setting, hold| {
         if raw {
-            Setting { hold, ..setting }
+            setting.hold(hold)
         } else {
             setting.on_top(t, hold)
         }
@@ -54,18 +54,13 @@ pub(super) fn px4(t: &Tuning) -> String {
 
     let note = "before 2026 EKF2_GPS_DELAY; EKF2_DELAY_MAX must not be less";
     let delay = delay_ms(&delay_name, delay, [0.0, 300.0], note);
-    let mut all = vec![Setting {
-        hold: no_receiver,
-        ..delay
-    }];
+    let mut all = vec![delay.hold(no_receiver)];
     let name = format!("SENS_GPS{receiver}_OFF");
     let antenna = antenna(t, &format!("{name}@"), "EKF2_IMU_POS_@");
     all.extend(antenna.into_iter().map(|antenna| {
         let former = antenna.name.replace(&name, "EKF2_GPS_POS_");
-        Setting {
-            hold: own_axes.or(no_receiver),
-            ..antenna.note(format!("before 2026 {former}"))
-        }
+        let antenna = antenna.note(format!("before 2026 {former}"));
+        antenna.hold(own_axes.or(no_receiver))
     }));
     let board = [t.mount.roll, t.mount.pitch, t.mount.heading];
     let board_deg = board.map(|angle| angle.scaled(1_f64.to_degrees()));
@@ -114,20 +109,13 @@ pub(super) fn ardupilot(t: &Tuning) -> String {
     let former = ["before 4.6 GPS_DELAY_MS", "before 4.6 GPS_DELAY_MS2"];
     let former = former[usize::from(receiver > 1)];
     let delay = delay_ms(&format!("GPS{receiver}_DELAY_MS"), delay, takes, former);
-    let mut all = vec![Setting {
-        hold: no_receiver,
-        ..delay
-    }];
+    let mut all = vec![delay.hold(no_receiver)];
     let name = format!("GPS{receiver}_POS");
     let antenna = antenna(t, &format!("{name}_@"), &place);
     all.extend(antenna.into_iter().map(|antenna| {
         let former = antenna.name.replace(&name, &format!("GPS_POS{receiver}"));
-        Setting {
-            hold: no_receiver,
-            ..antenna
-                .takes([-5.0, 5.0])
-                .note(format!("before 4.6 {former}"))
-        }
+        let antenna = antenna.takes([-5.0, 5.0]).hold(no_receiver);
+        antenna.note(format!("before 4.6 {former}"))
     }));
     let trim = Setting::each("AHRS_TRIM_@", "rad", &[t.mount.roll, t.mount.pitch]).into_iter();
     all.extend(trim.map(|trim| trim.takes([-0.1745, 0.1745])));
@@ -192,10 +180,9 @@ fn noises_a_step(t: &Tuning, step_s: f64, noises: [(&str, [f64; 2]); 4]) -> Vec<
         ("m/s^3", t.accel_bias_walk),
     ];
     let all = noises.into_iter().zip(densities);
-    all.map(|((name, takes), (unit, density))| Setting {
-        hold: Some(LEAST),
-        takes,
-        ..Setting::new(name, unit, &[density.scaled(1.0 / step_s.sqrt())])
+    all.map(|((name, takes), (unit, density))| {
+        let noise = Setting::new(name, unit, &[density.scaled(1.0 / step_s.sqrt())]);
+        noise.takes(takes).hold(Some(LEAST))
     })
     .collect()
 }

@@ -41,10 +41,9 @@ pub(super) fn kf_gins(t: &Tuning) -> String {
     let correlation_h = t.gyro_bias_correlation_s.scaled(1.0 / 3600.0);
     // Its GNSS file holds positions and nothing else.
     let delay_s = t.gnss_delay_s.and(t.gnss_position_delay_s);
-    let mut delay = Setting::new("delay of positions", "s", &[delay_s]);
-    delay.hold = Some("KF-GINS has no delay; subtract it from the stamps of the GNSS file");
+    let no_delay = "KF-GINS has no delay; subtract it from the stamps of the GNSS file";
     let initial = [
-        delay,
+        Setting::new("delay of positions", "s", &[delay_s]).hold(Some(no_delay)),
         Setting::new("antlever", "m", &frd(&t.lever_arm_m)),
         Setting::new("initgyrbias", "deg/h", &gyro_deg_h(t)),
         Setting::new("initaccbias", "mGal", &mgal),

@@ -41,6 +41,10 @@ impl Setting {
         Self { takes, ..self }
     }
 
+    pub(super) fn hold(self, hold: Option<&'static str>) -> Self {
+        Self { hold, ..self }
+    }
+
     pub(super) fn note(self, note: impl Into<String>) -> Self {
         let note = Some(note.into());
         Self { note, ..self }
