@@ -22,6 +22,7 @@ fn drive(seed: u64) -> (Log, f64, SensorErrors) {
         meta: Meta::new(BodyAxes::Rfu, config_of(Grade::Hg1700).imu_output),
         imu: drive.imu.into(),
         gnss: drive.gnss,
+        baro: Vec::new(),
         truth: Vec::new(),
     };
     (log, drive.truth[0].euler().heading_rad, drive.errors)

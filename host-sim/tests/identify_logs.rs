@@ -123,6 +123,7 @@ fn a_log_that_ends_after_a_hole_is_told_what_it_lost() {
         meta: Meta::new(BodyAxes::Frd, config.recording.errors.imu.output),
         imu: imu.into(),
         gnss,
+        baro: Vec::new(),
         truth: Vec::new(),
     };
     log::write(&log, home.path(), Compression::Plain).unwrap();

@@ -3,7 +3,7 @@
 use host_sim::log::{BodyAxes, Compression, Grade, Log, Meta, read, write};
 use ins_core::attitude::{Euler, from_euler};
 use ins_core::earth::Geodetic;
-use ins_core::{FixSigma, GnssFix, ImuOutput, ImuSample, Solution, Time};
+use ins_core::{BaroHeight, FixSigma, GnssFix, ImuOutput, ImuSample, Solution, Time};
 use nalgebra::{Vector2, Vector3};
 use proptest::option::of;
 use proptest::prelude::*;
@@ -70,6 +70,14 @@ fn truth() -> impl Strategy<Value = Solution> {
     )
 }
 
+fn height() -> impl Strategy<Value = BaroHeight> {
+    (-400.0..9000.0, 0.01..10.0).prop_map(|(height_m, sigma_m)| BaroHeight {
+        time: Time::default(),
+        height_m,
+        sigma_m,
+    })
+}
+
 fn meta() -> impl Strategy<Value = Meta> {
     let axes = prop::sample::select(BodyAxes::ALL.to_vec());
     let heading = of(-360.0..360.0);
@@ -96,6 +104,7 @@ prop_compose! {
         mut gnss in prop::collection::vec(fix(), 1..8),
         place in position(),
         mut truth in prop::collection::vec(truth(), 0..8),
+        mut baro in prop::collection::vec(height(), 0..8),
     ) -> Log {
         let stamp = |index: usize, step: i64| {
             Time::from_micros(start + step * i64::try_from(index).unwrap())
@@ -111,7 +120,10 @@ prop_compose! {
         for (index, row) in truth.iter_mut().enumerate() {
             row.time = stamp(index, 70_007);
         }
-        Log { meta, imu, gnss, truth }
+        for (index, row) in baro.iter_mut().enumerate() {
+            row.time = stamp(index, 50_001);
+        }
+        Log { meta, imu, gnss, baro, truth }
     }
 }
 
@@ -166,6 +178,7 @@ proptest! {
         for (a, b) in log.gnss.iter().zip(&back.gnss) {
             prop_assert!(same_fix(a, b), "{:?} {:?}", a, b);
         }
+        prop_assert_eq!(&back.baro, &log.baro);
         prop_assert!(back.truth.len() == log.truth.len());
         for (a, b) in log.truth.iter().zip(&back.truth) {
             prop_assert!(same_truth(a, b), "{:?} {:?}", a, b);

@@ -26,6 +26,7 @@ fn driven(grade: Grade, minutes: f64) -> (Log, Truth, Config) {
         meta,
         imu: drive.imu.into(),
         gnss: drive.gnss,
+        baro: Vec::new(),
         truth: drive.truth,
     };
     (log, truth, config)

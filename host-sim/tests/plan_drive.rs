@@ -236,6 +236,7 @@ fn straight_log(folder: &Path) {
         },
         imu: drive.imu.into(),
         gnss: drive.gnss,
+        baro: Vec::new(),
         truth: Vec::new(),
     };
     fs::create_dir(folder).unwrap();

@@ -13,6 +13,7 @@ fn recorded() -> Recorded {
             meta: Meta::new(BodyAxes::Rfu, Grade::Mems.errors().imu.output),
             imu: drive.imu.into(),
             gnss: drive.gnss,
+            baro: Vec::new(),
             truth: Vec::new(),
         },
     }

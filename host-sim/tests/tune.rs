@@ -269,6 +269,7 @@ fn log_of(drive: &SimulatedDrive, grade: Grade) -> Log {
         },
         imu: drive.imu.clone().into(),
         gnss: drive.gnss.clone(),
+        baro: Vec::new(),
         truth: Vec::new(),
     }
 }

@@ -98,6 +98,7 @@ fn log() -> (Log, Noise) {
         },
         imu: run.imu.into(),
         gnss: run.gnss,
+        baro: Vec::new(),
         truth: Vec::new(),
     };
     let mut noise = Noise::of_model(errors);

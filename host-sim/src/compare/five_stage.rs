@@ -266,6 +266,7 @@ impl Correction {
             meta: log.meta.clone(),
             imu: self.samples(log).into(),
             gnss: log.gnss.iter().map(fix).collect(),
+            baro: Vec::new(),
             truth: Vec::new(),
         }
     }

@@ -73,6 +73,7 @@ pub(crate) fn record(
     let mut navigator = Navigator::new(config)?;
     let mut run = Recorder::default();
     let (middle, mut last) = (log.middle(), Time::default());
+    let mut heights = log.baro.iter().peekable();
     for (count, event) in (1_u64..).zip(in_order_of_time(log.imu.iter(), &log.gnss)) {
         if run.halfway.is_none() && event.time() >= middle {
             run.halfway = Some(Row::of(last, &navigator));
@@ -83,6 +84,9 @@ pub(crate) fn record(
                 run.judge(sample.time, &navigator);
                 let outcome = navigator.on_imu(&sample);
                 run.on_sample(sample.time, outcome, || Row::of(sample.time, &navigator));
+                while let Some(height) = heights.next_if(|height| height.time <= sample.time) {
+                    let _ = navigator.on_baro(height);
+                }
                 after_sample(&navigator, sample.time);
             }
             Event::Gnss(fix) => {

@@ -1,4 +1,5 @@
-//! Recorded drives: a folder with `imu.csv`, `gnss.csv`, `meta.toml` and, optionally, `truth.csv`.
+//! Recorded drives: a folder with `imu.csv`, `gnss.csv`, `meta.toml` and, optionally, `baro.csv` and
+//! `truth.csv`.
 //!
 //! In memory everything is in the core's types: body right-forward-up, SI, integer microseconds.
 //! The log's own axes and units live only in [`read()`] and [`write()`].
@@ -28,7 +29,7 @@ use typical::median_interval_s;
 pub(crate) use write::numbers;
 pub use write::{Compression, write};
 
-use ins_core::{GnssFix, Solution, Time};
+use ins_core::{BaroHeight, GnssFix, Solution, Time};
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Log {
@@ -37,6 +38,8 @@ pub struct Log {
     pub imu: Samples,
     /// GNSS fixes, in order of time.
     pub gnss: Vec<GnssFix>,
+    /// Heights of a barometer, in order of time; empty if the log has none.
+    pub baro: Vec<BaroHeight>,
     /// Reference motion; empty if the log has none.
     pub truth: Vec<Solution>,
 }
@@ -67,6 +70,7 @@ impl Log {
             },
             imu: self.imu.between(from, to),
             gnss: part(&self.gnss, |fix| fix.time, from, to),
+            baro: part(&self.baro, |height| height.time, from, to),
             truth: part(&self.truth, |truth| truth.time, from, to),
         }
     }
@@ -135,6 +139,7 @@ mod tests {
             },
             imu: (0..=10).map(|k| sample(10 * k)).collect::<Vec<_>>().into(),
             gnss: [-5, 20, 50, 70, 105].map(fix).to_vec(),
+            baro: Vec::new(),
             truth: Vec::new(),
         };
         let (first, second) = (log.first_half(), log.second_half());

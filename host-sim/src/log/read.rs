@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use ins_core::attitude::{Euler, from_euler};
 use ins_core::earth::{Geodetic, LatLon};
-use ins_core::{FixSigma, GnssFix, ImuSample, Solution};
+use ins_core::{BaroHeight, FixSigma, GnssFix, ImuSample, Solution};
 use nalgebra::{Vector2, Vector3};
 
 use super::Log;
@@ -39,10 +39,14 @@ pub fn read(folder: &Path) -> Result<(Log, Vec<LogError>), LogError> {
         })
     };
     let (imu, gnss) = (table("imu.csv")?, table("gnss.csv")?);
-    let truth = one_of(folder, "truth.csv")?;
+    let [baro, truth] = [one_of(folder, "baro.csv")?, one_of(folder, "truth.csv")?];
     let mut log = Log {
         imu: read_imu(&imu, meta.body_axes, &mut warnings)?,
         gnss: read_gnss(&gnss, &mut warnings)?,
+        baro: match &baro {
+            Some(baro) => read_baro(baro, &mut warnings)?,
+            None => Vec::new(),
+        },
         truth: match &truth {
             Some(truth) => read_truth(truth, &mut warnings)?,
             None => Vec::new(),
@@ -79,6 +83,9 @@ fn one_of(folder: &Path, name: &str) -> Result<Option<PathBuf>, LogError> {
     }
     Ok([plain, packed].into_iter().find(|path| path.is_file()))
 }
+
+/// Noise of a barometer in a box, where nothing says how large it is, m.
+pub(super) const BARO_SIGMA_M: f64 = 0.3;
 
 /// Largest share of rows that may be unusable: a slip of the logger is rare, more is a format that
 /// is not understood.
@@ -144,6 +151,25 @@ fn read_gnss(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<GnssFix>, 
                     velocity_mps: sigma(row, &level_sigma)?,
                     velocity_up_mps: sigma(row, &up_sigma)?,
                 },
+            })
+        },
+    )
+}
+
+fn read_baro(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<BaroHeight>, LogError> {
+    let table = Table::open(path)?;
+    let read = table.column("h_m")?;
+    let spread: Vec<usize> = table.optional_column("sd_h").into_iter().collect();
+    rows(
+        table,
+        MOST_LEFT_OUT,
+        warnings,
+        |height: &BaroHeight| height.time,
+        |row, time| {
+            Ok(BaroHeight {
+                time,
+                height_m: height(row, read, row.number(read)?)?,
+                sigma_m: sigma(row, &spread)?.unwrap_or(BARO_SIGMA_M),
             })
         },
     )

@@ -5,7 +5,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use flate2::write::GzEncoder;
-use ins_core::{GnssFix, ImuSample, Solution};
+use ins_core::{BaroHeight, GnssFix, ImuSample, Solution};
 
 use super::Log;
 use super::error::LogError;
@@ -39,6 +39,13 @@ pub fn write(log: &Log, folder: &Path, compression: Compression) -> Result<(), L
     table("imu.csv", samples, &mut rows)?;
     let mut rows = log.gnss.iter().map(|fix| gnss_row(fix, &sigmas));
     table("gnss.csv", &fixes, &mut rows)?;
+    if !log.baro.is_empty() {
+        let row = |height: &BaroHeight| {
+            let cells = [height.height_m, height.sigma_m].map(Some);
+            joined(decimal(height.time), cells.into_iter())
+        };
+        table("baro.csv", "t_s,h_m,sd_h", &mut log.baro.iter().map(row))?;
+    }
     if !log.truth.is_empty() {
         let motion = "t_s,lat_deg,lon_deg,h_m,ve,vn,vu,roll_deg,pitch_deg,heading_deg";
         let row =

@@ -111,6 +111,7 @@ impl SimulatedDrive {
             },
             imu: self.imu.into(),
             gnss: self.gnss,
+            baro: self.baro,
             truth: self.truth,
         }
     }

@@ -67,6 +67,16 @@ pub(super) fn read_ulog(path: &Path) -> Result<Recording, LogError> {
             }
         }
     }
+    // In logs of before 2018 among the samples.
+    for message in ["vehicle_air_data", "sensor_baro", "sensor_combined"] {
+        if let Some(topic) = log.topic(message, 0)
+            && let Some(heights) = topic
+                .column("baro_alt_meter")
+                .or_else(|| topic.column("altitude"))
+        {
+            recording.add_baro(topic.stamps().into_iter().zip(heights));
+        }
+    }
     if log.0.completeness.is_incomplete() {
         let cause = "the logger lost power, or the file is damaged; what is whole is used";
         let defect = LogError::file(path, "a whole log", "one that ends too early", cause);
@@ -212,6 +222,7 @@ struct Streams {
     gyro: BTreeMap<u32, Vec<Stamped>>,
     accel: BTreeMap<u32, Vec<Stamped>>,
     gnss: BTreeMap<u32, Vec<GnssFix>>,
+    baro: BTreeMap<(&'static str, u32), Vec<(Time, f64)>>,
     parameters: BTreeMap<String, f64>,
 }
 
@@ -238,10 +249,18 @@ pub(super) fn read_dataflash(path: &Path) -> Result<Recording, LogError> {
     for (instance, fixes) in streams.gnss {
         recording.add_receiver(path, format!("GPS {instance}"), fixes);
     }
+    for heights in streams.baro.into_values() {
+        recording.add_baro(heights.into_iter());
+    }
     Ok(recording)
 }
 
 impl Streams {
+    fn height(&mut self, of: (&'static str, u32), entry: &Entry, name: &str) {
+        let height = time(entry).zip(entry.get_f64(name));
+        self.baro.entry(of).or_default().extend(height);
+    }
+
     fn take(&mut self, entry: &Entry) {
         let (name, instance) = instance(entry);
         match name {
@@ -266,6 +285,8 @@ impl Streams {
                     accuracy(entry, last);
                 }
             }
+            "BARO" => self.height(("BARO", instance), entry, "Alt"),
+            "CTUN" => self.height(("CTUN", instance), entry, "BarAlt"),
             "PARM" => {
                 let set = entry.get_str("Name").zip(entry.get_f64("Value"));
                 let set = set.filter(|(name, _)| concerns_sensors(name));

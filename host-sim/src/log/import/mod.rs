@@ -48,6 +48,9 @@ pub fn read(paths: &[PathBuf], choice: Choice) -> Result<(Log, Vec<LogError>), L
         let recording = read(path)?;
         all.imus.extend(recording.imus);
         all.receivers.extend(recording.receivers);
+        if all.baro.is_empty() {
+            all.baro = recording.baro;
+        }
         all.about = all.about.or(recording.about);
         all.parameters.extend(recording.parameters);
         all.notes.extend(recording.notes);

@@ -6,7 +6,7 @@ use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
 
 use ins_core::earth::LatLon;
-use ins_core::{FixSigma, GnssFix, ImuOutput, ImuSample, Time};
+use ins_core::{BaroHeight, FixSigma, GnssFix, ImuOutput, ImuSample, Time};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
 use crate::log::order::{BEGUN_ANEW, begun_anew};
@@ -27,6 +27,7 @@ pub struct Choice {
 pub(super) struct Recording {
     pub(super) imus: Vec<Imu>,
     pub(super) receivers: Vec<Receiver>,
+    pub(super) baro: Vec<BaroHeight>,
     /// What whoever made it says of it.
     pub(super) about: Option<Meta>,
     /// The autopilot's own, as they were set.
@@ -100,6 +101,18 @@ impl Recording {
         });
     }
 
+    /// A barometer's; the first is used.
+    pub(super) fn add_baro(&mut self, heights: impl Iterator<Item = (Time, f64)>) {
+        if self.baro.is_empty() {
+            let finite = heights.filter(|(_, height_m)| height_m.is_finite());
+            self.baro.extend(finite.map(|(time, height_m)| BaroHeight {
+                time,
+                height_m,
+                sigma_m: log::read::BARO_SIGMA_M,
+            }));
+        }
+    }
+
     pub(super) fn log(
         mut self,
         path: &Path,
@@ -137,6 +150,7 @@ impl Recording {
             meta,
             imu: in_order(samples, &imu.path, |one| &mut one.time, &mut warnings).into(),
             gnss: in_order(gnss.fixes, &gnss.path, |one| &mut one.time, &mut warnings),
+            baro: in_order(self.baro, path, |one| &mut one.time, &mut warnings),
             truth: Vec::new(),
         };
         log::check::check(&mut log, &imu.path, &gnss.path, &mut warnings)?;
