@@ -144,6 +144,16 @@ fn said(case: &Case) -> String {
             files.put(folder.path());
             spoil(folder.path());
         }
+        Spoil::Barometer(read) => {
+            files.put(folder.path());
+            let rows = files.gnss.lines().skip(1).map(|line| {
+                let cell = |at: usize| line.split(',').nth(at).unwrap().parse().unwrap();
+                let (time_s, height_m) = read(cell(0), cell(3));
+                format!("{time_s:.3},{height_m:.3}\n")
+            });
+            let table = format!("t_s,h_m\n{}", rows.collect::<String>());
+            fs::write(folder.path().join("baro.csv"), table).unwrap();
+        }
     }
     let path = match case.within {
         "" => folder.path().to_owned(),
@@ -165,6 +175,7 @@ fn said(case: &Case) -> String {
 enum Spoil {
     Text(fn(&mut Files)),
     Folder(fn(&Path)),
+    Barometer(fn(f64, f64) -> (f64, f64)),
 }
 
 struct Case {
@@ -190,6 +201,16 @@ fn folder(name: &'static str, spoil: fn(&Path)) -> Case {
         within: "",
         base: drive,
         spoil: Spoil::Folder(spoil),
+    }
+}
+
+/// One on the hills, as it reads at a time and at a height.
+fn barometer(name: &'static str, read: fn(f64, f64) -> (f64, f64)) -> Case {
+    let spoil = Spoil::Barometer(read);
+    Case {
+        base: hills,
+        spoil,
+        ..text(name, |_| {})
     }
 }
 
@@ -246,6 +267,14 @@ fn file_cases() -> Vec<Case> {
             let header = "t_s,lat_deg,lon_deg,h_m,ve,vn,vu,roll_deg,pitch_deg,heading_deg";
             let rows = "1000,45,9,200,4,9,0,0,0,23\n1001,45,9,200,4,9,0,0,0,23";
             fs::write(f.join("truth.csv"), format!("{header}\n{rows}\n")).unwrap();
+        }),
+        barometer("baro.csv", |t_s, height_m| (t_s, height_m - 40.0)),
+        barometer("baro.csv of another time", |t_s, height_m| {
+            (t_s + 5000.0, height_m)
+        }),
+        barometer("baro.csv in feet", |t_s, height_m| (t_s, height_m / 0.3048)),
+        barometer("baro.csv of pressures in hPa", |t_s, height_m| {
+            (t_s, 1013.25 * (1.0 - height_m / 44_330.0).powf(5.255))
         }),
         text("line ends lost", |f| f.imu = f.imu.replace('\n', " ")),
     ]

@@ -4,6 +4,7 @@
 //! In memory everything is in the core's types: body right-forward-up, SI, integer microseconds.
 //! The log's own axes and units live only in [`read()`] and [`write()`].
 
+mod barometer;
 mod check;
 mod clock;
 mod error;

@@ -4,10 +4,11 @@ use std::path::{Path, PathBuf};
 
 use ins_core::attitude::{Euler, from_euler};
 use ins_core::earth::{Geodetic, LatLon};
-use ins_core::{BaroHeight, FixSigma, GnssFix, ImuSample, Solution};
+use ins_core::{FixSigma, GnssFix, ImuSample, Solution, Time};
 use nalgebra::{Vector2, Vector3};
 
 use super::Log;
+use super::barometer;
 use super::check::check;
 use super::error::LogError;
 use super::meta::{BodyAxes, Meta};
@@ -44,7 +45,7 @@ pub fn read(folder: &Path) -> Result<(Log, Vec<LogError>), LogError> {
         imu: read_imu(&imu, meta.body_axes, &mut warnings)?,
         gnss: read_gnss(&gnss, &mut warnings)?,
         baro: match &baro {
-            Some(baro) => read_baro(baro, &mut warnings)?,
+            Some(baro) => barometer::read(baro, &mut warnings)?,
             None => Vec::new(),
         },
         truth: match &truth {
@@ -54,22 +55,34 @@ pub fn read(folder: &Path) -> Result<(Log, Vec<LogError>), LogError> {
         meta,
     };
     check(&mut log, &imu, &gnss, &mut warnings)?;
-    warnings.extend(truth.and_then(|truth| of_another_time(&truth, &log)));
+    if let Some(baro) = &baro {
+        barometer::check(&mut log, baro, &mut warnings);
+    }
+    warnings.extend(truth.and_then(|truth| {
+        let ends = [log.truth.first(), log.truth.last()].map(|end| end.map(|row| row.time));
+        of_another_time(&truth, "a reference", ends, &log)
+    }));
     Ok((log, warnings))
 }
 
-/// A reference without a moment in common with the samples: nothing is compared with it.
-fn of_another_time(truth: &Path, log: &Log) -> Option<LogError> {
+/// Rows, from one time to another, without a moment in common with the samples: they are not used, and this
+/// says so.
+pub(super) fn of_another_time(
+    path: &Path,
+    what: &str,
+    ends: [Option<Time>; 2],
+    log: &Log,
+) -> Option<LogError> {
     let [first, last] = [log.imu.first()?.time, log.imu.last()?.time];
-    let [from, to] = [log.truth.first()?.time, log.truth.last()?.time];
+    let [from, to] = [ends[0]?, ends[1]?];
     let span = |from, to| format!("{} to {} s", decimal(from), decimal(to));
     let expected = format!(
-        "a reference within the time of the inertial samples, {}",
+        "{what} within the time of the inertial samples, {}",
         span(first, last)
     );
     let found = format!("one from {}", span(from, to));
     let cause = "another time scale (UTC, GPS week, boot) or another drive: not used";
-    let defect = LogError::file(truth, expected, found, cause).in_column("t_s");
+    let defect = LogError::file(path, expected, found, cause).in_column("t_s");
     (to < first || from > last).then_some(defect)
 }
 
@@ -83,9 +96,6 @@ fn one_of(folder: &Path, name: &str) -> Result<Option<PathBuf>, LogError> {
     }
     Ok([plain, packed].into_iter().find(|path| path.is_file()))
 }
-
-/// Noise of a barometer in a box, where nothing says how large it is, m.
-pub(super) const BARO_SIGMA_M: f64 = 0.3;
 
 /// Largest share of rows that may be unusable: a slip of the logger is rare, more is a format that
 /// is not understood.
@@ -151,25 +161,6 @@ fn read_gnss(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<GnssFix>, 
                     velocity_mps: sigma(row, &level_sigma)?,
                     velocity_up_mps: sigma(row, &up_sigma)?,
                 },
-            })
-        },
-    )
-}
-
-fn read_baro(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<BaroHeight>, LogError> {
-    let table = Table::open(path)?;
-    let read = table.column("h_m")?;
-    let spread: Vec<usize> = table.optional_column("sd_h").into_iter().collect();
-    rows(
-        table,
-        MOST_LEFT_OUT,
-        warnings,
-        |height: &BaroHeight| height.time,
-        |row, time| {
-            Ok(BaroHeight {
-                time,
-                height_m: height(row, read, row.number(read)?)?,
-                sigma_m: sigma(row, &spread)?.unwrap_or(BARO_SIGMA_M),
             })
         },
     )
@@ -268,7 +259,7 @@ fn on_earth(row: &Row, columns: [usize; 2], cells: [f64; 2]) -> Result<LatLon, L
     })
 }
 
-fn height(row: &Row, column: usize, height_m: f64) -> Result<f64, LogError> {
+pub(super) fn height(row: &Row, column: usize, height_m: f64) -> Result<f64, LogError> {
     if height_m.abs() > 1e5 {
         return Err(out_of_range(
             row,
@@ -285,7 +276,7 @@ fn out_of_range(row: &Row, column: usize, expected: &str) -> LogError {
 }
 
 /// One sigma of a component: the root mean square of those stated.
-fn sigma(row: &Row, columns: &[usize]) -> Result<Option<f64>, LogError> {
+pub(super) fn sigma(row: &Row, columns: &[usize]) -> Result<Option<f64>, LogError> {
     let sigmas = columns.iter().map(|&column| row.optional(column));
     let sigmas: Vec<_> = sigmas.collect::<Result<_, _>>()?;
     Ok(rms_of_any(

@@ -53,7 +53,8 @@ impl BarometerModel {
                     + drift_mps * since_s
                     + flow * head_m
                     + drawn(self.noise_m),
-                sigma_m: self.noise_m,
+                // A sensor without noise would be known better than anything is.
+                sigma_m: self.noise_m.max(0.01),
             }
         };
         truth.iter().map(read).collect()

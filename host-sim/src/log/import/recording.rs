@@ -108,7 +108,7 @@ impl Recording {
             self.baro.extend(finite.map(|(time, height_m)| BaroHeight {
                 time,
                 height_m,
-                sigma_m: log::read::BARO_SIGMA_M,
+                sigma_m: log::barometer::SIGMA_M,
             }));
         }
     }
@@ -154,6 +154,7 @@ impl Recording {
             truth: Vec::new(),
         };
         log::check::check(&mut log, &imu.path, &gnss.path, &mut warnings)?;
+        log::barometer::check(&mut log, path, &mut warnings);
         Ok((log, warnings))
     }
 }
