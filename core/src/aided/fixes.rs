@@ -28,6 +28,8 @@ const LEAST_INTERVAL_S: f64 = 0.01;
 /// Least time between two positions that are used beside velocities, s, unless their noise is said
 /// to be white: else it changes more slowly.
 const POSITION_INTERVAL_S: f64 = 0.45;
+/// Time after which heights that come now and then do not tell the vertical any more, s.
+const UNTOLD_S: f64 = 1.0;
 /// Time for which a vehicle keeps up a climb, s: what is assumed of it counts once in so long.
 const CLIMB_S: f64 = 10.0;
 /// Largest spread of an azimuth error that is taken out whatever its size, rad, and sigmas that
@@ -191,7 +193,8 @@ impl<const N: usize> AidedIns<N> {
 
     /// Takes a climb of the barometer: with the next fixes, or by itself where there are none.
     pub fn on_climb(&mut self, climb: &Climb) {
-        let Ok(past) = self.history.at(climb.time, false) else {
+        let (Ok(past), Some(_)) = (self.history.at(climb.time, false), self.estimator.exact())
+        else {
             return;
         };
         self.climb = Some(climb.against(&past));
@@ -275,6 +278,10 @@ impl<const N: usize> AidedIns<N> {
             return;
         };
         let moment = comparison.past.time;
+        let since_s = comparison.newest.seconds_since(self.last_vertical);
+        if since_s < UNTOLD_S {
+            return;
+        }
         let come = self.climb.take_if(|climb| climb.time <= moment);
         if let Some(climb) = come.filter(|climb| climb.lasts_until(moment)) {
             let since = self.history.piece(climb.time, moment, f64::INFINITY);
@@ -284,7 +291,7 @@ impl<const N: usize> AidedIns<N> {
                 since.control_velocity_mps.z + compensated.z
             });
             comparison.assume_climb(climb.mps + pushed_mps, climb.variance);
-        } else if comparison.newest.seconds_since(self.last_vertical) > CLIMB_S {
+        } else if since_s > CLIMB_S {
             let sigma_mps = config.climb_sigma_mps;
             comparison.assume_climb(comparison.past.velocity_mps.z, sigma_mps * sigma_mps);
         }
