@@ -231,7 +231,8 @@ impl<const RING: usize> Navigator<RING> {
     }
 
     /// Takes the height of a barometer, in order of time: what it climbs by in two seconds holds the
-    /// vertical while no fix tells it. The literal form makes nothing of it.
+    /// vertical while no fix tells it. It is no fix, and [`Health`] counts none for it. The literal form makes
+    /// nothing of it.
     /// [`GnssOutcome::Repeated`]: the same to the last bit as two seconds ago, of a barometer that is stuck
     /// or too coarse.
     #[inline(never)]

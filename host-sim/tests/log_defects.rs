@@ -446,6 +446,12 @@ fn form_cases() -> Vec<Case> {
             convert(&mut f.gnss, "lon_deg", |x| x - 114.0);
             swap_columns(&mut f.gnss, 1, 2);
         }),
+        text(
+            "latitude and longitude swapped, each of which both may be",
+            |f| {
+                swap_columns(&mut f.gnss, 1, 2);
+            },
+        ),
         text("position in 1e-7 degrees", |f| {
             convert_all(&mut f.gnss, &["lat_deg", "lon_deg"], |x| x * 1e7);
         }),

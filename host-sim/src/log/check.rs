@@ -3,6 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::Path;
 
+use ins_core::earth::LatLon;
 use ins_core::{GnssFix, ImuOutput};
 use nalgebra::{Matrix2, Vector2, Vector3};
 
@@ -237,10 +238,6 @@ pub(super) fn check_paths(
     turning: Option<&Line>,
     findings: &mut Findings,
 ) -> Result<(), LogError> {
-    let ratio_of = |steps: &[Step]| {
-        let ratios = steps.iter();
-        median(ratios.map(|s| s.moved_m.norm() / s.integrated_m.norm()))
-    };
     // So many make the median firm against multipath.
     let steps_of = |length| Some(steps(&log.gnss, length)).filter(|steps| steps.len() >= 10);
     let Some(steps) = steps_of(STEP_M) else {
@@ -253,13 +250,23 @@ pub(super) fn check_paths(
     {
         ratio = ratio_of(&longer);
     }
+    let apart = |turn: &Matrix2<f64>| apart_deg(&steps, turn);
+    let is_right = |ratio: f64, steps: &[Step]| {
+        within(ratio, 1.0, 1.25) && apart_deg(steps, &Matrix2::identity()) < 15.0
+    };
+    if !is_right(ratio, &steps)
+        && let Some(exchanged) = exchanged(&log.gnss)
+        && let steps = self::steps(&exchanged, STEP_M)
+        && is_right(ratio_of(&steps), &steps)
+    {
+        let expected = "positions along the velocity";
+        let found = "such, with latitude for longitude";
+        let cause = "columns lat_deg and lon_deg swapped";
+        return Err(findings.gnss(LEVEL_COLUMNS, expected, found, cause));
+    }
     if !within(ratio, 1.0, 1.25) {
         return unequal_paths(ratio, within_radians(log), findings);
     }
-    let apart = |turn: &Matrix2<f64>| {
-        let degrees = |s: &Step| s.moved_m.angle(&(turn * s.integrated_m)).to_degrees();
-        median(steps.iter().map(degrees))
-    };
     // Courses agree to a few degrees where units and names are right.
     let as_is = apart(&Matrix2::identity());
     let guesses = guesses(turning).map(|(turn, cause)| (apart(&turn), cause));
@@ -279,6 +286,32 @@ pub(super) fn check_paths(
         findings.warn(defect(cause));
     }
     Ok(())
+}
+
+/// How many times as far as velocities say the way is from position to position.
+fn ratio_of(steps: &[Step]) -> f64 {
+    median((steps.iter()).map(|s| s.moved_m.norm() / s.integrated_m.norm()))
+}
+
+/// By how much the two differ in course, with the velocities turned, deg.
+fn apart_deg(steps: &[Step], turn: &Matrix2<f64>) -> f64 {
+    let degrees = |s: &Step| s.moved_m.angle(&(turn * s.integrated_m)).to_degrees();
+    median(steps.iter().map(degrees))
+}
+
+/// The fixes with latitude for longitude, if that is possible.
+fn exchanged(fixes: &[GnssFix]) -> Option<Vec<GnssFix>> {
+    let exchange = |fix: &GnssFix| {
+        let position = match fix.position {
+            Some(at) if at.longitude_rad.abs() > FRAC_PI_2 => return None,
+            position => position.map(|at| LatLon {
+                latitude_rad: at.longitude_rad,
+                longitude_rad: at.latitude_rad,
+            }),
+        };
+        Some(GnssFix { position, ..*fix })
+    };
+    fixes.iter().map(exchange).collect()
 }
 
 /// How velocities would have to be turned to go along the positions, and what that means. Gyros
