@@ -102,8 +102,8 @@ pub struct BaroHeight {
     /// Of a standard atmosphere, m.
     pub height_m: f64,
     /// One standard deviation of the noise of one reading, m: with what wind and the flow about the
-    /// vehicle change within two seconds; above zero. That air is warmer or colder than standard is
-    /// allowed for on top.
+    /// vehicle change within two seconds; above zero, and no less than what it is rounded to. That air is
+    /// warmer or colder than standard is allowed for on top.
     pub sigma_m: f64,
 }
 
