@@ -208,6 +208,15 @@ fn describe(bytes: &mut Vec<u8>, kind: u8, name: &str, format: &str, labels: &st
 }
 
 /// As new logs have them, with two sensors by field, and a fast pair besides if wanted.
+/// Of a barometer that reads what the receiver does.
+fn assert_heights(log: &Log) {
+    assert_eq!(log.baro.len(), log.gnss.len());
+    for (height, fix) in log.baro.iter().zip(&log.gnss) {
+        assert_eq!(height.time, fix.time);
+        assert!((height.height_m - fix.height_m.unwrap()).abs() < 0.01);
+    }
+}
+
 fn dataflash(drive: &Drive) -> Vec<u8> {
     let mut bytes = Vec::new();
     describe(
@@ -224,6 +233,7 @@ fn dataflash(drive: &Drive) -> Vec<u8> {
         "QBBLLefff",
         "TimeUS,I,Status,Lat,Lng,Alt,Spd,GCrs,VZ",
     );
+    describe(&mut bytes, 3, "BARO", "Qf", "TimeUS,Alt");
     for sample in &drive.imu {
         for instance in [0_u8, 1] {
             bytes.extend([0xa3, 0x95, 1]);
@@ -246,6 +256,9 @@ fn dataflash(drive: &Drive) -> Vec<u8> {
         for value in [speed, course, -fix.up_mps] {
             bytes.extend(single(value));
         }
+        bytes.extend([0xa3, 0x95, 3]);
+        bytes.extend(u64::from(millis(fix.time_s) * 1000).to_le_bytes());
+        bytes.extend(single(fix.height_m));
     }
     // Power was lost.
     bytes.extend([0xa3, 0x95, 1, 7]);
@@ -259,6 +272,7 @@ fn dataflash_reads_as_the_drive() {
     let path = file(folder.path(), "flight.txt", dataflash(&drive()));
     let (log, warnings) = open(&path).unwrap();
     assert_is_the_drive(&log, EXACT);
+    assert_heights(&log);
     assert!(
         warnings[0].found.contains("1 IMU 1 (3000), 2 IMU 2 (3000)"),
         "{warnings:?}"
@@ -304,10 +318,12 @@ fn ulog(drive: &Drive) -> Vec<u8> {
         "sensor_gps:uint64_t timestamp;double latitude_deg;double longitude_deg;\
          double altitude_ellipsoid_m;float vel_n_m_s;float vel_e_m_s;float vel_d_m_s;float eph;\
          uint8_t fix_type;bool vel_ned_valid;",
+        "vehicle_air_data:uint64_t timestamp;float baro_alt_meter;",
     ] {
         bytes.extend(ulog_message(b'F', format.as_bytes()));
     }
-    for (id, name) in [(0_u16, "sensor_combined"), (1, "sensor_gps")] {
+    let names = ["sensor_combined", "sensor_gps", "vehicle_air_data"];
+    for (id, name) in (0_u16..).zip(names) {
         let head = [&[0], id.to_le_bytes().as_slice()].concat();
         bytes.extend(ulog_message(b'A', &[&head, name.as_bytes()].concat()));
     }
@@ -320,6 +336,10 @@ fn ulog(drive: &Drive) -> Vec<u8> {
         bytes.extend(ulog_message(b'D', &data));
     }
     for fix in &drive.gnss {
+        let mut data = 2_u16.to_le_bytes().to_vec();
+        data.extend(u64::from(millis(fix.time_s) * 1000).to_le_bytes());
+        data.extend(single(fix.height_m));
+        bytes.extend(ulog_message(b'D', &data));
         let mut data = 1_u16.to_le_bytes().to_vec();
         data.extend(u64::from(millis(fix.time_s) * 1000).to_le_bytes());
         for value in [fix.lat_deg, fix.lon_deg, fix.height_m] {
@@ -342,6 +362,7 @@ fn ulog_reads_as_the_drive() {
     assert!(warnings.is_empty(), "{warnings:?}");
     assert_is_the_drive(&log, EXACT);
     assert!((log.gnss[0].sigma.position_m.unwrap() - 0.7).abs() < 1e-6);
+    assert_heights(&log);
 }
 
 #[test]

@@ -1,14 +1,10 @@
-//! The heights of a barometer, as a log has them.
+//! Whether the heights of a barometer are those of the log.
 
 use std::path::Path;
 
-use ins_core::BaroHeight;
-
 use super::Log;
 use super::error::LogError;
-use super::order::rows;
-use super::read::{MOST_LEFT_OUT, height, of_another_time, sigma};
-use super::table::Table;
+use super::order::of_another_time;
 use super::typical::{likeliest, within};
 use crate::statistics::{Line, rms};
 
@@ -19,27 +15,9 @@ pub(super) const SIGMA_M: f64 = 0.3;
 const HILLS_M: f64 = 10.0;
 /// Factor by which a barometer may climb more or less than the receiver, which errs, too.
 const ALIKE: f64 = 1.5;
-/// How well the two must follow each other for that.
+/// How well the two must follow each other for that, and in how many fixes at least.
 const CORRELATED: f64 = 0.9;
-
-pub(super) fn read(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<BaroHeight>, LogError> {
-    let table = Table::open(path)?;
-    let column = table.column("h_m")?;
-    let spread: Vec<usize> = table.optional_column("sd_h").into_iter().collect();
-    rows(
-        table,
-        MOST_LEFT_OUT,
-        warnings,
-        |height: &BaroHeight| height.time,
-        |row, time| {
-            Ok(BaroHeight {
-                time,
-                height_m: height(row, column, row.number(column)?)?,
-                sigma_m: sigma(row, &spread)?.unwrap_or(SIGMA_M),
-            })
-        },
-    )
-}
+const MANY: usize = 30;
 
 /// Leaves out heights that are not what the rest of the log shows, and says why.
 pub(super) fn check(log: &mut Log, path: &Path, warnings: &mut Vec<LogError>) {
@@ -71,7 +49,8 @@ fn of_another_unit(log: &Log) -> Option<(f64, &'static str)> {
         })
         .collect();
     let mean = pairs.iter().map(|(height_m, _)| height_m).sum::<f64>() / pairs.len() as f64;
-    let hilly = rms(pairs.iter().map(|(height_m, _)| height_m - mean)) > HILLS_M;
+    let hilly =
+        pairs.len() >= MANY && rms(pairs.iter().map(|(height_m, _)| height_m - mean)) > HILLS_M;
     let line = Line::through(&pairs);
     if !hilly || within(line.slope, 1.0, ALIKE) || line.correlation.abs() < CORRELATED {
         return None;

@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::Path;
 
 use ins_core::earth::LatLon;
-use ins_core::{GnssFix, ImuOutput};
+use ins_core::{GnssFix, ImuOutput, Time};
 use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::Log;
@@ -33,6 +33,7 @@ pub(super) fn check(
         gnss,
         warnings,
     };
+    keep_one_time(log, findings);
     let interval_s = median_interval_s(log.imu.times());
     check_intervals(log, interval_s, findings)?;
     mend_fixes(log, findings)?;
@@ -56,6 +57,34 @@ pub(super) fn check(
         check_readings(log, &rates, findings)?;
     }
     Ok(())
+}
+
+/// Longest hole in one recording, s: what comes after it has damaged stamps.
+const ANOTHER_TIME_S: f64 = 86_400.0;
+
+/// Leaves out samples of quite another time than most.
+fn keep_one_time(log: &mut Log, findings: &mut Findings) {
+    let mut pieces: Vec<(Time, Time, usize)> = Vec::new();
+    for time in log.imu.times() {
+        match pieces.last_mut() {
+            Some((_, end, count)) if time.seconds_since(*end) < ANOTHER_TIME_S => {
+                (*end, *count) = (time, *count + 1);
+            }
+            _ => pieces.push((time, time, 1)),
+        }
+    }
+    let most = pieces.iter().max_by_key(|(_, _, count)| *count);
+    let Some((start, end, count)) = most.filter(|_| pieces.len() > 1) else {
+        return;
+    };
+    let left = log.imu.len() - count;
+    log.imu = log
+        .imu
+        .between(*start, Time::from_micros(end.as_micros() + 1));
+    let expected = "inertial samples of one recording, less than a day apart";
+    let found = format!("{left} of another time than the others");
+    let cause = "damaged stamps, or two recordings in one: left out";
+    findings.warn(findings.imu("t_s", expected, found, cause));
 }
 
 /// The one place of a receiver that writes none may stand before the first sample, where the core takes

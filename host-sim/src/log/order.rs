@@ -1,9 +1,11 @@
 //! The rows of a table in the order of their stamps.
 
 use std::io;
+use std::path::Path;
 
 use ins_core::{ImuSample, Time};
 
+use super::Log;
 use super::error::LogError;
 use super::samples::Store;
 use super::table::{Few, Row, Table};
@@ -271,4 +273,25 @@ pub(super) fn decimal(time: Time) -> String {
         micros.unsigned_abs() % 1_000_000,
     );
     format!("{}{whole}.{fraction:06}", if micros < 0 { "-" } else { "" })
+}
+
+/// Rows, from one time to another, without a moment in common with the samples: they are not used, and this
+/// says so.
+pub(super) fn of_another_time(
+    path: &Path,
+    what: &str,
+    ends: [Option<Time>; 2],
+    log: &Log,
+) -> Option<LogError> {
+    let [first, last] = [log.imu.first()?.time, log.imu.last()?.time];
+    let [from, to] = [ends[0]?, ends[1]?];
+    let span = |from, to| format!("{} to {} s", decimal(from), decimal(to));
+    let expected = format!(
+        "{what} within the time of the inertial samples, {}",
+        span(first, last)
+    );
+    let found = format!("one from {}", span(from, to));
+    let cause = "another time scale (UTC, GPS week, boot) or another drive: not used";
+    let defect = LogError::file(path, expected, found, cause).in_column("t_s");
+    (to < first || from > last).then_some(defect)
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use ins_core::attitude::{Euler, from_euler};
 use ins_core::earth::{Geodetic, LatLon};
-use ins_core::{FixSigma, GnssFix, ImuSample, Solution, Time};
+use ins_core::{BaroHeight, FixSigma, GnssFix, ImuSample, Solution};
 use nalgebra::{Vector2, Vector3};
 
 use super::Log;
@@ -12,7 +12,7 @@ use super::barometer;
 use super::check::check;
 use super::error::LogError;
 use super::meta::{BodyAxes, Meta};
-use super::order::{decimal, rows};
+use super::order::{of_another_time, rows};
 use super::samples::{Samples, Store};
 use super::table::{Row, Table};
 use crate::statistics::rms_of_any;
@@ -45,7 +45,7 @@ pub fn read(folder: &Path) -> Result<(Log, Vec<LogError>), LogError> {
         imu: read_imu(&imu, meta.body_axes, &mut warnings)?,
         gnss: read_gnss(&gnss, &mut warnings)?,
         baro: match &baro {
-            Some(baro) => barometer::read(baro, &mut warnings)?,
+            Some(baro) => read_baro(baro, &mut warnings)?,
             None => Vec::new(),
         },
         truth: match &truth {
@@ -63,27 +63,6 @@ pub fn read(folder: &Path) -> Result<(Log, Vec<LogError>), LogError> {
         of_another_time(&truth, "a reference", ends, &log)
     }));
     Ok((log, warnings))
-}
-
-/// Rows, from one time to another, without a moment in common with the samples: they are not used, and this
-/// says so.
-pub(super) fn of_another_time(
-    path: &Path,
-    what: &str,
-    ends: [Option<Time>; 2],
-    log: &Log,
-) -> Option<LogError> {
-    let [first, last] = [log.imu.first()?.time, log.imu.last()?.time];
-    let [from, to] = [ends[0]?, ends[1]?];
-    let span = |from, to| format!("{} to {} s", decimal(from), decimal(to));
-    let expected = format!(
-        "{what} within the time of the inertial samples, {}",
-        span(first, last)
-    );
-    let found = format!("one from {}", span(from, to));
-    let cause = "another time scale (UTC, GPS week, boot) or another drive: not used";
-    let defect = LogError::file(path, expected, found, cause).in_column("t_s");
-    (to < first || from > last).then_some(defect)
 }
 
 /// The plain or the packed file, whichever is there.
@@ -161,6 +140,25 @@ fn read_gnss(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<GnssFix>, 
                     velocity_mps: sigma(row, &level_sigma)?,
                     velocity_up_mps: sigma(row, &up_sigma)?,
                 },
+            })
+        },
+    )
+}
+
+fn read_baro(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<BaroHeight>, LogError> {
+    let table = Table::open(path)?;
+    let column = table.column("h_m")?;
+    let spread: Vec<usize> = table.optional_column("sd_h").into_iter().collect();
+    rows(
+        table,
+        MOST_LEFT_OUT,
+        warnings,
+        |height: &BaroHeight| height.time,
+        |row, time| {
+            Ok(BaroHeight {
+                time,
+                height_m: height(row, column, row.number(column)?)?,
+                sigma_m: sigma(row, &spread)?.unwrap_or(barometer::SIGMA_M),
             })
         },
     )
@@ -259,7 +257,7 @@ fn on_earth(row: &Row, columns: [usize; 2], cells: [f64; 2]) -> Result<LatLon, L
     })
 }
 
-pub(super) fn height(row: &Row, column: usize, height_m: f64) -> Result<f64, LogError> {
+fn height(row: &Row, column: usize, height_m: f64) -> Result<f64, LogError> {
     if height_m.abs() > 1e5 {
         return Err(out_of_range(
             row,
@@ -276,7 +274,7 @@ fn out_of_range(row: &Row, column: usize, expected: &str) -> LogError {
 }
 
 /// One sigma of a component: the root mean square of those stated.
-pub(super) fn sigma(row: &Row, columns: &[usize]) -> Result<Option<f64>, LogError> {
+fn sigma(row: &Row, columns: &[usize]) -> Result<Option<f64>, LogError> {
     let sigmas = columns.iter().map(|&column| row.optional(column));
     let sigmas: Vec<_> = sigmas.collect::<Result<_, _>>()?;
     Ok(rms_of_any(
