@@ -452,9 +452,6 @@ fn form_cases() -> Vec<Case> {
                 swap_columns(&mut f.gnss, 1, 2);
             },
         ),
-        text("last stamp years ahead", |f| {
-            set_line(&mut f.imu, 6001, "1e9,0.001,0,0,0,0,-9.81");
-        }),
         text("position in 1e-7 degrees", |f| {
             convert_all(&mut f.gnss, &["lat_deg", "lon_deg"], |x| x * 1e7);
         }),
@@ -785,6 +782,9 @@ fn axis_cases() -> Vec<Case> {
 
 fn clock_cases() -> Vec<Case> {
     vec![
+        text("last stamp years ahead", |f| {
+            set_line(&mut f.imu, 6001, "1e9,0.001,0,0,0,0,-9.81");
+        }),
         text("leap seconds", |f| {
             convert(&mut f.gnss, "t_s", |x| x + 18.0);
         }),
