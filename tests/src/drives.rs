@@ -53,14 +53,21 @@ fn configured(run: SimulatedDrive, recording: &Recording, class: Grade) -> (Conf
 pub fn recorded_log(name: &str) -> Option<PathBuf> {
     let default = || repository().join("../shared/data");
     let folder = env::var_os("INS_LOGS").map_or_else(default, PathBuf::from);
-    let log = folder.join(name);
-    if log.is_dir() {
-        return Some(log);
+    at_hand(
+        folder.join(name),
+        "; name the folder of recorded logs in INS_LOGS",
+    )
+}
+
+/// A recording of another program, in `../shared/formats` beside the repository. Says so as well.
+pub fn recording(name: &str) -> Option<PathBuf> {
+    at_hand(repository().join("../shared/formats").join(name), "")
+}
+
+fn at_hand(path: PathBuf, help: &str) -> Option<PathBuf> {
+    if path.exists() {
+        return Some(path);
     }
-    let _ = writeln!(
-        std::io::stderr(),
-        "NOT TESTED: no log {}; name the folder of recorded logs in INS_LOGS",
-        log.display()
-    );
+    let _ = writeln!(std::io::stderr(), "NOT TESTED: no {}{help}", path.display());
     None
 }

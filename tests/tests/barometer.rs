@@ -10,7 +10,7 @@ use host_sim::sim::car::{Car, Way};
 use host_sim::sim::{DriveConfig, SimulatedDrive, record};
 use host_sim::study::accuracy::config_of;
 use ins_core::{BaroHeight, GnssOutcome, Navigator, Phase, Time};
-use ins_tests::cargo::repository;
+use ins_tests::drives::recording;
 
 const END_S: f64 = 600.0;
 const OUTAGE_S: std::ops::Range<f64> = 360.0..540.0;
@@ -196,11 +196,9 @@ fn a_height_that_cannot_be_is_refused() {
 /// in centimetres.
 #[test]
 fn a_recorded_one_holds_the_height() {
-    let path = repository().join("../shared/formats/arducopter_3.1_joey1.bin");
-    if !path.is_file() {
-        eprintln!("NOT TESTED: no recording {}", path.display());
+    let Some(path) = recording("arducopter_3.1_joey1.bin") else {
         return;
-    }
+    };
     let (log, _) = import::open(&path).unwrap();
     assert!(log.baro.len() > 3000, "{}", log.baro.len());
     let config = configure::config(&log, Grade::Mems);

@@ -64,6 +64,10 @@ const ANOTHER_TIME_S: f64 = 86_400.0;
 
 /// Leaves out samples of quite another time than most.
 fn keep_one_time(log: &mut Log, findings: &mut Findings) {
+    // Where the whole is shorter nothing need be read once more.
+    if log.duration_s() < ANOTHER_TIME_S {
+        return;
+    }
     let mut pieces: Vec<(Time, Time, usize)> = Vec::new();
     for time in log.imu.times() {
         match pieces.last_mut() {
