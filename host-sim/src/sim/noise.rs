@@ -41,6 +41,20 @@ impl Random {
         low + (high - low) * self.unit()
     }
 
+    /// As likely between 1 and 2 as between 2 and 4.
+    pub fn log_uniform(&mut self, bounds: [f64; 2]) -> f64 {
+        libm::exp(self.uniform(bounds.map(libm::log)))
+    }
+
+    /// So in a share of the cases, else nothing.
+    pub fn sometimes(&mut self, share: f64, bounds: [f64; 2]) -> f64 {
+        if self.chance(share) {
+            self.log_uniform(bounds)
+        } else {
+            0.0
+        }
+    }
+
     pub fn chance(&mut self, probability: f64) -> bool {
         self.unit() < probability
     }

@@ -4,6 +4,7 @@ use core::f64::consts::PI;
 
 use ins_core::ImuOutput;
 
+use super::anything::anything;
 use super::shakes;
 use super::{BOTH, Kind, MEMS, in_company, kinds};
 use crate::log::Grade;
@@ -276,4 +277,7 @@ kinds! { judge: false,
     // --- all of these ---
     "in_company", BOTH, 15.0, "two of the other kinds at once, drawn anew for each seed"
         => |w| in_company(w, KINDS);
+    // --- none of these ---
+    "anything", BOTH, 15.0, "vehicle, unit and receiver with every number drawn anew for each seed"
+        => anything;
 }

@@ -5,6 +5,7 @@ use core::f64::consts::PI;
 
 use ins_core::ImuOutput;
 
+use super::anything::anything;
 use super::shakes;
 use super::{BOTH, Kind, MEMS, in_company, kinds};
 use crate::sim::barometer::BarometerModel;
@@ -427,4 +428,7 @@ kinds! { judge: true,
     // --- all of these ---
     "in_other_company", BOTH, 15.0, "two of the other kinds at once, drawn anew for each seed"
         => |w| in_company(w, KINDS);
+    // --- none of these ---
+    "anything_else", BOTH, 15.0, "vehicle, unit and receiver with every number drawn anew for each seed"
+        => anything;
 }

@@ -1,5 +1,6 @@
 //! The kinds of conditions there are.
 
+mod anything;
 pub mod develop;
 pub mod judge;
 mod shakes;
@@ -48,10 +49,10 @@ macro_rules! kinds {
 }
 pub(super) use kinds;
 
-/// Two kinds of a class at once, of all but the last, which is this one: what both change is as the second
+/// Two kinds of a class at once, of all but the last two, which are drawn: what both change is as the second
 /// has it.
 pub(super) fn in_company(world: &mut World, kinds: &[Kind]) {
-    let others = kinds.iter().take(kinds.len() - 1);
+    let others = kinds.iter().take(kinds.len() - 2);
     let of_class: Vec<_> = others
         .filter(|kind| kind.classes.contains(&world.class))
         .collect();
