@@ -6,7 +6,7 @@ use super::{Observer, estimated};
 use crate::channel::Measured;
 use crate::config::{Config, Noise};
 use crate::earth::GRAVITY_EQUATOR_MPS2;
-use crate::history::{Past, SPACING_S};
+use crate::history::{LONG_S, Past, SPACING_S};
 use crate::innovations::{Credit, against_described, is_ordinary};
 use crate::math::{self, singles};
 use crate::measurement::{Difference, Kind};
@@ -268,7 +268,8 @@ impl Observer {
         } else {
             third.xy().norm_squared()
         };
-        let smoothing_s2 = self.smoothing_s2();
+        // As long as it may be.
+        let smoothing_s2 = self.smoothing_s2() + self.parameters.sigma(index::SMOOTHING);
         smoothing_s2 * smoothing_s2 * smoothing_s2 / 9.0 * (third2 + direct.arm_third2)
     }
 
@@ -300,7 +301,7 @@ impl Observer {
         let [seen, bent] = self.seen_lever(past, measured, config);
         let (arm_jerk_mps3, seen_arm) = (bent * arm_m, seen * arm_m);
         let jerk_mps3 = past.jerk_mps3 + arm_jerk_mps3;
-        let part = 0.5 * seen_jerk(past, &jerk_mps3);
+        let part = 0.5 * seen_jerk(past, &jerk_mps3) * self.told_of_smoothing(past);
         let (by_latency, by_smoothing) = match measured {
             Measured::Velocity => (accel_mps2, -part * jerk_mps3),
             Measured::Position => (
@@ -308,6 +309,12 @@ impl Observer {
                 -0.5 * accel_mps2,
             ),
         };
+        let third = match measured {
+            Measured::Velocity => past.snap_mps4,
+            Measured::Position => past.jerk_mps3,
+        };
+        let sigma_s = self.parameters.sigma(index::LATENCY);
+        let by_latency = told_of_latency(&by_latency, &third, sigma_s * sigma_s);
         let jerk2 = arm_jerk_mps3.norm_squared();
         let by_azimuth = Vector3::new(seen_arm.y, -seen_arm.x, 0.0);
         Direct {
@@ -343,6 +350,18 @@ impl Observer {
         let tilt = &self.followed.error.tilt_rad;
         let level = Vector3::new(tilt.x, tilt.y, 0.0);
         seen.map(|seen| seen + level.cross_matrix() * seen)
+    }
+
+    /// What the second derivative of a swing tells of a smoothing that may be so long, as
+    /// [`told_of_latency`]; of a long one the ring has the whole.
+    fn told_of_smoothing(&self, past: &Past) -> f64 {
+        let smoothing_s2 = self.smoothing_s2();
+        if smoothing_s2 >= LONG_S * LONG_S {
+            return 1.0;
+        }
+        let longest_s2 = smoothing_s2 + self.parameters.sigma(index::SMOOTHING);
+        let square = past.snap_mps4.norm_squared() / (past.accel_mps2.norm_squared() + 1e-9);
+        math::decayed(0.5 * longest_s2 * math::sqrt(square))
     }
 
     /// INS minus GNSS as the parameters would have it.
@@ -431,6 +450,18 @@ struct Direct {
     by_azimuth: Vector3<f64>,
     /// Square of the third derivative of an arm that swings, as fast as its jerk shows, (m/s^4)^2.
     arm_third2: f64,
+}
+
+/// What a swing tells of a latency of such a variance: it is too fast for a tangent where its phase may be
+/// anywhere. By statistical linearization (Gelb and Vander Velde, 1968) a sine keeps `exp(-w^2 s^2 / 2)` of
+/// its derivative, level and vertical each at a frequency of its own.
+fn told_of_latency(first: &Vector3<f64>, third: &Vector3<f64>, variance: f64) -> Vector3<f64> {
+    let part = |first2: f64, third2: f64| {
+        math::decayed(0.5 * variance * math::sqrt(third2 / (first2 + 1e-9)))
+    };
+    let level = part(first.xy().norm_squared(), third.xy().norm_squared());
+    let up = part(first.z * first.z, third.z * third.z);
+    first.component_mul(&Vector3::new(level, level, up))
 }
 
 /// Part of the jerk that is the vehicle's, and not what swings faster than the ring leave in it:

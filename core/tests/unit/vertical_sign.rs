@@ -50,31 +50,64 @@ proptest! {
         prop_assert!(after_a_minute(climb, 1.0, &heights).is_some());
     }
 
-    /// On the level nothing is decided, and what is measured counts as before.
+    /// A walker's heave, ten fixes a second and no height: what is felt decides.
+    #[test]
+    fn accelerometers_tell_which_way_is_up(
+        noise in prop::collection::vec(-0.1..0.1, 60),
+        sign in prop_oneof![Just(1.0), Just(-1.0)],
+    ) {
+        let mut state = VerticalSign::default();
+        let mut last = [0.0; 2];
+        for (k, noise_mps) in (0_u32..).zip(&noise) {
+            let up_mps = 0.3 * (f64::from(k) * 1.3).sin();
+            let now = [sign * up_mps + noise_mps, up_mps];
+            let [change_mps, felt_mps] = [now[0] - last[0], now[1] - last[1]];
+            state.feel(change_mps, felt_mps, 0.02, 1e-4);
+            last = now;
+        }
+        let fix = GnssFix {
+            velocity_up_mps: Some(last[0]),
+            ..GnssFix::default()
+        };
+        let expected = (sign > 0.0).then_some(0.0);
+        prop_assert_eq!(state.take(&fix, &Config::mems()), expected);
+    }
+
+    /// On the level nothing is decided: no climb is known, to the noise that is configured and as much
+    /// as that may hide.
     #[test]
     fn no_climb_shows_nothing(noise in prop::collection::vec(-5.0..5.0, 300)) {
-        prop_assert_eq!(after_a_minute(0.01, 1.0, &noise), Some(0.0));
-        prop_assert_eq!(after_a_minute(0.01, -1.0, &noise), Some(0.0));
+        let config = Config::mems();
+        let noise_mps = config.gnss.velocity_up_mps.white;
+        let up = after_a_minute(0.01, 1.0, &noise).unwrap_or_default();
+        prop_assert!((noise_mps..0.2).contains(&up.sqrt()), "{up}");
+        prop_assert_eq!(after_a_minute(0.01, -1.0, &noise), Some(up));
     }
 }
 
 #[test]
-fn until_it_is_known_the_velocity_counts_for_less_than_twice_itself() {
+fn until_it_is_known_a_climb_counts_once_in_ten_seconds() {
     let mut state = VerticalSign::default();
-    let fix = GnssFix {
-        height_m: Some(100.0),
+    let fix = |at_s: f64| GnssFix {
+        time: Time::default().plus_seconds(at_s),
         velocity_up_mps: Some(-5.0),
         ..GnssFix::default()
     };
-    let variance = state.take(&fix, &Config::mems()).unwrap_or_default();
-    assert!((8.0..=10.0).contains(&variance.sqrt()), "{variance}");
-    // Without heights there is nothing to hold it against.
-    let alone = GnssFix {
-        height_m: None,
-        ..fix
-    };
-    assert_eq!(
-        VerticalSign::default().take(&alone, &Config::mems()),
-        Some(0.0)
-    );
+    let mut variance = None;
+    for k in 0..40 {
+        variance = state.take(&fix(0.5 * f64::from(k)), &Config::mems());
+    }
+    // Twenty fixes in that time, and one in sixteen is new to the average.
+    let counts = variance.unwrap_or_default() / 25.0;
+    assert!((18.0..=21.0).contains(&counts), "{counts}");
+}
+
+/// What is felt less surely than it moves decides nothing.
+#[test]
+fn what_is_not_felt_for_sure_tells_nothing() {
+    let mut state = VerticalSign::default();
+    for _ in 0..1000 {
+        state.feel(-0.2, 0.2, 0.02, 0.01);
+    }
+    assert!(!state.is_known());
 }
