@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use super::barometer::Climb;
 use super::comparison::{Comparison, Part, Step};
 use super::estimator::Estimator;
-use super::vertical_sign::CLIMB_S;
+use super::vertical_sign::{Belief, CLIMB_S, Climbed};
 use super::{AidedIns, HOLD_S};
 use crate::config::{Config, Feedback, Noise};
 use crate::damping::{self, Differences};
@@ -133,8 +133,8 @@ impl<const N: usize> AidedIns<N> {
             let memory_s = math::min(memory_s, self.compensation.latency_s);
             self.history.smooth(past, memory_s);
         }
-        let climb_variance = self.believe_vertical(past, fix, config);
-        self.put_beside(past, fix, climb_variance);
+        let climb = self.believe_vertical(past, fix, config);
+        self.put_beside(past, fix, climb);
         self.newest = moment;
         if let Some(comparison) = &mut self.comparison {
             comparison.close(self.now);
@@ -143,7 +143,7 @@ impl<const N: usize> AidedIns<N> {
     }
 
     /// What the vertical velocity of a fix is to be believed with, if it is.
-    fn believe_vertical(&mut self, past: &Past, fix: &GnssFix, config: &Config) -> Option<f64> {
+    fn believe_vertical(&mut self, past: &Past, fix: &GnssFix, config: &Config) -> Option<Belief> {
         if !self.vertical_sign.is_known() {
             self.feel_climb(past, fix, config);
         }
@@ -193,7 +193,7 @@ impl<const N: usize> AidedIns<N> {
 
     /// Compares a fix with the INS of its moment, together with those that are being compared.
     #[inline(never)]
-    fn put_beside(&mut self, past: &Past, fix: &GnssFix, climb_variance: Option<f64>) {
+    fn put_beside(&mut self, past: &Past, fix: &GnssFix, climb: Option<Belief>) {
         let mut next = Comparison {
             step: Step::Gather,
             past: *past,
@@ -206,7 +206,7 @@ impl<const N: usize> AidedIns<N> {
             velocity_mps: past.velocity_mps - fix.velocity_enu_mps(),
             position_m: self.position_difference(past, fix),
             velocity: Part::of(fix.velocity_en_mps.is_some(), fix.sigma.velocity_mps),
-            climb: Part::of(climb_variance.is_some(), fix.sigma.velocity_up_mps),
+            climb: Part::of(climb.is_some(), fix.sigma.velocity_up_mps),
             climb_variance: 0.0,
             climb_assumed: false,
             position: Part::of(fix.position.is_some(), fix.sigma.position_m),
@@ -214,11 +214,10 @@ impl<const N: usize> AidedIns<N> {
             position_s: past.time.seconds_since(self.last_position),
             height_s: past.time.seconds_since(self.last_height),
         };
-        if let Some(variance) = climb_variance
-            && variance > 0.0
+        if let Some(Belief::Unsigned(variance)) = climb
             && self.estimator.exact().is_some()
         {
-            next.assume_climb(past.velocity_mps.z, variance);
+            next.assume_climb(next.velocity_mps.z, variance);
         }
         match &mut self.comparison {
             Some(comparison) => comparison.add(&next),
@@ -472,28 +471,4 @@ fn points_anywhere(compared: &Comparison) -> bool {
     let off_mps = compared.velocity_mps.xy();
     let speed_mps = (compared.past.velocity_mps.xy() - off_mps).norm();
     compared.velocity.has && off_mps.norm() > math::max(speed_mps, LOST_MPS)
-}
-
-/// A fix's vertical velocity beside the INS of its moment.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(super) struct Climbed {
-    time: Time,
-    up_mps: f64,
-    ins_mps: f64,
-    accel_mps2: f64,
-    /// What a unit of each component of the antenna's arm adds to it, 1/s.
-    swing: Vector3<f64>,
-}
-
-impl Climbed {
-    fn of(past: &Past, up_mps: f64) -> Self {
-        Self {
-            time: past.time,
-            up_mps,
-            ins_mps: past.velocity_mps.z,
-            accel_mps2: past.accel_mps2.z,
-            swing: past.attitude_rate.row(2).transpose(),
-        }
-    }
 }

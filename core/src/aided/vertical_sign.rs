@@ -3,10 +3,12 @@
 //! Receivers and their drivers disagree on whether up or down is positive, and a climb with the
 //! wrong sign looks like a bias of the vertical accelerometer, a heave with it like half a wave of
 //! latency. Heights tell: of the climb that the velocities add up to they show either that or its
-//! opposite. So does what the accelerometers feel from fix to fix. Until either has told, the best
-//! guess is no climb at all.
+//! opposite. So does what the accelerometers feel from fix to fix.
+
+use nalgebra::Vector3;
 
 use crate::config::Config;
+use crate::history::Past;
 use crate::math;
 use crate::samples::GnssFix;
 use crate::time::Time;
@@ -30,6 +32,40 @@ const CONFIGURED: f64 = 4.0;
 /// Fixes over which the square of a climb is averaged, and time for which a vehicle keeps one up, s.
 const CLIMBS: f64 = 16.0;
 pub const CLIMB_S: f64 = 10.0;
+/// Two sigmas of what the mean square of so much white noise seems to have that lasts, in its own.
+const SEEMS: f64 = 0.36;
+
+/// What a vertical velocity is to be believed with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Belief {
+    Known,
+    /// As little as its sign: with this variance more, and nothing of when and where it is measured.
+    Unsigned(f64),
+}
+
+/// A fix's vertical velocity beside the INS of its moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Climbed {
+    pub time: Time,
+    pub up_mps: f64,
+    pub ins_mps: f64,
+    pub accel_mps2: f64,
+    /// What a unit of each component of the antenna's arm adds to it, 1/s.
+    pub swing: Vector3<f64>,
+}
+
+impl Climbed {
+    pub fn of(past: &Past, up_mps: f64) -> Self {
+        Self {
+            time: past.time,
+            up_mps,
+            ins_mps: past.velocity_mps.z,
+            accel_mps2: past.accel_mps2.z,
+            swing: past.attitude_rate.row(2).transpose(),
+        }
+    }
+}
 
 /// What tells of vertical velocities so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -82,9 +118,8 @@ impl Felt {
 }
 
 impl VerticalSign {
-    /// Takes a fix. Variance of its climb, of which only that is known; zero: its sign is known. None:
-    /// it is not to be used.
-    pub fn take(&mut self, fix: &GnssFix, config: &Config) -> Option<f64> {
+    /// Takes a fix. None: its vertical velocity is not to be used.
+    pub fn take(&mut self, fix: &GnssFix, config: &Config) -> Option<Belief> {
         let up_mps = fix.velocity_up_mps?;
         let now = Last {
             time: fix.time,
@@ -106,13 +141,16 @@ impl VerticalSign {
         }
         let sum = self.sum();
         if math::abs(sum) > DECIDED {
-            return (sum > 0.0).then_some(0.0);
+            return (sum > 0.0).then_some(Belief::Known);
         }
-        // What does not change from fix to fix lasts, and counts once.
+        // One of the wrong sign is off by twice itself. What does not change from fix to fix lasts, and
+        // counts once.
         let counts = CLIMB_S / math::within(seconds, [0.01, CLIMB_S]);
-        let lasting = math::max(self.square - 0.5 * self.change_square, 0.0);
+        let white = 0.5 * self.change_square;
+        let lasting = math::max(self.square - (1.0 + SEEMS) * white, 0.0);
         let noise = config.gnss.velocity_up_mps.white;
-        Some(math::max(self.square, noise * noise) + lasting * counts)
+        let beyond = math::max(self.square - noise * noise, 0.0);
+        Some(Belief::Unsigned(4.0 * (beyond + lasting * counts)))
     }
 
     /// Difference of log-likelihoods.

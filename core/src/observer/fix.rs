@@ -268,8 +268,7 @@ impl Observer {
         } else {
             third.xy().norm_squared()
         };
-        // As long as it may be.
-        let smoothing_s2 = self.smoothing_s2() + self.parameters.sigma(index::SMOOTHING);
+        let smoothing_s2 = self.smoothing_rms_s2();
         smoothing_s2 * smoothing_s2 * smoothing_s2 / 9.0 * (third2 + direct.arm_third2)
     }
 
@@ -359,9 +358,8 @@ impl Observer {
         if smoothing_s2 >= LONG_S * LONG_S {
             return 1.0;
         }
-        let longest_s2 = smoothing_s2 + self.parameters.sigma(index::SMOOTHING);
         let square = past.snap_mps4.norm_squared() / (past.accel_mps2.norm_squared() + 1e-9);
-        math::decayed(0.5 * longest_s2 * math::sqrt(square))
+        math::decayed(0.5 * self.smoothing_rms_s2() * math::sqrt(square))
     }
 
     /// INS minus GNSS as the parameters would have it.
@@ -417,6 +415,12 @@ impl Observer {
     /// Variance of the times that one output of the receiver is a mean of, s^2.
     pub fn smoothing_s2(&self) -> f64 {
         math::max(self.parameters.value(index::SMOOTHING), 0.0)
+    }
+
+    /// As large as that may be: the root of its mean square.
+    fn smoothing_rms_s2(&self) -> f64 {
+        let (value, sigma) = (self.smoothing_s2(), self.parameters.sigma(index::SMOOTHING));
+        math::sqrt(value * value + sigma * sigma)
     }
 
     /// What is assumed of the noise of GNSS velocity, as strong as configured.

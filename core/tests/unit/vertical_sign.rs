@@ -3,11 +3,11 @@
 
 use proptest::prelude::*;
 
-use super::VerticalSign;
+use super::{Belief, VerticalSign};
 use crate::{Config, GnssFix, Time};
 
 /// What becomes of the last fix of a minute of climbing at `climb_mps`, stated with a sign.
-fn after_a_minute(climb_mps: f64, sign: f64, height_noise_m: &[f64]) -> Option<f64> {
+fn after_a_minute(climb_mps: f64, sign: f64, height_noise_m: &[f64]) -> Option<Belief> {
     let mut verdict = None;
     let mut state = VerticalSign::default();
     for (k, noise_m) in (0_u32..).zip(height_noise_m) {
@@ -30,7 +30,7 @@ proptest! {
         climb in prop_oneof![-8.0..-3.0, 3.0..8.0],
         noise in prop::collection::vec(-5.0..5.0, 300),
     ) {
-        prop_assert_eq!(after_a_minute(climb, 1.0, &noise), Some(0.0));
+        prop_assert_eq!(after_a_minute(climb, 1.0, &noise), Some(Belief::Known));
         prop_assert_eq!(after_a_minute(climb, -1.0, &noise), None);
     }
 
@@ -69,19 +69,16 @@ proptest! {
             velocity_up_mps: Some(last[0]),
             ..GnssFix::default()
         };
-        let expected = (sign > 0.0).then_some(0.0);
+        let expected = (sign > 0.0).then_some(Belief::Known);
         prop_assert_eq!(state.take(&fix, &Config::mems()), expected);
     }
 
-    /// On the level nothing is decided: no climb is known, to the noise that is configured and as much
-    /// as that may hide.
+    /// On the level nothing is decided, and what is measured counts as before.
     #[test]
     fn no_climb_shows_nothing(noise in prop::collection::vec(-5.0..5.0, 300)) {
-        let config = Config::mems();
-        let noise_mps = config.gnss.velocity_up_mps.white;
-        let up = after_a_minute(0.01, 1.0, &noise).unwrap_or_default();
-        prop_assert!((noise_mps..0.2).contains(&up.sqrt()), "{up}");
-        prop_assert_eq!(after_a_minute(0.01, -1.0, &noise), Some(up));
+        let level = Some(Belief::Unsigned(0.0));
+        prop_assert_eq!(after_a_minute(0.0, 1.0, &noise), level);
+        prop_assert_eq!(after_a_minute(0.0, -1.0, &noise), level);
     }
 }
 
@@ -93,12 +90,16 @@ fn until_it_is_known_a_climb_counts_once_in_ten_seconds() {
         velocity_up_mps: Some(-5.0),
         ..GnssFix::default()
     };
-    let mut variance = None;
+    let mut belief = None;
     for k in 0..40 {
-        variance = state.take(&fix(0.5 * f64::from(k)), &Config::mems());
+        belief = state.take(&fix(0.5 * f64::from(k)), &Config::mems());
     }
-    // Twenty fixes in that time, and one in sixteen is new to the average.
-    let counts = variance.unwrap_or_default() / 25.0;
+    // Of the wrong sign it is off by twice itself, and there are twenty in that time; one in sixteen is new
+    // to the average.
+    let Some(Belief::Unsigned(variance)) = belief else {
+        panic!("{belief:?}");
+    };
+    let counts = variance / 100.0;
     assert!((18.0..=21.0).contains(&counts), "{counts}");
 }
 
