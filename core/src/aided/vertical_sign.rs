@@ -107,14 +107,8 @@ struct Felt {
     changes: f64,
     if_up: f64,
     if_down: f64,
-}
-
-impl Felt {
     /// Difference of log-likelihoods, of noise as strong as it turns out to be.
-    fn odds(&self) -> f64 {
-        let [up, down] = [self.if_up, self.if_down].map(|square| CONFIGURED + square);
-        0.5 * self.changes * libm::log(down / up)
-    }
+    odds: f64,
 }
 
 impl VerticalSign {
@@ -155,7 +149,7 @@ impl VerticalSign {
 
     /// Difference of log-likelihoods.
     fn sum(&self) -> f64 {
-        self.odds + self.open + self.felt.odds()
+        self.odds + self.open + self.felt.odds
     }
 
     /// Whether it is known which way is positive.
@@ -170,10 +164,13 @@ impl VerticalSign {
             return;
         }
         let square = |off_mps: f64| off_mps * off_mps / (noise + unsure);
-        self.felt.changes = math::min(self.felt.changes + 1.0, MOST_CHANGES);
         let keep = 1.0 - 1.0 / MOST_CHANGES;
-        self.felt.if_up = keep * self.felt.if_up + square(change_mps - felt_mps);
-        self.felt.if_down = keep * self.felt.if_down + square(change_mps + felt_mps);
+        let felt = &mut self.felt;
+        felt.changes = keep * felt.changes + 1.0;
+        felt.if_up = keep * felt.if_up + square(change_mps - felt_mps);
+        felt.if_down = keep * felt.if_down + square(change_mps + felt_mps);
+        let [up, down] = [felt.if_up, felt.if_down].map(|square| CONFIGURED + square);
+        felt.odds = 0.5 * felt.changes * libm::log(down / up);
     }
 
     /// Holds a height against what has been climbed since that at the start of the window.
