@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use super::barometer::Climb;
 use super::comparison::{Comparison, Part, Step};
 use super::estimator::Estimator;
-use super::vertical_sign::{Belief, CLIMB_S, Climbed};
+use super::vertical_sign::{Belief, Climbed};
 use super::{AidedIns, HOLD_S};
 use crate::config::{Config, Feedback, Noise};
 use crate::damping::{self, Differences};
@@ -31,6 +31,8 @@ const LEAST_INTERVAL_S: f64 = 0.01;
 const POSITION_INTERVAL_S: f64 = 0.45;
 /// Time after which heights that come now and then do not tell the vertical any more, s.
 const UNTOLD_S: f64 = 1.0;
+/// Time for which a vehicle keeps up a climb, s: what is assumed of it counts once in so long.
+const CLIMB_S: f64 = 10.0;
 /// Time over which the accelerometers feel a change of the climb, s: within the ring, and long for a road
 /// to become steeper.
 const FELT_S: f64 = 0.9;
@@ -142,12 +144,21 @@ impl<const N: usize> AidedIns<N> {
         Some(GnssOutcome::Queued)
     }
 
-    /// What the vertical velocity of a fix is to be believed with, if it is.
+    /// What the vertical velocity of a fix is to be believed with, if it is; once its sign is found to be
+    /// wrong, all that was learnt of it is forgotten.
     fn believe_vertical(&mut self, past: &Past, fix: &GnssFix, config: &Config) -> Option<Belief> {
+        let was_wrong = self.vertical_sign.is_wrong();
         if !self.vertical_sign.is_known() {
             self.feel_climb(past, fix, config);
         }
-        self.vertical_sign.take(fix, config)
+        let belief = self.vertical_sign.take(fix, config);
+        if self.vertical_sign.is_wrong()
+            && !was_wrong
+            && let Some(observer) = self.estimator.exact_mut()
+        {
+            observer.forget_vertical(config);
+        }
+        belief
     }
 
     /// Holds the change of a vertical velocity against what the accelerometers have felt of it.

@@ -29,11 +29,8 @@ const UNSURE: f64 = 9.0;
 const MOST_CHANGES: f64 = 256.0;
 /// Changes for which the noise that is configured counts as much as what is seen.
 const CONFIGURED: f64 = 4.0;
-/// Fixes over which the square of a climb is averaged, and time for which a vehicle keeps one up, s.
-const CLIMBS: f64 = 16.0;
-pub const CLIMB_S: f64 = 10.0;
-/// Two sigmas of what the mean square of so much white noise seems to have that lasts, in its own.
-const SEEMS: f64 = 0.36;
+/// Vertical velocities within this many sigma of zero have no sign.
+const SIGMAS: f64 = 3.0;
 
 /// What a vertical velocity is to be believed with.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,9 +74,6 @@ pub struct VerticalSign {
     open: f64,
     window: Option<Window>,
     last: Option<Last>,
-    /// Mean squares of the climb and of what it changes by from fix to fix, (m/s)^2.
-    square: f64,
-    change_square: f64,
     felt: Felt,
 }
 
@@ -121,15 +115,12 @@ impl VerticalSign {
         };
         let last = self.last.replace(now);
         let change_mps = last.map_or(0.0, |last| up_mps - last.up_mps);
-        let seconds = last.map_or(CLIMB_S, |last| fix.time.seconds_since(last.time));
+        let seconds = last.map_or(0.0, |last| fix.time.seconds_since(last.time));
         if seconds > HOLE_S {
             self.close();
         } else if let Some(window) = &mut self.window {
             window.climbed_m += seconds * (up_mps - 0.5 * change_mps);
         }
-        let part = if last.is_some() { 1.0 / CLIMBS } else { 1.0 };
-        self.square += part * (up_mps * up_mps - self.square);
-        self.change_square += part * (change_mps * change_mps - self.change_square);
         if let Some(height_m) = fix.height_m {
             self.compare(fix.time, height_m, config);
         }
@@ -137,19 +128,21 @@ impl VerticalSign {
         if math::abs(sum) > DECIDED {
             return (sum > 0.0).then_some(Belief::Known);
         }
-        // One of the wrong sign is off by twice itself. What does not change from fix to fix lasts, and
-        // counts once.
-        let counts = CLIMB_S / math::within(seconds, [0.01, CLIMB_S]);
-        let white = 0.5 * self.change_square;
-        let lasting = math::max(self.square - (1.0 + SEEMS) * white, 0.0);
-        let noise = config.gnss.velocity_up_mps.white;
-        let beyond = math::max(self.square - noise * noise, 0.0);
-        Some(Belief::Unsigned(4.0 * (beyond + lasting * counts)))
+        // Off by twice itself if it is wrong. Not by this one: noise that makes it smaller would then count
+        // for more.
+        let noise = SIGMAS * config.gnss.velocity_up_mps.white;
+        let beyond = 2.0 * math::max(math::abs(up_mps - change_mps) - noise, 0.0);
+        Some(Belief::Unsigned(beyond * beyond))
     }
 
     /// Difference of log-likelihoods.
     fn sum(&self) -> f64 {
         self.odds + self.open + self.felt.odds
+    }
+
+    /// Whether vertical velocities are known to have the wrong sign.
+    pub fn is_wrong(&self) -> bool {
+        self.sum() < -DECIDED
     }
 
     /// Whether it is known which way is positive.

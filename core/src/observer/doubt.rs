@@ -145,6 +145,19 @@ impl Observer {
         self.renew_noise([1.0; 2], [0.0; 2]);
     }
 
+    /// Vertical velocities so far were wrong, and what they have shown.
+    pub fn forget_vertical(&mut self, config: &Config) {
+        self.lose_vertical(LOST_MPS * LOST_MPS, config);
+        let prior = config.prior_sigma();
+        let up = self.level_force_mps2 / GRAVITY_EQUATOR_MPS2;
+        for first in [index::ACCEL, index::ACCEL_SCALE, index::LEVER_ARM] {
+            for ((which, sigma), up) in prior.iter().enumerate().skip(first).zip(&up) {
+                let sigma = up * f64::from(*sigma);
+                self.let_walk(which, math::single(sigma * sigma));
+            }
+        }
+    }
+
     /// What GNSS was thought to err by explained some of the INS's own error: parts of it that are kept, of
     /// velocity and position.
     fn renew_noise(&mut self, level: [f32; 2], up: [f32; 2]) {
