@@ -4,7 +4,6 @@ use nalgebra::Vector3;
 
 use crate::channel::Measured;
 use crate::history::Past;
-use crate::math;
 use crate::measurement::{Difference, Kind};
 use crate::samples::GnssFix;
 use crate::time::Time;
@@ -97,9 +96,10 @@ pub struct Comparison {
     pub climb: Part,
     pub position: Part,
     pub height: Part,
-    /// Variance that the climb has on top, (m/s)^2.
+    /// Variance that the climb has on top, (m/s)^2: that of the first fix, which the noise of these
+    /// has no part in.
     pub climb_variance: f64,
-    /// No receiver measures it: it is assumed, within that.
+    /// No fix measures the climb: it is assumed, within that.
     pub climb_assumed: bool,
     /// Since the last position, and since the last height, s.
     pub position_s: f64,
@@ -107,8 +107,8 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Where no fix measures the vertical, or none with a sign that is known: INS minus its velocity as
-    /// something else has it, and the variance of that.
+    /// Where no fix measures the vertical: INS minus its velocity as something else has it, and the
+    /// variance of that. A vertical velocity of the wrong sign has been left out, and has no part in it.
     pub fn assume_climb(&mut self, difference_mps: f64, variance: f64) {
         self.velocity_mps.z = difference_mps;
         self.climb = Part::of(true, None);
@@ -142,8 +142,6 @@ impl Comparison {
         self.climb.join(&next.climb, count);
         self.position.join(&next.position, count);
         self.height.join(&next.height, count);
-        self.climb_assumed |= next.climb_assumed;
-        self.climb_variance = math::max(self.climb_variance, next.climb_variance);
         (self.stamp, self.newest, self.taken) = (next.stamp, next.newest, next.taken);
     }
 

@@ -268,7 +268,7 @@ impl Observer {
         } else {
             third.xy().norm_squared()
         };
-        let smoothing_s2 = self.smoothing_rms_s2();
+        let smoothing_s2 = self.smoothing_s2();
         smoothing_s2 * smoothing_s2 * smoothing_s2 / 9.0 * (third2 + direct.arm_third2)
     }
 
@@ -308,12 +308,6 @@ impl Observer {
                 -0.5 * accel_mps2,
             ),
         };
-        let third = match measured {
-            Measured::Velocity => past.snap_mps4,
-            Measured::Position => past.jerk_mps3,
-        };
-        let sigma_s = self.parameters.sigma(index::LATENCY);
-        let by_latency = told_of_latency(&by_latency, &third, sigma_s * sigma_s);
         let jerk2 = arm_jerk_mps3.norm_squared();
         let by_azimuth = Vector3::new(seen_arm.y, -seen_arm.x, 0.0);
         Direct {
@@ -406,12 +400,6 @@ impl Observer {
         math::max(self.parameters.value(index::SMOOTHING), 0.0)
     }
 
-    /// As large as that may be: the root of its mean square.
-    fn smoothing_rms_s2(&self) -> f64 {
-        let (value, sigma) = (self.smoothing_s2(), self.parameters.sigma(index::SMOOTHING));
-        math::sqrt(value * value + sigma * sigma)
-    }
-
     /// What is assumed of the noise of GNSS velocity, as strong as configured.
     pub fn velocity_noise(&self, config: &Config) -> Noise {
         let [velocity, ..] = &self.colours;
@@ -443,18 +431,6 @@ struct Direct {
     by_azimuth: Vector3<f64>,
     /// Square of the third derivative of an arm that swings, as fast as its jerk shows, (m/s^4)^2.
     arm_third2: f64,
-}
-
-/// What a swing tells of a latency of such a variance: it is too fast for a tangent where its phase may be
-/// anywhere. By statistical linearization (Gelb and Vander Velde, 1968) a sine keeps `exp(-w^2 s^2 / 2)` of
-/// its derivative, level and vertical each at a frequency of its own.
-fn told_of_latency(first: &Vector3<f64>, third: &Vector3<f64>, variance: f64) -> Vector3<f64> {
-    let part = |first2: f64, third2: f64| {
-        math::decayed(0.5 * variance * math::sqrt(third2 / (first2 + 1e-9)))
-    };
-    let level = part(first.xy().norm_squared(), third.xy().norm_squared());
-    let up = part(first.z * first.z, third.z * third.z);
-    first.component_mul(&Vector3::new(level, level, up))
 }
 
 /// Part of the jerk that is the vehicle's, and not what swings faster than the ring leave in it:
