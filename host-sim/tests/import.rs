@@ -207,7 +207,6 @@ fn describe(bytes: &mut Vec<u8>, kind: u8, name: &str, format: &str, labels: &st
     }
 }
 
-/// As new logs have them, with two sensors by field, and a fast pair besides if wanted.
 /// Of a barometer that reads what the receiver does.
 fn assert_heights(log: &Log) {
     assert_eq!(log.baro.len(), log.gnss.len());
@@ -217,6 +216,7 @@ fn assert_heights(log: &Log) {
     }
 }
 
+/// As new logs have them, with two sensors by field.
 fn dataflash(drive: &Drive) -> Vec<u8> {
     let mut bytes = Vec::new();
     describe(

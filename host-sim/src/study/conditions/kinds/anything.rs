@@ -89,6 +89,7 @@ fn vehicle(w: &mut World) {
             w.shakes.push(shakes::steps(steps_hz, heave_mps, turn_deg));
             shakes = false;
         }
+        // The plain car, shaken at rest as well.
         _ => when = When::Always,
     }
     if shakes {
