@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 use super::barometer::Climb;
 use super::comparison::{Comparison, Part, Step};
 use super::estimator::Estimator;
+use super::vertical_sign::Climbed;
 use super::{AidedIns, HOLD_S};
 use crate::config::{Config, Feedback, Noise};
 use crate::damping::{self, Differences};
@@ -32,6 +33,9 @@ const POSITION_INTERVAL_S: f64 = 0.45;
 const UNTOLD_S: f64 = 1.0;
 /// Time for which a vehicle keeps up a climb, s: what is assumed of it counts once in so long.
 const CLIMB_S: f64 = 10.0;
+/// Time over which the accelerometers feel a change of the climb, s: within the ring, and long for a road
+/// to become steeper.
+const FELT_S: f64 = 0.9;
 /// Largest spread of an azimuth error that is taken out whatever its size, rad, and sigmas that
 /// a larger one must have.
 const AZIMUTH_KNOWN_RAD: f64 = 0.035;
@@ -131,7 +135,7 @@ impl<const N: usize> AidedIns<N> {
             let memory_s = math::min(memory_s, self.compensation.latency_s);
             self.history.smooth(past, memory_s);
         }
-        let climb_variance = self.believe_vertical(fix, config);
+        let climb_variance = self.believe_vertical(past, fix, config);
         self.put_beside(past, fix, climb_variance);
         self.newest = moment;
         if let Some(comparison) = &mut self.comparison {
@@ -142,8 +146,11 @@ impl<const N: usize> AidedIns<N> {
 
     /// What the vertical velocity of a fix is to be believed with, if it is; once its sign is found to be
     /// wrong, all that was learnt of it is forgotten.
-    fn believe_vertical(&mut self, fix: &GnssFix, config: &Config) -> Option<f64> {
+    fn believe_vertical(&mut self, past: &Past, fix: &GnssFix, config: &Config) -> Option<f64> {
         let was_wrong = self.vertical_sign.is_wrong();
+        if !self.vertical_sign.is_known() {
+            self.feel_climb(past, fix, config);
+        }
         let variance = self.vertical_sign.take(fix, config);
         if self.vertical_sign.is_wrong()
             && !was_wrong
@@ -152,6 +159,47 @@ impl<const N: usize> AidedIns<N> {
             observer.forget_vertical(config);
         }
         variance
+    }
+
+    /// Holds the change of a vertical velocity against what the accelerometers have felt of it.
+    #[inline(never)]
+    fn feel_climb(&mut self, past: &Past, fix: &GnssFix, config: &Config) {
+        let (Some(up_mps), Some(observer)) = (fix.velocity_up_mps, self.estimator.exact()) else {
+            return;
+        };
+        let now = Climbed::of(past, up_mps);
+        let seconds = |last: &Climbed| now.time.seconds_since(last.time);
+        if self.climbed.is_some_and(|last| seconds(&last) < FELT_S) {
+            return;
+        }
+        let last = self.climbed.replace(now);
+        let Some(last) = last.filter(|last| seconds(last) < 2.0 * FELT_S) else {
+            return;
+        };
+        let felt_mps = now.ins_mps - last.ins_mps - self.pushed_up_mps(last.time, now.time);
+        let p = observer.parameters();
+        let sigmas = |first: usize| Vector3::from_fn(|axis, _| p.sigma(first + axis));
+        let swing = now.swing - last.swing;
+        let later_mps = p.sigma(index::LATENCY) * (now.accel_mps2 - last.accel_mps2);
+        let unsure = swing
+            .component_mul(&sigmas(index::LEVER_ARM))
+            .norm_squared()
+            + (sigmas(index::ACCEL) * seconds(&last)).norm_squared()
+            + later_mps * later_mps;
+        let noise = config.gnss.velocity_up_mps.white;
+        let change_mps = up_mps - last.up_mps;
+        self.vertical_sign
+            .feel(change_mps, felt_mps, 2.0 * noise * noise, unsure);
+    }
+
+    /// What the loops have done to the climb from one moment to another, m/s: what is compensated is the
+    /// error of the sensors.
+    fn pushed_up_mps(&self, from: Time, to: Time) -> f64 {
+        let piece = self.history.piece(from, to, f64::INFINITY);
+        piece.map_or(0.0, |(since, _)| {
+            let compensated = since.attitude_s * self.compensation.accel_mps2;
+            since.control_velocity_mps.z + compensated.z
+        })
     }
 
     /// Compares a fix with the INS of its moment, together with those that are being compared.
@@ -274,26 +322,28 @@ impl<const N: usize> AidedIns<N> {
     /// Of fixes that do not tell the vertical: a climb of the barometer, or none for long.
     #[inline(never)]
     fn assume_climb(&mut self, config: &Config) {
-        let Some(comparison) = &mut self.comparison else {
+        let Some(comparison) = &self.comparison else {
             return;
         };
-        let moment = comparison.past.time;
+        let past = &comparison.past;
         let since_s = comparison.newest.seconds_since(self.last_vertical);
         if since_s < UNTOLD_S {
             return;
         }
-        let come = self.climb.take_if(|climb| climb.time <= moment);
-        if let Some(climb) = come.filter(|climb| climb.lasts_until(moment)) {
-            let since = self.history.piece(climb.time, moment, f64::INFINITY);
-            // By the loops: what is compensated is the error of the sensors.
-            let pushed_mps = since.map_or(0.0, |(since, _)| {
-                let compensated = since.attitude_s * self.compensation.accel_mps2;
-                since.control_velocity_mps.z + compensated.z
-            });
-            comparison.assume_climb(climb.mps + pushed_mps, climb.variance);
-        } else if since_s > CLIMB_S {
-            let sigma_mps = config.climb_sigma_mps;
-            comparison.assume_climb(comparison.past.velocity_mps.z, sigma_mps * sigma_mps);
+        let come = self.climb.take_if(|climb| climb.time <= past.time);
+        let assumed = match come.filter(|climb| climb.lasts_until(past.time)) {
+            Some(climb) => {
+                let pushed_mps = self.pushed_up_mps(climb.time, past.time);
+                (climb.mps + pushed_mps, climb.variance)
+            }
+            None if since_s > CLIMB_S => (
+                past.velocity_mps.z,
+                config.climb_sigma_mps * config.climb_sigma_mps,
+            ),
+            None => return,
+        };
+        if let Some(comparison) = &mut self.comparison {
+            comparison.assume_climb(assumed.0, assumed.1);
         }
     }
 

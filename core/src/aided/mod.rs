@@ -15,7 +15,7 @@ use self::barometer::ClimbDifference;
 use self::comparison::Comparison;
 use self::compensation::Compensation;
 use self::estimator::Estimator;
-use self::vertical_sign::VerticalSign;
+use self::vertical_sign::{Climbed, VerticalSign};
 use crate::alignment::levelling::UNSEEN_RADPS;
 use crate::alignment::rest::{self, RestBlock, RestDetector, Verdict as RestVerdict};
 use crate::alignment::{Aligned, MOVING_MPS};
@@ -140,6 +140,8 @@ pub struct AidedIns<const N: usize> {
     last_coast: Time,
     rest: RestDetector,
     vertical_sign: VerticalSign,
+    /// Of the last fix with a vertical velocity.
+    climbed: Option<Climbed>,
     last_solve: Time,
     due: Due,
     /// Whether a fix that waits may have its moment now.
@@ -181,7 +183,7 @@ impl<const N: usize> AidedIns<N> {
             estimator: Estimator::new(
                 time,
                 aligned.tilt_sigma_rad,
-                vertical_sign::unsigned(aligned.ins.velocity_enu_mps.z, config),
+                vertical_sign::unsigned(aligned.ins.velocity_enu_mps.z),
                 aligned.level_force_mps2(),
                 config,
             ),
@@ -200,6 +202,7 @@ impl<const N: usize> AidedIns<N> {
             last_coast: time,
             rest: RestDetector::default(),
             vertical_sign: VerticalSign::default(),
+            climbed: None,
             last_solve: time,
             due: Due::Nothing,
             fixes_due: false,

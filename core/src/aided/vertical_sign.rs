@@ -1,10 +1,14 @@
-//! Whether the vertical velocity of GNSS goes the way of its heights.
+//! Whether the vertical velocity of GNSS goes the way of heights and accelerometers.
 //!
 //! Receivers and their drivers disagree on whether up or down is positive, and a climb with the
-//! wrong sign looks like a bias of the vertical accelerometer. Heights tell: of the climb that the
-//! velocities add up to they show either that or its opposite.
+//! wrong sign looks like a bias of the vertical accelerometer, a heave with it like half a wave of
+//! latency. Heights tell: of the climb that the velocities add up to they show either that or its
+//! opposite. So does what the accelerometers feel from fix to fix.
+
+use nalgebra::Vector3;
 
 use crate::config::Config;
+use crate::history::Past;
 use crate::math;
 use crate::samples::GnssFix;
 use crate::time::Time;
@@ -19,18 +23,50 @@ const MOST: f64 = 24.0;
 /// Largest square of a height's error, in its variance, that counts: of a wrong one neither sign is
 /// right, and a single one does not decide.
 const ROBUST: f64 = 12.0;
-/// Vertical velocities within this many sigma of zero have no sign.
-const SIGMAS: f64 = 3.0;
+/// Changes whose square is this times that of what is not known of them are felt; and over how many of
+/// them they are summed up.
+const UNSURE: f64 = 9.0;
+const MOST_CHANGES: f64 = 256.0;
+/// Changes for which the noise that is configured counts as much as what is seen.
+const CONFIGURED: f64 = 4.0;
+/// Difference of log-likelihoods before anything is seen: of twenty receivers one has the wrong sign.
+const AT_FIRST: f64 = 3.0;
 
-/// Heights against vertical velocities, so far.
+/// A fix's vertical velocity beside the INS of its moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Climbed {
+    pub time: Time,
+    pub up_mps: f64,
+    pub ins_mps: f64,
+    pub accel_mps2: f64,
+    /// What a unit of each component of the antenna's arm adds to it, 1/s.
+    pub swing: Vector3<f64>,
+}
+
+impl Climbed {
+    pub fn of(past: &Past, up_mps: f64) -> Self {
+        Self {
+            time: past.time,
+            up_mps,
+            ins_mps: past.velocity_mps.z,
+            accel_mps2: past.accel_mps2.z,
+            swing: past.attitude_rate.row(2).transpose(),
+        }
+    }
+}
+
+/// What tells of vertical velocities so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct VerticalSign {
-    /// Difference of log-likelihoods of the two signs, from windows that are over.
+    /// Difference of log-likelihoods of the two signs by heights, from windows that are over.
     odds: f64,
     /// The same, of the window going on.
     open: f64,
     window: Option<Window>,
+    last: Option<Last>,
+    felt: Felt,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,53 +74,92 @@ pub struct VerticalSign {
 struct Window {
     start: Time,
     height_m: f64,
-    last: Time,
-    last_mps: f64,
     /// What the velocities add up to.
     climbed_m: f64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Last {
+    time: Time,
+    up_mps: f64,
+}
+
+/// What changes of the velocity leave of those that the accelerometers feel, with either sign: sums of
+/// squares, in the variance of the noise as it is configured.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Felt {
+    changes: f64,
+    if_up: f64,
+    if_down: f64,
+    /// Difference of log-likelihoods, of noise as strong as it turns out to be.
+    odds: f64,
 }
 
 impl VerticalSign {
     /// Takes a fix. Variance to be added to that of its vertical velocity; none: not to be used.
     pub fn take(&mut self, fix: &GnssFix, config: &Config) -> Option<f64> {
         let up_mps = fix.velocity_up_mps?;
-        // Not by this velocity: noise that makes it smaller would then count for more.
-        let before_mps = self.window.map_or(up_mps, |window| window.last_mps);
+        let now = Last {
+            time: fix.time,
+            up_mps,
+        };
+        let last = self.last.replace(now);
+        let change_mps = last.map_or(0.0, |last| up_mps - last.up_mps);
+        let seconds = last.map_or(0.0, |last| fix.time.seconds_since(last.time));
+        if seconds > HOLE_S {
+            self.close();
+        } else if let Some(window) = &mut self.window {
+            window.climbed_m += seconds * (up_mps - 0.5 * change_mps);
+        }
         if let Some(height_m) = fix.height_m {
-            self.compare(fix.time, up_mps, height_m, config);
+            self.compare(fix.time, height_m, config);
         }
-        if self.is_wrong() {
-            return None;
-        }
-        if self.odds + self.open > DECIDED || self.window.is_none() {
+        let sum = self.sum();
+        if sum > DECIDED {
             return Some(0.0);
         }
-        Some(unsigned(before_mps, config))
+        // Not by this one alone: noise that makes it smaller would then count for more.
+        let before_mps = up_mps - change_mps;
+        let most = math::max(up_mps * up_mps, before_mps * before_mps);
+        (sum > 0.0).then(|| most * unsure_of(sum))
+    }
+
+    /// Difference of log-likelihoods.
+    fn sum(&self) -> f64 {
+        AT_FIRST + self.odds + self.open + self.felt.odds
     }
 
     /// Whether vertical velocities are known to have the wrong sign.
     pub fn is_wrong(&self) -> bool {
-        self.odds + self.open < -DECIDED
+        self.sum() < -DECIDED
     }
 
-    fn compare(&mut self, time: Time, up_mps: f64, height_m: f64, config: &Config) {
-        let fresh = Window {
-            start: time,
-            height_m,
-            last: time,
-            last_mps: up_mps,
-            climbed_m: 0.0,
-        };
-        let Some(window) = &mut self.window else {
-            self.window = Some(fresh);
+    /// Whether it is known which way is positive.
+    pub fn is_known(&self) -> bool {
+        math::abs(self.sum()) > DECIDED
+    }
+
+    /// Takes what the accelerometers feel of a change of the climb as GNSS has it, unless they cannot tell:
+    /// with a variance of the noise, and another of what changes with the motion.
+    pub fn feel(&mut self, change_mps: f64, felt_mps: f64, noise: f64, unsure: f64) {
+        if felt_mps * felt_mps < UNSURE * unsure {
             return;
-        };
-        let seconds = time.seconds_since(window.last);
-        if seconds > HOLE_S {
-            *window = fresh;
-        } else {
-            window.climbed_m += 0.5 * seconds * (up_mps + window.last_mps);
-            (window.last, window.last_mps) = (time, up_mps);
+        }
+        let square = |off_mps: f64| off_mps * off_mps / (noise + unsure);
+        let keep = 1.0 - 1.0 / MOST_CHANGES;
+        let felt = &mut self.felt;
+        felt.changes = keep * felt.changes + 1.0;
+        felt.if_up = keep * felt.if_up + square(change_mps - felt_mps);
+        felt.if_down = keep * felt.if_down + square(change_mps + felt_mps);
+        let [up, down] = [felt.if_up, felt.if_down].map(|square| CONFIGURED + square);
+        felt.odds = 0.5 * felt.changes * libm::log(down / up);
+    }
+
+    /// Holds a height against what has been climbed since that at the start of the window.
+    fn compare(&mut self, time: Time, height_m: f64, config: &Config) {
+        if let Some(window) = &self.window {
             // Two heights, neither as good as is configured for sure.
             let variance = 4.0 * config.gnss.height_m.variance();
             let rise_m = height_m - window.height_m;
@@ -93,20 +168,35 @@ impl VerticalSign {
                 math::min(off_m * off_m / variance, ROBUST)
             };
             self.open = 0.5 * (misfit(-window.climbed_m) - misfit(window.climbed_m));
+            if time.seconds_since(window.start) > WINDOW_S {
+                self.close();
+            }
         }
-        if time.seconds_since(window.start) > WINDOW_S || seconds > HOLE_S {
-            self.odds = math::within(self.odds + self.open, [-MOST, MOST]);
-            self.open = 0.0;
-            *window = fresh;
-        }
+        self.window.get_or_insert(Window {
+            start: time,
+            height_m,
+            climbed_m: 0.0,
+        });
+    }
+
+    /// Ends the window.
+    fn close(&mut self) {
+        self.odds = math::within(self.odds + self.open, [-MOST, MOST]);
+        self.open = 0.0;
+        self.window = None;
     }
 }
 
-/// Variance of a vertical velocity whose sign is not known, (m/s)^2.
-pub fn unsigned(up_mps: f64, config: &Config) -> f64 {
-    let noise = SIGMAS * config.gnss.velocity_up_mps.white;
-    let beyond = 2.0 * math::max(math::abs(up_mps) - noise, 0.0);
-    beyond * beyond
+/// Variance of a velocity at first, (m/s)^2.
+pub fn unsigned(up_mps: f64) -> f64 {
+    up_mps * up_mps * unsure_of(AT_FIRST)
+}
+
+/// Variance of a velocity of unknown sign in its square: the sign is `tanh(odds / 2)` in the mean, and the
+/// rest of its mean square, one, is that of a velocity as much smaller.
+fn unsure_of(odds: f64) -> f64 {
+    let times = libm::sinh(0.5 * odds);
+    1.0 / (times * times)
 }
 
 #[cfg(test)]

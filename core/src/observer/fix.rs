@@ -308,6 +308,12 @@ impl Observer {
                 -0.5 * accel_mps2,
             ),
         };
+        let third = match measured {
+            Measured::Velocity => past.snap_mps4,
+            Measured::Position => past.jerk_mps3,
+        };
+        let sigma_s = self.parameters.sigma(index::LATENCY);
+        let by_latency = told_of_latency(&by_latency, &third, sigma_s * sigma_s);
         let jerk2 = arm_jerk_mps3.norm_squared();
         let by_azimuth = Vector3::new(seen_arm.y, -seen_arm.x, 0.0);
         Direct {
@@ -431,6 +437,18 @@ struct Direct {
     by_azimuth: Vector3<f64>,
     /// Square of the third derivative of an arm that swings, as fast as its jerk shows, (m/s^4)^2.
     arm_third2: f64,
+}
+
+/// What a swing tells of a latency of such a variance: it is too fast for a tangent where its phase may be
+/// anywhere. By statistical linearization (Gelb and Vander Velde, 1968) a sine keeps `exp(-w^2 s^2 / 2)` of
+/// its derivative, level and vertical each at a frequency of its own.
+fn told_of_latency(first: &Vector3<f64>, third: &Vector3<f64>, variance: f64) -> Vector3<f64> {
+    let part = |first2: f64, third2: f64| {
+        math::decayed(0.5 * variance * math::sqrt(third2 / (first2 + 1e-9)))
+    };
+    let level = part(first.xy().norm_squared(), third.xy().norm_squared());
+    let up = part(first.z * first.z, third.z * third.z);
+    first.component_mul(&Vector3::new(level, level, up))
 }
 
 /// Part of the jerk that is the vehicle's, and not what swings faster than the ring leave in it:

@@ -3,11 +3,15 @@
 
 use proptest::prelude::*;
 
-use super::VerticalSign;
+use super::{VerticalSign, unsigned};
 use crate::{Config, GnssFix, Time};
 
-/// What becomes of the last fix of a minute of climbing at `climb_mps`, stated with a sign.
-fn after_a_minute(climb_mps: f64, sign: f64, height_noise_m: &[f64]) -> Option<f64> {
+/// A minute of climbing at `climb_mps`, stated with a sign; and what becomes of the last fix.
+fn after_a_minute(
+    climb_mps: f64,
+    sign: f64,
+    height_noise_m: &[f64],
+) -> (VerticalSign, Option<f64>) {
     let mut verdict = None;
     let mut state = VerticalSign::default();
     for (k, noise_m) in (0_u32..).zip(height_noise_m) {
@@ -20,7 +24,7 @@ fn after_a_minute(climb_mps: f64, sign: f64, height_noise_m: &[f64]) -> Option<f
         };
         verdict = state.take(&fix, &Config::mems());
     }
-    verdict
+    (state, verdict)
 }
 
 proptest! {
@@ -30,8 +34,8 @@ proptest! {
         climb in prop_oneof![-8.0..-3.0, 3.0..8.0],
         noise in prop::collection::vec(-5.0..5.0, 300),
     ) {
-        prop_assert_eq!(after_a_minute(climb, 1.0, &noise), Some(0.0));
-        prop_assert_eq!(after_a_minute(climb, -1.0, &noise), None);
+        prop_assert_eq!(after_a_minute(climb, 1.0, &noise).1, Some(0.0));
+        prop_assert_eq!(after_a_minute(climb, -1.0, &noise).1, None);
     }
 
     /// Heights that are 30 m and more off, one of twenty, do not turn it around.
@@ -47,34 +51,64 @@ proptest! {
                 *height += by + 30.0 * by.signum();
             }
         }
-        prop_assert!(after_a_minute(climb, 1.0, &heights).is_some());
+        prop_assert!(!after_a_minute(climb, 1.0, &heights).0.is_wrong());
+    }
+
+    /// A walker's heave, ten fixes a second and no height: what is felt decides.
+    #[test]
+    fn accelerometers_tell_which_way_is_up(
+        noise in prop::collection::vec(-0.1..0.1, 60),
+        sign in prop_oneof![Just(1.0), Just(-1.0)],
+    ) {
+        let mut state = VerticalSign::default();
+        let mut last = [0.0; 2];
+        for (k, noise_mps) in (0_u32..).zip(&noise) {
+            let up_mps = 0.3 * (f64::from(k) * 1.3).sin();
+            let now = [sign * up_mps + noise_mps, up_mps];
+            let [change_mps, felt_mps] = [now[0] - last[0], now[1] - last[1]];
+            state.feel(change_mps, felt_mps, 0.02, 1e-4);
+            last = now;
+        }
+        let fix = GnssFix {
+            velocity_up_mps: Some(last[0]),
+            ..GnssFix::default()
+        };
+        let expected = (sign > 0.0).then_some(0.0);
+        prop_assert_eq!(state.take(&fix, &Config::mems()), expected);
     }
 
     /// On the level nothing is decided, and what is measured counts as before.
     #[test]
     fn no_climb_shows_nothing(noise in prop::collection::vec(-5.0..5.0, 300)) {
-        prop_assert_eq!(after_a_minute(0.01, 1.0, &noise), Some(0.0));
-        prop_assert_eq!(after_a_minute(0.01, -1.0, &noise), Some(0.0));
+        for sign in [1.0, -1.0] {
+            let (_, variance) = after_a_minute(0.01, sign, &noise);
+            prop_assert!(variance.is_some_and(|variance| variance < 1e-4), "{variance:?}");
+        }
     }
 }
 
+/// One of twenty: `s v` with a sign `s` of mean 0.9 and variance 0.19 tells `v` to `sqrt(0.19) / 0.9` of it.
 #[test]
-fn until_it_is_known_the_velocity_counts_for_less_than_twice_itself() {
+fn until_it_is_known_a_velocity_counts_for_less_by_half_of_itself() {
+    for height_m in [Some(100.0), None] {
+        let fix = GnssFix {
+            height_m,
+            velocity_up_mps: Some(-5.0),
+            ..GnssFix::default()
+        };
+        let variance = VerticalSign::default().take(&fix, &Config::mems());
+        assert_eq!(variance, Some(unsigned(-5.0)));
+        let part = variance.unwrap_or_default().sqrt() / 5.0;
+        assert!((part - 0.19_f64.sqrt() / 0.9).abs() < 0.02, "{part}");
+    }
+}
+
+/// What is felt less surely than it moves decides nothing.
+#[test]
+fn what_is_not_felt_for_sure_tells_nothing() {
     let mut state = VerticalSign::default();
-    let fix = GnssFix {
-        height_m: Some(100.0),
-        velocity_up_mps: Some(-5.0),
-        ..GnssFix::default()
-    };
-    let variance = state.take(&fix, &Config::mems()).unwrap_or_default();
-    assert!((8.0..=10.0).contains(&variance.sqrt()), "{variance}");
-    // Without heights there is nothing to hold it against.
-    let alone = GnssFix {
-        height_m: None,
-        ..fix
-    };
-    assert_eq!(
-        VerticalSign::default().take(&alone, &Config::mems()),
-        Some(0.0)
-    );
+    for _ in 0..1000 {
+        state.feel(-0.2, 0.2, 0.02, 0.01);
+    }
+    assert!(!state.is_known());
 }
