@@ -195,8 +195,8 @@ pub fn unsigned(up_mps: f64) -> f64 {
 /// Variance of a velocity of unknown sign in its square: the sign is `tanh(odds / 2)` in the mean, and the
 /// rest of its mean square, one, is that of a velocity as much smaller.
 fn unsure_of(odds: f64) -> f64 {
-    let times = libm::sinh(0.5 * odds);
-    1.0 / (times * times)
+    let other = libm::exp(-odds);
+    4.0 * other / ((1.0 - other) * (1.0 - other))
 }
 
 #[cfg(test)]

@@ -121,15 +121,17 @@ impl Observer {
         if which >= self.corrections.count() {
             return;
         }
-        let variance = self.corrections.variance(which);
-        let sigma = math::sqrt(f64::from(variance) * self.inflation_of(which));
-        let value = self.parameters.value(which);
-        self.parameters.set(which, value, sigma);
+        let mut variance = self.corrections.variance(which);
         if let Some(constancy) = self.constancy.get_mut(which)
             && which != index::AZIMUTH
         {
             self.given_back = constancy.look(variance);
+            // From then on.
+            variance += self.given_back.unwrap_or_default();
         }
+        let sigma = math::sqrt(f64::from(variance) * self.inflation_of(which));
+        let value = self.parameters.value(which);
+        self.parameters.set(which, value, sigma);
     }
 
     /// What the spreads of the parameters add to the variance of one component.
