@@ -128,7 +128,7 @@ pub const SPACING_S: f64 = 0.105;
 
 /// Time over which a receiver smooths from which on one derivative is too few, s: of a turn at 1 rad/s
 /// the next one adds a fifth to it.
-const LONG_S: f64 = 0.3;
+pub const LONG_S: f64 = 0.3;
 
 /// Square of the phase of a swing over the spacing up to which its third derivative is seen: 3 Hz.
 const FASTEST_PHASE: f64 = 3.5;

@@ -24,9 +24,10 @@ const MOST: f64 = 24.0;
 /// right, and a single one does not decide.
 const ROBUST: f64 = 12.0;
 /// Changes whose square is this times that of what is not known of them are felt; and over how many of
-/// them they are summed up.
+/// them they are summed up: with more, what hardly fits better with one sign, such as swings that a receiver
+/// smooths and delays, would decide.
 const UNSURE: f64 = 9.0;
-const MOST_CHANGES: f64 = 256.0;
+const MOST_CHANGES: f64 = 32.0;
 /// Changes for which the noise that is configured counts as much as what is seen.
 const CONFIGURED: f64 = 4.0;
 /// Difference of log-likelihoods before anything is seen: of twenty receivers one has the wrong sign.

@@ -6,7 +6,7 @@ use super::{Observer, estimated};
 use crate::channel::Measured;
 use crate::config::{Config, Noise};
 use crate::earth::GRAVITY_EQUATOR_MPS2;
-use crate::history::{Past, SPACING_S};
+use crate::history::{LONG_S, Past, SPACING_S};
 use crate::innovations::{Credit, against_described, is_ordinary};
 use crate::math::{self, singles};
 use crate::measurement::{Difference, Kind};
@@ -300,7 +300,7 @@ impl Observer {
         let [seen, bent] = self.seen_lever(past, measured, config);
         let (arm_jerk_mps3, seen_arm) = (bent * arm_m, seen * arm_m);
         let jerk_mps3 = past.jerk_mps3 + arm_jerk_mps3;
-        let part = 0.5 * seen_jerk(past, &jerk_mps3);
+        let part = 0.5 * seen_jerk(past, &jerk_mps3) * self.told_of_smoothing(past);
         let (by_latency, by_smoothing) = match measured {
             Measured::Velocity => (accel_mps2, -part * jerk_mps3),
             Measured::Position => (
@@ -349,6 +349,18 @@ impl Observer {
         let tilt = &self.followed.error.tilt_rad;
         let level = Vector3::new(tilt.x, tilt.y, 0.0);
         seen.map(|seen| seen + level.cross_matrix() * seen)
+    }
+
+    /// What the second derivative of a swing tells of a smoothing that may be so long: at most all of the
+    /// swing is smoothed away. Of a long one the ring has the whole.
+    fn told_of_smoothing(&self, past: &Past) -> f64 {
+        let smoothing_s2 = self.smoothing_s2();
+        if smoothing_s2 >= LONG_S * LONG_S {
+            return 1.0;
+        }
+        let rate4 = past.snap_mps4.norm_squared() / (past.accel_mps2.norm_squared() + 1e-9);
+        let sigma = self.parameters.sigma(index::SMOOTHING);
+        math::decayed(0.5 * math::sqrt((smoothing_s2 * smoothing_s2 + sigma * sigma) * rate4))
     }
 
     /// INS minus GNSS as the parameters would have it.
