@@ -135,7 +135,10 @@ impl<const N: usize> AidedIns<N> {
             let memory_s = math::min(memory_s, self.compensation.latency_s);
             self.history.smooth(past, memory_s);
         }
-        let climb_variance = self.believe_vertical(past, fix, config);
+        if !self.vertical_sign.is_known() {
+            self.feel_climb(past, fix, config);
+        }
+        let climb_variance = self.believe_vertical(fix, config);
         self.put_beside(past, fix, climb_variance);
         self.newest = moment;
         if let Some(comparison) = &mut self.comparison {
@@ -146,11 +149,9 @@ impl<const N: usize> AidedIns<N> {
 
     /// What the vertical velocity of a fix is to be believed with, if it is; once its sign is found to be
     /// wrong, all that was learnt of it is forgotten.
-    fn believe_vertical(&mut self, past: &Past, fix: &GnssFix, config: &Config) -> Option<f64> {
+    #[inline(never)]
+    fn believe_vertical(&mut self, fix: &GnssFix, config: &Config) -> Option<f64> {
         let was_wrong = self.vertical_sign.is_wrong();
-        if !self.vertical_sign.is_known() {
-            self.feel_climb(past, fix, config);
-        }
         let variance = self.vertical_sign.take(fix, config);
         if self.vertical_sign.is_wrong()
             && !was_wrong

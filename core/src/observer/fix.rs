@@ -59,7 +59,7 @@ impl Observer {
         };
         pace.step(self.horizon);
         let per_manoeuvre = pace.per_manoeuvre;
-        let direct = self.shown_directly(past, kind.measured(), difference, config);
+        let direct = self.shown_directly(past, kind, difference, config);
         let residual = difference.value - self.predicted(&direct, kind.measured(), difference);
         let bent = self.bent_variance(past, kind, &direct)
             + per_manoeuvre * self.skew_variance(past, kind, &direct)
@@ -259,27 +259,19 @@ impl Observer {
     /// the turn lasts, just as the bias of an accelerometer makes one: it counts once, and not with each
     /// fix, and lies all in one direction.
     fn skew_variance(&self, past: &Past, kind: Kind, direct: &Direct) -> f64 {
-        let third = match kind.measured() {
-            Measured::Velocity => &past.snap_mps4,
-            Measured::Position => &past.jerk_mps3,
-        };
-        let third2 = if kind.is_up() {
-            third.z * third.z
-        } else {
-            third.xy().norm_squared()
-        };
         let smoothing_s2 = self.smoothing_s2();
-        smoothing_s2 * smoothing_s2 * smoothing_s2 / 9.0 * (third2 + direct.arm_third2)
+        smoothing_s2 * smoothing_s2 * smoothing_s2 / 9.0 * (third2(past, kind) + direct.arm_third2)
     }
 
     /// What receiver and antenna add to INS minus GNSS.
     fn shown_directly(
         &self,
         past: &Past,
-        measured: Measured,
+        kind: Kind,
         difference: &Difference,
         config: &Config,
     ) -> Direct {
+        let measured = kind.measured();
         if !difference.of_receiver {
             return Direct::default();
         }
@@ -300,20 +292,18 @@ impl Observer {
         let [seen, bent] = self.seen_lever(past, measured, config);
         let (arm_jerk_mps3, seen_arm) = (bent * arm_m, seen * arm_m);
         let jerk_mps3 = past.jerk_mps3 + arm_jerk_mps3;
-        let part = 0.5 * seen_jerk(past, &jerk_mps3) * self.told_of_smoothing(past);
-        let (by_latency, by_smoothing) = match measured {
-            Measured::Velocity => (accel_mps2, -part * jerk_mps3),
+        let (part, by_latency, by_smoothing) = match measured {
+            Measured::Velocity => {
+                let part = 0.5 * seen_jerk(past, &jerk_mps3) * self.told_of_smoothing(past);
+                (part, accel_mps2, -part * jerk_mps3)
+            }
             Measured::Position => (
+                0.0,
                 past.velocity_mps + past.attitude_rate * arm_m - accel_mps2 * delay_s,
                 -0.5 * accel_mps2,
             ),
         };
-        let third = match measured {
-            Measured::Velocity => past.snap_mps4,
-            Measured::Position => past.jerk_mps3,
-        };
-        let sigma_s = self.parameters.sigma(index::LATENCY);
-        let by_latency = told_of_latency(&by_latency, &third, sigma_s * sigma_s);
+        let by_latency = by_latency * self.told_of_latency(past, kind, &by_latency);
         let jerk2 = arm_jerk_mps3.norm_squared();
         let by_azimuth = Vector3::new(seen_arm.y, -seen_arm.x, 0.0);
         Direct {
@@ -349,6 +339,15 @@ impl Observer {
         let tilt = &self.followed.error.tilt_rad;
         let level = Vector3::new(tilt.x, tilt.y, 0.0);
         seen.map(|seen| seen + level.cross_matrix() * seen)
+    }
+
+    /// What a swing tells of a latency, of what its derivative would: it is too fast for a tangent where its
+    /// phase may be anywhere. By statistical linearization (Gelb and Vander Velde, 1968) a sine keeps
+    /// `exp(-w^2 s^2 / 2)` of its derivative, level and vertical each at a frequency of its own.
+    fn told_of_latency(&self, past: &Past, kind: Kind, first: &Vector3<f64>) -> f64 {
+        let sigma_s = self.parameters.sigma(index::LATENCY);
+        let rate4 = third2(past, kind) / (of_kind2(first, kind) + 1e-9);
+        math::decayed(0.5 * sigma_s * sigma_s * math::sqrt(rate4))
     }
 
     /// What the second derivative of a swing tells of a smoothing that may be so long: at most all of the
@@ -451,16 +450,22 @@ struct Direct {
     arm_third2: f64,
 }
 
-/// What a swing tells of a latency of such a variance: it is too fast for a tangent where its phase may be
-/// anywhere. By statistical linearization (Gelb and Vander Velde, 1968) a sine keeps `exp(-w^2 s^2 / 2)` of
-/// its derivative, level and vertical each at a frequency of its own.
-fn told_of_latency(first: &Vector3<f64>, third: &Vector3<f64>, variance: f64) -> Vector3<f64> {
-    let part = |first2: f64, third2: f64| {
-        math::decayed(0.5 * variance * math::sqrt(third2 / (first2 + 1e-9)))
+/// Square of the third derivative of what a kind measures.
+fn third2(past: &Past, kind: Kind) -> f64 {
+    let third = match kind.measured() {
+        Measured::Velocity => &past.snap_mps4,
+        Measured::Position => &past.jerk_mps3,
     };
-    let level = part(first.xy().norm_squared(), third.xy().norm_squared());
-    let up = part(first.z * first.z, third.z * third.z);
-    first.component_mul(&Vector3::new(level, level, up))
+    of_kind2(third, kind)
+}
+
+/// Square of the components that a kind measures.
+fn of_kind2(vector: &Vector3<f64>, kind: Kind) -> f64 {
+    if kind.is_up() {
+        vector.z * vector.z
+    } else {
+        vector.xy().norm_squared()
+    }
 }
 
 /// Part of the jerk that is the vehicle's, and not what swings faster than the ring leave in it:
