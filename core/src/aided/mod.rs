@@ -140,7 +140,7 @@ pub struct AidedIns<const N: usize> {
     last_coast: Time,
     rest: RestDetector,
     vertical_sign: VerticalSign,
-    /// Of the last fix with a vertical velocity.
+    /// Of the last fix whose climb was held against what is felt.
     climbed: Option<Climbed>,
     last_solve: Time,
     due: Due,

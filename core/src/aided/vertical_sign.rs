@@ -32,7 +32,7 @@ const MOST_CHANGES: f64 = 32.0;
 const CONFIGURED: f64 = 4.0;
 /// Difference of log-likelihoods before anything is seen: of twenty receivers one has the wrong sign.
 const AT_FIRST: f64 = 3.0;
-/// Below which a velocity tells twenty times less than itself, or the opposite.
+/// Odds from which on a velocity is used: with less it would tell a twentieth of itself, or the opposite.
 const LEAST: f64 = 0.1;
 
 /// A fix's vertical velocity beside the INS of its moment.
