@@ -17,15 +17,11 @@ use crate::config::Noise;
 use crate::math;
 use crate::time::Time;
 
-/// Information about the logarithm of its variance: what is configured counts for some, a factor of two
-/// in the standard deviation being two sigmas, so that an INS on its way to be found wrong is not taken
-/// for noise in its first innovations; remembered is what makes it good to a sixth.
-pub const CONFIGURED: f64 = 2.0;
-/// The same of a noise that is learnt of by its estimate: for one correlation time.
-pub const CONFIGURED_ONCE: f64 = 0.5;
+/// Information about the logarithm of its variance, and of its correlation time: what is configured counts
+/// for some, a factor of four in the standard deviation being two sigmas, for receivers differ as much;
+/// remembered is what makes it good to a sixth.
+const CONFIGURED: f64 = 0.5;
 const REMEMBERED: f64 = 10.0;
-/// The same of a correlation time, which is known from data sheets worse than the noise itself is.
-const CONFIGURED_TIME: f64 = 0.5;
 /// What lasts for so many correlation times is no such noise, but an INS that errs.
 const LASTING: f64 = 10.0;
 /// Largest square of an estimate, in its variance, that counts.
@@ -103,7 +99,7 @@ impl Default for Persistence {
     fn default() -> Self {
         Self {
             ratio: 1.0,
-            information: CONFIGURED_TIME,
+            information: CONFIGURED,
             sensitivity: Sensitivity::default(),
         }
     }
@@ -152,12 +148,12 @@ impl Persistence {
 }
 
 impl Colour {
-    /// As configured, known by so much information.
-    pub fn new(start: Time, information: f64) -> Self {
+    /// As configured.
+    pub fn new(start: Time) -> Self {
         Self {
             ratio: 1.0,
             strength: 1.0,
-            information,
+            information: CONFIGURED,
             last: start,
             lasting: Vector2::zeros(),
         }

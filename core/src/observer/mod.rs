@@ -40,7 +40,6 @@ use crate::error_model::InsError;
 use crate::innovations::{Doubts, Innovations, Surprise};
 use crate::least_squares::LeastSquares;
 use crate::math::{self, singles};
-use crate::measurement::Kind;
 use crate::parameters::{AGREES_SIGMAS, COUNT, PAIRS, Parameters, index};
 use crate::time::Time;
 
@@ -148,14 +147,7 @@ impl Observer {
             level,
             vertical,
             innovations: [Innovations::default(); 4],
-            colours: Kind::ALL.map(|kind| {
-                let known = if kind == Kind::Height {
-                    colour::CONFIGURED
-                } else {
-                    colour::CONFIGURED_ONCE
-                };
-                Colour::new(start, known)
-            }),
+            colours: [Colour::new(start); 4],
             height_sensitivity: Sensitivity::default(),
             height_persistence: Persistence::default(),
             gyro_noise: ProcessNoise::configured(),

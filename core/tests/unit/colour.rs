@@ -6,9 +6,7 @@ use nalgebra::{Matrix2, Vector2};
 use crate::channel::Renewal;
 use crate::config::Noise;
 use crate::deviates::Deviates;
-use crate::observer::colour::{
-    CONFIGURED as CONFIGURED_INFORMATION, CONFIGURED_ONCE, Colour, Persistence, Sensitivity,
-};
+use crate::observer::colour::{Colour, Persistence, Sensitivity};
 use crate::time::Time;
 
 const CONFIGURED: Noise = Noise {
@@ -34,7 +32,7 @@ fn found_of(times: f64, lasts: f64, start: f64, time_range: [f64; 2]) -> [f64; 2
         correlation_s: lasts * CONFIGURED.correlation_s,
         ..CONFIGURED
     };
-    let mut colour = Colour::new(Time::default(), CONFIGURED_INFORMATION);
+    let mut colour = Colour::new(Time::default());
     let mut sensitivity = Sensitivity::default();
     let (mut truth, constant) = (0.0, start * f64::from(deviates.next()));
     let mut estimate = Vector2::zeros();
@@ -113,7 +111,7 @@ fn it_stays_within_the_bounds_of_the_user() {
 
 #[test]
 fn noise_that_is_said_to_be_white_stays_white() {
-    let before = Colour::new(Time::default(), CONFIGURED_INFORMATION);
+    let before = Colour::new(Time::default());
     let (mut after, mut sensitivity) = (before, Sensitivity::default());
     sensitivity.renew(&Renewal::over(1.0, &Noise::white(1.0), 1.0));
     after.learn(&sensitivity, &Vector2::new(3.0, 0.0), 1.0, 1.0, RANGE);
@@ -129,7 +127,7 @@ fn noise_that_is_said_to_be_white_stays_white() {
 /// fixes in 800 s of a noise `times` as strong, all else known but an INS that is `off` by some.
 fn found_by_estimate(times: f64, off: f64) -> f64 {
     let mut deviates = Deviates(3);
-    let mut colour = Colour::new(Time::default(), CONFIGURED_ONCE);
+    let mut colour = Colour::new(Time::default());
     let (mut truth, mut estimate, mut variance) = (0.0, 0.0, 0.25);
     let mut logarithms = 0.0;
     for fix in 0..FIXES {
