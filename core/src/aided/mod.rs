@@ -429,7 +429,7 @@ impl<const N: usize> AidedIns<N> {
             (Due::Solve, _) => self.solve(),
             (Due::Compensate, _) => self.compensate(config),
             (_, None) | (Due::Nothing, _) => {}
-            (Due::Spread, Some(observer)) => observer.spread_next(),
+            (Due::Spread, Some(observer)) => observer.spread_next(config),
             (Due::Horizon, Some(observer)) => observer.come_to_horizon(),
             (Due::Level, Some(observer)) => observer.level_anew(),
             (Due::AzimuthWalk, Some(observer)) => observer.let_azimuth_walk(headed, config),

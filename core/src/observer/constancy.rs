@@ -79,10 +79,9 @@ impl Constancy {
         self.far.variance += variance;
     }
 
-    /// Looks at its variance now; what is to be added to it.
-    pub fn look(&mut self, variance: f32) -> Option<f32> {
-        let more = math::max(self.look_near(variance), self.look_far(variance));
-        (more > 0.0).then_some(more)
+    /// Looks at its variance now; what is to be added to it, if anything.
+    pub fn look(&mut self, variance: f32) -> f32 {
+        math::max(self.look_near(variance), self.look_far(variance))
     }
 
     fn look_near(&mut self, variance: f32) -> f32 {

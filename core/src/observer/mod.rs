@@ -97,6 +97,9 @@ pub struct Observer {
     /// How each parameter moves, and what is to be given back of the one whose turn it is.
     constancy: [Constancy; COUNT],
     given_back: Option<f32>,
+    /// Smoothing with which it and the arm were learnt, s^2, and whether the arm is to be learnt anew.
+    learnt_at_s2: f64,
+    relearns_arm: bool,
     /// Since the horizon that the last solution was for, s; before it since the one before; and the
     /// azimuth's walk since then, rad^2.
     unsolved_s: f64,
@@ -165,6 +168,8 @@ impl Observer {
             added: InsError::default(),
             constancy: CONSTANT,
             given_back: None,
+            learnt_at_s2: 0.0,
+            relearns_arm: false,
             unsolved_s: 0.0,
             elapsed_s: 0.0,
             azimuth_walk: 0.0,

@@ -4,7 +4,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::Observer;
 use super::constancy::Constancy;
-use crate::config::Config;
+use crate::config::{Config, GnssConfig};
 use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::innovations::Innovations;
 use crate::math;
@@ -16,6 +16,9 @@ use crate::solution::SolutionSigma;
 const GRADIENT_PER_S2: f64 = 3.1e-6;
 /// Components of the INS error.
 const COMPONENTS: usize = 9;
+/// Prior sigmas of the smoothing, and then times what it was when it was learnt, from which on it is another:
+/// beyond what chance makes of a receiver that does not smooth.
+const LONGER: f64 = 2.0;
 
 impl Observer {
     /// Variance of the tilt that scale errors and misalignments of the gyros leave in turns about
@@ -95,7 +98,7 @@ impl Observer {
     /// Brings one spread up to date, each in its turn: of the parameters, and of what they add to
     /// the components of the INS error.
     #[inline(never)]
-    pub fn spread_next(&mut self) {
+    pub fn spread_next(&mut self, config: &Config) {
         let turn = usize::from(self.next_spread);
         let which = turn / 2;
         if let Some(more) = self.given_back.take() {
@@ -103,7 +106,7 @@ impl Observer {
         } else if turn % 2 == 0 {
             self.add_up(which % COMPONENTS);
         } else {
-            self.look_at(which);
+            self.look_at(which, config);
         }
         // To give something back is a piece of work of its own.
         if self.given_back.is_none() {
@@ -117,21 +120,45 @@ impl Observer {
 
     /// The spread of a parameter, and whether it moves as that says. The azimuth moves with the
     /// others, and walks as the gyros do.
-    fn look_at(&mut self, which: usize) {
+    fn look_at(&mut self, which: usize, config: &Config) {
         if which >= self.corrections.count() {
             return;
         }
         let mut variance = self.corrections.variance(which);
+        let learnt_otherwise = self.learnt_otherwise(which, &config.gnss);
         if let Some(constancy) = self.constancy.get_mut(which)
             && which != index::AZIMUTH
         {
-            self.given_back = constancy.look(variance);
+            let more = math::max(constancy.look(variance), learnt_otherwise);
+            self.given_back = (more > 0.0).then_some(more);
             // From then on.
             variance += self.given_back.unwrap_or_default();
         }
         let sigma = math::sqrt(f64::from(variance) * self.inflation_of(which));
         let value = self.parameters.value(which);
         self.parameters.set(which, value, sigma);
+    }
+
+    /// Variance to be given back of smoothing and arm, once the receiver is found to smooth for longer than it
+    /// was thought to while they were learnt. What a swing shows of that bends: tangents of then hold the
+    /// smoothing where it was, and an arm swings in its place.
+    fn learnt_otherwise(&mut self, which: usize, gnss: &GnssConfig) -> f32 {
+        match which {
+            index::SMOOTHING => {
+                let (s2, at_first) = (self.smoothing_s2(), gnss.smoothing_s2);
+                let is_longer = s2 > LONGER * math::max(self.learnt_at_s2, at_first);
+                self.relearns_arm = is_longer && at_first > 0.0;
+                if !self.relearns_arm {
+                    return 0.0;
+                }
+                self.learnt_at_s2 = s2;
+                math::single(s2 * s2)
+            }
+            index::LEVER_ARM..index::ACCEL_SCALE if self.relearns_arm => {
+                math::single(gnss.lever_arm_sigma_m * gnss.lever_arm_sigma_m)
+            }
+            _ => 0.0,
+        }
     }
 
     /// What the spreads of the parameters add to the variance of one component.

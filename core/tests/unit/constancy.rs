@@ -23,7 +23,7 @@ fn honesty(walk: f32, colour: f32, looks: bool) -> (f32, f32) {
             variance *= 1.0 - gain;
             constancy.moved(move_by);
             if looks && second % 5 == 4 {
-                let more = constancy.look(variance).unwrap_or(0.0);
+                let more = constancy.look(variance);
                 variance += more;
                 constancy.walked(more);
             }
@@ -78,10 +78,10 @@ fn what_walks_is_let_go() {
 fn small_moves_in_one_direction_add_up() {
     let given_back = |sigmas: f32| {
         let mut constancy = Constancy::NEW;
-        let mut given = constancy.look(1.0).unwrap_or(0.0);
+        let mut given = constancy.look(1.0);
         for step in 1..=50_u16 {
             constancy.moved(sigmas * 0.5_f32.sqrt() / 50.0);
-            given += constancy.look(1.0 - f32::from(step) / 100.0).unwrap_or(0.0);
+            given += constancy.look(1.0 - f32::from(step) / 100.0);
         }
         given
     };
