@@ -175,7 +175,7 @@ pub struct Results {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct KalmanLost {
     pub without_solution: usize,
-    /// With an error of more than [`DIVERGED_SIGMAS`], or none that is a number.
+    /// With an error of more than `DIVERGED_SIGMAS`, or none that is a number.
     pub diverged: usize,
 }
 
@@ -276,7 +276,7 @@ pub struct Totals {
     pub without_solution: f64,
     /// Quantities of all kinds that can be compared with the Kalman filter.
     pub compared: usize,
-    /// Of them those whose RMS error is at most [`NEAR_KALMAN`] times the filter's.
+    /// Of them those whose RMS error is at most `NEAR_KALMAN` times the filter's.
     pub near_kalman: usize,
     /// Geometric mean of RMS error over the filter's, where both err.
     pub over_kalman: Option<f64>,
