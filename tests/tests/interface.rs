@@ -357,6 +357,27 @@ fn a_calibration_kept_is_believed_as_far_as_it_says() {
     assert!(Navigator::warm(Config::mems(), &broken).is_err());
 }
 
+/// A receiver that is known to smooth for long is not one that is found to: its arm is still known.
+#[test]
+fn a_smoothing_kept_leaves_the_arm_known() {
+    let drive = &*DRIVE;
+    let mut kept = navigator().calibration();
+    kept.gnss_smoothing_s2.value = 0.25;
+    for known in kept
+        .lever_arm_m
+        .iter_mut()
+        .chain([&mut kept.gnss_smoothing_s2])
+    {
+        known.sigma = 0.01;
+    }
+    let mut warm = Navigator::warm(config_of(Grade::Mems), &kept).unwrap();
+    run(&mut warm, drive, 0.0..120.0, |_, _, _| {});
+    assert_eq!(warm.phase(), Phase::Navigating);
+    let arm = warm.estimates().lever_arm_m;
+    // Its sigma does not grow but by what moves more than it should; it was given back whole, 3 m.
+    assert!(arm.iter().all(|axis| axis.sigma < 0.1), "{arm:?}");
+}
+
 /// A sigma that single precision does not hold, and values that another configuration gives.
 #[test]
 fn any_calibration_that_is_taken_is_survived() {

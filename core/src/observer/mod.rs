@@ -190,6 +190,7 @@ impl Observer {
     pub fn believe(&mut self, prior: &Parameters) {
         self.parameters = *prior;
         self.corrections.believe(&prior.sigma);
+        self.learnt_at_s2 = prior.value(index::SMOOTHING);
         self.followed.error.tilt_rad.z = prior.value(index::AZIMUTH);
         let azimuth = prior.sigma(index::AZIMUTH);
         self.added.tilt_rad.z = math::single(azimuth * azimuth);
