@@ -87,7 +87,7 @@ pub enum With {
 
 pub fn run(plan: &Plan, shard: Shard, folder: &Path, progress: &ProgressBar) -> Result<()> {
     let (mut known, mut flown) = (HashMap::new(), HashSet::new());
-    let ledger = Ledger::open(folder, shard, |_: Line| {})?;
+    let ledger = Ledger::open(folder, shard)?;
     // Whoever ran it.
     read_folder(folder, |line| match line {
         Line::Model { unit, model } => drop(known.insert(unit, model)),

@@ -26,7 +26,7 @@ pub fn run(
     folder: &Path,
     progress: &ProgressBar,
 ) -> Result<()> {
-    let ledger = Ledger::open(folder, shard, |_: Line| {})?;
+    let ledger = Ledger::open(folder, shard)?;
     // Whoever flew it.
     let flown: HashSet<(Case, u32)> = (lines(folder)?.iter())
         .map(|line| (line.case, line.flight))
