@@ -38,37 +38,26 @@ pub fn run(
     progress.set_message("flying");
     progress.set_length(left.len() as u64);
     ledger.fill(left, progress, |(case, flight)| {
-        fly(rehearsal, world, told, case, flight, &moments)
-    })
-}
-
-fn fly(
-    rehearsal: &Rehearsal,
-    world: &World,
-    told: &Told,
-    case: Case,
-    flight: u32,
-    moments: &[(usize, bool)],
-) -> Result<Line> {
-    let seed = rehearsal.settings.flight_seed(flight);
-    let noise = rehearsal.noise.as_ref().filter(|_| case == Case::Recorded);
-    let model = rehearsal.model(case).into_diagnostic()?;
-    let (outcomes, why) = match world.fly(seed, &model, noise) {
-        Ok(flown) => {
-            let outcome = |subject: &Subject| {
-                let answers = subject.fly(&flown, told).map_err(unusable)?;
-                Ok(Outcome::new(answers, &flown, moments))
-            };
-            let all: Result<_> = rehearsal.subjects_of(case).iter().map(outcome).collect();
-            (all?, None)
-        }
-        Err(error) => (Vec::new(), Some(error.to_string())),
-    };
-    Ok(Line {
-        case,
-        flight,
-        outcomes,
-        why,
+        let seed = rehearsal.settings.flight_seed(flight);
+        let noise = rehearsal.noise.as_ref().filter(|_| case == Case::Recorded);
+        let model = rehearsal.model(case).into_diagnostic()?;
+        let (outcomes, why) = match world.fly(seed, &model, noise) {
+            Ok(flown) => {
+                let outcome = |subject: &Subject| {
+                    let answers = subject.fly(&flown, told).map_err(unusable)?;
+                    Ok(Outcome::new(answers, &flown, &moments))
+                };
+                let all: Result<_> = rehearsal.subjects_of(case).iter().map(outcome).collect();
+                (all?, None)
+            }
+            Err(error) => (Vec::new(), Some(error.to_string())),
+        };
+        Ok(Line {
+            case,
+            flight,
+            outcomes,
+            why,
+        })
     })
 }
 
