@@ -5,7 +5,8 @@ use std::fmt::Write as _;
 use std::io::{BufRead, BufReader, Read, Write};
 #[cfg(unix)]
 use std::os::unix::process::CommandExt as _;
-use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
+use std::path::Path;
+use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, Stdio};
 use std::str::FromStr;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -50,30 +51,19 @@ impl FromStr for Program {
 
     /// `NAME=COMMAND`, or a command, named by its program. Quotes as in a shell.
     fn from_str(text: &str) -> Result<Self, String> {
-        let (name, command) = match text.split_once('=') {
-            Some((name, command))
-                if name
-                    .chars()
-                    .all(|c| c.is_alphanumeric() || "-_".contains(c)) =>
-            {
-                (Some(name).filter(|name| !name.is_empty()), command)
-            }
-            _ => (None, text),
-        };
+        let in_names = |c: char| c.is_alphanumeric() || "-_".contains(c);
+        let named = text.split_once('=');
+        let named = named.filter(|(name, _)| name.chars().all(in_names));
+        let (name, command) = named.unwrap_or(("", text));
         let command = shlex::split(command).ok_or("a quote is not closed")?;
         let program =
             (command.first().filter(|program| !program.is_empty())).ok_or("no program is named")?;
-        let own_name = || {
-            let stem = std::path::Path::new(program).file_stem();
-            stem.map_or_else(
-                || program.clone(),
-                |stem| stem.to_string_lossy().into_owned(),
-            )
+        let name = match Path::new(program).file_stem() {
+            _ if !name.is_empty() => name.to_owned(),
+            Some(stem) => stem.to_string_lossy().into_owned(),
+            None => program.clone(),
         };
-        Ok(Self {
-            name: name.map_or_else(own_name, str::to_owned),
-            command,
-        })
+        Ok(Self { name, command })
     }
 }
 
@@ -81,10 +71,8 @@ impl Program {
     /// Flies it; whatever it does, the flight ends.
     pub fn fly(&self, flown: &Flown, told: &Told) -> Answers {
         let mut took = Duration::ZERO;
-        let solutions = match Session::begin(self, flown, told) {
-            Ok(session) => session.fly(flown, told, &mut took),
-            Err(failure) => Err(failure),
-        };
+        let solutions = Session::begin(self, flown, told)
+            .and_then(|session| session.fly(flown, told, &mut took));
         Answers { solutions, took }
     }
 }
@@ -294,7 +282,7 @@ impl Session {
         };
         let how = status.map_or_else(
             || "closed its output and goes on".to_owned(),
-            |status: ExitStatus| format!("ended: {status}"),
+            |status| format!("ended: {status}"),
         );
         let said = self.errors.last_line();
         self.failure(
@@ -358,18 +346,12 @@ impl Errors {
 }
 
 /// Writes what it is sent, on a thread of its own: a program that does not read must not stop us.
-fn written_to(mut stdin: impl Write + Send + 'static) -> Sender<String> {
+fn written_to(mut stdin: ChildStdin) -> Sender<String> {
     let (sender, texts) = channel::<String>();
     thread::spawn(move || {
-        for text in texts {
-            if stdin
-                .write_all(text.as_bytes())
-                .and_then(|()| stdin.flush())
-                .is_err()
-            {
-                return;
-            }
-        }
+        let _ = texts
+            .iter()
+            .try_for_each(|text| stdin.write_all(text.as_bytes()));
     });
     sender
 }
@@ -520,17 +502,8 @@ fn parse(line: &str, asked: Time) -> Result<Option<Solution>, String> {
 }
 
 fn solution(values: &[f64; 9], time: Time) -> Result<Solution, String> {
-    let [
-        latitude_deg,
-        longitude_deg,
-        height_m,
-        north,
-        east,
-        down,
-        roll,
-        pitch,
-        heading,
-    ] = *values;
+    let [latitude_deg, longitude_deg, height_m, ref others @ ..] = *values;
+    let [north, east, down, roll, pitch, heading] = *others;
     if let Some(value) = values.iter().find(|value| !value.is_finite()) {
         return Err(format!("expected finite numbers, found {value}"));
     }
