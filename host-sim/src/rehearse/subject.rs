@@ -76,23 +76,15 @@ impl Subject {
         }
     }
 
-    fn is_at_a_port(&self) -> bool {
-        matches!(self, Self::Board(_, target) if target.port.is_some())
-    }
-
     pub fn fly(&self, flown: &Flown, told: &Told) -> Result<Answers, ConfigError> {
         let one_at_a_time = || PORT.lock().unwrap_or_else(PoisonError::into_inner);
-        let _port = self.is_at_a_port().then(one_at_a_time);
+        let is_at_a_port = matches!(self, Self::Board(_, target) if target.port.is_some());
+        let _port = is_at_a_port.then(one_at_a_time);
         let start = Instant::now();
-        let config = config(flown, told);
+        let mut config = config(flown, told);
         let solutions = match self {
             Self::Core(form, feedback) => {
-                let (form, feedback) = (*form, *feedback);
-                let config = Config {
-                    form,
-                    feedback,
-                    ..config
-                };
+                (config.form, config.feedback) = (*form, *feedback);
                 Ok(asked(Core::new(config, &flown.run)?, flown))
             }
             Self::Kalman => {
@@ -147,7 +139,8 @@ fn on_board(
     // Estimates are not looked at: they need not come.
     session.start(config, 0).map_err(unusable)?;
     let heard = RefCell::new(Heard::new(flown));
-    let requests = (flown.events().map(bench::request)).take_while(|_| heard.borrow().is_well());
+    let is_well = |_: &Request| heard.borrow().failure.is_none();
+    let requests = flown.events().map(bench::request).take_while(is_well);
     let ended = session.stream(requests, Rate::Max, |event| {
         if let Event::Answer { request, reply, .. } = event {
             heard.borrow_mut().take(&request, reply.as_ref());
@@ -173,10 +166,6 @@ impl<'a> Heard<'a> {
             failure: None,
             now_s: 0.0,
         }
-    }
-
-    fn is_well(&self) -> bool {
-        self.failure.is_none()
     }
 
     fn take(&mut self, request: &Request, reply: Option<&Reply>) {
