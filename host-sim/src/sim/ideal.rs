@@ -17,14 +17,14 @@ const END_WEIGHT: f64 = 1.0 / 12.0;
 const INNER_WEIGHT: f64 = 5.0 / 12.0;
 
 /// What integrating sensors gain over an interval, in the rotating body axes.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Increments {
     /// Integral of the angular rate of the body against inertial space.
     pub angle_b_rad: Vector3<f64>,
     pub velocity_b_mps: Vector3<f64>,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Rates {
     /// Angular rate of the body against inertial space.
     pub angular_rate_ib_b_radps: Vector3<f64>,

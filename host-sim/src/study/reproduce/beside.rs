@@ -237,15 +237,7 @@ fn gyro_pair(name: &'static str, on: &str) -> Pair {
 /// True biases at each sample, drawn as the drive drew them.
 fn gyro_biases(errors: &ErrorModel, seed: u64, log: &Log) -> Vec<Vector3<f64>> {
     let mut imu = Imu::new(errors, seed);
-    let none = Vector3::zeros();
-    let still = Increments {
-        angle_b_rad: none,
-        velocity_b_mps: none,
-    };
-    let rates = Rates {
-        angular_rate_ib_b_radps: none,
-        specific_force_b_mps2: none,
-    };
+    let (still, rates) = (Increments::default(), Rates::default());
     let mut last = Time::default();
     let at = |time: Time| {
         let _ = imu.measure(&still, &rates, time.seconds_since(last));
