@@ -222,10 +222,10 @@ impl Study {
         let (converged, history) = if let Some(factor) = self.kalman_noise {
             let noise = self.told(factor);
             let mut filter = Kalman::new(&drive.imu, &drive.gnss, config, noise, &Vector3::z())?;
-            (true, look(&mut filter, &drive, kalman_checks))
+            (true, look(&mut filter, &drive, kalman_finds))
         } else {
             let mut core = Core::new(config, &drive)?;
-            let history = look(&mut core, &drive, core_checks);
+            let history = look(&mut core, &drive, core_finds);
             let azimuth = core.navigator.estimates().azimuth_error_rad;
             (known(&azimuth) && core.solution().is_some(), history)
         };
@@ -245,16 +245,18 @@ impl Study {
     }
 }
 
+/// Checks of what somebody finds: estimates, and a heading, rad.
 fn look<S: Subject>(
     subject: &mut S,
     drive: &SimulatedDrive,
-    checks: fn(&S, &SimulatedDrive, &Solution) -> Option<[Check; 8]>,
+    found: fn(&S) -> Option<(Estimates, f64)>,
 ) -> Vec<Option<[Check; 8]>> {
     let mut history = Vec::new();
     subject::drive(subject, &drive.truth, |subject, time, truth| {
         let due_s = EVERY_S * (history.len() + 1) as f64;
         if truth.time == time && time.as_seconds() >= due_s {
-            history.push(checks(subject, drive, truth));
+            let checks = |found| checks(found, drive, truth);
+            history.push(found(subject).map(checks));
         }
     });
     history
@@ -267,23 +269,20 @@ fn azimuth_is_right(history: &[Option<[Check; 8]>]) -> bool {
 
 /// The azimuth is that of the damped INS: what is still in it against what the estimator says is
 /// still in it.
-fn core_checks(core: &Core, drive: &SimulatedDrive, truth: &Solution) -> Option<[Check; 8]> {
-    let heading_rad = core.navigator.mechanization()?.heading_rad();
+fn core_finds(core: &Core) -> Option<(Estimates, f64)> {
     let mut estimates = core.navigator.estimates();
     estimates.azimuth_error_rad.value = core.navigator.azimuth_left_rad();
-    Some(checks(&estimates, heading_rad, drive, truth))
+    Some((estimates, core.navigator.mechanization()?.heading_rad()))
 }
 
-fn kalman_checks(kalman: &Kalman, drive: &SimulatedDrive, truth: &Solution) -> Option<[Check; 8]> {
+fn kalman_finds(kalman: &Kalman) -> Option<(Estimates, f64)> {
     let filter = kalman.run.filter()?;
-    let heading_rad = filter.known.ins.heading_rad();
-    Some(checks(&filter.estimates(), heading_rad, drive, truth))
+    Some((filter.estimates(), filter.known.ins.heading_rad()))
 }
 
 /// Every estimate against its truth; the azimuth is what is left in a heading.
 fn checks(
-    estimates: &Estimates,
-    heading_rad: f64,
+    (estimates, heading_rad): (Estimates, f64),
     drive: &SimulatedDrive,
     truth: &Solution,
 ) -> [Check; 8] {

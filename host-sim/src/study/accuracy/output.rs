@@ -4,7 +4,7 @@ use std::path::Path;
 
 use miette::Result;
 
-use super::{Check, QUANTITIES, Results, Row, Run, Spread};
+use super::{QUANTITIES, Results, Row, Run, Spread};
 use crate::page::plot::{BLUE, Mark, ORANGE};
 use crate::page::sheet::{self, Panel};
 use crate::page::table::{Table, heads};
@@ -28,15 +28,11 @@ fn of_runs(runs: &[Run]) -> Result<String> {
     names.extend(QUANTITIES.map(|quantity| format!(",{0}_error,{0}_sigma", quantity.name)));
     let row = |run: &Run| {
         let mut cells = vec![run.seed.to_string(), u8::from(run.converged).to_string()];
-        let end = run.history.last().copied().flatten();
-        cells.extend(QUANTITIES.iter().enumerate().flat_map(|(which, _)| {
-            let cell = |value: fn(&Check) -> f64| {
-                end.map_or(String::new(), |checks| {
-                    format!("{:.6}", value(&checks[which]))
-                })
-            };
-            [cell(|check| check.error), cell(|check| check.sigma)]
-        }));
+        let end = run.history.last().into_iter().flatten().flatten();
+        let numbers = end.flat_map(|check| [check.error, check.sigma]);
+        cells.extend(numbers.map(|number| format!("{number:.6}")));
+        // Empty without a solution there.
+        cells.resize(2 + 2 * QUANTITIES.len(), String::new());
         cells
     };
     page::csv(&names, runs.iter().map(row))
