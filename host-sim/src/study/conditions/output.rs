@@ -14,17 +14,9 @@ const WORST: usize = 10;
 pub fn readable(results: &[Results], details: bool) -> String {
     let summary = [overview_table(results), totals_table(&totals(results))];
     let tables = summary.into_iter().chain(worst_table(results));
-    let mut text = tables
-        .map(|table| table.plain())
-        .collect::<Vec<_>>()
-        .join("\n");
-    if details {
-        for result in results {
-            text.push('\n');
-            text.push_str(&kind(result));
-        }
-    }
-    text
+    let details = results.iter().filter(|_| details).map(kind);
+    let parts = tables.map(|table| table.plain()).chain(details);
+    parts.collect::<Vec<_>>().join("\n")
 }
 
 /// Development and judge kinds, each class apart.

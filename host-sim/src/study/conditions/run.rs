@@ -132,26 +132,17 @@ fn check_end(
         let sigma_rad = sigma_rad.map(|sigma| sigma[axis]);
         add(index::TILT, off[axis], &Claim::sure(0.0, sigma_rad));
     }
-    let true_accel_mps2 = truth.accel_bias_mps2(&claims.up);
-    let true_gyro_radps = truth.sensors.gyro_bias_radps;
-    for axis in 0..3 {
-        let (accel, gyro) = (claims.accel_bias_mps2[axis], claims.gyro_bias_radps[axis]);
-        add(
-            index::ACCEL + axis,
-            accel.value - true_accel_mps2[axis],
-            &accel,
-        );
-        add(
-            index::GYRO + axis,
-            gyro.value - true_gyro_radps[axis],
-            &gyro,
-        );
-        if let Some(arm) = claims.lever_arm_m[axis] {
-            add(
-                index::LEVER + axis,
-                arm.value - truth.lever_arm_m[axis],
-                &arm,
-            );
+    let accels = claims.accel_bias_mps2.map(Some);
+    let gyros = claims.gyro_bias_radps.map(Some);
+    for (first, claims, truth) in [
+        (index::ACCEL, accels, truth.accel_bias_mps2(&claims.up)),
+        (index::GYRO, gyros, truth.sensors.gyro_bias_radps.into()),
+        (index::LEVER, claims.lever_arm_m, truth.lever_arm_m),
+    ] {
+        for (axis, claim) in claims.iter().enumerate() {
+            if let Some(claim) = claim {
+                add(first + axis, claim.value - truth[axis], claim);
+            }
         }
     }
     let latency = claims.latency_s;
