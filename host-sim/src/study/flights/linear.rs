@@ -9,7 +9,7 @@ use super::sensors::{STEP_S, Step};
 
 /// Which terms the equations have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Terms {
+enum Terms {
     /// (1)-(2) as printed: a flat frame that does not rotate.
     Printed,
     /// And the rotation of the frame, by the Earth's and by the flight around it.
@@ -25,18 +25,22 @@ pub struct LinearModel {
     /// Phi.
     tilt_rad: Vector3<f64>,
     north_m: f64,
+    /// With the INS, so far.
+    pub agreement: Agreement,
 }
 
 impl LinearModel {
-    pub fn new(terms: Terms, ins: &Solution, truth: &Solution) -> Self {
+    /// With the terms as printed, and with those of the rotating frame.
+    pub fn both(ins: &Solution, truth: &Solution) -> [Self; 2] {
         let velocity = ins.velocity_enu_mps - truth.velocity_enu_mps;
-        Self {
+        [Terms::Printed, Terms::RotatingFrame].map(|terms| Self {
             terms,
             velocity_mps: Vector3::new(velocity.x, velocity.y, 0.0),
             // `C' = (I - [Phi x]) C`.
             tilt_rad: -(ins.attitude * truth.attitude.inverse()).scaled_axis(),
             north_m: ins.position.enu_from(&truth.position).y,
-        }
+            agreement: Agreement::default(),
+        })
     }
 
     /// Advances over a step of the flight that ends at `after`, on which the sensors, as they were
@@ -87,6 +91,11 @@ impl LinearModel {
         self.tilt_rad += STEP_S * rate - gyro_enu;
         self.north_m += STEP_S * self.velocity_mps.y;
     }
+
+    pub fn compare(&mut self, error_mps: &Vector2<f64>) {
+        self.agreement.difference += (self.velocity_mps.xy() - error_mps).norm_squared();
+        self.agreement.error += error_mps.norm_squared();
+    }
 }
 
 /// Agreement of a model with an INS: sums over time of squares of velocity errors.
@@ -99,11 +108,6 @@ pub struct Agreement {
 }
 
 impl Agreement {
-    pub fn add(&mut self, model: &LinearModel, error_mps: &Vector2<f64>) {
-        self.difference += (model.velocity_mps.xy() - error_mps).norm_squared();
-        self.error += error_mps.norm_squared();
-    }
-
     /// RMS difference over RMS error, of all given.
     pub fn relative<'a>(all: impl Iterator<Item = &'a Self>) -> f64 {
         let (difference, error) = all.fold((0.0, 0.0), |(difference, error), a| {

@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::linear::{Agreement, LinearModel, Terms};
+use super::linear::{Agreement, LinearModel};
 use super::route::Route;
 use super::sensors::{Intervals, RATE_HZ, STEP_S, Sensors, Step};
 use crate::aircraft::flight::FlightError;
@@ -83,7 +83,7 @@ pub struct Run {
     pub left: Left,
     /// Errors of each of [`VARIANTS`] at every minute of the free part.
     pub free: [Vec<LevelError>; 3],
-    /// Velocity error against the model in both [`Terms`]: estimates, then raw.
+    /// Velocity error against [`LinearModel::both`]: estimates, then raw.
     pub agreement: [[Agreement; 2]; 2],
     /// Position error of each cell of the grid at the end, m; walks within biases.
     pub grid_m: [f64; CELLS],
@@ -190,7 +190,6 @@ struct Free {
     ins: [HeldIns; 3],
     errors: [Vec<LevelError>; 3],
     models: [[LinearModel; 2]; 2],
-    agreement: [[Agreement; 2]; 2],
     grid: Grid,
 }
 
@@ -204,8 +203,6 @@ impl Free {
     ) -> Self {
         let (known, truth) = (biases(estimates), sensors.truth());
         let true_biases = sensors.biases();
-        let models = [Terms::Printed, Terms::RotatingFrame]
-            .map(|terms| LinearModel::new(terms, start, truth));
         Self {
             damping: config.damping,
             known,
@@ -214,8 +211,7 @@ impl Free {
             ideal: Intervals::default(),
             ins: [HeldIns::new(start); 3],
             errors: Default::default(),
-            models: [models; 2],
-            agreement: Default::default(),
+            models: [LinearModel::both(start, truth); 2],
             grid: Grid::new(seed, truth),
         }
     }
@@ -257,9 +253,9 @@ impl Free {
             return;
         }
         let [estimates, _, raw] = self.ins.map(|ins| ins.velocity_error_mps(truth));
-        for (which, error) in [estimates, raw].iter().enumerate() {
-            for (agreement, model) in self.agreement[which].iter_mut().zip(&self.models[which]) {
-                agreement.add(model, error);
+        for (models, error) in self.models.iter_mut().zip([estimates, raw]) {
+            for model in models {
+                model.compare(&error);
             }
         }
     }
@@ -269,7 +265,7 @@ impl Free {
             seed,
             left,
             free: self.errors,
-            agreement: self.agreement,
+            agreement: self.models.map(|both| both.map(|model| model.agreement)),
             grid_m: self.grid.ins.map(|ins| ins.error(truth).position_m),
         }
     }

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix4, Vector2, Vector3, Vector4};
 use serde::Serialize;
 
-use super::linear::{Agreement, LinearModel, Terms};
+use super::linear::{Agreement, LinearModel};
 use super::route::Route;
 use super::run::RunError;
 use super::sensors::{Intervals, RATE_HZ, STEP_S, Sensors};
@@ -75,10 +75,9 @@ pub fn schuler(seed: u64, route: &Route, errors: &ErrorModel) -> Result<Schuler,
     start.attitude = nalgebra::UnitQuaternion::from_scaled_axis(-tilt_rad) * start.attitude;
 
     let mut ins = HeldIns::new(&start);
-    let mut models = [Terms::Printed, Terms::RotatingFrame]
-        .map(|terms| LinearModel::new(terms, &start, sensors.truth()));
+    let mut models = LinearModel::both(&start, sensors.truth());
     let (mut intervals, damping) = (Intervals::default(), Config::hg1700().damping);
-    let (mut curves, mut agreement) = (Vec::new(), [Agreement::default(); 2]);
+    let mut curves = Vec::new();
     for count in 1..=MINUTES * 6000 {
         let step = sensors.step();
         let interval = intervals.of(&step.ideal).without_bias(&-gyro, &-accel);
@@ -88,8 +87,8 @@ pub fn schuler(seed: u64, route: &Route, errors: &ErrorModel) -> Result<Schuler,
         }
         if count.is_multiple_of(EVERY) {
             let error = ins.velocity_error_mps(sensors.truth());
-            for (agreement, model) in agreement.iter_mut().zip(&models) {
-                agreement.add(model, &error);
+            for model in &mut models {
+                model.compare(&error);
             }
             let [printed, rotating] = models.map(|model| model.velocity_mps.xy());
             curves.push(Point {
@@ -103,7 +102,7 @@ pub fn schuler(seed: u64, route: &Route, errors: &ErrorModel) -> Result<Schuler,
         oscillation(&errors.collect::<Vec<_>>())
     });
     let [model_difference, rotating_model_difference] =
-        agreement.map(|one| Agreement::relative([one].iter()));
+        models.map(|model| Agreement::relative([model.agreement].iter()));
     Ok(Schuler {
         minutes: MINUTES,
         gyro_bias_deg_h: gyro.map(|rate| rate.to_degrees() * 3600.0).into(),
