@@ -6,7 +6,7 @@ use miette::Result;
 
 use super::run::{BIASES_DEG_H, Run, VARIANTS, WALKS_DEG_SQRT_H};
 use super::schuler::{Oscillation, Point};
-use super::summary::{End, Summary, THESIS_KM, Walk};
+use super::summary::{End, Growth, Summary, THESIS_KM, Walk};
 use crate::page::plot::{BLUE, GREEN, GREY, Mark, ORANGE, Plot, padded};
 use crate::page::table::{Table, heads};
 use crate::page::{self, output};
@@ -35,17 +35,13 @@ fn table(runs: &[Run]) -> Result<String> {
     names.extend(VARIANTS.map(|name| format!(",{name}_position_m,{name}_velocity_mps")));
     let row = |run: &Run| {
         let left = &run.left;
-        let mut row = vec![run.seed.to_string()];
-        let mut add = |value: f64| row.push(format!("{value:.6}"));
-        left.gyro_deg_h.into_iter().for_each(&mut add);
-        left.accel_mg.into_iter().for_each(&mut add);
-        add(left.azimuth_deg);
-        add(left.latency_ms);
-        for end in run.free.iter().filter_map(|errors| errors.last()) {
-            add(end.position_m);
-            add(end.velocity_mps);
-        }
-        row
+        let mut values = [left.gyro_deg_h, left.accel_mg].concat();
+        values.extend([left.azimuth_deg, left.latency_ms]);
+        let ends = run.free.iter().filter_map(|errors| errors.last());
+        values.extend(ends.flat_map(|end| [end.position_m, end.velocity_mps]));
+        let cells = values.into_iter().map(|value| format!("{value:.6}"));
+        let seed = std::iter::once(run.seed.to_string());
+        seed.chain(cells).collect::<Vec<_>>()
     };
     page::csv(&names, runs.iter().map(row))
 }
@@ -83,15 +79,12 @@ fn oscillation(curves: &[Point]) -> String {
 }
 
 fn growth(summary: &Summary) -> String {
-    let line = |value: &dyn Fn(usize) -> f64| -> Vec<(f64, f64)> {
-        (0..summary.growth.len())
-            .map(|at| (summary.growth[at].minute as f64, value(at)))
-            .collect()
+    let line = |value: fn(&Growth) -> f64| -> Vec<(f64, f64)> {
+        let minutes = summary.growth.iter();
+        minutes.map(|at| (at.minute as f64, value(at))).collect()
     };
-    let (applied, quiet) = (
-        line(&|at| summary.growth[at].with_estimates_km),
-        line(&|at| summary.growth[at].without_noise_km),
-    );
+    let applied = line(|at| at.with_estimates_km);
+    let quiet = line(|at| at.without_noise_km);
     let minutes = summary.growth.len() as f64;
     let thesis = vec![(0.0, THESIS_KM), (minutes, THESIS_KM)];
     Plot {
