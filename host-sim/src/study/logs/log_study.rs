@@ -178,7 +178,7 @@ impl LogStudy {
             altered: altered.transpose()?.unwrap_or_default(),
             outages: outages?,
             free: free(&found, end.as_ref()),
-            without: bench.without(grade, end.as_ref())?,
+            without: (end.as_ref()).map_or(Ok(Vec::new()), |end| bench.without(grade, end))?,
         })
     }
 }
@@ -235,30 +235,23 @@ impl<'a> Bench<'a> {
     }
 
     /// The core without each of the parameters that it is configured to find.
-    fn without(
-        &self,
-        grade: Grade,
-        end: Option<&[Quantity; 8]>,
-    ) -> Result<Vec<Without>, ConfigError> {
-        let rows = (OPTIONAL.par_iter())
+    fn without(&self, grade: Grade, end: &[Quantity; 8]) -> Result<Vec<Without>, ConfigError> {
+        (OPTIONAL.par_iter())
             .filter(|(_, hold)| held(self.input.config, *hold) != self.input.config)
-            .map(|optional| self.without_one(*optional, grade, end))
-            .collect::<Result<Vec<_>, _>>()?;
-        Ok(rows.into_iter().flatten().collect())
+            .filter_map(|optional| self.without_one(*optional, grade, end).transpose())
+            .collect()
     }
 
     fn without_one(
         &self,
         (parameter, hold): Optional,
         grade: Grade,
-        end: Option<&[Quantity; 8]>,
+        ours: &[Quantity; 8],
     ) -> Result<Option<Without>, ConfigError> {
         let log = self.input.log;
         let config = held(self.input.config, hold);
         let found = identify(log, config, &ProgressBar::hidden())?;
-        let (Some(ours), Some(theirs)) =
-            (end, self.end(&tracks::points(&found.history, &found.end)))
-        else {
+        let Some(theirs) = self.end(&tracks::points(&found.history, &found.end)) else {
             return Ok(None);
         };
         let course = self.course.as_ref();
