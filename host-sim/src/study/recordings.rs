@@ -63,7 +63,12 @@ fn recording(path: &Path, imu: Option<usize>, grade: Option<Grade>) -> Recording
     let which = imu.map_or_else(String::new, |imu| format!(", sensor {imu}"));
     let begun = Instant::now();
     let name = format!("{}{which}", name.to_string_lossy());
-    let outcome = match analysis(path, &name, imu, grade) {
+    let analysis = || {
+        let (log, warnings) = import::open_all(&[path.to_owned()], Choice { imu, gnss: None })?;
+        let input = Input::of(name.clone(), log, warnings, grade);
+        Analysis::of_input(input, &ProgressBar::hidden())
+    };
+    let outcome = match analysis() {
         Ok(analysis) => Outcome::Used(Found::new(&analysis)),
         Err(error) => {
             let why = error.to_string();
@@ -76,17 +81,6 @@ fn recording(path: &Path, imu: Option<usize>, grade: Option<Grade>) -> Recording
         outcome,
         took_s: begun.elapsed().as_secs_f64(),
     }
-}
-
-fn analysis(
-    path: &Path,
-    name: &str,
-    imu: Option<usize>,
-    grade: Option<Grade>,
-) -> miette::Result<Analysis> {
-    let (log, warnings) = import::open_all(&[path.to_owned()], Choice { imu, gnss: None })?;
-    let input = Input::of(name.to_owned(), log, warnings, grade);
-    Analysis::of_input(input, &ProgressBar::hidden())
 }
 
 impl Found {
