@@ -256,27 +256,20 @@ fn rows(study: &Study, law: Law, units: &[Unit]) -> Vec<Row> {
                 .filter_map(|unit| unit.parameters.iter().find(same)?.found)
                 .collect();
             let truth = in_file(&model, parameter.name);
-            let bound = bounds.of(parameter.name);
-            row(parameter.name, parameter.unit, truth, &found, bound)
+            row(parameter, truth, &found, bounds.of(parameter.name))
         })
         .collect()
 }
 
-fn row(
-    name: &'static str,
-    unit: &'static str,
-    truth: f64,
-    found: &[Interval],
-    bound: Option<f64>,
-) -> Row {
+fn row(parameter: &Parameter, truth: f64, found: &[Interval], bound: Option<f64>) -> Row {
     let count = found.len() as f64;
     let mean = found.iter().map(|f| f.value).sum::<f64>() / count;
     let squares: f64 = found.iter().map(|f| (f.value - mean).powi(2)).sum();
     let scatter = (squares / (count - 1.0).max(1.0)).sqrt();
     let held = found.iter().filter(|f| f.holds(truth)).count();
     Row {
-        name,
-        unit,
+        name: parameter.name,
+        unit: parameter.unit,
         truth,
         units: found.len(),
         bias: mean - truth,
