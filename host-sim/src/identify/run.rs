@@ -222,12 +222,21 @@ pub fn in_order_of_time(
     imu: impl IntoIterator<Item: Borrow<ImuSample>>,
     gnss: &[GnssFix],
 ) -> impl Iterator<Item = Event<'_>> {
+    as_they_come(imu, gnss.iter().map(|fix| (fix.time, fix)))
+}
+
+/// Samples by stamp and fixes by another time; at equal times the sample comes first.
+pub(crate) fn as_they_come<'a>(
+    imu: impl IntoIterator<Item: Borrow<ImuSample>>,
+    fixes: impl Iterator<Item = (Time, &'a GnssFix)>,
+) -> impl Iterator<Item = Event<'a>> {
     let mut imu = imu.into_iter().map(copied).peekable();
-    let mut gnss = gnss.iter().peekable();
-    std::iter::from_fn(move || match (imu.peek(), gnss.peek()) {
-        (Some(sample), Some(fix)) if fix.time < sample.time => gnss.next().map(Event::Gnss),
-        (Some(_), _) => imu.next().map(Event::Imu),
-        (None, _) => gnss.next().map(Event::Gnss),
+    let mut fixes = fixes.peekable();
+    std::iter::from_fn(move || match (imu.peek(), fixes.peek()) {
+        (Some(sample), fix) if fix.is_none_or(|(time, _)| *time >= sample.time) => {
+            imu.next().map(Event::Imu)
+        }
+        _ => fixes.next().map(|(_, fix)| Event::Gnss(fix)),
     })
 }
 

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::flight::{Flight, FlightError};
 use crate::aircraft::plan::Plan;
-use crate::identify::run::Event;
+use crate::identify::run::{Event, as_they_come};
 use crate::log::Grade;
 use crate::sim::drive::Recording;
 use crate::sim::errors::Outage;
@@ -120,20 +120,8 @@ fn told_start(truth: &Solution, heading_rad: Option<f64>, seed: u64) -> Solution
 impl Flown {
     /// Samples and fixes as they arrive; a fix comes after the sample of its own stamp.
     pub fn events(&self) -> impl Iterator<Item = Event<'_>> {
-        let mut fixes = self.run.gnss.iter().zip(&self.run.arrivals).peekable();
-        let mut samples = self.run.imu.iter().copied().peekable();
-        std::iter::from_fn(move || {
-            let due = match (samples.peek(), fixes.peek()) {
-                (Some(sample), Some((_, arrival))) => **arrival < sample.time,
-                (None, fix) => fix.is_some(),
-                _ => false,
-            };
-            if due {
-                fixes.next().map(|(fix, _)| Event::Gnss(fix))
-            } else {
-                samples.next().map(Event::Imu)
-            }
-        })
+        let arrivals = self.run.arrivals.iter().copied();
+        as_they_come(&self.run.imu, arrivals.zip(&self.run.gnss))
     }
 
     /// When a solution is asked for: once a second.
