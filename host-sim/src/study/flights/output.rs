@@ -201,22 +201,16 @@ fn walks(summary: &Summary) -> Table {
 /// Velocity errors against the linear model: differences, and the oscillation.
 fn models(summary: &Summary) -> Table {
     let (model, schuler) = (&summary.linear_model, &summary.schuler);
-    let row = |name: String, of: [&dyn std::fmt::Display; 3]| {
-        let mut cells = vec![name];
-        cells.extend(of.map(|value| format!("{value:.2}")));
-        cells
+    let number = |value: f64| format!("{value:.2}");
+    let percent = |name: &str, both: [f64; 2]| {
+        let [printed, rotating] = both.map(|part| number(100.0 * part));
+        vec![format!("{name}, %"), String::new(), printed, rotating]
     };
-    let percent = |name: &str, printed: f64, rotating: f64| {
-        row(
-            format!("{name}, %"),
-            [&"", &(100.0 * printed), &(100.0 * rotating)],
-        )
-    };
-    let both = [&schuler.ins, &schuler.model, &schuler.rotating_model];
+    let all = [&schuler.ins, &schuler.model, &schuler.rotating_model];
     let straight = format!("straight flight of {} min, biases only", schuler.minutes);
     let oscillation = |name: &str, value: fn(&Oscillation) -> f64| {
-        let [ins, printed, rotating] = both.map(value);
-        row(format!("{straight}: {name}"), [&ins, &printed, &rotating])
+        let [ins, printed, rotating] = all.map(|of| number(value(of)));
+        vec![format!("{straight}: {name}"), ins, printed, rotating]
     };
     Table {
         title: format!(
@@ -228,18 +222,15 @@ fn models(summary: &Summary) -> Table {
         rows: vec![
             percent(
                 "free parts, estimates applied",
-                model.with_estimates,
-                model.with_estimates_rotating,
+                [model.with_estimates, model.with_estimates_rotating],
             ),
             percent(
                 "free parts, readings as they are",
-                model.raw,
-                model.raw_rotating,
+                [model.raw, model.raw_rotating],
             ),
             percent(
                 &straight,
-                schuler.model_difference,
-                schuler.rotating_model_difference,
+                [schuler.model_difference, schuler.rotating_model_difference],
             ),
             oscillation("period, min", |o| o.period_min),
             oscillation("amplitude east, m/s", |o| o.east_mps),
