@@ -419,14 +419,8 @@ fn greeting(flown: &Flown, told: &Told) -> String {
     ];
     let start = &flown.start;
     let angles = start.euler();
-    let known = flown.run.given_heading_rad.is_some();
-    let heading = |deg: f64| {
-        if known {
-            deg.to_string()
-        } else {
-            String::new()
-        }
-    };
+    let known = flown.run.given_heading_rad;
+    let heading = |deg: f64| known.map_or(String::new(), |_| deg.to_string());
     format!(
         "rehearse,{VERSION},{}\nunit,{}\nstart,{},{},{},{},{},{}\n",
         told.limit.as_secs_f64(),

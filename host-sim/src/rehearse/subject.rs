@@ -138,7 +138,10 @@ fn on_board(
     let mut session = target.open().map_err(unusable)?;
     // Estimates are not looked at: they need not come.
     session.start(config, 0).map_err(unusable)?;
-    let heard = RefCell::new(Heard::new(flown));
+    let heard = RefCell::new(Heard {
+        asks: flown.asks(),
+        ..Heard::default()
+    });
     let is_well = |_: &Request| heard.borrow().failure.is_none();
     let requests = flown.events().map(bench::request).take_while(is_well);
     let ended = session.stream(requests, Rate::Max, |event| {
@@ -150,6 +153,7 @@ fn on_board(
 }
 
 /// What has come from the board.
+#[derive(Default)]
 struct Heard<'a> {
     /// Solutions asked for and not answered yet.
     asks: &'a [Solution],
@@ -158,16 +162,7 @@ struct Heard<'a> {
     now_s: f64,
 }
 
-impl<'a> Heard<'a> {
-    fn new(flown: &'a Flown) -> Self {
-        Self {
-            asks: flown.asks(),
-            solutions: Vec::new(),
-            failure: None,
-            now_s: 0.0,
-        }
-    }
-
+impl Heard<'_> {
     fn take(&mut self, request: &Request, reply: Option<&Reply>) {
         if let Request::Imu(sample) = request {
             self.now_s = sample.time.as_seconds();
