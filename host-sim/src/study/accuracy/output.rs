@@ -82,21 +82,15 @@ fn panel(results: &Results, which: usize) -> Panel {
         (0.8 * least, 1.25 * most),
         vec![Mark::Line(sigma, ORANGE), Mark::Line(error, BLUE)],
     );
+    let (first, rest) = QUANTITIES[which].title.split_at(1);
     Panel {
-        title: capital(QUANTITIES[which].title),
+        title: first.to_uppercase() + rest,
         svg: plot.svg_log_y(),
         keys: vec![
             (BLUE, "RMS error of the runs"),
             (ORANGE, "RMS of the stated sigma"),
         ],
     }
-}
-
-fn capital(text: &str) -> String {
-    let mut letters = text.chars();
-    letters.next().map_or(String::new(), |first| {
-        first.to_uppercase().chain(letters).collect()
-    })
 }
 
 impl Results {

@@ -96,13 +96,11 @@ pub fn fixes(world: &World, drive: &SimulatedDrive) -> Vec<GnssFix> {
     let mut last: Option<GnssFix> = None;
     let mut told = Vec::new();
     for fix in &drive.gnss {
-        let comes_again = |last: GnssFix| {
-            GnssFix {
-                time: fix.time,
-                ..last
-            } == *fix
-        };
-        if !last.is_some_and(comes_again) && !is_made_up(fix, &model.habits) {
+        let again = last.map(|last| GnssFix {
+            time: fix.time,
+            ..last
+        });
+        if again != Some(*fix) && !is_made_up(fix, &model.habits) {
             let unsmoothed = unsmoothed(fix, last.as_ref(), lag_epochs, model);
             told.extend(unsmoothed.map(|fix| own(fix, &model.habits)));
             last = Some(*fix);
