@@ -50,29 +50,43 @@ pub(crate) fn whole(number: f64) -> usize {
     number as usize
 }
 
-/// The straight line through pairs, by least squares.
+/// A straight line by least squares.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {
     pub(crate) slope: f64,
     /// How well it fits; not a number where nothing varies.
     pub(crate) correlation: f64,
+    /// A point of it.
+    middle: (f64, f64),
 }
 
 impl Line {
     pub(crate) fn through(pairs: &[(f64, f64)]) -> Self {
         let n = pairs.len() as f64;
-        let mean = |of: &dyn Fn(f64, f64) -> f64| {
-            let sum: f64 = pairs.iter().map(|(x, y)| of(*x, *y)).sum();
-            sum / n
-        };
-        let (x0, y0) = (mean(&|x, _| x), mean(&|_, y| y));
-        let xx = mean(&|x, _| (x - x0) * (x - x0));
-        let xy = mean(&|x, y| (x - x0) * (y - y0));
-        let yy = mean(&|_, y| (y - y0) * (y - y0));
+        let sum = pairs
+            .iter()
+            .fold((0.0, 0.0), |sum, (x, y)| (sum.0 + x, sum.1 + y));
+        let middle = (sum.0 / n, sum.1 / n);
+        let about = pairs.iter().map(|(x, y)| (x - middle.0, y - middle.1));
+        Self {
+            middle,
+            ..Self::from_origin(about)
+        }
+    }
+
+    /// Held at the origin.
+    pub(crate) fn from_origin(pairs: impl Iterator<Item = (f64, f64)>) -> Self {
+        let add = |(xx, xy, yy), (x, y)| (xx + x * x, xy + x * y, yy + y * y);
+        let (xx, xy, yy): (f64, f64, f64) = pairs.fold((0.0, 0.0, 0.0), add);
         Self {
             slope: xy / xx,
             correlation: xy / (xx * yy).sqrt(),
+            middle: (0.0, 0.0),
         }
+    }
+
+    pub(crate) fn at(&self, x: f64) -> f64 {
+        self.middle.1 + self.slope * (x - self.middle.0)
     }
 }
 

@@ -255,18 +255,10 @@ impl Clocks {
 
 /// Values of the intervals of a window less their straight line: a tilt and its drift.
 fn detrended(window: &[&Seen], value: impl Fn(&Seen) -> f64) -> Vec<f64> {
-    let n = window.len() as f64;
-    let values: Vec<f64> = window.iter().map(|seen| value(seen)).collect();
-    let mean_s = window.iter().map(|seen| seen.from_s).sum::<f64>() / n;
-    let mean = values.iter().sum::<f64>() / n;
-    let (mut tt, mut tv) = (0.0, 0.0);
-    for (seen, value) in window.iter().zip(&values) {
-        tt += (seen.from_s - mean_s) * (seen.from_s - mean_s);
-        tv += (seen.from_s - mean_s) * value;
-    }
-    let line = |seen: &Seen| mean + tv / tt * (seen.from_s - mean_s);
-    let pairs = window.iter().zip(&values);
-    pairs.map(|(seen, value)| value - line(seen)).collect()
+    let pair = |seen: &&Seen| (seen.from_s, value(seen));
+    let pairs: Vec<(f64, f64)> = window.iter().map(pair).collect();
+    let line = Line::through(&pairs);
+    pairs.iter().map(|(s, value)| value - line.at(*s)).collect()
 }
 
 /// Of level accelerations, one turned against the other by an unknown angle.
@@ -291,9 +283,8 @@ fn up_evidence(window: &[&Seen], felt: &[f64]) -> f64 {
         return 0.0;
     }
     let seen = detrended(window, |seen| seen.up_mps2.unwrap_or_default());
-    let sum = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let both = sum(felt, &seen).max(0.0);
-    let square = both * both / (sum(felt, felt) * sum(&seen, &seen));
+    let fit = Line::from_origin(felt.iter().copied().zip(seen));
+    let square = fit.correlation.max(0.0).powi(2);
     0.5 * (window.len() - 2) as f64 * explained(square) - 0.25
 }
 

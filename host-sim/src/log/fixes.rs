@@ -7,6 +7,7 @@ use nalgebra::Vector2;
 use super::Log;
 use super::error::{Findings, LogError};
 use super::typical::median;
+use crate::statistics::Line;
 
 /// Speed above which a vehicle moves beyond doubt, m/s: ten times a receiver's noise.
 const MOVING_MPS: f64 = 1.0;
@@ -206,9 +207,10 @@ impl Mend<'_, '_> {
 
     /// Vertical velocity counted downwards, or in another unit.
     fn climb_of_the_wrong_sign(&mut self) {
-        let Some((slope, correlation)) = self.climb_against_heights() else {
+        let Some(fit) = self.climb_against_heights() else {
             return;
         };
+        let (slope, correlation) = (fit.slope, fit.correlation);
         let found = format!(
             "heights that change by {slope:.2} times its integral (correlation {correlation:.2})"
         );
@@ -224,9 +226,8 @@ impl Mend<'_, '_> {
         }
     }
 
-    /// Slope and correlation of height steps over integrals of vertical velocity; none where
-    /// nothing climbs.
-    fn climb_against_heights(&self) -> Option<(f64, f64)> {
+    /// Height steps over integrals of vertical velocity; none where nothing climbs.
+    fn climb_against_heights(&self) -> Option<Line> {
         const STEP_S: f64 = 5.0;
         let mut steps = Vec::new();
         let mut start = self.fixes.first()?;
@@ -246,15 +247,9 @@ impl Mend<'_, '_> {
                 (start, integral_m) = (&pair[1], 0.0);
             }
         }
-        let sum = |f: &dyn Fn(&(f64, f64)) -> f64| steps.iter().map(f).sum::<f64>();
-        let (xx, xy, yy) = (
-            sum(&|s| s.0 * s.0),
-            sum(&|s| s.0 * s.1),
-            sum(&|s| s.1 * s.1),
-        );
         // A minute of climbs of 1.5 m and more: what heights show beyond their noise.
         let climbing = steps.iter().filter(|s| s.0.abs() > 1.5).count();
-        (climbing >= 12).then(|| (xy / xx, xy / (xx * yy).sqrt()))
+        (climbing >= 12).then(|| Line::from_origin(steps.into_iter()))
     }
 
     /// Velocity that is the difference of positions: late by half of what lies between, with their

@@ -267,25 +267,19 @@ fn turned_by(axes: BodyAxes, other: BodyAxes, c: &Matrix2<f64>) -> bool {
 /// Gravity turns in the body as the gyros say: where they show plainly the opposite, one of the
 /// two has a sign that it should not have.
 fn check_turning_gravity(log: &Log, rates: &Rates, findings: &mut Findings) {
-    let mut sums = [Turning::default(); 2];
-    let mut last: Option<Block> = None;
-    for block in blocks(rates) {
-        if let Some(last) = last.replace(block) {
-            for (axis, sums) in sums.iter_mut().enumerate() {
-                sums.add(axis, &last, &block);
-            }
-        }
-    }
-    for ((axis, name), sums) in [(0, "right"), (1, "forward")].into_iter().zip(sums) {
-        let Turning { xx, xy, yy, times } = sums;
-        let correlation = xy / (xx * yy).sqrt();
-        if times < INTERVALS || correlation > -CLEAR {
+    let blocks: Vec<Block> = blocks(rates).collect();
+    let names = [("right", "forward"), ("forward", "right")];
+    for (axis, (name, about)) in names.into_iter().enumerate() {
+        let changes = || blocks.windows(2).map(|pair| gravity_change(pair, axis));
+        // A degree and a half in a block: far above a road's unevenness.
+        let clear = changes().filter(|(turned, _)| turned.abs() > 0.25).count();
+        let correlation = Line::from_origin(changes()).correlation;
+        if clear < INTERVALS || correlation > -CLEAR {
             continue;
         }
         let found = format!("the opposite {name} (correlation {correlation:.2})");
         let cause = format!(
-            "the accelerometer {name} or the gyro {} has the wrong sign against body_axes = \"{}\"",
-            if axis == 0 { "forward" } else { "right" },
+            "the accelerometer {name} or the gyro {about} has the wrong sign against body_axes = \"{}\"",
             log.meta.body_axes
         );
         let expected = "gravity that turns in the body as the gyros say";
@@ -300,26 +294,11 @@ const BLOCK_S: f64 = 0.2;
 type Block = (Vector3<f64>, Vector3<f64>);
 
 /// Change of gravity on an axis from block to block: by the gyros, and as felt.
-#[derive(Clone, Copy, Default)]
-struct Turning {
-    xx: f64,
-    xy: f64,
-    yy: f64,
-    /// Clear ones.
-    times: usize,
-}
-
-impl Turning {
-    fn add(&mut self, axis: usize, last: &Block, block: &Block) {
-        let turned = -0.5 * (last.0 + block.0) * BLOCK_S;
-        let force = 0.5 * (last.1 + block.1);
-        let (x, y) = (turned.cross(&force)[axis], (block.1 - last.1)[axis]);
-        self.xx += x * x;
-        self.xy += x * y;
-        self.yy += y * y;
-        // A degree and a half in a block: far above a road's unevenness.
-        self.times += usize::from(x.abs() > 0.25);
-    }
+fn gravity_change(pair: &[Block], axis: usize) -> (f64, f64) {
+    let (last, block) = (&pair[0], &pair[1]);
+    let turned = -0.5 * (last.0 + block.0) * BLOCK_S;
+    let force = 0.5 * (last.1 + block.1);
+    (turned.cross(&force)[axis], (block.1 - last.1)[axis])
 }
 
 fn blocks(rates: &Rates) -> impl Iterator<Item = Block> {
