@@ -1,16 +1,17 @@
 //! Writing a log folder.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io;
 use std::path::Path;
 
 use flate2::write::GzEncoder;
-use ins_core::{BaroHeight, GnssFix, ImuSample, Solution};
+use ins_core::{BaroHeight, GnssFix, ImuSample, Solution, Time};
 
 use super::Log;
 use super::error::LogError;
 use super::meta::BodyAxes;
 use super::order::decimal;
+use crate::page::write_csv;
 
 /// Whether the tables are packed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -31,7 +32,7 @@ pub fn write(log: &Log, folder: &Path, compression: Compression) -> Result<(), L
     for (name, _) in &sigmas {
         fixes = fixes + "," + name;
     }
-    let table = |name: &str, header: &str, rows: &mut dyn Iterator<Item = String>| {
+    let table = |name: &str, header: &str, rows: &mut dyn Iterator<Item = Vec<String>>| {
         write_table(folder, name, compression, header, rows)
     };
     let samples = "t_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z";
@@ -40,26 +41,22 @@ pub fn write(log: &Log, folder: &Path, compression: Compression) -> Result<(), L
     let mut rows = log.gnss.iter().map(|fix| gnss_row(fix, &sigmas));
     table("gnss.csv", &fixes, &mut rows)?;
     if !log.baro.is_empty() {
-        let row = |height: &BaroHeight| {
-            let cells = [height.height_m, height.sigma_m].map(Some);
-            joined(decimal(height.time), cells.into_iter())
-        };
+        let row =
+            |height: &BaroHeight| cells(height.time, [height.height_m, height.sigma_m].map(Some));
         table("baro.csv", "t_s,h_m,sd_h", &mut log.baro.iter().map(row))?;
     }
     if !log.truth.is_empty() {
         let motion = "t_s,lat_deg,lon_deg,h_m,ve,vn,vu,roll_deg,pitch_deg,heading_deg";
-        let row =
-            |truth: &Solution| joined(decimal(truth.time), numbers(truth).into_iter().map(Some));
+        let row = |truth: &Solution| cells(truth.time, numbers(truth).map(Some));
         table("truth.csv", motion, &mut log.truth.iter().map(row))?;
     }
     let path = folder.join("meta.toml");
     std::fs::write(&path, log.meta.to_toml()).map_err(|e| cannot_write(&path, &e))
 }
 
-fn imu_row(sample: &ImuSample, axes: BodyAxes) -> String {
+fn imu_row(sample: &ImuSample, axes: BodyAxes) -> Vec<String> {
     let (gyro, accel) = (axes.from_rfu(sample.gyro), axes.from_rfu(sample.accel));
-    let cells = gyro.iter().chain(&accel).map(|&x| Some(x));
-    joined(decimal(sample.time), cells)
+    cells(sample.time, gyro.iter().chain(&accel).map(|&x| Some(x)))
 }
 
 type Part = fn(&GnssFix) -> Option<f64>;
@@ -73,10 +70,10 @@ const SIGMAS: [(&str, Part); 5] = [
     ("sd_vu", |fix| fix.sigma.velocity_up_mps),
 ];
 
-fn gnss_row(fix: &GnssFix, sigmas: &[(&str, Part)]) -> String {
+fn gnss_row(fix: &GnssFix, sigmas: &[(&str, Part)]) -> Vec<String> {
     let position = fix.position;
     let velocity = fix.velocity_en_mps;
-    let cells = [
+    let motion = [
         position.map(|p| p.latitude_rad.to_degrees()),
         position.map(|p| p.longitude_rad.to_degrees()),
         fix.height_m,
@@ -85,7 +82,7 @@ fn gnss_row(fix: &GnssFix, sigmas: &[(&str, Part)]) -> String {
         fix.velocity_up_mps,
     ];
     let sigmas = sigmas.iter().map(|(_, part)| part(fix));
-    joined(decimal(fix.time), cells.into_iter().chain(sigmas))
+    cells(fix.time, motion.into_iter().chain(sigmas))
 }
 
 /// Latitude, longitude, height, velocity, roll, pitch, heading: degrees, metres and m/s.
@@ -105,15 +102,11 @@ pub(crate) fn numbers(solution: &Solution) -> [f64; 9] {
     ]
 }
 
-fn joined(mut row: String, cells: impl Iterator<Item = Option<f64>>) -> String {
-    for cell in cells {
-        row.push(',');
-        if let Some(value) = cell {
-            // The shortest decimal that reads back as the same f64.
-            row.push_str(&value.to_string());
-        }
-    }
-    row
+fn cells(time: Time, numbers: impl IntoIterator<Item = Option<f64>>) -> Vec<String> {
+    // The shortest decimal that reads back as the same f64.
+    let cell = |number: Option<f64>| number.map_or(String::new(), |value| value.to_string());
+    let numbers = numbers.into_iter().map(cell);
+    [decimal(time)].into_iter().chain(numbers).collect()
 }
 
 fn write_table(
@@ -121,37 +114,24 @@ fn write_table(
     name: &str,
     compression: Compression,
     header: &str,
-    rows: &mut dyn Iterator<Item = String>,
+    rows: &mut dyn Iterator<Item = Vec<String>>,
 ) -> Result<(), LogError> {
     let suffix = match compression {
         Compression::Plain => "",
         Compression::Gzip => ".gz",
     };
     let path = folder.join(format!("{name}{suffix}"));
-    let mut write = || {
-        let file = BufWriter::new(File::create(&path)?);
+    let write = || {
+        let file = File::create(&path)?;
         match compression {
-            Compression::Plain => write_lines(file, header, rows).map(drop),
+            Compression::Plain => write_csv(file, header, rows).map(drop),
             Compression::Gzip => {
                 let packed = GzEncoder::new(file, flate2::Compression::default());
-                write_lines(packed, header, rows)?.finish()?.flush()
+                write_csv(packed, header, rows)?.finish().map(drop)
             }
         }
     };
     write().map_err(|e| cannot_write(&path, &e))
-}
-
-fn write_lines<W: Write>(
-    mut to: W,
-    header: &str,
-    rows: &mut dyn Iterator<Item = String>,
-) -> io::Result<W> {
-    writeln!(to, "{header}")?;
-    for row in rows {
-        writeln!(to, "{row}")?;
-    }
-    to.flush()?;
-    Ok(to)
 }
 
 fn cannot_write(path: &Path, error: &io::Error) -> LogError {

@@ -8,6 +8,8 @@ pub(crate) mod progress;
 pub(crate) mod sheet;
 pub mod table;
 
+use std::io;
+
 use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
 
@@ -21,13 +23,26 @@ pub(crate) fn csv<R>(names: &str, rows: impl IntoIterator<Item = R>) -> Result<S
 where
     R: IntoIterator<Item: AsRef<[u8]>>,
 {
-    let mut table = csv::Writer::from_writer(Vec::new());
-    table.write_record(names.split(',')).into_diagnostic()?;
-    for row in rows {
-        table.write_record(row).into_diagnostic()?;
-    }
-    let text = table.into_inner().into_diagnostic()?;
+    let text = write_csv(Vec::new(), names, rows).into_diagnostic()?;
     String::from_utf8(text).into_diagnostic()
+}
+
+/// The same, row by row into what takes it.
+pub(crate) fn write_csv<W, R>(
+    to: W,
+    names: &str,
+    rows: impl IntoIterator<Item = R>,
+) -> io::Result<W>
+where
+    W: io::Write,
+    R: IntoIterator<Item: AsRef<[u8]>>,
+{
+    let mut table = csv::Writer::from_writer(to);
+    table.write_record(names.split(','))?;
+    for row in rows {
+        table.write_record(row)?;
+    }
+    table.into_inner().map_err(csv::IntoInnerError::into_error)
 }
 
 /// A number down to the second digit of `scale`.
