@@ -15,7 +15,6 @@ pub(super) trait Rows: Default {
     type Row: Copy + PartialEq;
     fn push(&mut self, row: Self::Row) -> io::Result<()>;
     fn all(&self) -> impl Iterator<Item = Self::Row>;
-    fn retain(&mut self, keep: impl FnMut(&Self::Row) -> bool) -> io::Result<()>;
 }
 
 impl<T: Copy + PartialEq> Rows for Vec<T> {
@@ -29,11 +28,6 @@ impl<T: Copy + PartialEq> Rows for Vec<T> {
     fn all(&self) -> impl Iterator<Item = T> {
         self.iter().copied()
     }
-
-    fn retain(&mut self, keep: impl FnMut(&T) -> bool) -> io::Result<()> {
-        self.retain(keep);
-        Ok(())
-    }
 }
 
 impl Rows for Store {
@@ -45,11 +39,6 @@ impl Rows for Store {
 
     fn all(&self) -> impl Iterator<Item = ImuSample> {
         self.iter()
-    }
-
-    fn retain(&mut self, mut keep: impl FnMut(&ImuSample) -> bool) -> io::Result<()> {
-        *self = Self::of(self.iter().filter(|sample| keep(sample)))?;
-        Ok(())
     }
 }
 
@@ -170,11 +159,14 @@ impl<R: Rows> Order<R> {
         }
         let times: Vec<Time> = self.rows.all().map(|row| (self.time)(&row)).collect();
         let keep = longest_increasing(&times);
-        let mut each = keep.iter();
-        self.rows.retain(|_| each.next() == Some(&true))?;
-        let kept = keep.iter().filter(|kept| **kept).count();
-        self.told.disorder.count = self.count - kept;
-        self.count = kept;
+        let (mut kept, mut count) = (R::default(), 0);
+        for (row, _) in self.rows.all().zip(keep).filter(|(_, keep)| *keep) {
+            kept.push(row)?;
+            count += 1;
+        }
+        self.rows = kept;
+        self.told.disorder.count = self.count - count;
+        self.count = count;
         Ok(())
     }
 }
