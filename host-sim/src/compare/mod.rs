@@ -15,11 +15,10 @@ use miette::{Result, miette};
 use plotters::style::RGBColor;
 use serde::Serialize;
 
-use crate::identify::analysis::log_name;
-use crate::identify::configure;
+use crate::identify::analysis;
 use crate::identify::true_errors::Truth;
 use crate::identify::words::with_sigma;
-use crate::log::{BodyAxes, Grade, LogError, import};
+use crate::log::{BodyAxes, Grade};
 use crate::page::chart::{Chart, Figure, MOST_POINTS, sampled};
 use crate::page::html::{Page, Section};
 use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED, padded};
@@ -68,13 +67,10 @@ pub struct Comparison {
 
 impl Comparison {
     pub fn of_log(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Self> {
-        let (log, warnings) = import::open(folder)?;
-        progress.suspend(|| LogError::tell(&warnings));
-        let truth = Truth::read(folder)?;
-        let grade = configure::grade(&log, grade);
-        let config = configure::config(&log, grade);
+        let read = analysis::Input::read(folder, grade, progress)?;
+        let (log, config, grade, truth) = (&read.log, read.config, read.grade, read.truth);
         let input = Input {
-            log: &log,
+            log,
             config,
             noise: noise(grade, &config, truth.is_some()),
             truth: truth.as_ref(),
@@ -83,12 +79,12 @@ impl Comparison {
         progress.set_message("all methods");
         let tracks = tracks::all(&input).map_err(unusable)?;
         progress.set_message("outages");
-        let outages = outage::test(&log, truth.is_some(), config, input.noise).map_err(unusable)?;
+        let outages = outage::test(log, truth.is_some(), config, input.noise).map_err(unusable)?;
         progress.set_message("cost");
-        let costs = cost::measure(&log, config, input.noise).map_err(unusable)?;
+        let costs = cost::measure(log, config, input.noise).map_err(unusable)?;
         progress.finish_and_clear();
         Ok(Self {
-            log: log_name(folder, &log),
+            log: read.name,
             duration_s: log.duration_s(),
             body_axes: log.meta.body_axes,
             grade,
@@ -100,6 +96,7 @@ impl Comparison {
             truth,
         })
     }
+
     pub fn write(&self, folder: &Path) -> Result<()> {
         output::write(folder, JSON, page::json(self)?)?;
         output::write(folder, "report.html", self.page().html()?)?;

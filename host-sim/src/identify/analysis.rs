@@ -26,10 +26,10 @@ pub const REPORT: &str = "report.html";
 pub struct Input {
     pub log: Log,
     pub config: Config,
-    name: String,
-    grade: Grade,
+    pub(crate) name: String,
+    pub(crate) grade: Grade,
     warnings: Vec<LogError>,
-    truth: Option<Truth>,
+    pub(crate) truth: Option<Truth>,
 }
 
 impl Input {
