@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use miette::Result;
 
-use super::options::{GradeChoice, Output, refuse_same};
+use super::options::{GradeChoice, Output, refuse_same, report_line};
 use crate::compare::{Comparison, JSON, plain};
 use crate::page::progress::spinner;
 
@@ -30,7 +30,7 @@ pub fn compare(options: &Compare) -> Result<()> {
         .output
         .fill(JSON, |folder| comparison.write(folder))?;
     options.output.print.result(&comparison, || {
-        let report = options.output.out.join("report.html");
-        format!("{}\nReport: {}\n", plain(&comparison), report.display())
+        let report = report_line(&options.output.out);
+        format!("{}\n{report}", plain(&comparison))
     })
 }

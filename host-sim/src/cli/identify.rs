@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use miette::{Result, bail};
 
-use super::options::{GradeChoice, Output, refuse_same};
+use super::options::{GradeChoice, Output, refuse_same, report_line};
 use crate::identify::analysis::{Analysis, Given, REPORT, SUMMARY};
 use crate::identify::error_model::allan::AtRest;
 use crate::identify::error_model::{self, Identified, Record, Sensors};
@@ -160,10 +160,6 @@ fn model_in_words(model: &Identified, out: &Path) -> String {
         model.table().plain(),
         file.display()
     )
-}
-
-fn report_line(out: &Path) -> String {
-    format!("Report: {}\n", out.join(REPORT).display())
 }
 
 /// What was found, and where it is written.

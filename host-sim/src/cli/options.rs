@@ -10,6 +10,7 @@ use serde::Serialize;
 use crate::aircraft::cessna172;
 use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::input::read_aircraft;
+use crate::identify::analysis::REPORT;
 use crate::log::Grade;
 use crate::page::{self, output};
 
@@ -128,6 +129,11 @@ impl Folder {
         let build = |folder: &PathBuf| output::build(folder, mark, self.force, fill);
         self.out.as_ref().map_or(Ok(()), build)
     }
+}
+
+/// Where the page of a folder of results is.
+pub(super) fn report_line(out: &Path) -> String {
+    format!("Report: {}\n", out.join(REPORT).display())
 }
 
 /// To the standard output. Whoever reads it may stop, as `head` does.

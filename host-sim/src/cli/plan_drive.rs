@@ -6,7 +6,7 @@ use clap::Args;
 use miette::{Result, miette};
 
 use super::identify::error_model_of;
-use super::options::{Folder, refuse_same};
+use super::options::{Folder, refuse_same, report_line};
 use crate::identify::analysis::Analysis;
 use crate::identify::error_model::Record;
 use crate::page::progress::{bar, spinner};
@@ -46,8 +46,7 @@ pub fn plan_drive(options: &PlanDrive) -> Result<()> {
     let report = Report::new(&plan, &target.site, log);
     folder.fill(PLAN, |folder| report.write(folder))?;
     folder.print.result(&report, || {
-        let page = folder.out.as_ref().map(|out| out.join("report.html"));
-        let written = page.map(|page| format!("\nReport: {}\n", page.display()));
+        let written = (folder.out.as_ref()).map(|out| format!("\n{}", report_line(out)));
         report.readable() + &written.unwrap_or_default()
     })
 }

@@ -12,7 +12,7 @@ use crate::aircraft::plan::Plan;
 use crate::campaign::ledger::Shard;
 use crate::campaign::{ledger, slurm};
 use crate::cli::identify::error_model_of;
-use crate::cli::options::{GradeChoice, Output, aircraft, print, refuse_same};
+use crate::cli::options::{GradeChoice, Output, aircraft, print, refuse_same, report_line};
 use crate::identify::analysis::log_name;
 use crate::identify::error_model::Sensors;
 use crate::identify::error_model::allan::AtRest;
@@ -174,10 +174,8 @@ pub fn rehearse(options: &Rehearse) -> Result<()> {
     }
     let summary = Summary::new(&rehearsal, &world, &lines(out)?);
     output::write(out, &summary)?;
-    options.output.print.result(&summary, || {
-        let report = out.join("report.html");
-        output::readable(&summary) + &format!("Report: {}\n", report.display())
-    })
+    let told = || output::readable(&summary) + &report_line(out);
+    options.output.print.result(&summary, told)
 }
 
 fn subjects(with: &[String]) -> Result<Vec<Subject>> {

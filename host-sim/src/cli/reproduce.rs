@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use miette::Result;
 
-use super::options::{Output, refuse_same};
+use super::options::{Output, refuse_same, report_line};
 use crate::identify::analysis::log_name;
 use crate::log::{LogError, import};
 use crate::page::progress::spinner;
@@ -47,11 +47,7 @@ pub fn reproduce(options: &Reproduce) -> Result<()> {
         .output
         .fill(JSON, |folder| reproduction.write(folder))?;
     options.output.print.result(&reproduction, || {
-        let report = options.output.out.join("report.html");
-        format!(
-            "{}\nReport: {}\n",
-            reproduction.readable(),
-            report.display()
-        )
+        let report = report_line(&options.output.out);
+        format!("{}\n{report}", reproduction.readable())
     })
 }
