@@ -233,21 +233,10 @@ fn geodetic(row: &Row, columns: [usize; 3]) -> Result<Geodetic, LogError> {
 }
 
 fn on_earth(row: &Row, columns: [usize; 2], cells: [f64; 2]) -> Result<LatLon, LogError> {
-    let [latitude, mut longitude] = cells;
-    if latitude.abs() > 90.0 {
-        return Err(out_of_range(
-            row,
-            columns[0],
-            "a latitude from -90 to 90 deg",
-        ));
-    }
-    if longitude.abs() > 360.0 {
-        return Err(out_of_range(
-            row,
-            columns[1],
-            "a longitude from -180 to 180 deg",
-        ));
-    }
+    let latitude = "a latitude from -90 to 90 deg";
+    let latitude = within(row, columns[0], cells[0], 90.0, latitude)?;
+    let longitude = "a longitude from -180 to 180 deg";
+    let mut longitude = within(row, columns[1], cells[1], 360.0, longitude)?;
     if longitude.abs() > 180.0 {
         longitude -= 360.0_f64.copysign(longitude);
     }
@@ -258,19 +247,23 @@ fn on_earth(row: &Row, columns: [usize; 2], cells: [f64; 2]) -> Result<LatLon, L
 }
 
 fn height(row: &Row, column: usize, height_m: f64) -> Result<f64, LogError> {
-    if height_m.abs() > 1e5 {
-        return Err(out_of_range(
-            row,
-            column,
-            "a height within 100 km of the ellipsoid",
-        ));
-    }
-    Ok(height_m)
+    let expected = "a height within 100 km of the ellipsoid";
+    within(row, column, height_m, 1e5, expected)
 }
 
-fn out_of_range(row: &Row, column: usize, expected: &str) -> LogError {
+/// A number of a column that is no further from zero than what it is of can be.
+fn within(
+    row: &Row,
+    column: usize,
+    number: f64,
+    most: f64,
+    expected: &str,
+) -> Result<f64, LogError> {
+    if number.abs() <= most {
+        return Ok(number);
+    }
     let cause = "columns swapped, or another unit: 1e-7 deg, millimetres";
-    row.defect(column, expected, row.cell(column), cause)
+    Err(row.defect(column, expected, row.cell(column), cause))
 }
 
 /// One sigma of a component: the root mean square of those stated.
