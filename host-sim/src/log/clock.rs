@@ -93,20 +93,17 @@ fn moved(best: &Shift, apart: bool, findings: &Findings) -> LogError {
         if apart {
             "the two files count from different origins (UTC, GPS week, boot)"
         } else {
-            cause(best.s)
+            leap_seconds(best.s).unwrap_or("the two files were stamped by clocks that differ")
         },
         -best.s
     );
     findings.gnss("t_s", ONE_SCALE, found, cause)
 }
 
-fn cause(shift_s: f64) -> &'static str {
-    // What GPS time has been ahead of UTC since 2006, and a latency.
-    if (13.5..=19.5).contains(&shift_s.abs()) {
-        "leap seconds: one file counts UTC, the other GPS time (18 s ahead since 2017)"
-    } else {
-        "the two files were stamped by clocks that differ"
-    }
+/// Whether a shift is what GPS time has been ahead of UTC since 2006, and a latency.
+fn leap_seconds(shift_s: f64) -> Option<&'static str> {
+    let cause = "leap seconds: one file counts UTC, the other GPS time (18 s ahead since 2017)";
+    (13.5..=19.5).contains(&shift_s.abs()).then_some(cause)
 }
 
 fn two_answers(best: &Shift, other: &Shift, findings: &Findings) -> LogError {
@@ -138,13 +135,10 @@ fn other_origin(log: &Log, findings: &Findings) -> LogError {
         log.duration_s()
     );
     let found = format!("fixes from {first:.3} to {last:.3} s, counted from the first sample");
-    let cause = match cause(first) {
-        leap if leap.starts_with("leap") => leap,
-        _ => {
-            "the two files count from different origins (UTC, GPS week, boot), and there is too \
-             little motion to find by how much"
-        }
-    };
+    let cause = leap_seconds(first).unwrap_or(
+        "the two files count from different origins (UTC, GPS week, boot), and there is too \
+         little motion to find by how much",
+    );
     let cause = format!("{cause}: bring both to one scale");
     findings.gnss("t_s", expected, found, cause)
 }
