@@ -37,7 +37,7 @@ pub(super) fn check(log: &mut Log, path: &Path, warnings: &mut Vec<LogError>) {
 
 /// How many times as much as the receiver a barometer shows, and what that means; none where it is right,
 /// or nobody can tell.
-fn of_another_unit(log: &Log) -> Option<(f64, &'static str)> {
+fn of_another_unit(log: &Log) -> Option<(f64, String)> {
     let pairs: Vec<(f64, f64)> = (log.gnss.iter())
         .filter_map(|fix| {
             let next = log.baro.partition_point(|height| height.time < fix.time);
@@ -55,31 +55,23 @@ fn of_another_unit(log: &Log) -> Option<(f64, &'static str)> {
     if !hilly || within(line.slope, 1.0, ALIKE) || line.correlation.abs() < CORRELATED {
         return None;
     }
+    let metres = |unit: &str| format!("{unit} for metres");
+    let pressure =
+        |unit: &str| format!("pressure in {unit}: write the height of a standard atmosphere");
     let units = [
-        (3.281, "feet for metres"),
-        (100.0, "centimetres for metres"),
-        (1000.0, "millimetres for metres"),
-        (0.001, "kilometres for metres"),
+        (3.281, metres("feet")),
+        (100.0, metres("centimetres")),
+        (1000.0, metres("millimetres")),
+        (0.001, metres("kilometres")),
     ];
     let fallen = [
-        (1.0, "down positive"),
-        (
-            0.12,
-            "pressure in hPa: write the height of a standard atmosphere",
-        ),
-        (
-            12.0,
-            "pressure in Pa: write the height of a standard atmosphere",
-        ),
-        (
-            0.012,
-            "pressure in kPa: write the height of a standard atmosphere",
-        ),
+        (1.0, "down positive".to_owned()),
+        (0.12, pressure("hPa")),
+        (12.0, pressure("Pa")),
+        (0.012, pressure("kPa")),
     ];
     let known = if line.slope > 0.0 { units } else { fallen };
     let unit = likeliest(known, line.slope.abs(), ALIKE);
-    Some((
-        line.slope,
-        unit.unwrap_or("another unit, or of another drive"),
-    ))
+    let unknown = || "another unit, or of another drive".to_owned();
+    Some((line.slope, unit.unwrap_or_else(unknown)))
 }
