@@ -111,25 +111,19 @@ impl Known {
         let three = |values: Vector3<f64>, at: usize, start: f64| {
             [0, 1, 2].map(|axis| estimate(values[axis], at + axis, start))
         };
+        let (sensors, gnss) = (&noise.sensors, &noise.gnss);
+        let (accel, gyro) = (self.accel_bias_mps2, self.gyro_bias_radps);
         let mut estimates = Estimates {
             azimuth_error_rad: estimate(0.0, index::ATTITUDE + 2, AZIMUTH_RAD),
-            accel_bias_mps2: three(
-                self.accel_bias_mps2,
-                index::ACCEL,
-                noise.sensors.accel_bias_mps2,
-            ),
-            gyro_bias_radps: three(
-                self.gyro_bias_radps,
-                index::GYRO,
-                noise.sensors.gyro_bias_radps,
-            ),
-            gnss_latency_s: estimate(self.latency_s, index::LATENCY, noise.gnss.latency_sigma_s),
+            accel_bias_mps2: three(accel, index::ACCEL, sensors.accel_bias_mps2),
+            gyro_bias_radps: three(gyro, index::GYRO, sensors.gyro_bias_radps),
+            gnss_latency_s: estimate(self.latency_s, index::LATENCY, gnss.latency_sigma_s),
             ..Estimates::default()
         };
         estimates.accel_bias_mps2[2] = self.upright(covariance, layout, noise);
         estimates.gnss_latency_now_s = estimates.gnss_latency_s;
         if let Some(at) = layout.clock_drift {
-            estimates.clock_drift = estimate(self.clock_drift, at, noise.gnss.clock_drift_sigma);
+            estimates.clock_drift = estimate(self.clock_drift, at, gnss.clock_drift_sigma);
             let (back_s, latency) = (0.5 * run_s, index::LATENCY);
             let variance = covariance[(latency, latency)]
                 - 2.0 * back_s * covariance[(latency, at)]
@@ -137,11 +131,11 @@ impl Known {
             estimates.gnss_latency_s = told(
                 self.latency_s - back_s * self.clock_drift,
                 variance.max(0.0).sqrt(),
-                noise.gnss.latency_sigma_s,
+                gnss.latency_sigma_s,
             );
         }
         if let Some(at) = layout.lever_arm {
-            estimates.lever_arm_m = three(self.lever_arm_m, at, noise.gnss.lever_arm_sigma_m);
+            estimates.lever_arm_m = three(self.lever_arm_m, at, gnss.lever_arm_sigma_m);
         }
         estimates
     }

@@ -146,10 +146,10 @@ impl Seen {
         }
     }
 
-    fn set(&mut self, row: usize, first: usize, by: &[f64; 3]) {
-        for (column, by) in by.iter().enumerate() {
-            self.by[(row, first + column)] = *by;
-        }
+    /// Three columns of a row, as of an axis.
+    fn set(&mut self, row: usize, first: usize, block: &Matrix3<f64>, axis: usize) {
+        let mut by = self.by.fixed_view_mut::<1, 3>(row, first);
+        by.copy_from(&block.row(axis));
     }
 }
 
@@ -197,11 +197,10 @@ impl AtMoment<'_> {
         let sigma = noise.white_of(part, fix);
         let mut seen = Seen::new(part.axes().len(), layout);
         for (row, axis) in part.axes().enumerate() {
-            let of = |block: &Matrix3<f64>| [0, 1, 2].map(|column| block[(axis, column)]);
-            seen.set(row, ATTITUDE, &of(&by_attitude));
-            seen.set(row, GYRO, &of(&by_gyro));
+            seen.set(row, ATTITUDE, &by_attitude, axis);
+            seen.set(row, GYRO, &by_gyro, axis);
             if let Some(at) = layout.lever_arm {
-                seen.set(row, at, &of(&by_arm));
+                seen.set(row, at, &by_arm, axis);
             }
             if let Some(state) = layout.colour(part).nth(row) {
                 seen.by[(row, state)] = -1.0;
@@ -279,8 +278,7 @@ pub fn at_rest(
     let mut shared = StateMatrix::zeros(layout.size, 3);
     for axis in 0..3 {
         let power = noise.sensors.gyro_noise[axis] * noise.sensors.gyro_noise[axis];
-        let row = [0, 1, 2].map(|column| by_attitude[(axis, column)]);
-        seen.set(axis, ATTITUDE, &row);
+        seen.set(axis, ATTITUDE, &by_attitude, axis);
         seen.by[(axis, GYRO + axis)] = 1.0;
         seen.difference[axis] = rate_radps[axis] - turn[axis] - known.gyro_bias_radps[axis];
         seen.variance[axis] = (power + SWAY_RADPS * SWAY_RADPS) / seconds;
