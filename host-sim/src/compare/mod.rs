@@ -207,13 +207,9 @@ pub fn plain(comparison: &Comparison) -> String {
 
 fn tables(comparison: &Comparison) -> Vec<Table> {
     let by_method = |title: &str, cell: fn(&QuantityResult) -> Option<String>, none: &str| {
-        let mut header = vec![String::new()];
-        header.extend(
-            comparison
-                .methods
-                .iter()
-                .map(|method| method.method.clone()),
-        );
+        let methods = comparison.methods.iter();
+        let names = methods.map(|method| method.method.clone());
+        let header = [String::new()].into_iter().chain(names).collect();
         let row = |which: usize| {
             let cells = comparison.methods.iter().map(|method| {
                 let Some(result) = method.quantities.get(which) else {
