@@ -294,7 +294,7 @@ fn trajectories(seed: u64) -> [[f64; 3]; 2] {
         records.push(Record::new(filter, correction));
     };
     while run.step(record).is_some() {}
-    let smoothed = smooth(&records);
+    let smoothed = smooth(&records, &exact());
     assert_eq!(smoothed.len(), records.len());
     let rms = |points: &mut dyn Iterator<Item = (Time, Known)>| {
         let (mut sums, mut count) = ([0.0; 3], 0.0);

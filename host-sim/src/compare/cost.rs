@@ -54,7 +54,7 @@ pub fn measure(log: &Log, config: Config, noise: Noise) -> Result<Vec<Cost>, Con
                 records.push(Record::new(filter, correction));
             };
             while run.step(record).is_some() {}
-            black_box(smooth(&records));
+            black_box(smooth(&records, &noise));
             Ok(())
         }),
     ];

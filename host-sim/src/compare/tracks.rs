@@ -150,11 +150,11 @@ fn kalman_and_smoother(told: &str, input: &Input) -> Result<[Track; 2], ConfigEr
         }
     }
     let mut smoothed: Vec<Point> = Vec::new();
-    for at in smooth(&records) {
+    for at in smooth(&records, &noise) {
         if due(&smoothed, at.time) {
             smoothed.push(Point {
                 time: at.time,
-                estimates: at.estimates(&noise),
+                estimates: at.estimates,
                 solution: at.known.solution(at.time),
             });
         }

@@ -12,7 +12,7 @@ use ins_core::increments::{Increments, Interval};
 use ins_core::{Config, ConfigError, Estimates, GnssFix, ImuSample, Navigator, Time};
 
 use super::filter::{Correction, Filter, Start};
-use super::{Known, Layout, Noise, StateMatrix, States, propagated, times};
+use super::{Known, Noise, StateMatrix, States, propagated, times};
 
 /// Longest hole in the samples that it bridges, s: it has no noise for what happens in one.
 const BRIDGED_S: f64 = 0.5;
@@ -174,7 +174,6 @@ impl<'a> Run<'a> {
 pub struct Record {
     pub time: Time,
     known: Known,
-    layout: Layout,
     run_s: f64,
     correction: Correction,
 }
@@ -184,16 +183,7 @@ pub struct Record {
 pub struct Smoothed {
     pub time: Time,
     pub known: Known,
-    pub covariance: StateMatrix,
-    layout: Layout,
-    run_s: f64,
-}
-
-impl Smoothed {
-    pub fn estimates(&self, noise: &Noise) -> Estimates {
-        self.known
-            .estimates(&self.covariance, self.run_s, &self.layout, noise)
-    }
+    pub estimates: Estimates,
 }
 
 impl Record {
@@ -201,31 +191,30 @@ impl Record {
         Self {
             time: filter.time,
             known: filter.known,
-            layout: filter.layout,
             run_s: filter.run_s(),
             correction,
         }
     }
-
-    fn less(&self, errors: &States, covariance: &StateMatrix) -> Smoothed {
-        Smoothed {
-            time: self.time,
-            known: self.known.less(errors, &self.layout),
-            covariance: covariance.clone(),
-            layout: self.layout,
-            run_s: self.run_s,
-        }
-    }
 }
 
-/// Goes back over the records, which must follow one another without a new alignment between.
-pub fn smooth(records: &[Record]) -> Vec<Smoothed> {
+/// Goes back over the records of a filter that was told this noise; they must follow one another
+/// without a new alignment between.
+pub fn smooth(records: &[Record], noise: &Noise) -> Vec<Smoothed> {
     let Some(last) = records.last() else {
         return Vec::new();
     };
-    let mut errors = States::zeros(last.layout.size);
+    let layout = noise.layout();
+    let less = |record: &Record, errors: &States, covariance: &StateMatrix| {
+        let known = record.known.less(errors, &layout);
+        Smoothed {
+            time: record.time,
+            known,
+            estimates: known.estimates(covariance, record.run_s, &layout, noise),
+        }
+    };
+    let mut errors = States::zeros(layout.size);
     let mut covariance = last.correction.corrected.clone();
-    let mut smoothed = vec![last.less(&errors, &covariance)];
+    let mut smoothed = vec![less(last, &errors, &covariance)];
     for pair in records.windows(2).rev() {
         let (record, next) = (&pair[0], &pair[1].correction);
         let Some(gain) = gain(&record.correction.corrected, next) else {
@@ -234,7 +223,7 @@ pub fn smooth(records: &[Record]) -> Vec<Smoothed> {
         errors = &gain * (errors + &next.errors);
         let change = propagated(&gain, &(covariance - &next.predicted));
         covariance = &record.correction.corrected + change;
-        smoothed.push(record.less(&errors, &covariance));
+        smoothed.push(less(record, &errors, &covariance));
     }
     smoothed.reverse();
     smoothed
