@@ -161,82 +161,56 @@ impl Identified {
         let mut all = self.gyro_parameters();
         all.extend(times(GYRO_TIMES, self.gyro_at_rest));
         all.extend([
-            spread(GYRO_SCALE, "1", self.gyro_scale, NO_MANOEUVRE),
-            known(
-                "accel_mps2.white_noise",
-                "m/s^2/sqrt(Hz)",
-                self.accel_noise(),
-                NO_REST,
-            ),
-            spread(
-                "accel_mps2.bias.initial_sigma",
-                "m/s^2",
-                self.accel_sigma,
-                NO_TURN,
-            ),
-            spread(ACCEL_SCALE, "1", self.accel_scale, NO_MANOEUVRE),
+            spread(GYRO_SCALE, self.gyro_scale, NO_MANOEUVRE),
+            known(ACCEL_NOISE, self.accel_noise(), NO_REST),
+            spread(ACCEL_SIGMA, self.accel_sigma, NO_TURN),
+            spread(ACCEL_SCALE, self.accel_scale, NO_MANOEUVRE),
         ]);
         all.extend(times(ACCEL_TIMES, self.accel_at_rest));
         let gnss = |of: fn(&GyroFit) -> Interval| self.gyro.as_ref().map(of);
         all.extend([
-            above_noise(
-                "gnss.velocity_sigma_mps",
-                "m/s",
-                gnss(|gyro| gyro.gnss_sigma_mps),
-            ),
-            above_noise(
-                "gnss.habits.velocity.sigma",
-                "m/s",
-                gnss(|gyro| gyro.gnss_memory_mps),
-            ),
+            above_noise(GNSS_NOISE, gnss(|gyro| gyro.gnss_sigma_mps)),
+            above_noise(GNSS_MEMORY, gnss(|gyro| gyro.gnss_memory_mps)),
         ]);
         if let Some(gyro) = self.gyro.as_ref().filter(|gyro| gyro.remembers()) {
             let time_s = Some(gyro.gnss_memory_s);
-            let name = "gnss.habits.velocity.time_s";
-            all.push(spread(name, "s", time_s, NO_TIME_SCALE));
+            all.push(spread(GNSS_MEMORY_TIME, time_s, NO_TIME_SCALE));
         }
-        for (name, which) in [("gnss.latency_s[0]", 0), ("gnss.latency_s[1]", 1)] {
+        for (which, name) in LATENCY.into_iter().enumerate() {
             let bound = self.latency_s.map(|bounds| bounds[which]);
-            all.push(known(name, "s", bound, NO_LATENCY));
+            all.push(known(name, bound, NO_LATENCY));
         }
         all
     }
 
     fn gyro_parameters(&self) -> Vec<Parameter> {
-        let [noise, sigma] = ["gyro_deg_h.white_noise", "gyro_deg_h.bias.initial_sigma"];
         let Some(gyro) = &self.gyro else {
             let rest = self.gyro_noise_at_rest();
             return vec![
-                known(noise, NOISE_UNIT, rest, NO_REST),
-                known(sigma, "deg/h", None, NO_MINUTES),
+                known(GYRO_NOISE, rest, NO_REST),
+                known(GYRO_SIGMA, None, NO_MINUTES),
             ];
         };
         let deg_h = |found: &Interval| Some(found.scaled(1.0 / DEG_H_RADPS));
         let timed = |name| {
             let seen = gyro.has_time_scale();
-            parameter(name, "s", Some(gyro.time_s), seen, NO_TIME_SCALE)
+            parameter(name, Some(gyro.time_s), seen, NO_TIME_SCALE)
         };
         let mut all = vec![
-            above_noise(noise, NOISE_UNIT, deg_h(&gyro.noise)),
-            above_noise(sigma, "deg/h", deg_h(&gyro.initial_sigma)),
+            above_noise(GYRO_NOISE, deg_h(&gyro.noise)),
+            above_noise(GYRO_SIGMA, deg_h(&gyro.initial_sigma)),
         ];
         let (drift, size) = (deg_h(&gyro.drift), deg_h(&gyro.size));
         all.extend(match gyro.law {
             Law::Wave => [
-                timed("gyro_deg_h.bias.interval_s"),
-                parameter(
-                    "gyro_deg_h.bias.jump_mean",
-                    "deg/h",
-                    drift,
-                    gyro.moves(),
-                    "",
-                ),
-                above_noise("gyro_deg_h.bias.jump_sigma", "deg/h", size),
+                timed(JUMP_INTERVAL),
+                parameter(JUMP_MEAN, drift, gyro.moves(), ""),
+                above_noise(JUMP_SIGMA, size),
             ],
             Law::Continuous => [
-                above_noise("gyro_deg_h.bias.slope_sigma_per_s", "deg/h/s", drift),
-                above_noise("gyro_deg_h.bias.correlated_sigma", "deg/h", size),
-                timed("gyro_deg_h.bias.correlation_time_s"),
+                above_noise(SLOPE_SIGMA, drift),
+                above_noise(CORRELATED_SIGMA, size),
+                timed(CORRELATION_TIME),
             ],
         });
         all
@@ -296,8 +270,8 @@ impl Identified {
         let mut all: Vec<Assumed> = (self.parameters().into_iter())
             .filter_map(|parameter| Assumed::of(&parameter, &model))
             .collect();
-        let moved = self.moved.then_some(("gnss.latency_s[1]", "s", CLOCKS));
-        for (name, unit, why) in moved.into_iter().chain(NEVER_SHOWN) {
+        let moved = self.moved.then_some((LATENCY[1], CLOCKS));
+        for ((name, unit), why) in moved.into_iter().chain(NEVER_SHOWN) {
             let value = in_file(&model, name);
             all.push(Assumed {
                 name,
@@ -362,7 +336,26 @@ impl Identified {
     }
 }
 
-const NOISE_UNIT: &str = "deg/h/sqrt(Hz)";
+/// Path in the file, and unit.
+type Name = (&'static str, &'static str);
+
+const GYRO_NOISE: Name = ("gyro_deg_h.white_noise", "deg/h/sqrt(Hz)");
+const GYRO_SIGMA: Name = ("gyro_deg_h.bias.initial_sigma", "deg/h");
+const JUMP_INTERVAL: Name = ("gyro_deg_h.bias.interval_s", "s");
+const JUMP_MEAN: Name = ("gyro_deg_h.bias.jump_mean", "deg/h");
+const JUMP_SIGMA: Name = ("gyro_deg_h.bias.jump_sigma", "deg/h");
+const SLOPE_SIGMA: Name = ("gyro_deg_h.bias.slope_sigma_per_s", "deg/h/s");
+const CORRELATED_SIGMA: Name = ("gyro_deg_h.bias.correlated_sigma", "deg/h");
+const CORRELATION_TIME: Name = ("gyro_deg_h.bias.correlation_time_s", "s");
+const GYRO_SCALE: Name = ("gyro_deg_h.scale_sigma", "1");
+const ACCEL_NOISE: Name = ("accel_mps2.white_noise", "m/s^2/sqrt(Hz)");
+const ACCEL_SIGMA: Name = ("accel_mps2.bias.initial_sigma", "m/s^2");
+const ACCEL_SCALE: Name = ("accel_mps2.scale_sigma", "1");
+const GNSS_NOISE: Name = ("gnss.velocity_sigma_mps", "m/s");
+const GNSS_MEMORY: Name = ("gnss.habits.velocity.sigma", "m/s");
+const GNSS_MEMORY_TIME: Name = ("gnss.habits.velocity.time_s", "s");
+const LATENCY: [Name; 2] = [("gnss.latency_s[0]", "s"), ("gnss.latency_s[1]", "s")];
+
 const NO_REST: &str = "needs some seconds at rest";
 const NO_SCATTER: &str = "needs some seconds at rest in which every axis scatters";
 const NO_TURN: &str = "needs turns and stops, or is below the error of its estimates";
@@ -371,14 +364,14 @@ const NO_MANOEUVRE: &str =
     "needs turns for gyros, banks and hard braking for accelerometers, or is below what they show";
 const NO_LATENCY: &str = "needs starts and brakings";
 const NOT_ABOVE_NOISE: &str = "not above what the noise hides: no more than the upper bound";
-/// What no drive shows: path, unit, why.
-const NEVER_SHOWN: [(&str, &str, &str); 6] = [
-    ("gyro_deg_h.misalignment_sigma", "1", NOT_FITTED),
-    ("accel_mps2.misalignment_sigma", "1", NOT_FITTED),
-    ("accel_mps2.bias.correlated_sigma", "m/s^2", DROWNED),
-    ("gnss.horizontal_sigma_m", "m", NOTHING_BETTER),
-    ("gnss.vertical_sigma_m", "m", NOTHING_BETTER),
-    ("temperature, vibration rectification", "", NO_TERM),
+/// What no drive shows, and why.
+const NEVER_SHOWN: [(Name, &str); 6] = [
+    (("gyro_deg_h.misalignment_sigma", "1"), NOT_FITTED),
+    (("accel_mps2.misalignment_sigma", "1"), NOT_FITTED),
+    (("accel_mps2.bias.correlated_sigma", "m/s^2"), DROWNED),
+    (("gnss.horizontal_sigma_m", "m"), NOTHING_BETTER),
+    (("gnss.vertical_sigma_m", "m"), NOTHING_BETTER),
+    (("temperature, vibration rectification", ""), NO_TERM),
 ];
 const NOT_BOUNDED: &str = "has no upper bound: more drives would set one, or longer ones";
 const NO_BOUND: &str = "has no upper bound: models drawn keep the value";
@@ -390,8 +383,6 @@ const NOTHING_BETTER: &str = "nothing better to compare positions with";
 const NO_TERM: &str = "no term of the model: what the drives had of it is in noise and biases";
 const NO_TIME_SCALE: &str = "needs a larger random part, or more and longer drives";
 
-const GYRO_SCALE: &str = "gyro_deg_h.scale_sigma";
-const ACCEL_SCALE: &str = "accel_mps2.scale_sigma";
 const GYRO_TIMES: [&str; 3] = [
     "gyro_deg_h.noise_times[0]",
     "gyro_deg_h.noise_times[1]",
@@ -405,38 +396,28 @@ const ACCEL_TIMES: [&str; 3] = [
 
 fn times(names: [&'static str; 3], noise: Option<RestNoise>) -> [Parameter; 3] {
     let found = noise.and_then(|noise| noise.times);
-    let of = |axis: usize| known(names[axis], "1", found.map(|all| all[axis]), NO_SCATTER);
+    let of = |axis: usize| known((names[axis], "1"), found.map(|all| all[axis]), NO_SCATTER);
     [0, 1, 2].map(of)
 }
 
-fn known(
-    name: &'static str,
-    unit: &'static str,
-    found: Option<Interval>,
-    missing: &'static str,
-) -> Parameter {
-    parameter(name, unit, found, found.is_some(), missing)
+fn known(name: Name, found: Option<Interval>, missing: &'static str) -> Parameter {
+    parameter(name, found, found.is_some(), missing)
 }
 
 /// A spread is observable if it is known to be above zero.
-fn spread(
-    name: &'static str,
-    unit: &'static str,
-    found: Option<Interval>,
-    missing: &'static str,
-) -> Parameter {
+fn spread(name: Name, found: Option<Interval>, missing: &'static str) -> Parameter {
     let observable = found.is_some_and(|found| found.is_spread());
-    parameter(name, unit, found, observable, missing)
+    parameter(name, found, observable, missing)
 }
 
 /// What is not seen is below the upper bound, if there is one.
-fn above_noise(name: &'static str, unit: &'static str, found: Option<Interval>) -> Parameter {
+fn above_noise(name: Name, found: Option<Interval>) -> Parameter {
     let missing = match found {
         Some(found) if found.high.is_finite() => NOT_ABOVE_NOISE,
         Some(_) => NOT_BOUNDED,
         None => NO_MINUTES,
     };
-    spread(name, unit, found, missing)
+    spread(name, found, missing)
 }
 
 /// What the drives show, else what is assumed, as far as their bounds allow it.
@@ -449,8 +430,7 @@ fn seen_or(assumed: f64, found: &Interval) -> f64 {
 }
 
 fn parameter(
-    name: &'static str,
-    unit: &'static str,
+    (name, unit): Name,
     found: Option<Interval>,
     observable: bool,
     missing: &'static str,
