@@ -7,11 +7,12 @@ use clap::{Args, ValueEnum};
 use miette::{Result, bail};
 
 use super::options::{GradeChoice, Output, refuse_same, report_line};
-use crate::identify::analysis::{Analysis, Given, REPORT, SUMMARY};
+use crate::identify::analysis::{Analysis, Given, SUMMARY};
 use crate::identify::error_model::allan::AtRest;
 use crate::identify::error_model::{self, Identified, Record, Sensors};
 use crate::identify::summary::Summary;
 use crate::log::Grade;
+use crate::page::html::REPORT;
 use crate::page::output::{self, OutputError};
 use crate::page::progress::{bar, spinner};
 use crate::report;

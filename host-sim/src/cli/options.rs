@@ -10,8 +10,8 @@ use serde::Serialize;
 use crate::aircraft::cessna172;
 use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::input::read_aircraft;
-use crate::identify::analysis::REPORT;
 use crate::log::Grade;
+use crate::page::html::REPORT;
 use crate::page::{self, output};
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

@@ -19,8 +19,6 @@ use crate::page::table::Table;
 /// File name of the summary; marks a folder of results as ours.
 pub const SUMMARY: &str = "summary.json";
 
-pub const REPORT: &str = "report.html";
-
 /// A log, and how it is going to be run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Input {

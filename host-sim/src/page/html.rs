@@ -8,6 +8,9 @@ use serde::Serialize;
 use super::chart::{Figure, SCRIPT};
 use super::table::Table;
 
+/// File name of a page in a folder of results.
+pub(crate) const REPORT: &str = "report.html";
+
 const TEMPLATE: &str = include_str!("report.html");
 const STYLE: &str = include_str!("style.css");
 

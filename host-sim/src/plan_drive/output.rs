@@ -9,14 +9,13 @@ use serde::Serialize;
 use super::{Bench, Manoeuvre, Plan, Reached, Site, Stage, Unreached, seconds};
 use crate::aircraft::pictures::track;
 use crate::page::chart::{Chart, MOST_POINTS, Point, sampled};
-use crate::page::html::{Page, Section};
+use crate::page::html::{Page, REPORT, Section};
 use crate::page::plot::{GREY, one_of};
 use crate::page::table::{Table, cells};
 use crate::page::{brief, json, output};
 
 /// File names; the first marks a folder as that of a plan.
 pub const PLAN: &str = "plan.json";
-const PAGE: &str = "report.html";
 const DRIVE: &str = "drive.txt";
 const ROUTE: &str = "route.svg";
 /// Quantities side by side in a terminal.
@@ -128,7 +127,7 @@ impl<'a> Report<'a> {
         for (name, text) in [
             (DRIVE, self.drive.join("\n") + "\n"),
             (ROUTE, track(&truth)),
-            (PAGE, self.page().html()?),
+            (REPORT, self.page().html()?),
             (PLAN, json(self)?),
         ] {
             output::write(folder, name, text)?;

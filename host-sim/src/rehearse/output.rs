@@ -9,7 +9,7 @@ use super::run::{HEADING, POSITION, QUANTITIES};
 use super::settings::Judged;
 use super::summary::{BUDGETED, Cost, Moment, Row, Summary, Tested};
 use crate::page::chart::{Chart, Figure, Point};
-use crate::page::html::{Page, Section};
+use crate::page::html::{Page, REPORT, Section};
 use crate::page::output::replace;
 use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED};
 use crate::page::table::{Table, cells, heads};
@@ -18,7 +18,6 @@ use crate::page::{self, digits, json};
 /// File names; the first says that a rehearsal is over.
 pub const SUMMARY: &str = "rehearsal.json";
 const TABLE: &str = "errors.csv";
-const PAGE: &str = "report.html";
 const OVERVIEW: &str = "overview.md";
 const TIMES: &str = "times.json";
 
@@ -42,7 +41,7 @@ pub fn write(folder: &Path, summary: &Summary) -> Result<()> {
     let times: Vec<Took> = times.collect();
     let files = [
         (TABLE, csv(summary)?),
-        (PAGE, page_of(summary).html()?),
+        (REPORT, page_of(summary).html()?),
         (OVERVIEW, for_a_page(summary)),
         (TIMES, json(&times)?),
         (SUMMARY, json(summary)?),

@@ -12,12 +12,12 @@ use std::path::Path;
 use ins_core::{Solution, Time};
 use miette::Result;
 
-use crate::identify::analysis::{Analysis, REPORT, SUMMARY};
+use crate::identify::analysis::{Analysis, SUMMARY};
 use crate::identify::error_model::Sensors;
 use crate::identify::quantities::{QUANTITIES, Quantities};
 use crate::identify::row::Row;
 use crate::log::{Meta, numbers};
-use crate::page::html::Page;
+use crate::page::html::{Page, REPORT};
 use crate::page::{self, output};
 
 /// Columns of the damping signals in `estimates.csv`.

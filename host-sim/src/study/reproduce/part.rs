@@ -9,7 +9,7 @@ use minijinja::value::{Serde, Value};
 use serde::Serialize;
 
 use crate::log::Grade;
-use crate::page::html::fill;
+use crate::page::html::{REPORT, fill};
 use crate::page::table::{Table, heads};
 use crate::page::{self, brief, output};
 
@@ -132,7 +132,7 @@ pub(super) fn csv(header: &str, rows: impl Iterator<Item = Vec<f64>>) -> String 
 impl Reproduction {
     pub fn write(&self, folder: &Path) -> Result<()> {
         output::write(folder, JSON, page::json(self)?)?;
-        output::write(folder, "report.html", self.html()?)?;
+        output::write(folder, REPORT, self.html()?)?;
         for Part { name, csv, svg, .. } in &self.parts {
             output::write(folder, &format!("{name}.csv"), csv)?;
             if let Some(svg) = svg {
