@@ -132,9 +132,14 @@ pub struct Summary {
     pub assumed: Vec<Assumed>,
 }
 
-/// Where in the kept moments a figure stands: after a part of the time without GNSS; none: over the
-/// second half of the part with it.
-type Place = Option<f64>;
+/// Where in the kept moments a figure stands.
+#[derive(Clone, Copy, Debug)]
+enum Place {
+    /// The second half of the part with GNSS.
+    Aided,
+    /// After a part of the time without.
+    Free(f64),
+}
 
 struct Flights<'a> {
     lines: &'a [Line],
@@ -162,13 +167,17 @@ impl Flights<'_> {
     fn at(&self, outcome: &Outcome, place: Place, quantity: usize) -> Option<f64> {
         let aided = self.moments.iter().filter(|(_, free)| !free).count();
         let free = self.moments.len() - aided;
-        let value = |moment| Self::value(outcome, moment, quantity);
-        if let Some(part) = place {
-            let moment = aided + whole((part * free as f64).ceil());
-            value(moment.checked_sub(1)?).filter(|_| free > 0)
-        } else {
-            let values: Vec<f64> = (aided / 2..aided).map(value).collect::<Option<_>>()?;
-            rms_of_any(values.into_iter())
+        match place {
+            Place::Aided => {
+                let value = |moment| Self::value(outcome, moment, quantity);
+                let values: Vec<f64> = (aided / 2..aided).map(value).collect::<Option<_>>()?;
+                rms_of_any(values.into_iter())
+            }
+            Place::Free(part) => {
+                let moment = whole((part * free as f64).ceil());
+                Self::value(outcome, (aided + moment).checked_sub(1)?, quantity)
+                    .filter(|_| free > 0)
+            }
         }
     }
 
@@ -265,9 +274,9 @@ impl Tested {
         case: Case,
         subject: usize,
     ) -> Self {
-        let free = PARTS.map(Some).into_iter();
+        let free = PARTS.iter().map(|part| Place::Free(*part));
         let free = free.filter(|_| world.free_s >= 1.0);
-        let places: Vec<Place> = [None].into_iter().chain(free).collect();
+        let places: Vec<Place> = [Place::Aided].into_iter().chain(free).collect();
         let drawn = rehearsal.settings.models;
         let of_models = subject == 0 && case == Case::Found && drawn > 0;
         let row = |(place, quantity): (Place, usize)| {
@@ -282,7 +291,10 @@ impl Tested {
             Some(Row {
                 quantity: QUANTITIES[quantity].name,
                 unit: QUANTITIES[quantity].unit,
-                without_gnss_s: place.map(|part| (part * world.free_s).round()),
+                without_gnss_s: match place {
+                    Place::Aided => None,
+                    Place::Free(part) => Some((part * world.free_s).round()),
+                },
                 flights: values.len(),
                 model_95: model_interval(figure.rms, &ratios),
                 figure,
@@ -291,7 +303,7 @@ impl Tested {
         };
         let all = (0..QUANTITIES.len()).flat_map(|q| places.iter().map(move |place| (*place, q)));
         let good: Vec<(u32, &Outcome)> = flights.good(case, subject).collect();
-        let last = places.last().copied().flatten();
+        let last = places.last().copied().unwrap_or(Place::Aided);
         let without = |draw: &u32| {
             let values = flights.values(Case::Drawn(*draw), 0, last, POSITION);
             values.is_empty()
@@ -363,10 +375,10 @@ fn failures<'a>(outcomes: impl Iterator<Item = (u32, &'a Outcome)>) -> Vec<Faile
 
 /// Where the errors of the first algorithm come from; all together last.
 fn budget(flights: &Flights) -> Vec<Cost> {
+    let place = |free: bool| if free { Place::Free(1.0) } else { Place::Aided };
     let of_case = |case: Case, few: &[u32]| {
         BUDGETED.map(|(quantity, free)| {
-            let place = free.then_some(1.0);
-            let values = flights.values(case, 0, place, quantity).into_iter();
+            let values = flights.values(case, 0, place(free), quantity).into_iter();
             let of_few = values.filter(|(flight, _)| few.contains(flight));
             rms_of_any(of_few.map(|(_, value)| value))
         })
