@@ -116,7 +116,8 @@ impl Calibration {
 
     /// What a run begins with: at most as unsure as the configuration.
     pub(crate) fn belief(mut self, config: &Config) -> Result<Parameters, ConfigError> {
-        let mut belief = config.prior();
+        let believed = config.prior();
+        let mut belief = believed;
         if !math::all_finite(&self.level_force_mps2) {
             return Err(ConfigError::NotFinite("calibration"));
         }
@@ -125,12 +126,15 @@ impl Calibration {
                 if !(known.value.is_finite() && known.sigma.is_finite()) {
                     return Err(ConfigError::NotFinite("calibration"));
                 }
-                let prior = belief.sigma(which);
+                let prior = believed.sigma(which);
                 if known.sigma < 0.0 || (prior > 0.0 && known.sigma <= 0.0) {
                     return Err(ConfigError::NotPositive("calibration"));
                 }
-                // What is not estimated is as configured.
-                if prior > 0.0 {
+                // What is not estimated, or given, is as configured.
+                if prior > 0.0 && !config.gives(which) {
+                    if !believed.allows(which, known.value) {
+                        return Err(ConfigError::NotCredible("calibration"));
+                    }
                     let sigma = math::min(math::max(known.sigma, LEAST * prior), prior);
                     belief.set(which, known.value, sigma);
                 }

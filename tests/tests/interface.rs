@@ -9,8 +9,8 @@ use host_sim::study::accuracy::config_of;
 use ins_core::config::HeadingSource;
 use ins_core::earth::wrap_pi;
 use ins_core::{
-    Calibration, Config, GnssFix, GnssOutcome, Heading, ImuOutcome, ImuOutput, ImuSample,
-    Navigator, Observability, Phase, Solution,
+    Calibration, Config, ConfigError, GnssFix, GnssOutcome, Heading, ImuOutcome, ImuOutput,
+    ImuSample, Navigator, Observability, Phase, Solution,
 };
 use nalgebra::Vector3;
 
@@ -403,16 +403,25 @@ fn any_calibration_that_is_taken_is_survived() {
     let antenna = [0.5, 1.0, 1.5];
     config.gnss.lever_arm_m = antenna;
     config.gnss.lever_arm_sigma_m = 0.0;
+    let with_scales = config;
     config.sensors.accel_scale = 0.0;
     config.sensors.gyro_scale = 0.0;
     config.sensors.cross_axis = 0.0;
-    let warm = Navigator::warm(config, &kept).unwrap();
-    let arm = warm.estimates().lever_arm_m;
-    for (axis, antenna) in arm.iter().zip(antenna) {
-        assert!((axis.value - antenna).abs() < 1e-9, "{arm:?}");
+    // What stands after the arm is estimated, or is not.
+    for config in [with_scales, config] {
+        let warm = Navigator::warm(config, &kept).unwrap();
+        let arm = warm.estimates().lever_arm_m;
+        for (axis, antenna) in arm.iter().zip(antenna) {
+            assert!((axis.value - antenna).abs() < 1e-9, "{arm:?}");
+        }
+        let given = |estimate: ins_core::Estimate| estimate.observability == Observability::Given;
+        assert!(arm.into_iter().all(given));
     }
-    let given = |estimate: ins_core::Estimate| estimate.observability == Observability::Given;
-    assert!(arm.into_iter().all(given));
+    // As of a memory that has lost a bit.
+    let mut broken = kept;
+    broken.gyro_bias_radps[0].value = 1e300;
+    let refused = Navigator::warm(config_of(Grade::Mems), &broken).unwrap_err();
+    assert!(matches!(refused, ConfigError::NotCredible(_)), "{refused}");
 }
 
 /// Nothing is begun anew because the search for the heading finds less than what is known.
