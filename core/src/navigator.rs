@@ -506,20 +506,33 @@ impl<const RING: usize> State<RING> {
         self.astray = None;
         self.last_fix = None;
         self.barometer = Barometer::default();
-        let mut tipped = false;
+        self.interval = Interval::default();
+        let (mut until, mut tipped) = (sample.time, false);
         if let Some((last, increments)) = &mut self.inertial {
-            *last = sample.time;
+            until = core::mem::replace(last, sample.time);
             let [_, accel_mps2] = increments.ends_differ(sample);
             tipped = accel_mps2 > TIPPED_SIGMAS * STOPGAP_RAD * GRAVITY_EQUATOR_MPS2;
             increments.restart(sample);
         }
-        self.align_again(sample.time, tipped, tally, config);
+        self.align_again(sample.time, until, tipped, tally, config);
     }
 
-    /// Where gravity is felt elsewhere than before, the level is not kept either: it may have been `tipped`.
+    /// What was known was known until then. Where gravity is felt elsewhere than before, the level is not
+    /// kept either: it may have been `tipped`.
     #[inline(never)]
-    fn align_again(&mut self, time: Time, tipped: bool, tally: &mut Tally, config: &Config) {
+    fn align_again(
+        &mut self,
+        time: Time,
+        until: Time,
+        tipped: bool,
+        tally: &mut Tally,
+        config: &Config,
+    ) {
         match &mut self.mode {
+            Mode::Aligning(alignment) if tipped => {
+                self.stopgap = None;
+                alignment.restart(time);
+            }
             Mode::Aligning(alignment) => alignment.begin_at(time),
             Mode::Navigating(ins) => {
                 self.restarts = self.restarts.saturating_add(1);
@@ -537,9 +550,10 @@ impl<const RING: usize> State<RING> {
                 } else {
                     ins.level_force_mps2()
                 };
-                let since = ins.coasting_since().unwrap_or(time);
+                let since = ins.coasting_since().unwrap_or(until);
                 let left = (!ins.misled && !tipped).then(|| *ins.mechanization());
-                self.stopgap = left.filter(is_possible).map(|ins| (since, ins));
+                let left = left.filter(is_possible);
+                self.stopgap = left.map(|ins| (since, ins));
                 // Made where it stays, and changed there: else it would be copied over the stack.
                 self.mode = Mode::Aligning(Alignment::new(time, &known));
                 if let Mode::Aligning(alignment) = &mut self.mode {
@@ -559,7 +573,7 @@ impl<const RING: usize> State<RING> {
                     && (ins.lost || !is_possible(ins.mechanization()))
                 {
                     let now = *now;
-                    self.align_again(now, false, tally, config);
+                    self.align_again(now, now, false, tally, config);
                 }
             }
         }

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 
 use ins_core::earth::{Geodetic, wrap_pi};
 use ins_core::{
-    Config, FixSigma, GnssFix, GnssOutcome, Heading, ImuSample, Navigator, Phase, Time,
+    Config, FixSigma, GnssFix, GnssOutcome, Heading, ImuOutcome, ImuSample, Navigator, Phase, Time,
 };
 use nalgebra::{Vector2, Vector3};
 
@@ -138,23 +138,26 @@ fn a_height_may_be_known_before_the_position() {
 
 #[test]
 fn what_is_left_after_a_hole_is_less_known_with_time() {
-    let mut car = Car::new(bends);
-    car.until(90.0, true, Some);
-    car.until(100.0, true, |_| None);
-    car.until(103.0, false, |_| None);
-    for time_s in [110.0, 130.0, 160.0] {
-        car.until(time_s, true, |_| None);
-        let (off_m, sigma) = (car.off_m(), car.navigator.sigma().unwrap());
-        let honest = off_m.iter().zip(&sigma.position_m);
-        assert!(
-            honest
-                .into_iter()
-                .all(|(off, sigma)| off.abs() < 3.0 * sigma),
-            "{off_m} {sigma:?}"
-        );
+    // A short one while coasting, and a long one just after a fix.
+    for (coasts_until_s, hole_until_s) in [(100.0, 103.0), (90.0, 150.0)] {
+        let mut car = Car::new(bends);
+        car.until(90.0, true, Some);
+        car.until(coasts_until_s, true, |_| None);
+        car.until(hole_until_s, false, |_| None);
+        for since_s in [0.1, 7.0, 27.0, 57.0] {
+            car.until(hole_until_s + since_s, true, |_| None);
+            let (off_m, sigma) = (car.off_m(), car.navigator.sigma().unwrap());
+            let honest = off_m.iter().zip(&sigma.position_m);
+            assert!(
+                honest
+                    .into_iter()
+                    .all(|(off, sigma)| off.abs() < 3.0 * sigma),
+                "{off_m} {sigma:?}"
+            );
+        }
+        car.until(hole_until_s + 59.0, true, Some);
+        assert!(car.navigator.sigma().unwrap().position_m.x < 40.0);
     }
-    car.until(162.0, true, Some);
-    assert!(car.navigator.sigma().unwrap().position_m.x < 40.0);
 }
 
 /// Stands, starts, and drives in even bends on a smooth road.
@@ -390,18 +393,33 @@ fn innovations_that_go_on_as_those_before_widen_what_they_are_of() {
 
 #[test]
 fn a_level_that_a_hole_has_tipped_is_not_kept() {
-    let mut car = Car::new(bends);
-    car.until(90.0, true, Some);
-    car.until(92.5, false, Some);
-    // The unit lies on its side.
-    for count in 0..50 {
-        let time = car.time().plus_seconds(STEP_S * f64::from(count));
-        let _ = car.navigator.on_imu(&ImuSample {
-            time,
-            gyro: Vector3::new(2e-3, -3e-3, 4e-3),
-            accel: Vector3::new(GRAVITY_MPS2, 0.0, 0.0),
-        });
+    // While navigating, and while looking for the heading anew.
+    for before in [vec![], vec![92.5, 94.0]] {
+        let mut car = Car::new(bends);
+        car.until(90.0, true, Some);
+        let mut samples = false;
+        for until_s in before {
+            car.until(until_s, samples, |_| None);
+            samples = true;
+        }
+        assert!(car.navigator.solution().is_some());
+        car.until(car.time_s() + 2.5, false, Some);
+        assert!(car.navigator.body_motion().is_some());
+        // The unit lies on its side.
+        for count in 0..50 {
+            let time = car.time().plus_seconds(STEP_S * f64::from(count));
+            let outcome = car.navigator.on_imu(&ImuSample {
+                time,
+                gyro: Vector3::new(2e-3, -3e-3, 4e-3),
+                accel: Vector3::new(GRAVITY_MPS2, 0.0, 0.0),
+            });
+            // What was felt before the hole is not felt now.
+            let motion = car.navigator.body_motion();
+            assert!(
+                motion.is_none_or(|motion| outcome == ImuOutcome::Accepted || motion.time < time)
+            );
+        }
+        assert_eq!(car.navigator.health().restarts, 1);
+        assert!(car.navigator.solution().is_none());
     }
-    assert_eq!(car.navigator.health().restarts, 1);
-    assert!(car.navigator.solution().is_none());
 }

@@ -199,7 +199,7 @@ impl Alignment {
 
     /// Begins again with levelling; what is known stays.
     #[inline(never)]
-    fn restart(&mut self, time: Time) {
+    pub fn restart(&mut self, time: Time) {
         self.start = time;
         self.detector = RestDetector::default();
         self.rest = RestMean::default();
