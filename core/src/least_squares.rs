@@ -131,7 +131,7 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
     /// The step of the walk is one more unknown, known to be zero with `variance`; it is rotated
     /// out of all rows that hold it, from the last up, and its own row is given away.
     pub fn diffuse(&mut self, index: usize, variance: f32) -> Option<Step<N>> {
-        if variance <= 0.0 || index >= self.count {
+        if variance < f32::MIN_POSITIVE || index >= self.count {
             return None;
         }
         let mut step_weight = 1.0 / variance;

@@ -20,7 +20,8 @@ pub enum ImuOutcome {
     /// The stamp is not later than the last one. Once samples in step with it have come for 1 s,
     /// the clock was set back, and integration restarts there.
     TimeNotIncreasing,
-    /// A component is beyond the sensor's range.
+    /// A component is beyond the sensor's range. Where increments come more rarely than before, samples in
+    /// step with it for 0.05 s show it, and integration restarts there.
     OutOfRange,
 }
 
@@ -51,7 +52,7 @@ pub enum GnssOutcome {
     Repeated,
     /// Older than the ring of past states, or waiting when that was given up.
     TooOld,
-    /// Further ahead of the inertial samples than any latency explains.
+    /// Further ahead of the inertial samples than any latency explains, or ten others wait already.
     TooFarAhead,
     /// Latitude, height or speed no vehicle on Earth has; a heading that is none to begin with; a sigma that
     /// is none.

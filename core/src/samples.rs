@@ -2,7 +2,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use crate::earth::{Geodetic, LatLon};
+use crate::earth::{Geodetic, LatLon, wrap_pi};
 use crate::time::Time;
 
 /// What the two vectors of an [`ImuSample`] are.
@@ -43,7 +43,8 @@ pub struct ImuSample {
     pub accel: Vector3<f64>,
 }
 
-/// One-sigma noise of a fix's parts as the receiver states it; none where it does not.
+/// One-sigma noise of a fix's parts as the receiver states it; none where it does not, and what is not
+/// positive is none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -129,7 +130,7 @@ impl GnssFix {
         let place = self.position.unwrap_or(own.lat_lon());
         Geodetic {
             latitude_rad: place.latitude_rad,
-            longitude_rad: place.longitude_rad,
+            longitude_rad: wrap_pi(place.longitude_rad),
             height_m: self.height_m.unwrap_or(own.height_m),
         }
     }

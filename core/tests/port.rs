@@ -3,7 +3,8 @@
 
 use std::f64::consts::TAU;
 
-use ins_core::earth::{Geodetic, wrap_pi};
+use ins_core::config::HeadingSource;
+use ins_core::earth::{Geodetic, LatLon, wrap_pi};
 use ins_core::{
     Config, FixSigma, GnssFix, GnssOutcome, Heading, ImuOutcome, ImuSample, Navigator, Phase, Time,
 };
@@ -421,5 +422,98 @@ fn a_level_that_a_hole_has_tipped_is_not_kept() {
         }
         assert_eq!(car.navigator.health().restarts, 1);
         assert!(car.navigator.solution().is_none());
+    }
+}
+
+#[test]
+fn rest_before_a_way_that_nothing_has_seen_tells_no_level_after_it() {
+    let config = Config {
+        heading: HeadingSource::Given(0.0),
+        ..Config::mems()
+    };
+    let mut navigator = Navigator::new(config).unwrap();
+    let mut pitch_rad = 0.0_f64;
+    for count in 0..5000 {
+        let time_s = STEP_S * f64::from(count);
+        // Stands, is carried up a ramp, and stands there.
+        let rate_radps = if (10.0..20.0).contains(&time_s) {
+            0.03 * (1.0 + 5.0 * (20.0 * time_s).sin())
+        } else {
+            0.0
+        };
+        pitch_rad += STEP_S * rate_radps;
+        let _ = navigator.on_imu(&ImuSample {
+            time: Time::from_seconds(time_s).unwrap(),
+            gyro: Vector3::new(rate_radps, 0.0, 0.0),
+            accel: GRAVITY_MPS2 * Vector3::new(0.0, pitch_rad.sin(), pitch_rad.cos()),
+        });
+        if time_s > 22.0 && count % 50 == 0 {
+            let _ = navigator.on_gnss(&GnssFix {
+                time: Time::from_seconds(time_s).unwrap(),
+                position: Some(LatLon::default()),
+                height_m: Some(1.0),
+                velocity_en_mps: Some(Vector2::zeros()),
+                velocity_up_mps: Some(0.0),
+                sigma: FixSigma::default(),
+            });
+        }
+        if let Some(solution) = navigator.solution() {
+            let off_rad = solution.euler().pitch_rad - pitch_rad;
+            assert!(off_rad.abs() < 0.02, "{off_rad} at {time_s} s");
+        }
+    }
+    assert_eq!(navigator.phase(), Phase::Navigating);
+}
+
+#[test]
+fn a_vertical_that_is_assumed_is_no_fix_that_was_taken() {
+    let mut car = Car::new(bends);
+    let level = |fix| GnssFix {
+        height_m: None,
+        velocity_up_mps: None,
+        ..fix
+    };
+    let wrong = |fix: GnssFix| GnssFix {
+        velocity_en_mps: (fix.velocity_en_mps).map(|mps| mps + Vector2::new(100.0, -200.0)),
+        position: None,
+        ..level(fix)
+    };
+    car.until(90.0, true, |fix| Some(level(fix)));
+    // Those that were on their way.
+    car.until(90.5, true, |fix| Some(wrong(fix)));
+    let before = car.navigator.health().fixes;
+    // For less long than shows that it is the INS which is wrong.
+    car.until(101.0, true, |fix| Some(wrong(fix)));
+    let after = car.navigator.health().fixes;
+    assert!(after.outlier > before.outlier + 45, "{after:?}");
+    assert_eq!(after.accepted, before.accepted);
+}
+
+#[test]
+fn sigmas_that_are_none_and_longitudes_from_zero_are_understood() {
+    let [plain, odd] = [false, true].map(|odd| {
+        let of = |mut fix: GnssFix| {
+            if odd {
+                fix.sigma.position_m = Some(-30.0);
+                fix.position = fix.position.map(|place| LatLon {
+                    longitude_rad: place.longitude_rad.rem_euclid(TAU),
+                    ..place
+                });
+            }
+            Some(fix)
+        };
+        let mut car = Car::new(bends);
+        car.way_m.x = -1e4;
+        car.until(60.0, true, of);
+        let navigating = car.navigator.solution().unwrap().position;
+        car.until(63.0, false, of);
+        // Up to a fix, and no sample further.
+        car.until(63.4, true, of);
+        [navigating, car.navigator.solution().unwrap().position]
+    });
+    for (plain, odd) in plain.iter().zip(&odd) {
+        assert!(plain.longitude_rad < 0.0);
+        assert!(plain.enu_from(odd).norm() < 1e-3, "{plain:?} {odd:?}");
+        assert!((plain.longitude_rad - odd.longitude_rad).abs() < 1e-9);
     }
 }

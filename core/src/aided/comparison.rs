@@ -46,6 +46,7 @@ impl Part {
         Self {
             has,
             stated: sigma
+                .filter(|sigma| *sigma > 0.0)
                 .map(|sigma| sigma * sigma)
                 .filter(|variance| *variance > 0.0),
             used: false,
@@ -114,6 +115,12 @@ impl Comparison {
         self.climb = Part::of(true, None);
         self.climb_variance = variance;
         self.climb_assumed = true;
+    }
+
+    /// Whether anything of the fixes was used; an assumed climb is not of them.
+    pub fn tells(&self) -> bool {
+        let climb = self.climb.used && !self.climb_assumed;
+        self.velocity.used || climb || self.position.used || self.height.used
     }
 
     /// Whether a fix of a moment can be put together with these.

@@ -394,8 +394,13 @@ impl<const N: usize> AidedIns<N> {
                 self.misled = true;
             }
         }
+        let outcome = if comparison.tells() {
+            GnssOutcome::Accepted
+        } else {
+            GnssOutcome::Outlier
+        };
+        tally.fixes(comparison.stamp, comparison.fixes, outcome);
         if differences == Differences::default() {
-            tally.fixes(comparison.stamp, comparison.fixes, GnssOutcome::Outlier);
             return false;
         }
         let far = |error: &InsError| {
@@ -406,7 +411,6 @@ impl<const N: usize> AidedIns<N> {
             differences = Differences::default();
         }
         self.damp(&comparison, &differences, config);
-        tally.fixes(comparison.stamp, comparison.fixes, GnssOutcome::Accepted);
         jumps
     }
 

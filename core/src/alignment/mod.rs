@@ -340,8 +340,14 @@ impl Alignment {
         if let Verdict::Rest(block) = verdict {
             self.rest_on(time, &block, config);
         }
-        let earth = self.earth()?;
         let moving = verdict == Verdict::Motion;
+        let Some(earth) = self.earth() else {
+            // Rest from before a way that nothing has seen tells no attitude after it.
+            if moving {
+                self.rest = RestMean::default();
+            }
+            return None;
+        };
         let compass = config.heading == HeadingSource::Auto
             && levelling::gyrocompass_sigma(&config.sensors, &earth, GYROCOMPASS_S)
                 < HEADING_SIGMA_RAD;

@@ -181,6 +181,8 @@ fn an_index_that_does_not_exist_changes_nothing() {
     let mut after = before;
     after.add_direct(2, [1.0], [1.0]);
     after.diffuse(2, 1.0);
+    // Nor does a walk whose inverse is beyond all numbers.
+    after.diffuse(0, 1e-40);
     after.redefine(2, &Vector2::zeros());
     assert_eq!(after, before);
 }
