@@ -130,11 +130,9 @@ impl Calibration {
                 if known.sigma < 0.0 || (prior > 0.0 && known.sigma <= 0.0) {
                     return Err(ConfigError::NotPositive("calibration"));
                 }
-                // What is not estimated, or given, is as configured.
-                if prior > 0.0 && !config.gives(which) {
-                    if !believed.allows(which, known.value) {
-                        return Err(ConfigError::NotCredible("calibration"));
-                    }
+                // What is not estimated, or given, or of no unit, is as configured.
+                let believable = believed.allows(which, known.value);
+                if prior > 0.0 && !config.gives(which) && believable {
                     let sigma = math::min(math::max(known.sigma, LEAST * prior), prior);
                     belief.set(which, known.value, sigma);
                 }

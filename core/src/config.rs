@@ -208,8 +208,6 @@ pub enum ConfigError {
     NotFinite(&'static str),
     /// Must be a least factor of one or less, above zero, and a greatest of one or more.
     RangeWithoutOne(&'static str),
-    /// Must be within 30 of the configured spreads of what is configured: no unit is further off.
-    NotCredible(&'static str),
 }
 
 impl core::fmt::Display for ConfigError {
@@ -219,7 +217,6 @@ impl core::fmt::Display for ConfigError {
             Self::Negative(value) => (value, "must not be negative, and be less than 1e15"),
             Self::NotFinite(value) => (value, "must be finite"),
             Self::RangeWithoutOne(value) => (value, "must be a range of factors around one"),
-            Self::NotCredible(value) => (value, "must be within 30 of its configured spreads"),
         };
         write!(f, "{value} {must}")
     }

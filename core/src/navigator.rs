@@ -138,7 +138,9 @@ impl Navigator {
 
     /// A navigator that knows what an earlier run has found out about the same unit.
     ///
-    /// Where the position is known too, give it as a first fix; a heading by [`Navigator::on_heading`].
+    /// What the configuration gives stays as given, and a value that no unit can have, as of a damaged memory,
+    /// as configured. Where the position is known too, give it as a first fix; a heading by
+    /// [`Navigator::on_heading`].
     ///
     /// # Errors
     /// As [`Self::new`]; also for a calibration that is not finite, or a sigma not above zero of
