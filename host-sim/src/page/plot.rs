@@ -37,7 +37,7 @@ pub(crate) struct Plot<'a> {
     /// Quantity and unit along x and y.
     pub(crate) labels: [&'a str; 2],
     pub(crate) x: (f64, f64),
-    /// Ends of the y axis; what lies beyond is drawn at the edge.
+    /// Ends of the y axis; what lies beyond is not drawn.
     pub(crate) y: (f64, f64),
     /// From back to front.
     pub(crate) marks: Vec<Mark>,
@@ -93,12 +93,14 @@ impl Plot<'_> {
         for mark in &self.marks {
             match mark {
                 Mark::Line(points, colour) => {
-                    let line = LineSeries::new(self.inside(points), colour.stroke_width(2));
-                    chart.draw_series(line)?;
+                    let style = colour.stroke_width(2);
+                    let pieces = self.inside(points).into_iter();
+                    chart.draw_series(pieces.flat_map(|piece| LineSeries::new(piece, style)))?;
                 }
                 Mark::Reference(points, colour) => {
-                    let line = LineSeries::new(self.inside(points), colour.mix(0.8));
-                    chart.draw_series(line)?;
+                    let style = colour.mix(0.8);
+                    let pieces = self.inside(points).into_iter();
+                    chart.draw_series(pieces.flat_map(|piece| LineSeries::new(piece, style)))?;
                 }
                 Mark::Shade(intervals, colour) => {
                     let (low, high) = self.y;
@@ -108,7 +110,7 @@ impl Plot<'_> {
                     chart.draw_series(intervals.iter().map(bar))?;
                 }
                 Mark::Band(points, colour) => {
-                    let outline = self.inside(&outline(points));
+                    let outline = self.filled(&outline(points));
                     chart.draw_series([Polygon::new(outline, colour.mix(0.18))])?;
                 }
             }
@@ -118,13 +120,44 @@ impl Plot<'_> {
         Ok(scalable(&text))
     }
 
-    fn inside(&self, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    /// The pieces of a line between the ends of the y axis.
+    fn inside(&self, points: &[(f64, f64)]) -> Vec<Vec<(f64, f64)>> {
+        let mut pieces: Vec<Vec<(f64, f64)>> = Vec::new();
+        for pair in points.windows(2) {
+            let Some([from, to]) = cut(pair[0], pair[1], self.y) else {
+                continue;
+            };
+            match pieces.last_mut() {
+                Some(piece) if piece.last() == Some(&from) => piece.push(to),
+                _ => pieces.push(vec![from, to]),
+            }
+        }
+        pieces
+    }
+
+    /// An area to the ends of the axes.
+    fn filled(&self, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
         let keep = |v: f64, (low, high): (f64, f64)| v.clamp(low, high);
         points
             .iter()
             .map(|&(x, y)| (keep(x, self.x), keep(y, self.y)))
             .collect()
     }
+}
+
+/// What of a stretch lies between the ends of the y axis.
+fn cut(from: (f64, f64), to: (f64, f64), (low, high): (f64, f64)) -> Option<[(f64, f64); 2]> {
+    let end = |(x, y): (f64, f64), other: (f64, f64)| {
+        // What is inside stays to the bit.
+        if (low..=high).contains(&y) {
+            return (x, y);
+        }
+        let kept = y.clamp(low, high);
+        (x + (kept - y) / (other.1 - y) * (other.0 - x), kept)
+    };
+    let finite = from.1.is_finite() && to.1.is_finite();
+    let reaches = from.1.min(to.1) <= high && from.1.max(to.1) >= low;
+    (finite && reaches).then(|| [end(from, to), end(to, from)])
 }
 
 /// Both edges of a band as one closed line.
@@ -196,6 +229,25 @@ fn scalable(svg: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_line_beyond_the_axis_is_cut_at_its_end() {
+        let plot = Plot {
+            size: (100, 100),
+            labels: ["", ""],
+            x: (0.0, 4.0),
+            y: (0.0, 1.0),
+            marks: Vec::new(),
+        };
+        let points = [(0.0, 0.5), (1.0, 1.5), (2.0, 1.5), (3.0, 0.5), (4.0, 0.5)];
+        let pieces = [
+            vec![(0.0, 0.5), (0.5, 1.0)],
+            vec![(2.5, 1.0), (3.0, 0.5), (4.0, 0.5)],
+        ];
+        assert_eq!(plot.inside(&points), pieces);
+        // What is no number breaks it.
+        assert!(plot.inside(&[(0.0, f64::NAN), (1.0, 0.5)]).is_empty());
+    }
 
     #[test]
     fn colours_of_many_differ() {
