@@ -1170,6 +1170,10 @@ fn an_unknown_file_is_named_with_what_is_known() {
     let notes = file(folder.path(), "imu.csv", "nothing of the kind");
     file(folder.path(), "meta.toml", "[log]\n");
     let cause = |paths: &[PathBuf]| read(paths, Choice::default()).unwrap_err().cause;
+    for path in [folder.path().to_owned(), notes.clone()] {
+        assert!(cause(&[path]).contains("no gnss.csv: write it there"));
+    }
+    file(folder.path(), "gnss.csv", "nothing of the kind");
     assert!(cause(std::slice::from_ref(&notes)).ends_with("give the folder"));
     let both = [folder.path().to_owned(), notes];
     assert!(cause(&both).contains("give it alone"));

@@ -66,7 +66,7 @@ pub fn read(folder: &Path) -> Result<(Log, Vec<LogError>), LogError> {
 }
 
 /// The plain or the packed file, whichever is there.
-fn one_of(folder: &Path, name: &str) -> Result<Option<PathBuf>, LogError> {
+pub(super) fn one_of(folder: &Path, name: &str) -> Result<Option<PathBuf>, LogError> {
     let (plain, packed) = (folder.join(name), folder.join(format!("{name}.gz")));
     if plain.is_file() && packed.is_file() {
         let expected = format!("one of {name} and {name}.gz");

@@ -99,7 +99,16 @@ fn unknown(path: &Path) -> LogError {
     let is_log = |folder: &Path| folder.join("meta.toml").is_file();
     let cause =
         "for any other table write a meta.toml beside it, with [columns], and give the folder";
-    let (found, cause) = if is_log(path) {
+    let folder = if path.is_dir() {
+        Some(path)
+    } else {
+        path.parent()
+    };
+    let tables = folder.filter(|folder| is_log(folder) && !columns::recognised(folder, &[]));
+    let lacking = tables.and_then(lacking);
+    let (found, cause) = if let Some(lacking) = &lacking {
+        ("part of a log folder", lacking.as_str())
+    } else if is_log(path) {
         (
             "a log folder",
             "a log already, with sensors and receiver: give it alone, to any command but `import`",
@@ -118,4 +127,13 @@ fn unknown(path: &Path) -> LogError {
         found,
         cause,
     )
+}
+
+/// What a log folder needs before it can be given.
+fn lacking(folder: &Path) -> Option<String> {
+    let mut tables = ["imu.csv", "gnss.csv"].into_iter();
+    let missing = tables.find(|name| matches!(log::read::one_of(folder, name), Ok(None)))?;
+    Some(format!(
+        "the folder has no {missing}: write it there, with the columns of a log, and give the folder alone"
+    ))
 }
