@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use host_sim::log::import::{Choice, open, read};
-use host_sim::log::{Grade, Log};
+use host_sim::log::{Grade, Log, LogError};
 use ins_core::{GnssFix, ImuOutput};
 use lz4_flex::frame::FrameEncoder;
 use nalgebra::{Vector2, Vector3};
@@ -300,6 +300,11 @@ fn another_sensor_is_chosen_by_its_number() {
     assert!((ratio - 1.01).abs() < 1e-6);
     let error = of(3).unwrap_err();
     assert_eq!(&*error.expected, "--imu from 1 to 2");
+    // Whatever file comes first, that of the sensors is named.
+    let fixes = file(folder.path(), "log.nmea", nmea(&drive()));
+    let (_, warnings) = read(&[fixes, path[0].clone()], Choice::default()).unwrap();
+    let several = |warning: &&LogError| &*warning.expected == "one source of inertial samples";
+    assert_eq!(*warnings.iter().find(several).unwrap().path, *path[0]);
 }
 
 // --- ULog ---

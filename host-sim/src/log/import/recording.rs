@@ -122,9 +122,11 @@ impl Recording {
         self.receivers.retain(|receiver| !receiver.fixes.is_empty());
         let mut warnings = self.notes;
         let listed = self.imus.iter().map(|imu| (&imu.name, imu.samples.len()));
-        let imu = chosen("imu", listed, choice.imu, path, &mut warnings)?;
+        let from = self.imus.first().map_or(path, |imu| &imu.path);
+        let imu = chosen("imu", listed, choice.imu, from, &mut warnings)?;
         let listed = (self.receivers.iter()).map(|from| (&from.name, from.fixes.len()));
-        let gnss = chosen("gnss", listed, choice.gnss, path, &mut warnings)?;
+        let from = (self.receivers.first()).map_or(path, |receiver| &receiver.path);
+        let gnss = chosen("gnss", listed, choice.gnss, from, &mut warnings)?;
         let (imu, gnss) = (self.imus.swap_remove(imu), self.receivers.swap_remove(gnss));
         let told = warnings.len();
         let samples = turned_upright(imu.samples, &imu.path, &mut warnings);
