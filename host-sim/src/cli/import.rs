@@ -41,7 +41,6 @@ pub fn import(options: &Import) -> Result<()> {
     options.output.check(MARK)?;
     let (log, warnings) = read(&options.files, options.choice)?;
     LogError::tell(&warnings);
-    let told = |warning: &LogError| format!("{warning}: {}", warning.cause);
     let source = log.meta.document.get("source");
     let imported = Imported {
         files: &options.files,
@@ -49,7 +48,7 @@ pub fn import(options: &Import) -> Result<()> {
         duration_s: log.duration_s(),
         imu_samples: log.imu.len(),
         gnss_fixes: log.gnss.len(),
-        warnings: warnings.iter().map(told).collect(),
+        warnings: warnings.iter().map(LogError::in_a_line).collect(),
     };
     let text = toml::to_string(&imported).into_diagnostic()?;
     options.output.fill(MARK, |folder| {

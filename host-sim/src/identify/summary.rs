@@ -77,10 +77,7 @@ impl Summary {
             phase: found.end.phase,
             imu,
             gnss,
-            warnings: warnings
-                .iter()
-                .map(|w| format!("{w} ({})", w.cause))
-                .collect(),
+            warnings: warnings.iter().map(LogError::in_a_line).collect(),
         }
     }
 }

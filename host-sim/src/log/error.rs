@@ -37,6 +37,11 @@ impl LogError {
         }
     }
 
+    /// In one line.
+    pub(crate) fn in_a_line(&self) -> String {
+        format!("{self} ({})", self.cause)
+    }
+
     /// A defect of a whole file.
     pub(crate) fn file(
         path: &Path,
