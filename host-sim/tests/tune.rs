@@ -51,7 +51,7 @@ fn px4_counts_forward_right_down_and_adds_to_what_was_set() {
     // 0.3 m to the left, 0.5 m behind, 1.2 m above.
     t.lever_arm_m = known([-0.3, -0.5, 1.2]);
     // A board with its right side down and its nose up is turned by as much, nose to the left.
-    [t.mount.roll, t.mount.pitch, t.mount.heading] = known([0.01, 0.05, -0.02]);
+    [t.mount.roll_rad, t.mount.pitch_rad, t.mount.heading_rad] = known([0.01, 0.05, -0.02]);
     // 0.02 m/s^2 too much along up is too little along down, and as much more before a scale of 0.5.
     t.accel_bias_mps2 = known([0.01, 0.03, 0.02]);
     for (name, value) in [("SCALE", 0.5), ("OFF", 0.0)] {
@@ -85,7 +85,7 @@ fn ardupilot_counts_forward_right_down() {
     // 0.1 m to the right, 0.2 m ahead, 0.15 m above.
     t.lever_arm_m = known([0.1, 0.2, 0.15]);
     // A board with its nose up reads specific force forwards at rest: what levelling keeps as trim.
-    [t.mount.roll, t.mount.pitch] = known([-0.01, 0.03]);
+    [t.mount.roll_rad, t.mount.pitch_rad] = known([-0.01, 0.03]);
     t.accel_bias_mps2 = known([0.01, -0.02, 0.03]);
     t.source = "IMU 2 and GPS 1".to_owned();
     for (name, value) in [("SCAL_Z", 2.0), ("OFFS_X", 0.0), ("OFFS_Z", 0.0)] {
@@ -323,7 +323,7 @@ fn a_tilted_unit_in_a_car_is_found_and_printed_for_all() {
     let t = tuning(&drive, home.path());
     println!("{}", targets::text(&t, Target::Table).unwrap());
     assert_eq!(t.mount.vehicle, Vehicle::Car);
-    let found = [t.mount.roll, t.mount.pitch, t.mount.heading];
+    let found = [t.mount.roll_rad, t.mount.pitch_rad, t.mount.heading_rad];
     assert!(
         found
             .iter()
@@ -405,7 +405,7 @@ fn an_aircraft_shows_its_heading_and_a_multicopter_nothing() {
     );
     println!("{:?}", t.mount);
     assert_eq!(t.mount.vehicle, Vehicle::Aircraft);
-    assert!(right(&t.mount.heading, 0.0) && !t.mount.pitch.is_known());
+    assert!(right(&t.mount.heading_rad, 0.0) && !t.mount.pitch_rad.is_known());
     let quadrotor = Quadrotor::new(5, seconds, Some(20.0));
     let t = tuning(
         &drive(quadrotor, level, Vector3::zeros()),
@@ -413,7 +413,17 @@ fn an_aircraft_shows_its_heading_and_a_multicopter_nothing() {
     );
     println!("{:?}", t.mount);
     assert_eq!(t.mount.vehicle, Vehicle::Other);
-    assert!(!t.mount.heading.is_known() && !t.mount.roll.is_known());
+    assert!(!t.mount.heading_rad.is_known() && !t.mount.roll_rad.is_known());
+}
+
+#[test]
+fn json_names_axes_and_units() {
+    let mut t = unknown();
+    [t.mount.roll_rad] = known([0.01]);
+    let json: serde_json::Value =
+        serde_json::from_str(&targets::text(&t, Target::Json).unwrap()).unwrap();
+    assert_eq!(json["axes"], "RFU");
+    assert_eq!(json["mount"]["roll_rad"]["value"], 0.01);
 }
 
 #[test]

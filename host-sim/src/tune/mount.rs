@@ -53,11 +53,11 @@ pub enum Vehicle {
 pub struct Mount {
     pub vehicle: Vehicle,
     /// About the forward axis.
-    pub roll: Found,
+    pub roll_rad: Found,
     /// About the right axis.
-    pub pitch: Found,
+    pub pitch_rad: Found,
     /// About the vertical.
-    pub heading: Found,
+    pub heading_rad: Found,
     /// Robust standard deviation of single seconds about roll, pitch and heading; none without.
     pub spread_rad: Option<[f64; 3]>,
 }
@@ -80,9 +80,9 @@ impl Mount {
     pub fn new(history: &[Row], end: &Estimates) -> Self {
         let mut mount = Self {
             vehicle: Vehicle::Other,
-            roll: Found::unknown(NO_COURSE),
-            pitch: Found::unknown(NO_COURSE),
-            heading: Found::unknown(NO_COURSE),
+            roll_rad: Found::unknown(NO_COURSE),
+            pitch_rad: Found::unknown(NO_COURSE),
+            heading_rad: Found::unknown(NO_COURSE),
             spread_rad: None,
         };
         let seconds: Vec<Second> = history.windows(3).filter_map(second).collect();
@@ -118,12 +118,13 @@ impl Mount {
         let azimuth = end.azimuth_error_rad.sigma;
         let is_car = mount.vehicle == Vehicle::Car;
         let fall = if is_car { CROSSFALL_RAD } else { 0.0 };
-        mount.roll = found(&roll, tilt.hypot(fall)).unless(no_level);
-        mount.pitch = found(&pitch, tilt)
+        mount.roll_rad = found(&roll, tilt.hypot(fall)).unless(no_level);
+        mount.pitch_rad = found(&pitch, tilt)
             .unless((!is_car).then_some(ATTACK))
             .unless(no_level);
         let heading = if is_car { Some(plain) } else { windless };
-        mount.heading = heading.map_or(Found::unknown(NO_WIND), |heading| found(&heading, azimuth));
+        mount.heading_rad =
+            heading.map_or(Found::unknown(NO_WIND), |heading| found(&heading, azimuth));
         mount
     }
 }

@@ -12,7 +12,7 @@ use crate::identify::error_model::Identified;
 use crate::identify::error_model::fit::GyroFit;
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::identify::verdict::{Verdict, beyond_class};
-use crate::log::{Grade, Log};
+use crate::log::{BodyAxes, Grade, Log};
 use crate::sim::errors::Law;
 
 /// All that is found. Axes are those of the unit, right, forward, up; units are SI.
@@ -29,6 +29,8 @@ pub struct Tuning {
     pub imu_rate_hz: f64,
     /// Class of sensors assumed.
     pub grade: Grade,
+    /// Of arrays.
+    pub axes: BodyAxes,
     /// A fix stamped t shows the motion at t minus this.
     pub gnss_delay_s: Found,
     /// By how much positions are later than the velocities beside them; negative: earlier.
@@ -110,6 +112,7 @@ impl Tuning {
             duration_s: summary.duration_s,
             imu_rate_hz: log.imu_rate_hz(),
             grade: summary.grade,
+            axes: BodyAxes::Rfu,
             gnss_delay_s: Found::of(&e.gnss_latency_s, DELAY).plus(log.meta.gnss_clock_offset_s),
             gnss_position_delay_s: if log.gnss.iter().any(|fix| fix.velocity_en_mps.is_some()) {
                 Found::of(&e.gnss_position_delay_s, DELAY)

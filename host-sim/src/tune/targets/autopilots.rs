@@ -62,7 +62,7 @@ pub(super) fn px4(t: &Tuning) -> String {
         let antenna = antenna.note(format!("before 2026 {former}"));
         antenna.hold(own_axes.or(no_receiver))
     }));
-    let board = [t.mount.roll, t.mount.pitch, t.mount.heading];
+    let board = [t.mount.roll_rad, t.mount.pitch_rad, t.mount.heading_rad];
     let board_deg = board.map(|angle| angle.scaled(1_f64.to_degrees()));
     let board = Setting::each("SENS_BOARD_@_OFF", "deg", &board_deg).into_iter();
     all.extend(board.map(|board| acted(board.takes([-45.0, 45.0]), own_axes)));
@@ -117,7 +117,8 @@ pub(super) fn ardupilot(t: &Tuning) -> String {
         let antenna = antenna.takes([-5.0, 5.0]).hold(no_receiver);
         antenna.note(format!("before 4.6 {former}"))
     }));
-    let trim = Setting::each("AHRS_TRIM_@", "rad", &[t.mount.roll, t.mount.pitch]).into_iter();
+    let trim =
+        Setting::each("AHRS_TRIM_@", "rad", &[t.mount.roll_rad, t.mount.pitch_rad]).into_iter();
     all.extend(trim.map(|trim| trim.takes([-0.1745, 0.1745])));
     let names = ["GYR", "ACC"].map(|kind| format!("{group}{kind}{number}OFFS_@"));
     let offsets = offsets(t, [&names[0], &names[1]], scale);

@@ -45,7 +45,7 @@ type Row = (String, Found, &'static str);
 
 fn rows(t: &Tuning) -> Vec<Row> {
     let (deg_h, mg, deg) = (1.0 / DEG_H_RADPS, 1.0 / MG_MPS2, 1_f64.to_degrees());
-    let [roll, pitch, heading] = [t.mount.roll, t.mount.pitch, t.mount.heading];
+    let [roll, pitch, heading] = [t.mount.roll_rad, t.mount.pitch_rad, t.mount.heading_rad];
     let row = |name: &str, found: Found, by: f64, unit| (name.to_owned(), found.scaled(by), unit);
     let one = |name: &str, found: Found, by: f64, unit| vec![row(name, found, by, unit)];
     let each = |what: &str, found: &[Found; 3], by: f64, unit| -> Vec<Row> {
