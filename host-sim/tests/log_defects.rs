@@ -605,6 +605,7 @@ fn sensor_cases() -> Vec<Case> {
         hilly("accelerometer right of the wrong sign", |f| {
             convert(&mut f.imu, "accel_y", |x| -x);
         }),
+        hilly("accelerometers swapped", |f| swap_columns(&mut f.imu, 4, 5)),
         hilly("FLU called RFU", |f| {
             convert_all(
                 &mut f.imu,

@@ -231,6 +231,9 @@ fn check_level_axes(log: &Log, correlation: &Matrix2<f64>, findings: &mut Findin
                 "body_axes = \"{other}\" would fit; as it is heading and the names of the axes \
                  are a quarter turn off"
             ),
+            None if a * b > 0.0 => {
+                "accel_x and accel_y are swapped, and gyro_x and gyro_y may be".to_owned()
+            }
             None => "columns of another order, or a unit mounted across".to_owned(),
         };
         warn(found, cause);
@@ -257,11 +260,10 @@ fn check_level_axes(log: &Log, correlation: &Matrix2<f64>, findings: &mut Findin
 
 /// Whether columns in `other` axes that are read as `axes` would correlate with the signs of `c`.
 fn turned_by(axes: BodyAxes, other: BodyAxes, c: &Matrix2<f64>) -> bool {
-    (0..2).all(|felt| {
-        let true_rfu = other.to_rfu(axes.from_rfu(Vector3::ith(felt, 1.0)));
-        let seen = 1 - felt;
-        true_rfu[seen] * c[(felt, seen)] > 0.5
-    })
+    let true_rfu = |read| other.to_rfu(axes.from_rfu(Vector3::ith(read, 1.0)));
+    let seen = |felt: usize| true_rfu(felt)[1 - felt] * c[(felt, 1 - felt)] > 0.5;
+    // Gravity is where it should be.
+    true_rfu(2).z > 0.0 && seen(0) && seen(1)
 }
 
 /// Gravity turns in the body as the gyros say: where they show plainly the opposite, one of the
