@@ -311,6 +311,9 @@ fn meta_cases() -> Vec<Case> {
         text("clocks an infinity apart", |f| {
             f.meta.push_str("gnss_clock_offset_s = inf\n");
         }),
+        text("clocks thirty years apart", |f| {
+            f.meta.push_str("gnss_clock_offset_s = 1e9\n");
+        }),
         text("a key that is not read", |f| {
             f.meta.push_str("heading_deg = 12.0\n");
         }),

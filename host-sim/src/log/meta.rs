@@ -202,6 +202,7 @@ impl Meta {
             document,
         };
         meta.check_numbers(path)?;
+        warnings.extend(meta.clocks_far_apart(path));
         Ok(meta)
     }
 
@@ -227,6 +228,17 @@ impl Meta {
             return slip("gnss_clock_offset_s", "seconds", offset_s.to_string());
         }
         Ok(())
+    }
+
+    /// Clocks of one origin differ by no more than minutes; `import` takes off other origins too.
+    fn clocks_far_apart(&self, path: &Path) -> Option<LogError> {
+        let expected = "seconds by which clocks differ, up to 300";
+        let cause = "a slip of the pen or another unit, unless one clock counts from another origin: it is \
+                     counted as latency";
+        let key = "gnss_clock_offset_s";
+        let offset_s = self.gnss_clock_offset_s;
+        let defect = || LogError::file(path, expected, offset_s.to_string(), cause).in_column(key);
+        (offset_s.abs() > 300.0).then(defect)
     }
 
     pub(super) fn to_toml(&self) -> String {
