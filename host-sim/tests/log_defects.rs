@@ -10,7 +10,9 @@ use std::path::Path;
 use flate2::write::GzEncoder;
 use host_sim::log::{LogError, read};
 
-use crate::spoilt::{Files, convert, convert_all, hold, pitch_sensors, set_line, swap_columns};
+use crate::spoilt::{
+    Files, convert, convert_all, each_row, hold, pitch_sensors, set_line, swap_columns,
+};
 
 const META: &str = "name = \"test drive\"\n\n[log]\nbody_axes = \"FRD\"\nimu = \"rates\"\n";
 const IMU_STEP_S: f64 = 0.02;
@@ -320,6 +322,15 @@ fn meta_cases() -> Vec<Case> {
     ]
 }
 
+/// Makes the receiver state a spread of its positions.
+fn state_spread(files: &mut Files, cell: &str) {
+    each_row(&mut files.gnss, |_, cells| {
+        cells.push(cell.to_owned());
+        true
+    });
+    files.gnss = files.gnss.replacen(",vu\n", ",vu,sd_n\n", 1);
+}
+
 fn row_cases() -> Vec<Case> {
     vec![
         text("not a number", |f| {
@@ -356,6 +367,8 @@ fn row_cases() -> Vec<Case> {
         text("half a position", |f| {
             set_line(&mut f.gnss, 5, "0.6,45,,200,10,0,0");
         }),
+        text("spreads below zero", |f| state_spread(f, "-0.8")),
+        text("spreads in millimetres", |f| state_spread(f, "860")),
         text("nan in fixes", |f| {
             set_line(&mut f.gnss, 5, "0.6,nan,nan,nan,nan,nan,nan");
         }),

@@ -29,6 +29,7 @@ pub(super) fn mend_fixes(log: &mut Log, findings: &mut Findings) -> Result<(), L
     mend.empty_climb();
     mend.climb_of_the_wrong_sign();
     mend.differenced_velocity();
+    mend.wide_spreads();
     mend.what_is_missing()
 }
 
@@ -281,6 +282,26 @@ impl Mend<'_, '_> {
                      noise of positions; latency found here is that of such velocities";
         let expected = "velocity as the receiver measures it";
         self.warn("ve, vn", expected, found, cause);
+    }
+
+    /// Spreads that no receiver with a fix has.
+    fn wide_spreads(&mut self) {
+        type Part = fn(&GnssFix) -> Option<f64>;
+        let parts: [(&str, &str, f64, Part); 4] = [
+            ("sd_n, sd_e", "m", 100.0, |fix| fix.sigma.position_m),
+            ("sd_u", "m", 100.0, |fix| fix.sigma.height_m),
+            ("sd_v", "m/s", 10.0, |fix| fix.sigma.velocity_mps),
+            ("sd_vu", "m/s", 10.0, |fix| fix.sigma.velocity_up_mps),
+        ];
+        for (column, unit, most, part) in parts {
+            let typical = median(self.fixes.iter().filter_map(part));
+            if typical > most {
+                let expected = format!("spreads in {unit}, mostly below {most}");
+                let found = format!("a median of {typical:.0} {unit}");
+                let cause = format!("m{unit} for {unit}? Fixes weigh by it");
+                self.warn(column, &expected, found, &cause);
+            }
+        }
     }
 
     fn what_is_missing(&mut self) -> Result<(), LogError> {

@@ -95,6 +95,8 @@ fn read_imu(
     Ok(store.into())
 }
 
+const NOT_POSITIVE: &str = "a receiver that knows none, or another quantity";
+
 /// A receiver need not have all parts of a fix.
 fn read_gnss(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<GnssFix>, LogError> {
     let table = Table::open(path)?;
@@ -268,9 +270,17 @@ fn within(
 
 /// One sigma of a component: the root mean square of those stated.
 fn sigma(row: &Row, columns: &[usize]) -> Result<Option<f64>, LogError> {
-    let sigmas = columns.iter().map(|&column| row.optional(column));
-    let sigmas: Vec<_> = sigmas.collect::<Result<_, _>>()?;
-    Ok(rms_of_any(
-        sigmas.into_iter().flatten().filter(|sigma| *sigma > 0.0),
-    ))
+    let none = |column: usize| {
+        let expected = "a spread above zero";
+        row.lose(row.defect(column, expected, row.cell(column), NOT_POSITIVE));
+    };
+    let mut stated = Vec::new();
+    for &column in columns {
+        match row.optional(column)? {
+            Some(sigma) if sigma > 0.0 => stated.push(sigma),
+            Some(_) => none(column),
+            None => {}
+        }
+    }
+    Ok(rms_of_any(stated.into_iter()))
 }
