@@ -230,6 +230,10 @@ fn file_cases() -> Vec<Case> {
         folder("no imu.csv", |f| {
             fs::remove_file(f.join("imu.csv")).unwrap();
         }),
+        folder("no log", |f| {
+            fs::remove_file(f.join("imu.csv")).unwrap();
+            fs::remove_file(f.join("meta.toml")).unwrap();
+        }),
         folder("imu.csv twice", |f| {
             fs::write(f.join("imu.csv.gz"), "").unwrap();
         }),

@@ -19,14 +19,18 @@ use crate::statistics::rms_of_any;
 
 /// Reads and checks a log. Warnings say what looks suspicious, an error what cannot be meant.
 pub fn read(folder: &Path) -> Result<(Log, Vec<LogError>), LogError> {
+    const FOLDER: &str = "a log is a folder with imu.csv, gnss.csv and meta.toml";
+    if !folder.exists() {
+        let (expected, found) = ("a log or a recording", "nothing of this name");
+        let cause = "a wrong or misspelt path";
+        return Err(LogError::file(folder, expected, found, cause));
+    }
     if !folder.is_dir() {
-        let cause = "a log is a folder with imu.csv, gnss.csv and meta.toml";
-        let found = if folder.exists() {
-            "a file"
-        } else {
-            "nothing of this name"
-        };
-        return Err(LogError::file(folder, "a folder", found, cause));
+        return Err(LogError::file(folder, "a folder", "a file", FOLDER));
+    }
+    if !folder.join("meta.toml").exists() && one_of(folder, "imu.csv")?.is_none() {
+        let found = "neither meta.toml nor imu.csv";
+        return Err(LogError::file(folder, "a log", found, FOLDER));
     }
     let mut warnings = Vec::new();
     let meta = Meta::read(&folder.join("meta.toml"), &mut warnings)?;
