@@ -779,6 +779,9 @@ fn axis_cases() -> Vec<Case> {
         text("gyro signs turned", |f| {
             convert_all(&mut f.imu, &GYRO, |x| -x);
         }),
+        text("vertical gyro of the wrong sign", |f| {
+            convert(&mut f.imu, "gyro_z", |x| -x);
+        }),
         text("vertical axis in x", |f| {
             swap_columns(&mut f.imu, 1, 3);
             swap_columns(&mut f.imu, 4, 6);

@@ -90,8 +90,8 @@ fn check_scale(fit: &Line, rates: &Rates, findings: &mut Findings) -> Result<(),
     let defect = |cause: &str| findings.imu("gyro", TURN_ALIKE, found.clone(), cause);
     if fit.slope < 0.0 {
         return Err(defect(
-            "gyros and accelerometers of opposite sign or other axes: the vertical is taken from \
-             the accelerometers, so check the sign of both against body_axes",
+            "gyro_z of the wrong sign, or gyros and accelerometers of opposite sign or other axes: the \
+             vertical is taken from the accelerometers, so check the sign of both against body_axes",
         ));
     }
     match likeliest(gyro_units(rates), fit.slope, 1.3) {
