@@ -570,6 +570,8 @@ mod tests {
                 assert!((in_model / times - 1.0).abs() < 0.3, "{name}: {in_model}");
             }
         }
+        let file = super::super::output::toml(&found).unwrap();
+        assert!(file.contains("noise_times are those at rest"), "{file}");
     }
 
     #[test]

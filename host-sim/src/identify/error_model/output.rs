@@ -46,7 +46,8 @@ pub fn write(sensors: Sensors, folder: &Path) -> Result<()> {
 pub fn toml(found: &Identified) -> Result<String> {
     let mut text = format!(
         "# Error model identified from {} drive{}, for `fly --errors` and `drive --errors`.\n\
-         # Value and 95 % interval; then what the drives do not show, and what stands here instead.\n#\n",
+         # Value and 95 % interval; then what the drives do not show, and what stands here instead.\n\
+         # noise_times are those at rest; below, gyros have that of motion, which adds alike on all axes.\n#\n",
         found.drives,
         if found.drives == 1 { "" } else { "s" },
     );
