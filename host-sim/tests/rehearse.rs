@@ -176,6 +176,40 @@ fn whatever_a_program_does_is_a_row_with_its_cause() {
     assert!(has_ended(&home.join("stays.pid")));
 }
 
+#[test]
+#[cfg(unix)]
+fn another_program_under_the_same_name_is_another_rehearsal() {
+    let home = home();
+    let home = home.path();
+    let run = |more: &[&str]| {
+        let options = ["--models", "0", "--budget", "0", "--with", "./mine"];
+        let mut command = rehearse(home, "out", "1", &options);
+        let output = command.args(more).output().unwrap();
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let becomes = |answer: &str| {
+        let text = ANSWERS.replace("ANSWER", answer);
+        let file = home.join("mine");
+        fs::write(&file, format!("#!/usr/bin/env python3{text}")).unwrap();
+        succeed(Command::new("chmod").arg("+x").arg(file));
+    };
+    let fault = || summary(home, "out")["tested"][0]["failures"][0]["fault"].clone();
+    run(&[]);
+    assert_eq!(fault(), "unusable");
+    // What could not be run is flown when it is there.
+    becomes("pass");
+    run(&[]);
+    assert_eq!(fault(), Value::Null);
+    let told = run(&[]);
+    let taken = "out: flights taken from before: 1, left to fly: 0";
+    assert!(told.contains(taken), "{told}");
+    becomes("good = 'nonsense'");
+    let told = run(&[]);
+    assert!(told.contains("with other settings: programs\n"), "{told}");
+    run(&["--force"]);
+    assert_eq!(fault(), "wrong");
+}
+
 /// Whether a process that wrote its number into a file is gone, as far as the system tells.
 fn has_ended(file: &Path) -> bool {
     let pid = fs::read_to_string(file).unwrap();

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use clap::Args;
 use miette::{Report, Result, bail, miette};
+use serde_json::{Map, Value};
 
 use crate::aircraft::input::{Source, read_text};
 use crate::aircraft::plan::Plan;
@@ -20,7 +21,7 @@ use crate::identify::error_model::record::readings_at_rest;
 use crate::identify::error_model::{self, Identified};
 use crate::log::{LogError, import};
 use crate::page;
-use crate::page::output::OutputError;
+use crate::page::output::{OutputError, replace};
 use crate::page::progress::bar;
 use crate::rehearse::flight::{Told, World};
 use crate::rehearse::output;
@@ -145,7 +146,15 @@ pub fn rehearse(options: &Rehearse) -> Result<()> {
         .map(|log| recorded_noise(log, drives.imu_hz))
         .transpose()?;
     let rehearsal = Rehearsal {
-        settings: settings(options, &world, &drives, &found, noise.as_ref(), set)?,
+        settings: settings(
+            options,
+            &world,
+            &drives,
+            &found,
+            noise.as_ref(),
+            set,
+            &subjects,
+        )?,
         verdicts: drives.verdicts.clone(),
         found,
         noise,
@@ -228,6 +237,7 @@ fn settings(
     found: &Identified,
     noise: Option<&RecordedNoise>,
     set: toml::Table,
+    subjects: &[Subject],
 ) -> Result<Settings> {
     let mut model = found.model();
     model.imu.output = drives.output;
@@ -243,6 +253,9 @@ fn settings(
         imu_hz: world.imu_hz,
         limit_s: options.time_limit,
         with: options.with.clone(),
+        programs: (subjects.iter())
+            .filter_map(|subject| Some((subject.name(), subject.hash()?)))
+            .collect(),
         noise_from: noise.map(RecordedNoise::rms),
         heading_sigma_deg: options.heading_sigma.0,
         set,
@@ -281,20 +294,34 @@ fn recorded_noise(path: &Path, imu_hz: u32) -> Result<RecordedNoise> {
 /// Makes the folder, or finds that it belongs to this very rehearsal.
 fn settle(settings: &Settings, out: &Path, force: bool) -> Result<()> {
     let text = page::json(settings)?;
-    let same = |copy: &Path| Ok(read(copy)? == text);
-    let before = fs::read_to_string(out.join(SETTINGS)).unwrap_or_default();
-    let differ = differing(&text, &before).join(", ");
-    let other = format!("another rehearsal, with other settings: {differ}");
-    ledger::settle(out, SETTINGS, &text, force, same, &other)
+    let copy = out.join(SETTINGS);
+    let before = fs::read_to_string(&copy).unwrap_or_default();
+    let differ = differing(&text, &before);
+    let other = format!(
+        "another rehearsal, with other settings: {}",
+        differ.join(", ")
+    );
+    let same = |_: &Path| Ok(differ.is_empty());
+    ledger::settle(out, SETTINGS, &text, force, same, &other)?;
+    // A program that is there only now is the one from now on.
+    if text != before {
+        replace(&copy, &text)?;
+    }
+    Ok(())
 }
 
-/// Keys of settings whose values are others in an earlier text.
+/// Keys of settings whose values are others in an earlier text. A program that was not there then
+/// has flown nothing.
 fn differing(text: &str, before: &str) -> Vec<String> {
-    let [now, before] = [text, before]
-        .map(|text| serde_json::from_str::<serde_json::Map<_, _>>(text).unwrap_or_default());
-    let other = now
-        .into_iter()
-        .filter(|(key, value)| before.get(key) != Some(value));
+    let [now, before] =
+        [text, before].map(|text| serde_json::from_str::<Map<_, _>>(text).unwrap_or_default());
+    let is_other = |(key, now): &(String, Value)| match (before.get(key), now) {
+        (Some(Value::Object(before)), Value::Object(now)) if key == "programs" => {
+            (before.iter()).any(|(name, hash)| now.get(name) != Some(hash))
+        }
+        (before, now) => before != Some(now),
+    };
+    let other = now.into_iter().filter(is_other);
     other.map(|(key, _)| key).collect()
 }
 

@@ -11,7 +11,7 @@ use miette::{IntoDiagnostic, Result};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::flight::{Answers, Failure, Flown, Told, World};
+use super::flight::{Answers, Failure, Fault, Flown, Told, World};
 use super::settings::{Case, Rehearsal};
 use super::subject::Subject;
 use crate::campaign::ledger::{Ledger, Shard, read_folder};
@@ -27,13 +27,19 @@ pub fn run(
     progress: &ProgressBar,
 ) -> Result<()> {
     let ledger = Ledger::open(folder, shard)?;
-    // Whoever flew it.
+    // Whoever flew it. What could not be run may be there by now.
     let flown: HashSet<(Case, u32)> = (lines(folder)?.iter())
+        .filter(|line| !line.could_not_run())
         .map(|line| (line.case, line.flight))
         .collect();
     let jobs = (0..).zip(rehearsal.jobs());
-    let left = jobs.filter(|(number, job)| shard.has(*number) && !flown.contains(job));
-    let left: Vec<(Case, u32)> = left.map(|(_, job)| job).collect();
+    let own = jobs.filter(|(number, _)| shard.has(*number));
+    let (before, left): (Vec<_>, Vec<_>) =
+        (own.map(|(_, job)| job)).partition(|job| flown.contains(job));
+    if !before.is_empty() {
+        let (folder, before, left) = (folder.display(), before.len(), left.len());
+        eprintln!("{folder}: flights taken from before: {before}, left to fly: {left}");
+    }
     let moments = moments(world);
     progress.set_message("flying");
     progress.set_length(left.len() as u64);
@@ -65,7 +71,9 @@ pub fn run(
 pub fn lines(folder: &Path) -> Result<Vec<Line>> {
     let mut all: Vec<Line> = Vec::new();
     read_folder(folder, |line| all.push(line))?;
-    all.sort_by_key(|line| (line.case, line.flight));
+    // Of several the one that was run, or the last.
+    all.reverse();
+    all.sort_by_key(|line| (line.case, line.flight, line.could_not_run()));
     all.dedup_by_key(|line| (line.case, line.flight));
     Ok(all)
 }
@@ -121,6 +129,13 @@ pub struct Line {
     pub outcomes: Vec<Outcome>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub why: Option<String>,
+}
+
+impl Line {
+    fn could_not_run(&self) -> bool {
+        let mut failures = self.outcomes.iter().flat_map(|of| &of.failure);
+        failures.any(|of| of.fault == Fault::Unusable)
+    }
 }
 
 /// Some of `count` in a row, evenly, the last one among them.

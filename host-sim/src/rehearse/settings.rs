@@ -1,6 +1,7 @@
 //! What a rehearsal does: the drives that its model is of, everything that its figures depend on, and
 //! with what errors each flight is flown.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use ins_core::ImuOutput;
@@ -108,6 +109,8 @@ pub struct Settings {
     pub limit_s: f64,
     /// Algorithms under test, as given.
     pub with: Vec<String>,
+    /// Hashes of the programs among them that are there: one that is replaced is another.
+    pub programs: BTreeMap<String, u64>,
     /// Root mean squares of the recorded noise: by them one recording is told from another.
     pub noise_from: Option<[f64; 2]>,
     /// Error of the heading given at the start, deg; none: none is given.

@@ -1,6 +1,8 @@
 //! The algorithm under test: those that are at hand, firmware on a board, and any program.
 
 use std::cell::RefCell;
+use std::fs;
+use std::path::Path;
 use std::str::FromStr;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
@@ -19,6 +21,7 @@ use crate::hil::board::Target;
 use crate::hil::session::{Event, HilError, Rate};
 use crate::identify::configure::config_of;
 use crate::sim::SimulatedDrive;
+use crate::sim::noise::fnv1a;
 use crate::study::subject::{Core, Kalman, Subject as Driven};
 
 #[derive(Clone, Debug, PartialEq)]
@@ -74,6 +77,16 @@ impl Subject {
                 .find(|(_, subject)| subject == self)
                 .map_or_else(String::new, |(name, _)| (*name).to_owned()),
         }
+    }
+
+    /// Hash of the first file that a program's command names: itself, or the script of an interpreter.
+    pub fn hash(&self) -> Option<u64> {
+        let Self::Program(Program { command, .. }) = self else {
+            return None;
+        };
+        let is_file = |word: &&String| Path::new(word).is_file();
+        let bytes = fs::read(command.iter().find(is_file)?).ok()?;
+        Some(fnv1a(&bytes))
     }
 
     pub fn fly(&self, flown: &Flown, told: &Told) -> Result<Answers, ConfigError> {

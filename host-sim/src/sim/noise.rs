@@ -18,7 +18,7 @@ pub struct Random {
 impl Random {
     /// The sequence `name` of the run `seed`.
     pub fn stream(seed: u64, name: &str) -> Self {
-        let name = fnv1a(name);
+        let name = fnv1a(name.as_bytes());
         // Mixed into the state too: one state on two PCG streams starts alike.
         let high = mix(seed ^ name);
         let low = mix(high ^ name.rotate_left(32));
@@ -86,9 +86,9 @@ impl Random {
     }
 }
 
-fn fnv1a(text: &str) -> u64 {
-    text.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
+pub(crate) fn fnv1a(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3)
     })
 }
 
