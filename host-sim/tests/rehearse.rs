@@ -351,6 +351,10 @@ fn threads_kills_and_shards_leave_no_trace() {
             assert_eq!(text(out, name), text("one", name), "{out}: {name}");
         }
     }
+    // Two models have no interval.
+    let row = &summary(home, "one")["tested"][0]["rows"][0];
+    assert_eq!(row["model_95"], Value::Null);
+    assert!(text("one", "overview.md").contains("takes 5 models drawn"));
     let page = text("one", "report.html");
     assert!(page.contains("What each error costs core") && page.contains("do not show"));
 

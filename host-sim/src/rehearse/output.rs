@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::run::{HEADING, POSITION, QUANTITIES};
 use super::settings::Judged;
-use super::summary::{BUDGETED, Cost, Moment, Row, Summary, Tested};
+use super::summary::{BUDGETED, Cost, FEWEST_MODELS, Models, Moment, Row, Summary, Tested};
 use crate::page::chart::{Chart, Figure, Point};
 use crate::page::html::{Page, REPORT, Section};
 use crate::page::output::replace;
@@ -216,6 +216,12 @@ fn outcomes(summary: &Summary) -> Option<Table> {
                 models.without, models.drawn
             );
             rows.push(cells([&name, "no solution", "", "", &cause]));
+        }
+        let solved = |models: &Models| models.drawn as usize - models.without;
+        let few = |models: &Models| (1..FEWEST_MODELS).contains(&solved(models));
+        if tested.models.as_ref().is_some_and(few) {
+            let cause = format!("an interval of the model takes {FEWEST_MODELS} models drawn");
+            rows.push(cells([&name, "no interval", "", "", &cause]));
         }
     }
     if summary.not_flown > 0 {

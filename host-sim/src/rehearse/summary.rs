@@ -17,6 +17,9 @@ const PARTS: [f64; 3] = [0.25, 0.5, 1.0];
 /// Part of the errors that lie below the figure so called.
 const MOST: f64 = 0.95;
 
+/// Of fewer models there is no interval: on logarithms it would be from nothing to thousands of times.
+pub const FEWEST_MODELS: usize = 5;
+
 /// Errors of one quantity in one part of the flight.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
@@ -227,7 +230,8 @@ fn model_interval(rms: f64, ratios: &[f64]) -> Option<[f64; 2]> {
         .map(|ratio| libm::log(*ratio))
         .filter(|logarithm| logarithm.is_finite())
         .collect();
-    let (middle, variance) = mean_and_variance(&logarithms)?;
+    let enough = (logarithms.len() >= FEWEST_MODELS).then_some(&logarithms);
+    let (middle, variance) = mean_and_variance(enough?)?;
     let half = student(logarithms.len() as f64 - 1.0) * variance.sqrt();
     Some([middle - half, middle + half].map(|bound| rms * libm::exp(bound)))
 }
