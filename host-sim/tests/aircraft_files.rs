@@ -144,8 +144,18 @@ fn every_impossible_plan_is_refused_with_place_and_cause() {
             5,
             &["unknown field", "heading_deg"],
         ),
-        ("bank_deg = 20", "bank_deg = 75", 14, &["expected 3 to 30"]),
-        ("bank_deg = 15", "bank_deg = -80", 27, &["autopilot"]),
+        (
+            "bank_deg = 20",
+            "bank_deg = 75",
+            14,
+            &["expected 3 to 29.7,"],
+        ),
+        (
+            "bank_deg = 15",
+            "bank_deg = -80",
+            27,
+            &["expected -29.7 to 29.7; the most that the autopilot"],
+        ),
         (
             "bank_deg = 15\nduration_s = 60",
             "bank_deg = 15",
@@ -198,6 +208,17 @@ fn a_number_that_is_none_or_far_off_is_refused() {
         ),
     ] {
         assert_refused(old, new, line, &[says]);
+    }
+}
+
+#[test]
+fn the_airspeed_that_is_told_is_accepted() {
+    let with = |speed: &str| parse(&GOOD.replace("airspeed_mps = 50", speed));
+    for (speed, says) in [("180", "expected at most "), ("25", "expected at least ")] {
+        let error = with(&format!("airspeed_mps = {speed}")).unwrap_err();
+        let told = error.split_once(says).unwrap().1;
+        let told = told.split([' ', ';']).next().unwrap();
+        with(&format!("airspeed_mps = {told}")).unwrap_or_else(|error| panic!("{error}"));
     }
 }
 

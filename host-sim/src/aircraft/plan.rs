@@ -115,6 +115,7 @@ impl Source<'_> {
         if (low..=high).contains(&number) {
             return Ok(number);
         }
+        let [low, high] = [low, high].map(tenths);
         self.refuse(key, value, &format!("expected {low} to {high}; {cause}"))
     }
 
@@ -180,6 +181,11 @@ impl Plan {
     }
 }
 
+/// A bound as it is told: one decimal, on the side of zero, so that it is accepted itself.
+fn tenths(bound: f64) -> f64 {
+    (10.0 * bound).trunc() / 10.0
+}
+
 struct Checker<'a> {
     source: Source<'a>,
     dynamics: &'a Dynamics,
@@ -201,9 +207,9 @@ impl Checker<'_> {
         let bank_rad = self.bank_deg.to_radians();
         if !(0.05..=most_rad).contains(&bank_rad) {
             let message = format!(
-                "`bank_deg = {}`: expected 3 to {:.0}, the most that the autopilot may ask for",
+                "`bank_deg = {}`: expected 3 to {}, the most that the autopilot may ask for",
                 self.bank_deg,
-                most_rad.to_degrees()
+                tenths(most_rad.to_degrees())
             );
             return Err(s.error(s.key("bank_deg"), message));
         }
@@ -349,17 +355,21 @@ impl Checker<'_> {
         let lowest = p.autopilot.stall_margin * stall;
         if value.is_nan() || value < lowest {
             let why = format!(
-                "too slow at {height_m:.0} m: the {} stalls at {stall:.1} m/s in its turns; expected at least {lowest:.1} (true airspeed, margin {})",
-                p.name, p.autopilot.stall_margin
+                "too slow at {height_m:.0} m: the {} stalls at {stall:.1} m/s in its turns; expected at least {} (true airspeed, margin {})",
+                p.name,
+                tenths(lowest + 0.1),
+                p.autopilot.stall_margin
             );
             return self.source.refuse("airspeed_mps", airspeed, &why);
         }
         let most =
             max_speed(self.dynamics, height_m).map_or(0.0, |t| t.state.velocity_enu_mps.norm());
-        if value > 0.99 * most {
+        let highest = 0.99 * most;
+        if value > highest {
             let why = format!(
-                "too fast at {height_m:.0} m: the {} reaches {most:.1} m/s in level flight; is it in km/h or knots?",
-                p.name
+                "too fast at {height_m:.0} m: the {} reaches {most:.1} m/s in level flight; expected at most {}; is it in km/h or knots?",
+                p.name,
+                tenths(highest)
             );
             return self.source.refuse("airspeed_mps", airspeed, &why);
         }
