@@ -144,6 +144,9 @@ fn a_study_of_nothing_fails() {
     let failed = run(&["study", "logs", nowhere]);
     assert!(!failed.status.success() && failed.stdout.is_empty());
     assert!(said(&failed).contains("1 of 1 logs cannot be used"));
+    let refused = run(&["study", "recordings", nowhere]);
+    assert!(!refused.status.success() && !refused.stdout.is_empty());
+    assert!(said(&refused).contains("1 of 1 recordings cannot be used"));
     let nothing = run(&["study", "logs", nowhere, "--development"]);
     assert!(!nothing.status.success() && nothing.stdout.is_empty());
     assert!(said(&nothing).contains("no log of those given is developed on"));

@@ -184,7 +184,14 @@ pub fn rehearse(options: &Rehearse) -> Result<()> {
     let summary = Summary::new(&rehearsal, &world, &lines(out)?);
     output::write(out, &summary)?;
     let told = || output::readable(&summary) + &report_line(out);
-    options.output.print.result(&summary, told)
+    options.output.print.result(&summary, told)?;
+    if summary.tested.iter().all(|tested| tested.flights == 0) {
+        bail!(
+            help = "the table of flights without a result has their causes",
+            "no algorithm has flown a flight to its end"
+        );
+    }
+    Ok(())
 }
 
 fn subjects(with: &[String]) -> Result<Vec<Subject>> {

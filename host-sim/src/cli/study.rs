@@ -19,6 +19,7 @@ use crate::rehearse::proof;
 use crate::rehearse::settings::{Drives, Judged};
 
 use crate::study::options::MOST_SEED;
+use crate::study::recordings::{Outcome, Recording};
 use crate::study::{accuracy, conditions, flights, logs, plan_drive, recordings, recovery};
 
 /// What is studied.
@@ -358,12 +359,18 @@ impl Recordings {
         let paths = once(&self.paths);
         progress.set_length(paths.len() as u64);
         let one = |path: &PathBuf| recordings::recordings(path, self.grade.told());
-        let rows: Vec<_> = (paths.into_iter())
+        let rows: Vec<Recording> = (paths.into_iter())
             .flat_map(counted(&progress, one))
             .collect();
         progress.finish_and_clear();
         self.print
-            .result(&rows, || recordings::table(&rows).plain())
+            .result(&rows, || recordings::table(&rows).plain())?;
+        let refused = |row: &Recording| matches!(row.outcome, Outcome::Refused(_));
+        if rows.iter().all(refused) {
+            let all = rows.len();
+            bail!("{all} of {all} recordings cannot be used");
+        }
+        Ok(())
     }
 }
 
