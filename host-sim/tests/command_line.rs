@@ -121,6 +121,22 @@ fn arguments_that_cannot_be_used_are_named() {
 }
 
 #[test]
+fn a_log_of_another_class_than_its_sensors_is_warned_of() {
+    let home = tempfile::tempdir().unwrap();
+    let drive = |errors: &str| {
+        let arguments = ["drive", "--minutes", "1", "--grade", "mems", "--force"];
+        let mut command = host_sim();
+        command.current_dir(home.path()).args(arguments);
+        let drive = command.args(["--errors", errors, "--out", "log"]).output();
+        said(&drive.unwrap())
+    };
+    let told = drive("hg1700");
+    assert!(told.contains("--grade mems with --errors hg1700"), "{told}");
+    let told = drive("mems");
+    assert!(!told.contains("warning"), "{told}");
+}
+
+#[test]
 fn an_error_is_said_once_and_in_lines_that_can_be_copied() {
     let home = tempfile::tempdir().unwrap();
     let file = home

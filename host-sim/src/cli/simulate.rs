@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, ValueEnum as _};
 use miette::{IntoDiagnostic, Result, miette};
 use serde::Serialize;
 
@@ -62,10 +62,22 @@ struct DriveOptions {
 /// Simulates a drive and writes its log.
 pub(super) fn drive(options: &Drive) -> Result<()> {
     let errors = options.errors.as_deref().map(error_model).transpose()?;
+    warn_of_other_class(options.errors.as_deref(), options.options.grade);
     let Output { out, print, force } = &options.output;
     let truth = write_drive(out, options.options, errors, *force)?;
     let out = out.display();
     print.result(&truth, || format!("Log written to {out}\n"))
+}
+
+/// A log of another class than its sensors is meant by few.
+fn warn_of_other_class(errors: Option<&str>, grade: Option<Grade>) {
+    let class = errors.and_then(|errors| Grade::from_str(errors, false).ok());
+    if let (Some(class), Some(grade)) = (class, grade)
+        && class != grade
+    {
+        let [class, grade] = [class, grade].map(Grade::name);
+        eprintln!("warning: --grade {grade} with --errors {class}: sensors of another class");
+    }
 }
 
 /// Simulates a drive, identifies it, and compares with the truth.
