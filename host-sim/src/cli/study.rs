@@ -148,7 +148,7 @@ impl Conditions {
             return print(&kinds.into_iter().map(line).collect::<String>());
         }
         if let Some(file) = &self.csv {
-            check_free_file(file, self.force)?;
+            check_free_file(file, conditions::output::HEADER, self.force)?;
         }
         let study = conditions::Study {
             kinds,

@@ -53,6 +53,11 @@ pub enum OutputError {
         "--force replaces only simulated logs by logs and reports by reports: choose another --out"
     ))]
     Foreign(PathBuf),
+    #[error("{}, line 1: expected `{head}`, as this program writes it", .file.display())]
+    #[diagnostic(help(
+        "it is another file: --force replaces only the table of an earlier run: choose another name"
+    ))]
+    ForeignFile { file: PathBuf, head: String },
     #[error("cannot write {}: {source}", .path.display())]
     #[diagnostic(help("permissions, a missing parent folder or a full disk"))]
     Io { path: PathBuf, source: io::Error },
@@ -122,13 +127,53 @@ pub fn build<T, E: From<OutputError>>(
     share(hidden.path()).map_err(|e| OutputError::io(hidden.path(), e))?;
     // Whoever stops the program now waits until the folder has its name.
     let mut building = building();
-    if folder.is_dir() {
-        fs::remove_dir_all(folder).map_err(|e| OutputError::io(folder, e))?;
+    let before = folder.is_dir().then(|| aside(folder));
+    if let Some(before) = &before {
+        fs::rename(folder, before).map_err(|e| OutputError::io(folder, e))?;
     }
     let whole = hidden.keep();
     fs::rename(&whole, folder).map_err(|e| OutputError::io(folder, e))?;
     building.retain(|one| one.folder != whole);
+    if let Some(before) = &before {
+        remove_replaced(before, folder).map_err(|e| OutputError::io(before, e))?;
+        if before.is_dir() {
+            let [folder, before] = [folder, before.as_path()].map(Path::display);
+            eprintln!("{folder}: what was not replaced is kept in {before}");
+        }
+    }
     Ok(filled)
+}
+
+/// A name beside a folder that nothing has.
+fn aside(folder: &Path) -> PathBuf {
+    let name = |number: u32| {
+        let mut name = folder.components().as_path().as_os_str().to_owned();
+        name.push(format!(".before-{number}"));
+        PathBuf::from(name)
+    };
+    let is_free = |name: &PathBuf| name.symlink_metadata().is_err();
+    (1..).map(name).find(is_free).unwrap_or_default()
+}
+
+/// Removes what a new folder has again, and the folder if that was all: the rest may be somebody's
+/// notes.
+fn remove_replaced(before: &Path, new: &Path) -> io::Result<()> {
+    if before.is_symlink() {
+        return fs::remove_file(before);
+    }
+    for entry in fs::read_dir(before)? {
+        let entry = entry?;
+        let (path, again) = (entry.path(), new.join(entry.file_name()));
+        match (entry.file_type()?.is_dir(), again.is_dir()) {
+            (true, true) => remove_replaced(&path, &again)?,
+            (false, false) if again.exists() => fs::remove_file(path)?,
+            _ => {}
+        }
+    }
+    if is_empty(before) {
+        fs::remove_dir(before)?;
+    }
+    Ok(())
 }
 
 pub fn write(folder: &Path, name: &str, contents: impl AsRef<[u8]>) -> Result<(), OutputError> {
@@ -137,9 +182,20 @@ pub fn write(folder: &Path, name: &str, contents: impl AsRef<[u8]>) -> Result<()
 }
 
 /// Refuses a file early that [`replace`] could not write, or that nobody said may go.
-pub fn check_free_file(file: &Path, force: bool) -> Result<(), OutputError> {
+///
+/// By force it may go if it begins with `head`, as only this program's do, or is empty.
+pub fn check_free_file(file: &Path, head: &str, force: bool) -> Result<(), OutputError> {
     if file.is_dir() || (file.exists() && !force) {
         return Err(OutputError::Exists(file.to_owned()));
+    }
+    let before = (file.exists().then(|| fs::read(file)))
+        .unwrap_or(Ok(Vec::new()))
+        .map_err(|source| OutputError::io(file, source))?;
+    if !before.is_empty() && !before.starts_with(head.as_bytes()) {
+        return Err(OutputError::ForeignFile {
+            file: file.to_owned(),
+            head: head.to_owned(),
+        });
     }
     let new = beside(file);
     let tried = fs::write(&new, "").and_then(|()| fs::remove_file(&new));
@@ -202,11 +258,35 @@ mod tests {
         assert_eq!(fs::read_to_string(out.join(MARK)).unwrap(), "1");
         build(&out, MARK, true, write("2")).unwrap();
         assert_eq!(fs::read_to_string(out.join(MARK)).unwrap(), "2");
+        assert_eq!(fs::read_dir(home.path()).unwrap().count(), 1);
+        // Of the user's there, none is lost.
+        fs::write(out.join("notes.txt"), "mine").unwrap();
+        build(&out, MARK, true, write("2")).unwrap();
+        let kept = home.path().join("out.before-1");
+        assert_eq!(fs::read_to_string(kept.join("notes.txt")).unwrap(), "mine");
+        assert_eq!(
+            [&out, &kept].map(|of| fs::read_dir(of).unwrap().count()),
+            [1, 1]
+        );
         fs::rename(out.join(MARK), out.join("thesis.tex")).unwrap();
         assert!(matches!(
             build(&out, MARK, true, write("3")),
             Err(OutputError::Foreign(_))
         ));
+    }
+
+    #[test]
+    fn a_file_is_replaced_only_by_force_and_only_if_ours() {
+        let home = tempfile::tempdir().unwrap();
+        let file = home.path().join("table.csv");
+        check_free_file(&file, "a,b", false).unwrap();
+        fs::write(&file, "a,b\n1,2\n").unwrap();
+        let may_go = |force| check_free_file(&file, "a,b", force);
+        assert!(matches!(may_go(false), Err(OutputError::Exists(_))));
+        may_go(true).unwrap();
+        fs::write(&file, "t_s,lat_deg\n").unwrap();
+        let refused = may_go(true).unwrap_err().to_string();
+        assert!(refused.contains("line 1: expected `a,b`"), "{refused}");
     }
 
     #[test]

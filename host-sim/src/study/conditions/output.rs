@@ -162,11 +162,14 @@ fn beside_cells(beside: &Beside) -> [String; 3] {
     ]
 }
 
+/// First line of [`csv`].
+pub const HEADER: &str = "kind,class,use,quantity,unit,checks,rms_error,rms_sigma,\
+                          rms_error_over_sigma,observable,wrong_and_sure,compared_runs,\
+                          compared_rms_error,kalman_rms_error,kalman_rms_error_over_sigma,\
+                          over_kalman";
+
 /// Every kind and quantity, for programs.
 pub fn csv(results: &[Results]) -> Result<String> {
-    let header = "kind,class,use,quantity,unit,checks,rms_error,rms_sigma,rms_error_over_sigma,\
-                  observable,wrong_and_sure,compared_runs,compared_rms_error,kalman_rms_error,\
-                  kalman_rms_error_over_sigma,over_kalman";
     let number = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.6e}"));
     let row = |result: &Results, row: &Row| {
         let beside = row.kalman.as_ref();
@@ -194,7 +197,7 @@ pub fn csv(results: &[Results]) -> Result<String> {
             .iter()
             .map(move |quantity| row(result, quantity))
     });
-    page::csv(header, rows)
+    page::csv(HEADER, rows)
 }
 
 /// Kind, class and use.
