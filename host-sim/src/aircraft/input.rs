@@ -2,12 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use miette::{Result, miette};
+use miette::{Report, Result, miette};
 use serde::de::DeserializeOwned;
+use toml::de::{DeTable, DeValue};
 
 use super::dynamics::Dynamics;
 use super::parameters::Parameters;
 use crate::sim::ErrorModel;
+use crate::sim::errors::ErrorModelError;
 
 /// A file that cannot be read or used: what is wrong where, what was expected, the likely cause.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error, miette::Diagnostic)]
@@ -62,6 +64,52 @@ impl Source<'_> {
     }
 }
 
+impl Source<'_> {
+    /// What is wrong with the error model that the text is, or sets keys of; where, if it is seen.
+    pub fn in_model(&self, error: &ErrorModelError) -> Report {
+        let (place, message) = match error {
+            ErrorModelError::Syntax(error) => match error.span() {
+                Some(span) => (Some(span.start), error.message().to_owned()),
+                None => (self.value(&key_of(error)), error.to_string()),
+            },
+            ErrorModelError::Value { key, .. } => (self.value(key), error.to_string()),
+            ErrorModelError::Unwritable(_) => (None, error.to_string()),
+        };
+        let message = message.trim_end().replace('\n', " ");
+        let error = self.error(place.unwrap_or(0), message);
+        let line = error.line.filter(|_| place.is_some());
+        let error = InputError { line, ..error };
+        miette!(
+            help = "host-sim/errors/wave.toml is a complete error model",
+            "{error}"
+        )
+    }
+
+    /// Where the value under a dotted path begins, or that of the last of its tables that is there.
+    fn value(&self, path: &str) -> Option<usize> {
+        let text = DeTable::parse(self.text).ok()?;
+        let (mut table, mut place) = (text.get_ref(), None);
+        for key in path.split('.') {
+            let key = key.split('[').next().unwrap_or(key);
+            let Some(value) = table.get(key) else { break };
+            place = Some(value.span().start);
+            match value.get_ref() {
+                DeValue::Table(inner) => table = inner,
+                _ => break,
+            }
+        }
+        place
+    }
+}
+
+/// The dotted path that an error without a place names.
+fn key_of(error: &toml::de::Error) -> String {
+    let told = error.to_string();
+    let named = |before: &str| Some(told.split_once(before)?.1.split_once('`')?.0);
+    let parts = [named("\nin `"), named("unknown field `")];
+    parts.into_iter().flatten().collect::<Vec<_>>().join(".")
+}
+
 /// The text of a file; `what` it should be is said if it cannot be read.
 pub fn read_text(file: &Path, what: &str) -> Result<String, InputError> {
     std::fs::read_to_string(file).map_err(|error| InputError {
@@ -80,12 +128,11 @@ pub(crate) fn error_model(name: &str) -> Result<ErrorModel> {
         file => {
             let path = Path::new(file);
             let text = read_text(path, "ideal, hg1700, mems or an error model")?;
-            ErrorModel::from_toml(&text).map_err(|error| {
-                miette!(
-                    help = "host-sim/errors/wave.toml is a complete example",
-                    "{file}: {error}"
-                )
-            })
+            let source = Source {
+                file: path,
+                text: &text,
+            };
+            ErrorModel::from_toml(&text).map_err(|error| source.in_model(&error))
         }
     }
 }
@@ -103,4 +150,61 @@ pub fn read_aircraft(file: &Path) -> Result<Dynamics, InputError> {
         }
     }
     Ok(Dynamics::new(&parameters))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_wrong_with_an_error_model_has_its_line() {
+        let wave = include_str!("../../errors/wave.toml");
+        let not_a_number = "invalid type: string \"5\", expected f64";
+        for (good, bad, message) in [
+            (
+                "5e-4",
+                "-7.5",
+                "accel_mps2.white_noise = -7.5: expected zero",
+            ),
+            ("rate_hz = 10.0", "rate = 10.0", "unknown field `rate`"),
+            ("rate_hz = 10.0", "rate_hz = \"5\"", not_a_number),
+        ] {
+            let text = wave.replacen(good, bad, 1);
+            let error = ErrorModel::from_toml(&text).unwrap_err();
+            let file = Path::new("unit.toml");
+            let told = Source { file, text: &text }.in_model(&error).to_string();
+            let before = wave.split_once(good).unwrap().0;
+            let line = 1 + before.matches('\n').count();
+            let place = format!("unit.toml, line {line}: {message}");
+            assert!(told.starts_with(&place), "{told}");
+            assert!(!told.contains('\n'), "{told}");
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_with_keys_of_an_error_model_has_its_line() {
+        for (key, message) in [
+            ("gnss.rate = 5", "unknown field `rate`"),
+            (
+                "gnss.rate_hz = \"5\"",
+                "invalid type: string \"5\", expected f64",
+            ),
+            (
+                "gnss.rate_hz = -5",
+                "gnss.rate_hz = -5: expected more than zero",
+            ),
+            (
+                "gnss = { latency_s = [0.3, 0.1] }",
+                "gnss.latency_s[1] = 0.1",
+            ),
+            ("gyro = 1", "unknown field `gyro`"),
+        ] {
+            let text = format!("imu.dropped_fraction = 0.1\n{key}\n");
+            let error = ErrorModel::mems().with(&text.parse().unwrap()).unwrap_err();
+            let file = Path::new("keys.toml");
+            let told = Source { file, text: &text }.in_model(&error).to_string();
+            let place = format!("keys.toml, line 2: {message}");
+            assert!(told.starts_with(&place) && !told.contains('\n'), "{told}");
+        }
+    }
 }

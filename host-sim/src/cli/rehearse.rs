@@ -227,13 +227,12 @@ pub(super) fn keys(file: Option<&Path>) -> Result<toml::Table> {
 
 /// What is wrong with them.
 pub(super) fn in_keys(file: Option<&Path>, error: &ErrorModelError) -> Report {
-    match file {
-        Some(file) => miette!(
-            help = "host-sim/errors/wave.toml is a complete error model",
-            "{}: {error}",
-            file.display()
-        ),
-        None => miette!("the identified model cannot be flown: {error}"),
+    let Some(file) = file else {
+        return miette!("the identified model cannot be flown: {error}");
+    };
+    match read_text(file, "keys of an error model") {
+        Ok(text) => Source { file, text: &text }.in_model(error),
+        Err(error) => error.into(),
     }
 }
 
