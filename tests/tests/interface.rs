@@ -421,7 +421,7 @@ fn any_calibration_that_is_taken_is_survived() {
     let mut broken = kept;
     broken.gyro_bias_radps[0].value = 1e300;
     let warm = Navigator::warm(config_of(Grade::Mems), &broken).unwrap();
-    assert_eq!(warm.estimates().gyro_bias_radps[0].value, 0.0);
+    assert!(warm.estimates().gyro_bias_radps[0].value.abs() < 1e-12);
 }
 
 /// Nothing is begun anew because the search for the heading finds less than what is known.

@@ -152,7 +152,7 @@ fn aside(folder: &Path) -> PathBuf {
         PathBuf::from(name)
     };
     let is_free = |name: &PathBuf| name.symlink_metadata().is_err();
-    (1..).map(name).find(is_free).unwrap_or_default()
+    (1..=u32::MAX).map(name).find(is_free).unwrap_or_default()
 }
 
 /// Removes what a new folder has again, and the folder if that was all: the rest may be somebody's
@@ -188,9 +188,11 @@ pub fn check_free_file(file: &Path, head: &str, force: bool) -> Result<(), Outpu
     if file.is_dir() || (file.exists() && !force) {
         return Err(OutputError::Exists(file.to_owned()));
     }
-    let before = (file.exists().then(|| fs::read(file)))
-        .unwrap_or(Ok(Vec::new()))
-        .map_err(|source| OutputError::io(file, source))?;
+    let before = if file.exists() {
+        fs::read(file).map_err(|source| OutputError::io(file, source))?
+    } else {
+        Vec::new()
+    };
     if !before.is_empty() && !before.starts_with(head.as_bytes()) {
         return Err(OutputError::ForeignFile {
             file: file.to_owned(),
