@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::config::{Config, ConfigError};
+use crate::config::{Config, ConfigError, finite};
 use crate::math;
 use crate::parameters::{Parameters, index};
 
@@ -116,23 +116,21 @@ impl Calibration {
 
     /// What a run begins with: at most as unsure as the configuration.
     pub(crate) fn belief(mut self, config: &Config) -> Result<Parameters, ConfigError> {
-        let believed = config.prior();
-        let mut belief = believed;
+        let mut belief = config.prior();
         if !math::all_finite(&self.level_force_mps2) {
             return Err(ConfigError::NotFinite("calibration"));
         }
         for (first, group) in self.groups() {
             for (which, known) in (first..).zip(group) {
-                if !(known.value.is_finite() && known.sigma.is_finite()) {
-                    return Err(ConfigError::NotFinite("calibration"));
+                for number in [known.value, known.sigma] {
+                    finite(number, "calibration")?;
                 }
-                let prior = believed.sigma(which);
+                let prior = belief.sigma(which);
                 if known.sigma < 0.0 || (prior > 0.0 && known.sigma <= 0.0) {
                     return Err(ConfigError::NotPositive("calibration"));
                 }
-                // What is not estimated, or given, or of no unit, is as configured.
-                let believable = believed.allows(which, known.value);
-                if prior > 0.0 && !config.gives(which) && believable {
+                // What is not estimated, or given, is as configured.
+                if prior > 0.0 && !config.gives(which) {
                     let sigma = math::min(math::max(known.sigma, LEAST * prior), prior);
                     belief.set(which, known.value, sigma);
                 }

@@ -237,7 +237,7 @@ fn not_negative(value: f64, name: &'static str) -> Result<(), ConfigError> {
     good.then_some(()).ok_or(ConfigError::Negative(name))
 }
 
-fn finite(value: f64, name: &'static str) -> Result<(), ConfigError> {
+pub(crate) fn finite(value: f64, name: &'static str) -> Result<(), ConfigError> {
     let good = math::abs(value) < LARGEST;
     good.then_some(()).ok_or(ConfigError::NotFinite(name))
 }

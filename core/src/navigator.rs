@@ -138,8 +138,7 @@ impl Navigator {
 
     /// A navigator that knows what an earlier run has found out about the same unit.
     ///
-    /// What the configuration gives stays as given, and a value that no unit can have, as of a damaged memory,
-    /// as configured. Where the position is known too, give it as a first fix; a heading by
+    /// What the configuration gives stays as given. Where the position is known too, give it as a first fix; a heading by
     /// [`Navigator::on_heading`].
     ///
     /// # Errors

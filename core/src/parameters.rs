@@ -10,10 +10,6 @@ pub const PAIRS: usize = COUNT * (COUNT + 1) / 2;
 
 /// A measurement agrees with what was believed within this many sigma of the difference.
 pub(crate) const AGREES_SIGMAS: f64 = 4.0;
-/// Spreads before any data that no parameter is off by, least of them of the latency, s: 3 s is more than
-/// the ring holds.
-const POSSIBLE_SIGMAS: f64 = 30.0;
-const LATE_S: f64 = 0.1;
 
 /// Where each stands in a parameter vector. Those that change from fix to fix come first, for
 /// there the least squares lets them change at least cost; last come those that fewer sensors and
@@ -87,18 +83,6 @@ impl Parameters {
         if let Some(value) = self.value.get_mut(parameter) {
             *value += by;
         }
-    }
-
-    /// Whether a unit of which this is believed before any data can have such a value.
-    pub fn allows(&self, parameter: usize, value: f64) -> bool {
-        let sigma = self.sigma(parameter);
-        // Clocks drift apart, and the search for the heading finds the latency by itself.
-        let sigma = if parameter == index::LATENCY {
-            math::max(sigma, LATE_S)
-        } else {
-            sigma
-        };
-        math::abs(value - self.value(parameter)) <= POSSIBLE_SIGMAS * sigma
     }
 
     /// Whether an independent measurement of one parameter agrees with what is believed of it.

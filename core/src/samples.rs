@@ -43,8 +43,7 @@ pub struct ImuSample {
     pub accel: Vector3<f64>,
 }
 
-/// One-sigma noise of a fix's parts as the receiver states it; none where it does not, and what is not
-/// positive is none.
+/// One-sigma noise of a fix's parts as the receiver states it; none where it does not.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

@@ -490,11 +490,10 @@ fn a_vertical_that_is_assumed_is_no_fix_that_was_taken() {
 }
 
 #[test]
-fn sigmas_that_are_none_and_longitudes_from_zero_are_understood() {
+fn longitudes_from_zero_are_understood() {
     let [plain, odd] = [false, true].map(|odd| {
         let of = |mut fix: GnssFix| {
             if odd {
-                fix.sigma.position_m = Some(-30.0);
                 fix.position = fix.position.map(|place| LatLon {
                     longitude_rad: place.longitude_rad.rem_euclid(TAU),
                     ..place

@@ -188,6 +188,12 @@ fn a_table_goes_over_nothing_unless_forced() {
     assert_eq!(fs::read_to_string(&file).unwrap(), "precious");
     let refused = study(&home.path().join("nowhere/mine.csv"), &[]);
     assert!(!refused.status.success() && refused.stdout.is_empty());
+    // Force is for tables.
+    let refused = study(&file, &["--force"]);
+    assert!(!refused.status.success() && refused.stdout.is_empty());
+    assert_eq!(fs::read_to_string(&file).unwrap(), "precious");
+    fs::write(&file, "").unwrap();
+    assert!(study(&file, &["--force"]).status.success());
     assert!(study(&file, &["--force"]).status.success());
     assert!(fs::read_to_string(&file).unwrap().starts_with("kind,"));
     assert_eq!(entries(home.path()), ["mine.csv"]);

@@ -46,7 +46,6 @@ impl Part {
         Self {
             has,
             stated: sigma
-                .filter(|sigma| *sigma > 0.0)
                 .map(|sigma| sigma * sigma)
                 .filter(|variance| *variance > 0.0),
             used: false,

@@ -27,7 +27,10 @@ const ASTRAY_S: f64 = 0.5 * LOST_S;
 /// the vertical is: longer than a bump, and no manoeuvre tips the vertical velocity.
 const DOUBT_S: f64 = 10.0;
 const VERTICAL_DOUBT_S: f64 = 5.0;
-/// A tilt that no levelled INS has, rad.
+/// Prior sigmas that no parameter is off by, least of them of the latency, s: 3 s is more than the ring
+/// holds; and a tilt that no levelled INS has, rad.
+const SOUND_SIGMAS: f64 = 30.0;
+const LATE_S: f64 = 0.1;
 const SOUND_TILT_RAD: f64 = 1.0;
 /// Rate and acceleration of an ordinary manoeuvre, which a hole of a second may hide, rad/s and m/s^2:
 /// a shorter one hides as much less, and a longer one no more.
@@ -178,7 +181,16 @@ impl Observer {
     /// configured. No other error than an attitude that is far off keeps pulling the vertical.
     pub fn is_sound(&self, config: &Config) -> bool {
         let prior = config.prior();
-        let credible = |which: usize| prior.allows(which, self.parameters.value(which));
+        let credible = |which: usize| {
+            let sigma = prior.sigma(which);
+            // Clocks drift apart, and the search for the heading finds the latency by itself.
+            let sigma = if which == index::LATENCY {
+                math::max(sigma, LATE_S)
+            } else {
+                sigma
+            };
+            math::abs(self.parameters.value(which) - prior.value(which)) <= SOUND_SIGMAS * sigma
+        };
         let error = &self.followed.error;
         (0..COUNT).all(credible)
             && !self.vertical_doubts.is_hopeless()
