@@ -132,9 +132,9 @@ pub struct Health {
     /// Since when the INS is on its own, if it is: when the last fix with a level velocity or a position that
     /// was used had been compared.
     pub coasting_since: Option<Time>,
-    /// The last fix whose outcome is known. Ask after each call: at 100 samples a second
-    /// none settles more than one, those that were compared as one, or all that wait when an INS is aligned
-    /// anew; one over a longer interval may settle as many more.
+    /// The last fix whose outcome is known. Ask after each call: at 100 samples a second none settles more
+    /// than one, those that were compared as one, or all that wait when an INS is aligned anew; a call for a
+    /// longer interval may settle as many more.
     pub last_fix: Option<FixReport>,
     /// Mean square of the level innovations of the last ten seconds, in the variances that they
     /// should have: about 1, and beyond 9 the INS is doubted. None while aligning, nor in the

@@ -138,8 +138,8 @@ impl Navigator {
 
     /// A navigator that knows what an earlier run has found out about the same unit.
     ///
-    /// What the configuration gives stays as given. Where the position is known too, give it as a first fix; a heading by
-    /// [`Navigator::on_heading`].
+    /// What the configuration gives stays as given. Where the position is known too, give it as a first
+    /// fix; a heading by [`Navigator::on_heading`].
     ///
     /// # Errors
     /// As [`Self::new`]; also for a calibration that is not finite, or a sigma not above zero of
@@ -518,7 +518,7 @@ impl<const RING: usize> State<RING> {
         self.align_again(sample.time, until, tipped, tally, config);
     }
 
-    /// What was known was known until then. Where gravity is felt elsewhere than before, the level is not
+    /// The INS was followed up to `until`. Where gravity is felt elsewhere than before, the level is not
     /// kept either: it may have been `tipped`.
     #[inline(never)]
     fn align_again(
