@@ -162,7 +162,7 @@ fn beside_cells(beside: &Beside) -> [String; 3] {
     ]
 }
 
-/// First line of [`csv`].
+/// First line of [`csv()`].
 pub const HEADER: &str = "kind,class,use,quantity,unit,checks,rms_error,rms_sigma,\
                           rms_error_over_sigma,observable,wrong_and_sure,compared_runs,\
                           compared_rms_error,kalman_rms_error,kalman_rms_error_over_sigma,\
