@@ -106,13 +106,9 @@ impl Default for Persistence {
 }
 
 impl Persistence {
-    /// The noise that is assumed, of which heights are configured to have this.
-    pub fn of(&self, noise: &Noise) -> Noise {
-        Noise {
-            correlated: noise.correlated * math::sqrt(self.ratio),
-            correlation_s: noise.correlation_s * self.ratio,
-            ..*noise
-        }
+    /// How many times longer than configured a noise of this colour is assumed to last.
+    pub fn of(&self, colour: &Colour) -> f64 {
+        math::max(self.ratio, colour.lasts())
     }
 
     /// Some of the noise has gone in a part of its correlation time, and some has come in; of its `sigma`,
@@ -159,6 +155,14 @@ impl Colour {
         }
     }
 
+    /// How many times longer than configured that of a position is assumed to last, with as much that comes
+    /// in. What is slow beside the velocities that hold an INS shows by how little comes in, `sigma^2 / tau`;
+    /// how far the INS errs with it goes by `sigma^2 tau`, which innovations do not tell: of one that comes
+    /// in more slowly than configured, that is assumed as configured.
+    pub fn lasts(&self) -> f64 {
+        1.0 / math::sqrt(math::min(self.ratio, 1.0))
+    }
+
     /// Both parts are stronger by this, in variance.
     pub fn scale(&mut self, both: f64) {
         self.strength = both * self.ratio;
@@ -179,7 +183,7 @@ impl Colour {
 
     /// It is another one now than a short while ago, by a variance of each component.
     pub fn learn_of_jump(&mut self, square: f64, components: f64, noise: &Noise, range: [f64; 2]) {
-        let assumed = noise.correlated * noise.correlated * self.strength;
+        let assumed = noise.correlated * noise.correlated * self.strength * self.lasts();
         if assumed <= 0.0 {
             return;
         }
@@ -191,22 +195,25 @@ impl Colour {
         self.ratio = math::variance_within(ratio, range);
     }
 
-    /// Learns from what the observer takes for this noise after a fix, in so many components, and the
-    /// variance with which each is not known.
+    /// Learns from what the observer takes for this noise, which it assumes to last so many times longer than
+    /// configured, after a fix, in so many components, and the variance with which each is not known.
     pub fn learn_of_estimate(
         &mut self,
         now: Time,
         estimate: &Vector2<f64>,
         components: f64,
         left: f64,
-        noise: &Noise,
+        (noise, lasts): (&Noise, f64),
         range: [f64; 2],
     ) {
-        let assumed = noise.correlated * noise.correlated * self.strength;
+        let assumed = noise.correlated * noise.correlated * self.strength * lasts;
         if assumed <= 0.0 {
             return;
         }
-        let new = math::min(now.seconds_since(self.last) / noise.correlation_s, 1.0);
+        let new = math::min(
+            now.seconds_since(self.last) / (noise.correlation_s * lasts),
+            1.0,
+        );
         self.last = now;
         self.lasting += (estimate - self.lasting) * (new / LASTING);
         // Less its mean over a while, noise is smaller by as much.

@@ -206,6 +206,10 @@ impl Observer {
         } else {
             &self.level
         };
+        let lasts = match kind.measured() {
+            Measured::Velocity => 1.0,
+            Measured::Position => colour.lasts(),
+        };
         let estimate = self.followed.noise(kind);
         let left = channel.noise(kind.measured());
         colour.learn_of_estimate(
@@ -213,7 +217,7 @@ impl Observer {
             &estimate,
             components,
             left,
-            kind.noise(config),
+            (kind.noise(config), lasts),
             range,
         );
     }

@@ -12,7 +12,8 @@ const ONE_MOMENT_S: f64 = 1e-3;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Pace {
     last: Time,
-    /// Since the measurement before, which may be of the same moment.
+    /// Since the measurement before, which may be of the same moment, but no more than twice what lay between
+    /// those before.
     pub seconds: f64,
     /// How many moments like the last an ordinary manoeuvre has.
     pub per_manoeuvre: f64,
@@ -28,12 +29,13 @@ impl Pace {
         }
     }
 
-    /// One comes.
+    /// One comes: after an outage it says as little of the time without as any other.
     pub fn step(&mut self, now: Time) {
-        self.seconds = now.seconds_since(self.last);
+        let since_s = now.seconds_since(self.last);
         self.last = now;
-        if self.seconds > ONE_MOMENT_S {
-            self.per_manoeuvre = math::max(MANOEUVRE_S / self.seconds, 1.0);
+        self.seconds = math::min(since_s, 2.0 * MANOEUVRE_S / self.per_manoeuvre);
+        if since_s > ONE_MOMENT_S {
+            self.per_manoeuvre = math::max(MANOEUVRE_S / since_s, 1.0);
         }
     }
 }

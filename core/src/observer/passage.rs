@@ -41,23 +41,24 @@ impl Observer {
 
         let [velocity, climb, position, height] = &self.colours;
         let gnss = &config.gnss;
-        let renewal =
-            |noise: &Noise, colour: &Colour| Renewal::over(span.seconds, noise, colour.strength);
+        let renewal = |noise: &Noise, colour: &Colour, lasts: f64| {
+            Renewal::over(span.seconds / lasts, noise, colour.strength * lasts)
+        };
         let level = [
-            renewal(&gnss.velocity_mps, velocity),
-            renewal(&gnss.position_m, position),
+            renewal(&gnss.velocity_mps, velocity, 1.0),
+            renewal(&gnss.position_m, position, position.lasts()),
         ];
-        let wander = self.height_persistence.of(&gnss.height_m);
+        let lasts = self.height_persistence.of(height);
         let up = [
-            renewal(&gnss.velocity_up_mps, climb),
-            renewal(&wander, height),
+            renewal(&gnss.velocity_up_mps, climb, 1.0),
+            renewal(&gnss.height_m, height, lasts),
         ];
         self.height_sensitivity.renew(&up[1]);
-        let sigma2 = wander.correlated * wander.correlated * height.strength;
+        let sigma = gnss.height_m.correlated;
         self.height_persistence.renew(
             &up[1],
-            span.seconds / wander.correlation_s,
-            sigma2,
+            span.seconds / (gnss.height_m.correlation_s * lasts),
+            sigma * sigma * height.strength * lasts,
             &self.followed.noise(Kind::Height),
             self.vertical.noise(Measured::Position),
         );

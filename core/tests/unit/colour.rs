@@ -42,10 +42,11 @@ fn found_of(times: f64, lasts: f64, start: f64, time_range: [f64; 2]) -> [f64; 2
     for fix in 0..FIXES {
         let real = Renewal::over(0.2, &noise, times * times);
         truth = real.keep * truth + real.new.sqrt() * f64::from(deviates.next());
-        let described = persistence.of(&CONFIGURED);
-        let assumed = Renewal::over(0.2, &described, colour.strength);
-        let sigma2 = described.correlated * described.correlated * colour.strength;
-        let (part, known) = (0.2 / described.correlation_s, Vector2::new(estimate.y, 0.0));
+        let longer = persistence.of(&colour);
+        let assumed = Renewal::over(0.2 / longer, &CONFIGURED, colour.strength * longer);
+        let sigma2 = CONFIGURED.correlated * CONFIGURED.correlated * colour.strength * longer;
+        let part = 0.2 / (CONFIGURED.correlation_s * longer);
+        let known = Vector2::new(estimate.y, 0.0);
         persistence.renew(&assumed, part, sigma2, &known, covariance.m22);
         let keep = Matrix2::from_diagonal(&Vector2::new(1.0, assumed.keep));
         estimate = keep * estimate;
@@ -66,7 +67,7 @@ fn found_of(times: f64, lasts: f64, start: f64, time_range: [f64; 2]) -> [f64; 2
         persistence.take(&innovation, total, 1.0);
         if fix >= FIXES / 2 {
             let part = 1.0 / (FIXES / 2) as f64;
-            logarithms[0] += part * (colour.ratio * persistence.ratio).ln();
+            logarithms[0] += part * (colour.ratio * longer).ln();
             logarithms[1] += part * persistence.ratio.ln();
         }
     }
@@ -100,7 +101,8 @@ fn the_strength_is_found_from_above_and_below() {
 #[test]
 fn what_is_not_there_fades() {
     let left = found(0.0, 100.0);
-    assert!((0.01..0.1).contains(&left), "{left}");
+    // A tenth of the sigma is the least that the user allows, and what comes in so slowly lasts.
+    assert!((0.1..0.3).contains(&left), "{left}");
 }
 
 #[test]
@@ -119,7 +121,7 @@ fn noise_that_is_said_to_be_white_stays_white() {
     assert_eq!((after, sensitivity), (before, Sensitivity::default()));
     let now = Time::from_micros(1_000_000);
     let estimate = Vector2::new(1.0, 0.0);
-    after.learn_of_estimate(now, &estimate, 1.0, 0.0, &Noise::white(1.0), RANGE);
+    after.learn_of_estimate(now, &estimate, 1.0, 0.0, (&Noise::white(1.0), 1.0), RANGE);
     assert_eq!(after, before);
 }
 
@@ -141,7 +143,7 @@ fn found_by_estimate(times: f64, off: f64) -> f64 {
         variance *= 1.0 - gain;
         let now = Time::from_seconds(0.2 * (fix + 1) as f64).unwrap_or_default();
         let taken = Vector2::new(estimate, 0.0);
-        colour.learn_of_estimate(now, &taken, 1.0, variance, &CONFIGURED, RANGE);
+        colour.learn_of_estimate(now, &taken, 1.0, variance, (&CONFIGURED, 1.0), RANGE);
         colour.scale(1.0);
         if fix >= FIXES / 2 {
             logarithms += colour.ratio.ln() / (FIXES / 2) as f64;
@@ -163,7 +165,8 @@ fn by_its_estimate_the_strength_is_found_from_above_and_below() {
 #[test]
 fn by_its_estimate_what_is_not_there_fades() {
     let left = found_by_estimate(0.0, 0.0);
-    assert!((0.01..0.1).contains(&left), "{left}");
+    // A tenth of the sigma is the least that the user allows, and what comes in so slowly lasts.
+    assert!((0.1..0.3).contains(&left), "{left}");
 }
 
 #[test]

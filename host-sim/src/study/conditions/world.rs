@@ -16,6 +16,11 @@ use crate::sim::receiver::{Correlated, Habits, Outliers, Stated, Trouble, Wrong}
 use crate::sim::vehicles::{Anchored, Begin, Boat, Plane, Quadrotor, Walker};
 use crate::sim::{Motion, SimulatedDrive, record};
 
+/// How far positions wander, m, and in what time, s: those of every recorded receiver do so, by half a metre
+/// to some metres over a minute to some minutes, whatever is white on top.
+const WANDER_M: [f64; 2] = [0.5, 2.0];
+const WANDER_S: [f64; 2] = [30.0, 300.0];
+
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Vehicle {
     /// A car that leans so many times as far as a family car; it begins at rest for a time
@@ -68,10 +73,8 @@ pub struct World {
 impl World {
     /// A car with 30 to 60 s of rest first and a plain receiver, unit level, antenna on it.
     pub fn plain(class: Grade, seed: u64, minutes: f64, kind: &str) -> Self {
-        let mut errors = class.errors();
-        errors.gnss.habits.stated = Stated::White;
         let mut random = Random::stream(seed, kind);
-        Self {
+        let mut world = Self {
             // Kinds that share units and ways would be right or wrong together.
             seed: random.whole(),
             class,
@@ -90,9 +93,14 @@ impl World {
             mount: UnitQuaternion::identity(),
             slip: None,
             antenna_m: Vector3::zeros(),
-            errors,
+            errors: class.errors(),
             random,
-        }
+        };
+        world.habits().stated = Stated::White;
+        // Of its own: whatever else a kind draws stays as it is.
+        let mut wander = Random::stream(seed, &format!("{kind} wander"));
+        world.wander(wander.log_uniform(WANDER_M), wander.log_uniform(WANDER_S));
+        world
     }
 
     pub fn duration_s(&self) -> f64 {
@@ -181,6 +189,11 @@ impl World {
     pub fn position_noise(&mut self, [white_m, sigma, time_s]: [f64; 3]) {
         self.errors.gnss.horizontal_sigma_m = white_m;
         self.errors.gnss.vertical_sigma_m = 1.5 * white_m;
+        self.wander(sigma, time_s);
+    }
+
+    /// Its correlated part alone.
+    fn wander(&mut self, sigma: f64, time_s: f64) {
         self.habits().horizontal = Correlated { sigma, time_s };
         self.habits().vertical = Correlated {
             sigma: 1.5 * sigma,
