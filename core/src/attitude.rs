@@ -1,6 +1,6 @@
 //! Attitude: rotation from body (right-forward-up) to East-North-Up.
 
-use nalgebra::{Matrix3, Quaternion, Rotation3, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Quaternion, Unit, UnitQuaternion, Vector3};
 
 use crate::math;
 
@@ -56,11 +56,6 @@ pub fn matrix(attitude: &UnitQuaternion<f64>) -> Matrix3<f64> {
         2.0 * (y * z + w * x),
         1.0 - 2.0 * (x * x + y * y),
     )
-}
-
-/// Attitude of an orthonormal matrix `C_B^L`.
-pub fn from_matrix(c: Matrix3<f64>) -> UnitQuaternion<f64> {
-    UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(c))
 }
 
 /// The same attitude with `by_rad` added to its heading, an angle of any size.

@@ -145,11 +145,7 @@ impl Increments {
 
     /// Whether a reading of a gyro means a turn that samples `seconds` apart cannot show.
     pub fn turns_too_far(&self, gyro: f64, seconds: f64) -> bool {
-        let read_s = match self.output {
-            ImuOutput::Rates => seconds,
-            ImuOutput::Increments => 1.0,
-        };
-        read_s * gyro > AMBIGUOUS_RAD
+        gyro * seconds > AMBIGUOUS_RAD * self.output.per_rate(seconds)
     }
 
     /// The time that a reading spans which comes `seconds` after the last, s: shorter if samples
@@ -158,7 +154,8 @@ impl Increments {
         if hole { self.usual_s } else { seconds }
     }
 
-    /// The interval that ends at `sample`, stamped `seconds` (positive) after the last.
+    /// The interval that ends at `sample`, stamped `seconds` (positive) after the last, with a hole in it
+    /// or not.
     ///
     /// Rates are integrated by the parabola through the last three readings, increments as they
     /// are. Coning and sculling are those of rates linear over the interval, or over the last two
@@ -166,8 +163,7 @@ impl Increments {
     /// `scale` as their only difference. A hole between increments is filled with the mean rate
     /// of its two ends.
     #[inline]
-    pub fn interval(&mut self, sample: &ImuSample, seconds: f64) -> Interval {
-        let hole = self.has_hole(seconds);
+    pub fn interval(&mut self, sample: &ImuSample, seconds: f64, hole: bool) -> Interval {
         let (usual_s, late_before_s) = (self.usual_s, self.stamped_late_s);
         self.follow_stamps(seconds, hole);
         if self.output == ImuOutput::Increments {

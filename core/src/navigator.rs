@@ -203,7 +203,7 @@ impl<const RING: usize> Navigator<RING> {
     pub fn on_gnss(&mut self, fix: &GnssFix) -> GnssOutcome {
         let outcome = self.state.on_gnss(fix, &mut self.tally, &self.config);
         self.tally.fix(fix.time, outcome);
-        self.state.navigate_once_aligned(&self.config);
+        self.state.navigate(&self.config);
         outcome
     }
 
@@ -446,7 +446,7 @@ impl<const RING: usize> State<RING> {
             seconds,
             ends_differ: increments.ends_differ(sample),
         });
-        self.interval = increments.interval(sample, seconds);
+        self.interval = increments.interval(sample, seconds, hole);
         *last = sample.time;
         Ok(bridged)
     }
@@ -567,7 +567,7 @@ impl<const RING: usize> State<RING> {
     /// What is left to do once a sample is integrated.
     fn follow_up(&mut self, tally: &mut Tally, config: &Config) {
         match &mut self.mode {
-            Mode::Aligning(_) => self.navigate_once_aligned(config),
+            Mode::Aligning(_) => self.navigate(config),
             Mode::Navigating(ins) => {
                 ins.follow_up(&self.interval, tally, config);
                 if let Some((now, _)) = &self.inertial
@@ -580,15 +580,7 @@ impl<const RING: usize> State<RING> {
         }
     }
 
-    fn navigate_once_aligned(&mut self, config: &Config) {
-        if let Mode::Aligning(alignment) = &self.mode
-            && alignment.aligned().is_some()
-        {
-            self.navigate(config);
-        }
-    }
-
-    /// Rare and large: its temporaries must not lie on the stack of every sample.
+    /// Once it is aligned. Rare and large: its temporaries must not lie on the stack of every sample.
     #[inline(never)]
     fn navigate(&mut self, config: &Config) {
         if let (Mode::Aligning(alignment), Some((now, _))) = (&self.mode, &self.inertial)

@@ -516,3 +516,21 @@ fn longitudes_from_zero_are_understood() {
         assert!((plain.longitude_rad - odd.longitude_rad).abs() < 1e-9);
     }
 }
+
+#[test]
+fn one_surprising_fix_after_an_outage_is_no_surprise_that_lasts() {
+    let mut car = Car::new(bends);
+    car.until(200.0, true, Some);
+    car.until(260.0, true, |_| None);
+    let sigma = car.navigator.sigma().unwrap().velocity_mps;
+    let off_mps = Vector2::new(6.0 * sigma.x, 0.0);
+    car.until(260.2, true, |fix| {
+        Some(GnssFix {
+            velocity_en_mps: fix.velocity_en_mps.map(|velocity| velocity + off_mps),
+            ..fix
+        })
+    });
+    car.until(263.0, true, Some);
+    let health = car.navigator.health();
+    assert_eq!((health.doubted, health.restarts), (None, 0), "{health:?}");
+}

@@ -56,8 +56,6 @@ const RESUMED_TILT_RAD: f64 = 0.1;
 const HEADING_SIGMA_RAD: f64 = 0.3;
 /// Time for which a fix tells rest from an even turn, s.
 const HEARD_S: f64 = 3.0;
-/// Sigmas by which the rate about up at rest may miss that of the Earth for a gyrocompass.
-const COMPASS_SIGMAS: f64 = 4.0;
 /// Pieces of work a second on nodes, sightings and answers: twice as many as arise.
 const WORK_PER_S: f64 = 120.0;
 /// Age at which a measured heading counts no more while aligning, s, and least spread of one that
@@ -632,5 +630,5 @@ fn turns_with_earth(
     let off = (attitude * rest.rate_radps).z - earth.earth_rate().z;
     let bias = config.sensors.gyro_bias_radps;
     let variance = bias * bias + rest::gyro_variance(&config.sensors, rest.seconds);
-    off * off < COMPASS_SIGMAS * COMPASS_SIGMAS * variance
+    off * off < AGREES_SIGMAS * AGREES_SIGMAS * variance
 }

@@ -2,7 +2,6 @@
 
 use nalgebra::Vector3;
 
-use super::colour::Colour;
 use super::{Observer, estimated};
 use crate::channel::{Growth, Measured, Renewal};
 use crate::config::{Config, Noise};
@@ -41,17 +40,25 @@ impl Observer {
 
         let [velocity, climb, position, height] = &self.colours;
         let gnss = &config.gnss;
-        let renewal = |noise: &Noise, colour: &Colour, lasts: f64| {
-            Renewal::over(span.seconds / lasts, noise, colour.strength * lasts)
-        };
+        let renewal =
+            |noise: &Noise, seconds: f64, strength: f64| Renewal::over(seconds, noise, strength);
+        let lasts = position.lasts();
         let level = [
-            renewal(&gnss.velocity_mps, velocity, 1.0),
-            renewal(&gnss.position_m, position, position.lasts()),
+            renewal(&gnss.velocity_mps, span.seconds, velocity.strength),
+            renewal(
+                &gnss.position_m,
+                span.seconds / lasts,
+                position.strength * lasts,
+            ),
         ];
         let lasts = self.height_persistence.of(height);
         let up = [
-            renewal(&gnss.velocity_up_mps, climb, 1.0),
-            renewal(&gnss.height_m, height, lasts),
+            renewal(&gnss.velocity_up_mps, span.seconds, climb.strength),
+            renewal(
+                &gnss.height_m,
+                span.seconds / lasts,
+                height.strength * lasts,
+            ),
         ];
         self.height_sensitivity.renew(&up[1]);
         let sigma = gnss.height_m.correlated;

@@ -165,8 +165,7 @@ fn by_its_estimate_the_strength_is_found_from_above_and_below() {
 #[test]
 fn by_its_estimate_what_is_not_there_fades() {
     let left = found_by_estimate(0.0, 0.0);
-    // A tenth of the sigma is the least that the user allows, and what comes in so slowly lasts.
-    assert!((0.1..0.3).contains(&left), "{left}");
+    assert!((0.01..0.1).contains(&left), "{left}");
 }
 
 #[test]
@@ -180,4 +179,68 @@ fn by_its_estimate_it_stays_within_the_bounds_of_the_user() {
 fn what_lasts_is_not_taken_for_noise() {
     let found = found_by_estimate(1.0, 5.0);
     assert!((0.7..1.5).contains(&found), "{found}");
+}
+
+/// Mean square of the errors of a position, in the variance they are said to have, over forty runs of half
+/// an hour: of an INS that walks by 0.03 m/sqrt(s), as one held by velocities does, and a receiver whose
+/// position wanders by `sigma` over `time_s`, under half a metre of white noise.
+fn square_of_a_position(sigma: f64, time_s: f64) -> f64 {
+    const CONFIGURED: Noise = Noise {
+        white: 0.5,
+        correlated: 1.0,
+        correlation_s: 60.0,
+    };
+    const RUNS: u32 = 40;
+    const WALK: f64 = 9e-4;
+    let white = CONFIGURED.white * CONFIGURED.white;
+    let (mut deviates, mut squares) = (Deviates(5), 0.0);
+    for _ in 0..RUNS {
+        let mut colour = Colour::new(Time::default());
+        let wanders = Noise {
+            correlated: sigma,
+            correlation_s: time_s,
+            ..CONFIGURED
+        };
+        // Position, and what the receiver is off by.
+        let mut truth = Vector2::new(0.0, sigma * f64::from(deviates.next()));
+        let mut estimate = Vector2::zeros();
+        let mut covariance = Matrix2::from_diagonal(&Vector2::new(100.0, 1.0));
+        let shows = Vector2::new(1.0, 1.0);
+        for second in 1..=1800 {
+            let real = Renewal::over(1.0, &wanders, 1.0);
+            truth.x += WALK.sqrt() * f64::from(deviates.next());
+            truth.y = real.keep * truth.y + real.new.sqrt() * f64::from(deviates.next());
+            let lasts = colour.lasts();
+            let assumed = Renewal::over(1.0 / lasts, &CONFIGURED, colour.strength * lasts);
+            let keep = Matrix2::from_diagonal(&Vector2::new(1.0, assumed.keep));
+            estimate = keep * estimate;
+            covariance =
+                keep * covariance * keep + Matrix2::from_diagonal(&Vector2::new(WALK, assumed.new));
+            let total = shows.dot(&(covariance * shows)) + white;
+            let measured = shows.dot(&truth) + white.sqrt() * f64::from(deviates.next());
+            let gain = covariance * shows / total;
+            estimate += gain * (measured - shows.dot(&estimate));
+            covariance -= gain * gain.transpose() * total;
+            let now = Time::from_seconds(f64::from(second)).unwrap_or_default();
+            let taken = Vector2::new(estimate.y, 0.0);
+            let noise = (&CONFIGURED, lasts);
+            colour.learn_of_estimate(now, &taken, 1.0, covariance.m22, noise, RANGE);
+            colour.scale(1.0);
+        }
+        let off = estimate.x - truth.x;
+        squares += off * off / covariance.m11 / f64::from(RUNS);
+    }
+    squares
+}
+
+/// Which of these it is nothing tells, so that some are held for better and some for worse: in the mean they
+/// are as far off as is said, to a tenth, as 160 squares are. With how far it wanders taken from how
+/// little comes in, it is 1.5, and 3.5 of the slowest.
+#[test]
+fn a_position_that_wanders_slowly_is_no_better_known_than_it_is() {
+    let kinds = [(0.5, 30.0), (0.5, 150.0), (1.0, 60.0), (1.0, 300.0)];
+    let squares = kinds.map(|(sigma, time_s)| square_of_a_position(sigma, time_s));
+    let mean = squares.iter().sum::<f64>() / 4.0;
+    let all = squares.iter().all(|square| *square < 3.0);
+    assert!((0.7..1.3).contains(&mean) && all, "{mean}: {squares:?}");
 }

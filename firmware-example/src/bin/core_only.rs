@@ -93,8 +93,7 @@ fn everything_else(navigator: &mut Navigator) {
     black_box((time.as_micros(), time.as_seconds()));
     let euler: attitude::Euler = black_box(attitude::Euler::default());
     let rotation = attitude::from_euler(&euler);
-    let matrix = black_box(attitude::matrix(&rotation));
-    black_box(attitude::from_matrix(matrix));
+    black_box(attitude::matrix(&rotation));
     let here = black_box(Geodetic::default());
     black_box(here.enu_from(&here));
     let local = earth::LocalEarth::at(here.latitude_rad, here.height_m);

@@ -192,6 +192,11 @@ impl World {
         self.wander(sigma, time_s);
     }
 
+    /// A receiver whose positions do not wander.
+    pub fn all_white(&mut self) {
+        self.wander(0.0, 1.0);
+    }
+
     /// Its correlated part alone.
     fn wander(&mut self, sigma: f64, time_s: f64) {
         self.habits().horizontal = Correlated { sigma, time_s };

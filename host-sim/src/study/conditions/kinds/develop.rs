@@ -17,7 +17,7 @@ use crate::sim::vehicles::Begin;
 use crate::study::conditions::Vehicle;
 
 kinds! { judge: false,
-    "plain", BOTH, 15.0, "car, white noise, nothing wrong" => |_| {};
+    "plain", BOTH, 15.0, "car, white noise, nothing wrong" => |w| w.all_white();
     // --- receivers ---
     "coloured_velocity", BOTH, 15.0,
     "velocity noise of 0.05 m/s over 2 s beside 0.01 m/s white, no sigma stated" => |w| {
@@ -42,7 +42,7 @@ kinds! { judge: false,
     "vertical_velocity_zero", MEMS, 12.0,
     "vertical velocity written as zero, height true, on hills" => |w| w.habits().up = Up::Zero;
     "positions_alone", BOTH, 15.0,
-    "no velocity at all, positions good to 1 m white at 5 Hz" => |w| {
+    "no velocity at all, positions good to 1 m beside their wander, 5 Hz" => |w| {
         w.errors.gnss.rate_hz = 5.0;
         w.habits().gives_velocity = false;
     };

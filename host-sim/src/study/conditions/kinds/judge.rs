@@ -19,6 +19,7 @@ use crate::study::conditions::Vehicle;
 kinds! { judge: true,
     "five_hertz", BOTH, 18.0, "car, white noise at 5 Hz, begins in motion" => |w| {
         w.errors.gnss.rate_hz = 5.0;
+        w.all_white();
         w.velocity_noise([0.05, 0.0, 1.0]);
         w.vehicle = Vehicle::MOVING_CAR;
     };
