@@ -154,16 +154,20 @@ impl Increments {
         if hole { self.usual_s } else { seconds }
     }
 
-    /// The interval that ends at `sample`, stamped `seconds` (positive) after the last, with a hole in it
-    /// or not.
+    /// The interval that ends at `sample`, stamped `seconds` (positive) after the last.
     ///
     /// Rates are integrated by the parabola through the last three readings, increments as they
     /// are. Coning and sculling are those of rates linear over the interval, or over the last two
     /// intervals (Savage 1998, two-sample algorithm); both give the same second-order terms, with
     /// `scale` as their only difference. A hole between increments is filled with the mean rate
     /// of its two ends.
+    pub fn interval(&mut self, sample: &ImuSample, seconds: f64) -> Interval {
+        self.interval_of(sample, seconds, self.has_hole(seconds))
+    }
+
+    /// The same of one who knows whether it [has a hole](Self::has_hole).
     #[inline]
-    pub fn interval(&mut self, sample: &ImuSample, seconds: f64, hole: bool) -> Interval {
+    pub(crate) fn interval_of(&mut self, sample: &ImuSample, seconds: f64, hole: bool) -> Interval {
         let (usual_s, late_before_s) = (self.usual_s, self.stamped_late_s);
         self.follow_stamps(seconds, hole);
         if self.output == ImuOutput::Increments {

@@ -446,7 +446,7 @@ impl<const RING: usize> State<RING> {
             seconds,
             ends_differ: increments.ends_differ(sample),
         });
-        self.interval = increments.interval(sample, seconds, hole);
+        self.interval = increments.interval_of(sample, seconds, hole);
         *last = sample.time;
         Ok(bridged)
     }

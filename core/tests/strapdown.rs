@@ -21,11 +21,6 @@ fn sample((gyro, accel): Reading) -> ImuSample {
     }
 }
 
-/// The next interval, with a hole in it if it is that much longer.
-fn next(increments: &mut Increments, sample: &ImuSample, seconds: f64) -> Interval {
-    increments.interval(sample, seconds, increments.has_hole(seconds))
-}
-
 /// `count` intervals of `h` through [`Increments`].
 fn intervals(
     output: ImuOutput,
@@ -37,7 +32,7 @@ fn intervals(
     (0..count)
         .map(|k| {
             let t = f64::from(k) * h;
-            next(&mut increments, &sample(read(t, t + h)), h)
+            increments.interval(&sample(read(t, t + h)), h)
         })
         .collect()
 }
@@ -261,13 +256,13 @@ fn steady_growth_is_exact_from_the_first_interval_on_and_at_any_length() {
         let mut from = 0.0;
         for h in [0.01, 0.01, 0.012, 0.007, 0.013, 0.01, 0.009] {
             let to = from + h;
-            let interval = next(&mut increments, &sample(read(from, to)), h);
+            let interval = increments.interval(&sample(read(from, to)), h);
             RAMP.assert_exact(&interval, from, to);
             from = to;
         }
         // Again after a break.
         increments.restart(&sample(read(0.29, 0.3)));
-        let usual = next(&mut increments, &sample(read(0.3, 0.31)), 0.01);
+        let usual = increments.interval(&sample(read(0.3, 0.31)), 0.01);
         RAMP.assert_exact(&usual, 0.3, 0.31);
     }
 }
@@ -281,16 +276,16 @@ fn a_hole_is_filled_by_its_ends() {
         };
         let mut increments = Increments::new(output, &sample(read(0.0)));
         for k in 1..=3 {
-            let _ = next(&mut increments, &sample(read(0.01 * f64::from(k))), 0.01);
+            let _ = increments.interval(&sample(read(0.01 * f64::from(k))), 0.01);
         }
         assert!(!increments.has_hole(0.0149));
         assert!(increments.has_hole(0.04));
-        let filled = next(&mut increments, &sample(read(0.07)), 0.04);
+        let filled = increments.interval(&sample(read(0.07)), 0.04);
         let (angle, force) = RAMP.increment(0.03, 0.07);
         assert!((filled.angle_rad - angle).norm() < 1e-15, "{output:?}");
         assert!((filled.force_mps - force).norm() < 1e-15, "{output:?}");
         // What was filled in is not taken for the reading of one interval afterwards.
-        let after = next(&mut increments, &sample(read(0.08)), 0.01);
+        let after = increments.interval(&sample(read(0.08)), 0.01);
         RAMP.assert_exact(&after, 0.07, 0.08);
     }
 }
@@ -307,14 +302,14 @@ fn samples_lost_at_random_are_filled_in_and_a_slower_rate_is_learnt() {
             continue;
         }
         shown += seconds;
-        filled += next(&mut increments, &level(0.01), seconds).force_mps.z;
+        filled += increments.interval(&level(0.01), seconds).force_mps.z;
         seconds = 0.0;
     }
     // What rounding leaves of the mean acceleration.
     let off_mps2 = (filled - 9.8 * shown) / shown;
     assert!(off_mps2.abs() < 1e-9, "{off_mps2}");
     for _ in 0..30 {
-        let _ = next(&mut increments, &level(0.02), 0.02);
+        let _ = increments.interval(&level(0.02), 0.02);
     }
     assert!(!increments.has_hole(0.02));
 }
@@ -336,11 +331,11 @@ fn even_increments_are_told_from_uneven_ones_under_the_same_stamps() {
     let mut uneven = even;
     let mut worst = 0.0_f64;
     for (k, seconds) in jittered(3000).enumerate() {
-        let interval = next(&mut even, &level(0.01), seconds);
+        let interval = even.interval(&level(0.01), seconds);
         if k > 2000 {
             worst = worst.max((interval.seconds - 0.01).abs());
         }
-        let as_stamped = next(&mut uneven, &level(seconds), seconds);
+        let as_stamped = uneven.interval(&level(seconds), seconds);
         assert!((as_stamped.seconds - seconds).abs() < 1e-15);
         assert!(uneven.stamped_late_s().abs() < 1e-15);
     }
@@ -352,12 +347,12 @@ fn even_increments_are_told_from_uneven_ones_under_the_same_stamps() {
 fn time_passes_from_sample_to_sample_however_stamps_and_readings_jump() {
     let mut increments = Increments::new(ImuOutput::Increments, &level(0.01));
     for seconds in jittered(500) {
-        let _ = next(&mut increments, &level(0.01), seconds);
+        let _ = increments.interval(&level(0.01), seconds);
     }
     for k in 0..5000_u32 {
         let jump = f64::from(k * 37 % 101) / 101.0;
         let force = if k % 3 == 0 { 300.0 } else { -300.0 * jump };
-        let interval = next(&mut increments, &level(0.01 * force), 0.0001 + 0.019 * jump);
+        let interval = increments.interval(&level(0.01 * force), 0.0001 + 0.019 * jump);
         assert!(interval.seconds > 0.0, "{k}: {interval:?}");
     }
 }
@@ -370,7 +365,7 @@ fn stamps_that_jitter_hide_no_hole_and_make_none() {
             assert!(!increments.has_hole(seconds), "{k}");
             // Two missing, whatever the jitter of both ends: early in a run its phase is not known.
             assert!(k < 50 || increments.has_hole(seconds + 0.02), "{k}");
-            let _ = next(&mut increments, &level(0.01), seconds);
+            let _ = increments.interval(&level(0.01), seconds);
         }
     }
 }

@@ -287,10 +287,7 @@ pub fn strapdown_errors(
         };
         let before = before
             .get_or_insert_with(|| increments::Increments::new(ImuOutput::Increments, &sample));
-        ins.step(
-            &before.interval(&sample, interval_s, false),
-            &Controls::default(),
-        );
+        ins.step(&before.interval(&sample, interval_s), &Controls::default());
         let truth = sensors.state().solution;
         let errors = [
             ins.position.enu_from(&truth.position).norm(),
