@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::{Observer, estimated};
 use crate::channel::{Growth, Measured, Renewal};
-use crate::config::{Config, Noise};
+use crate::config::Config;
 use crate::error_model::{Forcing, InsError, Passage, for_each_input, level_and_up};
 use crate::history::Span;
 use crate::math;
@@ -40,23 +40,21 @@ impl Observer {
 
         let [velocity, climb, position, height] = &self.colours;
         let gnss = &config.gnss;
-        let renewal =
-            |noise: &Noise, seconds: f64, strength: f64| Renewal::over(seconds, noise, strength);
         let lasts = position.lasts();
         let level = [
-            renewal(&gnss.velocity_mps, span.seconds, velocity.strength),
-            renewal(
-                &gnss.position_m,
+            Renewal::over(span.seconds, &gnss.velocity_mps, velocity.strength),
+            Renewal::over(
                 span.seconds / lasts,
+                &gnss.position_m,
                 position.strength * lasts,
             ),
         ];
         let lasts = self.height_persistence.of(height);
         let up = [
-            renewal(&gnss.velocity_up_mps, span.seconds, climb.strength),
-            renewal(
-                &gnss.height_m,
+            Renewal::over(span.seconds, &gnss.velocity_up_mps, climb.strength),
+            Renewal::over(
                 span.seconds / lasts,
+                &gnss.height_m,
                 height.strength * lasts,
             ),
         ];
