@@ -16,8 +16,8 @@ use crate::sim::receiver::{Correlated, Habits, Outliers, Stated, Trouble, Wrong}
 use crate::sim::vehicles::{Anchored, Begin, Boat, Plane, Quadrotor, Walker};
 use crate::sim::{Motion, SimulatedDrive, record};
 
-/// How far positions wander, m, and in what time, s: those of every recorded receiver do so, by half a metre
-/// to some metres over a minute to some minutes, whatever is white on top.
+/// How far positions wander, m, and in what time, s: those of recorded receivers without corrections do so, by
+/// half a metre to some metres over a minute to some minutes (`study logs`), whatever is white on top.
 const WANDER_M: [f64; 2] = [0.5, 2.0];
 const WANDER_S: [f64; 2] = [30.0, 300.0];
 

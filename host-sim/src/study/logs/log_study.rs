@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::altered::{self, Altered};
+use super::wander::Wander;
 use crate::compare::five_stage;
 use crate::compare::kalman::Noise;
 use crate::compare::measure::{COMPARED, columns};
@@ -105,6 +106,8 @@ pub struct LogStudy {
     pub free: Option<Free>,
     /// The core with a parameter less.
     pub without: Vec<Without>,
+    /// Of the receiver's positions; none of too few fixes.
+    pub wander: Option<Wander>,
 }
 
 /// Position at the end of outages, RMS, m.
@@ -179,6 +182,7 @@ impl LogStudy {
             outages: outages?,
             free: free(&found, end.as_ref()),
             without: (end.as_ref()).map_or(Ok(Vec::new()), |end| bench.without(grade, end))?,
+            wander: Wander::of(&log.gnss),
         })
     }
 }

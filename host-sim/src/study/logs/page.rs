@@ -2,6 +2,7 @@
 
 use super::log_study::{ALLOWANCE, LogStudy, Role};
 use super::summary::{Spread, Study, Summary};
+use super::wander;
 use crate::compare::outage::OUTAGE_S;
 use crate::identify::halves::{self, Difference};
 use crate::page::table::{Table, cells, heads};
@@ -15,6 +16,7 @@ pub fn plain(study: &Study) -> String {
         outages_table(study),
         free_table(study),
         without_table(study),
+        wander_table(study),
     ];
     let mut text = mute(study);
     text.extend(parts.map(|table| table.titled(Table::plain) + "\n"));
@@ -262,4 +264,10 @@ fn without_table(study: &Study) -> Table {
         }
     }
     Table::of(WITHOUT, header, rows)
+}
+
+fn wander_table(study: &Study) -> Table {
+    let of_log = |log: &'_ LogStudy| Some((log.log.clone(), log.wander?));
+    let logs: Vec<_> = study.logs.iter().filter_map(of_log).collect();
+    wander::table(&logs)
 }

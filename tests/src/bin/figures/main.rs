@@ -59,6 +59,8 @@ enum Part {
     Outages,
     /// Recorded logs.
     Logs,
+    /// How far positions of recorded receivers wander.
+    Wander,
     /// Recordings of other programs and recorded logs, without a hand's help.
     Recordings,
     /// Drift without GNSS of recorded drives, foretold from others of the same unit.
@@ -139,6 +141,7 @@ impl Part {
             Self::Kalman => drives::kalman(options.runs.min(100)).map(Some),
             Self::Outages => recorded::outages(root, logs),
             Self::Logs => recorded::logs(root, logs),
+            Self::Wander => recorded::wander(root, logs),
             Self::Recordings => Ok(recorded::recordings(
                 root,
                 options.recordings.as_deref(),

@@ -12,6 +12,7 @@ use host_sim::identify::quantities::Quantity;
 use host_sim::page::table::{heads, markdown};
 use host_sim::page::{brief, digits};
 use host_sim::proof::{overview, tried, verdict};
+use host_sim::study::logs::{Wander, wander_table};
 use host_sim::{Drives, log, study};
 use indicatif::ProgressBar;
 use miette::{Result, miette};
@@ -127,6 +128,16 @@ pub fn outages(root: &Path, folder: Option<&Path>) -> Result<Option<String>> {
     let header =
         heads("log | outages | compensation, m | m/s | Kalman, m | m/s | fusion-nav, m | m/s");
     Ok((!rows.is_empty()).then(|| markdown(&header, &rows)))
+}
+
+/// How far positions of recorded receivers wander; `None` without logs.
+pub fn wander(root: &Path, folder: Option<&Path>) -> Result<Option<String>> {
+    let mut rows = Vec::new();
+    for path in found(root, folder) {
+        let (log, _) = log::read(&path)?;
+        rows.extend(Wander::of(&log.gnss).map(|wander| (log_name(&path, &log), wander)));
+    }
+    Ok((!rows.is_empty()).then(|| wander_table(&rows).markdown()))
 }
 
 /// Drives of one unit with many turns, and long ones.
