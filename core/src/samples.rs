@@ -43,7 +43,7 @@ pub struct ImuSample {
     pub accel: Vector3<f64>,
 }
 
-/// One-sigma noise of a fix's parts as the receiver states it; none where it does not.
+/// One-sigma noise of a fix's parts as the receiver states it; none, or not positive, where it does not.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use crate::channel::Measured;
 use crate::history::Past;
+use crate::math;
 use crate::measurement::{Difference, Kind};
 use crate::samples::GnssFix;
 use crate::time::Time;
@@ -41,12 +42,12 @@ pub struct Part {
 }
 
 impl Part {
-    /// What a fix has, with its sigma.
+    /// What a fix has, with its sigma; one that is not positive says nothing, as -1 of many receivers.
     pub fn of(has: bool, sigma: Option<f64>) -> Self {
         Self {
             has,
             stated: sigma
-                .map(|sigma| sigma * sigma)
+                .map(|sigma| sigma * math::abs(sigma))
                 .filter(|variance| *variance > 0.0),
             used: false,
         }
