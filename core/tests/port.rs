@@ -338,6 +338,46 @@ fn circles(time_s: f64) -> (f64, f64, f64) {
 }
 
 #[test]
+fn a_sigma_of_minus_one_states_nothing() {
+    let drive = |sigma: Option<f64>| {
+        let mut car = Car::new(bends);
+        let sigma = FixSigma {
+            position_m: sigma,
+            height_m: sigma,
+            velocity_mps: sigma,
+            velocity_up_mps: sigma,
+        };
+        car.until(100.0, true, |fix| Some(GnssFix { sigma, ..fix }));
+        (car.navigator.solution().unwrap(), car.navigator.sigma())
+    };
+    let silent = drive(None);
+    assert_eq!(drive(Some(-1.0)), silent);
+    assert_ne!(drive(Some(1.0)), silent);
+}
+
+/// In a turn from the beginning, of which each measured heading comes most of a second late.
+#[test]
+fn a_late_heading_is_turned_on_while_levelling() {
+    let mut car = Car::new(|_| (6.0, 0.0, 0.3));
+    let mut headings = Vec::new();
+    while car.navigator.phase() != Phase::Navigating {
+        assert!(car.time_s() < 60.0, "{:?}", car.navigator.phase());
+        let until_s = car.time_s() + 0.1;
+        car.until(until_s, true, Some);
+        headings.push(Heading {
+            time: car.time(),
+            heading_rad: wrap_pi(car.heading_rad),
+            sigma_rad: 0.01,
+        });
+        if let Some(late) = headings.len().checked_sub(9) {
+            let _ = car.navigator.on_heading(&headings[late]);
+        }
+    }
+    let off_rad = wrap_pi(car.navigator.solution().unwrap().euler().heading_rad - car.heading_rad);
+    assert!(off_rad.abs() < 0.05, "{off_rad}");
+}
+
+#[test]
 fn accelerometers_that_stand_askew_show_it_in_turns_to_one_side() {
     let mut car = Car::new(circles);
     car.askew = 0.01;

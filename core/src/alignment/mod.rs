@@ -288,15 +288,25 @@ impl Alignment {
         GnssOutcome::Accepted
     }
 
-    /// The heading known at the end of levelling, with its spread: a measured one, or the given
-    /// one, which is that of the beginning.
-    fn heading(&self, time: Time, level: &Level, config: &Config) -> Option<(f64, f64)> {
+    /// The heading known at the end of levelling, with its spread: a measured one, turned on as the vehicle
+    /// has turned of late, or the given one, which is that of the beginning.
+    #[inline(never)]
+    fn heading(
+        &self,
+        time: Time,
+        level: &Level,
+        turning_radps: f64,
+        config: &Config,
+    ) -> Option<(f64, f64)> {
         let recent =
             |measured: &Heading| math::abs(time.seconds_since(measured.time)) <= MEASURED_S;
         if let Some(measured) = self.measured.filter(recent) {
+            // By half as much or by half as much again, where a turn begins or ends.
+            let since_rad = turning_radps * time.seconds_since(measured.time);
+            let spread = 0.25 * since_rad * since_rad + measured.sigma_rad * measured.sigma_rad;
+            let sigma_rad = math::max(math::sqrt(spread), LEAST_HEADING_SIGMA_RAD);
             let turned_rad = euler(&level.attitude).heading_rad;
-            let sigma_rad = math::max(measured.sigma_rad, LEAST_HEADING_SIGMA_RAD);
-            return Some((measured.heading_rad - turned_rad, sigma_rad));
+            return Some((measured.heading_rad + since_rad - turned_rad, sigma_rad));
         }
         match config.heading {
             HeadingSource::Given(heading_rad) if self.first => {
@@ -327,18 +337,18 @@ impl Alignment {
         if let Stage::Levelling(coarse) = &mut self.stage {
             coarse.on_interval(&interval);
         }
-        if let Some(level) = verdict.and_then(|verdict| self.level(time, verdict, config)) {
+        if let Some(level) = verdict.and_then(|verdict| self.level(time, &verdict, config)) {
             self.end_levelling(time, &level, config);
         }
     }
 
     /// Levels once there was rest enough, or waiting for it is in vain.
     #[inline(never)]
-    fn level(&mut self, time: Time, verdict: Verdict, config: &Config) -> Option<Levelled> {
+    fn level(&mut self, time: Time, verdict: &Verdict, config: &Config) -> Option<Levelled> {
         if let Verdict::Rest(block) = verdict {
-            self.rest_on(time, &block, config);
+            self.rest_on(time, block, config);
         }
-        let moving = verdict == Verdict::Motion;
+        let moving = matches!(verdict, Verdict::Motion(_));
         let Some(earth) = self.earth() else {
             // Rest from before a way that nothing has seen tells no attitude after it.
             if moving {
@@ -353,11 +363,12 @@ impl Alignment {
         if self.rest.seconds >= wanted || (moving && self.rest.seconds >= LEAST_REST_S) {
             return Some(self.level_from_rest(time, &earth, config));
         }
-        self.level_in_motion(time, moving, config)
+        self.level_in_motion(time, verdict, config)
     }
 
     /// A mean in motion that is good enough, or as good as it will be.
-    fn level_in_motion(&self, time: Time, moving: bool, config: &Config) -> Option<Levelled> {
+    fn level_in_motion(&self, time: Time, verdict: &Verdict, config: &Config) -> Option<Levelled> {
+        let moving = matches!(verdict, Verdict::Motion(_));
         let waited = time.seconds_since(self.start);
         let speed = self.sightings.speed_mps();
         let in_vain = waited - self.rest.seconds > WAIT_S;
@@ -370,8 +381,10 @@ impl Alignment {
         };
         let level = coarse.level(widest_gyro_sigma(&self.known, config))?;
         let good = level.tilt_sigma_rad < COARSE_TILT_RAD || (in_vain && coarse.is_long());
+        let rate_radps = verdict.block().rate_radps - self.known.vector(index::GYRO);
+        let turning_radps = -(matrix(&level.attitude) * rate_radps).z;
         good.then(|| Levelled {
-            heading: self.heading(time, &level, config),
+            heading: self.heading(time, &level, turning_radps, config),
             level,
         })
     }
@@ -389,10 +402,9 @@ impl Alignment {
         }
         if !agrees {
             self.rest = RestMean::default();
-            let prior = config.prior_sigma();
-            for (which, sigma) in prior.iter().enumerate().skip(index::GYRO).take(3) {
+            for which in index::GYRO..index::ACCEL {
                 let value = self.known.value(which);
-                self.known.set(which, value, f64::from(*sigma));
+                self.known.set(which, value, config.sensors.gyro_bias_radps);
             }
         }
         self.rest.add(block);
@@ -414,7 +426,7 @@ impl Alignment {
             && turns_with_earth(&rest, &attitude, earth, config))
         .then(|| (levelling::gyrocompass(&attitude, &rest.rate_radps), sigma));
         Levelled {
-            heading: self.heading(time, &level, config).or(compass),
+            heading: self.heading(time, &level, 0.0, config).or(compass),
             level,
         }
     }
@@ -479,7 +491,7 @@ impl Alignment {
             return;
         };
         match verdict {
-            Verdict::Motion => self.rest = RestMean::default(),
+            Verdict::Motion(_) => self.rest = RestMean::default(),
             Verdict::Rest(block) if !bank.has_moved() && self.rest_on(time, &block, config) => {
                 let Some(earth) = self.earth() else {
                     return;
@@ -491,7 +503,7 @@ impl Alignment {
                     self.end_levelling(time, &levelled, config);
                 }
             }
-            Verdict::Rest(_) | Verdict::Perhaps => {}
+            Verdict::Rest(_) | Verdict::Perhaps(_) => {}
         }
     }
 

@@ -24,7 +24,7 @@ pub(crate) fn gyro_variance(sensors: &SensorConfig, seconds: f64) -> f64 {
     (sensors.mean_gyro_noise() * sensors.mean_gyro_noise() + SWAY_RADPS * SWAY_RADPS) / seconds
 }
 
-/// Means over one block of a second at rest, body axes.
+/// Means over one block of a second, body axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct RestBlock {
@@ -42,9 +42,18 @@ pub enum Verdict {
     /// The block before was at rest, and so was this one, which confirms it.
     Rest(RestBlock),
     /// Quiet, but the next block has to confirm.
-    Perhaps,
+    Perhaps(RestBlock),
     /// Moving.
-    Motion,
+    Motion(RestBlock),
+}
+
+impl Verdict {
+    /// The block, or the one before.
+    pub fn block(&self) -> &RestBlock {
+        match self {
+            Self::Rest(block) | Self::Perhaps(block) | Self::Motion(block) => block,
+        }
+    }
 }
 
 /// Sorts one-second blocks into rest and motion. A block counts as rest only after the next one
@@ -93,12 +102,12 @@ impl RestDetector {
         let before = self.before;
         *self = Self::default();
         if !quiet {
-            return Verdict::Motion;
+            return Verdict::Motion(block);
         }
         self.before = Some(block);
         match before {
             Some(earlier) if alike(&earlier, &block) => Verdict::Rest(earlier),
-            _ => Verdict::Perhaps,
+            _ => Verdict::Perhaps(block),
         }
     }
 }
