@@ -163,6 +163,11 @@ impl Colour {
         1.0 / math::sqrt(math::min(self.ratio, 1.0))
     }
 
+    /// Variance that the correlated part is assumed to have, which lasts so many times longer than configured.
+    pub fn variance(&self, noise: &Noise, lasts: f64) -> f64 {
+        noise.correlated * noise.correlated * self.strength * lasts
+    }
+
     /// Both parts are stronger by this, in variance.
     pub fn scale(&mut self, both: f64) {
         self.strength = both * self.ratio;
@@ -183,7 +188,7 @@ impl Colour {
 
     /// It is another one now than a short while ago, by a variance of each component.
     pub fn learn_of_jump(&mut self, square: f64, components: f64, noise: &Noise, range: [f64; 2]) {
-        let assumed = noise.correlated * noise.correlated * self.strength * self.lasts();
+        let assumed = self.variance(noise, self.lasts());
         if assumed <= 0.0 {
             return;
         }
@@ -206,7 +211,7 @@ impl Colour {
         (noise, lasts): (&Noise, f64),
         range: [f64; 2],
     ) {
-        let assumed = noise.correlated * noise.correlated * self.strength * lasts;
+        let assumed = self.variance(noise, lasts);
         if assumed <= 0.0 {
             return;
         }

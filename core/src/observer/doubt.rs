@@ -125,9 +125,15 @@ impl Observer {
         self.renew_noise([0.0; 2], [1.0; 2]);
         self.lose_vertical(LOST_MPS * LOST_MPS, config);
         self.azimuth_walk += LOST_AZIMUTH_RAD * LOST_AZIMUTH_RAD;
-        let prior = config.prior_sigma();
-        for (which, sigma) in prior.iter().enumerate().skip(index::GYRO).take(6) {
-            self.let_walk(which, sigma * sigma);
+        let s = &config.sensors;
+        for (first, sigma) in [
+            (index::GYRO, s.gyro_bias_radps),
+            (index::ACCEL, s.accel_bias_mps2),
+        ] {
+            let sigma = math::single(sigma);
+            for axis in 0..3 {
+                self.let_walk(first + axis, sigma * sigma);
+            }
         }
         self.surprise = Surprise::default();
         self.doubts.add(self.horizon);

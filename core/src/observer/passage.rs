@@ -59,11 +59,10 @@ impl Observer {
             ),
         ];
         self.height_sensitivity.renew(&up[1]);
-        let sigma = gnss.height_m.correlated;
         self.height_persistence.renew(
             &up[1],
             span.seconds / (gnss.height_m.correlation_s * lasts),
-            sigma * sigma * height.strength * lasts,
+            height.variance(&gnss.height_m, lasts),
             &self.followed.noise(Kind::Height),
             self.vertical.noise(Measured::Position),
         );
