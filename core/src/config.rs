@@ -191,7 +191,8 @@ pub enum Feedback {
     /// Applied to the INS as they become observable.
     #[default]
     Closed,
-    /// Reported only.
+    /// Reported only. The INS turns away by what its gyros are off; a radian off, it is aligned anew: with
+    /// 0.5 deg/s after two minutes.
     Open,
 }
 

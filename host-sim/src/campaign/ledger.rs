@@ -14,7 +14,7 @@ use serde::Serialize;
 use serde::de::{DeserializeOwned, IgnoredAny};
 use thiserror::Error;
 
-use crate::page::output::{OutputError, check_free, replace};
+use crate::page::output::{OutputError, check_free, replace, set_aside};
 
 /// A part of all runs: every `of`th.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -145,14 +145,16 @@ pub fn settle(
             return Ok(());
         }
         bail!(
-            help = "choose another --out, or drop what is there with --force",
+            help = "choose another --out, or set what is there aside with --force",
             "{} holds {other}",
             out.display()
         );
     }
     check_free(out, mark, force)?;
     if copy.is_file() {
-        fs::remove_dir_all(out).map_err(|e| OutputError::io(out, e))?;
+        // Hours of runs, and maybe somebody's notes.
+        let before = set_aside(out)?;
+        eprintln!("{}: kept in {}", out.display(), before.display());
     }
     fs::create_dir_all(out).map_err(|e| OutputError::io(out, e))?;
     Ok(replace(&copy, text)?)
@@ -243,6 +245,21 @@ mod tests {
         ledger.add(&Line { run: 2 }).unwrap();
         assert_eq!(fs::read(&path).unwrap(), whole);
         assert_eq!(lines(home).unwrap(), [0, 1, 2]);
+    }
+
+    #[test]
+    fn by_force_what_was_there_is_set_aside() {
+        let home = tempfile::tempdir().unwrap();
+        let out = home.path().join("out");
+        let begin = |force| settle(&out, "plan.toml", "a plan", force, |_| Ok(false), "another");
+        begin(false).unwrap();
+        fs::write(out.join("notes.txt"), "mine").unwrap();
+        let refused = begin(false).unwrap_err().to_string();
+        assert!(refused.ends_with("holds another"), "{refused}");
+        begin(true).unwrap();
+        let names = |folder: &Path| fs::read_dir(folder).unwrap().count();
+        assert_eq!(names(&out), 1);
+        assert_eq!(names(&home.path().join("out.before-1")), 2);
     }
 
     #[test]

@@ -127,10 +127,7 @@ pub fn build<T, E: From<OutputError>>(
     share(hidden.path()).map_err(|e| OutputError::io(hidden.path(), e))?;
     // Whoever stops the program now waits until the folder has its name.
     let mut building = building();
-    let before = folder.is_dir().then(|| aside(folder));
-    if let Some(before) = &before {
-        fs::rename(folder, before).map_err(|e| OutputError::io(folder, e))?;
-    }
+    let before = folder.is_dir().then(|| set_aside(folder)).transpose()?;
     let whole = hidden.keep();
     fs::rename(&whole, folder).map_err(|e| OutputError::io(folder, e))?;
     building.retain(|one| one.folder != whole);
@@ -144,15 +141,17 @@ pub fn build<T, E: From<OutputError>>(
     Ok(filled)
 }
 
-/// A name beside a folder that nothing has.
-fn aside(folder: &Path) -> PathBuf {
+/// Gives a folder a name beside it that nothing has.
+pub fn set_aside(folder: &Path) -> Result<PathBuf, OutputError> {
     let name = |number: u32| {
         let mut name = folder.components().as_path().as_os_str().to_owned();
         name.push(format!(".before-{number}"));
         PathBuf::from(name)
     };
     let is_free = |name: &PathBuf| name.symlink_metadata().is_err();
-    (1..=u32::MAX).map(name).find(is_free).unwrap_or_default()
+    let before = (1..=u32::MAX).map(name).find(is_free).unwrap_or_default();
+    fs::rename(folder, &before).map_err(|e| OutputError::io(folder, e))?;
+    Ok(before)
 }
 
 /// Removes what a new folder has again, and the folder if that was all: the rest may be somebody's
