@@ -1,4 +1,4 @@
-//! Whether the vertical velocity of GNSS goes the way of heights and accelerometers.
+//! Whether the vertical velocity of GNSS is one, and goes the way of heights and accelerometers.
 //!
 //! Receivers and their drivers disagree on whether up or down is positive, and a climb with the
 //! wrong sign looks like a bias of the vertical accelerometer, a heave with it like half a wave of
@@ -32,6 +32,9 @@ const MOST_CHANGES: f64 = 32.0;
 const CONFIGURED: f64 = 4.0;
 /// Difference of log-likelihoods before anything is seen: of twenty receivers one has the wrong sign.
 const AT_FIRST: f64 = 3.0;
+/// Vertical velocities that may be zero to the last bit one after the other, of a vehicle that moves: rounded to
+/// a centimetre a second, one in twelve is.
+const ZEROS: u8 = 3;
 /// Odds from which on a velocity is used: with less it would tell a twentieth of itself, or the opposite.
 const LEAST: f64 = 0.1;
 
@@ -70,6 +73,8 @@ pub struct VerticalSign {
     window: Option<Window>,
     last: Option<Last>,
     felt: Felt,
+    /// How many were zero of late.
+    zeros: u8,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -104,6 +109,19 @@ impl VerticalSign {
     /// Takes a fix. Variance to be added to that of its vertical velocity; none: not to be used.
     pub fn take(&mut self, fix: &GnssFix, config: &Config) -> Option<f64> {
         let up_mps = fix.velocity_up_mps?;
+        // A receiver that has none writes zero. One that stands may write zeros of all.
+        let is_zero = |mps: f64| math::abs(mps) <= 0.0;
+        let stands = fix
+            .velocity_en_mps
+            .is_some_and(|level| level.iter().copied().all(is_zero));
+        self.zeros = if is_zero(up_mps) && !stands {
+            self.zeros.saturating_add(1)
+        } else {
+            0
+        };
+        if self.zeros > ZEROS {
+            return None;
+        }
         let now = Last {
             time: fix.time,
             up_mps,
