@@ -132,6 +132,12 @@ impl Mechanization {
         self.latitude_trig.follow(self.position.latitude_rad);
     }
 
+    /// Goes on for so many seconds as it goes.
+    #[inline(never)]
+    pub(crate) fn go_on(&mut self, seconds: f64) {
+        self.move_by(&self.local_earth(), &(seconds * self.velocity_enu_mps));
+    }
+
     /// Heading, rad.
     pub fn heading_rad(&self) -> f64 {
         euler(&self.attitude).heading_rad

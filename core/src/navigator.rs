@@ -52,6 +52,8 @@ const COARSEST: f64 = 1e7;
 const STOPGAP_M: f64 = 20.0;
 const STOPGAP_MPS: f64 = 5.0;
 const STOPGAP_RAD: f64 = 0.1;
+/// Longest hole over which it goes on as before, s.
+const CARRIED_S: f64 = 60.0;
 /// Sigmas of that tilt by which gravity is felt elsewhere after a hole, of a unit that has slipped.
 const TIPPED_SIGMAS: f64 = 4.0;
 
@@ -529,12 +531,16 @@ impl<const RING: usize> State<RING> {
         tally: &mut Tally,
         config: &Config,
     ) {
+        let hole_s = time.seconds_since(until);
         match &mut self.mode {
             Mode::Aligning(alignment) if tipped => {
                 self.stopgap = None;
                 alignment.restart(time);
             }
-            Mode::Aligning(alignment) => alignment.begin_at(time),
+            Mode::Aligning(alignment) => {
+                alignment.begin_at(time);
+                carry_over(&mut self.stopgap, hole_s);
+            }
             Mode::Navigating(ins) => {
                 self.restarts = self.restarts.saturating_add(1);
                 if let Some((newest, fixes)) = ins.unsettled() {
@@ -553,12 +559,13 @@ impl<const RING: usize> State<RING> {
                 };
                 let since = ins.coasting_since().unwrap_or(until);
                 let left = (!ins.misled && !tipped).then(|| *ins.mechanization());
-                let left = left.filter(is_possible);
-                self.stopgap = left.map(|ins| (since, ins));
+                self.stopgap = left.filter(is_possible).map(|ins| (since, ins));
+                carry_over(&mut self.stopgap, hole_s);
                 // Made where it stays, and changed there: else it would be copied over the stack.
                 self.mode = Mode::Aligning(Alignment::new(time, &known));
                 if let Mode::Aligning(alignment) = &mut self.mode {
-                    alignment.begin_again(misheaded, left.as_ref());
+                    let left = self.stopgap.as_ref().map(|(_, ins)| ins);
+                    alignment.begin_again(misheaded, left);
                 }
             }
         }
@@ -719,6 +726,19 @@ fn carry_on(
     if let Some((_, ins)) = stopgap {
         ins.step(&alignment.compensated(interval), &Controls::default());
         *stopgap = stopgap.filter(|(_, ins)| is_possible(ins));
+    }
+}
+
+/// Carries a stopgap over a hole of so many seconds, in which it goes on as before it; a clock that was set
+/// back makes it no younger.
+#[inline(never)]
+fn carry_over(stopgap: &mut Option<(Time, Mechanization)>, seconds: f64) {
+    if let Some((since, ins)) = stopgap {
+        if seconds > 0.0 {
+            ins.go_on(math::min(seconds, CARRIED_S));
+        } else {
+            *since = since.plus_seconds(seconds);
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! The typed answer to every call.
 
 /// What became of an inertial sample. Unless it says `Accepted` or `Bridged`, the solution is as
-/// it was.
+/// it was, but for the sample at which integration restarts: [`phase`](crate::Navigator::phase) shows it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

@@ -355,6 +355,93 @@ fn a_sigma_of_minus_one_states_nothing() {
     assert_ne!(drive(Some(1.0)), silent);
 }
 
+/// What is given meanwhile has gone on over a hole that is too long to bridge.
+#[test]
+fn a_hole_is_gone_through_at_the_speed_before_it() {
+    let mut car = Car::new(|t| {
+        let (speed, accel, turn) = bends(t);
+        (4.0 * speed, 4.0 * accel, 0.2 * turn)
+    });
+    car.until(100.0, true, Some);
+    assert_eq!(car.navigator.phase(), Phase::Navigating);
+    car.until(104.0, false, |_| None);
+    car.until(104.2, true, |_| None);
+    assert_ne!(car.navigator.phase(), Phase::Navigating);
+    let place = car.navigator.solution().unwrap().position;
+    let off_m = place
+        .enu_from(&car.fix().geodetic_or(0.0).unwrap())
+        .xy()
+        .norm();
+    let sigma_m = car.navigator.sigma().unwrap().position_m.x;
+    assert!(off_m < 2.0 * sigma_m, "{off_m} {sigma_m}");
+}
+
+/// Coasting, and then on another clock, it is known no better than before.
+#[test]
+fn a_clock_that_is_set_back_makes_nothing_younger() {
+    let mut car = Car::new(bends);
+    car.until(100.0, true, Some);
+    car.until(160.0, true, |_| None);
+    let before_m = car.navigator.sigma().unwrap().position_m.x;
+    for count in 0..200 {
+        let time = Time::from_seconds(STEP_S * f64::from(count)).unwrap();
+        let _ = car.navigator.on_imu(&ImuSample {
+            time,
+            gyro: Vector3::new(2e-3, -3e-3, 4e-3),
+            accel: Vector3::new(0.0, 0.0, GRAVITY_MPS2),
+        });
+    }
+    assert_ne!(car.navigator.phase(), Phase::Navigating);
+    let after_m = car.navigator.sigma().unwrap().position_m.x;
+    assert!(after_m > before_m, "{after_m} {before_m}");
+}
+
+/// A receiver of positions alone, on a vehicle that is under way and whose heading is given.
+#[test]
+fn a_speed_that_positions_show_is_begun_with() {
+    let mut car = Car::new(|_| (20.0, 0.0, 0.0));
+    car.navigator = Navigator::new(Config {
+        heading: HeadingSource::Given(car.heading_rad),
+        ..Config::mems()
+    })
+    .unwrap();
+    let position_alone = |fix: GnssFix| {
+        Some(GnssFix {
+            velocity_en_mps: None,
+            ..fix
+        })
+    };
+    while car.navigator.phase() != Phase::Navigating {
+        assert!(car.time_s() < 60.0);
+        let until_s = car.time_s() + STEP_S;
+        car.until(until_s, true, position_alone);
+    }
+    let velocity_mps = car.navigator.solution().unwrap().velocity_enu_mps.xy();
+    let off_mps = (velocity_mps - car.velocity_mps()).norm();
+    let sigma_mps = car.navigator.sigma().unwrap().velocity_mps.x;
+    assert!(off_mps < 3.0 * sigma_mps, "{off_mps} {sigma_mps}");
+}
+
+/// Two antennas agree once a second, and each heading comes a tenth of one late.
+#[test]
+fn headings_once_a_second_that_come_late_end_the_search() {
+    let mut car = Car::new(|_| (0.0, 0.0, 0.0));
+    car.until(30.0, true, Some);
+    assert_eq!(car.navigator.phase(), Phase::FindingHeading);
+    while car.navigator.phase() != Phase::Navigating {
+        assert!(car.time_s() < 50.0, "{:?}", car.navigator.phase());
+        let heading = Heading {
+            time: car.time(),
+            heading_rad: car.heading_rad,
+            sigma_rad: 0.02,
+        };
+        let second_s = car.time_s() + 1.0;
+        car.until(second_s - 0.9, true, Some);
+        let _ = car.navigator.on_heading(&heading);
+        car.until(second_s, true, Some);
+    }
+}
+
 /// In a turn from the beginning, of which each measured heading comes most of a second late.
 #[test]
 fn a_late_heading_is_turned_on_while_levelling() {

@@ -58,9 +58,12 @@ const HEADING_SIGMA_RAD: f64 = 0.3;
 const HEARD_S: f64 = 3.0;
 /// Pieces of work a second on nodes, sightings and answers: twice as many as arise.
 const WORK_PER_S: f64 = 120.0;
-/// Age at which a measured heading counts no more while aligning, s, and least spread of one that
-/// is so old, rad.
+/// Age at which a measured heading comes too late while aligning, s; longest time between two that follow each
+/// other, once a second or more often; and age at which the last counts no more, for the next is late, too.
 const MEASURED_S: f64 = 1.0;
+const FOLLOWS_S: f64 = 1.5;
+const LAST_S: f64 = MEASURED_S + 1.0;
+/// Least spread of one that old, rad.
 const LEAST_HEADING_SIGMA_RAD: f64 = 0.01;
 /// Oldest fix whose position is carried on to the start of navigation, s.
 const OLDEST_FIX_S: f64 = 5.0;
@@ -249,8 +252,13 @@ impl Alignment {
         let Some(sighting) = self.sightings.add(fix, config) else {
             return;
         };
+        let mut seen_mps = Vector2::zeros();
         if sighting.moves() {
             self.detector.on_motion();
+            seen_mps = sighting.velocity_mps.map(f64::from);
+        }
+        if fix.velocity_en_mps.is_none() {
+            self.velocity_mps = seen_mps.push(self.velocity_mps.z);
         }
         match &mut self.stage {
             Stage::Levelling(coarse) => {
@@ -278,8 +286,8 @@ impl Alignment {
         if self.misheaded {
             return GnssOutcome::Outlier;
         }
-        // If even now the one before is not too old, there will be one at the end of levelling, too.
-        let follows = |last: Heading| now.seconds_since(last.time) <= MEASURED_S;
+        // There will be one at the end of levelling, too.
+        let follows = |last: Heading| heading.time.seconds_since(last.time) <= FOLLOWS_S;
         let seeks = matches!(self.stage, Stage::Finding(Finding { found: None, .. }));
         if seeks && self.measured.is_some_and(follows) {
             self.restart(now);
@@ -298,8 +306,7 @@ impl Alignment {
         turning_radps: f64,
         config: &Config,
     ) -> Option<(f64, f64)> {
-        let recent =
-            |measured: &Heading| math::abs(time.seconds_since(measured.time)) <= MEASURED_S;
+        let recent = |measured: &Heading| math::abs(time.seconds_since(measured.time)) <= LAST_S;
         if let Some(measured) = self.measured.filter(recent) {
             // By half as much or by half as much again, where a turn begins or ends.
             let since_rad = turning_radps * time.seconds_since(measured.time);
@@ -612,7 +619,7 @@ impl Alignment {
         let mut ins = Mechanization::new(self.place, velocity, *candidate.attitude());
         let age_s = time.seconds_since(placed) + self.known.value(index::LATENCY);
         if math::abs(age_s) < OLDEST_FIX_S {
-            ins.move_by(&ins.local_earth(), &(age_s * velocity));
+            ins.go_on(age_s);
         }
         ins.turn_heading(-found.rotation_rad);
         let level = config.sensors.accel_bias_mps2 / GRAVITY_EQUATOR_MPS2;
