@@ -62,9 +62,7 @@ impl Source<'_> {
             )
         })
     }
-}
 
-impl Source<'_> {
     /// What is wrong with the error model that the text is, or sets keys of; where, if it is seen.
     pub fn in_model(&self, error: &ErrorModelError) -> Report {
         let (place, message) = match error {

@@ -105,11 +105,6 @@ impl Transverse {
             self.decay * first + self.noise[0] * n1,
             self.shear * first + self.decay * second + self.noise[1] * n1 + self.noise[2] * n2,
         ];
-        self.output()
-    }
-
-    /// Unit variance.
-    fn output(&self) -> f64 {
         let sqrt3 = 3.0_f64.sqrt();
         (sqrt3 * self.lag[0] + (1.0 - sqrt3) * self.lag[1]) * std::f64::consts::FRAC_1_SQRT_2
     }

@@ -151,7 +151,8 @@ fn row(plan: &Plan, tally: &Tally, which: usize) -> Option<Row> {
         minutes: f64::from(minute),
         truth: rms(&truth)?.scaled(scale),
         predicted: rms(&predicted)?.scaled(scale),
-        ratio: by_logarithm(&ratios)?,
+        // Geometric mean.
+        ratio: plain_mean(ratios.iter().map(|ratio| libm::log(*ratio)))?.map(libm::exp),
         units_beyond_goal: ratios.iter().filter(beyond).count(),
     })
 }
@@ -160,12 +161,6 @@ fn row(plan: &Plan, tally: &Tally, which: usize) -> Option<Row> {
 fn rms(squares: &[f64]) -> Option<Interval> {
     let mean = plain_mean(squares.iter().copied())?;
     Some(mean.map(|square| square.max(0.0).sqrt()))
-}
-
-/// Geometric mean.
-fn by_logarithm(ratios: &[f64]) -> Option<Interval> {
-    let mean = plain_mean(ratios.iter().map(|ratio| libm::log(*ratio)))?;
-    Some(mean.map(libm::exp))
 }
 
 #[cfg(test)]

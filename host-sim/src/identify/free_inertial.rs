@@ -94,10 +94,8 @@ pub fn check(
 /// An interval less the errors that the navigator knew at a time; as it is before the history.
 fn corrected(interval: &Interval, history: &[Row], time: Time) -> Interval {
     let after = history.partition_point(|row| row.time <= time);
-    let Some(row) = history[..after].last() else {
-        return *interval;
-    };
-    row.estimates.corrected(interval)
+    let row = history[..after].last();
+    row.map_or(*interval, |row| row.estimates.corrected(interval))
 }
 
 /// Rows that a window starts at: from where the azimuth is known, if it ever is.

@@ -158,17 +158,3 @@ fn noises(fix: &GnssFix, navigator: &Navigator) -> [[f64; 3]; 2] {
 pub fn consistency(offs: impl Iterator<Item = Off>) -> Option<f64> {
     rms_of_any(offs.map(|off| off.value / off.sigma))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_off_of_its_sigma_is_consistent() {
-        let off = |value, sigma| Off { value, sigma };
-        let found = consistency([off(1.0, 1.0), off(-2.0, 2.0)].into_iter());
-        assert_eq!(found, Some(1.0));
-        assert_eq!(consistency([off(3.0, 1.0)].into_iter()), Some(3.0));
-        assert_eq!(consistency([].into_iter()), None);
-    }
-}

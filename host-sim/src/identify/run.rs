@@ -212,11 +212,6 @@ impl Event<'_> {
     }
 }
 
-fn copied(sample: impl Borrow<ImuSample>) -> ImuSample {
-    let sample: &ImuSample = sample.borrow();
-    *sample
-}
-
 /// Samples and fixes by stamp; on equal stamps the sample comes first.
 pub fn in_order_of_time(
     imu: impl IntoIterator<Item: Borrow<ImuSample>>,
@@ -230,7 +225,8 @@ pub(crate) fn as_they_come<'a>(
     imu: impl IntoIterator<Item: Borrow<ImuSample>>,
     fixes: impl Iterator<Item = (Time, &'a GnssFix)>,
 ) -> impl Iterator<Item = Event<'a>> {
-    let mut imu = imu.into_iter().map(copied).peekable();
+    let copied = imu.into_iter().map(|sample| *sample.borrow());
+    let mut imu = copied.peekable();
     let mut fixes = fixes.peekable();
     std::iter::from_fn(move || match (imu.peek(), fixes.peek()) {
         (Some(sample), fix) if fix.is_none_or(|(time, _)| *time >= sample.time) => {

@@ -211,11 +211,7 @@ fn tick(value: f64, (low, high): (f64, f64)) -> String {
     } else {
         &text
     };
-    if trimmed == "-0" {
-        "0".to_owned()
-    } else {
-        trimmed.replace('-', "\u{2212}")
-    }
+    trimmed.replace('-', "\u{2212}")
 }
 
 /// Lets the page decide on the size: only the view box is kept.

@@ -25,10 +25,6 @@ pub enum Kind {
 }
 
 impl Kind {
-    pub fn all() -> &'static [Self] {
-        Self::value_variants()
-    }
-
     /// Key in a target file, name, unit, SI value of the unit.
     fn entry(self) -> (&'static str, &'static str, &'static str, f64) {
         match self {

@@ -90,8 +90,11 @@ impl Target {
         let source = Source { file, text };
         let read: File = source.parse(EXAMPLE)?;
         let mut goals = Vec::new();
-        let keys: Vec<&str> = Kind::all().iter().map(|kind| kind.key()).collect();
-        for (kind, key) in Kind::all().iter().zip(&keys) {
+        let keys: Vec<&str> = Kind::value_variants()
+            .iter()
+            .map(|kind| kind.key())
+            .collect();
+        for (kind, key) in Kind::value_variants().iter().zip(&keys) {
             if let Some(value) = read.target.get_ref().get(*key) {
                 goals.extend(wanted(&source, *kind, value)?);
             }

@@ -256,7 +256,8 @@ impl Recorder {
             let now = sensors.state();
             let (gyro, accel) = self.unit.measure(&gained, &now.rates, step_s);
             let stamped = time.plus_seconds(jitter_s * self.jitter.uniform([-1.0, 1.0]));
-            if !self.losses.chance(model.dropped_fraction) && !model.has_hole_at(time) {
+            let in_hole = model.holes.iter().any(|hole| hole.holds(time.as_seconds()));
+            if !self.losses.chance(model.dropped_fraction) && !in_hole {
                 self.imu.push(ImuSample {
                     time: stamped,
                     gyro,

@@ -3,7 +3,7 @@
 //! Equation numbers are those of V. M. Tereshkov's thesis (Bauman MSTU, 2011). A bias is measured
 //! minus true.
 
-use ins_core::{ImuOutput, Time};
+use ins_core::ImuOutput;
 use serde::{Deserialize, Serialize};
 
 use super::barometer::BarometerModel;
@@ -305,10 +305,6 @@ impl ImuModel {
             stamp_jitter_s: 0.0,
             holes: Vec::new(),
         }
-    }
-
-    pub fn has_hole_at(&self, time: Time) -> bool {
-        self.holes.iter().any(|hole| hole.holds(time.as_seconds()))
     }
 }
 

@@ -4,12 +4,12 @@
 //! that honest differences stay well below the joint sigma that they are held against.
 
 use indicatif::ProgressBar;
-use ins_core::earth::{Geodetic, LatLon};
 use ins_core::{ConfigError, GnssFix, ImuOutput, ImuSample};
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::aircraft::plan::at;
 use crate::compare::measure::{COMPARED, columns};
 use crate::compare::tracks;
 use crate::identify::configure;
@@ -222,15 +222,10 @@ fn turn_world(log: &mut Log) {
     let Some(first) = log.gnss.iter().find_map(|fix| fix.position) else {
         return;
     };
-    let on_ground = |place: LatLon| Geodetic {
-        latitude_rad: place.latitude_rad,
-        longitude_rad: place.longitude_rad,
-        height_m: 0.0,
-    };
-    let origin = on_ground(first);
+    let origin = at(first, 0.0);
     each_fix(log, |fix| {
         fix.position = fix.position.map(|place| {
-            let away = turned(on_ground(place).enu_from(&origin).xy());
+            let away = turned(at(place, 0.0).enu_from(&origin).xy());
             displaced(&origin, &Vector3::new(away.x, away.y, 0.0)).lat_lon()
         });
     });

@@ -185,9 +185,7 @@ impl LogStudy {
             wander: Wander::of(&log.gnss),
         })
     }
-}
 
-impl LogStudy {
     pub fn altered_differences(&self) -> impl Iterator<Item = &Difference> + Clone {
         self.altered.iter().flat_map(|altered| &altered.differences)
     }
