@@ -456,8 +456,8 @@ fn a_late_heading_is_turned_on_while_levelling() {
             heading_rad: wrap_pi(car.heading_rad),
             sigma_rad: 0.01,
         });
-        if let Some(late) = headings.len().checked_sub(9) {
-            let _ = car.navigator.on_heading(&headings[late]);
+        if let Some(late) = headings.iter().rev().nth(8) {
+            let _ = car.navigator.on_heading(late);
         }
     }
     let off_rad = wrap_pi(car.navigator.solution().unwrap().euler().heading_rad - car.heading_rad);

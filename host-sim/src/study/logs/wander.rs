@@ -22,8 +22,8 @@ const SHOWN: f64 = 0.1;
 pub struct Wander {
     /// By how much positions are later than velocities, s, where changes of speed show it.
     pub delay_s: Option<f64>,
-    /// Standard deviation per axis that would change as much in each of [`OVER_S`], were it forgotten by then,
-    /// m: half the mean square is that of a change (structure function; Tatarskii 1961).
+    /// Standard deviation per axis that would change as much in 1, 60 and 300 s, were it forgotten by then, m:
+    /// half the mean square is that of a change (structure function; Tatarskii 1961).
     pub level_m: [Option<f64>; 3],
     pub height_m: [Option<f64>; 3],
 }
