@@ -58,11 +58,12 @@ impl Observer {
                 height.strength * lasts,
             ),
         ];
+        let assumed = height.variance(&gnss.height_m, lasts);
         self.height_sensitivity.renew(&up[1]);
         self.height_persistence.renew(
             &up[1],
             span.seconds / (gnss.height_m.correlation_s * lasts),
-            height.variance(&gnss.height_m, lasts),
+            assumed,
             &self.followed.noise(Kind::Height),
             self.vertical.noise(Measured::Position),
         );
