@@ -267,7 +267,7 @@ fn without_table(study: &Study) -> Table {
 }
 
 fn wander_table(study: &Study) -> Table {
-    let of_log = |log: &'_ LogStudy| Some((log.log.clone(), log.wander?));
+    let of_log = |log: &LogStudy| Some((log.log.clone(), log.wander?));
     let logs: Vec<_> = study.logs.iter().filter_map(of_log).collect();
     wander::table(&logs)
 }
