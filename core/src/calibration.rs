@@ -126,11 +126,12 @@ impl Calibration {
                     finite(number, "calibration")?;
                 }
                 let prior = belief.sigma(which);
-                if known.sigma < 0.0 || (prior > 0.0 && known.sigma <= 0.0) {
+                // What is not estimated, or given, is as configured.
+                let sought = prior > 0.0 && !config.gives(which);
+                if known.sigma < 0.0 || (sought && known.sigma <= 0.0) {
                     return Err(ConfigError::NotPositive("calibration"));
                 }
-                // What is not estimated, or given, is as configured.
-                if prior > 0.0 && !config.gives(which) {
+                if sought {
                     let sigma = math::min(math::max(known.sigma, LEAST * prior), prior);
                     belief.set(which, known.value, sigma);
                 }

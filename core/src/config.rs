@@ -164,7 +164,8 @@ pub enum HeadingSource {
     /// Gyrocompassing at rest if the gyros resolve Earth rate, else from motion.
     #[default]
     Auto,
-    /// Known heading at the first sample, rad, true to some degrees.
+    /// Known heading at the first sample, rad, true to some degrees; turns before the end of levelling are
+    /// followed, as well as the gyros can.
     Given(f64),
     /// From GNSS velocity in motion, whatever the gyros can do.
     Motion,
@@ -339,7 +340,8 @@ pub struct Config {
     /// Longest hole between inertial samples that is bridged, s.
     pub max_gap_s: f64,
     /// Vertical velocity that the vehicle does not keep up for long, one sigma, m/s: it is all that
-    /// holds the vertical channel where fixes have neither height nor vertical velocity.
+    /// holds the vertical channel where fixes have neither height nor vertical velocity, and begins it where
+    /// no fix has told the climb of a vehicle in motion.
     pub climb_sigma_mps: f64,
 }
 

@@ -205,7 +205,6 @@ impl<const RING: usize> Navigator<RING> {
     pub fn on_gnss(&mut self, fix: &GnssFix) -> GnssOutcome {
         let outcome = self.state.on_gnss(fix, &mut self.tally, &self.config);
         self.tally.fix(fix.time, outcome);
-        self.state.navigate(&self.config);
         outcome
     }
 
@@ -574,7 +573,13 @@ impl<const RING: usize> State<RING> {
     /// What is left to do once a sample is integrated.
     fn follow_up(&mut self, tally: &mut Tally, config: &Config) {
         match &mut self.mode {
-            Mode::Aligning(_) => self.navigate(config),
+            Mode::Aligning(_) => {
+                self.navigate(config);
+                // What is known from before.
+                if let Mode::Navigating(ins) = &mut self.mode {
+                    ins.compensate(config);
+                }
+            }
             Mode::Navigating(ins) => {
                 ins.follow_up(&self.interval, tally, config);
                 if let Some((now, _)) = &self.inertial

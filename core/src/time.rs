@@ -48,11 +48,10 @@ impl Time {
 
     /// The instant `seconds` later, to the microsecond; saturates, and a NaN adds nothing.
     #[must_use]
+    #[inline(never)]
     pub fn plus_seconds(self, seconds: f64) -> Self {
-        // Float-to-integer casts saturate and map NaN to zero.
-        Self::from_micros(
-            self.micros
-                .saturating_add(libm::round(seconds * 1e6) as i64),
-        )
+        // Casts cut off what is after the point, saturate, and map NaN to zero.
+        let micros = (seconds * 1e6 + libm::copysign(0.5, seconds)) as i64;
+        Self::from_micros(self.micros.saturating_add(micros))
     }
 }

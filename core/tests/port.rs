@@ -661,3 +661,98 @@ fn one_surprising_fix_after_an_outage_is_no_surprise_that_lasts() {
     let health = car.navigator.health();
     assert_eq!((health.doubted, health.restarts), (None, 0), "{health:?}");
 }
+
+/// Stands, turns to the right by 1.5 rad, and stands again before the first fix.
+fn turns_first(time_s: f64) -> (f64, f64, f64) {
+    let turns = (4.0..14.0).contains(&time_s);
+    (0.0, 0.0, if turns { 0.15 } else { 0.0 })
+}
+
+#[test]
+fn a_turn_before_levelling_is_in_a_heading_that_was_given_for_the_beginning() {
+    for first_fix_s in [16.0, 40.0] {
+        let mut car = Car::new(turns_first);
+        car.navigator = Navigator::new(Config {
+            heading: HeadingSource::Given(car.heading_rad),
+            ..Config::mems()
+        })
+        .unwrap();
+        car.until(60.0, true, |fix| {
+            (fix.time >= Time::from_seconds(first_fix_s).unwrap()).then_some(fix)
+        });
+        let solution = car.navigator.solution().unwrap();
+        let off_rad = wrap_pi(solution.euler().heading_rad - car.heading_rad);
+        assert!(off_rad.abs() < 0.1, "{off_rad}");
+    }
+}
+
+/// A receiver without vertical velocity on a vehicle that climbs as navigation begins.
+#[test]
+fn a_climb_that_nothing_tells_at_first_is_not_taken_for_none() {
+    let mut car = Car::new(|_| (20.0, 0.0, 0.0));
+    car.navigator = Navigator::new(Config {
+        heading: HeadingSource::Given(car.heading_rad),
+        ..Config::mems()
+    })
+    .unwrap();
+    let climbs_mps = 8.0;
+    let climbing = |fix: GnssFix| {
+        Some(GnssFix {
+            velocity_up_mps: None,
+            height_m: Some(climbs_mps * fix.time.seconds_since(Time::default())),
+            ..fix
+        })
+    };
+    for count in 1..3000 {
+        car.until(STEP_S * f64::from(count), true, climbing);
+        let Some(solution) = car.navigator.solution() else {
+            continue;
+        };
+        let off_mps = solution.velocity_enu_mps.z - climbs_mps;
+        let sigma_mps = car.navigator.sigma().unwrap().velocity_mps.z;
+        assert!(off_mps.abs() < 4.0 * sigma_mps, "{off_mps} {sigma_mps}");
+    }
+    assert_eq!(car.navigator.phase(), Phase::Navigating);
+}
+
+#[test]
+fn an_ins_with_fixes_does_not_coast_as_it_begins() {
+    let mut car = Car::new(bends);
+    for count in 1..10_000 {
+        car.until(STEP_S * f64::from(count), true, Some);
+        assert_eq!(car.navigator.health().coasting_since, None);
+    }
+    assert_eq!(car.navigator.phase(), Phase::Navigating);
+}
+
+/// What a warm start knows of the accelerometers is in what an autopilot is told from the first sample on.
+#[test]
+fn a_warm_start_does_not_step() {
+    let mut stands = Car::new(|_| (0.0, 0.0, 0.0));
+    let mut calibration = stands.navigator.calibration();
+    calibration.accel_bias_mps2[2].value = 0.2;
+    calibration.accel_bias_mps2[2].sigma = 0.01;
+    let config = Config {
+        heading: HeadingSource::Given(stands.heading_rad),
+        ..Config::mems()
+    };
+    stands.navigator = Navigator::warm(config, &calibration).unwrap();
+    for count in 2..2000 {
+        stands.until(STEP_S * f64::from(count), true, Some);
+        let felt_mps2 = stands.navigator.body_motion().unwrap().force_mps2.z;
+        let off_mps2 = felt_mps2 - (GRAVITY_MPS2 - 0.2);
+        assert!(off_mps2.abs() < 0.05, "{off_mps2} after {count}");
+    }
+    assert_eq!(stands.navigator.phase(), Phase::Navigating);
+}
+
+#[test]
+fn a_calibration_need_not_say_what_the_configuration_gives() {
+    let calibration = Navigator::new(Config::mems()).unwrap().calibration();
+    let mut config = Config::mems();
+    config.gnss.latency_sigma_s = 0.0;
+    let mut without = calibration;
+    without.gnss_latency_s.sigma = 0.0;
+    assert!(Navigator::warm(config, &without).is_ok());
+    assert!(Navigator::warm(Config::mems(), &without).is_err());
+}

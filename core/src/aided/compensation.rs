@@ -25,18 +25,6 @@ pub struct Compensation {
 }
 
 impl Compensation {
-    /// At the start: what alignment has found of gyros and latency.
-    pub fn at_start(known: &Parameters, config: &Config) -> Self {
-        let mut start = Self::default();
-        if config.feedback == Feedback::Closed {
-            start.gyro_radps = known.vector(index::GYRO);
-            if config.form == Form::Exact {
-                start.latency_s = credible_latency(known);
-            }
-        }
-        start
-    }
-
     /// Takes out what has become known.
     pub fn update(&mut self, parameters: &Parameters, config: &Config) {
         if config.feedback == Feedback::Open {

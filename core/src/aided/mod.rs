@@ -183,14 +183,14 @@ impl<const N: usize> AidedIns<N> {
             estimator: Estimator::new(
                 time,
                 aligned.tilt_sigma_rad,
-                vertical_sign::unsigned(aligned.ins.velocity_enu_mps.z),
+                vertical_sign::unsigned(aligned.ins.velocity_enu_mps.z) + aligned.climb_variance,
                 aligned.level_force_mps2(),
                 config,
             ),
             compensation: Compensation::default(),
             controls: Controls::default(),
             controls_until: time,
-            level_until: time,
+            level_until: time.plus_seconds(HOLD_S),
             pending: Ring::default(),
             comparison: None,
             climb: None,
@@ -220,7 +220,10 @@ impl<const N: usize> AidedIns<N> {
     /// Takes over what is known at the start: apart from [`Self::new`], for it to be written where it
     /// stays and not copied over the stack.
     pub fn believe(&mut self, known: &Parameters, config: &Config) {
-        self.compensation = Compensation::at_start(known, config);
+        // All that alignment has found of them.
+        if config.feedback == Feedback::Closed {
+            self.compensation.gyro_radps = known.vector(index::GYRO);
+        }
         if let Some(observer) = self.estimator.exact_mut() {
             observer.believe(known);
         }
@@ -646,7 +649,7 @@ impl<const N: usize> AidedIns<N> {
 
     /// Takes out what has become known of the sensors, if it can be true.
     #[inline(never)]
-    fn compensate(&mut self, config: &Config) {
+    pub fn compensate(&mut self, config: &Config) {
         if let Some(observer) = self.estimator.exact()
             && !observer.is_sound(config)
         {

@@ -663,6 +663,7 @@ fn gyro_sigma(known: &Parameters, axis: usize, config: &Config) -> f64 {
 }
 
 /// Largest spread of a gyro bias, rad/s.
+#[inline(never)]
 pub(crate) fn widest_gyro_sigma(known: &Parameters, config: &Config) -> f64 {
     (0..3).fold(0.0, |widest, axis| {
         math::max(widest, gyro_sigma(known, axis, config))

@@ -50,7 +50,7 @@ impl CoarseLevel {
     pub(crate) fn on_interval(&mut self, interval: &Interval) {
         if self.seconds >= LONGEST_S {
             *self = Self {
-                turned_before_rad: self.attitude().map_or(0.0, |a| euler(&a).heading_rad),
+                turned_before_rad: self.heading_rad(),
                 first_mps: self.last_mps,
                 last_mps: self.last_mps,
                 ..Self::default()
@@ -73,6 +73,11 @@ impl CoarseLevel {
     fn attitude(&self) -> Option<UnitQuaternion<f64>> {
         let up = level(&self.force_mps, self.turned_before_rad);
         Some(renormalized(up.as_ref() * self.turned?.as_ref()))
+    }
+
+    /// The heading now, that of the first interval of all being zero, rad.
+    pub(crate) fn heading_rad(&self) -> f64 {
+        self.attitude().map_or(0.0, |a| euler(&a).heading_rad)
     }
 
     /// The attitude now, if the mean is long enough; gyro biases have a spread of `bias_radps`.

@@ -82,6 +82,8 @@ pub struct Aligned {
     pub ins: Mechanization,
     /// Spread of roll and pitch, rad; that of the azimuth is in [`Alignment::known`].
     pub tilt_sigma_rad: f64,
+    /// Variance of a climb that nothing has told, (m/s)^2; else zero.
+    pub climb_variance: f64,
 }
 
 impl Aligned {
@@ -126,9 +128,10 @@ pub struct Alignment {
     known: Parameters,
     detector: RestDetector,
     rest: RestMean,
-    /// Last velocity known, ENU, and last place, of which the height may be known first, and of which
-    /// time its position.
+    /// Last velocity known, ENU, whether its climb is, and last place, of which the height may be known
+    /// first, and of which time its position.
     velocity_mps: Vector3<f64>,
+    climb_told: bool,
     place: Geodetic,
     placed: Option<Time>,
     sightings: Sightings,
@@ -152,6 +155,7 @@ impl Alignment {
             detector: RestDetector::default(),
             rest: RestMean::default(),
             velocity_mps: Vector3::zeros(),
+            climb_told: false,
             place: Geodetic::default(),
             placed: None,
             sightings: Sightings::default(),
@@ -242,6 +246,7 @@ impl Alignment {
         let last = &self.velocity_mps;
         let level = fix.velocity_en_mps.unwrap_or(last.xy());
         self.velocity_mps = level.push(fix.velocity_up_mps.unwrap_or(last.z));
+        self.climb_told |= fix.velocity_up_mps.is_some();
         self.place = fix.place_or(&self.place);
         if fix.position.is_some() {
             self.placed = Some(fix.time);
@@ -296,14 +301,16 @@ impl Alignment {
         GnssOutcome::Accepted
     }
 
-    /// The heading known at the end of levelling, with its spread: a measured one, turned on as the vehicle
-    /// has turned of late, or the given one, which is that of the beginning.
+    /// The heading known at the end of levelling beyond that of the level, with its spread: a measured one,
+    /// turned on as the vehicle has turned of late, or the given one, which is that of the beginning, turned
+    /// on by what is not in the level.
     #[inline(never)]
     fn heading(
         &self,
         time: Time,
         level: &Level,
         turning_radps: f64,
+        turned_rad: f64,
         config: &Config,
     ) -> Option<(f64, f64)> {
         let recent = |measured: &Heading| math::abs(time.seconds_since(measured.time)) <= LAST_S;
@@ -312,14 +319,26 @@ impl Alignment {
             let since_rad = turning_radps * time.seconds_since(measured.time);
             let spread = 0.25 * since_rad * since_rad + measured.sigma_rad * measured.sigma_rad;
             let sigma_rad = math::max(math::sqrt(spread), LEAST_HEADING_SIGMA_RAD);
-            let turned_rad = euler(&level.attitude).heading_rad;
-            return Some((measured.heading_rad + since_rad - turned_rad, sigma_rad));
+            let level_rad = euler(&level.attitude).heading_rad;
+            return Some((measured.heading_rad + since_rad - level_rad, sigma_rad));
         }
         match config.heading {
             HeadingSource::Given(heading_rad) if self.first => {
-                Some((heading_rad, HEADING_SIGMA_RAD))
+                let drift_rad = self.moved_s(time) * widest_gyro_sigma(&self.known, config);
+                Some((heading_rad + turned_rad, HEADING_SIGMA_RAD + drift_rad))
             }
             _ => None,
+        }
+    }
+
+    /// Time of levelling in which it has not stood, s; zero if that is no more than rest takes to be told.
+    #[inline(never)]
+    fn moved_s(&self, time: Time) -> f64 {
+        let seconds = time.seconds_since(self.start) - self.rest.seconds;
+        if seconds > WAIT_MOVING_S {
+            seconds
+        } else {
+            0.0
         }
     }
 
@@ -355,7 +374,7 @@ impl Alignment {
         if let Verdict::Rest(block) = verdict {
             self.rest_on(time, block, config);
         }
-        let moving = matches!(verdict, Verdict::Motion(_));
+        let moving = verdict.moves();
         let Some(earth) = self.earth() else {
             // Rest from before a way that nothing has seen tells no attitude after it.
             if moving {
@@ -375,11 +394,10 @@ impl Alignment {
 
     /// A mean in motion that is good enough, or as good as it will be.
     fn level_in_motion(&self, time: Time, verdict: &Verdict, config: &Config) -> Option<Levelled> {
-        let moving = matches!(verdict, Verdict::Motion(_));
         let waited = time.seconds_since(self.start);
         let speed = self.sightings.speed_mps();
         let in_vain = waited - self.rest.seconds > WAIT_S;
-        let moves = waited > WAIT_MOVING_S && moving && speed > MOVING_MPS;
+        let moves = waited > WAIT_MOVING_S && verdict.moves() && speed > MOVING_MPS;
         if !in_vain && !moves {
             return None;
         }
@@ -391,7 +409,7 @@ impl Alignment {
         let rate_radps = verdict.block().rate_radps - self.known.vector(index::GYRO);
         let turning_radps = -(matrix(&level.attitude) * rate_radps).z;
         good.then(|| Levelled {
-            heading: self.heading(time, &level, turning_radps, config),
+            heading: self.heading(time, &level, turning_radps, 0.0, config),
             level,
         })
     }
@@ -420,20 +438,33 @@ impl Alignment {
 
     fn level_from_rest(&mut self, time: Time, earth: &LocalEarth, config: &Config) -> Levelled {
         let rest = self.rest;
-        let attitude = levelling::level(&(rest.force_mps2 - self.known.vector(index::ACCEL)), 0.0);
+        let force_mps2 = rest.force_mps2 - self.known.vector(index::ACCEL);
+        let before = self.known.vector(index::GYRO);
+        let level_attitude = levelling::level(&force_mps2, 0.0);
+        let attitude = matrix(&level_attitude);
+        self.learn_gyros(&rest, &attitude, earth, config);
+        // What it had turned before it stood, less what the bias did that rest has shown.
+        let moved_s = self.moved_s(time);
+        let turned_rad = match &self.stage {
+            Stage::Levelling(coarse) if moved_s > 0.0 => {
+                let learnt = attitude * (self.known.vector(index::GYRO) - before);
+                coarse.heading_rad() + learnt.z * (moved_s + rest.seconds)
+            }
+            _ => 0.0,
+        };
         let level = Level {
-            attitude,
+            attitude: level_attitude,
             tilt_sigma_rad: config.level_sigma(),
         };
-        let attitude = matrix(&attitude);
-        self.learn_gyros(&rest, &attitude, earth, config);
         let sigma = levelling::gyrocompass_sigma(&config.sensors, earth, rest.seconds);
         let compass = (config.heading == HeadingSource::Auto
             && sigma < HEADING_SIGMA_RAD
             && turns_with_earth(&rest, &attitude, earth, config))
         .then(|| (levelling::gyrocompass(&attitude, &rest.rate_radps), sigma));
         Levelled {
-            heading: self.heading(time, &level, 0.0, config).or(compass),
+            heading: self
+                .heading(time, &level, 0.0, turned_rad, config)
+                .or(compass),
             level,
         }
     }
@@ -461,7 +492,16 @@ impl Alignment {
         self.stage = Stage::Aligned(Aligned {
             ins: Mechanization::new(self.place, self.velocity_mps, attitude),
             tilt_sigma_rad: math::max(level.tilt_sigma_rad, tilt),
+            climb_variance: self.climb_variance(config),
         });
+    }
+
+    /// Variance of the climb of a vehicle in motion that nothing has told.
+    fn climb_variance(&self, config: &Config) -> f64 {
+        if self.climb_told || self.rest.seconds >= LEAST_REST_S {
+            return 0.0;
+        }
+        config.climb_sigma_mps * config.climb_sigma_mps
     }
 
     /// Begins to look for the heading.
@@ -627,6 +667,7 @@ impl Alignment {
         self.stage = Stage::Aligned(Aligned {
             ins,
             tilt_sigma_rad: math::sqrt(tilt),
+            climb_variance: self.climb_variance(config),
         });
     }
 }

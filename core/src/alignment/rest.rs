@@ -48,6 +48,11 @@ pub enum Verdict {
 }
 
 impl Verdict {
+    /// Whether it is motion.
+    pub fn moves(&self) -> bool {
+        matches!(self, Self::Motion(_))
+    }
+
     /// The block, or the one before.
     pub fn block(&self) -> &RestBlock {
         match self {
