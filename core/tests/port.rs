@@ -686,10 +686,16 @@ fn a_turn_before_levelling_is_in_a_heading_that_was_given_for_the_beginning() {
     }
 }
 
-/// A receiver without vertical velocity on a vehicle that climbs as navigation begins.
+/// A receiver without vertical velocity, or one that writes zero for it, on a vehicle that climbs as
+/// navigation begins.
 #[test]
 fn a_climb_that_nothing_tells_at_first_is_not_taken_for_none() {
-    let mut car = Car::new(|_| (20.0, 0.0, 0.0));
+    begins_in_a_climb(|_| (20.0, 0.0, 0.0), None);
+    begins_in_a_climb(|_| (0.8, 0.0, 0.0), Some(0.0));
+}
+
+fn begins_in_a_climb(drive: Drive, written: Option<f64>) {
+    let mut car = Car::new(drive);
     car.navigator = Navigator::new(Config {
         heading: HeadingSource::Given(car.heading_rad),
         ..Config::mems()
@@ -698,7 +704,7 @@ fn a_climb_that_nothing_tells_at_first_is_not_taken_for_none() {
     let climbs_mps = 8.0;
     let climbing = |fix: GnssFix| {
         Some(GnssFix {
-            velocity_up_mps: None,
+            velocity_up_mps: written,
             height_m: Some(climbs_mps * fix.time.seconds_since(Time::default())),
             ..fix
         })

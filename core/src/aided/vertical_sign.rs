@@ -73,8 +73,8 @@ pub struct VerticalSign {
     window: Option<Window>,
     last: Option<Last>,
     felt: Felt,
-    /// How many were zero of late.
-    zeros: u8,
+    /// How many more may be zero; before the first that is not, none.
+    zeros_left: u8,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -114,13 +114,10 @@ impl VerticalSign {
         let stands = fix
             .velocity_en_mps
             .is_some_and(|level| level.iter().copied().all(is_zero));
-        self.zeros = if is_zero(up_mps) && !stands {
-            self.zeros.saturating_add(1)
-        } else {
-            0
-        };
-        if self.zeros > ZEROS {
-            return None;
+        if !is_zero(up_mps) {
+            self.zeros_left = ZEROS;
+        } else if !stands {
+            self.zeros_left = self.zeros_left.checked_sub(1)?;
         }
         let now = Last {
             time: fix.time,

@@ -246,7 +246,9 @@ impl Alignment {
         let last = &self.velocity_mps;
         let level = fix.velocity_en_mps.unwrap_or(last.xy());
         self.velocity_mps = level.push(fix.velocity_up_mps.unwrap_or(last.z));
-        self.climb_told |= fix.velocity_up_mps.is_some();
+        self.climb_told |= fix
+            .velocity_up_mps
+            .is_some_and(|up_mps| math::abs(up_mps) > 0.0);
         self.place = fix.place_or(&self.place);
         if fix.position.is_some() {
             self.placed = Some(fix.time);
