@@ -26,6 +26,7 @@ impl<const N: usize, const T: usize> Covariance<N, T> {
         covariance
     }
 
+    #[inline(never)]
     fn get(&self, i: usize, j: usize) -> f32 {
         self.lower.get(place(i, j)).copied().unwrap_or(0.0)
     }
