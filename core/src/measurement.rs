@@ -61,8 +61,6 @@ pub struct Difference {
     pub more_variance: f64,
     /// Whether it is of an antenna and by the receiver's clock.
     pub of_receiver: bool,
-    /// Whether velocities come with it: positions may be later than these.
-    pub beside_velocity: bool,
     /// Latency already taken out by the choice of the moment, s.
     pub latency_applied_s: f64,
 }

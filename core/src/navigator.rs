@@ -305,8 +305,13 @@ impl<const RING: usize> Navigator<RING> {
     /// the estimators see in it; none in the literal form. What the parameters add to it is up to five
     /// seconds old.
     pub fn sigma(&self) -> Option<SolutionSigma> {
-        if let (Some((since, _)), Some((time, _))) = (&self.state.stopgap, &self.state.inertial) {
-            return Some(stopgap_sigma(time.seconds_since(*since)));
+        if let (Some((since, _)), Some((time, _)), Mode::Aligning(alignment)) =
+            (&self.state.stopgap, &self.state.inertial, &self.state.mode)
+        {
+            return Some(stopgap_sigma(
+                time.seconds_since(*since),
+                alignment.untold(),
+            ));
         }
         self.aided()?.sigma(&self.config)
     }
@@ -439,17 +444,48 @@ impl<const RING: usize> State<RING> {
                 return Err(ImuOutcome::Gap);
             }
         }
+        let bridged = if hole || self.astray.is_some() {
+            self.bridge(sample, seconds, hole, largest.gyro, config)
+        } else {
+            None
+        };
         let Some((last, increments)) = &mut self.inertial else {
             return Err(ImuOutcome::Gap);
         };
-        self.astray = None;
-        let bridged = hole.then(|| Bridged {
-            seconds,
-            ends_differ: increments.ends_differ(sample),
-        });
         self.interval = increments.interval_of(sample, seconds, hole);
         *last = sample.time;
         Ok(bridged)
+    }
+
+    /// What is bridged by the interval that ends with a sample: a hole, or what was not taken since the clock
+    /// was set back. Single stamps out of order are neither.
+    #[inline(never)]
+    fn bridge(
+        &mut self,
+        sample: &ImuSample,
+        seconds: f64,
+        hole: bool,
+        gyro: f64,
+        config: &Config,
+    ) -> Option<Bridged> {
+        let (last, increments) = self.inertial.as_ref()?;
+        let set_back_s = self.astray.take().map_or(0.0, |astray| {
+            let goes_on = !increments.has_hole(sample.time.seconds_since(astray.last));
+            if goes_on {
+                math::max(last.seconds_since(astray.first), 0.0)
+            } else {
+                0.0
+            }
+        });
+        let [mut rate, accel] = increments.ends_differ(sample);
+        if set_back_s > 0.0 {
+            // Of what was not taken all is lost, and not only what differs from its ends.
+            rate += 2.0 * gyro / config.imu_output.per_rate(seconds);
+        }
+        (hole || set_back_s > 0.0).then(|| Bridged {
+            seconds: seconds + set_back_s,
+            ends_differ: [rate, accel],
+        })
     }
 
     /// Carries on over the interval that was made last.
@@ -546,6 +582,7 @@ impl<const RING: usize> State<RING> {
                     tally.fixes(newest, fixes, GnssOutcome::TooOld);
                 }
                 let misheaded = ins.lost && ins.is_headed();
+                let untold = ins.observer().map_or([0.0; 2], Observer::position_variance);
                 let known = if ins.misled {
                     config.prior()
                 } else {
@@ -564,7 +601,7 @@ impl<const RING: usize> State<RING> {
                 self.mode = Mode::Aligning(Alignment::new(time, &known));
                 if let Mode::Aligning(alignment) = &mut self.mode {
                     let left = self.stopgap.as_ref().map(|(_, ins)| ins);
-                    alignment.begin_again(misheaded, left);
+                    alignment.begin_again(misheaded, untold, left);
                 }
             }
         }
@@ -709,13 +746,15 @@ impl Largest {
     }
 }
 
-/// Spread of a stopgap whose position was set right so many seconds ago, ENU.
-fn stopgap_sigma(seconds: f64) -> SolutionSigma {
+/// Spread of a stopgap whose position was set right so many seconds ago, ENU; before that position and
+/// height had these variances, m^2.
+fn stopgap_sigma(seconds: f64, untold: &[f64; 2]) -> SolutionSigma {
     let seconds = math::max(seconds, 0.0);
     let pulled_mps = GRAVITY_EQUATOR_MPS2 * STOPGAP_RAD * seconds;
     let moved_m = (STOPGAP_MPS + 0.5 * pulled_mps) * seconds;
+    let [level_m, height_m] = untold.map(|variance| STOPGAP_M + moved_m + math::sqrt(variance));
     SolutionSigma {
-        position_m: Vector3::repeat(STOPGAP_M + moved_m),
+        position_m: Vector3::new(level_m, level_m, height_m),
         velocity_mps: Vector3::repeat(STOPGAP_MPS + pulled_mps),
         attitude_rad: Vector3::new(STOPGAP_RAD, STOPGAP_RAD, 1.0),
     }

@@ -107,8 +107,6 @@ pub struct BaroHeight {
     pub sigma_m: f64,
 }
 
-/// Speed above which a vertical velocity of exactly zero is none, m/s.
-const PLACEHOLDER_MPS: f64 = 1.0;
 /// Speed above which GNSS says that the vehicle moves, m/s, and sigmas of its noise on top.
 const MOTION_MPS: f64 = 0.2;
 const MOTION_SIGMAS: f64 = 4.0;
@@ -144,8 +142,7 @@ impl GnssFix {
         }
     }
 
-    /// Without what is written where there is nothing: a row of zeros, and a vertical velocity of
-    /// exactly zero of a vehicle that moves.
+    /// Without what is written where there is nothing: a row of zeros.
     #[must_use]
     pub(crate) fn without_placeholders(self) -> Self {
         let zeros = Self {
@@ -162,12 +159,7 @@ impl GnssFix {
                 ..Self::default()
             };
         }
-        let moves = self.speed_mps() > PLACEHOLDER_MPS;
-        let velocity_up_mps = self.velocity_up_mps.filter(|up| *up != 0.0 || !moves);
-        Self {
-            velocity_up_mps,
-            ..self
-        }
+        self
     }
 
     /// Velocity ENU, m/s; zero where a component is missing.

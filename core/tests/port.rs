@@ -40,6 +40,8 @@ struct Car {
     askew: f64,
     /// How fast its bias grows, m/s^3.
     warming: f64,
+    /// What the clock of the inertial sensors is set to beyond the time, s.
+    clock_s: f64,
     navigator: Navigator,
 }
 
@@ -52,6 +54,7 @@ impl Car {
             way_m: Vector2::zeros(),
             askew: 0.0,
             warming: 0.0,
+            clock_s: 0.0,
             navigator: Navigator::new(Config::mems()).unwrap(),
         }
     }
@@ -96,7 +99,7 @@ impl Car {
             if sampled {
                 let up_off_mps2 = self.askew * speed * turn + self.warming * self.time_s();
                 let _ = self.navigator.on_imu(&ImuSample {
-                    time: self.time(),
+                    time: self.time().plus_seconds(self.clock_s),
                     gyro: Vector3::new(2e-3, -3e-3, 4e-3 - turn),
                     accel: Vector3::new(speed * turn, accel, GRAVITY_MPS2 + up_off_mps2),
                 });
@@ -761,4 +764,113 @@ fn a_calibration_need_not_say_what_the_configuration_gives() {
     without.gnss_latency_s.sigma = 0.0;
     assert!(Navigator::warm(config, &without).is_ok());
     assert!(Navigator::warm(Config::mems(), &without).is_err());
+}
+
+/// A receiver without heights, and a hole after which it is aligned anew.
+#[test]
+fn a_hole_makes_no_height_known_that_was_not() {
+    let mut car = Car::new(bends);
+    let without_height = |fix| {
+        Some(GnssFix {
+            height_m: None,
+            ..fix
+        })
+    };
+    car.until(100.0, true, without_height);
+    car.until(105.0, false, |_| None);
+    for count in 1..600 {
+        car.until(105.0 + 0.1 * f64::from(count), true, without_height);
+        let height_m = car.navigator.sigma().unwrap().position_m.z;
+        assert!(height_m > 1000.0, "{height_m}");
+    }
+    assert_eq!(car.navigator.health().restarts, 1);
+}
+
+/// A position that is known before, as one fix, and velocities alone after it.
+#[test]
+fn a_place_that_is_left_while_aligning_is_followed() {
+    let straight_at_first: Drive = |time_s| {
+        let t = (time_s - 40.0).max(0.0);
+        let push = if t > 0.0 { 0.5 * (0.25 * t).cos() } else { 0.0 };
+        (20.0 + 2.0 * (0.25 * t).sin(), push, 0.2 * (0.35 * t).sin())
+    };
+    for hole_s in [0.0, 20.0] {
+        let mut car = Car::new(straight_at_first);
+        let mut told = false;
+        while car.navigator.phase() != Phase::Navigating {
+            assert!(car.time_s() < 200.0);
+            let (until_s, time_s) = (car.time_s() + 0.2, car.time_s());
+            let hidden = (30.0..30.0 + hole_s).contains(&time_s);
+            car.until(until_s, true, |fix| {
+                (!hidden).then_some(GnssFix {
+                    position: fix.position.filter(|_| !told),
+                    ..fix
+                })
+            });
+            told |= time_s > 1.0;
+        }
+        assert!(car.way_m.norm() > 700.0);
+        let (off_m, sigma_m) = (
+            car.off_m().xy(),
+            car.navigator.sigma().unwrap().position_m.x,
+        );
+        assert!(off_m.norm() < 3.0 * sigma_m, "{off_m} {sigma_m}");
+        assert!(hole_s > 0.0 || off_m.norm() < 30.0, "{off_m}");
+    }
+}
+
+/// Of an eighth of a turn nothing is seen, and GNSS tells no more either.
+#[test]
+fn what_a_clock_that_is_set_back_hides_is_doubted() {
+    let mut car = Car::new(even_bends);
+    car.until(100.0, true, Some);
+    let before_rad = car.navigator.sigma().unwrap().attitude_rad.z;
+    car.clock_s = -0.8;
+    car.until(100.9, true, |_| None);
+    let after_rad = car.navigator.sigma().unwrap().attitude_rad.z;
+    let hidden_rad = car.heading_rad - car.navigator.solution().unwrap().euler().heading_rad;
+    assert!(after_rad > 10.0 * before_rad, "{before_rad} {after_rad}");
+    assert!(
+        wrap_pi(hidden_rad).abs() < 3.0 * after_rad,
+        "{hidden_rad} {after_rad}"
+    );
+}
+
+/// Ten velocities a second, and positions between them that are late.
+#[test]
+fn positions_in_fixes_of_their_own_may_be_later_than_velocities() {
+    let mut car = Car::new(bends);
+    let late_s = 0.4;
+    let (mut ways, mut count) = (std::collections::VecDeque::new(), 0);
+    while car.time_s() < 300.0 {
+        let until_s = car.time_s() + STEP_S;
+        car.until(until_s, true, |_| None);
+        ways.push_back(car.fix());
+        if ways.len() > 1 + (late_s / STEP_S) as usize {
+            ways.pop_front();
+        }
+        count += 1;
+        let fix = match count % 20 {
+            0 | 10 => GnssFix {
+                position: None,
+                height_m: None,
+                ..car.fix()
+            },
+            5 => GnssFix {
+                velocity_en_mps: None,
+                velocity_up_mps: None,
+                time: car.time(),
+                ..*ways.front().unwrap()
+            },
+            _ => continue,
+        };
+        let _ = car.navigator.on_gnss(&fix);
+    }
+    let delay = car.navigator.estimates().gnss_position_delay_s;
+    assert!(
+        (delay.value - late_s).abs() < 4.0 * delay.sigma,
+        "{delay:?}"
+    );
+    let (off_m, sigma_m) = (car.off_m(), car.navigator.sigma().unwrap().position_m.x);
+    assert!(off_m.xy().norm() < 3.0 * sigma_m, "{off_m} {sigma_m}");
 }

@@ -198,7 +198,6 @@ impl Comparison {
                 0.0
             },
             of_receiver: !(kind == Kind::Climb && self.climb_assumed),
-            beside_velocity: self.velocity.has,
             latency_applied_s: self.latency_applied_s,
         }
     }

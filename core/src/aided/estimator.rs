@@ -30,7 +30,7 @@ pub enum Estimator {
 }
 
 impl Estimator {
-    /// Starts on a level of some spread and with a vertical velocity of some variance.
+    /// Starts on a level of some spread, and with a vertical velocity and a place of some variance.
     #[expect(
         clippy::inline_always,
         reason = "made where it stays: otherwise it is copied over the stack"
@@ -39,7 +39,7 @@ impl Estimator {
     pub fn new(
         start: Time,
         tilt_sigma_rad: f64,
-        climb_variance: f64,
+        variances: [f64; 2],
         level_force_mps2: Vector3<f64>,
         config: &Config,
     ) -> Self {
@@ -48,7 +48,7 @@ impl Estimator {
         let mut estimator = Self::Exact(Observer::new(
             start,
             tilt_sigma_rad,
-            climb_variance,
+            variances,
             level_force_mps2,
             config,
         ));

@@ -298,7 +298,8 @@ impl<const N: usize> AidedIns<N> {
             return;
         };
         let white = |noise: &Noise| noise.correlated <= 0.0;
-        let at_once = !comparison.velocity.has
+        let velocities = (self.estimator.exact()).is_some_and(|own| own.goes_on(Kind::Velocity));
+        let at_once = !(comparison.velocity.has || velocities)
             || white(&config.gnss.position_m) && white(&config.gnss.height_m);
         comparison.position.has &= at_once || comparison.position_s >= POSITION_INTERVAL_S;
         comparison.height.has &= at_once || comparison.height_s >= POSITION_INTERVAL_S;

@@ -183,7 +183,11 @@ impl<const N: usize> AidedIns<N> {
             estimator: Estimator::new(
                 time,
                 aligned.tilt_sigma_rad,
-                vertical_sign::unsigned(aligned.ins.velocity_enu_mps.z) + aligned.climb_variance,
+                [
+                    vertical_sign::unsigned(aligned.ins.velocity_enu_mps.z)
+                        + aligned.climb_variance,
+                    aligned.position_variance,
+                ],
                 aligned.level_force_mps2(),
                 config,
             ),

@@ -84,6 +84,8 @@ pub struct Aligned {
     pub tilt_sigma_rad: f64,
     /// Variance of a climb that nothing has told, (m/s)^2; else zero.
     pub climb_variance: f64,
+    /// Variance of the place beyond that of a first fix, m^2.
+    pub position_variance: f64,
 }
 
 impl Aligned {
@@ -134,6 +136,8 @@ pub struct Alignment {
     climb_told: bool,
     place: Geodetic,
     placed: Option<Time>,
+    /// Variance of position and height that fixes have not told anew since an INS was lost, m^2.
+    untold: [f64; 2],
     sightings: Sightings,
     measured: Option<Heading>,
     stage: Stage,
@@ -158,17 +162,24 @@ impl Alignment {
             climb_told: false,
             place: Geodetic::default(),
             placed: None,
+            untold: [0.0; 2],
             sightings: Sightings::default(),
             measured: None,
             stage: Stage::Levelling(CoarseLevel::default()),
         }
     }
 
-    /// It follows on an INS that measured headings have misled, or not; roll and pitch of one that has only
-    /// been lost are kept as a start.
-    pub fn begin_again(&mut self, misheaded: bool, left: Option<&Mechanization>) {
+    /// It follows on an INS that measured headings have misled, or not, with these variances of position and
+    /// height; roll and pitch of one that has only been lost are kept as a start.
+    pub fn begin_again(
+        &mut self,
+        misheaded: bool,
+        position_variance: [f64; 2],
+        left: Option<&Mechanization>,
+    ) {
         self.first = false;
         self.misheaded = misheaded;
+        self.untold = position_variance;
         if let Some(ins) = left {
             self.place = ins.position;
             self.placed = Some(self.start);
@@ -213,6 +224,11 @@ impl Alignment {
         self.stage = Stage::Levelling(CoarseLevel::default());
     }
 
+    /// Variance of position and height that no fix has told since an INS was lost, m^2.
+    pub fn untold(&self) -> &[f64; 2] {
+        &self.untold
+    }
+
     /// The INS to start from, once it is aligned.
     pub fn aligned(&self) -> Option<&Aligned> {
         match &self.stage {
@@ -249,9 +265,26 @@ impl Alignment {
         self.climb_told |= fix
             .velocity_up_mps
             .is_some_and(|up_mps| math::abs(up_mps) > 0.0);
+        if let Some(placed) = self.placed
+            && fix.position.is_none()
+        {
+            let since_s = fix.time.seconds_since(placed);
+            if math::abs(since_s) < OLDEST_FIX_S {
+                let mut ins =
+                    Mechanization::new(self.place, self.velocity_mps, UnitQuaternion::identity());
+                ins.go_on(since_s);
+                self.place = ins.position;
+                self.placed = Some(fix.time);
+            }
+        }
         self.place = fix.place_or(&self.place);
+        let [position, height] = &mut self.untold;
         if fix.position.is_some() {
             self.placed = Some(fix.time);
+            *position = 0.0;
+        }
+        if fix.height_m.is_some() {
+            *height = 0.0;
         }
         if fix.is_moving(config.gnss.velocity_mps.white) {
             self.detector.on_motion();
@@ -489,12 +522,14 @@ impl Alignment {
             return;
         };
         self.known.set(index::AZIMUTH, 0.0, sigma_rad);
+        let [position_variance, _] = self.untold;
         let attitude = turned(&level.attitude, heading_rad);
         let tilt = config.level_sigma();
         self.stage = Stage::Aligned(Aligned {
             ins: Mechanization::new(self.place, self.velocity_mps, attitude),
             tilt_sigma_rad: math::max(level.tilt_sigma_rad, tilt),
             climb_variance: self.climb_variance(config),
+            position_variance,
         });
     }
 
@@ -660,8 +695,11 @@ impl Alignment {
         let velocity = Vector3::new(level.x, level.y, self.velocity_mps.z);
         let mut ins = Mechanization::new(self.place, velocity, *candidate.attitude());
         let age_s = time.seconds_since(placed) + self.known.value(index::LATENCY);
+        let [mut position_variance, _] = self.untold;
         if math::abs(age_s) < OLDEST_FIX_S {
             ins.go_on(age_s);
+        } else {
+            position_variance += velocity.norm_squared() * age_s * age_s;
         }
         ins.turn_heading(-found.rotation_rad);
         let level = config.sensors.accel_bias_mps2 / GRAVITY_EQUATOR_MPS2;
@@ -670,6 +708,7 @@ impl Alignment {
             ins,
             tilt_sigma_rad: math::sqrt(tilt),
             climb_variance: self.climb_variance(config),
+            position_variance,
         });
     }
 }

@@ -119,9 +119,10 @@ impl Observer {
         // What has tilted it has made it run away.
         let variance = math::max(variance, LOST_MPS * LOST_MPS);
         let tilt = variance * (LOST_TILT_RAD / LOST_MPS) * (LOST_TILT_RAD / LOST_MPS);
+        let position = self.level.position() + variance * ASTRAY_S * ASTRAY_S;
         self.level = Channel::new(tilt, &gnss.velocity_mps, &gnss.position_m);
         self.level.doubt(variance, 0.0);
-        self.level.doubt_position(variance * ASTRAY_S * ASTRAY_S);
+        self.level.doubt_position(position);
         self.renew_noise([0.0; 2], [1.0; 2]);
         self.lose_vertical(LOST_MPS * LOST_MPS, config);
         self.azimuth_walk += LOST_AZIMUTH_RAD * LOST_AZIMUTH_RAD;
@@ -145,8 +146,10 @@ impl Observer {
     #[inline(never)]
     fn lose_vertical(&mut self, variance: f64, config: &Config) {
         let gnss = &config.gnss;
+        let height = self.vertical.position();
         self.vertical = Channel::new(0.0, &gnss.velocity_up_mps, &gnss.height_m);
         self.vertical.doubt(variance, 0.0);
+        self.vertical.doubt_position(height);
         self.vertical_surprise = Surprise::default();
         self.renew_noise([1.0; 2], [0.0; 2]);
     }
@@ -245,7 +248,7 @@ impl Observer {
     }
 
     /// Whether the INS was held against measurements of a kind of late.
-    pub(super) fn goes_on(&self, kind: Kind) -> bool {
+    pub fn goes_on(&self, kind: Kind) -> bool {
         let innovations = self.innovations.get(kind as usize);
         innovations.is_some_and(|kind| kind.goes_on(self.horizon))
     }

@@ -287,7 +287,8 @@ impl Observer {
         let mut accel_mps2 = past.accel_mps2 + past.attitude_accel * arm_m;
         accel_mps2.x += up_mps2 * tilt.y - force_mps2.y * tilt.z;
         accel_mps2.y += force_mps2.x * tilt.z - up_mps2 * tilt.x;
-        let delays = measured == Measured::Position && difference.beside_velocity;
+        // Velocities may also come in fixes of their own.
+        let delays = measured == Measured::Position && self.goes_on(Kind::Velocity);
         let delay_s = if delays {
             self.parameters.value(index::POSITION_DELAY)
         } else {

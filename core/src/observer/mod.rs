@@ -120,7 +120,7 @@ pub struct Observer {
 }
 
 impl Observer {
-    /// Starts on a level of some spread and with a vertical velocity of some variance;
+    /// Starts on a level of some spread, and with a vertical velocity and a place of some variance;
     /// `level_force_mps2` is the specific force felt there, body. What is believed of the parameters
     /// comes by [`Self::believe`].
     #[expect(
@@ -131,16 +131,17 @@ impl Observer {
     pub fn new(
         start: Time,
         tilt_sigma_rad: f64,
-        climb_variance: f64,
+        [climb_variance, position_variance]: [f64; 2],
         level_force_mps2: Vector3<f64>,
         config: &Config,
     ) -> Self {
         let gnss = &config.gnss;
-        let level = Channel::new(
+        let mut level = Channel::new(
             tilt_sigma_rad * tilt_sigma_rad,
             &gnss.velocity_mps,
             &gnss.position_m,
         );
+        level.doubt_position(position_variance);
         let mut vertical = Channel::new(0.0, &gnss.velocity_up_mps, &gnss.height_m);
         vertical.doubt(climb_variance, 0.0);
         vertical.doubt_position(UNKNOWN_HEIGHT_M * UNKNOWN_HEIGHT_M);
@@ -199,6 +200,11 @@ impl Observer {
     /// The moment it stands at.
     pub fn horizon(&self) -> Time {
         self.horizon
+    }
+
+    /// Variance of position and of height, m^2.
+    pub fn position_variance(&self) -> [f64; 2] {
+        [self.level.position(), self.vertical.position()]
     }
 
     /// The error of the INS at the horizon.

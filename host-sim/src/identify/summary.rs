@@ -29,6 +29,10 @@ pub struct Summary {
     /// Antenna as seen from the inertial sensors, m; none where it is taken as configured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lever_arm_m: Option<Axes>,
+    /// By how much positions are later than the velocities beside them, ms.
+    pub gnss_position_delay_ms: Quantity,
+    /// Variance of the times that one output of the receiver is a mean of, s^2.
+    pub gnss_smoothing_s2: Quantity,
     /// Free-inertial check; empty where no window fits.
     pub velocity_error_mps: VelocityErrors,
     /// Errors of the solution, damped and free, where the log has a reference motion.
@@ -52,7 +56,8 @@ impl Summary {
         warnings: &[LogError],
         halves: Option<&[Difference]>,
     ) -> Self {
-        let quantities = Quantities::of_log(&found.end.estimates, &log.meta);
+        let estimates = &found.end.estimates;
+        let quantities = Quantities::of_log(estimates, &log.meta);
         let imu = answers(&found.imu_outcomes, words::is_integrated);
         let gnss = answers(&found.gnss_outcomes(), words::is_used);
         let doubted = warnings.iter().find(|warning| warning.doubt);
@@ -69,7 +74,9 @@ impl Summary {
             quantities,
             heading_end_deg: heading(found, &quantities.azimuth_error_deg),
             lever_arm_m: (found.config.gnss.lever_arm_sigma_m > 0.0)
-                .then(|| in_axes(log.meta.body_axes, &found.end.estimates.lever_arm_m, 1.0)),
+                .then(|| in_axes(log.meta.body_axes, &estimates.lever_arm_m, 1.0)),
+            gnss_position_delay_ms: Quantity::of(&estimates.gnss_position_delay_s, 1e-3),
+            gnss_smoothing_s2: Quantity::of(&estimates.gnss_smoothing_s2, 1.0),
             velocity_error_mps: found.velocity_error.clone(),
             against_truth: found.against_truth.as_ref().map(AgainstTruth::errors),
             version: env!("CARGO_PKG_VERSION"),

@@ -67,6 +67,23 @@ fn results(analysis: &Analysis) -> Table {
             None => Row::configured(subject, told.each()[axis].value),
         });
     }
+    let receiver = [
+        (
+            "Position delay",
+            summary.gnss_position_delay_ms,
+            "ms",
+            "later than velocity",
+        ),
+        (
+            "Smoothing",
+            summary.gnss_smoothing_s2,
+            "s^2",
+            "T^2/12 of a mean over T",
+        ),
+    ];
+    rows.extend(receiver.map(|(name, quantity, unit, remark)| {
+        Row::new(format!("{name} of the receiver"), quantity, unit, remark)
+    }));
     let known = analysis.truth.is_some();
     let mut header = heads("| estimate | unit");
     if known {
