@@ -482,7 +482,7 @@ impl<const RING: usize> State<RING> {
             // Of what was not taken all is lost, and not only what differs from its ends.
             rate += 2.0 * gyro / config.imu_output.per_rate(seconds);
         }
-        (hole || set_back_s > 0.0).then(|| Bridged {
+        (hole || set_back_s > 0.0).then_some(Bridged {
             seconds: seconds + set_back_s,
             ends_differ: [rate, accel],
         })

@@ -147,7 +147,8 @@ pub struct AidedIns<const N: usize> {
     /// Whether a fix that waits may have its moment now.
     fixes_due: bool,
     since: Time,
-    /// Azimuth taken out since the start, rad.
+    /// Azimuth taken out since the start, rad: (7) to (11) ask for it.
+    #[cfg(feature = "literal")]
     azimuth_removed_rad: f64,
     /// From the start to the newest moment of the ring.
     turned: Turned,
@@ -211,6 +212,7 @@ impl<const N: usize> AidedIns<N> {
             due: Due::Nothing,
             fixes_due: false,
             since: time,
+            #[cfg(feature = "literal")]
             azimuth_removed_rad: 0.0,
             turned: Turned::default(),
             manoeuvre: Manoeuvre::default(),
@@ -532,7 +534,10 @@ impl<const N: usize> AidedIns<N> {
         let up = Vector3::new(0.0, 0.0, error.tilt_rad.z);
         current.control_tilt_rad -= error.tilt_rad - 0.5 * error.tilt_rad.cross(&up);
         current.way_m -= error.position_m;
-        self.azimuth_removed_rad += error.tilt_rad.z;
+        #[cfg(feature = "literal")]
+        {
+            self.azimuth_removed_rad += error.tilt_rad.z;
+        }
     }
 
     fn frame_rate(&self) -> Vector3<f64> {
@@ -566,7 +571,10 @@ impl<const N: usize> AidedIns<N> {
         // Where the position loop moves it, it moves without a velocity.
         self.moved_m += step.way_m - dt * controls.velocity_mps;
         self.now = time;
-        self.azimuth_removed_rad -= dt * controls.rate_radps.z;
+        #[cfg(feature = "literal")]
+        {
+            self.azimuth_removed_rad -= dt * self.controls.rate_radps.z;
+        }
     }
 
     /// A vehicle at rest turns with the Earth: its gyros read their biases.
