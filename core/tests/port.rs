@@ -840,13 +840,14 @@ fn what_a_clock_that_is_set_back_hides_is_doubted() {
 #[test]
 fn positions_in_fixes_of_their_own_may_be_later_than_velocities() {
     let mut car = Car::new(bends);
-    let late_s = 0.4;
+    let late = 40_u8;
+    let late_s = STEP_S * f64::from(late);
     let (mut ways, mut count) = (std::collections::VecDeque::new(), 0);
     while car.time_s() < 300.0 {
         let until_s = car.time_s() + STEP_S;
         car.until(until_s, true, |_| None);
         ways.push_back(car.fix());
-        if ways.len() > 1 + (late_s / STEP_S) as usize {
+        if ways.len() > 1 + usize::from(late) {
             ways.pop_front();
         }
         count += 1;
