@@ -112,3 +112,32 @@ fn a_start_in_the_air_keeps_its_heading() {
         assert!(errors_deg.last().unwrap() < &2.0, "{seed}: {errors_deg:?}");
     }
 }
+
+/// Half a second is taken for that of another clock in one of the drives, and not in the other.
+#[test]
+fn drives_with_a_late_receiver_have_one_latency() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let found = path("found");
+    let drives = ["31", "32"].map(|seed| {
+        let drive = path(seed);
+        let of = [
+            "--errors",
+            "tests/late_receiver.toml",
+            "--minutes",
+            "10",
+            "--seed",
+            seed,
+        ];
+        host_sim(&[["drive", "--out", text(&drive)].as_slice(), &of].concat());
+        drive
+    });
+    let [first, second] = drives.each_ref().map(|drive| text(drive));
+    host_sim(&["identify", first, second, "--out", text(&found)]);
+    let model = std::fs::read_to_string(found.join("error-model.toml")).unwrap();
+    let model: toml::Value = toml::from_str(&model).unwrap();
+    for bound in model["gnss"]["latency_s"].as_array().unwrap() {
+        let off_s = bound.as_float().unwrap() - 0.5;
+        assert!(off_s.abs() < 0.02, "{bound}");
+    }
+}

@@ -20,7 +20,7 @@ pub struct Tune {
     #[arg(required = true)]
     log: Vec<PathBuf>,
     /// Whose parameters to print.
-    #[arg(long, value_enum, default_value_t = Target::Table)]
+    #[arg(long, value_enum, default_value_t = Target::Table, conflicts_with = "json")]
     format: Target,
     #[command(flatten)]
     choice: Choice,

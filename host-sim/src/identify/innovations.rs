@@ -7,7 +7,6 @@ use ins_core::{GnssFix, Navigator, Phase, Solution, Time};
 use nalgebra::Vector3;
 
 use crate::identify::row::Row;
-use crate::statistics::rms_of_any;
 
 /// Beyond the last solution nothing is extrapolated further than this part of an interval.
 const LONGEST_PART: f64 = 1.5;
@@ -101,7 +100,9 @@ impl Antenna {
         let velocity = before.velocity_enu_mps.lerp(&after.velocity_enu_mps, part);
         Some(Self {
             position: before.position,
-            way_m: part * (way + swing) + arm,
+            // Positions may be later than velocities.
+            way_m: part * (way + swing) + arm
+                - row.estimates.gnss_position_delay_s.value * velocity,
             velocity_mps: velocity + swing / seconds,
         })
     }
@@ -152,9 +153,4 @@ fn noises(fix: &GnssFix, navigator: &Navigator) -> [[f64; 3]; 2] {
     let up_mps = sigma(&gnss.velocity_up_mps, stated.velocity_up_mps);
     let up_m = sigma(&gnss.height_m, stated.height_m);
     [[level_mps, level_mps, up_mps], [level_m, level_m, up_m]]
-}
-
-/// Root mean square of what a component was off by against its expectation: 1 where they agree.
-pub fn consistency(offs: impl Iterator<Item = Off>) -> Option<f64> {
-    rms_of_any(offs.map(|off| off.value / off.sigma))
 }

@@ -17,12 +17,12 @@ pub const FILE: &str = "errors.toml";
 pub struct Truth {
     /// Heading given at the start minus true heading, deg.
     pub azimuth_error_deg: Option<f64>,
-    /// As felt by a level vehicle: scale errors of the vertical axis included, mg.
+    /// As felt by a level vehicle: scale errors of the vertical axis and misalignments to it included, mg.
     pub accel_bias_mg: [f64; 3],
     /// At the end of the run, deg/h.
     pub gyro_bias_deg_h: [f64; 3],
-    /// A fix stamped t shows the motion at t minus this, ms.
-    pub gnss_latency_ms: f64,
+    /// A fix stamped t shows the motion at t minus this, ms; none of a receiver that lags behind on top.
+    pub gnss_latency_ms: Option<f64>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -34,23 +34,22 @@ impl Truth {
     /// The errors of a simulated run, for a log in the given axes.
     pub fn new(errors: &SensorErrors, azimuth_error_rad: Option<f64>, axes: BodyAxes) -> Self {
         let gravity_mps2 = Vector3::new(0.0, 0.0, 9.806_65);
-        let scaled_mps2 = errors.accel_matrix.diagonal().component_mul(&gravity_mps2);
-        let felt_mps2 = Vector3::from(errors.accel_bias_mps2) + scaled_mps2;
+        let felt_mps2 = Vector3::from(errors.accel_bias_mps2) + errors.accel_matrix * gravity_mps2;
         let in_axes = |rfu: Vector3<f64>, unit: f64| (axes.from_rfu(rfu) / unit).into();
         Self {
             azimuth_error_deg: azimuth_error_rad.map(f64::to_degrees),
             accel_bias_mg: in_axes(felt_mps2, MG_MPS2),
             gyro_bias_deg_h: in_axes(errors.gyro_bias_radps.into(), DEG_H_RADPS),
-            gnss_latency_ms: 1e3 * errors.gnss_latency_s,
+            gnss_latency_ms: (errors.gnss_lag_s == 0.0).then_some(1e3 * errors.gnss_latency_s),
         }
     }
 
     /// In the order of [`Quantities::columns`](crate::identify::quantities::Quantities::columns).
     pub fn columns(&self) -> [Option<f64>; 8] {
         let ([ax, ay, az], [gx, gy, gz]) = (self.accel_bias_mg, self.gyro_bias_deg_h);
-        let known = [ax, ay, az, gx, gy, gz, self.gnss_latency_ms].map(Some);
-        let [ax, ay, az, gx, gy, gz, latency] = known;
-        [self.azimuth_error_deg, ax, ay, az, gx, gy, gz, latency]
+        let [ax, ay, az, gx, gy, gz] = [ax, ay, az, gx, gy, gz].map(Some);
+        let (azimuth, latency) = (self.azimuth_error_deg, self.gnss_latency_ms);
+        [azimuth, ax, ay, az, gx, gy, gz, latency]
     }
 
     pub fn to_toml(self) -> Result<String, toml::ser::Error> {
@@ -67,5 +66,31 @@ impl Truth {
         let file: File =
             toml::from_str(&text).map_err(|e| LogError::toml(&path, &text, &e, cause))?;
         Ok(Some(file.truth))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Matrix3;
+
+    use super::*;
+
+    #[test]
+    fn what_leans_into_the_vertical_is_felt_and_a_lag_is_no_latency() {
+        let mut errors = SensorErrors {
+            accel_bias_mps2: [0.0; 3],
+            gyro_bias_radps: [0.0; 3],
+            accel_matrix: Matrix3::zeros(),
+            gyro_matrix: Matrix3::zeros(),
+            gnss_latency_s: 0.1,
+            gnss_latency_end_s: 0.1,
+            gnss_lag_s: 0.0,
+        };
+        errors.accel_matrix.m23 = 1e-3;
+        let truth = |errors: &SensorErrors| Truth::new(errors, None, BodyAxes::Rfu);
+        assert!((truth(&errors).accel_bias_mg[1] - 1.0).abs() < 1e-9);
+        assert_eq!(truth(&errors).gnss_latency_ms, Some(100.0));
+        errors.gnss_lag_s = 0.3;
+        assert_eq!(truth(&errors).gnss_latency_ms, None);
     }
 }

@@ -182,7 +182,7 @@ fn details(tested: &Tested) -> Table {
             place,
             row.flights.to_string(),
             shown(row.figure.rms),
-            interval(row.figure.rms_95),
+            (row.figure.rms_95).map_or_else(|| "-".to_owned(), interval),
         ];
         if with_model {
             cells.push(row.model_95.map_or_else(|| "-".to_owned(), interval));

@@ -188,6 +188,7 @@ impl Session {
     ) -> Result<Vec<Option<Solution>>, Failure> {
         let mut increments = None;
         let mut asks = flown.asks().iter().peekable();
+        let mut asked = Vec::with_capacity(asks.len());
         let mut solutions = Vec::with_capacity(asks.len());
         let mut text = String::new();
         let begin = Instant::now();
@@ -208,15 +209,17 @@ impl Session {
                 write_sample(&mut text, &sample, &increments.interval(&sample, seconds));
                 *last = sample.time;
             }
-            if let Some(ask) = asks.next_if(|ask| ask.time <= sample.time) {
-                self.now_s = ask.time.as_seconds();
+            if asks.next_if(|ask| ask.time <= sample.time).is_some() {
+                // Where samples are missing it is told no more than this.
+                asked.push(sample.time);
+                self.now_s = sample.time.as_seconds();
                 // Writing into a string cannot fail.
                 let _ = writeln!(text, "ask,{}", self.now_s);
                 self.send(core::mem::take(&mut text));
                 if !self.after {
                     let start = Instant::now();
                     let patience = PATIENCE * self.limit;
-                    solutions.push(self.answer(ask.time, self.limit, patience)?);
+                    solutions.push(self.answer(sample.time, self.limit, patience)?);
                     *took += start.elapsed();
                 }
             }
@@ -225,13 +228,12 @@ impl Session {
         if self.after {
             // The limit is of an answer; here of all of them together, and nothing beyond it is waited
             // for: that may be an hour already.
-            let asks = flown.asks();
-            let count = u32::try_from(asks.len()).unwrap_or(u32::MAX);
+            let count = u32::try_from(asked.len()).unwrap_or(u32::MAX);
             let end = begin + count * self.limit;
-            for ask in asks {
-                self.now_s = ask.time.as_seconds();
+            for time in asked {
+                self.now_s = time.as_seconds();
                 let left = end.saturating_duration_since(Instant::now());
-                solutions.push(self.answer(ask.time, left, left)?);
+                solutions.push(self.answer(time, left, left)?);
             }
             *took = begin.elapsed();
         }

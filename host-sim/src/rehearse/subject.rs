@@ -79,14 +79,17 @@ impl Subject {
         }
     }
 
-    /// Hash of the first file that a program's command names: itself, or the script of an interpreter.
+    /// Hash of the first file that a program's command names: itself, or the script of an interpreter; of a
+    /// board, that of its image.
     pub fn hash(&self) -> Option<u64> {
-        let Self::Program(Program { command, .. }) = self else {
-            return None;
+        let file = match self {
+            Self::Program(Program { command, .. }) => {
+                (command.iter().map(Path::new)).find(|word| word.is_file())?
+            }
+            Self::Board(_, target) => target.image.as_deref()?,
+            Self::Core(..) | Self::Kalman => return None,
         };
-        let is_file = |word: &&String| Path::new(word).is_file();
-        let bytes = fs::read(command.iter().find(is_file)?).ok()?;
-        Some(fnv1a(&bytes))
+        Some(fnv1a(&fs::read(file).ok()?))
     }
 
     pub fn fly(&self, flown: &Flown, told: &Told) -> Result<Answers, ConfigError> {

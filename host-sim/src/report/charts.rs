@@ -10,7 +10,7 @@ use crate::identify::analysis::Analysis;
 use crate::identify::error_model::{Sensors, allan};
 use crate::identify::free_inertial::{Growth, WINDOW_S};
 use crate::identify::held_ins::LevelError;
-use crate::identify::innovations::{Innovation, Off, consistency};
+use crate::identify::innovations::{Innovation, Off};
 use crate::identify::quantities::{
     DEG_H_RADPS, QUANTITIES, Quantities, Quantity, axis_name, in_axes, title,
 };
@@ -24,6 +24,7 @@ use crate::page::chart::{
 };
 use crate::page::html::Section;
 use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED, padded};
+use crate::statistics::rms_of_any;
 
 /// Errors below are drawn here, m and m/s.
 const LEAST_ERROR: f64 = 1e-3;
@@ -347,7 +348,9 @@ impl<'a> Charts<'a> {
                 let offs: Vec<(f64, Off)> = (self.found.innovations.iter())
                     .filter_map(|i| Some((self.since(i.time), component(i)[axis]?)))
                     .collect();
-                let Some(ratio) = consistency(offs.iter().map(|(_, off)| *off)) else {
+                // 1 where what they are off by agrees with its expectation.
+                let ratio = rms_of_any(offs.iter().map(|(_, off)| off.value / off.sigma));
+                let Some(ratio) = ratio else {
                     continue;
                 };
                 let sigmas: Vec<Point> = offs.iter().map(|(t, off)| (*t, off.sigma)).collect();

@@ -120,7 +120,8 @@ impl Identified {
         let latencies: Vec<Measured> = (records.iter())
             .filter_map(|record| Measured::of(&record.latency_s))
             .collect();
-        let rates: f64 = records.iter().map(|record| record.fix_rate_hz).sum();
+        let mut rates: Vec<f64> = records.iter().map(|record| record.fix_rate_hz).collect();
+        rates.sort_by(f64::total_cmp);
         let gyro_at_rest = RestNoise::new(records, |block| block.rate_radps / DEG_H_RADPS);
         // Where no noise is seen, or bounded below what the class has, nothing else of it means a thing.
         let told = |found: &Interval, of_class: f64| found.is_spread() || found.high < of_class;
@@ -142,7 +143,8 @@ impl Identified {
             accel_scale: interval::spread_of(&all(|record| &record.accel_scale)),
             latency_s: latency_bounds(&latencies),
             moved: records.iter().any(|record| record.clock_offset_s != 0.0),
-            fix_rate_hz: rates / records.len() as f64,
+            // One that there is, and no mean of several.
+            fix_rate_hz: rates[rates.len() / 2],
         }
     }
 

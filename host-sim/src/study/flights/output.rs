@@ -137,11 +137,13 @@ fn in_words(summary: &Summary, text_of: fn(&Table) -> String) -> String {
 
 fn ends(summary: &Summary) -> Table {
     let row = |name: &str, end: &End| {
-        let [low, high] = end.position_km.rms_95;
         vec![
             name.to_owned(),
             format!("{:.2}", end.position_km.rms),
-            format!("{low:.2} to {high:.2}"),
+            (end.position_km.rms_95).map_or_else(
+                || "-".to_owned(),
+                |[low, high]| format!("{low:.2} to {high:.2}"),
+            ),
             format!("{:.2}", end.position_km.median),
             format!("{:.2}", end.velocity_mps.rms),
         ]

@@ -7,13 +7,16 @@ pub use crate::statistics::rms;
 use crate::statistics::{median, whole};
 
 const RESAMPLES: usize = 4000;
+/// Of fewer values the percentiles of a bootstrap hold the RMS far less often than they say: three times in
+/// four of five.
+const FEWEST: usize = 10;
 
 /// What many runs say of one error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Figure {
     pub rms: f64,
-    /// 95 % confidence interval of it: bootstrap, percentiles.
-    pub rms_95: [f64; 2],
+    /// 95 % confidence interval of it: bootstrap, percentiles. None of a few values.
+    pub rms_95: Option<[f64; 2]>,
     pub median: f64,
 }
 
@@ -31,7 +34,7 @@ impl Figure {
         let tail = RESAMPLES / 40;
         Self {
             rms: rms(values.iter().copied()),
-            rms_95: [resampled[tail], resampled[RESAMPLES - 1 - tail]],
+            rms_95: (count >= FEWEST).then(|| [resampled[tail], resampled[RESAMPLES - 1 - tail]]),
             median: median(values.iter().copied()),
         }
     }
@@ -40,7 +43,7 @@ impl Figure {
     pub fn scaled(&self, by: f64) -> Self {
         Self {
             rms: by * self.rms,
-            rms_95: self.rms_95.map(|bound| by * bound),
+            rms_95: self.rms_95.map(|bounds| bounds.map(|bound| by * bound)),
             median: by * self.median,
         }
     }
@@ -58,11 +61,17 @@ mod tests {
         let covered = (0..trials)
             .filter(|_| {
                 let values: Vec<f64> = (0..100).map(|_| random.normal()).collect();
-                let [low, high] = Figure::of(&values).rms_95;
+                let [low, high] = Figure::of(&values).rms_95.unwrap();
                 (low..high).contains(&1.0)
             })
             .count();
         // 95 % of 300 is 285 +- 3.8; percentile intervals of 100 values cover some 93 %.
         assert!((264..=297).contains(&covered), "{covered}");
+    }
+
+    #[test]
+    fn a_few_values_have_no_interval() {
+        assert_eq!(Figure::of(&[1.0; FEWEST - 1]).rms_95, None);
+        assert!(Figure::of(&[1.0; FEWEST]).rms_95.is_some());
     }
 }

@@ -68,7 +68,7 @@ pub struct Cell {
     pub random_walk_deg_sqrt_h: f64,
     /// RMS at the end and its 95 % interval.
     pub position_km: f64,
-    pub position_km_95: [f64; 2],
+    pub position_km_95: Option<[f64; 2]>,
     /// Whether the thesis's figure is reached.
     pub reached: bool,
 }
