@@ -367,13 +367,17 @@ const NO_MANOEUVRE: &str =
 const NO_LATENCY: &str = "needs starts and brakings";
 const NOT_ABOVE_NOISE: &str = "not above what the noise hides: no more than the upper bound";
 /// What no drive shows, and why.
-const NEVER_SHOWN: [(Name, &str); 6] = [
+const NEVER_SHOWN: [(Name, &str); 7] = [
     (("gyro_deg_h.misalignment_sigma", "1"), NOT_FITTED),
     (("accel_mps2.misalignment_sigma", "1"), NOT_FITTED),
     (("accel_mps2.bias.correlated_sigma", "m/s^2"), DROWNED),
     (("gnss.horizontal_sigma_m", "m"), NOTHING_BETTER),
     (("gnss.vertical_sigma_m", "m"), NOTHING_BETTER),
     (("temperature, vibration rectification", ""), NO_TERM),
+    (
+        ("antenna; what the receiver leaves out, delays, smooths", ""),
+        NOT_CARRIED,
+    ),
 ];
 const NOT_BOUNDED: &str = "has no upper bound: more drives would set one, or longer ones";
 const NO_BOUND: &str = "has no upper bound: models drawn keep the value";
@@ -382,6 +386,7 @@ const CLOCKS: &str =
 const NOT_FITTED: &str = "not told from a bias at one attitude";
 const DROWNED: &str = "drowns in the noise of GNSS";
 const NOTHING_BETTER: &str = "nothing better to compare positions with";
+const NOT_CARRIED: &str = "not carried over: a file for --set says it";
 const NO_TERM: &str = "no term of the model: what the drives had of it is in noise and biases";
 const NO_TIME_SCALE: &str = "needs a larger random part, or more and longer drives";
 
