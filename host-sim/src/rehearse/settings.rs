@@ -219,7 +219,7 @@ pub enum Case {
 pub type Source = (&'static str, fn(&ErrorModel, &mut ErrorModel));
 
 /// All of them: together they are the model.
-pub const SOURCES: [Source; 12] = [
+pub const SOURCES: [Source; 13] = [
     ("gyro noise", |from, to| {
         noise(&from.gyro_deg_h, &mut to.gyro_deg_h);
     }),
@@ -260,11 +260,17 @@ pub const SOURCES: [Source; 12] = [
     ("heading at the start", |from, to| {
         to.given_heading_sigma_deg = from.given_heading_sigma_deg;
     }),
+    ("samples lost, and their stamps", |from, to| {
+        to.imu.dropped_fraction = from.imu.dropped_fraction;
+        to.imu.stamp_jitter_s = from.imu.stamp_jitter_s;
+        to.imu.holes.clone_from(&from.imu.holes);
+    }),
 ];
 
 fn noise(from: &SensorModel, to: &mut SensorModel) {
     to.white_noise = from.white_noise;
     to.noise_times = from.noise_times;
+    to.resolution = from.resolution;
 }
 
 fn constant(from: &SensorModel, to: &mut SensorModel) {
@@ -275,6 +281,8 @@ fn moving(from: &SensorModel, to: &mut SensorModel) {
     let initial_sigma = to.bias.initial_sigma();
     to.bias = from.bias.clone();
     to.bias.set_initial_sigma(initial_sigma);
+    to.warming_sigma = from.warming_sigma;
+    to.warming_s = from.warming_s;
 }
 
 fn proportional(from: &SensorModel, to: &mut SensorModel) {
@@ -324,6 +332,10 @@ mod tests {
         let mut model = ErrorModel::mems();
         model.given_heading_sigma_deg = Some(3.0);
         model.gyro_deg_h.misalignment_sigma = 0.002;
+        model.gyro_deg_h.warming_sigma = 50.0;
+        model.accel_mps2.resolution = 0.01;
+        model.imu.dropped_fraction = 0.01;
+        model.imu.stamp_jitter_s = 0.001;
         model.gnss.habits.velocity.sigma = 0.05;
         model.gnss.habits.smoothing_s = 0.2;
         let mut again = quiet(&model);
