@@ -612,7 +612,7 @@ impl<const RING: usize> State<RING> {
         match &mut self.mode {
             Mode::Aligning(_) => {
                 self.navigate(config);
-                // What is known from before.
+                // What is known from before is taken out of the first sample on, not a second later.
                 if let Mode::Navigating(ins) = &mut self.mode {
                     ins.compensate(config);
                 }

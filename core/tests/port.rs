@@ -819,7 +819,7 @@ fn a_place_that_is_left_while_aligning_is_followed() {
     }
 }
 
-/// Of an eighth of a turn nothing is seen, and GNSS tells no more either.
+/// Most of a second of a bend is not seen, and GNSS tells no more either.
 #[test]
 fn what_a_clock_that_is_set_back_hides_is_doubted() {
     let mut car = Car::new(even_bends);

@@ -226,7 +226,7 @@ impl<const N: usize> AidedIns<N> {
     /// Takes over what is known at the start: apart from [`Self::new`], for it to be written where it
     /// stays and not copied over the stack.
     pub fn believe(&mut self, known: &Parameters, config: &Config) {
-        // All that alignment has found of them.
+        // Of the gyros all that alignment has found; of the rest see [`Self::compensate`].
         if config.feedback == Feedback::Closed {
             self.compensation.gyro_radps = known.vector(index::GYRO);
         }
