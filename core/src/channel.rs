@@ -42,6 +42,8 @@ pub struct Growth {
     /// Integral of specific force up, m/s, and of that integral, m.
     pub force_up_mps: f64,
     pub force_up_moved_m: f64,
+    /// What a metre of position makes of the velocity, 1/s.
+    pub gravity_per_s: f64,
     /// Power density of accelerometer noise, (m/s)^2/s.
     pub accel_noise: f64,
     /// Power density of gyro noise, rad^2/s.
@@ -117,12 +119,14 @@ impl Channel {
             seconds: dt,
             force_up_mps: f,
             force_up_moved_m,
+            gravity_per_s,
             accel_noise,
             gyro_noise,
         } = *growth;
         self.follow::<POSITION, VELOCITY>(dt);
         self.follow::<POSITION, TILT>(force_up_moved_m);
         self.follow::<VELOCITY, TILT>(f);
+        self.follow::<VELOCITY, POSITION>(gravity_per_s);
         for (which, noise) in [VELOCITY_NOISE, POSITION_NOISE].into_iter().zip(noises) {
             self.p.column_mut(which).scale_mut(noise.keep);
             self.p.row_mut(which).scale_mut(noise.keep);
@@ -143,12 +147,14 @@ impl Channel {
     }
 
     /// Error `to` grows by `factor` times error `from`.
-    #[inline]
+    #[inline(never)]
     fn follow<const TO: usize, const FROM: usize>(&mut self, factor: f64) {
-        let column = self.p.column(FROM) * factor;
-        self.p.column_mut(TO).zip_apply(&column, |x, y| *x += y);
-        let row = self.p.row(FROM) * factor;
-        self.p.row_mut(TO).zip_apply(&row, |x, y| *x += y);
+        let column = self.p.column(FROM).into_owned();
+        self.p.column_mut(TO).axpy(factor, &column, 1.0);
+        let row = self.p.row(FROM).into_owned();
+        for (to, from) in self.p.row_mut(TO).iter_mut().zip(&row) {
+            *to += factor * from;
+        }
     }
 
     /// More may be wrong by these variances.

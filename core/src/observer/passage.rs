@@ -5,7 +5,9 @@ use nalgebra::Vector3;
 use super::{Observer, estimated};
 use crate::channel::{Growth, Measured, Renewal};
 use crate::config::Config;
-use crate::error_model::{Forcing, InsError, Passage, for_each_input, level_and_up};
+use crate::error_model::{
+    Forcing, InsError, Passage, RUNAWAY_PER_S2, SCHULER_PER_S2, for_each_input, level_and_up,
+};
 use crate::history::Span;
 use crate::math;
 use crate::measurement::Kind;
@@ -104,6 +106,7 @@ impl Observer {
             seconds: span.seconds,
             force_up_mps: span.force_mps.z,
             force_up_moved_m: span.force_moved_m.z,
+            gravity_per_s: SCHULER_PER_S2 * span.seconds,
             accel_noise: accel_level,
             gyro_noise: gyro_level,
         };
@@ -111,6 +114,7 @@ impl Observer {
         self.vertical.propagate(
             &Growth {
                 seconds: span.seconds,
+                gravity_per_s: RUNAWAY_PER_S2 * span.seconds,
                 accel_noise: accel_up,
                 ..Growth::default()
             },

@@ -48,6 +48,10 @@ impl Dense {
         flow[(0, 1)] = dt;
         flow[(0, 2)] = growth.force_up_moved_m;
         flow[(1, 2)] = f;
+        // Of where it has come to.
+        let mut gravity = Matrix5::identity();
+        gravity[(1, 0)] = growth.gravity_per_s;
+        flow = gravity * flow;
         // Each white noise came in at some moment of the span, and grew from there.
         let mut noise = Matrix5::zeros();
         let steps = 1000;
@@ -93,7 +97,7 @@ enum Step {
 fn step() -> impl Strategy<Value = Step> {
     let growth = (
         0.01_f64..0.3,
-        0.0_f64..25.0,
+        (0.0_f64..25.0, -1e-3_f64..1e-3),
         0.4_f64..0.6,
         -8.0_f64..-4.0,
         -10.0_f64..-6.0,
@@ -101,11 +105,12 @@ fn step() -> impl Strategy<Value = Step> {
     let white =
         |measured| (-4.0_f64..1.0).prop_map(move |e| Step::Update(measured, 10_f64.powf(e)));
     prop_oneof![
-        4 => (growth, 0.1_f64..10.0).prop_map(|((seconds, force, early, accel, gyro), factor)| {
+        4 => (growth, 0.1_f64..10.0).prop_map(|((seconds, (force, gravity), early, accel, gyro), factor)| {
             let growth = Growth {
                 seconds,
                 force_up_mps: force * seconds,
                 force_up_moved_m: early * force * seconds * seconds,
+                gravity_per_s: gravity * seconds,
                 accel_noise: 10_f64.powf(accel),
                 gyro_noise: 10_f64.powf(gyro),
             };
@@ -194,6 +199,7 @@ fn velocity_shows_the_tilt() {
         seconds: 0.1,
         force_up_mps: 0.98,
         force_up_moved_m: 0.049,
+        gravity_per_s: 0.0,
         accel_noise: 1e-8,
         gyro_noise: 1e-12,
     };

@@ -1,9 +1,10 @@
 //! The error of the INS over a span, against exact rotations of the platform and against (1)-(2)
 //! integrated finely.
 #![allow(clippy::cast_precision_loss)]
+#![allow(clippy::disallowed_methods)] // Reference values.
 
 use crate::earth::GRAVITY_EQUATOR_MPS2;
-use crate::error_model::{Forcing, InsError, Passage};
+use crate::error_model::{Forcing, InsError, Passage, RUNAWAY_PER_S2, SCHULER_PER_S2};
 use crate::history::Span;
 use crate::parameters::{COUNT, Parameters, index};
 use nalgebra::{Matrix3, SVector, UnitQuaternion, Vector3};
@@ -221,7 +222,9 @@ impl Steady {
             let phi = error.tilt_rad;
             let phi_rate = drift - self.frame_radps.cross(&phi);
             let push = bias + Vector3::z().cross(&bias) * phi.z + self.control_mps2;
-            let accel = self.force_mps2.cross(&(phi + 0.5 * dt * phi_rate)) + push;
+            let gravity = Vector3::new(SCHULER_PER_S2, SCHULER_PER_S2, RUNAWAY_PER_S2)
+                .component_mul(&error.position_m);
+            let accel = self.force_mps2.cross(&(phi + 0.5 * dt * phi_rate)) + push + gravity;
             error.position_m += dt * (error.velocity_mps + 0.5 * dt * accel + self.control_mps);
             error.velocity_mps += dt * accel;
             error.tilt_rad += dt * phi_rate;
@@ -270,10 +273,66 @@ proptest! {
         // Left out: what squares of tilts of 3e-4 and turns of the frame of 3e-5 do to 3 m/s of
         // force, and to half a metre of its way.
         let position = (after.position_m - exact.position_m).norm();
-        prop_assert!(position < 3e-7, "{position}");
+        // And what gravity does to the way within one span, half of which comes with the next.
+        let late_m = 0.5 * RUNAWAY_PER_S2 * position_m.norm() * SECONDS * SECONDS;
+        prop_assert!(position < 3e-7 + late_m, "{position}");
         let velocity = (after.velocity_mps - exact.velocity_mps).norm();
         prop_assert!(velocity < 1e-6, "{velocity}");
         let tilt = (after.tilt_rad - exact.tilt_rad).norm();
         prop_assert!(tilt < 1e-7, "{tilt}");
+    }
+}
+
+/// Of an INS at rest and level, told nothing for a time.
+fn coasts(start: InsError, seconds: f64) -> InsError {
+    let span = Span {
+        seconds: 1.0,
+        force_mps: Vector3::z() * GRAVITY_EQUATOR_MPS2,
+        force_moved_m: Vector3::z() * (0.5 * GRAVITY_EQUATOR_MPS2),
+        attitude_s: Matrix3::identity(),
+        ..Span::default()
+    };
+    let none = Parameters::NONE;
+    let forcing = Forcing::over(&span, &span.force_mps, &none, &Vector3::zeros());
+    let passage = Passage::over(&span, &Vector3::zeros(), &forcing, &start.tilt_rad);
+    let mut error = start;
+    let mut passed_s = 0.0;
+    while passed_s < seconds {
+        error = error.after(&span, &passage, &forcing);
+        passed_s += span.seconds;
+    }
+    error
+}
+
+#[test]
+fn a_level_error_swings_with_schuler_and_a_vertical_one_runs_away() {
+    let tilt_rad = 1e-4;
+    let tilted = InsError {
+        tilt_rad: Vector3::new(0.0, tilt_rad, 0.0),
+        position_m: Vector3::z() * 1000.0,
+        ..InsError::default()
+    };
+    let radius_m = GRAVITY_EQUATOR_MPS2 / -SCHULER_PER_S2;
+    for minutes in [10.0, 42.0, 84.0] {
+        let seconds = 60.0 * minutes;
+        let error = coasts(tilted, seconds);
+        // R times the tilt of the true vertical: 1 - cos of Schuler's 84.4 min; steps of a second
+        // are 2e-4 of that off.
+        let swing = 1.0 - (seconds * (-SCHULER_PER_S2).sqrt()).cos();
+        let east_m = -radius_m * tilt_rad * swing;
+        let off = (error.position_m.x - east_m).abs() / (radius_m * tilt_rad);
+        assert!(
+            off < 2e-3,
+            "{minutes} min: {} of {east_m} m",
+            error.position_m.x
+        );
+        let grown = (seconds * RUNAWAY_PER_S2.sqrt()).exp();
+        let up_m = 500.0 * (grown + 1.0 / grown);
+        let off = (error.position_m.z / up_m - 1.0).abs();
+        assert!(
+            off < 5e-3,
+            "{minutes} min: {} of {up_m} m",
+            error.position_m.z
+        );
     }
 }
