@@ -128,10 +128,11 @@ impl Calibration {
                 let prior = belief.sigma(which);
                 // What is not estimated, or given, is as configured.
                 let sought = prior > 0.0 && !config.gives(which);
-                if known.sigma < 0.0 || (sought && known.sigma <= 0.0) {
-                    return Err(ConfigError::NotPositive("calibration"));
+                if known.sigma < 0.0 {
+                    return Err(ConfigError::Negative("calibration"));
                 }
-                if sought {
+                // What was not estimated has none.
+                if sought && known.sigma > 0.0 {
                     let sigma = math::min(math::max(known.sigma, LEAST * prior), prior);
                     belief.set(which, known.value, sigma);
                 }

@@ -2,6 +2,8 @@
 //!
 //! [`Navigator::new`]: crate::Navigator::new
 
+use core::f64::consts::TAU;
+
 use nalgebra::SVector;
 
 use crate::earth::GRAVITY_EQUATOR_MPS2;
@@ -189,7 +191,8 @@ pub enum Form {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Feedback {
-    /// Applied to the INS as they become observable.
+    /// Taken out as they become known: of gyros from the beginning, of accelerometers once their spread is half
+    /// of what was believed, and of the stamps of fixes at once.
     #[default]
     Closed,
     /// Reported only. The INS turns away by what its gyros are off; a radian off, it is aligned anew: with
@@ -210,6 +213,8 @@ pub enum ConfigError {
     NotFinite(&'static str),
     /// Must be a least factor of one or less, above zero, and a greatest of one or more.
     RangeWithoutOne(&'static str),
+    /// Must be an angle in radians: within a turn of zero.
+    BeyondATurn(&'static str),
 }
 
 impl core::fmt::Display for ConfigError {
@@ -219,6 +224,7 @@ impl core::fmt::Display for ConfigError {
             Self::Negative(value) => (value, "must not be negative, and be less than 1e15"),
             Self::NotFinite(value) => (value, "must be finite"),
             Self::RangeWithoutOne(value) => (value, "must be a range of factors around one"),
+            Self::BeyondATurn(value) => (value, "must be in radians, and within a turn"),
         };
         write!(f, "{value} {must}")
     }
@@ -242,6 +248,11 @@ fn not_negative(value: f64, name: &'static str) -> Result<(), ConfigError> {
 pub(crate) fn finite(value: f64, name: &'static str) -> Result<(), ConfigError> {
     let good = math::abs(value) < LARGEST;
     good.then_some(()).ok_or(ConfigError::NotFinite(name))
+}
+
+fn within_a_turn(angle_rad: f64, name: &'static str) -> Result<(), ConfigError> {
+    let good = math::abs(angle_rad) <= TAU;
+    good.then_some(()).ok_or(ConfigError::BeyondATurn(name))
 }
 
 fn around_one([least, most]: [f64; 2], name: &'static str) -> Result<(), ConfigError> {
@@ -418,7 +429,7 @@ impl Config {
         positive(self.max_gap_s, "max_gap_s")?;
         positive(self.climb_sigma_mps, "climb_sigma_mps")?;
         match self.heading {
-            HeadingSource::Given(heading_rad) => finite(heading_rad, "heading"),
+            HeadingSource::Given(heading_rad) => within_a_turn(heading_rad, "heading"),
             HeadingSource::Auto | HeadingSource::Motion => Ok(()),
         }
     }

@@ -58,7 +58,7 @@
 //! #             time: Time::from_micros(10_000 * (count - 1)),
 //! #             velocity_en_mps: Some([0.0, speed].into()),
 //! #             ..GnssFix::default()
-//! #         }.at(&Geodetic::default()));
+//! #         }.at(&Geodetic { latitude_rad: 0.8, ..Geodetic::default() }));
 //! #         let sample = ImuSample { time, gyro: [0.0; 3].into(), accel: [0.0, accel, 9.8].into() };
 //! #         (count <= 4_000).then_some(sample)
 //! #     }

@@ -162,6 +162,7 @@ impl<const RING: usize> Navigator<RING> {
         config: Config,
         calibration: Option<&Calibration>,
     ) -> Result<Self, ConfigError> {
+        const { assert!(RING > 2, "two moments are needed to tell what lies between") };
         config.check()?;
         let known = calibration.map_or(Ok(config.prior()), |known| known.belief(&config))?;
         let state = State {
@@ -570,9 +571,11 @@ impl<const RING: usize> State<RING> {
         match &mut self.mode {
             Mode::Aligning(alignment) if tipped => {
                 self.stopgap = None;
+                alignment.lose_sight(time);
                 alignment.restart(time);
             }
             Mode::Aligning(alignment) => {
+                alignment.lose_sight(time);
                 alignment.begin_at(time);
                 carry_over(&mut self.stopgap, hole_s);
             }

@@ -32,16 +32,17 @@ pub enum ImuOutcome {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[must_use]
 pub enum GnssOutcome {
-    /// Compared with the INS of its own moment, or taken by the alignment.
+    /// Taken by the alignment; of one that was queued, in [`Health`](crate::Health) alone: compared with the
+    /// INS of its own moment.
     Accepted,
-    /// Compared in the course of the next samples, when they have reached its moment. What becomes of
-    /// it then, [`Health::last_fix`](crate::Health::last_fix) tells.
+    /// While navigating, if it is not refused at once: compared in the course of the next samples, when they
+    /// have reached its moment. What becomes of it then, [`Health::last_fix`](crate::Health::last_fix) tells.
     Queued,
     /// No inertial sample yet, or a hole of more than 0.3 s around its moment.
     NoInertialData,
     /// A component is NaN or infinite.
     NotFinite,
-    /// Neither position nor velocity.
+    /// Neither position nor velocity, or zero in all of both, as receivers write what they do not know.
     Empty,
     /// The stamp is not later than the last one by 10 ms, or by 15 ms if both have a velocity or neither:
     /// what a receiver has of one moment goes into one fix, and more than 66 a second are not taken.
@@ -57,7 +58,7 @@ pub enum GnssOutcome {
     /// Latitude, height or speed no vehicle on Earth has; a heading that is none to begin with; a sigma that
     /// is none.
     OutOfRange,
-    /// Nothing of it was near enough to the INS to be true. Fixes that agree with each other for 15 s
+    /// Nothing of it was near enough to the INS to be true; of a fix in [`Health`](crate::Health) alone. Fixes that agree with each other for 15 s
     /// show that it is the INS which is wrong.
     Outlier,
 }

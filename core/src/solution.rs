@@ -11,10 +11,11 @@ use crate::time::Time;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Phase {
-    /// Finding roll and pitch (and, at rest, gyro biases); no solution yet.
+    /// Finding roll and pitch (and, at rest, gyro biases); no solution yet, or of an INS that is aligned anew
+    /// what was last known, carried on.
     #[default]
     Levelling,
-    /// Roll and pitch known, heading still to be found from motion; no solution yet.
+    /// Roll and pitch known, heading still to be found from motion; the same of the solution.
     FindingHeading,
     /// Navigating, damped by GNSS.
     Navigating,

@@ -689,6 +689,27 @@ fn a_turn_before_levelling_is_in_a_heading_that_was_given_for_the_beginning() {
     }
 }
 
+/// Out of a garage by a turn, and a hole before the first fix.
+#[test]
+fn a_heading_given_before_a_turn_and_a_hole_is_not_that_of_now() {
+    let mut car = Car::new(turns_first);
+    car.navigator = Navigator::new(Config {
+        heading: HeadingSource::Given(car.heading_rad),
+        ..Config::mems()
+    })
+    .unwrap();
+    car.until(14.5, true, |_| None);
+    car.until(17.0, false, |_| None);
+    for count in 1700..6000 {
+        car.until(STEP_S * f64::from(count), true, Some);
+        if let Some(solution) = car.navigator.solution() {
+            let off_rad = wrap_pi(solution.euler().heading_rad - car.heading_rad);
+            let sigma_rad = car.navigator.sigma().unwrap().attitude_rad.z;
+            assert!(off_rad.abs() < 3.0 * sigma_rad, "{off_rad} {sigma_rad}");
+        }
+    }
+}
+
 /// A receiver without vertical velocity, or one that writes zero for it, on a vehicle that climbs as
 /// navigation begins.
 #[test]
@@ -763,6 +784,13 @@ fn a_calibration_need_not_say_what_the_configuration_gives() {
     let mut without = calibration;
     without.gnss_latency_s.sigma = 0.0;
     assert!(Navigator::warm(config, &without).is_ok());
+    // Nor what another configuration did not seek.
+    let warm = Navigator::warm(Config::mems(), &without).unwrap();
+    assert_eq!(
+        warm.calibration().gnss_latency_s,
+        calibration.gnss_latency_s
+    );
+    without.gnss_latency_s.sigma = -1.0;
     assert!(Navigator::warm(Config::mems(), &without).is_err());
 }
 

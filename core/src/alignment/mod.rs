@@ -213,6 +213,12 @@ impl Alignment {
         }
     }
 
+    /// Nobody has seen what it did until `time`: a heading that was given is that of the beginning still
+    /// where it has stood.
+    pub fn lose_sight(&mut self, time: Time) {
+        self.first &= self.moved_s(time) <= 0.0;
+    }
+
     /// Begins again with levelling; what is known stays.
     #[inline(never)]
     pub fn restart(&mut self, time: Time) {
