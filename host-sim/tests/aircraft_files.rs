@@ -25,6 +25,27 @@ fn bad_aircraft_are_refused_with_place_and_cause() {
             "expected a positive number",
         ),
         ("name = ", "name ", "complete example"),
+        (
+            "alpha = -0.89 ",
+            "alpha = nan ",
+            "`pitch.alpha = NaN`: expected a number",
+        ),
+        (
+            "elevator = -1.28",
+            "elevator = 0.0",
+            "`pitch.elevator = 0`: expected a negative number",
+        ),
+        (
+            "product_of_inertia_kgm2 = 0.0",
+            "product_of_inertia_kgm2 = 1852.0",
+            "expected a square less than roll times yaw inertia",
+        ),
+        ("friction = 0.12", "friction = 1.0", "expected 0 to below 1"),
+        (
+            "order = 1.0",
+            "order = 0.0",
+            "expected a positive multiple of the engine speed",
+        ),
     ] {
         let text = CESSNA_172_TOML.replacen(good, bad, 1);
         assert_ne!(text, CESSNA_172_TOML, "{good}");
@@ -188,6 +209,44 @@ fn every_impossible_plan_is_refused_with_place_and_cause() {
 }
 
 #[test]
+fn legs_and_winds_that_mean_nothing_are_refused() {
+    for (old, new, line, says) in [
+        (
+            "longitude_deg = 40.0",
+            "longitude_deg = 320.0",
+            3,
+            &["-180 to 180", "360"][..],
+        ),
+        (
+            "longitude_deg = 40.4",
+            "longitude_deg = 40.0",
+            20,
+            &["ends where it begins"],
+        ),
+        (
+            "wind_speed_mps = 5\n",
+            "",
+            9,
+            &["wind_speed_mps", "no wind"],
+        ),
+        ("wind_from_deg = 270\n", "", 9, &["wind_from_deg"]),
+        (
+            "airspeed_mps = 45\n\n[[leg]]\nbank_deg = 15",
+            "airspeed_mps = 36\n\n[[leg]]\nbank_deg = 29",
+            27,
+            &["`airspeed_mps = 36`", "stalls"],
+        ),
+    ] {
+        assert_refused(old, new, line, says);
+    }
+    parse(&GOOD.replace(
+        "wind_from_deg = 270\nwind_speed_mps = 5",
+        "wind_speed_mps = 0",
+    ))
+    .unwrap();
+}
+
+#[test]
 fn a_number_that_is_none_or_far_off_is_refused() {
     for (old, new, line, says) in [
         ("latitude_deg = 56.0", "latitude_deg = nan", 2, "expected"),
@@ -232,6 +291,57 @@ fn assert_refused(old: &str, new: &str, line: u32, says: &[&str]) {
     for part in says {
         assert!(error.contains(part), "{new}: {error:?} lacks {part:?}");
     }
+}
+
+/// In its own bank or in the turns of the plan, whichever is steeper.
+#[test]
+fn a_slow_leg_is_good_in_a_gentle_bank() {
+    parse(&GOOD.replace("airspeed_mps = 45", "airspeed_mps = 36")).unwrap();
+}
+
+/// Out and back again: a turn is as long as the leg allows.
+const CLOSED: &str = "\
+[start]
+latitude_deg = 56.0
+longitude_deg = 40.0
+height_m = 600
+heading_deg = 0
+airspeed_mps = 50
+
+[[leg]]
+latitude_deg = 56.1
+longitude_deg = 40.0
+
+[[leg]]
+latitude_deg = 56.1
+longitude_deg = 40.2
+
+[[leg]]
+latitude_deg = 56.1
+longitude_deg = 40.0
+";
+
+#[test]
+fn a_plan_that_closes_is_flown_once_or_without_its_last_leg() {
+    parse(CLOSED).unwrap();
+    let again = format!("[flight]\nduration_s = 3600\n{CLOSED}");
+    let error = parse(&again).unwrap_err();
+    let says = "plan.toml, line 18: this waypoint is that of the first leg";
+    assert!(error.starts_with(says), "{error}");
+    let legs: Vec<&str> = again.split("[[leg]]").collect();
+    parse(&legs[..3].join("[[leg]]")).unwrap();
+    let alone = parse(&legs[..2].join("[[leg]]")).unwrap_err();
+    assert!(alone.contains("that of the first leg"), "{alone}");
+}
+
+/// Nothing in its file is impossible by itself, but it does not fly.
+#[test]
+fn an_aircraft_that_does_not_climb_is_not_taken_for_one_too_high() {
+    let mut parameters = cessna172();
+    parameters.engine.rated_power_w = 10.0;
+    let error = Plan::parse(Path::new("plan.toml"), GOOD, &Dynamics::new(&parameters));
+    let error = error.unwrap_err().to_string();
+    assert!(error.contains("does not climb at any height"), "{error}");
 }
 
 #[test]

@@ -76,6 +76,28 @@ fn keys_are_set_one_by_one_and_checked() {
     }
 }
 
+/// Off is off in either direction.
+#[test]
+fn errors_with_a_sign_may_be_negative() {
+    let off = "off = { velocity_mps = [-0.1, 0.0, 0.0], position_m = [0.0, -5.0, 0.0] }";
+    let trouble = format!("{{ start_s = 9.0, duration_s = 1.0, wrong = {{ {off} }} }}");
+    let keys = format!(
+        "gnss.habits = {{ clock_drift = -1e-4, lever_arm_m = [-1.0, 0.0, 2.0], troubles = [{trouble}] }}"
+    );
+    let model = ErrorModel::mems().with(&keys.parse().unwrap()).unwrap();
+    assert_eq!(model.gnss.habits.troubles.len(), 1);
+}
+
+#[test]
+fn stamps_stay_in_order_at_the_rate_of_the_unit() {
+    let mut model = ErrorModel::hg1700();
+    model.imu.stamp_jitter_s = 0.0045;
+    model.check_at(100.0).unwrap();
+    let error = model.check_at(200.0).unwrap_err().to_string();
+    let says = "imu.stamp_jitter_s = 0.0045: expected at most 0.49 of the time";
+    assert!(error.starts_with(says), "{error}");
+}
+
 #[test]
 fn bad_files_say_what_is_wrong() {
     for (good, bad, message) in [
@@ -114,6 +136,41 @@ fn bad_files_say_what_is_wrong() {
             "white_noise = 7.5",
             "whit_noise = 7.5",
             "unknown field `whit_noise`",
+        ),
+        (
+            "[gnss]",
+            "[gnss]\nhabits.clock_drift = 1.0",
+            "gnss.habits.clock_drift = 1: expected s/s, 0.01 at most",
+        ),
+        (
+            "[gnss]",
+            "[gnss]\nhabits.clock_drift = nan",
+            "gnss.habits.clock_drift = NaN",
+        ),
+        (
+            "[gnss]",
+            "[gnss]\nhabits.delay_s = [0.0, inf]",
+            "gnss.habits.delay_s[1] = inf",
+        ),
+        (
+            "[gnss]",
+            "[gnss]\nhabits.lever_arm_m = [0.0, 3e3, 0.0]",
+            "gnss.habits.lever_arm_m[1] = 3000: expected 100 m at most",
+        ),
+        (
+            "[gnss]",
+            "[gnss]\nhabits.outliers = { fraction = 0.1, velocity_mps = -1.0, position_m = 0.0 }",
+            "gnss.habits.outliers.velocity_mps = -1",
+        ),
+        (
+            "[gnss]",
+            "[gnss]\nhabits.troubles = [{ start_s = 9.0, duration_s = -1.0, wrong = \"stuck\" }]",
+            "gnss.habits.troubles.duration_s = -1",
+        ),
+        (
+            "[gnss]",
+            "[gnss]\nhabits.troubles = [{ start_s = 9.0, duration_s = 1.0, wrong = { float = [0.0, nan, 0.0] } }]",
+            "gnss.habits.troubles.wrong.float[1] = NaN: expected a number",
         ),
         ("\"wave\"", "\"waves\"", "unknown variant `waves`"),
         ("= 7.5", "= ", "line 8"),

@@ -115,6 +115,64 @@ fn receivers_coast_and_float() {
     assert!((stated(620) - 0.5).abs() < 1e-12 && (stated(700) - 0.4).abs() < 1e-12);
 }
 
+/// A receiver knows more than it logs: it goes on from that.
+#[test]
+fn receivers_coast_by_what_they_know() {
+    type Change = fn(&mut GnssModel);
+    let changes: [Change; 4] = [
+        |gnss| gnss.habits.up = Up::Down,
+        |gnss| gnss.habits.up = Up::Missing,
+        |gnss| gnss.habits.gives_velocity = false,
+        |gnss| gnss.habits.gives_position = false,
+    ];
+    let coasting = |change: Change| {
+        with(|gnss| {
+            // Climbs that are seen.
+            gnss.velocity_sigma_mps = 1.0;
+            gnss.habits.troubles = vec![trouble(20.0, 5.0, Wrong::Coasting)];
+            change(gnss);
+        })
+    };
+    let whole = coasting(|_| {}).gnss;
+    assert!(whole[199].velocity_up_mps.unwrap().abs() > 0.1);
+    for change in changes {
+        for (fix, whole) in coasting(change).gnss.iter().zip(&whole) {
+            assert_eq!(
+                fix.position,
+                whole.position.filter(|_| fix.position.is_some())
+            );
+            assert_eq!(fix.height_m, whole.height_m);
+            let level = whole.velocity_en_mps;
+            let level = level.filter(|_| fix.velocity_en_mps.is_some());
+            assert_eq!(fix.velocity_en_mps, level);
+        }
+    }
+}
+
+/// What has moved without fixes is somewhere else when it stands again.
+#[test]
+fn receivers_that_hold_still_let_go_in_an_outage() {
+    let holds = |gnss: &mut GnssModel| gnss.habits.holds_below_mps = 8.0;
+    let whole = with(holds).gnss;
+    let held = |fix: &&GnssFix| fix.velocity_enu_mps() == Vector3::zeros();
+    // From within one stop to within the next.
+    let stops: Vec<&GnssFix> = whole.iter().filter(held).collect();
+    let [before, after] = *stops
+        .array_windows()
+        .find(|[a, b]| a.position != b.position)
+        .unwrap();
+    let outage = Outage {
+        start_s: before.time.as_seconds(),
+        duration_s: after.time.seconds_since(before.time),
+    };
+    let holed = with(|gnss| {
+        holds(gnss);
+        gnss.outages = vec![outage];
+    });
+    assert!(outage.duration_s > 1.0 && holed.gnss.len() < whole.len());
+    assert!(holed.gnss.iter().all(|fix| whole.contains(fix)));
+}
+
 #[test]
 fn clocks_drift_apart() {
     let drive = with(|gnss| gnss.habits.clock_drift = 1e-3);

@@ -405,6 +405,24 @@ fn drives_that_are_not_to_be_trusted_are_named_first() {
     assert_eq!(told.matches(words).count(), 2, "{told}");
 }
 
+/// Of a barometer nothing would be flown.
+#[test]
+fn keys_that_would_do_nothing_are_refused() {
+    let home = home();
+    let home = home.path();
+    let barometer = "gnss.rate_hz = 5.0\n[barometer]\nnoise_m = 0.2\n";
+    for (keys, says) in [
+        (barometer, "keys.toml, line 2: no algorithm is given"),
+        ("imu.stamp_jitter_s = 0.006", "keys.toml, line 1: imu.stamp"),
+    ] {
+        fs::write(home.join("keys.toml"), keys).unwrap();
+        let output = rehearse(home, "out", "1", &["--set", "keys.toml"]).output();
+        let told = String::from_utf8(output.unwrap().stderr).unwrap();
+        assert!(told.contains(says), "{told}");
+    }
+    assert!(!home.join("out").exists());
+}
+
 /// The noise of this unit is white: flown as recorded at rest, it costs the same.
 #[test]
 fn white_noise_that_was_recorded_costs_as_much_as_white_noise() {

@@ -33,6 +33,7 @@ pub struct Track {
 }
 
 impl Track {
+    /// Of two places apart from each other.
     pub fn between(from: &Geodetic, to: &Geodetic) -> Self {
         Self {
             to: *to,

@@ -86,7 +86,6 @@ impl Inputs {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AirData {
     pub airspeed_mps: f64,
-    pub alpha_rad: f64,
     pub beta_rad: f64,
 }
 
@@ -101,7 +100,6 @@ impl State {
         let airspeed_mps = air.norm();
         AirData {
             airspeed_mps,
-            alpha_rad: libm::atan2(-air.z, air.y),
             beta_rad: libm::asin(air.x / airspeed_mps),
         }
     }

@@ -1,6 +1,6 @@
 //! A planned flight, step by step: autopilot, air, forces; and its motion as a function of time.
 
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 use ins_core::attitude::{self, Euler};
 use ins_core::earth::Geodetic;
@@ -142,12 +142,26 @@ impl Flight {
 
     /// How long the plan takes with this seed, s; flown to the end, without sensors.
     pub fn duration_s(&self) -> Result<f64, FlightError> {
-        let (mut trial, told_s) = (self.clone(), self.plan.duration_s);
-        while told_s.map_or(!trial.over, |told_s| trial.node.time_s < told_s) {
+        let Some(told_s) = self.plan.duration_s else {
+            return Ok(libm::floor(self.tried(|trial| trial.over)?));
+        };
+        self.can_last(told_s).map(|()| told_s)
+    }
+
+    /// Whether it can be flown for so long; past the end of its plan it goes on as on its last leg.
+    pub fn can_last(&self, duration_s: f64) -> Result<(), FlightError> {
+        self.tried(|trial| trial.node.time_s >= duration_s)
+            .map(|_| ())
+    }
+
+    /// When it is done, s; flown until then, without sensors.
+    fn tried(&self, done: impl Fn(&Self) -> bool) -> Result<f64, FlightError> {
+        let mut trial = self.clone();
+        while !done(&trial) {
             trial.step();
             trial.check()?;
         }
-        Ok(told_s.unwrap_or(libm::floor(trial.node.time_s)))
+        Ok(trial.node.time_s)
     }
 
     fn check(&self) -> Result<(), FlightError> {
@@ -296,8 +310,8 @@ impl Flight {
     fn turn_crank(&mut self, to_radps: f64) {
         let ([_, from_rad], [_, from_radps]) = (self.crank_rad, self.crank_radps);
         let turned_rad = from_rad + 0.5 * STEP_S * (from_radps + to_radps);
-        // All orders are multiples of a half.
-        self.crank_rad = [from_rad, libm::fmod(turned_rad, 4.0 * PI)];
+        // Orders have no common period to take out; in a day it comes to 2e7, good to 4e-9.
+        self.crank_rad = [from_rad, turned_rad];
         self.crank_radps = [from_radps, to_radps];
     }
 }

@@ -84,7 +84,7 @@ impl Source<'_> {
     }
 
     /// Where the value under a dotted path begins, or that of the last of its tables that is there.
-    fn value(&self, path: &str) -> Option<usize> {
+    pub fn value(&self, path: &str) -> Option<usize> {
         let text = DeTable::parse(self.text).ok()?;
         let (mut table, mut place) = (text.get_ref(), None);
         for key in path.split('.') {
@@ -147,7 +147,32 @@ pub fn read_aircraft(file: &Path) -> Result<Dynamics, InputError> {
             ));
         }
     }
-    Ok(Dynamics::new(&parameters))
+    let table = source.parse("host-sim/aircraft/cessna172.toml")?;
+    let numbers = not_finite("", &toml::Value::Table(table));
+    let numbers = numbers.map(|(key, value)| (key, value, "a number"));
+    let mut others = parameters.must_hold().into_iter();
+    let other = others.find(|(_, _, holds, _)| !holds);
+    let other = other.map(|(key, value, _, expected)| (key.to_owned(), value, expected));
+    match numbers.or(other) {
+        Some((key, value, expected)) => Err(source.error(
+            source.value(&key).unwrap_or(0),
+            format!("`{key} = {value}`: expected {expected}"),
+        )),
+        None => Ok(Dynamics::new(&parameters)),
+    }
+}
+
+/// The first number that is none, and its dotted path.
+fn not_finite(path: &str, value: &toml::Value) -> Option<(String, f64)> {
+    match value {
+        toml::Value::Float(number) if !number.is_finite() => Some((path.to_owned(), *number)),
+        toml::Value::Array(all) => all.iter().find_map(|value| not_finite(path, value)),
+        toml::Value::Table(table) => table.iter().find_map(|(key, value)| {
+            let dot = if path.is_empty() { "" } else { "." };
+            not_finite(&format!("{path}{dot}{key}"), value)
+        }),
+        _ => None,
+    }
 }
 
 #[cfg(test)]

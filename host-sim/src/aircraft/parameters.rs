@@ -51,6 +51,31 @@ impl Parameters {
             ("maximum_descent_mps", self.autopilot.maximum_descent_mps),
         ]
     }
+
+    /// What else is to hold: dotted key, its value, whether it does, and what is expected.
+    pub fn must_hold(&self) -> Vec<(&'static str, f64, bool, &'static str)> {
+        let (mass, elevator) = (&self.mass, self.pitch.elevator);
+        let (ixz, friction) = (mass.product_of_inertia_kgm2, self.engine.friction);
+        let is_less = ixz * ixz < mass.roll_inertia_kgm2 * mass.yaw_inertia_kgm2;
+        let is_part = (0.0..1.0).contains(&friction);
+        let inertia = "a square less than roll times yaw inertia";
+        let down = "a negative number: trailing edge down, nose down";
+        let mut all = vec![
+            ("mass.product_of_inertia_kgm2", ixz, is_less, inertia),
+            ("pitch.elevator", elevator, elevator < 0.0, down),
+            ("engine.friction", friction, is_part, "0 to below 1"),
+        ];
+        all.extend(
+            self.vibration
+                .lines
+                .iter()
+                .map(|&VibrationLine { order, .. }| {
+                    let expected = "a positive multiple of the engine speed";
+                    ("vibration.lines.order", order, order > 0.0, expected)
+                }),
+        );
+        all
+    }
 }
 
 /// Mass and moments of inertia about the centre of mass.

@@ -141,10 +141,13 @@ impl Source<'_> {
         latitude: &Spanned<f64>,
         longitude: &Spanned<f64>,
     ) -> Result<LatLon, InputError> {
-        const CAUSE: &str = "is it in radians, or latitude and longitude swapped?";
+        let cause = "is it swapped with the longitude? Nearer to the poles nothing is flown";
+        let latitude_rad = self.angle("latitude_deg", latitude, 80.0, cause)?;
+        let cause = "east positive; is it counted to 360?";
+        let longitude_rad = self.angle("longitude_deg", longitude, 180.0, cause)?;
         Ok(LatLon {
-            latitude_rad: self.angle("latitude_deg", latitude, 80.0, CAUSE)?,
-            longitude_rad: self.angle("longitude_deg", longitude, 180.0, CAUSE)?,
+            latitude_rad,
+            longitude_rad,
         })
     }
 
@@ -195,6 +198,8 @@ struct Checker<'a> {
 
 /// Of turns, where the plan does not say.
 const BANK_DEG: f64 = 20.0;
+/// Waypoints closer than this are one.
+const SAME_PLACE_M: f64 = 1.0;
 /// Of the ground, from the Dead Sea to Everest, m.
 const GROUND_M: [f64; 2] = [-500.0, 9000.0];
 /// Of legs at a fixed heading or bank, and of a flight.
@@ -214,17 +219,7 @@ impl Checker<'_> {
             return Err(s.error(s.key("bank_deg"), message));
         }
         let start = self.start(&table.start)?;
-        let cause = "in more wind than half the airspeed turns and legs are not kept; \
-                     is it in km/h or knots?";
-        let most = [0.0, 0.5 * start.airspeed_mps];
-        let wind_speed_mps = (table.air.wind_speed_mps.as_ref())
-            .map(|speed| s.within("wind_speed_mps", speed, most, cause))
-            .transpose()?
-            .unwrap_or(0.0);
-        let wind_from = (table.air.wind_from_deg.as_ref())
-            .map(|from| s.heading("wind_from_deg", from))
-            .transpose()?;
-        let (sin, cos) = libm::sincos(wind_from.unwrap_or(0.0));
+        let wind_enu_mps = self.wind(&table.air, &start)?;
         let duration_s = table.flight.duration_s.as_ref();
         let duration_s = duration_s
             .map(|duration| s.duration(duration))
@@ -243,7 +238,7 @@ impl Checker<'_> {
         }
         let plan = Plan {
             start,
-            wind_enu_mps: -wind_speed_mps * Vector3::new(sin, cos, 0.0),
+            wind_enu_mps,
             turbulence: table.air.turbulence,
             ground_height_m: self.ground_height_m,
             bank_rad,
@@ -256,12 +251,35 @@ impl Checker<'_> {
         Ok(plan)
     }
 
+    fn wind(&self, air: &AirTable, start: &Start) -> Result<Vector3<f64>, InputError> {
+        let s = &self.source;
+        let (speed, from) = match (&air.wind_speed_mps, &air.wind_from_deg) {
+            (Some(speed), Some(from)) => (speed, from),
+            (Some(speed), None) if *speed.get_ref() != 0.0 => {
+                let why = "expected `wind_from_deg` beside it: where the wind comes from";
+                return s.refuse("wind_speed_mps", speed, why);
+            }
+            (None, Some(from)) => {
+                let why = "expected `wind_speed_mps` beside it; without it there is no wind";
+                return s.refuse("wind_from_deg", from, why);
+            }
+            (_, None) => return Ok(Vector3::zeros()),
+        };
+        let cause = "in more wind than half the airspeed turns and legs are not kept; \
+                     is it in km/h or knots?";
+        let most = [0.0, 0.5 * start.airspeed_mps];
+        let speed_mps = s.within("wind_speed_mps", speed, most, cause)?;
+        let (sin, cos) = libm::sincos(s.heading("wind_from_deg", from)?);
+        Ok(-speed_mps * Vector3::new(sin, cos, 0.0))
+    }
+
     fn start(&self, table: &StartTable) -> Result<Start, InputError> {
         let s = &self.source;
         let place = s.place(&table.latitude_deg, &table.longitude_deg)?;
         let position = at(place, self.height(&table.height_m)?);
         let heading_rad = s.heading("heading_deg", &table.heading_deg)?;
-        let airspeed_mps = self.airspeed(&table.airspeed_mps, position.height_m)?;
+        let bank_rad = self.bank_deg.to_radians();
+        let airspeed_mps = self.airspeed(&table.airspeed_mps, position.height_m, bank_rad)?;
         Ok(Start {
             position,
             heading_rad,
@@ -276,19 +294,33 @@ impl Checker<'_> {
         height_before_m: f64,
         airspeed_before_mps: f64,
     ) -> Result<Leg, InputError> {
+        let leg = spanned.get_ref();
+        let path = self.path(spanned)?;
+        let height_m = leg.height_m.as_ref();
+        let height_m = height_m.map_or(Ok(height_before_m), |height| self.height(height))?;
+        let turns_rad = self.bank_deg.to_radians();
+        let bank_rad = match path {
+            Path2d::Bank { bank_rad, .. } => turns_rad.max(bank_rad.abs()),
+            _ => turns_rad,
+        };
+        // The speed carried over must do at a new height and in a new bank, too.
+        let changed = leg.height_m.as_ref().or(leg.bank_deg.as_ref());
+        let carried = changed.map(|value| Spanned::new(value.span(), airspeed_before_mps));
+        let airspeed_mps = match leg.airspeed_mps.as_ref().or(carried.as_ref()) {
+            Some(airspeed) => self.airspeed(airspeed, height_m, bank_rad)?,
+            None => airspeed_before_mps,
+        };
+        Ok(Leg {
+            path,
+            height_m,
+            airspeed_mps,
+        })
+    }
+
+    fn path(&self, spanned: &Spanned<LegTable>) -> Result<Path2d, InputError> {
         let s = &self.source;
         let leg = spanned.get_ref();
         let refused = |message: &str| s.error(spanned.span().start, message.to_owned());
-        let height_m = leg.height_m.as_ref();
-        let height_m = height_m.map_or(Ok(height_before_m), |height| self.height(height))?;
-        let airspeed_mps = match (&leg.airspeed_mps, &leg.height_m) {
-            (Some(airspeed), _) => self.airspeed(airspeed, height_m)?,
-            // The speed carried over must do at the new height too.
-            (None, Some(height)) => {
-                self.airspeed(&Spanned::new(height.span(), airspeed_before_mps), height_m)?
-            }
-            (None, None) => airspeed_before_mps,
-        };
         let duration = || match &leg.duration_s {
             Some(duration) => s.duration(duration),
             None => Err(refused(
@@ -297,34 +329,27 @@ impl Checker<'_> {
             )),
         };
         let place = (&leg.latitude_deg, &leg.longitude_deg);
-        let path = match (place, &leg.heading_deg, &leg.bank_deg) {
+        match (place, &leg.heading_deg, &leg.bank_deg) {
             ((Some(latitude), Some(longitude)), None, None) if leg.duration_s.is_none() => {
-                Path2d::To(s.place(latitude, longitude)?)
+                Ok(Path2d::To(s.place(latitude, longitude)?))
             }
-            ((None, None), Some(heading), None) => Path2d::Heading {
+            ((None, None), Some(heading), None) => Ok(Path2d::Heading {
                 heading_rad: s.heading("heading_deg", heading)?,
                 duration_s: duration()?,
-            },
+            }),
             ((None, None), None, Some(bank)) => {
                 let most_deg = (self.dynamics.parameters.autopilot.maximum_bank_rad).to_degrees();
                 let cause = "the most that the autopilot may ask for";
-                Path2d::Bank {
+                Ok(Path2d::Bank {
                     bank_rad: s.angle("bank_deg", bank, most_deg, cause)?,
                     duration_s: duration()?,
-                }
+                })
             }
-            _ => {
-                return Err(refused(
-                    "leg is ambiguous: expected `latitude_deg` and `longitude_deg`, or `heading_deg` \
-                     and `duration_s`, or `bank_deg` and `duration_s`",
-                ));
-            }
-        };
-        Ok(Leg {
-            path,
-            height_m,
-            airspeed_mps,
-        })
+            _ => Err(refused(
+                "leg is ambiguous: expected `latitude_deg` and `longitude_deg`, or `heading_deg` \
+                 and `duration_s`, or `bank_deg` and `duration_s`",
+            )),
+        }
     }
 
     fn height(&self, height: &Spanned<f64>) -> Result<f64, InputError> {
@@ -340,17 +365,27 @@ impl Checker<'_> {
         if climb < 0.3 {
             let ceiling = super::performance::ceiling_m(self.dynamics, 0.3);
             let name = &self.dynamics.parameters.name;
-            let why = format!("beyond the ceiling of the {name}, {ceiling:.0} m; is it in feet?");
+            let why = if ceiling < 1.0 {
+                format!("the {name} does not climb at any height: look at its file")
+            } else {
+                format!("beyond the ceiling of the {name}, {ceiling:.0} m; is it in feet?")
+            };
             return self.source.refuse("height_m", height, &why);
         }
         Ok(value)
     }
 
-    fn airspeed(&self, airspeed: &Spanned<f64>, height_m: f64) -> Result<f64, InputError> {
+    /// True airspeed in turns of this bank.
+    fn airspeed(
+        &self,
+        airspeed: &Spanned<f64>,
+        height_m: f64,
+        bank_rad: f64,
+    ) -> Result<f64, InputError> {
         let value = *airspeed.get_ref();
         let p = &self.dynamics.parameters;
         // In a turn the stall speed grows with the root of the load factor.
-        let load_root = libm::sqrt(libm::cos(self.bank_deg.to_radians()));
+        let load_root = libm::sqrt(libm::cos(bank_rad));
         let stall = stall_speed_mps(self.dynamics, height_m, 0.0) / load_root;
         let lowest = p.autopilot.stall_margin * stall;
         if value.is_nan() || value < lowest {
@@ -381,6 +416,7 @@ impl Checker<'_> {
         let (sin, cos) = libm::sincos(plan.start.heading_rad);
         let mut from = Some(plan.start.position);
         let mut turn_before_m = 0.0;
+        self.repeats(plan, offsets)?;
         for (i, (leg, &offset)) in plan.legs.iter().zip(offsets).enumerate() {
             let Path2d::To(place) = leg.path else {
                 // Where it ends depends on the wind: nothing to check until the next waypoint.
@@ -393,6 +429,11 @@ impl Checker<'_> {
             };
             let track = to.enu_from(&from).xy();
             let length_m = track.norm();
+            if length_m < SAME_PLACE_M {
+                let message =
+                    "leg ends where it begins: expected another waypoint than that before";
+                return Err(self.source.error(offset, message.into()));
+            }
             let direction = track / length_m;
             if i == 0 {
                 let ahead = Vector2::new(sin, cos);
@@ -406,7 +447,7 @@ impl Checker<'_> {
                 _ => 0.0,
             };
             let needed_m = turn_before_m + turn_after_m;
-            if length_m.is_nan() || length_m < needed_m.max(1.0) {
+            if length_m < needed_m {
                 return Err(self.source.error(
                     offset,
                     format!(
@@ -419,6 +460,22 @@ impl Checker<'_> {
             turn_before_m = turn_after_m;
         }
         Ok(())
+    }
+
+    /// Legs that are flown again must not begin with one of no length.
+    fn repeats(&self, plan: &Plan, offsets: &[usize]) -> Result<(), InputError> {
+        let ends = [plan.legs.first(), plan.legs.last()].map(|leg| leg.map(|leg| leg.path));
+        let [Some(Path2d::To(first)), Some(Path2d::To(last))] = ends else {
+            return Ok(());
+        };
+        let [first, last] = [first, last].map(|place| at(place, plan.start.position.height_m));
+        if plan.duration_s.is_none() || first.enu_from(&last).xy().norm() >= SAME_PLACE_M {
+            return Ok(());
+        }
+        let message = "this waypoint is that of the first leg, which follows again, since there is \
+                       a `duration_s`: expected another waypoint, no leg here, or no `duration_s`";
+        let offset = offsets.last().copied().unwrap_or_default();
+        Err(self.source.error(offset, message.into()))
     }
 
     fn climb(

@@ -222,7 +222,14 @@ pub(super) fn keys(file: Option<&Path>) -> Result<toml::Table> {
     };
     let text = read_text(file, "keys of an error model")?;
     let source = Source { file, text: &text };
-    Ok(source.parse("host-sim/errors/wave.toml")?)
+    let keys: toml::Table = source.parse("host-sim/errors/wave.toml")?;
+    if keys.contains_key("barometer") {
+        let message = "no algorithm is given a barometer here: expected keys of the inertial unit \
+                       and the receiver";
+        let place = source.value("barometer").unwrap_or(0);
+        return Err(source.error(place, message.into()).into());
+    }
+    Ok(keys)
 }
 
 /// What is wrong with them.
@@ -269,8 +276,10 @@ fn settings(
         aircraft: options.aircraft.as_deref().map(read).transpose()?,
         plan: read(&options.plan)?,
     };
-    settings.model =
-        (settings.applied(model)).map_err(|error| in_keys(options.set.as_deref(), &error))?;
+    let wrong = |error| in_keys(options.set.as_deref(), &error);
+    settings.model = settings.applied(model).map_err(wrong)?;
+    let imu_hz = f64::from(world.imu_hz);
+    (settings.model.check_at(imu_hz)).map_err(wrong)?;
     Ok(settings)
 }
 
@@ -287,7 +296,7 @@ fn recorded_noise(path: &Path, imu_hz: u32) -> Result<RecordedNoise> {
         );
     }
     let stretches = readings_at_rest(&log);
-    RecordedNoise::new(stretches, whole(BLOCK_S * wanted_hz), wanted_hz).ok_or_else(|| {
+    RecordedNoise::new(stretches, whole(BLOCK_S * wanted_hz)).ok_or_else(|| {
         miette!(
             help = "leave the unit standing for a minute, engine running, and log that",
             "{}: {} has no rest of {BLOCK_S:.0} s beyond its ends",

@@ -18,7 +18,7 @@ use crate::identify::true_errors::{self, Truth};
 use crate::log::{self, BodyAxes, Compression, Grade, Log};
 use crate::page::output::{self, OutputError};
 use crate::page::progress::spinner;
-use crate::sim::drive::Recording;
+use crate::sim::drive::{IMU_HZ, Recording};
 use crate::sim::{DriveConfig, ErrorModel, SimulatedDrive, record, simulate};
 use crate::study::options::minutes;
 
@@ -61,12 +61,24 @@ struct DriveOptions {
 
 /// Simulates a drive and writes its log.
 pub(super) fn drive(options: &Drive) -> Result<()> {
-    let errors = options.errors.as_deref().map(error_model).transpose()?;
+    let errors = (options.errors.as_deref()).map(errors_of).transpose()?;
     warn_of_other_class(options.errors.as_deref(), options.options.grade);
     let Output { out, print, force } = &options.output;
     let truth = write_drive(out, options.options, errors, *force)?;
     let out = out.display();
     print.result(&truth, || format!("Log written to {out}\n"))
+}
+
+/// Those of a name or file, as far as a log can have them.
+fn errors_of(name: &str) -> Result<ErrorModel> {
+    let errors = error_model(name)?;
+    (errors.check_at(IMU_HZ)).map_err(|error| miette!("{name}: {error}, {IMU_HZ} a second"))?;
+    if errors.gnss.habits.delay_s[1] > 0.0 {
+        eprintln!(
+            "warning: {name}: gnss.habits.delay_s does nothing here: a log has no times of arrival"
+        );
+    }
+    Ok(errors)
 }
 
 /// A log of another class than its sensors is meant by few.
@@ -176,7 +188,7 @@ struct FlySummary<'a> {
 pub(super) fn fly(options: &Fly) -> Result<()> {
     options.output.check(true_errors::FILE)?;
     let dynamics = aircraft(options.aircraft.as_deref())?;
-    let errors = error_model(&options.errors)?;
+    let errors = errors_of(&options.errors)?;
     let plan = Plan::read(&options.plan, &dynamics)?;
     let progress = spinner("flying");
     let in_plan = |error| miette!("{}: {error}", options.plan.display());
@@ -184,7 +196,7 @@ pub(super) fn fly(options: &Fly) -> Result<()> {
     let recording = Recording {
         seed: options.seed,
         duration_s: flight.duration_s().map_err(in_plan)?,
-        imu_hz: 100.0,
+        imu_hz: IMU_HZ,
         truth_every: 10,
         origin: plan.start.position,
         errors,
@@ -224,10 +236,15 @@ pub(super) fn fly(options: &Fly) -> Result<()> {
     })
 }
 
-/// What a navigator has to be told of sensors: whether its gyros feel the Earth's rate.
+/// What a navigator has to be told of sensors: whether its gyros feel the Earth's rate, within a
+/// second of noise and for an hour of drift. That leaves noise between those of the two presets.
 fn class(errors: &ErrorModel) -> Grade {
     const EARTH_RATE_DEG_H: f64 = 15.0;
-    if errors.gyro_deg_h.bias.initial_sigma() < EARTH_RATE_DEG_H {
+    let gyros = &errors.gyro_deg_h;
+    let noise_deg_h = gyros.noise_times.map(|times| times * gyros.white_noise);
+    let bias_deg_h = libm::hypot(gyros.bias.sigma_after(3600.0), gyros.warming_sigma);
+    let worst_deg_h = noise_deg_h.into_iter().fold(bias_deg_h, f64::max);
+    if worst_deg_h < EARTH_RATE_DEG_H {
         Grade::Hg1700
     } else {
         Grade::Mems
@@ -239,4 +256,37 @@ fn distance_m(run: &SimulatedDrive) -> f64 {
         .windows(2)
         .map(|w| w[1].position.enu_from(&w[0].position).xy().norm())
         .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::errors::BiasModel;
+
+    #[test]
+    fn a_class_is_that_of_bias_drift_and_noise() {
+        let of = |bias: BiasModel, white_noise: f64| {
+            let mut errors = ErrorModel::hg1700();
+            errors.gyro_deg_h.bias = bias;
+            errors.gyro_deg_h.white_noise = white_noise;
+            class(&errors)
+        };
+        for preset in [Grade::Hg1700, Grade::Mems] {
+            assert_eq!(class(&preset.errors()), preset);
+        }
+        let wave = include_str!("../../errors/wave.toml");
+        assert_eq!(class(&ErrorModel::from_toml(wave).unwrap()), Grade::Hg1700);
+        // Calibrated, but it wanders.
+        assert_eq!(of(BiasModel::drifting(10.0, 40.0), 7.5), Grade::Mems);
+        let jumps = BiasModel::Wave {
+            initial_sigma: 1.0,
+            interval_s: 10.0,
+            jump_mean: 0.0,
+            jump_sigma: 1.0,
+        };
+        // 19 deg/h within the hour.
+        assert_eq!(of(jumps, 7.5), Grade::Mems);
+        assert_eq!(of(BiasModel::constant(1.0), 30.0), Grade::Mems);
+        assert_eq!(of(BiasModel::drifting(5.0, 5.0), 7.5), Grade::Hg1700);
+    }
 }

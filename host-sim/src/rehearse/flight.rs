@@ -48,12 +48,11 @@ impl World {
     /// Flies the plan once: all flights last as long as this one.
     pub fn new(
         dynamics: Dynamics,
-        mut plan: Plan,
+        plan: Plan,
         free_s: f64,
         imu_hz: u32,
     ) -> Result<Self, FlightError> {
         let duration_s = Flight::new(&dynamics, &plan, 0)?.duration_s()?;
-        plan.duration_s = Some(duration_s);
         Ok(Self {
             dynamics,
             plan,
@@ -76,7 +75,7 @@ impl World {
     ) -> Result<Flown, FlightError> {
         let flight = Flight::new(&self.dynamics, &self.plan, seed)?;
         // Flown once without sensors: what cannot be flown must not end as a figure.
-        flight.duration_s()?;
+        flight.can_last(self.duration_s)?;
         let mut errors = model.clone();
         errors.gnss.outages.push(Outage {
             start_s: self.aided_s(),
@@ -191,6 +190,56 @@ impl Fault {
             Self::Late => "late",
             Self::Wrong => "wrong answer",
             Self::Lost => "lost on the link",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::aircraft::cessna172;
+    use crate::aircraft::plan::{Path2d, at};
+    use crate::sim::record;
+
+    /// A round of six kilometres by three that ends at its first waypoint.
+    const ROUND: &str = "
+        start = { latitude_deg = 56, longitude_deg = 40, height_m = 600, heading_deg = 0, airspeed_mps = 50 }
+        air = { turbulence = \"light\" }
+        leg = [
+            { latitude_deg = 56.03, longitude_deg = 40.0 },
+            { latitude_deg = 56.03, longitude_deg = 40.1 },
+            { latitude_deg = 56.06, longitude_deg = 40.1 },
+            { latitude_deg = 56.03, longitude_deg = 40.0 },
+        ]";
+
+    /// It is over where it ends, and is not begun again.
+    #[test]
+    fn a_rehearsed_flight_is_that_of_its_plan() {
+        let dynamics = Dynamics::new(&cessna172());
+        let plan = Plan::parse(Path::new("round.toml"), ROUND, &dynamics).unwrap();
+        let world = World::new(dynamics.clone(), plan.clone(), 60.0, 50).unwrap();
+        for seed in [0, 1] {
+            let model = ErrorModel::ideal();
+            let flown = world.fly(seed, &model, None).unwrap();
+            let recording = Recording {
+                seed,
+                duration_s: world.duration_s,
+                imu_hz: 50.0,
+                truth_every: 50,
+                origin: plan.start.position,
+                errors: model,
+            };
+            let alone = record(Flight::new(&dynamics, &plan, seed).unwrap(), &recording);
+            assert_eq!(flown.run.truth, alone.truth);
+            let end = flown.run.truth.last().unwrap();
+            let Path2d::To(last) = plan.legs[3].path else {
+                unreachable!()
+            };
+            // Some way before or behind: no other flight is as long as the first.
+            let off = end.position.enu_from(&at(last, 600.0)).xy();
+            assert!(off.norm() < 500.0, "{off}");
         }
     }
 }

@@ -22,16 +22,6 @@ pub enum ErrorModelError {
     },
 }
 
-/// Any number may stand under these.
-const ANY: [&str; 6] = [
-    "gnss.habits.clock_drift",
-    "gnss.habits.delay_s[1]",
-    "gnss.habits.lever_arm_m",
-    "gnss.habits.outliers.position_m",
-    "gnss.habits.outliers.velocity_mps",
-    "gnss.habits.troubles",
-];
-
 /// Looks at every number of an error model, as it stands in its file.
 pub(super) fn check(model: &impl Serialize) -> Result<(), ErrorModelError> {
     walk("", &Value::try_from(model)?)
@@ -65,14 +55,18 @@ fn walk(path: &str, value: &Value) -> Result<(), ErrorModelError> {
 
 /// Most are spreads and durations: zero or more.
 fn number_under(path: &str, value: f64) -> Result<(), ErrorModelError> {
-    if ANY.iter().any(|any| path.starts_with(any)) {
-        return Ok(());
-    }
-    let (holds, expected) = match path.rsplit('.').next().unwrap_or_default() {
-        "jump_mean" => (value.is_finite(), "a number"),
+    let mut names = path
+        .rsplit('.')
+        .map(|name| name.split('[').next().unwrap_or(name));
+    let [name, table] = [names.next(), names.next()].map(Option::unwrap_or_default);
+    let (holds, expected) = match name {
+        "jump_mean" | "float" => (value.is_finite(), "a number"),
+        "velocity_mps" | "position_m" if table == "off" => (value.is_finite(), "a number"),
+        "lever_arm_m" => (value.abs() <= 100.0, "100 m at most"),
+        "clock_drift" => (value.abs() <= 0.01, "s/s, 0.01 at most"),
         "dropped_fraction" => ((0.0..1.0).contains(&value), "0 to below 1"),
         "fraction" => ((0.0..=1.0).contains(&value), "0 to 1"),
-        "latency_s[0]" | "latency_s[1]" => (value.abs() <= 10.0, "10 s at most"),
+        "latency_s" => (value.abs() <= 10.0, "10 s at most"),
         "rate_hz" if value > 1000.0 && value.is_finite() => (false, "1000 at most"),
         "rate_hz" | "gyro_range_deg_s" | "accel_range_mps2" | "warming_s" | "interval_s"
         | "correlation_time_s" | "time_s" | "logged_times" => {

@@ -5,7 +5,7 @@ use ins_core::{BaroHeight, GnssFix, ImuOutput, ImuSample, Solution, Time};
 use nalgebra::{Matrix3, Vector3};
 
 use super::car::Car;
-use super::errors::ErrorModel;
+use super::errors::{ErrorModel, MOST_JITTER};
 use super::gnss::{Gnss, arrivals};
 use super::ideal::{IdealSensors, TrueState};
 use super::imu::Imu;
@@ -23,6 +23,9 @@ impl Grade {
         }
     }
 }
+
+/// Inertial samples a second, where nothing else is said.
+pub const IMU_HZ: f64 = 100.0;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
@@ -57,7 +60,7 @@ impl DriveConfig {
             recording: Recording {
                 seed,
                 duration_s: 60.0 * minutes,
-                imu_hz: 100.0,
+                imu_hz: IMU_HZ,
                 truth_every: 10,
                 origin: Geodetic {
                     latitude_rad: 55.75_f64.to_radians(),
@@ -244,8 +247,7 @@ impl Recorder {
     pub(crate) fn go_on<M: Motion>(&mut self, sensors: &mut IdealSensors<M>, end: Time) {
         let imu_hz = self.recording.imu_hz;
         let model = &self.recording.errors.imu;
-        // Stamps stay in order.
-        let jitter_s = model.stamp_jitter_s.min(0.49 / imu_hz);
+        let jitter_s = model.stamp_jitter_s.min(MOST_JITTER / imu_hz);
         let stamp = |count: u32| Time::default().plus_seconds(f64::from(count) / imu_hz);
         while stamp(self.count + 1) <= end {
             self.count += 1;

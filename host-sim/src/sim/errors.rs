@@ -28,6 +28,9 @@ pub struct ErrorModel {
     pub given_heading_sigma_deg: Option<f64>,
 }
 
+/// Part of the time between two samples that their stamps may be off by: they stay in order.
+pub const MOST_JITTER: f64 = 0.49;
+
 /// What the inertial unit does to all its samples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -40,7 +43,8 @@ pub struct ImuModel {
     /// Part of the samples that never arrive, 0 to 1.
     #[serde(default)]
     pub dropped_fraction: f64,
-    /// Stamps are off by up to this, s; the samples themselves come regularly.
+    /// Stamps are off by up to this, s; the samples themselves come regularly. At most
+    /// [`MOST_JITTER`] of the time between two.
     #[serde(default, skip_serializing_if = "is_default")]
     pub stamp_jitter_s: f64,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -169,6 +173,31 @@ impl BiasModel {
         }
     }
 
+    /// Spread so long after the start, U.
+    pub fn sigma_after(&self, time_s: f64) -> f64 {
+        match *self {
+            Self::Wave {
+                initial_sigma,
+                interval_s,
+                jump_mean,
+                jump_sigma,
+            } => {
+                let jumps = time_s / interval_s;
+                let walked = libm::hypot(jump_sigma * jumps.sqrt(), jump_mean * jumps);
+                libm::hypot(initial_sigma, walked)
+            }
+            Self::Continuous {
+                initial_sigma,
+                slope_sigma_per_s,
+                correlated_sigma,
+                ..
+            } => {
+                let moved = libm::hypot(slope_sigma_per_s * time_s, correlated_sigma);
+                libm::hypot(initial_sigma, moved)
+            }
+        }
+    }
+
     /// Run-to-run spread at the start, U.
     pub fn initial_sigma(&self) -> f64 {
         match self {
@@ -206,11 +235,42 @@ pub struct Outage {
     pub duration_s: f64,
 }
 
+impl GnssModel {
+    /// Part of the last epoch that a smoothed one keeps.
+    pub(super) fn smoothing_keep(&self) -> f64 {
+        let time_s = self.habits.smoothing_s;
+        if time_s > 0.0 {
+            libm::exp(-1.0 / (self.rate_hz * time_s))
+        } else {
+            0.0
+        }
+    }
+
+    /// How many epochs smoothing lags behind a steady change.
+    pub fn smoothing_epochs(&self) -> f64 {
+        let keep = self.smoothing_keep();
+        keep / (1.0 - keep)
+    }
+}
+
 impl ErrorModel {
     pub fn from_toml(text: &str) -> Result<Self, ErrorModelError> {
         let model: Self = toml::from_str(text)?;
         check(&model)?;
         Ok(model)
+    }
+
+    /// Whether a unit of so many samples a second can have it.
+    pub fn check_at(&self, imu_hz: f64) -> Result<(), ErrorModelError> {
+        let jitter_s = self.imu.stamp_jitter_s;
+        if jitter_s <= MOST_JITTER / imu_hz {
+            return Ok(());
+        }
+        Err(ErrorModelError::Value {
+            key: "imu.stamp_jitter_s".into(),
+            value: jitter_s,
+            expected: "at most 0.49 of the time between two samples, whose stamps stay in order",
+        })
     }
 
     /// The same with some keys of the file set otherwise. A bias of another model stands whole.

@@ -26,7 +26,8 @@ pub struct Gnss {
     last_place: Option<Geodetic>,
     /// Where one that holds still does so.
     held: Option<Geodetic>,
-    last_good: Option<GnssFix>,
+    /// What it knew when nothing was wrong last.
+    last_good: Option<(Time, Antenna)>,
 }
 
 impl Gnss {
@@ -68,7 +69,6 @@ impl Gnss {
     /// change by smoothing or by the mean of a difference, and under the last stamp of a fix that is
     /// logged several times.
     pub fn lag_s(&self) -> f64 {
-        let keep = self.smoothing_keep();
         let habits = &self.model.habits;
         let times = f64::from(habits.logged_times);
         let half = if habits.velocity_by_differences {
@@ -76,17 +76,7 @@ impl Gnss {
         } else {
             0.0
         };
-        (keep / (1.0 - keep) + 1.0 - 1.0 / times + half) / self.model.rate_hz
-    }
-
-    /// Part of the last epoch that a smoothed one keeps.
-    fn smoothing_keep(&self) -> f64 {
-        let time_s = self.model.habits.smoothing_s;
-        if time_s > 0.0 {
-            libm::exp(-1.0 / (self.model.rate_hz * time_s))
-        } else {
-            0.0
-        }
+        (self.model.smoothing_epochs() + 1.0 - 1.0 / times + half) / self.model.rate_hz
     }
 
     /// Adds the fixes that show the motion between two states.
@@ -106,9 +96,10 @@ impl Gnss {
             }
             let antenna = Antenna::between(from, to, shown_s, &self.model.habits.lever_arm_m);
             let differenced = self.differenced(noise.on(&antenna));
-            let seen = self.smooth(differenced);
+            let smoothed = self.smooth(differenced);
+            // In an outage, too: what has moved meanwhile is let go.
+            let seen = self.hold(outlier.on(&smoothed));
             if !self.model.outages.iter().any(|out| out.holds(stamp_s)) {
-                let seen = self.hold(outlier.on(&seen));
                 let fix = self.logged(stamp_s, &seen);
                 let times = f64::from(self.model.habits.logged_times);
                 fixes.extend((0..self.model.habits.logged_times).map(|copy| {
@@ -166,7 +157,7 @@ impl Gnss {
     }
 
     fn smooth(&mut self, seen: Antenna) -> Antenna {
-        let keep = self.smoothing_keep();
+        let keep = self.model.smoothing_keep();
         let last = self.smoothed.filter(|_| keep > 0.0);
         let now = last.map_or(seen, |last| {
             let off = Errors {
@@ -213,10 +204,10 @@ impl Gnss {
         let trouble = troubles
             .find(|trouble| trouble.holds(stamp_s) && !matches!(trouble.wrong, Wrong::Noisy(_)));
         let Some(trouble) = trouble else {
-            self.last_good = Some(good);
+            self.last_good = Some((time, *seen));
             return good;
         };
-        let last = self.last_good;
+        let (last_time, last) = self.last_good.unwrap_or((time, *seen));
         match trouble.wrong {
             Wrong::ZeroVelocity => self.fix(time, position, &Vector3::zeros()),
             Wrong::Off {
@@ -228,16 +219,17 @@ impl Gnss {
                 self.fix(time, &displaced(position, &away), &(velocity + off))
             }
             Wrong::Zeros => self.fix(time, &Geodetic::default(), &Vector3::zeros()),
-            Wrong::Stuck => GnssFix {
-                time,
-                ..last.unwrap_or(good)
-            },
+            Wrong::Stuck => self.fix(time, &last.position, &last.velocity_enu_mps),
             Wrong::NoPosition => GnssFix {
                 position: None,
                 height_m: None,
                 ..good
             },
-            Wrong::Coasting => last.map_or(good, |last| self.coasted(&last, &good)),
+            Wrong::Coasting => {
+                let way = time.seconds_since(last_time) * last.velocity_enu_mps;
+                let place = displaced(&last.position, &way);
+                self.fix(time, &place, &last.velocity_enu_mps)
+            }
             Wrong::Float(position_m) => {
                 let off = Vector3::from(position_m);
                 let mut fix = self.fix(time, &displaced(position, &off), velocity);
@@ -248,15 +240,6 @@ impl Gnss {
             }
             Wrong::Noisy(_) => good,
         }
-    }
-
-    /// The last fix, as far on as it has come by the time of another; that one where it had no place.
-    fn coasted(&self, last: &GnssFix, now: &GnssFix) -> GnssFix {
-        let velocity = last.velocity_enu_mps();
-        let way = now.time.seconds_since(last.time) * velocity;
-        last.geodetic_or(0.0).map_or(*now, |place| {
-            self.fix(now.time, &displaced(&place, &way), &velocity)
-        })
     }
 
     /// What is measured, less what this receiver does not give.

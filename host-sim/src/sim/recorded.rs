@@ -12,16 +12,11 @@ pub struct RecordedNoise {
     /// Stretches of rest, sample by sample: gyros, accelerometers.
     stretches: Vec<Vec<[Vector3<f64>; 2]>>,
     block: usize,
-    pub rate_hz: f64,
 }
 
 impl RecordedNoise {
     /// Of stretches of rest, of which at least one is as long as a block.
-    pub fn new(
-        mut stretches: Vec<Vec<[Vector3<f64>; 2]>>,
-        block: usize,
-        rate_hz: f64,
-    ) -> Option<Self> {
+    pub fn new(mut stretches: Vec<Vec<[Vector3<f64>; 2]>>, block: usize) -> Option<Self> {
         stretches.retain(|stretch| stretch.len() >= block);
         for stretch in &mut stretches {
             let count = stretch.len() as f64;
@@ -35,11 +30,7 @@ impl RecordedNoise {
                 }
             }
         }
-        (block > 0 && !stretches.is_empty()).then_some(Self {
-            stretches,
-            block,
-            rate_hz,
-        })
+        (block > 0 && !stretches.is_empty()).then_some(Self { stretches, block })
     }
 
     /// Root mean squares, gyros and accelerometers: those of another recording are others.
@@ -107,7 +98,7 @@ mod tests {
             let value = if (at / 5).is_multiple_of(2) { 4.0 } else { 2.0 };
             [Vector3::repeat(value), Vector3::repeat(-value)]
         };
-        let recording = RecordedNoise::new(vec![(0..200).map(wave).collect()], 50, 100.0).unwrap();
+        let recording = RecordedNoise::new(vec![(0..200).map(wave).collect()], 50).unwrap();
         let mut noise = Resampled::new(&recording, 7);
         let drawn: Vec<[Vector3<f64>; 2]> = (0..5000).map(|_| noise.step()).collect();
         let sizes = drawn
@@ -126,6 +117,6 @@ mod tests {
     #[test]
     fn a_rest_shorter_than_a_block_is_none() {
         let short = vec![vec![[Vector3::zeros(); 2]; 49]];
-        assert_eq!(RecordedNoise::new(short, 50, 100.0), None);
+        assert_eq!(RecordedNoise::new(short, 50), None);
     }
 }

@@ -88,11 +88,6 @@ pub fn of_receiver(world: &World, config: Config) -> Config {
 /// missing.
 pub fn fixes(world: &World, drive: &SimulatedDrive) -> Vec<GnssFix> {
     let model = &world.errors.gnss;
-    let lag_epochs = if model.habits.smoothing_s > 0.0 {
-        drive.errors.gnss_lag_s * model.rate_hz
-    } else {
-        0.0
-    };
     let mut last: Option<GnssFix> = None;
     let mut told = Vec::new();
     for fix in &drive.gnss {
@@ -101,7 +96,7 @@ pub fn fixes(world: &World, drive: &SimulatedDrive) -> Vec<GnssFix> {
             ..last
         });
         if again != Some(*fix) && !is_made_up(fix, &model.habits) {
-            let unsmoothed = unsmoothed(fix, last.as_ref(), lag_epochs, model);
+            let unsmoothed = unsmoothed(fix, last.as_ref(), model);
             told.extend(unsmoothed.map(|fix| own(fix, &model.habits)));
             last = Some(*fix);
         }
@@ -109,14 +104,11 @@ pub fn fixes(world: &World, drive: &SimulatedDrive) -> Vec<GnssFix> {
     told
 }
 
-/// Each smoothed value is so many epochs of its last change behind; `None` where the epoch before
-/// is missing.
-fn unsmoothed(
-    fix: &GnssFix,
-    last: Option<&GnssFix>,
-    lag_epochs: f64,
-    model: &GnssModel,
-) -> Option<GnssFix> {
+/// Each smoothed value is some epochs of its last change behind; `None` where the epoch before is
+/// missing.
+fn unsmoothed(fix: &GnssFix, last: Option<&GnssFix>, model: &GnssModel) -> Option<GnssFix> {
+    // Repeated rows and differences lag too, but not by what smoothing has kept.
+    let lag_epochs = model.smoothing_epochs();
     let Some(last) = last.filter(|_| lag_epochs > 0.0) else {
         return Some(*fix);
     };
@@ -143,7 +135,9 @@ fn unsmoothed(
 
 /// Whether the receiver holds still, bridges a hole, or says that it has no fixed ambiguities.
 fn is_made_up(fix: &GnssFix, habits: &Habits) -> bool {
-    let holds = habits.holds_below_mps > 0.0 && fix.velocity_enu_mps() == Vector3::zeros();
+    let holds = habits.holds_below_mps > 0.0
+        && fix.velocity_en_mps.is_some()
+        && fix.velocity_enu_mps() == Vector3::zeros();
     let mut troubles = habits.troubles.iter();
     let made_up = |wrong: Wrong| matches!(wrong, Wrong::Coasting | Wrong::Float(_));
     holds || troubles.any(|t| made_up(t.wrong) && t.holds(fix.time.as_seconds()))
@@ -207,6 +201,36 @@ mod tests {
             assert!(plain.len() > 700);
             assert_same(&told, &plain);
         }
+    }
+
+    /// The repeats of a row are no epochs of smoothing, and neither is the half one of a difference.
+    #[test]
+    fn habits_are_undone_together() {
+        let [told, plain] = told_and_plain(|world| {
+            world.habits().smoothing_s = 0.8;
+            world.habits().logged_times = 3;
+            world.habits().up = Up::Down;
+        });
+        assert_same(&told, &plain);
+        let [told, mut plain] = told_and_plain(|world| {
+            world.habits().smoothing_s = 0.8;
+            world.habits().logged_times = 2;
+            world.habits().velocity_by_differences = true;
+        });
+        for fix in &mut plain {
+            (fix.velocity_en_mps, fix.velocity_up_mps) = (None, None);
+        }
+        assert_same(&told, &plain);
+    }
+
+    /// A receiver without velocities does not say when it holds still.
+    #[test]
+    fn positions_alone_are_not_taken_for_made_up() {
+        let [told, _] = told_and_plain(|world| {
+            world.habits().gives_velocity = false;
+            world.habits().holds_below_mps = 0.3;
+        });
+        assert!(told.len() > 300, "{}", told.len());
     }
 
     #[test]
