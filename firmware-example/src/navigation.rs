@@ -5,7 +5,7 @@ use core::fmt::Write as _;
 
 use critical_section::Mutex;
 use ins_core::{
-    Config, Estimate, Estimates, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Manoeuvre, Navigator,
+    Config, Estimate, Estimates, FixReport, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Manoeuvre, Navigator,
     Observability, Phase, Solution, Time,
 };
 use ins_link::{Answer, NotStarted, Report, Responder, StartError, Started, Timer};
@@ -66,7 +66,6 @@ impl Navigates for Navigation {
     ) -> Result<Answer<GnssOutcome>, NotStarted> {
         let (responder, log) = self.running.as_mut().ok_or(NotStarted)?;
         let answer = responder.on_gnss(fix, timer);
-        log.on_fix(fix.time, answer.outcome);
         log.on_report(&answer.report);
         Ok(answer)
     }
@@ -106,11 +105,16 @@ impl Log {
         self.refused_sample = refused;
     }
 
-    fn on_fix(&mut self, time: Time, outcome: GnssOutcome) {
-        let taken = matches!(outcome, GnssOutcome::Accepted | GnssOutcome::Queued);
-        let refused = (!taken).then_some(outcome);
+    /// Also of those that were queued first.
+    fn on_fix(&mut self, fix: &FixReport) {
+        let taken = fix.outcome == GnssOutcome::Accepted;
+        let refused = (!taken).then_some(fix.outcome);
         if refused != self.refused_fix && !taken {
-            defmt::warn!("fix of {=u64:us} s refused: {}", micros(time), outcome);
+            defmt::warn!(
+                "fix of {=u64:us} s refused: {}",
+                micros(fix.time),
+                fix.outcome
+            );
         }
         self.refused_fix = refused;
     }
@@ -123,6 +127,9 @@ impl Log {
         if report.manoeuvre != self.manoeuvre {
             defmt::debug!("manoeuvre: {}", report.manoeuvre);
             self.manoeuvre = report.manoeuvre;
+        }
+        if let Some(fix) = &report.settled {
+            self.on_fix(fix);
         }
         if let Some(estimates) = &report.estimates {
             self.on_estimates(estimates);

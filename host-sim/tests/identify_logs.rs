@@ -4,10 +4,12 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
+use host_sim::identify::run::identify;
 use host_sim::log::{self, BodyAxes, Compression, Grade, Log, Meta};
 use host_sim::sim::errors::Outage;
 use host_sim::sim::{DriveConfig, ErrorModel, SimulatedDrive, simulate};
-use ins_core::ImuSample;
+use indicatif::ProgressBar;
+use ins_core::{Config, GnssOutcome, ImuSample};
 use serde_json::Value;
 
 fn host_sim(home: &Path, arguments: &[&str]) -> bool {
@@ -131,4 +133,28 @@ fn a_log_that_ends_after_a_hole_is_told_what_it_lost() {
     let tuned: Value = serde_json::from_slice(&tuned.stdout).unwrap();
     let against = tuned["verdict"]["against"].to_string();
     assert!(against.contains("not found anew"), "{against}");
+}
+
+/// A navigating core queues a fix first; what becomes of it shows only later.
+#[test]
+fn fixes_that_were_queued_and_then_refused_are_counted_as_refused() {
+    let config = DriveConfig::new(3, Grade::Hg1700, 6.0);
+    let mut drive = simulate(&config);
+    let mut wild = 0;
+    for fix in drive.gnss.iter_mut().skip(3000).step_by(50) {
+        if let Some(velocity_mps) = &mut fix.velocity_en_mps {
+            velocity_mps.x += 40.0;
+        }
+        fix.position = None;
+        fix.height_m = None;
+        fix.velocity_up_mps = None;
+        wild += 1;
+    }
+    let log = drive.into_log(BodyAxes::Rfu, config.recording.errors.imu.output);
+    let found = identify(&log, Config::hg1700(), &ProgressBar::hidden()).unwrap();
+    let outcomes = found.gnss_outcomes();
+    let mut refused = outcomes.iter().filter(|one| one.0 == GnssOutcome::Outlier);
+    let refused = refused.next().map_or(0, |(_, count)| *count);
+    // A wild one goes with the neighbour that it is compared with.
+    assert!((wild..=2 * wild).contains(&refused), "{refused} of {wild}");
 }

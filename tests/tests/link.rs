@@ -2,7 +2,9 @@
 
 use ins_core::damping::DampingSignals;
 use ins_core::earth::{Geodetic, LatLon};
-use ins_core::{Config, Estimates, FixSigma, GnssFix, ImuSample, Solution, Time};
+use ins_core::{
+    Config, Estimates, FixReport, FixSigma, GnssFix, GnssOutcome, ImuSample, Solution, Time,
+};
 use ins_link::{
     Answer, Decoder, FromBoard, LOG_BYTES, MAX_FRAME, Receiver, Reply, Report, Request, VERSION,
     encode,
@@ -177,6 +179,11 @@ fn the_longest_messages_fit() {
             solution: Some(solution),
             estimates: Some(Estimates::default()),
             signals: Some(signals),
+            settled: Some(FixReport {
+                time: Time::from_micros(i64::MIN),
+                fixes: u8::MAX,
+                outcome: GnssOutcome::Outlier,
+            }),
         },
         ticks: u32::MAX,
     }));

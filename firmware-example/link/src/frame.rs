@@ -5,7 +5,7 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 /// Version of messages and framing; frames of another are counted and dropped.
-pub const VERSION: u8 = 4;
+pub const VERSION: u8 = 5;
 /// Longest frame on the wire, with its closing zero, bytes.
 pub const MAX_FRAME: usize = 768;
 

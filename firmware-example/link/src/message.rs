@@ -2,7 +2,9 @@
 
 use ins_core::Manoeuvre;
 use ins_core::damping::DampingSignals;
-use ins_core::{Config, Estimates, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Phase, Solution};
+use ins_core::{
+    Config, Estimates, FixReport, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Phase, Solution,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::frame::{Counters, Message};
@@ -140,6 +142,8 @@ pub struct Report {
     pub estimates: Option<Estimates>,
     /// The damping signals of the last fix used, if they have changed.
     pub signals: Option<DampingSignals>,
+    /// What became of fixes, one that was queued among them, if more is known of them.
+    pub settled: Option<FixReport>,
 }
 
 /// Health of the firmware since the session began.

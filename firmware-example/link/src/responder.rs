@@ -2,7 +2,7 @@
 
 use ins_core::damping::DampingSignals;
 use ins_core::{
-    Config, ConfigError, Estimates, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Navigator,
+    Config, ConfigError, Estimates, FixReport, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Navigator,
 };
 
 use crate::message::{Answer, Reply, Report, Request};
@@ -28,6 +28,7 @@ pub struct Responder {
     samples: u32,
     estimates: Option<Estimates>,
     signals: Option<DampingSignals>,
+    settled: Option<FixReport>,
 }
 
 impl Responder {
@@ -42,6 +43,7 @@ impl Responder {
             samples: 0,
             estimates: None,
             signals: None,
+            settled: None,
         })
     }
 
@@ -79,6 +81,10 @@ impl Responder {
                 .then(|| changed(&mut self.estimates, navigator.estimates()))
                 .flatten(),
             signals: changed(&mut self.signals, navigator.damping_signals()),
+            settled: navigator
+                .health()
+                .last_fix
+                .and_then(|fix| changed(&mut self.settled, fix)),
         };
         Answer {
             outcome,

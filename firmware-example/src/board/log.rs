@@ -33,13 +33,9 @@ static BUFFER: Mutex<RefCell<Buffer>> = Mutex::new(RefCell::new(Buffer {
 
 /// The next piece of the log; empty if there is nothing to tell.
 pub fn take() -> Vec<u8, LOG_BYTES> {
-    critical_section::with(|cs| {
-        let mut buffer = BUFFER.borrow_ref_mut(cs);
-        let length = buffer.bytes.len().min(LOG_BYTES);
-        (0..length)
-            .filter_map(|_| buffer.bytes.pop_front())
-            .collect()
-    })
+    // One by one: bytes of the link come in between.
+    let next = || critical_section::with(|cs| BUFFER.borrow_ref_mut(cs).bytes.pop_front());
+    (0..LOG_BYTES).map_while(|_| next()).collect()
 }
 
 /// Lines that found the buffer full, since reset.

@@ -113,6 +113,7 @@ fn in_answers<O: PartialEq>(one: &Answer<O>, other: &Answer<O>) -> &'static str 
         (a.solution == b.solution, "solution"),
         (a.estimates == b.estimates, "estimates"),
         (a.signals == b.signals, "damping signals"),
+        (a.settled == b.settled, "what became of fixes"),
     ];
     let first = parts.iter().find(|(same, _)| !same);
     first.map_or("sign of a zero", |(_, name)| name)
@@ -189,8 +190,8 @@ impl Bench {
                 self.sample_ticks.add(reply.ticks);
             }
             (Request::Gnss(fix), Some(Reply::Gnss(Ok(reply)))) => {
-                self.keep(&reply.report);
                 self.recorder.on_fix(fix.time, reply.outcome);
+                self.keep(&reply.report);
                 self.fix_ticks.add(reply.ticks);
             }
             _ => {}
@@ -204,6 +205,7 @@ impl Bench {
         latest.solution = report.solution;
         latest.estimates = report.estimates.unwrap_or(latest.estimates);
         latest.signals = report.signals.unwrap_or(latest.signals);
+        self.recorder.on_settled(report.settled);
     }
 
     /// What the board has identified, after the log.

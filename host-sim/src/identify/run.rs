@@ -4,7 +4,8 @@ use std::borrow::Borrow;
 
 use indicatif::ProgressBar;
 use ins_core::{
-    Config, ConfigError, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Navigator, Solution, Time,
+    Config, ConfigError, FixReport, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Navigator,
+    Solution, Time,
 };
 
 use crate::identify::against_truth::{self, AgainstTruth};
@@ -84,6 +85,7 @@ pub(crate) fn record(
                 run.judge(sample.time, &navigator);
                 let outcome = navigator.on_imu(&sample);
                 run.on_sample(sample.time, outcome, || Row::of(sample.time, &navigator));
+                run.on_settled(navigator.health().last_fix);
                 while let Some(height) = heights.next_if(|height| height.time <= sample.time) {
                     let _ = navigator.on_baro(height);
                 }
@@ -93,6 +95,7 @@ pub(crate) fn record(
                 run.innovations.expect(fix);
                 run.judge(fix.time, &navigator);
                 run.on_fix(fix.time, navigator.on_gnss(fix));
+                run.on_settled(navigator.health().last_fix);
             }
         }
         if count % PROGRESS_EVERY == 0 {
@@ -110,6 +113,7 @@ pub struct Recorder {
     solutions: Vec<Solution>,
     imu_outcomes: Counts<ImuOutcome>,
     fixes: Vec<(Time, GnssOutcome)>,
+    settled: Option<FixReport>,
     innovations: Innovations,
 }
 
@@ -132,6 +136,22 @@ impl Recorder {
 
     pub fn on_fix(&mut self, time: Time, outcome: GnssOutcome) {
         self.fixes.push((time, outcome));
+    }
+
+    /// What became of fixes that were queued, the last of which is reported; others have been answered.
+    pub fn on_settled(&mut self, report: Option<FixReport>) {
+        let Some(report) = report.filter(|_| report != self.settled) else {
+            return;
+        };
+        self.settled = Some(report);
+        let queued = |fix: &&mut (Time, GnssOutcome)| fix.1 == GnssOutcome::Queued;
+        let mut waiting = self.fixes.iter_mut().rev().filter(queued).peekable();
+        while waiting.next_if(|fix| fix.0 > report.time).is_some() {}
+        if waiting.peek().is_some_and(|fix| fix.0 == report.time) {
+            for fix in waiting.take(report.fixes.into()) {
+                fix.1 = report.outcome;
+            }
+        }
     }
 
     /// After the log, with the navigator's last words.

@@ -99,6 +99,7 @@ impl<P> Navigation<P> {
             solution: None,
             estimates: None,
             signals: None,
+            settled: None,
         };
         Answer {
             outcome,
