@@ -104,7 +104,10 @@ fn a_comparison_says_what_each_method_found() {
         let method = methods.find(|method| method.method == name).unwrap();
         method.trajectory.unwrap()
     };
-    let (exact, kalman) = (error("compensation, exact"), error("Kalman, exact noise"));
+    let (exact, kalman) = (
+        error("compensation, exact"),
+        error("Kalman, noise of the class"),
+    );
     assert!(error("its smoother").velocity_mps < 0.7 * kalman.velocity_mps);
     assert!(exact.heading_deg < 0.5 && kalman.heading_deg < 0.5);
     assert_eq!(comparison.costs.len(), 5);

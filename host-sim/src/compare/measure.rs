@@ -26,8 +26,6 @@ pub const COMPARED: [(&str, &str, &str); 8] = [
 /// promised of ring lasers, and what a good calibration leaves of consumer sensors.
 const FOUND_HG1700: [f64; 8] = [0.06, 0.08, 0.08, 0.08, 0.5, 0.5, 0.5, 2.0];
 const FOUND_MEMS: [f64; 8] = [0.5, 2.0, 2.0, 2.0, 30.0, 30.0, 30.0, 10.0];
-/// Longest distance between points of the truth that is bridged, s.
-const TRUTH_GAP_S: f64 = 0.6;
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MethodResult {
@@ -157,5 +155,5 @@ fn heading_error_deg(solution: &Solution, truth: &Solution) -> f64 {
 }
 
 pub(crate) fn truth_at(log: &Log, time: Time) -> Option<Solution> {
-    against_truth::truth_at(&log.truth, time, TRUTH_GAP_S)
+    against_truth::truth_at(&log.truth, time)
 }

@@ -11,6 +11,7 @@ pub(crate) mod tracks;
 use std::path::Path;
 
 use indicatif::ProgressBar;
+use ins_core::Time;
 use miette::{Result, miette};
 use plotters::style::RGBColor;
 use serde::Serialize;
@@ -59,6 +60,9 @@ pub struct Comparison {
     pub costs: Vec<Cost>,
     /// Drift without GNSS; none where no outage fits.
     pub outages: Option<OutageTest>,
+    /// Of the log.
+    #[serde(skip)]
+    start: Time,
     #[serde(skip)]
     tracks: Vec<Track>,
     #[serde(skip)]
@@ -67,7 +71,9 @@ pub struct Comparison {
 
 impl Comparison {
     pub fn of_log(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Self> {
-        let read = analysis::Input::read(folder, grade, progress)?;
+        let mut read = analysis::Input::read(folder, grade, progress)?;
+        // Which no other method knows.
+        read.log.baro.clear();
         let (log, config, grade, truth) = (&read.log, read.config, read.grade, read.truth);
         let input = Input {
             log,
@@ -92,6 +98,7 @@ impl Comparison {
             methods: measure::results(&input, grade, &tracks),
             costs,
             outages,
+            start: log.start(),
             tracks,
             truth,
         })
@@ -157,7 +164,7 @@ impl Comparison {
             title: format!("{}: compensation and Kalman", self.log),
             facts: format!(
                 "{:.1} min \u{b7} body axes {} \u{b7} sensor class {} \u{b7} all methods on the same \
-                 samples and fixes, from the same alignment",
+                 samples and fixes, from the same alignment, without a barometer",
                 self.duration_s / 60.0,
                 self.body_axes,
                 self.grade.name()
@@ -176,15 +183,13 @@ impl Comparison {
 
     /// One estimate by every method, as it converges.
     fn figure(&self, which: usize) -> Figure {
-        let starts = self.tracks.iter().filter_map(|track| track.points.first());
-        let first = starts.map(|p| p.time).min().unwrap_or_default();
         let (_, title, unit) = COMPARED[which];
         let mut chart = Chart::over_time(title, unit, self.duration_s);
         let mut settled = Vec::new();
         for (track, (method, colour)) in self.tracks.iter().zip(CURVES) {
             let point = |p: &Point| {
                 let value = columns(self.body_axes, p)[which].value;
-                (p.time.seconds_since(first), value)
+                (p.time.seconds_since(self.start), value)
             };
             let line: Vec<_> = track.points.iter().map(point).collect();
             settled.extend(line.iter().skip(line.len() / 4).map(|point| point.1));

@@ -22,7 +22,7 @@ pub(crate) struct Input<'a> {
     pub(crate) truth: Option<&'a Truth>,
 }
 
-/// What the filter is told: the truth where it is known, that is for a simulated class of sensors.
+/// What the filter is told: of a simulated log the noise of its class.
 pub(crate) fn noise(grade: Grade, config: &Config, simulated: bool) -> Noise {
     if simulated {
         Noise::of_model(&grade.errors())
@@ -59,7 +59,7 @@ impl Track {
 
 pub fn all(input: &Input) -> Result<Vec<Track>, ConfigError> {
     let told = if input.truth.is_some() {
-        "exact noise"
+        "noise of the class"
     } else {
         "noise as configured"
     };

@@ -31,7 +31,7 @@ pub struct AgainstTruth {
 /// Horizontal error at a time.
 pub type Point = (Time, LevelError);
 
-/// Root mean squares over the second half of the solution.
+/// Root mean squares over the second half of the solution, all over one span: a hole in the samples ends it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TruthErrors {
     pub damped: LevelError,
@@ -42,10 +42,12 @@ pub struct TruthErrors {
 }
 
 impl AgainstTruth {
-    /// Root mean squares from where the free ones begin.
+    /// Root mean squares from where the free ones begin to where they end.
     pub fn errors(&self) -> TruthErrors {
+        let until = self.free.last().map_or(self.free_from, |(time, _)| *time);
         let rms = |points: &[Point]| {
-            let late = || (points.iter()).filter(|(time, _)| *time >= self.free_from);
+            let inside = |time: &Time| (self.free_from..=until).contains(time);
+            let late = || points.iter().filter(|(time, _)| inside(time));
             LevelError {
                 position_m: rms(late().map(|(_, error)| error.position_m)),
                 velocity_mps: rms(late().map(|(_, error)| error.velocity_mps)),
@@ -71,7 +73,7 @@ pub fn check(
     let mut damped = Vec::new();
     for solution in solutions {
         if let Some(truth) =
-            truth_at(&log.truth, solution.time, HOLE_S).filter(|_| due(&damped, solution.time))
+            truth_at(&log.truth, solution.time).filter(|_| due(&damped, solution.time))
         {
             damped.push((solution.time, LevelError::of(solution, &truth)));
         }
@@ -83,7 +85,7 @@ pub fn check(
         // Where samples end or are missing, so do the errors.
         let _ = feed(log, start.time, history, |interval, time| {
             ins.step(interval, height_m, config);
-            if let Some(truth) = truth_at(&log.truth, time, HOLE_S) {
+            if let Some(truth) = truth_at(&log.truth, time) {
                 height_m = truth.position.height_m;
                 if due(&errors, time) {
                     errors.push((time, ins.error(&truth)));
@@ -108,7 +110,7 @@ fn due(points: &[Point], now: Time) -> bool {
 }
 
 /// The reference at a time, between rows that are no further apart than a hole.
-pub(crate) fn truth_at(truth: &[Solution], time: Time, hole_s: f64) -> Option<Solution> {
+pub(crate) fn truth_at(truth: &[Solution], time: Time) -> Option<Solution> {
     let after = truth.partition_point(|row| row.time <= time);
     let before = truth.get(after.checked_sub(1)?)?;
     let since_s = time.seconds_since(before.time);
@@ -117,7 +119,7 @@ pub(crate) fn truth_at(truth: &[Solution], time: Time, hole_s: f64) -> Option<So
     }
     let next = truth.get(after)?;
     let span_s = next.time.seconds_since(before.time);
-    if span_s > hole_s {
+    if span_s > HOLE_S {
         return None;
     }
     let part = since_s / span_s;

@@ -178,6 +178,26 @@ impl Filter {
         }
     }
 
+    /// Begins again with what was known of sensors, receiver and antenna.
+    pub(super) fn keep_sensors_of(&mut self, lost: &Self) {
+        self.since = lost.since;
+        self.known = Known {
+            ins: self.known.ins,
+            colour: self.known.colour,
+            ..lost.known
+        };
+        let coloured: Vec<usize> = self.layout.coloured().map(|(_, state)| state).collect();
+        let kept: Vec<usize> = (index::ACCEL..self.layout.size)
+            .filter(|state| !coloured.contains(state))
+            .collect();
+        for (&row, &column) in kept
+            .iter()
+            .flat_map(|row| kept.iter().map(move |column| (row, column)))
+        {
+            self.covariance[(row, column)] = lost.covariance[(row, column)];
+        }
+    }
+
     pub fn sigmas(&self) -> States {
         sigmas(&self.covariance)
     }

@@ -30,6 +30,8 @@ pub struct Run<'a> {
     fixes_until: Option<Time>,
     covariance_at_every_sample: bool,
     state: State,
+    /// The filter before a hole that it did not bridge.
+    lost: Option<Box<Filter>>,
     last: Option<(Time, Increments)>,
 }
 
@@ -55,6 +57,7 @@ impl<'a> Run<'a> {
             fixes_until: None,
             covariance_at_every_sample: false,
             state: State::Aligning(Box::new(Navigator::new(config)?)),
+            lost: None,
             last: None,
         })
     }
@@ -127,6 +130,9 @@ impl<'a> Run<'a> {
         let _ = navigator.on_imu(sample);
         if let Some(start) = Start::of(navigator, sample.time, &self.noise) {
             let mut filter = Filter::new(&start, &self.noise);
+            if let Some(lost) = &self.lost {
+                filter.keep_sensors_of(lost);
+            }
             if self.covariance_at_every_sample {
                 filter.covariance_step_s = 0.0;
             }
@@ -155,13 +161,16 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// A hole too long to bridge: from the alignment on, as the core does.
+    /// A hole too long to bridge: from the alignment on, with what is known of the sensors.
     fn align_again(&mut self, sample: &ImuSample) {
         // A heading is given for the first sample, and is another one by now.
         self.config.heading = HeadingSource::Auto;
         // The configuration was accepted before.
         if let Ok(navigator) = Navigator::new(self.config) {
-            self.state = State::Aligning(Box::new(navigator));
+            let aligning = State::Aligning(Box::new(navigator));
+            if let State::Filtering(lost) = std::mem::replace(&mut self.state, aligning) {
+                self.lost = Some(lost);
+            }
             self.last = None;
             let _ = self.interval(sample);
             self.align(sample);
@@ -257,7 +266,7 @@ mod tests {
     use crate::sim::{DriveConfig, simulate};
 
     #[test]
-    fn the_heading_of_the_start_is_not_given_again_after_a_hole() {
+    fn after_a_hole_the_sensors_are_known_and_the_heading_of_the_start_is_not() {
         let mut with_hole = DriveConfig::new(3, Grade::Hg1700, 12.0);
         let model = &mut with_hole.recording.errors;
         model.imu.holes.push(Outage {
@@ -269,8 +278,13 @@ mod tests {
         let drive = simulate(&with_hole);
         let config = config_of(Grade::Hg1700, output, drive.given_heading_rad);
         let mut run = Run::new(&drive.imu, &drive.gnss, config, noise).unwrap();
+        let hole = Time::default().plus_seconds(299.0);
+        while run.step(&mut |_, _| {}).is_some_and(|time| time < hole) {}
+        let known = run.filter().expect("aligned").sigmas()[index::LATENCY];
         run.finish();
         let filter = run.filter().expect("aligned again");
+        let latency_sigma_s = filter.sigmas()[index::LATENCY];
+        assert!(latency_sigma_s < known, "{latency_sigma_s} after {known}");
         let truth = drive.truth.last().unwrap();
         assert_eq!(filter.time, truth.time);
         let attitude = filter.solution().attitude;

@@ -153,6 +153,8 @@ pub(crate) struct Course<'a> {
 struct Point {
     time: Time,
     position: Geodetic,
+    /// How long before that time the position was, s: a receiver's may be later than its velocities.
+    position_before_s: f64,
     velocity_en_mps: Vector2<f64>,
 }
 
@@ -161,23 +163,23 @@ impl<'a> Course<'a> {
     /// no outage fits.
     ///
     /// Recorded logs have no truth to trust: there the fixes that are kept from the navigators are
-    /// what they are compared with, at the moments that the latency found by the core gives them.
+    /// what they are compared with, at the moments that the delays found by the core give them.
     pub(crate) fn new(
         log: &'a Log,
         simulated: bool,
         config: Config,
     ) -> Result<Option<Self>, ConfigError> {
-        let (first, latency_s) = survey(log, config)?;
+        let (first, delays_s) = survey(log, config)?;
         let reference: Vec<Point> = if simulated {
             log.truth.iter().map(true_point).collect()
         } else {
             let fixes = log.gnss.iter();
-            fixes.filter_map(|fix| whole(fix, latency_s)).collect()
+            fixes.filter_map(|fix| whole(fix, delays_s)).collect()
         };
         let course = Self {
             log,
             #[cfg(feature = "peers")]
-            latency_s,
+            latency_s: delays_s[0],
             starts: first.map_or_else(Vec::new, |first| starts(log, first, &reference)),
             reference,
         };
@@ -207,7 +209,7 @@ impl<'a> Course<'a> {
             while let Some(start) = starts.next_if(reached) {
                 let mut run = run.clone();
                 run.take_fixes_until(*start);
-                drifts.push(self.drift(*start, || {
+                drifts.extend(self.drift(*start, || {
                     run.step(&mut |_, _| {})?;
                     Some(run.filter().map(Filter::solution))
                 }));
@@ -225,7 +227,7 @@ impl<'a> Course<'a> {
             let now = event.time();
             while let Some(start) = starts.next_if(|start| **start <= now) {
                 let (mut blind, mut samples) = (ins.clone(), log.imu.since(*start));
-                drifts.push(self.drift(*start, || {
+                drifts.extend(self.drift(*start, || {
                     blind.on_imu(&samples.next()?);
                     Some(blind.solution())
                 }));
@@ -238,8 +240,13 @@ impl<'a> Course<'a> {
         drifts
     }
 
-    /// Compares an outage that begins at `start`, step by step, until the reference or the log ends.
-    fn drift(&self, start: Time, mut step: impl FnMut() -> Option<Option<Solution>>) -> Drift {
+    /// Compares an outage that begins at `start`, step by step, until the reference or the log ends; none
+    /// of a navigator that has no solution somewhere in it, as one that aligns after a hole.
+    fn drift(
+        &self,
+        start: Time,
+        mut step: impl FnMut() -> Option<Option<Solution>>,
+    ) -> Option<Drift> {
         let after = |time: Time| self.reference.partition_point(|point| point.time <= time);
         let outage = after(start)..after(start.plus_seconds(OUTAGE_S));
         let mut points = self.reference[outage].iter().peekable();
@@ -250,12 +257,12 @@ impl<'a> Course<'a> {
         while points.peek().is_some()
             && let Some(solution) = step()
         {
-            let Some(solution) = solution else { continue };
+            let solution = solution?;
             while let Some(point) = points.next_if(|point| point.time <= solution.time) {
                 drift.take(&solution, point);
             }
         }
-        drift
+        Some(drift)
     }
 }
 
@@ -264,7 +271,8 @@ impl Drift {
     fn take(&mut self, solution: &Solution, point: &Point) {
         let since_s = solution.time.seconds_since(point.time);
         let velocity = solution.velocity_enu_mps.xy();
-        let position = solution.position.enu_from(&point.position).xy() - since_s * velocity;
+        let way_m = (since_s + point.position_before_s) * velocity;
+        let position = solution.position.enu_from(&point.position).xy() - way_m;
         self.position_end_m = position.norm();
         self.velocity_end_mps = (velocity - point.velocity_en_mps).norm();
         self.position_max_m = self.position_max_m.max(self.position_end_m);
@@ -272,9 +280,9 @@ impl Drift {
     }
 }
 
-/// What the core finds in a whole log: where outages may begin, and the latency at the end, if
-/// observable, s.
-fn survey(log: &Log, config: Config) -> Result<(Option<Time>, f64), ConfigError> {
+/// What the core finds in a whole log: where outages may begin, and of the end the latency and by how
+/// much positions are later, where observable, s.
+fn survey(log: &Log, config: Config) -> Result<(Option<Time>, [f64; 2]), ConfigError> {
     let mut navigator = Navigator::new(config)?;
     let mut settling = Settling::default();
     for event in in_order_of_time(log.imu.iter(), &log.gnss) {
@@ -289,22 +297,26 @@ fn survey(log: &Log, config: Config) -> Result<(Option<Time>, f64), ConfigError>
         settled, headed, ..
     } = settling;
     let first = settled.map(|settled| settled.max(headed.unwrap_or(settled)));
-    Ok((first, value(&navigator.estimates().gnss_latency_s)))
+    let found = navigator.estimates();
+    let delays = [found.gnss_latency_s, found.gnss_position_delay_s];
+    Ok((first, delays.map(|delay| value(&delay))))
 }
 
 fn true_point(truth: &Solution) -> Point {
     Point {
         time: truth.time,
         position: truth.position,
+        position_before_s: 0.0,
         velocity_en_mps: truth.velocity_enu_mps.xy(),
     }
 }
 
 /// A fix at its own moment, if it is whole.
-fn whole(fix: &GnssFix, latency_s: f64) -> Option<Point> {
+fn whole(fix: &GnssFix, [latency_s, position_before_s]: [f64; 2]) -> Option<Point> {
     Some(Point {
         time: fix.time.plus_seconds(-latency_s),
         position: fix.geodetic_or(0.0)?,
+        position_before_s,
         velocity_en_mps: fix.velocity_en_mps?,
     })
 }
