@@ -223,8 +223,8 @@ fn dataflash(drive: &Drive) -> Vec<u8> {
         &mut bytes,
         1,
         "IMU",
-        "QBffffff",
-        "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ",
+        "QQBffffff",
+        "TimeUS,SampleUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ",
     );
     describe(
         &mut bytes,
@@ -234,10 +234,13 @@ fn dataflash(drive: &Drive) -> Vec<u8> {
         "TimeUS,I,Status,Lat,Lng,Alt,Spd,GCrs,VZ",
     );
     describe(&mut bytes, 3, "BARO", "Qf", "TimeUS,Alt");
+    describe(&mut bytes, 4, "GPA", "QBf", "TimeUS,I,Und");
     for sample in &drive.imu {
         for instance in [0_u8, 1] {
             bytes.extend([0xa3, 0x95, 1]);
             bytes.extend(u64::from(millis(sample.time_s) * 1000).to_le_bytes());
+            // The driver does not say when it sampled.
+            bytes.extend(0_u64.to_le_bytes());
             bytes.push(instance);
             for value in sample.gyro.iter().chain(&sample.accel) {
                 let scale = if instance == 0 { 1.0 } else { 1.01 };
@@ -252,10 +255,15 @@ fn dataflash(drive: &Drive) -> Vec<u8> {
         bytes.extend([0, 3]);
         bytes.extend(whole(1e7 * fix.lat_deg).to_le_bytes());
         bytes.extend(whole(1e7 * fix.lon_deg).to_le_bytes());
-        bytes.extend(whole(1e2 * fix.height_m).to_le_bytes());
+        // The sea is 40 m above the ellipsoid, which counts from there.
+        bytes.extend(whole(1e2 * (fix.height_m - 40.0)).to_le_bytes());
         for value in [speed, course, -fix.up_mps] {
             bytes.extend(single(value));
         }
+        bytes.extend([0xa3, 0x95, 4]);
+        bytes.extend(u64::from(millis(fix.time_s) * 1000).to_le_bytes());
+        bytes.push(0);
+        bytes.extend(single(-40.0));
         bytes.extend([0xa3, 0x95, 3]);
         bytes.extend(u64::from(millis(fix.time_s) * 1000).to_le_bytes());
         bytes.extend(single(fix.height_m));
@@ -368,6 +376,8 @@ fn ulog_reads_as_the_drive() {
     assert_is_the_drive(&log, EXACT);
     assert!((log.gnss[0].sigma.position_m.unwrap() - 0.7).abs() < 1e-6);
     assert_heights(&log);
+    let packed = file(folder.path(), "flight.ulg.gz", packed(&ulog(&drive())));
+    assert_eq!(open(&packed).unwrap().0.imu, log.imu);
 }
 
 #[test]
@@ -451,6 +461,29 @@ fn ubx_reads_as_the_drive() {
             },
         );
     }
+}
+
+/// The receiver's clock goes on with the week, that of its sensors begins anew.
+#[test]
+fn ubx_of_a_receiver_that_was_started_anew_reads_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let Drive { imu, gnss } = drive();
+    let mut bytes = Vec::new();
+    for (index, sample) in imu.iter().enumerate() {
+        if index % (IMU_HZ / FIX_HZ) == 0 {
+            bytes.extend(nav_pvt(&gnss[index / (IMU_HZ / FIX_HZ)]));
+        }
+        let tag_ms = millis(sample.time_s) + 77_000;
+        let off_ms = if index < imu.len() / 2 { 0 } else { 106_000 };
+        bytes.extend(esf_meas(sample, tag_ms - off_ms));
+    }
+    let path = file(folder.path(), "drive.ubx", &bytes);
+    let within = 1.5e-3;
+    assert_is_the_drive(&open(&path).unwrap().0, Expected { within, ..EXACT });
+    // Two drives of one time are not one.
+    let path = file(folder.path(), "joined.ubx", bytes.repeat(2));
+    let error = open(&path).unwrap_err();
+    assert!(error.cause.contains("two logs joined"), "{error}");
 }
 
 // --- ROS ---
@@ -823,10 +856,53 @@ fn rtklib_beside_inertial_samples_reads_as_the_drive() {
     assert_is_the_drive(&log, EXACT);
 }
 
-/// The tables of a folder in one file.
+/// In what separators and angles the user likes; longitudes from 0 to 360 deg.
+#[test]
+fn rtklib_of_any_form_reads_as_the_drive() {
+    let folder = tempfile::tempdir().unwrap();
+    let imu = file(folder.path(), "imu0.csv", euroc(&drive()));
+    let angle = |deg: f64| {
+        let minutes = 60.0 * deg.fract();
+        format!(
+            "{:.0},{:.0},{:.7}",
+            deg.trunc(),
+            minutes.trunc(),
+            60.0 * minutes.fract()
+        )
+    };
+    for unit in ["deg", "d'\""] {
+        let mut text = format!(
+            "%  GPST    , latitude({unit}),longitude({unit}), height(m),  Q,    vn(m/s),    \
+             ve(m/s),    vu(m/s)\n"
+        );
+        for fix in drive().gnss {
+            let (lat, lon, v) = (fix.lat_deg, fix.lon_deg + 360.0, fix.velocity);
+            let place = match unit {
+                "deg" => format!("{lat:.9},{lon:.9}"),
+                _ => format!("{},{}", angle(lat), angle(lon)),
+            };
+            writeln!(
+                text,
+                "1970/01/01 00:00:{:06.3}, {place}, {:.4}, 1, {:.5}, {:.5}, {:.5}",
+                fix.time_s, fix.height_m, v.y, v.x, fix.up_mps
+            )
+            .unwrap();
+        }
+        let gnss = file(folder.path(), "solution.pos", text);
+        let (log, warnings) = read(&[gnss, imu.clone()], Choice::default()).unwrap();
+        assert!(warnings.is_empty(), "{warnings:?}");
+        assert_is_the_drive(&log, EXACT);
+    }
+}
+
+/// The tables of a folder in one file, behind bytes that another format begins with.
 fn zip(folder: &Path) -> PathBuf {
     let path = folder.join("phone.zip");
     let mut archive = zip::ZipWriter::new(fs::File::create(&path).unwrap());
+    let stored =
+        zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+    archive.start_file("Annotation.csv", stored).unwrap();
+    archive.write_all(&[0xb5, 0x62, 1, 7, 0, 0, 1, 2]).unwrap();
     for name in ["Gyroscope.csv", "TotalAcceleration.csv", "Location.csv"] {
         let options = zip::write::SimpleFileOptions::default();
         archive.start_file(name, options).unwrap();
@@ -856,14 +932,14 @@ fn a_phone_reads_as_the_drive() {
     file(folder.path(), "Gyroscope.csv", table(|s| s.gyro));
     file(folder.path(), "TotalAcceleration.csv", table(|s| s.accel));
     let mut text =
-        "time,seconds_elapsed,speedAccuracy,speed,bearing,altitude,longitude,latitude\n".to_owned();
+        "time,horizontalAccuracy,speedAccuracy,speed,bearing,altitude,longitude,latitude\n"
+            .to_owned();
     for fix in &gnss {
         let (speed, course) = speed_and_course(fix);
         writeln!(
             text,
-            "{},{},0.3,{speed},{course},{},{},{}",
+            "{},3.02,0.3,{speed},{course},{},{},{}",
             stamp(fix.time_s) * 1_000_000,
-            fix.time_s,
             fix.height_m,
             fix.lon_deg,
             fix.lat_deg
@@ -873,6 +949,8 @@ fn a_phone_reads_as_the_drive() {
     file(folder.path(), "Location.csv", text);
     let (log, warnings) = open(folder.path()).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
+    // Of a radius that holds 68 %.
+    assert!((log.gnss[0].sigma.position_m.unwrap() - 2.0).abs() < 1e-9);
     let (zipped, _) = open(&zip(folder.path())).unwrap();
     assert_eq!((&zipped.imu, &zipped.gnss), (&log.imu, &log.gnss));
     let expected = Expected {
@@ -1057,6 +1135,28 @@ fn tables_of_any_columns_read_as_the_drive() {
     let (log, warnings) = open(folder.path()).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
     assert_is_the_drive(&log, EXACT);
+}
+
+#[test]
+fn a_barometer_and_a_reference_beside_columns_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    tables(folder.path(), COLUMNS);
+    let (mut baro, mut truth) = (
+        "t_s,h_m\n".to_owned(),
+        "t_s,lat_deg,lon_deg,h_m,ve,vn,vu,roll_deg,pitch_deg,heading_deg\n".to_owned(),
+    );
+    for fix in drive().gnss {
+        let (t, h, v) = (fix.time_s, fix.height_m, fix.velocity);
+        let (lat, lon, up) = (fix.lat_deg, fix.lon_deg, fix.up_mps);
+        writeln!(baro, "{t},{h:.2}").unwrap();
+        writeln!(truth, "{t},{lat},{lon},{h},{},{},{up},0,0,0", v.x, v.y).unwrap();
+    }
+    file(folder.path(), "baro.csv", baro);
+    file(folder.path(), "truth.csv", truth);
+    let (log, warnings) = open(folder.path()).unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert_heights(&log);
+    assert_eq!(log.truth.len(), log.gnss.len());
 }
 
 #[test]
@@ -1249,12 +1349,20 @@ fn a_real_flight_imports_as_its_log() {
     }
 }
 
+fn packed(bytes: &[u8]) -> Vec<u8> {
+    let mut packed = GzEncoder::new(Vec::new(), Compression::default());
+    packed.write_all(bytes).unwrap();
+    packed.finish().unwrap()
+}
+
 #[test]
 fn a_packed_table_is_read_as_well() {
     let folder = tempfile::tempdir().unwrap();
-    let mut packed = GzEncoder::new(Vec::new(), Compression::default());
-    packed.write_all(euroc(&drive()).as_bytes()).unwrap();
-    let imu = file(folder.path(), "imu0.csv.gz", packed.finish().unwrap());
+    let imu = file(
+        folder.path(),
+        "imu0.csv.gz",
+        packed(euroc(&drive()).as_bytes()),
+    );
     let gnss = file(folder.path(), "log.nmea", nmea(&drive()));
     assert!(read(&[imu, gnss], Choice::default()).is_ok());
 }

@@ -410,6 +410,14 @@ fn form_cases() -> Vec<Case> {
         text("rows of text throughout", |f| {
             f.imu = f.imu.replace("0.001", "n/a");
         }),
+        text("a damaged line of CRLF", |f| {
+            set_line(&mut f.imu, 100, "x");
+            f.imu = f.imu.replace('\n', "\r\n");
+        }),
+        text("a damaged line after blank ones", |f| {
+            set_line(&mut f.gnss, 100, "x");
+            f.gnss = f.gnss.replacen('\n', "\n\n\n", 1);
+        }),
         text("two rows swapped", |f| {
             let mut lines: Vec<&str> = f.imu.lines().collect();
             lines.swap(100, 101);

@@ -78,13 +78,13 @@ fn run(
     options: &Hil,
     mut log: Option<&mut BoardLog>,
 ) -> Result<(Hardware, Analysis)> {
-    let (config, axes) = (input.config, input.log.meta.body_axes);
+    let config = input.config;
     let mut bench = Bench::new(config).map_err(|error| miette!("{}", error))?;
     let mut session = options.target.open()?;
     let started = session.start(config, ESTIMATES_EVERY)?;
     let length = input.log.imu.len() + input.log.gnss.len();
     let first = input.log.start();
-    let mut view = View::new(bar(), length, first, axes);
+    let mut view = View::new(bar(), length, first, input.log.meta.clone());
     let status = session.stream(
         requests(input.log.imu.iter(), &input.log.gnss),
         options.rate,

@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::bench::{Bench, Comparison, Took};
 use crate::identify::quantities::{Axes, Quantities, Quantity};
 use crate::identify::words::with_sigma;
-use crate::log::BodyAxes;
+use crate::log::Meta;
 
 const REFRESH: Duration = Duration::from_millis(200);
 
@@ -19,7 +19,7 @@ const REFRESH: Duration = Duration::from_millis(200);
 pub struct View {
     /// For lines that stay.
     pub bar: ProgressBar,
-    axes: BodyAxes,
+    meta: Meta,
     first: Time,
     start: Instant,
     shown: Instant,
@@ -27,7 +27,7 @@ pub struct View {
 
 impl View {
     /// Of a log that begins at `first` and has so many samples and fixes.
-    pub fn new(bar: ProgressBar, length: usize, first: Time, axes: BodyAxes) -> Self {
+    pub fn new(bar: ProgressBar, length: usize, first: Time, meta: Meta) -> Self {
         let style = ProgressStyle::with_template("{bar:40} {percent:>3} % {eta}\n{msg}");
         if let Ok(style) = style {
             bar.set_style(style);
@@ -37,7 +37,7 @@ impl View {
         let now = Instant::now();
         Self {
             bar,
-            axes,
+            meta,
             first,
             start: now,
             shown: now,
@@ -64,7 +64,7 @@ impl View {
         let seconds = self.seconds();
         let rate = done as f64 / seconds;
         let times = latest.time.seconds_since(self.first) / seconds;
-        let q = Quantities::new(&latest.estimates, self.axes);
+        let q = Quantities::of_log(&latest.estimates, &self.meta);
         format!(
             "{rate:.0} samples and fixes/s, {times:.1} times real time; \
              {waiting} waiting, {} dropped, {} different\n\

@@ -114,10 +114,10 @@ impl Quantities {
         }
     }
 
-    /// In a log's axes, and by its stamps as they came.
+    /// In a log's axes, with what was taken off the stamps before, unless it is of the clocks.
     pub fn of_log(estimates: &Estimates, meta: &Meta) -> Self {
         let mut quantities = Self::new(estimates, meta.body_axes);
-        quantities.gnss_latency_ms.value += 1e3 * meta.gnss_clock_offset_s;
+        quantities.gnss_latency_ms = latency_of_log(&estimates.gnss_latency_s, meta);
         quantities
     }
 
@@ -128,6 +128,15 @@ impl Quantities {
         let (azimuth, latency) = (self.azimuth_error_deg, self.gnss_latency_ms);
         let all = [azimuth, ax, ay, az, gx, gy, gz, latency];
         core::array::from_fn(|index| (QUANTITIES[index].0, all[index]))
+    }
+}
+
+/// A latency of a log's fixes as it is told, ms.
+pub(crate) fn latency_of_log(estimate: &Estimate, meta: &Meta) -> Quantity {
+    let quantity = Quantity::of(estimate, 1e-3);
+    Quantity {
+        value: quantity.value + 1e3 * meta.latency_offset_s(),
+        ..quantity
     }
 }
 
@@ -143,6 +152,7 @@ pub(crate) fn in_axes(axes: BodyAxes, rfu: &[Estimate; 3], unit: f64) -> Axes {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ins_core::ImuOutput;
 
     #[test]
     fn signs_and_order_follow_the_axes_of_the_log() {
@@ -169,6 +179,18 @@ mod tests {
         assert!(near(BodyAxes::Rfu, [1.0, 2.0, 3.0]));
         assert!(near(BodyAxes::Frd, [2.0, 1.0, -3.0]));
         assert!(near(BodyAxes::Flu, [2.0, -1.0, 3.0]));
+    }
+
+    #[test]
+    fn a_shift_that_no_receiver_has_is_of_the_clocks() {
+        let mut meta = Meta::new(BodyAxes::Rfu, ImuOutput::Rates);
+        let mut told = |offset_s| {
+            meta.gnss_clock_offset_s = offset_s;
+            let quantities = Quantities::of_log(&Estimates::default(), &meta);
+            (quantities.gnss_latency_ms.value, meta.clock_offset_s())
+        };
+        assert_eq!(told(0.75), (750.0, 0.0));
+        assert_eq!(told(-18.0), (0.0, -18.0));
     }
 
     #[test]

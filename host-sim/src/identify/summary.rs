@@ -29,6 +29,9 @@ pub struct Summary {
     /// Antenna as seen from the inertial sensors, m; none where it is taken as configured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lever_arm_m: Option<Axes>,
+    /// What the stamps of the fixes were moved by, taken for clocks that differ and no latency, s.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub clock_offset_s: f64,
     /// By how much positions are later than the velocities beside them, ms.
     pub gnss_position_delay_ms: Quantity,
     /// Variance of the times that one output of the receiver is a mean of, s^2.
@@ -75,6 +78,7 @@ impl Summary {
             heading_end_deg: heading(found, &quantities.azimuth_error_deg),
             lever_arm_m: (found.config.gnss.lever_arm_sigma_m > 0.0)
                 .then(|| in_axes(log.meta.body_axes, &estimates.lever_arm_m, 1.0)),
+            clock_offset_s: log.meta.clock_offset_s(),
             gnss_position_delay_ms: Quantity::of(&estimates.gnss_position_delay_s, 1e-3),
             gnss_smoothing_s2: Quantity::of(&estimates.gnss_smoothing_s2, 1.0),
             velocity_error_mps: found.velocity_error.clone(),
@@ -87,6 +91,11 @@ impl Summary {
             warnings: warnings.iter().map(LogError::in_a_line).collect(),
         }
     }
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // As serde calls it.
+fn is_zero(number: &f64) -> bool {
+    *number == 0.0
 }
 
 /// The last heading, as well known as the azimuth.

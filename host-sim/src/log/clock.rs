@@ -81,21 +81,27 @@ pub(super) fn set_clock(
         fix.time = fix.time.plus_seconds(-best.s);
     }
     log.meta.gnss_clock_offset_s += best.s;
-    findings.warn(moved(&best, apart_s.is_some(), findings));
+    let latency = log.meta.clock_offset_s() == 0.0;
+    findings.warn(moved(&best, apart_s.is_some(), latency, findings));
     Ok(true)
 }
 
-fn moved(best: &Shift, apart: bool, findings: &Findings) -> LogError {
+fn moved(best: &Shift, apart: bool, latency: bool, findings: &Findings) -> LogError {
     let side = if best.s > 0.0 { "late" } else { "early" };
     let found = format!("fixes {:.2} s {side} by the motion both saw", best.s.abs());
     let cause = format!(
-        "{}; moved by {:.2} s, which `identify` and `tune` count as latency",
+        "{}; moved by {:.2} s, which {}",
         if apart {
             "the two files count from different origins (UTC, GPS week, boot)"
         } else {
             leap_seconds(best.s).unwrap_or("the two files were stamped by clocks that differ")
         },
-        -best.s
+        -best.s,
+        if latency {
+            "`identify` and `tune` count as latency"
+        } else {
+            "`tune` counts as latency, and `identify` as a difference of clocks"
+        }
     );
     findings.gnss("t_s", ONE_SCALE, found, cause)
 }

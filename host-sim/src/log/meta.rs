@@ -19,6 +19,9 @@ const KNOWN_KEYS: [&str; 6] = [
     "gnss_clock_offset_s",
 ];
 
+/// Latest that a receiver is, s: more is a difference of clocks.
+const LATEST_S: f64 = 1.0;
+
 /// Directions of the x, y and z columns of a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum BodyAxes {
@@ -129,7 +132,7 @@ pub struct Meta {
     pub grade: Option<Grade>,
     /// Antenna position from the inertial sensors, right-forward-up, m, if stated.
     pub lever_arm_rfu_m: Option<Vector3<f64>>,
-    /// What has been taken off the stamps of the fixes, s: a part of their latency.
+    /// What has been taken off the stamps of the fixes, s: latency, or what the clocks differ by.
     pub gnss_clock_offset_s: f64,
     /// The whole file, so that what is not ours survives a rewrite.
     pub document: toml::Table,
@@ -171,6 +174,21 @@ impl Meta {
             gnss_clock_offset_s: 0.0,
             document: toml::Table::new(),
         }
+    }
+
+    /// The part of the latency that has been taken off the stamps of the fixes, s.
+    pub fn latency_offset_s(&self) -> f64 {
+        let offset_s = self.gnss_clock_offset_s;
+        if offset_s.abs() <= LATEST_S {
+            offset_s
+        } else {
+            0.0
+        }
+    }
+
+    /// What has been taken off for clocks that differ, s.
+    pub fn clock_offset_s(&self) -> f64 {
+        self.gnss_clock_offset_s - self.latency_offset_s()
     }
 
     pub fn name(&self) -> Option<&str> {
@@ -233,8 +251,8 @@ impl Meta {
     /// Clocks of one origin differ by no more than minutes; `import` takes off other origins too.
     fn clocks_far_apart(&self, path: &Path) -> Option<LogError> {
         let expected = "seconds by which clocks differ, up to 300";
-        let cause = "a slip of the pen or another unit, unless one clock counts from another origin: it is \
-                     counted as latency";
+        let cause =
+            "a slip of the pen or another unit, unless one clock counts from another origin";
         let key = "gnss_clock_offset_s";
         let offset_s = self.gnss_clock_offset_s;
         let defect = || LogError::file(path, expected, offset_s.to_string(), cause).in_column(key);

@@ -10,6 +10,10 @@ use super::error::LogError;
 use super::samples::Store;
 use super::table::{Few, Row, Table};
 
+/// Largest share of rows that may be unusable: a slip of the logger is rare, more is a format that
+/// is not understood.
+pub(super) const MOST_LEFT_OUT: f64 = 0.05;
+
 /// Where rows are kept.
 pub(super) trait Rows: Default {
     type Row: Copy + PartialEq;
@@ -51,46 +55,53 @@ pub(super) fn rows<R: Rows>(
     mut parse: impl FnMut(&Row, Time) -> Result<R::Row, LogError>,
 ) -> Result<R, LogError> {
     let stamp = table.column("t_s")?;
-    let mut order = Order::<R> {
-        rows: R::default(),
-        time,
-        count: 0,
-        last: None,
-        added_s: 0.0,
-        told: Told::default(),
-    };
+    let mut order = Order::<R>::new(time);
     let mut unusable = Few::default();
     while let Some(row) = table.next_row()? {
         let parsed = row.and_then(|row| {
-            let value = parse(&row, order.stamp(&row, stamp)?)?;
-            Ok(order.take(&row, stamp, value))
+            let defect = |last, time| not_increasing(&row, stamp, last, time);
+            let value = parse(&row, order.stamp(self::time(&row, stamp)?, defect))?;
+            Ok(order.take(value, defect))
         });
         match parsed {
             Ok(kept) => kept.map_err(|e| LogError::no_room(&e))?,
             Err(defect) => unusable.add(defect),
         }
     }
-    let rows = order.count + unusable.count;
-    order.settle().map_err(|e| LogError::no_room(&e))?;
-    // One is a slip even in a short file: the last line, usually.
-    let too_many = |few: &Few| few.count > 1 && few.count as f64 > most_left_out * rows as f64;
-    let refuse = |few: Few| Err(few.first.unwrap_or_else(|| table.no_rows()));
-    let told = order.told;
-    if order.count == 0 || too_many(&unusable) {
-        return refuse(unusable);
-    }
-    for few in [&told.clashes, &told.disorder] {
-        if too_many(few) {
-            return refuse(few.clone());
-        }
+    let count = order.count + unusable.count;
+    if order.count == 0 || too_many(&unusable, most_left_out, count) {
+        return Err(unusable.first.unwrap_or_else(|| table.no_rows()));
     }
     warnings.extend(table.warnings());
     warnings.extend(unusable.warning("left out"));
-    warnings.extend(told.rollovers.warning("its period was added"));
-    warnings.extend(told.repeated.warning("left out"));
-    warnings.extend(told.clashes.warning("left out"));
-    warnings.extend(told.disorder.warning("left out"));
-    Ok(order.rows)
+    order.settled(count, most_left_out, warnings)
+}
+
+/// The same of rows that are in memory.
+pub(super) fn in_order<T: Copy + PartialEq>(
+    all: Vec<T>,
+    path: &Path,
+    time: fn(&T) -> Time,
+    at: fn(T, Time) -> T,
+    warnings: &mut Vec<LogError>,
+) -> Result<Vec<T>, LogError> {
+    let mut order = Order::<Vec<T>>::new(time);
+    for row in all {
+        let defect = |last, time| {
+            let [expected, found] = expected_and_found(last, time);
+            LogError::file(path, expected, found, cause(last, time))
+        };
+        let stamp = order.stamp(time(&row), defect);
+        let kept = order.take(at(row, stamp), defect);
+        kept.map_err(|e| LogError::no_room(&e))?;
+    }
+    let count = order.count;
+    order.settled(count, MOST_LEFT_OUT, warnings)
+}
+
+/// Whether so many of all rows are no slip. One is, even in a short file: the last line, usually.
+fn too_many(few: &Few, most: f64, rows: usize) -> bool {
+    few.count > 1 && few.count as f64 > most * rows as f64
 }
 
 /// Puts rows into the order of their stamps.
@@ -114,29 +125,39 @@ struct Told {
 }
 
 impl<R: Rows> Order<R> {
+    fn new(time: fn(&R::Row) -> Time) -> Self {
+        Self {
+            rows: R::default(),
+            time,
+            count: 0,
+            last: None,
+            added_s: 0.0,
+            told: Told::default(),
+        }
+    }
+
     /// Stamp of a row, after those that came before where the clock has begun anew.
-    fn stamp(&mut self, row: &Row, stamp: usize) -> Result<Time, LogError> {
-        let time = time(row, stamp)?;
+    fn stamp(&mut self, time: Time, defect: impl Fn(Time, Time) -> LogError) -> Time {
         let written = time.plus_seconds(self.added_s);
         let Some(last) = self.last.map(|last| (self.time)(&last)) else {
-            return Ok(written);
+            return written;
         };
         let (now_s, last_s) = (time.as_seconds(), last.as_seconds() - self.added_s);
         let Some(period_s) = begun_anew(last_s, now_s) else {
-            return Ok(written);
+            return written;
         };
-        let defect = not_increasing(row, stamp, last, written);
         let cause = BEGUN_ANEW.into();
+        let defect = defect(last, written);
         self.told.rollovers.add(LogError { cause, ..defect });
         self.added_s += period_s;
-        Ok(time.plus_seconds(self.added_s))
+        time.plus_seconds(self.added_s)
     }
 
-    fn take(&mut self, row: &Row, stamp: usize, value: R::Row) -> io::Result<()> {
+    fn take(&mut self, value: R::Row, defect: impl Fn(Time, Time) -> LogError) -> io::Result<()> {
         let time = (self.time)(&value);
         if let Some(before) = self.last.filter(|last| (self.time)(last) >= time) {
             let last = (self.time)(&before);
-            let defect = not_increasing(row, stamp, last, time);
+            let defect = defect(last, time);
             if before == value {
                 self.told.repeated.add(defect);
                 return Ok(());
@@ -150,6 +171,34 @@ impl<R: Rows> Order<R> {
         self.last = Some(value);
         self.count += 1;
         self.rows.push(value)
+    }
+
+    /// The rows in order, if so few of all are not that it was a slip.
+    fn settled(
+        mut self,
+        count: usize,
+        most_left_out: f64,
+        warnings: &mut Vec<LogError>,
+    ) -> Result<R, LogError> {
+        self.settle().map_err(|e| LogError::no_room(&e))?;
+        let Told {
+            rollovers,
+            repeated,
+            clashes,
+            disorder,
+        } = self.told;
+        for few in [&clashes, &disorder] {
+            if let Some(first) = few.first.clone()
+                && too_many(few, most_left_out, count)
+            {
+                return Err(first);
+            }
+        }
+        warnings.extend(rollovers.warning("its period was added"));
+        for few in [repeated, clashes, disorder] {
+            warnings.extend(few.warning("left out"));
+        }
+        Ok(self.rows)
     }
 
     /// Leaves out the rows that stand between others of their time.
@@ -198,23 +247,31 @@ fn longest_increasing(times: &[Time]) -> Vec<bool> {
 const PERIODS_S: [f64; 2] = [604_800.0, 86_400.0];
 /// Longest hole at such a moment, s.
 const MARGIN_S: f64 = 60.0;
-pub(super) const BEGUN_ANEW: &str = "the clock began anew with the GPS week or the day";
+const BEGUN_ANEW: &str = "the clock began anew with the GPS week or the day";
 
 /// Period of a clock that has begun anew between two stamps, s.
-pub(super) fn begun_anew(last_s: f64, now_s: f64) -> Option<f64> {
+fn begun_anew(last_s: f64, now_s: f64) -> Option<f64> {
     PERIODS_S.into_iter().find(|period_s| {
         (0.0..MARGIN_S).contains(&now_s) && (period_s - MARGIN_S..=*period_s).contains(&last_s)
     })
 }
 
 fn not_increasing(row: &Row, column: usize, last: Time, time: Time) -> LogError {
-    let cause = if time == last {
+    let [expected, found] = expected_and_found(last, time);
+    row.defect(column, &expected, &found, cause(last, time))
+}
+
+fn expected_and_found(last: Time, time: Time) -> [String; 2] {
+    let expected = format!("a time after {} s, that of the row before", decimal(last));
+    [expected, format!("{} s", decimal(time))]
+}
+
+fn cause(last: Time, time: Time) -> &'static str {
+    if time == last {
         "a sample written twice, or stamps of too few digits"
     } else {
         "rows out of order, two logs joined, or a clock that was set back"
-    };
-    let expected = format!("a time after {} s, that of the row before", decimal(last));
-    row.defect(column, &expected, &format!("{} s", decimal(time)), cause)
+    }
 }
 
 fn time(row: &Row, column: usize) -> Result<Time, LogError> {

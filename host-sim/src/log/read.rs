@@ -12,7 +12,7 @@ use super::barometer;
 use super::check::check;
 use super::error::LogError;
 use super::meta::{BodyAxes, Meta};
-use super::order::{of_another_time, rows};
+use super::order::{MOST_LEFT_OUT, of_another_time, rows};
 use super::samples::{Samples, Store};
 use super::table::{Row, Table};
 use crate::statistics::rms_of_any;
@@ -79,10 +79,6 @@ pub(super) fn one_of(folder: &Path, name: &str) -> Result<Option<PathBuf>, LogEr
     }
     Ok([plain, packed].into_iter().find(|path| path.is_file()))
 }
-
-/// Largest share of rows that may be unusable: a slip of the logger is rare, more is a format that
-/// is not understood.
-pub(super) const MOST_LEFT_OUT: f64 = 0.05;
 
 fn read_imu(
     path: &Path,
@@ -151,7 +147,10 @@ fn read_gnss(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<GnssFix>, 
     )
 }
 
-fn read_baro(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<BaroHeight>, LogError> {
+pub(super) fn read_baro(
+    path: &Path,
+    warnings: &mut Vec<LogError>,
+) -> Result<Vec<BaroHeight>, LogError> {
     let table = Table::open(path)?;
     let column = table.column("h_m")?;
     let spread: Vec<usize> = table.optional_column("sd_h").into_iter().collect();
@@ -170,7 +169,10 @@ fn read_baro(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<BaroHeight
     )
 }
 
-fn read_truth(path: &Path, warnings: &mut Vec<LogError>) -> Result<Vec<Solution>, LogError> {
+pub(super) fn read_truth(
+    path: &Path,
+    warnings: &mut Vec<LogError>,
+) -> Result<Vec<Solution>, LogError> {
     let table = Table::open(path)?;
     let position = columns(&table, ["lat_deg", "lon_deg", "h_m"])?;
     let velocity = columns(&table, ["ve", "vn", "vu"])?;
@@ -239,37 +241,43 @@ fn geodetic(row: &Row, columns: [usize; 3]) -> Result<Geodetic, LogError> {
 }
 
 fn on_earth(row: &Row, columns: [usize; 2], cells: [f64; 2]) -> Result<LatLon, LogError> {
-    let latitude = "a latitude from -90 to 90 deg";
-    let latitude = within(row, columns[0], cells[0], 90.0, latitude)?;
-    let longitude = "a longitude from -180 to 180 deg";
-    let mut longitude = within(row, columns[1], cells[1], 360.0, longitude)?;
+    let [latitude, longitude] = columns;
+    degrees(cells.into()).ok_or_else(|| {
+        if cells[0].abs() > 90.0 {
+            out_of_range(row, latitude, "a latitude from -90 to 90 deg")
+        } else {
+            out_of_range(row, longitude, "a longitude from -180 to 180 deg")
+        }
+    })
+}
+
+/// A place from degrees, longitudes from 0 to 360 too; none where they are no place.
+pub(super) fn degrees((latitude, mut longitude): (f64, f64)) -> Option<LatLon> {
+    let possible = latitude.abs() <= 90.0 && longitude.abs() <= 360.0;
     if longitude.abs() > 180.0 {
         longitude -= 360.0_f64.copysign(longitude);
     }
-    Ok(LatLon {
+    possible.then(|| LatLon {
         latitude_rad: latitude.to_radians(),
         longitude_rad: longitude.to_radians(),
     })
 }
 
 fn height(row: &Row, column: usize, height_m: f64) -> Result<f64, LogError> {
-    let expected = "a height within 100 km of the ellipsoid";
-    within(row, column, height_m, 1e5, expected)
+    if height_m.abs() <= 1e5 {
+        return Ok(height_m);
+    }
+    Err(out_of_range(
+        row,
+        column,
+        "a height within 100 km of the ellipsoid",
+    ))
 }
 
-/// A number of a column that is no further from zero than what it is of can be.
-fn within(
-    row: &Row,
-    column: usize,
-    number: f64,
-    most: f64,
-    expected: &str,
-) -> Result<f64, LogError> {
-    if number.abs() <= most {
-        return Ok(number);
-    }
+/// A number that is further from zero than what its column is of can be.
+fn out_of_range(row: &Row, column: usize, expected: &str) -> LogError {
     let cause = "columns swapped, or another unit: 1e-7 deg, millimetres";
-    Err(row.defect(column, expected, row.cell(column), cause))
+    row.defect(column, expected, row.cell(column), cause)
 }
 
 /// One sigma of a component: the root mean square of those stated.

@@ -5,14 +5,14 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-use csv::{ByteRecord, ReaderBuilder};
 use flate2::bufread::MultiGzDecoder;
 
 use super::error::LogError;
 
 /// Longest credible line: 60 columns of 20 characters and ample room.
-const MAX_LINE_BYTES: usize = 16 * 1024;
+const MAX_LINE_BYTES: u64 = 16 * 1024;
 const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
+const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 
 /// The column that every table has.
 const TIME: &str = "t_s";
@@ -24,11 +24,13 @@ const SEPARATOR: &str = "sep=";
 /// A file with a header line and rows of numbers.
 pub(super) struct Table {
     path: PathBuf,
-    reader: csv::Reader<LimitedLines>,
+    source: Box<dyn BufRead>,
     header: Vec<String>,
+    header_line: u64,
     /// Columns that somebody reads, or would.
     known: RefCell<Vec<String>>,
-    record: ByteRecord,
+    record: Record,
+    /// Number of the line that the record is.
     line: u64,
     separator: u8,
     /// What was read as empty or left out, of each kind.
@@ -64,6 +66,30 @@ impl Few {
     }
 }
 
+/// A line without its end, and where its cells begin and end. Quotes hold nothing together: a stray
+/// one must not swallow the rest of the file.
+#[derive(Default)]
+struct Record {
+    bytes: Vec<u8>,
+    cells: Vec<(usize, usize)>,
+}
+
+impl Record {
+    fn split(&mut self, separator: u8) {
+        self.cells.clear();
+        let mut start = 0;
+        for cell in self.bytes.split(|&byte| byte == separator) {
+            self.cells.push((start, start + cell.len()));
+            start += cell.len() + 1;
+        }
+    }
+
+    fn cell(&self, index: usize) -> &[u8] {
+        let cell = self.cells.get(index);
+        cell.map_or(&[], |&(start, end)| &self.bytes[start..end])
+    }
+}
+
 /// One row, to be read cell by cell.
 pub(super) struct Row<'a> {
     table: &'a Table,
@@ -73,22 +99,13 @@ impl Table {
     pub(super) fn open(path: &Path) -> Result<Self, LogError> {
         let mut source = unpacked(path).map_err(|e| read_failed(path, &e))?;
         let separator = separator(source.fill_buf().map_err(|e| read_failed(path, &e))?);
-        let reader = ReaderBuilder::new()
-            .delimiter(separator)
-            .has_headers(false)
-            .flexible(true)
-            // A stray quote must not swallow the rest of the file into one cell.
-            .quoting(false)
-            .from_reader(LimitedLines {
-                source,
-                line_bytes: 0,
-            });
         let mut table = Self {
             path: path.to_path_buf(),
-            reader,
+            source,
             header: Vec::new(),
+            header_line: 0,
             known: vec![TIME.to_owned()].into(),
-            record: ByteRecord::new(),
+            record: Record::default(),
             line: 0,
             separator,
             lost: RefCell::default(),
@@ -104,6 +121,7 @@ impl Table {
             let remark = header[0].starts_with(REMARK) || header[0].starts_with(SEPARATOR);
             let bare = |cell: &&str| unquoted(cell.trim_start_matches(REMARK)).to_ascii_lowercase();
             table.header = header.iter().map(bare).collect();
+            table.header_line = table.line;
             if !remark || table.header.iter().any(|name| name == TIME) {
                 return Ok(table);
             }
@@ -120,7 +138,7 @@ impl Table {
                 &format!("`{name}` twice"),
                 "two sources in one file: the first of the columns is used",
             );
-            warnings.push(defect.at_line(1).in_column(name));
+            warnings.push(defect.at_line(self.header_line).in_column(name));
         }
         warnings.extend(self.unread());
         warnings.extend(self.broken_off.clone());
@@ -148,7 +166,10 @@ impl Table {
         let names = unread.iter().map(|name| format!("`{name}`"));
         let found = names.collect::<Vec<_>>().join(", ");
         let expected = format!("columns {}", known.join(", "));
-        let defect = || self.defect(&expected, &found, &cause).at_line(1);
+        let defect = || {
+            self.defect(&expected, &found, &cause)
+                .at_line(self.header_line)
+        };
         (!unread.is_empty()).then(defect)
     }
 
@@ -163,7 +184,7 @@ impl Table {
             };
             let found = format!("columns {}", shortened(&self.header.join(", ")));
             self.defect(&format!("a column `{name}`"), &found, cause)
-                .at_line(self.line)
+                .at_line(self.header_line)
         })
     }
 
@@ -185,12 +206,12 @@ impl Table {
     }
 
     fn whole_row(&self) -> Result<(), LogError> {
-        if std::str::from_utf8(self.record.as_slice()).is_err() {
+        if std::str::from_utf8(&self.record.bytes).is_err() {
             self.text()?;
         }
-        let (cells, columns) = (self.record.len(), self.header.len());
+        let (cells, columns) = (self.record.cells.len(), self.header.len());
         // A separator behind the last cell parts nothing.
-        let ends_empty = cells == columns + 1 && self.record[columns].is_empty();
+        let ends_empty = cells == columns + 1 && self.record.cell(columns).is_empty();
         let header_does = columns == cells + 1 && self.header[cells].is_empty();
         if cells == columns || ends_empty || header_does {
             Ok(())
@@ -199,42 +220,49 @@ impl Table {
         }
     }
 
+    /// Reads the next line that is not blank.
     fn advance(&mut self) -> Result<bool, LogError> {
-        let more = self.reader.read_byte_record(&mut self.record);
-        match more {
-            Err(error) if self.line > 0 && is_cut(&error) => {
-                let cause = "a copy or a download broke off, or the logger lost power: what is \
-                             whole is used";
-                let defect = self.defect("a whole gzip file", "one that ends too early", cause);
-                self.broken_off = Some(defect.at_line(self.line));
-                Ok(false)
+        loop {
+            match self.read_line() {
+                Ok(false) => return Ok(false),
+                Ok(true) if self.record.bytes.is_empty() => {}
+                Ok(true) => {
+                    self.record.split(self.separator);
+                    return Ok(true);
+                }
+                Err(error) if self.line > 0 && error.kind() == io::ErrorKind::UnexpectedEof => {
+                    let cause = "a copy or a download broke off, or the logger lost power: what \
+                                 is whole is used";
+                    let defect = self.defect("a whole gzip file", "one that ends too early", cause);
+                    self.broken_off = Some(defect.at_line(self.line));
+                    return Ok(false);
+                }
+                Err(error) => return Err(read_failed(&self.path, &error).at_line(self.line + 1)),
             }
-            Ok(more) => {
-                self.line = self
-                    .record
-                    .position()
-                    .map_or(self.line, csv::Position::line);
-                Ok(more)
-            }
-            Err(error) => Err(self.unreadable(&error)),
         }
     }
 
-    fn unreadable(&self, error: &csv::Error) -> LogError {
-        match error.kind() {
-            csv::ErrorKind::Io(error) => read_failed(&self.path, error),
-            _ => self.defect(
-                "a comma-separated line",
-                &error.to_string(),
-                "a damaged file",
-            ),
+    fn read_line(&mut self) -> io::Result<bool> {
+        let bytes = &mut self.record.bytes;
+        bytes.clear();
+        let mut limited = self.source.by_ref().take(MAX_LINE_BYTES);
+        if limited.read_until(b'\n', bytes)? == 0 {
+            return Ok(false);
         }
-        .at_line(self.line + 1)
+        if limited.limit() == 0 && !bytes.ends_with(b"\n") {
+            return Err(io::Error::other(LineTooLong));
+        }
+        while bytes.pop_if(|last| matches!(last, b'\n' | b'\r')).is_some() {}
+        if self.line == 0 && bytes.starts_with(BYTE_ORDER_MARK) {
+            bytes.drain(..BYTE_ORDER_MARK.len());
+        }
+        self.line += 1;
+        Ok(true)
     }
 
     fn text(&self) -> Result<Vec<&str>, LogError> {
-        let cell = |(index, bytes)| {
-            std::str::from_utf8(bytes).map_err(|_| {
+        let cell = |index| {
+            std::str::from_utf8(self.record.cell(index)).map_err(|_| {
                 let cause = "saved as UTF-16 or another encoding, or a binary file";
                 let character = self.character(index);
                 self.defect("UTF-8 text", "bytes that are none", cause)
@@ -242,11 +270,11 @@ impl Table {
                     .at_character(character)
             })
         };
-        self.record.iter().enumerate().map(cell).collect()
+        (0..self.record.cells.len()).map(cell).collect()
     }
 
     fn wrong_width(&self) -> LogError {
-        let (cells, columns) = (self.record.len(), self.header.len());
+        let (cells, columns) = (self.record.cells.len(), self.header.len());
         let cause = if cells < columns {
             "the logger was cut off in mid-line, a separator is missing, or the file is damaged"
         } else {
@@ -259,13 +287,8 @@ impl Table {
 
     /// Character in the line where a cell begins.
     fn character(&self, index: usize) -> u64 {
-        let before: usize = self
-            .record
-            .iter()
-            .take(index)
-            .map(|cell| cell.len() + 1)
-            .sum();
-        before as u64 + 1
+        let cell = self.record.cells.get(index);
+        cell.map_or(1, |(start, _)| *start as u64 + 1)
     }
 
     /// That no row is there.
@@ -309,7 +332,7 @@ impl Row<'_> {
 
     fn parsed(&self, column: usize) -> Result<Option<f64>, LogError> {
         // Nearly all cells; others may have blanks, quotes or a decimal comma.
-        let bytes = self.table.record.get(column).unwrap_or_default();
+        let bytes = self.table.record.cell(column);
         if let Ok(number) = fast_float2::parse(bytes) {
             return Ok(Some(number));
         }
@@ -337,7 +360,7 @@ impl Row<'_> {
 
     pub(super) fn cell(&self, column: usize) -> &str {
         // `next_row` has checked both the width and the encoding.
-        let bytes = self.table.record.get(column).unwrap_or_default();
+        let bytes = self.table.record.cell(column);
         unquoted(std::str::from_utf8(bytes).unwrap_or_default())
     }
 
@@ -385,10 +408,6 @@ fn separator(start: &[u8]) -> u8 {
         .unwrap_or(&b',')
 }
 
-fn is_cut(error: &csv::Error) -> bool {
-    matches!(error.kind(), csv::ErrorKind::Io(e) if e.kind() == io::ErrorKind::UnexpectedEof)
-}
-
 fn shortened(text: &str) -> String {
     const LONGEST: usize = 60;
     match text.char_indices().nth(LONGEST) {
@@ -397,11 +416,16 @@ fn shortened(text: &str) -> String {
     }
 }
 
+/// Whether a file is packed. By content: files get renamed, and browsers unpack what they download.
+pub(super) fn is_packed(path: &Path) -> io::Result<bool> {
+    let mut file = BufReader::new(File::open(path)?);
+    Ok(file.fill_buf()?.starts_with(&GZIP_MAGIC))
+}
+
 /// A file's bytes, unpacked if they are packed.
 pub(super) fn unpacked(path: &Path) -> io::Result<Box<dyn BufRead>> {
-    let mut file = BufReader::new(File::open(path)?);
-    // By content: files get renamed, and browsers unpack what they download.
-    if file.fill_buf()?.starts_with(&GZIP_MAGIC) {
+    let file = BufReader::new(File::open(path)?);
+    if is_packed(path)? {
         Ok(Box::new(BufReader::new(MultiGzDecoder::new(file))))
     } else {
         Ok(Box::new(file))
@@ -438,30 +462,6 @@ fn read_failed(path: &Path, error: &io::Error) -> LogError {
             error.to_string(),
             "permissions or the disk",
         ),
-    }
-}
-
-/// Passes bytes on until a line grows absurdly long.
-struct LimitedLines {
-    source: Box<dyn BufRead>,
-    line_bytes: usize,
-}
-
-impl Read for LimitedLines {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let count = self.source.read(buffer)?;
-        let read = &buffer[..count];
-        let is_end = |byte: &u8| *byte == b'\n';
-        // Between the first and the last end are lines shorter than what is read at once.
-        let first = read.iter().position(is_end).map_or(count, |end| end + 1);
-        if self.line_bytes + first > MAX_LINE_BYTES {
-            return Err(io::Error::other(LineTooLong));
-        }
-        self.line_bytes = match read.iter().rposition(is_end) {
-            Some(end) => count - end - 1,
-            None => self.line_bytes + count,
-        };
-        Ok(count)
     }
 }
 

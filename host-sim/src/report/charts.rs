@@ -12,7 +12,7 @@ use crate::identify::free_inertial::{Growth, WINDOW_S};
 use crate::identify::held_ins::LevelError;
 use crate::identify::innovations::{Innovation, Off};
 use crate::identify::quantities::{
-    DEG_H_RADPS, QUANTITIES, Quantities, Quantity, axis_name, in_axes, title,
+    DEG_H_RADPS, QUANTITIES, Quantities, Quantity, axis_name, in_axes, latency_of_log, title,
 };
 use crate::identify::row::Row;
 use crate::identify::run::Identification;
@@ -406,12 +406,8 @@ impl<'a> Charts<'a> {
             .line("interval", BLUE, &sample_steps)
             .logarithmic_y(sample_steps.iter().map(|step| step.1));
         let now = |row: &Row| {
-            let now = row.estimates.gnss_latency_now_s;
-            Some(Quantity {
-                value: 1e3 * now.value,
-                sigma: 1e3 * now.sigma,
-                observability: now.observability,
-            })
+            let now = &row.estimates.gnss_latency_now_s;
+            Some(latency_of_log(now, &log.meta))
         };
         let latency = Converging::new(
             "GNSS latency at the moment".to_owned(),

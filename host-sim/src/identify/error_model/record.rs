@@ -16,9 +16,6 @@ use crate::identify::free_inertial::known;
 use crate::identify::run::{Identification, Settling};
 use crate::log::{Log, median};
 
-/// Latest that a receiver is, s: more is a difference of clocks.
-const LATEST_S: f64 = 1.0;
-
 /// Length of an epoch, s. Tilt is felt over some 10 s, so nothing is lost.
 const EPOCH_S: f64 = 2.0;
 /// Longest epoch that still counts as whole, s.
@@ -163,13 +160,6 @@ impl Record {
             &estimates.gyro_scale,
         ];
         let reducer = Reducer::new(log, found, &rest);
-        // What a receiver may be late by is no difference of clocks.
-        let moved_s = log.meta.gnss_clock_offset_s;
-        let (latency_s, clock_offset_s) = if moved_s.abs() <= LATEST_S {
-            (moved_s, 0.0)
-        } else {
-            (0.0, moved_s)
-        };
         Self {
             epochs: reducer.epochs(intervals(log)),
             azimuth_sigma_rad: reducer.azimuth_sigma_rad,
@@ -179,10 +169,10 @@ impl Record {
             gyro_scale: shown(turns.iter().chain(tilts), sensors.gyro_scale),
             accel_scale: shown(&estimates.accel_scale, sensors.accel_scale),
             latency_s: Estimate {
-                value: estimates.gnss_latency_s.value + latency_s,
+                value: estimates.gnss_latency_s.value + log.meta.latency_offset_s(),
                 ..estimates.gnss_latency_s
             },
-            clock_offset_s,
+            clock_offset_s: log.meta.clock_offset_s(),
             duration_s: log.duration_s(),
             fix_rate_hz: log.fix_rate_hz(),
         }

@@ -11,9 +11,11 @@ use px4_ulog::full_parser::{MultiId, ParsedData, SomeVec, read_file};
 use px4_ulog::stream_parser::{
     Message, ParameterMessage, SimpleCallbackResult, read_file_with_simple_callback,
 };
+use tempfile::NamedTempFile;
 
 use super::recording::{
-    Recording, Stamped, degrees, east_north, joined, over_ground, stated, unpacked, unreadable,
+    Recording, Stamped, degrees, east_north, joined, over_ground, stated, unpacked, unpacked_file,
+    unreadable,
 };
 use crate::log::{BodyAxes, LogError};
 
@@ -35,7 +37,9 @@ pub(super) fn is_ulog(_: &Path, start: &[u8]) -> bool {
 }
 
 pub(super) fn read_ulog(path: &Path) -> Result<Recording, LogError> {
-    let name = path.to_str().unwrap_or_default();
+    let unpacked = unpacked_file(path)?;
+    let file = unpacked.as_ref().map_or(path, NamedTempFile::path);
+    let name = file.to_str().unwrap_or_default();
     let log = Ulog(read_file(name).map_err(|e| unreadable(path, &e))?);
     let mut recording = Recording {
         parameters: parameters(name),
@@ -281,8 +285,13 @@ impl Streams {
             }
             "GPS" => self.gnss.entry(instance).or_default().extend(fix(entry)),
             "GPA" => {
+                let options = self.parameters.get("GPS_DRV_OPTIONS");
+                let ellipsoidal = options.is_some_and(|options| is_ellipsoidal(*options));
                 if let Some(last) = self.gnss.get_mut(&instance).and_then(|g| g.last_mut()) {
                     accuracy(entry, last);
+                    if !ellipsoidal && time(entry) == Some(last.time) {
+                        above_the_ellipsoid(entry, last);
+                    }
                 }
             }
             "BARO" => self.height(("BARO", instance), entry, "Alt"),
@@ -310,15 +319,15 @@ fn instance(entry: &Entry) -> (&str, u32) {
 /// On the autopilot's clock: of the sample, where that is written, or else of the message. In old
 /// fixes TimeMS is GPS time, and T the autopilot's.
 fn time(entry: &Entry) -> Option<Time> {
-    let micros = entry.get_i64("SampleUS").filter(|us| *us > 0);
-    let unsigned = |name| entry.get_u64(name).and_then(|us| i64::try_from(us).ok());
-    let micros = micros
-        .or_else(|| unsigned("SampleUS"))
-        .or_else(|| unsigned("TimeUS"));
-    let millis = entry.get_i64("T").or_else(|| entry.get_i64("TimeMS"));
+    let integer = |name| {
+        let unsigned = || i64::try_from(entry.get_u64(name)?).ok();
+        entry.get_i64(name).or_else(unsigned)
+    };
+    let sampled = integer("SampleUS").filter(|us| *us > 0);
+    let micros = sampled.or_else(|| integer("TimeUS"));
+    let millis = || integer("T").or_else(|| integer("TimeMS"));
     micros
-        .or_else(|| entry.get_i64("TimeUS"))
-        .or_else(|| millis.map(|ms| 1000 * ms))
+        .or_else(|| Some(1000 * millis()?))
         .map(Time::from_micros)
 }
 
@@ -350,4 +359,16 @@ fn accuracy(entry: &Entry, fix: &mut GnssFix) {
     if entry.get_f64("VV") == Some(0.0) {
         fix.velocity_up_mps = None;
     }
+}
+
+/// Whether the driver was told to give heights above the ellipsoid instead of the sea.
+fn is_ellipsoidal(driver_options: f64) -> bool {
+    (driver_options / 16.0).rem_euclid(2.0) >= 1.0
+}
+
+/// `ArduPilot`'s undulation is the height above the sea less that above the ellipsoid: elsewhere it
+/// is the other way round.
+fn above_the_ellipsoid(entry: &Entry, fix: &mut GnssFix) {
+    let undulation_m = entry.get_f64("Und").unwrap_or_default();
+    fix.height_m = fix.height_m.map(|height_m| height_m - undulation_m);
 }

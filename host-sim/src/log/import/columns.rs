@@ -16,6 +16,8 @@
 //! lat_deg = { column = "lat", unit = "1e-7 deg" }
 //! speed_mps = { column = "speed", unit = "km/h" } # for ve and vn, with course_deg
 //! ```
+//!
+//! `baro.csv` and `truth.csv` beside it are those of a log.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -26,7 +28,8 @@ use serde::Deserialize;
 
 use super::recording::{Recording, degrees, east_north, over_ground, stated};
 use super::texts::{Table, content};
-use crate::log::read::MOST_LEFT_OUT;
+use crate::log::order::MOST_LEFT_OUT;
+use crate::log::read::{one_of, read_baro, read_truth};
 use crate::log::{LogError, Meta};
 use crate::statistics::rms_of_any;
 
@@ -180,6 +183,13 @@ pub(super) fn read(folder: &Path) -> Result<Recording, LogError> {
     let path = folder.join(file);
     let fixes = gnss.all(|row| fix(&gnss, row), &path, &mut recording.notes)?;
     recording.add_receiver(&path, file, fixes);
+    let notes = &mut recording.notes;
+    if let Some(baro) = one_of(folder, "baro.csv")? {
+        recording.baro = read_baro(&baro, notes)?;
+    }
+    if let Some(truth) = one_of(folder, "truth.csv")? {
+        recording.truth = read_truth(&truth, notes)?;
+    }
     Ok(recording)
 }
 

@@ -51,6 +51,9 @@ pub fn read(paths: &[PathBuf], choice: Choice) -> Result<(Log, Vec<LogError>), L
         if all.baro.is_empty() {
             all.baro = recording.baro;
         }
+        if all.truth.is_empty() {
+            all.truth = recording.truth;
+        }
         all.about = all.about.or(recording.about);
         all.parameters.extend(recording.parameters);
         all.notes.extend(recording.notes);

@@ -5,6 +5,7 @@ use std::path::Path;
 use chrono::Timelike;
 use ins_core::earth::{ECCENTRICITY_SQUARED, Geodetic, LocalEarth};
 use ins_core::{GnssFix, Time};
+use nalgebra::{Matrix3, Vector2, Vector3};
 use nmea::ParseResult;
 use nmea::sentences::FixType;
 use nmea::sentences::rmc::RmcStatusOfFix;
@@ -49,6 +50,8 @@ struct Epochs {
     /// Midnight before the epoch, s since 1970 if a date is known.
     day_s: f64,
     last_s: Option<f64>,
+    /// The receiver said that the last of the fixes is none.
+    void: bool,
 }
 
 impl Epochs {
@@ -56,7 +59,7 @@ impl Epochs {
         match sentence {
             ParseResult::GGA(gga) => {
                 let fixed = gga.fix_type.is_some_and(FixType::is_valid);
-                let Some(fix) = self.epoch(gga.fix_time).filter(|_| fixed) else {
+                let Some(fix) = self.fixed(gga.fix_time, fixed) else {
                     return;
                 };
                 fix.position = gga.latitude.zip(gga.longitude).and_then(degrees);
@@ -72,15 +75,18 @@ impl Epochs {
                     self.date(day_s);
                 }
                 let fixed = rmc.status_of_fix != RmcStatusOfFix::Invalid;
-                let Some(fix) = self.epoch(rmc.fix_time).filter(|_| fixed) else {
+                let Some(fix) = self.fixed(rmc.fix_time, fixed) else {
                     return;
                 };
                 fix.position = fix.position.or(rmc.lat.zip(rmc.lon).and_then(degrees));
-                velocity(fix, rmc.speed_over_ground, rmc.true_course);
+                let measured = velocity(rmc.speed_over_ground, rmc.true_course);
+                fix.velocity_en_mps = measured.or(fix.velocity_en_mps);
             }
-            ParseResult::VTG(vtg) => {
+            // Of the time of the sentence before it, unless a velocity is there, as of RMC.
+            ParseResult::VTG(vtg) if !self.void => {
                 if let Some(fix) = self.fixes.last_mut() {
-                    velocity(fix, vtg.speed_over_ground, vtg.true_course);
+                    let measured = velocity(vtg.speed_over_ground, vtg.true_course);
+                    fix.velocity_en_mps = fix.velocity_en_mps.or(measured);
                 }
             }
             ParseResult::GST(gst) => {
@@ -107,6 +113,13 @@ impl Epochs {
         self.day_s = day_s;
     }
 
+    /// The fix of a time of day, if the receiver says that it is one.
+    fn fixed(&mut self, time: Option<chrono::NaiveTime>, fixed: bool) -> Option<&mut GnssFix> {
+        let timed = self.epoch(time).is_some();
+        self.void |= !fixed;
+        self.fixes.last_mut().filter(|_| timed && fixed)
+    }
+
     /// The fix of a time of day, begun if it is not there.
     fn epoch(&mut self, time: Option<chrono::NaiveTime>) -> Option<&mut GnssFix> {
         let time = time?;
@@ -118,6 +131,7 @@ impl Epochs {
         }
         if self.last_s != Some(of_day_s) {
             self.last_s = Some(of_day_s);
+            self.void = false;
             self.fixes.push(GnssFix {
                 time: Time::from_seconds(self.day_s + of_day_s)?,
                 ..GnssFix::default()
@@ -127,14 +141,13 @@ impl Epochs {
     }
 }
 
-fn velocity(fix: &mut GnssFix, speed_kn: Option<f32>, course_deg: Option<f32>) {
+fn velocity(speed_kn: Option<f32>, course_deg: Option<f32>) -> Option<Vector2<f64>> {
     let speed_mps = speed_kn.map(|speed| KNOT_MPS * f64::from(speed));
     // At rest there is no course, and none is needed.
     let course_deg = course_deg
         .map(f64::from)
         .or((speed_mps == Some(0.0)).then_some(0.0));
-    let measured = speed_mps.zip(course_deg).map(over_ground);
-    fix.velocity_en_mps = measured.or(fix.velocity_en_mps);
+    speed_mps.zip(course_deg).map(over_ground)
 }
 
 // --- RTKLIB: geodetic or geocentric, by date or week ---
@@ -144,10 +157,30 @@ pub(super) fn is_rtklib(_: &Path, start: &[u8]) -> bool {
     header(&String::from_utf8_lossy(start)).is_some()
 }
 
+/// A name for each cell of a row.
 fn header(text: &str) -> Option<Vec<&str>> {
     let mut comments = text.lines().filter(|line| line.starts_with('%'));
     let line = comments.find(|line| line.contains("latitude(") || line.contains("x-ecef("))?;
-    Some(line.trim_start_matches('%').split_whitespace().collect())
+    let names = cells(line.trim_start_matches('%')).enumerate();
+    let of_each = names.flat_map(|(index, name)| {
+        let count = match index {
+            // Date and time, or week and seconds.
+            0 => 2,
+            _ if name.ends_with(SEXAGESIMAL) => 3,
+            _ => 1,
+        };
+        std::iter::repeat_n(name, count)
+    });
+    Some(of_each.collect())
+}
+
+/// How names of angles in degrees, minutes and seconds end.
+const SEXAGESIMAL: &str = "(d'\")";
+
+/// The separator is the user's choice.
+fn cells(line: &str) -> impl Iterator<Item = &str> {
+    line.split([' ', ',', ';', '\t'])
+        .filter(|cell| !cell.is_empty())
 }
 
 const WEEK_S: f64 = 604_800.0;
@@ -164,40 +197,121 @@ pub(super) fn read_rtklib(path: &Path) -> Result<Recording, LogError> {
     Ok(recording)
 }
 
-fn fix(names: &[&str], row: &str) -> Option<GnssFix> {
-    let cells = row.split([' ', ',', '\t']);
-    let cells: Vec<&str> = cells.filter(|cell| !cell.is_empty()).collect();
-    // The first name stands for two cells: date and time, or week and seconds.
-    let cell = |name: &str| {
-        let index = names.iter().position(|own| own.starts_with(name))?;
-        Some(number(cells.get(index + 1)?)).filter(|value| value.is_finite())
-    };
-    let place = match cell("latitude(").zip(cell("longitude(")) {
-        Some(place) => {
-            let place = degrees(place)?;
-            Geodetic {
-                latitude_rad: place.latitude_rad,
-                longitude_rad: place.longitude_rad,
-                height_m: cell("height(")?,
-            }
+/// Cells of a row by their names.
+struct Row<'a> {
+    names: &'a [&'a str],
+    cells: Vec<&'a str>,
+}
+
+impl Row<'_> {
+    fn index(&self, name: &str) -> Option<usize> {
+        self.names.iter().position(|own| own.starts_with(name))
+    }
+
+    fn number(&self, index: usize) -> Option<f64> {
+        Some(number(self.cells.get(index)?)).filter(|value| value.is_finite())
+    }
+
+    fn cell(&self, name: &str) -> Option<f64> {
+        self.number(self.index(name)?)
+    }
+
+    fn vector(&self, names: [&str; 3]) -> Option<Vector3<f64>> {
+        let [x, y, z] = names.map(|name| self.cell(name));
+        Some(Vector3::new(x?, y?, z?))
+    }
+
+    /// Degrees, also of those with minutes and seconds.
+    fn angle(&self, name: &str) -> Option<f64> {
+        let index = self.index(name)?;
+        let degrees = self.number(index)?;
+        if !self.names[index].ends_with(SEXAGESIMAL) {
+            return Some(degrees);
         }
-        None => geodetic([cell("x-ecef(")?, cell("y-ecef(")?, cell("z-ecef(")?]),
+        let (minutes, seconds) = (self.number(index + 1)?, self.number(index + 2)?);
+        // -0 degrees has a sign, too.
+        Some(degrees + (minutes / 60.0 + seconds / 3600.0).copysign(degrees))
+    }
+
+    /// Covariance of a vector of the geocentric frame: roots with their signs.
+    fn covariance(&self, names: [&str; 6]) -> Option<Matrix3<f64>> {
+        let [xx, yy, zz, xy, yz, zx] = names.map(|name| self.cell(name).map(|s| s * s.abs()));
+        let (xy, yz, zx) = (xy?, yz?, zx?);
+        Some(Matrix3::new(xx?, xy, zx, xy, yy?, yz, zx, yz, zz?))
+    }
+}
+
+fn fix(names: &[&str], row: &str) -> Option<GnssFix> {
+    let cells = cells(row).collect();
+    let row = Row { names, cells };
+    let fix = if row.index("x-ecef(").is_some() {
+        geocentric_fix(&row)
+    } else {
+        geodetic_fix(&row)
     };
-    let velocity = cell("ve(").zip(cell("vn("));
-    let both = |a: &str, b: &str| cell(a).zip(cell(b)).map(level);
-    let fix = GnssFix {
-        time: time(cells.first()?, cells.get(1)?)?,
-        velocity_en_mps: velocity.map(east_north),
-        velocity_up_mps: cell("vu("),
+    Some(GnssFix {
+        time: time(row.cells.first()?, row.cells.get(1)?)?,
+        ..fix?
+    })
+}
+
+fn geodetic_fix(row: &Row) -> Option<GnssFix> {
+    let place = degrees((row.angle("latitude(")?, row.angle("longitude(")?))?;
+    let both = |a: &str, b: &str| row.cell(a).zip(row.cell(b));
+    Some(GnssFix {
+        position: Some(place),
+        height_m: Some(row.cell("height(")?),
+        velocity_en_mps: both("ve(", "vn(").map(east_north),
+        velocity_up_mps: row.cell("vu("),
         sigma: stated([
-            both("sdn(", "sde("),
-            cell("sdu("),
-            both("sdvn", "sdve"),
-            cell("sdvu"),
+            both("sdn(", "sde(").map(level),
+            row.cell("sdu("),
+            both("sdvn", "sdve").map(level),
+            row.cell("sdvu"),
         ]),
+        ..GnssFix::default()
+    })
+}
+
+fn geocentric_fix(row: &Row) -> Option<GnssFix> {
+    let place = geodetic(row.vector(["x-ecef(", "y-ecef(", "z-ecef("])?);
+    let to_enu = to_enu(&place);
+    let velocity = row.vector(["vx(", "vy(", "vz("]).map(|v| to_enu * v);
+    // Level and up.
+    let sigmas = |names| {
+        let variances = row
+            .covariance(names)
+            .map(|c| (to_enu * c * to_enu.transpose()).diagonal());
+        variances.map_or([None; 2], |v| {
+            [0.5 * (v.x + v.y), v.z].map(|v| Some(v.sqrt()))
+        })
+    };
+    let [level, up] = sigmas(["sdx(", "sdy(", "sdz(", "sdxy(", "sdyz(", "sdzx("]);
+    let [velocity_level, velocity_up] = sigmas(["sdvx", "sdvy", "sdvz", "sdvxy", "sdvyz", "sdvzx"]);
+    let fix = GnssFix {
+        velocity_en_mps: velocity.map(|v| v.xy()),
+        velocity_up_mps: velocity.map(|v| v.z),
+        sigma: stated([level, up, velocity_level, velocity_up]),
         ..GnssFix::default()
     };
     Some(fix.at(&place))
+}
+
+/// From the geocentric frame to east, north, up.
+fn to_enu(place: &Geodetic) -> Matrix3<f64> {
+    let (sin, cos) = place.latitude_rad.sin_cos();
+    let (sin_east, cos_east) = place.longitude_rad.sin_cos();
+    Matrix3::new(
+        -sin_east,
+        cos_east,
+        0.0, //
+        -sin * cos_east,
+        -sin * sin_east,
+        cos, //
+        cos * cos_east,
+        cos * sin_east,
+        sin,
+    )
 }
 
 /// Seconds since 1970 of either form; GPS time stays GPS time.
@@ -209,7 +323,8 @@ fn time(first: &str, second: &str) -> Option<Time> {
 }
 
 /// From the Earth's centre; each step shrinks the error by the square of the eccentricity.
-fn geodetic([x, y, z]: [f64; 3]) -> Geodetic {
+fn geodetic(from_centre: Vector3<f64>) -> Geodetic {
+    let [x, y, z] = from_centre.into();
     let level = x.hypot(y);
     let mut latitude_rad = (z / (level * (1.0 - ECCENTRICITY_SQUARED))).atan();
     let mut height_m = 0.0;
@@ -234,7 +349,7 @@ mod tests {
 
     #[test]
     fn a_place_from_the_centre_is_that_on_the_ellipsoid() {
-        let names: Vec<&str> = "GPST x-ecef(m) y-ecef(m) z-ecef(m)".split(' ').collect();
+        let names = header("% GPST x-ecef(m) y-ecef(m) z-ecef(m)").unwrap();
         let place = Geodetic {
             latitude_rad: 0.8,
             longitude_rad: -2.0,
@@ -258,6 +373,78 @@ mod tests {
         );
         let off = fix.geodetic_or(0.0).unwrap().enu_from(&place);
         assert!(off.norm() < 1e-6, "{off}");
+    }
+
+    /// As RTKLIB prints one solution in both forms.
+    #[test]
+    fn a_geocentric_solution_is_the_geodetic_one() {
+        let read = |names: &str, row: &str| fix(&header(names).unwrap(), row).unwrap();
+        let geocentric = read(
+            "% GPST x-ecef(m) y-ecef(m) z-ecef(m) Q ns sdx(m) sdy(m) sdz(m) sdxy(m) sdyz(m) \
+             sdzx(m) age(s) ratio vx(m/s) vy(m/s) vz(m/s) sdvx sdvy sdvz sdvxy sdvyz sdvzx",
+            "2023/01/08 10:00:00.000 -481817.9432 5507212.2485 3170368.5142 5 8 2.2007 6.7978 \
+             3.4026 0.4304 3.9550 0.3408 0.00 0.0 -0.00394 -0.00927 0.00891 0.12567 0.42372 \
+             0.20237 0.04010 0.25072 0.04342",
+        );
+        let geodetic = read(
+            "% GPST latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne(m) \
+             sdeu(m) sdun(m) age(s) ratio vn(m/s) ve(m/s) vu(m/s) sdvn sdve sdvu sdvne sdveu sdvun",
+            "2023/01/08 10:00:00.000 29.999994371 94.999992812 -9.3615 5 8 2.5813 2.2781 7.1259 \
+             0.7786 -2.0020 -2.6572 0.00 0.0 0.01216 0.00473 -0.00324 0.14536 0.13159 0.44479 \
+             0.03911 -0.13176 -0.16769",
+        );
+        let place = |fix: &GnssFix| fix.geodetic_or(0.0).unwrap();
+        assert!(place(&geocentric).enu_from(&place(&geodetic)).norm() < 1e-3);
+        let off = geocentric.velocity_enu_mps() - geodetic.velocity_enu_mps();
+        assert!(off.amax() < 2e-5, "{off}");
+        let sigmas = |fix: &GnssFix| {
+            let s = fix.sigma;
+            [s.position_m, s.height_m, s.velocity_mps, s.velocity_up_mps].map(Option::unwrap)
+        };
+        for (a, b) in sigmas(&geocentric).into_iter().zip(sigmas(&geodetic)) {
+            assert!((a / b - 1.0).abs() < 1e-3, "{a} {b}");
+        }
+    }
+
+    fn epochs(bodies: &[&str]) -> Vec<GnssFix> {
+        let mut epochs = Epochs::default();
+        for body in bodies {
+            let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
+            epochs.take(&nmea::parse_str(&format!("${body}*{sum:02X}")).unwrap());
+        }
+        epochs.fixes
+    }
+
+    #[test]
+    fn a_course_without_a_time_takes_no_other_fix_s_place() {
+        let gga =
+            |second| format!("GPGGA,12000{second}.00,4500.0,N,00900.0,E,1,09,1.0,9.0,M,5.0,M,,");
+        let rmc = |second, status, knots| {
+            format!("GPRMC,12000{second}.00,{status},4500.0,N,00900.0,E,{knots},0.0,010170,,,A")
+        };
+        let vtg = |knots| format!("GPVTG,0.0,T,,M,{knots},N,,K,A");
+        let north_kn = |bodies: &[String]| -> Vec<Option<i32>> {
+            let bodies: Vec<&str> = bodies.iter().map(String::as_str).collect();
+            #[allow(clippy::cast_possible_truncation)] // Whole knots.
+            let knots = |fix: &GnssFix| Some((fix.velocity_en_mps?.y / KNOT_MPS).round() as i32);
+            epochs(&bodies).iter().map(knots).collect()
+        };
+        // Before the sentences of its epoch, it must not become the last one's.
+        let first = [
+            vtg(1),
+            rmc(1, "A", 1),
+            gga(1),
+            vtg(2),
+            rmc(2, "A", 2),
+            gga(2),
+            vtg(3),
+        ];
+        assert_eq!(north_kn(&first), [Some(1), Some(2)]);
+        let alone = [gga(1), vtg(1), gga(2), vtg(2)];
+        assert_eq!(north_kn(&alone), [Some(1), Some(2)]);
+        // Of what is no fix there is no velocity either.
+        let void = [gga(1), vtg(1), rmc(2, "V", 2), vtg(2)];
+        assert_eq!(north_kn(&void), [Some(1), None]);
     }
 
     #[test]

@@ -5,14 +5,16 @@ use std::collections::BTreeMap;
 use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
 
-use ins_core::earth::LatLon;
-use ins_core::{BaroHeight, FixSigma, GnssFix, ImuOutput, ImuSample, Time};
+use ins_core::{BaroHeight, FixSigma, GnssFix, ImuOutput, ImuSample, Solution, Time};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
+use tempfile::NamedTempFile;
 
-use crate::log::order::{BEGUN_ANEW, begun_anew};
+use crate::log::order::{in_order, of_another_time};
+pub(super) use crate::log::read::degrees;
 use crate::log::{self, BodyAxes, Log, LogError, Meta, table};
 
-/// Which of several sensors and receivers, counted from one; the fastest if none is named.
+/// Which of several sensors and receivers, counted from one; that with the most samples if none is
+/// named.
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub struct Choice {
     /// Which of several inertial sensors, counted from 1.
@@ -28,6 +30,8 @@ pub(super) struct Recording {
     pub(super) imus: Vec<Imu>,
     pub(super) receivers: Vec<Receiver>,
     pub(super) baro: Vec<BaroHeight>,
+    /// Reference motion, in axes as those of the samples are written.
+    pub(super) truth: Vec<Solution>,
     /// What whoever made it says of it.
     pub(super) about: Option<Meta>,
     /// The autopilot's own, as they were set.
@@ -53,6 +57,19 @@ pub(super) struct Receiver {
 /// A file's bytes, unpacked if they are packed.
 pub(super) fn unpacked(path: &Path) -> Result<Box<dyn BufRead>, LogError> {
     table::unpacked(path).map_err(|e| unreadable(path, &e))
+}
+
+/// The same in a file of its own, for parsers that open one; none if it is not packed.
+pub(super) fn unpacked_file(path: &Path) -> Result<Option<NamedTempFile>, LogError> {
+    let copy = || {
+        if !table::is_packed(path)? {
+            return Ok(None);
+        }
+        let mut file = NamedTempFile::new()?;
+        std::io::copy(&mut table::unpacked(path)?, &mut file)?;
+        Ok(Some(file))
+    };
+    copy().map_err(|e| unreadable(path, &e))
 }
 
 pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, LogError> {
@@ -134,7 +151,7 @@ impl Recording {
         let plain = || Meta::new(imu.axes, imu.output);
         let mut meta = self.about.unwrap_or_else(plain);
         if turned {
-            forget_axes(&mut meta, path, &mut warnings);
+            forget_axes(&mut meta, &mut self.truth, path, &mut warnings);
         }
         if let Some(name) = path.file_stem().and_then(|name| name.to_str()) {
             let own = meta.document.entry("name");
@@ -148,15 +165,37 @@ impl Recording {
             let table: toml::Table = set.map(|(name, value)| (name, value.into())).collect();
             meta.document.insert("parameters".into(), table.into());
         }
+        let warned = &mut warnings;
         let mut log = Log {
             meta,
-            imu: in_order(samples, &imu.path, |one| &mut one.time, &mut warnings).into(),
-            gnss: in_order(gnss.fixes, &gnss.path, |one| &mut one.time, &mut warnings),
-            baro: in_order(self.baro, path, |one| &mut one.time, &mut warnings),
-            truth: Vec::new(),
+            imu: in_order(
+                samples,
+                &imu.path,
+                |s| s.time,
+                |s, time| ImuSample { time, ..s },
+                warned,
+            )?
+            .into(),
+            gnss: in_order(
+                gnss.fixes,
+                &gnss.path,
+                |f| f.time,
+                |f, time| GnssFix { time, ..f },
+                warned,
+            )?,
+            baro: in_order(
+                self.baro,
+                path,
+                |h| h.time,
+                |h, time| BaroHeight { time, ..h },
+                warned,
+            )?,
+            truth: self.truth,
         };
         log::check::check(&mut log, &imu.path, &gnss.path, &mut warnings)?;
         log::barometer::check(&mut log, path, &mut warnings);
+        let ends = [log.truth.first(), log.truth.last()].map(|end| end.map(|row| row.time));
+        warnings.extend(of_another_time(path, "a reference", ends, &log));
         Ok((log, warnings))
     }
 }
@@ -195,20 +234,26 @@ fn turned_upright(
 }
 
 /// Leaves out what was said along axes that have been turned.
-fn forget_axes(meta: &mut Meta, path: &Path, warnings: &mut Vec<LogError>) {
+fn forget_axes(
+    meta: &mut Meta,
+    truth: &mut Vec<Solution>,
+    path: &Path,
+    warnings: &mut Vec<LogError>,
+) {
     let heading = meta
         .initial_heading_deg
         .take()
         .map(|_| "initial_heading_deg");
     let arm = meta.lever_arm_rfu_m.take().map(|_| "lever_arm_m");
-    for found in heading.into_iter().chain(arm) {
+    let truth = (!std::mem::take(truth).is_empty()).then_some("truth.csv");
+    for found in heading.into_iter().chain(arm).chain(truth) {
         let expected = "axes of which z is the vertical one";
         let cause = "said along axes that had to be turned: not used; turn the columns instead";
         warnings.push(LogError::file(path, expected, found, cause));
     }
 }
 
-/// Index of the one that is asked for, or else of the fastest.
+/// Index of the one that is asked for, or else of that with the most samples.
 fn chosen<'a>(
     option: &str,
     listed: impl Iterator<Item = (&'a String, usize)>,
@@ -234,74 +279,27 @@ fn chosen<'a>(
             "no receiver, or never a fix: `import` takes a second file that has them",
         ),
     };
-    // The first of the fastest.
+    // The first, if several have as many.
     let most = counts.iter().max();
-    let Some(fastest) = counts.iter().position(|count| Some(count) == most) else {
+    let Some(fullest) = counts.iter().position(|count| Some(count) == most) else {
         return Err(LogError::file(path, expected, "none", none));
     };
     let Some(number) = number else {
         if counts.len() > 1 {
             let cause = format!(
                 "{} is used; --{option} N of `import` and `tune` chooses {what}",
-                fastest + 1
+                fullest + 1
             );
             let expected = format!("one source of {expected}");
             warnings.push(LogError::file(path, expected, all, cause));
         }
-        return Ok(fastest);
+        return Ok(fullest);
     };
     let index = number.checked_sub(1).filter(|index| *index < counts.len());
     index.ok_or_else(|| {
         let expected = format!("--{option} from 1 to {}", counts.len());
         LogError::file(path, expected, number.to_string(), all)
     })
-}
-
-/// By their stamps, each once.
-fn in_order<T: Copy>(
-    mut rows: Vec<T>,
-    path: &Path,
-    stamp: fn(&mut T) -> &mut Time,
-    warnings: &mut Vec<LogError>,
-) -> Vec<T> {
-    count_on(&mut rows, path, stamp, warnings);
-    let time = |row: &T| *stamp(&mut { *row });
-    let before = rows.len();
-    let behind = rows
-        .windows(2)
-        .filter(|w| time(&w[1]) < time(&w[0]))
-        .count();
-    rows.sort_by_key(time);
-    rows.dedup_by_key(|row| time(row));
-    let twice = before - rows.len();
-    if behind > 0 || twice > 0 {
-        let found = format!("{behind} behind the one before, {twice} of a stamp that was there");
-        let cause = "put in order; the second of a stamp left out";
-        warnings.push(LogError::file(path, "stamps that increase", found, cause));
-    }
-    rows
-}
-
-/// Where the clock begins anew with the week or the day its period is added.
-fn count_on<T>(
-    rows: &mut [T],
-    path: &Path,
-    stamp: fn(&mut T) -> &mut Time,
-    warnings: &mut Vec<LogError>,
-) {
-    let (mut last_s, mut added_s) = (None, 0.0);
-    for row in rows {
-        let time = stamp(row);
-        let now_s = time.as_seconds();
-        let last_s = last_s.replace(now_s);
-        if let Some(period_s) = last_s.and_then(|last_s| begun_anew(last_s, now_s)) {
-            added_s += period_s;
-            let found = format!("{now_s:.3} s after {:.3} s", last_s.unwrap_or_default());
-            let cause = format!("{BEGUN_ANEW}; its period was added");
-            warnings.push(LogError::file(path, "stamps that increase", found, cause));
-        }
-        *time = time.plus_seconds(added_s);
-    }
 }
 
 /// A vector at a time.
@@ -363,14 +361,6 @@ fn and(one: &GnssFix, other: &GnssFix) -> GnssFix {
             velocity_up_mps: a.velocity_up_mps.or(b.velocity_up_mps),
         },
     }
-}
-
-/// Latitude and longitude from degrees; none where they are no place.
-pub(super) fn degrees((latitude, longitude): (f64, f64)) -> Option<LatLon> {
-    (latitude.abs() <= 90.0 && longitude.abs() <= 180.0).then(|| LatLon {
-        latitude_rad: latitude.to_radians(),
-        longitude_rad: longitude.to_radians(),
-    })
 }
 
 pub(super) fn east_north((east, north): (f64, f64)) -> Vector2<f64> {

@@ -34,8 +34,7 @@ enum Stream {
 impl Topic {
     /// None of what is not read. A twist may also be the body's own, so its name has to speak of GNSS.
     fn new(kind: &str, name: &str, cdr: bool) -> Option<Self> {
-        let gnss = ["gps", "gnss", "navsat", "fix", "ublox"];
-        let gnss = gnss.iter().any(|word| name.contains(word));
+        let gnss = speaks_of_gnss(name);
         // The second generation says what kind of type it is.
         let stream = match kind.replace("/msg/", "/").as_str() {
             "sensor_msgs/Imu" => Stream::Imu(Vec::new()),
@@ -64,22 +63,57 @@ impl Topic {
     }
 }
 
-/// One sensor for each topic of samples; one receiver for each of positions, with the velocities.
+fn speaks_of_gnss(topic: &str) -> bool {
+    let topic = topic.to_ascii_lowercase();
+    let makers = ["gps", "gnss", "navsat", "ublox"];
+    // Within another word it is another one, as in `prefix`.
+    let mut words = topic.split(|c: char| !c.is_ascii_alphanumeric());
+    makers.iter().any(|word| topic.contains(word)) || words.any(|word| word == "fix")
+}
+
+/// One sensor for each topic of samples; one receiver for each of positions, with its velocities.
 fn recording(path: &Path, topics: impl Iterator<Item = Topic>) -> Recording {
     let mut recording = Recording::default();
-    let mut velocities = Vec::new();
+    let (mut receivers, mut velocities) = (Vec::new(), Vec::new());
     for Topic { name, stream, .. } in topics {
         match stream {
             Stream::Imu(samples) => recording.add_imu(path, name, BodyAxes::Flu, samples),
-            Stream::Position(fixes) => recording.add_receiver(path, name, fixes),
-            Stream::Velocity(fixes) => velocities.extend(fixes),
+            Stream::Position(fixes) => receivers.push((name, fixes)),
+            Stream::Velocity(fixes) => velocities.push((name, fixes)),
         }
     }
-    for receiver in &mut recording.receivers {
-        receiver.fixes.extend(&velocities);
-        receiver.fixes = merged(std::mem::take(&mut receiver.fixes));
+    receivers.retain(|(_, fixes)| !fixes.is_empty());
+    for (topic, fixes) in velocities {
+        match nearest(&topic, receivers.iter().map(|(name, _)| name.as_str())) {
+            Some(index) => receivers[index].1.extend(fixes),
+            None if receivers.is_empty() => {}
+            None => recording.notes.push(of_no_receiver(path, topic)),
+        }
+    }
+    for (name, fixes) in receivers {
+        recording.add_receiver(path, name, merged(fixes));
     }
     recording
+}
+
+/// The one topic whose namespace has the most in common with another's.
+fn nearest<'a>(topic: &str, others: impl Iterator<Item = &'a str>) -> Option<usize> {
+    let common = |other: &str| {
+        let pairs = topic.split('/').zip(other.split('/'));
+        let same = |(own, other): &(&str, &str)| own.eq_ignore_ascii_case(other);
+        pairs.take_while(same).count()
+    };
+    let common: Vec<usize> = others.map(common).collect();
+    let most = common.iter().max()?;
+    let mut nearest = (0..common.len()).filter(|index| common[*index] == *most);
+    nearest.next().filter(|_| nearest.next().is_none())
+}
+
+fn of_no_receiver(path: &Path, topic: String) -> LogError {
+    let expected = "velocities in the namespace of one receiver's positions";
+    let cause = "whose they are is not known: not used; rename the topic to stand beside its \
+                 NavSatFix";
+    LogError::file(path, expected, topic, cause)
 }
 
 fn imu(message: &mut Cursor) -> Option<ImuSample> {
@@ -401,4 +435,68 @@ fn chunk<'a>(fields: &mut Cursor<'a>) -> Option<(&'a [u8], &'a [u8])> {
     let compression = fields.sized()?;
     let length = u64::from_le_bytes(fields.take()?);
     Some((compression, fields.slice(length)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn topic(name: &str, stream: Stream) -> Topic {
+        let name = name.to_owned();
+        Topic {
+            name,
+            stream,
+            cdr: false,
+        }
+    }
+
+    fn positions(name: &str) -> Topic {
+        let position = degrees((45.0, 9.0));
+        topic(
+            name,
+            Stream::Position(vec![GnssFix {
+                position,
+                ..GnssFix::default()
+            }]),
+        )
+    }
+
+    fn velocities(name: &str) -> Topic {
+        let velocity_en_mps = Some(Vector2::new(1.0, 2.0));
+        topic(
+            name,
+            Stream::Velocity(vec![GnssFix {
+                velocity_en_mps,
+                ..GnssFix::default()
+            }]),
+        )
+    }
+
+    #[test]
+    fn a_velocity_is_of_the_receiver_in_its_namespace() {
+        let [left, right] = ["/left/gps/fix", "/right/gps/fix"];
+        let told = |name: &str| {
+            let topics = [positions(left), positions(right), velocities(name)];
+            let recording = recording(Path::new(""), topics.into_iter());
+            let moves = recording.receivers.iter();
+            let moves = moves.map(|from| from.fixes[0].velocity_en_mps.is_some());
+            (moves.collect::<Vec<_>>(), recording.notes.len())
+        };
+        assert_eq!(told("/Left/GPS/vel"), (vec![true, false], 0));
+        assert_eq!(told("/right/gps/vel"), (vec![false, true], 0));
+        assert_eq!(told("/ublox/vel"), (vec![false, false], 1));
+    }
+
+    #[test]
+    fn a_name_that_speaks_of_gnss_has_the_word() {
+        for name in [
+            "/GPS/vel",
+            "/ublox_gps/fix_velocity",
+            "/fix/vel",
+            "/navsat0/vel",
+        ] {
+            assert!(speaks_of_gnss(name), "{name}");
+        }
+        assert!(!speaks_of_gnss("/prefix/twist"));
+    }
 }

@@ -95,6 +95,9 @@ fn vectors(path: &Path) -> Result<Vec<Stamped>, LogError> {
     Ok(rows)
 }
 
+/// Radius of the circle that holds 68 % of what has one sigma in each axis: sqrt(-2 ln 0.32).
+const RADIUS_68_SIGMAS: f64 = 1.51;
+
 fn fixes(path: &Path) -> Result<Vec<GnssFix>, LogError> {
     let table = Table::read(path)?;
     let column = |name| table.required(name, path);
@@ -114,7 +117,7 @@ fn fixes(path: &Path) -> Result<Vec<GnssFix>, LogError> {
             velocity_en_mps: speed.zip(bearing).map(over_ground),
             velocity_up_mps: None,
             sigma: stated([
-                cell("horizontalAccuracy"),
+                cell("horizontalAccuracy").map(|radius_m| radius_m / RADIUS_68_SIGMAS),
                 cell("verticalAccuracy"),
                 cell("speedAccuracy"),
                 None,

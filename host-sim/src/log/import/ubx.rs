@@ -15,7 +15,7 @@ use crate::log::{BodyAxes, LogError};
 const MAGIC: &[u8] = &[0xb5, 0x62];
 
 pub(super) fn recognised(_: &Path, start: &[u8]) -> bool {
-    start.windows(2).take(1024).any(|two| two == MAGIC)
+    (0..1024).any(|at| start.get(at..).and_then(frame).is_some())
 }
 
 const NAV_PVT: [u8; 2] = [0x01, 0x07];
@@ -41,18 +41,20 @@ fn frames(bytes: &[u8]) -> Vec<([u8; 2], &[u8])> {
     let mut frames = Vec::new();
     let mut at = 0;
     while let Some(rest) = bytes.get(at..).filter(|rest| rest.len() >= 8) {
-        let length = usize::from(u16::from_le_bytes([rest[4], rest[5]]));
-        let sums = rest.get(2..6 + length).map(checksum);
-        if rest.starts_with(MAGIC)
-            && sums.as_ref().map(<[u8; 2]>::as_slice) == rest.get(6 + length..8 + length)
-        {
-            frames.push(([rest[2], rest[3]], &rest[6..6 + length]));
-            at += 8 + length;
-        } else {
-            at += 1;
-        }
+        let frame = frame(rest);
+        at += frame.map_or(1, |(_, payload)| 8 + payload.len());
+        frames.extend(frame);
     }
     frames
+}
+
+/// The frame that bytes begin with. The magic alone is in one of a hundred files of other kinds.
+fn frame(bytes: &[u8]) -> Option<([u8; 2], &[u8])> {
+    let (head, rest) = bytes.strip_prefix(MAGIC)?.split_first_chunk::<4>()?;
+    let length = usize::from(u16::from_le_bytes([head[2], head[3]]));
+    let sums = rest.get(length..length + 2)?;
+    let whole = checksum(&bytes[2..6 + length]) == sums;
+    whole.then(|| ([head[0], head[1]], &rest[..length]))
 }
 
 fn checksum(bytes: &[u8]) -> [u8; 2] {
@@ -78,15 +80,26 @@ struct Ubx {
     raw: Tags,
 }
 
-/// Values of the sensors by their time tags.
+/// A vector at the seconds of a time tag.
+type Tagged = (f64, Vector3<f64>);
+
+/// Values of the sensors by their time tags, from each start of the receiver.
 #[derive(Default)]
 struct Tags {
-    gyro: Vec<(f64, Vector3<f64>)>,
-    accel: Vec<(f64, Vector3<f64>)>,
+    done: Vec<Run>,
+    run: Run,
+    last: Option<u32>,
+}
+
+#[derive(Default)]
+struct Run {
+    gyro: Vec<Tagged>,
+    accel: Vec<Tagged>,
     /// Parts of vectors that are not yet whole.
     parts: [Option<f64>; 6],
     turns: f64,
-    last: Option<u32>,
+    /// The last fix before it, which tells nothing of its time tags.
+    former: Option<Time>,
     /// Least difference from a time tag to the fix that had come before.
     behind_s: Option<f64>,
 }
@@ -144,7 +157,10 @@ impl Ubx {
     fn recording(self, path: &Path) -> Recording {
         let mut recording = Recording::default();
         for (name, tags) in [("ESF-RAW", self.raw), ("ESF-MEAS", self.meas)] {
-            let (gyro, accel) = (tags.stamped(&tags.gyro), tags.stamped(&tags.accel));
+            let (gyro, accel) = (
+                tags.stamped(|run| &run.gyro),
+                tags.stamped(|run| &run.accel),
+            );
             let samples = joined(&gyro, &accel, BodyAxes::Frd);
             recording.add_imu(path, name, BodyAxes::Frd, samples);
         }
@@ -153,18 +169,45 @@ impl Ubx {
     }
 }
 
+/// Further back than any block of a message, s: the receiver was started anew.
+const RESTART_S: f64 = 1.0;
+
 impl Tags {
     fn take(&mut self, tag: u32, tag_s: f64, value: u32, last_fix: Option<Time>) {
-        // Tags of 32 bits begin anew; a block of a message may be a little behind.
-        if self
-            .last
-            .is_some_and(|last| last > tag && last - tag > u32::MAX / 2)
-        {
-            self.turns += f64::from(u32::MAX) + 1.0;
-        }
+        let back = self.last.map_or(0, |last| last.saturating_sub(tag));
         self.last = Some(tag);
-        let time_s = tag_s * (self.turns + f64::from(tag));
-        if let Some(fix) = last_fix {
+        // Tags of 32 bits begin anew.
+        let rolled_over = back > u32::MAX / 2;
+        if !rolled_over && tag_s * f64::from(back) > RESTART_S {
+            self.done.push(std::mem::take(&mut self.run));
+            self.run.former = last_fix;
+        }
+        let run = &mut self.run;
+        if rolled_over {
+            run.turns += f64::from(u32::MAX) + 1.0;
+        }
+        let time_s = tag_s * (run.turns + f64::from(tag));
+        run.take(time_s, value, last_fix);
+    }
+
+    /// Runs without a fix have no place in time, unless there is nothing else.
+    fn stamped(&self, of: fn(&Run) -> &[Tagged]) -> Vec<Stamped> {
+        let runs = || self.done.iter().chain([&self.run]);
+        let placed = runs().any(|run| run.behind_s.is_some());
+        let mut all = Vec::new();
+        for run in runs().filter(|run| run.behind_s.is_some() == placed) {
+            let behind_s = run.behind_s.unwrap_or(0.0);
+            let stamp =
+                |(time_s, value): &Tagged| Some((Time::from_seconds(time_s + behind_s)?, *value));
+            all.extend(of(run).iter().filter_map(stamp));
+        }
+        all
+    }
+}
+
+impl Run {
+    fn take(&mut self, time_s: f64, value: u32, last_fix: Option<Time>) {
+        if let Some(fix) = last_fix.filter(|_| last_fix != self.former) {
             let behind_s = fix.as_seconds() - time_s;
             self.behind_s = Some(self.behind_s.map_or(behind_s, |least| least.max(behind_s)));
         }
@@ -183,13 +226,5 @@ impl Tags {
                 self.parts[parts].fill(None);
             }
         }
-    }
-
-    fn stamped(&self, values: &[(f64, Vector3<f64>)]) -> Vec<Stamped> {
-        let behind_s = self.behind_s.unwrap_or(0.0);
-        let stamp = |(time_s, value): &(f64, Vector3<f64>)| {
-            Some((Time::from_seconds(time_s + behind_s)?, *value))
-        };
-        values.iter().filter_map(stamp).collect()
     }
 }
