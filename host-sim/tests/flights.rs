@@ -4,7 +4,7 @@ use host_sim::sim::ErrorModel;
 use host_sim::sim::errors::BiasModel;
 use host_sim::study::flights::linear::{Agreement, random_walk_position_m};
 use host_sim::study::flights::route::Route;
-use host_sim::study::flights::run::{Run, Settings, VARIANTS, all, cell_errors, run};
+use host_sim::study::flights::run::{Run, Settings, VARIANTS, all, cell_errors, run, run_alone};
 use host_sim::study::flights::schuler::schuler;
 use host_sim::study::flights::statistics::rms;
 use indicatif::ProgressBar;
@@ -60,6 +60,20 @@ fn ideal_sensors_do_not_drift() {
     }
     // Without them their error, some 0.04 mg, pulls for 4 min: 11 m.
     assert!(end(&run, "raw") < 20.0, "{run:?}");
+}
+
+/// Without a heading the first minutes go by in search of one, and what is found is not exact.
+#[test]
+fn a_model_without_a_heading_gives_none() {
+    let flown = |given_heading_sigma_deg| {
+        let errors = ErrorModel {
+            given_heading_sigma_deg,
+            ..ErrorModel::hg1700()
+        };
+        run_alone(3, &route(), &short(errors)).map(|(left, _)| left.azimuth_deg)
+    };
+    let [none, exact] = [None, Some(0.0)].map(flown);
+    assert_ne!(none, exact);
 }
 
 #[test]

@@ -100,6 +100,24 @@ fn a_plan_is_the_same_whatever_the_number_of_threads() {
     assert!(!one.is_empty() && one == on("3"));
 }
 
+/// The last step, a fifth of what was driven and more, is cut.
+#[test]
+fn a_plan_ends_within_what_the_site_allows() {
+    let home = tempfile::tempdir().unwrap();
+    let target = "
+        [target]
+        azimuth_deg = 0.02
+        accel_bias_mg = 0.05
+        [site]
+        longest_minutes = 4";
+    let plan = planned(home.path(), target, &[]);
+    assert_eq!(plan["reached"], false);
+    let stages = plan["stages"].as_array().unwrap();
+    let end_s = stages.last().unwrap()["end_s"].as_f64().unwrap();
+    // Any manoeuvre takes less than a minute here, so that none is left out that fits.
+    assert!((180.0..=240.0).contains(&end_s), "{end_s}");
+}
+
 #[test]
 fn what_no_drive_shows_is_said_with_the_reason() {
     let home = tempfile::tempdir().unwrap();

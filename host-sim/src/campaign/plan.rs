@@ -84,7 +84,8 @@ impl Plan {
     fn check_numbers(&self, source: &Source) -> Result<(), InputError> {
         const COUNT: [f64; 2] = [1.0, 100_000.0];
         for (key, value, [low, high]) in [
-            ("units", self.units.into(), COUNT),
+            // The intervals are over units.
+            ("units", self.units.into(), [2.0, COUNT[1]]),
             ("drives", self.drives.into(), COUNT),
             ("flights", self.flights.into(), COUNT),
             ("minutes_aided", self.minutes_aided.into(), COUNT),
@@ -111,7 +112,13 @@ impl Plan {
                     .to_owned(),
             );
         }
-        Ok(())
+        match without_effect_in_flight(&model) {
+            None => Ok(()),
+            Some(key) => Err(format!(
+                "`errors.{key}`: expected none: the drives would have it and the flights would \
+                 not, so that neither can be foretold from the other"
+            )),
+        }
     }
 
     fn model(&self) -> ErrorModel {
@@ -172,6 +179,19 @@ impl Plan {
     }
 }
 
+/// What a log has and the flights, which are flown without one, do not.
+fn without_effect_in_flight(model: &ErrorModel) -> Option<&'static str> {
+    let there = [
+        ("imu.dropped_fraction", model.imu.dropped_fraction > 0.0),
+        ("imu.stamp_jitter_s", model.imu.stamp_jitter_s > 0.0),
+        ("imu.holes", !model.imu.holes.is_empty()),
+        ("gnss.habits.delay_s", model.gnss.habits.delay_s[1] > 0.0),
+        ("barometer", model.barometer.is_some()),
+    ];
+    let mut there = there.into_iter();
+    there.find_map(|(key, is_there)| is_there.then_some(key))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -200,8 +220,8 @@ mod tests {
         for (good, bad, message) in [
             (
                 "units = ",
-                "units = 0 #",
-                "line 4: `units = 0`: expected 1 to",
+                "units = 1 #",
+                "line 4: `units = 1`: expected 2 to",
             ),
             ("units = ", "unit = 1 #", "unknown field `unit`"),
             (
@@ -213,6 +233,16 @@ mod tests {
                 "output = \"Increments\"",
                 "output = \"Rates\"",
                 "errors.imu.output",
+            ),
+            (
+                "dropped_fraction = 0.0",
+                "dropped_fraction = 0.1",
+                "`errors.imu.dropped_fraction`: expected none: the drives would have it",
+            ),
+            (
+                "velocity = {",
+                "delay_s = [0.1, 0.2]\nvelocity = {",
+                "`errors.gnss.habits.delay_s`: expected none",
             ),
         ] {
             assert!(EXAMPLE.contains(good), "{good}");

@@ -170,5 +170,29 @@ fn identified(plan: &Plan, unit: u32, truth: &ErrorModel) -> ErrorModel {
             drive_record(seed, truth, Grade::Hg1700, plan.drive_minutes)
         })
         .collect();
-    Identified::new(&records, Grade::Hg1700, None).model()
+    ErrorModel {
+        // No drive shows how well a heading is known that is told: the same is told to both.
+        given_heading_sigma_deg: truth.given_heading_sigma_deg,
+        ..Identified::new(&records, Grade::Hg1700, None).model()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn predicted_flights_are_told_a_heading_as_the_true_ones_are() {
+        let text = "units = 2\ndrives = 1\ndrive_minutes = 3\nflights = 1\nminutes_aided = 1\n\
+                    minutes_free = 1\n";
+        let plan: Plan = toml::from_str(text).unwrap();
+        for given_heading_sigma_deg in [Some(0.5), None] {
+            let truth = ErrorModel {
+                given_heading_sigma_deg,
+                ..plan.unit(0)
+            };
+            let found = identified(&plan, 0, &truth);
+            assert_eq!(found.given_heading_sigma_deg, given_heading_sigma_deg);
+        }
+    }
 }

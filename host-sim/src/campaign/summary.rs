@@ -2,6 +2,8 @@
 //!
 //! Sums of whole numbers, so that the order in which runs were finished leaves no trace.
 
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 
 use super::plan::Plan;
@@ -28,9 +30,12 @@ const FIGURES: [(&str, &str, f64, u32); 9] = [
 
 #[derive(Clone, Debug)]
 pub struct Tally {
-    /// By unit, and there by model; none could not be flown.
-    units: Vec<[Vec<Option<Flown>>; 2]>,
+    /// By unit, and there by model.
+    units: Vec<[Flights; 2]>,
 }
+
+/// By number: one that two shards have flown counts once. What could not be flown has a reason.
+type Flights = BTreeMap<u32, Result<Flown, String>>;
 
 impl Tally {
     pub fn new(plan: &Plan) -> Self {
@@ -41,24 +46,23 @@ impl Tally {
 
     pub fn add(&mut self, line: &Line) {
         if let Line::Flight {
-            unit, with, flown, ..
+            unit,
+            with,
+            flight,
+            flown,
+            why,
         } = line
             && let Some(models) = self.units.get_mut(*unit as usize)
         {
-            models[usize::from(*with == With::Identified)].push(*flown);
+            let flown = flown.ok_or_else(|| why.clone().unwrap_or_default());
+            models[usize::from(*with == With::Identified)].insert(*flight, flown);
         }
-    }
-
-    /// Whether a unit has more flights than it should.
-    pub fn has_repeats(&self, plan: &Plan) -> bool {
-        let mut each = self.units.iter().flatten();
-        each.any(|flights| flights.len() > plan.flights as usize)
     }
 
     /// Flights that a plan asks for and that are not there.
     pub fn missing(&self, plan: &Plan) -> u64 {
         let all = 2 * u64::from(plan.units) * u64::from(plan.flights);
-        let there: usize = self.units.iter().flatten().map(Vec::len).sum();
+        let there: usize = self.units.iter().flatten().map(Flights::len).sum();
         all.saturating_sub(there as u64)
     }
 }
@@ -84,12 +88,16 @@ pub struct Summary {
     pub plan: Plan,
     pub flown: usize,
     pub failed: usize,
+    /// Why the first of these did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub why: Option<String>,
+    /// None where fewer than two units have flown with both models.
     pub rows: Vec<Row>,
 }
 
 impl Summary {
     pub fn new(plan: &Plan, tally: &Tally) -> Self {
-        let all = || tally.units.iter().flatten().flatten();
+        let all = || tally.units.iter().flatten().flat_map(Flights::values);
         let flown = all().flatten().count();
         let rows = (0..FIGURES.len()).filter_map(|which| row(plan, tally, which));
         let mut rows: Vec<Row> = rows.collect();
@@ -99,14 +107,15 @@ impl Summary {
             plan: plan.clone(),
             flown,
             failed: all().count() - flown,
+            why: all().find_map(|flown| flown.as_ref().err().cloned()),
             rows,
         }
     }
 
     pub fn table(&self) -> Table {
         let header = heads(
-            "RMS error | after, min | true models | predicted | predicted / true \
-             | units beyond 10 %",
+            "RMS error | after, min | true models (95 %) | predicted (95 %) \
+             | predicted / true (95 %) | units beyond 10 %",
         );
         let row = |row: &Row| {
             let of = |interval: &Interval| {
@@ -130,8 +139,8 @@ impl Summary {
 /// None with fewer than two units flown: nothing to draw an interval from.
 fn row(plan: &Plan, tally: &Tally, which: usize) -> Option<Row> {
     let (figure, unit, scale, quarter) = FIGURES[which];
-    let mean_square = |flights: &Vec<Option<Flown>>| {
-        let figures = flights.iter().flatten().map(|f| f.figures()[which]);
+    let mean_square = |flights: &Flights| {
+        let figures = flights.values().flatten().map(|f| f.figures()[which]);
         let sum: u128 = figures.clone().map(|f| u128::from(f).pow(2)).sum();
         let count = figures.count();
         (count > 0).then(|| sum as f64 / count as f64)
@@ -167,38 +176,73 @@ fn rms(squares: &[f64]) -> Option<Interval> {
 mod tests {
     use super::*;
 
+    fn plan(minutes_free: u32) -> Plan {
+        let text = format!(
+            "units = 2\ndrives = 1\ndrive_minutes = 1\nflights = 1\nminutes_aided = 1\n\
+             minutes_free = {minutes_free}\n"
+        );
+        toml::from_str(&text).unwrap()
+    }
+
+    /// The one flight of both units with both models.
+    fn lines(flown: Option<fn(u64) -> Flown>) -> Vec<Line> {
+        let line = |unit: u32, with: With| Line::Flight {
+            unit,
+            with,
+            flight: 0,
+            flown: flown.map(|of_size| of_size(u64::from(unit) + 1)),
+            why: flown.is_none().then(|| format!("unit {unit} came down")),
+        };
+        let models = [With::True, With::Identified];
+        let units = [0, 1].into_iter();
+        units
+            .flat_map(|unit| models.map(|with| line(unit, with)))
+            .collect()
+    }
+
+    fn flown(size: u64) -> Flown {
+        Flown {
+            position_cm: [size; QUARTERS as usize],
+            velocity_mmps: [size; QUARTERS as usize],
+            azimuth_mdeg: size,
+        }
+    }
+
+    fn tally(plan: &Plan, lines: &[Line]) -> Tally {
+        let mut tally = Tally::new(plan);
+        for line in lines {
+            tally.add(line);
+        }
+        tally
+    }
+
     #[test]
     fn quarters_that_end_in_one_minute_are_one_row() {
-        let plan = |minutes_free: u32| -> Plan {
-            let text = format!(
-                "units = 2\ndrives = 1\ndrive_minutes = 1\nflights = 1\nminutes_aided = 1\n\
-                 minutes_free = {minutes_free}\n"
-            );
-            toml::from_str(&text).unwrap()
-        };
         let minutes = |plan: &Plan| -> Vec<f64> {
-            let mut tally = Tally::new(plan);
-            for (unit, size) in [(0, 1), (1, 2)] {
-                for with in [With::True, With::Identified] {
-                    let flown = Some(Flown {
-                        position_cm: [size; QUARTERS as usize],
-                        velocity_mmps: [size; QUARTERS as usize],
-                        azimuth_mdeg: size,
-                    });
-                    let (flight, why) = (0, None);
-                    tally.add(&Line::Flight {
-                        unit,
-                        with,
-                        flight,
-                        flown,
-                        why,
-                    });
-                }
-            }
-            let rows = Summary::new(plan, &tally).rows;
+            let rows = Summary::new(plan, &tally(plan, &lines(Some(flown)))).rows;
             rows.iter().map(|row| row.minutes).collect()
         };
         assert_eq!(minutes(&plan(2)), [0.0, 1.0, 2.0, 1.0, 2.0]);
         assert_eq!(minutes(&plan(8)).len(), FIGURES.len());
+    }
+
+    #[test]
+    fn a_flight_that_two_shards_have_flown_counts_once() {
+        let (plan, lines) = (plan(2), lines(Some(flown)));
+        let one_missing = [&lines[..3], &lines[..1]].concat();
+        assert_eq!(tally(&plan, &one_missing).missing(&plan), 1);
+        let twice = tally(&plan, &[&lines[..], &lines[..]].concat());
+        assert_eq!(twice.missing(&plan), 0);
+        let once = Summary::new(&plan, &tally(&plan, &lines));
+        assert_eq!(Summary::new(&plan, &twice), once);
+    }
+
+    #[test]
+    fn a_campaign_without_a_flight_says_why() {
+        let plan = plan(2);
+        let summary = Summary::new(&plan, &tally(&plan, &lines(None)));
+        assert!(summary.rows.is_empty());
+        assert_eq!((summary.flown, summary.failed), (0, 4));
+        assert_eq!(summary.why.as_deref(), Some("unit 0 came down"));
     }
 }

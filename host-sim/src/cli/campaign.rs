@@ -1,5 +1,6 @@
 //! The commands `campaign` and `merge`.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -12,7 +13,7 @@ use crate::campaign::run::run;
 use crate::campaign::slurm;
 use crate::campaign::summary::{Summary, Tally};
 use crate::page;
-use crate::page::output::replace;
+use crate::page::output::{OutputError, replace};
 use crate::page::progress::bar;
 
 /// Copy of the plan; marks a folder as that of a campaign.
@@ -80,25 +81,49 @@ fn check_parts(plan: &Plan, parts: u32) -> Result<()> {
     Ok(())
 }
 
-/// Makes the folder with a copy of the plan, or finds that it belongs to this very plan.
+/// What marks a folder: the plan, which stays one, and the version of this program, for another one
+/// may come to other figures.
+fn mark(plan: &Plan) -> Result<String> {
+    let plan = toml::to_string(plan).into_diagnostic()?;
+    Ok(format!("# host-sim {}\n{plan}", env!("CARGO_PKG_VERSION")))
+}
+
+/// Makes the folder, or finds that it belongs to this very campaign.
 fn settle(plan: &Plan, out: &Path, force: bool) -> Result<()> {
-    let text = toml::to_string(plan).into_diagnostic()?;
-    let same = |copy: &Path| Ok(Plan::read(copy)? == *plan);
-    ledger::settle(out, PLAN, &text, force, same, "a campaign of another plan")
+    let text = mark(plan)?;
+    let other = match Plan::read(&out.join(PLAN)) {
+        Ok(before) if before == *plan => "this campaign as another version of host-sim ran it",
+        _ => "a campaign of another plan",
+    };
+    let same = |copy: &Path| Ok(read(copy)? == text);
+    ledger::settle(out, PLAN, &text, force, same, other)
+}
+
+fn read(file: &Path) -> Result<String> {
+    Ok(fs::read_to_string(file).map_err(|error| OutputError::io(file, error))?)
 }
 
 fn add_up(folders: &[&PathBuf], print: Print) -> Result<()> {
     let summary = summary(folders)?;
     replace(&folders[0].join(SUMMARY), &page::json(&summary)?)?;
     print.result(&summary, || {
+        let why = summary.why.iter().map(|why| format!("The first: {why}.\n"));
         format!(
-            "{}\n{} units, {} flights of each with each model; {} flights could not be flown.\n",
+            "{}\n{} units, {} flights of each with each model; {} flights could not be flown.\n{}",
             summary.table().plain(),
             summary.plan.units,
             summary.plan.flights,
-            summary.failed
+            summary.failed,
+            why.collect::<String>()
         )
-    })
+    })?;
+    if summary.rows.is_empty() {
+        bail!(
+            help = "the cause of the first that could not be flown stands above",
+            "fewer than two units have flown with both models: nothing to compare"
+        );
+    }
+    Ok(())
 }
 
 /// What the runs in some folders of one plan say.
@@ -114,21 +139,48 @@ pub fn summary(folders: &[&PathBuf]) -> Result<Summary> {
     Ok(Summary::new(&plan, &tally))
 }
 
-/// Sums over all files of runs in some folders of one plan.
+/// All files of runs in some folders of one plan.
 fn tally(folders: &[&PathBuf]) -> Result<(Plan, Tally)> {
-    let plan = Plan::read(&folders[0].join(PLAN))?;
+    let first = folders[0].join(PLAN);
+    let (plan, text) = (Plan::read(&first)?, read(&first)?);
     let mut tally = Tally::new(&plan);
     for folder in folders {
-        if Plan::read(&folder.join(PLAN))? != plan {
-            bail!("{} belongs to another plan", folder.display());
+        if read(&folder.join(PLAN))? != text {
+            bail!(
+                help = "what is added up is of one plan and of one version of host-sim",
+                "{} belongs to another plan, or another version ran it",
+                folder.display()
+            );
         }
         ledger::read_folder(folder, |line| tally.add(&line))?;
     }
-    if tally.has_repeats(&plan) {
-        bail!(
-            help = "a folder was given twice, or shards of different numbers lie side by side",
-            "there are more runs than the plan has"
-        );
-    }
     Ok((plan, tally))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_of_another_version_are_not_gone_on_with() {
+        let home = tempfile::tempdir().unwrap();
+        let out = home.path().join("out");
+        let text = "units = 2\ndrives = 1\ndrive_minutes = 6\nflights = 1\nminutes_aided = 6\n\
+                    minutes_free = 1\n";
+        let plan: Plan = toml::from_str(text).unwrap();
+        settle(&plan, &out, false).unwrap();
+        settle(&plan, &out, false).unwrap();
+        let copy = out.join(PLAN);
+        let older = read(&copy)
+            .unwrap()
+            .replace("# host-sim ", "# host-sim 0.0.");
+        fs::write(&copy, older).unwrap();
+        let refused = settle(&plan, &out, false).unwrap_err().to_string();
+        assert!(
+            refused.ends_with("as another version of host-sim ran it"),
+            "{refused}"
+        );
+        settle(&plan, &out, true).unwrap();
+        assert_eq!(Plan::read(&copy).unwrap(), plan);
+    }
 }

@@ -176,17 +176,28 @@ impl Conditions {
     }
 
     fn chosen(&self) -> Result<Vec<&'static conditions::Kind>> {
+        let has_class = |kind: &conditions::Kind| {
+            (self.class).is_none_or(|class| kind.classes.contains(&class))
+        };
         for name in &self.kinds {
-            if !conditions::all().any(|kind| kind.name == *name) {
+            let Some(kind) = conditions::all().find(|kind| kind.name == *name) else {
                 bail!(
                     help = "`study conditions --list` prints all",
                     "no kind of conditions is called {name}"
+                );
+            };
+            if let Some(class) = self.class.filter(|_| !has_class(kind)) {
+                let class = class.name();
+                bail!(
+                    help = format!("`study conditions --list --class {class}` prints what is"),
+                    "{name} is not tried with sensors of the class {class}"
                 );
             }
         }
         let wanted = |kind: &&conditions::Kind| {
             let named = self.kinds.is_empty() || self.kinds.iter().any(|name| name == kind.name);
-            named && !(self.judges && !kind.judge || self.development && kind.judge)
+            let of_side = !(self.judges && !kind.judge || self.development && kind.judge);
+            named && of_side && has_class(kind)
         };
         let chosen: Vec<&conditions::Kind> = conditions::all().filter(wanted).collect();
         if chosen.is_empty() {
@@ -425,5 +436,36 @@ impl Rehearse {
             let told = told.collect::<Vec<_>>().join("\n");
             format!("{told}\n\n{}", proof::readable(&proof.rows))
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        conditions: Conditions,
+    }
+
+    fn chosen(arguments: &str) -> Result<Vec<&'static conditions::Kind>> {
+        let all = ["conditions"]
+            .into_iter()
+            .chain(arguments.split_whitespace());
+        Line::try_parse_from(all).unwrap().conditions.chosen()
+    }
+
+    #[test]
+    fn kinds_are_of_the_class_that_is_asked_for() {
+        let ring_lasers = chosen("--class hg1700").unwrap();
+        assert!(ring_lasers.len() < chosen("").unwrap().len());
+        let names = |kinds: &[&conditions::Kind]| kinds.iter().any(|k| k.name == "quadrotor");
+        assert!(!names(&ring_lasers) && names(&chosen("--class mems").unwrap()));
+        let refused = chosen("--kinds plain,quadrotor --class hg1700").unwrap_err();
+        let expected = "quadrotor is not tried with sensors of the class hg1700";
+        assert_eq!(refused.to_string(), expected);
     }
 }

@@ -167,6 +167,13 @@ impl Bench {
         self.before_s + self.seconds()
     }
 
+    /// When a manoeuvre would be over that was driven now, s.
+    pub fn seconds_after(&self, manoeuvre: Manoeuvre, site: &Site) -> f64 {
+        let (mut course, mut driver) = (self.course.clone(), self.driver.clone());
+        manoeuvre.drive(&mut course, site, &mut driver);
+        course.now_s
+    }
+
     pub fn drive(&mut self, manoeuvre: Manoeuvre, site: &Site) {
         manoeuvre.drive(&mut self.course, site, &mut self.driver);
         let motion = Mounted::new(Car::driven(self.course.clone()), self.mount);

@@ -33,7 +33,7 @@ use crate::sim::ErrorModel;
 /// come to what is not noise.
 const OF_WHITE: f64 = 0.5;
 /// Part of what has been driven that is added in one step at least: less moves a sigma by less than
-/// chance does.
+/// chance does. After a log the first steps are of what has been driven since.
 const STEP: f64 = 0.2;
 /// Steps of one manoeuvre that are tried in a row, more only if fewer help nowhere: twice the drive
 /// shows whatever ever will.
@@ -142,8 +142,7 @@ impl Search<'_> {
             unreached: Vec::new(),
             end: start,
         };
-        let longest_s = 60.0 * self.target.site.longest_minutes;
-        while self.missing(&plan.end) > 0.0 && seconds(&plan.end) < longest_s {
+        while self.missing(&plan.end) > 0.0 {
             let Some(next) = self.next(&plan.end) else {
                 break;
             };
@@ -164,13 +163,14 @@ impl Search<'_> {
     /// What is driven next; none if nothing helps.
     fn next(&self, from: &[Bench]) -> Option<Tried> {
         let site = &self.target.site.manoeuvres;
+        let longest_s = 60.0 * self.target.site.longest_minutes;
         if seconds(from) == 0.0 && site.contains(&Manoeuvre::Stand) && aligning(from) {
             // Level and gyros are best found at rest, and a car stands anyway.
-            return self.tried(from, &[Manoeuvre::Stand], 1).pop();
+            return self.tried(from, &[Manoeuvre::Stand], 1, longest_s).pop();
         }
         AHEAD
             .into_iter()
-            .find_map(|steps| self.best(from, self.tried(from, site, steps)))
+            .find_map(|steps| self.best(from, self.tried(from, site, steps, longest_s)))
     }
 
     fn reached(&self, drives: &[Bench]) -> Vec<Reached> {
@@ -184,32 +184,49 @@ impl Search<'_> {
         missing + NO_SOLUTION * unsolved as f64
     }
 
-    /// Each manoeuvre on copies, so many steps of it.
-    fn tried(&self, from: &[Bench], manoeuvres: &[Manoeuvre], steps: u32) -> Vec<Tried> {
+    /// Each manoeuvre on copies, so many steps of it, as far as they end by a time; what does not
+    /// fit at all is left out.
+    fn tried(
+        &self,
+        from: &[Bench],
+        manoeuvres: &[Manoeuvre],
+        steps: u32,
+        longest_s: f64,
+    ) -> Vec<Tried> {
+        let site = &self.target.site;
         manoeuvres
             .par_iter()
             .filter_map(|manoeuvre| {
                 let (first, others) = from.split_first()?;
-                let least_s = STEP * first.seconds();
+                // What a log lacks a single manoeuvre may show; whether nothing more helps only
+                // one as long as the log can tell.
+                let driven_s = match steps {
+                    1 => first.seconds(),
+                    _ => first.known_seconds(),
+                };
+                let least_s = f64::from(steps) * STEP * driven_s;
                 let mut times = 0;
                 let mut ahead = first.clone();
-                let gained_s = |ahead: &Bench| ahead.seconds() - first.seconds();
-                while times < steps || gained_s(&ahead) < f64::from(steps) * least_s {
-                    ahead.drive(*manoeuvre, &self.target.site);
+                let is_less = |ahead: &Bench, times: u32| {
+                    times < steps || ahead.seconds() - first.seconds() < least_s
+                };
+                while is_less(&ahead, times) && ahead.seconds_after(*manoeuvre, site) <= longest_s {
+                    ahead.drive(*manoeuvre, site);
                     times += 1;
                 }
                 let again = |bench: &Bench| {
                     let mut bench = bench.clone();
-                    (0..times).for_each(|_| bench.drive(*manoeuvre, &self.target.site));
+                    (0..times).for_each(|_| bench.drive(*manoeuvre, site));
                     bench
                 };
                 let mut drives: Vec<Bench> = others.par_iter().map(again).collect();
                 drives.insert(0, ahead);
-                Some(Tried {
+                let tried = Tried {
                     manoeuvre: *manoeuvre,
                     times,
                     drives,
-                })
+                };
+                (times > 0).then_some(tried)
             })
             .collect()
     }

@@ -21,11 +21,12 @@ impl Search<'_> {
         if last.iter().all(Reached::is_met) {
             return Vec::new();
         }
-        let own = self.tried(end, &self.target.site.manoeuvres, AHEAD[1]);
+        let longest_s = f64::INFINITY;
+        let own = self.tried(end, &self.target.site.manoeuvres, AHEAD[1], longest_s);
         let forbidden: Vec<Manoeuvre> = Manoeuvre::all()
             .filter(|manoeuvre| !self.target.site.manoeuvres.contains(manoeuvre))
             .collect();
-        let other = self.tried(end, &forbidden, AHEAD[1]);
+        let other = self.tried(end, &forbidden, AHEAD[1], longest_s);
         let each = last.into_iter().enumerate();
         each.filter(|(_, reached)| !reached.is_met())
             .map(|(which, last)| {

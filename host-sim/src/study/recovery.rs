@@ -14,7 +14,7 @@ use crate::identify::configure;
 use crate::identify::error_model::filter::{Candidate, Class, Dynamics};
 use crate::identify::error_model::fit;
 use crate::identify::error_model::identified::in_file;
-use crate::identify::error_model::interval::Interval;
+use crate::identify::error_model::interval::{Interval, student};
 use crate::identify::error_model::{Identified, Parameter, Record};
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::identify::run::identify;
@@ -26,6 +26,7 @@ use crate::sim::errors::{BiasModel, Law};
 use crate::sim::receiver::Correlated;
 use crate::sim::vehicles::{Begin, Plane};
 use crate::sim::{DriveConfig, ErrorModel, SimulatedDrive, record, simulate};
+use crate::statistics::mean_and_variance;
 use crate::study::options::{MOST_SEED, minutes};
 
 /// Names of the files; the first marks a folder as ours.
@@ -245,11 +246,8 @@ fn candidate(model: &ErrorModel) -> Candidate {
 
 fn rows(study: &Study, law: Law, units: &[Unit]) -> Vec<Row> {
     let model = truth(study.class, law);
-    let Some(first) = units.first() else {
-        return Vec::new();
-    };
     let bounds = Bounds::new(study, &model, units);
-    (first.parameters.iter())
+    (each_parameter(units).into_iter())
         .map(|parameter| {
             let same = |p: &&Parameter| p.name == parameter.name;
             let found: Vec<Interval> = (units.iter())
@@ -261,11 +259,23 @@ fn rows(study: &Study, law: Law, units: &[Unit]) -> Vec<Row> {
         .collect()
 }
 
+/// Of all units: one whose model was not found has fewer.
+fn each_parameter(units: &[Unit]) -> Vec<&Parameter> {
+    let mut each: Vec<&Parameter> = Vec::new();
+    for parameter in units.iter().flat_map(|unit| &unit.parameters) {
+        if each.iter().all(|other| other.name != parameter.name) {
+            each.push(parameter);
+        }
+    }
+    each
+}
+
 fn row(parameter: &Parameter, truth: f64, found: &[Interval], bound: Option<f64>) -> Row {
     let count = found.len() as f64;
-    let mean = found.iter().map(|f| f.value).sum::<f64>() / count;
-    let squares: f64 = found.iter().map(|f| (f.value - mean).powi(2)).sum();
-    let scatter = (squares / (count - 1.0).max(1.0)).sqrt();
+    let values: Vec<f64> = found.iter().map(|f| f.value).collect();
+    let alone = (values.first().copied().unwrap_or(f64::NAN), f64::NAN);
+    let (mean, variance) = mean_and_variance(&values).unwrap_or(alone);
+    let scatter = variance.sqrt();
     let held = found.iter().filter(|f| f.holds(truth)).count();
     Row {
         name: parameter.name,
@@ -273,7 +283,7 @@ fn row(parameter: &Parameter, truth: f64, found: &[Interval], bound: Option<f64>
         truth,
         units: found.len(),
         bias: mean - truth,
-        bias_95: 1.96 * scatter / count.sqrt(),
+        bias_95: student(count - 1.0) * scatter / count.sqrt(),
         coverage_percent: 100.0 * held as f64 / count,
         scatter,
         bound,
@@ -388,7 +398,8 @@ impl Results {
         let title = format!("Gyro biases of equation {}:", self.gyro_model);
         // Scales that the core does not estimate, say.
         let found = self.rows.iter().filter(|row| row.units > 0);
-        Table::of(title, header, found.map(Row::cells))
+        let units = self.study.units;
+        Table::of(title, header, found.map(|row| row.cells(units)))
     }
 }
 
@@ -402,20 +413,89 @@ impl Row {
         }
     }
 
-    fn cells(&self) -> Vec<String> {
-        let digits = |value: f64| page::digits(self.scatter, value);
+    fn cells(&self, of_units: u64) -> Vec<String> {
+        let digits = |value: f64| match self.units {
+            1 => page::brief(value),
+            _ => page::digits(self.scatter, value),
+        };
         vec![
             self.name.to_owned(),
             self.unit.to_owned(),
             self.truth.to_string(),
             digits(self.bias),
             format!("± {}", digits(self.bias_95)),
-            format!("{:.0} %", self.coverage_percent),
+            self.coverage(of_units),
             digits(self.scatter),
             self.bound.map_or("none".to_owned(), digits),
             (self.bound).map_or(String::new(), |bound| {
                 format!("{:.2}", self.scatter / bound)
             }),
         ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NOISE: &str = "gyro_deg_h.white_noise";
+    const MEAN: &str = "gyro_deg_h.bias.jump_mean";
+
+    fn unit(found: &[(&'static str, f64)]) -> Unit {
+        let parameter = |&(name, value): &(&'static str, f64)| Parameter {
+            name,
+            unit: "",
+            found: Some(Interval {
+                value,
+                low: value - 1.0,
+                high: value + 1.0,
+            }),
+            observable: true,
+            why: "",
+        };
+        Unit {
+            parameters: found.iter().map(parameter).collect(),
+            information: Matrix4::identity(),
+            rest_freedom: 100.0,
+        }
+    }
+
+    fn study(units: u64) -> Study {
+        Study {
+            class: Grade::Hg1700,
+            vehicle: Vehicle::Car,
+            units,
+            drives: 1,
+            minutes: 40.0,
+            first_seed: 0,
+        }
+    }
+
+    #[test]
+    fn what_the_first_unit_lacks_stays_in_the_table_with_its_number_of_units() {
+        let units = [
+            unit(&[(NOISE, 7.0)]),
+            unit(&[(NOISE, 8.0), (MEAN, 0.0)]),
+            unit(&[(NOISE, 7.5), (MEAN, 0.6)]),
+        ];
+        let study = study(3);
+        let rows = rows(&study, Law::Wave, &units);
+        let counts: Vec<(&str, usize)> = rows.iter().map(|row| (row.name, row.units)).collect();
+        assert_eq!(counts, [(NOISE, 3), (MEAN, 2)]);
+        let results = Results {
+            study,
+            gyro_model: "(3)",
+            rows,
+        };
+        let table = results.table().plain();
+        assert!(table.contains("100 % of 2"), "{table}");
+    }
+
+    /// Two values 0.6 apart: Student's 12.7 of one degree of freedom times 0.3, not 1.96.
+    #[test]
+    fn chance_of_few_units_is_that_of_student() {
+        let units = [unit(&[(MEAN, 0.0)]), unit(&[(MEAN, 0.6)])];
+        let row = rows(&study(2), Law::Wave, &units)[0].clone();
+        assert!((row.bias_95 - 12.706 * 0.3).abs() < 1e-3, "{row:?}");
     }
 }

@@ -20,6 +20,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::biases::biases;
 use super::options::{MOST_SEED, minutes, within};
 use super::subject::{self, Core, Kalman, Subject};
 use crate::compare::kalman::Noise;
@@ -27,7 +28,8 @@ use crate::identify::free_inertial::known;
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
 use crate::log::Grade;
 use crate::page::progress::counted;
-use crate::sim::{DriveConfig, ErrorModel, SimulatedDrive, simulate};
+use crate::sim::drive::Recording;
+use crate::sim::{DriveConfig, ErrorModel, SensorErrors, SimulatedDrive, simulate};
 
 /// Interval at which the errors of a run are looked at, s.
 pub const EVERY_S: f64 = 10.0;
@@ -222,10 +224,13 @@ impl Study {
         let (converged, history) = if let Some(factor) = self.kalman_noise {
             let noise = self.told(factor);
             let mut filter = Kalman::new(&drive.imu, &drive.gnss, config, noise, &Vector3::z())?;
-            (true, look(&mut filter, &drive, kalman_finds))
+            (
+                true,
+                look(&mut filter, &plan.recording, &drive, kalman_finds),
+            )
         } else {
             let mut core = Core::new(config, &drive)?;
-            let history = look(&mut core, &drive, core_finds);
+            let history = look(&mut core, &plan.recording, &drive, core_finds);
             let azimuth = core.navigator.estimates().azimuth_error_rad;
             (known(&azimuth) && core.solution().is_some(), history)
         };
@@ -248,14 +253,25 @@ impl Study {
 /// Checks of what somebody finds: estimates, and a heading, rad.
 fn look<S: Subject>(
     subject: &mut S,
+    recording: &Recording,
     drive: &SimulatedDrive,
     found: fn(&S) -> Option<(Estimates, f64)>,
 ) -> Vec<Option<[Check; 8]>> {
     let mut history = Vec::new();
+    // One for each truth, which is given in turn.
+    let mut biases = biases(recording).step_by(recording.truth_every as usize);
     subject::drive(subject, &drive.truth, |subject, time, truth| {
+        let Some([gyro, accel]) = biases.next() else {
+            return;
+        };
         let due_s = EVERY_S * (history.len() + 1) as f64;
         if truth.time == time && time.as_seconds() >= due_s {
-            let checks = |found| checks(found, drive, truth);
+            let errors = SensorErrors {
+                gyro_bias_radps: gyro.into(),
+                accel_bias_mps2: accel.into(),
+                ..drive.errors
+            };
+            let checks = |found| checks(found, &errors, truth);
             history.push(found(subject).map(checks));
         }
     });
@@ -280,13 +296,12 @@ fn kalman_finds(kalman: &Kalman) -> Option<(Estimates, f64)> {
     Some((filter.estimates(), filter.known.ins.heading_rad()))
 }
 
-/// Every estimate against its truth; the azimuth is what is left in a heading.
+/// Every estimate against its truth at that moment; the azimuth is what is left in a heading.
 fn checks(
     (estimates, heading_rad): (Estimates, f64),
-    drive: &SimulatedDrive,
+    errors: &SensorErrors,
     truth: &Solution,
 ) -> [Check; 8] {
-    let errors = &drive.errors;
     let [ax, ay, az] = estimates.accel_bias_mps2;
     let [gx, gy, gz] = estimates.gyro_bias_radps;
     let azimuth_left = wrap_pi(heading_rad - truth.euler().heading_rad);
@@ -309,4 +324,35 @@ fn checks(
             sigma: estimate.sigma / si,
         }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::errors::BiasModel;
+
+    /// A bias that jumps by many sigmas later on is none of the errors of before.
+    #[test]
+    fn estimates_are_held_against_the_biases_of_their_moment() {
+        let study = Study {
+            minutes: 6.0,
+            ..Study::new(Grade::Mems, 1)
+        };
+        let jumps_at_the_end = |errors: &mut ErrorModel| {
+            errors.gyro_deg_h.bias = BiasModel::Wave {
+                initial_sigma: 1080.0,
+                interval_s: 350.0,
+                jump_mean: 1000.0,
+                jump_sigma: 0.0,
+            };
+        };
+        let progress = ProgressBar::hidden();
+        let runs = (study.drive(&jumps_at_the_end, &|_| {}, &progress)).unwrap();
+        let before = runs[0].history[29].expect("it navigates after five minutes");
+        for check in &before[4..7] {
+            assert!(check.error.abs() < 4.0 * check.sigma, "{check:?}");
+            // The jump would show: it is far beyond the bound above.
+            assert!(4.0 * check.sigma < 500.0, "{check:?}");
+        }
+    }
 }

@@ -106,7 +106,7 @@ pub fn worst_table(results: &[Results]) -> Option<Table> {
     all.truncate(WORST);
     let header = heads(
         "worst over Kalman | class | use |  | unit | RMS error | Kalman | its error/sigma \
-         | over Kalman",
+         | over Kalman | in runs",
     );
     let rows = all.iter().map(|(result, row, _)| {
         let mut cells = names(result).to_vec();
@@ -123,7 +123,7 @@ pub fn worst_table(results: &[Results]) -> Option<Table> {
 fn kind(result: &Results) -> String {
     let header = heads(
         "| unit | RMS error | RMS sigma | error/sigma | within 1 | within 3 | observable \
-         | wrong and sure | Kalman | its error/sigma | over Kalman",
+         | wrong and sure | Kalman | its error/sigma | over Kalman | in runs",
     );
     let table = Table::of("", header, result.rows.iter().map(kind_row));
     format!(
@@ -153,12 +153,13 @@ fn kind_row(row: &Row) -> Vec<String> {
     cells
 }
 
-/// RMS error of the Kalman filter, that over its sigma, and the core's over it.
-fn beside_cells(beside: &Beside) -> [String; 3] {
+/// RMS error of the Kalman filter, that over its sigma, the core's over it, and in how many runs.
+fn beside_cells(beside: &Beside) -> [String; 4] {
     [
         number(beside.rms_error),
         beside.rms_ratio.map_or(String::new(), two_digits),
         two_digits(beside.over),
+        beside.runs.to_string(),
     ]
 }
 
@@ -220,14 +221,16 @@ fn percent(part: f64) -> String {
 
 /// Three digits.
 fn number(value: f64) -> String {
-    let size = value.abs();
-    if size >= 100.0 {
-        format!("{value:.0}")
-    } else if size >= 10.0 {
-        format!("{value:.1}")
-    } else if size >= 1.0 {
-        format!("{value:.2}")
-    } else {
-        format!("{value:.4}")
+    page::digits(0.1 * value, value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::number;
+
+    #[test]
+    fn small_errors_are_not_shown_as_none() {
+        let shown = [426.2, 41.73, 1.674, 0.0166, 4e-5].map(number);
+        assert_eq!(shown, ["426", "41.7", "1.67", "0.0166", "0.0000400"]);
     }
 }

@@ -6,7 +6,7 @@ use super::quantities::{QUANTITIES, index};
 use super::run::{Check, Run, Tried};
 use super::{Kind, Quantity};
 use crate::log::Grade;
-use crate::statistics::{geometric_mean, rms_of_any};
+use crate::statistics::{geometric_mean, median, rms_of_any};
 
 /// An error beyond so many of its own sigmas is wrong.
 pub const WRONG_SIGMAS: f64 = 4.5;
@@ -165,7 +165,7 @@ pub struct Results {
     pub without_solution: f64,
     /// Median time of the first solution of those that had one, s.
     pub first_solution_s: Option<f64>,
-    /// Runs of the Kalman filter that cannot be compared, if it was run.
+    /// Runs of the Kalman filter that cannot be compared, of those that it was run in, if any.
     pub kalman_lost: Option<KalmanLost>,
     /// Quantities that were claimed.
     pub rows: Vec<Row>,
@@ -181,11 +181,11 @@ pub struct KalmanLost {
 
 impl KalmanLost {
     fn new(runs: &[&Tried]) -> Option<Self> {
-        let kalman: Option<Vec<&Run>> = runs.iter().map(|tried| tried.kalman.as_ref()).collect();
-        let kalman = kalman?;
+        let kalman = || runs.iter().filter_map(|tried| tried.kalman.as_ref());
+        kalman().next()?;
         Some(Self {
-            without_solution: kalman.iter().filter(|run| run.is_unsolved()).count(),
-            diverged: kalman.iter().filter(|run| run.has_diverged()).count(),
+            without_solution: kalman().filter(|run| run.is_unsolved()).count(),
+            diverged: kalman().filter(|run| run.has_diverged()).count(),
         })
     }
 
@@ -197,11 +197,9 @@ impl KalmanLost {
 
 impl Results {
     pub fn new(kind: &Kind, class: Grade, runs: &[&Tried]) -> Self {
-        let mut firsts: Vec<f64> = runs
-            .iter()
+        let firsts: Vec<f64> = (runs.iter())
             .filter_map(|tried| tried.core.first_solution_s)
             .collect();
-        firsts.sort_by(f64::total_cmp);
         let count = runs.len() as f64;
         Self {
             kind: kind.name,
@@ -211,7 +209,7 @@ impl Results {
             runs: runs.len(),
             never: 1.0 - firsts.len() as f64 / count,
             without_solution: runs.iter().map(|t| t.core.without_solution).sum::<f64>() / count,
-            first_solution_s: firsts.get(firsts.len() / 2).copied(),
+            first_solution_s: (!firsts.is_empty()).then(|| median(firsts.into_iter())),
             kalman_lost: KalmanLost::new(runs),
             rows: (0..QUANTITIES.len())
                 .filter_map(|quantity| Row::new(quantity, runs))
@@ -237,9 +235,13 @@ impl Results {
         (judged().filter(|honest| *honest).count(), judged().count())
     }
 
-    /// RMS error over that of the Kalman filter, of each quantity that can be compared.
+    /// RMS error over that of the Kalman filter, of each quantity that can be compared in half of
+    /// the runs at least: a ratio of a few that the filter was not lost in says little.
     pub fn over_kalman(&self) -> impl Iterator<Item = (&Row, f64)> {
-        let over = |row: &Row| row.kalman.as_ref().map(|beside| beside.over);
+        let over = |row: &Row| {
+            let beside = row.kalman.as_ref()?;
+            (2 * beside.runs >= self.runs).then_some(beside.over)
+        };
         self.rows
             .iter()
             .filter_map(move |row| Some((row, over(row)?)))
@@ -355,19 +357,39 @@ mod tests {
             beside(unaligned(), run(0.01, 1.0)),
         ];
         let kind = all().next().unwrap();
-        let results = Results::new(kind, Grade::Mems, &runs.iter().collect::<Vec<_>>());
+        let of = |runs: &[Tried]| Results::new(kind, Grade::Mems, &runs.iter().collect::<Vec<_>>());
+        let results = of(&runs);
         let lost = results.kalman_lost.unwrap();
         assert_eq!((lost.without_solution, lost.diverged), (1, 2));
         let beside = results.rows[0].kalman.unwrap();
         assert_eq!((beside.runs, beside.core_rms_error), (2, 3.0));
         assert!((beside.over - 1.5).abs() < 1e-12);
-        assert_eq!(results.near_kalman(), (0, 1));
         // All of the core's own runs stay in its own figures.
         assert_eq!(results.rows[0].checks, 5);
+        // Two of six are too few for a ratio that counts; two of four are not.
+        assert_eq!(results.near_kalman(), (0, 0));
+        let results = of(&runs[..4]);
+        assert_eq!(results.near_kalman(), (0, 1));
         let total = Totals::new("all", &[&results]).unwrap();
         assert!((total.over_kalman.unwrap() - 1.5).abs() < 1e-12);
         let counts = (total.near_kalman, total.compared, total.kalman_lost);
-        assert_eq!(counts, (0, 1, 3));
+        assert_eq!(counts, (0, 1, 2));
+    }
+
+    #[test]
+    fn a_run_without_a_filter_hides_no_filter_that_was_lost() {
+        let with = |kalman: Option<Run>| Tried {
+            core: run(1.0, 1.0),
+            kalman,
+        };
+        let runs = [
+            with(None),
+            with(Some(unaligned())),
+            with(Some(run(1.0, 1.0))),
+        ];
+        let kind = all().next().unwrap();
+        let results = Results::new(kind, Grade::Mems, &runs.iter().collect::<Vec<_>>());
+        assert_eq!(results.kalman_lost.map(KalmanLost::runs), Some(1));
     }
 
     #[test]

@@ -172,14 +172,17 @@ fn grid(summary: &Summary) -> Table {
         let of_walk = (summary.grid.iter().skip(row)).step_by(WALKS_DEG_SQRT_H.len());
         let mut cells = vec![walk.random_walk_deg_sqrt_h.to_string()];
         cells.extend(of_walk.map(|cell| {
-            let mark = if cell.reached { " *" } else { "" };
+            let mark = if cell.reached == Some(true) { " *" } else { "" };
             format!("{:.2}{mark}", cell.position_km)
         }));
         cells
     };
-    let title = format!(
-        "RMS position error, km, of residual gyro errors alone; * reaches the {THESIS_KM} km of the thesis:"
-    );
+    let legend = if summary.grid.iter().any(|cell| cell.reached.is_some()) {
+        format!("; * reaches the {THESIS_KM} km of the thesis")
+    } else {
+        String::new()
+    };
+    let title = format!("RMS position error, km, of residual gyro errors alone{legend}:");
     Table::of(title, header, summary.walks.iter().enumerate().map(row))
 }
 

@@ -57,7 +57,9 @@ pub enum RunError {
     #[error("flight of seed {seed}: {error}")]
     Flight { seed: u64, error: FlightError },
     /// The alignment was not over when GNSS went.
-    #[error("flight of seed {seed}: still aligning after {minutes} min; raise --minutes-aided")]
+    #[error(
+        "flight of seed {seed}: still aligning after {minutes} min with GNSS; it takes more of them"
+    )]
     Aligning { seed: u64, minutes: u32 },
 }
 
@@ -146,11 +148,12 @@ fn aided(
 }
 
 fn damped(seed: u64, sensors: &mut Sensors, settings: &Settings) -> Navigator {
-    let heading_error_deg = settings.errors.given_heading_sigma_deg.unwrap_or(0.0)
-        * Random::stream(seed, "given heading").normal();
-    let heading_rad = sensors.truth().euler().heading_rad + heading_error_deg.to_radians();
-    let output = ImuOutput::Increments;
-    let config = config_of(Grade::Hg1700, output, Some(heading_rad));
+    let error_sigmas = Random::stream(seed, "given heading").normal();
+    let given = |sigma_deg: f64| {
+        sensors.truth().euler().heading_rad + (sigma_deg * error_sigmas).to_radians()
+    };
+    let heading_rad = settings.errors.given_heading_sigma_deg.map(given);
+    let config = config_of(Grade::Hg1700, ImuOutput::Increments, heading_rad);
     let mut navigator = Navigator::new(config).expect("presets are valid");
     for _ in 0..settings.minutes_aided * MINUTE {
         let step = sensors.step();

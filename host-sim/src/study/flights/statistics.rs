@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use crate::sim::noise::Random;
-pub use crate::statistics::rms;
-use crate::statistics::{median, whole};
+use crate::statistics::whole;
+pub use crate::statistics::{median, rms};
 
 const RESAMPLES: usize = 4000;
 /// Of fewer values the percentiles of a bootstrap hold the RMS far less often than they say: three times in
@@ -15,7 +15,9 @@ const FEWEST: usize = 10;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Figure {
     pub rms: f64,
-    /// 95 % confidence interval of it: bootstrap, percentiles. None of a few values.
+    /// 95 % confidence interval of it: bootstrap, percentiles; narrow by some where values are few,
+    /// so that it holds the RMS in 85 % of the cases of ten values, 90 % of thirty, 92 % of fifty.
+    /// None of fewer.
     pub rms_95: Option<[f64; 2]>,
     pub median: f64,
 }

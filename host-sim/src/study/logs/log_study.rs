@@ -20,7 +20,7 @@ use crate::identify::configure;
 use crate::identify::halves::{self, Difference};
 use crate::identify::quantities::Quantity;
 use crate::identify::run::{Identification, identify};
-use crate::log::{self, Grade, Log};
+use crate::log::{self, Grade, Log, LogError};
 
 /// What a log is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -143,10 +143,11 @@ pub struct Without {
 }
 
 impl LogStudy {
-    /// Reads a log and runs all tests.
+    /// Reads a log and runs all tests; warnings go to the standard error.
     pub fn of_folder(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Self> {
         let name = folder_name(folder);
-        let (log, _) = log::read(folder)?;
+        let (log, warnings) = log::read(folder)?;
+        progress.suspend(|| LogError::tell(&warnings));
         let grade = configure::grade(&log, grade);
         progress.set_message(name.clone());
         Self::of_log(name, &log, grade).map_err(|error| miette!("cannot be used: {}", error))

@@ -180,12 +180,14 @@ fn altered_table(study: &Study) -> Table {
     let log = |log: &LogStudy| {
         let all = (log.altered.iter())
             .flat_map(|altered| altered.differences.iter().map(move |d| (altered.how, d)));
-        let (how, largest) = all.max_by(|a, b| a.1.sigmas.abs().total_cmp(&b.1.sigmas.abs()))?;
+        let largest = all.max_by(|a, b| a.1.sigmas.abs().total_cmp(&b.1.sigmas.abs()));
         let lost: usize = log.altered.iter().map(|altered| altered.lost).sum();
         let mut row = spread(&Spread::of(log.altered_differences()));
         row.push(lost.to_string());
-        row.push(format!("{} {}: {how}", largest.name, cell(largest)));
-        Some(row)
+        row.push(largest.map_or_else(String::new, |(how, largest)| {
+            format!("{} {}: {how}", largest.name, cell(largest))
+        }));
+        (largest.is_some() || lost > 0).then_some(row)
     };
     let total = |summary: &Summary| spread(&summary.altered);
     Table::of(ALTERED, header, by_role(study, log, total))

@@ -24,10 +24,9 @@ use crate::page::chart::sampled;
 use crate::page::plot::{BLUE, Mark, ORANGE, RED, padded};
 use crate::page::sheet::{self, Key, Panel};
 use crate::sim::errors::BiasModel;
-use crate::sim::ideal::{Increments, Rates};
-use crate::sim::imu::Imu;
-use crate::sim::{DriveConfig, ErrorModel, simulate};
+use crate::sim::{DriveConfig, simulate};
 use crate::statistics::rms;
+use crate::study::biases::biases;
 
 /// Points of a curve in a drawing.
 const MOST_POINTS: usize = 400;
@@ -170,9 +169,10 @@ pub(super) fn figures_6_and_7(settings: &Settings) -> Result<Part, ConfigError> 
             plan.recording.errors.gyro_deg_h.bias = WAVE;
             let noise = Noise::of_model(&plan.recording.errors);
             let (log, mut config) = log_of(simulate(&plan));
+            let gyros = biases(&plan.recording).map(|[gyro, _]| gyro);
+            let truth: Vec<_> = gyros.skip(1).take(log.imu.len()).collect();
             config.sensors.gyro_bias_walk = noise.sensors.gyro_bias_walk;
             let run = Run::new(&log, config, noise)?;
-            let truth = gyro_biases(&plan.recording.errors, seed, &log);
             Ok([0, 1].map(|axis| run.gyro(axis, &truth)).into())
         })
         .collect::<Result<Vec<Vec<Course>>, ConfigError>>()?;
@@ -232,19 +232,6 @@ fn gyro_pair(name: &'static str, on: &str) -> Pair {
         unit: "deg/h",
         lines: vec![(BLUE, "gyro right"), (ORANGE, "gyro forward")],
     }
-}
-
-/// True biases at each sample, drawn as the drive drew them.
-fn gyro_biases(errors: &ErrorModel, seed: u64, log: &Log) -> Vec<Vector3<f64>> {
-    let mut imu = Imu::new(errors, seed);
-    let (still, rates) = (Increments::default(), Rates::default());
-    let mut last = Time::default();
-    let at = |time: Time| {
-        let _ = imu.measure(&still, &rates, time.seconds_since(last));
-        last = time;
-        imu.gyros.bias()
-    };
-    log.imu.iter().map(|sample| sample.time).map(at).collect()
 }
 
 impl Pair {

@@ -8,6 +8,7 @@ use host_sim::page::brief;
 use host_sim::page::table::{Table, heads, markdown};
 use host_sim::study::conditions::output::{overview_table, totals, totals_table, worst_table};
 use host_sim::study::conditions::{QUANTITIES, Quantity, Results, Row, Study, Trial, all};
+use host_sim::study::flights::statistics::median;
 use indicatif::ProgressBar;
 
 /// All kinds over so many seeds, the Kalman filter beside the core.
@@ -84,16 +85,13 @@ fn over_kinds(results: &[Results], class: Grade, quantities: &[Quantity]) -> [St
     if rows.is_empty() {
         return ["not observable", "", ""].map(str::to_owned);
     }
-    let mut errors: Vec<f64> = rows.iter().map(|row| row.rms_error).collect();
-    errors.sort_by(f64::total_cmp);
-    let median = 0.5 * (errors[(errors.len() - 1) / 2] + errors[errors.len() / 2]);
     let checks: f64 = rows.iter().map(|row| row.checks as f64).sum();
     let square = |row: &&Row| row.checks as f64 * row.rms_ratio.unwrap_or_default().powi(2);
     let ratio = (rows.iter().map(square).sum::<f64>() / checks).sqrt();
     let sure: f64 = rows.iter().map(|row| row.sure()).sum();
     let wrong: usize = rows.iter().map(|row| row.wrong_and_sure).sum();
     [
-        brief(median),
+        brief(median(rows.iter().map(|row| row.rms_error))),
         format!("{ratio:.2}"),
         format!("{wrong} of {sure:.0}"),
     ]

@@ -34,6 +34,9 @@ struct Figures {
     /// Folder of recordings of other programs; ../shared/formats beside the repository unless given.
     #[arg(long)]
     recordings: Option<PathBuf>,
+    /// Go on with the campaign that a measurement of this very program left unfinished.
+    #[arg(long)]
+    resume: bool,
     /// Table printed by another program, taken over into a part of a page.
     #[arg(long, value_name = "PART=FILE", value_parser = insertion)]
     insert: Vec<(String, PathBuf)>,
@@ -149,7 +152,7 @@ impl Part {
             )),
             Self::Proof => recorded::proof(root, logs),
             Self::Recovery => program::recovery(options.runs.clamp(2, 200)).map(Some),
-            Self::Campaign => program::campaign(root).map(Some),
+            Self::Campaign => program::campaign(root, options.resume).map(Some),
             Self::PlanDrive => host_sim::plan_drive_page().map(Some),
             Self::Aircraft => aircraft::performance_table().map(Some),
             Self::Flights => aircraft::flights(options.runs.min(200)).map(Some),

@@ -35,11 +35,14 @@ pub fn recovery(units: u64) -> Result<String> {
     fs::read_to_string(out.join("recovery.md")).into_diagnostic()
 }
 
-/// The campaign of the example plan. What an earlier measurement has finished is not run again.
-pub fn campaign(root: &Path) -> Result<String> {
+/// The campaign of the example plan; what an earlier measurement has finished stands if it is
+/// resumed, and is set aside else.
+pub fn campaign(root: &Path, resume: bool) -> Result<String> {
     let plan = root.join("host-sim/campaigns/hg1700.toml");
     let out = root.join("out/campaign");
     let (plan, to) = (plan.to_string_lossy(), out.to_string_lossy());
-    host_sim(&["campaign", &plan, "--out", &to])?;
+    let anew = (!resume).then_some("--force");
+    let arguments = ["campaign", &plan, "--out", &to].into_iter().chain(anew);
+    host_sim(&arguments.collect::<Vec<_>>())?;
     Ok(campaign_summary(&[&out])?.table().markdown())
 }
