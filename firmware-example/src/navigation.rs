@@ -5,8 +5,8 @@ use core::fmt::Write as _;
 
 use critical_section::Mutex;
 use ins_core::{
-    Config, Estimate, Estimates, FixReport, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Manoeuvre, Navigator,
-    Observability, Phase, Solution, Time,
+    Config, Estimate, Estimates, FixReport, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Manoeuvre,
+    Navigator, Observability, Phase, Solution, Time,
 };
 use ins_link::{Answer, NotStarted, Report, Responder, StartError, Started, Timer};
 

@@ -2,7 +2,8 @@
 
 use ins_core::damping::DampingSignals;
 use ins_core::{
-    Config, ConfigError, Estimates, FixReport, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Navigator,
+    Config, ConfigError, Estimates, FixReport, GnssFix, GnssOutcome, ImuOutcome, ImuSample,
+    Navigator,
 };
 
 use crate::message::{Answer, Reply, Report, Request};

@@ -79,6 +79,9 @@ fn run(
     mut log: Option<&mut BoardLog>,
 ) -> Result<(Hardware, Analysis)> {
     let config = input.config;
+    if !input.log.baro.is_empty() {
+        eprintln!("warning: baro.csv is left out: the link carries samples and fixes");
+    }
     let mut bench = Bench::new(config).map_err(|error| miette!("{}", error))?;
     let mut session = options.target.open()?;
     let started = session.start(config, ESTIMATES_EVERY)?;

@@ -101,6 +101,9 @@ pub fn test(
     let mut navigators = vec![course.core(config)?, course.kalman(config, noise)?];
     #[cfg(feature = "peers")]
     navigators.push(course.peer(config, noise)?);
+    let Some(navigators) = in_common(&navigators) else {
+        return Ok(None);
+    };
     let against = if simulated {
         Against::Truth
     } else {
@@ -110,6 +113,24 @@ pub fn test(
         against,
         navigators,
     }))
+}
+
+/// All over the outages in which each of them had a solution; `None` where there is none.
+pub(crate) fn in_common(navigators: &[Drifts]) -> Option<Vec<Drifts>> {
+    let in_all = |outage: &Drift| {
+        let same = |other: &Drift| other.start_s == outage.start_s;
+        navigators
+            .iter()
+            .all(|drifts| drifts.outages.iter().any(same))
+    };
+    let common = |drifts: &Drifts| {
+        let outages = drifts.outages.iter().copied().filter(in_all);
+        Drifts::new(drifts.navigator, outages.collect())
+    };
+    let all: Vec<Drifts> = navigators.iter().map(common).collect();
+    all.first()
+        .is_some_and(|first| first.count > 0)
+        .then_some(all)
 }
 
 impl OutageTest {

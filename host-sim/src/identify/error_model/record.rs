@@ -16,6 +16,8 @@ use crate::identify::free_inertial::known;
 use crate::identify::run::{Identification, Settling};
 use crate::log::{Log, median};
 
+/// Sigmas of what a receiver smooths over from which on it does.
+const SMOOTHS_SIGMAS: f64 = 3.0;
 /// Length of an epoch, s. Tilt is felt over some 10 s, so nothing is lost.
 const EPOCH_S: f64 = 2.0;
 /// Longest epoch that still counts as whole, s.
@@ -319,6 +321,55 @@ impl Correction {
     }
 }
 
+/// Velocities of the reference, and what a receiver that smooths makes of them: what it leaves out of a
+/// manoeuvre is no noise.
+struct Smoothed {
+    reference: Vec<(Time, Vector2<f64>)>,
+    /// By the moment that each shows.
+    smoothed: Vec<(Time, Vector2<f64>)>,
+}
+
+impl Smoothed {
+    /// By a filter of first order, whose memory is of the variance that was found; `None` where that may as
+    /// well be none. A long one is known well and still not to a third of what was believed of it.
+    fn new(solutions: &[Solution], estimates: &Estimates) -> Option<Self> {
+        let variance = &estimates.gnss_smoothing_s2;
+        if variance.value <= SMOOTHS_SIGMAS * variance.sigma {
+            return None;
+        }
+        let memory_s = variance.value.sqrt();
+        let level = |solution: &Solution| (solution.time, solution.velocity_enu_mps.xy());
+        let reference: Vec<_> = solutions.iter().map(level).collect();
+        let mut lag = Vector2::zeros();
+        let smoothed = reference.windows(2).map(|pair| {
+            let [(from, before), (to, now)] = [pair[0], pair[1]];
+            let seconds = to.seconds_since(from);
+            // How far it lags behind an even change in the end.
+            let last = (now - before) * (memory_s / seconds);
+            lag = last + (lag - last) * libm::exp(-seconds / memory_s);
+            (to.plus_seconds(-memory_s), now - lag)
+        });
+        let smoothed = smoothed.collect();
+        Some(Self {
+            reference,
+            smoothed,
+        })
+    }
+
+    /// By how much the smoothed velocity is another at a moment, m/s; `None` beyond the reference.
+    fn off(&self, moment: Time) -> Option<Vector2<f64>> {
+        Some(at(&self.smoothed, moment)? - at(&self.reference, moment)?)
+    }
+}
+
+fn at(track: &[(Time, Vector2<f64>)], moment: Time) -> Option<Vector2<f64>> {
+    let after = track.partition_point(|(time, _)| *time <= moment);
+    let (from, before) = track.get(after.checked_sub(1)?)?;
+    let (to, next) = track.get(after)?;
+    let part = moment.seconds_since(*from) / to.seconds_since(*from);
+    Some(before.lerp(next, part))
+}
+
 struct Reducer<'a> {
     first: Time,
     correction: Correction,
@@ -334,9 +385,13 @@ impl<'a> Reducer<'a> {
             estimates: found.end.estimates,
             end: found.end.time,
         };
-        let fixes = (log.gnss.iter())
-            .filter_map(|fix| Some((correction.moment(fix), fix.velocity_en_mps?)))
-            .collect();
+        let smoothed = Smoothed::new(&found.solutions, &correction.estimates);
+        let fix = |fix: &GnssFix| {
+            let moment = correction.moment(fix);
+            let off_mps = smoothed.as_ref().and_then(|smoothed| smoothed.off(moment));
+            Some((moment, fix.velocity_en_mps? - off_mps.unwrap_or_default()))
+        };
+        let fixes = log.gnss.iter().filter_map(fix).collect();
         let mut settling = Settling::default();
         for row in &found.history {
             settling.at(row.time, row.solution.is_some(), SETTLE_S, || {
@@ -521,6 +576,33 @@ mod tests {
     use crate::identify::run::identify;
     use crate::log::{BodyAxes, Grade};
     use crate::sim::{DriveConfig, simulate};
+    use crate::statistics::rms;
+
+    /// What half a second leaves out of the manoeuvres of this car doubles the differences; its memory is found
+    /// to a tenth, which leaves some.
+    #[test]
+    fn what_a_receiver_smooths_away_is_no_noise() {
+        let mut config = DriveConfig::new(12, Grade::Mems, 15.0);
+        config.recording.errors.gnss.velocity_sigma_mps = 0.05;
+        let difference_mps = |config: &DriveConfig| {
+            let log = simulate(config).into_log(BodyAxes::Rfu, ins_core::ImuOutput::Rates);
+            let found = identify(
+                &log,
+                configure::config(&log, Grade::Mems),
+                &ProgressBar::hidden(),
+            );
+            let record = Record::new(&log, &found.unwrap());
+            let differences = record
+                .epochs
+                .iter()
+                .filter_map(|epoch| epoch.difference.as_ref());
+            rms(differences.map(|difference| difference.velocity_mps.norm()))
+        };
+        let plain_mps = difference_mps(&config);
+        config.recording.errors.gnss.habits.smoothing_s = 0.5;
+        let smoothed_mps = difference_mps(&config);
+        assert!(smoothed_mps < 1.5 * plain_mps, "{smoothed_mps} {plain_mps}");
+    }
 
     #[test]
     fn a_drive_whose_azimuth_is_never_known_tells_of_its_noise_once_settled() {

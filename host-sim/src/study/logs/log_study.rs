@@ -13,7 +13,7 @@ use super::wander::Wander;
 use crate::compare::five_stage;
 use crate::compare::kalman::Noise;
 use crate::compare::measure::{COMPARED, columns};
-use crate::compare::outage::Course;
+use crate::compare::outage::{Course, in_common};
 use crate::compare::tracks::{self, Input};
 use crate::identify::analysis::folder_name;
 use crate::identify::configure;
@@ -224,16 +224,18 @@ impl<'a> Bench<'a> {
         };
         let Input { config, noise, .. } = self.input;
         let (core, kalman) = rayon::join(|| course.core(config), || course.kalman(config, noise));
-        let core = core?;
+        #[allow(unused_mut, reason = "peers are a feature")]
+        let mut navigators = vec![core?, kalman?];
         #[cfg(feature = "peers")]
-        let fusion_nav = Some(course.peer(config, noise)?.position_rms_m);
-        #[cfg(not(feature = "peers"))]
-        let fusion_nav = None;
+        navigators.push(course.peer(config, noise)?);
+        let Some(navigators) = in_common(&navigators) else {
+            return Ok(None);
+        };
         Ok(Some(Outages {
-            count: core.count,
-            core_m: core.position_rms_m,
-            kalman_m: kalman?.position_rms_m,
-            fusion_nav_m: fusion_nav,
+            count: navigators[0].count,
+            core_m: navigators[0].position_rms_m,
+            kalman_m: navigators[1].position_rms_m,
+            fusion_nav_m: navigators.get(2).map(|peer| peer.position_rms_m),
         }))
     }
 
