@@ -379,6 +379,20 @@ fn row_cases() -> Vec<Case> {
     ]
 }
 
+/// Lines are counted as an editor does.
+fn line_cases() -> Vec<Case> {
+    vec![
+        text("a damaged line of CRLF", |f| {
+            set_line(&mut f.imu, 100, "x");
+            f.imu = f.imu.replace('\n', "\r\n");
+        }),
+        text("a damaged line after blank ones", |f| {
+            set_line(&mut f.gnss, 100, "x");
+            f.gnss = f.gnss.replacen('\n', "\n\n\n", 1);
+        }),
+    ]
+}
+
 fn form_cases() -> Vec<Case> {
     vec![
         text("lower-case axes", |f| f.meta = META.replace("FRD", "frd")),
@@ -409,14 +423,6 @@ fn form_cases() -> Vec<Case> {
         }),
         text("rows of text throughout", |f| {
             f.imu = f.imu.replace("0.001", "n/a");
-        }),
-        text("a damaged line of CRLF", |f| {
-            set_line(&mut f.imu, 100, "x");
-            f.imu = f.imu.replace('\n', "\r\n");
-        }),
-        text("a damaged line after blank ones", |f| {
-            set_line(&mut f.gnss, 100, "x");
-            f.gnss = f.gnss.replacen('\n', "\n\n\n", 1);
         }),
         text("two rows swapped", |f| {
             let mut lines: Vec<&str> = f.imu.lines().collect();
@@ -874,6 +880,7 @@ fn every_kind_of_bad_log_gets_its_message() {
         file_cases(),
         meta_cases(),
         row_cases(),
+        line_cases(),
         form_cases(),
         column_cases(),
         receiver_cases(),

@@ -118,7 +118,7 @@ pub fn test(
 /// All over the outages in which each of them had a solution; `None` where there is none.
 pub(crate) fn in_common(navigators: &[Drifts]) -> Option<Vec<Drifts>> {
     let in_all = |outage: &Drift| {
-        let same = |other: &Drift| other.start_s == outage.start_s;
+        let same = |other: &Drift| other.start_s.total_cmp(&outage.start_s).is_eq();
         navigators
             .iter()
             .all(|drifts| drifts.outages.iter().any(same))
