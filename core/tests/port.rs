@@ -38,7 +38,8 @@ struct Car {
     way_m: Vector2<f64>,
     /// What the upper accelerometer reads of the right one.
     askew: f64,
-    /// How fast its bias grows, m/s^3.
+    /// Its bias, and how fast that grows, m/s^2 and m/s^3.
+    up_bias_mps2: f64,
     warming: f64,
     /// What the clock of the inertial sensors is set to beyond the time, s.
     clock_s: f64,
@@ -53,6 +54,7 @@ impl Car {
             heading_rad: 0.4,
             way_m: Vector2::zeros(),
             askew: 0.0,
+            up_bias_mps2: 0.0,
             warming: 0.0,
             clock_s: 0.0,
             navigator: Navigator::new(Config::mems()).unwrap(),
@@ -97,7 +99,8 @@ impl Car {
             self.heading_rad += STEP_S * turn;
             self.way_m += STEP_S * self.velocity_mps();
             if sampled {
-                let up_off_mps2 = self.askew * speed * turn + self.warming * self.time_s();
+                let warmed = self.up_bias_mps2 + self.warming * self.time_s();
+                let up_off_mps2 = self.askew * speed * turn + warmed;
                 let _ = self.navigator.on_imu(&ImuSample {
                     time: self.time().plus_seconds(self.clock_s),
                     gyro: Vector3::new(2e-3, -3e-3, 4e-3 - turn),
@@ -902,4 +905,22 @@ fn positions_in_fixes_of_their_own_may_be_later_than_velocities() {
     );
     let (off_m, sigma_m) = (car.off_m(), car.navigator.sigma().unwrap().position_m.x);
     assert!(off_m.xy().norm() < 3.0 * sigma_m, "{off_m} {sigma_m}");
+}
+
+/// A receiver that tells no height: gravity, which is another one higher up, must not be taken to tell it.
+#[test]
+fn a_height_that_nobody_knows_stays_where_it_is_put() {
+    let mut car = Car::new(bends);
+    car.up_bias_mps2 = 0.2;
+    car.until(300.0, true, |fix| {
+        Some(GnssFix {
+            height_m: None,
+            // All zeros would be none.
+            velocity_up_mps: Some(0.0004 * fix.velocity_enu_mps().x),
+            ..fix
+        })
+    });
+    let height_m = car.navigator.solution().unwrap().position.height_m;
+    assert!(height_m.abs() < 200.0, "{height_m}");
+    assert!(car.navigator.sigma().unwrap().position_m.z > 5000.0);
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Observer, estimated};
+use super::{Observer, UNKNOWN_HEIGHT_M, estimated};
 use crate::channel::{Growth, Measured, Renewal};
 use crate::config::Config;
 use crate::error_model::{
@@ -111,10 +111,13 @@ impl Observer {
             gyro_noise: gyro_level,
         };
         self.level.propagate(&growth, level);
+        // Gravity tells no height that is not known: a bias of the accelerometer would be shared with it.
+        let known = self.vertical.position() < 0.25 * UNKNOWN_HEIGHT_M * UNKNOWN_HEIGHT_M;
+        let runaway_per_s2 = if known { RUNAWAY_PER_S2 } else { 0.0 };
         self.vertical.propagate(
             &Growth {
                 seconds: span.seconds,
-                gravity_per_s: RUNAWAY_PER_S2 * span.seconds,
+                gravity_per_s: runaway_per_s2 * span.seconds,
                 accel_noise: accel_up,
                 ..Growth::default()
             },
