@@ -162,7 +162,7 @@ impl<const RING: usize> Navigator<RING> {
         config: Config,
         calibration: Option<&Calibration>,
     ) -> Result<Self, ConfigError> {
-        const { assert!(RING > 2, "two moments are needed to tell what lies between") };
+        const { assert!(RING > 2, "three moments are needed to compare a fix") };
         config.check()?;
         let known = calibration.map_or(Ok(config.prior()), |known| known.belief(&config))?;
         let state = State {
@@ -569,15 +569,15 @@ impl<const RING: usize> State<RING> {
     ) {
         let hole_s = time.seconds_since(until);
         match &mut self.mode {
-            Mode::Aligning(alignment) if tipped => {
-                self.stopgap = None;
-                alignment.lose_sight(time);
-                alignment.restart(time);
-            }
             Mode::Aligning(alignment) => {
                 alignment.lose_sight(time);
-                alignment.begin_at(time);
-                carry_over(&mut self.stopgap, hole_s);
+                if tipped {
+                    self.stopgap = None;
+                    alignment.restart(time);
+                } else {
+                    alignment.begin_at(time);
+                    carry_over(&mut self.stopgap, hole_s);
+                }
             }
             Mode::Navigating(ins) => {
                 self.restarts = self.restarts.saturating_add(1);

@@ -58,7 +58,7 @@ pub enum GnssOutcome {
     /// Latitude, height or speed no vehicle on Earth has; a heading that is none to begin with; a sigma that
     /// is none.
     OutOfRange,
-    /// Nothing of it was near enough to the INS to be true; of a fix in [`Health`](crate::Health) alone. Fixes that agree with each other for 15 s
-    /// show that it is the INS which is wrong.
+    /// Nothing of it was near enough to the INS to be true; of a fix in [`Health`](crate::Health) alone.
+    /// Fixes that agree with each other for 15 s show that it is the INS which is wrong.
     Outlier,
 }
