@@ -1,11 +1,11 @@
 //! What a method's track is worth.
 
+use ins_core::Solution;
 use ins_core::earth::wrap_pi;
-use ins_core::{Solution, Time};
 use serde::Serialize;
 
 use super::tracks::{Input, Point, Track};
-use crate::identify::against_truth;
+use crate::identify::against_truth::truth_at;
 use crate::identify::quantities::{Quantities, Quantity};
 use crate::log::{Grade, Log};
 use crate::statistics::root_mean;
@@ -103,7 +103,7 @@ fn quantities(input: &Input, grade: Grade, track: &Track) -> Vec<QuantityResult>
 fn error(input: &Input, point: &Point, which: usize) -> Option<f64> {
     let truth = input.truth?;
     if which == 0 {
-        let truth = truth_at(input.log, point.time)?;
+        let truth = truth_at(&input.log.truth, point.time)?;
         return Some(heading_error_deg(&point.solution, &truth));
     }
     let value = columns(input.log.meta.body_axes, point)[which].value;
@@ -130,7 +130,7 @@ fn settled(input: &Input, track: &Track, which: usize, found: f64) -> Option<f64
 fn trajectory(log: &Log, track: &Track) -> Option<TrajectoryError> {
     let half = log.imu.first()?.time.plus_seconds(0.5 * log.duration_s());
     let squares = |point: &Point| {
-        let (solution, truth) = (&point.solution, truth_at(log, point.time)?);
+        let (solution, truth) = (&point.solution, truth_at(&log.truth, point.time)?);
         let position = solution.position.enu_from(&truth.position).xy();
         let velocity = solution.velocity_enu_mps - truth.velocity_enu_mps;
         let heading_deg = heading_error_deg(solution, &truth);
@@ -152,8 +152,4 @@ fn trajectory(log: &Log, track: &Track) -> Option<TrajectoryError> {
 
 fn heading_error_deg(solution: &Solution, truth: &Solution) -> f64 {
     wrap_pi(solution.euler().heading_rad - truth.euler().heading_rad).to_degrees()
-}
-
-pub(crate) fn truth_at(log: &Log, time: Time) -> Option<Solution> {
-    against_truth::truth_at(&log.truth, time)
 }

@@ -14,8 +14,8 @@ use rayon::prelude::*;
 use super::drive::{Drive, log_of, open};
 use super::part::{GRADE, Number, Part, Settings, here};
 use crate::compare::kalman::Noise;
-use crate::compare::measure::truth_at;
 use crate::compare::tracks::{Input, Point, kalman, noise, points};
+use crate::identify::against_truth::truth_at;
 use crate::identify::configure;
 use crate::identify::quantities::DEG_H_RADPS;
 use crate::identify::run::record;
@@ -112,7 +112,7 @@ impl<'a> Run<'a> {
                 time_s,
                 value: off(&point.solution),
                 sigma: point.estimates.azimuth_error_rad.sigma.to_degrees(),
-                truth: truth_at(self.log, point.time).map(|truth| off(&truth)),
+                truth: truth_at(&self.log.truth, point.time).map(|truth| off(&truth)),
             })
         })
     }
