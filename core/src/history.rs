@@ -126,9 +126,9 @@ impl Span<f32> {
 /// it as the last, what swings nearly as fast as the ring would show a latency that is not there.
 pub const SPACING_S: f64 = 0.105;
 
-/// Time over which a receiver smooths from which on one derivative is too few, s: of a turn at 1 rad/s
-/// the next one adds a fifth to it.
-pub const LONG_S: f64 = 0.3;
+/// Time over which a receiver smooths from which on one derivative is too few, s: of a swing of 1 Hz a
+/// second derivative would lose a sixth too much, and of what swings twice as fast half.
+pub const LONG_S: f64 = 0.1;
 
 /// Square of the phase of a swing over the spacing up to which its third derivative is seen: 3 Hz.
 const FASTEST_PHASE: f64 = 3.5;
@@ -147,6 +147,8 @@ pub struct Past {
     pub jerk_mps3: Vector3<f64>,
     /// And of that, m/s^4.
     pub snap_mps4: Vector3<f64>,
+    /// Whether the jerk is what a receiver shows that smooths.
+    pub smoothed: bool,
     /// Variance of a level velocity by what the vehicle does between two moments of the ring and
     /// the interpolation does not see: jolts and vibration, (m/s)^2.
     pub unseen_velocity: f64,
@@ -384,6 +386,7 @@ impl<const N: usize> History<N> {
         let per_square = 2.0 / (memory_s * memory_s);
         past.jerk_mps3 = beyond_mps * per_square;
         past.attitude_jerk = swung_beyond * math::single(per_square);
+        past.smoothed = true;
     }
 }
 
@@ -437,6 +440,7 @@ impl Around<'_> {
                 + (0.5 * off_s * off_s - flat / 6.0) * snap_mps4,
             jerk_mps3: jerk_mps3 + off_s * snap_mps4,
             snap_mps4,
+            smoothed: false,
             unseen_velocity: math::max(f64::from(end.wobble) - explained, 0.0),
             unseen_rate: math::max(f64::from(end.rate_wobble) - turning, 0.0),
             attitude,

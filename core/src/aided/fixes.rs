@@ -130,7 +130,7 @@ impl<const N: usize> AidedIns<N> {
             return None;
         }
         if let Some(observer) = self.estimator.exact() {
-            let memory_s = math::sqrt(observer.smoothing_s2());
+            let memory_s = observer.smooths_for_s();
             // It is late by as much.
             let memory_s = math::min(memory_s, self.compensation.latency_s);
             self.history.smooth(past, memory_s);

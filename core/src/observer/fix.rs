@@ -6,7 +6,7 @@ use super::{Observer, estimated};
 use crate::channel::Measured;
 use crate::config::{Config, Noise};
 use crate::earth::GRAVITY_EQUATOR_MPS2;
-use crate::history::{LONG_S, Past, SPACING_S};
+use crate::history::{Past, SPACING_S};
 use crate::innovations::{Credit, against_described, is_ordinary};
 use crate::math::{self, singles};
 use crate::measurement::{Difference, Kind};
@@ -18,6 +18,10 @@ type By<const R: usize> = [[f32; R]; COUNT];
 /// Square of the jerk that a swing of a velocity of unit variance leaves: a third of it is in the
 /// means over a tenth of a second, their second difference is four times that, on two axes.
 const SWING_PER_S4: f64 = 6e4;
+
+/// Sigmas by which a receiver must smooth for what swings to be smoothed as a whole: with a smoothing that is
+/// none a swing that comes at another time than the latency says would be none, either.
+const SMOOTHS_SIGMAS: f64 = 3.0;
 
 /// Sigmas of the noise of a gyro, in its mean between two moments of the ring, within which a rate shows
 /// nothing: beyond, the noise of all three is a thirtieth of its square.
@@ -356,12 +360,12 @@ impl Observer {
     }
 
     /// What the second derivative of a swing tells of a smoothing that may be so long: at most all of the
-    /// swing is smoothed away. Of a long one the ring has the whole.
+    /// swing is smoothed away. Of one that is known the ring has the whole.
     fn told_of_smoothing(&self, past: &Past) -> f64 {
-        let smoothing_s2 = self.smoothing_s2();
-        if smoothing_s2 >= LONG_S * LONG_S {
+        if past.smoothed {
             return 1.0;
         }
+        let smoothing_s2 = self.smoothing_s2();
         let rate4 = past.snap_mps4.norm_squared() / (past.accel_mps2.norm_squared() + 1e-9);
         let sigma = self.parameters.sigma(index::SMOOTHING);
         math::decayed(0.5 * math::sqrt((smoothing_s2 * smoothing_s2 + sigma * sigma) * rate4))
@@ -415,6 +419,16 @@ impl Observer {
         }
         add(index::SMOOTHING, &singles(&direct.by_smoothing));
         by
+    }
+
+    /// For how long the receiver is known to smooth, s; zero if it is not known to.
+    pub fn smooths_for_s(&self) -> f64 {
+        let smoothing_s2 = self.smoothing_s2();
+        if smoothing_s2 > SMOOTHS_SIGMAS * self.parameters.sigma(index::SMOOTHING) {
+            math::sqrt(smoothing_s2)
+        } else {
+            0.0
+        }
     }
 
     /// Variance of the times that one output of the receiver is a mean of, s^2.

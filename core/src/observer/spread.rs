@@ -6,6 +6,7 @@ use super::Observer;
 use super::constancy::Constancy;
 use crate::config::{Config, GnssConfig};
 use crate::earth::GRAVITY_EQUATOR_MPS2;
+use crate::history::LONG_S;
 use crate::innovations::Innovations;
 use crate::math;
 use crate::measurement::Kind;
@@ -16,8 +17,8 @@ use crate::solution::SolutionSigma;
 const GRADIENT_PER_S2: f64 = 3.1e-6;
 /// Components of the INS error.
 const COMPONENTS: usize = 9;
-/// Prior sigmas of the smoothing, and then times what it was when it was learnt, from which on it is another:
-/// beyond what chance makes of a receiver that does not smooth.
+/// Times what the smoothing was when it was learnt, at first prior sigmas of it unless it is known to be one,
+/// from which on it is another: beyond what chance makes of a receiver that does not smooth.
 const LONGER: f64 = 2.0;
 
 impl Observer {
@@ -146,7 +147,9 @@ impl Observer {
         match which {
             index::SMOOTHING => {
                 let (s2, at_first) = (self.smoothing_s2(), gnss.smoothing_s2);
-                let is_longer = s2 > LONGER * math::max(self.learnt_at_s2, at_first);
+                let known = self.smooths_for_s() > LONG_S;
+                let least = if known { 0.0 } else { at_first };
+                let is_longer = s2 > LONGER * math::max(self.learnt_at_s2, least);
                 self.relearns_arm = is_longer && at_first > 0.0;
                 if !self.relearns_arm {
                     return 0.0;
