@@ -72,7 +72,7 @@ pub struct Estimates {
     /// GNSS latency, s: a fix stamped t shows the motion at t minus this. Negative if the
     /// inertial stamps are the late ones.
     ///
-    /// Mean of the run: where the two clocks drift apart, see `clock_drift`.
+    /// Mean since it was last aligned: where the two clocks drift apart, see `clock_drift`.
     pub gnss_latency_s: Estimate,
     /// The latency at the last fix, s.
     pub gnss_latency_now_s: Estimate,

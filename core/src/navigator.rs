@@ -144,8 +144,8 @@ impl Navigator {
     /// fix; a heading by [`Navigator::on_heading`].
     ///
     /// # Errors
-    /// As [`Self::new`]; also for a calibration that is not finite, or a sigma not above zero of
-    /// what is estimated.
+    /// As [`Self::new`]; also for a calibration that is not finite, or a negative sigma. With one of zero a
+    /// value is none, and what is configured stands.
     pub fn warm(config: Config, calibration: &Calibration) -> Result<Self, ConfigError> {
         Self::with_ring(config, Some(calibration))
     }
@@ -211,7 +211,7 @@ impl<const RING: usize> Navigator<RING> {
 
     /// Takes a measured heading, at any time, up to a tenth of a second before the sample of its moment.
     /// While aligning it is the heading to start with, if levelling ends within a second; headings that
-    /// never are a second old end a search for one, and it is levelled anew. One of more than 0.3 rad is
+    /// never are a second old end a search for one, and it is levelled anew. One known to no better than 0.3 rad is
     /// [`GnssOutcome::OutOfRange`] until then: motion shows it better. Of those that agreed with an INS that
     /// was lost all are [`GnssOutcome::Outlier`] until motion has shown it. The literal form takes none later.
     #[inline(never)]

@@ -251,6 +251,18 @@ fn a_vertical_velocity_that_counts_down_does_not_mislead_a_boat() {
     ]);
 }
 
+/// The sign of a slow climb that is not known yet is that of all fixes, and none of their noise: taken for noise,
+/// ten climbs with the wrong one made heights and arms of these four 5 to 10 sigmas off.
+#[test]
+fn a_sign_that_is_not_known_is_that_of_all_fixes() {
+    assert_not_misled(&[
+        (Grade::Hg1700, 5),
+        (Grade::Hg1700, 564),
+        (Grade::Mems, 90),
+        (Grade::Mems, 287),
+    ]);
+}
+
 /// A receiver that smooths over half a second or a whole one, where most do over a tenth, is learnt of in steps:
 /// what was learnt before each of them had left an arm of these three 5 to 9 sigmas off.
 #[test]

@@ -13,7 +13,7 @@ use crate::time::Time;
 /// one, s: the errors of an INS change little meanwhile, and those of a receiver hardly more, so
 /// that their mean tells as much of both. No multiple of a usual interval: moments move by
 /// microseconds as the latency becomes known.
-const TOGETHER_S: f64 = 0.29;
+pub const TOGETHER_S: f64 = 0.29;
 
 /// What is due next for a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -7,8 +7,10 @@
 
 use nalgebra::Vector3;
 
+use super::comparison::TOGETHER_S;
 use crate::config::Config;
 use crate::history::Past;
+use crate::innovations::MANOEUVRE_S;
 use crate::math;
 use crate::samples::GnssFix;
 use crate::time::Time;
@@ -86,6 +88,13 @@ struct Window {
     climbed_m: f64,
 }
 
+impl Window {
+    /// Mean velocity so far, and less before it has lasted for long.
+    fn climb_mps(&self, now: Time) -> f64 {
+        self.climbed_m / math::max(now.seconds_since(self.start), MANOEUVRE_S)
+    }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Last {
@@ -138,10 +147,13 @@ impl VerticalSign {
         if sum > DECIDED {
             return Some(0.0);
         }
-        // Not by this one alone: noise that makes it smaller would then count for more.
+        // Not by this one alone: noise that makes it smaller would then count for more. The sign of a climb is
+        // that of all fixes in it: it counts once in a manoeuvre, not with each.
         let before_mps = up_mps - change_mps;
         let most = math::max(up_mps * up_mps, before_mps * before_mps);
-        (sum > LEAST).then(|| most * unsure_of(sum))
+        let climb_mps = self.window.map_or(0.0, |window| window.climb_mps(fix.time));
+        let fixes = MANOEUVRE_S / math::max(seconds, TOGETHER_S);
+        (sum > LEAST).then(|| (most + climb_mps * climb_mps * fixes) * unsure_of(sum))
     }
 
     /// Difference of log-likelihoods.
