@@ -10,6 +10,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use host_sim::log::import::{Choice, open, read};
 use host_sim::log::{Grade, Log, LogError};
+use host_sim::study::recordings::{Outcome, recordings};
 use ins_core::{GnssFix, ImuOutput};
 use lz4_flex::frame::FrameEncoder;
 use nalgebra::{Vector2, Vector3};
@@ -218,6 +219,11 @@ fn assert_heights(log: &Log) {
 
 /// As new logs have them, with two sensors by field.
 fn dataflash(drive: &Drive) -> Vec<u8> {
+    dataflash_of(drive, &[1.0, 1.01])
+}
+
+/// With sensors of these scales.
+fn dataflash_of(drive: &Drive, scales: &[f64]) -> Vec<u8> {
     let mut bytes = Vec::new();
     describe(
         &mut bytes,
@@ -236,14 +242,13 @@ fn dataflash(drive: &Drive) -> Vec<u8> {
     describe(&mut bytes, 3, "BARO", "Qf", "TimeUS,Alt");
     describe(&mut bytes, 4, "GPA", "QBf", "TimeUS,I,Und");
     for sample in &drive.imu {
-        for instance in [0_u8, 1] {
+        for (instance, scale) in (0_u8..).zip(scales) {
             bytes.extend([0xa3, 0x95, 1]);
             bytes.extend(u64::from(millis(sample.time_s) * 1000).to_le_bytes());
             // The driver does not say when it sampled.
             bytes.extend(0_u64.to_le_bytes());
             bytes.push(instance);
             for value in sample.gyro.iter().chain(&sample.accel) {
-                let scale = if instance == 0 { 1.0 } else { 1.01 };
                 bytes.extend(single(scale * value));
             }
         }
@@ -313,6 +318,22 @@ fn another_sensor_is_chosen_by_its_number() {
     let (_, warnings) = read(&[fixes, path[0].clone()], Choice::default()).unwrap();
     let several = |warning: &&LogError| &*warning.expected == "one source of inertial samples";
     assert_eq!(*warnings.iter().find(several).unwrap().path, *path[0]);
+}
+
+#[test]
+fn a_sensor_behind_one_that_is_refused_is_tried() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = dataflash_of(&drive(), &[1.0, 0.0, 1.01]);
+    let rows = recordings(&file(folder.path(), "flight.bin", bytes), None);
+    let names: Vec<&str> = rows.iter().map(|row| row.name.as_str()).collect();
+    assert_eq!(
+        names,
+        ["flight.bin", "flight.bin, sensor 2", "flight.bin, sensor 3"]
+    );
+    let refused = rows
+        .iter()
+        .map(|row| matches!(row.outcome, Outcome::Refused(_)));
+    assert_eq!(refused.collect::<Vec<_>>(), [false, true, false]);
 }
 
 // --- ULog ---
@@ -789,6 +810,26 @@ fn nmea_from(drive: &Drive, clock_s: f64) -> String {
         say(format!("GNGST,{time},1.0,,,,3.0,4.0,7.0"));
     }
     text
+}
+
+#[test]
+fn velocities_without_a_time_are_of_their_epoch_wherever_they_stand() {
+    let folder = tempfile::tempdir().unwrap();
+    let imu = file(folder.path(), "imu0.csv", euroc(&drive()));
+    for leads in [false, true] {
+        let mut lines: Vec<String> = nmea(&drive()).lines().map(str::to_owned).collect();
+        for (fix, lines) in drive().gnss.iter().zip(lines.chunks_mut(3)) {
+            let (speed, course) = speed_and_course(fix);
+            let knots = speed * 3600.0 / 1852.0;
+            let body = format!("GNVTG,{course:.5},T,,M,{knots:.5},N,,K,A");
+            let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
+            // In the place of RMC.
+            lines[1] = format!("${body}*{sum:02X}");
+            lines[..2].rotate_left(usize::from(leads));
+        }
+        let gnss = file(folder.path(), "log.nmea", lines.join("\n"));
+        assert_nmea_is_the_drive(&[imu.clone(), gnss]);
+    }
 }
 
 #[test]

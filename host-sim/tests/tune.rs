@@ -369,6 +369,8 @@ fn a_tilted_unit_in_a_car_is_found_and_printed_for_all() {
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
     assert_eq!(json["gnss_delay_s"]["value"], t.gnss_delay_s.value);
     assert!(json["accel_bias_walk"]["value"].is_null() && json["config"]["sensors"].is_object());
+    let spread_s = 3.0 * t.gnss_delay_s.sigma;
+    assert_eq!(json["config"]["gnss"]["latency_sigma_s"], spread_s);
 }
 
 #[test]

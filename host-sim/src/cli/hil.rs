@@ -74,13 +74,14 @@ pub fn hil(options: &Hil) -> Result<()> {
 }
 
 fn run(
-    input: Input,
+    mut input: Input,
     options: &Hil,
     mut log: Option<&mut BoardLog>,
 ) -> Result<(Hardware, Analysis)> {
     let config = input.config;
     if !input.log.baro.is_empty() {
         eprintln!("warning: baro.csv is left out: the link carries samples and fixes");
+        input.log.baro.clear();
     }
     let mut bench = Bench::new(config).map_err(|error| miette!("{}", error))?;
     let mut session = options.target.open()?;

@@ -12,7 +12,8 @@ use super::identify::error_model_of;
 use super::options::{Folder, GradeChoice, Print, print};
 use super::rehearse::{in_keys, keys};
 use crate::identify::analysis::{Analysis, folder_name};
-use crate::log::Grade;
+use crate::identify::configure;
+use crate::log::{self, Grade, LogError};
 use crate::page::output::{check_free_file, replace};
 use crate::page::progress::{bar, counted};
 use crate::rehearse::proof;
@@ -323,8 +324,15 @@ impl Logs {
         }
         let progress = bar().with_message("studying");
         progress.set_length(folders.len() as u64);
-        let one =
-            |folder: &&PathBuf| logs::LogStudy::of_folder(folder, self.grade.told(), &progress);
+        let one = |folder: &&PathBuf| {
+            let name = folder_name(folder);
+            let (log, warnings) = log::read(folder)?;
+            progress.suspend(|| LogError::tell(&warnings));
+            progress.set_message(name.clone());
+            let grade = configure::grade(&log, self.grade.told());
+            logs::LogStudy::of_log(name, &log, grade)
+                .map_err(|error| miette!("cannot be used: {}", error))
+        };
         // Longest work first to whoever is free; results stand in the order of the folders.
         let studies: Vec<Result<logs::LogStudy>> = (folders.par_iter())
             .with_max_len(1)

@@ -6,8 +6,8 @@ use serde::Serialize;
 
 use super::tracks::{Input, Point, Track};
 use crate::identify::against_truth::truth_at;
-use crate::identify::quantities::{Quantities, Quantity};
-use crate::log::{Grade, Log};
+use crate::identify::quantities::{Quantities, Quantity, latency_of_log};
+use crate::log::{Grade, Log, Meta};
 use crate::statistics::root_mean;
 
 /// What is compared, for programs and for people, with its unit: the heading, and all estimates but
@@ -77,6 +77,13 @@ pub fn columns(input_axes: crate::log::BodyAxes, point: &Point) -> [Quantity; 8]
     columns
 }
 
+/// The same of a log, with what was taken off the stamps of its fixes before.
+pub(crate) fn columns_of_log(meta: &Meta, point: &Point) -> [Quantity; 8] {
+    let mut columns = columns(meta.body_axes, point);
+    columns[7] = latency_of_log(&point.estimates.gnss_latency_s, meta);
+    columns
+}
+
 fn quantities(input: &Input, grade: Grade, track: &Track) -> Vec<QuantityResult> {
     let Some(end) = track.points.last() else {
         return Vec::new();
@@ -85,7 +92,7 @@ fn quantities(input: &Input, grade: Grade, track: &Track) -> Vec<QuantityResult>
         Grade::Hg1700 => FOUND_HG1700,
         Grade::Mems => FOUND_MEMS,
     };
-    let ends = columns(input.log.meta.body_axes, end);
+    let ends = columns_of_log(&input.log.meta, end);
     (0..COMPARED.len())
         .map(|which| {
             let error = |point: &Point| error(input, point, which);
@@ -106,7 +113,7 @@ fn error(input: &Input, point: &Point, which: usize) -> Option<f64> {
         let truth = truth_at(&input.log.truth, point.time)?;
         return Some(heading_error_deg(&point.solution, &truth));
     }
-    let value = columns(input.log.meta.body_axes, point)[which].value;
+    let value = columns_of_log(&input.log.meta, point)[which].value;
     Some(value - truth.columns()[which]?)
 }
 

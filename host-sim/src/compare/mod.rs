@@ -19,14 +19,14 @@ use serde::Serialize;
 use crate::identify::analysis;
 use crate::identify::true_errors::Truth;
 use crate::identify::words::with_sigma;
-use crate::log::{BodyAxes, Grade};
+use crate::log::{BodyAxes, Grade, Meta};
 use crate::page::chart::{Chart, Figure, MOST_POINTS, sampled};
 use crate::page::html::{Page, REPORT, Section};
 use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED, padded};
 use crate::page::table::{Table, heads};
 use crate::page::{self, brief, digits, output};
 pub use cost::{Cost, measure as measure_costs};
-use measure::{COMPARED, columns};
+use measure::{COMPARED, columns_of_log};
 pub use measure::{MethodResult, QuantityResult};
 use outage::{Drift, OutageTest};
 use tracks::{Input, Point, Track, noise};
@@ -64,6 +64,8 @@ pub struct Comparison {
     #[serde(skip)]
     start: Time,
     #[serde(skip)]
+    meta: Meta,
+    #[serde(skip)]
     tracks: Vec<Track>,
     #[serde(skip)]
     truth: Option<Truth>,
@@ -99,6 +101,7 @@ impl Comparison {
             costs,
             outages,
             start: log.start(),
+            meta: log.meta.clone(),
             tracks,
             truth,
         })
@@ -188,7 +191,7 @@ impl Comparison {
         let mut settled = Vec::new();
         for (track, (method, colour)) in self.tracks.iter().zip(CURVES) {
             let point = |p: &Point| {
-                let value = columns(self.body_axes, p)[which].value;
+                let value = columns_of_log(&self.meta, p)[which].value;
                 (p.time.seconds_since(self.start), value)
             };
             let line: Vec<_> = track.points.iter().map(point).collect();

@@ -54,7 +54,8 @@ fn grade_at_rest(log: &Log) -> Grade {
 
 /// Mean angular rate at rest, and spread of its means over seconds, rad/s.
 fn at_rest(log: &Log) -> Option<[f64; 2]> {
-    let means = second_means(log, longest_rest(log)?);
+    // The unit may not have been on while the receiver stood.
+    let means = Some(second_means(log, longest_rest(log)?)).filter(|means| !means.is_empty())?;
     let count = means.len() as f64;
     let mean = means.iter().sum::<Vector3<f64>>() / count;
     let spread = (means.iter().map(|m| (m - mean).norm_squared()).sum::<f64>() / count).sqrt();

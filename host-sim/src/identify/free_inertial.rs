@@ -2,7 +2,7 @@
 
 use ins_core::increments::{Increments, Interval};
 use ins_core::mechanization::{Controls, Mechanization};
-use ins_core::{Estimate, Estimates, Observability, Solution, Time};
+use ins_core::{Estimate, Estimates, Observability, Phase, Solution, Time};
 use nalgebra::Vector2;
 use serde::Serialize;
 
@@ -101,7 +101,8 @@ fn corrected(interval: &Interval, history: &[Row], time: Time) -> Interval {
 /// Rows that a window starts at: from where the azimuth is known, if it ever is.
 fn window_starts(history: &[Row], azimuth_known: bool) -> Vec<&Row> {
     let ready = |row: &&Row| {
-        row.solution.is_some() && (known(&row.estimates.azimuth_error_rad) || !azimuth_known)
+        row.phase == Phase::Navigating
+            && (known(&row.estimates.azimuth_error_rad) || !azimuth_known)
     };
     let mut starts: Vec<&Row> = Vec::new();
     for row in history.iter().filter(ready) {

@@ -115,8 +115,10 @@ impl End {
 
     /// `None` if it does not navigate then.
     fn new(history: &[Row], end: &Row, cut: Time) -> Option<Self> {
-        let mut before = history.iter().take_while(|row| row.time <= end.time);
-        let since = before.find(|row| row.phase == Phase::Navigating)?.time;
+        let ended = history.partition_point(|row| row.time <= end.time);
+        let mut aligned = history[..ended].rsplit(|row| row.phase != Phase::Navigating);
+        // The core counts from where it was last aligned.
+        let since = aligned.next()?.first()?.time;
         let middle = since.plus_seconds(0.5 * end.time.seconds_since(since));
         (end.phase == Phase::Navigating).then(|| Self {
             estimates: end.estimates,

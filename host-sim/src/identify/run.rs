@@ -4,7 +4,7 @@ use std::borrow::Borrow;
 
 use indicatif::ProgressBar;
 use ins_core::{
-    Config, ConfigError, FixReport, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Navigator,
+    Config, ConfigError, FixReport, GnssFix, GnssOutcome, ImuOutcome, ImuSample, Navigator, Phase,
     Solution, Time,
 };
 
@@ -130,7 +130,10 @@ impl Recorder {
         }
         let last = self.solutions.last().map(|solution| solution.time);
         if due(last, time, SOLUTION_S) {
-            self.solutions.extend(row().solution);
+            let row = row();
+            // While it is aligned anew there is one that only goes on from the last fix.
+            let navigates = row.phase == Phase::Navigating;
+            self.solutions.extend(row.solution.filter(|_| navigates));
         }
     }
 

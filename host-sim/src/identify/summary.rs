@@ -94,7 +94,7 @@ impl Summary {
 }
 
 #[allow(clippy::trivially_copy_pass_by_ref)] // As serde calls it.
-fn is_zero(number: &f64) -> bool {
+pub(crate) fn is_zero(number: &f64) -> bool {
     *number == 0.0
 }
 

@@ -40,7 +40,9 @@ impl Truth {
             azimuth_error_deg: azimuth_error_rad.map(f64::to_degrees),
             accel_bias_mg: in_axes(felt_mps2, MG_MPS2),
             gyro_bias_deg_h: in_axes(errors.gyro_bias_radps.into(), DEG_H_RADPS),
-            gnss_latency_ms: (errors.gnss_lag_s == 0.0).then_some(1e3 * errors.gnss_latency_s),
+            // What is found is that of the middle of the run.
+            gnss_latency_ms: (errors.gnss_lag_s == 0.0)
+                .then_some(500.0 * (errors.gnss_latency_s + errors.gnss_latency_end_s)),
         }
     }
 
@@ -76,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_leans_into_the_vertical_is_felt_and_a_lag_is_no_latency() {
+    fn what_leans_into_the_vertical_is_felt_and_a_latency_is_that_of_the_middle() {
         let mut errors = SensorErrors {
             accel_bias_mps2: [0.0; 3],
             gyro_bias_radps: [0.0; 3],
@@ -90,6 +92,8 @@ mod tests {
         let truth = |errors: &SensorErrors| Truth::new(errors, None, BodyAxes::Rfu);
         assert!((truth(&errors).accel_bias_mg[1] - 1.0).abs() < 1e-9);
         assert_eq!(truth(&errors).gnss_latency_ms, Some(100.0));
+        errors.gnss_latency_end_s = 0.3;
+        assert_eq!(truth(&errors).gnss_latency_ms, Some(200.0));
         errors.gnss_lag_s = 0.3;
         assert_eq!(truth(&errors).gnss_latency_ms, None);
     }

@@ -41,8 +41,8 @@ impl Verdict {
         let both = errors.before.zip(errors.after);
         if let Some((before, after)) = both.filter(|(before, after)| after >= before) {
             against.push(format!(
-                "A free INS gains {} m/s in a minute on readings as logged and {} with the \
-                 estimates applied: they do not help.",
+                "A free INS is off by {} m/s over a minute (RMS) on readings as logged and by {} \
+                 with the estimates applied: they do not help.",
                 brief(before),
                 brief(after)
             ));

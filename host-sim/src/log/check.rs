@@ -7,7 +7,6 @@ use ins_core::earth::LatLon;
 use ins_core::{GnssFix, ImuOutput, Time};
 use nalgebra::{Matrix2, Vector2, Vector3};
 
-use super::Log;
 use super::clock::set_clock;
 use super::error::{Findings, LogError};
 use super::fixes::mend_fixes;
@@ -16,9 +15,8 @@ use super::motion::{check_axes, check_readings, check_turns, turning};
 use super::rates::Rates;
 use super::sensors::mend_sensors;
 use super::typical::{SHORT_S, likeliest, median, median_interval_s, within};
+use super::{GRAVITY_MPS2, Log};
 use crate::statistics::Line;
-
-const GRAVITY_MPS2: f64 = 9.81;
 
 /// Refuses what in a log of these files cannot be meant, mends what is certain, warns of what looks
 /// suspicious.

@@ -4,10 +4,10 @@ use ins_core::GnssFix;
 use ins_core::earth::Geodetic;
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
-use super::Log;
 use super::error::{Findings, LogError};
 use super::rates::Rates;
 use super::typical::{Curve, intervals, turned};
+use super::{GRAVITY_MPS2, Log};
 use crate::statistics::Line;
 
 /// Shifts that are looked for, in steps of half the shortest manoeuvre, and finer ones from there.
@@ -32,7 +32,6 @@ const WINDOW_S: f64 = 20.0;
 const LEAST_INTERVALS: usize = 8;
 /// As many windows, those with the most motion, tell what a day's tell.
 const MOST_WINDOWS: usize = 200;
-const GRAVITY_MPS2: f64 = 9.81;
 const ONE_SCALE: &str = "both files on one time scale";
 
 /// What GNSS saw over a second or so.
@@ -90,7 +89,7 @@ fn moved(best: &Shift, apart: bool, latency: bool, findings: &Findings) -> LogEr
     let side = if best.s > 0.0 { "late" } else { "early" };
     let found = format!("fixes {:.2} s {side} by the motion both saw", best.s.abs());
     let cause = format!(
-        "{}; moved by {:.2} s, which {}",
+        "{}; moved by {:.2} s, which counts as {}",
         if apart {
             "the two files count from different origins (UTC, GPS week, boot)"
         } else {
@@ -98,9 +97,9 @@ fn moved(best: &Shift, apart: bool, latency: bool, findings: &Findings) -> LogEr
         },
         -best.s,
         if latency {
-            "`identify` and `tune` count as latency"
+            "latency"
         } else {
-            "`tune` counts as latency, and `identify` as a difference of clocks"
+            "a difference of clocks"
         }
     );
     findings.gnss("t_s", ONE_SCALE, found, cause)

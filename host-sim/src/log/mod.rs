@@ -32,6 +32,9 @@ pub use write::{Compression, write};
 
 use ins_core::{BaroHeight, GnssFix, Solution, Time};
 
+/// Of any place, where what it differs by does not matter.
+pub(crate) const GRAVITY_MPS2: f64 = 9.81;
+
 #[derive(Clone, Debug, PartialEq)]
 pub struct Log {
     pub meta: Meta,

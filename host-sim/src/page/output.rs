@@ -100,6 +100,10 @@ pub fn build<T, E: From<OutputError>>(
     fill: impl FnOnce(&Path) -> Result<T, E>,
 ) -> Result<T, E> {
     check_free(folder, mark, force)?;
+    // Where the program stands has a name to be replaced by only from above.
+    let named = folder.file_name().is_none().then(|| folder.canonicalize());
+    let named = named.transpose().map_err(|e| OutputError::io(folder, e))?;
+    let folder = named.as_deref().unwrap_or(folder);
     let parent = match folder.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),

@@ -5,6 +5,7 @@ use super::{
     AHEAD, Bench, Manoeuvre, Reached, Search, Tried, Unreached, aligning, falls, navigators,
     seconds,
 };
+use crate::log::GRAVITY_MPS2;
 use crate::page::digits;
 
 /// A manoeuvre that the site does not allow is worth a word if it brings a sigma below this part of
@@ -12,8 +13,6 @@ use crate::page::digits;
 const WORTH: f64 = 0.8;
 /// What is as large as this part of a sigma holds it up.
 const OF_FLOOR: f64 = 0.5;
-/// Of what an axis feels of it to its tilt, m/s^2.
-const GRAVITY_MPS2: f64 = 9.81;
 
 impl Search<'_> {
     pub(super) fn unreached(&self, end: &[Bench]) -> Vec<Unreached> {

@@ -97,7 +97,7 @@ pub fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<
             };
             let seen = values(&observed);
             let each: Vec<Vec<f64>> = simulated.iter().map(|drifts| values(drifts)).collect();
-            if let Some((predicted, half)) = foretold(&each)
+            if let Some((predicted, within)) = foretold(&each)
                 && !seen.is_empty()
             {
                 let observed = rms(seen.iter().copied());
@@ -111,7 +111,7 @@ pub fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<
                     observed,
                     predicted,
                     ratio,
-                    ratio_95: [-half, half].map(|bound| ratio * libm::exp(bound)),
+                    ratio_95: within.map(|bound| ratio * libm::exp(bound)),
                 });
             }
         }
@@ -131,20 +131,21 @@ fn rest_before_s(log: &Log, solutions: &[Solution]) -> f64 {
     }
 }
 
-/// RMS over simulations, and half the width in logarithms that holds 95 % of them; none of fewer than
-/// two with outages.
-fn foretold(simulated: &[Vec<f64>]) -> Option<(f64, f64)> {
+/// RMS over simulations, and between which logarithms of theirs over it 95 % lie; none of fewer than two
+/// with outages.
+fn foretold(simulated: &[Vec<f64>]) -> Option<(f64, [f64; 2])> {
     let each: Vec<f64> = (simulated.iter())
         .filter(|values| !values.is_empty())
         .map(|values| rms(values.iter().copied()))
         .collect();
     let predicted = rms(each.iter().copied());
     let logarithms: Vec<f64> = each.iter().map(|one| libm::log(one / predicted)).collect();
-    let (_, variance) = mean_and_variance(&logarithms)?;
+    // Below zero, for it is the large ones that make an RMS.
+    let (middle, variance) = mean_and_variance(&logarithms)?;
     let count = logarithms.len() as f64;
     // Of one more drive, when so many were simulated.
     let half = student(count - 1.0) * (variance * (1.0 + 1.0 / count)).sqrt();
-    Some((predicted, half))
+    Some((predicted, [middle - half, middle + half]))
 }
 
 /// The core through outages all along a drive, once it has settled and, unless it never does, knows its
@@ -256,4 +257,19 @@ pub fn verdict(rows: &[Row]) -> String {
         GOAL[1],
         rows.iter().filter(honest).count(),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Drifts that spread about one have an RMS above it: the range of drives is that of the drifts.
+    #[test]
+    fn the_range_lies_about_the_drives_and_not_about_their_rms() {
+        let drives = [-1.0, 1.0].map(|logarithm| vec![libm::exp(logarithm)]);
+        let (predicted, [low, high]) = foretold(&drives).unwrap();
+        let ends = [low, high].map(|bound| libm::log(predicted) + bound);
+        assert!((predicted - libm::cosh(2.0).sqrt()).abs() < 1e-12);
+        assert!((ends[0] + ends[1]).abs() < 1e-12, "{ends:?}");
+    }
 }

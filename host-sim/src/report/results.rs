@@ -15,6 +15,8 @@ use crate::page::{brief, digits, fixed};
 const SURE: f64 = 4.5;
 /// Sigmas that a value must have to be told from zero.
 const DISTINCT: f64 = 2.0;
+/// The subject of one row.
+const HEADING: &str = "Heading at the end, from north";
 
 /// All tables of a log; those without rows are left out.
 pub(super) fn tables(analysis: &Analysis, sensors: Option<&Sensors>) -> Vec<Table> {
@@ -57,8 +59,10 @@ fn results(analysis: &Analysis) -> Table {
             ..Row::new(subject, quantity, QUANTITIES[index].2, remark)
         });
     }
-    let heading = "Heading at the end, from north".to_owned();
-    rows.insert(1, Row::new(heading, summary.heading_end_deg, "deg", ""));
+    rows.insert(
+        1,
+        Row::new(HEADING.to_owned(), summary.heading_end_deg, "deg", ""),
+    );
     let told = in_axes(axes, &analysis.found.end.estimates.lever_arm_m, 1.0);
     for axis in 0..3 {
         let subject = format!("Antenna {}", axis_name(axis, axes));
@@ -153,6 +157,8 @@ impl<'a> Row<'a> {
         match error {
             _ if !q.observable() => q.observability.why(),
             Some(error) if error.abs() > SURE * q.sigma => "wrong by more than its sigma allows",
+            // North is a heading like any other.
+            _ if self.subject == HEADING => self.remark,
             _ if q.value.abs() < DISTINCT * q.sigma => "not distinct from zero",
             _ => self.remark,
         }

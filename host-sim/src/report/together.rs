@@ -33,6 +33,10 @@ pub(crate) fn page(logs: &[Summary], sensors: &Sensors) -> Page {
                 one.name
             )
         });
+    let axes = (!alike(logs)).then(|| {
+        "The logs have other axes than each other: what lies along an axis is not compared"
+            .to_owned()
+    });
     let model = "Error model of the sensors from all logs, 95 % interval";
     Page {
         title: format!("{} logs of one unit", logs.len()),
@@ -42,7 +46,10 @@ pub(crate) fn page(logs: &[Summary], sensors: &Sensors) -> Page {
             logs.iter().map(|log| log.duration_s).sum::<f64>() / 60.0,
             env!("CARGO_PKG_VERSION")
         ),
-        verdicts: differ.chain(logs.iter().flat_map(named)).collect(),
+        verdicts: (axes.into_iter())
+            .chain(differ)
+            .chain(logs.iter().flat_map(named))
+            .collect(),
         tables: vec![
             side_by_side(logs, &shared),
             listed(logs),
@@ -84,7 +91,13 @@ enum Agreement {
     Unknown,
 }
 
-/// What should not change from log to log: not the heading.
+/// Whether all are in the axes of the first.
+fn alike(logs: &[Summary]) -> bool {
+    logs.windows(2)
+        .all(|two| two[0].body_axes == two[1].body_axes)
+}
+
+/// What should not change from log to log: not the heading, nor what lies along axes that are not the same.
 fn shared(logs: &[Summary]) -> Vec<Shared> {
     let of_all = |index: usize| Shared {
         name: QUANTITIES[index].1.to_owned(),
@@ -102,9 +115,10 @@ fn shared(logs: &[Summary]) -> Vec<Shared> {
             told: logs.iter().map(told).collect::<Option<_>>()?,
         })
     };
-    let biases = (1..=6).map(of_all);
+    let axes = if alike(logs) { 3 } else { 0 };
+    let biases = (1..=2 * axes).map(of_all);
     biases
-        .chain((0..3).filter_map(antenna))
+        .chain((0..axes).filter_map(antenna))
         .chain([of_all(7)])
         .collect()
 }

@@ -4,6 +4,7 @@ use ins_core::{BaroHeight, Solution};
 use serde::{Deserialize, Serialize};
 
 use super::noise::Random;
+use crate::log::GRAVITY_MPS2;
 
 /// One sigma of what lies between the height of a vehicle and that of its barometer.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -43,7 +44,7 @@ impl BarometerModel {
         let read = |truth: &Solution| {
             let risen_m = truth.position.height_m - start.position.height_m;
             // As a head of air, v^2 / 2g.
-            let head_m = truth.velocity_enu_mps.norm_squared() / (2.0 * 9.81);
+            let head_m = truth.velocity_enu_mps.norm_squared() / (2.0 * GRAVITY_MPS2);
             let since_s = truth.time.seconds_since(start.time);
             BaroHeight {
                 time: truth.time,

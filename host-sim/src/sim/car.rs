@@ -8,6 +8,7 @@ use ins_core::attitude::Euler;
 use super::motion::{Kinematics, Motion, Path, kinematics};
 use super::noise::Random;
 use super::profile::Profile;
+use crate::log::GRAVITY_MPS2;
 
 /// How the car leans: nose up while it gains speed, outwards in a turn. Typical of a family car
 /// (1.5 and 4 degrees per g).
@@ -71,7 +72,7 @@ impl Way {
         steep: 1.0,
     };
     /// What balances leans until the force is along its up axis.
-    pub const BALANCED: f64 = 1.0 / 9.81;
+    pub const BALANCED: f64 = 1.0 / GRAVITY_MPS2;
 }
 
 #[derive(Clone, Debug)]

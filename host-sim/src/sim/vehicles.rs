@@ -11,8 +11,8 @@ use nalgebra::Vector3;
 use super::motion::{Kinematics, Motion, Path, kinematics, level};
 use super::noise::Random;
 use super::profile::{Local, Profile};
+use crate::log::GRAVITY_MPS2;
 
-const GRAVITY_MPS2: f64 = 9.81;
 /// Angle of attack at one g and what every further g adds: that of a light wing, rad.
 const ATTACK_RAD: f64 = 0.05;
 const ATTACK_RAD_PER_G: f64 = 0.07;

@@ -36,7 +36,7 @@ pub struct Found {
     pub minutes: f64,
     pub imu_hz: f64,
     pub gnss_hz: f64,
-    /// Latency and its sigma, clocks' difference included, ms; none if not known.
+    /// Latency and its sigma, ms; none if not known.
     pub latency_ms: Option<[f64; 2]>,
     /// How many of latency, azimuth and six biases are known.
     pub known: usize,
@@ -45,17 +45,12 @@ pub struct Found {
     pub against: Vec<String>,
 }
 
-/// Tries a recording, with each of its inertial sensors.
+/// Tries a recording, with each of its inertial sensors: first with that which is used unasked.
 pub fn recordings(path: &Path, grade: Option<Grade>) -> Vec<Recording> {
-    let mut rows = vec![recording(path, None, grade)];
-    for imu in 2.. {
-        let row = recording(path, Some(imu), grade);
-        if matches!(row.outcome, Outcome::Refused(_)) {
-            return rows;
-        }
-        rows.push(row);
-    }
-    rows
+    // What cannot be read at all says so in the first row.
+    let others = import::other_imus(path).unwrap_or_default();
+    let all = [None].into_iter().chain(others.into_iter().map(Some));
+    all.map(|imu| recording(path, imu, grade)).collect()
 }
 
 fn recording(path: &Path, imu: Option<usize>, grade: Option<Grade>) -> Recording {

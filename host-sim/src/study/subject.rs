@@ -13,11 +13,8 @@ use crate::compare::kalman::{self, Filter, index};
 use crate::identify::configure;
 use crate::identify::free_inertial::known;
 use crate::identify::quantities::DEG_H_RADPS;
-use crate::log::Grade;
+use crate::log::{GRAVITY_MPS2, Grade};
 use crate::sim::SimulatedDrive;
-
-/// Standard gravity: of an accelerometer's bias to the tilt it makes, m/s^2.
-const GRAVITY_MPS2: f64 = 9.81;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Claim {

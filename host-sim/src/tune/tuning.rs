@@ -11,6 +11,7 @@ use crate::identify::analysis::Analysis;
 use crate::identify::error_model::Identified;
 use crate::identify::error_model::fit::GyroFit;
 use crate::identify::quantities::DEG_H_RADPS;
+use crate::identify::summary::is_zero;
 use crate::identify::verdict::{Verdict, beyond_class};
 use crate::log::{BodyAxes, Grade, Log};
 use crate::sim::errors::Law;
@@ -33,6 +34,9 @@ pub struct Tuning {
     pub axes: BodyAxes,
     /// A fix stamped t shows the motion at t minus this.
     pub gnss_delay_s: Found,
+    /// What was taken off the stamps of the fixes for clocks that differ: no part of the delay.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub clock_offset_s: f64,
     /// By how much positions are later than the velocities beside them; negative: earlier.
     pub gnss_position_delay_s: Found,
     /// Antenna from the unit.
@@ -113,7 +117,8 @@ impl Tuning {
             imu_rate_hz: log.imu_rate_hz(),
             grade: summary.grade,
             axes: BodyAxes::Rfu,
-            gnss_delay_s: Found::of(&e.gnss_latency_s, DELAY).plus(log.meta.gnss_clock_offset_s),
+            gnss_delay_s: Found::of(&e.gnss_latency_s, DELAY).plus(log.meta.latency_offset_s()),
+            clock_offset_s: summary.clock_offset_s,
             gnss_position_delay_s: if log.gnss.iter().any(|fix| fix.velocity_en_mps.is_some()) {
                 Found::of(&e.gnss_position_delay_s, DELAY)
             } else {
@@ -139,6 +144,15 @@ impl Tuning {
         tuning.verdict = tuning.verdict.clone().and(tuning.noise_beyond_class());
         tuning.config = tuning.configured();
         tuning
+    }
+
+    /// What is no part of the delay, but of the stamps.
+    pub(super) fn other_clock(&self) -> Option<String> {
+        let offset_s = self.clock_offset_s;
+        let told = format!(
+            "Clocks differ: {offset_s:.2} s were taken off the stamps of fixes, no part of the delay."
+        );
+        (offset_s != 0.0).then_some(told)
     }
 
     fn noise_beyond_class(&self) -> Option<String> {
@@ -216,4 +230,48 @@ fn parameters(log: &Log) -> BTreeMap<String, f64> {
     entries
         .filter_map(|(name, value)| Some((name.clone(), value.as_float()?)))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use indicatif::ProgressBar;
+
+    use super::*;
+    use crate::compare::measure;
+    use crate::compare::tracks::{Input as Compared, Track, noise, points};
+    use crate::identify::analysis::Input;
+    use crate::identify::error_model::Record;
+    use crate::sim::{DriveConfig, simulate};
+
+    #[test]
+    fn a_log_has_one_latency_in_all_commands() {
+        let drive = DriveConfig::new(3, Grade::Hg1700, 6.0);
+        let output = drive.recording.errors.imu.output;
+        let mut log = simulate(&drive).into_log(BodyAxes::Rfu, output);
+        for (offset_s, of_clocks_s) in [(0.75, 0.0), (-18.0, -18.0)] {
+            log.meta.gnss_clock_offset_s = offset_s;
+            let input = Input::of(String::new(), log.clone(), Vec::new(), None);
+            let analysis = Analysis::of_input(input, &ProgressBar::hidden()).unwrap();
+            let (grade, found) = (analysis.summary.grade, &analysis.found);
+            let model = Identified::new(&[Record::new(&log, found)], grade, None);
+            let tuning = Tuning::new(&analysis, &model);
+            let input = Compared {
+                log: &log,
+                config: found.config,
+                noise: noise(grade, &found.config, false),
+                truth: None,
+            };
+            let track = Track {
+                method: String::new(),
+                online: true,
+                points: points(&found.history, &found.end),
+            };
+            let compared = &measure::results(&input, grade, &[track])[0].quantities[7].quantity;
+            let identified_ms = analysis.summary.quantities.gnss_latency_ms.value;
+            assert!((compared.value - identified_ms).abs() < 1e-6);
+            assert!((1e3 * tuning.gnss_delay_s.value - identified_ms).abs() < 1e-6);
+            let told = (tuning.clock_offset_s, tuning.other_clock().is_some());
+            assert_eq!(told, (of_clocks_s, of_clocks_s != 0.0));
+        }
+    }
 }

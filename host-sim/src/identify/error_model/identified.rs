@@ -206,7 +206,7 @@ impl Identified {
         all.extend(match gyro.law {
             Law::Wave => [
                 timed(JUMP_INTERVAL),
-                parameter(JUMP_MEAN, drift, gyro.moves(), ""),
+                parameter(JUMP_MEAN, drift, gyro.moves(), NO_TIME_SCALE),
                 above_noise(JUMP_SIGMA, size),
             ],
             Law::Continuous => [

@@ -8,7 +8,7 @@ use ins_core::earth::LocalEarth;
 use ins_core::increments::{Increments, Interval};
 use ins_core::mechanization::{Controls, Mechanization, Step};
 use ins_core::rest::{RestBlock, RestDetector, Verdict};
-use ins_core::{Estimate, Estimates, GnssFix, ImuSample, Solution, Time};
+use ins_core::{Estimate, Estimates, GnssFix, ImuSample, Phase, Solution, Time};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::interval::Measured;
@@ -394,7 +394,7 @@ impl<'a> Reducer<'a> {
         let fixes = log.gnss.iter().filter_map(fix).collect();
         let mut settling = Settling::default();
         for row in &found.history {
-            settling.at(row.time, row.solution.is_some(), SETTLE_S, || {
+            settling.at(row.time, row.phase == Phase::Navigating, SETTLE_S, || {
                 known(&row.estimates.azimuth_error_rad)
             });
         }

@@ -62,6 +62,12 @@ pub fn read(paths: &[PathBuf], choice: Choice) -> Result<(Log, Vec<LogError>), L
     all.log(path, choice)
 }
 
+/// Numbers of the inertial sensors of a recording but that which is used unasked.
+pub(crate) fn other_imus(path: &Path) -> Result<Vec<usize>, LogError> {
+    let of_format = |(_, read): &Format| Ok(read(path)?.other_imus());
+    format(path)?.map_or(Ok(Vec::new()), of_format)
+}
+
 /// Tells a format from a path and the first bytes of its file, and reads it.
 type Format = (
     fn(&Path, &[u8]) -> bool,

@@ -13,6 +13,7 @@ use nmea::sentences::rmc::RmcStatusOfFix;
 use super::recording::{Recording, degrees, east_north, level, over_ground, stated};
 use super::texts::{content, date_and_time, number};
 use crate::log::LogError;
+use crate::statistics::rms;
 
 // --- NMEA: GGA, RMC, VTG and GST of any talker ---
 
@@ -39,7 +40,7 @@ pub(super) fn read_nmea(path: &Path) -> Result<Recording, LogError> {
         }
     }
     let mut recording = Recording::default();
-    recording.add_receiver(path, "NMEA", epochs.fixes);
+    recording.add_receiver(path, "NMEA", epochs.fixes());
     Ok(recording)
 }
 
@@ -47,6 +48,8 @@ pub(super) fn read_nmea(path: &Path) -> Result<Recording, LogError> {
 #[derive(Default)]
 struct Epochs {
     fixes: Vec<GnssFix>,
+    /// Velocities of VTG, which has no time, and how many fixes were there before.
+    untimed: Vec<(usize, Vector2<f64>)>,
     /// Midnight before the epoch, s since 1970 if a date is known.
     day_s: f64,
     last_s: Option<f64>,
@@ -82,12 +85,11 @@ impl Epochs {
                 let measured = velocity(rmc.speed_over_ground, rmc.true_course);
                 fix.velocity_en_mps = measured.or(fix.velocity_en_mps);
             }
-            // Of the time of the sentence before it, unless a velocity is there, as of RMC.
             ParseResult::VTG(vtg) if !self.void => {
-                if let Some(fix) = self.fixes.last_mut() {
-                    let measured = velocity(vtg.speed_over_ground, vtg.true_course);
-                    fix.velocity_en_mps = fix.velocity_en_mps.or(measured);
-                }
+                let measured = velocity(vtg.speed_over_ground, vtg.true_course);
+                let before = self.fixes.len();
+                let untimed = measured.map(|measured| (before, measured));
+                self.untimed.extend(untimed);
             }
             ParseResult::GST(gst) => {
                 if let Some(fix) = self.epoch(gst.time) {
@@ -98,6 +100,35 @@ impl Epochs {
             }
             _ => {}
         }
+    }
+
+    /// All, with the velocities of VTG where there is no other, as of RMC: each is of the sentence before
+    /// it, or of that after it where a file begins with one and positions say so.
+    fn fixes(mut self) -> Vec<GnssFix> {
+        let begins = self.untimed.first().is_some_and(|(before, _)| *before == 0);
+        let leads = begins && self.off_mps(1) < self.off_mps(0);
+        for (before, measured) in self.untimed {
+            let index = (before + usize::from(leads)).checked_sub(1);
+            let fix = index.and_then(|index| self.fixes.get_mut(index));
+            // One that the receiver calls void has none.
+            if let Some(fix) = fix.filter(|fix| !leads || fix.position.is_some()) {
+                fix.velocity_en_mps = fix.velocity_en_mps.or(Some(measured));
+            }
+        }
+        self.fixes
+    }
+
+    /// How far velocities of VTG are from the way between positions, if they are of the fix before
+    /// them (0) or after (1), RMS; not a number where none is beside two positions.
+    fn off_mps(&self, after: usize) -> f64 {
+        let off = |(before, measured): &(usize, Vector2<f64>)| {
+            let index = (before + after).checked_sub(2)?;
+            let [from, to] = [self.fixes.get(index)?, self.fixes.get(index + 2)?];
+            let way_m = to.geodetic_or(0.0)?.enu_from(&from.geodetic_or(0.0)?).xy();
+            let off = (way_m / to.time.seconds_since(from.time) - measured).norm();
+            off.is_finite().then_some(off)
+        };
+        rms(self.untimed.iter().filter_map(off))
     }
 
     /// The first date moves the fixes before it too.
@@ -412,7 +443,7 @@ mod tests {
             let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
             epochs.take(&nmea::parse_str(&format!("${body}*{sum:02X}")).unwrap());
         }
-        epochs.fixes
+        epochs.fixes()
     }
 
     #[test]

@@ -130,6 +130,15 @@ impl Recording {
         }
     }
 
+    /// Numbers of the inertial sensors but that which is used unasked.
+    pub(super) fn other_imus(&self) -> Vec<usize> {
+        let counts = self.imus.iter().map(|imu| imu.samples.len());
+        let counts: Vec<usize> = counts.filter(|count| *count > 0).collect();
+        let used = fullest(&counts).map(|index| index + 1);
+        let all = 1..=counts.len();
+        all.filter(|number| Some(*number) != used).collect()
+    }
+
     pub(super) fn log(
         mut self,
         path: &Path,
@@ -279,9 +288,7 @@ fn chosen<'a>(
             "no receiver, or never a fix: `import` takes a second file that has them",
         ),
     };
-    // The first, if several have as many.
-    let most = counts.iter().max();
-    let Some(fullest) = counts.iter().position(|count| Some(count) == most) else {
+    let Some(fullest) = fullest(&counts) else {
         return Err(LogError::file(path, expected, "none", none));
     };
     let Some(number) = number else {
@@ -300,6 +307,12 @@ fn chosen<'a>(
         let expected = format!("--{option} from 1 to {}", counts.len());
         LogError::file(path, expected, number.to_string(), all)
     })
+}
+
+/// The first, if several have as many.
+fn fullest(counts: &[usize]) -> Option<usize> {
+    let most = counts.iter().max();
+    counts.iter().position(|count| Some(count) == most)
 }
 
 /// A vector at a time.

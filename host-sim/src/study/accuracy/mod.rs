@@ -26,7 +26,7 @@ use super::subject::{self, Core, Kalman, Subject};
 use crate::compare::kalman::Noise;
 use crate::identify::free_inertial::known;
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
-use crate::log::Grade;
+use crate::log::{GRAVITY_MPS2, Grade};
 use crate::page::progress::counted;
 use crate::sim::drive::Recording;
 use crate::sim::{DriveConfig, ErrorModel, SensorErrors, SimulatedDrive, simulate};
@@ -306,7 +306,7 @@ fn checks(
     let [gx, gy, gz] = estimates.gyro_bias_radps;
     let azimuth_left = wrap_pi(heading_rad - truth.euler().heading_rad);
     // The up accelerometer feels g: its scale error is a bias.
-    let up_bias = errors.accel_bias_mps2[2] + errors.accel_matrix[(2, 2)] * 9.81;
+    let up_bias = errors.accel_bias_mps2[2] + errors.accel_matrix[(2, 2)] * GRAVITY_MPS2;
     let pairs = [
         (estimates.azimuth_error_rad, azimuth_left),
         (ax, errors.accel_bias_mps2[0]),

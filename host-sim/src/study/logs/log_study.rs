@@ -1,10 +1,7 @@
 //! All tests on one log.
 
-use std::path::Path;
-
 use indicatif::ProgressBar;
 use ins_core::{Config, ConfigError};
-use miette::{Result, miette};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -15,12 +12,11 @@ use crate::compare::kalman::Noise;
 use crate::compare::measure::{COMPARED, columns};
 use crate::compare::outage::{Course, in_common};
 use crate::compare::tracks::{self, Input};
-use crate::identify::analysis::folder_name;
 use crate::identify::configure;
 use crate::identify::halves::{self, Difference};
 use crate::identify::quantities::Quantity;
 use crate::identify::run::{Identification, identify};
-use crate::log::{self, Grade, Log, LogError};
+use crate::log::{Grade, Log};
 
 /// What a log is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -143,16 +139,6 @@ pub struct Without {
 }
 
 impl LogStudy {
-    /// Reads a log and runs all tests; warnings go to the standard error.
-    pub fn of_folder(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Self> {
-        let name = folder_name(folder);
-        let (log, warnings) = log::read(folder)?;
-        progress.suspend(|| LogError::tell(&warnings));
-        let grade = configure::grade(&log, grade);
-        progress.set_message(name.clone());
-        Self::of_log(name, &log, grade).map_err(|error| miette!("cannot be used: {}", error))
-    }
-
     pub fn of_log(name: String, log: &Log, grade: Grade) -> Result<Self, ConfigError> {
         let bench = Bench::new(log, grade)?;
         let (found, kalman) = rayon::join(

@@ -115,7 +115,8 @@ pub(super) fn file(
 ) -> String {
     let turned = t.turned_upright.then(|| TURNED.to_owned());
     let head = [title.to_owned()].into_iter().chain(t.verdict.lines());
-    let head = head.chain(turned).map(|line| format!("{comment} {line}\n"));
+    let head = head.chain(turned).chain(t.other_clock());
+    let head = head.map(|line| format!("{comment} {line}\n"));
     let mut text: String = head.collect();
     for setting in settings {
         setting.print(&mut text, comment, write);

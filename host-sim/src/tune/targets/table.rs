@@ -33,9 +33,10 @@ pub(super) fn text(t: &Tuning) -> String {
         .map(|(names, why)| format!("To know {}: {why}.\n", names.join("; ")))
         .collect();
     format!(
-        "{}\n\n{}\nAlong the unit's axes; offsets are to be subtracted from readings. {vehicle}\n{}",
+        "{}\n\n{}\nAlong the unit's axes; offsets are to be subtracted from readings. {vehicle}\n{}{}",
         t.verdict.lines().join("\n"),
         Table::of("", heads("| value | unit"), rows.iter().map(cells)).plain(),
+        t.other_clock().map_or(String::new(), |told| told + "\n"),
         missing.concat(),
     )
 }
