@@ -211,9 +211,10 @@ impl<const RING: usize> Navigator<RING> {
 
     /// Takes a measured heading, at any time, up to a tenth of a second before the sample of its moment.
     /// While aligning it is the heading to start with, if levelling ends within a second; headings that
-    /// never are a second old end a search for one, and it is levelled anew. One known to no better than 0.3 rad is
-    /// [`GnssOutcome::OutOfRange`] until then: motion shows it better. Of those that agreed with an INS that
-    /// was lost all are [`GnssOutcome::Outlier`] until motion has shown it. The literal form takes none later.
+    /// never are a second old end a search for one, and it is levelled anew. One known to no better than
+    /// 0.3 rad is [`GnssOutcome::OutOfRange`] until then: motion shows it better. Of those that agreed with an
+    /// INS that was lost all are [`GnssOutcome::Outlier`] until motion has shown it. The literal form takes
+    /// none later.
     #[inline(never)]
     pub fn on_heading(&mut self, heading: &Heading) -> GnssOutcome {
         let Some((now, _)) = self.state.inertial else {

@@ -154,8 +154,7 @@ fn above_mean(
 
 #[test]
 fn a_smoothed_velocity_is_that_of_a_low_pass() {
-    let memory_s = 0.5_f64;
-    for (memory_s, rate) in [(memory_s, 2.0_f64), (0.2, 6.0)] {
+    for (memory_s, rate) in [(0.5_f64, 2.0_f64), (0.2, 6.0)] {
         let swing = |t: f64| (rate * t).sin();
         let swung = |t: f64| -(rate * t).cos() / rate;
         let phase = rate * memory_s;
@@ -169,7 +168,7 @@ fn a_smoothed_velocity_is_that_of_a_low_pass() {
         }
     }
     // A steady acceleration only makes it late.
-    let late = above_mean(memory_s, 2.24, |t| 1.5 * t * t, |t| 3.0 * t);
+    let late = above_mean(0.5, 2.24, |t| 1.5 * t * t, |t| 3.0 * t);
     assert!(late.abs() < SINGLE);
 }
 
