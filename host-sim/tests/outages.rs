@@ -1,8 +1,11 @@
 //! An INS without GNSS, and the comparison of all methods on one log.
 
+use std::path::Path;
+
 use host_sim::compare::Comparison;
 use host_sim::compare::kalman::Noise;
 use host_sim::compare::outage::{Against, OutageTest, test};
+use host_sim::identify::analysis::Input;
 use host_sim::identify::true_errors::Truth;
 use host_sim::log::{self, BodyAxes, Compression, Grade, Log, Meta};
 use host_sim::sim::{DriveConfig, simulate};
@@ -60,12 +63,18 @@ fn the_core_drifts_no_further_than_its_estimates_say() {
     }
 }
 
+fn compared(folder: &Path) -> Comparison {
+    let progress = ProgressBar::hidden();
+    let input = Input::read(folder, None, &progress).unwrap();
+    Comparison::of_input(input, &progress).unwrap()
+}
+
 #[test]
 fn a_log_without_navigation_has_no_curves_and_says_so() {
     let (log, ..) = driven(Grade::Mems, 0.1);
     let (home, out) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     log::write(&log, home.path(), Compression::Gzip).unwrap();
-    let comparison = Comparison::of_log(home.path(), None, &ProgressBar::hidden()).unwrap();
+    let comparison = compared(home.path());
     comparison.write(out.path()).unwrap();
     let page = std::fs::read_to_string(out.path().join("report.html")).unwrap();
     assert!(page.contains("No method ever navigates") && !page.contains("<figcaption>"));
@@ -78,7 +87,7 @@ fn a_comparison_says_what_each_method_found() {
     let (log, truth, _) = driven(Grade::Hg1700, 8.0);
     log::write(&log, home.path(), Compression::Gzip).unwrap();
     std::fs::write(home.path().join("errors.toml"), truth.to_toml().unwrap()).unwrap();
-    let comparison = Comparison::of_log(home.path(), None, &ProgressBar::hidden()).unwrap();
+    let comparison = compared(home.path());
     assert!(comparison.simulated);
     assert_eq!(comparison.methods.len(), 8);
     for method in &comparison.methods {

@@ -130,7 +130,7 @@ impl Ledger {
 }
 
 /// Makes the folder of what is going to be run, with a text of it in the file `mark`; or finds that
-/// it belongs to the same, so that runs go on there.
+/// it belongs to the same, so that runs go on there. Returns where an earlier folder is kept, by force.
 pub fn settle(
     out: &Path,
     mark: &str,
@@ -138,11 +138,11 @@ pub fn settle(
     force: bool,
     same: impl FnOnce(&Path) -> Result<bool>,
     other: &str,
-) -> Result<()> {
+) -> Result<Option<PathBuf>> {
     let copy = out.join(mark);
     if copy.is_file() && !force {
         if same(&copy)? {
-            return Ok(());
+            return Ok(None);
         }
         bail!(
             help = "choose another --out, or set what is there aside with --force",
@@ -151,13 +151,11 @@ pub fn settle(
         );
     }
     check_free(out, mark, force)?;
-    if copy.is_file() {
-        // Hours of runs, and maybe somebody's notes.
-        let before = set_aside(out)?;
-        eprintln!("{}: kept in {}", out.display(), before.display());
-    }
+    // Hours of runs, and maybe somebody's notes.
+    let before = copy.is_file().then(|| set_aside(out)).transpose()?;
     fs::create_dir_all(out).map_err(|e| OutputError::io(out, e))?;
-    Ok(replace(&copy, text)?)
+    replace(&copy, text)?;
+    Ok(before)
 }
 
 /// Tells of every whole line of the files in a folder, which nobody need hold.

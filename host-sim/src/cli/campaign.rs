@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use miette::{IntoDiagnostic, Result, bail};
 
-use super::options::{Output, Print, print};
+use super::options::{Output, Print, print, tell_kept};
 use crate::campaign::ledger::{self, Shard};
 use crate::campaign::plan::Plan;
 use crate::campaign::run::run;
@@ -96,7 +96,9 @@ fn settle(plan: &Plan, out: &Path, force: bool) -> Result<()> {
         _ => "a campaign of another plan",
     };
     let same = |copy: &Path| Ok(read(copy)? == text);
-    ledger::settle(out, PLAN, &text, force, same, other)
+    let kept = ledger::settle(out, PLAN, &text, force, same, other)?;
+    tell_kept(out, kept.as_deref());
+    Ok(())
 }
 
 fn read(file: &Path) -> Result<String> {

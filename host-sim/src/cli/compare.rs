@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use miette::Result;
 
-use super::options::{GradeChoice, Output, refuse_same, report_line};
+use super::options::{GradeChoice, Output, read, refuse_same, report_line};
 use crate::compare::{Comparison, JSON, plain};
 use crate::page::progress::spinner;
 
@@ -25,7 +25,8 @@ pub fn compare(options: &Compare) -> Result<()> {
     options.output.check(JSON)?;
     refuse_same(&options.log, &options.output.out)?;
     let progress = spinner("reading");
-    let comparison = Comparison::of_log(&options.log, options.grade.told(), &progress)?;
+    let input = read(&options.log, options.grade.told(), &progress)?;
+    let comparison = Comparison::of_input(input, &progress)?;
     options
         .output
         .fill(JSON, |folder| comparison.write(folder))?;

@@ -7,7 +7,7 @@ use miette::{Result, miette};
 use serde::Serialize;
 
 use crate::cli::identify::words;
-use crate::cli::options::{GradeChoice, Output, refuse_same};
+use crate::cli::options::{GradeChoice, Output, read, refuse_same};
 use crate::hil::bench::{Bench, ESTIMATES_EVERY, requests};
 use crate::hil::board::Target;
 use crate::hil::board_log::{self, BoardLog};
@@ -50,7 +50,7 @@ pub fn hil(options: &Hil) -> Result<()> {
     let image = options.target.image()?;
     let table = image.as_deref().map(board_log::table).transpose()?;
     let mut log = table.as_ref().map(BoardLog::new);
-    let input = Input::read(&options.log, options.grade.told(), &bar())?;
+    let input = read(&options.log, options.grade.told(), &bar())?;
 
     let (hardware, analysis) = run(input, options, log.as_mut())?;
 
@@ -85,6 +85,8 @@ fn run(
     }
     let mut bench = Bench::new(config).map_err(|error| miette!("{}", error))?;
     let mut session = options.target.open()?;
+    // Of its log the board counts what it has lost since its reset.
+    let lost_before = session.status()?.log_lines_lost;
     let started = session.start(config, ESTIMATES_EVERY)?;
     let length = input.log.imu.len() + input.log.gnss.len();
     let first = input.log.start();
@@ -128,7 +130,7 @@ fn run(
         requests_lost: status.link.skipped,
         bytes_lost: status.bytes_lost,
         frames_lost: session.counters().skipped,
-        log_lines_lost: status.log_lines_lost,
+        log_lines_lost: status.log_lines_lost.saturating_sub(lost_before),
         log_lines_garbled: log.map(|log| log.garbled),
     };
     let found = bench.finish(&input.log, config);

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use miette::{Result, bail};
 
-use super::options::{GradeChoice, Output, refuse_same, report_line};
+use super::options::{GradeChoice, Output, build, identified, refuse_same, report_line};
 use crate::identify::analysis::{Analysis, Given, SUMMARY};
 use crate::identify::error_model::allan::AtRest;
 use crate::identify::error_model::{self, Identified, Record, Sensors};
@@ -14,7 +14,7 @@ use crate::identify::summary::Summary;
 use crate::log::Grade;
 use crate::page::html::REPORT;
 use crate::page::output::{self, OutputError};
-use crate::page::progress::{bar, spinner};
+use crate::page::progress::spinner;
 use crate::report;
 use crate::sim::errors::Law;
 
@@ -66,6 +66,12 @@ pub(super) fn identify(options: &Identify) -> Result<()> {
     }
 }
 
+/// Marks a folder of results as ours: those of one log, or else of several.
+fn mark(out: &Path) -> &'static str {
+    let of_one = out.join(SUMMARY).is_file();
+    if of_one { SUMMARY } else { error_model::MODEL }
+}
+
 pub(super) fn identify_log(
     folder: &Path,
     out: &Path,
@@ -73,13 +79,12 @@ pub(super) fn identify_log(
     law: Option<Law>,
     force: bool,
 ) -> Result<(Analysis, Identified)> {
-    output::check_free(out, SUMMARY, force)?;
+    output::check_free(out, mark(out), force)?;
     refuse_same(folder, out)?;
-    let progress = bar();
-    let analysis = Analysis::of_log(folder, grade, &progress)?;
+    let analysis = identified(folder, grade)?;
     let records = [Record::new(&analysis.log, &analysis.found)];
     let model = error_model_of(&records, analysis.summary.grade, law);
-    output::build(out, SUMMARY, force, |folder| {
+    build(out, mark(out), force, |folder| {
         write(&analysis, &records, &model, folder)
     })?;
     Ok((analysis, model))
@@ -103,7 +108,7 @@ pub(super) fn error_model_of(records: &[Record], grade: Grade, law: Option<Law>)
 /// A folder for each log, and the error model of all beside them.
 fn identify_logs(options: &Identify, grade: Option<Grade>, law: Option<Law>) -> Result<()> {
     let (out, print) = (&options.output.out, options.output.print);
-    options.output.check(error_model::MODEL)?;
+    options.output.check(mark(out))?;
     for log in &options.log {
         refuse_same(log, out)?;
     }
@@ -111,9 +116,8 @@ fn identify_logs(options: &Identify, grade: Option<Grade>, law: Option<Law>) -> 
         let (mut records, mut summaries, mut class) = (Vec::new(), Vec::new(), grade);
         let mut given = Given::default();
         for (number, log) in (1..).zip(&options.log) {
-            let progress = bar();
             // One log at a time: only what the error model needs of it is kept.
-            let analysis = Analysis::of_log(log, grade, &progress)?;
+            let analysis = identified(log, grade)?;
             let this = analysis.summary.grade;
             if *class.get_or_insert(this) != this {
                 bail!(
@@ -142,7 +146,7 @@ fn identify_logs(options: &Identify, grade: Option<Grade>, law: Option<Law>) -> 
         output::write(folder, REPORT, page.html()?)?;
         Ok((found, summaries))
     };
-    let (model, summaries) = options.output.fill(error_model::MODEL, fill)?;
+    let (model, summaries) = options.output.fill(mark(out), fill)?;
     print.result(&summaries, || {
         let told = (summaries.iter()).flat_map(|one| one.verdict.lines_of(&one.log));
         let told = told.collect::<Vec<_>>().join("\n");

@@ -6,7 +6,7 @@ use clap::Args;
 use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
 
-use super::options::Output;
+use super::options::{Output, tell};
 use crate::log::import::{Choice, read};
 use crate::log::{Compression, LogError, write};
 use crate::page::output;
@@ -40,7 +40,7 @@ struct Imported<'a> {
 pub fn import(options: &Import) -> Result<()> {
     options.output.check(MARK)?;
     let (log, warnings) = read(&options.files, options.choice)?;
-    LogError::tell(&warnings);
+    tell(&warnings);
     let source = log.meta.document.get("source");
     let imported = Imported {
         files: &options.files,

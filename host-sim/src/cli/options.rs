@@ -4,14 +4,17 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
+use indicatif::ProgressBar;
 use miette::{Result, bail};
 use serde::Serialize;
 
 use crate::aircraft::cessna172;
 use crate::aircraft::dynamics::Dynamics;
 use crate::aircraft::input::read_aircraft;
-use crate::log::Grade;
+use crate::identify::analysis::{Analysis, Input};
+use crate::log::{Grade, LogError};
 use crate::page::html::REPORT;
+use crate::page::progress::bar;
 use crate::page::{self, output};
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -48,6 +51,26 @@ pub(super) fn refuse_same(log: &Path, out: &Path) -> Result<()> {
         );
     }
     Ok(())
+}
+
+/// Tells what is no reason to stop.
+pub(super) fn tell(warnings: &[LogError]) {
+    for warning in warnings {
+        eprintln!("warning: {warning}\n  {}", warning.cause);
+    }
+}
+
+/// Reads a log, and tells what looks suspicious in it.
+pub(super) fn read(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Input> {
+    let input = Input::read(folder, grade, progress)?;
+    progress.suspend(|| tell(&input.warnings));
+    Ok(input)
+}
+
+/// The same, identified.
+pub(super) fn identified(folder: &Path, grade: Option<Grade>) -> Result<Analysis> {
+    let progress = bar();
+    Analysis::of_input(read(folder, grade, &progress)?, &progress)
 }
 
 /// That of a file, or the Cessna 172.
@@ -101,7 +124,7 @@ impl Output {
     }
 
     pub(super) fn fill<T>(&self, mark: &str, fill: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
-        output::build(&self.out, mark, self.force, fill)
+        build(&self.out, mark, self.force, fill)
     }
 }
 
@@ -126,8 +149,27 @@ impl Folder {
     }
 
     pub(super) fn fill(&self, mark: &str, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
-        let build = |folder: &PathBuf| output::build(folder, mark, self.force, fill);
-        self.out.as_ref().map_or(Ok(()), build)
+        let filled = |folder: &PathBuf| build(folder, mark, self.force, fill);
+        self.out.as_ref().map_or(Ok(()), filled)
+    }
+}
+
+/// Fills a folder of results, and tells what of an earlier one is left.
+pub(super) fn build<T>(
+    folder: &Path,
+    mark: &str,
+    force: bool,
+    fill: impl FnOnce(&Path) -> Result<T>,
+) -> Result<T> {
+    let (filled, kept) = output::build(folder, mark, force, fill)?;
+    tell_kept(folder, kept.as_deref());
+    Ok(filled)
+}
+
+pub(super) fn tell_kept(folder: &Path, kept: Option<&Path>) {
+    if let Some(kept) = kept {
+        let [folder, kept] = [folder, kept].map(Path::display);
+        eprintln!("{folder}: what was not replaced is kept in {kept}");
     }
 }
 

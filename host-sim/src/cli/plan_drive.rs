@@ -6,10 +6,9 @@ use clap::Args;
 use miette::{Result, miette};
 
 use super::identify::error_model_of;
-use super::options::{Folder, refuse_same, report_line};
-use crate::identify::analysis::Analysis;
+use super::options::{Folder, identified, refuse_same, report_line};
 use crate::identify::error_model::Record;
-use crate::page::progress::{bar, spinner};
+use crate::page::progress::spinner;
 use crate::plan_drive::output::{PLAN, Report};
 use crate::plan_drive::{Plan, Target};
 
@@ -53,7 +52,7 @@ pub fn plan_drive(options: &PlanDrive) -> Result<()> {
 
 /// What a log lacks; its name, and what speaks against it.
 fn added_to(log: &Path, target: &Target, seed: u64) -> Result<(Plan, (String, Vec<String>))> {
-    let analysis = Analysis::of_log(log, target.unit.class, &bar())?;
+    let analysis = identified(log, target.unit.class)?;
     let navigator = target.navigator_after(&analysis)?;
     let records = [Record::new(&analysis.log, &analysis.found)];
     let mut model = error_model_of(&records, analysis.summary.grade, None).model();

@@ -13,13 +13,15 @@ use crate::aircraft::plan::Plan;
 use crate::campaign::ledger::Shard;
 use crate::campaign::{ledger, slurm};
 use crate::cli::identify::error_model_of;
-use crate::cli::options::{GradeChoice, Output, aircraft, print, refuse_same, report_line};
+use crate::cli::options::{
+    GradeChoice, Output, aircraft, identified, print, refuse_same, report_line, tell, tell_kept,
+};
 use crate::identify::analysis::log_name;
 use crate::identify::error_model::Sensors;
 use crate::identify::error_model::allan::AtRest;
 use crate::identify::error_model::record::readings_at_rest;
 use crate::identify::error_model::{self, Identified};
-use crate::log::{LogError, import};
+use crate::log::import;
 use crate::page;
 use crate::page::output::{OutputError, replace};
 use crate::page::progress::bar;
@@ -129,7 +131,8 @@ pub fn rehearse(options: &Rehearse) -> Result<()> {
     for drive in &options.drives {
         refuse_same(drive, &options.output.out)?;
     }
-    let drives = Drives::read(&options.drives, options.grade.told())?;
+    let grade = options.grade.told();
+    let drives = Drives::of(&options.drives, |drive| identified(drive, grade))?;
     let free_s = 60.0 * options.minutes_free;
     let world = World::new(dynamics, plan, free_s, drives.imu_hz)
         .map_err(|error| miette!("{}: {error}", options.plan.display()))?;
@@ -177,7 +180,11 @@ pub fn rehearse(options: &Rehearse) -> Result<()> {
     };
     error_model::write(sensors, out)?;
     let shard = options.shard.unwrap_or(Shard::ALL);
-    run(&rehearsal, &world, &told, shard, out, &bar())?;
+    let tell_flown = |flown: usize, left: usize| {
+        let out = out.display();
+        eprintln!("{out}: flights taken from before: {flown}, left to fly: {left}");
+    };
+    run(&rehearsal, &world, &told, shard, out, tell_flown, &bar())?;
     if shard != Shard::ALL {
         return print(&format!("{} is done\n", out.join(shard.file()).display()));
     }
@@ -286,7 +293,7 @@ fn settings(
 /// What the unit puts out at rest, in this log.
 fn recorded_noise(path: &Path, imu_hz: u32) -> Result<RecordedNoise> {
     let (log, warnings) = import::open(path)?;
-    LogError::tell(&warnings);
+    tell(&warnings);
     let (own_hz, wanted_hz) = (log.imu_rate_hz(), f64::from(imu_hz));
     if (own_hz / wanted_hz - 1.0).abs() > 0.02 {
         bail!(
@@ -317,7 +324,8 @@ fn settle(settings: &Settings, out: &Path, force: bool) -> Result<()> {
         differ.join(", ")
     );
     let same = |_: &Path| Ok(differ.is_empty());
-    ledger::settle(out, SETTINGS, &text, force, same, &other)?;
+    let kept = ledger::settle(out, SETTINGS, &text, force, same, &other)?;
+    tell_kept(out, kept.as_deref());
     // A program that is there only now is the one from now on.
     if text != before {
         replace(&copy, &text)?;

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use miette::Result;
 
-use super::options::{Output, refuse_same, report_line};
+use super::options::{Output, refuse_same, report_line, tell};
 use crate::identify::analysis::log_name;
-use crate::log::{LogError, import};
+use crate::log::import;
 use crate::page::progress::spinner;
 use crate::study::reproduce::{JSON, Recorded, Settings, reproduce as measure};
 
@@ -26,7 +26,7 @@ pub struct Reproduce {
 
 fn read(path: &Path) -> Result<Recorded> {
     let (log, warnings) = import::open(path)?;
-    LogError::tell(&warnings);
+    tell(&warnings);
     Ok(Recorded {
         name: log_name(path, &log),
         log,

@@ -8,7 +8,7 @@ use miette::{IntoDiagnostic, Result, miette};
 use serde::Serialize;
 
 use super::identify::{identify_log, words};
-use super::options::{Output, Print, aircraft};
+use super::options::{Output, Print, aircraft, build};
 use crate::aircraft::flight::Flight;
 use crate::aircraft::input::error_model;
 use crate::aircraft::pictures;
@@ -126,7 +126,7 @@ fn write_drive(
     let mut drive = Simulated::new(run, &config.recording.errors, grade, name);
     let about = &mut drive.log.meta.document;
     about.insert("minutes".into(), options.minutes.into());
-    output::build(out, true_errors::FILE, force, |folder| drive.write(folder))?;
+    build(out, true_errors::FILE, force, |folder| drive.write(folder))?;
     progress.finish_and_clear();
     Ok(drive.truth)
 }

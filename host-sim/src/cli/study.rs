@@ -9,11 +9,11 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::identify::error_model_of;
-use super::options::{Folder, GradeChoice, Print, print};
+use super::options::{Folder, GradeChoice, Print, identified, print, tell};
 use super::rehearse::{in_keys, keys};
-use crate::identify::analysis::{Analysis, folder_name};
+use crate::identify::analysis::folder_name;
 use crate::identify::configure;
-use crate::log::{self, Grade, LogError};
+use crate::log::{self, Grade};
 use crate::page::output::{check_free_file, replace};
 use crate::page::progress::{bar, counted};
 use crate::rehearse::proof;
@@ -327,7 +327,7 @@ impl Logs {
         let one = |folder: &&PathBuf| {
             let name = folder_name(folder);
             let (log, warnings) = log::read(folder)?;
-            progress.suspend(|| LogError::tell(&warnings));
+            progress.suspend(|| tell(&warnings));
             progress.set_message(name.clone());
             let grade = configure::grade(&log, self.grade.told());
             logs::LogStudy::of_log(name, &log, grade)
@@ -423,7 +423,8 @@ impl Rehearse {
             verdicts: Vec<Judged>,
             rows: Vec<proof::Row>,
         }
-        let drives = Drives::read(&self.drives, self.grade.told())?;
+        let grade = self.grade.told();
+        let drives = Drives::of(&self.drives, |drive| identified(drive, grade))?;
         let mut model = error_model_of(&drives.records, drives.grade, None).model();
         model.imu.output = drives.output;
         let set = self.set.as_deref();
@@ -433,10 +434,16 @@ impl Rehearse {
             rows: Vec::new(),
         };
         for path in &self.against {
-            let analysis = Analysis::of_log(path, Some(drives.grade), &bar())?;
-            proof
-                .rows
-                .extend(proof::tried(&analysis, &model, self.seeds)?);
+            let analysis = identified(path, Some(drives.grade))?;
+            let rows = proof::tried(&analysis, &model, self.seeds)?;
+            if rows.is_empty() {
+                eprintln!(
+                    "{}: nothing to compare: it never navigates, or no outage fits, on it or on its \
+                     simulations",
+                    analysis.summary.log
+                );
+            }
+            proof.rows.extend(rows);
             proof.verdicts.push(Judged::of(analysis.summary));
         }
         self.print.result(&proof, || {

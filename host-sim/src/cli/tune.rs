@@ -6,7 +6,7 @@ use clap::Args;
 use miette::{IntoDiagnostic, Result};
 
 use crate::cli::identify::error_model_of;
-use crate::cli::options::{GradeChoice, Print, print};
+use crate::cli::options::{GradeChoice, Print, print, tell};
 use crate::identify::analysis::{Analysis, Input};
 use crate::identify::error_model::Record;
 use crate::log::import::Choice;
@@ -40,6 +40,7 @@ pub fn tune(options: &Tune) -> Result<()> {
         options.grade.told(),
         &progress,
     )?;
+    progress.suspend(|| tell(&input.warnings));
     let analysis = Analysis::of_input(input, &progress)?;
     let records = [Record::new(&analysis.log, &analysis.found)];
     let model = error_model_of(&records, analysis.summary.grade, None);

@@ -72,8 +72,7 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    pub fn of_log(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Self> {
-        let mut read = analysis::Input::read(folder, grade, progress)?;
+    pub fn of_input(mut read: analysis::Input, progress: &ProgressBar) -> Result<Self> {
         // Which no other method knows.
         read.log.baro.clear();
         let (log, config, grade, truth) = (&read.log, read.config, read.grade, read.truth);

@@ -117,7 +117,7 @@ pub struct Hardware {
     pub bytes_lost: u32,
     /// Frames of the board that did not reach the host.
     pub frames_lost: u32,
-    /// Lines of the log that the board had no room for.
+    /// Lines of this run's log that the board had no room for.
     pub log_lines_lost: u32,
     /// Lines that cannot be read; nothing if none was to be.
     pub log_lines_garbled: Option<u32>,

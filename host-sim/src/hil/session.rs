@@ -98,6 +98,8 @@ pub struct Session<P> {
     heard: Instant,
     /// What the board said of itself.
     pub hello: Hello,
+    /// Deepest stack it has told of, in any status.
+    stack_bytes: u32,
 }
 
 impl<P: Read + Write> Session<P> {
@@ -116,6 +118,7 @@ impl<P: Read + Write> Session<P> {
                 window_bytes: 0,
                 clocks_per_tick: 1,
             },
+            stack_bytes: 0,
         };
         // Ends whatever half a frame the board may have.
         this.port.write_all(&[0])?;
@@ -139,10 +142,16 @@ impl<P: Read + Write> Session<P> {
         started.map_err(|refusal| HilError::Refused(refusal.0.as_str().into()))
     }
 
+    /// How the board is. It tells of the stack since it was last asked; this, of that of all statuses.
     pub fn status(&mut self) -> Result<Status, HilError> {
-        self.ask(&Request::Status, |reply| match reply {
+        let status = self.ask(&Request::Status, |reply| match reply {
             Reply::Status(status) => Some(status),
             _ => None,
+        })?;
+        self.stack_bytes = self.stack_bytes.max(status.stack_bytes);
+        Ok(Status {
+            stack_bytes: self.stack_bytes,
+            ..status
         })
     }
 
@@ -332,4 +341,70 @@ fn is_timeout(error: &io::Error) -> bool {
         error.kind(),
         io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Says hello, and the deepest stack since it was last asked.
+    struct Board {
+        decoder: Decoder,
+        sent: VecDeque<u8>,
+        stacks: VecDeque<u32>,
+    }
+
+    impl Board {
+        fn reply(&mut self, request: &Request) -> Reply {
+            if let Request::Hello { session } = *request {
+                return Reply::Hello(Hello {
+                    session,
+                    window_bytes: 2048,
+                    clocks_per_tick: 1,
+                });
+            }
+            Reply::Status(Status {
+                stack_bytes: self.stacks.pop_front().unwrap(),
+                ..Status::default()
+            })
+        }
+    }
+
+    impl Read for Board {
+        fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+            match self.sent.read(buffer)? {
+                0 => Err(io::ErrorKind::TimedOut.into()),
+                length => Ok(length),
+            }
+        }
+    }
+
+    impl Write for Board {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            for byte in bytes {
+                if let Some((to, request)) = self.decoder.push(*byte) {
+                    let reply = self.reply(&request);
+                    let frame = ins_link::encode(to, &FromBoard::Reply { to, reply }).unwrap();
+                    self.sent.extend(frame);
+                }
+            }
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn the_deepest_stack_is_not_forgotten() {
+        let board = Board {
+            decoder: Decoder::new(),
+            sent: VecDeque::new(),
+            stacks: [700, 900, 100].into(),
+        };
+        let mut session = Session::open(board, 1).unwrap();
+        let told = [(); 3].map(|()| session.status().unwrap().stack_bytes);
+        assert_eq!(told, [700, 900, 900]);
+    }
 }

@@ -26,12 +26,13 @@ pub struct Input {
     pub config: Config,
     pub(crate) name: String,
     pub(crate) grade: Grade,
-    warnings: Vec<LogError>,
+    /// What looks suspicious in the log.
+    pub(crate) warnings: Vec<LogError>,
     pub(crate) truth: Option<Truth>,
 }
 
 impl Input {
-    /// Reads a log; warnings go to the standard error.
+    /// Reads a log.
     pub fn read(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Self> {
         Self::read_all(&[folder.to_owned()], Choice::default(), grade, progress)
     }
@@ -46,7 +47,6 @@ impl Input {
         progress.set_message("reading");
         let (log, warnings) = import::open_all(paths, choice)?;
         let folder = paths.first().map_or(Path::new(""), PathBuf::as_path);
-        progress.suspend(|| LogError::tell(&warnings));
         Ok(Self {
             truth: Truth::read(folder)?,
             ..Self::of(log_name(folder, &log), log, warnings, grade)
@@ -94,7 +94,7 @@ pub struct Analysis {
 }
 
 impl Analysis {
-    /// Reads a log and runs the core over it; warnings go to the standard error.
+    /// Reads a log and runs the core over it.
     pub fn of_log(folder: &Path, grade: Option<Grade>, progress: &ProgressBar) -> Result<Self> {
         Self::of_input(Input::read(folder, grade, progress)?, progress)
     }

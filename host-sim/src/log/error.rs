@@ -30,13 +30,6 @@ pub struct LogError {
 }
 
 impl LogError {
-    /// To the standard error, what is no reason to stop.
-    pub(crate) fn tell(warnings: &[Self]) {
-        for warning in warnings {
-            eprintln!("warning: {warning}\n  {}", warning.cause);
-        }
-    }
-
     /// In one line.
     pub(crate) fn in_a_line(&self) -> String {
         format!("{self} ({})", self.cause)

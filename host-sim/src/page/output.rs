@@ -58,6 +58,11 @@ pub enum OutputError {
         "it is another file: --force replaces only the table of an earlier run: choose another name"
     ))]
     ForeignFile { file: PathBuf, head: String },
+    #[error("{} cannot be set aside: {source}", .path.display())]
+    #[diagnostic(help(
+        "it is mounted there, or its parent folder cannot be written: empty it, or choose another --out"
+    ))]
+    Fixed { path: PathBuf, source: io::Error },
     #[error("cannot write {}: {source}", .path.display())]
     #[diagnostic(help("permissions, a missing parent folder or a full disk"))]
     Io { path: PathBuf, source: io::Error },
@@ -83,7 +88,21 @@ pub fn check_free(folder: &Path, mark: &str, force: bool) -> Result<(), OutputEr
     match (force, folder.join(mark).is_file()) {
         (false, _) => Err(OutputError::Exists(folder.to_owned())),
         (true, false) => Err(OutputError::Foreign(folder.to_owned())),
-        (true, true) => Ok(()),
+        (true, true) => {
+            let folder = named(folder)?;
+            // Whoever stops the program now waits until it has its name again.
+            let _building = building();
+            let before = set_aside(&folder)?;
+            fs::rename(&before, &folder).map_err(|e| OutputError::io(&before, e))
+        }
+    }
+}
+
+/// Where the program stands has a name to be replaced by only from above.
+fn named(folder: &Path) -> Result<PathBuf, OutputError> {
+    match folder.file_name() {
+        Some(_) => Ok(folder.to_owned()),
+        None => (folder.canonicalize()).map_err(|e| OutputError::io(folder, e)),
     }
 }
 
@@ -92,19 +111,20 @@ fn remove_empty(folders: &[PathBuf]) {
     let _ = folders.iter().all(|folder| fs::remove_dir(folder).is_ok());
 }
 
-/// Fills a hidden folder beside the wanted one, and gives it the name only when it is whole.
+/// Fills a hidden folder beside the wanted one, and gives it the name only when it is whole. Returns
+/// where what it did not replace of an earlier folder is kept, too.
 pub fn build<T, E: From<OutputError>>(
     folder: &Path,
     mark: &str,
     force: bool,
     fill: impl FnOnce(&Path) -> Result<T, E>,
-) -> Result<T, E> {
+) -> Result<(T, Option<PathBuf>), E> {
     check_free(folder, mark, force)?;
-    // Where the program stands has a name to be replaced by only from above.
-    let named = folder.file_name().is_none().then(|| folder.canonicalize());
-    let named = named.transpose().map_err(|e| OutputError::io(folder, e))?;
-    let folder = named.as_deref().unwrap_or(folder);
+    let folder = &named(folder)?;
+    // One that is there, and empty, stays: it may be mounted, so that no other can have its name.
+    let stays = is_empty(folder);
     let parent = match folder.parent() {
+        _ if stays => folder,
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
@@ -131,18 +151,29 @@ pub fn build<T, E: From<OutputError>>(
     share(hidden.path()).map_err(|e| OutputError::io(hidden.path(), e))?;
     // Whoever stops the program now waits until the folder has its name.
     let mut building = building();
-    let before = folder.is_dir().then(|| set_aside(folder)).transpose()?;
+    let replaced = folder.is_dir() && !stays;
+    let before = replaced.then(|| set_aside(folder)).transpose()?;
     let whole = hidden.keep();
-    fs::rename(&whole, folder).map_err(|e| OutputError::io(folder, e))?;
+    let given = if stays {
+        give_all(&whole, folder)
+    } else {
+        fs::rename(&whole, folder)
+    };
+    given.map_err(|e| OutputError::io(folder, e))?;
     building.retain(|one| one.folder != whole);
     if let Some(before) = &before {
         remove_replaced(before, folder).map_err(|e| OutputError::io(before, e))?;
-        if before.is_dir() {
-            let [folder, before] = [folder, before.as_path()].map(Path::display);
-            eprintln!("{folder}: what was not replaced is kept in {before}");
-        }
     }
-    Ok(filled)
+    Ok((filled, before.filter(|before| before.is_dir())))
+}
+
+/// What is in a folder comes into another one.
+fn give_all(from: &Path, to: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(from)? {
+        let entry = entry?;
+        fs::rename(entry.path(), to.join(entry.file_name()))?;
+    }
+    fs::remove_dir(from)
 }
 
 /// Gives a folder a name beside it that nothing has.
@@ -154,7 +185,10 @@ pub fn set_aside(folder: &Path) -> Result<PathBuf, OutputError> {
     };
     let is_free = |name: &PathBuf| name.symlink_metadata().is_err();
     let before = (1..=u32::MAX).map(name).find(is_free).unwrap_or_default();
-    fs::rename(folder, &before).map_err(|e| OutputError::io(folder, e))?;
+    fs::rename(folder, &before).map_err(|source| OutputError::Fixed {
+        path: folder.to_owned(),
+        source,
+    })?;
     Ok(before)
 }
 
@@ -266,8 +300,9 @@ mod tests {
         assert_eq!(fs::read_dir(home.path()).unwrap().count(), 1);
         // Of the user's there, none is lost.
         fs::write(out.join("notes.txt"), "mine").unwrap();
-        build(&out, MARK, true, write("2")).unwrap();
-        let kept = home.path().join("out.before-1");
+        let ((), kept) = build(&out, MARK, true, write("2")).unwrap();
+        let kept = kept.unwrap();
+        assert_eq!(kept, home.path().join("out.before-1"));
         assert_eq!(fs::read_to_string(kept.join("notes.txt")).unwrap(), "mine");
         assert_eq!(
             [&out, &kept].map(|of| fs::read_dir(of).unwrap().count()),
@@ -278,6 +313,23 @@ mod tests {
             build(&out, MARK, true, write("3")),
             Err(OutputError::Foreign(_))
         ));
+    }
+
+    /// Nothing else can have the name of a mounted one.
+    #[cfg(unix)]
+    #[test]
+    fn an_empty_folder_stays_the_same() {
+        use std::os::unix::fs::MetadataExt;
+        let home = tempfile::tempdir().unwrap();
+        let number = || fs::metadata(home.path()).unwrap().ino();
+        let before = number();
+        let fail = |_: &Path| Err::<(), _>(OutputError::Exists(PathBuf::new()));
+        assert!(build(home.path(), MARK, false, fail).is_err());
+        assert!(is_empty(home.path()));
+        build(home.path(), MARK, false, write("1")).unwrap();
+        assert_eq!(number(), before);
+        assert_eq!(fs::read_to_string(home.path().join(MARK)).unwrap(), "1");
+        assert_eq!(fs::read_dir(home.path()).unwrap().count(), 1);
     }
 
     #[test]

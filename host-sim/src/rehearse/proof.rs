@@ -53,6 +53,7 @@ pub struct Row {
 /// Sizes of the errors of one outage at each horizon; none after the end of the log.
 type Drift = [Option<[f64; QUANTITIES.len()]>; HORIZONS_S.len()];
 
+/// None of a drive that never navigates, or where no outage fits, on it or on its simulations.
 pub fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<Row>> {
     let (log, name) = (&analysis.log, &analysis.summary.log);
     let config = analysis.found.config;
@@ -69,7 +70,6 @@ pub fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<
     let solutions = &analysis.found.solutions;
     let before_s = rest_before_s(log, solutions);
     let (Some(replay), Some(first)) = (Replay::new(solutions, before_s), solutions.get(1)) else {
-        eprintln!("{name}: never navigates, nothing to compare");
         return Ok(Vec::new());
     };
     let simulated: Vec<Vec<Drift>> = (0..seeds)
@@ -115,9 +115,6 @@ pub fn tried(analysis: &Analysis, model: &ErrorModel, seeds: u64) -> Result<Vec<
                 });
             }
         }
-    }
-    if rows.is_empty() {
-        eprintln!("{name}: no outage fits, on the drive or on its simulations");
     }
     Ok(rows)
 }

@@ -18,12 +18,14 @@ use crate::campaign::ledger::{Ledger, Shard, read_folder};
 use crate::identify::analysis::unusable;
 use crate::statistics::whole;
 
+/// Tells how many there are from before, if any, and how many are left.
 pub fn run(
     rehearsal: &Rehearsal,
     world: &World,
     told: &Told,
     shard: Shard,
     folder: &Path,
+    tell: impl FnOnce(usize, usize),
     progress: &ProgressBar,
 ) -> Result<()> {
     let ledger = Ledger::open(folder, shard)?;
@@ -37,8 +39,7 @@ pub fn run(
     let (before, left): (Vec<_>, Vec<_>) =
         (own.map(|(_, job)| job)).partition(|job| flown.contains(job));
     if !before.is_empty() {
-        let (folder, before, left) = (folder.display(), before.len(), left.len());
-        eprintln!("{folder}: flights taken from before: {before}, left to fly: {left}");
+        tell(before.len(), left.len());
     }
     let moments = moments(world);
     progress.set_message("flying");

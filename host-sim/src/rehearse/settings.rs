@@ -2,7 +2,7 @@
 //! with what errors each flight is flown.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use ins_core::ImuOutput;
 use miette::{Result, bail, miette};
@@ -56,10 +56,15 @@ pub struct Drives {
 impl Drives {
     /// Reads and identifies them one after the other.
     pub fn read(paths: &[PathBuf], grade: Option<Grade>) -> Result<Self> {
+        Self::of(paths, |path| Analysis::of_log(path, grade, &bar()))
+    }
+
+    /// The same, as somebody else identifies each.
+    pub fn of(paths: &[PathBuf], identified: impl Fn(&Path) -> Result<Analysis>) -> Result<Self> {
         let (mut verdicts, mut records, mut rates) = (Vec::new(), Vec::new(), Vec::new());
         let (mut first, mut given) = (None::<(Grade, ImuOutput)>, Given::default());
         for path in paths {
-            let analysis = Analysis::of_log(path, grade, &bar())?;
+            let analysis = identified(path)?;
             let this = (analysis.summary.grade, analysis.log.meta.imu);
             if *first.get_or_insert(this) != this {
                 bail!(

@@ -103,10 +103,9 @@ impl Epochs {
     }
 
     /// All, with the velocities of VTG where there is no other, as of RMC: each is of the sentence before
-    /// it, or of that after it where a file begins with one and positions say so.
+    /// it, or of that after it where positions say so.
     fn fixes(mut self) -> Vec<GnssFix> {
-        let begins = self.untimed.first().is_some_and(|(before, _)| *before == 0);
-        let leads = begins && self.off_mps(1) < self.off_mps(0);
+        let leads = self.off_mps(1) < self.doubt() * self.off_mps(0);
         for (before, measured) in self.untimed {
             let index = (before + usize::from(leads)).checked_sub(1);
             let fix = index.and_then(|index| self.fixes.get_mut(index));
@@ -116,6 +115,16 @@ impl Epochs {
             }
         }
         self.fixes
+    }
+
+    /// What part of how far off the sentence before a VTG is that after it may be at most. A file that
+    /// ends without a VTG has lost its last one or its first: positions must say clearly which.
+    fn doubt(&self) -> f64 {
+        match [self.untimed.first(), self.untimed.last()] {
+            [Some((0, _)), _] => 1.0,
+            [_, Some((before, _))] if *before < self.fixes.len() => 0.5,
+            _ => 0.0,
+        }
     }
 
     /// How far velocities of VTG are from the way between positions, if they are of the fix before
@@ -446,6 +455,38 @@ mod tests {
         epochs.fixes()
     }
 
+    /// Whole knots north.
+    fn north_kn(bodies: &[String]) -> Vec<Option<i32>> {
+        let bodies: Vec<&str> = bodies.iter().map(String::as_str).collect();
+        #[allow(clippy::cast_possible_truncation)]
+        let knots = |fix: &GnssFix| Some((fix.velocity_en_mps?.y / KNOT_MPS).round() as i32);
+        epochs(&bodies).iter().map(knots).collect()
+    }
+
+    /// A file that begins and ends with a position is cut at either end: which, positions say.
+    #[test]
+    fn a_course_that_is_cut_off_shifts_no_other() {
+        let knots = |second: i32| Some(10 * second);
+        for lost in [0, 5] {
+            let mut bodies = Vec::new();
+            for second in 0..=5 {
+                let minutes = 5.0 * f64::from(second * second) / 3600.0;
+                let place = format!("45{minutes:010.7},N,00900.0,E");
+                bodies.push(format!(
+                    "GPGGA,12000{second}.00,{place},1,09,1.0,9.0,M,5.0,M,,"
+                ));
+                if let Some(kn) = knots(second).filter(|_| second != lost) {
+                    bodies.push(format!("GPVTG,0.0,T,,M,{kn},N,,K,A"));
+                    // Before its position where the first is lost.
+                    let length = bodies.len();
+                    bodies[length - 2..].rotate_left(usize::from(lost == 0));
+                }
+            }
+            let expected: Vec<_> = (0..=5).map(|s| knots(s).filter(|_| s != lost)).collect();
+            assert_eq!(north_kn(&bodies), expected);
+        }
+    }
+
     #[test]
     fn a_course_without_a_time_takes_no_other_fix_s_place() {
         let gga =
@@ -454,12 +495,6 @@ mod tests {
             format!("GPRMC,12000{second}.00,{status},4500.0,N,00900.0,E,{knots},0.0,010170,,,A")
         };
         let vtg = |knots| format!("GPVTG,0.0,T,,M,{knots},N,,K,A");
-        let north_kn = |bodies: &[String]| -> Vec<Option<i32>> {
-            let bodies: Vec<&str> = bodies.iter().map(String::as_str).collect();
-            #[allow(clippy::cast_possible_truncation)] // Whole knots.
-            let knots = |fix: &GnssFix| Some((fix.velocity_en_mps?.y / KNOT_MPS).round() as i32);
-            epochs(&bodies).iter().map(knots).collect()
-        };
         // Before the sentences of its epoch, it must not become the last one's.
         let first = [
             vtg(1),
