@@ -10,7 +10,7 @@ use crate::parameters::{Parameters, index};
 /// known a million times better than its data sheet.
 const LEAST: f64 = 1e-6;
 /// Time for which clocks may have drifted apart before the unit was switched off, s.
-const RUN_S: f64 = 3600.0;
+pub(crate) const RUN_S: f64 = 3600.0;
 
 /// A value and one standard deviation of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -109,8 +109,9 @@ impl Calibration {
             widen(gyro, gyro_radps);
             widen(accel, accel_mps2);
         }
-        let drifted_s = RUN_S * self.clock_drift.value;
-        widen(&mut self.gnss_latency_s, drifted_s);
+        let Known { value, sigma } = self.clock_drift;
+        widen(&mut self.gnss_latency_s, RUN_S * value);
+        widen(&mut self.gnss_latency_s, RUN_S * sigma);
         self
     }
 

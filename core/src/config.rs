@@ -139,7 +139,7 @@ pub struct GnssConfig {
     /// time of heights, greatest only, where no vertical velocities are given.
     pub noise_range: [f64; 2],
     /// Whether the sigma that a fix states is to be believed as it stands, within that range, and nothing
-    /// learnt. Else its changes are.
+    /// learnt but whether what follows each other is alike. Else its changes are.
     pub trust_stated_sigma: bool,
     /// Spread of the unknown latency, s.
     pub latency_sigma_s: f64,

@@ -142,7 +142,8 @@ impl Innovations {
             self.stated = variance;
         }
         let relative = math::within(variance / self.stated, STATED_RANGE);
-        self.stated += (relative - 1.0) * self.stated / STATED_MEMORY;
+        let memory = math::min(self.memory, STATED_MEMORY);
+        self.stated += (relative - 1.0) * self.stated / memory;
         relative
     }
 

@@ -10,7 +10,7 @@ use crate::alignment::Alignment;
 use crate::calibration::{Calibration, at_level};
 use crate::config::{Config, ConfigError, Noise};
 use crate::damping::DampingSignals;
-use crate::earth::GRAVITY_EQUATOR_MPS2;
+use crate::earth::{GRAVITY_EQUATOR_MPS2, LatLon};
 use crate::estimate::Estimates;
 use crate::health::{Health, Tally};
 use crate::increments::{Increments, Interval};
@@ -98,6 +98,9 @@ struct Bridged {
     ends_differ: [f64; 2],
 }
 
+/// Time for which a position may be a copy of the last, s: those of GNSS come once a second at least.
+const REPEATED_S: f64 = 1.5;
+
 /// All that changes.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -108,8 +111,8 @@ struct State<const RING: usize> {
     astray: Option<Astray>,
     /// The last interval as the sensors measured it.
     interval: Interval,
-    /// The last fix that was taken: its stamp and level velocity.
-    last_fix: Option<(Time, Option<Vector2<f64>>)>,
+    /// The last fix that was taken: its stamp, level velocity and position.
+    last_fix: Option<(Time, Option<Vector2<f64>>, Option<LatLon>)>,
     barometer: Barometer,
     restarts: u32,
     /// Where the accelerometer biases that alignment knows were found; zero: where it levels.
@@ -174,7 +177,7 @@ impl<const RING: usize> Navigator<RING> {
             restarts: 0,
             level_force_mps2: calibration.map_or_else(Vector3::zeros, |c| c.level_force_mps2),
             stopgap: None,
-            mode: Mode::Aligning(Alignment::new(Time::default(), &known)),
+            mode: Mode::Aligning(Alignment::new(Time::default(), None, &known)),
         };
         Ok(Self {
             config,
@@ -602,7 +605,7 @@ impl<const RING: usize> State<RING> {
                 self.stopgap = left.filter(is_possible).map(|ins| (since, ins));
                 carry_over(&mut self.stopgap, hole_s);
                 // Made where it stays, and changed there: else it would be copied over the stack.
-                self.mode = Mode::Aligning(Alignment::new(time, &known));
+                self.mode = Mode::Aligning(Alignment::new(time, Some(until), &known));
                 if let Mode::Aligning(alignment) = &mut self.mode {
                     let left = self.stopgap.as_ref().map(|(_, ins)| ins);
                     alignment.begin_again(misheaded, untold, left);
@@ -648,7 +651,7 @@ impl<const RING: usize> State<RING> {
             self.stopgap = None;
             self.mode = Mode::Navigating(AidedIns::new(now, &aligned, config));
             if let Mode::Navigating(ins) = &mut self.mode {
-                ins.believe(&known, config);
+                ins.believe(&known, aligned.by, config);
             }
         }
     }
@@ -662,7 +665,7 @@ impl<const RING: usize> State<RING> {
         let Some((now, _)) = &self.inertial else {
             return GnssOutcome::NoInertialData;
         };
-        let follows = |(last, velocity): (Time, Option<_>)| {
+        let follows = |(last, velocity, _): (Time, Option<_>, _)| {
             let alike = velocity.is_some() == fix.velocity_en_mps.is_some();
             fix.time > last && !(alike && fix.time.seconds_since(last) < LEAST_ALIKE_S)
         };
@@ -672,11 +675,24 @@ impl<const RING: usize> State<RING> {
         if let Err(outcome) = near(fix.time, *now) {
             return outcome;
         }
-        let repeats = |(_, velocity)| {
-            velocity == fix.velocity_en_mps && fix.is_moving(config.gnss.velocity_mps.white)
+        let last = self.last_fix.as_ref();
+        // What is the same while the vehicle goes on, as the fix says; without a velocity the INS does, which may
+        // be wrong.
+        let repeats = |ins: &AidedIns<RING>| {
+            last.is_some_and(|(time, velocity, position)| {
+                if fix.velocity_en_mps.is_some() {
+                    *velocity == fix.velocity_en_mps
+                        && fix.is_moving(config.gnss.velocity_mps.white)
+                } else {
+                    fix.position.is_some()
+                        && *position == fix.position
+                        && ins.moves()
+                        && fix.time.seconds_since(*time) < REPEATED_S
+                }
+            })
         };
         let outcome = match &mut self.mode {
-            Mode::Navigating(_) if self.last_fix.is_some_and(repeats) => GnssOutcome::Repeated,
+            Mode::Navigating(ins) if repeats(ins) => GnssOutcome::Repeated,
             Mode::Navigating(ins) => ins.on_fix(fix, tally, config),
             Mode::Aligning(alignment) => {
                 alignment.on_fix(fix, config);
@@ -690,7 +706,7 @@ impl<const RING: usize> State<RING> {
             }
         };
         if matches!(outcome, GnssOutcome::Accepted | GnssOutcome::Queued) {
-            self.last_fix = Some((fix.time, fix.velocity_en_mps));
+            self.last_fix = Some((fix.time, fix.velocity_en_mps, fix.position));
         }
         outcome
     }

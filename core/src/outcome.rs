@@ -47,9 +47,9 @@ pub enum GnssOutcome {
     /// The stamp is not later than the last one by 10 ms, or by 15 ms if both have a velocity or neither:
     /// what a receiver has of one moment goes into one fix, and more than 66 a second are not taken.
     TimeNotIncreasing,
-    /// While navigating: a vehicle that moves has the velocity of the last fix to the last bit. The
-    /// receiver gives that fix again, is stuck, or coasts, and has measured nothing. Of a barometer: the
-    /// height of two seconds ago.
+    /// While navigating: a vehicle that moves has the velocity of the last fix to the last bit, or its position
+    /// where fixes have no velocity. The receiver gives that fix again, is stuck, or coasts, and has measured
+    /// nothing. Of a barometer: the height of two seconds ago.
     Repeated,
     /// Older than the ring of past states, or waiting when that was given up.
     TooOld,

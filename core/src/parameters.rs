@@ -85,6 +85,13 @@ impl Parameters {
         }
     }
 
+    /// Adds an independent spread.
+    pub fn widen(&mut self, parameter: usize, by: f64) {
+        let sigma = self.sigma(parameter);
+        let sigma = math::sqrt(sigma * sigma + by * by);
+        self.set(parameter, self.value(parameter), sigma);
+    }
+
     /// Whether an independent measurement of one parameter agrees with what is believed of it.
     pub fn agrees(&self, parameter: usize, measured: f64, variance: f64) -> bool {
         let (off, sigma) = (measured - self.value(parameter), self.sigma(parameter));

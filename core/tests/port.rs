@@ -236,6 +236,52 @@ fn a_latency_that_jumps_is_found_again() {
 }
 
 #[test]
+fn what_is_known_grows_old_where_nothing_is_seen() {
+    let mut car = Car::new(bends);
+    car.until(100.0, true, Some);
+    let known = car.navigator.estimates().gyro_bias_radps;
+    car.until(4100.0, false, |_| None);
+    car.until(4103.0, true, |_| None);
+    assert_ne!(car.navigator.phase(), Phase::Navigating);
+    let walked = Config::mems().sensors.gyro_bias_walk.powi(2) * 3600.0;
+    for (before, now) in known.iter().zip(car.navigator.estimates().gyro_bias_radps) {
+        let expected = before.sigma.powi(2) + walked;
+        assert!((now.sigma.powi(2) / expected - 1.0).abs() < 0.01, "{now:?}");
+    }
+}
+
+#[test]
+fn a_position_that_is_given_again_measures_nothing() {
+    let mut car = Car::new(bends);
+    // As some write five lines of each second.
+    let mut last = None;
+    let again = |fix: GnssFix| {
+        let whole = fix.time.as_seconds().fract() < 0.1;
+        GnssFix {
+            velocity_en_mps: None,
+            position: if whole { fix.position } else { None },
+            ..fix
+        }
+    };
+    let held = std::cell::RefCell::new(&mut last);
+    car.until(120.0, true, |fix| {
+        let fix = again(fix);
+        let mut last = held.borrow_mut();
+        if fix.position.is_some() {
+            **last = fix.position;
+        }
+        Some(GnssFix {
+            position: **last,
+            ..fix
+        })
+    });
+    let fixes = car.navigator.health().fixes;
+    // Four of five, since it navigates.
+    assert!(fixes.repeated > 250, "{fixes:?}");
+    assert_eq!(car.navigator.health().restarts, 0);
+}
+
+#[test]
 fn a_heading_may_come_before_the_sample_of_its_moment() {
     let mut car = Car::new(bends);
     car.until(90.0, true, Some);

@@ -53,11 +53,14 @@ impl Part {
         }
     }
 
-    /// Takes another fix to `count` of them: what they are worth adds up.
-    fn join(&mut self, next: &Self, count: f64) {
+    /// Takes another fix to `count` of them, as this part of the mean.
+    fn join(&mut self, next: &Self, count: f64, part: f64) {
         self.has &= next.has;
+        let left = 1.0 - part;
         self.stated = match (self.stated, next.stated) {
-            (Some(own), Some(next)) => Some((count + 1.0) / (count / own + 1.0 / next)),
+            (Some(own), Some(next)) => {
+                Some((count + 1.0) * (left * left * own / count + part * part * next))
+            }
             _ => None,
         };
     }
@@ -145,10 +148,10 @@ impl Comparison {
         self.latency_applied_s += (next.latency_applied_s - self.latency_applied_s) * part;
         self.velocity_mps += (next.velocity_mps - self.velocity_mps) * part;
         self.position_m += (next.position_m - self.position_m) * part;
-        self.velocity.join(&next.velocity, count);
-        self.climb.join(&next.climb, count);
-        self.position.join(&next.position, count);
-        self.height.join(&next.height, count);
+        self.velocity.join(&next.velocity, count, part);
+        self.climb.join(&next.climb, count, part);
+        self.position.join(&next.position, count, part);
+        self.height.join(&next.height, count, part);
         (self.stamp, self.newest, self.taken) = (next.stamp, next.newest, next.taken);
     }
 

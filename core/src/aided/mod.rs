@@ -18,7 +18,7 @@ use self::estimator::Estimator;
 use self::vertical_sign::{Climbed, VerticalSign};
 use crate::alignment::levelling::UNSEEN_RADPS;
 use crate::alignment::rest::{self, RestBlock, RestDetector, Verdict as RestVerdict};
-use crate::alignment::{Aligned, MOVING_MPS};
+use crate::alignment::{Aligned, MOVING_MPS, ToldBy};
 use crate::attitude::matrix;
 use crate::config::{Config, Feedback};
 use crate::damping::DampingSignals;
@@ -31,7 +31,7 @@ use crate::increments::Interval;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::mechanization::{Controls, Mechanization, Step};
-use crate::observer::{AZIMUTH_SEEN_S, Hole, Observer};
+use crate::observer::{AZIMUTH_JUMP, Hole, Observer};
 use crate::outcome::GnssOutcome;
 use crate::parameters::{Parameters, index};
 use crate::ring::Ring;
@@ -225,13 +225,21 @@ impl<const N: usize> AidedIns<N> {
 
     /// Takes over what is known at the start: apart from [`Self::new`], for it to be written where it
     /// stays and not copied over the stack.
-    pub fn believe(&mut self, known: &Parameters, config: &Config) {
+    pub fn believe(&mut self, known: &Parameters, by: ToldBy, config: &Config) {
         // Of the gyros all that alignment has found; of the rest see [`Self::compensate`].
         if config.feedback == Feedback::Closed {
             self.compensation.gyro_radps = known.vector(index::GYRO);
         }
         if let Some(observer) = self.estimator.exact_mut() {
             observer.believe(known);
+            let body = matrix(&self.mechanization.attitude);
+            if by != ToldBy::Motion {
+                observer.believe_level(&body);
+            }
+            if by == ToldBy::Gyrocompass {
+                let earth_rate = self.mechanization.local_earth().earth_rate();
+                observer.believe_gyrocompass(&body, earth_rate.y);
+            }
         }
     }
 
@@ -265,7 +273,7 @@ impl<const N: usize> AidedIns<N> {
 
     /// Whether a measured heading has agreed with it of late: within the time in which a jump is found.
     pub fn is_headed(&self) -> bool {
-        self.now.seconds_since(self.headed) < AZIMUTH_SEEN_S
+        self.now.seconds_since(self.headed) < AZIMUTH_JUMP.seen_s
     }
 
     /// A measured interval as the INS takes it.
@@ -580,12 +588,12 @@ impl<const N: usize> AidedIns<N> {
     /// A vehicle at rest turns with the Earth: its gyros read their biases.
     #[inline(never)]
     fn measure_rest(&mut self, block: &RestBlock, config: &Config) {
+        let moves = self.moves();
         let Some(observer) = self.estimator.exact_mut() else {
             return;
         };
         // Where GNSS has no velocity, the INS that it holds has one.
-        let level_mps = self.mechanization.velocity_enu_mps.xy();
-        if level_mps.norm_squared() > MOVING_MPS * MOVING_MPS {
+        if moves {
             return;
         }
         let earth_rate = self.mechanization.local_earth().earth_rate();
@@ -605,7 +613,14 @@ impl<const N: usize> AidedIns<N> {
         if !bias.iter().zip(&variance).enumerate().all(agrees) {
             return;
         }
-        observer.measure_directly(index::GYRO, &bias, &variance);
+        let turned = attitude.row(0).transpose() * earth_rate.y;
+        observer.measure_gyros(&bias, &variance, &turned);
+    }
+
+    /// Whether it goes somewhere, as far as it knows.
+    pub fn moves(&self) -> bool {
+        let level_mps = self.mechanization.velocity_enu_mps.xy();
+        level_mps.norm_squared() > MOVING_MPS * MOVING_MPS
     }
 
     #[inline(never)]

@@ -89,9 +89,15 @@ pub fn gyrocompass(level_attitude: &Matrix3<f64>, rate_radps: &Vector3<f64>) -> 
     math::atan2(-rate.x, rate.y)
 }
 
-/// Standard deviation of a gyrocompassed heading, rad, after `seconds` at rest.
+/// Standard deviation of a gyrocompassed heading, rad, after `seconds` at rest: that of the gyro's bias, and that
+/// of its noise.
 pub fn gyrocompass_sigma(sensors: &SensorConfig, earth: &LocalEarth, seconds: f64) -> f64 {
-    let variance = sensors.gyro_bias_radps * sensors.gyro_bias_radps
-        + sensors.mean_gyro_noise() * sensors.mean_gyro_noise() / seconds;
-    math::sqrt(variance) / earth.earth_rate().y
+    let by_bias = sensors.gyro_bias_radps / earth.earth_rate().y;
+    let by_noise = gyrocompass_noise(sensors, earth, seconds);
+    math::sqrt(by_bias * by_bias + by_noise * by_noise)
+}
+
+/// The latter alone, rad.
+pub fn gyrocompass_noise(sensors: &SensorConfig, earth: &LocalEarth, seconds: f64) -> f64 {
+    sensors.mean_gyro_noise() / (math::sqrt(seconds) * earth.earth_rate().y)
 }

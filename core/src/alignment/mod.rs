@@ -24,6 +24,7 @@ use self::nodes::Nodes;
 use self::rest::{RestBlock, RestDetector, Verdict};
 use self::sightings::Sightings;
 use crate::attitude::{euler, matrix, turned};
+use crate::calibration::RUN_S;
 use crate::config::{Config, HeadingSource};
 use crate::earth::{GRAVITY_EQUATOR_MPS2, Geodetic, LocalEarth};
 use crate::increments::Interval;
@@ -50,6 +51,8 @@ pub(crate) const MOVING_MPS: f64 = 1.0;
 const COARSE_TILT_RAD: f64 = 0.15;
 /// How many times better a latency must be known than the search finds it, to stand against it.
 const KNOWN_BETTER: f64 = 4.0;
+/// Tilt that levelling at rest leaves beside that of the accelerometers, rad.
+const LEVEL_SIGMA_RAD: f64 = 0.005;
 /// Tilt after a hole or with the level of a search that failed, rad.
 const RESUMED_TILT_RAD: f64 = 0.1;
 /// Largest spread of a heading that is good enough to navigate on, rad.
@@ -72,6 +75,19 @@ const OLDEST_FIX_S: f64 = 5.0;
 struct Levelled {
     level: Level,
     heading: Option<(f64, f64)>,
+    by: ToldBy,
+}
+
+/// What has told the attitude: whose biases are in it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum ToldBy {
+    /// Motion: none.
+    Motion,
+    /// The accelerometers have told roll and pitch.
+    Level,
+    /// And the gyros the heading: what is known of the azimuth is without them.
+    Gyrocompass,
 }
 
 /// The INS to start from.
@@ -82,6 +98,7 @@ pub struct Aligned {
     pub ins: Mechanization,
     /// Spread of roll and pitch, rad; that of the azimuth is in [`Alignment::known`].
     pub tilt_sigma_rad: f64,
+    pub by: ToldBy,
     /// Variance of a climb that nothing has told, (m/s)^2; else zero.
     pub climb_variance: f64,
     /// Variance of the place beyond that of a first fix, m^2.
@@ -128,6 +145,8 @@ pub struct Alignment {
     /// Whether measured headings have misled the INS before it.
     misheaded: bool,
     known: Parameters,
+    /// Of when that is.
+    known_at: Option<Time>,
     detector: RestDetector,
     rest: RestMean,
     /// Last velocity known, ENU, whether its climb is, and last place, of which the height may be known
@@ -144,15 +163,16 @@ pub struct Alignment {
 }
 
 impl Alignment {
-    /// Begins with levelling.
+    /// Begins with levelling; what is known of the sensors may be that of some time before.
     #[expect(
         clippy::inline_always,
         reason = "made where it stays: otherwise it is copied over the stack"
     )]
     #[inline(always)]
-    pub fn new(start: Time, known: &Parameters) -> Self {
+    pub fn new(start: Time, known_at: Option<Time>, known: &Parameters) -> Self {
         Self {
             start,
+            known_at,
             first: true,
             misheaded: false,
             known: *known,
@@ -246,6 +266,9 @@ impl Alignment {
     /// Takes the interval that ends at `time`.
     pub fn on_interval(&mut self, time: Time, interval: &Interval, config: &Config) {
         let verdict = self.detector.on_interval(interval);
+        if verdict.is_some() {
+            self.grow_old(time, config);
+        }
         match &self.stage {
             Stage::Levelling(_) => self.level_on(time, interval, verdict, config),
             Stage::Begin(level) => {
@@ -383,6 +406,22 @@ impl Alignment {
         }
     }
 
+    /// What is known of the sensors becomes that of now: biases have walked, and clocks gone apart.
+    #[inline(never)]
+    fn grow_old(&mut self, time: Time, config: &Config) {
+        let last = self.known_at.replace(time).unwrap_or(time);
+        // Clocks may have been set meanwhile.
+        let seconds = math::within(time.seconds_since(last), [0.0, RUN_S]);
+        let known = &mut self.known;
+        known.shift(index::LATENCY, seconds * known.value(index::CLOCK_DRIFT));
+        known.widen(index::LATENCY, seconds * known.sigma(index::CLOCK_DRIFT));
+        let (s, root) = (&config.sensors, math::sqrt(seconds));
+        for axis in 0..3 {
+            known.widen(index::GYRO + axis, s.gyro_bias_walk * root);
+            known.widen(index::ACCEL + axis, s.accel_bias_walk * root);
+        }
+    }
+
     /// The interval less the sensor errors that are known.
     pub fn compensated(&self, interval: &Interval) -> Interval {
         interval.without_bias(
@@ -452,6 +491,7 @@ impl Alignment {
         good.then(|| Levelled {
             heading: self.heading(time, &level, turning_radps, 0.0, config),
             level,
+            by: ToldBy::Level,
         })
     }
 
@@ -495,18 +535,27 @@ impl Alignment {
         };
         let level = Level {
             attitude: level_attitude,
-            tilt_sigma_rad: config.level_sigma(),
+            tilt_sigma_rad: LEVEL_SIGMA_RAD,
         };
+        let told = self.heading(time, &level, 0.0, turned_rad, config);
         let sigma = levelling::gyrocompass_sigma(&config.sensors, earth, rest.seconds);
-        let compass = (config.heading == HeadingSource::Auto
+        let compassed = told.is_none()
+            && config.heading == HeadingSource::Auto
             && sigma < HEADING_SIGMA_RAD
-            && turns_with_earth(&rest, &attitude, earth, config))
-        .then(|| (levelling::gyrocompass(&attitude, &rest.rate_radps), sigma));
+            && turns_with_earth(&rest, &attitude, earth, config);
+        let compass = || {
+            let heading_rad = levelling::gyrocompass(&attitude, &(rest.rate_radps - before));
+            let noise = levelling::gyrocompass_noise(&config.sensors, earth, rest.seconds);
+            (heading_rad, noise)
+        };
         Levelled {
-            heading: self
-                .heading(time, &level, 0.0, turned_rad, config)
-                .or(compass),
             level,
+            heading: told.or_else(|| compassed.then(compass)),
+            by: if compassed {
+                ToldBy::Gyrocompass
+            } else {
+                ToldBy::Level
+            },
         }
     }
 
@@ -530,10 +579,10 @@ impl Alignment {
         self.known.set(index::AZIMUTH, 0.0, sigma_rad);
         let [position_variance, _] = self.untold;
         let attitude = turned(&level.attitude, heading_rad);
-        let tilt = config.level_sigma();
         self.stage = Stage::Aligned(Aligned {
             ins: Mechanization::new(self.place, self.velocity_mps, attitude),
-            tilt_sigma_rad: math::max(level.tilt_sigma_rad, tilt),
+            tilt_sigma_rad: math::max(level.tilt_sigma_rad, LEVEL_SIGMA_RAD),
+            by: levelled.by,
             climb_variance: self.climb_variance(config),
             position_variance,
         });
@@ -556,7 +605,7 @@ impl Alignment {
         let start = Start {
             time,
             attitude: level.attitude,
-            tilt_sigma_rad: level.tilt_sigma_rad,
+            tilt_sigma_rad: math::max(level.tilt_sigma_rad, config.level_sigma()),
             earth_rate_radps: Vector2::new(rate.y, rate.z),
         };
         self.find_from(&start, config);
@@ -713,6 +762,7 @@ impl Alignment {
         self.stage = Stage::Aligned(Aligned {
             ins,
             tilt_sigma_rad: math::sqrt(tilt),
+            by: ToldBy::Motion,
             climb_variance: self.climb_variance(config),
             position_variance,
         });

@@ -3,7 +3,6 @@
 use nalgebra::Vector3;
 
 use super::followed::Followed;
-use super::jump::Jump;
 use super::{Observer, estimated};
 use crate::channel::Channel;
 use crate::config::Config;
@@ -104,6 +103,9 @@ impl Observer {
     #[inline(never)]
     pub(super) fn on_jump(&mut self, which: usize, variance: f64) {
         self.corrections.diffuse(which, math::single(variance));
+        if let Some(constancy) = self.constancy.get_mut(which) {
+            constancy.walked(math::single(variance));
+        }
         if let Some(caused) = self.responses.get(which).map(Followed::double) {
             self.doubt_along(&caused, variance);
         }
@@ -134,11 +136,13 @@ impl Observer {
             let sigma = math::single(sigma);
             for axis in 0..3 {
                 self.let_walk(first + axis, sigma * sigma);
+                // Where it is given up at once its turn does not come.
+                self.widen(first + axis, f64::from(sigma * sigma));
             }
         }
         self.surprise = Surprise::default();
         self.doubts.add(self.horizon);
-        self.jumps = [Jump::default(); 2];
+        self.jumps = Default::default();
         self.gyro_noise.look_anew();
     }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use super::{Observer, estimated};
+use super::{JUMPS, Observer, estimated};
 use crate::channel::Measured;
 use crate::config::{Config, Noise};
 use crate::earth::GRAVITY_EQUATOR_MPS2;
@@ -133,8 +133,13 @@ impl Observer {
         };
         let seconds = pace.seconds;
         if kind == Kind::Velocity && seconds > 0.0 {
-            for (jump, by) in self.jumps.iter_mut().zip(&*by) {
-                jump.take(&innovation, by, predicted + white, seconds);
+            let taken = matches!(credit, Credit::Taken(_));
+            for (jump, (which, sight)) in self.jumps.iter_mut().zip(&JUMPS) {
+                if let Some(by) = by.get(*which)
+                    && (taken || sight.by_refused)
+                {
+                    jump.take(&innovation, by, predicted + white, seconds, sight);
+                }
             }
         }
         let Credit::Taken(white) = credit else {
@@ -161,11 +166,13 @@ impl Observer {
         let square = f64::from(added.square) / components;
         surprise.take(square, seconds);
         // Of something else's variance they say nothing.
-        if !gnss.trust_stated_sigma && difference.more_variance < noise {
+        if difference.more_variance < noise {
             let sigmas = pair / math::sqrt(total * 0.5 * components);
-            innovations.learn(square, noise / total, &sigmas, gnss.noise_range);
+            let trusted = gnss.trust_stated_sigma;
+            let range = if trusted { [1.0; 2] } else { gnss.noise_range };
+            innovations.learn(square, noise / total, &sigmas, range);
             // While the parameters themselves are uncertain it says little of the noise.
-            if f64::from(added.determinant) < 1.0 + components {
+            if !trusted && f64::from(added.determinant) < 1.0 + components {
                 self.learn_colour(kind, &pair, components, total, config);
             }
         }
@@ -352,11 +359,13 @@ impl Observer {
 
     /// What a swing tells of a latency, of what its derivative would: it is too fast for a tangent where its
     /// phase may be anywhere. By statistical linearization (Gelb and Vander Velde, 1968) a sine keeps
-    /// `exp(-w^2 s^2 / 2)` of its derivative, level and vertical each at a frequency of its own.
+    /// `exp(-w^2 s^2 / 2)` of its derivative, level and vertical each at a frequency of its own; and a receiver
+    /// that smooths shows no more of that than of the swing.
     fn told_of_latency(&self, past: &Past, kind: Kind, first: &Vector3<f64>) -> f64 {
         let sigma_s = self.parameters.sigma(index::LATENCY);
-        let rate4 = third2(past, kind) / (of_kind2(first, kind) + 1e-9);
-        math::decayed(0.5 * sigma_s * sigma_s * math::sqrt(rate4))
+        let rate2 = math::sqrt(third2(past, kind) / (of_kind2(first, kind) + 1e-9));
+        let shown = 1.0 + 0.5 * self.smoothing_s2() * rate2;
+        math::decayed(0.5 * sigma_s * sigma_s * rate2) / shown
     }
 
     /// What the second derivative of a swing tells of a smoothing that may be so long: at most all of the

@@ -8,17 +8,48 @@
 //! that has been tipped pulls all the time the same way, and leans on what the accelerometers feel, by which
 //! a latency shows: of that only what changes counts, as if such a pull were estimated beside it.
 
-/// Time for which innovations count, s: some manoeuvres.
-const MEMORY_S: f64 = 30.0;
 /// Sigmas of a jump, and least part of what is too much in the squares of the innovations that it
 /// explains.
 const SIGMAS: f64 = 5.0;
 const EXPLAINED: f64 = 0.5;
-/// Least time in which it was seen, s: wrong fixes come in bursts, and point anywhere.
-pub const AZIMUTH_SEEN_S: f64 = 3.0;
-/// The same of a latency: a burst of wrong fixes looks like one, and so does what a hard braking does to
-/// sensors.
-pub const LATENCY_SEEN_S: f64 = 9.0;
+
+/// How a jump of a parameter is looked for.
+#[derive(Debug)]
+pub struct Sight {
+    /// Time over which innovations, and what a unit adds to them, are averaged first, s.
+    mean_s: f64,
+    /// Time for which they count, s.
+    memory_s: f64,
+    /// Least time in which it was seen, s: wrong fixes come in bursts, and point anywhere.
+    pub seen_s: f64,
+    /// Whether something may pull all the time the same way.
+    beside_a_pull: bool,
+    /// Whether innovations that are not believed count as well.
+    pub by_refused: bool,
+}
+
+/// An azimuth: some manoeuvres.
+pub const AZIMUTH: Sight = Sight {
+    mean_s: 0.0,
+    memory_s: 30.0,
+    seen_s: 3.0,
+    beside_a_pull: false,
+    by_refused: true,
+};
+/// A latency: so does what a hard braking does to sensors.
+pub const LATENCY: Sight = Sight {
+    seen_s: 9.0,
+    beside_a_pull: true,
+    ..AZIMUTH
+};
+/// One that was never right: steps show it but for whole ones, and of a walk only bends and stops do, each for a
+/// second or two, which are not seen among steps. In so long a time an INS also follows a receiver that is stuck.
+pub const BENDS: Sight = Sight {
+    mean_s: 1.0,
+    memory_s: 300.0,
+    by_refused: false,
+    ..LATENCY
+};
 
 /// Innovations of the last time against the response to a jump.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -35,29 +66,39 @@ pub struct Jump {
     weight: f64,
     pull: [f64; 2],
     shared: [f64; 2],
+    /// Innovation and what a unit would add to it, averaged.
+    mean: [f64; 2],
+    mean_by: [f64; 2],
 }
 
 impl Jump {
     /// Takes an innovation of this variance per component, `seconds` (positive) after the last, to
-    /// which a unit would add `by`.
+    /// which a unit would add `by`. What is averaged tells less, which its smaller square holds.
     pub fn take<const R: usize>(
         &mut self,
         innovation: &[f64; R],
         by: &[f32; R],
         variance: f64,
         seconds: f64,
+        sight: &Sight,
     ) {
-        let keep = 1.0 / (1.0 + seconds / MEMORY_S);
+        let keep = 1.0 / (1.0 + seconds / sight.memory_s);
         let (mut shown, mut information, mut square) = (0.0, 0.0, 0.0);
         self.weight = keep * self.weight + 1.0 / variance;
+        let part = seconds / (seconds + sight.mean_s);
         let pulls = self.pull.iter_mut().zip(&mut self.shared);
-        for ((innovation, by), (pull, shared)) in innovation.iter().zip(by).zip(pulls) {
-            let by = f64::from(*by);
+        let means = self.mean.iter_mut().zip(&mut self.mean_by);
+        for (((innovation, by), (mean, mean_by)), (pull, shared)) in
+            innovation.iter().zip(by).zip(means).zip(pulls)
+        {
+            *mean += part * (innovation - *mean);
+            *mean_by += part * (f64::from(*by) - *mean_by);
+            let (innovation, by) = (*mean, *mean_by);
             *pull = keep * *pull + innovation / variance;
             *shared = keep * *shared + by / variance;
             shown += by * innovation / variance;
             information += by * by / variance;
-            square += innovation * innovation / variance - 1.0;
+            square += innovation * innovation / variance - part / (2.0 - part);
         }
         self.score = keep * self.score + shown;
         self.information = keep * self.information + information;
@@ -65,16 +106,9 @@ impl Jump {
         self.squares = keep * self.squares + square;
     }
 
-    /// The square of its size, if there was one beyond what is known to `variance`, seen for so long at
-    /// least, beside a pull that stays or not; innovations are `inflation` times less informative than white
-    /// ones.
-    pub fn square(
-        &mut self,
-        variance: f64,
-        inflation: f64,
-        seen_s: f64,
-        beside_a_pull: bool,
-    ) -> Option<f64> {
+    /// The square of its size, if there was one beyond what is known to `variance`; innovations are `inflation`
+    /// times less informative than white ones.
+    pub fn square(&mut self, variance: f64, inflation: f64, sight: &Sight) -> Option<f64> {
         let expected = inflation + self.information * variance;
         if self.score * self.score < expected * self.information {
             *self = Self::default();
@@ -82,7 +116,7 @@ impl Jump {
         }
         let [mut score, mut information, mut squares] =
             [self.score, self.information, self.squares];
-        if beside_a_pull {
+        if sight.beside_a_pull {
             for (pull, shared) in self.pull.iter().zip(&self.shared) {
                 score -= shared * pull / self.weight;
                 information -= shared * shared / self.weight;
@@ -92,7 +126,7 @@ impl Jump {
         let explained = score * score / information;
         let jumped = explained > SIGMAS * SIGMAS * expected
             && explained > EXPLAINED * squares
-            && self.information * self.information > seen_s * self.gathered;
+            && self.information * self.information > sight.seen_s * self.gathered;
         jumped.then(|| {
             *self = Self::default();
             4.0 * explained / information

@@ -23,14 +23,14 @@ mod passage;
 mod process_noise;
 mod spread;
 
-use nalgebra::{SVector, Vector3};
+use nalgebra::{Matrix3, SVector, Vector3};
 
 use self::colour::{Colour, Persistence, Sensitivity};
 use self::constancy::Constancy;
 pub use self::doubt::{Hole, LOST_MPS};
 use self::followed::{Followed, UNIT_RESPONSES};
-pub use self::jump::AZIMUTH_SEEN_S;
-use self::jump::{Jump, LATENCY_SEEN_S};
+pub use self::jump::AZIMUTH as AZIMUTH_JUMP;
+use self::jump::Jump;
 use self::manoeuvred::Manoeuvred;
 use self::pace::Pace;
 use self::process_noise::ProcessNoise;
@@ -51,6 +51,12 @@ const FIRST_LEVEL_S: f64 = 30.0;
 /// Heights on Earth, above and below where an INS begins that has not been told one, m.
 const UNKNOWN_HEIGHT_M: f64 = 9000.0;
 
+/// Jumps that are looked for, and how.
+const JUMPS: [(usize, jump::Sight); 3] = [
+    (index::AZIMUTH, jump::AZIMUTH),
+    (index::LATENCY, jump::LATENCY),
+    (index::LATENCY, jump::BENDS),
+];
 /// Before anything has moved.
 const CONSTANT: [Constancy; COUNT] = [Constancy::NEW; COUNT];
 
@@ -77,8 +83,8 @@ pub struct Observer {
     pub vertical_surprise: Surprise,
     doubts: Doubts,
     vertical_doubts: Doubts,
-    /// Of azimuth and latency.
-    jumps: [Jump; 2],
+    /// Of [`JUMPS`].
+    jumps: [Jump; JUMPS.len()],
     /// Variance of an offset that all measured headings share beyond what they state, rad^2.
     heading_offset: f32,
     /// Corrections to the parameters.
@@ -159,7 +165,7 @@ impl Observer {
             vertical_surprise: Surprise::default(),
             doubts: Doubts::default(),
             vertical_doubts: Doubts::default(),
-            jumps: [Jump::default(); 2],
+            jumps: [Jump::default(); JUMPS.len()],
             heading_offset: 0.0,
             corrections: LeastSquares::NOTHING,
             parameters: Parameters::NONE,
@@ -195,6 +201,36 @@ impl Observer {
         self.followed.error.tilt_rad.z = prior.value(index::AZIMUTH);
         let azimuth = prior.sigma(index::AZIMUTH);
         self.added.tilt_rad.z = math::single(azimuth * azimuth);
+    }
+
+    /// The accelerometers have levelled it, until they showed nothing: it leans by their biases,
+    /// `f x Phi + C b = 0`, with `C` from `body`.
+    pub fn believe_level(&mut self, body: &Matrix3<f64>) {
+        let accels = self.responses.iter_mut().enumerate().skip(index::ACCEL);
+        for ((which, response), bias) in accels.zip(body.column_iter()) {
+            let tilt = Vector3::new(-bias.y, bias.x, 0.0) / self.gravity_mps2;
+            response.error.tilt_rad = singles(&tilt);
+            let sigma = self.parameters.sigma(which);
+            let variance = tilt.component_mul(&tilt) * (sigma * sigma);
+            self.added.tilt_rad += singles(&variance);
+        }
+    }
+
+    /// The gyros have turned it, until they showed no Earth rate to the east of `north_radps`: its azimuth error
+    /// has their biases in it, `w_N Phi_UP + (C b)_E = 0`.
+    pub fn believe_gyrocompass(&mut self, body: &Matrix3<f64>, north_radps: f64) {
+        let mut by = Row::zeros();
+        for (by, bias) in by.iter_mut().skip(index::GYRO).zip(&body.row(0)) {
+            *by = math::single(-bias / north_radps);
+        }
+        self.corrections.redefine(index::AZIMUTH, &by);
+        let azimuth = self.corrections.variance(index::AZIMUTH);
+        self.added.tilt_rad.z = azimuth;
+        let (value, sigma) = (
+            self.parameters.value(index::AZIMUTH),
+            math::sqrt(f64::from(azimuth)),
+        );
+        self.parameters.set(index::AZIMUTH, value, sigma);
     }
 
     /// The moment it stands at.
@@ -243,17 +279,20 @@ impl Observer {
         if walked > known {
             self.widen(index::AZIMUTH, walked);
         }
-        let latency = self.parameters.sigma(index::LATENCY);
         let inflation = self.inflation();
-        let [of_azimuth, of_latency] = &mut self.jumps;
-        let azimuth = of_azimuth.square(known + walked, inflation, AZIMUTH_SEEN_S, false);
-        let latency = of_latency.square(latency * latency, inflation, LATENCY_SEEN_S, true);
-        for (which, jump) in [(index::AZIMUTH, azimuth), (index::LATENCY, latency)] {
-            if let Some(variance) = jump
-                && !config.gives(which)
+        for (number, (which, sight)) in JUMPS.iter().enumerate() {
+            let sigma = self.parameters.sigma(*which);
+            let known = if *which == index::AZIMUTH {
+                known + walked
+            } else {
+                sigma * sigma
+            };
+            let jump = self.jumps.get_mut(number);
+            if let Some(variance) = jump.and_then(|jump| jump.square(known, inflation, sight))
+                && !config.gives(*which)
             {
-                self.on_jump(which, variance);
-                if which == index::AZIMUTH && headed {
+                self.on_jump(*which, variance);
+                if *which == index::AZIMUTH && headed {
                     self.heading_offset += math::single(variance);
                 }
             }
@@ -372,9 +411,7 @@ impl Observer {
         if which == index::AZIMUTH {
             self.added.tilt_rad.z += math::single(variance);
         }
-        let p = &mut self.parameters;
-        let sigma = math::sqrt(p.sigma(which) * p.sigma(which) + variance);
-        p.set(which, p.value(which), sigma);
+        self.parameters.widen(which, math::sqrt(variance));
     }
 
     /// Latency `seconds` before the horizon and its spread, s.
@@ -418,16 +455,31 @@ impl Observer {
         true
     }
 
-    /// Adds a direct measurement of three parameters from `first` on, other than the azimuth.
-    pub fn measure_directly(
+    /// Takes what the gyros read at rest beyond the Earth rate where the INS has that: an azimuth error turns it
+    /// into the biases, by `turned` a radian.
+    pub fn measure_gyros(
         &mut self,
-        first: usize,
-        value: &Vector3<f64>,
+        read_radps: &Vector3<f64>,
         variance: &Vector3<f64>,
+        turned_radps: &Vector3<f64>,
     ) {
-        let corrections = singles(&(value - self.parameters.vector(first)));
-        self.corrections
-            .add_direct(first, corrections.into(), singles(variance).into());
+        let p = &self.parameters;
+        let expected = p.vector(index::GYRO) + turned_radps * p.value(index::AZIMUTH);
+        let mut rows = [[0.0; 3]; COUNT];
+        if let Some(by_azimuth) = rows.get_mut(index::AZIMUTH) {
+            *by_azimuth = singles(turned_radps).into();
+        }
+        for (axis, row) in rows.iter_mut().skip(index::GYRO).take(3).enumerate() {
+            if let Some(own) = row.get_mut(axis) {
+                *own = 1.0;
+            }
+        }
+        let weights = variance.map(|variance| math::single(1.0 / variance));
+        self.corrections.add(
+            &mut rows,
+            singles(&(read_radps - expected)).into(),
+            weights.into(),
+        );
     }
 }
 

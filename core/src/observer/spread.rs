@@ -56,23 +56,25 @@ impl Observer {
     pub fn sigma(&self, seconds: f64, config: &Config) -> SolutionSigma {
         let unseen = 0.5 * self.unseen_tilt(config).sum();
         let (level, up) = (&self.level, &self.vertical);
-        let sigma = |level: f64, up: f64, added: &Vector3<f32>| {
-            (Vector3::new(level, level, up) + added.map(f64::from) * self.inflation())
-                .map(math::sqrt)
+        let [velocity, climb, position, height] = self.inflations();
+        let sigma = |level: f64, up: f64, added: &Vector3<f32>, inflation_up: f64| {
+            let inflation = Vector3::new(velocity, velocity, inflation_up);
+            let added = added.map(f64::from).component_mul(&inflation);
+            (Vector3::new(level, level, up) + added).map(math::sqrt)
         };
         let Self { added, .. } = self;
-        let tilt = level.tilt() * self.inflation() + unseen;
-        let attitude_rad = sigma(tilt, self.azimuth_walk, &added.tilt_rad);
-        let [velocity, climb, position, height] = self.inflations();
+        let tilt = level.tilt() * velocity + unseen;
+        let attitude_rad = sigma(tilt, self.azimuth_walk, &added.tilt_rad, velocity);
         let moves = [level.velocity() * velocity, up.velocity() * climb];
         let lies = [level.position() * position, up.position() * height];
-        let mut velocity_mps = sigma(moves[0], moves[1], &added.velocity_mps);
-        let mut position_m = sigma(lies[0], lies[1], &added.position_m);
-        // A tilt pulls, and a velocity moves, the same way all the time.
+        let mut velocity_mps = sigma(moves[0], moves[1], &added.velocity_mps, climb);
+        let mut position_m = sigma(lies[0], lies[1], &added.position_m, climb);
+        // A tilt pulls, and a velocity moves, the same way all the time; in an outage all by one cause.
         let pulled = GRAVITY_EQUATOR_MPS2 * seconds * attitude_rad;
         let grown =
             |at_horizon: f64, since: f64| math::sqrt(at_horizon * at_horizon + since * since);
-        position_m = position_m.zip_map(&(velocity_mps * seconds), grown);
+        let moved_mps = velocity_mps + 0.5 * Vector3::new(pulled.y, pulled.x, 0.0);
+        position_m += moved_mps * seconds;
         velocity_mps = velocity_mps.zip_map(&Vector3::new(pulled.y, pulled.x, 0.0), grown);
         // Either of the two is wrong.
         let [velocity, climb, position, height] =
@@ -203,9 +205,13 @@ impl Observer {
         level
     }
 
-    /// The same, and by what it moves more than it should.
+    /// That of a parameter, and by what it moves more than it should: an accelerometer that points up is seen
+    /// in the vertical.
     pub(super) fn inflation_of(&self, which: usize) -> f64 {
         let own = self.constancy.get(which).map_or(1.0, Constancy::inflation);
-        self.inflation() * own
+        let [level, vertical, ..] = self.inflations();
+        let axis = which.wrapping_sub(index::ACCEL);
+        let up = self.level_force_mps2.get(axis).unwrap_or(&0.0) / self.gravity_mps2;
+        (level + up * up * (vertical - level)) * own
     }
 }

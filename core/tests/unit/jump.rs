@@ -1,7 +1,7 @@
 //! A jump shows in innovations that point where it would; noise and wrong fixes do not.
 #![allow(clippy::disallowed_methods)]
 
-use super::{AZIMUTH_SEEN_S, Jump};
+use super::{AZIMUTH, BENDS, Jump, LATENCY, Sight};
 use crate::deviates::Deviates;
 
 /// Ten fixes a second, of this standard deviation.
@@ -23,11 +23,9 @@ fn found(fixes: u32, mut wrong: impl FnMut(u32) -> [f64; 2]) -> Option<(u32, f64
     let (mut jump, mut deviates) = (Jump::default(), Deviates(7));
     (0..fixes).find_map(|fix| {
         let innovation = wrong(fix).map(|wrong| wrong + SIGMA * f64::from(deviates.next()));
-        jump.take(&innovation, &by(fix), SIGMA * SIGMA, FIX_S);
+        jump.take(&innovation, &by(fix), SIGMA * SIGMA, FIX_S, &AZIMUTH);
         let look = fix % 10 == 9;
-        let square = look
-            .then(|| jump.square(KNOWN, 1.0, AZIMUTH_SEEN_S, false))
-            .flatten();
+        let square = look.then(|| jump.square(KNOWN, 1.0, &AZIMUTH)).flatten();
         square.map(|square| (fix, square))
     })
 }
@@ -90,6 +88,10 @@ fn wrong_fixes_are_no_jump() {
 fn what_stays_as_it_is_is_no_jump_of_a_latency() {
     let looked = |beside_a_pull: bool, wrong: f64| {
         let (mut jump, mut deviates) = (Jump::default(), Deviates(3));
+        let sight = Sight {
+            beside_a_pull,
+            ..AZIMUTH
+        };
         (0..400).any(|fix| {
             let swing = 0.3 * (0.05 * f64::from(fix)).sin();
             #[expect(clippy::cast_possible_truncation)]
@@ -98,12 +100,40 @@ fn what_stays_as_it_is_is_no_jump_of_a_latency() {
                 let noise = f64::from(deviates.next());
                 shown + SIGMA * noise
             });
-            jump.take(&innovation, &by, SIGMA * SIGMA, FIX_S);
-            jump.square(KNOWN, 1.0, AZIMUTH_SEEN_S, beside_a_pull)
-                .is_some()
+            jump.take(&innovation, &by, SIGMA * SIGMA, FIX_S, &sight);
+            jump.square(KNOWN, 1.0, &sight).is_some()
         })
     };
     assert!(looked(false, 0.0));
     assert!(!looked(true, 0.0));
     assert!(looked(true, 0.3));
+}
+
+/// A latency that is whole steps off explains all steps, and no bend, of which there is one in twenty seconds:
+/// accelerations of a walk, a bend's forward and a step's to the side, m/s^2.
+#[test]
+fn a_latency_that_is_whole_steps_off_is_found_by_bends() {
+    let looked = |sight: &Sight, off_s: f64| {
+        let (mut jump, mut deviates) = (Jump::default(), Deviates(5));
+        (0..3000).find(|fix| {
+            let time_s = FIX_S * f64::from(*fix);
+            let bend = if time_s % 20.0 < 2.0 { 1.0 } else { 0.0 };
+            let step = 1.3 * (7.5 * time_s).sin();
+            let noise = [0, 1].map(|_| SIGMA * f64::from(deviates.next()));
+            let innovation = [off_s * bend + noise[0], noise[1]];
+            #[expect(clippy::cast_possible_truncation)]
+            let by = [bend, step].map(|by| by as f32);
+            jump.take(&innovation, &by, SIGMA * SIGMA, FIX_S, sight);
+            fix % 10 == 9 && jump.square(KNOWN, 1.0, sight).is_some()
+        })
+    };
+    // Three bends and what is left of each in the mean make the least time in which it is seen.
+    let found = looked(&BENDS, 0.4);
+    assert!(
+        found.is_some_and(|fix| (400..1000).contains(&fix)),
+        "{found:?}"
+    );
+    assert_eq!(looked(&BENDS, 0.0), None);
+    // Among steps that it explains it is lost.
+    assert_eq!(looked(&LATENCY, 0.4), None);
 }
