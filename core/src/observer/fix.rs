@@ -135,18 +135,15 @@ impl Observer {
         if kind == Kind::Velocity && seconds > 0.0 {
             let taken = matches!(credit, Credit::Taken(_));
             for (jump, (which, sight)) in self.jumps.iter_mut().zip(&JUMPS) {
-                if let Some(by) = by.get(*which)
+                if let Some([east, north]) = by.get(*which).and_then(|by| by.first_chunk())
                     && (taken || sight.by_refused)
                 {
-                    jump.take(&innovation, by, predicted + white, seconds, sight);
+                    let by = Vector2::new(*east, *north).map(f64::from);
+                    jump.take(&pair, &by, predicted + white, seconds, sight);
                 }
             }
         }
         let Credit::Taken(white) = credit else {
-            // Of the level they say something once they agree. The vertical a single knock tips.
-            if credit == Credit::Refused && kind.is_up() {
-                surprise.take(pair.norm_squared() / (variance + white), seconds);
-            }
             return credit;
         };
         // Both level axes have the same covariance before and the same after.

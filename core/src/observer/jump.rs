@@ -8,6 +8,8 @@
 //! that has been tipped pulls all the time the same way, and leans on what the accelerometers feel, by which
 //! a latency shows: of that only what changes counts, as if such a pull were estimated beside it.
 
+use nalgebra::Vector2;
+
 /// Sigmas of a jump, and least part of what is too much in the squares of the innovations that it
 /// explains.
 const SIGMAS: f64 = 5.0;
@@ -74,10 +76,11 @@ pub struct Jump {
 impl Jump {
     /// Takes an innovation of this variance per component, `seconds` (positive) after the last, to
     /// which a unit would add `by`. What is averaged tells less, which its smaller square holds.
-    pub fn take<const R: usize>(
+    #[inline(never)]
+    pub fn take(
         &mut self,
-        innovation: &[f64; R],
-        by: &[f32; R],
+        innovation: &Vector2<f64>,
+        by: &Vector2<f64>,
         variance: f64,
         seconds: f64,
         sight: &Sight,
@@ -92,7 +95,7 @@ impl Jump {
             innovation.iter().zip(by).zip(means).zip(pulls)
         {
             *mean += part * (innovation - *mean);
-            *mean_by += part * (f64::from(*by) - *mean_by);
+            *mean_by += part * (by - *mean_by);
             let (innovation, by) = (*mean, *mean_by);
             *pull = keep * *pull + innovation / variance;
             *shared = keep * *shared + by / variance;
@@ -108,6 +111,7 @@ impl Jump {
 
     /// The square of its size, if there was one beyond what is known to `variance`; innovations are `inflation`
     /// times less informative than white ones.
+    #[inline(never)]
     pub fn square(&mut self, variance: f64, inflation: f64, sight: &Sight) -> Option<f64> {
         let expected = inflation + self.information * variance;
         if self.score * self.score < expected * self.information {

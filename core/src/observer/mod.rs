@@ -465,21 +465,16 @@ impl Observer {
     ) {
         let p = &self.parameters;
         let expected = p.vector(index::GYRO) + turned_radps * p.value(index::AZIMUTH);
-        let mut rows = [[0.0; 3]; COUNT];
-        if let Some(by_azimuth) = rows.get_mut(index::AZIMUTH) {
-            *by_azimuth = singles(turned_radps).into();
+        let off = read_radps - expected;
+        for (axis, ((off, turned), variance)) in
+            off.iter().zip(turned_radps).zip(variance).enumerate()
+        {
+            let [off, turned, variance] = [*off, *turned, *variance].map(math::single);
+            let by: [f32; COUNT] =
+                row([(index::AZIMUTH, turned), (index::GYRO + axis, 1.0)]).into();
+            let mut by = by.map(|by| [by]);
+            self.corrections.add(&mut by, [off], [1.0 / variance]);
         }
-        for (axis, row) in rows.iter_mut().skip(index::GYRO).take(3).enumerate() {
-            if let Some(own) = row.get_mut(axis) {
-                *own = 1.0;
-            }
-        }
-        let weights = variance.map(|variance| math::single(1.0 / variance));
-        self.corrections.add(
-            &mut rows,
-            singles(&(read_radps - expected)).into(),
-            weights.into(),
-        );
     }
 }
 

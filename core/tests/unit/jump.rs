@@ -11,11 +11,9 @@ const SIGMA: f64 = 0.05;
 const KNOWN: f64 = 1e-6;
 
 /// What a unit of azimuth adds to a fix: manoeuvres that change direction.
-fn by(fix: u32) -> [f32; 2] {
+fn by(fix: u32) -> [f64; 2] {
     let phase = 0.02 * f64::from(fix);
-    #[expect(clippy::cast_possible_truncation)]
-    let by = [phase.cos(), (1.7 * phase).sin()].map(|by| 5.0 * by as f32);
-    by
+    [phase.cos(), (1.7 * phase).sin()].map(|by| 5.0 * by)
 }
 
 /// Fixes until a jump is found, looked for once a second, and its square.
@@ -23,7 +21,13 @@ fn found(fixes: u32, mut wrong: impl FnMut(u32) -> [f64; 2]) -> Option<(u32, f64
     let (mut jump, mut deviates) = (Jump::default(), Deviates(7));
     (0..fixes).find_map(|fix| {
         let innovation = wrong(fix).map(|wrong| wrong + SIGMA * f64::from(deviates.next()));
-        jump.take(&innovation, &by(fix), SIGMA * SIGMA, FIX_S, &AZIMUTH);
+        jump.take(
+            &innovation.into(),
+            &by(fix).into(),
+            SIGMA * SIGMA,
+            FIX_S,
+            &AZIMUTH,
+        );
         let look = fix % 10 == 9;
         let square = look.then(|| jump.square(KNOWN, 1.0, &AZIMUTH)).flatten();
         square.map(|square| (fix, square))
@@ -35,7 +39,7 @@ fn a_jump_is_found_within_seconds_and_as_large_as_it_is() {
     for size in [0.03, -0.3] {
         let shown = |fix| {
             let after = if fix < 600 { 0.0 } else { size };
-            by(fix).map(|by| after * f64::from(by))
+            by(fix).map(|by| after * by)
         };
         let (fix, square) = found(2000, shown).unwrap_or_default();
         // The least time, thirty fixes, and more where noise had made it look back before the jump.
@@ -51,7 +55,7 @@ fn a_jump_is_found_within_seconds_and_as_large_as_it_is() {
 fn a_jump_is_found_in_noise_of_its_own_size() {
     let shown = |fix| {
         let after = if fix < 600 { 0.0 } else { 0.01 };
-        by(fix).map(|by| after * f64::from(by))
+        by(fix).map(|by| after * by)
     };
     let (fix, _) = found(2000, shown).unwrap_or_default();
     assert!((629..700).contains(&fix), "{fix}");
@@ -94,13 +98,12 @@ fn what_stays_as_it_is_is_no_jump_of_a_latency() {
         };
         (0..400).any(|fix| {
             let swing = 0.3 * (0.05 * f64::from(fix)).sin();
-            #[expect(clippy::cast_possible_truncation)]
-            let by = [2.0 + swing, -1.0].map(|by| by as f32);
+            let by = [2.0 + swing, -1.0];
             let innovation = [0.4 + wrong * swing, -0.2].map(|shown| {
                 let noise = f64::from(deviates.next());
                 shown + SIGMA * noise
             });
-            jump.take(&innovation, &by, SIGMA * SIGMA, FIX_S, &sight);
+            jump.take(&innovation.into(), &by.into(), SIGMA * SIGMA, FIX_S, &sight);
             jump.square(KNOWN, 1.0, &sight).is_some()
         })
     };
@@ -121,9 +124,8 @@ fn a_latency_that_is_whole_steps_off_is_found_by_bends() {
             let step = 1.3 * (7.5 * time_s).sin();
             let noise = [0, 1].map(|_| SIGMA * f64::from(deviates.next()));
             let innovation = [off_s * bend + noise[0], noise[1]];
-            #[expect(clippy::cast_possible_truncation)]
-            let by = [bend, step].map(|by| by as f32);
-            jump.take(&innovation, &by, SIGMA * SIGMA, FIX_S, sight);
+            let by = [bend, step];
+            jump.take(&innovation.into(), &by.into(), SIGMA * SIGMA, FIX_S, sight);
             fix % 10 == 9 && jump.square(KNOWN, 1.0, sight).is_some()
         })
     };
