@@ -251,6 +251,26 @@ fn what_is_known_grows_old_where_nothing_is_seen() {
 }
 
 #[test]
+fn bursts_of_wrong_heights_throw_nothing_away() {
+    let mut car = Car::new(bends);
+    car.until(100.0, true, Some);
+    let known = car.navigator.estimates().gyro_bias_radps[0].sigma;
+    for start_s in [100.0, 135.0] {
+        car.until(start_s + 10.0, true, |fix| {
+            Some(GnssFix {
+                height_m: fix.height_m.map(|height_m| height_m + 60.0),
+                ..fix
+            })
+        });
+        car.until(start_s + 35.0, true, Some);
+        let off_m = car.off_m().z;
+        assert!(off_m.abs() < 2.0, "{off_m}");
+    }
+    assert_eq!(car.navigator.health().restarts, 0);
+    assert!(car.navigator.estimates().gyro_bias_radps[0].sigma <= known);
+}
+
+#[test]
 fn a_position_that_is_given_again_measures_nothing() {
     let mut car = Car::new(bends);
     // As some write five lines of each second.
