@@ -151,8 +151,13 @@ fn fixes_that_were_queued_and_then_refused_are_counted_as_refused() {
         fix.velocity_up_mps = None;
         wild += 1;
     }
-    let log = drive.into_log(BodyAxes::Rfu, config.recording.errors.imu.output);
-    let found = identify(&log, Config::hg1700(), &ProgressBar::hidden()).unwrap();
+    let imu_output = config.recording.errors.imu.output;
+    let log = drive.into_log(BodyAxes::Rfu, imu_output);
+    let config = Config {
+        imu_output,
+        ..Config::hg1700()
+    };
+    let found = identify(&log, config, &ProgressBar::hidden()).unwrap();
     let outcomes = found.gnss_outcomes();
     let mut refused = outcomes.iter().filter(|one| one.0 == GnssOutcome::Outlier);
     let refused = refused.next().map_or(0, |(_, count)| *count);
