@@ -144,6 +144,11 @@ impl Observer {
             }
         }
         let Credit::Taken(white) = credit else {
+            // Of the level they say something once they agree. The vertical a single knock tips; heights
+            // alone, and not for long, may also be wrong.
+            if credit == Credit::Refused && kind == Kind::Climb {
+                surprise.take(pair.norm_squared() / (variance + white), seconds);
+            }
             return credit;
         };
         // Both level axes have the same covariance before and the same after.
