@@ -110,6 +110,22 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
         }
     }
 
+    /// Adds direct measurements of parameters from `first` on, each with its variance.
+    pub fn add_direct<const R: usize>(
+        &mut self,
+        first: usize,
+        measured: [f32; R],
+        variance: [f32; R],
+    ) {
+        let mut rows = [[0.0; R]; N];
+        for (axis, row) in rows.iter_mut().skip(first).take(R).enumerate() {
+            if let Some(one) = row.get_mut(axis) {
+                *one = 1.0;
+            }
+        }
+        self.add(&mut rows, measured, variance.map(|variance| 1.0 / variance));
+    }
+
     /// Lets parameter `index` have walked: adds `variance` to its spread.
     ///
     /// The step of the walk is one more unknown, known to be zero with `variance`; it is rotated

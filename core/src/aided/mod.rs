@@ -605,16 +605,18 @@ impl<const N: usize> AidedIns<N> {
             let up = attitude.row(2).transpose();
             variance += up.component_mul(&up) * (UNSEEN_RADPS * UNSEEN_RADPS);
         }
-        // Quiet sensors may also be those of a slow turn: of a vehicle that is pushed, or afloat.
+        // Where the azimuth is off the Earth rate has another direction.
         let known = observer.parameters();
+        let turned = attitude.row(0).transpose() * (earth_rate.y * known.sigma(index::AZIMUTH));
+        variance += turned.component_mul(&turned);
+        // Quiet sensors may also be those of a slow turn: of a vehicle that is pushed, or afloat.
         let agrees = |(axis, (bias, variance)): (usize, (&f64, &f64))| {
             known.agrees(index::GYRO + axis, *bias, *variance)
         };
         if !bias.iter().zip(&variance).enumerate().all(agrees) {
             return;
         }
-        let turned = attitude.row(0).transpose() * earth_rate.y;
-        observer.measure_gyros(&bias, &variance, &turned);
+        observer.measure_directly(index::GYRO, &bias, &variance);
     }
 
     /// Whether it goes somewhere, as far as it knows.

@@ -455,26 +455,16 @@ impl Observer {
         true
     }
 
-    /// Takes what the gyros read at rest beyond the Earth rate where the INS has that: an azimuth error turns it
-    /// into the biases, by `turned` a radian.
-    pub fn measure_gyros(
+    /// Adds a direct measurement of three parameters from `first` on, other than the azimuth.
+    pub fn measure_directly(
         &mut self,
-        read_radps: &Vector3<f64>,
+        first: usize,
+        value: &Vector3<f64>,
         variance: &Vector3<f64>,
-        turned_radps: &Vector3<f64>,
     ) {
-        let p = &self.parameters;
-        let expected = p.vector(index::GYRO) + turned_radps * p.value(index::AZIMUTH);
-        let off = read_radps - expected;
-        for (axis, ((off, turned), variance)) in
-            off.iter().zip(turned_radps).zip(variance).enumerate()
-        {
-            let [off, turned, variance] = [*off, *turned, *variance].map(math::single);
-            let by: [f32; COUNT] =
-                row([(index::AZIMUTH, turned), (index::GYRO + axis, 1.0)]).into();
-            let mut by = by.map(|by| [by]);
-            self.corrections.add(&mut by, [off], [1.0 / variance]);
-        }
+        let corrections = singles(&(value - self.parameters.vector(first)));
+        self.corrections
+            .add_direct(first, corrections.into(), singles(variance).into());
     }
 }
 

@@ -63,18 +63,6 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// A measurement of one parameter alone.
-fn add_direct<const N: usize, const PAIRS: usize>(
-    rows: &mut LeastSquares<N, PAIRS>,
-    index: usize,
-    measured: f32,
-    variance: f32,
-) {
-    let mut row = [[0.0]; N];
-    row[index] = [1.0];
-    rows.add(&mut row, [measured], [1.0 / variance]);
-}
-
 proptest! {
     /// Whatever is done to it, what it knows is that of the covariance treated alike.
     #[test]
@@ -96,7 +84,7 @@ proptest! {
                     gaussian.measure(&b, measured[1], variance[1]);
                 }
                 Step::Direct(index, measured, variance) => {
-                    add_direct(&mut rows, index, measured as f32, variance as f32);
+                    rows.add_direct(index, [measured as f32], [variance as f32]);
                     gaussian.measure(&Vector4::ith(index, 1.0), measured, variance);
                 }
                 Step::Diffuse(index, variance) => {
@@ -182,7 +170,7 @@ proptest! {
         let before = many;
         many.diffuse(2, 1.0);
         many.redefine(2, &Vector4::repeat(1.0));
-        add_direct(&mut many, 3, 1.0, 1.0);
+        many.add_direct(3, [1.0], [1.0]);
         prop_assert_eq!(many, before);
     }
 }
@@ -191,6 +179,7 @@ proptest! {
 fn an_index_that_does_not_exist_changes_nothing() {
     let before = LeastSquares::<2, 3>::from_prior(&Vector2::repeat(1.0));
     let mut after = before;
+    after.add_direct(2, [1.0], [1.0]);
     after.diffuse(2, 1.0);
     // Nor does a walk whose inverse is beyond all numbers.
     after.diffuse(0, 1e-40);
