@@ -6,7 +6,6 @@ use core::f64::consts::TAU;
 
 use nalgebra::SVector;
 
-use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::math;
 use crate::parameters::{COUNT, Parameters, index};
 use crate::samples::ImuOutput;
@@ -414,11 +413,6 @@ impl Config {
             (index::TURN_SCALE, 4, s.gyro_scale, 1e-7),
             (index::GYRO_MISALIGNMENT, 3, askew, 1e-7),
         ]
-    }
-
-    /// Tilt that a levelling leaves, rad: that of the accelerometer biases, and some.
-    pub(crate) fn level_sigma(&self) -> f64 {
-        2.0 * self.sensors.accel_bias_mps2 / GRAVITY_EQUATOR_MPS2 + 0.005
     }
 
     /// Says which value cannot be used.

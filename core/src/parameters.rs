@@ -85,10 +85,10 @@ impl Parameters {
         }
     }
 
-    /// Adds an independent spread.
-    pub fn widen(&mut self, parameter: usize, by: f64) {
+    /// Adds an independent variance.
+    pub fn widen(&mut self, parameter: usize, variance: f64) {
         let sigma = self.sigma(parameter);
-        let sigma = math::sqrt(sigma * sigma + by * by);
+        let sigma = math::sqrt(sigma * sigma + variance);
         self.set(parameter, self.value(parameter), sigma);
     }
 

@@ -1,6 +1,7 @@
 //! What a port feeds, and no recording holds.
 #![allow(clippy::disallowed_methods, clippy::unwrap_used, clippy::expect_used)] // Reference values.
 
+use std::cell::Cell;
 use std::f64::consts::TAU;
 
 use ins_core::config::HeadingSource;
@@ -274,24 +275,14 @@ fn bursts_of_wrong_heights_throw_nothing_away() {
 fn a_position_that_is_given_again_measures_nothing() {
     let mut car = Car::new(bends);
     // As some write five lines of each second.
-    let mut last = None;
-    let again = |fix: GnssFix| {
-        let whole = fix.time.as_seconds().fract() < 0.1;
-        GnssFix {
-            velocity_en_mps: None,
-            position: if whole { fix.position } else { None },
-            ..fix
-        }
-    };
-    let held = std::cell::RefCell::new(&mut last);
+    let last = Cell::new(None);
     car.until(120.0, true, |fix| {
-        let fix = again(fix);
-        let mut last = held.borrow_mut();
-        if fix.position.is_some() {
-            **last = fix.position;
+        if fix.time.as_seconds().fract() < 0.1 {
+            last.set(fix.position);
         }
         Some(GnssFix {
-            position: **last,
+            velocity_en_mps: None,
+            position: last.get(),
             ..fix
         })
     });

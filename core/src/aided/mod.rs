@@ -588,14 +588,13 @@ impl<const N: usize> AidedIns<N> {
     /// A vehicle at rest turns with the Earth: its gyros read their biases.
     #[inline(never)]
     fn measure_rest(&mut self, block: &RestBlock, config: &Config) {
-        let moves = self.moves();
+        // Where GNSS has no velocity, the INS that it holds has one.
+        if self.moves() {
+            return;
+        }
         let Some(observer) = self.estimator.exact_mut() else {
             return;
         };
-        // Where GNSS has no velocity, the INS that it holds has one.
-        if moves {
-            return;
-        }
         let earth_rate = self.mechanization.local_earth().earth_rate();
         let attitude = matrix(&self.mechanization.attitude);
         let bias = block.rate_radps - attitude.tr_mul(&earth_rate);

@@ -414,11 +414,18 @@ impl Alignment {
         let seconds = math::within(time.seconds_since(last), [0.0, RUN_S]);
         let known = &mut self.known;
         known.shift(index::LATENCY, seconds * known.value(index::CLOCK_DRIFT));
-        known.widen(index::LATENCY, seconds * known.sigma(index::CLOCK_DRIFT));
-        let (s, root) = (&config.sensors, math::sqrt(seconds));
+        let drifted_s = seconds * known.sigma(index::CLOCK_DRIFT);
+        known.widen(index::LATENCY, drifted_s * drifted_s);
+        let s = &config.sensors;
         for axis in 0..3 {
-            known.widen(index::GYRO + axis, s.gyro_bias_walk * root);
-            known.widen(index::ACCEL + axis, s.accel_bias_walk * root);
+            known.widen(
+                index::GYRO + axis,
+                s.gyro_bias_walk * s.gyro_bias_walk * seconds,
+            );
+            known.widen(
+                index::ACCEL + axis,
+                s.accel_bias_walk * s.accel_bias_walk * seconds,
+            );
         }
     }
 
@@ -602,10 +609,12 @@ impl Alignment {
             return;
         };
         let rate = earth.earth_rate();
+        // The search knows of no accelerometer biases.
+        let leant = config.sensors.accel_bias_mps2 / GRAVITY_EQUATOR_MPS2;
         let start = Start {
             time,
             attitude: level.attitude,
-            tilt_sigma_rad: math::max(level.tilt_sigma_rad, config.level_sigma()),
+            tilt_sigma_rad: math::max(level.tilt_sigma_rad, 2.0 * leant + LEVEL_SIGMA_RAD),
             earth_rate_radps: Vector2::new(rate.y, rate.z),
         };
         self.find_from(&start, config);

@@ -224,13 +224,9 @@ impl Observer {
             *by = math::single(-bias / north_radps);
         }
         self.corrections.redefine(index::AZIMUTH, &by);
-        let azimuth = self.corrections.variance(index::AZIMUTH);
-        self.added.tilt_rad.z = azimuth;
-        let (value, sigma) = (
-            self.parameters.value(index::AZIMUTH),
-            math::sqrt(f64::from(azimuth)),
-        );
-        self.parameters.set(index::AZIMUTH, value, sigma);
+        let without = self.parameters.sigma(index::AZIMUTH);
+        let azimuth = f64::from(self.corrections.variance(index::AZIMUTH));
+        self.widen(index::AZIMUTH, azimuth - without * without);
     }
 
     /// The moment it stands at.
@@ -411,7 +407,7 @@ impl Observer {
         if which == index::AZIMUTH {
             self.added.tilt_rad.z += math::single(variance);
         }
-        self.parameters.widen(which, math::sqrt(variance));
+        self.parameters.widen(which, variance);
     }
 
     /// Latency `seconds` before the horizon and its spread, s.
