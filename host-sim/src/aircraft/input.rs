@@ -63,6 +63,17 @@ impl Source<'_> {
         })
     }
 
+    /// Refuses the first value that is not within the bounds of its key.
+    pub fn all_within(&self, values: &[(&str, f64, [f64; 2])]) -> Result<(), InputError> {
+        let beyond = values
+            .iter()
+            .find(|(_, value, [low, high])| !(*low..=*high).contains(value));
+        beyond.map_or(Ok(()), |(key, value, [low, high])| {
+            let message = format!("`{key} = {value}`: expected {low} to {high}");
+            Err(self.error(self.key(key), message))
+        })
+    }
+
     /// What is wrong with the error model that the text is, or sets keys of; where, if it is seen.
     pub fn in_model(&self, error: &ErrorModelError) -> Report {
         let (place, message) = match error {

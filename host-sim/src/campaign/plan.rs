@@ -83,7 +83,7 @@ impl Plan {
 
     fn check_numbers(&self, source: &Source) -> Result<(), InputError> {
         const COUNT: [f64; 2] = [1.0, 100_000.0];
-        for (key, value, [low, high]) in [
+        source.all_within(&[
             // The intervals are over units.
             ("units", self.units.into(), [2.0, COUNT[1]]),
             ("drives", self.drives.into(), COUNT),
@@ -92,13 +92,7 @@ impl Plan {
             ("minutes_free", self.minutes_free.into(), COUNT),
             ("drive_minutes", self.drive_minutes, [1.0, 1440.0]),
             ("unit_spread", self.unit_spread, [0.0, 2.0]),
-        ] {
-            if !(low..=high).contains(&value) {
-                let message = format!("`{key} = {value}`: expected {low} to {high}");
-                return Err(source.error(source.key(key), message));
-            }
-        }
-        Ok(())
+        ])
     }
 
     fn check_model(&self) -> Result<(), String> {

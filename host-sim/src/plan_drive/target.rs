@@ -164,7 +164,7 @@ fn wanted(source: &Source, kind: Kind, value: &Spanned<Value>) -> Result<Vec<Goa
 fn check_numbers(source: &Source, read: &File) -> Result<(), InputError> {
     let File { unit, site, .. } = read;
     let (slope, minutes) = (site.slope_percent, site.longest_minutes);
-    for (key, value, [low, high]) in [
+    source.all_within(&[
         ("speed_kmh", site.speed_kmh, [10.0, 250.0]),
         ("acceleration_mps2", site.acceleration_mps2, [0.5, 6.0]),
         ("braking_mps2", site.braking_mps2, [0.5, 10.0]),
@@ -177,12 +177,7 @@ fn check_numbers(source: &Source, read: &File) -> Result<(), InputError> {
         ("antenna_m", unit.antenna_m[0], [-30.0, 30.0]),
         ("antenna_m", unit.antenna_m[1], [-30.0, 30.0]),
         ("antenna_m", unit.antenna_m[2], [-30.0, 30.0]),
-    ] {
-        if !(low..=high).contains(&value) {
-            let message = format!("`{key} = {value}`: expected {low} to {high}");
-            return Err(source.error(source.key(key), message));
-        }
-    }
+    ])?;
     if site.manoeuvres.is_empty() {
         let message = "no manoeuvre is allowed: expected at least one";
         return Err(source.error(source.key("manoeuvres"), message.to_owned()));

@@ -8,7 +8,7 @@ use super::car::Car;
 use super::errors::{ErrorModel, MOST_JITTER};
 use super::gnss::{Gnss, arrivals};
 use super::ideal::{IdealSensors, TrueState};
-use super::imu::Imu;
+use super::imu::{Biases, Imu};
 use super::motion::Motion;
 use super::noise::Random;
 use super::recorded::{RecordedNoise, Resampled};
@@ -93,6 +93,8 @@ pub struct SimulatedDrive {
     pub baro: Vec<BaroHeight>,
     /// What really happened, under the stamps of the samples.
     pub truth: Vec<Solution>,
+    /// At each of the truths.
+    pub biases: Vec<Biases>,
     pub errors: SensorErrors,
     /// The heading given at the start, with its error, if the model gives one.
     pub given_heading_rad: Option<f64>,
@@ -193,6 +195,7 @@ pub fn record_with<M: Motion>(
         gnss: recorder.gnss,
         baro: (errors.barometer).map_or_else(Vec::new, |model| model.read(&recorder.truth, *seed)),
         truth: recorder.truth,
+        biases: recorder.biases,
         given_heading_rad,
     }
 }
@@ -203,6 +206,7 @@ pub(crate) struct Recorder {
     pub(crate) imu: Vec<ImuSample>,
     pub(crate) gnss: Vec<GnssFix>,
     pub(crate) truth: Vec<Solution>,
+    biases: Vec<Biases>,
     recording: Recording,
     unit: Imu,
     receiver: Gnss,
@@ -234,6 +238,7 @@ impl Recorder {
             imu,
             gnss: Vec::new(),
             truth: vec![start.solution],
+            biases: vec![unit.biases()],
             unit,
             receiver: Gnss::new(&errors.gnss, *seed),
             losses: Random::stream(*seed, "imu losses"),
@@ -272,6 +277,7 @@ impl Recorder {
                     time: stamped,
                     ..now.solution
                 });
+                self.biases.push(self.unit.biases());
             }
         }
     }
@@ -279,9 +285,10 @@ impl Recorder {
     /// The errors that an estimator should find at a time.
     pub(crate) fn errors(&self, end: Time) -> SensorErrors {
         let Imu { gyros, accels, .. } = &self.unit;
+        let [gyro, accel] = self.unit.biases();
         SensorErrors {
-            accel_bias_mps2: accels.bias().into(),
-            gyro_bias_radps: gyros.bias().into(),
+            accel_bias_mps2: accel.into(),
+            gyro_bias_radps: gyro.into(),
             accel_matrix: accels.error_matrix(),
             gyro_matrix: gyros.error_matrix(),
             gnss_latency_s: self.receiver.latency_s,

@@ -10,6 +10,10 @@ use super::recorded::Resampled;
 
 const DEG_RAD: f64 = core::f64::consts::PI / 180.0;
 
+/// Of gyros, rad/s, and accelerometers, m/s^2: what is measured beyond what scale errors and
+/// misalignments make of the truth.
+pub type Biases = [Vector3<f64>; 2];
+
 #[derive(Clone, Debug)]
 pub struct Imu {
     output: ImuOutput,
@@ -36,6 +40,11 @@ impl Imu {
             .with_own_axes(),
             recorded: None,
         }
+    }
+
+    /// What the readings are beyond the truth now.
+    pub fn biases(&self) -> Biases {
+        [self.gyros.bias(), self.accels.bias()]
     }
 
     /// Readings (gyro, accelerometer) at the end of a step over which the sensors gained `gained`.

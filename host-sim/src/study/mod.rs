@@ -1,7 +1,6 @@
 //! Studies: many runs, or many logs, to one table of how good and how honest the results are.
 
 pub mod accuracy;
-pub(crate) mod biases;
 pub mod conditions;
 pub mod flights;
 pub mod logs;

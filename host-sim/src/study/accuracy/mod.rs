@@ -20,7 +20,6 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::biases::biases;
 use super::options::{MOST_SEED, minutes, within};
 use super::subject::{self, Core, Kalman, Subject};
 use crate::compare::kalman::Noise;
@@ -28,7 +27,6 @@ use crate::identify::free_inertial::known;
 use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
 use crate::log::{GRAVITY_MPS2, Grade};
 use crate::page::progress::counted;
-use crate::sim::drive::Recording;
 use crate::sim::{DriveConfig, ErrorModel, SensorErrors, SimulatedDrive, simulate};
 
 /// Interval at which the errors of a run are looked at, s.
@@ -224,13 +222,10 @@ impl Study {
         let (converged, history) = if let Some(factor) = self.kalman_noise {
             let noise = self.told(factor);
             let mut filter = Kalman::new(&drive.imu, &drive.gnss, config, noise, &Vector3::z())?;
-            (
-                true,
-                look(&mut filter, &plan.recording, &drive, kalman_finds),
-            )
+            (true, look(&mut filter, &drive, kalman_finds))
         } else {
             let mut core = Core::new(config, &drive)?;
-            let history = look(&mut core, &plan.recording, &drive, core_finds);
+            let history = look(&mut core, &drive, core_finds);
             let azimuth = core.navigator.estimates().azimuth_error_rad;
             (known(&azimuth) && core.solution().is_some(), history)
         };
@@ -253,13 +248,12 @@ impl Study {
 /// Checks of what somebody finds: estimates, and a heading, rad.
 fn look<S: Subject>(
     subject: &mut S,
-    recording: &Recording,
     drive: &SimulatedDrive,
     found: fn(&S) -> Option<(Estimates, f64)>,
 ) -> Vec<Option<[Check; 8]>> {
     let mut history = Vec::new();
     // One for each truth, which is given in turn.
-    let mut biases = biases(recording).step_by(recording.truth_every as usize);
+    let mut biases = drive.biases.iter();
     subject::drive(subject, &drive.truth, |subject, time, truth| {
         let Some([gyro, accel]) = biases.next() else {
             return;
@@ -267,8 +261,8 @@ fn look<S: Subject>(
         let due_s = EVERY_S * (history.len() + 1) as f64;
         if truth.time == time && time.as_seconds() >= due_s {
             let errors = SensorErrors {
-                gyro_bias_radps: gyro.into(),
-                accel_bias_mps2: accel.into(),
+                gyro_bias_radps: (*gyro).into(),
+                accel_bias_mps2: (*accel).into(),
                 ..drive.errors
             };
             let checks = |found| checks(found, &errors, truth);

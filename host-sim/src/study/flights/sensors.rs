@@ -3,13 +3,12 @@
 use ins_core::earth::Geodetic;
 use ins_core::increments::{Increments, Interval};
 use ins_core::{GnssFix, ImuOutput, ImuSample, Solution, Time};
-use nalgebra::Vector3;
 
 use crate::aircraft::flight::Flight;
 use crate::sim::ErrorModel;
 use crate::sim::gnss::Gnss;
 use crate::sim::ideal::{IdealSensors, TrueState};
-use crate::sim::imu::Imu;
+use crate::sim::imu::{Biases, Imu};
 
 /// Inertial samples per second.
 pub const RATE_HZ: f64 = 100.0;
@@ -53,9 +52,8 @@ impl Sensors {
         &self.ideal.state().solution
     }
 
-    /// Biases now: gyros, rad/s, and accelerometers, m/s^2.
-    pub fn biases(&self) -> [Vector3<f64>; 2] {
-        [self.imu.gyros.bias(), self.imu.accels.bias()]
+    pub fn biases(&self) -> Biases {
+        self.imu.biases()
     }
 
     /// A fix is stamped so long after the motion that it shows, s.

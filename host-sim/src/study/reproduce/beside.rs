@@ -26,7 +26,6 @@ use crate::page::sheet::{self, Key, Panel};
 use crate::sim::errors::BiasModel;
 use crate::sim::{DriveConfig, simulate};
 use crate::statistics::rms;
-use crate::study::biases::biases;
 
 /// Points of a curve in a drawing.
 const MOST_POINTS: usize = 400;
@@ -167,10 +166,12 @@ pub(super) fn figures_6_and_7(settings: &Settings) -> Result<Part, ConfigError> 
         .map(|seed| {
             let mut plan = DriveConfig::new(seed, GRADE, settings.minutes);
             plan.recording.errors.gyro_deg_h.bias = WAVE;
+            plan.recording.truth_every = 1;
             let noise = Noise::of_model(&plan.recording.errors);
-            let (log, mut config) = log_of(simulate(&plan));
-            let gyros = biases(&plan.recording).map(|[gyro, _]| gyro);
-            let truth: Vec<_> = gyros.skip(1).take(log.imu.len()).collect();
+            let drive = simulate(&plan);
+            // Of each increment that at its end.
+            let truth: Vec<_> = drive.biases.iter().skip(1).map(|[gyro, _]| *gyro).collect();
+            let (log, mut config) = log_of(drive);
             config.sensors.gyro_bias_walk = noise.sensors.gyro_bias_walk;
             let run = Run::new(&log, config, noise)?;
             Ok([0, 1].map(|axis| run.gyro(axis, &truth)).into())
