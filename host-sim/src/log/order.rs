@@ -70,7 +70,7 @@ pub(super) fn rows<R: Rows>(
     }
     let count = order.count + unusable.count;
     if order.count == 0 || too_many(&unusable, most_left_out, count) {
-        return Err(unusable.first.unwrap_or_else(|| table.no_rows()));
+        return Err(unusable.refusal().unwrap_or_else(|| table.no_rows()));
     }
     warnings.extend(table.warnings());
     warnings.extend(unusable.warning("left out"));
@@ -188,10 +188,10 @@ impl<R: Rows> Order<R> {
             disorder,
         } = self.told;
         for few in [&clashes, &disorder] {
-            if let Some(first) = few.first.clone()
-                && too_many(few, most_left_out, count)
+            if too_many(few, most_left_out, count)
+                && let Some(refusal) = few.clone().refusal()
             {
-                return Err(first);
+                return Err(refusal);
             }
         }
         warnings.extend(rollovers.warning("its period was added"));

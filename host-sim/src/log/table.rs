@@ -54,15 +54,25 @@ impl Few {
 
     /// The first of them as a warning that says what was done to all.
     pub(super) fn warning(self, done: &str) -> Option<LogError> {
-        let first = self.first?;
-        let cause = match self.count {
-            1 => format!("{}; {done}", first.cause),
-            count => format!("{}; {count} like it: {done}", first.cause),
-        };
-        Some(LogError {
-            cause: cause.into(),
-            ..first
+        let count = self.count;
+        self.because(&match count {
+            1 => done.to_owned(),
+            count => format!("{count} like it: {done}"),
         })
+    }
+
+    /// The first of them as an error.
+    pub(super) fn refusal(self) -> Option<LogError> {
+        match self.count {
+            1 => self.first,
+            count => self.because(&format!("{count} like it: too many to leave out")),
+        }
+    }
+
+    fn because(self, more: &str) -> Option<LogError> {
+        let first = self.first?;
+        let cause = format!("{}; {more}", first.cause).into();
+        Some(LogError { cause, ..first })
     }
 }
 
