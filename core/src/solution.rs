@@ -26,7 +26,7 @@ pub enum Phase {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Solution {
-    /// Stamp of the inertial sample that this solution belongs to.
+    /// What it holds for: the stamp of the last inertial sample, with increments less its jitter.
     pub time: Time,
     /// Position on the ellipsoid.
     pub position: Geodetic,
