@@ -54,11 +54,11 @@ impl Few {
 
     /// The first of them as a warning that says what was done to all.
     pub(super) fn warning(self, done: &str) -> Option<LogError> {
-        let count = self.count;
-        self.because(&match count {
+        let more = match self.count {
             1 => done.to_owned(),
             count => format!("{count} like it: {done}"),
-        })
+        };
+        self.because(&more)
     }
 
     /// The first of them as an error.

@@ -42,7 +42,7 @@ impl Imu {
         }
     }
 
-    /// What the readings are beyond the truth now.
+    /// Those of now.
     pub fn biases(&self) -> Biases {
         [self.gyros.bias(), self.accels.bias()]
     }
