@@ -173,6 +173,11 @@ impl Channel {
         self.p.m11 += variance;
     }
 
+    /// To the correlated noise of positions comes this variance.
+    pub fn add_position_noise(&mut self, variance: f64) {
+        self.p.m55 += variance;
+    }
+
     /// The correlated noise of positions is another one now, of this variance.
     pub fn renew_position_noise(&mut self, variance: f64) {
         self.p.column_mut(POSITION_NOISE).fill(0.0);

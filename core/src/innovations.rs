@@ -190,9 +190,10 @@ impl Innovations {
     }
 }
 
-/// How many times noisier than described a fix of this stated variance is, in variance.
-pub fn against_described(variance: f64, noise: &Noise, range: [f64; 2]) -> f64 {
-    math::variance_within(variance / noise.variance(), range)
+/// How many times noisier than described a fix of this stated variance is, in variance: less only down to
+/// the `least` in standard deviation, more as it says. Who says that he does not know is to be believed.
+pub fn against_described(variance: f64, noise: &Noise, least: f64) -> f64 {
+    math::max(variance / noise.variance(), least * least)
 }
 
 /// How often in a row the INS was doubted.

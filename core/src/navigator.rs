@@ -45,8 +45,8 @@ const LEAST_HEADING_SIGMA_RAD: f64 = 1e-5;
 /// Least time between two fixes that are alike, s: each takes a piece of work, of which there are a hundred
 /// a second, and the estimators want theirs.
 const LEAST_ALIKE_S: f64 = 0.015;
-/// More than any receiver states of a fix it gives, m or m/s: 2^32 mm is the largest number of some.
-const COARSEST: f64 = 1e7;
+/// More than any barometer errs by, m.
+const COARSEST_M: f64 = 1e5;
 
 /// Spread of a solution that is the last fix, m, m/s and rad of tilt, which pulls it away since then.
 const STOPGAP_M: f64 = 20.0;
@@ -719,7 +719,7 @@ impl<const RING: usize> State<RING> {
             return Err(GnssOutcome::NotFinite);
         }
         let possible = height.height_m > LOWEST_M && height.height_m < HIGHEST_M;
-        if !possible || height.sigma_m <= 0.0 || height.sigma_m >= COARSEST {
+        if !possible || height.sigma_m <= 0.0 || height.sigma_m >= COARSEST_M {
             return Err(GnssOutcome::OutOfRange);
         }
         near(height.time, *now)?;
@@ -840,10 +840,6 @@ fn check(fix: &GnssFix) -> Result<(), GnssOutcome> {
         && math::abs(place.y) <= core::f64::consts::TAU
         && place.z > LOWEST_M
         && place.z < HIGHEST_M
-        && velocity.norm_squared() < FASTEST_MPS * FASTEST_MPS
-        && sigmas
-            .iter()
-            .flatten()
-            .all(|sigma| math::abs(*sigma) < COARSEST);
+        && velocity.norm_squared() < FASTEST_MPS * FASTEST_MPS;
     possible.then_some(()).ok_or(GnssOutcome::OutOfRange)
 }

@@ -43,7 +43,8 @@ pub struct ImuSample {
     pub accel: Vector3<f64>,
 }
 
-/// One-sigma noise of a fix's parts as the receiver states it; none, or not positive, where it does not.
+/// One-sigma noise of a fix's parts as the receiver states it; none, or not positive, where it does not. A
+/// place known to no better than 100 km, or a velocity to 100 m/s, is as one that is missing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -107,6 +108,10 @@ pub struct BaroHeight {
     pub sigma_m: f64,
 }
 
+/// Sigmas from which a part is none, m and m/s: without a fix receivers write the largest number they have.
+const ANYWHERE_M: f64 = 1e5;
+const ANY_MPS: f64 = 100.0;
+
 /// Speed above which GNSS says that the vehicle moves, m/s, and sigmas of its noise on top.
 const MOTION_MPS: f64 = 0.2;
 const MOTION_SIGMAS: f64 = 4.0;
@@ -142,9 +147,18 @@ impl GnssFix {
         }
     }
 
-    /// Without what is written where there is nothing: a row of zeros.
+    /// Without what is written where there is nothing: what is stated to be anywhere, and a row of zeros.
     #[must_use]
-    pub(crate) fn without_placeholders(self) -> Self {
+    pub(crate) fn without_placeholders(mut self) -> Self {
+        let sigma = &mut self.sigma;
+        known(&mut self.position, &mut sigma.position_m, ANYWHERE_M);
+        known(&mut self.height_m, &mut sigma.height_m, ANYWHERE_M);
+        known(&mut self.velocity_en_mps, &mut sigma.velocity_mps, ANY_MPS);
+        known(
+            &mut self.velocity_up_mps,
+            &mut sigma.velocity_up_mps,
+            ANY_MPS,
+        );
         let zeros = Self {
             time: self.time,
             position: self.position.map(|_| LatLon::default()),
@@ -178,5 +192,12 @@ impl GnssFix {
         let velocity = self.velocity_en_mps.unwrap_or_default();
         let least = MOTION_MPS + MOTION_SIGMAS * sigma_mps;
         velocity.norm_squared() > least * least
+    }
+}
+
+/// Takes out a part that may be anything.
+fn known<T>(part: &mut Option<T>, sigma: &mut Option<f64>, anything: f64) {
+    if sigma.is_some_and(|sigma| sigma >= anything) {
+        (*part, *sigma) = (None, None);
     }
 }

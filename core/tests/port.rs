@@ -418,6 +418,57 @@ fn a_sigma_of_minus_one_states_nothing() {
     assert_ne!(drive(Some(1.0)), silent);
 }
 
+/// As after a cold start: far off, as the receiver says, until it has a fix.
+#[test]
+fn positions_that_say_they_are_far_off_are_believed_as_far() {
+    for (off_m, sigma_m) in [(1e3, 1e3), (2e4, 1e4), (6.4e6, 4.3e6)] {
+        let mut config = Config::mems();
+        config.heading = HeadingSource::Given(0.4);
+        let mut car = Car::new(|_| (0.0, 0.0, 0.0));
+        car.navigator = Navigator::new(config).unwrap();
+        let cold = |mut fix: GnssFix| {
+            if let Some(position) = fix.position.as_mut() {
+                position.longitude_rad += off_m / 6.378e6;
+            }
+            fix.sigma.position_m = Some(sigma_m);
+            Some(fix)
+        };
+        car.until(30.0, true, cold);
+        if sigma_m < 1e5 {
+            let stated_m = car.navigator.sigma().unwrap().position_m.x;
+            assert!(stated_m > 0.4 * sigma_m, "{stated_m} m, stated {sigma_m} m");
+        }
+        car.until(40.0, true, Some);
+        let (off_m, sigma) = (car.off_m(), car.navigator.sigma().unwrap());
+        assert!(off_m.norm() < 10.0, "{off_m} m, stated {sigma:?}");
+    }
+}
+
+/// What receivers write where they have no fix: the largest number of millimetres.
+#[test]
+fn a_part_that_may_be_anything_is_missing() {
+    let nothing = Some(4_294_967.0);
+    let mut car = Car::new(bends);
+    car.until(50.0, true, Some);
+    let mut other = car.navigator.clone();
+    let mut fix = car.fix();
+    fix.sigma.position_m = nothing;
+    let without = GnssFix {
+        position: None,
+        sigma: FixSigma::default(),
+        ..fix
+    };
+    assert_eq!(car.navigator.on_gnss(&fix), other.on_gnss(&without));
+    assert_eq!(car.navigator, other);
+    fix.sigma = FixSigma {
+        position_m: nothing,
+        height_m: nothing,
+        velocity_mps: nothing,
+        velocity_up_mps: nothing,
+    };
+    assert_eq!(car.navigator.on_gnss(&fix), GnssOutcome::Empty);
+}
+
 /// What is given meanwhile has gone on over a hole that is too long to bridge.
 #[test]
 fn a_hole_is_gone_through_at_the_speed_before_it() {

@@ -25,7 +25,7 @@ use self::rest::{RestBlock, RestDetector, Verdict};
 use self::sightings::Sightings;
 use crate::attitude::{euler, matrix, turned};
 use crate::calibration::RUN_S;
-use crate::config::{Config, HeadingSource};
+use crate::config::{Config, GnssConfig, HeadingSource, Noise};
 use crate::earth::{GRAVITY_EQUATOR_MPS2, Geodetic, LocalEarth};
 use crate::increments::Interval;
 use crate::math;
@@ -308,12 +308,17 @@ impl Alignment {
         }
         self.place = fix.place_or(&self.place);
         let [position, height] = &mut self.untold;
+        let GnssConfig {
+            position_m,
+            height_m,
+            ..
+        } = &config.gnss;
         if fix.position.is_some() {
             self.placed = Some(fix.time);
-            *position = 0.0;
+            *position = beyond(fix.sigma.position_m, position_m);
         }
         if fix.height_m.is_some() {
-            *height = 0.0;
+            *height = beyond(fix.sigma.height_m, height_m);
         }
         if fix.is_moving(config.gnss.velocity_mps.white) {
             self.detector.on_motion();
@@ -776,6 +781,12 @@ impl Alignment {
             position_variance,
         });
     }
+}
+
+/// By how much what a fix states is worse than its receiver usually is, in variance.
+fn beyond(stated: Option<f64>, usual: &Noise) -> f64 {
+    let stated = stated.unwrap_or(0.0);
+    math::max(stated * stated - usual.variance(), 0.0)
 }
 
 /// The level to begin from with an attitude of before.

@@ -90,31 +90,15 @@ impl Observer {
     ) -> Credit {
         let gnss = &config.gnss;
         let described = kind.noise(config);
-        let number = kind as usize;
+        let learnt = self.noisier(kind, difference.stated_variance, config);
         let channel = if kind.is_up() {
             &mut self.vertical
         } else {
             &mut self.level
         };
-        let (Some(innovations), Some(colour)) = (
-            self.innovations.get_mut(number),
-            self.colours.get_mut(number),
-        ) else {
+        let Some(innovations) = self.innovations.get_mut(kind as usize) else {
             return Credit::Refused;
         };
-        // Of positions nothing else tells what lasts for longer than some minutes; of velocities
-        // the innovations tell all.
-        let absolute = gnss.trust_stated_sigma || kind.measured() == Measured::Position;
-        let relative = match difference.stated_variance {
-            Some(variance) if absolute => against_described(variance, described, gnss.noise_range),
-            Some(variance) => innovations.against_average(variance),
-            None => 1.0,
-        };
-        let learnt = relative * innovations.scale;
-        colour.scale(match kind.measured() {
-            Measured::Velocity => learnt,
-            Measured::Position => math::max(learnt, relative),
-        });
         let noise = described.white * described.white * learnt / difference.fixes;
         let white = noise + bent;
         let predicted = channel.predicted(kind.measured());
@@ -190,6 +174,51 @@ impl Observer {
             process.look(left, config.sensors.noise_range);
         }
         credit
+    }
+
+    /// How many times noisier than described a comparison of a kind is, in variance, by what its fix states
+    /// and what was learnt; so is its correlated noise from now on.
+    #[inline(never)]
+    fn noisier(&mut self, kind: Kind, stated: Option<f64>, config: &Config) -> f64 {
+        let gnss = &config.gnss;
+        let described = kind.noise(config);
+        let number = kind as usize;
+        let (Some(innovations), Some(colour)) = (
+            self.innovations.get_mut(number),
+            self.colours.get_mut(number),
+        ) else {
+            return 1.0;
+        };
+        // Of positions nothing else tells what lasts for longer than some minutes; of velocities
+        // the innovations tell all.
+        let is_position = kind.measured() == Measured::Position;
+        let relative = match stated {
+            Some(variance) if gnss.trust_stated_sigma || is_position => {
+                against_described(variance, described, gnss.noise_range[0])
+            }
+            Some(variance) => innovations.against_average(variance),
+            None => 1.0,
+        };
+        let learnt = relative * innovations.scale;
+        if !is_position {
+            colour.scale(learnt);
+            return learnt;
+        }
+        let before = colour.strength;
+        colour.scale(math::max(learnt, relative));
+        // A receiver that says it is worse than any is expected to be is so at once.
+        if stated.is_some() {
+            let [_, most] = gnss.noise_range;
+            let before = math::max(before, most * most);
+            let worse = math::max(colour.strength - before, 0.0);
+            let channel = if kind.is_up() {
+                &mut self.vertical
+            } else {
+                &mut self.level
+            };
+            channel.add_position_noise(described.correlated * described.correlated * worse);
+        }
+        learnt
     }
 
     /// Learns how strong the correlated noise of a kind is: of heights from an innovation of so many
