@@ -35,9 +35,8 @@ pub enum Credit {
     Taken(f64),
     /// Not credible.
     Refused,
-    /// Not credible, like all before it for so long that it is the INS which is wrong, by this
-    /// variance.
-    Lost(f64),
+    /// Not credible, like all before it for so long that it is the INS which is wrong, by this.
+    Lost(Vector2<f64>),
 }
 
 /// Fixes refused of which most agree with each other: since when, by how many more, and the last, with
@@ -132,7 +131,7 @@ impl Innovations {
             return Credit::Refused;
         }
         self.astray = None;
-        Credit::Lost(power / components)
+        Credit::Lost(*innovation)
     }
 
     /// How many times noisier than others a fix of this stated variance is, in variance. The scale of

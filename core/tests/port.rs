@@ -444,6 +444,36 @@ fn positions_that_say_they_are_far_off_are_believed_as_far() {
     }
 }
 
+/// As of a memory that remembers another town, and does not say so.
+#[test]
+fn an_ins_that_was_put_elsewhere_is_put_right() {
+    for off_m in [1e3, 1e4, 1e5] {
+        let mut config = Config::mems();
+        config.heading = HeadingSource::Given(0.4);
+        let mut car = Car::new(|t| bends(t - 60.0));
+        car.navigator = Navigator::new(config).unwrap();
+        let elsewhere = |mut fix: GnssFix| {
+            if let Some(position) = fix.position.as_mut() {
+                position.longitude_rad += off_m / 6.378e6;
+            }
+            Some(fix)
+        };
+        car.until(30.0, true, elsewhere);
+        assert!(car.off_m().norm() > 0.9 * off_m);
+        // Two a second count: after three they are in dispute, after fifteen seconds believed.
+        car.until(33.0, true, Some);
+        while car.time_s() < 150.0 {
+            car.until(car.time_s() + 0.5, true, Some);
+            let (off_m, sigma) = (car.off_m(), car.navigator.sigma().unwrap().position_m);
+            let sure = off_m.norm() > 5.0 * sigma.norm();
+            assert!(!sure, "at {} s {off_m} m, stated {sigma} m", car.time_s());
+            if car.time_s() > 60.0 {
+                assert!(off_m.norm() < 30.0, "at {} s {off_m} m", car.time_s());
+            }
+        }
+    }
+}
+
 /// What receivers write where they have no fix: the largest number of millimetres.
 #[test]
 fn a_part_that_may_be_anything_is_missing() {

@@ -1,10 +1,10 @@
 //! What was not seen, and an INS that is found to be wrong.
 
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
 use super::followed::Followed;
 use super::{Observer, estimated};
-use crate::channel::Channel;
+use crate::channel::{Channel, Gains};
 use crate::config::Config;
 use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::history::SPACING_S;
@@ -213,14 +213,16 @@ impl Observer {
             && self.level.tilt().is_finite()
     }
 
-    /// Fixes of a kind were refused for so long that it is the INS which is wrong, by this variance.
-    pub(super) fn on_lost_by(&mut self, kind: Kind, variance: f64, config: &Config) {
+    /// Fixes of a kind were refused for so long that it is the INS which is wrong, by this in each axis.
+    pub(super) fn on_lost_by(&mut self, kind: Kind, error: &Vector2<f64>, config: &Config) {
+        let components = if kind.is_up() { 1.0 } else { 2.0 };
+        let variance = error.norm_squared() / components;
         match kind {
             Kind::Position if self.goes_on(Kind::Velocity) => {
-                self.on_position_jump(kind, variance, config);
+                self.on_position_jump(kind, error, variance, config);
             }
             Kind::Height if self.goes_on(Kind::Climb) => {
-                self.on_position_jump(kind, variance, config);
+                self.on_position_jump(kind, error, variance, config);
             }
             // Nothing else says how fast it is.
             Kind::Position => self.on_lost(variance / (ASTRAY_S * ASTRAY_S), config),
@@ -233,21 +235,33 @@ impl Observer {
         }
     }
 
-    /// Positions lie elsewhere by this variance while velocities go on: the receiver sees other satellites,
-    /// or the INS lay off all the time. Which of the two, the next minutes tell.
-    fn on_position_jump(&mut self, kind: Kind, variance: f64, config: &Config) {
-        let (channel, components) = if kind.is_up() {
-            (&mut self.vertical, 1.0)
+    /// Positions lie elsewhere while velocities go on: the receiver sees other satellites, or the INS lay off
+    /// all the time. Which of the two, the next minutes tell; by more than a receiver may err by it is the INS,
+    /// which is then put there.
+    fn on_position_jump(
+        &mut self,
+        kind: Kind,
+        error: &Vector2<f64>,
+        variance: f64,
+        config: &Config,
+    ) {
+        let (noise, range) = (kind.noise(config), config.gnss.noise_range);
+        let [_, most] = range;
+        let doubtful = math::min(variance, most * most * noise.variance());
+        let put = Gains::from([f64::from(doubtful < variance), 0.0, 0.0, 0.0, 0.0]);
+        let (channel, components, kept) = if kind.is_up() {
+            self.followed.correct(&put, &[error.x]);
+            (&mut self.vertical, 1.0, [1.0, 0.0])
         } else {
-            (&mut self.level, 2.0)
+            self.followed.correct(&put, &[error.x, error.y]);
+            (&mut self.level, 2.0, [0.0, 1.0])
         };
-        channel.renew_position_noise(variance);
-        channel.doubt_position(variance);
+        channel.renew_position_noise(doubtful);
+        channel.doubt_position(doubtful);
         if let Some(colour) = self.colours.get_mut(kind as usize) {
-            let range = config.gnss.noise_range;
-            colour.learn_of_jump(variance, components, kind.noise(config), range);
+            colour.learn_of_jump(variance, components, noise, range);
         }
-        let [level, up] = if kind.is_up() { [1.0, 0.0] } else { [0.0, 1.0] };
+        let [level, up] = kept;
         self.renew_noise([1.0, level], [1.0, up]);
     }
 

@@ -40,8 +40,8 @@ impl Observer {
         match self.learn(past, kind, difference, config) {
             Credit::Taken(_) => true,
             Credit::Refused => false,
-            Credit::Lost(variance) => {
-                self.on_lost_by(kind, variance, config);
+            Credit::Lost(error) => {
+                self.on_lost_by(kind, &error, config);
                 false
             }
         }

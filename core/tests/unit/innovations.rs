@@ -65,11 +65,10 @@ fn fixes_that_agree_for_a_quarter_of_a_minute_show_that_the_ins_is_wrong() {
             assert!(at_s < 30.0);
         };
         assert!((at_s - 15.0).abs() <= interval_s, "{at_s}");
-        let Credit::Lost(variance) = lost else {
+        let Credit::Lost(error) = lost else {
             panic!("{lost:?}")
         };
-        // Of each component.
-        assert!((variance / 12.5 - 1.0).abs() < 0.1, "{variance}");
+        assert!((error - WRONG).norm() < 0.1 * WRONG.norm(), "{error}");
         // The next burst begins anew.
         assert_eq!(judge(&mut innovations, at_s + 0.1, WRONG), Credit::Refused);
     }
