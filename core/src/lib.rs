@@ -121,6 +121,8 @@ pub use config::{Config, ConfigError};
 pub use estimate::{Estimate, Estimates, Observability};
 pub use health::{FixCounts, FixReport, Health, SampleCounts};
 pub use manoeuvre::Manoeuvre;
+/// The version whose vectors and quaternions the interface takes and gives.
+pub use nalgebra;
 pub use navigator::{Navigator, RING_MOMENTS};
 pub use outcome::{GnssOutcome, ImuOutcome};
 pub use samples::{BaroHeight, FixSigma, GnssFix, Heading, ImuOutput, ImuSample};
