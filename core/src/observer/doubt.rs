@@ -31,6 +31,8 @@ const VERTICAL_DOUBT_S: f64 = 5.0;
 const SOUND_SIGMAS: f64 = 30.0;
 const LATE_S: f64 = 0.1;
 const SOUND_TILT_RAD: f64 = 1.0;
+/// More than a way over reflections makes a receiver err by, m.
+const REFLECTED_M: f64 = 1e3;
 /// Rate and acceleration of an ordinary manoeuvre, which a hole of a second may hide, rad/s and m/s^2:
 /// a shorter one hides as much less, and a longer one no more.
 const HIDDEN_RADPS: f64 = 0.1;
@@ -236,8 +238,8 @@ impl Observer {
     }
 
     /// Positions lie elsewhere while velocities go on: the receiver sees other satellites, or the INS lay off
-    /// all the time. Which of the two, the next minutes tell; by more than a receiver may err by it is the INS,
-    /// which is then put there.
+    /// all the time. Which of the two, the next minutes tell; by more than reflections make a receiver err it is
+    /// the INS, which is then put there.
     fn on_position_jump(
         &mut self,
         kind: Kind,
@@ -246,9 +248,14 @@ impl Observer {
         config: &Config,
     ) {
         let (noise, range) = (kind.noise(config), config.gnss.noise_range);
+        let far = error.norm_squared() > REFLECTED_M * REFLECTED_M;
         let [_, most] = range;
-        let doubtful = math::min(variance, most * most * noise.variance());
-        let put = Gains::from([f64::from(doubtful < variance), 0.0, 0.0, 0.0, 0.0]);
+        let doubtful = if far {
+            most * most * noise.variance()
+        } else {
+            variance
+        };
+        let put = Gains::from([f64::from(far), 0.0, 0.0, 0.0, 0.0]);
         let (channel, components, kept) = if kind.is_up() {
             self.followed.correct(&put, &[error.x]);
             (&mut self.vertical, 1.0, [1.0, 0.0])
