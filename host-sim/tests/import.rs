@@ -1325,6 +1325,33 @@ fn an_unknown_file_is_named_with_what_is_known() {
     assert!(cause(&both).contains("give it alone"));
 }
 
+#[test]
+fn values_that_are_no_numbers_are_left_out_and_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut drive = drive();
+    drive.imu[800].gyro.z = f64::NAN;
+    drive.gnss[70].up_mps = f64::INFINITY;
+    // In fixes the others have it for what is not known.
+    let all = [
+        (dataflash_of(&drive, &[1.0]), 2),
+        (ulog(&drive), 1),
+        (ros_bag(&drive), 1),
+    ];
+    for (bytes, lost) in all {
+        let (log, warnings) = open(&file(folder.path(), "flight", bytes)).unwrap();
+        assert_eq!(log.imu.all().len(), drive.imu.len() - 1);
+        assert_eq!(warnings.len(), lost, "{warnings:?}");
+        assert!(warnings.iter().all(|w| w.cause.contains("lost value")));
+    }
+    drive
+        .imu
+        .iter_mut()
+        .step_by(15)
+        .for_each(|s| s.accel.x = f64::NAN);
+    let error = open(&file(folder.path(), "flight", ulog(&drive))).unwrap_err();
+    assert!(error.cause.contains("201 like it: too many"), "{error:?}");
+}
+
 /// Damage anywhere must be survived: an error or a log, and no panic.
 #[test]
 fn damaged_recordings_are_survived() {

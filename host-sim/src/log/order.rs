@@ -8,7 +8,7 @@ use ins_core::{ImuSample, Time};
 use super::Log;
 use super::error::LogError;
 use super::samples::Store;
-use super::table::{Few, Row, Table};
+use super::table::{Few, NOT_FINITE, Row, Table};
 
 /// Largest share of rows that may be unusable: a slip of the logger is rare, more is a format that
 /// is not understood.
@@ -77,16 +77,22 @@ pub(super) fn rows<R: Rows>(
     order.settled(count, most_left_out, warnings)
 }
 
-/// The same of rows that are in memory.
+/// The same of rows that are in memory, whose numbers nobody has looked at.
 pub(super) fn in_order<T: Copy + PartialEq>(
     all: Vec<T>,
     path: &Path,
     time: fn(&T) -> Time,
     at: fn(T, Time) -> T,
+    finite: fn(&T) -> bool,
     warnings: &mut Vec<LogError>,
 ) -> Result<Vec<T>, LogError> {
     let mut order = Order::<Vec<T>>::new(time);
+    let (count, mut unusable) = (all.len(), Few::default());
     for row in all {
+        if !finite(&row) {
+            unusable.add(not_finite(path, time(&row)));
+            continue;
+        }
         let defect = |last, time| {
             let [expected, found] = expected_and_found(last, time);
             LogError::file(path, expected, found, cause(last, time))
@@ -95,8 +101,18 @@ pub(super) fn in_order<T: Copy + PartialEq>(
         let kept = order.take(at(row, stamp), defect);
         kept.map_err(|e| LogError::no_room(&e))?;
     }
-    let count = order.count;
+    if too_many(&unusable, MOST_LEFT_OUT, count)
+        && let Some(refusal) = unusable.clone().refusal()
+    {
+        return Err(refusal);
+    }
+    warnings.extend(unusable.warning("left out"));
     order.settled(count, MOST_LEFT_OUT, warnings)
+}
+
+fn not_finite(path: &Path, time: Time) -> LogError {
+    let found = format!("NaN or infinity at {} s", decimal(time));
+    LogError::file(path, "finite numbers", found, NOT_FINITE)
 }
 
 /// Whether so many of all rows are no slip. One is, even in a short file: the last line, usually.

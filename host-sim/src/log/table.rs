@@ -16,6 +16,7 @@ const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 
 /// The column that every table has.
 const TIME: &str = "t_s";
+pub(super) const NOT_FINITE: &str = "a lost value or a division by zero in the logger";
 const NAME_THEM: &str = "name the columns in meta.toml, [columns]";
 /// What a line that is none of the table begins with; the other tells a spreadsheet what parts cells.
 const REMARK: char = '#';
@@ -364,8 +365,7 @@ impl Row<'_> {
 
     fn not_finite(&self, column: usize) -> LogError {
         let quoted = format!("\"{}\"", shortened(self.cell(column)));
-        let cause = "a lost value or a division by zero in the logger";
-        self.defect(column, "a finite number", &quoted, cause)
+        self.defect(column, "a finite number", &quoted, NOT_FINITE)
     }
 
     pub(super) fn cell(&self, column: usize) -> &str {

@@ -121,8 +121,7 @@ impl Recording {
     /// A barometer's; the first is used.
     pub(super) fn add_baro(&mut self, heights: impl Iterator<Item = (Time, f64)>) {
         if self.baro.is_empty() {
-            let finite = heights.filter(|(_, height_m)| height_m.is_finite());
-            self.baro.extend(finite.map(|(time, height_m)| BaroHeight {
+            self.baro.extend(heights.map(|(time, height_m)| BaroHeight {
                 time,
                 height_m,
                 sigma_m: log::barometer::SIGMA_M,
@@ -154,8 +153,16 @@ impl Recording {
         let from = (self.receivers.first()).map_or(path, |receiver| &receiver.path);
         let gnss = chosen("gnss", listed, choice.gnss, from, &mut warnings)?;
         let (imu, gnss) = (self.imus.swap_remove(imu), self.receivers.swap_remove(gnss));
+        let samples = in_order(
+            imu.samples,
+            &imu.path,
+            |s| s.time,
+            |s, time| ImuSample { time, ..s },
+            |s| s.gyro.iter().chain(&s.accel).all(|x| x.is_finite()),
+            &mut warnings,
+        )?;
         let told = warnings.len();
-        let samples = turned_upright(imu.samples, &imu.path, &mut warnings);
+        let samples = turned_upright(samples, &imu.path, &mut warnings);
         let turned = warnings.len() > told;
         let plain = || Meta::new(imu.axes, imu.output);
         let mut meta = self.about.unwrap_or_else(plain);
@@ -177,19 +184,13 @@ impl Recording {
         let warned = &mut warnings;
         let mut log = Log {
             meta,
-            imu: in_order(
-                samples,
-                &imu.path,
-                |s| s.time,
-                |s, time| ImuSample { time, ..s },
-                warned,
-            )?
-            .into(),
+            imu: samples.into(),
             gnss: in_order(
                 gnss.fixes,
                 &gnss.path,
                 |f| f.time,
                 |f, time| GnssFix { time, ..f },
+                is_finite,
                 warned,
             )?,
             baro: in_order(
@@ -197,6 +198,7 @@ impl Recording {
                 path,
                 |h| h.time,
                 |h, time| BaroHeight { time, ..h },
+                |h| h.height_m.is_finite(),
                 warned,
             )?,
             truth: self.truth,
@@ -374,6 +376,13 @@ fn and(one: &GnssFix, other: &GnssFix) -> GnssFix {
             velocity_up_mps: a.velocity_up_mps.or(b.velocity_up_mps),
         },
     }
+}
+
+/// Positions and sigmas are from where they are read.
+fn is_finite(fix: &GnssFix) -> bool {
+    let velocity = fix.velocity_en_mps.iter().flatten();
+    let others = fix.height_m.iter().chain(&fix.velocity_up_mps);
+    velocity.chain(others).all(|x| x.is_finite())
 }
 
 pub(super) fn east_north((east, north): (f64, f64)) -> Vector2<f64> {

@@ -123,8 +123,7 @@ fn imu(message: &mut Cursor) -> Option<ImuSample> {
     let gyro = message.vector()?;
     message.f64s::<9>()?;
     let accel = message.vector()?;
-    let finite = gyro.iter().chain(&accel).all(|x| x.is_finite());
-    finite.then(|| BodyAxes::Flu.sample(time, gyro, accel))
+    Some(BodyAxes::Flu.sample(time, gyro, accel))
 }
 
 fn position(message: &mut Cursor) -> Option<GnssFix> {
