@@ -165,6 +165,8 @@ fn whatever_a_program_does_is_a_row_with_its_cause() {
     assert!(position_rms(&tested[0])[0] < 20.0, "{}", tested[0]);
     assert!(tested[1]["failures"].as_array().unwrap().is_empty());
     assert!(tested[1]["rows"].as_array().unwrap().is_empty());
+    let overview = fs::read_to_string(home.join("out/overview.md")).unwrap();
+    assert!(overview.contains("| none | 0 of 1 |"), "{overview}");
     for ((with, fault, cause), tested) in cases.iter().zip(&tested[2..]) {
         let failures = tested["failures"].as_array().unwrap();
         assert_eq!(failures.len(), 1, "{with}: {tested}");

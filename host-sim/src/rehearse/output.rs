@@ -118,7 +118,7 @@ fn plural(count: usize) -> &'static str {
 }
 
 fn overview(summary: &Summary) -> Table {
-    let free_s = (summary.free_s >= 1.0).then(|| summary.free_s.round());
+    let free_s = summary.last_s();
     let mut header = heads("RMS | flights | with GNSS: position, m | heading, deg");
     if free_s.is_some() {
         header.extend(heads(
@@ -134,7 +134,7 @@ fn overview(summary: &Summary) -> Table {
         let rms = |row: &Row| row.figure.rms;
         let mut row = vec![
             name(tested),
-            format!("{} of {}", tested.flights, summary.flights),
+            format!("{} of {}", summary.solved(tested), summary.flights),
             value(POSITION, None, rms),
             value(HEADING, None, rms),
         ];
@@ -206,9 +206,10 @@ fn outcomes(summary: &Summary) -> Option<Table> {
             let fault = failed.fault.in_words();
             row(&name, fault, failed.flights, &first, &failed.cause)
         }));
-        if tested.has_no_solution() {
-            let never = "never had a solution where one is looked at";
-            rows.push(row(&name, "no solution", tested.flights, "", never));
+        let without = tested.flights - summary.solved(tested);
+        if without > 0 {
+            let never = "had none where errors are looked at last";
+            rows.push(row(&name, "no solution", without, "", never));
         }
         for models in tested.models.iter().filter(|models| models.without > 0) {
             let cause = format!(

@@ -268,6 +268,17 @@ impl Summary {
             assumed: rehearsal.found.assumed(),
         }
     }
+
+    /// When errors are looked at last: so long after GNSS went, if it does.
+    pub fn last_s(&self) -> Option<f64> {
+        (self.free_s >= 1.0).then(|| self.free_s.round())
+    }
+
+    /// Flights that have a solution there.
+    pub fn solved(&self, tested: &Tested) -> usize {
+        let last = tested.row(POSITION, self.last_s());
+        last.map_or(0, |row| row.flights)
+    }
 }
 
 impl Tested {
@@ -327,11 +338,6 @@ impl Tested {
             moments: over_time(flights, &good),
             took_s: 1e-3 * took_ms as f64 / good.len() as f64,
         }
-    }
-
-    /// Whether it flew, but never had a solution where one is wanted.
-    pub fn has_no_solution(&self) -> bool {
-        self.flights > 0 && self.rows.is_empty()
     }
 
     pub fn row(&self, quantity: usize, without_gnss_s: Option<f64>) -> Option<&Row> {
