@@ -37,11 +37,14 @@ fn a_model_of_several_logs_drives_again() {
     let told = String::from_utf8(found.stdout).unwrap();
     let verdicts = ["seed 1", "seed 2"].map(|seed| format!("simulated drive, {seed}: Verdict: "));
     assert!(verdicts.iter().all(|one| told.contains(one)), "{told}");
-    let model = home.join("found/error-model.toml");
-    assert!(model.is_file() && home.join("found/report.html").is_file());
+    let page = fs::read_to_string(home.join("found/report.html")).unwrap();
+    assert!(verdicts.iter().all(|one| page.contains(one)));
+    assert!(home.join("found/error-model.toml").is_file());
     let folders = fs::read_dir(home.join("found")).unwrap();
     let reports = folders.map(|entry| entry.unwrap().path()).filter(|path| {
-        path.join("report.html").is_file() && path.join("error-model.toml").is_file()
+        let report = fs::read_to_string(path.join("report.html"));
+        report.is_ok_and(|page| page.contains("<li>Verdict: "))
+            && path.join("error-model.toml").is_file()
     });
     assert_eq!(reports.count(), 2);
     // What was found is taken as it stands; what is no model is not.

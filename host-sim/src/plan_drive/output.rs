@@ -147,12 +147,10 @@ impl<'a> Report<'a> {
         });
         let before =
             (self.log.as_ref()).map_or(String::new(), |log| format!("after {log} \u{b7} "));
-        let verdict = self.verdict.iter();
-        let verdict = verdict.map(|line| line.trim_start_matches("- ").to_owned());
         Page {
             title: "A drive that shows what is wanted".to_owned(),
             facts: format!("{before}host-sim {}", self.version),
-            verdicts: verdict.chain(outcome).collect(),
+            verdicts: self.verdict.iter().cloned().chain(outcome).collect(),
             tables: (to_drive.into_iter())
                 .chain(self.tables(usize::MAX))
                 .collect(),

@@ -311,9 +311,7 @@ fn page_of(summary: &Summary) -> Page {
             summary.drives.join(", "),
             env!("CARGO_PKG_VERSION")
         ),
-        verdicts: (verdicts(summary).iter())
-            .map(|line| line.trim_start_matches("- ").to_owned())
-            .collect(),
+        verdicts: verdicts(summary),
         tables: tables(summary),
         sections: vec![Section {
             title: "Errors over time",

@@ -82,7 +82,7 @@ fn page(analysis: &Analysis, sensors: Option<&Sensors>) -> Page {
             summary.gnss.accepted,
             summary.version
         ),
-        verdicts: results::verdicts(analysis),
+        verdicts: [summary.verdict.lines(), summary.warnings.clone()].concat(),
         tables: results::tables(analysis, sensors),
         sections: charts::sections(analysis, sensors),
     }

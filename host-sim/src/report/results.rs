@@ -32,13 +32,6 @@ pub(super) fn tables(analysis: &Analysis, sensors: Option<&Sensors>) -> Vec<Tabl
     tables
 }
 
-/// What speaks against the estimates or the log.
-pub(super) fn verdicts(analysis: &Analysis) -> Vec<String> {
-    let summary = &analysis.summary;
-    let against = summary.verdict.against.iter();
-    against.chain(&summary.warnings).cloned().collect()
-}
-
 fn results(analysis: &Analysis) -> Table {
     let (summary, axes) = (&analysis.summary, analysis.summary.body_axes);
     let truths = analysis

@@ -19,11 +19,10 @@ pub(crate) fn page(logs: &[Summary], sensors: &Sensors) -> Page {
     let shared: Vec<Shared> = shared(logs);
     let names: Vec<&str> = logs.iter().map(|log| log.log.as_str()).collect();
     let named = |summary: &Summary| {
-        let about = summary.log.clone();
-        let warnings = summary.verdict.against.iter().chain(&summary.warnings);
-        warnings
-            .map(move |warning| format!("{about}: {warning}"))
-            .collect::<Vec<String>>()
+        let warnings = summary.warnings.iter();
+        let warnings = warnings.map(|warning| format!("{}: {warning}", summary.log));
+        let verdict = summary.verdict.lines_of(&summary.log);
+        verdict.into_iter().chain(warnings).collect::<Vec<String>>()
     };
     let differ = (shared.iter())
         .filter(|one| one.agreement() == Agreement::Differ)
