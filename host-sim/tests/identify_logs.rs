@@ -43,7 +43,7 @@ fn a_model_of_several_logs_drives_again() {
     let folders = fs::read_dir(home.join("found")).unwrap();
     let reports = folders.map(|entry| entry.unwrap().path()).filter(|path| {
         let report = fs::read_to_string(path.join("report.html"));
-        report.is_ok_and(|page| page.contains("<li>Verdict: "))
+        report.is_ok_and(|page| page.contains("<li>Verdict: ") && page.contains("Latency drift"))
             && path.join("error-model.toml").is_file()
     });
     assert_eq!(reports.count(), 2);

@@ -32,6 +32,8 @@ pub struct Summary {
     /// What the stamps of the fixes were moved by, taken for clocks that differ and no latency, s.
     #[serde(skip_serializing_if = "is_zero")]
     pub clock_offset_s: f64,
+    /// Growth of the latency: what the clock of the samples loses on that of the fixes.
+    pub gnss_latency_drift_ppm: Quantity,
     /// By how much positions are later than the velocities beside them, ms.
     pub gnss_position_delay_ms: Quantity,
     /// Variance of the times that one output of the receiver is a mean of, s^2.
@@ -79,6 +81,7 @@ impl Summary {
             lever_arm_m: (found.config.gnss.lever_arm_sigma_m > 0.0)
                 .then(|| in_axes(log.meta.body_axes, &estimates.lever_arm_m, 1.0)),
             clock_offset_s: log.meta.clock_offset_s(),
+            gnss_latency_drift_ppm: Quantity::of(&estimates.clock_drift, 1e-6),
             gnss_position_delay_ms: Quantity::of(&estimates.gnss_position_delay_s, 1e-3),
             gnss_smoothing_s2: Quantity::of(&estimates.gnss_smoothing_s2, 1.0),
             velocity_error_mps: found.velocity_error.clone(),

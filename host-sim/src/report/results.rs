@@ -66,6 +66,12 @@ fn results(analysis: &Analysis) -> Table {
     }
     let receiver = [
         (
+            "Latency drift",
+            summary.gnss_latency_drift_ppm,
+            "ppm",
+            "what the inertial clock loses on the receiver's",
+        ),
+        (
             "Position delay",
             summary.gnss_position_delay_ms,
             "ms",
