@@ -70,7 +70,9 @@ pub(super) fn rows<R: Rows>(
     }
     let count = order.count + unusable.count;
     if order.count == 0 || too_many(&unusable, most_left_out, count) {
-        return Err(unusable.refusal().unwrap_or_else(|| table.no_rows()));
+        return Err(unusable
+            .refusal(most_left_out)
+            .unwrap_or_else(|| table.no_rows()));
     }
     warnings.extend(table.warnings());
     warnings.extend(unusable.warning("left out"));
@@ -102,7 +104,7 @@ pub(super) fn in_order<T: Copy + PartialEq>(
         kept.map_err(|e| LogError::no_room(&e))?;
     }
     if too_many(&unusable, MOST_LEFT_OUT, count)
-        && let Some(refusal) = unusable.clone().refusal()
+        && let Some(refusal) = unusable.clone().refusal(MOST_LEFT_OUT)
     {
         return Err(refusal);
     }
@@ -205,7 +207,7 @@ impl<R: Rows> Order<R> {
         } = self.told;
         for few in [&clashes, &disorder] {
             if too_many(few, most_left_out, count)
-                && let Some(refusal) = few.clone().refusal()
+                && let Some(refusal) = few.clone().refusal(most_left_out)
             {
                 return Err(refusal);
             }

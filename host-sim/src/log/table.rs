@@ -62,11 +62,14 @@ impl Few {
         self.because(&more)
     }
 
-    /// The first of them as an error.
-    pub(super) fn refusal(self) -> Option<LogError> {
+    /// The first of them as an error, where at most such a share may be left out.
+    pub(super) fn refusal(self, most: f64) -> Option<LogError> {
+        let percent = 100.0 * most;
         match self.count {
             1 => self.first,
-            count => self.because(&format!("{count} like it: too many to leave out")),
+            count => self.because(&format!(
+                "{count} like it: too many to leave out, at most {percent} % of the rows"
+            )),
         }
     }
 

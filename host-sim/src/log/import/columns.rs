@@ -289,8 +289,11 @@ impl Columns {
                 rows.len(),
                 first + 1
             );
-            let cause = "text or empty cells in the columns that meta.toml names, or dates for \
-                         seconds";
+            let cause = format!(
+                "text or empty cells in the columns that meta.toml names, or dates for seconds; left \
+                 out, at most {} % of the rows",
+                100.0 * MOST_LEFT_OUT
+            );
             let defect = LogError::file(path, "rows of numbers", found, cause);
             if lost as f64 > MOST_LEFT_OUT * rows.len() as f64 {
                 return Err(defect);
