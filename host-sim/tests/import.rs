@@ -410,6 +410,15 @@ fn ulog_cut_short_is_used() {
     let (log, warnings) = open(&path).unwrap();
     assert_eq!(log.gnss.len(), drive().gnss.len() - 1);
     assert_eq!(&*warnings[0].found, "one that ends too early");
+    // In the definitions, then behind them.
+    let mut damaged = ulog(&drive());
+    let at = damaged.windows(8).position(|w| w == b"uint64_t").unwrap() - 1;
+    damaged[at] = b' ';
+    let error = open(&file(folder.path(), "flight.ulg", damaged)).unwrap_err();
+    assert_eq!(&*error.found, "damaged ones");
+    let damaged = [ulog(&drive()), ulog_message(b'D', &[0; 3])].concat();
+    let (_, warnings) = open(&file(folder.path(), "flight.ulg", damaged)).unwrap();
+    assert!(warnings[0].found.starts_with("one with a damaged record"));
 }
 
 // --- UBX ---
@@ -628,6 +637,39 @@ fn ros_bag_reads_as_the_drive() {
     assert_is_the_drive(&log, EXACT);
     assert_eq!(log.gnss[0].sigma.position_m, Some(2.0));
     assert_eq!(log.gnss[0].sigma.height_m, Some(3.0));
+}
+
+#[test]
+fn what_a_damaged_bag_lacks_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = ros_bag(&drive());
+    let end = bytes.len();
+    let told = |bytes: &[u8]| {
+        let (log, warnings) = open(&file(folder.path(), "drive", bytes)).unwrap();
+        assert_is_the_drive(&log, EXACT);
+        warnings[0].found.clone()
+    };
+    let half = file(folder.path(), "drive", &bytes[..end / 2]);
+    assert!(
+        open(&half)
+            .unwrap_err()
+            .cause
+            .contains("breaks off at byte")
+    );
+    let cut = told(&[&bytes[..], &[200, 0, 0, 0, 7]].concat());
+    assert_eq!(
+        *cut,
+        *format!("one that breaks off at byte {end} of {}", end + 5)
+    );
+    let header: [(&str, &[u8]); 2] = [("op", &[5]), ("compression", b"bz2")];
+    let chunk = told(&[bytes, ros_record(&header, b"no bz2")].concat());
+    let expected = format!("1 of its chunks damaged, the first at byte {end}: left out");
+    assert_eq!(*chunk, *expected);
+    let mut mcap = mcap(&drive(), false);
+    mcap.extend(mcap_chunk("lz4", b"no lz4"));
+    assert!(told(&mcap).starts_with("1 of its chunks"));
+    mcap.extend(b"\x89MCAP0\r");
+    assert!(told(&[mcap, b"\n".to_vec()].concat()).starts_with("1 of its chunks"));
 }
 
 fn mcap_record(operation: u8, content: &[u8]) -> Vec<u8> {

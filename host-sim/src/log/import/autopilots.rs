@@ -2,12 +2,13 @@
 //! describe themselves, and names have changed.
 
 use std::collections::{BTreeMap, HashMap};
+use std::io::ErrorKind;
 use std::path::Path;
 
 use ardupilot_binlog::{Entry, Reader};
 use ins_core::{GnssFix, ImuSample, Time};
 use nalgebra::Vector3;
-use px4_ulog::full_parser::{MultiId, ParsedData, SomeVec, read_file};
+use px4_ulog::full_parser::{Completeness, MultiId, ParsedData, SomeVec, read_file};
 use px4_ulog::stream_parser::{
     Message, ParameterMessage, SimpleCallbackResult, read_file_with_simple_callback,
 };
@@ -40,7 +41,15 @@ pub(super) fn read_ulog(path: &Path) -> Result<Recording, LogError> {
     let unpacked = unpacked_file(path)?;
     let file = unpacked.as_ref().map_or(path, NamedTempFile::path);
     let name = file.to_str().unwrap_or_default();
-    let log = Ulog(read_file(name).map_err(|e| unreadable(path, &e))?);
+    let log = Ulog(read_file(name).map_err(|e| match e.kind() {
+        // Its words are those of the parser.
+        ErrorKind::InvalidData | ErrorKind::Other => {
+            let cause =
+                "a damaged file, or no ULog: nothing can be read without them; copy it again";
+            LogError::file(path, "definitions of what it holds", "damaged ones", cause)
+        }
+        _ => unreadable(path, &e),
+    })?);
     let mut recording = Recording {
         parameters: parameters(name),
         ..Recording::default()
@@ -82,8 +91,12 @@ pub(super) fn read_ulog(path: &Path) -> Result<Recording, LogError> {
         }
     }
     if log.0.completeness.is_incomplete() {
+        let found = match log.0.completeness {
+            Completeness::MalformedRecord(_) => "one with a damaged record: read up to there",
+            _ => "one that ends too early",
+        };
         let cause = "the logger lost power, or the file is damaged; what is whole is used";
-        let defect = LogError::file(path, "a whole log", "one that ends too early", cause);
+        let defect = LogError::file(path, "a whole log", found, cause);
         recording.notes.push(defect);
     }
     Ok(recording)

@@ -146,12 +146,20 @@ impl Recording {
         self.imus.retain(|imu| !imu.samples.is_empty());
         self.receivers.retain(|receiver| !receiver.fixes.is_empty());
         let mut warnings = self.notes;
+        let damage = warnings.first().map(LogError::in_a_line);
+        let why = |error: LogError| match &damage {
+            Some(note) => LogError {
+                cause: format!("{}; {note}", error.cause).into(),
+                ..error
+            },
+            None => error,
+        };
         let listed = self.imus.iter().map(|imu| (&imu.name, imu.samples.len()));
         let from = self.imus.first().map_or(path, |imu| &imu.path);
-        let imu = chosen("imu", listed, choice.imu, from, &mut warnings)?;
+        let imu = chosen("imu", listed, choice.imu, from, &mut warnings).map_err(why)?;
         let listed = (self.receivers.iter()).map(|from| (&from.name, from.fixes.len()));
         let from = (self.receivers.first()).map_or(path, |receiver| &receiver.path);
-        let gnss = chosen("gnss", listed, choice.gnss, from, &mut warnings)?;
+        let gnss = chosen("gnss", listed, choice.gnss, from, &mut warnings).map_err(why)?;
         let (imu, gnss) = (self.imus.swap_remove(imu), self.receivers.swap_remove(gnss));
         let samples = in_order(
             imu.samples,

@@ -247,6 +247,20 @@ fn unpacked(compression: &[u8], packed: &[u8]) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// What is said of bytes that are not used: of chunks that begin there, and of all from one on.
+fn damage(path: &Path, chunks: &[usize], [whole, length]: [usize; 2]) -> Vec<LogError> {
+    let cause = "the recorder was stopped, or a copy broke off or was damaged: what is whole is used; \
+                 `rosbag reindex` or `mcap recover` may find more";
+    let chunks = chunks.first().map(|first| {
+        let count = chunks.len();
+        format!("{count} of its chunks damaged, the first at byte {first}: left out")
+    });
+    let end = (whole < length).then(|| format!("one that breaks off at byte {whole} of {length}"));
+    let told = chunks.into_iter().chain(end);
+    told.map(|found| LogError::file(path, "a whole recording", found, cause))
+        .collect()
+}
+
 // --- ROS 1 bags ---
 
 const BAG: &[u8] = b"#ROSBAG V2.0";
@@ -260,15 +274,19 @@ pub(super) fn read_bag(path: &Path) -> Result<Recording, LogError> {
     const CHUNK: u8 = 5;
     const CONNECTION: u8 = 7;
     let bytes = bytes(path)?;
-    let body = &bytes[bytes.len().min(BAG.len() + 1)..];
-    let mut bag = Bag::default();
+    let start = bytes.len().min(BAG.len() + 1);
+    let body = &bytes[start..];
+    let (mut bag, mut damaged) = (Bag::default(), Vec::new());
     // Where the recording broke off there is no index, and what is whole is used.
     for record in records(body).filter(|record| record.operation() == Some(CONNECTION)) {
         bag.connect(&record);
     }
     for record in records(body).filter(|record| record.operation() == Some(CHUNK)) {
         let compression = record.field("compression").unwrap_or_default();
-        let chunk = unpacked(compression, record.data).map_err(|e| unreadable(path, &e))?;
+        let Ok(chunk) = unpacked(compression, record.data) else {
+            damaged.push(start + record.at);
+            continue;
+        };
         for record in records(&chunk) {
             match record.operation() {
                 Some(CONNECTION) => bag.connect(&record),
@@ -277,7 +295,11 @@ pub(super) fn read_bag(path: &Path) -> Result<Recording, LogError> {
             }
         }
     }
-    Ok(recording(path, bag.topics.into_values()))
+    let whole = records(body).last().map_or(0, |record| record.end);
+    let mut recording = recording(path, bag.topics.into_values());
+    let notes = damage(path, &damaged, [start + whole, bytes.len()]);
+    recording.notes.extend(notes);
+    Ok(recording)
 }
 
 /// By connection.
@@ -309,14 +331,22 @@ impl Bag {
 struct Record<'a> {
     header: &'a [u8],
     data: &'a [u8],
+    /// Where it begins and ends among the others.
+    at: usize,
+    end: usize,
 }
 
 /// One after the other, as far as they are whole.
 fn records(bytes: &[u8]) -> impl Iterator<Item = Record<'_>> {
     let mut rest = Cursor::new(bytes);
     std::iter::from_fn(move || {
-        let (header, data) = (rest.sized()?, rest.sized()?);
-        Some(Record { header, data })
+        let (at, header, data) = (rest.at, rest.sized()?, rest.sized()?);
+        Some(Record {
+            header,
+            data,
+            at,
+            end: rest.at,
+        })
     })
 }
 
@@ -353,9 +383,11 @@ pub(super) fn is_mcap(_: &Path, start: &[u8]) -> bool {
 pub(super) fn read_mcap(path: &Path) -> Result<Recording, LogError> {
     let bytes = bytes(path)?;
     let mut log = Mcap::default();
-    log.records(bytes.get(MCAP.len()..).unwrap_or_default(), false)
-        .map_err(|e| unreadable(path, &e))?;
-    Ok(recording(path, log.channels.into_values()))
+    let whole = (log.records(&bytes, MCAP.len())).map_err(|e| unreadable(path, &e))?;
+    let mut recording = recording(path, log.channels.into_values());
+    let notes = damage(path, &log.damaged, [whole, bytes.len()]);
+    recording.notes.extend(notes);
+    Ok(recording)
 }
 
 #[derive(Default)]
@@ -363,18 +395,23 @@ struct Mcap {
     /// Names of types.
     schemas: HashMap<u16, String>,
     channels: BTreeMap<u16, Topic>,
+    /// Where chunks begin that cannot be unpacked.
+    damaged: Vec<usize>,
 }
 
 impl Mcap {
     /// Records one after the other, as far as they are whole: without the index at the end, which a
-    /// recording that broke off has not.
-    fn records(&mut self, bytes: &[u8], in_chunk: bool) -> io::Result<()> {
+    /// recording that broke off has not. Gives where the last one ends.
+    fn records(&mut self, bytes: &[u8], from: usize) -> io::Result<usize> {
         const SCHEMA: u8 = 3;
         const CHANNEL: u8 = 4;
         const MESSAGE: u8 = 5;
         const CHUNK: u8 = 6;
         let mut rest = Cursor::new(bytes);
+        rest.at = from;
+        let mut end = from;
         while let Some((operation, content)) = record(&mut rest) {
+            let at = std::mem::replace(&mut end, rest.at);
             let mut fields = Cursor::new(content);
             match operation {
                 SCHEMA => {
@@ -389,16 +426,22 @@ impl Mcap {
                     self.message(&mut fields);
                 }
                 // The format has none, and each level would take more of the stack.
-                CHUNK if in_chunk => return Err(io::Error::other("a chunk within a chunk")),
-                CHUNK => {
-                    if let Some((compression, packed)) = chunk(&mut fields) {
-                        self.records(&unpacked(compression, packed)?, true)?;
+                CHUNK if from == 0 => return Err(io::Error::other("a chunk within a chunk")),
+                CHUNK => match chunk(&mut fields).map(|(kind, packed)| unpacked(kind, packed)) {
+                    Some(Ok(records)) => {
+                        self.records(&records, 0)?;
                     }
-                }
+                    _ => self.damaged.push(at),
+                },
                 _ => {}
             }
         }
-        Ok(())
+        // Behind the last record stands what stood before the first.
+        Ok(if bytes[end..] == *MCAP {
+            bytes.len()
+        } else {
+            end
+        })
     }
 
     fn channel(&mut self, fields: &mut Cursor) -> Option<()> {
