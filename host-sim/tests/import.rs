@@ -1354,6 +1354,18 @@ fn an_unknown_file_is_named_with_what_is_known() {
     let error = read(&[path], Choice::default()).unwrap_err();
     assert!(error.expected.starts_with("PX4 ULog, ArduPilot DataFlash"));
     assert!(error.cause.contains("[columns]"));
+    for (path, cause) in [
+        (
+            folder.path().join("missing.bin"),
+            "a wrong or misspelt path",
+        ),
+        (
+            file(folder.path(), "empty.bin", ""),
+            "the logger never wrote to it, or a copy failed",
+        ),
+    ] {
+        assert_eq!(&*read(&[path], Choice::default()).unwrap_err().cause, cause);
+    }
     // What belongs to a log is told from what is foreign.
     let notes = file(folder.path(), "imu.csv", "nothing of the kind");
     file(folder.path(), "meta.toml", "[log]\n");

@@ -371,6 +371,10 @@ fn row_cases() -> Vec<Case> {
         text("half a position", |f| {
             set_line(&mut f.gnss, 5, "0.6,45,,200,10,0,0");
         }),
+        text("one fix, before the samples", |f| {
+            f.gnss = f.gnss.lines().take(2).collect::<Vec<_>>().join("\n");
+            f.gnss = f.gnss.replace("\n0.000,", "\n-3.000,");
+        }),
         text("spreads below zero", |f| state_spread(f, "-0.8")),
         text("spreads in millimetres", |f| state_spread(f, "860")),
         text("nan in fixes", |f| {

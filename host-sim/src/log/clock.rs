@@ -135,6 +135,11 @@ fn reach(log: &Log) -> (f64, f64) {
 
 fn other_origin(log: &Log, findings: &Findings) -> LogError {
     let (first, last) = reach(log);
+    if log.gnss.len() == 1 {
+        let found = format!("one fix alone, {first:.3} s from the first sample");
+        let cause = "the receiver lost its fix, or its logger stopped: one fix tells no motion";
+        return findings.gnss("", "fixes all along the inertial samples", found, cause);
+    }
     let expected = format!(
         "GNSS fixes within the time of the inertial samples, 0 to {:.3} s",
         log.duration_s()

@@ -115,7 +115,15 @@ fn unknown(path: &Path) -> LogError {
     };
     let tables = folder.filter(|folder| is_log(folder) && !columns::recognised(folder, &[]));
     let lacking = tables.and_then(lacking);
-    let (found, cause) = if let Some(lacking) = &lacking {
+    let is_empty = std::fs::metadata(path).is_ok_and(|file| file.is_file() && file.len() == 0);
+    let (found, cause) = if !path.exists() {
+        ("nothing of this name", "a wrong or misspelt path")
+    } else if is_empty {
+        (
+            "an empty file",
+            "the logger never wrote to it, or a copy failed",
+        )
+    } else if let Some(lacking) = &lacking {
         ("part of a log folder", lacking.as_str())
     } else if is_log(path) {
         (
@@ -124,10 +132,8 @@ fn unknown(path: &Path) -> LogError {
         )
     } else if path.parent().is_some_and(is_log) {
         ("a file of a log folder", "give the folder")
-    } else if path.exists() {
-        ("none of them", cause)
     } else {
-        ("nothing of this name", cause)
+        ("none of them", cause)
     };
     LogError::file(
         path,
