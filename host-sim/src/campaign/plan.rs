@@ -100,11 +100,14 @@ impl Plan {
         let text = toml::to_string(&model).map_err(|error| error.to_string())?;
         ErrorModel::from_toml(&text).map_err(|error| format!("errors: {error}"))?;
         if model.imu.output != ImuOutput::Increments {
-            return Err(
-                "`errors.imu.output`: expected \"Increments\" of sensors fit for an \
-                        hour without GNSS"
-                    .to_owned(),
-            );
+            let key = match self.errors {
+                Errors::Class(_) => "errors",
+                Errors::Model(_) => "errors.imu.output",
+            };
+            return Err(format!(
+                "`{key}`: expected \"hg1700\", or a model whose imu.output is \"Increments\": \
+                 sensors fit for an hour without GNSS"
+            ));
         }
         match without_effect_in_flight(&model) {
             None => Ok(()),
@@ -243,5 +246,8 @@ mod tests {
             let error = parse(&EXAMPLE.replacen(good, bad, 1)).unwrap_err();
             assert!(error.to_string().contains(message), "{bad}: {error}");
         }
+        let (numbers, _) = EXAMPLE.split_once("[errors]").unwrap();
+        let error = parse(&format!("{numbers}errors = \"mems\"\n")).unwrap_err();
+        assert!(error.to_string().contains("`errors`: expected \"hg1700\""));
     }
 }
