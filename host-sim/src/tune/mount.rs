@@ -30,8 +30,9 @@ const BANK: [f64; 2] = [0.4, 0.6];
 /// Roads fall to their side, rad.
 const CROSSFALL_RAD: f64 = 0.01;
 
-const NO_COURSE: &str = "drive straight at 20 km/h and more for a minute, with some turns between; \
-    what does not go where it points (multicopter, boat, hand) has to be measured";
+const NO_COURSE: &str = "drive or fly straight at 20 km/h and more for a minute, with some turns \
+    between, a fixed wing in three directions, for the wind; what does not go where it points \
+    (multicopter, boat, hand) has to be measured";
 const NO_LEVEL: &str = "turn by 90 degrees and more, both ways, which shows the tilt";
 const ATTACK: &str = "the angle of attack is part of it in flight: measure it on the ground";
 const NO_WIND: &str = "fly straight legs in at least three directions, for the wind";
