@@ -25,6 +25,18 @@ impl Table {
         }
     }
 
+    /// Without columns that are empty throughout.
+    pub(crate) fn filled(mut self) -> Self {
+        let says = |row: &Vec<String>, at: usize| row.get(at).is_some_and(|cell| !cell.is_empty());
+        let filled = |at: &usize| self.rows.iter().any(|row| says(row, *at));
+        let kept: Vec<usize> = (0..self.header.len()).filter(filled).collect();
+        for row in self.rows.iter_mut().chain([&mut self.header]) {
+            let cells = kept.iter().filter_map(|at| row.get(*at).cloned());
+            *row = cells.collect();
+        }
+        self
+    }
+
     /// For a terminal, without the title.
     pub(crate) fn plain(&self) -> String {
         plain(&self.header, &self.rows)
@@ -129,6 +141,8 @@ mod tests {
             markdown(&header, &rows),
             "|  | ms |\n|---|---|\n| tau | 121.8 |\n"
         );
+        let half = Table::of("", header, [cells(["tau", ""])]).filled();
+        assert_eq!((half.header.len(), half.rows[0].len()), (1, 1));
         let header = cells(["", "of a long name of many words"]);
         let text = plain(&header, &rows);
         assert!(text.lines().all(|line| line.len() == 33), "{text}");

@@ -41,7 +41,7 @@ pub fn overview_table(results: &[Results]) -> Table {
         "kind | class | use | runs | never | no solution | first, s | honest | wrong and sure \
          | worst error/sigma |  | Kalman lost | near Kalman | worst over Kalman |",
     );
-    Table::of("", header, results.iter().map(overview_row))
+    Table::of("", header, results.iter().map(overview_row)).filled()
 }
 
 fn overview_row(result: &Results) -> Vec<String> {
@@ -95,7 +95,7 @@ pub fn totals_table(totals: &[Totals]) -> Table {
             beside(total.kalman_lost.to_string()),
         ]
     };
-    Table::of("", header, totals.iter().map(row))
+    Table::of("", header, totals.iter().map(row)).filled()
 }
 
 /// Where the core is worst beside the Kalman filter; `None` without one.
@@ -125,7 +125,7 @@ fn kind(result: &Results) -> String {
         "| unit | RMS error | RMS sigma | error/sigma | within 1 | within 3 | observable \
          | wrong and sure | Kalman | its error/sigma | over Kalman | in runs",
     );
-    let table = Table::of("", header, result.rows.iter().map(kind_row));
+    let table = Table::of("", header, result.rows.iter().map(kind_row)).filled();
     format!(
         "{}, {}: {}\n{}",
         result.kind,
