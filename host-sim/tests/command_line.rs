@@ -116,6 +116,11 @@ fn arguments_that_cannot_be_used_are_named() {
     let place = ["rehearse", "drive", "--plan", "plan.toml", "--out", "out"];
     let renamed = said(&run(&[&place[..], &["--with", "mine=core"]].concat()));
     assert!(renamed.contains("core goes by its own name"), "{renamed}");
+    let misspelt = said(&run(&[&place[..], &["--with", "kalmann"]].concat()));
+    assert!(
+        misspelt.contains("core-open, kalman, hil, or a"),
+        "{misspelt}"
+    );
     let negative = said(&run(&["drive", "--minutes", "-1", "--out", "log"]));
     assert!(negative.contains("minutes from 1 to 1440"), "{negative}");
 }

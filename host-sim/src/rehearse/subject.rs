@@ -63,9 +63,21 @@ impl FromStr for Subject {
             Some((word, options)) if word == BOARD => {
                 Target::of(options).map(|target| Self::Board(program.name, target))
             }
+            // Else it would be missed only when all drives are identified.
+            Some((word, [])) if word == text && is_missing(word) => Err(format!(
+                "expected {}, hil, or a program that is there",
+                AT_HAND.map(|(name, _)| name).join(", ")
+            )),
             _ => Ok(Self::Program(program)),
         }
     }
+}
+
+/// Whether this is the name of a program that is in none of the folders of programs.
+fn is_missing(program: &str) -> bool {
+    let folders = std::env::var_os("PATH").unwrap_or_default();
+    let mut folders = std::env::split_paths(&folders);
+    !program.contains('/') && !folders.any(|folder| folder.join(program).is_file())
 }
 
 impl Subject {
