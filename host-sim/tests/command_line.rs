@@ -1,6 +1,7 @@
 //! The program as a shell sees it.
 
 use std::fs::{self, File};
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Output};
 use std::thread::sleep;
@@ -123,6 +124,32 @@ fn arguments_that_cannot_be_used_are_named() {
     );
     let negative = said(&run(&["drive", "--minutes", "-1", "--out", "log"]));
     assert!(negative.contains("minutes from 1 to 1440"), "{negative}");
+}
+
+#[test]
+fn a_comparison_of_nothing_is_a_failure() {
+    let home = tempfile::tempdir().unwrap();
+    let command = |arguments: &[&str]| host_sim().current_dir(&home).args(arguments).output();
+    let drive = [
+        "drive",
+        "--minutes",
+        "1",
+        "--errors",
+        "mems",
+        "--out",
+        "log",
+    ];
+    command(&drive).unwrap();
+    let table = home.path().join("log/imu.csv");
+    let packed = table.with_added_extension("gz");
+    let rows = flate2::read::GzDecoder::new(File::open(&packed).unwrap());
+    let first: Vec<String> = BufReader::new(rows).lines().take(200).flatten().collect();
+    fs::write(&table, first.join("\n")).unwrap();
+    fs::remove_file(packed).unwrap();
+    let compared = command(&["compare", "log", "--out", "out"]).unwrap();
+    let said = said(&compared);
+    assert_eq!(compared.status.code(), Some(1), "{said}");
+    assert!(said.contains("No method ever navigates"), "{said}");
 }
 
 #[test]

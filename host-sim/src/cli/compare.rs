@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use miette::Result;
+use miette::{Result, bail};
 
 use super::options::{GradeChoice, Output, read, refuse_same, report_line};
-use crate::compare::{Comparison, JSON, plain};
+use crate::compare::{Comparison, JSON, NEVER, plain};
 use crate::page::progress::spinner;
 
 #[derive(Debug, Args)]
@@ -33,5 +33,12 @@ pub fn compare(options: &Compare) -> Result<()> {
     options.output.print.result(&comparison, || {
         let report = report_line(&options.output.out);
         format!("{}\n{report}", plain(&comparison))
-    })
+    })?;
+    if !comparison.navigates() {
+        bail!(
+            help = "a longer log, with motion: see the warnings",
+            "{NEVER}"
+        );
+    }
+    Ok(())
 }

@@ -33,6 +33,7 @@ use tracks::{Input, Point, Track, noise};
 
 /// Name of the file that marks the folder as ours.
 pub const JSON: &str = "compare.json";
+pub const NEVER: &str = "No method ever navigates: there is nothing to compare.";
 /// Of the methods, in their order.
 const CURVES: [(&str, RGBColor); 8] = [
     ("exact", BLUE),
@@ -113,6 +114,11 @@ impl Comparison {
         Ok(output::write(folder, "outages.csv", self.outages_csv()?)?)
     }
 
+    /// Whether any method ever does.
+    pub fn navigates(&self) -> bool {
+        self.tracks.iter().any(|track| !track.points.is_empty())
+    }
+
     fn quantities_csv(&self) -> Result<String> {
         let number = |value: Option<f64>| value.map_or(String::new(), |v| format!("{v:.6}"));
         let row = |method: &MethodResult, result: &QuantityResult| {
@@ -160,8 +166,6 @@ impl Comparison {
     }
 
     fn page(&self) -> Page {
-        let navigates = self.tracks.iter().any(|track| !track.points.is_empty());
-        let never = "No method ever navigates: there is nothing to compare.";
         Page {
             title: format!("{}: compensation and Kalman", self.log),
             facts: format!(
@@ -171,7 +175,7 @@ impl Comparison {
                 self.body_axes,
                 self.grade.name()
             ),
-            verdicts: Vec::from_iter((!navigates).then(|| never.to_owned())),
+            verdicts: Vec::from_iter((!self.navigates()).then(|| NEVER.to_owned())),
             tables: tables(self),
             sections: vec![Section {
                 title: "Estimates as they converge",
@@ -190,10 +194,11 @@ impl Comparison {
         let mut settled = Vec::new();
         for (track, (method, colour)) in self.tracks.iter().zip(CURVES) {
             let point = |p: &Point| {
-                let value = columns_of_log(&self.meta, p)[which].value;
-                (p.time.seconds_since(self.start), value)
+                let quantity = columns_of_log(&self.meta, p)[which];
+                let time_s = p.time.seconds_since(self.start);
+                quantity.observable().then_some((time_s, quantity.value))
             };
-            let line: Vec<_> = track.points.iter().map(point).collect();
+            let line: Vec<_> = track.points.iter().filter_map(point).collect();
             settled.extend(line.iter().skip(line.len() / 4).map(|point| point.1));
             chart = chart.line(method, colour, &sampled(&line, MOST_POINTS));
         }
