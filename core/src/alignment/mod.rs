@@ -25,7 +25,7 @@ use self::rest::{RestBlock, RestDetector, Verdict};
 use self::sightings::Sightings;
 use crate::attitude::{euler, matrix, turned};
 use crate::calibration::RUN_S;
-use crate::config::{Config, GnssConfig, HeadingSource, Noise};
+use crate::config::{Config, HeadingSource, Noise};
 use crate::earth::{GRAVITY_EQUATOR_MPS2, Geodetic, LocalEarth};
 use crate::increments::Interval;
 use crate::math;
@@ -308,19 +308,15 @@ impl Alignment {
         }
         self.place = fix.place_or(&self.place);
         let [position, height] = &mut self.untold;
-        let GnssConfig {
-            position_m,
-            height_m,
-            ..
-        } = &config.gnss;
+        let gnss = &config.gnss;
         if fix.position.is_some() {
             self.placed = Some(fix.time);
-            *position = beyond(fix.sigma.position_m, position_m);
+            *position = beyond(fix.sigma.position_m, &gnss.position_m);
         }
         if fix.height_m.is_some() {
-            *height = beyond(fix.sigma.height_m, height_m);
+            *height = beyond(fix.sigma.height_m, &gnss.height_m);
         }
-        if fix.is_moving(config.gnss.velocity_mps.white) {
+        if fix.is_moving(gnss.velocity_mps.white) {
             self.detector.on_motion();
         }
         let Some(sighting) = self.sightings.add(fix, config) else {

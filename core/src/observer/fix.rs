@@ -204,13 +204,12 @@ impl Observer {
             colour.scale(learnt);
             return learnt;
         }
-        let before = colour.strength;
+        let [_, most] = gnss.noise_range;
+        let expected = math::max(colour.strength, most * most);
         colour.scale(math::max(learnt, relative));
         // A receiver that says it is worse than any is expected to be is so at once.
         if stated.is_some() {
-            let [_, most] = gnss.noise_range;
-            let before = math::max(before, most * most);
-            let worse = math::max(colour.strength - before, 0.0);
+            let worse = math::max(colour.strength - expected, 0.0);
             let channel = if kind.is_up() {
                 &mut self.vertical
             } else {
