@@ -7,7 +7,7 @@ use miette::{Result, miette};
 use serde::Serialize;
 
 use crate::cli::identify::words;
-use crate::cli::options::{GradeChoice, Output, read, refuse_same};
+use crate::cli::options::{Output, read, refuse_same};
 use crate::hil::bench::{Bench, ESTIMATES_EVERY, requests};
 use crate::hil::board::Target;
 use crate::hil::board_log::{self, BoardLog};
@@ -15,6 +15,7 @@ use crate::hil::report::{Hardware, View};
 use crate::hil::session::{Event, Rate};
 use crate::identify::analysis::{Analysis, Input, SUMMARY};
 use crate::identify::summary::Summary;
+use crate::log::Grade;
 use crate::page::progress::bar;
 use crate::page::{self, output};
 use crate::report;
@@ -28,9 +29,9 @@ pub struct Hil {
     /// When samples are sent.
     #[arg(long, value_enum, default_value_t = Rate::Max)]
     rate: Rate,
-    /// Class of the sensors.
-    #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
-    grade: GradeChoice,
+    /// Class of the sensors; else what meta.toml says, or what the gyros show at rest.
+    #[arg(long, value_enum)]
+    grade: Option<Grade>,
     #[command(flatten)]
     output: Output,
 }
@@ -50,7 +51,7 @@ pub fn hil(options: &Hil) -> Result<()> {
     let image = options.target.image()?;
     let table = image.as_deref().map(board_log::table).transpose()?;
     let mut log = table.as_ref().map(BoardLog::new);
-    let input = read(&options.log, options.grade.told(), &bar())?;
+    let input = read(&options.log, options.grade, &bar())?;
 
     let (hardware, analysis) = run(input, options, log.as_mut())?;
 

@@ -3,10 +3,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use miette::{Result, bail};
 
-use super::options::{GradeChoice, Output, build, identified, refuse_same, report_line};
+use super::options::{Output, build, identified, refuse_same, report_line};
 use crate::identify::analysis::{Analysis, Given, SUMMARY};
 use crate::identify::error_model::allan::AtRest;
 use crate::identify::error_model::{self, Identified, Record, Sensors};
@@ -23,39 +23,19 @@ pub(super) struct Identify {
     /// Folder of a log, or a recording of a known format. Several: drives of one kind of unit, for one error model of all.
     #[arg(required = true)]
     log: Vec<PathBuf>,
-    /// Class of the sensors.
-    #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
-    grade: GradeChoice,
-    /// How gyro biases move.
-    #[arg(long, value_enum, default_value_t = BiasChoice::Auto)]
-    bias_model: BiasChoice,
+    /// Class of the sensors; else what meta.toml says, or what the gyros show at rest.
+    #[arg(long, value_enum)]
+    grade: Option<Grade>,
+    /// How gyro biases move; else the likelier of the two.
+    #[arg(long, value_enum)]
+    bias_model: Option<Law>,
     #[command(flatten)]
     output: Output,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum BiasChoice {
-    /// The likelier of the two.
-    Auto,
-    /// Jumps at regular intervals, thesis equation (3).
-    Wave,
-    /// Constant, trend and correlated noise, thesis equation (4).
-    Continuous,
-}
-
-impl From<BiasChoice> for Option<Law> {
-    fn from(choice: BiasChoice) -> Self {
-        match choice {
-            BiasChoice::Auto => None,
-            BiasChoice::Wave => Some(Law::Wave),
-            BiasChoice::Continuous => Some(Law::Continuous),
-        }
-    }
-}
-
 /// Identifies a log, or several.
 pub(super) fn identify(options: &Identify) -> Result<()> {
-    let (grade, law) = (options.grade.told(), options.bias_model.into());
+    let (grade, law) = (options.grade, options.bias_model);
     if let [log] = options.log.as_slice() {
         let Output { out, print, force } = &options.output;
         let (analysis, model) = identify_log(log, out, grade, law, *force)?;

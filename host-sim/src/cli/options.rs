@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use indicatif::ProgressBar;
 use miette::{Result, bail};
 use serde::Serialize;
@@ -16,26 +16,6 @@ use crate::log::{Grade, LogError};
 use crate::page::html::REPORT;
 use crate::page::progress::bar;
 use crate::page::{self, output};
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(super) enum GradeChoice {
-    /// What meta.toml says, or else what the gyros show at rest.
-    Auto,
-    /// Ring lasers of 1 deg/h.
-    Hg1700,
-    /// Consumer MEMS.
-    Mems,
-}
-
-impl GradeChoice {
-    pub(super) fn told(self) -> Option<Grade> {
-        match self {
-            Self::Auto => None,
-            Self::Hg1700 => Some(Grade::Hg1700),
-            Self::Mems => Some(Grade::Mems),
-        }
-    }
-}
 
 /// The log's folder must not become the results' one.
 pub(super) fn refuse_same(log: &Path, out: &Path) -> Result<()> {

@@ -14,14 +14,14 @@ use crate::campaign::ledger::Shard;
 use crate::campaign::{ledger, slurm};
 use crate::cli::identify::error_model_of;
 use crate::cli::options::{
-    GradeChoice, Output, aircraft, identified, print, refuse_same, report_line, tell, tell_kept,
+    Output, aircraft, identified, print, refuse_same, report_line, tell, tell_kept,
 };
 use crate::identify::analysis::log_name;
 use crate::identify::error_model::Sensors;
 use crate::identify::error_model::allan::AtRest;
 use crate::identify::error_model::record::readings_at_rest;
 use crate::identify::error_model::{self, Identified};
-use crate::log::import;
+use crate::log::{Grade, import};
 use crate::page;
 use crate::page::output::{OutputError, replace};
 use crate::page::progress::bar;
@@ -86,9 +86,9 @@ pub struct Rehearse {
     /// Fixes every random number.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Class of the sensors.
-    #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
-    grade: GradeChoice,
+    /// Class of the sensors; else what meta.toml says, or what the gyros show at rest.
+    #[arg(long, value_enum)]
+    grade: Option<Grade>,
     /// Only the K-th of N parts of the flights; without it, what is missing is flown and all added up.
     #[arg(long, value_name = "K/N")]
     shard: Option<Shard>,
@@ -131,7 +131,7 @@ pub fn rehearse(options: &Rehearse) -> Result<()> {
     for drive in &options.drives {
         refuse_same(drive, &options.output.out)?;
     }
-    let grade = options.grade.told();
+    let grade = options.grade;
     let drives = Drives::of(&options.drives, |drive| identified(drive, grade))?;
     let free_s = 60.0 * options.minutes_free;
     let world = World::new(dynamics, plan, free_s, drives.imu_hz)

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::identify::error_model_of;
-use super::options::{Folder, GradeChoice, Print, identified, print, tell};
+use super::options::{Folder, Print, identified, print, tell};
 use super::rehearse::{in_keys, keys};
 use crate::identify::analysis::folder_name;
 use crate::identify::configure;
@@ -304,9 +304,9 @@ pub struct Logs {
     /// Only the development logs.
     #[arg(long)]
     development: bool,
-    /// Class of the sensors.
-    #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
-    grade: GradeChoice,
+    /// Class of the sensors; else what meta.toml says, or what the gyros show at rest.
+    #[arg(long, value_enum)]
+    grade: Option<Grade>,
     #[command(flatten)]
     print: Print,
 }
@@ -329,7 +329,7 @@ impl Logs {
             let (log, warnings) = log::read(folder)?;
             progress.suspend(|| tell(&warnings));
             progress.set_message(name.clone());
-            let grade = configure::grade(&log, self.grade.told());
+            let grade = configure::grade(&log, self.grade);
             logs::LogStudy::of_log(name, &log, grade)
                 .map_err(|error| miette!("cannot be used: {}", error))
         };
@@ -364,9 +364,9 @@ pub struct Recordings {
     /// Recordings of any known format, and folders of logs; each is opened on its own.
     #[arg(required = true)]
     paths: Vec<PathBuf>,
-    /// Class of the sensors.
-    #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
-    grade: GradeChoice,
+    /// Class of the sensors; else what meta.toml says, or what the gyros show at rest.
+    #[arg(long, value_enum)]
+    grade: Option<Grade>,
     #[command(flatten)]
     print: Print,
 }
@@ -377,7 +377,7 @@ impl Recordings {
         let progress = bar().with_message("trying");
         let paths = once(&self.paths);
         progress.set_length(paths.len() as u64);
-        let one = |path: &PathBuf| recordings::recordings(path, self.grade.told());
+        let one = |path: &PathBuf| recordings::recordings(path, self.grade);
         let rows: Vec<Recording> = (paths.into_iter())
             .flat_map(counted(&progress, one))
             .collect();
@@ -407,9 +407,9 @@ pub struct Rehearse {
     /// Simulations of each of them.
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(2..=1000))]
     seeds: u64,
-    /// Class of the sensors.
-    #[arg(long, value_enum, default_value_t = GradeChoice::Auto)]
-    grade: GradeChoice,
+    /// Class of the sensors; else what meta.toml says, or what the gyros show at rest.
+    #[arg(long, value_enum)]
+    grade: Option<Grade>,
     #[command(flatten)]
     print: Print,
 }
@@ -423,7 +423,7 @@ impl Rehearse {
             verdicts: Vec<Judged>,
             rows: Vec<proof::Row>,
         }
-        let grade = self.grade.told();
+        let grade = self.grade;
         let drives = Drives::of(&self.drives, |drive| identified(drive, grade))?;
         let mut model = error_model_of(&drives.records, drives.grade, None).model();
         model.imu.output = drives.output;

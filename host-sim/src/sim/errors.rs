@@ -3,6 +3,7 @@
 //! Equation numbers are those of V. M. Tereshkov's thesis (Bauman MSTU, 2011). A bias is measured
 //! minus true.
 
+use clap::ValueEnum;
 use ins_core::ImuOutput;
 use serde::{Deserialize, Serialize};
 
@@ -82,11 +83,11 @@ pub struct SensorModel {
 }
 
 /// Which of the thesis's models a bias follows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Law {
-    /// (3): piecewise constant.
+    /// Jumps at regular intervals, thesis equation (3).
     Wave,
-    /// (4): constant, trend and correlated noise.
+    /// Constant, trend and correlated noise, thesis equation (4).
     Continuous,
 }
 
