@@ -12,7 +12,6 @@ use crate::identify::error_model::allan::AtRest;
 use crate::identify::error_model::{self, Identified, Record, Sensors};
 use crate::identify::summary::Summary;
 use crate::log::Grade;
-use crate::page::html::REPORT;
 use crate::page::output::{self, OutputError};
 use crate::page::progress::spinner;
 use crate::report;
@@ -123,7 +122,7 @@ fn identify_logs(options: &Identify, grade: Option<Grade>, law: Option<Law>) -> 
         };
         error_model::write(sensors, folder)?;
         let page = report::together::page(&summaries, &sensors);
-        output::write(folder, REPORT, page.html()?)?;
+        page.write(folder)?;
         Ok((found, summaries))
     };
     let (model, summaries) = options.output.fill(mark(out), fill)?;

@@ -21,7 +21,7 @@ use crate::identify::true_errors::Truth;
 use crate::identify::words::with_sigma;
 use crate::log::{BodyAxes, Grade, Meta};
 use crate::page::chart::{Chart, Figure, MOST_POINTS, sampled};
-use crate::page::html::{Page, REPORT, Section};
+use crate::page::html::{Page, Section};
 use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED, padded};
 use crate::page::table::{Table, heads};
 use crate::page::{self, brief, digits, output};
@@ -109,7 +109,7 @@ impl Comparison {
 
     pub fn write(&self, folder: &Path) -> Result<()> {
         output::write(folder, JSON, page::json(self)?)?;
-        output::write(folder, REPORT, self.page().html()?)?;
+        self.page().write(folder)?;
         output::write(folder, "compare.csv", self.quantities_csv()?)?;
         Ok(output::write(folder, "outages.csv", self.outages_csv()?)?)
     }

@@ -1,11 +1,16 @@
 //! One self-contained page that works without a network.
 
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
 use miette::{IntoDiagnostic, Result};
 use minijinja::value::{Serde, Value};
 use minijinja::{AutoEscape, Environment, context};
 use serde::Serialize;
 
 use super::chart::{Figure, SCRIPT};
+use super::output::OutputError;
 use super::table::Table;
 
 /// File name of a page in a folder of results.
@@ -36,13 +41,33 @@ impl Page {
         let page = Value::from(Serde(self));
         fill(TEMPLATE, context! { page, script => SCRIPT.as_str() })
     }
+
+    /// Writes it into a folder piece by piece: its plots are megabytes, which are not held more often than
+    /// they must be.
+    pub(crate) fn write(self, folder: &Path) -> Result<()> {
+        let page = Value::from(Serde(&self));
+        drop(self);
+        let path = folder.join(REPORT);
+        let failed = |e| OutputError::io(&path, e);
+        let mut file = BufWriter::new(File::create(&path).map_err(failed)?);
+        let environment = environment()?;
+        let template = environment.template_from_str(TEMPLATE).into_diagnostic()?;
+        let with = context! { page, script => SCRIPT.as_str() };
+        template
+            .render_captured_to(with, &mut file)
+            .into_diagnostic()?;
+        Ok(file.flush().map_err(failed)?)
+    }
+}
+
+fn environment() -> Result<Environment<'static>> {
+    let mut environment = Environment::new();
+    environment.set_auto_escape_callback(|_| AutoEscape::Html);
+    (environment.add_template("style", STYLE)).into_diagnostic()?;
+    Ok(environment)
 }
 
 /// A template that may include the style, filled.
 pub(crate) fn fill(template: &str, with: Value) -> Result<String> {
-    let mut environment = Environment::new();
-    environment.set_auto_escape_callback(|_| AutoEscape::Html);
-    (environment.add_template("style", STYLE))
-        .and_then(|()| environment.render_str(template, with))
-        .into_diagnostic()
+    environment()?.render_str(template, with).into_diagnostic()
 }

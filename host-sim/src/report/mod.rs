@@ -17,7 +17,7 @@ use crate::identify::error_model::Sensors;
 use crate::identify::quantities::{QUANTITIES, Quantities};
 use crate::identify::row::Row;
 use crate::log::{Meta, numbers};
-use crate::page::html::{Page, REPORT};
+use crate::page::html::Page;
 use crate::page::{self, output};
 
 /// Columns of the damping signals in `estimates.csv`.
@@ -36,7 +36,7 @@ pub(crate) fn write(analysis: &Analysis, sensors: Option<&Sensors>, folder: &Pat
     output::write(folder, "estimates.csv", page::csv(&names, rows)?)?;
     let rows = found.solutions.iter().map(solution);
     output::write(folder, "solution.csv", page::csv(SOLUTION, rows)?)?;
-    output::write(folder, REPORT, page(analysis, sensors).html()?)?;
+    page(analysis, sensors).write(folder)?;
     let summary = page::json(&analysis.summary)?;
     Ok(output::write(folder, SUMMARY, summary)?)
 }
