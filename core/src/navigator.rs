@@ -19,7 +19,7 @@ use crate::math;
 use crate::mechanization::{Controls, Mechanization};
 use crate::observer::Observer;
 use crate::outcome::{GnssOutcome, ImuOutcome};
-use crate::samples::{BaroHeight, FixSigma, GnssFix, Heading, ImuSample};
+use crate::samples::{ANYWHERE_M, BaroHeight, FixSigma, GnssFix, Heading, ImuSample};
 use crate::solution::{BodyMotion, Phase, Solution, SolutionSigma};
 use crate::time::Time;
 
@@ -45,8 +45,6 @@ const LEAST_HEADING_SIGMA_RAD: f64 = 1e-5;
 /// Least time between two fixes that are alike, s: each takes a piece of work, of which there are a hundred
 /// a second, and the estimators want theirs.
 const LEAST_ALIKE_S: f64 = 0.015;
-/// More than any barometer errs by, m.
-const COARSEST_M: f64 = 1e5;
 
 /// Spread of a solution that is the last fix, m, m/s and rad of tilt, which pulls it away since then.
 const STOPGAP_M: f64 = 20.0;
@@ -719,7 +717,7 @@ impl<const RING: usize> State<RING> {
             return Err(GnssOutcome::NotFinite);
         }
         let possible = height.height_m > LOWEST_M && height.height_m < HIGHEST_M;
-        if !possible || height.sigma_m <= 0.0 || height.sigma_m >= COARSEST_M {
+        if !possible || height.sigma_m <= 0.0 || height.sigma_m >= ANYWHERE_M {
             return Err(GnssOutcome::OutOfRange);
         }
         near(height.time, *now)?;

@@ -109,7 +109,7 @@ pub struct BaroHeight {
 }
 
 /// Sigmas from which a part is none, m and m/s: without a fix receivers write the largest number they have.
-const ANYWHERE_M: f64 = 1e5;
+pub(crate) const ANYWHERE_M: f64 = 1e5;
 const ANY_MPS: f64 = 100.0;
 
 /// Speed above which GNSS says that the vehicle moves, m/s, and sigmas of its noise on top.

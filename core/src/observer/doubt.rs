@@ -4,7 +4,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::followed::Followed;
 use super::{Observer, estimated};
-use crate::channel::{Channel, Gains};
+use crate::channel::Channel;
 use crate::config::Config;
 use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::history::SPACING_S;
@@ -255,14 +255,15 @@ impl Observer {
         } else {
             variance
         };
-        let put = Gains::from([f64::from(far), 0.0, 0.0, 0.0, 0.0]);
-        let (channel, components, kept) = if kind.is_up() {
-            self.followed.correct(&put, &[error.x]);
-            (&mut self.vertical, 1.0, [1.0, 0.0])
+        let (channel, components, kept, off_m) = if kind.is_up() {
+            let off_m = Vector3::new(0.0, 0.0, error.x);
+            (&mut self.vertical, 1.0, [1.0, 0.0], off_m)
         } else {
-            self.followed.correct(&put, &[error.x, error.y]);
-            (&mut self.level, 2.0, [0.0, 1.0])
+            (&mut self.level, 2.0, [0.0, 1.0], error.push(0.0))
         };
+        if far {
+            self.followed.error.position_m += off_m;
+        }
         channel.renew_position_noise(doubtful);
         channel.doubt_position(doubtful);
         if let Some(colour) = self.colours.get_mut(kind as usize) {
