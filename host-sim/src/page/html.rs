@@ -37,24 +37,26 @@ pub(crate) struct Section {
 }
 
 impl Page {
-    pub(crate) fn html(&self) -> Result<String> {
-        let page = Value::from(Serde(self));
-        fill(TEMPLATE, context! { page, script => SCRIPT.as_str() })
+    /// What the template is filled with: its plots are megabytes, which are not held more often than they must
+    /// be.
+    fn context(self) -> Value {
+        let page = Value::from(Serde(&self));
+        context! { page, script => SCRIPT.as_str() }
     }
 
-    /// Writes it into a folder piece by piece: its plots are megabytes, which are not held more often than
-    /// they must be.
+    pub(crate) fn html(self) -> Result<String> {
+        fill(TEMPLATE, self.context())
+    }
+
+    /// Writes it into a folder, piece by piece.
     pub(crate) fn write(self, folder: &Path) -> Result<()> {
-        let page = Value::from(Serde(&self));
-        drop(self);
         let path = folder.join(REPORT);
         let failed = |e| OutputError::io(&path, e);
         let mut file = BufWriter::new(File::create(&path).map_err(failed)?);
         let environment = environment()?;
         let template = environment.template_from_str(TEMPLATE).into_diagnostic()?;
-        let with = context! { page, script => SCRIPT.as_str() };
         template
-            .render_captured_to(with, &mut file)
+            .render_captured_to(self.context(), &mut file)
             .into_diagnostic()?;
         Ok(file.flush().map_err(failed)?)
     }
