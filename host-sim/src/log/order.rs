@@ -103,11 +103,7 @@ pub(super) fn in_order<T: Copy + PartialEq>(
         let kept = order.take(at(row, stamp), defect);
         kept.map_err(|e| LogError::no_room(&e))?;
     }
-    if too_many(&unusable, MOST_LEFT_OUT, count)
-        && let Some(refusal) = unusable.clone().refusal(MOST_LEFT_OUT)
-    {
-        return Err(refusal);
-    }
+    let unusable = few_enough(unusable, MOST_LEFT_OUT, count)?;
     warnings.extend(unusable.warning("left out"));
     order.settled(count, MOST_LEFT_OUT, warnings)
 }
@@ -120,6 +116,12 @@ fn not_finite(path: &Path, time: Time) -> LogError {
 /// Whether so many of all rows are no slip. One is, even in a short file: the last line, usually.
 fn too_many(few: &Few, most: f64, rows: usize) -> bool {
     few.count > 1 && few.count as f64 > most * rows as f64
+}
+
+/// The same rows, or the refusal of too many.
+fn few_enough(few: Few, most: f64, rows: usize) -> Result<Few, LogError> {
+    let refusal = too_many(&few, most, rows).then(|| few.clone().refusal(most));
+    refusal.flatten().map_or(Ok(few), Err)
 }
 
 /// Puts rows into the order of their stamps.
@@ -205,13 +207,8 @@ impl<R: Rows> Order<R> {
             clashes,
             disorder,
         } = self.told;
-        for few in [&clashes, &disorder] {
-            if too_many(few, most_left_out, count)
-                && let Some(refusal) = few.clone().refusal(most_left_out)
-            {
-                return Err(refusal);
-            }
-        }
+        let clashes = few_enough(clashes, most_left_out, count)?;
+        let disorder = few_enough(disorder, most_left_out, count)?;
         warnings.extend(rollovers.warning("its period was added"));
         for few in [repeated, clashes, disorder] {
             warnings.extend(few.warning("left out"));
