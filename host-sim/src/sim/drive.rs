@@ -200,6 +200,17 @@ pub fn record_with<M: Motion>(
     }
 }
 
+/// What happened over one sampling interval.
+#[derive(Clone, Copy, Debug)]
+pub struct Step {
+    /// Truth at its start.
+    pub before: TrueState,
+    /// As measured.
+    pub sample: ImuSample,
+    /// What error-free sensors gained.
+    pub ideal: ImuSample,
+}
+
 /// Sensors on their way, and what they have put out.
 #[derive(Clone, Debug)]
 pub(crate) struct Recorder {
@@ -208,8 +219,8 @@ pub(crate) struct Recorder {
     pub(crate) truth: Vec<Solution>,
     biases: Vec<Biases>,
     recording: Recording,
-    unit: Imu,
-    receiver: Gnss,
+    pub(crate) unit: Imu,
+    pub(crate) receiver: Gnss,
     losses: Random,
     jitter: Random,
     count: u32,
@@ -250,35 +261,46 @@ impl Recorder {
 
     /// Records up to a time; `sensors` stand where the last recording has ended.
     pub(crate) fn go_on<M: Motion>(&mut self, sensors: &mut IdealSensors<M>, end: Time) {
-        let imu_hz = self.recording.imu_hz;
-        let model = &self.recording.errors.imu;
-        let jitter_s = model.stamp_jitter_s.min(MOST_JITTER / imu_hz);
-        let stamp = |count: u32| Time::default().plus_seconds(f64::from(count) / imu_hz);
-        while stamp(self.count + 1) <= end {
-            self.count += 1;
-            let before = *sensors.state();
-            let time = stamp(self.count);
-            let step_s = time.seconds_since(before.solution.time);
-            let gained = sensors.advance(time);
-            let now = sensors.state();
-            let (gyro, accel) = self.unit.measure(&gained, &now.rates, step_s);
-            let stamped = time.plus_seconds(jitter_s * self.jitter.uniform([-1.0, 1.0]));
-            let in_hole = model.holes.iter().any(|hole| hole.holds(time.as_seconds()));
+        let most_s = MOST_JITTER / self.recording.imu_hz;
+        while self.next_time() <= end {
+            let Step { sample, .. } = self.step(sensors);
+            let model = &self.recording.errors.imu;
+            let jitter_s = model.stamp_jitter_s.min(most_s) * self.jitter.uniform([-1.0, 1.0]);
+            let time = sample.time.plus_seconds(jitter_s);
+            let sampled_s = sample.time.as_seconds();
+            let in_hole = model.holes.iter().any(|hole| hole.holds(sampled_s));
             if !self.losses.chance(model.dropped_fraction) && !in_hole {
-                self.imu.push(ImuSample {
-                    time: stamped,
-                    gyro,
-                    accel,
-                });
+                self.imu.push(ImuSample { time, ..sample });
             }
-            self.receiver.observe(&before, now, &mut self.gnss);
             if self.count.is_multiple_of(self.recording.truth_every) {
-                self.truth.push(Solution {
-                    time: stamped,
-                    ..now.solution
-                });
+                let truth = sensors.state().solution;
+                self.truth.push(Solution { time, ..truth });
                 self.biases.push(self.unit.biases());
             }
+        }
+    }
+
+    fn next_time(&self) -> Time {
+        Time::default().plus_seconds(f64::from(self.count + 1) / self.recording.imu_hz)
+    }
+
+    /// Moves on by a sampling interval, and keeps the fixes that show it.
+    pub(crate) fn step<M: Motion>(&mut self, sensors: &mut IdealSensors<M>) -> Step {
+        let (before, time) = (*sensors.state(), self.next_time());
+        self.count += 1;
+        let step_s = time.seconds_since(before.solution.time);
+        let gained = sensors.advance(time);
+        let now = sensors.state();
+        let (gyro, accel) = self.unit.measure(&gained, &now.rates, step_s);
+        self.receiver.observe(&before, now, &mut self.gnss);
+        Step {
+            before,
+            sample: ImuSample { time, gyro, accel },
+            ideal: ImuSample {
+                time,
+                gyro: gained.angle_b_rad,
+                accel: gained.velocity_b_mps,
+            },
         }
     }
 

@@ -5,7 +5,8 @@ use ins_core::attitude::matrix;
 use ins_core::earth::LocalEarth;
 use nalgebra::{Vector2, Vector3};
 
-use super::sensors::{STEP_S, Step};
+use super::sensors::STEP_S;
+use crate::sim::drive::Step;
 
 /// Which terms the equations have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

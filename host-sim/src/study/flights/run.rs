@@ -14,7 +14,7 @@ use serde::Serialize;
 
 use super::linear::{Agreement, LinearModel};
 use super::route::Route;
-use super::sensors::{Intervals, RATE_HZ, STEP_S, Sensors, Step};
+use super::sensors::{Intervals, STEP_S, Sensors};
 use crate::aircraft::flight::FlightError;
 use crate::identify::configure::config_of;
 use crate::identify::free_inertial::value;
@@ -23,6 +23,7 @@ use crate::identify::quantities::{DEG_H_RADPS, MG_MPS2};
 use crate::log::Grade;
 use crate::page::progress::counted;
 use crate::sim::ErrorModel;
+use crate::sim::drive::{IMU_HZ, Step};
 use crate::sim::noise::Random;
 
 /// Residual gyro biases of the grid, one sigma, deg/h.
@@ -292,7 +293,7 @@ impl Grid {
     }
 
     fn step(&mut self, ideal: &Interval, height_m: f64, config: &DampingConfig) {
-        let noise = Vector3::from(self.noise.normal3()) * (DEG_SQRT_H * RATE_HZ.sqrt());
+        let noise = Vector3::from(self.noise.normal3()) * (DEG_SQRT_H * IMU_HZ.sqrt());
         for (cell, ins) in self.ins.iter_mut().enumerate() {
             let (bias, walk) = cell_errors(cell);
             let gyro = DEG_H_RADPS * bias * self.bias + walk * noise;

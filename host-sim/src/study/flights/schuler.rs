@@ -6,9 +6,10 @@ use serde::Serialize;
 use super::linear::{Agreement, LinearModel};
 use super::route::Route;
 use super::run::RunError;
-use super::sensors::{Intervals, RATE_HZ, STEP_S, Sensors};
+use super::sensors::{Intervals, STEP_S, Sensors};
 use crate::identify::held_ins::HeldIns;
 use crate::sim::ErrorModel;
+use crate::sim::drive::IMU_HZ;
 use ins_core::config::Config;
 use ins_core::earth::LocalEarth;
 
@@ -92,7 +93,7 @@ pub fn schuler(seed: u64, route: &Route, errors: &ErrorModel) -> Result<Schuler,
             }
             let [printed, rotating] = models.map(|model| model.velocity_mps.xy());
             curves.push(Point {
-                time_s: f64::from(count) / RATE_HZ,
+                time_s: f64::from(count) / IMU_HZ,
                 errors_mps: [error, printed, rotating],
             });
         }
