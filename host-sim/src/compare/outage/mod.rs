@@ -97,26 +97,20 @@ pub fn test(
     let Some(course) = Course::new(log, simulated, config)? else {
         return Ok(None);
     };
-    #[allow(unused_mut, reason = "peers are a feature")]
-    let mut navigators = vec![course.core(config)?, course.kalman(config, noise)?];
-    #[cfg(feature = "peers")]
-    navigators.push(course.peer(config, noise)?);
-    let Some(navigators) = in_common(&navigators) else {
-        return Ok(None);
-    };
     let against = if simulated {
         Against::Truth
     } else {
         Against::Gnss
     };
-    Ok(Some(OutageTest {
+    let navigators = course.navigators(config, noise)?;
+    Ok(navigators.map(|navigators| OutageTest {
         against,
         navigators,
     }))
 }
 
 /// All over the outages in which each of them had a solution; `None` where there is none.
-pub(crate) fn in_common(navigators: &[Drifts]) -> Option<Vec<Drifts>> {
+fn in_common(navigators: &[Drifts]) -> Option<Vec<Drifts>> {
     let in_all = |outage: &Drift| {
         let same = |other: &Drift| other.start_s.total_cmp(&outage.start_s).is_eq();
         navigators
@@ -207,19 +201,34 @@ impl<'a> Course<'a> {
         Ok((!course.starts.is_empty()).then_some(course))
     }
 
+    /// All there are through them, the core first, then the Kalman filter; `None` where there is no outage
+    /// in which each of them has a solution.
+    pub(crate) fn navigators(
+        &self,
+        config: Config,
+        noise: Noise,
+    ) -> Result<Option<Vec<Drifts>>, ConfigError> {
+        let (core, kalman) = rayon::join(|| self.core(config), || self.kalman(config, noise));
+        #[allow(unused_mut, reason = "peers are a feature")]
+        let mut navigators = vec![core?, kalman?];
+        #[cfg(feature = "peers")]
+        navigators.push(self.peer(config, noise)?);
+        Ok(in_common(&navigators))
+    }
+
     pub(crate) fn core(&self, config: Config) -> Result<Drifts, ConfigError> {
         let core = Navigator::new(config)?;
         Ok(Drifts::new("compensation", self.through(core)))
     }
 
     #[cfg(feature = "peers")]
-    pub(crate) fn peer(&self, config: Config, noise: Noise) -> Result<Drifts, ConfigError> {
+    fn peer(&self, config: Config, noise: Noise) -> Result<Drifts, ConfigError> {
         let peer = peer::Peer::new(config, noise, self.latency_s)?;
         Ok(Drifts::new("fusion-nav", self.through(peer)))
     }
 
     /// The Kalman filter through them. It stands at the moments of the fixes, not at their stamps.
-    pub(crate) fn kalman(&self, config: Config, noise: Noise) -> Result<Drifts, ConfigError> {
+    fn kalman(&self, config: Config, noise: Noise) -> Result<Drifts, ConfigError> {
         let imu = self.log.imu.all();
         let mut run = Run::new(&imu, &self.log.gnss, config, noise)?;
         let mut drifts = Vec::new();

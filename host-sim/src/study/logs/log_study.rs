@@ -10,7 +10,7 @@ use super::wander::Wander;
 use crate::compare::five_stage;
 use crate::compare::kalman::Noise;
 use crate::compare::measure::{COMPARED, columns};
-use crate::compare::outage::{Course, in_common};
+use crate::compare::outage::Course;
 use crate::compare::tracks::{self, Input};
 use crate::identify::configure;
 use crate::identify::halves::{self, Difference};
@@ -209,15 +209,8 @@ impl<'a> Bench<'a> {
             return Ok(None);
         };
         let Input { config, noise, .. } = self.input;
-        let (core, kalman) = rayon::join(|| course.core(config), || course.kalman(config, noise));
-        #[allow(unused_mut, reason = "peers are a feature")]
-        let mut navigators = vec![core?, kalman?];
-        #[cfg(feature = "peers")]
-        navigators.push(course.peer(config, noise)?);
-        let Some(navigators) = in_common(&navigators) else {
-            return Ok(None);
-        };
-        Ok(Some(Outages {
+        let navigators = course.navigators(config, noise)?;
+        Ok(navigators.map(|navigators| Outages {
             count: navigators[0].count,
             core_m: navigators[0].position_rms_m,
             kalman_m: navigators[1].position_rms_m,
