@@ -115,7 +115,7 @@ pub(super) fn hour(settings: &Settings, route: &Route, class: &ErrorModel) -> Re
             (1..)
                 .zip(growths[0].iter().zip(&growths[1]))
                 .map(|(minute, (a, b))| vec![f64::from(minute), *a, *b]),
-        ),
+        )?,
     })
 }
 

@@ -36,9 +36,9 @@ pub fn reproduce(settings: Settings, recorded: Option<&Recorded>) -> Result<Repr
     let mut parts = vec![
         observable::figure_1(first),
         beside::figures_3_and_4(&drives).map_err(unusable)?,
-        velocity::figure_5(&drives),
+        velocity::figure_5(&drives)?,
         beside::figures_6_and_7(&settings).map_err(unusable)?,
-        velocity::figure_8(&drives),
+        velocity::figure_8(&drives)?,
         velocity::figure_9(&settings, &drives, &route)?,
         velocity::table_1(&settings, &route)?,
         laboratory::argument(&settings, &route)?,

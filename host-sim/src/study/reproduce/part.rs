@@ -119,14 +119,9 @@ pub(super) fn here(what: impl Into<String>, value: f64) -> Number {
 }
 
 /// Comma-separated text: names, then rows of numbers.
-pub(super) fn csv(header: &str, rows: impl Iterator<Item = Vec<f64>>) -> String {
-    let mut text = format!("{header}\n");
-    for row in rows {
-        let cells: Vec<String> = row.iter().map(|value| format!("{value:.6}")).collect();
-        text += &cells.join(",");
-        text.push('\n');
-    }
-    text
+pub(super) fn csv(names: &str, rows: impl Iterator<Item = Vec<f64>>) -> Result<String> {
+    let cells = |row: Vec<f64>| row.into_iter().map(|value| format!("{value:.6}"));
+    page::csv(names, rows.map(cells))
 }
 
 impl Reproduction {

@@ -45,7 +45,7 @@ struct Gain {
     across_mps: [f64; 3],
 }
 
-pub(super) fn figure_5(drives: &[Drive]) -> Part {
+pub(super) fn figure_5(drives: &[Drive]) -> Result<Part> {
     let gains: Vec<Vec<Gain>> = drives.iter().map(gains).collect();
     let all = |which: usize| rms(gains.iter().flatten().map(|gain| gain.across_mps[which]));
     let [given, compensated, exact] = [0, 1, 2].map(all);
@@ -61,7 +61,7 @@ pub(super) fn figure_5(drives: &[Drive]) -> Part {
         line("true attitude", GREY, 2),
         line("azimuth compensated", GREEN, 1),
     ];
-    Part {
+    Ok(Part {
         name: "figure-5",
         title: "Figure 5: cross-channel velocity error, azimuth compensated".to_owned(),
         how: format!(
@@ -85,8 +85,8 @@ pub(super) fn figure_5(drives: &[Drive]) -> Part {
                 let [given, compensated, exact] = gain.across_mps;
                 vec![gain.end_s, given, compensated, exact]
             }),
-        ),
-    }
+        )?,
+    })
 }
 
 fn gains(drive: &Drive) -> Vec<Gain> {
@@ -141,7 +141,7 @@ struct Compensated {
     running_without_walk: Velocities,
 }
 
-pub(super) fn figure_8(drives: &[Drive]) -> Part {
+pub(super) fn figure_8(drives: &[Drive]) -> Result<Part> {
     let all: Vec<Compensated> = drives.par_iter().filter_map(compensated).collect();
     let size_of = |errors: fn(&Compensated) -> &Velocities| size(all.iter().map(errors));
     let as_read = size_of(|v| &v.as_read);
@@ -154,7 +154,7 @@ pub(super) fn figure_8(drives: &[Drive]) -> Part {
     let first = all
         .first()
         .map(|one| [&one.as_read, &one.history].map(thinned));
-    Part {
+    Ok(Part {
         name: "figure-8",
         title: "Figure 8: free-inertial velocity error before and after".to_owned(),
         how: format!(
@@ -185,11 +185,11 @@ pub(super) fn figure_8(drives: &[Drive]) -> Part {
             ];
             east_and_north(["Velocity error east", "Velocity error north"], &lines)
         }),
-        csv: first.map_or(String::new(), |[before, after]| {
+        csv: first.map_or(Ok(String::new()), |[before, after]| {
             let header = "time_s,east_as_read_mps,north_as_read_mps,east_after_mps,north_after_mps";
             csv_of(header, [&before, &after])
-        }),
-    }
+        })?,
+    })
 }
 
 fn compensated(drive: &Drive) -> Option<Compensated> {
@@ -279,7 +279,7 @@ pub(super) fn figure_9(settings: &Settings, drives: &[Drive], route: &Route) -> 
             "time_s,gnss_east_mps,gnss_north_mps,ins_east_mps,ins_north_mps,ins_error_east_mps,\
              ins_error_north_mps",
             [&gnss, &ins, &shown],
-        ),
+        )?,
     })
 }
 
@@ -324,13 +324,13 @@ pub(super) fn table_1(settings: &Settings, route: &Route) -> Result<Part> {
             let panels: Vec<Panel> = unit.iter().zip(VEHICLES).map(panel).collect();
             sheet::svg(&panels)
         }),
-        csv: first.map_or(String::new(), |unit| {
+        csv: first.map_or(Ok(String::new()), |unit| {
             csv_of(
                 "time_s,rest_east_mps,rest_north_mps,car_east_mps,car_north_mps,\
                  aircraft_east_mps,aircraft_north_mps",
                 unit.each_ref(),
             )
-        }),
+        })?,
     })
 }
 
@@ -449,7 +449,7 @@ fn panel(title: &str, lines: Vec<Line>) -> Panel {
 }
 
 /// Times of the first, and both components of each.
-fn csv_of<const N: usize>(header: &str, velocities: [&Velocities; N]) -> String {
+fn csv_of<const N: usize>(header: &str, velocities: [&Velocities; N]) -> Result<String> {
     let moments = velocities.map(Vec::len).into_iter().min().unwrap_or(0);
     let row = |moment: usize| {
         let vectors = velocities.iter().map(|of| of[moment].1);
