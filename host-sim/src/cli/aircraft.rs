@@ -1,7 +1,7 @@
 //! The command `aircraft`.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use miette::{Result, miette};
@@ -37,16 +37,14 @@ pub fn aircraft(options: &Aircraft) -> Result<()> {
             "the {name} cannot fly level at sea level"
         )
     })?;
-    options.folder.fill(TABLE, |folder| {
+    let write = |folder: &Path| -> Result<()> {
         let slowest_mps = 1.05 * table.clean_stall_speed_kmh / 3.6;
         let drawn = pictures::of_aircraft(&dynamics, slowest_mps, table.max_speed_kmh / 3.6);
         output::write(folder, TABLE, page::json(&table)?)?;
         Ok(pictures::write(&drawn, folder)?)
-    })?;
-    options
-        .folder
-        .print
-        .result(&table, || readable(&dynamics, &table))
+    };
+    let text = || readable(&dynamics, &table);
+    options.folder.deliver(TABLE, write, &table, text)
 }
 
 fn readable(dynamics: &Dynamics, table: &Performance) -> String {

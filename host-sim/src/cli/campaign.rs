@@ -1,6 +1,5 @@
 //! The commands `campaign` and `merge`.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -13,7 +12,7 @@ use crate::campaign::run::run;
 use crate::campaign::slurm;
 use crate::campaign::summary::{Summary, Tally};
 use crate::page;
-use crate::page::output::{OutputError, replace};
+use crate::page::output::{read, replace};
 use crate::page::progress::bar;
 
 /// Copy of the plan; marks a folder as that of a campaign.
@@ -101,10 +100,6 @@ fn settle(plan: &Plan, out: &Path, force: bool) -> Result<()> {
     Ok(())
 }
 
-fn read(file: &Path) -> Result<String> {
-    Ok(fs::read_to_string(file).map_err(|error| OutputError::io(file, error))?)
-}
-
 fn add_up(folders: &[&PathBuf], print: Print) -> Result<()> {
     let summary = summary(folders)?;
     replace(&folders[0].join(SUMMARY), &page::json(&summary)?)?;
@@ -176,7 +171,7 @@ mod tests {
         let older = read(&copy)
             .unwrap()
             .replace("# host-sim ", "# host-sim 0.0.");
-        fs::write(&copy, older).unwrap();
+        std::fs::write(&copy, older).unwrap();
         let refused = settle(&plan, &out, false).unwrap_err().to_string();
         assert!(
             refused.ends_with("as another version of host-sim ran it"),

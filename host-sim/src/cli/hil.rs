@@ -7,7 +7,7 @@ use miette::{Result, miette};
 use serde::Serialize;
 
 use crate::cli::identify::words;
-use crate::cli::options::{Output, read, refuse_same};
+use crate::cli::options::{Class, Output, read, refuse_same};
 use crate::hil::bench::{Bench, ESTIMATES_EVERY, requests};
 use crate::hil::board::Target;
 use crate::hil::board_log::{self, BoardLog};
@@ -15,7 +15,6 @@ use crate::hil::report::{Hardware, View};
 use crate::hil::session::{Event, Rate};
 use crate::identify::analysis::{Analysis, Input, SUMMARY};
 use crate::identify::summary::Summary;
-use crate::log::Grade;
 use crate::page::progress::bar;
 use crate::page::{self, output};
 use crate::report;
@@ -29,9 +28,8 @@ pub struct Hil {
     /// When samples are sent.
     #[arg(long, value_enum, default_value_t = Rate::Max)]
     rate: Rate,
-    /// Class of the sensors; else what meta.toml says, or what the gyros show at rest.
-    #[arg(long, value_enum)]
-    grade: Option<Grade>,
+    #[command(flatten)]
+    class: Class,
     #[command(flatten)]
     output: Output,
 }
@@ -51,7 +49,7 @@ pub fn hil(options: &Hil) -> Result<()> {
     let image = options.target.image()?;
     let table = image.as_deref().map(board_log::table).transpose()?;
     let mut log = table.as_ref().map(BoardLog::new);
-    let input = read(&options.log, options.grade, &bar())?;
+    let input = read(&options.log, options.class.grade, &bar())?;
 
     let (hardware, analysis) = run(input, options, log.as_mut())?;
 

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use miette::{Result, bail};
 
-use super::options::{Output, build, identified, refuse_same, report_line};
+use super::options::{Class, Output, build, identified, refuse_same, report_line};
 use crate::identify::analysis::{Analysis, Given, SUMMARY};
 use crate::identify::error_model::allan::AtRest;
 use crate::identify::error_model::{self, Identified, Record, Sensors};
@@ -22,9 +22,8 @@ pub(super) struct Identify {
     /// Folder of a log, or a recording of a known format. Several: drives of one kind of unit, for one error model of all.
     #[arg(required = true)]
     log: Vec<PathBuf>,
-    /// Class of the sensors; else what meta.toml says, or what the gyros show at rest.
-    #[arg(long, value_enum)]
-    grade: Option<Grade>,
+    #[command(flatten)]
+    class: Class,
     /// How gyro biases move; else the likelier of the two.
     #[arg(long, value_enum)]
     bias_model: Option<Law>,
@@ -34,7 +33,7 @@ pub(super) struct Identify {
 
 /// Identifies a log, or several.
 pub(super) fn identify(options: &Identify) -> Result<()> {
-    let (grade, law) = (options.grade, options.bias_model);
+    let (grade, law) = (options.class.grade, options.bias_model);
     if let [log] = options.log.as_slice() {
         let Output { out, print, force } = &options.output;
         let (analysis, model) = identify_log(log, out, grade, law, *force)?;

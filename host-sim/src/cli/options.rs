@@ -61,6 +61,14 @@ pub(super) fn aircraft(file: Option<&Path>) -> Result<Dynamics> {
     }
 }
 
+/// What a log may not say of its sensors.
+#[derive(Args, Clone, Copy, Debug)]
+pub(super) struct Class {
+    /// Class of the sensors; else what meta.toml says, or what the gyros show at rest.
+    #[arg(long, value_enum)]
+    pub(super) grade: Option<Grade>,
+}
+
 /// How a result is printed.
 #[derive(Args, Clone, Copy, Debug)]
 pub(super) struct Print {
@@ -128,9 +136,17 @@ impl Folder {
         Ok(self.out.as_ref().map_or(Ok(()), check)?)
     }
 
-    pub(super) fn fill(&self, mark: &str, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+    /// Fills it, if it is named, and prints what is in it.
+    pub(super) fn deliver(
+        &self,
+        mark: &str,
+        fill: impl FnOnce(&Path) -> Result<()>,
+        value: &impl Serialize,
+        text: impl FnOnce() -> String,
+    ) -> Result<()> {
         let filled = |folder: &PathBuf| build(folder, mark, self.force, fill);
-        self.out.as_ref().map_or(Ok(()), filled)
+        self.out.as_ref().map_or(Ok(()), filled)?;
+        self.print.result(value, text)
     }
 }
 

@@ -43,11 +43,11 @@ pub fn plan_drive(options: &PlanDrive) -> Result<()> {
         }
     };
     let report = Report::new(&plan, &target.site, log);
-    folder.fill(PLAN, |folder| report.write(folder))?;
-    folder.print.result(&report, || {
+    let text = || {
         let written = (folder.out.as_ref()).map(|out| format!("\n{}", report_line(out)));
         report.readable() + &written.unwrap_or_default()
-    })
+    };
+    folder.deliver(PLAN, |folder| report.write(folder), &report, text)
 }
 
 /// What a log lacks; its name, and what speaks against it.

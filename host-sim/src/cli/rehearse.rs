@@ -14,16 +14,16 @@ use crate::campaign::ledger::Shard;
 use crate::campaign::{ledger, slurm};
 use crate::cli::identify::error_model_of;
 use crate::cli::options::{
-    Output, aircraft, identified, print, refuse_same, report_line, tell, tell_kept,
+    Class, Output, aircraft, identified, print, refuse_same, report_line, tell, tell_kept,
 };
 use crate::identify::analysis::log_name;
 use crate::identify::error_model::Sensors;
 use crate::identify::error_model::allan::AtRest;
 use crate::identify::error_model::record::readings_at_rest;
 use crate::identify::error_model::{self, Identified};
-use crate::log::{Grade, import};
+use crate::log::import;
 use crate::page;
-use crate::page::output::{OutputError, replace};
+use crate::page::output::{read, replace};
 use crate::page::progress::bar;
 use crate::rehearse::flight::{Told, World};
 use crate::rehearse::output;
@@ -86,9 +86,8 @@ pub struct Rehearse {
     /// Fixes every random number.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Class of the sensors; else what meta.toml says, or what the gyros show at rest.
-    #[arg(long, value_enum)]
-    grade: Option<Grade>,
+    #[command(flatten)]
+    class: Class,
     /// Only the K-th of N parts of the flights; without it, what is missing is flown and all added up.
     #[arg(long, value_name = "K/N")]
     shard: Option<Shard>,
@@ -131,7 +130,7 @@ pub fn rehearse(options: &Rehearse) -> Result<()> {
     for drive in &options.drives {
         refuse_same(drive, &options.output.out)?;
     }
-    let grade = options.grade;
+    let grade = options.class.grade;
     let drives = Drives::of(&options.drives, |drive| identified(drive, grade))?;
     let free_s = 60.0 * options.minutes_free;
     let world = World::new(dynamics, plan, free_s, drives.imu_hz)
@@ -346,8 +345,4 @@ fn differing(text: &str, before: &str) -> Vec<String> {
     };
     let other = now.into_iter().filter(is_other);
     other.map(|(key, _)| key).collect()
-}
-
-fn read(path: &Path) -> Result<String, OutputError> {
-    fs::read_to_string(path).map_err(|e| OutputError::io(path, e))
 }

@@ -35,19 +35,17 @@ fn read(path: &Path) -> Result<Recorded> {
 
 /// Regenerates the thesis's figures and tables.
 pub fn reproduce(options: &Reproduce) -> Result<()> {
-    options.output.check(JSON)?;
+    let output = &options.output;
+    output.check(JSON)?;
     if let Some(log) = &options.log {
-        refuse_same(log, &options.output.out)?;
+        refuse_same(log, &output.out)?;
     }
     let recorded = options.log.as_deref().map(read).transpose()?;
     let progress = spinner("simulating drives and flights");
     let reproduction = measure(Settings::new(options.seed), recorded.as_ref())?;
     progress.finish_and_clear();
-    options
-        .output
-        .fill(JSON, |folder| reproduction.write(folder))?;
-    options.output.print.result(&reproduction, || {
-        let report = report_line(&options.output.out);
-        format!("{}\n{report}", reproduction.readable())
+    output.fill(JSON, |folder| reproduction.write(folder))?;
+    output.print.result(&reproduction, || {
+        format!("{}\n{}", reproduction.readable(), report_line(&output.out))
     })
 }

@@ -1,6 +1,5 @@
 //! The commands that simulate: `drive`, `demo` and `fly`.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum as _};
@@ -16,7 +15,7 @@ use crate::aircraft::plan::Plan;
 use crate::identify::analysis::SUMMARY;
 use crate::identify::true_errors::{self, Truth};
 use crate::log::{self, BodyAxes, Compression, Grade, Log};
-use crate::page::output::{self, OutputError};
+use crate::page::output;
 use crate::page::progress::spinner;
 use crate::sim::drive::{IMU_HZ, Recording};
 use crate::sim::{DriveConfig, ErrorModel, SimulatedDrive, record, simulate};
@@ -209,7 +208,7 @@ pub(super) fn fly(options: &Fly) -> Result<()> {
     // A flight has no rest that would tell.
     let grade = class(&recording.errors);
     let flown = Simulated::new(run, &recording.errors, grade, name);
-    let plan = fs::read(&options.plan).map_err(|e| OutputError::io(&options.plan, e))?;
+    let plan = output::read(&options.plan)?;
     let write = |folder: &Path| -> Result<()> {
         flown.write(folder)?;
         output::write(folder, "plan.toml", &plan)?;

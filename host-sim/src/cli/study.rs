@@ -1,7 +1,7 @@
 //! The command group `study`.
 
 use std::collections::HashSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 use miette::{Result, bail, miette};
@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::identify::error_model_of;
-use super::options::{Folder, Print, identified, print, tell};
+use super::options::{Class, Folder, Print, identified, print, tell};
 use super::rehearse::{in_keys, keys};
 use crate::identify::analysis::folder_name;
 use crate::identify::configure;
@@ -83,11 +83,9 @@ impl Accuracy {
         let progress = bar().with_message("driving");
         let results = (self.study.results(&progress))
             .map_err(|error| miette!("these options cannot be used: {}", error))?;
-        self.folder
-            .fill(accuracy::JSON, |folder| accuracy::write(&results, folder))?;
-        self.folder
-            .print
-            .result(&results, || accuracy::readable(&results))
+        let write = |folder: &Path| accuracy::write(&results, folder);
+        let text = || accuracy::readable(&results);
+        self.folder.deliver(accuracy::JSON, write, &results, text)
     }
 }
 
@@ -235,12 +233,9 @@ impl Flights {
         let seeds = self.first_seed..self.first_seed + u64::from(self.runs);
         let progress = bar().with_message("flights");
         let (runs, summary) = flights::measure(seeds, &self.settings, &progress)?;
-        self.folder.fill(flights::SUMMARY, |folder| {
-            flights::write(folder, &runs, &summary)
-        })?;
-        self.folder
-            .print
-            .result(&summary, || flights::readable(&summary))
+        let write = |folder: &Path| flights::write(folder, &runs, &summary);
+        let text = || flights::readable(&summary);
+        self.folder.deliver(flights::SUMMARY, write, &summary, text)
     }
 }
 
@@ -265,12 +260,9 @@ impl Recovery {
             self.study.of_both_laws()
         };
         let tables = recovery::tables(&results, self.closure);
-        self.folder.fill(recovery::JSON, |folder| {
-            recovery::write(&results, &tables, folder)
-        })?;
-        self.folder
-            .print
-            .result(&results, || recovery::readable(&tables))
+        let write = |folder: &Path| recovery::write(&results, &tables, folder);
+        let text = || recovery::readable(&tables);
+        self.folder.deliver(recovery::JSON, write, &results, text)
     }
 }
 
@@ -304,9 +296,8 @@ pub struct Logs {
     /// Only the development logs.
     #[arg(long)]
     development: bool,
-    /// Class of the sensors; else what meta.toml says, or what the gyros show at rest.
-    #[arg(long, value_enum)]
-    grade: Option<Grade>,
+    #[command(flatten)]
+    class: Class,
     #[command(flatten)]
     print: Print,
 }
@@ -329,7 +320,7 @@ impl Logs {
             let (log, warnings) = log::read(folder)?;
             progress.suspend(|| tell(&warnings));
             progress.set_message(name.clone());
-            let grade = configure::grade(&log, self.grade);
+            let grade = configure::grade(&log, self.class.grade);
             logs::LogStudy::of_log(name, &log, grade)
                 .map_err(|error| miette!("cannot be used: {}", error))
         };
@@ -364,9 +355,8 @@ pub struct Recordings {
     /// Recordings of any known format, and folders of logs; each is opened on its own.
     #[arg(required = true)]
     paths: Vec<PathBuf>,
-    /// Class of the sensors; else what meta.toml says, or what the gyros show at rest.
-    #[arg(long, value_enum)]
-    grade: Option<Grade>,
+    #[command(flatten)]
+    class: Class,
     #[command(flatten)]
     print: Print,
 }
@@ -377,7 +367,7 @@ impl Recordings {
         let progress = bar().with_message("trying");
         let paths = once(&self.paths);
         progress.set_length(paths.len() as u64);
-        let one = |path: &PathBuf| recordings::recordings(path, self.grade);
+        let one = |path: &PathBuf| recordings::recordings(path, self.class.grade);
         let rows: Vec<Recording> = (paths.into_iter())
             .flat_map(counted(&progress, one))
             .collect();
@@ -407,9 +397,8 @@ pub struct Rehearse {
     /// Simulations of each of them.
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(2..=1000))]
     seeds: u64,
-    /// Class of the sensors; else what meta.toml says, or what the gyros show at rest.
-    #[arg(long, value_enum)]
-    grade: Option<Grade>,
+    #[command(flatten)]
+    class: Class,
     #[command(flatten)]
     print: Print,
 }
@@ -423,7 +412,7 @@ impl Rehearse {
             verdicts: Vec<Judged>,
             rows: Vec<proof::Row>,
         }
-        let grade = self.grade;
+        let grade = self.class.grade;
         let drives = Drives::of(&self.drives, |drive| identified(drive, grade))?;
         let mut model = error_model_of(&drives.records, drives.grade, None).model();
         model.imu.output = drives.output;

@@ -6,10 +6,9 @@ use clap::Args;
 use miette::{IntoDiagnostic, Result};
 
 use crate::cli::identify::error_model_of;
-use crate::cli::options::{Print, print, tell};
+use crate::cli::options::{Class, Print, print, tell};
 use crate::identify::analysis::{Analysis, Input};
 use crate::identify::error_model::Record;
-use crate::log::Grade;
 use crate::log::import::Choice;
 use crate::page::progress::bar;
 use crate::tune::Tuning;
@@ -25,9 +24,8 @@ pub struct Tune {
     format: Target,
     #[command(flatten)]
     choice: Choice,
-    /// Class of the sensors; else what meta.toml says, or what the gyros show at rest.
-    #[arg(long, value_enum)]
-    grade: Option<Grade>,
+    #[command(flatten)]
+    class: Class,
     #[command(flatten)]
     print: Print,
 }
@@ -35,7 +33,7 @@ pub struct Tune {
 /// Identifies a log and prints it as parameters.
 pub fn tune(options: &Tune) -> Result<()> {
     let progress = bar();
-    let input = Input::read_all(&options.log, options.choice, options.grade, &progress)?;
+    let input = Input::read_all(&options.log, options.choice, options.class.grade, &progress)?;
     progress.suspend(|| tell(&input.warnings));
     let analysis = Analysis::of_input(input, &progress)?;
     let records = [Record::new(&analysis.log, &analysis.found)];

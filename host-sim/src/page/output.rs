@@ -218,6 +218,10 @@ pub fn write(folder: &Path, name: &str, contents: impl AsRef<[u8]>) -> Result<()
     fs::write(&path, contents).map_err(|e| OutputError::io(&path, e))
 }
 
+pub fn read(file: &Path) -> Result<String, OutputError> {
+    fs::read_to_string(file).map_err(|e| OutputError::io(file, e))
+}
+
 /// Refuses a file early that [`replace`] could not write, or that nobody said may go.
 ///
 /// By force it may go if it begins with `head`, as only this program's do, or is empty.
