@@ -23,7 +23,7 @@ use crate::log::{BodyAxes, Grade, Meta};
 use crate::page::chart::{Chart, Figure, MOST_POINTS, sampled};
 use crate::page::html::{Page, Section};
 use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED, padded};
-use crate::page::table::{Table, heads};
+use crate::page::table::{Table, heads, titled};
 use crate::page::{self, brief, digits, output};
 pub use cost::{Cost, measure as measure_costs};
 use measure::{COMPARED, columns_of_log};
@@ -212,9 +212,7 @@ impl Comparison {
 }
 
 pub fn plain(comparison: &Comparison) -> String {
-    let tables = tables(comparison);
-    let texts = tables.iter().map(|table| table.titled(Table::plain));
-    texts.collect::<Vec<_>>().join("\n")
+    titled(&tables(comparison), Table::plain)
 }
 
 fn tables(comparison: &Comparison) -> Vec<Table> {

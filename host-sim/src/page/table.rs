@@ -46,11 +46,12 @@ impl Table {
     pub fn markdown(&self) -> String {
         markdown(&self.header, &self.rows)
     }
+}
 
-    /// In either form, under the title.
-    pub(crate) fn titled(&self, form: fn(&Self) -> String) -> String {
-        format!("{}\n\n{}", self.title, form(self))
-    }
+/// All in either form, each under its title.
+pub(crate) fn titled(tables: &[Table], form: fn(&Table) -> String) -> String {
+    let text = |table: &Table| format!("{}\n\n{}", table.title, form(table));
+    tables.iter().map(text).collect::<Vec<_>>().join("\n")
 }
 
 /// Aligned with spaces: the first column and sentences to the left, the others to the right.

@@ -12,7 +12,7 @@ use crate::page::chart::{Chart, Figure, Point};
 use crate::page::html::{Page, REPORT, Section};
 use crate::page::output::replace;
 use crate::page::plot::{BLUE, GREEN, GREY, ORANGE, RED};
-use crate::page::table::{Table, cells, heads};
+use crate::page::table::{Table, cells, heads, titled};
 use crate::page::{self, digits, json};
 
 /// File names; the first says that a rehearsal is over.
@@ -280,11 +280,8 @@ fn tables(summary: &Summary) -> Vec<Table> {
 }
 
 pub fn readable(summary: &Summary) -> String {
-    let tables = tables(summary).into_iter();
-    let tables: String = tables
-        .map(|table| table.titled(Table::plain) + "\n")
-        .collect();
-    verdicts(summary).join("\n") + "\n\n" + &tables
+    let tables = titled(&tables(summary), Table::plain);
+    format!("{}\n\n{tables}\n", verdicts(summary).join("\n"))
 }
 
 /// First of all whether the drives are to be trusted.
@@ -294,11 +291,9 @@ fn verdicts(summary: &Summary) -> Vec<String> {
 
 /// The algorithms beside each other, in Markdown.
 fn for_a_page(summary: &Summary) -> String {
-    let tables = [Some(overview(summary)), outcomes(summary)];
-    let tables = tables.into_iter().flatten();
-    tables
-        .map(|table| table.titled(Table::markdown) + "\n")
-        .collect()
+    let mut tables = vec![overview(summary)];
+    tables.extend(outcomes(summary));
+    titled(&tables, Table::markdown) + "\n"
 }
 
 // --- page ---

@@ -20,7 +20,7 @@ use crate::identify::quantities::DEG_H_RADPS;
 use crate::identify::run::identify;
 use crate::log::{BodyAxes, Grade, Log};
 use crate::page::progress::{bar, counted};
-use crate::page::table::{Table, cells, heads, side_by_side};
+use crate::page::table::{Table, cells, heads, side_by_side, titled};
 use crate::page::{self, output};
 use crate::sim::errors::{BiasModel, Law};
 use crate::sim::receiver::Correlated;
@@ -359,17 +359,12 @@ pub fn tables(all: &[Results], coverage_alone: bool) -> Vec<Table> {
 }
 
 pub fn readable(tables: &[Table]) -> String {
-    printed(tables, Table::plain) + "\n"
+    titled(tables, Table::plain) + "\n"
 }
 
 pub fn write(results: &[Results], tables: &[Table], folder: &Path) -> Result<()> {
-    output::write(folder, MARKDOWN, printed(tables, Table::markdown))?;
+    output::write(folder, MARKDOWN, titled(tables, Table::markdown))?;
     Ok(output::write(folder, JSON, page::json(&results)?)?)
-}
-
-fn printed(tables: &[Table], form: fn(&Table) -> String) -> String {
-    let texts = tables.iter().map(|table| table.titled(form));
-    texts.collect::<Vec<_>>().join("\n")
 }
 
 /// Whether models come back: a row for each parameter, a column for each of the results.

@@ -8,7 +8,7 @@ use super::run::{BIASES_DEG_H, Run, VARIANTS, WALKS_DEG_SQRT_H};
 use super::schuler::{Oscillation, Point};
 use super::summary::{End, Growth, Summary, THESIS_KM, Walk};
 use crate::page::plot::{BLUE, GREEN, GREY, Mark, ORANGE, Plot, padded};
-use crate::page::table::{Table, heads};
+use crate::page::table::{Table, heads, titled};
 use crate::page::{self, output};
 
 /// File name of the summary; marks the folder as ours.
@@ -119,20 +119,19 @@ fn in_words(summary: &Summary, text_of: fn(&Table) -> String) -> String {
     let left = &summary.left;
     let [gx, gy, gz] = left.gyro_deg_h;
     let [ax, ay, az] = left.accel_mg;
-    let mut text = format!(
+    let tables = [ends, grid, walks, models].map(|table| table(summary));
+    format!(
         "{} flights of the Cessna 172, ring-laser class (1 deg/h, 0.125 deg/sqrt(h)): {} min damped\n\
          by GNSS, then {} min free, at a height held by a barometer. RMS errors left in the\n\
          estimates: gyros {gx:.2}, {gy:.2}, {gz:.2} deg/h, accelerometers {ax:.3}, {ay:.3}, {az:.3} mg,\n\
-         azimuth {:.3} deg, latency {:.1} ms.\n",
+         azimuth {:.3} deg, latency {:.1} ms.\n\n{}",
         summary.runs,
         summary.minutes_aided,
         summary.minutes_free,
         left.azimuth_deg,
-        left.latency_ms
-    );
-    let tables = [ends, grid, walks, models].map(|table| table(summary));
-    text.extend(tables.map(|table| format!("\n{}", table.titled(text_of))));
-    text
+        left.latency_ms,
+        titled(&tables, text_of)
+    )
 }
 
 fn ends(summary: &Summary) -> Table {

@@ -5,7 +5,7 @@ use super::summary::{Spread, Study, Summary};
 use super::wander;
 use crate::compare::outage::OUTAGE_S;
 use crate::identify::halves::{self, Difference};
-use crate::page::table::{Table, cells, heads};
+use crate::page::table::{Table, cells, heads, titled};
 use crate::page::{brief, digits};
 
 pub fn plain(study: &Study) -> String {
@@ -18,9 +18,7 @@ pub fn plain(study: &Study) -> String {
         without_table(study),
         wander_table(study),
     ];
-    let mut text = mute(study);
-    text.extend(parts.map(|table| table.titled(Table::plain) + "\n"));
-    text
+    mute(study) + &titled(&parts, Table::plain) + "\n"
 }
 
 /// Names the logs of which no test says anything: they must not be missed.
