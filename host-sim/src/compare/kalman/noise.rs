@@ -53,11 +53,11 @@ pub(crate) fn tell(model: &ErrorModel, config: Config) -> Config {
         sensors: SensorConfig {
             gyro_noise: white(gyro, DEG_H_RADPS),
             gyro_bias_walk: walk(&gyro.bias) * DEG_H_RADPS,
-            gyro_bias_radps: start(gyro) * DEG_H_RADPS,
+            gyro_bias_radps: gyro.bias.sigma_after(0.0) * DEG_H_RADPS,
             gyro_scale: gyro.scale_sigma,
             accel_noise: white(accel, 1.0),
             accel_bias_walk: walk(&accel.bias),
-            accel_bias_mps2: start(accel),
+            accel_bias_mps2: accel.bias.sigma_after(0.0),
             accel_scale: accel.scale_sigma,
             ..config.sensors
         },
@@ -216,18 +216,6 @@ impl Noise {
         set(index::ACCEL, walk(self.sensors.accel_bias_walk));
         set(index::GYRO, walk(self.sensors.gyro_bias_walk));
         growth
-    }
-}
-
-/// Spread of a bias at the start, U.
-fn start(model: &SensorModel) -> f64 {
-    match model.bias {
-        BiasModel::Wave { initial_sigma, .. } => initial_sigma,
-        BiasModel::Continuous {
-            initial_sigma,
-            correlated_sigma,
-            ..
-        } => libm::hypot(initial_sigma, correlated_sigma),
     }
 }
 
