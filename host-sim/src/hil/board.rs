@@ -2,7 +2,7 @@
 
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
 use std::thread;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -192,17 +192,14 @@ impl Emulator {
     fn of(command: &mut Command) -> io::Result<Self> {
         let pipes = command.stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut process = pipes.spawn().map_err(explain)?;
-        let (Some(mut stdin), Some(stdout)) = (process.stdin.take(), process.stdout.take()) else {
+        let (Some(stdin), Some(stdout)) = (process.stdin.take(), process.stdout.take()) else {
             unreachable!("both are piped")
         };
         let (sender, from_board) = sync_channel(1024);
         thread::spawn(move || forward(stdout, &sender));
-        let (to_board, bytes) = channel::<Vec<u8>>();
-        // One that does not read must not stop us: it is noticed by its silence.
-        thread::spawn(move || bytes.iter().try_for_each(|bytes| stdin.write_all(&bytes)));
         Ok(Self {
             process,
-            to_board,
+            to_board: written_to(stdin),
             from_board,
             received: Vec::new(),
         })
@@ -237,6 +234,14 @@ fn explain(error: io::Error) -> io::Error {
         ),
         _ => error,
     }
+}
+
+/// Writes what it is sent, on a thread of its own: a program that does not read must not stop us, and is
+/// noticed by its silence.
+pub(crate) fn written_to<T: AsRef<[u8]> + Send + 'static>(mut stdin: ChildStdin) -> Sender<T> {
+    let (sender, pieces) = channel::<T>();
+    thread::spawn(move || (pieces.iter()).try_for_each(|piece| stdin.write_all(piece.as_ref())));
+    sender
 }
 
 /// A pipe has no timeout, a channel has.

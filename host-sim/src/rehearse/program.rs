@@ -2,11 +2,11 @@
 //! docs/rehearse.md has them.
 
 use std::fmt::Write as _;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, Read};
 #[cfg(unix)]
 use std::os::unix::process::CommandExt as _;
 use std::path::Path;
-use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStderr, ChildStdout, Command, Stdio};
 use std::str::FromStr;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -25,6 +25,7 @@ use super::flight::{
 };
 use crate::compare::kalman::Noise;
 use crate::compare::kalman::noise::total;
+use crate::hil::board::written_to;
 use crate::identify::run::Event;
 
 const VERSION: u32 = 1;
@@ -347,18 +348,7 @@ impl Errors {
     }
 }
 
-/// Writes what it is sent, on a thread of its own: a program that does not read must not stop us.
-fn written_to(mut stdin: ChildStdin) -> Sender<String> {
-    let (sender, texts) = channel::<String>();
-    thread::spawn(move || {
-        let _ = texts
-            .iter()
-            .try_for_each(|text| stdin.write_all(text.as_bytes()));
-    });
-    sender
-}
-
-/// Reads lines on a thread of its own: a program that does not write must not stop us either.
+/// Reads lines on a thread of its own: a program that does not write must not stop us.
 fn read_from(stdout: ChildStdout) -> Receiver<String> {
     let (sender, lines) = sync_channel(LINES_AHEAD);
     thread::spawn(move || {
