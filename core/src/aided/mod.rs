@@ -261,8 +261,8 @@ impl<const N: usize> AidedIns<N> {
 
     /// Spread of position, velocity and attitude, ENU.
     pub fn sigma(&self, config: &Config) -> Option<SolutionSigma> {
-        let since_s = self.since_horizon().seconds;
-        let sigma = self.estimator.exact()?.sigma(since_s, config);
+        let since = self.since_horizon();
+        let sigma = self.estimator.exact()?.sigma(&since, config);
         Some(self.hole.map_or(sigma, |hole| hole.widen(&sigma)))
     }
 

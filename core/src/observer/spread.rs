@@ -6,7 +6,7 @@ use super::Observer;
 use super::constancy::Constancy;
 use crate::config::{Config, GnssConfig};
 use crate::earth::GRAVITY_EQUATOR_MPS2;
-use crate::history::LONG_S;
+use crate::history::{LONG_S, Span};
 use crate::innovations::Innovations;
 use crate::math;
 use crate::measurement::Kind;
@@ -52,8 +52,8 @@ impl Observer {
         self.unseen_tilt(config) * tilted + up.component_mul(&up) * lighter + across
     }
 
-    /// Spread of position, velocity and attitude, ENU, `seconds` after the horizon.
-    pub fn sigma(&self, seconds: f64, config: &Config) -> SolutionSigma {
+    /// Spread of position, velocity and attitude, ENU, after what has happened since the horizon.
+    pub fn sigma(&self, since: &Span, config: &Config) -> SolutionSigma {
         let unseen = 0.5 * self.unseen_tilt(config).sum();
         let (level, up) = (&self.level, &self.vertical);
         let [velocity, climb, position, height] = self.inflations();
@@ -70,12 +70,11 @@ impl Observer {
         let mut velocity_mps = sigma(moves[0], moves[1], &added.velocity_mps, climb);
         let mut position_m = sigma(lies[0], lies[1], &added.position_m, climb);
         // A tilt pulls, and a velocity moves, the same way all the time; in an outage all by one cause.
-        let pulled = GRAVITY_EQUATOR_MPS2 * seconds * attitude_rad;
+        let pulled_mps = pulled(&since.force_mps, &attitude_rad);
         let grown =
             |at_horizon: f64, since: f64| math::sqrt(at_horizon * at_horizon + since * since);
-        let moved_mps = velocity_mps + 0.5 * Vector3::new(pulled.y, pulled.x, 0.0);
-        position_m += moved_mps * seconds;
-        velocity_mps = velocity_mps.zip_map(&Vector3::new(pulled.y, pulled.x, 0.0), grown);
+        position_m += (velocity_mps + 0.5 * pulled_mps) * since.seconds;
+        velocity_mps = velocity_mps.zip_map(&pulled_mps, grown);
         // Either of the two is wrong.
         let [velocity, climb, position, height] =
             (self.innovations.each_ref()).map(|kind| kind.disputed(self.horizon));
@@ -214,4 +213,16 @@ impl Observer {
         let up = self.level_force_mps2.get(axis).unwrap_or(&0.0) / self.gravity_mps2;
         (level + up * up * (vertical - level)) * own
     }
+}
+
+/// Spread of the velocity that a force has made in directions of such a spread: of `f x Phi`.
+fn pulled(force_mps: &Vector3<f64>, attitude_rad: &Vector3<f64>) -> Vector3<f64> {
+    let square = |v: &Vector3<f64>| v.component_mul(v);
+    let (force, attitude) = (square(force_mps), square(attitude_rad));
+    let sum = Vector3::new(
+        force.y * attitude.z + force.z * attitude.y,
+        force.z * attitude.x + force.x * attitude.z,
+        force.x * attitude.y + force.y * attitude.x,
+    );
+    sum.map(math::sqrt)
 }
