@@ -65,10 +65,10 @@ impl Observer {
         let per_manoeuvre = pace.per_manoeuvre;
         let direct = self.shown_directly(past, kind, difference, config);
         let residual = difference.value - self.predicted(&direct, kind.measured(), difference);
-        let lasting =
-            self.bent_variance(past, kind, &direct) + self.skew_variance(past, kind, &direct);
+        let lasting = 1.0 + (per_manoeuvre - 1.0) * self.steadiness(past);
         let unlike = unseen_variance(past, kind, &direct)
-            + per_manoeuvre * lasting
+            + lasting * self.bent_variance(past, kind, &direct)
+            + per_manoeuvre * self.skew_variance(past, kind, &direct)
             + difference.more_variance;
         if kind.is_up() {
             let mut by = self.shown_by(&direct, kind.measured(), |by| [by.z]);
@@ -267,8 +267,7 @@ impl Observer {
 
     /// Variance per component of what is not linear in the parameters: of a latency in a motion that
     /// bends, of an antenna that swings on an unknown arm, and in a frame that points elsewhere. It goes
-    /// as they become known, and until then lies the same way for as long as a manoeuvre lasts: in a circle
-    /// that never ends, where heading, latency and arm are one number, it would soon part them.
+    /// as they become known.
     fn bent_variance(&self, past: &Past, kind: Kind, direct: &Direct) -> f64 {
         let square = |x: f64| x * x;
         let p = &self.parameters;
@@ -289,6 +288,14 @@ impl Observer {
         let swung = arm * swing.norm_squared() / 3.0;
         let bent = 0.25 * latency * second.norm_squared();
         latency * (bent + swung + turned)
+    }
+
+    /// Which part of an acceleration is that of the last minutes, as in a circle that does not end: what is not
+    /// linear lies the same way there, and heading, latency and arm, which are one number, would soon be parted
+    /// by it if it counted as noise of each fix anew.
+    fn steadiness(&self, past: &Past) -> f64 {
+        let mean2 = f64::from(self.beyond_mps2.norm_squared());
+        math::min(mean2 / (past.accel_mps2.norm_squared() + 1e-6), 1.0)
     }
 
     /// What the third derivative adds: the times of an exponential of variance `s` have a third moment
