@@ -210,6 +210,20 @@ fn another_program_under_the_same_name_is_another_rehearsal() {
     assert!(told.contains("with other settings: programs\n"), "{told}");
     run(&["--force"]);
     assert_eq!(fault(), "wrong");
+    // The script of an interpreter that is a file itself, too.
+    let with = |more: &[&str]| {
+        let options = ["--models", "0", "--budget", "0", "--with"];
+        let mut command = rehearse(home, "script", "1", &options);
+        command.arg("x=./interpreter mine").args(more);
+        String::from_utf8(command.output().unwrap().stderr).unwrap()
+    };
+    let interpreter = "#!/bin/sh\nexec python3 \"$@\"\n";
+    fs::write(home.join("interpreter"), interpreter).unwrap();
+    succeed(Command::new("chmod").arg("+x").arg(home.join("interpreter")));
+    with(&[]);
+    becomes("pass");
+    let told = with(&[]);
+    assert!(told.contains("with other settings: programs\n"), "{told}");
 }
 
 /// Whether a process that wrote its number into a file is gone, as far as the system tells.

@@ -91,17 +91,17 @@ impl Subject {
         }
     }
 
-    /// Hash of the first file that a program's command names: itself, or the script of an interpreter; of a
-    /// board, that of its image.
+    /// Hash of all files that are words of a program's command: itself, the script of an interpreter, what it
+    /// is told to read; of a board, that of its image.
     pub fn hash(&self) -> Option<u64> {
-        let file = match self {
-            Self::Program(Program { command, .. }) => {
-                (command.iter().map(Path::new)).find(|word| word.is_file())?
-            }
-            Self::Board(_, target) => target.image.as_deref()?,
-            Self::Core(..) | Self::Kalman => return None,
+        let words: Vec<&Path> = match self {
+            Self::Program(Program { command, .. }) => command.iter().map(Path::new).collect(),
+            Self::Board(_, target) => target.image.as_deref().into_iter().collect(),
+            Self::Core(..) | Self::Kalman => Vec::new(),
         };
-        Some(fnv1a(&fs::read(file).ok()?))
+        let files = words.into_iter().filter(|word| word.is_file());
+        let texts: Vec<Vec<u8>> = files.filter_map(|file| fs::read(file).ok()).collect();
+        (!texts.is_empty()).then(|| fnv1a(&texts.concat()))
     }
 
     pub fn fly(&self, flown: &Flown, told: &Told) -> Result<Answers, ConfigError> {
