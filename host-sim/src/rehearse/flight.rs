@@ -38,7 +38,7 @@ pub struct World {
 
 #[derive(Clone, Debug)]
 pub struct Flown {
-    /// Readings, fixes, and the truth once a second.
+    /// Readings, fixes, and the truth at the start and whenever a solution is asked for.
     pub run: SimulatedDrive,
     /// Where an algorithm is told that it begins; the heading is `run.given_heading_rad`.
     pub start: Solution,
@@ -81,20 +81,40 @@ impl World {
             start_s: self.aided_s(),
             duration_s: self.duration_s,
         });
+        let loses = errors.imu.dropped_fraction > 0.0 || !errors.imu.holes.is_empty();
         let recording = Recording {
             seed,
             duration_s: self.duration_s,
             imu_hz: f64::from(self.imu_hz),
-            truth_every: self.imu_hz,
+            truth_every: if loses { 1 } else { self.imu_hz },
             origin: self.plan.start.position,
             errors,
         };
-        let run = record_with(flight, &recording, noise);
+        let mut run = record_with(flight, &recording, noise);
+        if loses {
+            run.truth = where_asked(&run, self.imu_hz as usize);
+        }
         Ok(Flown {
             start: told_start(&run.truth[0], run.given_heading_rad, seed),
             run,
         })
     }
+}
+
+/// Of a truth for every sample the first, and one for each second: at its sample or, where that is lost, at
+/// the next that is not, or at the last.
+fn where_asked(run: &SimulatedDrive, every: usize) -> Vec<Solution> {
+    let SimulatedDrive { imu, truth, .. } = run;
+    let kept = |of_second: &Solution| {
+        let next = imu.partition_point(|sample| sample.time < of_second.time);
+        let time = imu.get(next).or(imu.last())?.time;
+        let at = truth.binary_search_by_key(&time, |truth| truth.time);
+        at.ok().map(|at| truth[at])
+    };
+    let seconds = truth.iter().step_by(every).skip(1);
+    (truth.first().copied().into_iter())
+        .chain(seconds.filter_map(kept))
+        .collect()
 }
 
 /// The start with the errors of what an alignment before it would have left.
@@ -123,7 +143,7 @@ impl Flown {
         as_they_come(&self.run.imu, arrivals.zip(&self.run.gnss))
     }
 
-    /// When a solution is asked for: once a second.
+    /// The truth under the stamps of the samples with which a solution is asked for, once a second.
     pub fn asks(&self) -> &[Solution] {
         &self.run.truth[1..]
     }
@@ -213,6 +233,45 @@ mod tests {
             { latitude_deg = 56.06, longitude_deg = 40.1 },
             { latitude_deg = 56.03, longitude_deg = 40.0 },
         ]";
+
+    /// A hole over a whole second and more, one over the end, and many lost between them.
+    #[test]
+    fn where_samples_are_lost_the_truth_is_that_of_those_asked_for() {
+        let dynamics = Dynamics::new(&cessna172());
+        let plan = Plan::parse(Path::new("round.toml"), ROUND, &dynamics).unwrap();
+        let world = World::new(dynamics, plan, 60.0, 50).unwrap();
+        let ideal = ErrorModel::ideal();
+        let mut model = ideal.clone();
+        model.imu.dropped_fraction = 0.2;
+        let ends_s = world.duration_s - 0.1;
+        for start_s in [19.9, ends_s] {
+            let duration_s = 2.5;
+            model.imu.holes.push(Outage {
+                start_s,
+                duration_s,
+            });
+        }
+        let flown = world.fly(3, &model, None).unwrap();
+        let samples = &flown.run.imu;
+        assert_eq!(flown.asks().len(), crate::statistics::whole(world.duration_s));
+        assert_eq!(flown.asks()[19].time, flown.asks()[21].time);
+        let recording = Recording {
+            seed: 3,
+            duration_s: world.duration_s,
+            imu_hz: 50.0,
+            truth_every: 1,
+            origin: world.plan.start.position,
+            errors: ideal,
+        };
+        let flight = Flight::new(&world.dynamics, &world.plan, 3).unwrap();
+        let truth = record(flight, &recording).truth;
+        for (second, ask) in (1_i64..).zip(flown.asks()) {
+            let later = |time: ins_core::Time| time.as_micros() >= 1_000_000 * second;
+            let sample = samples.iter().find(|sample| later(sample.time));
+            assert_eq!(ask.time, sample.or(samples.last()).unwrap().time);
+            assert!(truth.contains(ask), "{ask:?}");
+        }
+    }
 
     /// It is over where it ends, and is not begun again.
     #[test]

@@ -210,8 +210,8 @@ impl Session {
                 write_sample(&mut text, &sample, &increments.interval(&sample, seconds));
                 *last = sample.time;
             }
-            if asks.next_if(|ask| ask.time <= sample.time).is_some() {
-                // Where samples are missing it is told no more than this.
+            // Several where samples were lost for long.
+            while asks.next_if(|ask| ask.time <= sample.time).is_some() {
                 asked.push(sample.time);
                 self.now_s = sample.time.as_seconds();
                 // Writing into a string cannot fail.

@@ -144,7 +144,8 @@ fn asked(mut subject: impl Driven, flown: &Flown) -> Vec<Option<Solution>> {
     let mut asks = flown.asks().iter().peekable();
     let mut solutions = Vec::with_capacity(asks.len());
     while let Some(time) = subject.step() {
-        if asks.next_if(|ask| ask.time <= time).is_some() {
+        // Several where samples were lost for long.
+        while asks.next_if(|ask| ask.time <= time).is_some() {
             solutions.push(subject.solution());
         }
     }
@@ -213,7 +214,7 @@ impl Heard<'_> {
     }
 
     fn note(&mut self, solution: Option<Solution>) {
-        if let Some((ask, later)) = self.asks.split_first()
+        while let Some((ask, later)) = self.asks.split_first()
             && ask.time.as_seconds() <= self.now_s
         {
             self.solutions.push(solution);
