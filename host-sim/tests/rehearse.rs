@@ -506,3 +506,25 @@ fn templates_in_python_c_and_rust_are_one_filter() {
         }
     }
 }
+
+/// Of an outage that is set, of samples that are lost, and of what else is set.
+#[test]
+fn what_is_set_is_flown_and_said() {
+    let home = home();
+    let home = home.path();
+    let keys = "gnss.outages = [{ start_s = 50, duration_s = 30 }]\n\
+                imu.holes = [{ start_s = 149.9, duration_s = 1 }]\n\
+                accel_mps2.misalignment_sigma = 0.002\n";
+    fs::write(home.join("keys.toml"), keys).unwrap();
+    let options = ["--models", "0", "--budget", "0", "--set", "keys.toml"];
+    succeed(&mut rehearse(home, "out", "2", &options));
+    let summary = summary(home, "out");
+    // Without GNSS for 15 s before, and 30 s.
+    let [aided, free] = position_rms(&summary["tested"][0]);
+    assert!(aided < 2.0, "{aided}");
+    assert!(free > 5.0, "{free}");
+    let table = fs::read_to_string(home.join("out/errors.csv")).unwrap();
+    for (second, gnss) in [(45, 1), (51, 0), (78, 0), (87, 1), (91, 0)] {
+        assert!(table.contains(&format!("core,white,{second},{gnss},")), "{table}");
+    }
+}

@@ -5,7 +5,7 @@ use std::path::Path;
 use miette::Result;
 use serde::Serialize;
 
-use super::run::{HEADING, POSITION, QUANTITIES};
+use super::run::{Gnss, HEADING, POSITION, QUANTITIES};
 use super::settings::Judged;
 use super::summary::{BUDGETED, Cost, FEWEST_MODELS, Models, Moment, Row, Summary, Tested};
 use crate::page::chart::{Chart, Figure, Point};
@@ -67,7 +67,7 @@ fn csv(summary: &Summary) -> Result<String> {
             tested.with.clone(),
             noise.to_owned(),
             moment.time_s.to_string(),
-            u8::from(!moment.free).to_string(),
+            u8::from(moment.gnss == Gnss::There).to_string(),
         ];
         for errors in &moment.errors {
             match errors {

@@ -16,6 +16,7 @@ use super::settings::{Case, Rehearsal};
 use super::subject::Subject;
 use crate::campaign::ledger::{Ledger, Shard, read_folder};
 use crate::identify::analysis::unusable;
+use crate::sim::errors::GnssModel;
 use crate::statistics::whole;
 
 /// Tells how many there are from before, if any, and how many are left.
@@ -41,7 +42,7 @@ pub fn run(
     if !before.is_empty() {
         tell(before.len(), left.len());
     }
-    let moments = moments(world);
+    let moments = moments(world, &rehearsal.settings.model.gnss);
     progress.set_message("flying");
     progress.set_length(left.len() as u64);
     ledger.fill(left, progress, |(case, flight)| {
@@ -145,20 +146,33 @@ fn evenly(count: usize) -> impl Iterator<Item = usize> {
     (1..=kept).map(move |moment| (moment * count).div_ceil(kept) - 1)
 }
 
-/// The moments that are kept: which of [`Flown::asks`], and whether it is without GNSS.
-pub fn moments(world: &World) -> Vec<(usize, bool)> {
+/// What of GNSS there is at a moment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Gnss {
+    There,
+    /// An outage that the receiver's model has.
+    Out,
+    /// It is gone to the end.
+    Gone,
+}
+
+/// The moments that are kept: which of [`Flown::asks`], and what of GNSS there is.
+pub fn moments(world: &World, receiver: &GnssModel) -> Vec<(usize, Gnss)> {
     let [aided, all] = [world.aided_s(), world.duration_s].map(whole);
-    let aided_ones = evenly(aided).map(|at| (at, false));
-    let free_ones = evenly(all - aided).map(|at| (aided + at, true));
+    let aided_ones = evenly(aided).map(|at| {
+        let is_out = receiver.is_out((at + 1) as f64);
+        (at, if is_out { Gnss::Out } else { Gnss::There })
+    });
+    let free_ones = evenly(all - aided).map(|at| (aided + at, Gnss::Gone));
     aided_ones.chain(free_ones).collect()
 }
 
 impl Outcome {
-    pub fn new(answers: Answers, flown: &Flown, moments: &[(usize, bool)]) -> Self {
+    pub fn new(answers: Answers, flown: &Flown, moments: &[(usize, Gnss)]) -> Self {
         let took_ms = u64::try_from(answers.took.as_millis()).unwrap_or(u64::MAX);
         let (errors, failure) = match answers.solutions {
             Ok(solutions) => {
-                let at = |&(ask, _): &(usize, bool)| {
+                let at = |&(ask, _): &(usize, Gnss)| {
                     let solution = solutions.get(ask)?.as_ref()?;
                     Some(errors(solution, flown.asks().get(ask)?))
                 };

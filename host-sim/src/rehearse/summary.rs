@@ -4,7 +4,7 @@
 use serde::Serialize;
 
 use super::flight::{Fault, World};
-use super::run::{HEADING, Line, Outcome, POSITION, QUANTITIES, moments};
+use super::run::{Gnss, HEADING, Line, Outcome, POSITION, QUANTITIES, moments};
 use super::settings::{Case, Judged, Rehearsal, SOURCES};
 use crate::identify::error_model::interval::student;
 use crate::identify::error_model::{Assumed, Parameter};
@@ -37,16 +37,15 @@ pub struct Row {
     pub model_95: Option<[f64; 2]>,
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Moment {
     pub time_s: f64,
-    /// Whether it is without GNSS.
-    pub free: bool,
+    pub gnss: Gnss,
     /// In the order of the quantities; none without any solution.
     pub errors: [Option<Spread>; QUANTITIES.len()],
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
     pub flights: usize,
     pub rms: f64,
@@ -146,7 +145,7 @@ enum Place {
 
 struct Flights<'a> {
     lines: &'a [Line],
-    moments: Vec<(usize, bool)>,
+    moments: Vec<(usize, Gnss)>,
 }
 
 impl Flights<'_> {
@@ -168,20 +167,28 @@ impl Flights<'_> {
     }
 
     fn at(&self, outcome: &Outcome, place: Place, quantity: usize) -> Option<f64> {
-        let aided = self.moments.iter().filter(|(_, free)| !free).count();
-        let free = self.moments.len() - aided;
+        let aided = self.aided();
         match place {
             Place::Aided => {
+                let there = |moment: &usize| self.moments[*moment].1 == Gnss::There;
                 let value = |moment| Self::value(outcome, moment, quantity);
-                let values: Vec<f64> = (aided / 2..aided).map(value).collect::<Option<_>>()?;
+                let moments = (aided / 2..aided).filter(there);
+                let values: Vec<f64> = moments.map(value).collect::<Option<_>>()?;
                 rms_of_any(values.into_iter())
             }
             Place::Free(part) => {
+                let free = self.moments.len() - aided;
                 let moment = whole((part * free as f64).ceil());
                 Self::value(outcome, (aided + moment).checked_sub(1)?, quantity)
                     .filter(|_| free > 0)
             }
         }
+    }
+
+    /// How many moments are before GNSS is gone.
+    fn aided(&self) -> usize {
+        let gone = |(_, gnss): &(usize, Gnss)| *gnss == Gnss::Gone;
+        self.moments.iter().filter(|moment| !gone(moment)).count()
     }
 
     fn values(&self, case: Case, subject: usize, place: Place, quantity: usize) -> Vec<(u32, f64)> {
@@ -241,7 +248,7 @@ impl Summary {
         let settings = &rehearsal.settings;
         let flights = Flights {
             lines,
-            moments: moments(world),
+            moments: moments(world, &settings.model.gnss),
         };
         let cases = [
             Some(Case::Found),
@@ -349,9 +356,9 @@ impl Tested {
 
 fn over_time(flights: &Flights, good: &[(u32, &Outcome)]) -> Vec<Moment> {
     (flights.moments.iter().enumerate())
-        .map(|(moment, &(ask, free))| Moment {
+        .map(|(moment, &(ask, gnss))| Moment {
             time_s: (ask + 1) as f64,
-            free,
+            gnss,
             errors: core::array::from_fn(|quantity| {
                 let values: Vec<f64> = (good.iter())
                     .filter_map(|(_, outcome)| Flights::value(outcome, moment, quantity))

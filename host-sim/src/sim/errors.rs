@@ -237,6 +237,15 @@ pub struct Outage {
 }
 
 impl GnssModel {
+    /// Whether there are no fixes at a time, or none that is sure to have arrived since.
+    pub fn is_out(&self, time_s: f64) -> bool {
+        let late_s = self.latency_s[1].max(0.0) + self.habits.delay_s[1] + 1.0 / self.rate_hz;
+        self.outages.iter().any(|outage| {
+            let back_s = outage.start_s + outage.duration_s + late_s;
+            (outage.start_s..back_s).contains(&time_s)
+        })
+    }
+
     /// Part of the last epoch that a smoothed one keeps.
     pub(super) fn smoothing_keep(&self) -> f64 {
         let time_s = self.habits.smoothing_s;

@@ -92,7 +92,7 @@ fn try_on<S: Subject>(mut subject: S, world: &World, drive: &SimulatedDrive, tru
         }
         if time >= half && true_now.time == time {
             let now = solution.map(|solution| Look::new(&solution, true_now, subject.sigma()));
-            second_half.add(now, world.is_out(time));
+            second_half.add(now, world.errors.gnss.is_out(time.as_seconds()));
         }
     });
     let mut checks = Vec::new();

@@ -2,7 +2,6 @@
 
 use core::f64::consts::PI;
 
-use ins_core::Time;
 use ins_core::earth::Geodetic;
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 
@@ -105,16 +104,6 @@ impl World {
 
     pub fn duration_s(&self) -> f64 {
         60.0 * self.minutes
-    }
-
-    /// Whether the receiver has no fixes at a time, or none that is sure to have arrived since.
-    pub fn is_out(&self, time: Time) -> bool {
-        let gnss = &self.errors.gnss;
-        let late_s = gnss.latency_s[1].max(0.0) + gnss.habits.delay_s[1] + 1.0 / gnss.rate_hz;
-        gnss.outages.iter().any(|outage| {
-            let back_s = outage.start_s + outage.duration_s + late_s;
-            (outage.start_s..back_s).contains(&time.as_seconds())
-        })
     }
 
     /// Antenna from the unit in the axes of the unit, m.
