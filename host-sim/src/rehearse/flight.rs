@@ -253,7 +253,10 @@ mod tests {
         }
         let flown = world.fly(3, &model, None).unwrap();
         let samples = &flown.run.imu;
-        assert_eq!(flown.asks().len(), crate::statistics::whole(world.duration_s));
+        assert_eq!(
+            flown.asks().len(),
+            crate::statistics::whole(world.duration_s)
+        );
         assert_eq!(flown.asks()[19].time, flown.asks()[21].time);
         let recording = Recording {
             seed: 3,

@@ -6,7 +6,7 @@ use miette::Result;
 use serde::Serialize;
 
 use super::run::{Gnss, HEADING, POSITION, QUANTITIES};
-use super::settings::Judged;
+use super::settings::{Judged, Key};
 use super::summary::{BUDGETED, Cost, FEWEST_MODELS, Models, Moment, Row, Summary, Tested};
 use crate::page::chart::{Chart, Figure, Point};
 use crate::page::html::{Page, REPORT, Section};
@@ -118,7 +118,7 @@ fn plural(count: usize) -> &'static str {
 }
 
 fn overview(summary: &Summary) -> Table {
-    let free_s = summary.last_s();
+    let free_s = summary.last_s;
     let mut header = heads("RMS | flights | with GNSS: position, m | heading, deg");
     if free_s.is_some() {
         header.extend(heads(
@@ -175,7 +175,7 @@ fn details(tested: &Tested) -> Table {
     let row = |row: &Row| {
         let place = row.without_gnss_s.map_or_else(
             || "with GNSS".to_owned(),
-            |since_s| format!("{} without", seconds(since_s)),
+            |since_s| format!("{since_s} s without"),
         );
         let mut cells = vec![
             format!("{}, {}", row.quantity, row.unit),
@@ -225,9 +225,9 @@ fn outcomes(summary: &Summary) -> Option<Table> {
             rows.push(cells([&name, "no interval", "", "", &cause]));
         }
     }
-    if summary.not_flown > 0 {
-        let cause = "the aircraft could not fly the plan: see runs.jsonl";
-        rows.push(row("-", "not flown", summary.not_flown, "", cause));
+    if let Some(not) = &summary.not_flown {
+        let first = format!("flight {}", not.first);
+        rows.push(row("-", "not flown", not.flights, &first, &not.cause));
     }
     let header = heads("| outcome | flights | first | cause");
     (!rows.is_empty()).then(|| Table::of("Flights without a result", header, rows))
@@ -265,6 +265,13 @@ fn assumed(summary: &Summary) -> Table {
     )
 }
 
+fn set(summary: &Summary) -> Option<Table> {
+    let row = |key: &Key| cells([&key.name, &key.value.to_string()]);
+    let title = "Set by --set, in place of what was identified or assumed";
+    (!summary.set.is_empty())
+        .then(|| Table::of(title, cells(["", ""]), summary.set.iter().map(row)))
+}
+
 fn tables(summary: &Summary) -> Vec<Table> {
     let mut all = vec![overview(summary)];
     all.extend(outcomes(summary));
@@ -276,6 +283,7 @@ fn tables(summary: &Summary) -> Vec<Table> {
         ..summary.model.clone()
     };
     all.extend([model, assumed(summary)]);
+    all.extend(set(summary));
     all
 }
 

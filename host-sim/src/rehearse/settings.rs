@@ -129,6 +129,30 @@ pub struct Settings {
     pub plan: String,
 }
 
+/// A key of the error model that the user sets.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Key {
+    /// Path in the file.
+    pub name: String,
+    pub value: toml::Value,
+}
+
+impl Key {
+    /// Whether the value at a path is one that it sets: a bias of another model stands whole.
+    pub fn sets(&self, path: &str) -> bool {
+        match self.name.strip_suffix(".model") {
+            Some(bias) => path.starts_with(bias),
+            None => path.split('[').next() == Some(&self.name),
+        }
+    }
+
+    /// A model with it alone; none where it takes others to be one.
+    pub fn alone(&self, model: &ErrorModel) -> Option<ErrorModel> {
+        let Self { name, value } = self;
+        model.with(&format!("{name} = {value}").parse().ok()?).ok()
+    }
+}
+
 /// All that flies: the settings and what stands behind them.
 #[derive(Debug)]
 pub struct Rehearsal {
@@ -147,6 +171,25 @@ impl Settings {
             ..model
         };
         heading.with(&self.set)
+    }
+
+    /// The keys that the user sets, each with its path.
+    pub fn keys(&self) -> Vec<Key> {
+        fn all(before: &str, table: &toml::Table, keys: &mut Vec<Key>) {
+            for (key, value) in table {
+                let name = format!("{before}{key}");
+                match value {
+                    toml::Value::Table(inner) => all(&(name + "."), inner, keys),
+                    value => keys.push(Key {
+                        name,
+                        value: value.clone(),
+                    }),
+                }
+            }
+        }
+        let mut keys = Vec::new();
+        all("", &self.set, &mut keys);
+        keys
     }
 
     /// Seed of a flight: the same whatever errors it is flown with.

@@ -5,7 +5,8 @@ use serde::Serialize;
 
 use super::flight::{Fault, World};
 use super::run::{Gnss, HEADING, Line, Outcome, POSITION, QUANTITIES, moments};
-use super::settings::{Case, Judged, Rehearsal, SOURCES};
+use super::settings::{Case, Judged, Key, Rehearsal, SOURCES};
+use crate::identify::error_model::identified::in_file;
 use crate::identify::error_model::interval::student;
 use crate::identify::error_model::{Assumed, Parameter};
 use crate::page::table::Table;
@@ -25,7 +26,7 @@ pub const FEWEST_MODELS: usize = 5;
 pub struct Row {
     pub quantity: &'static str,
     pub unit: &'static str,
-    /// Since GNSS went, s; none: with GNSS, over the second half of that part.
+    /// Since GNSS went, s, to a tenth; none: with GNSS, over the second half of that part.
     pub without_gnss_s: Option<f64>,
     /// Flights that have a solution there.
     pub flights: usize,
@@ -61,6 +62,15 @@ pub struct Failed {
     /// The first of them, and when in it.
     pub first: u32,
     pub at_s: f64,
+    pub cause: String,
+}
+
+/// Flights that the aircraft could not fly, whatever errors they are flown with.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NotFlown {
+    pub flights: usize,
+    /// The first of them, and why.
+    pub first: u32,
     pub cause: String,
 }
 
@@ -118,11 +128,15 @@ pub struct Summary {
     pub verdicts: Vec<Judged>,
     /// Flights asked for.
     pub flights: u32,
-    pub not_flown: usize,
+    /// Of these.
+    pub not_flown: Option<NotFlown>,
     pub models: u32,
     pub duration_s: f64,
     /// Its last part without GNSS, s.
     pub free_s: f64,
+    /// When errors are looked at last: so long after GNSS went, if it does.
+    #[serde(skip)]
+    pub last_s: Option<f64>,
     pub tested: Vec<Tested>,
     /// Where the errors of the first come from.
     pub budget: Vec<Cost>,
@@ -130,8 +144,10 @@ pub struct Summary {
     /// The same for people.
     #[serde(skip)]
     pub model: Table,
-    /// What the drives do not show, and what was assumed.
+    /// What the drives do not show, and what was assumed or set.
     pub assumed: Vec<Assumed>,
+    /// What the user has set in place of what was identified or assumed.
+    pub set: Vec<Key>,
 }
 
 /// Where in the kept moments a figure stands.
@@ -139,8 +155,8 @@ pub struct Summary {
 enum Place {
     /// The second half of the part with GNSS.
     Aided,
-    /// After a part of the time without.
-    Free(f64),
+    /// A moment without.
+    Free(usize),
 }
 
 struct Flights<'a> {
@@ -176,13 +192,28 @@ impl Flights<'_> {
                 let values: Vec<f64> = moments.map(value).collect::<Option<_>>()?;
                 rms_of_any(values.into_iter())
             }
-            Place::Free(part) => {
-                let free = self.moments.len() - aided;
-                let moment = whole((part * free as f64).ceil());
-                Self::value(outcome, (aided + moment).checked_sub(1)?, quantity)
-                    .filter(|_| free > 0)
-            }
+            Place::Free(moment) => Self::value(outcome, moment, quantity),
         }
+    }
+
+    /// The second half of the part with GNSS, and the moments at the ends of parts of that without, each once.
+    fn places(&self) -> Vec<Place> {
+        let aided = self.aided();
+        let free = self.moments.len() - aided;
+        let end = |part: &f64| aided + whole((part * free as f64).ceil()) - 1;
+        let mut ends: Vec<usize> = PARTS.iter().filter(|_| free > 0).map(end).collect();
+        ends.dedup();
+        let ends = ends.into_iter().map(Place::Free);
+        [Place::Aided].into_iter().chain(ends).collect()
+    }
+
+    /// How long GNSS is gone there, s, to a tenth.
+    fn without_gnss_s(&self, place: Place, world: &World) -> Option<f64> {
+        let Place::Free(moment) = place else {
+            return None;
+        };
+        let time_s = (self.moments[moment].0 + 1) as f64;
+        Some((10.0 * (time_s - world.aided_s())).round() / 10.0)
     }
 
     /// How many moments are before GNSS is gone.
@@ -264,26 +295,23 @@ impl Summary {
             drives: settings.drives.clone(),
             verdicts: rehearsal.verdicts.clone(),
             flights: settings.flights,
-            not_flown: lines.iter().filter(|line| line.why.is_some()).count(),
+            not_flown: not_flown(lines),
             models: settings.models,
             duration_s: world.duration_s,
             free_s: world.free_s,
+            last_s: (flights.places().last()).and_then(|last| flights.without_gnss_s(*last, world)),
             tested,
             budget: budget(&flights),
             parameters: rehearsal.found.parameters(),
             model: rehearsal.found.table(),
-            assumed: rehearsal.found.assumed(),
+            assumed: assumed(rehearsal),
+            set: settings.keys(),
         }
-    }
-
-    /// When errors are looked at last: so long after GNSS went, if it does.
-    pub fn last_s(&self) -> Option<f64> {
-        (self.free_s >= 1.0).then(|| self.free_s.round())
     }
 
     /// Flights that have a solution there.
     pub fn solved(&self, tested: &Tested) -> usize {
-        let last = tested.row(POSITION, self.last_s());
+        let last = tested.row(POSITION, self.last_s);
         last.map_or(0, |row| row.flights)
     }
 }
@@ -296,9 +324,7 @@ impl Tested {
         case: Case,
         subject: usize,
     ) -> Self {
-        let free = PARTS.iter().map(|part| Place::Free(*part));
-        let free = free.filter(|_| world.free_s >= 1.0);
-        let places: Vec<Place> = [Place::Aided].into_iter().chain(free).collect();
+        let places = flights.places();
         let drawn = rehearsal.settings.models;
         let of_models = subject == 0 && case == Case::Found && drawn > 0;
         let row = |(place, quantity): (Place, usize)| {
@@ -313,10 +339,7 @@ impl Tested {
             Some(Row {
                 quantity: QUANTITIES[quantity].name,
                 unit: QUANTITIES[quantity].unit,
-                without_gnss_s: match place {
-                    Place::Aided => None,
-                    Place::Free(part) => Some((part * world.free_s).round()),
-                },
+                without_gnss_s: flights.without_gnss_s(place, world),
                 flights: values.len(),
                 model_95: model_interval(figure.rms, &ratios),
                 figure,
@@ -369,6 +392,30 @@ fn over_time(flights: &Flights, good: &[(u32, &Outcome)]) -> Vec<Moment> {
         .collect()
 }
 
+/// What does not stand on the drives, with the values that are flown.
+fn assumed(rehearsal: &Rehearsal) -> Vec<Assumed> {
+    let (mut all, keys) = (rehearsal.found.assumed(), rehearsal.settings.keys());
+    for part in &mut all {
+        if keys.iter().any(|key| key.sets(part.name)) {
+            part.value = in_file(&rehearsal.settings.model, part.name);
+            part.why = "set by --set";
+        }
+    }
+    all
+}
+
+fn not_flown(lines: &[Line]) -> Option<NotFlown> {
+    let found = lines.iter().filter(|line| line.case == Case::Found);
+    let failed: Vec<(u32, &String)> = found
+        .filter_map(|line| Some((line.flight, line.why.as_ref()?)))
+        .collect();
+    failed.first().map(|&(first, cause)| NotFlown {
+        flights: failed.len(),
+        first,
+        cause: cause.clone(),
+    })
+}
+
 fn failures<'a>(outcomes: impl Iterator<Item = (u32, &'a Outcome)>) -> Vec<Failed> {
     let mut all: Vec<Failed> = Vec::new();
     for (flight, outcome) in outcomes {
@@ -392,10 +439,17 @@ fn failures<'a>(outcomes: impl Iterator<Item = (u32, &'a Outcome)>) -> Vec<Faile
 
 /// Where the errors of the first algorithm come from; all together last.
 fn budget(flights: &Flights) -> Vec<Cost> {
-    let place = |free: bool| if free { Place::Free(1.0) } else { Place::Aided };
+    let places = flights.places();
+    let place = |free: bool| {
+        if free {
+            places[1..].last()
+        } else {
+            places.first()
+        }
+    };
     let of_case = |case: Case, few: &[u32]| {
         BUDGETED.map(|(quantity, free)| {
-            let values = flights.values(case, 0, place(free), quantity).into_iter();
+            let values = flights.values(case, 0, *place(free)?, quantity).into_iter();
             let of_few = values.filter(|(flight, _)| few.contains(flight));
             rms_of_any(of_few.map(|(_, value)| value))
         })
@@ -424,4 +478,32 @@ fn budget(flights: &Flights) -> Vec<Cost> {
         });
     }
     costs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_flight_that_cannot_be_flown_is_one_whatever_its_errors() {
+        let line = |case, flight, why: Option<&str>| Line {
+            case,
+            flight,
+            outcomes: Vec::new(),
+            why: why.map(str::to_owned),
+        };
+        let ground = Some("hit the ground");
+        let lines = [
+            line(Case::Found, 0, None),
+            line(Case::Found, 1, ground),
+            line(Case::Drawn(0), 1, ground),
+            line(Case::Only(2), 1, ground),
+        ];
+        let not = not_flown(&lines).unwrap();
+        assert_eq!(
+            (not.flights, not.first, not.cause.as_str()),
+            (1, 1, "hit the ground")
+        );
+        assert_eq!(not_flown(&lines[..1]), None);
+    }
 }
