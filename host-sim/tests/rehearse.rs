@@ -219,7 +219,11 @@ fn another_program_under_the_same_name_is_another_rehearsal() {
     };
     let interpreter = "#!/bin/sh\nexec python3 \"$@\"\n";
     fs::write(home.join("interpreter"), interpreter).unwrap();
-    succeed(Command::new("chmod").arg("+x").arg(home.join("interpreter")));
+    succeed(
+        Command::new("chmod")
+            .arg("+x")
+            .arg(home.join("interpreter")),
+    );
     with(&[]);
     becomes("pass");
     let told = with(&[]);
@@ -421,19 +425,31 @@ fn drives_that_are_not_to_be_trusted_are_named_first() {
     assert_eq!(told.matches(words).count(), 2, "{told}");
 }
 
-/// Of a barometer nothing would be flown.
+/// Of a barometer nothing would be flown, and of noise that is none no algorithm can be told.
 #[test]
-fn keys_that_would_do_nothing_are_refused() {
+fn keys_that_would_do_nothing_or_cannot_be_told_are_refused() {
     let home = home();
     let home = home.path();
     let barometer = "gnss.rate_hz = 5.0\n[barometer]\nnoise_m = 0.2\n";
     for (keys, says) in [
         (barometer, "keys.toml, line 2: no algorithm is given"),
         ("imu.stamp_jitter_s = 0.006", "keys.toml, line 1: imu.stamp"),
+        (
+            "gnss.rate_hz = 5.0\ngyro_deg_h.white_noise = 0.0\n",
+            "keys.toml, line 2: `gyro_deg_h.white_noise = 0.0`: the configuration cannot be used",
+        ),
+        (
+            "given_heading_sigma_deg = 1.0\n",
+            "by --heading-sigma and, in --set, by given_heading_sigma_deg",
+        ),
     ] {
         fs::write(home.join("keys.toml"), keys).unwrap();
-        let output = rehearse(home, "out", "1", &["--set", "keys.toml"]).output();
-        let told = String::from_utf8(output.unwrap().stderr).unwrap();
+        let mut command = rehearse(home, "out", "1", &["--set", "keys.toml"]);
+        if keys.starts_with("given") {
+            command.args(["--heading-sigma", "3"]);
+        }
+        let told = String::from_utf8(command.output().unwrap().stderr).unwrap();
+        let told = told.replace("\n  \u{2502} ", " ");
         assert!(told.contains(says), "{told}");
     }
     assert!(!home.join("out").exists());
@@ -519,12 +535,49 @@ fn what_is_set_is_flown_and_said() {
     let options = ["--models", "0", "--budget", "0", "--set", "keys.toml"];
     succeed(&mut rehearse(home, "out", "2", &options));
     let summary = summary(home, "out");
-    // Without GNSS for 15 s before, and 30 s.
+    let assumed = |name: &str| {
+        let mut all = summary["assumed"].as_array().unwrap().iter();
+        all.find(|part| part["name"] == name).unwrap()
+    };
+    let misalignment = assumed("accel_mps2.misalignment_sigma");
+    assert_eq!(misalignment["value"], 0.002);
+    assert_eq!(misalignment["why"], "set by --set");
+    assert_eq!(assumed("gyro_deg_h.misalignment_sigma")["value"], 0.0);
+    let set = summary["set"].as_array().unwrap();
+    let names: Vec<&Value> = set.iter().map(|key| &key["name"]).collect();
+    assert_eq!(
+        names,
+        ["accel_mps2.misalignment_sigma", "gnss.outages", "imu.holes"]
+    );
+    // It has answers where samples are lost at the end, and is not judged by the outage.
     let [aided, free] = position_rms(&summary["tested"][0]);
     assert!(aided < 2.0, "{aided}");
     assert!(free > 5.0, "{free}");
     let table = fs::read_to_string(home.join("out/errors.csv")).unwrap();
     for (second, gnss) in [(45, 1), (51, 0), (78, 0), (87, 1), (91, 0)] {
-        assert!(table.contains(&format!("core,white,{second},{gnss},")), "{table}");
+        assert!(
+            table.contains(&format!("core,white,{second},{gnss},")),
+            "{table}"
+        );
     }
+}
+
+/// Where GNSS is gone for a second or so, parts of that time end at the same moments.
+#[test]
+fn rows_are_labelled_by_their_moments() {
+    let home = home();
+    let home = home.path();
+    let mut command = host_sim(home);
+    command
+        .args(["rehearse", "drive", "--plan", "plan.toml", "--out", "out"])
+        .args(["--flights", "1", "--models", "0", "--budget", "0"])
+        .args(["--minutes-free", "0.02"]);
+    succeed(&mut command);
+    let summary = summary(home, "out");
+    let rows = summary["tested"][0]["rows"].as_array().unwrap();
+    let labels: Vec<&Value> = rows.iter().map(|row| &row["without_gnss_s"]).collect();
+    assert_eq!(
+        labels[..4],
+        [&Value::Null, &0.2.into(), &1.2.into(), &Value::Null]
+    );
 }

@@ -16,7 +16,7 @@ use crate::cli::identify::error_model_of;
 use crate::cli::options::{
     Class, Output, aircraft, identified, print, refuse_same, report_line, tell, tell_kept,
 };
-use crate::identify::analysis::log_name;
+use crate::identify::analysis::{log_name, unusable};
 use crate::identify::error_model::Sensors;
 use crate::identify::error_model::allan::AtRest;
 use crate::identify::error_model::record::readings_at_rest;
@@ -28,10 +28,10 @@ use crate::page::progress::bar;
 use crate::rehearse::flight::{Told, World};
 use crate::rehearse::output;
 use crate::rehearse::run::{lines, run};
-use crate::rehearse::settings::{Drives, Rehearsal, Settings};
+use crate::rehearse::settings::{Drives, Key, Rehearsal, Settings};
 use crate::rehearse::subject::{AT_HAND, Subject};
 use crate::rehearse::summary::Summary;
-use crate::sim::errors::ErrorModelError;
+use crate::sim::errors::{ErrorModel, ErrorModelError};
 use crate::sim::recorded::RecordedNoise;
 use crate::statistics::whole;
 use crate::study::options::within;
@@ -71,9 +71,9 @@ pub struct Rehearse {
     /// Minutes without GNSS at the end of each.
     #[arg(long, default_value_t = 5.0, value_parser = not_negative)]
     minutes_free: f64,
-    /// Spread of the error of the heading told at the start, deg; `none`: it is not told.
-    #[arg(long, default_value = "3", value_parser = heading)]
-    heading_sigma: HeadingSigma,
+    /// Spread of the error of the heading told at the start, deg, 3 unless given; `none`: it is not told.
+    #[arg(long, value_parser = heading)]
+    heading_sigma: Option<HeadingSigma>,
     /// Models drawn from what the drives leave open, for the interval of the model; 0: none.
     #[arg(long, default_value_t = 20)]
     models: u32,
@@ -103,10 +103,13 @@ pub struct Rehearse {
 #[derive(Clone, Copy, Debug)]
 struct HeadingSigma(Option<f64>);
 
+const HEADING: HeadingSigma = HeadingSigma(Some(3.0));
+
 fn heading(text: &str) -> Result<HeadingSigma, String> {
     match text {
         "none" => Ok(HeadingSigma(None)),
-        _ => not_negative(text).map(|deg| HeadingSigma(Some(deg))),
+        _ => within(text, 0.0..=180.0, "expected a number from 0 to 180")
+            .map(|deg| HeadingSigma(Some(deg))),
     }
 }
 
@@ -127,6 +130,12 @@ pub fn rehearse(options: &Rehearse) -> Result<()> {
     let dynamics = aircraft(options.aircraft.as_deref())?;
     let plan = Plan::read(&options.plan, &dynamics)?;
     let set = keys(options.set.as_deref())?;
+    if options.heading_sigma.is_some() && set.contains_key("given_heading_sigma_deg") {
+        bail!(
+            help = "leave one of them out",
+            "the heading at the start is told by --heading-sigma and, in --set, by given_heading_sigma_deg"
+        );
+    }
     for drive in &options.drives {
         refuse_same(drive, &options.output.out)?;
     }
@@ -167,6 +176,7 @@ pub fn rehearse(options: &Rehearse) -> Result<()> {
         model: rehearsal.settings.model.clone(),
         limit: Duration::from_secs_f64(options.time_limit),
     };
+    can_be_told(&rehearsal, &told, options.set.as_deref())?;
     let out = &options.output.out;
     settle(&rehearsal.settings, out, options.output.force)?;
     if let Some(jobs) = options.slurm {
@@ -276,7 +286,7 @@ fn settings(
             .filter_map(|subject| Some((subject.name(), subject.hash()?)))
             .collect(),
         noise_from: noise.map(RecordedNoise::rms),
-        heading_sigma_deg: options.heading_sigma.0,
+        heading_sigma_deg: options.heading_sigma.unwrap_or(HEADING).0,
         set,
         model: model.clone(),
         aircraft: options.aircraft.as_deref().map(read).transpose()?,
@@ -287,6 +297,31 @@ fn settings(
     let imu_hz = f64::from(world.imu_hz);
     (settings.model.check_at(imu_hz)).map_err(wrong)?;
     Ok(settings)
+}
+
+/// Refuses what no algorithm at hand can be configured by, where it is set.
+fn can_be_told(rehearsal: &Rehearsal, told: &Told, set: Option<&Path>) -> Result<()> {
+    let check = |model: ErrorModel| {
+        let told = Told {
+            model,
+            ..told.clone()
+        };
+        (rehearsal.subjects.iter()).try_for_each(|subject| subject.check(&told))
+    };
+    let Err(error) = check(told.model.clone()) else {
+        return Ok(());
+    };
+    let found = rehearsal.found.model();
+    let refused = |key: &Key| key.alone(&found).is_some_and(|model| check(model).is_err());
+    let keys = rehearsal.settings.keys();
+    let (Some(file), Some(key)) = (set, keys.iter().find(|key| refused(key))) else {
+        return Err(unusable(error));
+    };
+    let text = read_text(file, "keys of an error model")?;
+    let source = Source { file, text: &text };
+    let message = format!("`{} = {}`: {}", key.name, key.value, unusable(error));
+    let place = source.value(&key.name).unwrap_or(0);
+    Err(source.error(place, message).into())
 }
 
 /// What the unit puts out at rest, in this log.

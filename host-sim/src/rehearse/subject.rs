@@ -1,6 +1,7 @@
 //! The algorithm under test: those that are at hand, firmware on a board, and any program.
 
 use std::cell::RefCell;
+use std::f64::consts::TAU;
 use std::fs;
 use std::path::Path;
 use std::str::FromStr;
@@ -8,7 +9,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use ins_core::config::{Feedback, Form};
-use ins_core::{Config, ConfigError, Phase, Solution};
+use ins_core::{Config, ConfigError, Navigator, Phase, Solution};
 use ins_link::{Reply, Request};
 use nalgebra::Vector3;
 
@@ -104,12 +105,20 @@ impl Subject {
         (!texts.is_empty()).then(|| fnv1a(&texts.concat()))
     }
 
+    /// Whether it can be configured by a model, if it is to be.
+    pub fn check(&self, told: &Told) -> Result<(), ConfigError> {
+        match self {
+            Self::Program(_) => Ok(()),
+            _ => Navigator::new(config(told, None)).map(|_| ()),
+        }
+    }
+
     pub fn fly(&self, flown: &Flown, told: &Told) -> Result<Answers, ConfigError> {
         let one_at_a_time = || PORT.lock().unwrap_or_else(PoisonError::into_inner);
         let is_at_a_port = matches!(self, Self::Board(_, target) if target.port.is_some());
         let _port = is_at_a_port.then(one_at_a_time);
         let start = Instant::now();
-        let mut config = config(flown, told);
+        let mut config = config(told, flown.run.given_heading_rad);
         let solutions = match self {
             Self::Core(form, feedback) => {
                 (config.form, config.feedback) = (*form, *feedback);
@@ -131,9 +140,11 @@ impl Subject {
 }
 
 /// The core as it would be configured by the model; what that does not say, by the class.
-fn config(flown: &Flown, told: &Told) -> Config {
+fn config(told: &Told, heading_rad: Option<f64>) -> Config {
     let model = &told.model;
-    let preset = config_of(told.grade, model.imu.output, flown.run.given_heading_rad);
+    // An error may be more than a turn.
+    let heading_rad = heading_rad.map(|heading| heading % TAU);
+    let preset = config_of(told.grade, model.imu.output, heading_rad);
     let mut config = tell(model, preset);
     config.sensors.cross_axis = model.gyro_deg_h.misalignment_sigma;
     config
