@@ -294,8 +294,8 @@ fn row(parameter: &Parameter, truth: f64, found: &[Interval], bound: Option<f64>
 /// draws seen without error.
 struct Bounds<'a> {
     model: &'a ErrorModel,
-    /// Relative, of gyro noise, GNSS noise, size and time of the random part.
-    likelihood: [f64; 4],
+    /// Relative, of gyro noise, GNSS noise, size and time of the random part; none of what shows nowhere.
+    likelihood: [Option<f64>; 4],
     draws: f64,
     jumps: f64,
     rest_freedom: f64,
@@ -315,10 +315,9 @@ impl<'a> Bounds<'a> {
                 (mean[(3, other)], mean[(other, 3)]) = (0.0, 0.0);
             }
         }
-        let variance = mean.try_inverse().unwrap_or_default();
         Self {
             model,
-            likelihood: [0, 1, 2, 3].map(|which| variance[(which, which)].max(0.0).sqrt()),
+            likelihood: relative(mean),
             draws,
             jumps,
             rest_freedom: units.iter().map(|unit| unit.rest_freedom).sum::<f64>() / count,
@@ -329,11 +328,11 @@ impl<'a> Bounds<'a> {
         let truth = in_file(self.model, name);
         let [gyro, gnss, size, time] = self.likelihood;
         let of_draws = |count: f64| 1.0 / (2.0 * count).sqrt();
-        Some(match name {
-            "gyro_deg_h.white_noise" => gyro * truth,
-            "gnss.velocity_sigma_mps" => gnss * truth,
-            "gyro_deg_h.bias.jump_sigma" | "gyro_deg_h.bias.correlated_sigma" => size * truth,
-            "gyro_deg_h.bias.correlation_time_s" => time * truth,
+        let bound = match name {
+            "gyro_deg_h.white_noise" => gyro? * truth,
+            "gnss.velocity_sigma_mps" => gnss? * truth,
+            "gyro_deg_h.bias.jump_sigma" | "gyro_deg_h.bias.correlated_sigma" => size? * truth,
+            "gyro_deg_h.bias.correlation_time_s" => time? * truth,
             "gyro_deg_h.bias.initial_sigma"
             | "gyro_deg_h.bias.slope_sigma_per_s"
             | "accel_mps2.bias.initial_sigma" => of_draws(self.draws) * truth,
@@ -343,8 +342,26 @@ impl<'a> Bounds<'a> {
                 sigma / self.jumps.sqrt()
             }
             _ => return None,
-        })
+        };
+        // Of no draw there is none.
+        Some(bound).filter(|bound| bound.is_finite())
     }
+}
+
+/// Square roots of the variances that an information leaves; none of a parameter that it says nothing of,
+/// with which it would have no inverse.
+fn relative(mut information: Matrix4<f64>) -> [Option<f64>; 4] {
+    let shown = [0, 1, 2, 3].map(|which| information[(which, which)] > 0.0);
+    for which in (0..4).filter(|which| !shown[*which]) {
+        information.fill_row(which, 0.0);
+        information.fill_column(which, 0.0);
+        information[(which, which)] = 1.0;
+    }
+    let variance = information.try_inverse();
+    [0, 1, 2, 3].map(|which| {
+        let variance = variance.filter(|_| shown[which])?[(which, which)];
+        (variance > 0.0).then(|| variance.sqrt())
+    })
 }
 
 // --- tables ---
@@ -484,6 +501,19 @@ mod tests {
         };
         let table = results.table().plain();
         assert!(table.contains("100 % of 2"), "{table}");
+    }
+
+    /// Of what shows nowhere there is no bound, and none of zero of the others.
+    #[test]
+    fn what_an_information_says_nothing_of_has_no_bound() {
+        let mut information = Matrix4::identity() * 4.0;
+        information[(3, 3)] = 0.0;
+        assert_eq!(
+            relative(information),
+            [Some(0.5), Some(0.5), Some(0.5), None]
+        );
+        (information[(0, 1)], information[(1, 0)]) = (8.0, 8.0);
+        assert_eq!(relative(information), [None, None, Some(0.5), None]);
     }
 
     /// Two values 0.6 apart: Student's 12.7 of one degree of freedom times 0.3, not 1.96.
