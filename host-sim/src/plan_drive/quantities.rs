@@ -81,7 +81,8 @@ impl Quantity {
             Kind::Azimuth => (&estimates.azimuth_error_rad, 1.0),
             Kind::AccelBias => (&estimates.accel_bias_mps2[component], sign),
             Kind::GyroBias => (&estimates.gyro_bias_radps[component], sign),
-            Kind::Latency => (&estimates.gnss_latency_now_s, 1.0),
+            // As `identify` states it: the mean, where clocks drift apart.
+            Kind::Latency => (&estimates.gnss_latency_s, 1.0),
             Kind::LeverArm => (&estimates.lever_arm_m[component], sign),
             Kind::AccelScale => (&estimates.accel_scale[component], 1.0),
             Kind::TurnScale => (&estimates.turn_scale, 1.0),
@@ -147,5 +148,27 @@ impl Reached {
             // Never nothing, and less with every bit that the sigma falls.
             (NOT_SHOWN + left).max(NOT_SHOWN_AT_ALL * self.sigma / self.target)
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Where clocks drift apart, it is not that of the last fix.
+    #[test]
+    fn the_latency_that_is_wanted_is_the_one_that_is_identified() {
+        let mut estimates = Estimates::default();
+        (
+            estimates.gnss_latency_s.value,
+            estimates.gnss_latency_now_s.value,
+        ) = (0.1, 0.2);
+        let latency = Quantity {
+            kind: Kind::Latency,
+            axis: 0,
+        };
+        let wanted = latency.known(&estimates, BodyAxes::Rfu).value;
+        let identified = crate::identify::quantities::Quantities::new(&estimates, BodyAxes::Rfu);
+        assert!((wanted - identified.gnss_latency_ms.value).abs() < 1e-9);
     }
 }

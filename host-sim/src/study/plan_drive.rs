@@ -229,7 +229,7 @@ fn true_values(
         azimuth_error_rad: value(found.azimuth_error_rad.value - azimuth_left),
         accel_bias_mps2: vector(felt),
         gyro_bias_radps: vector(errors.gyro_bias_radps.into()),
-        gnss_latency_now_s: value(errors.gnss_latency_end_s),
+        gnss_latency_s: value(0.5 * (errors.gnss_latency_s + errors.gnss_latency_end_s)),
         lever_arm_m: vector(target.unit.lever_arm_m()),
         accel_scale: vector(errors.accel_matrix.diagonal()),
         turn_scale: value(up.dot(&(errors.gyro_matrix * up))),
