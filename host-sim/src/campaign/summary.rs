@@ -9,11 +9,14 @@ use serde::Serialize;
 use super::plan::Plan;
 use super::run::{Flown, Line, QUARTERS, With};
 use crate::identify::error_model::interval::{Interval, plain_mean};
-use crate::page::digits;
 use crate::page::table::{Table, heads};
+use crate::page::{brief, digits};
 
 /// Goal: predicted over true accuracy, off by no more than this.
 pub const GOAL: f64 = 0.1;
+
+/// Of fewer there is no interval of a ratio: on logarithms it would be from nothing to thousands of times.
+const FEWEST_UNITS: usize = 5;
 
 /// What figures are called, their unit, how many of it one count is, and the quarter they are of.
 const FIGURES: [(&str, &str, f64, u32); 9] = [
@@ -77,9 +80,11 @@ pub struct Row {
     pub truth: Interval,
     /// With the identified models: what drives foretell.
     pub predicted: Interval,
-    /// Predicted over true, unit by unit.
+    /// Predicted over true, geometric mean over the units; of few without bounds.
     pub ratio: Interval,
-    /// Units where the two differ by more than the goal.
+    /// Units that have flown with both models.
+    pub units: usize,
+    /// Those of them where the two differ by more than the goal.
     pub units_beyond_goal: usize,
 }
 
@@ -115,7 +120,7 @@ impl Summary {
     pub fn table(&self) -> Table {
         let header = heads(
             "RMS error | after, min | true models (95 %) | predicted (95 %) \
-             | predicted / true (95 %) | units beyond 10 %",
+             | predicted / true, geometric mean (95 %) | units beyond 10 %",
         );
         let row = |row: &Row| {
             let of = |interval: &Interval| {
@@ -128,8 +133,12 @@ impl Summary {
                 row.minutes.to_string(),
                 of(&row.truth),
                 of(&row.predicted),
-                of(&row.ratio),
-                format!("{} of {}", row.units_beyond_goal, self.plan.units),
+                if row.ratio.high.is_finite() {
+                    of(&row.ratio)
+                } else {
+                    brief(row.ratio.value)
+                },
+                format!("{} of {}", row.units_beyond_goal, row.units),
             ]
         };
         Table::of("", header, self.rows.iter().map(row))
@@ -153,6 +162,7 @@ fn row(plan: &Plan, tally: &Tally, which: usize) -> Option<Row> {
     let both = truth.iter().zip(&predicted);
     let ratios: Vec<f64> = both.map(|(t, p)| (p / t).sqrt()).collect();
     let beyond = |ratio: &&f64| (**ratio - 1.0).abs() > GOAL;
+    let mean = plain_mean(ratios.iter().map(|ratio| libm::log(*ratio)))?.map(libm::exp);
     let minute = (quarter * plan.minutes_free).div_ceil(QUARTERS);
     Some(Row {
         figure,
@@ -160,8 +170,16 @@ fn row(plan: &Plan, tally: &Tally, which: usize) -> Option<Row> {
         minutes: f64::from(minute),
         truth: rms(&truth)?.scaled(scale),
         predicted: rms(&predicted)?.scaled(scale),
-        // Geometric mean.
-        ratio: plain_mean(ratios.iter().map(|ratio| libm::log(*ratio)))?.map(libm::exp),
+        ratio: if ratios.len() < FEWEST_UNITS {
+            Interval {
+                low: 0.0,
+                high: f64::INFINITY,
+                ..mean
+            }
+        } else {
+            mean
+        },
+        units: ratios.len(),
         units_beyond_goal: ratios.iter().filter(beyond).count(),
     })
 }
@@ -235,6 +253,26 @@ mod tests {
         assert_eq!(twice.missing(&plan), 0);
         let once = Summary::new(&plan, &tally(&plan, &lines));
         assert_eq!(Summary::new(&plan, &twice), once);
+    }
+
+    #[test]
+    fn two_units_of_three_have_a_ratio_and_no_interval() {
+        let plan = Plan {
+            units: 3,
+            ..plan(2)
+        };
+        let summary = Summary::new(&plan, &tally(&plan, &lines(Some(flown))));
+        assert!(summary.rows[0].ratio.high.is_infinite());
+        let table = summary.table().plain();
+        assert!(
+            table.contains("0 of 2") && !table.contains("of 3"),
+            "{table}"
+        );
+        assert_eq!(
+            table.lines().nth(2).unwrap().matches('(').count(),
+            2,
+            "{table}"
+        );
     }
 
     #[test]
