@@ -69,17 +69,6 @@ fn compared(folder: &Path) -> Comparison {
     Comparison::of_input(input, &progress).unwrap()
 }
 
-#[test]
-fn a_log_without_navigation_has_no_curves_and_says_so() {
-    let (log, ..) = driven(Grade::Mems, 0.1);
-    let (home, out) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    log::write(&log, home.path(), Compression::Gzip).unwrap();
-    let comparison = compared(home.path());
-    comparison.write(out.path()).unwrap();
-    let page = std::fs::read_to_string(out.path().join("report.html")).unwrap();
-    assert!(page.contains("No method ever navigates") && !page.contains("<figcaption>"));
-}
-
 /// Every number of the comparison is that of the run it names, and all files are there.
 #[test]
 fn a_comparison_says_what_each_method_found() {

@@ -12,7 +12,7 @@ use std::path::Path;
 
 use indicatif::ProgressBar;
 use ins_core::Time;
-use miette::{Result, miette};
+use miette::{Result, bail, miette};
 use plotters::style::RGBColor;
 use serde::Serialize;
 
@@ -33,7 +33,6 @@ use tracks::{Input, Point, Track, noise};
 
 /// Name of the file that marks the folder as ours.
 pub const JSON: &str = "compare.json";
-pub const NEVER: &str = "No method ever navigates: there is nothing to compare.";
 /// Of the methods, in their order.
 const CURVES: [(&str, RGBColor); 8] = [
     ("exact", BLUE),
@@ -86,6 +85,12 @@ impl Comparison {
         let unusable = |error: ins_core::ConfigError| miette!("cannot be used: {}", error);
         progress.set_message("all methods");
         let tracks = tracks::all(&input).map_err(unusable)?;
+        if tracks.iter().all(|track| track.points.is_empty()) {
+            bail!(
+                help = "a longer log, with motion: see the warnings",
+                "No method ever navigates: there is nothing to compare."
+            );
+        }
         progress.set_message("outages");
         let outages = outage::test(log, truth.is_some(), config, input.noise).map_err(unusable)?;
         progress.set_message("cost");
@@ -112,11 +117,6 @@ impl Comparison {
         self.page().write(folder)?;
         output::write(folder, "compare.csv", self.quantities_csv()?)?;
         Ok(output::write(folder, "outages.csv", self.outages_csv()?)?)
-    }
-
-    /// Whether any method ever does.
-    pub fn navigates(&self) -> bool {
-        self.tracks.iter().any(|track| !track.points.is_empty())
     }
 
     fn quantities_csv(&self) -> Result<String> {
@@ -175,7 +175,7 @@ impl Comparison {
                 self.body_axes,
                 self.grade.name()
             ),
-            verdicts: Vec::from_iter((!self.navigates()).then(|| NEVER.to_owned())),
+            verdicts: Vec::new(),
             tables: tables(self),
             sections: vec![Section {
                 title: "Estimates as they converge",
