@@ -122,6 +122,11 @@ fn arguments_that_cannot_be_used_are_named() {
         misspelt.contains("core-open, kalman, hil, or a"),
         "{misspelt}"
     );
+    let formless = ["--form", "literal", "--kalman", "1"];
+    let formless = said(&run(&[&["study", "accuracy"], &formless[..]].concat()));
+    assert!(formless.contains("cannot be used with"), "{formless}");
+    let turned = said(&run(&[&place[..], &["--heading-sigma", "500"]].concat()));
+    assert!(turned.contains("a number from 0 to 180"), "{turned}");
     let negative = said(&run(&["drive", "--minutes", "-1", "--out", "log"]));
     assert!(negative.contains("minutes from 1 to 1440"), "{negative}");
 }
@@ -150,6 +155,7 @@ fn a_comparison_of_nothing_is_a_failure() {
     let said = said(&compared);
     assert_eq!(compared.status.code(), Some(1), "{said}");
     assert!(said.contains("No method ever navigates"), "{said}");
+    assert!(!home.path().join("out").exists());
 }
 
 #[test]

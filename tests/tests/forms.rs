@@ -59,7 +59,7 @@ fn open_estimates_leave_the_damped_ins_alone() {
 fn the_literal_form_works_and_the_exact_one_is_better() {
     let of = |form| -> Results {
         let study = Study {
-            form,
+            form: Some(form),
             ..Study::new(Grade::Hg1700, 4)
         };
         Results::new(

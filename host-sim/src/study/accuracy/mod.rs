@@ -47,7 +47,7 @@ pub struct Quantity {
     #[serde(skip)]
     pub si: f64,
     /// What a Kalman filter that knows the exact noises reaches on the linear model of an
-    /// HG1700-class drive of 40 min.
+    /// HG1700-class drive of 40 min; none of other drives.
     pub limit: Option<f64>,
     /// What this program has to reach there.
     pub goal: Option<f64>,
@@ -111,15 +111,15 @@ pub struct Study {
     /// Number of drives.
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     pub runs: u64,
-    /// Form of the estimators.
+    /// Form of the estimators; a Kalman filter has none.
     #[arg(long, default_value = "exact", value_parser = forms())]
-    pub form: Form,
+    pub form: Option<Form>,
     /// Bandwidth of the horizontal damping loop, rad/s; the preset's unless given.
     #[arg(long = "bandwidth")]
     pub bandwidth_radps: Option<f64>,
     /// Run a Kalman filter in place of the core, which takes the noise of the inertial sensors for
     /// FACTOR times what it is.
-    #[arg(long = "kalman", value_name = "FACTOR", value_parser = factor)]
+    #[arg(long = "kalman", value_name = "FACTOR", value_parser = factor, conflicts_with = "form")]
     pub kalman_noise: Option<f64>,
     /// Give that filter no level positions, velocities and height alone; false then.
     #[arg(long = "velocity-alone", action = ArgAction::SetFalse, requires = "kalman_noise")]
@@ -170,7 +170,7 @@ impl Study {
             minutes: 40.0,
             first_seed: 0,
             runs,
-            form: Form::Exact,
+            form: Some(Form::Exact),
             bandwidth_radps: None,
             kalman_noise: None,
             kalman_positions: true,
@@ -198,7 +198,7 @@ impl Study {
 
     fn config(&self, drive: &SimulatedDrive) -> Config {
         let mut config = config_of(self.grade);
-        config.form = self.form;
+        config.form = self.form.unwrap_or(config.form);
         if let Some(heading) = drive.given_heading_rad {
             config.heading = HeadingSource::Given(heading);
         }

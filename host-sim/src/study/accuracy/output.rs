@@ -97,19 +97,14 @@ impl Results {
     pub fn table(&self) -> Table {
         let header =
             heads("| RMS error | RMS sigma | within 1 sigma | settled after | limit | goal");
-        let limits = self.study.has_limits();
-        let rows = self.quantities.iter().map(|row| row.cells(limits));
+        let rows = self.quantities.iter().map(Row::cells);
         Table::of("", header, rows)
     }
 }
 
 impl Row {
-    fn cells(&self, limits: bool) -> Vec<String> {
-        let known = |value: Option<f64>| {
-            value
-                .filter(|_| limits)
-                .map_or(String::new(), |value| value.to_string())
-        };
+    fn cells(&self) -> Vec<String> {
+        let known = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
         vec![
             self.quantity.head(),
             brief(self.rms_error),

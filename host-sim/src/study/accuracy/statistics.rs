@@ -48,7 +48,8 @@ pub struct Spread {
 }
 
 impl Study {
-    pub fn results(self, progress: &ProgressBar) -> Result<Results, ConfigError> {
+    pub fn results(mut self, progress: &ProgressBar) -> Result<Results, ConfigError> {
+        self.form = self.form.filter(|_| self.kalman_noise.is_none());
         let runs = self.drive(&|_| {}, &|_| {}, progress)?;
         Ok(Results::new(self, runs))
     }
@@ -83,8 +84,12 @@ impl Results {
             .filter_map(|run| run.history.last()?.as_ref());
         let within = ends.filter(|checks| checks[which].error.abs() < checks[which].sigma);
         let settled_s = self.settled_s(which, 2.0 * rms_error);
+        let mut quantity = QUANTITIES[which];
+        if !self.study.has_limits() {
+            (quantity.limit, quantity.goal) = (None, None);
+        }
         Some(Row {
-            quantity: QUANTITIES[which],
+            quantity,
             rms_error,
             rms_sigma: end.rms_sigma[which],
             within_sigma_percent: 100.0 * within.count() as f64 / self.runs.len() as f64,
@@ -162,6 +167,23 @@ mod tests {
         assert!((row.rms_sigma - 1.0).abs() < 1e-12);
         assert!((row.within_sigma_percent - 50.0).abs() < 1e-9);
         assert!((row.settled_s - 50.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn limits_and_goals_are_of_the_drives_that_they_hold_for() {
+        for (grade, minutes, there) in [
+            (Grade::Hg1700, 40.0, true),
+            (Grade::Hg1700, 20.0, false),
+            (Grade::Mems, 40.0, false),
+        ] {
+            let study = Study {
+                minutes,
+                ..Study::new(grade, 1)
+            };
+            let quantity = Results::new(study, runs(&[&[1.0]])).quantities[0].quantity;
+            let both = [quantity.limit, quantity.goal].map(|value| value.is_some());
+            assert_eq!(both, [there; 2], "{grade:?}, {minutes} min");
+        }
     }
 
     #[test]

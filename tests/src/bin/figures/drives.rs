@@ -121,7 +121,7 @@ pub fn forms(runs: u64) -> Result<String> {
     for (name, form, spoil, bandwidths) in forms {
         for bandwidth in bandwidths {
             let study = Study {
-                form,
+                form: Some(form),
                 bandwidth_radps: Some(*bandwidth),
                 ..Study::new(Grade::Hg1700, runs)
             };
