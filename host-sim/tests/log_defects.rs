@@ -2,6 +2,7 @@
 //!
 //! The messages stand in `log_defects.txt`; `INS_BLESS=1 cargo test` writes it anew.
 
+use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::fs;
 use std::io::Write as _;
@@ -61,10 +62,18 @@ fn swell() -> Files {
 
 /// Manoeuvres that repeat every 16.5 s.
 fn laps() -> Files {
-    const LAP_S: f64 = 16.5;
     travel(&Motion {
-        turn_radps: |t| 0.3 * (std::f64::consts::TAU * t / LAP_S).sin(),
-        more_mps: |t| 2.0 * (std::f64::consts::TAU * t / LAP_S).cos(),
+        turn_radps: |t| 0.3 * (TAU * t / 16.5).sin(),
+        more_mps: |t| 2.0 * (TAU * t / 16.5).cos(),
+        ..Motion::default()
+    })
+}
+
+/// The same every 5.25 s.
+fn small_laps() -> Files {
+    travel(&Motion {
+        turn_radps: |t| 0.3 * (TAU * t / 5.25).sin(),
+        more_mps: |t| 2.0 * (TAU * t / 5.25).cos(),
         ..Motion::default()
     })
 }
@@ -853,6 +862,13 @@ fn clock_cases() -> Vec<Case> {
         Case {
             base: laps,
             ..text("turns that repeat", |_| {})
+        },
+        // Shifts that are looked for first lie closer to others than to the latency.
+        Case {
+            base: small_laps,
+            ..text("turns that repeat, latency of 0.25 s", |f| {
+                convert(&mut f.gnss, "t_s", |x| x + 0.25);
+            })
         },
         Case {
             base: laps,

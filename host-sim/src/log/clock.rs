@@ -17,8 +17,6 @@ const FINE_STEPS: i32 = 10;
 const FINE_STEP_S: f64 = 0.05;
 /// Where the files have no time in common, both may have begun long apart.
 const LARGEST_APART_S: f64 = 1800.0;
-/// Below this it is latency, which the navigator finds.
-const LATENCY_S: f64 = 0.5;
 /// A manoeuvre, to which no other is another answer.
 const MANOEUVRE_S: f64 = 3.0;
 /// Evidence that decides: so many times that of any other answer, which successive intervals that
@@ -57,12 +55,14 @@ pub(super) fn set_clock(
     let best = clocks.finer(likeliest(candidates.iter()));
     let far = |other: &&Shift| (other.s - best.s).abs() > MANOEUVRE_S;
     let rival = clocks.finer(likeliest(candidates.iter().filter(far)));
-    let agrees = |shift: &Shift| apart_s.is_none() && shift.s.abs() < LATENCY_S;
+    let as_it_is = clocks.finer(clocks.at(0.0));
     if !best.decides_over(&rival) {
         let explained = [&best, &rival].map(|shift| clocks.explained_by(shift));
         if explained == [true, true] {
             let answers = two_answers(&best, &rival, findings);
-            if !agrees(&best) && !agrees(&rival) {
+            // What repeats so tells of no shift, if none explains what was seen, too.
+            let is_one = clocks.explained_by(&as_it_is) && !best.decides_over(&as_it_is);
+            if apart_s.is_some() || !is_one {
                 return Err(answers);
             }
             let cause = "manoeuvres that repeat; taken to be on one time scale already".into();
@@ -72,8 +72,8 @@ pub(super) fn set_clock(
         }
         return Ok(explained[0]);
     }
-    let as_it_is = clocks.finer(clocks.at(0.0));
-    if agrees(&best) || (apart_s.is_none() && best.evidence < as_it_is.evidence + DECISIVE) {
+    // What is left is latency, which the navigator finds.
+    if apart_s.is_none() && best.evidence < as_it_is.evidence + DECISIVE {
         return Ok(true);
     }
     for fix in &mut log.gnss {
