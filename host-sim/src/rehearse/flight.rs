@@ -101,13 +101,13 @@ impl World {
     }
 }
 
-/// Of a truth for every sample the first, and one for each second: at its sample or, where that is lost, at
-/// the next that is not, or at the last.
+/// Of a truth for every sample the first, and one for each second: under the stamp of the last sample there is
+/// by then, or of the first of all.
 fn where_asked(run: &SimulatedDrive, every: usize) -> Vec<Solution> {
     let SimulatedDrive { imu, truth, .. } = run;
     let kept = |of_second: &Solution| {
-        let next = imu.partition_point(|sample| sample.time < of_second.time);
-        let time = imu.get(next).or(imu.last())?.time;
+        let by_then = imu.partition_point(|sample| sample.time <= of_second.time);
+        let time = imu.get(by_then.saturating_sub(1))?.time;
         let at = truth.binary_search_by_key(&time, |truth| truth.time);
         at.ok().map(|at| truth[at])
     };
@@ -269,9 +269,9 @@ mod tests {
         let flight = Flight::new(&world.dynamics, &world.plan, 3).unwrap();
         let truth = record(flight, &recording).truth;
         for (second, ask) in (1_i64..).zip(flown.asks()) {
-            let later = |time: ins_core::Time| time.as_micros() >= 1_000_000 * second;
-            let sample = samples.iter().find(|sample| later(sample.time));
-            assert_eq!(ask.time, sample.or(samples.last()).unwrap().time);
+            let by_then = |time: ins_core::Time| time.as_micros() <= 1_000_000 * second;
+            let sample = samples.iter().rfind(|sample| by_then(sample.time));
+            assert_eq!(Some(ask.time), sample.map(|sample| sample.time));
             assert!(truth.contains(ask), "{ask:?}");
         }
     }

@@ -198,7 +198,10 @@ fn errors(solution: &Solution, truth: &Solution) -> Errors {
 /// What a solution is off by, in the order and the units of [`QUANTITIES`].
 pub fn sizes(solution: &Solution, truth: &Solution) -> [f64; QUANTITIES.len()] {
     let velocity = solution.velocity_enu_mps - truth.velocity_enu_mps;
-    let position = solution.position.enu_from(&truth.position);
+    // With the first sample after a hole, the solution is still that of the one before.
+    let since_s = truth.time.seconds_since(solution.time);
+    let moved = since_s * solution.velocity_enu_mps;
+    let position = solution.position.enu_from(&truth.position) + moved;
     let up = |of: &Solution| of.attitude.inverse() * Vector3::z();
     let turned = wrap_pi(solution.euler().heading_rad - truth.euler().heading_rad);
     [
