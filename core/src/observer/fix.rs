@@ -65,18 +65,16 @@ impl Observer {
         let per_manoeuvre = pace.per_manoeuvre;
         let direct = self.shown_directly(past, kind, difference, config);
         let residual = difference.value - self.predicted(&direct, kind.measured(), difference);
-        let lasting = 1.0 + (per_manoeuvre - 1.0) * self.steadiness(past);
-        let unlike = unseen_variance(past, kind, &direct)
-            + lasting * self.bent_variance(past, kind, &direct)
+        let bent = self.bent_variance(past, kind, &direct)
             + per_manoeuvre * self.skew_variance(past, kind, &direct)
             + difference.more_variance;
         if kind.is_up() {
             let mut by = self.shown_by(&direct, kind.measured(), |by| [by.z]);
-            self.measure(kind, &mut by, [residual.z], difference, unlike, config)
+            self.measure(kind, &mut by, [residual.z], difference, bent, config)
         } else {
             let mut by = self.shown_by(&direct, kind.measured(), |by| [by.x, by.y]);
             let residual = [residual.x, residual.y];
-            self.measure(kind, &mut by, residual, difference, unlike, config)
+            self.measure(kind, &mut by, residual, difference, bent, config)
         }
     }
 
@@ -87,7 +85,7 @@ impl Observer {
         by: &mut By<R>,
         innovation: [f64; R],
         difference: &Difference,
-        unlike: f64,
+        bent: f64,
         config: &Config,
     ) -> Credit {
         let gnss = &config.gnss;
@@ -102,7 +100,7 @@ impl Observer {
             return Credit::Refused;
         };
         let noise = described.white * described.white * learnt / difference.fixes;
-        let white = noise + unlike;
+        let white = noise + bent;
         let predicted = channel.predicted(kind.measured());
         let components = if kind.is_up() { 1.0 } else { 2.0 };
         let pair = Vector2::from([0, 1].map(|axis| innovation.get(axis).copied().unwrap_or(0.0)));
@@ -267,7 +265,7 @@ impl Observer {
 
     /// Variance per component of what is not linear in the parameters: of a latency in a motion that
     /// bends, of an antenna that swings on an unknown arm, and in a frame that points elsewhere. It goes
-    /// as they become known.
+    /// as they become known; what jolts hide between two moments of the ring stays.
     fn bent_variance(&self, past: &Past, kind: Kind, direct: &Direct) -> f64 {
         let square = |x: f64| x * x;
         let p = &self.parameters;
@@ -280,22 +278,25 @@ impl Observer {
         let azimuth = square(p.sigma(index::AZIMUTH));
         let arm_axis = |axis: usize| square(p.sigma(index::LEVER_ARM + axis));
         let arm = (arm_axis(0) + arm_axis(1) + arm_axis(2)) / 3.0;
-        let (first, second, swing) = match kind.measured() {
-            Measured::Velocity => (&past.accel_mps2, &past.jerk_mps3, &past.attitude_accel),
-            Measured::Position => (&past.velocity_mps, &past.accel_mps2, &past.attitude_rate),
+        // Of what is too fast for the ring positions hardly show anything.
+        let (first, second, swing, unseen) = match kind.measured() {
+            Measured::Velocity => (
+                &past.accel_mps2,
+                &past.jerk_mps3,
+                &past.attitude_accel,
+                past.unseen_velocity + past.unseen_rate * direct.arm_m.norm_squared(),
+            ),
+            Measured::Position => (
+                &past.velocity_mps,
+                &past.accel_mps2,
+                &past.attitude_rate,
+                0.0,
+            ),
         };
         let turned = 0.5 * azimuth * first.norm_squared();
         let swung = arm * swing.norm_squared() / 3.0;
         let bent = 0.25 * latency * second.norm_squared();
-        latency * (bent + swung + turned)
-    }
-
-    /// Which part of an acceleration is that of the last minutes, as in a circle that does not end: what is not
-    /// linear lies the same way there, and heading, latency and arm, which are one number, would soon be parted
-    /// by it if it counted as noise of each fix anew.
-    fn steadiness(&self, past: &Past) -> f64 {
-        let mean2 = f64::from(self.beyond_mps2.norm_squared());
-        math::min(mean2 / (past.accel_mps2.norm_squared() + 1e-6), 1.0)
+        unseen + latency * (bent + swung + turned)
     }
 
     /// What the third derivative adds: the times of an exponential of variance `s` have a third moment
@@ -324,7 +325,6 @@ impl Observer {
         // with the error to come: errors in variables, 2 sigmas of the latency of a slow vehicle.
         let (force_mps2, tilt) = (&past.accel_mps2, &self.followed.error.tilt_rad);
         let up_mps2 = force_mps2.z + GRAVITY_EQUATOR_MPS2;
-        let velocity_mps = past.velocity_mps - self.followed.error.velocity_mps;
         let mut accel_mps2 = past.accel_mps2 + past.attitude_accel * arm_m;
         accel_mps2.x += up_mps2 * tilt.y - force_mps2.y * tilt.z;
         accel_mps2.y += force_mps2.x * tilt.z - up_mps2 * tilt.x;
@@ -345,7 +345,7 @@ impl Observer {
             }
             Measured::Position => (
                 0.0,
-                velocity_mps + past.attitude_rate * arm_m - accel_mps2 * delay_s,
+                past.velocity_mps + past.attitude_rate * arm_m - accel_mps2 * delay_s,
                 -0.5 * accel_mps2,
             ),
         };
@@ -506,15 +506,6 @@ struct Direct {
     by_azimuth: Vector3<f64>,
     /// Square of the third derivative of an arm that swings, as fast as its jerk shows, (m/s^4)^2.
     arm_third2: f64,
-}
-
-/// Variance of what jolts hide between two moments of the ring. Of what is too fast for that positions
-/// hardly show anything.
-fn unseen_variance(past: &Past, kind: Kind, direct: &Direct) -> f64 {
-    match kind.measured() {
-        Measured::Velocity => past.unseen_velocity + past.unseen_rate * direct.arm_m.norm_squared(),
-        Measured::Position => 0.0,
-    }
 }
 
 /// Square of the third derivative of what a kind measures.
