@@ -17,6 +17,7 @@ mod links;
 mod locks;
 mod mechanization;
 mod mounting;
+mod other_world;
 mod pages;
 mod parts;
 mod pyins;
