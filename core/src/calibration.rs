@@ -116,8 +116,8 @@ impl Calibration {
     }
 
     /// What a run begins with: at most as unsure as the configuration.
-    pub(crate) fn belief(mut self, config: &Config) -> Result<Parameters, ConfigError> {
-        let mut belief = config.prior();
+    pub(crate) fn prior(mut self, config: &Config) -> Result<Parameters, ConfigError> {
+        let mut parameters = config.prior();
         if !math::all_finite(&self.level_force_mps2) {
             return Err(ConfigError::NotFinite("calibration"));
         }
@@ -126,7 +126,7 @@ impl Calibration {
                 for number in [known.value, known.sigma] {
                     finite(number, "calibration")?;
                 }
-                let prior = belief.sigma(which);
+                let prior = parameters.sigma(which);
                 // What is not estimated, or given, is as configured.
                 let sought = prior > 0.0 && !config.gives(which);
                 if known.sigma < 0.0 {
@@ -135,11 +135,11 @@ impl Calibration {
                 // What was not estimated has none.
                 if sought && known.sigma > 0.0 {
                     let sigma = math::min(math::max(known.sigma, LEAST * prior), prior);
-                    belief.set(which, known.value, sigma);
+                    parameters.set(which, known.value, sigma);
                 }
             }
         }
-        Ok(belief)
+        Ok(parameters)
     }
 }
 

@@ -20,7 +20,7 @@ pub enum Measured {
 }
 
 /// Position, velocity, tilt, correlated noise of velocity, correlated noise of position.
-const ERRORS: usize = 5;
+const STATES: usize = 5;
 const POSITION: usize = 0;
 const VELOCITY: usize = 1;
 const TILT: usize = 2;
@@ -28,7 +28,7 @@ const VELOCITY_NOISE: usize = 3;
 const POSITION_NOISE: usize = 4;
 
 /// One number for each of the five errors.
-pub type Gains = SVector<f64, ERRORS>;
+pub type Gains = SVector<f64, STATES>;
 
 /// How far a start may be from the first fix: any latency and any position noise.
 const START_M: f64 = 100.0;
@@ -36,12 +36,12 @@ const START_MPS: f64 = 1.0;
 
 /// What a span does to a channel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Growth {
+pub struct ChannelStep {
     /// Duration, s.
     pub seconds: f64,
     /// Integral of specific force up, m/s, and of that integral, m.
     pub force_up_mps: f64,
-    pub force_up_moved_m: f64,
+    pub force_up_position_m: f64,
     /// What a metre of position makes of the velocity, 1/s.
     pub gravity_per_s: f64,
     /// Power density of accelerometer noise, (m/s)^2/s.
@@ -52,14 +52,14 @@ pub struct Growth {
 
 /// What is left of correlated noise after a span, and the variance of what comes in.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Renewal {
+pub struct Markov {
     /// Part that is left.
     pub keep: f64,
     /// Variance of what is new.
     pub new: f64,
 }
 
-impl Renewal {
+impl Markov {
     /// Of noise `factor` times as strong, in variance, as described.
     pub fn over(seconds: f64, noise: &Noise, factor: f64) -> Self {
         let keep = math::decayed(seconds / noise.correlation_s);
@@ -72,7 +72,7 @@ impl Renewal {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Channel {
-    p: SMatrix<f64, ERRORS, ERRORS>,
+    p: SMatrix<f64, STATES, STATES>,
 }
 
 impl Channel {
@@ -114,24 +114,24 @@ impl Channel {
     }
 
     /// Carries it over a span.
-    pub fn propagate(&mut self, growth: &Growth, noises: [Renewal; 2]) {
-        let Growth {
+    pub fn propagate(&mut self, step: &ChannelStep, gnss_noise: [Markov; 2]) {
+        let ChannelStep {
             seconds: dt,
             force_up_mps: f,
-            force_up_moved_m,
+            force_up_position_m,
             gravity_per_s,
             accel_noise,
             gyro_noise,
-        } = *growth;
-        self.follow::<POSITION, VELOCITY>(dt);
-        self.follow::<POSITION, TILT>(force_up_moved_m);
-        self.follow::<VELOCITY, TILT>(f);
-        self.follow::<VELOCITY, POSITION>(gravity_per_s);
-        for (which, noise) in [VELOCITY_NOISE, POSITION_NOISE].into_iter().zip(noises) {
+        } = *step;
+        self.add_coupling::<POSITION, VELOCITY>(dt);
+        self.add_coupling::<POSITION, TILT>(force_up_position_m);
+        self.add_coupling::<VELOCITY, TILT>(f);
+        self.add_coupling::<VELOCITY, POSITION>(gravity_per_s);
+        for (which, noise) in [VELOCITY_NOISE, POSITION_NOISE].into_iter().zip(gnss_noise) {
             self.p.column_mut(which).scale_mut(noise.keep);
             self.p.row_mut(which).scale_mut(noise.keep);
         }
-        let [velocity, position] = noises;
+        let [velocity, position] = gnss_noise;
         // Integrals of white noise over the span, their covariances included.
         let tilt_velocity = 0.5 * gyro_noise * dt * f;
         let velocity_position = 0.5 * accel_noise * dt * dt;
@@ -148,7 +148,7 @@ impl Channel {
 
     /// Error `to` grows by `factor` times error `from`.
     #[inline(never)]
-    fn follow<const TO: usize, const FROM: usize>(&mut self, factor: f64) {
+    fn add_coupling<const TO: usize, const FROM: usize>(&mut self, factor: f64) {
         let column = self.p.column(FROM).into_owned();
         self.p.column_mut(TO).axpy(factor, &column, 1.0);
         let row = self.p.row(FROM).into_owned();
@@ -158,35 +158,35 @@ impl Channel {
     }
 
     /// More may be wrong by these variances.
-    pub fn doubt(&mut self, velocity: f64, tilt: f64) {
+    pub fn add_variance(&mut self, velocity: f64, tilt: f64) {
         self.p.m22 += velocity;
         self.p.m33 += tilt;
     }
 
     /// More may be wrong along this error of each state, by a number of this variance.
-    pub fn doubt_along(&mut self, error: &Gains, variance: f64) {
+    pub fn add_along(&mut self, error: &Gains, variance: f64) {
         self.p += error * error.transpose() * variance;
     }
 
     /// The position may be wrong by this variance more, m^2.
-    pub fn doubt_position(&mut self, variance: f64) {
+    pub fn add_position_variance(&mut self, variance: f64) {
         self.p.m11 += variance;
     }
 
     /// To the correlated noise of positions comes this variance.
-    pub fn add_position_noise(&mut self, variance: f64) {
+    pub fn add_noise_variance(&mut self, variance: f64) {
         self.p.m55 += variance;
     }
 
     /// The correlated noise of positions is another one now, of this variance.
-    pub fn renew_position_noise(&mut self, variance: f64) {
+    pub fn reset_position_noise(&mut self, variance: f64) {
         self.p.column_mut(POSITION_NOISE).fill(0.0);
         self.p.row_mut(POSITION_NOISE).fill(0.0);
         self.p.m55 = variance;
     }
 
     /// Covariance of each error with what is measured.
-    fn covariance_with(&self, measured: Measured) -> Gains {
+    fn cross_covariance(&self, measured: Measured) -> Gains {
         match measured {
             Measured::Velocity => self.p.column(VELOCITY) + self.p.column(VELOCITY_NOISE),
             Measured::Position => self.p.column(POSITION) + self.p.column(POSITION_NOISE),
@@ -194,8 +194,8 @@ impl Channel {
     }
 
     /// Variance of what is measured, without its white noise.
-    pub fn predicted(&self, measured: Measured) -> f64 {
-        let c = self.covariance_with(measured);
+    pub fn predicted_variance(&self, measured: Measured) -> f64 {
+        let c = self.cross_covariance(measured);
         match measured {
             Measured::Velocity => c.y + c.w,
             Measured::Position => c.x + c.a,
@@ -204,8 +204,8 @@ impl Channel {
 
     /// Takes in one measurement of white noise `white`; returns the gains.
     pub fn update(&mut self, measured: Measured, white: f64) -> Gains {
-        let c = self.covariance_with(measured);
-        let gains = c / (self.predicted(measured) + white);
+        let c = self.cross_covariance(measured);
+        let gains = c / (self.predicted_variance(measured) + white);
         self.p -= gains * c.transpose();
         // What rounding leaves of a variance is still one.
         let diagonal = self.p.diagonal().map(|variance| math::max(variance, 0.0));

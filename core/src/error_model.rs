@@ -9,7 +9,7 @@ use crate::parameters::{Parameters, index};
 
 /// What an error of the height makes of the vertical velocity, 1/s^2, and one of the level position of
 /// the level one: gravity is reckoned for where the INS thinks it is.
-pub const RUNAWAY_PER_S2: f64 = 2.0 * GRAVITY_EQUATOR_MPS2 / SEMI_MAJOR_AXIS_M;
+pub const VERTICAL_PER_S2: f64 = 2.0 * GRAVITY_EQUATOR_MPS2 / SEMI_MAJOR_AXIS_M;
 pub const SCHULER_PER_S2: f64 = -GRAVITY_EQUATOR_MPS2 / SEMI_MAJOR_AXIS_M;
 
 /// Error of the INS, ENU: INS minus truth.
@@ -29,12 +29,12 @@ pub struct InsError<T: Scalar = f64> {
 
 /// What a span does to every error, whatever has caused it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Passage<T: Scalar = f64> {
+pub struct Transition<T: Scalar = f64> {
     /// Duration, s.
     seconds: T,
     /// What tilts make of the velocity, m/s, and of the position, m.
-    pull_mps: Pull<T>,
-    pull_m: Pull<T>,
+    to_velocity: TiltCoupling<T>,
+    to_position: TiltCoupling<T>,
     /// By how much the platform points elsewhere, and what it turns about the vertical against the
     /// frame: cosine and sine.
     azimuth: [T; 2],
@@ -49,16 +49,16 @@ pub struct Passage<T: Scalar = f64> {
 /// What a unit of each tilt makes of the velocity over a span, or of the position: the level ones by
 /// the force that the platform has there, turned by its azimuth.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Pull<T> {
+struct TiltCoupling<T> {
     /// Force up, times cosine and sine of the azimuth.
     up: [T; 2],
     /// Force in level.
     level: [T; 2],
     /// By the azimuth.
-    swung: [T; 2],
+    by_azimuth: [T; 2],
 }
 
-impl Pull<f64> {
+impl TiltCoupling<f64> {
     /// By a force that such a tilt and a push have been part of.
     fn new(
         force: &Vector3<f64>,
@@ -66,30 +66,30 @@ impl Pull<f64> {
         push: &Vector3<f64>,
         azimuth: [f64; 2],
     ) -> Self {
-        let feigned = force.cross(&level_of(tilt_rad)) + push;
-        let swung = about_up(&(feigned - force), azimuth);
+        let apparent = force.cross(&level_of(tilt_rad)) + push;
+        let by_azimuth = about_up(&(apparent - force), azimuth);
         Self {
             up: azimuth.map(|part| part * force.z),
             level: [force.x, force.y],
-            swung: [-swung.y, swung.x],
+            by_azimuth: [-by_azimuth.y, by_azimuth.x],
         }
     }
 
-    fn single(&self) -> Pull<f32> {
-        Pull {
+    fn single(&self) -> TiltCoupling<f32> {
+        TiltCoupling {
             up: self.up.map(math::single),
             level: self.level.map(math::single),
-            swung: self.swung.map(math::single),
+            by_azimuth: self.by_azimuth.map(math::single),
         }
     }
 }
 
-impl<T: RealField + Copy> Pull<T> {
-    fn by(&self, tilt: &Vector3<T>) -> Vector3<T> {
+impl<T: RealField + Copy> TiltCoupling<T> {
+    fn apply(&self, tilt: &Vector3<T>) -> Vector3<T> {
         let ([cos, sin], [east, north]) = (self.up, self.level);
         Vector3::new(
-            self.swung[0] * tilt.z - cos * tilt.y - sin * tilt.x,
-            self.swung[1] * tilt.z + cos * tilt.x - sin * tilt.y,
+            self.by_azimuth[0] * tilt.z - cos * tilt.y - sin * tilt.x,
+            self.by_azimuth[1] * tilt.z + cos * tilt.x - sin * tilt.y,
             east * tilt.y - north * tilt.x,
         )
     }
@@ -132,7 +132,7 @@ impl Forcing {
     }
 }
 
-impl Passage {
+impl Transition {
     /// Over a span in a frame that turns at `frame_rate`, of an INS with such an error.
     pub fn over(
         span: &Span,
@@ -146,8 +146,8 @@ impl Passage {
         let push_m = push_mps * (0.5 * span.seconds);
         Self {
             seconds: span.seconds,
-            pull_mps: Pull::new(&span.force_mps, tilt_rad, &push_mps, azimuth),
-            pull_m: Pull::new(&span.force_moved_m, tilt_rad, &push_m, azimuth),
+            to_velocity: TiltCoupling::new(&span.force_mps, tilt_rad, &push_mps, azimuth),
+            to_position: TiltCoupling::new(&span.force_position_m, tilt_rad, &push_m, azimuth),
             azimuth,
             turn: rotation(-platform_rad.z),
             frame_rad: frame_rate_radps * span.seconds,
@@ -155,11 +155,11 @@ impl Passage {
         }
     }
 
-    pub fn single(&self) -> Passage<f32> {
-        Passage {
+    pub fn single(&self) -> Transition<f32> {
+        Transition {
             seconds: math::single(self.seconds),
-            pull_mps: self.pull_mps.single(),
-            pull_m: self.pull_m.single(),
+            to_velocity: self.to_velocity.single(),
+            to_position: self.to_position.single(),
             azimuth: self.azimuth.map(math::single),
             turn: self.turn.map(math::single),
             frame_rad: singles(&self.frame_rad),
@@ -212,30 +212,32 @@ impl<T: RealField + Copy> InsError<T> {
     /// `dp' = dV`, `dV' = f x Phi + dg`, `Phi' = -w_in x Phi`, with `dg` of the position: of (1)-(2) as
     /// seen from where the INS thinks it is, to whose vertical the tilt then is. The two verticals are
     /// 0.16 mrad apart for each kilometre.
-    pub fn carry(&mut self, passage: &Passage<T>) {
-        let (tilt, half) = (self.tilt_rad, &passage.half_level_rad);
-        self.position_m += self.velocity_mps * passage.seconds + passage.pull_m.by(&tilt);
-        let seconds = passage.seconds;
-        let [level, up] = [SCHULER_PER_S2, RUNAWAY_PER_S2].map(|per_s2| seconds * convert(per_s2));
+    pub fn propagate(&mut self, transition: &Transition<T>) {
+        let (tilt, half) = (self.tilt_rad, &transition.half_level_rad);
+        self.position_m +=
+            self.velocity_mps * transition.seconds + transition.to_position.apply(&tilt);
+        let seconds = transition.seconds;
+        let [level, up] = [SCHULER_PER_S2, VERTICAL_PER_S2].map(|per_s2| seconds * convert(per_s2));
         let gravity = Vector3::new(level, level, up);
-        self.velocity_mps += passage.pull_mps.by(&tilt) + gravity.component_mul(&self.position_m);
-        self.tilt_rad = about_up(&tilt, passage.turn) + tilt.cross(&passage.frame_rad);
+        self.velocity_mps +=
+            transition.to_velocity.apply(&tilt) + gravity.component_mul(&self.position_m);
+        self.tilt_rad = about_up(&tilt, transition.turn) + tilt.cross(&transition.frame_rad);
         self.tilt_rad.z += tilt.x * half.y - tilt.y * half.x;
     }
 
     /// What came in evenly over a span that has been carried over.
-    pub fn feed(&mut self, passage: &Passage<T>, input: &Input<T>) {
+    pub fn add_input(&mut self, transition: &Transition<T>, input: &Input<T>) {
         let half = convert::<f64, T>(0.5);
         match input {
             Input::Tilt(tilt) => {
                 let third = convert::<f64, T>(1.0 / 3.0);
-                self.position_m += passage.pull_m.by(tilt) * third;
-                self.velocity_mps += passage.pull_mps.by(tilt) * half;
+                self.position_m += transition.to_position.apply(tilt) * third;
+                self.velocity_mps += transition.to_velocity.apply(tilt) * half;
                 self.tilt_rad += tilt;
             }
             Input::Velocity(velocity) => {
-                let velocity = about_up(velocity, passage.azimuth);
-                self.position_m += velocity * (half * passage.seconds);
+                let velocity = about_up(velocity, transition.azimuth);
+                self.position_m += velocity * (half * transition.seconds);
                 self.velocity_mps += velocity;
             }
         }
@@ -252,26 +254,27 @@ impl<T: RealField + Copy> InsError<T> {
 impl InsError {
     /// The error at the end of a span, which is such a passage.
     #[must_use]
-    pub fn after(&self, span: &Span, passage: &Passage, forcing: &Forcing) -> Self {
+    pub fn propagated(&self, span: &Span, transition: &Transition, forcing: &Forcing) -> Self {
         let mut error = *self;
-        error.carry(passage);
+        error.propagate(transition);
         // Force is longer than its projection. Plus, for it is the one of the tilted frame. And of the
         // azimuth the whole.
         let level = level_of(&self.tilt_rad);
         let azimuth = self.tilt_rad - level;
         let longer = 0.5 * level.cross(&span.force_mps.cross(&level));
-        let turned = |force: &Vector3<f64>| force - about_up(force, passage.azimuth);
+        let turned = |force: &Vector3<f64>| force - about_up(force, transition.azimuth);
         let taken_out_mps = turned(&forcing.taken_out_mps);
         error.velocity_mps +=
-            about_up(&longer, passage.azimuth) + turned(&span.force_mps) + taken_out_mps
-                - passage.pull_mps.by(&azimuth);
-        error.position_m += turned(&span.force_moved_m) + taken_out_mps * (0.5 * passage.seconds)
-            - passage.pull_m.by(&azimuth);
+            about_up(&longer, transition.azimuth) + turned(&span.force_mps) + taken_out_mps
+                - transition.to_velocity.apply(&azimuth);
+        error.position_m += turned(&span.force_position_m)
+            + taken_out_mps * (0.5 * transition.seconds)
+            - transition.to_position.apply(&azimuth);
         // What is levelled meanwhile turns with the platform for half of the time.
         let platform_rad = span.control_tilt_rad + forcing.drift_rad;
         let half_turn = Vector3::new(0.0, 0.0, 0.5 * platform_rad.z);
-        error.feed(passage, &Input::Tilt(forcing.drift_rad));
-        error.feed(passage, &Input::Velocity(forcing.push_mps));
+        error.add_input(transition, &Input::Tilt(forcing.drift_rad));
+        error.add_input(transition, &Input::Velocity(forcing.push_mps));
         error.position_m += span.control_position_m;
         error.velocity_mps += span.control_velocity_mps;
         error.tilt_rad += span.control_tilt_rad + platform_rad.cross(&half_turn);
@@ -296,8 +299,9 @@ pub fn for_each_input(
     // A span of no length has no inputs.
     let seconds = math::max(span.seconds, 1e-9);
     let mount_up = level_force_mps2 / GRAVITY_EQUATOR_MPS2;
-    let tipped_rad = span.angle_rad - mount_up * span.turn_rad;
-    for (axis, (level, tipped_rad)) in level_force_mps2.iter().zip(&tipped_rad).enumerate() {
+    let level_turn_rad = span.angle_rad - mount_up * span.turn_rad;
+    for (axis, (level, level_turn_rad)) in level_force_mps2.iter().zip(&level_turn_rad).enumerate()
+    {
         let column = span.attitude_s.column(axis).into_owned();
         visit(index::GYRO + axis, Input::Tilt(-column));
         visit(index::ACCEL + axis, Input::Velocity(column));
@@ -306,15 +310,15 @@ pub fn for_each_input(
         visit(index::ACCEL_SCALE + axis, Input::Velocity(felt * column));
         visit(
             index::GYRO_SCALE + axis,
-            Input::Tilt(-tipped_rad / seconds * column),
+            Input::Tilt(-level_turn_rad / seconds * column),
         );
     }
     let turned = span.attitude_s * (mount_up * (span.turn_rad / seconds));
     visit(index::TURN_SCALE, Input::Tilt(-turned));
-    for (axis, tipped_rad) in tipped_rad.iter().enumerate() {
+    for (axis, level_turn_rad) in level_turn_rad.iter().enumerate() {
         visit(
             index::GYRO_MISALIGNMENT + axis,
-            Input::Tilt(Vector3::new(0.0, 0.0, -tipped_rad)),
+            Input::Tilt(Vector3::new(0.0, 0.0, -level_turn_rad)),
         );
     }
 }

@@ -122,10 +122,10 @@ impl Estimates {
             .try_normalize(GRAVITY_EQUATOR_MPS2 / 2.0)
         {
             let turn_rad = up.dot(&interval.angle_rad);
-            let tipped_rad = interval.angle_rad - turn_rad * up;
+            let level_turn_rad = interval.angle_rad - turn_rad * up;
             corrected.angle_rad -= value(&self.turn_scale) * turn_rad * up
-                + vector(&self.gyro_scale).component_mul(&tipped_rad)
-                + vector(&self.gyro_misalignment_rad).dot(&tipped_rad) * up;
+                + vector(&self.gyro_scale).component_mul(&level_turn_rad)
+                + vector(&self.gyro_misalignment_rad).dot(&level_turn_rad) * up;
         }
         corrected
     }

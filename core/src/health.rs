@@ -70,13 +70,13 @@ pub struct SampleCounts {
 /// What has been counted so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(crate) struct Tally {
+pub(crate) struct Counts {
     pub(crate) samples: SampleCounts,
     pub(crate) fixes: FixCounts,
     pub(crate) last_fix: Option<FixReport>,
 }
 
-impl Tally {
+impl Counts {
     pub(crate) fn sample(&mut self, outcome: ImuOutcome) {
         let count = match outcome {
             ImuOutcome::Accepted => &mut self.samples.accepted,

@@ -17,7 +17,7 @@ pub struct Span<T: nalgebra::Scalar = f64> {
     /// Integral of specific force, m/s.
     pub force_mps: Vector3<T>,
     /// Integral of that integral, m.
-    pub force_moved_m: Vector3<T>,
+    pub force_position_m: Vector3<T>,
     /// Integral of `C_B^L`, s.
     pub attitude_s: Matrix3<T>,
     /// Angle sensed by the gyros, body, rad.
@@ -46,11 +46,11 @@ impl<T: nalgebra::RealField + Copy> Span<T> {
     pub fn extend(&mut self, next: &Self) {
         let tilt = &self.control_tilt_rad;
         self.control_position_m += self.control_velocity_mps * next.seconds
-            + next.force_moved_m.cross(tilt)
+            + next.force_position_m.cross(tilt)
             + next.control_position_m;
         self.control_velocity_mps += next.force_mps.cross(tilt) + next.control_velocity_mps;
         self.control_tilt_rad += next.control_tilt_rad;
-        self.force_moved_m += self.force_mps * next.seconds + next.force_moved_m;
+        self.force_position_m += self.force_mps * next.seconds + next.force_position_m;
         self.force_mps += next.force_mps;
         self.attitude_s += next.attitude_s;
         self.angle_rad += next.angle_rad;
@@ -69,7 +69,7 @@ impl<T: nalgebra::RealField + Copy> Span<T> {
         let (seconds, square) = (self.seconds, fraction * fraction);
         let tilt = &self.control_tilt_rad;
         let even_moved = self.force_mps * (seconds * half);
-        let other_moved = self.force_moved_m - even_moved;
+        let other_moved = self.force_position_m - even_moved;
         let bent_velocity = self.force_mps.cross(tilt) * half;
         let even_velocity = self.control_velocity_mps - bent_velocity;
         let bent_twice = bent_velocity * (seconds * third);
@@ -78,7 +78,7 @@ impl<T: nalgebra::RealField + Copy> Span<T> {
         Self {
             seconds: seconds * fraction,
             force_mps: self.force_mps * fraction,
-            force_moved_m: other_moved * fraction + even_moved * square,
+            force_position_m: other_moved * fraction + even_moved * square,
             attitude_s: self.attitude_s * fraction,
             angle_rad: self.angle_rad * fraction,
             turn_rad: self.turn_rad * fraction,
@@ -96,7 +96,7 @@ impl<T: nalgebra::RealField + Copy> Span<T> {
         Span {
             seconds: to(self.seconds),
             force_mps: self.force_mps.map(to),
-            force_moved_m: self.force_moved_m.map(to),
+            force_position_m: self.force_position_m.map(to),
             attitude_s: self.attitude_s.map(to),
             angle_rad: self.angle_rad.map(to),
             turn_rad: to(self.turn_rad),
@@ -128,7 +128,7 @@ pub const SPACING_S: f64 = 0.105;
 
 /// Time over which a receiver smooths from which on one derivative is too few, s: of a swing of 1 Hz a
 /// second derivative would lose a sixth too much, and of what swings twice as fast half.
-pub const LONG_S: f64 = 0.1;
+pub const LONG_SMOOTHING_S: f64 = 0.1;
 
 /// Square of the phase of a swing over the spacing up to which its third derivative is seen: 3 Hz.
 const FASTEST_PHASE: f64 = 3.5;
@@ -136,7 +136,7 @@ const FASTEST_PHASE: f64 = 3.5;
 /// The INS at a moment of the past, and how it was changing there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Past {
+pub struct PastState {
     /// The moment.
     pub time: Time,
     /// Velocity, ENU, m/s.
@@ -151,9 +151,9 @@ pub struct Past {
     pub smoothed: bool,
     /// Variance of a level velocity by what the vehicle does between two moments of the ring and
     /// the interpolation does not see: jolts and vibration, (m/s)^2.
-    pub unseen_velocity: f64,
+    pub unresolved_velocity: f64,
     /// The same of the angular rate, (rad/s)^2.
-    pub unseen_rate: f64,
+    pub unresolved_rate: f64,
     /// `C_B^L`.
     pub attitude: Matrix3<f64>,
     /// Its rate of change, 1/s, how that changes, 1/s^2, and that again, 1/s^3, like the jerk.
@@ -164,17 +164,17 @@ pub struct Past {
     pub way_since_m: Vector3<f64>,
 }
 
-impl Past {
+impl PastState {
     /// Comes closer to another moment by a part of the way, but for the way since.
-    pub fn approach(&mut self, next: &Self, part: f64) {
+    pub fn blend(&mut self, next: &Self, part: f64) {
         let seconds = next.time.seconds_since(self.time);
         self.time = self.time.plus_seconds(seconds * part);
         self.velocity_mps += (next.velocity_mps - self.velocity_mps) * part;
         self.accel_mps2 += (next.accel_mps2 - self.accel_mps2) * part;
         self.jerk_mps3 += (next.jerk_mps3 - self.jerk_mps3) * part;
         self.snap_mps4 += (next.snap_mps4 - self.snap_mps4) * part;
-        self.unseen_velocity += (next.unseen_velocity - self.unseen_velocity) * part;
-        self.unseen_rate += (next.unseen_rate - self.unseen_rate) * part;
+        self.unresolved_velocity += (next.unresolved_velocity - self.unresolved_velocity) * part;
+        self.unresolved_rate += (next.unresolved_rate - self.unresolved_rate) * part;
         self.attitude += (next.attitude - self.attitude) * part;
         self.attitude_rate += (next.attitude_rate - self.attitude_rate) * part;
         self.attitude_accel += (next.attitude_accel - self.attitude_accel) * part;
@@ -194,22 +194,22 @@ pub enum Missing {
 /// A moment of the ring.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Recorded {
+struct RingEntry {
     time: Time,
     /// Mean velocity since the moment before.
     velocity_mps: Vector3<f32>,
     /// From the moment before.
     span: Span<f32>,
-    /// See [`Wobble`]: of the velocity and of the angular rate.
-    wobble: f32,
-    rate_wobble: f32,
+    /// See [`Vibration`]: of the velocity and of the angular rate.
+    vibration: f32,
+    rate_vibration: f32,
 }
 
 /// How the level velocity moves about its chord between two moments, and the angular rate about
 /// its mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Wobble {
+pub struct Vibration {
     seconds: f32,
     gained_mps: Vector2<f32>,
     /// Integrals of its square, and of itself times the time.
@@ -219,7 +219,7 @@ pub struct Wobble {
     rate_square: f32,
 }
 
-impl Wobble {
+impl Vibration {
     /// Adds a velocity gained over an interval, m/s, and the angle turned, rad.
     pub fn add(&mut self, gained_mps: &Vector3<f64>, angle_rad: &Vector3<f64>, seconds: f64) {
         let dt = math::single(seconds);
@@ -252,14 +252,14 @@ impl Wobble {
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct History<const N: usize> {
-    moments: Ring<Recorded, N>,
+    entries: Ring<RingEntry, N>,
 }
 
 impl<const N: usize> History<N> {
     /// Whether enough time has passed since the newest moment for the next, of samples at such an
     /// interval: rare ones are not skipped.
-    pub fn wants(&self, time: Time, interval_s: f64) -> bool {
-        self.moments.newest().is_none_or(|newest| {
+    pub fn is_due(&self, time: Time, interval_s: f64) -> bool {
+        self.entries.newest().is_none_or(|newest| {
             let since_s = time.seconds_since(newest.time);
             since_s >= SPACING_S || since_s + interval_s > 1.5 * SPACING_S
         })
@@ -267,17 +267,23 @@ impl<const N: usize> History<N> {
 
     /// What the next moment drops: the end of the oldest span, if the ring is full.
     pub fn next_dropped(&self) -> Option<Time> {
-        let full = self.moments.len() == N;
-        self.moments.oldest().filter(|_| full).map(|old| old.time)
+        let full = self.entries.len() == N;
+        self.entries.oldest().filter(|_| full).map(|old| old.time)
     }
 
     /// Adds the newest moment and the span before it, with the mean velocity in it, dropping the
     /// oldest if full.
-    pub fn push(&mut self, time: Time, velocity_mps: &Vector3<f64>, span: &Span, wobble: &Wobble) {
-        self.moments.push_over(Recorded {
+    pub fn push(
+        &mut self,
+        time: Time,
+        velocity_mps: &Vector3<f64>,
+        span: &Span,
+        vibration: &Vibration,
+    ) {
+        self.entries.push_over(RingEntry {
             time,
-            wobble: wobble.variance(),
-            rate_wobble: wobble.rate_variance(span),
+            vibration: vibration.variance(),
+            rate_vibration: vibration.rate_variance(span),
             velocity_mps: singles(velocity_mps),
             span: span.map(math::single),
         });
@@ -286,18 +292,18 @@ impl<const N: usize> History<N> {
     /// What happened first from one moment to another, and until when: as much as `longest_s` holds, or
     /// one moment of the ring.
     #[inline(never)]
-    pub fn piece(&self, from: Time, to: Time, longest_s: f64) -> Option<(Span, Time)> {
+    pub fn next_span(&self, from: Time, to: Time, longest_s: f64) -> Option<(Span, Time)> {
         let mut piece = Span::default();
-        for recorded in self.moments.since_first(|recorded| recorded.time > from) {
-            let seconds = f64::from(recorded.span.seconds);
-            let end_s = recorded.time.seconds_since(from);
+        for entry in self.entries.since_first(|entry| entry.time > from) {
+            let seconds = f64::from(entry.span.seconds);
+            let end_s = entry.time.seconds_since(from);
             let start_s = end_s - seconds;
             let last_s = math::min(end_s, to.seconds_since(from));
             let inside_s = last_s - math::max(start_s, 0.0);
             if inside_s <= 0.0 {
                 break;
             }
-            let mut part = recorded.span.map(f64::from);
+            let mut part = entry.span.map(f64::from);
             if inside_s < seconds {
                 part = part.part(inside_s / seconds);
             }
@@ -313,8 +319,8 @@ impl<const N: usize> History<N> {
     }
 
     /// Whether a moment is not after the newest of the ring.
-    pub fn reaches(&self, time: Time) -> bool {
-        (self.moments.newest()).is_some_and(|newest| time <= newest.time)
+    pub fn covers(&self, time: Time) -> bool {
+        (self.entries.newest()).is_some_and(|newest| time <= newest.time)
     }
 
     /// The INS at `time`, which must lie after the first moment of the ring, and which is best
@@ -323,8 +329,8 @@ impl<const N: usize> History<N> {
     /// # Errors
     /// [`Missing`] if it does not.
     #[inline(never)]
-    pub fn at(&self, time: Time, wait: bool) -> Result<Past, Missing> {
-        let mut older = self.moments.iter().rev();
+    pub fn at(&self, time: Time, wait: bool) -> Result<PastState, Missing> {
+        let mut older = self.entries.iter().rev();
         let Some(mut end) = older.next().filter(|newest| time <= newest.time) else {
             return Err(Missing::Future);
         };
@@ -335,7 +341,7 @@ impl<const N: usize> History<N> {
                 return Err(Missing::Future);
             }
             if start.time <= time {
-                let around = Around { start, end, after };
+                let around = Stencil { start, end, after };
                 return Ok(around.past(time, &way_since_m));
             }
             way_since_m += end.span.way_m.map(f64::from);
@@ -349,8 +355,8 @@ impl<const N: usize> History<N> {
     /// `s / 2` times the jerk off. The receiver is a low pass of first order, taken as much sooner as it is
     /// late in a steady acceleration.
     #[inline(never)]
-    pub fn smooth(&self, past: &mut Past, memory_s: f64) {
-        if memory_s < LONG_S {
+    pub fn smooth(&self, past: &mut PastState, memory_s: f64) {
+        if memory_s < LONG_SMOOTHING_S {
             return;
         }
         // What is seen of each gain of velocity, and would be if it were only late. Outside the ring all
@@ -359,11 +365,11 @@ impl<const N: usize> History<N> {
         let mut swung_beyond = Matrix3::zeros();
         let (mut turns, mut swing) = (None, Matrix3::zeros());
         let (mut end_s, mut missed) = (memory_s, 1.0);
-        let mut older = self.moments.iter().rev().peekable();
-        while let Some(recorded) = older.next() {
-            let span = &recorded.span;
+        let mut older = self.entries.iter().rev().peekable();
+        while let Some(entry) = older.next() {
+            let span = &entry.span;
             let seconds = f64::from(span.seconds);
-            let start_s = recorded.time.seconds_since(past.time) - seconds;
+            let start_s = entry.time.seconds_since(past.time) - seconds;
             // How an attitude turns where a span begins and ends is what an arm of unit length swings by.
             let at_start = older.peek().map(|older| span.turned_from(&older.span));
             let at_end = core::mem::replace(&mut turns, at_start);
@@ -391,24 +397,24 @@ impl<const N: usize> History<N> {
 }
 
 /// The moments around an interval, from `start` to `end`.
-struct Around<'a> {
-    start: &'a Recorded,
-    end: &'a Recorded,
-    after: Option<&'a Recorded>,
+struct Stencil<'a> {
+    start: &'a RingEntry,
+    end: &'a RingEntry,
+    after: Option<&'a RingEntry>,
 }
 
-impl Around<'_> {
+impl Stencil<'_> {
     /// Interpolates by parabolas. That of the velocity has the means of the intervals: velocities
     /// at single moments take part in swings that are faster than the ring, at phases which, fixes
     /// being as regular, look like an acceleration.
-    fn past(&self, time: Time, way_after_m: &Vector3<f64>) -> Past {
+    fn past(&self, time: Time, way_after_m: &Vector3<f64>) -> PastState {
         let Self { start, end, after } = self;
         let here = Means::over(end);
         let slopes = Slopes {
             at_start: here.slope_from(&Means::over(start)),
             at_end: after.map(|after| Means::over(after).slope_from(&here)),
         };
-        let bend = slopes.in_the_middle();
+        let bend = slopes.at_middle();
         let part = time.seconds_since(start.time) / here.seconds;
         let off_s = (part - 0.5) * here.seconds;
         let [middle_mps, accel_mps2, jerk_mps3] = self.parabola(&here, &bend.force_mps2);
@@ -432,7 +438,7 @@ impl Around<'_> {
         let turning = (here.seconds * bend.rate_radps).norm_squared() / 12.0;
         let attitude = here.attitude + off_s * bend.attitude;
         let rate_radps = here.rate_radps + off_s * bend.rate_radps;
-        Past {
+        PastState {
             time,
             velocity_mps,
             accel_mps2: accel_mps2
@@ -441,18 +447,18 @@ impl Around<'_> {
             jerk_mps3: jerk_mps3 + off_s * snap_mps4,
             snap_mps4,
             smoothed: false,
-            unseen_velocity: math::max(f64::from(end.wobble) - explained, 0.0),
-            unseen_rate: math::max(f64::from(end.rate_wobble) - turning, 0.0),
+            unresolved_velocity: math::max(f64::from(end.vibration) - explained, 0.0),
+            unresolved_rate: math::max(f64::from(end.rate_vibration) - turning, 0.0),
             attitude,
             attitude_rate: attitude * rate_radps.cross_matrix(),
             attitude_accel: attitude * turn_accel(&rate_radps, &bend.rate_radps),
-            attitude_jerk: self.swing_bent(),
+            attitude_jerk: self.swing_curvature(),
             way_since_m: left + way_after_m,
         }
     }
 
     /// Second derivative of what an antenna swings by, per unit of its arm, from mean to mean.
-    fn swing_bent(&self) -> Matrix3<f32> {
+    fn swing_curvature(&self) -> Matrix3<f32> {
         let Some(after) = self.after else {
             return Matrix3::zeros();
         };
@@ -467,7 +473,7 @@ impl Around<'_> {
     fn parabola(&self, here: &Means, force_slope: &Vector3<f64>) -> [Vector3<f64>; 3] {
         let square = here.seconds * here.seconds;
         // Time of another interval's middle, how its mean differs, and the jerk's part in that.
-        let beside = |other: &Recorded, gained_mps: &Vector3<f64>, side: f64| {
+        let beside = |other: &RingEntry, gained_mps: &Vector3<f64>, side: f64| {
             let seconds = f64::from(other.span.seconds);
             let off_s = side * 0.5 * (here.seconds + seconds);
             let bent = 0.5 * off_s * off_s + (seconds * seconds - square) / 24.0;
@@ -515,7 +521,7 @@ impl Slopes {
 
     /// In the middle of the interval. What changes at one end alone lets the interpolation lag behind: by
     /// 1.4 ms in the gusts of a light aircraft.
-    fn in_the_middle(&self) -> Means {
+    fn at_middle(&self) -> Means {
         let Self { at_start, at_end } = self;
         let Some(at_end) = at_end else {
             return *at_start;
@@ -550,8 +556,8 @@ fn turn_accel(rate_radps: &Vector3<f64>, growth_radps2: &Vector3<f64>) -> Matrix
 
 /// What specific force adds to the mean velocity from one span to the next, m/s.
 fn gained_between(first: &Span<f32>, second: &Span<f32>) -> Vector3<f64> {
-    let gained = first.force_mps - first.force_moved_m / first.seconds;
-    (gained + second.force_moved_m / second.seconds).map(f64::from)
+    let gained = first.force_mps - first.force_position_m / first.seconds;
+    (gained + second.force_position_m / second.seconds).map(f64::from)
 }
 
 /// Means between two moments of the ring, or how fast they change.
@@ -565,8 +571,8 @@ struct Means {
 
 impl Means {
     /// Over the span that ends at a moment.
-    fn over(recorded: &Recorded) -> Self {
-        let span = &recorded.span;
+    fn over(entry: &RingEntry) -> Self {
+        let span = &entry.span;
         let seconds = f64::from(span.seconds);
         Self {
             seconds,

@@ -279,7 +279,7 @@ impl Increments {
             self.longer_stamped_m = keep * self.longer_stamped_m + longer_s * stamped_mps;
         }
         let even = 1.5 - 2.0 * self.longer_felt_m / self.longer_stamped_m;
-        let late_s = self.late_s * math::within(even, [0.0, 1.0]);
+        let late_s = self.late_s * math::clamp(even, [0.0, 1.0]);
         let latest_s = self.stamped_late_s + seconds * (1.0 - 1.0 / STAMPS);
         self.stamped_late_s = math::min(late_s, latest_s);
     }

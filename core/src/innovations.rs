@@ -16,11 +16,11 @@ const ROBUST_SIGMAS: f64 = 3.0;
 const GATE_SIGMAS: f64 = 8.0;
 /// So long must refused fixes agree with each other on where the INS is to be believed, s. Wrong
 /// fixes come in bursts of seconds; an INS that has lost its way stays lost.
-pub const LOST_S: f64 = 15.0;
+pub const AGREEING_S: f64 = 15.0;
 /// An ordinary manoeuvre takes so long, s, and surprise is averaged over it.
 pub const MANOEUVRE_S: f64 = 10.0;
 /// Average square of the innovations, in their variances, beyond which the INS errs.
-const SURPRISING: f64 = 9.0;
+const DIVERGED_NIS: f64 = 9.0;
 /// Memory of the correlation of neighbours, in fixes.
 const CORRELATION_MEMORY: f64 = 200.0;
 /// Fixes over which the stated noise is averaged, and range of its ratio to the average, in
@@ -30,20 +30,20 @@ const STATED_RANGE: [f64; 2] = [0.1, 100.0];
 
 /// How a fix of one kind is taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Credit {
+pub enum GateResult {
     /// With white noise of this variance.
-    Taken(f64),
+    Accepted(f64),
     /// Not credible.
-    Refused,
+    Rejected,
     /// Not credible, like all before it for so long that it is the INS which is wrong, by this.
-    Lost(Vector2<f64>),
+    Diverged(Vector2<f64>),
 }
 
 /// Fixes refused of which most agree with each other: since when, by how many more, and the last, with
 /// what had changed since the one before.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Astray {
+struct RejectedRun {
     since: Time,
     majority: u8,
     residual: Vector2<f64>,
@@ -51,7 +51,7 @@ struct Astray {
 }
 
 /// Whether an innovation of this variance, all components together, is taken as it is.
-pub fn is_ordinary(innovation: &Vector2<f64>, total: f64) -> bool {
+pub fn is_inlier(innovation: &Vector2<f64>, total: f64) -> bool {
     innovation.norm_squared() <= ROBUST_SIGMAS * ROBUST_SIGMAS * total
 }
 
@@ -67,8 +67,8 @@ pub struct Innovations {
     /// Correlation of neighbours, and the last innovation in its sigmas.
     correlation: f64,
     last: Vector2<f64>,
-    taken: Option<Time>,
-    astray: Option<Astray>,
+    last_accepted: Option<Time>,
+    rejected: Option<RejectedRun>,
 }
 
 impl Default for Innovations {
@@ -79,8 +79,8 @@ impl Default for Innovations {
             stated: 0.0,
             correlation: 0.0,
             last: Vector2::zeros(),
-            taken: None,
-            astray: None,
+            last_accepted: None,
+            rejected: None,
         }
     }
 }
@@ -88,59 +88,59 @@ impl Default for Innovations {
 impl Innovations {
     /// Judges an innovation at a moment: of `components`, with this variance of each from the INS
     /// and from GNSS noise that is not white, and with `white` noise on top.
-    pub fn judge(
+    pub fn gate(
         &mut self,
         now: Time,
         innovation: &Vector2<f64>,
         components: f64,
         predicted: f64,
         white: f64,
-    ) -> Credit {
+    ) -> GateResult {
         let total = components * (predicted + white);
         let power = innovation.norm_squared();
         if power <= GATE_SIGMAS * GATE_SIGMAS * total {
-            self.astray = None;
-            self.taken = Some(now);
+            self.rejected = None;
+            self.last_accepted = Some(now);
             let beyond = math::max(math::sqrt(power / total) / ROBUST_SIGMAS, 1.0);
-            return Credit::Taken(white * beyond * beyond);
+            return GateResult::Accepted(white * beyond * beyond);
         }
-        let ordinary = |residual: Vector2<f64>, fixes: f64| is_ordinary(&residual, fixes * total);
+        let ordinary = |residual: Vector2<f64>, fixes: f64| is_inlier(&residual, fixes * total);
         // Wrong fixes agree if the way the INS went between them explains the change, or if it runs
         // away as it did before.
-        let agrees = |astray: &Astray| {
-            let change = innovation - astray.residual;
-            ordinary(change, 2.0) || ordinary(change - astray.change, 6.0)
+        let agrees = |run: &RejectedRun| {
+            let change = innovation - run.residual;
+            ordinary(change, 2.0) || ordinary(change - run.change, 6.0)
         };
-        let (since, majority) = match &mut self.astray {
-            Some(astray) if agrees(astray) => (astray.since, astray.majority.saturating_add(1)),
+        let (since, majority) = match &mut self.rejected {
+            Some(run) if agrees(run) => (run.since, run.majority.saturating_add(1)),
             // A wrong fix among right ones.
-            Some(astray) if astray.majority > 1 => {
-                astray.majority -= 1;
-                return Credit::Refused;
+            Some(run) if run.majority > 1 => {
+                run.majority -= 1;
+                return GateResult::Rejected;
             }
             _ => (now, 1),
         };
-        let before = self.astray.map_or(*innovation, |astray| astray.residual);
-        self.astray = Some(Astray {
+        let before = self.rejected.map_or(*innovation, |run| run.residual);
+        self.rejected = Some(RejectedRun {
             since,
             majority,
             residual: *innovation,
             change: innovation - before,
         });
-        if now.seconds_since(since) < LOST_S {
-            return Credit::Refused;
+        if now.seconds_since(since) < AGREEING_S {
+            return GateResult::Rejected;
         }
-        self.astray = None;
-        Credit::Lost(*innovation)
+        self.rejected = None;
+        GateResult::Diverged(*innovation)
     }
 
     /// How many times noisier than others a fix of this stated variance is, in variance. The scale of
     /// what is stated is not believed unless the user says so, its changes are.
-    pub fn against_average(&mut self, variance: f64) -> f64 {
+    pub fn ratio_to_average(&mut self, variance: f64) -> f64 {
         if self.stated <= 0.0 {
             self.stated = variance;
         }
-        let relative = math::within(variance / self.stated, STATED_RANGE);
+        let relative = math::clamp(variance / self.stated, STATED_RANGE);
         let memory = math::min(self.memory, STATED_MEMORY);
         self.stated += (relative - 1.0) * self.stated / memory;
         relative
@@ -153,9 +153,9 @@ impl Innovations {
         // A single wild innovation must not open the gate for the next.
         let bounded = math::min(square, ROBUST_SIGMAS * ROBUST_SIGMAS);
         let scale = self.scale * (1.0 + share * (bounded - 1.0) / self.memory);
-        self.scale = math::variance_within(scale, range);
+        self.scale = math::clamp_variance(scale, range);
         self.memory = math::min(self.memory + share * share, LONGEST_MEMORY);
-        let likeness = math::within(0.5 * sigmas.dot(&self.last), [-3.0, 3.0]);
+        let likeness = math::clamp(0.5 * sigmas.dot(&self.last), [-3.0, 3.0]);
         let memory = math::min(self.memory, CORRELATION_MEMORY);
         self.correlation += (likeness - self.correlation) / memory;
         self.last = *sigmas;
@@ -163,18 +163,18 @@ impl Innovations {
 
     /// By how much the INS and fixes that agree on it differ at a moment, while these are refused,
     /// and at what rate it runs away from them, if its acceleration does not change.
-    pub fn disputed(&self, now: Time) -> [Vector2<f64>; 2] {
-        let agreed = self.astray.filter(|astray| astray.majority > 1);
-        agreed.map_or_else(Default::default, |astray| {
-            let seconds = math::max(now.seconds_since(astray.since), 1.0);
-            [astray.residual, astray.residual * (2.0 / seconds)]
+    pub fn rejected_offset(&self, now: Time) -> [Vector2<f64>; 2] {
+        let agreed = self.rejected.filter(|run| run.majority > 1);
+        agreed.map_or_else(Default::default, |run| {
+            let seconds = math::max(now.seconds_since(run.since), 1.0);
+            [run.residual, run.residual * (2.0 / seconds)]
         })
     }
 
     /// Whether one was taken of late: such as others are held against before they are believed.
-    pub fn goes_on(&self, now: Time) -> bool {
-        self.taken
-            .is_some_and(|taken| now.seconds_since(taken) < LOST_S)
+    pub fn is_recent(&self, now: Time) -> bool {
+        self.last_accepted
+            .is_some_and(|taken| now.seconds_since(taken) < AGREEING_S)
     }
 
     /// Whether there were any.
@@ -184,21 +184,21 @@ impl Innovations {
 
     /// Factor by which colour makes rows less informative than white ones.
     pub fn inflation(&self) -> f64 {
-        let rho = math::within(self.correlation, [0.0, 0.9]);
+        let rho = math::clamp(self.correlation, [0.0, 0.9]);
         (1.0 + rho) / (1.0 - rho)
     }
 }
 
 /// How many times noisier than described a fix of this stated variance is, in variance: less only down to
 /// the `least` in standard deviation, more as it says. Who says that he does not know is to be believed.
-pub fn against_described(variance: f64, noise: &Noise, least: f64) -> f64 {
+pub fn ratio_to_configured(variance: f64, noise: &Noise, least: f64) -> f64 {
     math::max(variance / noise.variance(), least * least)
 }
 
 /// How often in a row the INS was doubted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Doubts {
+pub struct Resets {
     /// When it was last.
     pub last: Option<Time>,
     in_a_row: u8,
@@ -206,13 +206,13 @@ pub struct Doubts {
 
 /// Time within which the next doubt shows that the last has not mended the INS, s; and such doubts in
 /// a row after which nothing will.
-const MENDED_S: f64 = 60.0;
-const HOPELESS: u8 = 3;
+const RESET_MEMORY_S: f64 = 60.0;
+const MOST_RESETS: u8 = 3;
 
-impl Doubts {
+impl Resets {
     /// Part of it is doubted now, and mended with that.
     pub fn note(&mut self, now: Time) {
-        let recently = |last: Time| now.seconds_since(last) < MENDED_S;
+        let recently = |last: Time| now.seconds_since(last) < RESET_MEMORY_S;
         if !self.last.is_some_and(recently) {
             self.in_a_row = 0;
         }
@@ -226,30 +226,30 @@ impl Doubts {
     }
 
     /// Whether it has to be aligned anew.
-    pub fn is_hopeless(&self) -> bool {
-        self.in_a_row >= HOPELESS
+    pub fn is_exceeded(&self) -> bool {
+        self.in_a_row >= MOST_RESETS
     }
 }
 
 /// Whether innovations are, over seconds, what they should be.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Surprise {
+pub struct NisTest {
     /// Average square, 1 where all is well.
     pub mean: f64,
     /// Time for which they have not been.
-    pub lasting_s: f64,
+    pub exceeded_s: f64,
 }
 
-impl Surprise {
+impl NisTest {
     /// Takes the square of an innovation in its variances, `seconds` after the last.
-    pub fn take(&mut self, square: f64, seconds: f64) {
+    pub fn add(&mut self, square: f64, seconds: f64) {
         let bounded = math::min(square, GATE_SIGMAS * GATE_SIGMAS);
         self.mean += (bounded - self.mean) * seconds / (seconds + MANOEUVRE_S);
-        if self.mean > SURPRISING {
-            self.lasting_s += seconds;
+        if self.mean > DIVERGED_NIS {
+            self.exceeded_s += seconds;
         } else {
-            self.lasting_s = 0.0;
+            self.exceeded_s = 0.0;
         }
     }
 }

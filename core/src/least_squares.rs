@@ -32,7 +32,7 @@ pub struct Added {
 
 /// What is known of a step of a walk once the parameters are: `step + by . x = z`, with a variance.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Step<const N: usize> {
+pub struct WalkStep<const N: usize> {
     pub by: SVector<f32, N>,
     pub z: f32,
     pub variance: f32,
@@ -42,7 +42,7 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
     const SIZES_MATCH: () = assert!(T == N * (N + 1) / 2, "T must be N (N + 1) / 2");
 
     /// Of no parameter: all zeros, for it to take no flash.
-    pub const NOTHING: Self = Self {
+    pub const EMPTY: Self = Self {
         count: 0,
         weight: SVector::from_array_storage(ArrayStorage([[0.0; N]])),
         rows: SVector::from_array_storage(ArrayStorage([[0.0; T]])),
@@ -52,13 +52,13 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
     /// of the last ones at most.
     #[cfg(any(test, feature = "literal"))]
     pub fn from_prior(sigma: &SVector<f32, N>) -> Self {
-        let mut own = Self::NOTHING;
-        own.believe(sigma);
+        let mut own = Self::EMPTY;
+        own.set_prior(sigma);
         own
     }
 
-    /// Takes over prior knowledge where there was [`Self::NOTHING`]: many are large, and not to be copied.
-    pub fn believe(&mut self, sigma: &SVector<f32, N>) {
+    /// Takes over prior knowledge where there was [`Self::EMPTY`]: many are large, and not to be copied.
+    pub fn set_prior(&mut self, sigma: &SVector<f32, N>) {
         let () = Self::SIZES_MATCH;
         self.count = sigma.iter().take_while(|sigma| **sigma > 0.0).count();
         self.weight = sigma.map(|s| if s > 0.0 { 1.0 / (s * s) } else { 0.0 });
@@ -96,9 +96,9 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
                     *weight *= keep;
                 }
                 by_eights(row, later.as_chunks_mut::<8>(), |old, new| {
-                    meet(old, new, pivots, &takes);
+                    givens(old, new, pivots, &takes);
                 });
-                meet(z, &mut measured, pivots, &takes);
+                givens(z, &mut measured, pivots, &takes);
             }
             (left, rows) = (later, below);
         }
@@ -130,7 +130,7 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
     ///
     /// The step of the walk is one more unknown, known to be zero with `variance`; it is rotated
     /// out of all rows that hold it, from the last up, and its own row is given away.
-    pub fn diffuse(&mut self, index: usize, variance: f32) -> Option<Step<N>> {
+    pub fn diffuse(&mut self, index: usize, variance: f32) -> Option<WalkStep<N>> {
         if variance < f32::MIN_POSITIVE || index >= self.count {
             return None;
         }
@@ -167,7 +167,7 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
             *z -= x * step_z;
             step_z += take * *z;
         }
-        Some(Step {
+        Some(WalkStep {
             by: step,
             z: step_z,
             variance: 1.0 / step_weight,
@@ -225,7 +225,7 @@ impl<const N: usize, const T: usize> LeastSquares<N, T> {
     }
 
     /// From here on parameters are counted from the solution: each solves to zero.
-    pub fn count_from_solution(&mut self) {
+    pub fn zero_solution(&mut self) {
         for i in 1..=self.count {
             if let Some(z) = self.rows.as_mut_slice().get_mut(start(self.count, i) - 1) {
                 *z = 0.0;
@@ -292,7 +292,7 @@ fn by_eights<A, B, Eight: IntoIterator<Item = B>>(
 }
 
 /// One element of a row meets those of the rows that are rotated into it.
-fn meet<const R: usize>(old: &mut f32, new: &mut [f32; R], pivots: &[f32; R], takes: &[f32; R]) {
+fn givens<const R: usize>(old: &mut f32, new: &mut [f32; R], pivots: &[f32; R], takes: &[f32; R]) {
     for ((new, x), take) in new.iter_mut().zip(pivots).zip(takes) {
         *new -= x * *old;
         *old += take * *new;

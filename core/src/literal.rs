@@ -10,8 +10,8 @@ use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use crate::channel::Measured;
 use crate::config::Config;
 use crate::earth::GRAVITY_EQUATOR_MPS2 as G;
-use crate::history::{Past, Span};
-use crate::innovations::{Credit, Innovations};
+use crate::history::{PastState, Span};
+use crate::innovations::{GateResult, Innovations};
 use crate::least_squares::LeastSquares;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
@@ -122,7 +122,7 @@ impl Moment {
 /// A manoeuvre going on: where it began and what has been seen of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Going {
+struct ActiveManoeuvre {
     start: Moment,
     start_attitude: Matrix3<f64>,
     start_difference: Vector2<f64>,
@@ -130,7 +130,7 @@ struct Going {
     /// Whether it began with gaining or with losing speed.
     kind: Option<Manoeuvre>,
     /// Whether it has turned.
-    bent: bool,
+    has_turned: bool,
     /// Whether its acceleration has been counted.
     counted: bool,
     peak: f64,
@@ -160,7 +160,7 @@ pub struct Literal {
     /// Since when the vehicle moves steadily.
     steady_since: Option<Time>,
     /// The manoeuvre from the last settled state on.
-    going: Option<Going>,
+    active: Option<ActiveManoeuvre>,
     azimuth: Mean,
     latency: Mean,
     gyros: [Mean; 3],
@@ -178,7 +178,7 @@ pub struct Literal {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Comparison<'a> {
     /// The INS at the moment of the fix.
-    pub past: &'a Past,
+    pub past: &'a PastState,
     /// What the vehicle is doing.
     pub manoeuvre: Manoeuvre,
     /// INS minus GNSS velocity, ENU, m/s.
@@ -208,7 +208,7 @@ impl Literal {
             last: None,
             attitude: Matrix3::zeros(),
             steady_since: None,
-            going: None,
+            active: None,
             azimuth: Mean::default(),
             latency: Mean::default(),
             gyros: [Mean::default(); 3],
@@ -248,8 +248,8 @@ impl Literal {
             (&mut self.level_innovations, level, 2.0)
         };
         let variance = kind.noise(config).variance() * innovations.scale;
-        let credit = innovations.judge(self.now.time, &difference, components, 0.0, variance);
-        if !matches!(credit, Credit::Taken(_)) {
+        let credit = innovations.gate(self.now.time, &difference, components, 0.0, variance);
+        if !matches!(credit, GateResult::Accepted(_)) {
             return false;
         }
         let sigmas = difference / math::sqrt(variance);
@@ -260,7 +260,7 @@ impl Literal {
                 self.average(&last, now);
             }
             self.last = Some(self.now);
-            self.follow(now);
+            self.track_manoeuvre(now);
             self.store_azimuth(now.azimuth_removed_rad);
         }
         true
@@ -276,7 +276,7 @@ impl Literal {
         let level = level_gyros(&self.attitude, &turned);
         let (accel_up, up) = vertical(now.accel_up_mps2 * dt, turned.z);
         // What the loop does before it first settles is levelling.
-        if self.going.is_none() {
+        if self.active.is_none() {
             return;
         }
         self.block.seconds += dt;
@@ -301,31 +301,33 @@ impl Literal {
     }
 
     /// Follows manoeuvres, each from one settled steady state to the next.
-    fn follow(&mut self, now: &Comparison) {
+    fn track_manoeuvre(&mut self, now: &Comparison) {
         if self.settled(now) {
-            if let Some(going) = self.going.filter(|going| going.bent) {
-                self.end_turn(&going, now);
+            if let Some(active) = self.active.filter(|active| active.has_turned) {
+                self.end_turn(&active, now);
             }
-            self.going = Some(self.begin(now));
+            self.active = Some(self.begin(now));
             return;
         }
-        let Some(mut going) = self.going else { return };
+        let Some(mut active) = self.active else {
+            return;
+        };
         match now.manoeuvre {
-            Manoeuvre::Turning => going.bent = true,
-            Manoeuvre::Accelerating | Manoeuvre::Braking if !going.bent => {
-                let kind = *going.kind.get_or_insert(now.manoeuvre);
+            Manoeuvre::Turning => active.has_turned = true,
+            Manoeuvre::Accelerating | Manoeuvre::Braking if !active.has_turned => {
+                let kind = *active.kind.get_or_insert(now.manoeuvre);
                 if kind == now.manoeuvre {
-                    self.measure_acceleration(&mut going, now);
+                    self.measure_acceleration(&mut active, now);
                 }
             }
             _ => {}
         }
         // The first straight piece only: what follows does not begin from a settled state.
-        if going.kind.is_some_and(|kind| kind != now.manoeuvre) && !going.counted {
-            going.counted = true;
-            self.end_acceleration(&going, now);
+        if active.kind.is_some_and(|kind| kind != now.manoeuvre) && !active.counted {
+            active.counted = true;
+            self.end_acceleration(&active, now);
         }
-        self.going = Some(going);
+        self.active = Some(active);
     }
 
     fn settled(&mut self, now: &Comparison) -> bool {
@@ -338,14 +340,14 @@ impl Literal {
         time.seconds_since(since) * now.bandwidth_radps >= SETTLING
     }
 
-    fn begin(&self, now: &Comparison) -> Going {
-        Going {
+    fn begin(&self, now: &Comparison) -> ActiveManoeuvre {
+        ActiveManoeuvre {
             start: self.now,
             start_attitude: self.attitude,
             start_difference: now.difference_mps.xy(),
             start_accel: now.past.accel_mps2.xy(),
             kind: None,
-            bent: false,
+            has_turned: false,
             counted: false,
             peak: 0.0,
             azimuth: (0.0, 0.0),
@@ -363,28 +365,28 @@ impl Literal {
         self.gyros.map(|gyro| gyro.value).into()
     }
 
-    fn measure_acceleration(&self, going: &mut Going, now: &Comparison) {
+    fn measure_acceleration(&self, active: &mut ActiveManoeuvre, now: &Comparison) {
         let moment = self.now;
         let accel = now.past.accel_mps2.xy();
         let size = accel.norm();
-        going.peak = math::max(going.peak, size);
-        if size < STILL_LASTING * going.peak {
+        active.peak = math::max(active.peak, size);
+        if size < STILL_LASTING * active.peak {
             return;
         }
-        let change = accel - going.start_accel;
-        going.azimuth = azimuth(&change, &self.turned(&going.start, &moment).xy());
-        let (top, bottom) = latency(&accel, &self.free_gain(going, now));
-        going.latency.0 += top;
-        going.latency.1 += bottom;
+        let change = accel - active.start_accel;
+        active.azimuth = azimuth(&change, &self.turned(&active.start, &moment).xy());
+        let (top, bottom) = latency(&accel, &self.free_gain(active, now));
+        active.latency.0 += top;
+        active.latency.1 += bottom;
     }
 
     /// Growth of the velocity error that a free INS with drift-free gyros would have had.
-    fn free_gain(&self, going: &Going, now: &Comparison) -> Vector2<f64> {
-        let (start, end) = (&going.start.since_start, &self.now.since_start);
+    fn free_gain(&self, active: &ActiveManoeuvre, now: &Comparison) -> Vector2<f64> {
+        let (start, end) = (&active.start.since_start, &self.now.since_start);
         let force_mps = end.force_mps - start.force_mps;
         let drift = (end.attitude_s - start.attitude_s) * self.gyro_drift();
         let drifted = -0.5 * force_mps.cross(&drift);
-        let gained = now.difference_mps.xy() - going.start_difference;
+        let gained = now.difference_mps.xy() - active.start_difference;
         // Less what the controls of this span did, with no tilt but their own.
         let controlled = end.control_velocity_mps
             - start.control_velocity_mps
@@ -392,23 +394,23 @@ impl Literal {
         gained - controlled.xy() - drifted.xy()
     }
 
-    fn end_acceleration(&mut self, going: &Going, now: &Comparison) {
-        let (top, bottom) = going.azimuth;
+    fn end_acceleration(&mut self, active: &ActiveManoeuvre, now: &Comparison) {
+        let (top, bottom) = active.azimuth;
         if bottom > LEAST_CHANGE_MPS2 * LEAST_CHANGE_MPS2 {
             self.azimuth.fade(KEEP);
             self.azimuth
                 .add(top / bottom + now.azimuth_removed_rad, bottom);
         }
-        let (top, bottom) = going.latency;
+        let (top, bottom) = active.latency;
         if bottom > LEAST_CHANGE_MPS2 * LEAST_CHANGE_MPS2 {
             self.latency
                 .add(top / bottom + now.latency_applied_s, bottom);
         }
     }
 
-    fn end_turn(&mut self, going: &Going, now: &Comparison) {
-        let turned = self.turned(&going.start, &self.now).xy();
-        let change = (self.attitude - going.start_attitude)
+    fn end_turn(&mut self, active: &ActiveManoeuvre, now: &Comparison) {
+        let turned = self.turned(&active.start, &self.now).xy();
+        let change = (self.attitude - active.start_attitude)
             .fixed_view::<2, 2>(0, 0)
             .into_owned();
         let known = now.accel_compensation_mps2.xy();

@@ -1,6 +1,6 @@
 //! Manoeuvres, found online.
 
-use crate::history::Past;
+use crate::history::PastState;
 use crate::math;
 
 /// Acceleration along or across the track that counts, m/s^2.
@@ -30,7 +30,7 @@ pub enum Manoeuvre {
 
 impl Manoeuvre {
     /// The manoeuvre at one moment of the INS.
-    pub(crate) fn of(past: &Past) -> Self {
+    pub(crate) fn of(past: &PastState) -> Self {
         let velocity = past.velocity_mps.xy();
         let accel = past.accel_mps2.xy();
         let speed = velocity.norm();

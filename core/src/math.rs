@@ -24,13 +24,13 @@ pub(crate) fn min<T: PartialOrd>(a: T, b: T) -> T {
 }
 
 /// A number, held within the least and the most.
-pub(crate) fn within(x: f64, [least, most]: [f64; 2]) -> f64 {
+pub(crate) fn clamp(x: f64, [least, most]: [f64; 2]) -> f64 {
     max(min(x, most), least)
 }
 
 /// A ratio of variances, held within the least and the greatest ratio of standard deviations.
-pub(crate) fn variance_within(ratio: f64, [least, most]: [f64; 2]) -> f64 {
-    within(ratio, [least * least, most * most])
+pub(crate) fn clamp_variance(ratio: f64, [least, most]: [f64; 2]) -> f64 {
+    clamp(ratio, [least * least, most * most])
 }
 
 /// What is left after so many time constants, not negative: `exp(-x)` to second order, between 0 and 1

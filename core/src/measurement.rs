@@ -58,9 +58,9 @@ pub struct Difference {
     /// Variance of one component of one fix as the receiver states it, positive.
     pub stated_variance: Option<f64>,
     /// Variance that it has on top.
-    pub more_variance: f64,
+    pub extra_variance: f64,
     /// Whether it is of an antenna and by the receiver's clock.
-    pub of_receiver: bool,
+    pub from_receiver: bool,
     /// Latency already taken out by the choice of the moment, s.
     pub latency_applied_s: f64,
 }

@@ -134,7 +134,7 @@ impl Mechanization {
 
     /// Goes on for so many seconds as it goes.
     #[inline(never)]
-    pub(crate) fn go_on(&mut self, seconds: f64) {
+    pub(crate) fn extrapolate(&mut self, seconds: f64) {
         self.move_by(&self.local_earth(), &(seconds * self.velocity_enu_mps));
     }
 

@@ -12,7 +12,7 @@ use crate::config::{Config, ConfigError, Noise};
 use crate::damping::DampingSignals;
 use crate::earth::{GRAVITY_EQUATOR_MPS2, LatLon};
 use crate::estimate::Estimates;
-use crate::health::{Health, Tally};
+use crate::health::{Counts, Health};
 use crate::increments::{Increments, Interval};
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
@@ -27,7 +27,7 @@ use crate::time::Time;
 /// a late arrival of one second each.
 pub const RING_MOMENTS: usize = 22;
 /// Furthest a fix may lie before or after the inertial samples, s.
-const AWAY_S: f64 = 1.5;
+const LARGEST_OFFSET_S: f64 = 1.5;
 /// How long stamps must go on in step to be believed after a hole, and before the last one, s. A
 /// few stray ones must not move the clock, nor a buffer of old samples that is sent again.
 const AFTER_HOLE_S: f64 = 0.05;
@@ -44,7 +44,7 @@ const FASTEST_MPS: f64 = 3_000.0;
 const LEAST_HEADING_SIGMA_RAD: f64 = 1e-5;
 /// Least time between two fixes that are alike, s: each takes a piece of work, of which there are a hundred
 /// a second, and the estimators want theirs.
-const LEAST_ALIKE_S: f64 = 0.015;
+const LEAST_FIX_INTERVAL_S: f64 = 0.015;
 
 /// Spread of a solution that is the last fix, m, m/s and rad of tilt, which pulls it away since then.
 const STOPGAP_M: f64 = 20.0;
@@ -65,7 +65,7 @@ pub struct Navigator<const RING: usize = RING_MOMENTS> {
     #[cfg_attr(feature = "serde", serde(deserialize_with = "usable"))]
     config: Config,
     state: State<RING>,
-    tally: Tally,
+    counts: Counts,
 }
 
 impl<const RING: usize> PartialEq for Navigator<RING> {
@@ -84,7 +84,7 @@ fn usable<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Config, D::Error>
 /// Stamps that do not follow the last one, but each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Astray {
+struct OutOfSequence {
     first: Time,
     last: Time,
 }
@@ -106,7 +106,7 @@ struct State<const RING: usize> {
     /// Last inertial stamp and the reading there; none before the first sample.
     inertial: Option<(Time, Increments)>,
     /// Samples whose stamps do not follow the last one.
-    astray: Option<Astray>,
+    out_of_sequence: Option<OutOfSequence>,
     /// The last interval as the sensors measured it.
     interval: Interval,
     /// The last fix that was taken: its stamp, level velocity and position.
@@ -165,10 +165,10 @@ impl<const RING: usize> Navigator<RING> {
     ) -> Result<Self, ConfigError> {
         const { assert!(RING > 2, "three moments are needed to compare a fix") };
         config.check()?;
-        let known = calibration.map_or(Ok(config.prior()), |known| known.belief(&config))?;
+        let known = calibration.map_or(Ok(config.prior()), |known| known.prior(&config))?;
         let state = State {
             inertial: None,
-            astray: None,
+            out_of_sequence: None,
             interval: Interval::default(),
             last_fix: None,
             barometer: Barometer::default(),
@@ -180,7 +180,7 @@ impl<const RING: usize> Navigator<RING> {
         Ok(Self {
             config,
             state,
-            tally: Tally::default(),
+            counts: Counts::default(),
         })
     }
 
@@ -190,23 +190,23 @@ impl<const RING: usize> Navigator<RING> {
     pub fn on_imu(&mut self, sample: &ImuSample) -> ImuOutcome {
         let (state, config) = (&mut self.state, &self.config);
         // One after the other: within each other their stacks would add up.
-        let outcome = match state.on_imu(sample, &mut self.tally, config) {
+        let outcome = match state.on_imu(sample, &mut self.counts, config) {
             Ok(hole) => {
                 state.on_interval(hole, config);
-                state.follow_up(&mut self.tally, config);
+                state.follow_up(&mut self.counts, config);
                 hole.map_or(ImuOutcome::Accepted, |_| ImuOutcome::Bridged)
             }
             Err(outcome) => outcome,
         };
-        self.tally.sample(outcome);
+        self.counts.sample(outcome);
         outcome
     }
 
     /// Takes one GNSS fix, in order of time.
     #[inline(never)]
     pub fn on_gnss(&mut self, fix: &GnssFix) -> GnssOutcome {
-        let outcome = self.state.on_gnss(fix, &mut self.tally, &self.config);
-        self.tally.fix(fix.time, outcome);
+        let outcome = self.state.on_gnss(fix, &mut self.counts, &self.config);
+        self.counts.fix(fix.time, outcome);
         outcome
     }
 
@@ -313,7 +313,7 @@ impl<const RING: usize> Navigator<RING> {
         {
             return Some(stopgap_sigma(
                 time.seconds_since(*since),
-                alignment.untold(),
+                alignment.stale_variance(),
             ));
         }
         self.aided()?.sigma(&self.config)
@@ -340,13 +340,13 @@ impl<const RING: usize> Navigator<RING> {
         Health {
             phase: self.phase(),
             coasting_since: self.aided().and_then(AidedIns::coasting_since),
-            last_fix: self.tally.last_fix,
-            level_innovation: observer.map(|own| own.surprise.mean),
-            vertical_innovation: observer.map(|own| own.vertical_surprise.mean),
-            doubted: observer.and_then(Observer::doubted),
+            last_fix: self.counts.last_fix,
+            level_innovation: observer.map(|own| own.nis.mean),
+            vertical_innovation: observer.map(|own| own.vertical_nis.mean),
+            doubted: observer.and_then(Observer::last_reset),
             restarts: self.state.restarts,
-            fixes: self.tally.fixes,
-            samples: self.tally.samples,
+            fixes: self.counts.fixes,
+            samples: self.counts.samples,
         }
     }
 
@@ -401,7 +401,7 @@ impl<const RING: usize> State<RING> {
     fn on_imu(
         &mut self,
         sample: &ImuSample,
-        tally: &mut Tally,
+        counts: &mut Counts,
         config: &Config,
     ) -> Result<Option<Bridged>, ImuOutcome> {
         if !(math::all_finite(&sample.gyro) && math::all_finite(&sample.accel)) {
@@ -416,8 +416,8 @@ impl<const RING: usize> State<RING> {
             if largest.out_of_range(LONGEST_READING_S, config) {
                 return Err(ImuOutcome::OutOfRange);
             }
-            if self.goes_on(sample.time, SET_BACK_S) {
-                self.restart_at(sample, tally, config);
+            if self.resumes(sample.time, SET_BACK_S) {
+                self.restart_at(sample, counts, config);
             }
             return Err(ImuOutcome::TimeNotIncreasing);
         }
@@ -426,8 +426,8 @@ impl<const RING: usize> State<RING> {
         if largest.out_of_range(reading_s, config) {
             // Increments over longer intervals than before are larger.
             let rarer = hole && !largest.out_of_range(seconds, config);
-            if rarer && self.goes_on(sample.time, AFTER_HOLE_S) {
-                self.restart_at(sample, tally, config);
+            if rarer && self.resumes(sample.time, AFTER_HOLE_S) {
+                self.restart_at(sample, counts, config);
                 self.inertial = Some((sample.time, Increments::new(config.imu_output, sample)));
             }
             return Err(ImuOutcome::OutOfRange);
@@ -439,15 +439,15 @@ impl<const RING: usize> State<RING> {
         let filled = !hole || (!too_far && increments.ends_agree(sample, seconds));
         let bridgeable = filled && seconds <= config.max_gap_s;
         if !bridgeable || seconds > PLAIN_HOLE_S {
-            if !self.goes_on(sample.time, AFTER_HOLE_S) {
+            if !self.resumes(sample.time, AFTER_HOLE_S) {
                 return Err(ImuOutcome::Gap);
             }
             if !bridgeable {
-                self.restart_at(sample, tally, config);
+                self.restart_at(sample, counts, config);
                 return Err(ImuOutcome::Gap);
             }
         }
-        let bridged = if hole || self.astray.is_some() {
+        let bridged = if hole || self.out_of_sequence.is_some() {
             self.bridge(sample, seconds, hole, largest.gyro, config)
         } else {
             None
@@ -472,10 +472,10 @@ impl<const RING: usize> State<RING> {
         config: &Config,
     ) -> Option<Bridged> {
         let (last, increments) = self.inertial.as_ref()?;
-        let set_back_s = self.astray.take().map_or(0.0, |astray| {
-            let goes_on = !increments.has_hole(sample.time.seconds_since(astray.last));
-            if goes_on {
-                math::max(last.seconds_since(astray.first), 0.0)
+        let set_back_s = self.out_of_sequence.take().map_or(0.0, |out_of_sequence| {
+            let resumes = !increments.has_hole(sample.time.seconds_since(out_of_sequence.last));
+            if resumes {
+                math::max(last.seconds_since(out_of_sequence.first), 0.0)
             } else {
                 0.0
             }
@@ -506,7 +506,7 @@ impl<const RING: usize> State<RING> {
         };
         match &mut self.mode {
             Mode::Aligning(alignment) => {
-                carry_on(&mut self.stopgap, alignment, interval);
+                step_stopgap(&mut self.stopgap, alignment, interval);
                 alignment.on_interval(now, interval, config);
             }
             Mode::Navigating(ins) => {
@@ -531,20 +531,20 @@ impl<const RING: usize> State<RING> {
     }
 
     /// A stamp that does not follow the last one is ignored, unless others go on from there for
-    /// `believed_s`: then the clock was set, or a hole is over.
-    fn goes_on(&mut self, time: Time, believed_s: f64) -> bool {
-        let in_step = self.astray.filter(|astray| {
-            let seconds = time.seconds_since(astray.last);
+    /// `credible_s`: then the clock was set, or a hole is over.
+    fn resumes(&mut self, time: Time, credible_s: f64) -> bool {
+        let in_step = self.out_of_sequence.filter(|out_of_sequence| {
+            let seconds = time.seconds_since(out_of_sequence.last);
             seconds > 0.0 && seconds <= PLAIN_HOLE_S
         });
-        let first = in_step.map_or(time, |astray| astray.first);
-        self.astray = Some(Astray { first, last: time });
-        time.seconds_since(first) >= believed_s
+        let first = in_step.map_or(time, |out_of_sequence| out_of_sequence.first);
+        self.out_of_sequence = Some(OutOfSequence { first, last: time });
+        time.seconds_since(first) >= credible_s
     }
 
     #[inline(never)]
-    fn restart_at(&mut self, sample: &ImuSample, tally: &mut Tally, config: &Config) {
-        self.astray = None;
+    fn restart_at(&mut self, sample: &ImuSample, counts: &mut Counts, config: &Config) {
+        self.out_of_sequence = None;
         self.last_fix = None;
         self.barometer = Barometer::default();
         self.interval = Interval::default();
@@ -555,80 +555,80 @@ impl<const RING: usize> State<RING> {
             tipped = accel_mps2 > TIPPED_SIGMAS * STOPGAP_RAD * GRAVITY_EQUATOR_MPS2;
             increments.restart(sample);
         }
-        self.align_again(sample.time, until, tipped, tally, config);
+        self.realign(sample.time, until, tipped, counts, config);
     }
 
     /// The INS was followed up to `until`. Where gravity is felt elsewhere than before, the level is not
     /// kept either: it may have been `tipped`.
     #[inline(never)]
-    fn align_again(
+    fn realign(
         &mut self,
         time: Time,
         until: Time,
         tipped: bool,
-        tally: &mut Tally,
+        counts: &mut Counts,
         config: &Config,
     ) {
         let hole_s = time.seconds_since(until);
         match &mut self.mode {
             Mode::Aligning(alignment) => {
-                alignment.lose_sight(time);
+                alignment.on_outage(time);
                 if tipped {
                     self.stopgap = None;
                     alignment.restart(time);
                 } else {
                     alignment.begin_at(time);
-                    carry_over(&mut self.stopgap, hole_s);
+                    extrapolate_stopgap(&mut self.stopgap, hole_s);
                 }
             }
             Mode::Navigating(ins) => {
                 self.restarts = self.restarts.saturating_add(1);
-                if let Some((newest, fixes)) = ins.unsettled() {
-                    tally.fixes(newest, fixes, GnssOutcome::TooOld);
+                if let Some((newest, fixes)) = ins.undecided() {
+                    counts.fixes(newest, fixes, GnssOutcome::TooOld);
                 }
-                let misheaded = ins.lost && ins.is_headed();
-                let untold = ins.observer().map_or([0.0; 2], Observer::position_variance);
-                let known = if ins.misled {
+                let bad_headings = ins.diverged && ins.is_heading_aided();
+                let stale_variance = ins.observer().map_or([0.0; 2], Observer::position_variance);
+                let known = if ins.parameters_invalid {
                     config.prior()
                 } else {
                     *ins.known()
                 };
-                self.level_force_mps2 = if ins.misled {
+                self.level_force_mps2 = if ins.parameters_invalid {
                     Vector3::zeros()
                 } else {
                     ins.level_force_mps2()
                 };
                 let since = ins.coasting_since().unwrap_or(until);
-                let left = (!ins.misled && !tipped).then(|| *ins.mechanization());
+                let left = (!ins.parameters_invalid && !tipped).then(|| *ins.mechanization());
                 self.stopgap = left.filter(is_possible).map(|ins| (since, ins));
-                carry_over(&mut self.stopgap, hole_s);
+                extrapolate_stopgap(&mut self.stopgap, hole_s);
                 // Made where it stays, and changed there: else it would be copied over the stack.
                 self.mode = Mode::Aligning(Alignment::new(time, Some(until), &known));
                 if let Mode::Aligning(alignment) = &mut self.mode {
                     let left = self.stopgap.as_ref().map(|(_, ins)| ins);
-                    alignment.begin_again(misheaded, untold, left);
+                    alignment.begin_again(bad_headings, stale_variance, left);
                 }
             }
         }
     }
 
     /// What is left to do once a sample is integrated.
-    fn follow_up(&mut self, tally: &mut Tally, config: &Config) {
+    fn follow_up(&mut self, counts: &mut Counts, config: &Config) {
         match &mut self.mode {
             Mode::Aligning(_) => {
-                self.navigate(config);
+                self.start_navigation(config);
                 // What is known from before is taken out of the first sample on, not a second later.
                 if let Mode::Navigating(ins) = &mut self.mode {
                     ins.compensate(config);
                 }
             }
             Mode::Navigating(ins) => {
-                ins.follow_up(&self.interval, tally, config);
+                ins.follow_up(&self.interval, counts, config);
                 if let Some((now, _)) = &self.inertial
-                    && (ins.lost || !is_possible(ins.mechanization()))
+                    && (ins.diverged || !is_possible(ins.mechanization()))
                 {
                     let now = *now;
-                    self.align_again(now, now, false, tally, config);
+                    self.realign(now, now, false, counts, config);
                 }
             }
         }
@@ -636,7 +636,7 @@ impl<const RING: usize> State<RING> {
 
     /// Once it is aligned. Rare and large: its temporaries must not lie on the stack of every sample.
     #[inline(never)]
-    fn navigate(&mut self, config: &Config) {
+    fn start_navigation(&mut self, config: &Config) {
         if let (Mode::Aligning(alignment), Some((now, _))) = (&self.mode, &self.inertial)
             && let Some(aligned) = alignment.aligned()
         {
@@ -649,28 +649,28 @@ impl<const RING: usize> State<RING> {
             self.stopgap = None;
             self.mode = Mode::Navigating(AidedIns::new(now, &aligned, config));
             if let Mode::Navigating(ins) = &mut self.mode {
-                ins.believe(&known, aligned.by, config);
+                ins.set_prior(&known, aligned.source, config);
             }
         }
     }
 
     #[inline(never)]
-    fn on_gnss(&mut self, fix: &GnssFix, tally: &mut Tally, config: &Config) -> GnssOutcome {
+    fn on_gnss(&mut self, fix: &GnssFix, counts: &mut Counts, config: &Config) -> GnssOutcome {
         let fix = &fix.without_placeholders();
-        if let Err(outcome) = check(fix) {
+        if let Err(outcome) = check_fix(fix) {
             return outcome;
         }
         let Some((now, _)) = &self.inertial else {
             return GnssOutcome::NoInertialData;
         };
         let follows = |(last, velocity, _): (Time, Option<_>, _)| {
-            let alike = velocity.is_some() == fix.velocity_en_mps.is_some();
-            fix.time > last && !(alike && fix.time.seconds_since(last) < LEAST_ALIKE_S)
+            let shared = velocity.is_some() == fix.velocity_en_mps.is_some();
+            fix.time > last && !(shared && fix.time.seconds_since(last) < LEAST_FIX_INTERVAL_S)
         };
         if !self.last_fix.is_none_or(follows) {
             return GnssOutcome::TimeNotIncreasing;
         }
-        if let Err(outcome) = near(fix.time, *now) {
+        if let Err(outcome) = check_time(fix.time, *now) {
             return outcome;
         }
         let last = self.last_fix.as_ref();
@@ -684,14 +684,14 @@ impl<const RING: usize> State<RING> {
                 } else {
                     fix.position.is_some()
                         && *position == fix.position
-                        && ins.moves()
+                        && ins.is_moving()
                         && fix.time.seconds_since(*time) < REPEATED_S
                 }
             })
         };
         let outcome = match &mut self.mode {
             Mode::Navigating(ins) if repeats(ins) => GnssOutcome::Repeated,
-            Mode::Navigating(ins) => ins.on_fix(fix, tally, config),
+            Mode::Navigating(ins) => ins.on_fix(fix, counts, config),
             Mode::Aligning(alignment) => {
                 alignment.on_fix(fix, config);
                 if let Some((since, ins)) = &mut self.stopgap {
@@ -720,7 +720,7 @@ impl<const RING: usize> State<RING> {
         if !possible || height.sigma_m <= 0.0 || height.sigma_m >= ANYWHERE_M {
             return Err(GnssOutcome::OutOfRange);
         }
-        near(height.time, *now)?;
+        check_time(height.time, *now)?;
         let climb = self.barometer.take(height)?;
         if let (Mode::Navigating(ins), Some(climb)) = (&mut self.mode, climb) {
             ins.on_climb(&climb);
@@ -730,11 +730,11 @@ impl<const RING: usize> State<RING> {
 }
 
 /// Whether what is stamped with a time can belong to what is known of the motion.
-fn near(time: Time, now: Time) -> Result<(), GnssOutcome> {
+fn check_time(time: Time, now: Time) -> Result<(), GnssOutcome> {
     let ahead_s = time.seconds_since(now);
-    if ahead_s > AWAY_S {
+    if ahead_s > LARGEST_OFFSET_S {
         Err(GnssOutcome::TooFarAhead)
-    } else if ahead_s < -AWAY_S {
+    } else if ahead_s < -LARGEST_OFFSET_S {
         Err(GnssOutcome::TooOld)
     } else {
         Ok(())
@@ -766,11 +766,12 @@ impl Largest {
 
 /// Spread of a stopgap whose position was set right so many seconds ago, ENU; before that position and
 /// height had these variances, m^2.
-fn stopgap_sigma(seconds: f64, untold: &[f64; 2]) -> SolutionSigma {
+fn stopgap_sigma(seconds: f64, stale_variance: &[f64; 2]) -> SolutionSigma {
     let seconds = math::max(seconds, 0.0);
     let pulled_mps = GRAVITY_EQUATOR_MPS2 * STOPGAP_RAD * seconds;
     let moved_m = (STOPGAP_MPS + 0.5 * pulled_mps) * seconds;
-    let [level_m, height_m] = untold.map(|variance| STOPGAP_M + moved_m + math::sqrt(variance));
+    let [level_m, height_m] =
+        stale_variance.map(|variance| STOPGAP_M + moved_m + math::sqrt(variance));
     SolutionSigma {
         position_m: Vector3::new(level_m, level_m, height_m),
         velocity_mps: Vector3::repeat(STOPGAP_MPS + pulled_mps),
@@ -780,7 +781,7 @@ fn stopgap_sigma(seconds: f64, untold: &[f64; 2]) -> SolutionSigma {
 
 /// Carries a stopgap over an interval.
 #[inline(never)]
-fn carry_on(
+fn step_stopgap(
     stopgap: &mut Option<(Time, Mechanization)>,
     alignment: &Alignment,
     interval: &Interval,
@@ -794,10 +795,10 @@ fn carry_on(
 /// Carries a stopgap over a hole of so many seconds, in which it goes on as before it; a clock that was set
 /// back makes it no younger.
 #[inline(never)]
-fn carry_over(stopgap: &mut Option<(Time, Mechanization)>, seconds: f64) {
+fn extrapolate_stopgap(stopgap: &mut Option<(Time, Mechanization)>, seconds: f64) {
     if let Some((since, ins)) = stopgap {
         if seconds > 0.0 {
-            ins.go_on(math::min(seconds, CARRIED_S));
+            ins.extrapolate(math::min(seconds, CARRIED_S));
         } else {
             *since = since.plus_seconds(seconds);
         }
@@ -811,7 +812,7 @@ fn is_possible(ins: &Mechanization) -> bool {
 
 /// Whether a fix can be of this Earth.
 #[inline(never)]
-fn check(fix: &GnssFix) -> Result<(), GnssOutcome> {
+fn check_fix(fix: &GnssFix) -> Result<(), GnssOutcome> {
     let velocity = fix.velocity_enu_mps();
     let position = fix.position.unwrap_or_default();
     let height_m = fix.height_m.unwrap_or_default();

@@ -3,7 +3,7 @@
 //! Where its zero lies nobody knows: weather, temperature and the flow about the vehicle move it. What it
 //! climbs by within seconds is known, and holds the vertical channel as the vertical velocity of a fix does.
 
-use crate::history::Past;
+use crate::history::PastState;
 use crate::outcome::GnssOutcome;
 use crate::samples::BaroHeight;
 use crate::time::Time;
@@ -83,14 +83,14 @@ impl Barometer {
 
 impl ClimbDifference {
     /// Whether it still says something at a later moment: the ring holds what has happened since.
-    pub fn lasts_until(&self, moment: Time) -> bool {
+    pub fn is_valid_at(&self, moment: Time) -> bool {
         moment.seconds_since(self.time) < INTERVAL_S
     }
 }
 
 impl Climb {
     /// The INS in the middle against it.
-    pub fn against(&self, ins: &Past) -> ClimbDifference {
+    pub fn difference(&self, ins: &PastState) -> ClimbDifference {
         // A mean is not what is in the middle where the climb bends.
         let bent_mps = ins.jerk_mps3.z * self.seconds * self.seconds / 24.0;
         ClimbDifference {

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::channel::Measured;
-use crate::history::Past;
+use crate::history::PastState;
 use crate::math;
 use crate::measurement::{Difference, Kind};
 use crate::samples::GnssFix;
@@ -13,7 +13,7 @@ use crate::time::Time;
 /// one, s: the errors of an INS change little meanwhile, and those of a receiver hardly more, so
 /// that their mean tells as much of both. No multiple of a usual interval: moments move by
 /// microseconds as the latency becomes known.
-pub const TOGETHER_S: f64 = 0.29;
+pub const AVERAGING_S: f64 = 0.29;
 
 /// What is due next for a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,7 +32,7 @@ pub enum Step {
 /// One kind of measurement in a comparison.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Part {
+pub struct Component {
     /// Whether the fixes have it.
     pub has: bool,
     /// Its variance in one fix as the receiver states it.
@@ -41,7 +41,7 @@ pub struct Part {
     pub used: bool,
 }
 
-impl Part {
+impl Component {
     /// What a fix has, with its sigma; one that is not positive says nothing, as -1 of many receivers.
     pub fn of(has: bool, sigma: Option<f64>) -> Self {
         Self {
@@ -54,7 +54,7 @@ impl Part {
     }
 
     /// Takes another fix to `count` of them, as this part of the mean.
-    fn join(&mut self, next: &Self, count: f64, part: f64) {
+    fn average(&mut self, next: &Self, count: f64, part: f64) {
         self.has &= next.has;
         let left = 1.0 - part;
         self.stated = match (self.stated, next.stated) {
@@ -66,7 +66,7 @@ impl Part {
     }
 
     /// Part that another fix has in the mean with `count` of them.
-    fn part_of(&self, next: &Self, count: f64) -> f64 {
+    fn weight_of(&self, next: &Self, count: f64) -> f64 {
         match (self.stated, next.stated) {
             (Some(own), Some(next)) => own / (count * next + own),
             _ => 1.0 / (count + 1.0),
@@ -81,7 +81,7 @@ pub struct Comparison {
     /// What is due.
     pub step: Step,
     /// The INS of the moment.
-    pub past: Past,
+    pub past: PastState,
     /// How many fixes; none: it is of the barometer alone.
     pub fixes: u8,
     /// Stamp of the newest fix, its moment, and that of the last one of the comparison before.
@@ -96,10 +96,10 @@ pub struct Comparison {
     pub velocity_mps: Vector3<f64>,
     pub position_m: Vector3<f64>,
     /// What the fixes have of each kind.
-    pub velocity: Part,
-    pub climb: Part,
-    pub position: Part,
-    pub height: Part,
+    pub velocity: Component,
+    pub climb: Component,
+    pub position: Component,
+    pub height: Component,
     /// Variance that the climb has on top, (m/s)^2: that of the first fix, which the noise of these
     /// has no part in.
     pub climb_variance: f64,
@@ -115,21 +115,21 @@ impl Comparison {
     /// variance of that. A vertical velocity of the wrong sign has been left out, and has no part in it.
     pub fn assume_climb(&mut self, difference_mps: f64, variance: f64) {
         self.velocity_mps.z = difference_mps;
-        self.climb = Part::of(true, None);
+        self.climb = Component::of(true, None);
         self.climb_variance = variance;
         self.climb_assumed = true;
     }
 
     /// Whether anything of the fixes was used; an assumed climb is not of them.
-    pub fn tells(&self) -> bool {
+    pub fn is_used(&self) -> bool {
         let climb = self.climb.used && !self.climb_assumed;
         self.velocity.used || climb || self.position.used || self.height.used
     }
 
     /// Whether a fix of a moment can be put together with these.
-    pub fn takes(&self, fix: &GnssFix, moment: Time) -> bool {
+    pub fn accepts(&self, fix: &GnssFix, moment: Time) -> bool {
         self.step == Step::Gather
-            && moment.seconds_since(self.before) < 2.0 * TOGETHER_S
+            && moment.seconds_since(self.before) < 2.0 * AVERAGING_S
             && self.velocity.has == fix.velocity_en_mps.is_some()
             && self.position.has == fix.position.is_some()
             && self.height.has == fix.height_m.is_some()
@@ -140,23 +140,23 @@ impl Comparison {
         let count = f64::from(self.fixes);
         self.fixes += 1;
         let part = if self.velocity.has {
-            self.velocity.part_of(&next.velocity, count)
+            self.velocity.weight_of(&next.velocity, count)
         } else {
-            self.position.part_of(&next.position, count)
+            self.position.weight_of(&next.position, count)
         };
-        self.past.approach(&next.past, part);
+        self.past.blend(&next.past, part);
         self.latency_applied_s += (next.latency_applied_s - self.latency_applied_s) * part;
         self.velocity_mps += (next.velocity_mps - self.velocity_mps) * part;
         self.position_m += (next.position_m - self.position_m) * part;
-        self.velocity.join(&next.velocity, count, part);
-        self.climb.join(&next.climb, count, part);
-        self.position.join(&next.position, count, part);
-        self.height.join(&next.height, count, part);
+        self.velocity.average(&next.velocity, count, part);
+        self.climb.average(&next.climb, count, part);
+        self.position.average(&next.position, count, part);
+        self.height.average(&next.height, count, part);
         (self.stamp, self.newest, self.taken) = (next.stamp, next.newest, next.taken);
     }
 
     /// What they have of a kind.
-    pub fn part(&mut self, kind: Kind) -> &mut Part {
+    pub fn component(&mut self, kind: Kind) -> &mut Component {
         match kind {
             Kind::Velocity => &mut self.velocity,
             Kind::Climb => &mut self.climb,
@@ -172,17 +172,17 @@ impl Comparison {
 
     /// Goes on if no other fix need be waited for, or none has come for too long.
     pub fn close(&mut self, now: Time) {
-        let late = now.seconds_since(self.taken) > 2.0 * TOGETHER_S;
-        if self.step == Step::Gather && (late || self.interval_s() >= TOGETHER_S) {
+        let late = now.seconds_since(self.taken) > 2.0 * AVERAGING_S;
+        if self.step == Step::Gather && (late || self.interval_s() >= AVERAGING_S) {
             self.step = Step::Advance;
         }
     }
 
     /// Goes on to what is due after a kind, or first.
-    pub fn go_on(&mut self, after: Option<Kind>) {
+    pub fn next_step(&mut self, after: Option<Kind>) {
         let done = after.map_or(0, |after| 1 + after as usize);
         let mut left = Kind::ALL.into_iter().skip(done);
-        let next = left.find(|kind| self.part(*kind).has);
+        let next = left.find(|kind| self.component(*kind).has);
         self.step = next.map_or(Step::Damp, Step::Take);
     }
 
@@ -194,13 +194,13 @@ impl Comparison {
                 Measured::Position => self.position_m,
             },
             fixes: f64::from(self.fixes.max(1)),
-            stated_variance: self.part(kind).stated,
-            more_variance: if kind == Kind::Climb {
+            stated_variance: self.component(kind).stated,
+            extra_variance: if kind == Kind::Climb {
                 self.climb_variance
             } else {
                 0.0
             },
-            of_receiver: !(kind == Kind::Climb && self.climb_assumed),
+            from_receiver: !(kind == Kind::Climb && self.climb_assumed),
             latency_applied_s: self.latency_applied_s,
         }
     }

@@ -54,5 +54,5 @@ impl Compensation {
 /// Latency, s, as far as the ring can serve it.
 fn credible_latency(parameters: &Parameters) -> f64 {
     let limits = [-LATENCY_LIMIT_S, LATENCY_LIMIT_S];
-    math::within(parameters.value(index::LATENCY), limits)
+    math::clamp(parameters.value(index::LATENCY), limits)
 }

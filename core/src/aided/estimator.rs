@@ -114,7 +114,7 @@ impl Estimator {
         config: &Config,
     ) {
         // Looked at where it lies: it is large.
-        let Some((piece, end)) = &history.piece(self.horizon(), to, PIECE_S) else {
+        let Some((piece, end)) = &history.next_span(self.horizon(), to, PIECE_S) else {
             return;
         };
         match self {
@@ -128,9 +128,9 @@ impl Estimator {
 
     /// The error of the INS after what has happened since the horizon, as far as it is known and
     /// not yet taken out.
-    pub fn error_after(&self, since: &Span, accel_mps2: &Vector3<f64>) -> InsError {
+    pub fn predicted_error(&self, since: &Span, accel_mps2: &Vector3<f64>) -> InsError {
         match self {
-            Self::Exact(observer) => observer.error_after(since, accel_mps2),
+            Self::Exact(observer) => observer.predicted_error(since, accel_mps2),
             #[cfg(feature = "literal")]
             Self::Literal(literal) => {
                 let mut error = InsError::default();

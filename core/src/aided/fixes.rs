@@ -4,21 +4,21 @@
 use nalgebra::Vector3;
 
 use super::barometer::Climb;
-use super::comparison::{Comparison, Part, Step};
+use super::comparison::{Comparison, Component, Step};
 use super::estimator::Estimator;
-use super::vertical_sign::Climbed;
+use super::vertical_sign::ClimbSample;
 use super::{AidedIns, HOLD_S};
 use crate::config::{Config, Feedback, Noise};
 use crate::damping::{self, Differences};
 use crate::error_model::InsError;
-use crate::health::Tally;
-use crate::history::{Missing, Past};
+use crate::health::Counts;
+use crate::history::{Missing, PastState};
 #[cfg(feature = "literal")]
 use crate::literal;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
 use crate::measurement::Kind;
-use crate::observer::LOST_MPS;
+use crate::observer::RESET_MPS;
 use crate::outcome::GnssOutcome;
 use crate::parameters::index;
 use crate::samples::GnssFix;
@@ -46,12 +46,12 @@ const JUMP_MPS: f64 = 3.0;
 
 impl<const N: usize> AidedIns<N> {
     /// Takes a fix, or lets it wait.
-    pub fn on_fix(&mut self, fix: &GnssFix, tally: &mut Tally, config: &Config) -> GnssOutcome {
+    pub fn on_fix(&mut self, fix: &GnssFix, counts: &mut Counts, config: &Config) -> GnssOutcome {
         let at_once = match self.pending.oldest() {
             None => self.gather(fix, true, config),
             Some(_) => None,
         };
-        let outcome = at_once.unwrap_or_else(|| self.queue(fix, tally, config));
+        let outcome = at_once.unwrap_or_else(|| self.queue(fix, counts, config));
         if outcome == GnssOutcome::Queued && fix.is_moving(config.gnss.velocity_mps.white) {
             self.rest.on_motion();
         }
@@ -61,19 +61,19 @@ impl<const N: usize> AidedIns<N> {
     /// Lets a fix wait; one that has waited longest makes room if its moment has come, and what goes
     /// on is brought to an end for it. Else nothing is changed.
     #[inline(never)]
-    fn queue(&mut self, fix: &GnssFix, tally: &mut Tally, config: &Config) -> GnssOutcome {
+    fn queue(&mut self, fix: &GnssFix, counts: &mut Counts, config: &Config) -> GnssOutcome {
         if self.pending.push(*fix).is_ok() {
             return GnssOutcome::Queued;
         }
         let come = self.pending.oldest().is_some_and(|oldest| {
             let moment = oldest.time.plus_seconds(-self.compensation.latency_s);
-            self.history.reaches(moment)
+            self.history.covers(moment)
         });
         if !come {
             return GnssOutcome::TooFarAhead;
         }
         // First a comparison that does not take it may have to be closed.
-        while !self.take_waiting(false, tally, config) && self.compare(tally, config) {}
+        while !self.take_pending(false, counts, config) && self.compare(counts, config) {}
         match self.pending.push(*fix) {
             Ok(()) => GnssOutcome::Queued,
             Err(_) => GnssOutcome::TooFarAhead,
@@ -81,7 +81,7 @@ impl<const N: usize> AidedIns<N> {
     }
 
     /// Stamp of the newest fix that has no outcome yet, and how many have none.
-    pub fn unsettled(&self) -> Option<(Time, u8)> {
+    pub fn undecided(&self) -> Option<(Time, u8)> {
         let compared = self.comparison.as_ref();
         (self.pending.iter()).fold(compared.map(|own| (own.stamp, own.fixes)), |before, fix| {
             let fixes = before.map_or(0, |(_, fixes)| fixes);
@@ -90,14 +90,19 @@ impl<const N: usize> AidedIns<N> {
     }
 
     /// Takes the fix that has waited longest, if its moment has passed.
-    pub(super) fn take_waiting(&mut self, wait: bool, tally: &mut Tally, config: &Config) -> bool {
+    pub(super) fn take_pending(
+        &mut self,
+        wait: bool,
+        counts: &mut Counts,
+        config: &Config,
+    ) -> bool {
         let Some(fix) = self.pending.oldest().copied() else {
             return false;
         };
         let outcome = self.gather(&fix, wait, config);
         if let Some(outcome) = outcome {
             self.pending.pop();
-            tally.fix(fix.time, outcome);
+            counts.fix(fix.time, outcome);
         }
         outcome.is_some()
     }
@@ -122,7 +127,7 @@ impl<const N: usize> AidedIns<N> {
             return Some(GnssOutcome::NoInertialData);
         }
         if let Some(comparison) = &mut self.comparison
-            && !comparison.takes(fix, moment)
+            && !comparison.accepts(fix, moment)
         {
             if comparison.step == Step::Gather {
                 comparison.step = Step::Advance;
@@ -130,16 +135,16 @@ impl<const N: usize> AidedIns<N> {
             return None;
         }
         if let Some(observer) = self.estimator.exact() {
-            let memory_s = observer.smooths_for_s();
+            let memory_s = observer.smoothing_time_s();
             // It is late by as much.
             let memory_s = math::min(memory_s, self.compensation.latency_s);
             self.history.smooth(past, memory_s);
         }
         if !self.vertical_sign.is_known() {
-            self.feel_climb(past, fix, config);
+            self.test_climb_sign(past, fix, config);
         }
-        let climb_variance = self.believe_vertical(fix, config);
-        self.put_beside(past, fix, climb_variance);
+        let climb_variance = self.check_climb(fix, config);
+        self.add_comparison(past, fix, climb_variance);
         self.newest = moment;
         if let Some(comparison) = &mut self.comparison {
             comparison.close(self.now);
@@ -150,7 +155,7 @@ impl<const N: usize> AidedIns<N> {
     /// What the vertical velocity of a fix is to be believed with, if it is; once its sign is found to be
     /// wrong, all that was learnt of it is forgotten.
     #[inline(never)]
-    fn believe_vertical(&mut self, fix: &GnssFix, config: &Config) -> Option<f64> {
+    fn check_climb(&mut self, fix: &GnssFix, config: &Config) -> Option<f64> {
         let was_wrong = self.vertical_sign.is_wrong();
         let variance = self.vertical_sign.take(fix, config);
         if self.vertical_sign.is_wrong()
@@ -164,25 +169,25 @@ impl<const N: usize> AidedIns<N> {
 
     /// Holds the change of a vertical velocity against what the accelerometers have felt of it.
     #[inline(never)]
-    fn feel_climb(&mut self, past: &Past, fix: &GnssFix, config: &Config) {
+    fn test_climb_sign(&mut self, past: &PastState, fix: &GnssFix, config: &Config) {
         let (Some(up_mps), Some(observer)) = (fix.velocity_up_mps, self.estimator.exact()) else {
             return;
         };
-        let now = Climbed::of(past, up_mps);
-        let seconds = |last: &Climbed| now.time.seconds_since(last.time);
-        if self.climbed.is_some_and(|last| seconds(&last) < FELT_S) {
+        let now = ClimbSample::of(past, up_mps);
+        let seconds = |last: &ClimbSample| now.time.seconds_since(last.time);
+        if self.last_climb.is_some_and(|last| seconds(&last) < FELT_S) {
             return;
         }
-        let last = self.climbed.replace(now);
+        let last = self.last_climb.replace(now);
         let Some(last) = last.filter(|last| seconds(last) < 2.0 * FELT_S) else {
             return;
         };
-        let felt_mps = now.ins_mps - last.ins_mps - self.pushed_up_mps(last.time, now.time);
+        let felt_mps = now.ins_mps - last.ins_mps - self.control_climb_mps(last.time, now.time);
         let p = observer.parameters();
         let sigmas = |first: usize| Vector3::from_fn(|axis, _| p.sigma(first + axis));
         let swing = now.swing - last.swing;
         let later_mps = p.sigma(index::LATENCY) * (now.accel_mps2 - last.accel_mps2);
-        let unsure = swing
+        let motion_variance = swing
             .component_mul(&sigmas(index::LEVER_ARM))
             .norm_squared()
             + (sigmas(index::ACCEL) * seconds(&last)).norm_squared()
@@ -190,13 +195,13 @@ impl<const N: usize> AidedIns<N> {
         let noise = config.gnss.velocity_up_mps.white;
         let change_mps = up_mps - last.up_mps;
         self.vertical_sign
-            .feel(change_mps, felt_mps, 2.0 * noise * noise, unsure);
+            .test_accel(change_mps, felt_mps, 2.0 * noise * noise, motion_variance);
     }
 
     /// What the loops have done to the climb from one moment to another, m/s: what is compensated is the
     /// error of the sensors.
-    fn pushed_up_mps(&self, from: Time, to: Time) -> f64 {
-        let piece = self.history.piece(from, to, f64::INFINITY);
+    fn control_climb_mps(&self, from: Time, to: Time) -> f64 {
+        let piece = self.history.next_span(from, to, f64::INFINITY);
         piece.map_or(0.0, |(since, _)| {
             let compensated = since.attitude_s * self.compensation.accel_mps2;
             since.control_velocity_mps.z + compensated.z
@@ -205,7 +210,7 @@ impl<const N: usize> AidedIns<N> {
 
     /// Compares a fix with the INS of its moment, together with those that are being compared.
     #[inline(never)]
-    fn put_beside(&mut self, past: &Past, fix: &GnssFix, climb_variance: Option<f64>) {
+    fn add_comparison(&mut self, past: &PastState, fix: &GnssFix, climb_variance: Option<f64>) {
         let next = Comparison {
             step: Step::Gather,
             past: *past,
@@ -217,12 +222,12 @@ impl<const N: usize> AidedIns<N> {
             latency_applied_s: self.compensation.latency_s,
             velocity_mps: past.velocity_mps - fix.velocity_enu_mps(),
             position_m: self.position_difference(past, fix),
-            velocity: Part::of(fix.velocity_en_mps.is_some(), fix.sigma.velocity_mps),
-            climb: Part::of(climb_variance.is_some(), fix.sigma.velocity_up_mps),
+            velocity: Component::of(fix.velocity_en_mps.is_some(), fix.sigma.velocity_mps),
+            climb: Component::of(climb_variance.is_some(), fix.sigma.velocity_up_mps),
             climb_variance: climb_variance.unwrap_or_default(),
             climb_assumed: false,
-            position: Part::of(fix.position.is_some(), fix.sigma.position_m),
-            height: Part::of(fix.height_m.is_some(), fix.sigma.height_m),
+            position: Component::of(fix.position.is_some(), fix.sigma.position_m),
+            height: Component::of(fix.height_m.is_some(), fix.sigma.height_m),
             position_s: past.time.seconds_since(self.last_position),
             height_s: past.time.seconds_since(self.last_height),
         };
@@ -233,7 +238,7 @@ impl<const N: usize> AidedIns<N> {
     }
 
     /// INS minus GNSS, m; zero where the fix has none.
-    fn position_difference(&self, past: &Past, fix: &GnssFix) -> Vector3<f64> {
+    fn position_difference(&self, past: &PastState, fix: &GnssFix) -> Vector3<f64> {
         let ins = &self.mechanization;
         let own = ins.position;
         let way_m = past.way_since_m + self.current.way_m;
@@ -246,7 +251,7 @@ impl<const N: usize> AidedIns<N> {
         else {
             return;
         };
-        self.climb = Some(climb.against(&past));
+        self.climb = Some(climb.difference(&past));
         let alone = self.comparison.is_none() && self.pending.oldest().is_none();
         let after = climb.time > self.newest && climb.time >= self.estimator.horizon();
         if alone && after && self.now > self.controls_until {
@@ -254,7 +259,7 @@ impl<const N: usize> AidedIns<N> {
                 time: climb.time,
                 ..GnssFix::default()
             };
-            self.put_beside(&past, &nothing, None);
+            self.add_comparison(&past, &nothing, None);
             self.newest = climb.time;
             if let Some(comparison) = &mut self.comparison {
                 comparison.fixes = 0;
@@ -265,17 +270,17 @@ impl<const N: usize> AidedIns<N> {
 
     /// The next step of the comparison going on; whether there was one.
     #[inline(never)]
-    pub(super) fn compare(&mut self, tally: &mut Tally, config: &Config) -> bool {
+    pub(super) fn compare(&mut self, counts: &mut Counts, config: &Config) -> bool {
         let Some(comparison) = &self.comparison else {
             return false;
         };
         match comparison.step {
             Step::Gather => return false,
-            Step::Advance => self.come_to_comparison(config),
-            Step::Take(kind) => self.observe(kind, config),
+            Step::Advance => self.advance_to_comparison(config),
+            Step::Take(kind) => self.update_estimator(kind, config),
             Step::Damp => {
-                if self.conclude(tally, config) {
-                    self.take_out_error();
+                if self.finish_comparison(counts, config) {
+                    self.correct_ins();
                 }
             }
         }
@@ -284,7 +289,7 @@ impl<const N: usize> AidedIns<N> {
 
     /// Brings the estimators a piece nearer to the moment of the comparison; once they are there, says
     /// what of it is to be taken.
-    fn come_to_comparison(&mut self, config: &Config) {
+    fn advance_to_comparison(&mut self, config: &Config) {
         let from = self.estimator.horizon();
         if let Some(moment) = self.comparison.as_ref().map(|own| own.past.time)
             && moment > from
@@ -298,7 +303,7 @@ impl<const N: usize> AidedIns<N> {
             return;
         };
         let white = |noise: &Noise| noise.correlated <= 0.0;
-        let velocities = (self.estimator.exact()).is_some_and(|own| own.goes_on(Kind::Velocity));
+        let velocities = (self.estimator.exact()).is_some_and(|own| own.aided_by(Kind::Velocity));
         let at_once = !(comparison.velocity.has || velocities)
             || white(&config.gnss.position_m) && white(&config.gnss.height_m);
         comparison.position.has &= at_once || comparison.position_s >= POSITION_INTERVAL_S;
@@ -317,7 +322,7 @@ impl<const N: usize> AidedIns<N> {
             if comparison.climb.has || comparison.height.has {
                 self.last_vertical = comparison.newest;
             }
-            comparison.go_on(None);
+            comparison.next_step(None);
         }
     }
 
@@ -333,9 +338,9 @@ impl<const N: usize> AidedIns<N> {
             return;
         }
         let come = self.climb.take_if(|climb| climb.time <= past.time);
-        let assumed = match come.filter(|climb| climb.lasts_until(past.time)) {
+        let assumed = match come.filter(|climb| climb.is_valid_at(past.time)) {
             Some(climb) => {
-                let pushed_mps = self.pushed_up_mps(climb.time, past.time);
+                let pushed_mps = self.control_climb_mps(climb.time, past.time);
                 (climb.mps + pushed_mps, climb.variance)
             }
             None if since_s > CLIMB_S => (
@@ -351,14 +356,14 @@ impl<const N: usize> AidedIns<N> {
 
     /// Lets the estimators take one kind of measurement.
     #[inline(never)]
-    fn observe(&mut self, kind: Kind, config: &Config) {
+    fn update_estimator(&mut self, kind: Kind, config: &Config) {
         let Some(comparison) = &mut self.comparison else {
             return;
         };
         let difference = comparison.difference(kind);
-        comparison.part(kind).used = match &mut self.estimator {
+        comparison.component(kind).used = match &mut self.estimator {
             Estimator::Exact(observer) => {
-                observer.take(&comparison.past, kind, &difference, config)
+                observer.update(&comparison.past, kind, &difference, config)
             }
             #[cfg(feature = "literal")]
             Estimator::Literal(literal) => {
@@ -375,32 +380,32 @@ impl<const N: usize> AidedIns<N> {
                 literal.take(kind, &now, config)
             }
         };
-        comparison.go_on(Some(kind));
+        comparison.next_step(Some(kind));
     }
 
     /// Gives the loops what was taken, and says what became of the fixes; whether the INS is off by more
     /// than the loops are for.
     #[inline(never)]
-    fn conclude(&mut self, tally: &mut Tally, config: &Config) -> bool {
+    fn finish_comparison(&mut self, counts: &mut Counts, config: &Config) -> bool {
         let Some(comparison) = self.comparison.take() else {
             return false;
         };
         let mut differences = self.differences(&comparison, config);
         // Most of all where nothing is taken any more.
         if let Some(observer) = self.estimator.exact_mut() {
-            observer.doubt(config);
-            self.lost |= observer.is_hopeless();
-            if observer.doubted() == Some(observer.horizon()) && points_anywhere(&comparison) {
-                self.lost = true;
-                self.misled = true;
+            observer.check_divergence(config);
+            self.diverged |= observer.needs_realignment();
+            if observer.last_reset() == Some(observer.horizon()) && is_misaligned(&comparison) {
+                self.diverged = true;
+                self.parameters_invalid = true;
             }
         }
-        let outcome = if comparison.tells() {
+        let outcome = if comparison.is_used() {
             GnssOutcome::Accepted
         } else {
             GnssOutcome::Outlier
         };
-        tally.fixes(comparison.stamp, comparison.fixes, outcome);
+        counts.fixes(comparison.stamp, comparison.fixes, outcome);
         if differences == Differences::default() {
             return false;
         }
@@ -411,7 +416,7 @@ impl<const N: usize> AidedIns<N> {
         if jumps {
             differences = Differences::default();
         }
-        self.damp(&comparison, &differences, config);
+        self.set_controls(&comparison, &differences, config);
         jumps
     }
 
@@ -430,16 +435,16 @@ impl<const N: usize> AidedIns<N> {
         let (level_held, up_held) = (held(taken.position_s), held(taken.height_s));
         let velocity_mps = taken.velocity_mps + past.attitude_rate * arm;
         let position_m = taken.position_m + past.attitude * arm;
-        let followed = self.estimator.exact().map(|observer| *observer.error());
+        let estimated = self.estimator.exact().map(|observer| *observer.error());
         let by_position =
-            |used: bool, has_velocity: bool| followed.filter(|_| used && !has_velocity);
+            |used: bool, has_velocity: bool| estimated.filter(|_| used && !has_velocity);
         if taken.velocity.used {
             differences.velocity_en_mps = Some(velocity_mps.xy());
         } else if let Some(error) = by_position(taken.position.used, taken.velocity.has) {
             differences.velocity_en_mps = Some(error.velocity_mps.xy() * level_held);
         }
         if taken.climb_assumed {
-            differences.velocity_up_mps = followed.map(|error| error.velocity_mps.z);
+            differences.velocity_up_mps = estimated.map(|error| error.velocity_mps.z);
         } else if taken.climb.used {
             differences.velocity_up_mps = Some(velocity_mps.z);
         } else if let Some(error) = by_position(taken.height.used, taken.climb.has) {
@@ -455,7 +460,7 @@ impl<const N: usize> AidedIns<N> {
     }
 
     /// Sets the controls that hold until the next fix.
-    fn damp(&mut self, taken: &Comparison, differences: &Differences, config: &Config) {
+    fn set_controls(&mut self, taken: &Comparison, differences: &Differences, config: &Config) {
         let parameters = self.known();
         let azimuth = parameters.value(index::AZIMUTH);
         let sigma = parameters.sigma(index::AZIMUTH);
@@ -473,14 +478,14 @@ impl<const N: usize> AidedIns<N> {
         }
         let level = differences.velocity_en_mps.unwrap_or_default();
         let up = differences.velocity_up_mps.unwrap_or_default();
-        self.compared = (taken.stamp, level.push(up));
+        self.last_comparison = (taken.stamp, level.push(up));
     }
 }
 
 /// Whether an INS is off by more than all that the vehicle does: what is linear does not mend that, nor is
 /// what it has found meanwhile true.
-fn points_anywhere(compared: &Comparison) -> bool {
+fn is_misaligned(compared: &Comparison) -> bool {
     let off_mps = compared.velocity_mps.xy();
     let speed_mps = (compared.past.velocity_mps.xy() - off_mps).norm();
-    compared.velocity.has && off_mps.norm() > math::max(speed_mps, LOST_MPS)
+    compared.velocity.has && off_mps.norm() > math::max(speed_mps, RESET_MPS)
 }

@@ -15,18 +15,18 @@ use self::barometer::ClimbDifference;
 use self::comparison::Comparison;
 use self::compensation::Compensation;
 use self::estimator::Estimator;
-use self::vertical_sign::{Climbed, VerticalSign};
+use self::vertical_sign::{ClimbSample, VerticalSign};
 use crate::alignment::levelling::UNSEEN_RADPS;
 use crate::alignment::rest::{self, RestBlock, RestDetector, Verdict as RestVerdict};
-use crate::alignment::{Aligned, MOVING_MPS, ToldBy};
+use crate::alignment::{Aligned, AttitudeSource, MOVING_MPS};
 use crate::attitude::matrix;
 use crate::config::{Config, Feedback};
 use crate::damping::DampingSignals;
 use crate::earth::{GRAVITY_EQUATOR_MPS2, wrap_pi};
 use crate::error_model::InsError;
 use crate::estimate::Estimates;
-use crate::health::Tally;
-use crate::history::{History, Missing, SPACING_S, Span, Wobble};
+use crate::health::Counts;
+use crate::history::{History, Missing, SPACING_S, Span, Vibration};
 use crate::increments::Interval;
 use crate::manoeuvre::Manoeuvre;
 use crate::math;
@@ -47,7 +47,7 @@ const HOLD_S: f64 = 1.5;
 const LONG_HOLE_S: f64 = 0.3;
 /// Time for which a measured heading tells what the up gyro does, and rest, which may be a slow turn, does
 /// not, s.
-const HEADED_S: f64 = 30.0;
+const HEADING_MEMORY_S: f64 = 30.0;
 /// Interval at which an INS without fixes is corrected, s.
 const COAST_S: f64 = 0.5;
 /// Time for which there is one piece of work, s: at ten fixes a second two thirds of these are busy.
@@ -58,7 +58,7 @@ const SOLVE_S: f64 = 1.0;
 /// What has turned the platform about the vertical, by cause.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Turned {
+struct AzimuthTotals {
     /// Controls and compensations, rad.
     controls_rad: f64,
     /// A unit of each gyro bias, s.
@@ -72,10 +72,10 @@ struct Turned {
     turn_rad: f64,
 }
 
-impl Turned {
+impl AzimuthTotals {
     /// The same and a span more, over which up hardly turns in the body.
     #[must_use]
-    fn and(mut self, span: &Span) -> Self {
+    fn plus(mut self, span: &Span) -> Self {
         let up_s = span.attitude_s.row(2).transpose();
         // A span of no length has turned nothing.
         let up = up_s / math::max(span.seconds, 1e-9);
@@ -113,7 +113,7 @@ pub struct AidedIns<const N: usize> {
     now: Time,
     /// Since the newest moment of the ring, and from the estimators' horizon to there.
     current: Span,
-    wobble: Wobble,
+    vibration: Vibration,
     /// Integral of the velocity meanwhile, ENU, m.
     moved_m: Vector3<f64>,
     before_current: Span,
@@ -133,7 +133,7 @@ pub struct AidedIns<const N: usize> {
     last_position: Time,
     last_height: Time,
     /// When a heading was measured last.
-    headed: Time,
+    last_heading: Time,
     /// Of the last fix that told something vertical, or after which something was assumed.
     last_vertical: Time,
     /// When errors were last taken out of an INS without fixes.
@@ -141,7 +141,7 @@ pub struct AidedIns<const N: usize> {
     rest: RestDetector,
     vertical_sign: VerticalSign,
     /// Of the last fix whose climb was held against what is felt.
-    climbed: Option<Climbed>,
+    last_climb: Option<ClimbSample>,
     last_solve: Time,
     due: Due,
     /// Whether a fix that waits may have its moment now.
@@ -151,17 +151,17 @@ pub struct AidedIns<const N: usize> {
     #[cfg(feature = "literal")]
     azimuth_removed_rad: f64,
     /// From the start to the newest moment of the ring.
-    turned: Turned,
+    azimuth_totals: AzimuthTotals,
     /// The one going on.
     pub manoeuvre: Manoeuvre,
     /// Stamp and velocity difference of the last fix that was compared, ENU, m/s.
-    compared: (Time, Vector3<f64>),
+    last_comparison: (Time, Vector3<f64>),
     /// A hole whose end the estimators have not come to.
     hole: Option<Hole>,
     /// It has lost its way, and has to be aligned anew.
-    pub lost: bool,
+    pub diverged: bool,
     /// Not even what it has found can be believed.
-    pub misled: bool,
+    pub parameters_invalid: bool,
 }
 
 impl<const N: usize> AidedIns<N> {
@@ -177,7 +177,7 @@ impl<const N: usize> AidedIns<N> {
             mechanization: aligned.ins,
             now: time,
             current: Span::default(),
-            wobble: Wobble::default(),
+            vibration: Vibration::default(),
             moved_m: Vector3::zeros(),
             before_current: Span::default(),
             history: History::default(),
@@ -185,7 +185,7 @@ impl<const N: usize> AidedIns<N> {
                 time,
                 aligned.tilt_sigma_rad,
                 [
-                    vertical_sign::unsigned(aligned.ins.velocity_enu_mps.z)
+                    vertical_sign::sign_variance(aligned.ins.velocity_enu_mps.z)
                         + aligned.climb_variance,
                     aligned.position_variance,
                 ],
@@ -202,43 +202,43 @@ impl<const N: usize> AidedIns<N> {
             newest: time,
             last_position: time,
             last_height: time,
-            headed: time.plus_seconds(-HEADED_S),
+            last_heading: time.plus_seconds(-HEADING_MEMORY_S),
             last_vertical: time,
             last_coast: time,
             rest: RestDetector::default(),
             vertical_sign: VerticalSign::default(),
-            climbed: None,
+            last_climb: None,
             last_solve: time,
             due: Due::Nothing,
             fixes_due: false,
             since: time,
             #[cfg(feature = "literal")]
             azimuth_removed_rad: 0.0,
-            turned: Turned::default(),
+            azimuth_totals: AzimuthTotals::default(),
             manoeuvre: Manoeuvre::default(),
-            compared: (time, Vector3::zeros()),
+            last_comparison: (time, Vector3::zeros()),
             hole: None,
-            lost: false,
-            misled: false,
+            diverged: false,
+            parameters_invalid: false,
         }
     }
 
     /// Takes over what is known at the start: apart from [`Self::new`], for it to be written where it
     /// stays and not copied over the stack.
-    pub fn believe(&mut self, known: &Parameters, by: ToldBy, config: &Config) {
+    pub fn set_prior(&mut self, known: &Parameters, source: AttitudeSource, config: &Config) {
         // Of the gyros all that alignment has found; of the rest see [`Self::compensate`].
         if config.feedback == Feedback::Closed {
             self.compensation.gyro_radps = known.vector(index::GYRO);
         }
         if let Some(observer) = self.estimator.exact_mut() {
-            observer.believe(known);
+            observer.set_prior(known);
             let body = matrix(&self.mechanization.attitude);
-            if by != ToldBy::Motion {
-                observer.believe_level(&body);
+            if source != AttitudeSource::Motion {
+                observer.correlate_level(&body);
             }
-            if by == ToldBy::Gyrocompass {
+            if source == AttitudeSource::Gyrocompass {
                 let earth_rate = self.mechanization.local_earth().earth_rate();
-                observer.believe_gyrocompass(&body, earth_rate.y);
+                observer.correlate_gyrocompass(&body, earth_rate.y);
             }
         }
     }
@@ -251,7 +251,7 @@ impl<const N: usize> AidedIns<N> {
     /// The error of the INS now, as far as it is known and not yet taken out.
     fn error(&self) -> InsError {
         self.estimator
-            .error_after(&self.since_horizon(), &self.compensation.accel_mps2)
+            .predicted_error(&self.since_horizon(), &self.compensation.accel_mps2)
     }
 
     /// The exact form of its estimators, if it is that.
@@ -272,8 +272,8 @@ impl<const N: usize> AidedIns<N> {
     }
 
     /// Whether a measured heading has agreed with it of late: within the time in which a jump is found.
-    pub fn is_headed(&self) -> bool {
-        self.now.seconds_since(self.headed) < AZIMUTH_JUMP.seen_s
+    pub fn is_heading_aided(&self) -> bool {
+        self.now.seconds_since(self.last_heading) < AZIMUTH_JUMP.least_time_s
     }
 
     /// A measured interval as the INS takes it.
@@ -297,7 +297,7 @@ impl<const N: usize> AidedIns<N> {
 
     /// The last comparison with GNSS and what acts on the INS.
     pub fn signals(&self) -> DampingSignals {
-        let (time, difference_enu_mps) = self.compared;
+        let (time, difference_enu_mps) = self.last_comparison;
         DampingSignals {
             time,
             difference_enu_mps,
@@ -310,7 +310,7 @@ impl<const N: usize> AidedIns<N> {
     pub fn solution(&self, config: &Config) -> Solution {
         let mut ins = self.mechanization;
         if config.feedback == Feedback::Closed {
-            take_out(&mut ins, &self.error());
+            subtract_error(&mut ins, &self.error());
         }
         Solution {
             time: self.now,
@@ -330,7 +330,7 @@ impl<const N: usize> AidedIns<N> {
             let latency = &mut estimates.gnss_latency_s;
             (latency.value, latency.sigma) = observer.latency_before(0.5 * run_s);
             estimates.level_force_mps2 = *observer.level_force_mps2();
-            let unseen = observer.unseen_accel(config);
+            let unseen = observer.unobservable_accel(config);
             for (accel, unseen) in estimates.accel_bias_mps2.iter_mut().zip(&unseen) {
                 accel.sigma = math::sqrt(accel.sigma * accel.sigma + unseen);
             }
@@ -356,15 +356,15 @@ impl<const N: usize> AidedIns<N> {
     /// plus what the found errors of the gyros did.
     fn azimuth_error_rad(&self) -> f64 {
         let parameters = self.known();
-        let turned = self.turned.and(&self.current);
+        let turned = self.azimuth_totals.plus(&self.current);
         let drift = turned.gyros_s.dot(&parameters.vector(index::GYRO));
         let mount_up = self.estimator.level_force_mps2() / GRAVITY_EQUATOR_MPS2;
         let vertical = &turned.vertical_rad;
         let beyond = turned.scales_rad - mount_up.component_mul(vertical);
-        let tipped_rad = turned.angle_rad - mount_up * turned.turn_rad;
+        let level_turn_rad = turned.angle_rad - mount_up * turned.turn_rad;
         let scale = parameters.value(index::TURN_SCALE) * mount_up.dot(vertical)
             + parameters.vector(index::GYRO_SCALE).dot(&beyond)
-            + (parameters.vector(index::GYRO_MISALIGNMENT)).dot(&tipped_rad);
+            + (parameters.vector(index::GYRO_MISALIGNMENT)).dot(&level_turn_rad);
         self.azimuth_left_rad() - turned.controls_rad + drift + scale
     }
 
@@ -396,39 +396,39 @@ impl<const N: usize> AidedIns<N> {
     fn integrate(&mut self, time: Time, raw: &Interval) {
         let interval = self.compensated(raw);
         let step = self.mechanization.step(&interval, &self.controls);
-        self.total(time, &interval, &step);
+        self.accumulate(time, &interval, &step);
     }
 
     /// What is left to do after an interval, a piece at a time to keep the longest call short: more
     /// pieces where samples are rare.
     #[inline(never)]
-    pub fn follow_up(&mut self, raw: &Interval, tally: &mut Tally, config: &Config) {
+    pub fn follow_up(&mut self, raw: &Interval, counts: &mut Counts, config: &Config) {
         let mut left_s = raw.seconds;
         // Only GNSS tells rest from steady motion.
         if let Some(RestVerdict::Rest(block)) = self.rest.on_interval(raw)
             && self.now <= self.level_until
         {
-            self.measure_rest(&block, config);
+            self.zero_rate_update(&block, config);
             left_s -= PIECE_OF_WORK_S;
         }
-        if self.history.wants(self.now, raw.seconds) {
+        if self.history.is_due(self.now, raw.seconds) {
             self.make_room(config);
-            self.remember();
+            self.store_present();
             left_s -= PIECE_OF_WORK_S;
         }
         while left_s > 0.0 {
-            self.work(tally, config);
+            self.work(counts, config);
             left_s -= PIECE_OF_WORK_S;
         }
     }
 
     /// One piece of work: of a comparison, else a fix that waits, else of the estimators.
-    fn work(&mut self, tally: &mut Tally, config: &Config) {
-        if self.compare(tally, config) {
+    fn work(&mut self, counts: &mut Counts, config: &Config) {
+        if self.compare(counts, config) {
             return;
         }
         if self.fixes_due {
-            self.fixes_due = self.take_waiting(true, tally, config);
+            self.fixes_due = self.take_pending(true, counts, config);
             if self.fixes_due {
                 return;
             }
@@ -441,16 +441,16 @@ impl<const N: usize> AidedIns<N> {
             Due::BiasWalk => Due::Solve,
             Due::Solve => Due::Compensate,
         };
-        let headed = self.is_headed();
+        let heading_aided = self.is_heading_aided();
         match (self.due, self.estimator.exact_mut()) {
             (Due::Solve, _) => self.solve(),
             (Due::Compensate, _) => self.compensate(config),
             (_, None) | (Due::Nothing, _) => {}
-            (Due::Spread, Some(observer)) => observer.spread_next(config),
-            (Due::Horizon, Some(observer)) => observer.come_to_horizon(),
-            (Due::Level, Some(observer)) => observer.level_anew(),
-            (Due::AzimuthWalk, Some(observer)) => observer.let_azimuth_walk(headed, config),
-            (Due::BiasWalk, Some(observer)) => observer.let_biases_walk(config),
+            (Due::Spread, Some(observer)) => observer.update_next_sigma(config),
+            (Due::Horizon, Some(observer)) => observer.refer_to_horizon(),
+            (Due::Level, Some(observer)) => observer.update_mount_level(),
+            (Due::AzimuthWalk, Some(observer)) => observer.add_azimuth_walk(heading_aided, config),
+            (Due::BiasWalk, Some(observer)) => observer.add_bias_walk(config),
         }
         self.due = next;
     }
@@ -466,18 +466,18 @@ impl<const N: usize> AidedIns<N> {
 
     /// Adds the present to the ring.
     #[inline(never)]
-    fn remember(&mut self) {
+    fn store_present(&mut self) {
         self.before_current.extend(&self.current);
         self.history.push(
             self.now,
             &(self.moved_m / self.current.seconds),
             &self.current,
-            &self.wobble,
+            &self.vibration,
         );
-        self.turned = self.turned.and(&self.current);
+        self.azimuth_totals = self.azimuth_totals.plus(&self.current);
         self.moved_m = Vector3::zeros();
         self.current = Span::default();
-        self.wobble = Wobble::default();
+        self.vibration = Vibration::default();
         self.fixes_due = true;
         if let Some(comparison) = &mut self.comparison {
             comparison.close(self.now);
@@ -507,12 +507,12 @@ impl<const N: usize> AidedIns<N> {
         if let (Some(hole), Some(observer)) = (passed, self.estimator.exact_mut()) {
             observer.on_hole(&hole);
         }
-        self.sum_up(horizon);
+        self.update_since_horizon(horizon);
     }
 
     #[inline(never)]
-    fn sum_up(&mut self, horizon: Time) {
-        let since = self.history.piece(horizon, self.now, f64::MAX);
+    fn update_since_horizon(&mut self, horizon: Time) {
+        let since = self.history.next_span(horizon, self.now, f64::MAX);
         self.before_current = since.map_or_else(Span::default, |(since, _)| since);
     }
 
@@ -523,18 +523,18 @@ impl<const N: usize> AidedIns<N> {
         if config.feedback == Feedback::Open || self.now.seconds_since(self.last_coast) < COAST_S {
             return;
         }
-        self.take_out_error();
+        self.correct_ins();
     }
 
     /// Takes the error that is known out of the INS.
     #[inline(never)]
-    fn take_out_error(&mut self) {
+    fn correct_ins(&mut self) {
         self.last_coast = self.now;
         if self.estimator.exact().is_none() {
             return;
         }
         let error = self.error();
-        take_out(&mut self.mechanization, &error);
+        subtract_error(&mut self.mechanization, &error);
         let current = &mut self.current;
         current.control_position_m -= error.position_m;
         current.control_velocity_mps -= error.velocity_mps;
@@ -555,7 +555,7 @@ impl<const N: usize> AidedIns<N> {
 
     /// Adds a step to what has happened since the newest moment of the ring.
     #[inline(never)]
-    fn total(&mut self, time: Time, interval: &Interval, step: &Step) {
+    fn accumulate(&mut self, time: Time, interval: &Interval, step: &Step) {
         let (dt, controls) = (interval.seconds, &self.controls);
         let tilt = dt * (controls.rate_radps + step.attitude * self.compensation.gyro_radps);
         let push = dt * (controls.accel_mps2 - step.attitude * self.compensation.accel_mps2);
@@ -565,7 +565,7 @@ impl<const N: usize> AidedIns<N> {
         let one = Span {
             seconds: dt,
             force_mps: *force,
-            force_moved_m: 0.5 * dt * force,
+            force_position_m: 0.5 * dt * force,
             attitude_s: step.attitude * dt,
             angle_rad: interval.angle_rad,
             turn_rad,
@@ -575,7 +575,7 @@ impl<const N: usize> AidedIns<N> {
             way_m: step.way_m,
         };
         self.current.extend(&one);
-        self.wobble.add(force, &interval.angle_rad, dt);
+        self.vibration.add(force, &interval.angle_rad, dt);
         // Where the position loop moves it, it moves without a velocity.
         self.moved_m += step.way_m - dt * controls.velocity_mps;
         self.now = time;
@@ -587,9 +587,9 @@ impl<const N: usize> AidedIns<N> {
 
     /// A vehicle at rest turns with the Earth: its gyros read their biases.
     #[inline(never)]
-    fn measure_rest(&mut self, block: &RestBlock, config: &Config) {
+    fn zero_rate_update(&mut self, block: &RestBlock, config: &Config) {
         // Where GNSS has no velocity, the INS that it holds has one.
-        if self.moves() {
+        if self.is_moving() {
             return;
         }
         let Some(observer) = self.estimator.exact_mut() else {
@@ -600,7 +600,7 @@ impl<const N: usize> AidedIns<N> {
         let bias = block.rate_radps - attitude.tr_mul(&earth_rate);
         let noise = rest::gyro_variance(&config.sensors, block.seconds);
         let mut variance = Vector3::repeat(noise);
-        if self.now.seconds_since(self.headed) < HEADED_S {
+        if self.now.seconds_since(self.last_heading) < HEADING_MEMORY_S {
             let up = attitude.row(2).transpose();
             variance += up.component_mul(&up) * (UNSEEN_RADPS * UNSEEN_RADPS);
         }
@@ -615,11 +615,11 @@ impl<const N: usize> AidedIns<N> {
         if !bias.iter().zip(&variance).enumerate().all(agrees) {
             return;
         }
-        observer.measure_directly(index::GYRO, &bias, &variance);
+        observer.update_directly(index::GYRO, &bias, &variance);
     }
 
     /// Whether it goes somewhere, as far as it knows.
-    pub fn moves(&self) -> bool {
+    pub fn is_moving(&self) -> bool {
         let level_mps = self.mechanization.velocity_enu_mps.xy();
         level_mps.norm_squared() > MOVING_MPS * MOVING_MPS
     }
@@ -643,12 +643,11 @@ impl<const N: usize> AidedIns<N> {
         // A platform turned by `Phi_UP` makes north appear further to the left by as much.
         let azimuth = wrap_pi(own_rad - measured.heading_rad);
         let believed = self.azimuth_left_rad() - turned_rad;
-        let taken = self
-            .estimator
-            .exact_mut()
-            .is_some_and(|observer| observer.take_azimuth(azimuth - believed, measured.sigma_rad));
+        let taken = self.estimator.exact_mut().is_some_and(|observer| {
+            observer.update_azimuth(azimuth - believed, measured.sigma_rad)
+        });
         if taken {
-            self.headed = self.now;
+            self.last_heading = self.now;
             GnssOutcome::Accepted
         } else {
             GnssOutcome::Outlier
@@ -657,7 +656,7 @@ impl<const N: usize> AidedIns<N> {
 
     /// How far the loops have turned the platform since a moment of the ring, rad.
     fn turned_since(&self, time: Time) -> f64 {
-        let piece = self.history.piece(time, self.now, f64::INFINITY);
+        let piece = self.history.next_span(time, self.now, f64::INFINITY);
         let since = piece
             .map_or(Span::default(), |(span, _)| span)
             .then(&self.current);
@@ -679,10 +678,10 @@ impl<const N: usize> AidedIns<N> {
     #[inline(never)]
     pub fn compensate(&mut self, config: &Config) {
         if let Some(observer) = self.estimator.exact()
-            && !observer.is_sound(config)
+            && !observer.is_credible(config)
         {
-            self.lost = true;
-            self.misled = true;
+            self.diverged = true;
+            self.parameters_invalid = true;
         }
         self.compensation
             .update(self.estimator.parameters(), config);
@@ -690,7 +689,7 @@ impl<const N: usize> AidedIns<N> {
 }
 
 /// Takes an error out of an INS: the platform is levelled, then turned.
-fn take_out(ins: &mut Mechanization, error: &InsError) {
+fn subtract_error(ins: &mut Mechanization, error: &InsError) {
     ins.velocity_enu_mps -= error.velocity_mps;
     let up = Vector3::new(0.0, 0.0, error.tilt_rad.z);
     ins.turn_platform(&(up - error.tilt_rad));

@@ -7,9 +7,9 @@
 
 use nalgebra::Vector3;
 
-use super::comparison::TOGETHER_S;
+use super::comparison::AVERAGING_S;
 use crate::config::Config;
-use crate::history::Past;
+use crate::history::PastState;
 use crate::innovations::MANOEUVRE_S;
 use crate::math;
 use crate::samples::GnssFix;
@@ -20,30 +20,30 @@ const WINDOW_S: f64 = 30.0;
 /// Longest time between two velocities that are added up, s.
 const HOLE_S: f64 = 3.0;
 /// Difference of log-likelihoods that decides, odds of one in 3000, and most that is kept.
-const DECIDED: f64 = 8.0;
-const MOST: f64 = 24.0;
+const DECIDING_ODDS: f64 = 8.0;
+const MOST_ODDS: f64 = 24.0;
 /// Largest square of a height's error, in its variance, that counts: of a wrong one neither sign is
 /// right, and a single one does not decide.
-const ROBUST: f64 = 12.0;
+const LARGEST_SQUARE: f64 = 12.0;
 /// Changes whose square is this times that of what is not known of them are felt; and over how many of
 /// them they are summed up: with more, what hardly fits better with one sign, such as swings that a receiver
 /// smooths and delays, would decide.
-const UNSURE: f64 = 9.0;
-const MOST_CHANGES: f64 = 32.0;
+const LEAST_SIGNAL: f64 = 9.0;
+const MEMORY_CHANGES: f64 = 32.0;
 /// Changes for which the noise that is configured counts as much as what is seen.
-const CONFIGURED: f64 = 4.0;
+const PRIOR_CHANGES: f64 = 4.0;
 /// Difference of log-likelihoods before anything is seen: of twenty receivers one has the wrong sign.
-const AT_FIRST: f64 = 3.0;
+const PRIOR_ODDS: f64 = 3.0;
 /// Vertical velocities that may be zero to the last bit one after the other, of a vehicle that moves: rounded to
 /// a centimetre a second, one in twelve is.
 const ZEROS: u8 = 3;
 /// Odds from which on a velocity is used: with less it would tell a twentieth of itself, or the opposite.
-const LEAST: f64 = 0.1;
+const LEAST_ODDS: f64 = 0.1;
 
 /// A fix's vertical velocity beside the INS of its moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Climbed {
+pub struct ClimbSample {
     pub time: Time,
     pub up_mps: f64,
     pub ins_mps: f64,
@@ -52,8 +52,8 @@ pub struct Climbed {
     pub swing: Vector3<f64>,
 }
 
-impl Climbed {
-    pub fn of(past: &Past, up_mps: f64) -> Self {
+impl ClimbSample {
+    pub fn of(past: &PastState, up_mps: f64) -> Self {
         Self {
             time: past.time,
             up_mps,
@@ -69,12 +69,12 @@ impl Climbed {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct VerticalSign {
     /// Difference of log-likelihoods of the two signs by heights, from windows that are over.
-    odds: f64,
+    log_odds: f64,
     /// The same, of the window going on.
-    open: f64,
+    open_odds: f64,
     window: Option<Window>,
     last: Option<Last>,
-    felt: Felt,
+    accel_test: AccelTest,
     /// How many more may be zero; before the first that is not, none.
     zeros_left: u8,
 }
@@ -106,12 +106,12 @@ struct Last {
 /// squares, in the variance of the noise as it is configured.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Felt {
+struct AccelTest {
     changes: f64,
     if_up: f64,
     if_down: f64,
     /// Difference of log-likelihoods, of noise as strong as it turns out to be.
-    odds: f64,
+    log_odds: f64,
 }
 
 impl VerticalSign {
@@ -141,10 +141,10 @@ impl VerticalSign {
             window.climbed_m += seconds * (up_mps - 0.5 * change_mps);
         }
         if let Some(height_m) = fix.height_m {
-            self.compare(fix.time, height_m, config);
+            self.test_height(fix.time, height_m, config);
         }
-        let sum = self.sum();
-        if sum > DECIDED {
+        let sum = self.log_odds();
+        if sum > DECIDING_ODDS {
             return Some(0.0);
         }
         // Not by this one alone: noise that makes it smaller would then count for more. The sign of a climb is
@@ -152,52 +152,52 @@ impl VerticalSign {
         let before_mps = up_mps - change_mps;
         let most = math::max(up_mps * up_mps, before_mps * before_mps);
         let climb_mps = self.window.map_or(0.0, |window| window.climb_mps(fix.time));
-        let fixes = MANOEUVRE_S / math::max(seconds, TOGETHER_S);
-        (sum > LEAST).then(|| (most + climb_mps * climb_mps * fixes) * unsure_of(sum))
+        let fixes = MANOEUVRE_S / math::max(seconds, AVERAGING_S);
+        (sum > LEAST_ODDS).then(|| (most + climb_mps * climb_mps * fixes) * sign_factor(sum))
     }
 
     /// Difference of log-likelihoods.
-    fn sum(&self) -> f64 {
-        AT_FIRST + self.odds + self.open + self.felt.odds
+    fn log_odds(&self) -> f64 {
+        PRIOR_ODDS + self.log_odds + self.open_odds + self.accel_test.log_odds
     }
 
     /// Whether vertical velocities are known to have the wrong sign.
     pub fn is_wrong(&self) -> bool {
-        self.sum() < -DECIDED
+        self.log_odds() < -DECIDING_ODDS
     }
 
     /// Whether it is known which way is positive.
     pub fn is_known(&self) -> bool {
-        math::abs(self.sum()) > DECIDED
+        math::abs(self.log_odds()) > DECIDING_ODDS
     }
 
     /// Takes what the accelerometers feel of a change of the climb as GNSS has it, unless they cannot tell:
     /// with a variance of the noise, and another of what changes with the motion.
-    pub fn feel(&mut self, change_mps: f64, felt_mps: f64, noise: f64, unsure: f64) {
-        if felt_mps * felt_mps < UNSURE * unsure {
+    pub fn test_accel(&mut self, change_mps: f64, felt_mps: f64, noise: f64, motion_variance: f64) {
+        if felt_mps * felt_mps < LEAST_SIGNAL * motion_variance {
             return;
         }
-        let square = |off_mps: f64| off_mps * off_mps / (noise + unsure);
-        let keep = 1.0 - 1.0 / MOST_CHANGES;
-        let felt = &mut self.felt;
+        let square = |off_mps: f64| off_mps * off_mps / (noise + motion_variance);
+        let keep = 1.0 - 1.0 / MEMORY_CHANGES;
+        let felt = &mut self.accel_test;
         felt.changes = keep * felt.changes + 1.0;
         felt.if_up = keep * felt.if_up + square(change_mps - felt_mps);
         felt.if_down = keep * felt.if_down + square(change_mps + felt_mps);
-        let [up, down] = [felt.if_up, felt.if_down].map(|square| CONFIGURED + square);
-        felt.odds = 0.5 * felt.changes * libm::log(down / up);
+        let [up, down] = [felt.if_up, felt.if_down].map(|square| PRIOR_CHANGES + square);
+        felt.log_odds = 0.5 * felt.changes * libm::log(down / up);
     }
 
     /// Holds a height against what has been climbed since that at the start of the window.
-    fn compare(&mut self, time: Time, height_m: f64, config: &Config) {
+    fn test_height(&mut self, time: Time, height_m: f64, config: &Config) {
         if let Some(window) = &self.window {
             // Two heights, neither as good as is configured for sure.
             let variance = 4.0 * config.gnss.height_m.variance();
             let rise_m = height_m - window.height_m;
             let misfit = |climbed_m: f64| {
                 let off_m = rise_m - climbed_m;
-                math::min(off_m * off_m / variance, ROBUST)
+                math::min(off_m * off_m / variance, LARGEST_SQUARE)
             };
-            self.open = 0.5 * (misfit(-window.climbed_m) - misfit(window.climbed_m));
+            self.open_odds = 0.5 * (misfit(-window.climbed_m) - misfit(window.climbed_m));
             if time.seconds_since(window.start) > WINDOW_S {
                 self.close();
             }
@@ -211,22 +211,22 @@ impl VerticalSign {
 
     /// Ends the window.
     fn close(&mut self) {
-        self.odds = math::within(self.odds + self.open, [-MOST, MOST]);
-        self.open = 0.0;
+        self.log_odds = math::clamp(self.log_odds + self.open_odds, [-MOST_ODDS, MOST_ODDS]);
+        self.open_odds = 0.0;
         self.window = None;
     }
 }
 
 /// Variance of a velocity at first, (m/s)^2.
-pub fn unsigned(up_mps: f64) -> f64 {
-    up_mps * up_mps * unsure_of(AT_FIRST)
+pub fn sign_variance(up_mps: f64) -> f64 {
+    up_mps * up_mps * sign_factor(PRIOR_ODDS)
 }
 
-/// Variance of a velocity of unknown sign in its square: the sign is `tanh(odds / 2)` in the mean, and the
+/// Variance of a velocity of unknown sign in its square: the sign is `tanh(log_odds / 2)` in the mean, and the
 /// rest of its mean square, one, is that of a velocity as much smaller.
-fn unsure_of(odds: f64) -> f64 {
+fn sign_factor(log_odds: f64) -> f64 {
     // Its hyperbolic sine, to a thirtieth where they decide.
-    let square = 0.25 * odds * odds;
+    let square = 0.25 * log_odds * log_odds;
     let times = 1.0 + square / 6.0 * (1.0 + square / 20.0 * (1.0 + square / 42.0));
     1.0 / (square * times * times)
 }

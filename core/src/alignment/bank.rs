@@ -14,7 +14,7 @@ use nalgebra::Vector2;
 
 use super::candidate::{Candidate, Found, Start};
 use super::nodes::Nodes;
-use super::sightings::{Sighting, Sightings};
+use super::observations::{Observation, Observations};
 use crate::config::Config;
 use crate::earth::wrap_pi;
 use crate::math;
@@ -27,7 +27,7 @@ const LATENCY_SIGMA_S: f64 = 0.25;
 /// Moments before the first sighting that is taken, s: every candidate must have begun.
 const LEAD_S: f64 = 1.0;
 /// Time over which residuals are judged, s.
-const JUDGED_S: f64 = 10.0;
+const RESIDUAL_MEMORY_S: f64 = 10.0;
 /// Largest excess of the noise of GNSS, in variance, and least: a velocity's is stated, but what
 /// positions wander by in a second differs by a factor of ten from receiver to receiver.
 const LARGEST_EXCESS: f32 = 400.0;
@@ -59,11 +59,11 @@ pub(crate) struct Bank {
     turn: u8,
     /// Sightings that all have taken.
     taken: u32,
-    first: Option<Sighting>,
+    first: Option<Observation>,
     excess: f32,
     /// Time in motion, s.
     moving_s: f32,
-    last_sighting: Time,
+    last_observation: Time,
     up_rate_radps: f32,
     /// All have taken one sighting more since the last answer.
     due: bool,
@@ -110,7 +110,7 @@ impl Bank {
             first: None,
             excess: 1.0,
             moving_s: 0.0,
-            last_sighting: start.time,
+            last_observation: start.time,
             up_rate_radps: math::single(start.earth_rate_radps.y),
             due: false,
             leader: 0,
@@ -123,24 +123,24 @@ impl Bank {
     }
 
     /// A sighting has come; only how the vehicle moves is looked at, the rest is work for later.
-    pub(crate) fn on_sighting(&mut self, sighting: &Sighting, number: u32) {
-        let needed_s = LEAD_S + f64::from(sighting.span_s);
-        if self.first.is_none() && sighting.time.seconds_since(self.start) > needed_s {
-            self.first = Some(*sighting);
+    pub(crate) fn on_observation(&mut self, observation: &Observation, number: u32) {
+        let needed_s = LEAD_S + f64::from(observation.span_s);
+        if self.first.is_none() && observation.time.seconds_since(self.start) > needed_s {
+            self.first = Some(*observation);
             self.taken = number;
             for candidate in &mut self.candidates {
-                candidate.sighting = number;
+                candidate.observation = number;
             }
         }
         if let Some(first) = &self.first {
-            let gained = (sighting.velocity_mps - first.velocity_mps).norm_squared();
-            let least = MOVED_SIGMAS * sighting.sigma_mps;
-            let since_s = sighting.time.seconds_since(self.last_sighting);
+            let gained = (observation.velocity_mps - first.velocity_mps).norm_squared();
+            let least = MOVED_SIGMAS * observation.sigma_mps;
+            let since_s = observation.time.seconds_since(self.last_observation);
             if gained > self.excess * least * least {
                 self.moving_s += math::single(math::min(since_s, 5.0));
             }
         }
-        self.last_sighting = sighting.time;
+        self.last_observation = observation.time;
     }
 
     /// Does one piece of work; true if there is a new answer.
@@ -148,7 +148,7 @@ impl Bank {
     pub(crate) fn work(
         &mut self,
         nodes: &Nodes,
-        sightings: &Sightings,
+        observations: &Observations,
         known: &Parameters,
         config: &Config,
     ) -> bool {
@@ -159,11 +159,11 @@ impl Bank {
         for _ in 0..LATENCIES_S.len() {
             let last = usize::from(self.turn) + 1 == LATENCIES_S.len();
             self.turn = if last { 0 } else { self.turn + 1 };
-            if self.work_on(self.turn, nodes, sightings, known, config) {
+            if self.work_on(self.turn, nodes, observations, known, config) {
                 break;
             }
         }
-        let all = self.candidates.iter().map(|c| c.sighting).min();
+        let all = self.candidates.iter().map(|c| c.observation).min();
         let taken = all.unwrap_or(self.taken);
         self.due = taken > self.taken && self.first.is_some();
         self.taken = taken;
@@ -175,7 +175,7 @@ impl Bank {
         &mut self,
         which: u8,
         nodes: &Nodes,
-        sightings: &Sightings,
+        observations: &Observations,
         known: &Parameters,
         config: &Config,
     ) -> bool {
@@ -187,28 +187,28 @@ impl Bank {
             return false;
         };
         let next = self.first.and_then(|_| {
-            if candidate.sighting < sightings.oldest() {
-                candidate.sighting = sightings.oldest();
+            if candidate.observation < observations.oldest() {
+                candidate.observation = observations.oldest();
             }
-            sightings.get(candidate.sighting)
+            observations.get(candidate.observation)
         });
-        if let Some(sighting) = next {
-            let seconds = candidate.seconds_to(sighting.time);
+        if let Some(observation) = next {
+            let seconds = candidate.seconds_to(observation.time);
             if seconds < -node.seconds() {
-                candidate.sighting += 1;
+                candidate.observation += 1;
                 return true;
             }
             if seconds < node.seconds() {
-                let misfit = candidate.compare(sighting, self.excess, node);
+                let misfit = candidate.compare(observation, self.excess, node);
                 if leads {
-                    if candidate.is_misled() {
-                        self.begin_anew(known);
+                    if candidate.is_degenerate() {
+                        self.restart_search(known);
                     }
-                    self.judge(misfit, sighting);
+                    self.adapt_noise(misfit, observation);
                 }
                 return true;
             }
-        } else if !nodes.presses(candidate.node) {
+        } else if !nodes.must_advance(candidate.node) {
             return false;
         }
         candidate.advance(node, f64::from(self.up_rate_radps), config);
@@ -217,19 +217,19 @@ impl Bank {
 
     /// All begin anew: what has misled the likeliest has misled all.
     #[inline(never)]
-    fn begin_anew(&mut self, known: &Parameters) {
+    fn restart_search(&mut self, known: &Parameters) {
         for candidate in &mut self.candidates {
-            candidate.begin_anew(known);
+            candidate.restart_search(known);
         }
     }
 
     /// Follows how much larger the residuals are than told.
-    fn judge(&mut self, misfit: f32, sighting: &Sighting) {
-        let since_s = math::max(f64::from(sighting.span_s), 0.2);
-        let part = math::single(math::min(since_s / JUDGED_S, 0.5));
+    fn adapt_noise(&mut self, misfit: f32, observation: &Observation) {
+        let since_s = math::max(f64::from(observation.span_s), 0.2);
+        let part = math::single(math::min(since_s / RESIDUAL_MEMORY_S, 0.5));
         // One residual cannot do more than the window allows.
         let excess = self.excess * (1.0 + part * (math::min(misfit, 9.0) - 1.0));
-        let least = if sighting.span_s > 0.0 {
+        let least = if observation.span_s > 0.0 {
             LEAST_EXCESS_OF_MEANS
         } else {
             LEAST_EXCESS
@@ -248,9 +248,13 @@ impl Bank {
 
     /// Velocity of the vehicle where a candidate stands, E and N, m/s: that of its last sighting
     /// and what was gained since.
-    pub(crate) fn velocity_en_mps(&self, which: u8, sightings: &Sightings) -> Option<Vector2<f64>> {
+    pub(crate) fn velocity_en_mps(
+        &self,
+        which: u8,
+        observations: &Observations,
+    ) -> Option<Vector2<f64>> {
         let candidate = self.candidate(which)?;
-        let last = sightings.get(candidate.sighting.checked_sub(1)?)?;
+        let last = observations.get(candidate.observation.checked_sub(1)?)?;
         Some(last.velocity_mps.map(f64::from) + candidate.gained_en_mps())
     }
 

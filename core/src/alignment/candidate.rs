@@ -39,7 +39,7 @@ use nalgebra::{Matrix2x3, Matrix3, SVector, UnitQuaternion, Vector2, Vector3};
 
 use super::covariance::Covariance;
 use super::nodes::Node;
-use super::sightings::Sighting;
+use super::observations::Observation;
 use crate::attitude::{matrix, renormalized, small_rotation};
 use crate::config::Config;
 use crate::earth::GRAVITY_EQUATOR_MPS2;
@@ -87,11 +87,11 @@ const LENGTH_ERROR: f64 = 0.05;
 /// Sigmas by which they are too short for any angle.
 const SHORT_SIGMAS: f64 = 3.0;
 /// Part of the motion below which the unit felt little of it.
-const UNFELT: f32 = 0.5;
+const LEAST_POWER_SHARE: f32 = 0.5;
 /// Walk of the latency, s/sqrt(s): what was found while it was far off is worth less.
 const LATENCY_WALK: f64 = 0.02;
 /// Spread of the gyro biases of units of which nothing is known yet, in those of the preset.
-const UNUSUAL: f64 = 3.0;
+const UNKNOWN_UNIT: f64 = 3.0;
 /// Acceleration of a vehicle while the first mean velocity is taken, m/s^2.
 const FIRST_ACCEL_MPS2: f32 = 2.0;
 /// Time over which an acceleration keeps its direction in the body, s.
@@ -121,7 +121,7 @@ pub(crate) struct Start {
 pub(crate) struct Candidate {
     /// Node and sighting that come next.
     pub(crate) node: u32,
-    pub(crate) sighting: u32,
+    pub(crate) observation: u32,
     time: Time,
     attitude: UnitQuaternion<f64>,
     gyro_bias_radps: Vector3<f64>,
@@ -142,12 +142,12 @@ pub(crate) struct Candidate {
     /// Gain of GNSS velocity that counts as motion, m/s.
     moved_mps: Vector2<f32>,
     /// Sums of the squares of what the unit felt of the motion and of what GNSS saw of it, (m/s)^2.
-    felt: f32,
-    saw: f32,
+    ins_power: f32,
+    gnss_power: f32,
     /// The last gain that differed by more than noise, and for how long none did.
     mark_mps: Vector2<f32>,
     steady_s: f32,
-    last_sighting: Time,
+    last_observation: Time,
     /// Acceleration of the antenna, smoothed, and at the first sighting.
     accel_mps2: Vector2<f32>,
     first_accel_mps2: Vector2<f32>,
@@ -156,7 +156,7 @@ pub(crate) struct Candidate {
     /// Spread of the angle of cosine and sine, rad.
     angle_sigma_rad: f32,
     /// Whether it was ever known.
-    knew_angle: bool,
+    had_angle: bool,
     /// Cosine and sine.
     rotation: Vector2<f32>,
     covariance: Covariance<COUNT, PAIRS>,
@@ -198,7 +198,7 @@ impl Candidate {
         ];
         Self {
             node: 0,
-            sighting: 0,
+            observation: 0,
             time: start.time,
             attitude: start.attitude,
             gyro_bias_radps: known.vector(index::GYRO),
@@ -212,16 +212,16 @@ impl Candidate {
             level_before: Matrix2x3::zeros(),
             seen_mps: Vector2::zeros(),
             moved_mps: Vector2::zeros(),
-            felt: 0.0,
-            saw: 0.0,
+            ins_power: 0.0,
+            gnss_power: 0.0,
             mark_mps: Vector2::zeros(),
             steady_s: 0.0,
-            last_sighting: start.time,
+            last_observation: start.time,
             accel_mps2: Vector2::zeros(),
             first_accel_mps2: Vector2::zeros(),
             swing_radps: Matrix2x3::zeros(),
             angle_sigma_rad: UNKNOWN_ANGLE_RAD,
-            knew_angle: false,
+            had_angle: false,
             rotation: Vector2::zeros(),
             covariance: Covariance::from_sigma(&Row::from(sigma)),
             log_likelihood: 0.0,
@@ -255,8 +255,8 @@ impl Candidate {
         let part = single(math::min(seconds / SMOOTH_S, 1.0));
         let accel = (force.xy() + swung) / dt;
         self.accel_mps2 += part * (accel - self.accel_mps2);
-        self.spread(&force, &(body.map(single) * dt));
-        self.walk(seconds, &turn, &force, config);
+        self.propagate(&force, &(body.map(single) * dt));
+        self.add_noise(seconds, &turn, &force, config);
         let earth = Vector3::new(0.0, 0.0, -seconds * up_rate_radps);
         self.attitude =
             renormalized(small_rotation(&earth) * self.attitude.as_ref() * small_rotation(&turn));
@@ -265,7 +265,7 @@ impl Candidate {
     }
 
     /// `e' = f x phi`, `phi' = -C b`.
-    fn spread(&mut self, force: &Vector3<f32>, body: &Matrix3<f32>) {
+    fn propagate(&mut self, force: &Vector3<f32>, body: &Matrix3<f32>) {
         let p = &mut self.covariance;
         p.shear(ERROR, TILT + 1, -force.z);
         p.shear(ERROR, TILT + 2, force.y);
@@ -279,7 +279,7 @@ impl Candidate {
     }
 
     /// What the sensors' noise and what turns with the body add.
-    fn walk(
+    fn add_noise(
         &mut self,
         seconds: f64,
         turn_rad: &Vector3<f64>,
@@ -307,65 +307,72 @@ impl Candidate {
     /// much its noise proved larger, in variance. Returns the mean square of the two residuals
     /// over what they should be.
     #[inline(never)]
-    pub(crate) fn compare(&mut self, sighting: &Sighting, excess: f32, node: &Node) -> f32 {
-        self.sighting += 1;
-        let moment = self.moment(sighting, node);
+    pub(crate) fn compare(&mut self, observation: &Observation, excess: f32, node: &Node) -> f32 {
+        self.observation += 1;
+        let moment = self.moment(observation, node);
         let velocity_before = self.velocity_before_mps;
         let level_before = core::mem::replace(&mut self.level_before, moment.level);
         let Some(first) = self.first_mps else {
-            self.begin(sighting, moment.velocity_mps, &moment.swing_radps);
+            self.begin(observation, moment.velocity_mps, &moment.swing_radps);
             return 1.0;
         };
         self.velocity_before_mps = moment.velocity_mps;
-        let shown = if sighting.span_s > 0.0 {
-            moment.mean(sighting.span_s, velocity_before, &level_before)
+        let predicted = if observation.span_s > 0.0 {
+            moment.mean(observation.span_s, velocity_before, &level_before)
         } else {
-            Shown {
+            Predicted {
                 velocity_mps: moment.velocity_mps,
                 accel_mps2: self.accel_mps2,
                 back_s: moment.seconds,
                 swing_radps: moment.swing_radps,
             }
         };
-        let antenna = shown.velocity_mps + shown.swing_radps * self.lever_arm_m;
-        let white = excess * sighting.sigma_mps * sighting.sigma_mps;
-        let d = sighting.velocity_mps - first;
-        self.felt += shown.velocity_mps.norm_squared();
-        self.saw += d.norm_squared();
-        let since_s = sighting.time.seconds_since(self.last_sighting);
-        self.last_sighting = sighting.time;
-        let invented = self.follow(d, antenna, white, since_s);
+        let antenna = predicted.velocity_mps + predicted.swing_radps * self.lever_arm_m;
+        let white = excess * observation.sigma_mps * observation.sigma_mps;
+        let d = observation.velocity_mps - first;
+        self.ins_power += predicted.velocity_mps.norm_squared();
+        self.gnss_power += d.norm_squared();
+        let since_s = observation.time.seconds_since(self.last_observation);
+        self.last_observation = observation.time;
+        let spurious = self.motion(d, antenna, white, since_s);
         let moved = self.moved_mps;
         let unknown = self.covariance.variance(COS) + self.covariance.variance(SIN);
         // Second order of the latency: half the jerk times its square.
         let late = self.covariance.variance(LATENCY);
-        let noise = sighting.alike * white
+        let noise = observation.shared * white
             + 0.5 * late * late * moment.jerk_mps3.norm_squared()
             + 0.5 * unknown * (d - moved).norm_squared();
-        let late = shown.accel_mps2 - self.first_accel_mps2;
-        let (force, swing) = (&moment.force_mps2, &shown.swing_radps);
+        let late = predicted.accel_mps2 - self.first_accel_mps2;
+        let (force, swing) = (&moment.force_mps2, &predicted.swing_radps);
         let rows = [
-            row(0, moved, shown.back_s, force, late.x, swing),
-            row(1, turned_back(moved), shown.back_s, force, late.y, swing),
+            row(0, moved, predicted.back_s, force, late.x, swing),
+            row(
+                1,
+                rotated_right(moved),
+                predicted.back_s,
+                force,
+                late.y,
+                swing,
+            ),
         ];
         let residual = [
             antenna.x - self.rotation.dot(&d),
-            antenna.y - self.rotation.dot(&turned_back(d)),
+            antenna.y - self.rotation.dot(&rotated_right(d)),
         ];
-        self.seen_mps = shown.velocity_mps;
-        let misfit = self.take(&rows, residual, noise, invented);
+        self.seen_mps = predicted.velocity_mps;
+        let misfit = self.fuse_both(&rows, residual, noise, spurious);
         self.normalize();
-        self.anchor(moved);
-        if self.steady_s > STEADY_S && self.is_lost() {
-            self.lose();
-            self.begin(sighting, moment.velocity_mps, swing);
+        self.rotate_reference(moved);
+        if self.steady_s > STEADY_S && self.angle_is_lost() {
+            self.forget_angle();
+            self.begin(observation, moment.velocity_mps, swing);
         }
         misfit
     }
 
     /// The motion at the moment of a sighting, from where the way of the next one counts.
-    fn moment(&mut self, sighting: &Sighting, node: &Node) -> Moment {
-        let seconds = single(self.seconds_to(sighting.time));
+    fn moment(&mut self, observation: &Observation, node: &Node) -> Moment {
+        let seconds = single(self.seconds_to(observation.time));
         let node_s = single(node.seconds());
         let body = matrix(&self.attitude);
         let (turn, gained) = node.without_bias(&self.gyro_bias_radps);
@@ -387,22 +394,22 @@ impl Candidate {
         }
     }
 
-    /// Takes both residuals, of one variance of noise, part of it `invented` by what stands beside
+    /// Takes both residuals, of one variance of noise, part of it `spurious` by what stands beside
     /// cosine and sine. Returns their mean square over what it should be.
-    fn take(&mut self, rows: &[Row; 2], residual: [f32; 2], noise: f32, invented: f32) -> f32 {
+    fn fuse_both(&mut self, rows: &[Row; 2], residual: [f32; 2], noise: f32, spurious: f32) -> f32 {
         let mut correction = Row::zeros();
         let mut misfit = 0.0;
         let mut expected = 0.0;
         let before = [COS, SIN].map(|i| self.covariance.variance(i));
         for (h, residual) in rows.iter().zip(residual) {
-            let (ratio, variance) = self.weigh(h, residual, noise, &mut correction);
+            let (ratio, variance) = self.fuse(h, residual, noise, &mut correction);
             let log = single(libm::log(f64::from(variance)));
             self.log_likelihood -= 0.5 * (limited(ratio) + log);
             misfit += 0.5 * ratio;
             expected += 0.5 * variance;
         }
         for (unknown, before) in [COS, SIN].into_iter().zip(before) {
-            self.unlearn(unknown, before, 2.0 * invented / expected);
+            self.restore_variance(unknown, before, 2.0 * spurious / expected);
         }
         self.correct(&correction);
         misfit
@@ -411,7 +418,7 @@ impl Candidate {
     /// What of the gain counts as motion. What the INS shows, turned by what is known of the
     /// angle, has no noise; where GNSS contradicts it, or nothing is known, what GNSS saw counts
     /// while that changes by more than can be noise. Returns the variance of the noise in it.
-    fn follow(&mut self, d: Vector2<f32>, seen: Vector2<f32>, white: f32, since_s: f64) -> f32 {
+    fn motion(&mut self, d: Vector2<f32>, seen: Vector2<f32>, white: f32, since_s: f64) -> f32 {
         let least = STEADY_SIGMAS * STEADY_SIGMAS * 2.0 * white;
         self.steady_s += single(since_s);
         if (d - self.mark_mps).norm_squared() > least {
@@ -419,9 +426,9 @@ impl Candidate {
             self.steady_s = 0.0;
         }
         let (cos, sin) = (self.rotation.x, self.rotation.y);
-        let shown = Vector2::new(cos * seen.x - sin * seen.y, sin * seen.x + cos * seen.y);
-        if self.knows_angle() && (d - shown).norm_squared() < least {
-            self.moved_mps = shown;
+        let predicted = Vector2::new(cos * seen.x - sin * seen.y, sin * seen.x + cos * seen.y);
+        if self.knows_angle() && (d - predicted).norm_squared() < least {
+            self.moved_mps = predicted;
         } else if self.steady_s < HOLD_S {
             let part = single(since_s / (since_s + MEAN_S));
             self.moved_mps += part * (d - self.moved_mps);
@@ -432,7 +439,7 @@ impl Candidate {
 
     /// Noise in what stands beside cosine and sine looks like so much knowledge that they are
     /// zero: `P n^2 P / S` less variance a measurement. That is given back.
-    fn unlearn(&mut self, unknown: usize, before: f32, noise: f32) {
+    fn restore_variance(&mut self, unknown: usize, before: f32, noise: f32) {
         let room = 0.5 - self.covariance.variance(unknown);
         let back = math::min(before * before * noise, room);
         if back > 0.0 {
@@ -446,8 +453,8 @@ impl Candidate {
     }
 
     /// Whether what was known of the angle, if anything, is so vague that it is not linear.
-    fn is_lost(&self) -> bool {
-        let limit = if self.knew_angle {
+    fn angle_is_lost(&self) -> bool {
+        let limit = if self.had_angle {
             LOST_ANGLE_RAD
         } else {
             core::f64::consts::PI
@@ -457,56 +464,56 @@ impl Candidate {
 
     /// Whether cosine and sine are shorter than those of any angle, while the unit felt little of what
     /// GNSS saw.
-    pub(crate) fn is_misled(&self) -> bool {
+    pub(crate) fn is_degenerate(&self) -> bool {
         let short = 1.0 - math::sqrt(f64::from(self.rotation.norm_squared()));
         let [cos, sin] = [COS, SIN].map(|i| f64::from(self.covariance.variance(i)));
         let sigma = math::sqrt(math::max(cos, sin)) + LENGTH_ERROR;
-        let unfelt = self.felt < UNFELT * UNFELT * self.saw;
-        unfelt && !self.knows_angle() && short > SHORT_SIGMAS * sigma
+        let hardly_moved = self.ins_power < LEAST_POWER_SHARE * LEAST_POWER_SHARE * self.gnss_power;
+        hardly_moved && !self.knows_angle() && short > SHORT_SIGMAS * sigma
     }
 
     /// Begins anew with the next sighting, but for what it has found of tilt, gyros and latency.
-    pub(crate) fn begin_anew(&mut self, known: &Parameters) {
-        self.lose();
+    pub(crate) fn restart_search(&mut self, known: &Parameters) {
+        self.forget_angle();
         self.first_mps = None;
         self.lever_arm_m = known.lever_arm().map(single);
         for axis in 0..3 {
             let sigma = single(known.sigma(index::LEVER_ARM + axis));
-            self.covariance.renew(ARM + axis, sigma * sigma);
+            self.covariance.reset(ARM + axis, sigma * sigma);
         }
         self.log_likelihood = 0.0;
     }
 
     /// Forgets a heading that is hardly known, in steady motion: beyond some angle the equations
     /// are not linear, and a heading that is not known at all has an exact beginning.
-    fn lose(&mut self) {
+    fn forget_angle(&mut self) {
         self.rotation = Vector2::zeros();
         self.angle_sigma_rad = UNKNOWN_ANGLE_RAD;
-        self.knew_angle = false;
+        self.had_angle = false;
         for unknown in [COS, SIN] {
-            self.covariance.renew(unknown, 0.5);
+            self.covariance.reset(unknown, 0.5);
         }
     }
 
     /// The first sighting: velocities count from here.
-    fn begin(&mut self, first: &Sighting, velocity: Vector2<f32>, swing: &Matrix2x3<f32>) {
+    fn begin(&mut self, first: &Observation, velocity: Vector2<f32>, swing: &Matrix2x3<f32>) {
         self.velocity_mps -= velocity;
         self.first_mps = Some(first.velocity_mps);
         self.way_m = Vector2::zeros();
         self.velocity_before_mps = Vector2::zeros();
         self.seen_mps = Vector2::zeros();
         self.moved_mps = Vector2::zeros();
-        self.felt = 0.0;
-        self.saw = 0.0;
+        self.ins_power = 0.0;
+        self.gnss_power = 0.0;
         self.mark_mps = Vector2::zeros();
         self.steady_s = 0.0;
-        self.last_sighting = first.time;
+        self.last_observation = first.time;
         self.first_accel_mps2 = self.accel_mps2;
         let off = 0.5 * first.span_s * FIRST_ACCEL_MPS2;
         let swung = swing.component_mul(swing) * self.arm_variance();
         for (axis, swung) in swung.iter().enumerate() {
-            let noise = first.alike * first.sigma_mps * first.sigma_mps + off * off + swung;
-            self.covariance.renew(ERROR + axis, noise);
+            let noise = first.shared * first.sigma_mps * first.sigma_mps + off * off + swung;
+            self.covariance.reset(ERROR + axis, noise);
         }
     }
 
@@ -518,13 +525,13 @@ impl Candidate {
 
     /// Takes one residual into covariance and correction; returns its square over the variance
     /// it should have, and that.
-    fn weigh(&mut self, h: &Row, residual: f32, noise: f32, correction: &mut Row) -> (f32, f32) {
+    fn fuse(&mut self, h: &Row, residual: f32, noise: f32, correction: &mut Row) -> (f32, f32) {
         let left = residual - h.dot(correction);
-        let with = self.covariance.with(h);
+        let with = self.covariance.times(h);
         let expected = with.dot(h) + noise;
         let ratio = left * left / expected;
         let variance = math::max(expected * ratio / limited(ratio), expected);
-        self.covariance.measure(&with, variance);
+        self.covariance.update(&with, variance);
         *correction += with * (left / variance);
         (ratio, expected)
     }
@@ -540,7 +547,7 @@ impl Candidate {
             UNKNOWN_ANGLE_RAD
         };
         let length = self.covariance.sigma_of(&grow);
-        self.knew_angle |= self.knows_angle();
+        self.had_angle |= self.knows_angle();
         if !(self.knows_angle() && length > LENGTH_ERROR) {
             return;
         }
@@ -548,7 +555,7 @@ impl Candidate {
         // Second order of the angle: 1 - cos.
         let noise = LENGTH_ERROR * LENGTH_ERROR + 0.25 * angle * angle * angle * angle;
         let mut correction = Row::zeros();
-        let (ratio, _) = self.weigh(&grow, single(off), single(noise), &mut correction);
+        let (ratio, _) = self.fuse(&grow, single(off), single(noise), &mut correction);
         self.log_likelihood -= 0.5 * limited(ratio);
         self.correct(&correction);
     }
@@ -556,15 +563,15 @@ impl Candidate {
     /// Lets the frame of now be the one that is sought: `(c, s)` turn by what the frame has turned
     /// since the last time, `e` by what that makes of the velocity. A turn of before the heading
     /// shows is then forgotten: any rotation is as likely as another.
-    fn anchor(&mut self, moved: Vector2<f32>) {
+    fn rotate_reference(&mut self, moved: Vector2<f32>) {
         let turn = self.rotation;
-        let (x, y) = (turn.dot(&moved), turn.dot(&turned_back(moved)));
+        let (x, y) = (turn.dot(&moved), turn.dot(&rotated_right(moved)));
         let p = &mut self.covariance;
         p.shear(COS, TILT + 2, -turn.y);
         p.shear(SIN, TILT + 2, turn.x);
         p.shear(ERROR, TILT + 2, -y);
         p.shear(ERROR + 1, TILT + 2, x);
-        p.renew(TILT + 2, 0.0);
+        p.reset(TILT + 2, 0.0);
     }
 
     /// What the angle of cosine and sine, with the turn since, and their length hang on.
@@ -647,7 +654,7 @@ fn limited(ratio: f32) -> f32 {
 }
 
 /// What stands beside the sine for the second component.
-fn turned_back(d: Vector2<f32>) -> Vector2<f32> {
+fn rotated_right(d: Vector2<f32>) -> Vector2<f32> {
     Vector2::new(d.y, -d.x)
 }
 
@@ -656,7 +663,7 @@ fn gyro_sigma(known: &Parameters, axis: usize, config: &Config) -> f64 {
     let sigma = known.sigma(index::GYRO + axis);
     let preset = single(config.sensors.gyro_bias_radps);
     if known.value(index::GYRO + axis) == 0.0 && sigma >= f64::from(preset) {
-        UNUSUAL * sigma
+        UNKNOWN_UNIT * sigma
     } else {
         sigma
     }
@@ -686,8 +693,8 @@ struct Moment {
 
 impl Moment {
     /// The mean over the time since the last sighting, at which velocity and attitude were these.
-    fn mean(&self, span_s: f32, velocity_mps: Vector2<f32>, level: &Matrix2x3<f32>) -> Shown {
-        Shown {
+    fn mean(&self, span_s: f32, velocity_mps: Vector2<f32>, level: &Matrix2x3<f32>) -> Predicted {
+        Predicted {
             velocity_mps: self.way_m / span_s,
             accel_mps2: (self.velocity_mps - velocity_mps) / span_s,
             back_s: self.seconds - 0.5 * span_s,
@@ -697,7 +704,7 @@ impl Moment {
 }
 
 /// What of the motion a sighting is compared with.
-struct Shown {
+struct Predicted {
     velocity_mps: Vector2<f32>,
     accel_mps2: Vector2<f32>,
     /// How long after where the INS stands, s.

@@ -28,7 +28,7 @@ impl<const N: usize, const T: usize> Covariance<N, T> {
 
     #[inline(never)]
     fn get(&self, i: usize, j: usize) -> f32 {
-        self.lower.get(place(i, j)).copied().unwrap_or(0.0)
+        self.lower.get(index_of(i, j)).copied().unwrap_or(0.0)
     }
 
     pub(crate) fn variance(&self, i: usize) -> f32 {
@@ -37,15 +37,15 @@ impl<const N: usize, const T: usize> Covariance<N, T> {
 
     /// Adds to the variance of one unknown.
     pub(crate) fn widen(&mut self, i: usize, variance: f32) {
-        if let Some(own) = self.lower.get_mut(place(i, i)) {
+        if let Some(own) = self.lower.get_mut(index_of(i, i)) {
             *own += variance;
         }
     }
 
     /// Unknown `i` is drawn anew, independent of all others.
-    pub(crate) fn renew(&mut self, i: usize, variance: f32) {
+    pub(crate) fn reset(&mut self, i: usize, variance: f32) {
         for k in 0..N {
-            if let Some(both) = self.lower.get_mut(place(i, k)) {
+            if let Some(both) = self.lower.get_mut(index_of(i, k)) {
                 *both = 0.0;
             }
         }
@@ -57,7 +57,7 @@ impl<const N: usize, const T: usize> Covariance<N, T> {
         let own = 2.0 * factor * self.get(i, j) + factor * factor * self.get(j, j);
         for k in (0..N).filter(|k| *k != i) {
             let add = factor * self.get(j, k);
-            if let Some(both) = self.lower.get_mut(place(i, k)) {
+            if let Some(both) = self.lower.get_mut(index_of(i, k)) {
                 *both += add;
             }
         }
@@ -65,7 +65,7 @@ impl<const N: usize, const T: usize> Covariance<N, T> {
     }
 
     /// Covariance of all unknowns with the sum `h . x`.
-    pub(crate) fn with(&self, h: &SVector<f32, N>) -> SVector<f32, N> {
+    pub(crate) fn times(&self, h: &SVector<f32, N>) -> SVector<f32, N> {
         let mut product = SVector::<f32, N>::zeros();
         let mut rest = self.lower.as_slice();
         for (i, h_i) in h.iter().enumerate() {
@@ -86,18 +86,18 @@ impl<const N: usize, const T: usize> Covariance<N, T> {
         product
     }
 
-    /// Takes in a measurement of the sum that all unknowns are covariant with as `with`, of
+    /// Takes in a measurement of the sum that all unknowns are covariant with as `product`, of
     /// innovation variance `variance`.
-    pub(crate) fn measure(&mut self, with: &SVector<f32, N>, variance: f32) {
+    pub(crate) fn update(&mut self, product: &SVector<f32, N>, variance: f32) {
         let mut rest = self.lower.as_mut_slice();
-        for (i, with_i) in with.iter().enumerate() {
+        for (i, with_i) in product.iter().enumerate() {
             let Some((row, later)) = rest.split_at_mut_checked(i + 1) else {
                 break;
             };
             let gain = with_i / variance;
             // What rounding would make negative stays a millionth of what it was.
             let least = 1e-6 * row.last().copied().unwrap_or(0.0);
-            for (p, with_j) in row.iter_mut().zip(with) {
+            for (p, with_j) in row.iter_mut().zip(product) {
                 *p -= gain * with_j;
             }
             if let Some(own) = row.last_mut() {
@@ -109,12 +109,12 @@ impl<const N: usize, const T: usize> Covariance<N, T> {
 
     /// Standard deviation of the sum `h . x`.
     pub(crate) fn sigma_of(&self, h: &SVector<f32, N>) -> f64 {
-        math::sqrt(math::max(f64::from(self.with(h).dot(h)), 0.0))
+        math::sqrt(math::max(f64::from(self.times(h).dot(h)), 0.0))
     }
 }
 
 /// Where the covariance of two unknowns stands.
-fn place(i: usize, j: usize) -> usize {
+fn index_of(i: usize, j: usize) -> usize {
     let (low, high) = if i < j { (i, j) } else { (j, i) };
     high * (high + 1) / 2 + low
 }

@@ -11,8 +11,8 @@ mod coarse;
 mod covariance;
 pub mod levelling;
 mod nodes;
+mod observations;
 pub mod rest;
-mod sightings;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 
@@ -21,8 +21,8 @@ use self::candidate::{Start, widest_gyro_sigma};
 use self::coarse::{CoarseLevel, Level};
 use self::levelling::{RestMean, UNSEEN_RADPS};
 use self::nodes::Nodes;
+use self::observations::Observations;
 use self::rest::{RestBlock, RestDetector, Verdict};
-use self::sightings::Sightings;
 use crate::attitude::{euler, matrix, turned};
 use crate::calibration::RUN_S;
 use crate::config::{Config, HeadingSource, Noise};
@@ -58,14 +58,14 @@ const RESUMED_TILT_RAD: f64 = 0.1;
 /// Largest spread of a heading that is good enough to navigate on, rad.
 const HEADING_SIGMA_RAD: f64 = 0.3;
 /// Time for which a fix tells rest from an even turn, s.
-const HEARD_S: f64 = 3.0;
+const RECENT_FIX_S: f64 = 3.0;
 /// Pieces of work a second on nodes, sightings and answers: twice as many as arise.
 const WORK_PER_S: f64 = 120.0;
 /// Age at which a measured heading comes too late while aligning, s; longest time between two that follow each
 /// other, once a second or more often; and age at which the last counts no more, for the next is late, too.
-const MEASURED_S: f64 = 1.0;
-const FOLLOWS_S: f64 = 1.5;
-const LAST_S: f64 = MEASURED_S + 1.0;
+const HEADING_DELAY_S: f64 = 1.0;
+const HEADING_INTERVAL_S: f64 = 1.5;
+const HEADING_OLD_S: f64 = HEADING_DELAY_S + 1.0;
 /// Least spread of one that old, rad.
 const LEAST_HEADING_SIGMA_RAD: f64 = 0.01;
 /// Oldest fix whose position is carried on to the start of navigation, s.
@@ -75,13 +75,13 @@ const OLDEST_FIX_S: f64 = 5.0;
 struct Levelled {
     level: Level,
     heading: Option<(f64, f64)>,
-    by: ToldBy,
+    source: AttitudeSource,
 }
 
 /// What has told the attitude: whose biases are in it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum ToldBy {
+pub enum AttitudeSource {
     /// Motion: none.
     Motion,
     /// The accelerometers have told roll and pitch.
@@ -98,7 +98,7 @@ pub struct Aligned {
     pub ins: Mechanization,
     /// Spread of roll and pitch, rad; that of the azimuth is in [`Alignment::known`].
     pub tilt_sigma_rad: f64,
-    pub by: ToldBy,
+    pub source: AttitudeSource,
     /// Variance of a climb that nothing has told, (m/s)^2; else zero.
     pub climb_variance: f64,
     /// Variance of the place beyond that of a first fix, m^2.
@@ -116,7 +116,7 @@ impl Aligned {
 /// The search for the heading going on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Finding {
+struct Search {
     nodes: Nodes,
     bank: Bank,
     /// The candidate that has found it, which is brought to the present.
@@ -131,7 +131,7 @@ enum Stage {
     Levelling(CoarseLevel),
     /// To begin from this level.
     Begin(Level),
-    Finding(Finding),
+    Searching(Search),
     Aligned(Aligned),
 }
 
@@ -143,7 +143,7 @@ pub struct Alignment {
     /// Whether it is the first: a given heading is that of the beginning.
     first: bool,
     /// Whether measured headings have misled the INS before it.
-    misheaded: bool,
+    bad_headings: bool,
     known: Parameters,
     /// Of when that is.
     known_at: Option<Time>,
@@ -152,12 +152,12 @@ pub struct Alignment {
     /// Last velocity known, ENU, whether its climb is, and last place, of which the height may be known
     /// first, and of which time its position.
     velocity_mps: Vector3<f64>,
-    climb_told: bool,
+    climb_known: bool,
     place: Geodetic,
     placed: Option<Time>,
     /// Variance of position and height that fixes have not told anew since an INS was lost, m^2.
-    untold: [f64; 2],
-    sightings: Sightings,
+    stale_variance: [f64; 2],
+    observations: Observations,
     measured: Option<Heading>,
     stage: Stage,
 }
@@ -174,16 +174,16 @@ impl Alignment {
             start,
             known_at,
             first: true,
-            misheaded: false,
+            bad_headings: false,
             known: *known,
             detector: RestDetector::default(),
             rest: RestMean::default(),
             velocity_mps: Vector3::zeros(),
-            climb_told: false,
+            climb_known: false,
             place: Geodetic::default(),
             placed: None,
-            untold: [0.0; 2],
-            sightings: Sightings::default(),
+            stale_variance: [0.0; 2],
+            observations: Observations::default(),
             measured: None,
             stage: Stage::Levelling(CoarseLevel::default()),
         }
@@ -193,13 +193,13 @@ impl Alignment {
     /// height; roll and pitch of one that has only been lost are kept as a start.
     pub fn begin_again(
         &mut self,
-        misheaded: bool,
+        bad_headings: bool,
         position_variance: [f64; 2],
         left: Option<&Mechanization>,
     ) {
         self.first = false;
-        self.misheaded = misheaded;
-        self.untold = position_variance;
+        self.bad_headings = bad_headings;
+        self.stale_variance = position_variance;
         if let Some(ins) = left {
             self.place = ins.position;
             self.placed = Some(self.start);
@@ -211,7 +211,7 @@ impl Alignment {
     pub fn phase(&self) -> Phase {
         match self.stage {
             Stage::Levelling(_) => Phase::Levelling,
-            Stage::Begin(_) | Stage::Finding(_) | Stage::Aligned(_) => Phase::FindingHeading,
+            Stage::Begin(_) | Stage::Searching(_) | Stage::Aligned(_) => Phase::FindingHeading,
         }
     }
 
@@ -224,7 +224,7 @@ impl Alignment {
     pub fn begin_at(&mut self, time: Time) {
         let level = match &self.stage {
             Stage::Begin(level) => Some(*level),
-            Stage::Finding(finding) => finding.bank.leader().map(|c| resumed(*c.attitude())),
+            Stage::Searching(search) => search.bank.leader().map(|c| resumed(*c.attitude())),
             Stage::Levelling(_) | Stage::Aligned(_) => None,
         };
         self.restart(time);
@@ -235,7 +235,7 @@ impl Alignment {
 
     /// Nobody has seen what it did until `time`: a heading that was given is that of the beginning still
     /// where it has stood.
-    pub fn lose_sight(&mut self, time: Time) {
+    pub fn on_outage(&mut self, time: Time) {
         self.first &= self.moved_s(time) <= 0.0;
     }
 
@@ -245,14 +245,14 @@ impl Alignment {
         self.start = time;
         self.detector = RestDetector::default();
         self.rest = RestMean::default();
-        self.sightings = Sightings::default();
+        self.observations = Observations::default();
         self.measured = None;
         self.stage = Stage::Levelling(CoarseLevel::default());
     }
 
     /// Variance of position and height that no fix has told since an INS was lost, m^2.
-    pub fn untold(&self) -> &[f64; 2] {
-        &self.untold
+    pub fn stale_variance(&self) -> &[f64; 2] {
+        &self.stale_variance
     }
 
     /// The INS to start from, once it is aligned.
@@ -267,7 +267,7 @@ impl Alignment {
     pub fn on_interval(&mut self, time: Time, interval: &Interval, config: &Config) {
         let verdict = self.detector.on_interval(interval);
         if verdict.is_some() {
-            self.grow_old(time, config);
+            self.age_parameters(time, config);
         }
         match &self.stage {
             Stage::Levelling(_) => self.level_on(time, interval, verdict, config),
@@ -275,10 +275,10 @@ impl Alignment {
                 let level = *level;
                 self.find(time, &level, config);
             }
-            Stage::Finding(_) => {
+            Stage::Searching(_) => {
                 self.find_on(time, interval, config);
                 if let Some(verdict) = verdict {
-                    self.rest_again(time, verdict, config);
+                    self.relevel(time, verdict, config);
                 }
             }
             Stage::Aligned(_) => {}
@@ -291,7 +291,7 @@ impl Alignment {
         let last = &self.velocity_mps;
         let level = fix.velocity_en_mps.unwrap_or(last.xy());
         self.velocity_mps = level.push(fix.velocity_up_mps.unwrap_or(last.z));
-        self.climb_told |= fix
+        self.climb_known |= fix
             .velocity_up_mps
             .is_some_and(|up_mps| math::abs(up_mps) > 0.0);
         if let Some(placed) = self.placed
@@ -301,13 +301,13 @@ impl Alignment {
             if math::abs(since_s) < OLDEST_FIX_S {
                 let mut ins =
                     Mechanization::new(self.place, self.velocity_mps, UnitQuaternion::identity());
-                ins.go_on(since_s);
+                ins.extrapolate(since_s);
                 self.place = ins.position;
                 self.placed = Some(fix.time);
             }
         }
         self.place = fix.place_or(&self.place);
-        let [position, height] = &mut self.untold;
+        let [position, height] = &mut self.stale_variance;
         let gnss = &config.gnss;
         if fix.position.is_some() {
             self.placed = Some(fix.time);
@@ -319,24 +319,24 @@ impl Alignment {
         if fix.is_moving(gnss.velocity_mps.white) {
             self.detector.on_motion();
         }
-        let Some(sighting) = self.sightings.add(fix, config) else {
+        let Some(observation) = self.observations.add(fix, config) else {
             return;
         };
         let mut seen_mps = Vector2::zeros();
-        if sighting.moves() {
+        if observation.is_moving() {
             self.detector.on_motion();
-            seen_mps = sighting.velocity_mps.map(f64::from);
+            seen_mps = observation.velocity_mps.map(f64::from);
         }
         if fix.velocity_en_mps.is_none() {
             self.velocity_mps = seen_mps.push(self.velocity_mps.z);
         }
         match &mut self.stage {
             Stage::Levelling(coarse) => {
-                coarse.on_velocity(&sighting.velocity_mps.map(f64::from));
+                coarse.on_velocity(&observation.velocity_mps.map(f64::from));
             }
-            Stage::Finding(Finding {
+            Stage::Searching(Search {
                 bank, found: None, ..
-            }) => bank.on_sighting(&sighting, self.sightings.count() - 1),
+            }) => bank.on_observation(&observation, self.observations.count() - 1),
             _ => {}
         }
     }
@@ -344,21 +344,21 @@ impl Alignment {
     /// Takes a measured heading; `now` is the last inertial stamp.
     pub fn on_heading(&mut self, now: Time, heading: &Heading) -> GnssOutcome {
         let ago_s = now.seconds_since(heading.time);
-        if ago_s > MEASURED_S {
+        if ago_s > HEADING_DELAY_S {
             return GnssOutcome::TooOld;
         }
-        if ago_s < -MEASURED_S {
+        if ago_s < -HEADING_DELAY_S {
             return GnssOutcome::TooFarAhead;
         }
         if heading.sigma_rad > HEADING_SIGMA_RAD {
             return GnssOutcome::OutOfRange;
         }
-        if self.misheaded {
+        if self.bad_headings {
             return GnssOutcome::Outlier;
         }
         // There will be one at the end of levelling, too.
-        let follows = |last: Heading| heading.time.seconds_since(last.time) <= FOLLOWS_S;
-        let seeks = matches!(self.stage, Stage::Finding(Finding { found: None, .. }));
+        let follows = |last: Heading| heading.time.seconds_since(last.time) <= HEADING_INTERVAL_S;
+        let seeks = matches!(self.stage, Stage::Searching(Search { found: None, .. }));
         if seeks && self.measured.is_some_and(follows) {
             self.restart(now);
         }
@@ -378,7 +378,8 @@ impl Alignment {
         turned_rad: f64,
         config: &Config,
     ) -> Option<(f64, f64)> {
-        let recent = |measured: &Heading| math::abs(time.seconds_since(measured.time)) <= LAST_S;
+        let recent =
+            |measured: &Heading| math::abs(time.seconds_since(measured.time)) <= HEADING_OLD_S;
         if let Some(measured) = self.measured.filter(recent) {
             // By half as much or by half as much again, where a turn begins or ends.
             let since_rad = turning_radps * time.seconds_since(measured.time);
@@ -409,10 +410,10 @@ impl Alignment {
 
     /// What is known of the sensors becomes that of now: biases have walked, and clocks gone apart.
     #[inline(never)]
-    fn grow_old(&mut self, time: Time, config: &Config) {
+    fn age_parameters(&mut self, time: Time, config: &Config) {
         let last = self.known_at.replace(time).unwrap_or(time);
         // Clocks may have been set meanwhile.
-        let seconds = math::within(time.seconds_since(last), [0.0, RUN_S]);
+        let seconds = math::clamp(time.seconds_since(last), [0.0, RUN_S]);
         let known = &mut self.known;
         known.shift(index::LATENCY, seconds * known.value(index::CLOCK_DRIFT));
         let drifted_s = seconds * known.sigma(index::CLOCK_DRIFT);
@@ -483,7 +484,7 @@ impl Alignment {
     /// A mean in motion that is good enough, or as good as it will be.
     fn level_in_motion(&self, time: Time, verdict: &Verdict, config: &Config) -> Option<Levelled> {
         let waited = time.seconds_since(self.start);
-        let speed = self.sightings.speed_mps();
+        let speed = self.observations.speed_mps();
         let in_vain = waited - self.rest.seconds > WAIT_S;
         let moves = waited > WAIT_MOVING_S && verdict.moves() && speed > MOVING_MPS;
         if !in_vain && !moves {
@@ -499,7 +500,7 @@ impl Alignment {
         good.then(|| Levelled {
             heading: self.heading(time, &level, turning_radps, 0.0, config),
             level,
-            by: ToldBy::Level,
+            source: AttitudeSource::Level,
         })
     }
 
@@ -509,8 +510,9 @@ impl Alignment {
         let agrees = self.rest.agrees(block, &config.sensors);
         let off = math::largest(&(block.rate_radps - self.known.vector(index::GYRO)));
         let credible = UNSEEN_RADPS + widest_gyro_sigma(&self.known, config);
-        let heard = |last: Time| time.seconds_since(last) < HEARD_S;
-        if !((agrees && off < AGREES_SIGMAS * credible) || self.sightings.last().is_some_and(heard))
+        let recent = |last: Time| time.seconds_since(last) < RECENT_FIX_S;
+        if !((agrees && off < AGREES_SIGMAS * credible)
+            || self.observations.last().is_some_and(recent))
         {
             return false;
         }
@@ -559,10 +561,10 @@ impl Alignment {
         Levelled {
             level,
             heading: told.or_else(|| compassed.then(compass)),
-            by: if compassed {
-                ToldBy::Gyrocompass
+            source: if compassed {
+                AttitudeSource::Gyrocompass
             } else {
-                ToldBy::Level
+                AttitudeSource::Level
             },
         }
     }
@@ -585,12 +587,12 @@ impl Alignment {
             return;
         };
         self.known.set(index::AZIMUTH, 0.0, sigma_rad);
-        let [position_variance, _] = self.untold;
+        let [position_variance, _] = self.stale_variance;
         let attitude = turned(&level.attitude, heading_rad);
         self.stage = Stage::Aligned(Aligned {
             ins: Mechanization::new(self.place, self.velocity_mps, attitude),
             tilt_sigma_rad: math::max(level.tilt_sigma_rad, LEVEL_SIGMA_RAD),
-            by: levelled.by,
+            source: levelled.source,
             climb_variance: self.climb_variance(config),
             position_variance,
         });
@@ -598,7 +600,7 @@ impl Alignment {
 
     /// Variance of the climb of a vehicle in motion that nothing has told.
     fn climb_variance(&self, config: &Config) -> f64 {
-        if self.climb_told || self.rest.seconds >= LEAST_REST_S {
+        if self.climb_known || self.rest.seconds >= LEAST_REST_S {
             return 0.0;
         }
         config.climb_sigma_mps * config.climb_sigma_mps
@@ -623,7 +625,7 @@ impl Alignment {
 
     #[inline(never)]
     fn find_from(&mut self, start: &Start, config: &Config) {
-        self.stage = Stage::Finding(Finding {
+        self.stage = Stage::Searching(Search {
             nodes: Nodes::default(),
             bank: Bank::new(start, &self.known, config),
             found: None,
@@ -632,8 +634,8 @@ impl Alignment {
 
     /// A vehicle that has not moved yet is levelled again and again.
     #[inline(never)]
-    fn rest_again(&mut self, time: Time, verdict: Verdict, config: &Config) {
-        let Stage::Finding(Finding {
+    fn relevel(&mut self, time: Time, verdict: Verdict, config: &Config) {
+        let Stage::Searching(Search {
             bank, found: None, ..
         }) = &self.stage
         else {
@@ -681,25 +683,25 @@ impl Alignment {
     #[inline(never)]
     fn find_on(&mut self, time: Time, interval: &Interval, config: &Config) {
         let force_mps = self.compensated(interval).force_mps;
-        let Stage::Finding(finding) = &mut self.stage else {
+        let Stage::Searching(search) = &mut self.stage else {
             return;
         };
-        let ended = finding.nodes.add(&Interval {
+        let ended = search.nodes.add(&Interval {
             force_mps,
             ..*interval
         });
         // One more where a node has ended: it is taken in before the hand-over at its end.
         for _ in 0..=(WORK_PER_S * interval.seconds) as u32 + u32::from(ended) {
-            let nodes = &finding.nodes;
-            match finding.found {
-                None if finding
+            let nodes = &search.nodes;
+            match search.found {
+                None if search
                     .bank
-                    .work(nodes, &self.sightings, &self.known, config) =>
+                    .work(nodes, &self.observations, &self.known, config) =>
                 {
                     return self.ask(time);
                 }
                 None => {}
-                Some(best) if finding.bank.catch_up(best, nodes, config) => {}
+                Some(best) if search.bank.catch_up(best, nodes, config) => {}
                 Some(best) if ended => return self.finish(time, best, config),
                 Some(_) => return,
             }
@@ -709,13 +711,13 @@ impl Alignment {
     /// Asks whether enough is found.
     #[inline(never)]
     fn ask(&mut self, time: Time) {
-        let Stage::Finding(finding) = &mut self.stage else {
+        let Stage::Searching(search) = &mut self.stage else {
             return;
         };
-        match finding.bank.answer(&self.known) {
+        match search.bank.answer(&self.known) {
             Answer::Wait => {}
             Answer::Ready(mixture) => {
-                finding.found = Some(mixture.best);
+                search.found = Some(mixture.best);
                 self.learn(&mixture);
             }
             Answer::Wrong => self.restart(time),
@@ -746,13 +748,13 @@ impl Alignment {
     /// Hands over, at the end of a node.
     #[inline(never)]
     fn finish(&mut self, time: Time, best: u8, config: &Config) {
-        let (Stage::Finding(Finding { bank, .. }), Some(placed)) = (&self.stage, self.placed)
+        let (Stage::Searching(Search { bank, .. }), Some(placed)) = (&self.stage, self.placed)
         else {
             return;
         };
         let (Some(candidate), Some(level)) = (
             bank.candidate(best),
-            bank.velocity_en_mps(best, &self.sightings),
+            bank.velocity_en_mps(best, &self.observations),
         ) else {
             return;
         };
@@ -760,9 +762,9 @@ impl Alignment {
         let velocity = Vector3::new(level.x, level.y, self.velocity_mps.z);
         let mut ins = Mechanization::new(self.place, velocity, *candidate.attitude());
         let age_s = time.seconds_since(placed) + self.known.value(index::LATENCY);
-        let [mut position_variance, _] = self.untold;
+        let [mut position_variance, _] = self.stale_variance;
         if math::abs(age_s) < OLDEST_FIX_S {
-            ins.go_on(age_s);
+            ins.extrapolate(age_s);
         } else {
             position_variance += velocity.norm_squared() * age_s * age_s;
         }
@@ -772,7 +774,7 @@ impl Alignment {
         self.stage = Stage::Aligned(Aligned {
             ins,
             tilt_sigma_rad: math::sqrt(tilt),
-            by: ToldBy::Motion,
+            source: AttitudeSource::Motion,
             climb_variance: self.climb_variance(config),
             position_variance,
         });

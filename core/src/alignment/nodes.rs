@@ -69,7 +69,7 @@ impl Nodes {
     }
 
     /// Whether node `number` must not wait any longer for a fix.
-    pub(crate) fn presses(&self, number: u32) -> bool {
+    pub(crate) fn must_advance(&self, number: u32) -> bool {
         self.count.saturating_sub(number) > WAIT
     }
 

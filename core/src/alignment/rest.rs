@@ -111,13 +111,13 @@ impl RestDetector {
         }
         self.before = Some(block);
         match before {
-            Some(earlier) if alike(&earlier, &block) => Verdict::Rest(earlier),
+            Some(earlier) if shared(&earlier, &block) => Verdict::Rest(earlier),
             _ => Verdict::Perhaps(block),
         }
     }
 }
 
-fn alike(a: &RestBlock, b: &RestBlock) -> bool {
+fn shared(a: &RestBlock, b: &RestBlock) -> bool {
     (a.force_mps2 - b.force_mps2).norm() < ACCEL_STEP_MPS2
         && (a.rate_radps - b.rate_radps).norm() < GYRO_STEP_RADPS
 }

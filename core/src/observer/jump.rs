@@ -17,39 +17,39 @@ const EXPLAINED: f64 = 0.5;
 
 /// How a jump of a parameter is looked for.
 #[derive(Debug)]
-pub struct Sight {
+pub struct JumpTest {
     /// Time over which innovations, and what a unit adds to them, are averaged first, s.
     mean_s: f64,
     /// Time for which they count, s.
     memory_s: f64,
     /// Least time in which it was seen, s: wrong fixes come in bursts, and point anywhere.
-    pub seen_s: f64,
+    pub least_time_s: f64,
     /// Whether something may pull all the time the same way.
-    beside_a_pull: bool,
+    with_offset: bool,
     /// Whether innovations that are not believed count as well.
-    pub by_refused: bool,
+    pub uses_rejected: bool,
 }
 
 /// An azimuth: some manoeuvres.
-pub const AZIMUTH: Sight = Sight {
+pub const AZIMUTH: JumpTest = JumpTest {
     mean_s: 0.0,
     memory_s: 30.0,
-    seen_s: 3.0,
-    beside_a_pull: false,
-    by_refused: true,
+    least_time_s: 3.0,
+    with_offset: false,
+    uses_rejected: true,
 };
 /// A latency: so does what a hard braking does to sensors.
-pub const LATENCY: Sight = Sight {
-    seen_s: 9.0,
-    beside_a_pull: true,
+pub const LATENCY: JumpTest = JumpTest {
+    least_time_s: 9.0,
+    with_offset: true,
     ..AZIMUTH
 };
 /// One that was never right: steps show it but for whole ones, and of a walk only bends and stops do, each for a
 /// second or two, which are not seen among steps. In so long a time an INS also follows a receiver that is stuck.
-pub const BENDS: Sight = Sight {
+pub const INITIAL_LATENCY: JumpTest = JumpTest {
     mean_s: 1.0,
     memory_s: 300.0,
-    by_refused: false,
+    uses_rejected: false,
     ..LATENCY
 };
 
@@ -61,43 +61,43 @@ pub struct Jump {
     score: f64,
     information: f64,
     /// Squares of the information in a second, integrated.
-    gathered: f64,
+    info_squares: f64,
     /// Squares of the innovations, in their variance, less what noise makes of them.
-    squares: f64,
+    excess: f64,
     /// Of a pull that stays: information, and of each component what shows it, and what it shares with a jump.
-    weight: f64,
-    pull: [f64; 2],
+    offset_weight: f64,
+    offset: [f64; 2],
     shared: [f64; 2],
     /// Innovation and what a unit would add to it, averaged.
     mean: [f64; 2],
-    mean_by: [f64; 2],
+    mean_partial: [f64; 2],
 }
 
 impl Jump {
     /// Takes an innovation of this variance per component, `seconds` (positive) after the last, to
     /// which a unit would add `by`. What is averaged tells less, which its smaller square holds.
     #[inline(never)]
-    pub fn take(
+    pub fn add(
         &mut self,
         innovation: &Vector2<f64>,
         by: &Vector2<f64>,
         variance: f64,
         seconds: f64,
-        sight: &Sight,
+        test: &JumpTest,
     ) {
-        let keep = 1.0 / (1.0 + seconds / sight.memory_s);
+        let keep = 1.0 / (1.0 + seconds / test.memory_s);
         let (mut shown, mut information, mut square) = (0.0, 0.0, 0.0);
-        self.weight = keep * self.weight + 1.0 / variance;
-        let part = seconds / (seconds + sight.mean_s);
-        let pulls = self.pull.iter_mut().zip(&mut self.shared);
-        let means = self.mean.iter_mut().zip(&mut self.mean_by);
-        for (((innovation, by), (mean, mean_by)), (pull, shared)) in
-            innovation.iter().zip(by).zip(means).zip(pulls)
+        self.offset_weight = keep * self.offset_weight + 1.0 / variance;
+        let part = seconds / (seconds + test.mean_s);
+        let offsets = self.offset.iter_mut().zip(&mut self.shared);
+        let means = self.mean.iter_mut().zip(&mut self.mean_partial);
+        for (((innovation, by), (mean, mean_partial)), (offset, shared)) in
+            innovation.iter().zip(by).zip(means).zip(offsets)
         {
             *mean += part * (innovation - *mean);
-            *mean_by += part * (by - *mean_by);
-            let (innovation, by) = (*mean, *mean_by);
-            *pull = keep * *pull + innovation / variance;
+            *mean_partial += part * (by - *mean_partial);
+            let (innovation, by) = (*mean, *mean_partial);
+            *offset = keep * *offset + innovation / variance;
             *shared = keep * *shared + by / variance;
             shown += by * innovation / variance;
             information += by * by / variance;
@@ -105,32 +105,31 @@ impl Jump {
         }
         self.score = keep * self.score + shown;
         self.information = keep * self.information + information;
-        self.gathered = keep * self.gathered + information * information / seconds;
-        self.squares = keep * self.squares + square;
+        self.info_squares = keep * self.info_squares + information * information / seconds;
+        self.excess = keep * self.excess + square;
     }
 
     /// The square of its size, if there was one beyond what is known to `variance`; innovations are `inflation`
     /// times less informative than white ones.
     #[inline(never)]
-    pub fn square(&mut self, variance: f64, inflation: f64, sight: &Sight) -> Option<f64> {
+    pub fn detect(&mut self, variance: f64, inflation: f64, test: &JumpTest) -> Option<f64> {
         let expected = inflation + self.information * variance;
         if self.score * self.score < expected * self.information {
             *self = Self::default();
             return None;
         }
-        let [mut score, mut information, mut squares] =
-            [self.score, self.information, self.squares];
-        if sight.beside_a_pull {
-            for (pull, shared) in self.pull.iter().zip(&self.shared) {
-                score -= shared * pull / self.weight;
-                information -= shared * shared / self.weight;
-                squares -= pull * pull / self.weight;
+        let [mut score, mut information, mut excess] = [self.score, self.information, self.excess];
+        if test.with_offset {
+            for (offset, shared) in self.offset.iter().zip(&self.shared) {
+                score -= shared * offset / self.offset_weight;
+                information -= shared * shared / self.offset_weight;
+                excess -= offset * offset / self.offset_weight;
             }
         }
         let explained = score * score / information;
         let jumped = explained > SIGMAS * SIGMAS * expected
-            && explained > EXPLAINED * squares
-            && self.information * self.information > sight.seen_s * self.gathered;
+            && explained > EXPLAINED * excess
+            && self.information * self.information > test.least_time_s * self.info_squares;
         jumped.then(|| {
             *self = Self::default();
             4.0 * explained / information

@@ -8,36 +8,36 @@
 //! in the same way.
 //! With gains at the noise optimum the innovations are white, so plain least squares over them
 //! is what a Kalman filter with all parameters in its state would find (Friedland's separate-bias
-//! estimation, IEEE TAC 14, 1969); with parameters that walk, see `Observer::let_walk`.
+//! estimation, IEEE TAC 14, 1969); with parameters that walk, see `Observer::add_walk`.
 
-mod colour;
-mod constancy;
-mod doubt;
-mod fix;
-mod followed;
+mod coloured_noise;
+mod consistency;
+mod divergence;
+mod error_state;
 mod jump;
-mod level;
-mod manoeuvred;
-mod pace;
-mod passage;
+mod mount_level;
 mod process_noise;
-mod spread;
+mod propagation;
+mod transient;
+mod uncertainty;
+mod update;
+mod update_timing;
 
 use nalgebra::{Matrix3, SVector, Vector3};
 
-use self::colour::{Colour, Persistence, Sensitivity};
-use self::constancy::Constancy;
-pub use self::doubt::{Hole, LOST_MPS};
-use self::followed::{Followed, UNIT_RESPONSES};
+use self::coloured_noise::{ColouredNoise, CorrelationTime, FilterSensitivity};
+use self::consistency::Consistency;
+pub use self::divergence::{Hole, RESET_MPS};
+use self::error_state::{ErrorState, INITIAL_SENSITIVITIES};
 pub use self::jump::AZIMUTH as AZIMUTH_JUMP;
 use self::jump::Jump;
-use self::manoeuvred::Manoeuvred;
-use self::pace::Pace;
 use self::process_noise::ProcessNoise;
+use self::transient::TransientError;
+use self::update_timing::UpdateTiming;
 use crate::channel::Channel;
 use crate::config::Config;
 use crate::error_model::InsError;
-use crate::innovations::{Doubts, Innovations, Surprise};
+use crate::innovations::{Innovations, NisTest, Resets};
 use crate::least_squares::LeastSquares;
 use crate::math::{self, singles};
 use crate::parameters::{AGREES_SIGMAS, COUNT, PAIRS, Parameters, index};
@@ -52,13 +52,13 @@ const FIRST_LEVEL_S: f64 = 30.0;
 const UNKNOWN_HEIGHT_M: f64 = 9000.0;
 
 /// Jumps that are looked for, and how.
-const JUMPS: [(usize, jump::Sight); 3] = [
+const JUMPS: [(usize, jump::JumpTest); 3] = [
     (index::AZIMUTH, jump::AZIMUTH),
     (index::LATENCY, jump::LATENCY),
-    (index::LATENCY, jump::BENDS),
+    (index::LATENCY, jump::INITIAL_LATENCY),
 ];
 /// Before anything has moved.
-const CONSTANT: [Constancy; COUNT] = [Constancy::NEW; COUNT];
+const CONSTANT: [Consistency; COUNT] = [Consistency::NEW; COUNT];
 
 /// Observer of the INS error and running least squares of the parameters behind it.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,23 +66,23 @@ const CONSTANT: [Constancy; COUNT] = [Constancy::NEW; COUNT];
 pub struct Observer {
     /// As it is at the horizon with the parameters as they are known. The azimuth error is the
     /// first parameter.
-    followed: Followed<f64>,
+    state: ErrorState<f64>,
     /// What a unit of each parameter more would make of it.
-    responses: [Followed<f32>; COUNT],
+    sensitivities: [ErrorState<f32>; COUNT],
     level: Channel,
     vertical: Channel,
     innovations: [Innovations; 4],
-    colours: [Colour; 4],
+    coloured_noise: [ColouredNoise; 4],
     /// To how strong that of heights is, and how long it lasts.
-    height_sensitivity: Sensitivity,
-    height_persistence: Persistence,
+    height_score: FilterSensitivity,
+    height_correlation: CorrelationTime,
     gyro_noise: ProcessNoise,
     /// How the level innovations compare with what they should be, and those of the vertical, which goes
     /// wrong on its own.
-    pub surprise: Surprise,
-    pub vertical_surprise: Surprise,
-    doubts: Doubts,
-    vertical_doubts: Doubts,
+    pub nis: NisTest,
+    pub vertical_nis: NisTest,
+    resets: Resets,
+    vertical_resets: Resets,
     /// Of [`JUMPS`].
     jumps: [Jump; JUMPS.len()],
     /// Variance of an offset that all measured headings share beyond what they state, rad^2.
@@ -95,16 +95,16 @@ pub struct Observer {
     level_force_mps2: Vector3<f64>,
     gravity_mps2: f64,
     /// Time over which that is averaged, s.
-    levelled_s: f64,
+    level_averaged_s: f64,
     /// Whose spread is due next, and what the spreads of the parameters add to the variance of the
     /// INS error.
-    next_spread: u8,
-    added: InsError<f32>,
+    next_sigma: u8,
+    parameter_variance: InsError<f32>,
     /// How each parameter moves, and what is to be given back of the one whose turn it is.
-    constancy: [Constancy; COUNT],
-    given_back: Option<f32>,
+    consistency: [Consistency; COUNT],
+    reinflation: Option<f32>,
     /// Smoothing with which it and the arm were learnt, s^2, and whether the arm is to be learnt anew.
-    learnt_at_s2: f64,
+    linearized_at_s2: f64,
     relearns_arm: bool,
     /// Since the horizon that the last solution was for, s; before it since the one before; and the
     /// azimuth's walk since then, rad^2.
@@ -114,15 +114,15 @@ pub struct Observer {
     /// The vertical in the body at the horizon, the force felt there, m/s^2, and its mean beyond that at the
     /// level attitude; how far the vertical was tipped, and velocity pulled, ENU.
     up: Vector3<f64>,
-    felt: Vector3<f64>,
-    beyond_mps2: Vector3<f32>,
-    tipped: Manoeuvred,
-    pulled: Manoeuvred,
+    force_mps2: Vector3<f64>,
+    excess_mps2: Vector3<f32>,
+    tilt_transient: TransientError,
+    velocity_transient: TransientError,
     horizon: Time,
-    level_pace: Pace,
-    vertical_pace: Pace,
+    level_timing: UpdateTiming,
+    vertical_timing: UpdateTiming,
     /// When the biases of each axis last walked.
-    walked: [Time; 3],
+    last_walk: [Time; 3],
 }
 
 impl Observer {
@@ -147,78 +147,78 @@ impl Observer {
             &gnss.velocity_mps,
             &gnss.position_m,
         );
-        level.doubt_position(position_variance);
+        level.add_position_variance(position_variance);
         let mut vertical = Channel::new(0.0, &gnss.velocity_up_mps, &gnss.height_m);
-        vertical.doubt(climb_variance, 0.0);
-        vertical.doubt_position(UNKNOWN_HEIGHT_M * UNKNOWN_HEIGHT_M);
+        vertical.add_variance(climb_variance, 0.0);
+        vertical.add_position_variance(UNKNOWN_HEIGHT_M * UNKNOWN_HEIGHT_M);
         Self {
-            followed: Followed::default(),
-            responses: UNIT_RESPONSES,
+            state: ErrorState::default(),
+            sensitivities: INITIAL_SENSITIVITIES,
             level,
             vertical,
             innovations: [Innovations::default(); 4],
-            colours: [Colour::new(start); 4],
-            height_sensitivity: Sensitivity::default(),
-            height_persistence: Persistence::default(),
+            coloured_noise: [ColouredNoise::new(start); 4],
+            height_score: FilterSensitivity::default(),
+            height_correlation: CorrelationTime::default(),
             gyro_noise: ProcessNoise::configured(),
-            surprise: Surprise::default(),
-            vertical_surprise: Surprise::default(),
-            doubts: Doubts::default(),
-            vertical_doubts: Doubts::default(),
+            nis: NisTest::default(),
+            vertical_nis: NisTest::default(),
+            resets: Resets::default(),
+            vertical_resets: Resets::default(),
             jumps: [Jump::default(); JUMPS.len()],
             heading_offset: 0.0,
-            corrections: LeastSquares::NOTHING,
+            corrections: LeastSquares::EMPTY,
             parameters: Parameters::NONE,
             level_force_mps2,
-            levelled_s: FIRST_LEVEL_S,
-            next_spread: 0,
-            added: InsError::default(),
-            constancy: CONSTANT,
-            given_back: None,
-            learnt_at_s2: 0.0,
+            level_averaged_s: FIRST_LEVEL_S,
+            next_sigma: 0,
+            parameter_variance: InsError::default(),
+            consistency: CONSTANT,
+            reinflation: None,
+            linearized_at_s2: 0.0,
             relearns_arm: false,
             unsolved_s: 0.0,
             elapsed_s: 0.0,
             azimuth_walk: 0.0,
             gravity_mps2: level_force_mps2.norm(),
             up: level_force_mps2.normalize(),
-            felt: level_force_mps2,
-            beyond_mps2: Vector3::zeros(),
-            tipped: Manoeuvred::default(),
-            pulled: Manoeuvred::default(),
+            force_mps2: level_force_mps2,
+            excess_mps2: Vector3::zeros(),
+            tilt_transient: TransientError::default(),
+            velocity_transient: TransientError::default(),
             horizon: start,
-            level_pace: Pace::new(start),
-            vertical_pace: Pace::new(start),
-            walked: [start; 3],
+            level_timing: UpdateTiming::new(start),
+            vertical_timing: UpdateTiming::new(start),
+            last_walk: [start; 3],
         }
     }
 
     /// Takes over what is believed of the parameters, before anything else.
-    pub fn believe(&mut self, prior: &Parameters) {
+    pub fn set_prior(&mut self, prior: &Parameters) {
         self.parameters = *prior;
-        self.corrections.believe(&prior.sigma);
-        self.learnt_at_s2 = prior.value(index::SMOOTHING);
-        self.followed.error.tilt_rad.z = prior.value(index::AZIMUTH);
+        self.corrections.set_prior(&prior.sigma);
+        self.linearized_at_s2 = prior.value(index::SMOOTHING);
+        self.state.error.tilt_rad.z = prior.value(index::AZIMUTH);
         let azimuth = prior.sigma(index::AZIMUTH);
-        self.added.tilt_rad.z = math::single(azimuth * azimuth);
+        self.parameter_variance.tilt_rad.z = math::single(azimuth * azimuth);
     }
 
     /// The accelerometers have levelled it, until they showed nothing: it leans by their biases,
     /// `f x Phi + C b = 0`, with `C` from `body`.
-    pub fn believe_level(&mut self, body: &Matrix3<f64>) {
-        let accels = self.responses.iter_mut().enumerate().skip(index::ACCEL);
-        for ((which, response), bias) in accels.zip(body.column_iter()) {
+    pub fn correlate_level(&mut self, body: &Matrix3<f64>) {
+        let accels = self.sensitivities.iter_mut().enumerate().skip(index::ACCEL);
+        for ((which, sensitivity), bias) in accels.zip(body.column_iter()) {
             let tilt = Vector3::new(-bias.y, bias.x, 0.0) / self.gravity_mps2;
-            response.error.tilt_rad = singles(&tilt);
+            sensitivity.error.tilt_rad = singles(&tilt);
             let sigma = self.parameters.sigma(which);
             let variance = tilt.component_mul(&tilt) * (sigma * sigma);
-            self.added.tilt_rad += singles(&variance);
+            self.parameter_variance.tilt_rad += singles(&variance);
         }
     }
 
     /// The gyros have turned it, until they showed no Earth rate to the east of `north_radps`: its azimuth error
     /// has their biases in it, `w_N Phi_UP + (C b)_E = 0`.
-    pub fn believe_gyrocompass(&mut self, body: &Matrix3<f64>, north_radps: f64) {
+    pub fn correlate_gyrocompass(&mut self, body: &Matrix3<f64>, north_radps: f64) {
         let mut by = Row::zeros();
         for (by, bias) in by.iter_mut().skip(index::GYRO).zip(&body.row(0)) {
             *by = math::single(-bias / north_radps);
@@ -241,7 +241,7 @@ impl Observer {
 
     /// The error of the INS at the horizon.
     pub fn error(&self) -> &InsError {
-        &self.followed.error
+        &self.state.error
     }
 
     /// What is known of the parameters.
@@ -257,8 +257,8 @@ impl Observer {
     /// Makes azimuth and latency those of the horizon: the first of the pieces that end with a
     /// solution. Time that passes between them is the next solution's.
     #[inline(never)]
-    pub fn come_to_horizon(&mut self) {
-        self.come_to_now();
+    pub fn refer_to_horizon(&mut self) {
+        self.refer_to_now();
         self.elapsed_s = self.unsolved_s;
         self.unsolved_s = 0.0;
     }
@@ -266,17 +266,17 @@ impl Observer {
     /// Lets the azimuth have walked, and looks whether it or the latency has jumped. Where it is `headed`,
     /// agrees with measured headings, these are off by what seems to be a jump of the azimuth.
     #[inline(never)]
-    pub fn let_azimuth_walk(&mut self, headed: bool, config: &Config) {
+    pub fn add_azimuth_walk(&mut self, headed: bool, config: &Config) {
         let sigma = self.parameters.sigma(index::AZIMUTH);
         let (known, walked) = (sigma * sigma, self.azimuth_walk);
-        self.let_walk(index::AZIMUTH, math::single(walked));
+        self.add_walk(index::AZIMUTH, math::single(walked));
         self.azimuth_walk = 0.0;
         // By a hole, or lost.
         if walked > known {
             self.widen(index::AZIMUTH, walked);
         }
         let inflation = self.inflation();
-        for (number, (which, sight)) in JUMPS.iter().enumerate() {
+        for (number, (which, test)) in JUMPS.iter().enumerate() {
             let sigma = self.parameters.sigma(*which);
             let known = if *which == index::AZIMUTH {
                 known + walked
@@ -284,7 +284,7 @@ impl Observer {
                 sigma * sigma
             };
             let jump = self.jumps.get_mut(number);
-            if let Some(variance) = jump.and_then(|jump| jump.square(known, inflation, sight))
+            if let Some(variance) = jump.and_then(|jump| jump.detect(known, inflation, test))
                 && !config.gives(*which)
             {
                 self.on_jump(*which, variance);
@@ -297,8 +297,8 @@ impl Observer {
 
     /// Lets the biases of one axis have walked, that of which they last did longest ago.
     #[inline(never)]
-    pub fn let_biases_walk(&mut self, config: &Config) {
-        let walked = self.walked.iter_mut().enumerate();
+    pub fn add_bias_walk(&mut self, config: &Config) {
+        let walked = self.last_walk.iter_mut().enumerate();
         let Some((axis, last)) = walked.min_by_key(|(_, last)| **last) else {
             return;
         };
@@ -309,7 +309,7 @@ impl Observer {
             (index::GYRO, s.gyro_bias_walk),
             (index::ACCEL, s.accel_bias_walk),
         ] {
-            self.let_walk(first + axis, math::single(walk * walk * seconds));
+            self.add_walk(first + axis, math::single(walk * walk * seconds));
         }
     }
 
@@ -317,36 +317,36 @@ impl Observer {
     #[inline(never)]
     pub fn solve(&mut self) {
         let corrections = self.corrections.solve();
-        self.corrections.count_from_solution();
-        let mut total = Followed::default();
-        let responses = estimated(&mut self.responses, &self.corrections);
-        for (response, by) in responses.iter().zip(&corrections) {
-            total.add_scaled(&response.double(), f64::from(*by));
+        self.corrections.zero_solution();
+        let mut total = ErrorState::default();
+        let sensitivities = estimated(&mut self.sensitivities, &self.corrections);
+        for (sensitivity, by) in sensitivities.iter().zip(&corrections) {
+            total.add_scaled(&sensitivity.double(), f64::from(*by));
         }
-        self.followed.add_scaled(&total, 1.0);
+        self.state.add_scaled(&total, 1.0);
         self.parameters.value += corrections.map(f64::from);
-        for (constancy, by) in self.constancy.iter_mut().zip(&corrections) {
-            constancy.moved(*by);
+        for (consistency, by) in self.consistency.iter_mut().zip(&corrections) {
+            consistency.on_correction(*by);
         }
     }
 
     /// Makes azimuth and latency those of the horizon, where the other parameters have moved them.
-    fn come_to_now(&mut self) {
-        let azimuth = Row::from_fn(|which, _| match self.responses.get(which) {
-            Some(response) if which != index::AZIMUTH => response.error.tilt_rad.z,
+    fn refer_to_now(&mut self) {
+        let azimuth = Row::from_fn(|which, _| match self.sensitivities.get(which) {
+            Some(sensitivity) if which != index::AZIMUTH => sensitivity.error.tilt_rad.z,
             _ => 0.0,
         });
-        self.carry_forward(index::AZIMUTH, &azimuth);
-        let responses = estimated(&mut self.responses, &self.corrections);
-        for (response, unit) in responses.iter_mut().zip(&UNIT_RESPONSES) {
-            response.error.tilt_rad.z = unit.error.tilt_rad.z;
+        self.redefine(index::AZIMUTH, &azimuth);
+        let sensitivities = estimated(&mut self.sensitivities, &self.corrections);
+        for (sensitivity, unit) in sensitivities.iter_mut().zip(&INITIAL_SENSITIVITIES) {
+            sensitivity.error.tilt_rad.z = unit.error.tilt_rad.z;
         }
         let latency = row([(index::CLOCK_DRIFT, math::single(self.unsolved_s))]);
         let before = self.corrections.variance(index::LATENCY);
-        self.carry_forward(index::LATENCY, &latency);
+        self.redefine(index::LATENCY, &latency);
         let drifted = self.corrections.variance(index::LATENCY) - before;
-        if let Some(constancy) = self.constancy.get_mut(index::LATENCY) {
-            constancy.walked(drifted);
+        if let Some(consistency) = self.consistency.get_mut(index::LATENCY) {
+            consistency.on_walk(drifted);
         }
         let p = &mut self.parameters;
         p.shift(
@@ -356,14 +356,14 @@ impl Observer {
     }
 
     /// Makes parameter `which` that of now, where it is greater by `by` times the later ones.
-    pub(super) fn carry_forward(&mut self, which: usize, by: &Row) {
+    pub(super) fn redefine(&mut self, which: usize, by: &Row) {
         self.corrections.redefine(which, by);
-        let Some(own) = self.responses.get(which).copied() else {
+        let Some(own) = self.sensitivities.get(which).copied() else {
             return;
         };
-        for (response, by) in self.responses.iter_mut().zip(by) {
+        for (sensitivity, by) in self.sensitivities.iter_mut().zip(by) {
             if *by != 0.0 {
-                response.add_scaled(&own, -by);
+                sensitivity.add_scaled(&own, -by);
             }
         }
     }
@@ -373,39 +373,39 @@ impl Observer {
     /// What the INS shows of it was caused by what it was before. That is what it is now less the
     /// step, of which the least squares know a part: the rest is noise of the INS (Hsieh and Chen,
     /// Optimal solution of the two-stage Kalman estimator, IEEE TAC 44, 1999).
-    pub(super) fn let_walk(&mut self, which: usize, variance: f32) {
+    pub(super) fn add_walk(&mut self, which: usize, variance: f32) {
         if let (Some(step), Some(mut caused)) = (
             self.corrections.diffuse(which, variance),
-            self.responses.get(which).copied(),
+            self.sensitivities.get(which).copied(),
         ) {
             if which == index::AZIMUTH {
                 // The platform has turned with it.
                 caused.error.tilt_rad.z = 0.0;
             }
-            for (response, by) in self.responses.iter_mut().zip(&step.by) {
-                response.add_scaled(&caused, *by);
+            for (sensitivity, by) in self.sensitivities.iter_mut().zip(&step.by) {
+                sensitivity.add_scaled(&caused, *by);
             }
             let caused = caused.double();
-            self.followed.add_scaled(&caused, -f64::from(step.z));
-            self.doubt_along(&caused, f64::from(step.variance));
+            self.state.add_scaled(&caused, -f64::from(step.z));
+            self.add_along(&caused, f64::from(step.variance));
         }
-        if let Some(constancy) = self.constancy.get_mut(which) {
-            constancy.walked(variance);
+        if let Some(consistency) = self.consistency.get_mut(which) {
+            consistency.on_walk(variance);
         }
     }
 
     /// The INS may err by `error` more, times a number of this variance.
-    pub(super) fn doubt_along(&mut self, error: &Followed<f64>, variance: f64) {
+    pub(super) fn add_along(&mut self, error: &ErrorState<f64>, variance: f64) {
         for axis in 0..2 {
-            self.level.doubt_along(&error.states(axis), 0.5 * variance);
+            self.level.add_along(&error.states(axis), 0.5 * variance);
         }
-        self.vertical.doubt_along(&error.states(2), variance);
+        self.vertical.add_along(&error.states(2), variance);
     }
 
     /// States a parameter with this variance more, before its turn has come.
     pub(super) fn widen(&mut self, which: usize, variance: f64) {
         if which == index::AZIMUTH {
-            self.added.tilt_rad.z += math::single(variance);
+            self.parameter_variance.tilt_rad.z += math::single(variance);
         }
         self.parameters.widen(which, variance);
     }
@@ -423,9 +423,9 @@ impl Observer {
 
     /// Takes a measured azimuth error that is off by `residual` of what it should be; whether it is
     /// credible.
-    pub fn take_azimuth(&mut self, residual_rad: f64, sigma_rad: f64) -> bool {
+    pub fn update_azimuth(&mut self, residual_rad: f64, sigma_rad: f64) -> bool {
         let by: [f32; COUNT] = core::array::from_fn(|which| {
-            self.responses
+            self.sensitivities
                 .get(which)
                 .map_or(0.0, |r| r.error.tilt_rad.z)
         });
@@ -452,12 +452,7 @@ impl Observer {
     }
 
     /// Adds a direct measurement of three parameters from `first` on, other than the azimuth.
-    pub fn measure_directly(
-        &mut self,
-        first: usize,
-        value: &Vector3<f64>,
-        variance: &Vector3<f64>,
-    ) {
+    pub fn update_directly(&mut self, first: usize, value: &Vector3<f64>, variance: &Vector3<f64>) {
         let corrections = singles(&(value - self.parameters.vector(first)));
         self.corrections
             .add_direct(first, corrections.into(), singles(variance).into());
@@ -477,8 +472,10 @@ fn row<const N: usize>(of: [(usize, f32); N]) -> Row {
 
 /// The responses to the parameters that are not known exactly.
 fn estimated<'a>(
-    responses: &'a mut [Followed<f32>; COUNT],
+    sensitivities: &'a mut [ErrorState<f32>; COUNT],
     parameters: &LeastSquares<COUNT, PAIRS>,
-) -> &'a mut [Followed<f32>] {
-    responses.get_mut(..parameters.count()).unwrap_or_default()
+) -> &'a mut [ErrorState<f32>] {
+    sensitivities
+        .get_mut(..parameters.count())
+        .unwrap_or_default()
 }

@@ -2,7 +2,7 @@
 #![allow(clippy::cast_precision_loss)]
 #![allow(clippy::disallowed_methods, clippy::indexing_slicing)]
 
-use crate::channel::{Channel, Growth, Measured, Renewal};
+use crate::channel::{Channel, ChannelStep, Markov, Measured};
 use crate::config::Noise;
 use nalgebra::{Matrix5, RowVector5, Vector5};
 use proptest::prelude::*;
@@ -40,17 +40,17 @@ impl Dense {
         }
     }
 
-    fn propagate(&mut self, growth: &Growth, noises: [Renewal; 2]) {
-        let (dt, f) = (growth.seconds, growth.force_up_mps);
-        let [velocity, position] = noises;
+    fn propagate(&mut self, step: &ChannelStep, gnss_noise: [Markov; 2]) {
+        let (dt, f) = (step.seconds, step.force_up_mps);
+        let [velocity, position] = gnss_noise;
         let mut flow =
             Matrix5::from_diagonal(&Vector5::new(1.0, 1.0, 1.0, velocity.keep, position.keep));
         flow[(0, 1)] = dt;
-        flow[(0, 2)] = growth.force_up_moved_m;
+        flow[(0, 2)] = step.force_up_position_m;
         flow[(1, 2)] = f;
         // Of where it has come to.
         let mut gravity = Matrix5::identity();
-        gravity[(1, 0)] = growth.gravity_per_s;
+        gravity[(1, 0)] = step.gravity_per_s;
         flow = gravity * flow;
         // Each white noise came in at some moment of the span, and grew from there.
         let mut noise = Matrix5::zeros();
@@ -61,8 +61,8 @@ impl Dense {
             // To first order in position: spans are short.
             let by_gyro = Vector5::new(0.0, left * f, 1.0, 0.0, 0.0);
             let share = dt / f64::from(steps);
-            noise += by_accel * by_accel.transpose() * (growth.accel_noise * share);
-            noise += by_gyro * by_gyro.transpose() * (growth.gyro_noise * share);
+            noise += by_accel * by_accel.transpose() * (step.accel_noise * share);
+            noise += by_gyro * by_gyro.transpose() * (step.gyro_noise * share);
         }
         noise[(3, 3)] += velocity.new;
         noise[(4, 4)] += position.new;
@@ -89,13 +89,13 @@ impl Dense {
 
 #[derive(Clone, Copy, Debug)]
 enum Step {
-    Propagate(Growth, f64),
+    Propagate(ChannelStep, f64),
     Update(Measured, f64),
     Doubt(f64, f64, f64),
 }
 
 fn step() -> impl Strategy<Value = Step> {
-    let growth = (
+    let step = (
         0.01_f64..0.3,
         (0.0_f64..25.0, -1e-3_f64..1e-3),
         0.4_f64..0.6,
@@ -105,16 +105,16 @@ fn step() -> impl Strategy<Value = Step> {
     let white =
         |measured| (-4.0_f64..1.0).prop_map(move |e| Step::Update(measured, 10_f64.powf(e)));
     prop_oneof![
-        4 => (growth, 0.1_f64..10.0).prop_map(|((seconds, (force, gravity), early, accel, gyro), factor)| {
-            let growth = Growth {
+        4 => (step, 0.1_f64..10.0).prop_map(|((seconds, (force, gravity), early, accel, gyro), factor)| {
+            let step = ChannelStep {
                 seconds,
                 force_up_mps: force * seconds,
-                force_up_moved_m: early * force * seconds * seconds,
+                force_up_position_m: early * force * seconds * seconds,
                 gravity_per_s: gravity * seconds,
                 accel_noise: 10_f64.powf(accel),
                 gyro_noise: 10_f64.powf(gyro),
             };
-            Step::Propagate(growth, factor)
+            Step::Propagate(step, factor)
         }),
         2 => white(Measured::Velocity),
         2 => white(Measured::Position),
@@ -134,11 +134,11 @@ proptest! {
         let start = dense.p;
         for step in steps {
             match step {
-                Step::Propagate(growth, factor) => {
-                    let noises = [&VELOCITY, &POSITION]
-                        .map(|noise| Renewal::over(growth.seconds, noise, factor));
-                    channel.propagate(&growth, noises);
-                    dense.propagate(&growth, noises);
+                Step::Propagate(step, factor) => {
+                    let gnss_noise = [&VELOCITY, &POSITION]
+                        .map(|noise| Markov::over(step.seconds, noise, factor));
+                    channel.propagate(&step, gnss_noise);
+                    dense.propagate(&step, gnss_noise);
                 }
                 Step::Update(measured, white) => {
                     let gains = channel.update(measured, white);
@@ -150,8 +150,8 @@ proptest! {
                     }
                 }
                 Step::Doubt(velocity, tilt, position) => {
-                    channel.doubt(velocity, tilt);
-                    channel.doubt_position(position);
+                    channel.add_variance(velocity, tilt);
+                    channel.add_position_variance(position);
                     dense.p[(0, 0)] += position;
                     dense.p[(1, 1)] += velocity;
                     dense.p[(2, 2)] += tilt;
@@ -160,7 +160,7 @@ proptest! {
             for measured in [Measured::Velocity, Measured::Position] {
                 let row = Dense::row(measured);
                 let expected = (row * dense.p * row.transpose()).x;
-                let off = (channel.predicted(measured) - expected).abs();
+                let off = (channel.predicted_variance(measured) - expected).abs();
                 prop_assert!(off < ROUNDING * start.norm(), "{off}");
             }
             let variances = [channel.position(), channel.velocity(), channel.tilt()];
@@ -179,7 +179,7 @@ proptest! {
         seconds in 1e-3_f64..1e3,
         factor in 0.01_f64..100.0,
     ) {
-        let noise = Renewal::over(seconds, &POSITION, factor);
+        let noise = Markov::over(seconds, &POSITION, factor);
         prop_assert!((0.0..1.0).contains(&noise.keep));
         let settled = noise.new / (1.0 - noise.keep * noise.keep);
         let described = factor * POSITION.correlated * POSITION.correlated;
@@ -195,10 +195,10 @@ proptest! {
 /// Gravity makes a slope of velocity of it.
 #[test]
 fn velocity_shows_the_tilt() {
-    let growth = Growth {
+    let step = ChannelStep {
         seconds: 0.1,
         force_up_mps: 0.98,
-        force_up_moved_m: 0.049,
+        force_up_position_m: 0.049,
         gravity_per_s: 0.0,
         accel_noise: 1e-8,
         gyro_noise: 1e-12,
@@ -206,8 +206,8 @@ fn velocity_shows_the_tilt() {
     let mut channel = Channel::new(TILT, &VELOCITY, &POSITION);
     for _ in 0..1000 {
         channel.propagate(
-            &growth,
-            [&VELOCITY, &POSITION].map(|n| Renewal::over(0.1, n, 1.0)),
+            &step,
+            [&VELOCITY, &POSITION].map(|n| Markov::over(0.1, n, 1.0)),
         );
         let _ = channel.update(Measured::Velocity, 0.01);
     }

@@ -6,7 +6,7 @@
 
 use crate::Time;
 use crate::earth::GRAVITY_EQUATOR_MPS2;
-use crate::history::{History, Missing, Span, Wobble};
+use crate::history::{History, Missing, Span, Vibration};
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 use std::vec::Vec;
@@ -44,7 +44,7 @@ fn span(from: f64, to: f64) -> Span {
     Span {
         seconds,
         force_mps: velocity(to) - velocity(from) + Vector3::z() * (seconds * GRAVITY_EQUATOR_MPS2),
-        force_moved_m: way(to) - way(from) - velocity(from) * seconds
+        force_position_m: way(to) - way(from) - velocity(from) * seconds
             + Vector3::z() * (0.5 * seconds * seconds * GRAVITY_EQUATOR_MPS2),
         attitude_s: seconds * attitude(middle),
         angle_rad: seconds * (RATE + middle * RATE_GROWTH),
@@ -57,12 +57,12 @@ fn filled(times: &[f64]) -> History<N> {
     let mut history = History::default();
     let mut before = -0.1;
     for t in times {
-        assert!(history.wants(at_s(*t), 0.01));
+        assert!(history.is_due(at_s(*t), 0.01));
         history.push(
             at_s(*t),
             &((way(*t) - way(before)) / (t - before)),
             &span(before, *t),
-            &Wobble::default(),
+            &Vibration::default(),
         );
         before = *t;
     }
@@ -114,10 +114,10 @@ fn what_lies_outside_is_not_invented() {
     assert!(at(&history, 10.57).is_ok());
     assert_eq!(at(&history, 10.55), Err(Missing::TooOld));
     assert_eq!(history.next_dropped(), Some(at_s(10.56)));
-    assert!(!history.wants(at_s(11.98), 0.01));
-    assert!(history.wants(at_s(11.99), 0.01));
+    assert!(!history.is_due(at_s(11.98), 0.01));
+    assert!(history.is_due(at_s(11.99), 0.01));
     // Of 10 Hz none is skipped.
-    assert!(history.wants(at_s(11.98), 0.1));
+    assert!(history.is_due(at_s(11.98), 0.1));
 }
 
 /// A velocity to the east, and how far it is above its mean over the times of a low pass of this time
@@ -140,7 +140,7 @@ fn above_mean(
             attitude_s: attitude * 0.1,
             ..Span::default()
         };
-        history.push(at_s(to), &Vector3::zeros(), &span, &Wobble::default());
+        history.push(at_s(to), &Vector3::zeros(), &span, &Vibration::default());
     }
     let mut past = history.at(at_s(at), false).unwrap();
     history.smooth(&mut past, memory_s);
@@ -177,7 +177,7 @@ fn numbers(span: &Span) -> Vec<f64> {
     let Span {
         seconds,
         force_mps,
-        force_moved_m,
+        force_position_m,
         attitude_s,
         angle_rad,
         turn_rad,
@@ -188,7 +188,7 @@ fn numbers(span: &Span) -> Vec<f64> {
     } = span;
     let vectors = [
         force_mps,
-        force_moved_m,
+        force_position_m,
         angle_rad,
         control_tilt_rad,
         control_velocity_mps,
@@ -228,7 +228,7 @@ fn any_span() -> impl Strategy<Value = Span> {
                 Span {
                     seconds: f64::from(micros) * 1e-6,
                     force_mps: force,
-                    force_moved_m: moved,
+                    force_position_m: moved,
                     attitude_s: Matrix3::from_columns(&columns),
                     angle_rad: angle,
                     turn_rad: turn,
@@ -246,7 +246,7 @@ fn ring_of(spans: &[Span]) -> (History<N>, Time) {
     let mut time = Time::default();
     for span in spans {
         time = time.plus_seconds(span.seconds);
-        history.push(time, &Vector3::zeros(), span, &Wobble::default());
+        history.push(time, &Vector3::zeros(), span, &Vibration::default());
     }
     (history, time)
 }
@@ -255,7 +255,7 @@ fn ring_of(spans: &[Span]) -> (History<N>, Time) {
 fn total(history: &History<N>, from: Time, to: Time, longest_s: f64) -> (Span, Vec<Time>) {
     let (mut whole, mut ends) = (Span::default(), Vec::new());
     let mut at = from;
-    while let Some((piece, end)) = history.piece(at, to, longest_s) {
+    while let Some((piece, end)) = history.next_span(at, to, longest_s) {
         whole = whole.then(&piece);
         ends.push(end);
         at = end;
@@ -309,7 +309,7 @@ fn steady(seconds: f64, force: &Vector3<f64>, rate: &Vector3<f64>, push: &Vector
     Span {
         seconds,
         force_mps: f,
-        force_moved_m: 0.5 * seconds * f,
+        force_position_m: 0.5 * seconds * f,
         control_tilt_rad: tilt,
         control_velocity_mps: push * seconds + 0.5 * bent,
         control_position_m: seconds * (0.5 * push * seconds + bent / 6.0),
@@ -341,7 +341,7 @@ fn latency_shown(hz: f64, fixes_hz: f64, first_s: f64) -> f64 {
     let mut shown = [0.0; 2];
     for sample in 1..30_000 {
         let now = 0.01 * f64::from(sample);
-        if !history.wants(at_s(now), 0.01) {
+        if !history.is_due(at_s(now), 0.01) {
             continue;
         }
         let seconds = now - last;
@@ -351,13 +351,13 @@ fn latency_shown(hz: f64, fixes_hz: f64, first_s: f64) -> f64 {
         let span = Span {
             seconds,
             force_mps: Vector3::x() * gained + up * seconds,
-            force_moved_m: Vector3::x() * moved + up * (0.5 * seconds * seconds),
+            force_position_m: Vector3::x() * moved + up * (0.5 * seconds * seconds),
             attitude_s: Matrix3::identity() * seconds,
             way_m: Vector3::x() * (way(now) - way(last)),
             ..Span::default()
         };
         let mean = span.way_m / seconds;
-        history.push(at_s(now), &mean, &span, &Wobble::default());
+        history.push(at_s(now), &mean, &span, &Vibration::default());
         last = now;
         while let Ok(past) = history.at(at_s(fix), true) {
             let accel = past.accel_mps2.x;

@@ -4,7 +4,7 @@
 
 use crate::Time;
 use crate::config::Noise;
-use crate::innovations::{Credit, Doubts, Innovations, Surprise, against_described};
+use crate::innovations::{GateResult, Innovations, NisTest, Resets, ratio_to_configured};
 use nalgebra::Vector2;
 
 const RANGE: [f64; 2] = [0.1, 10.0];
@@ -12,9 +12,9 @@ const RANGE: [f64; 2] = [0.1, 10.0];
 const SIGMA: f64 = 0.1;
 const PREDICTED: f64 = 0.05 * 0.05;
 
-fn judge(innovations: &mut Innovations, at_s: f64, innovation: Vector2<f64>) -> Credit {
+fn gate(innovations: &mut Innovations, at_s: f64, innovation: Vector2<f64>) -> GateResult {
     let now = Time::default().plus_seconds(at_s);
-    innovations.judge(now, &innovation, 2.0, PREDICTED, SIGMA * SIGMA)
+    innovations.gate(now, &innovation, 2.0, PREDICTED, SIGMA * SIGMA)
 }
 
 const WRONG: Vector2<f64> = Vector2::new(4.0, -3.0);
@@ -25,17 +25,25 @@ fn ten_wrong_fixes_in_a_row_do_not_open_the_gate() {
     let mut innovations = Innovations::default();
     for k in 0..10 {
         let at_s = 0.1 * f64::from(k);
-        assert_eq!(judge(&mut innovations, at_s, WRONG), Credit::Refused, "{k}");
+        assert_eq!(
+            gate(&mut innovations, at_s, WRONG),
+            GateResult::Rejected,
+            "{k}"
+        );
     }
     let good = Vector2::new(0.1, -0.05);
     assert_eq!(
-        judge(&mut innovations, 1.0, good),
-        Credit::Taken(SIGMA * SIGMA)
+        gate(&mut innovations, 1.0, good),
+        GateResult::Accepted(SIGMA * SIGMA)
     );
     // And the burst is forgotten: another one has to last as long.
     for k in 0..149 {
         let at_s = 1.1 + 0.1 * f64::from(k);
-        assert_eq!(judge(&mut innovations, at_s, WRONG), Credit::Refused, "{k}");
+        assert_eq!(
+            gate(&mut innovations, at_s, WRONG),
+            GateResult::Rejected,
+            "{k}"
+        );
     }
 }
 
@@ -58,19 +66,22 @@ fn fixes_that_agree_for_a_quarter_of_a_minute_show_that_the_ins_is_wrong() {
             } else {
                 0.1 * sign
             };
-            match judge(&mut innovations, at_s, WRONG + Vector2::repeat(wild)) {
-                Credit::Refused => at_s += interval_s,
+            match gate(&mut innovations, at_s, WRONG + Vector2::repeat(wild)) {
+                GateResult::Rejected => at_s += interval_s,
                 other => break other,
             }
             assert!(at_s < 30.0);
         };
         assert!((at_s - 15.0).abs() <= interval_s, "{at_s}");
-        let Credit::Lost(error) = lost else {
+        let GateResult::Diverged(error) = lost else {
             panic!("{lost:?}")
         };
         assert!((error - WRONG).norm() < 0.1 * WRONG.norm(), "{error}");
         // The next burst begins anew.
-        assert_eq!(judge(&mut innovations, at_s + 0.1, WRONG), Credit::Refused);
+        assert_eq!(
+            gate(&mut innovations, at_s + 0.1, WRONG),
+            GateResult::Rejected
+        );
     }
 }
 
@@ -80,15 +91,15 @@ fn an_ins_that_runs_away_is_wrong() {
     let mut innovations = Innovations::default();
     for k in 0..150 {
         let at_s = 0.1 * f64::from(k);
-        let credit = judge(&mut innovations, at_s, WRONG * (1.0 + at_s));
-        assert_eq!(credit, Credit::Refused, "{k}");
+        let credit = gate(&mut innovations, at_s, WRONG * (1.0 + at_s));
+        assert_eq!(credit, GateResult::Rejected, "{k}");
     }
     let now = Time::default().plus_seconds(14.9);
-    let [apart_mps, runs_mps] = innovations.disputed(now);
+    let [apart_mps, runs_mps] = innovations.rejected_offset(now);
     assert_eq!(apart_mps, WRONG * 15.9);
     assert_eq!(runs_mps, apart_mps * (2.0 / 14.9));
-    let credit = judge(&mut innovations, 15.1, WRONG * 16.1);
-    assert!(matches!(credit, Credit::Lost(_)), "{credit:?}");
+    let credit = gate(&mut innovations, 15.1, WRONG * 16.1);
+    assert!(matches!(credit, GateResult::Diverged(_)), "{credit:?}");
 }
 
 #[test]
@@ -97,8 +108,8 @@ fn wrong_fixes_that_contradict_each_other_never_do() {
     for k in 0..1000 {
         let angle = 0.7 * f64::from(k);
         let wild = 5.0 * Vector2::new(angle.cos(), angle.sin());
-        let credit = judge(&mut innovations, 0.1 * f64::from(k), wild);
-        assert_eq!(credit, Credit::Refused, "{k}");
+        let credit = gate(&mut innovations, 0.1 * f64::from(k), wild);
+        assert_eq!(credit, GateResult::Rejected, "{k}");
     }
 }
 
@@ -109,23 +120,23 @@ fn large_innovations_pull_no_more_than_three_sigma() {
     let mut innovations = Innovations::default();
     for sigmas in [0.5, 2.9] {
         let size = sigmas * f64::sqrt(total);
-        let credit = judge(&mut innovations, 0.0, Vector2::new(size, 0.0));
-        assert_eq!(credit, Credit::Taken(SIGMA * SIGMA));
+        let credit = gate(&mut innovations, 0.0, Vector2::new(size, 0.0));
+        assert_eq!(credit, GateResult::Accepted(SIGMA * SIGMA));
     }
     for sigmas in [4.0, 7.9] {
         let size = sigmas * f64::sqrt(total);
-        let credit = judge(&mut innovations, 0.0, Vector2::new(0.0, size));
-        let Credit::Taken(white) = credit else {
+        let credit = gate(&mut innovations, 0.0, Vector2::new(0.0, size));
+        let GateResult::Accepted(white) = credit else {
             panic!("{credit:?}")
         };
         assert!((white / (SIGMA * sigmas / 3.0).powi(2) - 1.0).abs() < 1e-12);
     }
-    let refused = judge(
+    let refused = gate(
         &mut innovations,
         0.0,
         Vector2::new(8.1 * f64::sqrt(total), 0.0),
     );
-    assert_eq!(refused, Credit::Refused);
+    assert_eq!(refused, GateResult::Rejected);
 }
 
 /// Normal numbers of variance one, as good as any: three uniform ones.
@@ -214,63 +225,59 @@ fn one_wild_innovation_does_not_open_the_gate_for_the_next() {
 fn what_a_receiver_states_counts_by_its_changes_or_as_it_stands() {
     let mut stated = Innovations::default();
     for _ in 0..100 {
-        assert!((stated.against_average(0.4 * 0.4) - 1.0).abs() < 1e-12);
+        assert!((stated.ratio_to_average(0.4 * 0.4) - 1.0).abs() < 1e-12);
     }
-    assert!((stated.against_average(1.2 * 1.2) - 9.0).abs() < 1e-9);
-    assert!((stated.against_average(1e18) - 100.0).abs() < 1e-9);
+    assert!((stated.ratio_to_average(1.2 * 1.2) - 9.0).abs() < 1e-9);
+    assert!((stated.ratio_to_average(1e18) - 100.0).abs() < 1e-9);
     let noise = Noise {
         white: 3.0,
         correlated: 4.0,
         correlation_s: 60.0,
     };
     let [least, _] = RANGE;
-    assert!((against_described(100.0, &noise, least) - 4.0).abs() < 1e-12);
-    assert!((against_described(1e10, &noise, least) - 4e8).abs() < 1e-3);
-    assert!((against_described(0.0, &noise, least) - 0.01).abs() < 1e-12);
+    assert!((ratio_to_configured(100.0, &noise, least) - 4.0).abs() < 1e-12);
+    assert!((ratio_to_configured(1e10, &noise, least) - 4e8).abs() < 1e-3);
+    assert!((ratio_to_configured(0.0, &noise, least) - 0.01).abs() < 1e-12);
 }
 
 #[test]
 fn doubts_that_do_not_mend_it_leave_no_hope() {
-    let mut doubts = Doubts::default();
+    let mut resets = Resets::default();
     for at_s in [0.0, 50.0, 120.0, 170.0] {
-        doubts.add(Time::default().plus_seconds(at_s));
-        assert!(!doubts.is_hopeless(), "{at_s}");
+        resets.add(Time::default().plus_seconds(at_s));
+        assert!(!resets.is_exceeded(), "{at_s}");
     }
-    doubts.add(Time::default().plus_seconds(220.0));
-    assert!(doubts.is_hopeless());
+    resets.add(Time::default().plus_seconds(220.0));
+    assert!(resets.is_exceeded());
 }
 
 /// Two doubts of long ago and a jump that was mended are no three in a row.
 #[test]
 fn doubts_of_long_ago_do_not_count() {
-    let mut doubts = Doubts::default();
+    let mut resets = Resets::default();
     for at_s in [0.0, 50.0] {
-        doubts.add(Time::default().plus_seconds(at_s));
+        resets.add(Time::default().plus_seconds(at_s));
     }
-    doubts.note(Time::default().plus_seconds(600.0));
-    doubts.add(Time::default().plus_seconds(630.0));
-    assert!(!doubts.is_hopeless());
+    resets.note(Time::default().plus_seconds(600.0));
+    resets.add(Time::default().plus_seconds(630.0));
+    assert!(!resets.is_exceeded());
 }
 
 #[test]
 fn surprise_has_to_last() {
-    let mut surprise = Surprise::default();
+    let mut nis = NisTest::default();
     for _ in 0..600 {
-        surprise.take(2.0, 0.1);
+        nis.add(2.0, 0.1);
     }
-    assert!(surprise.lasting_s <= 0.0);
+    assert!(nis.exceeded_s <= 0.0);
     for k in 0..200 {
-        surprise.take(25.0, 0.1);
-        assert!(surprise.lasting_s <= 0.1 * f64::from(k + 1) + 1e-9);
+        nis.add(25.0, 0.1);
+        assert!(nis.exceeded_s <= 0.1 * f64::from(k + 1) + 1e-9);
     }
     // From a mean of 2 to one of 9, of 25: 10 s ln(23 / 16), 3.6 s.
-    assert!(
-        (surprise.lasting_s - 16.4).abs() < 0.3,
-        "{}",
-        surprise.lasting_s
-    );
+    assert!((nis.exceeded_s - 16.4).abs() < 0.3, "{}", nis.exceeded_s);
     for _ in 0..100 {
-        surprise.take(1.0, 0.1);
+        nis.add(1.0, 0.1);
     }
-    assert!(surprise.lasting_s <= 0.0);
+    assert!(nis.exceeded_s <= 0.0);
 }

@@ -4,7 +4,7 @@
 #![allow(clippy::disallowed_methods)] // Reference values.
 
 use crate::earth::GRAVITY_EQUATOR_MPS2;
-use crate::error_model::{Forcing, InsError, Passage, RUNAWAY_PER_S2, SCHULER_PER_S2};
+use crate::error_model::{Forcing, InsError, SCHULER_PER_S2, Transition, VERTICAL_PER_S2};
 use crate::history::Span;
 use crate::parameters::{COUNT, Parameters, index};
 use nalgebra::{Matrix3, SVector, UnitQuaternion, Vector3};
@@ -26,7 +26,7 @@ fn span(force_mps: Vector3<f64>, control_tilt_rad: Vector3<f64>) -> Span {
     Span {
         seconds: 1.0,
         force_mps,
-        force_moved_m: 0.5 * force_mps,
+        force_position_m: 0.5 * force_mps,
         attitude_s: Matrix3::identity(),
         control_tilt_rad,
         ..Span::default()
@@ -74,15 +74,15 @@ proptest! {
     ) {
         let span = span(Vector3::zeros(), controls);
         let forcing = Forcing::over(&span, &Vector3::zeros(), &with_gyro_bias(&-drift), &Vector3::zeros());
-        let passage = Passage::over(&span, &Vector3::zeros(), &forcing, &phi);
-        let after = tilted(phi).after(&span, &passage, &forcing).tilt_rad;
+        let transition = Transition::over(&span, &Vector3::zeros(), &forcing, &phi);
+        let after = tilted(phi).propagated(&span, &transition, &forcing).tilt_rad;
         let exact = rotated(&phi, &(controls + drift));
         prop_assert!((after - exact).norm() < THIRD_ORDER_RAD, "{after} {exact}");
 
         for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
             let more = axis * 1e-4;
             let mut response = tilted(more);
-            response.carry(&passage);
+            response.propagate(&transition);
             let exact = rotated(&(phi + more), &(controls + drift)) - exact;
             // The derivative of the third order: 3 * 0.17^2 / 6.
             let off = (response.tilt_rad - exact).norm() / 1e-4;
@@ -99,8 +99,8 @@ proptest! {
     ) {
         let span = span(force, Vector3::zeros());
         let forcing = Forcing::over(&span, &Vector3::zeros(), &with_gyro_bias(&Vector3::zeros()), &Vector3::zeros());
-        let passage = Passage::over(&span, &Vector3::zeros(), &forcing, &phi);
-        let after = tilted(phi).after(&span, &passage, &forcing).velocity_mps;
+        let transition = Transition::over(&span, &Vector3::zeros(), &forcing, &phi);
+        let after = tilted(phi).propagated(&span, &transition, &forcing).velocity_mps;
         let exact = force - off(&phi) * force;
         prop_assert!((after - exact).norm() < THIRD_ORDER_RAD * force.norm(), "{after} {exact}");
     }
@@ -121,8 +121,8 @@ proptest! {
             ..span(force, Vector3::zeros())
         };
         let forcing = Forcing::over(&span, &Vector3::zeros(), &parameters, &bias);
-        let passage = Passage::over(&span, &Vector3::zeros(), &forcing, &phi);
-        let after = tilted(phi).after(&span, &passage, &forcing);
+        let transition = Transition::over(&span, &Vector3::zeros(), &forcing, &phi);
+        let after = tilted(phi).propagated(&span, &transition, &forcing);
         let exact = force - off(&phi) * force;
         let off = (after.velocity_mps - exact).norm();
         prop_assert!(off < THIRD_ORDER_RAD * force.norm(), "{off}");
@@ -186,7 +186,7 @@ impl Steady {
         let one = Span {
             seconds: dt,
             force_mps: force,
-            force_moved_m: 0.5 * dt * force,
+            force_position_m: 0.5 * dt * force,
             attitude_s: self.attitude * dt,
             angle_rad: self.rate_radps * dt,
             turn_rad: self.turn_radps() * dt,
@@ -222,7 +222,7 @@ impl Steady {
             let phi = error.tilt_rad;
             let phi_rate = drift - self.frame_radps.cross(&phi);
             let push = bias + Vector3::z().cross(&bias) * phi.z + self.control_mps2;
-            let gravity = Vector3::new(SCHULER_PER_S2, SCHULER_PER_S2, RUNAWAY_PER_S2)
+            let gravity = Vector3::new(SCHULER_PER_S2, SCHULER_PER_S2, VERTICAL_PER_S2)
                 .component_mul(&error.position_m);
             let accel = self.force_mps2.cross(&(phi + 0.5 * dt * phi_rate)) + push + gravity;
             error.position_m += dt * (error.velocity_mps + 0.5 * dt * accel + self.control_mps);
@@ -267,14 +267,14 @@ proptest! {
         let start = InsError { position_m, velocity_mps, tilt_rad };
         let span = steady.span();
         let forcing = Forcing::over(&span, &steady.level_force_mps2, &parameters, &Vector3::zeros());
-        let passage = Passage::over(&span, &steady.frame_radps, &forcing, &tilt_rad);
-        let after = start.after(&span, &passage, &forcing);
+        let transition = Transition::over(&span, &steady.frame_radps, &forcing, &tilt_rad);
+        let after = start.propagated(&span, &transition, &forcing);
         let exact = steady.integrated(&start, &parameters);
         // Left out: what squares of tilts of 3e-4 and turns of the frame of 3e-5 do to 3 m/s of
         // force, and to half a metre of its way.
         let position = (after.position_m - exact.position_m).norm();
         // And what gravity does to the way within one span, half of which comes with the next.
-        let late_m = 0.5 * RUNAWAY_PER_S2 * position_m.norm() * SECONDS * SECONDS;
+        let late_m = 0.5 * VERTICAL_PER_S2 * position_m.norm() * SECONDS * SECONDS;
         prop_assert!(position < 3e-7 + late_m, "{position}");
         let velocity = (after.velocity_mps - exact.velocity_mps).norm();
         prop_assert!(velocity < 1e-6, "{velocity}");
@@ -288,17 +288,17 @@ fn coasts(start: InsError, seconds: f64) -> InsError {
     let span = Span {
         seconds: 1.0,
         force_mps: Vector3::z() * GRAVITY_EQUATOR_MPS2,
-        force_moved_m: Vector3::z() * (0.5 * GRAVITY_EQUATOR_MPS2),
+        force_position_m: Vector3::z() * (0.5 * GRAVITY_EQUATOR_MPS2),
         attitude_s: Matrix3::identity(),
         ..Span::default()
     };
     let none = Parameters::NONE;
     let forcing = Forcing::over(&span, &span.force_mps, &none, &Vector3::zeros());
-    let passage = Passage::over(&span, &Vector3::zeros(), &forcing, &start.tilt_rad);
+    let transition = Transition::over(&span, &Vector3::zeros(), &forcing, &start.tilt_rad);
     let mut error = start;
     let mut passed_s = 0.0;
     while passed_s < seconds {
-        error = error.after(&span, &passage, &forcing);
+        error = error.propagated(&span, &transition, &forcing);
         passed_s += span.seconds;
     }
     error
@@ -326,7 +326,7 @@ fn a_level_error_swings_with_schuler_and_a_vertical_one_runs_away() {
             "{minutes} min: {} of {east_m} m",
             error.position_m.x
         );
-        let grown = (seconds * RUNAWAY_PER_S2.sqrt()).exp();
+        let grown = (seconds * VERTICAL_PER_S2.sqrt()).exp();
         let up_m = 500.0 * (grown + 1.0 / grown);
         let off = (error.position_m.z / up_m - 1.0).abs();
         assert!(

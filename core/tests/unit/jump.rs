@@ -1,7 +1,7 @@
 //! A jump shows in innovations that point where it would; noise and wrong fixes do not.
 #![allow(clippy::disallowed_methods)]
 
-use super::{AZIMUTH, BENDS, Jump, LATENCY, Sight};
+use super::{AZIMUTH, INITIAL_LATENCY, Jump, JumpTest, LATENCY};
 use crate::deviates::Deviates;
 
 /// Ten fixes a second, of this standard deviation.
@@ -21,7 +21,7 @@ fn found(fixes: u32, mut wrong: impl FnMut(u32) -> [f64; 2]) -> Option<(u32, f64
     let (mut jump, mut deviates) = (Jump::default(), Deviates(7));
     (0..fixes).find_map(|fix| {
         let innovation = wrong(fix).map(|wrong| wrong + SIGMA * f64::from(deviates.next()));
-        jump.take(
+        jump.add(
             &innovation.into(),
             &by(fix).into(),
             SIGMA * SIGMA,
@@ -29,7 +29,7 @@ fn found(fixes: u32, mut wrong: impl FnMut(u32) -> [f64; 2]) -> Option<(u32, f64
             &AZIMUTH,
         );
         let look = fix % 10 == 9;
-        let square = look.then(|| jump.square(KNOWN, 1.0, &AZIMUTH)).flatten();
+        let square = look.then(|| jump.detect(KNOWN, 1.0, &AZIMUTH)).flatten();
         square.map(|square| (fix, square))
     })
 }
@@ -90,10 +90,10 @@ fn wrong_fixes_are_no_jump() {
 /// while a vehicle gathers speed. Beside such a pull only what changes counts.
 #[test]
 fn what_stays_as_it_is_is_no_jump_of_a_latency() {
-    let looked = |beside_a_pull: bool, wrong: f64| {
+    let looked = |with_offset: bool, wrong: f64| {
         let (mut jump, mut deviates) = (Jump::default(), Deviates(3));
-        let sight = Sight {
-            beside_a_pull,
+        let test = JumpTest {
+            with_offset,
             ..AZIMUTH
         };
         (0..400).any(|fix| {
@@ -103,8 +103,8 @@ fn what_stays_as_it_is_is_no_jump_of_a_latency() {
                 let noise = f64::from(deviates.next());
                 shown + SIGMA * noise
             });
-            jump.take(&innovation.into(), &by.into(), SIGMA * SIGMA, FIX_S, &sight);
-            jump.square(KNOWN, 1.0, &sight).is_some()
+            jump.add(&innovation.into(), &by.into(), SIGMA * SIGMA, FIX_S, &test);
+            jump.detect(KNOWN, 1.0, &test).is_some()
         })
     };
     assert!(looked(false, 0.0));
@@ -116,7 +116,7 @@ fn what_stays_as_it_is_is_no_jump_of_a_latency() {
 /// accelerations of a walk, a bend's forward and a step's to the side, m/s^2.
 #[test]
 fn a_latency_that_is_whole_steps_off_is_found_by_bends() {
-    let looked = |sight: &Sight, off_s: f64| {
+    let looked = |test: &JumpTest, off_s: f64| {
         let (mut jump, mut deviates) = (Jump::default(), Deviates(5));
         (0..3000).find(|fix| {
             let time_s = FIX_S * f64::from(*fix);
@@ -125,17 +125,17 @@ fn a_latency_that_is_whole_steps_off_is_found_by_bends() {
             let noise = [0, 1].map(|_| SIGMA * f64::from(deviates.next()));
             let innovation = [off_s * bend + noise[0], noise[1]];
             let by = [bend, step];
-            jump.take(&innovation.into(), &by.into(), SIGMA * SIGMA, FIX_S, sight);
-            fix % 10 == 9 && jump.square(KNOWN, 1.0, sight).is_some()
+            jump.add(&innovation.into(), &by.into(), SIGMA * SIGMA, FIX_S, test);
+            fix % 10 == 9 && jump.detect(KNOWN, 1.0, test).is_some()
         })
     };
     // Three bends and what is left of each in the mean make the least time in which it is seen.
-    let found = looked(&BENDS, 0.4);
+    let found = looked(&INITIAL_LATENCY, 0.4);
     assert!(
         found.is_some_and(|fix| (400..1000).contains(&fix)),
         "{found:?}"
     );
-    assert_eq!(looked(&BENDS, 0.0), None);
+    assert_eq!(looked(&INITIAL_LATENCY, 0.0), None);
     // Among steps that it explains it is lost.
     assert_eq!(looked(&LATENCY, 0.4), None);
 }

@@ -41,7 +41,7 @@ impl Gaussian {
 }
 
 #[derive(Clone, Debug)]
-enum Step {
+enum WalkStep {
     Measure([Vector4<f64>; 2], [f64; 2], [f64; 2]),
     Direct(usize, f64, f64),
     Diffuse(usize, f64),
@@ -49,17 +49,17 @@ enum Step {
     CountFromSolution,
 }
 
-fn step() -> impl Strategy<Value = Step> {
+fn step() -> impl Strategy<Value = WalkStep> {
     let number = || -3.0_f64..3.0;
     let four = || [number(), number(), number(), number()].prop_map(Vector4::from);
     let variance = || 0.05_f64..5.0;
     prop_oneof![
         6 => ([four(), four()], [number(), number()], [variance(), variance()])
-            .prop_map(|(r, m, v)| Step::Measure(r, m, v)),
-        1 => (0..4_usize, number(), variance()).prop_map(|(i, m, v)| Step::Direct(i, m, v)),
-        2 => (0..4_usize, variance()).prop_map(|(i, v)| Step::Diffuse(i, v)),
-        2 => (0..4_usize, four()).prop_map(|(i, c)| Step::Redefine(i, c)),
-        1 => Just(Step::CountFromSolution),
+            .prop_map(|(r, m, v)| WalkStep::Measure(r, m, v)),
+        1 => (0..4_usize, number(), variance()).prop_map(|(i, m, v)| WalkStep::Direct(i, m, v)),
+        2 => (0..4_usize, variance()).prop_map(|(i, v)| WalkStep::Diffuse(i, v)),
+        2 => (0..4_usize, four()).prop_map(|(i, c)| WalkStep::Redefine(i, c)),
+        1 => Just(WalkStep::CountFromSolution),
     ]
 }
 
@@ -76,18 +76,18 @@ proptest! {
         let mut gaussian = Gaussian { mean: Vector4::zeros(), covariance };
         for step in steps {
             match step {
-                Step::Measure([a, b], measured, variance) => {
+                WalkStep::Measure([a, b], measured, variance) => {
                     let single = |x: f64| x as f32;
                     let mut both = core::array::from_fn(|k| [single(a[k]), single(b[k])]);
                     rows.add(&mut both, measured.map(single), variance.map(|v| single(1.0 / v)));
                     gaussian.measure(&a, measured[0], variance[0]);
                     gaussian.measure(&b, measured[1], variance[1]);
                 }
-                Step::Direct(index, measured, variance) => {
+                WalkStep::Direct(index, measured, variance) => {
                     rows.add_direct(index, [measured as f32], [variance as f32]);
                     gaussian.measure(&Vector4::ith(index, 1.0), measured, variance);
                 }
-                Step::Diffuse(index, variance) => {
+                WalkStep::Diffuse(index, variance) => {
                     let step = rows.diffuse(index, variance as f32).unwrap();
                     let before = gaussian.covariance;
                     gaussian.covariance[(index, index)] += variance;
@@ -105,13 +105,13 @@ proptest! {
                     let size = told.norm().max(1.0) * gaussian.mean.norm().max(1.0);
                     prop_assert!((f64::from(step.z) - z).abs() < rounding * size, "{z}");
                 }
-                Step::Redefine(index, mut later) => {
+                WalkStep::Redefine(index, mut later) => {
                     later.rows_mut(0, index + 1).fill(0.0);
                     rows.redefine(index, &later.cast());
                     gaussian.redefine(index, &later);
                 }
-                Step::CountFromSolution => {
-                    rows.count_from_solution();
+                WalkStep::CountFromSolution => {
+                    rows.zero_solution();
                     gaussian.mean = Vector4::zeros();
                 }
             }

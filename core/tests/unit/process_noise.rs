@@ -25,15 +25,15 @@ fn found(times: f64, runs: u64) -> f64 {
         for _ in 0..FIXES {
             truth += Vector2::new(next(), next()) * (times * f64::sqrt(0.2 * WALK));
             let came = 0.2 * WALK * process.ratio;
-            process.came(0.2, came);
+            process.add_noise(0.2, came);
             variance += came;
             let innovation = truth + Vector2::new(next(), next()) - estimate;
             let total = variance + 1.0;
             let gain = variance / total;
             estimate += innovation * gain;
             variance *= 1.0 - gain;
-            process.moved(&innovation, total, gain, gain * gain * total);
-            process.look(variance, RANGE);
+            process.corrected(&innovation, total, gain, gain * gain * total);
+            process.adapt(variance, RANGE);
         }
         #[expect(clippy::cast_precision_loss)]
         let count = runs as f64;
@@ -57,9 +57,9 @@ fn it_stays_within_the_bounds_of_the_user() {
     let strongest = found(30.0, 1);
     assert!((50.0..100.1).contains(&strongest), "{strongest}");
     let mut trusted = ProcessNoise::configured();
-    trusted.came(60.0, 1.0);
-    trusted.moved(&Vector2::new(100.0, 100.0), 1.0, 1.0, 0.5);
-    trusted.look(0.5, [1.0, 1.0]);
+    trusted.add_noise(60.0, 1.0);
+    trusted.corrected(&Vector2::new(100.0, 100.0), 1.0, 1.0, 0.5);
+    trusted.adapt(0.5, [1.0, 1.0]);
     assert!((trusted.ratio - 1.0).abs() < 1e-12, "{trusted:?}");
 }
 
@@ -67,8 +67,8 @@ fn it_stays_within_the_bounds_of_the_user() {
 #[test]
 fn what_parameters_explain_teaches_little() {
     let mut process = ProcessNoise::configured();
-    process.came(60.0, 1.0);
-    process.moved(&Vector2::new(30.0, 30.0), 900.0, 1.0, 0.5);
-    process.look(0.5, RANGE);
+    process.add_noise(60.0, 1.0);
+    process.corrected(&Vector2::new(30.0, 30.0), 900.0, 1.0, 0.5);
+    process.adapt(0.5, RANGE);
     assert!((process.ratio - 1.0).abs() < 1e-3, "{process:?}");
 }

@@ -3,7 +3,7 @@
 
 use proptest::prelude::*;
 
-use super::{TOGETHER_S, VerticalSign, unsigned};
+use super::{AVERAGING_S, VerticalSign, sign_variance};
 use crate::{Config, GnssFix, Time};
 
 /// A minute of climbing at `climb_mps`, stated with a sign; and what becomes of the last fix.
@@ -66,7 +66,7 @@ proptest! {
             let up_mps = 0.3 * (f64::from(k) * 1.3).sin();
             let now = [sign * up_mps + noise_mps, up_mps];
             let [change_mps, felt_mps] = [now[0] - last[0], now[1] - last[1]];
-            state.feel(change_mps, felt_mps, 0.02, 1e-4);
+            state.test_accel(change_mps, felt_mps, 0.02, 1e-4);
             last = now;
         }
         let fix = GnssFix {
@@ -83,7 +83,7 @@ proptest! {
     fn no_climb_shows_nothing(noise in prop::collection::vec(-5.0..5.0, 300)) {
         for sign in [1.0, -1.0] {
             let (_, variance) = after_a_minute(0.01, sign, &noise);
-            let of_manoeuvre = variance.map(|variance| variance / (10.0 / TOGETHER_S));
+            let of_manoeuvre = variance.map(|variance| variance / (10.0 / AVERAGING_S));
             let half = 0.4 * 0.01..0.6 * 0.01;
             prop_assert!(of_manoeuvre.is_some_and(|square| half.contains(&square.sqrt())), "{variance:?}");
         }
@@ -100,7 +100,7 @@ fn until_it_is_known_a_velocity_counts_for_less_by_half_of_itself() {
             ..GnssFix::default()
         };
         let variance = VerticalSign::default().take(&fix, &Config::mems());
-        assert_eq!(variance, Some(unsigned(-5.0)));
+        assert_eq!(variance, Some(sign_variance(-5.0)));
         let part = variance.unwrap_or_default().sqrt() / 5.0;
         assert!((part - 0.19_f64.sqrt() / 0.9).abs() < 0.02, "{part}");
     }
@@ -111,7 +111,7 @@ fn until_it_is_known_a_velocity_counts_for_less_by_half_of_itself() {
 fn what_is_not_felt_for_sure_tells_nothing() {
     let mut state = VerticalSign::default();
     for _ in 0..1000 {
-        state.feel(-0.2, 0.2, 0.02, 0.01);
+        state.test_accel(-0.2, 0.2, 0.02, 0.01);
     }
     assert!(!state.is_known());
 }

@@ -2,13 +2,13 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use super::followed::Followed;
+use super::error_state::ErrorState;
 use super::{Observer, estimated};
 use crate::channel::Channel;
 use crate::config::Config;
 use crate::earth::GRAVITY_EQUATOR_MPS2;
 use crate::history::SPACING_S;
-use crate::innovations::{LOST_S, Surprise};
+use crate::innovations::{AGREEING_S, NisTest};
 use crate::math;
 use crate::measurement::Kind;
 use crate::parameters::{COUNT, index};
@@ -17,20 +17,20 @@ use crate::time::Time;
 
 /// Spread of the velocity of an INS that has lost its way, m/s: a second of braking, or of ten that
 /// it was doubted with a tilt of 0.1 rad; and of its tilt and azimuth, rad.
-pub const LOST_MPS: f64 = 10.0;
-const LOST_TILT_RAD: f64 = 0.05;
-const LOST_AZIMUTH_RAD: f64 = 0.3;
+pub const RESET_MPS: f64 = 10.0;
+const RESET_TILT_RAD: f64 = 0.05;
+const RESET_AZIMUTH_RAD: f64 = 0.3;
 /// Time for which an INS that is found to be lost has run away at the speed that it has then, s.
-const ASTRAY_S: f64 = 0.5 * LOST_S;
+const DIVERGING_S: f64 = 0.5 * AGREEING_S;
 /// Time for which innovations must be too large before the INS is doubted, s; and vertical ones before
 /// the vertical is: longer than a bump, and no manoeuvre tips the vertical velocity.
-const DOUBT_S: f64 = 10.0;
-const VERTICAL_DOUBT_S: f64 = 5.0;
+const EXCEEDED_S: f64 = 10.0;
+const VERTICAL_EXCEEDED_S: f64 = 5.0;
 /// Prior sigmas that no parameter is off by, least of them of the latency, s: 3 s is more than the ring
 /// holds; and a tilt that no levelled INS has, rad.
-const SOUND_SIGMAS: f64 = 30.0;
-const LATE_S: f64 = 0.1;
-const SOUND_TILT_RAD: f64 = 1.0;
+const CREDIBLE_SIGMAS: f64 = 30.0;
+const LEAST_LATENCY_SIGMA_S: f64 = 0.1;
+const CREDIBLE_TILT_RAD: f64 = 1.0;
 /// More than a way over reflections makes a receiver err by, m.
 const REFLECTED_M: f64 = 1e3;
 /// Rate and acceleration of an ordinary manoeuvre, which a hole of a second may hide, rad/s and m/s^2:
@@ -93,10 +93,10 @@ impl Hole {
 impl Observer {
     /// The horizon has come to the end of a hole.
     pub fn on_hole(&mut self, hole: &Hole) {
-        self.level.doubt(hole.velocity, hole.tilt);
-        self.vertical.doubt(hole.velocity, 0.0);
-        self.level.doubt_position(hole.position);
-        self.vertical.doubt_position(hole.position);
+        self.level.add_variance(hole.velocity, hole.tilt);
+        self.vertical.add_variance(hole.velocity, 0.0);
+        self.level.add_position_variance(hole.position);
+        self.vertical.add_position_variance(hole.position);
         self.azimuth_walk += hole.azimuth;
     }
 
@@ -105,31 +105,31 @@ impl Observer {
     #[inline(never)]
     pub(super) fn on_jump(&mut self, which: usize, variance: f64) {
         self.corrections.diffuse(which, math::single(variance));
-        if let Some(constancy) = self.constancy.get_mut(which) {
-            constancy.walked(math::single(variance));
+        if let Some(consistency) = self.consistency.get_mut(which) {
+            consistency.on_walk(math::single(variance));
         }
-        if let Some(caused) = self.responses.get(which).map(Followed::double) {
-            self.doubt_along(&caused, variance);
+        if let Some(caused) = self.sensitivities.get(which).map(ErrorState::double) {
+            self.add_along(&caused, variance);
         }
         self.widen(which, variance);
-        self.doubts.note(self.horizon);
+        self.resets.note(self.horizon);
     }
 
     /// The INS was found to be wrong, its velocity by this variance: all may be, by what it is when
     /// alignment ends, and its biases, which have been learnt of meanwhile, by all that was believed of them.
     #[inline(never)]
-    fn on_lost(&mut self, variance: f64, config: &Config) {
+    fn reset_covariance(&mut self, variance: f64, config: &Config) {
         let gnss = &config.gnss;
         // What has tilted it has made it run away.
-        let variance = math::max(variance, LOST_MPS * LOST_MPS);
-        let tilt = variance * (LOST_TILT_RAD / LOST_MPS) * (LOST_TILT_RAD / LOST_MPS);
-        let position = self.level.position() + variance * ASTRAY_S * ASTRAY_S;
+        let variance = math::max(variance, RESET_MPS * RESET_MPS);
+        let tilt = variance * (RESET_TILT_RAD / RESET_MPS) * (RESET_TILT_RAD / RESET_MPS);
+        let position = self.level.position() + variance * DIVERGING_S * DIVERGING_S;
         self.level = Channel::new(tilt, &gnss.velocity_mps, &gnss.position_m);
-        self.level.doubt(variance, 0.0);
-        self.level.doubt_position(position);
-        self.renew_noise([0.0; 2], [1.0; 2]);
-        self.lose_vertical(LOST_MPS * LOST_MPS, config);
-        self.azimuth_walk += LOST_AZIMUTH_RAD * LOST_AZIMUTH_RAD;
+        self.level.add_variance(variance, 0.0);
+        self.level.add_position_variance(position);
+        self.scale_gnss_noise([0.0; 2], [1.0; 2]);
+        self.reset_vertical(RESET_MPS * RESET_MPS, config);
+        self.azimuth_walk += RESET_AZIMUTH_RAD * RESET_AZIMUTH_RAD;
         let s = &config.sensors;
         for (first, sigma) in [
             (index::GYRO, s.gyro_bias_radps),
@@ -137,103 +137,103 @@ impl Observer {
         ] {
             let sigma = math::single(sigma);
             for axis in 0..3 {
-                self.let_walk(first + axis, sigma * sigma);
+                self.add_walk(first + axis, sigma * sigma);
                 // Where it is given up at once its turn does not come.
                 self.widen(first + axis, f64::from(sigma * sigma));
             }
         }
-        self.surprise = Surprise::default();
-        self.doubts.add(self.horizon);
+        self.nis = NisTest::default();
+        self.resets.add(self.horizon);
         self.jumps = Default::default();
-        self.gyro_noise.look_anew();
+        self.gyro_noise.restart();
     }
 
     /// The same of the vertical alone, with this variance of the velocity more.
     #[inline(never)]
-    fn lose_vertical(&mut self, variance: f64, config: &Config) {
+    fn reset_vertical(&mut self, variance: f64, config: &Config) {
         let gnss = &config.gnss;
         let height = self.vertical.position();
         self.vertical = Channel::new(0.0, &gnss.velocity_up_mps, &gnss.height_m);
-        self.vertical.doubt(variance, 0.0);
-        self.vertical.doubt_position(height);
-        self.vertical_surprise = Surprise::default();
-        self.renew_noise([1.0; 2], [0.0; 2]);
+        self.vertical.add_variance(variance, 0.0);
+        self.vertical.add_position_variance(height);
+        self.vertical_nis = NisTest::default();
+        self.scale_gnss_noise([1.0; 2], [0.0; 2]);
     }
 
     /// Vertical velocities so far were wrong, and what they have shown.
     pub fn forget_vertical(&mut self, config: &Config) {
-        self.lose_vertical(LOST_MPS * LOST_MPS, config);
+        self.reset_vertical(RESET_MPS * RESET_MPS, config);
         let prior = config.prior_sigma();
         let up = self.level_force_mps2 / GRAVITY_EQUATOR_MPS2;
         for first in [index::ACCEL, index::ACCEL_SCALE, index::LEVER_ARM] {
             for ((which, sigma), up) in prior.iter().enumerate().skip(first).zip(&up) {
                 let sigma = up * f64::from(*sigma);
-                self.let_walk(which, math::single(sigma * sigma));
+                self.add_walk(which, math::single(sigma * sigma));
             }
         }
     }
 
     /// What GNSS was thought to err by explained some of the INS's own error: parts of it that are kept, of
     /// velocity and position.
-    fn renew_noise(&mut self, level: [f32; 2], up: [f32; 2]) {
-        self.followed.renew(level.map(f64::from), up.map(f64::from));
-        for response in estimated(&mut self.responses, &self.corrections) {
-            response.renew(level, up);
+    fn scale_gnss_noise(&mut self, level: [f32; 2], up: [f32; 2]) {
+        self.state.decay(level.map(f64::from), up.map(f64::from));
+        for sensitivity in estimated(&mut self.sensitivities, &self.corrections) {
+            sensitivity.decay(level, up);
         }
     }
 
     /// When it was last found to be wrong.
-    pub fn doubted(&self) -> Option<Time> {
-        self.doubts.last.max(self.vertical_doubts.last)
+    pub fn last_reset(&self) -> Option<Time> {
+        self.resets.last.max(self.vertical_resets.last)
     }
 
     /// Whether believing it less does not mend it.
-    pub fn is_hopeless(&self) -> bool {
-        self.doubts.is_hopeless()
+    pub fn needs_realignment(&self) -> bool {
+        self.resets.is_exceeded()
     }
 
     /// Whether all that it says can be: else it has been misled, and must begin anew from what is
     /// configured. No other error than an attitude that is far off keeps pulling the vertical.
-    pub fn is_sound(&self, config: &Config) -> bool {
+    pub fn is_credible(&self, config: &Config) -> bool {
         let prior = config.prior();
         let credible = |which: usize| {
             let sigma = prior.sigma(which);
             // Clocks drift apart, and the search for the heading finds the latency by itself.
             let sigma = if which == index::LATENCY {
-                math::max(sigma, LATE_S)
+                math::max(sigma, LEAST_LATENCY_SIGMA_S)
             } else {
                 sigma
             };
-            math::abs(self.parameters.value(which) - prior.value(which)) <= SOUND_SIGMAS * sigma
+            math::abs(self.parameters.value(which) - prior.value(which)) <= CREDIBLE_SIGMAS * sigma
         };
-        let error = &self.followed.error;
+        let error = &self.state.error;
         (0..COUNT).all(credible)
-            && !self.vertical_doubts.is_hopeless()
+            && !self.vertical_resets.is_exceeded()
             && math::all_finite(&error.position_m)
             && math::all_finite(&error.velocity_mps)
-            && error.tilt_rad.norm() < SOUND_TILT_RAD
+            && error.tilt_rad.norm() < CREDIBLE_TILT_RAD
             && self.level.tilt().is_finite()
     }
 
     /// Fixes of a kind were refused for so long that it is the INS which is wrong, by this in each axis.
-    pub(super) fn on_lost_by(&mut self, kind: Kind, error: &Vector2<f64>, config: &Config) {
+    pub(super) fn on_diverged(&mut self, kind: Kind, error: &Vector2<f64>, config: &Config) {
         let components = if kind.is_up() { 1.0 } else { 2.0 };
         let variance = error.norm_squared() / components;
         match kind {
-            Kind::Position if self.goes_on(Kind::Velocity) => {
+            Kind::Position if self.aided_by(Kind::Velocity) => {
                 self.on_position_jump(kind, error, variance, config);
             }
-            Kind::Height if self.goes_on(Kind::Climb) => {
+            Kind::Height if self.aided_by(Kind::Climb) => {
                 self.on_position_jump(kind, error, variance, config);
             }
             // Nothing else says how fast it is.
-            Kind::Position => self.on_lost(variance / (ASTRAY_S * ASTRAY_S), config),
+            Kind::Position => self.reset_covariance(variance / (DIVERGING_S * DIVERGING_S), config),
             Kind::Height => {
-                self.lose_vertical(variance / (ASTRAY_S * ASTRAY_S), config);
-                self.vertical.doubt_position(variance);
+                self.reset_vertical(variance / (DIVERGING_S * DIVERGING_S), config);
+                self.vertical.add_position_variance(variance);
             }
-            Kind::Climb => self.lose_vertical(variance, config),
-            Kind::Velocity => self.on_lost(variance, config),
+            Kind::Climb => self.reset_vertical(variance, config),
+            Kind::Velocity => self.reset_covariance(variance, config),
         }
     }
 
@@ -250,7 +250,7 @@ impl Observer {
         let (noise, range) = (kind.noise(config), config.gnss.noise_range);
         let far = error.norm_squared() > REFLECTED_M * REFLECTED_M;
         let [_, most] = range;
-        let doubtful = if far {
+        let offset_variance = if far {
             most * most * noise.variance()
         } else {
             variance
@@ -262,31 +262,31 @@ impl Observer {
             (&mut self.level, 2.0, [0.0, 1.0], error.push(0.0))
         };
         if far {
-            self.followed.error.position_m += off_m;
+            self.state.error.position_m += off_m;
         }
-        channel.renew_position_noise(doubtful);
-        channel.doubt_position(doubtful);
-        if let Some(colour) = self.colours.get_mut(kind as usize) {
-            colour.learn_of_jump(variance, components, noise, range);
+        channel.reset_position_noise(offset_variance);
+        channel.add_position_variance(offset_variance);
+        if let Some(coloured) = self.coloured_noise.get_mut(kind as usize) {
+            coloured.on_jump(variance, components, noise, range);
         }
         let [level, up] = kept;
-        self.renew_noise([1.0, level], [1.0, up]);
+        self.scale_gnss_noise([1.0, level], [1.0, up]);
     }
 
     /// Whether the INS was held against measurements of a kind of late.
-    pub fn goes_on(&self, kind: Kind) -> bool {
+    pub fn aided_by(&self, kind: Kind) -> bool {
         let innovations = self.innovations.get(kind as usize);
-        innovations.is_some_and(|kind| kind.goes_on(self.horizon))
+        innovations.is_some_and(|kind| kind.is_recent(self.horizon))
     }
 
     /// An INS whose innovations stay too large is not believed any more, nor is its vertical.
-    pub fn doubt(&mut self, config: &Config) {
-        if self.surprise.lasting_s >= DOUBT_S {
-            self.on_lost(0.0, config);
+    pub fn check_divergence(&mut self, config: &Config) {
+        if self.nis.exceeded_s >= EXCEEDED_S {
+            self.reset_covariance(0.0, config);
         }
-        if self.vertical_surprise.lasting_s > VERTICAL_DOUBT_S {
-            self.lose_vertical(LOST_MPS * LOST_MPS, config);
-            self.vertical_doubts.add(self.horizon);
+        if self.vertical_nis.exceeded_s > VERTICAL_EXCEEDED_S {
+            self.reset_vertical(RESET_MPS * RESET_MPS, config);
+            self.vertical_resets.add(self.horizon);
         }
     }
 }

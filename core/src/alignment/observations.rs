@@ -19,7 +19,7 @@ const SPAN_S: f64 = 0.95;
 /// Longest: what happened between is lost in the mean.
 const LONGEST_SPAN_S: f64 = 5.0;
 /// Time over which a receiver's errors are taken to stay the same, s.
-const ALIKE_S: f64 = 2.0;
+const SHARED_S: f64 = 2.0;
 /// Change of a position error within a second, m: what receivers smooth leaves decimetres, a
 /// metre where they do not.
 const WANDER_M: f64 = 0.7;
@@ -31,7 +31,7 @@ const KEPT: u32 = 16;
 /// A velocity of the vehicle, or its mean over some time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(crate) struct Sighting {
+pub(crate) struct Observation {
     /// Stamp; of a mean, of its end.
     pub(crate) time: Time,
     /// Time it is the mean over, s; zero if none.
@@ -41,12 +41,12 @@ pub(crate) struct Sighting {
     /// Standard deviation of each component, m/s.
     pub(crate) sigma_mps: f32,
     /// How many successive ones share their errors.
-    pub(crate) alike: f32,
+    pub(crate) shared: f32,
 }
 
-impl Sighting {
+impl Observation {
     /// Whether the speed is above its noise.
-    pub(crate) fn moves(&self) -> bool {
+    pub(crate) fn is_moving(&self) -> bool {
         let least = MOTION_SIGMAS * self.sigma_mps;
         self.velocity_mps.norm_squared() > least * least
     }
@@ -55,19 +55,19 @@ impl Sighting {
 /// The last sightings, numbered from the first one ever.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(crate) struct Sightings {
-    kept: [Sighting; KEPT as usize],
+pub(crate) struct Observations {
+    kept: [Observation; KEPT as usize],
     count: u32,
     last: Option<Time>,
     /// Position that the next difference starts from.
     before: Option<(Time, Geodetic)>,
 }
 
-impl Default for Sightings {
+impl Default for Observations {
     fn default() -> Self {
         Self {
             // Not copied over the stack, as one by one.
-            kept: [Sighting::default(); KEPT as usize],
+            kept: [Observation::default(); KEPT as usize],
             count: 0,
             last: None,
             before: None,
@@ -75,7 +75,7 @@ impl Default for Sightings {
     }
 }
 
-impl Sightings {
+impl Observations {
     pub(crate) fn count(&self) -> u32 {
         self.count
     }
@@ -92,7 +92,7 @@ impl Sightings {
     }
 
     /// A sighting by its number, while it is kept.
-    pub(crate) fn get(&self, number: u32) -> Option<&Sighting> {
+    pub(crate) fn get(&self, number: u32) -> Option<&Observation> {
         let age = self.count.checked_sub(number)?;
         if age == 0 || age > KEPT {
             return None;
@@ -106,8 +106,8 @@ impl Sightings {
     }
 
     /// Takes a fix; true if it makes a sighting.
-    pub(crate) fn add(&mut self, fix: &GnssFix, config: &Config) -> Option<Sighting> {
-        let sighting = if fix.velocity_en_mps.is_some() {
+    pub(crate) fn add(&mut self, fix: &GnssFix, config: &Config) -> Option<Observation> {
+        let observation = if fix.velocity_en_mps.is_some() {
             self.before = None;
             self.velocity(fix, config)
         } else {
@@ -115,33 +115,33 @@ impl Sightings {
         }?;
         self.last = Some(fix.time);
         if let Some(place) = self.kept.get_mut((self.count % KEPT) as usize) {
-            *place = sighting;
+            *place = observation;
         }
         self.count += 1;
-        Some(sighting)
+        Some(observation)
     }
 
-    fn velocity(&self, fix: &GnssFix, config: &Config) -> Option<Sighting> {
+    fn velocity(&self, fix: &GnssFix, config: &Config) -> Option<Observation> {
         let since_s = self
             .last
-            .map_or(ALIKE_S, |last| fix.time.seconds_since(last));
+            .map_or(SHARED_S, |last| fix.time.seconds_since(last));
         if since_s < SPACING_S {
             return None;
         }
         let stated = fix.sigma.velocity_mps.unwrap_or(0.0);
         let (white, [_, most]) = (config.gnss.velocity_mps.white, config.gnss.noise_range);
         let sigma = math::min(math::max(stated, white), most * white);
-        let shared = math::max(ALIKE_S / since_s, 1.0);
-        Some(Sighting {
+        let sharing = math::max(SHARED_S / since_s, 1.0);
+        Some(Observation {
             time: fix.time,
             span_s: 0.0,
             velocity_mps: fix.velocity_en_mps?.map(math::single),
             sigma_mps: math::single(sigma),
-            alike: math::single(shared),
+            shared: math::single(sharing),
         })
     }
 
-    fn difference(&mut self, fix: &GnssFix) -> Option<Sighting> {
+    fn difference(&mut self, fix: &GnssFix) -> Option<Observation> {
         let place = fix.geodetic_or(0.0)?;
         let Some((time, before)) = self.before else {
             self.before = Some((fix.time, place));
@@ -156,12 +156,12 @@ impl Sightings {
             return None;
         }
         let velocity = place.enu_from(&before).xy() / span_s;
-        Some(Sighting {
+        Some(Observation {
             time: fix.time,
             span_s: math::single(span_s),
             velocity_mps: velocity.map(math::single),
             sigma_mps: math::single(core::f64::consts::SQRT_2 * WANDER_M / span_s),
-            alike: 1.0,
+            shared: 1.0,
         })
     }
 }

@@ -6,14 +6,14 @@ use super::{JUMPS, Observer, estimated};
 use crate::channel::Measured;
 use crate::config::{Config, Noise};
 use crate::earth::GRAVITY_EQUATOR_MPS2;
-use crate::history::{Past, SPACING_S};
-use crate::innovations::{Credit, against_described, is_ordinary};
+use crate::history::{PastState, SPACING_S};
+use crate::innovations::{GateResult, is_inlier, ratio_to_configured};
 use crate::math::{self, singles};
 use crate::measurement::{Difference, Kind};
 use crate::parameters::{COUNT, index};
 
 /// What a unit of each parameter adds to `R` measured components.
-type By<const R: usize> = [[f32; R]; COUNT];
+type Partials<const R: usize> = [[f32; R]; COUNT];
 
 /// Square of the jerk that a swing of a velocity of unit variance leaves: a third of it is in the
 /// means over a tenth of a second, their second difference is four times that, on two axes.
@@ -21,7 +21,7 @@ const SWING_PER_S4: f64 = 6e4;
 
 /// Sigmas by which a receiver must smooth for what swings to be smoothed as a whole: with a smoothing that is
 /// none a swing that comes at another time than the latency says would be none, either.
-const SMOOTHS_SIGMAS: f64 = 3.0;
+const SMOOTHING_SIGMAS: f64 = 3.0;
 
 /// Sigmas of the noise of a gyro, in its mean between two moments of the ring, within which a rate shows
 /// nothing: beyond, the noise of all three is a thirtieth of its square.
@@ -30,162 +30,162 @@ const NOISE_SIGMAS: f64 = 10.0;
 impl Observer {
     /// Compares the INS at the horizon, which must be a moment of the past, with a fix; whether it
     /// is taken.
-    pub fn take(
+    pub fn update(
         &mut self,
-        past: &Past,
+        past: &PastState,
         kind: Kind,
         difference: &Difference,
         config: &Config,
     ) -> bool {
-        match self.learn(past, kind, difference, config) {
-            Credit::Taken(_) => true,
-            Credit::Refused => false,
-            Credit::Lost(error) => {
-                self.on_lost_by(kind, &error, config);
+        match self.form_innovation(past, kind, difference, config) {
+            GateResult::Accepted(_) => true,
+            GateResult::Rejected => false,
+            GateResult::Diverged(error) => {
+                self.on_diverged(kind, &error, config);
                 false
             }
         }
     }
 
-    /// Learns from a fix what it is given credit for.
+    /// Learns from a fix what it is given result for.
     #[inline(never)]
-    fn learn(
+    fn form_innovation(
         &mut self,
-        past: &Past,
+        past: &PastState,
         kind: Kind,
         difference: &Difference,
         config: &Config,
-    ) -> Credit {
-        let pace = if kind.is_up() {
-            &mut self.vertical_pace
+    ) -> GateResult {
+        let timing = if kind.is_up() {
+            &mut self.vertical_timing
         } else {
-            &mut self.level_pace
+            &mut self.level_timing
         };
-        pace.step(self.horizon);
-        let per_manoeuvre = pace.per_manoeuvre;
-        let direct = self.shown_directly(past, kind, difference, config);
-        let residual = difference.value - self.predicted(&direct, kind.measured(), difference);
-        let bent = self.bent_variance(past, kind, &direct)
-            + per_manoeuvre * self.skew_variance(past, kind, &direct)
-            + difference.more_variance;
+        timing.step(self.horizon);
+        let per_manoeuvre = timing.per_manoeuvre;
+        let model = self.receiver_model(past, kind, difference, config);
+        let residual = difference.value - self.predict(&model, kind.measured(), difference);
+        let extra = self.linearization_variance(past, kind, &model)
+            + per_manoeuvre * self.skew_variance(past, kind, &model)
+            + difference.extra_variance;
         if kind.is_up() {
-            let mut by = self.shown_by(&direct, kind.measured(), |by| [by.z]);
-            self.measure(kind, &mut by, [residual.z], difference, bent, config)
+            let mut partials = self.partials(&model, kind.measured(), |own| [own.z]);
+            self.apply_innovation(kind, &mut partials, [residual.z], difference, extra, config)
         } else {
-            let mut by = self.shown_by(&direct, kind.measured(), |by| [by.x, by.y]);
+            let mut partials = self.partials(&model, kind.measured(), |own| [own.x, own.y]);
             let residual = [residual.x, residual.y];
-            self.measure(kind, &mut by, residual, difference, bent, config)
+            self.apply_innovation(kind, &mut partials, residual, difference, extra, config)
         }
     }
 
     /// Takes the innovations of one kind, one for each of its axes.
-    fn measure<const R: usize>(
+    fn apply_innovation<const R: usize>(
         &mut self,
         kind: Kind,
-        by: &mut By<R>,
+        partials: &mut Partials<R>,
         innovation: [f64; R],
         difference: &Difference,
-        bent: f64,
+        extra: f64,
         config: &Config,
-    ) -> Credit {
+    ) -> GateResult {
         let gnss = &config.gnss;
-        let described = kind.noise(config);
-        let learnt = self.noisier(kind, difference.stated_variance, config);
+        let configured = kind.noise(config);
+        let learnt = self.noise_ratio(kind, difference.stated_variance, config);
         let channel = if kind.is_up() {
             &mut self.vertical
         } else {
             &mut self.level
         };
         let Some(innovations) = self.innovations.get_mut(kind as usize) else {
-            return Credit::Refused;
+            return GateResult::Rejected;
         };
-        let noise = described.white * described.white * learnt / difference.fixes;
-        let white = noise + bent;
-        let predicted = channel.predicted(kind.measured());
+        let noise = configured.white * configured.white * learnt / difference.fixes;
+        let white = noise + extra;
+        let predicted = channel.predicted_variance(kind.measured());
         let components = if kind.is_up() { 1.0 } else { 2.0 };
         let pair = Vector2::from([0, 1].map(|axis| innovation.get(axis).copied().unwrap_or(0.0)));
         // What the spread of the parameters adds is asked for only where it decides.
         let mut variance = predicted;
-        if !is_ordinary(&pair, components * (predicted + white)) {
-            variance += self.corrections.mean_variance(by);
+        if !is_inlier(&pair, components * (predicted + white)) {
+            variance += self.corrections.mean_variance(partials);
         }
-        let credit = innovations.judge(self.horizon, &pair, components, variance, white);
-        let (surprise, pace) = if kind.is_up() {
-            (&mut self.vertical_surprise, &self.vertical_pace)
+        let result = innovations.gate(self.horizon, &pair, components, variance, white);
+        let (nis, timing) = if kind.is_up() {
+            (&mut self.vertical_nis, &self.vertical_timing)
         } else {
-            (&mut self.surprise, &self.level_pace)
+            (&mut self.nis, &self.level_timing)
         };
-        let seconds = pace.seconds;
+        let seconds = timing.seconds;
         if kind == Kind::Velocity && seconds > 0.0 {
-            let taken = matches!(credit, Credit::Taken(_));
-            for (jump, (which, sight)) in self.jumps.iter_mut().zip(&JUMPS) {
-                if let Some([east, north]) = by.get(*which).and_then(|by| by.first_chunk())
-                    && (taken || sight.by_refused)
+            let accepted = matches!(result, GateResult::Accepted(_));
+            for (jump, (which, test)) in self.jumps.iter_mut().zip(&JUMPS) {
+                if let Some([east, north]) = partials.get(*which).and_then(|own| own.first_chunk())
+                    && (accepted || test.uses_rejected)
                 {
-                    let by = Vector2::new(*east, *north).map(f64::from);
-                    jump.take(&pair, &by, predicted + white, seconds, sight);
+                    let partial = Vector2::new(*east, *north).map(f64::from);
+                    jump.add(&pair, &partial, predicted + white, seconds, test);
                 }
             }
         }
-        let Credit::Taken(white) = credit else {
+        let GateResult::Accepted(white) = result else {
             // Of the level they say something once they agree. The vertical a single knock tips; heights
             // alone, and not for long, may also be wrong.
-            if credit == Credit::Refused && kind == Kind::Climb {
-                surprise.take(pair.norm_squared() / (variance + white), seconds);
+            if result == GateResult::Rejected && kind == Kind::Climb {
+                nis.add(pair.norm_squared() / (variance + white), seconds);
             }
-            return credit;
+            return result;
         };
         // Both level axes have the same covariance before and the same after.
         let tilt = channel.tilt();
         let gains = channel.update(kind.measured(), white);
         let total = predicted + white;
-        self.followed.correct(&gains, &innovation);
+        self.state.correct(&gains, &innovation);
         let single_gains = gains.map(math::single);
-        let responses = estimated(&mut self.responses, &self.corrections);
-        for (response, by) in responses.iter_mut().zip(by.iter()) {
-            response.correct(&single_gains, &by.map(|by| -by));
+        let sensitivities = estimated(&mut self.sensitivities, &self.corrections);
+        for (sensitivity, partial) in sensitivities.iter_mut().zip(partials.iter()) {
+            sensitivity.correct(&single_gains, &partial.map(|own| -own));
         }
         let weights = [math::single(1.0 / total); R];
         let added = self
             .corrections
-            .add(by, innovation.map(math::single), weights);
+            .add(partials, innovation.map(math::single), weights);
         let square = f64::from(added.square) / components;
-        surprise.take(square, seconds);
+        nis.add(square, seconds);
         // Of something else's variance they say nothing.
-        if difference.more_variance < noise {
+        if difference.extra_variance < noise {
             let sigmas = pair / math::sqrt(total * 0.5 * components);
             let trusted = gnss.trust_stated_sigma;
             let range = if trusted { [1.0; 2] } else { gnss.noise_range };
             innovations.learn(square, noise / total, &sigmas, range);
             // While the parameters themselves are uncertain it says little of the noise.
             if !trusted && f64::from(added.determinant) < 1.0 + components {
-                self.learn_colour(kind, &pair, components, total, config);
+                self.learn_noise(kind, &pair, components, total, config);
             }
         }
         if kind == Kind::Height {
-            self.height_sensitivity.take(&pair, total, white);
-            self.height_persistence.take(&pair, total, white);
+            self.height_score.update(&pair, total, white);
+            self.height_correlation.update(&pair, total, white);
         }
         if !kind.is_up() {
             let variance = total * math::sqrt(f64::from(added.determinant));
             let left = self.level.tilt();
             let process = &mut self.gyro_noise;
-            process.moved(&pair, variance, gains.z, tilt - left);
-            process.look(left, config.sensors.noise_range);
+            process.corrected(&pair, variance, gains.z, tilt - left);
+            process.adapt(left, config.sensors.noise_range);
         }
-        credit
+        result
     }
 
     /// How many times noisier than described a comparison of a kind is, in variance, by what its fix states
     /// and what was learnt; so is its correlated noise from now on.
     #[inline(never)]
-    fn noisier(&mut self, kind: Kind, stated: Option<f64>, config: &Config) -> f64 {
+    fn noise_ratio(&mut self, kind: Kind, stated: Option<f64>, config: &Config) -> f64 {
         let gnss = &config.gnss;
-        let described = kind.noise(config);
+        let configured = kind.noise(config);
         let number = kind as usize;
-        let (Some(innovations), Some(colour)) = (
+        let (Some(innovations), Some(coloured)) = (
             self.innovations.get_mut(number),
-            self.colours.get_mut(number),
+            self.coloured_noise.get_mut(number),
         ) else {
             return 1.0;
         };
@@ -194,35 +194,35 @@ impl Observer {
         let is_position = kind.measured() == Measured::Position;
         let relative = match stated {
             Some(variance) if gnss.trust_stated_sigma || is_position => {
-                against_described(variance, described, gnss.noise_range[0])
+                ratio_to_configured(variance, configured, gnss.noise_range[0])
             }
-            Some(variance) => innovations.against_average(variance),
+            Some(variance) => innovations.ratio_to_average(variance),
             None => 1.0,
         };
         let learnt = relative * innovations.scale;
         if !is_position {
-            colour.scale(learnt);
+            coloured.scale(learnt);
             return learnt;
         }
         let [_, most] = gnss.noise_range;
-        let expected = math::max(colour.strength, most * most);
-        colour.scale(math::max(learnt, relative));
+        let expected = math::max(coloured.strength, most * most);
+        coloured.scale(math::max(learnt, relative));
         // A receiver that says it is worse than any is expected to be is so at once.
         if stated.is_some() {
-            let worse = math::max(colour.strength - expected, 0.0);
+            let worse = math::max(coloured.strength - expected, 0.0);
             let channel = if kind.is_up() {
                 &mut self.vertical
             } else {
                 &mut self.level
             };
-            channel.add_position_noise(described.correlated * described.correlated * worse);
+            channel.add_noise_variance(configured.correlated * configured.correlated * worse);
         }
         learnt
     }
 
     /// Learns how strong the correlated noise of a kind is: of heights from an innovation of so many
     /// components and a variance of each, of the others from what is taken for it.
-    fn learn_colour(
+    fn learn_noise(
         &mut self,
         kind: Kind,
         innovation: &Vector2<f64>,
@@ -231,14 +231,14 @@ impl Observer {
         config: &Config,
     ) {
         let range = config.gnss.noise_range;
-        let Some(colour) = self.colours.get_mut(kind as usize) else {
+        let Some(coloured) = self.coloured_noise.get_mut(kind as usize) else {
             return;
         };
         if kind == Kind::Height {
-            let sensitivity = &self.height_sensitivity;
-            colour.learn(sensitivity, innovation, components, total, range);
-            if !self.goes_on(Kind::Climb) {
-                self.height_persistence.learn(innovation, total, range);
+            let sensitivity = &self.height_score;
+            coloured.learn(sensitivity, innovation, components, total, range);
+            if !self.aided_by(Kind::Climb) {
+                self.height_correlation.learn(innovation, total, range);
             }
             return;
         }
@@ -247,18 +247,18 @@ impl Observer {
         } else {
             &self.level
         };
-        let lasts = match kind.measured() {
+        let time_ratio = match kind.measured() {
             Measured::Velocity => 1.0,
-            Measured::Position => colour.lasts(),
+            Measured::Position => coloured.time_ratio(),
         };
-        let estimate = self.followed.noise(kind);
+        let estimate = self.state.noise(kind);
         let left = channel.noise(kind.measured());
-        colour.learn_of_estimate(
+        coloured.learn_from_state(
             self.horizon,
             &estimate,
             components,
             left,
-            (kind.noise(config), lasts),
+            (kind.noise(config), time_ratio),
             range,
         );
     }
@@ -266,10 +266,10 @@ impl Observer {
     /// Variance per component of what is not linear in the parameters: of a latency in a motion that
     /// bends, of an antenna that swings on an unknown arm, and in a frame that points elsewhere. It goes
     /// as they become known; what jolts hide between two moments of the ring stays.
-    fn bent_variance(&self, past: &Past, kind: Kind, direct: &Direct) -> f64 {
+    fn linearization_variance(&self, past: &PastState, kind: Kind, model: &ReceiverModel) -> f64 {
         let square = |x: f64| x * x;
         let p = &self.parameters;
-        let own_delay = if direct.delays {
+        let own_delay = if model.has_delay {
             square(p.sigma(index::POSITION_DELAY))
         } else {
             0.0
@@ -284,7 +284,7 @@ impl Observer {
                 &past.accel_mps2,
                 &past.jerk_mps3,
                 &past.attitude_accel,
-                past.unseen_velocity + past.unseen_rate * direct.arm_m.norm_squared(),
+                past.unresolved_velocity + past.unresolved_rate * model.arm_m.norm_squared(),
             ),
             Measured::Position => (
                 &past.velocity_mps,
@@ -303,44 +303,44 @@ impl Observer {
     /// of `2 s^1.5`, a sixth of which goes with it. In a turn that is a lateral velocity for as long as
     /// the turn lasts, just as the bias of an accelerometer makes one: it counts once, and not with each
     /// fix, and lies all in one direction.
-    fn skew_variance(&self, past: &Past, kind: Kind, direct: &Direct) -> f64 {
+    fn skew_variance(&self, past: &PastState, kind: Kind, model: &ReceiverModel) -> f64 {
         let smoothing_s2 = self.smoothing_s2();
-        smoothing_s2 * smoothing_s2 * smoothing_s2 / 9.0 * (third2(past, kind) + direct.arm_third2)
+        smoothing_s2 * smoothing_s2 * smoothing_s2 / 9.0 * (third2(past, kind) + model.arm_snap2)
     }
 
     /// What receiver and antenna add to INS minus GNSS.
-    fn shown_directly(
+    fn receiver_model(
         &self,
-        past: &Past,
+        past: &PastState,
         kind: Kind,
         difference: &Difference,
         config: &Config,
-    ) -> Direct {
+    ) -> ReceiverModel {
         let measured = kind.measured();
-        if !difference.of_receiver {
-            return Direct::default();
+        if !difference.from_receiver {
+            return ReceiverModel::default();
         }
         let arm_m = self.parameters.lever_arm();
         // A platform held by GNSS leans as that errs, and gravity would be taken for a motion that goes
         // with the error to come: errors in variables, 2 sigmas of the latency of a slow vehicle.
-        let (force_mps2, tilt) = (&past.accel_mps2, &self.followed.error.tilt_rad);
+        let (force_mps2, tilt) = (&past.accel_mps2, &self.state.error.tilt_rad);
         let up_mps2 = force_mps2.z + GRAVITY_EQUATOR_MPS2;
         let mut accel_mps2 = past.accel_mps2 + past.attitude_accel * arm_m;
         accel_mps2.x += up_mps2 * tilt.y - force_mps2.y * tilt.z;
         accel_mps2.y += force_mps2.x * tilt.z - up_mps2 * tilt.x;
         // Velocities may also come in fixes of their own.
-        let delays = measured == Measured::Position && self.goes_on(Kind::Velocity);
-        let delay_s = if delays {
+        let has_delay = measured == Measured::Position && self.aided_by(Kind::Velocity);
+        let delay_s = if has_delay {
             self.parameters.value(index::POSITION_DELAY)
         } else {
             0.0
         };
-        let [seen, bent] = self.seen_lever(past, measured, config);
+        let [seen, bent] = self.arm_rows(past, measured, config);
         let (arm_jerk_mps3, seen_arm) = (bent * arm_m, seen * arm_m);
         let jerk_mps3 = past.jerk_mps3 + arm_jerk_mps3;
         let (part, by_latency, by_smoothing) = match measured {
             Measured::Velocity => {
-                let part = 0.5 * seen_jerk(past, &jerk_mps3) * self.told_of_smoothing(past);
+                let part = 0.5 * vehicle_share(past, &jerk_mps3) * self.smoothing_gain(past);
                 (part, accel_mps2, -part * jerk_mps3)
             }
             Measured::Position => (
@@ -349,20 +349,20 @@ impl Observer {
                 -0.5 * accel_mps2,
             ),
         };
-        let by_latency = by_latency * self.told_of_latency(past, kind, &by_latency);
+        let by_latency = by_latency * self.latency_gain(past, kind, &by_latency);
         let jerk2 = arm_jerk_mps3.norm_squared();
         let by_azimuth = Vector3::new(seen_arm.y, -seen_arm.x, 0.0);
-        Direct {
+        ReceiverModel {
             arm_m,
             by_latency,
-            delays,
+            has_delay,
             // Of half a second the second order is decimetres.
-            delayed: (by_latency + 0.5 * accel_mps2 * delay_s) * delay_s,
+            delay_part: (by_latency + 0.5 * accel_mps2 * delay_s) * delay_s,
             by_smoothing,
-            by_lever: seen + bent * (part * self.smoothing_s2()),
-            by_arm: by_azimuth * tilt.z - seen_arm,
+            by_lever_arm: seen + bent * (part * self.smoothing_s2()),
+            arm_part: by_azimuth * tilt.z - seen_arm,
             by_azimuth,
-            arm_third2: jerk2 * math::sqrt(jerk2 / (seen_arm.norm_squared() + 1e-6)),
+            arm_snap2: jerk2 * math::sqrt(jerk2 / (seen_arm.norm_squared() + 1e-6)),
         }
     }
 
@@ -370,7 +370,7 @@ impl Observer {
     /// second derivative of that, of which a receiver that smooths shows a part. The platform leans as the
     /// noise of GNSS has made it lean, and gyros at rest read noise, which drives the INS as well: either
     /// would show an arm that is not there (errors in variables).
-    fn seen_lever(&self, past: &Past, measured: Measured, config: &Config) -> [Matrix3<f64>; 2] {
+    fn arm_rows(&self, past: &PastState, measured: Measured, config: &Config) -> [Matrix3<f64>; 2] {
         let seen = match measured {
             Measured::Velocity => {
                 let noise = NOISE_SIGMAS * config.sensors.mean_gyro_noise();
@@ -382,7 +382,7 @@ impl Observer {
             }
             Measured::Position => [past.attitude, Matrix3::zeros()],
         };
-        let tilt = &self.followed.error.tilt_rad;
+        let tilt = &self.state.error.tilt_rad;
         let level = Vector3::new(tilt.x, tilt.y, 0.0);
         seen.map(|seen| seen + level.cross_matrix() * seen)
     }
@@ -391,16 +391,16 @@ impl Observer {
     /// phase may be anywhere. By statistical linearization (Gelb and Vander Velde, 1968) a sine keeps
     /// `exp(-w^2 s^2 / 2)` of its derivative, level and vertical each at a frequency of its own; and a receiver
     /// that smooths shows no more of that than of the swing.
-    fn told_of_latency(&self, past: &Past, kind: Kind, first: &Vector3<f64>) -> f64 {
+    fn latency_gain(&self, past: &PastState, kind: Kind, first: &Vector3<f64>) -> f64 {
         let sigma_s = self.parameters.sigma(index::LATENCY);
-        let rate2 = math::sqrt(third2(past, kind) / (of_kind2(first, kind) + 1e-9));
+        let rate2 = math::sqrt(third2(past, kind) / (square_of(first, kind) + 1e-9));
         let shown = 1.0 + 0.5 * self.smoothing_s2() * rate2;
         math::decayed(0.5 * sigma_s * sigma_s * rate2) / shown
     }
 
     /// What the second derivative of a swing tells of a smoothing that may be so long: at most all of the
     /// swing is smoothed away. Of one that is known the ring has the whole.
-    fn told_of_smoothing(&self, past: &Past) -> f64 {
+    fn smoothing_gain(&self, past: &PastState) -> f64 {
         if past.smoothed {
             return 1.0;
         }
@@ -411,59 +411,59 @@ impl Observer {
     }
 
     /// INS minus GNSS as the parameters would have it.
-    fn predicted(
+    fn predict(
         &self,
-        direct: &Direct,
+        model: &ReceiverModel,
         measured: Measured,
         difference: &Difference,
     ) -> Vector3<f64> {
         let p = &self.parameters;
         let latency = p.value(index::LATENCY) + self.unsolved_s * p.value(index::CLOCK_DRIFT);
-        let late = direct.by_latency * (latency - difference.latency_applied_s);
-        let smoothed = direct.by_smoothing * p.value(index::SMOOTHING);
-        self.followed.shows(measured) + late + direct.delayed + smoothed + direct.by_arm
+        let late = model.by_latency * (latency - difference.latency_applied_s);
+        let smoothed = model.by_smoothing * p.value(index::SMOOTHING);
+        self.state.measurement(measured) + late + model.delay_part + smoothed + model.arm_part
     }
 
     /// What a unit of each parameter more would add to that, of the axes that `of` gives.
-    fn shown_by<const R: usize>(
+    fn partials<const R: usize>(
         &self,
-        direct: &Direct,
+        model: &ReceiverModel,
         measured: Measured,
         of: impl Fn(&Vector3<f32>) -> [f32; R],
-    ) -> By<R> {
-        let mut by = [[0.0; R]; COUNT];
-        let shown = self.responses.iter().take(self.corrections.count());
-        for (by, response) in by.iter_mut().zip(shown) {
-            *by = of(&response.shows(measured));
+    ) -> Partials<R> {
+        let mut partials = [[0.0; R]; COUNT];
+        let estimated = self.sensitivities.iter().take(self.corrections.count());
+        for (partial, sensitivity) in partials.iter_mut().zip(estimated) {
+            *partial = of(&sensitivity.measurement(measured));
         }
         let mut add = |which: usize, more: &Vector3<f32>| {
-            if let Some(by) = by.get_mut(which) {
-                for (by, more) in by.iter_mut().zip(of(more)) {
-                    *by += more;
+            if let Some(partial) = partials.get_mut(which) {
+                for (own, more) in partial.iter_mut().zip(of(more)) {
+                    *own += more;
                 }
             }
         };
         // What swings on the arm shows where the INS points.
-        add(index::AZIMUTH, &singles(&direct.by_azimuth));
-        let by_latency = singles(&direct.by_latency);
+        add(index::AZIMUTH, &singles(&model.by_azimuth));
+        let by_latency = singles(&model.by_latency);
         add(index::LATENCY, &by_latency);
-        if direct.delays {
+        if model.has_delay {
             add(index::POSITION_DELAY, &by_latency);
         }
         let drifted = by_latency * math::single(self.unsolved_s);
         add(index::CLOCK_DRIFT, &drifted);
-        let by_lever = direct.by_lever.map(math::single);
+        let by_lever_arm = model.by_lever_arm.map(math::single);
         for axis in 0..3 {
-            add(index::LEVER_ARM + axis, &-by_lever.column(axis));
+            add(index::LEVER_ARM + axis, &-by_lever_arm.column(axis));
         }
-        add(index::SMOOTHING, &singles(&direct.by_smoothing));
-        by
+        add(index::SMOOTHING, &singles(&model.by_smoothing));
+        partials
     }
 
     /// For how long the receiver is known to smooth, s; zero if it is not known to.
-    pub fn smooths_for_s(&self) -> f64 {
+    pub fn smoothing_time_s(&self) -> f64 {
         let smoothing_s2 = self.smoothing_s2();
-        if smoothing_s2 > SMOOTHS_SIGMAS * self.parameters.sigma(index::SMOOTHING) {
+        if smoothing_s2 > SMOOTHING_SIGMAS * self.parameters.sigma(index::SMOOTHING) {
             math::sqrt(smoothing_s2)
         } else {
             0.0
@@ -477,7 +477,7 @@ impl Observer {
 
     /// What is assumed of the noise of GNSS velocity, as strong as configured.
     pub fn velocity_noise(&self, config: &Config) -> Noise {
-        let [velocity, ..] = &self.colours;
+        let [velocity, ..] = &self.coloured_noise;
         let noise = config.gnss.velocity_mps;
         Noise {
             correlated: noise.correlated * math::sqrt(velocity.ratio),
@@ -488,7 +488,7 @@ impl Observer {
 
 /// What a unit of latency and of smoothing adds to INS minus GNSS, and of the arm takes from it.
 #[derive(Default)]
-struct Direct {
+struct ReceiverModel {
     arm_m: Vector3<f64>,
     /// With the antenna on such an arm `l`: by `C l` it is away from the sensors, and by the derivatives
     /// of that it moves otherwise. What swings on an arm of metres is felt in these more than in what the
@@ -496,29 +496,29 @@ struct Direct {
     by_latency: Vector3<f64>,
     /// Whether it is a position that may be later than the latency by a delay of its own, which shows
     /// as the latency does, and what that delay as it is adds.
-    delays: bool,
-    delayed: Vector3<f64>,
+    has_delay: bool,
+    delay_part: Vector3<f64>,
     /// A mean over times of variance `s` lies by `s / 2` times the second derivative off.
     by_smoothing: Vector3<f64>,
-    by_lever: Matrix3<f64>,
+    by_lever_arm: Matrix3<f64>,
     /// By the arm as it is, where it points and not where the INS has it, and by a unit of azimuth.
-    by_arm: Vector3<f64>,
+    arm_part: Vector3<f64>,
     by_azimuth: Vector3<f64>,
     /// Square of the third derivative of an arm that swings, as fast as its jerk shows, (m/s^4)^2.
-    arm_third2: f64,
+    arm_snap2: f64,
 }
 
 /// Square of the third derivative of what a kind measures.
-fn third2(past: &Past, kind: Kind) -> f64 {
+fn third2(past: &PastState, kind: Kind) -> f64 {
     let third = match kind.measured() {
         Measured::Velocity => &past.snap_mps4,
         Measured::Position => &past.jerk_mps3,
     };
-    of_kind2(third, kind)
+    square_of(third, kind)
 }
 
 /// Square of the components that a kind measures.
-fn of_kind2(vector: &Vector3<f64>, kind: Kind) -> f64 {
+fn square_of(vector: &Vector3<f64>, kind: Kind) -> f64 {
     if kind.is_up() {
         vector.z * vector.z
     } else {
@@ -528,7 +528,7 @@ fn of_kind2(vector: &Vector3<f64>, kind: Kind) -> f64 {
 
 /// Part of the jerk that is the vehicle's, and not what swings faster than the ring leave in it:
 /// they show in the fixes as well, and would be taken for smoothing.
-fn seen_jerk(past: &Past, jerk_mps3: &Vector3<f64>) -> f64 {
+fn vehicle_share(past: &PastState, jerk_mps3: &Vector3<f64>) -> f64 {
     let jerk = jerk_mps3.norm_squared();
-    jerk / (jerk + SWING_PER_S4 * past.unseen_velocity + 1e-9)
+    jerk / (jerk + SWING_PER_S4 * past.unresolved_velocity + 1e-9)
 }

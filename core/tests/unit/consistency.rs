@@ -2,7 +2,7 @@
 #![allow(clippy::disallowed_methods)]
 
 use crate::deviates::Deviates;
-use crate::observer::constancy::Constancy;
+use crate::observer::consistency::Consistency;
 
 /// Mean square of error over sigma, and mean sigma, of 400 estimates of a value that walks by
 /// `walk` a second, from a measurement a second with white noise of one for ten minutes, by an
@@ -13,7 +13,7 @@ fn honesty(walk: f32, colour: f32, looks: bool) -> (f32, f32) {
     let (mut squares, mut sigmas) = (0.0, 0.0);
     for _ in 0..400 {
         let (mut truth, mut estimate, mut variance, mut noise) = (0.0, 0.0, 100.0_f32, 0.0);
-        let mut constancy = Constancy::NEW;
+        let mut consistency = Consistency::NEW;
         for second in 0..600 {
             truth += walk * deviates.next();
             noise = colour * noise + (1.0 - colour * colour).sqrt() * deviates.next();
@@ -21,15 +21,15 @@ fn honesty(walk: f32, colour: f32, looks: bool) -> (f32, f32) {
             let move_by = gain * (truth + noise - estimate);
             estimate += move_by;
             variance *= 1.0 - gain;
-            constancy.moved(move_by);
+            consistency.on_correction(move_by);
             if looks && second % 5 == 4 {
-                let more = constancy.look(variance);
+                let more = consistency.check(variance);
                 variance += more;
-                constancy.walked(more);
+                consistency.on_walk(more);
             }
         }
         #[allow(clippy::cast_possible_truncation)]
-        let stated = variance * constancy.inflation() as f32;
+        let stated = variance * consistency.inflation() as f32;
         squares += (estimate - truth) * (estimate - truth) / stated / 400.0;
         sigmas += stated.sqrt() / 400.0;
     }
@@ -77,11 +77,11 @@ fn what_walks_is_let_go() {
 #[test]
 fn small_moves_in_one_direction_add_up() {
     let given_back = |sigmas: f32| {
-        let mut constancy = Constancy::NEW;
-        let mut given = constancy.look(1.0);
+        let mut consistency = Consistency::NEW;
+        let mut given = consistency.check(1.0);
         for step in 1..=50_u16 {
-            constancy.moved(sigmas * 0.5_f32.sqrt() / 50.0);
-            given += constancy.look(1.0 - f32::from(step) / 100.0);
+            consistency.on_correction(sigmas * 0.5_f32.sqrt() / 50.0);
+            given += consistency.check(1.0 - f32::from(step) / 100.0);
         }
         given
     };

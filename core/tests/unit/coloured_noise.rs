@@ -3,13 +3,13 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use crate::channel::Renewal;
+use crate::channel::Markov;
 use crate::config::Noise;
 use crate::deviates::Deviates;
-use crate::observer::colour::{Colour, Persistence, Sensitivity};
+use crate::observer::coloured_noise::{ColouredNoise, CorrelationTime, FilterSensitivity};
 use crate::time::Time;
 
-const CONFIGURED: Noise = Noise {
+const PRIOR_INFORMATION: Noise = Noise {
     white: 1.0,
     correlated: 0.5,
     correlation_s: 2.0,
@@ -24,35 +24,36 @@ fn found(times: f64, start: f64) -> f64 {
     strength
 }
 
-/// The same of a noise that lasts for `lasts` correlation times, with the time that is found within a range.
-fn found_of(times: f64, lasts: f64, start: f64, time_range: [f64; 2]) -> [f64; 2] {
+/// The same of a noise that lasts for `time_ratio` correlation times, with the time that is found within a range.
+fn found_of(times: f64, time_ratio: f64, start: f64, time_range: [f64; 2]) -> [f64; 2] {
     let mut deviates = Deviates(3);
-    let mut persistence = Persistence::default();
+    let mut persistence = CorrelationTime::default();
     let noise = Noise {
-        correlation_s: lasts * CONFIGURED.correlation_s,
-        ..CONFIGURED
+        correlation_s: time_ratio * PRIOR_INFORMATION.correlation_s,
+        ..PRIOR_INFORMATION
     };
-    let mut colour = Colour::new(Time::default());
-    let mut sensitivity = Sensitivity::default();
+    let mut colour = ColouredNoise::new(Time::default());
+    let mut sensitivity = FilterSensitivity::default();
     let (mut truth, constant) = (0.0, start * f64::from(deviates.next()));
     let mut estimate = Vector2::zeros();
     let mut covariance = Matrix2::from_diagonal(&Vector2::new(start * start, 0.25));
     let shows = Vector2::new(1.0, 1.0);
     let mut logarithms = [0.0; 2];
     for fix in 0..FIXES {
-        let real = Renewal::over(0.2, &noise, times * times);
+        let real = Markov::over(0.2, &noise, times * times);
         truth = real.keep * truth + real.new.sqrt() * f64::from(deviates.next());
-        let longer = persistence.of(&colour);
-        let assumed = Renewal::over(0.2 / longer, &CONFIGURED, colour.strength * longer);
-        let sigma2 = CONFIGURED.correlated * CONFIGURED.correlated * colour.strength * longer;
-        let part = 0.2 / (CONFIGURED.correlation_s * longer);
+        let longer = persistence.ratio_of(&colour);
+        let assumed = Markov::over(0.2 / longer, &PRIOR_INFORMATION, colour.strength * longer);
+        let sigma2 =
+            PRIOR_INFORMATION.correlated * PRIOR_INFORMATION.correlated * colour.strength * longer;
+        let part = 0.2 / (PRIOR_INFORMATION.correlation_s * longer);
         let known = Vector2::new(estimate.y, 0.0);
-        persistence.renew(&assumed, part, sigma2, &known, covariance.m22);
+        persistence.propagate(&assumed, part, sigma2, &known, covariance.m22);
         let keep = Matrix2::from_diagonal(&Vector2::new(1.0, assumed.keep));
         estimate = keep * estimate;
         covariance = keep * covariance * keep;
         covariance.m22 += assumed.new;
-        sensitivity.renew(&assumed);
+        sensitivity.propagate(&assumed);
         let total = shows.dot(&(covariance * shows)) + 1.0;
         let measured = constant + truth + f64::from(deviates.next());
         let innovation = measured - shows.dot(&estimate);
@@ -61,10 +62,10 @@ fn found_of(times: f64, lasts: f64, start: f64, time_range: [f64; 2]) -> [f64; 2
         covariance -= gain * gain.transpose() * total;
         let innovation = Vector2::new(innovation, 0.0);
         colour.learn(&sensitivity, &innovation, 1.0, total, RANGE);
-        sensitivity.take(&innovation, total, 1.0);
+        sensitivity.update(&innovation, total, 1.0);
         colour.scale(1.0);
         persistence.learn(&innovation, total, time_range);
-        persistence.take(&innovation, total, 1.0);
+        persistence.update(&innovation, total, 1.0);
         if fix >= FIXES / 2 {
             let part = 1.0 / (FIXES / 2) as f64;
             logarithms[0] += part * (colour.ratio * longer).ln();
@@ -78,11 +79,11 @@ fn found_of(times: f64, lasts: f64, start: f64, time_range: [f64; 2]) -> [f64; 2
 /// that is remembered, as above.
 #[test]
 fn how_long_it_lasts_is_found() {
-    for (times, lasts) in [(1.0, 1.0), (1.0, 5.0), (2.0, 5.0)] {
-        let [variance, time] = found_of(times, lasts, 0.0, RANGE);
-        let off = [variance / (times * times), time / lasts];
+    for (times, time_ratio) in [(1.0, 1.0), (1.0, 5.0), (2.0, 5.0)] {
+        let [variance, time] = found_of(times, time_ratio, 0.0, RANGE);
+        let off = [variance / (times * times), time / time_ratio];
         let all = off.iter().all(|off| (0.5..2.0).contains(off));
-        assert!(all, "{times} {lasts}: {off:?}");
+        assert!(all, "{times} {time_ratio}: {off:?}");
     }
 }
 
@@ -113,15 +114,15 @@ fn it_stays_within_the_bounds_of_the_user() {
 
 #[test]
 fn noise_that_is_said_to_be_white_stays_white() {
-    let before = Colour::new(Time::default());
-    let (mut after, mut sensitivity) = (before, Sensitivity::default());
-    sensitivity.renew(&Renewal::over(1.0, &Noise::white(1.0), 1.0));
+    let before = ColouredNoise::new(Time::default());
+    let (mut after, mut sensitivity) = (before, FilterSensitivity::default());
+    sensitivity.propagate(&Markov::over(1.0, &Noise::white(1.0), 1.0));
     after.learn(&sensitivity, &Vector2::new(3.0, 0.0), 1.0, 1.0, RANGE);
-    sensitivity.take(&Vector2::new(3.0, 0.0), 1.0, 1.0);
-    assert_eq!((after, sensitivity), (before, Sensitivity::default()));
+    sensitivity.update(&Vector2::new(3.0, 0.0), 1.0, 1.0);
+    assert_eq!((after, sensitivity), (before, FilterSensitivity::default()));
     let now = Time::from_micros(1_000_000);
     let estimate = Vector2::new(1.0, 0.0);
-    after.learn_of_estimate(now, &estimate, 1.0, 0.0, (&Noise::white(1.0), 1.0), RANGE);
+    after.learn_from_state(now, &estimate, 1.0, 0.0, (&Noise::white(1.0), 1.0), RANGE);
     assert_eq!(after, before);
 }
 
@@ -129,13 +130,13 @@ fn noise_that_is_said_to_be_white_stays_white() {
 /// fixes in 800 s of a noise `times` as strong, all else known but an INS that is `off` by some.
 fn found_by_estimate(times: f64, off: f64) -> f64 {
     let mut deviates = Deviates(3);
-    let mut colour = Colour::new(Time::default());
+    let mut colour = ColouredNoise::new(Time::default());
     let (mut truth, mut estimate, mut variance) = (0.0, 0.0, 0.25);
     let mut logarithms = 0.0;
     for fix in 0..FIXES {
-        let real = Renewal::over(0.2, &CONFIGURED, times * times);
+        let real = Markov::over(0.2, &PRIOR_INFORMATION, times * times);
         truth = real.keep * truth + real.new.sqrt() * f64::from(deviates.next());
-        let assumed = Renewal::over(0.2, &CONFIGURED, colour.strength);
+        let assumed = Markov::over(0.2, &PRIOR_INFORMATION, colour.strength);
         estimate *= assumed.keep;
         variance = assumed.keep * assumed.keep * variance + assumed.new;
         let gain = variance / (variance + 1.0);
@@ -143,7 +144,7 @@ fn found_by_estimate(times: f64, off: f64) -> f64 {
         variance *= 1.0 - gain;
         let now = Time::from_seconds(0.2 * (fix + 1) as f64).unwrap_or_default();
         let taken = Vector2::new(estimate, 0.0);
-        colour.learn_of_estimate(now, &taken, 1.0, variance, (&CONFIGURED, 1.0), RANGE);
+        colour.learn_from_state(now, &taken, 1.0, variance, (&PRIOR_INFORMATION, 1.0), RANGE);
         colour.scale(1.0);
         if fix >= FIXES / 2 {
             logarithms += colour.ratio.ln() / (FIXES / 2) as f64;
@@ -185,21 +186,21 @@ fn what_lasts_is_not_taken_for_noise() {
 /// an hour: of an INS that walks by 0.03 m/sqrt(s), as one held by velocities does, and a receiver whose
 /// position wanders by `sigma` over `time_s`, under half a metre of white noise.
 fn square_of_a_position(sigma: f64, time_s: f64) -> f64 {
-    const CONFIGURED: Noise = Noise {
+    const PRIOR_INFORMATION: Noise = Noise {
         white: 0.5,
         correlated: 1.0,
         correlation_s: 60.0,
     };
     const RUNS: u32 = 40;
     const WALK: f64 = 9e-4;
-    let white = CONFIGURED.white * CONFIGURED.white;
+    let white = PRIOR_INFORMATION.white * PRIOR_INFORMATION.white;
     let (mut deviates, mut squares) = (Deviates(5), 0.0);
     for _ in 0..RUNS {
-        let mut colour = Colour::new(Time::default());
+        let mut colour = ColouredNoise::new(Time::default());
         let wanders = Noise {
             correlated: sigma,
             correlation_s: time_s,
-            ..CONFIGURED
+            ..PRIOR_INFORMATION
         };
         // Position, and what the receiver is off by.
         let mut truth = Vector2::new(0.0, sigma * f64::from(deviates.next()));
@@ -207,11 +208,15 @@ fn square_of_a_position(sigma: f64, time_s: f64) -> f64 {
         let mut covariance = Matrix2::from_diagonal(&Vector2::new(100.0, 1.0));
         let shows = Vector2::new(1.0, 1.0);
         for second in 1..=1800 {
-            let real = Renewal::over(1.0, &wanders, 1.0);
+            let real = Markov::over(1.0, &wanders, 1.0);
             truth.x += WALK.sqrt() * f64::from(deviates.next());
             truth.y = real.keep * truth.y + real.new.sqrt() * f64::from(deviates.next());
-            let lasts = colour.lasts();
-            let assumed = Renewal::over(1.0 / lasts, &CONFIGURED, colour.strength * lasts);
+            let time_ratio = colour.time_ratio();
+            let assumed = Markov::over(
+                1.0 / time_ratio,
+                &PRIOR_INFORMATION,
+                colour.strength * time_ratio,
+            );
             let keep = Matrix2::from_diagonal(&Vector2::new(1.0, assumed.keep));
             estimate = keep * estimate;
             covariance =
@@ -223,8 +228,8 @@ fn square_of_a_position(sigma: f64, time_s: f64) -> f64 {
             covariance -= gain * gain.transpose() * total;
             let now = Time::from_seconds(f64::from(second)).unwrap_or_default();
             let taken = Vector2::new(estimate.y, 0.0);
-            let noise = (&CONFIGURED, lasts);
-            colour.learn_of_estimate(now, &taken, 1.0, covariance.m22, noise, RANGE);
+            let noise = (&PRIOR_INFORMATION, time_ratio);
+            colour.learn_from_state(now, &taken, 1.0, covariance.m22, noise, RANGE);
             colour.scale(1.0);
         }
         let off = estimate.x - truth.x;

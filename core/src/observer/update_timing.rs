@@ -10,7 +10,7 @@ const ONE_MOMENT_S: f64 = 1e-3;
 /// How often level or vertical measurements come.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Pace {
+pub struct UpdateTiming {
     last: Time,
     /// Since the measurement before, which may be of the same moment, but no more than twice what lay between
     /// those before.
@@ -19,7 +19,7 @@ pub struct Pace {
     pub per_manoeuvre: f64,
 }
 
-impl Pace {
+impl UpdateTiming {
     /// Before the first.
     pub fn new(start: Time) -> Self {
         Self {

@@ -12,7 +12,7 @@ use crate::parameters::{COUNT, index};
 /// the sign that it has in INS minus GNSS.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Followed<T: Scalar> {
+pub struct ErrorState<T: Scalar> {
     /// Error of the INS.
     pub error: InsError<T>,
     /// Of GNSS velocity, m/s.
@@ -21,9 +21,9 @@ pub struct Followed<T: Scalar> {
     pub position_noise: Vector3<T>,
 }
 
-impl<T: RealField + Copy> Followed<T> {
+impl<T: RealField + Copy> ErrorState<T> {
     /// What it makes of INS minus GNSS.
-    pub fn shows(&self, measured: Measured) -> Vector3<T> {
+    pub fn measurement(&self, measured: Measured) -> Vector3<T> {
         match measured {
             Measured::Velocity => self.error.velocity_mps + self.velocity_noise,
             Measured::Position => self.error.position_m + self.position_noise,
@@ -31,7 +31,7 @@ impl<T: RealField + Copy> Followed<T> {
     }
 
     /// Keeps a part of the noises of velocity and position.
-    pub fn renew(&mut self, level: [T; 2], up: [T; 2]) {
+    pub fn decay(&mut self, level: [T; 2], up: [T; 2]) {
         let ([velocity, position], [velocity_up, position_up]) = (level, up);
         self.velocity_noise
             .component_mul_assign(&Vector3::new(velocity, velocity, velocity_up));
@@ -96,7 +96,7 @@ impl<T: RealField + Copy> Followed<T> {
     }
 }
 
-impl Followed<f64> {
+impl ErrorState<f64> {
     /// The correlated noise of one kind.
     pub fn noise(&self, kind: Kind) -> Vector2<f64> {
         let noise = match kind.measured() {
@@ -111,10 +111,10 @@ impl Followed<f64> {
     }
 }
 
-impl Followed<f32> {
-    pub fn double(&self) -> Followed<f64> {
+impl ErrorState<f32> {
+    pub fn double(&self) -> ErrorState<f64> {
         let double = |v: &Vector3<f32>| v.map(f64::from);
-        Followed {
+        ErrorState {
             error: InsError {
                 position_m: double(&self.error.position_m),
                 velocity_mps: double(&self.error.velocity_mps),
@@ -127,9 +127,9 @@ impl Followed<f32> {
 }
 
 /// Responses before anything has happened: the azimuth parameter is the azimuth error.
-pub const UNIT_RESPONSES: [Followed<f32>; COUNT] = {
+pub const INITIAL_SENSITIVITIES: [ErrorState<f32>; COUNT] = {
     const NONE: Vector3<f32> = Vector3::new(0.0, 0.0, 0.0);
-    let mut responses = [Followed {
+    let mut sensitivities = [ErrorState {
         error: InsError {
             position_m: NONE,
             velocity_mps: NONE,
@@ -138,6 +138,6 @@ pub const UNIT_RESPONSES: [Followed<f32>; COUNT] = {
         velocity_noise: NONE,
         position_noise: NONE,
     }; COUNT];
-    responses[index::AZIMUTH].error.tilt_rad = Vector3::new(0.0, 0.0, 1.0);
-    responses
+    sensitivities[index::AZIMUTH].error.tilt_rad = Vector3::new(0.0, 0.0, 1.0);
+    sensitivities
 };

@@ -3,10 +3,10 @@
 use nalgebra::{Vector2, Vector3};
 
 use super::Observer;
-use super::constancy::Constancy;
+use super::consistency::Consistency;
 use crate::config::{Config, GnssConfig};
 use crate::earth::GRAVITY_EQUATOR_MPS2;
-use crate::history::{LONG_S, Span};
+use crate::history::{LONG_SMOOTHING_S, Span};
 use crate::innovations::Innovations;
 use crate::math;
 use crate::measurement::Kind;
@@ -19,7 +19,7 @@ const GRADIENT_PER_S2: f64 = 3.1e-6;
 const COMPONENTS: usize = 9;
 /// Times what the smoothing was when it was learnt, at first prior sigmas of it unless it is known to be one,
 /// from which on it is another: beyond what chance makes of a receiver that does not smooth.
-const LONGER: f64 = 2.0;
+const RELEARN_RATIO: f64 = 2.0;
 
 impl Observer {
     /// Variance of the tilt that scale errors and misalignments of the gyros leave in turns about
@@ -27,7 +27,7 @@ impl Observer {
     /// direction tilt the platform by as much, and the level accelerometers seem biased by `-g p`:
     /// turns never tell one from the other, so it is neither estimated nor forgotten. With scale
     /// errors `s`, `p_k = u_k (s_k - sum s_j u_j^2)` on a unit whose up axis is `u`.
-    pub fn unseen_tilt(&self, config: &Config) -> Vector3<f64> {
+    pub fn unobservable_tilt(&self, config: &Config) -> Vector3<f64> {
         let s = &config.sensors;
         let u2 = self
             .level_force_mps2
@@ -43,18 +43,18 @@ impl Observer {
     /// What else the biases of the accelerometers may hold, as a variance along each body axis,
     /// `(m/s^2)^2`: `g` times that tilt, the gravity of a height that is not known, and what misalignments
     /// make of a force that was not that of the level attitude on the mean, as in turns to one side.
-    pub fn unseen_accel(&self, config: &Config) -> Vector3<f64> {
+    pub fn unobservable_accel(&self, config: &Config) -> Vector3<f64> {
         let tilted = GRAVITY_EQUATOR_MPS2 * GRAVITY_EQUATOR_MPS2;
         let up = self.level_force_mps2 / GRAVITY_EQUATOR_MPS2;
         let lighter = GRADIENT_PER_S2 * GRADIENT_PER_S2 * self.vertical.position();
-        let beyond2 = self.beyond_mps2.map(|beyond| f64::from(beyond * beyond));
+        let beyond2 = self.excess_mps2.map(|beyond| f64::from(beyond * beyond));
         let across = beyond2.map(|own| beyond2.sum() - own) * config.sensors.cross_axis_variance();
-        self.unseen_tilt(config) * tilted + up.component_mul(&up) * lighter + across
+        self.unobservable_tilt(config) * tilted + up.component_mul(&up) * lighter + across
     }
 
     /// Spread of position, velocity and attitude, ENU, after what has happened since the horizon.
     pub fn sigma(&self, since: &Span, config: &Config) -> SolutionSigma {
-        let unseen = 0.5 * self.unseen_tilt(config).sum();
+        let unseen = 0.5 * self.unobservable_tilt(config).sum();
         let (level, up) = (&self.level, &self.vertical);
         let [velocity, climb, position, height] = self.inflations();
         let sigma = |level: f64, up: f64, added: &Vector3<f32>, inflation_up: f64| {
@@ -62,7 +62,7 @@ impl Observer {
             let added = added.map(f64::from).component_mul(&inflation);
             (Vector3::new(level, level, up) + added).map(math::sqrt)
         };
-        let Self { added, .. } = self;
+        let added = &self.parameter_variance;
         let tilt = level.tilt() * velocity + unseen;
         let attitude_rad = sigma(tilt, self.azimuth_walk, &added.tilt_rad, velocity);
         let moves = [level.velocity() * velocity, up.velocity() * climb];
@@ -70,16 +70,16 @@ impl Observer {
         let mut velocity_mps = sigma(moves[0], moves[1], &added.velocity_mps, climb);
         let mut position_m = sigma(lies[0], lies[1], &added.position_m, climb);
         // A tilt pulls, and a velocity moves, the same way all the time; in an outage all by one cause.
-        let pulled_mps = pulled(&since.force_mps, &attitude_rad);
+        let pulled_mps = tilted_force_sigma(&since.force_mps, &attitude_rad);
         let grown =
             |at_horizon: f64, since: f64| math::sqrt(at_horizon * at_horizon + since * since);
         position_m += (velocity_mps + 0.5 * pulled_mps) * since.seconds;
         velocity_mps = velocity_mps.zip_map(&pulled_mps, grown);
         // Either of the two is wrong.
         let [velocity, climb, position, height] =
-            (self.innovations.each_ref()).map(|kind| kind.disputed(self.horizon));
+            (self.innovations.each_ref()).map(|kind| kind.rejected_offset(self.horizon));
         let of = |own: [Vector2<f64>; 2], way: [Vector2<f64>; 2], kind: Kind| {
-            if self.goes_on(kind) { own[0] } else { way[1] }
+            if self.aided_by(kind) { own[0] } else { way[1] }
         };
         let level = of(velocity, position, Kind::Velocity);
         let up = of(climb, height, Kind::Climb);
@@ -100,20 +100,20 @@ impl Observer {
     /// Brings one spread up to date, each in its turn: of the parameters, and of what they add to
     /// the components of the INS error.
     #[inline(never)]
-    pub fn spread_next(&mut self, config: &Config) {
-        let turn = usize::from(self.next_spread);
+    pub fn update_next_sigma(&mut self, config: &Config) {
+        let turn = usize::from(self.next_sigma);
         let which = turn / 2;
-        if let Some(more) = self.given_back.take() {
-            self.let_walk(which, more);
+        if let Some(more) = self.reinflation.take() {
+            self.add_walk(which, more);
         } else if turn % 2 == 0 {
-            self.add_up(which % COMPONENTS);
+            self.update_parameter_variance(which % COMPONENTS);
         } else {
-            self.look_at(which, config);
+            self.update_sigma(which, config);
         }
         // To give something back is a piece of work of its own.
-        if self.given_back.is_none() {
-            self.next_spread = if turn + 1 < 2 * COUNT {
-                self.next_spread + 1
+        if self.reinflation.is_none() {
+            self.next_sigma = if turn + 1 < 2 * COUNT {
+                self.next_sigma + 1
             } else {
                 0
             };
@@ -122,19 +122,19 @@ impl Observer {
 
     /// The spread of a parameter, and whether it moves as that says. The azimuth moves with the
     /// others, and walks as the gyros do.
-    fn look_at(&mut self, which: usize, config: &Config) {
+    fn update_sigma(&mut self, which: usize, config: &Config) {
         if which >= self.corrections.count() {
             return;
         }
         let mut variance = self.corrections.variance(which);
-        let learnt_otherwise = self.learnt_otherwise(which, &config.gnss);
-        if let Some(constancy) = self.constancy.get_mut(which)
+        let relearn_variance = self.relearn_variance(which, &config.gnss);
+        if let Some(consistency) = self.consistency.get_mut(which)
             && which != index::AZIMUTH
         {
-            let more = math::max(constancy.look(variance), learnt_otherwise);
-            self.given_back = (more > 0.0).then_some(more);
+            let more = math::max(consistency.check(variance), relearn_variance);
+            self.reinflation = (more > 0.0).then_some(more);
             // From then on.
-            variance += self.given_back.unwrap_or_default();
+            variance += self.reinflation.unwrap_or_default();
         }
         let sigma = math::sqrt(f64::from(variance) * self.inflation_of(which));
         let value = self.parameters.value(which);
@@ -144,18 +144,18 @@ impl Observer {
     /// Variance to be given back of smoothing and arm, once the receiver is found to smooth for longer than it
     /// was thought to while they were learnt. What a swing shows of that bends: tangents of then hold the
     /// smoothing where it was, and an arm swings in its place.
-    fn learnt_otherwise(&mut self, which: usize, gnss: &GnssConfig) -> f32 {
+    fn relearn_variance(&mut self, which: usize, gnss: &GnssConfig) -> f32 {
         match which {
             index::SMOOTHING => {
                 let (s2, at_first) = (self.smoothing_s2(), gnss.smoothing_s2);
-                let known = self.smooths_for_s() > LONG_S;
+                let known = self.smoothing_time_s() > LONG_SMOOTHING_S;
                 let least = if known { 0.0 } else { at_first };
-                let is_longer = s2 > LONGER * math::max(self.learnt_at_s2, least);
+                let is_longer = s2 > RELEARN_RATIO * math::max(self.linearized_at_s2, least);
                 self.relearns_arm = is_longer && at_first > 0.0;
                 if !self.relearns_arm {
                     return 0.0;
                 }
-                self.learnt_at_s2 = s2;
+                self.linearized_at_s2 = s2;
                 math::single(s2 * s2)
             }
             index::LEVER_ARM..index::ACCEL_SCALE if self.relearns_arm => {
@@ -166,14 +166,14 @@ impl Observer {
     }
 
     /// What the spreads of the parameters add to the variance of one component.
-    fn add_up(&mut self, component: usize) {
+    fn update_parameter_variance(&mut self, component: usize) {
         let by: [f32; COUNT] = core::array::from_fn(|which| {
-            let response = self.responses.get_mut(which);
-            let shown = response.and_then(|own| own.error.component(component));
+            let sensitivity = self.sensitivities.get_mut(which);
+            let shown = sensitivity.and_then(|own| own.error.component(component));
             shown.copied().unwrap_or(0.0)
         });
         let variance = self.corrections.variance_of(by);
-        if let Some(added) = self.added.component(component) {
+        if let Some(added) = self.parameter_variance.component(component) {
             *added = variance;
         }
     }
@@ -207,7 +207,10 @@ impl Observer {
     /// That of a parameter, and by what it moves more than it should: an accelerometer that points up is seen
     /// in the vertical.
     pub(super) fn inflation_of(&self, which: usize) -> f64 {
-        let own = self.constancy.get(which).map_or(1.0, Constancy::inflation);
+        let own = self
+            .consistency
+            .get(which)
+            .map_or(1.0, Consistency::inflation);
         let [level, vertical, ..] = self.inflations();
         let axis = which.wrapping_sub(index::ACCEL);
         let up = self.level_force_mps2.get(axis).unwrap_or(&0.0) / self.gravity_mps2;
@@ -216,7 +219,7 @@ impl Observer {
 }
 
 /// Spread of the velocity that a force has made in directions of such a spread: of `f x Phi`.
-fn pulled(force_mps: &Vector3<f64>, attitude_rad: &Vector3<f64>) -> Vector3<f64> {
+fn tilted_force_sigma(force_mps: &Vector3<f64>, attitude_rad: &Vector3<f64>) -> Vector3<f64> {
     let square = |v: &Vector3<f64>| v.component_mul(v);
     let (force, attitude) = (square(force_mps), square(attitude_rad));
     let sum = Vector3::new(

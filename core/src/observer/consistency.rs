@@ -17,26 +17,26 @@ const LARGEST_SQUARE: f32 = 16.0;
 /// Looks over which the squares are averaged. Their mean is then good to a fifth, and 1.5 beyond
 /// chance.
 const LOOKS: f32 = 20.0;
-const RESTLESS: f32 = 1.5;
+const INCONSISTENT: f32 = 1.5;
 /// Part of the variance lost that is given back for each unit of the mean square beyond that: a
 /// parameter whose moves are twice too large is known no better with time.
-const GIVEN_BACK: f32 = 0.5;
+const REINFLATION: f32 = 0.5;
 /// Largest part that is given back: what is less known than before must show that first.
-const MOST_BACK: f32 = 2.0;
+const MOST_REINFLATION: f32 = 2.0;
 
 /// Sigmas of what has become known that it may have moved by since its variance was twice as large.
 /// Small moves that go on in one direction show there, and in no look.
-const FAR_SIGMAS: f32 = 2.0;
+const HALVING_SIGMAS: f32 = 2.0;
 
 /// A move since some moment, and the variance of then, with what was added since.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Since {
+struct Move {
     moved: f32,
     variance: f32,
 }
 
-impl Since {
+impl Move {
     /// Sees nothing but the variance, when it is looked at first.
     const NEVER: Self = Self::at(f32::MAX);
 
@@ -51,69 +51,69 @@ impl Since {
 /// How one parameter has moved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Constancy {
+pub struct Consistency {
     /// Since the last look, and since its variance was twice as large.
-    near: Since,
-    far: Since,
+    recent: Move,
+    halving: Move,
     /// Mean square of its moves from look to look, in the variance lost.
     mean: f32,
 }
 
-impl Constancy {
+impl Consistency {
     /// Before the first look.
     pub const NEW: Self = Self {
-        near: Since::NEVER,
-        far: Since::NEVER,
+        recent: Move::NEVER,
+        halving: Move::NEVER,
         mean: 1.0,
     };
 
     /// Its estimate has moved.
-    pub fn moved(&mut self, by: f32) {
-        self.near.moved += by;
-        self.far.moved += by;
+    pub fn on_correction(&mut self, by: f32) {
+        self.recent.moved += by;
+        self.halving.moved += by;
     }
 
     /// It may have walked by a variance more.
-    pub fn walked(&mut self, variance: f32) {
-        self.near.variance += variance;
-        self.far.variance += variance;
+    pub fn on_walk(&mut self, variance: f32) {
+        self.recent.variance += variance;
+        self.halving.variance += variance;
     }
 
     /// Looks at its variance now; what is to be added to it, if anything.
-    pub fn look(&mut self, variance: f32) -> f32 {
-        math::max(self.look_near(variance), self.look_far(variance))
+    pub fn check(&mut self, variance: f32) -> f32 {
+        math::max(self.check_recent(variance), self.check_halving(variance))
     }
 
-    fn look_near(&mut self, variance: f32) -> f32 {
-        let Since { moved, variance: v } = self.near;
+    fn check_recent(&mut self, variance: f32) -> f32 {
+        let Move { moved, variance: v } = self.recent;
         let gained = v - variance;
         if gained <= LEAST_GAIN * variance {
             return 0.0;
         }
         let bounded = math::min(moved * moved / gained, LARGEST_SQUARE);
         self.mean += (bounded - self.mean) / LOOKS;
-        self.near = Since::at(variance);
-        gained * math::min(GIVEN_BACK * (self.mean - RESTLESS), MOST_BACK)
+        self.recent = Move::at(variance);
+        gained * math::min(REINFLATION * (self.mean - INCONSISTENT), MOST_REINFLATION)
     }
 
     /// As much as makes the move that of its sigmas; all that was gained at most.
-    fn look_far(&mut self, variance: f32) -> f32 {
-        let Since { moved, variance: v } = self.far;
+    fn check_halving(&mut self, variance: f32) -> f32 {
+        let Move { moved, variance: v } = self.halving;
         if v < 2.0 * variance {
             return 0.0;
         }
         let gained = v - variance;
-        let excess = moved * moved / (FAR_SIGMAS * FAR_SIGMAS) - gained;
-        self.far = Since::at(variance);
+        let excess = moved * moved / (HALVING_SIGMAS * HALVING_SIGMAS) - gained;
+        self.halving = Move::at(variance);
         math::min(math::max(excess, 0.0), gained)
     }
 
     /// By how much less it is known than its variance says, in variance.
     pub fn inflation(&self) -> f64 {
-        f64::from(math::max(self.mean, RESTLESS) / RESTLESS)
+        f64::from(math::max(self.mean, INCONSISTENT) / INCONSISTENT)
     }
 }
 
 #[cfg(test)]
-#[path = "../../tests/unit/constancy.rs"]
+#[path = "../../tests/unit/consistency.rs"]
 mod tests;

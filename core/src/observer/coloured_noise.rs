@@ -12,7 +12,7 @@
 
 use nalgebra::Vector2;
 
-use crate::channel::Renewal;
+use crate::channel::Markov;
 use crate::config::Noise;
 use crate::math;
 use crate::time::Time;
@@ -20,10 +20,10 @@ use crate::time::Time;
 /// Information about the logarithm of its variance, and of its correlation time: what is configured counts
 /// for some, a factor of four in the standard deviation being two sigmas, for receivers differ as much;
 /// remembered is what makes it good to a sixth.
-const CONFIGURED: f64 = 0.5;
+const PRIOR_INFORMATION: f64 = 0.5;
 const REMEMBERED: f64 = 10.0;
 /// What lasts for so many correlation times is no such noise, but an INS that errs.
-const LASTING: f64 = 10.0;
+const SLOW: f64 = 10.0;
 /// Largest square of an estimate, in its variance, that counts.
 const LARGEST_SQUARE: f64 = 9.0;
 /// Largest step of that logarithm from one fix: an outlier is no noise.
@@ -32,7 +32,7 @@ const LARGEST_STEP: f64 = 0.1;
 /// Strength of the correlated part of one kind of noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Colour {
+pub struct ColouredNoise {
     /// Its variance against the configured one, were the white part as strong as configured, and as
     /// strong as it is.
     pub ratio: f64,
@@ -40,37 +40,37 @@ pub struct Colour {
     information: f64,
     last: Time,
     /// What lasts of its estimate.
-    lasting: Vector2<f64>,
+    slow_mean: Vector2<f64>,
 }
 
 /// How many times longer than configured the correlated part lasts, with as much that comes in: `sigma^2 /
 /// tau` is what innovations tell in seconds, and how far it wanders what they tell in minutes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Persistence {
+pub struct CorrelationTime {
     pub ratio: f64,
     information: f64,
-    sensitivity: Sensitivity,
+    sensitivity: FilterSensitivity,
 }
 
 /// By how much more variance the next measurement would be predicted, and itself be predicted to be
 /// more, for a unit more of the logarithm of what is found.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Sensitivity {
+pub struct FilterSensitivity {
     variance: f64,
     predicted: Vector2<f64>,
 }
 
-impl Sensitivity {
+impl FilterSensitivity {
     /// Some of the noise has gone, and some has come in.
-    pub fn renew(&mut self, renewal: &Renewal) {
+    pub fn propagate(&mut self, renewal: &Markov) {
         self.variance = renewal.keep * renewal.keep * self.variance + renewal.new;
         self.predicted *= renewal.keep;
     }
 
     /// An innovation of a variance per component is taken, of which `white` is white noise.
-    pub fn take(&mut self, innovation: &Vector2<f64>, total: f64, white: f64) {
+    pub fn update(&mut self, innovation: &Vector2<f64>, total: f64, white: f64) {
         let kept = white / total;
         let gain = kept * self.variance / total;
         self.predicted = self.predicted * kept + innovation * gain;
@@ -91,37 +91,37 @@ impl Sensitivity {
         let score = self.predicted.dot(innovation) / total + 0.5 * share * (square - components);
         let new = self.predicted.norm_squared() / total + 0.5 * components * share * share;
         *information = math::min(*information + new, REMEMBERED);
-        math::within(score / *information, [-LARGEST_STEP, LARGEST_STEP])
+        math::clamp(score / *information, [-LARGEST_STEP, LARGEST_STEP])
     }
 }
 
-impl Default for Persistence {
+impl Default for CorrelationTime {
     fn default() -> Self {
         Self {
             ratio: 1.0,
-            information: CONFIGURED,
-            sensitivity: Sensitivity::default(),
+            information: PRIOR_INFORMATION,
+            sensitivity: FilterSensitivity::default(),
         }
     }
 }
 
-impl Persistence {
+impl CorrelationTime {
     /// How many times longer than configured a noise of this colour is assumed to last.
-    pub fn of(&self, colour: &Colour) -> f64 {
-        math::max(self.ratio, colour.lasts())
+    pub fn ratio_of(&self, coloured: &ColouredNoise) -> f64 {
+        math::max(self.ratio, coloured.time_ratio())
     }
 
     /// Some of the noise has gone in a part of its correlation time, and some has come in; of its `sigma`,
     /// squared, an estimate was known but for a variance `left`.
-    pub fn renew(
+    pub fn propagate(
         &mut self,
-        renewal: &Renewal,
+        renewal: &Markov,
         part: f64,
         sigma2: f64,
         estimate: &Vector2<f64>,
         left: f64,
     ) {
-        let Renewal { keep, new } = *renewal;
+        let Markov { keep, new } = *renewal;
         let longer = keep * part;
         let s = &mut self.sensitivity;
         s.variance = keep * keep * s.variance + 2.0 * keep * longer * (left - sigma2) + new;
@@ -134,24 +134,24 @@ impl Persistence {
         let step = self
             .sensitivity
             .step(&mut self.information, innovation, 1.0, total);
-        self.ratio = math::within(self.ratio * (1.0 + step), [1.0, most]);
+        self.ratio = math::clamp(self.ratio * (1.0 + step), [1.0, most]);
     }
 
     /// An innovation of a variance is taken, of which `white` is white noise.
-    pub fn take(&mut self, innovation: &Vector2<f64>, total: f64, white: f64) {
-        self.sensitivity.take(innovation, total, white);
+    pub fn update(&mut self, innovation: &Vector2<f64>, total: f64, white: f64) {
+        self.sensitivity.update(innovation, total, white);
     }
 }
 
-impl Colour {
+impl ColouredNoise {
     /// As configured.
     pub fn new(start: Time) -> Self {
         Self {
             ratio: 1.0,
             strength: 1.0,
-            information: CONFIGURED,
+            information: PRIOR_INFORMATION,
             last: start,
-            lasting: Vector2::zeros(),
+            slow_mean: Vector2::zeros(),
         }
     }
 
@@ -159,13 +159,13 @@ impl Colour {
     /// in. What is slow beside the velocities that hold an INS shows by how little comes in, `sigma^2 / tau`;
     /// how far the INS errs with it goes by `sigma^2 tau`, which innovations do not tell: of one that comes
     /// in more slowly than configured, that is assumed as configured.
-    pub fn lasts(&self) -> f64 {
+    pub fn time_ratio(&self) -> f64 {
         1.0 / math::sqrt(math::min(self.ratio, 1.0))
     }
 
     /// Variance that the correlated part is assumed to have, which lasts so many times longer than configured.
-    pub fn variance(&self, noise: &Noise, lasts: f64) -> f64 {
-        noise.correlated * noise.correlated * self.strength * lasts
+    pub fn variance(&self, noise: &Noise, time_ratio: f64) -> f64 {
+        noise.correlated * noise.correlated * self.strength * time_ratio
     }
 
     /// Both parts are stronger by this, in variance.
@@ -176,19 +176,19 @@ impl Colour {
     /// Learns from an innovation of so many components and a variance of each, before it is taken.
     pub fn learn(
         &mut self,
-        sensitivity: &Sensitivity,
+        sensitivity: &FilterSensitivity,
         innovation: &Vector2<f64>,
         components: f64,
         total: f64,
         range: [f64; 2],
     ) {
         let step = sensitivity.step(&mut self.information, innovation, components, total);
-        self.ratio = math::variance_within(self.ratio * (1.0 + step), range);
+        self.ratio = math::clamp_variance(self.ratio * (1.0 + step), range);
     }
 
     /// It is another one now than a short while ago, by a variance of each component.
-    pub fn learn_of_jump(&mut self, square: f64, components: f64, noise: &Noise, range: [f64; 2]) {
-        let assumed = self.variance(noise, self.lasts());
+    pub fn on_jump(&mut self, square: f64, components: f64, noise: &Noise, range: [f64; 2]) {
+        let assumed = self.variance(noise, self.time_ratio());
         if assumed <= 0.0 {
             return;
         }
@@ -197,42 +197,42 @@ impl Colour {
         // Two of them differ by twice as much.
         let found = math::min(0.5 * square / assumed, LARGEST_SQUARE);
         let ratio = self.ratio * (1.0 + new * (found - 1.0) / self.information);
-        self.ratio = math::variance_within(ratio, range);
+        self.ratio = math::clamp_variance(ratio, range);
     }
 
     /// Learns from what the observer takes for this noise, which it assumes to last so many times longer than
     /// configured, after a fix, in so many components, and the variance with which each is not known.
-    pub fn learn_of_estimate(
+    pub fn learn_from_state(
         &mut self,
         now: Time,
         estimate: &Vector2<f64>,
         components: f64,
         left: f64,
-        (noise, lasts): (&Noise, f64),
+        (noise, time_ratio): (&Noise, f64),
         range: [f64; 2],
     ) {
-        let assumed = self.variance(noise, lasts);
+        let assumed = self.variance(noise, time_ratio);
         if assumed <= 0.0 {
             return;
         }
         let new = math::min(
-            now.seconds_since(self.last) / (noise.correlation_s * lasts),
+            now.seconds_since(self.last) / (noise.correlation_s * time_ratio),
             1.0,
         );
         self.last = now;
-        self.lasting += (estimate - self.lasting) * (new / LASTING);
+        self.slow_mean += (estimate - self.slow_mean) * (new / SLOW);
         // Less its mean over a while, noise is smaller by as much.
-        let square = (estimate - self.lasting).norm_squared() / components * (1.0 + 1.0 / LASTING);
+        let square = (estimate - self.slow_mean).norm_squared() / components * (1.0 + 1.0 / SLOW);
         // What was assumed before may be more.
         let left = math::min(left / assumed, 1.0);
         let known = 1.0 - left;
         self.information = math::min(self.information + 0.5 * known * known * new, REMEMBERED);
         let found = math::min(square / assumed, LARGEST_SQUARE) + left;
         let ratio = self.ratio * (1.0 + 0.5 * (found - 1.0) * new / self.information);
-        self.ratio = math::variance_within(ratio, range);
+        self.ratio = math::clamp_variance(ratio, range);
     }
 }
 
 #[cfg(test)]
-#[path = "../../tests/unit/colour.rs"]
+#[path = "../../tests/unit/coloured_noise.rs"]
 mod tests;

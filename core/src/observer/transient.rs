@@ -11,13 +11,13 @@ const MANOEUVRE_S: f64 = 10.0;
 /// An error that grows with a vector and is gone when the vector is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Manoeuvred {
+pub struct TransientError {
     vector: Vector3<f32>,
     /// Square of it that is accounted for.
     square: f32,
 }
 
-impl Manoeuvred {
+impl TransientError {
     /// By how much its square grows over a span that adds `change`, beyond what is accounted for:
     /// swinging to and fro adds nothing.
     pub fn grow(&mut self, change: &Vector3<f64>, seconds: f64) -> f64 {
